@@ -9,7 +9,7 @@
 #include "imu_io/base/console.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/command_context.h"
-#include "orchestrator/watch/tone.h"
+#include "orchestrator/watch/progress.h"
 
 namespace {
 

@@ -48,10 +48,12 @@ void JsonObject::raw(std::string_view key, std::string_view json) {
   text_ += json;
 }
 
+std::string json_list(const std::vector<std::string>& jsons) { return fmt::format("[{}]", fmt::join(jsons, ",")); }
+
 void JsonObject::texts(std::string_view key, const std::vector<std::string>& values) {
-  std::vector<std::string> list;
-  for (const std::string& value : values) list.push_back(quoted_json(value));
-  raw(key, fmt::format("[{}]", fmt::join(list, ",")));
+  std::vector<std::string> jsons;
+  for (const std::string& value : values) jsons.push_back(quoted_json(value));
+  list(key, jsons);
 }
 
 void DataTable::text(std::string_view value) {

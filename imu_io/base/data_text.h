@@ -14,11 +14,16 @@ namespace turncal {
 std::string quoted_json(std::string_view text);
 std::string json_number(double value);  // null where it is not finite
 
+std::string json_list(const std::vector<std::string>& jsons);
+
 class JsonObject {
  public:
   void raw(std::string_view key, std::string_view json);
   void text(std::string_view key, std::string_view value) { raw(key, quoted_json(value)); }
   void number(std::string_view key, double value) { raw(key, json_number(value)); }
+  void number(std::string_view key, std::optional<double> value) { raw(key, value ? json_number(*value) : "null"); }
+  void flag(std::string_view key, bool value) { raw(key, value ? "true" : "false"); }
+  void list(std::string_view key, const std::vector<std::string>& jsons) { raw(key, json_list(jsons)); }
   void texts(std::string_view key, const std::vector<std::string>& values);
   std::string end() { return text_ + "}"; }
 

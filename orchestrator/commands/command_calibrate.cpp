@@ -1,19 +1,45 @@
 // `turncal calibrate RECORDING... --out DIR [--method ...]`: writes DIR/parameters.conf from any recording, or from several of one unit. A
 // truth.conf beside the first (as after a dry run) is compared with the result. Exit code 20, the file written, where the data speak
 // against its sigmas.
+//
+// `turncal diagnose RECORDING... [--holdout RECORDING]... --out DIR`: do the data hold an effect beyond the 24 parameters? Fits, scores
+// every effect of the catalogue, adds what stands the test on held-out data, and writes DIR/parameters.conf,
+// DIR/diagnosis.conf and DIR/report.html. Exit code 0 when the verdict is clean, 20 when it is not.
+//
+// `turncal recalibrate ARCHIVE --out STORE`: every recording of an archive again with this version, each once (recalibration.h), and what
+// changed against another version. Exit code 0 though some recordings failed: they are listed.
+//
+// `turncal fleet diagnose FROM`: what many units show together (calib/fleet/fleet_diagnosis.h). Exit code 20 where something is common to units
+// that no unit shows by itself, or is left unexplained.
+#include <algorithm>
 #include <filesystem>
 #include <memory>
+#include <optional>
+#include <thread>
 #include <vector>
 
+#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
+#include "imu_io/base/data_text.h"
+#include "imu_io/base/text_pieces.h"
+#include "imu_io/recordings/matrix_writer.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/truth.h"
+#include "orchestrator/figures/report_format.h"
+#include "orchestrator/fleet/fleet_members.h"
+#include "orchestrator/fleet/fleet_page.h"
+#include "orchestrator/fleet/fleet_text.h"
 #include "orchestrator/fleet/prior_history.h"
+#include "orchestrator/fleet/slurm_array.h"
+#include "orchestrator/fleet/version_changes.h"
 #include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/jobs/command_context.h"
+#include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/result_table.h"
+#include "orchestrator/station/version.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -96,6 +122,347 @@ void add_calibrate_command(CommandLine& line, CommandContext& context) {
                  "with runs below it");
   command.option("--part", options->prior.part, "of the prior: only units of this part number");
   command.runs(context, [options, &context] { return calibrate(*options, context); });
+}
+
+namespace {
+
+struct DiagnoseOptions {
+  std::vector<std::string> recordings;
+  std::vector<std::string> holdouts;
+  std::string out;
+  std::string residuals, format;
+  std::optional<double> arw_deg_per_rt_h;
+  std::optional<double> vrw_ug_per_rt_hz;
+  double gyro_bias_instability_degph = 0.0;
+  double accel_bias_instability_ug = 0.0;
+};
+
+// What is going on, for work that takes longer than a blink: on a terminal one line that is redrawn, elsewhere one line a phase.
+class Phases {
+ public:
+  // `silent`: what is printed is for a program.
+  Phases(const CommandContext& context, bool silent)
+      : out_(context.out), terminal_(context.out_is_terminal), silent_(silent) {}
+  ~Phases() { clear(); }
+  void begin(const std::string& what) {
+    what_ = what;
+    if (silent_) return;
+    if (terminal_)
+      show("");
+    else
+      out_ << what << std::endl;
+  }
+  void samples(std::int64_t count) {
+    const double now_s = monotonic_s();
+    if (!terminal_ || silent_ || now_s - drawn_s_ < 0.1) return;
+    drawn_s_ = now_s;
+    show("  " + significant(1e-6 * static_cast<double>(count), 3) + " million samples");
+  }
+  void clear() {
+    if (shown_) out_ << "\r\x1b[K" << std::flush;
+    shown_ = false;
+  }
+
+ private:
+  void show(const std::string& more) {
+    out_ << '\r' << what_ << more << "\x1b[K" << std::flush;
+    shown_ = true;
+  }
+  std::ostream& out_;
+  bool terminal_, silent_;
+  bool shown_ = false;
+  std::string what_;
+  double drawn_s_ = -1e9;
+};
+
+Result<std::vector<LoadedRecording>> load(const std::vector<std::string>& paths, Phases& phases) {
+  std::vector<LoadedRecording> all;
+  for (const std::string& path : paths) {
+    const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(path));
+    if (!source->segments().empty()) phases.begin("reading " + path);
+    Result<LoadedRecording> loaded = load_recording(*source, [&](std::int64_t count) { phases.samples(count); });
+    if (!loaded) return loaded.error();
+    all.push_back(std::move(*loaded));
+  }
+  return all;
+}
+
+std::vector<const LoadedRecording*> each_of(const std::vector<LoadedRecording>& recordings) {
+  std::vector<const LoadedRecording*> each;
+  for (const LoadedRecording& recording : recordings) each.push_back(&recording);
+  return each;
+}
+
+Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, const RecordingInfo& info) {
+  if (!options.arw_deg_per_rt_h && !options.vrw_ug_per_rt_hz) {
+    if (options.gyro_bias_instability_degph > 0.0 || options.accel_bias_instability_ug > 0.0)
+      return input_error(
+          "--gyro-bias-instability and --accel-bias-instability fix the noise: expected --arw and --vrw with them");
+    return std::optional<NoiseModel>{};
+  }
+  if (!options.arw_deg_per_rt_h || !options.vrw_ug_per_rt_hz)
+    return input_error("--arw and --vrw fix the noise together: expected both or neither");
+  NoiseModel noise;
+  noise.angle_random_walk.setConstant(*options.arw_deg_per_rt_h * radprs_per_degprh);
+  noise.velocity_random_walk.setConstant(*options.vrw_ug_per_rt_hz * mpsprs_per_ugprHz);
+  noise.gyro_bias_instability_radps = options.gyro_bias_instability_degph * radps_per_degph;
+  noise.accel_bias_instability_mps2 = options.accel_bias_instability_ug * 1e-6 * standard_gravity_mps2;
+  if (info.gyro_increment == IncrementKind::pulses) noise.gyro_pulse_rad = nominal_gyro_rad(info);
+  if (info.accel_increment == IncrementKind::pulses) noise.accel_pulse_mps = info.accel_pulse_mps;
+  return std::optional(noise);
+}
+
+DataTable diagnosis_table(const std::string& conf) {
+  DataTable table({"key", "value"});
+  std::string_view left = conf;
+  while (!left.empty()) {
+    const std::string_view line = next_line(left);
+    const std::size_t equals = line.find('=');
+    if (line.starts_with('#') || equals == std::string_view::npos) continue;
+    table.begin_row();
+    table.text(trimmed(line.substr(0, equals)));
+    table.word(trimmed(line.substr(equals + 1)));
+  }
+  return table;
+}
+
+Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context) {
+  const double began_s = monotonic_s();
+  for (const std::vector<std::string>& sources : {options.recordings, options.holdouts})
+    for (const std::string& source : sources) TRY(check_not_source(options.out, source));
+  if (!options.residuals.empty()) TRY(check_ending(options.residuals, {".csv", ".npy", ".mat"}));
+  Phases phases(context, !options.format.empty());
+  const std::vector<LoadedRecording> fitted = TRY(load(options.recordings, phases));
+  const std::vector<LoadedRecording> holdouts = TRY(load(options.holdouts, phases));
+  const RecordingInfo& info = fitted.front().data.info;
+  std::optional<NoiseModel> noise = TRY(noise_given(options, info));
+  DiagnosisRequest request;
+  request.time_utc = format_utc(wall_utc_s());
+  request.holdouts = each_of(holdouts);
+  request.noise = noise;
+  request.samples = (options.holdouts.empty() ? options.recordings : options.holdouts).front();
+  request.phase = [&phases](const std::string& what) { phases.begin(what); };
+  OutputFolder folder = TRY(OutputFolder::prepare_results(options.out, info.unit_serial));
+  const DiagnosisOutput output = TRY(diagnose_recordings(each_of(fitted), request));
+  TRY(write_diagnosis(folder.path(), output.files));
+  folder.keep();
+  phases.clear();
+  if (!options.residuals.empty()) {
+    const std::vector<NumberColumn> columns = residual_columns(output.diagnosis);
+    TRY(write_columns(options.residuals, columns));
+  }
+  if (!options.format.empty()) {
+    const DataTable table = diagnosis_table(output.files.conf);
+    context.out << (options.format == "json" ? table.json_object() : table.csv()) << std::flush;
+    return output.diagnosis.verdict;
+  }
+  context.out << '\n';
+  for (const std::string& line : output.table) context.out << line << '\n';
+  context.out << '\n';
+  if (const std::string& problem = output.files.report.plot_problem; !problem.empty())
+    context.out << "report without plots: " << problem << '\n';
+  const DiagnosisFiles& files = output.files;
+  if (!files.report.html.empty()) context.out << "report      " << folder.file(report_name) << '\n';
+  context.out << "diagnosis   " << folder.file(diagnosis_name) << '\n';
+  if (files.parameters) context.out << "parameters  " << folder.file(parameters_name) << '\n';
+  context.out << significant(monotonic_s() - began_s, 2) << " s" << std::endl;
+  return output.diagnosis.verdict;
+}
+
+}  // namespace
+
+void add_diagnose_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<DiagnoseOptions>();
+  const Command command = line.command(
+      "diagnose", "find, name and add an effect that the 24 parameters lack; report the error before and after");
+  command.option("recording", options->recordings, "a folder (binary or text form) or a .tcr file; several of one unit")
+      .required();
+  command
+      .option(
+          "--holdout", options->holdouts,
+          "another recording of the unit, not used in the fit (again for more); default: recordings, or dwells, left "
+          "out in turn")
+      .one_word_each();
+  command.option("--out", options->out, "folder for parameters.conf, diagnosis.conf and report.html").required();
+  command.option("--residuals", options->residuals, "writes the residuals to this file, too: .csv, .npy or .mat");
+  command.option("--format", options->format, "print diagnosis.conf in this form instead of words")
+      .one_of(data_formats);
+  command.option("--arw", options->arw_deg_per_rt_h, "angle random walk, deg/sqrt(h): noise given, not measured")
+      .positive();
+  command.option("--vrw", options->vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").positive();
+  command.option("--gyro-bias-instability", options->gyro_bias_instability_degph, "deg/h, with --arw and --vrw")
+      .not_negative();
+  command.option("--accel-bias-instability", options->accel_bias_instability_ug, "ug, with --arw and --vrw")
+      .not_negative();
+  command.runs(context, [options, &context]() -> Status {
+    const Verdict verdict = TRY(diagnose(*options, context));
+    if (verdict != Verdict::clean) context.exit_code = exit_code(ErrorKind::unit_failed);
+    return {};
+  });
+}
+
+namespace {
+
+struct RecalibrateOptions {
+  std::string archive;
+  std::string store;
+  std::string against;
+  std::string version = software_version();
+  std::string engine = "local";
+  std::string outcome;
+  std::vector<std::int64_t> chunk;
+  int threads = 0, chunks = 0;
+  bool no_diagnosis = false;
+};
+
+// On a terminal one line redrawn, elsewhere a line every tenth and whenever a queue has changed.
+class CountPrinter {
+ public:
+  explicit CountPrinter(CommandContext& context) : context_(context), began_s_(monotonic_s()) {}
+  ~CountPrinter() {
+    if (context_.out_is_terminal && shown_ > 0) context_.out << '\n';
+  }
+  void show(const RecalibrationCounts& c) {
+    const std::size_t step = context_.out_is_terminal ? 1 : std::max<std::size_t>(c.entries / 10, 1);
+    if (c.finished() < c.entries && c.finished() < shown_ + step && c.waiting == waiting_) return;
+    shown_ = c.finished();
+    waiting_ = c.waiting;
+    const double spent_s = monotonic_s() - began_s_;
+    const double worked = static_cast<double>(c.done + c.failed + c.unreadable);
+    const double left_s = worked > 0.0 ? spent_s / worked * static_cast<double>(c.entries - c.finished()) : 0.0;
+    std::string line = fmt::format("{} of {} recordings, {} were there, {} failed", c.finished(), c.entries, c.there,
+                                   c.failed + c.unreadable);
+    if (worked > 0.0 && left_s > 0.0)
+      line += ", " + format_duration(left_s) + " left, until " + format_utc(wall_utc_s() + left_s);
+    if (!c.waiting.empty()) line += "; " + c.waiting;
+    if (context_.out_is_terminal)
+      context_.out << '\r' << line << "\x1b[K" << std::flush;
+    else
+      context_.out << line << std::endl;
+  }
+
+ private:
+  CommandContext& context_;
+  double began_s_;
+  std::size_t shown_ = 0;
+  std::string waiting_;
+};
+
+Status recalibrate_archive(const RecalibrateOptions& options, CommandContext& context) {
+  RecalibrationRequest request{.store = options.store,
+                               .version = options.version,
+                               .time_utc = format_utc(wall_utc_s()),
+                               .diagnose = !options.no_diagnosis,
+                               .outcome = options.outcome};
+  if (options.version.empty() || options.version.front() == '.' || options.version.find('/') != std::string::npos)
+    return input_error("--as-version " + turncal::quoted(options.version) +
+                       ": expected the name of a folder in the store: without /, and no dot at its beginning");
+  const bool on_slurm = options.engine == "slurm";
+  if (on_slurm && (!options.chunk.empty() || !options.outcome.empty()))
+    return input_error("--engine slurm: makes the chunks itself: expected neither --chunk nor --outcome");
+  if (!on_slurm && options.chunks > 0) return input_error("--chunks: expected --engine slurm");
+  if (!options.chunk.empty()) {
+    if (options.chunk[1] < 1 || options.chunk[0] < 0 || options.chunk[0] >= options.chunk[1])
+      return input_error("--chunk " + std::to_string(options.chunk[0]) + " " + std::to_string(options.chunk[1]) +
+                         ": expected K N with K from 0 to N - 1");
+    request.chunk = static_cast<int>(options.chunk[0]);
+    request.chunks = static_cast<int>(options.chunk[1]);
+  }
+  request.threads = options.threads > 0 ? options.threads
+                    : on_slurm          ? 1
+                                        : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  const std::vector<ArchiveEntry> archive = TRY(read_archive(options.archive));
+  Result<RecalibrationCounts> counts = RecalibrationCounts{};
+  {
+    CountPrinter printer(context);
+    const auto show = [&](const RecalibrationCounts& c) { printer.show(c); };
+    counts = on_slurm ? recalibrate_on_slurm(archive, request, {.chunks = options.chunks}, show)
+                      : recalibrate(archive, request, show);
+  }
+  if (!counts) return counts.error();
+  context.out << counts->done << " done, " << counts->there << " were there, " << counts->failed
+              << " cannot be calibrated, " << counts->unreadable << " cannot be read: " << options.store << '/'
+              << request.version << std::endl;
+  if (options.against.empty()) return {};
+  const VersionChanges changes = TRY(compare_versions(options.store, options.against, request.version));
+  for (const std::string& line : describe(changes)) context.out << line << '\n';
+  return {};
+}
+
+}  // namespace
+
+void add_recalibrate_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<RecalibrateOptions>();
+  const Command command =
+      line.command("recalibrate", "calibrate every recording of an archive again with this version");
+  command.option("archive", options->archive, "a folder with recordings below it, a CSV list, or a results database")
+      .required();
+  command.option("--out", options->store, "store: a folder; what is there already is not done again").required();
+  command.option("--against", options->against, "say what changed against this version of the store");
+  command.option("--as-version", options->version, "name of the version in the store").default_in_help();
+  command.option("--engine", options->engine, "who does the work: this machine, or an array job of Slurm")
+      .one_of({"local", "slurm"})
+      .default_in_help();
+  command.option("--chunks", options->chunks, "tasks of the array job; default: one for 100 recordings").range(1, 1000);
+  command.option("--threads", options->threads, "recordings at a time; default: all cores, of a Slurm task one")
+      .range(1, 256);
+  command.option("--chunk", options->chunk, "K N: only every N-th recording from the K-th (0 to N - 1)").words(2);
+  command.option("--outcome", options->outcome,
+                 "what became of each recording (CSV); default: recordings.csv in the store");
+  command.flag("--no-diagnosis", options->no_diagnosis, "calibrate only");
+  command.runs(context, [options, &context] { return recalibrate_archive(*options, context); });
+}
+
+namespace {
+
+struct FleetCommandOptions {
+  std::string action, from, format, page;
+  std::vector<std::string> by = {"station"};
+};
+
+Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
+  for (std::size_t k = 0; k < options.by.size(); ++k)
+    if (std::find(options.by.begin(), options.by.begin() + static_cast<std::ptrdiff_t>(k), options.by[k]) !=
+        options.by.begin() + static_cast<std::ptrdiff_t>(k))
+      return input_error("--by " + options.by[k] + ": is given twice");
+  const FleetSource source = TRY(read_fleet(options.from, options.by));
+  FleetOptions wanted;
+  wanted.factors = options.by;
+  wanted.summary = !options.page.empty();
+  const FleetDiagnosis diagnosis = diagnose_fleet(source.members, wanted);
+  if (!options.page.empty()) {
+    const std::string html = fleet_page(diagnosis, source, options.by);
+    TRY(check_replaceable(options.page, "<!DOCTYPE html>"));
+    TRY(write_file_atomically(options.page, html));
+  }
+  if (!options.format.empty()) {
+    context.out << table_of(diagnosis, source).as(options.format);
+  } else {
+    for (const std::string& line : describe(diagnosis, source, options.by)) context.out << line << '\n';
+    if (!options.page.empty()) context.out << "page  " << options.page << '\n';
+  }
+  if (!diagnosis.effects.empty() || !diagnosis.explained())
+    return Error{ErrorKind::unit_failed, options.from + ": the fleet has what its units do not show by themselves"};
+  return {};
+}
+
+}  // namespace
+
+void add_fleet_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<FleetCommandOptions>();
+  const Command command = line.command("fleet", "what many units show together: common to a station, a lot, a month");
+  command.option("action", options->action, "diagnose").required().one_of({"diagnose"});
+  command
+      .option("from", options->from,
+              "a results database, a store of `turncal recalibrate`, or a folder with runs below it")
+      .required();
+  command.option("--by", options->by, "what units may have in common; several times")
+      .one_of(fleet_factors)
+      .one_word_each()
+      .default_in_help();
+  command.option("--page", options->page, "write a page (HTML)");
+  command.option("--format", options->format, "print a table for other programs").one_of(data_formats);
+  command.runs(context, [options, &context] { return diagnose(*options, context); });
 }
 
 }  // namespace turncal

@@ -3,25 +3,134 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <memory>
 
+#include "calib/navigation/alignment.h"
+#include "calib/prediction/predicted_drift.h"
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
-#include "orchestrator/commands/command_predict.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/design/sequence_design.h"
 #include "orchestrator/jobs/loaded_recording.h"
 #include "orchestrator/jobs/planned_unit.h"
-#include "orchestrator/jobs/sequence_coverage.h"
 #include "orchestrator/report/prediction_table.h"
+#include "orchestrator/report/result_table.h"
 #include "orchestrator/station/builtin_sequence.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
+
+namespace {
+
+Status check_request(const PredictRequest& r) {
+  for (const Status& status : {
+           check_site(r.site),
+           check_option("--temperature-rise", r.temperature_rise_c, -100.0, 100.0),
+           check_option("--temperature-tau", r.temperature_tau_s, 1.0, 1e6),
+       })
+    if (!status) return status;
+  if (r.temperature_rise_c != 0.0 && !r.effects)
+    return input_error(
+        "--temperature-rise changes nothing without --effects: the 24 parameters do not depend on temperature");
+  return {};
+}
+
+// Two sequences of one name still need two names.
+std::string column_name(const std::vector<NamedPrediction>& columns, const std::string& name) {
+  int same = 1;
+  for (const NamedPrediction& column : columns)
+    if (column.name == name || column.name.starts_with(name + "#")) ++same;
+  return same == 1 ? name : name + "#" + std::to_string(same);
+}
+
+}  // namespace
+
+Status run_predict(const PredictRequest& request, std::ostream& out) {
+  TRY(check_request(request));
+  DriftPlan drift_plan;
+  drift_plan.align_s = request.align_s;
+  if (!request.navigate.empty()) {
+    const double time_s = TRY(parse_time_s("--navigate", request.navigate));
+    drift_plan.free_s = time_s;
+  }
+  const PlannedUnit unit = TRY(planned_unit(request.site));
+  PredictOptions options;
+  options.noise = noise_model(request.site);
+  options.unit = unit.parameters;
+  options.effects = request.effects;
+  if (request.temperature_rise_c != 0.0)
+    options.temperature = TemperatureProfile{.rise_c = request.temperature_rise_c, .tau_s = request.temperature_tau_s};
+
+  std::vector<NamedPrediction> columns;
+  std::vector<std::string> refused;  // why the station would not run it, beside each column
+  for (const std::string& file : request.sequences) {
+    const Sequence sequence = TRY(read_sequence(file));
+    const Plan plan = make_plan(sequence, plan_limits(unit.station, unit.info.sample_period_s));
+    NamedPrediction column{column_name(columns, sequence.name),
+                           predict(unit.info, planned_motion(sequence, plan), options), plan.station_s};
+    if (!column.prediction.valid)
+      return Error{ErrorKind::internal, file + ": no prediction: " + column.prediction.message};
+    columns.push_back(std::move(column));
+    refused.push_back(plan.ok() ? "" : plan.violations.front());
+  }
+
+  print_premises(request.site, unit.info, out);
+  for (std::size_t c = 0; c < columns.size(); ++c) {
+    out << fmt::format("Sequence  {}: {:.0f} s, of which {:.0f} s at rest\n", columns[c].name, columns[c].station_s,
+                       columns[c].prediction.static_s);
+    if (!refused[c].empty()) out << "  the station cannot run it: " << refused[c] << "\n";
+  }
+  out << "\n";
+  print_sigmas(columns, unit.info, out);
+  out << "\n";
+  print_undetermined(columns, out);
+  if (!request.navigate.empty()) {
+    if (Status status = check_navigation_latitude(unit.info.latitude_deg); !status)
+      return input_error("--navigate: " + status.error().message);
+    std::vector<std::pair<std::string, ExpectedDrift>> drifts;
+    for (const NamedPrediction& column : columns)
+      drifts.emplace_back(column.name, predicted_drift(unit.info, column.prediction, options, drift_plan));
+    out << "\n";
+    print_predicted_drift(drifts, drift_plan, out);
+  }
+  if (request.effects) {
+    out << "\n";
+    print_effects(columns, out);
+    if (!options.temperature)
+      out << "Effects of temperature were not looked at: it does not change (--temperature-rise).\n";
+    out << "Never observable:\n";
+    for (const std::string_view quantity : unobservable_quantities()) out << "  " << quantity << "\n";
+  }
+  return {};
+}
+
+void add_site_options(const Command& command, PlannedSite& site) {
+  command.option("--station", site.station, "station configuration; default: the built-in rig station");
+  command.option("--latitude", site.latitude_deg, "deg; default: the station's");
+  command.option("--gravity", site.gravity_mps2, "m/s^2; default: the station's");
+  command.option("--arw", site.arw_deg_per_rt_h, "angle random walk, deg/sqrt(h)").default_in_help();
+  command.option("--vrw", site.vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").default_in_help();
+  command.option("--gyro-bias-instability", site.gyro_bias_instability_degph, "deg/h").default_in_help();
+  command.option("--accel-bias-instability", site.accel_bias_instability_ug, "ug").default_in_help();
+}
+
+void add_predict_command(CommandLine& line, CommandContext& context) {
+  const auto request = std::make_shared<PredictRequest>();
+  const Command command =
+      line.command("predict", "the sigma each parameter would have after a sequence; nothing moves");
+  command.option("--sequence", request->sequences, "sequence file; several stand side by side").required();
+  add_site_options(command, request->site);
+  command.flag("--effects", request->effects, "the smallest effects that would be caught, and which are confused");
+  command.option("--temperature-rise", request->temperature_rise_c, "C over the run, for --effects").default_in_help();
+  command.option("--temperature-tau", request->temperature_tau_s, "its time constant, s").default_in_help();
+  command.option("--navigate", request->navigate, "drift of free navigation after this time: 1h, 90min, 5400s");
+  command.option("--align", request->align_s, "alignment before it, s").range(20.0, 86400.0).default_in_help();
+  command.prints(context, [request, &context] { return run_predict(*request, context.out); });
+}
+
 namespace {
 
 constexpr double longest_design_s = 43200.0;  // that is looked for, with --sigma
@@ -104,12 +213,9 @@ Result<double> least_time_s(const DesignTask& task) {
     const NoiseModel& noise = task.predict.noise;
     const double walk = k < 3 ? noise.angle_random_walk[k] : noise.velocity_random_walk[k - 3];
     const double needed_s = std::pow(walk / (task.aim[k] * si[k]), 2);
-    if (needed_s > longest_design_s) {
-      char text[160];
-      std::snprintf(text, sizeof text, "%s = %.3g needs %.3g h with this noise: expected what 12 h can give",
-                    std::string(parameter_keys[static_cast<std::size_t>(k)]).c_str(), task.aim[k], needed_s / 3600.0);
-      return input_error(text);
-    }
+    if (needed_s > longest_design_s)
+      return input_error(fmt::format("{} = {:.3g} needs {:.3g} h with this noise: expected what 12 h can give",
+                                     parameter_keys[static_cast<std::size_t>(k)], task.aim[k], needed_s / 3600.0));
     least_s = std::max(least_s, needed_s);
   }
   return least_s;
@@ -162,9 +268,7 @@ class Designer {
     const std::string text = text_of(walk_, task_.time_s, bound);
     TRY(write_file_atomically(options_.out, text));
     print_premises(options_.site, unit.info, context_.out);
-    char line[100];
-    std::snprintf(line, sizeof line, "Time      %.0f s\n", columns_.back().station_s);
-    context_.out << line;
+    context_.out << fmt::format("Time      {:.0f} s\n", columns_.back().station_s);
     print_sigmas(columns_, unit.info, context_.out);
     if (!bound.empty()) context_.out << bound << "\n";
     print_undetermined(columns_, context_.out);
@@ -210,10 +314,8 @@ class Designer {
     double least = separating_gain;
     for (std::size_t k = 0; k < legs->after.size(); ++k) {
       const AliasPair& pair = legs->after[k];
-      char text[240];
-      std::snprintf(text, sizeof text, "%s from %s: 2 ln L %.1f, with these legs %.1f (%.0f is enough)\n",
-                    pair.truth.c_str(), pair.other.c_str(), legs->before[k].gain, pair.gain, separating_gain);
-      context_.out << text;
+      context_.out << fmt::format("{} from {}: 2 ln L {:.1f}, with these legs {:.1f} ({:.0f} is enough)\n", pair.truth,
+                                  pair.other, legs->before[k].gain, pair.gain, separating_gain);
       least = std::min(least, pair.gain);
       if (pair.gain < separating_gain && open.find(pair.other) == std::string::npos)
         open += (open.empty() ? "" : ", ") + pair.truth + " from " + pair.other;
@@ -243,11 +345,9 @@ class Designer {
       ++n;
     }
     const bool mean = task_.criterion == AimAt::mean;
-    char text[200];
-    std::snprintf(
-        text, sizeof text, "%s of sigma / aim %.3f; no walk of such turns with rests of %.3g s can be below %.3f",
-        mean ? "Geometric mean" : "Largest", mean ? std::exp(sum / n) : worst, options_.least_rest_s, std::exp(*least));
-    return text;
+    return fmt::format("{} of sigma / aim {:.3f}; no walk of such turns with rests of {:.3g} s can be below {:.3f}",
+                       mean ? "Geometric mean" : "Largest", mean ? std::exp(sum / n) : worst, options_.least_rest_s,
+                       std::exp(*least));
   }
 
   std::string text_of(const Walk& walk, double time_s, const std::string& bound = {}) const {
@@ -298,10 +398,8 @@ class Designer {
       if (now_s - printed_s < 5.0 && progress.done < progress.tries) return true;
       printed_s = now_s;
       const double left_s = (now_s - began_s) / progress.done * (progress.tries - progress.done);
-      char text[160];
-      std::snprintf(text, sizeof text, "tried %d of %d  cost %.4f  %zu legs  %s left", progress.done, progress.tries,
-                    progress.cost, progress.legs, format_duration(left_s).c_str());
-      says(text);
+      says(fmt::format("tried {} of {}  cost {:.4f}  {} legs  {} left", progress.done, progress.tries, progress.cost,
+                       progress.legs, format_duration(left_s)));
       return true;
     });
     if (!found) return found.error();

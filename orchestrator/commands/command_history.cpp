@@ -1,18 +1,43 @@
 // `turncal history`: what is in the results database. `turncal restore`: versions of the parameter file in use.
+//
+// `turncal shift DB`: yield, reasons, hours, control charts, stations and repeatability of a shift, a week or a month.
+//
+// `turncal database check|backup|copy|roles DB`: whether the results database is whole; a copy of it while others write; its rows, once each,
+// in another one; the roles of a server.
+//
+// `turncal prune`: removes old recordings and keeps all that was made of them.
+//
+// A recording goes when all of this holds: its run has given its unit a verdict, and not `hold`; it was sealed more than so many days ago;
+// its unit has a newer one of a finished run; nobody works in the run's folder. Parameters, reports, journal and log stay, and the log says
+// what was removed. What cannot be read is left as it is, and is an error at the end.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
+#include <map>
 #include <memory>
 #include <set>
 
 #include "imu_io/base/atomic_file.h"
+#include "imu_io/base/clock.h"
+#include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/run.h"
 #include "orchestrator/line/parameter_history.h"
 #include "orchestrator/line_report/history_page.h"
 #include "orchestrator/line_report/history_table.h"
+#include "orchestrator/line_report/shift_page.h"
+#include "orchestrator/records/database_rows.h"
+#include "orchestrator/records/journal.h"
+#include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/report/pdf.h"
+#include "orchestrator/report/report_page.h"
+#include "orchestrator/station/station_config.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 
@@ -269,6 +294,240 @@ void add_restore_command(CommandLine& line, CommandContext& context) {
   command.option("--version", options->version, "the version to bring back; without it they are listed").positive();
   command.flag("--simulated", options->simulated, "of the dry runs");
   command.prints(context, [options, &context] { return restore(*options, context.out); });
+}
+
+namespace {
+
+struct ShiftOptions {
+  std::string database, out;
+  RecordFilter filter;
+  bool simulated = false, pdf = false;
+};
+
+// An earlier report in the folder is replaced, and nothing else.
+Status write_shift(const ShiftOptions& options, const ShiftReport& report, std::ostream& out) {
+  TRY(make_folder(options.out));
+  const LockFile held = TRY(hold_folder(options.out));
+  const std::string page = shift_page(report);
+  const std::vector<NamedText> files = {{options.out + "/shift.html", page},
+                                        {options.out + "/shift.csv", shift_csv(report)},
+                                        {options.out + "/signals.csv", signals_csv(report)},
+                                        {options.out + "/attempts.csv", attempts_table(report.attempts).csv()}};
+  constexpr std::size_t alike = 30;
+  for (const NamedText& file : files) {
+    TRY(check_replaceable(file.path, std::string_view(file.content).substr(0, alike)));
+  }
+  const std::string pdf = options.out + "/shift.pdf";
+  if (options.pdf) {
+    TRY(check_replaceable(pdf, "%PDF-"));
+    if (const Result<std::string> warning = write_pdf(page, pdf); !warning) return warning.error();
+  }
+  TRY(write_files_atomically(files));
+  out << "\nreport   " << files.front().path << (options.pdf ? "\npdf      " + pdf : "") << '\n';
+  return {};
+}
+
+Status run_shift(const ShiftOptions& options, std::ostream& out) {
+  if (options.pdf && options.out.empty()) return input_error("--pdf: expected --out DIR, where it is to go");
+  const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
+  const ShiftReport report = TRY(shift_report(database, options.database, options.filter, options.simulated));
+  print_shift(report, out);
+  return options.out.empty() ? Status{} : write_shift(options, report, out);
+}
+
+}  // namespace
+
+void add_shift_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<ShiftOptions>();
+  const Command command =
+      line.command("shift", "the report of a shift: yield, reasons, hours, control charts, stations");
+  command.option("database", options->database, "the station's record.database").required();
+  add_filter_options(command, options->filter);
+  command.flag("--simulated", options->simulated, "of the dry runs, which are in no report with real units");
+  command.option("--out", options->out, "folder for the report: shift.html and its tables as CSV");
+  command.flag("--pdf", options->pdf, "with --out: shift.pdf too, by weasyprint");
+  command.runs(context, [options, &context] { return run_shift(*options, context.out); });
+}
+
+namespace {
+
+struct DatabaseOptions {
+  std::string action, database, other, out;
+};
+
+std::string contents_of(const ResultsDatabase& database) {
+  const auto attempts = database.attempts({});
+  const auto calibrations = database.list({}, "N01");
+  if (!attempts || !calibrations) return "";
+  const int version = database.stored_version();
+  return std::to_string(attempts->size()) + " attempts, " + std::to_string(calibrations->size()) +
+         " calibrations, schema " + std::to_string(version) +
+         (version < database_version ? " (the next run makes " + std::to_string(database_version) + " of it)" : "");
+}
+
+Status backup(const DatabaseOptions& options, std::ostream& out) {
+  if (options.out.empty()) return input_error("database backup: expected --out FILE, where the copy is to go");
+  TRY(check_apart({{"database", options.database}, {"--out", options.out}}));
+  TRY(check_replaceable(options.out, "SQLite format 3"));
+  const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
+  const std::string image = TRY(database.image());
+  // What is kept is what was checked.
+  const ResultsDatabase copy = TRY(ResultsDatabase::of_image(image, options.database));
+  TRY(copy.check());
+  TRY(write_file_atomically(options.out, image));
+  out << "backup of " << contents_of(database) << " in " << options.out << '\n';
+  return {};
+}
+
+Status copy_rows(const DatabaseOptions& options, std::ostream& out) {
+  if (options.other.empty())
+    return input_error("database copy: expected a second database, which the rows are added to");
+  TRY(check_apart({{"database", options.database}, {"other", options.other}}));
+  const ResultsDatabase from = TRY(ResultsDatabase::open_to_read(options.database));
+  ResultsDatabase to = TRY(ResultsDatabase::open(options.other));
+  const CopiedRows copied = TRY(from.copy_to(to));
+  out << options.other << ": " << copied.calibrations << " calibrations and " << copied.attempts
+      << " notes of attempts are new\n";
+  return {};
+}
+
+Status make_roles(const DatabaseOptions& options, std::ostream& out) {
+  if (!names_a_server(options.database))
+    return input_error(options.database + ": a file has no roles: expected postgresql://USER@HOST/NAME");
+  ResultsDatabase database = TRY(ResultsDatabase::open(options.database));
+  TRY(database.make_roles());
+  out << options.database << ": turncal_station adds and reads, turncal_reader reads\n";
+  return {};
+}
+
+Status run_database(const DatabaseOptions& options, std::ostream& out) {
+  if (options.action == "backup") return backup(options, out);
+  if (!options.out.empty()) return input_error("--out " + options.out + ": expected with backup only");
+  if (options.action == "copy") return copy_rows(options, out);
+  if (!options.other.empty()) return input_error(options.other + ": expected a second database with copy only");
+  if (options.action == "roles") return make_roles(options, out);
+  const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
+  TRY(database.check());
+  out << options.database << ": whole, " << contents_of(database) << '\n';
+  return {};
+}
+
+}  // namespace
+
+void add_database_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<DatabaseOptions>();
+  const Command command =
+      line.command("database", "check, back up or copy a results database; make the roles of a server");
+  command.option("action", options->action, "check, backup, copy or roles")
+      .required()
+      .one_of({"check", "backup", "copy", "roles"});
+  command.option("database", options->database, "the station's record.database: a file, or postgresql://USER@HOST/NAME")
+      .required();
+  command.option("other", options->other, "for copy: the database that the rows are added to, each once");
+  command.option("--out", options->out, "file for the backup");
+  command.prints(context, [options, &context] { return run_database(*options, context.out); });
+}
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct PruneOptions {
+  std::string folder;
+  int days = 0;
+  bool list = false;
+};
+
+// Of a unit that has its verdict.
+struct OldRecording {
+  std::string unit, run, path, tag;
+  double sealed_utc_s = 0.0;
+  bool simulated = false, held = false;
+  std::pair<std::string, bool> whose() const { return {unit, simulated}; }
+};
+
+Status add_recordings(const std::string& run, std::vector<OldRecording>& found) {
+  const JournalContents journal = TRY(read_journal(run + "/" + journal_name));
+  const std::vector<std::string> units = journal.units();
+  for (const std::string& unit : units) {
+    const std::string folder = units.size() > 1 ? run + "/" + name_of_unit(unit) : run;
+    const std::string path = folder + "/" + binary_recording_name;
+    const JournalFields* const verdict = journal.verdict_of(unit);
+    if (!verdict || !journal.seal_utc_s || !path_exists(path)) continue;
+    const std::pair<std::string, std::string> hold("result", to_string(UnitVerdict::hold));
+    found.push_back({.unit = unit,
+                     .run = run,
+                     .path = path,
+                     .tag = std::string(tag_of(journal)),
+                     .sealed_utc_s = *journal.seal_utc_s,
+                     .simulated = journal.begin_value("simulated") == "true",
+                     .held = std::find(verdict->begin(), verdict->end(), hold) != verdict->end()});
+  }
+  return {};
+}
+
+Status remove(const OldRecording& recording) {
+  const LockFile held = TRY(hold_folder(recording.run));
+  RunLog log = TRY(RunLog::append(recording.run + "/" + log_name, recording.tag));
+  log.line(format_utc(wall_utc_s()) + "  " + recording.path + removed_by_prune);
+  if (!log.status()) return log.status();
+  std::error_code error;
+  fs::remove(recording.path, error);
+  return error ? Status(storage_error(recording.path, "cannot be removed", error.value())) : Status();
+}
+
+std::string megabytes(std::uintmax_t bytes) { return fmt::format("{:.1f} MB", 1e-6 * static_cast<double>(bytes)); }
+
+Status prune(const PruneOptions& options, std::ostream& out) {
+  std::error_code error;
+  fs::recursive_directory_iterator entries(options.folder, error);
+  if (error) return input_error(options.folder + ": cannot be read: " + error.message());
+  std::vector<OldRecording> found;
+  Status left;
+  for (const fs::recursive_directory_iterator end; !error && entries != end; entries.increment(error)) {
+    if (entries->path().filename() != journal_name) continue;
+    const Status added = add_recordings(entries->path().parent_path().string(), found);
+    if (left && !added) left = added;
+  }
+  if (error) return device_error(options.folder + ": cannot be read: " + error.message());
+
+  std::map<std::pair<std::string, bool>, double> newest;
+  for (const OldRecording& recording : found) {
+    double& utc_s = newest.emplace(recording.whose(), recording.sealed_utc_s).first->second;
+    utc_s = std::max(utc_s, recording.sealed_utc_s);
+  }
+  std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
+  const double before_utc_s = wall_utc_s() - 86400.0 * options.days;
+  std::size_t gone = 0;
+  std::uintmax_t bytes = 0;
+  for (const OldRecording& recording : found) {
+    if (recording.held || recording.sealed_utc_s >= before_utc_s ||
+        recording.sealed_utc_s >= newest.at(recording.whose()))
+      continue;
+    const std::uintmax_t size = fs::file_size(recording.path, error);
+    const Status removed = options.list ? Status() : remove(recording);
+    if (left && !removed) left = removed;
+    if (!removed || error) continue;
+    ++gone;
+    bytes += size;
+    out << recording.path << "  unit " << recording.unit << ", " << format_utc(recording.sealed_utc_s) << ", "
+        << megabytes(size) << '\n';
+  }
+  out << gone << " of " << found.size() << " recordings " << (options.list ? "would be removed, " : "removed, ")
+      << megabytes(bytes) << std::endl;
+  return left;
+}
+
+}  // namespace
+
+void add_prune_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<PruneOptions>();
+  const Command command = line.command(
+      "prune", "remove old recordings of finished units; never the last one of a unit, nor one that is on hold");
+  command.option("folder", options->folder, "folder with the folders of runs").required();
+  command.option("--older-than", options->days, "days since the recording was sealed").range(1, 36500).required();
+  command.flag("--list", options->list, "only say what would be removed");
+  command.runs(context, [options, &context] { return prune(*options, context.out); });
 }
 
 }  // namespace turncal

@@ -1,16 +1,161 @@
 // `turncal import TEXTDIR --out DIR` and `turncal export RECORDING --out DIR`: between the text form of a recording and the
 // binary one; `--out FILE.npy` or `.mat` of export: its samples as a matrix. Nothing is overwritten, and a failure leaves nothing behind.
+//
+// `turncal apply RECORDING --parameters FILE --out FILE`: calibrated increments of every sample (calibrated_intervals.h), as CSV, .npy, .mat or
+// a recording (.tcr), by the name of the file.
+// Refused: a wrong checksum, a missing key, parameters of another unit, simulated parameters on a real unit's recording.
+//
+// `turncal convert PARAMETERS --header FILE --binary FILE --yaml FILE`: a parameter file in other forms (docs/parameter-forms.md).
+//
+// `turncal navigate RECORDING --parameters FILE [--against FILE] --out DIR`: free inertial navigation with calibrated increments, and
+// what it is off by. Writes DIR/navigation.conf, DIR/track.csv (and DIR/track_against.csv) and DIR/navigation.svg.
+#include <algorithm>
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <optional>
 
+#include "calib/rests/rest_data.h"
+#include "calib/rests/rest_units.h"
+#include "calib/statistics/segmentation.h"
+#include "imu_io/base/atomic_file.h"
+#include "imu_io/base/format_number.h"
+#include "imu_io/recordings/csv_map_import.h"
 #include "imu_io/recordings/matrix_writer.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "imu_io/recordings/parameter_forms.h"
+#include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
-#include "orchestrator/commands/command_segment.h"
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/navigation/calibrated_intervals.h"
+#include "orchestrator/jobs/navigation/navigation_job.h"
 #include "orchestrator/records/output_folder.h"
 
 namespace turncal {
+
+namespace {
+
+struct SegmentOptions {
+  std::string source;
+  std::string out;
+  double min_rest_s = SegmentationOptions{}.min_rest_s;
+  std::optional<double> threshold;
+};
+
+void print_segmentation(const Segmentation& found, const RecordingInfo& info, std::int64_t first, std::ostream& out) {
+  const double period = info.sample_period_s;
+  out << formatted("threshold %.3g on the ratio of variance to quiet variance: ", found.threshold) << found.reason
+      << '\n';
+  if (info.gyro_increment == IncrementKind::physical) {
+    out << formatted("quiet level: gyros %.3g rad/s, accelerometers %.3g m/s^2 a sample\n", found.quiet_gyro / period,
+                     found.quiet_accel / period);
+  } else {
+    out << formatted("quiet level: gyros %.3g, accelerometers %.3g pulses a sample\n", found.quiet_gyro,
+                     found.quiet_accel);
+  }
+  if (found.slow_turns > 0) {
+    out << found.slow_turns << " quiet stretches taken out: their mean rate is that of a slow turn\n";
+  }
+  if (found.cut > 0) out << found.cut << " rests cut to where the unit stands still\n";
+  if (found.moving > 0) out << found.moving << " rests taken out: too little of them is still\n";
+  int number = 0;
+  out << "rest      from s        to s    length s\n";
+  for (const Segment& s : found.segments) {
+    if (s.kind != SegmentKind::still) continue;
+    out << formatted("%4d  %10.2f  %10.2f  %10.2f\n", ++number, static_cast<double>(s.start_sample - first) * period,
+                     static_cast<double>(s.end_sample - first) * period,
+                     static_cast<double>(s.end_sample - s.start_sample) * period);
+  }
+}
+
+// What is plainly wrong with the units, where there are rests to tell it by.
+void warn_of_units(const RecordingInfo& info, const Segments& segments,
+                   const std::function<void(SegmentedFeed&)>& feed_samples, std::ostream& out) {
+  Compressor compressor(info, rest_compression_options());
+  SegmentedFeed feed(compressor, segments);
+  feed_samples(feed);
+  feed.finish();
+  const CompressedRecording recording = compressor.take();
+  if (const std::string wrong = wrong_units(make_rest_data(recording)); !wrong.empty())
+    out << "units: " << wrong << std::endl;
+}
+
+Status segment_recording(const SegmentOptions& options, CommandContext& context) {
+  std::unique_ptr<RecordingSource> opened = TRY(RecordingSource::open(options.source));
+  RecordingSource& source = *opened;
+  TRY(check_not_source(options.out, options.source));
+  OutputFolder folder = TRY(OutputFolder::prepare(options.out, {binary_recording_name}));
+  SegmentationOptions segmentation;
+  segmentation.min_rest_s = options.min_rest_s;
+  segmentation.threshold = options.threshold;
+  RestFinder finder(source.info(), segmentation);
+  const Status read = source.read([&](std::span<const ImuSample> samples) {
+    finder.add(samples);
+    return Status();
+  });
+  if (!read) return read;
+  const Segmentation found = finder.finish();
+  if (found.segments.empty()) {
+    return input_error(options.source + ": no rest found: " +
+                       (options.threshold ? "no stretch of " + format_number(options.min_rest_s) +
+                                                " s stays below the threshold " + format_number(*options.threshold)
+                                          : found.reason));
+  }
+  print_segmentation(found, source.info(), found.segments.front().start_sample, context.out);
+  TRY(import_binary(source, found.segments, folder.file(binary_recording_name)));
+  folder.keep();
+  warn_of_units(
+      source.info(), found.segments,
+      [&](SegmentedFeed& feed) {
+        const Status again = source.read([&](std::span<const ImuSample> samples) {
+          feed.add(samples);
+          return Status();
+        });
+        (void)again;  // read once already
+      },
+      context.out);
+  context.out << "written to " << folder.path() << ": " << found.segments.size() << " segments" << std::endl;
+  return {};
+}
+
+}  // namespace
+
+Status import_mapped_csv(const MappedImport& from, const std::string& out, CommandContext& context) {
+  CsvMap map = TRY(read_csv_map(from.map));
+  map.format.skip_bad_rows = from.skip_bad_rows;
+  const CsvImport content = TRY(import_csv(map, from.file, from.accel));
+  OutputFolder folder = TRY(OutputFolder::prepare(out, {binary_recording_name}));
+  TRY(write_recording(content, folder.file(binary_recording_name)));
+  folder.keep();
+  context.out << "imported into " << folder.path() << ": " << content.samples.size() << " samples of " << content.rows
+              << " rows"
+              << formatted(", mean period %.6g ms, jitter %.3g ms rms, ", 1e3 * content.info.sample_period_s,
+                           1e3 * content.jitter_s)
+              << content.saturated << " saturated rows, " << content.gaps << " gaps" << std::endl;
+  if (content.clipped > 0)
+    context.out << content.clipped << " samples clipped: a gyro repeats its extreme value" << std::endl;
+  if (content.bad_rows > 0)
+    context.out << content.bad_rows << " bad rows skipped, the first: " << content.first_bad << std::endl;
+  if (const Segmentation found = find_rests(content.info, content.samples); !found.segments.empty())
+    warn_of_units(
+        content.info, found.segments, [&](SegmentedFeed& feed) { feed.add(content.samples); }, context.out);
+  return {};
+}
+
+void add_segment_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<SegmentOptions>();
+  const Command command = line.command("segment", "find the rests of a recording and write it with segments");
+  command.option("source", options->source, "recording: a folder or a .tcr file").required();
+  command.option("--out", options->out, "folder to write to; must not hold a recording yet").required();
+  command
+      .option("--threshold", options->threshold,
+              "variance over the quiet one at which a rest ends; default: looked for")
+      .range(1.0, 1e12);
+  command.option("--min-rest", options->min_rest_s, "shortest rest, s").range(0.1, 3600.0);
+  command.runs(context, [options, &context] { return segment_recording(*options, context); });
+}
 
 namespace {
 
@@ -43,10 +188,9 @@ Status import_text(const TextOptions& options, CommandContext& context) {
     return input_error("--skip-bad-rows: expected --map; a recording in our own text form is whole or is refused");
   std::unique_ptr<RecordingSource> source = TRY(open_text_recording(options.source));
   TRY(check_not_source(options.out, options.source));
-  Result<OutputFolder> folder = OutputFolder::prepare(options.out, {binary_recording_name});
-  if (!folder) return folder.error();
-  TRY(import_binary(*source, folder->file(binary_recording_name)));
-  return finish(*source, *folder, "imported into", context);
+  OutputFolder folder = TRY(OutputFolder::prepare(options.out, {binary_recording_name}));
+  TRY(import_binary(*source, folder.file(binary_recording_name)));
+  return finish(*source, folder, "imported into", context);
 }
 
 Status export_recording(const TextOptions& options, CommandContext& context) {
@@ -63,10 +207,9 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
     TRY(write_recording_columns(*source, options.out));
     return say(*source, "exported to", options.out, context);
   }
-  Result<OutputFolder> folder = OutputFolder::prepare(options.out, {"recording.conf", "imu.csv", "segments.csv"});
-  if (!folder) return folder.error();
-  TRY(export_text(*source, folder->path()));
-  return finish(*source, *folder, "exported to", context);
+  OutputFolder folder = TRY(OutputFolder::prepare(options.out, {"recording.conf", "imu.csv", "segments.csv"}));
+  TRY(export_text(*source, folder.path()));
+  return finish(*source, folder, "exported to", context);
 }
 
 // What both commands take.
@@ -97,6 +240,191 @@ void add_export_command(CommandLine& line, CommandContext& context) {
   add(line, context, "export", "write a recording in text form, or its samples as .npy or .mat",
       "recording: a folder or a .tcr file", "folder to write to, must not hold a recording yet; or a .npy or .mat file",
       std::make_shared<TextOptions>(), export_recording);
+}
+
+namespace {
+
+struct ApplyOptions {
+  std::string recording;
+  std::string parameters;
+  std::string out;
+};
+
+void append_row(const ImuSample& sample, std::string& text) {
+  NumberBuffer buffer;
+  text += format_number(sample.counter, buffer);
+  for (const auto& increments : {sample.gyro, sample.accel})
+    for (const double value : increments) {
+      text += ',';
+      text += format_number(value, buffer);
+    }
+  text += '\n';
+}
+
+Status write_csv(RecordingSource& source, const std::string& path) {
+  std::string text = "sample,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps,dv_y_mps,dv_z_mps\n";
+  TRY(check_replaceable(path, text));
+  AtomicFile file = TRY(AtomicFile::create(path));
+  Status status = source.read([&](std::span<const ImuSample> block) {
+    for (const ImuSample& sample : block) append_row(sample, text);
+    Status written = file.write(text);
+    text.clear();
+    return written;
+  });
+  if (!status) return status;
+  if (status = file.write(text); !status) return status;
+  return file.commit();
+}
+
+// By the name of the file: a recording, .npy or .mat, or CSV.
+Status write_calibrated(RecordingSource& source, const std::string& path) {
+  if (names_matrix(path)) return write_recording_columns(source, path);
+  if (!path.ends_with(".tcr")) return write_csv(source, path);
+  TRY(check_replaceable(path, recording_beginning));
+  return import_binary(source, path);
+}
+
+Status apply(const ApplyOptions& options, CommandContext& context) {
+  TRY(check_ending(options.out, {".csv", ".npy", ".mat", ".tcr"}));
+  const ParameterFile parameters = TRY(read_parameter_file(options.parameters));
+  std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(options.recording));
+  std::unique_ptr<CalibratedSource> calibrated = TRY(CalibratedSource::of(parameters, options.parameters, *source));
+  std::error_code error;
+  if (std::filesystem::is_directory(options.out, error)) {
+    return input_error(options.out + ": expected a file name, found a folder");
+  }
+  if (Status status = check_apart({{"the source", options.recording},
+                                   {"the source", options.recording + "/" + binary_recording_name},
+                                   {"the source", options.recording + "/imu.csv"},
+                                   {"the source", options.parameters},
+                                   {"--out", options.out}});
+      !status) {
+    return status;
+  }
+  TRY(write_calibrated(*calibrated, options.out));
+  context.out << "calibrated increments  " << options.out << std::endl;
+  return {};
+}
+
+}  // namespace
+
+void add_apply_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<ApplyOptions>();
+  const Command command = line.command("apply", "write calibrated increments of a recording");
+  command.option("recording", options->recording, "a folder (binary or text form) or a .tcr file").required();
+  command.option("--parameters", options->parameters, "parameter file").required();
+  command
+      .option("--out", options->out,
+              "file to write: .csv, .npy, .mat or .tcr (a recording); an existing one is replaced, whole")
+      .required();
+  command.runs(context, [options, &context] { return apply(*options, context); });
+}
+
+namespace {
+
+struct ConvertOptions {
+  std::string parameters;
+  std::string header;
+  std::string binary;
+  std::string yaml;
+};
+
+Status convert(const ConvertOptions& options, CommandContext& context) {
+  if (options.header.empty() && options.binary.empty() && options.yaml.empty())
+    return input_error("expected --header, --binary or --yaml, or several of them");
+  TRY(check_apart({{"the parameter file", options.parameters},
+                   {"--header", options.header},
+                   {"--binary", options.binary},
+                   {"--yaml", options.yaml}}));
+  const ParameterFile file = TRY(read_parameter_file(options.parameters));
+  // An existing file is replaced by one that begins alike.
+  constexpr std::size_t alike = 30, of_block = 4;
+  std::vector<NamedText> forms;
+  if (!options.header.empty()) forms.push_back({options.header, format_parameter_header(file)});
+  if (!options.yaml.empty()) forms.push_back({options.yaml, format_parameter_yaml(file)});
+  if (!options.binary.empty()) {
+    const std::vector<std::byte> block = format_parameter_block(block_of(file));
+    forms.push_back({options.binary, std::string(reinterpret_cast<const char*>(block.data()), block.size())});
+  }
+  for (const NamedText& form : forms) {
+    const std::size_t same = form.path == options.binary ? of_block : alike;
+    TRY(check_replaceable(form.path, std::string_view(form.content).substr(0, same)));
+  }
+  TRY(write_files_atomically(forms));
+  for (const NamedText& form : forms) context.out << "written  " << form.path << '\n';
+  return {};
+}
+
+}  // namespace
+
+void add_convert_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<ConvertOptions>();
+  const Command command = line.command("convert", "a parameter file as C header, binary block or YAML");
+  command.option("parameters", options->parameters, "parameter file").required();
+  command.option("--header", options->header, "C header to write");
+  command.option("--binary", options->binary, "binary block with a checksum to write");
+  command.option("--yaml", options->yaml, "YAML file to write");
+  command.runs(context, [options, &context] { return convert(*options, context); });
+}
+
+namespace {
+
+constexpr double longest_recording_s = 1e7;
+
+struct NavigateOptions {
+  NavigationRequest request;
+  std::string out;
+};
+
+Status navigate(const NavigateOptions& options, CommandContext& context) {
+  TRY(check_not_source(options.out, options.request.recording));
+  // An earlier result in the folder is replaced, whole.
+  OutputFolder folder = TRY(OutputFolder::prepare(options.out, {}));
+  const NavigationReport report = TRY(navigate_recording(options.request));
+  const std::string conf = folder.file("navigation.conf");
+  std::vector<NamedText> files = {{conf, format_navigation(report)}};
+  const Result<std::string> drawing = draw_navigation(report);
+  if (drawing) files.push_back({folder.file("navigation.svg"), *drawing});
+  for (const NavigatedFile& file : report.files) {
+    const std::string name = file.prefix.empty() ? "track.csv" : "track_against.csv";
+    files.push_back({folder.file(name), format_track(report, file)});
+  }
+  TRY(write_files_atomically(files));
+  for (const char* name : {"navigation.svg", "track_against.csv"}) {
+    const std::string old = folder.file(name);
+    const auto is_it = [&](const NamedText& file) { return file.path == old; };
+    std::error_code none;
+    if (std::find_if(files.begin(), files.end(), is_it) == files.end()) std::filesystem::remove(old, none);
+  }
+  folder.keep();
+  print_navigation(report, context.out);
+  if (!drawing) context.out << drawing.error().message << '\n';
+  context.out << "navigation  " << conf << std::endl;
+  return {};
+}
+
+}  // namespace
+
+void add_navigate_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<NavigateOptions>();
+  NavigationRequest& request = options->request;
+  const Command command = line.command("navigate", "free inertial navigation of a recording: what it drifts");
+  command.option("recording", request.recording, "a folder (binary or text form) or a .tcr file").required();
+  command.option("--parameters", request.parameters, "parameter file; left out where `turncal apply` has been at work");
+  command.option("--against", request.against, "another parameter file, navigated beside it");
+  command.option("--reference", request.reference,
+                 "where the unit truly was: a table of time_s, latitude_deg, longitude_deg (docs/navigation.md)");
+  command.option("--out", options->out, "folder for navigation.conf, track.csv, navigation.svg").required();
+  command.option("--align", request.align_s, "length of the alignment, s").range(20.0, 86400.0).default_in_help();
+  command.option("--from", request.from_s, "where to begin, s from the first sample")
+      .range(0.0, longest_recording_s)
+      .default_in_help();
+  command.option("--to", request.to_s, "where to end, s; default: the end of the recording")
+      .range(0.0, longest_recording_s);
+  command.option("--for", request.free_s, "length of each free navigation, s; default: an hour, or what there is")
+      .range(1.0, longest_recording_s);
+  command.option("--branches", request.branches, "starts, spread over the recording").range(1, 1000).default_in_help();
+  command.runs(context, [options, &context] { return navigate(*options, context); });
 }
 
 }  // namespace turncal

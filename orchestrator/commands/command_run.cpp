@@ -1,15 +1,33 @@
 // `turncal run`: the whole main job. Checks everything, walks the sequence, calibrates, judges, writes the results.
-// `turncal run --continue`: a further recording of the same unit (continued_run.h). `turncal resume`: goes on with one that was interrupted. `turncal journal`: what happened. See run_job.h.
-#include "orchestrator/commands/command_run.h"
+// `turncal run --continue`: a further recording of the same unit (continuing(), run_request.h). `turncal resume`: goes on with one that was interrupted. `turncal journal`: what happened. See run_job.h.
+//
+// `turncal batch`: calibrates the units of a queue one after the other, or several at once, unattended. `turncal queue`: shows and
+// changes it.
+//
+// A unit that fails, drops out while others go on, or is not the one on the table, does not stop the next; a fault of table, link or
+// disk, and the operator, by a pause too, stop the batch, and the same command goes on with the units that were interrupted.
+#include <unistd.h>
 
+#include <algorithm>
 #include <memory>
 #include <sstream>
 
+#include "imu_io/base/atomic_file.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/console.h"
+#include "imu_io/base/data_text.h"
+#include "imu_io/base/posix_file.h"
+#include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/jobs/continued_run.h"
+#include "orchestrator/devices/mounting.h"
+#include "orchestrator/devices/stop_signals.h"
+#include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/run.h"
 #include "orchestrator/jobs/run_job.h"
-#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/records/parameter_store.h"
+#include "orchestrator/records/unit_queue.h"
+#include "orchestrator/station/hooks.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 
@@ -20,20 +38,14 @@ struct RunOptions {
   std::string folder;
 };
 
-void add_overdue_option(const Command& command, RunRequest& request) {
-  command.option("--override-due", request.overdue_reason,
-                 "use a table whose calibration is overdue, for this reason, which goes on record");
+void add_record_option(const Command& command, const RecordWord& record, RunRequest& request) {
+  command.option(record.option, request.*record.word, record.help);
 }
 
 }  // namespace
 
 void add_record_options(const Command& command, RunRequest& request) {
-  command.option("--operator", request.operator_name, "who runs it, for the record");
-  command.option("--part", request.part, "part number of the unit, for the record");
-  command.option("--lot", request.lot, "lot that the unit is of, for the record and the fleet");
-  command.option("--revision", request.revision, "revision of the unit, for the record");
-  command.option("--ambient", request.ambient, "ambient conditions, for the record (\"22.5 C, 45 %\")");
-  add_overdue_option(command, request);
+  for (const RecordWord& record : record_words) add_record_option(command, record, request);
 }
 
 void add_verify_option(const Command& command, RunRequest& request) {
@@ -103,7 +115,7 @@ void add_resume_command(CommandLine& line, CommandContext& context) {
   command.option("--sequence", moved.sequence, "where the sequence is now, if it was moved");
   command.option("--station", moved.station, "where the station configuration is now, if it was moved");
   command.flag("--no-diagnosis", options->request.no_diagnosis, "leave out the diagnosis at the end");
-  add_overdue_option(command, moved);
+  add_record_option(command, overdue_word, moved);
   add_watch_options(command, moved);
   command.runs(context, [options, &context] { return resume_run(options->folder, options->request, context).status; });
 }
@@ -129,6 +141,267 @@ void add_journal_command(CommandLine& line, CommandContext& context) {
     context.out << text << std::flush;
     return {};
   });
+}
+
+namespace {
+
+struct BatchOptions {
+  std::string queue, out;
+  std::size_t at_once = 1;
+  RunRequest request;
+};
+
+std::string now_utc() { return format_utc(wall_utc_s()); }
+
+// A unit that is done again gets a folder of its own: NAME, NAME.2, NAME.3 ..., the first without a whole recording.
+std::string folder_for(const std::string& out, const std::string& unit, const UnitOutcome* before) {
+  const std::string name = out + "/" + name_of_unit(unit);
+  std::string folder = name;
+  for (int i = 2; before && path_exists(folder + "/" + binary_recording_name); ++i)
+    folder = name + "." + std::to_string(i);
+  return folder;
+}
+
+struct Turn {
+  std::vector<std::string> units;
+  std::string folder;
+};
+
+// Several units at once are a run in OUT/group.1, group.2, ...; the last of these may have been interrupted.
+Result<std::optional<Turn>> interrupted_group(const std::string& out, const std::vector<std::string>& to_do,
+                                              const std::vector<UnitOutcome>& outcomes) {
+  int last = 0;
+  while (path_exists(out + "/group." + std::to_string(last + 1))) ++last;
+  const std::string folder = out + "/group." + std::to_string(last);
+  if (last == 0 || !path_exists(folder + "/" + journal_name)) return std::optional<Turn>();
+  const JournalContents journal = TRY(read_journal(folder + "/" + journal_name));
+  const bool over = is_over(journal);
+  for (const std::string& unit : journal.units()) {
+    if (std::find(to_do.begin(), to_do.end(), unit) == to_do.end()) continue;
+    // A run that is over has told the queue of all its units, unless it was interrupted just then.
+    if (!over || !find_outcome(outcomes, unit)) return std::optional(Turn{journal.units(), folder});
+  }
+  return std::optional<Turn>();
+}
+
+Result<Turn> next_turn(const BatchOptions& options) {
+  const std::vector<std::string> queue = TRY(read_queue(options.queue));
+  const std::vector<UnitOutcome> outcomes = TRY(read_outcomes(options.queue));
+  const std::vector<std::string> to_do = next_units(queue, outcomes, queue.size());
+  const std::optional<Turn> interrupted = TRY(interrupted_group(options.out, to_do, outcomes));
+  if (interrupted) return *interrupted;
+  Turn turn{next_units(queue, outcomes, options.at_once), ""};
+  if (turn.units.size() == 1) {
+    turn.folder = folder_for(options.out, turn.units.front(), find_outcome(outcomes, turn.units.front()));
+  } else if (!turn.units.empty()) {
+    int next = 1;
+    while (path_exists(options.out + "/group." + std::to_string(next))) ++next;
+    turn.folder = options.out + "/group." + std::to_string(next);
+  }
+  return turn;
+}
+
+struct Tally {
+  int passed = 0, unjudged = 0, not_passed = 0;
+};
+
+Result<Tally> tally_of(const std::string& path) {
+  const std::vector<std::string> queue = TRY(read_queue(path));
+  const std::vector<UnitOutcome> outcomes = TRY(read_outcomes(path));
+  Tally tally;
+  for (const std::string& unit : queue) {
+    const UnitOutcome* outcome = find_outcome(outcomes, unit);
+    if (!outcome) continue;
+    const auto is = [outcome](const char* word) { return outcome->outcome == word; };
+    const bool passed = is("pass") || is("conditional_pass"), unjudged = is("not_judged") || is("captured");
+    ++(passed ? tally.passed : unjudged ? tally.unjudged : tally.not_passed);
+  }
+  return tally;
+}
+
+// Nobody is there, and what stopped the batch came before there was a run that could tell.
+void tell_operator(const HookCommands& hooks, const Status& why, const Turn& turn, bool dry_run, std::ostream& out) {
+  HookCall call{.event = "needs_operator",
+                .unit = join(turn.units),
+                .folder = turn.folder,
+                .message = why.error().message,
+                .dry_run = dry_run};
+  if (Status status = run_hook(hooks, call); !status) out << status.error().message << std::endl;
+}
+
+// A run that was begun goes on with its own sequence, whatever is asked for now; empty: with the same.
+std::string another_sequence(const RunPlan& asked, const std::string& folder) {
+  const Result<JournalContents> journal = read_journal(folder + "/" + journal_name);
+  if (!journal || journal->begin_value("sequence_hash") == asked.hashes.sequence) return "";
+  const std::string began = journal->begin_value("sequence");
+  if (began == asked.request.sequence) return "";  // it was changed, which the run itself refuses
+  const auto called = [](const std::string& file) { return file.empty() ? std::string("the fourteen steps") : file; };
+  return "goes on with the sequence that it began with, " + called(began) + ", not with " +
+         called(asked.request.sequence);
+}
+
+// One run, and what became of each of its units. `asked`: as for any unit of the batch.
+Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& turn, const std::string& tag,
+                CommandContext& context) {
+  const std::string name = (turn.units.size() > 1 ? "units " : "unit ") + join(turn.units);
+  context.out << tag << name << " in " << turn.folder << std::endl;
+  RunRequest request = options.request;
+  request.units = turn.units;
+  RunRequest resumed;
+  resumed.listen = request.listen;
+  resumed.pace = request.pace;
+  resumed.verbose = request.verbose;
+  const bool begun = path_exists(turn.folder + "/" + journal_name);
+  if (const std::string other = begun ? another_sequence(asked, turn.folder) : ""; !other.empty())
+    for (const std::string& unit : turn.units) context.out << tag << "unit " << unit << ": " << other << std::endl;
+  RunEnd end = begun ? resume_run(turn.folder, resumed, context) : begin_run(request, turn.folder, context);
+  if (!end.to_the_end) {
+    // Refused before anything was measured: not the unit on the table, say. Anything else is the station's affair, and so is what
+    // stopped it before there was a run: a table that is overdue since midnight is no fault of all the units that wait.
+    const bool refused =
+        !begun && !end.units.empty() && end.status.error().kind == ErrorKind::input &&
+        std::all_of(end.units.begin(), end.units.end(), [](const auto& unit) { return unit.outcome == "refused"; });
+    if (!refused) {
+      if (end.units.empty()) tell_operator(asked.station.hooks, end.status, turn, request.dry_run, context.out);
+      return Error{end.status.error().kind, name + ": " + end.status.error().message};
+    }
+    end.units.clear();
+    for (const std::string& unit : turn.units) end.units.push_back({unit, turn.folder, "refused", end.status});
+  }
+  Status stops;
+  for (const RunEnd::Unit& unit : end.units) {
+    if (unit.outcome.empty()) {
+      stops = Error{unit.status.error().kind, "unit " + unit.serial + ": " + unit.status.error().message};
+      continue;
+    }
+    std::string reason = unit.status ? "" : unit.status.error().message;
+    const std::string head = "unit " + unit.serial + ": " + unit.outcome + ": ";
+    if (reason.starts_with(head)) reason.erase(0, head.size());
+    TRY(record_outcome(options.queue, {unit.serial, unit.outcome, now_utc(), reason}));
+    context.out << tag << "unit " << unit.serial << ": " << unit.outcome << (reason.empty() ? "" : ": " + reason)
+                << std::endl;
+  }
+  return stops;
+}
+
+// False: one was skipped, and the turn is another.
+Result<bool> mount_units(const BatchOptions& options, const StationConfig& station, const Turn& turn,
+                         const std::string& tag, CommandContext& context) {
+  const std::string waited_for = mounting_file(options.queue);
+  for (const std::string& unit : turn.units) {
+    TRY(write_file_atomically(waited_for, unit + "\n"));
+    const Result<Mounted> mounted =
+        mount_unit(station, unit, turn.folder, context.quiet ? -1 : STDIN_FILENO, context.out, tag);
+    ::unlink(waited_for.c_str());
+    if (!mounted) return mounted.error();
+    if (!mounted->skipped) continue;
+    TRY(record_outcome(options.queue, {unit, "skipped", now_utc(), *mounted->skipped}));
+    context.out << tag << "unit " << unit << ": skipped: " << *mounted->skipped << std::endl;
+    return false;
+  }
+  return true;
+}
+
+Status run_batch(const BatchOptions& options, CommandContext& context) {
+  if (options.request.dry_run) context.tag = dry_run_tag;
+  RunRequest check = options.request;
+  check.units = {"X"};
+  const RunPlan prepared = TRY(plan_run(check));
+  context.tag = tag_of(prepared);
+  if (options.at_once > places(prepared)) {
+    return input_error("--at-once " + std::to_string(options.at_once) + ": expected at most " +
+                       std::to_string(places(prepared)) + ", the places on the table");
+  }
+  TRY(check_sequence(prepared));
+  const LockFile queue = TRY(hold_queue(options.queue));
+  const std::string tag = context.tag + "[batch] ";
+  for (;;) {
+    const Turn turn = TRY(next_turn(options));
+    if (turn.units.empty()) break;
+    const bool all =
+        TRY(options.request.dry_run ? Result<bool>(true) : mount_units(options, prepared.station, turn, tag, context));
+    if (!all) continue;
+    TRY(run_turn(options, prepared, turn, tag, context));
+    if (StopSignals::any()) {  // asked for when the results were being made
+      return Error{ErrorKind::interrupted,
+                   "paused after unit " + join(turn.units) + "; the same command goes on with the next"};
+    }
+  }
+  // Of the whole queue, whichever command did it.
+  const Tally tally = TRY(tally_of(options.queue));
+  context.out << tag << "queue done: " << tally.passed << " passed, "
+              << (tally.unjudged > 0 ? std::to_string(tally.unjudged) + " without a verdict, " : "") << tally.not_passed
+              << " not passed" << std::endl;
+  if (tally.not_passed == 0) return {};
+  return Error{ErrorKind::unit_failed, std::to_string(tally.not_passed) + " of " +
+                                           std::to_string(tally.passed + tally.unjudged + tally.not_passed) +
+                                           " units did not pass; see turncal queue " + options.queue};
+}
+
+struct QueueOptions {
+  std::string queue, format;
+  QueueChange change;
+};
+
+Status show_queue(const QueueOptions& options, std::ostream& out) {
+  const QueueChange& change = options.change;
+  if (!change.add.empty() || !change.remove.empty() || !change.again.empty()) {
+    TRY(change_queue(options.queue, change));
+  }
+  const std::vector<std::string> queue = TRY(read_queue(options.queue));
+  const std::vector<UnitOutcome> outcomes = TRY(read_outcomes(options.queue));
+  if (!options.format.empty()) {
+    DataTable table({"unit", "outcome", "time_utc", "reason"});
+    for (const std::string& unit : queue) {
+      const UnitOutcome* outcome = find_outcome(outcomes, unit);
+      table.begin_row();
+      table.text(unit);
+      table.text(outcome ? outcome->outcome : "waits");
+      outcome ? table.text(outcome->time_utc) : table.nothing();
+      outcome ? table.text(outcome->reason) : table.nothing();
+    }
+    out << table.as(options.format) << std::flush;
+    return {};
+  }
+  for (const std::string& unit : queue) {
+    const UnitOutcome* outcome = find_outcome(outcomes, unit);
+    out << unit << "  " << (outcome ? outcome->outcome + " " + outcome->time_utc : "waits")
+        << (outcome && !outcome->reason.empty() ? ": " + outcome->reason : "") << '\n';
+  }
+  return {};
+}
+
+}  // namespace
+
+void add_batch_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<BatchOptions>();
+  RunRequest& request = options->request;
+  const Command command = line.command("batch", "calibrate the units of a queue, one after the other, unattended");
+  command.option("queue", options->queue, "file with one serial number a line").required();
+  command.option("--out", options->out, "folder for the units' folders").required();
+  command.option("--at-once", options->at_once, "how many units of the queue are on the table together; default: 1")
+      .range(1, 16);
+  command.flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
+  command.option("--rig", request.rig, "rig configuration; default: the built-in one");
+  command.option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
+  command.option("--station", request.station, "station configuration; default: the built-in rig station");
+  add_verify_option(command, request);
+  add_until_option(command, request);
+  add_record_options(command, request);
+  add_watch_options(command, request);
+  command.runs(context, [options, &context] { return run_batch(*options, context); });
+}
+
+void add_queue_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<QueueOptions>();
+  const Command command = line.command("queue", "show a batch's queue, add and remove units; also while it runs");
+  command.option("queue", options->queue, "file with one serial number a line").required();
+  command.option("--add", options->change.add, "serial numbers to add at the end");
+  command.option("--remove", options->change.remove, "serial numbers to remove");
+  command.option("--again", options->change.again,
+                 "serial numbers whose outcome is forgotten: they are calibrated again");
+  command.option("--format", options->format, "print the queue in this form").one_of(data_formats);
+  command.runs(context, [options, &context] { return show_queue(*options, context.out); });
 }
 
 }  // namespace turncal

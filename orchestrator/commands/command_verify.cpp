@@ -1,18 +1,33 @@
 // `turncal verify`: north seeking on the table with a calibration (Wang (2020), 4.2), and `--references`: readings of references beside
 // those of the unit (4.3). The table is moved and the unit recorded as in a run (run_job.h), with verify.seq in place of the fourteen
 // steps; an interrupted one is taken up by `turncal resume DIR`; judged again by `turncal verify --recording DIR`.
+//
+// The certificate of one or more runs of a unit (orchestrator/report/certificate.h), from what they left on disk.
+//
+// `turncal certificate RUN... --station FILE --out HTML [--pdf FILE] [--specimen]`: the paper that goes to the customer (docs/certificate.md);
+// `--check HTML`: whether one is as it was issued.
+#include <algorithm>
 #include <memory>
+#include <string>
+#include <vector>
 
+#include "calib/types/status.h"
 #include "imu_io/base/atomic_file.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/console.h"
+#include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/parameter_file.h"
-#include "orchestrator/commands/command_run.h"
+#include "imu_io/recordings/recording_source.h"
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
 #include "orchestrator/jobs/run_job.h"
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/records/output_folder.h"
+#include "orchestrator/report/certificate.h"
+#include "orchestrator/report/pdf.h"
 #include "orchestrator/station/builtin_sequence.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 
@@ -53,11 +68,10 @@ Status check_together(const VerifyOptions& o) {
 Status verify_by_references(const VerifyOptions& options, CommandContext& context) {
   const ReferenceReport report = TRY(verify_references(options.references));
   if (!options.folder.empty()) {
-    Result<OutputFolder> folder = OutputFolder::prepare(options.folder, {});
-    if (!folder) return folder.error();
-    const std::string file = folder->file("references.conf");
+    OutputFolder folder = TRY(OutputFolder::prepare(options.folder, {}));
+    const std::string file = folder.file("references.conf");
     TRY(write_file_atomically(file, format_references(report)));
-    folder->keep();
+    folder.keep();
   }
   print_references(report, context.out);
   return verification_status(options.references, report.pass ? UnitVerdict::pass : UnitVerdict::fail);
@@ -80,14 +94,13 @@ Status judge_again(const VerifyOptions& options, CommandContext& context) {
     limits = station.limits;
   }
   ParameterFile parameters = TRY(read_parameter_file(options.parameters));
-  Result<OutputFolder> folder = OutputFolder::prepare(options.folder, {});
-  if (!folder) return folder.error();
+  OutputFolder folder = TRY(OutputFolder::prepare(options.folder, {}));
   const Result<VerificationReport> report =
       verify_recording({options.recording, options.parameters, std::move(parameters), limits, options.first_step});
   if (!report) return report.error();
-  const std::string file = folder->file(verification_name);
+  const std::string file = folder.file(verification_name);
   TRY(write_file_atomically(file, format_verification(*report)));
-  folder->keep();
+  folder.keep();
   const LinePrefix marked(context.out,
                           report->info.simulated && context.tag.empty() ? std::string(simulated_tag) : context.tag);
   print_verification(*report, context.out);
@@ -124,6 +137,170 @@ void add_verify_command(CommandLine& line, CommandContext& context) {
   add_watch_options(command, run);
   add_record_options(command, run);
   command.runs(context, [options, &context] { return verify(*options, context); });
+}
+
+struct CertificateRequest {
+  std::vector<std::string>
+      runs;             // folders, oldest first: the last one's result is certified, all give the repeatability
+  std::string station;  // laboratory.*, customer.*
+  bool specimen = false;
+};
+
+// Errors: kind input for folders without a result, of several units, of a recording given twice, or in another order; unit_failed for results that are simulated or not
+// trusted, unless a specimen is asked for.
+Result<std::string> make_certificate(const CertificateRequest& request);
+
+namespace {
+
+// Why the result is for nobody's use; empty: it may be certified.
+std::string objection(const ParameterFile& file) {
+  if (file.simulated) return "its data are simulated";
+  if (!is_trusted(file)) return "its sigmas are not trusted";
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i)
+    if (parameter_is_free[i] && !file.sigma[i])
+      return "it has no standard deviation of " + std::string(parameter_keys[i]);
+  return "";
+}
+
+// A verification belongs to the certificate when it is of these parameters, on this recording, and the one that the verdict knows of.
+Status add_verification(const std::string& folder, const ParameterFile& file, Certificate& certificate) {
+  const std::string path = folder + "/" + verification_name;
+  const std::string* const in_verdict = find_further(file, "verdict.verification");
+  if (!path_exists(path)) {
+    if (in_verdict == nullptr || in_verdict->find(not_judged_words) != std::string::npos) return {};
+    return input_error(path + ": is not there, though the verdict of " + parameters_name + " has a verification");
+  }
+  VerificationReport report = TRY(read_verification(path));
+  const auto other = [&](const std::string& what) {
+    return input_error(path + ": is of another " + what + " than " + parameters_name +
+                       ": expected the verification of this result (turncal verify --recording judges it again)");
+  };
+  const std::string calibration = TRY(calibration_hash(file));
+  if (report.info.unit_serial != file.unit_serial) return other("unit");
+  if (report.recording_hash != file.recording_hash) return other("recording");
+  if (report.calibration_hash != calibration) return other("calibration");
+  if (in_verdict != nullptr &&
+      *in_verdict != std::string(to_string(report.verdict)) + ": " + verification_words(report))
+    return other("judgement");
+  certificate.verification = std::move(report);
+  return {};
+}
+
+// Of all recordings that a result was made from.
+std::vector<std::string> recordings_of(const ParameterFile& file) {
+  std::vector<std::string> hashes;
+  const auto of_several = [&] {
+    return find_further(file, "record.recording." + std::to_string(hashes.size() + 1) + ".hash");
+  };
+  while (const std::string* const hash = of_several()) hashes.push_back(*hash);
+  if (hashes.empty()) hashes.push_back(file.recording_hash);
+  return hashes;
+}
+
+}  // namespace
+
+Result<std::string> make_certificate(const CertificateRequest& request) {
+  Certificate certificate;
+  StationConfig station = TRY(read_station_config(request.station));
+  certificate.parties = station.parties;
+  certificate.specimen = request.specimen;
+  certificate.issued_utc = format_utc(wall_utc_s());
+  std::vector<ParameterFile> runs;
+  for (const std::string& folder : request.runs) {
+    const std::string path = folder + "/" + parameters_name;
+    const std::string text = TRY(read_whole_file(path));
+    ParameterFile file = TRY(parse_parameter_file(text, path));
+    if (!runs.empty() && file.unit_serial != runs.front().unit_serial)
+      return input_error(path + ": of unit " + file.unit_serial + ", expected " + runs.front().unit_serial +
+                         ": a certificate is of one unit");
+    if (!runs.empty() && file.time_utc < runs.back().time_utc)
+      return input_error(path +
+                         ": older than the run before it, expected them oldest first: the last one is certified");
+    const std::string why = objection(file);
+    if (!why.empty() && !request.specimen)
+      return Error{ErrorKind::unit_failed, path + ": no certificate: " + why + " (--specimen makes a specimen)"};
+    std::vector<std::string>& hashes = certificate.recording_hashes;
+    for (std::string& hash : recordings_of(file)) {
+      if (std::find(hashes.begin(), hashes.end(), hash) != hashes.end())
+        return input_error(path + ": recording " + hash + " is given twice: expected runs of different recordings");
+      hashes.push_back(std::move(hash));
+    }
+    certificate.parameters_hash = hash_of_text(text);
+    runs.push_back(std::move(file));
+  }
+  certificate.file = runs.back();
+  if (const std::vector<std::string> keys = missing_keys(certificate.file, certificate.parties);
+      !keys.empty() && !request.specimen)
+    return input_error(request.station + ": no certificate without " + join(keys) + " (--specimen makes a specimen)");
+  std::array<double, parameter_count> sigma{};
+  for (std::size_t i = 0; i < certificate.budget.size(); ++i) {
+    certificate.budget[i] = budget_of(runs, i, certificate.parties);
+    sigma[i] = certificate.budget[i].expanded() / 2.0;
+  }
+  Result<VerdictReport> conformity = judge_again(certificate.file, sigma);
+  if (!conformity) return input_error(request.runs.back() + "/" + parameters_name + ": " + conformity.error().message);
+  certificate.conformity = std::move(*conformity);
+  for (const EffectValue& effect : certificate.file.effects)
+    certificate.effect_budget.push_back(budget_of(runs, effect));
+  TRY(add_verification(request.runs.back(), certificate.file, certificate));
+  return certificate_page(certificate);
+}
+
+namespace {
+
+struct CertificateOptions {
+  CertificateRequest request;
+  std::string html;
+  std::string pdf;
+  std::string check;
+};
+
+Status check(const std::string& path, CommandContext& context) {
+  std::string page = TRY(read_whole_file(path));
+  const std::string hash = TRY(check_certificate(std::move(page), path));
+  context.out << path << ": as it was issued, hash " << hash << '\n';
+  return {};
+}
+
+Status certify(const CertificateOptions& options, CommandContext& context) {
+  const CertificateRequest& request = options.request;
+  if (!options.check.empty()) {
+    if (!request.runs.empty() || !request.station.empty() || !options.html.empty() || !options.pdf.empty())
+      return input_error("--check: expected nothing beside it: it reads a certificate that was issued");
+    return check(options.check, context);
+  }
+  if (request.runs.empty() || request.station.empty() || options.html.empty())
+    return input_error("expected the folder of a run, --station and --out; or --check alone");
+  if (Status s = check_apart({{"--station", options.request.station}, {"--out", options.html}, {"--pdf", options.pdf}});
+      !s)
+    return s;
+  const std::string page = TRY(make_certificate(options.request));
+  constexpr std::size_t alike = 100;
+  TRY(check_replaceable(options.html, std::string_view(page).substr(0, alike)));
+  if (!options.pdf.empty()) {
+    TRY(check_replaceable(options.pdf, "%PDF-"));
+    const std::string warning = TRY(write_pdf(page, options.pdf));
+    if (!warning.empty()) context.out << options.pdf << ": " << warning << '\n';
+  }
+  TRY(write_file_atomically(options.html, page));
+  context.out << "certificate  " << options.html << '\n';
+  if (!options.pdf.empty()) context.out << "pdf          " << options.pdf << '\n';
+  return {};
+}
+
+}  // namespace
+
+void add_certificate_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<CertificateOptions>();
+  CertificateRequest& request = options->request;
+  const Command command = line.command("certificate", "the calibration certificate of a unit, for its customer");
+  command.option("run", request.runs, "folders of runs of one unit, oldest first; the last one is certified");
+  command.option("--station", request.station, "station configuration, with laboratory.* and customer.*");
+  command.option("--out", options->html, "HTML file to write");
+  command.option("--check", options->check, "HTML file that was issued: whether it is as it was");
+  command.option("--pdf", options->pdf, "PDF file to write, by weasyprint");
+  command.flag("--specimen", request.specimen, "a specimen with a watermark, also of simulated and untrusted results");
+  command.runs(context, [options, &context] { return certify(*options, context); });
 }
 
 }  // namespace turncal

@@ -6,7 +6,7 @@
 
 #include "orchestrator/devices/gravity_watch.h"
 #include "orchestrator/devices/operator_prompts.h"
-#include "orchestrator/records/journal_contents.h"
+#include "orchestrator/records/journal.h"
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/station/station_config.h"
 #include "turntable_drivers/manual/manual_turntable.h"

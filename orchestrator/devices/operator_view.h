@@ -6,8 +6,8 @@
 #include <string_view>
 
 #include "orchestrator/devices/operator_prompts.h"
-#include "orchestrator/watch/live_status.h"
-#include "orchestrator/watch/operator_terminal.h"
+#include "orchestrator/watch/operator_screen.h"
+#include "orchestrator/watch/status_page.h"
 
 namespace turncal {
 

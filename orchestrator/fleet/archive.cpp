@@ -10,7 +10,7 @@
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/station/database_name.h"
+#include "orchestrator/station/station_config.h"
 
 namespace turncal {
 namespace {

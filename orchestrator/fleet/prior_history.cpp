@@ -6,7 +6,7 @@
 
 #include "calib/model/limits.h"
 #include "orchestrator/fleet/kept_files.h"
-#include "orchestrator/jobs/navigation/stored_estimate.h"
+#include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/diagnosis_file.h"
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "orchestrator/watch/tone.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 

@@ -7,7 +7,7 @@
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/jobs/calibration_job.h"
-#include "orchestrator/jobs/navigation/effect_worth.h"
+#include "orchestrator/jobs/navigation/navigation_job.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/rest_as_diagnosis.h"

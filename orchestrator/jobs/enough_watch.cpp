@@ -8,7 +8,8 @@
 #include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/report_format.h"
-#include "orchestrator/jobs/sequence_coverage.h"
+#include "orchestrator/jobs/planned_unit.h"
+#include "orchestrator/jobs/run_results.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -49,13 +50,12 @@ const KnownSoFar& least_known(const std::vector<KnownSoFar>& units) {
 
 const NeededSigma* KnownSoFar::worst() const { return worst_of(sigmas); }
 
-std::string not_reached(const UnitRun& unit) {
-  if (!unit.run.request.until_sigma || !unit.results.output) return "";
-  const std::vector<NeededSigma> sigmas =
-      needed_sigmas(unit.results.output->file, unit.run.station.stop_sigma, unit.run.station.limits);
+std::string not_reached(const Run& run, const RunUnit& unit) {
+  if (!run.request.until_sigma || !unit.output) return "";
+  const std::vector<NeededSigma> sigmas = needed_sigmas(unit.output->file, run.station.stop_sigma, run.station.limits);
   const NeededSigma* const worst = worst_of(sigmas);
   if (worst == nullptr || worst->needed == 0.0 || worst->ratio() <= 1.0) return "";
-  return "unit " + unit.run.unit() + ": not enough at the planned end: " + ratio_text(*worst);
+  return "unit " + unit.serial + ": not enough at the planned end: " + ratio_text(*worst);
 }
 
 Segments takes_of_last(const Segments& segments, std::size_t dwells) {
@@ -71,17 +71,12 @@ Segments takes_of_last(const Segments& segments, std::size_t dwells) {
   return takes;
 }
 
-EnoughWatch::EnoughWatch(const PreparedRun& run, const Plan& plan, const std::vector<UnitRun>& units,
-                         std::deque<RecordingSink>& recordings, JournalFile& journal, BackgroundQueue& storage,
-                         Tell tell)
+EnoughWatch::EnoughWatch(Run& run, std::deque<RecordingSink>& recordings, BackgroundQueue& storage, Tell tell)
     : run_(run),
-      plan_(plan),
-      units_(units),
       recordings_(recordings),
-      journal_(journal),
       storage_(storage),
       tell_(std::move(tell)),
-      end_item_(first_item_of(plan, run.verify_from)) {}
+      end_item_(first_item_of(run.plan, run.verify_from)) {}
 
 Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item) {
   if (next_item >= end_item_) return std::optional(next_item);  // nothing is left to be left out
@@ -99,10 +94,10 @@ Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item
   const bool again = std::any_of(units.begin(), units.end(), [](const KnownSoFar& unit) { return unit.again; });
   std::vector<std::pair<RecordingSink*, Segment>> aside;
   for (const KnownSoFar& known : units)
-    for (std::size_t i = 0; i < units_.size(); ++i)
+    for (std::size_t i = 0; i < run_.units.size(); ++i)
       for (const Segment& take : known.set_aside)
-        if (units_[i].run.unit() == known.unit) aside.emplace_back(&recordings_[i], take);
-  const auto write = [&journal = journal_, aside, fields = note(units, next_item, enough, again)]() -> Status {
+        if (run_.units[i].serial == known.unit) aside.emplace_back(&recordings_[i], take);
+  const auto write = [&journal = *run_.journal, aside, fields = note(units, next_item, enough, again)]() -> Status {
     for (const auto& [recording, take] : aside) TRY(recording->set_aside(take));
     return fields.empty() ? Status{} : journal.append(JournalType::estimate, fields);
   };
@@ -112,14 +107,13 @@ Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item
 
 std::vector<KnownSoFar> EnoughWatch::estimate(std::size_t done_items) {
   std::vector<KnownSoFar> known;
-  for (const UnitRun& unit : units_)
+  for (const RunUnit& unit : run_.units)
     if (!unit.dropped) known.push_back(estimate(unit, done_items));
   return known;
 }
 
-EnoughWatch::Look EnoughWatch::look(const UnitRun& unit, const Segments& without) const {
-  const Result<std::unique_ptr<RecordingSource>> source =
-      RecordingSource::open(unit.folder + "/" + partial_recording_name);
+EnoughWatch::Look EnoughWatch::look(const RunUnit& unit, const Segments& without) const {
+  const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(unit.file(partial_recording_name));
   if (!source) return {source.error(), source.error()};
   for (const Segment& take : without) (*source)->set_aside(take);
   Look look{load_recording(**source, {}, {}, run_.verify_from), Error{}};
@@ -140,7 +134,7 @@ bool EnoughWatch::disagrees(const Look& look) {
 }
 
 // Of a dwell that was made more than once: the takes that disagree, if the last one does not when they are left out.
-Segments EnoughWatch::to_set_aside(const UnitRun& unit, const Segments& takes) const {
+Segments EnoughWatch::to_set_aside(const RunUnit& unit, const Segments& takes) const {
   Segments bad;
   for (const Segment& take : takes) {
     Segments others = takes;
@@ -150,16 +144,16 @@ Segments EnoughWatch::to_set_aside(const UnitRun& unit, const Segments& takes) c
   return bad.empty() || disagrees(look(unit, bad)) ? Segments{} : bad;
 }
 
-KnownSoFar EnoughWatch::estimate(const UnitRun& unit, std::size_t done_items) {
+KnownSoFar EnoughWatch::estimate(const RunUnit& unit, std::size_t done_items) {
   KnownSoFar known;
-  known.unit = unit.run.unit();
+  known.unit = unit.serial;
   Look so_far = look(unit, {});
   if (!so_far.loaded) {
     known.why_not = so_far.loaded.error().message;
     return known;
   }
   std::size_t dwells = 0;  // of the plan, in the last pose
-  while (dwells < done_items && plan_.items[done_items - 1 - dwells].kind == SequenceItem::Kind::dwell) ++dwells;
+  while (dwells < done_items && run_.plan.items[done_items - 1 - dwells].kind == SequenceItem::Kind::dwell) ++dwells;
   const Segments takes = takes_of_last(so_far.loaded->data.segments, dwells);
   known.set_aside = to_set_aside(unit, takes);
   if (!known.set_aside.empty()) {
@@ -203,14 +197,14 @@ bool EnoughWatch::diagnosed_at_end() const {
 
 double EnoughWatch::length_s(std::size_t from, std::size_t to) const {
   double sum_s = 0.0;
-  for (std::size_t i = from; i < to; ++i) sum_s += plan_.items[i].duration_s;
+  for (std::size_t i = from; i < to; ++i) sum_s += run_.plan.items[i].duration_s;
   return sum_s;
 }
 
 const ParameterVector& EnoughWatch::planned_sigmas(std::size_t items, const JointResult& fit) {
   const auto known = planned_.find(items);
   if (known != planned_.end()) return known->second;
-  PlannedMotion motion = planned_motion(run_.sequence, plan_);
+  PlannedMotion motion = planned_motion(run_.sequence, run_.plan);
   motion.items.resize(items);
   PredictOptions options;
   options.noise = fit.noise;
@@ -222,7 +216,7 @@ std::optional<std::size_t> EnoughWatch::expected_end(const std::vector<NeededSig
                                                      const JointResult& fit, bool soonest) {
   std::vector<std::size_t> ends;  // items done when the run may end
   for (std::size_t i = done_items; i < end_item_; ++i)
-    if (plan_.items[i].kind == SequenceItem::Kind::dwell) ends.push_back(i + 1);
+    if (run_.plan.items[i].kind == SequenceItem::Kind::dwell) ends.push_back(i + 1);
   const ParameterVector now = planned_sigmas(done_items, fit);
   const auto enough_at = [&](std::size_t items) {
     const ParameterVector& then = planned_sigmas(items, fit);
@@ -242,7 +236,7 @@ JournalFields EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_
   const KnownSoFar& least = least_known(units);
   const NeededSigma* const worst = least.worst();
   const std::string after =
-      "after item " + std::to_string(next_item) + " of " + std::to_string(plan_.items.size()) + ": ";
+      "after item " + std::to_string(next_item) + " of " + std::to_string(run_.plan.items.size()) + ": ";
   std::string line = after;
   std::size_t set_aside = 0;
   for (const KnownSoFar& unit : units) {

@@ -24,7 +24,7 @@
 
 #include "calib/types/status.h"
 #include "orchestrator/jobs/calibration_job.h"
-#include "orchestrator/jobs/unit_run.h"
+#include "orchestrator/jobs/run.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/run/background_queue.h"
 #include "orchestrator/station/verdict.h"
@@ -48,30 +48,28 @@ struct KnownSoFar {
 Segments takes_of_last(const Segments& segments, std::size_t dwells);
 
 // Of a run that came to its planned end: what is known less well than it had to be, as a line; empty: nothing.
-std::string not_reached(const UnitRun& unit);
+std::string not_reached(const Run& run, const RunUnit& unit);
 
 class EnoughWatch {
  public:
   // tell: a line for the log and the operator, and what is known of the unit of which least is known.
   using Tell = std::function<void(const std::string& line, const KnownSoFar& unit)>;
-  // Both outlive it. units: as they are when they are looked at (dropped).
-  // recordings: of the units, in their order.
-  EnoughWatch(const PreparedRun& run, const Plan& plan, const std::vector<UnitRun>& units,
-              std::deque<RecordingSink>& recordings, JournalFile& journal, BackgroundQueue& storage, Tell tell);
+  // recordings: of the units, in their order. All outlive it.
+  EnoughWatch(Run& run, std::deque<RecordingSink>& recordings, BackgroundQueue& storage, Tell tell);
 
   // For StationHooks::go_on_with. Waits a few milliseconds at most; what is decided is answered once it is durable.
   Result<std::optional<std::size_t>> go_on_with(std::size_t next_item);
 
  private:
   std::vector<KnownSoFar> estimate(std::size_t done_items);  // in the thread
-  KnownSoFar estimate(const UnitRun& unit, std::size_t done_items);
+  KnownSoFar estimate(const RunUnit& unit, std::size_t done_items);
   struct Look {
     Result<LoadedRecording> loaded;
     Result<CalibrationOutput> output;
   };
-  Look look(const UnitRun& unit, const Segments& without) const;
+  Look look(const RunUnit& unit, const Segments& without) const;
   static bool disagrees(const Look& look);  // its last dwell, with the others
-  Segments to_set_aside(const UnitRun& unit, const Segments& takes) const;
+  Segments to_set_aside(const RunUnit& unit, const Segments& takes) const;
   // How the sigmas shrink with the plan: those of the items before each, for an ideal unit with this noise.
   const ParameterVector& planned_sigmas(std::size_t items, const JointResult& fit);
   std::optional<std::size_t> expected_end(const std::vector<NeededSigma>& sigmas, std::size_t done_items,
@@ -80,11 +78,8 @@ class EnoughWatch {
   double length_s(std::size_t from, std::size_t to) const;  // of items of the plan
   JournalFields note(const std::vector<KnownSoFar>& units, std::size_t next_item, bool enough, bool again);
 
-  const PreparedRun& run_;
-  const Plan& plan_;
-  const std::vector<UnitRun>& units_;
+  Run& run_;
   std::deque<RecordingSink>& recordings_;
-  JournalFile& journal_;
   BackgroundQueue& storage_;
   Tell tell_;
   std::size_t end_item_;  // of what is calibrated from

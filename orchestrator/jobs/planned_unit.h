@@ -1,16 +1,23 @@
 // The station, the site and the unit's noise that a prediction or a design is made for: the options that `turncal predict` and
 // `turncal design` share.
+//
+// Which of the parameters a plan would leave undetermined, found before anything moves (calib/prediction/predict.h): a run of such a
+// sequence is refused unless it only captures (--capture-only) or may be estimated in part (--partial).
 #pragma once
 
 #include <optional>
 #include <ostream>
 #include <string>
+#include <vector>
 
 #include "calib/model/noise_model.h"
 #include "calib/model/parameters.h"
+#include "calib/prediction/planned_motion.h"
+#include "calib/prediction/predict.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
 #include "orchestrator/station/station_config.h"
+#include "sequences/plan.h"
 
 namespace turncal {
 
@@ -39,5 +46,19 @@ Status check_site(const PlannedSite& site);
 Result<PlannedUnit> planned_unit(const PlannedSite& site);
 NoiseModel noise_model(const PlannedSite& site);
 void print_premises(const PlannedSite& site, const RecordingInfo& info, std::ostream& out);
+
+// A plan as the pure functions of calib take it.
+PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan);
+
+// Keys of the free parameters, in their order; empty: all are determined. info: period, site and increments of the unit. The noise is
+// that of a good laser-gyro unit (0.002 deg/sqrt(h), 8 ug/sqrt(Hz)); what no rotation shows stays undetermined at any noise.
+// Of a plan of more than 20 000 items nothing is said, so that nobody waits for long.
+std::vector<std::string> undetermined_by(const Sequence& sequence, const Plan& plan, const RecordingInfo& info);
+
+// Keys of the parameters with a number above 0 in `asked` that the prediction leaves undetermined.
+std::vector<std::string> open_parameters(const Prediction& prediction, const ParameterVector& asked);
+
+// "does not determine n11 n12: expected ...": to follow the name of the sequence.
+std::string coverage_text(const std::vector<std::string>& keys);
 
 }  // namespace turncal

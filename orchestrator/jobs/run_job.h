@@ -1,6 +1,6 @@
 // A run from beginning to end: `begin_run` in a new folder, `resume_run` where one was interrupted.
 //
-// The folder holds journal.tcj and run.log; there, or below it for each of several units (unit_run.h), are recording.partial.tcr
+// The folder holds journal.tcj and run.log; there, or below it for each of several units (run.h), are recording.partial.tcr
 // (recording.tcr once sealed), parameters.conf, and after a dry run truth.conf. A run that failed before it moved the table leaves
 // nothing; one that failed later leaves its log and journal, and can be taken up.
 #pragma once
@@ -10,7 +10,7 @@
 
 #include "orchestrator/jobs/command_context.h"
 #include "orchestrator/jobs/run_request.h"
-#include "orchestrator/records/journal_contents.h"
+#include "orchestrator/records/journal.h"
 
 namespace turncal {
 
@@ -18,7 +18,7 @@ struct RunEnd {
   Status status;  // of the whole run: what the command returns
   struct Unit {
     std::string serial, folder;
-    std::string outcome;  // in one word (outcome_of, unit_run.h)
+    std::string outcome;  // in one word (outcome_of, run.h)
     Status status;
   };
   std::vector<Unit> units;  // none: refused before anything was made
@@ -27,13 +27,18 @@ struct RunEnd {
 
   RunEnd(Status how) : status(std::move(how)) {}
   RunEnd(Error why) : status(std::move(why)) {}
+  static RunEnd of_all(Status how) {
+    RunEnd end(std::move(how));
+    end.to_the_end = true;
+    return end;
+  }
 };
 
 // Every unit that is left has its verdict: nothing to resume.
 bool is_over(const JournalContents& journal);
 
 // That the station can run the sequence, and that what it is for can come of it. Part of begin_run; a batch asks before its first unit.
-Status check_sequence(const PreparedRun& run);
+Status check_sequence(const RunPlan& run);
 
 RunEnd begin_run(const RunRequest& request, const std::string& folder, CommandContext& context);
 

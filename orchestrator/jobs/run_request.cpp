@@ -8,12 +8,14 @@
 
 #include "calib/navigation/alignment.h"
 #include "imu_io/base/clock.h"
+#include "imu_io/base/format_number.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_source.h"
+#include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/devices/station_rig.h"
-#include "orchestrator/records/journal_file.h"
+#include "orchestrator/records/journal.h"
 #include "orchestrator/records/station_records.h"
 #include "orchestrator/station/builtin_sequence.h"
 #include "orchestrator/station/version.h"
@@ -21,6 +23,13 @@
 namespace turncal {
 
 namespace {
+
+// What is not of the run itself.
+void of_this_session(const RunRequest& now, RunRequest& request) {
+  request.listen = now.listen;
+  request.pace = now.pace;
+  request.verbose = now.verbose;
+}
 
 // The text of a file, or of what is built in: then only the version says what it was.
 Result<std::string> text_of(std::string& path, const std::string& built_in) {
@@ -48,17 +57,11 @@ Status check_words(const RunRequest& request) {
       return input_error("--unit " + turncal::quoted(unit) + ": given twice, expected each unit once");
     }
   }
-  const std::pair<const char*, const std::string*> words[] = {{"--operator", &request.operator_name},
-                                                              {"--part", &request.part},
-                                                              {"--lot", &request.lot},
-                                                              {"--revision", &request.revision},
-                                                              {"--ambient", &request.ambient},
-                                                              {"--override-due", &request.overdue_reason}};
-  for (const auto& [name, word] : words) {
-    if (!word->empty() && !is_plain_text(*word)) {
-      return input_error(std::string(name) + " " + turncal::quoted(*word) +
+  for (const RecordWord& record : record_words) {
+    const std::string& word = request.*record.word;
+    if (!word.empty() && !is_plain_text(word))
+      return input_error(std::string(record.option) + " " + turncal::quoted(word) +
                          ": expected printable characters without '#'");
-    }
   }
   return {};
 }
@@ -70,7 +73,7 @@ Status check_seeks_north(const StationConfig& station) {
 }
 
 // A live run needs devices that are there.
-Status check_live(const PreparedRun& run) {
+Status check_live(const RunPlan& run) {
   if (!run.request.rig.empty()) return input_error("--rig describes a simulated table and unit: it needs --dry-run");
   if (run.request.pace > 0.0) return input_error("--pace holds back virtual time: it needs --dry-run");
   return check_real_devices(run.station);
@@ -84,7 +87,7 @@ void turn_by_hand(StationConfig& station) {
 }
 
 // What is to be verified, and the north seeking after the calibration where there is one.
-Status prepare_verification(PreparedRun& run) {
+Status prepare_verification(RunPlan& run) {
   RunRequest& wanted = run.request;
   if (wanted.verify && wanted.verified.empty() && (wanted.capture_only || wanted.partial))
     return input_error("--verify: expected neither --capture-only nor --partial: nothing would come of them to verify");
@@ -101,13 +104,13 @@ Status prepare_verification(PreparedRun& run) {
   const std::string text = TRY(text_of(wanted.verified, ""));
   ParameterFile file = TRY(read_parameter_file(given));
   run.verified = std::move(file);
-  run.verified_hash = hash_of_text(text);
+  run.hashes.verified = hash_of_text(text);
   run.verify_from = run.sequence.steps.front().number;
   return {};
 }
 
 // What ends a run early has to be said by the station.
-Status check_until_sigma(const PreparedRun& run) {
+Status check_until_sigma(const RunPlan& run) {
   if (!run.request.until_sigma) return {};
   if (run.request.capture_only || run.request.partial)
     return input_error(
@@ -134,10 +137,10 @@ Result<double> next_beginning(const StationConfig& station, const RigConfig& rig
 }
 
 // The same unit, later and switched on again: what it was, with other noise.
-Status turn_on_again(PreparedRun& run) {
+Status turn_on_again(RunPlan& run) {
   if (run.request.continues.empty()) return {};
   const JournalContents before = TRY(read_journal(run.request.continues + "/" + journal_name));
-  if (before.begin_value("rig_hash") != run.rig_hash)
+  if (before.begin_value("rig_hash") != run.hashes.rig)
     return input_error((run.request.rig.empty() ? "the built-in rig" : run.request.rig) +
                        ": is not the rig of the run in " + run.request.continues);
   run.rig.unit_seed = run.rig.unit_seed.value_or(run.rig.seed);
@@ -156,7 +159,7 @@ Status turn_on_again(PreparedRun& run) {
 }
 
 // A unit of a lot follows from its serial number, and the clock goes on from run to run.
-Status turn_on_of_lot(PreparedRun& run) {
+Status turn_on_of_lot(RunPlan& run) {
   if (!run.rig.lot.seed) return {};
   if (run.request.units.size() > 1)
     return input_error(run.request.rig + ": lot.seed: expected one unit at a time, found " +
@@ -168,14 +171,14 @@ Status turn_on_of_lot(PreparedRun& run) {
   return {};
 }
 
-Status prepare_rig(PreparedRun& run) {
+Status prepare_rig(RunPlan& run) {
   RunRequest& wanted = run.request;
   const std::string rig_given = wanted.rig.empty() ? run.station.rig_file : wanted.rig;
   wanted.rig = rig_given;
   const std::string rig_text = TRY(text_of(wanted.rig, of_this_version("built-in rig")));
   RigConfig rig = TRY(rig_of(run.station, rig_given));
   run.rig = std::move(rig);
-  run.rig_hash = hash_of_text(rig_text);
+  run.hashes.rig = hash_of_text(rig_text);
   if (wanted.station.empty()) {  // the built-in station stands where the rig does
     run.station.latitude_deg = run.rig.site.latitude_deg;
     run.station.gravity_mps2 = run.rig.site.gravity_mps2;
@@ -186,7 +189,7 @@ Status prepare_rig(PreparedRun& run) {
 
 }  // namespace
 
-std::size_t places(const PreparedRun& run) { return run.request.dry_run ? most_units : run.station.imu_places(); }
+std::size_t places(const RunPlan& run) { return run.request.dry_run ? most_units : run.station.imu_places(); }
 
 RecordingInfo planned_info(const StationConfig& station, const RigConfig* rig) {
   RecordingInfo info;
@@ -201,7 +204,7 @@ RecordingInfo planned_info(const StationConfig& station, const RigConfig* rig) {
   return info;
 }
 
-RecordingInfo planned_info(const PreparedRun& run) {
+RecordingInfo planned_info(const RunPlan& run) {
   return planned_info(run.station, run.request.dry_run ? &run.rig : nullptr);
 }
 
@@ -228,11 +231,11 @@ Result<int> append_north_seeking(const StationConfig& station, Sequence& sequenc
   return sequence.steps[steps].number;
 }
 
-Result<PreparedRun> prepare(const RunRequest& request) {
+Result<RunPlan> plan_run(const RunRequest& request) {
   if (request.capture_only && request.partial)
     return input_error(
         "--capture-only and --partial: expected one of them: what is only captured is not estimated in part either");
-  PreparedRun run;
+  RunPlan run;
   run.request = request;
   run.began_utc = request.began_utc;
   RunRequest& wanted = run.request;
@@ -246,13 +249,12 @@ Result<PreparedRun> prepare(const RunRequest& request) {
     return input_error("--manual --dry-run with " + std::to_string(wanted.units.size()) +
                        " units: expected one, a rehearsal has one rig");
   }
-  run.station_hash = hash_of_text(station_text);
+  run.hashes.station = hash_of_text(station_text);
 
   if (wanted.dry_run) {
     TRY(prepare_rig(run));
-  } else if (Status status = check_live(run); !status) {
-    return status.error();
-  }
+  } else
+    TRY(check_live(run));
 
   if (wanted.units.size() > places(run)) {
     return input_error(
@@ -266,84 +268,135 @@ Result<PreparedRun> prepare(const RunRequest& request) {
   Sequence sequence =
       TRY(parse_sequence(sequence_text, wanted.sequence.empty() ? builtin_sequence_name : request.sequence));
   run.sequence = std::move(sequence);
-  run.sequence_hash = hash_of_text(sequence_text);
+  run.hashes.sequence = hash_of_text(sequence_text);
   TRY(prepare_verification(run));
   TRY(check_until_sigma(run));
+  run.plan = make_plan(run.sequence, plan_limits(run.station, run.sample_period_s()));
   return run;
 }
 
-JournalFields begin_fields(const PreparedRun& run) {
-  const RunRequest& request = run.request;
-  JournalFields fields = {{"format", "1"},
-                          {"software_version", software_version()},
-                          {"simulated", run.simulated() ? "true" : "false"},
-                          {"live", request.dry_run ? "" : "true"},
-                          {"began_utc", run.began_utc},
-                          {"manual", request.manual ? "true" : ""},
-                          {"capture_only", request.capture_only ? "true" : "false"},
-                          {"partial", request.partial ? "true" : ""},
-                          {"no_diagnosis", request.no_diagnosis ? "true" : ""},
-                          {"verify", request.verify ? "true" : ""},
-                          {"until_sigma", request.until_sigma ? "true" : ""},
-                          {"continues", request.continues},
-                          {"verified", request.verified},
-                          {"verified_hash", run.verified_hash},
-                          {"unit", request.units.front()},
-                          {"station", request.station},
-                          {"station_hash", run.station_hash},
-                          {"rig", request.rig},
-                          {"rig_hash", run.rig_hash},
-                          {"sequence", request.sequence},
-                          {"sequence_hash", run.sequence_hash},
-                          {"operator", request.operator_name},
-                          {"part", request.part},
-                          {"lot", request.lot},
-                          {"revision", request.revision},
-                          {"ambient", request.ambient},
-                          {"overdue_reason", request.overdue_reason}};
-  for (std::size_t unit = 1; unit < request.units.size(); ++unit) {
-    fields.emplace_back("unit." + std::to_string(unit + 1), request.units[unit]);
-  }
+namespace {
+
+// Of the first record, in its order. As many units as there is room for; the first is told among the files.
+Fields fields_of(RunRequest& request, FileHashes& hashes) {
+  Fields fields = {chosen("live", request.dry_run, {"true", ""}, ""),
+                   {"began_utc", &request.began_utc},
+                   {"manual", &request.manual, {}, true},
+                   {"capture_only", &request.capture_only},
+                   {"partial", &request.partial, {}, true},
+                   {"no_diagnosis", &request.no_diagnosis, {}, true},
+                   {"verify", &request.verify, {}, true},
+                   {"until_sigma", &request.until_sigma, {}, true},
+                   {"continues", &request.continues},
+                   {"verified", &request.verified},
+                   {"verified_hash", &hashes.verified},
+                   {"unit", &request.units.front()},
+                   {"station", &request.station},
+                   {"station_hash", &hashes.station},
+                   {"rig", &request.rig},
+                   {"rig_hash", &hashes.rig},
+                   {"sequence", &request.sequence},
+                   {"sequence_hash", &hashes.sequence}};
+  for (const RecordWord& record : record_words) fields.push_back({record.key, &(request.*record.word)});
+  for (std::size_t unit = 1; unit < request.units.size(); ++unit)
+    fields.push_back({"unit." + std::to_string(unit + 1), &request.units[unit]});
   return fields;
 }
 
-RunRequest request_of(const JournalContents& journal) {
+struct Beginning {
   RunRequest request;
-  request.dry_run = journal.begin_value("live") != "true";
-  request.manual = journal.begin_value("manual") == "true";
-  request.capture_only = journal.begin_value("capture_only") == "true";
-  request.partial = journal.begin_value("partial") == "true";
-  request.no_diagnosis = journal.begin_value("no_diagnosis") == "true";
-  request.verify = journal.begin_value("verify") == "true";
-  request.until_sigma = journal.begin_value("until_sigma") == "true";
-  request.continues = journal.begin_value("continues");
-  request.verified = journal.begin_value("verified");
-  request.units = journal.units();
-  request.began_utc = journal.begin_value("began_utc");
-  request.station = journal.begin_value("station");
-  request.rig = journal.begin_value("rig");
-  request.sequence = journal.begin_value("sequence");
-  request.operator_name = journal.begin_value("operator");
-  request.part = journal.begin_value("part");
-  request.lot = journal.begin_value("lot");
-  request.revision = journal.begin_value("revision");
-  request.ambient = journal.begin_value("ambient");
-  request.overdue_reason = journal.begin_value("overdue_reason");
+  FileHashes hashes;
+};
+Beginning beginning_of(const JournalContents& journal) {
+  Beginning began;
+  began.request.units.resize(journal.units().size());
+  set_texts(journal.begin, fields_of(began.request, began.hashes));
+  return began;
+}
+
+}  // namespace
+
+JournalFields begin_fields(RunPlan run) {
+  run.request.began_utc = run.began_utc;
+  JournalFields fields = {
+      {"format", "1"}, {"software_version", software_version()}, {"simulated", run.simulated() ? "true" : "false"}};
+  const JournalFields asked = texts_of(fields_of(run.request, run.hashes));
+  fields.insert(fields.end(), asked.begin(), asked.end());
+  if (!run.request.manual) fields.emplace_back("planned_s", format_number(run.plan.station_s));
+  return fields;
+}
+
+RunRequest request_of(const JournalContents& journal) { return beginning_of(journal).request; }
+
+Result<RunRequest> request_again(const JournalContents& journal, const RunRequest& now) {
+  RunRequest request = request_of(journal);
+  if (!now.units.empty() && now.units != request.units) {
+    const auto list = [](const std::vector<std::string>& units) {
+      std::string text;
+      for (const std::string& unit : units) text += (text.empty() ? "'" : ", '") + unit + "'";
+      return text;
+    };
+    return input_error("--unit " + list(now.units) + ": expected " + list(request.units) + ", whose run this is");
+  }
+  for (std::string RunRequest::*file : {&RunRequest::station, &RunRequest::sequence, &RunRequest::rig})
+    if (!(now.*file).empty()) request.*file = now.*file;
+  if (request.overdue_reason.empty()) request.overdue_reason = now.overdue_reason;
+  request.no_diagnosis = request.no_diagnosis || now.no_diagnosis;
+  of_this_session(now, request);
   return request;
 }
 
-Status check_unchanged(const PreparedRun& run, const JournalContents& journal) {
+Result<RunRequest> continuing(const RunRequest& asked) {
+  for (const auto& [option, given] : {std::pair{"--unit", !asked.units.empty()},
+                                      {"--station", !asked.station.empty()},
+                                      {"--rig", !asked.rig.empty()},
+                                      {"--verify", asked.verify},
+                                      {"--until-sigma", asked.until_sigma},
+                                      {"--partial", asked.partial},
+                                      {"--capture-only", asked.capture_only}})
+    if (given)
+      return input_error(
+          std::string(option) +
+          ": expected no such option beside --continue, which goes on with the unit and the station of " +
+          asked.continues);
+  if (asked.sequence.empty()) return input_error("--continue: expected --sequence, what is to be recorded");
+  const std::string journal = asked.continues + "/" + journal_name;
+  if (!path_exists(journal))
+    return input_error(asked.continues + ": holds no " + journal_name + ": expected the folder of a run");
+  RunRequest request = request_of(TRY(read_journal(journal)));
+  if (request.units.size() != 1)
+    return input_error(asked.continues + ": is a run of " + std::to_string(request.units.size()) +
+                       " units: expected a run of one");
+  if (!path_exists(asked.continues + "/" + binary_recording_name))
+    return input_error(asked.continues + ": holds no " + binary_recording_name +
+                       ": expected a run that has recorded all (turncal resume)");
+  if (asked.dry_run && !request.dry_run)
+    return input_error("--dry-run: expected none, " + asked.continues + " is a run of a real unit");
+  request.continues = std::filesystem::absolute(asked.continues).lexically_normal().string();
+  request.sequence = asked.sequence;
+  request.began_utc.clear();
+  request.verified.clear();
+  request.verify = request.until_sigma = request.partial = request.capture_only = false;
+  request.no_diagnosis = asked.no_diagnosis;
+  request.manual = request.manual || asked.manual;
+  for (const RecordWord& record : record_words)
+    if (!(asked.*record.word).empty()) request.*record.word = asked.*record.word;
+  of_this_session(asked, request);
+  return request;
+}
+
+Status check_unchanged(const RunPlan& run, const JournalContents& journal) {
   const RunRequest& request = run.request;
-  const std::tuple<const char*, const char*, const std::string&, const std::string&> parts[] = {
-      {"station", "station_hash", request.station, run.station_hash},
-      {"rig", "rig_hash", request.rig, run.rig_hash},
-      {"sequence", "sequence_hash", request.sequence, run.sequence_hash},
-      {"parameter file", "verified_hash", request.verified, run.verified_hash}};
-  for (const auto& [what, key, path, hash] : parts) {
-    const std::string& began = journal.begin_value(key);
-    if (began == hash) continue;
+  const FileHashes began = beginning_of(journal).hashes;
+  const std::tuple<const char*, std::string FileHashes::*, const std::string&> files[] = {
+      {"station", &FileHashes::station, request.station},
+      {"rig", &FileHashes::rig, request.rig},
+      {"sequence", &FileHashes::sequence, request.sequence},
+      {"parameter file", &FileHashes::verified, request.verified}};
+  for (const auto& [what, hash, path] : files) {
+    if (began.*hash == run.hashes.*hash) continue;
     return input_error((path.empty() ? std::string("the built-in ") + what : path) + ": is not the " + what +
-                       " that the run began with: expected hash " + began + ", found " + hash);
+                       " that the run began with: expected hash " + began.*hash + ", found " + run.hashes.*hash);
   }
   return {};
 }

@@ -8,8 +8,9 @@
 
 #include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
-#include "orchestrator/records/journal_contents.h"
+#include "orchestrator/records/journal.h"
 #include "orchestrator/station/station_config.h"
+#include "sequences/plan.h"
 #include "sequences/sequence.h"
 #include "turntable_drivers/rig/rig_config.h"
 
@@ -22,21 +23,18 @@ struct RunRequest {
   bool no_diagnosis = false;
   bool verify = false;       // seek north with the calibration, in the same walk of the table (docs/verification.md)
   bool until_sigma = false;  // end after the dwell at which enough is known (verdict.h)
-  std::string continues;     // folder of the run that this one continues (continued_run.h); empty: none
+  bool partial = false;      // estimate what the sequence determines: no verdict, and not put in use
+  std::string continues;     // folder of the run that this one continues; empty: none
   std::string verified;      // the parameter file that is verified; empty: what the run estimates
   std::vector<std::string> units;  // serial numbers, by place on the table
   std::string began_utc;           // of the journal of a run that goes on
-  std::string rig;                 // files, made absolute by prepare(); empty: the built-in one
+  std::string rig;                 // files, made absolute by plan_run(); empty: the built-in one
   std::string sequence;
   std::string station;
-  // For the record; empty: not given.
-  std::string operator_name;
-  bool partial = false;  // estimate what the sequence determines: no verdict, and not put in use
-  std::string part, lot;
-  std::string revision;
-  std::string ambient;
+  // For the record (record_words); empty: not given.
+  std::string operator_name, part, lot, revision, ambient;
   std::string overdue_reason;  // why a table whose calibration is overdue is used all the same
-  // Of this attempt only, not of the run: where the status page listens (empty: none), and how many times as fast as the wall
+  // Of this session only: where the status page listens (empty: none), and how many times as fast as the wall
   // clock a dry run may go (0: as it can).
   std::string listen;
   double pace = 0.0;
@@ -44,14 +42,37 @@ struct RunRequest {
   bool rehearsal() const { return dry_run && manual; }
 };
 
-struct PreparedRun {
+// What the operator puts on record: its key in journal, parameter file and database, and its option.
+struct RecordWord {
+  const char* key;
+  std::string RunRequest::*word;
+  const char *option, *help;
+};
+inline constexpr RecordWord overdue_word = {
+    "overdue_reason", &RunRequest::overdue_reason, "--override-due",
+    "use a table whose calibration is overdue, for this reason, which goes on record"};
+inline constexpr RecordWord record_words[] = {
+    {"operator", &RunRequest::operator_name, "--operator", "who runs it, for the record"},
+    {"part", &RunRequest::part, "--part", "part number of the unit, for the record"},
+    {"lot", &RunRequest::lot, "--lot", "lot that the unit is of, for the record and the fleet"},
+    {"revision", &RunRequest::revision, "--revision", "revision of the unit, for the record"},
+    {"ambient", &RunRequest::ambient, "--ambient", "ambient conditions, for the record (\"22.5 C, 45 %\")"},
+    overdue_word};
+
+struct FileHashes {                              // of the bytes that the files were read from
+  std::string station, rig, sequence, verified;  // rig: of a dry run
+};
+
+// What was asked for, read and checked: nothing is made or moved yet.
+struct RunPlan {
   RunRequest request;
   StationConfig station;
   RigConfig rig;
   Sequence sequence;
+  Plan plan;            // of the sequence, at this station
   int verify_from = 0;  // number of the step where the north seeking begins; 0: none
   std::optional<ParameterFile> verified;
-  std::string station_hash, rig_hash, sequence_hash, verified_hash;  // rig_hash: of a dry run
+  FileHashes hashes;
   std::string began_utc;                                             // set when the run begins, or that of the journal
   const std::string& unit() const { return request.units.front(); }  // of a run of one
   // The step where what is calibrated from ends; 0: with the recording.
@@ -63,10 +84,10 @@ struct PreparedRun {
 };
 
 inline constexpr std::size_t most_units = 16;  // of a dry run, which has as many places as it is asked for
-std::size_t places(const PreparedRun& run);
+std::size_t places(const RunPlan& run);
 // What a recording of the unit would say, as far as that is known before: of the rig, or (null) by the frame of the station's unit.
 RecordingInfo planned_info(const StationConfig& station, const RigConfig* rig);
-RecordingInfo planned_info(const PreparedRun& run);
+RecordingInfo planned_info(const RunPlan& run);
 
 // An error unless table and unit are both ones that a live command can open.
 Status check_real_devices(const StationConfig& station);
@@ -74,13 +95,19 @@ Status check_real_devices(const StationConfig& station);
 // verify.seq after a calibration, and the number of its first step. An error where the latitude lets no gyro tell north.
 Result<int> append_north_seeking(const StationConfig& station, Sequence& sequence);
 
-// Everything that is checked before anything is made or moved.
-Result<PreparedRun> prepare(const RunRequest& request);
+// Everything that is checked before anything is made or moved, but for what check_sequence() looks at.
+Result<RunPlan> plan_run(const RunRequest& request);
 
 // The first record of the journal, and back. Files are named by absolute path.
-JournalFields begin_fields(const PreparedRun& run);
+JournalFields begin_fields(RunPlan run);
 RunRequest request_of(const JournalContents& journal);
+// What the journal says was asked for, with what is given `now`: where the files are now, the units expected, listen, pace, verbose.
+Result<RunRequest> request_again(const JournalContents& journal, const RunRequest& now);
+// `asked`, of `turncal run --continue DIR`, with unit, station, rig and what is on record of the run in asked.continues: a further recording
+// of its unit, in a folder and with a journal of its own. An error where that is not a run of one unit that has
+// a whole recording, or where something is asked for that a continuation does not do.
+Result<RunRequest> continuing(const RunRequest& asked);
 // An error that names the file whose hash is no longer the one of the journal.
-Status check_unchanged(const PreparedRun& run, const JournalContents& journal);
+Status check_unchanged(const RunPlan& run, const JournalContents& journal);
 
 }  // namespace turncal

@@ -4,75 +4,54 @@
 
 namespace turncal {
 
-namespace {
-
-void add(DataTable& table, std::optional<double> value) { value ? table.number(*value) : table.nothing(); }
-
-}  // namespace
-
 DataTable calibrations_table(const std::vector<StoredCalibration>& all) {
-  std::vector<std::string> columns = {"id",       "unit",      "time_utc", "verdict",        "station",
-                                      "operator", "simulated", "sessions", "recording_hash", "folder"};
+  std::vector<std::string> columns;
+  StoredCalibration named;
+  for (const Field& field : fields_of(named)) columns.push_back(field.key);
   for (const std::string_view key : parameter_keys) {
     columns.emplace_back(key);
     columns.push_back("sigma." + std::string(key));
   }
   DataTable table(std::move(columns));
-  for (const StoredCalibration& c : all) {
-    table.begin_row();
-    table.count(c.id);
-    for (const std::string* field : {&c.unit, &c.time_utc, &c.verdict, &c.station, &c.operator_name})
-      table.text(*field);
-    table.flag(c.simulated);
-    table.count(c.sessions);
-    table.text(c.recording_hash);
-    table.text(c.folder);
-    for (const StoredValue& value : c.values) {
-      table.number(value.value);
-      add(table, value.sigma);
+  for (StoredCalibration c : all) {
+    add_row(fields_of(c), table);
+    for (StoredValue& value : c.values) {
+      add_cell({"", &value.value}, table);
+      add_cell({"", &value.sigma}, table);
     }
   }
   return table;
 }
 
 DataTable attempts_table(const std::vector<AttemptRecord>& all) {
-  DataTable table({"id",
-                   "unit",
-                   "began_utc",
-                   "time_utc",
-                   "outcome",
-                   "reason",
-                   "station",
-                   "part",
-                   "revision",
-                   "operator",
-                   "ambient",
-                   "simulated",
-                   "temperature_min_c",
-                   "temperature_max_c",
-                   "residual",
-                   "diagnosis",
-                   "recorded_s",
-                   "sessions",
-                   "repeated_dwells",
-                   "lost_samples",
-                   "calibration",
-                   "folder"});
-  for (const AttemptRecord& a : all) {
+  const std::vector<std::string> columns = {"id",
+                                            "unit",
+                                            "began_utc",
+                                            "time_utc",
+                                            "outcome",
+                                            "reason",
+                                            "station",
+                                            "part",
+                                            "revision",
+                                            "operator",
+                                            "ambient",
+                                            "simulated",
+                                            "temperature_min_c",
+                                            "temperature_max_c",
+                                            "residual",
+                                            "diagnosis",
+                                            "recorded_s",
+                                            "sessions",
+                                            "repeated_dwells",
+                                            "lost_samples",
+                                            "calibration",
+                                            "folder"};
+  DataTable table(columns);
+  for (AttemptRecord attempt : all) {
+    Fields fields = fields_of(attempt);
+    fields.push_back({"id", &attempt.id});
     table.begin_row();
-    table.count(a.id);
-    for (const std::string* field : {&a.unit, &a.began_utc, &a.time_utc, &a.outcome, &a.reason, &a.station, &a.part,
-                                     &a.revision, &a.operator_name, &a.ambient})
-      table.text(*field);
-    table.flag(a.simulated);
-    for (const std::optional<double>& value : {a.temperature_min_c, a.temperature_max_c, a.residual}) add(table, value);
-    table.text(a.diagnosis);
-    add(table, a.recorded_s);
-    table.count(a.sessions);
-    table.count(a.repeated_dwells);
-    table.count(static_cast<std::int64_t>(a.lost_samples));
-    a.calibration ? table.count(*a.calibration) : table.nothing();
-    table.text(a.folder);
+    for (const std::string& column : columns) add_cell(field_named(column, fields), table);
   }
   return table;
 }

@@ -42,8 +42,6 @@ std::string key_of(const AttemptRecord& a, const SqlRow& row) {
   return a.run + "|" + whose + hash_of_text(all);
 }
 
-SqlValue whole_or_null(const std::optional<std::int64_t>& value) { return value ? SqlValue(*value) : SqlValue(); }
-
 Status expect_one_of(const std::string& option, const std::string& word, const std::vector<std::string>& there) {
   if (word.empty() || std::find(there.begin(), there.end(), word) != there.end()) return {};
   constexpr std::size_t shown = 14;
@@ -54,6 +52,31 @@ Status expect_one_of(const std::string& option, const std::string& word, const s
 }
 
 }  // namespace
+
+Fields fields_of(AttemptRecord& a) {
+  return {{"run", &a.run},
+          {"unit", &a.unit},
+          {"began_utc", &a.began_utc},
+          {"time_utc", &a.time_utc},
+          {"outcome", &a.outcome},
+          {"reason", &a.reason},
+          {"simulated", &a.simulated},
+          {"station", &a.station},
+          {"operator", &a.operator_name},
+          {"part", &a.part},
+          {"revision", &a.revision},
+          {"ambient", &a.ambient},
+          {"temperature_min_c", &a.temperature_min_c},
+          {"temperature_max_c", &a.temperature_max_c},
+          {"residual", &a.residual},
+          {"diagnosis", &a.diagnosis},
+          {"recorded_s", &a.recorded_s},
+          {"sessions", &a.sessions},
+          {"repeated_dwells", &a.repeated_dwells},
+          {"lost_samples", &a.lost_samples},
+          {"folder", &a.folder},
+          {"calibration", &a.calibration}};
+}
 
 Status check(const RecordFilter& filter) {
   for (const auto& [option, text] : {std::pair{"--from", &filter.from}, std::pair{"--to", &filter.to}})
@@ -86,29 +109,9 @@ Status ResultsDatabase::check_known(const RecordFilter& filter) const {
   return {};
 }
 
-Status ResultsDatabase::note(const AttemptRecord& a) {
-  const SqlRow row = {a.run.empty() ? SqlValue() : SqlValue(a.run),
-                      a.unit,
-                      a.began_utc,
-                      a.time_utc,
-                      a.outcome,
-                      a.reason,
-                      std::int64_t{a.simulated},
-                      a.station,
-                      a.operator_name,
-                      a.part,
-                      a.revision,
-                      a.ambient,
-                      as_value(a.temperature_min_c),
-                      as_value(a.temperature_max_c),
-                      as_value(a.residual),
-                      a.diagnosis,
-                      as_value(a.recorded_s),
-                      std::int64_t{a.sessions},
-                      a.repeated_dwells,
-                      a.lost_samples,
-                      a.folder,
-                      whole_or_null(a.calibration)};
+Status ResultsDatabase::note(AttemptRecord a) {
+  SqlRow row = row_of(fields_of(a));
+  if (a.run.empty()) row.front() = {};
   const Result<bool> added = add_attempt_row(*connection_, key_of(a, row), row);
   return added ? Status{} : added.error();
 }
@@ -116,28 +119,13 @@ Status ResultsDatabase::note(const AttemptRecord& a) {
 Result<std::vector<AttemptRecord>> ResultsDatabase::attempts(const RecordFilter& filter) const {
   std::vector<AttemptRecord> found;
   const auto take = [&](const SqlRow& row) {
-    AttemptRecord a;
-    std::size_t column = 0;
-    const auto next = [&]() -> const SqlValue& { return row[column++]; };
-    for (std::string* field : {&a.run, &a.unit, &a.began_utc, &a.time_utc, &a.outcome, &a.reason})
-      *field = as_text(next());
-    a.simulated = as_integer(next()) != 0;
-    for (std::string* field : {&a.station, &a.operator_name, &a.part, &a.revision, &a.ambient})
-      *field = as_text(next());
-    for (std::optional<double>* field : {&a.temperature_min_c, &a.temperature_max_c, &a.residual})
-      *field = as_number(next());
-    a.diagnosis = as_text(next());
-    a.recorded_s = as_number(next());
-    a.sessions = static_cast<int>(as_integer(next()));
-    a.repeated_dwells = as_integer(next());
-    a.lost_samples = as_integer(next());
-    a.folder = as_text(next());
-    if (const SqlValue& calibration = next(); as_number(calibration)) a.calibration = as_integer(calibration);
-    a.id = as_integer(next());
-    found.push_back(std::move(a));
+    AttemptRecord& attempt = found.emplace_back();
+    Fields fields = fields_of(attempt);
+    fields.push_back({"id", &attempt.id});
+    take_row(row, fields);
   };
   const Status status = connection_->run(
-      std::string("SELECT ") + attempt_columns + ", id FROM attempt WHERE " + where("outcome") +
+      "SELECT " + attempt_columns() + ", id FROM attempt WHERE " + where("outcome") +
           (filter.newest > 0 ? " ORDER BY time_utc DESC, id DESC LIMIT " + std::to_string(filter.newest)
                              : " ORDER BY time_utc, id"),
       values_of(filter), take);

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "calib/types/status.h"
+#include "orchestrator/station/fields.h"
 
 namespace turncal {
 
@@ -31,6 +32,9 @@ struct AttemptRecord {
   std::string folder;
   std::optional<std::int64_t> calibration;  // its row
 };
+
+// Columns of the database, in their order; without id, which a row gets there.
+Fields fields_of(AttemptRecord& attempt);
 
 // Rows of calibrations or attempts. Empty: any.
 struct RecordFilter {

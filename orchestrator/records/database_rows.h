@@ -1,3 +1,6 @@
+// The schema of the results database: SQL for SQLite and PostgreSQL alike. Rows are added and never changed; what is newer is another row, and the
+// views show the newest.
+//
 // Rows of the results database as they are added and asked for: shared by what writes, reads and copies them.
 #pragma once
 
@@ -6,17 +9,25 @@
 
 namespace turncal {
 
+inline constexpr int database_version = 4;
+
+// 0: a database without tables.
+Result<int> version_of(SqlConnection& database);
+// In a database without tables, inside the caller's transaction; nothing elsewhere.
+Status make_tables(SqlConnection& database);
+
 // All but id, in the order in which rows are given and asked for; those of an attempt end with `calibration`.
 inline constexpr const char* calibration_columns =
     "unit, time_utc, method, recording_hash, software_version, simulated, verdict, rule, sessions, folder, "
     "parameter_file, "
     "model, diagnosis, reason, verification, content, station, operator, part, revision, ambient, configuration_hash, "
     "sequence, sequence_hash, table_id, table_calibration_due, overdue_reason, repeated_dwells, lost_samples";
-inline constexpr const char* attempt_columns =
-    "run, unit, began_utc, time_utc, outcome, reason, simulated, station, operator, part, revision, ambient, "
-    "temperature_min_c, temperature_max_c, residual, diagnosis, recorded_s, sessions, repeated_dwells, lost_samples, "
-    "folder, calibration";
+std::string attempt_columns();
 inline constexpr const char* value_columns = "key, value, sigma, limit_min, limit_max, verdict";
+
+std::string columns_of(const Fields& fields);  // "unit, time_utc, ..."
+SqlRow row_of(const Fields& fields);
+void take_row(const SqlRow& row, const Fields& fields);  // the columns of the row are those of the fields
 
 struct AddedRow {
   std::int64_t id = 0;

@@ -111,7 +111,7 @@ Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) 
     last = page.ids.back();
   }
   for (std::int64_t last = 0; last < *last_attempt;) {
-    Page page = TRY(page_of(from, std::string("key, ") + attempt_columns, "attempt_note", last, *last_attempt));
+    Page page = TRY(page_of(from, "key, " + attempt_columns(), "attempt_note", last, *last_attempt));
     if (page.ids.empty()) break;
     last = page.ids.back();
     // A row that has taken the number of one that is gone may name a calibration that was not looked at: another time.
@@ -130,8 +130,7 @@ Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) 
     });
     if (status && moves)
       status = in_transaction(from, [&]() -> Status {
-        for (const SqlRow& row : page.rows)
-          if (Status s = from.run("DELETE FROM attempt_note WHERE key = $1", {row.front()}); !s) return s;
+        for (const SqlRow& row : page.rows) TRY(from.run("DELETE FROM attempt_note WHERE key = $1", {row.front()}));
         return {};
       });
     if (!status) return status.error();
@@ -160,7 +159,7 @@ Status ResultsDatabase::check_pages() const {
       found = "row " + std::to_string(as_integer(row[1])) + " of " + as_text(row[0]) + " names a row of " +
               as_text(row[2]) + " that is not there";
   };
-  if (Status status = connection_->run("PRAGMA foreign_key_check", {}, say); !status) return status;
+  TRY(connection_->run("PRAGMA foreign_key_check", {}, say));
   return found.empty() ? Status{} : damaged(found);
 }
 

@@ -7,7 +7,7 @@
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_writer.h"
-#include "orchestrator/records/journal_record.h"
+#include "orchestrator/records/journal.h"
 #include "orchestrator/records/recording_sink.h"
 
 namespace turncal {

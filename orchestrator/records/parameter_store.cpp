@@ -1,7 +1,6 @@
 #include "orchestrator/records/parameter_store.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 
 #include "imu_io/base/atomic_file.h"
@@ -17,9 +16,7 @@ std::string name_of_unit(const std::string& unit) {
   for (const char c : unit) {
     const bool plain =
         (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
-    char code[8];
-    std::snprintf(code, sizeof code, plain ? "%c" : "%%%02x", static_cast<unsigned char>(c));
-    name += code;
+    name += plain ? std::string(1, c) : fmt::format("%{:02x}", static_cast<unsigned char>(c));
   }
   return name;
 }
@@ -33,9 +30,7 @@ namespace {
 constexpr const char* in_use_name = "parameters.conf";
 
 std::string version_path(const std::string& folder, int number) {
-  char name[40];
-  std::snprintf(name, sizeof name, "/versions/%04d.conf", number);
-  return folder + name;
+  return fmt::format("{}/versions/{:04}.conf", folder, number);
 }
 
 std::vector<int> version_numbers(const std::string& folder) {

@@ -10,7 +10,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/records/sql_connection.h"
-#include "orchestrator/station/database_name.h"
+#include "orchestrator/station/station_config.h"
 
 namespace turncal {
 
@@ -203,7 +203,7 @@ Result<std::shared_ptr<SqlConnection>> connect_to_server(const std::string& name
   if (!writes) {
     const char* const sees_one_moment =
         "SET SESSION CHARACTERISTICS AS TRANSACTION READ ONLY, ISOLATION LEVEL REPEATABLE READ";
-    if (Status s = connection->run(sees_one_moment, {}, {}); !s) return s.error();
+    TRY(connection->run(sees_one_moment, {}, {}));
   }
   return std::shared_ptr<SqlConnection>(connection);
 }

@@ -8,8 +8,7 @@
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/records/database_rows.h"
-#include "orchestrator/records/database_schema.h"
-#include "orchestrator/station/database_name.h"
+#include "orchestrator/station/station_config.h"
 
 namespace turncal {
 
@@ -64,6 +63,19 @@ std::string defect_of(const StoredCalibration& row, const std::string& text, con
 
 }  // namespace
 
+Fields fields_of(StoredCalibration& c) {
+  return {{"id", &c.id},
+          {"unit", &c.unit},
+          {"time_utc", &c.time_utc},
+          {"verdict", &c.verdict},
+          {"station", &c.station},
+          {"operator", &c.operator_name},
+          {"simulated", &c.simulated},
+          {"sessions", &c.sessions},
+          {"recording_hash", &c.recording_hash},
+          {"folder", &c.folder}};
+}
+
 Status ResultsDatabase::check_version() const {
   const int version = TRY(version_of(*connection_));
   if (version == 0 || version == database_version) return {};
@@ -112,7 +124,7 @@ Status ResultsDatabase::check_writable(const std::string& path) {
 Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& name, const SqlPatience& patience) {
   const bool server = names_a_server(name);
   if (!server && !path_exists(name)) return input_error(name + ": there is no such results database");
-  if (Status status = server ? Status{} : check_regular_file(name); !status) return status.error();
+  TRY(server ? Status{} : check_regular_file(name));
   std::shared_ptr<SqlConnection> connection =
       TRY(server ? connect_to_server(name, false, patience) : connect_to_file(name, SQLITE_OPEN_READONLY, patience));
   ResultsDatabase database(std::move(connection));
@@ -185,24 +197,16 @@ Result<std::vector<StoredCalibration>> ResultsDatabase::list(const RecordFilter&
   std::vector<StoredCalibration> found;
   std::vector<std::string> files;
   std::map<std::int64_t, std::size_t> place;
-  Status status = connection_->run(
-      "SELECT id, unit, time_utc, station, operator, verdict, folder, recording_hash, simulated, sessions, "
-      "parameter_file "
-      "FROM newest_calibration WHERE " +
-          where("verdict") + " ORDER BY time_utc, id",
-      values_of(filter), [&](const SqlRow& row) {
-        StoredCalibration c;
-        c.id = as_integer(row[0]);
-        std::size_t column = 1;
-        for (std::string* field :
-             {&c.unit, &c.time_utc, &c.station, &c.operator_name, &c.verdict, &c.folder, &c.recording_hash})
-          *field = as_text(row[column++]);
-        c.simulated = as_integer(row[8]) != 0;
-        c.sessions = static_cast<int>(as_integer(row[9]));
-        files.push_back(as_text(row[10]));
-        place[c.id] = found.size();
-        found.push_back(std::move(c));
-      });
+  StoredCalibration named;
+  Status status =
+      connection_->run("SELECT " + columns_of(fields_of(named)) + ", parameter_file FROM newest_calibration WHERE " +
+                           where("verdict") + " ORDER BY time_utc, id",
+                       values_of(filter), [&](const SqlRow& row) {
+                         StoredCalibration& calibration = found.emplace_back();
+                         take_row(row, fields_of(calibration));
+                         files.push_back(as_text(row.back()));
+                         place[calibration.id] = found.size() - 1;
+                       });
   if (!status) return status.error();
   SqlRow wanted = values_of(filter);
   wanted.emplace_back(key);

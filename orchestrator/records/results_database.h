@@ -38,6 +38,9 @@ struct StoredCalibration {
   std::string defect;
 };
 
+// Columns of newest_calibration, in the order of a table for other programs.
+Fields fields_of(StoredCalibration& calibration);
+
 // What a row holds that can be worked on again.
 struct KeptCalibration {
   std::int64_t id = 0;
@@ -63,7 +66,7 @@ class ResultsDatabase {
   // statistics: the bytes of statistics.tcs; empty: there are none.
   Status add(const ParameterFile& file, const VerdictReport& verdict, AttemptRecord attempt,
              const SqlBytes& statistics = {});
-  Status note(const AttemptRecord& attempt);
+  Status note(AttemptRecord attempt);
 
   // Oldest first. key: values of that parameter only ("" for all of them).
   Result<std::vector<StoredCalibration>> list(const RecordFilter& filter, const std::string& key) const;

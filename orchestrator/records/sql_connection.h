@@ -69,7 +69,7 @@ Result<std::shared_ptr<SqlConnection>> connect_to_file(const std::string& path, 
 // An SQLite database of nobody else's; errors call it `name`.
 Result<std::shared_ptr<SqlConnection>> connect_to_memory(const std::string& name);
 
-// name: as orchestrator/station/database_name.h has it.
+// name: as orchestrator/station/station_config.h has it.
 Result<std::shared_ptr<SqlConnection>> connect_to_server(const std::string& name, bool writes,
                                                          const SqlPatience& patience);
 

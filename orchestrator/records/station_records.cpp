@@ -2,7 +2,7 @@
 
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/station/database_name.h"
+#include "orchestrator/station/station_config.h"
 
 namespace turncal {
 

@@ -37,6 +37,10 @@ bool holds(const std::vector<std::string>& list, const std::string& unit) {
 
 }  // namespace
 
+Fields fields_of(UnitOutcome& o) {
+  return {{"unit", &o.unit}, {"outcome", &o.outcome}, {"time_utc", &o.time_utc}, {"reason", &o.reason}};
+}
+
 Result<std::vector<std::string>> read_queue(const std::string& path) {
   const std::string text = TRY(read_whole_file(path));
   std::vector<std::string> units;

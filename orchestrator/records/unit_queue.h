@@ -12,15 +12,18 @@
 
 #include "calib/types/status.h"
 #include "imu_io/base/lock_file.h"
+#include "orchestrator/station/fields.h"
 
 namespace turncal {
 
 struct UnitOutcome {
   std::string unit;
-  std::string outcome;  // outcome_of (orchestrator/jobs/unit_run.h), skipped; again: to be done once more
+  std::string outcome;  // outcome_of (orchestrator/jobs/run.h), skipped; again: to be done once more
   std::string time_utc;
   std::string reason = {};  // why it did not pass
 };
+
+Fields fields_of(UnitOutcome& outcome);
 
 Result<std::vector<std::string>> read_queue(const std::string& path);
 Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path);  // of QUEUE.state; none when it is not there

@@ -11,6 +11,7 @@
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/station/fields.h"
 
 namespace turncal {
 namespace {
@@ -20,20 +21,64 @@ void add_key(const std::string& key, const std::string& value, std::string& text
 }
 void add_key(const std::string& key, double value, std::string& text) { add_key(key, format_number(value), text); }
 
-void add_figure(const std::string& key, const NorthFigure& figure, std::string& text) {
-  add_key(key + "_deg", figure.value_deg, text);
-  add_key(key + "_sigma_deg", figure.sigma_deg, text);
+void add_figure(const std::string& key, NorthFigure& figure, Fields& fields) {
+  fields.push_back({key + "_deg", &figure.value_deg});
+  fields.push_back({key + "_sigma_deg", &figure.sigma_deg, not_negative});
 }
 
-// A list in a file: key.1, key.2 and so on.
-void add_list(const std::string& key, const std::vector<std::string>& values, std::string& text) {
-  for (std::size_t k = 0; k < values.size(); ++k) add_key(key + "." + std::to_string(k + 1), values[k], text);
-}
-std::vector<std::string> read_list(KeyValueFile& conf, const std::string& key) {
-  std::vector<std::string> values;
-  for (std::string at = key + ".1"; conf.has(at); at = key + "." + std::to_string(values.size() + 1))
-    values.push_back(conf.text(at));
-  return values;
+std::string angle_name(std::size_t a) { return std::string(north_angle_names[a]) + "_deg"; }
+
+// Of verification.conf, in its order; lists, positions and readings: as many as there is room for.
+Fields fields_of(VerificationReport& report) {
+  Fields fields = {{"unit_serial", &report.info.unit_serial},
+                   {"simulated", &report.info.simulated},
+                   {"recording_hash", &report.recording_hash},
+                   {"latitude_deg", &report.info.latitude_deg, site_latitude_deg},
+                   {"parameters", &report.parameters},
+                   {"calibration_hash", &report.calibration_hash},
+                   {"trusted", &report.trusted},
+                   {"align_s", &report.align_s, positive},
+                   {"damage", &report.damage, {}, true},
+                   {"filled_samples", &report.filled_samples, not_negative}};
+  add_list("fault", report.faults, fields);
+  add_list("left_out", report.left_out, fields);
+  NorthSeeking& found = report.found;
+  fields.push_back({"zero_deg", &found.zero_deg});
+  for (std::size_t p = 0; p < found.positions.size(); ++p) {
+    NorthPosition& position = found.positions[p];
+    const std::string prefix = "position." + std::to_string(p + 1) + ".";
+    fields.push_back({prefix + "table_deg", &position.table_deg});
+    for (std::size_t k = 0; k < position.readings.size(); ++k)
+      for (std::size_t a = 0; a < 3; ++a)
+        fields.push_back({prefix + std::to_string(k + 1) + "." + angle_name(a), &position.readings[k].angle_deg[a]});
+    for (std::size_t a = 0; a < 3; ++a) {
+      fields.push_back({prefix + "mean." + angle_name(a), &position.mean_deg[a]});
+      fields.push_back({prefix + "deviation." + angle_name(a), &position.deviation_deg[a], not_negative});
+      fields.push_back({prefix + "sigma." + angle_name(a), &position.noise_sigma_deg[a], not_negative});
+    }
+  }
+  for (std::size_t a = 0; a < 3; ++a)
+    add_figure(std::string("deviation.") + north_angle_names[a], found.deviation[a], fields);
+  add_figure("mean.heading", found.mean_heading, fields);
+  const Fields rest = {{"worst.heading_error_deg", &found.worst_heading_error_deg},
+                       {"felt_latitude_deg", &report.felt.latitude_rad, any_number, false, rad_per_deg},
+                       {"felt_latitude_sigma_deg", &report.felt.sigma_rad, not_negative, false, rad_per_deg},
+                       {"gravity_mps2", &report.info.gravity_mps2, positive},
+                       {"felt_gravity_mps2", &report.felt.gravity_mps2, not_negative},
+                       chosen("noise", report.noise_assumed, {"file", "assumed"}, "file or assumed"),
+                       {"limit.heading_deg", &report.heading_limit_deg, positive},
+                       {"limit.level_deg", &report.level_limit_deg, positive},
+                       {"limit.guard_factor", &report.guard_factor, not_negative},
+                       {"false_fail", &report.false_fail, between(0.0, 1.0)},
+                       {"would_do.align_s", &report.would_do_s, not_negative, true},
+                       {"undecided.level", &report.level_undecided, {}, true},
+                       verdict_field("verdict.heading", report.heading),
+                       verdict_field("verdict.level", report.level),
+                       verdict_field("verdict.latitude", report.latitude),
+                       verdict_field("verdict.gravity", report.gravity),
+                       verdict_field("verdict.result", report.verdict)};
+  fields.insert(fields.end(), rest.begin(), rest.end());
+  return fields;
 }
 
 }  // namespace
@@ -68,125 +113,27 @@ std::string undecided_words(const VerificationReport& report) {
   return level.empty() ? text : std::string(text) + "; " + level;
 }
 
-std::string format_verification(const VerificationReport& report) {
-  std::string text = report.info.simulated ? "# Simulated data: a dry run, or a twin.\n" : "";
-  add_key("format", 1.0, text);
-  add_key("unit_serial", report.info.unit_serial, text);
-  add_key("simulated", report.info.simulated ? "true" : "false", text);
-  add_key("recording_hash", report.recording_hash, text);
-  add_key("latitude_deg", report.info.latitude_deg, text);
-  add_key("parameters", report.parameters, text);
-  add_key("calibration_hash", report.calibration_hash, text);
-  add_key("trusted", report.trusted ? "true" : "false", text);
-  add_key("align_s", report.align_s, text);
-  if (!report.damage.empty()) add_key("damage", report.damage, text);
-  add_key("filled_samples", static_cast<double>(report.filled_samples), text);
-  add_list("fault", report.faults, text);
-  add_list("left_out", report.left_out, text);
-  add_key("zero_deg", report.found.zero_deg, text);
-  for (std::size_t p = 0; p < report.found.positions.size(); ++p) {
-    const NorthPosition& position = report.found.positions[p];
-    const std::string prefix = "position." + std::to_string(p + 1) + ".";
-    add_key(prefix + "table_deg", position.table_deg, text);
-    for (std::size_t k = 0; k < position.readings.size(); ++k)
-      for (std::size_t a = 0; a < 3; ++a)
-        add_key(prefix + std::to_string(k + 1) + "." + north_angle_names[a] + "_deg", position.readings[k].angle_deg[a],
-                text);
-    for (std::size_t a = 0; a < 3; ++a) {
-      const std::string name = std::string(north_angle_names[a]) + "_deg";
-      add_key(prefix + "mean." + name, position.mean_deg[a], text);
-      add_key(prefix + "deviation." + name, position.deviation_deg[a], text);
-      add_key(prefix + "sigma." + name, position.noise_sigma_deg[a], text);
-    }
-  }
-  for (std::size_t a = 0; a < 3; ++a)
-    add_figure(std::string("deviation.") + north_angle_names[a], report.found.deviation[a], text);
-  add_figure("mean.heading", report.found.mean_heading, text);
-  add_key("worst.heading_error_deg", report.found.worst_heading_error_deg, text);
-  add_key("felt_latitude_deg", report.felt.latitude_rad / rad_per_deg, text);
-  add_key("felt_latitude_sigma_deg", report.felt.sigma_rad / rad_per_deg, text);
-  add_key("gravity_mps2", report.info.gravity_mps2, text);
-  add_key("felt_gravity_mps2", report.felt.gravity_mps2, text);
-  add_key("noise", report.noise_assumed ? "assumed" : "file", text);
-  add_key("limit.heading_deg", report.heading_limit_deg, text);
-  add_key("limit.level_deg", report.level_limit_deg, text);
-  add_key("limit.guard_factor", report.guard_factor, text);
-  add_key("false_fail", report.false_fail, text);
-  if (report.would_do_s > 0.0) add_key("would_do.align_s", report.would_do_s, text);
-  if (report.level_undecided) add_key("undecided.level", "true", text);
-  add_key("verdict.heading", std::string(to_string(report.heading)), text);
-  add_key("verdict.level", std::string(to_string(report.level)), text);
-  add_key("verdict.latitude", std::string(to_string(report.latitude)), text);
-  add_key("verdict.gravity", std::string(to_string(report.gravity)), text);
-  add_key("verdict.result", std::string(to_string(report.verdict)), text);
-  return with_checksum(std::move(text));
+std::string format_verification(VerificationReport report) {
+  return with_checksum(
+      (report.info.simulated ? "# Simulated data: a dry run, or a twin.\nformat = 1\n" : "format = 1\n") +
+      key_value_lines(texts_of(fields_of(report))));
 }
 
 Result<VerificationReport> read_verification(const std::string& path) {
   const std::string text = TRY(read_whole_file(path));
   const std::string_view above = TRY(without_checksum(text, path));
-  KeyValueFile parsed = TRY(KeyValueFile::parse(above, path));
-  KeyValueFile& conf = parsed;
+  KeyValueFile conf = TRY(KeyValueFile::parse(above, path));
   VerificationReport report;
   conf.integer("format", 1, 1);
-  report.info.unit_serial = conf.text("unit_serial");
-  report.info.simulated = conf.boolean_or("simulated", false);
-  report.info.latitude_deg = conf.number("latitude_deg", site_latitude_deg);
-  report.recording_hash = conf.text("recording_hash");
-  report.parameters = conf.text("parameters");
-  report.calibration_hash = conf.text("calibration_hash");
-  report.trusted = conf.boolean_or("trusted", false);
-  report.align_s = conf.number("align_s", positive);
-  report.damage = conf.text_or("damage", "");
-  report.filled_samples = conf.integer("filled_samples", 0);
-  report.faults = read_list(conf, "fault");
-  report.left_out = read_list(conf, "left_out");
-  report.found.zero_deg = conf.number("zero_deg");
-  std::vector<NorthPosition>& positions = report.found.positions;
-  do {
-    const std::string prefix = "position." + std::to_string(positions.size() + 1) + ".";
-    NorthPosition position;
-    position.table_deg = conf.number(prefix + "table_deg");
-    const auto reading = [&] { return prefix + std::to_string(position.readings.size() + 1) + "."; };
-    while (conf.has(reading() + "heading_deg")) {
-      NorthReading one{.table_deg = position.table_deg};
-      for (std::size_t a = 0; a < 3; ++a) one.angle_deg[a] = conf.number(reading() + north_angle_names[a] + "_deg");
-      position.readings.push_back(one);
-    }
-    for (std::size_t a = 0; a < 3; ++a) {
-      const std::string name = std::string(north_angle_names[a]) + "_deg";
-      position.mean_deg[a] = conf.number(prefix + "mean." + name);
-      position.deviation_deg[a] = conf.number(prefix + "deviation." + name, not_negative);
-      position.noise_sigma_deg[a] = conf.number(prefix + "sigma." + name, not_negative);
-    }
-    positions.push_back(std::move(position));
-  } while (conf.has("position." + std::to_string(positions.size() + 1) + ".table_deg"));
-  const auto figure = [&conf](const std::string& key) {
-    return NorthFigure{conf.number(key + "_deg"), conf.number(key + "_sigma_deg", not_negative)};
-  };
-  for (std::size_t a = 0; a < 3; ++a)
-    report.found.deviation[a] = figure(std::string("deviation.") + north_angle_names[a]);
-  report.found.mean_heading = figure("mean.heading");
-  report.found.worst_heading_error_deg = conf.number("worst.heading_error_deg");
-  report.felt = {conf.number("felt_latitude_deg") * rad_per_deg,
-                 conf.number("felt_latitude_sigma_deg", not_negative) * rad_per_deg,
-                 conf.number("felt_gravity_mps2", not_negative)};
-  report.info.gravity_mps2 = conf.number("gravity_mps2", positive);
-  report.noise_assumed = conf.one_of("noise", {"file", "assumed"}) == "assumed";
-  report.heading_limit_deg = conf.number("limit.heading_deg", positive);
-  report.level_limit_deg = conf.number("limit.level_deg", positive);
-  report.guard_factor = conf.number("limit.guard_factor", not_negative);
-  report.false_fail = conf.number("false_fail", between(0.0, 1.0));
-  report.would_do_s = conf.number_or("would_do.align_s", 0.0, not_negative);
-  report.level_undecided = conf.boolean_or("undecided.level", false);
-  for (const auto& [key, verdict] :
-       {std::pair{"verdict.heading", &report.heading}, std::pair{"verdict.level", &report.level},
-        std::pair{"verdict.latitude", &report.latitude}, std::pair{"verdict.gravity", &report.gravity},
-        std::pair{"verdict.result", &report.verdict}}) {
-    const std::optional<UnitVerdict> word = verdict_from(conf.text(key));
-    if (!word) conf.reject(key, "a verdict");
-    *verdict = word.value_or(UnitVerdict::fail);
-  }
+  report.faults.resize(count_numbered(conf, "fault."));
+  report.left_out.resize(count_numbered(conf, "left_out."));
+  report.found.positions.resize(std::max<std::size_t>(1, count_numbered(conf, "position.", ".table_deg")));
+  for (std::size_t p = 0; p < report.found.positions.size(); ++p)
+    report.found.positions[p].readings.resize(
+        count_numbered(conf, "position." + std::to_string(p + 1) + ".", ".heading_deg"));
+  read_fields(conf, fields_of(report));
+  for (NorthPosition& position : report.found.positions)
+    for (NorthReading& reading : position.readings) reading.table_deg = position.table_deg;
   TRY(conf.check_all_used());
   return report;
 }

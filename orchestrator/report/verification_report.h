@@ -38,7 +38,7 @@ struct VerificationReport {
 };
 
 // verification.conf; the last line is a checksum (crc.h).
-std::string format_verification(const VerificationReport& report);
+std::string format_verification(VerificationReport report);
 // What format_verification wrote, to the bit; every key has to be there and of its kind. Of `info` what stands in it.
 Result<VerificationReport> read_verification(const std::string& path);
 // The figures and their limits, for a verdict's reason.

@@ -1,12 +1,108 @@
 #include "orchestrator/service/service_config.h"
 
+#include <crypt.h>
+#include <sys/stat.h>
+
 #include <algorithm>
+#include <map>
+#include <memory>
+#include <optional>
 
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
-#include "orchestrator/station/database_name.h"
+#include "imu_io/base/text_pieces.h"
+#include "orchestrator/station/station_config.h"
 
 namespace turncal {
+
+namespace {
+
+constexpr std::size_t most_bytes = 1 << 16;
+// Nobody's: a name that is not in the file costs the same time as one that is.
+constexpr const char* nobody = "$6$turncalturncal00$";
+
+bool is_name(std::string_view text) {
+  if (text.empty() || text.size() > 64) return false;
+  for (std::string_view remaining = text; !remaining.empty();) {
+    const std::size_t size = printable_character(remaining);
+    if (size == 0) return false;
+    remaining.remove_prefix(size);
+  }
+  return text.find(':') == std::string_view::npos;
+}
+
+Result<std::map<std::string, std::string>> read_operators(const std::string& path) {
+  struct stat facts {};
+  if (::stat(path.c_str(), &facts) == 0 && (facts.st_mode & (S_IROTH | S_IWOTH | S_IWGRP)) != 0)
+    return input_error(path + ": others can read or change it: expected mode 0600 or 0640");
+  const std::string text = TRY(read_whole_file(path, most_bytes));
+  std::map<std::string, std::string> hashes;
+  std::string_view remaining = text;
+  for (int number = 1; !remaining.empty(); ++number) {
+    const std::string_view line = trimmed(next_line(remaining));
+    if (line.empty() || line.front() == '#') continue;
+    const std::size_t colon = line.find(':');
+    const std::string_view name = line.substr(0, colon);
+    if (colon == std::string_view::npos || !is_name(name) || !line.substr(colon + 1).starts_with("$"))
+      return input_error(path + ":" + std::to_string(number) +
+                         ": expected NAME:HASH with a hash of crypt(5), as $6$...");
+    if (!hashes.emplace(name, line.substr(colon + 1)).second)
+      return input_error(path + ":" + std::to_string(number) + ": " + quoted(name) + " is there already");
+  }
+  if (hashes.empty()) return input_error(path + ": names nobody: expected NAME:HASH a line");
+  return hashes;
+}
+
+std::optional<std::string> from_base64(std::string_view text) {
+  std::string bytes;
+  unsigned bits = 0, held = 0;
+  while (!text.empty() && text.back() == '=') text.remove_suffix(1);
+  for (const char c : text) {
+    const std::string_view alphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    const std::size_t value = alphabet.find(c);
+    if (value == std::string_view::npos) return {};
+    bits = (bits << 6U) | static_cast<unsigned>(value);
+    held += 6;
+    if (held < 8) continue;
+    held -= 8;
+    bytes += static_cast<char>((bits >> held) & 0xffU);
+  }
+  return bytes;
+}
+
+bool is_password(const std::string& password, const std::string& hash) {
+  const auto space = std::make_unique<crypt_data>();
+  const char* hashed = ::crypt_r(password.c_str(), hash.c_str(), space.get());
+  if (hashed == nullptr || hashed[0] == '*') return false;
+  const std::string_view found(hashed);
+  unsigned difference = found.size() == hash.size() ? 0U : 1U;
+  for (std::size_t i = 0; i < found.size() && i < hash.size(); ++i)
+    difference |= static_cast<unsigned>(found[i] ^ hash[i]);
+  return difference == 0;
+}
+
+}  // namespace
+
+Status check_operators(const std::string& path) {
+  const auto operators = read_operators(path);
+  return operators ? Status() : Status(operators.error());
+}
+
+Result<std::string> authorised_operator(const std::string& path, std::string_view authorization) {
+  const auto operators = read_operators(path);
+  if (!operators) return operators.error();
+  const std::string_view scheme = "Basic ";
+  const std::optional<std::string> given =
+      authorization.starts_with(scheme) ? from_base64(authorization.substr(scheme.size())) : std::nullopt;
+  const std::size_t colon = given ? given->find(':') : std::string::npos;
+  if (colon == std::string::npos || given->find('\0') != std::string::npos)
+    return input_error("name and password: expected");
+  const std::string name = given->substr(0, colon);
+  const auto known = operators->find(name);
+  const bool right = is_password(given->substr(colon + 1), known == operators->end() ? nobody : known->second);
+  if (!right || known == operators->end()) return input_error("name or password is wrong");
+  return name;
+}
 
 Result<ServiceConfig> read_service_config(const std::string& path) {
   KeyValueFile file = TRY(KeyValueFile::read(path));

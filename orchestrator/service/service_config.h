@@ -1,3 +1,6 @@
+// Who may act by the page: a file with NAME:HASH a line, HASH as crypt(5) has it (`openssl passwd -6`, `mkpasswd`). Read again at every
+// question, so that a name which is taken out is out at once. A file that others than its owner and group can read is refused.
+//
 // The stations that `turncal serve` shows, and who may act on them (docs/serve.md):
 //
 //   station.1         = east                              the name on the page; station.2 and so on without a gap
@@ -11,11 +14,17 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/types/status.h"
 
 namespace turncal {
+
+// That it can be read, and that every line is a name and a hash.
+Status check_operators(const std::string& path);
+// The name in "Basic ..." (RFC 7617) when its password is right; an error when not, which does not say what was wrong.
+Result<std::string> authorised_operator(const std::string& path, std::string_view authorization);
 
 struct ServedStation {
   std::string name, queue, runs;

@@ -12,9 +12,8 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/key_value.h"
-#include "orchestrator/records/journal_record.h"
-#include "orchestrator/service/operators.h"
-#include "orchestrator/service/results_view.h"
+#include "orchestrator/records/journal.h"
+#include "orchestrator/service/service_config.h"
 #include "orchestrator/service/station_actions.h"
 #include "orchestrator/service/station_view.h"
 #include "orchestrator/watch/page_server.h"
@@ -49,18 +48,18 @@ struct ServicePage::State {
   std::unique_ptr<PageServer> server;
 
   std::string look() {
-    std::string stations, newest_results;
+    std::vector<std::string> stations;
+    std::string newest_results;
     {
       const std::lock_guard lock(mutex);
       newest_results = results;
     }
     const double now = now_utc_s();
-    for (const ServedStation& station : config.stations)
-      stations += (stations.empty() ? "" : ",") + json_of(look_at(station, now));
+    for (const ServedStation& station : config.stations) stations.push_back(json_of(look_at(station, now)));
     JsonObject o;
     o.text("time_utc", format_utc(now));
-    o.raw("acts", config.password_file.empty() ? "false" : "true");
-    o.raw("stations", "[" + stations + "]");
+    o.flag("acts", !config.password_file.empty());
+    o.list("stations", stations);
     o.raw("results", newest_results);
     return o.end();
   }

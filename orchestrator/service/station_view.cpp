@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
+#include <map>
+#include <utility>
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
@@ -12,9 +14,69 @@
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/run_job.h"
-#include "orchestrator/records/journal_contents.h"
+#include "orchestrator/line/line_yield.h"
+#include "orchestrator/records/journal.h"
+#include "orchestrator/records/results_database.h"
 
 namespace turncal {
+
+namespace {
+
+constexpr double looked_back_s = 86400.0;
+constexpr SqlPatience patience{.wait_s = 2.0, .all_s = 5.0};
+
+Result<std::vector<AttemptRecord>> newest_attempts(const std::string& database, double now_utc_s) {
+  const ResultsDatabase open = TRY(ResultsDatabase::open_to_read(database, patience));
+  return open.attempts({.from = format_utc(now_utc_s - looked_back_s)});
+}
+
+}  // namespace
+
+std::vector<StationResults> results_by_station(const std::vector<AttemptRecord>& attempts) {
+  std::map<std::pair<bool, std::string>, StationResults> found;
+  for (const AttemptRecord& attempt : attempts) {
+    if (attempt.outcome == outcome_running) continue;
+    StationResults& station = found[{attempt.simulated, attempt.station}];
+    station.station = attempt.station;
+    station.simulated = attempt.simulated;
+    ++station.attempts;
+    const AttemptKind kind = kind_of(attempt);
+    station.judged += kind != AttemptKind::says_nothing;
+    station.passed += kind == AttemptKind::passed;
+    if (attempt.time_utc < station.last_time_utc) continue;
+    station.last_unit = attempt.unit;
+    station.last_outcome = attempt.outcome;
+    station.last_time_utc = attempt.time_utc;
+  }
+  std::vector<StationResults> stations;
+  for (auto& [key, station] : found) stations.push_back(std::move(station));
+  return stations;
+}
+
+ResultsView look_at_results(const std::string& database, double now_utc_s) {
+  const Result<std::vector<AttemptRecord>> attempts = newest_attempts(database, now_utc_s);
+  if (!attempts) return {.defect = attempts.error().message, .stations = {}};
+  return {.defect = {}, .stations = results_by_station(*attempts)};
+}
+
+std::string json_of(const ResultsView& view) {
+  std::vector<std::string> stations;
+  for (StationResults station : view.stations) {
+    const Fields fields = {{"station", &station.station},
+                           {"simulated", &station.simulated},
+                           {"attempts", &station.attempts},
+                           {"judged", &station.judged},
+                           {"passed", &station.passed},
+                           {"last_unit", &station.last_unit},
+                           {"last_outcome", &station.last_outcome},
+                           {"last_time_utc", &station.last_time_utc}};
+    stations.push_back(json_of(fields));
+  }
+  JsonObject o;
+  o.text("defect", view.defect);
+  o.list("stations", stations);
+  return o.end();
+}
 
 namespace {
 
@@ -241,24 +303,23 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
 }
 
 std::string json_of(const StationView& view) {
-  constexpr const char* tones[] = {"good", "attention", "bad"};
   const auto time = [](const std::optional<double>& utc_s) { return utc_s ? format_utc(*utc_s) : std::string(); };
   JsonObject o;
   o.text("name", view.name);
   o.text("state", to_string(view.state));
-  o.text("tone", tones[static_cast<std::size_t>(view.tone)]);
+  o.text("tone", to_string(view.tone));
   o.text("headline", view.headline);
   o.texts("units", view.units);
   o.text("folder", view.folder);
-  o.raw("simulated", view.simulated ? "true" : "false");
-  o.raw("pausing", view.pausing ? "true" : "false");
+  o.flag("simulated", view.simulated);
+  o.flag("pausing", view.pausing);
   o.text("phase", view.phase);
   o.text("began_utc", view.began_utc);
   o.text("last_word_utc", view.last_word_utc);
-  o.raw("fraction", view.fraction ? json_number(*view.fraction) : "null");
+  o.number("fraction", view.fraction);
   o.text("run_end_utc", time(view.run_end_utc_s));
   o.text("queue_end_utc", time(view.queue_end_utc_s));
-  o.raw("unit_s", view.unit_s ? json_number(*view.unit_s) : "null");
+  o.number("unit_s", view.unit_s);
   o.text("known", view.known);
   o.number("waiting_count", static_cast<double>(view.waiting.size()));
   o.texts("waiting", {view.waiting.begin(),
@@ -266,16 +327,9 @@ std::string json_of(const StationView& view) {
   o.texts("for_a_person", view.for_a_person);
   o.number("done", static_cast<double>(view.done));
   o.number("passed", static_cast<double>(view.passed));
-  std::string outcomes;
-  for (const UnitOutcome& outcome : view.outcomes) {
-    JsonObject one;
-    one.text("unit", outcome.unit);
-    one.text("outcome", outcome.outcome);
-    one.text("time_utc", outcome.time_utc);
-    one.text("reason", outcome.reason);
-    outcomes += (outcomes.empty() ? "" : ",") + one.end();
-  }
-  o.raw("outcomes", "[" + outcomes + "]");
+  std::vector<std::string> outcomes;
+  for (UnitOutcome outcome : view.outcomes) outcomes.push_back(json_of(fields_of(outcome)));
+  o.list("outcomes", outcomes);
   return o.end();
 }
 

@@ -3,13 +3,39 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <fstream>
 #include <limits>
+#include <string_view>
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_table.h"
-#include "orchestrator/station/database_name.h"
 
 namespace turncal {
+
+bool names_a_server(const std::string& database) {
+  return database.starts_with("postgresql://") || database.starts_with("postgres://");
+}
+
+bool names_a_database(const std::string& path) {
+  if (names_a_server(path)) return true;
+  constexpr std::string_view magic = "SQLite format 3";
+  std::string begin(magic.size(), ' ');
+  std::error_code error;
+  return std::filesystem::is_regular_file(path, error) &&
+         std::ifstream(path, std::ios::binary).read(begin.data(), static_cast<std::streamsize>(begin.size())) &&
+         begin == magic;
+}
+
+Status check_database_name(const std::string& database) {
+  if (!names_a_server(database)) return {};
+  const std::string address = database.substr(database.find("//") + 2);
+  // Whatever stands before the last @ is user and password, even where a slash in it was not written as %2F.
+  const std::string user = address.substr(0, address.rfind('@') == std::string::npos ? 0 : address.rfind('@'));
+  if (user.find(':') == std::string::npos && address.find("password=") == std::string::npos) return {};
+  return input_error(
+      "postgresql://...: a password in the name of a results database: expected postgresql://USER@HOST/NAME, and the "
+      "password in ~/.pgpass, in the file that PGPASSFILE names, or in PGPASSWORD");
+}
 
 namespace {
 
@@ -250,9 +276,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   station.name = file.has("station.name") ? file.text("station.name") : "unnamed";
   station.latitude_deg = file.number("site.latitude_deg", site_latitude_deg);
   station.gravity_mps2 = file.number("site.gravity_mps2", site_gravity_mps2);
-  if (Status status = read_table(file, station.table); !status) {
-    return status.error();
-  }
+  TRY(read_table(file, station.table));
   if (file.one_of("imu.driver", {"rig", "serial"}) == "serial") {
     SerialImuConfig imu = TRY(read_serial_imu_config(file));
     station.imu_driver = ImuDriver::serial;
@@ -296,15 +320,11 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   }
   station.store = path_of("record.store");
   // An unknown key first: a misspelt one would show up as a contradiction with a default.
-  if (Status status = file.check_all_used(); !status) {
-    return status.error();
-  }
+  TRY(file.check_all_used());
   reject_contradictions(file, station);
   reject_table_contradictions(file, station);
   reject_clock_contradictions(file, station);
-  if (Status status = file.status(); !status) {
-    return status.error();
-  }
+  TRY(file.status());
   return station;
 }
 

@@ -67,6 +67,18 @@ std::optional<UnitVerdict> verdict_from(std::string_view word) {
   return at == std::end(names) ? std::nullopt : std::optional(static_cast<UnitVerdict>(at - std::begin(names)));
 }
 
+Field verdict_field(const std::string& key, UnitVerdict& verdict) {
+  return chosen(key, verdict, {std::begin(names), std::end(names)}, "a verdict");
+}
+
+Fields fields_of(VerdictReport& report) {
+  return {verdict_field("result", report.verdict),
+          {"rule", &report.rule},
+          {"diagnosis", &report.diagnosis},
+          {"verification", &report.verification},
+          {"reason", &report.reason}};
+}
+
 bool VerdictLimits::any() const {
   const auto set = [](const Limit& limit) { return limit.min || limit.max; };
   return std::any_of(parameter.begin(), parameter.end(), set) || set(temperature_c) || residual_max ||

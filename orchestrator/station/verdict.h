@@ -18,6 +18,7 @@
 #include "calib/model/parameters.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/recordings/parameter_file.h"
+#include "orchestrator/station/fields.h"
 
 namespace turncal {
 
@@ -44,6 +45,7 @@ VerdictLimits read_limits(KeyValueFile& file);
 // From good to bad. hold: somebody has to decide; until then its parameters are not put in use.
 enum class UnitVerdict { not_judged, pass, conditional_pass, hold, conditional_fail, fail };
 std::string_view to_string(UnitVerdict verdict);
+Field verdict_field(const std::string& key, UnitVerdict& verdict);
 std::optional<UnitVerdict> verdict_from(std::string_view word);
 constexpr bool is_accepted(UnitVerdict verdict) { return verdict <= UnitVerdict::conditional_pass; }
 
@@ -70,6 +72,9 @@ struct VerdictReport {
   std::string verification;            // of a north seeking: its verdict and figures; empty: not made
   std::vector<JudgedValue> values;     // those with a limit
 };
+
+// As a record of the journal has it; the values are not in it.
+Fields fields_of(VerdictReport& report);
 
 // One value by the rule above. No sigma: nothing is known of its uncertainty.
 UnitVerdict judge_value(double value, std::optional<double> sigma, const Limit& limit, double guard_factor);

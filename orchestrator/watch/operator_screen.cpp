@@ -1,12 +1,18 @@
 #include "orchestrator/watch/operator_screen.h"
 
+#include <sys/ioctl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
+#include <string_view>
 
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 
@@ -30,16 +36,12 @@ std::string local_time(double utc_s) {
   const auto seconds = static_cast<std::time_t>(utc_s);
   std::tm local{};
   ::localtime_r(&seconds, &local);
-  char text[16];
-  std::snprintf(text, sizeof text, "%02d:%02d", local.tm_hour, local.tm_min);
-  return text;
+  return fmt::format("{:02}:{:02}", local.tm_hour, local.tm_min);
 }
 
 std::string minutes_left(double seconds) {
   const long long whole = std::llround(std::ceil(std::max(0.0, seconds)));
-  char text[40];
-  std::snprintf(text, sizeof text, "%lld:%02lld", whole / 60, whole % 60);
-  return text;
+  return fmt::format("{}:{:02}", whole / 60, whole % 60);
 }
 
 std::string step_words(const RunSnapshot& at, const OperatorTexts& texts) {
@@ -119,23 +121,159 @@ std::string json_of(const OperatorScreen& screen) {
   constexpr const char* kinds[] = {"nothing", "where", "turn", "compare", "paused"};
   JsonObject o;
   o.text("kind", kinds[static_cast<std::size_t>(screen.task.kind)]);
-  o.raw("wants_hands", screen.wants_hands() ? "true" : "false");
+  o.flag("wants_hands", screen.wants_hands());
   o.text("instruction", screen.instruction);
   o.text("big", screen.big);
   o.text("way", screen.way);
   o.text("how", screen.how);
   o.text("answer", screen.answer);
   o.text("note", screen.note);
-  o.raw("wrong", screen.task.wrong ? "true" : "false");
+  o.flag("wrong", screen.task.wrong);
   o.text("step", screen.step);
   o.text("left", screen.left);
   o.number("axis", static_cast<double>(index(screen.task.axis)));
   o.texts("axes", {screen.axes.begin(), screen.axes.end()});
-  o.raw("from_deg", screen.task.from_deg ? json_number(*screen.task.from_deg) : "null");
+  o.number("from_deg", screen.task.from_deg);
   o.number("target_deg", screen.task.target_deg);
   o.text("sound", screen.sound);
   o.text("silent", screen.silent);
   return o.end();
+}
+
+namespace {
+
+constexpr int input_row = 22;
+constexpr std::string_view bold = "\x1b[1m", reverse = "\x1b[7m", amber = "\x1b[1;33m", plain = "\x1b[0m";
+
+// Three dots by five, row by row.
+constexpr std::string_view glyphs = "0123456789-.,:";
+constexpr std::array<std::string_view, 14> dots = {
+    "####.##.##.####", ".#.##..#..#.###", "###..#####..###", "###..####..####", "#.##.####..#..#",
+    "####..###..####", "####..####.####", "###..#..#..#..#", "####.#####.####", "####.####..####",
+    "......###......", ".............#.", "..........#.#..", "....#.....#...."};
+
+// The columns of a text, and its first piece of at most so many: broken at a blank, or behind a wide character.
+std::string_view first_piece(std::string_view text, int columns) {
+  std::size_t at = 0, good = 0;
+  for (int used = 0; at < text.size();) {
+    const std::size_t bytes = std::max<std::size_t>(1, printable_character(text.substr(at)));
+    const bool wide = bytes >= 3 && static_cast<unsigned char>(text[at]) >= 0xE3;  // from U+3000
+    used += wide ? 2 : 1;
+    if (used > columns) return text.substr(0, good > 0 ? good : at);
+    if (text[at] == ' ') good = at;
+    at += bytes;
+    if (wide) good = at;
+  }
+  return text;
+}
+
+void wrap(std::vector<std::string>& lines, std::string_view text, int columns, std::string_view style = "") {
+  while (!text.empty()) {
+    std::string_view paragraph = next_line(text);
+    while (!paragraph.empty()) {
+      const std::string_view piece = first_piece(paragraph, columns);
+      lines.push_back(std::string(style) + std::string(piece) + std::string(style.empty() ? "" : plain));
+      paragraph.remove_prefix(piece.size());
+      paragraph = trimmed(paragraph);
+    }
+  }
+}
+
+void draw_big(std::vector<std::string>& lines, const std::string& text) {
+  for (std::size_t row = 0; row < 5; ++row) {
+    std::string line = "  ";
+    for (const char c : text) {
+      const std::size_t glyph = glyphs.find(c);
+      if (glyph == std::string_view::npos) continue;
+      for (std::size_t column = 0; column < 3; ++column)
+        line += dots[glyph][3 * row + column] == '#' ? std::string(reverse) + "  " + std::string(plain) : "  ";
+      line += "  ";
+    }
+    lines.push_back(line);
+  }
+}
+
+// The axes from the outer to the inner, and the way along the numbers of the dial: larger ones stand to the right.
+void draw_table(std::vector<std::string>& lines, const OperatorScreen& screen) {
+  const OperatorTask& task = screen.task;
+  std::string axes = "  ";
+  for (const Axis axis : all_axes) {
+    const std::string& name = screen.axes[index(axis)];
+    axes += "( " + (axis == task.axis ? std::string(reverse) + " " + name + " " + std::string(plain) : name) + " ";
+  }
+  lines.push_back(axes + ") ) )");
+  if (task.kind != OperatorTask::Kind::turn || !task.from_deg) return;
+  const std::string way(24, '=');
+  lines.push_back(task.target_deg < *task.from_deg ? "  [" + screen.big + "] <" + way + "o " + screen.from
+                                                   : "  " + screen.from + " o" + way + "> [" + screen.big + "]");
+}
+
+}  // namespace
+
+TerminalSize stdout_size() {
+  winsize size{};
+  if (::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0) return {};
+  return {size.ws_col, size.ws_row};
+}
+
+std::vector<std::string> drawn(const OperatorScreen& screen, const std::string& time, TerminalSize size) {
+  const int columns = size.columns - 1;
+  std::vector<std::string> lines;
+  wrap(lines, time + "   " + screen.step, columns);
+  wrap(lines, screen.left, columns);
+  lines.emplace_back();
+  wrap(lines, screen.instruction, columns, screen.wants_hands() ? amber : bold);
+  if (!screen.big.empty()) {
+    lines.emplace_back();
+    draw_big(lines, screen.big);
+  }
+  lines.emplace_back();
+  if (!screen.answer.empty()) draw_table(lines, screen);
+  for (const std::string* text : {&screen.way, &screen.how}) wrap(lines, *text, columns);
+  wrap(lines, screen.note, columns, screen.task.wrong ? amber : bold);
+  wrap(lines, screen.answer, columns);
+  wrap(lines, screen.words, columns);
+  const auto most = static_cast<std::size_t>(input_row - 1);
+  if (lines.size() > most) lines.resize(most);
+  return lines;
+}
+
+OperatorTerminal::OperatorTerminal(std::string tag, std::function<void(const std::string&)> write, TerminalSize size,
+                                   std::function<double()> utc_s)
+    : tag_(std::move(tag)), write_(std::move(write)), size_(size), utc_s_(std::move(utc_s)) {}
+
+OperatorTerminal::~OperatorTerminal() {
+  if (before_) write_("\x1b[" + std::to_string(input_row) + ";1H\x1b[J");
+}
+
+bool OperatorTerminal::rings(const OperatorScreen& screen) const {
+  const OperatorTask& now = screen.task;
+  if (!screen.wants_hands()) return false;
+  if (!before_ || before_->kind != now.kind || before_->axis != now.axis || before_->target_deg != now.target_deg)
+    return true;
+  return now.wrong && !now.note.empty() && before_->answers != now.answers;
+}
+
+void OperatorTerminal::show(const OperatorScreen& screen) {
+  std::vector<std::string> lines = drawn(screen, tag_ + local_time(utc_s_()), size_);
+  const bool typed = !before_ || before_->answers != screen.task.answers;
+  if (!typed && lines == lines_) return;
+  std::string out = !before_ ? "\x1b[2J"
+                    : typed  ? ""
+                             : "\x1b"
+                               "7";
+  for (int row = 1; row < input_row; ++row) {
+    out += "\x1b[" + std::to_string(row) + ";1H";
+    if (static_cast<std::size_t>(row) <= lines.size()) out += lines[static_cast<std::size_t>(row) - 1];
+    out += "\x1b[K";
+  }
+  out += typed ? "\x1b[" + std::to_string(input_row) + ";1H\x1b[J> "
+               : "\x1b"
+                 "8";
+  if (rings(screen)) out += "\a";
+  write_(out);
+  lines_ = std::move(lines);
+  before_ = screen.task;
 }
 
 }  // namespace turncal

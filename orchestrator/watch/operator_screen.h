@@ -1,10 +1,17 @@
 // What the operator of a table turned by hand sees: one instruction, the angle to set or the time that is left, what was wrong. Made of
 // what there is to do (manual_turntable.h) and of where the run is; terminal (operator_terminal.h) and page draw this and nothing else.
+//
+// The operator's screen on a terminal: a block from its upper left corner, redrawn in place, and below it the line that is typed in. What
+// somebody is typing is left alone until Enter. The bell rings when hands are wanted or an answer was not taken.
+//
+// A character of Chinese is two columns wide. Nothing but ASCII is drawn around the texts.
 #pragma once
 
 #include <array>
+#include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "orchestrator/run/run_observer.h"
 #include "turntable_drivers/manual/manual_turntable.h"
@@ -35,5 +42,34 @@ std::string left_words(const RunSnapshot& at, std::optional<double> left_s, cons
 std::string json_of(const OperatorScreen& screen);
 std::string local_time(double utc_s);      // "15:20" of this machine
 std::string minutes_left(double seconds);  // "1:40"
+
+struct TerminalSize {
+  int columns = 0, rows = 0;
+  bool takes_screen() const { return columns >= 60 && rows >= 24; }
+};
+TerminalSize stdout_size();
+
+// The block, a line each, at most `rows`. time: of the wall.
+std::vector<std::string> drawn(const OperatorScreen& screen, const std::string& time, TerminalSize size);
+
+class OperatorTerminal {
+ public:
+  // tag: in front of the first line ("[dry run] "). write may be told more than fits: it is not waited for.
+  OperatorTerminal(std::string tag, std::function<void(const std::string&)> write, TerminalSize size,
+                   std::function<double()> utc_s);
+  ~OperatorTerminal();  // what is printed next stands below the block
+  OperatorTerminal(const OperatorTerminal&) = delete;
+  OperatorTerminal& operator=(const OperatorTerminal&) = delete;
+  void show(const OperatorScreen& screen);
+
+ private:
+  bool rings(const OperatorScreen& screen) const;
+  std::string tag_;
+  std::function<void(const std::string&)> write_;
+  TerminalSize size_;
+  std::function<double()> utc_s_;
+  std::vector<std::string> lines_;      // as they stand
+  std::optional<OperatorTask> before_;  // what was drawn last
+};
 
 }  // namespace turncal

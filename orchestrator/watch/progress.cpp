@@ -4,13 +4,66 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 
-#include "orchestrator/watch/run_log.h"
+#include "imu_io/base/clock.h"
 
 namespace turncal {
+
+namespace {
+
+std::string head_of(const RunSnapshot& at) {
+  return fmt::format("{} {:11.3f} s  step {}/{}  ", format_utc(at.utc_s), at.time_s, at.step_place, at.step_count);
+}
+
+}  // namespace
+
+std::string format_transition(const TransitionRecord& record) {
+  const RunSnapshot& at = record.at;
+  std::string text = head_of(at);
+  text += to_string(record.from);
+  if (record.to != record.from) {
+    text += " -> ";
+    text += to_string(record.to);
+  }
+  text += "  ";
+  text += to_string(record.event);
+  if (record.unexpected) text += " (unexpected)";
+  if (!record.detail.empty()) {
+    text += ": " + record.detail;
+  } else if (at.axis) {
+    text += fmt::format(": {} at {:.4f} deg", to_string(*at.axis), at.position_deg[*at.axis]);
+  }
+  if (record.to == RunState::stopping || is_final(record.to)) text += std::string("; table ") + to_string(at.table);
+  return text;
+}
+
+std::string format_dropout(const Dropout& dropout) {
+  return head_of(dropout.at) + "unit " + dropout.serial + " dropped out at " + dropout.why.message;
+}
+
+Result<RunLog> RunLog::create(const std::string& path, std::string tag) {
+  PosixFile file = TRY(PosixFile::create_new(path));
+  return RunLog(std::move(file), std::move(tag));
+}
+
+Result<RunLog> RunLog::append(const std::string& path, std::string tag) {
+  if (!path_exists(path)) return create(path, std::move(tag));
+  PosixFile file = TRY(PosixFile::open_to_change(path));
+  const std::uint64_t size = TRY(file.size());
+  TRY(file.seek(size));
+  RunLog log(std::move(file), std::move(tag));
+  if (size > 0) log.status_ = log.file_.write_all(std::string_view("\n"));  // the last line may be torn
+  return log;
+}
+
+void RunLog::line(const std::string& text) {
+  if (status_) status_ = file_.write_all(std::string_view(tag_ + text + "\n"));
+}
 
 namespace {
 
@@ -31,34 +84,24 @@ std::string phase_words(const RunSnapshot& s, bool by_hand) {
   if (s.state == RunState::resting) return "resting after the interruption";
   if (waits_for_operator(s, by_hand)) {
     if (!s.axis) return "where the table stands";
-    char text[80];
-    std::snprintf(text, sizeof text, "turn %s to %.2f deg", to_string(*s.axis), s.target_deg);
-    return text;
+    return fmt::format("turn {} to {:.2f} deg", to_string(*s.axis), s.target_deg);
   }
   return std::string(to_string(s.state));
 }
 
 std::string format_duration(double seconds) {
   const long long whole = std::llround(std::max(0.0, seconds));
-  char text[40];
-  std::snprintf(text, sizeof text, "%lld:%02lld:%02lld", whole / 3600, whole / 60 % 60, whole % 60);
-  return text;
+  return fmt::format("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60);
 }
 
 std::string format_progress(const RunSnapshot& s) {
-  char angles[100];
-  if (s.axis) {
-    std::snprintf(angles, sizeof angles, "%s %.2f -> %.2f deg", to_string(*s.axis), s.position_deg[*s.axis],
-                  s.target_deg);
-  } else {
-    std::snprintf(angles, sizeof angles, "H %.2f P %.2f R %.2f deg", s.position_deg[Axis::heading],
-                  s.position_deg[Axis::pitch], s.position_deg[Axis::roll]);
-  }
-  char text[240];
-  std::snprintf(text, sizeof text, "step %zu/%zu  %s  %s %3.0f%%  run %3.0f%%  ETA %s", s.step_place, s.step_count,
-                phase_words(s, false).c_str(), angles, 100.0 * s.phase_fraction, 100.0 * s.run_fraction,
-                format_duration(s.eta_s).c_str());
-  return text;
+  const AxisTriple& at = s.position_deg;
+  const std::string angles =
+      s.axis ? fmt::format("{} {:.2f} -> {:.2f} deg", to_string(*s.axis), at[*s.axis], s.target_deg)
+             : fmt::format("H {:.2f} P {:.2f} R {:.2f} deg", at[Axis::heading], at[Axis::pitch], at[Axis::roll]);
+  return fmt::format("step {}/{}  {}  {} {:3.0f}%  run {:3.0f}%  ETA {}", s.step_place, s.step_count,
+                     phase_words(s, false), angles, 100.0 * s.phase_fraction, 100.0 * s.run_fraction,
+                     format_duration(s.eta_s));
 }
 
 double wall_utc_s() {
@@ -106,6 +149,34 @@ void ProgressPrinter::clear() {
   if (!line_shown_ || !takes_more_()) return;
   line_shown_ = false;
   out_ << "\x1b[2K\r" << std::flush;
+}
+
+namespace {
+
+const int colours = std::ios_base::xalloc();
+
+std::string_view variable(const char* name) {
+  const char* const value = std::getenv(name);
+  return value == nullptr ? "" : value;
+}
+
+}  // namespace
+
+const char* to_string(Tone tone) { return tone == Tone::good ? "good" : tone == Tone::attention ? "attention" : "bad"; }
+
+Tone tone_of(UnitVerdict verdict) {
+  if (!is_accepted(verdict)) return Tone::bad;
+  return verdict == UnitVerdict::conditional_pass ? Tone::attention : Tone::good;
+}
+
+void allow_colour(std::ostream& out, int descriptor) {
+  out.iword(colours) = ::isatty(descriptor) == 1 && variable("NO_COLOR").empty() && variable("TERM") != "dumb" ? 1 : 0;
+}
+
+std::string in_tone(std::ostream& out, Tone tone, std::string_view text) {
+  constexpr std::array<const char*, 3> codes = {"\x1b[32m", "\x1b[33m", "\x1b[31m"};
+  if (out.iword(colours) == 0) return std::string(text);
+  return codes[static_cast<std::size_t>(tone)] + std::string(text) + "\x1b[0m";
 }
 
 }  // namespace turncal

@@ -1,18 +1,57 @@
+// A run in words: one line a transition, with station time, and the file run.log made of them.
+//
+//   2026-01-01T00:12:34Z     754.500 s  step 2/14  moving -> settling  arrived: roll at 360.0000 deg
+//
+// Times are the station's, so the log of a dry run is the same bytes every time.
+//
 // What the operator sees of a run.
 //
 // On a terminal: one line, redrawn in place at most ten times a second of wall time,
 //   step 3/14  moving  pitch 123.45 -> 360.00 deg  34%  run  11%  ETA 1:23:45
 // where ETA is station time that the plan says is left. Elsewhere, and where they are asked for: one timestamped line a transition
 // (run_log.h). Without those: what a pause that was asked for waits for.
+//
+// How something looks at a glance: on the status page, and in colours on a terminal.
+//
+// A stream shows colours after allow_colour: a terminal of somebody who has not asked for none (https://no-color.org).
 #pragma once
 
 #include <functional>
 #include <ostream>
 #include <string>
+#include <string_view>
 
+#include "calib/types/status.h"
+#include "imu_io/base/posix_file.h"
 #include "orchestrator/run/run_observer.h"
+#include "orchestrator/station/verdict.h"
 
 namespace turncal {
+
+// Without the line break.
+std::string format_transition(const TransitionRecord& record);
+std::string format_dropout(const Dropout& dropout);
+
+class RunLog : public RunObserver {
+ public:
+  // The file must not exist. Every line is handed to the system at once. `tag` stands in front of each ("[dry run] "), so that none of a
+  // simulation passes for a real one.
+  static Result<RunLog> create(const std::string& path, std::string tag);
+  static Result<RunLog> append(const std::string& path, std::string tag);  // to a log that is there, or a new one
+
+  void line(const std::string& text);
+  void on_transition(const TransitionRecord& record) override { line(format_transition(record)); }
+  void on_dropout(const Dropout& dropout) override { line(format_dropout(dropout)); }
+  void on_progress(const RunSnapshot&) override {}
+  // The first failure to write, which the run must not hide.
+  const Status& status() const { return status_; }
+
+ private:
+  RunLog(PosixFile file, std::string tag) : file_(std::move(file)), tag_(std::move(tag)) {}
+  PosixFile file_;
+  std::string tag_;
+  Status status_;
+};
 
 class ProgressPrinter : public RunObserver {
  public:
@@ -46,5 +85,12 @@ std::string format_progress(const RunSnapshot& snapshot);
 std::string format_duration(double seconds);  // 1:23:45
 double wall_utc_s();                          // seconds since 1970-01-01 UTC
 bool stdout_takes_more();                     // false: a pipe nobody reads, a terminal that was stopped
+
+enum class Tone { good, attention, bad };  // green, amber, red
+const char* to_string(Tone tone);
+Tone tone_of(UnitVerdict verdict);
+
+void allow_colour(std::ostream& out, int descriptor);
+std::string in_tone(std::ostream& out, Tone tone, std::string_view text);  // as `out` may show it
 
 }  // namespace turncal

@@ -1,14 +1,224 @@
 #include "orchestrator/watch/status_page.h"
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cmath>
+#include <cstdio>
 #include <thread>
 
+#include "calib/model/parameters.h"
 #include "imu_io/base/clock.h"
+#include "imu_io/base/data_text.h"
 #include "orchestrator/watch/page_server.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
+
+namespace {
+
+constexpr std::size_t transitions_kept = 12;
+constexpr std::size_t seconds_shown = 600;  // of a long dwell the newest
+
+std::string json_of(const AxisTriple& value) {
+  return json_list(
+      {json_number(value[Axis::heading]), json_number(value[Axis::pitch]), json_number(value[Axis::roll])});
+}
+
+}  // namespace
+
+LiveStatus::LiveStatus(LiveRun run, std::function<double()> wall_s)
+    : run_(std::move(run)), wall_s_(std::move(wall_s)), heartbeat_s_(wall_s_()) {}
+
+void LiveStatus::on_transition(const TransitionRecord& record) {
+  const std::lock_guard lock(mutex_);
+  transitions_.push_back(format_transition(record));
+  if (transitions_.size() > transitions_kept) transitions_.erase(transitions_.begin());
+  if (record.event == RunEvent::pause_wanted) {
+    pause_ = record.detail;
+    return;
+  }
+  const bool bad = record.to == RunState::stopping || record.to == RunState::failed ||
+                   record.event == RunEvent::dwell_bad || record.event == RunEvent::motion_data_lost;
+  if (bad && !record.detail.empty()) last_error_ = record.detail;
+}
+
+void LiveStatus::on_dropout(const Dropout& dropout) {
+  const std::lock_guard lock(mutex_);
+  last_error_ = "unit " + dropout.serial + " dropped out at " + dropout.why.message;
+}
+
+void LiveStatus::on_progress(const RunSnapshot& snapshot) {
+  const std::lock_guard lock(mutex_);
+  snapshot_ = snapshot;
+  heartbeat_s_ = wall_s_();
+}
+
+void LiveStatus::begin(const RecordingInfo& info) {
+  const std::lock_guard lock(mutex_);
+  const Parameters start = start_parameters(info);
+  const ParameterVector si = si_per_unit(info);
+  second_samples_ = static_cast<std::size_t>(std::max(1.0, std::round(1.0 / info.sample_period_s)));
+  const double second_s = static_cast<double>(second_samples_) * info.sample_period_s;
+  for (std::size_t i = 0; i < 3; ++i) {
+    per_count_[i] = nominal_gyro_rad(info) / rad_per_deg / second_s;
+    per_count_[3 + i] = start.a(0, 0) * si[15] / second_s;
+  }
+  pulse_[0] = info.gyro_increment == IncrementKind::pulses ? per_count_[0] * second_s * 3600.0 : 0.0;
+  pulse_[1] = info.accel_increment == IncrementKind::pulses ? per_count_[3] * second_s * 1000.0 : 0.0;
+}
+
+void LiveStatus::begin_segment(SegmentKind kind) {
+  const std::lock_guard lock(mutex_);
+  dwelling_ = kind != SegmentKind::rotate;
+  if (!dwelling_) return;
+  dwell_.clear();
+  sum_ = {};
+  in_sum_ = 0;
+}
+
+void LiveStatus::add(std::span<const ImuSample> samples) {
+  const std::lock_guard lock(mutex_);
+  if (samples.empty()) return;
+  has_temperature_ = !std::isnan(samples.back().temperature_c);
+  temperature_c_ = samples.back().temperature_c;
+  if (!dwelling_) return;
+  for (const ImuSample& sample : samples) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      sum_[i] += sample.gyro[i];
+      sum_[3 + i] += sample.accel[i];
+    }
+    if (++in_sum_ < second_samples_) continue;
+    Second second;
+    for (std::size_t i = 0; i < 6; ++i) second.mean[i] = sum_[i] * per_count_[i];
+    if (dwell_.size() == seconds_shown) dwell_.erase(dwell_.begin());
+    dwell_.push_back(second);
+    sum_ = {};
+    in_sum_ = 0;
+  }
+}
+
+void LiveStatus::show_known(const std::string& text, std::vector<Known> known) {
+  const std::lock_guard lock(mutex_);
+  known_text_ = text;
+  known_ = std::move(known);
+}
+
+void LiveStatus::show_operator(const OperatorScreen& screen) {
+  const std::lock_guard lock(mutex_);
+  operator_ = screen;
+}
+
+void LiveStatus::end(const std::string& how, Tone tone, const std::vector<std::string>& verification) {
+  const std::lock_guard lock(mutex_);
+  ended_ = how;
+  operator_.reset();
+  verification_ = verification;
+  ended_as_ = tone;
+  heartbeat_s_ = wall_s_();
+}
+
+LiveStatus::Headline LiveStatus::headline() const {
+  const RunSnapshot& s = snapshot_;
+  std::string gone;
+  for (const UnitSnapshot& unit : s.units) {
+    if (!unit.dropped_out.empty()) gone += (gone.empty() ? "; dropped out: " : ", ") + unit.serial;
+  }
+  if (!ended_.empty()) return {ended_ + gone, gone.empty() ? ended_as_ : std::max(ended_as_, Tone::attention)};
+  const std::string step = "step " + std::to_string(s.step_place) + "/" + std::to_string(s.step_count) + ", ";
+  Headline head{"Running: " + step + phase_words(s, run_.by_hand), gone.empty() ? Tone::good : Tone::attention};
+  if (waits_for_operator(s, run_.by_hand)) {
+    head = {"Waits for the operator: " + step + phase_words(s, run_.by_hand), Tone::attention};
+  } else if (s.state == RunState::stopping) {
+    head = {"Stopping: " + (last_error_.empty() ? step + "the table" : last_error_), Tone::attention};
+  }
+  if (!pause_.empty()) {
+    head.text += "; " + pause_;
+    head.tone = Tone::attention;
+  }
+  head.text += gone;
+  return head;
+}
+
+std::string LiveStatus::json() const {
+  const std::lock_guard lock(mutex_);
+  const RunSnapshot& s = snapshot_;
+  const Headline head = headline();
+  JsonObject o;
+  o.text("headline", head.text);
+  o.text("tone", to_string(head.tone));
+  o.text("unit", run_.unit);
+  o.text("station", run_.station);
+  o.text("sequence", run_.sequence);
+  o.text("folder", run_.folder);
+  o.flag("simulated", run_.simulated);
+  o.number("step", s.step);
+  o.number("step_place", static_cast<double>(s.step_place));
+  o.number("step_count", static_cast<double>(s.step_count));
+  o.text("phase", phase_words(s, run_.by_hand));
+  o.number("phase_fraction", s.phase_fraction);
+  o.number("run_fraction", s.run_fraction);
+  o.text("table", to_string(s.table));
+  o.raw("position_deg", json_of(s.position_deg));
+  o.raw("rate_degps", json_of(s.rate_degps));
+  o.number("eta_s", s.eta_s);
+  // What a person takes for a turn is in no plan.
+  o.text("eta_utc", s.end_utc_s > 0.0 && !run_.by_hand ? format_utc(s.end_utc_s) : "");
+  o.number("moves_left", static_cast<double>(s.moves_left));
+  o.text("time_utc", s.utc_s > 0.0 ? format_utc(s.utc_s) : "");
+  o.number("repeats", s.repeats);
+  o.number("lost_samples", static_cast<double>(s.lost_samples));
+  std::vector<std::string> units, known;
+  for (const UnitSnapshot& unit : s.units) {
+    JsonObject one;
+    one.text("serial", unit.serial);
+    one.number("samples", static_cast<double>(unit.recorded_samples));
+    one.number("lost_samples", static_cast<double>(unit.lost_samples));
+    one.text("dropped_out", unit.dropped_out);
+    units.push_back(one.end());
+  }
+  o.list("units", units);
+  o.raw("temperature_c", has_temperature_ ? json_number(static_cast<double>(temperature_c_)) : "null");
+  o.number("heartbeat_age_s", wall_s_() - heartbeat_s_);
+  o.text("last_error", last_error_);
+  o.text("pause", pause_);
+  o.text("ended", ended_);
+  o.raw("operator", operator_ ? json_of(*operator_) : "null");
+  o.text("known_text", known_text_);
+  for (const Known& one : known_) {
+    JsonObject bar;
+    bar.text("key", one.key);
+    bar.number("sigma", one.sigma);
+    bar.number("needed", one.needed);
+    known.push_back(bar.end());
+  }
+  o.list("known", known);
+  o.texts("verification", verification_);
+  o.texts("transitions", transitions_);
+  o.texts("results", run_.results);
+  o.list("pulse", {json_number(pulse_[0]), json_number(pulse_[1])});
+  // Second by second, relative to the first; and the largest standard deviation of a triad, which is what stillness means here.
+  std::array<double, 2> stillness{};
+  std::vector<std::string> series;
+  for (std::size_t i = 0; i < 6; ++i) {
+    std::vector<std::string> points;
+    double sum = 0.0, square = 0.0;
+    for (const Second& second : dwell_) {
+      const double x = second.mean[i] - dwell_.front().mean[i];
+      sum += x;
+      square += x * x;
+      points.push_back(json_number(x));
+    }
+    series.push_back(json_list(points));
+    const auto n = static_cast<double>(dwell_.size());
+    if (n > 1.0)
+      stillness[i / 3] = std::max(stillness[i / 3], std::sqrt(std::max(0.0, (square - sum * sum / n) / (n - 1.0))));
+  }
+  o.number("still_gyro_degps", stillness[0]);
+  o.number("still_accel_mps2", stillness[1]);
+  o.list("dwell", series);
+  return o.end();
+}
 
 extern const std::string_view status_page_html;  // status_page.html; INITIAL in it stands for the first status
 

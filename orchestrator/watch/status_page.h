@@ -1,3 +1,6 @@
+// What the status page shows of a run: the newest snapshot, every unit's state, the running dwell (of the first unit) second by second, the last transitions and how it
+// ended. Fed by the run's thread, read by the page's: every member is behind one lock, held for microseconds.
+//
 // A read-only page about a run: GET / and GET /status.json, nothing else, and nothing that changes anything.
 //
 // The page polls status.json once a second. When the program no longer answers it says so, with the time of its last answer: whether
@@ -6,13 +9,118 @@
 // Served by a thread of its own with limits (page_server.h); the run's thread never waits for it.
 #pragma once
 
+#include <array>
+#include <cstdint>
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <string>
+#include <vector>
 
 #include "calib/types/status.h"
-#include "orchestrator/watch/live_status.h"
+#include "orchestrator/run/run_observer.h"
+#include "orchestrator/watch/operator_screen.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
+
+// What does not change while it goes on.
+struct LiveRun {
+  std::string unit, station, sequence, folder;
+  bool simulated = false;                 // a rig or twins, at one end at least
+  bool by_hand = false;                   // a person turns the table
+  std::vector<std::string> results = {};  // of earlier runs, shown as they are
+};
+
+class LiveStatus : public RunObserver {
+ public:
+  // wall_s: seconds on a steady clock, for the age of the heartbeat.
+  LiveStatus(LiveRun run, std::function<double()> wall_s);
+
+  void on_transition(const TransitionRecord& record) override;
+  void on_dropout(const Dropout& dropout) override;
+  void on_progress(const RunSnapshot& snapshot) override;
+  void begin(const RecordingInfo& info);
+  void begin_segment(SegmentKind kind);
+  void add(std::span<const ImuSample> samples);
+  // How well the unit is known against how well it has to be; replaces what was shown.
+  struct Known {
+    std::string key;
+    double sigma = 0.0, needed = 0.0;
+  };
+  void show_known(const std::string& text, std::vector<Known> known);
+  void show_operator(const OperatorScreen& screen);  // of a table turned by hand
+  // After the run: "Done: pass", "Paused: ...", or the error. `verification`: of each unit that was verified, its outcome.
+  void end(const std::string& how, Tone tone, const std::vector<std::string>& verification = {});
+
+  // The page polls this. Numbers in degrees, deg/s, m/s^2, seconds.
+  std::string json() const;
+
+ private:
+  // Where the run is, in one line, and how that looks.
+  struct Headline {
+    std::string text;
+    Tone tone = Tone::good;
+  };
+  Headline headline() const;  // REQUIRES: the lock is held
+
+  struct Second {
+    std::array<double, 6> mean{};  // gyro x y z [deg/s], accelerometer x y z [m/s^2]
+  };
+  mutable std::mutex mutex_;
+  const LiveRun run_;
+  std::function<double()> wall_s_;
+  double heartbeat_s_ = 0.0;
+  RunSnapshot snapshot_;
+  std::string last_error_, pause_, ended_, known_text_;
+  std::vector<Known> known_;
+  std::optional<OperatorScreen> operator_;
+  Tone ended_as_ = Tone::bad;
+  std::vector<std::string> verification_;
+  std::vector<std::string> transitions_;  // the newest last
+  std::array<double, 6> per_count_{};     // of a sum over one second
+  std::array<double, 2> pulse_{};         // of gyro [arcsec] and accelerometer [mm/s]; 0: the increments are no pulses
+  std::size_t second_samples_ = 200;
+  std::vector<Second> dwell_;
+  std::array<double, 6> sum_{};
+  std::size_t in_sum_ = 0;
+  bool dwelling_ = false;
+  float temperature_c_ = 0.0F;
+  bool has_temperature_ = false;
+};
+
+// A sink that shows the samples on their way to the recording.
+class LiveSink : public RunSink {
+ public:
+  LiveSink(RunSink& sink, LiveStatus& status) : sink_(sink), status_(status) {}
+  Status start(const RecordingInfo& info) override {
+    status_.begin(info);
+    return sink_.start(info);
+  }
+  Status resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) override {
+    status_.begin(info);
+    return sink_.resume(info, end_sample, written);
+  }
+  Status begin_segment(const Segment& segment) override {
+    status_.begin_segment(segment.kind);
+    return sink_.begin_segment(segment);
+  }
+  Status add(std::span<const ImuSample> samples) override {
+    status_.add(samples);
+    return sink_.add(samples);
+  }
+  Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override {
+    return sink_.end_segment(kind, end_sample, angles_deg);
+  }
+  Status sync() override { return sink_.sync(); }
+  Status finish() override { return sink_.finish(); }
+  std::optional<std::uint32_t> written() const override { return sink_.written(); }
+  Status unit_fits() const override { return sink_.unit_fits(); }
+
+ private:
+  RunSink& sink_;
+  LiveStatus& status_;
+};
 
 class StatusPage {
  public:

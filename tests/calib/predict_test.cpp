@@ -14,7 +14,7 @@
 #include "calib/statistics/distributions.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/devices/truth.h"
-#include "orchestrator/jobs/sequence_coverage.h"
+#include "orchestrator/jobs/planned_unit.h"
 #include "tests/rig_recorder.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
 

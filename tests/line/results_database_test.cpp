@@ -3,7 +3,7 @@
 
 #include <sqlite3.h>
 
-#include "orchestrator/records/database_schema.h"
+#include "orchestrator/records/database_rows.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {

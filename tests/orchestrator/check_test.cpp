@@ -1,5 +1,5 @@
 // `turncal check`: the printed plan, and one line for each reason to refuse.
-#include "orchestrator/commands/command_check.h"
+#include "orchestrator/commands/commands.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

@@ -1,6 +1,5 @@
 // The journal on disk: what is written is read back; damage is told from a torn end; nothing is read that was not written.
-#include "orchestrator/records/journal_file.h"
-#include "orchestrator/records/journal_contents.h"
+#include "orchestrator/records/journal.h"
 
 #include <gtest/gtest.h>
 

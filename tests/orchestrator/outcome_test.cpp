@@ -3,7 +3,7 @@
 #include "tests/orchestrator/queue_outcomes.h"
 
 #include "orchestrator/jobs/run_results.h"
-#include "orchestrator/records/journal_contents.h"
+#include "orchestrator/records/journal.h"
 #include "orchestrator/records/results_database.h"
 
 namespace turncal {

@@ -3,7 +3,7 @@
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/command_context.h"
-#include "orchestrator/records/journal_contents.h"
+#include "orchestrator/records/journal.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/rig_station.h"

@@ -15,9 +15,7 @@
 
 #include "imu_io/base/console.h"
 #include "imu_io/lines/pty.h"
-#include "orchestrator/watch/run_log.h"
 #include "orchestrator/watch/service_watch.h"
-#include "orchestrator/watch/tone.h"
 
 namespace turncal {
 namespace {

@@ -5,8 +5,7 @@
 #include <random>
 #include <regex>
 
-#include "orchestrator/records/journal_contents.h"
-#include "orchestrator/records/journal_file.h"
+#include "orchestrator/records/journal.h"
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/results_database.h"
 

@@ -10,7 +10,7 @@
 
 #include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/run/station_run.h"
-#include "orchestrator/watch/run_log.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 

@@ -8,10 +8,8 @@
 #include <thread>
 
 #include "imu_io/base/clock.h"
-#include "orchestrator/watch/live_status.h"
 #include "orchestrator/watch/page_server.h"
 #include "orchestrator/watch/progress.h"
-#include "orchestrator/watch/run_log.h"
 #include "orchestrator/watch/status_page.h"
 #include "tests/orchestrator/program.h"
 

@@ -14,7 +14,7 @@
 #include "imu_io/base/lock_file.h"
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/jobs/preflight.h"
-#include "orchestrator/records/journal_contents.h"
+#include "orchestrator/records/journal.h"
 #include "orchestrator/records/results_database.h"
 
 namespace turncal {

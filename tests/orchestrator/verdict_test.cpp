@@ -7,7 +7,7 @@
 #include "orchestrator/line/parameter_history.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/watch/tone.h"
+#include "orchestrator/watch/progress.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {

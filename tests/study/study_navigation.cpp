@@ -11,7 +11,7 @@
 
 #include "calib/joint/joint_estimate.h"
 #include "calib/prediction/predicted_drift.h"
-#include "orchestrator/jobs/sequence_coverage.h"
+#include "orchestrator/jobs/planned_unit.h"
 #include "sequences/plan.h"
 #include "tests/rig_recorder.h"
 

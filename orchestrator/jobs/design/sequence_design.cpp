@@ -9,7 +9,7 @@
 
 #include "calib/prediction/design_bound.h"
 #include "imu_io/base/format_number.h"
-#include "orchestrator/jobs/sequence_coverage.h"
+#include "orchestrator/jobs/planned_unit.h"
 
 namespace turncal {
 

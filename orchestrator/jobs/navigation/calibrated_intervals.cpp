@@ -5,11 +5,229 @@
 #include <limits>
 #include <utility>
 
+#include "calib/joint/joint_estimate.h"
+#include "calib/joint/joint_faults.h"
+#include "calib/model/effects.h"
 #include "calib/rests/rest_data.h"
 #include "calib/statistics/compression.h"
 #include "calib/statistics/segmentation.h"
+#include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
+#include "orchestrator/jobs/loaded_recording.h"
 
 namespace turncal {
+
+namespace {
+
+bool needs_attitude(const std::string& name) { return name == "earth_rate" || name == "gyro_magnetic"; }
+
+Result<std::vector<EffectColumn>> columns_of(const ParameterFile& file, const std::string& file_name,
+                                             const RecordingInfo& info, bool has_attitude, Eigen::VectorXd& values) {
+  std::vector<EffectColumn> columns;
+  std::vector<double> found;
+  for (const EffectValue& effect : file.effects) {
+    const std::string key = "effect." + effect.name + "." + effect.component;
+    const EffectEntry* entry = find_effect(effect.name);
+    if (entry == nullptr) return input_error(file_name + ": '" + key + "' is not an effect of the catalogue");
+    if (effect.component == entry->variant) continue;
+    const auto at = std::find(entry->components.begin(), entry->components.end(), effect.component);
+    if (at == entry->components.end())
+      return input_error(file_name + ": '" + key + "' is not a component of " + effect.name);
+    if (entry->needs_temperature && !info.has_temperature)
+      return input_error(file_name + ": '" + key + "' depends on temperature, which the recording does not have");
+    if (needs_attitude(effect.name) && !has_attitude)
+      return input_error(file_name + ": '" + key +
+                         "' depends on the attitude, which a recording without table angles does not tell");
+    EffectColumn column{entry, static_cast<int>(at - entry->components.begin()), 0.0};
+    if (!entry->taus_s.empty()) {
+      const auto tau = std::find_if(file.effects.begin(), file.effects.end(), [&](const EffectValue& e) {
+        return e.name == effect.name && e.component == entry->variant;
+      });
+      if (tau == file.effects.end())
+        return input_error(file_name + ": missing key 'effect." + effect.name + "." + std::string(entry->variant) +
+                           "'");
+      column.tau_s = tau->value;
+    }
+    columns.push_back(column);
+    found.push_back(effect.value);
+  }
+  values = Eigen::Map<Eigen::VectorXd>(found.data(), static_cast<Eigen::Index>(found.size()));
+  return columns;
+}
+
+}  // namespace
+
+Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string& file_name, RecordingSource& source) {
+  EffectTerms terms;
+  if (file.effects.empty()) return terms;
+  const bool by_hand = without_table_angles(source.segments());
+  Eigen::VectorXd values;
+  const std::vector<EffectColumn> columns = TRY(columns_of(file, file_name, source.info(), !by_hand, values));
+  const auto nowhere = [&] {
+    return input_error(source.path() + ": has no segments, expected some to evaluate effects over");
+  };
+  EffectModel model =
+      make_effect_model(columns, {source.info().latitude_deg}, file.reference_temperature_c.value_or(0.0));
+  model.values = values;
+  if (source.segments().empty()) {
+    TRY(terms.of_motion_alone(source, file, model));
+    return terms;
+  }
+  const LoadedRecording loaded = TRY(load_recording(source));
+  const CompressedRecording& recording = loaded.data;
+  if (recording.blocks.empty()) return nowhere();
+
+  FilterSetup setup;
+  setup.with_columns = false;
+  setup.keep_taken_off = true;
+  setup.noise.accel_pulse_mps =
+      recording.info.accel_increment == IncrementKind::pulses ? recording.info.accel_pulse_mps : 0.0;
+  faults_from_events(recording, setup.breaks);
+  const FilterResult result = run_filter(recording, from_vector(file.parameters), model, setup);
+  for (std::size_t k = 0; k < recording.blocks.size(); ++k) {
+    const double t = recording.blocks[k].duration_s;
+    terms.starts_.push_back(recording.blocks[k].start_sample);
+    terms.terms_.push_back({result.taken_off[k].turn_rad / t, result.taken_off[k].push_mps / t});
+  }
+  return terms;
+}
+
+Status EffectTerms::of_motion_alone(RecordingSource& source, const ParameterFile& file, EffectModel model) {
+  Compressor compressor(source.info());
+  Segment whole;
+  whole.kind = SegmentKind::rotate;
+  compressor.begin_segment(whole);
+  const Status status = source.read([&](std::span<const ImuSample> samples) {
+    compressor.add(samples);
+    return Status{};
+  });
+  if (!status) return status;
+  const CompressedRecording recording = compressor.take();
+  const SensorModel sensors = sensor_model(from_vector(file.parameters), recording.info);
+  const std::vector<Block>& blocks = recording.blocks;
+  const auto rate = [&](const Block& b) -> Eigen::Vector3d {
+    return sensors.gyro_scale * b.gyro / b.duration_s - sensors.gyro_bias_radps;
+  };
+  const auto middle_s = [&](const Block& b) {
+    return static_cast<double>(b.start_sample - blocks.front().start_sample) * recording.info.sample_period_s +
+           0.5 * b.duration_s;
+  };
+  EffectRegressors regressors;
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    const Block& block = blocks[k];
+    const Block& before = blocks[k > 0 ? k - 1 : k];
+    const Block& after = blocks[std::min(k + 1, blocks.size() - 1)];
+    BlockState s;
+    s.f_b = sensors.accel_scale * block.accel / block.duration_s - sensors.accel_bias_mps2;
+    s.w_b = rate(block);
+    s.w_dot_b.setZero();
+    if (&before != &after) s.w_dot_b = (rate(after) - rate(before)) / (middle_s(after) - middle_s(before));
+    s.C_nb.setIdentity();  // what needs it was refused
+    s.duration_s = block.duration_s;
+    s.time_s = middle_s(block);
+    s.since_rotation_s = 1e9;
+    s.temperature_c = std::isnan(block.temperature_c)
+                          ? 0.0
+                          : static_cast<double>(block.temperature_c) - model.reference_temperature_c;
+    regressors.gyro.setZero(3, model.columns);
+    regressors.accel.setZero(3, model.columns);
+    model.regressors(s, regressors);
+    starts_.push_back(block.start_sample);
+    terms_.push_back({regressors.gyro * model.values, regressors.accel * model.values});
+  }
+  return {};
+}
+
+const EffectTerms::Term& EffectTerms::at(std::int64_t counter) {
+  static const Term none;
+  if (terms_.empty()) return none;
+  while (index_ + 1 < starts_.size() && counter >= starts_[index_ + 1]) ++index_;
+  return terms_[index_];
+}
+
+namespace {
+
+Error bad_value(const std::string& file_name, const std::string& key, const std::string& value, const char* expected) {
+  return input_error(file_name + ": key '" + key + "' = '" + value + "': expected " + expected);
+}
+
+// Into `value` (times `unit`) where the key is there.
+Status take(const ParameterFile& file, const std::string& file_name, const std::string& key, double unit,
+            double& value) {
+  const std::string* const text = find_further(file, key);
+  if (text == nullptr) return {};
+  const std::optional<double> number = parse_number(*text);
+  if (!number || *number < 0.0) return bad_value(file_name, key, *text, "a number of 0 or more");
+  value = *number * unit;
+  return {};
+}
+
+}  // namespace
+
+bool has_noise(const ParameterFile& file) {
+  return find_further(file, "noise.angle_random_walk.x_deg_per_rt_h") != nullptr;
+}
+
+Result<NoiseModel> stored_noise(const ParameterFile& file, const std::string& file_name) {
+  NoiseModel noise;
+  const bool counts = file.accel_increment == IncrementKind::pulses;
+  noise.accel_pulse_mps = counts ? file.accel_pulse_mps : 0.0;
+  for (int k = 0; k < 3; ++k) {
+    const std::string axis(1, "xyz"[k]);
+    TRY(take(file, file_name, "noise.angle_random_walk." + axis + "_deg_per_rt_h", radprs_per_degprh,
+             noise.angle_random_walk[k]));
+    TRY(take(file, file_name, "noise.velocity_random_walk." + axis + "_ug_per_rt_hz", mpsprs_per_ugprHz,
+             noise.velocity_random_walk[k]));
+  }
+  for (const auto& [key, unit, value] :
+       {std::tuple{"noise.gyro_bias_instability_degph", radps_per_degph, &noise.gyro_bias_instability_radps},
+        std::tuple{"noise.accel_bias_instability_ug", mpsprs_per_ugprHz, &noise.accel_bias_instability_mps2},
+        std::tuple{"noise.gyro_pulse_arcsec", rad_per_arcsec, &noise.gyro_pulse_rad},
+        std::tuple{"noise.bias_correlation_s", 1.0, &noise.bias_correlation_s}})
+    TRY(take(file, file_name, key, unit, *value));
+  if (noise.bias_correlation_s <= 0.0) return bad_value(file_name, "noise.bias_correlation_s", "0", "a number above 0");
+  return noise;
+}
+
+Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std::string& file_name) {
+  StoredCovariance stored;
+  if (!file.effects.empty()) {
+    stored.source = "effects";
+    return stored;
+  }
+  ParameterVector sigma = ParameterVector::Zero();
+  for (int k = 0; k < parameter_count; ++k) sigma[k] = file.sigma[static_cast<std::size_t>(k)].value_or(0.0);
+  if (sigma.any()) {
+    stored.source = "sigmas";
+    stored.covariance = sigma.cwiseAbs2().asDiagonal();
+  }
+  std::vector<int> rows;  // those that have a line, in order
+  for (int k = 0; k < parameter_count; ++k) {
+    const std::string key = "quality.covariance." + std::string(parameter_keys[static_cast<std::size_t>(k)]);
+    const std::string* const text = find_further(file, key);
+    if (text == nullptr) continue;
+    rows.push_back(k);
+    const std::vector<std::string_view> words = split_words(*text);
+    if (words.size() != rows.size())
+      return bad_value(file_name, key, *text, (std::to_string(rows.size()) + " numbers").c_str());
+    for (std::size_t j = 0; j < words.size(); ++j) {
+      const std::optional<double> number = parse_number(words[j]);
+      if (!number) return bad_value(file_name, key, std::string(words[j]), "a number");
+      stored.covariance(k, rows[j]) = stored.covariance(rows[j], k) = *number;
+    }
+  }
+  if (rows.empty()) return stored;
+  stored.source = "covariance";
+  ParameterVector scale = ParameterVector::Ones();
+  for (const int k : rows) {
+    if (!(stored.covariance(k, k) > 0.0))
+      return bad_value(file_name, "quality.covariance." + std::string(parameter_keys[static_cast<std::size_t>(k)]),
+                       format_number(stored.covariance(k, k)), "a variance above 0");
+    if (sigma[k] > 0.0) scale[k] = sigma[k] / std::sqrt(stored.covariance(k, k));
+  }
+  stored.covariance = scale.asDiagonal() * stored.covariance * scale.asDiagonal();
+  return stored;
+}
 
 namespace {
 

@@ -1,3 +1,11 @@
+// What the effects of a parameter file read over each sample of a recording: what `turncal apply` takes off.
+//
+// The terms are those of the estimate itself (calib/joint/joint_filter.h): constant over a block, one second at rest and at most
+// 0.1 s in a turn, evaluated at the rate, specific force, temperature, time and attitude of the block. Time counts from the
+// first sample of the recording at hand.
+//
+// What a parameter file says of its own uncertainty: noise of the sensors, and the covariance of the parameters.
+//
 // A recording read once, its samples calibrated by one or more parameter files, as intervals of motion (calib/navigation/increments.h).
 #pragma once
 
@@ -7,15 +15,55 @@
 #include <string>
 #include <vector>
 
+#include "calib/joint/joint_filter.h"
+#include "calib/model/noise_model.h"
 #include "calib/model/parameters.h"
+#include "calib/navigation/drift.h"
 #include "calib/navigation/free_navigation.h"
 #include "calib/navigation/increments.h"
 #include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
-#include "orchestrator/jobs/effect_terms.h"
 
 namespace turncal {
+
+class EffectTerms {
+ public:
+  // Reads the recording once. An error when an effect is unknown, needs a temperature that the recording lacks, or needs an
+  // attitude (earth rate, magnetic field) and the recording has no table angles.
+  static Result<EffectTerms> of(const ParameterFile& file, const std::string& file_name, RecordingSource& source);
+
+  // For samples in counter order.
+  struct Term {
+    Eigen::Vector3d rate_radps = Eigen::Vector3d::Zero();
+    Eigen::Vector3d force_mps2 = Eigen::Vector3d::Zero();
+  };
+  const Term& at(std::int64_t counter);
+
+ private:
+  // Without segments nothing says when the unit was at rest: every block by its own readings. What follows a rotation is left out.
+  Status of_motion_alone(RecordingSource& source, const ParameterFile& file, EffectModel model);
+
+  std::vector<std::int64_t> starts_;
+  std::vector<Term> terms_;
+  std::size_t index_ = 0;
+};
+
+// The `noise.` keys; what is not there keeps the value of NoiseModel, and the pulses are those of the increments. has_noise: whether the
+// random walks are there.
+bool has_noise(const ParameterFile& file);
+Result<NoiseModel> stored_noise(const ParameterFile& file, const std::string& file_name);
+
+// Correlations of the `quality.covariance.` keys with the standard deviations `sigma.` (they can be wider than the covariance, where
+// the fit is not trusted); without those keys the standard deviations alone, and zero where there is none.
+//
+// A file with effects gives none: its sigmas are those of parameters and effects together, and without their correlations a bias and its
+// own drift would count as two errors that never cancel.
+struct StoredCovariance {
+  ParameterCovariance covariance = ParameterCovariance::Zero();
+  const char* source = "none";  // covariance, sigmas, none or effects
+};
+Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std::string& file_name);
 
 // Samples that a recording lost, or marked as bad, between two that it has; and how that is said.
 //

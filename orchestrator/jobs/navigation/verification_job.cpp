@@ -8,7 +8,6 @@
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/number_table.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
-#include "orchestrator/jobs/navigation/stored_estimate.h"
 
 namespace turncal {
 namespace {

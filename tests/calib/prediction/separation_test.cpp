@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "orchestrator/jobs/sequence_coverage.h"
+#include "orchestrator/jobs/planned_unit.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

@@ -2,7 +2,7 @@
 #include <cmath>
 #include <random>
 
-#include "orchestrator/records/journal_contents.h"
+#include "orchestrator/records/journal.h"
 #include "tests/orchestrator/operator_session.h"
 
 namespace turncal {

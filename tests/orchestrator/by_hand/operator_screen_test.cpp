@@ -3,8 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include "orchestrator/watch/operator_terminal.h"
-
 namespace turncal {
 namespace {
 

@@ -3,7 +3,7 @@
 
 #include <random>
 
-#include "orchestrator/jobs/navigation/effect_worth.h"
+#include "orchestrator/jobs/navigation/navigation_job.h"
 
 namespace turncal {
 namespace {

@@ -1,0 +1,550 @@
+// `turncal commission`: is the table what its map or dialect says, and does the unit feel its axes as it should? (docs/twin.md)
+//
+// `turncal monitor`: looks at the station's table and unit, one line a second; moves nothing, and sees the drives off when it ends
+// (docs/twin.md).
+//
+// `turncal twin`: serves the rig outside, as the table and the unit that the station file describes, until a signal ends it (docs/twin.md).
+//
+// `turncal serve`: what several stations do, on a page of a process of its own, whether a run is going on or not.
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include "imu_io/base/console.h"
+#include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
+#include "orchestrator/commands/commands.h"
+#include "orchestrator/devices/commissioning.h"
+#include "orchestrator/devices/live_devices.h"
+#include "orchestrator/devices/real_time.h"
+#include "orchestrator/devices/rig_twin.h"
+#include "orchestrator/devices/station_rig.h"
+#include "orchestrator/devices/stop_signals.h"
+#include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/command_context.h"
+#include "orchestrator/jobs/planned_unit.h"
+#include "orchestrator/jobs/preflight.h"
+#include "orchestrator/jobs/run.h"
+#include "orchestrator/jobs/run_request.h"
+#include "orchestrator/records/station_records.h"
+#include "orchestrator/service/service_page.h"
+#include "orchestrator/watch/progress.h"
+#include "turntable_drivers/table/table_state.h"
+
+namespace turncal {
+
+namespace {
+
+std::string determines_text(const Step& step) {
+  std::string text;
+  for (const std::string& key : step.determines) {
+    text += (text.empty() ? "  determines " : " ") + key;
+  }
+  return text;
+}
+
+void print_item(const PlannedItem& item, std::ostream& out) {
+  const std::string start = format_duration(item.start_s);
+  if (item.kind == SequenceItem::Kind::dwell) {
+    out << formatted("  %8s  %-6s  %-28s %26s %8.1f s  %lld samples\n", start.c_str(),
+                     item.dwell_kind == SegmentKind::align ? "align" : "dwell", "", "", item.duration_s,
+                     static_cast<long long>(item.samples));
+    return;
+  }
+  out << formatted("  %8s  %-6s  %-7s %8.6g -> %-8.6g %6.6g deg/s %6.6g deg/s^2 %8.1f s%s\n", start.c_str(), "rotate",
+                   to_string(item.axis), item.from_deg, item.to_deg, item.rate_degps, item.acceleration_degps2,
+                   item.duration_s, item.positioning ? "  to the initial position" : "");
+}
+
+void print_totals(const StationConfig& station, const Plan& plan, std::ostream& out) {
+  out << "\nTravel, deg   planned            soft limits        cable wound / allowed   turned in all\n";
+  for (const Axis axis : all_axes) {
+    const AxisLimits& limit = station.axis[index(axis)];
+    const std::string allowed = limit.wrap_deg > 0.0 ? formatted("%.6g", limit.wrap_deg) : "no limit";
+    out << formatted("  %-8s %7.6g to %-7.6g %7.6g to %-7.6g %9.6g / %-9s %12.6g\n", to_string(axis),
+                     plan.travel_min_deg[axis], plan.travel_max_deg[axis], limit.soft_min_deg, limit.soft_max_deg,
+                     plan.wrap_used_deg[axis], allowed.c_str(), plan.turned_deg[axis]);
+  }
+  out << formatted("\nMoves       %d\nDwells      %d (%d alignments, %d static)\nSamples     %lld\n", plan.moves,
+                   plan.align_dwells + plan.still_dwells, plan.align_dwells, plan.still_dwells,
+                   static_cast<long long>(plan.samples));
+  out << formatted("Total time  %s (%.10g s), of which moving %s (%.10g s)\n", format_duration(plan.station_s).c_str(),
+                   plan.station_s, format_duration(plan.moving_s).c_str(), plan.moving_s);
+}
+
+Result<RecordingInfo> info_of(const StationConfig& station) {
+  if (station.imu) return planned_info(station, nullptr);
+  const RigConfig rig = TRY(rig_of(station));
+  return planned_info(station, &rig);
+}
+
+}  // namespace
+
+void print_plan(const Sequence& sequence, const StationConfig& station, const Plan& plan, std::ostream& out) {
+  const double period_s = plan.samples > 0 ? plan.station_s / static_cast<double>(plan.samples) : 0.0;
+  out << "Sequence  " << sequence.file << " (" << sequence.name << ", " << sequence.steps.size() << " steps)\n";
+  out << "Station   " << (station.file.empty() ? "built in" : station.file) << " (" << station.name << ")\n";
+  out << formatted("Site      latitude %.10g deg, gravity %.10g m/s^2; IMU at %.6g Hz; settling %.6g s\n",
+                   station.latitude_deg, station.gravity_mps2, 1.0 / period_s, station.motion.settle_s);
+  out << formatted("Start     heading %.6g, pitch %.6g, roll %.6g deg\n", sequence.start_deg[Axis::heading],
+                   sequence.start_deg[Axis::pitch], sequence.start_deg[Axis::roll]);
+  std::size_t shown_steps = 0;
+  for (const PlannedItem& item : plan.items) {
+    if (item.step_index == shown_steps) {
+      const Step& step = sequence.steps[shown_steps++];
+      out << "\nStep " << step.number << "  " << step.title << determines_text(step) << "\n";
+    }
+    print_item(item, out);
+  }
+  print_totals(station, plan, out);
+}
+
+std::vector<std::string> guesses_of(const StationConfig& station, bool moving) {
+  std::vector<std::string> guesses;
+  const auto add = [&](const std::string& file, const std::vector<LineSource>& lines) {
+    for (const LineSource& line : lines)
+      if (line.is_guess() && (!moving || decides_motion(line.key)))
+        guesses.push_back(file + ":" + std::to_string(line.line) + ": " + line.key + " is a guess");
+  };
+  const TableConfig& table = station.table;
+  if (table.map) add(table.map->file, table.map->lines);
+  if (table.dialect) add(table.dialect->file, table.dialect->lines);
+  if (station.imu && !moving) add(station.imu->frame.file, station.imu->frame.lines);
+  return guesses;
+}
+
+std::string caution_of(const TableConfig& table) {
+  return table.map ? caution_of(*table.map) : table.dialect ? caution_of(*table.dialect) : "";
+}
+
+bool is_commissioned(const TableConfig& table) {
+  return (!table.map || table.map->commissioned) && (!table.dialect || table.dialect->commissioned);
+}
+
+// What is left to be done at the station itself before a run can begin, a line each.
+std::vector<std::string> left_to_do(const StationConfig& station) {
+  std::vector<std::string> lines;
+  const TableConfig& table = station.table;
+  const auto unset = [&lines](const std::string& key, const std::string& value) {
+    if (value.find("SET-ME") != std::string::npos)
+      lines.push_back(key + " = " + turncal::quoted(value) + ": expected the name of this station's line");
+  };
+  if (table.map) unset("table.address", table.map->link.address);
+  if (table.dialect) unset("table.address", table.dialect->link.address);
+  if (station.imu) unset("imu.device", station.imu->settings.device);
+  if (!is_commissioned(table))
+    lines.push_back("the table is not commissioned: turncal commission comes before the first run");
+  const std::vector<std::string> guesses = guesses_of(station, false);
+  lines.insert(lines.end(), guesses.begin(), guesses.end());
+  if (!guesses_of(station, true).empty())
+    lines.push_back("some of these guesses decide what moves: commission needs --accept-guess");
+  return lines;
+}
+
+void print_table(const StationConfig& station, std::ostream& out) {
+  const TableConfig& table = station.table;
+  const TableDescription* described = nullptr;
+  if (table.map) described = &*table.map;
+  if (table.dialect) described = &*table.dialect;
+  if (described == nullptr) {
+    out << "The table is not described by a map or a dialect: there is nothing to explain.\n";
+    return;
+  }
+  out << "Table     " << described->file << " (" << described->name << ")\nMove      shown from 0 to "
+      << formatted("%.10g deg at %.10g deg/s and %.10g deg/s^2\n\n", shown_move.position_deg, shown_move.rate_degps,
+                   shown_move.acceleration_degps2)
+      << format_rows(table.map ? explain(*table.map) : explain(*table.dialect)) << "\n";
+}
+
+int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err) {
+  const Result<StationConfig> station =
+      options.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(options.station);
+  if (options.explain && station) print_table(*station, out);
+  if (options.sequence.empty()) {
+    if (!station) err << station.error().message << "\n";
+    if (station && !options.explain) err << "--sequence is required: the sequence file (or --explain alone)\n";
+    if (!station || !options.explain) return exit_code(ErrorKind::input);
+    for (const std::string& line : left_to_do(*station)) err << "warning: " << line << "\n";
+    return 0;
+  }
+  Result<Sequence> sequence = read_sequence(options.sequence);
+  const Result<RecordingInfo> info = station ? info_of(*station) : Result<RecordingInfo>(RecordingInfo{});
+  for (const Error* error :
+       {station ? nullptr : &station.error(), info ? nullptr : &info.error(), sequence ? nullptr : &sequence.error()}) {
+    if (error != nullptr) {
+      err << error->message << "\n";
+    }
+  }
+  if (!station || !sequence || !info) {
+    return exit_code(ErrorKind::input);
+  }
+  // A station whose unit is the rig's is rehearsed with --dry-run; a real unit does not feel what a mock table does.
+  if (station->table.driver == TableDriver::mock && station->imu_driver != ImuDriver::rig) {
+    err << check_real_devices(*station).error().message << "\n";
+    return exit_code(ErrorKind::input);
+  }
+  if (const std::string caution = caution_of(station->table); !caution.empty()) {
+    err << "warning: table: " << caution << "\n";
+  }
+  for (const std::string& line : left_to_do(*station)) err << "warning: " << line << "\n";
+  const PlanLimits limits = plan_limits(*station, info->sample_period_s);
+  Plan plan = make_plan(*sequence, limits);
+  const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
+  if ((station->verify_run || options.verify) && keys.empty()) {  // as a run does, but with --partial
+    if (const Result<int> from = append_north_seeking(*station, *sequence); !from) {
+      err << from.error().message << "\n";
+      return exit_code(from.error().kind);
+    }
+    plan = make_plan(*sequence, limits);
+  }
+  print_plan(*sequence, *station, plan, out);
+  if (!station->simulated() && station->table.driver != TableDriver::manual)
+    out << "Computer  " << RealTime().text() << "\n";
+  for (const std::string& violation : plan.violations) {
+    err << violation << "\n";
+  }
+  if (!keys.empty()) {
+    out << "\nThis sequence " << coverage_text(keys) << ".\n";
+  }
+  const std::vector<Error> found = preflight({.station = *station,
+                                              .plan = plan,
+                                              .folder = options.out,
+                                              .units = options.units,
+                                              .utc_s = wall_utc_s(),
+                                              .simulated = station->simulated(),
+                                              .overdue_reason = options.overdue_reason});
+  for (const Error& error : found) err << error.message << "\n";
+  if (const std::string trouble = server_trouble(*station); !trouble.empty())
+    err << "warning: " << trouble << "; a run would keep its rows in " << station->outbox << " and send them later\n";
+  if (found.empty()) out << "\nWhat can be written, the room for it, hooks and due dates are in order.\n";
+  const bool good = plan.ok() && found.empty();
+  out << (!good ? "\nThe station cannot run this sequence.\n"
+          : keys.empty()
+              ? "\nThe station can run this sequence.\n"
+              : "\nThe station can run this sequence with --partial or --capture-only; without, it is refused.\n");
+  return good ? 0 : exit_code(plan.ok() ? found.front().kind : ErrorKind::input);
+}
+
+void add_check_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<CheckOptions>();
+  const Command command = line.command("check", "validate station and sequence, print the plan; nothing moves");
+  command.option("--station", options->station, "station configuration; default: the built-in rig station");
+  command.option("--sequence", options->sequence, "sequence file; needed unless --explain is given");
+  command.flag("--explain", options->explain,
+               "print what the table is sent and what its answers mean, for each operation and axis, to be held "
+               "against its manual");
+  command.flag("--verify", options->verify, "with the north seeking after it, as run --verify");
+  command.option("--override-due", options->overdue_reason, "accept a table whose calibration is overdue, as run does");
+  command.option("--out", options->out, "folder that a run is to write to: can it, and is there room?");
+  command.option("--unit", options->units, "serial number of a unit to be run").one_word_each();
+  command.prints(context, [options, &context]() -> Status {
+    context.exit_code = run_check(*options, context.out, context.err);
+    return {};
+  });
+}
+
+namespace {
+
+struct Options {
+  std::string station;
+  std::optional<double> heading, pitch, roll;  // where the axes stand now
+  double tolerance_deg = 0.1;
+  bool accept_guess = false;
+  CommissioningSettings settings;
+};
+
+// switched_on: whether the drives were. said_last: what is said once the table was left.
+Status commission(const Options& options, const StationConfig& station, LiveDevices& live, std::ostream& out,
+                  bool& switched_on, std::string& said_last) {
+  const StationDevices devices = live.devices();
+  const Status connected = devices.table.connect();
+  // With the wrong word order no position may be plausible: commission_table says which fits.
+  if (!connected && !(options.heading && station.table.map)) return connected;
+  if (connected) {
+    const TableIdentity table = TRY(devices.table.identify());
+    out << table.description << std::endl;
+    if (const std::string caution = caution_of(station.table); !caution.empty()) {
+      out << "warning: table: " << caution << std::endl;
+    }
+  }
+  if (options.heading) {
+    const AxisTriple known{*options.heading, *options.pitch, *options.roll};
+    TRY(live.commission_table(known, options.tolerance_deg));
+    if (!connected) return connected;
+    out << "every axis reads where it stands; no other word order, sign or scale would" << std::endl;
+  } else if (!is_commissioned(station.table)) {
+    return input_error(
+        "the table is not commissioned: expected --heading, --pitch and --roll, the angles (not 0) at which its axes "
+        "stand");
+  }
+  if (!is_commissioned(station.table)) {
+    said_last = "write commissioned = true into your copy of the table's file, then call this again without angles";
+    return {};
+  }
+  TRY(devices.imu.open());
+  switched_on = true;
+  said_last = "every axis turns the unit as it should, and gravity is felt where it should be";
+  return try_axes(devices, station, options.settings, StopSignals::requests(), out);
+}
+
+Status run_commission(const Options& options, CommandContext& context) {
+  const StationConfig station = TRY(read_station_config(options.station));
+  TRY(check_real_devices(station));
+  if (station.table.driver == TableDriver::manual) {
+    return input_error("station '" + station.name + "': a table turned by hand has nothing to commission");
+  }
+  if (station.simulated()) context.tag = simulated_tag;
+  if (const std::vector<std::string> guesses = guesses_of(station, true); !guesses.empty() && !options.accept_guess) {
+    return input_error(guesses.front() +
+                       (guesses.size() > 1 ? ", and " + std::to_string(guesses.size() - 1) + " more lines" : "") +
+                       ": it decides what moves; expected it checked against the table's manual and its [guess] taken "
+                       "out, or --accept-guess (turncal check --explain shows what is sent)");
+  }
+  const StopSignals signals;
+  std::unique_ptr<LiveDevices> live = TRY(LiveDevices::make(station, StopSignals::requests(), context.out));
+  const LinePrefix marked(context.out, context.tag);
+  bool switched_on = false;
+  std::string said;
+  Status status = commission(options, station, *live, context.out, switched_on, said);
+  const std::string how_left = switched_on ? "; " + how_it_rests(live->devices().table) : "; nothing was moved";
+  status = live->leave_table(status, how_left);
+  if (switched_on && live->left_off()) {
+    if (const std::string sag = live->sag_since({}); !sag.empty()) context.warn(sag);
+  }
+  if (status) context.out << said << how_left << std::endl;
+  return status;
+}
+
+}  // namespace
+
+void add_commission_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<Options>();
+  const Command command = line.command(
+      "commission", "compare a table with known angles, then move each axis a little and see the unit feel it");
+  command.option("--station", options->station, "station configuration").required();
+  const Option heading =
+      command.option("--heading", options->heading, "angle at which the axis stands now, degrees; not 0");
+  const Option pitch = command.option("--pitch", options->pitch, "the same");
+  const Option roll = command.option("--roll", options->roll, "the same");
+  heading.needs(pitch).needs(roll);
+  pitch.needs(heading);
+  roll.needs(heading);
+  command.flag("--accept-guess", options->accept_guess,
+               "although lines of the table's file that decide what moves are marked as guesses");
+  command.option("--tolerance", options->tolerance_deg, "of these angles, degrees").positive();
+  command.option("--move", options->settings.move_deg, "how far each axis is moved, degrees").range(0.5, 30.0);
+  command
+      .option("--pose", options->settings.pose_deg,
+              "how far pitch and roll are tilted to compare gravity, degrees at most")
+      .range(30.0, 90.0);
+  command
+      .option("--gyro-pulse-arcsec", options->settings.gyro_pulse_arcsec,
+              "nominal weight of a gyro pulse, to check the scale of the gyros against the table")
+      .positive();
+  command.runs(context, [options, &context] { return run_commission(*options, context); });
+}
+
+namespace {
+
+constexpr double line_every_s = 1.0;
+constexpr double look_every_s = 0.1;  // at a signal, and at a unit that is silent
+
+struct MonitorOptions {
+  std::string station;
+  double seconds = 0.0;  // 0: until a signal
+};
+
+// What came in since the last line.
+struct Second {
+  std::int64_t samples = 0, gaps = 0, lost = 0, flagged = 0;
+  std::array<double, 3> accel{};  // increments
+  double temperature_c = 0.0;
+};
+
+void add(std::span<const ImuSample> samples, std::optional<std::int64_t>& last_counter, Second& second) {
+  for (const ImuSample& sample : samples) {
+    if (last_counter && sample.counter > *last_counter + 1) {
+      ++second.gaps;
+      second.lost += sample.counter - *last_counter - 1;
+    }
+    last_counter = sample.counter;
+    ++second.samples;
+    second.flagged += (sample.flags & sample_flag_invalid) != 0 ? 1 : 0;
+    for (std::size_t i = 0; i < 3; ++i) second.accel[i] += sample.accel[i];
+    second.temperature_c = sample.temperature_c;
+  }
+}
+
+// The state in a word, and what it hides.
+std::string state_text(const AxisStatus& axis) {
+  std::string text;
+  const auto add = [&text](bool set, const char* name) {
+    if (set) text += std::string(text.empty() ? "" : ", ") + name;
+  };
+  add(axis.limit, "limit");
+  add(!axis.remote, "local");
+  add(!axis.drive_on, "off");
+  add(axis.drive_on && !axis.enabled, "on, by somebody else");
+  add(!axis.homed, "not homed");
+  return to_string(state_of(axis)) + (text.empty() ? "" : " (" + text + ")");
+}
+
+std::string table_text(Turntable& table) {
+  std::string text;
+  for (const Axis axis : all_axes) {
+    const Result<AxisStatus> status = table.status(axis);
+    text += status ? fmt::format("{} {:9.4f} deg {:8.4f} deg/s {}; ", "HPR"[index(axis)], status -> position_deg,
+                                 status -> rate_degps, state_text(*status))
+                   : fmt::format("{} {}; ", to_string(axis), to_string(state_unread(table)));
+  }
+  return text;
+}
+
+std::string unit_text(const Second& second, const RecordingInfo& info, double seconds) {
+  if (second.samples == 0) return "no samples";
+  const double weight = info.accel_increment == IncrementKind::pulses ? info.accel_pulse_mps : 1.0;
+  const double per_s = weight / (static_cast<double>(second.samples) * info.sample_period_s);
+  return fmt::format("{:.1f} samples/s, {} gaps ({} lost), {} flagged, |f| {:.4f} m/s^2",
+                     static_cast<double>(second.samples) / seconds, second.gaps, second.lost, second.flagged,
+                     per_s * std::hypot(second.accel[0], second.accel[1], second.accel[2])) +
+         (info.has_temperature ? fmt::format(", {:.2f} C", second.temperature_c) : "");
+}
+
+Status watch(LiveDevices& live, double seconds, std::ostream& out) {
+  const StationDevices devices = live.devices();
+  TRY(devices.table.connect());
+  const TableIdentity table = TRY(devices.table.identify());
+  TRY(devices.imu.open());
+  const ImuIdentity unit = TRY(devices.imu.identify());
+  RecordingInfo info;
+  devices.imu.describe(info);
+  out << table.description << "; " << unit.description << std::endl;
+
+  std::vector<ImuSample> buffer(1024);
+  std::optional<std::int64_t> last_counter;
+  std::uint64_t bad_frames_before = 0;
+  const double began_s = devices.clock.now_s();
+  for (double line_s = began_s; StopSignals::requests() == 0 && (seconds == 0.0 || line_s - began_s < seconds);) {
+    Second second;
+    double now_s = line_s;
+    // Also what came while a slow table was asked.
+    for (bool more = true; (more || now_s - line_s < line_every_s) && StopSignals::requests() == 0;) {
+      const std::size_t got = TRY(devices.imu.read(buffer, look_every_s));
+      add(std::span(buffer).first(got), last_counter, second);
+      more = got == buffer.size();
+      now_s = devices.clock.now_s();
+    }
+    const std::uint64_t bad_frames = devices.imu.counters().bad_frames;
+    const std::string table_now = table_text(devices.table);
+    if (StopSignals::requests() != 0) break;  // its readings were given up
+    out << fmt::format("{:8.1f} s  ", now_s - began_s) << table_now << unit_text(second, info, now_s - line_s);
+    if (bad_frames > bad_frames_before) out << ", " << bad_frames - bad_frames_before << " bad frames";
+    out << std::endl;
+    bad_frames_before = bad_frames;
+    line_s = now_s;
+  }
+  out << "unit: " << live.unit_summary(0) << std::endl;
+  return {};
+}
+
+Status run_monitor(const MonitorOptions& options, CommandContext& context) {
+  const StationConfig station = TRY(read_station_config(options.station));
+  TRY(check_real_devices(station));
+  const StopSignals signals;
+  std::unique_ptr<LiveDevices> live = TRY(LiveDevices::make(station, StopSignals::requests(), context.out));
+  if (station.simulated()) context.tag = simulated_tag;
+  const LinePrefix marked(context.out, context.tag);
+  // A drive that somebody else had switched on, too.
+  return live->leave_table(watch(*live, options.seconds, context.out));
+}
+
+}  // namespace
+
+void add_monitor_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<MonitorOptions>();
+  const Command command =
+      line.command("monitor", "look at a station's table and unit, one line a second; nothing is moved");
+  command.option("--station", options->station, "station configuration").required();
+  command.option("--seconds", options->seconds, "how long, in the station's time; default: until a signal").positive();
+  command.runs(context, [options, &context] { return run_monitor(*options, context); });
+}
+
+namespace {
+
+struct TwinCommandOptions {
+  std::string station;
+  std::string rig;
+  TwinSettings settings{.speed_up = 0.0, .table = {}};  // 0: the station's
+};
+
+Status run_twin(const TwinCommandOptions& options, CommandContext& context) {
+  const StationConfig station = TRY(read_station_config(options.station));
+  const RigConfig rig = TRY(rig_of(station, options.rig));
+  TwinSettings settings = options.settings;
+  if (settings.speed_up == 0.0) settings.speed_up = station.clock_speed_up;
+  const StopSignals signals;
+  std::unique_ptr<RigTwin> twin = TRY(RigTwin::open(station, rig, settings));
+  context.out << "[twin] ready: table " << (station.table.map ? "modbus" : "serial") << " at " << twin->table_address()
+              << (station.imu_places() > 1 ? ", units " : ", unit ") << station.imu->frame.name << " on "
+              << twin->imu_devices() << ", " << format_number(settings.speed_up) << " times real time, rig seed "
+              << rig.seed << std::endl;
+  const Status status = twin->run(
+      StopSignals::requests(), [&context](const std::string& what) { context.out << "[twin] " << what << std::endl; });
+  context.out << "[twin] ends at " << format_number(twin->rig_time_s()) << " s of rig time";
+  if (twin->batches_dropped() > 0) {
+    context.out << "; " << twin->batches_dropped() << " batches of samples were not read in time";
+  }
+  context.out << std::endl;
+  return status;
+}
+
+}  // namespace
+
+void add_twin_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<TwinCommandOptions>();
+  const Command command = line.command("twin", "serve the simulated table and unit of a station on real lines");
+  command.option("--station", options->station, "station configuration: which lines, which map or dialect, which frame")
+      .required();
+  command.option("--rig", options->rig,
+                 "rig configuration (docs/rig.md); default: rig.file of the station, or the built-in one");
+  command
+      .option("--speed-up", options->settings.speed_up,
+              "how many times faster than the wall clock; default: clock.speed_up")
+      .range(0.01, 1000.0);
+  command.option("--table", options->settings.table,
+                 "tcp:PORT (0: any free one), pty or pty:LINK; default: as the station says");
+  command.runs(context, [options, &context] { return run_twin(*options, context); });
+}
+
+namespace {
+
+struct ServeOptions {
+  std::string file, listen = "127.0.0.1:8081";
+};
+
+Status serve(const ServeOptions& options, CommandContext& context) {
+  const ServiceConfig config = TRY(read_service_config(options.file));
+  const std::unique_ptr<ServicePage> page = TRY(ServicePage::open(options.listen, config, wall_utc_s));
+  const StopSignals signals;
+  context.out << "stations  " << page->url() << std::endl;
+  if (!page->loopback())
+    context.out << "warning: whoever reaches " << page->url()
+                << " can read the page: it has no access control and is not encrypted" << std::endl;
+  while (!StopSignals::any()) std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  return {};
+}
+
+}  // namespace
+
+void add_serve_command(CommandLine& line, CommandContext& context) {
+  const auto options = std::make_shared<ServeOptions>();
+  const Command command = line.command("serve", "show what stations do, and what waits for a person, as a page");
+  command.option("stations", options->file, "file that names the stations, their queues and folders").required();
+  command.option("--listen", options->listen, "address and port of the page").default_in_help();
+  command.runs(context, [options, &context] { return serve(*options, context); });
+}
+
+}  // namespace turncal

@@ -1,0 +1,114 @@
+// The journal of a run on disk, `journal.tcj`: append-only numbered records with checksums (imu_io/base/record_log.h), each synced
+// before append returns. A record's payload is `key = value` text; docs/journal.md lists the types and keys.
+//
+// The file appears whole with its first record or not at all. A torn last record, as a power loss leaves it, is cut off when
+// the journal is opened again; a hole in the middle is damage, and the run it belongs to is not taken up. One process at a
+// time, enforced by a lock.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "calib/types/status.h"
+#include "imu_io/base/data_text.h"
+#include "imu_io/base/posix_file.h"
+#include "orchestrator/run/run_observer.h"
+#include "orchestrator/station/fields.h"
+#include "orchestrator/station/verdict.h"
+
+namespace turncal {
+
+inline constexpr const char* journal_name = "journal.tcj";
+
+enum class JournalType : std::uint32_t {
+  begin = 1,
+  transition,
+  home,
+  move,
+  dwell,
+  seal,
+  resume,
+  results,
+  verdict,
+  dropout,
+  clock,
+  estimate
+};
+std::string_view to_string(JournalType type);
+
+using JournalFields = KeyTexts;  // an empty value is left out of the record
+
+std::string unescaped_value(std::string_view text);  // of a record: %XX as the character
+
+// A command to the table, on the station's clock. No move: home.
+struct JournalCommand {
+  double time_s = 0.0;
+  std::optional<Move> move;
+};
+Fields fields_of(JournalCommand& command);
+// Of a dwell that is read: for as many units as it has been given room for.
+Fields fields_of(CompletedDwell& dwell);
+
+class JournalFile : public RunJournal {
+ public:
+  static Result<JournalFile> create(const std::string& path, const JournalFields& begin);
+  static Result<JournalFile> reopen(const std::string& path);  // the torn tail is cut
+
+  // On disk when this returns success. After an error every further append is refused. A journal that somebody has moved, removed or
+  // changed meanwhile is an error.
+  Status append(JournalType type, const JournalFields& fields);
+
+  Status transition(const TransitionRecord& record) override;
+  Status home(double time_s) override;
+  Status move(const Move& move, double time_s) override;
+  Status dwell(const CompletedDwell& dwell) override;
+  Status dropout(const Dropout& dropout) override;
+  Status seal(double utc_s, const std::vector<std::string>& hashes) override;
+  Status clock_set(double by_s, const RunSnapshot& at);
+  // What is known of the units' clocks; goes with the seal.
+  void note_clocks(std::vector<std::optional<UnitClock>> clocks) { clocks_ = std::move(clocks); }
+
+ private:
+  JournalFile(PosixFile file, std::uint32_t next_number) : file_(std::move(file)), next_number_(next_number) {}
+  PosixFile file_;
+  std::uint32_t next_number_ = 0;
+  bool failed_ = false;
+  std::vector<std::optional<UnitClock>> clocks_;
+};
+
+// What a journal says about its run.
+struct JournalContents {
+  JournalFields begin;
+  std::optional<CompletedDwell> last_dwell;
+  std::vector<JournalCommand> commands;          // up to last_dwell, without those of attempts that were taken back
+  std::optional<double> seal_utc_s;              // of the last attempt to seal
+  std::vector<std::string> hashes;               // the same: of the recordings' contents, by unit; empty: none was kept
+  std::vector<std::optional<UnitClock>> clocks;  // the same
+  int sessions = 1;                              // 1 + resumes
+  std::vector<JournalFields> results, verdicts;  // one a unit, as they came
+  JournalFields transition, estimate;            // the newest
+  bool pause_asked = false;                      // since it was begun or taken up again
+  struct DroppedUnit {
+    std::size_t unit = 0;
+    Error why;
+    bool after_last_dwell = false;  // taken back with all that came after it, unless the recordings are sealed
+  };
+  std::vector<DroppedUnit> dropped;
+
+  std::vector<std::string> units() const;                          // their serial numbers
+  const JournalFields* results_of(const std::string& unit) const;  // the newest; null: none yet
+  const JournalFields* verdict_of(const std::string& unit) const;  // the same
+
+  const std::string& begin_value(std::string_view key) const { return value_of(begin, key); }  // "" when missing
+};
+
+Result<JournalContents> read_journal(const std::string& path);
+// One line a record, for people: "  12 move       time_s = 7  axis = pitch ...".
+Result<std::string> journal_as_text(const std::string& path);
+// A row for each field of each record: record, type, key, value.
+Result<DataTable> journal_as_table(const std::string& path);
+
+}  // namespace turncal
