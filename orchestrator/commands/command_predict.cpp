@@ -5,7 +5,7 @@
 #include <memory>
 
 #include "calib/navigation/alignment.h"
-#include "calib/prediction/predicted_drift.h"
+#include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/sequence_coverage.h"

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "calib/joint/joint_estimate.h"
-#include "calib/joint/joint_faults.h"
 #include "calib/model/effects.h"
 #include "calib/statistics/segmentation.h"
 #include "orchestrator/jobs/loaded_recording.h"

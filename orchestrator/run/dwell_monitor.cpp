@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "calib/model/parameters.h"
-#include "calib/statistics/implausible.h"
+#include "calib/statistics/data_screen.h"
 
 namespace turncal {
 

@@ -1,7 +1,7 @@
 // Does a resting unit give the same six numbers over and over while its counter runs on? Its converter hangs, or its last frame is sent
 // again. A single channel may well repeat itself at rest (pulses), so what counts is all six, and how long this very unit is used to:
 // a stretch of 2 s that is twenty times as long as any other, of this dwell and of those before. A unit that repeats itself for most of a
-// dwell (coarse numbers, a simulator without noise) is not judged; that it is dead the first turn shows (channel_life.h).
+// dwell (coarse numbers, a simulator without noise) is not judged; that it is dead the first turn shows (data_screen.h).
 //
 // Told when the stretch has ended, so that its last sample is known, and the dwell is not begun again into it; after 30 s in any case.
 #pragma once

@@ -1,4 +1,4 @@
-// A recording read once, its samples calibrated by one or more parameter files, as intervals of motion (calib/navigation/increments.h).
+// A recording read once, its samples calibrated by one or more parameter files, as intervals of motion (calib/navigation/mechanisation.h).
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 #include "calib/model/parameters.h"
 #include "calib/navigation/free_navigation.h"
-#include "calib/navigation/increments.h"
+#include "calib/navigation/mechanisation.h"
 #include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
@@ -67,7 +67,7 @@ struct IntegratedSamples {
   std::vector<std::string> faults;  // what cannot be true, a line each
 };
 // Samples marked as bad count as lost, and so do those that cannot be true, by the same rules as in a calibration (compression.h,
-// implausible.h); an interval with a part of a long gap is not at rest. Without segments everything is at rest, but for what the reference
+// data_screen.h); an interval with a part of a long gap is not at rest. Without segments everything is at rest, but for what the reference
 // says.
 // Errors: also samples that are not finite, gyros or accelerometers that give nothing but zeros, and motion that nothing can make.
 Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Stretch& stretch,
