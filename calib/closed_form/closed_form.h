@@ -1,6 +1,6 @@
 // Closed-form calibration: the fourteen steps of Wang (2020), with the formulas of docs/closed-form.md.
 //
-// Each step looks at one or two legs (calib/closed_form/leg_navigation.h) with the parameters that the steps before it have
+// Each step looks at one or two legs with the parameters that the steps before it have
 // corrected, turns the velocity gained in the dwell into the parameter that made it, and corrects that parameter. The
 // fourteen steps are repeated over the same recording until a whole pass changes nothing: the formulas are first order,
 // and each pass leaves about 1e-2 of what was wrong before.
@@ -23,16 +23,90 @@
 // Not modelled: noise (no weights, no sigma: that is the joint estimator), anything beyond the 24 parameters.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "calib/closed_form/closed_form_formulas.h"
+#include <Eigen/Core>
+
 #include "calib/model/parameters.h"
 #include "calib/statistics/compression.h"
 #include "calib/types/status.h"
 
 namespace turncal {
+
+inline constexpr int closed_form_steps = 14;
+
+// A leg goes from one static segment (alignment or dwell) of a step to the next one of the same step: levelled by the mean specific force
+// over the first, with the heading commanded there, navigated on the blocks up to the end of the second,
+//   C_nb(t + dt) = Exp(-w_ie dt) C_nb(t) Exp(rotation),   v_n += Exp(-w_ie dt / 2) C_nb(t) velocity - g dt U
+// (n turns with the earth while a block passes: what was gained is seen from a frame half a block on). The navigated velocity is an error
+// of cm/s: no Schuler loop, no Coriolis term. In the dwell the attitude error phi is constant and V = slope * T, slope (+g phi_E, -g phi_N).
+// Lost samples: at rest the block is stretched to its length, which is exact; in motion the angle is lost, an error. No glitches.
+struct LegMotion {
+  Eigen::Vector3d velocity_mps;     // n frame, gained in the dwell: from its first sample to its last
+  double dwell_s = 0.0;             // T
+  double before_dwell_s = 0.0;      // from levelling to the start of the dwell
+  double heading_change_rad = 0.0;  // since levelling, clockwise; for legs that do not turn
+  Eigen::Matrix3d C_nb_start;       // levelled
+  Eigen::Matrix3d C_nb_arrived;     // at the start of the dwell
+  double turned_rad = 0.0;          // about axis_b, signed, on the way (0 when axis_b is zero)
+};
+
+// What a step measures, and the formula that turns it into parameters, from the error equations of a unit at rest (docs/closed-form.md;
+// n = north, up, east; phi the attitude error, C_computed = (I - [phi x]) C; dw_b what the calibrated gyro reads too much):
+//   phi' = -w_ie x phi - C_nb dw_b,     dV_N' = +g phi_E,     dV_E' = -g phi_N
+// The document's formulas are for dwells of one length T; the code takes each leg's own, V/T instead of V.
+struct StepMeasurement {
+  int step = 0;
+  double gravity_mps2 = 0.0;
+  double earth_north_radps = 0.0;  // w_N
+  // Step 1: mean calibrated specific force with body axis i up and down, m/s^2, body frame.
+  std::array<Eigen::Vector3d, 3> up{};
+  std::array<Eigen::Vector3d, 3> down{};
+  // Steps 2 to 14.
+  LegMotion leg1;
+  LegMotion leg2;  // steps 2 to 12
+};
+
+// Corrects the parameters that the step determines, by the derived formulas.
+void correct_parameters(const StepMeasurement& measured, Parameters& parameters);
+
+// Where a recording holds what the steps need, by step number and commanded angles. Before anything is computed the data are held against
+// the segment list, so that a wrong list gives one clear line and not wrong parameters.
+class ClosedFormLayout {
+ public:
+  // In the segment list, and how the table turns on the way: about one axis, given in the body.
+  struct Leg {
+    std::size_t from = 0, to = 0;
+    double turn_deg = 0.0;
+    Eigen::Vector3d axis_b = Eigen::Vector3d::Zero();
+  };
+  // The recording must outlive the layout.
+  ClosedFormLayout(const CompressedRecording& recording, double min_dwell_s, double max_misfit_deg);
+
+  // First of all: site, steps, dwells and legs. After an error nothing else may be called.
+  Status find();
+  // Every segment and leg that was found: long enough, at rest, the right way up, nothing lost on the way, turned as
+  // commanded. `model` may be as wrong as start_parameters().
+  Status check_data(const SensorModel& model) const;
+
+  StepMeasurement measure(int step, const SensorModel& model) const;
+
+ private:
+  Status check_static(std::size_t segment, const SensorModel& model) const;
+  Status check_way(const Leg& leg, const SensorModel& model) const;
+
+  const CompressedRecording& recording_;
+  const double min_dwell_s_;
+  const double max_misfit_deg_;
+  const std::vector<std::size_t> first_block_;
+  std::vector<std::size_t> verticals_;  // segments, in the order of closed_form_verticals
+  std::vector<std::vector<Leg>> legs_;  // by step number
+};
 
 // The largest difference of two parameter sets in each group of keys.
 struct ParameterDistance {

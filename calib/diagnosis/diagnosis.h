@@ -28,7 +28,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/joint/joined_recordings.h"
+#include "calib/joint/several_recordings.h"
 #include "calib/model/limits.h"
 
 namespace turncal {

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "calib/joint/joint_estimate.h"
-#include "calib/navigation/earth.h"
+#include "calib/navigation/mechanisation.h"
 
 namespace turncal {
 

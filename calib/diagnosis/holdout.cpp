@@ -5,7 +5,7 @@
 #include <limits>
 #include <optional>
 
-#include "calib/joint/joint_faults.h"
+#include "calib/joint/joint_estimate.h"
 #include "calib/joint/noise_fit.h"
 #include "calib/model/limits.h"
 

@@ -8,7 +8,7 @@
 #include "calib/diagnosis/holdout.h"
 #include "calib/diagnosis/lack_of_fit_tests.h"
 #include "calib/joint/coarser_recording.h"
-#include "calib/joint/motion_step.h"
+#include "calib/joint/linear_motion.h"
 #include "calib/statistics/distributions.h"
 
 namespace turncal {

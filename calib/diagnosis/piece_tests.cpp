@@ -6,8 +6,8 @@
 
 #include "calib/diagnosis/nameless_families.h"
 #include "calib/model/parameters.h"
+#include "calib/statistics/data_screen.h"
 #include "calib/statistics/distributions.h"
-#include "calib/statistics/implausible.h"
 
 namespace turncal {
 namespace {

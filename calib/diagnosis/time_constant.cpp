@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "calib/diagnosis/holdout.h"
-#include "calib/joint/determined.h"
+#include "calib/joint/score_algebra.h"
 
 namespace turncal {
 namespace {

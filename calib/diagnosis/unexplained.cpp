@@ -42,14 +42,7 @@ const std::vector<EffectEntry>& patterns() {
     std::vector<EffectEntry> e;
     const auto add = [&](std::string_view name, std::string_view unit, const std::vector<std::string_view>& components,
                          double si, auto write) {
-      e.push_back({.name = name,
-                   .term = "",
-                   .formula = "",
-                   .unit = unit,
-                   .components = components,
-                   .si = si,
-                   .seen_by = "",
-                   .write = write});
+      e.push_back({name, "", "", unit, components, si, "", write});
     };
     add("bias step of gyro", "deg/h", xyz, radps_per_degph,
         [](const BlockState& s, const Site&, double at, Out g, Out) { step(s, at, g); });

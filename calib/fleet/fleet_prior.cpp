@@ -12,20 +12,6 @@
 namespace turncal {
 namespace {
 
-std::vector<int> free_parameters() {
-  std::vector<int> all;
-  for (int k = 0; k < parameter_count; ++k)
-    if (parameter_is_free[static_cast<std::size_t>(k)]) all.push_back(k);
-  return all;
-}
-
-// Of units that differ by many powers of ten: in units of their own standard deviations.
-Eigen::MatrixXd inverse_of(const Eigen::MatrixXd& A) {
-  const Eigen::VectorXd scale = A.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd scaled = scale.asDiagonal() * A * scale.asDiagonal();
-  return scale.asDiagonal() * solve_symmetric(scaled, Eigen::MatrixXd(scale.asDiagonal()));
-}
-
 struct Gaussian {
   Eigen::VectorXd mean;
   Eigen::MatrixXd covariance;
@@ -79,9 +65,9 @@ std::optional<FleetPrior> fleet_prior(std::vector<EarlierCalibration> history, c
   prior.noise = noise_class(noises);
   if (prior.pairs >= fleet_limits.least_prior_pairs)
     for (const EarlierCalibration* e : own) {
-      const Eigen::MatrixXd before = inverse_of(now.covariance),
-                            said = inverse_of(Eigen::MatrixXd(e->covariance(free, free)));
-      now.covariance = inverse_of(before + said);
+      const Eigen::MatrixXd before = balanced_inverse(now.covariance),
+                            said = balanced_inverse(Eigen::MatrixXd(e->covariance(free, free)));
+      now.covariance = balanced_inverse(before + said);
       now.mean = now.covariance * (before * now.mean + said * Eigen::VectorXd(e->value(free)));
       now.covariance.diagonal() += (change / static_cast<double>(prior.pairs)).cwiseMax(0.0);
       ++prior.own;
@@ -106,8 +92,8 @@ PriorEffect use_prior(const FleetPrior& prior, JointResult& e, double false_alar
   if (!effect.changed.empty()) return effect;
 
   // About where the data say most: p = p_0 - Lambda^-1 (c + P^-1 (p_0 - m)).
-  const Eigen::MatrixXd P = inverse_of(Eigen::MatrixXd(prior.covariance(e.free, e.free)));
-  const Eigen::MatrixXd covariance = inverse_of(information_of(e) + P);
+  const Eigen::MatrixXd P = balanced_inverse(Eigen::MatrixXd(prior.covariance(e.free, e.free)));
+  const Eigen::MatrixXd covariance = balanced_inverse(information_of(e) + P);
   const Eigen::VectorXd gradient =
       Eigen::VectorXd(e.last.gradient(e.free)) + P * Eigen::VectorXd((at - prior.mean)(e.free));
   ParameterVector value = at;

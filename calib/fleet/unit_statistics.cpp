@@ -4,8 +4,8 @@
 #include <cstdio>
 
 #include "calib/joint/coarser_recording.h"
-#include "calib/joint/joined_recordings.h"
 #include "calib/joint/score_algebra.h"
+#include "calib/joint/several_recordings.h"
 #include "calib/model/limits.h"
 #include "calib/statistics/linear_algebra.h"
 

@@ -28,7 +28,7 @@ struct UnitStatistics {
 // "accel_creep.x", and with a time constant "accel_creep.x tau_s 300".
 std::string column_key(const EffectColumn& column);
 
-// REQUIRES: an estimate of this recording without effects, but for the biases of further recordings that it holds (joined_recordings.h).
+// REQUIRES: an estimate of this recording without effects, but for the biases of further recordings that it holds (several_recordings.h).
 UnitStatistics unit_statistics(const CompressedRecording& recording, const JointResult& estimate);
 
 // Of several recordings of one unit: what they have in common. Effects of the time since a run began are those of the first. Nothing where

@@ -2,18 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <vector>
 
-#include "calib/joint/joined_recordings.h"
-#include "calib/joint/joint_faults.h"
-#include "calib/joint/joint_iterations.h"
+#include "calib/joint/coarser_recording.h"
 #include "calib/joint/noise_fit.h"
+#include "calib/joint/several_recordings.h"
 #include "calib/model/limits.h"
 #include "calib/statistics/clipping.h"
-#include "calib/statistics/table_turns.h"
+#include "calib/statistics/linear_algebra.h"
 #include "calib/statistics/unit_slip.h"
 
 namespace turncal {
-
 namespace {
 
 // What a unit can be off goes with its noise, not with how long it was recorded: the ranges are those of this time at rest.
@@ -22,236 +22,405 @@ constexpr double fourteen_steps_s = 5400.0;
 constexpr double last_step_sigma = 1.0;
 
 Eigen::VectorXd all_ranges(const ParameterVector& base, const std::vector<EffectColumn>& effects) {
-  Eigen::VectorXd ranges(parameter_count + static_cast<Eigen::Index>(effects.size()));
+  Eigen::VectorXd ranges(parameter_count + effects.size());
   ranges.head<parameter_count>() = base;
-  for (std::size_t k = 0; k < effects.size(); ++k)
-    ranges[parameter_count + static_cast<Eigen::Index>(k)] = absurd_magnitude(*effects[k].entry);
+  for (std::size_t k = 0; k < effects.size(); ++k) ranges[parameter_count + k] = absurd_magnitude(*effects[k].entry);
   return ranges;
 }
 
-}  // namespace
+// Far from the solution it is enough to come within some sigma of it. Beside it, the middle of a dwell says little second by
+// second: the sigmas are 0.1 to 0.5 % larger than from every second.
+constexpr Coarseness far_off = {20.0, 0.05};
+constexpr Coarseness close_by = {8.0, 0.025};
+constexpr Coarseness for_noise = {8.0, 0.0};
+constexpr Coarseness for_noise_of_trials = {20.0, 0.0};
 
-// Biases of several recordings: what the rests of each say, where they are far apart.
-void JointRun::start_of_each() {
-  std::vector<std::size_t> ends(options_.begins.begin(), options_.begins.end());
-  ends.push_back(recording_.blocks.size());
-  CompressedRecording part = recording_;
-  std::size_t begin = 0;
-  Eigen::Vector3d first = Eigen::Vector3d::Zero();
-  for (std::size_t k = 0; k < ends.size(); begin = ends[k++]) {
-    part.blocks.assign(recording_.blocks.begin() + static_cast<std::ptrdiff_t>(begin),
-                       recording_.blocks.begin() + static_cast<std::ptrdiff_t>(ends[k]));
-    const JointStart start = joint_start(part, result_.parameters);
-    if (!start.error.empty()) return;
-    if (k == 0) first = start.N0_degph;
-    const Eigen::Vector3d beside = start.N0_degph - first;
-    if (beside.cwiseAbs().maxCoeff() <= start_limits.large_bias_degph) continue;
-    result_.parameters.N0_degph = first;
-    for (int column = 0; column < effects_.columns; ++column) {
-      const EffectColumn& turn_on = options_.effects[static_cast<std::size_t>(column)];
-      if (is_gyro_turn_on(turn_on) && turn_on.recording == static_cast<int>(k))
-        effects_.values[column] = beside[turn_on.component];
-    }
-  }
-}
-
-JointResult JointRun::run() {
-  JointResult& r = result_;
-  r.parameters = options_.start.value_or(start_parameters(recording_.info));
-  if (recording_.blocks.empty()) {
-    r.message = "the recording holds no samples";
-    return r;
-  }
-  r.allan = options_.faults_of ? options_.faults_of->allan : allan_deviation(recording_, r.parameters);
-  if (options_.faults_of) {
-    r.start = options_.faults_of->start;
-    r.setup.headings_rad = options_.faults_of->setup.headings_rad;
-  } else {
-    r.start = joint_start(recording_, r.parameters);
-    r.setup.headings_rad = {r.start.heading_rad};
-    // What the first pass could not linearise: a bias that turns the unit by radians in the run.
-    if (!options_.start && r.start.N0_degph.cwiseAbs().maxCoeff() > start_limits.large_bias_degph)
-      r.parameters.N0_degph = r.start.N0_degph;
-    if (!options_.start && !options_.begins.empty()) start_of_each();
-  }
-  // A counter of another weight than the nominal one: the table's turns say which.
-  if (!options_.start && !options_.faults_of && recording_.info.gyro_increment == IncrementKind::pulses)
-    if (const double felt = felt_of_commanded(recording_);
-        std::abs(felt - 1.0) > slip_nearness && clipped_turns(recording_).empty())
-      r.parameters.n /= felt;
-  r.setup.mounting = r.start.mounting;
-  if (!r.start.error.empty()) {
-    r.message = r.start.error;
-    return r;
-  }
-  start_.resize(static_cast<Eigen::Index>(subset_.size()));
-  ParameterVector begin = to_vector(r.parameters);
-  for (std::size_t i = 0; i < subset_.size(); ++i) start_[static_cast<Eigen::Index>(i)] = value_of(subset_[i], begin);
-  r.setup.unobserved = options_.unobserved;
-  r.reference_temperature_c = reference_temperature_c_;
-  if (options_.noise)
-    r.setup.noise = *options_.noise;
-  else if (options_.start_noise)
-    r.setup.noise = *options_.start_noise;
-  else
-    r.setup.noise = start_noise(recording_, r.allan, r.parameters);
-  if (options_.faults_of)
-    ranges_ = options_.faults_of->ranges.head<parameter_count>();
-  else
-    ranges_ = plausible_ranges(r.setup.noise, fourteen_steps_s);
-  ranges_ = r.ranges = all_ranges(ranges_, options_.effects);
-  if (options_.faults_of) {
-    r.faults = options_.faults_of->faults;
-    r.setup.breaks = options_.faults_of->setup.breaks;
-  } else {
-    r.faults = faults_from_events(recording_, r.setup.breaks);
-    for (const Break& cut : options_.breaks) add_break(r.setup.breaks, cut);
-    for (const std::size_t block : options_.begins)
-      add_break(r.setup.breaks, {.block = block, .begins_recording = true});
+class JointRun {
+ public:
+  JointRun(const CompressedRecording& recording, const JointOptions& options)
+      : recording_(recording),
+        options_(options),
+        reference_temperature_c_(options.reference_temperature_c.value_or(
+            std::isnan(recording.mean_temperature_c) ? 0.0 : recording.mean_temperature_c)) {
+    effects_ = make_effect_model(options.effects, {recording.info.latitude_deg}, reference_temperature_c_);
+    subset_ = options.free_parameters.value_or(free_parameters());
+    if (options.start_effects.size() == effects_.columns) effects_.values = options.start_effects;
+    for (int k = 0; k < effects_.columns && !options.fixed_effects; ++k) subset_.push_back(parameter_count + k);
   }
 
-  if (options_.faults_of) {
-    iterate(0.3, 1, close_by);  // beside a finished fit one step is most of the way
-  } else {
-    const bool settled = settle();
-    // What reads other axes than the record says may settle as well.
-    const Parameters from = from_vector(begin);
-    const bool upright = (r.parameters.a * from.a.inverse()).diagonal().minCoeff() > 0.0;
-    const std::string wrong = settled && upright ? wrong_axes(r.parameters.n * from.n.inverse())
-                                                 : wrong_table_axes(recording_, r.setup.mounting);
-    if (!settled || !upright || !wrong.empty()) {
-      r.message = (settled ? "" : "the estimate does not settle: ") +
-                  (wrong.empty() ? "the recording contradicts the model (wrong segments, signs or units?)" : wrong);
+  JointResult run() {
+    JointResult& r = result_;
+    r.parameters = options_.start.value_or(start_parameters(recording_.info));
+    if (recording_.blocks.empty()) {
+      r.message = "the recording holds no samples";
       return r;
     }
-  }
-  if (options_.one_step) {
-    r.converged = true;
-    r.message = "one step";
-    r.undetermined.resize(static_cast<std::size_t>(solution_.undetermined.cols()));
-    r.noise = r.setup.noise;
-    for (int k = 0; k < effects_.columns; ++k)
-      r.effects.push_back({options_.effects[static_cast<std::size_t>(k)], effects_.values[k], 0.0});
+    const JointResult* const beside = options_.faults_of;
+    if (beside != nullptr) {
+      r.allan = beside->allan;
+      r.start = beside->start;
+      r.setup.headings_rad = beside->setup.headings_rad;
+    } else {
+      r.allan = allan_deviation(recording_, r.parameters);
+      r.start = joint_start(recording_, r.parameters);
+      r.setup.headings_rad = {r.start.heading_rad};
+      // What the first pass could not linearise: a bias that turns the unit by radians in the run.
+      if (!options_.start && r.start.N0_degph.cwiseAbs().maxCoeff() > start_limits.large_bias_degph)
+        r.parameters.N0_degph = r.start.N0_degph;
+      if (!options_.start && !options_.begins.empty()) start_of_each();
+    }
+    // A counter of another weight than the nominal one: the table's turns say which.
+    if (!options_.start && !options_.faults_of && recording_.info.gyro_increment == IncrementKind::pulses)
+      if (const double felt = felt_of_commanded(recording_);
+          std::abs(felt - 1.0) > slip_nearness && clipped_turns(recording_).empty())
+        r.parameters.n /= felt;
+    r.setup.mounting = r.start.mounting;
+    if (!r.start.error.empty()) {
+      r.message = r.start.error;
+      return r;
+    }
+    start_.resize(subset_.size());
+    ParameterVector begin = to_vector(r.parameters);
+    for (std::size_t i = 0; i < subset_.size(); ++i) start_[i] = value_of(subset_[i], begin);
+    r.setup.unobserved = options_.unobserved;
+    r.reference_temperature_c = reference_temperature_c_;
+    if (const std::optional<NoiseModel>& known = options_.noise ? options_.noise : options_.start_noise)
+      r.setup.noise = *known;
+    else
+      r.setup.noise = start_noise(recording_, r.allan, r.parameters);
+    if (beside != nullptr) {
+      ranges_ = beside->ranges.head<parameter_count>();
+      r.faults = beside->faults;
+      r.setup.breaks = beside->setup.breaks;
+    } else {
+      ranges_ = plausible_ranges(r.setup.noise, fourteen_steps_s);
+      r.faults = faults_from_events(recording_, r.setup.breaks);
+      for (const Break& cut : options_.breaks) add_break(r.setup.breaks, cut);
+      for (const std::size_t block : options_.begins)
+        add_break(r.setup.breaks, {.block = block, .begins_recording = true});
+    }
+    ranges_ = r.ranges = all_ranges(ranges_, options_.effects);
+
+    if (beside != nullptr) {
+      iterate(0.3, 1, close_by);  // beside a finished fit one step is most of the way
+    } else {
+      const bool settled = settle();
+      // What reads other axes than the record says may settle as well.
+      const Parameters from = from_vector(begin);
+      const bool upright = (r.parameters.a * from.a.inverse()).diagonal().minCoeff() > 0.0;
+      const std::string wrong = settled && upright ? wrong_axes(r.parameters.n * from.n.inverse())
+                                                   : wrong_table_axes(recording_, r.setup.mounting);
+      if (!settled || !upright || !wrong.empty()) {
+        r.message = (settled ? "" : "the estimate does not settle: ") +
+                    (wrong.empty() ? "the recording contradicts the model (wrong segments, signs or units?)" : wrong);
+        return r;
+      }
+    }
+    if (options_.one_step) {
+      r.converged = true;
+      r.message = "one step";
+      r.undetermined.resize(static_cast<std::size_t>(solution_.undetermined.cols()));
+      r.noise = r.setup.noise;
+      for (int k = 0; k < effects_.columns; ++k) r.effects.push_back({options_.effects[k], effects_.values[k], 0.0});
+      return r;
+    }
+    if (options_.look_for_faults && !options_.faults_of) look_for_faults();
+    if (!options_.noise) {
+      NoiseFitOptions fit_options;
+      fit_options.bias_instability = options_.fit_bias_instability;
+      fit_options.near_start = options_.faults_of != nullptr;  // a trial beside a finished fit
+      FilterSetup setup = r.setup;
+      const CompressedRecording fewer =
+          coarser(recording_, fit_options.near_start ? for_noise_of_trials : for_noise, setup);
+      r.noise_fit = fit_noise(fewer, r.parameters, effects_, setup, subset_, ranges_, fit_options);
+      r.setup.noise = r.noise_fit->noise;
+    }
+    const bool ended = is_open() ? iterate(0.3, options_.max_iterations, {1.0, 0.0})
+                                 : options_.candidates.empty() || iterate(0.3, 5, close_by);  // their passes are dear
+    r.converged = last_passes() && (ended || !is_open());
+    r.message = r.converged ? "converged" : "the last iterations still moved the parameters";
+    report();
     return r;
   }
-  if (options_.look_for_faults && !options_.faults_of) look_for_faults();
-  if (!options_.noise) {
-    NoiseFitOptions fit_options;
-    fit_options.bias_instability = options_.fit_bias_instability;
-    fit_options.near_start = options_.faults_of != nullptr;  // a trial beside a finished fit
-    FilterSetup setup = r.setup;
-    const CompressedRecording fewer =
-        coarser(recording_, fit_options.near_start ? for_noise_of_trials : for_noise, setup);
-    r.noise_fit = fit_noise(fewer, r.parameters, effects_, setup, subset_, ranges_, fit_options);
-    r.setup.noise = r.noise_fit->noise;
-  }
-  const bool ended = is_open() ? iterate(0.3, options_.max_iterations, {1.0, 0.0})
-                               : options_.candidates.empty() || iterate(0.3, 5, close_by);  // their passes are dear
-  r.converged = last_passes() && (ended || !is_open());
-  r.message = r.converged ? "converged" : "the last iterations still moved the parameters";
-  report();
-  return r;
-}
 
-// One at a time, the worst first: a fault that is not cut out spoils the seconds around it.
-void JointRun::look_for_faults() {
-  for (int round = 0; round < 12; ++round) {
-    FilterSetup setup = result_.setup;
-    setup.with_columns = false;
-    setup.keep_innovations = true;
-    const FilterResult pass = run_filter(recording_, result_.parameters, effects_, setup);
-    if (!cut_worst_fault(recording_, pass.innovations, result_.faults, result_.setup.breaks)) return;
-    iterate(0.3, 4, close_by);
+ private:
+  // Biases of several recordings: what the rests of each say, where they are far apart.
+  void start_of_each() {
+    std::vector<std::size_t> ends(options_.begins.begin(), options_.begins.end());
+    ends.push_back(recording_.blocks.size());
+    CompressedRecording part = recording_;
+    std::size_t begin = 0;
+    Eigen::Vector3d first = Eigen::Vector3d::Zero();
+    for (std::size_t k = 0; k < ends.size(); begin = ends[k++]) {
+      part.blocks.assign(recording_.blocks.begin() + static_cast<std::ptrdiff_t>(begin),
+                         recording_.blocks.begin() + static_cast<std::ptrdiff_t>(ends[k]));
+      const JointStart start = joint_start(part, result_.parameters);
+      if (!start.error.empty()) return;
+      if (k == 0) first = start.N0_degph;
+      const Eigen::Vector3d beside = start.N0_degph - first;
+      if (beside.cwiseAbs().maxCoeff() <= start_limits.large_bias_degph) continue;
+      result_.parameters.N0_degph = first;
+      for (int column = 0; column < effects_.columns; ++column) {
+        const EffectColumn& turn_on = options_.effects[column];
+        if (is_gyro_turn_on(turn_on) && turn_on.recording == static_cast<int>(k))
+          effects_.values[column] = beside[turn_on.component];
+      }
+    }
   }
-}
 
-// Every second, and the candidates.
-bool JointRun::last_passes() {
-  JointResult& r = result_;
-  std::vector<EffectColumn> columns = options_.effects;
-  columns.insert(columns.end(), options_.candidates.begin(), options_.candidates.end());
-  EffectModel with_candidates = make_effect_model(columns, {recording_.info.latitude_deg}, reference_temperature_c_);
-  FilterSetup setup = r.setup;
-  setup.keep_innovations = true;
-  // A trial beside a finished fit takes it over: it is a part of a sigma, and hardly another one.
-  const bool known = options_.faults_of && options_.faults_of->noise_pull.size() == parameter_count;
-  r.noise_pull = known ? options_.faults_of->noise_pull
-                       : pull_of_noise(recording_, r.parameters, effects_, r.setup, subset_, solution_.covariance);
-  for (int k = 0; k < 5; ++k) {
-    with_candidates.values.head(effects_.columns) = effects_.values;
-    setup.headings_rad = r.setup.headings_rad;
-    r.last = run_filter(recording_, r.parameters, with_candidates, setup);
-    r.last.gradient.head<parameter_count>() -= r.noise_pull;
-    if (is_open()) {  // where it ended it stays
-      solution_ = solve_subset(r.last.information, r.last.gradient, subset_, ranges_);
+  // Gauss-Newton at the noise that is measured before the fit. Dwells of a few seconds hardly show it, and an optimum too narrow for the
+  // start is missed: then it is tried again from wider ones, and what is found there is kept if it fits and, where it can be compared, fits better.
+  bool settle() {
+    JointResult& r = result_;
+    const Parameters start = r.parameters;
+    const Eigen::VectorXd start_values = effects_.values;
+    const NoiseModel noise = r.setup.noise;
+    const bool settled = settle_from_here();
+    if (settled && misfit_ < start_limits.misfit) return true;
+    const Parameters first = r.parameters;
+    const Eigen::VectorXd first_values = effects_.values;
+    const double first_misfit = settled ? misfit_ : std::numeric_limits<double>::infinity();
+    for (const double louder : {5.0, 25.0}) {
+      r.parameters = start;
+      effects_.values = start_values;
+      NoiseModel wide = noise;
+      wide.angle_random_walk *= louder;
+      wide.velocity_random_walk *= louder;
+      const auto settles_with = [&](const NoiseModel& with) {
+        r.setup.noise = with;
+        return settle_from_here();
+      };
+      const bool near = settles_with(wide) && misfit_ < start_limits.misfit;
+      const Parameters found = r.parameters;
+      const Eigen::VectorXd found_values = effects_.values;
+      const bool stands = near && settles_with(noise);
+      if (stands && misfit_ < 0.5 * first_misfit) return true;
+      r.setup.noise = noise;
+      if (!near || stands || settled || options_.noise) continue;
+      // Even there it is too narrow: the noise is fitted from the wider one.
+      r.setup.noise = wide;
+      r.parameters = found;
+      effects_.values = found_values;
       return true;
     }
-    const double largest = improve(r.last);
-    if (std::isnan(largest)) return false;
-    if (largest > last_step_sigma) continue;
-    Eigen::VectorXd step = Eigen::VectorXd::Zero(r.last.gradient.size());
-    step(subset_) = step_;
-    const Eigen::VectorXd change = r.last.information * step;
-    r.last.chi_square += step.dot(2.0 * r.last.gradient + change);
-    r.last.gradient += change;
-    return true;
+    r.parameters = first;
+    effects_.values = first_values;
+    return settled;
   }
-  return false;
-}
 
-// A trial beside a finished fit takes its widening over. None where directions are open: along those it is that of the ranges.
-void JointRun::widen() {
-  JointResult& r = result_;
-  r.unseen_instability = Eigen::MatrixXd::Zero(r.covariance.rows(), r.covariance.cols());
-  if (is_open() || !r.noise_fit) return;
-  if (!options_.faults_of) {
-    r.unseen_instability = r.noise_fit->unseen_instability;
-  } else if (!r.noise.has_bias_instability()) {
-    const Eigen::MatrixXd& from = options_.faults_of->unseen_instability;
-    const auto turn_ons = 6 * static_cast<int>(options_.begins.size());
-    const auto base =
-        std::count_if(subset_.begin(), subset_.end(), [&](int k) { return k < parameter_count + turn_ons; });
-    const Eigen::Index both = std::min<Eigen::Index>(from.rows(), base);
-    r.unseen_instability.topLeftCorner(both, both) = from.topLeftCorner(both, both);
+  bool settle_from_here() {
+    const Parameters start = result_.parameters;
+    const Eigen::VectorXd start_values = effects_.values;
+    if (!options_.start && !iterate(1.0, 6, far_off)) {
+      result_.parameters = start;
+      effects_.values = start_values;
+    }
+    return iterate(0.3, options_.max_iterations, close_by);
   }
-  r.covariance += r.unseen_instability;
-}
 
-void JointRun::report() {
-  JointResult& r = result_;
-  r.free = subset_;
-  r.covariance = solution_.covariance;
-  widen();
-  r.noise = r.setup.noise;
-  r.normalised_rms = std::sqrt(r.last.chi_square / static_cast<double>(std::max<std::int64_t>(r.last.observations, 1)));
-  r.whiteness = test_whiteness(r.last.innovations);
+  // Gauss-Newton until the largest step is below `tolerance` sigma. Where directions are open, a step of their ranges is far from
+  // linear and its sigma says little: a step that made things worse is taken back to a part of it, and it ends when nothing is
+  // gained any more.
+  bool iterate(double tolerance, int max_iterations, const Coarseness& coarseness) {
+    constexpr double part = 0.3;
+    constexpr double nothing_gained = 0.1;  // of chi-square
+    FilterSetup setup = result_.setup;
+    const CompressedRecording fewer = coarser(recording_, coarseness, setup);
+    const auto pass_here = [&] {
+      setup.headings_rad = result_.setup.headings_rad;
+      return run_filter(fewer, result_.parameters, effects_, setup);
+    };
+    bool open = false;
+    double before = std::numeric_limits<double>::infinity();
+    for (int k = 0; k < max_iterations; ++k) {
+      FilterResult pass = pass_here();
+      double from_start = out_of_range();
+      for (int less = 0; less < 8 && open && pass.chi_square + looseness_ * from_start > before; ++less) {
+        move(-(1.0 - part) * step_);
+        step_ *= part;
+        pass = pass_here();
+        from_start = out_of_range();
+      }
+      if (open && before - (pass.chi_square + looseness_ * from_start) < nothing_gained * looseness_) return true;
+      const double largest = improve(pass);
+      if (std::isnan(largest)) return false;
+      open = is_open();
+      if (!open && largest < tolerance) return true;
+      before = pass.chi_square + looseness_ * from_start;
+    }
+    return false;
+  }
 
-  for (Eigen::Index d = 0; d < solution_.undetermined.cols(); ++d) {
-    const Eigen::VectorXd direction = solution_.undetermined.col(d);
-    Undetermined u;
+  // The step that a pass suggests. Returns the largest one in sigma; NaN where there is none.
+  double improve(const FilterResult& pass) {
+    ++result_.iterations;
+    solution_ = solve_subset(pass.information, pass.gradient, subset_, ranges_);
+    misfit_ = pass.chi_square / static_cast<double>(std::max<std::int64_t>(pass.observations, 1));
+    looseness_ = std::max(misfit_, 1.0);
+    if (!solution_.step.allFinite()) return std::numeric_limits<double>::quiet_NaN();
+    step_ = solution_.step;
+    Eigen::VectorXd sigma = solution_.covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
+    if (is_open()) step_within_ranges(pass, step_, sigma);
+    move(step_);
+    const double largest = step_.size() > 0 ? step_.cwiseQuotient(sigma).cwiseAbs().maxCoeff() : 0.0;
+    return std::max(largest, correct_headings(pass, step_, subset_, result_.start, result_.setup.headings_rad));
+  }
+
+  void move(const Eigen::VectorXd& step) {
+    ParameterVector values = to_vector(result_.parameters);
+    for (std::size_t i = 0; i < subset_.size(); ++i) value_of(subset_[i], values) += step[i];
+    result_.parameters = from_vector(values);
+  }
+
+  // How far the parameters are from where they began, in ranges, squared.
+  double out_of_range() {
+    ParameterVector values = to_vector(result_.parameters);
+    double sum = 0.0;
+    for (std::size_t i = 0; i < subset_.size(); ++i)
+      sum += std::pow((value_of(subset_[i], values) - start_[i]) / ranges_[subset_[i]], 2);
+    return sum;
+  }
+
+  double& value_of(int column, ParameterVector& parameters) {
+    return column < parameter_count ? parameters[column] : effects_.values[column - parameter_count];
+  }
+
+  // Gauss-Newton in the determined directions alone would creep, since which ones those are turns with every linearisation.
+  // So where some are open, the plausible ranges about the start are taken for observations; what is determined does not
+  // notice them.
+  void step_within_ranges(const FilterResult& pass, Eigen::VectorXd& step, Eigen::VectorXd& sigma) {
+    const Eigen::VectorXd weight = looseness_ * Eigen::VectorXd(ranges_(subset_)).cwiseAbs2().cwiseInverse();
+    ParameterVector values = to_vector(result_.parameters);
+    Eigen::VectorXd gradient = pass.gradient(subset_);
     for (std::size_t i = 0; i < subset_.size(); ++i) {
-      const double weight = direction[static_cast<Eigen::Index>(i)];
-      if (std::abs(weight) < determined_limits.smallest_part) continue;
-      const std::string key = subset_[i] < parameter_count
-                                  ? std::string(parameter_keys[static_cast<std::size_t>(subset_[i])])
-                                  : options_.effects[static_cast<std::size_t>(subset_[i] - parameter_count)].key();
-      u.combination.emplace_back(key, weight);
+      const Eigen::Index row = i;
+      gradient[row] += weight[row] * (value_of(subset_[i], values) - start_[row]);
     }
-    std::sort(u.combination.begin(), u.combination.end(),
-              [](const auto& a, const auto& b) { return std::abs(a.second) > std::abs(b.second); });
-    r.undetermined.push_back(std::move(u));
+    Eigen::MatrixXd information = pass.information(subset_, subset_);
+    information.diagonal() += weight;
+    const Eigen::MatrixXd covariance = balanced_inverse(information);
+    step = -covariance * gradient;
+    sigma = covariance.diagonal().cwiseMax(1e-300).cwiseSqrt();
   }
-  for (std::size_t i = 0; i < subset_.size(); ++i) {
-    const double sigma = std::sqrt(r.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)));
-    if (subset_[i] < parameter_count) {
-      r.determined[static_cast<std::size_t>(subset_[i])] = !solution_.lost[i];
-      r.sigma[subset_[i]] = solution_.lost[i] ? 0.0 : sigma;
-    } else {
-      const int k = subset_[i] - parameter_count;
-      r.effects.push_back({options_.effects[static_cast<std::size_t>(k)], effects_.values[k], sigma});
+
+  // One at a time, the worst first: a fault that is not cut out spoils the seconds around it.
+  void look_for_faults() {
+    for (int round = 0; round < 12; ++round) {
+      FilterSetup setup = result_.setup;
+      setup.with_columns = false;
+      setup.keep_innovations = true;
+      const FilterResult pass = run_filter(recording_, result_.parameters, effects_, setup);
+      if (!cut_worst_fault(recording_, pass.innovations, result_.faults, result_.setup.breaks)) return;
+      iterate(0.3, 4, close_by);
     }
   }
-}
+
+  bool is_open() const { return solution_.undetermined.cols() > 0; }
+
+  // Every second, and the candidates.
+  bool last_passes() {
+    JointResult& r = result_;
+    std::vector<EffectColumn> columns = options_.effects;
+    columns.insert(columns.end(), options_.candidates.begin(), options_.candidates.end());
+    EffectModel with_candidates = make_effect_model(columns, {recording_.info.latitude_deg}, reference_temperature_c_);
+    FilterSetup setup = r.setup;
+    setup.keep_innovations = true;
+    // A trial beside a finished fit takes it over: it is a part of a sigma, and hardly another one.
+    const bool known = options_.faults_of && options_.faults_of->noise_pull.size() == parameter_count;
+    r.noise_pull = known ? options_.faults_of->noise_pull
+                         : pull_of_noise(recording_, r.parameters, effects_, r.setup, subset_, solution_.covariance);
+    for (int k = 0; k < 5; ++k) {
+      with_candidates.values.head(effects_.columns) = effects_.values;
+      setup.headings_rad = r.setup.headings_rad;
+      r.last = run_filter(recording_, r.parameters, with_candidates, setup);
+      r.last.gradient.head<parameter_count>() -= r.noise_pull;
+      if (is_open()) {  // where it ended it stays
+        solution_ = solve_subset(r.last.information, r.last.gradient, subset_, ranges_);
+        return true;
+      }
+      const double largest = improve(r.last);
+      if (std::isnan(largest)) return false;
+      if (largest > last_step_sigma) continue;
+      Eigen::VectorXd step = Eigen::VectorXd::Zero(r.last.gradient.size());
+      step(subset_) = step_;
+      const Eigen::VectorXd change = r.last.information * step;
+      r.last.chi_square += step.dot(2.0 * r.last.gradient + change);
+      r.last.gradient += change;
+      return true;
+    }
+    return false;
+  }
+
+  // A trial beside a finished fit takes its widening over. None where directions are open: along those it is that of the ranges.
+  void widen() {
+    JointResult& r = result_;
+    r.unseen_instability = Eigen::MatrixXd::Zero(r.covariance.rows(), r.covariance.cols());
+    if (is_open() || !r.noise_fit) return;
+    if (!options_.faults_of) {
+      r.unseen_instability = r.noise_fit->unseen_instability;
+    } else if (!r.noise.has_bias_instability()) {
+      const Eigen::MatrixXd& from = options_.faults_of->unseen_instability;
+      const auto turn_ons = 6 * static_cast<int>(options_.begins.size());
+      const auto base =
+          std::count_if(subset_.begin(), subset_.end(), [&](int k) { return k < parameter_count + turn_ons; });
+      const Eigen::Index both = std::min<Eigen::Index>(from.rows(), base);
+      r.unseen_instability.topLeftCorner(both, both) = from.topLeftCorner(both, both);
+    }
+    r.covariance += r.unseen_instability;
+  }
+
+  void report() {
+    JointResult& r = result_;
+    r.free = subset_;
+    r.covariance = solution_.covariance;
+    widen();
+    r.noise = r.setup.noise;
+    r.normalised_rms =
+        std::sqrt(r.last.chi_square / static_cast<double>(std::max<std::int64_t>(r.last.observations, 1)));
+    r.whiteness = test_whiteness(r.last.innovations);
+
+    for (Eigen::Index d = 0; d < solution_.undetermined.cols(); ++d) {
+      const Eigen::VectorXd direction = solution_.undetermined.col(d);
+      Undetermined u;
+      for (std::size_t i = 0; i < subset_.size(); ++i) {
+        const double weight = direction[i];
+        if (std::abs(weight) < determined_limits.smallest_part) continue;
+        const std::string key = subset_[i] < parameter_count ? std::string(parameter_keys[subset_[i]])
+                                                             : options_.effects[subset_[i] - parameter_count].key();
+        u.combination.emplace_back(key, weight);
+      }
+      std::sort(u.combination.begin(), u.combination.end(),
+                [](const auto& a, const auto& b) { return std::abs(a.second) > std::abs(b.second); });
+      r.undetermined.push_back(std::move(u));
+    }
+    for (std::size_t i = 0; i < subset_.size(); ++i) {
+      const double sigma = std::sqrt(r.covariance(i, i));
+      if (subset_[i] < parameter_count) {
+        r.determined[subset_[i]] = !solution_.lost[i];
+        r.sigma[subset_[i]] = solution_.lost[i] ? 0.0 : sigma;
+      } else {
+        const int k = subset_[i] - parameter_count;
+        r.effects.push_back({options_.effects[k], effects_.values[k], sigma});
+      }
+    }
+  }
+
+  const CompressedRecording& recording_;
+  const JointOptions& options_;
+  Eigen::VectorXd ranges_;
+  const double reference_temperature_c_;
+  EffectModel effects_;
+  std::vector<int> subset_;
+  Eigen::VectorXd start_;  // where the parameters of the subset began
+  SubsetSolution solution_;
+  Eigen::VectorXd step_;  // of the subset, the last one taken
+  // Of the noise, as long as the misfit is larger: else residuals push what hardly shows in them.
+  double looseness_ = 1.0;
+  double misfit_ = 0.0;  // chi-square an observation before the last step of iterate()
+  JointResult result_;
+};
+
+}  // namespace
 
 JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options) {
   return JointRun(recording, options).run();
@@ -290,6 +459,21 @@ Whiteness test_whiteness(const std::vector<Innovation>& innovations) {
               : worst >= limit ? "innovations are correlated in time: the noise model does not fit"
                                : "innovations are larger or smaller than the noise model says";
   return w;
+}
+
+double correct_headings(const FilterResult& pass, const Eigen::VectorXd& step, const std::vector<int>& subset,
+                        const JointStart& start, std::vector<double>& headings) {
+  if (!(start.heading_sigma_rad < 1.0)) return 0.0;  // not seen: nothing to correct it by
+  const double first = headings.front();
+  double largest = 0.0;
+  for (std::size_t k = 0; k < pass.heading_error_rad.size(); ++k) {
+    if (k >= headings.size()) headings.push_back(first);
+    const Eigen::VectorXd by_parameter = pass.heading_by_parameter[k](subset);
+    const double correction = pass.heading_error_rad[k] + by_parameter.dot(step);
+    headings[k] += correction;
+    largest = std::max(largest, std::abs(correction) / pass.heading_sigma_rad[k]);
+  }
+  return largest;
 }
 
 }  // namespace turncal

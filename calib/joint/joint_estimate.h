@@ -17,14 +17,38 @@
 
 #include <Eigen/Core>
 
-#include "calib/joint/determined.h"
 #include "calib/joint/joint_filter.h"
-#include "calib/joint/joint_start.h"
 #include "calib/joint/noise_fit.h"
+#include "calib/joint/score_algebra.h"
 #include "calib/model/effects.h"
+#include "calib/model/parameters.h"
 #include "calib/statistics/allan.h"
+#include "calib/statistics/compression.h"
 
 namespace turncal {
+
+// Where the joint estimate begins, from the rests and the commanded angles of the table alone.
+//
+// At rest number k with commanded attitude C_k, levelled on the accelerometers, the gyros read
+//   mean rate_k = N0 + C_k' (e_n, w_U, e_e)
+// with w_U the known vertical part of the earth's rate and (e_n, e_e) its horizontal part in a frame whose north is the
+// given one: five unknowns, linear, so the given heading may be wrong by any angle. The true north lies where (e_n, e_e)
+// points. Used only as a start: the estimate linearises about it and goes on from there.
+//
+// The directions of gravity tell how the unit is mounted on the table: one of 24 orientations, or the reverse of one (the
+// accelerometers have the wrong sign, which no mounting makes). They, and how far gravity and turns are off their size,
+// say how wrong the start values can be: the plausible ranges follow from them.
+struct JointStart {
+  Eigen::Matrix3d mounting = Eigen::Matrix3d::Identity();  // C_nb = C(table angles) mounting
+  std::string mounting_text;  // empty: as the table's axes; "turned by 90 deg about up", ...
+  std::string error;          // plain words when no mounting explains the rests: "gravity has the wrong sign", ...
+  double heading_rad = 0.0;   // to be added to the commanded heading; 0 when the earth's rate is not seen
+  double heading_sigma_rad = 1.0;
+  Eigen::Vector3d N0_degph = Eigen::Vector3d::Zero();  // 0 where below what the start should know
+  double accel_misfit = 0.0;                           // rms of |f| / g - 1 over the rests
+  double static_s = 0.0;
+};
+JointStart joint_start(const CompressedRecording& recording, const Parameters& parameters);
 
 // Are the innovations white at the noise model, and as large as it says?
 struct Whiteness {
@@ -48,7 +72,7 @@ struct JointOptions {
   std::vector<EffectColumn> candidates;           // columns of the last pass only
   std::optional<double> reference_temperature_c;  // default: the mean of the recording
   std::vector<char> unobserved;                   // blocks left out (hold-out), see FilterSetup
-  std::vector<std::size_t> begins;                // first blocks of further recordings (joined_recordings.h)
+  std::vector<std::size_t> begins;                // first blocks of further recordings (several_recordings.h)
   std::vector<Break> breaks;                      // known beforehand, beside those that the data show
   // Which of the 24 are estimated; default: the 21 free ones.
   std::optional<std::vector<int>> free_parameters;
@@ -110,5 +134,22 @@ JointResult joint_estimate(const CompressedRecording& recording, const JointOpti
 // correction in its sigma; 0 where the start does not see the heading.
 double correct_headings(const FilterResult& pass, const Eigen::VectorXd& step, const std::vector<int>& columns,
                         const JointStart& start, std::vector<double>& headings_rad);
+
+// Where a recording contradicts itself, and where the joint estimate therefore cuts the chain.
+//
+// Two sources: what the Compressor saw on raw samples (gaps of the counter, invalid samples, glitches), and static seconds
+// whose innovation nothing explains: nu' S^-1 nu above chi-square's one in 10^9, and ten times what nine in ten of the seconds
+// after a rotation show (so that an effect the model lacks, which pushes after every rotation, is not taken for a fault).
+// A sample of g lost or counted twice in a rotation shows as a velocity step of gravity x period up or down.
+
+// Faults the raw data show; adds a break for each that matters, in block order.
+std::vector<Fault> faults_from_events(const CompressedRecording& recording, std::vector<Break>& breaks);
+
+// In block order.
+void add_break(std::vector<Break>& breaks, const Break& cut);
+
+// Finds the worst unexplained second; adds fault and break and returns true, or returns false when there is none.
+bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Innovation>& innovations,
+                     std::vector<Fault>& faults, std::vector<Break>& breaks);
 
 }  // namespace turncal

@@ -1,20 +1,15 @@
-#include "calib/joint/joint_faults.h"
+#include "calib/joint/joint_estimate.h"
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
+
+#include <fmt/format.h>
 
 #include "calib/model/limits.h"
 #include "calib/statistics/clipping.h"
 
 namespace turncal {
 namespace {
-
-std::string format(const char* pattern, double value) {
-  char text[160];
-  std::snprintf(text, sizeof text, pattern, value);
-  return text;
-}
 
 std::string action_for(const Break& cut) {
   return cut.nothing_is_known() ? "turn set aside: attitude and velocity found again after it"
@@ -49,8 +44,7 @@ void gather_filled(std::vector<Fault>& faults) {
     samples += f->last_sample - f->first_sample + 1;
     all.last_sample = f->last_sample;
   }
-  all.what = std::to_string(samples) + " samples missing in " + std::to_string(gaps) + " gaps of at most " +
-             std::to_string(fault_limits.most_filled);
+  all.what = fmt::format("{} samples missing in {} gaps of at most {}", samples, gaps, fault_limits.most_filled);
   *first = all;
   faults.erase(std::remove_if(first + 1, faults.end(), is_filled), faults.end());
 }
@@ -61,8 +55,7 @@ int segment_of_gap(const CompressedRecording& recording, std::int64_t first, std
   for (std::size_t k = 0; k < recording.segments.size(); ++k) {
     const Segment& segment = recording.segments[k];
     if (segment.end_sample <= first || segment.start_sample > last) continue;
-    if (found >= 0 && (segment.kind == SegmentKind::rotate ||
-                       recording.segments[static_cast<std::size_t>(found)].kind == SegmentKind::rotate))
+    if (found >= 0 && (segment.kind == SegmentKind::rotate || recording.segments[found].kind == SegmentKind::rotate))
       return -1;
     found = static_cast<int>(k);
   }
@@ -121,7 +114,7 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
     fault.first_sample = event.sample;
     fault.last_sample = event.sample + std::max<std::int64_t>(event.count, 1) - 1;
     fault.block = block_of(recording, event.sample);
-    bool rotating = recording.segments[recording.blocks[fault.block].segment].kind == SegmentKind::rotate;
+    bool rotating = recording.rotates(recording.blocks[fault.block]);
     Break cut;
     cut.block = fault.block;
     if (event.kind == DataEvent::Kind::duplicate) {
@@ -131,18 +124,17 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       continue;
     }
     if (event.kind == DataEvent::Kind::temperature) {
-      fault.what = format("%.0f temperature(s) that cannot be", static_cast<double>(event.count)) +
-                   format(", the first %.6g C", event.size);
+      fault.what = fmt::format("{} temperature(s) that cannot be, the first {:.6g} C", event.count, event.size);
       fault.action = "not used";
       faults.push_back(fault);
       continue;
     }
     const bool glitch = event.kind == DataEvent::Kind::gyro_glitch || event.kind == DataEvent::Kind::accel_glitch;
     if (event.kind == DataEvent::Kind::gap || event.left_out) {
-      fault.what = glitch ? glitch_text(event) + format(" gave %.6g, which cannot be", event.size)
-                          : format("gap of %.0f sample(s) in the unit's counter", static_cast<double>(event.count));
+      fault.what = glitch ? fmt::format("{} gave {:.6g}, which cannot be", glitch_text(event), event.size)
+                          : fmt::format("gap of {} sample(s) in the unit's counter", event.count);
       const int segment = segment_of_gap(recording, fault.first_sample, fault.last_sample);
-      rotating = segment < 0 || recording.segments[static_cast<std::size_t>(segment)].kind == SegmentKind::rotate;
+      rotating = segment < 0 || recording.segments[segment].kind == SegmentKind::rotate;
       const double lost_s = static_cast<double>(event.count) * recording.info.sample_period_s;
       if (segment >= 0) cut.attitude_sigma_rad = fill_sigma_rad(recording, fault.block, lost_s);
     } else if (event.axis == set_aside_axis) {
@@ -154,8 +146,8 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       const bool gyro = event.kind == DataEvent::Kind::gyro_glitch;
       const bool counted =
           (gyro ? recording.info.gyro_increment : recording.info.accel_increment) == IncrementKind::pulses;
-      fault.what = glitch_text(event) +
-                   format(counted ? ", %.0f counts off its neighbours" : ", %.3g off its neighbours", event.size);
+      fault.what = glitch_text(event) + (counted ? fmt::format(", {:.0f} counts off its neighbours", event.size)
+                                                 : fmt::format(", {:.3g} off its neighbours", event.size));
       // Twice what the sample stands out by: half of it may lie in its neighbours.
       cut.attitude_sigma_rad = gyro ? 2.0 * std::abs(event.size) * nominal_gyro_rad(recording.info) : 0.0;
     }
@@ -223,11 +215,10 @@ bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Inn
   const double ratio = step / of_one_sample;
   if (in_rotation && std::abs(std::abs(ratio) - std::round(std::abs(ratio))) < 0.1 && std::abs(ratio) > 0.9 &&
       std::abs(ratio) < 20.0)
-    fault.what = format(ratio < 0.0 ? "%.0f sample(s) of gravity missing (velocity step down)"
-                                    : "%.0f sample(s) of gravity too many (velocity step up)",
-                        std::abs(std::round(ratio)));
+    fault.what = fmt::format("{:.0f} sample(s) of gravity {}", std::abs(std::round(ratio)),
+                             ratio < 0.0 ? "missing (velocity step down)" : "too many (velocity step up)");
   else
-    fault.what = format("velocity step of %.3g m/s that no noise explains", worst->velocity_mps.norm());
+    fault.what = fmt::format("velocity step of {:.3g} m/s that no noise explains", worst->velocity_mps.norm());
   fault.action = action_for(cut);
   faults.push_back(fault);
   add_break(breaks, cut);

@@ -1,4 +1,4 @@
-#include "calib/joint/joint_start.h"
+#include "calib/joint/joint_estimate.h"
 
 #include <array>
 #include <cmath>
@@ -31,8 +31,7 @@ std::vector<SegmentMean> segment_means(const CompressedRecording& recording, con
     if (block.segment != segment) {
       segment = block.segment;
       const Segment& s = recording.segments[segment];
-      rests.push_back(
-          {attitude_from_angles(s.heading_deg * rad_per_deg, s.pitch_deg * rad_per_deg, s.roll_deg * rad_per_deg)});
+      rests.push_back({attitude_at(angles_of(s))});
     }
     rests.back().rate += model.gyro_scale * block.gyro;
     rests.back().force += model.accel_scale * block.accel;
@@ -43,20 +42,6 @@ std::vector<SegmentMean> segment_means(const CompressedRecording& recording, con
     rest.force = rest.force / rest.t - model.accel_bias_mps2;
   }
   return rests;
-}
-
-// The 24 orientations of a box: signed permutations of determinant 1.
-std::vector<Matrix3d> box_orientations() {
-  std::vector<Matrix3d> all;
-  const std::array<std::array<int, 3>, 6> permutations = {
-      {{0, 1, 2}, {0, 2, 1}, {1, 0, 2}, {1, 2, 0}, {2, 0, 1}, {2, 1, 0}}};
-  for (const auto& p : permutations)
-    for (int signs = 0; signs < 8; ++signs) {
-      Matrix3d m = Matrix3d::Zero();
-      for (int k = 0; k < 3; ++k) m(p[static_cast<std::size_t>(k)], k) = (signs >> k & 1) != 0 ? -1.0 : 1.0;
-      if (m.determinant() > 0.0) all.push_back(m);
-    }
-  return all;
 }
 
 // Mean square of the sine of the angle between measured and expected up, in the unit's axes.
@@ -80,7 +65,7 @@ std::string describe(const Matrix3d& mounting) {
   const bool plain = axis.cwiseAbs().maxCoeff(&main) > 0.99;
   if (plain && axis[main] < 0.0) angle = -angle;
   const std::string by = "turned by " + std::to_string(std::lround(angle)) + " deg about ";
-  if (plain) return by + names[static_cast<std::size_t>(main)];
+  if (plain) return by + names[main];
   return by + "an axis between the table's";
 }
 
@@ -89,7 +74,9 @@ void find_mounting(const std::vector<SegmentMean>& rests, JointStart& start) {
   if (misfit(rests, start.mounting, 1.0) < good) return;
   Matrix3d best = start.mounting;
   Matrix3d best_reversed = start.mounting;
-  for (const Matrix3d& m : box_orientations()) {
+  for (const Matrix3d& axes : signed_axes()) {
+    const Matrix3d m = axes.transpose();
+    if (m.determinant() < 0.0) continue;  // the 24 orientations of a box are left
     if (misfit(rests, m, 1.0) < start_limits.better_mounting * misfit(rests, best, 1.0)) best = m;
     if (misfit(rests, m, -1.0) < start_limits.better_mounting * misfit(rests, best_reversed, -1.0)) best_reversed = m;
   }

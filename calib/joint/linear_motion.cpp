@@ -147,10 +147,8 @@ void LinearMotion::effects_on(std::size_t index, Motion& m) {
   s.C_nb = C_nb_ * rotation_exp(0.5 * m.motion.rotation);
   s.duration_s = t;
   s.recording = of_recording_;
-  s.time_s = static_cast<double>(block.start_sample - recording_.blocks[recording_begin_].start_sample) *
-                 recording_.info.sample_period_s +
-             0.5 * t;
-  const bool rotating = recording_.segments[block.segment].kind == SegmentKind::rotate;
+  s.time_s = recording_.middle_s(block, recording_begin_);
+  const bool rotating = recording_.rotates(block);
   if (rotating) last_rotation_end_s_ = s.time_s + 0.5 * t;
   s.since_rotation_s = rotating ? 1e9 : s.time_s - last_rotation_end_s_;
   s.temperature_c = std::isnan(block.temperature_c) ? 0.0 : block.temperature_c - effects_.reference_temperature_c;
@@ -232,7 +230,7 @@ void LinearMotion::begin_rest(const Block& block, const BlockMotion& motion, Lin
   const Vector3d f_b = motion.velocity / motion.velocity.norm() * gravity_;
   if (chain_due_) {
     const double heading = static_cast<std::size_t>(chain_) < setup_.headings_rad.size()
-                               ? setup_.headings_rad[static_cast<std::size_t>(chain_)]
+                               ? setup_.headings_rad[chain_]
                                : (setup_.headings_rad.empty() ? 0.0 : setup_.headings_rad.front());
     const Segment& at = recording_.segments[block.segment];
     C_nb_ = level(attitude_from_angles(at.heading_deg * rad_per_deg + heading, at.pitch_deg * rad_per_deg,

@@ -106,7 +106,7 @@ void move(const Group& group, double delta, Variances& s) {
 // By differences, a run a group. `now`: at s.
 Derivatives derivatives(RestrictedLikelihood& likelihood, const RestrictedLikelihood::Run& now,
                         const std::vector<Group>& groups, double tau, const Variances& s) {
-  const Eigen::Index n = static_cast<Eigen::Index>(groups.size());
+  const Eigen::Index n = groups.size();
   std::vector<RestrictedLikelihood::Run> moved;
   std::vector<double> step;
   for (const Group& group : groups) {
@@ -118,8 +118,7 @@ Derivatives derivatives(RestrictedLikelihood& likelihood, const RestrictedLikeli
   }
   Derivatives result = {VectorXd::Zero(n), MatrixXd::Zero(n, n)};
   for (Eigen::Index k = 0; k < n; ++k)  // what the parameters take with them
-    result.gradient[k] = 0.5 * (moved[static_cast<std::size_t>(k)].log_det_information - now.log_det_information) /
-                         step[static_cast<std::size_t>(k)];
+    result.gradient[k] = 0.5 * (moved[k].log_det_information - now.log_det_information) / step[k];
   std::vector<Matrix3d> A(groups.size());
   std::vector<Vector3d> d(groups.size());
   for (std::size_t i = 0; i < now.nu.size(); ++i) {
@@ -129,10 +128,9 @@ Derivatives derivatives(RestrictedLikelihood& likelihood, const RestrictedLikeli
     for (std::size_t k = 0; k < groups.size(); ++k) {
       A[k] = inverse * ((moved[k].S[i] - now.S[i]) / step[k]);
       d[k] = (moved[k].nu[i] - nu) / step[k];
-      result.gradient[static_cast<Eigen::Index>(k)] += 0.5 * (A[k].trace() - nu.dot(A[k] * w)) + d[k].dot(w);
+      result.gradient[k] += 0.5 * (A[k].trace() - nu.dot(A[k] * w)) + d[k].dot(w);
       for (std::size_t l = 0; l <= k; ++l)
-        result.information(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(l)) +=
-            0.5 * (A[k].cwiseProduct(A[l].transpose())).sum() + d[k].dot(inverse * d[l]);
+        result.information(k, l) += 0.5 * (A[k].cwiseProduct(A[l].transpose())).sum() + d[k].dot(inverse * d[l]);
     }
   }
   result.information = MatrixXd(result.information.selfadjointView<Eigen::Lower>());
@@ -141,11 +139,10 @@ Derivatives derivatives(RestrictedLikelihood& likelihood, const RestrictedLikeli
 
 // Of larger groups, each made of some of `groups`.
 Derivatives together(const Derivatives& d, const std::vector<Group>& groups, const std::vector<Group>& larger) {
-  MatrixXd in = MatrixXd::Zero(d.gradient.size(), static_cast<Eigen::Index>(larger.size()));
+  MatrixXd in = MatrixXd::Zero(d.gradient.size(), larger.size());
   for (std::size_t k = 0; k < groups.size(); ++k)
     for (std::size_t l = 0; l < larger.size(); ++l)
-      if (std::find(larger[l].begin(), larger[l].end(), groups[k][0]) != larger[l].end())
-        in(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(l)) = 1.0;
+      if (std::find(larger[l].begin(), larger[l].end(), groups[k][0]) != larger[l].end()) in(k, l) = 1.0;
   return {in.transpose() * d.gradient, in.transpose() * d.information * in};
 }
 
@@ -158,7 +155,7 @@ struct Suggestion {
 Suggestion suggested(const Derivatives& d, const std::vector<Group>& groups, const Variances& s) {
   std::vector<Eigen::Index> moving;
   for (Eigen::Index k = 0; k < d.gradient.size(); ++k)
-    if (s[groups[static_cast<std::size_t>(k)][0]] > 0.0 || d.gradient[k] < 0.0) moving.push_back(k);
+    if (s[groups[k][0]] > 0.0 || d.gradient[k] < 0.0) moving.push_back(k);
   Suggestion result = {VectorXd::Zero(d.gradient.size())};
   if (moving.empty()) return result;
   const VectorXd gradient = d.gradient(moving);
@@ -195,8 +192,7 @@ Scoring score(RestrictedLikelihood& likelihood, const std::vector<Group>& groups
     double shrink = 1.0;
     for (int attempt = 0; attempt < 4 && !better; ++attempt, shrink *= 0.4) {
       t = s;
-      for (std::size_t k = 0; k < groups.size(); ++k)
-        move(groups[k], shrink * to.step[static_cast<Eigen::Index>(k)], t);
+      for (std::size_t k = 0; k < groups.size(); ++k) move(groups[k], shrink * to.step[k], t);
       next = likelihood(t);
       better = next.value < now.value + 1e-6;
       if (to.gain < little) break;
@@ -342,12 +338,11 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
     const Eigen::MatrixXd covariance = inverse(scoring.information);
     for (std::size_t g = 0; g < of_walks.size(); ++g)
       for (const int k : of_walks[g]) {
-        const double sigma =
-            0.5 * std::sqrt(covariance(static_cast<Eigen::Index>(g), static_cast<Eigen::Index>(g)) / s[k]);
+        const double sigma = 0.5 * std::sqrt(covariance(g, g) / s[k]);
         (k < 3 ? fit.sigma_angle_random_walk[k] : fit.sigma_velocity_random_walk[k - 3]) = sigma;
       }
   }
-  const Eigen::Index count = static_cast<Eigen::Index>(free.size());
+  const Eigen::Index count = free.size();
   fit.unseen_instability = Eigen::MatrixXd::Zero(count, count);
   if (options.bias_instability && !options.near_start && !(kept[0] && kept[1])) {
     for (const int triad : {0, 1})
@@ -386,8 +381,7 @@ Eigen::VectorXd pull_of_noise(const CompressedRecording& recording, const Parame
     if (3.0 * all * sigma < negligible * std::abs(value)) continue;  // were all of S this one's
     if (!log_determinant) log_determinant = pass(at.noise);
     NoiseModel louder = at.noise;
-    (k < 3 ? louder.angle_random_walk : louder.velocity_random_walk)[static_cast<Eigen::Index>(k % 3)] *=
-        std::sqrt(1.0 + step);
+    (k < 3 ? louder.angle_random_walk : louder.velocity_random_walk)[k % 3] *= std::sqrt(1.0 + step);
     pull[scales[k]] = (pass(louder) - *log_determinant) / step / value;
   }
   return pull;

@@ -36,15 +36,8 @@ Quadratic sum_of(const std::vector<Quadratic>& parts) {
   return sum;
 }
 
-Eigen::VectorXd own(const Eigen::VectorXd& all, const JointResult& estimate, std::size_t recording) {
-  Eigen::VectorXd values(static_cast<Eigen::Index>(estimate.free.size()));
-  for (std::size_t i = 0; i < estimate.free.size(); ++i)
-    values[static_cast<Eigen::Index>(i)] = all[place(estimate.free[i], recording)];
-  return values;
-}
-
 Whole add_up(const std::vector<JointResult>& estimates) {
-  const Eigen::Index columns = parameter_count + biases * (static_cast<Eigen::Index>(estimates.size()) - 1);
+  const Eigen::Index columns = parameter_count + biases * (estimates.size() - 1);
   Whole w;
   w.begin.setZero(columns);
   w.ranges.setOnes(columns);
@@ -61,10 +54,10 @@ Whole add_up(const std::vector<JointResult>& estimates) {
     const JointResult& e = estimates[k];
     const ParameterVector at = to_vector(e.parameters);
     const Eigen::MatrixXd I = information_of(e);
-    const Eigen::VectorXd g =
-        Eigen::VectorXd(e.last.gradient(e.free)) + I * (own(w.begin, e, k) - Eigen::VectorXd(at(e.free)));
     std::vector<int> places;
     for (const int column : e.free) places.push_back(place(column, k));
+    const Eigen::VectorXd off = Eigen::VectorXd(w.begin(places)) - Eigen::VectorXd(at(e.free));
+    const Eigen::VectorXd g = Eigen::VectorXd(e.last.gradient(e.free)) + I * off;
     Quadratic& part = w.parts.emplace_back(nothing);
     part.A(places, places) = I;
     part.c(places) = g;
@@ -75,14 +68,48 @@ Whole add_up(const std::vector<JointResult>& estimates) {
   return w;
 }
 
+const std::vector<EffectEntry>& turn_on_entries() {
+  using Out = Eigen::Ref<Eigen::Matrix3Xd>;
+  constexpr std::string_view term = "bias of this recording less that of the first";
+  static const std::vector<std::string_view> xyz = {"x", "y", "z"};
+  static const std::vector<double> none;
+  static const std::vector<EffectEntry> entries = {
+      {"turn_on_gyro_bias", term, "c", "deg/h", xyz, radps_per_degph, "",
+       [](const BlockState&, const Site&, double, Out g, Out) { g.setIdentity(); }, none, "tau_s", true},
+      {"turn_on_accel_bias", term, "c", "g", xyz, standard_gravity_mps2, "",
+       [](const BlockState&, const Site&, double, Out, Out a) { a.setIdentity(); }, none, "tau_s", true},
+  };
+  return entries;
+}
+
+void append(const CompressedRecording& part, CompressedRecording& data) {
+  const std::int64_t later = data.segments.back().end_sample - part.segments.front().start_sample;
+  const auto segments = static_cast<std::int32_t>(data.segments.size());
+  for (Segment segment : part.segments) {
+    segment.start_sample += later;
+    segment.end_sample += later;
+    data.segments.push_back(segment);
+  }
+  for (Block block : part.blocks) {
+    block.start_sample += later;
+    block.segment += segments;
+    data.blocks.push_back(block);
+  }
+  for (DataEvent event : part.events) {
+    event.sample += later;
+    data.events.push_back(event);
+  }
+  const double before = static_cast<double>(data.samples), added = static_cast<double>(part.samples);
+  data.mean_temperature_c = (before * data.mean_temperature_c + added * part.mean_temperature_c) / (before + added);
+  data.samples += part.samples;
+  data.info.has_temperature = data.info.has_temperature && part.info.has_temperature;
+}
+
 }  // namespace
 
 Eigen::MatrixXd information_of(const JointResult& e) {
   if (!e.undetermined.empty()) return e.last.information(e.free, e.free);
-  const Eigen::VectorXd scale = e.covariance.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd correlation = scale.asDiagonal() * e.covariance * scale.asDiagonal();
-  const Eigen::MatrixXd inverse = solve_symmetric(correlation, Eigen::MatrixXd(scale.asDiagonal()));
-  return scale.asDiagonal() * inverse;
+  return balanced_inverse(e.covariance);
 }
 
 JointResult estimate_beside(const CompressedRecording& recording, const Parameters& known) {
@@ -91,15 +118,12 @@ JointResult estimate_beside(const CompressedRecording& recording, const Paramete
   options.free_parameters = {0, 1, 2, 3, 4, 5};
   JointResult e = joint_estimate(recording, options);
   if (!e.converged) return e;
-  e.free.clear();
-  for (int k = 0; k < parameter_count; ++k)
-    if (parameter_is_free[static_cast<std::size_t>(k)]) e.free.push_back(k);
+  e.free = free_parameters();
   const SubsetSolution solution = solve_subset(e.last.information, e.last.gradient, e.free, e.ranges);
   e.covariance = solution.covariance;
   e.unseen_instability.setZero(e.covariance.rows(), e.covariance.cols());
   e.undetermined.assign(static_cast<std::size_t>(solution.undetermined.cols()), {});
-  for (std::size_t i = 0; i < e.free.size(); ++i)
-    e.determined[static_cast<std::size_t>(e.free[i])] = solution.lost[i] == 0;
+  for (std::size_t i = 0; i < e.free.size(); ++i) e.determined[e.free[i]] = solution.lost[i] == 0;
   return e;
 }
 
@@ -179,10 +203,94 @@ SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates) 
     for (std::size_t i = 0; i < w.subset.size(); ++i)
       for (std::size_t k = 0; k < estimates.size(); ++k)
         if (w.subset[i] == place(column, k) && solution.lost[i] != 0) determined = false;
-    unit.determined[static_cast<std::size_t>(column)] = determined;
+    unit.determined[column] = determined;
     unit.sigma[column] = determined ? std::sqrt(of_unit(column, column)) : 0.0;
   }
   return result;
+}
+
+JoinedRecordings join_recordings(const std::vector<const CompressedRecording*>& parts) {
+  JoinedRecordings joined{parts, *parts.front(), {}, {}};
+  for (std::size_t k = 1; k < parts.size(); ++k) {
+    joined.begins.push_back(joined.data.blocks.size());
+    append(*parts[k], joined.data);
+    for (const EffectEntry& entry : turn_on_entries())
+      for (int axis = 0; axis < 3; ++axis) joined.turn_ons.push_back({&entry, axis, 0.0, static_cast<int>(k)});
+  }
+  return joined;
+}
+
+bool is_turn_on(const EffectColumn& column) {
+  const std::vector<EffectEntry>& all = turn_on_entries();
+  return std::any_of(all.begin(), all.end(), [&](const EffectEntry& e) { return &e == column.entry; });
+}
+
+bool is_gyro_turn_on(const EffectColumn& column) { return column.entry == &turn_on_entries().front(); }
+
+std::optional<SeveralRecordings> contradiction(const JoinedRecordings& recordings, const JointResult& together) {
+  if (recordings.parts.size() < 2 || together.whiteness.white) return std::nullopt;
+  std::vector<JointResult> alone;
+  for (const CompressedRecording* part : recordings.parts) {
+    alone.push_back(joint_estimate(*part));
+    if (!alone.back().converged || !alone.back().whiteness.white) return std::nullopt;
+  }
+  SeveralRecordings result = combine_recordings(alone);
+  if (result.agree) return std::nullopt;
+  return result;
+}
+
+OfEachRecording leave_what_is_common(JointResult& e, std::size_t recordings, Eigen::MatrixXd* also) {
+  OfEachRecording each;
+  const Eigen::Index n = recordings;
+  const Eigen::Index old = e.free.size();
+  Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(old, old);  // from what was free to what is common
+  Eigen::MatrixXd biases = Eigen::MatrixXd::Zero(6 * n, old);
+  Eigen::VectorXd values(6 * n);
+  for (Eigen::Index k = 0; k < n; ++k) values.segment<6>(6 * k) = to_vector(e.parameters).head<6>();
+  std::vector<int> free;
+  std::vector<EstimatedEffect> common;
+  for (Eigen::Index i = 0; i < old; ++i) {
+    const int column = e.free[i];
+    if (column < parameter_count) {
+      unit(free.size(), i) = 1.0;
+      free.push_back(column);
+      for (Eigen::Index k = 0; k < n && column < 6; ++k) biases(6 * k + column, i) = 1.0;
+      continue;
+    }
+    const EstimatedEffect& effect = e.effects[column - parameter_count];
+    if (is_turn_on(effect.column)) {
+      const int bias = effect.column.component + (is_gyro_turn_on(effect.column) ? 0 : 3);
+      const auto row = std::find(free.begin(), free.end(), bias) - free.begin();
+      if (row < static_cast<std::ptrdiff_t>(free.size())) unit(row, i) = 1.0 / static_cast<double>(n);
+      biases(6 * effect.column.recording + bias, i) = 1.0;
+      values[6 * effect.column.recording + bias] += effect.value;
+    } else if (effect.column.recording > 0) {
+      each.effects.push_back(effect);
+    } else {
+      unit(free.size(), i) = 1.0;
+      free.push_back(parameter_count + static_cast<int>(common.size()));
+      common.push_back(effect);
+    }
+  }
+  unit.conservativeResize(free.size(), old);
+  each.turn_ons = turn_ons_of(values, biases * e.covariance * biases.transpose());
+  const TurnOns& turn_ons = each.turn_ons;
+  const auto of_unit = [&](const Eigen::MatrixXd& covariance) {
+    Eigen::MatrixXd result = unit * covariance * unit.transpose();
+    for (std::size_t i = 0; i < free.size(); ++i)
+      if (free[i] < 6) result(i, i) += std::pow(turn_ons.repeatability[free[i]], 2) / static_cast<double>(n);
+    return result;
+  };
+  for (Eigen::MatrixXd* covariance : {&e.covariance, also})
+    if (covariance != nullptr && covariance->rows() == old) *covariance = of_unit(*covariance);
+  ParameterVector parameters = to_vector(e.parameters);
+  parameters.head<6>() = turn_ons.mean;
+  e.parameters = from_vector(parameters);
+  e.free = std::move(free);
+  e.effects = std::move(common);
+  for (std::size_t i = 0; i < e.free.size(); ++i)
+    if (e.free[i] < 6 && e.sigma[e.free[i]] > 0.0) e.sigma[e.free[i]] = std::sqrt(e.covariance(i, i));
+  return each;
 }
 
 }  // namespace turncal

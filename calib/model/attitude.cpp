@@ -1,5 +1,7 @@
 #include "calib/model/attitude.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace turncal {
@@ -30,6 +32,23 @@ Eigen::Matrix3d attitude_from_angles(double heading_rad, double pitch_rad, doubl
   const Eigen::Matrix3d pitch = Eigen::AngleAxisd(pitch_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   const Eigen::Matrix3d roll = Eigen::AngleAxisd(roll_rad, Eigen::Vector3d::UnitX()).toRotationMatrix();
   return heading * pitch * roll;
+}
+
+Eigen::Matrix3d attitude_at(const AxisTriple& deg) {
+  return attitude_from_angles(deg[Axis::heading] * rad_per_deg, deg[Axis::pitch] * rad_per_deg,
+                              deg[Axis::roll] * rad_per_deg);
+}
+
+std::vector<Eigen::Matrix3d> signed_axes() {
+  std::vector<Eigen::Matrix3d> all;
+  std::array<int, 3> axis = {0, 1, 2};
+  do {
+    for (int signs = 0; signs < 8; ++signs) {
+      Eigen::Matrix3d& m = all.emplace_back(Eigen::Matrix3d::Zero());
+      for (int i = 0; i < 3; ++i) m(i, axis[i]) = (signs >> i & 1) != 0 ? -1.0 : 1.0;
+    }
+  } while (std::next_permutation(axis.begin(), axis.end()));
+  return all;
 }
 
 // Not Quaterniond::FromTwoVectors: for two opposite vectors it has a singular value decomposition, 15 s of compile time.

@@ -5,10 +5,13 @@
 //   C_nb = Ry(-H) Rz(P) Rx(R)
 #pragma once
 
+#include <vector>
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
 #include "calib/model/parameters.h"
+#include "calib/types/axis.h"
 
 namespace turncal {
 
@@ -32,6 +35,11 @@ Eigen::Matrix3d rotation_exp(const Eigen::Vector3d& s);
 Eigen::Matrix3d left_jacobian(const Eigen::Vector3d& s);
 
 Eigen::Matrix3d attitude_from_angles(double heading_rad, double pitch_rad, double roll_rad);
+Eigen::Matrix3d attitude_at(const AxisTriple& deg);
+inline AxisTriple angles_of(const Segment& s) { return {{s.heading_deg, s.pitch_deg, s.roll_deg}}; }
+
+// The 48 ways in which three axes stand for three others, forwards or reversed: row i has one entry, 1 or -1.
+std::vector<Eigen::Matrix3d> signed_axes();
 
 // Levelled attitude: the specific force f_b points up (U), and the heading is taken from `reference`, the nearest attitude
 // whose up axis is f_b: the smallest rotation about a horizontal axis brings C f_b to U.

@@ -44,15 +44,6 @@ class History {
 
 }  // namespace
 
-const std::vector<EffectEntry>& effect_catalogue() {
-  static const std::vector<EffectEntry> catalogue = [] {
-    std::vector<EffectEntry> all = accel_effects();
-    for (const auto& more : {gyro_effects(), unit_effects()}) all.insert(all.end(), more.begin(), more.end());
-    return all;
-  }();
-  return catalogue;
-}
-
 const EffectEntry* find_effect(std::string_view name) {
   for (const EffectEntry& entry : effect_catalogue())
     if (entry.name == name) return &entry;
@@ -77,7 +68,7 @@ std::span<const std::string_view> unobservable_quantities() {
 }
 
 std::string EffectColumn::key() const {
-  return std::string(entry->name) + "." + std::string(entry->components[static_cast<std::size_t>(component)]) +
+  return std::string(entry->name) + "." + std::string(entry->components[component]) +
          (recording > 0 ? "_recording_" + std::to_string(recording + 1) : "");
 }
 
@@ -106,7 +97,7 @@ EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Si
   };
   std::vector<Part> parts;
   for (int k = 0; k < static_cast<int>(columns.size()); ++k) {
-    const EffectColumn& column = columns[static_cast<std::size_t>(k)];
+    const EffectColumn& column = columns[k];
     if (parts.empty() || parts.back().entry != column.entry || parts.back().tau_s != column.tau_s ||
         parts.back().recording != column.recording)
       parts.push_back({.entry = column.entry, .tau_s = column.tau_s, .recording = column.recording});
@@ -134,48 +125,6 @@ EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Si
     }
   };
   return model;
-}
-
-namespace {
-
-using namespace effect_entry;
-
-const std::vector<double> relaxation_taus_s = {2.0, 5.0, 12.0};
-
-}  // namespace
-
-std::vector<EffectEntry> unit_effects() {
-  return {
-      {.name = "earth_rate",
-       .term = "error of the earth rate used (latitude)",
-       .formula = "C_bn dw_ie",
-       .unit = "deg/h",
-       .components = {"north", "up"},
-       .si = radps_per_degph,
-       .seen_by = "lies inside gyro_magnetic; a known latitude",
-       .write = [](const BlockState& s, const Site&, double, Out g, Out) { g = s.C_nb.transpose().leftCols<2>(); }},
-      {.name = "sample_period",
-       .term = "error of the sample period used",
-       .formula = "1e-6 c C_bn w_ie",
-       .unit = "ppm",
-       .components = {"period"},
-       .si = 1e-6,
-       .seen_by = "lies inside earth_rate; a unit whose clock was measured",
-       .write = [](const BlockState& s, const Site& site, double, Out g,
-                   Out) { g.col(0) = s.C_nb.transpose() * earth_rate_n(site.latitude_deg); }},
-      {.name = "post_rotation_relaxation",
-       .term = "relaxation of the accelerometer after a rotation",
-       .formula = "c exp(-t/tau) f_i",
-       .unit = "ug/g",
-       .components = xyz,
-       .si = micro_g,
-       .taus_s = relaxation_taus_s,
-       .seen_by = "first seconds of a dwell",
-       .write =
-           [](const BlockState& s, const Site&, double tau, Out, Out a) {
-             if (s.since_rotation_s < 1e6) diagonal(a, in_g(s) * std::exp(-s.since_rotation_s / tau));
-           }},
-  };
 }
 
 }  // namespace turncal

@@ -1,10 +1,11 @@
-// The catalogue of effects beyond the 24 parameters. One entry an effect; adding another is adding an entry in
-// accel_effects.cpp, gyro_effects.cpp or effects.cpp.
+// The catalogue of effects beyond the 24 parameters, an entry an effect (effect_catalogue.cpp).
 //
 // An entry says what one unit of each component adds to the calibrated reading, in the units of
 // docs/effect-components.md. Names follow IEEE 1293 (accelerometer model), 647 (ring laser gyros) and 952.
 // Effects with a time constant that is not known beforehand appear once a value of tau from a short list ("variants": the
-// score decides between them, and they count as one effect). What the station can never see is listed in unobservable_quantities().
+// score decides between them, and they count as one effect).
+// A component with value p adds p * rate_b (rad/s) to the gyros and p * force_b (m/s^2) to the accelerometers; the model takes it off
+// again: corrected = calibrated - p * regressor.
 #pragma once
 
 #include <functional>
@@ -19,11 +20,6 @@
 #include "calib/types/recording_types.h"
 
 namespace turncal {
-
-// Effects beyond the 24 parameters, as the filter sees them: what one unit of each component adds to the calibrated reading.
-//
-// A component c with value p adds p * rate_b (rad/s) to the gyros and p * force_b (m/s^2) to the accelerometers; the model
-// takes it off again: corrected = calibrated - p * regressor.
 
 // What a regressor may look at: the motion over one block for the present parameters, SI units.
 struct BlockState {
@@ -68,15 +64,15 @@ struct EffectEntry {
   std::string_view formula;
   std::string_view unit;
   std::vector<std::string_view> components;
-  double si = 1.0;                     // one unit in rad/s (gyro) or m/s^2 (accelerometer) terms of `write`
-  std::vector<double> taus_s = {};     // variants; empty: none
-  std::string_view variant = "tau_s";  // what a variant is called in files, with its unit
-  bool of_one_run = false;             // depends on the time since this run began: another run has its own
-  bool needs_temperature = false;
+  double si = 1.0;           // one unit in rad/s (gyro) or m/s^2 (accelerometer) terms of `write`
   std::string_view seen_by;  // the positions or rates that would show it
   // Adds one unit of component k to column k of gyro and accel (3 x components, zero before), times si.
   void (*write)(const BlockState& s, const Site& site, double tau_s, Eigen::Ref<Eigen::Matrix3Xd> gyro,
                 Eigen::Ref<Eigen::Matrix3Xd> accel);
+  std::vector<double> taus_s = {};     // variants; empty: none
+  std::string_view variant = "tau_s";  // what a variant is called in files, with its unit
+  bool of_one_run = false;             // depends on the time since this run began: another run has its own
+  bool needs_temperature = false;
 };
 
 const std::vector<EffectEntry>& effect_catalogue();
@@ -101,43 +97,5 @@ struct EffectColumn {
 std::vector<EffectColumn> catalogue_columns(const RecordingInfo& info, int recordings = 1);
 EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Site& site,
                               double reference_temperature_c);
-
-// What the entries of the catalogue are written with. Only the files of the catalogue include this: accel_effects.cpp,
-// gyro_effects.cpp and, for what is of the whole unit, effects.cpp.
-std::vector<EffectEntry> accel_effects();
-std::vector<EffectEntry> gyro_effects();
-std::vector<EffectEntry> unit_effects();
-
-namespace effect_entry {
-
-using Eigen::Vector3d;
-using Out = Eigen::Ref<Eigen::Matrix3Xd>;
-
-inline constexpr double g0 = standard_gravity_mps2;
-inline constexpr double micro_g = 1e-6 * g0;
-
-inline const std::vector<std::string_view> xyz = {"x", "y", "z"};
-inline const std::vector<std::string_view> products = {"x_xy", "x_xz", "x_yz", "y_xy", "y_xz",
-                                                       "y_yz", "z_xy", "z_xz", "z_yz"};
-inline const std::vector<double> warm_up_taus_s = {60.0, 120.0, 240.0, 480.0, 960.0, 1920.0};
-inline const std::vector<double> scale_warm_up_taus_s = {240.0, 960.0, 1920.0};
-inline const std::vector<double> lag_taus_s = {300.0, 1200.0};
-
-// Specific force in g, the unit in which accelerometer polynomials are stated.
-inline Vector3d in_g(const BlockState& s) { return s.f_b / g0; }
-
-inline double hours(const BlockState& s) { return s.time_s / 3600.0; }
-
-// Diagonal effect on a triad: component k acts on axis k with a value of its own.
-inline void diagonal(Out out, const Vector3d& value) {
-  for (int k = 0; k < 3; ++k) out(k, k) = value[k];
-}
-// Full matrix: component 3 i + j puts value_j on axis i.
-inline void full(Out out, const Vector3d& value) {
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) out(i, 3 * i + j) = value[j];
-}
-
-}  // namespace effect_entry
 
 }  // namespace turncal

@@ -7,15 +7,14 @@
 namespace turncal {
 
 struct LackOfFitLimits {
-  // A sum over pieces that is this likely even when they are taken for independent is not looked into: a test counts below 0.001.
+  // A sum over pieces this likely even if they were independent is not looked into: a test counts below 0.001.
   double worth_a_look = 0.01;
   // All tests together; each gets an equal share (Bonferroni).
   double family_wise = 0.005;
   // A direction of which the model imitates all but this is not tested: rounding and linearisation are larger than what is left.
   double rank_floor = 1e-3;
-  // chi2 of the innovations' correlation is divided by this before it is judged: the pulses of an accelerometer that counts close to a
-  // whole number a sample beat, and their error is not white. Not calibrated by itself: the false alarms of all tests together, 0.7 % of
-  // 300 clean runs (docs/diagnosis-study.md), are with it.
+  // chi2 of the innovations' correlation is divided by this: pulses of an accelerometer that counts close to a whole number a sample
+  // beat. Not calibrated by itself: 0.7 % false alarms of all tests in 300 clean runs (docs/diagnosis-study.md) are with it.
   double innovations_inflation = 2.0;
   // Lags nearer than this (s) are judged by the size of their correlation (NoiseLimits): pulses make some of 0.1 in a quiet unit. A lag
   // with fewer pairs than `fewest_pairs` has a correlation that scatters by a tenth and more.
@@ -35,14 +34,13 @@ struct LackOfFitLimits {
   double usual_scatter = 3e-6;
   // Where a dwell is cut: what comes with a turn and fades, and what wanders.
   double first_piece_s = 25.0, longest_piece_s = 120.0;
-  // Flicker noise wanders on every scale, and a process of some minutes cannot follow it: where there is bias instability, a test must
-  // fire beside a slow one, too (a third of a two-hour run), and an effect be better than it.
+  // Flicker noise wanders on every scale: where there is bias instability, a test must fire, and an effect gain, beside a slow process
+  // (a third of a two-hour run), too.
   double slow_correlation_s = 2400.0;
 };
 
 struct SelectionLimits {
-  // 2 ln L by which an effect is better than another with as many parameters: "very strong" in the scale of Kass and Raftery, J. Am.
-  // Stat. Assoc. 90 (1995) 773.
+  // 2 ln L by which an effect is better than another: "very strong" of Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773.
   double bic_margin = 10.0;
   // A component whose columns' multiple correlation with another effect is above this is its alias: 4 sigma of one are then 1 sigma
   // of the difference (1 / sqrt(1 - 0.97^2) = 4.1).
@@ -60,11 +58,11 @@ struct SelectionLimits {
   double surely = 150.0;
   // Other effects within bic_margin of the best that are fitted: more only cost time.
   int most_rivals = 3;
-  // 2 ln L by which an effect must be better than every family without a name to be named: "positive" in the scale of Kass and Raftery.
-  // Of 50 effects of the catalogue at twice the detectable magnitude three are better by 4.7 to 5.9 only (docs/diagnosis-study.md).
+  // 2 ln L by which an effect must be better than every family without a name: "positive" of Kass and Raftery. Of 50 effects at twice the
+  // detectable magnitude three are better by 4.7 to 5.9 only (docs/diagnosis-study.md).
   double family_margin = 4.0;
-  // What comes nearer to its limit than this family-wise probability is not claimed, but what it would do to the parameters goes into
-  // their sigmas: at the limit an effect has moved a bias by up to ten sigma. One clean run in ten has such a sigma.
+  // What comes nearer to its limit than this family-wise probability is not claimed, but goes into the sigmas: at the limit an effect has
+  // moved a bias by up to ten sigma. One clean run in ten has such a sigma.
   double near_family_wise = 0.1;
   // A pattern is fitted when its score is this part of the best effect's (its time or period is not yet the right one).
   double pattern_part = 0.6;
@@ -73,14 +71,11 @@ struct SelectionLimits {
 struct GateLimits {
   // The gain of held-out chi2 must exceed this many of its standard errors.
   double standard_errors = 1.0;
-  // A second recording contradicts an effect when its error rises with it, and the gain is this many standard errors below what the
-  // effect promises there: less than one in 160 of those that are real.
+  // A second recording contradicts an effect whose gain there is this many standard errors below its promise: one real one in 160.
   double contradiction = 2.5;
-  // Held-out data where the gain to be expected is below three standard errors cannot decide alone: the gain on the dwells left
-  // out of the fitted recording is added. (|d|^2 < 3 * 2 |d|.)
+  // Where the gain to be expected is below three standard errors (|d|^2 < 3 * 2 |d|) the dwells left out of the fit decide, too.
   double expected_gain = 36.0;
-  // Normalised error of held-out data beyond which no model is trusted, whatever was gained on the way: clean recordings come to 0.95
-  // with a scatter of 0.02 (docs/diagnosis-study.md), so this is ten times it.
+  // Normalised error of held-out data beyond which no model is trusted: clean recordings come to 0.95 +- 0.02 (docs/diagnosis-study.md).
   double highest_error = 1.2;
 };
 
@@ -89,8 +84,7 @@ struct RestLimits {
   // Correlation of what two effects explain: one class from 0.9 on (of 4.5 sigma of one 2 are left of the difference), and kindred from
   // 0.7 on (half of the variance in common).
   double class_correlation = 0.9, kindred_correlation = 0.7;
-  // A component stays when it is this many of the sigma that is handed out with it: of the 18 of one name none is there by chance in 95 of
-  // 100. BIC takes a further one from 2.3 sigma on.
+  // A component stays from this many of its sigma on: of the 18 of one name none is there by chance in 95 of 100. BIC: from 2.3 on.
   double clear = 3.0;
   // Length of a column that is left after projection: below this it is rounding and linearisation.
   double unseen_part = 1e-5;
@@ -98,8 +92,8 @@ struct RestLimits {
   double touched_share = 0.01;
   // Directions of a set of slow curves flatter than this are noise.
   double nuisance_floor = 0.03;
-  // Gravity after a turn, rms over the legs: a wrong unit of the rates (unit_slip.h) is not looked for below the first, for a turn of a
-  // few degrees tells no factor; and it must leave less than this part. Of wrong factors 2 is the nearest: 90 deg turned as 180.
+  // Gravity after a turn, rms over the legs: below the first no wrong unit of the rates (unit_slip.h) is looked for; a right one leaves
+  // less than this part. Of wrong factors 2 is the nearest: 90 deg turned as 180.
   double least_misfit_rad = 0.15, of_misfit = 0.3;
   // Quarters of a second that stand still in a rest: fewer have no scatter to judge by.
   std::size_t fewest_still = 4;
@@ -118,13 +112,11 @@ struct SegmentationLimits {
   double shortest_plateau = 0.25;
   // A rest ends where the ratio is so many times its threshold: above the scatter of one window (chi2 of some hundred samples).
   double hysteresis = 3.0;
-  // Robust deviations by which the mean rate of a slow even turn stands out from those of the rests: chance in Gaussian rates 1e-15, so
-  // that drift and a few unlike rests stay.
+  // Robust deviations by which a slow even turn stands out from the rests: by chance 1e-15, so drift and a few unlike rests stay.
   double slow_turn_sigmas = 8.0;
   // Variance over half the mean square of differences, of quiet windows: 1 for white noise, 10 behind a filter of a tenth of the bandwidth.
   double smooth_motion = 30.0;
-  // A rest may tremble (a unit held by hand) by this much of the variance of a quiet one; beyond it the unit moves. The hand-held rests
-  // of docs/measured.md reach 500; a turn of 1 deg/s is at 10^4 and more.
+  // Variance over that of a quiet rest to which one may tremble: held by hand 500 (docs/measured.md), a turn of 1 deg/s 10^4 and more.
   double most_tremor = 1000.0;
 };
 inline constexpr SegmentationLimits segmentation_limits;
@@ -138,21 +130,18 @@ struct ClippingLimits {
   double of_band = 0.5;
   // And so many of the smallest steps that the channel makes: a coarse channel repeats itself anyway.
   double least_steps = 50.0;
-  // In a table's turn, where a gyro repeats itself at a constant rate, the turn is also short of the commanded one by so much: 12 arcmin
-  // of the 20 deg of the shortest turn that is looked at. By chance a turn repeats one count in a thousand units, for the rate must be a
-  // whole number of counts a sample to one in as many samples as the turn has.
+  // In a table's turn, where a gyro repeats itself anyway, the turn is also short of the commanded one by so much: 12 arcmin of 20 deg.
   double short_by = 0.01;
 };
 inline constexpr ClippingLimits clipping_limits;
 
-// Where the joint estimate begins, and when it begins again (joint_start.h, joint_iterations.cpp).
+// Where the joint estimate begins, and when it begins again (joint_start.cpp, joint_estimate.cpp).
 struct StartLimits {
-  // Mean square of the sine between gravity at rest and where the table's angles have it, within which a mounting fits: 0.2 rad, for
-  // scale factors off by per cents and a table commanded badly. The next of the 24 mountings is off by 1 in half the rests or more. And
-  // the part of the misfit another mounting must leave to be preferred: rounding among those that are the same to the data.
+  // Mean square of the sine between gravity at rest and where the table's angles have it, within which a mounting fits: 0.2 rad. The next
+  // of the 24 is off by 1 in half the rests or more. And the part of the misfit another one must leave to be preferred: rounding.
   double mounting_misfit = 0.04, better_mounting = 0.98;
-  // The earth's rate at the rests tells the heading when it is found with this part of itself as sigma, and is as large as it should be
-  // within that part and so many sigma: heading to a quarter of a radian, from where the passes converge.
+  // The earth's rate at the rests tells the heading when its sigma is this part of it, and its size right within that part and so many
+  // sigma: from a quarter of a radian the passes converge.
   double of_earth_rate = 0.25, earth_rate_sigmas = 4.0;
   // Directions of the rests' rates flatter than this are open: heading and biases change together.
   double open_direction = 0.02;
@@ -193,7 +182,7 @@ struct FaultLimits {
 };
 inline constexpr FaultLimits fault_limits;
 
-// What a recording determines (determined.h).
+// What a recording determines (score_algebra.h).
 struct DeterminedLimits {
   // A direction is determined when the data shrink its plausible range to this part; a parameter takes part in an open one with so much.
   double of_range = 0.1, smallest_part = 0.1;
@@ -211,36 +200,32 @@ inline constexpr AgreementLimits agreement_limits;
 
 // Does the earth turn as the record says? (felt_latitude.h, alignment.h)
 struct LatitudeLimits {
-  // As one of the 150 tests of the lack of fit, which share a family-wise 0.5 %: a chance of 3.3e-5 on either side of 4.15 sigma. Of 219
-  // clean fits at sites from -65 to 65 deg, three in ten with bias instability and random walk, the furthest was 2.7 sigma off, rms 1.04.
+  // As one of the 150 tests of the lack of fit, which share a family-wise 0.5 %. Of 219 clean fits from -65 to 65 deg the furthest was 2.7
+  // sigma off, rms 1.04.
   double sigmas = 4.15;
   // What a site is known to without a map: 3 km.
   double least_deg = 0.03;
-  // Where the calibration is of another day: what the gyros' biases do from one switch-on to the next is not in its sigmas. A degree
-  // is 0.2 deg/h of a bias about the vertical.
+  // Where the calibration is of another day, for the biases of another switch-on: a degree is 0.2 deg/h about the vertical.
   double least_of_another_day_deg = 1.0;
 };
 inline constexpr LatitudeLimits latitude_limits;
 
 struct NoiseLimits {
-  // Innovations are white (joint_estimate.h) when no correlation at 1 to 5 s is larger, and their mean square is between these: a sixth of
-  // sigma and a tenth. Of few seconds chance goes beyond that: then the limits are so many sigma of it (one in 10^5). Fewer than
-  // `fewest_seconds` are not judged.
+  // Innovations are white when no correlation at 1 to 5 s is larger, and their mean square is between these (a sixth and a tenth of
+  // sigma); of few seconds within so many sigma of chance (one in 10^5). Fewer than `fewest_seconds` are not judged.
   double white_correlation = 0.1, white_lowest = 0.8, white_highest = 1.25, of_chance = 4.5;
   int fewest_seconds = 100;
   // A second that stands out (a fault not worth cutting) is limited to so many sigma in a correlation: it must not decide alone.
   double outlier = 4.0;
-  // 2 ln L_R above which a bias instability is kept (noise_fit.h): it stands on its bound when there is none, so of clean triads one in
-  // twenty is given one. And above which the axes of the triads get a value each: chi2 of 4, one in 10^4.
+  // 2 ln L_R above which a bias instability is kept (of clean triads one in twenty is given one: noise_fit.h), and above which the axes of
+  // the triads get a value each: chi2 of 4, one in 10^4.
   double instability_gain = 2.71, axes_differ = 23.5;
-  // Neither is looked for where the score at the optimum of the walks promises less than this part of its limit. A variance gains less than
-  // the score promises where that is much, and values an axis up to half as much again: of 72 fits none was decided otherwise.
+  // Neither is looked for where the score at the optimum of the walks promises less than this part: of 72 fits none was decided otherwise.
   double worth_a_look = 0.5;
   // Usual bias instability of ring lasers and quartz by their data sheets, in units of the walk's own (prior of noise_fit.h).
   double usual_gyro = 0.2, usual_accel = 0.5;
-  // Beyond these the noise model is wrong as a whole and nothing else means anything. A correlation of r makes means (1 + r) / (1 - r)
-  // as uncertain: 0.15 is a sixth of sigma. Innovations larger than the model says by 1.25 are an eighth of sigma; smaller ones only
-  // make sigmas too large: clean runs with a small velocity random walk came to 0.76 to 0.78 (3 of 120); 0.64 is a quarter of sigma.
+  // Beyond these the noise model is wrong as a whole. A correlation of r makes means (1 + r) / (1 - r) as uncertain: 0.15 is a sixth of
+  // sigma. A level of 1.25 is an eighth of sigma; a low one only makes sigmas too large: 3 of 120 clean runs came to 0.76 to 0.78.
   double correlation = 0.15;
   double lowest_level = 0.64, highest_level = 1.25;
   // Where innovations are those of pulses: a sawtooth stays within a quarter of its height squared, three times its mean square.

@@ -2,6 +2,16 @@
 
 namespace turncal {
 
+const std::vector<int>& free_parameters() {
+  static const std::vector<int> free = [] {
+    std::vector<int> all;
+    for (int k = 0; k < parameter_count; ++k)
+      if (parameter_is_free[k]) all.push_back(k);
+    return all;
+  }();
+  return free;
+}
+
 ParameterVector to_vector(const Parameters& p) {
   ParameterVector v;
   v << p.N0_degph, p.A0_g, p.n.row(0).transpose(), p.n.row(1).transpose(), p.n.row(2).transpose(),

@@ -12,6 +12,7 @@
 
 #include <array>
 #include <string_view>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -34,6 +35,8 @@ inline constexpr std::array<std::string_view, parameter_count> parameter_keys = 
 inline constexpr std::array<bool, parameter_count> parameter_is_free = {
     true, true, true, true, true, true, true,  true, true, true,  true,  true,
     true, true, true, true, true, true, false, true, true, false, false, true};
+
+const std::vector<int>& free_parameters();  // the 21
 
 using ParameterVector = Eigen::Matrix<double, parameter_count, 1>;
 

@@ -2,12 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <numbers>
 
+#include <fmt/format.h>
+
 #include "calib/model/attitude.h"
-#include "calib/navigation/earth.h"
+#include "calib/navigation/mechanisation.h"
 
 namespace turncal {
 namespace {
@@ -71,11 +72,9 @@ double heading_sigma_of_data(double sigma_rad) {
 
 Status check_navigation_latitude(double latitude_deg) {
   if (std::abs(latitude_deg) <= max_navigation_latitude_deg) return {};
-  char text[120];
-  std::snprintf(text, sizeof text,
-                "latitude_deg = %.10g: expected at most %.10g deg north or south to tell north by the Earth's rate",
-                latitude_deg, max_navigation_latitude_deg);
-  return input_error(text);
+  return input_error(fmt::format(
+      "latitude_deg = {:.10g}: expected at most {:.10g} deg north or south to tell north by the Earth's rate",
+      latitude_deg, max_navigation_latitude_deg));
 }
 
 Result<Alignment> align(std::span<const MotionInterval> window, const DriftCovariance::Site& site,

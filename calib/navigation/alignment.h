@@ -1,15 +1,13 @@
 // Initial attitude from the first minutes: coarse in the inertial frame, fine by a filter that observes a velocity of zero.
 //
-// Coarse: in axes that do not turn (those of the body at the start, carried by the gyros) the specific force of a fixed point
-// goes around the Earth's axis. With V1, V2 its integrals over the first and second half of the window, known in both frames,
-// two vectors give the attitude (Titterton and Weston (2004), 10.4; Black's TRIAD, AIAA J. 2 (1964)). The unit may turn meanwhile.
-// Fine: the mechanisation runs on from there, and every second at rest its horizontal velocity is the observation of the
-// filter of drift.h, which corrects attitude and velocity. At rest during T the heading's sigma from angle random walk N alone
-// is N / (W cos L sqrt(T)): 0.030 deg at 30 deg of latitude, 300 s and 0.002 deg/sqrt(h). Velocity noise and what the
-// calibration left add to it.
+// Coarse: in axes that do not turn (the body's at the start, carried by the gyros) the specific force of a fixed point goes around the Earth's
+// axis. Its integrals over the first and second half of the window, known in both frames, give the attitude (Titterton and Weston (2004),
+// 10.4; Black's TRIAD, AIAA J. 2 (1964)). The unit may turn meanwhile.
+// Fine: the mechanisation runs on from there, and every second at rest its horizontal velocity is the observation of the filter of drift.h.
+// At rest during T the heading's sigma from angle random walk N alone is N / (W cos L sqrt(T)): 0.030 deg at 30 deg of latitude, 300 s and
+// 0.002 deg/sqrt(h). Velocity noise and what the calibration left add to it.
 //
-// The unit stands at a fixed point: its distance from the centre of rotation is neglected (a turn at 10 deg/s with an arm of
-// 10 cm moves it at 17 mm/s), so velocity is observed at rest only.
+// The unit's distance from the centre of rotation is neglected (10 deg/s with an arm of 10 cm are 17 mm/s): velocity is observed at rest only.
 // Errors: fewer than min_rest_s seconds at rest in the window; above max_navigation_latitude_deg, where no gyro tells north.
 #pragma once
 
@@ -19,7 +17,6 @@
 
 #include "calib/model/limits.h"
 #include "calib/navigation/drift.h"
-#include "calib/navigation/earth.h"
 #include "calib/navigation/mechanisation.h"
 #include "calib/types/status.h"
 

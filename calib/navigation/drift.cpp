@@ -5,7 +5,7 @@
 #include <Eigen/LU>
 
 #include "calib/model/attitude.h"
-#include "calib/navigation/earth.h"
+#include "calib/navigation/mechanisation.h"
 
 namespace turncal {
 namespace {

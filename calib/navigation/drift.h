@@ -23,7 +23,7 @@
 
 #include "calib/model/noise_model.h"
 #include "calib/model/parameters.h"
-#include "calib/navigation/increments.h"
+#include "calib/navigation/mechanisation.h"
 
 namespace turncal {
 

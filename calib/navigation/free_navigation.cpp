@@ -5,7 +5,7 @@
 
 #include "calib/model/attitude.h"
 #include "calib/model/parameters.h"
-#include "calib/navigation/earth.h"
+#include "calib/navigation/mechanisation.h"
 
 namespace turncal {
 

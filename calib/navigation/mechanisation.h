@@ -13,13 +13,108 @@
 // The vertical channel of pure inertial navigation runs away within minutes; with hold_height it is shut: v_U = 0, or as given.
 #pragma once
 
+#include <cstdint>
+#include <vector>
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-#include "calib/navigation/earth.h"
-#include "calib/navigation/increments.h"
-
 namespace turncal {
+
+// The Earth as free inertial navigation needs it: WGS-84 ellipsoid, normal gravity, Earth and transport rate.
+//
+// Source: NIMA TR8350.2 (2000), equations 4-1 (Somigliana) and 4-3 (height); radii of curvature: Titterton and Weston (2004),
+// section 3.7. Frame n = north, up, east; latitude geodetic, rad; height above the ellipsoid, m.
+//
+//   g(L) = g_e (1 + k sin^2 L) / sqrt(1 - e^2 sin^2 L),   g(L, h) = g(L) (1 - 2 h / a (1 + f + m - 2 f sin^2 L) + 3 h^2 / a^2)
+//   w_ie = W (cos L, sin L, 0),   w_en = (v_E / (R_E + h), v_E tan L / (R_E + h), -v_N / (R_N + h))
+//
+// Not modelled: deflection of the vertical, tides. REQUIRES: |L| below 90 deg, tan L is finite.
+inline constexpr double wgs84_semi_major_m = 6378137.0;
+inline constexpr double wgs84_flattening = 1.0 / 298.257223563;
+inline constexpr double metres_per_nautical_mile = 1852.0;
+
+double normal_gravity_mps2(double latitude_rad, double height_m);
+
+struct RadiiOfCurvature {
+  double north_m = 0.0;  // in the meridian
+  double east_m = 0.0;   // in the prime vertical
+};
+RadiiOfCurvature radii_of_curvature(double latitude_rad);
+
+// What turns the navigation frame: Earth rate and transport rate at one place and velocity, rad/s in n.
+struct FrameRates {
+  Eigen::Vector3d earth;
+  Eigen::Vector3d transport;
+};
+FrameRates frame_rates(double latitude_rad, double height_m, const Eigen::Vector3d& velocity_n_mps);
+
+// The latitude at which the earth turns as gyros feel it: from a fit (felt_latitude.h), or from calibrated rests alone (alignment.h).
+struct FeltLatitude {
+  double latitude_rad = 0.0;
+  double sigma_rad = 0.0;
+  // By more than its error (LatitudeLimits::sigmas) and by more than `least_deg`.
+  bool speaks_against(double of_record_rad, double least_deg) const;
+};
+
+// Calibrated increments into intervals of motion: coning and sculling, sample by sample, before anybody knows the attitude.
+//
+// Source: Savage, "Strapdown Inertial Navigation Integration Algorithm Design", J. Guidance 21 (1998), part 1 eq. 33-39 and
+// part 2 eq. 33-41, the two-sample form with the increment before; Titterton and Weston (2004), 11.2.3 and 11.3.3. With
+// increments a (rad) and d (m/s) of a sample and a', d' of the one before:
+//
+//   rotation vector  phi = a + a' x a / 12
+//   velocity, in the axes at the sample's start  u = d + a x d / 2 + a x (a x d) / 6 + (a' x d + d' x a) / 12
+//
+// An interval holds the product of the rotations and the sum of the velocities, in the axes at the interval's start. It does
+// not depend on where navigation began: every branch uses the same intervals.
+//
+// Samples that were lost, or marked as bad, count as the mean of their neighbours. That is good for one or two at rest; more lose what
+// the unit did meanwhile, and MotionInterval::missing says so.
+// Errors: of a coning motion of frequency w the share (w dt)^4 / 30 of its rate is left.
+struct MotionInterval {
+  Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();  // from body axes at the end to those at the start
+  Eigen::Vector3d push_mps = Eigen::Vector3d::Zero();        // integral of specific force, body axes at the start
+  Eigen::Vector3d gyro_rad = Eigen::Vector3d::Zero();        // plain sums of the increments, for sensitivities
+  Eigen::Vector3d accel_mps = Eigen::Vector3d::Zero();
+  double duration_s = 0.0;
+  bool at_rest = false;  // all of it, and it turns by less than 0.5 deg/s
+  int missing = 0;       // samples that were filled in
+};
+
+// Rotation vector into quaternion, by series below 0.1 rad (next term 1e-13 of the angle).
+Eigen::Quaterniond quaternion_of(const Eigen::Vector3d& rotation_rad);
+
+class IncrementIntegrator {
+ public:
+  IncrementIntegrator(double sample_period_s, int samples_per_interval)
+      : period_s_(sample_period_s), samples_(samples_per_interval) {}
+
+  // Room for so many samples, so that add() does not allocate.
+  void reserve(std::int64_t samples);
+
+  // Calibrated increments, rad and m/s, of the sample that ends at `counter`. Counters not above the last one are dropped; a
+  // bad sample is not handed over, and shows as a gap. `gap_at_rest`: whether what is filled in before it counts as rest, too.
+  void add(std::int64_t counter, const Eigen::Vector3d& gyro_rad, const Eigen::Vector3d& accel_mps, bool at_rest,
+           bool gap_at_rest = true);
+
+  int samples_per_interval() const { return samples_; }
+  // What is whole so far. The rest, shorter than an interval, is never given.
+  const std::vector<MotionInterval>& intervals() const { return intervals_; }
+
+ private:
+  void add_one(const Eigen::Vector3d& gyro_rad, const Eigen::Vector3d& accel_mps, bool at_rest, bool filled);
+
+  double period_s_;
+  int samples_;
+  std::vector<MotionInterval> intervals_;
+  MotionInterval open_;
+  int count_ = 0;
+  bool started_ = false;
+  std::int64_t last_counter_ = 0;
+  Eigen::Vector3d gyro_before_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d accel_before_ = Eigen::Vector3d::Zero();
+};
 
 struct NavigationState {
   Eigen::Quaterniond q_nb = Eigen::Quaterniond::Identity();

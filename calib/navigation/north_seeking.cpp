@@ -10,21 +10,17 @@ namespace {
 
 constexpr double same_angle_deg = 1e-6;
 
-std::vector<double> column(const std::vector<NorthReading>& readings, std::size_t angle) {
-  std::vector<double> values;
-  values.reserve(readings.size());
-  for (const NorthReading& reading : readings) values.push_back(reading.angle_deg[angle]);
-  return values;
-}
-
 void summarise(NorthPosition& position) {
   for (std::size_t a = 0; a < 3; ++a) {
-    const Spread spread = spread_of(column(position.readings, a));
+    std::vector<double> angles;
+    double squares = 0.0;
+    for (const NorthReading& reading : position.readings) {
+      angles.push_back(reading.angle_deg[a]);
+      squares += reading.noise_sigma_deg[a] * reading.noise_sigma_deg[a];
+    }
+    const Spread spread = spread_of(angles);
     position.mean_deg[a] = spread.mean;
     position.deviation_deg[a] = spread.deviation;
-    double squares = 0.0;
-    for (const NorthReading& reading : position.readings)
-      squares += reading.noise_sigma_deg[a] * reading.noise_sigma_deg[a];
     position.noise_sigma_deg[a] = std::sqrt(squares / static_cast<double>(position.readings.size()));
   }
 }

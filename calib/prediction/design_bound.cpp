@@ -29,16 +29,14 @@ class Candidates {
  public:
   Candidates(const BoundTask& task, const ParameterVector& scale, const Policy& policy)
       : task_(task), scale_(scale), policy_(policy) {
-    for (int k = 0; k < parameter_count; ++k)
-      if (parameter_is_free[static_cast<std::size_t>(k)]) free_.push_back(k);
     q_ = task.noise.angle_random_walk.cwiseAbs2().minCoeff();
     r_ = task.noise.velocity_random_walk.cwiseAbs2().minCoeff();
     std::size_t turns = 0;
     for (const auto& poses : task.poses_deg) turns += poses.size() > 1 ? 1 : 0;
     const std::size_t poses = task.poses_deg[1].size() * task.poses_deg[2].size();
     const std::size_t most = poses * (1 + 3 * turns * task.turns_deg.size() * task.rates_degps.size());
-    rows_.resize(static_cast<Eigen::Index>(rows_each * most), unknowns);
-    heading_.resize(static_cast<Eigen::Index>(most), unknowns);
+    rows_.resize((rows_each * most), unknowns);
+    heading_.resize(most, unknowns);
     const double half_s = 0.5 * task.least_rest_s;
     // Level table, so the heading of a pose changes nothing but the Earth's rate.
     AxisTriple at;
@@ -65,7 +63,6 @@ class Candidates {
   int count() const { return count_; }
   // Next to nothing, of each parameter: what the candidates tell of it in the mean, times 1e-7.
   const Eigen::VectorXd& little() const { return little_; }
-  const std::vector<int>& free() const { return free_; }
   auto rows(int k) const { return rows_.middleRows<rows_each>(rows_each * k); }
   // <G, m> of each for G = L L'.
   Eigen::VectorXd values(const SquareMatrix& L) const {
@@ -81,7 +78,7 @@ class Candidates {
 
  private:
   Row in_aims(const Eigen::Matrix<double, 1, parameter_count>& si) const {
-    return (si.cwiseProduct(scale_.transpose()))(free_);
+    return (si.cwiseProduct(scale_.transpose()))(free_parameters());
   }
   using Rows24 = Eigen::Matrix<double, 3, parameter_count>;
   // C delta omega and C delta f, n frame, by the parameters in SI.
@@ -192,7 +189,6 @@ class Candidates {
   const BoundTask& task_;
   const ParameterVector& scale_;
   const Policy policy_;
-  std::vector<int> free_;
   double q_ = 0.0, r_ = 0.0;
   Eigen::MatrixXd rows_, heading_;
   Eigen::VectorXd little_;
@@ -213,7 +209,7 @@ class Dual {
  public:
   Dual(const Candidates& candidates, const BoundTask& task) : candidates_(candidates), task_(task) {
     weight_.setZero(unknowns);
-    for (int k = 0; k < unknowns; ++k) weight_[k] = task.aim[candidates.free()[static_cast<std::size_t>(k)]] > 0.0;
+    for (int k = 0; k < unknowns; ++k) weight_[k] = task.aim[free_parameters()[k]] > 0.0;
     weight_ /= weight_.sum();
     const int every = std::max(1, candidates.count() / 300);
     for (int k = 0; k < candidates.count(); k += every) active_.push_back(k);

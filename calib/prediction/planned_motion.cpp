@@ -97,11 +97,6 @@ class Unit {
 
 }  // namespace
 
-Matrix3d attitude_at(const AxisTriple& deg) {
-  return attitude_from_angles(deg[Axis::heading] * rad_per_deg, deg[Axis::pitch] * rad_per_deg,
-                              deg[Axis::roll] * rad_per_deg);
-}
-
 Vector3d axis_b(Axis axis, const Matrix3d& C_nb, const AxisTriple& at_deg) {
   switch (axis) {
     case Axis::heading: return -C_nb.transpose() * Vector3d::UnitY();

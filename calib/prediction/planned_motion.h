@@ -18,6 +18,7 @@
 
 #include <Eigen/Core>
 
+#include "calib/model/attitude.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/compression.h"
 #include "calib/types/axis.h"
@@ -53,7 +54,6 @@ struct TemperatureProfile {  // T = start + rise (1 - exp(-t/tau))
 CompressedRecording planned_recording(const RecordingInfo& info, const PlannedMotion& motion, const Parameters& unit,
                                       const std::optional<TemperatureProfile>& temperature = {});
 
-Eigen::Matrix3d attitude_at(const AxisTriple& deg);  // C_nb
 // The axis of a move in the body, sense of growing angle.
 Eigen::Vector3d axis_b(Axis axis, const Eigen::Matrix3d& C_nb, const AxisTriple& at_deg);
 

@@ -22,7 +22,7 @@ struct Group {
 std::vector<Group> groups_of(const std::vector<EffectColumn>& columns) {
   std::vector<Group> groups;
   for (int k = 0; k < static_cast<int>(columns.size()); ++k) {
-    const EffectColumn& column = columns[static_cast<std::size_t>(k)];
+    const EffectColumn& column = columns[k];
     if (groups.empty() || groups.back().name != column.entry->name || groups.back().tau_s != column.tau_s)
       groups.push_back({column.entry->name, column.tau_s, {}, {}});
     groups.back().members.push_back(k);
@@ -45,7 +45,7 @@ void predict_effects(const JointResult& estimate, const std::vector<EffectColumn
   for (const Group& own : groups) {
     for (const int k : own.members) {
       PredictedEffect effect;
-      effect.column = columns[static_cast<std::size_t>(k)];
+      effect.column = columns[k];
       effect.sigma = anything_left(k) ? 1.0 / std::sqrt(scores.Q(k, k)) : std::numeric_limits<double>::infinity();
       effect.detectable = limits.caught_at * effect.sigma;
       effect.visible = effect.detectable <= absurd_magnitude(*effect.column.entry);
@@ -59,6 +59,13 @@ void predict_effects(const JointResult& estimate, const std::vector<EffectColumn
       prediction.effects.push_back(std::move(effect));
     }
   }
+}
+
+// A prediction estimates no effects: all that is free is of the 24.
+ParameterCovariance covariance_of(const Prediction& prediction) {
+  ParameterCovariance covariance = ParameterCovariance::Zero();
+  covariance(prediction.free, prediction.free) = prediction.covariance;
+  return covariance;
 }
 
 }  // namespace
@@ -94,6 +101,18 @@ Prediction predict(const RecordingInfo& info, const PlannedMotion& motion, const
   prediction.undetermined = result.undetermined;
   if (options.effects) predict_effects(result, estimate.candidates, prediction);
   return prediction;
+}
+
+ExpectedDrift predicted_drift(const RecordingInfo& info, const Prediction& prediction, const PredictOptions& options,
+                              const DriftPlan& plan) {
+  FreeNavigationSetup setup;
+  setup.site = {info.latitude_deg * rad_per_deg, info.gravity_mps2};
+  setup.noise = options.noise;
+  setup.noise.accel_pulse_mps = info.accel_increment == IncrementKind::pulses ? info.accel_pulse_mps : 0.0;
+  setup.counts = counts_model(options.unit.value_or(typical_unit(info)), info);
+  setup.parameter_covariance = covariance_of(prediction);
+  setup.align_s = plan.align_s;
+  return expected_drift(setup, plan.heading_rad, plan.free_s, plan.free_s);
 }
 
 }  // namespace turncal

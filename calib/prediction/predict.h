@@ -16,6 +16,7 @@
 
 #include "calib/joint/joint_estimate.h"
 #include "calib/model/effects.h"
+#include "calib/navigation/free_navigation.h"
 #include "calib/prediction/planned_motion.h"
 
 namespace turncal {
@@ -54,5 +55,18 @@ Prediction predict(const RecordingInfo& info, const PlannedMotion& motion, const
 // start_parameters() with accelerometer biases of a few mg: an accelerometer that reads exactly no pulse at rest
 // would leave its quantisation error standing still for whole dwells, which no real one does.
 Parameters typical_unit(const RecordingInfo& info);
+
+// What a planned calibration is worth in miles: the free navigation of a unit at rest with the parameters that it would give.
+//
+// predict() has the covariance of the parameters; expected_drift() (calib/navigation/free_navigation.h) takes it, with the noise,
+// through an alignment and the free navigation after it. What the calibration does not determine counts as known.
+struct DriftPlan {
+  double align_s = 300.0;
+  double free_s = 3600.0;
+  double heading_rad = 0.0;  // of the unit, level and at rest
+};
+
+ExpectedDrift predicted_drift(const RecordingInfo& info, const Prediction& prediction, const PredictOptions& options,
+                              const DriftPlan& plan);
 
 }  // namespace turncal

@@ -30,7 +30,7 @@ Separation::Separation(const CompressedRecording& recording, const Diagnosis& di
     beside_.push_back(effect.column);
     values.push_back(effect.value);
   }
-  beside_values_ = Eigen::Map<Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+  beside_values_ = Eigen::Map<Eigen::VectorXd>(values.data(), values.size());
 
   JointOptions options;
   options.start = diagnosis.base.parameters;
@@ -53,16 +53,14 @@ Separation::Separation(const CompressedRecording& recording, const Diagnosis& di
     int best = -1;
     const auto z_square = [&](int k) { return scores.s[k] * scores.s[k] / scores.Q(k, k); };
     for (int k = 0; k < static_cast<int>(all.size()); ++k)
-      if (all[static_cast<std::size_t>(k)].entry->name == member && visible(scores, k) &&
-          (best < 0 || z_square(k) > z_square(best)))
-        best = k;
-    const EffectColumn* const strongest = best < 0 ? nullptr : &all[static_cast<std::size_t>(best)];
+      if (all[k].entry->name == member && visible(scores, k) && (best < 0 || z_square(k) > z_square(best))) best = k;
+    const EffectColumn* const strongest = best < 0 ? nullptr : &all[best];
     members_.emplace_back();
     strongest_.push_back(-1);
     values_.push_back(
         best < 0 ? 0.0 : std::abs(scores.s[best] / scores.Q(best, best)) - 1.0 / std::sqrt(scores.Q(best, best)));
     for (int k = 0; k < static_cast<int>(all.size()); ++k) {
-      const EffectColumn& column = all[static_cast<std::size_t>(k)];
+      const EffectColumn& column = all[k];
       if (strongest == nullptr || column.entry != strongest->entry || column.tau_s != strongest->tau_s) continue;
       if (k == best) strongest_.back() = static_cast<int>(columns_.size());
       members_.back().push_back(static_cast<int>(columns_.size()));
@@ -98,7 +96,7 @@ std::vector<AliasPair> Separation::pairs(const PlannedMotion* motion, double sam
   const int own = parameter_count + static_cast<int>(all.size());  // then what the second recording has for itself
   std::vector<int> place = counted(0, static_cast<std::size_t>(own));
   int size = own;
-  for (int k = 0; k < biases; ++k) place[static_cast<std::size_t>(k)] = size++;
+  for (int k = 0; k < biases; ++k) place[k] = size++;
   for (std::size_t k = 0; k < all.size(); ++k)
     if (all[k].entry->of_one_run) place[parameter_count + k] = size++;
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(size, size);
@@ -108,9 +106,7 @@ std::vector<AliasPair> Separation::pairs(const PlannedMotion* motion, double sam
     if (second.rows() == own) information(place, place) += second;
   }
 
-  std::vector<int> base, candidates = counted(first, columns_.size());
-  for (int k = 0; k < parameter_count; ++k)
-    if (parameter_is_free[static_cast<std::size_t>(k)]) base.push_back(k);
+  std::vector<int> base = free_parameters(), candidates = counted(first, columns_.size());
   for (int k = parameter_count; k < first; ++k) base.push_back(k);
   for (int k = own; k < own + biases; ++k) base.push_back(k);
   std::vector<std::vector<int>> groups = members_;  // into the candidates

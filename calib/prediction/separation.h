@@ -1,13 +1,12 @@
 // Would a planned motion tell the effects of an alias class apart? For one unit, after a recording that did not.
 //
-// Of the recording and of the ideal recording of the plan (planned_motion.h) each one filter pass at the unit's parameters gives the
-// information of [parameters, effects beside, every component of the members]. Two recordings of one unit add:
-//   A = A_1 + A_2,   with six biases for each of them, and a column for each of an effect of one run (joined_recordings.h)
+// One filter pass over the recording, and one over the ideal recording of the plan, give the information of [parameters, effects beside, every
+// component of the members]. Two recordings of one unit add:
+//   A = A_1 + A_2,   with six biases for each of them, and a column for each of an effect of one run (several_recordings.h)
 // With what is not in question eliminated (score_algebra.h), member i of true value v_i would be told from member j by
 //   2 ln L = v_i^2 Q_ii (1 - R_i.j^2)          R_i.j: multiple correlation of i with the components of j
-// in the mean, and that scatters by twice its root (a chi-square of one degree, not central). A name leaves the class when what it explains
-// is less by 10 (name_aliases, candidate_list.h), and 30 are above that in 97 of 100 recordings: 30 - 1.83 * 2 sqrt(30) = 10.
-// v_i: what the recording says i comes to in the place of the one chosen, less a sigma, since what is chosen is the largest by chance, too.
+// in the mean, with a scatter of twice its root. A name leaves the class when what it explains is less by 10 (name_aliases), and 30 are above
+// that in 97 of 100 recordings. v_i: what the recording says i comes to in the place of the one chosen, less a sigma: it is the largest by chance.
 //
 // Units: values in those of docs/effect-components.md. The plan's temperature is the recording's last.
 #pragma once

@@ -187,8 +187,7 @@ Rivals::Fits Rivals::fits(const std::vector<Index>& of) const {
     if (!(fit.gain > std::max(0.0, fits.name - SelectionLimits().bic_margin))) continue;
     const VectorXd moved = -least_squares(base, raw + whole * fit.mean).x;
     for (int c = 0; c < rest_parameter_count; ++c)
-      fits.shift.back()[rest_parameter_indices()[static_cast<std::size_t>(c)]] =
-          moved[c] / std::max(J_.col(c).norm(), 1e-300);
+      fits.shift.back()[free_parameters()[c]] = moved[c] / std::max(J_.col(c).norm(), 1e-300);
   }
   return fits;
 }

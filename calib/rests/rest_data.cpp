@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <span>
+
+#include <fmt/format.h>
 
 #include "calib/model/limits.h"
 #include "calib/model/parameters.h"
@@ -115,9 +116,7 @@ bool verify(const CompressedRecording& recording, const SixChannels& white, Run&
            recording.info.sample_period_s;
   };
   const auto say = [&](const char* what, double number) {
-    char text[160];
-    std::snprintf(text, sizeof text, "rest at %.1f s %s %.3g", seconds(run.first), what, number);
-    notes.push_back(text);
+    notes.push_back(fmt::format("rest at {:.1f} s {} {:.3g}", seconds(run.first), what, number));
   };
   const SixChannels own = white_variance(recording, {&run, 1}, 3);
   const double tremor = std::max(own.head<3>().sum() / std::max(white.head<3>().sum(), 1e-300),
@@ -160,12 +159,9 @@ CompressionOptions rest_compression_options() {
 RestData make_rest_data(const CompressedRecording& recording, double edge_s) {
   RestData data;
   data.recording = &recording;
-  const auto still = [&](std::size_t k) {
-    return recording.segments[static_cast<std::size_t>(recording.blocks[k].segment)].kind != SegmentKind::rotate;
-  };
   std::vector<Run> runs;
   for (std::size_t k = 0; k < recording.blocks.size(); ++k) {
-    if (!still(k)) continue;
+    if (recording.rotates(recording.blocks[k])) continue;
     if (runs.empty() || runs.back().end != k) runs.push_back({k, k});
     runs.back().end = k + 1;
   }

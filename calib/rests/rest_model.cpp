@@ -3,12 +3,103 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
+
+#include <Eigen/Cholesky>
 
 #include "calib/model/limits.h"
+#include "calib/rests/rest_system.h"
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+// A (m/s per increment, upper triangular) and f0 (m/s^2); nothing when the rests do not make an ellipsoid.
+struct AccelStart {
+  Matrix3d scale;
+  Vector3d bias;
+};
+std::optional<AccelStart> ellipsoid(const RestData& data, double gravity) {
+  const Eigen::Index n = data.rests.size();
+  if (n < 9) return {};
+  double size = 0.0;
+  for (const Rest& rest : data.rests) size = std::max(size, rest.whole.accel.cwiseAbs().maxCoeff());
+  if (!(size > 0.0)) return {};
+  Eigen::MatrixXd M(n, 9);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const Vector3d y = data.rests[k].whole.accel / size;
+    M.row(k) << y.x() * y.x(), y.y() * y.y(), y.z() * y.z(), 2.0 * y.x() * y.y(), 2.0 * y.x() * y.z(),
+        2.0 * y.y() * y.z(), 2.0 * y.x(), 2.0 * y.y(), 2.0 * y.z();
+  }
+  const LeastSquares quadric = least_squares(M, Eigen::VectorXd::Ones(n), 1e-4);
+  if (quadric.rank < 9) return {};
+  const Eigen::VectorXd& c = quadric.x;
+  Matrix3d Q;
+  Q << c[0], c[3], c[4], c[3], c[1], c[5], c[4], c[5], c[2];
+  const Vector3d q(c[6], c[7], c[8]);
+  // y'Qy + 2q'y = 1: centre -Q^-1 q, and (y - centre)'Q(y - centre) = 1 + centre'Q centre
+  const Vector3d centre = -Q.ldlt().solve(q);
+  const double level = 1.0 + centre.dot(Q * centre);
+  const Eigen::LLT<Matrix3d> root(Q / level);
+  if (!(level > 0.0) || root.info() != Eigen::Success) return {};
+  AccelStart start;
+  start.scale = Matrix3d(root.matrixU()) * (gravity / size);
+  start.bias = start.scale * centre * size;
+  // Far from a sphere in the increments: the fit went astray.
+  const Vector3d diagonal = start.scale.diagonal();
+  if (diagonal.maxCoeff() > 2.0 * diagonal.minCoeff()) return {};
+  return start;
+}
+
+double direction_misfit(const RestData& data, const Parameters& parameters) {
+  const EffectModel none;
+  const RestSystem system = make_rest_system(data, parameters, none, false);
+  double sum = 0.0;
+  for (Eigen::Index k = 0; k < system.residual.size(); ++k)
+    if (system.kind[k] == RestKind::direction) sum += std::pow(system.residual[k], 2);
+  return sum;
+}
+
+// Accelerometers from the ellipsoid, gyro bias from the means at rest, for any common factor on the nominal gyro scale.
+class CoarseStart {
+ public:
+  explicit CoarseStart(const RestData& data) : start_(start_parameters(data.recording->info)) {
+    const RecordingInfo& info = data.recording->info;
+    unit_ = si_per_unit(info);
+    if (const std::optional<AccelStart> accel = ellipsoid(data, info.gravity_mps2)) {
+      for (int i = 0; i < 3; ++i) {
+        for (int j = 0; j < 3; ++j) start_.a(i, j) = accel->scale(i, j) / unit_[15 + 3 * i + j];
+        start_.A0_g[i] = accel->bias[i] / unit_[3 + i];
+      }
+    }
+    double total_s = 0.0;
+    for (const Rest& rest : data.rests) {
+      mean_ += rest.gyro_between * rest.between_s;
+      total_s += rest.between_s;
+    }
+    mean_ /= total_s;
+  }
+  // rate = map * nominal scale * reading
+  Parameters with_map(const Eigen::Matrix3d& map) const {
+    Parameters p = start_;
+    p.n = map * start_.n;
+    for (int i = 0; i < 3; ++i) {
+      double mean = 0.0;
+      for (int j = 0; j < 3; ++j) mean += p.n(i, j) * unit_[6 + 3 * i + j] * mean_[j];
+      p.N0_degph[i] = mean / unit_[i];
+    }
+    return p;
+  }
+  Parameters with_factor(double factor) const { return with_map(factor * Eigen::Matrix3d::Identity()); }
+
+ private:
+  Parameters start_;
+  ParameterVector unit_;
+  Vector3d mean_ = Vector3d::Zero();
+};
 
 using Eigen::Index;
 using Eigen::MatrixXd;
@@ -49,8 +140,7 @@ Whitened whiten(const RestSystem& system, const VectorXd& weights) {
 // Redundancy of each kind: rows less what the parameters take from it.
 std::array<double, rest_kind_count> redundancy(const RestSystem& system, const MatrixXd& basis) {
   std::array<double, rest_kind_count> result{};
-  for (Index k = 0; k < basis.rows(); ++k)
-    result[static_cast<std::size_t>(system.kind[static_cast<std::size_t>(k)])] += 1.0 - basis.row(k).squaredNorm();
+  for (Index k = 0; k < basis.rows(); ++k) result[index(system.kind[k])] += 1.0 - basis.row(k).squaredNorm();
   return result;
 }
 
@@ -61,7 +151,7 @@ double estimate_floor(const RestSystem& system, RestKind kind, double freedom) {
   const auto excess = [&](double floor) {
     double sum = 0.0;
     for (Index k = 0; k < system.residual.size(); ++k) {
-      if (system.kind[static_cast<std::size_t>(k)] != kind) continue;
+      if (system.kind[k] != kind) continue;
       const double r2 = system.residual[k] * system.residual[k];
       const double variance = system.white_variance[k] + floor * floor;
       if (r2 > 0.0) sum += r2 / variance;
@@ -82,21 +172,21 @@ double estimate_floor(const RestSystem& system, RestKind kind, double freedom) {
 RestFloors estimate_floors(const RestSystem& system, const std::array<double, rest_kind_count>& freedom) {
   RestFloors floors;
   for (const RestKind kind : {RestKind::norm, RestKind::direction, RestKind::gyro})
-    floor_of(floors, kind) = estimate_floor(system, kind, freedom[static_cast<std::size_t>(kind)]);
+    floor_of(floors, kind) = estimate_floor(system, kind, freedom[index(kind)]);
   return floors;
 }
 
 // Before anything is fitted: wide enough that no kind rules the first steps.
 RestFloors start_floors(const RestSystem& system) {
   std::array<double, rest_kind_count> rows{};
-  for (const RestKind kind : system.kind) rows[static_cast<std::size_t>(kind)] += 1.0;
+  for (const RestKind kind : system.kind) rows[index(kind)] += 1.0;
   return estimate_floors(system, rows);
 }
 
 void apply_step(const VectorXd& step, Parameters& parameters, VectorXd& effect_values) {
   ParameterVector vector = to_vector(parameters);
-  const auto& indices = rest_parameter_indices();
-  for (int c = 0; c < rest_parameter_count; ++c) vector[indices[static_cast<std::size_t>(c)]] += step[c];
+  const auto& indices = free_parameters();
+  for (int c = 0; c < rest_parameter_count; ++c) vector[indices[c]] += step[c];
   parameters = from_vector(vector);
   effect_values += step.tail(step.size() - rest_parameter_count);
 }
@@ -112,10 +202,10 @@ void describe_unseen(const Whitened& w, const RecordingInfo& info, RestFit& fit)
   VectorXd share = VectorXd::Zero(V.rows());
   for (Index k = w.rank; k < V.cols(); ++k) share += V.col(k).cwiseAbs2();
   const Parameters nominal = start_parameters(info);
-  const auto& indices = rest_parameter_indices();
+  const auto& indices = free_parameters();
   for (Index c = 0; c < V.rows(); ++c) {
     const bool parameter = c < rest_parameter_count;
-    const Index where = parameter ? indices[static_cast<std::size_t>(c)] : parameter_count + c - rest_parameter_count;
+    const Index where = parameter ? indices[c] : parameter_count + c - rest_parameter_count;
     const double absurd = !parameter   ? std::numeric_limits<double>::infinity()
                           : where < 3  ? 3600.0
                           : where < 6  ? 0.1
@@ -123,7 +213,7 @@ void describe_unseen(const Whitened& w, const RecordingInfo& info, RestFit& fit)
                                        : 0.05 * nominal.a(0, 0);
     if (share[c] < 1e-3 && fit.sigma[where] < absurd) continue;
     fit.sigma[where] = std::numeric_limits<double>::quiet_NaN();
-    fit.undetermined.push_back(parameter ? std::string(parameter_keys[static_cast<std::size_t>(where)])
+    fit.undetermined.push_back(parameter ? std::string(parameter_keys[where])
                                          : "effect column " + std::to_string(c - rest_parameter_count));
   }
 }
@@ -137,8 +227,7 @@ void finish(const RestSystem& system, const RecordingInfo& info, RestFit& fit) {
   fit.left_out = rest_errors(system, predicted);
   int last_owner = -1;
   for (Index k = 0; k < predicted.size(); ++k) {
-    const int owner = 2 * system.owner[static_cast<std::size_t>(k)] +
-                      (system.kind[static_cast<std::size_t>(k)] == RestKind::direction ? 1 : 0);
+    const int owner = 2 * system.owner[k] + (system.kind[k] == RestKind::direction ? 1 : 0);
     if (std::isnan(predicted[k]) && owner != last_owner) {
       ++fit.not_predicted;
       last_owner = owner;
@@ -147,8 +236,7 @@ void finish(const RestSystem& system, const RecordingInfo& info, RestFit& fit) {
   std::array<double, rest_kind_count> sum{};
   for (Index k = 0; k < system.residual.size(); ++k)
     if (system.white_variance[k] > 0.0)
-      sum[static_cast<std::size_t>(system.kind[static_cast<std::size_t>(k)])] +=
-          system.residual[k] * system.residual[k] / system.white_variance[k];
+      sum[index(system.kind[k])] += system.residual[k] * system.residual[k] / system.white_variance[k];
   for (std::size_t k = 0; k < rest_kind_count; ++k)
     fit.white_ratio[k] = fit.redundancy[k] > 0.5 ? std::sqrt(sum[k] / fit.redundancy[k]) : 0.0;
 
@@ -157,18 +245,57 @@ void finish(const RestSystem& system, const RecordingInfo& info, RestFit& fit) {
   const VectorXd inverse = w.svd.values.head(w.rank).cwiseInverse();
   const VectorXd sigma = (V * inverse.asDiagonal()).rowwise().norm().cwiseQuotient(w.column_length);
   fit.sigma.setZero(parameter_count + fit.effect_values.size());
-  const auto& indices = rest_parameter_indices();
-  for (int c = 0; c < rest_parameter_count; ++c) fit.sigma[indices[static_cast<std::size_t>(c)]] = sigma[c];
+  const auto& indices = free_parameters();
+  for (int c = 0; c < rest_parameter_count; ++c) fit.sigma[indices[c]] = sigma[c];
   fit.sigma.tail(fit.effect_values.size()) = sigma.tail(fit.effect_values.size());
   describe_unseen(w, info, fit);
 }
 
 }  // namespace
 
+Result<Parameters> coarse_rest_parameters(const RestData& data) {
+  std::size_t usable = 0;
+  for (const RestLeg& leg : data.legs) usable += leg.fault.empty() ? 1 : 0;
+  if (data.rests.size() < 4 || usable < 3)
+    return input_error(
+        "calibration with unknown angles wants at least 4 rests and 3 rotations without lost samples; found " +
+        std::to_string(data.rests.size()) + " and " + std::to_string(usable));
+  const CoarseStart start(data);
+  // Coarse steps over a factor of two either way, then finer around the best.
+  double best = 1.0;
+  double best_misfit = direction_misfit(data, start.with_factor(1.0));
+  const double satisfied = static_cast<double>(usable) * 0.1 * 0.1;  // rad^2: Gauss-Newton finds the rest of the way
+  if (best_misfit > satisfied) {
+    for (double step : {0.05, 0.01}) {
+      const double centre = best;
+      const int reach = step > 0.02 ? 14 : 5;
+      for (int k = -reach; k <= reach; ++k) {
+        const double factor = centre * std::exp(k * step);
+        const double misfit = direction_misfit(data, start.with_factor(factor));
+        if (misfit < best_misfit) {
+          best_misfit = misfit;
+          best = factor;
+        }
+      }
+    }
+  }
+  return start.with_factor(best);
+}
+
+double rest_misfit_rad(const RestData& data, double gyro_factor) {
+  return rest_misfit_rad(data, gyro_factor * Eigen::Matrix3d::Identity());
+}
+
+double rest_misfit_rad(const RestData& data, const Eigen::Matrix3d& gyro_map) {
+  const double usable = static_cast<double>(
+      std::count_if(data.legs.begin(), data.legs.end(), [](const RestLeg& leg) { return leg.fault.empty(); }));
+  return std::sqrt(direction_misfit(data, CoarseStart(data).with_map(gyro_map)) / std::max(1.0, usable));
+}
+
 VectorXd rest_weights(const RestSystem& system, const RestFloors& floors) {
   VectorXd weights(system.residual.size());
   for (Index k = 0; k < weights.size(); ++k) {
-    const double floor = floor_of(floors, system.kind[static_cast<std::size_t>(k)]);
+    const double floor = floor_of(floors, system.kind[k]);
     weights[k] = 1.0 / std::sqrt(std::max(system.white_variance[k] + floor * floor, 1e-24));
   }
   return weights;
@@ -179,29 +306,19 @@ VectorXd left_out_residual(const RestSystem& system, const VectorXd& weights) {
   const MatrixXd basis = w.basis();
   VectorXd predicted = VectorXd::Constant(system.residual.size(), std::numeric_limits<double>::quiet_NaN());
   const auto leave_out = [&](const std::vector<Index>& rows, auto wanted) {
-    const Index n = static_cast<Index>(rows.size());
-    MatrixXd part(n, basis.cols());
-    VectorXd r(n);
-    for (Index k = 0; k < n; ++k) {
-      part.row(k) = basis.row(rows[static_cast<std::size_t>(k)]);
-      r[k] = w.residual[rows[static_cast<std::size_t>(k)]];
-    }
-    const MatrixXd complement = MatrixXd::Identity(n, n) - part * part.transpose();
-    const LeastSquares solved = least_squares(complement, r, 1e-9);
+    const MatrixXd part = basis(rows, Eigen::all);
+    const Index n = part.rows();
+    const LeastSquares solved =
+        least_squares(MatrixXd::Identity(n, n) - part * part.transpose(), w.residual(rows), 1e-9);
     if (solved.rank < n) return;  // without these rows a parameter is lost
-    const VectorXd& e = solved.x;
     for (Index k = 0; k < n; ++k)
-      if (wanted(rows[static_cast<std::size_t>(k)]))
-        predicted[rows[static_cast<std::size_t>(k)]] = e[k] / weights[rows[static_cast<std::size_t>(k)]];
+      if (wanted(rows[k])) predicted[rows[k]] = solved.x[k] / weights[rows[k]];
   };
-  const auto is_direction = [&](Index k) { return system.kind[static_cast<std::size_t>(k)] == RestKind::direction; };
+  const auto is_direction = [&](Index k) { return system.kind[k] == RestKind::direction; };
   int owners = 0;
   for (const int owner : system.owner) owners = std::max(owners, owner + 1);
-  std::vector<std::vector<Index>> of_rest(static_cast<std::size_t>(owners));
-  std::vector<std::vector<Index>> of_leg(static_cast<std::size_t>(owners));
-  for (Index k = 0; k < system.residual.size(); ++k)
-    (is_direction(k) ? of_leg : of_rest)[static_cast<std::size_t>(system.owner[static_cast<std::size_t>(k)])].push_back(
-        k);
+  std::vector<std::vector<Index>> of_rest(owners), of_leg(owners);
+  for (Index k = 0; k < system.residual.size(); ++k) (is_direction(k) ? of_leg : of_rest)[system.owner[k]].push_back(k);
   for (std::size_t k = 0; k < of_rest.size(); ++k) {
     if (!of_leg[k].empty()) leave_out(of_leg[k], is_direction);
     if (of_rest[k].empty()) continue;

@@ -2,20 +2,16 @@
 //
 // For given parameters and effects (w = G x gyro - b - Rg e, f = A x accel - f0 - Ra e, e the effects' values):
 //   norm       |f_k| - g                                             one a rest, m/s^2
-//   gyro       w_k - d_k - w_ie sin(latitude) u_k - C_bn,k h         three a rest, rad/s; d_k is what the rest crept:
-//              d_k = (u_last - u_first) x u / T, the turn of gravity between its edges seen by the accelerometers;
-//              h the horizontal earth rate, below
+//   gyro       w_k - d_k - w_ie sin(latitude) u_k - C_bn,k h         three a rest, rad/s; d_k = (u_last - u_first) x u / T: what the rest
+//              crept, by the turn of gravity between its edges; h the horizontal earth rate
 //   direction  B (C_k' u_k,last + T h_b x u_k+1 - u_k+1,first)       two a leg of T seconds, rad; C_k the product of the leg's
 //   blocks, h_b = C_bn,k+1 h
-// with u = f / |f|, and B two axes across u_k+1. Derivatives: a turn dr of a block moves the end by
-// -C_k' (C_before Jl(r) dr x u_k); the same sum serves parameters and effects.
+// with u = f / |f|, and B two axes across u_k+1. A turn dr of a block moves the end by -C_k' (C_before Jl(r) dr x u_k); the same sum serves
+// parameters and effects. B and d_k are held for the derivative. Columns: the 21 free parameters (Table 1, file units), then the effects.
 //
-// Columns: the 21 free parameters (order of Table 1, file units), then the effects. The basis B and d_k are held for
-// the derivative.
-//
-// h: the gyros carry the heading from rest to rest, but where it began is not known. So h has two components for each stretch of legs without a
-// fault, drawn from N(0, (w_ie cos(latitude))^2 / 2), and the best h for these parameters is taken off rows and columns: what it is is not
-// needed, and where gyros are too noisy to feel it h is near zero. Two observations a stretch are spent on it that are counted as redundant.
+// h: the gyros carry the heading from rest to rest, but not where it began. So h has two components for each stretch of legs without a fault,
+// drawn from N(0, (w_ie cos(latitude))^2 / 2), and the best h for these parameters is taken off rows and columns; where gyros are too noisy
+// to feel it it is near zero. Two observations a stretch are spent on it that are counted as redundant.
 // Not modelled: the derivative of C_bn,k, creep inside an edge.
 #pragma once
 
@@ -30,11 +26,10 @@
 namespace turncal {
 
 inline constexpr int rest_parameter_count = 21;
-// Index in the 24-vector of each of the 21 columns.
-const std::array<int, rest_parameter_count>& rest_parameter_indices();
 
 enum class RestKind : char { norm = 0, direction = 1, gyro = 2 };
 inline constexpr int rest_kind_count = 3;
+constexpr std::size_t index(RestKind kind) { return static_cast<std::size_t>(kind); }
 const char* to_string(RestKind kind);
 
 struct RestSystem {

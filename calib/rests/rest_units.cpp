@@ -1,14 +1,15 @@
 #include "calib/rests/rest_units.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <vector>
 
+#include <fmt/format.h>
+
+#include "calib/model/attitude.h"
 #include "calib/model/limits.h"
 #include "calib/model/parameters.h"
-#include "calib/rests/rest_start.h"
+#include "calib/rests/rest_model.h"
 #include "calib/rests/rest_system.h"
 #include "calib/statistics/distributions.h"
 #include "calib/statistics/linear_algebra.h"
@@ -31,10 +32,8 @@ std::string wrong_accelerometer_unit(const RestData& data) {
   if (info.accel_increment == IncrementKind::pulses) return wrong_pulse_weight(norm / info.gravity_mps2, info);
   const UnitSlip* const slip = slip_near(accel_slips(), norm / info.gravity_mps2);
   if (slip == nullptr) return {};
-  char text[200];
-  std::snprintf(text, sizeof text, "gravity reads %.3g where %.3g m/s^2 is expected: the accelerometers look %s", norm,
-                info.gravity_mps2, slip->words);
-  return text;
+  return fmt::format("gravity reads {:.3g} where {:.3g} m/s^2 is expected: the accelerometers look {}", norm,
+                     info.gravity_mps2, slip->words);
 }
 
 std::string wrong_gyro_unit(const RestData& data, double as_given) {
@@ -50,13 +49,10 @@ std::string wrong_gyro_unit(const RestData& data, double as_given) {
   if (rest_misfit_rad(data, (1.0 - slip_nearness) / best->factor) < best_misfit ||
       rest_misfit_rad(data, (1.0 + slip_nearness) / best->factor) < best_misfit)
     return {};
-  char text[200];
-  std::snprintf(
-      text, sizeof text,
-      "gravity's direction after a turn is off by %.2g rad as given and by %.2g rad with the rates divided by "
-      "%.3g: the gyros look %s",
+  return fmt::format(
+      "gravity's direction after a turn is off by {:.2g} rad as given and by {:.2g} rad with the rates divided by "
+      "{:.3g}: the gyros look {}",
       as_given, best_misfit, best->factor, best->words);
-  return text;
 }
 
 // The best of the 48 ways to connect three gyros, forwards or reversed: a fit from the nominal scale does not come back from another. A reversed
@@ -64,14 +60,8 @@ std::string wrong_gyro_unit(const RestData& data, double as_given) {
 std::string wrong_gyro_axes(const RestData& data, double as_given) {
   Eigen::Matrix3d best = Eigen::Matrix3d::Identity();
   double best_misfit = rest_limits.of_misfit * as_given;
-  std::array<int, 3> axis = {0, 1, 2};
-  do {
-    for (int signs = 0; signs < 8; ++signs) {
-      Eigen::Matrix3d map = Eigen::Matrix3d::Zero();
-      for (int i = 0; i < 3; ++i) map(i, axis[static_cast<std::size_t>(i)]) = (signs >> i & 1) != 0 ? -1.0 : 1.0;
-      if (const double misfit = rest_misfit_rad(data, map); misfit < best_misfit) best = map, best_misfit = misfit;
-    }
-  } while (std::next_permutation(axis.begin(), axis.end()));
+  for (const Eigen::Matrix3d& map : signed_axes())
+    if (const double misfit = rest_misfit_rad(data, map); misfit < best_misfit) best = map, best_misfit = misfit;
   std::string wrong = wrong_axes(best);
   if (!wrong.empty() && best.determinant() > 0.0) wrong += "; or one accelerometer is reversed, or two are exchanged";
   return wrong;
@@ -99,13 +89,13 @@ std::string wrong_vertical(const RestData& data, const Parameters& fitted) {
   const RestSystem reversed = make_rest_system(other, fitted, EffectModel{}, false);
   std::vector<Eigen::Index> rows;
   for (std::size_t k = 0; k < as_given.kind.size(); ++k)
-    if (as_given.kind[k] == RestKind::gyro) rows.push_back(static_cast<Eigen::Index>(k));
-  const auto count = static_cast<Eigen::Index>(rows.size());
+    if (as_given.kind[k] == RestKind::gyro) rows.push_back(k);
+  const Eigen::Index count = rows.size();
   if (count < fewest_rows) return {};
   Eigen::MatrixXd of_bias(count, 3);  // the columns of N0 come first
   Eigen::VectorXd r(count), c(count);
   for (Eigen::Index k = 0; k < count; ++k) {
-    const Eigen::Index row = rows[static_cast<std::size_t>(k)];
+    const Eigen::Index row = rows[k];
     of_bias.row(k) = as_given.jacobian.row(row).head(3);
     r[k] = as_given.residual[row];
     c[k] = 0.5 * (reversed.residual[row] - r[k]);
@@ -118,13 +108,11 @@ std::string wrong_vertical(const RestData& data, const Parameters& fitted) {
   const double k = c.dot(r) / information;
   const double sigma = std::sqrt((r - k * c).squaredNorm() / (static_cast<double>(count - 4) * information));
   if (!(std::abs(k) > surely * sigma) || std::abs(k + 2.0) > near_by * sigma) return {};
-  char text[240];
-  std::snprintf(text, sizeof text,
-                "the gyros at rest feel %.2f +- %.2f of the vertical earth rate of latitude %.6g deg: expected the "
-                "other sign of the "
-                "latitude, or accelerometers that read specific force (up at rest), not gravity",
-                1.0 + k, sigma, data.recording->info.latitude_deg);
-  return text;
+  return fmt::format(
+      "the gyros at rest feel {:.2f} +- {:.2f} of the vertical earth rate of latitude {:.6g} deg: expected the "
+      "other sign of the "
+      "latitude, or accelerometers that read specific force (up at rest), not gravity",
+      1.0 + k, sigma, data.recording->info.latitude_deg);
 }
 
 std::string wrong_units(const RestData& data) {

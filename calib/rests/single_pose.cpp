@@ -37,9 +37,7 @@ Series batches(const CompressedRecording& recording) {
   for (std::size_t k = 0; k < still.size(); ++k) {
     const Block& block = *still[k];
     const Index at = static_cast<Index>(k) * count / static_cast<Index>(still.size());
-    series.time_s[at] += static_cast<double>(block.start_sample - recording.blocks.front().start_sample) *
-                             recording.info.sample_period_s +
-                         0.5 * block.duration_s;
+    series.time_s[at] += recording.middle_s(block);
     series.reading.row(at).head<3>() += (model.gyro_scale * block.gyro / block.duration_s).transpose();
     series.reading.row(at).tail<3>() += (model.accel_scale * block.accel / block.duration_s).transpose();
     temperature[at] += static_cast<double>(block.temperature_c);
@@ -64,7 +62,7 @@ Fit fit(const VectorXd& y, const std::vector<VectorXd>& columns) {
   const Index p = static_cast<Index>(columns.size()) + 1;
   MatrixXd A(n, p);
   A.col(0).setOnes();
-  for (Index k = 1; k < p; ++k) A.col(k) = columns[static_cast<std::size_t>(k - 1)];
+  for (Index k = 1; k < p; ++k) A.col(k) = columns[k - 1];
   const VectorXd x = least_squares(A, y).x;
   const double variance = (y - A * x).squaredNorm() / static_cast<double>(n - p);
   const MatrixXd information = A.transpose() * A;

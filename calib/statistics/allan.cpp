@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <numeric>
 
 #include "calib/statistics/linear_algebra.h"
 
@@ -25,16 +26,14 @@ std::vector<double> tau_list(std::size_t longest) {
 
 // Non-negative least squares for a handful of terms: drop the most negative term and solve again.
 Eigen::VectorXd non_negative_fit(const Eigen::MatrixXd& A, const Eigen::VectorXd& b) {
-  std::vector<int> active;
-  for (int k = 0; k < A.cols(); ++k) active.push_back(k);
+  std::vector<Eigen::Index> active(A.cols());
+  std::iota(active.begin(), active.end(), 0);
   Eigen::VectorXd x = Eigen::VectorXd::Zero(A.cols());
   while (!active.empty()) {
-    Eigen::MatrixXd part(A.rows(), static_cast<Eigen::Index>(active.size()));
-    for (std::size_t k = 0; k < active.size(); ++k) part.col(static_cast<Eigen::Index>(k)) = A.col(active[k]);
-    const Eigen::VectorXd y = least_squares(part, b).x;
+    const Eigen::VectorXd y = least_squares(A(Eigen::all, active), b).x;
     Eigen::Index worst = 0;
     if (y.minCoeff(&worst) >= 0.0) {
-      for (std::size_t k = 0; k < active.size(); ++k) x[active[k]] = y[static_cast<Eigen::Index>(k)];
+      x(active) = y;
       return x;
     }
     active.erase(active.begin() + worst);
@@ -45,11 +44,11 @@ Eigen::VectorXd non_negative_fit(const Eigen::MatrixXd& A, const Eigen::VectorXd
 AllanFit fit(const std::vector<AllanPoint>& points) {
   AllanFit result;
   if (points.size() < 4) return result;
-  const Eigen::Index rows = static_cast<Eigen::Index>(points.size());
+  const Eigen::Index rows = points.size();
   Eigen::MatrixXd A(rows, 4);
   Eigen::VectorXd b = Eigen::VectorXd::Ones(rows);
   for (Eigen::Index i = 0; i < rows; ++i) {
-    const AllanPoint& p = points[static_cast<std::size_t>(i)];
+    const AllanPoint& p = points[i];
     const double variance = p.deviation * p.deviation;
     // relative residuals, weighted with the square root of the clusters
     A.row(i) << 3.0 / (p.tau_s * p.tau_s), 1.0 / p.tau_s, 0.664 * 0.664, p.tau_s / 3.0;
@@ -84,8 +83,7 @@ AllanResult allan_deviation(const CompressedRecording& recording, const Paramete
   };
   int segment = -1;
   for (const Block& block : recording.blocks) {
-    const bool joins = block.whole_second && (block.segment == segment || segment < 0 ||
-                                              recording.segments[block.segment].kind != SegmentKind::rotate);
+    const bool joins = block.whole_second && (block.segment == segment || segment < 0 || !recording.rotates(block));
     if (!block.whole_second || !joins) {
       close();
       segment = -1;

@@ -1,13 +1,14 @@
 #include "calib/statistics/clipping.h"
 
+#include <fmt/format.h>
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <cstdio>
 #include <limits>
+
 #include "calib/model/limits.h"
 #include "calib/model/parameters.h"
-#include "calib/statistics/table_turns.h"
+#include "calib/statistics/unit_slip.h"
 
 namespace turncal {
 namespace {
@@ -117,13 +118,9 @@ std::vector<DataEvent> clipped_turns(const CompressedRecording& recording) {
     double felt;
   };
   const std::vector<Block>& blocks = recording.blocks;
-  const auto turns = [&](std::size_t k) {
-    return recording.segments[static_cast<std::size_t>(blocks[k].segment)].kind == SegmentKind::rotate;
-  };
+  const auto turns = [&](std::size_t k) { return recording.rotates(blocks[k]); };
   std::array<std::array<double, 2>, 3> fastest{};  // of each axis and sense
-  const auto fastest_as = [&](int axis, double x) -> double& {
-    return fastest[static_cast<std::size_t>(axis)][x < 0.0 ? 1 : 0];
-  };
+  const auto fastest_as = [&](int axis, double x) -> double& { return fastest[axis][x < 0.0 ? 1 : 0]; };
   for (std::size_t k = 0; k < blocks.size(); ++k)
     for (int axis = 0; axis < 3 && turns(k); ++axis) {
       const double x = mean(blocks[k], axis);
@@ -163,10 +160,8 @@ std::vector<DataEvent> clipped_turns(const CompressedRecording& recording) {
 }
 
 std::string clipped_text(const RecordingInfo& info, int axis, double increment) {
-  char text[64];
-  std::snprintf(text, sizeof text, "gyro %c clipped at %.4g deg/s", "xyz"[axis],
-                nominal_gyro_rad(info) * std::abs(increment) / (info.sample_period_s * rad_per_deg));
-  return text;
+  return fmt::format("gyro {} clipped at {:.4g} deg/s", "xyz"[axis],
+                     nominal_gyro_rad(info) * std::abs(increment) / (info.sample_period_s * rad_per_deg));
 }
 
 }  // namespace turncal

@@ -43,7 +43,7 @@ constexpr double steady_angle_rad = 0.05, steady_s = 0.5;
 bool turns_beside(const CompressedRecording& recording, const Block& open) {
   if (recording.segments.back().kind == SegmentKind::rotate) return true;
   if (open.samples > 0 || recording.blocks.empty()) return false;
-  return recording.segments[static_cast<std::size_t>(recording.blocks.back().segment)].kind == SegmentKind::rotate;
+  return recording.rotates(recording.blocks.back());
 }
 
 bool at_one_rate(const Block& a, const Block& b) {
@@ -281,7 +281,7 @@ void Compressor::add_temperature(const ImuSample& sample) {
       impossible_temperature_ = std::ssize(recording_.events);
       recording_.events.push_back({DataEvent::Kind::temperature, sample.counter, 0, -1, sample.temperature_c});
     }
-    ++recording_.events[static_cast<std::size_t>(impossible_temperature_)].count;
+    ++recording_.events[impossible_temperature_].count;
     return;
   }
   temperature_sum_ += sample.temperature_c;
@@ -344,8 +344,7 @@ void SegmentedFeed::finish() {
   open_ = false;
 }
 
-GapFill GapFiller::fill(const ImuSample& next, std::int64_t lost, bool at_rest,
-                        const Eigen::Matrix<double, 6, 1>& mean_square) const {
+GapFill GapFiller::fill(const ImuSample& next, std::int64_t lost, bool at_rest, const Channels& mean_square) const {
   const auto n = static_cast<double>(lost);
   Channels first, step, variance;
   if (at_rest && seen_ >= memory) {
@@ -358,17 +357,14 @@ GapFill GapFiller::fill(const ImuSample& next, std::int64_t lost, bool at_rest,
       const double part = n * first[k] - std::floor(n * first[k]);
       constexpr double of_rounding = 1.0 / 6.0;  // of two ends that noise puts anywhere
       variance[k] = n * square[k];
-      if (counted_[static_cast<std::size_t>(k / 3)])
-        variance[k] = std::min(variance[k], std::max(part * (1.0 - part), of_rounding));
+      if (counted_[k / 3]) variance[k] = std::min(variance[k], std::max(part * (1.0 - part), of_rounding));
       variance[k] += n * n * square[k] / static_cast<double>(memory);
     }
   } else {
     constexpr double corner = 20.0;  // one in 300 of white noise, whose changes of slope are 7/3 of D
     const Channels& last = samples_[(seen_ - 1) % memory];
     const Channels& before = samples_[(seen_ - 2) % memory];
-    Channels after;
-    after << next.gyro[0], next.gyro[1], next.gyro[2], next.accel[0], next.accel[1], next.accel[2];
-    step = (after - last) / (n + 1.0);
+    step = (channels_of(next) - last) / (n + 1.0);
     first = last + step;
     const Channels change = (step - (last - before)).cwiseAbs2();
     for (int k = 0; k < 6; ++k)

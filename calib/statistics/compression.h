@@ -1,10 +1,9 @@
 // Sufficient statistics of a recording: what the estimators iterate on instead of raw samples.
 //
-// The stream of samples is cut into blocks that never cross a segment border: one second each in static segments (less
-// if the unit was moved in it by more than static_angle_rad), and in rotations as many samples as turn the unit by
-// about block_angle_rad (at most block_samples). For each block the sums below are kept in raw counts, so that the
-// motion over the block can be evaluated exactly for any parameters (calib/statistics/block_motion.h). One pass, no allocation but
-// the growth of the block list; about 0.25 kB a block, 4 MB for the fourteen steps, 25 ns a sample.
+// The stream is cut into blocks that never cross a segment border: a second each in static segments (less if the unit was moved by more
+// than static_angle_rad), in rotations as many samples as turn the unit by about block_angle_rad (at most block_samples; at a steady rate
+// more). The sums of a block are in raw counts, so that its motion can be evaluated exactly for any parameters (block_motion.h). One pass;
+// about 0.25 kB a block, 4 MB for the fourteen steps, 25 ns a sample.
 //
 // With alpha_i, beta_i the increments of sample i (gyro, accelerometer), theta_i = sum of alpha_j, j < i, and
 // s_i the time of the middle of sample i from the start of the block:
@@ -12,16 +11,14 @@
 //   coning = sum [theta_i x alpha_i + k_i (alpha_{i-1} x alpha_i + alpha_i x alpha_{i+1}) / 12]
 //   sculling = sum [(theta_i + alpha_i/2) beta_i' + k_i (K_{i-1} + K_i) / 24]   (3x3),   K_i = alpha_i beta_{i+1}' - alpha_{i+1} beta_i'
 //   k_i = 1 + 11/60 |alpha_i|^2  (rad, nominal)
-// Within a sample the motion is what the samples on both sides tell, as in Savage (1998) with the one before alone: of a force that
-// stands still while the unit turns by r a sample, that leaves r^3 / 24 of its change, as if it came dt r^2 / 24 late. From both
-// sides r^4 / 66 of the force is left. k is the exact sum for an even rate over that of the three samples, to r^2: r^6 / 500 is left,
-// 1e-7 of the force at 0.2 rad a sample. What the last sample of a block lacks is added when the one after it has come; beside lost
-// samples, and at both ends of a recording, that half is missing.
+// Within a sample the motion is what the samples on both sides tell (Savage (1998): the one before alone, which leaves r^3 / 24 of a force
+// that stands still while the unit turns by r a sample). From both sides r^4 / 66 is left; k is the exact sum for an even rate over that of
+// three samples, to r^2: r^6 / 500 is left, 1e-7 of the force at 0.2 rad a sample. What the last sample of a block lacks is added when the
+// one after it has come; beside lost samples, and at both ends of a recording, that half is missing.
 //
-// Data faults are noticed here, on raw samples, and listed as events; what is done about them is up to the estimator. A sample that
-// cannot be true (implausible.h) is left out of the sums as if it had not come: no estimator could bear it. A few samples lost inside a
-// segment are filled in between those beside them, with the variance of that. A temperature that cannot be counts as not measured.
-// Not modelled: nothing is; this is bookkeeping.
+// Data faults are noticed here and listed as events; what is done about them is up to the estimator. A sample that cannot be true
+// (data_screen.h) is left out as if it had not come. A few samples lost inside a segment are filled in, with the variance of that. A
+// temperature that cannot be counts as not measured.
 #pragma once
 
 #include <array>
@@ -33,20 +30,17 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-#include "calib/statistics/glitches.h"
-#include "calib/statistics/implausible.h"
+#include "calib/statistics/data_screen.h"
 #include "calib/types/recording_types.h"
 
 namespace turncal {
 
 // A few lost samples filled in between those that came, and how wrong that may be.
-//
-// At rest, with n lost: each is the mean m of the last `memory` samples. What the unit counted meanwhile is a whole number of pulses: the
-// variance of the n together is f (1 - f), f the fraction of n m, and 1/6 at least, that of rounding both ends of a noisy count; but never more
-// than n times the variance of those samples, which it is where increments are no pulses. That of n m comes on top.
-// In a turn: linear between the increments x_a before and x_b after. With D the mean square of x_k - (x_(k-1) + x_(k+1)) / 2 where nothing
-// is lost (GlitchFinder), of which a sample's noise is two thirds, the variance of the sum is (n + n^2 / 2) 2 D / 3. Where the slope
-// changes across the gap by c with c^2 > 20 D, a corner of the motion fell into it: n^2 c^2 more.
+// At rest, with n lost: each is the mean m of the last `memory` samples. The true sum is a whole number of pulses: its variance is f (1 - f),
+// f the fraction of n m, at least 1/6 (rounding at both ends of a noisy count), at most n times the variance of those samples, which it is
+// where increments are no pulses. That of n m comes on top.
+// In a turn: linear between the increments beside the gap. With D the mean square of x_k - (x_(k-1) + x_(k+1)) / 2 (GlitchFinder) the variance
+// of the sum is (n + n^2 / 2) 2 D / 3; where the slope changes across the gap by c with c^2 > 20 D, n^2 c^2 more: a corner fell into it.
 // Not modelled: motion that comes and goes within the gap.
 struct GapFill {
   Eigen::Vector3d gyro_first, gyro_step, accel_first,
@@ -64,15 +58,13 @@ class GapFiller {
     at.head<3>() = gyro;
     at.tail<3>() = accel;
   }
-  // Between the last sample and `next`, of the same segment. `mean_square`: D of gyro x y z, accelerometer x y z.
-  GapFill fill(const ImuSample& next, std::int64_t lost, bool at_rest,
-               const Eigen::Matrix<double, 6, 1>& mean_square) const;
+  // Between the last sample and `next`, of the same segment. `mean_square`: D.
+  GapFill fill(const ImuSample& next, std::int64_t lost, bool at_rest, const Channels& mean_square) const;
   // Two samples of the segment have come.
   bool can_fill() const { return seen_ >= 2; }
 
  private:
   static constexpr std::size_t memory = 32;
-  using Channels = Eigen::Matrix<double, 6, 1>;
 
   const std::array<bool, 2> counted_;  // gyro, accelerometer increments are whole numbers
   std::array<Channels, memory> samples_;
@@ -109,6 +101,13 @@ struct CompressedRecording {
   std::vector<DataEvent> events;
   std::int64_t samples = 0;
   double mean_temperature_c = 0.0;  // over all samples; NaN when not measured
+
+  bool rotates(const Block& block) const { return segments[block.segment].kind == SegmentKind::rotate; }
+  // Of the middle of a block, from the first sample of block `from`.
+  double middle_s(const Block& block, std::size_t from = 0) const {
+    return static_cast<double>(block.start_sample - blocks[from].start_sample) * info.sample_period_s +
+           0.5 * block.duration_s;
+  }
 };
 
 struct CompressionOptions {

@@ -23,6 +23,12 @@ VectorXd solve_symmetric(const MatrixXd& A, const VectorXd& b, double& log_deter
 
 MatrixXd inverse(const MatrixXd& A) { return A.inverse(); }
 
+MatrixXd balanced_inverse(const MatrixXd& A) {
+  const VectorXd scale = A.diagonal().cwiseSqrt().cwiseInverse();
+  const MatrixXd unit = scale.asDiagonal() * A * scale.asDiagonal();
+  return scale.asDiagonal() * solve_symmetric(unit, MatrixXd(scale.asDiagonal()));
+}
+
 SymmetricEigen symmetric_eigen(const MatrixXd& A) {
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(A);
   return {eigen.eigenvalues(), eigen.eigenvectors()};

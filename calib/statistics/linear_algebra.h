@@ -14,6 +14,9 @@ Eigen::VectorXd solve_symmetric(const Eigen::MatrixXd& A, const Eigen::VectorXd&
 // By LU with partial pivoting. REQUIRES: A regular
 Eigen::MatrixXd inverse(const Eigen::MatrixXd& A);
 
+// Of a symmetric, positive definite A whose rows differ by many powers of ten: by way of ones on its diagonal.
+Eigen::MatrixXd balanced_inverse(const Eigen::MatrixXd& A);
+
 // A = vectors diag(values) vectors', values rising. REQUIRES: A symmetric (the lower triangle is read)
 struct SymmetricEigen {
   Eigen::VectorXd values;

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <vector>
 
+#include <fmt/format.h>
+
 #include "calib/model/limits.h"
+#include "calib/statistics/data_screen.h"
 #include "calib/statistics/distributions.h"
 
 namespace turncal {
@@ -19,12 +21,6 @@ double quantile(std::vector<double> values, double part) {
   return *at;
 }
 
-std::string rounded(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
-
 }  // namespace
 
 RestFinder::RestFinder(const RecordingInfo& info, const SegmentationOptions& options)
@@ -34,8 +30,7 @@ RestFinder::RestFinder(const RecordingInfo& info, const SegmentationOptions& opt
 
 void RestFinder::add(std::span<const ImuSample> samples) {
   for (const ImuSample& sample : samples) {
-    Eigen::Array<double, 6, 1> x;
-    x << sample.gyro[0], sample.gyro[1], sample.gyro[2], sample.accel[0], sample.accel[1], sample.accel[2];
+    SixChannels x = channels_of(sample);
     if (!have_origin_) {
       origin_ = x;
       last_gyro_ = x.head<3>();
@@ -64,8 +59,8 @@ std::vector<RestFinder::Window> RestFinder::window_variances() const {
   const std::size_t width = static_cast<std::size_t>(options_.window_cells);
   std::vector<Window> windows(cells_.size() < width ? 0 : cells_.size() - width + 1);
   for (std::size_t k = 0; k < windows.size(); ++k) {
-    Eigen::Array<double, 6, 1> sum = Eigen::Array<double, 6, 1>::Zero();
-    Eigen::Array<double, 6, 1> squares = sum;
+    SixChannels sum = SixChannels::Zero();
+    SixChannels squares = sum;
     double n = 0.0;
     double changes = 0.0;
     bool gap = false;
@@ -76,7 +71,7 @@ std::vector<RestFinder::Window> RestFinder::window_variances() const {
       n += cells_[c].samples;
       gap = gap || cells_[c].gap;
     }
-    const Eigen::Array<double, 6, 1> variance = ((squares - sum * sum / n) / std::max(n - 1.0, 1.0)).max(0.0);
+    const SixChannels variance = ((squares - sum * sum / n) / std::max(n - 1.0, 1.0)).max(0.0);
     windows[k] = {variance.head<3>().mean(), variance.tail<3>().mean()};
     if (changes > 0.0) windows[k].smoothness = 2.0 * n * variance.head<3>().sum() / changes;
     if (gap) windows[k].gyro = windows[k].accel = INFINITY;
@@ -120,8 +115,10 @@ void RestFinder::choose_threshold(const std::vector<double>& ratios, Segmentatio
   if (best_length > segmentation_limits.shortest_plateau) {
     // Near the lower end: what is above it already holds the first of the motion.
     result.threshold = result.plateau_begin * std::pow(10.0, std::min(0.5, best_length / 3.0));
-    result.reason = "the number of rests stays the same for thresholds from " + rounded(result.plateau_begin) + " to " +
-                    rounded(result.plateau_end) + ", the longest such stretch; taken near its lower end";
+    result.reason = fmt::format(
+        "the number of rests stays the same for thresholds from {:.3g} to {:.3g}, the longest such stretch; taken near "
+        "its lower end",
+        result.plateau_begin, result.plateau_end);
   } else {
     result.threshold = 2.0 * noise_limit();
     result.plateau_begin = result.plateau_end = result.threshold;
@@ -169,7 +166,7 @@ std::vector<RestFinder::Run> RestFinder::runs_below(const std::vector<double>& r
 }
 
 Eigen::Vector3d RestFinder::mean_gyro(const Run& run) const {
-  Eigen::Array<double, 6, 1> sum = Eigen::Array<double, 6, 1>::Zero();
+  SixChannels sum = SixChannels::Zero();
   double n = 0.0;
   for (std::size_t c = run.first; c < run.end; ++c) {
     sum += cells_[c].sum;
@@ -242,9 +239,10 @@ Segmentation RestFinder::finish() {
     if (w.gyro <= quiet_fifth) smooth.push_back(w.smoothness);
   result.smoothness = quantile(smooth, 0.5);
   if (result.smoothness > segmentation_limits.smooth_motion) {
-    result.reason = "even in its quietest fifth the gyros follow a smooth motion and no noise (variance " +
-                    rounded(result.smoothness) +
-                    " times that of neighbouring samples): the unit swings and never rests";
+    result.reason = fmt::format(
+        "even in its quietest fifth the gyros follow a smooth motion and no noise (variance {:.3g} times that of "
+        "neighbouring samples): the unit swings and never rests",
+        result.smoothness);
     return result;
   }
   if (options_.threshold) {
@@ -265,12 +263,7 @@ Segmentation RestFinder::finish() {
   const std::int64_t end = cells_.back().end;
   std::int64_t at = first;
   const auto append = [&](SegmentKind kind, std::int64_t from, std::int64_t to) {
-    if (to <= from) return;
-    Segment segment;
-    segment.kind = kind;
-    segment.start_sample = from;
-    segment.end_sample = to;
-    result.segments.push_back(segment);
+    if (to > from) result.segments.push_back({.kind = kind, .start_sample = from, .end_sample = to});
   };
   for (const Run& run : runs) {
     const std::int64_t from = run.first == 0 ? cells_[run.first].start : cells_[run.first].start + guard;

@@ -1,24 +1,17 @@
 // Finds the rests in a stream of samples by itself, and says by which threshold and why.
 //
-// The stream is summed in cells of about cell_s. For every window of window_cells cells the variance of the samples
-// about their mean is taken, summed over the three axes, for gyros and accelerometers. The quiet level of each triad is
-// the median over the quietest fifth of the windows: the sensor's own noise, provided that a tenth of the recording is
-// at rest. The ratio
-//   R = max(gyro variance / quiet gyro variance, accelerometer variance / quiet accelerometer variance)
-// is near 1 at rest and 10 to 10^7 in motion. A hand that holds the unit shakes it, so the threshold cannot follow from
-// the noise: it is looked for where the outcome does not depend on it. Of all thresholds from what noise reaches to
-// 10^5 times that, in steps of 26 %, the longest stretch over which the number of rests (four or more) stays the same
-// is taken, and in it a point near the lower end. A stretch that begins above most_tremor (limits.h) is none: what shakes
-// so much moves. Hysteresis: a rest begins where R falls below the threshold and ends where R rises above three times it,
-// or stays above the threshold for a whole window. Cells of quiet windows are at rest; guard_s is cut at both ends, where a
-// window may still hold the end of a motion; shorter than min_rest_s is no rest. A slow even turn is as quiet as a rest:
-// one whose mean rate stands out from the others (by slow_turn_sigmas robust deviations and more than the sample noise) is
-// taken out.
+// The stream is summed in cells of about cell_s. In every window of window_cells cells the variance of the samples about their mean is
+// taken over the three axes of each triad; the quiet level is the median over the quietest fifth of the windows (a tenth of the
+// recording must rest). R = max over gyros and accelerometers of variance / quiet variance is near 1 at rest, 10 to 10^7 in motion.
+// A hand that holds the unit shakes it, so the threshold does not follow from the noise: of thresholds from what noise reaches to 10^5
+// times that, in steps of 26 %, the longest stretch is taken over which the number of rests (four or more) stays the same and that
+// begins below most_tremor (limits.h), and in it a point near the lower end. A rest ends where R rises above three times the threshold or
+// stays above it for a window; guard_s is cut at both ends; shorter than min_rest_s is no rest. A slow even turn, as quiet as a rest, is
+// one whose mean rate stands out by slow_turn_sigmas robust deviations and the sample noise.
 //
-// What was found verifies itself. Each rest is cut to the longest stretch that stands still, which takes the slow start
-// of a turn off its ends. And the quiet level must be noise: the variance of a window about its mean is set against half the mean
-// square of the differences of neighbouring samples, 1 for white noise and (2 n / 2 pi)^2 / 2 and the like for a smooth motion that
-// turns back within n samples. Where that ratio is above smooth_motion in the gyros' quiet windows, the unit swings: no rest.
+// What was found verifies itself: each rest is cut to the longest stretch that stands still (longest_still), and the quiet level must be
+// noise: variance over half the mean square difference of neighbouring samples is 1 for white noise, more for a smooth motion, and above
+// smooth_motion the unit swings and never rests.
 //
 // Pure function of the samples; memory: 100 bytes a cell. Not modelled: gaps (a cell with one is in motion).
 #pragma once
@@ -35,6 +28,8 @@
 #include "calib/types/recording_types.h"
 
 namespace turncal {
+
+using SixChannels = Eigen::Array<double, 6, 1>;  // gyro x y z, accelerometer x y z
 
 struct SegmentationOptions {
   double cell_s = 0.1;
@@ -71,8 +66,8 @@ class RestFinder {
     std::int64_t end = 0;  // counter, exclusive
     std::int32_t samples = 0;
     bool gap = false;
-    Eigen::Array<double, 6, 1> sum = Eigen::Array<double, 6, 1>::Zero();  // less the first sample of the stream
-    Eigen::Array<double, 6, 1> squares = Eigen::Array<double, 6, 1>::Zero();
+    SixChannels sum = SixChannels::Zero();  // less the first sample of the stream
+    SixChannels squares = SixChannels::Zero();
     double gyro_changes = 0.0;  // sum of squared differences to the sample before, over the three axes
   };
   struct Window {
@@ -109,14 +104,9 @@ Segmentation find_rests(const RecordingInfo& info, std::span<const ImuSample> sa
 // No segment has a commanded angle: nothing is known of the attitudes but what the sensors say (rest_model.h).
 bool without_table_angles(const Segments& segments);
 
-// Which part of a stretch that is said to be at rest really is.
-//
-// The stretch comes as means over equal pieces, gyros x y z and accelerometers x y z. A piece moves when the mean of it and its two
-// neighbours stands more than `outlier` robust standard deviations (1.4826 times the median of absolute deviations of the
-// pieces, but not less than their noise) from the median in any channel. What creeps or trembles evenly raises that deviation and
-// stays; the start of a turn, a knock or a second turn in the middle stands out. Of what is left the longest stretch counts.
-using SixChannels = Eigen::Array<double, 6, 1>;
-
+// Which part of a stretch that is said to be at rest really is. Of means over equal pieces one moves when the mean of it and its two
+// neighbours stands more than `outlier` robust standard deviations (1.4826 times the median absolute deviation, at least their noise)
+// from the median in any channel. What creeps or trembles evenly stays; a turn's start or a knock stands out. The longest stretch counts.
 struct StillPart {
   std::size_t first = 0;
   std::size_t end = 0;  // exclusive; equal to first: nothing is still

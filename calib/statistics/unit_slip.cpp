@@ -1,20 +1,32 @@
 #include "calib/statistics/unit_slip.h"
 
+#include <array>
 #include <cmath>
-#include <cstdio>
+#include <limits>
 #include <vector>
 
+#include <fmt/format.h>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
 #include "calib/model/attitude.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/distributions.h"
-#include "calib/statistics/table_turns.h"
 
 namespace turncal {
-
 namespace {
+
+// Of the rest that ends before block `end`, increments a second: biases of degrees in the time of a turn, and the earth's rate.
+Eigen::Vector3d rate_at_rest(const std::vector<Block>& blocks, std::size_t end) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  double t = 0.0;
+  for (std::size_t k = end; k > 0 && blocks[k - 1].segment == blocks[end - 1].segment; --k) {
+    if (!blocks[k - 1].whole_second) continue;
+    sum += blocks[k - 1].gyro;
+    t += blocks[k - 1].duration_s;
+  }
+  return t > 0.0 ? (sum / t).eval() : sum;
+}
 
 constexpr UnitSlip of_accelerometers[] = {
     {1.0 / standard_gravity_mps2, "as if they were in g, not m/s^2"},
@@ -33,9 +45,7 @@ constexpr UnitSlip of_gyros[] = {
 
 std::string found(const char* what, double ratio, const UnitSlip* slip) {
   if (slip == nullptr) return {};
-  char text[200];
-  std::snprintf(text, sizeof text, "%s %.4g times what is expected: %s", what, ratio, slip->words);
-  return text;
+  return fmt::format("{} {:.4g} times what is expected: {}", what, ratio, slip->words);
 }
 
 std::string wrong_accelerometers(const CompressedRecording& recording) {
@@ -57,6 +67,37 @@ std::string wrong_gyros(const CompressedRecording& recording) {
 
 }  // namespace
 
+std::vector<TableTurn> table_turns(const CompressedRecording& recording) {
+  constexpr double least_turn_deg = 20.0;
+  const double gyro_rad = nominal_gyro_rad(recording.info);
+  const std::vector<Block>& blocks = recording.blocks;
+  std::vector<TableTurn> turns;
+  for (std::size_t first = 0, end = 0; first < blocks.size(); first = end) {
+    const auto segment = static_cast<std::size_t>(blocks[first].segment);
+    Eigen::Vector3d felt = Eigen::Vector3d::Zero();
+    double felt_s = 0.0;
+    for (end = first; end < blocks.size() && static_cast<std::size_t>(blocks[end].segment) == segment; ++end) {
+      felt += blocks[end].gyro;
+      felt_s += blocks[end].duration_s;
+    }
+    felt -= felt_s * rate_at_rest(blocks, first);
+    if (segment == 0 || recording.segments[segment].kind != SegmentKind::rotate) continue;
+    const Segment &from = recording.segments[segment - 1], &to = recording.segments[segment];
+    const std::array<double, 3> by = {std::abs(to.heading_deg - from.heading_deg),
+                                      std::abs(to.pitch_deg - from.pitch_deg), std::abs(to.roll_deg - from.roll_deg)};
+    const double sum = by[0] + by[1] + by[2];
+    const bool one_axis = by[0] == sum || by[1] == sum || by[2] == sum;
+    if (one_axis && sum >= least_turn_deg) turns.push_back({first, end, sum * rad_per_deg, gyro_rad * felt});
+  }
+  return turns;
+}
+
+double felt_of_commanded(const CompressedRecording& recording) {
+  std::vector<double> ratios;
+  for (const TableTurn& turn : table_turns(recording)) ratios.push_back(turn.felt_rad() / turn.commanded_rad);
+  return ratios.size() < 3 ? std::numeric_limits<double>::quiet_NaN() : median(ratios);
+}
+
 std::span<const UnitSlip> accel_slips() { return of_accelerometers; }
 std::span<const UnitSlip> gyro_slips() { return of_gyros; }
 
@@ -70,12 +111,9 @@ std::string wrong_pulse_weight(double gravity_ratio, const RecordingInfo& info) 
   constexpr double far =
       1.8;  // no accelerometer's scale factor is off by as much, and a weight that is twice too large shows
   if (gravity_ratio < far && gravity_ratio > 1.0 / far) return {};
-  char text[160];
-  std::snprintf(
-      text, sizeof text,
-      "gravity reads %.4g times what is expected: accel_pulse_mps = %g is not what a pulse of this unit weighs",
+  return fmt::format(
+      "gravity reads {:.4g} times what is expected: accel_pulse_mps = {:g} is not what a pulse of this unit weighs",
       gravity_ratio, info.accel_pulse_mps);
-  return text;
 }
 
 std::string wrong_axes(const Eigen::Matrix3d& n) {
@@ -97,11 +135,7 @@ std::string wrong_axes(const Eigen::Matrix3d& n) {
 }
 
 std::string wrong_table_axes(const CompressedRecording& recording, const Eigen::Matrix3d& mounting) {
-  const auto attitude = [&](const Segment& s) {
-    return Eigen::Matrix3d(
-        attitude_from_angles(s.heading_deg * rad_per_deg, s.pitch_deg * rad_per_deg, s.roll_deg * rad_per_deg) *
-        mounting);
-  };
+  const auto attitude = [&](const Segment& s) { return Eigen::Matrix3d(attitude_at(angles_of(s)) * mounting); };
   Eigen::Matrix3d turned = Eigen::Matrix3d::Zero(), felt = Eigen::Matrix3d::Zero();
   for (const TableTurn& turn : table_turns(recording)) {
     // A hundredth of the turn: its direction, however often it goes round.

@@ -4,10 +4,26 @@
 
 #include <span>
 #include <string>
+#include <vector>
+
+#include <Eigen/Core>
 
 #include "calib/statistics/compression.h"
 
 namespace turncal {
+
+// The turns of a table, one axis at a time: what was commanded, and what the gyros add up to beyond what they read in the rest before.
+struct TableTurn {
+  std::size_t first = 0, end = 0;  // blocks
+  double commanded_rad = 0.0;      // above zero
+  Eigen::Vector3d felt =
+      Eigen::Vector3d::Zero();  // by the nominal scale; the axis stands still in the unit, so the sums add up
+  double felt_rad() const { return felt.norm(); }
+};
+// Of one axis by 20 deg and more, in the order in which they came.
+std::vector<TableTurn> table_turns(const CompressedRecording& recording);
+// What is felt over what was commanded, the median turn; NaN with fewer than three.
+double felt_of_commanded(const CompressedRecording& recording);
 
 struct UnitSlip {
   double factor;      // what is read over what is true
@@ -23,7 +39,7 @@ const UnitSlip* slip_near(std::span<const UnitSlip> slips, double ratio);
 std::string wrong_pulse_weight(double gravity_ratio, const RecordingInfo& info);
 
 // Of a recording with table angles: gravity at rest, by the median second, and, in physical units, what the gyros
-// add up to in the table's turns (table_turns.h), by the median turn. One sentence; empty: nothing is plainly wrong.
+// add up to in the table's turns, by the median turn. One sentence; empty: nothing is plainly wrong.
 std::string wrong_table_units(const CompressedRecording& recording);
 
 // Of rate = n * reading, n over the nominal scale: which gyro reads which axis, where that is not its own; empty: each its own.

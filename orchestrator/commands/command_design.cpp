@@ -7,7 +7,7 @@
 #include <memory>
 
 #include "calib/navigation/alignment.h"
-#include "calib/prediction/predicted_drift.h"
+#include "calib/prediction/predict.h"
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"

@@ -11,7 +11,7 @@
 // is concluded.
 // Not seen: the sign of a gyro that neither a turn nor the earth's rotation shows in that step; gyro scale factors.
 // A run that goes on after an interruption has passed this. In every step, not the first alone: no channel may give one and the same
-// value while the table turns (channel_life.h). A sample that cannot be (implausible.h) is not counted.
+// value while the table turns (data_screen.h). A sample that cannot be (data_screen.h) is not counted.
 #pragma once
 
 #include <cstdint>
@@ -21,8 +21,7 @@
 #include <Eigen/Core>
 
 #include "calib/model/parameters.h"
-#include "calib/statistics/channel_life.h"
-#include "calib/statistics/implausible.h"
+#include "calib/statistics/data_screen.h"
 #include "orchestrator/devices/earth_rate_check.h"
 #include "orchestrator/devices/felt_directions.h"
 #include "orchestrator/run/run_observer.h"

@@ -29,7 +29,7 @@ struct DiagnosisOutput {
   std::vector<std::string> table;  // for the terminal
 };
 
-// Of one recording, or of several of one unit (calib/joint/joined_recordings.h), which are of a table then.
+// Of one recording, or of several of one unit (calib/joint/several_recordings.h), which are of a table then.
 // Errors: kind input for recordings that cannot be diagnosed (together), unit_failed when the base model does not settle.
 Result<DiagnosisOutput> diagnose_recordings(const std::vector<const LoadedRecording*>& recordings,
                                             const DiagnosisRequest& request);

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "calib/rests/rest_data.h"
-#include "calib/statistics/channel_life.h"
 #include "calib/statistics/clipping.h"
+#include "calib/statistics/data_screen.h"
 #include "calib/statistics/segmentation.h"
 #include "calib/statistics/unit_slip.h"
 #include "imu_io/base/clock.h"

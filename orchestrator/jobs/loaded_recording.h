@@ -23,7 +23,7 @@ struct LoadedRecording {
   std::string hash;          // of the contents (RecordingSource::content_hash)
   double recorded_s = 0.0;   // of all its segments
   bool by_hand = false;      // no table angles
-  std::string dead_channel;  // channel_life.h, of a recording with table angles
+  std::string dead_channel;  // data_screen.h, of a recording with table angles
 };
 
 // Blocks as short as the recording needs: those of rests found by hand where it has no table angles. `progress`, if given, is

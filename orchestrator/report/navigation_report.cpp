@@ -4,7 +4,7 @@
 #include <cstdio>
 
 #include "calib/model/parameters.h"
-#include "calib/navigation/earth.h"
+#include "calib/navigation/mechanisation.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/drawing.h"
 #include "orchestrator/figures/report_format.h"

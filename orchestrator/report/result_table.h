@@ -10,7 +10,7 @@
 
 #include "calib/diagnosis/diagnosis.h"
 #include "calib/model/parameters.h"
-#include "calib/prediction/predicted_drift.h"
+#include "calib/prediction/predict.h"
 #include "calib/rests/single_pose.h"
 #include "imu_io/recordings/matrix_writer.h"
 #include "imu_io/recordings/parameter_file.h"

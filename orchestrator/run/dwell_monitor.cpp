@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "calib/model/parameters.h"
-#include "calib/statistics/implausible.h"
+#include "calib/statistics/data_screen.h"
 
 namespace turncal {
 

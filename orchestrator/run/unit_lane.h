@@ -21,7 +21,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/statistics/implausible.h"
+#include "calib/statistics/data_screen.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
 #include "imu_io/base/clock.h"

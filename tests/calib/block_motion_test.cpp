@@ -81,7 +81,7 @@ std::vector<ImuSample> counts(const VectorFunction& w, const VectorFunction& f, 
       angle += 0.5 * dt * weight[k] * w(t);
       speed += 0.5 * dt * weight[k] * f(t);
     }
-    ImuSample& s = out[static_cast<std::size_t>(i)];
+    ImuSample& s = out[i];
     s.counter = i;
     Vector3d::Map(s.gyro.data()) = gyro_inverse * angle;
     Vector3d::Map(s.accel.data()) = accel_inverse * speed;
@@ -327,8 +327,7 @@ TEST(ParameterColumns, AgreeWithCentralDifferences) {
     const Block block = one_block(counts(c.w, c.f, c.samples, sensor_model(wrong_unit(), pulses_info())));
     const Worst worst = check_columns(block, wrong_unit(), columns_of(block, wrong_unit()), rest);
     EXPECT_LT(worst.difference, tolerance)
-        << c.name << ": column " << parameter_keys[static_cast<std::size_t>(std::max(worst.column, 0))] << " of "
-        << worst.what;
+        << c.name << ": column " << parameter_keys[std::max(worst.column, 0)] << " of " << worst.what;
   }
 }
 
@@ -348,14 +347,14 @@ TEST(ParameterColumns, AWrongColumnIsCaught) {
     BlockColumns bad = good;
     bad.velocity.col(k) *= -1.0;
     const Worst flipped = check_columns(block, wrong_unit(), bad, false);
-    EXPECT_GT(flipped.difference, 1e-3) << "sign of velocity column " << parameter_keys[static_cast<std::size_t>(k)];
+    EXPECT_GT(flipped.difference, 1e-3) << "sign of velocity column " << parameter_keys[k];
     EXPECT_EQ(flipped.column, k);
   }
   for (int k = 6; k < 15; ++k) {
     BlockColumns bad = good;
     bad.rotation.col(k) *= 1.01;
     EXPECT_GT(check_columns(block, wrong_unit(), bad, false).difference, 1e-3)
-        << "size of rotation column " << parameter_keys[static_cast<std::size_t>(k)];
+        << "size of rotation column " << parameter_keys[k];
   }
   BlockColumns transposed = good;  // n12 for n21
   transposed.rotation.col(7).swap(transposed.rotation.col(9));

@@ -7,7 +7,7 @@ namespace {
 
 // Scores that see nothing but the columns of `visible_ones`, with these z.
 Scores scores_with(const DiagnosisModel& m, const std::vector<std::pair<int, double>>& visible_ones) {
-  const auto n = static_cast<Eigen::Index>(m.columns.size());
+  const auto n = m.columns.size();
   Scores s{Eigen::MatrixXd::Zero(n, n), Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
   for (const auto& [k, z] : visible_ones) {
     s.Q(k, k) = 1.0;
@@ -45,7 +45,7 @@ TEST(CandidateList, WhatIsAsGoodIsAnAliasAndARival) {
   const Scores s = scores_with(m, {{chosen, 6.0}, {near, 5.5}, {far, 4.0}});
   SelectionStage stage;
   Diagnosis d;
-  name_aliases(m, s, m.catalogue[static_cast<std::size_t>(chosen)], 36.0, stage, d);
+  name_aliases(m, s, m.catalogue[chosen], 36.0, stage, d);
   EXPECT_EQ(d.aliases["accel_second_order"], std::vector<std::string>{"accel_third_order"});
   ASSERT_EQ(stage.rivals.size(), 1u);
   EXPECT_DOUBLE_EQ(stage.rivals[0].second, 5.5 * 5.5);
@@ -61,7 +61,7 @@ TEST(CandidateList, WhatCannotBeSeenIsNoRivalOfAWeakScore) {
   const int chosen = column_of(m, "accel_second_order.y");
   SelectionStage stage;
   Diagnosis d;
-  name_aliases(m, scores_with(m, {{chosen, 2.5}}), m.catalogue[static_cast<std::size_t>(chosen)], 6.25, stage, d);
+  name_aliases(m, scores_with(m, {{chosen, 2.5}}), m.catalogue[chosen], 6.25, stage, d);
   EXPECT_TRUE(stage.rivals.empty());
   EXPECT_TRUE(stage.rival_columns.empty());
   EXPECT_TRUE(d.aliases["accel_second_order"].empty());

@@ -165,7 +165,7 @@ TEST(ClosedForm, TheCleanRecordingWithinItsNoise) {
   const ParameterVector found = to_vector(result.parameters);
   double sum = 0.0;
   for (std::size_t k = 0; k < 24; ++k) {
-    const double error = found[static_cast<Eigen::Index>(k)] - truth.number(parameter_keys[k]);
+    const double error = found[k] - truth.number(parameter_keys[k]);
     if (!parameter_is_free[k]) continue;
     std::printf("%s %9.1e  %5.1f rms\n", std::string(parameter_keys[k]).c_str(), error, error / expected_rms[k]);
     EXPECT_LT(std::abs(error), 3.5 * expected_rms[k]) << parameter_keys[k];

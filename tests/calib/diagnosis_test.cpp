@@ -77,7 +77,7 @@ TEST(Diagnosis, DelayIsFoundNamedAddedAndConfirmed) {
   const ParameterVector error = to_vector(d.extended.parameters) - to_vector(made.truth);
   for (int k = 0; k < parameter_count; ++k) {
     if (d.extended.sigma[k] > 0.0) {
-      EXPECT_LT(std::abs(error[k]), 4.5 * d.extended.sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
+      EXPECT_LT(std::abs(error[k]), 4.5 * d.extended.sigma[k]) << parameter_keys[k];
     }
   }
 }

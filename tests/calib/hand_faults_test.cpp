@@ -137,8 +137,7 @@ TEST(Segmentation, ThresholdsStayNearTheNoise) {
     if (s.kind == SegmentKind::rotate) continue;
     const double size = 0.0002 * std::pow(100.0, (rest++ % 20) / 19.0) * 3.0;
     for (std::int64_t k = s.start_sample + 250; k < s.start_sample + 350; ++k)
-      hand.samples[static_cast<std::size_t>(k)].gyro[0] +=
-          size * std::sin(0.0628 * static_cast<double>(k - s.start_sample - 250)) * 0.01;
+      hand.samples[k].gyro[0] += size * std::sin(0.0628 * static_cast<double>(k - s.start_sample - 250)) * 0.01;
   }
   const Segmentation found = find_rests(hand.info, hand.samples);
   EXPECT_LT(found.threshold, 3.2 * segmentation_limits.most_tremor);

@@ -1,5 +1,4 @@
 // Several recordings of one unit, fitted and diagnosed as one: rig recordings of one unit, each with a turn-on of its own laid on it.
-#include "calib/joint/joined_recordings.h"
 
 #include <gtest/gtest.h>
 
@@ -81,7 +80,7 @@ TEST_P(JoinedRecordingsOf, OneUnitAreCleanWhateverTheirTurnOns) {
     EXPECT_GT(d.extended.sigma[k], 0.4 * step) << k;
   }
   for (int k = 6; k < parameter_count; ++k) {
-    if (!parameter_is_free[static_cast<std::size_t>(k)]) continue;
+    if (!parameter_is_free[k]) continue;
     const auto at = std::find(d.extended.free.begin(), d.extended.free.end(), k) - d.extended.free.begin();
     EXPECT_LT(std::sqrt(d.fitted_covariance(at, at)), 0.85 * alone.sigma[k]) << k;
     EXPECT_LT(std::abs(to_vector(d.extended.parameters)[k] - truth[k]), 4.5 * d.extended.sigma[k]) << k;
@@ -165,8 +164,8 @@ TEST_P(JoinedRecordingsOf, OneUnitAreWhatTheirEstimatesAddUpTo) {
   leave_what_is_common(fit, 2);
   const ParameterVector apart = to_vector(added.parameters) - to_vector(fit.parameters);
   for (const int k : free) {
-    EXPECT_LT(std::abs(apart[k]), 0.02 * fit.sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
-    EXPECT_NEAR(added.sigma[k] / fit.sigma[k], 1.0, 0.01) << parameter_keys[static_cast<std::size_t>(k)];
+    EXPECT_LT(std::abs(apart[k]), 0.02 * fit.sigma[k]) << parameter_keys[k];
+    EXPECT_NEAR(added.sigma[k] / fit.sigma[k], 1.0, 0.01) << parameter_keys[k];
   }
 }
 

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "calib/joint/joint_estimate.h"
-#include "calib/joint/motion_step.h"
+#include "calib/joint/linear_motion.h"
 #include "tests/nees.h"
 #include "tests/rig_recorder.h"
 
@@ -71,7 +71,7 @@ TEST(JointConditions, AGapCostsWhatItsTurnKnewAndNoMore) {
     EXPECT_NEAR(r.noise.angle_random_walk.x() / clean_estimate().noise.angle_random_walk.x(), 1.0, 0.1) << lost;
     const ParameterVector error = to_vector(r.parameters) - to_vector(made.truth);
     for (const int k : r.free) {
-      const auto& key = parameter_keys[static_cast<std::size_t>(k)];
+      const auto& key = parameter_keys[k];
       EXPECT_LT(std::abs(error[k]), 4.0 * r.sigma[k]) << lost << " " << key;
       EXPECT_LT(r.sigma[k], 1.1 * expected[k]) << lost << " " << key;
       if (lost == 3) {
@@ -92,7 +92,7 @@ TEST(JointConditions, AWrongHeadingCostsNothing) {
     EXPECT_TRUE(r.whiteness.white);
     const ParameterVector difference = to_vector(r.parameters) - to_vector(clean_estimate().parameters);
     for (const int k : r.free) {
-      const auto& key = parameter_keys[static_cast<std::size_t>(k)];
+      const auto& key = parameter_keys[k];
       EXPECT_LT(std::abs(difference[k]), 0.02 * r.sigma[k]) << wrong_deg << " " << key;
       EXPECT_NEAR(r.sigma[k] / clean_estimate().sigma[k], 1.0, 0.01) << wrong_deg << " " << key;
     }

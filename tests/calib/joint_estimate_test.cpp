@@ -88,9 +88,9 @@ TEST(JointEstimate, NamesWhatIsNotDetermined) {
   ASSERT_FALSE(r.undetermined.empty());
   int lost = 0;
   for (int k = 0; k < parameter_count; ++k)
-    if (parameter_is_free[static_cast<std::size_t>(k)] && !r.determined[static_cast<std::size_t>(k)]) {
+    if (parameter_is_free[k] && !r.determined[k]) {
       ++lost;
-      EXPECT_EQ(r.sigma[k], 0.0) << parameter_keys[static_cast<std::size_t>(k)] << " has no sigma to print";
+      EXPECT_EQ(r.sigma[k], 0.0) << parameter_keys[k] << " has no sigma to print";
     }
   EXPECT_GE(lost, 2);
   for (const Undetermined& u : r.undetermined) EXPECT_FALSE(u.combination.empty());

@@ -168,7 +168,7 @@ TEST(BadDataNone, ClippedTurnsAreNamedAndSetAside) {
     EXPECT_LT(nees(r, made.truth), chi_square_21_one_in_1000) << "gyro " << axes.front();
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const bool lost = std::find(axes.begin(), axes.end(), axis) != axes.end();
-      const double sigma = r.sigma[static_cast<Eigen::Index>(6 + 4 * axis)];
+      const double sigma = r.sigma[6 + 4 * axis];
       EXPECT_EQ(sigma > 1e-5, lost) << "gyro " << axis << ": " << sigma;
     }
   }

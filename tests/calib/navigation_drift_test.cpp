@@ -6,8 +6,8 @@
 
 #include "calib/model/attitude.h"
 #include "calib/navigation/alignment.h"
-#include "calib/navigation/earth.h"
 #include "calib/navigation/free_navigation.h"
+#include "calib/navigation/mechanisation.h"
 
 namespace turncal {
 namespace {
@@ -160,7 +160,7 @@ TEST_P(NavigationSensitivity, AgreesWithTheDifferenceOfTwoNavigations) {
   info.gyro_increment = info.accel_increment = IncrementKind::physical;
   const Result7 base = navigate(integrated(samples, ideal()), samples.q_nb, noise, counts_model(ideal(), info));
   for (int p = 0; p < parameter_count; ++p) {
-    if (!parameter_is_free[static_cast<std::size_t>(p)]) continue;
+    if (!parameter_is_free[p]) continue;
     ParameterVector v = to_vector(ideal());
     const double step = p < 3 ? 0.01 : p < 6 ? 1e-6 : p < 15 ? 1e-6 : 1e-6;
     v[p] += step;
@@ -170,8 +170,8 @@ TEST_P(NavigationSensitivity, AgreesWithTheDifferenceOfTwoNavigations) {
     // Each of attitude, velocity and position against the size of its own.
     for (const auto& [first, count] : {std::pair{0, 3}, std::pair{3, 2}, std::pair{5, 2}})
       EXPECT_LT((difference - linear).segment(first, count).norm(), 0.02 * linear.segment(first, count).norm() + 1e-9)
-          << parameter_keys[static_cast<std::size_t>(p)] << " rows " << first << ": " << difference.transpose()
-          << " against " << linear.transpose();
+          << parameter_keys[p] << " rows " << first << ": " << difference.transpose() << " against "
+          << linear.transpose();
   }
 }
 INSTANTIATE_TEST_SUITE_P(Rest, NavigationSensitivity, testing::Values(60.0, 1500.0));

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "calib/model/parameters.h"
-#include "calib/navigation/increments.h"
+#include "calib/navigation/mechanisation.h"
 
 namespace turncal {
 namespace {

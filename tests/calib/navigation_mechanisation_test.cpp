@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "calib/model/parameters.h"
-#include "calib/navigation/earth.h"
 #include "calib/navigation/mechanisation.h"
 
 namespace turncal {

@@ -164,8 +164,7 @@ TEST(PlannedMotion, ParametersOfTheUnitAreFoundAgain) {
   const JointResult result = joint_estimate(planned_recording(info, motion, unit), options);
   ASSERT_TRUE(result.converged) << result.message;
   const ParameterVector error = to_vector(result.parameters) - to_vector(unit);
-  for (const int k : result.free)
-    EXPECT_LT(std::abs(error[k]), 0.02 * result.sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
+  for (const int k : result.free) EXPECT_LT(std::abs(error[k]), 0.02 * result.sigma[k]) << parameter_keys[k];
 }
 
 TEST(PlannedMotion, HardAccelerationIsNoGlitch) {

@@ -101,7 +101,7 @@ TEST(Predict, AgreesWithTheEstimateOnARecordingOfAnotherSimulator) {
   const JointResult estimate = joint_estimate(read_clean(14));  // noise fitted to the data
   ASSERT_TRUE(estimate.converged) << estimate.message;
   for (const int k : estimate.free)
-    EXPECT_NEAR(prediction.sigma[k] / estimate.sigma[k], 1.0, 0.10) << parameter_keys[static_cast<std::size_t>(k)];
+    EXPECT_NEAR(prediction.sigma[k] / estimate.sigma[k], 1.0, 0.10) << parameter_keys[k];
 }
 
 // What issue and method promise of the fourteen steps. a_ij: per unit of a, which on that unit is 3 % off 1.
@@ -112,8 +112,8 @@ TEST(Predict, FourteenStepsKeepTheirPromise) {
   limit << 0.0021, 0.0030, 0.0021, 3.0e-7, 2.3e-7, 2.9e-7, 3.6e-7, 1.1e-6, 1.0e-6, 1.2e-6, 5.2e-7, 7.5e-7, 1.9e-6,
       8.2e-7, 3.7e-7, 3.1e-7, 1.1e-6, 1.9e-6, 0.0, 2.3e-7, 9.7e-7, 0.0, 0.0, 2.9e-7;
   for (const int k : p.free) {
-    EXPECT_LT(p.sigma[k], limit[k]) << parameter_keys[static_cast<std::size_t>(k)];
-    EXPECT_GT(p.sigma[k], 0.7 * limit[k]) << parameter_keys[static_cast<std::size_t>(k)];
+    EXPECT_LT(p.sigma[k], limit[k]) << parameter_keys[k];
+    EXPECT_GT(p.sigma[k], 0.7 * limit[k]) << parameter_keys[k];
   }
   EXPECT_TRUE(undetermined_keys(p.determined).empty());
 }
@@ -220,7 +220,7 @@ TEST(Predict, ASigmaThatIsPrintedHoldsWhateverTheUndeterminedIs) {
     const Eigen::VectorXd balance = A.diagonal().cwiseSqrt().cwiseInverse();
     const Eigen::MatrixXd inverse = (balance.asDiagonal() * A * balance.asDiagonal()).inverse();
     for (std::size_t i = 0; i < r.free.size(); ++i) {
-      const auto row = static_cast<Eigen::Index>(i);
+      const auto row = i;
       const auto k = static_cast<std::size_t>(r.free[i]);
       const double whole = std::sqrt(inverse(row, row)) * balance[row];
       if (r.determined[k]) {
@@ -251,8 +251,7 @@ TEST(Predict, FourStepsDetermineAllAndTheEstimateAgrees) {
     EXPECT_TRUE(undetermined_keys(estimate.determined).empty());
     EXPECT_TRUE(estimate.faults.empty());
     const ParameterVector error = to_vector(estimate.parameters) - truth;
-    for (const int k : estimate.free)
-      EXPECT_LT(std::abs(error[k]), 3.5 * estimate.sigma[k]) << parameter_keys[static_cast<std::size_t>(k)];
+    for (const int k : estimate.free) EXPECT_LT(std::abs(error[k]), 3.5 * estimate.sigma[k]) << parameter_keys[k];
   };
   const RigRecording made = record_on_rig(four, rig_with_walks_only(7));
   holds(joint_estimate(made.recording), to_vector(made.truth));

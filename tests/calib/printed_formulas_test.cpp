@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "calib/closed_form/closed_form_layout.h"
+#include "calib/closed_form/closed_form.h"
 #include "tests/calib/closed_form_fixture.h"
 
 namespace turncal {
@@ -45,7 +45,7 @@ const std::vector<Printed>& printed_formulas() {
   const auto drift = [](const M& m) { return 3600.0 * 180.0 / pi * m.leg1.heading_change_rad / m.leg1.dwell_s; };
   const auto five_and_six = [](const M& m, P& p) {
     for (int i = 0; i < 3; ++i) {
-      const double up = m.up[static_cast<std::size_t>(i)][i], down = m.down[static_cast<std::size_t>(i)][i];
+      const double up = m.up[i][i], down = m.down[i][i];
       p.A0_g[i] += (up + down) / 2.0 / standard_gravity_mps2;
       p.a(i, i) /= (up - down) / 2.0 / m.gravity_mps2;
     }

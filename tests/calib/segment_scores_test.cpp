@@ -24,7 +24,7 @@ SegmentScores scores_of_a_run() {
 TEST(SegmentScores, TracesAndSumsAreThoseOfTheWholeCovariance) {
   const SegmentScores scores = scores_of_a_run();
   const std::vector<Piece>& pieces = scores.pieces();
-  const Eigen::Index n = static_cast<Eigen::Index>(pieces.size());
+  const Eigen::Index n = pieces.size();
   ASSERT_GT(n, 60);
   constexpr int dim = 4;
   const auto number = [&](const Piece& piece) {

@@ -45,7 +45,7 @@ TEST(Segmentation, AnEvenSlowTurnIsNoRest) {
   const Segment& rest = hand.segments[8];
   ASSERT_EQ(rest.kind, SegmentKind::still);
   for (std::int64_t k = rest.start_sample; k < rest.end_sample; ++k)
-    hand.samples[static_cast<std::size_t>(k)].gyro[1] += 0.05 * hand.info.sample_period_s;
+    hand.samples[k].gyro[1] += 0.05 * hand.info.sample_period_s;
   const Segmentation found = find_rests(hand.info, hand.samples);
   EXPECT_EQ(found.slow_turns, 1);
   EXPECT_EQ(compare_rests(found.segments, hand.segments, hand.info.sample_period_s).rests_a, 19);

@@ -50,7 +50,7 @@ TEST(SeveralRecordings, CommonParametersGainAndBiasesAreOfEach) {
   EXPECT_GT(r.p_value, 0.001);
   EXPECT_LT(nees(r.unit, truth), chi_square_21_one_in_1000);
   for (int k = 6; k < parameter_count; ++k) {
-    if (!parameter_is_free[static_cast<std::size_t>(k)]) continue;
+    if (!parameter_is_free[k]) continue;
     EXPECT_NEAR(r.unit.sigma[k] / estimates[0].sigma[k], 1.0 / std::sqrt(3.0), 0.06) << k;
   }
   for (int k = 0; k < 6; ++k) {
@@ -68,7 +68,7 @@ TEST(SeveralRecordings, WhatOneDoesNotDetermineTheOtherMay) {
   const JointResult alone = joint_estimate(whole.recording);
   const SeveralRecordings r = combine_recordings({alone, little});
   for (const int k : r.unit.free) {
-    EXPECT_TRUE(r.unit.determined[static_cast<std::size_t>(k)]) << k;
+    EXPECT_TRUE(r.unit.determined[k]) << k;
     if (k < 6) continue;
     EXPECT_LT(r.unit.sigma[k], 1.001 * alone.sigma[k]) << k;
   }

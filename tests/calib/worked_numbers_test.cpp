@@ -33,7 +33,7 @@ TEST(WorkedPositions, BodyAxesPointWhereTheTableSays) {
       const int letter = static_cast<int>(letters.find(at.axes[axis]));
       for (int n = 0; n < 3; ++n) {
         const double expected = n == letter % 3 ? (letter < 3 ? 1.0 : -1.0) : 0.0;
-        EXPECT_NEAR(rig[static_cast<std::size_t>(3 * n + axis)], expected, 1e-15) << at.axes;
+        EXPECT_NEAR(rig[3 * n + axis], expected, 1e-15) << at.axes;
         EXPECT_NEAR(estimator(n, axis), expected, 1e-15) << at.axes;
       }
     }
@@ -46,7 +46,7 @@ std::vector<StepMeasurement> measure(const std::string& key, double error) {
   const auto place = std::find(parameter_keys.begin(), parameter_keys.end(), key);
   EXPECT_NE(place, parameter_keys.end()) << key;
   const auto index = static_cast<std::size_t>(place - parameter_keys.begin());
-  config.truth[index] = to_vector(Parameters{})[static_cast<Eigen::Index>(index)] + error;
+  config.truth[index] = to_vector(Parameters{})[index] + error;
   static const Sequence sequence = must_read_sequence("fourteen_step.seq");
   const CompressedRecording recording = record_on_rig(sequence, config).recording;
   EXPECT_DOUBLE_EQ(recording.info.gravity_mps2, 9.7914);
@@ -55,7 +55,7 @@ std::vector<StepMeasurement> measure(const std::string& key, double error) {
   std::vector<StepMeasurement> steps(closed_form_steps + 1);
   ClosedFormOptions once;
   once.max_passes = 1;
-  const auto note = [&](const StepMeasurement& m, Parameters&) { steps[static_cast<std::size_t>(m.step)] = m; };
+  const auto note = [&](const StepMeasurement& m, Parameters&) { steps[m.step] = m; };
   must(closed_form_calibrate_with(recording, Parameters{}, once, note));
   return steps;
 }
@@ -81,7 +81,7 @@ class WorkedNumbers : public ::testing::TestWithParam<Worked> {};
 
 TEST_P(WorkedNumbers, TheRigShowsTheVelocityComputedByHand) {
   const Worked& w = GetParam();
-  const StepMeasurement m = measure(w.key, w.error)[static_cast<std::size_t>(w.step)];
+  const StepMeasurement m = measure(w.key, w.error)[w.step];
   ASSERT_EQ(m.step, w.step);
   EXPECT_NEAR(m.leg1.dwell_s, 100.0, 1e-9);
   expect_velocity(m.leg1.velocity_mps.z(), w.V1_mps, "V1");
@@ -146,7 +146,7 @@ TEST(WorkedNumbersStep14, NorthGyro) {
 TEST(WorkedNumbersStep0, APerfectUnitShowsNothing) {
   const std::vector<StepMeasurement> steps = measure("a21", 0.0);
   for (int step = 2; step <= closed_form_steps; ++step) {
-    const StepMeasurement& m = steps[static_cast<std::size_t>(step)];
+    const StepMeasurement& m = steps[step];
     EXPECT_LT(std::abs(m.leg1.velocity_mps.z()), 1e-7) << step;
     if (step < 13) {
       EXPECT_LT(std::abs(m.leg2.velocity_mps.z()), 1e-7) << step;

@@ -132,7 +132,7 @@ void run_drawn(const HandUnitPlan& plan) {
     Squares own, others, bias, accel, n;
     double largest = 0.0;
     int open = 0;
-    for (const int k : rest_parameter_indices()) {
+    for (const int k : free_parameters()) {
       if (std::isnan(f.sigma[k])) {
         ++open;
         continue;
@@ -207,7 +207,7 @@ void run_measured(const std::vector<EffectColumn>& columns, const char* path) {
       const auto engine = static_cast<Engine>(e);
       const Fitted f = engine == Engine::rests ? of_rests(*fit) : fit_joint(engine, kept, *fit, columns);
       failed[e] += !f.ok;
-      for (const int k : rest_parameter_indices()) open[e] += std::isnan(f.sigma[k]);
+      for (const int k : free_parameters()) open[e] += std::isnan(f.sigma[k]);
       level[e] += f.level / parts;
       if (f.effects.size() != fit->effect_values.size()) continue;
       const RestErrors errors = errors_of(data, f, effects, first, end);

@@ -10,7 +10,7 @@
 #include <cstring>
 
 #include "calib/joint/joint_estimate.h"
-#include "calib/prediction/predicted_drift.h"
+#include "calib/prediction/predict.h"
 #include "orchestrator/jobs/planned_unit.h"
 #include "sequences/plan.h"
 #include "tests/rig_recorder.h"

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "calib/joint/joint_estimate.h"
-#include "calib/joint/joint_faults.h"
 #include "calib/model/effects.h"
 #include "calib/rests/rest_data.h"
 #include "calib/statistics/compression.h"

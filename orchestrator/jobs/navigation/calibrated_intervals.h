@@ -1,12 +1,8 @@
-// What the effects of a parameter file read over each sample of a recording: what `turncal apply` takes off.
+// A recording read once, its samples calibrated by one or more parameter files, as intervals of motion (calib/navigation/mechanisation.h).
 //
-// The terms are those of the estimate itself (calib/joint/joint_filter.h): constant over a block, one second at rest and at most
-// 0.1 s in a turn, evaluated at the rate, specific force, temperature, time and attitude of the block. Time counts from the
-// first sample of the recording at hand.
-//
-// What a parameter file says of its own uncertainty: noise of the sensors, and the covariance of the parameters.
-//
-// A recording read once, its samples calibrated by one or more parameter files, as intervals of motion (calib/navigation/increments.h).
+// The effects of a parameter file are taken off each sample as the estimate modelled them (calib/joint/joint_filter.h): constant over a
+// block, one second at rest and at most 0.1 s in a turn, at the block's rate, specific force, temperature, time and attitude. Time counts
+// from the first sample of the recording at hand. What the file says of its own uncertainty is read here too: noise, and the covariance.
 #pragma once
 
 #include <cstdint>
@@ -20,7 +16,7 @@
 #include "calib/model/parameters.h"
 #include "calib/navigation/drift.h"
 #include "calib/navigation/free_navigation.h"
-#include "calib/navigation/increments.h"
+#include "calib/navigation/mechanisation.h"
 #include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
@@ -115,7 +111,7 @@ struct IntegratedSamples {
   std::vector<std::string> faults;  // what cannot be true, a line each
 };
 // Samples marked as bad count as lost, and so do those that cannot be true, by the same rules as in a calibration (compression.h,
-// implausible.h); an interval with a part of a long gap is not at rest. Without segments everything is at rest, but for what the reference
+// data_screen.h); an interval with a part of a long gap is not at rest. Without segments everything is at rest, but for what the reference
 // says.
 // Errors: also samples that are not finite, gyros or accelerometers that give nothing but zeros, and motion that nothing can make.
 Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Stretch& stretch,

@@ -91,10 +91,10 @@ TEST(DesignBound, NoWalkIsBetter) {
     };
     ParameterVector all = ParameterVector::Zero();
     for (const int k : {0, 6, 9, 16}) {
-      if (!prediction.determined[static_cast<std::size_t>(k)]) continue;
+      if (!prediction.determined[k]) continue;
       ParameterVector aim = ParameterVector::Zero();
       aim[k] = all[k] = prediction.sigma[k];
-      EXPECT_TRUE(never_better(aim, std::string(parameter_keys[static_cast<std::size_t>(k)])));
+      EXPECT_TRUE(never_better(aim, std::string(parameter_keys[k])));
     }
     EXPECT_EQ(never_better(all, "all"), all.maxCoeff() > 0.0) << "walk " << walk;
   }

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-#include "calib/statistics/glitches.h"
+#include "calib/statistics/data_screen.h"
 
 namespace turncal {
 namespace {

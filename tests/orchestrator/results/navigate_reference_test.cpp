@@ -3,7 +3,7 @@
 
 #include <Eigen/Geometry>
 
-#include "calib/navigation/earth.h"
+#include "calib/navigation/mechanisation.h"
 #include "tests/orchestrator/results/rig_unit.h"
 
 namespace turncal {

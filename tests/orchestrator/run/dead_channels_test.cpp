@@ -9,7 +9,7 @@
 #include <random>
 #include <vector>
 
-#include "calib/statistics/implausible.h"
+#include "calib/statistics/data_screen.h"
 
 #include "tests/orchestrator/rig_station.h"
 

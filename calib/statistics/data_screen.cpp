@@ -1,12 +1,18 @@
-#include "calib/statistics/glitches.h"
+#include "calib/statistics/data_screen.h"
 
 #include <algorithm>
 #include <cmath>
+
+#include <fmt/format.h>
 
 #include "calib/model/parameters.h"
 
 namespace turncal {
 namespace {
+
+constexpr double most_radps = 100.0, most_mps2 = 200.0;
+constexpr double beyond_all_before = 8.0;
+constexpr int longest_spike = 5;
 
 constexpr double nominal_gyro_pulse_rad = 0.932920 * rad_per_arcsec;  // of one count, before anything is measured
 constexpr double most_radps2 = 7.0;                                   // what a table accelerates by
@@ -15,17 +21,53 @@ constexpr std::uint64_t settled = 50;                                 // samples
 constexpr double memory = 0.01;                                       // weight of one sample in it
 constexpr int behind = 2;
 
-Eigen::Matrix<double, 6, 1> channels_of(const ImuSample& sample) {
-  Eigen::Matrix<double, 6, 1> all;
-  all << sample.gyro[0], sample.gyro[1], sample.gyro[2], sample.accel[0], sample.accel[1], sample.accel[2];
-  return all;
-}
-
 bool is_glitch(const DataEvent& e) {
   return (e.kind == DataEvent::Kind::gyro_glitch || e.kind == DataEvent::Kind::accel_glitch) && !e.left_out;
 }
 
+constexpr double circle_deg = 360.0;
+constexpr double least_s = 20.0;
+// Of a turn that two gyros feel: the third may be 25 deg off its axis, and then feels some of it.
+constexpr double whole = 0.9;
+
 }  // namespace
+
+std::string glitch_of(std::size_t channel, double value, std::int64_t counter, double sample_period_s) {
+  return fmt::format("glitch: {} gave {:.10g} in sample {} ({:.3f} s)", channel_names[channel], value, counter,
+                     static_cast<double>(counter) * sample_period_s);
+}
+
+SpikeFinder::SpikeFinder(const RecordingInfo& info) {
+  const SensorModel model = sensor_model(start_parameters(info), info);
+  for (std::size_t i = 0; i < 6; ++i)
+    limit_[i] =
+        info.sample_period_s * (i < 3 ? most_radps / model.gyro_scale(0, 0) : most_mps2 / model.accel_scale(0, 0));
+}
+
+std::optional<std::size_t> SpikeFinder::spike_in(const ImuSample& sample) {
+  std::array<double, 6> size;
+  bool within = true;
+  for (std::size_t i = 0; i < 6; ++i) size[i] = std::abs(channel_of(sample, i));
+  for (std::size_t i = 0; i < 6; ++i) within &= size[i] <= limit_[i];
+  if (within) {  // as nearly all are
+    for (std::size_t i = 0; i < 6; ++i) largest_[i] = std::max(largest_[i], size[i]);
+    in_a_row_ = 0;
+    return {};
+  }
+  std::optional<std::size_t> worst;
+  double beyond = 1.0;
+  for (std::size_t i = 0; i < 6; ++i) {
+    const double ratio = size[i] / std::max(limit_[i], beyond_all_before * largest_[i]);
+    if (!(ratio > beyond)) continue;
+    beyond = ratio;
+    worst = i;
+  }
+  in_a_row_ = worst ? in_a_row_ + 1 : 0;
+  if (in_a_row_ > longest_spike) worst.reset();
+  if (!worst)
+    for (std::size_t i = 0; i < 6; ++i) largest_[i] = std::max(largest_[i], size[i]);
+  return worst;
+}
 
 const char* to_string(DataEvent::Kind kind) {
   switch (kind) {
@@ -106,6 +148,44 @@ void GlitchFinder::drop_corners(std::vector<DataEvent>& events) const {
   };
   events.erase(std::remove_if(events.begin() + static_cast<std::ptrdiff_t>(unconfirmed_), events.end(), is_corner),
                events.end());
+}
+
+ChannelLife::ChannelLife(const RecordingInfo& info)
+    : sample_period_s_(info.sample_period_s), gyro_deg_(nominal_gyro_rad(info) / rad_per_deg) {}
+
+bool ChannelLife::says_nothing_of(std::size_t channel, double angle_deg) const {
+  constexpr double half_deg = 180.0, near_deg = 10.0;
+  if (channel >= 3 || std::abs(std::remainder(angle_deg, half_deg)) > near_deg) return false;
+  const double a = channels_[(channel + 1) % 3].sum, b = channels_[(channel + 2) % 3].sum;
+  return gyro_deg_ * std::hypot(a, b) > whole * std::abs(angle_deg);
+}
+
+void ChannelLife::add(const ImuSample& sample) {
+  for (std::size_t i = 0; i < 6; ++i) {
+    const double value = channel_of(sample, i);
+    channels_[i].sum += value;
+    if (!any_ || value != channels_[i].value) channels_[i] = {value, sample.counter, 0.0, channels_[i].sum};
+  }
+  if (!any_) first_ = told_ = sample.counter;
+  any_ = true;
+  last_ = sample.counter;
+}
+
+void ChannelLife::turned(double angle_deg) {
+  for (std::size_t i = 0; any_ && i < 6; ++i) {
+    Channel& channel = channels_[i];
+    if (channel.since > told_ || says_nothing_of(i, angle_deg)) continue;
+    channel.turned_deg += std::abs(angle_deg);
+    const double lasted_s = static_cast<double>(last_ - channel.since) * sample_period_s_;
+    if (!defect_.empty() || channel.turned_deg < circle_deg || lasted_s < least_s) continue;
+    defect_ = fmt::format(
+        "{} is {}: from sample {} on ({:.1f} s) it gave the same value, {:.6g}, for {:.0f} s in which the table "
+        "turned the unit by {:.0f} deg",
+        channel_names[i], channel.since == first_ ? "dead" : "stuck", channel.since,
+        static_cast<double>(channel.since - first_) * sample_period_s_, channel.value, lasted_s, channel.turned_deg);
+  }
+  for (Channel& channel : channels_) channel.sum = 0.0;
+  told_ = last_;
 }
 
 }  // namespace turncal

@@ -1,0 +1,230 @@
+#include "calib/model/effects.h"
+
+#include <cmath>
+
+namespace turncal {
+namespace {
+
+using Eigen::Vector3d;
+using Out = Eigen::Ref<Eigen::Matrix3Xd>;
+using State = const BlockState&;
+
+constexpr double g0 = standard_gravity_mps2, micro_g = 1e-6 * g0;
+
+// Specific force in g, the unit in which accelerometer polynomials are stated.
+Vector3d in_g(State s) { return s.f_b / g0; }
+
+// What goes with time and temperature.
+using Number = double (*)(State s, double tau);
+double hours(State s, double) { return s.time_s / 3600.0; }
+double faded(State s, double tau) { return std::exp(-s.time_s / tau); }
+double temperature(State s, double) { return s.temperature_c; }
+double temperature_rate(State s, double) { return s.temperature_rate_c_per_h; }
+double lagged_temperature(State s, double) { return s.lagged_temperature_c; }
+
+// One value an axis: component k acts on axis k.
+using PerAxis = Vector3d (*)(State s, double tau);
+template <Number number>
+Vector3d bias(State s, double tau) {
+  return Vector3d::Constant(number(s, tau));
+}
+template <Number number>
+Vector3d of_force(State s, double tau) {
+  return in_g(s) * number(s, tau);
+}
+template <Number number>
+Vector3d of_rate(State s, double tau) {
+  return s.w_b * number(s, tau);
+}
+Vector3d square(State s, double) { return in_g(s).cwiseAbs2(); }
+Vector3d size(State s, double) { return in_g(s).cwiseAbs(); }
+Vector3d odd_square(State s, double) { return in_g(s).cwiseProduct(in_g(s).cwiseAbs()); }
+Vector3d cube(State s, double) { return in_g(s).array().cube(); }
+Vector3d creep(State s, double) { return (s.f_b - s.lagged_f_b) / g0; }
+Vector3d while_turning(State s, double) { return Vector3d::Constant(s.w_b.norm() > 0.5 * rad_per_deg ? 1.0 : 0.0); }
+Vector3d relaxation(State s, double tau) {
+  if (s.since_rotation_s >= 1e6) return Vector3d::Zero();
+  return in_g(s) * std::exp(-s.since_rotation_s / tau);
+}
+Vector3d rate_size(State s, double) { return s.w_b.cwiseAbs(); }
+Vector3d rate_nonlinearity(State s, double) { return s.w_b.cwiseAbs().cwiseProduct(s.w_b) / (10.0 * rad_per_deg); }
+
+void diagonal(Out out, const Vector3d& value) {
+  for (int k = 0; k < 3; ++k) out(k, k) = value[k];
+}
+template <PerAxis value>
+void of_gyros(State s, const Site&, double tau, Out g, Out) {
+  diagonal(g, value(s, tau));
+}
+template <PerAxis value>
+void of_accels(State s, const Site&, double tau, Out, Out a) {
+  diagonal(a, value(s, tau));
+}
+
+// Full matrix: component 3 i + j puts value_j on axis i.
+void full(Out out, const Vector3d& value) {
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) out(i, 3 * i + j) = value[j];
+}
+void cross_coupling(State s, const Site&, double, Out, Out a) {
+  const Vector3d f = in_g(s);
+  full(a, Vector3d(f.x() * f.y(), f.x() * f.z(), f.y() * f.z()));
+}
+void size_effect(State s, const Site&, double, Out, Out a) {
+  const Eigen::Matrix3d m = skew(s.w_dot_b) + skew(s.w_b) * skew(s.w_b);
+  for (int i = 0; i < 3; ++i) a.block(i, 3 * i, 1, 3) = m.row(i);
+}
+void delay(State s, const Site&, double, Out, Out a) { a.col(0) = s.w_b.cross(s.f_b); }
+void g_sensitivity(State s, const Site&, double, Out g, Out) { full(g, in_g(s)); }
+void magnetic(State s, const Site& site, double, Out g, Out) {
+  // The earth's field in gauss, centred dipole: enough to test for a dependence on it, not a survey value.
+  const double latitude = site.latitude_deg * rad_per_deg;
+  full(g, s.C_nb.transpose() * Vector3d(0.31 * std::cos(latitude), -0.62 * std::sin(latitude), 0.0));
+}
+// E_ij f_j turns the gyro triad about axis i: e_i x w f_j
+void flexure(State s, const Site&, double, Out g, Out) {
+  const Vector3d f = in_g(s);
+  for (int i = 0; i < 3; ++i) {
+    const Vector3d turn = Vector3d::Unit(i).cross(s.w_b);
+    for (int j = 0; j < 3; ++j) g.col(3 * i + j) = turn * f[j];
+  }
+}
+void g_squared(State s, const Site&, double, Out g, Out) {
+  const Vector3d f = in_g(s);
+  for (int i = 0; i < 3; ++i)
+    g.block<1, 6>(i, 6 * i) << f.x() * f.x(), f.y() * f.y(), f.z() * f.z(), f.x() * f.y(), f.x() * f.z(), f.y() * f.z();
+}
+// At rest a unit turns with the earth. The measured rate has noise there, which a column made from it would share with the
+// velocities that it is to explain: of 28 units two were given a lock-in of 6 sigma.
+void lock_in(State s, const Site& site, double w0_degph, Out g, Out) {
+  constexpr double at_rest = 30.0 * earth_rate_radps;
+  const Vector3d w = s.w_b.norm() > at_rest ? s.w_b : Vector3d(s.C_nb.transpose() * earth_rate_n(site.latitude_deg));
+  const Vector3d ratio = w / (w0_degph * radps_per_degph);
+  const Vector3d reading = w.array() / (1.0 + ratio.array().square());
+  diagonal(g.leftCols<3>(), reading);
+  g.col(3) = reading;
+}
+void earth_rate(State s, const Site&, double, Out g, Out) { g = s.C_nb.transpose().leftCols<2>(); }
+void sample_period(State s, const Site& site, double, Out g, Out) {
+  g.col(0) = s.C_nb.transpose() * earth_rate_n(site.latitude_deg);
+}
+
+EffectEntry of_one_run(EffectEntry entry) {
+  entry.of_one_run = true;
+  return entry;
+}
+EffectEntry with_temperature(EffectEntry entry) {
+  entry.needs_temperature = true;
+  return entry;
+}
+
+using Names = std::vector<std::string_view>;
+using Taus = std::vector<double>;
+
+std::vector<EffectEntry> make_catalogue() {
+  const Names xyz = {"x", "y", "z"};
+  const Names nine = {"xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"};
+  const Names products = {"x_xy", "x_xz", "x_yz", "y_xy", "y_xz", "y_yz", "z_xy", "z_xz", "z_yz"};
+  const Names squares = {"x_xx", "x_yy", "x_zz", "x_xy", "x_xz", "x_yz", "y_xx", "y_yy", "y_zz",
+                         "y_xy", "y_xz", "y_yz", "z_xx", "z_yy", "z_zz", "z_xy", "z_xz", "z_yz"};
+  const Names earth_axes = {"north", "up"}, period = {"period"}, tau = {"tau"};
+  const Names and_all = {"x", "y", "z",
+                         "all"};  // all: three gyros of a kind, which else an error of the earth rate imitates
+  const Names arms = {"x_rx", "x_ry", "x_rz", "y_rx", "y_ry", "y_rz", "z_rx", "z_ry", "z_rz"};
+  const Taus warm_up_taus_s = {60.0, 120.0, 240.0, 480.0, 960.0, 1920.0}, scale_warm_up_taus_s = {240.0, 960.0, 1920.0};
+  const Taus creep_taus_s = {60.0, 150.0, 400.0, 1000.0}, relaxation_taus_s = {2.0, 5.0, 12.0};
+  const Taus lag_taus_s = {300.0, 1200.0}, lock_in_rates_degph = {2.0, 5.0, 12.0};
+  return {
+      {"accel_second_order", "second-order nonlinearity K2 (IEEE 1293)", "K2 f_i^2", "ug/g^2", xyz, micro_g,
+       "+1 g, -1 g and 0 g on each axis; dwells at 45 deg separate it from the scale asymmetry", of_accels<square>},
+      {"accel_scale_asymmetry", "scale factor asymmetry (IEEE 1293)", "Ka abs(f_i)", "ppm", xyz, micro_g,
+       "+1 g, -1 g and 0 g on each axis; dwells at 45 deg separate it from K2", of_accels<size>},
+      {"accel_odd_quadratic", "odd quadratic coefficient (IEEE 1293)", "Ko f_i abs(f_i)", "ug/g^2", xyz, micro_g,
+       "dwells at 45 deg", of_accels<odd_square>},
+      {"accel_third_order", "third-order nonlinearity K3 (IEEE 1293)", "K3 f_i^3", "ug/g^3", xyz, micro_g,
+       "dwells at 45 deg", of_accels<cube>},
+      {"accel_cross_coupling", "cross-coupling Kip, Kio, Kop (IEEE 1293)", "K f_j f_k", "ug/g^2", products, micro_g,
+       "rotations with velocity carried; dwells at 45 deg", cross_coupling},
+      {"accel_size_effect", "size effect: arm of each accelerometer", "row i of (w' x r_i + w x (w x r_i))", "mm", arms,
+       1e-3, "rotations with velocity carried; the common part of the three arms is invisible", size_effect},
+      {"accel_delay", "time delay of the accelerometers after the gyros", "tau (w x f)", "ms", tau, 1e-3,
+       "rotations with velocity carried", delay},
+      with_temperature({"accel_bias_temperature", "temperature coefficient of bias (IEEE 1293)", "c (T - T_ref)",
+                        "ug/C", xyz, micro_g, "recorded temperature that changes", of_accels<bias<temperature>>}),
+      with_temperature({"accel_scale_temperature", "temperature coefficient of scale factor (IEEE 1293)",
+                        "c (T - T_ref) f_i", "ppm/C", xyz, micro_g,
+                        "recorded temperature that changes, +1 g and -1 g at each end",
+                        of_accels<of_force<temperature>>}),
+      of_one_run({"accel_bias_drift", "bias drift (IEEE 1293)", "c t", "ug/h", xyz, micro_g,
+                  "a return to an earlier position", of_accels<bias<hours>>}),
+      of_one_run({"accel_warm_up", "warm-up transient of bias (IEEE 1293)", "c exp(-t/tau)", "ug", xyz, micro_g,
+                  "a return to an earlier position, dense in the first minutes", of_accels<bias<faded>>,
+                  warm_up_taus_s}),
+      of_one_run({"accel_scale_warm_up", "warm-up transient of scale factor (IEEE 1293)", "c exp(-t/tau) f_i", "ppm",
+                  xyz, micro_g, "+1 g and -1 g at the beginning and later", of_accels<of_force<faded>>,
+                  scale_warm_up_taus_s}),
+      of_one_run({"accel_scale_drift", "scale factor drift (IEEE 1293)", "c t f_i", "ppm/h", xyz, micro_g,
+                  "+1 g and -1 g at the beginning and at the end", of_accels<of_force<hours>>}),
+      {"accel_creep", "creep after a change of specific force", "c (f_i - f_i lagged by tau)", "ug/g", xyz, micro_g,
+       "long dwells after a change of the axis from up to down", of_accels<creep>, creep_taus_s},
+      {"accel_rectification", "bias while the unit turns (vibration rectification, IEEE 1293)",
+       "c while abs(w) > 0.5 deg/s", "ug", xyz, micro_g, "rotations with velocity carried, of different lengths",
+       of_accels<while_turning>},
+      with_temperature({"accel_bias_temperature_rate", "bias with the rate of temperature (IEEE 1293)", "c dT/dt",
+                        "ug/(C/h)", xyz, micro_g, "temperature that changes at different rates",
+                        of_accels<bias<temperature_rate>>}),
+      with_temperature({"accel_bias_temperature_lag", "bias with a temperature that lags (IEEE 1293)",
+                        "c (T lagged by tau - T_ref)", "ug/C", xyz, micro_g, "temperature that changes, and then stays",
+                        of_accels<bias<lagged_temperature>>, lag_taus_s}),
+      {"gyro_g_sensitivity", "acceleration-sensitive drift (IEEE 952, 647)", "G f", "deg/h/g", nine, radps_per_degph,
+       "static positions; its symmetric part with heading changes, to tell it from gyro_magnetic", g_sensitivity},
+      {"gyro_scale_asymmetry", "scale factor asymmetry (IEEE 647)", "c abs(w_i)", "ppm", xyz, 1e-6,
+       "both senses of rotation", of_gyros<rate_size>},
+      {"gyro_rate_nonlinearity", "scale factor nonlinearity (IEEE 647)", "c abs(w_i) w_i / (10 deg/s)", "ppm", xyz,
+       1e-6, "different rates (2, 10, 40 deg/s); a single rate aliases the scale factor", of_gyros<rate_nonlinearity>},
+      with_temperature({"gyro_bias_temperature", "temperature coefficient of bias (IEEE 647, 952)", "c (T - T_ref)",
+                        "deg/h/C", xyz, radps_per_degph, "recorded temperature that changes",
+                        of_gyros<bias<temperature>>}),
+      with_temperature({"gyro_scale_temperature", "temperature coefficient of scale factor (IEEE 647, 952)",
+                        "c (T - T_ref) w_i", "ppm/C", xyz, 1e-6, "recorded temperature that changes, turns at each end",
+                        of_gyros<of_rate<temperature>>}),
+      of_one_run({"gyro_bias_drift", "bias drift, rate ramp (IEEE 952)", "c t", "deg/h/h", xyz, radps_per_degph,
+                  "a longer run, a return to the first position", of_gyros<bias<hours>>}),
+      of_one_run({"gyro_warm_up", "warm-up transient of bias (IEEE 647)", "c exp(-t/tau)", "deg/h", xyz,
+                  radps_per_degph, "a longer run, dense in the first minutes", of_gyros<bias<faded>>, warm_up_taus_s}),
+      {"gyro_magnetic", "magnetic sensitivity (IEEE 647)", "M B_b", "deg/h/G", nine, radps_per_degph,
+       "heading changes at each tilt", magnetic},
+      {"gyro_accel_flexure", "elastic misalignment of the gyro triad against the accelerometers", "(E f) x w",
+       "arcsec/g", nine, rad_per_arcsec, "rotations about each axis at each tilt", flexure},
+      of_one_run({"gyro_scale_warm_up", "warm-up transient of scale factor (IEEE 647)", "c exp(-t/tau) w_i", "ppm", xyz,
+                  1e-6, "turns about each axis at the beginning and later", of_gyros<of_rate<faded>>,
+                  scale_warm_up_taus_s}),
+      of_one_run({"gyro_scale_drift", "scale factor drift (IEEE 647)", "c t w_i", "ppm/h", xyz, 1e-6,
+                  "turns about each axis at the beginning and at the end", of_gyros<of_rate<hours>>}),
+      {"gyro_g_squared", "acceleration-squared-sensitive drift (IEEE 952, 647)", "G f_j f_k", "deg/h/g^2", squares,
+       radps_per_degph, "dwells with each axis up, down and level; products at 45 deg", g_squared},
+      {"gyro_lock_in", "smooth lock-in of a ring laser (IEEE 647)", "c w_i / (1 + (w_i / w_0)^2)", "%", and_all, 1e-2,
+       "dwells with the axis north, south, up, down and east", lock_in, lock_in_rates_degph, "w0_degph"},
+      with_temperature({"gyro_bias_temperature_rate", "bias with the rate of temperature (IEEE 647, 952)", "c dT/dt",
+                        "deg/h/(C/h)", xyz, radps_per_degph, "temperature that changes at different rates",
+                        of_gyros<bias<temperature_rate>>}),
+      with_temperature({"gyro_bias_temperature_lag", "bias with a temperature that lags (IEEE 647, 952)",
+                        "c (T lagged by tau - T_ref)", "deg/h/C", xyz, radps_per_degph,
+                        "temperature that changes, and then stays", of_gyros<bias<lagged_temperature>>, lag_taus_s}),
+      {"earth_rate", "error of the earth rate used (latitude)", "C_bn dw_ie", "deg/h", earth_axes, radps_per_degph,
+       "lies inside gyro_magnetic; a known latitude", earth_rate},
+      {"sample_period", "error of the sample period used", "1e-6 c C_bn w_ie", "ppm", period, 1e-6,
+       "lies inside earth_rate; a unit whose clock was measured", sample_period},
+      {"post_rotation_relaxation", "relaxation of the accelerometer after a rotation", "c exp(-t/tau) f_i", "ug/g", xyz,
+       micro_g, "first seconds of a dwell", of_accels<relaxation>, relaxation_taus_s},
+  };
+}
+
+}  // namespace
+
+const std::vector<EffectEntry>& effect_catalogue() {
+  static const std::vector<EffectEntry> catalogue = make_catalogue();
+  return catalogue;
+}
+
+}  // namespace turncal
