@@ -1,5 +1,8 @@
 #include "imu_io/base/data_text.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -104,6 +107,41 @@ std::string DataTable::json_object() const {
   std::string text = "{";
   for (const std::vector<Cell>& row : rows_) text += (text.size() > 1 ? ",\n" : "\n") + row[0].json + ":" + row[1].json;
   return text + "\n}\n";
+}
+
+void KeyValues::comment(std::string_view words) {
+  lines_ += "# ";
+  for (const char c : words) lines_ += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+  lines_ += '\n';
+}
+
+void KeyValues::text(std::string_view key, std::string_view value) {
+  lines_ += fmt::format("{} ={}{}\n", key, value.empty() ? "" : " ", value);
+}
+
+void KeyValues::number(std::string_view key, double value) {
+  text(key, std::isfinite(value) ? format_number(value) : "");
+}
+
+void KeyValues::list(std::string_view key, const std::vector<std::string>& values) {
+  text(key, fmt::format("{}", fmt::join(values, ", ")));
+}
+
+void KeyValues::numbered(std::string_view key, const std::vector<std::string>& values) {
+  for (std::size_t k = 0; k < values.size(); ++k) text(fmt::format("{}.{}", key, k + 1), values[k]);
+}
+
+std::string key_values_as(std::string_view format, std::string_view lines) {
+  DataTable table({"key", "value"});
+  while (!lines.empty()) {
+    const std::string_view line = next_line(lines);
+    const std::size_t equals = line.find('=');
+    if (line.starts_with('#') || equals == std::string_view::npos) continue;
+    table.begin_row();
+    table.text(trimmed(line.substr(0, equals)));
+    table.word(trimmed(line.substr(equals + 1)));
+  }
+  return format == "json" ? table.json_object() : table.csv();
 }
 
 }  // namespace turncal

@@ -5,6 +5,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/crc.h"
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
@@ -40,13 +41,13 @@ bool is_further_key(std::string_view key) {
   return false;
 }
 
-// Collects lines and the first thing that cannot be written.
+// Lines, and the first thing that cannot be written.
 class Lines {
  public:
   void text(const std::string& key, const std::string& value) {
     if (!keys_.insert(key).second) return fail(key, "occurs twice");
     if (!is_plain_text(value)) return fail(key, "= '" + value + "': expected printable text without '#', not empty");
-    lines_ += key + " = " + value + "\n";
+    lines_.text(key, value);
   }
   void number(const std::string& key, double value) {
     if (!std::isfinite(value)) return fail(key, "is not finite");
@@ -60,13 +61,13 @@ class Lines {
   void fail(const std::string& key, const std::string& what) {
     if (defect_.empty()) defect_ = "parameter file: key '" + key + "' " + what;
   }
-  Result<std::string> finish() const {
+  Result<std::string> finish() {
     if (!defect_.empty()) return Error{ErrorKind::internal, defect_};
-    return with_checksum(lines_);
+    return with_checksum(lines_.take());
   }
 
  private:
-  std::string lines_ = std::string(title);
+  KeyValues lines_{title};
   std::string defect_;
   std::unordered_set<std::string> keys_;
 };

@@ -73,8 +73,8 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   folder.keep();
   for (const std::string& note : output.notes) context.out << note << '\n';
   context.out << '\n';
-  print_results(output.file, truth_beside(options.recordings.front()), context.out);
-  context.out << "\nparameters  " << file << std::endl;
+  context.out << as_text(result_table(output.file, truth_beside(options.recordings.front()))) << "\nparameters  "
+              << file << std::endl;
   if (output.distrust.empty()) return {};
   return Error{ErrorKind::unit_failed, file + ": not trusted: " + output.distrust};
 }

@@ -1,5 +1,7 @@
 // `turncal design`: a sequence found for a time (orchestrator/jobs/design/sequence_design.h; docs/design.md), or the legs that tell an
 // alias class apart (sequence_design.h).
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -17,7 +19,7 @@
 #include "orchestrator/jobs/loaded_recording.h"
 #include "orchestrator/jobs/planned_unit.h"
 #include "orchestrator/jobs/sequence_coverage.h"
-#include "orchestrator/report/prediction_table.h"
+#include "orchestrator/report/result_table.h"
 #include "orchestrator/station/builtin_sequence.h"
 #include "orchestrator/watch/progress.h"
 
@@ -161,14 +163,15 @@ class Designer {
     const std::string bound = bound_text(columns_.back().prediction);
     const std::string text = text_of(walk_, task_.time_s, bound);
     TRY(write_file_atomically(options_.out, text));
-    print_premises(options_.site, unit.info, context_.out);
-    char line[100];
-    std::snprintf(line, sizeof line, "Time      %.0f s\n", columns_.back().station_s);
-    context_.out << line;
-    print_sigmas(columns_, unit.info, context_.out);
-    if (!bound.empty()) context_.out << bound << "\n";
-    print_undetermined(columns_, context_.out);
-    if (task_.predict.effects) print_effects(columns_, context_.out);
+    Document document;
+    Facts premises = describe_premises(options_.site, unit.info);
+    premises.rows.emplace_back("time", fmt::format("{:.0f} s", columns_.back().station_s));
+    document.add(std::move(premises));
+    document.add(sigma_table(columns_, unit.info));
+    if (!bound.empty()) document.text(bound);
+    add_undetermined(columns_, document);
+    if (task_.predict.effects) add_detectable(columns_, document);
+    context_.out << as_text(document);
     context_.out << "sequence    " << options_.out << std::endl;
     const std::vector<std::string> open = open_parameters(columns_.back().prediction, task_.aim);
     if (open.empty()) return {};

@@ -6,8 +6,6 @@
 #include <optional>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/data_text.h"
-#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/matrix_writer.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/figures/report_format.h"
@@ -106,20 +104,6 @@ Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, co
   return std::optional(noise);
 }
 
-DataTable diagnosis_table(const std::string& conf) {
-  DataTable table({"key", "value"});
-  std::string_view left = conf;
-  while (!left.empty()) {
-    const std::string_view line = next_line(left);
-    const std::size_t equals = line.find('=');
-    if (line.starts_with('#') || equals == std::string_view::npos) continue;
-    table.begin_row();
-    table.text(trimmed(line.substr(0, equals)));
-    table.word(trimmed(line.substr(equals + 1)));
-  }
-  return table;
-}
-
 Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context) {
   const double began_s = monotonic_s();
   for (const std::vector<std::string>& sources : {options.recordings, options.holdouts})
@@ -139,7 +123,7 @@ Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context
   request.phase = [&phases](const std::string& what) { phases.begin(what); };
   OutputFolder folder = TRY(OutputFolder::prepare_results(options.out, info.unit_serial));
   const DiagnosisOutput output = TRY(diagnose_recordings(each_of(fitted), request));
-  TRY(write_diagnosis(folder.path(), output.files));
+  const std::string plot_problem = TRY(write_diagnosis(folder.path(), output.files));
   folder.keep();
   phases.clear();
   if (!options.residuals.empty()) {
@@ -147,17 +131,13 @@ Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context
     TRY(write_columns(options.residuals, columns));
   }
   if (!options.format.empty()) {
-    const DataTable table = diagnosis_table(output.files.conf);
-    context.out << (options.format == "json" ? table.json_object() : table.csv()) << std::flush;
+    context.out << key_values_as(options.format, output.files.conf) << std::flush;
     return output.diagnosis.verdict;
   }
-  context.out << '\n';
-  for (const std::string& line : output.table) context.out << line << '\n';
-  context.out << '\n';
-  if (const std::string& problem = output.files.report.plot_problem; !problem.empty())
-    context.out << "report without plots: " << problem << '\n';
   const DiagnosisFiles& files = output.files;
-  if (!files.report.html.empty()) context.out << "report      " << folder.file(report_name) << '\n';
+  context.out << '\n' << as_text(files.report, diagnosis_lines) << '\n';
+  if (!plot_problem.empty()) context.out << "report without plots: " << plot_problem << '\n';
+  if (!files.report.title.empty()) context.out << "report      " << folder.file(report_name) << '\n';
   context.out << "diagnosis   " << folder.file(diagnosis_name) << '\n';
   if (files.parameters) context.out << "parameters  " << folder.file(parameters_name) << '\n';
   context.out << significant(monotonic_s() - began_s, 2) << " s" << std::endl;

@@ -6,9 +6,8 @@
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/data_text.h"
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/fleet/fleet_document.h"
 #include "orchestrator/fleet/fleet_members.h"
-#include "orchestrator/fleet/fleet_page.h"
-#include "orchestrator/fleet/fleet_text.h"
 
 namespace turncal {
 namespace {
@@ -28,15 +27,15 @@ Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
   wanted.factors = options.by;
   wanted.summary = !options.page.empty();
   const FleetDiagnosis diagnosis = diagnose_fleet(source.members, wanted);
+  const Document document = fleet_document(diagnosis, source, options.by);
   if (!options.page.empty()) {
-    const std::string html = fleet_page(diagnosis, source, options.by);
     TRY(check_replaceable(options.page, "<!DOCTYPE html>"));
-    TRY(write_file_atomically(options.page, html));
+    TRY(write_file_atomically(options.page, as_page(document).html));
   }
   if (!options.format.empty()) {
     context.out << table_of(diagnosis, source).as(options.format);
   } else {
-    for (const std::string& line : describe(diagnosis, source, options.by)) context.out << line << '\n';
+    context.out << as_text(document);
     if (!options.page.empty()) context.out << "page  " << options.page << '\n';
   }
   if (!diagnosis.effects.empty() || !diagnosis.explained())

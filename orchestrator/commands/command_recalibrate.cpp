@@ -100,7 +100,7 @@ Status recalibrate_archive(const RecalibrateOptions& options, CommandContext& co
               << request.version << std::endl;
   if (options.against.empty()) return {};
   const VersionChanges changes = TRY(compare_versions(options.store, options.against, request.version));
-  for (const std::string& line : describe(changes)) context.out << line << '\n';
+  context.out << as_text(changes_document(changes));
   return {};
 }
 

@@ -3,13 +3,13 @@
 #pragma once
 
 #include <optional>
-#include <ostream>
 #include <string>
 
 #include "calib/model/noise_model.h"
 #include "calib/model/parameters.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
+#include "orchestrator/report/document.h"
 #include "orchestrator/station/station_config.h"
 
 namespace turncal {
@@ -38,6 +38,6 @@ Result<double> parse_time_s(const char* option, const std::string& text);
 Status check_site(const PlannedSite& site);
 Result<PlannedUnit> planned_unit(const PlannedSite& site);
 NoiseModel noise_model(const PlannedSite& site);
-void print_premises(const PlannedSite& site, const RecordingInfo& info, std::ostream& out);
+Facts describe_premises(const PlannedSite& site, const RecordingInfo& info);
 
 }  // namespace turncal

@@ -132,8 +132,9 @@ Status write_diagnosis_of(const std::string& folder, RunResults& results) {
   const std::string own = folder + "/" + diagnosis_folder;
   TRY(make_folder(own));
   DiagnosisFiles& files = results.diagnosis->files;
-  if (!results.verdict.verification.empty()) say_verification(results.verdict.verification, files.report.html);
-  return write_diagnosis(own, files);
+  if (!results.verdict.verification.empty()) say_verification(results.verdict.verification, files.report);
+  TRY(write_diagnosis(own, files));
+  return {};
 }
 
 // A clean diagnosis, too, knows what came near to being claimed.
@@ -333,12 +334,8 @@ void print_summary(const PreparedRun& run, const std::string& folder, const RunC
                                               ? read_truth(path(truth_name))
                                               : Result<ParameterVector>(input_error("a real unit has no known truth"));
     out << '\n';
-    print_results(results.output->file, truth ? std::optional(*truth) : std::nullopt, out);
-    out << '\n';
-    if (results.diagnosis) {
-      for (const std::string& line : results.diagnosis->table) out << line << '\n';
-      out << '\n';
-    }
+    out << as_text(result_table(results.output->file, truth ? std::optional(*truth) : std::nullopt)) << '\n';
+    if (results.diagnosis) out << as_text(results.diagnosis->files.report, diagnosis_lines) << '\n';
     const VerdictReport& verdict = results.verdict;
     for (const std::string& line : describe(verdict)) out << line << '\n';
     const std::string why = reason_of(run, verdict);
@@ -351,7 +348,7 @@ void print_summary(const PreparedRun& run, const std::string& folder, const RunC
   }
   if (results.verification) {
     out << '\n';
-    print_verification(*results.verification, out);
+    out << as_text(verification_document(*results.verification));
     out << "verification  " << path(verification_name) << '\n';
   }
   if (run.request.dry_run) out << "truth       " << path(truth_name) << '\n';

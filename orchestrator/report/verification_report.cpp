@@ -1,202 +1,183 @@
 #include "orchestrator/report/verification_report.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <cstdio>
 #include <utility>
 
 #include "calib/model/parameters.h"
 #include "imu_io/base/crc.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
-#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 namespace {
 
-void add_key(const std::string& key, const std::string& value, std::string& text) {
-  text += key + " = " + value + "\n";
-}
-void add_key(const std::string& key, double value, std::string& text) { add_key(key, format_number(value), text); }
+// The fields of verification.conf, in its order: read where there is a file, else written.
+class VerificationFields {
+ public:
+  explicit VerificationFields(KeyValueFile* file = nullptr) : file_(file) {}
+  void number(const std::string& key, double& value, NumberRange range = any_number) {
+    file_ ? void(value = file_->number(key, range)) : lines.number(key, value);
+  }
+  void angle(const std::string& key, double& rad, NumberRange range = any_number) {
+    double deg = rad / rad_per_deg;
+    number(key, deg, range);
+    if (file_) rad = deg * rad_per_deg;
+  }
+  void text(const std::string& key, std::string& value) {
+    file_ ? void(value = file_->text(key)) : lines.text(key, value);
+  }
+  void flag(const std::string& key, bool& value) {
+    file_ ? void(value = file_->boolean_or(key, false)) : lines.flag(key, value);
+  }
+  void choice(const std::string& key, std::string& value, std::initializer_list<std::string_view> choices) {
+    file_ ? void(value = file_->one_of(key, choices)) : lines.text(key, value);
+  }
+  void count(const std::string& key, std::int64_t& value) {
+    file_ ? void(value = file_->integer(key, 0)) : lines.number(key, static_cast<double>(value));
+  }
+  void verdict(const std::string& key, UnitVerdict& value) {
+    std::string word(to_string(value));
+    text(key, word);
+    if (file_ && !verdict_from(word)) file_->reject(key, "a verdict");
+    value = verdict_from(word).value_or(UnitVerdict::fail);
+  }
+  void texts(const std::string& key, std::vector<std::string>& values) {
+    for (std::size_t k = 0; next(fmt::format("{}.{}", key, k + 1), k, values); ++k)
+      text(fmt::format("{}.{}", key, k + 1), values[k]);
+  }
+  // Whether there is another element, which `key` tells; room for it.
+  template <class Element>
+  bool next(const std::string& key, std::size_t k, std::vector<Element>& elements) {
+    if (file_ && file_->has(key)) elements.emplace_back();
+    return k < elements.size();
+  }
+  // Whether the key stands in the file: optional ones are written where they say something.
+  bool stands(const std::string& key, bool says_something) const { return file_ ? file_->has(key) : says_something; }
+  KeyValues lines;
 
-void add_figure(const std::string& key, const NorthFigure& figure, std::string& text) {
-  add_key(key + "_deg", figure.value_deg, text);
-  add_key(key + "_sigma_deg", figure.sigma_deg, text);
-}
+ private:
+  KeyValueFile* file_;
+};
 
-// A list in a file: key.1, key.2 and so on.
-void add_list(const std::string& key, const std::vector<std::string>& values, std::string& text) {
-  for (std::size_t k = 0; k < values.size(); ++k) add_key(key + "." + std::to_string(k + 1), values[k], text);
-}
-std::vector<std::string> read_list(KeyValueFile& conf, const std::string& key) {
-  std::vector<std::string> values;
-  for (std::string at = key + ".1"; conf.has(at); at = key + "." + std::to_string(values.size() + 1))
-    values.push_back(conf.text(at));
-  return values;
+void each_field(VerificationReport& r, VerificationFields& fields) {
+  fields.text("unit_serial", r.info.unit_serial);
+  fields.flag("simulated", r.info.simulated);
+  fields.text("recording_hash", r.recording_hash);
+  fields.number("latitude_deg", r.info.latitude_deg, site_latitude_deg);
+  fields.text("parameters", r.parameters);
+  fields.text("calibration_hash", r.calibration_hash);
+  fields.flag("trusted", r.trusted);
+  fields.number("align_s", r.align_s, positive);
+  if (fields.stands("damage", !r.damage.empty())) fields.text("damage", r.damage);
+  fields.count("filled_samples", r.filled_samples);
+  fields.texts("fault", r.faults);
+  fields.texts("left_out", r.left_out);
+  fields.number("zero_deg", r.found.zero_deg);
+  const auto angles = [&fields](const std::string& key, std::array<double, 3>& deg, NumberRange range = any_number) {
+    for (std::size_t a = 0; a < 3; ++a)
+      fields.number(fmt::format("{}.{}_deg", key, north_angle_names[a]), deg[a], range);
+  };
+  std::vector<NorthPosition>& positions = r.found.positions;
+  for (std::size_t p = 0; fields.next(fmt::format("position.{}.table_deg", p + 1), p, positions); ++p) {
+    NorthPosition& position = positions[p];
+    const std::string key = fmt::format("position.{}", p + 1);
+    fields.number(key + ".table_deg", position.table_deg);
+    for (std::size_t k = 0; fields.next(fmt::format("{}.{}.heading_deg", key, k + 1), k, position.readings); ++k) {
+      position.readings[k].table_deg = position.table_deg;
+      angles(fmt::format("{}.{}", key, k + 1), position.readings[k].angle_deg);
+    }
+    for (std::size_t a = 0; a < 3; ++a) {
+      const std::string name = std::string(north_angle_names[a]) + "_deg";
+      fields.number(key + ".mean." + name, position.mean_deg[a]);
+      fields.number(key + ".deviation." + name, position.deviation_deg[a], not_negative);
+      fields.number(key + ".sigma." + name, position.noise_sigma_deg[a], not_negative);
+    }
+  }
+  const auto figure = [&fields](const std::string& key, NorthFigure& of) {
+    fields.number(key + "_deg", of.value_deg);
+    fields.number(key + "_sigma_deg", of.sigma_deg, not_negative);
+  };
+  for (std::size_t a = 0; a < 3; ++a) figure(std::string("deviation.") + north_angle_names[a], r.found.deviation[a]);
+  figure("mean.heading", r.found.mean_heading);
+  fields.number("worst.heading_error_deg", r.found.worst_heading_error_deg);
+  fields.angle("felt_latitude_deg", r.felt.latitude_rad);
+  fields.angle("felt_latitude_sigma_deg", r.felt.sigma_rad, not_negative);
+  fields.number("gravity_mps2", r.info.gravity_mps2, positive);
+  fields.number("felt_gravity_mps2", r.felt.gravity_mps2, not_negative);
+  std::string noise = r.noise_assumed ? "assumed" : "file";
+  fields.choice("noise", noise, {"file", "assumed"});
+  r.noise_assumed = noise == "assumed";
+  fields.number("limit.heading_deg", r.heading_limit_deg, positive);
+  fields.number("limit.level_deg", r.level_limit_deg, positive);
+  fields.number("limit.guard_factor", r.guard_factor, not_negative);
+  fields.number("false_fail", r.false_fail, between(0.0, 1.0));
+  if (fields.stands("would_do.align_s", r.would_do_s > 0.0))
+    fields.number("would_do.align_s", r.would_do_s, not_negative);
+  if (fields.stands("undecided.level", r.level_undecided)) fields.flag("undecided.level", r.level_undecided);
+  fields.verdict("verdict.heading", r.heading);
+  fields.verdict("verdict.level", r.level);
+  fields.verdict("verdict.latitude", r.latitude);
+  fields.verdict("verdict.gravity", r.gravity);
+  fields.verdict("verdict.result", r.verdict);
 }
 
 }  // namespace
 
 std::string gravity_words(const FeltSite& felt, double of_recording_mps2) {
-  char text[120];
-  std::snprintf(text, sizeof text, "%.5f m/s^2 felt, the recording says %.5f", felt.gravity_mps2, of_recording_mps2);
-  return text;
+  return fmt::format("{:.5f} m/s^2 felt, the recording says {:.5f}", felt.gravity_mps2, of_recording_mps2);
 }
 
-void print_faults(const std::vector<std::string>& faults, std::ostream& out) {
+void add_faults(const std::vector<std::string>& faults, Document& document) {
   constexpr std::size_t most = 5;
-  for (std::size_t k = 0; k < std::min(faults.size(), most); ++k) out << faults[k] << ": set aside\n";
-  if (faults.size() > most) out << "and " << faults.size() - most << " more like it\n";
+  for (std::size_t k = 0; k < std::min(faults.size(), most); ++k) document.text(faults[k] + ": set aside");
+  if (faults.size() > most) document.text(fmt::format("and {} more like it", faults.size() - most));
 }
 
 std::string latitude_words(const FeltSite& felt, double of_recording_deg) {
-  char text[120];
-  std::snprintf(text, sizeof text, "%.3f +- %.3f deg felt, the recording says %.4f", felt.latitude_rad / rad_per_deg,
-                felt.sigma_rad / rad_per_deg, of_recording_deg);
-  return text;
+  return fmt::format("{:.3f} +- {:.3f} deg felt, the recording says {:.4f}", felt.latitude_rad / rad_per_deg,
+                     felt.sigma_rad / rad_per_deg, of_recording_deg);
 }
 
 std::string undecided_words(const VerificationReport& report) {
   const std::string level =
       report.level_undecided ? "level undecided: the noise of this unit is as large as its limit" : "";
   if (report.would_do_s <= 0.0) return level;
-  char text[160];
-  std::snprintf(text, sizeof text,
-                "heading undecided: no more than noise; these gyros cannot keep %g deg in %.0f s, %.0f s would do",
-                report.heading_limit_deg, report.align_s, report.would_do_s);
-  return level.empty() ? text : std::string(text) + "; " + level;
+  const std::string heading = fmt::format(
+      "heading undecided: no more than noise; these gyros cannot keep {:g} deg in {:.0f} s, {:.0f} s would do",
+      report.heading_limit_deg, report.align_s, report.would_do_s);
+  return level.empty() ? heading : heading + "; " + level;
 }
 
-std::string format_verification(const VerificationReport& report) {
-  std::string text = report.info.simulated ? "# Simulated data: a dry run, or a twin.\n" : "";
-  add_key("format", 1.0, text);
-  add_key("unit_serial", report.info.unit_serial, text);
-  add_key("simulated", report.info.simulated ? "true" : "false", text);
-  add_key("recording_hash", report.recording_hash, text);
-  add_key("latitude_deg", report.info.latitude_deg, text);
-  add_key("parameters", report.parameters, text);
-  add_key("calibration_hash", report.calibration_hash, text);
-  add_key("trusted", report.trusted ? "true" : "false", text);
-  add_key("align_s", report.align_s, text);
-  if (!report.damage.empty()) add_key("damage", report.damage, text);
-  add_key("filled_samples", static_cast<double>(report.filled_samples), text);
-  add_list("fault", report.faults, text);
-  add_list("left_out", report.left_out, text);
-  add_key("zero_deg", report.found.zero_deg, text);
-  for (std::size_t p = 0; p < report.found.positions.size(); ++p) {
-    const NorthPosition& position = report.found.positions[p];
-    const std::string prefix = "position." + std::to_string(p + 1) + ".";
-    add_key(prefix + "table_deg", position.table_deg, text);
-    for (std::size_t k = 0; k < position.readings.size(); ++k)
-      for (std::size_t a = 0; a < 3; ++a)
-        add_key(prefix + std::to_string(k + 1) + "." + north_angle_names[a] + "_deg", position.readings[k].angle_deg[a],
-                text);
-    for (std::size_t a = 0; a < 3; ++a) {
-      const std::string name = std::string(north_angle_names[a]) + "_deg";
-      add_key(prefix + "mean." + name, position.mean_deg[a], text);
-      add_key(prefix + "deviation." + name, position.deviation_deg[a], text);
-      add_key(prefix + "sigma." + name, position.noise_sigma_deg[a], text);
-    }
-  }
-  for (std::size_t a = 0; a < 3; ++a)
-    add_figure(std::string("deviation.") + north_angle_names[a], report.found.deviation[a], text);
-  add_figure("mean.heading", report.found.mean_heading, text);
-  add_key("worst.heading_error_deg", report.found.worst_heading_error_deg, text);
-  add_key("felt_latitude_deg", report.felt.latitude_rad / rad_per_deg, text);
-  add_key("felt_latitude_sigma_deg", report.felt.sigma_rad / rad_per_deg, text);
-  add_key("gravity_mps2", report.info.gravity_mps2, text);
-  add_key("felt_gravity_mps2", report.felt.gravity_mps2, text);
-  add_key("noise", report.noise_assumed ? "assumed" : "file", text);
-  add_key("limit.heading_deg", report.heading_limit_deg, text);
-  add_key("limit.level_deg", report.level_limit_deg, text);
-  add_key("limit.guard_factor", report.guard_factor, text);
-  add_key("false_fail", report.false_fail, text);
-  if (report.would_do_s > 0.0) add_key("would_do.align_s", report.would_do_s, text);
-  if (report.level_undecided) add_key("undecided.level", "true", text);
-  add_key("verdict.heading", std::string(to_string(report.heading)), text);
-  add_key("verdict.level", std::string(to_string(report.level)), text);
-  add_key("verdict.latitude", std::string(to_string(report.latitude)), text);
-  add_key("verdict.gravity", std::string(to_string(report.gravity)), text);
-  add_key("verdict.result", std::string(to_string(report.verdict)), text);
-  return with_checksum(std::move(text));
+std::string format_verification(VerificationReport report) {
+  VerificationFields fields;
+  if (report.info.simulated) fields.lines.comment("Simulated data: a dry run, or a twin.");
+  fields.lines.number("format", 1.0);
+  each_field(report, fields);
+  return with_checksum(fields.lines.take());
 }
 
 Result<VerificationReport> read_verification(const std::string& path) {
   const std::string text = TRY(read_whole_file(path));
   const std::string_view above = TRY(without_checksum(text, path));
-  KeyValueFile parsed = TRY(KeyValueFile::parse(above, path));
-  KeyValueFile& conf = parsed;
+  KeyValueFile conf = TRY(KeyValueFile::parse(above, path));
   VerificationReport report;
   conf.integer("format", 1, 1);
-  report.info.unit_serial = conf.text("unit_serial");
-  report.info.simulated = conf.boolean_or("simulated", false);
-  report.info.latitude_deg = conf.number("latitude_deg", site_latitude_deg);
-  report.recording_hash = conf.text("recording_hash");
-  report.parameters = conf.text("parameters");
-  report.calibration_hash = conf.text("calibration_hash");
-  report.trusted = conf.boolean_or("trusted", false);
-  report.align_s = conf.number("align_s", positive);
-  report.damage = conf.text_or("damage", "");
-  report.filled_samples = conf.integer("filled_samples", 0);
-  report.faults = read_list(conf, "fault");
-  report.left_out = read_list(conf, "left_out");
-  report.found.zero_deg = conf.number("zero_deg");
-  std::vector<NorthPosition>& positions = report.found.positions;
-  do {
-    const std::string prefix = "position." + std::to_string(positions.size() + 1) + ".";
-    NorthPosition position;
-    position.table_deg = conf.number(prefix + "table_deg");
-    const auto reading = [&] { return prefix + std::to_string(position.readings.size() + 1) + "."; };
-    while (conf.has(reading() + "heading_deg")) {
-      NorthReading one{.table_deg = position.table_deg};
-      for (std::size_t a = 0; a < 3; ++a) one.angle_deg[a] = conf.number(reading() + north_angle_names[a] + "_deg");
-      position.readings.push_back(one);
-    }
-    for (std::size_t a = 0; a < 3; ++a) {
-      const std::string name = std::string(north_angle_names[a]) + "_deg";
-      position.mean_deg[a] = conf.number(prefix + "mean." + name);
-      position.deviation_deg[a] = conf.number(prefix + "deviation." + name, not_negative);
-      position.noise_sigma_deg[a] = conf.number(prefix + "sigma." + name, not_negative);
-    }
-    positions.push_back(std::move(position));
-  } while (conf.has("position." + std::to_string(positions.size() + 1) + ".table_deg"));
-  const auto figure = [&conf](const std::string& key) {
-    return NorthFigure{conf.number(key + "_deg"), conf.number(key + "_sigma_deg", not_negative)};
-  };
-  for (std::size_t a = 0; a < 3; ++a)
-    report.found.deviation[a] = figure(std::string("deviation.") + north_angle_names[a]);
-  report.found.mean_heading = figure("mean.heading");
-  report.found.worst_heading_error_deg = conf.number("worst.heading_error_deg");
-  report.felt = {conf.number("felt_latitude_deg") * rad_per_deg,
-                 conf.number("felt_latitude_sigma_deg", not_negative) * rad_per_deg,
-                 conf.number("felt_gravity_mps2", not_negative)};
-  report.info.gravity_mps2 = conf.number("gravity_mps2", positive);
-  report.noise_assumed = conf.one_of("noise", {"file", "assumed"}) == "assumed";
-  report.heading_limit_deg = conf.number("limit.heading_deg", positive);
-  report.level_limit_deg = conf.number("limit.level_deg", positive);
-  report.guard_factor = conf.number("limit.guard_factor", not_negative);
-  report.false_fail = conf.number("false_fail", between(0.0, 1.0));
-  report.would_do_s = conf.number_or("would_do.align_s", 0.0, not_negative);
-  report.level_undecided = conf.boolean_or("undecided.level", false);
-  for (const auto& [key, verdict] :
-       {std::pair{"verdict.heading", &report.heading}, std::pair{"verdict.level", &report.level},
-        std::pair{"verdict.latitude", &report.latitude}, std::pair{"verdict.gravity", &report.gravity},
-        std::pair{"verdict.result", &report.verdict}}) {
-    const std::optional<UnitVerdict> word = verdict_from(conf.text(key));
-    if (!word) conf.reject(key, "a verdict");
-    *verdict = word.value_or(UnitVerdict::fail);
-  }
+  VerificationFields fields(&conf);
+  each_field(report, fields);
+  if (report.found.positions.empty()) conf.reject("position.1.table_deg", "a number");
   TRY(conf.check_all_used());
   return report;
 }
 
 std::string verification_words(const VerificationReport& report) {
-  char text[200];
-  std::snprintf(text, sizeof text, "heading %.4f deg (mean %.4f) of %g, roll %.5f and pitch %.5f of %g",
-                report.found.deviation[0].value_deg, report.found.mean_heading.value_deg, report.heading_limit_deg,
-                report.found.deviation[1].value_deg, report.found.deviation[2].value_deg, report.level_limit_deg);
-  std::string words = text;
+  std::string words =
+      fmt::format("heading {:.4f} deg (mean {:.4f}) of {:g}, roll {:.5f} and pitch {:.5f} of {:g}",
+                  report.found.deviation[0].value_deg, report.found.mean_heading.value_deg, report.heading_limit_deg,
+                  report.found.deviation[1].value_deg, report.found.deviation[2].value_deg, report.level_limit_deg);
   if (const std::string undecided = undecided_words(report); !undecided.empty()) words += "; " + undecided;
   if (report.latitude == UnitVerdict::fail)
     words += "; latitude " + latitude_words(report.felt, report.info.latitude_deg);
@@ -205,76 +186,91 @@ std::string verification_words(const VerificationReport& report) {
   return words;
 }
 
-void print_verification(const VerificationReport& report, std::ostream& out) {
-  if (!report.damage.empty()) out << report.damage << '\n';
-  if (report.filled_samples > 0)
-    out << report.filled_samples << " samples lost or bad, filled in from their neighbours\n";
-  print_faults(report.faults, out);
-  for (const std::string& alignment : report.left_out) out << "left out: " << alignment << '\n';
-  out << formatted("Unit %s, alignments of %.0f s; the table's zero is at a heading of %.4f deg. deg:\n\n",
-                   report.info.unit_serial.c_str(), report.align_s, report.found.zero_deg);
-  for (const NorthPosition& position : report.found.positions) {
-    out << formatted("%7.1f %22s %12s %12s\n", position.table_deg, "heading", "roll", "pitch");
-    for (std::size_t k = 0; k < position.readings.size(); ++k) {
-      const std::array<double, 3>& x = position.readings[k].angle_deg;
-      out << formatted("  %-15zu %12.6f %12.6f %12.6f\n", k + 1, x[0], x[1], x[2]);
-    }
-    for (const auto& [name, values] :
-         {std::pair{"mean", &position.mean_deg}, std::pair{"deviation", &position.deviation_deg},
-          std::pair{"sigma, noise", &position.noise_sigma_deg}})
-      out << formatted("  %-15s %12.6f %12.6f %12.6f\n", name, (*values)[0], (*values)[1], (*values)[2]);
-    out << "\n";
-  }
+namespace {
+
+// Heading, roll and pitch, degrees.
+void add_angles(const std::string& name, const std::array<double, 3>& angles_deg, Table& table) {
+  std::vector<Cell> row = {cell::text(name)};
+  for (const double angle : angles_deg) row.push_back(cell::fixed(angle, 6));
+  table.row(std::move(row));
+}
+
+}  // namespace
+
+Document verification_document(const VerificationReport& report) {
   const NorthSeeking& found = report.found;
-  out << formatted(
-      "heading  largest deviation %.6f +- %.6f, means off the table by %.6f +- %.6f deg (rms); limit %g: %s\n",
-      found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
-      found.mean_heading.sigma_deg, report.heading_limit_deg, std::string(to_string(report.heading)).c_str());
-  out << formatted("level    largest deviation of roll %.6f, of pitch %.6f deg; limit %g: %s\n",
-                   found.deviation[1].value_deg, found.deviation[2].value_deg, report.level_limit_deg,
-                   std::string(to_string(report.level)).c_str());
-  out << "         what turns every reading alike, as an accelerometer bias does, it cannot see\n";
-  out << "latitude " << latitude_words(report.felt, report.info.latitude_deg) << ": " << to_string(report.latitude)
-      << "\n";
-  out << "gravity  " << gravity_words(report.felt, report.info.gravity_mps2) << ": " << to_string(report.gravity)
-      << "\n";
-  if (report.noise_assumed) out << "noise    " << assumed_noise_words << "\n";
-  out << formatted("         a unit with nothing but this noise is above a limit in %.1f of 100 verifications\n",
-                   100.0 * report.false_fail);
-  if (const std::string undecided = undecided_words(report); !undecided.empty())
-    out << "         " << undecided << "\n";
-  if (!report.trusted) out << not_trusted_words << "\n";
-  out << "verdict  " << to_string(report.verdict) << "\n";
+  Document document{"", "Verification of unit " + report.info.unit_serial};
+  if (!report.damage.empty()) document.text(report.damage);
+  if (report.filled_samples > 0)
+    document.text(fmt::format("{} samples lost or bad, filled in from their neighbours", report.filled_samples));
+  add_faults(report.faults, document);
+  for (const std::string& alignment : report.left_out) document.text("left out: " + alignment);
+  document.text(fmt::format("Unit {}, alignments of {:.0f} s; the table's zero is at a heading of {:.4f} deg. deg:",
+                            report.info.unit_serial, report.align_s, found.zero_deg));
+  for (const NorthPosition& position : found.positions) {
+    Table table{{cell::text(fmt::format("table at {:.1f}", position.table_deg)), cell::number("heading"),
+                 cell::number("roll"), cell::number("pitch")}};
+    for (std::size_t k = 0; k < position.readings.size(); ++k)
+      add_angles(std::to_string(k + 1), position.readings[k].angle_deg, table);
+    add_angles("mean", position.mean_deg, table);
+    add_angles("deviation", position.deviation_deg, table);
+    add_angles("sigma, noise", position.noise_sigma_deg, table);
+    document.add(std::move(table));
+  }
+  Facts facts;
+  const auto add = [&facts](const char* label, const std::string& words) { facts.rows.emplace_back(label, words); };
+  add("heading",
+      fmt::format(
+          "largest deviation {:.6f} +- {:.6f}, means off the table by {:.6f} +- {:.6f} deg (rms); limit {:g}: {}",
+          found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
+          found.mean_heading.sigma_deg, report.heading_limit_deg, to_string(report.heading)));
+  add("level",
+      fmt::format("largest deviation of roll {:.6f}, of pitch {:.6f} deg; limit {:g}: {}", found.deviation[1].value_deg,
+                  found.deviation[2].value_deg, report.level_limit_deg, to_string(report.level)));
+  add("", "what turns every reading alike, as an accelerometer bias does, it cannot see");
+  add("latitude",
+      fmt::format("{}: {}", latitude_words(report.felt, report.info.latitude_deg), to_string(report.latitude)));
+  add("gravity",
+      fmt::format("{}: {}", gravity_words(report.felt, report.info.gravity_mps2), to_string(report.gravity)));
+  if (report.noise_assumed) add("noise", assumed_noise_words);
+  add("", fmt::format("a unit with nothing but this noise is above a limit in {:.1f} of 100 verifications",
+                      100.0 * report.false_fail));
+  if (const std::string undecided = undecided_words(report); !undecided.empty()) add("", undecided);
+  if (!report.trusted) add("", not_trusted_words);
+  add("verdict", std::string(to_string(report.verdict)));
+  document.add(std::move(facts));
+  return document;
 }
 
 std::string format_references(const ReferenceReport& report) {
-  std::string text;
-  add_key("format", 1.0, text);
-  add_key("references", report.file, text);
+  KeyValues lines;
+  lines.number("format", 1.0);
+  lines.text("references", report.file);
   for (std::size_t row = 0; row < report.found.error_deg.size(); ++row)
     for (std::size_t a = 0; a < 3; ++a)
-      add_key("error." + std::to_string(row + 1) + "." + north_angle_names[a] + "_deg", report.found.error_deg[row][a],
-              text);
+      lines.number(fmt::format("error.{}.{}_deg", row + 1, north_angle_names[a]), report.found.error_deg[row][a]);
   for (std::size_t a = 0; a < 3; ++a) {
     const std::string name = std::string(north_angle_names[a]) + "_deg";
-    add_key("worst." + name, report.found.worst_deg[a], text);
-    add_key("rms." + name, report.found.rms_deg[a], text);
-    add_key("limit." + name, report.limit_deg[a], text);
+    lines.number("worst." + name, report.found.worst_deg[a]);
+    lines.number("rms." + name, report.found.rms_deg[a]);
+    lines.number("limit." + name, report.limit_deg[a]);
   }
-  add_key("verdict.result", report.pass ? "pass" : "fail", text);
-  return text;
+  lines.text("verdict.result", report.pass ? "pass" : "fail");
+  return lines.take();
 }
 
-void print_references(const ReferenceReport& report, std::ostream& out) {
-  out << formatted("%-12s %12s %12s %12s   error, deg\n", "reading", "heading", "roll", "pitch");
-  for (std::size_t row = 0; row < report.found.error_deg.size(); ++row) {
-    const std::array<double, 3>& x = report.found.error_deg[row];
-    out << formatted("%-12zu %12.6f %12.6f %12.6f%s\n", row + 1, x[0], x[1], x[2], row == 0 ? "   bound" : "");
-  }
-  for (const auto& [name, values] : {std::pair{"worst", &report.found.worst_deg},
-                                     std::pair{"rms", &report.found.rms_deg}, std::pair{"limit", &report.limit_deg}})
-    out << formatted("%-12s %12.6f %12.6f %12.6f\n", name, (*values)[0], (*values)[1], (*values)[2]);
-  out << "verdict  " << (report.pass ? "pass" : "fail") << "\n";
+Document reference_document(const ReferenceReport& report) {
+  Document document{"", "Readings of " + report.file};
+  document.text("Error of each reading, deg; the first one is bound.");
+  Table table{{cell::text("reading"), cell::number("heading"), cell::number("roll"), cell::number("pitch")}};
+  for (std::size_t row = 0; row < report.found.error_deg.size(); ++row)
+    add_angles(std::to_string(row + 1), report.found.error_deg[row], table);
+  add_angles("worst", report.found.worst_deg, table);
+  add_angles("rms", report.found.rms_deg, table);
+  add_angles("limit", report.limit_deg, table);
+  document.add(std::move(table));
+  document.add(Facts{{{"verdict", report.pass ? "pass" : "fail"}}});
+  return document;
 }
 
 }  // namespace turncal
