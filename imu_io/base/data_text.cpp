@@ -1,11 +1,9 @@
 #include "imu_io/base/data_text.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
@@ -34,9 +32,7 @@ std::string quoted_json(std::string_view text) {
     } else if (c == '"' || c == '\\') {
       result += std::string("\\") + c;
     } else if (static_cast<unsigned char>(c) < 0x20 || c == '<') {  // '<': also safe inside a script of a page
-      char code[8];
-      std::snprintf(code, sizeof code, "\\u%04x", static_cast<unsigned>(c));
-      result += code;
+      result += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
     } else {
       result += text.substr(0, length);
     }
@@ -53,9 +49,9 @@ void JsonObject::raw(std::string_view key, std::string_view json) {
 }
 
 void JsonObject::texts(std::string_view key, const std::vector<std::string>& values) {
-  std::string list;
-  for (const std::string& value : values) list += (list.empty() ? "" : ",") + quoted_json(value);
-  raw(key, "[" + list + "]");
+  std::vector<std::string> list;
+  for (const std::string& value : values) list.push_back(quoted_json(value));
+  raw(key, fmt::format("[{}]", fmt::join(list, ",")));
 }
 
 void DataTable::text(std::string_view value) {
@@ -83,13 +79,9 @@ void DataTable::word(std::string_view value) {
 }
 
 std::string DataTable::csv() const {
-  std::string text;
-  for (std::size_t k = 0; k < columns_.size(); ++k) text += (k > 0 ? "," : "") + columns_[k];
-  text += "\n";
-  for (const std::vector<Cell>& row : rows_) {
-    for (std::size_t k = 0; k < row.size(); ++k) text += (k > 0 ? "," : "") + row[k].csv;
-    text += "\n";
-  }
+  std::string text = fmt::format("{}\n", fmt::join(columns_, ","));
+  for (const std::vector<Cell>& row : rows_)
+    for (std::size_t k = 0; k < row.size(); ++k) text += row[k].csv + (k + 1 < row.size() ? "," : "\n");
   return text;
 }
 
@@ -121,27 +113,6 @@ void KeyValues::text(std::string_view key, std::string_view value) {
 
 void KeyValues::number(std::string_view key, double value) {
   text(key, std::isfinite(value) ? format_number(value) : "");
-}
-
-void KeyValues::list(std::string_view key, const std::vector<std::string>& values) {
-  text(key, fmt::format("{}", fmt::join(values, ", ")));
-}
-
-void KeyValues::numbered(std::string_view key, const std::vector<std::string>& values) {
-  for (std::size_t k = 0; k < values.size(); ++k) text(fmt::format("{}.{}", key, k + 1), values[k]);
-}
-
-std::string key_values_as(std::string_view format, std::string_view lines) {
-  DataTable table({"key", "value"});
-  while (!lines.empty()) {
-    const std::string_view line = next_line(lines);
-    const std::size_t equals = line.find('=');
-    if (line.starts_with('#') || equals == std::string_view::npos) continue;
-    table.begin_row();
-    table.text(trimmed(line.substr(0, equals)));
-    table.word(trimmed(line.substr(equals + 1)));
-  }
-  return format == "json" ? table.json_object() : table.csv();
 }
 
 }  // namespace turncal

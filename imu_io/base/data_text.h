@@ -62,15 +62,11 @@ class KeyValues {
   void text(std::string_view key, std::string_view value);
   void number(std::string_view key, double value);  // no value where it is not finite
   void flag(std::string_view key, bool value) { text(key, value ? "true" : "false"); }
-  void list(std::string_view key, const std::vector<std::string>& values);      // in one line
-  void numbered(std::string_view key, const std::vector<std::string>& values);  // key.1, key.2 and so on
   std::string take() { return std::move(lines_); }
 
  private:
   std::string lines_;
 };
-// The same as one JSON object, or as CSV with a line a key.
-std::string key_values_as(std::string_view format, std::string_view lines);
 
 inline const std::vector<std::string> data_formats = {"json", "csv"};
 

@@ -1,5 +1,6 @@
 #include "imu_io/recordings/parameter_file.h"
 
+#include <algorithm>
 #include <cmath>
 #include <unordered_set>
 
@@ -21,11 +22,9 @@ constexpr std::string_view title = "# turncal parameter file: w = n * counts - N
 constexpr double same_period = 1e-6;  // relative: a text may have rounded it
 
 bool is_name(std::string_view name) {
-  if (name.empty()) return false;
-  for (const char c : name) {
-    if (!((c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_')) return false;
-  }
-  return true;
+  return !name.empty() && std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+  });
 }
 
 bool is_further_key(std::string_view key) {
@@ -42,12 +41,11 @@ bool is_further_key(std::string_view key) {
 }
 
 // Lines, and the first thing that cannot be written.
-class Lines {
- public:
+struct Lines {
   void text(const std::string& key, const std::string& value) {
-    if (!keys_.insert(key).second) return fail(key, "occurs twice");
+    if (!keys.insert(key).second) return fail(key, "occurs twice");
     if (!is_plain_text(value)) return fail(key, "= '" + value + "': expected printable text without '#', not empty");
-    lines_.text(key, value);
+    lines.text(key, value);
   }
   void number(const std::string& key, double value) {
     if (!std::isfinite(value)) return fail(key, "is not finite");
@@ -59,18 +57,24 @@ class Lines {
     number("sigma." + key, *value);
   }
   void fail(const std::string& key, const std::string& what) {
-    if (defect_.empty()) defect_ = "parameter file: key '" + key + "' " + what;
+    if (defect.empty()) defect = "parameter file: key '" + key + "' " + what;
   }
   Result<std::string> finish() {
-    if (!defect_.empty()) return Error{ErrorKind::internal, defect_};
-    return with_checksum(lines_.take());
+    if (!defect.empty()) return Error{ErrorKind::internal, defect};
+    return with_checksum(lines.take());
   }
 
- private:
-  KeyValues lines_{title};
-  std::string defect_;
-  std::unordered_set<std::string> keys_;
+  KeyValues lines{title};
+  std::string defect;
+  std::unordered_set<std::string> keys;
 };
+
+// What is read must be fit to be written again.
+std::string plain_text(KeyValueFile& input, std::string_view key) {
+  std::string value = input.text(key);
+  if (!is_plain_text(value)) input.reject(key, "printable text");
+  return value;
+}
 
 void read_effects(KeyValueFile& input, ParameterFile& file) {
   constexpr std::string_view prefix = "effect.";
@@ -113,9 +117,8 @@ void describe_recording(const RecordingInfo& info, ParameterFile& file) {
 
 Result<std::string> format_parameter_file(const ParameterFile& file) {
   Lines lines;
-  for (int i = 0; i < parameter_count; ++i) {
-    lines.number(std::string(parameter_keys[static_cast<std::size_t>(i)]), file.parameters[i]);
-  }
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i)
+    lines.number(std::string(parameter_keys[i]), file.parameters[static_cast<Eigen::Index>(i)]);
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) lines.sigma(std::string(parameter_keys[i]), file.sigma[i]);
   if (file.reference_temperature_c) lines.number("reference_temperature_c", *file.reference_temperature_c);
   for (const EffectValue& effect : file.effects) {
@@ -145,29 +148,15 @@ Result<std::string> format_parameter_file(const ParameterFile& file) {
 }
 
 Status write_parameter_file(const ParameterFile& file, const std::string& path) {
-  const auto text = format_parameter_file(file);
-  if (!text) return text.error();
-  return write_file_atomically(path, *text);
+  const std::string text = TRY(format_parameter_file(file));
+  return write_file_atomically(path, text);
 }
-
-namespace {
-
-// What is read must be fit to be written again.
-std::string plain_text(KeyValueFile& input, std::string_view key) {
-  std::string value = input.text(key);
-  if (!is_plain_text(value)) input.reject(key, "printable text");
-  return value;
-}
-
-}  // namespace
 
 Result<ParameterFile> parse_parameter_file(std::string_view text, const std::string& file_name) {
   // The checksum first: nothing in a damaged file is worth a message of its own.
   const std::string_view above = TRY(without_checksum(text, file_name));
 
-  auto parsed = KeyValueFile::parse(above, file_name);
-  if (!parsed) return parsed.error();
-  KeyValueFile& input = *parsed;
+  KeyValueFile input = TRY(KeyValueFile::parse(above, file_name));
   ParameterFile file;
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     file.parameters[static_cast<Eigen::Index>(i)] = input.number(parameter_keys[i]);
@@ -182,30 +171,25 @@ Result<ParameterFile> parse_parameter_file(std::string_view text, const std::str
   file.latitude_deg = input.number("latitude_deg", site_latitude_deg);
   file.gravity_mps2 = input.number("gravity_mps2", positive);
   file.sample_period_s = input.number("sample_period_s", sample_period_range);
-  const auto kind = [](const std::string& name) {
-    return name == "pulses" ? IncrementKind::pulses : IncrementKind::physical;
-  };
-  file.gyro_increment = kind(input.one_of("gyro_increment", {"pulses", "rad"}));
-  file.accel_increment = kind(input.one_of("accel_increment", {"pulses", "mps"}));
+  using enum IncrementKind;
+  file.gyro_increment = input.one_of("gyro_increment", {"pulses", "rad"}) == "pulses" ? pulses : physical;
+  file.accel_increment = input.one_of("accel_increment", {"pulses", "mps"}) == "pulses" ? pulses : physical;
   file.accel_pulse_mps =
       input.number("accel_pulse_mps", file.accel_increment == IncrementKind::pulses ? positive : not_negative);
   file.simulated = input.boolean_or("simulated", false);
   file.software_version = plain_text(input, "software_version");
   file.time_utc = plain_text(input, "time_utc");
-  for (const std::string& key : input.keys()) {
+  for (const std::string& key : input.keys())
     if (is_further_key(key)) file.further.emplace_back(key, plain_text(input, key));
-  }
   TRY(input.check_all_used());
   return file;
 }
 
 Result<ParameterFile> read_parameter_file(const std::string& path) {
-  const auto text = read_whole_file(path);
-  if (!text) return text.error();
-  if (text->empty()) return input_error(path + ": empty file: expected a parameter file");
-  Result<ParameterFile> file = parse_parameter_file(*text, path);
-  if (!file) return file;
-  if (const std::string* const keys = find_further(*file, undetermined_key))
+  const std::string text = TRY(read_whole_file(path));
+  if (text.empty()) return input_error(path + ": empty file: expected a parameter file");
+  ParameterFile file = TRY(parse_parameter_file(text, path));
+  if (const std::string* const keys = find_further(file, undetermined_key))
     return input_error(path + ": its calibration did not determine " + *keys + ": expected one that did");
   return file;
 }
@@ -213,8 +197,7 @@ Result<ParameterFile> read_parameter_file(const std::string& path) {
 Result<std::string> calibration_hash(ParameterFile file) {
   std::erase_if(file.further, [](const auto& entry) { return entry.first.starts_with("verdict."); });
   const std::string text = TRY(format_parameter_file(file));
-  const Result<std::string_view> above = without_checksum(text, "parameter file");
-  return above ? Result<std::string>(hash_of_text(*above)) : above.error();
+  return hash_of_text(TRY(without_checksum(text, "parameter file")));
 }
 
 bool is_trusted(const ParameterFile& file) {
@@ -231,19 +214,15 @@ Status check_applicable(const ParameterFile& file, const std::string& file_name,
     return refuse("unit_serial", file.unit_serial, "'" + info.unit_serial + "'");
   if (std::abs(file.sample_period_s - info.sample_period_s) > same_period * info.sample_period_s)
     return refuse("sample_period_s", format_number(file.sample_period_s), format_number(info.sample_period_s));
-  if (file.gyro_increment != info.gyro_increment) {
+  if (file.gyro_increment != info.gyro_increment)
     return refuse("gyro_increment", gyro_increment_name(file.gyro_increment), gyro_increment_name(info.gyro_increment));
-  }
-  if (file.accel_increment != info.accel_increment) {
+  if (file.accel_increment != info.accel_increment)
     return refuse("accel_increment", accel_increment_name(file.accel_increment),
                   accel_increment_name(info.accel_increment));
-  }
-  if (file.accel_increment == IncrementKind::pulses && file.accel_pulse_mps != info.accel_pulse_mps) {
+  if (file.accel_increment == IncrementKind::pulses && file.accel_pulse_mps != info.accel_pulse_mps)
     return refuse("accel_pulse_mps", format_number(file.accel_pulse_mps), format_number(info.accel_pulse_mps));
-  }
-  if (file.simulated && !info.simulated) {
+  if (file.simulated && !info.simulated)
     return input_error(file_name + ": simulated parameters: expected those of a real calibration for this recording");
-  }
   return {};
 }
 

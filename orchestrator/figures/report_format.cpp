@@ -14,12 +14,6 @@
 namespace turncal {
 namespace {
 
-std::string fixed(double value, int decimals) {
-  const std::string text = fmt::format("{:.{}f}", value, decimals);
-  // "-0.00" is a zero
-  return text[0] == '-' && text.find_first_of("123456789") == std::string::npos ? text.substr(1) : text;
-}
-
 std::string superscript(int number) {
   static constexpr const char* digits[] = {"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"};
   std::string result = number < 0 ? "⁻" : "";
@@ -41,6 +35,12 @@ std::string with_exponent(double value, int digits, Alphabet alphabet) {
 }
 
 }  // namespace
+
+std::string with_decimals(double value, int decimals) {
+  if (!std::isfinite(value)) return "-";
+  const std::string text = fmt::format("{:.{}f}", value, decimals);
+  return text[0] == '-' && text.find_first_of("123456789") == std::string::npos ? text.substr(1) : text;
+}
 
 std::string html_escape(std::string_view text) {
   std::string result;
@@ -79,7 +79,7 @@ std::string significant(double value, int digits, Alphabet alphabet) {
   if (value == 0.0) return "0";
   const int exponent = exponent_of(value, digits);
   if (exponent < -4 || exponent > 6) return with_exponent(value, digits, alphabet);
-  return fixed(value, std::max(0, digits - 1 - exponent));
+  return with_decimals(value, std::max(0, digits - 1 - exponent));
 }
 
 std::string value_with_sigma(double value, double sigma, Alphabet alphabet) {
@@ -87,7 +87,7 @@ std::string value_with_sigma(double value, double sigma, Alphabet alphabet) {
   if (!std::isfinite(sigma) || sigma <= 0.0) return significant(value, 6, alphabet);
   const int decimals = 1 - exponent_of(sigma, 2);
   if (decimals > 12) return significant(value, 6, alphabet);
-  return fixed(value, std::max(0, decimals));
+  return with_decimals(value, std::max(0, decimals));
 }
 
 std::string quantity(double value, double sigma, std::string_view unit) {
@@ -97,19 +97,19 @@ std::string quantity(double value, double sigma, std::string_view unit) {
 }
 
 std::string ratio(double value) {
-  return std::isfinite(value) ? value < 100.0 ? fixed(value, 3) : significant(value, 4) : "-";
+  return std::isfinite(value) ? value < 100.0 ? with_decimals(value, 3) : significant(value, 4) : "-";
 }
 
 std::string percent_change(double before, double after) {
   if (!std::isfinite(before) || !std::isfinite(after) || before <= 0.0) return "-";
   const double percent = 100.0 * (after / before - 1.0);
-  const std::string text = fixed(percent, std::abs(percent) < 9.95 && std::abs(percent) >= 0.05 ? 1 : 0);
+  const std::string text = with_decimals(percent, std::abs(percent) < 9.95 && std::abs(percent) >= 0.05 ? 1 : 0);
   return (percent > 0.0 && text != "0" ? "+" : "") + text + " %";
 }
 
 std::string signed_number(double value, int decimals) {
   if (!std::isfinite(value)) return "-";
-  const std::string text = fixed(value, decimals);
+  const std::string text = with_decimals(value, decimals);
   return text[0] == '-' ? text : "+" + text;
 }
 

@@ -22,6 +22,8 @@ std::string significant(double value, int digits = 3, Alphabet alphabet = Alphab
 std::string value_with_sigma(double value, double sigma, Alphabet alphabet = Alphabet::plain);
 // "28.35 ± 0.91 µg/g²"
 std::string quantity(double value, double sigma, std::string_view unit);
+// 0.00 for -0.001; "-" for a number that is not finite.
+std::string with_decimals(double value, int decimals);
 // Three decimals: numbers near 1 that are compared with one another.
 std::string ratio(double value);
 // "-69 %", "+3 %", "0 %"; "-" when there is nothing to compare.

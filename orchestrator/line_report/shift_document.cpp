@@ -112,9 +112,8 @@ Table repeatability_table(const std::vector<Repeatability>& all) {
   Table table{{name("parameter"), number("pairs"), number("s"), text("95 %"), number("of that the calibration"),
                number("left for the unit")}};
   for (const Repeatability& r : all)
-    table.row({name(r.key), count(r.pairs), number(r.spread),
-               text(significant(r.low, 3) + " .. " + significant(r.high, 3)), number(r.calibration_sigma),
-               r.of_unit() ? number(*r.of_unit()) : number("-")});
+    table.row({name(r.key), count(r.pairs), number(r.spread), text(number(r.low).words + " .. " + number(r.high).words),
+               number(r.calibration_sigma), r.of_unit() ? number(*r.of_unit()) : number("-")});
   return table;
 }
 

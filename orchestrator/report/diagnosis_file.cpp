@@ -50,9 +50,9 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
   if (!d.reason.empty()) lines.comment("reason: " + d.reason);
   lines.text("verdict", to_string(d.verdict));
   lines.flag("quality.trusted", d.trusted);
-  lines.list("effects", d.effect_names);
-  if (!d.candidate_names.empty()) lines.list("candidates", d.candidate_names);
-  if (!d.moved.empty()) lines.list("may_have_moved", d.moved);
+  lines.text("effects", join(d.effect_names));
+  if (!d.candidate_names.empty()) lines.text("candidates", join(d.candidate_names));
+  if (!d.moved.empty()) lines.text("may_have_moved", join(d.moved));
   if (!d.lack_of_fit.tests.empty()) {
     lines.text("lack_of_fit.worst", d.lack_of_fit.worst.what);
     lines.number("lack_of_fit.log10_probability", d.lack_of_fit.worst.log10_p);
@@ -75,9 +75,9 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
   }
   for (const std::string& name : d.effect_names) {
     const auto found = d.aliases.find(name);
-    lines.list("alias." + name, found == d.aliases.end() ? std::vector<std::string>{} : found->second);
+    lines.text("alias." + name, found == d.aliases.end() ? "" : join(found->second));
   }
-  lines.list("undetectable", d.undetectable);
+  lines.text("undetectable", join(d.undetectable));
   for (const CandidateScore& c : d.candidates)
     if (c.visible && c.column.entry != nullptr && std::isfinite(c.detectable))
       lines.number("detectable." + c.column.key(), c.detectable);

@@ -8,6 +8,7 @@
 #include <map>
 
 #include "imu_io/base/data_text.h"
+#include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 
@@ -20,9 +21,7 @@ Cell wide(std::string_view words) { return {Cell::Kind::wide, std::string(words)
 Cell name(std::string_view words) { return {Cell::Kind::name, std::string(words)}; }
 Cell number(std::string_view words, double value) { return {Cell::Kind::number, std::string(words), value}; }
 Cell number(double value, int digits) { return number(significant(value, digits, Alphabet::typographic), value); }
-Cell fixed(double value, int decimals) {
-  return number(std::isfinite(value) ? fmt::format("{:.{}f}", value, decimals) : "-", value);
-}
+Cell fixed(double value, int decimals) { return number(with_decimals(value, decimals), value); }
 Cell count(std::size_t value) { return number(std::to_string(value), static_cast<double>(value)); }
 Cell with_sigma(double value, double sigma) {
   return number(value_with_sigma(value, sigma, Alphabet::typographic), value);
@@ -274,8 +273,11 @@ std::string plain(std::string_view text) {
 
 std::string as_text(const Document& document, std::size_t most) {
   TextLines text;
-  for (const Document::Block& block : document.blocks)
+  for (const Document::Block& block : document.blocks) {
+    const auto* paragraph = std::get_if<Paragraph>(&block.content);
+    if (paragraph != nullptr && paragraph->style == "note") ++most;
     if (block.scope != Scope::page) std::visit(text, block.content);
+  }
   if (text.lines.size() > most) {
     text.lines.resize(most - 1);
     text.lines.emplace_back("... more in the report");
@@ -335,6 +337,19 @@ std::string as_json(const Document& document) {
   }
   close();
   return first.end(std::move(whole), sections) + "\n";
+}
+
+std::string key_values_as(std::string_view format, std::string_view lines) {
+  DataTable table({"key", "value"});
+  while (!lines.empty()) {
+    const std::string_view line = next_line(lines);
+    const std::size_t equals = line.find('=');
+    if (line.starts_with('#') || equals == std::string_view::npos) continue;
+    table.begin_row();
+    table.text(trimmed(line.substr(0, equals)));
+    table.word(trimmed(line.substr(equals + 1)));
+  }
+  return format == "json" ? table.json_object() : table.csv();
 }
 
 }  // namespace turncal

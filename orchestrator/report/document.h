@@ -98,8 +98,8 @@ struct Document {
 inline constexpr std::size_t terminal_columns = 100;
 // "20.25 +- 0.75 ug/g^2" of "20.25 ± 0.75 µg/g²".
 std::string plain(std::string_view typographic);
-// For the terminal, of at most so many lines.
-std::string as_text(const Document& document, std::size_t most = std::numeric_limits<std::size_t>::max());
+// For the terminal, of at most so many lines, notes not counted.
+std::string as_text(const Document& document, std::size_t most = 100'000);
 std::string as_text(const Content& content);
 
 struct HtmlPage {
@@ -112,5 +112,8 @@ std::string html(const Content& content);  // of all but drawings
 
 // {"title", "text": [...], "facts": {...}, "tables": [[{...}]], "sections": [{"id", "title", ...}]}: keys of rows are the heads of columns.
 std::string as_json(const Document& document);
+
+// A file of keys and values (KeyValues) as one JSON object, or as CSV with a line a key.
+std::string key_values_as(std::string_view format, std::string_view lines);
 
 }  // namespace turncal

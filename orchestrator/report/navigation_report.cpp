@@ -83,8 +83,8 @@ std::string format_navigation(const NavigationReport& report) {
   if (!report.damage.empty()) lines.text("damage", report.damage);
   lines.number("filled_samples", static_cast<double>(report.filled_samples));
   lines.number("filled_in_motion", static_cast<double>(report.filled_in_motion));
-  lines.numbered("fault", report.faults);
-  lines.numbered("lost", report.lost);
+  for (const auto& [key, texts] : {std::pair{"fault", &report.faults}, std::pair{"lost", &report.lost}})
+    for (std::size_t k = 0; k < texts->size(); ++k) lines.text(fmt::format("{}.{}", key, k + 1), (*texts)[k]);
   for (const NavigatedFile& file : report.files) {
     lines.text(file.prefix + "parameters", file.path);
     lines.text(file.prefix + "model", file.model);

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <regex>
 #include <sstream>
 
 #include "orchestrator/report/diagnosis_text.h"
@@ -129,34 +128,6 @@ TEST(TerminalTable, StaysWithinThirtyLinesOfAHundredColumns) {
   expect_fits(lines);
   EXPECT_EQ(lines.size(), 30u);
   EXPECT_EQ(lines.back(), "... more in the report");
-}
-
-TEST(TerminalTable, ShowsErrorsEffectsScoresAndLimits) {
-  const Sample sample = extended_sample();
-  std::string all;  // runs of blanks as one
-  for (const std::string& line : lines_of(sample.diagnosis, sample_context(sample)))
-    all += std::regex_replace(line, std::regex(" +"), " ") + "\n";
-  for (const char* wanted :
-       {"verdict Extended: one effect", "\nheld-out data: velocity rms, first 20 s of dwells mm/s 7.10 1.40 -80 %\n",
-        "\nheld-out data: energy beyond noise % of the noise's 924 2.01 -100 %\n",
-        "\naccel_second_order.x 20.25 0.75 ug/g^2 27.0\n", "\nscores accel_second_order 27",
-        "\nmoved most A01 +12.0 sigma\n", "measured: ARW 0.00200 deg/sqrt(h), VRW 8.00 ug/sqrt(Hz)",
-        "\naccel_second_order could as well be accel_scale_asymmetry.", "\nnot visible accel_size_effect"})
-    EXPECT_NE(all.find(wanted), std::string::npos) << wanted << "\nin\n" << all;
-}
-
-TEST(TerminalTable, ShowsWhatTheEffectsAreWorth) {
-  const Sample sample = extended_sample();
-  DiagnosisContext context = sample_context(sample);
-  context.worth = sample_worth();
-  const std::vector<std::string> lines = lines_of(sample.diagnosis, context);
-  expect_fits(lines);
-  std::string all;
-  for (const std::string& line : lines) all += std::regex_replace(line, std::regex(" +"), " ") + "\n";
-  EXPECT_NE(all.find(": free navigation, rms of 8 starts nm/h 0.750 0.250 -67 %\n"), std::string::npos) << all;
-  EXPECT_NE(all.find("\naccel_second_order.x 20.25 0.75 ug/g^2 27.0 0.62\naccel_second_order.z"), std::string::npos)
-      << "in the effect's first row\n"
-      << all;
 }
 
 }  // namespace

@@ -143,12 +143,5 @@ TEST(HistoryPage, FitsPhonesAndPaper) {
   EXPECT_NE(page.find("figure, table, tr, .verdict { break-inside:avoid; }", paper), std::string::npos);
 }
 
-TEST(HistoryPage, WithoutGnuplotTheTablesStay) {
-  const std::string page =
-      as_page(history_document(ten_units(0.01), "results.db"), {.program = "/nowhere/gnuplot"}).html;
-  EXPECT_EQ(count_of(page, "This plot is missing"), 6u);
-  EXPECT_EQ(count_of(page, "<td class=\"name\">"), 21u);
-}
-
 }  // namespace
 }  // namespace turncal
