@@ -82,10 +82,8 @@ void DataTable::word(std::string_view value) {
 
 std::string DataTable::csv() const {
   std::string text = fmt::format("{}\n", fmt::join(columns_, ","));
-  for (const std::vector<Cell>& row : rows_) {
-    for (std::size_t k = 0; k < row.size(); ++k) text += (k > 0 ? "," : "") + row[k].csv;
-    text += "\n";
-  }
+  for (const std::vector<Cell>& row : rows_)
+    for (std::size_t k = 0; k < row.size(); ++k) text += row[k].csv + (k + 1 < row.size() ? "," : "\n");
   return text;
 }
 
@@ -103,6 +101,20 @@ std::string DataTable::json_object() const {
   std::string text = "{";
   for (const std::vector<Cell>& row : rows_) text += (text.size() > 1 ? ",\n" : "\n") + row[0].json + ":" + row[1].json;
   return text + "\n}\n";
+}
+
+void KeyValues::comment(std::string_view words) {
+  lines_ += "# ";
+  for (const char c : words) lines_ += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
+  lines_ += '\n';
+}
+
+void KeyValues::text(std::string_view key, std::string_view value) {
+  lines_ += fmt::format("{} ={}{}\n", key, value.empty() ? "" : " ", value);
+}
+
+void KeyValues::number(std::string_view key, double value) {
+  text(key, std::isfinite(value) ? format_number(value) : "");
 }
 
 }  // namespace turncal

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace turncal {
@@ -58,6 +59,20 @@ class DataTable {
   std::vector<std::string> columns_;
   std::vector<std::vector<Cell>> rows_;
 };
+// Lines `key = value`, as key_value.h reads them.
+class KeyValues {
+ public:
+  explicit KeyValues(std::string_view title = {}) : lines_(title) {}
+  void comment(std::string_view words);  // in one line
+  void text(std::string_view key, std::string_view value);
+  void number(std::string_view key, double value);  // no value where it is not finite
+  void flag(std::string_view key, bool value) { text(key, value ? "true" : "false"); }
+  std::string take() { return std::move(lines_); }
+
+ private:
+  std::string lines_;
+};
+
 inline const std::vector<std::string> data_formats = {"json", "csv"};
 
 }  // namespace turncal

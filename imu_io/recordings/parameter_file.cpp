@@ -2,11 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <unordered_set>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/crc.h"
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
@@ -22,10 +24,9 @@ constexpr std::string_view title = "# turncal parameter file: w = n * counts - N
 constexpr double same_period = 1e-6;  // relative: a text may have rounded it
 
 bool is_name(std::string_view name) {
-  if (name.empty()) return false;
-  for (const char c : name)
-    if (!((c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_')) return false;
-  return true;
+  return !name.empty() && std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+  });
 }
 
 bool is_further_key(std::string_view key) {
@@ -41,13 +42,12 @@ bool is_further_key(std::string_view key) {
   return false;
 }
 
-// Collects lines and the first thing that cannot be written.
-class Lines {
- public:
+// Lines, and the first thing that cannot be written.
+struct Lines {
   void text(const std::string& key, const std::string& value) {
-    if (!keys_.insert(key).second) return fail(key, "occurs twice");
+    if (!keys.insert(key).second) return fail(key, "occurs twice");
     if (!is_plain_text(value)) return fail(key, "= '" + value + "': expected printable text without '#', not empty");
-    lines_ += key + " = " + value + "\n";
+    lines.text(key, value);
   }
   void number(const std::string& key, double value) {
     if (!std::isfinite(value)) return fail(key, "is not finite");
@@ -59,18 +59,24 @@ class Lines {
     number("sigma." + key, *value);
   }
   void fail(const std::string& key, const std::string& what) {
-    if (defect_.empty()) defect_ = "parameter file: key '" + key + "' " + what;
+    if (defect.empty()) defect = "parameter file: key '" + key + "' " + what;
   }
-  Result<std::string> finish() const {
-    if (!defect_.empty()) return Error{ErrorKind::internal, defect_};
-    return with_checksum(lines_);
+  Result<std::string> finish() {
+    if (!defect.empty()) return Error{ErrorKind::internal, defect};
+    return with_checksum(lines.take());
   }
 
- private:
-  std::string lines_ = std::string(title);
-  std::string defect_;
-  std::unordered_set<std::string> keys_;
+  KeyValues lines{title};
+  std::string defect;
+  std::unordered_set<std::string> keys;
 };
+
+// What is read must be fit to be written again.
+std::string plain_text(KeyValueFile& input, std::string_view key) {
+  std::string value = input.text(key);
+  if (!is_plain_text(value)) input.reject(key, "printable text");
+  return value;
+}
 
 void read_effects(KeyValueFile& input, ParameterFile& file) {
   constexpr std::string_view prefix = "effect.";
@@ -189,9 +195,8 @@ Result<ParameterFile> parse_parameter_file(std::string_view text, const std::str
 Result<ParameterFile> read_parameter_file(const std::string& path) {
   const std::string text = TRY(read_whole_file(path));
   if (text.empty()) return input_error(path + ": empty file: expected a parameter file");
-  Result<ParameterFile> file = parse_parameter_file(text, path);
-  if (!file) return file;
-  if (const std::string* const keys = find_further(*file, undetermined_key))
+  ParameterFile file = TRY(parse_parameter_file(text, path));
+  if (const std::string* const keys = find_further(file, undetermined_key))
     return input_error(path + ": its calibration did not determine " + *keys + ": expected one that did");
   return file;
 }
@@ -218,10 +223,9 @@ Status check_applicable(const ParameterFile& file, const std::string& file_name,
     return refuse("sample_period_s", format_number(file.sample_period_s), format_number(info.sample_period_s));
   if (file.gyro_increment != info.gyro_increment)
     return refuse("gyro_increment", gyro_increment_name(file.gyro_increment), gyro_increment_name(info.gyro_increment));
-  if (file.accel_increment != info.accel_increment) {
+  if (file.accel_increment != info.accel_increment)
     return refuse("accel_increment", accel_increment_name(file.accel_increment),
                   accel_increment_name(info.accel_increment));
-  }
   if (file.accel_increment == IncrementKind::pulses && file.accel_pulse_mps != info.accel_pulse_mps)
     return refuse("accel_pulse_mps", format_number(file.accel_pulse_mps), format_number(info.accel_pulse_mps));
   if (file.simulated && !info.simulated)

@@ -20,16 +20,13 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
-#include "imu_io/base/data_text.h"
-#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/matrix_writer.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/truth.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/fleet/fleet_document.h"
 #include "orchestrator/fleet/fleet_members.h"
-#include "orchestrator/fleet/fleet_page.h"
-#include "orchestrator/fleet/fleet_text.h"
 #include "orchestrator/fleet/prior_history.h"
 #include "orchestrator/fleet/slurm_array.h"
 #include "orchestrator/fleet/version_changes.h"
@@ -99,8 +96,8 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   folder.keep();
   for (const std::string& note : output.notes) context.out << note << '\n';
   context.out << '\n';
-  print_results(output.file, truth_beside(options.recordings.front()), context.out);
-  context.out << "\nparameters  " << file << std::endl;
+  context.out << as_text(result_table(output.file, truth_beside(options.recordings.front()))) << "\nparameters  "
+              << file << std::endl;
   if (output.distrust.empty()) return {};
   return Error{ErrorKind::unit_failed, file + ": not trusted: " + output.distrust};
 }
@@ -212,20 +209,6 @@ Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, co
   return std::optional(noise);
 }
 
-DataTable diagnosis_table(const std::string& conf) {
-  DataTable table({"key", "value"});
-  std::string_view left = conf;
-  while (!left.empty()) {
-    const std::string_view line = next_line(left);
-    const std::size_t equals = line.find('=');
-    if (line.starts_with('#') || equals == std::string_view::npos) continue;
-    table.begin_row();
-    table.text(trimmed(line.substr(0, equals)));
-    table.word(trimmed(line.substr(equals + 1)));
-  }
-  return table;
-}
-
 Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context) {
   const double began_s = monotonic_s();
   for (const std::vector<std::string>& sources : {options.recordings, options.holdouts})
@@ -244,7 +227,7 @@ Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context
   request.phase = [&phases](const std::string& what) { phases.begin(what); };
   OutputFolder folder = TRY(OutputFolder::prepare_results(options.out, info.unit_serial));
   const DiagnosisOutput output = TRY(diagnose_recordings(each_of(fitted), request));
-  TRY(write_diagnosis(folder.path(), output.files));
+  const std::string plot_problem = TRY(write_diagnosis(folder.path(), output.files));
   folder.keep();
   phases.clear();
   if (!options.residuals.empty()) {
@@ -252,17 +235,13 @@ Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context
     TRY(write_columns(options.residuals, columns));
   }
   if (!options.format.empty()) {
-    const DataTable table = diagnosis_table(output.files.conf);
-    context.out << (options.format == "json" ? table.json_object() : table.csv()) << std::flush;
+    context.out << key_values_as(options.format, output.files.conf) << std::flush;
     return output.diagnosis.verdict;
   }
-  context.out << '\n';
-  for (const std::string& line : output.table) context.out << line << '\n';
-  context.out << '\n';
-  if (const std::string& problem = output.files.report.plot_problem; !problem.empty())
-    context.out << "report without plots: " << problem << '\n';
   const DiagnosisFiles& files = output.files;
-  if (!files.report.html.empty()) context.out << "report      " << folder.file(report_name) << '\n';
+  context.out << '\n' << as_text(files.report, diagnosis_lines) << '\n';
+  if (!plot_problem.empty()) context.out << "report without plots: " << plot_problem << '\n';
+  if (!files.report.title.empty()) context.out << "report      " << folder.file(report_name) << '\n';
   context.out << "diagnosis   " << folder.file(diagnosis_name) << '\n';
   if (files.parameters) context.out << "parameters  " << folder.file(parameters_name) << '\n';
   context.out << significant(monotonic_s() - began_s, 2) << " s" << std::endl;
@@ -385,7 +364,7 @@ Status recalibrate_archive(const RecalibrateOptions& options, CommandContext& co
               << request.version << std::endl;
   if (options.against.empty()) return {};
   const VersionChanges changes = TRY(compare_versions(options.store, options.against, request.version));
-  for (const std::string& line : describe(changes)) context.out << line << '\n';
+  context.out << as_text(changes_document(changes));
   return {};
 }
 
@@ -430,15 +409,15 @@ Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
   wanted.factors = options.by;
   wanted.summary = !options.page.empty();
   const FleetDiagnosis diagnosis = diagnose_fleet(source.members, wanted);
+  const Document document = fleet_document(diagnosis, source, options.by);
   if (!options.page.empty()) {
-    const std::string html = fleet_page(diagnosis, source, options.by);
     TRY(check_replaceable(options.page, "<!DOCTYPE html>"));
-    TRY(write_file_atomically(options.page, html));
+    TRY(write_file_atomically(options.page, as_page(document).html));
   }
   if (!options.format.empty()) {
     context.out << table_of(diagnosis, source).as(options.format);
   } else {
-    for (const std::string& line : describe(diagnosis, source, options.by)) context.out << line << '\n';
+    context.out << as_text(document);
     if (!options.page.empty()) context.out << "page  " << options.page << '\n';
   }
   if (!diagnosis.effects.empty() || !diagnosis.explained())

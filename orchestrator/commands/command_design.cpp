@@ -1,5 +1,7 @@
 // `turncal design`: a sequence found for a time (orchestrator/jobs/design/sequence_design.h; docs/design.md), or the legs that tell an
 // alias class apart (sequence_design.h).
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cctype>
 #include <cmath>
@@ -16,7 +18,6 @@
 #include "orchestrator/jobs/design/sequence_design.h"
 #include "orchestrator/jobs/loaded_recording.h"
 #include "orchestrator/jobs/planned_unit.h"
-#include "orchestrator/report/prediction_table.h"
 #include "orchestrator/report/result_table.h"
 #include "orchestrator/station/builtin_sequence.h"
 #include "orchestrator/watch/progress.h"
@@ -77,33 +78,33 @@ Status run_predict(const PredictRequest& request, std::ostream& out) {
     refused.push_back(plan.ok() ? "" : plan.violations.front());
   }
 
-  print_premises(request.site, unit.info, out);
+  Document document{"", "Prediction"};
+  Facts premises = describe_premises(request.site, unit.info);
   for (std::size_t c = 0; c < columns.size(); ++c) {
-    out << fmt::format("Sequence  {}: {:.0f} s, of which {:.0f} s at rest\n", columns[c].name, columns[c].station_s,
-                       columns[c].prediction.static_s);
-    if (!refused[c].empty()) out << "  the station cannot run it: " << refused[c] << "\n";
+    premises.rows.emplace_back("sequence", fmt::format("{}: {:.0f} s, of which {:.0f} s at rest", columns[c].name,
+                                                       columns[c].station_s, columns[c].prediction.static_s));
+    if (!refused[c].empty()) premises.rows.emplace_back("", "the station cannot run it: " + refused[c]);
   }
-  out << "\n";
-  print_sigmas(columns, unit.info, out);
-  out << "\n";
-  print_undetermined(columns, out);
+  document.add(std::move(premises));
+  document.section("sigmas", "Sigma of each parameter");
+  document.add(sigma_table(columns, unit.info));
+  add_undetermined(columns, document);
   if (!request.navigate.empty()) {
     if (Status status = check_navigation_latitude(unit.info.latitude_deg); !status)
       return input_error("--navigate: " + status.error().message);
     std::vector<std::pair<std::string, ExpectedDrift>> drifts;
     for (const NamedPrediction& column : columns)
       drifts.emplace_back(column.name, predicted_drift(unit.info, column.prediction, options, drift_plan));
-    out << "\n";
-    print_predicted_drift(drifts, drift_plan, out);
+    add_predicted_drift(drifts, drift_plan, document);
   }
   if (request.effects) {
-    out << "\n";
-    print_effects(columns, out);
+    add_detectable(columns, document);
     if (!options.temperature)
-      out << "Effects of temperature were not looked at: it does not change (--temperature-rise).\n";
-    out << "Never observable:\n";
-    for (const std::string_view quantity : unobservable_quantities()) out << "  " << quantity << "\n";
+      document.text("Effects of temperature were not looked at: it does not change (--temperature-rise).");
+    document.section("never", "Never observable");
+    for (const std::string_view quantity : unobservable_quantities()) document.text(std::string(quantity));
   }
+  out << (request.format.empty() ? as_text(document) : as_json(document));
   return {};
 }
 
@@ -128,6 +129,7 @@ void add_predict_command(CommandLine& line, CommandContext& context) {
   command.option("--temperature-tau", request->temperature_tau_s, "its time constant, s").default_in_help();
   command.option("--navigate", request->navigate, "drift of free navigation after this time: 1h, 90min, 5400s");
   command.option("--align", request->align_s, "alignment before it, s").range(20.0, 86400.0).default_in_help();
+  command.option("--format", request->format, "print it in this form instead of words").one_of({"json"});
   command.prints(context, [request, &context] { return run_predict(*request, context.out); });
 }
 
@@ -267,12 +269,15 @@ class Designer {
     const std::string bound = bound_text(columns_.back().prediction);
     const std::string text = text_of(walk_, task_.time_s, bound);
     TRY(write_file_atomically(options_.out, text));
-    print_premises(options_.site, unit.info, context_.out);
-    context_.out << fmt::format("Time      {:.0f} s\n", columns_.back().station_s);
-    print_sigmas(columns_, unit.info, context_.out);
-    if (!bound.empty()) context_.out << bound << "\n";
-    print_undetermined(columns_, context_.out);
-    if (task_.predict.effects) print_effects(columns_, context_.out);
+    Document document;
+    Facts premises = describe_premises(options_.site, unit.info);
+    premises.rows.emplace_back("time", fmt::format("{:.0f} s", columns_.back().station_s));
+    document.add(std::move(premises));
+    document.add(sigma_table(columns_, unit.info));
+    if (!bound.empty()) document.text(bound);
+    add_undetermined(columns_, document);
+    if (task_.predict.effects) add_detectable(columns_, document);
+    context_.out << as_text(document);
     context_.out << "sequence    " << options_.out << std::endl;
     const std::vector<std::string> open = open_parameters(columns_.back().prediction, task_.aim);
     if (open.empty()) return {};

@@ -13,7 +13,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -23,19 +22,16 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/line/parameter_history.h"
-#include "orchestrator/line_report/history_page.h"
-#include "orchestrator/line_report/history_table.h"
-#include "orchestrator/line_report/shift_page.h"
+#include "orchestrator/line_report/history_document.h"
+#include "orchestrator/line_report/shift_document.h"
 #include "orchestrator/records/database_rows.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/report/pdf.h"
-#include "orchestrator/report/report_page.h"
 #include "orchestrator/station/station_config.h"
 #include "orchestrator/watch/progress.h"
 
@@ -62,15 +58,21 @@ Status check_one_unit(const HistoryOptions& options, const Calibrations& all) {
                      "--together for all of them on purpose");
 }
 
-void print_list(const Calibrations& all, std::ostream& out) {
-  print_line(out, "%5s  %-20s  %-20s  %-16s  %s", "id", "unit", "time", "verdict", "folder");
-  for (const StoredCalibration& c : all) {
-    print_line(out, "%5lld  %-20s  %-20s  %-16s  %s%s", static_cast<long long>(c.id), c.unit.c_str(),
-               c.time_utc.c_str(), c.verdict.c_str(), c.folder.c_str(), c.simulated ? "  [simulated]" : "");
-  }
+using namespace cell;
+
+Table calibration_list(const Calibrations& all) {
+  Table table{{number("id"), name("unit"), text("time"), text("verdict"), text("folder")}};
+  for (const StoredCalibration& c : all)
+    table.row({count(static_cast<std::size_t>(c.id)), name(c.unit), text(c.time_utc), text(c.verdict),
+               text(c.folder + (c.simulated ? "  [simulated]" : ""))});
+  return table;
 }
 
-Status print_comparison(const Calibrations& all, const std::vector<std::int64_t>& ids, std::ostream& out) {
+Cell as(const char* format, std::optional<double> value) {
+  return value ? number(fmt::format(fmt::runtime(format), *value), *value) : number("-");
+}
+
+Result<Document> comparison(const Calibrations& all, const std::vector<std::int64_t>& ids) {
   const StoredCalibration* pair[2] = {};
   for (std::size_t i = 0; i < 2; ++i) {
     for (const StoredCalibration& c : all) {
@@ -84,60 +86,42 @@ Status print_comparison(const Calibrations& all, const std::vector<std::int64_t>
     return input_error("--compare: " + std::to_string(ids[0]) + " is of unit '" + a->unit + "', " +
                        std::to_string(ids[1]) + " of unit '" + b->unit + "': expected two of one unit");
   }
-  out << "unit " << a->unit << ": " << a->time_utc << " (" << a->verdict << ") and " << b->time_utc << " ("
-      << b->verdict << ")\n";
-  print_line(out, "%-5s %18s %18s %12s %12s", "", "first", "second", "difference", "/ sigma");
+  Document document{"", "Comparison of unit " + a->unit};
+  document.text(fmt::format("unit {}: {} ({}) and {} ({})", a->unit, a->time_utc, a->verdict, b->time_utc, b->verdict));
+  Table table{{name("parameter"), number("first"), number("second"), number("difference"), number("/ sigma")}};
   for (const StoredValue& value : a->values) {
     const auto other =
         std::find_if(b->values.begin(), b->values.end(), [&](const auto& v) { return v.key == value.key; });
     if (other == b->values.end()) continue;
     const double difference = other->value - value.value;
     const double sigma = std::hypot(value.sigma.value_or(0.0), other->sigma.value_or(0.0));
-    char ratio[40] = "-";
-    if (sigma > 0.0) std::snprintf(ratio, sizeof ratio, "%.2f", difference / sigma);
-    print_line(out, "%-5s %18.10g %18.10g %12.3e %12s", value.key.c_str(), value.value, other->value, difference,
-               ratio);
+    table.row({name(value.key), as("{:.10g}", value.value), as("{:.10g}", other->value), as("{:.3e}", difference),
+               sigma > 0.0 ? fixed(difference / sigma, 2) : number("-")});
   }
-  return {};
+  document.add(std::move(table));
+  return document;
 }
 
-std::string number(std::optional<double> value, const char* format = "%.8g") {
-  char text[40] = "-";
-  if (value) std::snprintf(text, sizeof text, format, *value);
-  return text;
-}
-
-std::optional<double> value_of(const std::optional<Capability>& index) {
-  return index ? std::optional(index->value) : std::nullopt;
-}
-
-void print_control(const Calibrations& all, std::ostream& out) {
-  print_line(out, "%-5s %5s %15s %15s %15s %8s %8s", "", "n", "mean", "lower", "upper", "outside", "Cpk");
-  for (const std::string_view key : free_parameter_keys()) {
-    const ParameterHistory history = parameter_history(all, key);
-    const ControlChart& chart = history.chart;
-    print_line(out, "%-5s %5zu %15.8g %15s %15s %8zu %8s", std::string(key).c_str(), chart.count, chart.mean,
-               number(chart.lower).c_str(), number(chart.upper).c_str(), chart.outside.size(),
-               number(value_of(chart.cpk), "%.2f").c_str());
-  }
-}
-
-Status print_parameter(const Calibrations& all, const std::string& key, std::ostream& out) {
+Result<Document> parameter_document(const Calibrations& all, const std::string& key) {
   if (std::find(parameter_keys.begin(), parameter_keys.end(), key) == parameter_keys.end()) {
     return input_error("--parameter '" + key + "': expected one of the 24 keys, N01 to a33");
   }
   const ParameterHistory history = parameter_history(all, key);
   const ControlChart& chart = history.chart;
+  Document document{"", "Parameter " + key};
+  Table table{{number("id"), name("unit"), text("time"), number(key), number("sigma"), text("control")}};
   for (std::size_t i = 0; i < history.values.size(); ++i) {
     const bool outside = std::find(chart.outside.begin(), chart.outside.end(), i) != chart.outside.end();
-    print_line(out, "%5lld  %-20s  %-20s  %15.8g  %10s%s", static_cast<long long>(history.of[i]->id),
-               history.of[i]->unit.c_str(), history.of[i]->time_utc.c_str(), history.values[i],
-               number(history.sigmas[i], "%.2e").c_str(), outside ? "  outside the control limits" : "");
+    table.row({count(static_cast<std::size_t>(history.of[i]->id)), name(history.of[i]->unit),
+               text(history.of[i]->time_utc), as("{:.8g}", history.values[i]), as("{:.2e}", history.sigmas[i]),
+               text(outside ? "outside the control limits" : "")});
   }
-  print_line(out, "%s: n %zu, mean %.8g, control limits %s .. %s, limits %s .. %s, Cpk %s", key.c_str(), chart.count,
-             chart.mean, number(chart.lower).c_str(), number(chart.upper).c_str(), number(history.limit.min).c_str(),
-             number(history.limit.max).c_str(), number(value_of(chart.cpk), "%.2f").c_str());
-  return {};
+  document.add(std::move(table));
+  const auto said = [](std::optional<double> value) { return as("{:.8g}", value).words; };
+  document.text(fmt::format("{}: n {}, mean {:.8g}, control limits {} .. {}, limits {} .. {}, Cpk {}", key, chart.count,
+                            chart.mean, said(chart.lower), said(chart.upper), said(history.limit.min),
+                            said(history.limit.max), chart.cpk ? fmt::format("{:.2f}", chart.cpk->value) : "-"));
+  return document;
 }
 
 // The first 40 bytes tell the table, and the page, from every other file.
@@ -157,25 +141,28 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
           (options.simulated ? "real units: expected no --simulated" : "dry runs: expected --simulated"));
     TRY(check_one_unit(options, all));
   }
-  if (!options.format.empty()) {
-    out << calibrations_table(all).as(options.format) << std::flush;
-    return {};
-  }
   if (!options.csv.empty()) {
     TRY(write_named(options.csv, calibrations_table(all).csv()));
     out << all.size() << " calibrations in " << options.csv << '\n';
     return {};
   }
-  if (!options.compare.empty()) return print_comparison(all, options.compare, out);
-  if (!options.report.empty()) {
-    const std::string source =
-        options.database + (options.filter.unit.empty() ? ", all units together" : ", unit " + options.filter.unit);
-    TRY(write_named(options.report, history_page(all, source)));
+  const auto print = [&](const Document& document) {
+    out << (options.format.empty() ? as_text(document) : as_json(document)) << std::flush;
+    return Status{};
+  };
+  if (!options.compare.empty()) return print(TRY(comparison(all, options.compare)));
+  if (!options.parameter.empty()) return print(TRY(parameter_document(all, options.parameter)));
+  if (options.control || !options.report.empty()) {
+    const Document charts = history_document(
+        all,
+        options.database + (options.filter.unit.empty() ? ", all units together" : ", unit " + options.filter.unit));
+    if (options.report.empty()) return print(charts);
+    TRY(write_named(options.report, as_page(charts).html));
     out << "control charts of " << all.size() << " calibrations in " << options.report << '\n';
     return {};
   }
-  if (!options.parameter.empty()) return print_parameter(all, options.parameter, out);
-  options.control ? print_control(all, out) : print_list(all, out);
+  out << (options.format.empty() ? as_text(calibration_list(all)) : calibrations_table(all).as(options.format))
+      << std::flush;
   return {};
 }
 
@@ -190,22 +177,25 @@ Status show_attempts(const HistoryOptions& options, const ResultsDatabase& datab
     out << all.size() << " attempts in " << options.csv << '\n';
     return {};
   }
-  print_line(out, "%5s  %-20s  %-20s  %-16s  %-12s  %-14s  %8s  %s", "id", "unit", "time", "outcome", "station",
-             "temperature, C", "residual", "reason");
+  Table table{{number("id"), name("unit"), text("time"), text("outcome"), text("station"), text("temperature, °C"),
+               number("residual"), text("reason")}};
   for (const AttemptRecord& a : all) {
     const std::string temperature =
-        a.temperature_min_c ? number(a.temperature_min_c, "%.1f") + " .. " + number(a.temperature_max_c, "%.1f") : "-";
-    print_line(out, "%5lld  %-20s  %-20s  %-16s  %-12s  %-14s  %8s  %s%s", static_cast<long long>(a.id), a.unit.c_str(),
-               a.time_utc.c_str(), a.outcome.c_str(), a.station.c_str(), temperature.c_str(),
-               number(a.residual, "%.3f").c_str(), shorten(a.reason, 200).c_str(), a.simulated ? "  [simulated]" : "");
+        a.temperature_min_c ? fmt::format("{:.1f} .. {:.1f}", *a.temperature_min_c, a.temperature_max_c.value_or(0.0))
+                            : "-";
+    table.row({count(static_cast<std::size_t>(a.id)), name(a.unit), text(a.time_utc), text(a.outcome), text(a.station),
+               text(temperature), as("{:.3f}", a.residual),
+               text(shorten(a.reason, 200) + (a.simulated ? "  [simulated]" : ""))});
   }
+  out << as_text(table);
   return {};
 }
 
 Status show_history(const HistoryOptions& options, std::ostream& out) {
-  if (!options.format.empty() && (!options.csv.empty() || !options.compare.empty() || !options.report.empty() ||
-                                  !options.parameter.empty() || options.control))
-    return input_error("--format: is of the list: expected no --csv, --compare, --report, --parameter or --control");
+  if (!options.format.empty() && (!options.csv.empty() || !options.report.empty()))
+    return input_error("--format: prints: expected no --csv or --report, which write a file");
+  if (options.format == "csv" && (!options.compare.empty() || !options.parameter.empty() || options.control))
+    return input_error("--format csv: is of the list: expected no --compare, --parameter or --control");
   if (options.attempts &&
       (!options.compare.empty() || !options.report.empty() || !options.parameter.empty() || options.control))
     return input_error(
@@ -245,13 +235,13 @@ Status restore(const RestoreOptions& options, std::ostream& out) {
   Status damaged;
   for (const StoredVersion& version : versions) {
     if (!version.status) {
-      print_line(out, "%4d  damaged", version.number);
+      out << fmt::format("{:4}  damaged\n", version.number);
       if (damaged) damaged = version.status;
       continue;
     }
-    print_line(out, "%4d  %-20s  recording %s%s%s", version.number, version.file.time_utc.c_str(),
-               version.file.recording_hash.c_str(), version.file.simulated ? "  [simulated]" : "",
-               version.in_use ? "  in use" : "");
+    out << fmt::format("{:4}  {:<20}  recording {}{}{}\n", version.number, version.file.time_utc,
+                       version.file.recording_hash, version.file.simulated ? "  [simulated]" : "",
+                       version.in_use ? "  in use" : "");
   }
   return damaged;
 }
@@ -280,7 +270,9 @@ void add_history_command(CommandLine& line, CommandContext& context) {
   command.flag("--simulated", options->simulated, "of the dry runs, for --control, --parameter and --report");
   command.flag("--together", options->together, "charts of all units in one: the spread between them");
   command.option("--csv", options->csv, "writes the calibrations with all values to this file");
-  command.option("--format", options->format, "print the calibrations with all values in this form")
+  command
+      .option("--format", options->format,
+              "print the calibrations with all values in this form; json: of the others, too")
       .one_of(data_formats);
   command.prints(context, [options, &context] { return show_history(*options, context.out); });
 }
@@ -299,16 +291,16 @@ void add_restore_command(CommandLine& line, CommandContext& context) {
 namespace {
 
 struct ShiftOptions {
-  std::string database, out;
+  std::string database, out, format;
   RecordFilter filter;
   bool simulated = false, pdf = false;
 };
 
 // An earlier report in the folder is replaced, and nothing else.
-Status write_shift(const ShiftOptions& options, const ShiftReport& report, std::ostream& out) {
+Status write_shift(const ShiftOptions& options, const ShiftReport& report, const Document& document) {
   TRY(make_folder(options.out));
   const LockFile held = TRY(hold_folder(options.out));
-  const std::string page = shift_page(report);
+  const std::string page = as_page(document).html;
   const std::vector<NamedText> files = {{options.out + "/shift.html", page},
                                         {options.out + "/shift.csv", shift_csv(report)},
                                         {options.out + "/signals.csv", signals_csv(report)},
@@ -322,17 +314,21 @@ Status write_shift(const ShiftOptions& options, const ShiftReport& report, std::
     TRY(check_replaceable(pdf, "%PDF-"));
     if (const Result<std::string> warning = write_pdf(page, pdf); !warning) return warning.error();
   }
-  TRY(write_files_atomically(files));
-  out << "\nreport   " << files.front().path << (options.pdf ? "\npdf      " + pdf : "") << '\n';
-  return {};
+  return write_files_atomically(files);
 }
 
 Status run_shift(const ShiftOptions& options, std::ostream& out) {
   if (options.pdf && options.out.empty()) return input_error("--pdf: expected --out DIR, where it is to go");
   const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
   const ShiftReport report = TRY(shift_report(database, options.database, options.filter, options.simulated));
-  print_shift(report, out);
-  return options.out.empty() ? Status{} : write_shift(options, report, out);
+  const Document document = shift_document(report);
+  out << (options.format.empty() ? as_text(document) : as_json(document));
+  if (options.out.empty()) return {};
+  TRY(write_shift(options, report, document));
+  if (options.format.empty())
+    out << "\nreport   " << options.out << "/shift.html"
+        << (options.pdf ? "\npdf      " + options.out + "/shift.pdf" : "") << '\n';
+  return {};
 }
 
 }  // namespace
@@ -345,6 +341,7 @@ void add_shift_command(CommandLine& line, CommandContext& context) {
   add_filter_options(command, options->filter);
   command.flag("--simulated", options->simulated, "of the dry runs, which are in no report with real units");
   command.option("--out", options->out, "folder for the report: shift.html and its tables as CSV");
+  command.option("--format", options->format, "print the report in this form instead of words").one_of({"json"});
   command.flag("--pdf", options->pdf, "with --out: shift.pdf too, by weasyprint");
   command.runs(context, [options, &context] { return run_shift(*options, context.out); });
 }

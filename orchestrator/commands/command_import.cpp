@@ -5,6 +5,7 @@
 // a recording (.tcr), by the name of the file.
 // Refused: a wrong checksum, a missing key, parameters of another unit, simulated parameters on a real unit's recording.
 //
+#include "imu_io/base/data_text.h"
 // `turncal convert PARAMETERS --header FILE --binary FILE --yaml FILE`: a parameter file in other forms (docs/parameter-forms.md).
 //
 // `turncal navigate RECORDING --parameters FILE [--against FILE] --out DIR`: free inertial navigation with calibrated increments, and
@@ -373,7 +374,7 @@ constexpr double longest_recording_s = 1e7;
 
 struct NavigateOptions {
   NavigationRequest request;
-  std::string out;
+  std::string out, format;
 };
 
 Status navigate(const NavigateOptions& options, CommandContext& context) {
@@ -397,7 +398,11 @@ Status navigate(const NavigateOptions& options, CommandContext& context) {
     if (std::find_if(files.begin(), files.end(), is_it) == files.end()) std::filesystem::remove(old, none);
   }
   folder.keep();
-  print_navigation(report, context.out);
+  if (!options.format.empty()) {
+    context.out << key_values_as(options.format, files.front().content) << std::flush;
+    return {};
+  }
+  context.out << as_text(navigation_document(report));
   if (!drawing) context.out << drawing.error().message << '\n';
   context.out << "navigation  " << conf << std::endl;
   return {};
@@ -424,6 +429,8 @@ void add_navigate_command(CommandLine& line, CommandContext& context) {
   command.option("--for", request.free_s, "length of each free navigation, s; default: an hour, or what there is")
       .range(1.0, longest_recording_s);
   command.option("--branches", request.branches, "starts, spread over the recording").range(1, 1000).default_in_help();
+  command.option("--format", options->format, "print navigation.conf in this form instead of words")
+      .one_of(data_formats);
   command.runs(context, [options, &context] { return navigate(*options, context); });
 }
 

@@ -15,6 +15,7 @@
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/console.h"
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
@@ -40,6 +41,7 @@ struct VerifyOptions {
   std::string folder;
   std::string recording;
   std::string references;
+  std::string format;
   int first_step = 0;
 };
 
@@ -59,6 +61,8 @@ Status check_together(const VerifyOptions& o) {
   if (o.folder.empty()) return input_error("--out is required: the folder for " + std::string(verification_name));
   if (o.recording.empty() && o.unit.empty())
     return input_error("--unit is required (or --recording, of a verification that was recorded)");
+  if (o.recording.empty() && !o.format.empty())
+    return input_error("--format: expected --recording or --references: a measurement is watched as it goes on");
   if (!o.recording.empty() && measures(o))
     return input_error(
         "--recording: expected --parameters, --out, --station and --from-step alone: nothing is measured");
@@ -73,7 +77,8 @@ Status verify_by_references(const VerifyOptions& options, CommandContext& contex
     TRY(write_file_atomically(file, format_references(report)));
     folder.keep();
   }
-  print_references(report, context.out);
+  context.out << (options.format.empty() ? as_text(reference_document(report))
+                                         : key_values_as(options.format, format_references(report)));
   return verification_status(options.references, report.pass ? UnitVerdict::pass : UnitVerdict::fail);
 }
 
@@ -99,12 +104,16 @@ Status judge_again(const VerifyOptions& options, CommandContext& context) {
       verify_recording({options.recording, options.parameters, std::move(parameters), limits, options.first_step});
   if (!report) return report.error();
   const std::string file = folder.file(verification_name);
-  TRY(write_file_atomically(file, format_verification(*report)));
+  const std::string conf = format_verification(*report);
+  TRY(write_file_atomically(file, conf));
   folder.keep();
+  if (!options.format.empty()) {
+    context.out << key_values_as(options.format, conf) << std::flush;
+    return verification_status("unit " + report->info.unit_serial, report->verdict);
+  }
   const LinePrefix marked(context.out,
                           report->info.simulated && context.tag.empty() ? std::string(simulated_tag) : context.tag);
-  print_verification(*report, context.out);
-  context.out << "verification  " << file << std::endl;
+  context.out << as_text(verification_document(*report)) << "verification  " << file << std::endl;
   return verification_status("unit " + report->info.unit_serial, report->verdict);
 }
 
@@ -134,6 +143,10 @@ void add_verify_command(CommandLine& line, CommandContext& context) {
       .range(0, 1'000'000);
   command.option("--references", options->references,
                  "CSV of readings: heading_deg,roll_deg,pitch_deg and the same with reference_ in front");
+  command
+      .option("--format", options->format,
+              "of --recording and --references: print the file in this form instead of words")
+      .one_of(data_formats);
   add_watch_options(command, run);
   add_record_options(command, run);
   command.runs(context, [options, &context] { return verify(*options, context); });

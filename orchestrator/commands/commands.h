@@ -17,6 +17,7 @@
 //                              sigma of the bias's slow part (Gauss-Markov, 600 s), deg/h and ug; 0: none
 //   --effects                  also what every effect of the catalogue would have to be to be caught, and which are confused
 //   --temperature-rise, --temperature-tau   C and s; with --effects. Without it effects of temperature are not looked at
+//   --format json              the same for other programs
 //   --navigate TIME, --align   what the calibration would be worth: drift of free navigation after 1h, 90min or 5400 (s)
 //
 // Nothing is written or moved. Exit code 0 also when parameters are not determined: they are named. A sequence that the
@@ -112,6 +113,7 @@ struct PredictRequest {
   double temperature_tau_s = 2400.0;
   std::string navigate;  // how long; empty: not asked
   double align_s = 300.0;
+  std::string format;  // json; empty: words
 };
 
 // What `predict` and `design` are made for.

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "calib/statistics/compression.h"
-#include "orchestrator/figures/gnuplot.h"
 
 namespace turncal {
 
@@ -43,7 +42,6 @@ struct DiagnosisContext {
   bool hand_turned = false;  // no table angles: rests and rotations by hand
   std::optional<NavigationWorth> worth;
   std::vector<std::string> notes;  // on the data: damage, lost samples
-  GnuplotOptions gnuplot;
 };
 
 }  // namespace turncal

@@ -163,6 +163,29 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
   script += plot + "\n";
 }
 
+const char* glyph(Series::Style style) {
+  switch (style) {
+    case Series::Style::line: return "—";
+    case Series::Style::dashed: return "┄";
+    case Series::Style::open_circle: return "○";
+    case Series::Style::dot: return "●";
+    case Series::Style::triangle: return "▲";
+    case Series::Style::square: return "■";
+  }
+  return "";
+}
+
+std::vector<Drawing::Key> legend_of(const Figure& figure) {
+  std::vector<Drawing::Key> legend;
+  for (const Panel& panel : figure.panels)
+    for (const Series& series : panel.series) {
+      const auto same = [&](const Drawing::Key& key) { return key.label == series.label; };
+      if (!series.label.empty() && std::none_of(legend.begin(), legend.end(), same))
+        legend.push_back({html_colour(series.colour), glyph(series.style), series.label});
+    }
+  return legend;
+}
+
 }  // namespace
 
 std::string gnuplot_terminal(int width, int height) {
@@ -195,7 +218,7 @@ Drawing draw(const Figure& figure) {
   const int columns = std::min<int>(figure.columns, std::max<int>(1, static_cast<int>(figure.panels.size())));
   const int rows = (static_cast<int>(figure.panels.size()) + columns - 1) / std::max(columns, 1);
   const int width = figure.panel_width * columns;
-  Drawing drawing{figure.id, figure.label, {}, width};
+  Drawing drawing{figure.id, figure.label, {}, width, legend_of(figure), figure.caption};
   std::string& script = drawing.script;
   script = gnuplot_terminal(width, figure.panel_height * std::max(rows, 1));
   const bool stacked = figure.stacked;

@@ -11,10 +11,16 @@ namespace turncal {
 
 // A drawing: a Figure, or the score chart.
 struct Drawing {
+  struct Key {
+    const char *colour, *glyph;
+    std::string label;
+  };
   std::string id;
   std::string label;
   std::string script;  // from `set terminal` on
   int width = 960;     // px; 960 is the whole width of the page
+  std::vector<Key> legend = {};
+  std::string caption = {};
 };
 Drawing draw(const Figure& figure);
 

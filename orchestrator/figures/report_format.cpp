@@ -1,5 +1,7 @@
 #include "orchestrator/figures/report_format.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdarg>
@@ -12,14 +14,6 @@
 namespace turncal {
 namespace {
 
-std::string fixed(double value, int decimals) {
-  char text[400];
-  std::snprintf(text, sizeof text, "%.*f", decimals, value);
-  // "-0.00" is a zero
-  if (text[0] == '-' && std::string_view(text).find_first_of("123456789") == std::string_view::npos) return text + 1;
-  return text;
-}
-
 std::string superscript(int number) {
   static constexpr const char* digits[] = {"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"};
   std::string result = number < 0 ? "⁻" : "";
@@ -29,21 +23,24 @@ std::string superscript(int number) {
 
 // Decimal exponent of |value| once it is rounded to `digits` significant digits.
 int exponent_of(double value, int digits) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.*e", digits - 1, value);
-  return std::stoi(std::string(text).substr(std::string(text).find('e') + 1));
+  const std::string text = fmt::format("{:.{}e}", value, digits - 1);
+  return std::stoi(text.substr(text.find('e') + 1));
 }
 
 std::string with_exponent(double value, int digits, Alphabet alphabet) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.*e", digits - 1, value);
+  const std::string text = fmt::format("{:.{}e}", value, digits - 1);
   if (alphabet == Alphabet::plain) return text;
-  const std::string all = text;
-  const std::size_t e = all.find('e');
-  return all.substr(0, e) + "×10" + superscript(std::stoi(all.substr(e + 1)));
+  const std::size_t e = text.find('e');
+  return text.substr(0, e) + "×10" + superscript(std::stoi(text.substr(e + 1)));
 }
 
 }  // namespace
+
+std::string with_decimals(double value, int decimals) {
+  if (!std::isfinite(value)) return "-";
+  const std::string text = fmt::format("{:.{}f}", value, decimals);
+  return text[0] == '-' && text.find_first_of("123456789") == std::string::npos ? text.substr(1) : text;
+}
 
 std::string html_escape(std::string_view text) {
   std::string result;
@@ -82,7 +79,7 @@ std::string significant(double value, int digits, Alphabet alphabet) {
   if (value == 0.0) return "0";
   const int exponent = exponent_of(value, digits);
   if (exponent < -4 || exponent > 6) return with_exponent(value, digits, alphabet);
-  return fixed(value, std::max(0, digits - 1 - exponent));
+  return with_decimals(value, std::max(0, digits - 1 - exponent));
 }
 
 std::string value_with_sigma(double value, double sigma, Alphabet alphabet) {
@@ -90,32 +87,29 @@ std::string value_with_sigma(double value, double sigma, Alphabet alphabet) {
   if (!std::isfinite(sigma) || sigma <= 0.0) return significant(value, 6, alphabet);
   const int decimals = 1 - exponent_of(sigma, 2);
   if (decimals > 12) return significant(value, 6, alphabet);
-  return fixed(value, std::max(0, decimals));
+  return with_decimals(value, std::max(0, decimals));
 }
 
-std::string quantity(double value, double sigma, std::string_view unit, Alphabet alphabet) {
-  std::string text = value_with_sigma(value, sigma, alphabet);
-  if (std::isfinite(sigma) && sigma > 0.0) {
-    text += alphabet == Alphabet::plain ? " +- " : " ± ";
-    text += value_with_sigma(sigma, sigma, alphabet);
-  }
-  return text + " " + unit_text(unit, alphabet);
+std::string quantity(double value, double sigma, std::string_view unit) {
+  std::string text = value_with_sigma(value, sigma, Alphabet::typographic);
+  if (std::isfinite(sigma) && sigma > 0.0) text += " ± " + value_with_sigma(sigma, sigma, Alphabet::typographic);
+  return text + " " + unit_text(unit);
 }
 
 std::string ratio(double value) {
-  return std::isfinite(value) ? value < 100.0 ? fixed(value, 3) : significant(value, 4) : "-";
+  return std::isfinite(value) ? value < 100.0 ? with_decimals(value, 3) : significant(value, 4) : "-";
 }
 
 std::string percent_change(double before, double after) {
   if (!std::isfinite(before) || !std::isfinite(after) || before <= 0.0) return "-";
   const double percent = 100.0 * (after / before - 1.0);
-  const std::string text = fixed(percent, std::abs(percent) < 9.95 && std::abs(percent) >= 0.05 ? 1 : 0);
+  const std::string text = with_decimals(percent, std::abs(percent) < 9.95 && std::abs(percent) >= 0.05 ? 1 : 0);
   return (percent > 0.0 && text != "0" ? "+" : "") + text + " %";
 }
 
 std::string signed_number(double value, int decimals) {
   if (!std::isfinite(value)) return "-";
-  const std::string text = fixed(value, decimals);
+  const std::string text = with_decimals(value, decimals);
   return text[0] == '-' ? text : "+" + text;
 }
 
@@ -127,8 +121,7 @@ const char* parameter_unit(std::string_view key, IncrementKind gyro_increment) {
   return key.starts_with('n') && gyro_increment == IncrementKind::pulses ? "arcsec/pulse" : "-";
 }
 
-std::string unit_text(std::string_view unit, Alphabet alphabet) {
-  if (alphabet == Alphabet::plain) return std::string(unit);
+std::string unit_text(std::string_view unit) {
   std::string result;
   for (std::size_t at = 0; at < unit.size();) {
     const bool begins = at == 0 || unit[at - 1] == '/' || unit[at - 1] == ' ';
@@ -175,12 +168,7 @@ std::string formatted(const char* format, ...) {
 }
 
 std::string join(const std::vector<std::string>& parts, std::string_view separator) {
-  std::string result;
-  for (const std::string& part : parts) {
-    if (!result.empty()) result += separator;
-    result += part;
-  }
-  return result;
+  return fmt::format("{}", fmt::join(parts, separator));
 }
 
 std::vector<std::string> wrap(std::string_view text, std::size_t width) {

@@ -3,8 +3,6 @@
 // Text for people comes in two alphabets: plain (terminal: ug/g^2, +-) and typographic (HTML, UTF-8: µg/g², ±).
 #pragma once
 
-#include <cstdio>
-#include <ostream>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -23,7 +21,9 @@ std::string significant(double value, int digits = 3, Alphabet alphabet = Alphab
 // As many decimals as two digits of sigma have: value_with_sigma(28.3456, 0.91) = "28.35". Without a sigma six digits.
 std::string value_with_sigma(double value, double sigma, Alphabet alphabet = Alphabet::plain);
 // "28.35 ± 0.91 µg/g²"
-std::string quantity(double value, double sigma, std::string_view unit, Alphabet alphabet);
+std::string quantity(double value, double sigma, std::string_view unit);
+// 0.00 for -0.001; "-" for a number that is not finite.
+std::string with_decimals(double value, int decimals);
 // Three decimals: numbers near 1 that are compared with one another.
 std::string ratio(double value);
 // "-69 %", "+3 %", "0 %"; "-" when there is nothing to compare.
@@ -35,8 +35,8 @@ std::string clock_time(double seconds);
 
 // The unit of one of the 24 parameters in a parameter file, as the catalogue would write it; "-": it has none.
 const char* parameter_unit(std::string_view key, IncrementKind gyro_increment);
-// The unit as the catalogue writes it (ug/g^2, deg/h/h, ppm/C), in either alphabet.
-std::string unit_text(std::string_view unit, Alphabet alphabet);
+// "µg/g²" of the catalogue's ug/g^2.
+std::string unit_text(std::string_view unit);
 
 // A unit in which numbers up to `largest` are easy to read: value in SI times factor.
 struct DisplayUnit {
@@ -56,13 +56,5 @@ std::string join(const std::vector<std::string>& parts, std::string_view separat
 std::vector<std::string> wrap(std::string_view text, std::size_t width);
 // At most `width` characters; what is cut is replaced by "...".
 std::string shorten(std::string_view text, std::size_t width);
-
-// A line of columns on the terminal, of at most 399 characters.
-template <class... Values>
-void print_line(std::ostream& out, const char* format, Values... values) {
-  char text[400];
-  std::snprintf(text, sizeof text, format, values...);
-  out << text << '\n';
-}
 
 }  // namespace turncal

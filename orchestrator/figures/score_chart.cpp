@@ -55,6 +55,9 @@ std::vector<ScoreBar> score_bars(const Diagnosis& diagnosis, double threshold_z)
 Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z) {
   // The axis is the square root of |z|: small scores stay apart and large ones on the page.
   Drawing drawing{"scores", "Score of every effect of the catalogue against the threshold", {}, 960};
+  drawing.legend = {{"#0072B2", "■", "added to the model"},
+                    {"#E69F00", "■", "above the threshold, not added"},
+                    {"#B8B8B8", "■", "below the threshold"}};
   std::string& script = drawing.script;
   const int rows = static_cast<int>(bars.size());
   script = gnuplot_terminal(960, 24 * rows + 80);

@@ -1,11 +1,12 @@
 #include "orchestrator/fleet/prior_history.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <cstdio>
 #include <map>
 
 #include "calib/model/limits.h"
-#include "orchestrator/fleet/kept_files.h"
+#include "orchestrator/fleet/fleet_members.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/diagnosis_file.h"
@@ -42,17 +43,13 @@ std::optional<NoiseOfClass> use_noise(const FleetPrior& prior, const LoadedRecor
 void describe_noise(const NoiseOfClass& noise, ParameterFile& file, std::vector<std::string>& notes) {
   constexpr const char* names[] = {"angle_random_walk", "velocity_random_walk"};
   constexpr const char* words[] = {"angle random walk", "velocity random walk"};
-  char text[160];
   for (const int k : {0, 1}) file.add_further(std::string("quality.prior.share.") + names[k], noise.share[k]);
-  std::snprintf(text, sizeof text,
-                "prior: its share of the noise: angle random walk %.0f %%, velocity random walk %.0f %%",
-                100.0 * noise.share[0], 100.0 * noise.share[1]);
-  notes.push_back(text);
-  for (const int k : noise.changed) {
-    std::snprintf(text, sizeof text, "prior: NOT USED for the %s: it is unlike the others' by %.1f sigma", words[k],
-                  noise.z[k]);
-    notes.push_back(text);
-  }
+  notes.push_back(
+      fmt::format("prior: its share of the noise: angle random walk {:.0f} %, velocity random walk {:.0f} %",
+                  100.0 * noise.share[0], 100.0 * noise.share[1]));
+  for (const int k : noise.changed)
+    notes.push_back(
+        fmt::format("prior: NOT USED for the {}: it is unlike the others' by {:.1f} sigma", words[k], noise.z[k]));
 }
 
 }  // namespace
@@ -113,38 +110,29 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
   file.add_further(source_key, static_cast<double>(prior->units));
   file.add_further("quality.prior.calibrations_of_unit", static_cast<double>(prior->own));
   if (noise) describe_noise(*noise, file, output.notes);
-  char text[200];
   if (!effect.changed.empty()) {
     const std::string keys = keys_of(effect.changed);
     file.add_further("quality.prior.not_used", keys);
     std::string line =
         std::string("prior: NOT USED: ") +
         (prior->own > 0 ? "the unit has changed since its last calibration:" : "the unit is unlike the others:");
-    for (const int k : effect.changed) {
-      std::snprintf(text, sizeof text, " %s by %.1f sigma",
-                    std::string(parameter_keys[static_cast<std::size_t>(k)]).c_str(), effect.from_prior[k]);
-      line += text;
-    }
+    for (const int k : effect.changed)
+      line += fmt::format(" {} by {:.1f} sigma", parameter_keys[static_cast<std::size_t>(k)], effect.from_prior[k]);
     output.notes.push_back(line);
     return {};
   }
-  for (int k = 0; k < parameter_count; ++k)
-    if (parameter_is_free[static_cast<std::size_t>(k)])
-      file.add_further("quality.prior.share." + std::string(parameter_keys[static_cast<std::size_t>(k)]),
-                       effect.share[k]);
-  std::snprintf(text, sizeof text, "prior: %zu other units, %zu earlier calibrations of this one", prior->units,
-                prior->own);
-  output.notes.push_back(text);
+  std::string shares = "prior: its share of what is known:";
+  for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
+    if (!parameter_is_free[k]) continue;
+    const double share = effect.share[static_cast<Eigen::Index>(k)];
+    file.add_further(fmt::format("quality.prior.share.{}", parameter_keys[k]), share);
+    shares += fmt::format(" {} {:.0f} %", parameter_keys[k], 100.0 * share);
+  }
+  output.notes.push_back(
+      fmt::format("prior: {} other units, {} earlier calibrations of this one", prior->units, prior->own));
   if (prior->own == 0 && prior->pairs < fleet_limits.least_prior_pairs)
     output.notes.push_back(
         "prior: the unit's own history is not used: too few units were calibrated twice to know how much they change");
-  std::string shares = "prior: its share of what is known:";
-  for (int k = 0; k < parameter_count; ++k)
-    if (parameter_is_free[static_cast<std::size_t>(k)]) {
-      std::snprintf(text, sizeof text, " %s %.0f %%", std::string(parameter_keys[static_cast<std::size_t>(k)]).c_str(),
-                    100.0 * effect.share[k]);
-      shares += text;
-    }
   output.notes.push_back(shares);
   return {};
 }

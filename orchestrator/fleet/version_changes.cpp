@@ -1,8 +1,9 @@
 #include "orchestrator/fleet/version_changes.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <set>
 
@@ -89,24 +90,26 @@ Result<VersionChanges> compare_versions(const std::string& store, const std::str
   return changes;
 }
 
-std::vector<std::string> describe(const VersionChanges& c) {
-  std::vector<std::string> lines;
-  lines.push_back("from version " + c.from + " to " + c.to + ": " + std::to_string(c.both) + " recordings in both, " +
-                  std::to_string(c.only_from) + " only in the first, " + std::to_string(c.only_to) +
-                  " only in the second");
-  char text[200];
-  if (!c.parameters.empty())
-    lines.emplace_back("parameter   mean      rms  largest  (sigmas of the second)   sigma ratio   unit");
-  for (const ParameterChange& p : c.parameters) {
-    std::snprintf(text, sizeof text, "%-8s %8.3f %8.3f %8.3f  %35.3f   %s", p.key.c_str(), p.mean, p.rms, p.largest,
-                  p.sigma_ratio, p.largest_unit.c_str());
-    lines.emplace_back(text);
+Document changes_document(const VersionChanges& c) {
+  using namespace cell;
+  Document document{"", "From version " + c.from + " to " + c.to};
+  document.text(fmt::format("from version {} to {}: {} recordings in both, {} only in the first, {} only in the second",
+                            c.from, c.to, c.both, c.only_from, c.only_to));
+  Table parameters{
+      {name("parameter"), number("mean"), number("rms"), number("largest"), number("sigma ratio"), name("unit")}};
+  for (const ParameterChange& p : c.parameters)
+    parameters.row({name(p.key), fixed(p.mean, 3), fixed(p.rms, 3), fixed(p.largest, 3), fixed(p.sigma_ratio, 3),
+                    name(p.largest_unit)});
+  if (!c.parameters.empty()) {
+    document.section("parameters", "Change in sigmas of the second");
+    document.add(std::move(parameters));
   }
-  for (const auto& [verdicts, count] : c.verdicts) {
-    std::snprintf(text, sizeof text, "%-12s -> %-12s %6zu", verdicts.first.c_str(), verdicts.second.c_str(), count);
-    lines.emplace_back(text);
-  }
-  return lines;
+  document.section("verdicts", "Verdicts");
+  Table verdicts{{text("first"), text("second"), number("recordings")}};
+  for (const auto& [was_is, recordings] : c.verdicts)
+    verdicts.row({text(was_is.first), text(was_is.second), count(recordings)});
+  document.add(std::move(verdicts));
+  return document;
 }
 
 }  // namespace turncal

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "calib/types/status.h"
+#include "orchestrator/report/document.h"
 
 namespace turncal {
 
@@ -26,6 +27,6 @@ struct VersionChanges {
 };
 
 Result<VersionChanges> compare_versions(const std::string& store, const std::string& from, const std::string& to);
-std::vector<std::string> describe(const VersionChanges& changes);
+Document changes_document(const VersionChanges& changes);
 
 }  // namespace turncal

@@ -11,7 +11,6 @@
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/rest_as_diagnosis.h"
-#include "orchestrator/report/rest_report.h"
 #include "orchestrator/report/result_table.h"
 
 namespace turncal {
@@ -84,12 +83,11 @@ Result<DiagnosisOutput> of_table(const Recordings& recordings, const JoinedRecor
   if (has_after(diagnosis) && !request.samples.empty()) navigate_effects(recording, diagnosis, request, context);
   request.phase("writing the report");
   DiagnosisFiles files = diagnosis_files(diagnosis, context);
-  std::vector<std::string> table = terminal_table(diagnosis, context);
-  return DiagnosisOutput{std::move(diagnosis), std::move(files), std::move(table)};
+  return DiagnosisOutput{std::move(diagnosis), std::move(files)};
 }
 
 // It lies still all the time: what that tells.
-Result<DiagnosisOutput> of_single_pose(const LoadedRecording& recording) {
+Result<DiagnosisOutput> of_single_pose(const LoadedRecording& recording, const DiagnosisContext& context) {
   const Result<LoadedRecording> in_seconds = load_recording(recording.path, {}, CompressionOptions{});
   if (!in_seconds) return in_seconds.error();
   const Result<SinglePose> pose = analyse_single_pose(in_seconds->data);
@@ -97,7 +95,8 @@ Result<DiagnosisOutput> of_single_pose(const LoadedRecording& recording) {
   DiagnosisOutput output;
   output.diagnosis.verdict = Verdict::not_tested;
   output.files.conf = format_pose(*pose);
-  output.table = pose_table(*pose);
+  for (const std::string& note : context.notes) output.files.report.add(Paragraph{note, "note"});
+  output.files.report.add(pose_facts(*pose));
   return output;
 }
 
@@ -107,7 +106,7 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
     return input_error(recording.path + ": " + no_table_angles +
                        ": expected no --arw, --vrw or bias instability, the noise is measured in the rests");
   const RestData data = make_rest_data(recording.data);
-  if (data.rests.size() == 1) return of_single_pose(recording);
+  if (data.rests.size() == 1) return of_single_pose(recording, context);
   std::optional<RestData> other;
   RestDiagnosisOptions settings;
   if (!request.holdouts.empty()) {
@@ -126,10 +125,7 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
   Diagnosis diagnosis = as_diagnosis(*result, data);
   request.phase("writing the report");
   DiagnosisFiles files = rest_diagnosis_files(*result, data, diagnosis, context);
-  std::vector<std::string> table =
-      result->base.converged ? terminal_table(diagnosis, context, rest_words(*result, data, diagnosis, Alphabet::plain))
-                             : std::vector{"verdict     " + verdict_sentence(diagnosis, context, Alphabet::plain)};
-  return DiagnosisOutput{std::move(diagnosis), std::move(files), std::move(table)};
+  return DiagnosisOutput{std::move(diagnosis), std::move(files)};
 }
 
 }  // namespace
@@ -155,10 +151,7 @@ Result<DiagnosisOutput> diagnose_recordings(const Recordings& recordings, const 
       const std::string damage = describe(loaded->damage);
       if (!damage.empty()) context.notes.push_back(loaded->path + ": " + damage);
     }
-  Result<DiagnosisOutput> output =
-      first.by_hand ? of_hand_turned(first, request, context) : of_table(recordings, joined, request, context);
-  if (output) output->table.insert(output->table.begin(), context.notes.begin(), context.notes.end());
-  return output;
+  return first.by_hand ? of_hand_turned(first, request, context) : of_table(recordings, joined, request, context);
 }
 
 }  // namespace turncal

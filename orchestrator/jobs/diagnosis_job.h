@@ -26,7 +26,6 @@ struct DiagnosisRequest {
 struct DiagnosisOutput {
   Diagnosis diagnosis;
   DiagnosisFiles files;
-  std::vector<std::string> table;  // for the terminal
 };
 
 // Of one recording, or of several of one unit (calib/joint/several_recordings.h), which are of a table then.

@@ -1,5 +1,7 @@
 #include "orchestrator/jobs/planned_unit.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
 
 #include "calib/prediction/predict.h"
@@ -74,14 +76,14 @@ NoiseModel noise_model(const PlannedSite& site) {
   return noise;
 }
 
-void print_premises(const PlannedSite& site, const RecordingInfo& info, std::ostream& out) {
-  out << "Noise     " << format_number(site.arw_deg_per_rt_h) << " deg/sqrt(h), "
-      << format_number(site.vrw_ug_per_rt_hz) << " ug/sqrt(Hz); bias instability "
-      << format_number(site.gyro_bias_instability_degph) << " deg/h, " << format_number(site.accel_bias_instability_ug)
-      << " ug; pulse " << format_number(info.accel_pulse_mps) << " m/s\n";
-  out << "Site      latitude " << format_number(info.latitude_deg) << " deg, gravity "
-      << format_number(info.gravity_mps2) << " m/s^2; IMU at "
-      << format_number(std::round(1e6 / info.sample_period_s) / 1e6) << " Hz\n";
+Facts describe_premises(const PlannedSite& site, const RecordingInfo& info) {
+  return {{{"noise", fmt::format("{} deg/sqrt(h), {} ug/sqrt(Hz); bias instability {} deg/h, {} ug; pulse {} m/s",
+                                 format_number(site.arw_deg_per_rt_h), format_number(site.vrw_ug_per_rt_hz),
+                                 format_number(site.gyro_bias_instability_degph),
+                                 format_number(site.accel_bias_instability_ug), format_number(info.accel_pulse_mps))},
+           {"site", fmt::format("latitude {} deg, gravity {} m/s^2; IMU at {} Hz", format_number(info.latitude_deg),
+                                format_number(info.gravity_mps2),
+                                format_number(std::round(1e6 / info.sample_period_s) / 1e6))}}};
 }
 
 namespace {

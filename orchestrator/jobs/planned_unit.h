@@ -6,7 +6,6 @@
 #pragma once
 
 #include <optional>
-#include <ostream>
 #include <string>
 #include <vector>
 
@@ -16,6 +15,7 @@
 #include "calib/prediction/predict.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
+#include "orchestrator/report/document.h"
 #include "orchestrator/station/station_config.h"
 #include "sequences/plan.h"
 
@@ -45,7 +45,7 @@ Result<double> parse_time_s(const char* option, const std::string& text);
 Status check_site(const PlannedSite& site);
 Result<PlannedUnit> planned_unit(const PlannedSite& site);
 NoiseModel noise_model(const PlannedSite& site);
-void print_premises(const PlannedSite& site, const RecordingInfo& info, std::ostream& out);
+Facts describe_premises(const PlannedSite& site, const RecordingInfo& info);
 
 // A plan as the pure functions of calib take it.
 PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan);

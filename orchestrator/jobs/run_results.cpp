@@ -330,12 +330,8 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
                                               ? read_truth(unit.file(truth_name))
                                               : Result<ParameterVector>(input_error("a real unit has no known truth"));
     out << '\n';
-    print_results(unit.output->file, truth ? std::optional(*truth) : std::nullopt, out);
-    out << '\n';
-    if (unit.diagnosis) {
-      for (const std::string& line : unit.diagnosis->table) out << line << '\n';
-      out << '\n';
-    }
+    out << as_text(result_table(unit.output->file, truth ? std::optional(*truth) : std::nullopt)) << '\n';
+    if (unit.diagnosis) out << as_text(unit.diagnosis->files.report, diagnosis_lines) << '\n';
     const VerdictReport& verdict = unit.verdict;
     for (const std::string& line : describe(verdict)) out << line << '\n';
     const std::string why = reason_of(run, verdict);
@@ -348,7 +344,7 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
   }
   if (unit.verification) {
     out << '\n';
-    print_verification(*unit.verification, out);
+    out << as_text(verification_document(*unit.verification));
     out << "verification  " << unit.file(verification_name) << '\n';
   }
   if (run.request.dry_run) out << "truth       " << unit.file(truth_name) << '\n';

@@ -3,9 +3,6 @@
 #include <algorithm>
 #include <set>
 
-#include "orchestrator/figures/report_format.h"
-#include "orchestrator/report/html_table.h"
-
 namespace turncal {
 
 namespace {
@@ -87,41 +84,40 @@ Panel control_panel(const ChartedQuantity& history) {
   return panel;
 }
 
-html::Cell figure_cell(std::optional<double> value, int digits) {
-  return html::number(value ? significant(*value, digits) : "-");
+Cell figure_cell(std::optional<double> value, int digits) {
+  return value ? cell::number(*value, digits) : cell::number("-");
 }
 
-html::Cell index_cell(const std::optional<Capability>& index) {
-  if (!index) return html::number("-");
-  return html::number(significant(index->value, 3) + " (" + significant(index->low, 2) + " .. " +
-                      significant(index->high, 2) + ")");
+Cell index_cell(const std::optional<Capability>& index) {
+  if (!index) return cell::number("-");
+  return cell::number(
+      significant(index->value, 3) + " (" + significant(index->low, 2) + " .. " + significant(index->high, 2) + ")",
+      index->value);
 }
 
-}  // namespace
-
-std::string control_table(const std::vector<ChartedQuantity>& quantities) {
-  std::vector<html::Cell> head = {html::text("")};
+Table control_table(const std::vector<ChartedQuantity>& quantities) {
+  Table table{{cell::name("quantity")}};
   for (const char* name : {"n", "mean", "s", "lower", "upper", "outside", "min", "max", "Cpk (95 %)", "Ppk (95 %)"})
-    head.push_back(html::number(name));
-  html::HtmlTable table(head);
+    table.head.push_back(cell::number(name));
   for (const ChartedQuantity& q : quantities) {
     const ControlChart& chart = q.chart;
     if (chart.count == 0) continue;
     const bool hit = !chart.outside.empty() || (chart.cpk && chart.cpk->value < 1.0);
-    table.row({html::name(q.key), html::number(std::to_string(chart.count)), figure_cell(chart.mean, 5),
-               figure_cell(chart.sigma, 3), figure_cell(chart.lower, 5), figure_cell(chart.upper, 5),
-               html::number(std::to_string(chart.outside.size())), figure_cell(q.limit.min, 5),
-               figure_cell(q.limit.max, 5), index_cell(chart.cpk), index_cell(chart.ppk)},
-              hit ? "hit" : "");
+    table.row({cell::name(q.key), cell::count(chart.count), figure_cell(chart.mean, 8), figure_cell(chart.sigma, 3),
+               figure_cell(chart.lower, 8), figure_cell(chart.upper, 8), cell::count(chart.outside.size()),
+               figure_cell(q.limit.min, 5), figure_cell(q.limit.max, 5), index_cell(chart.cpk), index_cell(chart.ppk)},
+              hit ? Table::Emphasis::hit : Table::Emphasis::none);
   }
-  return table.finish() + html::paragraph(
-                              "lower, upper: control limits; min, max: limits in force. Bold: a calibration outside "
-                              "the control limits, or Cpk below 1.",
-                              "soft");
+  return table;
 }
 
-std::vector<Figure> control_figures(const std::vector<ChartedQuantity>& quantities) {
-  std::vector<Figure> figures;
+}  // namespace
+
+void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document& document) {
+  document.add(control_table(quantities));
+  document.soft(
+      "lower, upper: control limits; min, max: limits in force. Bold: a calibration outside the control limits, or Cpk "
+      "below 1.");
   for (const Group& group : groups()) {
     Figure figure{.id = group.id,
                   .label = group.title,
@@ -135,9 +131,10 @@ std::vector<Figure> control_figures(const std::vector<ChartedQuantity>& quantiti
       const bool same = quantity.chart.sigma == 0.0;  // nothing to see
       if (here && !same && !quantity.values.empty()) figure.panels.push_back(control_panel(quantity));
     }
-    if (!figure.panels.empty()) figures.push_back(std::move(figure));
+    if (figure.panels.empty()) continue;
+    document.add(Heading{3, "", figure.label}, Scope::page);
+    document.figure(figure);
   }
-  return figures;
 }
 
 }  // namespace turncal

@@ -1,5 +1,7 @@
 #include "orchestrator/report/certificate.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -8,10 +10,12 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/report/diagnosis_file.h"
-#include "orchestrator/report/html_table.h"
+#include "orchestrator/report/document.h"
 
 namespace turncal {
 namespace {
+
+using namespace cell;
 
 const char* const certificate_css = R"(
 body { font: 10pt/1.35 "DejaVu Sans", Arial, sans-serif; color: #111; max-width: 190mm; margin: 6mm auto; padding: 0 4mm; }
@@ -39,12 +43,11 @@ std::string of_record(const ParameterFile& file, const std::string& key, const s
 
 std::string or_dash(const std::string& text) { return text.empty() ? "-" : text; }
 
-using Facts = std::vector<std::pair<std::string, std::string>>;
-std::string fact_table(const std::string& title, const Facts& rows) {
-  std::string html = "<section><h2>" + title + "</h2><table class=\"facts\">\n";
-  for (const auto& [name, value] : rows)
-    html += "<tr><td>" + std::string(name) + "</td><td>" + html_escape(value) + "</td></tr>\n";
-  return html + "</table></section>\n";
+std::string section(const std::string& title, const std::string& inner) {
+  return "<section><h2>" + title + "</h2>\n" + inner + "</section>\n";
+}
+std::string fact_section(const std::string& title, std::vector<std::pair<std::string, std::string>> rows) {
+  return section(title, html(Facts{std::move(rows)}));
 }
 
 std::string effect_names(const ParameterFile& file) {
@@ -106,70 +109,66 @@ std::string judged_beside(const Certificate& c) {
   return join(words, "; ");
 }
 
-std::string result_table(const Certificate& c) {
-  html::HtmlTable table({html::text("parameter"), html::text("unit"), html::number("value"), html::number("U (k = 2)"),
-                         html::number("estimate"), html::number("alias"), html::number("gravity"),
-                         html::number("latitude"), html::number("repeatability"), html::text("limits")});
+Cell or_nothing(const std::optional<double>& value) { return value ? number(*value, 2) : number("-"); }
+
+Table result_table(const Certificate& c) {
+  Table table{{text("parameter"), text("unit"), number("value"), number("U (k = 2)"), number("estimate"),
+               number("alias"), number("gravity"), number("latitude"), number("repeatability"), text("limits")}};
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     if (!parameter_is_free[i]) continue;
     const std::string key(parameter_keys[i]);
     const UncertaintyBudget& u = c.budget[i];
     const double expanded = u.expanded();
-    const std::string unit = unit_text(parameter_unit(key, c.file.gyro_increment), html::typo);
-    table.row({html::name(key), html::text(unit == "-" ? "1" : unit),
-               html::number(value_with_sigma(c.file.parameters[static_cast<Eigen::Index>(i)], expanded, html::typo)),
-               html::number(expanded, 2), html::number(u.estimate, 2),
-               u.alias ? html::number(*u.alias, 2) : html::number("-"), html::number(u.gravity, 2),
-               html::number(u.latitude, 2), u.repeatability ? html::number(*u.repeatability, 2) : html::number("-"),
-               html::text(judged_of(c, key))});
+    const std::string unit = unit_text(parameter_unit(key, c.file.gyro_increment));
+    table.row({name(key), text(unit == "-" ? "1" : unit),
+               with_sigma(c.file.parameters[static_cast<Eigen::Index>(i)], expanded), number(expanded, 2),
+               number(u.estimate, 2), or_nothing(u.alias), number(u.gravity, 2), number(u.latitude, 2),
+               or_nothing(u.repeatability), text(judged_of(c, key))});
   }
-  return table.finish();
+  return table;
 }
 
 // A constant that was given and not estimated (a time constant, a width) has no sigma: its unit is the last part of its name.
 std::string effect_unit(const EffectValue& effect) {
   if (!effect.sigma) return effect.component.substr(effect.component.rfind('_') + 1);
   const EffectEntry* const entry = find_effect(effect.name);
-  return entry ? unit_text(entry->unit, html::typo) : "-";
+  return entry ? unit_text(entry->unit) : "-";
 }
 
 std::string effect_table(const Certificate& c) {
   if (c.file.effects.empty()) return "";
-  html::HtmlTable table({html::text("effect"), html::text("unit"), html::number("value"), html::number("U (k = 2)"),
-                         html::number("estimate, alias"), html::number("repeatability")});
+  Table table{{text("effect"), text("unit"), number("value"), number("U (k = 2)"), number("estimate, alias"),
+               number("repeatability")}};
   for (std::size_t i = 0; i < c.file.effects.size(); ++i) {
     const EffectValue& effect = c.file.effects[i];
     const UncertaintyBudget& u = c.effect_budget[i];
-    const double expanded = u.expanded();
-    table.row({html::name(effect.name + "." + effect.component), html::text(effect_unit(effect)),
-               html::number(value_with_sigma(effect.value, expanded, html::typo)),
-               effect.sigma ? html::number(expanded, 2) : html::number("given"),
-               effect.sigma ? html::number(u.estimate, 2) : html::number("-"),
-               u.repeatability ? html::number(*u.repeatability, 2) : html::number("-")});
+    table.row({name(effect.name + "." + effect.component), text(effect_unit(effect)),
+               with_sigma(effect.value, u.expanded()), effect.sigma ? number(u.expanded(), 2) : number("given"),
+               effect.sigma ? number(u.estimate, 2) : number("-"), or_nothing(u.repeatability)});
   }
-  return table.finish();
+  return html(table);
 }
 
-std::string north_table(const VerificationReport& v) {
-  std::vector<html::Cell> head = {html::text("table, °")};
+std::string north_section(const VerificationReport& v) {
+  Table table{{text("table, °")}};
   for (const char* angle : north_angle_names)
     for (const char* what : {"mean", "deviation"})
-      head.push_back(html::number(std::string(angle) + " " + what + ", °"));
-  html::HtmlTable table(head);
+      table.head.push_back(number(std::string(angle) + " " + what + ", °"));
   for (const NorthPosition& position : v.found.positions) {
-    std::vector<html::Cell> cells = {html::text(format_number(position.table_deg))};
+    std::vector<Cell> cells = {text(format_number(position.table_deg))};
     for (std::size_t a = 0; a < north_angle_names.size(); ++a)
       for (const double value : {position.mean_deg[a], position.deviation_deg[a]})
-        cells.push_back(html::number(value_with_sigma(value, 1e-4, html::typo)));
-    table.row(cells);
+        cells.push_back(with_sigma(value, 1e-4));
+    table.row(std::move(cells));
   }
-  return "<section><h2>Verification: north seeking</h2>\n" + table.finish() +
-         html::paragraph(
-             "Alignments of " + format_number(v.align_s) + " s; limits " + format_number(v.heading_limit_deg) +
-             " ° for the heading's deviation and mean, " + format_number(v.level_limit_deg) +
-             " ° for roll and pitch: " + std::string(to_string(v.verdict)) +
-             ". The limit for roll and pitch is of deviations: what turns every reading alike is not in them.") +
-         "</section>\n";
+  return section(
+      "Verification: north seeking",
+      html(table) +
+          html(Paragraph{fmt::format(
+              "Alignments of {} s; limits {} ° for the heading's deviation and mean, {} ° for roll and pitch: {}. The "
+              "limit for roll and pitch is of deviations: what turns every reading alike is not in them.",
+              format_number(v.align_s), format_number(v.heading_limit_deg), format_number(v.level_limit_deg),
+              to_string(v.verdict))}));
 }
 
 std::string without_hash(std::string text, const std::string& hash) {
@@ -244,18 +243,18 @@ std::string certificate_page(const Certificate& c) {
   if (const std::string words = not_conforming(c.conformity.verdict); !words.empty())
     body += "<p class=\"not\">" + words + "</p>\n";
   body += "<div class=\"two\">" +
-          fact_table("Laboratory", {{"name", or_dash(c.parties.laboratory_name)},
-                                    {"address", or_dash(c.parties.laboratory_address)},
-                                    {"accreditation", or_dash(c.parties.laboratory_accreditation)}}) +
-          fact_table("Customer", {{"name", or_dash(c.parties.customer_name)},
-                                  {"address", or_dash(c.parties.customer_address)},
-                                  {"order", or_dash(c.parties.customer_order)}}) +
+          fact_section("Laboratory", {{"name", or_dash(c.parties.laboratory_name)},
+                                      {"address", or_dash(c.parties.laboratory_address)},
+                                      {"accreditation", or_dash(c.parties.laboratory_accreditation)}}) +
+          fact_section("Customer", {{"name", or_dash(c.parties.customer_name)},
+                                    {"address", or_dash(c.parties.customer_address)},
+                                    {"order", or_dash(c.parties.customer_order)}}) +
           "</div>\n<div class=\"two\">";
   body +=
-      fact_table("Item", {{"unit", "strapdown inertial measurement unit"},
-                          {"serial number", f.unit_serial},
-                          {"part, revision", of_record(f, "record.part") + ", " + of_record(f, "record.revision")}});
-  body += fact_table(
+      fact_section("Item", {{"unit", "strapdown inertial measurement unit"},
+                            {"serial number", f.unit_serial},
+                            {"part, revision", of_record(f, "record.part") + ", " + of_record(f, "record.revision")}});
+  body += fact_section(
               "Conditions",
               {{"measured", of_record(f, "record.began_utc", "not recorded")},
                {"evaluated", f.time_utc},
@@ -266,7 +265,7 @@ std::string certificate_page(const Certificate& c) {
                {"latitude", significant(f.latitude_deg, 6) + "°"},
                {"gravity", significant(f.gravity_mps2, 7) + " m/s²"}}) +
           "</div>\n";
-  body += fact_table(
+  body += fact_section(
       "Equipment and method",
       {{"station", of_record(f, "record.station")},
        {"table", of_record(f, "record.table_id") + ", calibration due " + of_record(f, "record.table_calibration_due") +
@@ -277,31 +276,32 @@ std::string certificate_page(const Certificate& c) {
                       "; w = n counts − N0 (°/h), f = a counts − A0 (g = 9.80665 m/s²)"},
        {"software", "turncal " + f.software_version},
        {"adjustment", "none: the parameters are to be loaded by the customer"}});
-  body += "<section><h2>Results</h2>\n" + result_table(c) + effect_table(c);
-  body += html::paragraph(
-      "Expanded uncertainty U = 2 u; u combines the columns to its right (standard uncertainties). The table's angles "
-      "are not taken as truth and add nothing; the given heading enters in second order. Alias: the spread over "
-      "effects "
-      "that the recording cannot tell from a parameter, or from one another, and over those that came near to being "
-      "found; - where nobody looked. Effects beyond the parameters: " +
-      effects_found(f));
-  body += "</section>\n";
-  if (c.verification) body += north_table(*c.verification);
+  body += section("Results", html(result_table(c)) + effect_table(c) +
+                                 html(Paragraph{"Expanded uncertainty U = 2 u; u combines the columns to its right "
+                                                "(standard uncertainties). The table's angles "
+                                                "are not taken as truth and add nothing; the given heading enters in "
+                                                "second order. Alias: the spread over "
+                                                "effects "
+                                                "that the recording cannot tell from a parameter, or from one another, "
+                                                "and over those that came near to being "
+                                                "found; - where nobody looked. Effects beyond the parameters: " +
+                                                effects_found(f)}));
+  if (c.verification) body += north_section(*c.verification);
   const VerdictReport& conformity = c.conformity;
   const std::string verdict =
       conformity.verdict == UnitVerdict::not_judged ? "not judged" : std::string(to_string(conformity.verdict));
   const std::string beside = judged_beside(c);
-  body += fact_table("Conformity",
-                     {{"verdict", verdict + (conformity.reason.empty() ? "" : ": " + conformity.reason)},
-                      {"decision rule", !conformity.rule.empty() ? conformity.rule + "; U: that of the results above"
-                                        : c.verification ? "no limits were agreed for the parameters; those of the "
-                                                           "verification stand with it"
-                                                         : "no limits were agreed"},
-                      {"limits beside those of the results", beside.empty() ? "none" : beside},
-                      {"diagnosis", "effects beyond the parameters: " + effects_found(f)}});
+  body += fact_section("Conformity",
+                       {{"verdict", verdict + (conformity.reason.empty() ? "" : ": " + conformity.reason)},
+                        {"decision rule", !conformity.rule.empty() ? conformity.rule + "; U: that of the results above"
+                                          : c.verification ? "no limits were agreed for the parameters; those of the "
+                                                             "verification stand with it"
+                                                           : "no limits were agreed"},
+                        {"limits beside those of the results", beside.empty() ? "none" : beside},
+                        {"diagnosis", "effects beyond the parameters: " + effects_found(f)}});
   std::string hashes;
   for (const std::string& hash : c.recording_hashes) hashes += (hashes.empty() ? "" : ", ") + hash;
-  body += fact_table("Traceability of the record", {{"parameter file", c.parameters_hash}, {"recordings", hashes}});
+  body += fact_section("Traceability of the record", {{"parameter file", c.parameters_hash}, {"recordings", hashes}});
   body +=
       "<p class=\"small\">The results relate to this item in the state in which it was calibrated. This certificate "
       "may be reproduced in full only.</p>\n<div class=\"sign\"><p>Issued " +

@@ -1,12 +1,14 @@
 #include "orchestrator/report/diagnosis_file.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/records/output_folder.h"
@@ -14,25 +16,6 @@
 
 namespace turncal {
 namespace {
-
-class Lines {
- public:
-  void comment(const std::string& text) {
-    std::string line = "# " + text;
-    std::replace_if(
-        line.begin(), line.end(), [](char c) { return static_cast<unsigned char>(c) < 0x20; }, ' ');
-    text_ += line + "\n";
-  }
-  void value(const std::string& key, const std::string& value) {
-    text_ += key + " =" + (value.empty() ? "" : " " + value) + "\n";
-  }
-  void list(const std::string& key, const std::vector<std::string>& names) { value(key, join(names)); }
-  void number(const std::string& key, double number) { value(key, std::isfinite(number) ? format_number(number) : ""); }
-  std::string take() { return std::move(text_); }
-
- private:
-  std::string text_;
-};
 
 std::vector<const EstimatedEffect*> of_effect(const JointResult& result, std::string_view name) {
   std::vector<const EstimatedEffect*> found;
@@ -62,16 +45,16 @@ std::vector<std::string> by_strength(const JointResult& result) {
 }  // namespace
 
 std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationWorth>& worth) {
-  Lines lines;
+  KeyValues lines;
   lines.comment("turncal diagnosis: which effect the 24 parameters lack, and the error before and after it was added");
   if (!d.reason.empty()) lines.comment("reason: " + d.reason);
-  lines.value("verdict", to_string(d.verdict));
-  lines.value("quality.trusted", d.trusted ? "true" : "false");
-  lines.list("effects", d.effect_names);
-  if (!d.candidate_names.empty()) lines.list("candidates", d.candidate_names);
-  if (!d.moved.empty()) lines.list("may_have_moved", d.moved);
+  lines.text("verdict", to_string(d.verdict));
+  lines.flag("quality.trusted", d.trusted);
+  lines.text("effects", join(d.effect_names));
+  if (!d.candidate_names.empty()) lines.text("candidates", join(d.candidate_names));
+  if (!d.moved.empty()) lines.text("may_have_moved", join(d.moved));
   if (!d.lack_of_fit.tests.empty()) {
-    lines.value("lack_of_fit.worst", d.lack_of_fit.worst.what);
+    lines.text("lack_of_fit.worst", d.lack_of_fit.worst.what);
     lines.number("lack_of_fit.log10_probability", d.lack_of_fit.worst.log10_p);
     lines.number("lack_of_fit.log10_limit", d.lack_of_fit.log10_limit);
   }
@@ -92,9 +75,9 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
   }
   for (const std::string& name : d.effect_names) {
     const auto found = d.aliases.find(name);
-    lines.list("alias." + name, found == d.aliases.end() ? std::vector<std::string>{} : found->second);
+    lines.text("alias." + name, found == d.aliases.end() ? "" : join(found->second));
   }
-  lines.list("undetectable", d.undetectable);
+  lines.text("undetectable", join(d.undetectable));
   for (const CandidateScore& c : d.candidates)
     if (c.visible && c.column.entry != nullptr && std::isfinite(c.detectable))
       lines.number("detectable." + c.column.key(), c.detectable);
@@ -104,7 +87,7 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
   lines.number("holdout.after", holdout_value(d.holdout_after, d.holdout_after.normalised_rms));
   lines.number("holdout.velocity_rms_before_mps", holdout_value(d.holdout_before, d.holdout_before.velocity_rms_mps));
   lines.number("holdout.velocity_rms_after_mps", holdout_value(d.holdout_after, d.holdout_after.velocity_rms_mps));
-  lines.value("holdout.source", d.holdout_source);
+  lines.text("holdout.source", d.holdout_source);
   if (d.holdout_own_noise > 1.0) lines.number("holdout.own_noise", d.holdout_own_noise);
   for (std::size_t k = 0; k < d.each.turn_ons.biases.size(); ++k)
     for (int column = 0; column < 6; ++column)
@@ -112,7 +95,7 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
           "recording." + std::to_string(k + 1) + "." + std::string(parameter_keys[static_cast<std::size_t>(column)]),
           d.each.turn_ons.biases[k][column]);
   if (worth) {
-    lines.value("navigation.source", worth->source);
+    lines.text("navigation.source", worth->source);
     lines.number("navigation.free_s", worth->free_s);
     lines.number("navigation.before_nm_per_h", worth->before);
     lines.number("navigation.after_nm_per_h", worth->after);
@@ -180,10 +163,8 @@ void describe_covariance(const JointResult& result, ParameterFile& file) {
     std::string row;
     for (std::size_t j = 0; j <= i; ++j) {
       if (left_out(result.free[j])) continue;
-      char text[32];
-      std::snprintf(text, sizeof text, "%.9e",
-                    result.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
-      row += (row.empty() ? "" : " ") + std::string(text);
+      row += fmt::format("{}{:.9e}", row.empty() ? "" : " ",
+                         result.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
     }
     file.add_further("quality.covariance." + std::string(parameter_keys[static_cast<std::size_t>(result.free[i])]),
                      row);
@@ -278,11 +259,12 @@ void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& con
 
 DiagnosisFiles diagnosis_files(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   const std::string simulated = context.recording.info.simulated ? "# Simulated data: a dry run, or a twin.\n" : "";
-  return {make_report(diagnosis, context), simulated + format_diagnosis(diagnosis, context.worth),
+  return {diagnosis_document(diagnosis, context), simulated + format_diagnosis(diagnosis, context.worth),
           diagnosis_parameters(diagnosis, context)};
 }
 
-Status write_diagnosis(const std::string& folder, const DiagnosisFiles& files) {
+Result<std::string> write_diagnosis(const std::string& folder, const DiagnosisFiles& files,
+                                    const GnuplotOptions& gnuplot) {
   const std::string parameters =
       TRY(files.parameters ? format_parameter_file(*files.parameters) : Result<std::string>(std::string()));
   // What this diagnosis does not have must not stay from an earlier one.
@@ -293,9 +275,11 @@ Status write_diagnosis(const std::string& folder, const DiagnosisFiles& files) {
     std::filesystem::remove(file, error);
     return error ? Status(device_error(file + ": cannot remove: " + error.message())) : Status();
   };
-  TRY(write(report_name, files.report.html));
+  const HtmlPage page = files.report.title.empty() ? HtmlPage{} : as_page(files.report, gnuplot);
+  TRY(write(report_name, page.html));
   TRY(write(diagnosis_name, files.conf));
-  return write(parameters_name, parameters);
+  TRY(write(parameters_name, parameters));
+  return page.plot_problem;
 }
 
 }  // namespace turncal

@@ -48,13 +48,14 @@ ParameterFile diagnosis_parameters(const Diagnosis& diagnosis, const DiagnosisCo
 
 // All that there is to write, made before anything is written.
 struct DiagnosisFiles {
-  Report report;
+  Document report;  // without a title it is for the terminal alone
   std::string conf;
   std::optional<ParameterFile> parameters;  // none where nothing was tested
 };
 DiagnosisFiles diagnosis_files(const Diagnosis& diagnosis, const DiagnosisContext& context);
 // All three into `folder`, which exists; parameters.conf last. What cannot be formatted leaves the folder as it was; what is empty is
-// not written, and removed where it was.
-Status write_diagnosis(const std::string& folder, const DiagnosisFiles& files);
+// not written, and removed where it was. Returns why the report has no plots; empty: it has them.
+Result<std::string> write_diagnosis(const std::string& folder, const DiagnosisFiles& files,
+                                    const GnuplotOptions& gnuplot = {});
 
 }  // namespace turncal

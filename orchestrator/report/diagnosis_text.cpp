@@ -1,8 +1,9 @@
 #include "orchestrator/report/diagnosis_text.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <numeric>
 
@@ -22,8 +23,7 @@ std::string component_name(const EffectColumn& column) {
 }
 
 // "accel_second_order, second-order nonlinearity K2 (IEEE 1293), x 28.35 +- 0.91 ug/g^2 (31 sigma)": strongest components first.
-std::string describe_effect(const Diagnosis& diagnosis, const std::string& name, std::size_t most, bool with_term,
-                            Alphabet alphabet) {
+std::string describe_effect(const Diagnosis& diagnosis, const std::string& name, std::size_t most, bool with_term) {
   std::vector<const EstimatedEffect*> parts;
   for (const EstimatedEffect& e : diagnosis.extended.effects)
     if (e.column.entry != nullptr && e.column.entry->name == name) parts.push_back(&e);
@@ -31,7 +31,7 @@ std::string describe_effect(const Diagnosis& diagnosis, const std::string& name,
   std::vector<std::string> texts;
   for (std::size_t k = 0; k < std::min(most, parts.size()); ++k) {
     const EstimatedEffect& e = *parts[k];
-    texts.push_back(component_name(e.column) + " " + quantity(e.value, e.sigma, e.column.entry->unit, alphabet) + " (" +
+    texts.push_back(component_name(e.column) + " " + quantity(e.value, e.sigma, e.column.entry->unit) + " (" +
                     significant(z_of(e), 2) + " sigma)");
   }
   if (parts.size() > most) texts.push_back("and " + std::to_string(parts.size() - most) + " more");
@@ -119,71 +119,6 @@ std::string pattern_clause(const Diagnosis& d) {
   return text;
 }
 
-std::string pad(std::string text, std::size_t width) {
-  text.resize(std::max(width, text.size()), ' ');
-  return text;
-}
-
-class Table {
- public:
-  // `label` in the first column, `text` wrapped after it; at most `most` lines.
-  void row(const std::string& label, const std::string& text, std::size_t most = 1) {
-    std::vector<std::string> lines = wrap(text, table_columns - label_width);
-    if (lines.size() > most) {
-      lines.resize(most);
-      lines.back() = shorten(lines.back() + " ...", table_columns - label_width);
-    }
-    for (std::size_t k = 0; k < lines.size(); ++k) line(pad(k == 0 ? label : "", label_width) + lines[k]);
-  }
-  void line(const std::string& text) { lines_.push_back(shorten(text, table_columns)); }
-  std::vector<std::string> take() {
-    if (lines_.size() > table_lines) {
-      lines_.resize(table_lines - 1);
-      lines_.push_back("... more in the report");
-    }
-    return std::move(lines_);
-  }
-
- private:
-  static constexpr std::size_t label_width = 16;
-  std::vector<std::string> lines_;
-};
-
-void add_errors(const Diagnosis& d, const std::vector<ErrorRow>& rows, Table& table) {
-  char text[160];
-  std::snprintf(text, sizeof text, "%-16s%-48s %10s %10s %9s", "error", "", has_after(d) ? "before" : "",
-                has_after(d) ? "after" : "", has_after(d) ? "change" : "");
-  table.line(clause(text));
-  for (const ErrorRow& row : rows) {
-    const std::string what = row.what + (row.unit.empty() || row.normalised ? "" : ", " + row.unit);
-    if (has_after(d)) {
-      std::snprintf(text, sizeof text, "  %-62s %10s %10s %9s", what.c_str(), error_text(row, row.before).c_str(),
-                    error_text(row, row.after).c_str(), percent_change(row.before, row.after).c_str());
-    } else {
-      std::snprintf(text, sizeof text, "  %-62s %10s", what.c_str(), error_text(row, row.before).c_str());
-    }
-    table.line(text);
-  }
-}
-
-void add_effects(const Diagnosis& d, Table& table) {
-  if (!has_after(d)) return;
-  constexpr std::size_t most = 6;
-  char text[200];
-  std::snprintf(text, sizeof text, "%-40s %14s %12s %-12s %6s", "effect added", "value", "sigma", "unit", "z");
-  table.line(text);
-  std::size_t shown = 0;
-  for (const EstimatedEffect& e : d.extended.effects) {
-    if (e.column.entry == nullptr) continue;
-    if (++shown > most) continue;
-    std::snprintf(text, sizeof text, "  %-38s %14s %12s %-12s %6s", e.column.key().c_str(),
-                  value_with_sigma(e.value, e.sigma).c_str(), value_with_sigma(e.sigma, e.sigma).c_str(),
-                  std::string(e.column.entry->unit).c_str(), significant(z_of(e), 3).c_str());
-    table.line(text);
-  }
-  if (shown > most) table.line("  and " + std::to_string(shown - most) + " more in the report");
-}
-
 std::string strongest_scores(const Diagnosis& d, double threshold) {
   std::vector<std::string> parts;
   for (const ScoreBar& bar : score_bars(d, threshold)) {
@@ -191,16 +126,6 @@ std::string strongest_scores(const Diagnosis& d, double threshold) {
     parts.push_back(bar.name + " " + significant(bar.z, 2));
   }
   return join(parts) + " (threshold " + significant(threshold, 2) + ")";
-}
-
-std::string noise_line(const JointResult& r, bool given) {
-  const NoiseModel& n = r.noise;
-  return std::string(given ? "configured: " : "measured: ") + "ARW " +
-         significant(n.angle_random_walk.mean() / radprs_per_degprh, 3) + " deg/sqrt(h), VRW " +
-         significant(n.velocity_random_walk.mean() / mpsprs_per_ugprHz, 3) + " ug/sqrt(Hz), bias instability " +
-         significant(n.gyro_bias_instability_radps / radps_per_degph, 2) + " deg/h and " +
-         significant(n.accel_bias_instability_mps2 / standard_gravity_mps2 * 1e6, 2) + " ug; innovations " +
-         (r.whiteness.white ? "white" : "not white");
 }
 
 std::string largest_changes(const Diagnosis& d) {
@@ -219,27 +144,6 @@ std::string largest_changes(const Diagnosis& d) {
   return join(parts) + " sigma";
 }
 
-void add_limits(const Diagnosis& d, const DiagnosisContext& context, Table& table) {
-  for (const auto& [name, others] : d.aliases) {
-    if (others.empty()) continue;
-    const auto by = d.separate_by.find(name);
-    table.row("not told apart",
-              name + " | " + join(others, " | ") +
-                  (by != d.separate_by.end() && !by->second.empty() ? "; separated by " + by->second : ""),
-              2);
-  }
-  if (!d.gated_out.empty())
-    table.row("not confirmed", join(d.gated_out) + (context.hand_turned ? "" : " (no better on held-out data)"), 2);
-  if (!d.undetectable.empty()) table.row("not visible", join(d.undetectable), 2);
-  std::vector<std::string> undetermined;
-  for (const Undetermined& u : d.extended.undetermined) {
-    std::vector<std::string> keys;
-    for (const auto& [key, weight] : u.combination) keys.push_back(key);
-    undetermined.push_back(join(keys, "&"));
-  }
-  if (!undetermined.empty()) table.row("undetermined", join(undetermined), 2);
-}
-
 }  // namespace
 
 std::string alias_clause(const Diagnosis& d) {
@@ -249,12 +153,11 @@ std::string alias_clause(const Diagnosis& d) {
   return parts.empty() ? "" : "; this recording cannot tell " + join(parts, "; nor ");
 }
 
-std::string effects_clause(const Diagnosis& d, Alphabet alphabet) {
+std::string effects_clause(const Diagnosis& d) {
   // The more there are, the less is said of each.
   const std::size_t n = d.effect_names.size();
   std::vector<std::string> effects;
-  for (const std::string& name : d.effect_names)
-    effects.push_back(describe_effect(d, name, n == 1 ? 3 : 1, n < 3, alphabet));
+  for (const std::string& name : d.effect_names) effects.push_back(describe_effect(d, name, n == 1 ? 3 : 1, n < 3));
   static constexpr const char* words[] = {"no", "one", "two", "three", "four", "five", "six"};
   return (n < std::size(words) ? words[n] : std::to_string(n)) + (n == 1 ? " effect" : " effects") +
          " beyond the 24 parameters " + (n == 1 ? "was" : "were") + " found and added: " + join(effects, "; ");
@@ -280,15 +183,15 @@ const CandidateScore* strongest_candidate(const Diagnosis& diagnosis) {
   return best;
 }
 
-std::string verdict_sentence(const Diagnosis& d, const DiagnosisContext& context, Alphabet alphabet) {
+std::string verdict_sentence(const Diagnosis& d, const DiagnosisContext& context) {
   const std::string title = verdict_title(d.verdict) + ": ";
   switch (d.verdict) {
     case Verdict::clean: return title + clean_sentence(d, context) + ".";
-    case Verdict::extended: return title + effects_clause(d, alphabet) + "; " + error_clause(d) + alias_clause(d) + ".";
+    case Verdict::extended: return title + effects_clause(d) + "; " + error_clause(d) + alias_clause(d) + ".";
     case Verdict::unexplained:
       return title + "a residual is left that is not noise and that no effect of the catalogue explains (" +
              remaining_clause(d) + ")" + pattern_clause(d) +
-             (has_after(d) ? "; beside it " + effects_clause(d, alphabet) : "; no effect is named") +
+             (has_after(d) ? "; beside it " + effects_clause(d) : "; no effect is named") +
              (d.candidate_names.empty() ? "" : "; candidates: " + join(d.candidate_names)) +
              (d.moved.empty() ? "" : "; it may have moved " + join(d.moved)) + "; the sigmas are widened by that.";
     case Verdict::noise_model:
@@ -330,14 +233,6 @@ std::vector<ErrorRow> error_rows(const Diagnosis& d, const DiagnosisContext& con
   return rows;
 }
 
-std::string worth_sentence(const DiagnosisContext& context) {
-  if (!context.worth) return "";
-  std::vector<std::string> parts;
-  for (const auto& [name, rate] : context.worth->effects) parts.push_back(name + " " + significant(rate, 2));
-  return join(parts) + " nm/h of free navigation for " + significant(context.worth->free_s, 4) +
-         " s; noise alone lets expect " + significant(context.worth->noise, 2);
-}
-
 std::string error_text(const ErrorRow& row, double value) {
   return row.normalised ? ratio(value) : significant(value, 3);
 }
@@ -353,31 +248,31 @@ ParameterVector changes_in_sigma(const Diagnosis& d) {
   return change;
 }
 
-std::vector<std::string> terminal_table(const Diagnosis& d, const DiagnosisContext& context) {
-  return terminal_table(d, context,
-                        {verdict_sentence(d, context, Alphabet::plain), error_rows(d, context),
-                         noise_line(d.extended, context.noise_given)});
+std::string noise_line(const JointResult& r, bool given) {
+  const NoiseModel& n = r.noise;
+  return fmt::format("{}: ARW {} °/√h, VRW {} µg/√Hz, bias instability {} °/h and {} µg; innovations {}",
+                     given ? "configured" : "measured", significant(n.angle_random_walk.mean() / radprs_per_degprh, 3),
+                     significant(n.velocity_random_walk.mean() / mpsprs_per_ugprHz, 3),
+                     significant(n.gyro_bias_instability_radps / radps_per_degph, 2),
+                     significant(n.accel_bias_instability_mps2 / standard_gravity_mps2 * 1e6, 2),
+                     r.whiteness.white ? "white" : "not white");
 }
 
-std::vector<std::string> terminal_table(const Diagnosis& d, const DiagnosisContext& context,
-                                        const DiagnosisWords& words) {
-  Table table;
-  table.row(context.of_run ? "diagnosis" : "verdict", words.sentence, 7);
-  add_errors(d, words.errors, table);
-  add_effects(d, table);
-  if (context.worth) table.row("worth", worth_sentence(context), 2);
+Facts diagnosis_facts(const Diagnosis& d, const DiagnosisContext& context, const std::string& noise) {
+  Facts facts;
   if (strongest_candidate(d) != nullptr)
-    table.row("scores", strongest_scores(d, family_threshold_z(d, context.false_alarm)), 2);
-  if (has_after(d)) table.row("moved most", largest_changes(d));
-  table.row("noise", words.noise, 2);
-  if (!d.base.faults.empty()) {
-    const Fault& fault = d.base.faults.front();
-    table.row("faults", std::to_string(d.base.faults.size()) + ": sample " + std::to_string(fault.first_sample) + ", " +
-                            fault.what + ", " + fault.action +
-                            (d.base.faults.size() > 1 ? "; more in the report" : ""));
+    facts.rows.emplace_back("scores", strongest_scores(d, family_threshold_z(d, context.false_alarm)));
+  if (has_after(d)) facts.rows.emplace_back("moved most", largest_changes(d));
+  facts.rows.emplace_back("noise", noise);
+  if (!d.undetectable.empty()) facts.rows.emplace_back("not visible", join(d.undetectable));
+  std::vector<std::string> undetermined;
+  for (const Undetermined& u : d.extended.undetermined) {
+    std::vector<std::string> keys;
+    for (const auto& [key, weight] : u.combination) keys.push_back(key);
+    undetermined.push_back(join(keys, "&"));
   }
-  add_limits(d, context, table);
-  return table.take();
+  if (!undetermined.empty()) facts.rows.emplace_back("undetermined", join(undetermined));
+  return facts;
 }
 
 }  // namespace turncal

@@ -1,46 +1,48 @@
 #include "orchestrator/report/navigation_report.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
-#include <cstdio>
 
 #include "calib/model/parameters.h"
 #include "calib/navigation/mechanisation.h"
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
-#include "orchestrator/figures/drawing.h"
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/report/verification_report.h"
 
 namespace turncal {
 namespace {
 
-void line(const std::string& key, double value, std::string& text) {
-  text += key + " = " + format_number(value) + "\n";
-}
-void line(const std::string& key, const std::string& value, std::string& text) { text += key + " = " + value + "\n"; }
-
-void describe_branch(const std::string& prefix, const NavigatedBranch& branch, std::string& text) {
+void describe_branch(const std::string& prefix, const NavigatedBranch& branch, KeyValues& lines) {
   const FreeNavigation& n = branch.navigation;
   const AttitudeAngles angles = angles_of(n.aligned.q_nb);
   const TrackPoint& end = n.track.back();
-  line(prefix + "start_s", branch.start_s, text);
-  line(prefix + "align_rest_s", n.align_rest_s, text);
-  line(prefix + "heading_deg", angles.heading_rad / rad_per_deg, text);
-  line(prefix + "pitch_deg", angles.pitch_rad / rad_per_deg, text);
-  line(prefix + "roll_deg", angles.roll_rad / rad_per_deg, text);
-  line(prefix + "sigma.heading_deg", n.heading_sigma_rad / rad_per_deg, text);
-  line(prefix + "free_s", n.free_s, text);
-  line(prefix + "north_m", end.moved_m[0], text);
-  line(prefix + "east_m", end.moved_m[1], text);
-  line(prefix + "velocity_north_mps", end.velocity_error_mps[0], text);
-  line(prefix + "velocity_east_mps", end.velocity_error_mps[1], text);
-  line(prefix + "velocity_rms_mps", n.velocity_rms_mps, text);
-  line(prefix + "nm_per_h", n.nm_per_h, text);
+  for (const auto& [key, value] :
+       std::initializer_list<std::pair<const char*, double>>{{"start_s", branch.start_s},
+                                                             {"align_rest_s", n.align_rest_s},
+                                                             {"heading_deg", angles.heading_rad / rad_per_deg},
+                                                             {"pitch_deg", angles.pitch_rad / rad_per_deg},
+                                                             {"roll_deg", angles.roll_rad / rad_per_deg},
+                                                             {"sigma.heading_deg", n.heading_sigma_rad / rad_per_deg},
+                                                             {"free_s", n.free_s},
+                                                             {"north_m", end.moved_m[0]},
+                                                             {"east_m", end.moved_m[1]},
+                                                             {"velocity_north_mps", end.velocity_error_mps[0]},
+                                                             {"velocity_east_mps", end.velocity_error_mps[1]},
+                                                             {"velocity_rms_mps", n.velocity_rms_mps},
+                                                             {"nm_per_h", n.nm_per_h}})
+    lines.number(prefix + key, value);
 }
 
-void describe_drift(const std::string& prefix, const DriftOverRuns& drift, std::string& text) {
-  line(prefix + "rms_nm_per_h", drift.rms_nm_per_h, text);
-  line(prefix + "cep_nm_per_h", drift.cep_nm_per_h, text);
-  line(prefix + "r95_nm_per_h", drift.r95_nm_per_h, text);
+void describe_drift(const std::string& prefix, const DriftOverRuns& drift, KeyValues& lines) {
+  lines.number(prefix + "rms_nm_per_h", drift.rms_nm_per_h);
+  lines.number(prefix + "cep_nm_per_h", drift.cep_nm_per_h);
+  lines.number(prefix + "r95_nm_per_h", drift.r95_nm_per_h);
+}
+
+std::string drift_words(const DriftOverRuns& drift) {
+  return fmt::format("rms {:.3f}, CEP {:.3f}, R95 {:.3f} nm/h", drift.rms_nm_per_h, drift.cep_nm_per_h,
+                     drift.r95_nm_per_h);
 }
 
 Series series_of(const std::string& label, Colour colour, const FreeNavigation& navigation,
@@ -62,52 +64,46 @@ double radial_nm(const TrackPoint& p) { return p.moved_m.norm() / metres_per_nau
 // With three decimals: no 360.000.
 double printed_heading_deg(double heading_deg) { return heading_deg < 359.9995 ? heading_deg : 0.0; }
 
-Panel panel(const std::string& title, const std::string& y_label) {
-  Panel panel;
-  panel.title = title;
-  panel.y_label = y_label;
-  return panel;
-}
-
 }  // namespace
 
 std::string format_navigation(const NavigationReport& report) {
-  std::string text = report.info.simulated ? "# Simulated data: a dry run, or a twin.\n" : "";
-  line("format", 1.0, text);
-  line("recording_hash", report.recording_hash, text);
-  line("unit_serial", report.info.unit_serial, text);
-  line("simulated", std::string(report.info.simulated ? "true" : "false"), text);
-  line("latitude_deg", report.info.latitude_deg, text);
-  line("gravity_mps2", report.info.gravity_mps2, text);
+  KeyValues lines;
+  if (report.info.simulated) lines.comment("Simulated data: a dry run, or a twin.");
+  lines.number("format", 1.0);
+  lines.text("recording_hash", report.recording_hash);
+  lines.text("unit_serial", report.info.unit_serial);
+  lines.flag("simulated", report.info.simulated);
+  lines.number("latitude_deg", report.info.latitude_deg);
+  lines.number("gravity_mps2", report.info.gravity_mps2);
   if (!report.reference.empty()) {
-    line("reference", report.reference, text);
-    line("reference.longest_in_motion_s", report.reference_gap_s, text);
+    lines.text("reference", report.reference);
+    lines.number("reference.longest_in_motion_s", report.reference_gap_s);
   }
-  line("align_s", report.align_s, text);
-  if (!report.damage.empty()) line("damage", report.damage, text);
-  line("filled_samples", static_cast<double>(report.filled_samples), text);
-  line("filled_in_motion", static_cast<double>(report.filled_in_motion), text);
-  for (std::size_t k = 0; k < report.faults.size(); ++k) line("fault." + std::to_string(k + 1), report.faults[k], text);
-  for (std::size_t k = 0; k < report.lost.size(); ++k) line("lost." + std::to_string(k + 1), report.lost[k], text);
+  lines.number("align_s", report.align_s);
+  if (!report.damage.empty()) lines.text("damage", report.damage);
+  lines.number("filled_samples", static_cast<double>(report.filled_samples));
+  lines.number("filled_in_motion", static_cast<double>(report.filled_in_motion));
+  for (const auto& [key, texts] : {std::pair{"fault", &report.faults}, std::pair{"lost", &report.lost}})
+    for (std::size_t k = 0; k < texts->size(); ++k) lines.text(fmt::format("{}.{}", key, k + 1), (*texts)[k]);
   for (const NavigatedFile& file : report.files) {
-    line(file.prefix + "parameters", file.path, text);
-    line(file.prefix + "model", file.model, text);
-    line(file.prefix + "trusted", std::string(file.trusted ? "true" : "false"), text);
-    line(file.prefix + "felt_latitude_deg", file.felt.latitude_rad / rad_per_deg, text);
-    line(file.prefix + "felt_latitude_sigma_deg", file.felt.sigma_rad / rad_per_deg, text);
-    line(file.prefix + "felt_gravity_mps2", file.felt.gravity_mps2, text);
-    line(file.prefix + "noise", std::string(file.noise_assumed ? "assumed" : "file"), text);
-    describe_drift(file.prefix + "drift.", file.drift, text);
-    line(file.prefix + "velocity_rms_mps", file.velocity_rms_mps, text);
+    lines.text(file.prefix + "parameters", file.path);
+    lines.text(file.prefix + "model", file.model);
+    lines.flag(file.prefix + "trusted", file.trusted);
+    lines.number(file.prefix + "felt_latitude_deg", file.felt.latitude_rad / rad_per_deg);
+    lines.number(file.prefix + "felt_latitude_sigma_deg", file.felt.sigma_rad / rad_per_deg);
+    lines.number(file.prefix + "felt_gravity_mps2", file.felt.gravity_mps2);
+    lines.text(file.prefix + "noise", file.noise_assumed ? "assumed" : "file");
+    describe_drift(file.prefix + "drift.", file.drift, lines);
+    lines.number(file.prefix + "velocity_rms_mps", file.velocity_rms_mps);
     if (file.expected) {
-      line(file.prefix + "expected.from", file.covariance_source, text);
-      describe_drift(file.prefix + "expected.", *file.expected, text);
+      lines.text(file.prefix + "expected.from", file.covariance_source);
+      describe_drift(file.prefix + "expected.", *file.expected, lines);
     }
-    line(file.prefix + "branches", static_cast<double>(file.branches.size()), text);
+    lines.number(file.prefix + "branches", static_cast<double>(file.branches.size()));
     for (std::size_t k = 0; k < file.branches.size(); ++k)
-      describe_branch(file.prefix + "branch." + std::to_string(k + 1) + ".", file.branches[k], text);
+      describe_branch(fmt::format("{}branch.{}.", file.prefix, k + 1), file.branches[k], lines);
   }
-  return text;
+  return lines.take();
 }
 
 std::string format_track(const NavigationReport& report, const NavigatedFile& file) {
@@ -136,9 +132,12 @@ std::string format_track(const NavigationReport& report, const NavigatedFile& fi
 
 Result<std::string> draw_navigation(const NavigationReport& report, const GnuplotOptions& options) {
   const bool moves = !report.reference.empty();
-  Panel north = panel(moves ? "Velocity error north" : "Velocity north", "m/s");
-  Panel east = panel(moves ? "Velocity error east" : "Velocity east", "m/s");
-  Panel distance = panel(moves ? "Distance from the reference" : "Distance from where it stands", "nautical miles");
+  Panel north, east, distance;
+  north.title = moves ? "Velocity error north" : "Velocity north";
+  east.title = moves ? "Velocity error east" : "Velocity east";
+  distance.title = moves ? "Distance from the reference" : "Distance from where it stands";
+  north.y_label = east.y_label = "m/s";
+  distance.y_label = "nautical miles";
   north.legend = report.files.size() > 1;
   distance.x_label = "minutes of free navigation (a Schuler period is 84.4)";
   for (auto file = report.files.rbegin(); file != report.files.rend(); ++file) {
@@ -170,57 +169,58 @@ Result<std::string> draw_navigation(const NavigationReport& report, const Gnuplo
 // A turn with a tenth of g is off the straight line between two rows by 3 m.
 constexpr double seldom_s = 5.0;
 
-void print_navigation(const NavigationReport& report, std::ostream& out) {
-  char text[240];
-  if (report.without_segments && report.reference.empty()) out << "no segments: everything counts as rest\n";
-  if (report.reference_gap_s > seldom_s) {
-    std::snprintf(text, sizeof text,
-                  "the reference moves over %.1f s without a row: straight on is assumed, and counts as error\n",
-                  report.reference_gap_s);
-    out << text;
-  }
-  if (!report.damage.empty()) out << report.damage << '\n';
+Document navigation_document(const NavigationReport& report) {
+  using namespace cell;
+  Document document{"", "Free navigation of " + report.recording};
+  if (report.without_segments && report.reference.empty()) document.text("no segments: everything counts as rest");
+  if (report.reference_gap_s > seldom_s)
+    document.text(
+        fmt::format("the reference moves over {:.1f} s without a row: straight on is assumed, and counts as error",
+                    report.reference_gap_s));
+  if (!report.damage.empty()) document.text(report.damage);
   if (report.filled_samples > 0)
-    out << report.filled_samples << " samples lost or bad; " << report.filled_in_motion << " of them in a turn\n";
-  print_faults(report.faults, out);
-  for (const std::string& branch : report.lost) out << branch << '\n';
+    document.text(
+        fmt::format("{} samples lost or bad; {} of them in a turn", report.filled_samples, report.filled_in_motion));
+  add_faults(report.faults, document);
+  for (const std::string& branch : report.lost) document.text(branch);
   for (const NavigatedFile& file : report.files) {
-    out << (file.prefix.empty() ? "parameters  " : "against     ") << file.path << "\n";
-    out << "  branch  aligned from s   heading deg       free s     north m      east m   nm/h\n";
+    const std::string which = file.prefix.empty() ? "parameters" : "against";
+    document.section(which, which + "  " + file.path);
+    Table table{{number("branch"), number("aligned from s"), number("heading deg"), number("sigma"), number("free s"),
+                 number("north m"), number("east m"), number("nm/h")}};
     for (std::size_t k = 0; k < file.branches.size(); ++k) {
-      const NavigatedBranch& branch = file.branches[k];
-      const FreeNavigation& n = branch.navigation;
+      const FreeNavigation& n = file.branches[k].navigation;
       const Eigen::Vector2d end = n.track.back().moved_m;
-      std::snprintf(text, sizeof text, "  %6zu  %14.1f  %8.3f +- %.3f  %7.0f  %10.0f  %10.0f  %6.3f\n", k + 1,
-                    branch.start_s, printed_heading_deg(angles_of(n.aligned.q_nb).heading_rad / rad_per_deg),
-                    n.heading_sigma_rad / rad_per_deg, n.free_s, end[0], end[1], n.nm_per_h);
-      out << text;
+      table.row({count(k + 1), fixed(file.branches[k].start_s, 1),
+                 fixed(printed_heading_deg(angles_of(n.aligned.q_nb).heading_rad / rad_per_deg), 3),
+                 fixed(n.heading_sigma_rad / rad_per_deg, 3), fixed(n.free_s, 0), fixed(end[0], 0), fixed(end[1], 0),
+                 fixed(n.nm_per_h, 3)});
     }
+    document.add(std::move(table));
+    Facts facts;
+    const auto add = [&facts](const char* label, const std::string& words) { facts.rows.emplace_back(label, words); };
     if (file.branches.size() + report.lost.size() < static_cast<std::size_t>(report.branches_asked) &&
         report.branches_asked != default_branches)
-      out << "  starts    " << file.branches.size() << " of the " << report.branches_asked
-          << " asked for: the recording has no more of that length\n";
-    std::snprintf(text, sizeof text, "  drift     rms %.3f, CEP %.3f, R95 %.3f nm/h; velocity rms %.3f m/s\n",
-                  file.drift.rms_nm_per_h, file.drift.cep_nm_per_h, file.drift.r95_nm_per_h, file.velocity_rms_mps);
-    out << text;
+      add("starts", fmt::format("{} of the {} asked for: the recording has no more of that length",
+                                file.branches.size(), report.branches_asked));
+    add("drift", fmt::format("{}; velocity rms {:.3f} m/s", drift_words(file.drift), file.velocity_rms_mps));
     if (file.expected) {
-      std::snprintf(text, sizeof text,
-                    "  expected  rms %.3f, CEP %.3f, R95 %.3f nm/h at the end of the first branch, from noise%s\n",
-                    file.expected->rms_nm_per_h, file.expected->cep_nm_per_h, file.expected->r95_nm_per_h,
-                    file.covariance_source == "none"      ? " alone"
-                    : file.covariance_source == "effects" ? " alone (the file has effects)"
-                                                          : " and parameters");
-      out << text;
-      if (file.noise_assumed) out << "            noise " << assumed_noise_words << "\n";
+      add("expected", drift_words(*file.expected) + " at the end of the first branch, from noise" +
+                          (file.covariance_source == "none"      ? " alone"
+                           : file.covariance_source == "effects" ? " alone (the file has effects)"
+                                                                 : " and parameters"));
+      if (file.noise_assumed) add("noise", assumed_noise_words);
     }
     if (file.felt.weighs_against(report.info.gravity_mps2))
-      out << "  GRAVITY   " << gravity_words(file.felt, report.info.gravity_mps2)
-          << ": one of the two, or the calibration, is wrong\n";
+      add("GRAVITY",
+          gravity_words(file.felt, report.info.gravity_mps2) + ": one of the two, or the calibration, is wrong");
     if (file.felt.speaks_against(report.info.latitude_deg * rad_per_deg))
-      out << "  LATITUDE  " << latitude_words(file.felt, report.info.latitude_deg)
-          << ": one of the two, or the calibration, is wrong\n";
-    if (!file.trusted) out << "  " << not_trusted_words << "\n";
+      add("LATITUDE",
+          latitude_words(file.felt, report.info.latitude_deg) + ": one of the two, or the calibration, is wrong");
+    document.add(std::move(facts));
+    if (!file.trusted) document.text(not_trusted_words);
   }
+  return document;
 }
 
 }  // namespace turncal

@@ -2,13 +2,12 @@
 #pragma once
 
 #include <optional>
-#include <ostream>
 #include <string>
 #include <vector>
 
 #include "calib/navigation/free_navigation.h"
 #include "calib/types/recording_types.h"
-#include "orchestrator/figures/gnuplot.h"
+#include "orchestrator/report/document.h"
 
 namespace turncal {
 
@@ -55,6 +54,6 @@ std::string format_navigation(const NavigationReport& report);
 std::string format_track(const NavigationReport& report, const NavigatedFile& file);
 // Velocity and position errors against time, as one SVG.
 Result<std::string> draw_navigation(const NavigationReport& report, const GnuplotOptions& options = {});
-void print_navigation(const NavigationReport& report, std::ostream& out);
+Document navigation_document(const NavigationReport& report);
 
 }  // namespace turncal

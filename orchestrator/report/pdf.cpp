@@ -1,8 +1,9 @@
 #include "orchestrator/report/pdf.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdint>
-#include <cstdio>
 #include <set>
 
 #include "imu_io/base/atomic_file.h"
@@ -27,9 +28,7 @@ std::string code_of(const std::string& character) {
   std::uint32_t code = static_cast<unsigned char>(character.front()) & (0x7FU >> character.size());
   for (std::size_t i = 1; i < character.size(); ++i)
     code = code << 6 | (static_cast<unsigned char>(character[i]) & 0x3FU);
-  char text[12];
-  std::snprintf(text, sizeof text, "%04X", static_cast<unsigned>(code));
-  return text;
+  return fmt::format("{:04X}", code);
 }
 
 // Those that no font installed here has: they are blank in the PDF. Without fontconfig nothing is known of it.

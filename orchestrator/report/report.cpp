@@ -1,39 +1,53 @@
 #include "orchestrator/report/report.h"
 
 #include <algorithm>
-#include <vector>
 
 #include "orchestrator/figures/diagnosis_figures.h"
-#include "orchestrator/figures/drawing.h"
-#include "orchestrator/figures/report_dwells.h"
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/figures/residual_figures.h"
 #include "orchestrator/figures/score_chart.h"
-#include "orchestrator/report/diagnosis_text.h"
-#include "orchestrator/report/report_page.h"
-#include "orchestrator/report/report_tables.h"
+#include "orchestrator/report/diagnosis_tables.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {
-
-extern const std::string_view report_reading_html;  // reading.html
-
 namespace {
 
 // Figures of the residual against what an effect depends on; unexplained: against everything.
 constexpr std::size_t most_effect_figures = 4;
 
-}  // namespace
-
-void say_verification(const std::string& words, std::string& html) {
-  if (const std::size_t at = html.find(verification_place); at != std::string::npos)
-    html.replace(at, verification_place.size(),
-                 "<p><b>Verification (north seeking):</b> " + html_escape(words) + ".</p>\n");
+Facts how_to_read() {
+  return {
+      {{"Residual velocity.",
+        "The unit stands on the table. Navigating its calibrated data must give velocity zero; what it gives instead "
+        "is the error that "
+        "matters in use."},
+       {"Normalised residual.",
+        "The same, second by second, divided by what the sensors' noise explains. 1 is perfect; noise alone gives 1."},
+       {"Score.",
+        "Each effect of the catalogue is offered to the data beside the 24 parameters. z is the value it would get, in "
+        "standard "
+        "deviations. The threshold holds for all of them together: chance alone crosses it in the stated share of "
+        "recordings."},
+       {"Held-out data.",
+        "Data that was not used in the fit. An effect that does not lower the error there is not added."},
+       {"Detectable.", "Five standard deviations: what this recording would have found."}},
+      true};
 }
 
-Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context) {
-  ReportParts parts;
-  parts.sentence = verdict_sentence(diagnosis, context, Alphabet::typographic);
+}  // namespace
+
+void say_verification(const std::string& words, Document& document) {
+  const auto verdict = std::find_if(document.blocks.begin(), document.blocks.end(), [](const Document::Block& block) {
+    const auto* paragraph = std::get_if<Paragraph>(&block.content);
+    return paragraph != nullptr && paragraph->style.starts_with("verdict");
+  });
+  if (verdict != document.blocks.end())
+    document.blocks.insert(verdict + 1,
+                           {Paragraph{"Verification (north seeking): " + words + ".", "lead"}, Scope::page});
+}
+
+Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  DiagnosisParts parts;
+  parts.sentence = verdict_sentence(diagnosis, context);
   parts.reason = diagnosis.verdict == Verdict::extended ? "" : diagnosis.reason;
   parts.errors = error_rows(diagnosis, context);
   parts.time_title = "Residual velocity against time";
@@ -45,110 +59,103 @@ Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context) 
   if (diagnosis.candidates.empty()) parts.not_scored = "No scores were computed.";
   parts.score_caption =
       "Scores beside the 24 parameters alone. A strong effect lifts the scores of those that resemble it; the "
-      "selection below takes them one at a time.";
-  parts.noise_html = html_noise(diagnosis, context);
-  parts.limits_html = html_limits(diagnosis, context);
-  parts.selection_html = html_selection(diagnosis);
-  parts.reading_html = report_reading_html;
+      "selection below takes them "
+      "one at a time.";
+  parts.noise_line = noise_line(diagnosis.extended, context.noise_given);
+  parts.noise.scope = parts.selection.scope = Scope::page;
+  add_noise(diagnosis, context, parts.noise);
+  add_limits(diagnosis, context, parts.limits);
+  add_selection(diagnosis, parts.selection);
+  parts.reading = how_to_read();
   parts.further = {allan_figure(diagnosis.base.allan)};
-  return make_report(diagnosis, context, std::move(parts));
+  return diagnosis_document(diagnosis, context, std::move(parts));
 }
 
-Report make_report(const Diagnosis& diagnosis, const DiagnosisContext& context, ReportParts parts) {
+Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context, DiagnosisParts parts) {
   const double threshold_z = family_threshold_z(diagnosis, context.false_alarm);
-  Plots plots;
-  const auto add = [&plots, &context](Figure figure) {
-    mark_steps(context.recording, figure);
-    return plots.add(std::move(figure));
-  };
-  const Figure time = add(std::move(parts.time));
-  std::vector<Figure> effects;
-  for (std::size_t k = 0; k < std::min(diagnosis.effect_names.size(), most_effect_figures); ++k) {
-    const std::string& name = diagnosis.effect_names[k];
-    Figure figure = effect_figure(diagnosis, parts.residuals, name, k);
-    const std::string& caption = name.starts_with("gyro") ? parts.one_point : parts.one_point_accel;
-    if (!caption.empty()) figure.caption = caption;
-    effects.push_back(add(std::move(figure)));
+  const std::string& unit = context.recording.info.unit_serial;
+  Document document{"turncal diagnosis, unit " + unit, "Calibration diagnosis, unit " + unit};
+  add_identity(context, document);
+  document.add(Paragraph{parts.sentence, "verdict " + std::string(to_string(diagnosis.verdict))}, Scope::page);
+  document.add(Facts{{{context.of_run ? "diagnosis" : "verdict", parts.sentence}}}, Scope::terminal);
+  if (!parts.reason.empty()) document.soft("Reason: " + parts.reason + ".");
+  const bool both = has_after(diagnosis);
+  document.add(Heading{2, "error", both ? "Error before and after" : "Error"}, Scope::page);
+  add_errors(diagnosis, parts.errors, document);
+  if (both) {
+    document.add(Heading{3, "", "What was added"}, Scope::page);
+    add_effects(diagnosis, context, document);
   }
-  std::vector<Figure> unexplained;
-  const bool nameless = diagnosis.verdict == Verdict::unexplained || diagnosis.verdict == Verdict::noise_model;
-  if (nameless)
-    for (Figure& figure : unexplained_figures(parts.residuals)) {
-      if (!parts.one_point.empty()) figure.caption = "One point a rest and axis.";
-      unexplained.push_back(add(std::move(figure)));
-    }
-  const bool scored = parts.not_scored.empty();
-  if (scored) plots.drawings.push_back(draw_scores(score_bars(diagnosis, threshold_z), threshold_z));
-  for (Figure& figure : parts.further) figure = add(std::move(figure));
-  plots.render_all(context.gnuplot);
+  document.add(diagnosis_facts(diagnosis, context, parts.noise_line), Scope::terminal);
 
-  Page page("turncal diagnosis, unit " + context.recording.info.unit_serial);
-  const auto show = [&](const Figure& figure, const std::string& without) {
-    if (figure.panels.empty())
-      page.text(without);
-    else
-      page.raw(plots.html(figure));
+  document.scope = Scope::page;
+  const auto show = [&](Figure figure, const std::string& without) {
+    mark_steps(context.recording, figure);
+    figure.panels.empty() ? document.text(without) : document.figure(figure);
   };
-  page.raw(html_identity(context));
-  page.raw(html_verdict(diagnosis, parts.sentence, parts.reason));
-  page.raw(std::string(verification_place));
-  page.section("error", has_after(diagnosis) ? "Error before and after" : "Error");
-  page.raw(html_errors(diagnosis, parts.errors));
-  if (has_after(diagnosis)) {
-    page.subsection("What was added");
-    page.raw(html_added_effects(diagnosis, context));
+  const auto add = [&document](const Document& part) {
+    document.blocks.insert(document.blocks.end(), part.blocks.begin(), part.blocks.end());
+  };
+  document.section("time", parts.time_title);
+  show(std::move(parts.time), parts.no_time);
+  const std::vector<std::string>& names = diagnosis.effect_names;
+  if (!names.empty()) document.section("effects", "Residual against what the effect depends on");
+  for (std::size_t k = 0; k < std::min(names.size(), most_effect_figures); ++k) {
+    Figure figure = effect_figure(diagnosis, parts.residuals, names[k], k);
+    const std::string& caption = names[k].starts_with("gyro") ? parts.one_point : parts.one_point_accel;
+    if (!caption.empty()) figure.caption = caption;
+    document.subsection(names[k]);
+    show(std::move(figure), parts.nothing_shown);
   }
-  page.section("time", parts.time_title);
-  show(time, parts.no_time);
-  if (!effects.empty()) page.section("effects", "Residual against what the effect depends on");
-  for (std::size_t k = 0; k < effects.size(); ++k) {
-    page.subsection(diagnosis.effect_names[k]);
-    show(effects[k], parts.nothing_shown);
-  }
-  if (diagnosis.effect_names.size() > effects.size())
-    page.text("Not drawn: " +
-              join({diagnosis.effect_names.begin() + static_cast<std::ptrdiff_t>(effects.size()),
-                    diagnosis.effect_names.end()}) +
-              ".");
-  if (nameless) {
-    page.section("residual", "Where the residual lies");
-    page.text("No effect is named for this residual. " + parts.residual_intro);
-    if (unexplained.empty()) page.text("There are no dwells after a rotation to show.");
-    for (const Figure& figure : unexplained) {
-      page.subsection(figure.id == "asAccel" ? "as an accelerometer error" : "as a gyro error");
-      page.raw(plots.html(figure));
+  if (names.size() > most_effect_figures)
+    document.text("Not drawn: " + join({names.begin() + most_effect_figures, names.end()}) + ".");
+  if (diagnosis.verdict == Verdict::unexplained || diagnosis.verdict == Verdict::noise_model) {
+    document.section("residual", "Where the residual lies");
+    document.text("No effect is named for this residual. " + parts.residual_intro);
+    std::vector<Figure> figures = unexplained_figures(parts.residuals);
+    if (figures.empty()) document.text("There are no dwells after a rotation to show.");
+    for (Figure& figure : figures) {
+      if (!parts.one_point.empty()) figure.caption = "One point a rest and axis.";
+      document.subsection(figure.id == "asAccel" ? "as an accelerometer error" : "as a gyro error");
+      show(std::move(figure), "");
     }
   }
-  page.section("scores", "Every candidate of the catalogue");
+  document.section("scores", "Every candidate of the catalogue");
+  const bool scored = parts.not_scored.empty();
   if (scored) {
-    page.raw(plots.html("scores", score_legend(), parts.score_caption));
-    page.raw(html_scores(diagnosis, threshold_z));
+    Drawing scores = draw_scores(score_bars(diagnosis, threshold_z), threshold_z);
+    scores.caption = parts.score_caption;
+    document.add(std::move(scores));
+    document.add(score_table(diagnosis, threshold_z));
+    document.soft(
+        "χ² tests all components of an effect together, in as many directions as the recording can tell apart; p is "
+        "for that one test, not "
+        "for the family.");
   } else {
-    page.text(parts.not_scored);
+    document.text(parts.not_scored);
   }
-  page.section("parameters", "The 24 parameters");
-  page.raw(html_parameters(diagnosis, context));
-  page.section("allan", "Noise");
-  page.raw(parts.noise_html);
-  for (const Figure& figure : parts.further) {
-    page.subsection("Allan deviation");
-    show(figure, "No dwell is long enough for it.");
+  document.section("parameters", "The 24 parameters");
+  add_parameters(diagnosis, context, document);
+  document.section("allan", "Noise");
+  add(parts.noise);
+  for (Figure& figure : parts.further) {
+    document.subsection("Allan deviation");
+    show(std::move(figure), "No dwell is long enough for it.");
   }
-  page.section("limits", "What this recording cannot tell");
-  page.raw(parts.limits_html);
-  page.section("faults", "Faults in the data");
-  page.raw(html_faults(diagnosis, context));
-  page.section("selection", "How the effects were chosen");
-  page.raw(parts.selection_html);
-  page.section("reading", "How to read this");
-  page.raw(parts.reading_html);
+  document.section("limits", "What this recording cannot tell");
+  add(parts.limits);
+  document.section("faults", "Faults in the data");
+  add_faults(diagnosis, context, document);
+  document.section("selection", "How the effects were chosen");
+  add(parts.selection);
+  document.section("reading", "How to read this");
+  document.add(std::move(parts.reading));
   if (scored) {
-    page.section("components", "Appendix: every component");
-    page.raw(html_components(diagnosis, threshold_z));
+    document.section("components", "Appendix: every component");
+    document.add(component_table(diagnosis, threshold_z));
   }
-  page.raw("<p class=\"soft\">turncal " + html_escape(software_version()) + ", " + html_escape(context.time_utc) +
-           "</p>\n");
-  return {page.finish(), plots.problem};
+  document.soft("turncal " + std::string(software_version()) + ", " + context.time_utc);
+  return document;
 }
 
 }  // namespace turncal

@@ -1,14 +1,18 @@
 #include "orchestrator/report/rest_as_diagnosis.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "calib/joint/score_algebra.h"
 #include "calib/statistics/distributions.h"
+#include "imu_io/base/format_number.h"
 #include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/report/diagnosis_file.h"
+#include "orchestrator/report/diagnosis_tables.h"
 
 namespace turncal {
 namespace {
@@ -80,16 +84,16 @@ const RestErrors& held_out_errors(const RestDiagnosis& r, bool after) {
   return (after ? r.final : r.base).left_out;
 }
 
-std::string change_text(const RestDiagnosis& r, Alphabet alphabet) {
+std::string change_text(const RestDiagnosis& r) {
   const RestErrors& was = held_out_errors(r, false);
   const RestErrors& is = held_out_errors(r, true);
-  const auto part = [&](const char* what, double a, double b, const char* unit) {
-    return std::string(what) + " from " + significant(a, 3) + " to " + significant(b, 3) + " " +
-           unit_text(unit, alphabet) + " rms (" + percent_change(a, b) + ")";
+  const auto part = [](const char* what, double a, double b, const char* unit) {
+    return fmt::format("{} from {} to {} {} rms ({})", what, significant(a, 3), significant(b, 3), unit,
+                       percent_change(a, b));
   };
   return part("gravity's direction after a rotation", 1e3 * was.direction_rms_rad, 1e3 * is.direction_rms_rad, "mrad") +
-         ", " + part("gyros at rest", was.gyro_rms_radps / rad_per_deg, is.gyro_rms_radps / rad_per_deg, "deg/s") +
-         ", " + part("gravity's norm", 1e3 * was.norm_rms_mps2, 1e3 * is.norm_rms_mps2, "mm/s^2");
+         ", " + part("gyros at rest", was.gyro_rms_radps / rad_per_deg, is.gyro_rms_radps / rad_per_deg, "°/s") + ", " +
+         part("gravity's norm", 1e3 * was.norm_rms_mps2, 1e3 * is.norm_rms_mps2, "mm/s²");
 }
 
 std::string remainder_text(const RestDiagnosis& r) {
@@ -110,22 +114,22 @@ std::string strongest_text(const RestDiagnosis& r) {
          significant(best->p_value, 2) + " over all tests where 0.005 is asked for";
 }
 
-std::string sentence_of(const RestDiagnosis& r, const RestData& data, const Diagnosis& d, Alphabet alphabet) {
+std::string sentence_of(const RestDiagnosis& r, const RestData& data, const Diagnosis& d) {
   const std::string title = verdict_title(d.verdict) + ": ";
   const std::string where = d.holdout_source == "second recording" ? "on the second recording"
                                                                    : "with each rest and rotation left out in turn";
   if (d.verdict == Verdict::extended)
-    return title + effects_clause(d, alphabet) + "; " + where + ": " + change_text(r, alphabet) + alias_clause(d) +
-           "; " + remainder_text(r) + (r.accel_not_tested.empty() ? "" : "; " + d.reason) + ".";
+    return title + effects_clause(d) + "; " + where + ": " + change_text(r) + alias_clause(d) + "; " +
+           remainder_text(r) + (r.accel_not_tested.empty() ? "" : "; " + d.reason) + ".";
   if (d.verdict == Verdict::not_tested) {
     if (r.not_tested.empty()) return title + "the gyros show no effect, " + strongest_text(r) + "; " + d.reason + ".";
     return title + "the data determine nothing that could be judged: " + r.not_tested +
-           (r.base.converged ? "; " + error_text(r.final.errors, alphabet) : "") + ".";
+           (r.base.converged ? "; " + error_text(r.final.errors) : "") + ".";
   }
   std::string text = title + (d.verdict == Verdict::clean
                                   ? "the 21 parameters explain the data: "
                                   : "a residual is left that is not white noise and that no effect explains: ");
-  text += error_text(r.final.errors, alphabet) + "; " + remainder_text(r);
+  text += error_text(r.final.errors) + "; " + remainder_text(r);
   text += "; " + strongest_text(r);
   if (!r.struck_out.empty()) text += "; tried and struck out: " + join(r.struck_out, "; ");
   if (!r.candidate_names.empty()) text += "; candidates: " + join(r.candidate_names);
@@ -214,15 +218,15 @@ Diagnosis as_diagnosis(const RestDiagnosis& r, const RestData& data) {
   return d;
 }
 
-std::string error_text(const RestErrors& e, Alphabet alphabet) {
-  return "gravity norm at rest " + significant(1e3 * e.norm_rms_mps2, 3) + " " + unit_text("mm/s^2", alphabet) +
-         " rms, direction after a rotation " + significant(1e3 * e.direction_rms_rad, 3) + " mrad, gyros at rest " +
-         significant(e.gyro_rms_radps / rad_per_deg, 3) + " " + unit_text("deg/s", alphabet);
+std::string error_text(const RestErrors& e) {
+  return fmt::format("gravity norm at rest {} mm/s² rms, direction after a rotation {} mrad, gyros at rest {} °/s",
+                     significant(1e3 * e.norm_rms_mps2, 3), significant(1e3 * e.direction_rms_rad, 3),
+                     significant(e.gyro_rms_radps / rad_per_deg, 3));
 }
 
-DiagnosisWords rest_words(const RestDiagnosis& r, const RestData& data, const Diagnosis& d, Alphabet alphabet) {
-  DiagnosisWords words;
-  words.sentence = sentence_of(r, data, d, alphabet);
+RestWords rest_words(const RestDiagnosis& r, const RestData& data, const Diagnosis& d) {
+  RestWords words;
+  words.sentence = sentence_of(r, data, d);
   const auto add = [&](const std::string& where, const RestErrors& was, const RestErrors& is, double before,
                        double after) {
     words.errors.push_back({where + "gravity direction after a rotation rms", 1e3 * was.direction_rms_rad,
@@ -239,12 +243,12 @@ DiagnosisWords rest_words(const RestDiagnosis& r, const RestData& data, const Di
       held_out_errors(r, true), d.holdout_before.normalised_rms, d.holdout_after.normalised_rms);
   const NoiseModel& n = d.extended.noise;
   const auto times = [&](RestKind kind) { return significant(r.final.white_ratio[static_cast<std::size_t>(kind)], 2); };
-  words.noise = "white, measured in the rests: gyros " +
-                significant(n.angle_random_walk.mean() / radprs_per_degprh, 3) + " " +
-                (alphabet == Alphabet::plain ? "deg/sqrt(h)" : "°/√h") + ", accelerometers " +
-                significant(n.velocity_random_walk.mean() / mpsprs_per_ugprHz, 3) +
-                (alphabet == Alphabet::plain ? " ug/sqrt(Hz)" : " µg/√Hz") + "; residual over it: direction " +
-                times(RestKind::direction) + ", gyros " + times(RestKind::gyro) + ", norm " + times(RestKind::norm);
+  words.noise = fmt::format(
+      "white, measured in the rests: gyros {} °/√h, accelerometers {} µg/√Hz; residual over it: direction {}, gyros "
+      "{}, norm {}",
+      significant(n.angle_random_walk.mean() / radprs_per_degprh, 3),
+      significant(n.velocity_random_walk.mean() / mpsprs_per_ugprHz, 3), times(RestKind::direction),
+      times(RestKind::gyro), times(RestKind::norm));
   return words;
 }
 
@@ -344,6 +348,100 @@ void describe_rest_fit(const RestFit& fit, const std::vector<RestEffect>& effect
   errors("fitted", fit.errors);
   errors("left_out", fit.left_out);
   file.add_further("quality.rests", static_cast<double>(data.rests.size()));
+}
+
+namespace {
+
+void add_stages(const RestDiagnosis& r, Document& document) {
+  if (r.stages.empty()) return document.text("No candidate was strong enough to be tried.");
+  Table table{{cell::number("stage"), cell::name("tried"), cell::number("gain T"), cell::number("p, all tests"),
+               cell::wide("result")}};
+  for (std::size_t k = 0; k < r.stages.size(); ++k) {
+    const RestStage& s = r.stages[k];
+    table.row({cell::count(k + 1), cell::name(s.column.key()), cell::number(s.gain), cell::number(s.p_value, 2),
+               cell::wide(s.note)},
+              s.accepted ? Table::Emphasis::none : Table::Emphasis::dim);
+  }
+  document.add(std::move(table));
+  document.soft(
+      "T: gain in twice the log likelihood when each kind of observation has a variance of its own. An effect's first "
+      "component must be "
+      "below 1 % over all tests, alone or as a group; further components follow by BIC.");
+}
+
+Facts remarks(const RestDiagnosis& r) {
+  Facts facts{.rows = {}, .list = true};
+  for (const RestCandidate& c : r.candidates)
+    if (!c.remark.empty()) facts.rows.emplace_back(c.effect + ":", c.remark);
+  return facts;
+}
+
+Facts how_to_read_rests() {
+  return {{{"Direction.",
+            "The gyros carry gravity from one rest to the next; where it arrives is compared with what the "
+            "accelerometers see "
+            "there."},
+           {"Norm.", "Whatever the pose, the accelerometers must show the gravity of the site."},
+           {"Gyros at rest.", "They must show the earth's rate and nothing else; what the unit creeps is taken off."},
+           {"Left out in turn.", "Each rest and each rotation is predicted from all others."},
+           {"Normalised.",
+            "Divided by what the final model expects of that kind of observation: white noise, and a floor that was "
+            "measured."},
+           {"Score.",
+            "Each effect of the catalogue beside the 21 parameters alone; z is the value it would get, in standard "
+            "deviations. A missing "
+            "effect widens the standard deviations of its kind, so scores are smaller than they will be."}},
+          true};
+}
+
+Document document_of(const RestDiagnosis& r, const RestData& data, const Diagnosis& d, const DiagnosisContext& context,
+                     const RestWords& words) {
+  DiagnosisParts parts;
+  parts.sentence = words.sentence;
+  parts.errors = words.errors;
+  parts.time_title = "Residuals against time";
+  parts.time = rest_time_figure(r, data);
+  parts.residuals = rest_residuals(r, data);
+  parts.one_point =
+      "One point a rest: what the gyro reads too much there, or the tilt that the rotation before it left.";
+  parts.one_point_accel =
+      "One point a rest in which the axis carries more than half of gravity: the error of the norm, laid on it.";
+  parts.nothing_shown = "No rest shows it by itself.";
+  parts.residual_intro = "What it depends on, rest by rest, is for the reader to judge:";
+  if (!r.not_tested.empty()) parts.not_scored = "No effect was looked for: " + r.not_tested + ".";
+  parts.score_caption = "Scores beside the 21 parameters alone.";
+  parts.noise_line = words.noise;
+  parts.noise.scope = parts.selection.scope = Scope::page;
+  parts.noise.text(words.noise + ".");
+  add_limits(d, context, parts.limits);
+  if (Facts facts = remarks(r); !facts.rows.empty()) parts.limits.add(std::move(facts));
+  add_stages(r, parts.selection);
+  parts.reading = how_to_read_rests();
+  return diagnosis_document(d, context, std::move(parts));
+}
+
+}  // namespace
+
+DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& r, const RestData& data, const Diagnosis& d,
+                                    const DiagnosisContext& context) {
+  DiagnosisFiles files{{}, format_diagnosis(d), std::nullopt};
+  if (!r.base.converged) {  // not fitted: nothing to report but why
+    for (const std::string& note : context.notes) files.report.add(Paragraph{note, "note"});
+    files.report.add(Facts{{{"verdict", verdict_sentence(d, context)}}});
+    return files;
+  }
+  const RestWords words = rest_words(r, data, d);
+  for (const ErrorRow& row : words.errors)
+    if (!row.normalised)
+      files.conf += "# " + row.what + ": " + format_number(row.before) + " before, " + format_number(row.after) +
+                    " after, " + row.unit + "\n";
+  files.report = document_of(r, data, d, context, words);
+  if (d.verdict == Verdict::not_tested) return files;
+  files.parameters.emplace();
+  describe_recording(context.recording.info, *files.parameters);
+  describe_rest_fit(r.final, r.effects, data, *files.parameters);
+  complete_parameters(d, context, *files.parameters);
+  return files;
 }
 
 }  // namespace turncal

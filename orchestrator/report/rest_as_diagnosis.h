@@ -10,16 +10,22 @@
 #include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/figures/report_dwells.h"
 #include "orchestrator/figures/report_figure.h"
+#include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/diagnosis_text.h"
+#include "orchestrator/report/report.h"
 
 namespace turncal {
 
 Diagnosis as_diagnosis(const RestDiagnosis& result, const RestData& data);
 
-// Everything in words; the left-out errors are those of the second recording where there is one.
-DiagnosisWords rest_words(const RestDiagnosis& result, const RestData& data, const Diagnosis& d, Alphabet alphabet);
-// "gravity norm at rest 0.93 mm/s^2 rms, direction after a rotation 6.80 mrad, gyros at rest 0.067 deg/s"
-std::string error_text(const RestErrors& errors, Alphabet alphabet = Alphabet::plain);
+struct RestWords {
+  std::string sentence;          // the verdict
+  std::vector<ErrorRow> errors;  // the left-out ones are those of the second recording where there is one
+  std::string noise;
+};
+RestWords rest_words(const RestDiagnosis& result, const RestData& data, const Diagnosis& d);
+// "gravity norm at rest 0.93 mm/s² rms, direction after a rotation 6.80 mrad, gyros at rest 0.067 °/s"
+std::string error_text(const RestErrors& errors);
 
 // One a rest: its residuals before and after as errors of the sensors, and what they may depend on. accel: the error of the
 // norm laid on each axis that carries more than half of gravity; tilt: of the direction after the rotation before; NaN: none.
@@ -30,5 +36,12 @@ Figure rest_time_figure(const RestDiagnosis& result, const RestData& data);
 // Parameters, sigmas, effects, white noise and errors of a fit.
 void describe_rest_fit(const RestFit& fit, const std::vector<RestEffect>& effects, const RestData& data,
                        ParameterFile& file);
+
+// What a diagnosis of hand-turned data leaves on disk: the document of report.h, with the errors that rests and rotations by hand can show
+// (docs/hand-data.md), and the other two files of it.
+
+// `d` is as_diagnosis(result, data).
+DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& result, const RestData& data, const Diagnosis& d,
+                                    const DiagnosisContext& context);
 
 }  // namespace turncal

@@ -1,60 +1,42 @@
 #include "orchestrator/report/result_table.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
-#include <cstdio>
 #include <limits>
+#include <map>
+#include <set>
 #include <span>
 #include <string>
 
 #include "calib/model/noise_model.h"
 #include "calib/navigation/free_navigation.h"
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
-#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 
-namespace {
-
-std::string number(const char* format, double value) {
-  char text[40];
-  std::snprintf(text, sizeof text, format, value);
-  return text;
-}
-
-}  // namespace
-
-void print_results(const ParameterFile& file, const std::optional<ParameterVector>& truth, std::ostream& out) {
-  char line[200];
-  std::snprintf(line, sizeof line, "%-5s %-13s %16s", "name", "unit", "estimate");
-  out << line;
+Table result_table(const ParameterFile& file, const std::optional<ParameterVector>& truth) {
+  using namespace cell;
+  Table table{{name("name"), text("unit"), number("estimate"), number("sigma")}};
   if (truth) {
-    std::snprintf(line, sizeof line, " %16s %11s", "truth", "error");
-    out << line;
+    table.head.insert(table.head.begin() + 3, {number("truth"), number("error")});
+    table.head.push_back(number("error/sigma"));
   }
-  std::snprintf(line, sizeof line, " %10s%s\n", "sigma", truth ? "  error/sigma" : "");
-  out << line;
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     const double estimate = file.parameters[static_cast<Eigen::Index>(i)];
-    std::snprintf(line, sizeof line, "%-5s %-13s %16.10f", std::string(parameter_keys[i]).c_str(),
-                  parameter_unit(parameter_keys[i], file.gyro_increment), estimate);
-    out << line;
-    const std::optional<double>& sigma = file.sigma[i];
-    double error = 0.0;
+    const double sigma = file.sigma[i].value_or(0.0);
+    std::vector<Cell> row = {name(parameter_keys[i]), text(parameter_unit(parameter_keys[i], file.gyro_increment)),
+                             fixed(estimate, 10),
+                             sigma > 0.0 ? number(fmt::format("{:.2e}", sigma), sigma) : number("-")};
     if (truth) {
-      const double true_value = (*truth)[static_cast<Eigen::Index>(i)];
-      error = estimate - true_value;
-      std::snprintf(line, sizeof line, " %16.10f %11.3e", true_value, error);
-      out << line;
+      const double true_value = (*truth)[static_cast<Eigen::Index>(i)], error = estimate - true_value;
+      row.insert(row.begin() + 3, {fixed(true_value, 10), number(fmt::format("{:.3e}", error), error)});
+      row.push_back(sigma > 0.0 ? number(fmt::format("{:+.2f}", error / sigma), error / sigma) : number("-"));
     }
-    const bool known = sigma && *sigma > 0.0;
-    std::snprintf(line, sizeof line, " %10s", known ? number("%.2e", *sigma).c_str() : "-");
-    out << line;
-    if (truth) {
-      std::snprintf(line, sizeof line, " %12s", known ? number("%+.2f", error / *sigma).c_str() : "-");
-      out << line;
-    }
-    out << '\n';
+    table.row(std::move(row));
   }
+  return table;
 }
 
 namespace {
@@ -86,29 +68,19 @@ constexpr DriftRow drift_rows[] = {
 
 }  // namespace
 
-void print_predicted_drift(const std::vector<std::pair<std::string, ExpectedDrift>>& columns, const DriftPlan& plan,
-                           std::ostream& out) {
-  char text[160];
-  std::snprintf(text, sizeof text,
-                "Free navigation for %g s at rest, level, front north, aligned for %g s; one sigma\n", plan.free_s,
-                plan.align_s);
-  out << text;
-  std::snprintf(text, sizeof text, "%-30s", "");
-  out << text;
-  for (const auto& [name, drift] : columns) {
-    std::snprintf(text, sizeof text, " %14s", name.c_str());
-    out << text;
-  }
-  out << "\n";
+void add_predicted_drift(const std::vector<std::pair<std::string, ExpectedDrift>>& columns, const DriftPlan& plan,
+                         Document& document) {
+  document.section("navigation",
+                   fmt::format("Free navigation for {:g} s at rest, level, front north, aligned for {:g} s; one sigma",
+                               plan.free_s, plan.align_s));
+  Table table{{cell::text("drift")}};
+  for (const auto& [name, drift] : columns) table.head.push_back(cell::number(name));
   for (const DriftRow& row : drift_rows) {
-    std::snprintf(text, sizeof text, "%-30s", row.name);
-    out << text;
-    for (const auto& [name, drift] : columns) {
-      std::snprintf(text, sizeof text, " %14.3g", row.value(drift));
-      out << text;
-    }
-    out << "\n";
+    std::vector<Cell> cells = {cell::text(row.name)};
+    for (const auto& [name, drift] : columns) cells.push_back(cell::number(row.value(drift)));
+    table.row(std::move(cells));
   }
+  document.add(std::move(table));
 }
 
 namespace {
@@ -138,35 +110,42 @@ std::vector<NoiseValue> noise_values(const SinglePose& pose) {
 
 }  // namespace
 
-std::vector<std::string> pose_table(const SinglePose& pose) {
-  std::vector<std::string> lines = {"verdict     Not tested: one pose of " + significant(pose.duration_s, 4) +
-                                    " s determines no scale factor and no bias; it gives noise and slow changes:"};
-  for (const NoiseValue& n : noise_values(pose))
-    lines.push_back("noise       " + n.key + " = " + significant(n.value, 3));
+Facts pose_facts(const SinglePose& pose) {
+  Facts facts;
+  const auto add = [&facts](const char* label, const std::string& words) { facts.rows.emplace_back(label, words); };
+  add("verdict",
+      fmt::format(
+          "Not tested: one pose of {} s determines no scale factor and no bias; it gives noise and slow changes:",
+          significant(pose.duration_s, 4)));
+  for (const NoiseValue& n : noise_values(pose)) add("noise", n.key + " = " + significant(n.value, 3));
   int hidden = 0;
   for (const PoseCoefficient& c : pose.coefficients) {
     if (std::abs(c.value) < clearly * c.sigma) {
       ++hidden;
       continue;
     }
-    lines.push_back("change      " + c.key + " = " + significant(c.value, 3) + " +- " + significant(c.sigma, 2) + " " +
-                    c.unit + (c.tau_s > 0.0 ? ", tau " + significant(c.tau_s, 3) + " s" : "") +
-                    (c.alias ? " (time and temperature cannot be told apart here)" : ""));
+    add("change", fmt::format("{} = {} ± {} {}{}{}", c.key, significant(c.value, 3), significant(c.sigma, 2), c.unit,
+                              c.tau_s > 0.0 ? ", tau " + significant(c.tau_s, 3) + " s" : "",
+                              c.alias ? " (time and temperature cannot be told apart here)" : ""));
   }
-  if (hidden > 0) lines.push_back("change      " + std::to_string(hidden) + " further coefficients are below 4 sigma");
-  return lines;
+  if (hidden > 0) add("change", fmt::format("{} further coefficients are below 4 sigma", hidden));
+  return facts;
 }
 
 std::string format_pose(const SinglePose& pose) {
-  std::string text = "# turncal diagnosis: one pose, " + format_number(pose.duration_s) +
-                     " s; noise and slow changes only\nverdict = not_tested\neffects =\nquality.trusted = false\n";
-  for (const NoiseValue& n : noise_values(pose)) text += "noise." + n.key + " = " + format_number(n.value) + "\n";
+  KeyValues lines;
+  lines.comment(
+      fmt::format("turncal diagnosis: one pose, {} s; noise and slow changes only", format_number(pose.duration_s)));
+  lines.text("verdict", to_string(Verdict::not_tested));
+  lines.text("effects", "");
+  lines.flag("quality.trusted", false);
+  for (const NoiseValue& n : noise_values(pose)) lines.number("noise." + n.key, n.value);
   for (const PoseCoefficient& c : pose.coefficients) {
-    text += "coefficient." + c.key + " = " + format_number(c.value) + "\n";
-    text += "sigma.coefficient." + c.key + " = " + format_number(c.sigma) + "\n";
-    if (c.tau_s > 0.0) text += "coefficient." + c.key + ".tau_s = " + format_number(c.tau_s) + "\n";
+    lines.number("coefficient." + c.key, c.value);
+    lines.number("sigma.coefficient." + c.key, c.sigma);
+    if (c.tau_s > 0.0) lines.number("coefficient." + c.key + ".tau_s", c.tau_s);
   }
-  return text;
+  return lines.take();
 }
 
 std::vector<NumberColumn> residual_columns(const Diagnosis& diagnosis) {
@@ -195,6 +174,89 @@ std::vector<NumberColumn> residual_columns(const Diagnosis& diagnosis) {
   add_each("normalised_before_", n, "", &ResidualPoint::normalised_before);
   add_each("normalised_after_", n, "", &ResidualPoint::normalised_after);
   return columns;
+}
+
+namespace {
+
+using namespace cell;
+
+std::string row_name(const PredictedEffect& effect) {
+  return effect.column.key() + (effect.column.tau_s > 0.0 ? fmt::format(" ({:g} s)", effect.column.tau_s) : "");
+}
+
+void add_confusions(const NamedPrediction& column, Document& document) {
+  std::map<std::string, std::set<std::string>> aliases;
+  std::vector<std::string> unseen;
+  for (const PredictedEffect& effect : column.prediction.effects) {
+    if (!effect.visible) unseen.push_back(row_name(effect));
+    if (effect.among_its_own) aliases[std::string(effect.column.entry->name)].insert("its own other components");
+    for (const std::string& alias : effect.aliases) aliases[std::string(effect.column.entry->name)].insert(alias);
+  }
+  document.text(column.name + ": " + (aliases.empty() ? "no effect is imitated by another" : "imitated by others (~)"));
+  for (const auto& [name, others] : aliases) document.text("  " + name + " by " + join({others.begin(), others.end()}));
+  document.text(column.name + ": not detectable (-): " + (unseen.empty() ? "none" : join(unseen)));
+}
+
+}  // namespace
+
+std::string describe(const Undetermined& direction) {
+  std::vector<std::string> terms;
+  for (const auto& [key, weight] : direction.combination) terms.push_back(fmt::format("{:+.2f} {}", weight, key));
+  return join(terms, " ");
+}
+
+Table sigma_table(const std::vector<NamedPrediction>& columns, const RecordingInfo& info) {
+  Table table{{name("sigma"), text("unit")}};
+  for (std::size_t c = 0; c < columns.size(); ++c) {
+    table.head.push_back(number(columns[c].name));
+    if (c > 0) table.head.push_back(number("ratio"));
+  }
+  const Prediction& first = columns.front().prediction;
+  for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
+    if (!parameter_is_free[k]) continue;
+    const auto at = static_cast<Eigen::Index>(k);
+    std::vector<Cell> row = {name(parameter_keys[k]), text(parameter_unit(parameter_keys[k], info.gyro_increment))};
+    for (std::size_t c = 0; c < columns.size(); ++c) {
+      const Prediction& p = columns[c].prediction;
+      row.push_back(p.determined[k] ? number(p.sigma[at]) : number("-"));
+      if (c > 0)
+        row.push_back(p.determined[k] && first.determined[k] ? fixed(p.sigma[at] / first.sigma[at], 2) : number("-"));
+    }
+    table.row(std::move(row));
+  }
+  return table;
+}
+
+void add_undetermined(const std::vector<NamedPrediction>& columns, Document& document) {
+  for (const NamedPrediction& column : columns) {
+    std::vector<std::string> lost;
+    for (std::size_t k = 0; k < parameter_keys.size(); ++k)
+      if (parameter_is_free[k] && !column.prediction.determined[k]) lost.emplace_back(parameter_keys[k]);
+    document.text(column.name +
+                  (lost.empty() ? ": all 21 parameters are determined" : ": not determined: " + join(lost, " ")));
+    if (lost.empty()) continue;
+    for (const Undetermined& direction : column.prediction.undetermined)
+      document.text("  combination, in plausible ranges: " + describe(direction));
+  }
+}
+
+void add_detectable(const std::vector<NamedPrediction>& columns, Document& document) {
+  document.section("effects", "Smallest effect caught (5 sigma, alone)");
+  Table table{{name("effect"), text("unit")}};
+  for (const NamedPrediction& column : columns)
+    for (const Cell& head : {number(column.name), text("~")}) table.head.push_back(head);
+  for (std::size_t row = 0; row < columns.front().prediction.effects.size(); ++row) {
+    const PredictedEffect& first = columns.front().prediction.effects[row];
+    std::vector<Cell> cells = {name(row_name(first)), text(first.column.entry->unit)};
+    for (const NamedPrediction& column : columns) {
+      const PredictedEffect& effect = column.prediction.effects[row];
+      cells.push_back(effect.visible ? number(effect.detectable) : number("-"));
+      cells.push_back(text(effect.visible && (!effect.aliases.empty() || effect.among_its_own) ? "~" : ""));
+    }
+    table.row(std::move(cells));
+  }
+  document.add(std::move(table));
+  for (const NamedPrediction& column : columns) add_confusions(column, document);
 }
 
 }  // namespace turncal

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <optional>
-#include <ostream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -14,23 +13,40 @@
 #include "calib/rests/single_pose.h"
 #include "imu_io/recordings/matrix_writer.h"
 #include "imu_io/recordings/parameter_file.h"
+#include "orchestrator/report/document.h"
 
 namespace turncal {
 
-void print_results(const ParameterFile& file, const std::optional<ParameterVector>& truth, std::ostream& out);
+Table result_table(const ParameterFile& file, const std::optional<ParameterVector>& truth);
 
 // What `turncal predict --navigate` prints: the free navigation that each sequence would allow, side by side.
-
 // REQUIRES at least one column; each has at least one point.
-void print_predicted_drift(const std::vector<std::pair<std::string, ExpectedDrift>>& columns, const DriftPlan& plan,
-                           std::ostream& out);
+void add_predicted_drift(const std::vector<std::pair<std::string, ExpectedDrift>>& columns, const DriftPlan& plan,
+                         Document& document);
 
 // What a recording of one pose tells (calib/rests/single_pose.h), for the terminal and for diagnosis.conf.
-std::vector<std::string> pose_table(const SinglePose& pose);
+Facts pose_facts(const SinglePose& pose);
 // diagnosis.conf: verdict = not_tested, `noise.*` and `coefficient.<effect>.<axis>` with their sigmas.
 std::string format_pose(const SinglePose& pose);
 
 // The residuals of a diagnosis as columns of numbers, a row a second at rest (docs/report.md).
 std::vector<NumberColumn> residual_columns(const Diagnosis& diagnosis);
+
+// What `turncal predict` prints: sigmas side by side, what is not determined, and the smallest effects that would be caught.
+
+struct NamedPrediction {
+  std::string name;  // of the sequence
+  Prediction prediction;
+  double station_s = 0.0;
+};
+
+// REQUIRES at least one prediction, all of the same unit.
+Table sigma_table(const std::vector<NamedPrediction>& columns, const RecordingInfo& info);
+void add_undetermined(const std::vector<NamedPrediction>& columns, Document& document);
+// REQUIRES predictions with the same effects.
+void add_detectable(const std::vector<NamedPrediction>& columns, Document& document);
+
+// "+0.82 n12 -0.41 a12"
+std::string describe(const Undetermined& direction);
 
 }  // namespace turncal

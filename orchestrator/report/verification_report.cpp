@@ -1,116 +1,151 @@
 #include "orchestrator/report/verification_report.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <cstdio>
 #include <utility>
 
 #include "calib/model/parameters.h"
 #include "imu_io/base/crc.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/station/fields.h"
 
 namespace turncal {
 namespace {
 
-void add_key(const std::string& key, const std::string& value, std::string& text) {
-  text += key + " = " + value + "\n";
-}
-void add_key(const std::string& key, double value, std::string& text) { add_key(key, format_number(value), text); }
-
-void add_figure(const std::string& key, NorthFigure& figure, Fields& fields) {
-  fields.push_back({key + "_deg", &figure.value_deg});
-  fields.push_back({key + "_sigma_deg", &figure.sigma_deg, not_negative});
-}
-
-std::string angle_name(std::size_t a) { return std::string(north_angle_names[a]) + "_deg"; }
-
-// Of verification.conf, in its order; lists, positions and readings: as many as there is room for.
-Fields fields_of(VerificationReport& report) {
-  Fields fields = {{"unit_serial", &report.info.unit_serial},
-                   {"simulated", &report.info.simulated},
-                   {"recording_hash", &report.recording_hash},
-                   {"latitude_deg", &report.info.latitude_deg, site_latitude_deg},
-                   {"parameters", &report.parameters},
-                   {"calibration_hash", &report.calibration_hash},
-                   {"trusted", &report.trusted},
-                   {"align_s", &report.align_s, positive},
-                   {"damage", &report.damage, {}, true},
-                   {"filled_samples", &report.filled_samples, not_negative}};
-  add_list("fault", report.faults, fields);
-  add_list("left_out", report.left_out, fields);
-  NorthSeeking& found = report.found;
-  fields.push_back({"zero_deg", &found.zero_deg});
-  for (std::size_t p = 0; p < found.positions.size(); ++p) {
-    NorthPosition& position = found.positions[p];
-    const std::string prefix = "position." + std::to_string(p + 1) + ".";
-    fields.push_back({prefix + "table_deg", &position.table_deg});
-    for (std::size_t k = 0; k < position.readings.size(); ++k)
-      for (std::size_t a = 0; a < 3; ++a)
-        fields.push_back({prefix + std::to_string(k + 1) + "." + angle_name(a), &position.readings[k].angle_deg[a]});
-    for (std::size_t a = 0; a < 3; ++a) {
-      fields.push_back({prefix + "mean." + angle_name(a), &position.mean_deg[a]});
-      fields.push_back({prefix + "deviation." + angle_name(a), &position.deviation_deg[a], not_negative});
-      fields.push_back({prefix + "sigma." + angle_name(a), &position.noise_sigma_deg[a], not_negative});
-    }
+// The fields of verification.conf, in its order: read where there is a file, else written.
+class VerificationFields {
+ public:
+  explicit VerificationFields(KeyValueFile* file = nullptr) : file_(file) {}
+  void number(const std::string& key, double& value, NumberRange range = any_number) {
+    file_ ? void(value = file_->number(key, range)) : lines.number(key, value);
   }
-  for (std::size_t a = 0; a < 3; ++a)
-    add_figure(std::string("deviation.") + north_angle_names[a], found.deviation[a], fields);
-  add_figure("mean.heading", found.mean_heading, fields);
-  const Fields rest = {{"worst.heading_error_deg", &found.worst_heading_error_deg},
-                       {"felt_latitude_deg", &report.felt.latitude_rad, any_number, false, rad_per_deg},
-                       {"felt_latitude_sigma_deg", &report.felt.sigma_rad, not_negative, false, rad_per_deg},
-                       {"gravity_mps2", &report.info.gravity_mps2, positive},
-                       {"felt_gravity_mps2", &report.felt.gravity_mps2, not_negative},
-                       chosen("noise", report.noise_assumed, {"file", "assumed"}, "file or assumed"),
-                       {"limit.heading_deg", &report.heading_limit_deg, positive},
-                       {"limit.level_deg", &report.level_limit_deg, positive},
-                       {"limit.guard_factor", &report.guard_factor, not_negative},
-                       {"false_fail", &report.false_fail, between(0.0, 1.0)},
-                       {"would_do.align_s", &report.would_do_s, not_negative, true},
-                       {"undecided.level", &report.level_undecided, {}, true},
-                       verdict_field("verdict.heading", report.heading),
-                       verdict_field("verdict.level", report.level),
-                       verdict_field("verdict.latitude", report.latitude),
-                       verdict_field("verdict.gravity", report.gravity),
-                       verdict_field("verdict.result", report.verdict)};
-  fields.insert(fields.end(), rest.begin(), rest.end());
-  return fields;
-}
+  void angle(const std::string& key, double& rad, NumberRange range = any_number) {
+    double deg = rad / rad_per_deg;
+    number(key, deg, range);
+    if (file_) rad = deg * rad_per_deg;
+  }
+  void text(const std::string& key, std::string& value) {
+    file_ ? void(value = file_->text(key)) : lines.text(key, value);
+  }
+  void flag(const std::string& key, bool& value) {
+    file_ ? void(value = file_->boolean_or(key, false)) : lines.flag(key, value);
+  }
+  void choice(const std::string& key, std::string& value, std::initializer_list<std::string_view> choices) {
+    file_ ? void(value = file_->one_of(key, choices)) : lines.text(key, value);
+  }
+  void count(const std::string& key, std::int64_t& value) {
+    file_ ? void(value = file_->integer(key, 0)) : lines.number(key, static_cast<double>(value));
+  }
+  void verdict(const std::string& key, UnitVerdict& value) {
+    std::string word(to_string(value));
+    text(key, word);
+    if (file_ && !verdict_from(word)) file_->reject(key, "a verdict");
+    value = verdict_from(word).value_or(UnitVerdict::fail);
+  }
+  void texts(const std::string& key, std::vector<std::string>& values) {
+    for (std::size_t k = 0; next(fmt::format("{}.{}", key, k + 1), k, values); ++k)
+      text(fmt::format("{}.{}", key, k + 1), values[k]);
+  }
+  // Whether there is another element, which `key` tells; room for it.
+  template <class Element>
+  bool next(const std::string& key, std::size_t k, std::vector<Element>& elements) {
+    if (file_ && file_->has(key)) elements.emplace_back();
+    return k < elements.size();
+  }
+  // Whether the key stands in the file: optional ones are written where they say something.
+  bool stands(const std::string& key, bool says_something) const { return file_ ? file_->has(key) : says_something; }
+  KeyValues lines;
+
+  void add_figure(const std::string& key, NorthFigure& figure, Fields& fields) {
+    fields.push_back({key + "_deg", &figure.value_deg});
+    fields.push_back({key + "_sigma_deg", &figure.sigma_deg, not_negative});
+  }
+
+  std::string angle_name(std::size_t a) { return std::string(north_angle_names[a]) + "_deg"; }
+
+  // Of verification.conf, in its order; lists, positions and readings: as many as there is room for.
+  Fields fields_of(VerificationReport& report) {
+    Fields fields = {{"unit_serial", &report.info.unit_serial},
+                     {"simulated", &report.info.simulated},
+                     {"recording_hash", &report.recording_hash},
+                     {"latitude_deg", &report.info.latitude_deg, site_latitude_deg},
+                     {"parameters", &report.parameters},
+                     {"calibration_hash", &report.calibration_hash},
+                     {"trusted", &report.trusted},
+                     {"align_s", &report.align_s, positive},
+                     {"damage", &report.damage, {}, true},
+                     {"filled_samples", &report.filled_samples, not_negative}};
+    add_list("fault", report.faults, fields);
+    add_list("left_out", report.left_out, fields);
+    NorthSeeking& found = report.found;
+    fields.push_back({"zero_deg", &found.zero_deg});
+    for (std::size_t p = 0; p < found.positions.size(); ++p) {
+      NorthPosition& position = found.positions[p];
+      const std::string prefix = "position." + std::to_string(p + 1) + ".";
+      fields.push_back({prefix + "table_deg", &position.table_deg});
+      for (std::size_t k = 0; k < position.readings.size(); ++k)
+        for (std::size_t a = 0; a < 3; ++a)
+          fields.push_back({prefix + std::to_string(k + 1) + "." + angle_name(a), &position.readings[k].angle_deg[a]});
+      for (std::size_t a = 0; a < 3; ++a) {
+        fields.push_back({prefix + "mean." + angle_name(a), &position.mean_deg[a]});
+        fields.push_back({prefix + "deviation." + angle_name(a), &position.deviation_deg[a], not_negative});
+        fields.push_back({prefix + "sigma." + angle_name(a), &position.noise_sigma_deg[a], not_negative});
+      }
+    }
+    for (std::size_t a = 0; a < 3; ++a)
+      add_figure(std::string("deviation.") + north_angle_names[a], found.deviation[a], fields);
+    add_figure("mean.heading", found.mean_heading, fields);
+    const Fields rest = {{"worst.heading_error_deg", &found.worst_heading_error_deg},
+                         {"felt_latitude_deg", &report.felt.latitude_rad, any_number, false, rad_per_deg},
+                         {"felt_latitude_sigma_deg", &report.felt.sigma_rad, not_negative, false, rad_per_deg},
+                         {"gravity_mps2", &report.info.gravity_mps2, positive},
+                         {"felt_gravity_mps2", &report.felt.gravity_mps2, not_negative},
+                         chosen("noise", report.noise_assumed, {"file", "assumed"}, "file or assumed"),
+                         {"limit.heading_deg", &report.heading_limit_deg, positive},
+                         {"limit.level_deg", &report.level_limit_deg, positive},
+                         {"limit.guard_factor", &report.guard_factor, not_negative},
+                         {"false_fail", &report.false_fail, between(0.0, 1.0)},
+                         {"would_do.align_s", &report.would_do_s, not_negative, true},
+                         {"undecided.level", &report.level_undecided, {}, true},
+                         verdict_field("verdict.heading", report.heading),
+                         verdict_field("verdict.level", report.level),
+                         verdict_field("verdict.latitude", report.latitude),
+                         verdict_field("verdict.gravity", report.gravity),
+                         verdict_field("verdict.result", report.verdict)};
+    fields.insert(fields.end(), rest.begin(), rest.end());
+    return fields;
+  }
 
 }  // namespace
 
-std::string gravity_words(const FeltSite& felt, double of_recording_mps2) {
-  char text[120];
-  std::snprintf(text, sizeof text, "%.5f m/s^2 felt, the recording says %.5f", felt.gravity_mps2, of_recording_mps2);
-  return text;
+std::string
+gravity_words(const FeltSite& felt, double of_recording_mps2) {
+  return fmt::format("{:.5f} m/s^2 felt, the recording says {:.5f}", felt.gravity_mps2, of_recording_mps2);
 }
 
-void print_faults(const std::vector<std::string>& faults, std::ostream& out) {
+void add_faults(const std::vector<std::string>& faults, Document& document) {
   constexpr std::size_t most = 5;
-  for (std::size_t k = 0; k < std::min(faults.size(), most); ++k) out << faults[k] << ": set aside\n";
-  if (faults.size() > most) out << "and " << faults.size() - most << " more like it\n";
+  for (std::size_t k = 0; k < std::min(faults.size(), most); ++k) document.text(faults[k] + ": set aside");
+  if (faults.size() > most) document.text(fmt::format("and {} more like it", faults.size() - most));
 }
 
 std::string latitude_words(const FeltSite& felt, double of_recording_deg) {
-  char text[120];
-  std::snprintf(text, sizeof text, "%.3f +- %.3f deg felt, the recording says %.4f", felt.latitude_rad / rad_per_deg,
-                felt.sigma_rad / rad_per_deg, of_recording_deg);
-  return text;
+  return fmt::format("{:.3f} +- {:.3f} deg felt, the recording says {:.4f}", felt.latitude_rad / rad_per_deg,
+                     felt.sigma_rad / rad_per_deg, of_recording_deg);
 }
 
 std::string undecided_words(const VerificationReport& report) {
   const std::string level =
       report.level_undecided ? "level undecided: the noise of this unit is as large as its limit" : "";
   if (report.would_do_s <= 0.0) return level;
-  char text[160];
-  std::snprintf(text, sizeof text,
-                "heading undecided: no more than noise; these gyros cannot keep %g deg in %.0f s, %.0f s would do",
-                report.heading_limit_deg, report.align_s, report.would_do_s);
-  return level.empty() ? text : std::string(text) + "; " + level;
+  const std::string heading = fmt::format(
+      "heading undecided: no more than noise; these gyros cannot keep {:g} deg in {:.0f} s, {:.0f} s would do",
+      report.heading_limit_deg, report.align_s, report.would_do_s);
+  return level.empty() ? heading : heading + "; " + level;
 }
 
 std::string format_verification(VerificationReport report) {
@@ -139,11 +174,10 @@ Result<VerificationReport> read_verification(const std::string& path) {
 }
 
 std::string verification_words(const VerificationReport& report) {
-  char text[200];
-  std::snprintf(text, sizeof text, "heading %.4f deg (mean %.4f) of %g, roll %.5f and pitch %.5f of %g",
-                report.found.deviation[0].value_deg, report.found.mean_heading.value_deg, report.heading_limit_deg,
-                report.found.deviation[1].value_deg, report.found.deviation[2].value_deg, report.level_limit_deg);
-  std::string words = text;
+  std::string words =
+      fmt::format("heading {:.4f} deg (mean {:.4f}) of {:g}, roll {:.5f} and pitch {:.5f} of {:g}",
+                  report.found.deviation[0].value_deg, report.found.mean_heading.value_deg, report.heading_limit_deg,
+                  report.found.deviation[1].value_deg, report.found.deviation[2].value_deg, report.level_limit_deg);
   if (const std::string undecided = undecided_words(report); !undecided.empty()) words += "; " + undecided;
   if (report.latitude == UnitVerdict::fail)
     words += "; latitude " + latitude_words(report.felt, report.info.latitude_deg);
@@ -152,76 +186,91 @@ std::string verification_words(const VerificationReport& report) {
   return words;
 }
 
-void print_verification(const VerificationReport& report, std::ostream& out) {
-  if (!report.damage.empty()) out << report.damage << '\n';
-  if (report.filled_samples > 0)
-    out << report.filled_samples << " samples lost or bad, filled in from their neighbours\n";
-  print_faults(report.faults, out);
-  for (const std::string& alignment : report.left_out) out << "left out: " << alignment << '\n';
-  out << formatted("Unit %s, alignments of %.0f s; the table's zero is at a heading of %.4f deg. deg:\n\n",
-                   report.info.unit_serial.c_str(), report.align_s, report.found.zero_deg);
-  for (const NorthPosition& position : report.found.positions) {
-    out << formatted("%7.1f %22s %12s %12s\n", position.table_deg, "heading", "roll", "pitch");
-    for (std::size_t k = 0; k < position.readings.size(); ++k) {
-      const std::array<double, 3>& x = position.readings[k].angle_deg;
-      out << formatted("  %-15zu %12.6f %12.6f %12.6f\n", k + 1, x[0], x[1], x[2]);
-    }
-    for (const auto& [name, values] :
-         {std::pair{"mean", &position.mean_deg}, std::pair{"deviation", &position.deviation_deg},
-          std::pair{"sigma, noise", &position.noise_sigma_deg}})
-      out << formatted("  %-15s %12.6f %12.6f %12.6f\n", name, (*values)[0], (*values)[1], (*values)[2]);
-    out << "\n";
-  }
+namespace {
+
+// Heading, roll and pitch, degrees.
+void add_angles(const std::string& name, const std::array<double, 3>& angles_deg, Table& table) {
+  std::vector<Cell> row = {cell::text(name)};
+  for (const double angle : angles_deg) row.push_back(cell::fixed(angle, 6));
+  table.row(std::move(row));
+}
+
+}  // namespace
+
+Document verification_document(const VerificationReport& report) {
   const NorthSeeking& found = report.found;
-  out << formatted(
-      "heading  largest deviation %.6f +- %.6f, means off the table by %.6f +- %.6f deg (rms); limit %g: %s\n",
-      found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
-      found.mean_heading.sigma_deg, report.heading_limit_deg, std::string(to_string(report.heading)).c_str());
-  out << formatted("level    largest deviation of roll %.6f, of pitch %.6f deg; limit %g: %s\n",
-                   found.deviation[1].value_deg, found.deviation[2].value_deg, report.level_limit_deg,
-                   std::string(to_string(report.level)).c_str());
-  out << "         what turns every reading alike, as an accelerometer bias does, it cannot see\n";
-  out << "latitude " << latitude_words(report.felt, report.info.latitude_deg) << ": " << to_string(report.latitude)
-      << "\n";
-  out << "gravity  " << gravity_words(report.felt, report.info.gravity_mps2) << ": " << to_string(report.gravity)
-      << "\n";
-  if (report.noise_assumed) out << "noise    " << assumed_noise_words << "\n";
-  out << formatted("         a unit with nothing but this noise is above a limit in %.1f of 100 verifications\n",
-                   100.0 * report.false_fail);
-  if (const std::string undecided = undecided_words(report); !undecided.empty())
-    out << "         " << undecided << "\n";
-  if (!report.trusted) out << not_trusted_words << "\n";
-  out << "verdict  " << to_string(report.verdict) << "\n";
+  Document document{"", "Verification of unit " + report.info.unit_serial};
+  if (!report.damage.empty()) document.text(report.damage);
+  if (report.filled_samples > 0)
+    document.text(fmt::format("{} samples lost or bad, filled in from their neighbours", report.filled_samples));
+  add_faults(report.faults, document);
+  for (const std::string& alignment : report.left_out) document.text("left out: " + alignment);
+  document.text(fmt::format("Unit {}, alignments of {:.0f} s; the table's zero is at a heading of {:.4f} deg. deg:",
+                            report.info.unit_serial, report.align_s, found.zero_deg));
+  for (const NorthPosition& position : found.positions) {
+    Table table{{cell::text(fmt::format("table at {:.1f}", position.table_deg)), cell::number("heading"),
+                 cell::number("roll"), cell::number("pitch")}};
+    for (std::size_t k = 0; k < position.readings.size(); ++k)
+      add_angles(std::to_string(k + 1), position.readings[k].angle_deg, table);
+    add_angles("mean", position.mean_deg, table);
+    add_angles("deviation", position.deviation_deg, table);
+    add_angles("sigma, noise", position.noise_sigma_deg, table);
+    document.add(std::move(table));
+  }
+  Facts facts;
+  const auto add = [&facts](const char* label, const std::string& words) { facts.rows.emplace_back(label, words); };
+  add("heading",
+      fmt::format(
+          "largest deviation {:.6f} +- {:.6f}, means off the table by {:.6f} +- {:.6f} deg (rms); limit {:g}: {}",
+          found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
+          found.mean_heading.sigma_deg, report.heading_limit_deg, to_string(report.heading)));
+  add("level",
+      fmt::format("largest deviation of roll {:.6f}, of pitch {:.6f} deg; limit {:g}: {}", found.deviation[1].value_deg,
+                  found.deviation[2].value_deg, report.level_limit_deg, to_string(report.level)));
+  add("", "what turns every reading alike, as an accelerometer bias does, it cannot see");
+  add("latitude",
+      fmt::format("{}: {}", latitude_words(report.felt, report.info.latitude_deg), to_string(report.latitude)));
+  add("gravity",
+      fmt::format("{}: {}", gravity_words(report.felt, report.info.gravity_mps2), to_string(report.gravity)));
+  if (report.noise_assumed) add("noise", assumed_noise_words);
+  add("", fmt::format("a unit with nothing but this noise is above a limit in {:.1f} of 100 verifications",
+                      100.0 * report.false_fail));
+  if (const std::string undecided = undecided_words(report); !undecided.empty()) add("", undecided);
+  if (!report.trusted) add("", not_trusted_words);
+  add("verdict", std::string(to_string(report.verdict)));
+  document.add(std::move(facts));
+  return document;
 }
 
 std::string format_references(const ReferenceReport& report) {
-  std::string text;
-  add_key("format", 1.0, text);
-  add_key("references", report.file, text);
+  KeyValues lines;
+  lines.number("format", 1.0);
+  lines.text("references", report.file);
   for (std::size_t row = 0; row < report.found.error_deg.size(); ++row)
     for (std::size_t a = 0; a < 3; ++a)
-      add_key("error." + std::to_string(row + 1) + "." + north_angle_names[a] + "_deg", report.found.error_deg[row][a],
-              text);
+      lines.number(fmt::format("error.{}.{}_deg", row + 1, north_angle_names[a]), report.found.error_deg[row][a]);
   for (std::size_t a = 0; a < 3; ++a) {
     const std::string name = std::string(north_angle_names[a]) + "_deg";
-    add_key("worst." + name, report.found.worst_deg[a], text);
-    add_key("rms." + name, report.found.rms_deg[a], text);
-    add_key("limit." + name, report.limit_deg[a], text);
+    lines.number("worst." + name, report.found.worst_deg[a]);
+    lines.number("rms." + name, report.found.rms_deg[a]);
+    lines.number("limit." + name, report.limit_deg[a]);
   }
-  add_key("verdict.result", report.pass ? "pass" : "fail", text);
-  return text;
+  lines.text("verdict.result", report.pass ? "pass" : "fail");
+  return lines.take();
 }
 
-void print_references(const ReferenceReport& report, std::ostream& out) {
-  out << formatted("%-12s %12s %12s %12s   error, deg\n", "reading", "heading", "roll", "pitch");
-  for (std::size_t row = 0; row < report.found.error_deg.size(); ++row) {
-    const std::array<double, 3>& x = report.found.error_deg[row];
-    out << formatted("%-12zu %12.6f %12.6f %12.6f%s\n", row + 1, x[0], x[1], x[2], row == 0 ? "   bound" : "");
-  }
-  for (const auto& [name, values] : {std::pair{"worst", &report.found.worst_deg},
-                                     std::pair{"rms", &report.found.rms_deg}, std::pair{"limit", &report.limit_deg}})
-    out << formatted("%-12s %12.6f %12.6f %12.6f\n", name, (*values)[0], (*values)[1], (*values)[2]);
-  out << "verdict  " << (report.pass ? "pass" : "fail") << "\n";
+Document reference_document(const ReferenceReport& report) {
+  Document document{"", "Readings of " + report.file};
+  document.text("Error of each reading, deg; the first one is bound.");
+  Table table{{cell::text("reading"), cell::number("heading"), cell::number("roll"), cell::number("pitch")}};
+  for (std::size_t row = 0; row < report.found.error_deg.size(); ++row)
+    add_angles(std::to_string(row + 1), report.found.error_deg[row], table);
+  add_angles("worst", report.found.worst_deg, table);
+  add_angles("rms", report.found.rms_deg, table);
+  add_angles("limit", report.limit_deg, table);
+  document.add(std::move(table));
+  document.add(Facts{{{"verdict", report.pass ? "pass" : "fail"}}});
+  return document;
 }
 
 }  // namespace turncal

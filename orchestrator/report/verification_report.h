@@ -1,13 +1,13 @@
 // The outcome of a verification as a file and as the tables of the paper.
 #pragma once
 
-#include <ostream>
 #include <string>
 #include <vector>
 
 #include "calib/navigation/alignment.h"
 #include "calib/navigation/north_seeking.h"
 #include "calib/types/recording_types.h"
+#include "orchestrator/report/document.h"
 #include "orchestrator/station/verdict.h"
 
 namespace turncal {
@@ -48,14 +48,14 @@ std::string undecided_words(const VerificationReport& report);
 std::string latitude_words(const FeltSite& felt, double of_recording_deg);
 std::string gravity_words(const FeltSite& felt, double of_recording_mps2);
 // What was wrong with samples that were set aside, a line each.
-void print_faults(const std::vector<std::string>& faults, std::ostream& out);
+void add_faults(const std::vector<std::string>& faults, Document& document);
 // In the reason of a verification of which too much was lost to judge it; such a one leaves no verification.conf.
 inline constexpr const char* not_judged_words = "verification: not_judged: ";
 inline constexpr const char* not_trusted_words =
     "NOT TRUSTED: the parameter file says that its sigmas cannot be believed";
 inline constexpr const char* assumed_noise_words =
     "assumed, the parameter file has no noise keys: 0.002 deg/sqrt(h) and 8 ug/sqrt(Hz)";
-void print_verification(const VerificationReport& report, std::ostream& out);
+Document verification_document(const VerificationReport& report);
 
 struct ReferenceReport {
   std::string file;
@@ -64,6 +64,6 @@ struct ReferenceReport {
   bool pass = false;
 };
 std::string format_references(const ReferenceReport& report);
-void print_references(const ReferenceReport& report, std::ostream& out);
+Document reference_document(const ReferenceReport& report);
 
 }  // namespace turncal

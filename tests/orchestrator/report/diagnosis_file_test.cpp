@@ -48,19 +48,6 @@ TEST(DiagnosisFile, SaysThatAHoldoutIsJudgedByItsOwnNoise) {
   EXPECT_TRUE(text.ends_with("\nholdout.source = second recording\nholdout.own_noise = 2.5\n")) << text;
 }
 
-TEST(DiagnosisFile, SaysWhatTheEffectsAreWorth) {
-  const std::string text = format_diagnosis(extended_sample().diagnosis, sample_worth());
-  EXPECT_TRUE(
-      text.ends_with("\nholdout.source = second recording\n"
-                     "navigation.source = second recording\n"
-                     "navigation.free_s = 3600\n"
-                     "navigation.before_nm_per_h = 0.75\n"
-                     "navigation.after_nm_per_h = 0.25\n"
-                     "navigation.noise_nm_per_h = 0.5\n"
-                     "navigation.accel_second_order_nm_per_h = 0.625\n"))
-      << text;
-}
-
 TEST(DiagnosisFile, KeepsEveryKeyWhenThereIsNothingToSay) {
   Diagnosis empty;
   empty.reason = "first line\nsecond line";  // must not become a line of its own

@@ -2,10 +2,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <regex>
+#include <sstream>
 
 #include "orchestrator/report/diagnosis_text.h"
-#include "orchestrator/report/report_tables.h"
+#include "orchestrator/report/report.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
 
 namespace turncal {
@@ -18,7 +18,7 @@ std::size_t characters(const std::string& utf8) {
 
 TEST(VerdictSentence, SaysWhatWasFoundWithNumbers) {
   const Sample clean = clean_sample();
-  EXPECT_EQ(verdict_sentence(clean.diagnosis, sample_context(clean), Alphabet::plain),
+  EXPECT_EQ(plain(verdict_sentence(clean.diagnosis, sample_context(clean))),
             "Clean: the 24 parameters explain the data to the noise; the strongest of 146 candidates, "
             "gyro_g_squared.z_yz, "
             "scores 3.9 sigma where 4.1 are needed; on held-out data (second recording) the velocity error is 1.50 "
@@ -26,18 +26,17 @@ TEST(VerdictSentence, SaysWhatWasFoundWithNumbers) {
             "the normalised residual 0.998.");
   const Sample extended = extended_sample();
   EXPECT_EQ(
-      verdict_sentence(extended.diagnosis, sample_context(extended), Alphabet::plain),
+      plain(verdict_sentence(extended.diagnosis, sample_context(extended))),
       "Extended: one effect beyond the 24 parameters was found and added: accel_second_order, second-order "
       "nonlinearity K2 "
       "(IEEE 1293), x 20.25 +- 0.75 ug/g^2 (27 sigma), z -3.5 +- 1.2 ug/g^2 (2.8 sigma); with it the velocity error on "
       "held-out data (second recording) falls from 7.10 to 1.40 mm/s rms (-80 %), and the normalised residual there "
       "from "
       "3.200 to 1.010; this recording cannot tell accel_second_order from accel_scale_asymmetry.");
-  EXPECT_NE(
-      verdict_sentence(extended.diagnosis, sample_context(extended), Alphabet::typographic).find("20.25 ± 0.75 µg/g²"),
-      std::string::npos);
+  EXPECT_NE(verdict_sentence(extended.diagnosis, sample_context(extended)).find("20.25 ± 0.75 µg/g²"),
+            std::string::npos);
   const Sample unexplained = unexplained_sample();
-  const std::string text = verdict_sentence(unexplained.diagnosis, sample_context(unexplained), Alphabet::plain);
+  const std::string text = plain(verdict_sentence(unexplained.diagnosis, sample_context(unexplained)));
   EXPECT_TRUE(
       text.starts_with("Unexplained: a residual is left that is not noise and that no effect of the catalogue explains "
                        "(rms normalised residual 1.300 where noise explains 1"))
@@ -48,7 +47,7 @@ TEST(VerdictSentence, SaysWhatWasFoundWithNumbers) {
       << text;
   const Sample noise = noise_model_sample();
   EXPECT_TRUE(
-      verdict_sentence(noise.diagnosis, sample_context(noise), Alphabet::plain)
+      plain(verdict_sentence(noise.diagnosis, sample_context(noise)))
           .starts_with(
               "Noise model: the assumed noise does not fit the data (innovations 3.10 times the expected variance, "
               "correlation from second to second 0.30"));
@@ -57,7 +56,7 @@ TEST(VerdictSentence, SaysWhatWasFoundWithNumbers) {
 TEST(VerdictSentence, AdmitsWhenNothingConfirmsIt) {
   Sample sample = extended_sample();
   sample.diagnosis.holdout_before = sample.diagnosis.holdout_after = {};
-  const std::string text = verdict_sentence(sample.diagnosis, sample_context(sample), Alphabet::plain);
+  const std::string text = plain(verdict_sentence(sample.diagnosis, sample_context(sample)));
   EXPECT_NE(text.find("from 2.500 to 1.002"), std::string::npos) << text;
   EXPECT_NE(text.find("no held-out data to confirm it"), std::string::npos) << text;
 }
@@ -66,7 +65,7 @@ TEST(VerdictSentence, NamesTheEffectsThatStandBesideAnUnexplainedResidual) {
   Sample sample = unexplained_sample();
   sample.diagnosis.effect_names = {"accel_delay"};
   sample.diagnosis.extended.effects = {estimated("accel_delay", 0, 0.12, 0.003)};
-  const std::string text = verdict_sentence(sample.diagnosis, sample_context(sample), Alphabet::plain);
+  const std::string text = plain(verdict_sentence(sample.diagnosis, sample_context(sample)));
   EXPECT_NE(text.find("beside it one effect beyond the 24 parameters was found and added: accel_delay"),
             std::string::npos)
       << text;
@@ -83,12 +82,19 @@ TEST(VerdictSentence, SaysWhyAScoreBeyondTheLimitIsNotTaken) {
   last.gain = 6.5;
   last.threshold = 18.4;
   sample.diagnosis.stages = {last};
-  const std::string text = verdict_sentence(sample.diagnosis, sample_context(sample), Alphabet::plain);
+  const std::string text = plain(verdict_sentence(sample.diagnosis, sample_context(sample)));
   EXPECT_NE(
       text.find("scores 9.0 sigma where 4.1 are needed; it was not taken, for with noise and parameters fitted again "
                 "2 ln L gains 6.50 where 18.4 is needed;"),
       std::string::npos)
       << text;
+}
+
+std::vector<std::string> lines_of(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+  std::istringstream text(as_text(diagnosis_document(diagnosis, context), diagnosis_lines));
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(text, line);) lines.push_back(line);
+  return lines;
 }
 
 void expect_fits(const std::vector<std::string>& lines) {
@@ -101,7 +107,7 @@ void expect_fits(const std::vector<std::string>& lines) {
 
 TEST(TerminalTable, StaysWithinThirtyLinesOfAHundredColumns) {
   for (Sample sample : {clean_sample(), extended_sample(), unexplained_sample(), noise_model_sample()})
-    expect_fits(terminal_table(sample.diagnosis, sample_context(sample)));
+    expect_fits(lines_of(sample.diagnosis, sample_context(sample)));
   // As much of everything as there can be.
   Sample sample = extended_sample();
   Diagnosis& d = sample.diagnosis;
@@ -118,41 +124,10 @@ TEST(TerminalTable, StaysWithinThirtyLinesOfAHundredColumns) {
   d.base.faults.assign(30, {123456789012, 123456789013, 5, "velocity step of -0.049 m/s up", "leg set aside"});
   for (int k = 0; k < 9; ++k)
     d.extended.undetermined.push_back({{{"n12", 0.7}, {"n21", -0.7}, {"gyro_magnetic.xx", 0.1}}});
-  const std::vector<std::string> lines = terminal_table(d, sample_context(sample));
+  const std::vector<std::string> lines = lines_of(d, sample_context(sample));
   expect_fits(lines);
   EXPECT_EQ(lines.size(), 30u);
   EXPECT_EQ(lines.back(), "... more in the report");
-}
-
-TEST(TerminalTable, ShowsErrorsEffectsScoresAndLimits) {
-  const Sample sample = extended_sample();
-  std::string all;  // runs of blanks as one
-  for (const std::string& line : terminal_table(sample.diagnosis, sample_context(sample)))
-    all += std::regex_replace(line, std::regex(" +"), " ") + "\n";
-  for (const char* wanted :
-       {"verdict Extended: one effect", "\n held-out data: velocity rms, first 20 s of dwells, mm/s 7.10 1.40 -80 %\n",
-        "\n held-out data: energy beyond noise, % of the noise's 924 2.01 -100 %\n",
-        "\n accel_second_order.x 20.25 0.75 ug/g^2 27.0\n", "\nscores accel_second_order 27",
-        "\nmoved most A01 +12.0 sigma\n", "measured: ARW 0.00200 deg/sqrt(h), VRW 8.00 ug/sqrt(Hz)",
-        "\nnot told apart accel_second_order | accel_scale_asymmetry; separated by", "\nnot visible accel_size_effect"})
-    EXPECT_NE(all.find(wanted), std::string::npos) << wanted << "\nin\n" << all;
-}
-
-TEST(TerminalTable, ShowsWhatTheEffectsAreWorth) {
-  const Sample sample = extended_sample();
-  DiagnosisContext context = sample_context(sample);
-  context.worth = sample_worth();
-  const std::vector<std::string> lines = terminal_table(sample.diagnosis, context);
-  expect_fits(lines);
-  std::string all;
-  for (const std::string& line : lines) all += std::regex_replace(line, std::regex(" +"), " ") + "\n";
-  EXPECT_NE(all.find(": free navigation, rms of 8 starts, nm/h 0.750 0.250 -67 %\n"), std::string::npos) << all;
-  EXPECT_NE(all.find("\nworth accel_second_order 0.62 nm/h"), std::string::npos) << all;
-  // In the table of the page a column more, filled in the effect's first row.
-  const std::string html = html_added_effects(sample.diagnosis, context);
-  EXPECT_EQ(count_of(html, "0.62"), 1u) << html;
-  EXPECT_EQ(count_of(html, "nm/h</th>"), 1u) << html;
-  EXPECT_EQ(count_of(html_added_effects(sample.diagnosis, sample_context(sample)), "nm/h"), 0u);
 }
 
 }  // namespace

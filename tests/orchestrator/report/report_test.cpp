@@ -18,6 +18,8 @@ namespace {
 
 using test::TemporaryFolder;
 
+const GnuplotOptions no_gnuplot = {.program = "/nonexistent/gnuplot"};
+
 const char* const section_ids[] = {"error",  "time",   "scores",    "parameters", "allan",
                                    "limits", "faults", "selection", "reading",    "components"};
 
@@ -57,7 +59,7 @@ void expect_balanced(const std::string& html) {
 TEST(Report, IsCompleteForEveryVerdict) {
   const bool plots = have_gnuplot();
   for (const Sample& sample : {clean_sample(), extended_sample(), unexplained_sample(), noise_model_sample()}) {
-    const Report report = make_report(sample.diagnosis, sample_context(sample));
+    const HtmlPage report = as_page(diagnosis_document(sample.diagnosis, sample_context(sample)));
     const std::string& html = report.html;
     SCOPED_TRACE(to_string(sample.diagnosis.verdict));
     expect_sections_in_order(html);
@@ -102,9 +104,7 @@ TEST(Report, NamesAliasesLimitsFaultsAndSelection) {
   d.extended.undetermined = {{{{"n12", 0.7071}, {"n21", -0.7071}}}};
   d.extended.sigma[7] = d.extended.sigma[9] = 0.0;
   d.gated_out = {"gyro_bias_drift"};
-  auto context = sample_context(sample);
-  context.gnuplot.program = "/nonexistent/gnuplot";
-  const std::string html = make_report(d, context).html;
+  const std::string html = as_page(diagnosis_document(d, sample_context(sample)), no_gnuplot).html;
   for (const char* wanted : {"<b>accel_second_order</b> could as well be accel_scale_asymmetry.",
                              "Positions or rates that would separate them: accel_scale_asymmetry: dwells at 45 deg",
                              "3400 to 3403", "<td class=\"n\">12.000</td>", "gap of &lt;1&gt; sample", "leg set aside",
@@ -118,12 +118,11 @@ TEST(Report, NamesAliasesLimitsFaultsAndSelection) {
 TEST(Report, SaysSoWhenThereIsNoGnuplot) {
   Sample sample = extended_sample();
   sample.recording.info.unit_serial = "SN7";
-  auto context = sample_context(sample);
-  context.gnuplot.program = "/nonexistent/gnuplot";
   const TemporaryFolder folder;
-  const DiagnosisFiles files = diagnosis_files(sample.diagnosis, context);
-  ASSERT_OK(write_diagnosis(folder.path(), files));
-  EXPECT_EQ(files.report.plot_problem, "no plots: /nonexistent/gnuplot is not installed (Debian package gnuplot-nox)");
+  const Result<std::string> problem =
+      write_diagnosis(folder.path(), diagnosis_files(sample.diagnosis, sample_context(sample)), no_gnuplot);
+  ASSERT_OK(problem);
+  EXPECT_EQ(*problem, "no plots: /nonexistent/gnuplot is not installed (Debian package gnuplot-nox)");
   const std::string html = test::read_file(folder / "report.html");
   expect_sections_in_order(html);
   expect_balanced(html);
@@ -150,7 +149,7 @@ TEST(Report, StaysSmallAndQuickForADayOfData) {
   Sample sample = make_sample(second_order_x, no_error, 1800);  // 24.5 h
   sample.diagnosis.verdict = Verdict::unexplained;
   const auto began = std::chrono::steady_clock::now();
-  const Report report = make_report(sample.diagnosis, sample_context(sample));
+  const HtmlPage report = as_page(diagnosis_document(sample.diagnosis, sample_context(sample)));
   EXPECT_EQ(report.plot_problem, "");
   EXPECT_LT(report.html.size(), 3u << 20);
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // whose own work takes several times as long

@@ -199,7 +199,7 @@ TEST_F(Navigate, SaysWhatSpeaksAgainstTheFile) {
   write("text/recording.conf", conf);
   const ProgramResult elsewhere = run({"navigate", "text", "--parameters", path("doubtful.conf"), "--out", "away"});
   ASSERT_EQ(elsewhere.code, 0) << elsewhere.err;
-  EXPECT_NE(elsewhere.out.find("LATITUDE  29.5"), std::string::npos) << elsewhere.out;
+  EXPECT_NE(elsewhere.out.find("LATITUDE        29.5"), std::string::npos) << elsewhere.out;
   // Parameters are of increments over a period.
   file.sample_period_s = 0.0025;
   keep(file, "faster.conf");

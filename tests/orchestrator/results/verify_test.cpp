@@ -68,7 +68,7 @@ TEST_F(Verify, SeeksNorthInFourHeadings) {
   EXPECT_EQ(conf.number("limit.heading_deg"), 0.012);
   const std::string verdict = conf.text("verdict.result");
   EXPECT_TRUE(verdict == "pass" || verdict == "conditional_pass") << verdict;
-  EXPECT_NE(verified.out.find("[dry run] verdict  " + verdict), std::string::npos);
+  EXPECT_NE(verified.out.find("[dry run] verdict         " + verdict), std::string::npos);
   // Judged again from its recording: the same bytes.
   ASSERT_EQ(run({"verify", "--recording", "v", "--parameters", path("true.conf"), "--out", "again"}).code, 0);
   EXPECT_EQ(file_text(folder_ / "again/verification.conf"), file_text(folder_ / "v/verification.conf"));
@@ -349,7 +349,7 @@ TEST_F(VerifyByHand, AsOnATable) {
                 return std::to_string(asked->target_deg);
               });
   EXPECT_TRUE(session.code == 0 || session.code == 20) << session.err << session.out;
-  EXPECT_NE(session.out.find("heading  largest deviation"), std::string::npos) << session.out;
+  EXPECT_NE(session.out.find("heading         largest deviation"), std::string::npos) << session.out;
   EXPECT_TRUE(std::filesystem::exists(folder_ / "v/verification.conf"));
 }
 

@@ -1,8 +1,44 @@
-#include "orchestrator/line_report/history_table.h"
+#include "orchestrator/line_report/history_document.h"
+
+#include <fmt/format.h>
 
 #include "calib/model/parameters.h"
+#include "orchestrator/line/parameter_history.h"
+#include "orchestrator/line_report/control_panel.h"
 
 namespace turncal {
+
+Document history_document(const std::vector<StoredCalibration>& all, const std::string& source) {
+  using namespace cell;
+  const bool simulated = !all.empty() && all.front().simulated;
+  Document document{"turncal: control charts of " + source, "Control charts"};
+  document.soft(fmt::format("{}, {} calibrations{}", source, all.size(), simulated ? " of simulated units" : ""),
+                Scope::all);
+  if (all.empty()) {
+    document.text("No calibration is on record.");
+    return document;
+  }
+  std::vector<ChartedQuantity> histories;
+  for (const std::string_view key : free_parameter_keys()) histories.push_back(parameter_history(all, key));
+  document.section("control", "Parameters");
+  add_control_charts(histories, document);
+  document.section("calibrations", "Calibrations");
+  Table table{{number("calibration"), number("id"), text("unit"), text("time"), text("verdict"), text("operator"),
+               text("station")}};
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const StoredCalibration& c = all[i];
+    table.row({count(i + 1), count(static_cast<std::size_t>(c.id)), text(c.unit), text(c.time_utc), text(c.verdict),
+               text(c.operator_name), text(c.station)});
+  }
+  document.add(std::move(table));
+  return document;
+}
+
+namespace {
+
+void add(DataTable& table, std::optional<double> value) { value ? table.number(*value) : table.nothing(); }
+
+}  // namespace
 
 DataTable calibrations_table(const std::vector<StoredCalibration>& all) {
   std::vector<std::string> columns;

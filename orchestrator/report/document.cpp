@@ -1,0 +1,355 @@
+#include "orchestrator/report/document.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+
+#include "imu_io/base/data_text.h"
+#include "imu_io/base/text_pieces.h"
+
+namespace turncal {
+
+extern const std::string_view report_page_css;  // report_page.css
+
+namespace cell {
+
+Cell text(std::string_view words) { return {Cell::Kind::text, std::string(words)}; }
+Cell wide(std::string_view words) { return {Cell::Kind::wide, std::string(words)}; }
+Cell name(std::string_view words) { return {Cell::Kind::name, std::string(words)}; }
+Cell number(std::string_view words, double value) { return {Cell::Kind::number, std::string(words), value}; }
+Cell number(double value, int digits) { return number(significant(value, digits, Alphabet::typographic), value); }
+Cell fixed(double value, int decimals) { return number(with_decimals(value, decimals), value); }
+Cell count(std::size_t value) { return number(std::to_string(value), static_cast<double>(value)); }
+Cell with_sigma(double value, double sigma) {
+  return number(value_with_sigma(value, sigma, Alphabet::typographic), value);
+}
+Cell bar(double share) { return {Cell::Kind::bar, "", share}; }
+Cell half(double share) { return {Cell::Kind::half, "", share}; }
+
+}  // namespace cell
+
+namespace {
+
+bool is_drawn(const Cell& cell) { return cell.kind == Cell::Kind::bar || cell.kind == Cell::Kind::half; }
+
+// Characters, not bytes.
+std::size_t width_of(std::string_view text) {
+  return static_cast<std::size_t>(
+      std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+}
+
+std::string padded(const std::string& text, std::size_t width, bool right) {
+  const std::string blanks(width - std::min(width, width_of(text)), ' ');
+  return right ? blanks + text : text + blanks;
+}
+
+class TextLines {
+ public:
+  void operator()(const Heading& heading) {
+    if (!lines.empty()) lines.emplace_back();
+    lines.push_back(plain(heading.title));
+  }
+  void operator()(const Paragraph& paragraph) { lines.push_back(plain(paragraph.words)); }
+  void operator()(const Facts& facts) {
+    constexpr std::size_t label_width = 16, most = 7;
+    const std::size_t left = terminal_columns - label_width;
+    for (const auto& [label, words] : facts.rows) {
+      const bool beside = !facts.list;  // else the label is the beginning of the words
+      std::vector<std::string> parts = wrap(plain(beside || label.empty() ? words : label + " " + words), left);
+      if (parts.size() > most) {
+        parts.resize(most);
+        parts.back() = shorten(parts.back() + " ...", left);
+      }
+      for (std::size_t k = 0; k < parts.size(); ++k)
+        lines.push_back(padded(beside && k == 0 ? plain(label) : "",
+                               beside  ? label_width
+                               : k > 0 ? 2
+                                       : 0,
+                               false) +
+                        shorten(parts[k], left));
+    }
+  }
+  void operator()(const Table& table) {
+    constexpr std::size_t apart = 2, least = 20;
+    std::vector<std::vector<std::string>> rows(1);
+    for (const Cell& cell : table.head) rows[0].push_back(plain(cell.words));
+    for (std::size_t k = 0; k < std::min(table.rows.size(), table.most); ++k) {
+      rows.emplace_back();
+      for (const Cell& cell : table.rows[k].cells) rows.back().push_back(plain(cell.words));
+    }
+    std::vector<std::size_t> widths(table.head.size(), 0);
+    std::size_t all = 0;
+    for (std::size_t c = 0; c < widths.size(); ++c) {
+      for (const auto& row : rows) widths[c] = std::max(widths[c], width_of(row[c]));
+      if (widths[c] > 0) all += widths[c] + apart;
+    }
+    for (std::size_t c = 0; c < widths.size(); ++c) {
+      if (table.head[c].kind != Cell::Kind::wide || all <= terminal_columns + apart) continue;
+      const std::size_t cut = std::min(all - terminal_columns - apart, widths[c] - std::min(widths[c], least));
+      widths[c] -= cut;
+      all -= cut;
+    }
+    for (const auto& row : rows) {
+      std::string line;
+      for (std::size_t c = 0; c < row.size(); ++c)
+        if (widths[c] > 0 && !is_drawn(table.head[c]))
+          line +=
+              padded(shorten(row[c], std::max(widths[c], least)), widths[c], table.head[c].kind == Cell::Kind::number) +
+              std::string(apart, ' ');
+      line.erase(line.find_last_not_of(' ') + 1);
+      lines.push_back(line);
+    }
+    if (table.rows.size() > table.most)
+      lines.push_back(fmt::format("and {} more in the report", table.rows.size() - table.most));
+  }
+  void operator()(const Drawing&) {}
+
+  std::vector<std::string> lines;
+};
+
+std::string tag(const char* name, const std::string& style, const std::string& inner) {
+  return fmt::format("<{}{}>{}</{}>", name, style.empty() ? "" : " class=\"" + style + "\"", inner, name);
+}
+
+// A number and its percent sign stay on one line.
+std::string words_html(std::string_view words) {
+  std::string html = html_escape(words);
+  for (std::size_t at = html.find(" %"); at != std::string::npos; at = html.find(" %", at))
+    html.replace(at, 1, "&nbsp;");
+  return html;
+}
+
+std::string cell_html(const char* name, const Cell& cell) {
+  static constexpr std::array styles = {"", "w", "name", "n", "", "half"};
+  constexpr double width_px = 150.0;
+  std::string inner = html_escape(cell.words);
+  if (is_drawn(cell) && std::abs(cell.value) * width_px >= 1.0) {
+    const bool half = cell.kind == Cell::Kind::half;
+    const double from = half ? 0.5 + 0.5 * std::min(cell.value, 0.0) : 0.0;
+    const double length = std::abs(cell.value) * (half ? 0.5 : 1.0);
+    inner = fmt::format("<span class=\"bar\" style=\"margin-left:{:.0f}px;width:{:.0f}px\"></span>", from * width_px,
+                        length * width_px);
+  }
+  return tag(name, styles[static_cast<std::size_t>(cell.kind)], inner);
+}
+
+std::string row_html(const char* name, const std::vector<Cell>& cells, const std::string& style) {
+  std::string inner;
+  for (const Cell& cell : cells) inner += cell_html(name, cell);
+  return tag("tr", style, inner) + "\n";
+}
+
+struct Html {
+  std::string operator()(const Heading& heading) const {
+    return fmt::format("<h{}{}>{}</h{}>\n", heading.level, heading.id.empty() ? "" : " id=\"" + heading.id + "\"",
+                       html_escape(heading.title), heading.level);
+  }
+  std::string operator()(const Paragraph& paragraph) const {
+    const bool note = paragraph.style == "note", verdict = paragraph.style.starts_with("verdict");
+    std::string words = words_html((note ? "Note: " : "") + paragraph.words);
+    const std::size_t colon = words.find(':') + 1;  // 0: there is none
+    if ((verdict || paragraph.style == "lead") && colon > 0)
+      words = tag("b", "", words.substr(0, colon)) + words.substr(colon);
+    return (verdict ? tag("div", paragraph.style, tag("p", "", words))
+                    : tag("p", note ? "soft" : paragraph.style, words)) +
+           "\n";
+  }
+  std::string operator()(const Facts& facts) const {
+    std::string inner;
+    for (const auto& [label, words] : facts.rows)
+      inner +=
+          facts.list
+              ? tag("li", "", (label.empty() ? "" : tag("b", "", html_escape(label)) + " ") + html_escape(words)) + "\n"
+              : row_html("td", {cell::text(label), cell::text(words)}, "");
+    return facts.list ? tag("ul", "", "\n" + inner) + "\n" : tag("table", "facts", "\n" + inner) + "\n";
+  }
+  std::string operator()(const Table& table) const {
+    static constexpr std::array emphases = {"", "hit", "dim"};
+    std::string rows;
+    for (const Table::Row& row : table.rows)
+      rows += row_html("td", row.cells, emphases[static_cast<std::size_t>(row.emphasis)]);
+    return tag("table", table.style,
+               fmt::format("\n<thead>{}</thead>\n<tbody>\n{}</tbody>\n", row_html("th", table.head, ""), rows)) +
+           "\n";
+  }
+  std::string operator()(const Drawing& drawing) const {
+    const auto svg = drawn.find(drawing.id);
+    if (svg == drawn.end()) return tag("p", "missing", "This plot is missing: " + html_escape(problem) + ".") + "\n";
+    std::string legend;
+    for (const Drawing::Key& key : drawing.legend)
+      legend +=
+          fmt::format("<span><i style=\"color:{}\">{}</i> {}</span>", key.colour, key.glyph, html_escape(key.label));
+    return fmt::format("<figure>\n{}{}\n{}</figure>\n", legend.empty() ? "" : tag("p", "legend", legend) + "\n",
+                       svg->second,
+                       drawing.caption.empty() ? "" : tag("figcaption", "", html_escape(drawing.caption)) + "\n");
+  }
+
+  std::map<std::string, std::string> drawn = {};  // by id
+  std::string problem = {};
+};
+
+// A section as it grows.
+class JsonSection {
+ public:
+  void operator()(const Paragraph& paragraph) { text_.push_back(plain(paragraph.words)); }
+  void operator()(const Facts& facts) {
+    for (const auto& [label, words] : facts.rows)
+      label.empty() ? text_.push_back(plain(words)) : facts_.text(plain(label), plain(words)),
+          any_fact_ |= !label.empty();
+  }
+  void operator()(const Table& table) {
+    std::string rows;
+    for (const Table::Row& row : table.rows) {
+      JsonObject object;
+      for (std::size_t c = 0; c < row.cells.size(); ++c) {
+        const Cell& cell = row.cells[c];
+        const std::string key = plain(table.head[c].words);
+        if (is_drawn(cell)) continue;
+        if (cell.kind == Cell::Kind::number && (std::isfinite(cell.value) || cell.words == "-"))
+          object.number(key, cell.value);
+        else
+          object.text(key, plain(cell.words));
+      }
+      rows += (rows.empty() ? "\n" : ",\n") + object.end();
+    }
+    tables_ += (tables_.empty() ? "[" : ",[") + rows + "]";
+  }
+  void operator()(const Heading&) {}
+  void operator()(const Drawing&) {}
+  std::string end(JsonObject head, const std::string& sections) {
+    if (!text_.empty()) head.texts("text", text_);
+    if (any_fact_) head.raw("facts", facts_.end());
+    if (!tables_.empty()) head.raw("tables", "[" + tables_ + "]");
+    if (!sections.empty()) head.raw("sections", "[" + sections + "]");
+    return head.end();
+  }
+
+ private:
+  std::vector<std::string> text_;
+  JsonObject facts_;
+  bool any_fact_ = false;
+  std::string tables_;
+};
+
+}  // namespace
+
+std::string plain(std::string_view text) {
+  static constexpr std::array<std::string_view, 10> superscripts = {"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"};
+  static constexpr std::pair<std::string_view, std::string_view> words[] = {
+      {"±", "+-"},     {"µ", "u"},        {"²", "^2"},         {"³", "^3"},    {"°C", "C"},  {"°", "deg"},
+      {"″", "arcsec"}, {"√h", "sqrt(h)"}, {"√Hz", "sqrt(Hz)"}, {"σ", "sigma"}, {"χ", "chi"}, {"τ", "tau"},
+      {"Δ", "delta"},  {"−", "-"},        {"“", "\""},         {"”", "\""}};
+  constexpr std::string_view power = "×10", minus = "⁻";
+  std::string result;
+  while (!text.empty()) {
+    const auto word =
+        std::find_if(std::begin(words), std::end(words), [text](const auto& w) { return text.starts_with(w.first); });
+    if (text.starts_with(power)) {
+      text.remove_prefix(power.size());
+      const bool negative = text.starts_with(minus);
+      if (negative) text.remove_prefix(minus.size());
+      int exponent = 0;
+      const auto next = [&] {
+        return std::find_if(superscripts.begin(), superscripts.end(), [text](auto s) { return text.starts_with(s); });
+      };
+      for (auto digit = next(); digit != superscripts.end(); digit = next()) {
+        exponent = 10 * exponent + static_cast<int>(digit - superscripts.begin());
+        text.remove_prefix(digit->size());
+      }
+      result += fmt::format("e{:+03d}", negative ? -exponent : exponent);
+    } else if (word != std::end(words)) {
+      result += word->second;
+      text.remove_prefix(word->first.size());
+    } else {
+      result += text.front();
+      text.remove_prefix(1);
+    }
+  }
+  return result;
+}
+
+std::string as_text(const Document& document, std::size_t most) {
+  TextLines text;
+  for (const Document::Block& block : document.blocks) {
+    const auto* paragraph = std::get_if<Paragraph>(&block.content);
+    if (paragraph != nullptr && paragraph->style == "note") ++most;
+    if (block.scope != Scope::page) std::visit(text, block.content);
+  }
+  if (text.lines.size() > most) {
+    text.lines.resize(most - 1);
+    text.lines.emplace_back("... more in the report");
+  }
+  return join(text.lines, "\n") + "\n";
+}
+
+std::string as_text(const Content& content) {
+  Document document;
+  document.add(content);
+  return as_text(document);
+}
+
+std::string html(const Content& content) { return std::visit(Html{}, content); }
+
+HtmlPage as_page(const Document& document, const GnuplotOptions& gnuplot) {
+  Html html;
+  std::vector<Drawing> drawings;
+  for (const Document::Block& block : document.blocks)
+    if (const auto* drawing = std::get_if<Drawing>(&block.content)) drawings.push_back(*drawing);
+  if (!drawings.empty()) {
+    const Result<std::vector<std::string>> rendered = render(drawings, gnuplot);
+    if (!rendered) html.problem = rendered.error().message;
+    for (std::size_t k = 0; rendered && k < drawings.size(); ++k) html.drawn[drawings[k].id] = (*rendered)[k];
+  }
+  std::string page = fmt::format(
+      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" "
+      "content=\"width=device-width, "
+      "initial-scale=1\">\n<title>{}</title>\n<style>{}</style>\n</head>\n<body>\n<main>\n<h1>{}</h1>\n",
+      html_escape(document.title), report_page_css, html_escape(document.heading));
+  for (const Document::Block& block : document.blocks)
+    if (block.scope != Scope::terminal) page += std::visit(html, block.content);
+  return {page + "</main>\n</body>\n</html>\n", html.problem};
+}
+
+std::string as_json(const Document& document) {
+  JsonObject whole;
+  whole.text("title", plain(document.heading));
+  JsonSection first, other;
+  JsonObject head;
+  std::string sections;
+  bool in_section = false;
+  const auto close = [&] {
+    if (in_section)
+      sections += (sections.empty() ? "\n" : ",\n") + std::exchange(other, {}).end(std::exchange(head, {}), "");
+  };
+  for (const Document::Block& block : document.blocks) {
+    if (block.scope == Scope::terminal) continue;
+    if (const auto* heading = std::get_if<Heading>(&block.content)) {
+      close();
+      in_section = true;
+      if (!heading->id.empty()) head.text("id", heading->id);
+      head.text("title", plain(heading->title));
+    } else {
+      std::visit(in_section ? other : first, block.content);
+    }
+  }
+  close();
+  return first.end(std::move(whole), sections) + "\n";
+}
+
+std::string key_values_as(std::string_view format, std::string_view lines) {
+  DataTable table({"key", "value"});
+  while (!lines.empty()) {
+    const std::string_view line = next_line(lines);
+    const std::size_t equals = line.find('=');
+    if (line.starts_with('#') || equals == std::string_view::npos) continue;
+    table.begin_row();
+    table.text(trimmed(line.substr(0, equals)));
+    table.word(trimmed(line.substr(equals + 1)));
+  }
+  return format == "json" ? table.json_object() : table.csv();
+}
+
+}  // namespace turncal

@@ -1,0 +1,147 @@
+// A document and its renderings; the control charts, as one that has everything.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "orchestrator/line/parameter_history.h"
+#include "orchestrator/line_report/history_document.h"
+
+namespace turncal {
+namespace {
+
+std::size_t count_of(const std::string& text, const std::string& what) {
+  std::size_t count = 0;
+  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + what.size())) ++count;
+  return count;
+}
+
+TEST(Document, IsPlainOnTheTerminal) {
+  for (const auto& [typographic, expected] :
+       std::vector<std::pair<const char*, const char*>>{{"28.35 ± 0.91 µg/g²", "28.35 +- 0.91 ug/g^2"},
+                                                        {"0.002 °/√h, 8 µg/√Hz", "0.002 deg/sqrt(h), 8 ug/sqrt(Hz)"},
+                                                        {"1.23×10⁻⁷ °/h/°C", "1.23e-07 deg/h/C"},
+                                                        {"5×10¹² ″", "5e+12 arcsec"},
+                                                        {"χ² of σ − τ, “Ä”", "chi^2 of sigma - tau, \"Ä\""}})
+    EXPECT_EQ(plain(typographic), expected);
+  // Whatever a number is, both alphabets say the same one.
+  for (double value = 1.7e-12; value < 1e13; value *= 7.0)
+    EXPECT_EQ(plain(significant(value, 3, Alphabet::typographic)), significant(value));
+}
+
+// One document with a block of every kind and every scope.
+Document sample_document() {
+  Document document{"Window", "Heading <1>"};
+  document.text("First: 50 % of it.");
+  document.add(Paragraph{"Good: all is well", "verdict clean"}, Scope::page);
+  document.section("part", "A part");
+  document.add(Facts{{{"noise", std::string(120, 'n') + " " + std::string(60, 'm')}, {"", "more"}}}, Scope::terminal);
+  document.add(Facts{{{"Norm.", "of gravity"}}, true}, Scope::page);
+  Table table{{cell::name("unit"), cell::number("value, µg"), cell::number("z"), cell::half(0.0), cell::wide("why")}};
+  table.most = 2;
+  table.row({cell::name("SN<1>"), cell::with_sigma(20.25, 0.7512), cell::number("-"), cell::half(-0.5),
+             cell::wide("because")},
+            Table::Emphasis::hit);
+  table.row({cell::name("SN\"2\""), cell::number(-1.5e-7), cell::number("1 of 3", 1.0), cell::half(1.0),
+             cell::wide(std::string(150, 'w'))});
+  table.row({cell::name("SN3"), cell::count(3), cell::number("given"), cell::half(0.0), cell::wide("")},
+            Table::Emphasis::dim);
+  document.add(table);
+  return document;
+}
+
+TEST(Document, OnTheTerminalHasColumnsThatFit) {
+  EXPECT_EQ(as_text(sample_document()), "First: 50 % of it.\n\nA part\nnoise           " + std::string(81, 'n') +
+                                            "...\n                " + std::string(60, 'm') +
+                                            "\n                more\n"
+                                            "unit   value, ug       z  why\n"
+                                            "SN<1>      20.25       -  because\n"
+                                            "SN\"2\"  -1.50e-07  1 of 3  " +
+                                            std::string(71, 'w') + "...\nand 1 more in the report\n");
+  EXPECT_EQ(as_text(sample_document(), 3), "First: 50 % of it.\n\n... more in the report\n");
+}
+
+TEST(Document, OnAPageIsEscapedAndMarked) {
+  const std::string html = as_page(sample_document()).html;
+  for (const char* part :
+       {"<title>Window</title>", "<h1>Heading &lt;1&gt;</h1>", "<p>First: 50&nbsp;% of it.</p>",
+        "<div class=\"verdict clean\"><p><b>Good:</b> all is well</p></div>", "<h2 id=\"part\">A part</h2>",
+        "<li><b>Norm.</b> of gravity</li>", "<th class=\"n\">value, µg</th>",
+        "<tr class=\"hit\"><td class=\"name\">SN&lt;1&gt;</td>", "<td class=\"n\">-1.50×10⁻⁷</td>",
+        "<td class=\"half\"><span class=\"bar\" style=\"margin-left:38px;width:38px\"></span></td>",
+        "<tr class=\"dim\"><td class=\"name\">SN3</td>"})
+    EXPECT_NE(html.find(part), std::string::npos) << part << "\nin\n" << html;
+  EXPECT_EQ(html.find("nnnn"), std::string::npos);
+}
+
+TEST(Document, AsJsonHasTypesAndAllDigits) {
+  EXPECT_EQ(as_json(sample_document()),
+            "{\"title\":\"Heading \\u003c1>\",\"text\":[\"First: 50 % of it.\",\"Good: all is well\"],\"sections\":[\n"
+            "{\"id\":\"part\",\"title\":\"A part\",\"facts\":{\"Norm.\":\"of gravity\"},\"tables\":[[\n"
+            "{\"unit\":\"SN\\u003c1>\",\"value, ug\":20.25,\"z\":null,\"why\":\"because\"},\n"
+            "{\"unit\":\"SN\\\"2\\\"\",\"value, ug\":-1.5e-07,\"z\":1,\"why\":\"" +
+                std::string(150, 'w') +
+                "\"},\n"
+                "{\"unit\":\"SN3\",\"value, ug\":3,\"z\":\"given\",\"why\":\"\"}]]}]}\n");
+}
+
+// Ten units; N01 walks in steps of 0.01 and the last one jumps.
+std::vector<StoredCalibration> ten_units(double last_n01) {
+  std::vector<StoredCalibration> all;
+  for (int i = 0; i < 10; ++i) {
+    StoredCalibration c;
+    c.id = i + 1;
+    c.unit = "SN<" + std::to_string(i) + ">";
+    c.time_utc = "2026-01-0" + std::to_string(i) + "T00:00:00Z";
+    c.verdict = "pass";
+    for (const std::string_view key : parameter_keys) {
+      StoredValue value;
+      value.key = key;
+      value.value = key == "N01" && i == 9 ? last_n01 : 0.01 * (i % 2);
+      value.sigma = 0.002;
+      if (key == "N01") value.limit = {.min = -0.1, .max = 0.1};
+      c.values.push_back(value);
+    }
+    all.push_back(c);
+  }
+  return all;
+}
+
+TEST(ParameterHistory, HasValuesSigmasAndTheChart) {
+  const std::vector<StoredCalibration> all = ten_units(0.01);
+  const ParameterHistory history = parameter_history(all, "N01");
+  ASSERT_EQ(history.values.size(), 10u);
+  EXPECT_DOUBLE_EQ(history.chart.mean, 0.005);
+  EXPECT_DOUBLE_EQ(*history.sigmas[3], 0.002);
+  EXPECT_EQ(history.of[4]->id, 5);
+  EXPECT_NEAR(history.chart.cpk->value, 0.095 / (3.0 * 0.01 / 1.128), 1e-12);
+  EXPECT_EQ(free_parameter_keys().size(), 21u);
+  EXPECT_TRUE(parameter_history(all, "N99").values.empty());
+}
+
+TEST(HistoryPage, ChartsEveryParameterAndMarksWhatIsOutside) {
+  for (const bool jumps : {false, true}) {
+    const std::string page = as_page(history_document(ten_units(jumps ? 0.09 : 0.01), "results.db")).html;
+    EXPECT_EQ(count_of(page, "<td class=\"name\">"), 21u);
+    EXPECT_EQ(count_of(page, "<tr class=\"hit\">"), jumps ? 1u : 0u);
+    EXPECT_NE(page.find("SN&lt;3&gt;"), std::string::npos) << "serial numbers are text, not markup";
+    if (page.find("This plot is missing") != std::string::npos) GTEST_SKIP() << "needs gnuplot";
+    EXPECT_EQ(count_of(page, "<svg"), 6u);
+    EXPECT_EQ(count_of(page, " less "), 21u);
+    EXPECT_EQ(count_of(page, "outside the control limits</span>"), jumps ? 1u : 0u);
+  }
+}
+
+// Of every page that is made: as wide as a phone, wide tables scroll by themselves, and none is split between two sheets.
+TEST(HistoryPage, FitsPhonesAndPaper) {
+  const std::string page = as_page(history_document({}, "results.db")).html;
+  EXPECT_NE(page.find("No calibration is on record."), std::string::npos);
+  EXPECT_NE(page.find("<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">"), std::string::npos);
+  const std::size_t phone = page.find("@media screen and (max-width:700px)"), paper = page.find("@media print");
+  ASSERT_NE(phone, std::string::npos);
+  ASSERT_NE(paper, std::string::npos);
+  EXPECT_LT(page.find("table { display:block; overflow-x:auto; }", phone), paper);
+  EXPECT_NE(page.find("figure, table, tr, .verdict { break-inside:avoid; }", paper), std::string::npos);
+}
+
+}  // namespace
+}  // namespace turncal
