@@ -29,7 +29,7 @@ enum class TableDriver {
   manual   // turned by hand
 };
 enum class ImuDriver {
-  rig,  // the rig's own IMU, coupled to its table: dry runs only
+  rig,    // the rig's own IMU, coupled to its table: dry runs only
   serial  // units on serial lines: keys of imu_io/units/serial_imu.h; imu.2.device, imu.3.device ... are further places
 };
 

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <vector>
 
-#include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_decoder.h"
+#include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_encoder.h"
 #include "input.h"
 
