@@ -24,41 +24,6 @@ std::int64_t whole_samples(double duration_s, double period_s) {
 // For messages: six decimals at most.
 std::string text_of(double value) { return format_number(std::round(value * 1e6) / 1e6 + 0.0); }
 
-// Violations, one line a cause. The same axis going to the same place at forty moves is one cause.
-class Violations {
- public:
-  // Of the file that those after this are in.
-  void in(const std::string& file) { file_ = file; }
-
-  void add(int line, int step, const std::string& what) {
-    const auto known = std::find_if(causes_.begin(), causes_.end(), [&](const Cause& c) { return c.what == what; });
-    if (known != causes_.end()) {
-      ++known->further;
-      return;
-    }
-    causes_.push_back({file_, line, step, what, 0});
-  }
-
-  std::vector<std::string> lines() const {
-    std::vector<std::string> lines;
-    for (const Cause& cause : causes_)
-      lines.push_back(fmt::format("{}:{}: step {}: {}{}", cause.file, cause.line, cause.step, cause.what,
-                                  cause.further > 0 ? fmt::format(" (and {} more)", cause.further) : ""));
-    return lines;
-  }
-
- private:
-  struct Cause {
-    std::string file;
-    int line;
-    int step;
-    std::string what;
-    int further;
-  };
-  std::string file_;
-  std::vector<Cause> causes_;
-};
-
 // Walks the items in order, carrying commanded angles and the sample counter.
 class Planner {
  public:
@@ -67,24 +32,38 @@ class Planner {
 
   Plan run() {
     plan_.travel_min_deg = plan_.travel_max_deg = commanded_deg_;
-    violations_.in(sequence_.file);
     if (!sequence_.steps.empty()) {
       const Step& first = sequence_.steps.front();
-      for (const Axis axis : all_axes) check_position(first.line, first.number, axis, commanded_deg_[axis]);
+      for (const Axis axis : all_axes) check_position(first.line, first, axis, commanded_deg_[axis]);
     }
-    for (std::size_t s = 0; s < sequence_.steps.size(); ++s) {
-      violations_.in(sequence_.steps[s].file.empty() ? sequence_.file : sequence_.steps[s].file);
+    for (std::size_t s = 0; s < sequence_.steps.size(); ++s)
       for (std::size_t i = 0; i < sequence_.steps[s].items.size(); ++i) add_item(s, i);
-    }
     for (const Axis axis : all_axes)
       plan_.wrap_used_deg[axis] = plan_.travel_max_deg[axis] - plan_.travel_min_deg[axis];
     plan_.station_s = seconds(plan_.samples);
     plan_.moving_s = seconds(moving_samples_);
-    plan_.violations = violations_.lines();
+    for (const Cause& cause : causes_)
+      plan_.violations.push_back(cause.where + cause.what +
+                                 (cause.further > 0 ? fmt::format(" (and {} more)", cause.further) : ""));
     return std::move(plan_);
   }
 
  private:
+  struct Cause {
+    std::string where, what;
+    int further = 0;
+  };
+
+  // One line a cause: the same axis going to the same place at forty moves is one.
+  void refuse(int line, const Step& step, const std::string& what) {
+    const auto known = std::find_if(causes_.begin(), causes_.end(), [&](const Cause& c) { return c.what == what; });
+    const std::string& file = step.file.empty() ? sequence_.file : step.file;
+    if (known != causes_.end())
+      ++known->further;
+    else
+      causes_.push_back({fmt::format("{}:{}: step {}: ", file, line, step.number), what});
+  }
+
   double seconds(std::int64_t samples) const { return static_cast<double>(samples) * limits_.sample_period_s; }
 
   void add_item(std::size_t step_index, std::size_t item_index) {
@@ -98,9 +77,9 @@ class Planner {
     planned.line = item.line;
     planned.start_sample = plan_.samples;
     if (item.kind == SequenceItem::Kind::move)
-      plan_move(item, planned);
+      plan_move(step, item, planned);
     else
-      plan_dwell(item, planned);
+      plan_dwell(step, item, planned);
     planned.commanded_deg = commanded_deg_;
     planned.start_s = seconds(planned.start_sample);
     planned.duration_s = seconds(planned.samples);
@@ -108,7 +87,7 @@ class Planner {
     plan_.items.push_back(planned);
   }
 
-  void plan_move(const SequenceItem& item, PlannedItem& planned) {
+  void plan_move(const Step& step, const SequenceItem& item, PlannedItem& planned) {
     const Move& move = item.move;
     const Axis axis = move.axis;
     planned.axis = axis;
@@ -127,56 +106,56 @@ class Planner {
     plan_.travel_min_deg[axis] = std::min(plan_.travel_min_deg[axis], planned.to_deg);
     plan_.travel_max_deg[axis] = std::max(plan_.travel_max_deg[axis], planned.to_deg);
     plan_.turned_deg[axis] += std::abs(angle_deg);
-    check_position(planned.line, planned.step, axis, planned.to_deg);
-    check_dynamics(planned);
-    check_wrap(planned);
+    check_position(planned.line, step, axis, planned.to_deg);
+    check_dynamics(step, planned);
+    check_wrap(step, planned);
   }
 
-  void plan_dwell(const SequenceItem& item, PlannedItem& planned) {
+  void plan_dwell(const Step& step, const SequenceItem& item, PlannedItem& planned) {
     planned.dwell_kind = item.dwell.kind;
     planned.samples = item.dwell.samples;
     ++(item.dwell.kind == SegmentKind::align ? plan_.align_dwells : plan_.still_dwells);
     if (seconds(item.dwell.samples) < shortest_dwell_s - sample_slack)
-      violations_.add(planned.line, planned.step,
-                      fmt::format("a dwell of {} samples takes {} s, the shortest that counts is 1 s",
-                                  item.dwell.samples, text_of(seconds(item.dwell.samples))));
+      refuse(planned.line, step,
+             fmt::format("a dwell of {} samples takes {} s, the shortest that counts is 1 s", item.dwell.samples,
+                         text_of(seconds(item.dwell.samples))));
   }
 
-  void check_position(int line, int step, Axis axis, double position_deg) {
+  void check_position(int line, const Step& step, Axis axis, double position_deg) {
     const AxisLimits& limit = limits_[axis];
     if (position_deg < limit.soft_min_deg || position_deg > limit.soft_max_deg)
-      violations_.add(line, step,
-                      fmt::format("{} goes to {} deg, soft travel is {} to {} deg", to_string(axis),
-                                  text_of(position_deg), text_of(limit.soft_min_deg), text_of(limit.soft_max_deg)));
+      refuse(line, step,
+             fmt::format("{} goes to {} deg, soft travel is {} to {} deg", to_string(axis), text_of(position_deg),
+                         text_of(limit.soft_min_deg), text_of(limit.soft_max_deg)));
   }
 
-  void check_dynamics(const PlannedItem& move) {
+  void check_dynamics(const Step& step, const PlannedItem& move) {
     const AxisLimits& limit = limits_[move.axis];
     const auto check = [&](const char* how, double value, double most, const char* unit) {
       if (value > most)
-        violations_.add(move.line, move.step,
-                        fmt::format("{} {} {} {}, the most allowed is {} {}", to_string(move.axis), how, text_of(value),
-                                    unit, text_of(most), unit));
+        refuse(move.line, step,
+               fmt::format("{} {} {} {}, the most allowed is {} {}", to_string(move.axis), how, text_of(value), unit,
+                           text_of(most), unit));
     };
     check("turns at", move.rate_degps, limit.max_rate_degps, "deg/s");
     check("accelerates with", move.acceleration_degps2, limit.max_acceleration_degps2, "deg/s^2");
   }
 
-  void check_wrap(const PlannedItem& move) {
+  void check_wrap(const Step& step, const PlannedItem& move) {
     const double allowed_deg = limits_[move.axis].wrap_deg;
     const double wound_deg = plan_.travel_max_deg[move.axis] - plan_.travel_min_deg[move.axis];
     bool& warned = wrap_warned_[index(move.axis)];
     if (allowed_deg <= 0.0 || wound_deg <= allowed_deg || warned) return;
     warned = true;
-    violations_.add(move.line, move.step,
-                    fmt::format("{} has wound its cable by {} deg, the most allowed is {} deg", to_string(move.axis),
-                                text_of(wound_deg), text_of(allowed_deg)));
+    refuse(move.line, step,
+           fmt::format("{} has wound its cable by {} deg, the most allowed is {} deg", to_string(move.axis),
+                       text_of(wound_deg), text_of(allowed_deg)));
   }
 
   const Sequence& sequence_;
   const PlanLimits& limits_;
   Plan plan_;
-  Violations violations_;
+  std::vector<Cause> causes_;
   AxisTriple commanded_deg_;
   std::int64_t moving_samples_ = 0;
   std::array<bool, 3> wrap_warned_{};

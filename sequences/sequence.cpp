@@ -71,9 +71,8 @@ std::optional<std::int64_t> as_integer(const Token& token) {
 }
 
 std::optional<Axis> as_axis(const Token& token) {
-  if (token.is("H") || token.is("heading")) return Axis::heading;
-  if (token.is("P") || token.is("pitch")) return Axis::pitch;
-  if (token.is("R") || token.is("roll")) return Axis::roll;
+  for (const Axis axis : all_axes)
+    if (token.is(to_string(axis)) || token.is(std::string_view("HPR").substr(index(axis), 1))) return axis;
   return std::nullopt;
 }
 
@@ -285,19 +284,15 @@ class Parser {
     Move move{*axis, target_deg, sequence_.rate_degps, sequence_.acceleration_degps2};
     if (std::abs(move.target_deg) > largest_angle_deg)
       return wrong(angle, "an angle that keeps the axis within -3600 to 3600 deg");
-    bool has_rate = false;
-    bool has_acceleration = false;
+    bool has_rate = false, has_acceleration = false;
     while (peek().kind != Token::Kind::end) {
       const Token option = next();
-      if (option.is("rate") && !has_rate) {
-        has_rate = true;
-        TRY(read_rate(next(), "rate", move.rate_degps));
-      } else if (option.is("acceleration") && !has_acceleration) {
-        has_acceleration = true;
-        TRY(read_rate(next(), "acceleration", move.acceleration_degps2));
-      } else {
+      const bool is_rate = option.is("rate");
+      bool& given = is_rate ? has_rate : has_acceleration;
+      if (given || !(is_rate || option.is("acceleration")))
         return wrong(option, "rate NUMBER, acceleration NUMBER (each at most once) or the end of the line");
-      }
+      given = true;
+      TRY(read_rate(next(), option.text, is_rate ? move.rate_degps : move.acceleration_degps2));
     }
     sequence_.steps.back().items.push_back({SequenceItem::Kind::move, move, {}, line_});
     commanded_deg_[move.axis] = move.target_deg;

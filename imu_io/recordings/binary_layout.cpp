@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include <fmt/format.h>
@@ -19,12 +20,25 @@ constexpr std::size_t flag_bytes = 8;
 std::size_t increment_bytes(IncrementKind kind) { return kind == IncrementKind::pulses ? 4 : 8; }
 
 // Pulses stand in 32 bits, physical increments in doubles.
+template <class Number>
+void store_triples(std::span<const ImuSample> samples, std::array<double, 3> ImuSample::*field,
+                   std::vector<std::byte>& out) {
+  std::size_t place = out.size();
+  out.resize(place + samples.size() * 3 * sizeof(Number));
+  for (const ImuSample& sample : samples)
+    for (const double x : sample.*field) {
+      const auto value = static_cast<Number>(x);
+      std::memcpy(out.data() + place, &value, sizeof value);
+      place += sizeof value;
+    }
+}
+
 void append_triples(std::vector<std::byte>& out, std::span<const ImuSample> samples, IncrementKind kind,
                     std::array<double, 3> ImuSample::*field) {
-  const bool pulses = kind == IncrementKind::pulses;
-  for (const ImuSample& sample : samples)
-    for (const double x : sample.*field)
-      pulses ? append_bytes(out, static_cast<std::int32_t>(x)) : append_bytes(out, x);
+  if (kind == IncrementKind::pulses)
+    store_triples<std::int32_t>(samples, field, out);
+  else
+    store_triples<double>(samples, field, out);
 }
 
 template <class Number>
@@ -38,7 +52,10 @@ void load_triples(const std::byte* from, std::array<double, 3> ImuSample::*field
 
 void decode_triples(const std::byte* from, IncrementKind kind, std::array<double, 3> ImuSample::*field,
                     std::vector<ImuSample>& out) {
-  kind == IncrementKind::pulses ? load_triples<std::int32_t>(from, field, out) : load_triples<double>(from, field, out);
+  if (kind == IncrementKind::pulses)
+    load_triples<std::int32_t>(from, field, out);
+  else
+    load_triples<double>(from, field, out);
 }
 
 }  // namespace

@@ -2,11 +2,9 @@
 
 #include <array>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <span>
 
-#include <fmt/compile.h>
 #include <fmt/format.h>
 
 #include "imu_io/base/format_number.h"
@@ -173,9 +171,12 @@ void append_imu_row(std::string& out, const ImuSample& sample, const RecordingIn
       // Three decimals when they say it exactly, which is what sensors give; else the shortest form.
       const double thousandths = std::round(static_cast<double>(t) * 1000.0);
       if (std::abs(thousandths) < 8e6 && static_cast<float>(thousandths / 1000.0) == t) {
+        if (std::signbit(t)) out += '-';
         const auto magnitude = static_cast<std::int64_t>(std::abs(thousandths));
-        fmt::format_to(std::back_inserter(out), FMT_COMPILE("{}{}.{:03}"), std::signbit(t) ? "-" : "", magnitude / 1000,
-                       magnitude % 1000);
+        out += format_number(magnitude / 1000, buffer);
+        const auto digit = [&](std::int64_t unit) { return static_cast<char>('0' + magnitude / unit % 10); };
+        const std::array<char, 4> decimals = {'.', digit(100), digit(10), digit(1)};
+        out.append(decimals.data(), decimals.size());
       } else {
         out += format_number(t, buffer);
       }

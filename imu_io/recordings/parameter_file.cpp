@@ -96,13 +96,6 @@ void read_effects(KeyValueFile& input, ParameterFile& file) {
   }
 }
 
-// What is read must be fit to be written again.
-std::string plain_text(KeyValueFile& input, std::string_view key) {
-  std::string value = input.text(key);
-  if (!is_plain_text(value)) input.reject(key, "printable text");
-  return value;
-}
-
 }  // namespace
 
 const std::string* find_further(const ParameterFile& file, std::string_view key) {

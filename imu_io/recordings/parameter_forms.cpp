@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstring>
+#include <limits>
 
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/crc.h"
@@ -60,75 +60,26 @@ std::string sigmas_of(const ParameterFile& file, std::size_t first, std::size_t 
 
 }  // namespace
 
-ParameterBlock block_of(const ParameterFile& file) {
-  ParameterBlock block;
-  block.gyro_pulses = file.gyro_increment == IncrementKind::pulses;
-  block.accel_pulses = file.accel_increment == IncrementKind::pulses;
-  block.simulated = file.simulated;
-  block.trusted = is_trusted(file);
-  block.sample_period_s = file.sample_period_s;
-  block.accel_pulse_mps = file.accel_pulse_mps;
-  block.latitude_deg = file.latitude_deg;
-  block.gravity_mps2 = file.gravity_mps2;
-  block.reference_temperature_c = file.reference_temperature_c.value_or(not_a_number);
-  for (std::size_t k = 0; k < static_cast<std::size_t>(parameter_count); ++k) {
-    block.value[k] = file.parameters[static_cast<Eigen::Index>(k)];
-    block.sigma[k] = file.sigma[k].value_or(not_a_number);
-  }
-  block.unit_serial = file.unit_serial;
-  for (const EffectValue& effect : file.effects)
-    block.effects.emplace_back(effect.name + "." + effect.component, effect.value);
-  return block;
-}
-
-std::vector<std::byte> format_parameter_block(const ParameterBlock& block) {
+std::string format_parameter_block(const ParameterFile& file) {
   std::vector<std::byte> out;
   append_bytes(out, block_magic);
   append_bytes(out, block_version);
-  for (const bool flag : {block.gyro_pulses, block.accel_pulses, block.simulated, block.trusted})
+  for (const bool flag : {file.gyro_increment == IncrementKind::pulses, file.accel_increment == IncrementKind::pulses,
+                          file.simulated, is_trusted(file)})
     append_bytes(out, static_cast<std::uint8_t>(flag ? 1 : 0));
-  for (const double value : {block.sample_period_s, block.accel_pulse_mps, block.latitude_deg, block.gravity_mps2,
-                             block.reference_temperature_c})
+  for (const double value : {file.sample_period_s, file.accel_pulse_mps, file.latitude_deg, file.gravity_mps2,
+                             file.reference_temperature_c.value_or(not_a_number)})
     append_bytes(out, value);
-  for (const double value : block.value) append_bytes(out, value);
-  for (const double value : block.sigma) append_bytes(out, value);
-  append_text(out, block.unit_serial);
-  append_bytes(out, static_cast<std::uint32_t>(block.effects.size()));
-  for (const auto& [name, value] : block.effects) {
-    append_text(out, name);
-    append_bytes(out, value);
+  for (const double value : file.parameters) append_bytes(out, value);
+  for (const std::optional<double>& value : file.sigma) append_bytes(out, value.value_or(not_a_number));
+  append_text(out, file.unit_serial);
+  append_bytes(out, static_cast<std::uint32_t>(file.effects.size()));
+  for (const EffectValue& effect : file.effects) {
+    append_text(out, effect.name + "." + effect.component);
+    append_bytes(out, effect.value);
   }
   append_bytes(out, crc32c(std::span<const std::byte>(out)));
-  return out;
-}
-
-Result<ParameterBlock> parse_parameter_block(std::span<const std::byte> bytes, const std::string& file_name) {
-  constexpr std::size_t least = 4 + 4 + 4;
-  if (bytes.size() < least || std::memcmp(bytes.data(), block_magic.data(), block_magic.size()) != 0)
-    return input_error(file_name + ": expected a parameter block, which begins with TCPB");
-  const std::span<const std::byte> checked = bytes.first(bytes.size() - 4);
-  if (crc32c(checked) != load_bytes<std::uint32_t>(bytes.data() + checked.size()))
-    return input_error(file_name + ": wrong checksum: the parameter block is damaged or cut off");
-  ByteReader reader(checked.subspan(block_magic.size()));
-  const auto version = reader.get<std::uint32_t>();
-  if (version != block_version)
-    return input_error(
-        fmt::format("{}: parameter block of version {}, expected {}", file_name, version, block_version));
-  ParameterBlock block;
-  for (bool* flag : {&block.gyro_pulses, &block.accel_pulses, &block.simulated, &block.trusted})
-    *flag = reader.get<std::uint8_t>() != 0;
-  for (double* value : {&block.sample_period_s, &block.accel_pulse_mps, &block.latitude_deg, &block.gravity_mps2,
-                        &block.reference_temperature_c})
-    *value = reader.get<double>();
-  for (double& value : block.value) value = reader.get<double>();
-  for (double& value : block.sigma) value = reader.get<double>();
-  block.unit_serial = reader.get_text();
-  for (auto left = reader.get<std::uint32_t>(); left > 0 && reader.good(); --left) {
-    std::string name = reader.get_text();
-    block.effects.emplace_back(std::move(name), reader.get<double>());
-  }
-  if (!reader.at_end()) return input_error(file_name + ": a parameter block whose parts do not fit its length");
-  return block;
+  return {reinterpret_cast<const char*>(out.data()), out.size()};
 }
 
 std::string format_parameter_header(const ParameterFile& file) {

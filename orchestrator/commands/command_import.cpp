@@ -343,10 +343,7 @@ Status convert(const ConvertOptions& options, CommandContext& context) {
   std::vector<NamedText> forms;
   if (!options.header.empty()) forms.push_back({options.header, format_parameter_header(file)});
   if (!options.yaml.empty()) forms.push_back({options.yaml, format_parameter_yaml(file)});
-  if (!options.binary.empty()) {
-    const std::vector<std::byte> block = format_parameter_block(block_of(file));
-    forms.push_back({options.binary, std::string(reinterpret_cast<const char*>(block.data()), block.size())});
-  }
+  if (!options.binary.empty()) forms.push_back({options.binary, format_parameter_block(file)});
   for (const NamedText& form : forms) {
     const std::size_t same = form.path == options.binary ? of_block : alike;
     TRY(check_replaceable(form.path, std::string_view(form.content).substr(0, same)));

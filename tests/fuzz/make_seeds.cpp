@@ -10,7 +10,6 @@
 #include "imu_io/frames/frame_encoder.h"
 #include "imu_io/recordings/binary_layout.h"
 #include "imu_io/recordings/parameter_file.h"
-#include "imu_io/recordings/parameter_forms.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "input.h"
 
@@ -130,8 +129,5 @@ int main(int count, char** arguments) {
   const auto bytes = format_statistics(statistics);
   fuzz::require(bytes.ok());
   write(folder + "/fuzz_statistics/whole", "\1" + text_of(*bytes));
-  const std::vector<std::byte> block = format_parameter_block(block_of(file));
-  write(folder + "/fuzz_parameter_block/whole",
-        std::string{'\1'} + std::string(reinterpret_cast<const char*>(block.data()), block.size()));
   return 0;
 }

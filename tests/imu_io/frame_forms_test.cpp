@@ -22,19 +22,8 @@ Bytes text_bytes(const char* text) {
 // What comes out of a whole stream fed in pieces of this size.
 std::vector<ImuSample> decoded(const FrameDescription& frame, const Bytes& stream, std::size_t piece) {
   Line line(frame);
-  for (std::size_t at = 0; at < stream.size(); at += piece)
-    line.feed(std::span(stream).subspan(at, std::min(piece, stream.size() - at)), {0.0, 1e6});
+  line.feed_pieces(stream, piece);
   return line.samples;
-}
-
-Bytes on_the_line(const FrameDescription& frame, const std::vector<ImuSample>& samples) {
-  FrameEncoder encoder(frame);
-  Bytes stream;
-  for (const ImuSample& sample : samples) {
-    const Status status = encoder.append(sample, stream);
-    EXPECT_TRUE(status.ok()) << status.error().message;
-  }
-  return stream;
 }
 
 TEST(FrameForms, SignAndMagnitude) {
@@ -71,7 +60,7 @@ TEST(FrameForms, CountersUpAndDown) {
       put(6 + 2 * i, up[i], 2);
       put(12 + 2 * i, down[i], 2);
     }
-    put(34, frame_check_value(frame.check, Crc(frame.check.crc), bytes), 2);
+    seal(frame, bytes);
     return bytes;
   };
   Line line(frame);

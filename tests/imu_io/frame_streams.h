@@ -50,6 +50,12 @@ inline FrameDescription frame_with(const std::string& name, const std::vector<st
   return frame.value();
 }
 
+// Puts the right check after what was changed on purpose.
+inline void seal(const FrameDescription& frame, std::span<std::byte> bytes) {
+  const std::uint32_t value = frame_check_value(frame.check, Crc(frame.check.crc), bytes);
+  FieldCodec(frame.check.field).put_bits_at(bytes.data() + check_offset(frame.check, bytes.size()), value);
+}
+
 // Pulses over the whole width, of every sign; temperatures on the grid of 0.01.
 inline std::vector<ImuSample> pulse_samples(std::size_t count, unsigned seed = 1, std::int64_t first = 0) {
   std::mt19937_64 random(seed);
@@ -79,6 +85,17 @@ inline Bytes encode_all(const FrameDescription& frame, const std::vector<ImuSamp
   return stream;
 }
 
+// With what goes over the line beside the frames' own bytes.
+inline Bytes on_the_line(const FrameDescription& frame, const std::vector<ImuSample>& samples) {
+  FrameEncoder encoder(frame);
+  Bytes stream;
+  for (const ImuSample& sample : samples) {
+    const Status status = encoder.append(sample, stream);
+    EXPECT_TRUE(status.ok()) << status.error().message;
+  }
+  return stream;
+}
+
 // Feeds a decoder as a line would: frame n of a unit ends at (n + 1) periods; `lateness_s` comes on top.
 class Line {
  public:
@@ -95,6 +112,11 @@ class Line {
       bytes = bytes.subspan(n);
       drain();
     }
+  }
+  // A whole stream in pieces, of which nobody knows when they came.
+  void feed_pieces(std::span<const std::byte> stream, std::size_t piece) {
+    for (; !stream.empty(); stream = stream.subspan(std::min(piece, stream.size())))
+      feed(stream.first(std::min(piece, stream.size())), {0.0, 1e6});
   }
   // One frame after another, each a period later.
   void feed_frames(const FrameDescription& frame, const std::vector<ImuSample>& sent) {

@@ -23,41 +23,30 @@ ParameterFile make_file() {
   return file;
 }
 
-TEST(ParameterForms, BlockThereAndBack) {
-  const ParameterBlock block = block_of(make_file());
-  const std::vector<std::byte> bytes = format_parameter_block(block);
-  const Result<ParameterBlock> back = parse_parameter_block(bytes, "b");
-  ASSERT_TRUE(back.ok()) << back.error().message;
-  EXPECT_EQ(format_parameter_block(*back), bytes);
-  EXPECT_EQ(back->value, block.value);
-  EXPECT_FALSE(back->trusted);
-  EXPECT_EQ(back->unit_serial, block.unit_serial);
-  EXPECT_EQ(back->effects, block.effects);
-  EXPECT_EQ(back->sigma[0], 1e-7);
-  EXPECT_TRUE(std::isnan(back->sigma[18]));  // a21 is fixed
-  EXPECT_TRUE(std::isnan(back->reference_temperature_c));
-  // The place of the first parameter, as the document has it.
-  EXPECT_EQ(load_bytes<double>(bytes.data() + 52), block.value[0]);
-  EXPECT_EQ(load_bytes<double>(bytes.data() + 52 + 23 * 8), block.value[23]);
-}
-
-TEST(ParameterForms, DamageIsSeen) {
-  const std::vector<std::byte> good = format_parameter_block(block_of(make_file()));
-  for (std::size_t k = 0; k < good.size(); ++k) {
-    std::vector<std::byte> bad = good;
-    bad[k] ^= std::byte{0x10};
-    EXPECT_FALSE(parse_parameter_block(bad, "b").ok()) << "byte " << k;
-    EXPECT_FALSE(parse_parameter_block(std::span(good).first(k), "b").ok()) << "cut at " << k;
+// Read as docs/parameter-forms.md has it.
+TEST(ParameterForms, TheBlockIsAsDocumented) {
+  const ParameterFile file = make_file();
+  const std::string block = format_parameter_block(file);
+  ASSERT_TRUE(block.starts_with(std::string_view("TCPB\1\0\0\0\1\1\0\0", 12)))
+      << "pulses, neither simulated nor trusted";
+  const auto bytes = std::as_bytes(std::span(block));
+  ByteReader reader(bytes.subspan(12));
+  for (const double expected : {file.sample_period_s, file.accel_pulse_mps, file.latitude_deg, file.gravity_mps2})
+    EXPECT_EQ(reader.get<double>(), expected);
+  EXPECT_TRUE(std::isnan(reader.get<double>()));  // no reference temperature
+  for (const double expected : file.parameters) EXPECT_EQ(reader.get<double>(), expected);
+  for (const std::optional<double>& expected : file.sigma) {
+    const double sigma = reader.get<double>();
+    EXPECT_TRUE(expected ? sigma == *expected : std::isnan(sigma));
   }
-  // A length that runs past the end, under a right checksum.
-  std::vector<std::byte> forged = good;
-  const std::uint32_t huge = 0xffffffff;
-  std::memcpy(forged.data() + 52 + 48 * 8, &huge, sizeof huge);
-  const std::uint32_t crc = crc32c(std::span<const std::byte>(forged).first(forged.size() - 4));
-  std::memcpy(forged.data() + forged.size() - 4, &crc, sizeof crc);
-  const Result<ParameterBlock> refused = parse_parameter_block(forged, "b");
-  ASSERT_FALSE(refused.ok());
-  EXPECT_EQ(refused.error().message, "b: a parameter block whose parts do not fit its length");
+  EXPECT_EQ(reader.get_text(), file.unit_serial);
+  ASSERT_EQ(reader.get<std::uint32_t>(), file.effects.size());
+  for (const EffectValue& effect : file.effects) {
+    EXPECT_EQ(reader.get_text(), effect.name + "." + effect.component);
+    EXPECT_EQ(reader.get<double>(), effect.value);
+  }
+  EXPECT_EQ(reader.get<std::uint32_t>(), crc32c(bytes.first(bytes.size() - 4)));
+  EXPECT_TRUE(reader.at_end());
 }
 
 TEST(ParameterForms, ACProgramReadsTheHeader) {

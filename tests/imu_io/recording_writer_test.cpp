@@ -2,7 +2,6 @@
 #include "imu_io/recordings/recording_writer.h"
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -117,17 +116,13 @@ TEST_F(WriterTest, OneWriterAFile) {
 
 TEST_F(WriterTest, FullDiskIsReportedAndWhatWasWrittenCanBeRead) {
   const auto samples = make_samples(info, 20000, 0);
-  auto previous_handler = std::signal(SIGXFSZ, SIG_IGN);
-  rlimit previous{};
-  getrlimit(RLIMIT_FSIZE, &previous);
-  rlimit limit = previous;
-  limit.rlim_cur = 200000;
   auto writer = RecordingWriter::create(path, info);
-  setrlimit(RLIMIT_FSIZE, &limit);
-  const Status status = writer->add(samples);
-  const Status again = writer->sync();
-  setrlimit(RLIMIT_FSIZE, &previous);
-  std::signal(SIGXFSZ, previous_handler);
+  Status status, again;
+  {
+    const FileSizeLimit limit(200000);
+    status = writer->add(samples);
+    again = writer->sync();
+  }
   ASSERT_FALSE(status.ok());
   EXPECT_EQ(status.error().kind, ErrorKind::device);
   EXPECT_EQ(status.error().message, path + ": cannot write: File too large");

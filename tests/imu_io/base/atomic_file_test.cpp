@@ -1,40 +1,18 @@
 #include "imu_io/base/atomic_file.h"
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-#include <csignal>
 
 #include "tests/imu_io/temporary_folder.h"
 
 namespace turncal {
 namespace {
 
+using test::FileSizeLimit;
 using test::read_file;
 using test::TemporaryFolder;
 using test::write_file;
-
-// A disk that is full, as far as a test can have one: no file may grow beyond `bytes`.
-class FileSizeLimit {
- public:
-  explicit FileSizeLimit(rlim_t bytes) {
-    previous_handler_ = std::signal(SIGXFSZ, SIG_IGN);
-    getrlimit(RLIMIT_FSIZE, &previous_);
-    rlimit limit = previous_;
-    limit.rlim_cur = bytes;
-    setrlimit(RLIMIT_FSIZE, &limit);
-  }
-  ~FileSizeLimit() {
-    setrlimit(RLIMIT_FSIZE, &previous_);
-    std::signal(SIGXFSZ, previous_handler_);
-  }
-
- private:
-  rlimit previous_{};
-  void (*previous_handler_)(int) = nullptr;
-};
 
 TEST(AtomicFile, ReplacesTheOldContentAndLeavesNothingElse) {
   TemporaryFolder folder;
