@@ -23,6 +23,7 @@
 
 #include "calib/model/parameters.h"
 #include "calib/statistics/compression.h"
+#include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "sequences/plan.h"
 #include "sequences/sequence.h"
@@ -155,6 +156,20 @@ inline RigRecording record_on_rig(const Sequence& sequence, RigConfig config, co
     record(segment, item.samples, segment.kind);
   }
   return {compressor.take(), rig_truth(rig), rig.truth_effects()};
+}
+
+// A recording in a folder, compressed; `segments`: other ones than its own.
+inline CompressedRecording compress_folder(const std::string& folder, const std::optional<Segments>& segments = {}) {
+  const auto source = must(RecordingSource::open(folder));
+  const Segments used = segments.value_or(source->segments());
+  Compressor compressor(source->info());
+  SegmentedFeed feed(compressor, used);
+  must(source->read([&](std::span<const ImuSample> samples) {
+    feed.add(samples);
+    return Status{};
+  }));
+  feed.finish();
+  return compressor.take();
 }
 
 }  // namespace turncal

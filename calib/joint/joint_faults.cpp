@@ -117,20 +117,14 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
     bool rotating = recording.rotates(recording.blocks[fault.block]);
     Break cut;
     cut.block = fault.block;
+    const bool glitch = event.kind == DataEvent::Kind::gyro_glitch || event.kind == DataEvent::Kind::accel_glitch;
     if (event.kind == DataEvent::Kind::duplicate) {
       fault.what = "sample counted twice by the unit";
       fault.action = "the second copy dropped";
-      faults.push_back(fault);
-      continue;
-    }
-    if (event.kind == DataEvent::Kind::temperature) {
+    } else if (event.kind == DataEvent::Kind::temperature) {
       fault.what = fmt::format("{} temperature(s) that cannot be, the first {:.6g} C", event.count, event.size);
       fault.action = "not used";
-      faults.push_back(fault);
-      continue;
-    }
-    const bool glitch = event.kind == DataEvent::Kind::gyro_glitch || event.kind == DataEvent::Kind::accel_glitch;
-    if (event.kind == DataEvent::Kind::gap || event.left_out) {
+    } else if (event.kind == DataEvent::Kind::gap || event.left_out) {
       fault.what = glitch ? fmt::format("{} gave {:.6g}, which cannot be", glitch_text(event), event.size)
                           : fmt::format("gap of {} sample(s) in the unit's counter", event.count);
       const int segment = segment_of_gap(recording, fault.first_sample, fault.last_sample);
@@ -151,8 +145,8 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       // Twice what the sample stands out by: half of it may lie in its neighbours.
       cut.attitude_sigma_rad = gyro ? 2.0 * std::abs(event.size) * nominal_gyro_rad(recording.info) : 0.0;
     }
-    if (event.filled) {
-      fault.action = filled_in;
+    if (event.filled && fault.action.empty()) fault.action = filled_in;
+    if (!fault.action.empty()) {  // nothing is cut
       faults.push_back(fault);
       continue;
     }
@@ -184,8 +178,8 @@ bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Inn
       after_rotation.push_back(i.normalised.squaredNorm());
   double usual = 0.0;
   if (after_rotation.size() >= 10) {
-    const auto rank = after_rotation.begin() + static_cast<std::ptrdiff_t>(fault_limits.usual_share *
-                                                                           static_cast<double>(after_rotation.size()));
+    const double share = fault_limits.usual_share * static_cast<double>(after_rotation.size());
+    const auto rank = after_rotation.begin() + static_cast<std::ptrdiff_t>(share);
     std::nth_element(after_rotation.begin(), rank, after_rotation.end());
     usual = *rank;
   }

@@ -290,19 +290,6 @@ class Filter {
 };
 
 template <int NS>
-FilterResult run(LinearMotion& motion, const FilterSetup& setup, int columns) {
-  const std::vector<double> one = {1.0};
-  Filter<NS> filter(setup, one, columns);
-  LinearInterval interval;
-  while (motion.next(interval))
-    filter.step(interval, setup.keep_steps && interval.still ? &motion.steps.back() : nullptr);
-  FilterResult result = filter.take();
-  result.steps = std::move(motion.steps);
-  result.taken_off = std::move(motion.taken_off);
-  return result;
-}
-
-template <int NS>
 FilterResult run(const std::vector<LinearInterval>& intervals, const FilterSetup& setup,
                  const std::vector<double>& weights) {
   const Eigen::Index columns = setup.with_columns && !intervals.empty() ? intervals.front().B_psi.rows() : 0;
@@ -315,21 +302,13 @@ FilterResult run(const std::vector<LinearInterval>& intervals, const FilterSetup
 
 FilterResult run_filter(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
                         const FilterSetup& setup) {
-  LinearMotion::Options options;
-  options.columns = setup.with_columns;
-  options.sources = {walk_noise(setup.noise)};
-  LinearMotion motion(recording, parameters, effects, setup, options);
-  const int columns = setup.with_columns ? parameter_count + effects.columns : 0;
-  return setup.noise.has_bias_instability() ? run<12>(motion, setup, columns) : run<6>(motion, setup, columns);
+  return std::move(run_filter(recording, parameters, effects, setup, std::vector{setup.noise}).front());
 }
 
 std::vector<FilterResult> run_filter(const CompressedRecording& recording, const Parameters& parameters,
                                      const EffectModel& effects, const FilterSetup& setup,
                                      const std::vector<NoiseModel>& noises) {
-  LinearMotion::Options options;
-  options.columns = setup.with_columns;
-  options.sources = {walk_noise(noises.front())};
-  LinearMotion motion(recording, parameters, effects, setup, options);
+  LinearMotion motion(recording, parameters, effects, setup, {setup.with_columns, {walk_noise(noises.front())}});
   const int columns = setup.with_columns ? parameter_count + effects.columns : 0;
   const std::vector<double> one = {1.0};
   std::vector<FilterSetup> setups(noises.size(), setup);
@@ -342,10 +321,14 @@ std::vector<FilterResult> run_filter(const CompressedRecording& recording, const
     else
       filters.emplace_back(std::in_place_type<Filter<6>>, setups[k], one, columns);
   }
-  for (LinearInterval interval; motion.next(interval);)
-    for (auto& filter : filters) std::visit([&](auto& f) { f.step(interval); }, filter);
+  for (LinearInterval interval; motion.next(interval);) {
+    FilterStep* const kept = setup.keep_steps && interval.still ? &motion.steps.back() : nullptr;
+    for (auto& filter : filters) std::visit([&](auto& f) { f.step(interval, kept); }, filter);
+  }
   std::vector<FilterResult> results;
   for (auto& filter : filters) results.push_back(std::visit([](auto& f) { return f.take(); }, filter));
+  results.front().steps = std::move(motion.steps);
+  results.front().taken_off = std::move(motion.taken_off);
   return results;
 }
 

@@ -107,7 +107,7 @@ struct FilterResult {
 FilterResult run_filter(const CompressedRecording& recording, const Parameters& parameters, const EffectModel& effects,
                         const FilterSetup& setup);
 
-// The same for several noise models at once, whose random walks are alike: they differ in bias instability.
+// The same for several noise models at once, whose random walks are alike: they differ in bias instability. Steps are those of the first.
 std::vector<FilterResult> run_filter(const CompressedRecording& recording, const Parameters& parameters,
                                      const EffectModel& effects, const FilterSetup& setup,
                                      const std::vector<NoiseModel>& noises);

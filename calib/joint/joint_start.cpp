@@ -4,6 +4,7 @@
 #include <cmath>
 #include <vector>
 
+#include <fmt/format.h>
 #include <Eigen/LU>
 
 #include "calib/model/attitude.h"
@@ -64,9 +65,8 @@ std::string describe(const Matrix3d& mounting) {
   Eigen::Index main = 0;
   const bool plain = axis.cwiseAbs().maxCoeff(&main) > 0.99;
   if (plain && axis[main] < 0.0) angle = -angle;
-  const std::string by = "turned by " + std::to_string(std::lround(angle)) + " deg about ";
-  if (plain) return by + names[main];
-  return by + "an axis between the table's";
+  return fmt::format("turned by {} deg about {}", std::lround(angle),
+                     plain ? names[main] : "an axis between the table's");
 }
 
 void find_mounting(const std::vector<SegmentMean>& rests, JointStart& start) {

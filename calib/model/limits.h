@@ -165,7 +165,7 @@ struct FleetLimits {
 };
 inline constexpr FleetLimits fleet_limits;
 
-// Where a recording contradicts itself (joint_faults.h).
+// Where a recording contradicts itself (joint_faults.cpp).
 struct FaultLimits {
   // chi2 of the three velocities of a second, beyond which it is no noise: one in 10^9, one recording of two hours in 2e5.
   double chi_square = 44.8;

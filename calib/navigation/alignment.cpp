@@ -83,8 +83,8 @@ Result<Alignment> align(std::span<const MotionInterval> window, const DriftCovar
   double rest_s = 0.0;
   for (const MotionInterval& interval : window) rest_s += interval.at_rest ? interval.duration_s : 0.0;
   if (rest_s < align_min_rest_s - 1e-6)
-    return input_error("alignment: " + std::to_string(std::lround(rest_s)) + " s at rest, expected at least " +
-                       std::to_string(static_cast<int>(align_min_rest_s)) + " s");
+    return input_error(
+        fmt::format("alignment: {} s at rest, expected at least {:.0f} s", std::lround(rest_s), align_min_rest_s));
   NavigationState start;
   start.q_nb = coarse_alignment(window, site);
   start.latitude_rad = site.latitude_rad;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fmt/format.h>
+
 #include "calib/model/attitude.h"
 #include "calib/model/parameters.h"
 #include "calib/navigation/mechanisation.h"
@@ -13,10 +15,6 @@ namespace {
 
 constexpr double track_step_s = 1.0;
 constexpr double rest_interval_s = 0.1;
-
-DriftCovariance drift_of(const FreeNavigationSetup& setup) {
-  return DriftCovariance(setup.site, setup.noise, setup.counts);
-}
 
 Eigen::Vector3d attitude_sigma(const DriftMatrix& covariance) {
   return covariance.diagonal().head<3>().cwiseMax(0.0).cwiseSqrt();
@@ -43,9 +41,9 @@ Result<FreeNavigation> navigate_freely(std::span<const MotionInterval> stretch, 
   const double interval_s = stretch.front().duration_s;
   const auto align_intervals = static_cast<std::size_t>(std::lround(setup.align_s / interval_s));
   if (stretch.size() <= align_intervals)
-    return input_error(
-        "alignment: the stretch has " + std::to_string(std::lround(static_cast<double>(stretch.size()) * interval_s)) +
-        " s, expected more than the " + std::to_string(std::lround(setup.align_s)) + " s of the alignment");
+    return input_error(fmt::format("alignment: the stretch has {} s, expected more than the {} s of the alignment",
+                                   std::lround(static_cast<double>(stretch.size()) * interval_s),
+                                   std::lround(setup.align_s)));
   // Where it should be, so many intervals after the alignment.
   const auto truth_at = [&](std::size_t intervals) {
     if (setup.reference == nullptr) return ReferencePoint{.latitude_rad = setup.site.latitude_rad};
@@ -112,7 +110,7 @@ ExpectedDrift expected_drift(const FreeNavigationSetup& setup, double heading_ra
   const Eigen::Matrix3d C_nb = attitude_from_angles(heading_rad, 0.0, 0.0);
   const MotionInterval interval = resting(C_nb, setup.site, rest_interval_s);
   const auto intervals_of = [](double seconds) { return std::lround(seconds / rest_interval_s); };
-  DriftCovariance drift = drift_of(setup);
+  DriftCovariance drift(setup.site, setup.noise, setup.counts);
   begin_alignment(drift);
   const long a_second = intervals_of(1.0);
   for (long k = 1; k <= intervals_of(setup.align_s); ++k) {

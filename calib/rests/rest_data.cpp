@@ -71,13 +71,12 @@ std::string fault_in(const CompressedRecording& recording, std::size_t first, st
   };
   for (const DataEvent& event : recording.events)
     if (event.kind == DataEvent::Kind::invalid && event.axis >= 0 && in_leg(event))
-      return clipped_text(recording.info, event.axis, event.size) + " for " + samples_text(event.count) +
-             " from sample " + std::to_string(event.sample);
+      return fmt::format("{} for {} from sample {}", clipped_text(recording.info, event.axis, event.size),
+                         samples_text(event.count), event.sample);
   for (const DataEvent& event : recording.events)
     if (!event.filled && event.kind != DataEvent::Kind::duplicate && event.kind != DataEvent::Kind::temperature &&
         event.sample >= from && event.sample < to)
-      return std::string(to_string(event.kind)) + " of " + samples_text(event.count) + " at sample " +
-             std::to_string(event.sample);
+      return fmt::format("{} of {} at sample {}", to_string(event.kind), samples_text(event.count), event.sample);
   return {};
 }
 

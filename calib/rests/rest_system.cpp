@@ -312,12 +312,9 @@ Eigen::Matrix<double, 2, 3> axes_across(const Vector3d& v) {
 }
 
 const char* to_string(RestKind kind) {
-  switch (kind) {
-    case RestKind::norm: return "gravity norm at rest";
-    case RestKind::direction: return "gravity direction after a rotation";
-    case RestKind::gyro: return "gyros at rest";
-  }
-  return "?";
+  static constexpr const char* names[] = {"gravity norm at rest", "gravity direction after a rotation",
+                                          "gyros at rest"};
+  return names[index(kind)];
 }
 
 RestSystem make_rest_system(const RestData& data, const Parameters& parameters, const EffectModel& effects,

@@ -42,12 +42,10 @@ Eigen::VectorXd non_negative_fit(const Eigen::MatrixXd& A, const Eigen::VectorXd
 }
 
 AllanFit fit(const std::vector<AllanPoint>& points) {
-  AllanFit result;
-  if (points.size() < 4) return result;
-  const Eigen::Index rows = points.size();
-  Eigen::MatrixXd A(rows, 4);
-  Eigen::VectorXd b = Eigen::VectorXd::Ones(rows);
-  for (Eigen::Index i = 0; i < rows; ++i) {
+  if (points.size() < 4) return {};
+  Eigen::MatrixXd A(points.size(), 4);
+  Eigen::VectorXd b(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
     const AllanPoint& p = points[i];
     const double variance = p.deviation * p.deviation;
     // relative residuals, weighted with the square root of the clusters
@@ -58,18 +56,17 @@ AllanFit fit(const std::vector<AllanPoint>& points) {
   }
   const Eigen::VectorXd scale = A.colwise().norm().cwiseMax(1e-300).cwiseInverse().transpose();
   const Eigen::VectorXd x = scale.cwiseProduct(non_negative_fit(A * scale.asDiagonal(), b));
-  result.quantisation = std::sqrt(x[0]);
-  result.random_walk = std::sqrt(x[1]);
-  result.bias_instability = std::sqrt(x[2]);
-  result.rate_random_walk = std::sqrt(x[3]);
-  result.longest_tau_s = points.back().tau_s;
-  return result;
+  return {std::sqrt(x[0]), std::sqrt(x[1]), std::sqrt(x[2]), std::sqrt(x[3]), points.back().tau_s};
 }
 
 }  // namespace
 
 AllanResult allan_deviation(const CompressedRecording& recording, const Parameters& parameters, double min_dwell_s) {
   const SensorModel model = sensor_model(parameters, recording.info);
+  const auto grid = [&](std::size_t axis) {
+    const IncrementKind kind = axis < 3 ? recording.info.gyro_increment : recording.info.accel_increment;
+    return kind == IncrementKind::pulses ? 1.0 : grid_physical;
+  };
   std::array<std::vector<Series>, 6> dwells;
   double tau0 = 1.0;
   AllanResult result;
@@ -95,19 +92,15 @@ AllanResult allan_deviation(const CompressedRecording& recording, const Paramete
     }
     segment = block.segment;
     for (std::size_t axis = 0; axis < 6; ++axis) {
-      const double counts = axis < 3 ? block.gyro[static_cast<int>(axis)] : block.accel[static_cast<int>(axis) - 3];
-      const bool pulses =
-          (axis < 3 ? recording.info.gyro_increment : recording.info.accel_increment) == IncrementKind::pulses;
-      open[axis].push_back(open[axis].back() + std::llround(pulses ? counts : counts / grid_physical));
+      const double increments = axis < 3 ? block.gyro[axis] : block.accel[axis - 3];
+      open[axis].push_back(open[axis].back() + std::llround(increments / grid(axis)));
     }
   }
   close();
 
   for (std::size_t axis = 0; axis < 6; ++axis) {
-    const int k = static_cast<int>(axis % 3);
-    const bool pulses =
-        (axis < 3 ? recording.info.gyro_increment : recording.info.accel_increment) == IncrementKind::pulses;
-    const double si = (axis < 3 ? model.gyro_scale(k, k) : model.accel_scale(k, k)) * (pulses ? 1.0 : grid_physical);
+    const std::size_t k = axis % 3;
+    const double si = (axis < 3 ? model.gyro_scale(k, k) : model.accel_scale(k, k)) * grid(axis);
     std::size_t longest = 0;
     for (const Series& series : dwells[axis]) longest = std::max(longest, (series.size() - 1) / 3);
     for (const double m_real : tau_list(longest)) {

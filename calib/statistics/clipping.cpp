@@ -41,9 +41,10 @@ void ClippingFinder::add(const ImuSample& sample) {
     if (magnitude > side.extreme * (1.0 + same)) {
       side.extreme = magnitude;
       side.runs.clear();
-      side.current = {static_cast<int>(axis), sample.counter, 1, x};
+      side.current = {DataEvent::Kind::invalid, sample.counter, 1, static_cast<int>(axis), x};
     } else if (magnitude >= side.extreme * (1.0 - same) && magnitude > 0.0) {
-      if (side.current.count == 0) side.current = {static_cast<int>(axis), sample.counter, 0, x};
+      if (side.current.count == 0)
+        side.current = {DataEvent::Kind::invalid, sample.counter, 0, static_cast<int>(axis), x};
       ++side.current.count;
     } else {
       close(side);
@@ -51,7 +52,7 @@ void ClippingFinder::add(const ImuSample& sample) {
     if ((sample.flags & gyro_clipped_flag(static_cast<int>(axis))) != 0) {
       const bool goes_on = !flagged_.empty() && flagged_.back().axis == static_cast<int>(axis) &&
                            flagged_.back().sample + flagged_.back().count == sample.counter;
-      if (!goes_on) flagged_.push_back({static_cast<int>(axis), sample.counter, 0, x});
+      if (!goes_on) flagged_.push_back({DataEvent::Kind::invalid, sample.counter, 0, static_cast<int>(axis), x});
       ++flagged_.back().count;
     }
     const double change = std::abs(x - last_[axis]);
@@ -61,26 +62,26 @@ void ClippingFinder::add(const ImuSample& sample) {
   any_ = true;
 }
 
-std::vector<ClippedRun> ClippingFinder::finish() {
-  std::vector<ClippedRun> result = flagged_;
+std::vector<DataEvent> ClippingFinder::finish() {
+  std::vector<DataEvent> result = flagged_;
   for (std::size_t axis = 0; axis < 3; ++axis)
     for (Side& side : sides_[axis]) {
       close(side);
       std::int64_t at = 0;
-      for (const ClippedRun& run : side.runs) at += run.count;
+      for (const DataEvent& run : side.runs) at += run.count;
       if (at < clipping_limits.fewest || !(side.extreme > clipping_limits.least_steps * step_[axis])) continue;
       const std::size_t top = bin_of(side.extreme);
       const double band = static_cast<double>(side.histogram[top]) + static_cast<double>(side.histogram[top - 1]);
       if (static_cast<double>(at) < clipping_limits.of_band * band) continue;
       result.insert(result.end(), side.runs.begin(), side.runs.end());
     }
-  std::sort(result.begin(), result.end(), [](const ClippedRun& a, const ClippedRun& b) { return a.sample < b.sample; });
+  std::sort(result.begin(), result.end(), [](const DataEvent& a, const DataEvent& b) { return a.sample < b.sample; });
   return result;
 }
 
 void ClippingFinder::note(std::vector<DataEvent>& events) {
-  for (const ClippedRun& run : finish())
-    events.push_back({DataEvent::Kind::invalid, run.sample, run.count, run.axis, run.value});
+  const std::vector<DataEvent> found = finish();
+  events.insert(events.end(), found.begin(), found.end());
 }
 
 namespace {

@@ -29,32 +29,25 @@ constexpr std::uint32_t gyro_clipped_flag(int axis) { return std::uint32_t{2} <<
 inline constexpr std::uint32_t sample_flag_set_aside = 16;
 inline constexpr int set_aside_axis = -2;
 
-struct ClippedRun {
-  int axis = 0;
-  std::int64_t sample = 0;  // counter of the first
-  std::int64_t count = 0;
-  double value = 0.0;  // in increments
-};
-
 class ClippingFinder {
  public:
   ClippingFinder();
   void add(const ImuSample& sample);
-  std::vector<ClippedRun> finish();  // in time order
-  // The same as events of a recording: invalid, with the axis, and the end of the range as size.
+  // Runs in time order: invalid, with the axis, and the end of the range as size.
+  std::vector<DataEvent> finish();
   void note(std::vector<DataEvent>& events);
 
  private:
   struct Side {  // one axis, one sense of rotation
     double extreme = 0.0;
-    std::vector<ClippedRun> runs;  // at the extreme so far
-    ClippedRun current;
+    std::vector<DataEvent> runs;  // at the extreme so far
+    DataEvent current{.count = 0};
     std::vector<std::uint32_t> histogram;  // over magnitude, bins of 1/128 of it
   };
   void close(Side& side);
 
   std::array<std::array<Side, 2>, 3> sides_;
-  std::vector<ClippedRun> flagged_;
+  std::vector<DataEvent> flagged_;
   std::array<double, 3> last_{};
   std::array<double, 3> step_{};  // smallest change that is not zero
   bool any_ = false;

@@ -53,6 +53,15 @@ bool at_one_rate(const Block& a, const Block& b) {
   return (b.gyro / b.duration_s - rate).norm() < alike * rate.norm();
 }
 
+void note_set_aside(std::int64_t counter, const Segment& segment, std::vector<DataEvent>& events) {
+  const auto last =
+      std::find_if(events.rbegin(), events.rend(), [](const DataEvent& e) { return e.axis == set_aside_axis; });
+  if (last != events.rend() && last->sample >= segment.start_sample)
+    last->count = counter + 1 - last->sample;
+  else
+    events.push_back({DataEvent::Kind::invalid, counter, 1, set_aside_axis, 0.0});
+}
+
 // A thermometer that is read more seldom than a block lasts: linear in time between the blocks that have a value, constant before the
 // first and after the last.
 void fill_temperature(std::vector<Block>& blocks) {
@@ -107,19 +116,6 @@ Block merge(const Block& a, const Block& b) {
   m.sculling += b.sculling + a.gyro * b.accel.transpose();
   return m;
 }
-
-namespace {
-
-void note_set_aside(std::int64_t counter, const Segment& segment, std::vector<DataEvent>& events) {
-  const auto last =
-      std::find_if(events.rbegin(), events.rend(), [](const DataEvent& e) { return e.axis == set_aside_axis; });
-  if (last != events.rend() && last->sample >= segment.start_sample)
-    last->count = counter + 1 - last->sample;
-  else
-    events.push_back({DataEvent::Kind::invalid, counter, 1, set_aside_axis, 0.0});
-}
-
-}  // namespace
 
 Compressor::Compressor(const RecordingInfo& info, const CompressionOptions& options)
     : options_(options), spikes_(info), filler_(info), glitches_(info, options.glitch) {

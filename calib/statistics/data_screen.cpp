@@ -70,15 +70,9 @@ std::optional<std::size_t> SpikeFinder::spike_in(const ImuSample& sample) {
 }
 
 const char* to_string(DataEvent::Kind kind) {
-  switch (kind) {
-    case DataEvent::Kind::gap: return "gap";
-    case DataEvent::Kind::duplicate: return "duplicate";
-    case DataEvent::Kind::invalid: return "invalid";
-    case DataEvent::Kind::gyro_glitch: return "gyro glitch";
-    case DataEvent::Kind::accel_glitch: return "accelerometer glitch";
-    case DataEvent::Kind::temperature: return "impossible temperature";
-  }
-  return "?";
+  static constexpr const char* names[] = {
+      "gap", "duplicate", "invalid", "gyro glitch", "accelerometer glitch", "impossible temperature"};
+  return names[static_cast<std::size_t>(kind)];
 }
 
 GlitchFinder::GlitchFinder(const RecordingInfo& info, const GlitchLimits& limits)

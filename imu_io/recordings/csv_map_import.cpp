@@ -298,7 +298,7 @@ void Importer::mark_clipping(std::vector<std::uint32_t>& flags) const {
     }
     finder.add(sample);
   }
-  for (const ClippedRun& run : finder.finish())
+  for (const DataEvent& run : finder.finish())
     for (std::int64_t k = run.sample; k < run.sample + run.count; ++k)
       flags[static_cast<std::size_t>(k)] |= gyro_clipped_flag(run.axis);
 }

@@ -130,14 +130,8 @@ std::vector<Case> cases() {
   const double rate = 10.0 * rad_per_deg;
   std::vector<Case> list;
   // A static second. What is left: the bias times the first moments, exact; rotation^3.
-  list.push_back({"rest",
-                  [](double) -> Vector3d {
-                    return {4e-5, 5e-5, 3e-5};
-                  },
-                  [](double) -> Vector3d {
-                    return {0.3, 9.7, -0.2};
-                  },
-                  200, 1e-12, 1e-12});
+  list.push_back({"rest", [](double) { return Vector3d(4e-5, 5e-5, 3e-5); },
+                  [](double) { return Vector3d(0.3, 9.7, -0.2); }, 200, 1e-12, 1e-12});
   // Even turns of 0.012 and 0.05 rad. Angle: exact. Velocity: of gravity, which does not turn with the unit, the sixth
   // order is left, and what the sample before the first one would have told.
   list.push_back({"even turn", [=](double) -> Vector3d { return rate * skew_axis; },
@@ -153,19 +147,10 @@ std::vector<Case> cases() {
   const double a = 2e-4, nu = 2.0 * pi * 5.0;
   list.push_back({"coning",
                   [=](double t) -> Vector3d { return a * nu * Vector3d(-std::sin(nu * t), std::cos(nu * t), 0.0); },
-                  [](double) -> Vector3d {
-                    return {0.0, 9.8, 0.0};
-                  },
-                  40, 1e-9, 3e-7});
+                  [](double) { return Vector3d(0.0, 9.8, 0.0); }, 40, 1e-9, 3e-7});
   // Sculling: rocking about x in step with a push along y makes a steady push along z.
-  list.push_back({"sculling",
-                  [=](double t) -> Vector3d {
-                    return {a * nu * std::cos(nu * t), 0.0, 0.0};
-                  },
-                  [=](double t) -> Vector3d {
-                    return {0.0, 9.8 + 2.0 * std::sin(nu * t), 0.0};
-                  },
-                  40, 1e-9, 1e-7});
+  list.push_back({"sculling", [=](double t) { return Vector3d(a * nu * std::cos(nu * t), 0.0, 0.0); },
+                  [=](double t) { return Vector3d(0.0, 9.8 + 2.0 * std::sin(nu * t), 0.0); }, 40, 1e-9, 1e-7});
   return list;
 }
 

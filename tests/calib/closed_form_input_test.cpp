@@ -113,11 +113,7 @@ TEST(ClosedFormInput, AShortDwellIsNamedWithItsLength) {
 
 RigConfig losing(std::int64_t sample, std::int64_t count) {
   RigConfig config = paper_unit();
-  RigFault fault;
-  fault.kind = RigFaultKind::lost_sample;
-  fault.sample = sample;
-  fault.count = count;
-  config.faults.push_back(fault);
+  config.faults.push_back({.kind = RigFaultKind::lost_sample, .sample = sample, .count = count});
   return config;
 }
 

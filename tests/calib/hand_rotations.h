@@ -91,11 +91,7 @@ inline HandData make_hand_data(const HandPlan& plan) {
     data.samples.push_back(sample);
   };
   const auto segment = [&](SegmentKind kind, std::int64_t from) {
-    Segment s;
-    s.kind = kind;
-    s.start_sample = from;
-    s.end_sample = static_cast<std::int64_t>(data.samples.size());
-    data.segments.push_back(s);
+    data.segments.push_back({.kind = kind, .start_sample = from, .end_sample = std::ssize(data.samples)});
   };
 
   for (int rest = 0; rest < plan.rests; ++rest) {

@@ -57,11 +57,8 @@ TEST(JointConditions, AGapCostsWhatItsTurnKnewAndNoMore) {
 
   for (const std::int64_t lost : {3, 20, 60, 300, 2000}) {
     RigConfig config = unit();
-    RigFault gap;
-    gap.kind = RigFaultKind::lost_sample;
-    gap.sample = (turn.start_sample + turn.end_sample - lost) / 2;
-    gap.count = lost;
-    config.faults.push_back(gap);
+    const std::int64_t sample = (turn.start_sample + turn.end_sample - lost) / 2;
+    config.faults.push_back({.kind = RigFaultKind::lost_sample, .sample = sample, .count = lost});
     const RigRecording made = record(config);
     const JointResult r = joint_estimate(made.recording);
     ASSERT_TRUE(r.converged) << lost << ": " << r.message;
@@ -102,13 +99,7 @@ TEST(JointConditions, AWrongHeadingCostsNothing) {
 // 20 deg in the first 5 s of the first alignment: the estimate begins where the unit rests.
 TEST(JointConditions, AUnitThatStillTurnsAtFirst) {
   RigConfig config = unit();
-  RigFault turning;
-  turning.kind = RigFaultKind::table_moved;
-  turning.time_s = 0.0;
-  turning.axis = 0;
-  turning.size = 20.0;
-  turning.rate_degps = 4.0;
-  config.faults.push_back(turning);
+  config.faults.push_back({.kind = RigFaultKind::table_moved, .axis = 0, .size = 20.0, .rate_degps = 4.0});
   const RigRecording made = record(config);
   const JointResult r = joint_estimate(made.recording);
   ASSERT_TRUE(r.converged) << r.message;

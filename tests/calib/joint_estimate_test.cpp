@@ -10,7 +10,6 @@
 #include <span>
 
 #include "imu_io/base/key_value.h"
-#include "imu_io/recordings/recording_source.h"
 #include "tests/nees.h"
 #include "tests/rig_recorder.h"
 
@@ -110,15 +109,7 @@ constexpr Bound bounds[] = {{"N01", 0.0021}, {"N02", 0.0030}, {"N03", 0.0021}, {
 TEST(JointEstimateShared, CleanRecordingOfAnotherSimulator) {
   const std::filesystem::path folder = std::filesystem::path(TURNCAL_SOURCE_DIR) / "../shared/data/recordings/clean";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no recordings beside the project (../shared)";
-  const auto source = must(RecordingSource::open(folder.string()));
-  Compressor compressor(source->info());
-  SegmentedFeed feed(compressor, source->segments());
-  must(source->read([&](std::span<const ImuSample> samples) {
-    feed.add(samples);
-    return Status{};
-  }));
-  feed.finish();
-  const CompressedRecording recording = compressor.take();
+  const CompressedRecording recording = compress_folder(folder.string());
   KeyValueFile truth = must(KeyValueFile::read((folder / "truth.conf").string()));
   const JointResult r = joint_estimate(recording);
   ASSERT_TRUE(r.converged) << r.message;

@@ -37,13 +37,7 @@ std::int64_t middle_of(SegmentKind kind, int n) {
 }
 
 RigFault fault(RigFaultKind kind, std::int64_t sample, double size = 0.0, int axis = 0, bool hidden = false) {
-  RigFault f;
-  f.kind = kind;
-  f.sample = sample;
-  f.size = size;
-  f.axis = axis;
-  f.hidden = hidden;
-  return f;
+  return {.kind = kind, .sample = sample, .axis = axis, .size = size, .hidden = hidden};
 }
 
 struct Bad {

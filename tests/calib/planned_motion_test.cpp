@@ -26,22 +26,17 @@ RecordingInfo site() {
 }
 
 PlannedMotionItem dwell(std::int64_t samples, SegmentKind kind = SegmentKind::still) {
-  PlannedMotionItem item;
-  item.samples = samples;
-  item.dwell_kind = kind;
-  return item;
+  return {.samples = samples, .dwell_kind = kind};
 }
 
 PlannedMotionItem turn(Axis axis, double from_deg, double to_deg, std::int64_t samples) {
-  PlannedMotionItem item;
-  item.kind = PlannedMotionItem::Kind::move;
-  item.samples = samples;
-  item.axis = axis;
-  item.from_deg = from_deg;
-  item.to_deg = to_deg;
-  item.rate_degps = 10.0;
-  item.acceleration_degps2 = 20.0;
-  return item;
+  return {.kind = PlannedMotionItem::Kind::move,
+          .samples = samples,
+          .axis = axis,
+          .from_deg = from_deg,
+          .to_deg = to_deg,
+          .rate_degps = 10.0,
+          .acceleration_degps2 = 20.0};
 }
 
 PlannedMotion plan_of(const Sequence& sequence, double settle_s = 0.5) {

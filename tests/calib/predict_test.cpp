@@ -12,7 +12,6 @@
 
 #include "calib/joint/score_algebra.h"
 #include "calib/statistics/distributions.h"
-#include "imu_io/recordings/recording_source.h"
 #include "orchestrator/devices/truth.h"
 #include "orchestrator/jobs/planned_unit.h"
 #include "tests/rig_recorder.h"
@@ -75,17 +74,9 @@ RigConfig rig_with_walks_only(std::uint64_t seed) {
 }
 
 CompressedRecording read_clean(int last_step) {
-  const auto source = must(RecordingSource::open(clean_folder));
-  Segments segments = source->segments();
+  Segments segments = must(RecordingSource::open(clean_folder))->segments();
   std::erase_if(segments, [&](const Segment& s) { return s.step > last_step; });
-  Compressor compressor(source->info());
-  SegmentedFeed feed(compressor, segments);
-  must(source->read([&](std::span<const ImuSample> samples) {
-    feed.add(samples);
-    return Status{};
-  }));
-  feed.finish();
-  return compressor.take();
+  return compress_folder(clean_folder, segments);
 }
 
 std::vector<std::string> undetermined_keys(const std::vector<bool>& determined) {

@@ -25,12 +25,19 @@ struct Prepared {
   CompressedRecording recording;
   RestData data;
 };
-std::unique_ptr<Prepared> prepare(const HandPlan& plan) {
+std::unique_ptr<Prepared> prepare(HandData hand) {
   auto p = std::make_unique<Prepared>();
-  p->hand = make_hand_data(plan);
+  p->hand = std::move(hand);
   p->recording = compress(p->hand.info, p->hand.segments, p->hand.samples, rest_compression_options());
   p->data = make_rest_data(p->recording);
   return p;
+}
+std::unique_ptr<Prepared> prepare(const HandPlan& plan) { return prepare(make_hand_data(plan)); }
+
+RestFit fitted(const Prepared& p) {
+  const Result<RestFit> fit = fit_rests(p.data, EffectModel{});
+  EXPECT_TRUE(fit.ok());
+  return fit.ok() ? *fit : RestFit{};
 }
 
 TEST(RestSystem, JacobianAgreesWithDifferences) {
@@ -81,11 +88,10 @@ TEST(RestModel, FindsTheTruthWithinItsSigmas) {
   ErrorsInSigmas errors;
   for (unsigned seed = 1; seed <= 10; ++seed) {
     const auto p = prepare({.seed = seed});
-    const Result<RestFit> fit = fit_rests(p->data, EffectModel{});
-    ASSERT_TRUE(fit.ok());
-    ASSERT_TRUE(fit->converged) << fit->message;
-    EXPECT_TRUE(fit->undetermined.empty());
-    errors.add(*fit, p->hand.truth);
+    const RestFit fit = fitted(*p);
+    ASSERT_TRUE(fit.converged) << fit.message;
+    EXPECT_TRUE(fit.undetermined.empty());
+    errors.add(fit, p->hand.truth);
   }
   // 210 squares with mean 1: sigma of the mean sqrt(2/210) = 0.1; the floors of ten small samples widen it to 0.15.
   EXPECT_NEAR(errors.mean_square(), 1.0, 0.45);
@@ -97,13 +103,12 @@ TEST(RestModel, TakesTheHorizontalEarthRateOff) {
   for (unsigned seed = 1; seed <= 10; ++seed) {
     const auto p =
         prepare({.gyro_noise_radps = 5e-5, .accel_noise_mps2 = 0.002, .seed = seed, .latitude_deg = 45.0 - 9.0 * seed});
-    const Result<RestFit> fit = fit_rests(p->data, EffectModel{});
-    ASSERT_TRUE(fit.ok());
-    ASSERT_TRUE(fit->converged) << fit->message;
+    const RestFit fit = fitted(*p);
+    ASSERT_TRUE(fit.converged) << fit.message;
     for (const RestKind kind : {RestKind::gyro, RestKind::direction})
-      EXPECT_LT(fit->white_ratio[static_cast<std::size_t>(kind)], 1.4) << seed;
-    EXPECT_EQ(wrong_vertical(p->data, fit->parameters), "");
-    errors.add(*fit, p->hand.truth);
+      EXPECT_LT(fit.white_ratio[static_cast<std::size_t>(kind)], 1.4) << seed;
+    EXPECT_EQ(wrong_vertical(p->data, fit.parameters), "");
+    errors.add(fit, p->hand.truth);
   }
   EXPECT_NEAR(errors.mean_square(), 1.0, 0.45);
 }
@@ -118,20 +123,14 @@ TEST(RestModel, SaysWhenTheVerticalEarthRateHasTheOtherSign) {
           for (double& f : s.accel) f = -f;
       else
         hand.info.latitude_deg = -latitude;
-      const CompressedRecording recording =
-          compress(hand.info, hand.segments, hand.samples, rest_compression_options());
-      const RestData data = make_rest_data(recording);
-      const Result<RestFit> fit = fit_rests(data, EffectModel{});
-      ASSERT_TRUE(fit.ok());
-      EXPECT_NE(wrong_vertical(data, fit->parameters).find("expected the other sign of the latitude"),
+      const auto p = prepare(hand);
+      EXPECT_NE(wrong_vertical(p->data, fitted(*p).parameters).find("expected the other sign of the latitude"),
                 std::string::npos);
     }
   }
   const auto noisy = prepare({.latitude_deg = 45.0});
   noisy->recording.info.latitude_deg = -45.0;
-  const Result<RestFit> fit = fit_rests(noisy->data, EffectModel{});
-  ASSERT_TRUE(fit.ok());
-  EXPECT_EQ(wrong_vertical(noisy->data, fit->parameters), "");
+  EXPECT_EQ(wrong_vertical(noisy->data, fitted(*noisy).parameters), "");
 }
 
 TEST(RestModel, StartsFarFromTheTruth) {
@@ -142,14 +141,11 @@ TEST(RestModel, StartsFarFromTheTruth) {
       s.gyro[k] *= 1.3;
       s.accel[k] /= 1.15;
     }
-  const CompressedRecording recording = compress(hand.info, hand.segments, hand.samples, rest_compression_options());
-  const RestData data = make_rest_data(recording);
-  const Result<RestFit> fit = fit_rests(data, EffectModel{});
-  ASSERT_TRUE(fit.ok());
-  ASSERT_TRUE(fit->converged) << fit->message;
-  EXPECT_NEAR(fit->parameters.n(0, 0) * 1.3, hand.truth.n(0, 0), 2e-3);
-  EXPECT_NEAR(fit->parameters.a(2, 2) / 1.15, hand.truth.a(2, 2), 1e-3);
-  EXPECT_LT(fit->errors.direction_rms_rad, 2e-3);
+  const RestFit fit = fitted(*prepare(hand));
+  ASSERT_TRUE(fit.converged) << fit.message;
+  EXPECT_NEAR(fit.parameters.n(0, 0) * 1.3, hand.truth.n(0, 0), 2e-3);
+  EXPECT_NEAR(fit.parameters.a(2, 2) / 1.15, hand.truth.a(2, 2), 1e-3);
+  EXPECT_LT(fit.errors.direction_rms_rad, 2e-3);
 }
 
 TEST(RestModel, LeftOutErrorIsThatOfARefitWithoutTheRows) {
@@ -201,14 +197,10 @@ TEST(RestModel, LegWithLostSamplesIsSetAside) {
   ASSERT_EQ(leg.kind, SegmentKind::rotate);
   const auto lost = hand.samples.begin() + (leg.start_sample + leg.end_sample) / 2;
   hand.samples.erase(lost, lost + 7);
-  const CompressedRecording recording = compress(hand.info, hand.segments, hand.samples, rest_compression_options());
-  const RestData data = make_rest_data(recording);
-  EXPECT_NE(data.legs[2].fault.find("gap of 7 samples"), std::string::npos) << data.legs[2].fault;
-  EXPECT_TRUE(data.legs[1].fault.empty());
-  const Result<RestFit> fit = fit_rests(data, EffectModel{});
-  ASSERT_TRUE(fit.ok());
-  const ParameterVector error = to_vector(fit->parameters) - to_vector(hand.truth);
-  for (const int k : free_parameters()) EXPECT_LT(std::abs(error[k]), 5.0 * fit->sigma[k]);
+  const auto p = prepare(hand);
+  EXPECT_NE(p->data.legs[2].fault.find("gap of 7 samples"), std::string::npos) << p->data.legs[2].fault;
+  EXPECT_TRUE(p->data.legs[1].fault.empty());
+  ErrorsInSigmas().add(fitted(*p), hand.truth);
 }
 
 }  // namespace

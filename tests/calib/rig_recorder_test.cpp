@@ -6,7 +6,6 @@
 
 #include <gtest/gtest.h>
 
-#include "imu_io/recordings/recording_source.h"
 #include "tests/calib/closed_form_fixture.h"
 
 namespace turncal {
@@ -31,14 +30,7 @@ TEST(RigRecorder, WritesTheRecordingThatItCompresses) {
   const auto source = must(RecordingSource::open(folder.string()));
   EXPECT_EQ(source->info().unit_serial, "RIG");
   EXPECT_TRUE(source->info().simulated);
-  Compressor compressor(source->info());
-  SegmentedFeed feed(compressor, source->segments());
-  must(source->read([&](std::span<const ImuSample> samples) {
-    feed.add(samples);
-    return Status();
-  }));
-  feed.finish();
-  const CompressedRecording read = compressor.take();
+  const CompressedRecording read = compress_folder(folder.string());
 
   PlanLimits limits;
   limits.settle_s = 0.5;

@@ -28,9 +28,9 @@ TEST(Clipping, RunsOfTheExtremeValueAreFound) {
     finder.add(sample);
   }
   ASSERT_GT(clipped, 100);
-  for (const ClippedRun& run : finder.finish()) {
+  for (const DataEvent& run : finder.finish()) {
     found += run.count;
-    EXPECT_NEAR(std::abs(run.value), limit, 1e-15);
+    EXPECT_NEAR(std::abs(run.size), limit, 1e-15);
   }
   EXPECT_GT(found, 0.9 * static_cast<double>(clipped));  // runs of one or two are not counted
   EXPECT_LE(found, clipped);
@@ -62,7 +62,7 @@ TEST(Clipping, FlaggedSamplesAreTaken) {
     if (k >= 50 && k < 53) sample.flags = gyro_clipped_flag(0) | sample_flag_invalid;
     finder.add(sample);
   }
-  const std::vector<ClippedRun> runs = finder.finish();
+  const std::vector<DataEvent> runs = finder.finish();
   ASSERT_EQ(runs.size(), 1u);
   EXPECT_EQ(runs[0].sample, 50);
   EXPECT_EQ(runs[0].count, 3);
