@@ -1,12 +1,9 @@
-// What the effects of a parameter file read over each sample of a recording: what `turncal apply` takes off.
+// A parameter file applied to a recording: what its effects read over each sample, the samples calibrated by one or more files as intervals
+// of motion (calib/navigation/increments.h), and what the file says of its own uncertainty.
 //
-// The terms are those of the estimate itself (calib/joint/joint_filter.h): constant over a block, one second at rest and at most
+// The terms of effects are those of the estimate itself (calib/joint/joint_filter.h): constant over a block, one second at rest and at most
 // 0.1 s in a turn, evaluated at the rate, specific force, temperature, time and attitude of the block. Time counts from the
 // first sample of the recording at hand.
-//
-// What a parameter file says of its own uncertainty: noise of the sensors, and the covariance of the parameters.
-//
-// A recording read once, its samples calibrated by one or more parameter files, as intervals of motion (calib/navigation/increments.h).
 #pragma once
 
 #include <cstdint>
