@@ -66,8 +66,7 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   std::vector<LoadedRecording> recordings;
   for (const std::string& path : options.recordings) {
     TRY(check_not_source(options.out, path));
-    LoadedRecording recording = TRY(load_recording(path));
-    recordings.push_back(std::move(recording));
+    recordings.push_back(TRY(load_recording(path)));
   }
   OutputFolder folder = TRY(OutputFolder::prepare_results(options.out, recordings.front().data.info.unit_serial));
   CalibrationRequest request;

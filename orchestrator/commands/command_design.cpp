@@ -1,3 +1,6 @@
+// `turncal predict`: what each sequence would determine and how well, before anything is run (calib/prediction/predict.h). A sequence that the
+// station cannot run is predicted all the same, with a note.
+//
 // `turncal design`: a sequence found for a time (orchestrator/jobs/design/sequence_design.h; docs/design.md), or the legs that tell an
 // alias class apart (sequence_design.h).
 #include <fmt/format.h>
@@ -26,6 +29,16 @@ namespace turncal {
 
 namespace {
 
+struct PredictRequest {
+  std::vector<std::string> sequences;  // files
+  PlannedSite site;
+  bool effects = false;
+  double temperature_rise_c = 0.0;  // 0: the temperature stands still
+  double temperature_tau_s = 2400.0;
+  std::string navigate;  // how long; empty: not asked
+  double align_s = 300.0;
+};
+
 Status check_request(const PredictRequest& r) {
   for (const Status& status : {
            check_site(r.site),
@@ -47,15 +60,12 @@ std::string column_name(const std::vector<NamedPrediction>& columns, const std::
   return same == 1 ? name : name + "#" + std::to_string(same);
 }
 
-}  // namespace
-
 Status run_predict(const PredictRequest& request, std::ostream& out) {
   TRY(check_request(request));
   DriftPlan drift_plan;
   drift_plan.align_s = request.align_s;
   if (!request.navigate.empty()) {
-    const double time_s = TRY(parse_time_s("--navigate", request.navigate));
-    drift_plan.free_s = time_s;
+    drift_plan.free_s = TRY(parse_time_s("--navigate", request.navigate));
   }
   const PlannedUnit unit = TRY(planned_unit(request.site));
   PredictOptions options;
@@ -117,6 +127,8 @@ void add_site_options(const Command& command, PlannedSite& site) {
   command.option("--gyro-bias-instability", site.gyro_bias_instability_degph, "deg/h").default_in_help();
   command.option("--accel-bias-instability", site.accel_bias_instability_ug, "ug").default_in_help();
 }
+
+}  // namespace
 
 void add_predict_command(CommandLine& line, CommandContext& context) {
   const auto request = std::make_shared<PredictRequest>();

@@ -246,14 +246,14 @@ Status restore(const RestoreOptions& options, std::ostream& out) {
   return damaged;
 }
 
-}  // namespace
-
 void add_filter_options(const Command& command, RecordFilter& filter) {
   command.option("--station", filter.station, "of this station only");
   command.option("--part", filter.part, "of this part only");
   command.option("--from", filter.from, "from this time on, UTC: 2026-01-31 or 2026-01-31T06:00:00Z");
   command.option("--to", filter.to, "up to this time; a date: to its end");
 }
+
+}  // namespace
 
 void add_history_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<HistoryOptions>();

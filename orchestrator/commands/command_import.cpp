@@ -1,3 +1,6 @@
+// `turncal segment RECORDING --out DIR`: finds the rests of data without a table, and writes the recording with segments static and
+// rotate, all angles 0; `turncal import --map MAP` reads such data from any CSV, .npy or .mat.
+//
 // `turncal import TEXTDIR --out DIR` and `turncal export RECORDING --out DIR`: between the text form of a recording and the
 // binary one; `--out FILE.npy` or `.mat` of export: its samples as a matrix. Nothing is overwritten, and a failure leaves nothing behind.
 //
@@ -37,6 +40,15 @@
 namespace turncal {
 
 namespace {
+
+struct TextOptions {
+  std::string source;
+  std::string out;
+  // Of `import --map`: a table that is not ours.
+  std::string map;
+  std::string accel;  // of the accelerometers, where they have a file of their own
+  bool skip_bad_rows = false;
+};
 
 struct SegmentOptions {
   std::string source;
@@ -121,13 +133,11 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   return {};
 }
 
-}  // namespace
-
-Status import_mapped_csv(const MappedImport& from, const std::string& out, CommandContext& context) {
+Status import_mapped_csv(const TextOptions& from, CommandContext& context) {
   CsvMap map = TRY(read_csv_map(from.map));
   map.format.skip_bad_rows = from.skip_bad_rows;
-  const CsvImport content = TRY(import_csv(map, from.file, from.accel));
-  OutputFolder folder = TRY(OutputFolder::prepare(out, {binary_recording_name}));
+  const CsvImport content = TRY(import_csv(map, from.source, from.accel));
+  OutputFolder folder = TRY(OutputFolder::prepare(from.out, {binary_recording_name}));
   TRY(write_recording(content, folder.file(binary_recording_name)));
   folder.keep();
   context.out << "imported into " << folder.path() << ": " << content.samples.size() << " samples of " << content.rows
@@ -145,6 +155,8 @@ Status import_mapped_csv(const MappedImport& from, const std::string& out, Comma
   return {};
 }
 
+}  // namespace
+
 void add_segment_command(CommandLine& line, CommandContext& context) {
   const auto options = std::make_shared<SegmentOptions>();
   const Command command = line.command("segment", "find the rests of a recording and write it with segments");
@@ -160,15 +172,6 @@ void add_segment_command(CommandLine& line, CommandContext& context) {
 
 namespace {
 
-struct TextOptions {
-  std::string source;
-  std::string out;
-  // import of a table that is not ours
-  std::string map;
-  std::string accel;
-  bool skip_bad_rows = false;
-};
-
 Status say(RecordingSource& source, const char* what, const std::string& out, CommandContext& context) {
   const std::string hash = TRY(source.content_hash());
   if (const std::string damage = describe(source.damage()); !damage.empty()) context.out << damage << '\n';
@@ -183,8 +186,7 @@ Status finish(RecordingSource& source, OutputFolder& folder, const char* what, C
 }
 
 Status import_text(const TextOptions& options, CommandContext& context) {
-  if (!options.map.empty())
-    return import_mapped_csv({options.map, options.source, options.accel, options.skip_bad_rows}, options.out, context);
+  if (!options.map.empty()) return import_mapped_csv(options, context);
   if (options.skip_bad_rows)
     return input_error("--skip-bad-rows: expected --map; a recording in our own text form is whole or is refused");
   std::unique_ptr<RecordingSource> source = TRY(open_text_recording(options.source));

@@ -32,6 +32,7 @@
 #include "orchestrator/records/station_records.h"
 #include "orchestrator/service/service_page.h"
 #include "orchestrator/watch/progress.h"
+#include "sequences/plan.h"
 #include "turntable_drivers/table/table_state.h"
 
 namespace turncal {
@@ -81,8 +82,6 @@ Result<RecordingInfo> info_of(const StationConfig& station) {
   return planned_info(station, &rig);
 }
 
-}  // namespace
-
 void print_plan(const Sequence& sequence, const StationConfig& station, const Plan& plan, std::ostream& out) {
   const double period_s = plan.samples > 0 ? plan.station_s / static_cast<double>(plan.samples) : 0.0;
   out << "Sequence  " << sequence.file << " (" << sequence.name << ", " << sequence.steps.size() << " steps)\n";
@@ -102,6 +101,16 @@ void print_plan(const Sequence& sequence, const StationConfig& station, const Pl
   print_totals(station, plan, out);
 }
 
+std::string caution_of(const TableConfig& table) {
+  return table.map ? caution_of(*table.map) : table.dialect ? caution_of(*table.dialect) : "";
+}
+
+bool is_commissioned(const TableConfig& table) {
+  return (!table.map || table.map->commissioned) && (!table.dialect || table.dialect->commissioned);
+}
+
+}  // namespace
+
 std::vector<std::string> guesses_of(const StationConfig& station, bool moving) {
   std::vector<std::string> guesses;
   const auto add = [&](const std::string& file, const std::vector<LineSource>& lines) {
@@ -114,14 +123,6 @@ std::vector<std::string> guesses_of(const StationConfig& station, bool moving) {
   if (table.dialect) add(table.dialect->file, table.dialect->lines);
   if (station.imu && !moving) add(station.imu->frame.file, station.imu->frame.lines);
   return guesses;
-}
-
-std::string caution_of(const TableConfig& table) {
-  return table.map ? caution_of(*table.map) : table.dialect ? caution_of(*table.dialect) : "";
-}
-
-bool is_commissioned(const TableConfig& table) {
-  return (!table.map || table.map->commissioned) && (!table.dialect || table.dialect->commissioned);
 }
 
 // What is left to be done at the station itself before a run can begin, a line each.

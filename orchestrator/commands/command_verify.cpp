@@ -2,8 +2,6 @@
 // those of the unit (4.3). The table is moved and the unit recorded as in a run (run_job.h), with verify.seq in place of the fourteen
 // steps; an interrupted one is taken up by `turncal resume DIR`; judged again by `turncal verify --recording DIR`.
 //
-// The certificate of one or more runs of a unit (orchestrator/report/certificate.h), from what they left on disk.
-//
 // `turncal certificate RUN... --station FILE --out HTML [--pdf FILE] [--specimen]`: the paper that goes to the customer (docs/certificate.md);
 // `--check HTML`: whether one is as it was issued.
 #include <algorithm>

@@ -137,30 +137,29 @@ Status rests_by_hand(const CompressedRecording& recording, bool partial, Calibra
   const RestData data = make_rest_data(recording);
   output.notes.insert(output.notes.end(), data.notes.begin(), data.notes.end());
   if (const std::string wrong = wrong_units(data); !wrong.empty()) return Error{ErrorKind::unit_failed, wrong};
-  const Result<RestFit> fit = fit_rests(data, EffectModel{});
-  if (!fit) return fit.error();
-  if (!fit->converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + fit->message};
-  if (!fit->undetermined.empty() && !partial) {
+  const RestFit fit = TRY(fit_rests(data, EffectModel{}));
+  if (!fit.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + fit.message};
+  if (!fit.undetermined.empty() && !partial) {
     std::string keys;
-    for (const std::string& key : fit->undetermined) keys += " " + key;
+    for (const std::string& key : fit.undetermined) keys += " " + key;
     return not_determined("these rests and rotations do not determine" + keys +
                           ": expected more of them, about other axes");
   }
-  const std::string unjudged = why_not_tested(data, *fit);
+  const std::string unjudged = why_not_tested(data, fit);
   if (!unjudged.empty() && !partial)
     return not_determined("not tested: the data determine nothing that could be judged: " + unjudged);
-  describe_rest_fit(*fit, {}, data, output.file);
+  describe_rest_fit(fit, {}, data, output.file);
   describe_trust(unjudged.empty(), output.file);
   if (!unjudged.empty()) output.notes.push_back(output.distrust = "not tested: " + unjudged);
   output.notes.push_back(std::string(no_table_angles) + ": " + std::to_string(data.rests.size()) + " rests and " +
                          std::to_string(data.legs.size()) + " rotations by hand, settled after " +
-                         std::to_string(fit->iterations) + " iterations");
-  output.notes.push_back("errors: " + plain(error_text(fit->errors)));
-  output.notes.push_back("left out in turn: " + plain(error_text(fit->left_out)));
+                         std::to_string(fit.iterations) + " iterations");
+  output.notes.push_back("errors: " + plain(error_text(fit.errors)));
+  output.notes.push_back("left out in turn: " + plain(error_text(fit.left_out)));
   for (std::size_t k = 0; k < data.legs.size(); ++k)
     if (!data.legs[k].fault.empty())
       output.notes.push_back("rotation " + std::to_string(k + 1) + " set aside: " + data.legs[k].fault);
-  for (const std::string& key : fit->undetermined) output.notes.push_back("not determined by this recording: " + key);
+  for (const std::string& key : fit.undetermined) output.notes.push_back("not determined by this recording: " + key);
   return {};
 }
 

@@ -88,9 +88,8 @@ Result<DiagnosisOutput> of_table(const Recordings& recordings, const JoinedRecor
 
 // It lies still all the time: what that tells.
 Result<DiagnosisOutput> of_single_pose(const LoadedRecording& recording, const DiagnosisContext& context) {
-  const Result<LoadedRecording> in_seconds = load_recording(recording.path, {}, CompressionOptions{});
-  if (!in_seconds) return in_seconds.error();
-  const Result<SinglePose> pose = analyse_single_pose(in_seconds->data);
+  const LoadedRecording in_seconds = TRY(load_recording(recording.path, {}, CompressionOptions{}));
+  const Result<SinglePose> pose = analyse_single_pose(in_seconds.data);
   if (!pose) return input_error(recording.path + ": " + pose.error().message);
   DiagnosisOutput output;
   output.diagnosis.verdict = Verdict::not_tested;

@@ -91,9 +91,7 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
   loaded.data = compressor.take();
   if (clipping) clipping->note(loaded.data.events);
   loaded.dead_channel = life.finish();
-  Result<std::string> hash = source.content_hash();  // falls out of read()
-  if (!hash) return hash.error();
-  loaded.hash = std::move(*hash);
+  loaded.hash = TRY(source.content_hash());  // falls out of read()
   return loaded;
 }
 

@@ -150,9 +150,8 @@ Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context) {
     run_devices.rig = std::make_unique<DryRunDevices>(run.rig, run.request.units.size());
     return run_devices;
   }
-  std::unique_ptr<LiveDevices> live =
+  run_devices.live =
       TRY(LiveDevices::make(run.station, StopSignals::requests(), context.out, run.request.units.size()));
-  run_devices.live = std::move(live);
   run_devices.prompts = run_devices.live->prompts();
   return run_devices;
 }

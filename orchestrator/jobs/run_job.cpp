@@ -265,10 +265,8 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   Run run = run_of(std::move(plan), folder->path());
   std::vector<OutputFolder> unit_folders;
   for (std::size_t i = 0; run.units.size() > 1 && i < run.units.size(); ++i) {
-    Result<OutputFolder> own = OutputFolder::prepare(
-        run.units[i].folder, {binary_recording_name, partial_recording_name, parameters_name, truth_name});
-    if (!own) return own.error();
-    unit_folders.push_back(std::move(*own));
+    unit_folders.push_back(TRY(OutputFolder::prepare(
+        run.units[i].folder, {binary_recording_name, partial_recording_name, parameters_name, truth_name})));
   }
   run.journal = TRY(JournalFile::create(folder->file(journal_name), begin_fields(run)));
   run.log = TRY(RunLog::create(folder->file(log_name), std::string(tag_of(run))));

@@ -95,15 +95,13 @@ Status prepare_verification(RunPlan& run) {
       wanted.verify || (run.station.verify_run && !wanted.capture_only && !wanted.partial && wanted.continues.empty());
   if (!wanted.verify) return {};
   if (wanted.verified.empty()) {
-    const int from = TRY(append_north_seeking(run.station, run.sequence));
-    run.verify_from = from;
+    run.verify_from = TRY(append_north_seeking(run.station, run.sequence));
     return {};
   }
   TRY(check_seeks_north(run.station));
   const std::string given = wanted.verified;
   const std::string text = TRY(text_of(wanted.verified, ""));
-  ParameterFile file = TRY(read_parameter_file(given));
-  run.verified = std::move(file);
+  run.verified = TRY(read_parameter_file(given));
   run.hashes.verified = hash_of_text(text);
   run.verify_from = run.sequence.steps.front().number;
   return {};
@@ -125,10 +123,8 @@ Status check_until_sigma(const RunPlan& run) {
 Result<double> next_beginning(const StationConfig& station, const RigConfig& rig) {
   double next_s = rig.start_utc_s;
   std::string server_away;
-  const Result<std::vector<AttemptRecord>> attempts =
-      recorded_attempts(station, {.station = station.name}, server_away);
-  if (!attempts) return attempts.error();
-  for (const AttemptRecord& attempt : *attempts) {
+  const std::vector<AttemptRecord> attempts = TRY(recorded_attempts(station, {.station = station.name}, server_away));
+  for (const AttemptRecord& attempt : attempts) {
     const std::optional<double> ended_s = parse_utc(attempt.time_utc);
     if (attempt.simulated && !attempt.run.empty() && ended_s)
       next_s = std::max(next_s, *ended_s + std::floor(3600.0 * rig.lot.between_h));
@@ -150,8 +146,7 @@ Status turn_on_again(RunPlan& run) {
     *run.rig.noise_seed += another;
     const std::string further = one.begin_value("continues");
     if (further.empty()) break;
-    JournalContents next = TRY(read_journal(further + "/" + journal_name));
-    one = std::move(next);
+    one = TRY(read_journal(further + "/" + journal_name));
   }
   constexpr double between_s = 600.0;
   if (before.seal_utc_s) run.rig.start_utc_s = std::floor(*before.seal_utc_s + between_s);
@@ -165,8 +160,7 @@ Status turn_on_of_lot(RunPlan& run) {
     return input_error(run.request.rig + ": lot.seed: expected one unit at a time, found " +
                        std::to_string(run.request.units.size()));
   const std::optional<double> began_s = parse_utc(run.began_utc);
-  const double start_s = TRY(began_s ? Result<double>(*began_s) : next_beginning(run.station, run.rig));
-  run.rig.start_utc_s = start_s;
+  run.rig.start_utc_s = TRY(began_s ? Result<double>(*began_s) : next_beginning(run.station, run.rig));
   run.rig = rig_of_lot(run.rig, run.unit());
   return {};
 }
@@ -176,8 +170,7 @@ Status prepare_rig(RunPlan& run) {
   const std::string rig_given = wanted.rig.empty() ? run.station.rig_file : wanted.rig;
   wanted.rig = rig_given;
   const std::string rig_text = TRY(text_of(wanted.rig, of_this_version("built-in rig")));
-  RigConfig rig = TRY(rig_of(run.station, rig_given));
-  run.rig = std::move(rig);
+  run.rig = TRY(rig_of(run.station, rig_given));
   run.hashes.rig = hash_of_text(rig_text);
   if (wanted.station.empty()) {  // the built-in station stands where the rig does
     run.station.latitude_deg = run.rig.site.latitude_deg;
@@ -242,8 +235,7 @@ Result<RunPlan> plan_run(const RunRequest& request) {
   TRY(check_words(wanted));
 
   const std::string station_text = TRY(text_of(wanted.station, of_this_version("built-in station")));
-  StationConfig station = TRY(station_from(wanted.station, station_text, request.station));
-  run.station = std::move(station);
+  run.station = TRY(station_from(wanted.station, station_text, request.station));
   if (wanted.manual) turn_by_hand(run.station);
   if (wanted.rehearsal() && wanted.units.size() > 1) {
     return input_error("--manual --dry-run with " + std::to_string(wanted.units.size()) +
@@ -265,9 +257,7 @@ Result<RunPlan> plan_run(const RunRequest& request) {
   const std::string sequence_text =
       TRY(wanted.sequence == builtin_verify_name ? Result<std::string>(std::string(builtin_verify_text))
                                                  : text_of(wanted.sequence, std::string(builtin_sequence_text)));
-  Sequence sequence =
-      TRY(parse_sequence(sequence_text, wanted.sequence.empty() ? builtin_sequence_name : request.sequence));
-  run.sequence = std::move(sequence);
+  run.sequence = TRY(parse_sequence(sequence_text, wanted.sequence.empty() ? builtin_sequence_name : request.sequence));
   run.hashes.sequence = hash_of_text(sequence_text);
   TRY(prepare_verification(run));
   TRY(check_until_sigma(run));

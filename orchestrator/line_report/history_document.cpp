@@ -34,12 +34,6 @@ Document history_document(const std::vector<StoredCalibration>& all, const std::
   return document;
 }
 
-namespace {
-
-void add(DataTable& table, std::optional<double> value) { value ? table.number(*value) : table.nothing(); }
-
-}  // namespace
-
 DataTable calibrations_table(const std::vector<StoredCalibration>& all) {
   std::vector<std::string> columns;
   StoredCalibration named;

@@ -112,8 +112,8 @@ Status ResultsDatabase::check_known(const RecordFilter& filter) const {
 Status ResultsDatabase::note(AttemptRecord a) {
   SqlRow row = row_of(fields_of(a));
   if (a.run.empty()) row.front() = {};
-  const Result<bool> added = add_attempt_row(*connection_, key_of(a, row), row);
-  return added ? Status{} : added.error();
+  static_cast<void>(TRY(add_attempt_row(*connection_, key_of(a, row), row)));
+  return {};
 }
 
 Result<std::vector<AttemptRecord>> ResultsDatabase::attempts(const RecordFilter& filter) const {

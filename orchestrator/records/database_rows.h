@@ -1,7 +1,5 @@
-// The schema of the results database: SQL for SQLite and PostgreSQL alike. Rows are added and never changed; what is newer is another row, and the
-// views show the newest.
-//
-// Rows of the results database as they are added and asked for: shared by what writes, reads and copies them.
+// Tables and rows of the results database, in SQL for SQLite and PostgreSQL alike: shared by what writes, reads and copies them. Rows are added
+// and never changed; what is newer is another row, and the views show the newest.
 #pragma once
 
 #include "orchestrator/records/attempt_record.h"
@@ -16,7 +14,8 @@ Result<int> version_of(SqlConnection& database);
 // In a database without tables, inside the caller's transaction; nothing elsewhere.
 Status make_tables(SqlConnection& database);
 
-// All but id, in the order in which rows are given and asked for; those of an attempt end with `calibration`.
+// All but id, in the order in which rows are given and asked for; those of an attempt end with `calibration`. From `station` on they are the
+// record.* keys of the parameter file.
 inline constexpr const char* calibration_columns =
     "unit, time_utc, method, recording_hash, software_version, simulated, verdict, rule, sessions, folder, "
     "parameter_file, "

@@ -35,24 +35,21 @@ Result<Page> page_of(SqlConnection& database, const std::string& columns, const 
 
 Result<std::map<std::int64_t, std::vector<SqlRow>>> values_of_page(SqlConnection& database, const Page& page) {
   std::map<std::int64_t, std::vector<SqlRow>> values;
-  const Status status = database.run(
+  TRY(database.run(
       std::string("SELECT calibration, ") + value_columns + " FROM value WHERE calibration >= $1 AND calibration <= $2",
       {page.ids.front(), page.ids.back()}, [&](SqlRow row) {
         const std::int64_t of = as_integer(row.front());
         row.erase(row.begin());
         values[of].push_back(std::move(row));
-      });
-  if (!status) return status.error();
+      }));
   return values;
 }
 
 Result<std::map<std::int64_t, SqlBytes>> statistics_of_page(SqlConnection& database, const Page& page) {
   std::map<std::int64_t, SqlBytes> statistics;
-  const Status status =
-      database.run("SELECT calibration, contents FROM statistics WHERE calibration >= $1 AND calibration <= $2",
+  TRY(database.run("SELECT calibration, contents FROM statistics WHERE calibration >= $1 AND calibration <= $2",
                    {page.ids.front(), page.ids.back()},
-                   [&](const SqlRow& row) { statistics[as_integer(row[0])] = as_bytes(row[1]); });
-  if (!status) return status.error();
+                   [&](const SqlRow& row) { statistics[as_integer(row[0])] = as_bytes(row[1]); }));
   return statistics;
 }
 
@@ -92,21 +89,18 @@ Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) 
   for (std::int64_t last = 0; last < *last_calibration;) {
     const Page page = TRY(page_of(from, calibration_columns, "calibration", last, *last_calibration));
     if (page.ids.empty()) break;
-    auto values = values_of_page(from, page);
-    if (!values) return values.error();
-    auto statistics = statistics_of_page(from, page);
-    if (!statistics) return statistics.error();
+    std::map<std::int64_t, std::vector<SqlRow>> values = TRY(values_of_page(from, page));
+    std::map<std::int64_t, SqlBytes> statistics = TRY(statistics_of_page(from, page));
     CopiedRows now;
-    Status status = in_transaction(to, [&]() -> Status {
+    const auto add = [&]() -> Status {
       for (std::size_t i = 0; i < page.ids.size(); ++i) {
-        const AddedRow added =
-            TRY(add_calibration_row(to, page.rows[i], (*values)[page.ids[i]], (*statistics)[page.ids[i]]));
+        const AddedRow added = TRY(add_calibration_row(to, page.rows[i], values[page.ids[i]], statistics[page.ids[i]]));
         number_there[page.ids[i]] = added.id;
         now.calibrations += added.is_new;
       }
       return {};
-    });
-    if (!status) return status.error();
+    };
+    TRY(in_transaction(to, add));
     copied.calibrations += now.calibrations;
     last = page.ids.back();
   }
@@ -167,12 +161,11 @@ Status ResultsDatabase::check() const {
   if (connection_->sqlite()) {  // a server sees to that itself
     TRY(check_pages());
   }
-  const Result<std::vector<StoredCalibration>> calibrations = list({}, "");
-  if (!calibrations) return calibrations.error();
-  for (const StoredCalibration& c : *calibrations)
+  const std::vector<StoredCalibration> calibrations = TRY(list({}, ""));
+  for (const StoredCalibration& c : calibrations)
     if (!c.defect.empty()) return input_error(c.defect);
-  const Result<std::vector<AttemptRecord>> all = attempts({});
-  return all ? Status{} : all.error();
+  static_cast<void>(TRY(attempts({})));
+  return {};
 }
 
 Result<ResultsDatabase> ResultsDatabase::in_memory(const std::string& name) {

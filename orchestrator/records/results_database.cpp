@@ -6,6 +6,7 @@
 #include <map>
 
 #include "imu_io/base/posix_file.h"
+#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/records/database_rows.h"
 #include "orchestrator/station/station_config.h"
@@ -14,20 +15,9 @@ namespace turncal {
 
 namespace {
 
-// The last columns of `calibration`, from the parameter file's record.* keys of the same name.
-constexpr const char* record_columns[] = {"station",        "operator",
-                                          "part",           "revision",
-                                          "ambient",        "configuration_hash",
-                                          "sequence",       "sequence_hash",
-                                          "table_id",       "table_calibration_due",
-                                          "overdue_reason", "repeated_dwells",
-                                          "lost_samples"};
-
-std::string record_value(const ParameterFile& file, const std::string& column) {
-  const std::string key = "record." + column;
-  const auto found =
-      std::find_if(file.further.begin(), file.further.end(), [&](const auto& f) { return f.first == key; });
-  return found == file.further.end() ? "" : found->second;
+std::string record_value(const ParameterFile& file, std::string_view column) {
+  const std::string* const value = find_further(file, "record." + std::string(column));
+  return value ? *value : "";
 }
 
 // Which of a row's entries its parameter file, which has a checksum, does not have like that. Empty: none.
@@ -46,10 +36,8 @@ std::string defect_of(const StoredCalibration& row, const std::string& text, con
   for (const auto& [name, same] : entries) {
     if (!same) return differs(name);
   }
-  const auto judged = std::find_if(file->further.begin(), file->further.end(),
-                                   [](const auto& field) { return field.first == "verdict.result"; });
-  // A file without a verdict was not judged.
-  const std::string said = judged != file->further.end() ? judged->second : "not_judged";
+  const std::string* const judged = find_further(*file, "verdict.result");
+  const std::string said = judged ? *judged : "not_judged";
   if (said != row.verdict) return differs("verdict");
   for (const StoredValue& value : row.values) {
     const auto key = std::find(parameter_keys.begin(), parameter_keys.end(), value.key);
@@ -164,7 +152,8 @@ Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verd
                 verdict.reason,
                 verdict.verification,
                 hash_of_text(text)};
-  for (const char* column : record_columns) row.emplace_back(record_value(file, column));
+  const std::vector<std::string_view> columns = split(calibration_columns, ',');
+  for (std::size_t i = row.size(); i < columns.size(); ++i) row.emplace_back(record_value(file, columns[i]));
   std::vector<SqlRow> values;
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     const std::string key(parameter_keys[i]);

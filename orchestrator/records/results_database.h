@@ -1,4 +1,4 @@
-// The results of all runs in one database: an SQLite file, or a PostgreSQL server that many stations share (tables in database_schema.cpp;
+// The results of all runs in one database: an SQLite file, or a PostgreSQL server that many stations share (tables in database_rows.cpp;
 // docs/production.md, docs/fleet.md). A name that begins with postgresql:// is a server's, any other a file's.
 //
 // Rows are added and never changed. An attempt has a row from its beginning, and another when something becomes of it: the newest counts. A calibration is one row of

@@ -16,51 +16,7 @@
 namespace turncal {
 namespace {
 
-// The fields of verification.conf, in its order: read where there is a file, else written.
-class VerificationFields {
- public:
-  explicit VerificationFields(KeyValueFile* file = nullptr) : file_(file) {}
-  void number(const std::string& key, double& value, NumberRange range = any_number) {
-    file_ ? void(value = file_->number(key, range)) : lines.number(key, value);
-  }
-  void angle(const std::string& key, double& rad, NumberRange range = any_number) {
-    double deg = rad / rad_per_deg;
-    number(key, deg, range);
-    if (file_) rad = deg * rad_per_deg;
-  }
-  void text(const std::string& key, std::string& value) {
-    file_ ? void(value = file_->text(key)) : lines.text(key, value);
-  }
-  void flag(const std::string& key, bool& value) {
-    file_ ? void(value = file_->boolean_or(key, false)) : lines.flag(key, value);
-  }
-  void choice(const std::string& key, std::string& value, std::initializer_list<std::string_view> choices) {
-    file_ ? void(value = file_->one_of(key, choices)) : lines.text(key, value);
-  }
-  void count(const std::string& key, std::int64_t& value) {
-    file_ ? void(value = file_->integer(key, 0)) : lines.number(key, static_cast<double>(value));
-  }
-  void verdict(const std::string& key, UnitVerdict& value) {
-    std::string word(to_string(value));
-    text(key, word);
-    if (file_ && !verdict_from(word)) file_->reject(key, "a verdict");
-    value = verdict_from(word).value_or(UnitVerdict::fail);
-  }
-  void texts(const std::string& key, std::vector<std::string>& values) {
-    for (std::size_t k = 0; next(fmt::format("{}.{}", key, k + 1), k, values); ++k)
-      text(fmt::format("{}.{}", key, k + 1), values[k]);
-  }
-  // Whether there is another element, which `key` tells; room for it.
-  template <class Element>
-  bool next(const std::string& key, std::size_t k, std::vector<Element>& elements) {
-    if (file_ && file_->has(key)) elements.emplace_back();
-    return k < elements.size();
-  }
-  // Whether the key stands in the file: optional ones are written where they say something.
-  bool stands(const std::string& key, bool says_something) const { return file_ ? file_->has(key) : says_something; }
-  KeyValues lines;
-
-  void add_figure(const std::string& key, NorthFigure& figure, Fields& fields) {
+void add_figure(const std::string& key, NorthFigure& figure, Fields& fields) {
     fields.push_back({key + "_deg", &figure.value_deg});
     fields.push_back({key + "_sigma_deg", &figure.sigma_deg, not_negative});
   }

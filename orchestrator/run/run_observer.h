@@ -83,7 +83,7 @@ class RunObserver {
 // nothing and is written down after it went out), every command before it is sent, every completed dwell before the next item, every
 // unit that drops out when it does, the end of the recording before it is sealed.
 //
-// An error from any of these stops the run like a disk that is full. On disk: journal_file.h.
+// An error from any of these stops the run like a disk that is full. On disk: journal.h.
 
 // Where the recording of one unit stood.
 struct RecordingPoint {

@@ -1,6 +1,3 @@
-// Who may act by the page: a file with NAME:HASH a line, HASH as crypt(5) has it (`openssl passwd -6`, `mkpasswd`). Read again at every
-// question, so that a name which is taken out is out at once. A file that others than its owner and group can read is refused.
-//
 // The stations that `turncal serve` shows, and who may act on them (docs/serve.md):
 //
 //   station.1         = east                              the name on the page; station.2 and so on without a gap
@@ -10,7 +7,8 @@
 //   serve.password_file = /etc/turncal/operators          NAME:HASH a line; without it nothing can be changed
 //   serve.database = postgresql://reader@host/line         or a file: what all its stations did in the last 24 hours
 //
-// Relative names are those beside the file.
+// Relative names are those beside the file. HASH is as crypt(5) has it (`openssl passwd -6`, `mkpasswd`). The password file is read again at
+// every question, so that a name which is taken out is out at once; one that others than its owner and group can read is refused.
 #pragma once
 
 #include <string>

@@ -1,10 +1,6 @@
-// What the stations of a results database did in the last 24 hours: all that write to it, those on other machines too.
-//
-// An attempt counts when it says something of its unit (orchestrator/line/line_yield.h); others are in `attempts` alone. Simulated attempts are counted
-// apart. A database that cannot be read is said, and is nobody's fault but its own: whoever asks goes on.
-//
 // What a station does, as its files say it: queue, outcomes, the journal of the run, and who holds their locks. Nothing is locked,
-// written or asked of the run, so that looking on never holds it up.
+// written or asked of the run, so that looking on never holds it up. And what the stations of a results database did in the last 24 hours,
+// those on other machines too.
 //
 //   running     a run has its folder, and its table moves or rests
 //   results     the same, and all is recorded: estimate, diagnosis, report
@@ -29,6 +25,8 @@
 
 namespace turncal {
 
+// Of the attempts that say something of their unit (orchestrator/line/line_yield.h); others are in `attempts` alone. Simulated ones are counted
+// apart. A database that cannot be read is said; whoever asks goes on.
 struct StationResults {
   std::string station;
   bool simulated = false;

@@ -91,8 +91,7 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
     table.driver = TableDriver::modbus;
     const std::string path = file.text("table.map");
     if (path.empty()) return {};
-    RegisterMap map = TRY(read_register_map(beside(file, path)));
-    table.map = std::move(map);
+    table.map = TRY(read_register_map(beside(file, path)));
     if (!address.empty()) table.map->link.address = address;
     check_address(file, "table.map", table.map->link.address, table.map->link.tcp);
     table.map->simulated = table.simulated;
@@ -101,8 +100,7 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
   table.driver = TableDriver::serial;
   const std::string path = file.text("table.dialect");
   if (path.empty()) return {};
-  Dialect dialect = TRY(read_dialect(beside(file, path)));
-  table.dialect = std::move(dialect);
+  table.dialect = TRY(read_dialect(beside(file, path)));
   if (!address.empty()) table.dialect->link.address = address;
   check_address(file, "table.dialect", table.dialect->link.address, table.dialect->link.tcp);
   table.dialect->simulated = table.simulated;

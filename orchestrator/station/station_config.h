@@ -1,5 +1,3 @@
-// What a results database is called: the path of a file, or postgresql://USER@HOST:PORT/NAME for a server (docs/fleet.md).
-//
 // The station: site, table, IMU and the numbers that judge motion and dwells. Read from a text file
 // (orchestrator/stations/mock.station shows every key); the built-in rig station needs no file.
 //
@@ -24,6 +22,7 @@
 
 namespace turncal {
 
+// A results database: the path of a file, or postgresql://USER@HOST:PORT/NAME for a server (docs/fleet.md).
 bool names_a_server(const std::string& database);
 // A server's name, or the path of an SQLite file that is there.
 bool names_a_database(const std::string& path);

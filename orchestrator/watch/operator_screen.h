@@ -1,10 +1,9 @@
 // What the operator of a table turned by hand sees: one instruction, the angle to set or the time that is left, what was wrong. Made of
-// what there is to do (manual_turntable.h) and of where the run is; terminal (operator_terminal.h) and page draw this and nothing else.
+// what there is to do (manual_turntable.h) and of where the run is; terminal and page draw this and nothing else.
 //
-// The operator's screen on a terminal: a block from its upper left corner, redrawn in place, and below it the line that is typed in. What
-// somebody is typing is left alone until Enter. The bell rings when hands are wanted or an answer was not taken.
-//
-// A character of Chinese is two columns wide. Nothing but ASCII is drawn around the texts.
+// On a terminal: a block from its upper left corner, redrawn in place, and below it the line that is typed in. What somebody is typing is left
+// alone until Enter. The bell rings when hands are wanted or an answer was not taken. A character of Chinese is two columns wide; nothing but
+// ASCII is drawn around the texts.
 #pragma once
 
 #include <array>

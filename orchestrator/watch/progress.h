@@ -1,17 +1,12 @@
-// A run in words: one line a transition, with station time, and the file run.log made of them.
+// A run in words: one line a transition, with station time; the file run.log made of them; and what the operator sees of it.
 //
 //   2026-01-01T00:12:34Z     754.500 s  step 2/14  moving -> settling  arrived: roll at 360.0000 deg
 //
-// Times are the station's, so the log of a dry run is the same bytes every time.
-//
-// What the operator sees of a run.
-//
-// On a terminal: one line, redrawn in place at most ten times a second of wall time,
+// Times are the station's, so the log of a dry run is the same bytes every time. On a terminal there is one line, redrawn in place at most ten
+// times a second of wall time,
 //   step 3/14  moving  pitch 123.45 -> 360.00 deg  34%  run  11%  ETA 1:23:45
-// where ETA is station time that the plan says is left. Elsewhere, and where they are asked for: one timestamped line a transition
-// (run_log.h). Without those: what a pause that was asked for waits for.
-//
-// How something looks at a glance: on the status page, and in colours on a terminal.
+// where ETA is station time that the plan says is left. Elsewhere, and where they are asked for: one line a transition. Without those: what a
+// pause that was asked for waits for.
 //
 // A stream shows colours after allow_colour: a terminal of somebody who has not asked for none (https://no-color.org).
 #pragma once

@@ -282,8 +282,7 @@ Result<std::unique_ptr<StatusPage>> StatusPage::open(const std::string& address,
     ++state.polls;
     return text;
   };
-  std::unique_ptr<PageServer> server = TRY(PageServer::open(address, pages));
-  state.server = std::move(server);
+  state.server = TRY(PageServer::open(address, pages));
   return page;
 }
 

@@ -1,12 +1,9 @@
-// What the status page shows of a run: the newest snapshot, every unit's state, the running dwell (of the first unit) second by second, the last transitions and how it
-// ended. Fed by the run's thread, read by the page's: every member is behind one lock, held for microseconds.
+// A read-only page about a run, GET / and GET /status.json, and what it shows: the newest snapshot, every unit's state, the running dwell (of
+// the first unit) second by second, the last transitions and how it ended.
 //
-// A read-only page about a run: GET / and GET /status.json, nothing else, and nothing that changes anything.
-//
-// The page polls status.json once a second. When the program no longer answers it says so, with the time of its last answer: whether
-// it has ended well cannot be known then. When it answers but its loop stands still, the age of the heartbeat says so.
-//
-// Served by a thread of its own with limits (page_server.h); the run's thread never waits for it.
+// Fed by the run's thread and read by the page's, which has limits (page_server.h): every member is behind one lock, held for microseconds.
+// The page polls once a second. When the program no longer answers it says so, with the time of its last answer: whether it has ended well
+// cannot be known then. When it answers but its loop stands still, the age of the heartbeat says so.
 #pragma once
 
 #include <array>

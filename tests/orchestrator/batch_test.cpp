@@ -106,13 +106,13 @@ TEST_F(Batch, SurvivesKillsAtRandomMoments) {
 TEST_F(Batch, AUnitThatGoesOnWithAnotherSequenceIsNamed) {
   write("queue", "SN1\nSN2\n");
   ASSERT_EQ(run_struck(batch(), 700, "kill").code, -1000 - SIGKILL);
-  const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
-  const std::string other = write("other.seq", file_text(demo) + "# another\n");
+  const std::string other = write("other.seq", file_text(short_demo) + "# another\n");
   std::vector<std::string> with_other = batch();
   with_other.back() = other;
   const ProgramResult result = run(with_other);
   ASSERT_EQ(result.code, 0) << result.err;
-  const std::string said = "unit SN1: goes on with the sequence that it began with, " + demo + ", not with " + other;
+  const std::string said =
+      "unit SN1: goes on with the sequence that it began with, " + short_demo + ", not with " + other;
   EXPECT_NE(result.out.find(said), std::string::npos) << result.out;
   EXPECT_EQ(result.out.find("unit SN2: goes on"), std::string::npos) << result.out;
 }

@@ -4,7 +4,6 @@
 namespace turncal {
 namespace {
 
-const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
 const char* const legs =
     "format = 1\nname = extra\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1 \"off the axes\"\n  initial H 0 P 0 R "
     "0\n  align 4000\n  rotate R +45\n  dwell 4000\n"
@@ -13,7 +12,7 @@ const char* const legs =
 class ContinuedRun : public Program {
  protected:
   void begin(const std::string& out) const {
-    const ProgramResult first = run({"run", "--dry-run", "--unit", "SN1", "--sequence", demo, "--out", out});
+    const ProgramResult first = run(dry_run(out));
     ASSERT_EQ(first.code, 0) << first.err;
   }
 };
@@ -72,8 +71,6 @@ TEST_F(ContinuedRun, RefusesWhatIsNoRunToContinue) {
   expect_refused({"run", "--continue", "first"}, "expected --sequence");
   expect_refused({"run", "--continue", "first", "--sequence", "extra.seq", "--unit", "SN2"},
                  "--unit: expected no such");
-  expect_refused({"run", "--dry-run", "--out", "x"}, "--unit is required");
-  expect_refused({"run", "--dry-run", "--unit", "SN1"}, "--out is required");
   expect_refused({"design", "--separate", "accel_delay", "--out", "x.seq"}, "--separate, --from: expected both");
   expect_refused({"design", "--separate", "accel_delay", "--from", "first", "--sigma", "y", "--out", "x.seq"},
                  "--separate: expected neither --sigma nor --effects");
@@ -86,8 +83,7 @@ TEST_F(ContinuedRun, ARecordingThatWasChangedIsNotContinued) {
   begin("first");
   write("extra.seq", legs);
   write("other.rig", "noise.seed = 4711\n");
-  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN1", "--sequence", demo, "--out", "other", "--rig", "other.rig"}).code,
-            0);
+  ASSERT_EQ(run(dry_run("other", {"--rig", "other.rig"})).code, 0);
   const std::string whole = file_text(folder_ / "first/recording.tcr");
   std::string flipped = whole;
   flipped[whole.size() / 2] ^= 1;

@@ -15,7 +15,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
 const char* const station_head =
     "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = "
     "rig\nmotion.settle_s = 0.5\n";
@@ -24,7 +23,7 @@ class Group : public Program {
  protected:
   std::vector<std::string> dry_run(const std::vector<std::string>& units, const std::string& out,
                                    std::vector<std::string> more = {}) const {
-    std::vector<std::string> arguments = {"run", "--dry-run", "--out", out, "--sequence", demo};
+    std::vector<std::string> arguments = {"run", "--dry-run", "--out", out, "--sequence", short_demo};
     for (const std::string& unit : units) arguments.insert(arguments.end(), {"--unit", unit});
     arguments.insert(arguments.end(), more.begin(), more.end());
     return arguments;
@@ -247,7 +246,7 @@ class GroupResume : public Group {
  protected:
   void SetUp() override {
     Group::SetUp();
-    const std::string whole = file_text(demo);
+    const std::string whole = file_text(short_demo);
     sequence_ = write("three_steps.seq", whole.substr(0, whole.find("step 4")));
   }
   std::vector<std::string> begin(const std::string& out, const std::string& rig) const {

@@ -24,6 +24,8 @@ inline std::string file_text(const std::filesystem::path& path) {
   return text.str();
 }
 
+inline const std::string short_demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";  // ten minutes
+
 struct ProgramResult {
   int code = -1;
   std::string out;
@@ -92,6 +94,13 @@ class Program : public testing::Test {
     return result;
   }
   ProgramResult run(const std::vector<std::string>& arguments) const { return finish(start(arguments)); }
+  // A dry run of the short sequence.
+  static std::vector<std::string> dry_run(const std::string& out, const std::vector<std::string>& more = {},
+                                          const std::string& unit = "SN1") {
+    std::vector<std::string> arguments = {"run", "--dry-run", "--unit", unit, "--out", out, "--sequence", short_demo};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  }
   // With the library in front that strikes at call `point` (0: counts them into FOLDER.count); mode: kill, power or full.
   ProgramResult run_struck(const std::vector<std::string>& arguments, long point, const char* mode) const {
     ::setenv("LD_PRELOAD", TURNCAL_FAULT_POINTS, 1);

@@ -23,13 +23,7 @@ class BatchProgram : public Program {
  protected:
   // Of the file `queue`, with the short sequence, into the folder `units`.
   std::vector<std::string> batch(const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> arguments = {"batch",
-                                          "queue",
-                                          "--dry-run",
-                                          "--out",
-                                          "units",
-                                          "--sequence",
-                                          std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq"};
+    std::vector<std::string> arguments = {"batch", "queue", "--dry-run", "--out", "units", "--sequence", short_demo};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return arguments;
   }

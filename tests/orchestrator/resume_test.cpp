@@ -14,8 +14,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
-
 // A station that judges, keeps a database and a store: everything that a run writes.
 const char* const station_text =
     "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
@@ -27,8 +25,8 @@ class Resume : public Program {
   void SetUp() override {
     Program::SetUp();
     reference_station_ = write("reference/mock.station", station_text);
-    const std::string whole = file_text(demo);
-    sequence_ = whole_run() ? demo : write("four_steps.seq", whole.substr(0, whole.find("step 5")));
+    const std::string whole = file_text(short_demo);
+    sequence_ = whole_run() ? short_demo : write("four_steps.seq", whole.substr(0, whole.find("step 5")));
     ASSERT_EQ(run(begin("reference/out", reference_station_)).code, 0);
     for (const char* name : {"parameters.conf", "recording.tcr", "truth.conf"}) {
       reference_[name] = file_text(folder_ / "reference/out" / name);
@@ -187,7 +185,7 @@ TEST_F(Resume, RefusesWhatIsNotTheSameRun) {
   expect_refused(with("--unit", "SN2"), "expected 'SN1'");
   expect_refused(with("--station", write("other.station", std::string(station_text) + "# another\n")),
                  "is not the station");
-  expect_refused(with("--sequence", write("other.seq", file_text(demo) + "# another\n")), "is not the sequence");
+  expect_refused(with("--sequence", write("other.seq", file_text(short_demo) + "# another\n")), "is not the sequence");
   expect_refused(with("--rig", write("other.rig", "seed = 2\n")), "is not the rig");
   expect_refused({"resume", "nowhere"}, "holds no journal.tcj");
   write("part/mock.station", std::string(station_text) + "# changed in place\n");

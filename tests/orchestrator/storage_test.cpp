@@ -22,8 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
-
 class Storage : public Program {
  protected:
   std::string station(const std::string& name, const std::string& more = "") const {
@@ -34,7 +32,8 @@ class Storage : public Program {
   }
   std::vector<std::string> begin(const std::string& out, const std::string& station, int seed = 1) const {
     const std::string rig = write("rig" + std::to_string(seed), "seed = " + std::to_string(seed) + "\n");
-    return {"run", "--dry-run", "--unit", "SN1", "--out", out, "--sequence", demo, "--station", station, "--rig", rig};
+    return {"run",        "--dry-run", "--unit",    "SN1",   "--out", out,
+            "--sequence", short_demo,  "--station", station, "--rig", rig};
   }
   // A run that was killed when its recording was sealed and nothing had been made of it yet.
   void make_sealed(const std::string& folder) {
@@ -110,8 +109,8 @@ TEST_F(Storage, ASignalDoesNotEndTheResultsOfASealedRecording) {
 TEST_F(Storage, ALockedDatabaseStopsTheBatchAndTheUnitIsNotRefused) {
   write("queue", "SN1\nSN2\n");
   const std::string where = station("s.station");
-  const std::vector<std::string> batch = {"batch",      "queue", "--dry-run", "--out", "units",
-                                          "--sequence", demo,    "--station", where};
+  const std::vector<std::string> batch = {"batch",      "queue",    "--dry-run", "--out", "units",
+                                          "--sequence", short_demo, "--station", where};
   sqlite3* lock = nullptr;
   ASSERT_EQ(sqlite3_open(path("results.db").c_str(), &lock), SQLITE_OK);
   sqlite3_busy_timeout(lock, 10'000);  // the run begins by a row of its own
@@ -143,7 +142,7 @@ TEST_F(Storage, ALockedDatabaseStopsTheBatchWhoseUnitFails) {
       "--out",
       "units",
       "--sequence",
-      demo,
+      short_demo,
       "--station",
       station("s.station"),
       "--rig",
@@ -219,8 +218,8 @@ TEST_F(Storage, OnlyOldRecordingsOfFinishedUnitsAreRemovedAndNeverTheLast) {
                            const std::string& effect = "") {
     const std::string rig =
         write(out + ".rig", "start_utc_s = " + std::to_string(1767225600LL + 86400LL * day) + "\n" + effect);
-    const int code = run({"run", "--dry-run", "--unit", unit, "--out", "all/" + out, "--sequence", demo, "--rig", rig,
-                          "--station", station(out + ".station", limits)})
+    const int code = run({"run", "--dry-run", "--unit", unit, "--out", "all/" + out, "--sequence", short_demo, "--rig",
+                          rig, "--station", station(out + ".station", limits)})
                          .code;
     EXPECT_EQ(code, limits.empty() && effect.empty() ? 0 : 20) << out;
   };

@@ -62,7 +62,6 @@ TEST(TakesOfLast, AreThoseOfThePoseAlsoAcrossAnInterruption) {
   EXPECT_EQ(takes_of_last(segments, 1).size(), 1u);
 }
 
-const std::string demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";
 const char* const station_text =
     "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
     "motion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\nstop.sigma.n11 = 3e-6\nstop.sigma.n22 "
@@ -72,7 +71,7 @@ class UntilSigma : public Program {
  protected:
   static std::vector<std::string> begin(const std::string& out, const std::string& station) {
     return {"run",        "--dry-run", "--unit",    "SN1",   "--out",        out,
-            "--sequence", demo,        "--station", station, "--until-sigma"};
+            "--sequence", short_demo,  "--station", station, "--until-sigma"};
   }
   // Of the records of the journal, those of one type.
   std::vector<std::string> records(const std::string& folder, const std::string& type) const {
@@ -193,7 +192,7 @@ TEST_F(UntilSigma, DoesNotEndBeforeThereIsADiagnosisWhereTheWholeRunHasOne) {
   asked.replace(asked.find("3e-6"), 4, "1");
   asked.replace(asked.find("3e-6"), 4, "1");
   std::vector<std::string> go = begin("out", write("mock.station", asked));
-  std::ranges::replace(go, demo, std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq");
+  std::ranges::replace(go, short_demo, std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq");
   const ProgramResult result = run(go);
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_NE(result.out.find("too short for a diagnosis, 0:2"), std::string::npos) << result.out;

@@ -1,8 +1,9 @@
-// A recording read once, its samples calibrated by one or more parameter files, as intervals of motion (calib/navigation/mechanisation.h).
+// A parameter file applied to a recording: what its effects read over each sample, the samples calibrated by one or more files as intervals
+// of motion (calib/navigation/mechanisation.h), and what the file says of its own uncertainty.
 //
-// The effects of a parameter file are taken off each sample as the estimate modelled them (calib/joint/joint_filter.h): constant over a
-// block, one second at rest and at most 0.1 s in a turn, at the block's rate, specific force, temperature, time and attitude. Time counts
-// from the first sample of the recording at hand. What the file says of its own uncertainty is read here too: noise, and the covariance.
+// The terms of effects are those of the estimate itself (calib/joint/joint_filter.h): constant over a block, one second at rest and at most
+// 0.1 s in a turn, evaluated at the rate, specific force, temperature, time and attitude of the block. Time counts from the
+// first sample of the recording at hand.
 #pragma once
 
 #include <cstdint>

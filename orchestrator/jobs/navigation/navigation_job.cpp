@@ -123,13 +123,11 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request) {
   if (request.parameters.empty()) {
     Result<ParameterFile> identity = as_it_is(opened->info());
     if (!identity) return Error{identity.error().kind, request.recording + ": " + identity.error().message};
-    CalibratedIntervals file = TRY(calibrated_intervals(std::move(*identity), "none, increments as they are", *opened));
-    files.push_back(std::move(file));
+    files.push_back(TRY(calibrated_intervals(std::move(*identity), "none, increments as they are", *opened)));
   }
   for (const std::string& path : {request.parameters, request.against}) {
     if (path.empty()) continue;
-    CalibratedIntervals file = TRY(calibrated_intervals(path, *opened));
-    files.push_back(std::move(file));
+    files.push_back(TRY(calibrated_intervals(path, *opened)));
   }
   return navigate_recording(request, *opened, std::move(files));
 }
@@ -144,8 +142,7 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
                        ": expected one a second and more");
   std::optional<ReferenceTrack> reference;
   if (!request.reference.empty()) {
-    ReferenceTrack read = TRY(read_reference(request.reference));
-    reference = std::move(read);
+    reference = TRY(read_reference(request.reference));
     TRY(check_reference(*reference, request.reference, info));
   }
   const Stretch stretch = reference ? Stretch{std::max(request.from_s, reference->begins_s()),
@@ -172,8 +169,7 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
   report.faults = integrated.faults;
   report.branches_asked = request.branches;
   report.without_segments = source.segments().empty();
-  const std::string hash = TRY(source.content_hash());
-  report.recording_hash = hash;
+  report.recording_hash = TRY(source.content_hash());
   for (const SampleGap& gap : integrated.gaps) {
     report.filled_samples += gap.samples;
     report.filled_in_motion += gap.in_motion;
@@ -219,25 +215,23 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
 
 Result<ReferenceTrack> read_reference(const std::string& path) {
   const std::string content = TRY(read_whole_file(path));
-  const Result<NumberTable> table = read_number_table(content, path,
-                                                      {{"time_s"},
-                                                       {"latitude_deg"},
-                                                       {"longitude_deg"},
-                                                       {.name = "height_m", .may_be_missing = true},
-                                                       {.name = "velocity_north_mps", .may_be_missing = true},
-                                                       {.name = "velocity_east_mps", .may_be_missing = true}},
-                                                      TableFormat{.whole_rows = true});
-  if (!table) return table.error();
-  if (table->rows() < 2)
-    return input_error(path + ": " + std::to_string(table->rows()) + " rows: expected two and more");
-  const auto& c = table->columns;
+  const NumberTable table = TRY(read_number_table(content, path,
+                                                  {{"time_s"},
+                                                   {"latitude_deg"},
+                                                   {"longitude_deg"},
+                                                   {.name = "height_m", .may_be_missing = true},
+                                                   {.name = "velocity_north_mps", .may_be_missing = true},
+                                                   {.name = "velocity_east_mps", .may_be_missing = true}},
+                                                  TableFormat{.whole_rows = true}));
+  if (table.rows() < 2) return input_error(path + ": " + std::to_string(table.rows()) + " rows: expected two and more");
+  const auto& c = table.columns;
   const bool with_velocity = !c[4].empty() && !c[5].empty();
   if (c[4].empty() != c[5].empty())
     return input_error(path + ": one of velocity_north_mps and velocity_east_mps: expected both or neither");
   std::vector<ReferencePoint> points;
-  for (std::size_t row = 0; row < table->rows(); ++row) {
+  for (std::size_t row = 0; row < table.rows(); ++row) {
     const auto refuse = [&](const char* name, double value, const std::string& expected) {
-      return input_error(path + ":" + std::to_string(table->line[row]) + ": " + name + " = '" + format_number(value) +
+      return input_error(path + ":" + std::to_string(table.line[row]) + ": " + name + " = '" + format_number(value) +
                          "': expected " + expected);
     };
     if (!points.empty() && !(c[0][row] > points.back().time_s))
@@ -327,8 +321,7 @@ Result<NavigationWorth> worth_of_effects(const Diagnosis& diagnosis, const Diagn
   std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(recording));
   std::vector<CalibratedIntervals> files;
   for (ParameterFile& model : models) {
-    CalibratedIntervals file = TRY(calibrated_intervals(std::move(model), recording, *source));
-    files.push_back(std::move(file));
+    files.push_back(TRY(calibrated_intervals(std::move(model), recording, *source)));
   }
   NavigationRequest request;
   request.recording = recording;

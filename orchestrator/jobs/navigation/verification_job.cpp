@@ -128,10 +128,8 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
   const Segments& segments = source.segments();
   TRY(check_north_seeking(segments, request.first_step, info.sample_period_s, request.recording));
   std::vector<CalibratedIntervals> files;
-  CalibratedIntervals calibrated = TRY(calibrated_intervals(request.file, request.parameters, source));
-  files.push_back(std::move(calibrated));
-  const Result<IntegratedSamples> integrated = integrate_recording(source, {}, files);
-  if (!integrated) return integrated.error();
+  files.push_back(TRY(calibrated_intervals(request.file, request.parameters, source)));
+  const IntegratedSamples integrated = TRY(integrate_recording(source, {}, files));
   const std::vector<MotionInterval>& intervals = files.front().integrator.intervals();
   const NoiseModel noise = TRY(stored_noise(request.file, request.parameters));
   const StoredCovariance covariance = TRY(stored_covariance(request.file, request.parameters));
@@ -144,15 +142,15 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
   std::vector<std::pair<double, int>> positions;  // heading of the table, readings that are left
   VerificationReport report;
   if (source.damage().lost_data()) report.damage = describe(source.damage());
-  report.faults = integrated->faults;
+  report.faults = integrated.faults;
   report.noise_assumed = !has_noise(request.file);
-  for (const SampleGap& gap : integrated->gaps) report.filled_samples += gap.is_short() ? gap.samples : 0;
+  for (const SampleGap& gap : integrated.gaps) report.filled_samples += gap.is_short() ? gap.samples : 0;
   for (const Segment& segment : segments) {
     if (!is_north_dwell(segment, request.first_step)) continue;
     const bool reads = segment.kind != SegmentKind::align;
     if (reads && (positions.empty() || positions.back().first != segment.heading_deg))
       positions.emplace_back(segment.heading_deg, 0);
-    if (const SampleGap* gap = long_gap_in(integrated->gaps, segment.start_sample, segment.end_sample)) {
+    if (const SampleGap* gap = long_gap_in(integrated.gaps, segment.start_sample, segment.end_sample)) {
       report.left_out.push_back(
           "step " + std::to_string(segment.step) + ": " +
           (reads ? "alignment at heading " + format_number(segment.heading_deg) : std::string("search for the zero")) +
@@ -162,7 +160,7 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
     // Whole intervals inside the segment.
     const double samples_each = static_cast<double>(files.front().integrator.samples_per_interval());
     const auto place = [&](std::int64_t sample) {
-      return static_cast<double>(std::max(std::int64_t{0}, sample - integrated->first_sample)) / samples_each;
+      return static_cast<double>(std::max(std::int64_t{0}, sample - integrated.first_sample)) / samples_each;
     };
     const auto begin = static_cast<std::size_t>(std::ceil(place(segment.start_sample)));
     const auto end = std::min(intervals.size(), static_cast<std::size_t>(place(segment.end_sample)));
@@ -187,11 +185,9 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
                      " without lost samples; " + (report.left_out.empty() ? "" : report.left_out.front())};
 
   report.info = info;
-  const std::string hash = TRY(source.content_hash());
-  report.recording_hash = hash;
+  report.recording_hash = TRY(source.content_hash());
   report.parameters = request.parameters;
-  const std::string of_calibration = TRY(calibration_hash(request.file));
-  report.calibration_hash = of_calibration;
+  report.calibration_hash = TRY(calibration_hash(request.file));
   report.trusted = is_trusted(request.file);
   report.align_s = shortest_s;
   report.found = seek_north(searches, readings);
@@ -207,19 +203,18 @@ Result<ReferenceReport> verify_references(const std::string& csv) {
   std::vector<WantedColumn> wanted;
   for (const char* prefix : {"", "reference_"})
     for (const char* angle : north_angle_names) wanted.push_back({std::string(prefix) + angle + "_deg"});
-  const Result<NumberTable> table = read_number_table(content, csv, wanted, TableFormat{.whole_rows = true});
-  if (!table) return table.error();
-  if (table->rows() < 2)
-    return input_error(csv + ": " + std::to_string(table->rows()) +
+  const NumberTable table = TRY(read_number_table(content, csv, wanted, TableFormat{.whole_rows = true}));
+  if (table.rows() < 2)
+    return input_error(csv + ": " + std::to_string(table.rows()) +
                        " rows, expected two and more: the first binds the references to the unit");
-  std::vector<ReferenceRow> rows(table->rows());
+  std::vector<ReferenceRow> rows(table.rows());
   for (std::size_t row = 0; row < rows.size(); ++row)
     for (std::size_t a = 0; a < 3; ++a) {
-      rows[row].unit_deg[a] = table->columns[a][row];
-      rows[row].reference_deg[a] = table->columns[a + 3][row];
+      rows[row].unit_deg[a] = table.columns[a][row];
+      rows[row].reference_deg[a] = table.columns[a + 3][row];
       for (const double value : {rows[row].unit_deg[a], rows[row].reference_deg[a]})
         if (!(std::abs(value) <= 360.0))
-          return input_error(csv + ":" + std::to_string(table->line[row]) + ": expected angles from -360 to 360 deg");
+          return input_error(csv + ":" + std::to_string(table.line[row]) + ": expected angles from -360 to 360 deg");
     }
   ReferenceReport report;
   report.file = csv;

@@ -22,7 +22,7 @@ class SharedDatabase : public Program {
     return {"run",        "--dry-run",
             "--unit",     unit,
             "--out",      name + "/" + unit,
-            "--sequence", std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq",
+            "--sequence", short_demo,
             "--station",  path(name + ".station")};
   }
   std::vector<AttemptRecord> attempts(const std::string& name, const RecordFilter& filter = {}) const {
