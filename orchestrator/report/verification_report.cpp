@@ -17,69 +17,68 @@ namespace turncal {
 namespace {
 
 void add_figure(const std::string& key, NorthFigure& figure, Fields& fields) {
-    fields.push_back({key + "_deg", &figure.value_deg});
-    fields.push_back({key + "_sigma_deg", &figure.sigma_deg, not_negative});
-  }
+  fields.push_back({key + "_deg", &figure.value_deg});
+  fields.push_back({key + "_sigma_deg", &figure.sigma_deg, not_negative});
+}
 
-  std::string angle_name(std::size_t a) { return std::string(north_angle_names[a]) + "_deg"; }
+std::string angle_name(std::size_t a) { return std::string(north_angle_names[a]) + "_deg"; }
 
-  // Of verification.conf, in its order; lists, positions and readings: as many as there is room for.
-  Fields fields_of(VerificationReport& report) {
-    Fields fields = {{"unit_serial", &report.info.unit_serial},
-                     {"simulated", &report.info.simulated},
-                     {"recording_hash", &report.recording_hash},
-                     {"latitude_deg", &report.info.latitude_deg, site_latitude_deg},
-                     {"parameters", &report.parameters},
-                     {"calibration_hash", &report.calibration_hash},
-                     {"trusted", &report.trusted},
-                     {"align_s", &report.align_s, positive},
-                     {"damage", &report.damage, {}, true},
-                     {"filled_samples", &report.filled_samples, not_negative}};
-    add_list("fault", report.faults, fields);
-    add_list("left_out", report.left_out, fields);
-    NorthSeeking& found = report.found;
-    fields.push_back({"zero_deg", &found.zero_deg});
-    for (std::size_t p = 0; p < found.positions.size(); ++p) {
-      NorthPosition& position = found.positions[p];
-      const std::string prefix = "position." + std::to_string(p + 1) + ".";
-      fields.push_back({prefix + "table_deg", &position.table_deg});
-      for (std::size_t k = 0; k < position.readings.size(); ++k)
-        for (std::size_t a = 0; a < 3; ++a)
-          fields.push_back({prefix + std::to_string(k + 1) + "." + angle_name(a), &position.readings[k].angle_deg[a]});
-      for (std::size_t a = 0; a < 3; ++a) {
-        fields.push_back({prefix + "mean." + angle_name(a), &position.mean_deg[a]});
-        fields.push_back({prefix + "deviation." + angle_name(a), &position.deviation_deg[a], not_negative});
-        fields.push_back({prefix + "sigma." + angle_name(a), &position.noise_sigma_deg[a], not_negative});
-      }
+// Of verification.conf, in its order; lists, positions and readings: as many as there is room for.
+Fields fields_of(VerificationReport& report) {
+  Fields fields = {{"unit_serial", &report.info.unit_serial},
+                   {"simulated", &report.info.simulated},
+                   {"recording_hash", &report.recording_hash},
+                   {"latitude_deg", &report.info.latitude_deg, site_latitude_deg},
+                   {"parameters", &report.parameters},
+                   {"calibration_hash", &report.calibration_hash},
+                   {"trusted", &report.trusted},
+                   {"align_s", &report.align_s, positive},
+                   {"damage", &report.damage, {}, true},
+                   {"filled_samples", &report.filled_samples, not_negative}};
+  add_list("fault", report.faults, fields);
+  add_list("left_out", report.left_out, fields);
+  NorthSeeking& found = report.found;
+  fields.push_back({"zero_deg", &found.zero_deg});
+  for (std::size_t p = 0; p < found.positions.size(); ++p) {
+    NorthPosition& position = found.positions[p];
+    const std::string prefix = "position." + std::to_string(p + 1) + ".";
+    fields.push_back({prefix + "table_deg", &position.table_deg});
+    for (std::size_t k = 0; k < position.readings.size(); ++k)
+      for (std::size_t a = 0; a < 3; ++a)
+        fields.push_back({prefix + std::to_string(k + 1) + "." + angle_name(a), &position.readings[k].angle_deg[a]});
+    for (std::size_t a = 0; a < 3; ++a) {
+      fields.push_back({prefix + "mean." + angle_name(a), &position.mean_deg[a]});
+      fields.push_back({prefix + "deviation." + angle_name(a), &position.deviation_deg[a], not_negative});
+      fields.push_back({prefix + "sigma." + angle_name(a), &position.noise_sigma_deg[a], not_negative});
     }
-    for (std::size_t a = 0; a < 3; ++a)
-      add_figure(std::string("deviation.") + north_angle_names[a], found.deviation[a], fields);
-    add_figure("mean.heading", found.mean_heading, fields);
-    const Fields rest = {{"worst.heading_error_deg", &found.worst_heading_error_deg},
-                         {"felt_latitude_deg", &report.felt.latitude_rad, any_number, false, rad_per_deg},
-                         {"felt_latitude_sigma_deg", &report.felt.sigma_rad, not_negative, false, rad_per_deg},
-                         {"gravity_mps2", &report.info.gravity_mps2, positive},
-                         {"felt_gravity_mps2", &report.felt.gravity_mps2, not_negative},
-                         chosen("noise", report.noise_assumed, {"file", "assumed"}, "file or assumed"),
-                         {"limit.heading_deg", &report.heading_limit_deg, positive},
-                         {"limit.level_deg", &report.level_limit_deg, positive},
-                         {"limit.guard_factor", &report.guard_factor, not_negative},
-                         {"false_fail", &report.false_fail, between(0.0, 1.0)},
-                         {"would_do.align_s", &report.would_do_s, not_negative, true},
-                         {"undecided.level", &report.level_undecided, {}, true},
-                         verdict_field("verdict.heading", report.heading),
-                         verdict_field("verdict.level", report.level),
-                         verdict_field("verdict.latitude", report.latitude),
-                         verdict_field("verdict.gravity", report.gravity),
-                         verdict_field("verdict.result", report.verdict)};
-    fields.insert(fields.end(), rest.begin(), rest.end());
-    return fields;
   }
+  for (std::size_t a = 0; a < 3; ++a)
+    add_figure(std::string("deviation.") + north_angle_names[a], found.deviation[a], fields);
+  add_figure("mean.heading", found.mean_heading, fields);
+  const Fields rest = {{"worst.heading_error_deg", &found.worst_heading_error_deg},
+                       {"felt_latitude_deg", &report.felt.latitude_rad, any_number, false, rad_per_deg},
+                       {"felt_latitude_sigma_deg", &report.felt.sigma_rad, not_negative, false, rad_per_deg},
+                       {"gravity_mps2", &report.info.gravity_mps2, positive},
+                       {"felt_gravity_mps2", &report.felt.gravity_mps2, not_negative},
+                       chosen("noise", report.noise_assumed, {"file", "assumed"}, "file or assumed"),
+                       {"limit.heading_deg", &report.heading_limit_deg, positive},
+                       {"limit.level_deg", &report.level_limit_deg, positive},
+                       {"limit.guard_factor", &report.guard_factor, not_negative},
+                       {"false_fail", &report.false_fail, between(0.0, 1.0)},
+                       {"would_do.align_s", &report.would_do_s, not_negative, true},
+                       {"undecided.level", &report.level_undecided, {}, true},
+                       verdict_field("verdict.heading", report.heading),
+                       verdict_field("verdict.level", report.level),
+                       verdict_field("verdict.latitude", report.latitude),
+                       verdict_field("verdict.gravity", report.gravity),
+                       verdict_field("verdict.result", report.verdict)};
+  fields.insert(fields.end(), rest.begin(), rest.end());
+  return fields;
+}
 
 }  // namespace
 
-std::string
-gravity_words(const FeltSite& felt, double of_recording_mps2) {
+std::string gravity_words(const FeltSite& felt, double of_recording_mps2) {
   return fmt::format("{:.5f} m/s^2 felt, the recording says {:.5f}", felt.gravity_mps2, of_recording_mps2);
 }
 
