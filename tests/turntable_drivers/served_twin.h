@@ -13,8 +13,7 @@
 
 #include "imu_io/base/clock.h"
 #include "tests/rig_clock.h"
-#include "turntable_drivers/rig/rig_imu.h"
-#include "turntable_drivers/rig/rig_table.h"
+#include "turntable_drivers/rig/rig_devices.h"
 #include "turntable_drivers/twins/dialect_twin.h"
 #include "turntable_drivers/twins/modbus_twin.h"
 

@@ -153,7 +153,7 @@ TEST(ModbusFaults, AnotherUnitsAnswerIsRefused) {
   EXPECT_GT(replies, 9) << "it was asked again";
 }
 
-// Answers that belong to the request before, from some moment on: what libmodbus alone believes.
+// Answers that belong to the request before, from some moment on.
 TEST(ModbusFaults, AnswersOneBehindAreNeverBelieved) {
   for (const bool tcp : {true, false}) {
     FaultStation s(tcp);

@@ -211,8 +211,7 @@ TEST(RigConfig, TheDocumentHasEveryKeyOfTheReader) {
     std::ifstream file(TURNCAL_SOURCE_DIR + path);
     return std::string(std::istreambuf_iterator<char>(file), {});
   };
-  const std::string document = content("/docs/rig.md"),
-                    reader = content("/turntable_drivers/rig/rig_config_reader.cpp");
+  const std::string document = content("/docs/rig.md"), reader = content("/turntable_drivers/rig/rig_config.cpp");
   const std::regex literal("\"([a-z_][a-z_0-9.]*)\"");
   int found = 0;
   for (auto at = std::sregex_iterator(reader.begin(), reader.end(), literal); at != std::sregex_iterator(); ++at) {
