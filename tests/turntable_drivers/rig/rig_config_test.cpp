@@ -1,6 +1,7 @@
 // The rig's text configuration: defaults, every kind of key, every kind of mistake, and docs/rig.md.
 #include "turntable_drivers/rig/rig_config.h"
 
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <regex>
@@ -216,6 +217,7 @@ TEST(RigConfig, TheDocumentHasEveryKeyOfTheReader) {
   int found = 0;
   for (auto at = std::sregex_iterator(reader.begin(), reader.end(), literal); at != std::sregex_iterator(); ++at) {
     std::string piece = (*at)[1];
+    if (std::find(rig_truth_keys.begin(), rig_truth_keys.end(), piece) != rig_truth_keys.end()) continue;
     while (!piece.empty() && (piece.back() == '.' || piece.back() == '_')) piece.pop_back();
     EXPECT_NE(document.find(piece), std::string::npos) << piece;
     ++found;

@@ -5,7 +5,6 @@
 
 #include <gtest/gtest.h>
 
-
 namespace turncal::rig_model {
 namespace {
 
