@@ -28,7 +28,7 @@
 #include "sequences/plan.h"
 #include "sequences/sequence.h"
 #include "turntable_drivers/rig/rig.h"
-#include "turntable_drivers/rig/rig_imu.h"
+#include "turntable_drivers/rig/rig_devices.h"
 
 namespace turncal {
 

@@ -15,7 +15,7 @@
 #include "imu_io/units/frame_streamer.h"
 #include "imu_io/units/serial_imu.h"
 #include "turntable_drivers/rig/rig.h"
-#include "turntable_drivers/rig/rig_imu.h"
+#include "turntable_drivers/rig/rig_devices.h"
 
 namespace turncal {
 namespace {

@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "imu_io/base/clock.h"
-#include "tests/turntable_drivers/dialect_station.h"
+#include "tests/turntable_drivers/served_twin.h"
 
 namespace turncal {
 namespace {
@@ -18,83 +18,6 @@ void set_text(AnswerPiece& piece, const std::string& text) { piece.bytes.assign(
 std::string framed_dollar(const std::string& body) {
   return "$" + body + "*" + check_digits(body, SentenceCheck::sum8) + "\r\n";
 }
-
-struct TextTable : FaultTable<DialectStation, SerialTurntable> {
-  explicit TextTable(const std::string& name, bool tcp = false) : FaultTable(quick(shipped_dialect(name, tcp))) {}
-  static Dialect quick(Dialect dialect) {
-    dialect.link.reply_timeout_s = 0.15;
-    dialect.link.quiet_s = 0.06;
-    return dialect;
-  }
-};
-
-using Disturbance = std::function<void(AnswerPlan&)>;
-struct TextFault {
-  const char* name;
-  Disturbance how;
-};
-void PrintTo(const TextFault& fault, std::ostream* out) { *out << fault.name; }
-
-std::vector<TextFault> text_faults() {
-  const auto change = [](const std::function<std::string(std::string)>& how) {
-    return [how](AnswerPlan& plan) { set_text(plan.pieces[0], how(text_of(plan.pieces[0]))); };
-  };
-  return {
-      {"missing", [](AnswerPlan& plan) { plan.pieces.clear(); }},
-      {"late", [](AnswerPlan& plan) { plan.pieces[0].delay_s = 0.2; }},
-      {"duplicate", [](AnswerPlan& plan) { plan.pieces.push_back(plan.pieces[0]); }},
-      {"duplicate_a_little_later",
-       [](AnswerPlan& plan) {
-         plan.pieces.push_back(plan.pieces[0]);
-         plan.pieces[1].delay_s = 0.005;
-       }},
-      {"digit_flipped", change([](std::string text) {
-         const std::size_t digit = text.find_first_of("0123456789", text.size() / 3);
-         text[digit] = 'x';
-         return text;
-       })},
-      {"not_a_number", change([](std::string text) {
-         const std::size_t begin = text.find_first_of("-0123456789", 7);
-         const std::size_t end = text.find_first_not_of("-.0123456789", begin);
-         return text.replace(begin, end - begin, "nan");
-       })},
-      {"cut_short", change([](std::string text) { return text.substr(0, text.size() / 2); })},
-      {"no_terminator", change([](std::string text) { return text.substr(0, text.size() - 2); })},
-      {"interleaved",
-       [](AnswerPlan& plan) {
-         plan.pieces.insert(plan.pieces.begin(), {{'$', 'A', 'S', '\r', '\n'}, 0.0});
-       }},
-      {"control_characters", change([](std::string text) {
-         text.insert(text.size() / 2, "\x01\x7f");
-         return text;
-       })},
-      {"split",
-       [](AnswerPlan& plan) {
-         const std::string text = text_of(plan.pieces[0]);
-         set_text(plan.pieces[0], text.substr(0, 4));
-         plan.pieces.push_back({{text.begin() + 4, text.end()}, 0.02});
-       }},
-      {"byte_by_byte",
-       [](AnswerPlan& plan) {
-         const std::string text = text_of(plan.pieces[0]);
-         plan.pieces.clear();
-         for (const char c : text) plan.pieces.push_back({{static_cast<std::uint8_t>(c)}, 0.001});
-       }},
-  };
-}
-
-class DialectLineFaults : public testing::TestWithParam<TextFault> {};
-
-TEST_P(DialectLineFaults, NoWrongPositionIsBelieved) {
-  TextTable s("own_dollar");
-  int answers = 0;
-  s.station.disturb([&, how = GetParam().how](const std::string&, AnswerPlan& plan) {
-    if (++answers == 3 || answers == 9) how(plan);
-  });
-  EXPECT_EQ(s.expect_truth(5), 15) << "repeated with success; last error: " << s.last_error.message;
-}
-INSTANTIATE_TEST_SUITE_P(All, DialectLineFaults, testing::ValuesIn(text_faults()),
-                         [](const auto& which) { return std::string(which.param.name); });
 
 // A drive that somebody switched off in mid-run: the others are told to stop, it is told to stay off.
 TEST(DialectFaults, AStopDoesNotSwitchOnADriveThatReadsOff) {
@@ -176,18 +99,6 @@ TEST(DialectFaults, AnotherAxisAnswers) {
   EXPECT_NE(status.error().message.find("axis '2' answered"), std::string::npos) << status.error().message;
 }
 
-TEST(DialectFaults, JumpIsNotBelieved) {
-  TextTable s("newport_esp30x");
-  s.make_ready();
-  s.station.disturb([](const std::string& body, AnswerPlan& plan) {
-    if (body == "01TP?") set_text(plan.pieces[0], "30.0000\r\n");
-  });
-  const Result<AxisStatus> status = s.driver.status(Axis::heading);
-  ASSERT_FALSE(status.ok());
-  EXPECT_NE(status.error().message.find("not believed"), std::string::npos) << status.error().message;
-  EXPECT_TRUE(s.driver.stop_all().ok()) << "the link is not lost";
-}
-
 TEST(DialectFaults, DeviceSaysNo) {
   TextTable s("own_prompt");
   s.make_ready();
@@ -195,21 +106,6 @@ TEST(DialectFaults, DeviceSaysNo) {
   ASSERT_FALSE(refused.ok());
   EXPECT_NE(refused.error().message.find("the device says '?'"), std::string::npos) << refused.error().message;
   EXPECT_NE(refused.error().message.find("it stands"), std::string::npos) << refused.error().message;
-}
-
-TEST(DialectFaults, MoveIsNeverSentAgain) {
-  TextTable s("own_dollar");
-  s.make_ready();
-  int runs = 0;
-  s.station.disturb([&](const std::string& body, AnswerPlan& plan) {
-    if (body != "MNRUN,1") return;
-    ++runs;
-    plan.pieces.clear();
-  });
-  const Status sent = s.driver.move_absolute(Axis::pitch, 20.0, 10.0, 10.0);
-  ASSERT_FALSE(sent.ok());
-  EXPECT_NE(sent.error().message.find("it moves"), std::string::npos) << sent.error().message;
-  EXPECT_EQ(runs, 1);
 }
 
 // After a stop the other axes stay where they are: a sentence for all three must not take their motion up again.
@@ -249,19 +145,6 @@ TEST(DialectFaults, FiveSecondsOfSilence) {
   EXPECT_FALSE(s.driver.status(Axis::roll).ok()) << "it does not come back by itself";
   ASSERT_TRUE(s.driver.connect().ok());
   EXPECT_FALSE(s.driver.status(Axis::roll)->enabled);
-}
-
-TEST(DialectFaults, UnpluggedInMidMove) {
-  TextTable s("own_dollar");
-  s.make_ready();
-  ASSERT_TRUE(s.driver.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
-  s.station.disturb([](const std::string&, AnswerPlan& plan) {
-    plan.pieces[0].bytes.resize(4);
-    plan.hang_up = true;
-  });
-  EXPECT_FALSE(s.driver.status(Axis::roll).ok());
-  EXPECT_FALSE(s.driver.stop_all().ok());
-  EXPECT_EQ(s.driver.status(Axis::roll).error().kind, ErrorKind::device);
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 // line end, an answer of three lines. The contract of every table, and what is special about it.
 #include <gtest/gtest.h>
 
-#include "tests/turntable_drivers/dialect_station.h"
+#include "tests/turntable_drivers/served_twin.h"
 #include "tests/turntable_drivers/table_contract.h"
 
 namespace turncal {

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/turntable_drivers/dialect_station.h"
+#include "tests/turntable_drivers/served_twin.h"
 #include "turntable_drivers/ascii/dialect.h"
 #include "turntable_drivers/modbus/register_map.h"
 

@@ -18,7 +18,7 @@
 #include <gtest/gtest.h>
 
 #include "imu_io/base/clock.h"
-#include "tests/turntable_drivers/twin_station.h"
+#include "tests/turntable_drivers/served_twin.h"
 #include "turntable_drivers/modbus/modbus_frame.h"
 #include "turntable_drivers/modbus/register_map.h"
 #include "turntable_drivers/twins/line_server.h"

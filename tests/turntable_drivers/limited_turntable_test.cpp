@@ -7,8 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/table_contract.h"
-#include "turntable_drivers/rig/rig_imu.h"
-#include "turntable_drivers/rig/rig_table.h"
+#include "turntable_drivers/rig/rig_devices.h"
 
 namespace turncal {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <sstream>
 
-#include "tests/turntable_drivers/dialect_station.h"
+#include "tests/turntable_drivers/served_twin.h"
 
 namespace turncal {
 namespace {

@@ -6,8 +6,8 @@
 #include "imu_io/units/serial_imu.h"
 #include "orchestrator/devices/live_devices.h"
 #include "tests/imu_io/frame_streams.h"
-#include "tests/turntable_drivers/modbus/modbus_fault_station.h"
 #include "tests/turntable_drivers/modbus/modbus_run.h"
+#include "tests/turntable_drivers/served_twin.h"
 #include "tests/turntable_drivers/stop_request.h"
 
 namespace turncal {

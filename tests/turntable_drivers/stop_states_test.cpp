@@ -10,8 +10,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/turntable_drivers/dialect_station.h"
-#include "tests/turntable_drivers/modbus/modbus_fault_station.h"
+#include "tests/turntable_drivers/served_twin.h"
 #include "tests/turntable_drivers/stop_request.h"
 
 namespace turncal {
@@ -150,8 +149,6 @@ std::vector<TextState> text_states() {
       {"over_tcp_dead", "pi_gcs2", "HLT 3", [](Dialect& dialect) { dialect.link.tcp = true; }, silent},
   };
 }
-
-using TextTable = FaultTable<DialectStation, SerialTurntable>;
 
 class TextStopStates : public testing::TestWithParam<TextState> {};
 

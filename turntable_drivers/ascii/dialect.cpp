@@ -14,8 +14,8 @@ namespace turncal {
 namespace {
 
 std::optional<DriveBit> drive_bit(std::string_view name) {
-  for (int i = 0; i < drive_bit_count; ++i) {
-    if (name == to_string(static_cast<DriveBit>(i))) return static_cast<DriveBit>(i);
+  for (const DriveBit bit : all_drive_bits) {
+    if (name == to_string(bit)) return bit;
   }
   return {};
 }
@@ -112,10 +112,9 @@ bool names_axis(const DialectSteps& steps) {
 }
 
 void read_steps(KeyValueFile& file, Dialect& dialect) {
-  for (int i = 0; i < table_operation_count; ++i) {
-    const auto operation = static_cast<TableOperation>(i);
+  for (const TableOperation operation : all_operations) {
     const std::string name = key_of(operation);
-    DialectSteps& steps = dialect.steps[static_cast<std::size_t>(i)];
+    DialectSteps& steps = dialect.steps[index(operation)];
     steps.each_axis = file.one_of_or(name + ".scope", "axis", {"axis", "table"}) == "axis";
     for (int number = 1; file.has(name + "." + std::to_string(number)); ++number) {
       const std::string key = name + "." + std::to_string(number);
@@ -142,12 +141,12 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
     }
   }
   const auto asks_for = [&](const std::string& quantity) {
-    for (const Exchange& exchange : dialect.of(TableOperation::move).exchanges) {
-      for (const std::string& name : exchange.send.names()) {
-        if (name == quantity || name.starts_with(quantity + ".")) return true;
-      }
-    }
-    return false;
+    const std::vector<Exchange>& move = dialect.of(TableOperation::move).exchanges;
+    return std::any_of(move.begin(), move.end(), [&](const Exchange& exchange) {
+      const auto names = exchange.send.names();
+      return std::any_of(names.begin(), names.end(),
+                         [&](const std::string& name) { return asked_by(name, Axis::heading).quantity == quantity; });
+    });
   };
   if (file.has("move.1") && asks_for("position") == asks_for("distance"))
     file.reject("move.1", "either {position} or {distance} in the sentences of a move");
@@ -185,18 +184,18 @@ void read_status(KeyValueFile& file, DialectStatus& status) {
     if (status.codes.empty()) file.text("status.code.0");  // the defect: it is missing
   } else {
     status.base = file.one_of_or("status.base", "10", {"10", "16"}) == "16" ? 16 : 10;
-    for (int i = 0; i < drive_bit_count; ++i) {
-      const std::string key = std::string("status.bit.") + to_string(static_cast<DriveBit>(i));
+    for (const DriveBit flag : all_drive_bits) {
+      const std::string key = fmt::format("status.bit.{}", to_string(flag));
       for (const std::string& text : file.list_or(key, {})) {
         const std::optional<int> bit = parse_integer<int>(text);
         if (bit && *bit >= 0 && *bit <= 31)
-          status.mask[static_cast<std::size_t>(i)] |= 1u << *bit;
+          status.mask[index(flag)] |= 1u << *bit;
         else
           file.reject(key, "numbers of bits from 0 to 31, separated by commas");
       }
     }
     if (file.has("status.active_low")) {
-      for (const DriveBit bit : flag_list("status.active_low")) status.active_low[static_cast<std::size_t>(bit)] = true;
+      for (const DriveBit bit : flag_list("status.active_low")) status.active_low[index(bit)] = true;
     }
   }
   if (!status.reports(DriveBit::in_position)) {
@@ -247,19 +246,34 @@ std::string key_of(TableOperation operation) {
   return operation == TableOperation::setup ? "prepare" : to_string(operation);
 }
 
+Result<std::string> body_of(const DialectLink& link, const std::string& frame) {
+  const auto wrong = [&](const std::string& what) {
+    return device_error(fmt::format("answer '{}': {}", visible(frame), what));
+  };
+  if (!frame.starts_with(link.prefix)) return wrong("expected it to begin with " + link.prefix);
+  std::string body = frame.substr(link.prefix.size());
+  if (link.check == SentenceCheck::none) return body;
+  const std::size_t digit_count = link.check == SentenceCheck::crc16 ? 4 : 2;
+  const std::size_t tail = link.check_mark.size() + digit_count;
+  if (body.size() < tail || body.substr(body.size() - tail, link.check_mark.size()) != link.check_mark)
+    return wrong("no checksum");
+  const std::string digits = body.substr(body.size() - digit_count);
+  body.resize(body.size() - tail);
+  const std::string expected = check_digits(body, link.check, link.crc);
+  if (digits != expected) return wrong("checksum " + digits + ", expected " + expected);
+  return body;
+}
+
 std::string frame_of(const DialectLink& link, const std::string& body) {
   const bool checked = link.check != SentenceCheck::none;
   return link.prefix + body + (checked ? link.check_mark + check_digits(body, link.check, link.crc) : "");
 }
 
 bool DialectStatus::reports(DriveBit bit) const {
-  if (by_bits) return mask[static_cast<std::size_t>(bit)] != 0;
-  for (const auto& [code, flags] : codes) {
-    for (const DriveBit flag : flags) {
-      if (flag == bit) return true;
-    }
-  }
-  return false;
+  if (by_bits) return mask[index(bit)] != 0;
+  return std::any_of(codes.begin(), codes.end(), [bit](const auto& code) {
+    return std::find(code.second.begin(), code.second.end(), bit) != code.second.end();
+  });
 }
 
 Result<Dialect> read_dialect(const std::string& path) {
@@ -289,18 +303,15 @@ DialectFlags flags_of(const DialectStatus& status, const std::string& word) {
   result.raw = is_number ? bits : 0;
   const auto code = status.codes.find(word);
   result.known = status.by_bits ? is_number : code != status.codes.end();
-  for (int i = 0; i < drive_bit_count; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    const auto bit = static_cast<DriveBit>(i);
+  for (const DriveBit bit : all_drive_bits) {
+    const std::size_t at = index(bit);
     if (!status.reports(bit)) continue;
     if (!result.known) {
       result.flag[at] = bit == DriveBit::moving;
     } else if (status.by_bits) {
       result.flag[at] = ((bits & status.mask[at]) != 0) != status.active_low[at];
     } else {
-      bool named = false;
-      for (const DriveBit flag : code->second) named = named || flag == bit;
-      result.flag[at] = named;
+      result.flag[at] = std::find(code->second.begin(), code->second.end(), bit) != code->second.end();
     }
   }
   return result;

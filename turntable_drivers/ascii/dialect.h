@@ -33,12 +33,13 @@ struct DialectLink : TableLinkSettings {
   std::string echo_terminator = "\r";  // what the echo ends with
   std::string prefix;                  // before the body of every sentence, both ways
   SentenceCheck check = SentenceCheck::none;
-  CrcParameters crc;                                                                // of crc16
-  std::string check_mark = "*";                                                     // between body and check digits
-  std::size_t check_size() const { return check == SentenceCheck::crc16 ? 4 : 2; }  // digits
+  CrcParameters crc;             // of crc16
+  std::string check_mark = "*";  // between body and check digits
 };
 // Prefix, body and check; without the terminator.
 std::string frame_of(const DialectLink& link, const std::string& body);
+// And back. An error: a wrong prefix, a wrong or missing check.
+Result<std::string> body_of(const DialectLink& link, const std::string& frame);
 
 struct Exchange {
   SentenceTemplate send;
@@ -76,7 +77,7 @@ struct Dialect : TableDescription {
   std::vector<std::string> errors;  // an answer that contains one of these is an error of the device
   DialectStatus status;
 
-  const DialectSteps& of(TableOperation operation) const { return steps[static_cast<std::size_t>(operation)]; }
+  const DialectSteps& of(TableOperation operation) const { return steps[index(operation)]; }
   const DialectAxis& of(Axis which) const { return axis[index(which)]; }
 };
 
@@ -91,7 +92,7 @@ struct DialectFlags {
   std::array<std::optional<bool>, drive_bit_count> flag;
   bool known = true;
   std::uint32_t raw = 0;
-  std::optional<bool> operator[](DriveBit bit) const { return flag[static_cast<std::size_t>(bit)]; }
+  std::optional<bool> operator[](DriveBit bit) const { return flag[index(bit)]; }
 };
 DialectFlags flags_of(const DialectStatus& status, const std::string& word);
 // What a placeholder asks for, and of which axis.

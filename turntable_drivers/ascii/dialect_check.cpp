@@ -12,8 +12,7 @@ namespace turncal {
 namespace {
 
 bool agrees(const DialectStatus& status, const std::vector<DriveBit>& code, const DriveState& state) {
-  for (int i = 0; i < drive_bit_count; ++i) {
-    const auto bit = static_cast<DriveBit>(i);
+  for (const DriveBit bit : all_drive_bits) {
     if (!status.reports(bit) || !state[bit]) continue;
     if ((std::find(code.begin(), code.end(), bit) != code.end()) != *state[bit]) return false;
   }
@@ -23,11 +22,11 @@ bool agrees(const DialectStatus& status, const std::vector<DriveBit>& code, cons
 // The flag that cannot be as a state needs it, since another one has its bit.
 std::optional<DriveBit> crossed(const DialectStatus& status, const DriveState& state) {
   std::uint32_t set = 0, clear = 0;
-  for (int i = 0; i < drive_bit_count; ++i) {
-    const auto at = static_cast<std::size_t>(i);
+  for (const DriveBit bit : all_drive_bits) {
+    const std::size_t at = index(bit);
     if (status.mask[at] == 0 || !state.flags[at]) continue;
     (*state.flags[at] != status.active_low[at] ? set : clear) |= status.mask[at];
-    if ((set & clear) != 0) return static_cast<DriveBit>(i);
+    if ((set & clear) != 0) return bit;
   }
   return {};
 }
@@ -56,8 +55,7 @@ void check_texts(KeyValueFile& file, const Dialect& dialect) {
     if (may_be_number(error)) file.reject("error.texts", "texts that no number holds");
   if (may_be_number(dialect.link.terminator_in)) file.reject("link.terminator_in", "a text that no number holds");
   if (may_be_number(dialect.link.prompt)) file.reject("link.prompt", "a text that no number holds");
-  for (int i = 0; i < table_operation_count; ++i) {
-    const auto operation = static_cast<TableOperation>(i);
+  for (const TableOperation operation : all_operations) {
     const std::vector<Exchange>& exchanges = dialect.of(operation).exchanges;
     for (std::size_t k = 0; k < exchanges.size(); ++k) {
       const std::string key = fmt::format("{}.{}", key_of(operation), k + 1);

@@ -72,10 +72,10 @@ void explain_steps(const Dialect& dialect, TableOperation operation, const std::
 
 void explain_flags(const Dialect& dialect, std::vector<TableRow>& rows) {
   const DialectStatus& status = dialect.status;
-  for (int i = 0; status.by_bits && i < drive_bit_count; ++i) {
-    const auto at = static_cast<std::size_t>(i);
-    if (status.mask[at] == 0) continue;
-    const std::string flag = to_string(static_cast<DriveBit>(i));
+  for (const DriveBit bit : all_drive_bits) {
+    const std::size_t at = index(bit);
+    if (!status.by_bits || status.mask[at] == 0) continue;
+    const std::string flag = to_string(bit);
     const bool several = (status.mask[at] & (status.mask[at] - 1)) != 0;
     rows.push_back({"status", "each", fmt::format("  its status word, base {}", status.base),
                     fmt::format("{}: mask 0x{:08X}{} {}", flag, status.mask[at], several ? ", one of it" : ",",

@@ -34,12 +34,10 @@ class SentenceCodec : public TableCodec {
   std::vector<OtherReading> other_readings(Axis axis, const AxisReading& reading) const override;
 
  private:
-  Error failure(const std::string& what) const { return device_error(dialect_.link.address + ": " + what); }
   Verdict garbled(const std::string& what) const;
   const std::string& end_of_answer() const {
     return dialect_.link.prompt.empty() ? dialect_.link.terminator_in : dialect_.link.prompt;
   }
-  Result<std::string> body_of(const std::string& frame) const;
   Result<std::string> bodies_of(const std::string& frames, int lines) const;  // with \n between them
   Status take(Axis axis, const Values& values, AxisReading& reading) const;
 
@@ -48,7 +46,7 @@ class SentenceCodec : public TableCodec {
 };
 
 Verdict SentenceCodec::garbled(const std::string& what) const {
-  Verdict verdict = failure(what);
+  Verdict verdict = device_error(dialect_.link.address + ": " + what);
   verdict.stale = true;
   return verdict;
 }
@@ -81,25 +79,6 @@ std::optional<std::size_t> SentenceCodec::reply_end(const TableRequest& request,
   return end;
 }
 
-Result<std::string> SentenceCodec::body_of(const std::string& frame) const {
-  const DialectLink& link = dialect_.link;
-  const auto wrong = [&](const std::string& what) {
-    return failure(fmt::format("answer '{}': {}", visible(frame), what));
-  };
-  if (!frame.starts_with(link.prefix)) return wrong("expected it to begin with " + link.prefix);
-  std::string body = frame.substr(link.prefix.size());
-  if (link.check == SentenceCheck::none) return body;
-  const std::size_t tail = link.check_mark.size() + link.check_size();
-  if (body.size() < tail || body.substr(body.size() - tail, link.check_mark.size()) != link.check_mark) {
-    return wrong("no checksum");
-  }
-  const std::string digits = body.substr(body.size() - link.check_size());
-  body.resize(body.size() - tail);
-  const std::string expected = check_digits(body, link.check, link.crc);
-  if (digits != expected) return wrong("checksum " + digits + ", expected " + expected);
-  return body;
-}
-
 Result<std::string> SentenceCodec::bodies_of(const std::string& frames, int lines) const {
   const std::string& end = dialect_.link.terminator_in;
   std::string remaining = frames;
@@ -109,16 +88,16 @@ Result<std::string> SentenceCodec::bodies_of(const std::string& frames, int line
   for (bool more = !remaining.empty() || lines > 0; more;) {
     const std::size_t at = remaining.find(end);
     more = at != std::string::npos;
-    bodies += (count++ > 0 ? "\n" : "") + TRY(body_of(remaining.substr(0, at)));
+    bodies += (count++ > 0 ? "\n" : "") + TRY(body_of(dialect_.link, remaining.substr(0, at)));
     if (more) remaining.erase(0, at + end.size());
   }
   if (count == lines || (lines == 0 && count == 1)) return bodies;  // what was not asked for is for decode() to judge
-  return failure(fmt::format("answer '{}': expected {}", visible(frames),
-                             lines > 1 ? std::to_string(lines) + " lines" : std::string("one line")));
+  return device_error(fmt::format("answer '{}': expected {}", visible(frames),
+                                  lines > 1 ? std::to_string(lines) + " lines" : std::string("one line")));
 }
 
 bool SentenceCodec::acknowledges(const TableRequest& request, const std::string& reply) const {
-  const Result<std::string> body = body_of(reply.substr(0, reply.size() - end_of_answer().size()));
+  const auto body = body_of(dialect_.link, reply.substr(0, reply.size() - end_of_answer().size()));
   return body && dialect_.of(request.operation).exchanges[request.step].expect->match(*body);
 }
 
@@ -140,11 +119,7 @@ Verdict SentenceCodec::decode(const TableRequest& request, const std::string& re
     if (frames.ends_with(link.terminator_in)) frames.resize(frames.size() - link.terminator_in.size());
     return garbled(fmt::format("answer '{}': more after it: '{}'", visible(frames), visible(heard)));
   }
-  if (!answer) {
-    Verdict verdict = answer.error();
-    verdict.stale = true;
-    return verdict;
-  }
+  if (!answer) return garbled(answer.error().message);
   if (request.operation == TableOperation::identify) {
     reading->text = visible(*answer);
     return {};

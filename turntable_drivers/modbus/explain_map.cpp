@@ -118,8 +118,7 @@ void explain_status(const RegisterMap& map, std::vector<TableRow>& rows) {
             std::string(to_string(scale.rate->type)) + " rate: " + per(scale.sign * scale.measured_rate_scale, "deg/s"),
             "rate.address");
     if (scale.alarm) field(scale.alarm->address, std::string(to_string(scale.alarm->type)) + " alarm", "alarm.address");
-    for (int i = 0; i < drive_bit_count; ++i) {
-      const auto which = static_cast<DriveBit>(i);
+    for (const DriveBit which : all_drive_bits) {
       if (const auto& bit = scale.bit(which))
         field(bit->address, bit_text(*bit, which, scale.arrives_in_a_pulse),
               fmt::format("bit.{}{}", to_string(which), bit->codes.empty() ? ".mask" : ".codes"));

@@ -13,28 +13,24 @@ namespace {
 bool can_say(const MapAxis& axis, int address, const DriveState& state) {
   for (unsigned word = 0; word <= 0xFFFF; ++word) {
     bool says = true;
-    for (int i = 0; says && i < drive_bit_count; ++i) {
-      const auto which = static_cast<DriveBit>(i);
+    for (const DriveBit which : all_drive_bits) {
       const std::optional<StatusBit>& bit = axis.bit(which);
       if (!bit || bit->address != address || !state[which]) continue;
-      says = bit->is_set(static_cast<std::uint16_t>(word)) == *state[which];
+      says = says && bit->is_set(static_cast<std::uint16_t>(word)) == *state[which];
     }
     if (says) return true;
   }
   return false;
 }
 
-bool is_trouble(int bit) {
-  const auto which = static_cast<DriveBit>(bit);
-  return which == DriveBit::fault || which == DriveBit::emergency_stop || which == DriveBit::limit_positive ||
-         which == DriveBit::limit_negative;
-}
-
 // Two troubles may share a bit, and a done bit may tell of arrived and, the other way round, of moving.
-bool may_share(int one, const StatusBit& a, int other, const StatusBit& b) {
+bool may_share(DriveBit one, const StatusBit& a, DriveBit other, const StatusBit& b) {
+  using enum DriveBit;
   if (a.address != b.address || (a.mask & b.mask) == 0 || !a.codes.empty() || !b.codes.empty()) return true;
-  const bool done =
-      static_cast<DriveBit>(one) == DriveBit::in_position && static_cast<DriveBit>(other) == DriveBit::moving;
+  const auto is_trouble = [](DriveBit bit) {
+    return bit == fault || bit == emergency_stop || bit == limit_positive || bit == limit_negative;
+  };
+  const bool done = one == in_position && other == moving;
   return (is_trouble(one) && is_trouble(other)) || (done && a.active_high != b.active_high);
 }
 
@@ -55,27 +51,24 @@ void check_status(KeyValueFile& file, const RegisterMap& map) {
       file.reject("heartbeat.address", "a register of its own: the position is there");
     if (axis.rate && in_position(axis.rate->address, register_count(axis.rate->type)))
       reject(which, "rate.address", "a register of its own: the position is there");
-    for (int i = 0; i < drive_bit_count; ++i) {
-      const std::optional<StatusBit>& bit = axis.bits[static_cast<std::size_t>(i)];
+    for (const DriveBit flag : all_drive_bits) {
+      const std::optional<StatusBit>& bit = axis.bit(flag);
       if (!bit) continue;
-      const std::string name = std::string("bit.") + to_string(static_cast<DriveBit>(i));
+      const std::string name = fmt::format("bit.{}", to_string(flag));
       if (in_position(bit->address, 1))
         reject(which, name + ".address", "a register of its own: the position is there");
-      for (int j = 0; j < i; ++j) {
-        const std::optional<StatusBit>& other = axis.bits[static_cast<std::size_t>(j)];
-        if (other && !may_share(j, *other, i, *bit))
-          reject(which, name + ".mask",
-                 std::string("bits of its own, not those of bit.") + to_string(static_cast<DriveBit>(j)));
+      for (const DriveBit before : all_drive_bits) {
+        if (before == flag) break;
+        if (const auto& other = axis.bit(before); other && !may_share(before, *other, flag, *bit))
+          reject(which, name + ".mask", fmt::format("bits of its own, not those of bit.{}", to_string(before)));
       }
     }
-    for (int i = 0; i < drive_bit_count; ++i) {
-      const std::optional<StatusBit>& bit = axis.bits[static_cast<std::size_t>(i)];
-      if (!bit) continue;
-      const std::string key =
-          std::string("bit.") + to_string(static_cast<DriveBit>(i)) + (bit->codes.empty() ? ".mask" : ".codes");
+    for (const DriveBit flag : all_drive_bits) {
+      const std::optional<StatusBit>& bit = axis.bit(flag);
       for (const DriveState& state : drive_states(!map.home_by_encoder))
-        if (state.flags[static_cast<std::size_t>(i)] && !can_say(axis, bit->address, state))
-          reject(which, key, state.expected);
+        if (bit && state[flag] && !can_say(axis, bit->address, state))
+          reject(which, fmt::format("bit.{}{}", to_string(flag), bit->codes.empty() ? ".mask" : ".codes"),
+                 state.expected);
     }
   }
 }
@@ -88,8 +81,7 @@ void check_addresses(KeyValueFile& file, const RegisterMap& map) {
       if (!block.of_table) last = std::max(last, block.address + block.count);
     last += static_cast<int>(index(which));
     if (map.heartbeat_address && !map.heartbeat_of_table) last = std::max(last, *map.heartbeat_address + 1);
-    for (int i = 0; i < table_operation_count; ++i) {
-      const auto operation = static_cast<TableOperation>(i);
+    for (const TableOperation operation : all_operations) {
       for (const WriteStep& step : map.list(operation))
         if (!step.of_table && !map.once(operation)) last = std::max(last, step.address + step.length());
     }
@@ -346,8 +338,7 @@ std::optional<Clash> stops_another(const RegisterMap& map, Axis axis, Axis other
     if (map.once(operation) && map.of(axis).unit != map.of(other).unit)
       return Clash{key + ".scope", "axis, where every axis has a unit of its own"};
     const auto writes_to = [&](Axis whose, const Written& place) {
-      for (int i = 0; i < table_operation_count; ++i) {
-        const auto list = static_cast<TableOperation>(i);
+      for (const TableOperation list : all_operations) {
         const std::vector<Written> sent = sent_by(map, list, whose);
         if (std::any_of(sent.begin(), sent.end(), [&](const Written& w) { return !w.of_table && overlaps(w, place); }))
           return true;

@@ -74,6 +74,23 @@ long hex_or_decimal(KeyValueFile& file, const std::string& key, long min, long m
   return min;
 }
 
+std::vector<std::uint16_t> words_in(KeyValueFile& file, const std::string& key, long most,
+                                    const std::string& expected) {
+  std::vector<std::uint16_t> words;
+  for (const std::string& text : file.has(key) ? file.list(key) : std::vector<std::string>()) {
+    const auto value = whole_number(text);
+    if (!value || *value < 0 || *value > most) file.reject(key, expected);
+    words.push_back(static_cast<std::uint16_t>(value.value_or(0)));
+  }
+  return words;
+}
+
+std::vector<WriteOperand> operands_of(const WriteList& list) {
+  std::vector<WriteOperand> operands;
+  for (const WriteStep& step : list) operands.insert(operands.end(), step.operands.begin(), step.operands.end());
+  return operands;
+}
+
 WriteList write_list(KeyValueFile& file, const std::string& key, const WordLayout& layout) {
   WriteList list;
   if (!file.has(key)) return list;
@@ -172,8 +189,7 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
     axis.position = block_field("position");
     if (has("rate.address")) axis.rate = block_field("rate");
     if (has("alarm.address")) axis.alarm = block_field("alarm");
-    for (int i = 0; i < drive_bit_count; ++i) {
-      const auto bit_of = static_cast<DriveBit>(i);
+    for (const DriveBit bit_of : all_drive_bits) {
       const std::string prefix = "bit." + std::string(to_string(bit_of));
       const bool required = bit_of == DriveBit::enabled || bit_of == DriveBit::in_position || bit_of == DriveBit::fault;
       if (!required && !has(prefix + ".address")) continue;
@@ -181,18 +197,10 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
       bit.address = static_cast<int>(hex_or_decimal(file, key(prefix + ".address"), 0, 65535));
       inside(key(prefix + ".address"), bit.address, 1);
       if (has(prefix + ".codes")) {
-        bit.mask = 0xFFFF;
-        if (has(prefix + ".mask")) {
-          bit.mask = static_cast<std::uint16_t>(hex_or_decimal(file, key(prefix + ".mask"), 1, 65535));
-        }
+        bit.mask = static_cast<std::uint16_t>(hex_or_decimal(file, key(prefix + ".mask"), 1, 65535, 0xFFFF));
         const int most = bit.mask >> bit.shift();
-        for (const std::string& text : file.list(key(prefix + ".codes"))) {
-          const auto code = whole_number(text);
-          if (!code || *code < 0 || *code > most) {
-            file.reject(key(prefix + ".codes"), "numbers from 0 to " + std::to_string(most) + ", what the mask leaves");
-          }
-          bit.codes.push_back(static_cast<std::uint16_t>(code.value_or(0)));
-        }
+        bit.codes = words_in(file, key(prefix + ".codes"), most,
+                             fmt::format("numbers from 0 to {}, what the mask leaves", most));
         if (bit.codes.empty()) file.reject(key(prefix + ".codes"), "at least one number");
       } else {
         bit.mask = static_cast<std::uint16_t>(hex_or_decimal(file, key(prefix + ".mask"), 1, 65535));
@@ -204,27 +212,21 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
       if (pulse && bit_of != DriveBit::in_position) {
         file.reject(key(prefix + ".kind"), "level: only in_position can be a pulse");
       }
-      axis.bits[static_cast<std::size_t>(i)] = bit;
+      axis.bits[index(bit_of)] = bit;
     }
   }
 }
 
 void read_writes(KeyValueFile& file, RegisterMap& map) {
+  using Kind = WriteOperand::Kind;
   map.write_function = file.one_of_or("write.function", "6", {"6", "16"}) == "6" ? 6 : 16;
-  if (file.has("write.codes")) {
-    for (const std::string& text : file.list("write.codes")) {
-      const auto address = whole_number(text);
-      if (!address || *address < 0 || *address > 65535) file.reject("write.codes", "registers from 0 to 65535");
-      map.code_registers.push_back(static_cast<int>(address.value_or(0)));
-    }
-  }
-  for (int i = 0; i < table_operation_count; ++i) {
-    const auto operation = static_cast<TableOperation>(i);
+  map.code_registers = words_in(file, "write.codes", 0xFFFF, "registers from 0 to 65535");
+  for (const TableOperation operation : all_operations) {
     if (operation == TableOperation::identify || operation == TableOperation::status) continue;
     const std::string key = fmt::format("write.{}", to_string(operation));
-    map.writes[static_cast<std::size_t>(i)] = write_list(file, key, map.layout);
+    map.writes[index(operation)] = write_list(file, key, map.layout);
     if (!map.list(operation).empty()) {
-      map.of_table[static_cast<std::size_t>(i)] = file.one_of_or(key + ".scope", "axis", {"axis", "table"}) == "table";
+      map.of_table[index(operation)] = file.one_of_or(key + ".scope", "axis", {"axis", "table"}) == "table";
     }
     const bool is_stop = operation == TableOperation::stop || operation == TableOperation::abort;
     double waits_s = 0.0;
@@ -237,41 +239,28 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
                           operation == TableOperation::enable ||
                           (operation == TableOperation::home && map.home_by_encoder);
     if (!optional && !file.has(key)) file.text(key);  // the defect: it is missing
-    const WriteList& list = map.list(operation);
-    if (file.has(key) && std::all_of(list.begin(), list.end(), [](const WriteStep& s) { return s.operands.empty(); })) {
-      file.reject(key, "at least one write of a register");
-    }
-    for (const WriteStep& step : map.list(operation)) {
-      for (const WriteOperand& operand : step.operands) {
-        const bool of_move = operand.kind != WriteOperand::Kind::constant && operand.kind != WriteOperand::Kind::axis;
-        if (operation != TableOperation::move && of_move) {
-          file.reject(key, "numbers: position, distance, rate and acceleration belong to write.move");
-        }
-      }
+    const std::vector<WriteOperand> operands = operands_of(map.list(operation));
+    if (file.has(key) && operands.empty()) file.reject(key, "at least one write of a register");
+    for (const WriteOperand& operand : operands) {
+      const bool of_move = operand.kind != Kind::constant && operand.kind != Kind::axis;
+      if (operation != TableOperation::move && of_move)
+        file.reject(key, "numbers: position, distance, rate and acceleration belong to write.move");
     }
   }
-  const auto asks_for = [&](WriteOperand::Kind kind) {
-    for (const WriteStep& step : map.list(TableOperation::move)) {
-      for (const WriteOperand& operand : step.operands) {
-        if (operand.kind == kind) return true;
-      }
-    }
-    return false;
+  const std::vector<WriteOperand> move = operands_of(map.list(TableOperation::move));
+  const auto asks_for = [&](Kind kind) {
+    return std::any_of(move.begin(), move.end(), [kind](const WriteOperand& operand) { return operand.kind == kind; });
   };
   if (map.once(TableOperation::stop) != map.once(TableOperation::abort)) {
     file.reject("write.stop.scope", "the same scope as write.abort: an axis that is off is sent that instead");
   }
-  for (const WriteStep& step : map.list(TableOperation::move)) {
-    for (const WriteOperand& operand : step.operands) {
-      if (operand.kind == WriteOperand::Kind::constant) continue;
-      if (operand.kind == WriteOperand::Kind::axis ? map.once(TableOperation::move)
-                                                   : operand.of_axis.has_value() != map.once(TableOperation::move)) {
-        file.reject("write.move",
-                    "position.heading, rate.pitch and the like with write.move.scope = table, else without an axis");
-      }
-    }
+  const bool of_all = map.once(TableOperation::move);
+  for (const WriteOperand& operand : move) {
+    if (operand.kind == Kind::constant) continue;
+    if (operand.kind == Kind::axis ? of_all : operand.of_axis.has_value() != of_all)
+      file.reject("write.move",
+                  "position.heading, rate.pitch and the like with write.move.scope = table, else without an axis");
   }
-  using Kind = WriteOperand::Kind;
   if (asks_for(Kind::position) == asks_for(Kind::distance) || !asks_for(Kind::rate)) {
     file.reject("write.move", "either position or distance in it, and rate");
   }
@@ -289,14 +278,9 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
   if (file.has("heartbeat.address")) {
     map.heartbeat_address = static_cast<int>(hex_or_decimal(file, "heartbeat.address", 0, 65535));
     map.heartbeat_of_table = file.one_of_or("heartbeat.scope", "axis", {"axis", "table"}) == "table";
-    if (file.has("heartbeat.values")) {
-      for (const std::string& text : file.list("heartbeat.values")) {
-        const auto value = whole_number(text);
-        if (!value || *value < 0 || *value > 65535) file.reject("heartbeat.values", "numbers from 0 to 65535");
-        map.heartbeat_values.push_back(static_cast<std::uint16_t>(value.value_or(0)));
-      }
-      if (map.heartbeat_values.empty()) file.reject("heartbeat.values", "at least one number");
-    }
+    map.heartbeat_values = words_in(file, "heartbeat.values", 0xFFFF, "numbers from 0 to 65535");
+    if (file.has("heartbeat.values") && map.heartbeat_values.empty())
+      file.reject("heartbeat.values", "at least one number");
     keys.number("heartbeat.period_s", map.heartbeat_period_s, between(0.001, 60.0));
     keys.number("heartbeat.watchdog_s", map.watchdog_s, between(0.01, 600.0));
     if (map.watchdog_s < 2.0 * map.heartbeat_period_s) {

@@ -88,7 +88,7 @@ struct MapAxis : AxisScale {
   std::optional<RegisterField> rate;
   std::array<std::optional<StatusBit>, drive_bit_count> bits;
   std::optional<RegisterField> alarm;
-  const std::optional<StatusBit>& bit(DriveBit which) const { return bits[static_cast<std::size_t>(which)]; }
+  const std::optional<StatusBit>& bit(DriveBit which) const { return bits[index(which)]; }
 };
 
 // Registers that are read together.
@@ -116,7 +116,7 @@ struct RegisterMap : TableDescription {
   std::array<bool, table_operation_count> of_table{};  // written once, to heading's unit and without offset
 
   // Addresses as in the lists: what is written there is the number of a command, not bits.
-  std::vector<int> code_registers;
+  std::vector<std::uint16_t> code_registers;
 
   std::optional<int> heartbeat_address;
   bool heartbeat_of_table = false;
@@ -125,8 +125,8 @@ struct RegisterMap : TableDescription {
   double watchdog_s = 1.0;  // what the drive is set to: it stops when no heartbeat came for this long
 
   const MapAxis& of(Axis which) const { return axis[index(which)]; }
-  const WriteList& list(TableOperation operation) const { return writes[static_cast<std::size_t>(operation)]; }
-  bool once(TableOperation operation) const { return of_table[static_cast<std::size_t>(operation)]; }
+  const WriteList& list(TableOperation operation) const { return writes[index(operation)]; }
+  bool once(TableOperation operation) const { return of_table[index(operation)]; }
   std::span<const StatusBlock> blocks() const { return std::span(status).first(status[1].count > 0 ? 2 : 1); }
   // Where a request goes: a step's of a list, or a heartbeat.
   int address_of(const WriteStep& step, TableOperation operation, Axis which) const {

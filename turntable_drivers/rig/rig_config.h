@@ -9,13 +9,12 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/types/axis.h"
 #include "calib/types/status.h"
 #include "turntable_drivers/rig/rig_effects.h"
-#include "turntable_drivers/rig/rig_faults.h"
-#include "turntable_drivers/rig/rig_lot.h"
 
 namespace turncal {
 
@@ -98,6 +97,81 @@ struct RigTableBehaviour {
 
 enum class RigQuantisation { floor, round, off };  // off: real-valued pulses
 
+// What can go wrong on the rig, on demand: faults of the unit (by sample) and of the table (by time).
+//
+// Samples are numbered from the rig's first one (0), whatever the unit's counter shows. Times are rig time in seconds;
+// a fault takes effect at the first sample boundary at or after its time.
+enum class RigFaultKind {
+  // The unit. `sample` says when, `axis` 0..2 is the sensor axis.
+  lost_sample,        // `count` samples are not delivered and their increments are gone; the unit's counter shows the
+                      // gap, unless `hidden`: then the counter runs on as if nothing were missing
+  duplicated_sample,  // delivered a second time with the same counter; `hidden`: with the next counter value
+  gyro_glitch,        // + size [mrad] in the gyro increment of that sample
+  velocity_knock,     // + size [m/s] in the accelerometer increment of that sample
+  invalid_sample,     // `count` samples from there carry sample_flag_invalid, data as always
+  imu_silent,         // from time_s for duration_s nothing is delivered (samples are lost, counter shows the gap)
+  imu_unplugged,      // from time_s read() is a device error until the unit is opened again, which succeeds
+  // The table. `axis` is the table axis as Axis.
+  table_moved,  // at time_s the axis turns by size [deg] at rate_degps by itself and stays there; the encoder
+                // shows it, unless `hidden` (the platform moved, the encoder did not)
+  too_fast,  // from time_s for duration_s (0: for good) moves of the axis are made at rate_factor and acceleration_factor times
+             // what was sent
+  never_in_position,  // from time_s for duration_s (0: for good) in_position stays false
+  stuck_axis,         // from time_s the axis stops dead and takes commands without moving, until clear_fault()
+  axis_fault,         // at time_s the drive trips: the axis brakes at its last acceleration; latched until
+                      // clear_fault()
+  emergency_stop,     // at time_s all axes stop within one sample; latched until an operator releases the button
+                      // (Rig::release_emergency_stop, or by itself after duration_s if that is not 0) and clear_fault()
+  link_lost           // from time_s for duration_s (0: for good) every call to the table is a device error
+};
+
+// "lost_sample" and so on; false if there is no such kind.
+bool parse_rig_fault_kind(std::string_view name, RigFaultKind& kind);
+const char* to_string(RigFaultKind kind);
+bool concerns_unit(RigFaultKind kind);  // else the table
+
+struct RigFault {
+  RigFaultKind kind = RigFaultKind::lost_sample;
+  std::int64_t sample = 0;
+  std::int64_t count = 1;
+  double time_s = 0.0;
+  double duration_s = 0.0;
+  int axis = 0;
+  double size = 0.0;
+  double rate_degps = 1.0;
+  double rate_factor = 1.0, acceleration_factor = 1.0;
+  bool hidden = false;
+  int unit = 1;  // of the unit's kinds: which of several on the table, from 1
+};
+
+// A lot of units: the unit on the rig follows from its serial number, and some are faulty. For rehearsing a line (docs/line.md).
+//
+// The same serial number is the same unit: its truth is drawn from the lot's seed and the serial. Another beginning is another turn-on:
+// noise, and a step of the biases from there. Between turn-ons the biases walk: a step a day.
+// What a faulty unit has. All but unsettled have it at every turn-on.
+enum class LotFault {
+  none,
+  gyro_bias,        // one N0 is off by 0.6 deg/h
+  accel_nonlinear,  // accel_second_order of one axis, 80 ug/g^2
+  g_sensitive,      // gyro_g_sensitivity of one gyro to a force across it, 0.08 deg/h/g
+  noisy,            // six times the random walk of the gyros
+  unsettled         // at about every second turn-on an accelerometer jumps by 500 ug in mid-run
+};
+const char* to_string(LotFault fault);
+
+struct RigLot {
+  std::optional<std::uint64_t> seed;  // not set: the unit has nothing to do with its serial number
+  double faulty = 0.0;                // so many of the units, 0 to 1
+  double between_h = 0.25;            // from the end of a run to the beginning of the next
+  double turn_on_gyro_degph = 0.0;    // sigma of a bias from turn-on to turn-on
+  double turn_on_accel_ug = 0.0;
+  double month_gyro_degph = 0.0;  // sigma of the change of a bias in 30 days
+  double month_accel_ug = 0.0;
+  // Of the unit that rig_of_lot() made, at this turn-on.
+  LotFault fault = LotFault::none;
+  bool fault_shows = false;
+};
+
 struct RigConfig {
   std::uint64_t seed = 1;                   // of truth and table errors
   std::optional<std::uint64_t> noise_seed;  // not set: seed
@@ -134,6 +208,8 @@ Result<RigConfig> parse_rig_config(const std::string& text, const std::string& f
 // The rig of one of several units on the table, from 0. The first is the rig as configured. The others have a truth and noise of
 // their own, do not tell a serial number, and have their own faults; site, table, effects and temperature are the same for all.
 RigConfig rig_of_unit(const RigConfig& config, std::size_t unit);
+// What is true of the unit `serial` when it is turned on at config.start_utc_s; config itself without lot.seed.
+RigConfig rig_of_lot(RigConfig config, const std::string& serial);
 // What read_rig_config also checks: ranges, and that a value makes sense with the others.
 Status check(const RigConfig& config);
 

@@ -61,39 +61,24 @@ Result<std::size_t> RigGroup::Member::read(std::span<ImuSample> out, double time
 class RigGroup::Table : public Turntable {
  public:
   explicit Table(RigGroup& group) : group_(group) {}
-  Status connect() override {
-    return all([](RigTable& table) { return table.connect(); });
-  }
+  Status connect() override { return all(&RigTable::connect); }
   Result<TableIdentity> identify() override { return group_.members_.front()->table.identify(); }
-  Status enable() override {
-    return all([](RigTable& table) { return table.enable(); });
-  }
-  Status home() override {
-    return all([](RigTable& table) { return table.home(); });
-  }
+  Status enable() override { return all(&RigTable::enable); }
+  Status home() override { return all(&RigTable::home); }
   Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
-    return all(
-        [=](RigTable& table) { return table.move_absolute(axis, position_deg, rate_degps, acceleration_degps2); });
+    return all(&RigTable::move_absolute, axis, position_deg, rate_degps, acceleration_degps2);
   }
-  Status stop_all() override {
-    return all([](RigTable& table) { return table.stop_all(); });
-  }
-  Status abort_all() override {
-    return all([](RigTable& table) { return table.abort_all(); });
-  }
-  Status clear_fault() override {
-    return all([](RigTable& table) { return table.clear_fault(); });
-  }
-  Result<AxisStatus> status(Axis axis) override {
-    return all([=](RigTable& table) { return table.status(axis); });
-  }
+  Status stop_all() override { return all(&RigTable::stop_all); }
+  Status abort_all() override { return all(&RigTable::abort_all); }
+  Status clear_fault() override { return all(&RigTable::clear_fault); }
+  Result<AxisStatus> status(Axis axis) override { return all(&RigTable::status, axis); }
 
  private:
-  template <class Call>
-  auto all(Call call) -> decltype(call(std::declval<RigTable&>())) {
+  template <class Call, class... Arguments>
+  auto all(Call call, Arguments... arguments) -> decltype((std::declval<RigTable&>().*call)(arguments...)) {
     group_.bring_up_all();
-    auto first = call(group_.members_.front()->table);
-    for (std::size_t i = 1; i < group_.size(); ++i) (void)call(group_.members_[i]->table).ok();
+    auto first = (group_.members_.front()->table.*call)(arguments...);
+    for (std::size_t i = 1; i < group_.size(); ++i) (void)(group_.members_[i]->table.*call)(arguments...).ok();
     return first;
   }
   RigGroup& group_;

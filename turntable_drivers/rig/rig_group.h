@@ -16,8 +16,7 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/recordings/imu_source.h"
 #include "turntable_drivers/rig/rig.h"
-#include "turntable_drivers/rig/rig_imu.h"
-#include "turntable_drivers/rig/rig_table.h"
+#include "turntable_drivers/rig/rig_devices.h"
 
 namespace turncal {
 

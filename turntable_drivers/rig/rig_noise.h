@@ -15,7 +15,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "turntable_drivers/rig/rig_random.h"
+#include "turntable_drivers/rig/rig_math.h"
 
 namespace turncal::rig_model {
 

@@ -1,6 +1,9 @@
 #include "turntable_drivers/rig/rig_truth.h"
 
-#include "turntable_drivers/rig/rig_random.h"
+#include <algorithm>
+#include <cmath>
+
+#include "turntable_drivers/rig/rig_math.h"
 
 namespace turncal::rig_model {
 namespace {
@@ -106,3 +109,94 @@ std::vector<std::pair<std::string, double>> TableErrorsInForce::named() const {
 }
 
 }  // namespace turncal::rig_model
+
+// ---- a lot of units ----
+
+namespace turncal {
+
+namespace {
+
+using rig_model::RandomStream;
+
+enum Stream : std::uint64_t { fault_stream = 201, place_stream, turn_on_stream, walk_stream };
+constexpr double day_s = 86400.0, month_days = 30.0;
+constexpr double lot_made_utc_s = 1767225600.0;  // 2026-01-01: the biases walk from there
+constexpr std::int64_t longest_walk_days = 36525;
+constexpr double g_ug = 1e6;
+
+// FNV-1a (Fowler, Noll, Vo), 64 bits.
+std::uint64_t unit_seed(const RigLot& lot, const std::string& serial) {
+  constexpr std::uint64_t prime = 0x100000001b3ULL, golden = 0x9E3779B97F4A7C15ULL;
+  std::uint64_t hash = 0xcbf29ce484222325ULL ^ (*lot.seed * golden);
+  for (const char c : serial) hash = (hash ^ static_cast<unsigned char>(c)) * prime;
+  return hash;
+}
+
+void lay_on(LotFault fault, std::size_t axis, double when_s, RigConfig& config) {
+  switch (fault) {
+    case LotFault::none: break;
+    case LotFault::gyro_bias: *config.truth[axis] += 0.6; break;
+    case LotFault::accel_nonlinear: config.effects.accel_second_order[axis] = 80.0; break;
+    case LotFault::g_sensitive: config.effects.gyro_g_sensitivity[3 * axis + (axis + 1) % 3] = 0.08; break;
+    case LotFault::noisy: config.noise.gyro_random_walk_deg_per_rt_h *= 6.0; break;
+    case LotFault::unsettled:
+      config.outside.accel_bias_step.axis = static_cast<int>(axis);
+      config.outside.accel_bias_step.time_s = when_s;
+      config.outside.accel_bias_step.size = 500.0;
+      break;
+  }
+}
+
+// At any turn-on.
+LotFault fault_of(const RigLot& lot, std::uint64_t seed) {
+  RandomStream random(seed, fault_stream);
+  if (random.uniform() >= lot.faulty) return LotFault::none;
+  constexpr double kinds = 5.0;
+  return static_cast<LotFault>(1 + static_cast<int>(kinds * random.uniform()));
+}
+
+}  // namespace
+
+const char* to_string(LotFault fault) {
+  switch (fault) {
+    case LotFault::none: return "none";
+    case LotFault::gyro_bias: return "gyro_bias";
+    case LotFault::accel_nonlinear: return "accel_nonlinear";
+    case LotFault::g_sensitive: return "g_sensitive";
+    case LotFault::noisy: return "noisy";
+    case LotFault::unsettled: return "unsettled";
+  }
+  return "none";
+}
+
+RigConfig rig_of_lot(RigConfig config, const std::string& serial) {
+  if (!config.lot.seed) return config;
+  RigLot& lot = config.lot;
+  const std::uint64_t seed = unit_seed(lot, serial);
+  const auto turn_on_seed = seed ^ (static_cast<std::uint64_t>(config.start_utc_s) * 0xD1B54A32D192ED03ULL);
+  config.unit_seed = seed;
+  config.noise_seed = turn_on_seed;
+  const std::array<double, 24> drawn = rig_model::draw_truth(config);
+  RandomStream turn_on(turn_on_seed, turn_on_stream);
+  const auto days = std::min(longest_walk_days,
+                             static_cast<std::int64_t>(std::max(0.0, (config.start_utc_s - lot_made_utc_s) / day_s)));
+  for (std::size_t i = 0; i < 6; ++i) {
+    const bool gyro = i < 3;
+    double walked = 0.0;
+    RandomStream walk(seed, walk_stream + i);
+    for (std::int64_t day = 0; day < days; ++day) walked += walk.normal();
+    const double month = gyro ? lot.month_gyro_degph : lot.month_accel_ug / g_ug;
+    const double step = gyro ? lot.turn_on_gyro_degph : lot.turn_on_accel_ug / g_ug;
+    config.truth[i] = drawn[i] + step * turn_on.normal() + month / std::sqrt(month_days) * walked;
+  }
+  RandomStream place(seed, place_stream);
+  const auto axis = static_cast<std::size_t>(3.0 * place.uniform());
+  constexpr double earliest_s = 1500.0, latest_s = 4500.0;
+  const bool now = turn_on.uniform() < 0.5;
+  lot.fault = fault_of(lot, seed);
+  lot.fault_shows = lot.fault != LotFault::none && (now || lot.fault != LotFault::unsettled);
+  if (lot.fault_shows) lay_on(lot.fault, axis, turn_on.uniform(earliest_s, latest_s), config);
+  return config;
+}
+
+}  // namespace turncal

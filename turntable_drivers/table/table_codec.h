@@ -34,7 +34,7 @@ struct AxisReading {
   bool known = true;                                       // false: a status that the description does not have
   std::uint32_t raw = 0;
   std::string text;
-  std::optional<bool> operator[](DriveBit bit) const { return flags[static_cast<std::size_t>(bit)]; }
+  std::optional<bool> operator[](DriveBit bit) const { return flags[index(bit)]; }
 };
 
 // What is made of a reply.

@@ -58,7 +58,7 @@ void read_axis_scale(KeyValueFile& file, Axis axis, AxisScale& scale, const std:
 const char* to_string(TableOperation operation) {
   constexpr std::array<const char*, table_operation_count + 1> names = {
       "setup", "identify", "enable", "home", "move", "status", "stop", "abort", "clear_fault", "heartbeat"};
-  return names[static_cast<std::size_t>(operation)];
+  return names[index(operation)];
 }
 
 const char* harm_of(TableOperation starts) {
@@ -71,15 +71,15 @@ const char* to_string(DriveBit bit) {
   constexpr std::array<const char*, drive_bit_count> names = {"enabled",        "in_position",    "fault",
                                                               "moving",         "homed",          "limit_positive",
                                                               "limit_negative", "emergency_stop", "remote"};
-  return names[static_cast<std::size_t>(bit)];
+  return names[index(bit)];
 }
 
 std::array<DriveState, 4> drive_states(bool searches) {
   const auto with = [](DriveBit about, const char* expected, std::initializer_list<DriveBit> set,
                        std::initializer_list<DriveBit> clear) {
     DriveState state{about, expected};
-    for (const DriveBit bit : set) state.flags[static_cast<std::size_t>(bit)] = true;
-    for (const DriveBit bit : clear) state.flags[static_cast<std::size_t>(bit)] = false;
+    for (const DriveBit bit : set) state.flags[index(bit)] = true;
+    for (const DriveBit bit : clear) state.flags[index(bit)] = false;
     return state;
   };
   using enum DriveBit;

@@ -20,6 +20,11 @@ namespace turncal {
 // setup `prepare`.
 enum class TableOperation { setup, identify, enable, home, move, status, stop, abort, clear_fault, heartbeat };
 inline constexpr int table_operation_count = 9;  // heartbeat aside, which is no list of steps
+constexpr std::size_t index(TableOperation operation) { return static_cast<std::size_t>(operation); }
+inline constexpr TableOperation all_operations[] = {
+    TableOperation::setup, TableOperation::identify, TableOperation::enable,
+    TableOperation::home,  TableOperation::move,     TableOperation::status,
+    TableOperation::stop,  TableOperation::abort,    TableOperation::clear_fault};
 const char* to_string(TableOperation operation);
 // Operations that start something, what that is, and those that must not.
 inline constexpr TableOperation starting_operations[] = {TableOperation::enable, TableOperation::home,
@@ -102,13 +107,17 @@ enum class DriveBit {
   remote
 };
 inline constexpr int drive_bit_count = 9;
+constexpr std::size_t index(DriveBit bit) { return static_cast<std::size_t>(bit); }
+inline constexpr DriveBit all_drive_bits[] = {
+    DriveBit::enabled,        DriveBit::in_position,    DriveBit::fault,          DriveBit::moving, DriveBit::homed,
+    DriveBit::limit_positive, DriveBit::limit_negative, DriveBit::emergency_stop, DriveBit::remote};
 const char* to_string(DriveBit bit);
 
 struct DriveState {
   DriveBit bit;          // what it is about
   const char* expected;  // of a status
   std::array<std::optional<bool>, drive_bit_count> flags{};
-  std::optional<bool> operator[](DriveBit which) const { return flags[static_cast<std::size_t>(which)]; }
+  std::optional<bool> operator[](DriveBit which) const { return flags[index(which)]; }
 };
 // searches: its zero has to be looked for, so that there is a time before.
 std::array<DriveState, 4> drive_states(bool searches);

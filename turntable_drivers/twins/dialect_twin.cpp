@@ -138,19 +138,12 @@ std::optional<AnswerPlan> DialectServer::next_answer(std::vector<std::uint8_t>& 
   const std::string frame(bytes.begin(), end);
   bytes.erase(bytes.begin(), end + static_cast<std::ptrdiff_t>(link.terminator_out.size()));
   AnswerPlan plan;
-  if (!frame.starts_with(link.prefix)) return plan;
-  std::string body = frame.substr(link.prefix.size());
-  if (link.check != SentenceCheck::none) {
-    const std::size_t tail = link.check_mark.size() + link.check_size();
-    if (body.size() < tail) return plan;
-    const std::string digits = body.substr(body.size() - link.check_size());
-    body.resize(body.size() - tail);
-    if (digits != check_digits(body, link.check, link.crc)) return plan;
-  }
+  const Result<std::string> body = body_of(link, frame);
+  if (!body) return plan;
   std::optional<std::string> answer;
   {
     const std::lock_guard lock(mutex);
-    answer = twin_.answer(body);
+    answer = twin_.answer(*body);
   }
   std::string text = link.echo ? frame + link.echo_terminator : "";
   for (std::string_view remaining = answer ? *answer : std::string_view(); answer;) {
@@ -162,7 +155,7 @@ std::optional<AnswerPlan> DialectServer::next_answer(std::vector<std::uint8_t>& 
   }
   text += link.prompt;
   if (!text.empty()) plan.pieces.push_back({{text.begin(), text.end()}, 0.0});
-  if (disturb) disturb(body, plan);
+  if (disturb) disturb(*body, plan);
   return plan;
 }
 

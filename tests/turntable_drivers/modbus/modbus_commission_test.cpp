@@ -1,7 +1,7 @@
 // Word order, sign and scale of a map that is not its drives: nothing moves, and commissioning says which fit.
 #include <gtest/gtest.h>
 
-#include "tests/turntable_drivers/modbus/modbus_fault_station.h"
+#include "tests/turntable_drivers/served_twin.h"
 
 namespace turncal {
 namespace {

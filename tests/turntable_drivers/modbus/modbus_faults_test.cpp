@@ -10,84 +10,10 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/turntable_drivers/modbus/modbus_fault_station.h"
+#include "tests/turntable_drivers/served_twin.h"
 
 namespace turncal {
 namespace {
-
-struct LineFault {
-  const char* name;
-  Disturbance how;       // of one reply
-  bool recovers = true;  // by a repetition
-};
-
-void PrintTo(const LineFault& fault, std::ostream* out) { *out << fault.name; }
-
-std::vector<LineFault> line_faults() {
-  const auto bytes_of = [](AnswerPlan& plan) -> Frame& { return plan.pieces[0].bytes; };
-  return {
-      {"silence", [](const ModbusRequest&, AnswerPlan& plan) { plan.pieces.clear(); }},
-      {"late", [](const ModbusRequest&, AnswerPlan& plan) { plan.pieces[0].delay_s = 0.2; }},
-      {"very_late", [](const ModbusRequest&, AnswerPlan& plan) { plan.pieces[0].delay_s = 0.33; }},
-      {"flipped_bit",
-       [=](const ModbusRequest& request, AnswerPlan& plan) {
-         // On RTU the CRC tells; over TCP a flip is in the header (TCP's own checksum guards the data).
-         Frame& bytes = bytes_of(plan);
-         bytes[bytes.size() == 3 + 2 * static_cast<std::size_t>(request.count) + 2 ? 5 : 1] ^= 0x10;
-       }},
-      {"cut_short", [=](const ModbusRequest&, AnswerPlan& plan) { bytes_of(plan).resize(bytes_of(plan).size() - 3); }},
-      {"one_byte", [=](const ModbusRequest&, AnswerPlan& plan) { bytes_of(plan).resize(1); }},
-      {"trailing_junk",
-       [=](const ModbusRequest&, AnswerPlan& plan) {
-         bytes_of(plan).insert(bytes_of(plan).end(), {0xAA, 0x55, 0x00});
-       }},
-      {"leading_junk",
-       [=](const ModbusRequest&, AnswerPlan& plan) {
-         bytes_of(plan).insert(bytes_of(plan).begin(), {0x00, 0xFF});
-       }},
-      {"twice", [](const ModbusRequest&, AnswerPlan& plan) { plan.pieces.push_back(plan.pieces[0]); }},
-      {"split",
-       [=](const ModbusRequest&, AnswerPlan& plan) {
-         Frame tail(bytes_of(plan).begin() + 5, bytes_of(plan).end());
-         bytes_of(plan).resize(5);
-         plan.pieces.push_back({tail, 0.015});
-       }},
-      {"slow_bytes",
-       [=](const ModbusRequest&, AnswerPlan& plan) {
-         const Frame all = bytes_of(plan);
-         plan.pieces.clear();
-         for (const std::uint8_t byte : all) plan.pieces.push_back({{byte}, 0.002});
-       }},
-      {"stalling_bytes",
-       [=](const ModbusRequest&, AnswerPlan& plan) {
-         Frame tail(bytes_of(plan).begin() + 7, bytes_of(plan).end());
-         bytes_of(plan).resize(7);
-         plan.pieces.push_back({tail, 0.06});  // longer than the byte time-out
-       }},
-  };
-}
-
-class ModbusLineFaults : public testing::TestWithParam<std::tuple<bool, LineFault>> {};
-
-TEST_P(ModbusLineFaults, NoWrongPositionIsBelieved) {
-  const auto& [tcp, fault] = GetParam();
-  FaultStation s(tcp);
-  int reads = 0;
-  s.station.disturb([&, how = fault.how](const ModbusRequest& request, AnswerPlan& plan) {
-    // One reply to heading, later one to roll.
-    if (is_read(request) && (++reads == 4 || (reads > 8 && reads <= 11 && request.unit == 3 && reads % 3 == 0)))
-      how(request, plan);
-  });
-  const int read = s.expect_truth(6);
-  EXPECT_EQ(read, 18) << "every disturbed reading was repeated with success";
-  EXPECT_TRUE(s.driver.stop_all().ok());
-}
-
-INSTANTIATE_TEST_SUITE_P(All, ModbusLineFaults, testing::Combine(testing::Bool(), testing::ValuesIn(line_faults())),
-                         [](const auto& which) {
-                           return std::string(std::get<0>(which.param) ? "tcp_" : "rtu_") +
-                                  std::get<1>(which.param).name;
-                         });
 
 // A gateway that sends every reply twice: at once, a little later, cut in two, and after the next request. Writes, too, are taken.
 TEST(ModbusFaults, RepeatedRepliesOverTcpAreDropped) {
@@ -153,7 +79,7 @@ TEST(ModbusFaults, AnotherUnitsAnswerIsRefused) {
   EXPECT_GT(replies, 9) << "it was asked again";
 }
 
-// Answers that belong to the request before, from some moment on: what libmodbus alone believes.
+// Answers that belong to the request before, from some moment on.
 TEST(ModbusFaults, AnswersOneBehindAreNeverBelieved) {
   for (const bool tcp : {true, false}) {
     FaultStation s(tcp);

@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/turntable_drivers/served_twin.h"
 #include "tests/turntable_drivers/table_contract.h"
-#include "tests/turntable_drivers/twin_station.h"
 
 namespace turncal {
 namespace {

@@ -14,7 +14,7 @@
 #include "imu_io/base/clock.h"
 #include "orchestrator/run/station_run.h"
 #include "tests/orchestrator/rig_station.h"
-#include "tests/turntable_drivers/twin_station.h"
+#include "tests/turntable_drivers/served_twin.h"
 
 namespace turncal {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "orchestrator/run/station_run.h"
 #include "tests/orchestrator/rig_station.h"
-#include "tests/turntable_drivers/twin_station.h"
+#include "tests/turntable_drivers/served_twin.h"
 #include "turntable_drivers/table/limited_turntable.h"
 
 namespace turncal {

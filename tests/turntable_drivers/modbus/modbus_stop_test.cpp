@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/turntable_drivers/modbus/modbus_fault_station.h"
+#include "tests/turntable_drivers/served_twin.h"
 
 namespace turncal {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/turntable_drivers/twin_station.h"
+#include "tests/turntable_drivers/served_twin.h"
 
 namespace turncal {
 namespace {

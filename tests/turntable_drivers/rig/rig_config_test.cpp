@@ -1,6 +1,7 @@
 // The rig's text configuration: defaults, every kind of key, every kind of mistake, and docs/rig.md.
 #include "turntable_drivers/rig/rig_config.h"
 
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <regex>
@@ -211,12 +212,12 @@ TEST(RigConfig, TheDocumentHasEveryKeyOfTheReader) {
     std::ifstream file(TURNCAL_SOURCE_DIR + path);
     return std::string(std::istreambuf_iterator<char>(file), {});
   };
-  const std::string document = content("/docs/rig.md"),
-                    reader = content("/turntable_drivers/rig/rig_config_reader.cpp");
+  const std::string document = content("/docs/rig.md"), reader = content("/turntable_drivers/rig/rig_config.cpp");
   const std::regex literal("\"([a-z_][a-z_0-9.]*)\"");
   int found = 0;
   for (auto at = std::sregex_iterator(reader.begin(), reader.end(), literal); at != std::sregex_iterator(); ++at) {
     std::string piece = (*at)[1];
+    if (std::find(rig_truth_keys.begin(), rig_truth_keys.end(), piece) != rig_truth_keys.end()) continue;
     while (!piece.empty() && (piece.back() == '.' || piece.back() == '_')) piece.pop_back();
     EXPECT_NE(document.find(piece), std::string::npos) << piece;
     ++found;

@@ -1,5 +1,5 @@
 // The simulated unit as a source: time, counters, and its faults.
-#include "turntable_drivers/rig/rig_imu.h"
+#include "turntable_drivers/rig/rig_devices.h"
 
 #include <cmath>
 #include <vector>

@@ -5,8 +5,6 @@
 
 #include <gtest/gtest.h>
 
-#include "turntable_drivers/rig/rig_random.h"
-
 namespace turncal::rig_model {
 namespace {
 

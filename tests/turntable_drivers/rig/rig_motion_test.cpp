@@ -1,11 +1,10 @@
 // The trapezoid of one axis, and geometry against numeric derivatives.
-#include "turntable_drivers/rig/rig_motion.h"
+#include "turntable_drivers/rig/rig_axes.h"
 
 #include <cmath>
 
 #include <gtest/gtest.h>
 
-#include "turntable_drivers/rig/rig_axes.h"
 #include "turntable_drivers/rig/rig_geometry.h"
 
 namespace turncal::rig_model {

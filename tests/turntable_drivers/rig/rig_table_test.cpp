@@ -1,5 +1,5 @@
 // The mock table: the contract of every table, its own manners, and its lies.
-#include "turntable_drivers/rig/rig_table.h"
+#include "turntable_drivers/rig/rig_devices.h"
 
 #include <cmath>
 #include <vector>
@@ -8,7 +8,6 @@
 
 #include "tests/rig_clock.h"
 #include "tests/turntable_drivers/table_contract.h"
-#include "turntable_drivers/rig/rig_imu.h"
 
 namespace turncal {
 namespace {
