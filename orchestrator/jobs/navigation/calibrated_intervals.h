@@ -121,7 +121,7 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
 
 // A recording with calibrated increments in place of those that the unit gave:
 //   dtheta = n counts_gyro - N0 dt  [rad],   dv = a counts_accel - A0 dt  [m/s],   dt the sample period.
-// Effects beyond the 24 parameters are taken off as the estimate modelled them (effect_terms.h). Segments, counters, temperatures
+// Effects beyond the 24 parameters are taken off as the estimate modelled them (EffectTerms). Segments, counters, temperatures
 // and flags stay.
 class CalibratedSource : public RecordingSource {
  public:
