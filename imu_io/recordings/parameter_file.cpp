@@ -188,8 +188,9 @@ Result<ParameterFile> parse_parameter_file(std::string_view text, const std::str
 Result<ParameterFile> read_parameter_file(const std::string& path) {
   const std::string text = TRY(read_whole_file(path));
   if (text.empty()) return input_error(path + ": empty file: expected a parameter file");
-  ParameterFile file = TRY(parse_parameter_file(text, path));
-  if (const std::string* const keys = find_further(file, undetermined_key))
+  Result<ParameterFile> file = parse_parameter_file(text, path);
+  if (!file) return file;
+  if (const std::string* const keys = find_further(*file, undetermined_key))
     return input_error(path + ": its calibration did not determine " + *keys + ": expected one that did");
   return file;
 }
