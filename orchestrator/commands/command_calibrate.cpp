@@ -21,6 +21,7 @@
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/recordings/matrix_writer.h"
+#include "imu_io/base/data_text.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/truth.h"
@@ -48,6 +49,7 @@ namespace fs = std::filesystem;
 struct CalibrateOptions {
   std::vector<std::string> recordings;
   std::string out;
+  std::string format;
   std::string method = calibration_methods[0];
   bool partial = false;
   PriorSource prior;
@@ -93,10 +95,15 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
     TRY(write_statistics(*statistics, folder.file(statistics_name)));
   }
   folder.keep();
-  for (const std::string& note : output.notes) context.out << note << '\n';
-  context.out << '\n';
-  context.out << as_text(result_table(output.file, truth_beside(options.recordings.front()))) << "\nparameters  "
-              << file << std::endl;
+  if (!options.format.empty()) {
+    const std::string text = TRY(format_parameter_file(output.file));
+    context.out << key_values_as(options.format, text) << std::flush;
+  } else {
+    for (const std::string& note : output.notes) context.out << note << '\n';
+    context.out << '\n'
+                << as_text(result_table(output.file, truth_beside(options.recordings.front()))) << "\nparameters  "
+                << file << std::endl;
+  }
   if (output.distrust.empty()) return {};
   return Error{ErrorKind::unit_failed, file + ": not trusted: " + output.distrust};
 }
@@ -112,6 +119,8 @@ void add_calibrate_command(CommandLine& line, CommandContext& context) {
   command.option("--method", options->method, "how to estimate")
       .one_of(std::vector<std::string>(std::begin(calibration_methods), std::end(calibration_methods)))
       .default_in_help();
+  command.option("--format", options->format, "print parameters.conf in this form instead of words")
+      .one_of(data_formats);
   command.flag("--partial", options->partial, "write a result even if some parameters are not determined");
   command.option("--prior", options->prior.from,
                  "what earlier calibrations say: a results database, a store of `turncal recalibrate`, or a folder "

@@ -37,6 +37,7 @@ struct PredictRequest {
   double temperature_tau_s = 2400.0;
   std::string navigate;  // how long; empty: not asked
   double align_s = 300.0;
+  std::string format;  // json; empty: words
 };
 
 Status check_request(const PredictRequest& r) {

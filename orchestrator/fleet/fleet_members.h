@@ -1,4 +1,4 @@
-// The statistics that calibrations have left (kept_files.h), as members of a fleet.
+// The statistics that calibrations have left (each_kept_file), as members of a fleet.
 #pragma once
 
 #include <functional>

@@ -11,7 +11,7 @@
 namespace turncal {
 
 struct PriorSource {
-  std::string from;  // a folder, or a results database (kept_files.h)
+  std::string from;  // a folder, or a results database (fleet_members.h)
   std::string part;  // record.part; empty: any
 };
 

@@ -104,9 +104,9 @@ void add_errors(const Diagnosis& diagnosis, const std::vector<ErrorRow>& rows, D
   if (both)
     for (const char* column : {"after", "change"}) table.head.push_back(number(column));
   for (const ErrorRow& row : rows) {
-    std::vector<Cell> cells = {
-        text(row.what), text(row.normalised && row.unit.empty() ? "1 is what the noise explains" : unit_text(row.unit)),
-        number(error_text(row, row.before), row.before)};
+    std::vector<Cell> cells = {text(row.what),
+                               text(row.normalised && row.unit.empty() ? "noise explains 1" : unit_text(row.unit)),
+                               number(error_text(row, row.before), row.before)};
     if (both) {
       cells.push_back(number(error_text(row, row.after), row.after));
       cells.push_back(number(percent_change(row.before, row.after)));
@@ -330,11 +330,9 @@ void add_limits(const Diagnosis& diagnosis, const DiagnosisContext& context, Doc
   }
   if (!diagnosis.gated_out.empty()) {
     document.subsection("Found but not confirmed");
-    document.add(
-        Paragraph{
-            join(diagnosis.gated_out, "; ") +
-            (context.hand_turned ? "." : ": fitted the recording better but not the held-out data, so not added.")},
-        Scope::all);
+    const char* why =
+        context.hand_turned ? "." : ": fitted the recording better but not the held-out data, so not added.";
+    document.add(Facts{{{"", join(diagnosis.gated_out, "; ") + why}}, true}, Scope::all);
   }
   document.subsection("Effects it cannot see");
   Table unseen{{name("effect"), wide("what would show it")}};

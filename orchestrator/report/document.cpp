@@ -219,6 +219,7 @@ class JsonSection {
   }
   void operator()(const Heading&) {}
   void operator()(const Drawing&) {}
+  bool empty() const { return text_.empty() && !any_fact_ && tables_.empty(); }
   std::string end(JsonObject head, const std::string& sections) {
     if (!text_.empty()) head.texts("text", text_);
     if (any_fact_) head.raw("facts", facts_.end());
@@ -321,8 +322,9 @@ std::string as_json(const Document& document) {
   std::string sections;
   bool in_section = false;
   const auto close = [&] {
-    if (in_section)
-      sections += (sections.empty() ? "\n" : ",\n") + std::exchange(other, {}).end(std::exchange(head, {}), "");
+    if (in_section && !other.empty()) sections += (sections.empty() ? "\n" : ",\n") + other.end(head, "");
+    head = {};
+    other = {};
   };
   for (const Document::Block& block : document.blocks) {
     if (block.scope == Scope::terminal) continue;

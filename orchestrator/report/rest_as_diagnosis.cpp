@@ -235,8 +235,7 @@ RestWords rest_words(const RestDiagnosis& r, const RestData& data, const Diagnos
                             is.gyro_rms_radps / rad_per_deg, "deg/s", false});
     words.errors.push_back(
         {where + "gravity norm at rest rms", 1e3 * was.norm_rms_mps2, 1e3 * is.norm_rms_mps2, "mm/s^2", false});
-    words.errors.push_back(
-        {where + "normalised residual rms", before, after, "1 is what the final model expects", true});
+    words.errors.push_back({where + "normalised residual rms", before, after, "model expects 1", true});
   };
   add("fitted: ", r.base.errors, r.final.errors, r.error_before, r.error_after);
   add(r.holdout_before.observations > 0 ? "second recording: " : "left out in turn: ", held_out_errors(r, false),

@@ -232,8 +232,4 @@ inline std::size_t count_of(const std::string& text, const std::string& what) {
 
 inline bool have_gnuplot() { return run_gnuplot("set terminal svg\nplot x\n", 1).ok(); }
 
-inline NavigationWorth sample_worth() {
-  return {"second recording", 8, 3600.0, 0.75, 0.25, 0.5, {{"accel_second_order", 0.625}}};
-}
-
 }  // namespace turncal

@@ -109,9 +109,9 @@ TEST_F(Navigate, AGravityThatIsNotFeltIsSaid) {
   ASSERT_EQ(run({"export", "rest", "--out", "text"}).code, 0);
   EXPECT_EQ(navigated("9.7914").find("GRAVITY"), std::string::npos);
   EXPECT_EQ(navigated("9.7834").find("GRAVITY"), std::string::npos);
-  EXPECT_NE(navigated("9.78").find("GRAVITY   9.7914"), std::string::npos);
+  EXPECT_NE(navigated("9.78").find("GRAVITY         9.7914"), std::string::npos);
   EXPECT_NEAR(result("nav/navigation.conf").number("felt_gravity_mps2"), 9.7914, 1e-4);
-  EXPECT_NE(navigated("9.78").find("noise assumed, the parameter file has no noise keys"), std::string::npos);
+  EXPECT_NE(navigated("9.78").find("noise           assumed, the parameter file has no noise keys"), std::string::npos);
 }
 
 // What `apply` left is navigated as it is.
