@@ -1,5 +1,5 @@
 // SerialTurntable: a table that speaks an ASCII dialect over a serial line or TCP, wholly described by a Dialect. The driver is
-// DescribedTurntable; this is the language of sentences (table/table_codec.h):
+// DescribedTurntable; this is the language of sentences (turntable_drivers/table/table_codec.h):
 //
 // - Frame: prefix + body + (check_mark + check digits) + terminator. An answer with a wrong prefix, a wrong or missing check, or more
 //   characters after it than there should be is an error. An echo has to be what was sent.

@@ -1,5 +1,5 @@
 // ModbusTurntable: drives behind Modbus TCP or RTU, wholly described by a RegisterMap. The driver is DescribedTurntable; this is the
-// language of registers (table/table_codec.h), framed by modbus_frame.h:
+// language of registers (turntable_drivers/table/table_codec.h), framed by modbus_frame.h:
 //
 // - A reply must come from the unit, be of the function, and have exactly the length or the address asked for; over TCP it must carry the
 //   request's transaction number too (frames of earlier ones are skipped, whole ones that a gateway sends again are dropped). RTU has no

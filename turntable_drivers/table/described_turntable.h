@@ -1,5 +1,6 @@
-// The driver of every table that a file describes, by a register map (modbus/modbus_turntable.h) or a dialect
-// (ascii/serial_turntable.h): when an axis may be enabled, homed or moved, what is believed of what it says, and how it is stopped.
+// The driver of every table that a file describes, by a register map (turntable_drivers/modbus/modbus_turntable.h) or a dialect
+// (turntable_drivers/ascii/serial_turntable.h): when an axis may be enabled, homed or moved, what is believed of what it says, and how it
+// is stopped.
 //
 // - Nothing is switched on or moves before the description is commissioned, enable() was called since connect(), and the drive's own
 //   state says enabled, homed, at rest, without fault, in remote.

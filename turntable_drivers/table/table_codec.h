@@ -1,5 +1,6 @@
-// What a table's language has to do for the driver (described_turntable.h) and its line (table_line.h): make a request of a step, say where a
-// reply ends, and judge what it says. registers of a map: modbus/modbus_turntable.h; sentences of a dialect: ascii/serial_turntable.h.
+// What a table's language has to do for the driver (described_turntable.h) and its line (table_line.h): make a request of a step, say
+// where a reply ends, and judge what it says. Registers: turntable_drivers/modbus/modbus_turntable.h; sentences:
+// turntable_drivers/ascii/serial_turntable.h.
 #pragma once
 
 #include <array>
