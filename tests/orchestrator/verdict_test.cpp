@@ -241,7 +241,7 @@ TEST_F(Production, HistoryListsComparesChartsAndExports) {
   const std::string json = run({"history", "results.db", "--format", "json"}).out;
   EXPECT_TRUE(json.starts_with("[\n{\"id\":1,\"unit\":\"")) << json;
   EXPECT_EQ(std::count(json.begin(), json.end(), '\n'), 5);
-  expect_refused({"history", "results.db", "--format", "json", "--control"}, "--format: is of the list");
+  expect_refused({"history", "results.db", "--format", "csv", "--control"}, "--format csv: is of the list");
   expect_refused({"history", "nowhere.db"}, "there is no such results database");
   expect_refused({"history", write("garbage.db", std::string(4096, 'x'))}, "not a database");
 }
