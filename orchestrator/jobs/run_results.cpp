@@ -208,8 +208,9 @@ Status write_diagnosis_of(Making& m) {
   TRY(make_folder(own));
   DiagnosisFiles& files = m.unit.diagnosis->files;
   if (const std::string& found = m.unit.verdict.verification; !found.empty())
-    say_verification(found, files.report.html);
-  return write_diagnosis(own, files);
+    say_verification(found, files.report);
+  TRY(write_diagnosis(own, files));
+  return {};
 }
 
 Status write_parameters(Making& m) {
