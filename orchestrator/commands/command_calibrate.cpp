@@ -20,8 +20,8 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
-#include "imu_io/base/text_pieces.h"
 #include "imu_io/base/data_text.h"
+#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/matrix_writer.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/commands/commands.h"

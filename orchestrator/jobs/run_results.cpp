@@ -207,8 +207,7 @@ Status write_diagnosis_of(Making& m) {
   const std::string own = m.unit.file(diagnosis_folder);
   TRY(make_folder(own));
   DiagnosisFiles& files = m.unit.diagnosis->files;
-  if (const std::string& found = m.unit.verdict.verification; !found.empty())
-    say_verification(found, files.report);
+  if (const std::string& found = m.unit.verdict.verification; !found.empty()) say_verification(found, files.report);
   TRY(write_diagnosis(own, files));
   return {};
 }
