@@ -120,7 +120,7 @@ TEST_F(Archive, SaysWhatChanged) {
   EXPECT_EQ(result.code, 0) << result.err;
   EXPECT_NE(result.out.find("from version old to new: 2 recordings in both, 0 only in the first"), std::string::npos)
       << result.out;
-  EXPECT_NE(result.out.find("N01         0.000    0.000    0.000"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("N01        0.000  0.000    0.000"), std::string::npos) << result.out;
 }
 
 TEST_F(Archive, RefusesWhatItDoesNotUnderstand) {
