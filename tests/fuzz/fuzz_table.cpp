@@ -36,7 +36,7 @@ void one_line(const Result<T>& result) {
 
 void answer(fuzz::Input& input) {
   const Dialect& dialect = dialects()[input.byte() % dialects().size()];
-  const DialectSteps& steps = dialect.steps[input.byte() % dialect_operation_count];
+  const DialectSteps& steps = dialect.steps[input.byte() % dialect.steps.size()];
   const std::string body(input.text());
   const auto match = [&body](const SentenceTemplate& pattern) {
     const auto values = pattern.match(body);

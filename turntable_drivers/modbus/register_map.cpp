@@ -149,7 +149,8 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
     block.address = static_cast<int>(hex_or_decimal(file, name + ".address", 0, 65535));
     block.count = static_cast<int>(file.integer(name + ".count", 1, longest_block));
   };
-  auto& [first, second] = map.status;
+  StatusBlock& first = map.status[0];
+  StatusBlock& second = map.status[1];
   read_block(first, "status");
   if (file.has("status2.address")) {
     read_block(second, "status2");
