@@ -214,7 +214,11 @@ TEST(Parser, SurvivesDamagedFiles) {
       switch (random() % 4) {
         case 0: text[at] = static_cast<char>(random() % 256); break;
         case 1: text.erase(at, 1 + random() % 30); break;
-        case 2: text.insert(at, text.substr(random() % text.size(), random() % 30)); break;
+        case 2: {
+          const std::size_t count = random() % 30;
+          text.insert(at, text.substr(random() % text.size(), count));
+          break;
+        }
         default: text.resize(std::max<std::size_t>(at, 1)); break;
       }
     }

@@ -316,8 +316,8 @@ TEST(StopStates, PulledAdapterIsSaidAtOnce) {
 // A line into which nothing goes any more, not even the stop: whoever asks again is not kept waiting.
 TEST(StopStates, BlockedLineIsGivenUp) {
   expect_in_time([&] {
-    TextTable s(shipped_dialect("newport_esp30x"));
     std::atomic<bool> blocked{true};
+    TextTable s(shipped_dialect("newport_esp30x"));
     s.station.disturb([&](const std::string&, AnswerPlan&) {
       while (blocked) ::usleep(1000);  // the twin does not read
     });
