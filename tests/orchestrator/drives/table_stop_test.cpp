@@ -6,8 +6,8 @@
 #include <stdexcept>
 
 #include "orchestrator/devices/table_device.h"
+#include "tests/orchestrator/drives/modbus_run.h"
 #include "tests/turntable_drivers/level_drives.h"
-#include "tests/turntable_drivers/modbus/modbus_run.h"
 
 namespace turncal {
 namespace {

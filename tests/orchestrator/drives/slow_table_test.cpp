@@ -12,7 +12,7 @@
 #include "imu_io/lines/pty.h"
 #include "imu_io/units/serial_imu.h"
 #include "tests/imu_io/temporary_folder.h"
-#include "tests/turntable_drivers/modbus/modbus_run.h"
+#include "tests/orchestrator/drives/modbus_run.h"
 #include "tests/turntable_drivers/served_twin.h"
 
 namespace turncal {

@@ -6,7 +6,7 @@
 #include "imu_io/units/serial_imu.h"
 #include "orchestrator/devices/live_devices.h"
 #include "tests/imu_io/frame_streams.h"
-#include "tests/turntable_drivers/modbus/modbus_run.h"
+#include "tests/orchestrator/drives/modbus_run.h"
 #include "tests/turntable_drivers/served_twin.h"
 #include "tests/turntable_drivers/stop_request.h"
 

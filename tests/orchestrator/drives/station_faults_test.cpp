@@ -5,7 +5,7 @@
 #include "orchestrator/jobs/command_context.h"
 
 #include "tests/imu_io/temporary_folder.h"
-#include "tests/turntable_drivers/modbus/modbus_run.h"
+#include "tests/orchestrator/drives/modbus_run.h"
 
 namespace turncal {
 namespace {
