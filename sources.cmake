@@ -1,0 +1,36 @@
+# How sources are compiled, in the program's build and in that of tests/fuzz.
+
+# Headers of others that most files include are read once: Eigen for calib, the standard library for the rest. A file includes
+# what it uses all the same; the debug preset builds without.
+set(TURNCAL_STD_HEADERS <algorithm> <array> <chrono> <cmath> <cstdint> <cstdio> <cstring> <functional> <limits> <map>
+    <memory> <optional> <span> <sstream> <string> <string_view> <utility> <variant> <vector> <fmt/format.h>)
+
+# A room is compiled as one file: its headers and templates are worked through once. -DTURNCAL_ROOMS=OFF compiles file by file, as
+# the debug preset does. Of `target` all rooms, or those that are named.
+option(TURNCAL_ROOMS "Compile each room as one file" ON)
+function(turncal_compile_rooms target)
+  if(NOT TURNCAL_ROOMS)
+    return()
+  endif()
+  get_target_property(sources ${target} SOURCES)
+  foreach(source ${sources})
+    cmake_path(GET source PARENT_PATH folder)
+    cmake_path(GET folder FILENAME room)
+    if(ARGN AND NOT room IN_LIST ARGN)
+      set_source_files_properties(${source} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+      continue()
+    endif()
+    string(MAKE_C_IDENTIFIER "${folder}" room)
+    set_source_files_properties(${source} PROPERTIES UNITY_GROUP ${room})
+  endforeach()
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
+endfunction()
+
+# Text that is compiled in: embed_text(NAME FILE) makes `const std::string_view NAME` of a file; whoever uses it declares it extern.
+function(embed_text NAME file)
+  get_filename_component(path ${file} ABSOLUTE)
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${path})
+  file(READ ${path} TEXT)
+  configure_file(${CMAKE_CURRENT_FUNCTION_LIST_DIR}/imu_io/base/embedded_text.cpp.in ${CMAKE_CURRENT_BINARY_DIR}/embedded/${NAME}.cpp @ONLY)
+  set(embedded ${embedded} ${CMAKE_CURRENT_BINARY_DIR}/embedded/${NAME}.cpp PARENT_SCOPE)
+endfunction()
