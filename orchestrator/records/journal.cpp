@@ -173,13 +173,13 @@ Result<JournalFile> JournalFile::reopen(const std::string& path) {
 }
 
 Status JournalFile::append(JournalType type, const JournalFields& fields) {
-  if (failed_) return device_error(file_.path() + ": nothing more is written after an error");
+  if (!status_) return status_;
   std::vector<std::byte> bytes;
   append_record(bytes, type, next_number_++, fields);
   Status status = file_.check_kept();
   if (status) status = file_.write_all(bytes);
   if (status) status = file_.sync();
-  if (!status) failed_ = true;
+  status_ = status;
   return status;
 }
 

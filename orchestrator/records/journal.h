@@ -75,7 +75,7 @@ class JournalFile : public RunJournal {
   JournalFile(PosixFile file, std::uint32_t next_number) : file_(std::move(file)), next_number_(next_number) {}
   PosixFile file_;
   std::uint32_t next_number_ = 0;
-  bool failed_ = false;
+  Status status_;  // the first error: nothing is written after it
   std::vector<std::optional<UnitClock>> clocks_;
 };
 
