@@ -42,13 +42,18 @@ class Storage : public Program {
     long points = 0;
     std::istringstream(file_text(folder_.string() + ".count")) >> points;
     fs::remove(folder_.string() + ".count");
-    for (long point = points; point > points - 200; --point) {
+    const auto is_sealed_when_struck_at = [&](long point) {
       fs::remove_all(folder_ / folder);
       run_struck(begin(folder + "/out", station(folder + "/s.station")), point, "kill");
-      if (fs::exists(folder_ / folder / "out/recording.tcr") && !fs::exists(folder_ / folder / "out/parameters.conf"))
-        return;
+      return fs::exists(folder_ / folder / "out/recording.tcr");
+    };
+    long before = 1, after = points;
+    while (after - before > 1) {
+      const long middle = (before + after) / 2;
+      (is_sealed_when_struck_at(middle) ? after : before) = middle;
     }
-    FAIL() << "no such moment";
+    ASSERT_TRUE(is_sealed_when_struck_at(after));
+    ASSERT_FALSE(fs::exists(folder_ / folder / "out/parameters.conf"));
   }
 };
 

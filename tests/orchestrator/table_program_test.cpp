@@ -53,18 +53,18 @@ class TableProgram : public Program {
   Pty unit_;  // silent
 };
 
-TEST_F(TableProgram, CommissionThatIsToldToEndSaysSoAndThatTheTableRests) {
-  for (const int signal : {SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGINT}) {
-    SCOPED_TRACE(strsignal(signal));
-    const ProgramResult result = commission([signal](pid_t pid) { ::kill(pid, signal); });
-    EXPECT_EQ(result.code, signal == SIGINT ? 30 : 75);
-    EXPECT_EQ(result.err_lines(), 1) << result.err;
-    EXPECT_NE(result.err.find(signal == SIGINT ? "stopped by the operator" : "told to end"), std::string::npos)
-        << result.err;
-    EXPECT_NE(result.err.find("the table rests, its drives are off"), std::string::npos) << result.err;
-    EXPECT_TRUE(drives.all_off());
-  }
+class TableProgramToldToEnd : public TableProgram, public testing::WithParamInterface<int> {};
+TEST_P(TableProgramToldToEnd, CommissionSaysSoAndThatTheTableRests) {
+  const bool by_operator = GetParam() == SIGINT;
+  const ProgramResult result = commission([](pid_t pid) { ::kill(pid, GetParam()); });
+  EXPECT_EQ(result.code, by_operator ? 30 : 75);
+  EXPECT_EQ(result.err_lines(), 1) << result.err;
+  EXPECT_NE(result.err.find(by_operator ? "stopped by the operator" : "told to end"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("the table rests, its drives are off"), std::string::npos) << result.err;
+  EXPECT_TRUE(drives.all_off());
 }
+INSTANTIATE_TEST_SUITE_P(By, TableProgramToldToEnd, testing::Values(SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGINT),
+                         [](const auto& which) { return std::string("SIG") + sigabbrev_np(which.param); });
 
 // A process that is stopped cannot watch a table that turns.
 TEST_F(TableProgram, NoTerminalStopsItWhileTheDrivesAreOn) {
