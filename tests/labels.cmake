@@ -1,12 +1,12 @@
 # Labels, by what a test's file uses: latency (measures how soon a stop goes out; run alone), realtime (lines, threads, deadlines of the wall
 # clock), rig (in the rig's time), unit. Scripts of tests/system are `system`, those with a twin on real lines realtime as well.
-# ctest -jN has N slots, four a core (scripts/test): a test that computes takes four of them, one that waits for lines and clocks one.
+# ctest -jN has N slots, four a core (scripts/test): a test that computes takes four of them, one that waits for lines and clocks two.
 set(uses_latency "stop_request|hanging_station")
 set(uses_realtime "served_twin|table_contract|twin_station|dialect_station|level_drives|modbus_run|modbus_fault_station\
 |modbus_forms|operator_session|imu_io/base/clock.h|<thread>|usleep|nanosleep|sleep_for")
 set(uses_rig "rig_station|rig_recorder|rig_unit|navigate_unit|perfect_rig|turntable_drivers/rig/|TURNCAL_BINARY|tests/orchestrator/program.h")
 set(slots_latency RUN_SERIAL ON)
-set(slots_realtime PROCESSORS 1)
+set(slots_realtime PROCESSORS 2)
 set(slots_rig PROCESSORS 4)
 set(slots_unit PROCESSORS 4)
 function(turncal_discover_tests target)

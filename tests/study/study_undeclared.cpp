@@ -1,9 +1,8 @@
 // Effects drawn at random, that nobody declared (docs/diagnosis-study.md): what does the diagnosis say of them?
 //
-//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--keep WORD] [--clean] [--tests] [--fit] [--sites] [--real-pulses] [--sequence NAME]
+//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--clean] [--tests] [--fit] [--sites] [--sequence NAME]
 // --sites: every seed is at a latitude of its own, -65 to 65 deg; with --fit --tests a line says what latitude the gyros feel.
 // --only: effects are drawn until their description (column 3) holds the word, "gyro_scale" or "scatter".
-// --keep: of the effects drawn, those that hold the word are diagnosed: a part of a study, again.
 // Every seed is a unit on a table, with noise, temperature history and (three in ten) bias instability and random walk of its own; on
 // its recording and holdout N effects are laid one after another. --clean: none is; --fit: the base model is fitted and
 // tested, and no effect looked for. An effect is a random smooth function of one of
@@ -260,25 +259,23 @@ int main(int argc, char** argv) {
   using namespace turncal;
   if (argc < 3) {
     std::fprintf(stderr,
-                 "usage: study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--keep WORD] "
+                 "usage: study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] "
                  "[--clean] [--tests] "
-                 "[--fit] [--sites] [--real-pulses] [--sequence NAME]\n");
+                 "[--fit] [--sites] [--sequence NAME]\n");
     return 1;
   }
   int draws = 4;
   double largest = 30.0;
-  std::string only, keep, name = "fourteen_step.seq";
-  bool clean = false, tests = false, fit_only = false, real_pulses = false, sites = false;
+  std::string only, name = "fourteen_step.seq";
+  bool clean = false, tests = false, fit_only = false, sites = false;
   for (int k = 3; k < argc; ++k) {
     if (std::strcmp(argv[k], "--draws") == 0 && k + 1 < argc)
       draws = static_cast<int>(std::strtol(argv[k + 1], nullptr, 10));
     if (std::strcmp(argv[k], "--largest") == 0 && k + 1 < argc) largest = std::strtod(argv[k + 1], nullptr);
     if (std::strcmp(argv[k], "--only") == 0 && k + 1 < argc) only = argv[k + 1];
-    if (std::strcmp(argv[k], "--keep") == 0 && k + 1 < argc) keep = argv[k + 1];
     if (std::strcmp(argv[k], "--sequence") == 0 && k + 1 < argc) name = argv[k + 1];
     clean = clean || std::strcmp(argv[k], "--clean") == 0;
     tests = tests || std::strcmp(argv[k], "--tests") == 0;
-    real_pulses = real_pulses || std::strcmp(argv[k], "--real-pulses") == 0;
     sites = sites || std::strcmp(argv[k], "--sites") == 0;
     fit_only = fit_only || std::strcmp(argv[k], "--fit") == 0;
   }
@@ -309,14 +306,11 @@ int main(int argc, char** argv) {
                   config.noise.gyro_rate_random_walk_degph_per_rt_h,
                   config.noise.accel_acceleration_random_walk_ug_per_rt_h);
     if (Random of_site(seed + 5u); sites) config.site.latitude_deg = uniform(of_site, -65.0, 65.0);
-    if (real_pulses) config.quantisation = RigQuantisation::off;
     std::vector<Drawn> effects(1, Drawn{"none", 0.0, 0, 0, {}});
     if (!clean) {
       effects.clear();
       for (int k = 0; k < draws; ++k) effects.push_back(draw(r, largest, only));
     }
-    const auto kept = [&](const Drawn& d) { return d.what.find(keep) != std::string::npos; };
-    if (std::none_of(effects.begin(), effects.end(), kept)) continue;
     const RigRecording made = record_on_rig(sequence, config);
     RigConfig again = config;
     again.noise_seed = 600000 + seed;
@@ -324,7 +318,6 @@ int main(int argc, char** argv) {
     const Parameters truth = truth_over(made, sequence, config);
     for (int k = 0; k < static_cast<int>(effects.size()); ++k) {
       const Drawn& drawn = effects[static_cast<std::size_t>(k)];
-      if (!kept(drawn)) continue;
       CompressedRecording recording = made.recording, holdout = held.recording;
       if (!clean) {
         const Disturbance rest = without_parameters(drawn.disturbance, made.recording, made.truth);
