@@ -1,4 +1,4 @@
-// A name is given only where nothing without a name explains the rests as well: the rule of calib/diagnosis/name_check.h, for
+// A name is given only where nothing without a name explains the rests as well: the rule of calib/evidence/name_check.h, for
 // hand-turned data.
 //
 // The families are those that rests can show: a bias or a scale factor of one sensor

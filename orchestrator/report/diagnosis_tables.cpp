@@ -385,7 +385,23 @@ void add_faults(const Diagnosis& diagnosis, const DiagnosisContext& context, Doc
   if (faults.size() > most) document.text(fmt::format("And {} more.", faults.size() - most));
 }
 
+namespace {
+
+void add_statements(const Statements& statements, Document& document) {
+  document.text(fmt::format("Something is missing with a probability of {:.3f}.", statements.anything));
+  Table table{{text("sensor"), text("quantity"), text("goes with"), name("formula"), number("probability"), half(0.0)}};
+  const auto some = [](const std::string& what) { return text(what.empty() ? "any" : what); };
+  for (const Statement& s : statements.nodes)
+    table.row({text(s.sensor), some(s.quantity), some(s.driver), name(s.formula.empty() ? "any, or none" : s.formula),
+               number(fmt::format("{:.3f}", s.probability), s.probability), half(s.probability)},
+              s.probability >= said_from ? Emphasis::hit : Emphasis::none);
+  if (!table.rows.empty()) document.add(std::move(table));
+}
+
+}  // namespace
+
 void add_selection(const Diagnosis& diagnosis, Document& document) {
+  if (diagnosis.statements.tested) return add_statements(diagnosis.statements, document);
   Table table{{number("stage"), name("tried"), number("z"), number("gain 2 Δ ln L"), number("needed"), wide("result"),
                wide("rivals (their z²)")}};
   for (std::size_t k = 0; k < diagnosis.stages.size(); ++k) {

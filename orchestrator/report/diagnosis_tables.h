@@ -1,7 +1,7 @@
 // The parts of a diagnosis' document, each added to its end. Their order and their headings are diagnosis_document's (report.h).
 #pragma once
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/document.h"

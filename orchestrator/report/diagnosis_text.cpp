@@ -82,8 +82,7 @@ std::string clean_sentence(const Diagnosis& d, const DiagnosisContext& context) 
             significant(family_threshold_z(d, context.false_alarm), 2) + " are needed" +
             why_not_taken(d, *best, family_threshold_z(d, context.false_alarm));
   }
-  if (!d.gated_out.empty())
-    text += "; " + join(d.gated_out) + " fitted better but did not lower the error on held-out data";
+  if (d.statements.tested) text += fmt::format("; something is missing with a probability of {:.2f}", d.statements.anything);
   if (known(d.holdout_before)) {
     text += "; on " + holdout_name(d) + " the velocity error is " + in_mm(d.holdout_before.velocity_rms_mps) +
             " mm/s rms and the normalised residual " + ratio(d.holdout_before.normalised_rms);
@@ -193,7 +192,7 @@ std::string verdict_sentence(const Diagnosis& d, const DiagnosisContext& context
              remaining_clause(d) + ")" + pattern_clause(d) +
              (has_after(d) ? "; beside it " + effects_clause(d) : "; no effect is named") +
              (d.candidate_names.empty() ? "" : "; candidates: " + join(d.candidate_names)) +
-             (d.moved.empty() ? "" : "; it may have moved " + join(d.moved)) + "; the sigmas are widened by that.";
+             "; the sigmas hold what it may be.";
     case Verdict::noise_model:
       return title + "the assumed noise does not fit the data (innovations " + significant(d.base.whiteness.level, 3) +
              " times the expected variance" +

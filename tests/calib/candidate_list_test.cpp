@@ -1,4 +1,4 @@
-#include "calib/diagnosis/candidate_list.h"
+#include "calib/evidence/candidate_list.h"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <random>
 #include <set>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "tests/disturbance.h"
 #include "tests/rig_recorder.h"
 

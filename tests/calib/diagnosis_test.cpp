@@ -1,7 +1,7 @@
 // The diagnosis on rig recordings whose effect it is not told, and on the recordings of another simulator. The whole
 // acceptance table is a study (scripts/study, docs/diagnosis-study.md); these are the fast cases.
-#include "calib/diagnosis/diagnosis.h"
-#include "calib/diagnosis/diagnosis_model.h"
+#include "calib/evidence/diagnosis.h"
+#include "calib/evidence/diagnosis_model.h"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "calib/joint/several_recordings.h"
 #include "tests/disturbance.h"
 #include "tests/rig_recorder.h"

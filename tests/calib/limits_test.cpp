@@ -5,7 +5,7 @@
 #include <map>
 #include <string>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 
 namespace turncal {
 namespace {

@@ -1,10 +1,10 @@
-#include "calib/diagnosis/segment_scores.h"
+#include "calib/evidence/segment_scores.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "calib/diagnosis/lack_of_fit.h"
+#include "calib/evidence/lack_of_fit.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

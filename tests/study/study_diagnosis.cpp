@@ -11,8 +11,8 @@
 #include <cstring>
 #include <string>
 
-#include "calib/diagnosis/diagnosis.h"
-#include "calib/diagnosis/unexplained.h"
+#include "calib/evidence/diagnosis.h"
+#include "calib/evidence/unexplained.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

@@ -23,9 +23,9 @@
 
 #include <Eigen/Core>
 
-#include "calib/diagnosis/diagnosis.h"
-#include "calib/diagnosis/felt_latitude.h"
-#include "calib/diagnosis/lack_of_fit.h"
+#include "calib/evidence/diagnosis.h"
+#include "calib/evidence/felt_latitude.h"
+#include "calib/evidence/lack_of_fit.h"
 #include "calib/model/limits.h"
 #include "tests/disturbance.h"
 #include "tests/rig_recorder.h"

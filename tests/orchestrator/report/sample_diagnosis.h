@@ -6,7 +6,7 @@
 #include <limits>
 #include <string>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "calib/model/attitude.h"
 #include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/figures/drawing.h"
