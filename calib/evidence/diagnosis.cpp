@@ -301,13 +301,13 @@ class Diagnosing {
   void list_aliases(const Evidence& e) {
     const std::set<std::string> added(d_.effect_names.begin(), d_.effect_names.end());
     for (const std::string& name : d_.effect_names) {
+      std::vector<std::string>& others = d_.aliases[name];
       std::set<std::string> sensors;
       for (const Statement& s : e.statements.nodes)
         if (s.formula == name) sensors.insert(s.sensor);
       std::string by;
       for (const Statement& s : e.statements.nodes) {
         if (s.formula.empty() || added.count(s.formula) > 0 || sensors.count(s.sensor) == 0) continue;
-        std::vector<std::string>& others = d_.aliases[name];
         if (std::find(others.begin(), others.end(), s.formula) != others.end()) continue;
         others.push_back(s.formula);
         by += (by.empty() ? "" : "; ") + std::string(find_effect(s.formula)->seen_by);

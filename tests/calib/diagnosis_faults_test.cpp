@@ -268,12 +268,10 @@ TEST(DiagnosisFaults, BiasWithTheRateAboutOneAxisIsNoSizeEffect) {
 
 TEST(DiagnosisFaults, CleanUnitsHaveNoLockIn) {
   static const Sequence sequence = must_read_sequence("fourteen_step.seq");
-  DiagnosisOptions scores_only;
-  scores_only.max_components = 0;
   for (const std::uint64_t seed : {51u, 52u, 53u, 54u}) {
     RigConfig config = unit(seed);
     config.noise.gyro_random_walk_deg_per_rt_h = 0.004;
-    const Diagnosis d = diagnose(record_on_rig(sequence, config).recording, scores_only);
+    const Diagnosis d = diagnose(record_on_rig(sequence, config).recording);
     for (const CandidateScore& c : d.candidates) {
       if (c.column.entry->name == "gyro_lock_in" && c.visible) {
         EXPECT_LT(std::abs(c.z), 4.5) << seed << " " << c.column.key();
@@ -351,8 +349,9 @@ TEST(DiagnosisFaults, CleanIsTrusted) {
   const Diagnosis d = diagnose_with(clean(), {});
   EXPECT_EQ(d.verdict, Verdict::clean) << told(d);
   EXPECT_TRUE(d.trusted);
-  EXPECT_TRUE(d.lack_of_fit.passed);
-  EXPECT_GT(d.lack_of_fit.tests.size(), 30u);
+  EXPECT_TRUE(d.omnibus.passed());
+  EXPECT_EQ(d.omnibus.tests.size(), 3u);
+  EXPECT_LT(d.statements.anything, said_from);
 }
 
 TEST(DiagnosisFaults, NothingDeterminedIsNotTested) {

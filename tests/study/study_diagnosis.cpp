@@ -12,7 +12,6 @@
 #include <string>
 
 #include "calib/evidence/diagnosis.h"
-#include "calib/evidence/unexplained.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
@@ -65,16 +64,12 @@ struct Case {
 };
 
 void print_stages(const Diagnosis& d) {
-  for (const SelectionStage& s : d.stages)
-    std::fprintf(stderr, "  stage %s tau %g z %.2f gain %.1f of %.1f: %s\n",
-                 is_pattern(s.chosen) ? describe_pattern(s.chosen).c_str() : s.chosen.key().c_str(), s.chosen.tau_s,
-                 s.z, s.gain, s.threshold, s.note.c_str());
-  for (const NameCheck& c : d.name_checks)
-    std::fprintf(stderr, "  name %s %.1f against %.1f of %s\n", c.name.c_str(), c.gain, c.family_gain,
-                 c.family.c_str());
+  for (const Statement& n : d.statements.nodes)
+    std::fprintf(stderr, "  %.3f %s %s %s %s\n", n.probability, n.sensor.c_str(), n.quantity.c_str(), n.driver.c_str(),
+                 n.formula.c_str());
   for (const std::string& name : d.gated_out)
     std::fprintf(stderr, "  not confirmed on held-out data: %s\n", name.c_str());
-  for (const LackOfFitTest& t : d.lack_of_fit.tests)
+  for (const OmnibusTest& t : d.omnibus.tests)
     std::fprintf(stderr, "  fit %-20s %8.1f of %6.1f  log10 p %7.2f  %s\n", t.family.c_str(), t.chi_square, t.degrees,
                  t.log10_p, t.what.c_str());
   for (const Fault& f : d.extended.faults)
