@@ -22,6 +22,8 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 constexpr LackOfFitLimits limits;
+// The pulses of an accelerometer beat for seconds: over fewer they look like a bias.
+constexpr double shortest_tested_s = 20.0;
 
 // Is the variance of the mean velocity by the beat of an accelerometer's pulses above `limit`? A count close to p / q of a pulse a sample
 // leaves a sawtooth of 1 / q of a pulse that lasts for seconds; a twelfth of its square is the most that it can be.
@@ -80,7 +82,7 @@ void test_pieces(const CompressedRecording& recording, const Pieces& pieces, con
     int tries = 0;
     for (std::size_t k = 0; k < pieces.pieces.size(); ++k) {
       const Piece& piece = pieces.pieces[k];
-      if (look.turns_only && !piece.after_turn) continue;
+      if (look.turns_only ? !piece.after_turn : piece.end_s - piece.begin_s < shortest_tested_s) continue;
       const PieceSystem::OfPiece of = under.system->of_piece(k);
       const auto Y = explained.Y.middleRows<6>(piece_dims * static_cast<Eigen::Index>(k) + look.first);
       const MatrixXd Q = of.Q.block<6, 6>(look.first, look.first) - Y * Y.transpose();

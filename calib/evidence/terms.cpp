@@ -22,7 +22,7 @@ using Reading = Eigen::Matrix<double, 6, 1>;
 using Readings = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
 // Prior probabilities: something of a kind is missing in one recording of three.
-constexpr double prior_effects = 0.35, prior_patterns = 0.35, prior_wander = 0.5;
+constexpr double prior_effects = 0.35, prior_patterns = 0.35, prior_wander = 0.5, prior_repeatability = 1.0;
 // Sizes of patterns and of a wander, in usual ones.
 const std::vector<double> pattern_sizes = {0.17, 0.5, 1.7, 5.0, 17.0, 50.0, 170.0};
 const std::vector<double> effect_sizes = {2.0, 5.0, 12.0, 30.0, 80.0, 250.0, 1000.0};
@@ -356,6 +356,20 @@ class Table {
       }
     double all = 0.0;
     for (const double share : shares_) all += share;
+    const std::size_t patterns = shares_.size();
+    // The repeatability of a gyro's scale factor is of every unit: where two turns tell it, the scatter of their mean does not show.
+    for (std::size_t k = 0; k < patterns; ++k) {
+      const Statement& w = table_.terms[k].what;
+      if (w.driver != to_string(Driver::turns) || w.quantity != to_string(Quantity::scale_factor) || !w.sensor.starts_with("gyro") ||
+          table_.terms[k].L.rows() != pieces_.epochs)
+        continue;
+      Term usual = table_.terms[k];
+      usual.kind = TermKind::noise;
+      usual.variance.resize(2);
+      usual.variance << 0.09, 1.0;
+      usual.log_prior = Eigen::Vector2d::Constant(std::log(0.5 * prior_repeatability));
+      table_.terms.push_back(std::move(usual));
+    }
     for (std::size_t k = 0; k < shares_.size(); ++k) pattern_prior(shares_[k] / all, prior_patterns, 1.0, table_.terms[k]);
     add_wander(epochs, Sensor::gyro, functions.front());
     add_wander(epochs, Sensor::accelerometer, functions.front());
