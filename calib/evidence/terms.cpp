@@ -365,9 +365,8 @@ class Table {
         continue;
       Term usual = table_.terms[k];
       usual.kind = TermKind::noise;
-      usual.variance.resize(2);
-      usual.variance << 0.09, 1.0;
-      usual.log_prior = Eigen::Vector2d::Constant(std::log(0.5 * prior_repeatability));
+      usual.variance = Eigen::Vector3d(0.1, 1.0, 3.0);
+      usual.log_prior = Eigen::Vector3d::Constant(std::log(prior_repeatability / 3.0));
       table_.terms.push_back(std::move(usual));
     }
     for (std::size_t k = 0; k < shares_.size(); ++k) pattern_prior(shares_[k] / all, prior_patterns, 1.0, table_.terms[k]);
