@@ -8,7 +8,8 @@
 //                a bias and the sensor's row of the matrix take up is taken off, so that the truth of the parameters stands (taken_up.h)
 //   catalogue    one of the rig's effects, at twice what the clean recording detects (5 sigma)
 //   clean        nothing
-// Ideal z is drawn log-uniform; what is more than a unit of that grade has is drawn again. --only: column 4 holds the word.
+// Ideal z is drawn log-uniform. What is more than a unit of that grade has, or to nine tenths other values of the parameters, is drawn again.
+// --only: column 4 holds the word.
 //
 // The ideal is the fit that knows the noise, and of the effect all but its size: one pass over the clean recording with the effect's true column
 // beside the 21 parameters. z is the size over its sigma, then. One line a run, columns:
@@ -370,7 +371,7 @@ FilterResult pass_with(const Clean& clean, const std::vector<EffectColumn>& cata
 struct Ideal {
   Eigen::VectorXd sigma, error;  // of the 21
   Eigen::VectorXd more;          // variance that the column adds, of sigma^2
-  double z_of_one = 0.0;         // of one unit of the column
+  double z_of_one = 0.0;         // of one unit of the column; 0: to nine tenths it is other parameters
 };
 Ideal ideal_of(const Clean& clean, const Parameters& truth, const Disturbance& column) {
   const std::vector<int>& base = free_parameters();
@@ -382,7 +383,7 @@ Ideal ideal_of(const Clean& clean, const Parameters& truth, const Disturbance& c
   if (column) {
     const Scores scores = eliminate(pass.information, pass.gradient, base, {parameter_count});
     const Eigen::VectorXd shift = plain.covariance * pass.information(base, std::vector<int>{parameter_count});
-    ideal.z_of_one = scores.kept[0] > 1e-7 ? std::sqrt(scores.Q(0, 0)) : 0.0;  // below is rounding
+    ideal.z_of_one = scores.kept[0] > 0.1 ? std::sqrt(scores.Q(0, 0)) : 0.0;
     ideal.more = shift.cwiseAbs2() / scores.Q(0, 0);
     ideal.error -= shift * (scores.s[0] / scores.Q(0, 0));
   }
