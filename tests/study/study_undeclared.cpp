@@ -1,23 +1,24 @@
 // Effects drawn at random, that nobody declared: what does the diagnosis say of them, beside what could be said? (docs/diagnosis-study.md)
 //
-//   study_undeclared SEED_FIRST SEED_COUNT [--clean | --catalogue] [--draws N] [--z LOW HIGH] [--only WORD] [--grade NAME] [--sequence NAME]
+//   study_undeclared drawn|catalogue|clean SEED_FIRST SEED_COUNT [--draws N] [--least-z Z] [--most-z Z] [--only WORD] [--grade NAME]
+//                    [--sequence NAME]
 // A seed is a unit of a grade (navigation, tactical, mems) on a table at a place, with sample rate, noise, (three in ten) bias instability
 // and random walk, and temperature history of its own. On its recording and its holdout N effects are laid, one after another:
 //   drawn        bias, scale factor or direction (it reads a part of another axis) of one sensor, times a shape or the product of two; what of it
 //                a bias and the sensor's row of the matrix take up is taken off, so that the truth of the parameters stands (taken_up.h)
-//   --catalogue  one of the rig's effects, at twice what the clean recording detects (5 sigma)
-//   --clean      nothing
-// --z: ideal z is drawn log-uniform from there to there; what is more than a unit of that grade has is drawn again. --only: column 4 holds
-// the word.
+//   catalogue    one of the rig's effects, at twice what the clean recording detects (5 sigma)
+//   clean        nothing
+// Ideal z is drawn log-uniform. What is more than a unit of that grade has, or to nine tenths other values of the parameters, is drawn again.
+// --only: column 4 holds the word.
 //
 // The ideal is the fit that knows the noise, and of the effect all but its size: one pass over the clean recording with the effect's true column
 // beside the 21 parameters. z is the size over its sigma, then. One line a run, columns:
 //    1 kind: drawn, catalogue, clean   2 seed   3 number   4 sensor:quantity:shapes, or component   5 grade   6 instability (0, 1)   7 ideal z
 //    8 P(something is missing)   9 verdict   10 trusted (0, 1)   11 what is said   12 seconds of the diagnosis
 // and, of the 21 parameters, with commas between them:
-//   13 error over sigma; "-": not determined   14 sigma over ideal sigma   15 the ideal fit's error over ideal sigma   16 the effect touches it (0, 1):
+//   13 error over sigma; nan: not determined   14 sigma over ideal sigma   15 the ideal fit's error over ideal sigma   16 the effect touches it (0, 1):
 //      its ideal sigma grows by more than 5 %, or a plain fit is off by more than 0.3 of it
-// Column 11: nodes of 0.8 and more, sensor:quantity:driver:formula=P,right,branch right,deepest that is said with 0.95,correlation; "-" where a
+// Column 11: nodes of 0.8 and more, sensor:quantity:driver:formula=P,right,branch right,deepest that is said with 0.95,correlation; empty where a
 // node is not that deep. A branch is right when it was drawn, with either driver of a product, or when this recording hardly tells it
 // from what was drawn: 0.97 of correlation, the 21 eliminated, between the true column and curves of the driver (curves_of). A formula is
 // right when its branch is, and all formulas together correlate by 0.97 or leave less than 4 of ideal z.
@@ -27,10 +28,12 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <map>
 #include <random>
 #include <string>
 #include <tuple>
 
+#include <fmt/format.h>
 #include <Eigen/Core>
 
 #if __has_include("calib/evidence/diagnosis.h")
@@ -131,15 +134,6 @@ Shape draw_shape(Random& r) {
   return kind < 6 ? of_turns(r) : of_time(r);
 }
 
-std::vector<double> starts_of(const CompressedRecording& recording) {
-  std::vector<double> starts_s;
-  for (const Block& b : recording.blocks) starts_s.push_back(recording.middle_s(b) - 0.5 * b.duration_s);
-  return starts_s;
-}
-std::size_t block_at(const std::vector<double>& starts_s, double time_s) {
-  return static_cast<std::size_t>(std::upper_bound(starts_s.begin(), starts_s.end(), time_s) - starts_s.begin()) - 1;
-}
-
 // Effects -----------------------------------------------------------------------------------------------------------------------------
 
 const Strings sensors = {"gyro x", "gyro y", "gyro z", "accelerometer x", "accelerometer y", "accelerometer z"};
@@ -154,6 +148,12 @@ Disturbance on(std::size_t sensor, int from, const Number& number) {
     if (sensor >= 3) added.accel_mps2[axis] = number(m) * standard_gravity_mps2 * (from < 0 ? 1.0 : m.force_g[from]);
     return added;
   };
+}
+// Of the block in whose middle it is; times are from the first sample.
+std::size_t block_at(const CompressedRecording& recording, double time_s) {
+  const auto next = std::upper_bound(recording.blocks.begin(), recording.blocks.end(), time_s + 1e-6,
+                                     [&](double t, const Block& b) { return t < recording.middle_s(b); });
+  return static_cast<std::size_t>(next - recording.blocks.begin()) - 1;
 }
 Disturbance times(double size, const Disturbance& one) {
   return [=](const Moment& m) {
@@ -180,13 +180,11 @@ Effect draw_any(Random& r) {
   }
   const auto sensor = static_cast<std::size_t>(one_of(r, 6)), quantity = static_cast<std::size_t>(one_of(r, 3));
   const int axis = static_cast<int>(sensor % 3), other = (axis + 1 + one_of(r, 2)) % 3;
-  Effect e{sensors[sensor] + ":" + quantities[quantity] + ":" + shape.name,
-           sensors[sensor],
-           quantities[quantity],
-           "",
-           shape.drivers,
-           {},
-           {}};
+  Effect e;
+  e.sensor = sensors[sensor];
+  e.quantity = quantities[quantity];
+  e.drivers = shape.drivers;
+  e.what = e.sensor + ":" + e.quantity + ":" + shape.name;
   e.whole = on(sensor, quantity == 0 ? -1 : quantity == 1 ? axis : other, shape.at);
   return e;
 }
@@ -230,8 +228,8 @@ Effect draw_of_catalogue(Random& r, const RigEffects& rig, const CompressedRecor
     e.sensor = sensor_of(c);
     e.drivers.resize(1);
     std::tie(e.quantity, e.drivers[0]) = branch_of(*c.entry);
-    e.whole = [readings = readings_of(c, fit, recording), starts_s = starts_of(recording)](const Moment& m) {
-      return readings[block_at(starts_s, m.time_s)];
+    e.whole = [readings = readings_of(c, fit, recording), &recording](const Moment& m) {
+      return readings[block_at(recording, m.time_s)];
     };
     break;
   }
@@ -339,10 +337,9 @@ struct Clean {  // a recording before anything is laid on it
   JointResult fit;
   FilterSetup setup;  // with the known noise
   std::vector<Moment> moments;
-  std::vector<double> starts_s;
 };
 Clean clean_of(const RigRecording& made, const RigNoise& noise) {
-  Clean c{made.recording, joint_estimate(made.recording), {}, {}, starts_of(made.recording)};
+  Clean c{made.recording, joint_estimate(made.recording), {}, {}};
   c.setup = c.fit.setup;
   c.setup.noise = known_noise(noise, c.fit.noise);
   each_moment(made.recording, made.truth, [&](std::size_t, const Moment& m) { c.moments.push_back(m); });
@@ -358,7 +355,7 @@ FilterResult pass_with(const Clean& clean, const std::vector<EffectColumn>& cata
   model.values = Eigen::VectorXd::Zero(model.columns);
   model.regressors = [&, of_catalogue = model.regressors](const BlockState& s, EffectRegressors& out) {
     of_catalogue(s, out);
-    const Moment& moment = clean.moments[block_at(clean.starts_s, s.time_s)];
+    const Moment& moment = clean.moments[block_at(clean.recording, s.time_s)];
     Eigen::Index column = out.gyro.cols() - static_cast<Eigen::Index>(others.size());
     for (const Disturbance& other : others) {
       const AddedReading added = other(moment);
@@ -374,7 +371,7 @@ FilterResult pass_with(const Clean& clean, const std::vector<EffectColumn>& cata
 struct Ideal {
   Eigen::VectorXd sigma, error;  // of the 21
   Eigen::VectorXd more;          // variance that the column adds, of sigma^2
-  double z_of_one = 0.0;         // of one unit of the column
+  double z_of_one = 0.0;         // of one unit of the column; 0: to nine tenths it is other parameters
 };
 Ideal ideal_of(const Clean& clean, const Parameters& truth, const Disturbance& column) {
   const std::vector<int>& base = free_parameters();
@@ -386,7 +383,7 @@ Ideal ideal_of(const Clean& clean, const Parameters& truth, const Disturbance& c
   if (column) {
     const Scores scores = eliminate(pass.information, pass.gradient, base, {parameter_count});
     const Eigen::VectorXd shift = plain.covariance * pass.information(base, std::vector<int>{parameter_count});
-    ideal.z_of_one = scores.kept[0] > 1e-7 ? std::sqrt(scores.Q(0, 0)) : 0.0;  // below is rounding
+    ideal.z_of_one = scores.kept[0] > 0.1 ? std::sqrt(scores.Q(0, 0)) : 0.0;
     ideal.more = shift.cwiseAbs2() / scores.Q(0, 0);
     ideal.error -= shift * (scores.s[0] / scores.Q(0, 0));
   }
@@ -545,37 +542,22 @@ void judge(std::vector<Node>& nodes, const Clean& clean, const Effect& truth) {
 
 std::string text_of(const std::vector<Node>& nodes) {
   std::string text;
-  const auto word = [](const std::string& s) { return s.empty() ? std::string("-") : s; };
-  for (const Node& n : nodes) {
-    char numbers[64];
-    std::snprintf(numbers, sizeof numbers, "=%.4f,%d,%d,%d,%.3f", n.probability, n.right, n.right_branch, n.deepest,
-                  n.correlation);
-    text += (text.empty() ? "" : ";") + n.sensor + ":" + word(n.quantity) + ":" + word(n.driver) + ":" +
-            word(n.formula) + numbers;
-  }
-  return word(text);
+  for (const Node& n : nodes)
+    text += fmt::format("{}{}:{}:{}:{}={:.4f},{:d},{:d},{:d},{:.3f}", text.empty() ? "" : ";", n.sensor, n.quantity,
+                        n.driver, n.formula, n.probability, n.right, n.right_branch, n.deepest, n.correlation);
+  return text.empty() ? "-" : text;
 }
-
-std::string joined(const Eigen::VectorXd& values) {
+std::string text_of(const Eigen::VectorXd& values) {
   std::string text;
-  for (const double v : values) {
-    char number[32];
-    std::snprintf(number, sizeof number, "%.3f", v);
-    text += (text.empty() ? "" : ",") + (std::isnan(v) ? std::string("-") : number);
-  }
+  for (const double v : values) text += fmt::format("{}{:.3f}", text.empty() ? "" : ",", v);
   return text;
 }
 
-struct Options {
-  std::string kind = "drawn", only, grade, sequence = "fourteen_step.seq";
-  int draws = 4;
-  double least_z = 0.7, most_z = 100.0;
-};
-
-void run(std::uint64_t seed, const Options& options, const Sequence& sequence, const Sequence& second) {
+void run(const std::string& kind, std::uint64_t seed, const std::map<std::string, std::string>& options,
+         const Sequence& sequence, const Sequence& second) {
   Random r(seed * 1000003u + 17u);
-  const bool catalogue = options.kind == "catalogue", nothing = options.kind == "clean";
-  const Unit unit = draw_unit(r, seed, options.grade, catalogue);
+  const bool catalogue = kind == "catalogue", nothing = kind == "clean";
+  const Unit unit = draw_unit(r, seed, options.at("--grade"), catalogue);
   RigConfig again = unit.config;
   again.noise_seed = 600000 + seed;
   RigRecording made = record_on_rig(sequence, unit.config), held = record_on_rig(second, again);
@@ -583,7 +565,8 @@ void run(std::uint64_t seed, const Options& options, const Sequence& sequence, c
   give_temperature(held, unit.temperature_c);
   const Parameters over_run = truth_over(made, sequence, unit.config);
   const Clean clean = clean_of(made, unit.config.noise);
-  for (int k = 0, tries = 0; k < (nothing ? 1 : options.draws) && tries < 1000; ++tries) {
+  const int draws = nothing ? 1 : std::stoi(options.at("--draws"));
+  for (int k = 0, tries = 0; k < draws && tries < 1000; ++tries) {
     Effect e;
     Ideal ideal;
     double size = 0.0;
@@ -591,8 +574,8 @@ void run(std::uint64_t seed, const Options& options, const Sequence& sequence, c
       ideal = ideal_of(clean, over_run, {});
     } else {
       e = catalogue ? draw_of_catalogue(r, unit.config.effects, made.recording, clean.fit) : draw_any(r);
-      e.z = catalogue ? 10.0 : log_uniform(r, options.least_z, options.most_z);
-      if (!e.whole || e.what.find(options.only) == std::string::npos) continue;
+      e.z = catalogue ? 10.0 : log_uniform(r, std::stod(options.at("--least-z")), std::stod(options.at("--most-z")));
+      if (!e.whole || e.what.find(options.at("--only")) == std::string::npos) continue;
       e.column = without_parameters(e.whole, made.recording, made.truth);
       ideal = ideal_of(clean, over_run, e.column);
       size = (r() % 2 == 0 ? 1.0 : -1.0) * e.z / ideal.z_of_one;
@@ -626,15 +609,14 @@ void run(std::uint64_t seed, const Options& options, const Sequence& sequence, c
     const Eigen::VectorXd sigma = (errors.sigma.array() > 0.0).select(errors.sigma, std::nan(""))(free);
     const Eigen::ArrayXd variance = ideal.sigma.cwiseAbs2(), more = ideal.more;
     const Eigen::VectorXd touched = (more > 0.093 * variance || e.z * e.z * more > 0.09 * variance).cast<double>();
-    std::string what = e.what, nodes = text_of(said.nodes);
-    std::replace(what.begin(), what.end(), ' ', '_');
-    std::replace(nodes.begin(), nodes.end(), ' ', '_');
-    std::printf("%s %llu %d %s %s %d %.2f %.4f %s %d %s %.2f %s %s %s %s\n", options.kind.c_str(),
-                static_cast<unsigned long long>(seed), k++, what.c_str(), unit.grade.name, unit.unsteady, e.z,
-                said.anything, to_string(d.verdict), d.trusted, nodes.c_str(), seconds,
-                joined(errors.error(free).cwiseQuotient(sigma)).c_str(),
-                joined(sigma.cwiseQuotient(ideal.sigma)).c_str(),
-                joined(ideal.error.cwiseQuotient(ideal.sigma)).c_str(), joined(touched).c_str());
+    std::string line = fmt::format(
+        "{}|{}|{}|{}|{}|{:d}|{:.2f}|{:.4f}|{}|{:d}|{}|{:.2f}|{}|{}|{}|{}", kind, seed, k++, e.what, unit.grade.name,
+        unit.unsteady, e.z, said.anything, to_string(d.verdict), d.trusted, text_of(said.nodes), seconds,
+        text_of(errors.error(free).cwiseQuotient(sigma)), text_of(sigma.cwiseQuotient(ideal.sigma)),
+        text_of(ideal.error.cwiseQuotient(ideal.sigma)), text_of(touched));
+    std::replace(line.begin(), line.end(), ' ', '_');
+    std::replace(line.begin(), line.end(), '|', ' ');
+    std::puts(line.c_str());
     std::fflush(stdout);
   }
 }
@@ -644,39 +626,26 @@ void run(std::uint64_t seed, const Options& options, const Sequence& sequence, c
 
 int main(int argc, char** argv) {
   using namespace turncal;
-  Options options;
-  bool understood = argc >= 3;
-  for (int k = 3; k < argc; ++k) {
-    const std::string word = argv[k];
-    const auto next = [&] { return k + 1 < argc ? argv[++k] : ""; };
-    if (word == "--clean" || word == "--catalogue") {
-      options.kind = word.substr(2);
-    } else if (word == "--draws") {
-      options.draws = std::atoi(next());
-    } else if (word == "--z") {
-      options.least_z = std::atof(next());
-      options.most_z = std::atof(next());
-    } else if (std::string* text = word == "--only"       ? &options.only
-                                   : word == "--grade"    ? &options.grade
-                                   : word == "--sequence" ? &options.sequence
-                                                          : nullptr) {
-      *text = next();
-    } else {
-      understood = false;
-    }
+  std::map<std::string, std::string> options = {{"--draws", "4"},    {"--least-z", "0.7"},
+                                                {"--most-z", "100"}, {"--only", ""},
+                                                {"--grade", ""},     {"--sequence", "fourteen_step.seq"}};
+  const std::string kind = argc > 1 ? argv[1] : "";
+  bool understood = argc >= 4 && argc % 2 == 0 && (kind == "drawn" || kind == "catalogue" || kind == "clean");
+  for (int k = 4; understood && k < argc; k += 2) {
+    understood = options.count(argv[k]) > 0;
+    options[argv[k]] = argv[k + 1];
   }
   if (!understood) {
-    std::fprintf(stderr,
-                 "usage: study_undeclared SEED_FIRST SEED_COUNT [--clean | --catalogue] [--draws N] [--z LOW HIGH] "
-                 "[--only WORD] "
-                 "[--grade NAME] [--sequence NAME]\n");
+    std::fprintf(
+        stderr,
+        "usage: study_undeclared drawn|catalogue|clean SEED_FIRST SEED_COUNT [--draws N] [--least-z Z] [--most-z Z] "
+        "[--only WORD] [--grade NAME] [--sequence NAME]\n");
     return 1;
   }
-  const Sequence sequence = must_read_sequence(options.sequence), second = must_read_sequence("holdout.seq");
-  const std::uint64_t first = std::strtoull(argv[1], nullptr, 10), count = std::strtoull(argv[2], nullptr, 10);
+  const Sequence sequence = must_read_sequence(options["--sequence"]), second = must_read_sequence("holdout.seq");
+  const std::uint64_t first = std::stoull(argv[2]), count = std::stoull(argv[3]);
   for (std::uint64_t seed = first; seed < first + count; ++seed) {
-    run(seed, options, sequence, second);
-    std::fprintf(stderr, "%s: seed %llu, %llu of %llu\n", options.kind.c_str(), static_cast<unsigned long long>(seed),
-                 static_cast<unsigned long long>(seed - first + 1), static_cast<unsigned long long>(count));
+    run(kind, seed, options, sequence, second);
+    fmt::print(stderr, "{}: seed {}, {} of {}\n", kind, seed, seed - first + 1, count);
   }
 }
