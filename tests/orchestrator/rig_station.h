@@ -145,12 +145,14 @@ struct RigStation {
     if (parsed) sequence = std::move(*parsed);
   }
 
-  RunOutcome run() {
-    devices.imu.describe(info);
+  RunOutcome run() { return run(devices.devices()); }
+  // With other devices in the place of the rig's, or around them.
+  RunOutcome run(const StationDevices& with) {
+    with.imu.describe(info);
     plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
     EXPECT_TRUE(plan.ok()) << plan.violations.front();
     StationRun station_run(
-        devices.devices(), {sequence, plan, station, "SN1", resume, taken_up}, sink,
+        with, {sequence, plan, station, "SN1", resume, taken_up}, sink,
         {&watcher, &stop_requests, calibrate, journal, &pause_requests, &end_requests, {}, go_on_with});
     return station_run.run();
   }

@@ -162,11 +162,7 @@ TEST(SlowTable, ARunReadsItsUnitsMeanwhile) {
   RigStation s(two_steps_text);
   const StationDevices devices = s.devices.devices();
   Table table(devices.table, {});
-  s.devices.imu.describe(s.info);
-  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
-  StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1"}, s.sink,
-                 {&s.watcher, &s.stop_requests, {}, nullptr});
-  const RunOutcome outcome = run.run();
+  const RunOutcome outcome = s.run({table, devices.imu, devices.clock, devices.wait});
   EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_GT(table.hooked, 100);
   EXPECT_FALSE(table.hook);
@@ -221,12 +217,8 @@ TEST(SlowTable, ALateAnswerIsNotTheUnitsFault) {
   BufferedImu imu(devices.imu);
   Late table(devices.table, {});
   table.imu = &imu;
-  imu.describe(s.info);
-  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
   s.watcher.on_tick = [&](const RunSnapshot& now) { table.lasts = now.state == RunState::dwelling; };
-  StationRun run({table, imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1"}, s.sink,
-                 {&s.watcher, &s.stop_requests, {}, nullptr});
-  const RunOutcome outcome = run.run();
+  const RunOutcome outcome = s.run({table, imu, devices.clock, devices.wait});
   EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(outcome.units[0].lost_samples, 0u);
 }

@@ -241,12 +241,8 @@ TEST(DeadChannels, ARunRepeatsTheDwell) {
       "format = 1\nname = frozen\nrate_degps = 30\nacceleration_degps2 = 60\nstep 1\n  initial H 0 P 0 R 0\n"
       "  align 2000\n  rotate P +90\n  dwell 12000\n  rotate P -90\n");
   FreezingImu imu(rig.devices.imu, 6000, 9000);
-  imu.describe(rig.info);
-  rig.plan = make_plan(rig.sequence, plan_limits(rig.station, rig.info.sample_period_s));
   StationDevices devices = rig.devices.devices();
-  StationRun run({devices.table, imu, devices.clock, devices.wait}, {rig.sequence, rig.plan, rig.station, "SN1"},
-                 rig.sink, {&rig.watcher, &rig.stop_requests, {}, nullptr});
-  const RunOutcome outcome = run.run();
+  const RunOutcome outcome = rig.run({devices.table, imu, devices.clock, devices.wait});
   EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(outcome.repeated_dwells, 1);
   ASSERT_EQ(rig.watcher.count(RunEvent::dwell_bad), 1);

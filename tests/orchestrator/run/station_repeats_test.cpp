@@ -264,16 +264,11 @@ class TwoTongued : public ImuSource {
 };
 
 TEST(StationRun, DuplicatesThatDifferRepeatTheDwell) {
-  RigStation s(two_steps_text);
-  s.devices.imu.describe(s.info);
-  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
   for (const bool in_move : {false, true}) {
     RigStation t(two_steps_text);
     TwoTongued imu(t.devices.imu, (in_move ? 1700 : 3500) + 400);
     StationDevices devices = t.devices.devices();
-    StationRun run({devices.table, imu, devices.clock, devices.wait}, {t.sequence, s.plan, t.station, "SN1"}, t.sink,
-                   {&t.watcher, &t.stop_requests, {}, nullptr});
-    const RunOutcome outcome = run.run();
+    const RunOutcome outcome = t.run({devices.table, imu, devices.clock, devices.wait});
     ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
     EXPECT_EQ(outcome.repeated_dwells, in_move ? 0 : 1);
     EXPECT_EQ(outcome.repeated_moves, in_move ? 1 : 0);

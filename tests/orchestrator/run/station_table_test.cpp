@@ -185,15 +185,11 @@ TEST(StationRun, DrivesThatStayOnAtTheEndAreSaidOnce) {
   RigStation s(two_steps_text);
   const StationDevices devices = s.devices.devices();
   KeptOnTable table(devices.table);
-  s.devices.imu.describe(s.info);
-  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
   double parks_s = 0.0;
   s.watcher.on_tick = [&](const RunSnapshot& at) {
     if (parks_s == 0.0 && at.state == RunState::parking) parks_s = at.time_s;
   };
-  StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1"}, s.sink,
-                 {&s.watcher, &s.stop_requests, {}, nullptr});
-  const RunOutcome outcome = run.run();
+  const RunOutcome outcome = s.run({table, devices.imu, devices.clock, devices.wait});
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_TRUE(outcome.stop_failed);
   EXPECT_FALSE(s.sink.finished) << "nothing is made of it";
@@ -207,17 +203,13 @@ TEST(StationRun, ATableThatDoesNotBrakeGetsTheFastestStop) {
   RigStation s(two_steps_text);
   const StationDevices devices = s.devices.devices();
   UnbrakedTable table(devices.table);
-  s.devices.imu.describe(s.info);
-  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
   double asked_s = 0.0;
   s.watcher.on_tick = [&](const RunSnapshot& at) {
     if (asked_s > 0.0 || at.state != RunState::moving) return;
     asked_s = at.time_s;
     ++s.stop_requests;
   };
-  StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1"}, s.sink,
-                 {&s.watcher, &s.stop_requests, {}, nullptr});
-  const RunOutcome outcome = run.run();
+  const RunOutcome outcome = s.run({table, devices.imu, devices.clock, devices.wait});
   EXPECT_EQ(outcome.state, RunState::aborted) << outcome.error.message;
   EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified));
   EXPECT_TRUE(s.at_rest());
@@ -232,11 +224,7 @@ TEST(StationRun, ATableThatDoesNotBrakeWhenItsLinkIsBackGetsTheFastestStop) {
   RigStation s(two_steps_text, rig_with({lost}));
   const StationDevices devices = s.devices.devices();
   UnbrakedTable table(devices.table);
-  s.devices.imu.describe(s.info);
-  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
-  StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1"}, s.sink,
-                 {&s.watcher, &s.stop_requests, {}, nullptr});
-  const RunOutcome outcome = run.run();
+  const RunOutcome outcome = s.run({table, devices.imu, devices.clock, devices.wait});
   EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified)) << outcome.error.message;
   EXPECT_TRUE(s.at_rest());
   EXPECT_LT(s.rig.axis(Axis::pitch).position_deg, 80.0) << "before its target";
@@ -264,11 +252,7 @@ TEST(StationRun, ATableThatDoesNotComeToRestIsNotHomed) {
   RigStation s(two_steps_text);
   const StationDevices devices = s.devices.devices();
   Turning table(devices.table, {});
-  s.devices.imu.describe(s.info);
-  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
-  StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1"}, s.sink,
-                 {&s.watcher, &s.stop_requests, {}, nullptr});
-  const RunOutcome outcome = run.run();
+  const RunOutcome outcome = s.run({table, devices.imu, devices.clock, devices.wait});
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_NE(outcome.error.message.find("does not come to rest"), std::string::npos) << outcome.error.message;
