@@ -247,8 +247,8 @@ TEST_F(UntilSigma, EndsTheSameAfterAKillAtAnyTime) {
   ASSERT_GT(points, 100);
   // Some on the way, and more of the last, when it is decided that nothing more comes.
   std::vector<long> struck;
-  for (long point = 40; point < points - 40; point += points / 2) struck.push_back(point);
-  for (long point = points - 40; point <= points; point += 13) struck.push_back(point);
+  for (long point = 40; point < points - 40; point += points / 3) struck.push_back(point);
+  for (long point = points - 40; point <= points; point += 8) struck.push_back(point);
   for (const long point : struck) {
     SCOPED_TRACE(point);
     const std::string killed = write("killed/mock.station", station_text);

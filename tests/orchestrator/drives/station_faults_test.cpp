@@ -116,8 +116,8 @@ std::vector<DriveFault> drive_faults() {
        RunEvent::link_lost, "no answer within"},
       {"busy_for_ever", plain,
        [](ModbusRun& s) {
-         s.config.motion.stall_s =
-             1.0;  // the stop is given up sooner: every reading takes half a second of the wall clock
+         // Every reading takes half a second of the wall clock: the stop is given up sooner.
+         s.config.motion.stall_s = 1.0;
          s.config.motion.deadline_margin_s = 2.0;
          s.station.disturb([&s](const ModbusRequest& request, AnswerPlan& plan) {
            if (request.function == 3 && s.rig_time_s() > in_mid_move_s)
