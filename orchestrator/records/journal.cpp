@@ -176,11 +176,10 @@ Status JournalFile::append(JournalType type, const JournalFields& fields) {
   if (!status_) return status_;
   std::vector<std::byte> bytes;
   append_record(bytes, type, next_number_++, fields);
-  Status status = file_.check_kept();
-  if (status) status = file_.write_all(bytes);
-  if (status) status = file_.sync();
-  status_ = status;
-  return status;
+  status_ = file_.check_kept();
+  if (status_) status_ = file_.write_all(bytes);
+  if (status_) status_ = file_.sync();
+  return status_;
 }
 
 Status JournalFile::transition(const TransitionRecord& record) {
