@@ -74,10 +74,11 @@ const std::vector<EffectEntry>& turn_on_entries() {
   static const std::vector<std::string_view> xyz = {"x", "y", "z"};
   static const std::vector<double> none;
   static const std::vector<EffectEntry> entries = {
-      {"turn_on_gyro_bias", term, "c", "deg/h", xyz, radps_per_degph, "",
+      {"turn_on_gyro_bias", Sensor::gyro, Quantity::bias, Driver::time, term, "c", "deg/h", xyz, radps_per_degph, "",
        [](const BlockState&, const Site&, double, Out g, Out) { g.setIdentity(); }, none, "tau_s", true},
-      {"turn_on_accel_bias", term, "c", "g", xyz, standard_gravity_mps2, "",
-       [](const BlockState&, const Site&, double, Out, Out a) { a.setIdentity(); }, none, "tau_s", true},
+      {"turn_on_accel_bias", Sensor::accelerometer, Quantity::bias, Driver::time, term, "c", "g", xyz,
+       standard_gravity_mps2, "", [](const BlockState&, const Site&, double, Out, Out a) { a.setIdentity(); }, none,
+       "tau_s", true},
   };
   return entries;
 }

@@ -44,6 +44,22 @@ class History {
 
 }  // namespace
 
+std::string_view to_string(Sensor sensor) {
+  static constexpr std::array<std::string_view, 3> names = {"gyro", "accelerometer", "earth rate"};
+  return names[static_cast<std::size_t>(sensor)];
+}
+
+std::string_view to_string(Quantity quantity) {
+  static constexpr std::array<std::string_view, 3> names = {"bias", "scale factor", "direction"};
+  return names[static_cast<std::size_t>(quantity)];
+}
+
+std::string_view to_string(Driver driver) {
+  static constexpr std::array<std::string_view, 8> names = {"time",  "temperature", "turns", "angle",
+                                                            "force", "rate",        "field", ""};
+  return names[static_cast<std::size_t>(driver)];
+}
+
 const EffectEntry* find_effect(std::string_view name) {
   for (const EffectEntry& entry : effect_catalogue())
     if (entry.name == name) return &entry;

@@ -58,8 +58,20 @@ struct Site {  // what regressors need to know of the place
   double latitude_deg = 0.0;
 };
 
+// What an effect acts on, and what drives it. Of two descriptions of the same thing: an accelerometer's reading that goes with the force or
+// the rate is a bias, a gyro's that goes with the rate is a scale factor.
+enum class Sensor { gyro, accelerometer, earth_rate };
+enum class Quantity { bias, scale_factor, direction };
+enum class Driver { time, temperature, turns, angle, force, rate, field, unknown };
+std::string_view to_string(Sensor sensor);
+std::string_view to_string(Quantity quantity);
+std::string_view to_string(Driver driver);
+
 struct EffectEntry {
   std::string_view name;
+  Sensor sensor;
+  Quantity quantity;
+  Driver driver;
   std::string_view term;  // in the sense of the standards
   std::string_view formula;
   std::string_view unit;

@@ -7,8 +7,6 @@
 namespace turncal {
 
 struct LackOfFitLimits {
-  // A sum over pieces this likely even if they were independent is not looked into: a test counts below 0.001.
-  double worth_a_look = 0.01;
   // All tests together; each gets an equal share (Bonferroni).
   double family_wise = 0.005;
   // A direction of which the model imitates all but this is not tested: rounding and linearisation are larger than what is left.
@@ -24,19 +22,10 @@ struct LackOfFitLimits {
   double open_direction = 1e-9;
   // Share of the information of a family that its functions keep beside the model, below which it is rounding and linearisation.
   double family_floor = 1e-4;
-  // Curves are only looked for where what they go with changes: by more than a thermometer's own error, and faster than a creep.
-  double least_range_c = 0.2, least_rate_radps = 0.01;
   // Share of pulses in the variance of a second's mean velocity beyond which that axis and second are left out of the innovations'
   // correlation. Calibrated: with these seconds chi2 a degree of clean runs came to 37, without them to 2.5 at most (96 runs).
   double pulse_share = 0.02;
   int lags_s = 30;
-  // Scatter of a gyro's scale factor from turn to turn, rms: what data sheets of ring lasers give for its repeatability.
-  double usual_scatter = 3e-6;
-  // Where a dwell is cut: what comes with a turn and fades, and what wanders.
-  double first_piece_s = 25.0, longest_piece_s = 120.0;
-  // Flicker noise wanders on every scale: where there is bias instability, a test must fire, and an effect gain, beside a slow process
-  // (a third of a two-hour run), too.
-  double slow_correlation_s = 2400.0;
 };
 
 struct SelectionLimits {
@@ -52,29 +41,14 @@ struct SelectionLimits {
   double visible_part = 1e-9;
   // What a recording would have caught: five sigma, which the family-wise 0.5 % (4.3 of them) then finds three times in four.
   double caught_at = 5.0;
-  // 2 ln L that bias instability must bring before an effect can be hiding in it: chi2 of two variances, 2 %.
-  double hiding_gain = 8.0;
-  // 2 ln L beyond which no choice of noise matters: eight times the family-wise limit.
-  double surely = 150.0;
-  // Other effects within bic_margin of the best that are fitted: more only cost time.
-  int most_rivals = 3;
   // 2 ln L by which an effect must be better than every family without a name: "positive" of Kass and Raftery. Of 50 effects at twice the
   // detectable magnitude three are better by 4.7 to 5.9 only (docs/diagnosis-study.md).
   double family_margin = 4.0;
-  // What comes nearer to its limit than this family-wise probability is not claimed, but goes into the sigmas: at the limit an effect has
-  // moved a bias by up to ten sigma. One clean run in ten has such a sigma.
-  double near_family_wise = 0.1;
-  // A pattern is fitted when its score is this part of the best effect's (its time or period is not yet the right one).
-  double pattern_part = 0.6;
 };
 
 struct GateLimits {
-  // The gain of held-out chi2 must exceed this many of its standard errors.
-  double standard_errors = 1.0;
   // A second recording contradicts an effect whose gain there is this many standard errors below its promise: one real one in 160.
   double contradiction = 2.5;
-  // Where the gain to be expected is below three standard errors (|d|^2 < 3 * 2 |d|) the dwells left out of the fit decide, too.
-  double expected_gain = 36.0;
   // Normalised error of held-out data beyond which no model is trusted: clean recordings come to 0.95 +- 0.02 (docs/diagnosis-study.md).
   double highest_error = 1.2;
 };
@@ -232,12 +206,5 @@ struct NoiseLimits {
   double highest_of_pulses = 3.0;
 };
 inline constexpr NoiseLimits noise_limits;
-
-struct DiagnosisLimits {
-  NoiseLimits noise;
-  LackOfFitLimits fit;
-  SelectionLimits selection;
-  GateLimits gate;
-};
 
 }  // namespace turncal

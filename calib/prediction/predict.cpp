@@ -4,7 +4,7 @@
 #include <limits>
 #include <numeric>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "calib/joint/score_algebra.h"
 
 namespace turncal {

@@ -5,12 +5,17 @@
 #include <limits>
 #include <numeric>
 
-#include "calib/diagnosis/diagnosis_model.h"
+#include "calib/joint/score_algebra.h"
 
 namespace turncal {
 namespace {
 
 constexpr int biases = 6;
+
+// One of which the model already imitates all but a billionth says nothing.
+bool visible(const Scores& scores, int column) {
+  return scores.kept[column] > SelectionLimits{}.visible_part && scores.Q(column, column) > 0.0;
+}
 
 std::vector<int> counted(int from, std::size_t n) {
   std::vector<int> all(n);

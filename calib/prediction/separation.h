@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "calib/prediction/planned_motion.h"
 
 namespace turncal {

@@ -38,7 +38,7 @@
 #include <utility>
 #include <vector>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "calib/model/effects.h"
 #include "calib/model/limits.h"
 #include "calib/rests/rest_model.h"

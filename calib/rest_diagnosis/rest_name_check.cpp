@@ -4,9 +4,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "calib/diagnosis/curve_of_two.h"
-#include "calib/diagnosis/nameless_families.h"
 #include "calib/model/limits.h"
+#include "calib/rest_diagnosis/curve_of_two.h"
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
@@ -17,9 +16,56 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr int time_waves = 6, steps = 24, waves = curve_waves;
+constexpr int time_waves = 6, steps = 24, waves = 2;
 constexpr int of_time = 0, of_steps = time_waves, of_force = of_steps + steps, of_rate = of_force + 6 * waves,
               functions = of_rate + 6 * waves;
+
+constexpr LackOfFitLimits limits;
+
+// What goes with a rate or a force by a curve, x up to +-1: two waves, odd and even, with sizes 1/k.
+void write_curve(double x, double* out) {
+  for (int k = 1; k <= waves; ++k) {
+    out[2 * k - 2] = std::sin(0.5 * pi * k * x) / k;
+    out[2 * k - 1] = (1.0 - std::cos(0.5 * pi * k * x)) / k;
+  }
+}
+
+struct FamilyFit {
+  double gain = 0.0;  // of 2 ln L at the best variance; 0: none
+  VectorXd mean;      // of the coefficients at that variance
+};
+
+// A family's coefficients along the directions that the data tell apart.
+struct Along {
+  SymmetricEigen eigen;
+  VectorXd information, score;  // 0 where the model imitates a direction
+  VectorXd part(double v) const { return v / (1.0 + v * information.array()); }
+  double gain(double v) const { return score.cwiseAbs2().dot(part(v)) - (1.0 + v * information.array()).log().sum(); }
+};
+Along along(const MatrixXd& Q, const VectorXd& s, const VectorXd& before) {
+  Along a = {symmetric_eigen(Q), {}, {}};
+  const auto seen = a.eigen.values.array() > limits.family_floor * before.maxCoeff();
+  a.information = seen.select(a.eigen.values, 0.0);
+  a.score = seen.select(a.eigen.vectors.transpose() * s, 0.0);
+  return a;
+}
+
+FamilyFit fit_family(const MatrixXd& Q, const VectorXd& s, const VectorXd& before) {
+  FamilyFit fit;
+  const Along a = along(Q, s, before);
+  const double mean = a.information.mean();
+  if (!(mean > 0.0)) return fit;
+  double best = 0.0;
+  for (double log_v = -4.0; log_v <= 6.0; log_v += 0.25) {
+    const double v = std::exp(log_v * std::log(10.0) / 2.0) / mean;
+    const double gain = a.gain(v);
+    if (gain <= fit.gain) continue;
+    fit.gain = gain;
+    best = v;
+  }
+  if (best > 0.0) fit.mean = a.eigen.vectors * a.score.cwiseProduct(a.part(best));
+  return fit;
+}
 
 struct RestFamily {
   std::string what;
@@ -39,11 +85,13 @@ VectorXd functions_at(const BlockState& s, double duration_s, const Vector3d& fa
 
 // Columns: sensor by sensor, axis by axis, function by function.
 std::vector<RestFamily> families() {
+  static constexpr const char* sensors[] = {"bias of gyro ", "scale factor of gyro ", "bias of accelerometer ",
+                                            "scale factor of accelerometer "};
   std::vector<RestFamily> all;
   for (int sensor = 0; sensor < 4; ++sensor)
     for (int axis = 0; axis < 3; ++axis) {
       const Index first = (3 * sensor + axis) * functions;
-      const std::string what = words_of(static_cast<DisturbedSensor>(sensor), axis);
+      const std::string what = std::string(sensors[sensor]) + "xyz"[axis];
       all.push_back({what + " with time", first + of_time, time_waves});
       all.push_back({what + " that wanders", first + of_steps, steps});
       for (int k = 0; k < steps; ++k) all.push_back({what + " that steps", first + of_steps + k, 1});

@@ -1,5 +1,4 @@
-// A name is given only where nothing without a name explains the rests as well: the rule of calib/diagnosis/name_check.h, for
-// hand-turned data.
+// A name is given only where nothing without a name explains the rests as well.
 //
 // The families are those that rests can show: a bias or a scale factor of one sensor
 //   that steps once           at one of 24 times
@@ -7,7 +6,7 @@
 //   by a curve in time        six cosines over the recording, with sizes 1/k
 //   by a curve with force     two waves, odd and even, of each axis' specific force
 //   by a curve with rate      the same of each axis' rate; nothing at rest
-// compared by the marginal likelihood of nameless_families.h at the weights of the final model.
+// compared by their marginal likelihood at the weights of the final model.
 #pragma once
 
 #include "calib/rest_diagnosis/rest_diagnosis_model.h"

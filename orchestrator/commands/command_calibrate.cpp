@@ -11,6 +11,8 @@
 //
 // `turncal fleet diagnose FROM`: what many units show together (calib/fleet/fleet_diagnosis.h). Exit code 20 where something is common to units
 // that no unit shows by itself, or is left unexplained.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <filesystem>
 #include <memory>

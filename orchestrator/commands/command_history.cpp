@@ -10,6 +10,8 @@
 // A recording goes when all of this holds: its run has given its unit a verdict, and not `hold`; it was sealed more than so many days ago;
 // its unit has a newer one of a finished run; nobody works in the run's folder. Parameters, reports, journal and log stay, and the log says
 // what was removed. What cannot be read is left as it is, and is an error at the end.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -6,6 +6,8 @@
 // `turncal twin`: serves the rig outside, as the table and the unit that the station file describes, until a signal ends it (docs/twin.md).
 //
 // `turncal serve`: what several stations do, on a page of a process of its own, whether a run is going on or not.
+#include <fmt/format.h>
+
 #include <array>
 #include <chrono>
 #include <cmath>

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "orchestrator/figures/report_figure.h"
 
 namespace turncal {

@@ -6,7 +6,7 @@
 
 #include <Eigen/Core>
 
-#include "calib/diagnosis/holdout.h"
+#include "calib/evidence/holdout.h"
 #include "calib/model/attitude.h"
 #include "calib/statistics/linear_algebra.h"
 

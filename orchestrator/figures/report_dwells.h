@@ -16,7 +16,7 @@
 
 #include <Eigen/Core>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "calib/statistics/compression.h"
 
 namespace turncal {

@@ -1,12 +1,14 @@
 #include "orchestrator/jobs/calibration_job.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
 
 #include "calib/closed_form/closed_form.h"
-#include "calib/diagnosis/felt_latitude.h"
-#include "calib/diagnosis/lack_of_fit.h"
+#include "calib/evidence/evidence.h"
+#include "calib/evidence/felt_latitude.h"
 #include "calib/joint/several_recordings.h"
 #include "calib/model/limits.h"
 #include "calib/rest_diagnosis/rest_diagnosis.h"
@@ -90,11 +92,9 @@ std::string distrust_of(const CompressedRecording& recording, const JointResult&
   // Quieter than the noise model, correlated or not: its sigmas are too large, if anything.
   if (!result.whiteness.white && result.whiteness.level > 1.0) return result.whiteness.message;
   if (!test_fit) return "";
-  if (const std::string wrong = wrong_latitude(recording, result); !wrong.empty()) return wrong;
-  const LackOfFit fit = test_lack_of_fit(recording, result, {}, LackOfFitLimits{});
-  if (fit.passed) return "";
-  return fmt::format("the model does not fit: {}, chi-square {:.1f} of {:.0f}", fit.worst.what, fit.worst.chi_square,
-                     fit.worst.degrees);
+  if (std::string latitude = wrong_latitude(recording, result); !latitude.empty()) return latitude;
+  const std::string wrong = what_speaks_against(recording, result);
+  return wrong.empty() ? "" : "the model does not fit: " + wrong;
 }
 
 }  // namespace

@@ -67,7 +67,7 @@ Result<DiagnosisOutput> of_table(const Recordings& recordings, const JoinedRecor
   settings.estimate.noise = request.noise;
   settings.base = request.noise ? nullptr : request.base;
   for (const LoadedRecording* holdout : request.holdouts) settings.holdouts.push_back(&holdout->data);
-  request.phase("diagnosing: fit, scores of the catalogue, selection, held-out data");
+  request.phase("diagnosing: fit, what may be missing, held-out data");
   Diagnosis diagnosis = diagnose(joined, settings);
   const std::string open = undetermined_parameters(diagnosis.extended);
   if (diagnosis.verdict == Verdict::not_tested && diagnosis.extended.converged && !open.empty())

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "orchestrator/jobs/loaded_recording.h"
 #include "orchestrator/report/diagnosis_file.h"
 

@@ -4,7 +4,7 @@
 #include <chrono>
 #include <cmath>
 
-#include "calib/diagnosis/last_rest.h"
+#include "calib/evidence/last_rest.h"
 #include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/report_format.h"

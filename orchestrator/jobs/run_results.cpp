@@ -1,5 +1,7 @@
 #include "orchestrator/jobs/run_results.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <sstream>

@@ -1,5 +1,7 @@
 #include "orchestrator/records/journal.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <functional>

@@ -1,5 +1,7 @@
 #include "orchestrator/records/parameter_store.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <filesystem>
 

@@ -52,11 +52,22 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
   lines.flag("quality.trusted", d.trusted);
   lines.text("effects", join(d.effect_names));
   if (!d.candidate_names.empty()) lines.text("candidates", join(d.candidate_names));
-  if (!d.moved.empty()) lines.text("may_have_moved", join(d.moved));
-  if (!d.lack_of_fit.tests.empty()) {
-    lines.text("lack_of_fit.worst", d.lack_of_fit.worst.what);
-    lines.number("lack_of_fit.log10_probability", d.lack_of_fit.worst.log10_p);
-    lines.number("lack_of_fit.log10_limit", d.lack_of_fit.log10_limit);
+  if (d.statements.tested) {
+    lines.number("missing.probability", d.statements.anything);
+    int number = 0;
+    for (const Statement& node : d.statements.nodes) {
+      const std::string begin = "missing." + std::to_string(++number) + ".";
+      lines.text(begin + "sensor", node.sensor);
+      lines.text(begin + "quantity", node.quantity);
+      lines.text(begin + "driver", node.driver);
+      lines.text(begin + "formula", node.formula);
+      lines.number(begin + "probability", node.probability);
+    }
+  }
+  if (const OmnibusTest* worst = d.omnibus.worst()) {
+    lines.text("lack_of_fit.worst", worst->what);
+    lines.number("lack_of_fit.log10_probability", worst->log10_p);
+    lines.number("lack_of_fit.log10_limit", d.omnibus.log10_limit());
   }
   for (const std::string& name : d.effect_names) {
     const auto parts = of_effect(d.extended, name);

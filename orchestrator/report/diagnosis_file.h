@@ -8,7 +8,7 @@
 #include <optional>
 #include <string>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/figures/diagnosis_context.h"

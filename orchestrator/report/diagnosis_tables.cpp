@@ -157,7 +157,9 @@ void add_effects(const Diagnosis& diagnosis, const DiagnosisContext& context, Do
 
 Table score_table(const Diagnosis& diagnosis, double threshold_z) {
   Table table{{name("effect"), name("strongest"), number("value alone"), number("σ"), text("unit"), number("|z|"),
-               number("detectable"), number("χ² of all"), number("directions"), number("p")}};
+               number("detectable")}};
+  if (!diagnosis.groups.empty())
+    for (const char* column : {"χ² of all", "directions", "p"}) table.head.push_back(number(column));
   for (const ScoreBar& row : score_bars(diagnosis, threshold_z)) {
     const EffectEntry* entry = find_effect(row.name);
     if (row.role == ScoreBar::Role::invisible || entry == nullptr) continue;
@@ -385,28 +387,15 @@ void add_faults(const Diagnosis& diagnosis, const DiagnosisContext& context, Doc
   if (faults.size() > most) document.text(fmt::format("And {} more.", faults.size() - most));
 }
 
-void add_selection(const Diagnosis& diagnosis, Document& document) {
-  Table table{{number("stage"), name("tried"), number("z"), number("gain 2 Δ ln L"), number("needed"), wide("result"),
-               wide("rivals (their z²)")}};
-  for (std::size_t k = 0; k < diagnosis.stages.size(); ++k) {
-    const SelectionStage& s = diagnosis.stages[k];
-    std::vector<std::string> rivals;
-    for (const auto& [rival, z_square] : s.rivals) rivals.push_back(rival + " " + significant(z_square, 3));
-    table.row({count(k + 1), name(key_text(s.chosen)), number(signed_number(s.z, 1), s.z), number(s.gain, 3),
-               number(s.threshold, 3),
-               wide(!s.note.empty() ? s.note
-                    : s.accepted    ? "accepted"
-                                    : "not accepted"),
-               wide(rivals.empty() ? "-" : join(rivals))},
-              s.accepted ? Emphasis::none : Emphasis::dim);
-  }
-  if (table.rows.empty())
-    document.text("No candidate was strong enough to be tried.");
-  else
-    document.add(std::move(table));
-  if (!diagnosis.gated_out.empty())
-    document.text("Taken out again, because the error on held-out data did not fall: " + join(diagnosis.gated_out) +
-                  ".");
+void add_statements(const Statements& statements, Document& document) {
+  document.text("The probability that something is missing is " + words_of_probability(statements.anything) + ".");
+  Table table{{text("sensor"), text("quantity"), text("goes with"), name("formula"), number("probability"), half(0.0)}};
+  const auto some = [](const std::string& what) { return text(what.empty() ? "any" : what); };
+  for (const Statement& s : statements.nodes)
+    table.row({text(s.sensor), some(s.quantity), some(s.driver), name(s.formula.empty() ? "any, or none" : s.formula),
+               number(fmt::format("{:.3f}", s.probability), s.probability), half(s.probability)},
+              s.probability >= said_from ? Emphasis::hit : Emphasis::none);
+  if (!table.rows.empty()) document.add(std::move(table));
 }
 
 }  // namespace turncal

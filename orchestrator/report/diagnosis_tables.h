@@ -1,7 +1,7 @@
 // The parts of a diagnosis' document, each added to its end. Their order and their headings are diagnosis_document's (report.h).
 #pragma once
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/document.h"
@@ -18,6 +18,6 @@ void add_noise(const Diagnosis& diagnosis, const DiagnosisContext& context, Docu
 // Aliases, undetectable, undetermined, never visible.
 void add_limits(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document);
 void add_faults(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document);
-void add_selection(const Diagnosis& diagnosis, Document& document);
+void add_statements(const Statements& statements, Document& document);
 
 }  // namespace turncal

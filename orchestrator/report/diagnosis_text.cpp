@@ -63,27 +63,13 @@ std::string error_clause(const Diagnosis& d) {
          ratio(d.holdout_before.normalised_rms) + " to " + ratio(d.holdout_after.normalised_rms);
 }
 
-// Why a score beyond its limit made no name; empty where it is not beyond.
-std::string why_not_taken(const Diagnosis& d, const CandidateScore& best, double limit) {
-  if (std::abs(best.z) <= limit || d.stages.empty()) return "";
-  const SelectionStage& last = d.stages.back();
-  if (last.accepted) return "; held-out data speak against " + last.chosen.key();
-  return "; it was not taken, for with noise and parameters fitted again 2 ln L gains " + significant(last.gain, 3) +
-         (last.chosen.key() == best.column.key() ? "" : " at most (" + last.chosen.key() + ")") + " where " +
-         significant(last.threshold, 3) + " is needed" +
-         (last.gain > last.threshold ? ", and the effect is too few of its own sigmas" : "");
-}
-
-std::string clean_sentence(const Diagnosis& d, const DiagnosisContext& context) {
+std::string clean_sentence(const Diagnosis& d) {
   std::string text = "the 24 parameters explain the data to the noise";
-  if (const CandidateScore* best = strongest_candidate(d)) {
-    text += "; the strongest of " + std::to_string(d.candidates.size()) + " candidates, " + best->column.key() +
-            ", scores " + significant(std::abs(best->z), 2) + " sigma where " +
-            significant(family_threshold_z(d, context.false_alarm), 2) + " are needed" +
-            why_not_taken(d, *best, family_threshold_z(d, context.false_alarm));
-  }
-  if (!d.gated_out.empty())
-    text += "; " + join(d.gated_out) + " fitted better but did not lower the error on held-out data";
+  if (d.statements.tested)
+    text += "; the probability that something is missing is " + words_of_probability(d.statements.anything);
+  if (const CandidateScore* best = strongest_candidate(d))
+    text += fmt::format("; the strongest of {} candidates, {}, scores {} sigma", d.candidates.size(),
+                        best->column.key(), significant(std::abs(best->z), 2));
   if (known(d.holdout_before)) {
     text += "; on " + holdout_name(d) + " the velocity error is " + in_mm(d.holdout_before.velocity_rms_mps) +
             " mm/s rms and the normalised residual " + ratio(d.holdout_before.normalised_rms);
@@ -105,17 +91,6 @@ std::string remaining_clause(const Diagnosis& d) {
 // A reason as one clause: no full stop at its end.
 std::string clause(std::string text) {
   while (!text.empty() && (text.back() == '.' || text.back() == ' ')) text.pop_back();
-  return text;
-}
-
-// What it looks like, and how strongly the data say so.
-std::string pattern_clause(const Diagnosis& d) {
-  if (d.unexplained_pattern.empty()) return "";
-  std::string text = "; it looks like: " + clause(d.unexplained_pattern);
-  if (!d.stages.empty() && !d.stages.back().accepted && d.stages.back().gain > d.stages.back().threshold) {
-    text += " (likelihood gain " + significant(d.stages.back().gain, 3) + " where " +
-            significant(d.stages.back().threshold, 3) + " is needed)";
-  }
   return text;
 }
 
@@ -183,17 +158,17 @@ const CandidateScore* strongest_candidate(const Diagnosis& diagnosis) {
   return best;
 }
 
-std::string verdict_sentence(const Diagnosis& d, const DiagnosisContext& context) {
+std::string verdict_sentence(const Diagnosis& d) {
   const std::string title = verdict_title(d.verdict) + ": ";
   switch (d.verdict) {
-    case Verdict::clean: return title + clean_sentence(d, context) + ".";
+    case Verdict::clean: return title + clean_sentence(d) + ".";
     case Verdict::extended: return title + effects_clause(d) + "; " + error_clause(d) + alias_clause(d) + ".";
     case Verdict::unexplained:
       return title + "a residual is left that is not noise and that no effect of the catalogue explains (" +
-             remaining_clause(d) + ")" + pattern_clause(d) +
+             remaining_clause(d) + ")" +
+             (d.unexplained_pattern.empty() ? "" : "; it looks like: " + clause(d.unexplained_pattern)) +
              (has_after(d) ? "; beside it " + effects_clause(d) : "; no effect is named") +
-             (d.candidate_names.empty() ? "" : "; candidates: " + join(d.candidate_names)) +
-             (d.moved.empty() ? "" : "; it may have moved " + join(d.moved)) + "; the sigmas are widened by that.";
+             "; the sigmas hold what it may be.";
     case Verdict::noise_model:
       return title + "the assumed noise does not fit the data (innovations " + significant(d.base.whiteness.level, 3) +
              " times the expected variance" +

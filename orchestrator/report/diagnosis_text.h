@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/report/document.h"
 
@@ -14,7 +14,7 @@ inline constexpr std::size_t diagnosis_lines = 30;  // at most, on the terminal
 
 std::string verdict_title(Verdict verdict);
 // One sentence with numbers.
-std::string verdict_sentence(const Diagnosis& diagnosis, const DiagnosisContext& context);
+std::string verdict_sentence(const Diagnosis& diagnosis);
 
 // One line of the table "error before and after". NaN: not known.
 struct ErrorRow {

@@ -25,10 +25,12 @@ Facts how_to_read() {
        {"Score.",
         "Each effect of the catalogue is offered to the data beside the 24 parameters. z is the value it would get, in "
         "standard "
-        "deviations. The threshold holds for all of them together: chance alone crosses it in the stated share of "
-        "recordings."},
+        "deviations. The threshold holds for all of them together: chance alone crosses it in one of 200 recordings."},
+       {"Probability.",
+        "All that may be missing is weighed together, effects of the catalogue and terms without a name. A line's "
+        "probability is that of every model that holds it; from 0.95 on it is said."},
        {"Held-out data.",
-        "Data that was not used in the fit. An effect that does not lower the error there is not added."},
+        "Data that was not used in the fit. An effect that a second recording speaks against is not added."},
        {"Detectable.", "Five standard deviations: what this recording would have found."}},
       true};
 }
@@ -47,7 +49,7 @@ void say_verification(const std::string& words, Document& document) {
 
 Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   DiagnosisParts parts;
-  parts.sentence = verdict_sentence(diagnosis, context);
+  parts.sentence = verdict_sentence(diagnosis);
   parts.reason = diagnosis.verdict == Verdict::extended ? "" : diagnosis.reason;
   parts.errors = error_rows(diagnosis, context);
   parts.time_title = "Residual velocity against time";
@@ -58,14 +60,13 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
   parts.residual_intro = "What it depends on, dwell by dwell, is for the reader to judge:";
   if (diagnosis.candidates.empty()) parts.not_scored = "No scores were computed.";
   parts.score_caption =
-      "Scores beside the 24 parameters alone. A strong effect lifts the scores of those that resemble it; the "
-      "selection below takes them "
-      "one at a time.";
+      "Scores beside the 24 parameters alone. A strong effect lifts the scores of those that resemble it; the table of "
+      "probabilities below weighs them together.";
   parts.noise_line = noise_line(diagnosis.extended, context.noise_given);
   parts.noise.scope = parts.selection.scope = Scope::page;
   add_noise(diagnosis, context, parts.noise);
   add_limits(diagnosis, context, parts.limits);
-  add_selection(diagnosis, parts.selection);
+  add_statements(diagnosis.statements, parts.selection);
   parts.reading = how_to_read();
   parts.further = {allan_figure(diagnosis.base.allan)};
   return diagnosis_document(diagnosis, context, std::move(parts));
@@ -127,10 +128,10 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
     scores.caption = parts.score_caption;
     document.add(std::move(scores));
     document.add(score_table(diagnosis, threshold_z));
-    document.soft(
-        "χ² tests all components of an effect together, in as many directions as the recording can tell apart; p is "
-        "for that one test, not "
-        "for the family.");
+    if (!diagnosis.groups.empty())
+      document.soft(
+          "χ² tests all components of an effect together, in as many directions as the recording can tell apart; p is "
+          "for that one test, not for the family.");
   } else {
     document.text(parts.not_scored);
   }

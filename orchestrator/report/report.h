@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/figures/report_dwells.h"
 #include "orchestrator/report/diagnosis_text.h"

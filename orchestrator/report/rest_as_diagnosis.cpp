@@ -308,16 +308,16 @@ Figure rest_time_figure(const RestDiagnosis& r, const RestData& data) {
       "accelerometers see it. Gyros: length of the rate vector that is left at rest.";
   figure.panel_height = 170;
   figure.stacked = true;
-  struct Quantity {
+  struct Shown {
     const char* label;
     double (*of)(const Rows&, std::size_t);
   };
-  static constexpr Quantity quantities[] = {
+  static constexpr Shown quantities[] = {
       {"direction, mrad", [](const Rows& x, std::size_t k) { return 1e3 * x.direction[k].norm(); }},
       {"gyros, °/s", [](const Rows& x, std::size_t k) { return x.gyro[k].norm() / rad_per_deg; }},
       {"norm, mm/s²", [](const Rows& x, std::size_t k) { return 1e3 * x.norm[k]; }}};
   const bool both = !r.effects.empty();
-  for (const Quantity& quantity : quantities) {
+  for (const Shown& quantity : quantities) {
     Panel panel;
     if (figure.panels.size() + 1 == std::size(quantities)) panel.x_label = "time, s";
     panel.y_label = quantity.label;
@@ -426,7 +426,7 @@ DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& r, const RestData& data
   DiagnosisFiles files{{}, format_diagnosis(d), std::nullopt};
   if (!r.base.converged) {  // not fitted: nothing to report but why
     for (const std::string& note : context.notes) files.report.add(Paragraph{note, "note"});
-    files.report.add(Facts{{{"verdict", verdict_sentence(d, context)}}});
+    files.report.add(Facts{{{"verdict", verdict_sentence(d)}}});
     return files;
   }
   const RestWords words = rest_words(r, data, d);

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "calib/rest_diagnosis/rest_diagnosis.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/figures/diagnosis_context.h"

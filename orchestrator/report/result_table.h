@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "calib/model/parameters.h"
 #include "calib/prediction/predict.h"
 #include "calib/rests/single_pose.h"

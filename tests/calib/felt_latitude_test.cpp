@@ -1,4 +1,4 @@
-#include "calib/diagnosis/felt_latitude.h"
+#include "calib/evidence/felt_latitude.h"
 
 #include <gtest/gtest.h>
 

@@ -5,33 +5,24 @@
 #include <map>
 #include <string>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 
 namespace turncal {
 namespace {
 
 TEST(LimitsOfTheDocument, AreThoseOfTheProgram) {
   const DiagnosisOptions options;
-  const auto& [noise, fit, selection, gate] = options.limits;
-  const std::map<std::string, double> in_force = {{"options.false_alarm", options.false_alarm},
-                                                  {"fit.family_wise", fit.family_wise},
-                                                  {"fit.slow_correlation_s", fit.slow_correlation_s},
-                                                  {"fit.first_piece_s", fit.first_piece_s},
-                                                  {"fit.near_lags_s", fit.near_lags_s},
-                                                  {"fit.lags_s", fit.lags_s},
-                                                  {"selection.bic_margin", selection.bic_margin},
-                                                  {"selection.alias_correlation", selection.alias_correlation},
-                                                  {"selection.caught_at", selection.caught_at},
-                                                  {"selection.family_margin", selection.family_margin},
-                                                  {"selection.near_family_wise", selection.near_family_wise},
-                                                  {"gate.standard_errors", gate.standard_errors},
-                                                  {"gate.expected_gain", gate.expected_gain},
-                                                  {"gate.contradiction", gate.contradiction},
-                                                  {"gate.highest_error", gate.highest_error},
-                                                  {"noise.correlation", noise.correlation},
-                                                  {"noise.lowest_level", noise.lowest_level},
-                                                  {"noise.highest_level", noise.highest_level},
-                                                  {"noise.highest_of_pulses", noise.highest_of_pulses}};
+  constexpr LackOfFitLimits fit;
+  constexpr SelectionLimits selection;
+  constexpr GateLimits gate;
+  const NoiseLimits& noise = noise_limits;
+  const std::map<std::string, double> in_force = {
+      {"options.false_alarm", options.false_alarm},   {"fit.family_wise", fit.family_wise},
+      {"fit.near_lags_s", fit.near_lags_s},           {"fit.lags_s", fit.lags_s},
+      {"selection.bic_margin", selection.bic_margin}, {"selection.alias_correlation", selection.alias_correlation},
+      {"gate.contradiction", gate.contradiction},     {"gate.highest_error", gate.highest_error},
+      {"noise.correlation", noise.correlation},       {"noise.lowest_level", noise.lowest_level},
+      {"noise.highest_level", noise.highest_level},   {"noise.highest_of_pulses", noise.highest_of_pulses}};
   std::ifstream document(std::string(TURNCAL_SOURCE_DIR) + "/docs/diagnosis.md");
   std::map<std::string, double> printed;
   for (std::string line; std::getline(document, line);)

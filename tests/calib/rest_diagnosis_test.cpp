@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "calib/diagnosis/curve_of_two.h"
+#include "calib/rest_diagnosis/curve_of_two.h"
 #include "calib/rest_diagnosis/rest_selection.h"
 #include "calib/statistics/distributions.h"
 #include "calib/statistics/segmentation.h"

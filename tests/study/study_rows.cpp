@@ -10,7 +10,7 @@
 #include <random>
 #include <string>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "tests/rig_recorder.h"
 #include "tests/study/taken_up.h"
 

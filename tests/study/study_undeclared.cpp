@@ -1,31 +1,43 @@
-// Effects drawn at random, that nobody declared (docs/diagnosis-study.md): what does the diagnosis say of them?
+// Effects drawn at random, that nobody declared: what does the diagnosis say of them, beside what could be said? (docs/diagnosis-study.md)
 //
-//   study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] [--clean] [--tests] [--fit] [--sites] [--sequence NAME]
-// --sites: every seed is at a latitude of its own, -65 to 65 deg; with --fit --tests a line says what latitude the gyros feel.
-// --only: effects are drawn until their description (column 3) holds the word, "gyro_scale" or "scatter".
-// Every seed is a unit on a table, with noise, temperature history and (three in ten) bias instability and random walk of its own; on
-// its recording and holdout N effects are laid one after another. --clean: none is; --fit: the base model is fitted and
-// tested, and no effect looked for. An effect is a random smooth function of one of
-// time, a table angle, a component of force or rate, or temperature; a product of two; steps in time; a number for every turn or every dwell
-// - on a bias or a scale factor of one sensor. Its size is drawn from invisible to gross. What of it a bias or the sensor's row of the
-// matrix would take up is taken off first (least squares over the recording), so that the truth of the 24 parameters stands.
-// One line a run: seed draw effect size verdict trusted names(aliases) candidates worst_parameter_sigmas parameter log10_p family
+//   study_undeclared drawn|catalogue|clean SEED_FIRST SEED_COUNT [--draws N] [--least-z Z] [--most-z Z] [--only WORD] [--grade NAME]
+//                    [--sequence NAME]
+// A seed is a unit of a grade (navigation, tactical, mems) on a table at a place, with sample rate, noise, (three in ten) bias instability
+// and random walk, and temperature history of its own. On its recording and its holdout N effects are laid, one after another:
+//   drawn        bias, scale factor or direction (it reads a part of another axis) of one sensor, times a shape or the product of two; what of it
+//                a bias and the sensor's row of the matrix take up is taken off, so that the truth of the parameters stands (taken_up.h)
+//   catalogue    one of the rig's effects, at twice what the clean recording detects (5 sigma)
+//   clean        nothing
+// Ideal z is drawn log-uniform. What is more than a unit of that grade has, or to nine tenths other values of the parameters, is drawn again.
+// --only: column 4 holds the word.
+//
+// The ideal is the fit that knows the noise, and of the effect all but its size: one pass over the clean recording with the effect's true column
+// beside the 21 parameters. z is the size over its sigma, then. One line a run, columns:
+//    1 kind: drawn, catalogue, clean   2 seed   3 number   4 sensor:quantity:shapes, or component   5 grade   6 instability (0, 1)   7 ideal z
+//    8 P(something is missing)   9 verdict   10 trusted (0, 1)   11 what is said   12 seconds of the diagnosis
+// and, of the 21 parameters, with commas between them:
+//   13 error over sigma; nan: not determined   14 sigma over ideal sigma   15 the ideal fit's error over ideal sigma   16 the effect touches it (0, 1):
+//      its ideal sigma grows by more than 5 %, or a plain fit is off by more than 0.3 of it
+// Column 11: nodes of 0.8 and more, sensor:quantity:driver:formula=P,right,branch right,deepest that is said with 0.95,correlation; empty where a
+// node is not that deep. A branch is right when it was drawn, with either driver of a product, or when this recording hardly tells it
+// from what was drawn: 0.97 of correlation, the 21 eliminated, between the true column and curves of the driver (curves_of). A formula is
+// right when its branch is, and all formulas together correlate by 0.97 or leave less than 4 of ideal z; by 0.97 of them what is above them
+// is right, too. Of the catalogue the names that were given, and what stands beside them, are listed as of the sensor "class".
 #include <algorithm>
 #include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <cstring>
+#include <map>
 #include <random>
 #include <string>
+#include <tuple>
 
+#include <fmt/format.h>
 #include <Eigen/Core>
 
-#include "calib/diagnosis/diagnosis.h"
-#include "calib/diagnosis/felt_latitude.h"
-#include "calib/diagnosis/lack_of_fit.h"
-#include "calib/model/limits.h"
+#include "calib/evidence/diagnosis.h"
 #include "tests/disturbance.h"
 #include "tests/rig_recorder.h"
 #include "tests/study/taken_up.h"
@@ -35,197 +47,253 @@ namespace {
 
 using Eigen::Vector3d;
 using Random = std::mt19937_64;
+using Strings = std::vector<std::string>;
+using Moment = DisturbedMoment;
+using Number = std::function<double(const Moment&)>;
 
 double uniform(Random& r, double low, double high) { return std::uniform_real_distribution<double>(low, high)(r); }
+double log_uniform(Random& r, double low, double high) { return std::exp(uniform(r, std::log(low), std::log(high))); }
 int one_of(Random& r, int n) { return std::uniform_int_distribution<int>(0, n - 1)(r); }
 double normal(Random& r) { return std::normal_distribution<double>()(r); }
 
-// Smooth on [-1, 1], or periodic in 2 pi: of order one.
+constexpr double usual_run_s = 6342.0, longest_run_s = 20000.0, usual_rate_radps = 0.1745, usual_c = 27.0;
+
+// Shapes, of order one ----------------------------------------------------------------------------------------------------------------
+
+// On [-1, 1], or periodic in 2 pi.
 std::function<double(double)> smooth(Random& r, bool periodic) {
-  struct Wave {
-    double size, frequency, phase;
-  };
-  std::vector<Wave> waves;
+  std::vector<Vector3d> waves;  // size, frequency, phase
   for (int k = 0, n = 1 + one_of(r, 4); k < n; ++k)
-    waves.push_back({normal(r), periodic ? 1.0 + one_of(r, 5) : uniform(r, 0.3, 8.0), uniform(r, 0.0, 2.0 * pi)});
-  const double norm = std::sqrt(static_cast<double>(waves.size()));
-  return [waves, norm](double x) {
+    waves.emplace_back(normal(r) / std::sqrt(n), periodic ? 1.0 + one_of(r, 5) : uniform(r, 0.3, 8.0),
+                       uniform(r, 0.0, 2.0 * pi));
+  return [waves](double x) {
     double sum = 0.0;
-    for (const Wave& w : waves) sum += w.size * std::cos(w.frequency * x + w.phase);
-    return sum / norm;
+    for (const Vector3d& w : waves) sum += w[0] * std::cos(w[1] * x + w[2]);
+    return sum;
   };
 }
 
-struct Term {
-  std::string what;
-  std::function<double(const DisturbedMoment&)> at;
-};
-
-Term draw_term(Random& r) {
-  const int axis = one_of(r, 3);
-  static constexpr const char* table[] = {"heading", "pitch", "roll"};
-  static constexpr const char* body[] = {"x", "y", "z"};
-  switch (one_of(r, 8)) {
-    case 0: {
-      const auto f = smooth(r, false);
-      return {"time", [f](const DisturbedMoment& m) { return f(2.0 * m.time_s / 6342.0 - 1.0); }};
-    }
-    case 1: {
-      const auto f = smooth(r, true);
-      return {std::string("angle_") + table[axis],
-              [f, axis](const DisturbedMoment& m) { return f(m.table_rad[axis]); }};
-    }
-    case 2: {
-      const auto f = smooth(r, false);
-      return {std::string("force_") + body[axis], [f, axis](const DisturbedMoment& m) { return f(m.force_g[axis]); }};
-    }
-    case 3: {
-      const auto f = smooth(r, false);
-      return {std::string("rate_") + body[axis],
-              [f, axis](const DisturbedMoment& m) { return f(m.rate_radps[axis] / 0.1745) - f(0.0); }};
-    }
-    case 4: {
-      const auto f = smooth(r, false);
-      return {"temperature", [f](const DisturbedMoment& m) { return f((m.temperature_c - 27.0) / 3.0); }};
-    }
-    case 5: {
-      std::vector<std::pair<double, double>> steps;
-      for (int k = 0, n = 1 + one_of(r, 3); k < n; ++k) steps.emplace_back(uniform(r, 200.0, 6000.0), normal(r));
-      return {"steps", [steps](const DisturbedMoment& m) {
-                double sum = 0.0;
-                for (const auto& [time, size] : steps) sum += m.time_s > time ? size : 0.0;
-                return sum;
-              }};
-    }
-    default: {
-      const std::uint64_t seed = r();
-      return {"scatter", [seed](const DisturbedMoment& m) {
-                Random own(seed + 7919u * static_cast<std::uint64_t>(m.turn));
-                own.discard(3);
-                return normal(own);
-              }};
-    }
-  }
-}
-
-struct Drawn {
-  std::string what;
-  double size = 0.0;
-  int channel = 0;  // 0 gyro bias, 1 gyro scale factor, 2 accelerometer bias, 3 accelerometer scale factor
-  int axis = 0;
-  Disturbance disturbance;
-};
-
-Drawn draw_any(Random& r, double largest) {
-  Drawn d;
-  Term term = draw_term(r);
-  if (one_of(r, 4) == 0) {
-    const Term other = draw_term(r);
-    term = {term.what + "*" + other.what,
-            [a = term.at, b = other.at](const DisturbedMoment& m) { return a(m) * b(m); }};
-  }
-  d.channel = one_of(r, 4);
-  d.axis = one_of(r, 3);
-  static constexpr const char* names[] = {"gyro_bias", "gyro_scale", "accel_bias", "accel_scale"};
-  static constexpr double units[] = {0.01 * pi / 180.0 / 3600.0, 2e-6, 2e-6 * 9.80665, 2e-6};
-  d.what = std::string(names[d.channel]) + "_" + "xyz"[d.axis] + ":" + term.what;
-  d.size = std::exp(uniform(r, std::log(0.1), std::log(largest)));
-  const double amplitude = d.size * units[d.channel];
-  d.disturbance = [at = term.at, amplitude, channel = d.channel, axis = d.axis](const DisturbedMoment& m) {
-    AddedReading added;
-    const double value = amplitude * at(m);
-    if (channel == 0) added.gyro_radps[axis] = value;
-    if (channel == 1) added.gyro_radps[axis] = value * m.rate_radps[axis];
-    if (channel == 2) added.accel_mps2[axis] = value;
-    if (channel == 3) added.accel_mps2[axis] = value * 9.80665 * m.force_g[axis];
-    return added;
-  };
-  return d;
-}
-
-Drawn draw(Random& r, double largest, const std::string& only) {
-  for (;;)
-    if (Drawn d = draw_any(r, largest); d.what.find(only) != std::string::npos) return d;
-}
-
-std::string join(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& n : names) text += (text.empty() ? "" : "+") + n;
-  return text.empty() ? "-" : text;
-}
-
-// Each name with its alias class: "gyro_bias_drift(gyro_bias_temperature)".
-std::vector<std::string> classes(const Diagnosis& d) {
-  std::vector<std::string> all;
-  for (const std::string& name : d.effect_names) {
-    std::string others;
-    if (const auto found = d.aliases.find(name); found != d.aliases.end())
-      for (const std::string& other : found->second) others += (others.empty() ? "" : ",") + other;
-    all.push_back(others.empty() ? name : name + "(" + others + ")");
-  }
+std::vector<double> normals(Random& r, int count, bool summed) {
+  std::vector<double> all;
+  for (int k = 0; k < count; ++k) all.push_back(normal(r) + (summed && k > 0 ? all.back() : 0.0));
   return all;
 }
 
-void report(std::uint64_t seed, int draw, const Drawn& drawn, const Diagnosis& d, const CompressedRecording& recording,
-            const Parameters& truth, bool tests) {
-  Eigen::Index at = 0;
-  const double worst = errors_in_sigmas(d.extended, recording, truth).cwiseAbs().maxCoeff(&at);
-  const std::string_view parameter = worst > 0.0 ? parameter_keys[static_cast<std::size_t>(at)] : "-";
-  std::string family = d.lack_of_fit.worst.family.empty() ? "-" : d.lack_of_fit.worst.family;
-  std::replace(family.begin(), family.end(), ' ', '_');
-  std::printf("%llu %d %s %.3g %s %d %s %s %.2f %s %.2f %s\n", static_cast<unsigned long long>(seed), draw,
-              drawn.what.c_str(), drawn.size, to_string(d.verdict), d.trusted, join(classes(d)).c_str(),
-              join(d.candidate_names).c_str(), worst, std::string(parameter).c_str(), d.lack_of_fit.worst.log10_p,
-              family.c_str());
-  if (tests) {
-    const NoiseModel& noise = d.extended.noise;
-    std::printf("reason %llu level %.3f correlation %.3f: %s\n", static_cast<unsigned long long>(seed),
-                d.extended.whiteness.level, d.lack_of_fit.innovation_correlation, d.reason.c_str());
-    std::printf(
-        "noise %llu %.5f %.3f %.5f %.3f\n", static_cast<unsigned long long>(seed),
-        noise.angle_random_walk.mean() / radprs_per_degprh, noise.velocity_random_walk.mean() / mpsprs_per_ugprHz,
-        noise.gyro_bias_instability_radps / radps_per_degph, noise.accel_bias_instability_mps2 / mpsprs_per_ugprHz);
-    for (const NameCheck& c : d.name_checks)
-      std::printf("name %llu %d %s %.1f %.1f %s\n", static_cast<unsigned long long>(seed), draw, c.name.c_str(), c.gain,
-                  c.family_gain, c.family.c_str());
-    for (const SelectionStage& s : d.stages)
-      std::printf("stage %llu %d %s %.2f %.1f\n", static_cast<unsigned long long>(seed), draw, s.chosen.key().c_str(),
-                  s.z, s.gain);
-    for (const LackOfFitTest& t : d.lack_of_fit.tests) {
-      std::string name = t.family;
-      std::replace(name.begin(), name.end(), ' ', '_');
-      std::printf("test %llu %d %s %.2f %.1f %.3f\n", static_cast<unsigned long long>(seed), draw, name.c_str(),
-                  t.chi_square, t.degrees, t.log10_p);
-    }
-  }
-  std::fflush(stdout);
+struct Shape {
+  Strings drivers;
+  std::string name;
+  Number at;
+};
+
+Shape of_time(Random& r) {
+  const auto f = smooth(r, false);
+  const double tau = log_uniform(r, 30.0, 4000.0), omega = 2.0 * pi / log_uniform(r, 30.0, 2.0 * usual_run_s),
+               phase = uniform(r, 0.0, 2.0 * pi);
+  const auto walk = normals(r, static_cast<int>(longest_run_s / 10.0), true);
+  const int kind = one_of(r, 6);
+  if (kind == 0) return {{"time"}, "smooth", [=](const Moment& m) { return f(2.0 * m.time_s / usual_run_s - 1.0); }};
+  if (kind == 1) return {{"time"}, "sine", [=](const Moment& m) { return std::sin(omega * m.time_s + phase); }};
+  if (kind == 2) return {{"time"}, "exponential", [=](const Moment& m) { return std::exp(-m.time_s / tau); }};
+  if (kind == 3)
+    return {{"time"}, "walk", [=](const Moment& m) { return walk[static_cast<std::size_t>(m.time_s / 10.0)]; }};
+  const bool telegraph = kind == 4;
+  const double every_s = telegraph ? log_uniform(r, 100.0, 1500.0) : 3000.0;
+  std::vector<std::pair<double, double>> steps;
+  for (double t = uniform(r, 200.0, 4000.0); t < longest_run_s; t -= every_s * std::log(uniform(r, 1e-9, 1.0)))
+    steps.emplace_back(t, telegraph ? (steps.size() % 2 == 0 ? 1.0 : -1.0) : normal(r));
+  return {{"time"}, telegraph ? "telegraph" : "steps", [=](const Moment& m) {
+            double sum = 0.0;
+            for (const auto& [time, size] : steps) sum += m.time_s > time ? size : 0.0;
+            return sum;
+          }};
 }
 
-// What the recording knows of what was laid on it. `sigmas`: what a test would come to that knew its shape and all but its size, the
-// parameters estimated beside it; below 4 or so nobody could see it. `shift`: what it does to the parameters of any such fit, in sigmas.
-void report_seen(std::uint64_t seed, int draw, const CompressedRecording& clean, const CompressedRecording& disturbed,
-                 const JointResult& fit) {
-  FilterSetup setup = fit.setup;
-  setup.keep_innovations = true;
-  const FilterResult without = run_filter(clean, fit.parameters, {}, setup);
-  const FilterResult with = run_filter(disturbed, fit.parameters, {}, setup);
-  double square = 0.0;
-  for (std::size_t k = 0; k < without.innovations.size(); ++k)
-    square += (with.innovations[k].normalised - without.innovations[k].normalised).squaredNorm();
-  const Eigen::VectorXd change = with.gradient - without.gradient;
-  const SubsetSolution solved = solve_subset(without.information, change, fit.free, fit.ranges);
-  double largest = 0.0;
-  std::string_view parameter = "-";
-  for (std::size_t i = 0; i < fit.free.size(); ++i) {
-    const double z = solved.step[static_cast<Eigen::Index>(i)] /
-                     std::sqrt(solved.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(i)));
-    if (std::abs(z) <= std::abs(largest)) continue;
-    largest = z;
-    parameter = parameter_keys[static_cast<std::size_t>(fit.free[i])];
+Shape of_turns(Random& r) {
+  const int kind = one_of(r, 3);
+  const double tau = log_uniform(r, 3.0, 600.0);
+  if (kind == 2) return {{"turns"}, "decay", [=](const Moment& m) { return std::exp(-m.since_turn_s / tau); }};
+  const auto values = normals(r, 1000, kind == 1);
+  const Number at = [=](const Moment& m) { return values[static_cast<std::size_t>(m.turn)]; };
+  return kind == 0 ? Shape{{"turns"}, "scatter", at} : Shape{{"turns", "time"}, "turn_walk", at};
+}
+
+Shape draw_shape(Random& r) {
+  const int axis = one_of(r, 3);
+  const std::string of = std::string("_") + "xyz"[axis];
+  const auto f = smooth(r, false), round = smooth(r, true);
+  const int kind = one_of(r, 8);
+  if (kind == 0)
+    return {{"temperature"}, "temperature", [=](const Moment& m) { return f((m.temperature_c - usual_c) / 3.0); }};
+  if (kind == 1) return {{"angle"}, "angle" + of, [=](const Moment& m) { return round(m.table_rad[axis]); }};
+  if (kind == 2) return {{"force"}, "force" + of, [=](const Moment& m) { return f(m.force_g[axis]); }};
+  if (kind == 3)
+    return {{"rate"}, "rate" + of, [=](const Moment& m) { return f(m.rate_radps[axis] / usual_rate_radps) - f(0.0); }};
+  return kind < 6 ? of_turns(r) : of_time(r);
+}
+
+// Effects -----------------------------------------------------------------------------------------------------------------------------
+
+const Strings sensors = {"gyro x", "gyro y", "gyro z", "accelerometer x", "accelerometer y", "accelerometer z"};
+const Strings quantities = {"bias", "scale factor", "direction"};
+
+// What a sensor reads more by `number`: of the rate or force along axis `from`, or, negative, by itself.
+Disturbance on(std::size_t sensor, int from, const Number& number) {
+  return [=](const Moment& m) {
+    AddedReading added;
+    const auto axis = static_cast<Eigen::Index>(sensor % 3);
+    if (sensor < 3) added.gyro_radps[axis] = number(m) * (from < 0 ? 1.0 : m.rate_radps[from]);
+    if (sensor >= 3) added.accel_mps2[axis] = number(m) * standard_gravity_mps2 * (from < 0 ? 1.0 : m.force_g[from]);
+    return added;
+  };
+}
+// Of the block in whose middle it is; times are from the first sample.
+std::size_t block_at(const CompressedRecording& recording, double time_s) {
+  const auto next = std::upper_bound(recording.blocks.begin(), recording.blocks.end(), time_s + 1e-6,
+                                     [&](double t, const Block& b) { return t < recording.middle_s(b); });
+  return static_cast<std::size_t>(next - recording.blocks.begin()) - 1;
+}
+Disturbance times(double size, const Disturbance& one) {
+  return [=](const Moment& m) {
+    const AddedReading added = one(m);
+    return AddedReading{size * added.gyro_radps, size * added.accel_mps2};
+  };
+}
+
+struct Effect {
+  std::string what = "none", sensor, quantity, key;  // key: of the catalogue
+  Strings drivers;
+  Disturbance whole;   // one unit of it
+  Disturbance column;  // without what the parameters take up
+  double z = 0.0;      // ideal
+};
+
+Effect draw_any(Random& r) {
+  Shape shape = draw_shape(r);
+  if (one_of(r, 4) == 0) {
+    const Shape other = draw_shape(r);
+    shape.drivers.insert(shape.drivers.end(), other.drivers.begin(), other.drivers.end());
+    shape.name += "*" + other.name;
+    shape.at = [a = shape.at, b = other.at](const Moment& m) { return a(m) * b(m); };
   }
-  const double left = square + Eigen::VectorXd(change(fit.free)).dot(solved.step);
-  std::printf("seen %llu %d sigmas %.2f shift %.2f %s\n", static_cast<unsigned long long>(seed), draw,
-              std::sqrt(std::max(left, 0.0)), largest, std::string(parameter).c_str());
+  const auto sensor = static_cast<std::size_t>(one_of(r, 6)), quantity = static_cast<std::size_t>(one_of(r, 3));
+  const int axis = static_cast<int>(sensor % 3), other = (axis + 1 + one_of(r, 2)) % 3;
+  Effect e;
+  e.sensor = sensors[sensor];
+  e.quantity = quantities[quantity];
+  e.drivers = shape.drivers;
+  e.what = e.sensor + ":" + e.quantity + ":" + shape.name;
+  e.whole = on(sensor, quantity == 0 ? -1 : quantity == 1 ? axis : other, shape.at);
+  return e;
+}
+
+std::string sensor_of(const EffectColumn& column) {
+  const std::string name(column.entry->name);
+  const char axis = column.entry->components[static_cast<std::size_t>(column.component)].front();
+  if (name == "earth_rate" || name == "sample_period") return "earth rate";
+  return (name.starts_with("gyro") ? "gyro" : "accelerometer") +
+         (axis >= 'x' && axis <= 'z' ? std::string(" ") + axis : "");
+}
+
+// Quantity and driver of an entry of the catalogue.
+template <class Entry>
+std::pair<std::string, std::string> branch_of(const Entry& entry) {
+  if constexpr (requires { entry.driver; }) {
+    return {std::string(to_string(entry.quantity)), std::string(to_string(entry.driver))};
+  } else {
+    const std::string name(entry.name);
+    const auto has = [&name](const char* word) { return name.find(word) != std::string::npos; };
+    const bool of_rate = has("rate_nonl") || has("lock_in") || name == "gyro_scale_asymmetry";
+    const bool scale = of_rate || (has("_scale_") && name != "accel_scale_asymmetry");
+    const std::string quantity = has("flexure") ? "direction" : scale ? "scale factor" : "bias";
+    if (has("temperature")) return {quantity, "temperature"};
+    if (has("drift") || has("warm_up")) return {quantity, "time"};
+    if (has("creep") || has("relaxation")) return {quantity, "turns"};
+    if (of_rate || has("size_effect") || has("delay") || has("rectif")) return {quantity, "rate"};
+    return {quantity, has("magnetic") || has("earth_rate") || has("period") ? "field" : "force"};
+  }
+}
+
+Effect draw_of_catalogue(Random& r, const RigEffects& rig, const CompressedRecording& recording,
+                         const JointResult& fit) {
+  const Strings keys = rig_effect_keys();
+  Effect e;
+  e.what = e.key = keys[static_cast<std::size_t>(one_of(r, static_cast<int>(keys.size())))];
+  for (EffectColumn c : catalogue_columns(recording.info)) {
+    if (c.key() != e.key) continue;
+    if (c.tau_s > 0.0)
+      c.tau_s = e.key.starts_with("gyro_warm_up") ? rig.gyro_warm_up_tau_s : rig.post_rotation_relaxation_tau_s;
+    e.sensor = sensor_of(c);
+    e.drivers.resize(1);
+    std::tie(e.quantity, e.drivers[0]) = branch_of(*c.entry);
+    e.whole = [readings = readings_of(c, fit, recording), &recording](const Moment& m) {
+      return readings[block_at(recording, m.time_s)];
+    };
+    break;
+  }
+  return e;
+}
+
+// Units -------------------------------------------------------------------------------------------------------------------------------
+
+struct Grade {
+  const char* name;
+  double least_arw, most_arw, least_vrw, most_vrw;          // deg/sqrt(h), ug/sqrt(Hz)
+  double bias_degph, accel_pulse_mps, most_degph, most_ug;  // most: that an effect reads
+};
+constexpr std::array<Grade, 3> grades = {{{"navigation", 0.001, 0.01, 4.0, 16.0, 0.08, 0.0005, 40.0, 1e3},
+                                          {"tactical", 0.02, 0.1, 20.0, 80.0, 1.0, 0.001, 400.0, 5e3},
+                                          {"mems", 0.15, 0.6, 80.0, 300.0, 30.0, 0.004, 4000.0, 5e4}}};
+
+struct Unit {
+  Grade grade;
+  RigConfig config;
+  bool unsteady = false;  // bias instability and random walk
+  Number temperature_c;   // empty: the rig's
+};
+
+Unit draw_unit(Random& r, std::uint64_t seed, const std::string& grade, bool rig_temperature) {
+  const auto named = std::find_if(grades.begin(), grades.end(), [&](const Grade& g) { return g.name == grade; });
+  const auto drawn = static_cast<std::size_t>(std::max(0, one_of(r, 4) - 1));
+  Unit u{named != grades.end() ? *named : grades[drawn], default_rig_config(), one_of(r, 10) < 3, {}};
+  RigConfig& c = u.config;
+  c.seed = 20000 + seed;
+  c.noise_seed = 300000 + seed;
+  c.table_errors.random_arcmin = uniform(r, 0.5, 10.0);
+  c.site.latitude_deg = uniform(r, -65.0, 65.0);
+  c.sample_period_s = std::array<double, 4>{0.005, 0.005, 0.01, 0.0025}[static_cast<std::size_t>(one_of(r, 4))];
+  c.accel_pulse_mps = u.grade.accel_pulse_mps;
+  for (std::size_t k = 0; k < 3; ++k) c.truth[k] = u.grade.bias_degph * normal(r);
+  RigNoise& noise = c.noise;
+  noise.gyro_random_walk_deg_per_rt_h = log_uniform(r, u.grade.least_arw, u.grade.most_arw);
+  noise.accel_random_walk_ug_per_rt_hz = log_uniform(r, u.grade.least_vrw, u.grade.most_vrw);
+  const double gyro = noise.gyro_random_walk_deg_per_rt_h / 0.002, accel = noise.accel_random_walk_ug_per_rt_hz / 8.0;
+  noise.gyro_bias_instability_degph = u.unsteady ? gyro * uniform(r, 0.0005, 0.003) : 0.0;
+  noise.accel_bias_instability_ug = u.unsteady ? accel * uniform(r, 0.3, 2.0) : 0.0;
+  noise.gyro_rate_random_walk_degph_per_rt_h = u.unsteady ? gyro * uniform(r, 0.0, 0.002) : 0.0;
+  noise.accel_acceleration_random_walk_ug_per_rt_h = u.unsteady ? accel * uniform(r, 0.0, 1.0) : 0.0;
+  c.temperature.rise_c = uniform(r, -4.0, 10.0);
+  c.temperature.tau_s = uniform(r, 900.0, 6000.0);
+  const double size_c = uniform(r, 1.0, 8.0), phase = uniform(r, 0.0, 2.0 * pi),
+               omega = 2.0 * pi / log_uniform(r, 1500.0, 20000.0);
+  const int history = one_of(r, 4);
+  if (rig_temperature || history < 2) return u;
+  u.temperature_c = [=](const Moment& m) {
+    const double wave = std::sin(omega * m.time_s + phase);
+    return 24.0 + size_c * (history == 2 ? wave : 1.0 - std::exp(-m.time_s / 900.0) + 0.2 * wave);
+  };
+  return u;
+}
+
+void give_temperature(RigRecording& made, const Number& temperature_c) {
+  if (!temperature_c) return;
+  double sum = 0.0, time_s = 0.0;
+  each_moment(made.recording, made.truth, [&](std::size_t k, const Moment& m) {
+    Block& b = made.recording.blocks[k];
+    b.temperature_c = static_cast<float>(1e-3 * std::round(1e3 * temperature_c(m)));
+    sum += b.duration_s * static_cast<double>(b.temperature_c);
+    time_s += b.duration_s;
+  });
+  made.recording.mean_temperature_c = sum / time_s;
 }
 
 // A unit that wanders: its biases over the whole recording, by the same unit with the same noise and no walk.
@@ -246,10 +314,321 @@ Parameters truth_over(const RigRecording& made, const Sequence& sequence, RigCon
   return truth;
 }
 
-void report_latitude(std::uint64_t seed, const FeltLatitude& felt, double truth_deg) {
-  const double off_deg = felt.latitude_rad / rad_per_deg - truth_deg, sigma_deg = felt.sigma_rad / rad_per_deg;
-  std::printf("latitude %llu %.3f %.5f %.5f %.3f %d\n", static_cast<unsigned long long>(seed), truth_deg, off_deg,
-              sigma_deg, off_deg / sigma_deg, felt.speaks_against(truth_deg * rad_per_deg, latitude_limits.least_deg));
+// The ideal ---------------------------------------------------------------------------------------------------------------------------
+
+// Noise as it was drawn. A flicker is as a Markov process of 300 s whose sigma is its B; a walk, as one that is as large at its corner.
+NoiseModel known_noise(const RigNoise& drawn, NoiseModel noise) {
+  noise.angle_random_walk.setConstant(drawn.gyro_random_walk_deg_per_rt_h * radprs_per_degprh);
+  noise.velocity_random_walk.setConstant(drawn.accel_random_walk_ug_per_rt_hz * mpsprs_per_ugprHz);
+  const double rt_h = std::sqrt(noise.bias_correlation_s / 3600.0);
+  const double gyro = std::hypot(drawn.gyro_bias_instability_degph, rt_h * drawn.gyro_rate_random_walk_degph_per_rt_h);
+  const double accel =
+      std::hypot(drawn.accel_bias_instability_ug, rt_h * drawn.accel_acceleration_random_walk_ug_per_rt_h);
+  noise.gyro_bias_instability_radps = gyro * radps_per_degph;
+  noise.accel_bias_instability_mps2 = accel * mpsprs_per_ugprHz;
+  return noise;
+}
+
+struct Clean {  // a recording before anything is laid on it
+  const CompressedRecording& recording;
+  JointResult fit;
+  FilterSetup setup;  // with the known noise
+  std::vector<Moment> moments;
+};
+Clean clean_of(const RigRecording& made, const RigNoise& noise) {
+  Clean c{made.recording, joint_estimate(made.recording), {}, {}};
+  c.setup = c.fit.setup;
+  c.setup.noise = known_noise(noise, c.fit.noise);
+  each_moment(made.recording, made.truth, [&](std::size_t, const Moment& m) { c.moments.push_back(m); });
+  return c;
+}
+
+// Columns: the 24 parameters, of the catalogue, others.
+FilterResult pass_with(const Clean& clean, const std::vector<EffectColumn>& catalogue,
+                       const std::vector<Disturbance>& others) {
+  EffectModel model =
+      make_effect_model(catalogue, {clean.recording.info.latitude_deg}, clean.recording.mean_temperature_c);
+  model.columns += static_cast<int>(others.size());
+  model.values = Eigen::VectorXd::Zero(model.columns);
+  model.regressors = [&, of_catalogue = model.regressors](const BlockState& s, EffectRegressors& out) {
+    of_catalogue(s, out);
+    const Moment& moment = clean.moments[block_at(clean.recording, s.time_s)];
+    Eigen::Index column = out.gyro.cols() - static_cast<Eigen::Index>(others.size());
+    for (const Disturbance& other : others) {
+      const AddedReading added = other(moment);
+      out.gyro.col(column) = added.gyro_radps;
+      out.accel.col(column++) = added.accel_mps2;
+    }
+  };
+  FilterResult pass = run_filter(clean.recording, clean.fit.parameters, model, clean.setup);
+  pass.gradient.head<parameter_count>() -= clean.fit.noise_pull;
+  return pass;
+}
+
+struct Ideal {
+  Eigen::VectorXd sigma, error;  // of the 21
+  Eigen::VectorXd more;          // variance that the column adds, of sigma^2
+  double z_of_one = 0.0;         // of one unit of the column; 0: to nine tenths it is other parameters
+};
+Ideal ideal_of(const Clean& clean, const Parameters& truth, const Disturbance& column) {
+  const std::vector<int>& base = free_parameters();
+  const FilterResult pass =
+      pass_with(clean, {}, column ? std::vector<Disturbance>{column} : std::vector<Disturbance>{});
+  const SubsetSolution plain = solve_subset(pass.information, pass.gradient, base, clean.fit.ranges);
+  Ideal ideal{plain.covariance.diagonal(), (to_vector(clean.fit.parameters) - to_vector(truth))(base) + plain.step,
+              Eigen::VectorXd::Zero(plain.step.size())};
+  if (column) {
+    const Scores scores = eliminate(pass.information, pass.gradient, base, {parameter_count});
+    const Eigen::VectorXd shift = plain.covariance * pass.information(base, std::vector<int>{parameter_count});
+    ideal.z_of_one = scores.kept[0] > 0.1 ? std::sqrt(scores.Q(0, 0)) : 0.0;
+    ideal.more = shift.cwiseAbs2() / scores.Q(0, 0);
+    ideal.error -= shift * (scores.s[0] / scores.Q(0, 0));
+  }
+  ideal.sigma = (ideal.sigma + ideal.more).cwiseSqrt();
+  return ideal;
+}
+
+bool is_usual(const Clean& clean, const Grade& grade, const Disturbance& added) {
+  return std::all_of(clean.moments.begin(), clean.moments.end(), [&](const Moment& m) {
+    const AddedReading a = added(m);
+    return a.gyro_radps.cwiseAbs().maxCoeff() < grade.most_degph * radps_per_degph &&
+           a.accel_mps2.cwiseAbs().maxCoeff() < grade.most_ug * mpsprs_per_ugprHz;
+  });
+}
+
+// What is said, and is it right? ------------------------------------------------------------------------------------------------------
+
+struct Node {
+  std::string sensor, quantity, driver, formula;
+  double probability = 0.0;
+  bool right = false, right_branch = false, deepest = false;
+  double correlation = 0.0;
+};
+struct Said {
+  double anything = 0.0;
+  std::vector<Node> nodes;
+};
+
+Said said_by(const Diagnosis& d) {
+  Said said;
+  said.anything = d.statements.anything;
+  for (const Statement& s : d.statements.nodes)
+    said.nodes.push_back({s.sensor, s.quantity, s.driver, s.formula, s.probability});
+  std::erase_if(said.nodes, [](const Node& n) { return n.probability < 0.8; });
+  const auto is_below = [](const Node& a, const Node& b) {  // a below b
+    int deeper = 0;
+    for (const auto field : {&Node::quantity, &Node::driver, &Node::formula}) {
+      if ((b.*field).empty())
+        deeper += !(a.*field).empty();
+      else if (a.*field != b.*field)
+        return false;
+    }
+    return a.sensor == b.sensor && deeper > 0;
+  };
+  for (Node& n : said.nodes)
+    n.deepest = n.probability >= 0.95 && std::none_of(said.nodes.begin(), said.nodes.end(), [&](const Node& other) {
+                  return other.probability >= 0.95 && is_below(other, n);
+                });
+  return said;
+}
+
+// Sets of a few functions that a curve of the driver is made of: of each angle, of each component. `axis`: the sensor's own.
+std::vector<std::vector<Number>> curves_of(const std::string& driver, int axis) {
+  std::vector<Number> f;
+  if (driver == "time") {
+    for (int k = 1; k <= 5; ++k) f.push_back([k](const Moment& m) { return std::cos(k * pi * m.time_s / m.length_s); });
+    f.push_back([](const Moment& m) { return std::exp(-m.time_s / 300.0); });
+  }
+  if (driver == "temperature")
+    for (int k = 1; k <= 4; ++k)
+      f.push_back([k](const Moment& m) { return std::pow((m.temperature_c - usual_c) / 5.0, k); });
+  if (driver == "turns")
+    for (const double tau : {5.0, 40.0, 300.0}) {
+      f.push_back([=](const Moment& m) { return std::exp(-m.since_turn_s / tau); });
+      f.push_back([=](const Moment& m) { return m.force_g[axis] * std::exp(-m.since_turn_s / tau); });
+    }
+  if (!f.empty()) return {f};
+  std::vector<std::vector<Number>> all(3);
+  for (int i = 0; i < 3; ++i) {
+    if (driver == "angle")
+      for (int k = 0; k < 6; ++k)
+        all[static_cast<std::size_t>(i)].push_back(
+            [=](const Moment& m) { return std::cos((1 + k / 2) * m.table_rad[i] - k % 2 * 0.5 * pi); });
+    for (int k = 1; k <= 4 && (driver == "force" || driver == "rate"); ++k)
+      all[static_cast<std::size_t>(i)].push_back([=, force = driver == "force"](const Moment& m) {
+        const double x = force ? m.force_g[i] : m.rate_radps[i] / usual_rate_radps;
+        return k == 4 ? std::abs(x) : std::pow(x, k);
+      });
+  }
+  return all;
+}
+
+// Multiple correlation of the true column with all of these, the 21 eliminated.
+double correlation(const Clean& clean, const Effect& truth, const std::vector<EffectColumn>& catalogue,
+                   std::vector<Disturbance> others) {
+  if (catalogue.empty() && others.empty()) return 0.0;
+  others.push_back(truth.column);
+  const FilterResult pass = pass_with(clean, catalogue, others);
+  std::vector<int> columns, group;
+  for (int k = parameter_count; k < pass.gradient.size(); ++k) columns.push_back(k);
+  const Scores scores = eliminate(pass.information, pass.gradient, free_parameters(), columns);
+  const int last = static_cast<int>(columns.size()) - 1;
+  for (int k = 0; k < last; ++k)
+    if (scores.kept[k] > 1e-7) group.push_back(k);
+  return group.empty() ? 0.0 : multiple_correlation(scores, last, group);
+}
+
+// The largest with any curve of the node's driver on its sensor and quantity. What a node does not say may be anything.
+double correlation(const Clean& clean, const Effect& truth, const Node& n) {
+  double largest = 0.0;
+  for (const char* driver : {"time", "temperature", "turns", "angle", "force", "rate"})
+    for (std::size_t s = 0; s < sensors.size(); ++s)
+      for (int from = -1; from < 3; ++from) {
+        const int axis = static_cast<int>(s % 3);
+        const std::string& quantity = quantities[from < 0 ? 0 : from == axis ? 1 : 2];
+        if (!sensors[s].starts_with(n.sensor) || (!n.quantity.empty() && n.quantity != quantity) ||
+            (!n.driver.empty() && n.driver != driver))
+          continue;
+        for (const std::vector<Number>& curve : curves_of(driver, axis)) {
+          std::vector<Disturbance> columns;
+          for (const Number& f : curve) columns.push_back(on(s, from, f));
+          largest = std::max(largest, correlation(clean, truth, {}, columns));
+        }
+      }
+  return largest;
+}
+
+void judge(std::vector<Node>& nodes, const Clean& clean, const Effect& truth) {
+  if (!truth.column) return;
+  constexpr double same = 0.97;
+  std::vector<EffectColumn> named;
+  for (Node& n : nodes) {
+    const bool driven = std::count(truth.drivers.begin(), truth.drivers.end(), n.driver) > 0;
+    // statement.h: what goes with the force is a bias of an accelerometer, what goes with the rate a scale factor of a gyro.
+    const bool same_thing = driven && ((n.sensor.starts_with("accel") && n.driver == "force" && n.quantity == "bias") ||
+                                       (n.sensor.starts_with("gyro") && n.driver == "rate" &&
+                                        n.quantity == "scale factor" && truth.quantity == "direction"));
+    const bool drawn = n.sensor == truth.sensor && (n.quantity.empty() || n.quantity == truth.quantity || same_thing) &&
+                       (n.driver.empty() || driven);
+    if (!drawn) n.correlation = correlation(clean, truth, n);
+    n.right = n.right_branch = drawn || n.correlation >= same;
+    for (const EffectColumn& c : catalogue_columns(clean.recording.info))
+      if (c.entry->name == n.formula && sensor_of(c) == n.sensor) named.push_back(c);
+  }
+  const double of_names = correlation(clean, truth, named, {});
+  for (Node& n : nodes) {
+    if (n.formula.empty()) continue;
+    n.correlation = of_names;
+    n.right = n.right_branch && (truth.key.starts_with(n.formula + ".") || of_names >= same ||
+                                 truth.z * std::sqrt(1.0 - of_names * of_names) < 4.0);
+  }
+  if (of_names < same) return;
+  for (Node& n : nodes)
+    for (const EffectColumn& c : named) {
+      const auto [quantity, driver] = branch_of(*c.entry);
+      if (n.sensor == sensor_of(c) && (n.quantity.empty() || n.quantity == quantity) &&
+          (n.driver.empty() || n.driver == driver))
+        n.right = n.right_branch = true;
+    }
+}
+
+// Of the catalogue: every name that was given, and what stands beside it as what it could as well be.
+std::vector<Node> class_of(const Diagnosis& d, const Effect& truth) {
+  std::vector<Node> nodes;
+  const auto add = [&](const std::string& name) {
+    nodes.push_back({"class", "", "", name, 1.0});
+    nodes.back().right = truth.key.starts_with(name + ".");
+  };
+  for (const std::string& name : d.effect_names) {
+    add(name);
+    for (const std::string& other : d.aliases.at(name)) add(other);
+  }
+  return nodes;
+}
+
+// A run -------------------------------------------------------------------------------------------------------------------------------
+
+std::string text_of(const std::vector<Node>& nodes) {
+  std::string text;
+  for (const Node& n : nodes)
+    text += fmt::format("{}{}:{}:{}:{}={:.4f},{:d},{:d},{:d},{:.3f}", text.empty() ? "" : ";", n.sensor, n.quantity,
+                        n.driver, n.formula, n.probability, n.right, n.right_branch, n.deepest, n.correlation);
+  return text.empty() ? "-" : text;
+}
+std::string text_of(const Eigen::VectorXd& values) {
+  std::string text;
+  for (const double v : values) text += fmt::format("{}{:.3f}", text.empty() ? "" : ",", v);
+  return text;
+}
+
+void run(const std::string& kind, std::uint64_t seed, const std::map<std::string, std::string>& options,
+         const Sequence& sequence, const Sequence& second) {
+  Random r(seed * 1000003u + 17u);
+  const bool catalogue = kind == "catalogue", nothing = kind == "clean";
+  const Unit unit = draw_unit(r, seed, options.at("--grade"), catalogue);
+  RigConfig again = unit.config;
+  again.noise_seed = 600000 + seed;
+  RigRecording made = record_on_rig(sequence, unit.config), held = record_on_rig(second, again);
+  give_temperature(made, unit.temperature_c);
+  give_temperature(held, unit.temperature_c);
+  const Parameters over_run = truth_over(made, sequence, unit.config);
+  const Clean clean = clean_of(made, unit.config.noise);
+  const int draws = nothing ? 1 : std::stoi(options.at("--draws"));
+  for (int k = 0, tries = 0; k < draws && tries < 1000; ++tries) {
+    Effect e;
+    Ideal ideal;
+    double size = 0.0;
+    if (nothing) {
+      ideal = ideal_of(clean, over_run, {});
+    } else {
+      e = catalogue ? draw_of_catalogue(r, unit.config.effects, made.recording, clean.fit) : draw_any(r);
+      e.z = catalogue ? 10.0 : log_uniform(r, std::stod(options.at("--least-z")), std::stod(options.at("--most-z")));
+      if (!e.whole || e.what.find(options.at("--only")) == std::string::npos) continue;
+      e.column = without_parameters(e.whole, made.recording, made.truth);
+      ideal = ideal_of(clean, over_run, e.column);
+      size = (r() % 2 == 0 ? 1.0 : -1.0) * e.z / ideal.z_of_one;
+      if (ideal.z_of_one == 0.0 || !is_usual(clean, unit.grade, times(size, e.column))) continue;
+    }
+    CompressedRecording recording = made.recording, holdout = held.recording;
+    Parameters truth = over_run;
+    if (catalogue) {
+      RigConfig with = unit.config;
+      with.temperature.reference_c = made.recording.mean_temperature_c;
+      *find_effect(with.effects, e.key) = size;
+      recording = record_on_rig(sequence, with).recording;
+      with.noise_seed = again.noise_seed;
+      holdout = record_on_rig(second, with).recording;
+      const auto whole = [&](std::size_t, const Moment& m) { return e.whole(m); };
+      truth =
+          from_vector(to_vector(truth) + size * as_parameters(taken_up(whole, made.recording, made.truth), made.truth));
+    } else if (!nothing) {
+      disturb(recording, made.truth, times(size, e.column));
+      disturb(holdout, made.truth, times(size, e.column));
+    }
+    DiagnosisOptions diagnosis;
+    diagnosis.holdouts = {&holdout};
+    const auto began = std::chrono::steady_clock::now();
+    const Diagnosis d = diagnose(recording, diagnosis);
+    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+    Said said = said_by(d);
+    judge(said.nodes, clean, e);
+    if (catalogue)
+      for (Node& n : class_of(d, e)) said.nodes.push_back(std::move(n));
+    const ErrorsOverRecording errors = errors_over_recording(d.extended, recording, truth);
+    const std::vector<int>& free = free_parameters();
+    const Eigen::VectorXd sigma = (errors.sigma.array() > 0.0).select(errors.sigma, std::nan(""))(free);
+    const Eigen::ArrayXd variance = ideal.sigma.cwiseAbs2(), more = ideal.more;
+    const Eigen::VectorXd touched = (more > 0.093 * variance || e.z * e.z * more > 0.09 * variance).cast<double>();
+    std::string line = fmt::format(
+        "{}|{}|{}|{}|{}|{:d}|{:.2f}|{:.4f}|{}|{:d}|{}|{:.2f}|{}|{}|{}|{}", kind, seed, k++, e.what, unit.grade.name,
+        unit.unsteady, e.z, said.anything, to_string(d.verdict), d.trusted, text_of(said.nodes), seconds,
+        text_of(errors.error(free).cwiseQuotient(sigma)), text_of(sigma.cwiseQuotient(ideal.sigma)),
+        text_of(ideal.error.cwiseQuotient(ideal.sigma)), text_of(touched));
+    std::replace(line.begin(), line.end(), ' ', '_');
+    std::replace(line.begin(), line.end(), '|', ' ');
+    std::puts(line.c_str());
+    std::fflush(stdout);
+  }
 }
 
 }  // namespace
@@ -257,90 +636,26 @@ void report_latitude(std::uint64_t seed, const FeltLatitude& felt, double truth_
 
 int main(int argc, char** argv) {
   using namespace turncal;
-  if (argc < 3) {
-    std::fprintf(stderr,
-                 "usage: study_undeclared SEED_FIRST SEED_COUNT [--draws N] [--largest M] [--only WORD] "
-                 "[--clean] [--tests] "
-                 "[--fit] [--sites] [--sequence NAME]\n");
+  std::map<std::string, std::string> options = {{"--draws", "4"},    {"--least-z", "0.7"},
+                                                {"--most-z", "100"}, {"--only", ""},
+                                                {"--grade", ""},     {"--sequence", "fourteen_step.seq"}};
+  const std::string kind = argc > 1 ? argv[1] : "";
+  bool understood = argc >= 4 && argc % 2 == 0 && (kind == "drawn" || kind == "catalogue" || kind == "clean");
+  for (int k = 4; understood && k < argc; k += 2) {
+    understood = options.count(argv[k]) > 0;
+    options[argv[k]] = argv[k + 1];
+  }
+  if (!understood) {
+    std::fprintf(
+        stderr,
+        "usage: study_undeclared drawn|catalogue|clean SEED_FIRST SEED_COUNT [--draws N] [--least-z Z] [--most-z Z] "
+        "[--only WORD] [--grade NAME] [--sequence NAME]\n");
     return 1;
   }
-  int draws = 4;
-  double largest = 30.0;
-  std::string only, name = "fourteen_step.seq";
-  bool clean = false, tests = false, fit_only = false, sites = false;
-  for (int k = 3; k < argc; ++k) {
-    if (std::strcmp(argv[k], "--draws") == 0 && k + 1 < argc)
-      draws = static_cast<int>(std::strtol(argv[k + 1], nullptr, 10));
-    if (std::strcmp(argv[k], "--largest") == 0 && k + 1 < argc) largest = std::strtod(argv[k + 1], nullptr);
-    if (std::strcmp(argv[k], "--only") == 0 && k + 1 < argc) only = argv[k + 1];
-    if (std::strcmp(argv[k], "--sequence") == 0 && k + 1 < argc) name = argv[k + 1];
-    clean = clean || std::strcmp(argv[k], "--clean") == 0;
-    tests = tests || std::strcmp(argv[k], "--tests") == 0;
-    sites = sites || std::strcmp(argv[k], "--sites") == 0;
-    fit_only = fit_only || std::strcmp(argv[k], "--fit") == 0;
-  }
-  const Sequence sequence = must_read_sequence(name);
-  const Sequence second = must_read_sequence("holdout.seq");
-  const std::uint64_t first = std::strtoull(argv[1], nullptr, 10), count = std::strtoull(argv[2], nullptr, 10);
+  const Sequence sequence = must_read_sequence(options["--sequence"]), second = must_read_sequence("holdout.seq");
+  const std::uint64_t first = std::stoull(argv[2]), count = std::stoull(argv[3]);
   for (std::uint64_t seed = first; seed < first + count; ++seed) {
-    Random r(seed * 1000003u + 17u);
-    RigConfig config = default_rig_config();
-    config.seed = 20000 + seed;
-    config.noise_seed = 300000 + seed;
-    config.table_errors.random_arcmin = uniform(r, 0.5, 10.0);
-    config.noise.gyro_random_walk_deg_per_rt_h *= std::exp(uniform(r, -0.7, 0.7));
-    config.noise.accel_random_walk_ug_per_rt_hz *= std::exp(uniform(r, -0.7, 0.7));
-    config.temperature.rise_c = uniform(r, -4.0, 10.0);
-    config.temperature.tau_s = uniform(r, 900.0, 6000.0);
-    config.noise.gyro_bias_instability_degph = config.noise.accel_bias_instability_ug = 0.0;
-    if (one_of(r, 10) < 3) {
-      config.noise.gyro_bias_instability_degph = uniform(r, 0.0005, 0.003);
-      config.noise.accel_bias_instability_ug = uniform(r, 0.3, 2.0);
-      config.noise.gyro_rate_random_walk_degph_per_rt_h = uniform(r, 0.0, 0.002);
-      config.noise.accel_acceleration_random_walk_ug_per_rt_h = uniform(r, 0.0, 1.0);
-    }
-    if (tests)
-      std::printf("true_noise %llu %.5f %.3f %.5f %.3f %.5f %.3f\n", static_cast<unsigned long long>(seed),
-                  config.noise.gyro_random_walk_deg_per_rt_h, config.noise.accel_random_walk_ug_per_rt_hz,
-                  config.noise.gyro_bias_instability_degph, config.noise.accel_bias_instability_ug,
-                  config.noise.gyro_rate_random_walk_degph_per_rt_h,
-                  config.noise.accel_acceleration_random_walk_ug_per_rt_h);
-    if (Random of_site(seed + 5u); sites) config.site.latitude_deg = uniform(of_site, -65.0, 65.0);
-    std::vector<Drawn> effects(1, Drawn{"none", 0.0, 0, 0, {}});
-    if (!clean) {
-      effects.clear();
-      for (int k = 0; k < draws; ++k) effects.push_back(draw(r, largest, only));
-    }
-    const RigRecording made = record_on_rig(sequence, config);
-    RigConfig again = config;
-    again.noise_seed = 600000 + seed;
-    const RigRecording held = record_on_rig(second, again);
-    const Parameters truth = truth_over(made, sequence, config);
-    for (int k = 0; k < static_cast<int>(effects.size()); ++k) {
-      const Drawn& drawn = effects[static_cast<std::size_t>(k)];
-      CompressedRecording recording = made.recording, holdout = held.recording;
-      if (!clean) {
-        const Disturbance rest = without_parameters(drawn.disturbance, made.recording, made.truth);
-        disturb(recording, made.truth, rest);
-        disturb(holdout, made.truth, rest);
-      }
-      DiagnosisOptions options;
-      options.holdouts = {&holdout};
-      if (fit_only) {
-        Diagnosis d;
-        JointOptions with_rate;
-        with_rate.candidates = latitude_columns();
-        d.extended = joint_estimate(recording, with_rate);
-        const auto felt = tests ? felt_latitude(recording, d.extended) : std::nullopt;
-        if (felt) report_latitude(seed, *felt, config.site.latitude_deg);
-        d.lack_of_fit = test_lack_of_fit(recording, d.extended, {&holdout}, options.limits.fit);
-        d.trusted = d.lack_of_fit.passed;
-        d.verdict = d.trusted ? Verdict::clean : Verdict::unexplained;
-        report(seed, k, drawn, d, recording, truth, tests);
-        continue;
-      }
-      report(seed, k, drawn, diagnose(recording, options), recording, truth, tests);
-      if (tests && !clean) report_seen(seed, k, made.recording, recording, joint_estimate(made.recording));
-    }
+    run(kind, seed, options, sequence, second);
+    fmt::print(stderr, "{}: seed {}, {} of {}\n", kind, seed, seed - first + 1, count);
   }
 }

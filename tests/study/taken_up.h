@@ -69,13 +69,35 @@ inline ParameterVector as_parameters(const TakenUp& t, const Parameters& p) {
   return to_vector(change);
 }
 
-// How far the estimate is off, in sigmas. The truth of a parameter is what it is over the whole recording, while a named effect makes a
-// bias that of the first sample (drift) or of no force (g squared): what a bias and a row would take up of it is counted with them.
-inline ParameterVector errors_in_sigmas(const JointResult& r, const CompressedRecording& recording,
-                                        const Parameters& truth) {
+// What one unit of an effect of the catalogue reads in every block.
+inline std::vector<AddedReading> readings_of(const EffectColumn& column, const JointResult& fit,
+                                             const CompressedRecording& recording) {
+  EffectModel one = make_effect_model({column}, {recording.info.latitude_deg}, fit.reference_temperature_c);
+  one.values = Eigen::VectorXd::Ones(1);
+  FilterSetup setup = fit.setup;
+  setup.with_columns = false;
+  setup.keep_taken_off = true;
+  const FilterResult pass = run_filter(recording, fit.parameters, one, setup);
+  std::vector<AddedReading> readings;
+  for (std::size_t k = 0; k < recording.blocks.size(); ++k) {
+    const double t = recording.blocks[k].duration_s;
+    readings.push_back({pass.taken_off[k].turn_rad / t, pass.taken_off[k].push_mps / t});
+  }
+  return readings;
+}
+
+// How far the estimate is off. The truth of a parameter is what it is over the whole recording, while a named effect makes a bias that of
+// the first sample (drift) or of no force (g squared): what a bias and a row would take up of it is counted with them.
+struct ErrorsOverRecording {
+  ParameterVector error = ParameterVector::Zero(),
+                  sigma = ParameterVector::Zero();  // file units; sigma 0: not determined
+};
+inline ErrorsOverRecording errors_over_recording(const JointResult& r, const CompressedRecording& recording,
+                                                 const Parameters& truth) {
   const Eigen::Index columns = r.covariance.cols();
   Eigen::MatrixXd map = Eigen::MatrixXd::Zero(parameter_count, columns);
-  ParameterVector error = to_vector(r.parameters) - to_vector(truth);
+  ErrorsOverRecording result;
+  result.error = to_vector(r.parameters) - to_vector(truth);
   for (Eigen::Index i = 0; i < columns; ++i) {
     const int column = r.free[static_cast<std::size_t>(i)];
     if (column < parameter_count) {
@@ -83,22 +105,20 @@ inline ParameterVector errors_in_sigmas(const JointResult& r, const CompressedRe
       continue;
     }
     const EstimatedEffect& effect = r.effects[static_cast<std::size_t>(column - parameter_count)];
-    EffectModel one = make_effect_model({effect.column}, {recording.info.latitude_deg}, r.reference_temperature_c);
-    one.values = Eigen::VectorXd::Ones(1);
-    FilterSetup setup = r.setup;
-    setup.with_columns = false;
-    setup.keep_taken_off = true;
-    const FilterResult pass = run_filter(recording, r.parameters, one, setup);
-    const auto added = [&](std::size_t k, const DisturbedMoment&) {
-      const double t = recording.blocks[k].duration_s;
-      return AddedReading{pass.taken_off[k].turn_rad / t, pass.taken_off[k].push_mps / t};
-    };
+    const std::vector<AddedReading> readings = readings_of(effect.column, r, recording);
+    const auto added = [&](std::size_t k, const DisturbedMoment&) { return readings[k]; };
     map.col(i) = as_parameters(taken_up(added, recording, truth), r.parameters);
-    error += effect.value * map.col(i);
+    result.error += effect.value * map.col(i);
   }
   const Eigen::MatrixXd covariance = map * r.covariance * map.transpose();
-  for (int k = 0; k < parameter_count; ++k) error[k] = r.sigma[k] > 0.0 ? error[k] / std::sqrt(covariance(k, k)) : 0.0;
-  return error;
+  for (int k = 0; k < parameter_count; ++k)
+    if (r.sigma[k] > 0.0) result.sigma[k] = std::sqrt(covariance(k, k));
+  return result;
+}
+inline ParameterVector errors_in_sigmas(const JointResult& r, const CompressedRecording& recording,
+                                        const Parameters& truth) {
+  const ErrorsOverRecording e = errors_over_recording(r, recording, truth);
+  return (e.sigma.array() > 0.0).select(e.error.cwiseQuotient(e.sigma.cwiseMax(1e-300)), 0.0);
 }
 
 }  // namespace turncal

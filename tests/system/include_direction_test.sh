@@ -46,7 +46,7 @@ expect fail sequences/a.cpp '  #  include <orchestrator/run/station_run.h>'
 # Upward, or sideways, between rooms.
 expect fail calib/types/a.h '#include "calib/model/parameters.h"'
 expect fail calib/joint/a.h '#include "calib/rests/rest_model.h"'
-expect fail calib/statistics/a.cpp '#include "calib/diagnosis/diagnosis.h"'
+expect fail calib/statistics/a.cpp '#include "calib/evidence/diagnosis.h"'
 expect fail imu_io/lines/a.h '#include "imu_io/recordings/recording_source.h"'
 expect fail imu_io/base/a.h '#include "imu_io/frames/crc.h"'
 expect fail turntable_drivers/manual/a.h '#include "turntable_drivers/modbus/register_words.h"'

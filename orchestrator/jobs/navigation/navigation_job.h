@@ -16,7 +16,7 @@
 #include <optional>
 #include <string>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "calib/navigation/free_navigation.h"
 #include "calib/types/status.h"
 #include "orchestrator/figures/diagnosis_context.h"

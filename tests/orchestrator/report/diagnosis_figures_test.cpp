@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <chrono>
 
-#include "calib/diagnosis/holdout.h"
+#include "calib/evidence/holdout.h"
 #include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/figures/drawing.h"
 #include "orchestrator/figures/report_dwells.h"

@@ -6,7 +6,7 @@
 #include <limits>
 #include <string>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 #include "calib/model/attitude.h"
 #include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/figures/drawing.h"
@@ -134,6 +134,7 @@ inline Sample make_sample(SampleErrorOf before, SampleErrorOf after, int rests =
   d.extended = base;
   d.verdict = Verdict::clean;
   d.reason = "the base model explains the data";
+  d.statements = {.tested = true, .anything = 0.04, .nodes = {}};
   d.error_before = d.error_after = 1.004;
   d.holdout_before = d.holdout_after = {0.998, 0.0015, 99.6, 100};
   d.holdout_source = "second recording";
@@ -172,14 +173,9 @@ inline Sample extended_sample() {
       c.z = 27.0;
       c.value = 27.0 * c.sigma;
     }
-  SelectionStage stage;
-  stage.chosen = {entry_named("accel_second_order"), 0, 0.0};
-  stage.z = 27.0;
-  stage.gain = 700.0;
-  stage.threshold = 18.4;
-  stage.accepted = true;
-  stage.rivals = {{"accel_scale_asymmetry", 725.0}};
-  d.stages = {stage};
+  d.statements.anything = 1.0;
+  d.statements.nodes = {{"accelerometer x", "bias", "force", "", 0.998},
+                        {"accelerometer x", "bias", "force", "accel_second_order", 0.725}};
   d.groups = {{"accel_second_order", 740.0, 3, 3, 1e-150}};
   return sample;
 }
@@ -189,13 +185,9 @@ inline Sample unexplained_sample() {
   Diagnosis& d = sample.diagnosis;
   d.verdict = Verdict::unexplained;
   d.reason = "a residual beyond noise that no catalogue effect explains";
-  d.unexplained_pattern = "bias step of gyro x at about 2973 s";
-  SelectionStage stage;
-  stage.chosen = {entry_named("gyro_bias_drift"), 0, 0.0};
-  stage.gain = 66.5;
-  stage.threshold = 18.4;
-  stage.note = "a pattern without a name explains the residual better";
-  d.stages = {stage};
+  d.unexplained_pattern = "the bias of gyro x changes with time (0.99): gyro_bias_drift 0.40";
+  d.statements.anything = 0.99;
+  d.statements.nodes = {{"gyro x", "bias", "time", "", 0.99}, {"gyro x", "bias", "time", "gyro_bias_drift", 0.4}};
   d.error_before = d.error_after = 1.3;
   return sample;
 }

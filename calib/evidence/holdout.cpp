@@ -1,4 +1,4 @@
-#include "calib/diagnosis/holdout.h"
+#include "calib/evidence/holdout.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,21 +1,17 @@
-#include "calib/diagnosis/curve_of_two.h"
+#include "calib/rest_diagnosis/curve_of_two.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "calib/diagnosis/nameless_families.h"
 #include "calib/model/limits.h"
 
 namespace turncal {
 namespace {
 
-bool of_gyro(const EffectColumn& c) { return c.entry->name.starts_with("gyro_"); }
-bool of_sensor(const EffectColumn& c) { return of_gyro(c) || c.entry->name.starts_with("accel_"); }
-bool of_scale(const EffectColumn& c) { return c.entry->name.find("_scale_") != std::string_view::npos; }
 int axis_of(const EffectColumn& c) { return c.entry->components[static_cast<std::size_t>(c.component)][0] - 'x'; }
 
 bool of_one_axis(const EffectColumn& a, const EffectColumn& b) {
-  return of_sensor(a) && of_sensor(b) && of_gyro(a) == of_gyro(b) && axis_of(a) == axis_of(b) &&
+  return a.entry->sensor != Sensor::earth_rate && a.entry->sensor == b.entry->sensor && axis_of(a) == axis_of(b) &&
          a.recording == b.recording;
 }
 
@@ -34,11 +30,11 @@ CurveOfTwo curve_of_two(const std::vector<EffectColumn>& columns, const Eigen::V
     for (int a = 0; a < b; ++a) {
       const EffectColumn &first = columns[static_cast<std::size_t>(a)], &second = columns[static_cast<std::size_t>(b)];
       if (!of_one_axis(first, second) || !against(information(a, b), {values[a], values[b]})) continue;
-      const bool gyro = of_gyro(first), scale = of_scale(first) && of_scale(second);
-      const DisturbedSensor sensor = gyro ? (scale ? DisturbedSensor::gyro_scale : DisturbedSensor::gyro_bias)
-                                          : (scale ? DisturbedSensor::accel_scale : DisturbedSensor::accel_bias);
+      const Quantity quantity =
+          first.entry->quantity == second.entry->quantity ? first.entry->quantity : Quantity::bias;
       const bool of_time = first.entry->of_one_run && second.entry->of_one_run;
-      return {words_of(sensor, axis_of(first)) + (of_time ? " with time" : ""),
+      return {std::string(to_string(quantity)) + " of " + std::string(to_string(first.entry->sensor)) + " " +
+                  "xyz"[axis_of(first)] + (of_time ? " with time" : ""),
               first.key() + " and " + second.key() + " are one curve to the data, and it is in the name of neither"};
     }
   return {};

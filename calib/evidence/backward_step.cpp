@@ -1,4 +1,4 @@
-#include "calib/diagnosis/backward_step.h"
+#include "calib/evidence/backward_step.h"
 
 namespace turncal {
 

@@ -1,4 +1,4 @@
-// One step of the filter run backward (segment_scores.h), on matrices that have a column for each of
+// One step of the filter run backward (piece_system.h), on matrices that have a column for each of
 //   psi, v (n frame), with bias instability b_g, b_a, and then the biases of gyros and accelerometers within the piece of rest at hand.
 // With Phi what the step does to those and nu's derivative H by them (joint_filter.h), the closed-loop transition is L = Phi - K H.
 // Phi is an identity but for a few 3x3 blocks, and K has three columns, so M L costs a tenth of the product of full matrices.

@@ -4,7 +4,7 @@
 // The noise of a fit does not answer that: one rest with a bias of its own makes the fitted bias instability large, and then nothing is
 // out of place. Here the noise is white, as the fit has it, and what the other rests scatter more than it is taken for theirs all:
 //   chi2 of the last / max(1, chi2 of the others / their degrees)
-// for a bias within the rest and for a jump at the turn before it, the parameters of the fit eliminated (segment_scores.h).
+// for a bias within the rest and for a jump at the turn before it, the parameters of the fit eliminated (piece_system.h).
 // An effect that every rest shows is so no reason; nor is bias instability that they all have.
 #pragma once
 

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/diagnosis/diagnosis.h"
+#include "calib/evidence/diagnosis.h"
 
 namespace turncal {
 

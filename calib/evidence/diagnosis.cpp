@@ -1,0 +1,408 @@
+#include "calib/evidence/diagnosis.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "calib/evidence/evidence.h"
+#include "calib/evidence/felt_latitude.h"
+#include "calib/evidence/holdout.h"
+#include "calib/statistics/unit_slip.h"
+
+namespace turncal {
+namespace {
+
+// Names carry what is missing where it is more likely than not that nothing else is.
+constexpr double carried_by_names = 0.5;
+constexpr int most_fits = 3;  // with names: they hardly change after the second
+
+// Are all parameters determined that are estimated at all?
+bool whole(const JointResult& fit) {
+  for (std::size_t k = 0; k < parameter_count; ++k)
+    if (parameter_is_free[k] && !fit.determined[k]) return false;
+  return true;
+}
+
+bool noise_is_of_pulses(const Omnibus& omnibus) {
+  return omnibus.innovation_correlation < 0.0 && omnibus.beating_part > 0.5;
+}
+
+// Empty where the innovations are about white, or are those of pulses and no larger than pulses make them.
+std::string misfit_of_noise(const JointResult& fit, const Omnibus& omnibus) {
+  const Whiteness& whiteness = fit.whiteness;
+  const bool of_pulses = noise_is_of_pulses(omnibus);
+  if (omnibus.innovation_correlation < 0.0 && !of_pulses) return whiteness.white ? "" : whiteness.message;
+  if (omnibus.innovation_correlation >= noise_limits.correlation)
+    return "innovations are correlated in time: the noise model does not fit";
+  const double high = omnibus.innovation_level < 0.0 ? whiteness.level : omnibus.innovation_level;
+  if (whiteness.level <= noise_limits.lowest_level ||
+      high >= (of_pulses ? noise_limits.highest_of_pulses : noise_limits.highest_level))
+    return "innovations are larger or smaller than the noise model says";
+  return "";
+}
+
+void collect_residuals(const CompressedRecording& recording, Diagnosis& d) {
+  FilterSetup setup = d.extended.setup;
+  setup.with_columns = false;
+  setup.keep_innovations = true;
+  const auto run = [&](const JointResult& r) {
+    return run_filter(recording, r.parameters, effect_model_of(r, recording.info.latitude_deg), setup);
+  };
+  const FilterResult before = run(d.base);
+  const FilterResult after = d.effect_names.empty() ? before : run(d.extended);
+  const auto rms = [](const FilterResult& r) {
+    return std::sqrt(r.chi_square / static_cast<double>(std::max<std::int64_t>(r.observations, 1)));
+  };
+  d.error_before = rms(before);
+  d.error_after = rms(after);
+  const SensorModel model = sensor_model(d.extended.parameters, recording.info);
+  double rotation_end = -1e9;
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < before.innovations.size() && i < after.innovations.size(); ++i) {
+    const Innovation& b = before.innovations[i];
+    const Innovation& a = after.innovations[i];
+    for (; next < b.block; ++next)
+      if (recording.segments[recording.blocks[next].segment].kind == SegmentKind::rotate)
+        rotation_end =
+            static_cast<double>(recording.blocks[next].start_sample - recording.blocks.front().start_sample) *
+                recording.info.sample_period_s +
+            recording.blocks[next].duration_s;
+    const Block& block = recording.blocks[b.block];
+    d.residuals.push_back({b.block, block.segment, b.time_s, b.normalised, a.normalised, b.free_velocity_mps,
+                           a.free_velocity_mps,
+                           model.accel_scale * block.accel / block.duration_s - model.accel_bias_mps2,
+                           block.temperature_c, b.time_s - rotation_end});
+  }
+}
+
+// No effect is looked for where they are of two units: what `turncal calibrate` writes of them is handed out.
+void say_contradiction(const SeveralRecordings& apart, Diagnosis& d) {
+  d.verdict = Verdict::unexplained;
+  d.trusted = false;
+  d.effect_names.clear();
+  d.unexplained_pattern = "parameters of the recordings against each other";
+  d.reason =
+      fmt::format("the recordings contradict each other: chi-square {:.1f} of {}", apart.disagreement, apart.degrees);
+  d.base = d.extended = apart.unit;
+  d.fitted_covariance = apart.unit.covariance;
+  d.each.turn_ons = apart.turn_ons;
+}
+
+std::vector<std::string> strongest_first(const JointResult& fit) {
+  std::vector<EstimatedEffect> effects = fit.effects;
+  std::erase_if(effects, [](const EstimatedEffect& e) { return is_turn_on(e.column); });
+  std::sort(effects.begin(), effects.end(), [](const EstimatedEffect& a, const EstimatedEffect& b) {
+    return std::abs(a.value) * b.sigma > std::abs(b.value) * a.sigma;
+  });
+  std::vector<std::string> names;
+  for (const EstimatedEffect& e : effects)
+    if (std::find(names.begin(), names.end(), e.column.entry->name) == names.end())
+      names.emplace_back(e.column.entry->name);
+  return names;
+}
+
+class Diagnosing {
+ public:
+  Diagnosing(const JoinedRecordings& recordings, const DiagnosisOptions& options)
+      : recordings_(recordings), recording_(recordings.data), options_(options) {}
+
+  Diagnosis run() {
+    d_.base = options_.base ? *options_.base : joint_estimate(recording_, estimate_options({}, nullptr));
+    d_.extended = d_.base;
+    if (not_to_be_judged()) return std::move(d_);
+    for (const CompressedRecording* holdout : options_.holdouts)
+      d_.holdout_own_noise = std::max(d_.holdout_own_noise, own_noise_of(*holdout, d_.base).maxCoeff());
+    JointResult fit = d_.base;
+    Evidence evidence = weigh(fit);
+    list_candidates(evidence);
+    std::vector<EffectColumn> named;
+    for (int k = 0; k < most_fits; ++k) {
+      std::vector<EffectColumn> more = named_columns(evidence);
+      if (same(more, named)) break;
+      JointResult again = fit_with(more, d_.base);
+      if (!again.converged) break;
+      fit = std::move(again);
+      named = std::move(more);
+      evidence = weigh(fit);
+    }
+    const std::optional<SeveralRecordings> apart = contradiction(recordings_, d_.base);
+    judge(evidence, fit, named);
+    ask_held_out_data(fit);
+    d_.effect_names = strongest_first(d_.extended);
+    collect_residuals(recording_, d_);
+    list_aliases(evidence);
+    look_at_latitude();
+    if (apart) {
+      say_contradiction(*apart, d_);
+    } else if (recordings_.parts.size() > 1) {
+      leave_what_is_common(d_.base, recordings_.parts.size());
+      d_.each = leave_what_is_common(d_.extended, recordings_.parts.size(), &d_.fitted_covariance);
+    }
+    return std::move(d_);
+  }
+
+ private:
+  bool not_to_be_judged() {
+    const bool nothing = std::none_of(d_.base.determined.begin(), d_.base.determined.end(), [](bool b) { return b; });
+    if (!d_.base.converged || nothing)
+      d_.reason = nothing && d_.base.converged ? "the recording determines none of the parameters"
+                                               : "the base model could not be fitted: " + d_.base.message;
+    else if (const std::string wrong = wrong_holdout(); !wrong.empty())
+      d_.reason = "the holdout: " + wrong;
+    else
+      return false;
+    d_.verdict = Verdict::not_tested;
+    return true;
+  }
+  std::string wrong_holdout() const {
+    for (const CompressedRecording* holdout : options_.holdouts)
+      if (std::string wrong = wrong_table_units(*holdout); !wrong.empty()) return wrong;
+    return {};
+  }
+
+  Evidence weigh(const JointResult& fit) const {
+    return weigh_evidence(recording_, fit, static_cast<int>(recordings_.parts.size()));
+  }
+
+  // Of `effects` beside those of turn-on; values of the latter begin where `from` has them.
+  JointOptions estimate_options(const std::vector<EffectColumn>& effects, const JointResult* from) const {
+    JointOptions o = options_.estimate;
+    o.effects = recordings_.turn_ons;
+    o.effects.insert(o.effects.end(), effects.begin(), effects.end());
+    o.begins = recordings_.begins;
+    o.candidates.clear();
+    if (from == nullptr) return o;
+    o.start = from->parameters;
+    o.start_noise = from->noise;
+    o.start_effects.setZero(static_cast<Eigen::Index>(o.effects.size()));
+    for (std::size_t k = 0; k < recordings_.turn_ons.size(); ++k)
+      o.start_effects[static_cast<Eigen::Index>(k)] = from->effects[k].value;
+    return o;
+  }
+  JointResult fit_with(const std::vector<EffectColumn>& effects, const JointResult& from) const {
+    JointOptions o = estimate_options(effects, &from);
+    o.faults_of = &from;
+    return joint_estimate(recording_, o);
+  }
+
+  static std::vector<EffectColumn> named_columns(const Evidence& e) {
+    std::vector<EffectColumn> columns;
+    if (e.statements.anything < said_from || e.named.probability < carried_by_names) return columns;
+    for (std::size_t k = 0; k < e.named.columns.size(); ++k) {
+      columns.push_back(e.table.effects[static_cast<std::size_t>(e.named.columns[k])]);
+      if (e.named.tau_s[k] > 0.0) columns.back().tau_s = e.named.tau_s[k];
+    }
+    return columns;
+  }
+  static bool same(const std::vector<EffectColumn>& a, const std::vector<EffectColumn>& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                      [](const EffectColumn& x, const EffectColumn& y) { return x.key() == y.key(); });
+  }
+
+  void judge(const Evidence& e, const JointResult& fit, const std::vector<EffectColumn>& named) {
+    d_.statements = e.statements;
+    d_.omnibus = e.omnibus;
+    test_innovations(recording_, fit, d_.omnibus);
+    if (const std::string misfit = misfit_of_noise(fit, d_.omnibus); !misfit.empty()) {
+      d_.verdict = Verdict::noise_model;
+      d_.reason =
+          misfit + (options_.estimate.noise ? " (the noise was given, not measured)" : "") + ": no claim on effects";
+      return;
+    }
+    const bool missing = e.statements.anything >= said_from;
+    const bool by_name = missing && !named.empty() && same(named, named_columns(e));
+    d_.verdict = !missing ? Verdict::clean : by_name ? Verdict::extended : Verdict::unexplained;
+    d_.extended = by_name ? fit : d_.base;
+    d_.fitted_covariance = d_.extended.covariance;
+    hand_out(e, by_name ? e.beside_names : e.plain, fit);
+    d_.reason = missing ? "something is missing with a probability of " + words_of_probability(e.statements.anything)
+                        : fmt::format("the probability that something is missing is {}, and a claim needs {}",
+                                      words_of_probability(e.statements.anything), said_from);
+    if (missing) d_.reason += ": " + words_of(e.statements);
+    if (noise_is_of_pulses(d_.omnibus)) d_.reason += "; the accelerometers' pulses hide whether their noise is white";
+    const OmnibusTest* worst = d_.omnibus.worst();
+    if (!d_.omnibus.passed()) {
+      d_.verdict = Verdict::unexplained;
+      d_.reason = fmt::format("{}: chi-square {:.1f} of {:.0f} ({}), which noise does once in 1e{:.0f} recordings",
+                              worst->what, worst->chi_square, worst->degrees, worst->family, -worst->log10_p);
+      d_.unexplained_pattern = worst->what;
+    } else if (d_.verdict == Verdict::unexplained) {
+      d_.unexplained_pattern = words_of(e.statements);
+    }
+    if (d_.verdict == Verdict::clean && !whole(d_.extended)) {
+      d_.verdict = Verdict::not_tested;
+      d_.reason = "the recording does not determine all of the parameters";
+    }
+    d_.trusted = (d_.verdict == Verdict::clean || d_.verdict == Verdict::extended) && whole(d_.extended);
+  }
+
+  // The averages, about `fit`, in the place of the extended model's own. What is not determined stays as it is.
+  void hand_out(const Evidence& e, const AveragedEstimate& average, const JointResult& fit) {
+    JointResult& r = d_.extended;
+    const ParameterVector about = to_vector(fit.parameters);
+    ParameterVector values = to_vector(r.parameters);
+    const bool all = r.free.size() == static_cast<std::size_t>(average.shift.size()) && r.undetermined.empty();
+    if (!all) return;
+    std::vector<Eigen::Index> place;  // of r.free in the average
+    const auto p = static_cast<Eigen::Index>(e.columns.size());
+    for (const int column : r.free) {
+      const auto at = std::find(e.columns.begin(), e.columns.end(), column);
+      if (at != e.columns.end()) {
+        place.push_back(at - e.columns.begin());
+        continue;
+      }
+      const std::string key = r.effects[static_cast<std::size_t>(column - parameter_count)].column.key();
+      const auto of = std::find_if(e.named.columns.begin(), e.named.columns.end(),
+                                   [&](int c) { return e.table.effects[static_cast<std::size_t>(c)].key() == key; });
+      if (of == e.named.columns.end()) return;
+      place.push_back(p + (of - e.named.columns.begin()));
+    }
+    r.covariance = Eigen::MatrixXd(average.covariance(place, place)) + r.unseen_instability;
+    for (std::size_t i = 0; i < r.free.size(); ++i) {
+      const int column = r.free[i];
+      const auto k = static_cast<Eigen::Index>(i);
+      const double sigma = std::sqrt(r.covariance(k, k)), shift = average.shift[place[i]];
+      if (column < parameter_count) {
+        values[column] = about[column] + shift;
+        if (r.sigma[column] > 0.0) r.sigma[column] = sigma;
+        continue;
+      }
+      EstimatedEffect& effect = r.effects[static_cast<std::size_t>(column - parameter_count)];
+      effect.value = place[i] < p ? effect.value + shift : shift;
+      effect.sigma = sigma;
+    }
+    r.parameters = from_vector(values);
+  }
+
+  void list_candidates(const Evidence& e) {
+    for (std::size_t k = 0; k < e.table.effects.size(); ++k) {
+      const EffectColumn& column = e.table.effects[k];
+      const PieceSystem::Block& block = e.table.blocks[e.table.basis_of_effect[k]];
+      const int at = e.table.column_of_effect[k];
+      CandidateScore c = {.column = column, .visible = false};
+      const double Q = block.Q(at, at);
+      if (Q > 1e-7 * block.before[at] && Q > 0.0) {
+        c.value = block.s[at] / Q;
+        c.sigma = 1.0 / std::sqrt(Q);
+        c.z = c.value / c.sigma;
+        c.detectable = caught_at * c.sigma;
+        c.visible = c.detectable <= absurd_magnitude(*column.entry);
+      }
+      // Of variants with different time constants the best one stands for the component.
+      const auto known = std::find_if(d_.candidates.begin(), d_.candidates.end(),
+                                      [&](const CandidateScore& o) { return o.column.key() == column.key(); });
+      if (known == d_.candidates.end())
+        d_.candidates.push_back(c);
+      else if (c.visible && (!known->visible || std::abs(c.z) > std::abs(known->z)))
+        *known = c;
+    }
+    for (const EffectEntry& entry : effect_catalogue())
+      if (std::none_of(d_.candidates.begin(), d_.candidates.end(),
+                       [&](const CandidateScore& c) { return c.column.entry == &entry && c.visible; }))
+        d_.undetectable.emplace_back(entry.name);
+  }
+
+  // What else it may be, by name.
+  void list_aliases(const Evidence& e) {
+    for (const std::string& name : d_.effect_names) {
+      std::vector<std::string>& others = d_.aliases[name];
+      const auto instead = e.named.instead.find(name);
+      if (instead == e.named.instead.end()) continue;
+      std::string by;
+      for (const auto& [other, probability] : instead->second) {
+        if (probability < listed_from) continue;
+        others.push_back(other);
+        by += (by.empty() ? "" : "; ") + std::string(find_effect(other)->seen_by);
+      }
+      if (!by.empty()) d_.separate_by[name] = by;
+    }
+  }
+
+  HoldoutGate gate() const {
+    if (!options_.holdouts.empty()) return HoldoutGate::holdouts(options_.holdouts);
+    const auto refit = [this](const JointResult& from, const std::vector<char>& unobserved) {
+      std::vector<EffectColumn> columns;
+      for (const EstimatedEffect& effect : from.effects)
+        if (!is_turn_on(effect.column)) columns.push_back(effect.column);
+      JointOptions o = estimate_options(columns, &from);
+      o.unobserved = unobserved;
+      o.noise = d_.extended.noise;
+      o.faults_of = &from;
+      o.one_step =
+          true;  // a quarter of the dwells moves no parameter by more than a few sigma: the problem is linear there
+      return joint_estimate(recording_, o);
+    };
+    return recordings_.parts.size() > 1 ? HoldoutGate::recordings_in_turn(recordings_, refit)
+                                        : HoldoutGate::dwells_in_turn(recording_, refit);
+  }
+
+  void ask_held_out_data(const JointResult& fit) {
+    const HoldoutGate held_out = gate();
+    d_.holdout_source = held_out.source();
+    const bool extended = d_.verdict == Verdict::extended;
+    const NoiseModel& noise = extended ? fit.noise : d_.base.noise;
+    d_.holdout_before = held_out.error(d_.base, noise);
+    d_.holdout_after = extended ? held_out.error(fit, noise) : d_.holdout_before;
+    if (options_.holdouts.empty()) return;
+    if (extended) {
+      const HoldoutGain gain = holdout_gain(d_.holdout_before, d_.holdout_after);
+      const bool of_one_run = std::all_of(fit.effects.begin(), fit.effects.end(),
+                                          [](const EstimatedEffect& e) { return e.column.entry->of_one_run; });
+      if (!of_one_run && gain.contradicted(GateLimits{}.contradiction)) {
+        d_.gated_out = strongest_first(fit);
+        withdraw("held-out data speak against what was found");
+      }
+    }
+    if (d_.trusted && d_.holdout_after.normalised_rms > GateLimits{}.highest_error)
+      withdraw("the error on held-out data is larger than noise explains");
+  }
+  void withdraw(const std::string& why) {
+    d_.verdict = Verdict::unexplained;
+    d_.trusted = false;
+    d_.unexplained_pattern = words_of(d_.statements);
+    d_.reason = why;
+    d_.extended = d_.base;
+    d_.holdout_after = d_.holdout_before;
+  }
+
+  // A latitude that is far off goes into the noise, and the gyros' biases stay open; or it is a rate of the earth that is another.
+  void look_at_latitude() {
+    const bool of_latitude =
+        (!d_.trusted && !d_.base.undetermined.empty()) ||
+        std::find(d_.effect_names.begin(), d_.effect_names.end(), "earth_rate") != d_.effect_names.end();
+    if (!of_latitude || recordings_.parts.size() != 1) return;
+    if (const std::string wrong = wrong_latitude(recording_, d_.base); !wrong.empty())
+      d_.reason = wrong + "; " + d_.reason;
+  }
+
+  static constexpr double caught_at = 5.0;  // sigmas
+  const JoinedRecordings& recordings_;
+  const CompressedRecording& recording_;
+  const DiagnosisOptions& options_;
+  Diagnosis d_;
+};
+
+}  // namespace
+
+const char* to_string(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::clean: return "clean";
+    case Verdict::extended: return "extended";
+    case Verdict::unexplained: return "unexplained";
+    case Verdict::noise_model: return "noise_model";
+    case Verdict::not_tested: return "not_tested";
+  }
+  return "?";
+}
+
+Diagnosis diagnose(const CompressedRecording& recording, const DiagnosisOptions& options) {
+  return diagnose(join_recordings({&recording}), options);
+}
+
+Diagnosis diagnose(const JoinedRecordings& recordings, const DiagnosisOptions& options) {
+  return Diagnosing(recordings, options).run();
+}
+
+}  // namespace turncal

@@ -1,0 +1,106 @@
+// Close the loop: find what the model lacks, name it where the data carry a name, add it, report the error before and after.
+//
+// 1. Noise and the 21 parameters are fitted (joint_estimate.h).
+// 2. Every term that may be missing is weighed beside it, and the models of them are averaged (posterior.h).
+// 3. Where names carry what is missing they are added, noise and parameters are fitted again, and everything is weighed again about that fit.
+// 4. Verdict: `clean` where the probability that something is missing is below 0.95; `extended` where effects of the catalogue, or a class of
+//    them that the recording cannot tell apart, carry it; else `unexplained`, and what is known is said as far as 95 % carry it.
+//    `noise_model` where the innovations are not those of the noise: then nothing is claimed.
+// 5. Parameters and sigmas are those of the average over models: a sigma holds what may be missing in proportion to its probability.
+// 6. Held-out data are used for nothing but the error before and after, and to speak against a name.
+//
+// Pure mathematics on compressed recordings. What no recording can show is listed in effects.h, unobservable_quantities().
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/evidence/omnibus.h"
+#include "calib/evidence/statement.h"
+#include "calib/joint/several_recordings.h"
+#include "calib/model/limits.h"
+
+namespace turncal {
+
+enum class Verdict { clean, extended, unexplained, noise_model, not_tested };
+const char* to_string(Verdict verdict);
+
+struct DiagnosisOptions {
+  JointOptions estimate;  // start, fixed noise, ... (effects and candidates are set here)
+  // Of the same single recording with the same `estimate`, where it has been fitted already: the base model is not fitted again.
+  const JointResult* base = nullptr;
+  std::vector<const CompressedRecording*> holdouts = {};
+  double false_alarm = 0.005;  // family-wise, of the scores as they are shown
+};
+
+struct CandidateScore {  // of one component, beside the base model
+  EffectColumn column;
+  double value = 0.0;  // what it would come to if added alone
+  double sigma = 0.0;
+  double z = 0.0;           // value / sigma
+  double detectable = 0.0;  // 5 sigma
+  bool visible = true;      // false: this recording cannot see it
+};
+
+struct GroupScore {  // of one effect with all its components (best time constant)
+  std::string name;
+  double chi_square = 0.0;  // s' Q^-1 s on the visible directions
+  int rank = 0;
+  int components = 0;
+  double p_value = 1.0;  // single test
+};
+
+// One static second, for plots: what remains, and what it may depend on.
+struct ResidualPoint {
+  std::size_t block = 0;
+  int segment = 0;
+  double time_s = 0.0;
+  Eigen::Vector3d normalised_before, normalised_after;
+  Eigen::Vector3d velocity_before_mps, velocity_after_mps;  // navigated freely since the last rotation began, n frame
+  Eigen::Vector3d f_b_mps2;
+  double temperature_c = 0.0;
+  double since_rotation_s = 0.0;
+};
+
+struct HoldoutError {
+  double normalised_rms = 0.0;
+  double velocity_rms_mps = 0.0;  // plain velocity error, see ResidualPoint
+  double chi_square = 0.0;
+  std::int64_t observations = 0;
+  std::vector<Eigen::Vector3d> normalised = {};  // innovations, for the difference of two models; NaN: not counted
+};
+
+struct Diagnosis {
+  Verdict verdict = Verdict::unexplained;
+  std::string reason = "not run";
+  JointResult base;                       // before
+  JointResult extended;                   // after: base with the effects (a copy of base when there are none)
+  Eigen::MatrixXd fitted_covariance;      // of extended, before its sigmas were widened
+  std::vector<std::string> effect_names;  // added, strongest first
+  std::map<std::string, std::vector<std::string>> aliases;  // of each added effect
+  std::map<std::string, std::string> separate_by;           // what would tell the class apart
+  std::vector<CandidateScore> candidates;                   // at the base model, best variant of each
+  std::vector<GroupScore> groups;
+  std::vector<std::string> undetectable;
+  std::vector<std::string> gated_out;            // found, and held-out data speak against it
+  std::vector<std::string> candidate_names;      // of hand-turned data: what was found, but does not explain the data
+  bool trusted = false;                          // what is missing is known, and nothing speaks against the model
+  Statements statements;                         // what is missing, with probabilities
+  Omnibus omnibus;                               // of the final model
+  std::string unexplained_pattern;               // what the unexplained residual looks like
+  double error_before = 0.0, error_after = 0.0;  // rms normalised residual, both with the noise of the final model
+  HoldoutError holdout_before, holdout_after;
+  std::string holdout_source;  // HoldoutGate::source()
+  // So many times as noisy at rest as the fitted recording is the noisiest holdout, and judged by its own noise; 1: by the fit's.
+  double holdout_own_noise = 1.0;
+  OfEachRecording each;  // of several recordings: what base and extended hold is common to them
+  std::vector<ResidualPoint> residuals;
+};
+
+// Of one unit: of one recording, or of several joined ones.
+Diagnosis diagnose(const JoinedRecordings& recordings, const DiagnosisOptions& options = {});
+Diagnosis diagnose(const CompressedRecording& recording, const DiagnosisOptions& options = {});
+
+}  // namespace turncal

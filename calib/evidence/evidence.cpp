@@ -1,0 +1,176 @@
+#include "calib/evidence/evidence.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/evidence/holdout.h"
+#include "calib/joint/coarser_recording.h"
+#include "calib/joint/several_recordings.h"
+
+namespace turncal {
+namespace {
+
+using Readings = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+
+// What one unit of each effect adds to the readings of every cell: the mean over its blocks.
+std::vector<Readings> readings_of(const EffectModel& effects, const Pieces& pieces,
+                                  const std::vector<BlockState>& states) {
+  std::vector<Readings> readings(pieces.cells.size(), Readings::Zero(6, effects.columns));
+  EffectRegressors one;
+  one.gyro.setZero(3, effects.columns);
+  one.accel.setZero(3, effects.columns);
+  for (std::size_t k = 0; k < states.size(); ++k) {
+    if (states[k].duration_s <= 0.0) continue;
+    effects.regressors(states[k], one);
+    if (pieces.cell_of_block[k] < 0) continue;
+    const auto c = static_cast<std::size_t>(pieces.cell_of_block[k]);
+    const double part = states[k].duration_s / pieces.cells[c].at.duration_s;
+    readings[c].topRows<3>() += part * one.gyro;
+    readings[c].bottomRows<3>() += part * one.accel;
+  }
+  return readings;
+}
+
+Eigen::VectorXd pull_on(const JointResult& fit, const std::vector<int>& columns) {
+  Eigen::VectorXd pull = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(columns.size()));
+  for (std::size_t k = 0; k < columns.size(); ++k)
+    if (columns[k] < fit.noise_pull.size()) pull[static_cast<Eigen::Index>(k)] = fit.noise_pull[columns[k]];
+  return pull;
+}
+
+// The values of a fit's effects, of the columns of a table; an effect with another time constant than any of the table's is next to it.
+Eigen::VectorXd coordinates_of_effects(const JointResult& fit, const TermTable& table, Eigen::Index rows) {
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(rows);
+  for (const EstimatedEffect& effect : fit.effects) {
+    int best = -1;
+    for (std::size_t k = 0; k < table.effects.size(); ++k) {
+      const EffectColumn& c = table.effects[k];
+      if (c.key() != effect.column.key()) continue;
+      const auto away = [&](const EffectColumn& o) {
+        return o.tau_s > 0.0 ? std::abs(std::log(o.tau_s / effect.column.tau_s)) : 0.0;
+      };
+      if (best < 0 || away(c) < away(table.effects[static_cast<std::size_t>(best)])) best = static_cast<int>(k);
+    }
+    if (best < 0) continue;
+    const Weights& basis = table.bases[table.basis_of_effect[static_cast<std::size_t>(best)]];
+    const int column = table.column_of_effect[static_cast<std::size_t>(best)];
+    for (std::size_t k = 0; k < basis.parts.size(); ++k)
+      x.segment<piece_dims>(piece_dims * static_cast<Eigen::Index>(k)) += effect.value * basis.parts[k].of.col(column);
+  }
+  return x;
+}
+
+// With time constants about those that are fitted, as far as a fit tells them.
+std::vector<EffectColumn> columns_beside(const JointResult& fit, std::vector<EffectColumn> columns) {
+  constexpr double finest = 0.005, coarsest = 0.3;
+  for (const EstimatedEffect& effect : fit.effects) {
+    if (!(effect.column.tau_s > 0.0)) continue;
+    const double step = std::clamp(effect.sigma / std::abs(effect.value), finest, coarsest);
+    for (const double steps : {0.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0}) {
+      columns.push_back(effect.column);
+      columns.back().tau_s *= std::exp(steps * step);
+    }
+  }
+  return columns;
+}
+
+}  // namespace
+
+PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointResult& fit, const NoiseModel& noise) {
+  FilterSetup setup = fit.setup;
+  setup.noise = noise;
+  setup.with_columns = setup.keep_steps = true;
+  setup.narrow_columns = 0;
+  PiecewiseView view;
+  view.recording = coarser(recording, coarseness_of_scores, setup);
+  for (const int column : fit.free)
+    if (column < parameter_count || is_turn_on(fit.effects[static_cast<std::size_t>(column - parameter_count)].column))
+      view.columns.push_back(column);
+  // The pass tells the state of every block: one column more, that is nothing, looks on.
+  EffectModel of_fit = effect_model_of(fit, recording.info.latitude_deg), looks_on = of_fit;
+  ++looks_on.columns;
+  looks_on.values.conservativeResize(looks_on.columns);
+  looks_on.values[of_fit.columns] = 0.0;
+  EffectRegressors inner;
+  inner.gyro.setZero(3, of_fit.columns);
+  inner.accel.setZero(3, of_fit.columns);
+  looks_on.regressors = [&](const BlockState& s, EffectRegressors& out) {
+    view.states.push_back(s);
+    if (of_fit.columns == 0) return;
+    of_fit.regressors(s, inner);
+    out.gyro.leftCols(of_fit.columns) = inner.gyro;
+    out.accel.leftCols(of_fit.columns) = inner.accel;
+  };
+  FilterResult pass = run_filter(view.recording, fit.parameters, looks_on, setup);
+  for (const int c : view.columns)  // what the recording leaves open is within its plausible range
+    if (c < fit.ranges.size()) pass.information(c, c) += 1.0 / (fit.ranges[c] * fit.ranges[c]);
+  if (pass.steps.empty()) return view;
+  view.states.insert(view.states.begin(), pass.steps.front().block,
+                     BlockState{});  // before the first rest nothing is navigated
+  view.states.resize(view.recording.blocks.size());
+  view.pieces = cut_into_pieces(view.recording, pass.steps, view.states);
+  if (!view.pieces.pieces.empty() && !view.columns.empty())
+    view.system =
+        std::make_unique<PieceSystem>(view.recording, pass, view.columns, pull_on(fit, view.columns), view.pieces);
+  return view;
+}
+
+Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings) {
+  const std::vector<EffectColumn> effects = columns_beside(fit, catalogue_columns(recording.info, recordings));
+  const bool any_taken_off = std::any_of(fit.effects.begin(), fit.effects.end(),
+                                         [](const EstimatedEffect& e) { return !is_turn_on(e.column); });
+  std::vector<PiecewiseView> views;
+  std::vector<UnderNoise> all;
+  Evidence result;
+  for (const double part : {1.0, 1.0 / 3.0, 0.0}) {
+    NoiseModel noise = fit.noise;
+    noise.gyro_bias_instability_radps *= part;
+    noise.accel_bias_instability_mps2 *= part;
+    if (part < 1.0 && !fit.noise.has_bias_instability()) break;
+    views.push_back(view_in_pieces(recording, fit, noise));
+    PiecewiseView& view = views.back();
+    result.columns = view.columns;
+    if (!view.system) return result;
+    const EffectModel catalogue =
+        make_effect_model(effects, {recording.info.latitude_deg}, fit.reference_temperature_c);
+    UnderNoise one;
+    one.table = make_terms(*view.system, view.pieces, effects, readings_of(catalogue, view.pieces, view.states),
+                           fit.noise, fit.parameters, result.columns);
+    if (any_taken_off) {
+      view.system->put_back(coordinates_of_effects(fit, one.table, view.system->coordinates()));
+      one.table.blocks = view.system->blocks(one.table.bases);
+    }
+    one.system = view.system.get();
+    all.push_back(std::move(one));
+  }
+  result.posterior = weigh_models(all);
+  result.statements = statements_of(all, result.posterior);
+  std::vector<std::string> fitted;
+  for (const EstimatedEffect& effect : fit.effects)
+    if (!is_turn_on(effect.column)) fitted.push_back(effect.column.key());
+  std::sort(fitted.begin(), fitted.end());
+  result.named = named_effects(all, result.posterior, fitted);
+  result.plain = average_over_models(all, result.posterior, {});
+  result.beside_names =
+      result.named.columns.empty() ? result.plain : average_over_models(all, result.posterior, result.named.columns);
+  const WeighedModel& best = result.posterior.models.front();
+  const PiecewiseView& view = views[best.noise];
+  test_pieces(view.recording, view.pieces, all[best.noise], best, result.omnibus);
+  result.table = std::move(all.front().table);
+  return result;
+}
+
+std::string what_speaks_against(const CompressedRecording& recording, const JointResult& estimate) {
+  JointResult fit = estimate;  // a parameter that it does not tell is held where it is: it may be known from elsewhere
+  std::erase_if(fit.free, [&](int c) { return c < parameter_count && !estimate.determined[c]; });
+  Evidence evidence = weigh_evidence(recording, fit);
+  if (evidence.statements.anything >= said_from) return words_of(evidence.statements);
+  test_innovations(recording, fit, evidence.omnibus);
+  if (evidence.omnibus.passed()) return {};
+  const OmnibusTest& worst = *evidence.omnibus.worst();
+  return fmt::format("{}, chi-square {:.1f} of {:.0f}", worst.what, worst.chi_square, worst.degrees);
+}
+
+}  // namespace turncal

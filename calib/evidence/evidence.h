@@ -1,0 +1,42 @@
+// What a fit of a recording leaves to be explained: terms, their posterior, what is said of them, and what the parameters are then.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "calib/evidence/omnibus.h"
+#include "calib/evidence/posterior.h"
+#include "calib/joint/joint_estimate.h"
+
+namespace turncal {
+
+// One filter pass at a fit, cut into pieces. Effects of the fit other than turn-ons are taken off in the pass.
+struct PiecewiseView {
+  CompressedRecording recording;   // coarser (coarser_recording.h)
+  std::vector<BlockState> states;  // of its blocks
+  Pieces pieces;
+  std::vector<int> columns;             // of [24 parameters, effects of the fit]: those of the system
+  std::unique_ptr<PieceSystem> system;  // none: no rest
+};
+PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointResult& fit, const NoiseModel& noise);
+
+struct Evidence {
+  std::vector<int> columns;  // of [24 parameters, effects of the fit]: those of the averages
+  TermTable table;           // at the noise of the fit
+  Posterior posterior;       // at each noise, together
+  Statements statements;
+  NamedEffects named;
+  AveragedEstimate plain, beside_names;  // without and with the named effects as part of the model
+  Omnibus omnibus;                       // of the most probable model
+};
+
+// `fit`: of `recording`, which is joined from so many. Effects of the fit other than turn-ons are terms like all others: about them
+// everything is linearised. What is missing may hide in a fitted bias instability, and an instability may look like something missing: models
+// are weighed with none of it, a third and all of it.
+Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings = 1);
+
+// Of a fit without effects: what is missing from it, or what its omnibus finds; empty: nothing.
+std::string what_speaks_against(const CompressedRecording& recording, const JointResult& fit);
+
+}  // namespace turncal

@@ -1,0 +1,227 @@
+#include "calib/evidence/piece_system.h"
+
+#include <algorithm>
+
+#include "calib/evidence/backward_step.h"
+#include "calib/statistics/linear_algebra.h"
+
+namespace turncal {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double rounding = 1e-9;  // of what the parameters leave of a column
+
+std::vector<int> rows_of(const Weights::Part& part) {
+  std::vector<int> rows;
+  for (int d = 0; d < piece_dims; ++d)
+    if (part.rows >> d & 1U) rows.push_back(d);
+  return rows;
+}
+
+double log_determinant(const MatrixXd& A) {
+  double log_det = 0.0;
+  solve_symmetric(A, VectorXd(VectorXd::Zero(A.rows())), log_det);
+  return log_det;
+}
+
+}  // namespace
+
+void Weights::add(Part part) {
+  for (int d = 0; d < piece_dims; ++d)
+    if ((part.of.row(d).array() != 0.0).any()) part.rows |= 1U << d;
+  parts.push_back(std::move(part));
+}
+
+PieceSystem::PieceSystem(const CompressedRecording& recording, const FilterResult& pass,
+                         const std::vector<int>& columns, const VectorXd& pull, const Pieces& pieces) {
+  const MatrixXd A = pass.information(columns, columns);
+  A_inverse_ = balanced_inverse(A);
+  fit_shift_ = -A_inverse_ * VectorXd(pass.gradient(columns));
+  floor_ = std::max(rounding, (A_inverse_ * pull).cwiseAbs2().cwiseQuotient(A_inverse_.diagonal()).maxCoeff());
+  misfit_ =
+      pass.chi_square + VectorXd(pass.gradient(columns)).dot(fit_shift_) + pass.log_determinant + log_determinant(A);
+  if (std::any_of(pass.steps.begin(), pass.steps.end(),
+                  [](const FilterStep& step) { return step.observed && step.K.bottomRows<6>().squaredNorm() > 0.0; }))
+    states_ = 12;
+  const auto n = static_cast<Eigen::Index>(pieces.pieces.size());
+  s_.setZero(piece_dims * n);
+  R_.setZero(s_.size(), static_cast<Eigen::Index>(columns.size()));
+  links_.resize(pieces.pieces.size());
+  run(pass, recording, columns, pieces.pieces);
+  s_ += R_ * fit_shift_;
+}
+
+// Going back, the transition T to where the next piece begins, the score r and the information R with the parameters go through the same
+// steps: they are rows of one matrix. What the steps of a turn do is taken together.
+void PieceSystem::run(const FilterResult& pass, const CompressedRecording& recording, const std::vector<int>& columns,
+                      const std::vector<Piece>& pieces) {
+  const int states = states_;
+  const int Z = states + 6;  // state, then the biases within the piece
+  const int p = static_cast<int>(columns.size());
+  MatrixXd carried = MatrixXd::Zero(Z + p + 1, Z);
+  const auto T = [&] { return carried.topRows(Z); };
+  const auto R = [&] { return carried.middleRows(Z, p); };
+  const auto r = [&] { return carried.bottomRows<1>(); };
+  T().setIdentity();
+  MatrixXd I = MatrixXd::Zero(Z, Z), half(Z, Z);
+  MatrixXd turn = MatrixXd::Identity(Z, Z);
+  bool turning = false;
+  const auto end_turn = [&] {
+    if (!turning) return;
+    carried = (carried * turn).eval();
+    half.noalias() = I * turn;
+    I.noalias() = turn.transpose() * half;
+    turn.setIdentity();
+    turning = false;
+  };
+  // psi and v before a chain say nothing about what comes in it, and biases of one recording nothing about the next.
+  const auto forget = [&](const FilterStep& step) {
+    const int lost = step.begins_recording ? states : 6;
+    carried.leftCols(lost).setZero();
+    I.topRows(lost).setZero();
+    I.leftCols(lost).setZero();
+  };
+  std::vector<int> mine;  // of a piece: its biases, and a jump of psi and v
+  for (int d = 0; d < 6; ++d) mine.push_back(states + d);
+  for (int d = 0; d < 6; ++d) mine.push_back(d);
+  const auto state = Eigen::seqN(0, states);
+  Eigen::Matrix<double, Eigen::Dynamic, 3> N(p + 1, 3);
+  std::size_t piece = pieces.size();
+  for (std::size_t k = pass.steps.size(); k-- > 0;) {
+    const FilterStep& step = pass.steps[k];
+    if (piece > 0 && k == pieces[piece - 1].last_step) --piece;
+    const bool in_piece = piece < pieces.size() && k >= pieces[piece].first_step && k <= pieces[piece].last_step;
+    const BackwardStep back(step, recording.blocks[step.block].duration_s, states, in_piece);
+    if (!step.observed && !in_piece && !step.begins_chain) {
+      back.apply(turn);
+      turning = true;
+      continue;
+    }
+    end_turn();
+    back.apply(carried);
+    back.apply(I);
+    half = I.transpose();
+    I.swap(half);
+    back.apply(I);
+    if (step.observed) {
+      const Eigen::Matrix<double, 3, Eigen::Dynamic> SH = step.S_inverse * back.H();
+      I.noalias() += back.H().transpose() * SH;
+      for (int c = 0; c < p; ++c) N.row(c) = step.N.row(columns[static_cast<std::size_t>(c)]);
+      N.row(p) = step.nu.transpose();
+      carried.bottomRows(p + 1).noalias() += N * SH;
+    }
+    if (!in_piece || k != pieces[piece].first_step) {
+      if (step.begins_chain) forget(step);
+      continue;
+    }
+    const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(piece);
+    s_.segment<piece_dims>(row) = r()(mine).transpose();
+    R_.middleRows<piece_dims>(row) = R()(Eigen::all, mine).transpose();
+    Link& link = links_[piece];
+    link.I = I(mine, mine);
+    link.E = T()(state, mine);
+    if (step.begins_chain) forget(step);
+    link.G = I(state, mine);
+    link.M = T()(state, state);
+    T().setIdentity();
+    carried.bottomRows(p + 1).rightCols<6>().setZero();
+    I.bottomRows<6>().setZero();
+    I.rightCols<6>().setZero();
+  }
+}
+
+void PieceSystem::put_back(const VectorXd& x) {
+  const VectorXd Qx = times(x);
+  misfit_ += x.dot(2.0 * s_ + Qx);
+  s_ += Qx;
+  fit_shift_ -= A_inverse_ * (R_.transpose() * x);
+}
+
+std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& weights) const {
+  Eigen::Index all = 0;
+  for (const Weights& w : weights) all += w.columns;
+  std::vector<Block> result(weights.size());
+  for (std::size_t k = 0; k < weights.size(); ++k) {
+    result[k].Q.setZero(weights[k].columns,
+                        weights[k].columns);  // with itself, and half of what it has with later pieces
+    result[k].s.setZero(weights[k].columns);
+  }
+  MatrixXd cross = MatrixXd::Zero(R_.cols(), all);
+  // Side by side, products of many columns cost little more than those of one. Transposed: a row a column.
+  MatrixXd later = MatrixXd::Zero(all, states_), next(all, states_), from_later(all, piece_dims), W;
+  VectorXd WI;
+  for (std::size_t a = links_.size(); a-- > 0;) {
+    const Link& link = links_[a];
+    const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(a);
+    from_later.noalias() = later * link.E;
+    next.noalias() = later * link.M;
+    Eigen::Index at = 0;
+    for (std::size_t k = 0; k < weights.size(); at += weights[k].columns, ++k) {
+      const Weights::Part& part = weights[k].parts[a];
+      const Eigen::Index n = weights[k].columns, m = part.of.cols();
+      if (m == 0) continue;
+      W = part.of.transpose();
+      auto mine = result[k].Q.middleRows(part.first, m);
+      const auto rows = rows_of(part);
+      for (const int d : rows) {
+        WI = 0.5 * link.I(d, d) * W.col(d);
+        for (const int e : rows)
+          if (e != d) WI += 0.5 * link.I(e, d) * W.col(e);
+        mine.middleCols(part.first, m).noalias() += W.col(d) * WI.transpose();
+        mine.noalias() += W.col(d) * from_later.col(d).segment(at, n).transpose();
+        next.middleRows(at + part.first, m).noalias() += W.col(d) * link.G.col(d).transpose();
+        cross.middleCols(at + part.first, m).noalias() += R_.row(row + d).transpose() * W.col(d).transpose();
+      }
+      result[k].s.segment(part.first, m).noalias() += W * s_.segment<piece_dims>(row);
+    }
+    later.swap(next);
+  }
+  Eigen::Index at = 0;
+  for (std::size_t k = 0; k < weights.size(); at += weights[k].columns, ++k) {
+    Block& block = result[k];
+    const auto by_parameters = cross.middleCols(at, weights[k].columns);
+    block.shift = A_inverse_ * by_parameters;
+    block.Q = (block.Q + block.Q.transpose()).eval();
+    block.before = block.Q.diagonal();
+    block.Q.noalias() -= by_parameters.transpose() * block.shift;
+    block.Q = (0.5 * (block.Q + block.Q.transpose())).eval();
+    block.Q.diagonal() += floor_ * block.before;
+  }
+  return result;
+}
+
+PieceSystem::OfPiece PieceSystem::of_piece(std::size_t piece) const {
+  const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(piece);
+  const auto R = R_.middleRows<piece_dims>(row);
+  const auto& I = links_[piece].I;
+  return {I - R * A_inverse_ * R.transpose(), s_.segment<piece_dims>(row), I.diagonal()};
+}
+
+MatrixXd PieceSystem::times(const MatrixXd& x) const {
+  const Eigen::Index k = x.cols();
+  MatrixXd y(x.rows(), k);
+  MatrixXd later = MatrixXd::Zero(states_, k), earlier = later, next(states_, k);
+  for (std::size_t a = links_.size(); a-- > 0;) {
+    const Link& link = links_[a];
+    const auto row = piece_dims * static_cast<Eigen::Index>(a);
+    y.middleRows<piece_dims>(row).noalias() = link.I * x.middleRows<piece_dims>(row);
+    y.middleRows<piece_dims>(row).noalias() += link.E.transpose() * later;
+    next.noalias() = link.M.transpose() * later;
+    next.noalias() += link.G * x.middleRows<piece_dims>(row);
+    later.swap(next);
+  }
+  for (std::size_t a = 0; a < links_.size(); ++a) {
+    const Link& link = links_[a];
+    const auto row = piece_dims * static_cast<Eigen::Index>(a);
+    y.middleRows<piece_dims>(row).noalias() += link.G.transpose() * earlier;
+    next.noalias() = link.M * earlier;
+    next.noalias() += link.E * x.middleRows<piece_dims>(row);
+    earlier.swap(next);
+  }
+  y.noalias() -= R_ * (A_inverse_ * (R_.transpose() * x));
+  return y;
+}
+
+}  // namespace turncal

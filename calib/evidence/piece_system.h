@@ -1,0 +1,88 @@
+// What a recording says of errors of the sensors in its cells (pieces.h), as information and score, the parameters eliminated.
+//
+// The filter of the estimate (calib/joint/joint_filter.h) is run backward over its own steps (the disturbance smoother of de Jong,
+// Biometrika 75 (1988) 594). Coordinates of a piece are piece_dims: what gyros x y z read too much within the rest (rad/s), what the
+// accelerometers do (m/s^2), and the jump of psi and v (n frame) by the turn before it. With r the score of an error that begins
+// somewhere, I its information, R its information with the parameters' columns N, L the closed-loop transition, nu the innovation:
+//   r <- H' S^-1 nu + L' r,   I <- H' S^-1 H + L' I L,   R <- H' S^-1 N' + L' R
+// With A the information of the parameters and g their gradient at the fit,
+//   Q = I - R A^-1 R',   s = r - R A^-1 g
+// and a unit of a coordinate moves the fit by A^-1 R'. Between two pieces the state carries the information, so Q is never whole: with
+// E = d(state where the next piece begins) / d(coordinates), M the state's transition, G = information of (state, coordinates),
+//   I_ab = E_a' M_(a+1)' ... M_(b-1)' G_b for a < b.
+// Not modelled: errors in blocks at rest that are not observed; what varies within a cell.
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "calib/evidence/pieces.h"
+
+namespace turncal {
+
+inline constexpr int piece_dims = 12;
+
+// Columns of coordinates: of a piece those from `first` on, piece_dims rows.
+struct Weights {
+  Eigen::Index columns = 0;
+  struct Part {
+    Eigen::Index first = 0;
+    Eigen::Matrix<double, piece_dims, Eigen::Dynamic> of;
+    unsigned rows = 0;  // a bit for each row that is not zero: one sensor's are few
+  };
+  std::vector<Part> parts;  // of each piece
+  void add(Part part);
+};
+
+class PieceSystem {
+ public:
+  // `pass`: run with keep_steps (not kept); `columns`: of the model's parameters; `pull`: of noise on their gradient (noise_fit.h).
+  PieceSystem(const CompressedRecording& recording, const FilterResult& pass, const std::vector<int>& columns,
+              const Eigen::VectorXd& pull, const Pieces& pieces);
+
+  // Of each by itself: Q, s, and what one of each moves the parameters by. Columns are made of noisy readings, which pulls the parameters by
+  // so many sigma; what the parameters leave of a column is known no better than to its square (floor()), which Q contains.
+  struct Block {
+    Eigen::MatrixXd Q;
+    Eigen::VectorXd s;
+    Eigen::MatrixXd shift;   // parameters x columns
+    Eigen::VectorXd before;  // diagonal of Q before the parameters were eliminated
+  };
+  std::vector<Block> blocks(const std::vector<Weights>& weights) const;
+  double floor() const { return floor_; }
+  // Of one piece.
+  struct OfPiece {
+    Eigen::Matrix<double, piece_dims, piece_dims> Q;
+    Eigen::Matrix<double, piece_dims, 1> s, before;
+  };
+  OfPiece of_piece(std::size_t piece) const;
+  // Q x, all coordinates.
+  Eigen::MatrixXd times(const Eigen::MatrixXd& x) const;
+  // The pass had errors `x` taken off: from here on they are in the data, as linearised.
+  void put_back(const Eigen::VectorXd& x);
+  const Eigen::VectorXd& fit_shift() const { return fit_shift_; }  // of the parameters to their optimum with no error
+  const Eigen::MatrixXd& covariance() const { return A_inverse_; }
+  // Of the pass with no error, the parameters averaged over: -2 ln L but for a constant.
+  double misfit() const { return misfit_; }
+  Eigen::Index coordinates() const { return s_.size(); }
+
+ private:
+  void run(const FilterResult& pass, const CompressedRecording& recording, const std::vector<int>& columns,
+           const std::vector<Piece>& pieces);
+
+  struct Link {
+    Eigen::Matrix<double, piece_dims, piece_dims> I;
+    Eigen::Matrix<double, Eigen::Dynamic, piece_dims> E, G;  // states x piece_dims
+    Eigen::MatrixXd M;
+  };
+  int states_ = 6;  // psi, v; with bias instability b_g, b_a
+  double misfit_ = 0.0, floor_ = 0.0;
+  std::vector<Link> links_;  // of each piece, to the next
+  Eigen::VectorXd s_;
+  Eigen::MatrixXd R_;  // coordinates x parameters
+  Eigen::MatrixXd A_inverse_;
+  Eigen::VectorXd fit_shift_;
+};
+
+}  // namespace turncal

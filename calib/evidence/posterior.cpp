@@ -1,0 +1,558 @@
+#include "calib/evidence/posterior.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+#include <set>
+
+#include "calib/statistics/linear_algebra.h"
+
+#include <Eigen/Cholesky>
+
+namespace turncal {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+constexpr std::size_t beam = 6, expansions = 6;
+constexpr double named_share = 0.3;       // of a branch, that its names carry: a pattern beside them may be one of them
+constexpr double as_good = 0.3;           // of the best set of names, that one that is fitted already has
+constexpr double averaged_share = 0.995;  // of the probability, or so many models
+constexpr std::size_t most_averaged = 200;
+constexpr int deepest = 8;  // terms of a model at most
+constexpr double least_probability = 1e-5;
+constexpr double negligible = 12.0, ends_below = 6.0;  // of log evidence
+constexpr double explains =
+    1.0;  // a term that explains less changes nothing for others: it counts, and is not gone on with
+constexpr Eigen::Index by_eigenvalues = 12;  // columns: more are dearer than a Cholesky factor for each size
+
+// The system beside a model.
+struct State {
+  std::vector<ModelTerm> terms;
+  double log_weight = 0.0;
+  std::vector<MatrixXd> Q;  // of each basis
+  std::vector<VectorXd> s;
+  MatrixXd Y;  // Q|h = Q - Y Y'
+};
+
+// Of one term beside a model, at each size.
+VectorXd gains(const Term& term, const State& state) {
+  const MatrixXd& Q = state.Q[term.basis];
+  const VectorXd& s = state.s[term.basis];
+  const Eigen::Index sizes = term.variance.size(), r = term.L.cols();
+  VectorXd gain(sizes);
+  const MatrixXd QL = Q * term.L;
+  const MatrixXd A = term.L.transpose() * QL;
+  const VectorXd b = term.L.transpose() * s;
+  if (r == 1) {
+    for (Eigen::Index k = 0; k < sizes; ++k) {
+      const double v = term.variance[k], q = std::max(A(0, 0), 0.0);
+      gain[k] = 0.5 * (b[0] * b[0] * v / (1.0 + v * q) - std::log1p(v * q));
+    }
+    return gain;
+  }
+  if (r <= by_eigenvalues) {
+    const SymmetricEigen e = symmetric_eigen(A);
+    const VectorXd q = e.values.cwiseMax(0.0), y = (e.vectors.transpose() * b).cwiseAbs2();
+    for (Eigen::Index k = 0; k < sizes; ++k) {
+      const double v = term.variance[k];
+      gain[k] = 0.5 * (v * y.array() / (1.0 + v * q.array()) - (v * q.array()).log1p()).sum();
+    }
+    return gain;
+  }
+  for (Eigen::Index k = 0; k < sizes; ++k) {
+    const double v = term.variance[k];
+    MatrixXd M = v * A;
+    M.diagonal().array() += 1.0;
+    const Eigen::LLT<MatrixXd> llt(M);
+    const VectorXd w = llt.matrixL().solve(b);
+    gain[k] = 0.5 * v * w.squaredNorm() - llt.matrixLLT().diagonal().array().log().sum();
+  }
+  return gain;
+}
+
+MatrixXd coordinates_of(const Weights& weights, const MatrixXd& L, Eigen::Index rows) {
+  MatrixXd x = MatrixXd::Zero(rows, L.cols());
+  for (std::size_t k = 0; k < weights.parts.size(); ++k) {
+    const Weights::Part& part = weights.parts[k];
+    if (part.of.cols() > 0)
+      x.middleRows<piece_dims>(piece_dims * static_cast<Eigen::Index>(k)).noalias() =
+          part.of * L.middleRows(part.first, part.of.cols());
+  }
+  return x;
+}
+
+// weights' y
+MatrixXd product(const Weights& weights, const RowMajor& y) {
+  RowMajor u = RowMajor::Zero(weights.columns, y.cols());
+  for (std::size_t k = 0; k < weights.parts.size(); ++k) {
+    const Weights::Part& part = weights.parts[k];
+    for (int d = 0; d < piece_dims; ++d) {
+      if (!(part.rows >> d & 1U)) continue;
+      const auto row = y.row(piece_dims * static_cast<Eigen::Index>(k) + d);
+      for (Eigen::Index j = 0; j < part.of.cols(); ++j) u.row(part.first + j) += part.of(d, j) * row;
+    }
+  }
+  return u;
+}
+
+State with_term(const PieceSystem& system, const TermTable& table, const State& parent, ModelTerm chosen,
+                double log_weight) {
+  const Term& term = table.terms[static_cast<std::size_t>(chosen.term)];
+  MatrixXd M = term.L.transpose() * parent.Q[term.basis] * term.L;
+  M.diagonal().array() += 1.0 / term.variance[chosen.size];
+  const MatrixXd C = Eigen::LLT<MatrixXd>(M).matrixL();
+  const auto lower = C.triangularView<Eigen::Lower>();
+  const VectorXd w = lower.solve(VectorXd(term.L.transpose() * parent.s[term.basis]));
+  State child = parent;
+  child.terms.push_back(chosen);
+  std::sort(child.terms.begin(), child.terms.end());
+  child.log_weight = log_weight;
+  const MatrixXd x = coordinates_of(table.bases[term.basis], term.L, system.coordinates());
+  MatrixXd y = system.times(x);
+  if (parent.Y.cols() > 0) y.noalias() -= parent.Y * (parent.Y.transpose() * x);
+  y = lower.solve(MatrixXd(y.transpose())).transpose();
+  child.Y.resize(y.rows(), parent.Y.cols() + y.cols());
+  child.Y << parent.Y, y;
+  const RowMajor rows = y;
+  for (std::size_t g = 0; g < table.bases.size(); ++g) {
+    const MatrixXd u = product(table.bases[g], rows);
+    child.Q[g].noalias() -= u * u.transpose();
+    child.s[g].noalias() -= u * w;
+  }
+  return child;
+}
+
+}  // namespace
+
+namespace {
+
+struct Child {
+  double log_weight = 0.0;
+  std::vector<ModelTerm> terms;
+  ModelTerm last;
+};
+
+// All models worth counting at one noise; `best`: log weight of the best so far, whatever its noise.
+std::map<std::vector<ModelTerm>, double> search(const UnderNoise& under, double& best, int& scored) {
+  const TermTable& table = under.table;
+  auto root = std::make_shared<State>();
+  root->log_weight = -0.5 * under.system->misfit();
+  for (const PieceSystem::Block& b : table.blocks) {
+    root->Q.push_back(b.Q);
+    root->s.push_back(b.s);
+  }
+  best = std::max(best, root->log_weight);
+  std::map<std::vector<ModelTerm>, double> seen = {{{}, root->log_weight}};
+  std::vector<std::shared_ptr<const State>> level = {root};
+  for (int depth = 0; depth < deepest; ++depth) {
+    struct Next {
+      Child child;
+      std::shared_ptr<const State> parent;
+    };
+    std::vector<Next> next;
+    for (const std::shared_ptr<const State>& state : level) {
+      ++scored;
+      std::vector<Next> of_state;
+      for (std::size_t t = 0; t < table.terms.size(); ++t) {
+        const Term& term = table.terms[t];
+        const auto same = [&](const ModelTerm& m) { return static_cast<std::size_t>(m.term) == t; };
+        if (std::any_of(state->terms.begin(), state->terms.end(), same)) continue;
+        const VectorXd explained = gains(term, *state), gain = explained + term.log_prior;
+        Eigen::Index top = 0;
+        gain.maxCoeff(&top);
+        for (Eigen::Index k = 0; k < gain.size(); ++k) {
+          const double log_weight = state->log_weight + gain[k];
+          if (!(log_weight > best - negligible)) continue;
+          Next one = {{log_weight, state->terms, {static_cast<int>(t), static_cast<int>(k)}}, state};
+          one.child.terms.push_back(one.child.last);
+          std::sort(one.child.terms.begin(), one.child.terms.end());
+          seen.emplace(one.child.terms, log_weight);
+          if (k == top && explained[k] > explains) of_state.push_back(std::move(one));
+        }
+      }
+      const auto heavier = [](const Next& a, const Next& b) { return a.child.log_weight > b.child.log_weight; };
+      std::sort(of_state.begin(), of_state.end(), heavier);
+      of_state.resize(std::min(of_state.size(), expansions));
+      next.insert(next.end(), of_state.begin(), of_state.end());
+      std::sort(next.begin(), next.end(), heavier);
+    }
+    if (next.empty() || depth + 1 == deepest || next.front().child.log_weight < best - ends_below) break;
+    best = std::max(best, next.front().child.log_weight);
+    std::vector<std::shared_ptr<const State>> deeper;
+    std::set<std::vector<int>> done;
+    for (const Next& one : next) {
+      if (deeper.size() == beam || one.child.log_weight < best - ends_below) break;
+      std::vector<int> of;
+      for (const ModelTerm& m : one.child.terms) of.push_back(m.term);
+      if (!done.insert(of).second) continue;
+      deeper.push_back(
+          std::make_shared<State>(with_term(*under.system, table, *one.parent, one.child.last, one.child.log_weight)));
+    }
+    level = std::move(deeper);
+  }
+  return seen;
+}
+
+}  // namespace
+
+Posterior weigh_models(const std::vector<UnderNoise>& all) {
+  Posterior result;
+  double best = -1e300;
+  for (std::size_t noise = 0; noise < all.size(); ++noise)
+    for (const auto& [terms, log_weight] : search(all[noise], best, result.scored))
+      result.models.push_back({terms, noise, log_weight});
+  double sum = 0.0;
+  for (WeighedModel& m : result.models) sum += m.probability = std::exp(m.probability - best);
+  std::erase_if(result.models, [&](const WeighedModel& m) { return m.probability < least_probability * sum; });
+  double kept = 0.0;
+  for (const WeighedModel& m : result.models) kept += m.probability;
+  for (WeighedModel& m : result.models) m.probability /= kept;
+  std::sort(result.models.begin(), result.models.end(),
+            [](const WeighedModel& a, const WeighedModel& b) { return a.probability > b.probability; });
+  return result;
+}
+
+Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& posterior) {
+  Statements all;
+  all.tested = true;
+  std::map<std::array<std::string, 4>, double> nodes;
+  for (const WeighedModel& m : posterior.models) {
+    std::set<std::array<std::string, 4>> mine;
+    for (const ModelTerm& t : m.terms) {
+      const Term& term = under[m.noise].table.terms[static_cast<std::size_t>(t.term)];
+      if (term.kind == TermKind::noise) continue;
+      const Statement& w = term.what;
+      mine.insert({w.sensor, "", "", ""});
+      mine.insert({w.sensor, w.quantity, "", ""});
+      mine.insert({w.sensor, w.quantity, w.driver, ""});
+      if (!w.formula.empty()) mine.insert({w.sensor, w.quantity, w.driver, w.formula});
+    }
+    if (!mine.empty()) all.anything += m.probability;
+    for (const auto& node : mine) nodes[node] += m.probability;
+  }
+  // As a tree: what is below a node follows it, the more probable first.
+  using Node = std::array<std::string, 4>;
+  using Path = std::vector<std::pair<double, std::string>>;
+  std::vector<std::pair<Path, Node>> listed;
+  for (const auto& [node, p] : nodes) {
+    if (p <= listed_from) continue;
+    Path path;
+    Node above;
+    for (std::size_t k = 0; k < node.size() && !node[k].empty(); ++k) {
+      above[k] = node[k];
+      path.emplace_back(-nodes[above], node[k]);
+    }
+    listed.emplace_back(path, node);
+  }
+  std::sort(listed.begin(), listed.end());
+  for (const auto& [path, node] : listed)
+    all.nodes.push_back({node[0], node[1], node[2], node[3], std::min(nodes[node], 1.0)});
+  all.anything = std::min(all.anything, 1.0);
+  return all;
+}
+
+NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior& posterior,
+                           const std::vector<std::string>& fitted) {
+  const TermTable& table = under.front().table;  // effects are the same in all
+  // Names share a branch where one of them may stand for another: of the same sensor and quantity.
+  using Branch = std::pair<std::string, std::string>;
+  const auto branch = [&](const Term& t) { return Branch{t.what.sensor, t.what.quantity}; };
+  std::map<Branch, double> any, by_name;
+  std::map<std::vector<std::string>, double> sets;  // of keys
+  std::map<std::string, int> column_of;
+  std::map<std::string, std::pair<double, double>> log_tau;
+  for (const WeighedModel& m : posterior.models) {
+    const auto term_of = [&](const ModelTerm& t) -> const Term& {
+      return under[m.noise].table.terms[static_cast<std::size_t>(t.term)];
+    };
+    std::set<Branch> mine, named;
+    for (const ModelTerm& t : m.terms) {
+      if (term_of(t).kind == TermKind::noise) continue;
+      mine.insert(branch(term_of(t)));
+      if (term_of(t).kind == TermKind::effect) named.insert(branch(term_of(t)));
+    }
+    for (const Branch& b : mine) any[b] += m.probability;
+    for (const Branch& b : named) by_name[b] += m.probability;
+  }
+  NamedEffects result;
+  double something = 0.0;
+  for (const WeighedModel& m : posterior.models) {
+    std::vector<std::string> keys;
+    bool missing = false, stands = true, patterns = false;
+    for (const ModelTerm& t : m.terms) {
+      const Term& term = under[m.noise].table.terms[static_cast<std::size_t>(t.term)];
+      if (term.kind == TermKind::noise) continue;
+      missing = true;
+      if (term.kind == TermKind::pattern) {
+        patterns = true;
+        stands = stands && by_name[branch(term)] > named_share * any[branch(term)];
+        continue;
+      }
+      for (const int c : term.columns) {
+        const EffectColumn& column = table.effects[static_cast<std::size_t>(c)];
+        const std::string key = column.key();
+        stands =
+            stands && std::find(keys.begin(), keys.end(), key) == keys.end();  // two time constants of one are no name
+        keys.push_back(key);
+        column_of[key] = c;
+        if (!(column.tau_s > 0.0)) continue;
+        log_tau[key].first += m.probability * std::log(column.tau_s);
+        log_tau[key].second += m.probability;
+      }
+    }
+    if (!missing) continue;
+    something += m.probability;
+    if (stands) result.probability += m.probability;
+    std::sort(keys.begin(), keys.end());
+    if (!keys.empty() && !patterns) sets[keys] += m.probability;
+  }
+  if (something > 0.0) result.probability /= something;
+  if (sets.empty()) return result;
+  auto best =
+      std::max_element(sets.begin(), sets.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  for (auto set = sets.begin(); set != sets.end(); ++set)
+    if (set->first == fitted && set->second > as_good * best->second) best = set;
+  std::set<std::string> once;
+  for (const std::string& key : best->first) {
+    if (!once.insert(key).second) continue;
+    result.columns.push_back(column_of[key]);
+    result.tau_s.push_back(log_tau.count(key) ? std::exp(log_tau[key].first / log_tau[key].second) : 0.0);
+    result.instead[std::string(table.effects[static_cast<std::size_t>(column_of[key])].entry->name)];
+  }
+  for (const WeighedModel& m : posterior.models) {
+    std::set<std::string> formulas;
+    for (const ModelTerm& t : m.terms)
+      formulas.insert(under[m.noise].table.terms[static_cast<std::size_t>(t.term)].what.formula);
+    formulas.erase("");
+    for (auto& [name, others] : result.instead)
+      if (formulas.count(name) == 0)
+        for (const std::string& f : formulas)
+          if (result.instead.count(f) == 0) others[f] += m.probability;
+  }
+  return result;
+}
+
+namespace {
+
+struct OfModel {
+  double probability;
+  VectorXd mean;
+  MatrixXd covariance;
+};
+
+// What a number is with probability `p`, in a mixture of normal distributions.
+double quantile(const std::vector<OfModel>& models, Eigen::Index i, double p) {
+  double low = 1e300, high = -1e300, all = 0.0;
+  for (const OfModel& m : models) {
+    const double sigma = std::sqrt(m.covariance(i, i));
+    low = std::min(low, m.mean[i] - 8.0 * sigma);
+    high = std::max(high, m.mean[i] + 8.0 * sigma);
+    all += m.probability;
+  }
+  for (int k = 0; k < 40; ++k) {
+    const double x = 0.5 * (low + high);
+    double below = 0.0;
+    for (const OfModel& m : models)
+      below += m.probability * 0.5 * std::erfc((m.mean[i] - x) / std::sqrt(2.0 * m.covariance(i, i)));
+    (below < p * all ? low : high) = x;
+  }
+  return 0.5 * (low + high);
+}
+
+// Terms of the models that are averaged, side by side: Q and s of their coefficients, and what those do to [parameters, named values].
+class Coefficients {
+ public:
+  Coefficients(const PieceSystem& system, const TermTable& table, const std::vector<int>& named)
+      : system_(system), table_(table) {
+    for (const int c : named) named_.push_back(table.effects[static_cast<std::size_t>(c)].key());
+  }
+  bool is_named(const EffectColumn& c) const {
+    return std::find(named_.begin(), named_.end(), c.key()) != named_.end();
+  }
+  std::size_t named_count() const { return named_.size(); }
+
+  OfModel evaluate(const WeighedModel& model) {
+    const Eigen::Index p = system_.covariance().rows(), n = p + static_cast<Eigen::Index>(named_.size());
+    OfModel result = {model.probability, VectorXd::Zero(n), MatrixXd::Zero(n, n)};
+    result.mean.head(p) = system_.fit_shift();
+    result.covariance.topLeftCorner(p, p) = system_.covariance();
+    Eigen::Index r = 0;
+    std::vector<std::size_t> at;
+    for (const ModelTerm& t : model.terms) {
+      at.push_back(place_of(t.term));
+      r += parts_[at.back()].x.cols();
+    }
+    if (r == 0) return result;
+    MatrixXd effect(n, r);
+    Eigen::Index column = 0;
+    for (const std::size_t k : at) {
+      effect.middleCols(column, parts_[k].x.cols()) = parts_[k].effect;
+      column += parts_[k].x.cols();
+    }
+    VectorXd s;
+    const Eigen::LLT<MatrixXd> llt(system_of(model, at, s));
+    const MatrixXd half = llt.matrixL().solve(effect.transpose());
+    result.mean += half.transpose() * llt.matrixL().solve(s);
+    result.covariance += half.transpose() * half;
+    return result;
+  }
+
+  Explained explain(const WeighedModel& model) {
+    std::vector<std::size_t> at;
+    Eigen::Index r = 0;
+    for (const ModelTerm& t : model.terms) {
+      at.push_back(place_of(t.term));
+      r += parts_[at.back()].x.cols();
+    }
+    MatrixXd y(system_.coordinates(), r);
+    Eigen::Index column = 0;
+    for (const std::size_t k : at) {
+      y.middleCols(column, parts_[k].y.cols()) = parts_[k].y;
+      column += parts_[k].y.cols();
+    }
+    if (r == 0) return {y, VectorXd::Zero(0)};
+    VectorXd s;
+    const Eigen::LLT<MatrixXd> llt(system_of(model, at, s));
+    return {llt.matrixL().solve(y.transpose()).transpose(), llt.matrixL().solve(s)};
+  }
+  bool holds(const WeighedModel& model, std::size_t named) const {
+    return std::any_of(model.terms.begin(), model.terms.end(), [&](const ModelTerm& t) {
+      const std::vector<int>& columns = table_.terms[static_cast<std::size_t>(t.term)].columns;
+      return std::any_of(columns.begin(), columns.end(),
+                         [&](int c) { return table_.effects[static_cast<std::size_t>(c)].key() == named_[named]; });
+    });
+  }
+
+ private:
+  struct Part {
+    MatrixXd x, y, effect;
+    VectorXd s;
+  };
+  std::size_t place_of(int number) {
+    const auto found = places_.find(number);
+    if (found != places_.end()) return found->second;
+    const Term& term = table_.terms[static_cast<std::size_t>(number)];
+    Part part;
+    part.x = coordinates_of(table_.bases[term.basis], term.L, system_.coordinates());
+    part.y = system_.times(part.x);
+    part.s = term.L.transpose() * table_.blocks[term.basis].s;
+    const bool named = std::any_of(term.columns.begin(), term.columns.end(),
+                                   [&](int c) { return is_named(table_.effects[static_cast<std::size_t>(c)]); });
+    MatrixXd shift = table_.blocks[term.basis].shift;
+    if (term.about_mean && !named) shift += table_.taken_up[term.basis];
+    const Eigen::Index p = shift.rows();
+    part.effect = MatrixXd::Zero(p + static_cast<Eigen::Index>(named_.size()), term.L.cols());
+    part.effect.topRows(p) = shift * term.L;
+    for (const int c : term.columns) {
+      const EffectColumn& column = table_.effects[static_cast<std::size_t>(c)];
+      const auto at = std::find(named_.begin(), named_.end(), column.key());
+      if (at != named_.end())
+        part.effect.row(p + (at - named_.begin())) = term.L.row(table_.column_of_effect[static_cast<std::size_t>(c)]);
+    }
+    parts_.push_back(std::move(part));
+    places_[number] = parts_.size() - 1;
+    return parts_.size() - 1;
+  }
+
+  // Information of the coefficients with their priors, and their score.
+  MatrixXd system_of(const WeighedModel& model, const std::vector<std::size_t>& at, VectorXd& s) {
+    Eigen::Index r = 0;
+    for (const std::size_t k : at) r += parts_[k].x.cols();
+    MatrixXd M(r, r);
+    s.resize(r);
+    Eigen::Index row = 0;
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      const Eigen::Index m = parts_[at[i]].x.cols();
+      Eigen::Index column = row;
+      for (std::size_t j = i; j < at.size(); ++j) {
+        const MatrixXd& block = between(at[i], at[j]);
+        M.block(row, column, block.rows(), block.cols()) = block;
+        M.block(column, row, block.cols(), block.rows()) = block.transpose();
+        column += block.cols();
+      }
+      const Term& term = table_.terms[static_cast<std::size_t>(model.terms[i].term)];
+      M.diagonal().segment(row, m).array() += 1.0 / term.variance[model.terms[i].size];
+      M.block(row, row, m, m) +=
+          term.L.transpose() * (system_.floor() * table_.blocks[term.basis].before).asDiagonal() * term.L;
+      s.segment(row, m) = parts_[at[i]].s;
+      row += m;
+    }
+    return M;
+  }
+
+  const MatrixXd& between(std::size_t i, std::size_t j) {
+    MatrixXd& block = between_[{i, j}];
+    if (block.size() == 0) block.noalias() = parts_[i].x.transpose() * parts_[j].y;
+    return block;
+  }
+
+  const PieceSystem& system_;
+  const TermTable& table_;
+  std::vector<std::string> named_;
+  std::map<std::pair<std::size_t, std::size_t>, MatrixXd> between_;
+  std::map<int, std::size_t> places_;
+  std::vector<Part> parts_;
+};
+
+}  // namespace
+
+Explained explained_by(const UnderNoise& under, const WeighedModel& model) {
+  return Coefficients(*under.system, under.table, {}).explain(model);
+}
+
+AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const Posterior& posterior,
+                                     const std::vector<int>& named) {
+  const TermTable& table = under.front().table;
+  const Eigen::Index p = under.front().system->covariance().rows(), n = p + static_cast<Eigen::Index>(named.size());
+  std::vector<Coefficients> coefficients;
+  for (const UnderNoise& one : under) coefficients.emplace_back(*one.system, one.table, named);
+  std::vector<OfModel> all, with_names;
+  std::vector<std::vector<bool>> holds;
+  double kept = 0.0;
+  for (const WeighedModel& m : posterior.models) {
+    if (kept > averaged_share || all.size() == most_averaged) break;
+    kept += m.probability;
+    all.push_back(coefficients[m.noise].evaluate(m));
+    holds.emplace_back();
+    for (std::size_t k = 0; k < named.size(); ++k) holds.back().push_back(coefficients[m.noise].holds(m, k));
+    if (std::all_of(holds.back().begin(), holds.back().end(), [](bool held) { return held; }))
+      with_names.push_back(all.back());
+  }
+  if (with_names.empty()) with_names = all;
+  AveragedEstimate estimate;
+  double weight = 0.0;
+  VectorXd mean = VectorXd::Zero(n);
+  for (const OfModel& m : with_names) {
+    mean += m.probability * m.mean;
+    weight += m.probability;
+  }
+  mean /= weight;
+  estimate.covariance = MatrixXd::Zero(n, n);
+  for (const OfModel& m : with_names)
+    estimate.covariance += m.probability / weight * (m.covariance + (m.mean - mean) * (m.mean - mean).transpose());
+  // Beside a named effect the parameters are those where it is zero: of models without it they are less by what it has of them in the mean.
+  for (std::size_t k = 0; k < named.size(); ++k) {
+    const auto column = static_cast<std::size_t>(named[k]);
+    const VectorXd of_name = table.taken_up[table.basis_of_effect[column]].col(table.column_of_effect[column]) *
+                             mean[p + static_cast<Eigen::Index>(k)];
+    for (std::size_t i = 0; i < all.size(); ++i)
+      if (!holds[i][k]) all[i].mean.head(p) -= of_name;
+  }
+  constexpr double one_sigma = 0.15865525393145707;
+  estimate.shift.resize(n);
+  estimate.sigma.resize(n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const std::vector<OfModel>& of = i < p ? all : with_names;
+    estimate.shift[i] = quantile(of, i, 0.5);
+    estimate.sigma[i] = 0.5 * (quantile(of, i, 1.0 - one_sigma) - quantile(of, i, one_sigma));
+  }
+  const VectorXd scale = estimate.sigma.cwiseQuotient(estimate.covariance.diagonal().cwiseMax(1e-300).cwiseSqrt());
+  estimate.covariance = (scale.asDiagonal() * estimate.covariance * scale.asDiagonal()).eval();
+  return estimate;
+}
+
+}  // namespace turncal

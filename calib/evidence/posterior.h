@@ -1,0 +1,71 @@
+// Which terms a recording asks for, and what the parameters are then: an average over models.
+//
+// A model h is a set of terms, each with a size. About the fit everything is linear and Gaussian, so taking in one more term changes
+//   Q <- Q - Q B (Q_B + 1/v)^-1 B'Q,   s <- s - Q B (Q_B + 1/v)^-1 s_B
+// and the log evidence by s_B' (Q_B + 1/v)^-1 s_B / 2 - log det(1 + v Q_B) / 2 (Harville 1977; Kass and Raftery 1995): the evidence of a set is a
+// sum of steps, and a term that explains what another explained takes it away. The search goes level by level: every term at every size is
+// scored beside each of the best models, all of these count in the average, and the best are gone on with (Hoeting et al., Bayesian
+// model averaging, Stat. Sci. 14 (1999) 382).
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "calib/evidence/terms.h"
+
+namespace turncal {
+
+struct ModelTerm {
+  int term = 0, size = 0;
+  friend auto operator<=>(const ModelTerm&, const ModelTerm&) = default;
+};
+
+// The system and its terms at one noise model; a prior of equal odds is between several of them.
+struct UnderNoise {
+  const PieceSystem* system = nullptr;
+  TermTable table;
+};
+
+struct WeighedModel {
+  std::vector<ModelTerm> terms;  // sorted
+  std::size_t noise = 0;         // of which UnderNoise
+  double probability = 0.0;
+};
+
+struct Posterior {
+  std::vector<WeighedModel> models;  // the most probable first
+  int scored = 0;                    // models beside which all terms were scored
+};
+Posterior weigh_models(const std::vector<UnderNoise>& all);
+Statements statements_of(const std::vector<UnderNoise>& all, const Posterior& posterior);
+
+// What a model leaves of the system: Q|h = Q - Y Y', s|h = s - Y w.
+struct Explained {
+  Eigen::MatrixXd Y;
+  Eigen::VectorXd w;
+};
+Explained explained_by(const UnderNoise& under, const WeighedModel& model);
+
+// Columns of effects (TermTable::effects) that stand for all that is missing, and what the recording cannot tell from them.
+struct NamedEffects {
+  std::vector<int> columns;
+  std::vector<double> tau_s;  // of each: the mean over its variants, by their probability
+  double probability = 0.0;   // that nothing else is missing but for what is said by other names of the same branch
+  // Of the name of each effect: other formulas that models without it hold, with the probability of those.
+  std::map<std::string, std::map<std::string, double>> instead;
+};
+// `fitted`: keys of a set that is taken where another one is hardly more probable.
+NamedEffects named_effects(const std::vector<UnderNoise>& all, const Posterior& posterior,
+                           const std::vector<std::string>& fitted = {});
+
+// Of the parameters, from the fit, and after them the values of `named` columns: the median, half of the central 68 % of the mixture, and its
+// correlations. A parameter is what it is over the whole recording, beside the named effects where they are zero.
+struct AveragedEstimate {
+  Eigen::VectorXd shift, sigma;
+  Eigen::MatrixXd covariance;
+};
+AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const Posterior& posterior,
+                                     const std::vector<int>& named);
+
+}  // namespace turncal

@@ -1,0 +1,63 @@
+#include "calib/evidence/statement.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace turncal {
+
+std::vector<Statement> Statements::said() const {
+  const auto below = [](const Statement& a, const Statement& b) {  // b below a
+    const auto holds = [](const std::string& x, const std::string& y) { return x.empty() || x == y; };
+    return a.sensor == b.sensor && holds(a.quantity, b.quantity) && holds(a.driver, b.driver) &&
+           holds(a.formula, b.formula) && (a.quantity != b.quantity || a.driver != b.driver || a.formula != b.formula);
+  };
+  std::vector<Statement> said;
+  for (const Statement& a : nodes) {
+    if (a.probability < said_from) continue;
+    const bool deepest = std::none_of(nodes.begin(), nodes.end(),
+                                      [&](const Statement& b) { return b.probability >= said_from && below(a, b); });
+    if (deepest) said.push_back(a);
+  }
+  return said;
+}
+
+std::string words_of_probability(double p) {
+  return p > 0.995 ? "more than 0.99" : p < 0.005 ? "less than 0.01" : fmt::format("{:.2f}", p);
+}
+
+namespace {
+
+std::string sentence(const Statement& s) {
+  const std::string of = s.quantity.empty() ? s.sensor : "the " + s.quantity + " of " + s.sensor;
+  static const std::vector<std::pair<std::string, std::string>> drivers = {
+      {"time", "changes with time"},
+      {"temperature", "depends on the temperature"},
+      {"turns", "changes after a turn"},
+      {"angle", "depends on an angle of the table"},
+      {"force", "depends on the specific force"},
+      {"rate", "depends on the rate of rotation"},
+      {"field", "depends on the direction of north or up"}};
+  const auto found = std::find_if(drivers.begin(), drivers.end(), [&](const auto& d) { return d.first == s.driver; });
+  return fmt::format("{} {} ({})", of, found == drivers.end() ? "is not as modelled" : found->second,
+                     words_of_probability(s.probability));
+}
+
+}  // namespace
+
+std::string words_of(const Statements& statements) {
+  std::string words;
+  for (const Statement& s : statements.said()) {
+    words += (words.empty() ? "" : "; ") + sentence(s);
+    std::string formulas;
+    for (const Statement& f : statements.nodes)
+      if (!f.formula.empty() && f.sensor == s.sensor && (s.quantity.empty() || f.quantity == s.quantity) &&
+          (s.driver.empty() || f.driver == s.driver))
+        formulas += fmt::format("{}{} ({})", formulas.empty() ? ", maybe by " : " or ", f.formula,
+                                words_of_probability(f.probability));
+    words += formulas;
+  }
+  return words;
+}
+
+}  // namespace turncal

@@ -1,0 +1,530 @@
+#include "calib/evidence/terms.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+
+#include "calib/model/attitude.h"
+#include "calib/model/parameters.h"
+#include "calib/statistics/linear_algebra.h"
+
+#include <Eigen/QR>
+
+namespace turncal {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using Reading = Eigen::Matrix<double, 6, 1>;
+using Readings = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+
+// Prior probabilities: something of a kind is missing in one recording of three.
+constexpr double prior_effects = 0.7, prior_patterns = 0.7, prior_wander = 0.5;
+// Sizes of patterns and of a wander, in usual ones.
+const std::vector<double> pattern_sizes = {0.17, 0.5, 1.7, 5.0, 17.0, 50.0, 170.0};
+const std::vector<double> effect_sizes = {2.0, 5.0, 12.0, 30.0, 80.0, 250.0, 1000.0};
+// Usual sizes by data sheets of units of navigation grade, 0.003 deg/sqrt(h) and 10 ug/sqrt(Hz); others go with the noise.
+constexpr double usual_gyro_bias_degph = 0.03, usual_accel_bias_ug = 3.0, usual_ppm = 3.0;
+constexpr double navigation_arw = 0.003, navigation_vrw = 10.0;
+constexpr Eigen::Index wander_rank = 16;
+constexpr double largest_size = 1000.0;  // of an effect, in usual ones
+constexpr double least_part = 1e-7;      // of a column's information that the parameters leave: below it is rounding
+
+struct Grades {
+  double gyro = 1.0, accel = 1.0;
+};
+Grades grades_of(const NoiseModel& noise) {
+  return {std::max(1.0, noise.angle_random_walk.mean() / radprs_per_degprh / navigation_arw),
+          std::max(1.0, noise.velocity_random_walk.mean() / mpsprs_per_ugprHz / navigation_vrw)};
+}
+
+// One quantity of one sensor: what one usual unit of it reads in a cell.
+struct Channel {
+  Sensor sensor;
+  Quantity quantity;
+  int axis;
+  int from;  // direction: of which axis it takes a part
+  double unit;
+};
+Reading reading_of(const Channel& c, const ErrorCell& cell) {
+  Reading r = Reading::Zero();
+  const bool gyro = c.sensor == Sensor::gyro;
+  const Vector3d& input = gyro ? cell.at.w_b : cell.at.f_b;
+  if (gyro && c.quantity != Quantity::bias && !cell.turns) return r;
+  r[(gyro ? 0 : 3) + c.axis] = c.unit * (c.quantity == Quantity::bias ? 1.0 : input[c.from]);
+  return r;
+}
+
+std::vector<Channel> all_channels(const Grades& grades) {
+  std::vector<Channel> all;
+  for (int i = 0; i < 3; ++i) {
+    all.push_back({Sensor::gyro, Quantity::bias, i, i, usual_gyro_bias_degph * radps_per_degph * grades.gyro});
+    all.push_back({Sensor::gyro, Quantity::scale_factor, i, i, 1e-6 * usual_ppm * grades.gyro});
+    all.push_back({Sensor::accelerometer, Quantity::bias, i, i,
+                   usual_accel_bias_ug * 1e-6 * standard_gravity_mps2 * grades.accel});
+    all.push_back({Sensor::accelerometer, Quantity::scale_factor, i, i, 1e-6 * usual_ppm * grades.accel});
+    for (int j = 0; j < 3; ++j) {
+      if (i == j) continue;
+      all.push_back({Sensor::gyro, Quantity::direction, i, j, 1e-6 * usual_ppm * grades.gyro});
+      all.push_back({Sensor::accelerometer, Quantity::direction, i, j, 1e-6 * usual_ppm * grades.accel});
+    }
+  }
+  return all;
+}
+
+// Functions of a cell: `write` fills `count` values, all of them or those from `first` on.
+struct Functions {
+  Driver driver;
+  Eigen::Index count = 0;
+  bool of_epochs = false;  // one value each, the cell's own is 1
+  std::function<void(const ErrorCell&, Eigen::Ref<VectorXd>)> write;
+};
+
+constexpr int harmonics = 4, waves = 3;
+constexpr std::array<double, 3> decays_s = {15.0, 60.0, 250.0};
+
+std::vector<Functions> all_functions(const Pieces& pieces) {
+  std::vector<Functions> all;
+  Vector3d fastest = Vector3d::Constant(1e-2);
+  for (const ErrorCell& cell : pieces.cells) fastest = fastest.cwiseMax(cell.at.w_b.cwiseAbs());
+  const auto curve = [](double x, Eigen::Ref<VectorXd> v) {
+    for (int k = 1; k <= waves; ++k) {
+      v[2 * k - 2] = std::sin(0.5 * pi * k * x) / k;
+      v[2 * k - 1] = (1.0 - std::cos(0.5 * pi * k * x)) / k;
+    }
+  };
+  all.push_back({Driver::time, pieces.epochs, true, nullptr});
+  for (int axis = 0; axis < 3; ++axis) {
+    all.push_back({Driver::angle, 2 * harmonics, false, [axis](const ErrorCell& c, Eigen::Ref<VectorXd> v) {
+                     for (int h = 1; h <= harmonics; ++h) {
+                       v[2 * h - 2] = std::cos(h * c.at.table_rad[axis]) / h;
+                       v[2 * h - 1] = std::sin(h * c.at.table_rad[axis]) / h;
+                     }
+                   }});
+    all.push_back({Driver::force, 2 * waves, false, [axis, curve](const ErrorCell& c, Eigen::Ref<VectorXd> v) {
+                     curve(c.at.f_b[axis] / standard_gravity_mps2, v);
+                   }});
+    all.push_back({Driver::rate, 2 * waves, false,
+                   [axis, curve, most = fastest[axis]](const ErrorCell& c, Eigen::Ref<VectorXd> v) {
+                     if (c.turns)
+                       curve(c.at.w_b[axis] / most, v);
+                     else
+                       v.setZero();
+                   }});
+  }
+  all.push_back({Driver::turns, static_cast<Eigen::Index>(decays_s.size()), false,
+                 [](const ErrorCell& c, Eigen::Ref<VectorXd> v) {
+                   const double since = c.at.since_rotation_s, half = 0.5 * c.at.duration_s;
+                   for (std::size_t k = 0; k < decays_s.size(); ++k) {
+                     const double tau = decays_s[k];
+                     // The mean over the cell.
+                     v[static_cast<Eigen::Index>(k)] =
+                         c.turns || since > 1e6
+                             ? 0.0
+                             : tau / (2.0 * half) * (std::exp(-(since - half) / tau) - std::exp(-(since + half) / tau));
+                   }
+                 }});
+  return all;
+}
+
+// Adds what a cell's readings (6 x m) do to the coordinates of its piece.
+void place(const ErrorCell& cell, const Readings& readings,
+           Eigen::Ref<Eigen::Matrix<double, piece_dims, Eigen::Dynamic>> to) {
+  if (!cell.turns) {
+    to.topRows<6>() += readings;
+    return;
+  }
+  to.middleRows<3>(6) += cell.pushed * readings.topRows<3>();
+  to.middleRows<3>(9) += cell.fallen * readings.topRows<3>() + cell.pushed * readings.bottomRows<3>();
+}
+
+template <class Visit>  // of every cell of a piece
+void each_cell(const Pieces& pieces, std::size_t k, Visit visit) {
+  for (std::size_t c = pieces.pieces[k].first_cell; c <= pieces.pieces[k].rest_cell; ++c) visit(c, pieces.cells[c]);
+}
+
+// What of readings the biases and rows of the matrices take up over a recording, by least squares: accelerometers at rest, gyros in turns as
+// well. A parameter is what it is over the whole recording: a bias that steps is its mean.
+class TakenUp {
+ public:
+  TakenUp(const Pieces& pieces, const Parameters& fit, const std::vector<int>& columns) : fit_(fit), columns_(columns) {
+    Eigen::Matrix4d gyro = Eigen::Matrix4d::Zero(), accel = Eigen::Matrix4d::Zero();
+    for (const ErrorCell& cell : pieces.cells) {
+      const Eigen::Vector4d g = regressors(cell, true), a = regressors(cell, false);
+      gyro += cell.at.duration_s * g * g.transpose();
+      accel += cell.at.duration_s * a * a.transpose();
+    }
+    gyro_ = gyro.completeOrthogonalDecomposition().pseudoInverse();
+    accel_ = accel.completeOrthogonalDecomposition().pseudoInverse();
+  }
+  // Sums over the cells; a column's are 4 x 6, by sensor.
+  using Sums = std::vector<Eigen::Matrix<double, 4, 6>>;
+  static void add(const ErrorCell& cell, const Readings& readings, Eigen::Index first, Sums& sums) {
+    const Eigen::Vector4d g = cell.at.duration_s * regressors(cell, true),
+                          a = cell.at.duration_s * regressors(cell, false);
+    for (Eigen::Index k = 0; k < readings.cols(); ++k) {
+      auto& sum = sums[static_cast<std::size_t>(first + k)];
+      sum.leftCols<3>() += g * readings.col(k).head<3>().transpose();
+      sum.rightCols<3>() += a * readings.col(k).tail<3>().transpose();
+    }
+  }
+  MatrixXd as_parameters(const Sums& sums) const {
+    MatrixXd all(static_cast<Eigen::Index>(columns_.size()), static_cast<Eigen::Index>(sums.size()));
+    for (std::size_t k = 0; k < sums.size(); ++k) {
+      const Eigen::Matrix<double, 4, 3> gyro = gyro_ * sums[k].leftCols<3>(), accel = accel_ * sums[k].rightCols<3>();
+      Parameters change;
+      change.N0_degph = gyro.row(0).transpose() / radps_per_degph;
+      change.A0_g = accel.row(0).transpose() / standard_gravity_mps2;
+      change.n = -gyro.bottomRows<3>().transpose() * fit_.n;
+      change.a = -accel.bottomRows<3>().transpose() * fit_.a;
+      // The body frame stays on the accelerometers: a21 = a31 = a32 = 0.
+      const Matrix3d turn = skew(Vector3d(-change.a(2, 1), change.a(2, 0), -change.a(1, 0)));
+      change.n += turn * fit_.n;
+      change.a += turn * fit_.a;
+      const ParameterVector vector = to_vector(change);
+      for (std::size_t i = 0; i < columns_.size(); ++i)
+        all(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) =
+            columns_[i] < parameter_count ? vector[columns_[i]] : 0.0;
+    }
+    return all;
+  }
+
+ private:
+  static Eigen::Vector4d regressors(const ErrorCell& cell, bool gyro) {
+    if (gyro) {
+      Eigen::Vector4d x(1.0, 0.0, 0.0, 0.0);
+      if (cell.turns) x.tail<3>() = cell.at.w_b;
+      return x;
+    }
+    Eigen::Vector4d x = Eigen::Vector4d::Zero();
+    if (!cell.turns) x << 1.0, cell.at.f_b;
+    return x;
+  }
+  const Parameters& fit_;
+  const std::vector<int>& columns_;
+  Eigen::Matrix4d gyro_, accel_;
+};
+
+Weights weights_of(const Pieces& pieces, const std::vector<Channel>& channels, const Functions& f,
+                   TakenUp::Sums& sums) {
+  const auto wide = static_cast<Eigen::Index>(channels.size());  // side by side: column = function * wide + channel
+  Weights weights;
+  weights.columns = f.count * wide;
+  sums.assign(static_cast<std::size_t>(weights.columns), Eigen::Matrix<double, 4, 6>::Zero());
+  VectorXd value(f.of_epochs ? 1 : f.count);
+  for (std::size_t k = 0; k < pieces.pieces.size(); ++k) {
+    Weights::Part part;
+    const Eigen::Index mine = f.of_epochs ? 1 : f.count;
+    if (f.of_epochs) part.first = pieces.cells[pieces.pieces[k].rest_cell].epoch * wide;
+    part.of.setZero(piece_dims, mine * wide);
+    Readings readings(6, mine * wide);
+    each_cell(pieces, k, [&](std::size_t, const ErrorCell& cell) {
+      if (f.of_epochs)
+        value.setOnes();
+      else
+        f.write(cell, value);
+      for (Eigen::Index c = 0; c < wide; ++c) {
+        const Reading one = reading_of(channels[static_cast<std::size_t>(c)], cell);
+        for (Eigen::Index j = 0; j < mine; ++j) readings.col(j * wide + c) = one * value[j];
+      }
+      place(cell, readings, part.of);
+      TakenUp::add(cell, readings, part.first, sums);
+    });
+    weights.add(std::move(part));
+  }
+  return weights;
+}
+
+// L with L L' = K, scaled to a mean square of one; directions of less than `floor` of the largest, and all but `most` of them, are left out.
+MatrixXd factor(const MatrixXd& K, double floor, Eigen::Index most = 1000) {
+  const SymmetricEigen e = symmetric_eigen(K);
+  const double largest = e.values.maxCoeff();
+  Eigen::Index from = std::max<Eigen::Index>(0, e.values.size() - most);
+  while (from < e.values.size() - 1 && e.values[from] < floor * largest) ++from;
+  const Eigen::Index rank = e.values.size() - from;
+  const double norm = std::sqrt(K.trace() / static_cast<double>(K.rows()));
+  return e.vectors.rightCols(rank) * (e.values.tail(rank).cwiseMax(0.0).cwiseSqrt() / norm).asDiagonal();
+}
+
+struct Kernel {
+  Driver driver;
+  MatrixXd L;
+  double share = 1.0;
+};
+struct Epochs {
+  VectorXd time_s, temperature_c;
+};
+Epochs epochs_of(const Pieces& pieces) {
+  Epochs e = {VectorXd::Zero(pieces.epochs), VectorXd::Zero(pieces.epochs)};
+  VectorXd weight = VectorXd::Zero(pieces.epochs);
+  for (const ErrorCell& cell : pieces.cells) {
+    e.time_s[cell.epoch] += cell.at.duration_s * cell.at.time_s;
+    e.temperature_c[cell.epoch] += cell.at.duration_s * cell.at.temperature_c;
+    weight[cell.epoch] += cell.at.duration_s;
+  }
+  e.time_s = e.time_s.cwiseQuotient(weight.cwiseMax(1e-9));
+  e.temperature_c = e.temperature_c.cwiseQuotient(weight.cwiseMax(1e-9));
+  return e;
+}
+
+MatrixXd differences(const VectorXd& x) {
+  MatrixXd d(x.size(), x.size());
+  for (Eigen::Index i = 0; i < x.size(); ++i) d.col(i) = (x.array() - x[i]).abs();
+  return d;
+}
+MatrixXd smooth(const VectorXd& x, double length) { return (-0.5 * (differences(x) / length).array().square()).exp(); }
+MatrixXd walk(const VectorXd& x) {
+  MatrixXd K(x.size(), x.size());
+  for (Eigen::Index i = 0; i < x.size(); ++i)
+    for (Eigen::Index j = 0; j < x.size(); ++j) K(i, j) = std::min(x[i], x[j]);
+  return K;
+}
+
+std::vector<Kernel> kernels_of(const Epochs& e) {
+  const Eigen::Index n = e.time_s.size();
+  std::vector<Kernel> all;
+  if (n < 4) return all;
+  const double length = e.time_s.maxCoeff() - e.time_s.minCoeff();
+  all.push_back({Driver::unknown, MatrixXd::Identity(n, n)});
+  all.push_back({Driver::time, factor(walk(VectorXd::LinSpaced(n, 1.0, static_cast<double>(n))), 1e-3)});
+  for (const double part : {0.3, 0.1}) all.push_back({Driver::time, factor(smooth(e.time_s, part * length), 1e-4)});
+  const double range = e.temperature_c.maxCoeff() - e.temperature_c.minCoeff();
+  if (range > 0.3) all.push_back({Driver::temperature, factor(smooth(e.temperature_c, 0.35 * range), 1e-4)});
+  for (Eigen::Index j = 1; j < n; ++j) {
+    MatrixXd step = MatrixXd::Zero(n, 1);
+    step.bottomRows(n - j).setOnes();
+    all.push_back({Driver::time, step, 1.0 / static_cast<double>(n)});
+  }
+  return all;
+}
+
+MatrixXd side_by_side(const MatrixXd& L, Eigen::Index wide) {
+  MatrixXd all = MatrixXd::Zero(L.rows() * wide, L.cols() * wide);
+  for (Eigen::Index i = 0; i < L.rows(); ++i)
+    for (Eigen::Index j = 0; j < L.cols(); ++j)
+      for (Eigen::Index c = 0; c < wide; ++c) all(i * wide + c, j * wide + c) = L(i, j);
+  return all;
+}
+
+std::string sensor_name(Sensor sensor, int axis) {
+  return axis < 0 ? std::string(to_string(sensor)) : std::string(to_string(sensor)) + " " + "xyz"[axis];
+}
+
+Quantity canonical(Sensor sensor, Quantity quantity, Driver driver) {
+  if (sensor == Sensor::accelerometer && driver == Driver::force) return Quantity::bias;
+  if (sensor == Sensor::gyro && quantity == Quantity::direction && driver == Driver::rate)
+    return Quantity::scale_factor;
+  return quantity;
+}
+
+// Half-Cauchy about one usual size.
+void pattern_prior(double share, double kind, double smaller, Term& term) {
+  const auto n = static_cast<Eigen::Index>(pattern_sizes.size());
+  term.variance.resize(n);
+  term.log_prior.resize(n);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const double size = pattern_sizes[static_cast<std::size_t>(k)];
+    term.variance[k] = std::pow(size * smaller, 2);
+    term.log_prior[k] = size / (1.0 + size * size);
+  }
+  term.log_prior = (term.log_prior / term.log_prior.sum() * share * kind).array().log();
+}
+
+class Table {
+ public:
+  Table(const Pieces& pieces, const NoiseModel& noise, const Parameters& fit, const std::vector<int>& columns)
+      : pieces_(pieces), grades_(grades_of(noise)), taken_up_(pieces, fit, columns) {}
+
+  void add_patterns() {
+    const std::vector<Functions> functions = all_functions(pieces_);
+    const Epochs epochs = epochs_of(pieces_);
+    const std::vector<Kernel> kernels = kernels_of(epochs);
+    for (const Channel& channel : all_channels(grades_))
+      for (const Functions& f : functions) {
+        const std::size_t basis = add_basis({channel}, f);
+        const auto add = [&](Driver driver, const MatrixXd& L, double share) {
+          Term term;
+          term.kind = TermKind::pattern;
+          term.what = {sensor_name(channel.sensor, channel.axis),
+                       std::string(to_string(canonical(channel.sensor, channel.quantity, driver))),
+                       std::string(to_string(driver)), "", 0.0};
+          term.basis = basis;
+          term.L = L;
+          shares_.push_back(share);
+          table_.terms.push_back(std::move(term));
+        };
+        if (f.of_epochs)
+          for (const Kernel& kernel : kernels) add(kernel.driver, kernel.L, kernel.share);
+        else
+          add(f.driver, MatrixXd::Identity(f.count, f.count) / std::sqrt(0.5 * static_cast<double>(f.count)), 1.0);
+      }
+    double all = 0.0;
+    for (const double share : shares_) all += share;
+    for (std::size_t k = 0; k < shares_.size(); ++k)
+      pattern_prior(shares_[k] / all, prior_patterns, 1.0, table_.terms[k]);
+    add_wander(epochs, Sensor::gyro, functions.front());
+    add_wander(epochs, Sensor::accelerometer, functions.front());
+  }
+
+  void add_effects(const std::vector<EffectColumn>& effects, const std::vector<Readings>& readings) {
+    table_.effects = effects;
+    table_.basis_of_effect.resize(effects.size());
+    table_.column_of_effect.resize(effects.size());
+    for (std::size_t begin = 0, end; begin < effects.size(); begin = end) {
+      end = begin + 1;
+      while (end < effects.size() && effects[end].entry == effects[begin].entry &&
+             effects[end].tau_s == effects[begin].tau_s && effects[end].recording == effects[begin].recording)
+        ++end;
+      Weights weights;
+      weights.columns = static_cast<Eigen::Index>(end - begin);
+      TakenUp::Sums sums(end - begin, Eigen::Matrix<double, 4, 6>::Zero());
+      for (std::size_t k = 0; k < pieces_.pieces.size(); ++k) {
+        Weights::Part part;
+        part.of.setZero(piece_dims, weights.columns);
+        each_cell(pieces_, k, [&](std::size_t c, const ErrorCell& cell) {
+          const Readings mine = readings[c].middleCols(static_cast<Eigen::Index>(begin), weights.columns);
+          place(cell, mine, part.of);
+          TakenUp::add(cell, mine, 0, sums);
+        });
+        weights.add(std::move(part));
+      }
+      const std::size_t basis = add_basis(std::move(weights), sums);
+      for (std::size_t k = begin; k < end; ++k) {
+        table_.basis_of_effect[k] = basis;
+        table_.column_of_effect[k] = static_cast<int>(k - begin);
+      }
+    }
+  }
+
+  TermTable take(const PieceSystem& system) {
+    table_.blocks = system.blocks(table_.bases);
+    add_effect_terms();
+    return std::move(table_);
+  }
+
+ private:
+  std::size_t add_basis(Weights weights, const TakenUp::Sums& sums) {
+    table_.bases.push_back(std::move(weights));
+    table_.taken_up.push_back(taken_up_.as_parameters(sums));
+    return table_.bases.size() - 1;
+  }
+  std::size_t add_basis(const std::vector<Channel>& channels, const Functions& f) {
+    TakenUp::Sums sums;
+    Weights weights = weights_of(pieces_, channels, f, sums);
+    return add_basis(std::move(weights), sums);
+  }
+
+  // The same for the three axes, each with a course of its own.
+  void add_wander(const Epochs& epochs, Sensor sensor, const Functions& of_epochs) {
+    std::vector<Channel> channels;
+    for (const Channel& c : all_channels(grades_))
+      if (c.sensor == sensor && c.quantity == Quantity::bias) channels.push_back(c);
+    const std::size_t basis = add_basis(channels, of_epochs);
+    const auto wide = static_cast<Eigen::Index>(channels.size());
+    // Flicker noise: processes of all correlation times, with as much in each. Its mean is the bias; of a walk the bias is that over the
+    // recording.
+    const MatrixXd d = differences(epochs.time_s);
+    MatrixXd flicker = MatrixXd::Zero(d.rows(), d.cols());
+    for (const double tau : {200.0, 600.0, 2000.0}) flicker.array() += (-d / tau).array().exp();
+    const std::vector<MatrixXd> kernels = {walk(epochs.time_s), flicker};
+    for (const MatrixXd& K : kernels) {
+      Term term;
+      term.about_mean = &K == &kernels.front();
+      term.kind = TermKind::noise;
+      term.what.sensor = std::string(to_string(sensor)) + "s";
+      term.basis = basis;
+      term.L = side_by_side(factor(K, 3e-3, wander_rank), wide);
+      pattern_prior(1.0 / static_cast<double>(kernels.size()), prior_wander, 0.1, term);
+      table_.terms.push_back(std::move(term));
+    }
+  }
+
+  // Each component, and the components of one sensor together, scaled to their own sigma.
+  void add_effect_terms() {
+    struct Group {
+      std::vector<int> columns;
+      double share;
+    };
+    std::vector<Group> groups;
+    double all = 0.0;
+    std::map<std::pair<std::size_t, int>, std::vector<int>> rows;  // of a basis, by sensor
+    for (std::size_t k = 0; k < table_.effects.size(); ++k) {
+      const EffectEntry& entry = *table_.effects[k].entry;
+      const double variants = static_cast<double>(std::max<std::size_t>(1, entry.taus_s.size()));
+      if (!seen(static_cast<int>(k))) continue;
+      groups.push_back({{static_cast<int>(k)}, 1.0 / variants});
+      rows[{table_.basis_of_effect[k], axis_of(table_.effects[k])}].push_back(static_cast<int>(k));
+    }
+    for (const auto& [of, columns] : rows)
+      if (of.second >= 0 && columns.size() > 1) groups.push_back({columns, 1.0});
+    for (const Group& g : groups) all += g.share;
+    for (const Group& g : groups) {
+      const EffectColumn& first = table_.effects[static_cast<std::size_t>(g.columns.front())];
+      const std::size_t basis = table_.basis_of_effect[static_cast<std::size_t>(g.columns.front())];
+      const PieceSystem::Block& block = table_.blocks[basis];
+      Term term;
+      term.kind = TermKind::effect;
+      term.what = {sensor_name(first.entry->sensor, axis_of(first)), std::string(to_string(first.entry->quantity)),
+                   std::string(to_string(first.entry->driver)), std::string(first.entry->name), 0.0};
+      term.basis = basis;
+      term.columns = g.columns;
+      term.L = MatrixXd::Zero(block.Q.rows(), static_cast<Eigen::Index>(g.columns.size()));
+      double widest = 0.0;
+      for (std::size_t j = 0; j < g.columns.size(); ++j) {
+        const int at = table_.column_of_effect[static_cast<std::size_t>(g.columns[j])];
+        const double sigma = 1.0 / std::sqrt(block.Q(at, at));
+        term.L(at, static_cast<Eigen::Index>(j)) = sigma;
+        widest = std::max(widest, sigma);
+      }
+      const double cap = largest_size * usual_of(*first.entry) / widest;
+      const auto n = static_cast<Eigen::Index>(effect_sizes.size());
+      term.variance.resize(n);
+      for (Eigen::Index k = 0; k < n; ++k)
+        term.variance[k] = std::pow(std::min(effect_sizes[static_cast<std::size_t>(k)], cap), 2);
+      term.log_prior.setConstant(n, std::log(prior_effects * g.share / all / static_cast<double>(n)));
+      table_.terms.push_back(std::move(term));
+    }
+  }
+
+  bool seen(int k) const {
+    const PieceSystem::Block& block = table_.blocks[table_.basis_of_effect[static_cast<std::size_t>(k)]];
+    const int at = table_.column_of_effect[static_cast<std::size_t>(k)];
+    return block.Q(at, at) > least_part * block.before[at] && block.Q(at, at) > 0.0;
+  }
+  static int axis_of(const EffectColumn& c) {
+    const std::string_view component = c.entry->components[static_cast<std::size_t>(c.component)];
+    const std::size_t axis = std::string_view("xyz").find(component.front());
+    return c.entry->sensor == Sensor::earth_rate || axis == std::string_view::npos || component == "period"
+               ? -1
+               : static_cast<int>(axis);
+  }
+  // In the unit of the effect.
+  double usual_of(const EffectEntry& entry) const {
+    const double grade = entry.sensor == Sensor::gyro ? grades_.gyro : grades_.accel;
+    if (entry.unit.starts_with("deg/h")) return usual_gyro_bias_degph * grade;
+    if (entry.unit == "mm" || entry.unit == "ms" || entry.unit == "%") return 0.03 * grade;
+    return usual_ppm * grade;
+  }
+
+  const Pieces& pieces_;
+  const Grades grades_;
+  const TakenUp taken_up_;
+  TermTable table_;
+  std::vector<double> shares_;
+};
+
+}  // namespace
+
+TermTable make_terms(const PieceSystem& system, const Pieces& pieces, const std::vector<EffectColumn>& effects,
+                     const std::vector<Readings>& readings, const NoiseModel& noise, const Parameters& fit,
+                     const std::vector<int>& columns) {
+  Table table(pieces, noise, fit, columns);
+  table.add_patterns();
+  table.add_effects(effects, readings);
+  return table.take(system);
+}
+
+}  // namespace turncal

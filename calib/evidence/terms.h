@@ -1,0 +1,52 @@
+// Everything that may be missing from the model, as one table of terms.
+//
+// A term is one thing: a sensor's quantity, what drives it, and its shape. Its columns are B = basis L, its coefficients z ~ N(0, v 1) with a
+// prior over the size sqrt(v). A basis is a set of functions on the cells (pieces.h); terms that share one differ in L alone.
+//   effect    a component of the catalogue (effects.h), each with every time constant; or a row of components of one sensor
+//   pattern   a quantity of a sensor times a function that has no formula: harmonics 1 to 4 of a table angle (size 1/h), two waves of a
+//             component of force or rate, decays after a turn; or any function that is constant over an epoch, z = L'' z'' with
+//             L'' L''' a kernel: another value each (whatever drives it), a walk, smooth in time or temperature, one step
+//   noise     a wander of the three biases of a kind: it widens sigmas and is no missing effect
+// Sizes: a grid of about a factor of three; of effects 2 to 1000 of their own sigma, capped at what no sensor has; of patterns and noise
+// half-Cauchy about what data sheets give for that quantity and grade.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/evidence/piece_system.h"
+#include "calib/evidence/statement.h"
+#include "calib/model/noise_model.h"
+
+namespace turncal {
+
+enum class TermKind { effect, pattern, noise };
+
+struct Term {
+  TermKind kind = TermKind::pattern;
+  Statement what;  // its node; of noise: empty but for the sensor
+  std::size_t basis = 0;
+  Eigen::MatrixXd L;
+  Eigen::VectorXd variance, log_prior;  // of each size
+  bool about_mean = true;               // what biases and matrices take up of it over the recording is theirs
+  std::vector<int> columns;             // of an effect: in TermTable::effects
+};
+
+struct TermTable {
+  std::vector<EffectColumn> effects;
+  std::vector<Weights> bases;
+  std::vector<PieceSystem::Block> blocks;  // of each basis
+  std::vector<Eigen::MatrixXd>
+      taken_up;  // of each basis: what of a column biases and matrices take up, parameters x columns
+  std::vector<Term> terms;
+  std::vector<std::size_t> basis_of_effect;  // of each of `effects`, and its column there
+  std::vector<int> column_of_effect;
+};
+
+// `readings`: of every cell what one unit of each effect's column adds to (gyro, accelerometer), 6 x effects.
+// `fit`: of the parameters `columns` of [24, effects].
+TermTable make_terms(const PieceSystem& system, const Pieces& pieces, const std::vector<EffectColumn>& effects,
+                     const std::vector<Eigen::Matrix<double, 6, Eigen::Dynamic>>& readings, const NoiseModel& noise,
+                     const Parameters& fit, const std::vector<int>& columns);
+
+}  // namespace turncal
