@@ -125,6 +125,7 @@ class Diagnosing {
       if (!again.converged) break;
       fit = std::move(again);
       named = std::move(more);
+      evidence = {};  // one at a time in memory
       evidence = weigh(fit);
     }
     const std::optional<SeveralRecordings> apart = contradiction(recordings_, d_.base);
@@ -191,7 +192,7 @@ class Diagnosing {
     std::vector<EffectColumn> columns;
     if (e.statements.anything < said_from || e.named.probability < carried_by_names) return columns;
     for (std::size_t k = 0; k < e.named.columns.size(); ++k) {
-      columns.push_back(e.table.effects[static_cast<std::size_t>(e.named.columns[k])]);
+      columns.push_back(e.at_each_noise.front().table.effects[static_cast<std::size_t>(e.named.columns[k])]);
       if (e.named.tau_s[k] > 0.0) columns.back().tau_s = e.named.tau_s[k];
     }
     return columns;
@@ -216,7 +217,7 @@ class Diagnosing {
     d_.verdict = !missing ? Verdict::clean : by_name ? Verdict::extended : Verdict::unexplained;
     d_.extended = by_name ? fit : d_.base;
     d_.fitted_covariance = d_.extended.covariance;
-    hand_out(e, by_name ? e.beside_names : e.plain, fit);
+    hand_out(e, by_name, fit);
     d_.reason = missing ? "something is missing with a probability of " + words_of_probability(e.statements.anything)
                         : fmt::format("the probability that something is missing is {}, and a claim needs {}",
                                       words_of_probability(e.statements.anything), said_from);
@@ -239,7 +240,11 @@ class Diagnosing {
   }
 
   // The averages, about `fit`, in the place of the extended model's own. What is not determined stays as it is.
-  void hand_out(const Evidence& e, const AveragedEstimate& average, const JointResult& fit) {
+  void hand_out(const Evidence& e, bool by_name, const JointResult& fit) {
+    if (e.at_each_noise.empty()) return;
+    const AveragedEstimate average =
+        average_over_models(e.at_each_noise, e.posterior, by_name ? e.named.columns : std::vector<int>{});
+    const TermTable& table = e.at_each_noise.front().table;
     JointResult& r = d_.extended;
     const ParameterVector about = to_vector(fit.parameters);
     ParameterVector values = to_vector(r.parameters);
@@ -255,7 +260,7 @@ class Diagnosing {
       }
       const std::string key = r.effects[static_cast<std::size_t>(column - parameter_count)].column.key();
       const auto of = std::find_if(e.named.columns.begin(), e.named.columns.end(),
-                                   [&](int c) { return e.table.effects[static_cast<std::size_t>(c)].key() == key; });
+                                   [&](int c) { return table.effects[static_cast<std::size_t>(c)].key() == key; });
       if (of == e.named.columns.end()) return;
       place.push_back(p + (of - e.named.columns.begin()));
     }
@@ -277,13 +282,15 @@ class Diagnosing {
   }
 
   void list_candidates(const Evidence& e) {
-    for (std::size_t k = 0; k < e.table.effects.size(); ++k) {
-      const EffectColumn& column = e.table.effects[k];
-      const PieceSystem::Block& block = e.table.blocks[e.table.basis_of_effect[k]];
-      const int at = e.table.column_of_effect[k];
+    static const TermTable none;
+    const TermTable& table = e.at_each_noise.empty() ? none : e.at_each_noise.front().table;
+    for (std::size_t k = 0; k < table.effects.size(); ++k) {
+      const EffectColumn& column = table.effects[k];
+      const PieceSystem::Block& block = table.blocks[table.basis_of_effect[k]];
+      const int at = table.column_of_effect[k];
       CandidateScore c = {.column = column, .visible = false};
-      const double Q = block.Q(at, at);
-      if (Q > 1e-7 * block.before[at] && Q > 0.0) {
+      if (is_seen(table, k)) {
+        const double Q = block.Q(at, at);
         c.value = block.s[at] / Q;
         c.sigma = 1.0 / std::sqrt(Q);
         c.z = c.value / c.sigma;
@@ -330,8 +337,8 @@ class Diagnosing {
       o.unobserved = unobserved;
       o.noise = d_.extended.noise;
       o.faults_of = &from;
-      o.one_step =
-          true;  // a quarter of the dwells moves no parameter by more than a few sigma: the problem is linear there
+      // A quarter of the dwells moves no parameter by more than a few sigma: the problem is linear there.
+      o.one_step = true;
       return joint_estimate(recording_, o);
     };
     return recordings_.parts.size() > 1 ? HoldoutGate::recordings_in_turn(recordings_, refit)

@@ -40,24 +40,19 @@ Eigen::VectorXd pull_on(const JointResult& fit, const std::vector<int>& columns)
   return pull;
 }
 
-// The values of a fit's effects, of the columns of a table; an effect with another time constant than any of the table's is next to it.
+// The values of a fit's effects, as coordinates of the columns of a table, which has each of them (columns_beside).
 Eigen::VectorXd coordinates_of_effects(const JointResult& fit, const TermTable& table, Eigen::Index rows) {
   Eigen::VectorXd x = Eigen::VectorXd::Zero(rows);
   for (const EstimatedEffect& effect : fit.effects) {
-    int best = -1;
-    for (std::size_t k = 0; k < table.effects.size(); ++k) {
-      const EffectColumn& c = table.effects[k];
-      if (c.key() != effect.column.key()) continue;
-      const auto away = [&](const EffectColumn& o) {
-        return o.tau_s > 0.0 ? std::abs(std::log(o.tau_s / effect.column.tau_s)) : 0.0;
-      };
-      if (best < 0 || away(c) < away(table.effects[static_cast<std::size_t>(best)])) best = static_cast<int>(k);
-    }
-    if (best < 0) continue;
-    const Weights& basis = table.bases[table.basis_of_effect[static_cast<std::size_t>(best)]];
-    const int column = table.column_of_effect[static_cast<std::size_t>(best)];
+    const auto found = std::find_if(table.effects.begin(), table.effects.end(), [&](const EffectColumn& c) {
+      return c.key() == effect.column.key() && c.tau_s == effect.column.tau_s;
+    });
+    if (found == table.effects.end()) continue;  // of turn-on: it stays in the model
+    const auto at = static_cast<std::size_t>(found - table.effects.begin());
+    const Weights& basis = table.bases[table.basis_of_effect[at]];
     for (std::size_t k = 0; k < basis.parts.size(); ++k)
-      x.segment<piece_dims>(piece_dims * static_cast<Eigen::Index>(k)) += effect.value * basis.parts[k].of.col(column);
+      x.segment<piece_dims>(piece_dims * static_cast<Eigen::Index>(k)) +=
+          effect.value * basis.parts[k].of.col(table.column_of_effect[at]);
   }
   return x;
 }
@@ -107,8 +102,8 @@ PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointRe
   for (const int c : view.columns)  // what the recording leaves open is within its plausible range
     if (c < fit.ranges.size()) pass.information(c, c) += 1.0 / (fit.ranges[c] * fit.ranges[c]);
   if (pass.steps.empty()) return view;
-  view.states.insert(view.states.begin(), pass.steps.front().block,
-                     BlockState{});  // before the first rest nothing is navigated
+  // Before the first rest nothing is navigated.
+  view.states.insert(view.states.begin(), pass.steps.front().block, BlockState{});
   view.states.resize(view.recording.blocks.size());
   view.pieces = cut_into_pieces(view.recording, pass.steps, view.states);
   if (!view.pieces.pieces.empty() && !view.columns.empty())
@@ -121,16 +116,14 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
   const std::vector<EffectColumn> effects = columns_beside(fit, catalogue_columns(recording.info, recordings));
   const bool any_taken_off = std::any_of(fit.effects.begin(), fit.effects.end(),
                                          [](const EstimatedEffect& e) { return !is_turn_on(e.column); });
-  std::vector<PiecewiseView> views;
-  std::vector<UnderNoise> all;
   Evidence result;
   for (const double part : {1.0, 1.0 / 3.0, 0.0}) {
     NoiseModel noise = fit.noise;
     noise.gyro_bias_instability_radps *= part;
     noise.accel_bias_instability_mps2 *= part;
     if (part < 1.0 && !fit.noise.has_bias_instability()) break;
-    views.push_back(view_in_pieces(recording, fit, noise));
-    PiecewiseView& view = views.back();
+    result.views.push_back(view_in_pieces(recording, fit, noise));
+    PiecewiseView& view = result.views.back();
     result.columns = view.columns;
     if (!view.system) return result;
     const EffectModel catalogue =
@@ -140,11 +133,13 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
                            fit.noise, fit.parameters, result.columns);
     if (any_taken_off) {
       view.system->put_back(coordinates_of_effects(fit, one.table, view.system->coordinates()));
-      one.table.blocks = view.system->blocks(one.table.bases);
+      for (std::size_t k = 0; k < one.table.bases.size(); ++k)
+        one.table.blocks[k].s = view.system->score(one.table.bases[k]);
     }
     one.system = view.system.get();
-    all.push_back(std::move(one));
+    result.at_each_noise.push_back(std::move(one));
   }
+  const std::vector<UnderNoise>& all = result.at_each_noise;
   result.posterior = weigh_models(all);
   result.statements = statements_of(all, result.posterior);
   std::vector<std::string> fitted;
@@ -152,13 +147,9 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
     if (!is_turn_on(effect.column)) fitted.push_back(effect.column.key());
   std::sort(fitted.begin(), fitted.end());
   result.named = named_effects(all, result.posterior, fitted);
-  result.plain = average_over_models(all, result.posterior, {});
-  result.beside_names =
-      result.named.columns.empty() ? result.plain : average_over_models(all, result.posterior, result.named.columns);
   const WeighedModel& best = result.posterior.models.front();
-  const PiecewiseView& view = views[best.noise];
+  const PiecewiseView& view = result.views[best.noise];
   test_pieces(view.recording, view.pieces, all[best.noise], best, result.omnibus);
-  result.table = std::move(all.front().table);
   return result;
 }
 

@@ -23,12 +23,12 @@ PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointRe
 
 struct Evidence {
   std::vector<int> columns;  // of [24 parameters, effects of the fit]: those of the averages
-  TermTable table;           // at the noise of the fit
-  Posterior posterior;       // at each noise, together
+  std::vector<PiecewiseView> views;
+  std::vector<UnderNoise> at_each_noise;  // of `views`, the fit's first; empty: no rest
+  Posterior posterior;                    // at each noise, together
   Statements statements;
   NamedEffects named;
-  AveragedEstimate plain, beside_names;  // without and with the named effects as part of the model
-  Omnibus omnibus;                       // of the most probable model
+  Omnibus omnibus;  // of the most probable model
 };
 
 // `fit`: of `recording`, which is joined from so many. Effects of the fit other than turn-ons are terms like all others: about them

@@ -139,14 +139,25 @@ void PieceSystem::put_back(const VectorXd& x) {
   fit_shift_ -= A_inverse_ * (R_.transpose() * x);
 }
 
+VectorXd PieceSystem::score(const Weights& weights) const {
+  VectorXd s = VectorXd::Zero(weights.columns);
+  for (std::size_t a = links_.size(); a-- > 0;) {
+    const Weights::Part& part = weights.parts[a];
+    if (part.of.cols() == 0) continue;
+    const MatrixXd W = part.of.transpose();
+    s.segment(part.first, W.rows()).noalias() += W * s_.segment<piece_dims>(piece_dims * static_cast<Eigen::Index>(a));
+  }
+  return s;
+}
+
 std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& weights) const {
   Eigen::Index all = 0;
   for (const Weights& w : weights) all += w.columns;
   std::vector<Block> result(weights.size());
   for (std::size_t k = 0; k < weights.size(); ++k) {
-    result[k].Q.setZero(weights[k].columns,
-                        weights[k].columns);  // with itself, and half of what it has with later pieces
-    result[k].s.setZero(weights[k].columns);
+    // With itself, and half of what it has with later pieces.
+    result[k].Q.setZero(weights[k].columns, weights[k].columns);
+    result[k].s = score(weights[k]);
   }
   MatrixXd cross = MatrixXd::Zero(R_.cols(), all);
   // Side by side, products of many columns cost little more than those of one. Transposed: a row a column.
@@ -174,7 +185,6 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
         next.middleRows(at + part.first, m).noalias() += W.col(d) * link.G.col(d).transpose();
         cross.middleCols(at + part.first, m).noalias() += R_.row(row + d).transpose() * W.col(d).transpose();
       }
-      result[k].s.segment(part.first, m).noalias() += W * s_.segment<piece_dims>(row);
     }
     later.swap(next);
   }

@@ -50,6 +50,7 @@ class PieceSystem {
     Eigen::VectorXd before;  // diagonal of Q before the parameters were eliminated
   };
   std::vector<Block> blocks(const std::vector<Weights>& weights) const;
+  Eigen::VectorXd score(const Weights& weights) const;  // Block::s, which put_back() changes
   double floor() const { return floor_; }
   // Of one piece.
   struct OfPiece {

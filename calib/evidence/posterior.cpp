@@ -25,8 +25,8 @@ constexpr std::size_t most_averaged = 200;
 constexpr int deepest = 8;  // terms of a model at most
 constexpr double least_probability = 1e-5;
 constexpr double negligible = 12.0, ends_below = 6.0;  // of log evidence
-constexpr double explains =
-    1.0;  // a term that explains less changes nothing for others: it counts, and is not gone on with
+// A term that explains less changes nothing for others: it counts, and is not gone on with.
+constexpr double explains = 1.0;
 constexpr Eigen::Index by_eigenvalues = 12;  // columns: more are dearer than a Cholesky factor for each size
 
 // The system beside a model.
@@ -36,6 +36,14 @@ struct State {
   std::vector<MatrixXd> Q;  // of each basis
   std::vector<VectorXd> s;
   MatrixXd Y;  // Q|h = Q - Y Y'
+};
+
+// A state and one more term.
+struct Next {
+  double log_weight = 0.0;
+  std::vector<ModelTerm> terms;
+  ModelTerm last;
+  std::shared_ptr<const State> parent;
 };
 
 // Of one term beside a model, at each size.
@@ -99,18 +107,17 @@ MatrixXd product(const Weights& weights, const RowMajor& y) {
   return u;
 }
 
-State with_term(const PieceSystem& system, const TermTable& table, const State& parent, ModelTerm chosen,
-                double log_weight) {
-  const Term& term = table.terms[static_cast<std::size_t>(chosen.term)];
+State with_term(const PieceSystem& system, const TermTable& table, const Next& next) {
+  const State& parent = *next.parent;
+  const Term& term = table.terms[static_cast<std::size_t>(next.last.term)];
   MatrixXd M = term.L.transpose() * parent.Q[term.basis] * term.L;
-  M.diagonal().array() += 1.0 / term.variance[chosen.size];
+  M.diagonal().array() += 1.0 / term.variance[next.last.size];
   const MatrixXd C = Eigen::LLT<MatrixXd>(M).matrixL();
   const auto lower = C.triangularView<Eigen::Lower>();
   const VectorXd w = lower.solve(VectorXd(term.L.transpose() * parent.s[term.basis]));
   State child = parent;
-  child.terms.push_back(chosen);
-  std::sort(child.terms.begin(), child.terms.end());
-  child.log_weight = log_weight;
+  child.terms = next.terms;
+  child.log_weight = next.log_weight;
   const MatrixXd x = coordinates_of(table.bases[term.basis], term.L, system.coordinates());
   MatrixXd y = system.times(x);
   if (parent.Y.cols() > 0) y.noalias() -= parent.Y * (parent.Y.transpose() * x);
@@ -126,16 +133,6 @@ State with_term(const PieceSystem& system, const TermTable& table, const State& 
   return child;
 }
 
-}  // namespace
-
-namespace {
-
-struct Child {
-  double log_weight = 0.0;
-  std::vector<ModelTerm> terms;
-  ModelTerm last;
-};
-
 // All models worth counting at one noise; `best`: log weight of the best so far, whatever its noise.
 std::map<std::vector<ModelTerm>, double> search(const UnderNoise& under, double& best, int& scored) {
   const TermTable& table = under.table;
@@ -149,10 +146,6 @@ std::map<std::vector<ModelTerm>, double> search(const UnderNoise& under, double&
   std::map<std::vector<ModelTerm>, double> seen = {{{}, root->log_weight}};
   std::vector<std::shared_ptr<const State>> level = {root};
   for (int depth = 0; depth < deepest; ++depth) {
-    struct Next {
-      Child child;
-      std::shared_ptr<const State> parent;
-    };
     std::vector<Next> next;
     for (const std::shared_ptr<const State>& state : level) {
       ++scored;
@@ -167,30 +160,29 @@ std::map<std::vector<ModelTerm>, double> search(const UnderNoise& under, double&
         for (Eigen::Index k = 0; k < gain.size(); ++k) {
           const double log_weight = state->log_weight + gain[k];
           if (!(log_weight > best - negligible)) continue;
-          Next one = {{log_weight, state->terms, {static_cast<int>(t), static_cast<int>(k)}}, state};
-          one.child.terms.push_back(one.child.last);
-          std::sort(one.child.terms.begin(), one.child.terms.end());
-          seen.emplace(one.child.terms, log_weight);
+          Next one = {log_weight, state->terms, {static_cast<int>(t), static_cast<int>(k)}, state};
+          one.terms.push_back(one.last);
+          std::sort(one.terms.begin(), one.terms.end());
+          seen.emplace(one.terms, log_weight);
           if (k == top && explained[k] > explains) of_state.push_back(std::move(one));
         }
       }
-      const auto heavier = [](const Next& a, const Next& b) { return a.child.log_weight > b.child.log_weight; };
+      const auto heavier = [](const Next& a, const Next& b) { return a.log_weight > b.log_weight; };
       std::sort(of_state.begin(), of_state.end(), heavier);
       of_state.resize(std::min(of_state.size(), expansions));
       next.insert(next.end(), of_state.begin(), of_state.end());
       std::sort(next.begin(), next.end(), heavier);
     }
-    if (next.empty() || depth + 1 == deepest || next.front().child.log_weight < best - ends_below) break;
-    best = std::max(best, next.front().child.log_weight);
+    if (next.empty() || depth + 1 == deepest || next.front().log_weight < best - ends_below) break;
+    best = std::max(best, next.front().log_weight);
     std::vector<std::shared_ptr<const State>> deeper;
     std::set<std::vector<int>> done;
     for (const Next& one : next) {
-      if (deeper.size() == beam || one.child.log_weight < best - ends_below) break;
+      if (deeper.size() == beam || one.log_weight < best - ends_below) break;
       std::vector<int> of;
-      for (const ModelTerm& m : one.child.terms) of.push_back(m.term);
+      for (const ModelTerm& m : one.terms) of.push_back(m.term);
       if (!done.insert(of).second) continue;
-      deeper.push_back(
-          std::make_shared<State>(with_term(*under.system, table, *one.parent, one.child.last, one.child.log_weight)));
+      deeper.push_back(std::make_shared<State>(with_term(*under.system, table, one)));
     }
     level = std::move(deeper);
   }
@@ -219,9 +211,10 @@ Posterior weigh_models(const std::vector<UnderNoise>& all) {
 Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& posterior) {
   Statements all;
   all.tested = true;
-  std::map<std::array<std::string, 4>, double> nodes;
+  using Node = std::array<std::string, 4>;  // sensor, quantity, driver, formula; empty: not said
+  std::map<Node, double> nodes;
   for (const WeighedModel& m : posterior.models) {
-    std::set<std::array<std::string, 4>> mine;
+    std::set<Node> mine;
     for (const ModelTerm& t : m.terms) {
       const Term& term = under[m.noise].table.terms[static_cast<std::size_t>(t.term)];
       if (term.kind == TermKind::noise) continue;
@@ -235,7 +228,6 @@ Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& 
     for (const auto& node : mine) nodes[node] += m.probability;
   }
   // As a tree: what is below a node follows it, the more probable first.
-  using Node = std::array<std::string, 4>;
   using Path = std::vector<std::pair<double, std::string>>;
   std::vector<std::pair<Path, Node>> listed;
   for (const auto& [node, p] : nodes) {

@@ -21,7 +21,7 @@ using Eigen::VectorXd;
 using Reading = Eigen::Matrix<double, 6, 1>;
 using Readings = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
-// Prior probabilities: something of a kind is missing in one recording of three.
+// Prior odds of something of a kind.
 constexpr double prior_effects = 0.7, prior_patterns = 0.7, prior_wander = 0.5;
 // Sizes of patterns and of a wander, in usual ones.
 const std::vector<double> pattern_sizes = {0.17, 0.5, 1.7, 5.0, 17.0, 50.0, 170.0};
@@ -208,36 +208,6 @@ class TakenUp {
   Eigen::Matrix4d gyro_, accel_;
 };
 
-Weights weights_of(const Pieces& pieces, const std::vector<Channel>& channels, const Functions& f,
-                   TakenUp::Sums& sums) {
-  const auto wide = static_cast<Eigen::Index>(channels.size());  // side by side: column = function * wide + channel
-  Weights weights;
-  weights.columns = f.count * wide;
-  sums.assign(static_cast<std::size_t>(weights.columns), Eigen::Matrix<double, 4, 6>::Zero());
-  VectorXd value(f.of_epochs ? 1 : f.count);
-  for (std::size_t k = 0; k < pieces.pieces.size(); ++k) {
-    Weights::Part part;
-    const Eigen::Index mine = f.of_epochs ? 1 : f.count;
-    if (f.of_epochs) part.first = pieces.cells[pieces.pieces[k].rest_cell].epoch * wide;
-    part.of.setZero(piece_dims, mine * wide);
-    Readings readings(6, mine * wide);
-    each_cell(pieces, k, [&](std::size_t, const ErrorCell& cell) {
-      if (f.of_epochs)
-        value.setOnes();
-      else
-        f.write(cell, value);
-      for (Eigen::Index c = 0; c < wide; ++c) {
-        const Reading one = reading_of(channels[static_cast<std::size_t>(c)], cell);
-        for (Eigen::Index j = 0; j < mine; ++j) readings.col(j * wide + c) = one * value[j];
-      }
-      place(cell, readings, part.of);
-      TakenUp::add(cell, readings, part.first, sums);
-    });
-    weights.add(std::move(part));
-  }
-  return weights;
-}
-
 // L with L L' = K, scaled to a mean square of one; directions of less than `floor` of the largest, and all but `most` of them, are left out.
 MatrixXd factor(const MatrixXd& K, double floor, Eigen::Index most = 1000) {
   const SymmetricEigen e = symmetric_eigen(K);
@@ -333,6 +303,16 @@ void pattern_prior(double share, double kind, double smaller, Term& term) {
   term.log_prior = (term.log_prior / term.log_prior.sum() * share * kind).array().log();
 }
 
+}  // namespace
+
+bool is_seen(const TermTable& table, std::size_t effect) {
+  const PieceSystem::Block& block = table.blocks[table.basis_of_effect[effect]];
+  const int at = table.column_of_effect[effect];
+  return block.Q(at, at) > least_part * block.before[at] && block.Q(at, at) > 0.0;
+}
+
+namespace {
+
 class Table {
  public:
   Table(const Pieces& pieces, const NoiseModel& noise, const Parameters& fit, const std::vector<int>& columns)
@@ -378,20 +358,12 @@ class Table {
       while (end < effects.size() && effects[end].entry == effects[begin].entry &&
              effects[end].tau_s == effects[begin].tau_s && effects[end].recording == effects[begin].recording)
         ++end;
-      Weights weights;
-      weights.columns = static_cast<Eigen::Index>(end - begin);
-      TakenUp::Sums sums(end - begin, Eigen::Matrix<double, 4, 6>::Zero());
-      for (std::size_t k = 0; k < pieces_.pieces.size(); ++k) {
-        Weights::Part part;
-        part.of.setZero(piece_dims, weights.columns);
-        each_cell(pieces_, k, [&](std::size_t c, const ErrorCell& cell) {
-          const Readings mine = readings[c].middleCols(static_cast<Eigen::Index>(begin), weights.columns);
-          place(cell, mine, part.of);
-          TakenUp::add(cell, mine, 0, sums);
-        });
-        weights.add(std::move(part));
-      }
-      const std::size_t basis = add_basis(std::move(weights), sums);
+      const auto wide = static_cast<Eigen::Index>(end - begin);
+      const std::size_t basis = add_basis(
+          wide, wide, [](std::size_t) { return 0; },
+          [&](std::size_t c, const ErrorCell&) {
+            return Readings(readings[c].middleCols(static_cast<Eigen::Index>(begin), wide));
+          });
       for (std::size_t k = begin; k < end; ++k) {
         table_.basis_of_effect[k] = basis;
         table_.column_of_effect[k] = static_cast<int>(k - begin);
@@ -406,15 +378,44 @@ class Table {
   }
 
  private:
-  std::size_t add_basis(Weights weights, const TakenUp::Sums& sums) {
+  // Of `columns`, of which a piece has `mine` from first(piece) on: readings(cell number, cell), 6 x mine.
+  template <class First, class ReadingsOf>
+  std::size_t add_basis(Eigen::Index columns, Eigen::Index mine, First first, ReadingsOf readings_of) {
+    Weights weights;
+    weights.columns = columns;
+    TakenUp::Sums sums(static_cast<std::size_t>(columns), Eigen::Matrix<double, 4, 6>::Zero());
+    for (std::size_t k = 0; k < pieces_.pieces.size(); ++k) {
+      Weights::Part part;
+      part.first = first(k);
+      part.of.setZero(piece_dims, mine);
+      each_cell(pieces_, k, [&](std::size_t c, const ErrorCell& cell) {
+        const Readings readings = readings_of(c, cell);
+        place(cell, readings, part.of);
+        TakenUp::add(cell, readings, part.first, sums);
+      });
+      weights.add(std::move(part));
+    }
     table_.bases.push_back(std::move(weights));
     table_.taken_up.push_back(taken_up_.as_parameters(sums));
     return table_.bases.size() - 1;
   }
+  // Side by side: column = function * channels + channel.
   std::size_t add_basis(const std::vector<Channel>& channels, const Functions& f) {
-    TakenUp::Sums sums;
-    Weights weights = weights_of(pieces_, channels, f, sums);
-    return add_basis(std::move(weights), sums);
+    const auto wide = static_cast<Eigen::Index>(channels.size());
+    const Eigen::Index functions = f.of_epochs ? 1 : f.count;
+    VectorXd value = VectorXd::Ones(functions);
+    const auto first = [&](std::size_t k) {
+      return f.of_epochs ? pieces_.cells[pieces_.pieces[k].rest_cell].epoch * wide : 0;
+    };
+    return add_basis(f.count * wide, functions * wide, first, [&](std::size_t, const ErrorCell& cell) {
+      if (!f.of_epochs) f.write(cell, value);
+      Readings readings(6, functions * wide);
+      for (Eigen::Index c = 0; c < wide; ++c) {
+        const Reading one = reading_of(channels[static_cast<std::size_t>(c)], cell);
+        for (Eigen::Index j = 0; j < functions; ++j) readings.col(j * wide + c) = one * value[j];
+      }
+      return readings;
+    });
   }
 
   // The same for the three axes, each with a course of its own.
@@ -454,7 +455,7 @@ class Table {
     for (std::size_t k = 0; k < table_.effects.size(); ++k) {
       const EffectEntry& entry = *table_.effects[k].entry;
       const double variants = static_cast<double>(std::max<std::size_t>(1, entry.taus_s.size()));
-      if (!seen(static_cast<int>(k))) continue;
+      if (!is_seen(table_, k)) continue;
       groups.push_back({{static_cast<int>(k)}, 1.0 / variants});
       rows[{table_.basis_of_effect[k], axis_of(table_.effects[k])}].push_back(static_cast<int>(k));
     }
@@ -489,11 +490,6 @@ class Table {
     }
   }
 
-  bool seen(int k) const {
-    const PieceSystem::Block& block = table_.blocks[table_.basis_of_effect[static_cast<std::size_t>(k)]];
-    const int at = table_.column_of_effect[static_cast<std::size_t>(k)];
-    return block.Q(at, at) > least_part * block.before[at] && block.Q(at, at) > 0.0;
-  }
   static int axis_of(const EffectColumn& c) {
     const std::string_view component = c.entry->components[static_cast<std::size_t>(c.component)];
     const std::size_t axis = std::string_view("xyz").find(component.front());

@@ -43,6 +43,9 @@ struct TermTable {
   std::vector<int> column_of_effect;
 };
 
+// Does the recording tell this effect (of TermTable::effects) from the parameters?
+bool is_seen(const TermTable& table, std::size_t effect);
+
 // `readings`: of every cell what one unit of each effect's column adds to (gyro, accelerometer), 6 x effects.
 // `fit`: of the parameters `columns` of [24, effects].
 TermTable make_terms(const PieceSystem& system, const Pieces& pieces, const std::vector<EffectColumn>& effects,

@@ -6,7 +6,6 @@
 #include "calib/joint/coarser_recording.h"
 #include "calib/joint/score_algebra.h"
 #include "calib/joint/several_recordings.h"
-#include "calib/model/limits.h"
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
@@ -51,7 +50,7 @@ UnitStatistics unit_statistics(const CompressedRecording& recording, const Joint
     u.moves.row(base[row]) = moved.row(static_cast<Eigen::Index>(row)).cast<float>();
   for (Eigen::Index k = 0; k < u.s.size(); ++k) {
     u.columns.push_back(column_key(candidates[static_cast<std::size_t>(k)]));
-    if (scores.kept[k] > SelectionLimits{}.visible_part && scores.Q(k, k) > 0.0) continue;
+    if (is_visible(scores, static_cast<int>(k))) continue;
     u.s[k] = 0.0;
     u.Q.row(k).setZero();
     u.Q.col(k).setZero();

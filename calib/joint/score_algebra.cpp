@@ -53,6 +53,10 @@ Scores eliminate(const Eigen::MatrixXd& information, const Eigen::VectorXd& grad
   return result;
 }
 
+bool is_visible(const Scores& scores, int candidate) {
+  return scores.kept[candidate] > SelectionLimits{}.visible_part && scores.Q(candidate, candidate) > 0.0;
+}
+
 GroupTest group_test(const Scores& scores, const std::vector<int>& group, double floor) {
   const Partial p = decompose(scores, group, floor);
   const Eigen::VectorXd s = p.scale.cwiseProduct(Eigen::VectorXd(scores.s(group)));

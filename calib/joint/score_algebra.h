@@ -22,6 +22,9 @@ struct Scores {
 Scores eliminate(const Eigen::MatrixXd& information, const Eigen::VectorXd& gradient, const std::vector<int>& base,
                  const std::vector<int>& candidates);
 
+// Of a candidate of which the base already imitates all but a billionth (SelectionLimits) the data say nothing.
+bool is_visible(const Scores& scores, int candidate);
+
 // T and rank over a subset of the candidates; directions below `floor` of the largest (of the unit-diagonal matrix) are left out.
 struct GroupTest {
   double chi_square = 0.0;

@@ -58,8 +58,8 @@ struct Site {  // what regressors need to know of the place
   double latitude_deg = 0.0;
 };
 
-// What an effect acts on, and what drives it. Of two descriptions of the same thing: an accelerometer's reading that goes with the force or
-// the rate is a bias, a gyro's that goes with the rate is a scale factor.
+// What an effect acts on, and what drives it. Of two descriptions of the same thing: an accelerometer's reading that goes with the force
+// is a bias, a gyro's that goes with the rate is a scale factor.
 enum class Sensor { gyro, accelerometer, earth_rate };
 enum class Quantity { bias, scale_factor, direction };
 enum class Driver { time, temperature, turns, angle, force, rate, field, unknown };

@@ -35,9 +35,8 @@ void predict_effects(const JointResult& estimate, const std::vector<EffectColumn
   std::vector<int> candidates(columns.size());
   std::iota(candidates.begin(), candidates.end(), parameter_count);
   const Scores scores = eliminate(estimate.last.information, estimate.last.gradient, estimate.free, candidates);
-  const auto anything_left = [&](int k) { return scores.Q(k, k) > 0.0 && scores.kept[k] > limits.visible_part; };
   std::vector<Group> groups = groups_of(columns);
-  for (Group& group : groups) std::erase_if(group.seen, [&](int k) { return !anything_left(k); });
+  for (Group& group : groups) std::erase_if(group.seen, [&](int k) { return !is_visible(scores, k); });
   const auto imitated = [&](int k, std::vector<int> by) {
     std::erase(by, k);
     return !by.empty() && multiple_correlation(scores, k, by) > limits.alias_correlation;
@@ -46,7 +45,7 @@ void predict_effects(const JointResult& estimate, const std::vector<EffectColumn
     for (const int k : own.members) {
       PredictedEffect effect;
       effect.column = columns[k];
-      effect.sigma = anything_left(k) ? 1.0 / std::sqrt(scores.Q(k, k)) : std::numeric_limits<double>::infinity();
+      effect.sigma = is_visible(scores, k) ? 1.0 / std::sqrt(scores.Q(k, k)) : std::numeric_limits<double>::infinity();
       effect.detectable = limits.caught_at * effect.sigma;
       effect.visible = effect.detectable <= absurd_magnitude(*effect.column.entry);
       if (effect.visible) {

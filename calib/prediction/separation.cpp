@@ -12,11 +12,6 @@ namespace {
 
 constexpr int biases = 6;
 
-// One of which the model already imitates all but a billionth says nothing.
-bool visible(const Scores& scores, int column) {
-  return scores.kept[column] > SelectionLimits{}.visible_part && scores.Q(column, column) > 0.0;
-}
-
 std::vector<int> counted(int from, std::size_t n) {
   std::vector<int> all(n);
   std::iota(all.begin(), all.end(), from);
@@ -58,7 +53,7 @@ Separation::Separation(const CompressedRecording& recording, const Diagnosis& di
     int best = -1;
     const auto z_square = [&](int k) { return scores.s[k] * scores.s[k] / scores.Q(k, k); };
     for (int k = 0; k < static_cast<int>(all.size()); ++k)
-      if (all[k].entry->name == member && visible(scores, k) && (best < 0 || z_square(k) > z_square(best))) best = k;
+      if (all[k].entry->name == member && is_visible(scores, k) && (best < 0 || z_square(k) > z_square(best))) best = k;
     const EffectColumn* const strongest = best < 0 ? nullptr : &all[best];
     members_.emplace_back();
     strongest_.push_back(-1);
