@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <functional>
+#include <vector>
 
 #include <Eigen/LU>
 
@@ -23,7 +24,7 @@ struct DisturbedMoment {
   int turn = 0;                         // turns before this moment, or the turn it lies in
   double since_turn_s = 1e9;            // at rest
   Eigen::Vector3d force_g, rate_radps;  // as measured, body axes
-  Eigen::Vector3d table_rad;            // heading, pitch, roll as commanded (half way in a turn)
+  Eigen::Vector3d table_rad;            // heading, pitch, roll: as commanded at rest, on the way in a turn
 };
 struct AddedReading {
   Eigen::Vector3d gyro_radps = Eigen::Vector3d::Zero();
@@ -43,6 +44,15 @@ void each_moment(const CompressedRecording& recording, const Parameters& truth, 
   double rest_began = -1e9;
   int turn = 0;
   bool turning = false;
+  // What has been turned by the middle of a block, and in all of its segment.
+  std::vector<double> turned(recording.blocks.size()), in_all(recording.segments.size(), 0.0);
+  for (std::size_t k = 0; k < recording.blocks.size(); ++k) {
+    const Block& b = recording.blocks[k];
+    const double angle = (model.gyro_scale * b.gyro - model.gyro_bias_radps * b.duration_s).norm();
+    double& all = in_all[static_cast<std::size_t>(b.segment)];
+    turned[k] = all + 0.5 * angle;
+    all += angle;
+  }
   for (std::size_t k = 0; k < recording.blocks.size(); ++k) {
     const Block& block = recording.blocks[k];
     const Segment& segment = recording.segments[block.segment];
@@ -60,9 +70,10 @@ void each_moment(const CompressedRecording& recording, const Parameters& truth, 
     m.since_turn_s = rotating ? 1e9 : m.time_s - rest_began;
     m.rate_radps = model.gyro_scale * block.gyro / block.duration_s - model.gyro_bias_radps;
     m.force_g = (model.accel_scale * block.accel / block.duration_s - model.accel_bias_mps2) / 9.80665;
-    m.table_rad = 0.5 * (pi / 180.0) *
-                  Eigen::Vector3d(segment.heading_deg + from.heading_deg, segment.pitch_deg + from.pitch_deg,
-                                  segment.roll_deg + from.roll_deg);
+    const double part = rotating ? turned[k] / in_all[static_cast<std::size_t>(block.segment)] : 1.0;
+    const Eigen::Vector3d before(from.heading_deg, from.pitch_deg, from.roll_deg),
+        after(segment.heading_deg, segment.pitch_deg, segment.roll_deg);
+    m.table_rad = pi / 180.0 * (before + part * (after - before));
     visit(k, m);
   }
 }

@@ -16,7 +16,6 @@ namespace {
 
 // Names carry what is missing where it is more likely than not that nothing else is.
 constexpr double carried_by_names = 0.5;
-constexpr int most_fits = 3;  // with names: they hardly change after the second
 
 // Are all parameters determined that are estimated at all?
 bool whole(const JointResult& fit) {
@@ -41,6 +40,19 @@ std::string misfit_of_noise(const JointResult& fit, const Omnibus& omnibus) {
       high >= (of_pulses ? noise_limits.highest_of_pulses : noise_limits.highest_level))
     return "innovations are larger or smaller than the noise model says";
   return "";
+}
+
+std::vector<std::string> strongest_first(const JointResult& fit) {
+  std::vector<EstimatedEffect> effects = fit.effects;
+  std::erase_if(effects, [](const EstimatedEffect& e) { return is_turn_on(e.column); });
+  std::sort(effects.begin(), effects.end(), [](const EstimatedEffect& a, const EstimatedEffect& b) {
+    return std::abs(a.value) * b.sigma > std::abs(b.value) * a.sigma;
+  });
+  std::vector<std::string> names;
+  for (const EstimatedEffect& e : effects)
+    if (std::find(names.begin(), names.end(), e.column.entry->name) == names.end())
+      names.emplace_back(e.column.entry->name);
+  return names;
 }
 
 void collect_residuals(const CompressedRecording& recording, Diagnosis& d) {
@@ -90,18 +102,78 @@ void say_contradiction(const SeveralRecordings& apart, Diagnosis& d) {
   d.each.turn_ons = apart.turn_ons;
 }
 
-std::vector<std::string> strongest_first(const JointResult& fit) {
-  std::vector<EstimatedEffect> effects = fit.effects;
-  std::erase_if(effects, [](const EstimatedEffect& e) { return is_turn_on(e.column); });
-  std::sort(effects.begin(), effects.end(), [](const EstimatedEffect& a, const EstimatedEffect& b) {
-    return std::abs(a.value) * b.sigma > std::abs(b.value) * a.sigma;
-  });
-  std::vector<std::string> names;
-  for (const EstimatedEffect& e : effects)
-    if (std::find(names.begin(), names.end(), e.column.entry->name) == names.end())
-      names.emplace_back(e.column.entry->name);
-  return names;
+}  // namespace
+
+std::vector<EffectColumn> named_columns(const Evidence& e) {
+  std::vector<EffectColumn> columns;
+  if (e.statements.anything < said_from || e.named.probability < carried_by_names) return columns;
+  for (std::size_t k = 0; k < e.named.columns.size(); ++k) {
+    columns.push_back(e.at_each_noise.front().table->effects[static_cast<std::size_t>(e.named.columns[k])]);
+    if (e.named.tau_s[k] > 0.0) columns.back().tau_s = e.named.tau_s[k];
+  }
+  return columns;
 }
+bool same(const std::vector<EffectColumn>& a, const std::vector<EffectColumn>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](const EffectColumn& x, const EffectColumn& y) { return x.key() == y.key(); });
+}
+
+std::string reason_of(const Statements& s) {
+  const std::string probability = words_of_probability(s.anything), words = words_of(s);
+  if (s.anything < said_from)
+    return fmt::format("the probability that something is missing is {}, and a claim needs {}", probability, said_from);
+  return "something is missing with a probability of " + probability + (words.empty() ? "" : ": " + words);
+}
+
+void list_candidates(const Evidence& e, double duration_s, Diagnosis& d) {
+  constexpr double caught_at = 5.0;  // sigmas
+  static const UnderNoise none = {nullptr, std::make_shared<TermTable>(), {}};
+  const UnderNoise& under = e.at_each_noise.empty() ? none : e.at_each_noise.front();
+  const TermTable& table = *under.table;
+  for (std::size_t k = 0; k < table.effects.size(); ++k) {
+    const EffectColumn& column = table.effects[k];
+    const PieceSystem::Block& block = under.blocks[table.basis_of_effect[k]];
+    const int at = table.column_of_effect[k];
+    CandidateScore c = {.column = column, .visible = false};
+    if (is_seen(under, k)) {
+      const double Q = block.Q(at, at);
+      c.value = block.s[at] / Q;
+      c.sigma = 1.0 / std::sqrt(Q);
+      c.z = c.value / c.sigma;
+      c.detectable = caught_at * c.sigma;
+      c.visible = c.detectable <= absurd_magnitude(*column.entry, duration_s);
+    }
+    // Of variants with different time constants the best one stands for the component.
+    const auto known = std::find_if(d.candidates.begin(), d.candidates.end(),
+                                    [&](const CandidateScore& o) { return o.column.key() == column.key(); });
+    if (known == d.candidates.end())
+      d.candidates.push_back(c);
+    else if (c.visible && (!known->visible || std::abs(c.z) > std::abs(known->z)))
+      *known = c;
+  }
+  for (const EffectEntry& entry : effect_catalogue())
+    if (std::none_of(d.candidates.begin(), d.candidates.end(),
+                     [&](const CandidateScore& c) { return c.column.entry == &entry && c.visible; }))
+      d.undetectable.emplace_back(entry.name);
+}
+
+void list_names(const Evidence& e, Diagnosis& d) {
+  d.effect_names = strongest_first(d.extended);
+  for (const std::string& name : d.effect_names) {
+    std::vector<std::string>& others = d.aliases[name];
+    const auto instead = e.named.instead.find(name);
+    if (instead == e.named.instead.end()) continue;
+    std::string by;
+    for (const auto& [other, probability] : instead->second) {
+      if (probability < listed_from) continue;
+      others.push_back(other);
+      by += (by.empty() ? "" : "; ") + std::string(find_effect(other)->seen_by);
+    }
+    if (!by.empty()) d.separate_by[name] = by;
+  }
+}
+
+namespace {
 
 class Diagnosing {
  public:
@@ -116,7 +188,7 @@ class Diagnosing {
       d_.holdout_own_noise = std::max(d_.holdout_own_noise, own_noise_of(*holdout, d_.base).maxCoeff());
     JointResult fit = d_.base;
     Evidence evidence = weigh(fit);
-    list_candidates(evidence);
+    list_candidates(evidence, 3600.0, d_);
     std::vector<EffectColumn> named;
     for (int k = 0; k < most_fits; ++k) {
       std::vector<EffectColumn> more = named_columns(evidence);
@@ -131,9 +203,8 @@ class Diagnosing {
     const std::optional<SeveralRecordings> apart = contradiction(recordings_, d_.base);
     judge(evidence, fit, named);
     ask_held_out_data(fit);
-    d_.effect_names = strongest_first(d_.extended);
+    list_names(evidence, d_);
     collect_residuals(recording_, d_);
-    list_aliases(evidence);
     look_at_latitude();
     if (apart) {
       say_contradiction(*apart, d_);
@@ -188,20 +259,6 @@ class Diagnosing {
     return joint_estimate(recording_, o);
   }
 
-  static std::vector<EffectColumn> named_columns(const Evidence& e) {
-    std::vector<EffectColumn> columns;
-    if (e.statements.anything < said_from || e.named.probability < carried_by_names) return columns;
-    for (std::size_t k = 0; k < e.named.columns.size(); ++k) {
-      columns.push_back(e.at_each_noise.front().table.effects[static_cast<std::size_t>(e.named.columns[k])]);
-      if (e.named.tau_s[k] > 0.0) columns.back().tau_s = e.named.tau_s[k];
-    }
-    return columns;
-  }
-  static bool same(const std::vector<EffectColumn>& a, const std::vector<EffectColumn>& b) {
-    return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                      [](const EffectColumn& x, const EffectColumn& y) { return x.key() == y.key(); });
-  }
-
   void judge(const Evidence& e, const JointResult& fit, const std::vector<EffectColumn>& named) {
     d_.statements = e.statements;
     d_.omnibus = e.omnibus;
@@ -218,10 +275,7 @@ class Diagnosing {
     d_.extended = by_name ? fit : d_.base;
     d_.fitted_covariance = d_.extended.covariance;
     hand_out(e, by_name, fit);
-    d_.reason = missing ? "something is missing with a probability of " + words_of_probability(e.statements.anything)
-                        : fmt::format("the probability that something is missing is {}, and a claim needs {}",
-                                      words_of_probability(e.statements.anything), said_from);
-    if (missing) d_.reason += ": " + words_of(e.statements);
+    d_.reason = reason_of(e.statements);
     if (noise_is_of_pulses(d_.omnibus)) d_.reason += "; the accelerometers' pulses hide whether their noise is white";
     const OmnibusTest* worst = d_.omnibus.worst();
     if (!d_.omnibus.passed()) {
@@ -244,7 +298,7 @@ class Diagnosing {
     if (e.at_each_noise.empty()) return;
     const AveragedEstimate average =
         average_over_models(e.at_each_noise, e.posterior, by_name ? e.named.columns : std::vector<int>{});
-    const TermTable& table = e.at_each_noise.front().table;
+    const TermTable& table = *e.at_each_noise.front().table;
     JointResult& r = d_.extended;
     const ParameterVector about = to_vector(fit.parameters);
     ParameterVector values = to_vector(r.parameters);
@@ -279,52 +333,6 @@ class Diagnosing {
       effect.sigma = sigma;
     }
     r.parameters = from_vector(values);
-  }
-
-  void list_candidates(const Evidence& e) {
-    static const TermTable none;
-    const TermTable& table = e.at_each_noise.empty() ? none : e.at_each_noise.front().table;
-    for (std::size_t k = 0; k < table.effects.size(); ++k) {
-      const EffectColumn& column = table.effects[k];
-      const PieceSystem::Block& block = table.blocks[table.basis_of_effect[k]];
-      const int at = table.column_of_effect[k];
-      CandidateScore c = {.column = column, .visible = false};
-      if (is_seen(table, k)) {
-        const double Q = block.Q(at, at);
-        c.value = block.s[at] / Q;
-        c.sigma = 1.0 / std::sqrt(Q);
-        c.z = c.value / c.sigma;
-        c.detectable = caught_at * c.sigma;
-        c.visible = c.detectable <= absurd_magnitude(*column.entry);
-      }
-      // Of variants with different time constants the best one stands for the component.
-      const auto known = std::find_if(d_.candidates.begin(), d_.candidates.end(),
-                                      [&](const CandidateScore& o) { return o.column.key() == column.key(); });
-      if (known == d_.candidates.end())
-        d_.candidates.push_back(c);
-      else if (c.visible && (!known->visible || std::abs(c.z) > std::abs(known->z)))
-        *known = c;
-    }
-    for (const EffectEntry& entry : effect_catalogue())
-      if (std::none_of(d_.candidates.begin(), d_.candidates.end(),
-                       [&](const CandidateScore& c) { return c.column.entry == &entry && c.visible; }))
-        d_.undetectable.emplace_back(entry.name);
-  }
-
-  // What else it may be, by name.
-  void list_aliases(const Evidence& e) {
-    for (const std::string& name : d_.effect_names) {
-      std::vector<std::string>& others = d_.aliases[name];
-      const auto instead = e.named.instead.find(name);
-      if (instead == e.named.instead.end()) continue;
-      std::string by;
-      for (const auto& [other, probability] : instead->second) {
-        if (probability < listed_from) continue;
-        others.push_back(other);
-        by += (by.empty() ? "" : "; ") + std::string(find_effect(other)->seen_by);
-      }
-      if (!by.empty()) d_.separate_by[name] = by;
-    }
   }
 
   HoldoutGate gate() const {
@@ -384,7 +392,6 @@ class Diagnosing {
       d_.reason = wrong + "; " + d_.reason;
   }
 
-  static constexpr double caught_at = 5.0;  // sigmas
   const JoinedRecordings& recordings_;
   const CompressedRecording& recording_;
   const DiagnosisOptions& options_;

@@ -24,6 +24,8 @@
 
 namespace turncal {
 
+struct Evidence;
+
 enum class Verdict { clean, extended, unexplained, noise_model, not_tested };
 const char* to_string(Verdict verdict);
 
@@ -42,14 +44,6 @@ struct CandidateScore {  // of one component, beside the base model
   double z = 0.0;           // value / sigma
   double detectable = 0.0;  // 5 sigma
   bool visible = true;      // false: this recording cannot see it
-};
-
-struct GroupScore {  // of one effect with all its components (best time constant)
-  std::string name;
-  double chi_square = 0.0;  // s' Q^-1 s on the visible directions
-  int rank = 0;
-  int components = 0;
-  double p_value = 1.0;  // single test
 };
 
 // One static second, for plots: what remains, and what it may depend on.
@@ -82,10 +76,8 @@ struct Diagnosis {
   std::map<std::string, std::vector<std::string>> aliases;  // of each added effect
   std::map<std::string, std::string> separate_by;           // what would tell the class apart
   std::vector<CandidateScore> candidates;                   // at the base model, best variant of each
-  std::vector<GroupScore> groups;
   std::vector<std::string> undetectable;
   std::vector<std::string> gated_out;            // found, and held-out data speak against it
-  std::vector<std::string> candidate_names;      // of hand-turned data: what was found, but does not explain the data
   bool trusted = false;                          // what is missing is known, and nothing speaks against the model
   Statements statements;                         // what is missing, with probabilities
   Omnibus omnibus;                               // of the final model
@@ -98,6 +90,17 @@ struct Diagnosis {
   OfEachRecording each;  // of several recordings: what base and extended hold is common to them
   std::vector<ResidualPoint> residuals;
 };
+
+// For both kinds of recordings (rest_diagnosis.h).
+inline constexpr int most_fits = 3;  // with names: they hardly change after the second
+// Those that carry what is missing, with their time constants; empty: none do.
+std::vector<EffectColumn> named_columns(const Evidence& evidence);
+bool same(const std::vector<EffectColumn>& a, const std::vector<EffectColumn>& b);
+std::string reason_of(const Statements& statements);
+// The scores of all effects beside the base model, by which d.candidates and d.undetectable are filled.
+void list_candidates(const Evidence& of_base, double duration_s, Diagnosis& d);
+// Of d.extended: the names of its effects, and what else each may be.
+void list_names(const Evidence& evidence, Diagnosis& d);
 
 // Of one unit: of one recording, or of several joined ones.
 Diagnosis diagnose(const JoinedRecordings& recordings, const DiagnosisOptions& options = {});

@@ -12,9 +12,15 @@
 namespace turncal {
 namespace {
 
-using Readings = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+Eigen::VectorXd pull_on(const JointResult& fit, const std::vector<int>& columns) {
+  Eigen::VectorXd pull = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(columns.size()));
+  for (std::size_t k = 0; k < columns.size(); ++k)
+    if (columns[k] < fit.noise_pull.size()) pull[static_cast<Eigen::Index>(k)] = fit.noise_pull[columns[k]];
+  return pull;
+}
 
-// What one unit of each effect adds to the readings of every cell: the mean over its blocks.
+}  // namespace
+
 std::vector<Readings> readings_of(const EffectModel& effects, const Pieces& pieces,
                                   const std::vector<BlockState>& states) {
   std::vector<Readings> readings(pieces.cells.size(), Readings::Zero(6, effects.columns));
@@ -33,34 +39,10 @@ std::vector<Readings> readings_of(const EffectModel& effects, const Pieces& piec
   return readings;
 }
 
-Eigen::VectorXd pull_on(const JointResult& fit, const std::vector<int>& columns) {
-  Eigen::VectorXd pull = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(columns.size()));
-  for (std::size_t k = 0; k < columns.size(); ++k)
-    if (columns[k] < fit.noise_pull.size()) pull[static_cast<Eigen::Index>(k)] = fit.noise_pull[columns[k]];
-  return pull;
-}
-
-// The values of a fit's effects, as coordinates of the columns of a table, which has each of them (columns_beside).
-Eigen::VectorXd coordinates_of_effects(const JointResult& fit, const TermTable& table, Eigen::Index rows) {
-  Eigen::VectorXd x = Eigen::VectorXd::Zero(rows);
-  for (const EstimatedEffect& effect : fit.effects) {
-    const auto found = std::find_if(table.effects.begin(), table.effects.end(), [&](const EffectColumn& c) {
-      return c.key() == effect.column.key() && c.tau_s == effect.column.tau_s;
-    });
-    if (found == table.effects.end()) continue;  // of turn-on: it stays in the model
-    const auto at = static_cast<std::size_t>(found - table.effects.begin());
-    const Weights& basis = table.bases[table.basis_of_effect[at]];
-    for (std::size_t k = 0; k < basis.parts.size(); ++k)
-      x.segment<piece_dims>(piece_dims * static_cast<Eigen::Index>(k)) +=
-          effect.value * basis.parts[k].of.col(table.column_of_effect[at]);
-  }
-  return x;
-}
-
-// With time constants about those that are fitted, as far as a fit tells them.
-std::vector<EffectColumn> columns_beside(const JointResult& fit, std::vector<EffectColumn> columns) {
+std::vector<EffectColumn> columns_beside(const std::vector<EstimatedEffect>& effects,
+                                         std::vector<EffectColumn> columns) {
   constexpr double finest = 0.005, coarsest = 0.3;
-  for (const EstimatedEffect& effect : fit.effects) {
+  for (const EstimatedEffect& effect : effects) {
     if (!(effect.column.tau_s > 0.0)) continue;
     const double step = std::clamp(effect.sigma / std::abs(effect.value), finest, coarsest);
     for (const double steps : {0.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0}) {
@@ -71,7 +53,32 @@ std::vector<EffectColumn> columns_beside(const JointResult& fit, std::vector<Eff
   return columns;
 }
 
-}  // namespace
+void put_back(const std::vector<EstimatedEffect>& effects, PieceSystem& system, UnderNoise& under) {
+  if (effects.empty()) return;
+  const TermTable& table = *under.table;
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(system.coordinates());
+  for (const EstimatedEffect& effect : effects) {
+    const auto found = std::find_if(table.effects.begin(), table.effects.end(), [&](const EffectColumn& c) {
+      return c.key() == effect.column.key() && c.tau_s == effect.column.tau_s;
+    });
+    const auto at = static_cast<std::size_t>(found - table.effects.begin());
+    const Weights& basis = table.bases[table.basis_of_effect[at]];
+    for (std::size_t k = 0; k < basis.parts.size(); ++k)
+      x.segment<piece_dims>(piece_dims * static_cast<Eigen::Index>(k)) +=
+          effect.value * basis.parts[k].of.col(table.column_of_effect[at]);
+  }
+  system.put_back(x);
+  for (std::size_t k = 0; k < table.bases.size(); ++k) under.blocks[k].s = system.score(table.bases[k]);
+}
+
+void conclude(Posterior posterior, const std::vector<EstimatedEffect>& effects, Evidence& result) {
+  result.posterior = std::move(posterior);
+  result.statements = statements_of(result.at_each_noise, result.posterior);
+  std::vector<std::string> fitted;
+  for (const EstimatedEffect& effect : effects) fitted.push_back(effect.column.key());
+  std::sort(fitted.begin(), fitted.end());
+  result.named = named_effects(result.at_each_noise, result.posterior, fitted);
+}
 
 PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointResult& fit, const NoiseModel& noise) {
   FilterSetup setup = fit.setup;
@@ -113,9 +120,9 @@ PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointRe
 }
 
 Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings) {
-  const std::vector<EffectColumn> effects = columns_beside(fit, catalogue_columns(recording.info, recordings));
-  const bool any_taken_off = std::any_of(fit.effects.begin(), fit.effects.end(),
-                                         [](const EstimatedEffect& e) { return !is_turn_on(e.column); });
+  std::vector<EstimatedEffect> taken_off = fit.effects;  // those of turn-on stay in the model
+  std::erase_if(taken_off, [](const EstimatedEffect& e) { return is_turn_on(e.column); });
+  const std::vector<EffectColumn> effects = columns_beside(taken_off, catalogue_columns(recording.info, recordings));
   Evidence result;
   for (const double part : {1.0, 1.0 / 3.0, 0.0}) {
     NoiseModel noise = fit.noise;
@@ -126,30 +133,23 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
     PiecewiseView& view = result.views.back();
     result.columns = view.columns;
     if (!view.system) return result;
-    const EffectModel catalogue =
-        make_effect_model(effects, {recording.info.latitude_deg}, fit.reference_temperature_c);
     UnderNoise one;
-    one.table = make_terms(*view.system, view.pieces, effects, readings_of(catalogue, view.pieces, view.states),
-                           fit.noise, fit.parameters, result.columns);
-    if (any_taken_off) {
-      view.system->put_back(coordinates_of_effects(fit, one.table, view.system->coordinates()));
-      for (std::size_t k = 0; k < one.table.bases.size(); ++k)
-        one.table.blocks[k].s = view.system->score(one.table.bases[k]);
+    if (result.at_each_noise.empty()) {
+      const EffectModel catalogue =
+          make_effect_model(effects, {recording.info.latitude_deg}, fit.reference_temperature_c);
+      one = make_terms(*view.system, view.pieces, effects, readings_of(catalogue, view.pieces, view.states), fit.noise,
+                       fit.parameters, result.columns);
+    } else {
+      one = {view.system.get(), result.at_each_noise.front().table, {}};
+      one.blocks = view.system->blocks(one.table->bases);
     }
-    one.system = view.system.get();
+    put_back(taken_off, *view.system, one);
     result.at_each_noise.push_back(std::move(one));
   }
-  const std::vector<UnderNoise>& all = result.at_each_noise;
-  result.posterior = weigh_models(all);
-  result.statements = statements_of(all, result.posterior);
-  std::vector<std::string> fitted;
-  for (const EstimatedEffect& effect : fit.effects)
-    if (!is_turn_on(effect.column)) fitted.push_back(effect.column.key());
-  std::sort(fitted.begin(), fitted.end());
-  result.named = named_effects(all, result.posterior, fitted);
+  conclude(weigh_models(result.at_each_noise), taken_off, result);
   const WeighedModel& best = result.posterior.models.front();
   const PiecewiseView& view = result.views[best.noise];
-  test_pieces(view.recording, view.pieces, all[best.noise], best, result.omnibus);
+  test_pieces(view.recording, view.pieces, result.at_each_noise[best.noise], best, result.omnibus);
   return result;
 }
 

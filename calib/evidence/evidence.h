@@ -36,6 +36,19 @@ struct Evidence {
 // are weighed with none of it, a third and all of it.
 Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings = 1);
 
+// For both kinds of recordings (rest_evidence.h). `effects`: of the fit, but for those of turn-on.
+using Readings = Eigen::Matrix<double, 6, Eigen::Dynamic>;
+// What one unit of each column adds to the readings of every cell: the mean over its blocks.
+std::vector<Readings> readings_of(const EffectModel& effects, const Pieces& pieces,
+                                  const std::vector<BlockState>& states);
+// `columns`, and those of effects with time constants about those that are fitted, as far as a fit tells them.
+std::vector<EffectColumn> columns_beside(const std::vector<EstimatedEffect>& effects,
+                                         std::vector<EffectColumn> columns);
+// The effects were taken off in `system`: from here on they are in the data.
+void put_back(const std::vector<EstimatedEffect>& effects, PieceSystem& system, UnderNoise& under);
+// What is said, by the posterior of result.at_each_noise.
+void conclude(Posterior posterior, const std::vector<EstimatedEffect>& effects, Evidence& result);
+
 // Of a fit without effects: what is missing from it, or what its omnibus finds; empty: nothing.
 std::string what_speaks_against(const CompressedRecording& recording, const JointResult& fit);
 

@@ -34,6 +34,41 @@ void Weights::add(Part part) {
   parts.push_back(std::move(part));
 }
 
+Weights Weights::of_rows(const MatrixXd& rows) {
+  Weights weights;
+  weights.columns = rows.cols();
+  for (Eigen::Index first = 0; first < rows.rows(); first += piece_dims) {
+    Part part;
+    part.of.setZero(piece_dims, rows.cols());
+    const Eigen::Index count = std::min<Eigen::Index>(piece_dims, rows.rows() - first);
+    part.of.topRows(count) = rows.middleRows(first, count);
+    weights.add(std::move(part));
+  }
+  return weights;
+}
+
+// An observation is as wrong as its coordinate, and the residual is prediction less observation.
+PieceSystem::PieceSystem(const MatrixXd& derivatives, const VectorXd& residuals, double log_variance)
+    : floor_(rounding) {
+  const MatrixXd A = derivatives.transpose() * derivatives;
+  const VectorXd gradient = derivatives.transpose() * residuals;
+  A_inverse_ = balanced_inverse(A);
+  fit_shift_ = -A_inverse_ * gradient;
+  misfit_ = residuals.squaredNorm() + gradient.dot(fit_shift_) + log_variance + log_determinant(A);
+  links_.resize(static_cast<std::size_t>((residuals.size() + piece_dims - 1) / piece_dims));
+  for (Link& link : links_) {
+    link.I.setIdentity();
+    link.E.setZero(states_, piece_dims);
+    link.G.setZero(states_, piece_dims);
+    link.M.setZero(states_, states_);
+  }
+  s_.setZero(piece_dims * std::ssize(links_));
+  R_.setZero(s_.size(), derivatives.cols());
+  R_.topRows(derivatives.rows()) = -derivatives;
+  s_.head(residuals.size()) = -residuals;
+  s_ += R_ * fit_shift_;
+}
+
 PieceSystem::PieceSystem(const CompressedRecording& recording, const FilterResult& pass,
                          const std::vector<int>& columns, const VectorXd& pull, const Pieces& pieces) {
   const MatrixXd A = pass.information(columns, columns);

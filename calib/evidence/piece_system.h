@@ -33,6 +33,8 @@ struct Weights {
   };
   std::vector<Part> parts;  // of each piece
   void add(Part part);
+  // Coordinates are the rows, cut into pieces.
+  static Weights of_rows(const Eigen::MatrixXd& rows);
 };
 
 class PieceSystem {
@@ -40,6 +42,10 @@ class PieceSystem {
   // `pass`: run with keep_steps (not kept); `columns`: of the model's parameters; `pull`: of noise on their gradient (noise_fit.h).
   PieceSystem(const CompressedRecording& recording, const FilterResult& pass, const std::vector<int>& columns,
               const Eigen::VectorXd& pull, const Pieces& pieces);
+
+  // Of independent observations: residuals over their sigmas, and their derivatives by the parameters. Coordinates are the observations, filled up
+  // to whole pieces. `log_variance`: sum of the logarithms of their variances.
+  PieceSystem(const Eigen::MatrixXd& derivatives, const Eigen::VectorXd& residuals, double log_variance);
 
   // Of each by itself: Q, s, and what one of each moves the parameters by. Columns are made of noisy readings, which pulls the parameters by
   // so many sigma; what the parameters leave of a column is known no better than to its square (floor()), which Q contains.
@@ -51,6 +57,7 @@ class PieceSystem {
   };
   std::vector<Block> blocks(const std::vector<Weights>& weights) const;
   Eigen::VectorXd score(const Weights& weights) const;  // Block::s, which put_back() changes
+  const Eigen::VectorXd& scores() const { return s_; }  // of the coordinates
   double floor() const { return floor_; }
   // Of one piece.
   struct OfPiece {

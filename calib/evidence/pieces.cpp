@@ -58,6 +58,12 @@ BlockState with_table_angle(const CompressedRecording& recording, const Block& b
 
 }  // namespace
 
+void average_cells(const std::vector<BlockState>& states, Pieces& pieces) {
+  for (std::size_t k = 0; k < states.size(); ++k)
+    if (pieces.cell_of_block[k] >= 0) add(states[k], pieces.cells[static_cast<std::size_t>(pieces.cell_of_block[k])]);
+  for (ErrorCell& cell : pieces.cells) divide(cell);
+}
+
 Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<FilterStep>& steps,
                        const std::vector<BlockState>& states) {
   Pieces result;
@@ -139,7 +145,10 @@ Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<F
     result.pieces.back().last_step = k;
     result.pieces.back().end_s = begin + block.duration_s;
     result.cell_of_block[index] = static_cast<int>(result.cells.size()) - 1;
-    add(state, result.cells.back());
+    // At rest the unit turns with the earth: what the gyros measure has noise, which the velocities to be explained share.
+    BlockState still = state;
+    still.w_b = state.C_nb.transpose() * earth_rate_n(recording.info.latitude_deg);
+    add(still, result.cells.back());
   }
   if (!result.pieces.empty()) divide(result.cells.back());
   result.epochs = result.pieces.empty() ? 0 : epoch + 1;

@@ -42,7 +42,12 @@ struct Pieces {
   std::vector<ErrorCell> cells;
   std::vector<int> cell_of_block;  // -1: of none
   int epochs = 0;
+  // Of hand-turned data (rest_evidence.h), of each cell: what its readings do to the coordinates, which are observations. Else empty.
+  std::vector<Eigen::Matrix<double, Eigen::Dynamic, 6>> responses;
 };
+
+// ErrorCell::at of all cells, from the states of the blocks.
+void average_cells(const std::vector<BlockState>& states, Pieces& pieces);
 
 // `steps`, `states`: of the blocks, as one filter pass saw them (states.size() == recording.blocks.size() or fewer at the front).
 Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<FilterStep>& steps,

@@ -133,16 +133,16 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
   return child;
 }
 
-// All models worth counting at one noise; `best`: log weight of the best so far, whatever its noise.
-std::map<std::vector<ModelTerm>, double> search(const UnderNoise& under, double& best, int& scored) {
-  const TermTable& table = under.table;
+// All models worth counting at one noise. What is missing may look like noise of which there is less: each is searched by itself.
+std::map<std::vector<ModelTerm>, double> search(const UnderNoise& under, int& scored) {
+  const TermTable& table = *under.table;
   auto root = std::make_shared<State>();
   root->log_weight = -0.5 * under.system->misfit();
-  for (const PieceSystem::Block& b : table.blocks) {
+  for (const PieceSystem::Block& b : under.blocks) {
     root->Q.push_back(b.Q);
     root->s.push_back(b.s);
   }
-  best = std::max(best, root->log_weight);
+  double best = root->log_weight;
   std::map<std::vector<ModelTerm>, double> seen = {{{}, root->log_weight}};
   std::vector<std::shared_ptr<const State>> level = {root};
   for (int depth = 0; depth < deepest; ++depth) {
@@ -195,17 +195,24 @@ Posterior weigh_models(const std::vector<UnderNoise>& all) {
   Posterior result;
   double best = -1e300;
   for (std::size_t noise = 0; noise < all.size(); ++noise)
-    for (const auto& [terms, log_weight] : search(all[noise], best, result.scored))
+    for (const auto& [terms, log_weight] : search(all[noise], result.scored)) {
       result.models.push_back({terms, noise, log_weight});
+      best = std::max(best, log_weight);
+    }
   double sum = 0.0;
   for (WeighedModel& m : result.models) sum += m.probability = std::exp(m.probability - best);
+  result.log_evidence = best + std::log(sum);
   std::erase_if(result.models, [&](const WeighedModel& m) { return m.probability < least_probability * sum; });
-  double kept = 0.0;
-  for (const WeighedModel& m : result.models) kept += m.probability;
-  for (WeighedModel& m : result.models) m.probability /= kept;
-  std::sort(result.models.begin(), result.models.end(),
-            [](const WeighedModel& a, const WeighedModel& b) { return a.probability > b.probability; });
+  normalise(result);
   return result;
+}
+
+void normalise(Posterior& posterior) {
+  double sum = 0.0;
+  for (const WeighedModel& m : posterior.models) sum += m.probability;
+  for (WeighedModel& m : posterior.models) m.probability /= sum;
+  std::sort(posterior.models.begin(), posterior.models.end(),
+            [](const WeighedModel& a, const WeighedModel& b) { return a.probability > b.probability; });
 }
 
 Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& posterior) {
@@ -216,7 +223,7 @@ Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& 
   for (const WeighedModel& m : posterior.models) {
     std::set<Node> mine;
     for (const ModelTerm& t : m.terms) {
-      const Term& term = under[m.noise].table.terms[static_cast<std::size_t>(t.term)];
+      const Term& term = under[m.noise].table->terms[static_cast<std::size_t>(t.term)];
       if (term.kind == TermKind::noise) continue;
       const Statement& w = term.what;
       mine.insert({w.sensor, "", "", ""});
@@ -249,7 +256,7 @@ Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& 
 
 NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior& posterior,
                            const std::vector<std::string>& fitted) {
-  const TermTable& table = under.front().table;  // effects are the same in all
+  const TermTable& table = *under.front().table;  // effects are the same in all
   // Names share a branch where one of them may stand for another: of the same sensor and quantity.
   using Branch = std::pair<std::string, std::string>;
   const auto branch = [&](const Term& t) { return Branch{t.what.sensor, t.what.quantity}; };
@@ -259,7 +266,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   std::map<std::string, std::pair<double, double>> log_tau;
   for (const WeighedModel& m : posterior.models) {
     const auto term_of = [&](const ModelTerm& t) -> const Term& {
-      return under[m.noise].table.terms[static_cast<std::size_t>(t.term)];
+      return under[m.noise].table->terms[static_cast<std::size_t>(t.term)];
     };
     std::set<Branch> mine, named;
     for (const ModelTerm& t : m.terms) {
@@ -276,7 +283,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
     std::vector<std::string> keys;
     bool missing = false, stands = true, patterns = false;
     for (const ModelTerm& t : m.terms) {
-      const Term& term = under[m.noise].table.terms[static_cast<std::size_t>(t.term)];
+      const Term& term = under[m.noise].table->terms[static_cast<std::size_t>(t.term)];
       if (term.kind == TermKind::noise) continue;
       missing = true;
       if (term.kind == TermKind::pattern) {
@@ -318,7 +325,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   for (const WeighedModel& m : posterior.models) {
     std::set<std::string> formulas;
     for (const ModelTerm& t : m.terms)
-      formulas.insert(under[m.noise].table.terms[static_cast<std::size_t>(t.term)].what.formula);
+      formulas.insert(under[m.noise].table->terms[static_cast<std::size_t>(t.term)].what.formula);
     formulas.erase("");
     for (auto& [name, others] : result.instead)
       if (formulas.count(name) == 0)
@@ -358,9 +365,9 @@ double quantile(const std::vector<OfModel>& models, Eigen::Index i, double p) {
 // Terms of the models that are averaged, side by side: Q and s of their coefficients, and what those do to [parameters, named values].
 class Coefficients {
  public:
-  Coefficients(const PieceSystem& system, const TermTable& table, const std::vector<int>& named)
-      : system_(system), table_(table) {
-    for (const int c : named) named_.push_back(table.effects[static_cast<std::size_t>(c)].key());
+  Coefficients(const UnderNoise& under, const std::vector<int>& named)
+      : system_(*under.system), table_(*under.table), blocks_(under.blocks) {
+    for (const int c : named) named_.push_back(table_.effects[static_cast<std::size_t>(c)].key());
   }
   bool is_named(const EffectColumn& c) const {
     return std::find(named_.begin(), named_.end(), c.key()) != named_.end();
@@ -431,10 +438,10 @@ class Coefficients {
     Part part;
     part.x = coordinates_of(table_.bases[term.basis], term.L, system_.coordinates());
     part.y = system_.times(part.x);
-    part.s = term.L.transpose() * table_.blocks[term.basis].s;
+    part.s = term.L.transpose() * blocks_[term.basis].s;
     const bool named = std::any_of(term.columns.begin(), term.columns.end(),
                                    [&](int c) { return is_named(table_.effects[static_cast<std::size_t>(c)]); });
-    MatrixXd shift = table_.blocks[term.basis].shift;
+    MatrixXd shift = blocks_[term.basis].shift;
     if (term.about_mean && !named) shift += table_.taken_up[term.basis];
     const Eigen::Index p = shift.rows();
     part.effect = MatrixXd::Zero(p + static_cast<Eigen::Index>(named_.size()), term.L.cols());
@@ -469,7 +476,7 @@ class Coefficients {
       const Term& term = table_.terms[static_cast<std::size_t>(model.terms[i].term)];
       M.diagonal().segment(row, m).array() += 1.0 / term.variance[model.terms[i].size];
       M.block(row, row, m, m) +=
-          term.L.transpose() * (system_.floor() * table_.blocks[term.basis].before).asDiagonal() * term.L;
+          term.L.transpose() * (system_.floor() * blocks_[term.basis].before).asDiagonal() * term.L;
       s.segment(row, m) = parts_[at[i]].s;
       row += m;
     }
@@ -484,6 +491,7 @@ class Coefficients {
 
   const PieceSystem& system_;
   const TermTable& table_;
+  const std::vector<PieceSystem::Block>& blocks_;
   std::vector<std::string> named_;
   std::map<std::pair<std::size_t, std::size_t>, MatrixXd> between_;
   std::map<int, std::size_t> places_;
@@ -493,15 +501,15 @@ class Coefficients {
 }  // namespace
 
 Explained explained_by(const UnderNoise& under, const WeighedModel& model) {
-  return Coefficients(*under.system, under.table, {}).explain(model);
+  return Coefficients(under, {}).explain(model);
 }
 
 AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const Posterior& posterior,
                                      const std::vector<int>& named) {
-  const TermTable& table = under.front().table;
+  const TermTable& table = *under.front().table;
   const Eigen::Index p = under.front().system->covariance().rows(), n = p + static_cast<Eigen::Index>(named.size());
   std::vector<Coefficients> coefficients;
-  for (const UnderNoise& one : under) coefficients.emplace_back(*one.system, one.table, named);
+  for (const UnderNoise& one : under) coefficients.emplace_back(one, named);
   std::vector<OfModel> all, with_names;
   std::vector<std::vector<bool>> holds;
   double kept = 0.0;

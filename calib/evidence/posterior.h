@@ -21,12 +21,6 @@ struct ModelTerm {
   friend auto operator<=>(const ModelTerm&, const ModelTerm&) = default;
 };
 
-// The system and its terms at one noise model; a prior of equal odds is between several of them.
-struct UnderNoise {
-  const PieceSystem* system = nullptr;
-  TermTable table;
-};
-
 struct WeighedModel {
   std::vector<ModelTerm> terms;  // sorted
   std::size_t noise = 0;         // of which UnderNoise
@@ -36,8 +30,10 @@ struct WeighedModel {
 struct Posterior {
   std::vector<WeighedModel> models;  // the most probable first
   int scored = 0;                    // models beside which all terms were scored
+  double log_evidence = 0.0;         // of all of them together, but for a constant
 };
 Posterior weigh_models(const std::vector<UnderNoise>& all);
+void normalise(Posterior& posterior);  // sum 1, sorted
 Statements statements_of(const std::vector<UnderNoise>& all, const Posterior& posterior);
 
 // What a model leaves of the system: Q|h = Q - Y Y', s|h = s - Y w.

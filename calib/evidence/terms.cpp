@@ -53,7 +53,6 @@ Reading reading_of(const Channel& c, const ErrorCell& cell) {
   Reading r = Reading::Zero();
   const bool gyro = c.sensor == Sensor::gyro;
   const Vector3d& input = gyro ? cell.at.w_b : cell.at.f_b;
-  if (gyro && c.quantity != Quantity::bias && !cell.turns) return r;
   r[(gyro ? 0 : 3) + c.axis] = c.unit * (c.quantity == Quantity::bias ? 1.0 : input[c.from]);
   return r;
 }
@@ -75,12 +74,30 @@ std::vector<Channel> all_channels(const Grades& grades) {
   return all;
 }
 
+struct Kernel {
+  Driver driver;
+  MatrixXd L;
+  double share = 1.0;
+};
+
 // Functions of a cell: `write` fills `count` values, all of them or those from `first` on.
 struct Functions {
   Driver driver;
   Eigen::Index count = 0;
   bool of_epochs = false;  // one value each, the cell's own is 1
   std::function<void(const ErrorCell&, Eigen::Ref<VectorXd>)> write;
+
+  // All of them, or, as likely, one harmonic or wave: these are pairs.
+  std::vector<Kernel> kernels() const {
+    std::vector<Kernel> all;
+    all.push_back({driver, MatrixXd::Identity(count, count) / std::sqrt(0.5 * static_cast<double>(count)), 1.0});
+    for (Eigen::Index k = 0; k + 1 < count && driver != Driver::turns; k += 2) {
+      MatrixXd pair = MatrixXd::Zero(count, 2);
+      pair.middleRows<2>(k).setIdentity();
+      all.push_back({driver, pair, 2.0 / static_cast<double>(count)});
+    }
+    return all;
+  }
 };
 
 constexpr int harmonics = 4, waves = 3;
@@ -219,11 +236,6 @@ MatrixXd factor(const MatrixXd& K, double floor, Eigen::Index most = 1000) {
   return e.vectors.rightCols(rank) * (e.values.tail(rank).cwiseMax(0.0).cwiseSqrt() / norm).asDiagonal();
 }
 
-struct Kernel {
-  Driver driver;
-  MatrixXd L;
-  double share = 1.0;
-};
 struct Epochs {
   VectorXd time_s, temperature_c;
 };
@@ -285,8 +297,7 @@ std::string sensor_name(Sensor sensor, int axis) {
 
 Quantity canonical(Sensor sensor, Quantity quantity, Driver driver) {
   if (sensor == Sensor::accelerometer && driver == Driver::force) return Quantity::bias;
-  if (sensor == Sensor::gyro && quantity == Quantity::direction && driver == Driver::rate)
-    return Quantity::scale_factor;
+  if (sensor == Sensor::gyro && driver == Driver::rate) return Quantity::scale_factor;
   return quantity;
 }
 
@@ -305,9 +316,9 @@ void pattern_prior(double share, double kind, double smaller, Term& term) {
 
 }  // namespace
 
-bool is_seen(const TermTable& table, std::size_t effect) {
-  const PieceSystem::Block& block = table.blocks[table.basis_of_effect[effect]];
-  const int at = table.column_of_effect[effect];
+bool is_seen(const UnderNoise& under, std::size_t effect) {
+  const PieceSystem::Block& block = under.blocks[under.table->basis_of_effect[effect]];
+  const int at = under.table->column_of_effect[effect];
   return block.Q(at, at) > least_part * block.before[at] && block.Q(at, at) > 0.0;
 }
 
@@ -316,7 +327,9 @@ namespace {
 class Table {
  public:
   Table(const Pieces& pieces, const NoiseModel& noise, const Parameters& fit, const std::vector<int>& columns)
-      : pieces_(pieces), grades_(grades_of(noise)), taken_up_(pieces, fit, columns) {}
+      : pieces_(pieces), grades_(grades_of(noise)), taken_up_(pieces, fit, columns) {
+    for (const ErrorCell& cell : pieces.cells) length_s_ = std::max(length_s_, cell.at.time_s);
+  }
 
   void add_patterns() {
     const std::vector<Functions> functions = all_functions(pieces_);
@@ -324,7 +337,9 @@ class Table {
     const std::vector<Kernel> kernels = kernels_of(epochs);
     for (const Channel& channel : all_channels(grades_))
       for (const Functions& f : functions) {
+        if (f.driver == Driver::angle && by_hand()) continue;
         const std::size_t basis = add_basis({channel}, f);
+        if (by_hand() && is_zero(table_.bases[basis])) continue;
         const auto add = [&](Driver driver, const MatrixXd& L, double share) {
           Term term;
           term.kind = TermKind::pattern;
@@ -337,14 +352,18 @@ class Table {
           table_.terms.push_back(std::move(term));
         };
         if (f.of_epochs)
-          for (const Kernel& kernel : kernels) add(kernel.driver, kernel.L, kernel.share);
+          for (const Kernel& kernel : kernels) {
+            // Another value in every rest is the floor of hand-turned data.
+            if (kernel.driver != Driver::unknown || !by_hand()) add(kernel.driver, kernel.L, kernel.share);
+          }
         else
-          add(f.driver, MatrixXd::Identity(f.count, f.count) / std::sqrt(0.5 * static_cast<double>(f.count)), 1.0);
+          for (const Kernel& kernel : f.kernels()) add(f.driver, kernel.L, kernel.share);
       }
     double all = 0.0;
     for (const double share : shares_) all += share;
     for (std::size_t k = 0; k < shares_.size(); ++k)
       pattern_prior(shares_[k] / all, prior_patterns, 1.0, table_.terms[k]);
+    if (by_hand()) return;
     add_wander(epochs, Sensor::gyro, functions.front());
     add_wander(epochs, Sensor::accelerometer, functions.front());
   }
@@ -371,18 +390,25 @@ class Table {
     }
   }
 
-  TermTable take(const PieceSystem& system) {
-    table_.blocks = system.blocks(table_.bases);
-    add_effect_terms();
-    return std::move(table_);
+  UnderNoise take(const PieceSystem& system) {
+    const auto table = std::make_shared<TermTable>(std::move(table_));
+    UnderNoise under = {&system, table, system.blocks(table->bases)};
+    add_effect_terms(under, *table);
+    return under;
   }
 
  private:
+  bool by_hand() const { return !pieces_.responses.empty(); }
+  static bool is_zero(const Weights& weights) {
+    return std::all_of(weights.parts.begin(), weights.parts.end(), [](const auto& part) { return part.rows == 0; });
+  }
   // Of `columns`, of which a piece has `mine` from first(piece) on: readings(cell number, cell), 6 x mine.
   template <class First, class ReadingsOf>
   std::size_t add_basis(Eigen::Index columns, Eigen::Index mine, First first, ReadingsOf readings_of) {
     Weights weights;
     weights.columns = columns;
+    MatrixXd rows;
+    if (by_hand()) rows.setZero(pieces_.responses.front().rows(), columns);
     TakenUp::Sums sums(static_cast<std::size_t>(columns), Eigen::Matrix<double, 4, 6>::Zero());
     for (std::size_t k = 0; k < pieces_.pieces.size(); ++k) {
       Weights::Part part;
@@ -390,12 +416,15 @@ class Table {
       part.of.setZero(piece_dims, mine);
       each_cell(pieces_, k, [&](std::size_t c, const ErrorCell& cell) {
         const Readings readings = readings_of(c, cell);
-        place(cell, readings, part.of);
+        if (!by_hand())
+          place(cell, readings, part.of);
+        else
+          rows.middleCols(part.first, mine) += pieces_.responses[c] * readings;
         TakenUp::add(cell, readings, part.first, sums);
       });
-      weights.add(std::move(part));
+      if (!by_hand()) weights.add(std::move(part));
     }
-    table_.bases.push_back(std::move(weights));
+    table_.bases.push_back(by_hand() ? Weights::of_rows(rows) : std::move(weights));
     table_.taken_up.push_back(taken_up_.as_parameters(sums));
     return table_.bases.size() - 1;
   }
@@ -444,7 +473,7 @@ class Table {
   }
 
   // Each component, and the components of one sensor together, scaled to their own sigma.
-  void add_effect_terms() {
+  void add_effect_terms(const UnderNoise& under, TermTable& table) const {
     struct Group {
       std::vector<int> columns;
       double share;
@@ -452,20 +481,20 @@ class Table {
     std::vector<Group> groups;
     double all = 0.0;
     std::map<std::pair<std::size_t, int>, std::vector<int>> rows;  // of a basis, by sensor
-    for (std::size_t k = 0; k < table_.effects.size(); ++k) {
-      const EffectEntry& entry = *table_.effects[k].entry;
+    for (std::size_t k = 0; k < table.effects.size(); ++k) {
+      const EffectEntry& entry = *table.effects[k].entry;
       const double variants = static_cast<double>(std::max<std::size_t>(1, entry.taus_s.size()));
-      if (!is_seen(table_, k)) continue;
+      if (!is_seen(under, k)) continue;
       groups.push_back({{static_cast<int>(k)}, 1.0 / variants});
-      rows[{table_.basis_of_effect[k], axis_of(table_.effects[k])}].push_back(static_cast<int>(k));
+      rows[{table.basis_of_effect[k], axis_of(table.effects[k])}].push_back(static_cast<int>(k));
     }
     for (const auto& [of, columns] : rows)
       if (of.second >= 0 && columns.size() > 1) groups.push_back({columns, 1.0});
     for (const Group& g : groups) all += g.share;
     for (const Group& g : groups) {
-      const EffectColumn& first = table_.effects[static_cast<std::size_t>(g.columns.front())];
-      const std::size_t basis = table_.basis_of_effect[static_cast<std::size_t>(g.columns.front())];
-      const PieceSystem::Block& block = table_.blocks[basis];
+      const EffectColumn& first = table.effects[static_cast<std::size_t>(g.columns.front())];
+      const std::size_t basis = table.basis_of_effect[static_cast<std::size_t>(g.columns.front())];
+      const PieceSystem::Block& block = under.blocks[basis];
       Term term;
       term.kind = TermKind::effect;
       term.what = {sensor_name(first.entry->sensor, axis_of(first)), std::string(to_string(first.entry->quantity)),
@@ -475,7 +504,7 @@ class Table {
       term.L = MatrixXd::Zero(block.Q.rows(), static_cast<Eigen::Index>(g.columns.size()));
       double widest = 0.0;
       for (std::size_t j = 0; j < g.columns.size(); ++j) {
-        const int at = table_.column_of_effect[static_cast<std::size_t>(g.columns[j])];
+        const int at = table.column_of_effect[static_cast<std::size_t>(g.columns[j])];
         const double sigma = 1.0 / std::sqrt(block.Q(at, at));
         term.L(at, static_cast<Eigen::Index>(j)) = sigma;
         widest = std::max(widest, sigma);
@@ -486,7 +515,7 @@ class Table {
       for (Eigen::Index k = 0; k < n; ++k)
         term.variance[k] = std::pow(std::min(effect_sizes[static_cast<std::size_t>(k)], cap), 2);
       term.log_prior.setConstant(n, std::log(prior_effects * g.share / all / static_cast<double>(n)));
-      table_.terms.push_back(std::move(term));
+      table.terms.push_back(std::move(term));
     }
   }
 
@@ -497,9 +526,10 @@ class Table {
                ? -1
                : static_cast<int>(axis);
   }
-  // In the unit of the effect.
+  // In the unit of the effect; of a drift in a short run what adds up to it there.
   double usual_of(const EffectEntry& entry) const {
-    const double grade = entry.sensor == Sensor::gyro ? grades_.gyro : grades_.accel;
+    const double grade = (entry.sensor == Sensor::gyro ? grades_.gyro : grades_.accel) *
+                         absurd_magnitude(entry, length_s_) / absurd_magnitude(entry);
     if (entry.unit.starts_with("deg/h")) return usual_gyro_bias_degph * grade;
     if (entry.unit == "mm" || entry.unit == "ms" || entry.unit == "%") return 0.03 * grade;
     return usual_ppm * grade;
@@ -510,13 +540,14 @@ class Table {
   const TakenUp taken_up_;
   TermTable table_;
   std::vector<double> shares_;
+  double length_s_ = 0.0;
 };
 
 }  // namespace
 
-TermTable make_terms(const PieceSystem& system, const Pieces& pieces, const std::vector<EffectColumn>& effects,
-                     const std::vector<Readings>& readings, const NoiseModel& noise, const Parameters& fit,
-                     const std::vector<int>& columns) {
+UnderNoise make_terms(const PieceSystem& system, const Pieces& pieces, const std::vector<EffectColumn>& effects,
+                      const std::vector<Readings>& readings, const NoiseModel& noise, const Parameters& fit,
+                      const std::vector<int>& columns) {
   Table table(pieces, noise, fit, columns);
   table.add_patterns();
   table.add_effects(effects, readings);

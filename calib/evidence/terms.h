@@ -11,6 +11,7 @@
 // half-Cauchy about what data sheets give for that quantity and grade.
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -35,7 +36,6 @@ struct Term {
 struct TermTable {
   std::vector<EffectColumn> effects;
   std::vector<Weights> bases;
-  std::vector<PieceSystem::Block> blocks;  // of each basis
   std::vector<Eigen::MatrixXd>
       taken_up;  // of each basis: what of a column biases and matrices take up, parameters x columns
   std::vector<Term> terms;
@@ -43,13 +43,20 @@ struct TermTable {
   std::vector<int> column_of_effect;
 };
 
+// The system at one noise model, and what it says of the bases of the terms; a prior of equal odds is between several of them.
+struct UnderNoise {
+  const PieceSystem* system = nullptr;
+  std::shared_ptr<const TermTable> table;  // one for all of them
+  std::vector<PieceSystem::Block> blocks;  // of each basis
+};
+
 // Does the recording tell this effect (of TermTable::effects) from the parameters?
-bool is_seen(const TermTable& table, std::size_t effect);
+bool is_seen(const UnderNoise& under, std::size_t effect);
 
 // `readings`: of every cell what one unit of each effect's column adds to (gyro, accelerometer), 6 x effects.
 // `fit`: of the parameters `columns` of [24, effects].
-TermTable make_terms(const PieceSystem& system, const Pieces& pieces, const std::vector<EffectColumn>& effects,
-                     const std::vector<Eigen::Matrix<double, 6, Eigen::Dynamic>>& readings, const NoiseModel& noise,
-                     const Parameters& fit, const std::vector<int>& columns);
+UnderNoise make_terms(const PieceSystem& system, const Pieces& pieces, const std::vector<EffectColumn>& effects,
+                      const std::vector<Eigen::Matrix<double, 6, Eigen::Dynamic>>& readings, const NoiseModel& noise,
+                      const Parameters& fit, const std::vector<int>& columns);
 
 }  // namespace turncal

@@ -20,8 +20,6 @@ struct LackOfFitLimits {
   double fewest_pairs = 100.0;
   // Direction in which a whole fit knows nothing, of a matrix with ones on its diagonal: rounding.
   double open_direction = 1e-9;
-  // Share of the information of a family that its functions keep beside the model, below which it is rounding and linearisation.
-  double family_floor = 1e-4;
   // Share of pulses in the variance of a second's mean velocity beyond which that axis and second are left out of the innovations'
   // correlation. Calibrated: with these seconds chi2 a degree of clean runs came to 37, without them to 2.5 at most (96 runs).
   double pulse_share = 0.02;
@@ -34,16 +32,10 @@ struct SelectionLimits {
   // A component whose columns' multiple correlation with another effect is above this is its alias: 4 sigma of one are then 1 sigma
   // of the difference (1 / sqrt(1 - 0.97^2) = 4.1).
   double alias_correlation = 0.97;
-  // Two members of one class against each other (curve_of_two.h): each is so many times larger, in what the data see of it, than both
-  // together. A bias that is half a wave came to 9.4; a warm-up beside a drift of the measured run exp_6, which both belong to it, to 0.5.
-  double against_each_other = 3.0;
   // Of what the columns hold, the part that the model does not imitate must be above rounding.
   double visible_part = 1e-9;
   // What a recording would have caught: five sigma, which the family-wise 0.5 % (4.3 of them) then finds three times in four.
   double caught_at = 5.0;
-  // 2 ln L by which an effect must be better than every family without a name: "positive" of Kass and Raftery. Of 50 effects at twice the
-  // detectable magnitude three are better by 4.7 to 5.9 only (docs/diagnosis-study.md).
-  double family_margin = 4.0;
 };
 
 struct GateLimits {
@@ -55,17 +47,11 @@ struct GateLimits {
 
 // Of hand-turned data (rests, rest_diagnosis.h).
 struct RestLimits {
-  // Correlation of what two effects explain: one class from 0.9 on (of 4.5 sigma of one 2 are left of the difference), and kindred from
-  // 0.7 on (half of the variance in common).
-  double class_correlation = 0.9, kindred_correlation = 0.7;
-  // A component stays from this many of its sigma on: of the 18 of one name none is there by chance in 95 of 100. BIC: from 2.3 on.
-  double clear = 3.0;
-  // Length of a column that is left after projection: below this it is rounding and linearisation.
-  double unseen_part = 1e-5;
-  // Kinds of observation that hold less than this share of a column do not count among its degrees of freedom.
-  double touched_share = 0.01;
-  // Directions of a set of slow curves flatter than this are noise.
-  double nuisance_floor = 0.03;
+  // Observations beyond the 21 parameters below which any name fits. And the left-out error over the fitted one beyond which the fit hangs on
+  // single rests: it is 2 where half of them are redundant.
+  double least_redundancy = 20.0, most_leverage = 5.0;
+  // Residual over white noise beyond which a kind of observation is not explained.
+  double most_over_white = 3.0;
   // Gravity after a turn, rms over the legs: below the first no wrong unit of the rates (unit_slip.h) is looked for; a right one leaves
   // less than this part. Of wrong factors 2 is the nearest: 90 deg turned as 180.
   double least_misfit_rad = 0.15, of_misfit = 0.3;

@@ -169,13 +169,6 @@ double estimate_floor(const RestSystem& system, RestKind kind, double freedom) {
   return 0.5 * (low + high);
 }
 
-RestFloors estimate_floors(const RestSystem& system, const std::array<double, rest_kind_count>& freedom) {
-  RestFloors floors;
-  for (const RestKind kind : {RestKind::norm, RestKind::direction, RestKind::gyro})
-    floor_of(floors, kind) = estimate_floor(system, kind, freedom[index(kind)]);
-  return floors;
-}
-
 // Before anything is fitted: wide enough that no kind rules the first steps.
 RestFloors start_floors(const RestSystem& system) {
   std::array<double, rest_kind_count> rows{};
@@ -290,6 +283,13 @@ double rest_misfit_rad(const RestData& data, const Eigen::Matrix3d& gyro_map) {
   const double usable = static_cast<double>(
       std::count_if(data.legs.begin(), data.legs.end(), [](const RestLeg& leg) { return leg.fault.empty(); }));
   return std::sqrt(direction_misfit(data, CoarseStart(data).with_map(gyro_map)) / std::max(1.0, usable));
+}
+
+RestFloors estimate_floors(const RestSystem& system, const std::array<double, rest_kind_count>& freedom) {
+  RestFloors floors;
+  for (const RestKind kind : {RestKind::norm, RestKind::direction, RestKind::gyro})
+    floor_of(floors, kind) = estimate_floor(system, kind, freedom[index(kind)]);
+  return floors;
 }
 
 VectorXd rest_weights(const RestSystem& system, const RestFloors& floors) {

@@ -82,6 +82,8 @@ Result<RestFit> fit_rests(const RestData& data, const EffectModel& effects, cons
 RestFit refine_rests(const RestData& data, const Parameters& start, const EffectModel& effects,
                      const RestFitOptions& options = {});
 
+// The floor of each kind at which its sum of squares is its redundancy.
+RestFloors estimate_floors(const RestSystem& system, const std::array<double, rest_kind_count>& freedom);
 // Row weights 1/sigma for given floors.
 Eigen::VectorXd rest_weights(const RestSystem& system, const RestFloors& floors);
 // Prediction errors of all rows, each with its own rest or leg left out; NaN where nothing is left to predict from.

@@ -1,5 +1,9 @@
 #include "imu_io/base/clock.h"
 
+#include <poll.h>
+#include <sys/select.h>
+
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
 #include <ctime>
@@ -13,6 +17,21 @@ std::string format_utc(double utc_s) {
   char text[32];
   std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &parts);
   return text;
+}
+
+int wait_ready(int descriptor, short events, int ms) {
+  pollfd which{descriptor, events, 0};
+  int ready = ::poll(&which, 1, ms);
+  if (ready < 0 && errno == EINVAL) {
+    fd_set set;
+    FD_ZERO(&set);
+    FD_SET(descriptor, &set);
+    timeval time{ms / 1000, 1000 * (ms % 1000)};
+    ready = ::select(descriptor + 1, events == POLLIN ? &set : nullptr, events == POLLIN ? nullptr : &set, nullptr,
+                     ms < 0 ? nullptr : &time);
+    which.revents = events;
+  }
+  return ready > 0 ? which.revents : ready;
 }
 
 std::optional<double> parse_utc(const std::string& text) {

@@ -32,6 +32,9 @@ inline double monotonic_s() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
+// What poll() tells of one descriptor; 0: nothing in that time; -1: an error. Where RLIMIT_NOFILE is 0, and poll() refuses any, by select().
+int wait_ready(int descriptor, short events, int ms);
+
 class Deadline {
  public:
   explicit Deadline(double seconds) : end_s_(monotonic_s() + std::max(seconds, 0.0)) {}

@@ -100,14 +100,14 @@ bool Console::print() {
 
 // Until something can be written, or nobody is waited for any longer.
 bool Console::waits_for_room() {
-  pollfd one{own_ >= 0 ? own_ : descriptor_, POLLOUT, 0};
+  const int to = own_ >= 0 ? own_ : descriptor_;
   const bool limited = Unhindered::ever();
   const double limit_s = Unhindered::now() ? 0.0 : limited ? std::max(0.0, last_wait_s - waited_s_) : 1e9;
   const double began_s = monotonic_s();
   int ready = 0;
   do {
     const double left_s = limit_s - (monotonic_s() - began_s);
-    ready = ::poll(&one, 1, limited ? static_cast<int>(1000.0 * std::max(0.0, left_s)) : -1);
+    ready = wait_ready(to, POLLOUT, limited ? static_cast<int>(1000.0 * std::max(0.0, left_s)) : -1);
   } while (ready < 0 && errno == EINTR);
   if (!Unhindered::now()) waited_s_ += limited ? monotonic_s() - began_s : 0.0;
   return ready > 0;

@@ -62,9 +62,9 @@ std::vector<LineSource> read_line_sources(KeyValueFile& file) {
     const std::string comment = file.comment_of(key);
     const std::size_t end = comment.find(']');
     if (comment.starts_with('[') && end != std::string::npos) line.mark = comment.substr(1, end - 1);
-    const bool known = line.mark.empty() || line.is_guess() || line.mark == "yours" || file.has("source." + line.mark);
+    const bool known = comment.empty() || line.is_guess() || line.mark == "yours" || file.has("source." + line.mark);
     if (!known && !named.empty())
-      file.reject(key, "[guess], [yours] or a NAME of a line source.NAME after its #, not [" + line.mark + "]");
+      file.reject(key, "[guess], [yours] or a NAME of a line source.NAME after its #, not '" + comment + "'");
     if (!known) line.mark.clear();
     lines.push_back(std::move(line));
   }

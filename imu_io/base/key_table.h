@@ -72,7 +72,7 @@ struct LineSource {
   bool is_guess() const { return mark == "guess"; }
 };
 
-// Of every key but source.*, which it reads. In a file that names sources a mark that is none of them is a defect.
+// Of every key but source.*, which it reads. In a file that names sources a comment that begins with none of them is a defect.
 std::vector<LineSource> read_line_sources(KeyValueFile& file);
 
 // Where on the earth's surface a unit can stand.

@@ -57,7 +57,7 @@ std::string describe(NumberRange range) {
   const std::string max = format_number(range.max);
   if (below && above) {
     if (range.min_excluded) return "a number > " + min + " and <= " + max;
-    return "a number between " + min + " and " + max;
+    return (range.or_zero ? "0, or a number between " : "a number between ") + min + " and " + max;
   }
   if (below) return (range.min_excluded ? "a number > " : "a number >= ") + min;
   if (above) return "a number <= " + max;

@@ -33,13 +33,15 @@ struct NumberRange {
   double min = -std::numeric_limits<double>::infinity();
   double max = std::numeric_limits<double>::infinity();
   bool min_excluded = false;
-  bool contains(double x) const { return (min_excluded ? x > min : x >= min) && x <= max; }
+  bool or_zero = false;  // 0 switches something off; what is smaller than min and is not 0 is a slip of the pen
+  bool contains(double x) const { return (or_zero && x == 0.0) || ((min_excluded ? x > min : x >= min) && x <= max); }
 };
 inline constexpr NumberRange any_number{};
 inline constexpr NumberRange positive{0.0, std::numeric_limits<double>::infinity(), true};
 inline constexpr NumberRange not_negative{0.0};
 constexpr NumberRange at_least(double min) { return {min}; }
 constexpr NumberRange between(double min, double max) { return {min, max}; }
+constexpr NumberRange zero_or(double min, double max) { return {min, max, false, true}; }
 
 class KeyValueFile {
  public:

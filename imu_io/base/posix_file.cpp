@@ -83,23 +83,6 @@ Error storage_error(const std::string& path, std::string_view what, int number) 
   return {kind_of_change(number), path + ": " + std::string(what) + ": " + std::strerror(number)};
 }
 
-PosixFile::PosixFile(PosixFile&& other) noexcept
-    : fd_(std::exchange(other.fd_, -1)), path_(std::move(other.path_)), end_(other.end_) {}
-
-PosixFile& PosixFile::operator=(PosixFile&& other) noexcept {
-  if (this != &other) {
-    if (fd_ >= 0) ::close(fd_);
-    fd_ = std::exchange(other.fd_, -1);
-    path_ = std::move(other.path_);
-    end_ = other.end_;
-  }
-  return *this;
-}
-
-PosixFile::~PosixFile() {
-  if (fd_ >= 0) ::close(fd_);
-}
-
 Error PosixFile::failure(std::string_view what) const { return system_error(path_, what, errno); }
 
 Result<PosixFile> PosixFile::open_to_read(const std::string& path) {
@@ -144,7 +127,7 @@ Result<std::size_t> PosixFile::read_at(std::uint64_t offset, std::span<std::byte
 }
 
 Status PosixFile::write_all(std::span<const std::byte> data) {
-  TRY(check_length());
+  TRY(check_kept());
   while (!data.empty()) {
     const ssize_t n = repeat_interrupted([&] { return ::write(fd_, data.data(), data.size()); });
     if (n < 0) return failure("cannot write");
@@ -171,6 +154,7 @@ Status PosixFile::truncate(std::uint64_t size) {
 }
 
 Status PosixFile::sync() {
+  TRY(check_kept());
   if (repeat_interrupted([&] { return ::fsync(fd_); }) != 0) return failure("cannot sync to disk");
   return {};
 }
@@ -192,23 +176,21 @@ bool PosixFile::is_at(const std::string& path) const {
          here.st_dev == there.st_dev;
 }
 
-Status PosixFile::check_length() const {
+Status PosixFile::check_kept() const {
+  if (!is_at(path_))
+    return device_error(path_ +
+                        (path_exists(path_) ? ": is another file now, somebody replaced it"
+                                            : ": is no longer there, somebody moved or removed it") +
+                        ": expected the folder of a run to stay");
   struct stat facts {};
   if (::fstat(fd_, &facts) != 0) return failure("cannot look at");
-  const auto size = static_cast<std::uint64_t>(facts.st_size);
-  if (!S_ISREG(facts.st_mode) || size == end_) return {};
-  return device_error(
-      fmt::format("{}: somebody else has changed it: it is {} bytes long where {} were written", path_, size, end_));
-}
-
-Status PosixFile::check_kept() const {
-  if (is_at(path_)) return check_length();
-  return device_error(path_ +
-                      ": is no longer there, somebody moved or removed it: expected the folder of a run to stay");
+  if (!S_ISREG(facts.st_mode) || static_cast<std::uint64_t>(facts.st_size) == end_) return {};
+  return device_error(fmt::format("{}: somebody else has changed it: it is {} bytes long where {} were written", path_,
+                                  facts.st_size, end_));
 }
 
 Status PosixFile::close() {
-  const int fd = std::exchange(fd_, -1);
+  const int fd = fd_.release();
   if (fd >= 0 && ::close(fd) != 0 && errno != EINTR) return failure("cannot close");
   return {};
 }

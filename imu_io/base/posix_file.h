@@ -7,6 +7,7 @@
 
 #include <sys/stat.h>
 #include <sys/types.h>
+#include <unistd.h>
 
 #include <cstddef>
 #include <cstdint>
@@ -20,24 +21,34 @@
 
 namespace turncal {
 
+class Descriptor {  // closes itself; -1: none
+ public:
+  Descriptor(int number = -1) : number_(number) {}
+  Descriptor(Descriptor&& other) noexcept : number_(other.release()) {}
+  Descriptor& operator=(Descriptor&& other) noexcept {
+    std::swap(number_, other.number_);
+    return *this;
+  }
+  ~Descriptor() { static_cast<void>(number_ < 0 || ::close(number_) == 0); }
+  operator int() const { return number_; }
+  int release() { return std::exchange(number_, -1); }
+
+ private:
+  int number_;
+};
+
 class PosixFile {
  public:
   PosixFile() = default;
-  PosixFile(PosixFile&& other) noexcept;
-  PosixFile& operator=(PosixFile&& other) noexcept;
-  ~PosixFile();
-
   static Result<PosixFile> open_to_read(const std::string& path);    // a regular file
   static Result<PosixFile> create_new(const std::string& path);      // fails when it exists; mode 0644 at most
   static Result<PosixFile> open_to_change(const std::string& path);  // read and write, must exist
-
   const std::string& path() const { return path_; }
   bool is_open() const { return fd_ >= 0; }
   Result<std::uint64_t> size() const;
   // Fills the front of `out` from `offset`; fewer bytes only at the end of the file.
   Result<std::size_t> read_at(std::uint64_t offset, std::span<std::byte> out) const;
-  // At the end of what was written, which must still be the end of the file: an error where somebody else has cut or lengthened it.
-  Status write_all(std::span<const std::byte> data);
+  Status write_all(std::span<const std::byte> data);  // at the end; an error, as of sync(), where it is not kept
   Status write_all(std::string_view text);
   Status seek(std::uint64_t offset);
   Status truncate(std::uint64_t size);
@@ -45,16 +56,14 @@ class PosixFile {
   Status lock_exclusive();  // fails at once when another process holds it, and says which; released by close
   bool is_at(const std::string& path) const;  // false: the name stands for another file now, or for none
   void renamed(std::string path) { path_ = std::move(path); }  // by whoever calls
-  // For a file that others must find: an error that says so where it is no longer at its name, or not as long as what was written.
+  // An error where it is no longer at its name, or not as long as what was written: somebody moved, replaced, cut or lengthened it.
   Status check_kept() const;
   Status close();  // reports what a destructor must swallow
 
  private:
   PosixFile(int fd, std::string path) : fd_(fd), path_(std::move(path)) {}
   Error failure(std::string_view what) const;
-  Status check_length() const;
-
-  int fd_ = -1;
+  Descriptor fd_;
   std::string path_;
   std::uint64_t end_ = 0;  // of what was written, or where seek() went
 };

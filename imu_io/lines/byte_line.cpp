@@ -52,25 +52,9 @@ std::string describe_line(const SerialSettings& settings) {
   return address && address->kind != LineKind::serial ? settings.device : describe(settings);
 }
 
-ByteLine::ByteLine(ByteLine&& other) noexcept { *this = std::move(other); }
-
-ByteLine& ByteLine::operator=(ByteLine&& other) noexcept {
-  if (this == &other) return *this;
-  close();
-  device_ = std::move(other.device_);
-  kind_ = other.kind_;
-  port_ = std::move(other.port_);
-  socket_ = std::exchange(other.socket_, -1);
-  datagram_ = std::move(other.datagram_);
-  given_ = other.given_;
-  sender_ = other.sender_;
-  asks_ = other.asks_;
-  return *this;
-}
-
 void ByteLine::close() {
   port_.close();
-  if (socket_ >= 0) ::close(std::exchange(socket_, -1));
+  socket_ = Descriptor();
   datagram_.clear();
   given_ = 0;
   sender_.reset();
@@ -158,8 +142,7 @@ Result<std::size_t> ByteLine::read(std::span<std::byte> out, double timeout_s) {
     const Result<std::size_t> n = receive(out);
     if (!n || *n > 0) return n;
     if (deadline.passed()) return std::size_t{0};
-    pollfd which{socket_, POLLIN, 0};
-    ::poll(&which, 1, deadline.left_ms());
+    wait_ready(socket_, POLLIN, deadline.left_ms());
   }
 }
 

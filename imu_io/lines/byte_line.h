@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "imu_io/base/posix_file.h"
 #include "imu_io/lines/serial_port.h"
 
 namespace turncal {
@@ -31,11 +32,6 @@ std::optional<LineAddress> parse_line(const std::string& device);
 
 class ByteLine {
  public:
-  ByteLine() = default;  // closed
-  ByteLine(ByteLine&& other) noexcept;
-  ByteLine& operator=(ByteLine&& other) noexcept;
-  ~ByteLine() { close(); }
-
   static Result<ByteLine> open(const SerialSettings& settings);
   bool is_open() const { return port_.is_open() || socket_ >= 0; }
   // As SerialPort's.
@@ -53,7 +49,7 @@ class ByteLine {
   std::string device_;
   LineKind kind_ = LineKind::serial;
   SerialPort port_;
-  int socket_ = -1;
+  Descriptor socket_;
   std::vector<std::byte> datagram_;  // the last one, as far as it was not handed out
   std::size_t given_ = 0;
   std::optional<sockaddr_in> sender_;

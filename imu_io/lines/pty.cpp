@@ -100,8 +100,7 @@ Result<std::size_t> Pty::read(std::span<std::byte> out, double timeout_s) {
       const timespec pause{0, 2'000'000};
       if (timeout_s > 0.0) ::nanosleep(&pause, nullptr);
     } else {
-      pollfd which{fd_, POLLIN, 0};
-      ::poll(&which, 1, deadline.left_ms());
+      wait_ready(fd_, POLLIN, deadline.left_ms());
     }
     if (deadline.passed()) return std::size_t{0};
   }

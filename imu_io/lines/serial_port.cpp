@@ -115,12 +115,11 @@ Result<std::size_t> SerialPort::read(std::span<std::byte> out, double timeout_s)
   if (out.empty()) return std::size_t{0};
   const Deadline deadline(timeout_s);
   for (;;) {
-    pollfd which{fd_, POLLIN, 0};
-    const int ready = ::poll(&which, 1, deadline.left_ms());
+    const int ready = wait_ready(fd_, POLLIN, deadline.left_ms());
     if (ready < 0 && errno != EINTR) return failure("cannot wait", errno);
     if (ready <= 0 && deadline.passed()) return std::size_t{0};
     if (ready <= 0) continue;
-    if ((which.revents & POLLNVAL) != 0) return device_error(device_ + ": not open");
+    if ((ready & POLLNVAL) != 0) return device_error(device_ + ": not open");
     const ssize_t n = ::read(fd_, out.data(), out.size());
     if (n > 0) return static_cast<std::size_t>(n);
     if (n == 0 || is_unplugged(errno)) return device_error(device_ + ": unplugged");

@@ -17,8 +17,7 @@ constexpr int longest_wait_ms = 10;
 int connected(int descriptor, const addrinfo& to, const Deadline& deadline, const std::function<bool()>& given_up) {
   if (::connect(descriptor, to.ai_addr, to.ai_addrlen) == 0) return 0;
   if (errno != EINPROGRESS) return errno;
-  pollfd which{descriptor, POLLOUT, 0};
-  while (::poll(&which, 1, std::min(deadline.left_ms(), longest_wait_ms)) <= 0) {
+  while (wait_ready(descriptor, POLLOUT, std::min(deadline.left_ms(), longest_wait_ms)) <= 0) {
     if (given_up && given_up()) return ECANCELED;
     if (deadline.passed()) return ETIMEDOUT;
   }

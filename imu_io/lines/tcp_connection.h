@@ -38,8 +38,7 @@ int write_until(const Deadline& deadline, int descriptor, std::span<const std::b
     }
     if (n < 0 && errno != EAGAIN && errno != EINTR) return errno;
     if (deadline.passed()) return not_in_time;
-    pollfd which{descriptor, POLLOUT, 0};
-    ::poll(&which, 1, deadline.left_ms());
+    wait_ready(descriptor, POLLOUT, deadline.left_ms());
   }
   return 0;
 }

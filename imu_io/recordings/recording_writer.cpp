@@ -19,6 +19,9 @@ RecordingWriter::RecordingWriter(PosixFile file, const RecordingInfo& info)
   XXH32_reset(written_.get(), 0);
   pending_.reserve(block_samples);
 }
+#ifndef __clang__
+[[gnu::noipa]]  // else GCC 12 takes the error beside it in a Result for uninitialised
+#endif
 RecordingWriter::RecordingWriter(RecordingWriter&&) noexcept = default;
 
 RecordingWriter::~RecordingWriter() {
@@ -90,7 +93,6 @@ Result<RecordingWriter> RecordingWriter::reopen(const std::string& path, OpenSeg
                                                 std::optional<std::int64_t> last_end_sample) {
   PosixFile file = TRY(PosixFile::open_to_change(path));
   TRY(file.lock_exclusive());
-  const std::uint64_t size = TRY(file.size());
   RecordingScan scan = TRY(scan_recording(file, last_end_sample));
   if (scan.damage.complete) return input_error(path + ": this recording is finished: nothing can be added to it");
   std::uint64_t end = scan.good_end;
@@ -98,7 +100,7 @@ Result<RecordingWriter> RecordingWriter::reopen(const std::string& path, OpenSeg
     end = scan.closed_end;
     TRY(file.truncate(end));
     scan = TRY(scan_recording(file));
-  } else if (end < size) {
+  } else {
     TRY(file.truncate(end));
   }
   TRY(file.seek(end));
@@ -112,8 +114,23 @@ Result<RecordingWriter> RecordingWriter::reopen(const std::string& path, OpenSeg
   writer.first_counter_ = scan.first_counter;
   writer.last_counter_ = scan.last_counter;
   writer.next_number_ = scan.next_number;
-  writer.cut_bytes_ = size - end;
   return writer;
+}
+
+Status RecordingWriter::check_reopens(const std::string& path, std::int64_t end_sample,
+                                      std::optional<std::uint32_t> written) {
+  PosixFile file = TRY(PosixFile::open_to_read(path));
+  const RecordingScan scan = TRY(scan_recording(file, end_sample));
+  const bool ends_there = std::any_of(scan.segments.begin(), scan.segments.end(),
+                                      [end_sample](const Segment& one) { return one.end_sample == end_sample; });
+  RecordingWriter kept(std::move(file), scan.info);
+  TRY(kept.hash_file(scan.closed_end));
+  const bool damaged = scan.damage.lost_data();
+  if (ends_there && (written ? kept.hash() == *written : !damaged)) return {};
+  return Error{
+      damaged ? ErrorKind::device : ErrorKind::input,
+      fmt::format("{}: {} what this run had recorded by sample {}{}", path, ends_there ? "is not" : "does not hold",
+                  end_sample, damaged ? ", the recording is damaged: " + describe(scan.damage) : "")};
 }
 
 Status RecordingWriter::begin_segment(const Segment& segment) {

@@ -49,6 +49,9 @@ class RecordingWriter {
   static Result<RecordingWriter> reopen(const std::string& path, OpenSegment open_segment,
                                         std::optional<std::int64_t> last_end_sample = {});
 
+  // Whether a capture still holds what it held when a segment ended at that sample, and hash() was `written`. Nothing is changed.
+  static Status check_reopens(const std::string& path, std::int64_t end_sample, std::optional<std::uint32_t> written);
+
   RecordingWriter(RecordingWriter&&) noexcept;
   RecordingWriter& operator=(RecordingWriter&&) = delete;
   ~RecordingWriter();  // closes without an end mark; buffered samples are written, not synced
@@ -65,7 +68,6 @@ class RecordingWriter {
   // Checks that the segments lie inside the samples, writes the end mark, syncs, closes.
   Status finish();
 
-  Status check_kept() const { return file_.check_kept(); }
   const RecordingInfo& info() const { return info_; }
   const Segments& segments() const { return segments_; }  // ended ones
   std::optional<Segment> open_segment() const { return open_segment_; }
@@ -76,7 +78,6 @@ class RecordingWriter {
   std::optional<std::int64_t> last_counter() const {
     return sample_count_ > 0 ? std::optional(last_counter_) : std::nullopt;
   }
-  std::uint64_t cut_bytes() const { return cut_bytes_; }  // what reopen() cut off
   std::uint32_t hash() const;  // XXH32 of all bytes of the file, those that reopen() found included
 
  private:
@@ -102,7 +103,6 @@ class RecordingWriter {
   std::uint64_t sample_count_ = 0;
   std::int64_t first_counter_ = 0, last_counter_ = 0;
   std::uint32_t next_number_ = 0;
-  std::uint64_t cut_bytes_ = 0;
   bool unusable_ = false;  // a write failed, or finish() went through
   std::vector<ImuSample> pending_;
   std::vector<std::byte> bytes_;

@@ -69,8 +69,7 @@ class Trial {
     if (samples_ == 0) return device_error("no samples from the unit");
     restart();
     const double from_deg = TRY(position(axis));
-    // So slowly that one that turns ten times too fast reaches its rate, and is not stopped before it is known how fast that is.
-    TRY(move(axis, settings_.move_deg, settings_.rate_degps / 2.0, JudgedBy::max_rate));
+    TRY(move(axis, settings_.move_deg, settings_.rate_degps / 2.0));
     if (lost_) return device_error(std::string("samples of the unit were lost while ") + to_string(axis) + " turned");
     const double to_deg = TRY(position(axis));
     Turn turned{to_deg - from_deg, sum_};
@@ -94,7 +93,6 @@ class Trial {
   const AxisLimits& limits_of(Axis axis) const { return station_.axis[index(axis)]; }
 
  private:
-  enum class JudgedBy { its_rate, max_rate };  // how fast an axis may turn
   template <class Condition>
   static bool all_of(const TableStatus& axes, Condition condition) {
     return std::all_of(axes.begin(), axes.end(), condition);
@@ -134,18 +132,17 @@ class Trial {
   // Reads the unit for rest_s with no axis sent anywhere, and sees that none turns.
   Status rest() {
     const TableStatus now = TRY(read_table());
-    hold(now, std::nullopt, JudgedBy::its_rate);
+    hold(now, std::nullopt);
     const double end_s = devices_.clock.now_s() + settings_.rest_s;
     return wait_until(2.0 * settings_.rest_s, "the rest does not end",
                       [&](const TableStatus&) { return devices_.clock.now_s() >= end_s; });
   }
   // From here on every axis stays where it was read, but for the one that is sent.
-  void hold(const TableStatus& axes, const std::optional<Move>& sent, JudgedBy by) {
+  void hold(const TableStatus& axes, const std::optional<Move>& sent) {
     AxisTriple at_deg;
     for (const Axis axis : all_axes) at_deg[axis] = axes[index(axis)].position_deg;
     held_deg_ = at_deg;
     sent_ = sent;
-    judged_by_ = by;
   }
   Status wait_until(double seconds, const std::string& late, const std::function<bool(const TableStatus&)>& over) {
     const double deadline_s = devices_.clock.now_s() + seconds;
@@ -175,9 +172,8 @@ class Trial {
     }
   }
   std::optional<std::string> too_fast(const TableStatus& axes, double asked_s) {
-    const std::optional<Move> sent = judged_by_ == JudgedBy::max_rate ? std::nullopt : sent_;
-    const auto said = speed_.add(axes, asked_s, devices_.clock.now_s(), sent, !held_deg_);
-    return said ? said : speed_.add_felt({&felt_}, axes, sent, !held_deg_);
+    const auto said = speed_.add(axes, asked_s, devices_.clock.now_s(), sent_, !held_deg_);
+    return said ? said : speed_.add_felt({&felt_}, axes, sent_, !held_deg_);
   }
   // factor: how many times too fast the axis turned; none: no less than is said.
   Error scale_error(Axis axis, const std::string& said, std::optional<double> factor) const {
@@ -208,28 +204,25 @@ class Trial {
     const double factor = degps / peak_degps;
     // The mean over the way is slower than the peak, and ends with the settling.
     if (felt_degps ? std::abs(factor - 1.0) <= tolerance : factor <= 1.0 + tolerance && factor > 0.3) return {};
-    // On a short way the acceleration keeps it from getting any faster.
-    const bool cut_short = degps > 0.8 * std::sqrt(way_deg * move.acceleration_degps2);
     char text[240];
     std::snprintf(text, sizeof text,
-                  "%s turned by %.4g deg in %.3g s, at %s%.3g times the %.4g deg/s that were sent (%s)",
-                  to_string(move.axis), way_deg, took_s, cut_short ? "no less than " : "", factor, move.rate_degps,
+                  "%s turned by %.4g deg in %.3g s, at %.3g times the %.4g deg/s that were sent (%s)",
+                  to_string(move.axis), way_deg, took_s, factor, move.rate_degps,
                   felt_degps && !slow ? "as the unit felt it" : "by its positions");
-    return scale_error(move.axis, text, cut_short ? std::nullopt : std::optional(factor));
+    return scale_error(move.axis, text, factor);
   }
   Result<double> position(Axis axis) {
     const Result<AxisStatus> status = devices_.table.status(axis);
     return status ? Result<double>(status->position_deg) : Result<double>(status.error());
   }
   // There, and a rest.
-  Status move(Axis axis, double to_deg, double rate_degps, JudgedBy by = JudgedBy::its_rate) {
+  Status move(Axis axis, double to_deg, double rate_degps) {
     const TableStatus before = TRY(read_table());
     const double from_deg = before[index(axis)].position_deg;
     const double acceleration_degps2 =
-        std::min(std::max(settings_.acceleration_degps2, (by == JudgedBy::max_rate ? 20.0 : 2.0) * rate_degps),
-                 limits_of(axis).max_acceleration_degps2);
+        std::min(std::max(settings_.acceleration_degps2, 2.0 * rate_degps), limits_of(axis).max_acceleration_degps2);
     const Move sent{axis, to_deg, rate_degps, acceleration_degps2};
-    hold(before, sent, by);
+    hold(before, sent);
     felt_.begin_turn(SpeedWatch::factor * acceleration_degps2);
     const double began_s = devices_.clock.now_s();
     speed_.restart(before, began_s, began_s);
@@ -273,7 +266,6 @@ class Trial {
   FeltRate felt_;
   SpeedWatch speed_;
   std::optional<Move> sent_;
-  JudgedBy judged_by_ = JudgedBy::its_rate;
 };
 
 double to_rad(IncrementKind kind, const CommissioningSettings& settings) {

@@ -6,7 +6,6 @@
 #include <spawn.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <chrono>
@@ -14,6 +13,7 @@
 #include <thread>
 #include <utility>
 
+#include "imu_io/base/posix_file.h"
 #include "orchestrator/figures/report_format.h"
 
 extern char** environ;
@@ -22,26 +22,6 @@ namespace turncal {
 namespace {
 
 using SteadyClock = std::chrono::steady_clock;
-
-class Descriptor {
- public:
-  Descriptor() = default;
-  explicit Descriptor(int fd) : fd_(fd) {}
-  Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
-    std::swap(fd_, other.fd_);
-    return *this;
-  }
-  ~Descriptor() { close(); }
-  void close() {
-    if (fd_ >= 0) ::close(std::exchange(fd_, -1));
-  }
-  int get() const { return fd_; }
-  bool open() const { return fd_ >= 0; }
-
- private:
-  int fd_ = -1;
-};
 
 Error failed(const std::string& what) { return {ErrorKind::internal, what}; }
 
@@ -147,30 +127,30 @@ Result<PipedOutput> pipe_through(const PipedProgram& program, std::string_view i
     return failed(std::string("cannot make a pipe: ") + std::strerror(errno));
   }
   Child child;
-  if (const int error = child.spawn(program, child_in.get(), child_out.get(), child_err.get()); error != 0) {
+  if (const int error = child.spawn(program, child_in, child_out, child_err); error != 0) {
     return failed(error == ENOENT ? program.name + " is not installed (Debian package " + program.package + ")"
                                   : "cannot start " + program.name + ": " + std::strerror(error));
   }
-  child_in.close();
-  child_out.close();
-  child_err.close();
+  child_in = Descriptor();
+  child_out = Descriptor();
+  child_err = Descriptor();
 
   std::string output;
   std::string messages;
-  while (from_child.open() || errors.open()) {
+  while (from_child >= 0 || errors >= 0) {
     const double left_s = std::chrono::duration<double>(deadline - SteadyClock::now()).count();
     if (left_s <= 0.0) return failed(program.name + " took longer than " + significant(program.deadline_s, 3) + " s");
-    pollfd fds[3] = {{from_child.get(), POLLIN, 0}, {errors.get(), POLLIN, 0}, {to_child.get(), POLLOUT, 0}};
+    pollfd fds[3] = {{from_child, POLLIN, 0}, {errors, POLLIN, 0}, {to_child, POLLOUT, 0}};
     const int ready = ::poll(fds, 3, static_cast<int>(1000.0 * left_s) + 1);
     if (ready < 0 && errno != EINTR) return failed(std::string("poll: ") + std::strerror(errno));
     if (ready <= 0) continue;
-    if (fds[0].revents != 0 && !drain(from_child.get(), output)) from_child.close();
-    if (fds[1].revents != 0 && !drain(errors.get(), messages)) errors.close();
+    if (fds[0].revents != 0 && !drain(from_child, output)) from_child = Descriptor();
+    if (fds[1].revents != 0 && !drain(errors, messages)) errors = Descriptor();
     if (fds[2].revents == 0) continue;
     // A child that died does not take this process with it: MSG_NOSIGNAL.
-    const ssize_t sent = ::send(to_child.get(), input.data(), input.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+    const ssize_t sent = ::send(to_child, input.data(), input.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
     if (sent > 0) input.remove_prefix(static_cast<std::size_t>(sent));
-    if (input.empty() || (sent < 0 && errno != EAGAIN && errno != EINTR)) to_child.close();
+    if (input.empty() || (sent < 0 && errno != EAGAIN && errno != EINTR)) to_child = Descriptor();
   }
   int status = 0;
   if (!child.wait_until(deadline, status)) return failed(program.name + " did not end");

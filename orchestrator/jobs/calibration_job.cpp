@@ -9,9 +9,9 @@
 #include "calib/closed_form/closed_form.h"
 #include "calib/evidence/evidence.h"
 #include "calib/evidence/felt_latitude.h"
+#include "calib/evidence/rest_diagnosis.h"
 #include "calib/joint/several_recordings.h"
 #include "calib/model/limits.h"
-#include "calib/rest_diagnosis/rest_diagnosis.h"
 #include "calib/rests/rest_model.h"
 #include "calib/rests/rest_units.h"
 #include "calib/statistics/clipping.h"
@@ -148,7 +148,7 @@ Status rests_by_hand(const CompressedRecording& recording, bool partial, Calibra
   const std::string unjudged = why_not_tested(data, fit);
   if (!unjudged.empty() && !partial)
     return not_determined("not tested: the data determine nothing that could be judged: " + unjudged);
-  describe_rest_fit(fit, {}, data, output.file);
+  describe_rest_fit(fit, as_joint(fit, {}, data), data, output.file);
   describe_trust(unjudged.empty(), output.file);
   if (!unjudged.empty()) output.notes.push_back(output.distrust = "not tested: " + unjudged);
   output.notes.push_back(std::string(no_table_angles) + ": " + std::to_string(data.rests.size()) + " rests and " +

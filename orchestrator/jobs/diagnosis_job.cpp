@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "calib/rest_diagnosis/rest_diagnosis.h"
+#include "calib/evidence/rest_diagnosis.h"
 #include "calib/rests/single_pose.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/diagnosis_figures.h"
@@ -78,7 +78,6 @@ Result<DiagnosisOutput> of_table(const Recordings& recordings, const JoinedRecor
   note_mounting(diagnosis.base, context.notes);
   if (recordings.size() > 1)
     for (std::string& line : turn_on_words(diagnosis.each.turn_ons)) context.notes.push_back(std::move(line));
-  context.false_alarm = settings.false_alarm;
   context.noise_given = request.noise.has_value();
   if (has_after(diagnosis) && !request.samples.empty()) navigate_effects(recording, diagnosis, request, context);
   request.phase("writing the report");
@@ -107,24 +106,20 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
   const RestData data = make_rest_data(recording.data);
   if (data.rests.size() == 1) return of_single_pose(recording, context);
   std::optional<RestData> other;
-  RestDiagnosisOptions settings;
   if (!request.holdouts.empty()) {
     other = make_rest_data(request.holdouts.front()->data);
     if (other->legs.empty())
       return input_error(request.holdouts.front()->path + ": holds no rotation between two rests");
-    settings.holdout = &*other;
   }
-  request.phase("diagnosing: fit, scores of the catalogue, selection, rests left out");
-  const Result<RestDiagnosis> result = diagnose_rests(data, settings);
+  request.phase("diagnosing: fit, what may be missing, rests left out");
+  Result<RestDiagnosis> result = diagnose_rests(data, other ? &*other : nullptr);
   if (!result) return Error{result.error().kind, recording.path + ": " + result.error().message};
   context.notes.insert(context.notes.end(), data.notes.begin(), data.notes.end());
-  context.false_alarm = settings.false_alarm;
   context.method = rest_method;
   context.hand_turned = true;
-  Diagnosis diagnosis = as_diagnosis(*result, data);
   request.phase("writing the report");
-  DiagnosisFiles files = rest_diagnosis_files(*result, data, diagnosis, context);
-  return DiagnosisOutput{std::move(diagnosis), std::move(files)};
+  DiagnosisFiles files = rest_diagnosis_files(*result, data, context);
+  return DiagnosisOutput{std::move(result->diagnosis), std::move(files)};
 }
 
 }  // namespace

@@ -258,6 +258,10 @@ class Recorder {
     hooks.pause_requests = &StopSignals::pauses();
     hooks.end_requests = &StopSignals::ends();
     hooks.journal = &*run_.journal;
+    hooks.check_kept = [this] {
+      const Status journal = run_.journal->check_kept();
+      return journal ? run_.log->check_kept() : journal;
+    };
     hooks.storage = &storage_;
     hooks.content_hashes = [this] { return content_hashes(); };
     hooks.calibrate = [this] {
@@ -336,6 +340,11 @@ void log_how_left(Run& run, const RunOutcome& outcome, RunDevices& devices, Comm
     run.say("unit " + run.units[i].serial + ": " + devices.live->unit_summary(i));
 }
 
+bool can_go_on(const Run& run) {
+  const Result<JournalContents> journal = read_journal(run.folder + "/" + journal_name);
+  return journal && check_goes_on(run, *journal);
+}
+
 // A run that did not come to its end. goes_on: it can be taken up.
 RunEnd stopped(Run& run, const RunOutcome& outcome, bool goes_on, CommandContext& context) {
   run.say(outcome.error.message);
@@ -373,10 +382,9 @@ RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
   const bool done = outcome.state == RunState::done;
   const bool recorded =
       std::any_of(run.units.begin(), run.units.end(), [](const RunUnit& unit) { return unit.recorded_s > 0.0; });
-  // Of no use to whoever resumes: a folder that was taken away, a unit of which all is recorded.
+  // Of no use to whoever resumes: a unit of which all is recorded.
   const bool sealed = outcome.error.kind == ErrorKind::unit_failed && run.units.front().recording.has_value();
-  const bool goes_on = !done && (outcome.state == RunState::interrupted || recorded) &&
-                       path_exists(run.folder + "/" + journal_name) && !sealed;
+  const bool goes_on = !done && (outcome.state == RunState::interrupted || recorded) && !sealed && can_go_on(run);
   view.end(run, outcome, goes_on ? run.folder : "");
   if (!done) return stopped(run, outcome, goes_on, context);
   TRY(run.log->status());

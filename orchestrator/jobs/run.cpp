@@ -1,5 +1,6 @@
 #include "orchestrator/jobs/run.h"
 
+#include <algorithm>
 #include <filesystem>
 
 #include "imu_io/base/atomic_file.h"
@@ -7,6 +8,7 @@
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/jobs/command_context.h"
+#include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/recording_sink.h"
 
@@ -159,6 +161,22 @@ Result<bool> sealed_recordings(const Run& run) {
     TRY(seal_like(*unit, *sealed));
   }
   return true;
+}
+
+Status check_goes_on(const Run& run, const JournalContents& contents) {
+  if (!contents.last_dwell) return {};
+  const std::string path = run.folder + "/" + journal_name;
+  const CompletedDwell& last = *contents.last_dwell;
+  if (last.item >= run.plan.items.size()) return input_error(path + ": names an item that the plan does not have");
+  if (last.units.size() != run.units.size()) return input_error(path + ": a dwell is not of all units of the run");
+  for (std::size_t i = 0; i < run.units.size(); ++i) {
+    const bool left_out = std::any_of(contents.dropped.begin(), contents.dropped.end(), [i](const auto& dropped) {
+      return dropped.unit == i && !dropped.after_last_dwell;
+    });
+    if (left_out || path_exists(recording_of(run.units[i]))) continue;
+    TRY(RecordingWriter::check_reopens(partial_of(run.units[i]), last.units[i].next_sample, last.units[i].written));
+  }
+  return {};
 }
 
 Result<std::vector<std::string>> read_recordings(Run& run) {

@@ -80,6 +80,8 @@ AttemptRecord attempt_record(const Run& run, const RunUnit& unit);
 // Recordings that were complete when the run was interrupted, one that had no time to be finished among them. False: they are
 // not, and the run has to go on with devices.
 Result<bool> sealed_recordings(const Run& run);
+// Whether recordings and journal hold what a run needs that goes on after its last dwell: an error says why not. Changes nothing.
+Status check_goes_on(const Run& run, const JournalContents& contents);
 // Reads every recording once, before it is sealed: what the journal keeps of its contents, by unit. An error when one is damaged.
 Result<std::vector<std::string>> read_recordings(Run& run);
 // Reads those that were sealed, with what the journal says of them. An error where one is damaged, or not what this run sealed.

@@ -214,10 +214,7 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
 
 // Where a run goes on that had completed a dwell; its simulated devices are put back there.
 Result<ResumePoint> resume_point(const Run& run, const JournalContents& contents, RunDevices& devices) {
-  const std::string path = run.folder + "/" + journal_name;
   const CompletedDwell& last = *contents.last_dwell;
-  if (last.item >= run.plan.items.size()) return input_error(path + ": names an item that the plan does not have");
-  if (last.units.size() != run.units.size()) return input_error(path + ": a dwell is not of all units of the run");
   ResumePoint point{last, devices.rig != nullptr};
   for (const RunUnit& unit : run.units) point.dropped.push_back(unit.dropped);
   if (devices.rig) {
@@ -306,6 +303,7 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
 
   mark_dropped(contents, false, run.units);
   TRY(check_plan(run.plan));
+  TRY(check_goes_on(run, contents));
   RunDevices devices = TRY(make_devices(run, context));
   std::string what = "no dwell was complete: starts again from the beginning";
   if (contents.last_dwell) {

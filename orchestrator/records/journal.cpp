@@ -165,11 +165,9 @@ Result<JournalFile> JournalFile::reopen(const std::string& path) {
   const std::uint64_t size = TRY(file.size());
   RecordScanner scanner(file, size, journal_magic);
   TRY(scan_journal(file, scanner, [](const Record&) { return Status{}; }));
-  if (scanner.good_end() < size) {
-    TRY(file.truncate(scanner.good_end()));
-    TRY(file.sync());
-  }
+  if (scanner.good_end() < size) TRY(file.truncate(scanner.good_end()));
   TRY(file.seek(scanner.good_end()));
+  TRY(file.sync());
   const std::uint32_t next_number = scanner.next_number();
   return JournalFile(std::move(file), next_number);
 }
@@ -178,8 +176,7 @@ Status JournalFile::append(JournalType type, const JournalFields& fields) {
   if (!status_) return status_;
   std::vector<std::byte> bytes;
   append_record(bytes, type, next_number_++, fields);
-  status_ = file_.check_kept();
-  if (status_) status_ = file_.write_all(bytes);
+  status_ = file_.write_all(bytes);
   if (status_) status_ = file_.sync();
   return status_;
 }

@@ -67,6 +67,7 @@ class JournalFile : public RunJournal {
   Status dwell(const CompletedDwell& dwell) override;
   Status dropout(const Dropout& dropout) override;
   Status seal(double utc_s, const std::vector<std::string>& hashes) override;
+  Status check_kept() const { return status_ ? file_.check_kept() : status_; }  // as the next record would find it
   Status clock_set(double by_s, const RunSnapshot& at);
   // What is known of the units' clocks; goes with the seal.
   void note_clocks(std::vector<std::optional<UnitClock>> clocks) { clocks_ = std::move(clocks); }

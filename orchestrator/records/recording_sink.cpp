@@ -1,7 +1,6 @@
 #include "orchestrator/records/recording_sink.h"
 
 #include "imu_io/base/atomic_file.h"
-#include "imu_io/recordings/recording_source.h"
 
 namespace turncal {
 
@@ -24,25 +23,13 @@ bool same(const RecordingInfo& a, const RecordingInfo& b) {
 
 Status RecordingSink::resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) {
   const std::string path = folder_ + "/" + partial_recording_name;
+  TRY(RecordingWriter::check_reopens(path, end_sample, written));
   RecordingWriter writer = TRY(RecordingWriter::reopen(path, RecordingWriter::OpenSegment::drop, end_sample));
-  if (writer.segments().empty() || writer.segments().back().end_sample != end_sample) {
-    return input_error(path + ": holds no segment that ends at sample " + std::to_string(end_sample) +
-                       ", where the journal says the last dwell was complete");
-  }
-  const std::unique_ptr<RecordingSource> kept = TRY(RecordingSource::open(path));
-  if (kept->damage().lost_data()) {
-    return device_error(path + ": the recording is damaged: " + describe(kept->damage()) +
-                        ": expected all of what was synced");
-  }
   if (!same(writer.info(), info)) {
     const bool kind = writer.info().simulated != info.simulated;
     return input_error(path +
                        (kind ? std::string(": simulated and real data cannot be one recording")
                              : ": was made with another unit, site or kind of samples than this station has now"));
-  }
-  if (written && writer.hash() != *written) {
-    return input_error(path + ": is not what this run had recorded by sample " + std::to_string(end_sample) +
-                       ": expected the recording that the journal speaks of");
   }
   writer_.emplace(std::move(writer));
   return {};
@@ -51,11 +38,6 @@ Status RecordingSink::resume(const RecordingInfo& info, std::int64_t end_sample,
 std::optional<std::uint32_t> RecordingSink::written() const {
   if (!writer_) return {};
   return writer_->hash();
-}
-
-Status RecordingSink::sync() {
-  TRY(writer_->sync());
-  return writer_->check_kept();
 }
 
 Status RecordingSink::finish() {

@@ -51,7 +51,6 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
   lines.text("verdict", to_string(d.verdict));
   lines.flag("quality.trusted", d.trusted);
   lines.text("effects", join(d.effect_names));
-  if (!d.candidate_names.empty()) lines.text("candidates", join(d.candidate_names));
   if (d.statements.tested) {
     lines.number("missing.probability", d.statements.anything);
     int number = 0;

@@ -158,8 +158,6 @@ void add_effects(const Diagnosis& diagnosis, const DiagnosisContext& context, Do
 Table score_table(const Diagnosis& diagnosis, double threshold_z) {
   Table table{{name("effect"), name("strongest"), number("value alone"), number("σ"), text("unit"), number("|z|"),
                number("detectable")}};
-  if (!diagnosis.groups.empty())
-    for (const char* column : {"χ² of all", "directions", "p"}) table.head.push_back(number(column));
   for (const ScoreBar& row : score_bars(diagnosis, threshold_z)) {
     const EffectEntry* entry = find_effect(row.name);
     if (row.role == ScoreBar::Role::invisible || entry == nullptr) continue;
@@ -174,14 +172,6 @@ Table score_table(const Diagnosis& diagnosis, double threshold_z) {
                                unit_of(best->column),
                                number(std::abs(best->z)),
                                number(best->detectable, 2)};
-    const auto group = std::find_if(diagnosis.groups.begin(), diagnosis.groups.end(),
-                                    [&](const GroupScore& g) { return g.name == row.name; });
-    if (group != diagnosis.groups.end()) {
-      cells.push_back(number(group->chi_square));
-      cells.push_back(number(fmt::format("{} of {}", group->rank, entry->components.size())));
-      cells.push_back(group->p_value < 1e-300 ? number("< 1×10⁻³⁰⁰") : number(group->p_value, 2));
-    }
-    cells.resize(table.head.size(), number("-"));
     table.row(std::move(cells), row.role == ScoreBar::Role::below ? Emphasis::none : Emphasis::hit);
   }
   return table;

@@ -128,10 +128,6 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
     scores.caption = parts.score_caption;
     document.add(std::move(scores));
     document.add(score_table(diagnosis, threshold_z));
-    if (!diagnosis.groups.empty())
-      document.soft(
-          "χ² tests all components of an effect together, in as many directions as the recording can tell apart; p is "
-          "for that one test, not for the family.");
   } else {
     document.text(parts.not_scored);
   }

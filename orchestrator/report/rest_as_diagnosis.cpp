@@ -21,72 +21,8 @@ using Eigen::Vector3d;
 constexpr double loaded_share = 0.5;  // of gravity that an axis must carry to be charged with an error of the norm
 constexpr double level_share = 0.5;   // what must be left of an axis across gravity to show a tilt about it
 
-JointResult as_joint(const RestFit& fit, const std::vector<RestEffect>& effects, const RestData& data) {
-  JointResult r;
-  r.converged = fit.converged;
-  r.message = fit.message;
-  r.iterations = fit.iterations;
-  r.parameters = fit.parameters;
-  for (int k = 0; k < parameter_count; ++k) {
-    const double sigma = fit.sigma[k];
-    r.determined[static_cast<std::size_t>(k)] = sigma > 0.0;
-    r.sigma[k] = sigma > 0.0 ? sigma : 0.0;
-  }
-  for (const RestEffect& e : effects) r.effects.push_back({e.column, e.value, e.sigma});
-  for (const std::string& key : fit.undetermined) r.undetermined.push_back({{{key, 1.0}}});
-  r.reference_temperature_c = rest_reference_temperature_c(data);
-  const SensorModel model = sensor_model(fit.parameters, data.recording->info);
-  r.noise.angle_random_walk = (model.gyro_scale * data.gyro_white).cwiseAbs();
-  r.noise.velocity_random_walk = (model.accel_scale * data.accel_white).cwiseAbs();
-  for (const RestLeg& leg : data.legs) {
-    if (leg.fault.empty()) continue;
-    Fault fault;
-    const std::vector<Block>& blocks = data.recording->blocks;
-    if (leg.first_block < leg.end_block) {
-      fault.first_sample = blocks[leg.first_block].start_sample;
-      fault.last_sample = blocks[leg.end_block - 1].start_sample + blocks[leg.end_block - 1].samples - 1;
-    }
-    fault.what = leg.fault;
-    fault.action = "rotation set aside";
-    r.faults.push_back(fault);
-  }
-  return r;
-}
-
-void add_candidates(const RestDiagnosis& result, Diagnosis& d) {
-  for (const RestCandidate& candidate : result.candidates) {
-    const EffectEntry* entry = find_effect(candidate.effect);
-    if (entry == nullptr) continue;
-    bool any = false;
-    for (std::size_t k = 0; k < entry->components.size(); ++k) {
-      CandidateScore c;
-      c.column = {entry, static_cast<int>(k), candidate.tau_s};
-      c.visible = k < candidate.detectable.size() && std::isfinite(candidate.detectable[k]);
-      if (c.visible) {
-        c.value = candidate.values[k];
-        c.sigma = candidate.sigmas[k];
-        c.z = c.value / c.sigma;
-        c.detectable = candidate.detectable[k];
-        any = true;
-      }
-      d.candidates.push_back(c);
-    }
-    if (!any)
-      d.undetectable.push_back(candidate.effect);
-    else
-      d.groups.push_back({candidate.effect, candidate.score, candidate.rank, static_cast<int>(entry->components.size()),
-                          chi_square_tail(candidate.score, candidate.rank)});
-  }
-}
-
-const RestErrors& held_out_errors(const RestDiagnosis& r, bool after) {
-  if (r.holdout_before.observations > 0) return (after ? r.holdout_after : r.holdout_before).errors;
-  return (after ? r.final : r.base).left_out;
-}
-
 std::string change_text(const RestDiagnosis& r) {
-  const RestErrors& was = held_out_errors(r, false);
-  const RestErrors& is = held_out_errors(r, true);
+  const RestErrors &was = r.held_out_before, &is = r.held_out_after;
   const auto part = [](const char* what, double a, double b, const char* unit) {
     return fmt::format("{} from {} to {} {} rms ({})", what, significant(a, 3), significant(b, 3), unit,
                        percent_change(a, b));
@@ -105,36 +41,22 @@ std::string remainder_text(const RestDiagnosis& r) {
   return parts.empty() ? "nothing stays above twice the white noise" : "above the white noise stay " + join(parts);
 }
 
-std::string strongest_text(const RestDiagnosis& r) {
-  const RestCandidate* best = nullptr;
-  for (const RestCandidate& c : r.candidates)
-    if (c.remark.empty() && (best == nullptr || c.p_value < best->p_value)) best = &c;
-  if (best == nullptr) return "no candidate is visible";
-  return "the strongest candidate, " + best->effect + "." + best->best_component + ", has a probability of " +
-         significant(best->p_value, 2) + " over all tests where 0.005 is asked for";
-}
-
-std::string sentence_of(const RestDiagnosis& r, const RestData& data, const Diagnosis& d) {
+std::string sentence_of(const RestDiagnosis& r, const RestData& data) {
+  const Diagnosis& d = r.diagnosis;
   const std::string title = verdict_title(d.verdict) + ": ";
-  const std::string where = d.holdout_source == "second recording" ? "on the second recording"
-                                                                   : "with each rest and rotation left out in turn";
+  const std::string where =
+      r.second_recording ? "on the second recording" : "with each rest and rotation left out in turn";
   if (d.verdict == Verdict::extended)
     return title + effects_clause(d) + "; " + where + ": " + change_text(r) + alias_clause(d) + "; " +
            remainder_text(r) + (r.accel_not_tested.empty() ? "" : "; " + d.reason) + ".";
   if (d.verdict == Verdict::not_tested) {
-    if (r.not_tested.empty()) return title + "the gyros show no effect, " + strongest_text(r) + "; " + d.reason + ".";
+    if (r.not_tested.empty()) return title + "the gyros show no effect; " + d.reason + ".";
     return title + "the data determine nothing that could be judged: " + r.not_tested +
            (r.base.converged ? "; " + error_text(r.final.errors) : "") + ".";
   }
-  std::string text = title + (d.verdict == Verdict::clean
-                                  ? "the 21 parameters explain the data: "
-                                  : "a residual is left that is not white noise and that no effect explains: ");
-  text += error_text(r.final.errors) + "; " + remainder_text(r);
-  text += "; " + strongest_text(r);
-  if (!r.struck_out.empty()) text += "; tried and struck out: " + join(r.struck_out, "; ");
-  if (!r.candidate_names.empty()) text += "; candidates: " + join(r.candidate_names);
-  if (!d.reason.empty()) text += "; " + d.reason;
-  return text + " (" + std::to_string(data.rests.size()) + " rests).";
+  return title + (d.verdict == Verdict::clean ? "the 21 parameters explain the data: " : "") +
+         error_text(r.final.errors) + "; " + remainder_text(r) + "; " + d.reason + " (" +
+         std::to_string(data.rests.size()) + " rests).";
 }
 
 struct Rows {  // residuals of one system by rest
@@ -164,59 +86,13 @@ struct BothRows {
   Rows before, after;
 };
 BothRows both_rows(const RestDiagnosis& r, const RestData& data) {
-  const double reference = rest_reference_temperature_c(data);
-  return {rows_of(rest_system_at(data, r.base, {}, reference), data.rests.size()),
-          rows_of(rest_system_at(data, r.final, r.effects, reference), data.rests.size())};
+  return {rows_of(rest_system_at(data, r.diagnosis.base), data.rests.size()),
+          rows_of(rest_system_at(data, r.diagnosis.extended), data.rests.size())};
 }
 
 double middle_s(const Rest& rest) { return rest.start_s + 0.5 * rest.whole.duration_s; }
 
 }  // namespace
-
-Diagnosis as_diagnosis(const RestDiagnosis& r, const RestData& data) {
-  Diagnosis d;
-  d.verdict = r.verdict;
-  if (!r.base.converged) {
-    d.reason = r.not_tested;
-    return d;
-  }
-  d.trusted = r.trusted && (d.verdict == Verdict::clean || d.verdict == Verdict::extended);
-  if (!r.not_tested.empty())
-    d.reason = r.not_tested;
-  else if (!r.accel_not_tested.empty())
-    d.reason = "no effect of the accelerometers was looked for: " + r.accel_not_tested;
-  else
-    d.reason = r.unexplained;
-  d.candidate_names = r.candidate_names;
-  d.base = as_joint(r.base, {}, data);
-  d.extended = as_joint(r.final, r.effects, data);
-  std::vector<EstimatedEffect> order = d.extended.effects;
-  std::stable_sort(order.begin(), order.end(), [](const EstimatedEffect& a, const EstimatedEffect& b) {
-    return std::abs(a.value) * b.sigma > std::abs(b.value) * a.sigma;
-  });
-  d.extended.effects = order;
-  for (const EstimatedEffect& e : order)
-    if (std::find(d.effect_names.begin(), d.effect_names.end(), e.column.entry->name) == d.effect_names.end())
-      d.effect_names.emplace_back(e.column.entry->name);
-  for (const std::string& name : d.effect_names) d.aliases[name];
-  for (const auto& [name, others] : r.aliases) {
-    if (!d.aliases.contains(name)) continue;
-    d.aliases[name] = others;
-    std::vector<std::string> by;
-    for (const std::string& other : others)
-      if (const EffectEntry* entry = find_effect(other)) by.push_back(other + ": " + std::string(entry->seen_by));
-    if (!by.empty()) d.separate_by[name] = join(by, "; ");
-  }
-  add_candidates(r, d);
-  d.gated_out = r.struck_out;
-  d.error_before = r.error_before;
-  d.error_after = r.error_after;
-  const bool second = r.holdout_before.observations > 0;
-  d.holdout_source = second ? "second recording" : "rests and rotations left out in turn";
-  d.holdout_before = {second ? r.holdout_before.normalised_rms : r.left_out_before, no_point, no_point, 1, {}};
-  d.holdout_after = {second ? r.holdout_after.normalised_rms : r.left_out_after, no_point, no_point, 1, {}};
-  return d;
-}
 
 std::string error_text(const RestErrors& e) {
   return fmt::format("gravity norm at rest {} mm/s² rms, direction after a rotation {} mrad, gyros at rest {} °/s",
@@ -224,9 +100,10 @@ std::string error_text(const RestErrors& e) {
                      significant(e.gyro_rms_radps / rad_per_deg, 3));
 }
 
-RestWords rest_words(const RestDiagnosis& r, const RestData& data, const Diagnosis& d) {
+RestWords rest_words(const RestDiagnosis& r, const RestData& data) {
+  const Diagnosis& d = r.diagnosis;
   RestWords words;
-  words.sentence = sentence_of(r, data, d);
+  words.sentence = sentence_of(r, data);
   const auto add = [&](const std::string& where, const RestErrors& was, const RestErrors& is, double before,
                        double after) {
     words.errors.push_back({where + "gravity direction after a rotation rms", 1e3 * was.direction_rms_rad,
@@ -237,9 +114,9 @@ RestWords rest_words(const RestDiagnosis& r, const RestData& data, const Diagnos
         {where + "gravity norm at rest rms", 1e3 * was.norm_rms_mps2, 1e3 * is.norm_rms_mps2, "mm/s^2", false});
     words.errors.push_back({where + "normalised residual rms", before, after, "model expects 1", true});
   };
-  add("fitted: ", r.base.errors, r.final.errors, r.error_before, r.error_after);
-  add(r.holdout_before.observations > 0 ? "second recording: " : "left out in turn: ", held_out_errors(r, false),
-      held_out_errors(r, true), d.holdout_before.normalised_rms, d.holdout_after.normalised_rms);
+  add("fitted: ", r.base.errors, r.final.errors, d.error_before, d.error_after);
+  add(r.second_recording ? "second recording: " : "left out in turn: ", r.held_out_before, r.held_out_after,
+      d.holdout_before.normalised_rms, d.holdout_after.normalised_rms);
   const NoiseModel& n = d.extended.noise;
   const auto times = [&](RestKind kind) { return significant(r.final.white_ratio[static_cast<std::size_t>(kind)], 2); };
   words.noise = fmt::format(
@@ -253,7 +130,7 @@ RestWords rest_words(const RestDiagnosis& r, const RestData& data, const Diagnos
 
 std::vector<DwellResidual> rest_residuals(const RestDiagnosis& r, const RestData& data) {
   const CompressedRecording& recording = *data.recording;
-  const SensorModel model = sensor_model(r.final.parameters, recording.info);
+  const SensorModel model = sensor_model(r.diagnosis.extended.parameters, recording.info);
   const BothRows rows = both_rows(r, data);
   std::vector<DwellResidual> result;
   for (std::size_t k = 0; k < data.rests.size(); ++k) {
@@ -316,7 +193,7 @@ Figure rest_time_figure(const RestDiagnosis& r, const RestData& data) {
       {"direction, mrad", [](const Rows& x, std::size_t k) { return 1e3 * x.direction[k].norm(); }},
       {"gyros, °/s", [](const Rows& x, std::size_t k) { return x.gyro[k].norm() / rad_per_deg; }},
       {"norm, mm/s²", [](const Rows& x, std::size_t k) { return 1e3 * x.norm[k]; }}};
-  const bool both = !r.effects.empty();
+  const bool both = !r.diagnosis.extended.effects.empty();
   for (const Shown& quantity : quantities) {
     Panel panel;
     if (figure.panels.size() + 1 == std::size(quantities)) panel.x_label = "time, s";
@@ -334,9 +211,7 @@ Figure rest_time_figure(const RestDiagnosis& r, const RestData& data) {
   return figure;
 }
 
-void describe_rest_fit(const RestFit& fit, const std::vector<RestEffect>& effects, const RestData& data,
-                       ParameterFile& file) {
-  const JointResult joint = as_joint(fit, effects, data);
+void describe_rest_fit(const RestFit& fit, const JointResult& joint, const RestData& data, ParameterFile& file) {
   describe_model(joint, *data.recording, file);
   describe_random_walk(joint.noise, file);
   const auto errors = [&](const std::string& key, const RestErrors& e) {
@@ -350,30 +225,6 @@ void describe_rest_fit(const RestFit& fit, const std::vector<RestEffect>& effect
 }
 
 namespace {
-
-void add_stages(const RestDiagnosis& r, Document& document) {
-  if (r.stages.empty()) return document.text("No candidate was strong enough to be tried.");
-  Table table{{cell::number("stage"), cell::name("tried"), cell::number("gain T"), cell::number("p, all tests"),
-               cell::wide("result")}};
-  for (std::size_t k = 0; k < r.stages.size(); ++k) {
-    const RestStage& s = r.stages[k];
-    table.row({cell::count(k + 1), cell::name(s.column.key()), cell::number(s.gain), cell::number(s.p_value, 2),
-               cell::wide(s.note)},
-              s.accepted ? Table::Emphasis::none : Table::Emphasis::dim);
-  }
-  document.add(std::move(table));
-  document.soft(
-      "T: gain in twice the log likelihood when each kind of observation has a variance of its own. An effect's first "
-      "component must be "
-      "below 1 % over all tests, alone or as a group; further components follow by BIC.");
-}
-
-Facts remarks(const RestDiagnosis& r) {
-  Facts facts{.rows = {}, .list = true};
-  for (const RestCandidate& c : r.candidates)
-    if (!c.remark.empty()) facts.rows.emplace_back(c.effect + ":", c.remark);
-  return facts;
-}
 
 Facts how_to_read_rests() {
   return {{{"Direction.",
@@ -389,12 +240,14 @@ Facts how_to_read_rests() {
            {"Score.",
             "Each effect of the catalogue beside the 21 parameters alone; z is the value it would get, in standard "
             "deviations. A missing "
-            "effect widens the standard deviations of its kind, so scores are smaller than they will be."}},
+            "effect widens the standard deviations of its kind, so scores are smaller than they will be; the table of "
+            "probabilities weighs them together."}},
           true};
 }
 
-Document document_of(const RestDiagnosis& r, const RestData& data, const Diagnosis& d, const DiagnosisContext& context,
+Document document_of(const RestDiagnosis& r, const RestData& data, const DiagnosisContext& context,
                      const RestWords& words) {
+  const Diagnosis& d = r.diagnosis;
   DiagnosisParts parts;
   parts.sentence = words.sentence;
   parts.errors = words.errors;
@@ -413,32 +266,31 @@ Document document_of(const RestDiagnosis& r, const RestData& data, const Diagnos
   parts.noise.scope = parts.selection.scope = Scope::page;
   parts.noise.text(words.noise + ".");
   add_limits(d, context, parts.limits);
-  if (Facts facts = remarks(r); !facts.rows.empty()) parts.limits.add(std::move(facts));
-  add_stages(r, parts.selection);
+  add_statements(d.statements, parts.selection);
   parts.reading = how_to_read_rests();
   return diagnosis_document(d, context, std::move(parts));
 }
 
 }  // namespace
 
-DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& r, const RestData& data, const Diagnosis& d,
-                                    const DiagnosisContext& context) {
+DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& r, const RestData& data, const DiagnosisContext& context) {
+  const Diagnosis& d = r.diagnosis;
   DiagnosisFiles files{{}, format_diagnosis(d), std::nullopt};
   if (!r.base.converged) {  // not fitted: nothing to report but why
     for (const std::string& note : context.notes) files.report.add(Paragraph{note, "note"});
     files.report.add(Facts{{{"verdict", verdict_sentence(d)}}});
     return files;
   }
-  const RestWords words = rest_words(r, data, d);
+  const RestWords words = rest_words(r, data);
   for (const ErrorRow& row : words.errors)
     if (!row.normalised)
       files.conf += "# " + row.what + ": " + format_number(row.before) + " before, " + format_number(row.after) +
                     " after, " + row.unit + "\n";
-  files.report = document_of(r, data, d, context, words);
+  files.report = document_of(r, data, context, words);
   if (d.verdict == Verdict::not_tested) return files;
   files.parameters.emplace();
   describe_recording(context.recording.info, *files.parameters);
-  describe_rest_fit(r.final, r.effects, data, *files.parameters);
+  describe_rest_fit(r.final, d.extended, data, *files.parameters);
   complete_parameters(d, context, *files.parameters);
   return files;
 }

@@ -1,11 +1,10 @@
-// A diagnosis of hand-turned data (calib/rest_diagnosis/rest_diagnosis.h) in the form that files, tables and figures know, and what is said
-// differently there: the errors are those of gravity's norm and direction and of the gyros at rest, not velocities.
+// What is said differently of a diagnosis of hand-turned data (calib/evidence/rest_diagnosis.h): the errors are those of gravity's norm and
+// direction and of the gyros at rest, not velocities.
 #pragma once
 
 #include <vector>
 
-#include "calib/evidence/diagnosis.h"
-#include "calib/rest_diagnosis/rest_diagnosis.h"
+#include "calib/evidence/rest_diagnosis.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/figures/report_dwells.h"
@@ -16,14 +15,12 @@
 
 namespace turncal {
 
-Diagnosis as_diagnosis(const RestDiagnosis& result, const RestData& data);
-
 struct RestWords {
   std::string sentence;          // the verdict
   std::vector<ErrorRow> errors;  // the left-out ones are those of the second recording where there is one
   std::string noise;
 };
-RestWords rest_words(const RestDiagnosis& result, const RestData& data, const Diagnosis& d);
+RestWords rest_words(const RestDiagnosis& result, const RestData& data);
 // "gravity norm at rest 0.93 mm/s² rms, direction after a rotation 6.80 mrad, gyros at rest 0.067 °/s"
 std::string error_text(const RestErrors& errors);
 
@@ -34,14 +31,10 @@ std::vector<DwellResidual> rest_residuals(const RestDiagnosis& result, const Res
 Figure rest_time_figure(const RestDiagnosis& result, const RestData& data);
 
 // Parameters, sigmas, effects, white noise and errors of a fit.
-void describe_rest_fit(const RestFit& fit, const std::vector<RestEffect>& effects, const RestData& data,
-                       ParameterFile& file);
+void describe_rest_fit(const RestFit& fit, const JointResult& joint, const RestData& data, ParameterFile& file);
 
 // What a diagnosis of hand-turned data leaves on disk: the document of report.h, with the errors that rests and rotations by hand can show
 // (docs/hand-data.md), and the other two files of it.
-
-// `d` is as_diagnosis(result, data).
-DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& result, const RestData& data, const Diagnosis& d,
-                                    const DiagnosisContext& context);
+DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& result, const RestData& data, const DiagnosisContext& context);
 
 }  // namespace turncal

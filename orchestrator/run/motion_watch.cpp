@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "calib/model/parameters.h"
+#include "imu_io/base/format_number.h"
 
 namespace turncal {
 
@@ -118,11 +119,12 @@ double SpeedWatch::allowed_degps(Axis axis, const std::optional<Move>& sent, boo
 
 std::string SpeedWatch::too_fast(Axis axis, double degps, const char* by, const std::optional<Move>& sent) const {
   char text[240];
-  const bool told = sent && sent->axis == axis;
   const double most_degps = limits_[index(axis)].max_rate_degps;
-  if (told) {
-    std::snprintf(text, sizeof text, "%s turns at %.4g deg/s, %.3g times the %.4g deg/s that were sent (%s)",
-                  to_string(axis), degps, degps / sent->rate_degps, sent->rate_degps, by);
+  if (sent && sent->axis == axis) {
+    const bool most_decides = most_degps < factor * sent->rate_degps;
+    std::snprintf(text, sizeof text, "%s turns at %.4g deg/s, %.3g times the %.4g deg/s that were sent%s (%s)",
+                  to_string(axis), degps, degps / sent->rate_degps, sent->rate_degps,
+                  most_decides ? (", above max_rate_degps, " + format_number(most_degps)).c_str() : "", by);
   } else {
     std::snprintf(text, sizeof text, "%s turns at %.4g deg/s (%s): expected at most %.4g deg/s", to_string(axis), degps,
                   by, most_degps);
@@ -205,7 +207,8 @@ std::optional<std::string> SpeedWatch::judge_jump(const std::vector<const FeltRa
   if (least_degps.value_or(0.0) <= jump_margin_degps(move.rate_degps)) return std::nullopt;
   char text[200];
   std::snprintf(text, sizeof text,
-                "%s was sped up or braked by %.3g deg/s more than the %.4g deg/s^2 that were sent, as the unit felt it",
+                "%s was sped up or braked too quickly: its rate changed by %.3g deg/s more than it may at the %.4g "
+                "deg/s^2 that were sent, as the unit felt it",
                 to_string(move.axis), *least_degps, move.acceleration_degps2);
   return text;
 }

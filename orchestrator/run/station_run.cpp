@@ -11,6 +11,8 @@ namespace turncal {
 
 namespace {
 
+constexpr double check_period_s = 1.0;
+
 // A person who turns the table takes the time that it takes; the driver has its own limit for an answer.
 MotionConfig patient(MotionConfig motion, bool needs_operator) {
   if (!needs_operator) return motion;
@@ -69,7 +71,7 @@ RunOutcome StationRun::run() {
       handle(*event);
       continue;
     }
-    if (const MaybeEvent hangs = kept(storage_.status()); hangs && state_ != RunState::stopping) handle(*hangs);
+    if (const MaybeEvent lost = look_at_storage()) handle(*lost);
     if (const MaybeEvent event = pump()) {
       handle(*event);
     } else if (devices_.clock.now_s() >= next_poll_s_ - time_slack_s) {
@@ -129,8 +131,7 @@ StationRun::MaybeEvent StationRun::take(RunEvent now) {
     } else if (now == RunEvent::operator_stop && stop_cause_ == StopCause::interruption) {
       first_error_ = Error{raised_kind_, place() + ": " + record.detail};
       stop_cause_ = StopCause::by_operator;
-    } else if (transition.to == RunState::failed && now == RunEvent::stopped_verified &&
-               !devices_.table.needs_operator()) {
+    } else if (now == RunEvent::stopped_verified && !devices_.table.needs_operator()) {
       first_error_->message += "; " + how_it_rests(devices_.table);
     }
     if (transition.to == RunState::failed && now == RunEvent::deadline) {
@@ -254,6 +255,19 @@ StationRun::MaybeEvent StationRun::keep(std::function<Status()> write) {
     if (const MaybeEvent event = look_around()) return event;
   }
   return kept(written.status());
+}
+
+StationRun::MaybeEvent StationRun::look_at_storage() {
+  if (state_ == RunState::stopping) return std::nullopt;
+  if (const MaybeEvent hangs = kept(storage_.status())) return hangs;
+  const double now_s = devices_.clock.now_s();
+  if (check_ && check_->done())
+    if (const MaybeEvent lost = kept(std::exchange(check_, std::nullopt)->status())) return lost;
+  if (!check_ && hooks_.check_kept && live_states.contains(state_) && now_s >= next_check_s_) {
+    next_check_s_ = now_s + check_period_s;
+    check_.emplace(storage_, hooks_.check_kept);
+  }
+  return std::nullopt;
 }
 
 StationRun::MaybeEvent StationRun::look_around() {

@@ -97,6 +97,8 @@ struct StationHooks {
   // has there; a later one leaves out what lies between, items.size() ends the run, an earlier one repeats the dwell. Samples are read
   // and the table is watched between two calls.
   std::function<Result<std::optional<std::size_t>>(std::size_t next_item)> go_on_with = nullptr;
+  // Whether what is written beside the recordings is still where and as it was written; asked by the queue every second.
+  std::function<Status()> check_kept = nullptr;
   // Writes journal and recordings, in the order of what happens. Null: within the loop, for simulated time. Journal and sinks outlive it.
   BackgroundQueue* storage = nullptr;
 };
@@ -165,7 +167,8 @@ class StationRun {
   MaybeEvent kept(const Status& status);  // of the journal or the recording
   // Hands a write to the queue and waits until it is done. An event: it failed, or something else came first.
   MaybeEvent keep(std::function<Status()> write);
-  MaybeEvent look_around();  // while that is waited for: stop requests, units, the table, the disk
+  MaybeEvent look_at_storage();  // it answers, and what was written is kept
+  MaybeEvent look_around();      // while that is waited for: stop requests, units, the table, the disk
 
   MaybeEvent connect();
   MaybeEvent enable_and_home();
@@ -263,10 +266,13 @@ class StationRun {
 
   TableStatus status_{};
   double started_s_ = 0.0;
+  std::optional<PendingWrite> check_;  // that goes on
+  double next_check_s_ = 0.0;
   double next_poll_s_ = 0.0;
   double phase_deadline_s_ = 0.0;
   double rest_until_s_ = 0.0;
   bool unread_ = false;
+  bool angles_known_ = false;  // all were read once
 };
 
 }  // namespace turncal

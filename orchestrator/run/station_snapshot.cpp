@@ -13,7 +13,7 @@ std::string StationRun::place() const {
            std::to_string(job_.sequence.steps.size()) + ") ";
   }
   text += to_string(state_);
-  if (!enabled_) return text;
+  if (!angles_known_) return text;
   char angles[200];
   if ((state_ == RunState::moving || state_ == RunState::settling) && arrival_.move()) {
     const Move& move = *arrival_.move();

@@ -114,6 +114,7 @@ StationRun::MaybeEvent StationRun::read_table() {
     }
   }
   unread_ = false;
+  angles_known_ = true;
   answered_s_ = devices_.clock.now_s();
   if (!live_states.contains(state_)) return std::nullopt;
   const bool in_use = state_ != RunState::homing && state_ != RunState::parking;

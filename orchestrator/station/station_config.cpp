@@ -42,12 +42,12 @@ namespace {
 constexpr double longest_time_s = 3600.0;  // of any time in the file; more is a typing mistake
 constexpr std::size_t most_imu_places = 16;
 constexpr NumberRange some_time{0.001, longest_time_s};
-constexpr NumberRange time_or_zero{0.0, longest_time_s};
+constexpr NumberRange time_or_zero = zero_or(some_time.min, some_time.max);
 constexpr NumberRange angle{-3600.0, 3600.0};
 // Wide, and yet no table or unit is beyond them.
 constexpr NumberRange some_rate{0.001, 1e4};
 constexpr NumberRange some_acceleration{0.001, 1e6};
-constexpr NumberRange winding{0.0, 1e6};
+constexpr NumberRange winding = zero_or(1.0, 1e6);
 constexpr NumberRange fine{1e-6, 1.0};  // deg or deg/s: below it no encoder shows anything
 constexpr NumberRange stillness{1e-9, 100.0};
 
@@ -219,6 +219,9 @@ void reject_clock_contradictions(KeyValueFile& file, StationConfig& station) {
     file.reject("clock.speed_up", "1 unless table.simulated and imu.simulated are true");
   }
   if (!station.imu) return;
+  if (station.imu_timeout_s <= station.imu->frame.sample_period_s)
+    file.reject("imu.timeout_s", "more than the time between two samples of the frame, " +
+                                     format_number(station.imu->frame.sample_period_s));
   if (file.has("imu.speedup") && station.imu->settings.speedup != station.clock_speed_up) {
     file.reject("imu.speedup", "clock.speed_up (" + format_number(station.clock_speed_up) + ")");
   }
@@ -262,7 +265,7 @@ void read_parties(KeyTable& keys, Parties& parties) {
   keys.text("customer.name", parties.customer_name);
   keys.text("customer.address", parties.customer_address);
   keys.text("customer.order", parties.customer_order);
-  keys.number("site.gravity_uncertainty_mps2", parties.gravity_uncertainty_mps2, between(0.0, 0.1));
+  keys.number("site.gravity_uncertainty_mps2", parties.gravity_uncertainty_mps2, zero_or(1e-9, 0.1));
   keys.number("site.latitude_uncertainty_deg", parties.latitude_uncertainty_deg, between(0.0, 1.0));
 }
 
@@ -286,7 +289,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   read_axes(keys, station.axis);
   read_motion(keys, station.motion);
   read_dwell(keys, station.dwell);
-  keys.number("resume.rest_s", station.resume_rest_s, {0.0, 86400.0});
+  keys.number("resume.rest_s", station.resume_rest_s, zero_or(some_time.min, 86400.0));
   station.limits = read_limits(file);
   station.stop_sigma = read_stop_sigmas(file);
   station.diagnosis = read_diagnosis_policy(file);

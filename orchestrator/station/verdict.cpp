@@ -105,7 +105,7 @@ VerdictLimits read_limits(KeyValueFile& file) {
   read("limit.temperature_c", limits.temperature_c, between(-273.15, 500.0));
   keys.number("limit.heading_deg", limits.heading_deg, between(1e-6, 180.0));
   keys.number("limit.level_deg", limits.level_deg, between(1e-6, 180.0));
-  keys.number("limit.guard_factor", limits.guard_factor, between(0.0, 10.0));
+  keys.number("limit.guard_factor", limits.guard_factor, zero_or(0.001, 10.0));
   return limits;
 }
 

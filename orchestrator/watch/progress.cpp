@@ -111,8 +111,7 @@ double wall_utc_s() {
 }
 
 bool stdout_takes_more() {
-  pollfd out{STDOUT_FILENO, POLLOUT, 0};
-  return ::poll(&out, 1, 0) != 0;  // a reader that is gone is an error at once, and no wait
+  return wait_ready(STDOUT_FILENO, POLLOUT, 0) != 0;  // a reader that is gone is an error at once, and no wait
 }
 
 ProgressPrinter::ProgressPrinter(std::ostream& out, int columns, bool transitions, std::function<double()> wall_s,

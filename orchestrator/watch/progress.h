@@ -40,6 +40,7 @@ class RunLog : public RunObserver {
   void on_progress(const RunSnapshot&) override {}
   // The first failure to write, which the run must not hide.
   const Status& status() const { return status_; }
+  Status check_kept() const { return status_ ? file_.check_kept() : status_; }
 
  private:
   RunLog(PosixFile file, std::string tag) : file_(std::move(file)), tag_(std::move(tag)) {}

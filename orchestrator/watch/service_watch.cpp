@@ -2,7 +2,6 @@
 
 #include <sys/socket.h>
 #include <sys/un.h>
-#include <unistd.h>
 
 #include <cstddef>
 #include <cstdlib>
@@ -25,12 +24,7 @@ ServiceWatch::ServiceWatch() {
   socket_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + length);
   if (socket_ >= 0 && ::connect(socket_, reinterpret_cast<const sockaddr*>(&address), size) != 0)
-    ::close(std::exchange(socket_, -1));
-}
-
-ServiceWatch::~ServiceWatch() {
-  disarm();
-  if (socket_ >= 0) ::close(socket_);
+    socket_ = Descriptor();
 }
 
 void ServiceWatch::tell(const std::string& what) const {

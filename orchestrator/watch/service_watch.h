@@ -10,6 +10,7 @@
 #include <optional>
 #include <string>
 
+#include "imu_io/base/posix_file.h"
 #include "orchestrator/run/run_observer.h"
 
 namespace turncal {
@@ -19,7 +20,7 @@ class ServiceWatch : public RunObserver {
   static constexpr int watch_s = 30;
 
   ServiceWatch();
-  ~ServiceWatch() override;
+  ~ServiceWatch() override { disarm(); }
   ServiceWatch(const ServiceWatch&) = delete;
   ServiceWatch& operator=(const ServiceWatch&) = delete;
   void on_transition(const TransitionRecord& record) override;
@@ -28,7 +29,7 @@ class ServiceWatch : public RunObserver {
  private:
   void tell(const std::string& what) const;
   void disarm();
-  int socket_ = -1;
+  Descriptor socket_;
   bool armed_ = false;
   double last_ping_s_ = -1e9;
 };

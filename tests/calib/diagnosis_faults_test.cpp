@@ -81,7 +81,6 @@ bool in_class(const Diagnosis& d, const std::string& name) {
 std::string told(const Diagnosis& d) {
   std::string text = std::string(to_string(d.verdict)) + ": " + d.reason;
   for (const std::string& name : d.effect_names) text += ", " + name;
-  for (const std::string& name : d.candidate_names) text += ", candidate " + name;
   return text;
 }
 

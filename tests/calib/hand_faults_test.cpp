@@ -3,8 +3,8 @@
 
 #include <cmath>
 
+#include "calib/evidence/rest_diagnosis.h"
 #include "calib/model/limits.h"
-#include "calib/rest_diagnosis/rest_diagnosis.h"
 #include "calib/rests/rest_units.h"
 #include "calib/rests/single_pose.h"
 #include "calib/statistics/clipping.h"
@@ -54,7 +54,7 @@ TEST(WrongUnits, AreSaidInPlainWordsAndNotFitted) {
     HandData hand = make_hand_data({.seed = 3});
     scale(hand, c.gyro, c.accel);
     const RestDiagnosis d = diagnosis_of(hand);
-    EXPECT_EQ(d.verdict, Verdict::not_tested) << c.words;
+    EXPECT_EQ(d.diagnosis.verdict, Verdict::not_tested) << c.words;
     EXPECT_FALSE(d.base.converged) << c.words;
     EXPECT_NE(d.not_tested.find(c.words), std::string::npos) << c.words << ": " << d.not_tested;
   }
@@ -72,8 +72,8 @@ TEST(WrongUnits, ARoughSensorHasNone) {
 
 TEST(NotTested, IsAVerdictOfItsOwn) {
   const RestDiagnosis d = diagnosis_of(make_hand_data({.rests = 6}));
-  EXPECT_EQ(d.verdict, Verdict::not_tested);
-  EXPECT_FALSE(d.trusted);
+  EXPECT_EQ(d.diagnosis.verdict, Verdict::not_tested);
+  EXPECT_FALSE(d.diagnosis.trusted);
 }
 
 TEST(NotTested, SignsAndAxesAreSaid) {
@@ -91,7 +91,7 @@ TEST(NotTested, SignsAndAxesAreSaid) {
     }
     for (const HandData& hand : {reversed, swapped, all, left_handed}) {
       const RestDiagnosis d = diagnosis_of(hand);
-      EXPECT_EQ(d.verdict, Verdict::not_tested);
+      EXPECT_EQ(d.diagnosis.verdict, Verdict::not_tested);
       EXPECT_TRUE(d.not_tested.starts_with("signs or axes: ")) << d.not_tested;
     }
   }
@@ -107,10 +107,10 @@ TEST(NotTested, AccelerometersAreJudgedApart) {
   };
   const RestDiagnosis d = diagnosis_of(make_hand_data(plan));
   EXPECT_NE(d.accel_not_tested.find("hangs on single rests"), std::string::npos) << d.accel_not_tested;
-  EXPECT_EQ(d.verdict, Verdict::extended);
-  ASSERT_FALSE(d.effects.empty());
-  for (const RestEffect& e : d.effects) EXPECT_EQ(e.column.entry->name, "gyro_g_sensitivity");
-  EXPECT_FALSE(d.trusted);
+  EXPECT_EQ(d.diagnosis.verdict, Verdict::extended);
+  ASSERT_FALSE(d.diagnosis.extended.effects.empty());
+  for (const EstimatedEffect& e : d.diagnosis.extended.effects) EXPECT_EQ(e.column.entry->name, "gyro_g_sensitivity");
+  EXPECT_FALSE(d.diagnosis.trusted);
 }
 
 TEST(Segmentation, AUnitThatSwingsNeverRests) {
@@ -164,7 +164,7 @@ TEST(Rests, VerifyTheirOwnEnds) {
   for (std::size_t k = 0; k < a.rests.size(); ++k)
     EXPECT_LT(b.rests[k].whole.duration_s, a.rests[k].whole.duration_s + 0.6)
         << k;  // of the 1.5 s; a turn begins smoothly
-  EXPECT_EQ(diagnosis_of(sloppy).verdict, Verdict::clean);
+  EXPECT_EQ(diagnosis_of(sloppy).diagnosis.verdict, Verdict::clean);
 }
 
 TEST(Clipping, IsNamedAndItsTurnsAreSetAside) {
@@ -189,7 +189,7 @@ TEST(Clipping, IsNamedAndItsTurnsAreSetAside) {
     }
   EXPECT_GE(aside, 3);
   const RestDiagnosis d = diagnosis_of(hand);
-  EXPECT_TRUE(d.effects.empty());
+  EXPECT_TRUE(d.diagnosis.extended.effects.empty());
 }
 
 TEST(SinglePose, GivesNoiseWarmUpAndTemperatureCoefficient) {

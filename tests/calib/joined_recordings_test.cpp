@@ -53,7 +53,6 @@ Diagnosis diagnose_both(const Made& made, const std::vector<const CompressedReco
 std::string told(const Diagnosis& d) {
   std::string text = std::string(to_string(d.verdict)) + ": " + d.reason;
   for (const std::string& name : d.effect_names) text += ", " + name;
-  for (const std::string& name : d.candidate_names) text += ", candidate " + name;
   return text;
 }
 

@@ -1,11 +1,15 @@
-#include "calib/rest_diagnosis/rest_diagnosis.h"
+#include "calib/evidence/rest_diagnosis.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <random>
+#include <set>
 
-#include "calib/rest_diagnosis/curve_of_two.h"
-#include "calib/rest_diagnosis/rest_selection.h"
+#include <Eigen/LU>
+
+#include "calib/evidence/piece_system.h"
 #include "calib/statistics/distributions.h"
 #include "calib/statistics/segmentation.h"
 #include "tests/calib/compress.h"
@@ -23,7 +27,7 @@ RestDiagnosis diagnose_hand(const HandPlan& plan) {
   return *result;
 }
 
-TEST(RestSelection, FTail) {
+TEST(Distributions, FTail) {
   // Tables: F(1, 10) at 0.05 is 4.9646, F(3, 20) at 0.01 is 4.9382.
   EXPECT_NEAR(f_tail(4.9646, 1.0, 10.0), 0.05, 1e-5);
   EXPECT_NEAR(f_tail(4.9382, 3.0, 20.0), 0.01, 1e-5);
@@ -34,10 +38,10 @@ TEST(RestDiagnosis, NothingIsFoundWhereNothingIs) {
   int alarms = 0;
   for (unsigned seed = 1; seed <= 20; ++seed) {
     const RestDiagnosis d = diagnose_hand({.seed = seed});
-    alarms += d.effects.empty() ? 0 : 1;
-    EXPECT_TRUE(!d.effects.empty() || d.verdict == Verdict::clean);
+    alarms += d.diagnosis.verdict == Verdict::clean ? 0 : 1;
+    EXPECT_TRUE(d.diagnosis.extended.effects.empty());
   }
-  EXPECT_LE(alarms, 1);  // of 20 at 1 %: two or more have probability 0.017
+  EXPECT_LE(alarms, 1);
 }
 
 TEST(RestDiagnosis, GSensitivityIsFoundNamedAndMeasured) {
@@ -48,15 +52,17 @@ TEST(RestDiagnosis, GSensitivityIsFoundNamedAndMeasured) {
   plan.effect = [G](const Eigen::Vector3d&, const Eigen::Vector3d& f, double, Eigen::Vector3d& w, Eigen::Vector3d&) {
     w += G * f / standard_gravity_mps2 * radps_per_degph;
   };
-  const RestDiagnosis d = diagnose_hand(plan);
+  const RestDiagnosis r = diagnose_hand(plan);
+  const Diagnosis& d = r.diagnosis;
   EXPECT_EQ(d.verdict, Verdict::extended);
-  ASSERT_GE(d.effects.size(), 5u);
-  for (const RestEffect& e : d.effects) {
+  ASSERT_GE(d.extended.effects.size(), 5u);
+  for (const EstimatedEffect& e : d.extended.effects) {
     ASSERT_EQ(e.column.entry->name, "gyro_g_sensitivity");
     EXPECT_NEAR(e.value, G(e.column.component / 3, e.column.component % 3), 4.0 * e.sigma);
   }
-  EXPECT_LT(d.final.left_out.direction_rms_rad, 0.5 * d.base.left_out.direction_rms_rad);
-  EXPECT_LT(d.left_out_after, 0.6 * d.left_out_before);
+  EXPECT_LT(r.final.left_out.direction_rms_rad, 0.5 * r.base.left_out.direction_rms_rad);
+  EXPECT_LT(d.holdout_after.normalised_rms, 0.6 * d.holdout_before.normalised_rms);
+  EXPECT_EQ(d.statements.said().size(), 3u) << d.reason;
 }
 
 TEST(RestDiagnosis, DriftIsNotTakenForGSensitivity) {
@@ -66,30 +72,25 @@ TEST(RestDiagnosis, DriftIsNotTakenForGSensitivity) {
     w += Eigen::Vector3d(40000.0, 0.0, -25000.0) * radps_per_degph * t / 3600.0;  // deg/h/h
     f += Eigen::Vector3d(0.0, 0.0, 0.25) * t / 3600.0 * standard_gravity_mps2;
   };
-  const RestDiagnosis d = diagnose_hand(plan);
-  ASSERT_FALSE(d.effects.empty());
-  bool accel = false;
-  for (const RestEffect& e : d.effects) {
-    EXPECT_TRUE(e.column.entry->name == "gyro_bias_drift" || e.column.entry->name == "accel_bias_drift")
-        << e.column.key();
-    accel = accel || e.column.entry->name == "accel_bias_drift";
+  const Diagnosis d = diagnose_hand(plan).diagnosis;
+  std::set<std::string> said;
+  for (const Statement& s : d.statements.said()) {
+    EXPECT_EQ(s.driver, "time") << s.sensor;
+    said.insert(s.sensor);
+  }
+  EXPECT_TRUE(said.contains("gyro x") && said.contains("gyro z") && said.contains("accelerometer z")) << d.reason;
+  for (const EstimatedEffect& e : d.extended.effects) {
+    EXPECT_TRUE(e.column.entry->driver == Driver::time) << e.column.key();
     if (e.column.key() == "gyro_bias_drift.x") {
       EXPECT_NEAR(e.value, 40000.0, 4.0 * e.sigma);
     }
   }
-  EXPECT_TRUE(accel);
 }
 
 TEST(RestDiagnosis, SaysWhatRestsCannotShow) {
-  const RestDiagnosis d = diagnose_hand({});
-  int heading = 0, trace = 0;
-  for (const RestCandidate& c : d.candidates) {
-    if (c.effect == "gyro_magnetic" || c.effect == "earth_rate") heading += c.remark == "needs the heading" ? 1 : 0;
-    if (c.effect == "accel_delay" || c.effect == "accel_size_effect")
-      trace += c.remark.starts_with("leaves no trace") ? 1 : 0;
-  }
-  EXPECT_EQ(heading, 2);
-  EXPECT_EQ(trace, 2);
+  const Diagnosis d = diagnose_hand({}).diagnosis;
+  for (const char* heading : {"gyro_magnetic", "earth_rate", "sample_period", "accel_delay", "accel_size_effect"})
+    EXPECT_NE(std::find(d.undetectable.begin(), d.undetectable.end(), heading), d.undetectable.end()) << heading;
 }
 
 // Six rests leave 13 observations beyond the 21 parameters: any name would fit them.
@@ -100,9 +101,9 @@ TEST(RestDiagnosis, FewRestsGiveNoNames) {
     w.x() += 2000.0 * radps_per_degph * f.y() / standard_gravity_mps2;
   };
   const RestDiagnosis d = diagnose_hand(plan);
-  EXPECT_TRUE(d.effects.empty());
+  EXPECT_TRUE(d.diagnosis.extended.effects.empty());
+  EXPECT_FALSE(d.diagnosis.statements.tested);
   EXPECT_NE(d.not_tested.find("6 rests"), std::string::npos) << d.not_tested;
-  for (const RestCandidate& c : d.candidates) EXPECT_FALSE(c.remark.empty()) << c.effect;
 }
 
 // What only an absurdly large value would show is not tested, and says so.
@@ -111,12 +112,11 @@ TEST(RestDiagnosis, AbsurdMagnitudesAreStruckOut) {
   plan.accel_noise_mps2 = 3.0;  // a sample: 5 sigma of some accelerometer polynomials is beyond a tenth of g
   plan.rests = 24;
   const RestDiagnosis d = diagnose_hand(plan);
-  EXPECT_TRUE(d.effects.empty());
+  EXPECT_TRUE(d.diagnosis.extended.effects.empty());
   int absurd = 0;
-  for (const RestCandidate& c : d.candidates) {
-    absurd += c.remark.starts_with("would have to be larger") ? 1 : 0;
-    for (const double detectable : c.detectable)
-      EXPECT_TRUE(std::isinf(detectable) || detectable <= absurd_magnitude(*find_effect(c.effect), 236.0)) << c.effect;
+  for (const CandidateScore& c : d.diagnosis.candidates) {
+    absurd += c.sigma > 0.0 && !c.visible ? 1 : 0;
+    EXPECT_TRUE(!c.visible || c.detectable <= absurd_magnitude(*c.column.entry, 236.0)) << c.column.key();
   }
   EXPECT_EQ(d.not_tested, "");
   EXPECT_GE(absurd, 1);
@@ -144,56 +144,50 @@ TEST(RestDiagnosis, WhatNoEntryDescribesGetsNoName) {
   for (const auto& effect : disturbances)
     for (unsigned seed = 31; seed <= 35; ++seed) {
       const RestDiagnosis d = diagnose_hand({.rests = 26, .seed = seed, .effect = effect});
-      named += d.effects.empty() ? 0 : 1;
-      EXPECT_TRUE(!d.effects.empty() || d.verdict == Verdict::unexplained);
+      named += d.diagnosis.extended.effects.empty() ? 0 : 1;
+      EXPECT_NE(d.diagnosis.verdict, Verdict::clean);
     }
   EXPECT_LE(named, 1);
 }
 
-// What a parabola of a gyro's bias came to, and what a drift beside a warm-up of a measured run came to: the second pair keeps its names.
-TEST(CurveOfTwo, IsOfTwoThatStandAgainstEachOther) {
-  const std::vector<EffectColumn> columns = {{find_effect("gyro_bias_drift"), 0, 0.0},
-                                             {find_effect("gyro_warm_up"), 0, 480.0}};
-  const auto found = [&](double correlation, double first, double second) {
-    return curve_of_two(columns, Eigen::Vector2d(first, second), [=](int, int) {
-      Eigen::Matrix2d G;
-      G << 1.0, correlation, correlation, 1.0;
-      return G;
-    });
-  };
-  const CurveOfTwo parabola = found(-0.995959, 165.5, 157.3);
-  EXPECT_EQ(parabola.what, "bias of gyro x with time");
-  EXPECT_NE(parabola.why.find("gyro_bias_drift.x and gyro_warm_up.x"), std::string::npos);
-  EXPECT_FALSE(found(-0.992587, 99.2, 33.8).found());
-  EXPECT_FALSE(found(-0.96, 165.5, 157.3).found()) << "not of one class";
-  EXPECT_FALSE(found(-0.995959, 165.5, -157.3).found()) << "with each other";
-  std::vector<EffectColumn> other_axis = columns;
-  other_axis[1].component = 1;
-  EXPECT_FALSE(curve_of_two(other_axis, Eigen::Vector2d(165.5, 157.3), [](int, int) {
-                 Eigen::Matrix2d G;
-                 G << 1.0, -0.995959, -0.995959, 1.0;
-                 return G;
-               }).found());
-}
-
-// Further components of a name are taken by BIC from 2.3 sigma on.
+// A row of components is one term: what is beside the one that is there is within its sigma.
 TEST(RestDiagnosis, ComponentsAreClear) {
   using Eigen::Vector3d;
-  int extra = 0, kept = 0, unclear = 0;
-  for (unsigned seed = 61; seed <= 90; ++seed) {
+  int extra = 0, kept = 0;
+  for (unsigned seed = 61; seed <= 72; ++seed) {
     HandPlan plan{.rests = 30, .seed = seed};
     plan.effect = [](const Vector3d&, const Vector3d& f, double, Vector3d& w, Vector3d&) {
       w.y() += 900.0 * radps_per_degph * f.x() / standard_gravity_mps2;
     };
-    const RestDiagnosis d = diagnose_hand(plan);
-    for (const RestEffect& e : d.effects) {
-      (e.column.key() == "gyro_g_sensitivity.yx" ? kept : extra) += 1;
-      unclear += std::abs(e.value) < 3.0 * e.sigma;
-    }
+    for (const EstimatedEffect& e : diagnose_hand(plan).diagnosis.extended.effects)
+      if (e.column.key() == "gyro_g_sensitivity.yx")
+        ++kept;
+      else
+        extra += std::abs(e.value) < 3.0 * e.sigma ? 0 : 1;
   }
-  EXPECT_GE(kept, 27);
-  EXPECT_LE(extra, 2);
-  EXPECT_LE(unclear, 1);  // without which what is left out is predicted worse
+  EXPECT_GE(kept, 11);
+  EXPECT_LE(extra, 1);
+}
+
+// Against the same by dense matrices.
+TEST(PieceSystem, OfObservationsIsALeastSquaresProblem) {
+  constexpr int rows = 29, parameters = 4, columns = 3;
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal;
+  const auto drawn = [&](int n, int m) { return Eigen::MatrixXd::NullaryExpr(n, m, [&] { return normal(random); }); };
+  const Eigen::MatrixXd J = drawn(rows, parameters), C = drawn(rows, columns);
+  const Eigen::VectorXd r = drawn(rows, 1);
+  const PieceSystem system(J, r, 0.0);
+  const PieceSystem::Block block = system.blocks({Weights::of_rows(C)}).front();
+  const Eigen::MatrixXd A_inverse = (J.transpose() * J).inverse();
+  const Eigen::MatrixXd P = Eigen::MatrixXd::Identity(rows, rows) - J * A_inverse * J.transpose();
+  const Eigen::MatrixXd Q = C.transpose() * P * C;
+  const Eigen::VectorXd s = -C.transpose() * P * r;
+  EXPECT_LT((block.Q - Q).norm(), 1e-6 * Q.norm());
+  EXPECT_LT((block.s - s).norm(), 1e-9 * s.norm());
+  EXPECT_LT((block.shift + A_inverse * J.transpose() * C).norm(), 1e-9);
+  EXPECT_LT((system.fit_shift() + A_inverse * J.transpose() * r).norm(), 1e-9);
+  EXPECT_LT((system.times(Eigen::MatrixXd::Identity(36, 36)).topLeftCorner(rows, rows) - P).norm(), 1e-9);
 }
 
 }  // namespace

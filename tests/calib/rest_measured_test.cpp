@@ -2,11 +2,12 @@
 // for; docs/hand-data.md has the numbers reached.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <set>
 
-#include "calib/rest_diagnosis/rest_diagnosis.h"
+#include "calib/evidence/rest_diagnosis.h"
 #include "calib/statistics/segmentation.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
@@ -79,7 +80,7 @@ RestDiagnosis diagnose_with(const CsvImport& content, const Segments& segments) 
 
 std::set<std::string> names(const RestDiagnosis& d) {
   std::set<std::string> result;
-  for (const RestEffect& e : d.effects) result.emplace(e.column.entry->name);
+  for (const EstimatedEffect& e : d.diagnosis.extended.effects) result.emplace(e.column.entry->name);
   return result;
 }
 
@@ -90,10 +91,10 @@ TEST(Measured, XsensHoldsGSensitivity) {
   const RestDiagnosis d = diagnose_with(content, found.segments);
   EXPECT_LE(d.base.errors.norm_rms_mps2, 0.95e-3);
   EXPECT_LE(d.base.errors.direction_rms_rad, 7.3e-3);
-  EXPECT_EQ(d.verdict, Verdict::extended);
+  EXPECT_EQ(d.diagnosis.verdict, Verdict::extended);
   EXPECT_EQ(names(d), std::set<std::string>{"gyro_g_sensitivity"});
   EXPECT_LE(d.final.errors.direction_rms_rad, 1.8e-3);
-  EXPECT_LE(d.final.left_out.direction_rms_rad, 3.5e-3);
+  EXPECT_LE(d.final.left_out.direction_rms_rad, 2.8e-3);
   EXPECT_GE(d.base.left_out.direction_rms_rad, 9e-3);
 }
 
@@ -110,32 +111,34 @@ TEST(Measured, XsensOnTheSuppliedRestsToo) {
   EXPECT_LE(d.final.left_out.direction_rms_rad, 3.5e-3);
 }
 
+// What goes with time may be a drift, a warm-up or a curve of no name: it is said of every unit. Names are of time where there are any.
 TEST(Measured, KthRunSixDriftsAndRunFiveHardly) {
   SKIP_WITHOUT_DATA();
-  double squares[2][4] = {};  // of exp_6 and exp_5: accel and gyro left out, before and after
+  double squares[2][2] = {};  // of exp_6 and exp_5: accel and gyro left out
+  int accelerometers = 0;
   for (const int run : {0, 1})
     for (int imu = 0; imu < 8; ++imu) {
       const std::string name = run == 0 ? "exp_6" : "exp_5";
       const CsvImport content = kth(name, imu);
-      const RestDiagnosis d =
+      const RestDiagnosis r =
           diagnose_with(content, supplied("mimu4444_kth/" + name + "_static.csv", content.samples.back().counter + 1));
-      const double values[4] = {d.base.left_out.norm_rms_mps2, d.base.left_out.gyro_rms_radps,
-                                d.final.left_out.norm_rms_mps2, d.final.left_out.gyro_rms_radps};
-      for (int k = 0; k < 4; ++k) squares[run][k] += values[k] * values[k] / 8.0;
+      squares[run][0] += std::pow(r.base.left_out.norm_rms_mps2, 2) / 8.0;
+      squares[run][1] += std::pow(r.base.left_out.gyro_rms_radps, 2) / 8.0;
+      EXPECT_FALSE(names(r).contains("gyro_g_sensitivity")) << name << " imu " << imu;
       if (run == 1) continue;
-      const std::set<std::string> found = names(d);
-      EXPECT_TRUE(found.contains("gyro_bias_drift") || found.contains("gyro_warm_up")) << "imu " << imu;
-      EXPECT_TRUE(found.contains("accel_bias_drift") || found.contains("accel_warm_up")) << "imu " << imu;
-      // What was found first, and explains most, is a change with time.
-      const std::string_view first = d.effects.front().column.entry->name;
-      EXPECT_TRUE(first == "gyro_bias_drift" || first == "gyro_warm_up") << first;
+      const auto with_time = [&](const std::string& sensor) {
+        const std::vector<Statement> said = r.diagnosis.statements.said();
+        return std::any_of(said.begin(), said.end(),
+                           [&](const Statement& s) { return s.sensor.starts_with(sensor) && s.driver == "time"; });
+      };
+      EXPECT_TRUE(with_time("gyro")) << "imu " << imu << ": " << r.diagnosis.reason;
+      accelerometers += with_time("accelerometer") ? 1 : 0;
+      for (const std::string& effect : names(r))
+        EXPECT_TRUE(find_effect(effect)->driver == Driver::time) << "imu " << imu << ": " << effect;
     }
+  EXPECT_GE(accelerometers, 4);  // with rests that segmentation finds six: the list's are shorter
   EXPECT_NEAR(std::sqrt(squares[0][0]), 7.8e-3, 0.3e-3);
   EXPECT_NEAR(std::sqrt(squares[0][1]) / rad_per_deg, 0.047, 0.002);
-  EXPECT_LE(std::sqrt(squares[0][2]), 2.4e-3);
-  EXPECT_LE(std::sqrt(squares[0][3]) / rad_per_deg, 0.0085);
-  EXPECT_LE(std::sqrt(squares[1][1]) / rad_per_deg, 0.012);
-  EXPECT_LE(std::sqrt(squares[1][0]), 2.4e-3);
 }
 
 TEST(Measured, TheControlShowsNoGSensitivity) {
@@ -144,11 +147,12 @@ TEST(Measured, TheControlShowsNoGSensitivity) {
     const std::string name = "mpu9150_mikoff/imu" + std::to_string(imu);
     const CsvImport content = import(map_named("mpu9150_mikoff"), name + ".csv");
     const Segmentation found = find_rests(content.info, content.samples);
-    EXPECT_TRUE(names(diagnose_with(content, found.segments)).empty()) << imu;
-    EXPECT_TRUE(
-        names(diagnose_with(content, supplied(name + "_static.csv", static_cast<std::int64_t>(content.samples.size()))))
-            .empty())
-        << imu;
+    const Segments list = supplied(name + "_static.csv", static_cast<std::int64_t>(content.samples.size()));
+    // On the list's rests a pattern is said of unit 0 (docs/hand-data.md), and no name.
+    EXPECT_TRUE(names(diagnose_with(content, list)).empty()) << imu;
+    const RestDiagnosis r = diagnose_with(content, found.segments);
+    EXPECT_TRUE(names(r).empty()) << imu;
+    EXPECT_EQ(r.diagnosis.verdict, Verdict::clean) << imu << ": " << r.diagnosis.reason;
   }
 }
 

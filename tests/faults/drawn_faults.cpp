@@ -605,7 +605,9 @@ void judge_outcome(const Setting& setting, DrawnStation& station, const fs::path
   }
   verdict.ended = "said";
   const bool memory = pc != nullptr && pc->manner == "memory short";
-  if (outcome.code != 50 && outcome.code != 20 && !(memory && outcome.code == 70)) {
+  // Until a run homes the table's refusals are the map's (docs/tables.md).
+  const bool refused = outcome.code == 1 && says(outcome, "turncal: connecting: ");
+  if (outcome.code != 50 && outcome.code != 20 && !refused && !(memory && outcome.code == 70)) {
     verdict.add(1, "code " + std::to_string(outcome.code) + ", expected 0, 20 or 50");
   }
   std::istringstream said(outcome.err);

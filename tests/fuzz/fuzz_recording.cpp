@@ -55,22 +55,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const bool structured = (how & 1U) != 0;
   file.write(structured ? std::span<const std::byte>(records(input, (how & 2U) != 0)) : input.rest);
   auto source = RecordingSource::open(file.path());
-  if (!source) {
-    fuzz::require(source.error().message.find('\n') == std::string::npos);
-    return 0;
-  }
-  std::int64_t last = 0;
-  bool first = true;
-  const Status status = (*source)->read([&](std::span<const ImuSample> samples) {
-    fuzz::require(!samples.empty());
-    for (const ImuSample& sample : samples) {
-      fuzz::require(first || sample.counter > last);
-      first = false;
-      last = sample.counter;
-    }
-    return Status();
-  });
-  if (status) fuzz::require((*source)->content_hash().ok());
+  if (!fuzz::taken(source)) return 0;
+  if (fuzz::taken(fuzz::read_through(**source))) fuzz::require((*source)->content_hash().ok());
   const Segments& segments = (*source)->segments();
   for (std::size_t i = 1; i < segments.size(); ++i)
     fuzz::require(segments[i].start_sample == segments[i - 1].end_sample);

@@ -8,11 +8,11 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace turncal;
   const auto sequence = parse_sequence(std::string(fuzz::Input(data, size).text()), "fuzz");
-  if (!sequence) {
-    fuzz::require(sequence.error().message.find('\n') == std::string::npos);
+  if (!fuzz::taken(sequence)) {
+    fuzz::require(sequence.error().message.starts_with("fuzz:"));
     return 0;
   }
   fuzz::require(!sequence->steps.empty());
-  (void)make_plan(*sequence, PlanLimits{});
+  fuzz::require(make_plan(*sequence, PlanLimits{}).samples > 0);
   return 0;
 }

@@ -37,21 +37,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     files[i].write(std::as_bytes(std::span(part.data(), part.size())));
   }
   auto source = RecordingSource::open(folder.path());
-  if (!source) {
-    fuzz::require(source.error().message.find('\n') == std::string::npos);
-    return 0;
-  }
-  std::int64_t last = 0;
-  bool first = true;
-  (void)(*source)->read([&](std::span<const ImuSample> samples) {
-    for (const ImuSample& sample : samples) {
-      fuzz::require(first || sample.counter > last);
-      first = false;
-      last = sample.counter;
-      for (std::size_t k = 0; k < 3; ++k)
-        fuzz::require(std::isfinite(sample.gyro[k]) && std::isfinite(sample.accel[k]));
-    }
-    return Status();
-  });
+  if (!fuzz::taken(source)) return 0;
+  (void)fuzz::taken(fuzz::read_through(**source));
   return 0;
 }

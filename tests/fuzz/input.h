@@ -1,20 +1,45 @@
 // What the fuzz targets share: taking an input apart, and stopping where something holds that must not.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
+#include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/crc.h"
+#include "imu_io/recordings/recording_source.h"
 
 namespace turncal::fuzz {
 
 inline void require(bool holds) {
   if (!holds) std::abort();
+}
+
+// Taken, or refused in one line.
+template <class Outcome>
+bool taken(const Outcome& outcome) {
+  if (!outcome.ok()) require(outcome.error().message.find('\n') == std::string::npos);
+  return outcome.ok();
+}
+
+// Reads to the end, or says why not; counters increase and numbers are numbers.
+inline Status read_through(RecordingSource& source) {
+  std::optional<std::int64_t> last;
+  return source.read([&](std::span<const ImuSample> samples) {
+    require(!samples.empty());
+    for (const ImuSample& sample : samples) {
+      require(!last || sample.counter > *last);
+      last = sample.counter;
+      for (std::size_t k = 0; k < 3; ++k) require(std::isfinite(sample.gyro[k]) && std::isfinite(sample.accel[k]));
+    }
+    return Status();
+  });
 }
 
 struct Input {

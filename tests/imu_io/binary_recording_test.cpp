@@ -192,15 +192,13 @@ TEST(SharedRecording, ImportAndExportGiveTheSameBytes) {
   const std::string clean = std::string(TURNCAL_SOURCE_DIR) + "/../shared/data/recordings/clean";
   if (!path_exists(clean)) GTEST_SKIP() << clean << " is not there";
   TemporaryFolder folder;
-  auto text = RecordingSource::open(clean);
-  ASSERT_OK(text);
-  ASSERT_OK(import_binary(**text, folder / binary_recording_name));
-  auto binary = RecordingSource::open(folder.path());
-  ASSERT_OK(binary);
-  ASSERT_OK(export_text(**binary, folder / "out"));
+  const auto text = opened(clean);
+  ASSERT_OK(import_binary(*text, folder / binary_recording_name));
+  const auto binary = opened(folder.path());
+  ASSERT_OK(export_text(*binary, folder / "out"));
   for (const char* name : {"/imu.csv", "/segments.csv", "/recording.conf"})
     EXPECT_TRUE(read_file(folder / "out" + name) == read_file(clean + name)) << name;
-  EXPECT_EQ(*(*text)->content_hash(), *(*binary)->content_hash());
+  EXPECT_EQ(*text->content_hash(), *binary->content_hash());
 }
 
 }  // namespace

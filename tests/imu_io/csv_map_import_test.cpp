@@ -6,6 +6,7 @@
 
 #include "calib/model/parameters.h"
 #include "calib/statistics/clipping.h"
+#include "tests/outcome.h"
 
 namespace turncal {
 namespace {
@@ -21,11 +22,7 @@ std::string rows(int count, double step = 0.01) {
   return text;
 }
 CsvImport must(const std::string& map_text, const std::string& csv) {
-  const Result<CsvMap> map = parse_csv_map(map_text, "m.map");
-  EXPECT_TRUE(map.ok()) << (map.ok() ? "" : map.error().message);
-  Result<CsvImport> result = parse_csv(*map, csv, "d.csv");
-  EXPECT_TRUE(result.ok()) << (result.ok() ? "" : result.error().message);
-  return result.ok() ? *result : CsvImport{};
+  return expect_value(parse_csv(expect_value(parse_csv_map(map_text, "m.map")), csv, "d.csv"));
 }
 std::string refusal(const std::string& map_text, const std::string& csv) {
   const Result<CsvMap> map = parse_csv_map(map_text, "m.map");
@@ -89,8 +86,7 @@ TEST(CsvMapImport, GapsAndSaturatedRowsShowInTheCounter) {
 }
 
 TEST(CsvMapImport, IncrementsAreTakenAsTheyAre) {
-  std::string map = base_map + "rate_hz = 50\n";
-  map.replace(map.find("deg/s"), 5, "arcsec");
+  const std::string map = replaced(base_map, "deg/s", "arcsec") + "rate_hz = 50\n";
   EXPECT_NEAR(must(map, rows(12)).samples[0].gyro[0], rad_per_arcsec, 1e-18);
 }
 
@@ -107,42 +103,31 @@ TEST(CsvMapImport, DefectsNameFileLineAndColumn) {
   const std::string map = base_map + "rate_hz = 100\n";
   std::string csv = rows(12);
   csv.replace(csv.find("0.5", 60), 3, "abc");
-  EXPECT_NE(refusal(map, csv).find("d.csv:"), std::string::npos);
-  EXPECT_NE(refusal(map, csv).find("column 'ax' = 'abc': expected a number"), std::string::npos) << refusal(map, csv);
-  EXPECT_NE(refusal(map, rows(12) + "7,1,2\n").find("d.csv:14: column 'ax' is missing"), std::string::npos)
-      << refusal(map, rows(12) + "7,1,2\n");
-  EXPECT_NE(refusal(map, "t,gx\n1,2\n").find("d.csv:1: no column 'ax'"), std::string::npos)
-      << refusal(map, "t,gx\n1,2\n");
-  EXPECT_NE(refusal(map, rows(3)).find("at least 10 rows"), std::string::npos);
+  EXPECT_TRUE(says(refusal(map, csv), "d.csv:"));
+  EXPECT_TRUE(says(refusal(map, csv), "column 'ax' = 'abc': expected a number"));
+  EXPECT_TRUE(says(refusal(map, rows(12) + "7,1,2\n"), "d.csv:14: column 'ax' is missing"));
+  EXPECT_TRUE(says(refusal(map, "t,gx\n1,2\n"), "d.csv:1: no column 'ax'"));
+  EXPECT_TRUE(says(refusal(map, rows(3)), "at least 10 rows"));
   const std::string timed = base_map + "time.column = t\n";
-  EXPECT_NE(refusal(timed, rows(12) + "1.0,1,1,1,1,1,1,1\n").find("d.csv:14: column 't' = '1': expected a time after"),
-            std::string::npos);
+  EXPECT_TRUE(
+      says(refusal(timed, rows(12) + "1.0,1,1,1,1,1,1,1\n"), "d.csv:14: column 't' = '1': expected a time after"));
 }
 
 TEST(CsvMapImport, DefectsOfTheMap) {
   const auto with = [](const std::string& more) { return refusal(base_map + more, ""); };
-  EXPECT_NE(with("").find("rate_hz"), std::string::npos);
-  EXPECT_NE(with("rate_hz = 100\ntime.column = t\n").find("rate_hz"), std::string::npos);
-  EXPECT_NE(with("rate_hz = 100\ngyro.axes = +x, +x, +z\n").find("m.map:10: key 'gyro.axes'"), std::string::npos)
-      << with("rate_hz = 100\ngyro.axes = +x, +x, +z\n");
-  EXPECT_NE(with("rate_hz = 100\ncolour = red\n").find("colour"), std::string::npos);
-  EXPECT_NE(with("rate_hz = 100\nstarted_utc = 31.1.2026\n").find("m.map:10: key 'started_utc' = '31.1.2026'"),
-            std::string::npos);
-  std::string unit = base_map + "rate_hz = 100\n";
-  unit.replace(unit.find("deg/s"), 5, "rpm");
-  EXPECT_NE(refusal(unit, "").find("expected one of rad/s"), std::string::npos) << refusal(unit, "");
+  EXPECT_TRUE(says(with(""), "rate_hz"));
+  EXPECT_TRUE(says(with("rate_hz = 100\ntime.column = t\n"), "rate_hz"));
+  EXPECT_TRUE(says(with("rate_hz = 100\ngyro.axes = +x, +x, +z\n"), "m.map:10: key 'gyro.axes'"));
+  EXPECT_TRUE(says(with("rate_hz = 100\ncolour = red\n"), "colour"));
+  EXPECT_TRUE(says(with("rate_hz = 100\nstarted_utc = 31.1.2026\n"), "m.map:10: key 'started_utc' = '31.1.2026'"));
+  EXPECT_TRUE(says(refusal(replaced(base_map, "deg/s", "rpm") + "rate_hz = 100\n", ""), "expected one of rad/s"));
 }
 
 // ---- what people's files are like: bad rows, remarks, blanks, late stamps, two files, gyros at the end of their range ----
 
-const std::string unscaled_map =
-    std::string(base_map).replace(base_map.find("gyro.scale = 0.5\n"), std::string("gyro.scale = 0.5\n").size(), "");
+const std::string unscaled_map = replaced(base_map, "gyro.scale = 0.5\n", "");
 
-CsvMap map_of(const std::string& more) {
-  const Result<CsvMap> map = parse_csv_map(unscaled_map + more, "m.map");
-  EXPECT_TRUE(map.ok()) << (map.ok() ? "" : map.error().message);
-  return map.ok() ? *map : CsvMap{};
-}
+CsvMap map_of(const std::string& more) { return expect_value(parse_csv_map(unscaled_map + more, "m.map")); }
 
 TEST(ImportForms, BadRowsAreSkippedAndCounted) {
   std::string csv = "gx,gy,gz,ax,ay,az\n";
@@ -151,9 +136,9 @@ TEST(ImportForms, BadRowsAreSkippedAndCounted) {
   EXPECT_FALSE(parse_csv(map, csv, "d.csv").ok());
   map.format.skip_bad_rows = true;
   const Result<CsvImport> c = parse_csv(map, csv, "d.csv");
-  ASSERT_TRUE(c.ok()) << c.error().message;
+  ASSERT_OK(c);
   EXPECT_EQ(c->bad_rows, 1);
-  EXPECT_NE(c->first_bad.find("d.csv:14: column 'gx' = 'oops'"), std::string::npos) << c->first_bad;
+  EXPECT_TRUE(says(c->first_bad, "d.csv:14: column 'gx' = 'oops'"));
   ASSERT_EQ(c->samples.size(), 13u);
   EXPECT_EQ(c->samples.back().counter, 13);  // its number is left out
 }
@@ -163,7 +148,7 @@ TEST(ImportForms, CommentedHeaderAndBlankTemperature) {
   for (int k = 0; k < 20; ++k)
     csv += std::string("102,100,96,0.5,0,1,") + (k % 5 == 0 ? "30" : "") + (k == 7 ? "\n# a remark\n" : "\n");
   const Result<CsvImport> c = parse_csv(map_of("rate_hz = 100\ntemperature.column = temp\n"), csv, "d.csv");
-  ASSERT_TRUE(c.ok()) << c.error().message;
+  ASSERT_OK(c);
   ASSERT_EQ(c->samples.size(), 20u);
   EXPECT_EQ(c->samples[5].temperature_c, 30.0F);
   EXPECT_TRUE(std::isnan(c->samples[6].temperature_c));
@@ -178,7 +163,7 @@ TEST(ImportForms, JitteredStampsAreNoGaps) {
     csv += std::to_string(0.01 * k + late) + ",102,100,100,0,0,1\n";
   }
   const Result<CsvImport> c = parse_csv(map_of("time.column = t\ntime.increments = period\n"), csv, "d.csv");
-  ASSERT_TRUE(c.ok()) << c.error().message;
+  ASSERT_OK(c);
   EXPECT_EQ(c->gaps, 1);
   EXPECT_EQ(c->samples.back().counter, 99);
   EXPECT_NEAR(c->info.sample_period_s, 0.01, 1e-4);
@@ -196,12 +181,12 @@ TEST(ImportForms, AccelerometersInAFileOfTheirOwn) {
   }
   for (int k = 0; k < 30; ++k) other += std::to_string(0.004 + 0.02 * k) + "," + std::to_string(0.02 * k) + ",0,1\n";
   const Result<CsvImport> joined = parse_csv(map, gyro, "g.csv", same, "a.csv");
-  ASSERT_TRUE(joined.ok()) << joined.error().message;
+  ASSERT_OK(joined);
   ASSERT_EQ(joined->samples.size(), 50u);
   EXPECT_NEAR(joined->samples[9].accel[0], 0.5 * standard_gravity_mps2 * 0.01, 1e-9);
   // A ramp sampled at another rate: the velocity over the common time is kept. A number holds for the interval that it ends.
   const Result<CsvImport> resampled = parse_csv(map, gyro, "g.csv", other, "a.csv");
-  ASSERT_TRUE(resampled.ok()) << resampled.error().message;
+  ASSERT_OK(resampled);
   EXPECT_EQ(resampled->samples.size(), 49u);  // the first row is before the accelerometers begin
   double velocity = 0.0;
   for (std::size_t k = 1; k < resampled->samples.size(); ++k) velocity += resampled->samples[k].accel[0];
@@ -224,7 +209,7 @@ TEST(ImportForms, ClippingIsFoundBesideMeasuredIntervals) {
     t += k % 2 == 0 ? 0.0099 : 0.0101;
   }
   const Result<CsvImport> c = parse_csv(map_of("time.column = t\n"), csv, "d.csv");
-  ASSERT_TRUE(c.ok()) << c.error().message;
+  ASSERT_OK(c);
   EXPECT_GT(c->clipped, 50);
 }
 

@@ -187,7 +187,7 @@ FrameDescription laid_out(std::vector<std::string> lines) {
   for (const std::string& line : lines)
     if (!none || !line.starts_with("check.")) text += "\n" + line;
   const auto frame = parse_frame_description(text + "\n", "drawn");
-  EXPECT_TRUE(frame.ok()) << frame.error().message << text;
+  EXPECT_OK(frame) << text;
   return frame.ok() ? *frame : FrameDescription{};
 }
 
@@ -222,10 +222,7 @@ TEST(FrameDecoder, GivesBackWhatWasEncodedInAnyLayout) {
     Bytes stream = encode_all(frame, sent);
     stream[static_cast<std::size_t>(30 * 120 + below(120))] ^= static_cast<std::byte>(1 + below(255));
     Line hit(frame);
-    for (std::size_t i = 0; i < sent.size(); ++i) {
-      hit.time_s += frame.sample_period_s;
-      hit.feed(std::span(stream).subspan(120 * i, 120));
-    }
+    hit.feed_paced(stream, 120);
     // Of a cumulative field the row after a gap would hold two periods.
     RC_ASSERT(expect_only_sent(hit.samples, sent) <= 2 * first + 1);
   }));
@@ -233,13 +230,12 @@ TEST(FrameDecoder, GivesBackWhatWasEncodedInAnyLayout) {
 
 TEST(FrameDecoder, RoundingIsCarriedOnSoThatNoAngleIsLost) {
   const FrameDescription frame = frame_named("stim300");
-  std::vector<ImuSample> sent(5000);
+  std::vector<ImuSample> sent = numbered(0, 5000);
   double turned = 0.0;
-  for (std::size_t i = 0; i < sent.size(); ++i) {
-    sent[i].counter = static_cast<std::int64_t>(i);
-    sent[i].gyro = {3.3e-9, -1e-6, 1e-4};
-    sent[i].accel = {0.0, 1e-7, 9.8 * 0.002};
-    turned += sent[i].gyro[0];
+  for (ImuSample& sample : sent) {
+    sample.gyro = {3.3e-9, -1e-6, 1e-4};
+    sample.accel = {0.0, 1e-7, 9.8 * 0.002};
+    turned += sample.gyro[0];
   }
   Line line(frame);
   line.feed_frames(frame, sent);
@@ -276,7 +272,7 @@ TEST(FrameDecoder, AnIdChoosesTheVariantAndOtherFramesArePassedOver) {
   text += "variants = a, b\nid.offset = 33\na.id.value = 1\nb.id.value = 2\nb.accel.offset = 6\nb.gyro.offset = 18\n";
   text.replace(text.find("status.type = u16"), 17, "status.type = u8 ");
   const auto frame = parse_frame_description(text, "two");
-  ASSERT_TRUE(frame.ok()) << frame.error().message;
+  ASSERT_OK(frame);
   std::vector<ImuSample> sent = pulse_samples(2);
   FrameEncoder encoder(*frame);
   Line line(*frame);

@@ -157,13 +157,10 @@ TEST(FrameDescription, OneLineForEachMistake) {
        "key 'variants' = 'a, b': expected a different id for each variant"},
   };
   for (const BadDescription& bad : cases) {
-    std::string text = unmarked(builtin_frame_text("laser_gyro"));
-    const std::size_t at = text.find("\n" + bad.from + "\n");
-    ASSERT_NE(at, std::string::npos) << bad.from;
-    text.replace(at + 1, bad.from.size(), bad.to);
+    const std::string text =
+        replaced(unmarked(builtin_frame_text("laser_gyro")), "\n" + bad.from + "\n", "\n" + bad.to + "\n");
     const auto frame = parse_frame_description(text, "x.frame");
-    ASSERT_FALSE(frame.ok()) << bad.to;
-    EXPECT_EQ(frame.error().kind, ErrorKind::input);
+    ASSERT_TRUE(fails(frame, ErrorKind::input)) << bad.to;
     const std::string& message = frame.error().message;
     ASSERT_TRUE(message.starts_with("x.frame:")) << message;
     EXPECT_EQ(message.substr(message.find(' ') + 1), bad.message) << bad.to;

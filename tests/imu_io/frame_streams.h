@@ -27,11 +27,7 @@ inline Bytes from_hex(std::string_view hex) {
   return bytes;
 }
 
-inline FrameDescription frame_named(const std::string& name) {
-  auto frame = find_frame(name);
-  EXPECT_TRUE(frame.ok()) << frame.error().message;
-  return frame.value();
-}
+inline FrameDescription frame_named(const std::string& name) { return expect_value(find_frame(name)); }
 
 // A built-in description with lines added or replaced: "key = value".
 inline FrameDescription frame_with(const std::string& name, const std::vector<std::string>& lines) {
@@ -46,7 +42,7 @@ inline FrameDescription frame_with(const std::string& name, const std::vector<st
   }
   for (const std::string& line : lines) text += line + "\n";
   auto frame = parse_frame_description(text, name);
-  EXPECT_TRUE(frame.ok()) << frame.error().message << "\n" << text;
+  EXPECT_OK(frame) << "\n" << text;
   return frame.value();
 }
 
@@ -75,12 +71,22 @@ inline std::vector<ImuSample> pulse_samples(std::size_t count, unsigned seed = 1
   return samples;
 }
 
+// Nothing but a number and a temperature.
+inline std::vector<ImuSample> numbered(std::int64_t first, std::int64_t count, float temperature_c = 25.0F) {
+  std::vector<ImuSample> samples(static_cast<std::size_t>(count));
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    samples[i].counter = first + static_cast<std::int64_t>(i);
+    samples[i].temperature_c = temperature_c;
+  }
+  return samples;
+}
+
 inline Bytes encode_all(const FrameDescription& frame, const std::vector<ImuSample>& samples) {
   FrameEncoder encoder(frame);
   Bytes stream(samples.size() * encoder.length());
   for (std::size_t i = 0; i < samples.size(); ++i) {
     const Status status = encoder.encode(samples[i], std::span(stream).subspan(i * encoder.length(), encoder.length()));
-    EXPECT_TRUE(status.ok()) << status.error().message;
+    EXPECT_OK(status);
   }
   return stream;
 }
@@ -90,8 +96,7 @@ inline Bytes on_the_line(const FrameDescription& frame, const std::vector<ImuSam
   FrameEncoder encoder(frame);
   Bytes stream;
   for (const ImuSample& sample : samples) {
-    const Status status = encoder.append(sample, stream);
-    EXPECT_TRUE(status.ok()) << status.error().message;
+    EXPECT_OK(encoder.append(sample, stream));
   }
   return stream;
 }
@@ -117,6 +122,13 @@ class Line {
   void feed_pieces(std::span<const std::byte> stream, std::size_t piece) {
     for (; !stream.empty(); stream = stream.subspan(std::min(piece, stream.size())))
       feed(stream.first(std::min(piece, stream.size())), {0.0, 1e6});
+  }
+  // A stream in pieces of a frame, each a period later.
+  void feed_paced(std::span<const std::byte> stream, std::size_t length) {
+    for (; !stream.empty(); stream = stream.subspan(std::min(length, stream.size()))) {
+      time_s += period_s_;
+      feed(stream.first(std::min(length, stream.size())));
+    }
   }
   // One frame after another, each a period later.
   void feed_frames(const FrameDescription& frame, const std::vector<ImuSample>& sent) {

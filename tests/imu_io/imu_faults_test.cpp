@@ -53,10 +53,7 @@ DamageResult damaged(const FrameDescription& frame, Damage damage, unsigned seed
     stream.push_back(clean[i]);
   }
   Line line(frame);
-  for (std::size_t i = 0; i < stream.size(); i += length) {
-    line.time_s += frame.sample_period_s;
-    line.feed(std::span(stream).subspan(i, std::min(length, stream.size() - i)));
-  }
+  line.feed_paced(stream, length);
   result.missing = expect_only_sent(line.samples, sent);
   result.counters = line.decoder.counters();
   EXPECT_FALSE(line.restarted);
@@ -107,10 +104,7 @@ TEST(ImuFaults, BytesLostEverywhereLoseOneFrameEach) {
   }
   ASSERT_EQ(dropped, 168U);
   Line line(gyro_frame());
-  for (std::size_t i = 0; i < stream.size(); i += size) {
-    line.time_s += 0.005;
-    line.feed(std::span(stream).subspan(i, std::min(size, stream.size() - i)));
-  }
+  line.feed_paced(stream, size);
   EXPECT_EQ(expect_only_sent(line.samples, sent), 168U);
 }
 
@@ -148,10 +142,7 @@ TEST(ImuFaults, BadCheckWrongLengthWrongIdInMidStream) {
       hit[place] ^= std::byte{1};
       if (sealed) seal(frame, hit);
       Line line(frame);
-      for (std::size_t i = 0; i < 9; ++i) {
-        line.time_s += 0.01;
-        line.feed(std::span(stream).subspan(i * 56, 56));
-      }
+      line.feed_paced(stream, 56);
       ASSERT_EQ(line.samples.size(), 8U) << place << sealed;
       EXPECT_EQ(line.samples[4].counter - line.samples[3].counter, 2);
       EXPECT_EQ(line.decoder.counters().lost_samples, 1U);
@@ -252,8 +243,7 @@ TEST(ImuFaults, GapBeyondWhatTheCounterCanTell) {
 TEST(ImuFaults, AnInvalidStatusIsKeptAndFlagged) {
   for (const char* name : {"laser_gyro", "stim300", "kvh1750", "novatel_rawimusx"}) {
     const FrameDescription frame = frame_named(name);
-    std::vector<ImuSample> sent(3);
-    for (std::size_t i = 0; i < 3; ++i) sent[i].counter = static_cast<std::int64_t>(i);
+    std::vector<ImuSample> sent = numbered(0, 3);
     sent[1].flags = sample_flag_invalid;
     Line line(frame);
     line.feed_frames(frame, sent);
@@ -267,25 +257,16 @@ TEST(ImuFaults, AnInvalidStatusIsKeptAndFlagged) {
 
 TEST(ImuFaults, NotANumberIsNoSample) {
   const FrameDescription frame = frame_named("kvh1750");
-  const std::vector<ImuSample> sent = [] {
-    std::vector<ImuSample> samples(5);
-    for (std::size_t i = 0; i < 5; ++i) samples[i].counter = static_cast<std::int64_t>(i);
-    for (ImuSample& sample : samples) sample.temperature_c = 40.0F;
-    return samples;
-  }();
-  Bytes stream = encode_all(frame, sent);
-  const std::uint32_t bad[] = {0x7FC00000, 0x7F800000, 0xFF800001};
-  for (const std::uint32_t bits : bad) {
+  const std::vector<ImuSample> sent = numbered(0, 5, 40.0F);
+  const Bytes stream = encode_all(frame, sent);
+  for (const std::uint32_t bits : {0x7FC00000U, 0x7F800000U, 0xFF800001U}) {
     for (const std::size_t place : {4U, 12U, 16U, 24U}) {
       Bytes copy = stream;
       const std::span hit = std::span(copy).subspan(2 * 36, 36);
       for (std::size_t i = 0; i < 4; ++i) hit[place + i] = static_cast<std::byte>(bits >> (24 - 8 * i) & 0xFFU);
       seal(frame, hit);
       Line line(frame);
-      for (std::size_t i = 0; i < 5; ++i) {
-        line.time_s += 0.001;
-        line.feed(std::span(copy).subspan(i * 36, 36));
-      }
+      line.feed_paced(copy, 36);
       EXPECT_EQ(expect_only_sent(line.samples, sent), 1U);
       EXPECT_EQ(line.decoder.counters().bad_frames, 1U);
       EXPECT_EQ(line.decoder.counters().lost_samples, 1U);
@@ -295,10 +276,9 @@ TEST(ImuFaults, NotANumberIsNoSample) {
 
 TEST(ImuFaults, AnImpossibleNumberIsFlagged) {
   const FrameDescription frame = frame_with("laser_gyro", {"gyro.range = -1000, 1000"});
-  std::vector<ImuSample> sent(2);
+  std::vector<ImuSample> sent = numbered(0, 2);
   sent[0].gyro = {1000.0, -1000.0, 0.0};
   sent[1].gyro = {0.0, 0.0, 1001.0};
-  sent[1].counter = 1;
   Line line(frame);
   line.feed_frames(frame, sent);
   ASSERT_EQ(line.samples.size(), 2U);

@@ -21,15 +21,6 @@ std::vector<Narrow> narrow_frames() {
           {"seven_bits_1_khz", frame_named("kvh1750"), 128}};
 }
 
-std::vector<ImuSample> numbered(std::int64_t first, std::int64_t count) {
-  std::vector<ImuSample> samples(static_cast<std::size_t>(count));
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    samples[i].counter = first + static_cast<std::int64_t>(i);
-    samples[i].temperature_c = 25.0F;
-  }
-  return samples;
-}
-
 class NarrowCounter : public testing::TestWithParam<Narrow> {
  protected:
   NarrowCounter() : frame(GetParam().frame), line(frame), encoder(frame) {}

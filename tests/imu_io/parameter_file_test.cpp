@@ -24,22 +24,12 @@ ParameterFile make_file() {
   return file;
 }
 
-std::string formatted(const ParameterFile& file) {
-  const auto text = format_parameter_file(file);
-  EXPECT_TRUE(text.ok()) << text.error().message;
-  return *text;
-}
+std::string formatted(const ParameterFile& file) { return expect_value(format_parameter_file(file)); }
 
 // Puts a right checksum under an edited text, so that what stands above it is judged.
 std::string resealed(std::string text) {
   text.resize(text.rfind("checksum = "));
   return with_checksum(text);
-}
-
-std::string replaced(std::string text, const std::string& what, const std::string& with) {
-  const std::size_t place = text.find(what);
-  EXPECT_NE(place, std::string::npos) << what;
-  return text.replace(place, what.size(), with);
 }
 
 TEST(ParameterFile, LooksLikeThis) {

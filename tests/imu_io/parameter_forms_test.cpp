@@ -75,9 +75,8 @@ TEST(ParameterForms, ACProgramReadsTheHeader) {
 TEST(ParameterForms, TextsAreNotAltered) {
   ParameterFile file = make_file();
   file.unit_serial = "it's \"7\\8\"?\?/";
-  EXPECT_NE(format_parameter_yaml(file).find("\nunit_serial: 'it''s \"7\\8\"?\?/'\n"), std::string::npos);
-  EXPECT_NE(format_parameter_header(file).find("= \"it's \\0427\\1348\\042\\077\\077/\";"), std::string::npos)
-      << format_parameter_header(file);
+  EXPECT_TRUE(says(format_parameter_yaml(file), "\nunit_serial: 'it''s \"7\\8\"?\?/'\n"));
+  EXPECT_TRUE(says(format_parameter_header(file), "= \"it's \\0427\\1348\\042\\077\\077/\";"));
 }
 
 TEST(ParameterForms, YamlHasEveryParameter) {
@@ -89,8 +88,8 @@ TEST(ParameterForms, YamlHasEveryParameter) {
     ASSERT_NE(at, std::string::npos);
     EXPECT_EQ(std::stod(yaml.substr(at + key.size())), file.parameters[static_cast<Eigen::Index>(k)]);
   }
-  EXPECT_NE(yaml.find("\n  a21: null\n"), std::string::npos);
-  EXPECT_NE(yaml.find("\ntrusted: false\n"), std::string::npos);
+  EXPECT_TRUE(says(yaml, "\n  a21: null\n"));
+  EXPECT_TRUE(says(yaml, "\ntrusted: false\n"));
   EXPECT_NE(yaml.find("\n  N01: 1.0e-07\n"), std::string::npos) << yaml;  // sigma: with a point, or it would be a word
 }
 

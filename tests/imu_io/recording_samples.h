@@ -7,7 +7,9 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <random>
+#include <stdexcept>
 #include <string>
 #include <tuple>
 #include <type_traits>
@@ -101,6 +103,13 @@ void expect_same(const std::vector<Thing>& a, const std::type_identity_t<std::ve
   for (std::size_t i = 0; i < a.size(); ++i) ASSERT_TRUE(same(a[i], b[i])) << "number " << i;
 }
 
+// Throws where it cannot be: the test fails with the message.
+inline std::unique_ptr<RecordingSource> opened(const std::string& path) {
+  auto source = RecordingSource::open(path);
+  if (!source) throw std::runtime_error(source.error().message);
+  return std::move(*source);
+}
+
 inline std::vector<ImuSample> read_all(RecordingSource& source) {
   std::vector<ImuSample> all;
   const Status status = source.read([&](std::span<const ImuSample> samples) {
@@ -108,7 +117,7 @@ inline std::vector<ImuSample> read_all(RecordingSource& source) {
     all.insert(all.end(), samples.begin(), samples.end());
     return Status();
   });
-  EXPECT_TRUE(status.ok()) << status.error().message;
+  EXPECT_OK(status);
   return all;
 }
 

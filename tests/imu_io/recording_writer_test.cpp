@@ -8,7 +8,9 @@
 #include <csignal>
 
 #include "calib/statistics/clipping.h"
+#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/binary_layout.h"
+#include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_source.h"
 #include "recording_samples.h"
 
@@ -123,17 +125,15 @@ TEST_F(WriterTest, FullDiskIsReportedAndWhatWasWrittenCanBeRead) {
     status = writer->add(samples);
     again = writer->sync();
   }
-  ASSERT_FALSE(status.ok());
-  EXPECT_EQ(status.error().kind, ErrorKind::device);
+  ASSERT_TRUE(fails(status, ErrorKind::device));
   EXPECT_EQ(status.error().message, path + ": cannot write: File too large");
   EXPECT_FALSE(again.ok());  // nothing is written after a torn record
-  auto source = RecordingSource::open(path);
-  ASSERT_OK(source);
-  const auto read = read_all(**source);
+  const auto source = opened(path);
+  const auto read = read_all(*source);
   ASSERT_EQ(read.size() % RecordingWriter::block_samples, 0U);
   ASSERT_GT(read.size(), 4000U);
   expect_same(read, {samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(read.size())});
-  EXPECT_GT((*source)->damage().torn_tail_bytes, 0U);
+  EXPECT_GT(source->damage().torn_tail_bytes, 0U);
 }
 
 // ---- going on after an interruption ----
@@ -158,7 +158,6 @@ TEST_F(ReopenTest, KeepGoesOnInsideTheOpenSegment) {
   EXPECT_EQ(writer->sample_count(), 50U);
   EXPECT_EQ(writer->first_counter(), 0);
   EXPECT_EQ(writer->last_counter(), 49);
-  EXPECT_EQ(writer->cut_bytes(), 0U);
   EXPECT_EQ(writer->info().unit_serial, "LG-7");
   ASSERT_TRUE(writer->open_segment().has_value());
   EXPECT_EQ(writer->open_segment()->start_sample, 20);
@@ -166,13 +165,12 @@ TEST_F(ReopenTest, KeepGoesOnInsideTheOpenSegment) {
   write_segment(*writer, make_segment(1, SegmentKind::still, 50, counter(99) + 1, 0, 90, 0),
                 std::span(samples).subspan(50));
   ASSERT_OK(writer->finish());
-  auto source = RecordingSource::open(path);
-  ASSERT_OK(source);
-  expect_same(read_all(**source), samples);
-  expect_same((*source)->segments(),
+  const auto source = opened(path);
+  expect_same(read_all(*source), samples);
+  expect_same(source->segments(),
               {make_segment(1, SegmentKind::align, 0, 20), make_segment(1, SegmentKind::rotate, 20, 50, 0, 90, 0),
                make_segment(1, SegmentKind::still, 50, counter(99) + 1, 0, 90, 0)});
-  EXPECT_EQ(describe((*source)->damage()), "");
+  EXPECT_EQ(describe(source->damage()), "");
 }
 
 // An interrupted dwell that is taken off and repeated leaves the very file of a run that was never interrupted.
@@ -188,7 +186,6 @@ TEST_F(ReopenTest, DropLeavesNoTrace) {
   EXPECT_EQ(writer->sample_count(), 20U);
   EXPECT_EQ(writer->last_counter(), 19);
   EXPECT_FALSE(writer->open_segment().has_value());
-  EXPECT_GT(writer->cut_bytes(), 0U);
   rest(*writer);
 
   auto whole = RecordingWriter::create(folder / "whole.tcr", info);
@@ -221,14 +218,13 @@ TEST_F(ReopenTest, ARestThatIsSetAsideIsRotateAndItsSamplesSaySo) {
     ASSERT_OK(writer->sync());
   }
   const auto read = [&](SegmentKind kind) {
-    auto source = RecordingSource::open(path);
-    ASSERT_OK(source);
-    EXPECT_EQ((*source)->segments()[0].kind, kind);
-    EXPECT_EQ((*source)->segments()[1].kind, SegmentKind::still);
-    EXPECT_EQ(describe((*source)->damage()), "no end mark: the capture was interrupted");
+    const auto source = opened(path);
+    EXPECT_EQ(source->segments()[0].kind, kind);
+    EXPECT_EQ(source->segments()[1].kind, SegmentKind::still);
+    EXPECT_EQ(describe(source->damage()), "no end mark: the capture was interrupted");
     auto expected = std::vector(samples.begin(), samples.begin() + 50);
     for (std::size_t i = 0; kind == SegmentKind::rotate && i < 20; ++i) expected[i].flags |= sample_flag_set_aside;
-    expect_same(read_all(**source), expected);
+    expect_same(read_all(*source), expected);
   };
   read(SegmentKind::rotate);
   // What was decided after the last segment that is kept goes with what came after it: it is decided again.
@@ -259,15 +255,64 @@ TEST_F(ReopenTest, KilledProcessKeepsWhatWasSynced) {
   ::close(pipe_ends[0]);
   ::close(pipe_ends[1]);
 
-  auto source = RecordingSource::open(path);
-  ASSERT_OK(source);
-  const auto read = read_all(**source);
+  const auto source = opened(path);
+  const auto read = read_all(*source);
   EXPECT_GE(read.size(), synced);
   expect_same(read, {many.begin(), many.begin() + static_cast<std::ptrdiff_t>(read.size())});
-  EXPECT_FALSE((*source)->damage().lost_data());
+  EXPECT_FALSE(source->damage().lost_data());
   auto writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep);
   ASSERT_OK(writer);
   EXPECT_EQ(writer->sample_count(), read.size());
+}
+
+// ---- what may stand in a serial number ----
+
+TEST(RecordingCheck, PlainTextIsPrintableUtf8) {
+  for (const char* good :
+       {"RLG-0042", "\xC3\xA4\xC3\xB6", "\xE5\x8D\x95\xE5\x85\x83 7", "\xF0\x9F\x9B\xB0", "a=b", "\xC2\xA0x"})
+    EXPECT_TRUE(is_plain_text(good)) << good;
+  for (const char* bad : {"",
+                          " a",
+                          "a ",
+                          "a#b",
+                          "a\tb",
+                          "a\nb",
+                          "a\x7F"
+                          "b",
+                          "\xC2\x80",
+                          "a\xC2\x9B"
+                          "31m",
+                          "a\xC2\x9F",  // C1: U+009B begins an escape sequence
+                          "\xFF",
+                          "\x80",
+                          "a\x9B"
+                          "b",
+                          "\xC3",
+                          "\xE5\x8D",
+                          "\xF0\x9F\x9B",  // no UTF-8, cut short
+                          "\xC0\xAF",
+                          "\xC1\xBF",
+                          "\xE0\x80\xAF",
+                          "\xF0\x80\x80\xAF",  // longer than need be
+                          "\xED\xA0\x80",
+                          "\xF4\x90\x80\x80",
+                          "\xF5\x80\x80\x80",  // surrogate, beyond the last
+                          "a\xE2\x80\xAE"
+                          "b",
+                          "a\xE2\x80\xA8"
+                          "b",
+                          "\xE2\x81\xA6",  // turns the writing, ends the line
+                          "\xE2\x80\x8B",
+                          "\xEF\xBB\xBFSN1",
+                          "SN\xC2\xAD"
+                          "1"})  // is not seen
+    EXPECT_FALSE(is_plain_text(bad)) << quoted(bad);
+}
+
+TEST(RecordingCheck, WhatIsQuotedCanBePrinted) {
+  EXPECT_EQ(quoted("a\xC2\x9B"
+                   "31m\xFF\n\xC3\xA4"),
+            "'a??31m??\xC3\xA4'");
 }
 
 }  // namespace

@@ -135,8 +135,7 @@ TEST_F(SerialImuTest, AHangUpInMidFrameIsADeviceErrorAndTheCounterGoesOnAfterwar
   ASSERT_OK(imu.read(block, 0.01));
   pty.unplug();
   const auto n = imu.read(block, 1.0);
-  ASSERT_FALSE(n.ok());
-  EXPECT_EQ(n.error().kind, ErrorKind::device);
+  ASSERT_TRUE(fails(n, ErrorKind::device));
   EXPECT_EQ(n.error().message, link + ": unplugged");
   EXPECT_EQ(imu.read(block, 0.1).error().message, link + ": read before open");
   EXPECT_ERROR(imu.open(), link + ": cannot open: No such file or directory");
@@ -163,8 +162,7 @@ TEST_F(SerialImuTest, AUnitThatWasSwitchedOffIsADeviceError) {
   EXPECT_ERROR(status, link +
                            ": the unit's counter started again, or ran ahead of the time, after sample 50019: it was "
                            "switched off or reset, or samples were lost while its line was behind");
-  ASSERT_FALSE(status.ok());
-  EXPECT_EQ(status.error().kind, ErrorKind::device);
+  ASSERT_TRUE(fails(status, ErrorKind::device));
   EXPECT_EQ(samples.size(), 20U);
   // Asked to go on, it does, after a gap as long as the time that has passed.
   const double before_s = monotonic_s();
@@ -178,12 +176,9 @@ TEST_F(SerialImuTest, AUnitThatWasSwitchedOffIsADeviceError) {
 }
 
 TEST_F(SerialImuTest, IsHeldByOneAlone) {
-  SerialImu first(frame, settings);
-  SerialImu second(frame, settings);
+  SerialImu first(frame, settings), second(frame, settings);
   ASSERT_OK(first.open());
-  const Status status = second.open();
-  ASSERT_FALSE(status.ok());
-  EXPECT_EQ(status.error().kind, ErrorKind::device);
+  ASSERT_TRUE(fails(second.open(), ErrorKind::device));
   first.close();
   ASSERT_OK(second.open());
 }
@@ -255,10 +250,7 @@ TEST_F(SerialImuTest, AWrongRateIsFoundOut) {
       return {};
     }();
   }
-  ASSERT_FALSE(status.ok());
-  EXPECT_EQ(status.error().kind, ErrorKind::device);
-  EXPECT_NE(status.error().message.find("the frame description says every 0.5 s"), std::string::npos)
-      << status.error().message;
+  ASSERT_TRUE(fails(status, ErrorKind::device, "the frame description says every 0.5 s"));
 }
 
 // A unit that is 500 ppm fast, and one that is 100 ppm fast: the limit is 200.
@@ -274,8 +266,8 @@ TEST(SerialImuClock, AClockBeyondItsLimitIsADeviceError) {
     EXPECT_EQ(error.has_value(), std::abs(ppm) > 200.0) << ppm;
     if (!error) continue;
     EXPECT_EQ(error->kind, ErrorKind::device);
-    EXPECT_NE(error->message.find("imu.clock_max_ppm = 200"), std::string::npos) << error->message;
-    EXPECT_NE(error->message.find(ppm > 0.0 ? "off by 50" : "off by -50"), std::string::npos) << error->message;
+    EXPECT_TRUE(says(error->message, "imu.clock_max_ppm = 200"));
+    EXPECT_TRUE(says(error->message, ppm > 0.0 ? "off by 50" : "off by -50"));
   }
 }
 

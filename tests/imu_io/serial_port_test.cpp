@@ -27,7 +27,7 @@ SerialSettings on(const Pty& pty, std::uint32_t baud = 115200) {
 std::string read_text(SerialPort& port, double timeout_s = 0.5) {
   std::array<std::byte, 64> bytes;
   const auto n = port.read(bytes, timeout_s);
-  EXPECT_TRUE(n.ok()) << n.error().message;
+  EXPECT_OK(n);
   return n ? std::string(reinterpret_cast<const char*>(bytes.data()), *n) : "";
 }
 
@@ -47,9 +47,9 @@ TEST(SerialPort, WhoMayNotOpenItIsToldWhichGroupMay) {
 
 TEST(SerialPort, CarriesEveryByteUnchanged) {
   auto pty = Pty::create();
-  ASSERT_TRUE(pty.ok()) << pty.error().message;
+  ASSERT_OK(pty);
   auto port = SerialPort::open(on(*pty, 230400));
-  ASSERT_TRUE(port.ok()) << port.error().message;
+  ASSERT_OK(port);
   std::string all;
   for (int i = 0; i < 256; ++i) all += static_cast<char>(i);
   ASSERT_TRUE(pty->write_all(all, 1.0).ok());
@@ -72,7 +72,7 @@ TEST(SerialPort, TakesAnyRate) {
   ASSERT_TRUE(pty.ok());
   for (const std::uint32_t baud : {9600U, 230400U, 921600U, 1843200U, 123457U}) {
     auto port = SerialPort::open(on(*pty, baud));
-    ASSERT_TRUE(port.ok()) << port.error().message;
+    ASSERT_OK(port);
   }
 }
 
@@ -80,8 +80,7 @@ TEST(SerialPort, NamesTheDeviceThatIsMissingForbiddenOrNoSerialPort) {
   SerialSettings settings;
   settings.device = "/dev/serial/by-id/not-there";
   auto port = SerialPort::open(settings);
-  ASSERT_FALSE(port.ok());
-  EXPECT_EQ(port.error().kind, ErrorKind::device);
+  ASSERT_TRUE(fails(port, ErrorKind::device));
   EXPECT_EQ(port.error().message, "/dev/serial/by-id/not-there: cannot open: No such file or directory");
   settings.device = "/dev/null";
   port = SerialPort::open(settings);
@@ -97,9 +96,7 @@ TEST(SerialPort, IsHeldByOneAlone) {
     ASSERT_TRUE(first.ok());
     for (int i = 0; i < 2; ++i) {  // the first refusal must not open the door
       auto second = SerialPort::open(on(*pty));
-      ASSERT_FALSE(second.ok());
-      EXPECT_EQ(second.error().kind, ErrorKind::device);
-      EXPECT_NE(second.error().message.find("in use by another"), std::string::npos) << second.error().message;
+      ASSERT_TRUE(fails(second, ErrorKind::device, "in use by another"));
     }
     int exclusive = 0;
     ASSERT_EQ(::ioctl(first->descriptor(), TIOCGEXCL, &exclusive), 0);
@@ -120,9 +117,7 @@ TEST(SerialPort, WaitsNoLongerThanItWasTold) {
   EXPECT_LT(took, 0.5);
   // Nobody reads on the other side: the kernel's buffers fill up.
   const std::string much(1 << 20, 'x');
-  const Status sent = port->write_all(much, 0.05);
-  ASSERT_FALSE(sent.ok());
-  EXPECT_NE(sent.error().message.find("could not be sent in time"), std::string::npos) << sent.error().message;
+  ASSERT_TRUE(fails(port->write_all(much, 0.05), "could not be sent in time"));
 }
 
 TEST(SerialPort, SeesTheHangUpWhileItWaits) {
@@ -139,19 +134,15 @@ TEST(SerialPort, SeesTheHangUpWhileItWaits) {
   const auto n = port->read(bytes, 5.0);
   puller.join();
   EXPECT_LT(monotonic_s() - began, 2.0);
-  ASSERT_FALSE(n.ok());
-  EXPECT_EQ(n.error().kind, ErrorKind::device);
-  EXPECT_NE(n.error().message.find("unplugged"), std::string::npos) << n.error().message;
-  const Status sent = port->write_all("x", 0.1);
-  ASSERT_FALSE(sent.ok());
-  EXPECT_NE(sent.error().message.find("unplugged"), std::string::npos) << sent.error().message;
+  ASSERT_TRUE(fails(n, ErrorKind::device, "unplugged"));
+  ASSERT_TRUE(fails(port->write_all("x", 0.1), "unplugged"));
 }
 
 TEST(SerialPort, ComesBackUnderTheSameName) {
   const TemporaryFolder folder;
   const std::string link = folder.path() + "/port";
   auto pty = Pty::create(link);
-  ASSERT_TRUE(pty.ok()) << pty.error().message;
+  ASSERT_OK(pty);
   SerialSettings settings;
   settings.device = link;
   auto port = SerialPort::open(settings);
@@ -161,7 +152,7 @@ TEST(SerialPort, ComesBackUnderTheSameName) {
   pty = Pty::create(link);
   ASSERT_TRUE(pty.ok());
   port = SerialPort::open(settings);
-  ASSERT_TRUE(port.ok()) << port.error().message;
+  ASSERT_OK(port);
   ASSERT_TRUE(pty->write_all("back", 1.0).ok());
   EXPECT_EQ(read_text(*port), "back");
   EXPECT_FALSE(port->line_errors().has_value());  // a pty does not count

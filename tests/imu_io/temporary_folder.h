@@ -15,6 +15,8 @@
 #include <system_error>
 #include <vector>
 
+#include "tests/outcome.h"
+
 namespace turncal::test {
 
 class TemporaryFolder {
@@ -78,19 +80,3 @@ inline std::string read_file(const std::string& path) {
 }
 
 }  // namespace turncal::test
-
-// For a Status or a Result: the message in full when it is not what was hoped for.
-#define ASSERT_OK(expression)                               \
-  do {                                                      \
-    const auto& checked_ = (expression);                    \
-    ASSERT_TRUE(checked_.ok()) << checked_.error().message; \
-  } while (false)
-// The whole line, so that a change of wording is a decision.
-#define EXPECT_ERROR(expression, text)                               \
-  do {                                                               \
-    const auto& checked_ = (expression);                             \
-    EXPECT_FALSE(checked_.ok()) << "expected the error: " << (text); \
-    if (!checked_.ok()) {                                            \
-      EXPECT_EQ(checked_.error().message, (text));                   \
-    }                                                                \
-  } while (false)

@@ -52,11 +52,6 @@ struct TextTest : testing::Test {
     write_file(csv_path, csv);
     write_file(segments_path, segments_csv);
   }
-  static std::string replaced(std::string text, const std::string& what, const std::string& with) {
-    const std::size_t place = text.find(what);
-    EXPECT_NE(place, std::string::npos) << what;
-    return text.replace(place, what.size(), with);
-  }
   // The error of opening or else of reading.
   std::string defect() const {
     auto source = RecordingSource::open(folder.path());
@@ -79,12 +74,11 @@ struct TextTest : testing::Test {
 };
 
 TEST_F(TextTest, ReadsWhatIsThere) {
-  auto source = RecordingSource::open(folder.path());
-  ASSERT_OK(source);
-  EXPECT_TRUE((*source)->info().has_temperature);
-  EXPECT_FALSE((*source)->info().simulated);
-  EXPECT_EQ((*source)->info().unit_serial, "LG-7");
-  const auto samples = read_all(**source);
+  const auto source = opened(folder.path());
+  EXPECT_TRUE(source->info().has_temperature);
+  EXPECT_FALSE(source->info().simulated);
+  EXPECT_EQ(source->info().unit_serial, "LG-7");
+  const auto samples = read_all(*source);
   ASSERT_EQ(samples.size(), 4U);
   EXPECT_EQ(samples[0].gyro, (std::array<double, 3>{0, 1, -2}));
   EXPECT_EQ(samples[1].temperature_c, 24.001F);
@@ -92,16 +86,15 @@ TEST_F(TextTest, ReadsWhatIsThere) {
   EXPECT_EQ(samples[2].gyro, (std::array<double, 3>{2147483647, -2147483648.0, 0}));
   EXPECT_TRUE(std::isnan(samples[2].temperature_c));
   EXPECT_EQ(samples[3].temperature_c, -24.5004F);
-  expect_same((*source)->segments(), {make_segment(1, SegmentKind::align, 0, 2, -90, 0, 0),
-                                      make_segment(1, SegmentKind::rotate, 2, 4, -90, 12.5, 0),
-                                      make_segment(2, SegmentKind::still, 4, 6, -90, 12.5, 360)});
-  EXPECT_TRUE((*source)->damage().complete);
+  expect_same(source->segments(), {make_segment(1, SegmentKind::align, 0, 2, -90, 0, 0),
+                                   make_segment(1, SegmentKind::rotate, 2, 4, -90, 12.5, 0),
+                                   make_segment(2, SegmentKind::still, 4, 6, -90, 12.5, 360)});
+  EXPECT_TRUE(source->damage().complete);
 }
 
 TEST_F(TextTest, LineEndsBlanksAndOtherWaysToWriteTheSameNumbersMakeNoDifference) {
-  auto plain = RecordingSource::open(folder.path());
-  ASSERT_OK(plain);
-  const auto samples = read_all(**plain);
+  const auto plain = opened(folder.path());
+  const auto samples = read_all(*plain);
   const auto crlf = [](const std::string& text) {
     std::string result;
     for (const char c : text) result += c == '\n' ? std::string("\r\n") : std::string(1, c);
@@ -110,18 +103,16 @@ TEST_F(TextTest, LineEndsBlanksAndOtherWaysToWriteTheSameNumbersMakeNoDifference
   write_file(conf_path, crlf(conf));
   write_file(csv_path, crlf(replaced(replaced(csv, "0,0,1,-2,3,96", "0, -0 ,1.0,-2e0,3,96"), "24.000", "24")));
   write_file(segments_path, crlf(segments_csv));
-  auto other = RecordingSource::open(folder.path());
-  ASSERT_OK(other);
-  expect_same(read_all(**other), samples);
-  EXPECT_EQ(*(*other)->content_hash(), *(*plain)->content_hash());
+  const auto other = opened(folder.path());
+  expect_same(read_all(*other), samples);
+  EXPECT_EQ(*other->content_hash(), *plain->content_hash());
 }
 
 TEST_F(TextTest, ExportOfAnImportGivesTheSameBytes) {
   auto text = RecordingSource::open(folder.path());
   ASSERT_OK(import_binary(**text, folder / "a.tcr"));
-  auto binary = RecordingSource::open(folder / "a.tcr");
-  ASSERT_OK(binary);
-  ASSERT_OK(export_text(**binary, folder / "out/deep"));
+  const auto binary = opened(folder / "a.tcr");
+  ASSERT_OK(export_text(*binary, folder / "out/deep"));
   EXPECT_EQ(read_file(folder / "out/deep/imu.csv"), csv);
   EXPECT_EQ(read_file(folder / "out/deep/segments.csv"), segments_csv);
   EXPECT_EQ(read_file(folder / "out/deep/recording.conf"), conf);
@@ -265,19 +256,17 @@ TEST_F(TextTest, SegmentDefects) {
 
 TEST_F(TextTest, NoSegmentYetIsAccepted) {
   write_file(segments_path, std::string(segments_csv_header) + "\n");
-  auto source = RecordingSource::open(folder.path());
-  ASSERT_OK(source);
-  EXPECT_TRUE((*source)->segments().empty());
-  ASSERT_OK(import_binary(**source, folder / "a.tcr"));
+  const auto source = opened(folder.path());
+  EXPECT_TRUE(source->segments().empty());
+  ASSERT_OK(import_binary(*source, folder / "a.tcr"));
   EXPECT_TRUE((*RecordingSource::open(folder / "a.tcr"))->segments().empty());
 }
 
 TEST_F(TextTest, FlagDefects) {
   const std::string path = folder / "flags.csv";
   write_file(path, "sample,flags\n4,1\n");
-  auto source = RecordingSource::open(folder.path());
-  ASSERT_OK(source);
-  EXPECT_EQ(read_all(**source)[2].flags, 1U);
+  const auto source = opened(folder.path());
+  EXPECT_EQ(read_all(*source)[2].flags, 1U);
   const std::string expected = ": expected sample,flags with increasing sample and flags > 0";
   write_file(path, "sample,flags\n4,0\n");
   EXPECT_EQ(defect(), path + ":2: '4,0'" + expected);
@@ -295,13 +284,12 @@ TEST_F(TextTest, FailedImportLeavesNothingAndKeepsWhatWasThere) {
   write_file(csv_path, replaced(csv, "1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,96,bad,24.001"));
   write_file(folder / "out.tcr", "before");
   const auto names = folder.names();
-  auto source = RecordingSource::open(folder.path());
-  ASSERT_OK(source);
-  EXPECT_ERROR(import_binary(**source, folder / "out.tcr"),
+  const auto source = opened(folder.path());
+  EXPECT_ERROR(import_binary(*source, folder / "out.tcr"),
                csv_path + ":3: column accel_z = 'bad': expected a whole number of pulses within 32 bits");
   EXPECT_EQ(read_file(folder / "out.tcr"), "before");
   EXPECT_EQ(folder.names().size(), names.size());
-  EXPECT_FALSE(export_text(**source, folder / "out").ok());
+  EXPECT_FALSE(export_text(*source, folder / "out").ok());
   EXPECT_TRUE(std::filesystem::is_empty(folder / "out"));
 }
 
@@ -323,7 +311,7 @@ TEST_F(TextTest, ContentHashIsPinned) {
 TEST_F(TextTest, EveryChangeOfContentChangesTheHash) {
   const auto hash = [&] {
     auto source = RecordingSource::open(folder.path());
-    EXPECT_TRUE(source.ok()) << source.error().message;
+    EXPECT_OK(source);
     return *(*source)->content_hash();
   };
   std::vector<std::string> hashes = {hash()};
@@ -376,8 +364,7 @@ TEST(ImuCsvRow, FastAndSlowParserAgree) {
     ++accepted;
     ASSERT_EQ(at, padded.data() + row.size() + 1);
     if (row.ends_with('\r')) row.pop_back();
-    const Status status = parser.parse(row, 1, slow);
-    ASSERT_TRUE(status.ok()) << row << ": " << status.error().message;
+    ASSERT_OK(parser.parse(row, 1, slow)) << row << ": ";
     ASSERT_TRUE(same(fast, slow)) << row;
   }
   EXPECT_GT(accepted, 50000);

@@ -110,7 +110,7 @@ TEST_F(Rehearsal, TheReportSaysWhatWasLaidOn) {
         {"gyro_bias", "N0"}, {"accel_nonlinear", "accel_second_order"}, {"g_sensitive", "gyro_g_sensitivity"}};
     const auto words = named.find(fault);
     if (words == named.end()) continue;
-    EXPECT_NE(a.reason.find(words->second), std::string::npos) << a.unit << ": " << fault << ": " << a.reason;
+    EXPECT_SAYS(a.reason, words->second) << a.unit << fault;
   }
   EXPECT_GE(kinds.size(), 3u) << "choose another lot.seed";
 
@@ -124,7 +124,7 @@ TEST_F(Rehearsal, TheReportSaysWhatWasLaidOn) {
   const std::string csv = file_text(folder_ / "report/shift.csv");
   const auto has = [&csv](const char* quantity, std::size_t value) {
     const std::string line = std::string("yield,all,") + quantity + "," + std::to_string(value) + "\n";
-    EXPECT_NE(csv.find(line), std::string::npos) << line << csv;
+    EXPECT_SAYS(csv, line);
   };
   has("first_pass", good);
   has("first_pass_of", units);
@@ -133,13 +133,12 @@ TEST_F(Rehearsal, TheReportSaysWhatWasLaidOn) {
   for (const char* name : {"shift.html", "signals.csv", "attempts.csv"})
     EXPECT_TRUE(fs::exists(folder_ / "report" / name)) << name;
   EXPECT_EQ(run({"shift", "results.db", "--simulated", "--out", "report"}).code, 0) << "an earlier report is replaced";
-  EXPECT_NE(run({"shift", "results.db"}).out.find("0 attempts"), std::string::npos)
-      << "no simulated unit among real ones";
+  EXPECT_SAYS(run({"shift", "results.db"}).out, "0 attempts") << "no simulated unit among real ones";
   write("report/shift.csv", "Dear customer,\n");
   expect_refused({"shift", "results.db", "--simulated", "--out", "report"}, "report/shift.csv");
   expect_refused({"shift", "results.db", "--pdf"}, "--pdf: expected --out DIR");
 
-  expect_refused({"run", "--dry-run", "--station", "line.station", "--unit", "A", "--unit", "B", "--out", "two"},
+  expect_refused("run --dry-run --station line.station --unit A --unit B --out two",
                  "lot.seed: expected one unit at a time");
 }
 

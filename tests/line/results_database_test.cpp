@@ -13,21 +13,12 @@ namespace fs = std::filesystem;
 
 class Database : public Program {
  protected:
-  std::string station(const std::string& more = "") const {
-    return write("line.station",
-                 "format = 1\nstation.name = east\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\n"
-                 "table.driver = mock\nimu.driver = rig\nmotion.settle_s = 0.5\nrecord.database = results.db\n" +
-                     more);
+  void station(const std::string& more = "") const {
+    write("line.station",
+          station_head + "station.name = east\nmotion.settle_s = 0.5\nrecord.database = results.db\n" + more);
   }
-  ProgramResult dry_run(const std::string& unit, std::vector<std::string> more = {},
-                        const std::string& out = "") const {
-    std::vector<std::string> words = {"run",        "--dry-run",
-                                      "--unit",     unit,
-                                      "--out",      out.empty() ? unit : out,
-                                      "--sequence", std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq",
-                                      "--station",  path("line.station")};
-    words.insert(words.end(), more.begin(), more.end());
-    return run(words);
+  ProgramResult dry_run(const std::string& unit, const Arguments& more = {}, const std::string& out = "") const {
+    return run(Program::dry_run(out.empty() ? unit : out, Arguments{"--station", "line.station"} + more, unit));
   }
   std::vector<AttemptRecord> attempts(const RecordFilter& filter = {}) const {
     const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(path("results.db"));
@@ -66,12 +57,12 @@ TEST_F(Database, EveryAttemptHasARow) {
   EXPECT_LT(of("SN1").began_utc, of("SN1").time_utc);
   EXPECT_TRUE(of("SN1").simulated && of("SN1").calibration);
   EXPECT_EQ(of("SN2").outcome, "fail");
-  EXPECT_NE(of("SN2").reason.find("residual = "), std::string::npos) << of("SN2").reason;
+  EXPECT_SAYS(of("SN2").reason, "residual = ");
   EXPECT_EQ(of("SN3").outcome, "failed");
   EXPECT_NE(of("SN3").reason, "");
   EXPECT_FALSE(of("SN3").calibration);
   EXPECT_EQ(of("SN4").outcome, "refused");
-  EXPECT_NE(of("SN4").reason.find("2020-01-01"), std::string::npos) << of("SN4").reason;
+  EXPECT_SAYS(of("SN4").reason, "2020-01-01");
   EXPECT_EQ(of("SN5").outcome, "captured");
 
   EXPECT_EQ(attempts({.part = "RLG"}).size(), 1u);
@@ -81,8 +72,8 @@ TEST_F(Database, EveryAttemptHasARow) {
   EXPECT_EQ(attempts({.from = "2026-01-01", .to = "2026-01-01"}).size(), 5u) << "a date is the whole day";
   EXPECT_EQ(attempts({.from = "2026-01-02"}).size(), 0u);
   const ProgramResult listed = run({"history", "results.db", "--attempts", "--verdict", "refused"});
-  EXPECT_NE(listed.out.find("SN4"), std::string::npos) << listed.out;
-  EXPECT_EQ(listed.out.find("SN1"), std::string::npos) << listed.out;
+  EXPECT_SAYS(listed.out, "SN4");
+  EXPECT_SAYS_NOT(listed.out, "SN1");
   for (const char* none : {"yesterday", "2026-02-30", "2026-13", "2026-02-01T25:00:00Z", "202", "2026-", "2026-1-01"})
     expect_refused({"history", "results.db", "--from", none},
                    "--from '" + std::string(none) + "': expected a date or a time");
@@ -95,7 +86,7 @@ TEST_F(Database, EveryAttemptHasARow) {
   for (const char* command : {"history", "shift"})
     expect_refused({command, "results.db", "--station", "west"},
                    "--station 'west': no row has it: expected one of east");
-  expect_refused({"history", "results.db", "--verdict", "bad"},
+  expect_refused("history results.db --verdict bad",
                  "--verdict 'bad': no row has it: expected one of captured, dropped, refused, aborted, interrupted, "
                  "failed, running");
   EXPECT_EQ(run({"history", "results.db", "--attempts", "--verdict", "hold"}).code, 0) << "there may be none";
@@ -103,10 +94,10 @@ TEST_F(Database, EveryAttemptHasARow) {
     expect_refused({"history", "results.db", "--attempts", of_calibrations}, "--attempts: expected no --compare");
   expect_refused({"history", "results.db", "--control"}, "calibrations are of dry runs: expected --simulated");
   const ProgramResult real = run({"shift", "results.db"});
-  EXPECT_NE(real.out.find("attempts of simulated units left out: 5"), std::string::npos) << real.out;
-  EXPECT_NE(real.out.find("With --simulated"), std::string::npos) << real.out;
+  EXPECT_SAYS(real.out, "attempts of simulated units left out: 5");
+  EXPECT_SAYS(real.out, "With --simulated");
   const ProgramResult simulated = run({"shift", "results.db", "--simulated"});
-  EXPECT_EQ(simulated.out.find("left out"), std::string::npos) << simulated.out;
+  EXPECT_SAYS_NOT(simulated.out, "left out");
 }
 
 TEST_F(Database, ARunThatGoesOnIsTheSameAttempt) {
@@ -175,7 +166,7 @@ TEST_F(Database, ABackupIsWholeWhileOthersWrite) {
   EXPECT_EQ(run({"database", "check", "live.db"}).code, 0);
 
   ASSERT_EQ(run({"database", "backup", "results.db", "--out", "copy.db"}).code, 0);
-  EXPECT_NE(run({"database", "check", "copy.db"}).out.find("2 attempts"), std::string::npos);
+  EXPECT_SAYS(run({"database", "check", "copy.db"}).out, "2 attempts");
   ASSERT_EQ(run({"database", "backup", "results.db", "--out", "copy.db"}).code, 0) << "an older backup is replaced";
   write("letter.txt", "Dear customer,\n");
   expect_refused({"database", "backup", "results.db", "--out", "letter.txt"}, "letter.txt");

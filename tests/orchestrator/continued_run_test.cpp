@@ -22,20 +22,20 @@ TEST_F(ContinuedRun, IsOfTheSameUnitAndCountsWithTheFirst) {
   write("extra.seq", legs);
   const ProgramResult second = run({"run", "--continue", "first", "--sequence", "extra.seq"});
   ASSERT_EQ(second.code, 0) << second.err;
-  EXPECT_NE(second.out.find("2 recordings, one unit"), std::string::npos) << second.out;
+  EXPECT_SAYS(second.out, "2 recordings, one unit");
   EXPECT_EQ(file_text(folder_ / "first/truth.conf").substr(0, 200),
             file_text(folder_ / "first/continued/truth.conf").substr(0, 200))
       << "the unit is the one that it was";
   const std::string parameters = file_text(folder_ / "first/continued/parameters.conf");
-  EXPECT_NE(parameters.find("quality.recordings_agree = true"), std::string::npos) << parameters;
+  EXPECT_SAYS(parameters, "quality.recordings_agree = true");
   EXPECT_TRUE(std::filesystem::exists(folder_ / "first/continued/statistics.tcs"));
   // Its own journal says what it continues; the first run is as it was.
-  EXPECT_NE(run({"journal", "first/continued"}).out.find("continues"), std::string::npos);
+  EXPECT_SAYS(run({"journal", "first/continued"}).out, "continues");
   EXPECT_EQ(run({"resume", "first"}).code, 0);
   // And it can be continued in its turn.
   const ProgramResult third = run({"run", "--continue", "first/continued", "--sequence", "extra.seq"});
   ASSERT_EQ(third.code, 0) << third.err;
-  EXPECT_NE(third.out.find("3 recordings, one unit"), std::string::npos) << third.out;
+  EXPECT_SAYS(third.out, "3 recordings, one unit");
 }
 
 TEST_F(ContinuedRun, IsTheSameAfterAKill) {
@@ -46,10 +46,7 @@ TEST_F(ContinuedRun, IsTheSameAfterAKill) {
   const std::string parameters = file_text(folder_ / "first/continued/parameters.conf");
   const std::string recording = file_text(folder_ / "first/continued/recording.tcr");
   std::filesystem::remove_all(folder_ / "first/continued");
-  ASSERT_EQ(run_struck(go_on, 0, "kill").code, 0);
-  long points = 0;
-  std::istringstream(file_text(folder_.string() + ".count")) >> points;
-  std::filesystem::remove(folder_.string() + ".count");
+  const long points = count_points(go_on);
   ASSERT_GT(points, 20);
   for (const long point : {points / 3, 2 * points / 3, points - 12, points - 3}) {
     std::filesystem::remove_all(folder_ / "first/continued");
@@ -69,10 +66,9 @@ TEST_F(ContinuedRun, RefusesWhatIsNoRunToContinue) {
   std::filesystem::create_directories(folder_ / "empty");
   expect_refused({"run", "--continue", "empty", "--sequence", "extra.seq"}, "empty: holds no journal.tcj");
   expect_refused({"run", "--continue", "first"}, "expected --sequence");
-  expect_refused({"run", "--continue", "first", "--sequence", "extra.seq", "--unit", "SN2"},
-                 "--unit: expected no such");
+  expect_refused("run --continue first --sequence extra.seq --unit SN2", "--unit: expected no such");
   expect_refused({"design", "--separate", "accel_delay", "--out", "x.seq"}, "--separate, --from: expected both");
-  expect_refused({"design", "--separate", "accel_delay", "--from", "first", "--sigma", "y", "--out", "x.seq"},
+  expect_refused("design --separate accel_delay --from first --sigma y --out x.seq",
                  "--separate: expected neither --sigma nor --effects");
   std::filesystem::rename(folder_ / "first/recording.tcr", folder_ / "elsewhere.tcr");
   expect_refused({"run", "--continue", "first", "--sequence", "extra.seq"}, "first: holds no recording.tcr");

@@ -69,6 +69,12 @@ class Changed {
 
 double& channel(ImuSample& sample, std::size_t i) { return i < 3 ? sample.gyro[i] : sample.accel[i - 3]; }
 
+std::string lines_of(const std::vector<std::string>& all) {
+  std::string text;
+  for (const std::string& line : all) text += line + "\n";
+  return text;
+}
+
 TEST(DataFaults, ASpikeCostsItsSecondAndIsNamed) {
   const Result<CalibrationOutput> plain = calibrate_recording(Changed(recorded()).loaded, {});
   ASSERT_TRUE(plain.ok());
@@ -89,12 +95,11 @@ TEST(DataFaults, ASpikeCostsItsSecondAndIsNamed) {
           << what << ": " << parameter_keys[k];
       EXPECT_LT(*output->file.sigma[k], 1.3 * *plain->file.sigma[k]) << what << ": " << parameter_keys[k];
     }
-    std::string notes;
-    for (const std::string& note : output->notes) notes += note + "\n";
+    const std::string notes = lines_of(output->notes);
     const std::string said =
         std::string(i < 3 ? "gyro" : "accelerometer") + " glitch on axis " + "xyz"[i % 3] + " gave ";
-    EXPECT_NE(notes.find(said), std::string::npos) << what << ": " << notes;
-    EXPECT_NE(notes.find("at sample " + std::to_string(at) + " ("), std::string::npos) << what << ": " << notes;
+    EXPECT_SAYS(notes, said) << what;
+    EXPECT_SAYS(notes, "at sample " + std::to_string(at) + " (") << what;
   }
 }
 
@@ -127,7 +132,7 @@ TEST(DataFaults, AChannelThatDoesNotLiveIsNamed) {
     const Result<CalibrationOutput> output = calibrate_recording(changed.loaded, {});
     ASSERT_FALSE(output.ok());
     EXPECT_EQ(output.error().kind, ErrorKind::unit_failed);
-    EXPECT_NE(output.error().message.find(said), std::string::npos) << output.error().message;
+    EXPECT_SAYS(output.error().message, said);
     const Result<DiagnosisOutput> diagnosis = diagnose_recording(changed.loaded, {});
     ASSERT_FALSE(diagnosis.ok());
     EXPECT_EQ(diagnosis.error().kind, ErrorKind::unit_failed) << "one outcome, one code";
@@ -143,10 +148,8 @@ TEST(DataFaults, ATemperatureThatCannotBeIsNotUsed) {
   const Result<CalibrationOutput> output = calibrate_recording(Changed(r).loaded, {});
   ASSERT_TRUE(output.ok() && plain.ok());
   EXPECT_NEAR(*output->mean_temperature_c, *plain->mean_temperature_c, 0.01);
-  std::string notes;
-  for (const std::string& note : output->notes) notes += note + "\n";
-  EXPECT_NE(notes.find("100 temperature(s) that cannot be, the first 3000 C at sample 500"), std::string::npos)
-      << notes;
+  const std::string notes = lines_of(output->notes);
+  EXPECT_SAYS(notes, "100 temperature(s) that cannot be, the first 3000 C at sample 500");
   for (ImuSample& sample : r.samples) sample.temperature_c = 3000.0F;
   EXPECT_FALSE(calibrate_recording(Changed(r).loaded, {})->mean_temperature_c) << "as if none were measured";
 }
@@ -166,17 +169,16 @@ TEST(DataFaults, UnitsThatAreWrongAreNamed) {
     return output.error().message;
   };
   EXPECT_EQ(physical(1.0, 1.0), "good");
-  EXPECT_NE(physical(1.0 / rad_per_deg, 1.0)
-                .find("the gyros add up to 57.3 times what is expected: as if they were in deg/s"),
-            std::string::npos);
-  EXPECT_NE(physical(rad_per_deg, 1.0).find("as if they were in rad/s, not deg/s"), std::string::npos);
-  EXPECT_NE(physical(1.0, 1.0 / standard_gravity_mps2).find("as if they were in g, not m/s^2"), std::string::npos);
+  EXPECT_SAYS(physical(1.0 / rad_per_deg, 1.0),
+              "the gyros add up to 57.3 times what is expected: as if they were in deg/s");
+  EXPECT_SAYS(physical(rad_per_deg, 1.0), "as if they were in rad/s, not deg/s");
+  EXPECT_SAYS(physical(1.0, 1.0 / standard_gravity_mps2), "as if they were in g, not m/s^2");
   for (const double factor : {0.1, 2.0, 10.0}) {
     Recorded r = recorded();
     r.info.accel_pulse_mps *= factor;
     const Result<CalibrationOutput> output = calibrate_recording(Changed(r).loaded, {});
     ASSERT_FALSE(output.ok()) << factor;
-    EXPECT_NE(output.error().message.find("is not what a pulse of this unit weighs"), std::string::npos);
+    EXPECT_SAYS(output.error().message, "is not what a pulse of this unit weighs");
   }
 }
 
@@ -193,7 +195,7 @@ RunOutcome run_with_spike(double at_s, std::string& said) {
   rig.faults = {fault};
   RigStation s(two_steps_text, rig);
   const RunOutcome outcome = s.run();
-  for (const std::string& line : s.watcher.text) said += line + "\n";
+  said = lines_of(s.watcher.text);
   EXPECT_TRUE(s.at_rest());
   return outcome;
 }
@@ -203,8 +205,8 @@ TEST(DataFaults, ASpikeInADwellRepeatsIt) {
   const RunOutcome outcome = run_with_spike(22.0, said);
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(outcome.repeated_dwells, 1);
-  EXPECT_NE(said.find("glitch: gyro y gave "), std::string::npos) << said;
-  EXPECT_NE(said.find(", which cannot be"), std::string::npos) << said;
+  EXPECT_SAYS(said, "glitch: gyro y gave ");
+  EXPECT_SAYS(said, ", which cannot be");
 }
 
 TEST(DataFaults, ASpikeInAMoveRepeatsIt) {
@@ -212,7 +214,7 @@ TEST(DataFaults, ASpikeInAMoveRepeatsIt) {
   const RunOutcome outcome = run_with_spike(12.0, said);
   ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_EQ(outcome.repeated_moves, 1);
-  EXPECT_NE(said.find("glitch: gyro y gave "), std::string::npos) << said;
+  EXPECT_SAYS(said, "glitch: gyro y gave ");
 }
 
 }  // namespace

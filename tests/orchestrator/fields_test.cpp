@@ -99,12 +99,12 @@ TEST(Fields, AFileIsRefusedForWhatItLacksOrSaysWrongly) {
   EXPECT_EQ(said("rate = 2\non = true\nname = y\nshape = flat\n"), "");
   EXPECT_EQ(rate, 2.0);
   EXPECT_FALSE(height);
-  EXPECT_NE(said("rate = 0\non = true\nname = y\nshape = flat\n").find("expected a number > 0"), std::string::npos);
-  EXPECT_NE(said("rate = 1\non = yes\nname = y\nshape = flat\n").find("expected true or false"), std::string::npos);
-  EXPECT_NE(said("rate = 1\non = true\nname =\nshape = flat\n").find("expected a text"), std::string::npos);
-  EXPECT_NE(said("rate = 1\non = true\nname = y\nshape = oval\n").find("expected a shape"), std::string::npos);
-  EXPECT_NE(said("on = true\nname = y\nshape = flat\n").find("'rate' is missing"), std::string::npos);
-  EXPECT_NE(said("rate = 1\non = true\nname = y\nshape = flat\nheight = x\n").find("height"), std::string::npos);
+  EXPECT_SAYS(said("rate = 0\non = true\nname = y\nshape = flat\n"), "expected a number > 0");
+  EXPECT_SAYS(said("rate = 1\non = yes\nname = y\nshape = flat\n"), "expected true or false");
+  EXPECT_SAYS(said("rate = 1\non = true\nname =\nshape = flat\n"), "expected a text");
+  EXPECT_SAYS(said("rate = 1\non = true\nname = y\nshape = oval\n"), "expected a shape");
+  EXPECT_SAYS(said("on = true\nname = y\nshape = flat\n"), "'rate' is missing");
+  EXPECT_SAYS(said("rate = 1\non = true\nname = y\nshape = flat\nheight = x\n"), "height");
 }
 
 }  // namespace

@@ -93,7 +93,7 @@ TEST(FirstStep, WrongMountingStopsAfterTheFirstRest) {
     for (auto* v : {&s.gyro, &s.accel}) *v = {(*v)[0], (*v)[2], -(*v)[1]};
   });
   EXPECT_EQ(found.state, RunState::failed);
-  EXPECT_NE(found.why.find("the unit's -z is up instead of its +y"), std::string::npos) << found.why;
+  EXPECT_SAYS(found.why, "the unit's -z is up instead of its +y");
   EXPECT_LT(found.time_s, 20.0);
   EXPECT_TRUE(found.is_of_the_unit) << "nothing was wrong with storing";
 }
@@ -104,27 +104,28 @@ TEST(FirstStep, EverySignOfAnAccelerometer) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const Found found = found_with([axis](ImuSample& s) { s.accel[axis] = -s.accel[axis]; });
     EXPECT_EQ(found.state, RunState::failed);
-    EXPECT_NE(found.why.find(up_instead[axis]), std::string::npos) << found.why;
+    EXPECT_SAYS(found.why, up_instead[axis]);
   }
 }
 
 TEST(FirstStep, SignsAndAxesOfTheGyros) {
-  const Found z = found_with([](ImuSample& s) { s.gyro[2] = -s.gyro[2]; });
-  EXPECT_NE(z.why.find("the turn of pitch by 90 deg was felt about -z"), std::string::npos) << z.why;
-  const Found x = found_with([](ImuSample& s) { s.gyro[0] = -s.gyro[0]; });
-  EXPECT_NE(x.why.find("the turn of roll by 90 deg was felt about -x"), std::string::npos) << x.why;
-  const Found swapped = found_with([](ImuSample& s) { std::swap(s.gyro[0], s.gyro[2]); });
-  EXPECT_NE(swapped.why.find("felt about +x"), std::string::npos) << swapped.why;
-  const Found dead = found_with([](ImuSample& s) {  // a unit that lies beside the table
-    if (std::abs(s.gyro[2]) > 20.0) s.gyro[2] = static_cast<double>(s.counter % 50 == 0);
-  });
-  EXPECT_NE(dead.why.find("the turn of pitch by 90 deg was hardly felt"), std::string::npos) << dead.why;
+  using Change = std::function<void(ImuSample&)>;
+  for (const auto& [change, says] : {
+           std::pair<Change, const char*>{[](ImuSample& s) { s.gyro[2] = -s.gyro[2]; },
+                                          "the turn of pitch by 90 deg was felt about -z"},
+           {[](ImuSample& s) { s.gyro[0] = -s.gyro[0]; }, "the turn of roll by 90 deg was felt about -x"},
+           {[](ImuSample& s) { std::swap(s.gyro[0], s.gyro[2]); }, "felt about +x"},
+           {[](ImuSample& s) {  // a unit that lies beside the table
+              if (std::abs(s.gyro[2]) > 20.0) s.gyro[2] = static_cast<double>(s.counter % 50 == 0);
+            },
+            "the turn of pitch by 90 deg was hardly felt"},
+       })
+    EXPECT_SAYS(found_with(change).why, says);
   // These the earth's rate shows first, in the first rest.
-  for (const std::function<void(ImuSample&)>& change :
-       {std::function<void(ImuSample&)>([](ImuSample& s) { std::swap(s.gyro[1], s.gyro[2]); }),
-        std::function<void(ImuSample&)>([](ImuSample& s) { s.gyro[1] = -s.gyro[1]; })}) {
+  for (const Change& change : {Change([](ImuSample& s) { std::swap(s.gyro[1], s.gyro[2]); }),
+                               Change([](ImuSample& s) { s.gyro[1] = -s.gyro[1]; })}) {
     const Found found = found_with(change);
-    EXPECT_NE(found.why.find("axes and signs of the gyros"), std::string::npos) << found.why;
+    EXPECT_SAYS(found.why, "axes and signs of the gyros");
     EXPECT_LT(found.time_s, 20.0);
   }
 }
@@ -132,7 +133,7 @@ TEST(FirstStep, SignsAndAxesOfTheGyros) {
 TEST(FirstStep, TheOtherHemisphere) {
   const Found found = found_with([](ImuSample&) {}, [](RecordingInfo& info) { info.latitude_deg *= -1.0; });
   EXPECT_EQ(found.state, RunState::failed);
-  EXPECT_NE(found.why.find("site.latitude_deg is -29.53"), std::string::npos) << found.why;
+  EXPECT_SAYS(found.why, "site.latitude_deg is -29.53");
   EXPECT_LT(found.time_s, 20.0) << "in the first rest";
   EXPECT_TRUE(found.is_of_the_unit);
 }
@@ -151,7 +152,7 @@ TEST(FirstStep, AnotherLatitude) {
       EXPECT_EQ(found.state, told_deg == at_deg ? RunState::done : RunState::failed)
           << config.site.latitude_deg << " told as " << told_deg << ": " << found.why;
       if (told_deg == at_deg) continue;
-      EXPECT_NE(found.why.find("site.latitude_deg is "), std::string::npos) << found.why;
+      EXPECT_SAYS(found.why, "site.latitude_deg is ");
       EXPECT_LT(found.time_s, 75.0) << "three rests are enough";
     }
   }
@@ -186,7 +187,7 @@ TEST(FirstStep, ARestThatContradictsEndsTheLookAtTheLatitude) {
     }
     return wrong;
   };
-  EXPECT_NE(says(false).find("as at a latitude of 51.6"), std::string::npos) << says(false);
+  EXPECT_SAYS(says(false), "as at a latitude of 51.6");
   EXPECT_EQ(says(true), "");
 }
 
@@ -194,10 +195,10 @@ TEST(FirstStep, UpThatLeansAndNumbersThatAreNothing) {
   const DirectionLimits limits;
   const Status leaning = judge_force({9.79 * std::sin(0.5), 9.79 * std::cos(0.5), 0.0}, {}, 9.79, limits);
   ASSERT_FALSE(leaning.ok());
-  EXPECT_NE(leaning.error().message.find("up is 29 deg away from there"), std::string::npos) << leaning.error().message;
+  EXPECT_SAYS(leaning.error().message, "up is 29 deg away from there");
   const Status turned = judge_force({0.0, 0.0, 9.79}, {0.0, 90.0, 0.0}, 9.79, limits);
   ASSERT_FALSE(turned.ok());
-  EXPECT_NE(turned.error().message.find("expected +9.79, +0, +0;"), std::string::npos) << turned.error().message;
+  EXPECT_SAYS(turned.error().message, "expected +9.79, +0, +0;");
 }
 
 // A unit whose frame is said to be in rad and m/s; what it sends is so many times that.
@@ -214,13 +215,13 @@ Found found_in_units(double gyros, double accelerometers) {
 TEST(FirstStep, UnitsThatAreWrongAreNamedAfterTheFirstRest) {
   EXPECT_EQ(found_in_units(1.0, 1.0).state, RunState::done);
   const Found degrees = found_in_units(1.0 / rad_per_deg, 1.0);
-  EXPECT_NE(degrees.why.find("they look as if they were in deg/s, not rad/s"), std::string::npos) << degrees.why;
+  EXPECT_SAYS(degrees.why, "they look as if they were in deg/s, not rad/s");
   EXPECT_LT(degrees.time_s, 20.0);
   const Found radians = found_in_units(rad_per_deg, 1.0);
-  EXPECT_NE(radians.why.find("as if they were in rad/s, not deg/s"), std::string::npos) << radians.why;
+  EXPECT_SAYS(radians.why, "as if they were in rad/s, not deg/s");
   EXPECT_LT(radians.time_s, 30.0) << "seen in the first turn";
   const Found g = found_in_units(1.0, 1.0 / standard_gravity_mps2);
-  EXPECT_NE(g.why.find("as if they were in g, not m/s^2"), std::string::npos) << g.why;
+  EXPECT_SAYS(g.why, "as if they were in g, not m/s^2");
 }
 
 TEST(FirstStep, PulsesOfAWeightThatNoCalibrationFindsAreNamed) {
@@ -233,7 +234,7 @@ TEST(FirstStep, PulsesOfAWeightThatNoCalibrationFindsAreNamed) {
     EXPECT_EQ(weighing(arcsec).state, RunState::done) << weighing(arcsec).why;
   for (const double arcsec : {0.0163, 0.46, 2.5, 53.5}) {
     const Found found = weighing(arcsec);
-    EXPECT_NE(found.why.find("a pulse weighs"), std::string::npos) << arcsec << ": " << found.why;
+    EXPECT_SAYS(found.why, "a pulse weighs") << arcsec;
     EXPECT_TRUE(found.is_of_the_unit);
     EXPECT_LT(found.time_s, 35.0) << "seen in the first turn";
   }
@@ -241,7 +242,7 @@ TEST(FirstStep, PulsesOfAWeightThatNoCalibrationFindsAreNamed) {
 
 TEST(FirstStep, AnImpossibleTemperature) {
   const Found found = found_with([](ImuSample& s) { s.temperature_c = 3000.0F; });
-  EXPECT_NE(found.why.find("temperature reads 3000 C"), std::string::npos) << found.why;
+  EXPECT_SAYS(found.why, "temperature reads 3000 C");
   EXPECT_LT(found.time_s, 20.0);
 }
 
@@ -330,7 +331,7 @@ TEST(FirstStep, AnAccelerometerAtRestIsNotStuck) {
   EXPECT_EQ(life.defect(), "");
   pass(40.0, false);  // and now it does not change in a whole turn
   life.turned(360.0);
-  EXPECT_NE(life.defect().find("accelerometer y is stuck"), std::string::npos) << life.defect();
+  EXPECT_SAYS(life.defect(), "accelerometer y is stuck");
 }
 
 }  // namespace

@@ -15,18 +15,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const char* const station_head =
-    "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = "
-    "rig\nmotion.settle_s = 0.5\n";
-
 class Group : public Program {
  protected:
-  std::vector<std::string> dry_run(const std::vector<std::string>& units, const std::string& out,
-                                   std::vector<std::string> more = {}) const {
-    std::vector<std::string> arguments = {"run", "--dry-run", "--out", out, "--sequence", short_demo};
+  Arguments dry_run(const std::vector<std::string>& units, const std::string& out, const Arguments& more = {}) const {
+    Arguments arguments = {"run", "--dry-run", "--out", out, "--sequence", short_demo};
     for (const std::string& unit : units) arguments.insert(arguments.end(), {"--unit", unit});
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return arguments;
+    return arguments + more;
   }
   std::string bytes(const std::string& file) const { return file_text(folder_ / file); }
   void expect_same_files(const std::string& one, const std::string& other) const {
@@ -86,8 +80,8 @@ TEST_F(Group, AUnitThatIsUnpluggedLeavesTheOthersAsTheyWere) {
     const ProgramResult result = run(dry_run(units, out, {"--rig", rig}));
     EXPECT_EQ(result.code, 50);
     EXPECT_EQ(result.err_lines(), 1) << result.err;
-    EXPECT_NE(result.err.find("unit SN" + number + " dropped out at step 2 (2/14)"), std::string::npos) << result.err;
-    EXPECT_NE(result.err.find("the link was lost at 100"), std::string::npos) << result.err;
+    EXPECT_SAYS(result.err, "unit SN" + number + " dropped out at step 2 (2/14)");
+    EXPECT_SAYS(result.err, "the link was lost at 100");
     for (std::size_t i = 0; i < units.size(); ++i) {
       if (i != gone) {
         expect_same_files(out + "/" + units[i], "good/" + units[i]);
@@ -96,24 +90,70 @@ TEST_F(Group, AUnitThatIsUnpluggedLeavesTheOthersAsTheyWere) {
       EXPECT_TRUE(there(out + "/" + units[i] + "/recording.partial.tcr"));
       EXPECT_FALSE(there(out + "/" + units[i] + "/recording.tcr"));
       EXPECT_FALSE(there(out + "/" + units[i] + "/parameters.conf"));
-      EXPECT_EQ(result.err.find("unit " + units[(i + 1) % 3]), std::string::npos) << result.err;
+      EXPECT_SAYS_NOT(result.err, "unit " + units[(i + 1) % 3]);
     }
-    EXPECT_NE(bytes(out + "/run.log").find("unit SN" + number + " dropped out at step 2"), std::string::npos);
+    EXPECT_SAYS(bytes(out + "/run.log"), "unit SN" + number + " dropped out at step 2");
     // Nothing is left to be done; the one that dropped out is said again.
     const ProgramResult again = run({"resume", out});
     EXPECT_EQ(again.code, 50);
-    EXPECT_NE(again.err.find("unit SN" + number + " dropped out"), std::string::npos) << again.err;
+    EXPECT_SAYS(again.err, "unit SN" + number + " dropped out");
   }
 }
 
-TEST_F(Group, AUnitThatFallsSilentDropsOut) {
-  const std::string rig =
-      write("s.rig", "fault.1.kind = imu_silent\nfault.1.time_s = 100\nfault.1.duration_s = 60\nfault.1.unit = 2\n");
-  const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
-  EXPECT_EQ(result.code, 50);
-  EXPECT_NE(result.err.find("unit SN2 dropped out at"), std::string::npos) << result.err;
-  EXPECT_NE(result.err.find("no sample from the IMU for "), std::string::npos) << result.err;
-  EXPECT_TRUE(there("out/SN1/parameters.conf"));
+TEST_F(Group, WhoDropsOutIsNamedAndWhoIsLeftGoesOn) {
+  const auto unit_gone = [](int fault, int time_s) {
+    const std::string key = "fault." + std::to_string(fault);
+    return key + ".kind = imu_unplugged\n" + key + ".time_s = " + std::to_string(time_s) + "\n" + key +
+           ".unit = " + std::to_string(fault) + "\n";
+  };
+  struct Case {
+    const char* what;
+    std::string rig;
+    std::vector<const char*> errors;
+    bool first, second;  // has parameters
+  };
+  for (const Case& c :
+       {Case{"silent",
+             "fault.1.kind = imu_silent\nfault.1.time_s = 100\nfault.1.duration_s = 60\nfault.1.unit = 2\n",
+             {"unit SN2 dropped out at", "no sample from the IMU for "},
+             true,
+             false},
+        // Bad from the second dwell on: three attempts, of which the other unit's third is good.
+        Case{"never_good",
+             "fault.1.kind = invalid_sample\nfault.1.sample = 1700\nfault.1.count = 100000\nfault.1.unit = 1\n",
+             {"unit SN1 dropped out at step 1 (1/14) dwelling", "flagged its data as bad"},
+             false,
+             true},
+        Case{"another",
+             "unit_serial = SN9\n",
+             {"unit SN1 dropped out at connecting: the unit on the table says it is 'SN9'"},
+             false,
+             true},
+        Case{"all_gone",
+             unit_gone(1, 100) + unit_gone(2, 120),
+             {"unit SN2: simulated unit: the link was lost at 120", "unit SN1 dropped out at"},
+             false,
+             false},
+        Case{"table",
+             "fault.1.kind = axis_fault\nfault.1.axis = pitch\nfault.1.time_s = 60\n",
+             {"fault of axis pitch"},
+             false,
+             false}}) {
+    SCOPED_TRACE(c.what);
+    const std::string out = c.what;
+    const ProgramResult result = run(dry_run({"SN1", "SN2"}, out, {"--rig", write(out + ".rig", c.rig)}));
+    EXPECT_EQ(result.code, 50);
+    EXPECT_EQ(result.err_lines(), 1) << result.err;
+    for (const char* error : c.errors) EXPECT_SAYS(result.err, error);
+    EXPECT_EQ(there(out + "/SN1/parameters.conf"), c.first);
+    EXPECT_EQ(there(out + "/SN2/parameters.conf"), c.second);
+    EXPECT_SAYS(bytes(out + "/run.log"), "stopped_verified");
+    if (!c.first && !c.second) {
+      EXPECT_SAYS(result.out, "go on with: turncal resume " + out);
+    }
+  }
+  EXPECT_FALSE(there("another/SN1")) << "it leaves nothing";
+  for (const char* unit : {"SN1", "SN2"}) EXPECT_TRUE(there(std::string("table/") + unit + "/recording.partial.tcr"));
 }
 
 TEST_F(Group, SamplesLostAtRestRepeatTheDwellForAll) {
@@ -121,9 +161,9 @@ TEST_F(Group, SamplesLostAtRestRepeatTheDwellForAll) {
       write("lost.rig", "fault.1.kind = lost_sample\nfault.1.sample = 1700\nfault.1.count = 2\nfault.1.unit = 2\n");
   const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
   ASSERT_EQ(result.code, 0) << result.err;
-  EXPECT_NE(result.out.find("1 dwells repeated, 0 samples lost"), std::string::npos) << result.out;
-  EXPECT_NE(result.out.find("1 dwells repeated, 2 samples lost"), std::string::npos) << result.out;
-  EXPECT_NE(bytes("out/SN1/parameters.conf").find("record.repeated_dwells = 1"), std::string::npos);
+  EXPECT_SAYS(result.out, "1 dwells repeated, 0 samples lost");
+  EXPECT_SAYS(result.out, "1 dwells repeated, 2 samples lost");
+  EXPECT_SAYS(bytes("out/SN1/parameters.conf"), "record.repeated_dwells = 1");
   // As if it had been the only unit.
   ASSERT_EQ(run(dry_run({"SN2"}, "alone",
                         {"--rig",
@@ -133,93 +173,44 @@ TEST_F(Group, SamplesLostAtRestRepeatTheDwellForAll) {
   EXPECT_EQ(fs::file_size(folder_ / "alone/recording.tcr"), fs::file_size(folder_ / "out/SN2/recording.tcr"));
 }
 
-TEST_F(Group, AUnitThatIsNeverGoodDropsOutAndTheLastAttemptCountsForTheOthers) {
-  // Bad from the second dwell on: three attempts, of which the other unit's third is good.
-  const std::string rig = write(
-      "bad.rig", "fault.1.kind = invalid_sample\nfault.1.sample = 1700\nfault.1.count = 100000\nfault.1.unit = 1\n");
-  const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
-  EXPECT_EQ(result.code, 50);
-  EXPECT_NE(result.err.find("unit SN1 dropped out at step 1 (1/14) dwelling"), std::string::npos) << result.err;
-  EXPECT_NE(result.err.find("flagged its data as bad"), std::string::npos) << result.err;
-  EXPECT_NE(result.out.find("2 dwells repeated, 0 samples lost"), std::string::npos) << result.out;
-}
-
 TEST_F(Group, AUnitThatDoesNotKeepItsLimitsFailsAlone) {
   // a11 of the three units: 1.052, 0.995, 1.036.
   const std::string told = "echo \"$TURNCAL_EVENT $TURNCAL_UNIT $TURNCAL_FOLDER\" >> " + path("told");
-  const std::string station = write(
-      "limits.station",
-      station_head + std::string("limit.a11.min = 1.02\nrecord.database = r.db\nrecord.store = store\nhook.done = ") +
-          told + "\nhook.fail = " + told + "\n");
+  const std::string station =
+      write("limits.station", station_head +
+                                  std::string("motion.settle_s = 0.5\nlimit.a11.min = 1.02\nrecord.database = "
+                                              "r.db\nrecord.store = store\nhook.done = ") +
+                                  told + "\nhook.fail = " + told + "\n");
   const ProgramResult result = run(dry_run({"SN1", "SN2", "SN3"}, "out", {"--station", station}));
   EXPECT_EQ(result.code, 20);
   EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_NE(result.err.find("unit SN2: fail: a11"), std::string::npos) << result.err;
-  EXPECT_EQ(result.err.find("SN1"), std::string::npos) << result.err;
+  EXPECT_SAYS(result.err, "unit SN2: fail: a11");
+  EXPECT_SAYS_NOT(result.err, "SN1");
   EXPECT_EQ(bytes("told"), "done SN1 out/SN1\nfail SN2 out/SN2\ndone SN3 out/SN3\n");
   EXPECT_TRUE(there("store/simulated/SN1/parameters.conf"));
   EXPECT_FALSE(there("store/simulated/SN2"));
   const ProgramResult history = run({"history", "r.db"});
-  for (const char* unit : {"SN1", "SN2", "SN3"}) EXPECT_NE(history.out.find(unit), std::string::npos) << history.out;
+  for (const char* unit : {"SN1", "SN2", "SN3"}) EXPECT_SAYS(history.out, unit);
   // Not into its own source, nor over any other file but an earlier table or page.
   for (const char* option : {"--csv", "--report"}) {
     expect_refused({"history", "r.db", option, "r.db", "--simulated", "--together"},
                    "holds something else than would be written");
-    const std::vector<std::string> write_it = {"history",     "r.db",      option, std::string("table") + option,
-                                               "--simulated", "--together"};
+    const std::string write_it = std::string("history r.db --simulated --together ") + option + " table" + option;
     ASSERT_EQ(run(write_it).code, 0);
     EXPECT_EQ(run(write_it).code, 0);
   }
-  for (const std::vector<std::string>& chart :
-       {std::vector<std::string>{"--control"}, {"--parameter", "N01"}, {"--report", "mixed.html"}}) {
-    std::vector<std::string> words = {"history", "r.db", "--simulated"};
-    words.insert(words.end(), chart.begin(), chart.end());
-    expect_refused(words, "r.db: holds 3 units");
+  for (const std::string chart : {"--control", "--parameter N01", "--report mixed.html"}) {
+    expect_refused("history r.db --simulated " + chart, "r.db: holds 3 units");
     EXPECT_FALSE(there("mixed.html"));
-    words.insert(words.end(), {"--unit", "SN2"});
-    EXPECT_EQ(run(words).code, 0);
+    EXPECT_EQ(run("history r.db --simulated --unit SN2 " + chart).code, 0);
   }
   // A unit that dropped out as well: the larger code, and both are named.
   const std::string rig = write("gone.rig", "fault.1.kind = imu_unplugged\nfault.1.time_s = 100\nfault.1.unit = 3\n");
   const ProgramResult both = run(dry_run({"SN1", "SN2", "SN3"}, "both", {"--station", station, "--rig", rig}));
   EXPECT_EQ(both.code, 50);
   EXPECT_EQ(both.err_lines(), 1) << both.err;
-  EXPECT_NE(both.err.find("unit SN2: fail: "), std::string::npos) << both.err;
-  EXPECT_NE(both.err.find("unit SN3 dropped out"), std::string::npos) << both.err;
-}
-
-TEST_F(Group, WhenAllHaveDroppedOutTheRunFails) {
-  const std::string rig = write("gone.rig",
-                                "fault.1.kind = imu_unplugged\nfault.1.time_s = 100\nfault.1.unit = 1\n"
-                                "fault.2.kind = imu_unplugged\nfault.2.time_s = 120\nfault.2.unit = 2\n");
-  const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
-  EXPECT_EQ(result.code, 50);
-  EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_NE(result.err.find("unit SN2: simulated unit: the link was lost at 120"), std::string::npos) << result.err;
-  EXPECT_NE(result.err.find("unit SN1 dropped out at"), std::string::npos) << result.err;
-  EXPECT_NE(file_text(folder_ / "out/run.log").find("stopped_verified"), std::string::npos)
-      << "the table was not stopped";
-  EXPECT_NE(result.out.find("go on with: turncal resume out"), std::string::npos) << result.out;
-}
-
-TEST_F(Group, AnotherUnitThanAskedForIsLeftOutAndLeavesNothing) {
-  const std::string rig = write("u.rig", "unit_serial = SN9\n");
-  const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
-  EXPECT_EQ(result.code, 50);
-  EXPECT_NE(result.err.find("unit SN1 dropped out at connecting: the unit on the table says it is 'SN9'"),
-            std::string::npos)
-      << result.err;
-  EXPECT_FALSE(there("out/SN1"));
-  EXPECT_TRUE(there("out/SN2/parameters.conf"));
-}
-
-TEST_F(Group, ATableFaultStopsAll) {
-  const std::string rig = write("t.rig", "fault.1.kind = axis_fault\nfault.1.axis = pitch\nfault.1.time_s = 60\n");
-  const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
-  EXPECT_EQ(result.code, 50);
-  EXPECT_EQ(result.err.find("dropped out"), std::string::npos) << result.err;
-  EXPECT_NE(result.err.find("fault of axis pitch"), std::string::npos) << result.err;
-  for (const char* unit : {"SN1", "SN2"}) EXPECT_TRUE(there(std::string("out/") + unit + "/recording.partial.tcr"));
+  EXPECT_SAYS(both.err, "unit SN2: fail: ");
+  EXPECT_SAYS(both.err, "unit SN3 dropped out");
 }
 
 TEST_F(Group, Refusals) {
@@ -234,8 +225,7 @@ TEST_F(Group, Refusals) {
         "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
             fs::relative(std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/twin.map", folder_).string() +
             "\nimu.driver = serial\nimu.device = none\nimu.frame = laser_gyro\nimu.2.device = none2\n");
-  expect_refused({"run", "--station", "live.station", "--unit", "A", "--unit", "B", "--unit", "C", "--out", "r"},
-                 "3 units: expected at most 2");
+  expect_refused("run --station live.station --unit A --unit B --unit C --out r", "3 units: expected at most 2");
   expect_refused({"batch", write("queue", "A\n"), "--station", "live.station", "--out", "r", "--at-once", "3"},
                  "expected at most 2");
 }
@@ -255,11 +245,7 @@ class GroupResume : public Group {
   }
   // Killed, cut off from power, or out of disk at every seventh call, and taken up again: the recordings of an uninterrupted run.
   void strike_everywhere(const std::string& rig, int code) const {
-    const ProgramResult reference = run_struck(begin("good", rig), 0, "kill");
-    ASSERT_EQ(reference.code, code) << reference.err;
-    long points = 0;
-    std::istringstream(file_text(folder_.string() + ".count")) >> points;
-    fs::remove(folder_.string() + ".count");
+    const long points = count_points(begin("good", rig), code);
     ASSERT_GT(points, 150);
     int taken_up = 0;
     for (long point = 1; point <= points && !HasFatalFailure(); point += 7) {
@@ -303,10 +289,7 @@ TEST_F(GroupResume, ChecksWhoseRunItIs) {
 
 class GroupBatch : public BatchProgram {
  protected:
-  std::vector<std::string> batch(std::vector<std::string> more = {}) const {
-    more.insert(more.end(), {"--at-once", "2"});
-    return BatchProgram::batch(more);
-  }
+  Arguments batch(const Arguments& more = {}) const { return BatchProgram::batch(more + "--at-once 2"); }
   bool there(const std::string& name) const { return fs::exists(folder_ / name); }
 };
 
@@ -332,12 +315,12 @@ TEST_F(GroupBatch, AUnitThatDropsOutDoesNotStopTheNext) {
   // It is not tried for ever, the code is that of the whole queue; and the table's fault stops the batch.
   const ProgramResult again = run(batch());
   EXPECT_EQ(again.code, 20) << again.err;
-  EXPECT_NE(again.err.find("2 of 4 units did not pass"), std::string::npos) << again.err;
+  EXPECT_SAYS(again.err, "2 of 4 units did not pass");
   write("queue", "SN5\nSN6\nSN7\n");
   const ProgramResult stopped =
       run(batch({"--rig", write("t.rig", "fault.1.kind = axis_fault\nfault.1.axis = pitch\nfault.1.time_s = 60\n")}));
   EXPECT_EQ(stopped.code, 50);
-  EXPECT_NE(stopped.err.find("units SN5, SN6: "), std::string::npos) << stopped.err;
+  EXPECT_SAYS(stopped.err, "units SN5, SN6: ");
   EXPECT_EQ(outcomes(), "SN1=not_judged SN2=dropped SN3=not_judged SN4=dropped ");
 }
 

@@ -119,7 +119,7 @@ TEST_F(Journal, OneProcessAndOnce) {
   ASSERT_TRUE(first.ok());
   const Result<JournalFile> second = JournalFile::reopen(path());
   ASSERT_FALSE(second.ok());
-  EXPECT_NE(second.error().message.find("in use by another process"), std::string::npos);
+  EXPECT_SAYS(second.error().message, "in use by another process");
 }
 
 }  // namespace

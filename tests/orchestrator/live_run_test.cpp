@@ -11,6 +11,7 @@
 #include "orchestrator/jobs/command_context.h"
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/rig_station.h"
+#include "turntable_drivers/table/limited_turntable.h"
 
 namespace turncal {
 namespace {
@@ -20,34 +21,26 @@ const char* const short_text =
     "step 1 \"there\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  dwell 1000\n";
 
 // The rig's table, with what a test puts before it.
-class FrontTable : public Turntable {
+class FrontTable : public LimitedTurntable {
  public:
-  explicit FrontTable(Turntable& table) : table_(table) {}
-  Status connect() override { return table_.connect(); }
-  Result<TableIdentity> identify() override { return table_.identify(); }
-  Status enable() override { return table_.enable(); }
-  Status home() override { return table_.home(); }
+  explicit FrontTable(Turntable& table) : LimitedTurntable(table, {}) {}
   Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
     if (on_move) return on_move(axis, position_deg);
-    return table_.move_absolute(axis, position_deg, rate_degps, acceleration_degps2);
+    return LimitedTurntable::move_absolute(axis, position_deg, rate_degps, acceleration_degps2);
   }
   Status stop_all() override {
     ++stops;
-    return table_.stop_all();
-  }
-  Status abort_all() override {
-    ++aborts;
-    return table_.abort_all();
+    return LimitedTurntable::stop_all();
   }
   Status clear_fault() override {
     if (!stays_faulty) faulty = false;
-    return table_.clear_fault();
+    return LimitedTurntable::clear_fault();
   }
   Result<AxisStatus> status(Axis axis) override {
     if (on_status) {
       if (Status given = on_status(); !given) return given.error();
     }
-    Result<AxisStatus> status = table_.status(axis);
+    Result<AxisStatus> status = LimitedTurntable::status(axis);
     if (status) status->fault = status->fault || faulty;
     return status;
   }
@@ -56,22 +49,12 @@ class FrontTable : public Turntable {
   std::function<Status(Axis, double)> on_move;
   std::function<Status()> on_status;
   bool by_hand = false, faulty = false, stays_faulty = false;
-  int stops = 0, aborts = 0;
-
- private:
-  Turntable& table_;
+  int stops = 0;
 };
 
 struct FrontStation : RigStation {
   explicit FrontStation(const std::string& text = short_text) : RigStation(text), table(devices.table) {}
-  RunOutcome run_in_front() {
-    devices.imu.describe(info);
-    plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
-    StationDevices front{table, devices.imu, devices.clock, devices.devices().wait};
-    StationRun station_run(front, {sequence, plan, station, "SN1", resume, taken_up}, sink,
-                           {&watcher, &stop_requests, calibrate, journal});
-    return station_run.run();
-  }
+  RunOutcome run_in_front() { return run({table, devices.imu, devices.clock, devices.devices().wait}); }
   FrontTable table;
 };
 
@@ -118,7 +101,7 @@ TEST(LiveRun, OnlyARunTakenUpClearsAFault) {
   ASSERT_EQ(kept.dwells.size(), 1u);
   const RunOutcome another = s.run();
   EXPECT_EQ(exit_code(another.error.kind), 50);
-  EXPECT_NE(another.error.message.find("expected it cleared"), std::string::npos) << another.error.message;
+  EXPECT_SAYS(another.error.message, "expected it cleared");
   s.resume = ResumePoint{kept.dwells.back(), false};
   s.station.resume_rest_s = 1.0;
   s.taken_up = true;
@@ -126,8 +109,7 @@ TEST(LiveRun, OnlyARunTakenUpClearsAFault) {
   const RunOutcome taken_up = s.run();
   EXPECT_EQ(taken_up.state, RunState::done) << taken_up.error.message;
   ASSERT_TRUE(s.watcher.saw(RunEvent::connected));
-  EXPECT_NE(s.watcher.transitions[1].detail.find("clears the fault of axis pitch"), std::string::npos)
-      << s.watcher.transitions[1].detail;
+  EXPECT_SAYS(s.watcher.transitions[1].detail, "clears the fault of axis pitch");
 }
 
 TEST(LiveRun, FaultThatStaysIsAFault) {
@@ -219,11 +201,11 @@ TEST(LiveRun, TimeRunsFasterForTwinsOnly) {
     EXPECT_TRUE(half->simulated()) << one;
     const Result<StationConfig> refused = station_of(one + "clock.speed_up = 50\n");
     ASSERT_FALSE(refused.ok()) << one;
-    EXPECT_NE(refused.error().message.find("clock.speed_up"), std::string::npos);
+    EXPECT_SAYS(refused.error().message, "clock.speed_up");
   }
   const Result<StationConfig> two = station_of(twins + "clock.speed_up = 50\nimu.speedup = 20\n");
   ASSERT_FALSE(two.ok());
-  EXPECT_NE(two.error().message.find("imu.speedup"), std::string::npos);
+  EXPECT_SAYS(two.error().message, "imu.speedup");
 }
 
 class LiveProgram : public Program {};

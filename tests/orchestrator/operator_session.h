@@ -19,7 +19,7 @@ class OperatedProgram : public Program {
   mutable pid_t pid_ = -1;  // of the program that is operated
   static inline const std::string hang_up = "\x04";
 
-  Session operate(const std::vector<std::string>& arguments, const Operator& answer, double seconds = 120.0) const {
+  Session operate(const Arguments& arguments, const Operator& answer, double seconds = 120.0) const {
     int in[2], out[2];
     EXPECT_EQ(::pipe2(in, O_CLOEXEC), 0);
     EXPECT_EQ(::pipe2(out, O_CLOEXEC), 0);

@@ -57,7 +57,7 @@ TEST(Pause, WaitsForTheItemGoingOn) {
     EXPECT_NEAR(told.at.time_s, c.asked_s, 0.6);
     if (c.in == RunState::dwelling) {
       EXPECT_NEAR(told.at.item_end_utc_s - s.clock.utc_s() + s.clock.now_s(), c.safe_s, 0.01);
-      EXPECT_NE(told.detail.find("after this dwell, at "), std::string::npos) << told.detail;
+      EXPECT_SAYS(told.detail, "after this dwell, at ");
     }
     // And it goes on, with all that was complete.
     s.watcher.on_tick = nullptr;
@@ -286,14 +286,13 @@ TEST_F(PausedRun, GoesOnToTheSameBytes) {
     if (c.code != 0) {
       const std::string error = err_.str(), said = c.code == 75 ? error : console_.text;
       EXPECT_EQ(std::count(error.begin(), error.end(), '\n'), 1) << error;
-      EXPECT_NE(said.find("turncal resume " + folder_ / name), std::string::npos) << said;
+      EXPECT_SAYS(said, "turncal resume " + folder_ / name);
       const std::string log = file_text(folder_ / name + "/run.log");
-      EXPECT_NE(log.find(c.code == 75 ? "stopping -> interrupted  stopped_verified"
-                                      : "stopping -> aborted  stopped_verified"),
-                std::string::npos);
+      EXPECT_SAYS(log,
+                  c.code == 75 ? "stopping -> interrupted  stopped_verified" : "stopping -> aborted  stopped_verified");
       const Result<std::string> journal = journal_as_text(folder_ / name + "/" + journal_name);
       ASSERT_TRUE(journal.ok());
-      EXPECT_NE(journal->find(c.code == 75 ? "to = interrupted" : "to = aborted"), std::string::npos) << *journal;
+      EXPECT_SAYS(*journal, c.code == 75 ? "to = interrupted" : "to = aborted");
       at("", 0);
       ASSERT_EQ(command({"resume", folder_ / name, "--no-diagnosis"}), 0) << err_.str();
     }
@@ -308,11 +307,11 @@ TEST_F(PausedRun, GoesOnToTheSameBytes) {
 TEST_F(PausedRun, BatchEndsAndGoesOnWithTheUnit) {
   at("selecting -> dwelling  dwell_next: dwell", SIGINT);
   EXPECT_EQ(batch(), 75);
-  EXPECT_NE(err_.str().find("unit SN1: "), std::string::npos) << err_.str();
+  EXPECT_SAYS(err_.str(), "unit SN1: ");
   // While the results are made the unit is finished, and the next is not begun.
   at("parking -> calibrating", SIGINT);
   EXPECT_EQ(batch(), 75);
-  EXPECT_NE(err_.str().find("after unit SN1"), std::string::npos) << err_.str();
+  EXPECT_SAYS(err_.str(), "after unit SN1");
   EXPECT_TRUE(std::filesystem::exists(folder_ / "units/SN1/parameters.conf"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "units/SN2"));
   at("", 0);
@@ -321,67 +320,44 @@ TEST_F(PausedRun, BatchEndsAndGoesOnWithTheUnit) {
   EXPECT_FALSE(std::filesystem::exists(folder_ / "units/SN1.2"));
 }
 
-// --- And from outside: a dwell of ten minutes at ten times real time, given up within seconds.
-class PausedProgram : public Program {};
-TEST_F(PausedProgram, TwiceFromOutside) {
-  const std::string sequence = write("long.seq",
-                                     "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n"
-                                     "  initial H 0 P 0 R 0\n  align 400\n  dwell 120000\n");
-  const pid_t pid = start(
-      {"run", "--dry-run", "--capture-only", "--unit", "SN1", "--out", "out", "--sequence", sequence, "--pace", "10"});
-  const auto log_says = [&](const std::string& text) {
-    for (int i = 0; i < 6000; ++i) {
-      if (file_text(folder_ / "out/run.log").find(text) != std::string::npos) return true;
-      ::usleep(5'000);
-    }
-    return false;
-  };
-  EXPECT_TRUE(log_says("dwell_next: dwell, 120000 samples"));
-  ::kill(pid, SIGINT);
-  EXPECT_TRUE(log_says("dwelling  pause_wanted: pause asked for: after this dwell, at "));
-  ::kill(pid, SIGINT);
-  const ProgramResult result = finish(pid);
-  EXPECT_EQ(result.code, 30) << result.err;
-  EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_NE(file_text(folder_ / "out/run.log").find("stopping -> aborted  stopped_verified"), std::string::npos);
+// Of a process of its own: does the condition hold at its end?
+template <class Process>
+void expect_in_a_process(Process process) {
+  EXPECT_EXIT(::_exit(process() ? 7 : 1), testing::ExitedWithCode(7), "");
 }
 
 // What is left to be written down and said when the table is off is not cut short.
 TEST(StopSignals, NoneEndsTheProgramAfterwards) {
-  const auto twice = [] {
+  expect_in_a_process([] {
     {
       const StopSignals signals;
       ::raise(SIGTERM);
     }
     ::raise(SIGTERM);
     ::raise(SIGHUP);
-    ::_exit(StopSignals::ends() == 3 ? 7 : 1);
-  };
-  EXPECT_EXIT(twice(), testing::ExitedWithCode(7), "");
-  const auto first_afterwards = [] {
+    return StopSignals::ends() == 3;
+  });
+  expect_in_a_process([] {
     { const StopSignals signals; }
     ::raise(SIGTERM);
     const StopSignals next(FirstInterrupt::pauses);
-    ::_exit(StopSignals::any() ? 7 : 1);
-  };
-  EXPECT_EXIT(first_afterwards(), testing::ExitedWithCode(7), "");
+    return StopSignals::any();
+  });
 }
 
 TEST(StopSignals, WhatTheSystemHasEndedNobodyAborts) {
-  const auto both = [] {
+  expect_in_a_process([] {
     const StopSignals signals(FirstInterrupt::pauses);
     ::raise(SIGQUIT);
     ::raise(SIGINT);
-    ::_exit(StopSignals::requests() == 2 && StopSignals::ends() == 2 ? 7 : 1);
-  };
-  EXPECT_EXIT(both(), testing::ExitedWithCode(7), "");
-  const auto aborted = [] {
+    return StopSignals::requests() == 2 && StopSignals::ends() == 2;
+  });
+  expect_in_a_process([] {
     const StopSignals signals;
     ::raise(SIGINT);
     ::raise(SIGTERM);
-    ::_exit(StopSignals::requests() == 2 && StopSignals::ends() == 1 ? 7 : 1);
-  };
-  EXPECT_EXIT(aborted(), testing::ExitedWithCode(7), "");
+    return StopSignals::requests() == 2 && StopSignals::ends() == 1;
+  });
 }
 
 }  // namespace

@@ -10,10 +10,13 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <set>
 #include <sstream>
 #include <string>
 #include <vector>
+
+#include "tests/says.h"
 
 namespace turncal {
 
@@ -25,6 +28,39 @@ inline std::string file_text(const std::filesystem::path& path) {
 }
 
 inline const std::string short_demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";  // ten minutes
+
+// What every station of a dry run says.
+inline const std::string station_head =
+    "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n";
+
+// Of a command line; of a text, the words between its blanks.
+struct Arguments : std::vector<std::string> {
+  using std::vector<std::string>::vector;
+  Arguments(std::vector<std::string> words) : std::vector<std::string>(std::move(words)) {}
+  Arguments(const char* line) : Arguments(std::string(line)) {}
+  Arguments(const std::string& line) {
+    std::istringstream text(line);
+    for (std::string word; text >> word;) push_back(word);
+  }
+};
+inline Arguments operator+(Arguments arguments, const Arguments& more) {
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return arguments;
+}
+inline Arguments operator+(const char* line, const Arguments& more) { return Arguments(line) + more; }
+inline Arguments operator+(Arguments arguments, const char* line) { return std::move(arguments) + Arguments(line); }
+
+// Of lines "key = value"; those without a value are kept.
+inline std::map<std::string, std::string> entries(const std::string& text) {
+  std::map<std::string, std::string> result;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t equals = line.find(" =");
+    if (line.starts_with("#") || equals == std::string::npos) continue;
+    result[line.substr(0, equals)] = line.size() > equals + 3 ? line.substr(equals + 3) : "";
+  }
+  return result;
+}
 
 struct ProgramResult {
   int code = -1;
@@ -64,7 +100,7 @@ class Program : public testing::Test {
   }
 
   // Starts the program in the test's folder; its output goes to files outside of it.
-  pid_t start(const std::vector<std::string>& arguments) const {
+  pid_t start(const Arguments& arguments) const {
     const pid_t pid = ::fork();
     if (pid != 0) return pid;
     for (const auto& [descriptor, name] : {std::pair{1, ".out"}, std::pair{2, ".err"}}) {
@@ -74,7 +110,7 @@ class Program : public testing::Test {
     become_program(arguments);
   }
   // Of a child: from here on it is the program, in the test's folder.
-  [[noreturn]] void become_program(const std::vector<std::string>& arguments) const {
+  [[noreturn]] void become_program(const Arguments& arguments) const {
     if (::chdir(folder_.c_str()) != 0) ::_exit(99);
     std::vector<char*> argv = {const_cast<char*>(TURNCAL_BINARY)};
     for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
@@ -93,16 +129,13 @@ class Program : public testing::Test {
     std::filesystem::remove(folder_.string() + ".err");
     return result;
   }
-  ProgramResult run(const std::vector<std::string>& arguments) const { return finish(start(arguments)); }
+  ProgramResult run(const Arguments& arguments) const { return finish(start(arguments)); }
   // A dry run of the short sequence.
-  static std::vector<std::string> dry_run(const std::string& out, const std::vector<std::string>& more = {},
-                                          const std::string& unit = "SN1") {
-    std::vector<std::string> arguments = {"run", "--dry-run", "--unit", unit, "--out", out, "--sequence", short_demo};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return arguments;
+  static Arguments dry_run(const std::string& out, const Arguments& more = {}, const std::string& unit = "SN1") {
+    return Arguments{"run", "--dry-run", "--unit", unit, "--out", out, "--sequence", short_demo} + more;
   }
   // With the library in front that strikes at call `point` (0: counts them into FOLDER.count); mode: kill, power or full.
-  ProgramResult run_struck(const std::vector<std::string>& arguments, long point, const char* mode) const {
+  ProgramResult run_struck(const Arguments& arguments, long point, const char* mode) const {
     ::setenv("LD_PRELOAD", TURNCAL_FAULT_POINTS, 1);
     ::setenv("TURNCAL_FAULT_POINT", std::to_string(point).c_str(), 1);
     ::setenv("TURNCAL_FAULT_MODE", mode, 1);
@@ -113,15 +146,23 @@ class Program : public testing::Test {
     return finish(pid);
   }
 
+  // How many calls run_struck can strike at.
+  long count_points(const Arguments& arguments, int code = 0) const {
+    EXPECT_EQ(run_struck(arguments, 0, "kill").code, code);
+    const long points = std::stol(file_text(folder_.string() + ".count"));
+    std::filesystem::remove(folder_.string() + ".count");
+    return points;
+  }
+
   // Exit code, exactly one line on stderr that holds `text`, and not a file more than before.
-  void expect_refused(const std::vector<std::string>& arguments, const std::string& text, int code = 1) const {
+  void expect_refused(const Arguments& arguments, const std::string& text, int code = 1) const {
     const std::set<std::string> before = everything();
     const ProgramResult result = run(arguments);
     std::string command = "turncal";
     for (const std::string& argument : arguments) command += " " + argument;
     EXPECT_EQ(result.code, code) << command << '\n' << result.err;
     EXPECT_EQ(result.err_lines(), 1) << command << '\n' << result.err;
-    EXPECT_NE(result.err.find(text), std::string::npos) << command << '\n' << result.err;
+    EXPECT_SAYS(result.err, text) << command;
     EXPECT_EQ(everything(), before) << command << ": left something behind";
   }
 

@@ -16,6 +16,7 @@
 #include "imu_io/base/console.h"
 #include "imu_io/lines/pty.h"
 #include "orchestrator/watch/service_watch.h"
+#include "tests/says.h"
 
 namespace turncal {
 namespace {
@@ -49,7 +50,7 @@ TEST(Progress, DwellSaysItsKindAndRepeat) {
   EXPECT_EQ(format_progress(s), "step 2/14  align  H 0.00 P 0.00 R 123.46 deg  34%  run  11%  ETA 1:23:45");
   s.dwell_kind = SegmentKind::still;
   s.repeats = 1;
-  EXPECT_NE(format_progress(s).find("dwell (repeat 1)"), std::string::npos);
+  EXPECT_SAYS(format_progress(s), "dwell (repeat 1)");
 }
 
 TEST(Progress, TerminalLineIsRedrawnTenTimesASecondAtMost) {
@@ -67,7 +68,7 @@ TEST(Progress, TerminalLineIsRedrawnTenTimesASecondAtMost) {
   const auto redraws = std::count(text.begin(), text.end(), '\r');
   EXPECT_GE(redraws, 18);
   EXPECT_LE(redraws, 20);
-  EXPECT_NE(text.find("\rstep 2/14  moving  roll 123.46 -> 360.00\x1b[K"), std::string::npos) << "cut to 40 columns";
+  EXPECT_SAYS(text, "\rstep 2/14  moving  roll 123.46 -> 360.00\x1b[K") << "cut to 40 columns";
   EXPECT_EQ(text.find('\n'), std::string::npos) << "the live line never scrolls";
   progress.clear();
   EXPECT_TRUE(out.str().ends_with("\x1b[2K\r"));
@@ -89,7 +90,7 @@ TEST(Progress, TerminalSaysAtOnceWhatAPauseWaitsFor) {
        {std::pair{RunState::homing, "after homing;"}, std::pair{RunState::settling, "after settling;"},
         std::pair{RunState::parking, "everything is recorded, the run finishes"}}) {
     record.at.state = state;
-    EXPECT_NE(format_pause(record.at).find(text), std::string::npos) << format_pause(record.at);
+    EXPECT_SAYS(format_pause(record.at), text);
   }
 }
 

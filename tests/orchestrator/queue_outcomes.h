@@ -22,14 +22,12 @@ inline std::string outcomes_text(const std::string& queue) {
 class BatchProgram : public Program {
  protected:
   // Of the file `queue`, with the short sequence, into the folder `units`.
-  std::vector<std::string> batch(const std::vector<std::string>& more = {}) const {
-    std::vector<std::string> arguments = {"batch", "queue", "--dry-run", "--out", "units", "--sequence", short_demo};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return arguments;
+  Arguments batch(const Arguments& more = {}) const {
+    return Arguments{"batch", "queue", "--dry-run", "--out", "units", "--sequence", short_demo} + more;
   }
   std::string outcomes() const { return outcomes_text(path("queue")); }
   // Killed after first_us, later by step_us, and so on, until a batch ends.
-  void kill_until_done(const std::vector<std::string>& arguments, int first_us, int step_us) const {
+  void kill_until_done(const Arguments& arguments, int first_us, int step_us) const {
     int kills = 0;
     for (int i = 0; i < 60; ++i) {
       const pid_t pid = start(arguments);

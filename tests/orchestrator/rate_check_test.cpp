@@ -1,5 +1,6 @@
 // An axis whose rate or moving bit is dead is found while it is commissioned, and one in order is not.
 #include "orchestrator/devices/commissioning.h"
+#include "tests/says.h"
 
 #include <gtest/gtest.h>
 
@@ -38,15 +39,14 @@ TEST(RateCheck, ADeadRateIsNamed) {
     const Status status = judged(scale, true);
     ASSERT_FALSE(status.ok()) << scale;
     EXPECT_EQ(status.error().kind, ErrorKind::input);
-    EXPECT_NE(status.error().message.find("pitch turned by +5.000 deg while its rate summed up to"), std::string::npos)
-        << status.error().message;
+    EXPECT_SAYS(status.error().message, "pitch turned by +5.000 deg while its rate summed up to");
   }
 }
 
 TEST(RateCheck, ADeadMovingBitIsNamed) {
   const Status status = judged(1.0, false);
   ASSERT_FALSE(status.ok());
-  EXPECT_NE(status.error().message.find("never said so"), std::string::npos) << status.error().message;
+  EXPECT_SAYS(status.error().message, "never said so");
 }
 
 TEST(RateCheck, AFewReadingsAreNotJudged) { EXPECT_TRUE(judged(0.0, false, 1.0).ok()); }

@@ -11,6 +11,7 @@
 #include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/watch/progress.h"
+#include "tests/says.h"
 
 namespace turncal {
 
@@ -22,6 +23,21 @@ inline const char* const two_steps_text =
     "step 1 \"there and back\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  dwell 2000\n  rotate P -90\n"
     "step 2 \"again\"\n  initial H 0 P 0 R 0\n  align 1000\n";
 inline constexpr std::int64_t two_steps_samples = 1000 + 2000 + 2000 + 2000 + 1000;
+
+// Another unit in front of which a test puts something.
+class FrontImu : public ImuSource {
+ public:
+  explicit FrontImu(ImuSource& imu) : imu_(imu) {}
+  Status open() override { return imu_.open(); }
+  Result<ImuIdentity> identify() override { return imu_.identify(); }
+  void describe(RecordingInfo& info) const override { imu_.describe(info); }
+  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override { return imu_.read(out, timeout_s); }
+  ImuLinkCounters counters() const override { return imu_.counters(); }
+  void close() override { imu_.close(); }
+
+ protected:
+  ImuSource& imu_;
+};
 
 // Counts what comes, keeps the segments; fails on demand.
 class MemorySink : public RunSink {

@@ -83,21 +83,6 @@ TEST(SequenceDesign, IsNotBetterThanItsBound) {
   EXPECT_LT(*worst_bound, worst);
 }
 
-TEST(SequenceDesign, TheSameSeedGivesTheSameWalk) {
-  DesignTask task = task_of(1200.0);
-  task.tries = 25;
-  const Result<Design> one = design_walk(task, go_on), two = design_walk(task, go_on);
-  ASSERT_OK(one);
-  ASSERT_OK(two);
-  WalkHeader header;
-  header.name = "designed";
-  EXPECT_EQ(sequence_text(one->walk, header), sequence_text(two->walk, header));
-  task.seed = 2;
-  const Result<Design> other = design_walk(task, go_on);
-  ASSERT_OK(other);
-  EXPECT_NE(sequence_text(one->walk, header), sequence_text(other->walk, header));
-}
-
 TEST(SequenceDesign, KeepsToTheAxesAndTheTravelOfTheTable) {
   DesignTask task = task_of(1500.0);
   task.turns[index(Axis::heading)] = false;
@@ -141,7 +126,7 @@ TEST(SequenceDesign, SaysWhatCannotBe) {
   EXPECT_EQ(design_walk(task, go_on).error().message, "no axis may turn by a degree: expected one at least");
   task.turns = {true, true, true};
   task.time_s = 5.0;
-  EXPECT_NE(design_walk(task, go_on).error().message.find("not even one turn of 30 deg"), std::string::npos);
+  EXPECT_SAYS(design_walk(task, go_on).error().message, "not even one turn of 30 deg");
 }
 
 TEST(SequenceDesign, ShowsTheEffectsThatAreAskedFor) {
@@ -193,7 +178,7 @@ TEST_F(DesignCommand, SaysWhatTheTableCannotDetermine) {
   const ProgramResult found =
       run({"design", "--time", "20min", "--axes", "heading", "--tries", "3", "--out", "flat.seq"});
   EXPECT_EQ(found.code, 20) << found.err;
-  EXPECT_NE(found.err.find("flat.seq: does not determine"), std::string::npos) << found.err;
+  EXPECT_SAYS(found.err, "flat.seq: does not determine");
 }
 
 TEST_F(DesignCommand, RefusesWhatCannotBe) {
@@ -209,7 +194,6 @@ TEST_F(DesignCommand, RefusesWhatCannotBe) {
   expect_refused({"design", "--time", "1h", "--out", "other.txt"}, "holds something else");
   expect_refused({"design", "--time", "1h", "--axes", "yaw", "--out", "x.seq"}, "expected heading, pitch or roll");
   expect_refused({"design", "--time", "1h", "--rate", "500", "--out", "x.seq"}, "expected at most 100");
-  expect_refused({"design", "--time", "5s", "--out", "x.seq"}, "not even one turn of 30 deg");
   expect_refused({"design", "--time", "1h", "--out", "missing/x.seq"}, "missing/x.seq: ");
 }
 

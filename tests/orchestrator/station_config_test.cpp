@@ -1,5 +1,6 @@
 // The station file: every key arrives, every defect is named, the shipped example is the built-in station.
 #include "orchestrator/station/station_config.h"
+#include "tests/orchestrator/program.h"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +9,7 @@
 namespace turncal {
 namespace {
 
-const std::string minimal =
-    "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n";
+const std::string minimal = station_head;
 
 StationConfig parsed(const std::string& text, const std::string& file = "my.station") {
   const Result<StationConfig> station = parse_station_config(text, file);
@@ -111,84 +111,63 @@ TEST(StationConfig, EveryKeyArrives) {
 TEST(StationConfig, RequiredKeys) {
   for (const std::string key : {"format", "site.latitude_deg", "site.gravity_mps2", "table.driver", "imu.driver"}) {
     const std::string error = error_of(without(key));
-    EXPECT_NE(error.find("my.station"), std::string::npos) << error;
-    EXPECT_NE(error.find("'" + key + "'"), std::string::npos) << error;
+    EXPECT_SAYS(error, "my.station");
+    EXPECT_SAYS(error, "'" + key + "'");
   }
 }
 
-struct BadLine {
-  const char* line;      // the sixth of the file
-  const char* expected;  // part of the message
-};
+// The sixth line of the file: a text or a number that cannot be.
+std::string refusal_of(const std::string& line) {
+  const std::size_t equals = line.find(" =");
+  const std::string value = line.size() > equals + 3 ? line.substr(equals + 3) : "";
+  return "my.station:6: key '" + line.substr(0, equals) + "' = '" + value + "': expected ";
+}
 
 TEST(StationConfig, EveryBadValueNamesFileLineKeyAndWhatWasExpected) {
-  const BadLine bad_lines[] = {
-      {"motion.settle = 1", "my.station:6: key 'motion.settle'"},
-      {"motion.settle_s = nan", "my.station:6: key 'motion.settle_s' = 'nan': expected a number"},
-      {"motion.settle_s = -1", "my.station:6: key 'motion.settle_s' = '-1': expected a number between 0 and 3600"},
-      {"motion.settle_s = 1 s", "my.station:6: key 'motion.settle_s' = '1 s': expected a number"},
-      {"motion.poll_moving_s = 0", "my.station:6: key 'motion.poll_moving_s' = '0': expected a number"},
-      {"motion.poll_idle_s = 2e-10",
-       "my.station:6: key 'motion.poll_idle_s' = '2e-10': expected a number between 0.001 and 3600"},
-      {"axis.roll.max_rate_degps = 1e-308",
-       "my.station:6: key 'axis.roll.max_rate_degps' = '1e-308': expected a number between 0.001"},
-      {"motion.poll_idle_s = 1e9", "my.station:6: key 'motion.poll_idle_s' = '1e9': expected a number"},
-      {"motion.stall_s = 0", "my.station:6: key 'motion.stall_s' = '0': expected a number"},
-      {"motion.deadline_margin_s = inf", "my.station:6: key 'motion.deadline_margin_s' = 'inf': expected a number"},
-      {"motion.position_tolerance_deg = 0", "my.station:6: key 'motion.position_tolerance_deg' = '0': expected"},
-      {"motion.settle_rate_degps = 2", "my.station:6: key 'motion.settle_rate_degps' = '2': expected a number"},
-      {"axis.roll.max_rate_degps = 0", "my.station:6: key 'axis.roll.max_rate_degps' = '0': expected a number"},
-      {"axis.roll.max_rate_degps = 1e9", "my.station:6: key 'axis.roll.max_rate_degps' = '1e9': expected a number"},
-      {"axis.roll.max_acceleration_degps2 = 1e300", "my.station:6: key 'axis.roll.max_acceleration_degps2' = '1e300'"},
-      {"axis.roll.wrap_deg = 1e300", "my.station:6: key 'axis.roll.wrap_deg' = '1e300': expected a number"},
-      {"motion.position_tolerance_deg = 1e-12",
-       "my.station:6: key 'motion.position_tolerance_deg' = '1e-12': expected"},
-      {"motion.settle_rate_degps = 1e-12", "my.station:6: key 'motion.settle_rate_degps' = '1e-12': expected"},
-      {"table.tolerance_deg = 1e-12", "my.station:6: key 'table.tolerance_deg' = '1e-12': expected"},
-      {"dwell.max_gyro_std_degps = 1e300", "my.station:6: key 'dwell.max_gyro_std_degps' = '1e300': expected"},
-      {"dwell.max_accel_peak_mps2 = 1e-300", "my.station:6: key 'dwell.max_accel_peak_mps2' = '1e-300': expected"},
-      {"station.name =", "my.station:6: key 'station.name' = '': expected a text"},
-      {"axis.pitch.max_acceleration_degps2 = -5", "my.station:6: key 'axis.pitch.max_acceleration_degps2' = '-5'"},
-      {"axis.heading.wrap_deg = -1", "my.station:6: key 'axis.heading.wrap_deg' = '-1': expected a number"},
-      {"axis.heading.soft_max_deg = 4000", "my.station:6: key 'axis.heading.soft_max_deg' = '4000': expected a number"},
-      {"axis.yaw.soft_max_deg = 40", "my.station:6: key 'axis.yaw.soft_max_deg'"},
-      {"table.gravity_tolerance_deg = 1e-308",
-       "my.station:6: key 'table.gravity_tolerance_deg' = '1e-308': expected a number between"},
-      {"limit.N01.max = 1e300", "my.station:6: key 'limit.N01.max' = '1e300': expected a number between"},
-      {"limit.N01.sigma_max = 1e-308", "my.station:6: key 'limit.N01.sigma_max' = '1e-308': expected a number between"},
-      {"stop.sigma.n11 = 1e-308", "my.station:6: key 'stop.sigma.n11' = '1e-308': expected a number between"},
-      {"limit.residual_max = 1e-308", "my.station:6: key 'limit.residual_max' = '1e-308': expected a number between"},
-      {"limit.temperature_c.min = -300",
-       "my.station:6: key 'limit.temperature_c.min' = '-300': expected a number between"},
-      {"limit.heading_deg = 1e-308", "my.station:6: key 'limit.heading_deg' = '1e-308': expected a number between"},
-      {"limit.level_deg = 400", "my.station:6: key 'limit.level_deg' = '400': expected a number between"},
-      {"dwell.max_repeats = 1.5", "my.station:6: key 'dwell.max_repeats' = '1.5': expected"},
-      {"dwell.max_repeats = -1", "my.station:6: key 'dwell.max_repeats' = '-1': expected"},
-      {"dwell.stillness_window_s = 0", "my.station:6: key 'dwell.stillness_window_s' = '0': expected a number"},
-      {"imu.timeout_s = 0", "my.station:6: key 'imu.timeout_s' = '0': expected a number"},
-      {"table.driver = mock", "my.station:6: key 'table.driver'"},  // twice
-  };
-  for (const BadLine& bad : bad_lines) {
-    const std::string error = error_of(minimal + bad.line + "\n");
-    EXPECT_EQ(error.substr(0, std::string(bad.expected).size()), bad.expected) << error;
+  std::istringstream lines(
+      "motion.settle_s = nan\nmotion.settle_s = 1 s\nmotion.poll_moving_s = 0\nmotion.poll_idle_s = 1e9\n"
+      "motion.stall_s = 0\nmotion.deadline_margin_s = inf\nmotion.position_tolerance_deg = 0\n"
+      "motion.settle_rate_degps = 2\naxis.roll.max_rate_degps = 0\naxis.roll.max_rate_degps = 1e9\n"
+      "axis.roll.max_acceleration_degps2 = 1e300\naxis.roll.wrap_deg = 1e300\n"
+      "motion.position_tolerance_deg = 1e-12\nmotion.settle_rate_degps = 1e-12\ntable.tolerance_deg = 1e-12\n"
+      "dwell.max_gyro_std_degps = 1e300\ndwell.max_accel_peak_mps2 = 1e-300\n"
+      "axis.pitch.max_acceleration_degps2 = -5\naxis.heading.wrap_deg = -1\naxis.heading.soft_max_deg = 4000\n"
+      "table.gravity_tolerance_deg = 1e-308\nlimit.N01.max = 1e300\nlimit.N01.sigma_max = 1e-308\n"
+      "stop.sigma.n11 = 1e-308\nlimit.residual_max = 1e-308\nlimit.temperature_c.min = -300\n"
+      "limit.heading_deg = 1e-308\nlimit.level_deg = 400\ndwell.max_repeats = 1.5\ndwell.max_repeats = -1\n"
+      "dwell.stillness_window_s = 0\nimu.timeout_s = 0\n");
+  for (std::string line; std::getline(lines, line);) {
+    const std::string error = error_of(minimal + line + "\n");
+    EXPECT_TRUE(error.starts_with(refusal_of(line))) << error;
+  }
+  for (const auto& [line, expected] : {std::pair{"motion.settle_s = -1", "0, or a number between 0.001 and 3600"},
+                                       {"motion.settle_s = 1e-308", "0, or a number between 0.001 and 3600"},
+                                       {"resume.rest_s = 2e-10", "0, or a number between 0.001 and 86400"},
+                                       {"axis.roll.wrap_deg = 1e-308", "0, or a number between 1 and 1000000"},
+                                       {"limit.guard_factor = 1e-308", "0, or a number between 0.001 and 10"},
+                                       {"site.gravity_uncertainty_mps2 = 1e-308", "0, or a number between 1e-09"},
+                                       {"motion.poll_idle_s = 2e-10", "a number between 0.001 and 3600"},
+                                       {"axis.roll.max_rate_degps = 1e-308", "a number between 0.001"},
+                                       {"station.name =", "a text"}}) {
+    const std::string error = error_of(minimal + line + "\n");
+    EXPECT_TRUE(error.starts_with(refusal_of(line) + expected)) << error;
+  }
+  for (const std::string key : {"motion.settle", "axis.yaw.soft_max_deg", "table.driver"}) {  // unknown, or twice
+    const std::string error = error_of(minimal + key + " = mock\n");
+    EXPECT_TRUE(error.starts_with("my.station:6: key '" + key + "'")) << error;
   }
 }
 
 TEST(StationConfig, SiteAndDriversAreChecked) {
-  EXPECT_NE(error_of(without("site.gravity_mps2") + "site.gravity_mps2 = 0\n")
-                .find("my.station:5: key 'site.gravity_mps2' = '0': expected a number between 9.7 and 9.9"),
-            std::string::npos);
-  EXPECT_NE(error_of(without("site.latitude_deg") + "site.latitude_deg = 91\n")
-                .find("my.station:5: key 'site.latitude_deg' = '91': expected a number between -90 and 90"),
-            std::string::npos);
-  EXPECT_NE(error_of(without("table.driver") + "table.driver = hydraulic\n")
-                .find("my.station:5: key 'table.driver' = 'hydraulic': expected"),
-            std::string::npos);
-  EXPECT_NE(error_of(without("imu.driver") + "imu.driver = none\n").find("my.station:5: key 'imu.driver' = 'none'"),
-            std::string::npos);
-  EXPECT_NE(error_of("format = 2\n" + without("format")).find("my.station:1: key 'format' = '2': expected"),
-            std::string::npos);
-  EXPECT_NE(error_of("").find("my.station"), std::string::npos);
+  EXPECT_SAYS(error_of(without("site.gravity_mps2") + "site.gravity_mps2 = 0\n"),
+              "my.station:5: key 'site.gravity_mps2' = '0': expected a number between 9.7 and 9.9");
+  EXPECT_SAYS(error_of(without("site.latitude_deg") + "site.latitude_deg = 91\n"),
+              "my.station:5: key 'site.latitude_deg' = '91': expected a number between -90 and 90");
+  EXPECT_SAYS(error_of(without("table.driver") + "table.driver = hydraulic\n"),
+              "my.station:5: key 'table.driver' = 'hydraulic': expected");
+  EXPECT_SAYS(error_of(without("imu.driver") + "imu.driver = none\n"), "my.station:5: key 'imu.driver' = 'none'");
+  EXPECT_SAYS(error_of("format = 2\n" + without("format")), "my.station:1: key 'format' = '2': expected");
+  EXPECT_SAYS(error_of(""), "my.station");
 }
 
 TEST(StationConfig, ContradictionsNameBothKeys) {
@@ -218,7 +197,7 @@ TEST(StationConfig, AMissingFileIsNamed) {
   const Result<StationConfig> station = read_station_config("/nowhere/my.station");
   ASSERT_FALSE(station.ok());
   EXPECT_EQ(station.error().kind, ErrorKind::input);
-  EXPECT_NE(station.error().message.find("/nowhere/my.station"), std::string::npos);
+  EXPECT_SAYS(station.error().message, "/nowhere/my.station");
 }
 
 TEST(StationConfig, PlanLimitsAreTheStations) {

@@ -147,7 +147,7 @@ TEST_F(Page, ServesStatusAndLetsNothingBeWritten) {
        {"\"unit\":\"SN-7\"", "\"simulated\":true", "\"step_count\":14", "\"eta_utc\":\"2026-01-01T00:1",
         "\"temperature_c\":2", "\"position_deg\":[", "\"rate_degps\":[", "\"still_gyro_degps\":", "\"lost_samples\":0",
         "\"transitions\":[\"2026"}) {
-    EXPECT_NE(status->body.find(text), std::string::npos) << text << '\n' << status->body;
+    EXPECT_SAYS(status->body, text);
   }
   const std::string heartbeat = "\"heartbeat_age_s\":";
   const std::size_t age = status->body.find(heartbeat);
@@ -155,11 +155,11 @@ TEST_F(Page, ServesStatusAndLetsNothingBeWritten) {
   EXPECT_LT(std::stod(status->body.substr(age + heartbeat.size())), 1.0);
   const auto page = client.Get("/");
   ASSERT_TRUE(page);
-  EXPECT_NE(page->body.find("\"unit\":\"SN-7\""), std::string::npos) << "the first status is in the page itself";
-  EXPECT_EQ(page->body.find("INITIAL"), std::string::npos);
+  EXPECT_SAYS(page->body, "\"unit\":\"SN-7\"") << "the first status is in the page itself";
+  EXPECT_SAYS_NOT(page->body, "INITIAL");
   for (const char* text :
        {"A corner of one pulse or two is the unit's resolution", "width=device-width", "break-inside:avoid"}) {
-    EXPECT_NE(page->body.find(text), std::string::npos) << text;
+    EXPECT_SAYS(page->body, text);
   }
   for (const char* other : {"/run.log", "/../out/run.log", "/status.json/x", "/favicon.ico"}) {
     const auto answer = client.Get(other);
@@ -282,7 +282,7 @@ TEST(LiveStatus, HeadlineIsTheStateAsItIs) {
     LiveStatus status(run, monotonic_s);
     status.on_progress(at);
     EXPECT_TRUE(says(status, "Running: step 3/14, moving", "good")) << status.json();
-    EXPECT_NE(status.json().find("\"eta_utc\":\"2026-01-01T00:00:50Z\""), std::string::npos) << status.json();
+    EXPECT_SAYS(status.json(), "\"eta_utc\":\"2026-01-01T00:00:50Z\"");
     at.state = RunState::resting;
     status.on_progress(at);
     EXPECT_TRUE(says(status, "Running: step 3/14, resting after the interruption", "good")) << status.json();
@@ -298,26 +298,24 @@ TEST(LiveStatus, HeadlineIsTheStateAsItIs) {
   LiveStatus status(run, monotonic_s);
   status.on_progress(at);
   EXPECT_TRUE(says(status, "Waits for the operator: step 3/14, turn pitch to 90.00 deg", "attention")) << status.json();
-  EXPECT_NE(status.json().find("\"eta_utc\":\"\""), std::string::npos) << "nobody knows how long a person takes";
-  EXPECT_NE(status.json().find("\"verification\":[]"), std::string::npos) << status.json();
+  EXPECT_SAYS(status.json(), "\"eta_utc\":\"\"") << "nobody knows how long a person takes";
+  EXPECT_SAYS(status.json(), "\"verification\":[]");
   status.end("Paused: step 3; go on with: turncal resume out", Tone::attention, {"pass: heading 0.0054 deg"});
   EXPECT_TRUE(says(status, "Paused: step 3; go on with: turncal resume out", "attention")) << status.json();
-  EXPECT_NE(status.json().find("\"verification\":[\"pass: heading 0.0054 deg\"]"), std::string::npos) << status.json();
+  EXPECT_SAYS(status.json(), "\"verification\":[\"pass: heading 0.0054 deg\"]");
 }
 
 TEST(LiveStatus, SaysWhatAPauseWaitsFor) {
   LiveStatus status(a_run(), [] { return 0.0; });
-  EXPECT_NE(status.json().find("\"pause\":\"\""), std::string::npos);
+  EXPECT_SAYS(status.json(), "\"pause\":\"\"");
   TransitionRecord record;
   record.from = record.to = record.at.state = RunState::dwelling;
   record.event = RunEvent::pause_wanted;
   record.at.item_end_utc_s = 1767225600.0 + 3661.0;
   record.detail = format_pause(record.at);
   status.on_transition(record);
-  EXPECT_NE(status.json().find("\"pause\":\"pause asked for: after this dwell, at 01:01:01Z; Ctrl-C again stops now\""),
-            std::string::npos)
-      << status.json();
-  EXPECT_NE(status.json().find("\"last_error\":\"\""), std::string::npos) << "a pause is no error";
+  EXPECT_SAYS(status.json(), "\"pause\":\"pause asked for: after this dwell, at 01:01:01Z; Ctrl-C again stops now\"");
+  EXPECT_SAYS(status.json(), "\"last_error\":\"\"") << "a pause is no error";
 }
 
 TEST(LiveStatus, TextsAreSafeInsideThePage) {
@@ -325,9 +323,9 @@ TEST(LiveStatus, TextsAreSafeInsideThePage) {
   run.unit = "</script><b>\"\\";
   LiveStatus status(run, monotonic_s);
   const std::string json = status.json();
-  EXPECT_EQ(json.find("</script>"), std::string::npos);
-  EXPECT_NE(json.find("\\u003c/script>\\u003cb>"), std::string::npos) << json;
-  EXPECT_NE(json.find("\\\"\\\\"), std::string::npos) << json;
+  EXPECT_SAYS_NOT(json, "</script>");
+  EXPECT_SAYS(json, "\\u003c/script>\\u003cb>");
+  EXPECT_SAYS(json, "\\\"\\\\");
 }
 
 // One second of a dwell is one point, in deg/s and m/s^2.
@@ -346,11 +344,11 @@ TEST(LiveStatus, TheDwellSecondBySecond) {
   }
   status.add(samples);
   const std::string json = status.json();
-  EXPECT_NE(json.find("\"dwell\":[[0,0,1.1459"), std::string::npos) << json;  // 0.02 rad/s
-  EXPECT_NE(json.find("\"temperature_c\":null"), std::string::npos);
-  EXPECT_NE(json.find("\"still_gyro_degps\":0.66159"), std::string::npos) << json;  // 1.1459 / sqrt 3
+  EXPECT_SAYS(json, "\"dwell\":[[0,0,1.1459");  // 0.02 rad/s
+  EXPECT_SAYS(json, "\"temperature_c\":null");
+  EXPECT_SAYS(json, "\"still_gyro_degps\":0.66159");  // 1.1459 / sqrt 3
   status.begin_segment(SegmentKind::align);
-  EXPECT_NE(status.json().find("\"dwell\":[[],[],[],[],[],[]]"), std::string::npos);
+  EXPECT_SAYS(status.json(), "\"dwell\":[[],[],[],[],[],[]]");
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <random>
 
 #include "imu_io/base/atomic_file.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/lock_file.h"
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/jobs/preflight.h"
@@ -26,22 +27,15 @@ class Storage : public Program {
  protected:
   std::string station(const std::string& name, const std::string& more = "") const {
     return write(name,
-                 "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\n"
-                 "imu.driver = rig\nmotion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\n" +
-                     more);
+                 station_head + "motion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\n" + more);
   }
-  std::vector<std::string> begin(const std::string& out, const std::string& station, int seed = 1) const {
+  Arguments begin(const std::string& out, const std::string& station, int seed = 1) const {
     const std::string rig = write("rig" + std::to_string(seed), "seed = " + std::to_string(seed) + "\n");
-    return {"run",        "--dry-run", "--unit",    "SN1",   "--out", out,
-            "--sequence", short_demo,  "--station", station, "--rig", rig};
+    return dry_run(out, {"--station", station, "--rig", rig});
   }
   // A run that was killed when its recording was sealed and nothing had been made of it yet.
   void make_sealed(const std::string& folder) {
-    const std::string where = station("counted/s.station");
-    ASSERT_EQ(run_struck(begin("counted/out", where), 0, "kill").code, 0);
-    long points = 0;
-    std::istringstream(file_text(folder_.string() + ".count")) >> points;
-    fs::remove(folder_.string() + ".count");
+    const long points = count_points(begin("counted/out", station("counted/s.station")));
     const auto is_sealed_when_struck_at = [&](long point) {
       fs::remove_all(folder_ / folder);
       run_struck(begin(folder + "/out", station(folder + "/s.station")), point, "kill");
@@ -85,8 +79,8 @@ TEST_F(Storage, NothingIsMadeOfASealedRecordingThatWasChanged) {
     const ProgramResult result = run({"resume", "run/out"});
     EXPECT_EQ(result.code, 50) << i << ": " << result.err << result.out;
     EXPECT_EQ(result.err_lines(), 1) << result.err;
-    EXPECT_NE(result.err.find("recording.tcr"), std::string::npos) << result.err;
-    EXPECT_EQ(result.err.find("wrong segments, signs or units"), std::string::npos) << result.err;
+    EXPECT_SAYS(result.err, "recording.tcr");
+    EXPECT_SAYS_NOT(result.err, "wrong segments, signs or units");
     EXPECT_FALSE(fs::exists(folder_ / "run/out/parameters.conf")) << i;
     EXPECT_FALSE(fs::exists(folder_ / "run/store")) << i;
     const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(path("run/results.db"));
@@ -113,16 +107,15 @@ TEST_F(Storage, ASignalDoesNotEndTheResultsOfASealedRecording) {
 
 TEST_F(Storage, ALockedDatabaseStopsTheBatchAndTheUnitIsNotRefused) {
   write("queue", "SN1\nSN2\n");
-  const std::string where = station("s.station");
-  const std::vector<std::string> batch = {"batch",      "queue",    "--dry-run", "--out", "units",
-                                          "--sequence", short_demo, "--station", where};
+  const Arguments batch = "batch queue --dry-run --out units --station s.station --sequence " + short_demo;
+  station("s.station");
   sqlite3* lock = nullptr;
   ASSERT_EQ(sqlite3_open(path("results.db").c_str(), &lock), SQLITE_OK);
   sqlite3_busy_timeout(lock, 10'000);  // the run begins by a row of its own
   ASSERT_EQ(sqlite3_exec(lock, "CREATE TABLE other(x); BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
   const ProgramResult before = run(batch);
   EXPECT_EQ(before.code, 50) << before.err;
-  EXPECT_NE(before.err.find("results.db: results database: "), std::string::npos) << before.err;
+  EXPECT_SAYS(before.err, "results.db: results database: ");
   EXPECT_FALSE(fs::exists(folder_ / "units/SN1/journal.tcj")) << "seen before anything moved";
   // Locked while the unit is measured.
   sqlite3_exec(lock, "ROLLBACK", nullptr, nullptr, nullptr);
@@ -140,20 +133,10 @@ TEST_F(Storage, ALockedDatabaseStopsTheBatchAndTheUnitIsNotRefused) {
 // Nor is the database forgotten over a unit that failed on the way.
 TEST_F(Storage, ALockedDatabaseStopsTheBatchWhoseUnitFails) {
   write("queue", "SN1\nSN2\n");
-  const std::vector<std::string> batch = {
-      "batch",
-      "queue",
-      "--dry-run",
-      "--out",
-      "units",
-      "--sequence",
-      short_demo,
-      "--station",
-      station("s.station"),
-      "--rig",
-      write("flagged.rig", "fault.1.kind = invalid_sample\nfault.1.sample = 4000\nfault.1.count = 100000000\n"),
-      "--pace",
-      "20"};
+  station("s.station");
+  write("flagged.rig", "fault.1.kind = invalid_sample\nfault.1.sample = 4000\nfault.1.count = 100000000\n");
+  const Arguments batch =
+      "batch queue --dry-run --out units --station s.station --rig flagged.rig --pace 20 --sequence " + short_demo;
   const pid_t pid = start(batch);
   while (!fs::exists(folder_ / "units/SN1/recording.partial.tcr")) ::usleep(1000);
   sqlite3* lock = nullptr;
@@ -162,7 +145,7 @@ TEST_F(Storage, ALockedDatabaseStopsTheBatchWhoseUnitFails) {
   ASSERT_EQ(sqlite3_exec(lock, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
   const ProgramResult during = finish(pid);
   EXPECT_EQ(during.code, 50) << during.err;
-  EXPECT_NE(during.err.find("results database: "), std::string::npos) << during.err;
+  EXPECT_SAYS(during.err, "results database: ");
   EXPECT_EQ(outcomes_text(path("queue")), "");
   sqlite3_close(lock);
   ASSERT_EQ(run(batch).code, 20);
@@ -182,7 +165,7 @@ TEST_F(Storage, WhatWouldStopARunIsSaidBeforeItBegins) {
   long_one.samples = LLONG_MAX / 128;
   const Error full = first({.station = none, .plan = long_one, .folder = path("r"), .units = {"SN1"}});
   EXPECT_EQ(full.kind, ErrorKind::device);
-  EXPECT_NE(full.message.find("MiB are free: expected"), std::string::npos) << full.message;
+  EXPECT_SAYS(full.message, "MiB are free: expected");
   none.table_calibration_due = "2026-01-01";
   const Plan plan;
   EXPECT_EQ(first({.station = none, .plan = plan, .utc_s = 1767312000.0}).kind, ErrorKind::input);  // 2026-01-02
@@ -223,9 +206,8 @@ TEST_F(Storage, OnlyOldRecordingsOfFinishedUnitsAreRemovedAndNeverTheLast) {
                            const std::string& effect = "") {
     const std::string rig =
         write(out + ".rig", "start_utc_s = " + std::to_string(1767225600LL + 86400LL * day) + "\n" + effect);
-    const int code = run({"run", "--dry-run", "--unit", unit, "--out", "all/" + out, "--sequence", short_demo, "--rig",
-                          rig, "--station", station(out + ".station", limits)})
-                         .code;
+    const int code =
+        run(dry_run("all/" + out, {"--rig", rig, "--station", station(out + ".station", limits)}, unit)).code;
     EXPECT_EQ(code, limits.empty() && effect.empty() ? 0 : 20) << out;
   };
   measure("first", "SN1", 0);
@@ -248,7 +230,7 @@ TEST_F(Storage, OnlyOldRecordingsOfFinishedUnitsAreRemovedAndNeverTheLast) {
   expect_refused({"prune", "nowhere", "--older-than", "1"}, "nowhere: cannot be read");
   EXPECT_EQ(prune("36500").out, "0 of 6 recordings removed, 0.0 MB\n");
   const ProgramResult listed = run({"prune", "all", "--older-than", "1", "--list"});
-  EXPECT_NE(listed.out.find("\n2 of 6 recordings would be removed, "), std::string::npos) << listed.out;
+  EXPECT_SAYS(listed.out, "\n2 of 6 recordings would be removed, ");
   EXPECT_EQ(recordings(), all);
 
   // Somebody works in one folder, and the journal of the other cannot be read.
@@ -270,32 +252,28 @@ TEST_F(Storage, OnlyOldRecordingsOfFinishedUnitsAreRemovedAndNeverTheLast) {
   write("all/first/journal.tcj", journal);
   EXPECT_EQ(prune("1").code, 0);
   EXPECT_EQ(recordings(), (std::set<std::string>{"last", "other", "held", "again"}));
-  EXPECT_NE(file_text(folder_ / "all/first/run.log").find("recording.tcr is removed by turncal prune\n"),
-            std::string::npos);
+  EXPECT_SAYS(file_text(folder_ / "all/first/run.log"), "recording.tcr is removed by turncal prune\n");
   EXPECT_TRUE(fs::exists(folder_ / "all/first/parameters.conf"));
-  EXPECT_NE(run({"resume", "all/first"}).out.find("nothing to resume"), std::string::npos);
+  EXPECT_SAYS(run({"resume", "all/first"}).out, "nothing to resume");
   EXPECT_EQ(prune("1").out, "0 of 4 recordings removed, 0.0 MB\n");
 }
 
 TEST_F(Storage, AFolderThatIsTakenAwayStopsTheRunAtTheNextDwell) {
-  const pid_t pid = start({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--pace", "20", "--sequence",
-                           std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq"});
+  const pid_t pid = start(dry_run("out", "--pace 20"));
   for (int i = 0; i < 1000 && !fs::exists(folder_ / "out/recording.partial.tcr"); ++i) ::usleep(10'000);
   fs::rename(folder_ / "out", folder_ / "away");
   const ProgramResult result = finish(pid);
   EXPECT_EQ(result.code, 50) << result.err;
-  EXPECT_NE(result.err.find("is no longer there"), std::string::npos) << result.err;
-  EXPECT_EQ(result.out.find("go on with"), std::string::npos) << "there is nothing to go on with";
+  EXPECT_SAYS(result.err, "is no longer there");
+  EXPECT_SAYS_NOT(result.out, "go on with") << "there is nothing to go on with";
   const std::string log = file_text(folder_ / "away/run.log");
-  EXPECT_NE(log.find("step 1/14"), std::string::npos);
-  EXPECT_EQ(log.find("step 2/14"), std::string::npos) << "at the next dwell, not after the whole run";
+  EXPECT_SAYS_NOT(log, "step 2/14") << "at once, not after the whole run";
 }
 
 // What is taken away or cut under a run is said at the next record, in one line, and there is no verdict.
 TEST_F(Storage, AJournalOrARecordingThatSomebodyChangesStopsTheRun) {
   const auto run_and = [this](const std::string& out, const std::function<void(const fs::path&)>& change) {
-    const pid_t pid = start({"run", "--dry-run", "--unit", "SN1", "--out", out, "--pace", "20", "--sequence",
-                             std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq"});
+    const pid_t pid = start(dry_run(out, "--pace 20"));
     const fs::path partial = folder_ / out / "recording.partial.tcr";
     for (int i = 0; i < 1000 && !(fs::exists(partial) && fs::file_size(partial) > 20'000); ++i) ::usleep(10'000);
     change(folder_ / out);
@@ -306,24 +284,65 @@ TEST_F(Storage, AJournalOrARecordingThatSomebodyChangesStopsTheRun) {
     return result;
   };
   const ProgramResult removed = run_and("removed", [](const fs::path& out) { fs::remove(out / "journal.tcj"); });
-  EXPECT_NE(removed.err.find("journal.tcj: is no longer there"), std::string::npos) << removed.err;
-  EXPECT_EQ(removed.out.find("go on with"), std::string::npos) << "there is nothing to go on with";
+  EXPECT_SAYS(removed.err, "journal.tcj: is no longer there");
+  EXPECT_SAYS_NOT(removed.out, "go on with") << "there is nothing to go on with";
   const ProgramResult journal =
       run_and("journal", [](const fs::path& out) { fs::resize_file(out / "journal.tcj", 200); });
-  EXPECT_NE(journal.err.find("it is 200 bytes long where"), std::string::npos) << journal.err;
+  EXPECT_SAYS(journal.err, "it is 200 bytes long where");
   const ProgramResult cut =
       run_and("cut", [](const fs::path& out) { fs::resize_file(out / "recording.partial.tcr", 10'000); });
-  EXPECT_NE(cut.err.find("recording.partial.tcr: somebody else has changed it: it is 10000 bytes long where"),
-            std::string::npos)
-      << cut.err;
+  EXPECT_SAYS(cut.err, "recording.partial.tcr: somebody else has changed it: it is 10000 bytes long where");
   const std::string log = file_text(folder_ / "cut/run.log");
-  EXPECT_EQ(log.find("step 2/14"), std::string::npos) << "at the next record, not after the whole run";
+  EXPECT_SAYS_NOT(log, "step 2/14") << "at the next record, not after the whole run";
+}
+
+// In a dwell of 200 s.
+TEST_F(Storage, WhatIsTakenAwayInADwellIsNoticedAtOnce) {
+  const std::string sequence = write("long.seq",
+                                     "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n"
+                                     "  initial H 0 P 0 R 0\n  align 200\n  dwell 800000\n");
+  const auto expect_noticed = [&](const std::string& out, const std::function<void(const fs::path&)>& take_away,
+                                  const std::string& said) {
+    const pid_t pid = start(
+        {"run", "--dry-run", "--unit", "SN1", "--out", out, "--pace", "20", "--sequence", sequence, "--capture-only"});
+    const fs::path partial = folder_ / out / "recording.partial.tcr";
+    for (int i = 0; i < 3000 && !(fs::exists(partial) && fs::file_size(partial) > 200'000); ++i) ::usleep(10'000);
+    const Deadline time(60.0);
+    take_away(folder_ / out);
+    const ProgramResult result = finish(pid);
+    EXPECT_FALSE(time.passed()) << out;
+    EXPECT_EQ(result.code, 50) << result.err;
+    EXPECT_EQ(result.err_lines(), 1) << result.err;
+    EXPECT_NE(result.err.find(said), std::string::npos) << result.err;
+    EXPECT_NE(result.err.find("dwelling"), std::string::npos) << result.err;
+    return result.out.find("go on with") != std::string::npos;
+  };
+  EXPECT_FALSE(expect_noticed(
+      "journal", [](const fs::path& out) { fs::remove(out / "journal.tcj"); }, "journal.tcj: is no longer there"));
+  EXPECT_TRUE(expect_noticed(
+      "copied",
+      [](const fs::path& out) {
+        fs::copy_file(out / "journal.tcj", out / "copy");
+        fs::rename(out / "copy", out / "journal.tcj");
+      },
+      "journal.tcj: is another file now"));
+  EXPECT_FALSE(expect_noticed(
+      "gone", [](const fs::path& out) { fs::remove(out / "recording.partial.tcr"); },
+      "recording.partial.tcr: is no longer there"));
+  EXPECT_FALSE(expect_noticed(
+      "cut", [](const fs::path& out) { fs::resize_file(out / "recording.partial.tcr", 5'000); },
+      "recording.partial.tcr: somebody else has changed it"));
+  EXPECT_NE(run({"resume", "cut"}).err.find("does not hold what this run had recorded by sample"), std::string::npos);
+  EXPECT_FALSE(expect_noticed(
+      "folder", [](const fs::path& out) { fs::rename(out, out.string() + ".away"); }, "is no longer there"));
+  EXPECT_TRUE(expect_noticed(
+      "log", [](const fs::path& out) { fs::remove(out / "run.log"); }, "run.log: is no longer there"));
 }
 
 TEST_F(Storage, WhatFailedAfterTheTableMovedLeavesItsLog) {
   const std::string rig = write("fault.rig", "fault.1.kind = axis_fault\nfault.1.axis = pitch\nfault.1.time_s = 1\n");
   EXPECT_EQ(run({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--rig", rig}).code, 50);
-  EXPECT_NE(file_text(folder_ / "out/run.log").find("fault of axis pitch"), std::string::npos);
+  EXPECT_SAYS(file_text(folder_ / "out/run.log"), "fault of axis pitch");
   EXPECT_EQ(run({"journal", "out"}).code, 0);
 }
 

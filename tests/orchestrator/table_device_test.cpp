@@ -10,6 +10,7 @@
 
 #include "orchestrator/devices/station_lock.h"
 #include "tests/imu_io/temporary_folder.h"
+#include "tests/says.h"
 #include "tests/turntable_drivers/served_twin.h"
 
 namespace turncal {
@@ -79,23 +80,19 @@ TEST(TableDevice, ShippedExamplesAreReadAndMade) {
 }
 
 TEST(TableDevice, DefectsAreNamed) {
-  EXPECT_NE(error_of("table.driver = hydraulic\n").find("mock, modbus, serial or manual"), std::string::npos);
-  EXPECT_NE(error_of("table.driver = modbus\n").find("'table.map' is missing"), std::string::npos);
-  EXPECT_NE(error_of("table.driver = serial\n").find("'table.dialect' is missing"), std::string::npos);
-  EXPECT_NE(error_of("table.driver = modbus\ntable.map = no-such.map\n").find("no-such.map"), std::string::npos);
-  EXPECT_NE(error_of("table.driver = modbus\ntable.map = mock.station\n").find("mock.station"), std::string::npos)
+  EXPECT_SAYS(error_of("table.driver = hydraulic\n"), "mock, modbus, serial or manual");
+  EXPECT_SAYS(error_of("table.driver = modbus\n"), "'table.map' is missing");
+  EXPECT_SAYS(error_of("table.driver = serial\n"), "'table.dialect' is missing");
+  EXPECT_SAYS(error_of("table.driver = modbus\ntable.map = no-such.map\n"), "no-such.map");
+  EXPECT_SAYS(error_of("table.driver = modbus\ntable.map = mock.station\n"), "mock.station")
       << "an error in the map comes with the map's name";
-  EXPECT_NE(error_of("table.driver = manual\ntable.map = x.map\n").find("table.map"), std::string::npos)
-      << "not its key";
-  EXPECT_NE(error_of("table.driver = manual\ntable.tolerance_deg = 0\n").find("table.tolerance_deg"),
-            std::string::npos);
-  EXPECT_NE(error_of("table.driver = manual\nmotion.position_tolerance_deg = 0.05\n")
-                .find("not below table.tolerance_deg (0.1, its default)"),
-            std::string::npos);
-  EXPECT_NE(error_of("table.driver = serial\ntable.dialect = ../../turntable_drivers/ascii/dialects/pi_gcs2.dialect\n"
-                     "axis.roll.max_rate_degps = 500\n")
-                .find("axis.roll.max_rate_degps"),
-            std::string::npos);
+  EXPECT_SAYS(error_of("table.driver = manual\ntable.map = x.map\n"), "table.map") << "not its key";
+  EXPECT_SAYS(error_of("table.driver = manual\ntable.tolerance_deg = 0\n"), "table.tolerance_deg");
+  EXPECT_SAYS(error_of("table.driver = manual\nmotion.position_tolerance_deg = 0.05\n"),
+              "not below table.tolerance_deg (0.1, its default)");
+  EXPECT_SAYS(error_of("table.driver = serial\ntable.dialect = ../../turntable_drivers/ascii/dialects/pi_gcs2.dialect\n"
+                       "axis.roll.max_rate_degps = 500\n"),
+              "axis.roll.max_rate_degps");
 }
 
 // From a station file to a table that moves: over a real link to the twin, within the station's limits.
@@ -130,7 +127,7 @@ TEST(TableDevice, MovesTheTwinWithinTheStationsLimits) {
   const std::string slow = text + "motion.poll_idle_s = 0.6\n";
   const Result<StationConfig> refused = parse_station_config(slow, folder / "my.station");
   ASSERT_FALSE(refused.ok());
-  EXPECT_NE(refused.error().message.find("heartbeat.watchdog_s"), std::string::npos) << refused.error().message;
+  EXPECT_SAYS(refused.error().message, "heartbeat.watchdog_s");
 }
 
 // An exception in mid-move unwinds past the table: it is told to stop.

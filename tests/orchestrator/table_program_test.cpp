@@ -31,6 +31,12 @@ class TableProgram : public Program {
           "imu.driver = serial\nimu.frame = laser_gyro\nimu.device = " +
               unit_.device() + "\n");
   }
+  // Five seconds.
+  void wait_for_answers() const {
+    std::string map = drives.map_text();
+    const std::string time = "link.response_timeout_s = 0.1";
+    write("level.map", map.replace(map.find(time), time.size(), "link.response_timeout_s = 5"));
+  }
   void switch_on() {
     const std::lock_guard lock(drives.mutex);
     for (auto& [unit, drive] : drives.drives) drive.control = 1;
@@ -59,8 +65,8 @@ TEST_P(TableProgramToldToEnd, CommissionSaysSoAndThatTheTableRests) {
   const ProgramResult result = commission([](pid_t pid) { ::kill(pid, GetParam()); });
   EXPECT_EQ(result.code, by_operator ? 30 : 75);
   EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_NE(result.err.find(by_operator ? "stopped by the operator" : "told to end"), std::string::npos) << result.err;
-  EXPECT_NE(result.err.find("the table rests, its drives are off"), std::string::npos) << result.err;
+  EXPECT_SAYS(result.err, by_operator ? "stopped by the operator" : "told to end");
+  EXPECT_SAYS(result.err, "the table rests, its drives are off");
   EXPECT_TRUE(drives.all_off());
 }
 INSTANTIATE_TEST_SUITE_P(By, TableProgramToldToEnd, testing::Values(SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGINT),
@@ -88,7 +94,7 @@ TEST_F(TableProgram, CommissionStopsWhenAnotherAxisTurns) {
     roll.rate = 10'000.0;
   });
   EXPECT_EQ(result.code, 50);
-  EXPECT_NE(result.err.find("roll moves although nothing sent it"), std::string::npos) << result.err;
+  EXPECT_SAYS(result.err, "roll moves although nothing sent it");
   EXPECT_TRUE(drives.all_off());
   EXPECT_LT(drives.drive(3).position, 10'000.0) << "10 deg at 10 deg/s, where a poll takes 0.1 s";
 }
@@ -102,8 +108,7 @@ TEST_F(TableProgram, CommissionStopsWhenADriveGoesOff) {
   });
   EXPECT_LT(monotonic_s() - began_s, 10.0) << "not only when a move takes too long, with the look for a sag";
   EXPECT_EQ(result.code, 50);
-  EXPECT_NE(result.err.find("drive of axis pitch is off; the table rests, its drives are off"), std::string::npos)
-      << result.err;
+  EXPECT_SAYS(result.err, "drive of axis pitch is off; the table rests, its drives are off");
 }
 
 // 0.005 deg/s, of which neither the status nor the rate tells.
@@ -136,20 +141,20 @@ TEST_F(TableProgram, AnAxisThatSagsWithItsDriveOffIsSaid) {
 
 TEST_F(TableProgram, MonitorShowsADriveThatIsOnAndSwitchesItOff) {
   switch_on();
-  const ProgramResult result = run({"monitor", "--station", "level.station", "--seconds", "1"});
+  const ProgramResult result = run("monitor --station level.station --seconds 1");
   EXPECT_EQ(result.code, 0) << result.err;
-  EXPECT_NE(result.out.find("not ready (on, by somebody else"), std::string::npos) << result.out;
-  EXPECT_EQ(result.out.find("(off"), std::string::npos) << result.out;
+  EXPECT_SAYS(result.out, "not ready (on, by somebody else");
+  EXPECT_SAYS_NOT(result.out, "(off");
   EXPECT_TRUE(drives.all_off());
 }
 
 TEST_F(TableProgram, MonitorSaysThatADriveStaysOn) {
   switch_on();
   drives.refuses_off = 1'000'000;
-  const ProgramResult result = run({"monitor", "--station", "level.station", "--seconds", "1"});
+  const ProgramResult result = run("monitor --station level.station --seconds 1");
   EXPECT_EQ(result.code, 50);
   EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_NE(result.err.find("THE STOP COULD NOT BE VERIFIED"), std::string::npos) << result.err;
+  EXPECT_SAYS(result.err, "THE STOP COULD NOT BE VERIFIED");
 }
 
 TEST_F(TableProgram, MonitorSaysThatItCouldNotReadTheTableAtLast) {
@@ -160,7 +165,7 @@ TEST_F(TableProgram, MonitorSaysThatItCouldNotReadTheTableAtLast) {
   drives.reads_answered = true;
   EXPECT_EQ(result.code, 50);
   EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_NE(result.err.find("THE STOP COULD NOT BE VERIFIED"), std::string::npos) << result.err;
+  EXPECT_SAYS(result.err, "THE STOP COULD NOT BE VERIFIED");
 }
 
 // A signal cuts the reading of the moment short: that is no fault of the line, and nothing is said of it.
@@ -173,16 +178,14 @@ TEST_F(TableProgram, MonitorThatIsToldToEndDoesNotCallTheLineLost) {
     ::kill(pid, SIGTERM);
     const ProgramResult result = finish(pid);
     EXPECT_EQ(result.code, 0) << result.err;
-    EXPECT_NE(result.out.find("not ready"), std::string::npos) << result.out;
-    EXPECT_EQ(result.out.find("link lost"), std::string::npos) << result.out;
+    EXPECT_SAYS(result.out, "not ready");
+    EXPECT_SAYS_NOT(result.out, "link lost");
   }
 }
 
 // Nor is it the operator who ends what the system ends.
 TEST_F(TableProgram, MonitorThatIsToldToEndWhileItConnectsSaysSo) {
-  std::string map = drives.map_text();
-  const std::string time = "link.response_timeout_s = 0.1";
-  write("level.map", map.replace(map.find(time), time.size(), "link.response_timeout_s = 5"));
+  wait_for_answers();
   drives.reads_answered = false;
   for (const int signal : {SIGTERM, SIGINT}) {
     const pid_t pid = start({"monitor", "--station", "level.station"});
@@ -190,17 +193,14 @@ TEST_F(TableProgram, MonitorThatIsToldToEndWhileItConnectsSaysSo) {
     ::kill(pid, signal);
     const ProgramResult result = finish(pid);
     EXPECT_EQ(result.code, signal == SIGTERM ? 75 : 30) << result.err;
-    EXPECT_NE(result.err.find(signal == SIGTERM ? "told to end" : "stopped by the operator"), std::string::npos)
-        << result.err;
+    EXPECT_SAYS(result.err, signal == SIGTERM ? "told to end" : "stopped by the operator");
   }
   drives.reads_answered = true;
 }
 
 // Three answers take longer than a line is to wait.
 TEST_F(TableProgram, MonitorShowsTheUnitOfASlowTable) {
-  std::string map = drives.map_text();
-  const std::string time = "link.response_timeout_s = 0.1";
-  write("level.map", map.replace(map.find(time), time.size(), "link.response_timeout_s = 5"));
+  wait_for_answers();
   const Result<FrameDescription> frame = find_frame("laser_gyro");
   ASSERT_TRUE(frame.ok());
   drives.answer_s = 0.4;
@@ -217,8 +217,8 @@ TEST_F(TableProgram, MonitorShowsTheUnitOfASlowTable) {
   ended = true;
   unit.join();
   EXPECT_EQ(result.code, 0) << result.err;
-  EXPECT_NE(result.out.find("samples/s, 0 gaps (0 lost)"), std::string::npos) << result.out;
-  EXPECT_EQ(result.out.find("no samples"), std::string::npos) << result.out;
+  EXPECT_SAYS(result.out, "samples/s, 0 gaps (0 lost)");
+  EXPECT_SAYS_NOT(result.out, "no samples");
 }
 
 // A drive that answers with a failure is there.
@@ -228,10 +228,10 @@ TEST_F(TableProgram, MonitorSaysFaultOfADriveThatAnswersWithAnException) {
   drives.exception = 4;
   const ProgramResult result = finish(pid);
   drives.exception = 0;
-  EXPECT_NE(result.out.find("heading FAULT; pitch FAULT; roll FAULT; "), std::string::npos) << result.out;
-  EXPECT_EQ(result.out.find("link lost"), std::string::npos) << result.out;
+  EXPECT_SAYS(result.out, "heading FAULT; pitch FAULT; roll FAULT; ");
+  EXPECT_SAYS_NOT(result.out, "link lost");
   EXPECT_EQ(result.code, 50);
-  EXPECT_NE(result.err.find("exception 4"), std::string::npos) << result.err;
+  EXPECT_SAYS(result.err, "exception 4");
 }
 
 // No position is plausible in the wrong word order, so that connecting fails: what would fit is said all the same.
@@ -247,8 +247,8 @@ TEST_F(TableProgram, CommissionSaysWhichWordOrderFitsWhereNoPositionIsPlausible)
       run({"commission", "--station", "level.station", "--heading", "30", "--pitch", "20", "--roll", "-10"});
   EXPECT_EQ(result.code, 1);
   EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_NE(result.err.find("expected words.order = low_first"), std::string::npos) << result.err;
-  EXPECT_NE(result.err.find("; nothing was moved"), std::string::npos) << result.err;
+  EXPECT_SAYS(result.err, "expected words.order = low_first");
+  EXPECT_SAYS(result.err, "; nothing was moved");
   EXPECT_EQ(drives.words(), 0u) << "nothing was written";
 }
 
@@ -260,8 +260,8 @@ TEST_F(TableProgram, CommissionThatFailsSaysHowTheTableWasLeft) {
     drives.exception = 0;
   });
   EXPECT_EQ(rests.code, 50);
-  EXPECT_NE(rests.err.find("exception 4"), std::string::npos) << rests.err;
-  EXPECT_NE(rests.err.find("the table rests, its drives are off"), std::string::npos) << rests.err;
+  EXPECT_SAYS(rests.err, "exception 4");
+  EXPECT_SAYS(rests.err, "the table rests, its drives are off");
   EXPECT_TRUE(rests.err.starts_with("turncal: ")) << rests.err;
   EXPECT_TRUE(drives.all_off());
 }
@@ -274,10 +274,9 @@ TEST_F(TableProgram, RunThatCannotVerifyItsStopSaysSoInItsTime) {
   const double began_s = monotonic_s();
   const ProgramResult result = run({"run", "--station", "level.station", "--unit", "U", "--out", "run"});
   EXPECT_EQ(result.code, 50);
-  EXPECT_NE(result.err.find("no sample from the IMU"), std::string::npos) << result.err;
-  EXPECT_NE(result.err.find("THE STOP COULD NOT BE VERIFIED"), std::string::npos) << result.err;
-  EXPECT_NE(result.out.find("stopping -> failed  deadline: THE STOP COULD NOT BE VERIFIED"), std::string::npos)
-      << result.out;
+  EXPECT_SAYS(result.err, "no sample from the IMU");
+  EXPECT_SAYS(result.err, "THE STOP COULD NOT BE VERIFIED");
+  EXPECT_SAYS(result.out, "stopping -> failed  deadline: THE STOP COULD NOT BE VERIFIED");
   EXPECT_LT(monotonic_s() - began_s, 9.0) << "1 s of silence, 1 + 2 s of stop, and the ramps";
 }
 
@@ -287,8 +286,8 @@ TEST_F(TableProgram, CommissionThatCannotVerifyItsStopEndsAfterTenSeconds) {
   const double began_s = monotonic_s();
   const ProgramResult result = commission([](pid_t pid) { ::kill(pid, SIGTERM); });
   EXPECT_EQ(result.code, 50);
-  EXPECT_NE(result.err.find("told to end"), std::string::npos) << result.err;
-  EXPECT_NE(result.err.find("THE STOP COULD NOT BE VERIFIED"), std::string::npos) << result.err;
+  EXPECT_SAYS(result.err, "told to end");
+  EXPECT_SAYS(result.err, "THE STOP COULD NOT BE VERIFIED");
   EXPECT_LT(monotonic_s() - began_s, 15.0);
 }
 

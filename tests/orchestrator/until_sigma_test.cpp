@@ -62,16 +62,15 @@ TEST(TakesOfLast, AreThoseOfThePoseAlsoAcrossAnInterruption) {
   EXPECT_EQ(takes_of_last(segments, 1).size(), 1u);
 }
 
-const char* const station_text =
-    "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
-    "motion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\nstop.sigma.n11 = 3e-6\nstop.sigma.n22 "
-    "= 3e-6\n";
+const std::string station_text =
+    station_head +
+    "motion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\nstop.sigma.n11 = 3e-6\n"
+    "stop.sigma.n22 = 3e-6\n";
 
 class UntilSigma : public Program {
  protected:
-  static std::vector<std::string> begin(const std::string& out, const std::string& station) {
-    return {"run",        "--dry-run", "--unit",    "SN1",   "--out",        out,
-            "--sequence", short_demo,  "--station", station, "--until-sigma"};
+  static Arguments begin(const std::string& out, const std::string& station) {
+    return dry_run(out, {"--station", station, "--until-sigma"});
   }
   // Of the records of the journal, those of one type.
   std::vector<std::string> records(const std::string& folder, const std::string& type) const {
@@ -88,9 +87,8 @@ TEST_F(UntilSigma, EndsAfterTheDwellAtWhichAllIsKnownAndNoSooner) {
   asked.replace(asked.find("3e-6"), 4, "4.2e-7");
   const ProgramResult early = run(begin("early", write("mock.station", asked)));
   ASSERT_EQ(early.code, 0) << early.err;
-  EXPECT_NE(early.out.find("enough is known; 0:"), std::string::npos) << early.out;
-  EXPECT_NE(early.out.find("after item 1 of 106: not yet enough: the table has not turned yet"), std::string::npos)
-      << early.out;
+  EXPECT_SAYS(early.out, "enough is known; 0:");
+  EXPECT_SAYS(early.out, "after item 1 of 106: not yet enough: the table has not turned yet");
   const std::vector<std::string> estimates = records("early", "estimate");
   const std::vector<std::string> dwells = records("early", "dwell");
   ASSERT_EQ(estimates.size(), dwells.size()) << "after each of them";
@@ -119,13 +117,12 @@ TEST_F(UntilSigma, EndsAfterTheDwellAtWhichAllIsKnownAndNoSooner) {
 }
 
 TEST_F(UntilSigma, GoesToThePlannedEndWhereItIsNeverEnough) {
-  const std::string station = write("mock.station", std::string(station_text) + "stop.sigma.N01 = 1e-6\n");
+  const std::string station = write("mock.station", station_text + "stop.sigma.N01 = 1e-6\n");
   const ProgramResult whole = run(begin("whole", station));
   ASSERT_EQ(whole.code, 0) << whole.err;
-  EXPECT_EQ(whole.out.find("enough is known"), std::string::npos);
-  EXPECT_NE(whole.out.find("where 1.00e-06 is enough; the run goes to its planned end"), std::string::npos)
-      << whole.out;
-  EXPECT_NE(whole.out.find("unit SN1: not enough at the planned end: N01, "), std::string::npos) << whole.out;
+  EXPECT_SAYS_NOT(whole.out, "enough is known");
+  EXPECT_SAYS(whole.out, "where 1.00e-06 is enough; the run goes to its planned end");
+  EXPECT_SAYS(whole.out, "unit SN1: not enough at the planned end: N01, ");
   EXPECT_EQ(records("whole", "dwell").size(), 51u);
 }
 
@@ -137,16 +134,14 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
     rig += fault + "kind = gyro_glitch\n" + fault + "axis = x\n" + fault + "size_mrad = 0.002\n" + fault +
            "sample = " + std::to_string(50700 + 5 * k) + "\n";
   }
-  std::string asked = std::string(station_text) + "rig.file = drift.rig\n";
+  std::string asked = station_text + "rig.file = drift.rig\n";
   asked.replace(asked.find("3e-6"), 4, "4.5e-7");
   write("drift.rig", rig);
   const std::string station = write("mock.station", asked);
   const ProgramResult drifted = run(begin("drifted", station));
-  EXPECT_NE(
-      drifted.out.find("after item 41 of 106: this dwell, or the turn before it, disagrees with the others: it is "
-                       "made once more"),
-      std::string::npos)
-      << drifted.out;
+  EXPECT_SAYS(drifted.out,
+              "after item 41 of 106: this dwell, or the turn before it, disagrees with the others: it is "
+              "made once more");
   std::vector<std::string> again;
   for (const std::string& estimate : records("drifted", "estimate"))
     if (estimate.find("again = true") != std::string::npos) again.push_back(estimate);
@@ -157,26 +152,21 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
       std::ranges::count_if(recorded->data.segments, [](const Segment& s) { return s.kind != SegmentKind::rotate; }) +
           1,
       std::ssize(records("drifted", "dwell")));
-  EXPECT_NE(drifted.out.find("after item 41 of 106: made once more, this dwell agrees; the take that does not is set "
-                             "aside; not yet enough: n11, 4."),
-            std::string::npos)
-      << drifted.out;
-  EXPECT_NE(file_text(folder_ / "drifted/parameters.conf").find("rest that disagreed with all the others"),
-            std::string::npos);
-  EXPECT_NE(drifted.out.find("enough is known"), std::string::npos) << "its noise is that of a clean run";
+  EXPECT_SAYS(drifted.out,
+              "after item 41 of 106: made once more, this dwell agrees; the take that does not is set "
+              "aside; not yet enough: n11, 4.");
+  EXPECT_SAYS(file_text(folder_ / "drifted/parameters.conf"), "rest that disagreed with all the others");
+  EXPECT_SAYS(drifted.out, "enough is known") << "its noise is that of a clean run";
   // In text the same recording: which rest it was goes with the samples.
   ASSERT_EQ(run({"export", "drifted/recording.tcr", "--out", "text"}).code, 0);
   const Result<LoadedRecording> as_text = load_recording(path("text"));
   ASSERT_TRUE(as_text.ok()) << as_text.error().message;
   EXPECT_EQ(as_text->hash, recorded->hash);
-  EXPECT_NE(again.front().find("enough = false"), std::string::npos);
+  EXPECT_SAYS(again.front(), "enough = false");
 
   // Killed where it was decided, and where the dwell was made: the same bytes.
   const std::string recording = file_text(folder_ / "drifted/recording.tcr");
-  ASSERT_EQ(run_struck(begin("count", station), 0, "kill").code, drifted.code);
-  long points = 0;
-  std::istringstream(file_text(folder_.string() + ".count")) >> points;
-  std::filesystem::remove(folder_.string() + ".count");
+  const long points = count_points(begin("count", station), drifted.code);
   for (const double part : {0.38, 0.40, 0.42}) {
     SCOPED_TRACE(part);
     const long point = std::lround(part * static_cast<double>(points));
@@ -191,11 +181,11 @@ TEST_F(UntilSigma, DoesNotEndBeforeThereIsADiagnosisWhereTheWholeRunHasOne) {
   std::string asked = station_text;  // of both: enough at once
   asked.replace(asked.find("3e-6"), 4, "1");
   asked.replace(asked.find("3e-6"), 4, "1");
-  std::vector<std::string> go = begin("out", write("mock.station", asked));
+  Arguments go = begin("out", write("mock.station", asked));
   std::ranges::replace(go, short_demo, std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq");
   const ProgramResult result = run(go);
   ASSERT_EQ(result.code, 0) << result.err;
-  EXPECT_NE(result.out.find("too short for a diagnosis, 0:2"), std::string::npos) << result.out;
+  EXPECT_SAYS(result.out, "too short for a diagnosis, 0:2");
   const Result<ParameterFile> file = read_parameter_file(path("out/parameters.conf"));
   ASSERT_TRUE(file.ok()) << file.error().message;
   const std::string* const ended = find_further(*file, "record.ended_after_s");
@@ -206,11 +196,9 @@ TEST_F(UntilSigma, DoesNotEndBeforeThereIsADiagnosisWhereTheWholeRunHasOne) {
 }
 
 TEST_F(UntilSigma, TwoUnitsEndWhenBothAreKnown) {
-  std::vector<std::string> both = begin("both", write("mock.station", station_text));
-  both.insert(both.end(), {"--unit", "SN2"});
-  const ProgramResult result = run(both);
+  const ProgramResult result = run(begin("both", write("mock.station", station_text)) + "--unit SN2");
   ASSERT_EQ(result.code, 0) << result.err;
-  ASSERT_NE(result.out.find("enough is known"), std::string::npos);
+  ASSERT_SAYS(result.out, "enough is known");
   for (const char* unit : {"SN1", "SN2"}) {
     const Result<ParameterFile> file = read_parameter_file(path(std::string("both/") + unit + "/parameters.conf"));
     ASSERT_TRUE(file.ok()) << file.error().message;
@@ -220,18 +208,14 @@ TEST_F(UntilSigma, TwoUnitsEndWhenBothAreKnown) {
 }
 
 TEST_F(UntilSigma, IsRefusedWhereNothingSaysWhatIsEnough) {
-  const std::string silent = write("silent.station",
-                                   "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\n"
-                                   "table.driver = mock\nimu.driver = rig\nlimit.residual_max = 2\n");
+  const std::string silent = write("silent.station", station_head + "limit.residual_max = 2\n");
   expect_refused(begin("out", silent), "does not say what is enough: expected stop.sigma.<key> or limit.<key>.*");
   const std::string station = write("mock.station", station_text);
-  std::vector<std::string> captured = begin("out", station);
-  captured.push_back("--capture-only");
-  expect_refused(captured, "--until-sigma: expected neither --capture-only nor --partial");
-  expect_refused(begin("out", write("bad.station", std::string(station_text) + "stop.sigma.a21 = 1\n")),
+  expect_refused(begin("out", station) + "--capture-only",
+                 "--until-sigma: expected neither --capture-only nor --partial");
+  expect_refused(begin("out", write("bad.station", station_text + "stop.sigma.a21 = 1\n")),
                  "'stop.sigma.a21' is unknown");
-  expect_refused(begin("out", write("worse.station", std::string(station_text) + "stop.sigma.n33 = 0\n")),
-                 "stop.sigma.n33");
+  expect_refused(begin("out", write("worse.station", station_text + "stop.sigma.n33 = 0\n")), "stop.sigma.n33");
 }
 
 TEST_F(UntilSigma, EndsTheSameAfterAKillAtAnyTime) {
@@ -240,10 +224,7 @@ TEST_F(UntilSigma, EndsTheSameAfterAKillAtAnyTime) {
   const std::string parameters = file_text(folder_ / "reference/out/parameters.conf");
   const std::string recording = file_text(folder_ / "reference/out/recording.tcr");
   const std::string station = write("count/mock.station", station_text);
-  ASSERT_EQ(run_struck(begin("count/out", station), 0, "kill").code, 0);
-  long points = 0;
-  std::istringstream(file_text(folder_.string() + ".count")) >> points;
-  std::filesystem::remove(folder_.string() + ".count");
+  const long points = count_points(begin("count/out", station));
   ASSERT_GT(points, 100);
   // Some on the way, and more of the last, when it is decided that nothing more comes.
   std::vector<long> struck;

@@ -100,19 +100,10 @@ TEST(ControlChart, LimitsFromTheMovingRange) {
 
 class Production : public Program {
  protected:
-  static std::string station(const std::string& more) {
-    return "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
-           "motion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\n" +
-           more;
-  }
-  ProgramResult dry_run(const std::string& out, const std::string& station_text, std::vector<std::string> more = {}) {
-    std::vector<std::string> arguments = {"run",        "--dry-run",
-                                          "--unit",     "SN1",
-                                          "--out",      out,
-                                          "--sequence", std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq",
-                                          "--station",  write("mock.station", station(station_text))};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return run(arguments);
+  ProgramResult dry_run(const std::string& out, const std::string& station, const Arguments& more = {}) {
+    const std::string text =
+        station_head + "motion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\n";
+    return run(Program::dry_run(out, {"--station", write("mock.station", text + station)}) + more);
   }
 };
 
@@ -132,7 +123,7 @@ TEST(Verdict, TheClockIsJudgedWithTheValues) {
   EXPECT_EQ(judged(-201.0, 2.0).verdict, UnitVerdict::conditional_fail);
   const VerdictReport far = judged(-300.0, 2.0);
   EXPECT_EQ(far.verdict, UnitVerdict::fail);
-  EXPECT_NE(far.reason.find("clock_ppm = -300, limits -200 .. 200"), std::string::npos) << far.reason;
+  EXPECT_SAYS(far.reason, "clock_ppm = -300, limits -200 .. 200");
   add_verdict(judged(-150.0, 2.0), file);
   EXPECT_NE(
       std::find(file.further.begin(), file.further.end(),
@@ -145,24 +136,24 @@ TEST_F(Production, VerdictIsExitCodeAndRecord) {
       dry_run("good", "limit.residual_max = 1.5\nlimit.N01.min = -1\nlimit.N01.max = 1\n",
               {"--operator", "A. Turner", "--part", "RLG-7", "--revision", "C", "--ambient", "21.5 C"});
   ASSERT_EQ(good.code, 0) << good.err;
-  EXPECT_NE(good.out.find("verdict     pass  (ILAC-G8:09/2019"), std::string::npos) << good.out;
+  EXPECT_SAYS(good.out, "verdict     pass  (ILAC-G8:09/2019");
   const std::string file = file_text(folder_ / "good/parameters.conf");
   for (const char* line :
        {"verdict.result = pass", "verdict.rule = ILAC-G8:09/2019", "verdict.N01 = pass, limits -1 .. 1",
         "verdict.residual = pass", "record.operator = A. Turner", "record.part = RLG-7", "record.revision = C",
         "record.ambient = 21.5 C",
         "record.configuration_hash = ", "record.sequence_hash = ", "record.repeated_dwells = 0", "simulated = true"}) {
-    EXPECT_NE(file.find(line), std::string::npos) << line << '\n' << file;
+    EXPECT_SAYS(file, line);
   }
   const ProgramResult bad = dry_run("bad", "limit.sigma.max = 1\n");
   EXPECT_EQ(bad.code, 1) << "a misspelt limit must not pass for one";
   const ProgramResult fail = dry_run("fail", "limit.residual_max = 0.5\nlimit.N01.max = -100\n");
   EXPECT_EQ(fail.code, 20) << fail.out;
   EXPECT_EQ(fail.err_lines(), 1);
-  EXPECT_NE(fail.err.find("unit SN1: fail: N01 = "), std::string::npos) << fail.err;
-  EXPECT_NE(fail.err.find("(and 1 more)"), std::string::npos) << fail.err;
+  EXPECT_SAYS(fail.err, "unit SN1: fail: N01 = ");
+  EXPECT_SAYS(fail.err, "(and 1 more)");
   // It is on record, and its parameters are not in use.
-  EXPECT_NE(file_text(folder_ / "fail/parameters.conf").find("verdict.result = fail"), std::string::npos);
+  EXPECT_SAYS(file_text(folder_ / "fail/parameters.conf"), "verdict.result = fail");
   EXPECT_EQ(run({"resume", "fail"}).code, 20);
   EXPECT_EQ(file_text(folder_ / "store/simulated/SN1/parameters.conf"), file);
 }
@@ -171,13 +162,12 @@ TEST_F(Production, AnOverdueTableIsRefusedUnlessOverridden) {
   const std::string due = "table.id = TT-1\ntable.calibration_due = 2025-12-31\n";  // the rig's day is 2026-01-01
   const ProgramResult refused = dry_run("out", due);
   EXPECT_EQ(refused.code, 1);
-  EXPECT_NE(refused.err.find("table 'TT-1' was due on 2025-12-31, today is 2026-01-01"), std::string::npos)
-      << refused.err;
+  EXPECT_SAYS(refused.err, "table 'TT-1' was due on 2025-12-31, today is 2026-01-01");
   EXPECT_FALSE(fs::exists(folder_ / "out"));
   ASSERT_EQ(dry_run("out", due, {"--override-due", "recalibration is booked for Monday"}).code, 0);
   const std::string file = file_text(folder_ / "out/parameters.conf");
-  EXPECT_NE(file.find("record.overdue_reason = recalibration is booked for Monday"), std::string::npos);
-  EXPECT_NE(file.find("record.table_calibration_due = 2025-12-31"), std::string::npos);
+  EXPECT_SAYS(file, "record.overdue_reason = recalibration is booked for Monday");
+  EXPECT_SAYS(file, "record.table_calibration_due = 2025-12-31");
   ASSERT_EQ(dry_run("today", "table.calibration_due = 2026-01-01\n").code, 0) << "the last good day";
   // It runs out at midnight, in the middle of a run that is stopped then: begun in time, it needs a reason to go on.
   const std::string midnight = "fault.1.kind = emergency_stop\nfault.1.time_s = 400\n";
@@ -187,7 +177,7 @@ TEST_F(Production, AnOverdueTableIsRefusedUnlessOverridden) {
   EXPECT_EQ(run({"resume", "late", "--override-due", "half a run is no use"}).code, 50)
       << "the rig's fault comes again";
   const std::string journal = run({"journal", "late"}).out;
-  EXPECT_NE(journal.find("overdue_reason = half a run is no use"), std::string::npos);
+  EXPECT_SAYS(journal, "overdue_reason = half a run is no use");
   EXPECT_EQ(journal.find("[dry run] "), 0u);
   EXPECT_EQ(std::count(journal.begin(), journal.end(), '\n'), std::count(journal.begin(), journal.end(), '['))
       << journal;
@@ -195,54 +185,22 @@ TEST_F(Production, AnOverdueTableIsRefusedUnlessOverridden) {
   EXPECT_EQ(dry_run("bad", "table.calibration_due = 31.12.2026\n").code, 1);
 }
 
-TEST_F(Production, HistoryListsComparesChartsAndExports) {
+// What it prints is in tests/golden: history, control, compare and the files.
+TEST_F(Production, HistoryIsOfTheUnitsThatAreAskedFor) {
   ASSERT_EQ(dry_run("one", "limit.N01.min = -1\nlimit.N01.max = 1\n").code, 0);
   ASSERT_EQ(
-      dry_run("two", "limit.N01.min = -1\nlimit.N01.max = 1\n", {"--rig", write("two.rig", "noise.seed = 2\n")}).code,
+      run(Program::dry_run("two", {"--station", "mock.station", "--rig", write("two.rig", "seed = 3\n")}, "SN2")).code,
       0);
-  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN2", "--out", "three", "--sequence",
-                 std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq", "--station", path("mock.station"),
-                 "--rig", write("three.rig", "seed = 3\n")})
-                .code,
-            0);
-  const ProgramResult list = run({"history", "results.db"});
-  ASSERT_EQ(list.code, 0) << list.err;
-  EXPECT_EQ(std::count(list.out.begin(), list.out.end(), '\n'), 4);
-  EXPECT_NE(list.out.find("[simulated]"), std::string::npos);
-  const std::string of_one = run({"history", "results.db", "--unit", "SN1"}).out;
-  EXPECT_EQ(std::count(of_one.begin(), of_one.end(), '\n'), 3);
-
-  const ProgramResult compared = run({"history", "results.db", "--compare", "1", "2"});
-  ASSERT_EQ(compared.code, 0) << compared.err;
-  EXPECT_NE(compared.out.find("unit SN1"), std::string::npos);
-  EXPECT_NE(compared.out.find("a33"), std::string::npos);
-  EXPECT_EQ(run({"history", "results.db", "--compare", "1", "3"}).code, 1) << "two units";
-  EXPECT_EQ(run({"history", "results.db", "--compare", "1", "9"}).code, 1);
-
-  EXPECT_EQ(run({"history", "results.db", "--control"}).out.find("\nN01 "), std::string::npos)
-      << "simulated units among the real ones";
-  const std::string control = run({"history", "results.db", "--control", "--simulated", "--together"}).out;
-  EXPECT_NE(control.find("\nN01 "), std::string::npos) << control;
-  const std::string one = run({"history", "results.db", "--parameter", "N01", "--simulated", "--together"}).out;
-  EXPECT_NE(one.find("N01: n 3, mean"), std::string::npos) << one;
-  EXPECT_NE(one.find("limits -1 .. 1"), std::string::npos) << one;
-  EXPECT_EQ(run({"history", "results.db", "--parameter", "N99"}).code, 1);
-
-  ASSERT_EQ(run({"history", "results.db", "--report", "charts.html", "--simulated", "--together"}).code, 0);
-  EXPECT_NE(file_text(folder_ / "charts.html").find("3 calibrations of simulated units"), std::string::npos);
-
-  ASSERT_EQ(run({"history", "results.db", "--csv", "all.csv"}).code, 0);
-  const std::string csv = file_text(folder_ / "all.csv");
-  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 4);
-  const std::string header = csv.substr(0, csv.find('\n')), row = csv.substr(csv.find('\n') + 1);
-  EXPECT_EQ(std::count(header.begin(), header.end(), ','),
-            std::count(row.begin(), row.begin() + static_cast<long>(row.find('\n')), ','));
-  EXPECT_EQ(run({"history", "results.db", "--format", "csv"}).out, csv);
-  const std::string json = run({"history", "results.db", "--format", "json"}).out;
-  EXPECT_TRUE(json.starts_with("[\n{\"id\":1,\"unit\":\"")) << json;
-  EXPECT_EQ(std::count(json.begin(), json.end(), '\n'), 5);
-  expect_refused({"history", "results.db", "--format", "csv", "--control"}, "--format csv: is of the list");
-  expect_refused({"history", "nowhere.db"}, "there is no such results database");
+  EXPECT_SAYS_NOT(run("history results.db --unit SN1").out, "SN2");
+  EXPECT_EQ(run("history results.db --compare 1 2").code, 1) << "two units";
+  EXPECT_EQ(run("history results.db --compare 1 9").code, 1);
+  EXPECT_SAYS_NOT(run("history results.db --control").out, "\nN01 ") << "simulated units among the real ones";
+  EXPECT_SAYS(run("history results.db --parameter N01 --simulated --together").out, "limits -1 .. 1");
+  EXPECT_EQ(run("history results.db --parameter N99").code, 1);
+  ASSERT_EQ(run("history results.db --csv all.csv").code, 0);
+  EXPECT_EQ(run("history results.db --format csv").out, file_text(folder_ / "all.csv"));
+  expect_refused("history results.db --format csv --control", "--format csv: is of the list");
+  expect_refused("history nowhere.db", "there is no such results database");
   expect_refused({"history", write("garbage.db", std::string(4096, 'x'))}, "not a database");
 }
 
@@ -251,8 +209,7 @@ TEST_F(Production, VersionsAreKeptAndOneIsBroughtBack) {
   ASSERT_EQ(dry_run("two", "", {"--rig", write("two.rig", "noise.seed = 2\n")}).code, 0);
   const fs::path store = folder_ / "store/simulated/SN1";
   EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "two/parameters.conf"));
-  expect_refused({"restore", "store", "--unit", "SN1"},
-                 "no such version of unit 'SN1', but simulated ones: --simulated");
+  expect_refused("restore store --unit SN1", "no such version of unit 'SN1', but simulated ones: --simulated");
   expect_refused({"restore", "store", "--unit", "SN1", "--version", "1"}, "but simulated ones: --simulated");
   expect_refused({"restore", "store", "--unit", "SN7"}, "no such version of unit 'SN7'");
   const ProgramResult list = run({"restore", "store", "--unit", "SN1", "--simulated"});
@@ -270,9 +227,9 @@ TEST_F(Production, VersionsAreKeptAndOneIsBroughtBack) {
   EXPECT_EQ(run({"restore", "store", "--unit", "SN1", "--simulated", "--version", "2"}).code, 1);
   const ProgramResult rest = run({"restore", "store", "--unit", "SN1", "--simulated"});
   EXPECT_EQ(rest.code, 1) << "one is damaged";
-  EXPECT_NE(rest.err.find("0002.conf"), std::string::npos) << rest.err;
-  EXPECT_NE(rest.out.find("   2  damaged\n"), std::string::npos) << rest.out;
-  EXPECT_NE(rest.out.find("  in use\n"), std::string::npos) << "the others are listed:\n" << rest.out;
+  EXPECT_SAYS(rest.err, "0002.conf");
+  EXPECT_SAYS(rest.out, "   2  damaged\n");
+  EXPECT_SAYS(rest.out, "  in use\n") << "the others are listed:";
   EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "one/parameters.conf"));
 }
 

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "sequences/sequence.h"
+#include "tests/outcome.h"
 
 namespace turncal {
 namespace {
@@ -107,13 +108,12 @@ class BadSequence : public testing::TestWithParam<BadFile> {};
 TEST_P(BadSequence, IsRefusedWithOneLineThatNamesThePlace) {
   const std::string path = folder + GetParam().name;
   const Result<Sequence> sequence = read_sequence(path);
-  ASSERT_FALSE(sequence.ok());
-  EXPECT_EQ(sequence.error().kind, ErrorKind::input);
+  ASSERT_TRUE(fails(sequence, ErrorKind::input));
   const std::string& message = sequence.error().message;
   EXPECT_EQ(message.substr(0, path.size() + 1 + std::string(GetParam().message).size()),
             path + ":" + GetParam().message)
       << message;
-  EXPECT_EQ(message.find('\n'), std::string::npos);
+  EXPECT_FALSE(says(message, "\n"));
   EXPECT_LT(message.size() - path.size(), 220U);
 }
 

@@ -9,6 +9,8 @@
 #include <sstream>
 #include <string>
 
+#include "tests/outcome.h"
+
 namespace turncal {
 namespace {
 
@@ -22,13 +24,13 @@ PlanLimits rig_limits() {
 
 Plan planned(const std::string& steps, const PlanLimits& limits = rig_limits()) {
   const Result<Sequence> sequence = parse_sequence(header + steps, "test.seq");
-  EXPECT_TRUE(sequence.ok()) << sequence.error().message;
+  EXPECT_OK(sequence);
   return sequence.ok() ? make_plan(*sequence, limits) : Plan();
 }
 
 Plan fourteen_step_plan() {
   const Result<Sequence> sequence = read_sequence(std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq");
-  EXPECT_TRUE(sequence.ok()) << sequence.error().message;
+  EXPECT_OK(sequence);
   return sequence.ok() ? make_plan(*sequence, rig_limits()) : Plan();
 }
 
@@ -125,7 +127,7 @@ TEST(Plan, WorkedExampleOfTheDocument) {
   const std::size_t begin = text.find("format = 1\nname = example");
   ASSERT_NE(begin, std::string::npos);
   const Result<Sequence> sequence = parse_sequence(text.substr(begin, text.find("```", begin) - begin), "example");
-  ASSERT_TRUE(sequence.ok()) << sequence.error().message;
+  ASSERT_OK(sequence);
   const Plan plan = make_plan(*sequence, rig_limits());
   const double starts_s[] = {0.0, 60.0, 97.0, 197.0, 269.75, 279.75, 339.75, 349.75};
   ASSERT_EQ(plan.items.size(), std::size(starts_s));

@@ -5,12 +5,12 @@
 
 #include <fstream>
 #include <map>
-#include <random>
 #include <set>
 #include <string>
 
 #include "calib/model/parameters.h"
 #include "sequences/plan.h"
+#include "tests/outcome.h"
 
 namespace turncal {
 namespace {
@@ -18,16 +18,10 @@ namespace {
 const std::string header = "format = 1\nname = test\nrate_degps = 10\nacceleration_degps2 = 20\n";
 const std::string first_step = "step 1\ninitial H 0 P 0 R 0\nalign 200\ndwell 200\n";
 
-Sequence parsed(const std::string& text) {
-  const Result<Sequence> sequence = parse_sequence(text, "test.seq");
-  EXPECT_TRUE(sequence.ok()) << sequence.error().message;
-  return sequence.ok() ? *sequence : Sequence();
-}
+Sequence parsed(const std::string& text) { return expect_value(parse_sequence(text, "test.seq")); }
 
 Sequence shipped(const std::string& name) {
-  const Result<Sequence> sequence = read_sequence(std::string(TURNCAL_SOURCE_DIR) + "/sequences/" + name);
-  EXPECT_TRUE(sequence.ok()) << sequence.error().message;
-  return sequence.ok() ? *sequence : Sequence();
+  return expect_value(read_sequence(std::string(TURNCAL_SOURCE_DIR) + "/sequences/" + name));
 }
 
 // "roll 90>" for a move to 90 deg, "align 200", "dwell 200".
@@ -200,39 +194,6 @@ TEST(Extended, AddsAnglesRatesAndAReturnToTheFourteenSteps) {
   EXPECT_TRUE(at_45[0] && at_45[1] && at_45[2]);
   EXPECT_EQ(plan.items.back().commanded_deg, sequence.start_deg);
   EXPECT_EQ(plan.items.back().dwell_kind, SegmentKind::still);
-}
-
-// Bytes changed, removed, doubled: never a crash, never an error of two lines, never a plan without end.
-TEST(Parser, SurvivesDamagedFiles) {
-  const std::string good = shipped("fourteen_step.seq").text;
-  std::mt19937 random(20260101);
-  int accepted = 0;
-  for (int round = 0; round < 3000; ++round) {
-    std::string text = good;
-    for (int change = 0; change < 3; ++change) {
-      const std::size_t at = random() % text.size();
-      switch (random() % 4) {
-        case 0: text[at] = static_cast<char>(random() % 256); break;
-        case 1: text.erase(at, 1 + random() % 30); break;
-        case 2: {
-          const std::size_t count = random() % 30;
-          text.insert(at, text.substr(random() % text.size(), count));
-          break;
-        }
-        default: text.resize(std::max<std::size_t>(at, 1)); break;
-      }
-    }
-    const Result<Sequence> sequence = parse_sequence(text, "damaged.seq");
-    if (sequence) {
-      ++accepted;
-      const Plan plan = make_plan(*sequence, PlanLimits());
-      EXPECT_GT(plan.samples, 0);
-    } else {
-      EXPECT_EQ(sequence.error().message.find('\n'), std::string::npos);
-      EXPECT_TRUE(sequence.error().message.starts_with("damaged.seq:")) << sequence.error().message;
-    }
-  }
-  EXPECT_GT(accepted, 100);  // a comment or a title was hit
 }
 
 }  // namespace

@@ -251,6 +251,15 @@ struct Unit {
   Number temperature_c;   // empty: the rig's
 };
 
+// North, up, east in gauss, as it is about there: a dipole's to 15 %, and 15 deg of declination.
+std::array<double, 3> draw_field(double latitude_deg, std::uint64_t seed) {
+  Random r(seed + 7u);
+  const double declination = uniform(r, -15.0, 15.0) * pi / 180.0, latitude = latitude_deg * pi / 180.0;
+  const double horizontal = 0.31 * uniform(r, 0.85, 1.15) * std::cos(latitude);
+  return {horizontal * std::cos(declination), -0.62 * uniform(r, 0.85, 1.15) * std::sin(latitude),
+          horizontal * std::sin(declination)};
+}
+
 Unit draw_unit(Random& r, std::uint64_t seed, const std::string& grade, bool rig_temperature) {
   const auto named = std::find_if(grades.begin(), grades.end(), [&](const Grade& g) { return g.name == grade; });
   const auto drawn = static_cast<std::size_t>(std::max(0, one_of(r, 4) - 1));
@@ -260,6 +269,7 @@ Unit draw_unit(Random& r, std::uint64_t seed, const std::string& grade, bool rig
   c.noise_seed = 300000 + seed;
   c.table_errors.random_arcmin = uniform(r, 0.5, 10.0);
   c.site.latitude_deg = uniform(r, -65.0, 65.0);
+  c.site.magnetic_field_gauss = draw_field(c.site.latitude_deg, seed);
   c.sample_period_s = std::array<double, 4>{0.005, 0.005, 0.01, 0.0025}[static_cast<std::size_t>(one_of(r, 4))];
   c.accel_pulse_mps = u.grade.accel_pulse_mps;
   for (std::size_t k = 0; k < 3; ++k) c.truth[k] = u.grade.bias_degph * normal(r);
@@ -505,9 +515,12 @@ void judge(std::vector<Node>& nodes, const Clean& clean, const Effect& truth) {
   for (Node& n : nodes) {
     const bool driven = std::count(truth.drivers.begin(), truth.drivers.end(), n.driver) > 0;
     // statement.h: what goes with the force is a bias of an accelerometer, what goes with the rate a scale factor of a gyro.
-    const bool same_thing = driven && ((n.sensor.starts_with("accel") && n.driver == "force" && n.quantity == "bias") ||
-                                       (n.sensor.starts_with("gyro") && n.driver == "rate" &&
-                                        n.quantity == "scale factor" && truth.quantity == "direction"));
+    const auto goes_with = [&](const char* driver) {
+      return std::count(truth.drivers.begin(), truth.drivers.end(), driver) > 0 &&
+             (n.driver.empty() || n.driver == driver);
+    };
+    const bool same_thing = (n.sensor.starts_with("accel") && n.quantity == "bias" && goes_with("force")) ||
+                            (n.sensor.starts_with("gyro") && n.quantity == "scale factor" && goes_with("rate"));
     const bool drawn = n.sensor == truth.sensor && (n.quantity.empty() || n.quantity == truth.quantity || same_thing) &&
                        (n.driver.empty() || driven);
     if (!drawn) n.correlation = correlation(clean, truth, n);

@@ -8,18 +8,6 @@
 namespace turncal {
 namespace {
 
-template <class Station, class Driver>
-struct DescribedFactory {
-  explicit DescribedFactory(const typename Station::Description& description) : station(description) {}
-  Station station;
-  Driver driver{station.described, station.clock};
-  Turntable& table() { return driver; }
-  void pass(double seconds) { station.pass(seconds); }
-  static constexpr double tolerance_deg = 1e-3;
-  static constexpr double beyond_limits_deg = 7201.0;  // where a device answers nothing, only the driver can refuse
-  static constexpr bool must_home = true, must_enable = true;
-};
-
 template <bool tcp, bool circle>
 struct ModbusFactory : DescribedFactory<TwinStation, ModbusTurntable> {
   ModbusFactory()

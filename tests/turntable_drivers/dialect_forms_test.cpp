@@ -1,6 +1,7 @@
 // An ASCII table that is different in every way: a circle only, other rate scales, numbers of fixed width, a CRC, an echo with another
 // line end, an answer of three lines. The contract of every table, and what is special about it.
 #include <gtest/gtest.h>
+#include <sstream>
 
 #include "tests/turntable_drivers/served_twin.h"
 #include "tests/turntable_drivers/table_contract.h"
@@ -9,53 +10,22 @@ namespace turncal {
 namespace {
 
 std::string form_text() {
-  return "format = 1\nname = fixed columns\ncommissioned = true\nlink.kind = serial\nlink.quiet_s = 0.1\n"
-         "link.terminator_out = \\r\nlink.terminator_in = \\r\\n\nlink.echo = true\nlink.echo_terminator = "
-         "\\n\nlink.prefix = :\n"
-         "link.check = crc16\nlink.check_mark = /\nlink.crc.polynomial = 0x8005\nlink.crc.initial = 0xFFFF\n"
-         "link.crc.reflect_input = true\nlink.crc.reflect_output = true\n"
-         "axis.heading.name = 1\naxis.pitch.name = 2\naxis.roll.name = 3\n"
-         "axis.heading.modulo_deg = 360\naxis.pitch.modulo_deg = 360\naxis.roll.modulo_deg = 360\n"
-         "axis.heading.units_per_degree = 10\naxis.pitch.sign = -1\naxis.roll.zero_deg = 12.5\n"
-         "axis.pitch.rate_scale = 60\naxis.roll.measured_rate_scale = 3600\naxis.roll.acceleration_scale = 0.1\n"
-         "number.decimals = 4\nnumber.plus = true\n"
-         "enable.scope = table\nenable.1 = EN1\nenable.1.expect = OK\n"
-         "home.scope = table\nhome.1 = HM\nhome.1.expect = OK\n"
-         "move.1 = MV{axis:1}{distance:12}{rate:13}{acceleration:13}\nmove.1.expect = OK\n"
-         "status.scope = table\nstatus.1 = ST\n"
-         "status.1.expect = "
-         "H{position.heading:12}{rate.heading:14}{status.heading:4}\\nP{position.pitch:12}{rate.pitch:14}"
-         "{status.pitch:4}\\nR{position.roll:12}{rate.roll:14}{status.roll:4}\n"
-         "stop.scope = table\nstop.1 = SP\nstop.1.expect = OK\nabort.scope = table\nabort.1 = AB\nabort.1.expect = OK\n"
-         "error.texts = ERR\nstatus.kind = bits\nstatus.base = 16\nstatus.bit.enabled = 0\nstatus.bit.moving = 1\n"
-         "status.bit.in_position = 2\nstatus.bit.homed = 3\nstatus.bit.fault = 5\nstatus.bit.emergency_stop = 6\n";
+  return read_whole_file(TURNCAL_SOURCE_DIR "/tests/turntable_drivers/dialects/own_columns.dialect").value();
 }
 
-Dialect parsed(const std::string& text, const std::string& name) {
-  const Result<Dialect> dialect = parse_dialect(text, name);
-  EXPECT_TRUE(dialect.ok()) << (dialect.ok() ? "" : dialect.error().message);
-  return dialect.ok() ? *dialect : Dialect();
-}
-Dialect form_dialect() { return parsed(form_text(), "form.dialect"); }
+Dialect form_dialect() { return expect_value(parse_dialect(form_text(), "form.dialect")); }
 
 template <Dialect (*dialect)()>
-struct CircleFactory {
-  DialectStation station{dialect()};
-  SerialTurntable driver{station.described, station.clock};
-  Turntable& table() { return driver; }
-  void pass(double seconds) { station.pass(seconds); }
-  static constexpr double tolerance_deg = 1e-3;
-  static constexpr double beyond_limits_deg = 7201.0;
-  static constexpr bool must_home = true, must_enable = true;
+struct CircleFactory : DescribedFactory<DialectStation, SerialTurntable> {
+  CircleFactory() : DescribedFactory(dialect()) {}
 };
 using FormFactory = CircleFactory<form_dialect>;
 INSTANTIATE_TYPED_TEST_SUITE_P(DialectForms, TableContract, FormFactory);
 
 // The same, told positions of its circle, to which it goes the shorter way.
 Dialect shorter_dialect() {
-  std::string text = form_text() + "axis.heading.way = shorter\naxis.pitch.way = shorter\naxis.roll.way = shorter\n";
-  text.replace(text.find("{distance:12}"), 13, "{position:12}");
-  return parsed(text, "shorter.dialect");
+  const std::string ways = "axis.heading.way = shorter\naxis.pitch.way = shorter\naxis.roll.way = shorter\n";
+  return expect_value(parse_dialect(replaced(form_text(), "{distance:12}", "{position:12}") + ways, "shorter.dialect"));
 }
 
 using ShorterFactory = CircleFactory<shorter_dialect>;
@@ -85,13 +55,13 @@ TEST(DialectForms, RatesAndPositionsHaveTheirScales) {
     };
     pass(6.0);
     const Result<AxisStatus> now = s.driver.status(axis);
-    ASSERT_TRUE(now.ok()) << now.error().message;
+    ASSERT_OK(now);
     EXPECT_NEAR(now->rate_degps, 20.0, 0.1) << to_string(axis);
     pass(20.0);
   }
   for (const Axis axis : all_axes) {
     const Result<AxisStatus> now = s.driver.status(axis);
-    ASSERT_TRUE(now.ok()) << now.error().message;
+    ASSERT_OK(now);
     EXPECT_NEAR(now->position_deg, 400.0, 1e-3) << "more than a turn, of a device that tells less than one";
   }
 }
@@ -109,7 +79,7 @@ TEST(DialectForms, ACircleIsGoneInLegsTheShorterWay) {
     for (double t = 0.0; t < seconds; t += 0.25) {
       s.station.pass(0.25);
       const Result<AxisStatus> now = s.driver.status(axis);
-      EXPECT_TRUE(now.ok()) << now.error().message;
+      EXPECT_OK(now);
       const bool there = std::abs(now->position_deg - to_deg) < 1e-3;
       EXPECT_FALSE(now->in_position && !now->moving && !there) << "between two legs, at " << now->position_deg;
       if (now->in_position && !now->moving) return there;
@@ -153,15 +123,15 @@ TEST(DialectForms, DamageIsNoticed) {
     const int read = s.expect_truth(1);
     return std::to_string(read) + " " + s.last_error.message;
   };
-  EXPECT_NE(with([](std::string& text) { text[text.find("P+") + 5] ^= 1; }).find("checksum"), std::string::npos);
-  EXPECT_NE(with([](std::string& text) { text[text.find("\n") - 1] = '!'; }).find("echo"), std::string::npos);
-  EXPECT_NE(with([](std::string& text) { text.erase(text.find(":R")); }).find("no answer within"), std::string::npos);
-  EXPECT_NE(with([](std::string& text) { text += ":R\r\n"; }).find("more after it"), std::string::npos);
-  EXPECT_NE(with([](std::string& text) {
-              const std::size_t pitch = text.find(":P"), roll = text.find(":R");
-              text = text.substr(0, pitch) + text.substr(roll) + text.substr(pitch, roll - pitch);
-            }).find("expected 'H"),
-            std::string::npos);
+  EXPECT_TRUE(says(with([](std::string& text) { text[text.find("P+") + 5] ^= 1; }), "checksum"));
+  EXPECT_TRUE(says(with([](std::string& text) { text[text.find("\n") - 1] = '!'; }), "echo"));
+  EXPECT_TRUE(says(with([](std::string& text) { text.erase(text.find(":R")); }), "no answer within"));
+  EXPECT_TRUE(says(with([](std::string& text) { text += ":R\r\n"; }), "more after it"));
+  EXPECT_TRUE(says(with([](std::string& text) {
+                     const std::size_t pitch = text.find(":P"), roll = text.find(":R");
+                     text = text.substr(0, pitch) + text.substr(roll) + text.substr(pitch, roll - pitch);
+                   }),
+                   "expected 'H"));
   EXPECT_EQ(with([](std::string&) {}), "3 ");
 }
 
@@ -189,13 +159,8 @@ TEST(DialectForms, WidthsAndChecks) {
 }
 
 TEST(DialectForms, DefectsAreNamed) {
-  const auto expect = [](const std::string& what, const std::string& with, const char* says) {
-    std::string text = form_text();
-    ASSERT_NE(text.find(what), std::string::npos) << what;
-    text.replace(text.find(what), what.size(), with);
-    const Result<Dialect> dialect = parse_dialect(text, "my.dialect");
-    ASSERT_FALSE(dialect.ok()) << with;
-    EXPECT_NE(dialect.error().message.find(says), std::string::npos) << dialect.error().message;
+  const auto expect = [](const std::string& what, const std::string& with, const char* said) {
+    EXPECT_TRUE(fails(parse_dialect(replaced(form_text(), what, with), "my.dialect"), said)) << with;
   };
   expect("{distance:12}", "{position:12}", "does not say how many turns");
   expect("axis.pitch.sign = -1", "axis.pitch.sign = -1\naxis.pitch.way = shorter", "not {distance}: way = shorter");
@@ -231,10 +196,9 @@ TEST(DialectForms, DefectsAreNamed) {
 }
 
 TEST(DialectForms, ADoneBitMayBeBothArrivedAndAtRest) {
-  std::string text = form_text();
-  text.replace(text.find("status.bit.moving = 1"), 21, "status.bit.moving = 2\nstatus.active_low = moving");
-  const Result<Dialect> dialect = parse_dialect(text, "my.dialect");
-  EXPECT_TRUE(dialect.ok()) << dialect.error().message;
+  const std::string text =
+      replaced(form_text(), "status.bit.moving = 1", "status.bit.moving = 2\nstatus.active_low = moving");
+  EXPECT_OK(parse_dialect(text, "my.dialect"));
 }
 
 // A code for each state: none may be missing.
@@ -247,20 +211,16 @@ TEST(DialectForms, CodesSayEveryState) {
   };
   EXPECT_EQ(with("status.code.0 = in_position\nstatus.code.1 = moving\n"), "");
   EXPECT_EQ(with("status.code.0 = none\nstatus.code.1 = in_position, enabled\nstatus.code.2 = moving, enabled\n"), "");
-  EXPECT_NE(with("status.code.0 = in_position, moving\n").find("has arrived"), std::string::npos);
-  EXPECT_NE(with("status.code.1 = in_position, enabled\nstatus.code.2 = moving\n").find("that it moves"),
-            std::string::npos);
-  EXPECT_NE(with("status.code.1 = in_position, enabled\nstatus.code.2 = moving, enabled\n").find("off and at rest"),
-            std::string::npos);
+  EXPECT_TRUE(says(with("status.code.0 = in_position, moving\n"), "has arrived"));
+  EXPECT_TRUE(says(with("status.code.1 = in_position, enabled\nstatus.code.2 = moving\n"), "that it moves"));
+  EXPECT_TRUE(says(with("status.code.1 = in_position, enabled\nstatus.code.2 = moving, enabled\n"), "off and at rest"));
 }
 
 // Sentences, columns and decimals that cannot tell or show a move, said before one is made.
 TEST(DialectForms, AMoveIsToldAndShownToTheTolerance) {
   const auto said = [](const std::string& what, const std::string& with, double rate_degps = 20.0,
                        double distance_deg = 22.5) {
-    std::string text = form_text();
-    if (!what.empty()) text.replace(text.find(what), what.size(), with);
-    const Dialect dialect = parsed(text, "my.dialect");
+    const Dialect dialect = expect_value(parse_dialect(replaced(form_text(), what, with), "my.dialect"));
     Moves moves;
     moves[0] = {distance_deg, distance_deg, rate_degps, 50.0};
     const Status status = check_move(dialect, Axis::heading, moves, 0.01);
@@ -269,18 +229,113 @@ TEST(DialectForms, AMoveIsToldAndShownToTheTolerance) {
   const std::string scale = "axis.heading.units_per_degree = 10";
   EXPECT_EQ(said("", ""), "");
   EXPECT_EQ(said("number.decimals = 4", "number.decimals = 0"), "") << "225 units";
-  EXPECT_NE(
-      said("number.decimals = 4", "number.decimals = 0", 20.0, 22.55).find("number.decimals = 0: tells 225.5 as 226"),
-      std::string::npos);
-  EXPECT_NE(
+  EXPECT_TRUE(
+      says(said("number.decimals = 4", "number.decimals = 0", 20.0, 22.55), "number.decimals = 0: tells 225.5 as 226"));
+  EXPECT_TRUE(says(
       said(scale,
-           "axis.heading.units_per_degree = 0.0001\naxis.heading.rate_scale = 1\naxis.heading.acceleration_scale = 1")
-          .find("expected an angle told to motion.position_tolerance_deg"),
-      std::string::npos);
-  EXPECT_NE(said("", "", 1e-6).find("number.decimals or a scale with which the rate"), std::string::npos);
-  EXPECT_NE(said("{distance:12}", "{distance:4}").find("numbers that fit"), std::string::npos);
-  EXPECT_NE(said("{position.heading:12}", "{position.heading:3}").find("cannot show"), std::string::npos);
-  EXPECT_NE(said("{position.heading:12}", "{position.heading:6}").find("cannot show"), std::string::npos);
+           "axis.heading.units_per_degree = 0.0001\naxis.heading.rate_scale = 1\naxis.heading.acceleration_scale = 1"),
+      "expected an angle told to motion.position_tolerance_deg"));
+  EXPECT_TRUE(says(said("", "", 1e-6), "number.decimals or a scale with which the rate"));
+  EXPECT_TRUE(says(said("{distance:12}", "{distance:4}"), "numbers that fit"));
+  EXPECT_TRUE(says(said("{position.heading:12}", "{position.heading:3}"), "cannot show"));
+  EXPECT_TRUE(says(said("{position.heading:12}", "{position.heading:6}"), "cannot show"));
+}
+
+// ---- dialects whose sentences do more than they are called, and a table that was not commissioned ----
+
+// Commands of three kinds: a word and the axis, several in one sentence, a target as text.
+std::string plain_text(const std::string& more) {
+  std::string text =
+      "format = 1\nname = plain\nlink.kind = serial\naxis.heading.name = 1\naxis.pitch.name = 2\naxis.roll.name = 3\n"
+      "prepare.1 = VERBOSE 0\nenable.1 = RESET {axis}\nenable.2 = SERVO {axis} 1\nenable.3 = ERR?\nenable.3.expect = "
+      "0\n"
+      "home.1 = HOME {axis}\nmove.1 = VEL {axis} {rate};ACC {axis} {acceleration}\nmove.2 = GOTO {axis} {position}\n"
+      "move.3 = RUN {axis}\nstatus.1 = WHERE? {axis}\nstatus.1.expect = {position} {status}\nstop.1 = HALT {axis}\n"
+      "abort.1 = SERVO {axis} 0\nclear_fault.1 = RESET {axis};ERR?\n"
+      "status.kind = codes\nstatus.code.0 = in_position\nstatus.code.1 = moving\n";
+  std::istringstream lines(more);
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t old = text.find("\n" + line.substr(0, line.find('=') + 1));
+    if (old != std::string::npos) text.erase(old, text.find('\n', old + 1) - old);
+    text += line + "\n";
+  }
+  return text;
+}
+
+std::string error_of(const std::string& more) {
+  const Result<Dialect> dialect = parse_dialect(plain_text(more), "my.dialect");
+  return dialect ? "accepted" : dialect.error().message;
+}
+
+void refused(const std::string& more, const std::string& said) { EXPECT_TRUE(says(error_of(more), said)) << more; }
+
+TEST(SentenceClash, AStopThatCannotStopIsRefused) {
+  refused("abort.2 = HALT {axis}", "'abort.2'");
+  EXPECT_EQ(error_of("abort.2 = ERR?\nstop.2 = ERR?"), "accepted") << "a question commands nothing";
+  for (const char* const line : {"home.1 = HOME", "stop.1 = HALT", "abort.1 = OFF"}) {
+    const std::string operation = std::string(line).substr(0, std::string(line).find('.'));
+    const std::string said = error_of(line);
+    EXPECT_TRUE(says(said, "expected {axis} in a sentence, or " + operation + ".scope = table"));
+    EXPECT_EQ(error_of(std::string(line) + "\n" + operation + ".scope = table"), "accepted") << line;
+  }
+}
+
+TEST(SentenceClash, WhatWouldMoveUnderAnotherNameIsRefused) {
+  EXPECT_EQ(error_of(""), "accepted") << "a reset and a question are in several lists";
+  for (const char* const number : {"01", "+1", "1.0", "1.", "+01.00"})
+    EXPECT_TRUE(says(error_of(std::string("prepare.2 = SERVO {axis} ") + number), "which is enable")) << number;
+  for (const char* const other : {"1.5", "-1", "10", "0.1"})
+    EXPECT_EQ(error_of(std::string("prepare.2 = SERVO {axis} ") + other), "accepted") << other;
+  refused("move.2 = GOTO {axis} 5", "either {position} or {distance}");
+  EXPECT_EQ(error_of("prepare.2 = SERVO {axis} 1"),
+            "my.dialect:24: key 'prepare.2' = 'SERVO {axis} 1': expected no 'SERVO 1 1', which is enable of "
+            "axis.heading: it would switch the drive on; send it in enable alone");
+  for (const char* const key : {"prepare.2", "identify.1", "status.2", "stop.2", "abort.2", "clear_fault.2"}) {
+    for (const auto& [sentence, starts] :
+         {std::pair("SERVO {axis} 1", "which is enable"), std::pair("SERVO 3 1", "which is enable"),
+          std::pair("VERBOSE 1; SERVO 2 1 ;ECHO 0", "which is enable"), std::pair("HOME {axis}", "which is home"),
+          std::pair("RUN 2", "which is move"), std::pair("GOTO {axis} 0", "which is move"),
+          std::pair("GOTO 2 -12.5;RUN 9", "which is move")}) {
+      const std::string said = error_of(std::string(key) + " = " + sentence);
+      EXPECT_TRUE(says(said, starts)) << key << " " << sentence << ": ";
+      EXPECT_TRUE(says(said, std::string("'") + key + "'"));
+    }
+  }
+  // As controllers read it: blanks, capitals, leading zeros.
+  for (const char* const same : {"SERVO  {axis} 1", "servo {axis} 1", "SERVO {axis} 01", "run 2", "GOTO 2  5"})
+    EXPECT_TRUE(says(error_of(std::string("prepare.2 = ") + same), ", which is ")) << same;
+  // Where to go is known to a move only.
+  refused("stop.1 = FETCH {axis} {position}", "'stop.1'");
+  refused("status.2 = {distance}?", "'status.2'");
+  // What only resembles it.
+  for (const char* const other : {"SERVO {axis} 0", "SERVO {axis} 10", "HOME? {axis}", "VEL {axis} 5", "RUN 9"})
+    EXPECT_EQ(error_of(std::string("prepare.2 = ") + other), "accepted") << other;
+}
+
+TEST(SentenceClash, AxesThatOneMoveWouldMoveAreRefused) {
+  refused("axis.roll.name = 2", "'axis.roll.name' = '2': expected a name of its own, not that of axis.pitch");
+  refused("axis.roll.name = 02", "'axis.roll.name'");
+  EXPECT_EQ(
+      error_of("axis.roll.name = 2\nmove.2 = GOTO {position.heading} {position.pitch} {position.roll}\nmove.3 = RUN"),
+      "accepted")
+      << "one sentence tells each axis its own place";
+}
+
+TEST(Dialect, NothingIsSwitchedOnBeforeItIsCommissioned) {
+  for (const char* const name : {"three_axis_dollar", "acutronic_acl", "newport_esp30x", "pi_gcs2"}) {
+    Dialect dialect = shipped_dialect(name);
+    dialect.commissioned = false;
+    DialectStation station(dialect);
+    std::vector<std::string> sent;
+    station.disturb([&](const std::string& sentence, AnswerPlan&) { sent.push_back(sentence); });
+    SerialTurntable driver(station.described, station.clock);
+    ASSERT_TRUE(driver.connect().ok()) << name;
+    sent.clear();
+    for (const Status& refused : {driver.enable(), driver.home(), driver.move_absolute(Axis::pitch, 5.0, 1.0, 1.0)}) {
+      ASSERT_TRUE(fails(refused, ErrorKind::input, "not commissioned")) << name;
+    }
+    EXPECT_TRUE(sent.empty()) << name << ": " << sent.front();
+  }
 }
 
 }  // namespace

@@ -31,7 +31,7 @@ std::string without_lines(std::string text) {
 TEST(Explain, RegistersAndValuesOfAMap) {
   const Result<RegisterMap> map =
       read_register_map(TURNCAL_SOURCE_DIR "/turntable_drivers/modbus/maps/leadshine_pr.map");
-  ASSERT_TRUE(map.ok()) << map.error().message;
+  ASSERT_OK(map);
   const std::vector<TableRow> rows = explain(*map);
   EXPECT_EQ(without_lines(rows_of(rows, "enable", "pitch")),
             "enable|pitch|unit 2, function 6, register 15 (0x000F)|u16 1 (0x0001)|the same|[manual]\n");
@@ -49,8 +49,8 @@ TEST(Explain, RegistersAndValuesOfAMap) {
             "move|roll|  its register 25094 (0x6206)|u16 0 (0x0000)||[manual]\n"
             "move|roll|  its register 25095 (0x6207)|u16 16 (0x0010)||[manual]\n");
   const std::string status = rows_of(rows, "status", "heading");
-  EXPECT_NE(status.find("unit 1, function 3, register 4099 (0x1003)||2 bytes"), std::string::npos) << status;
-  EXPECT_NE(status.find("register 4099 (0x1003)|enabled: mask 0x0002, set|"), std::string::npos) << status;
+  EXPECT_TRUE(says(status, "unit 1, function 3, register 4099 (0x1003)||2 bytes"));
+  EXPECT_TRUE(says(status, "register 4099 (0x1003)|enabled: mask 0x0002, set|"));
   for (const char* const operation : {"home", "stop", "abort", "fault reset"})
     EXPECT_FALSE(rows_of(rows, operation, "heading").empty()) << operation;
 }
@@ -62,12 +62,9 @@ TEST(Explain, HeartbeatOffsetAndPolarity) {
   map.axis[1].address_offset = 0x100;
   map.axis[1].bits[static_cast<std::size_t>(DriveBit::fault)]->active_high = false;
   const std::vector<TableRow> rows = explain(map);
-  EXPECT_NE(rows_of(rows, "heartbeat", "pitch").find("register 320 (0x0140)|u16, another number each time, every 20 s"),
-            std::string::npos)
-      << rows_of(rows, "heartbeat", "pitch");
-  EXPECT_NE(rows_of(rows, "status", "pitch").find("register 272 (0x0110)|fault: mask 0x0010, clear|"),
-            std::string::npos)
-      << rows_of(rows, "status", "pitch");
+  EXPECT_TRUE(
+      says(rows_of(rows, "heartbeat", "pitch"), "register 320 (0x0140)|u16, another number each time, every 20 s"));
+  EXPECT_TRUE(says(rows_of(rows, "status", "pitch"), "register 272 (0x0110)|fault: mask 0x0010, clear|"));
 }
 
 TEST(Explain, SentencesOfADialectToTheByte) {
@@ -78,14 +75,12 @@ TEST(Explain, SentencesOfADialectToTheByte) {
             "abort|table|$MNDIS,1*D8\\r\\n||$ASDIS,OK*3A\\r\\n|[code]\n");
   const std::vector<TableRow> acutronic = explain(shipped_dialect("acutronic_acl", true));
   const std::string move = rows_of(acutronic, "move", "pitch");
-  EXPECT_NE(move.find("move|pitch|:LIM:RATE P,2,10.0000\\n|rate: 1 per deg/s|nothing|"), std::string::npos) << move;
-  EXPECT_NE(
-      move.find(":DEM:POS 2,90.0000\\n|position: 1 per deg, 0 at 0 deg, a circle of 360 deg, gone the shorter way|"),
-      std::string::npos)
-      << move;
+  EXPECT_TRUE(says(move, "move|pitch|:LIM:RATE P,2,10.0000\\n|rate: 1 per deg/s|nothing|"));
+  EXPECT_TRUE(
+      says(move, ":DEM:POS 2,90.0000\\n|position: 1 per deg, 0 at 0 deg, a circle of 360 deg, gone the shorter way|"));
   const std::string flags = rows_of(acutronic, "status", "each");
-  EXPECT_NE(flags.find("in_position: mask 0x00000080, set"), std::string::npos) << flags;
-  EXPECT_NE(flags.find("fault: mask 0x0802C700, one of it set"), std::string::npos) << flags;
+  EXPECT_TRUE(says(flags, "in_position: mask 0x00000080, set"));
+  EXPECT_TRUE(says(flags, "fault: mask 0x0802C700, one of it set"));
 }
 
 TEST(Explain, RowsStandInColumnsUnderTheirHeadings) {

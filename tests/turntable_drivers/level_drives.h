@@ -66,40 +66,7 @@ class LevelDrives : public LineServer {
     thread_.join();
   }
   std::string map_text(const std::string& more = "") const {
-    std::string text =
-        "format = 1\nname = level drives\ncommissioned = true\nlink.kind = tcp\nlink.address = " + address() + R"(
-link.response_timeout_s = 0.1
-link.quiet_s = 0.05
-words.order = high_first
-status.address = 0x10
-status.count = 5
-position.address = 0x10
-rate.address = 0x12
-bit.enabled.address = 0x14
-bit.enabled.mask = 1
-bit.in_position.address = 0x14
-bit.in_position.mask = 2
-bit.fault.address = 0x14
-bit.fault.mask = 4
-bit.moving.address = 0x14
-bit.moving.mask = 8
-bit.homed.address = 0x14
-bit.homed.mask = 16
-write.enable = 0 u16 1
-write.home = 0 u16 9, 0 u16 1
-write.move = 0x20 s32 position + u32 rate, 0 u16 5, 0 u16 1
-write.stop = 0 u16 3
-write.abort = 0 u16 0
-)" + more;
-    for (const char* axis : {"heading", "pitch", "roll"}) {
-      const std::string prefix = std::string("axis.") + axis;
-      text += prefix + ".unit = " +
-              (axis[0] == 'h'   ? "1"
-               : axis[0] == 'p' ? "2"
-                                : "3") +
-              "\n" + prefix + ".counts_per_degree = 1000\n";
-    }
-    return text;
+    return own_map_text("level", "tcp\nlink.address = " + address()) + more;
   }
   RegisterMap map(const std::string& more = "") const { return map_of(map_text(more)); }
   // Copies, for the server's thread goes on.

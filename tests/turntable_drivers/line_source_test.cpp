@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "imu_io/base/key_table.h"
+#include "tests/outcome.h"
 #include "turntable_drivers/table/table_description.h"
 
 namespace turncal {
@@ -34,7 +35,7 @@ TEST(LineSource, EveryLineOfAShippedFileHasOne) {
     Result<KeyValueFile> file = KeyValueFile::read(path);
     ASSERT_TRUE(file.ok());
     const std::vector<LineSource> lines = read_line_sources(*file);
-    EXPECT_TRUE(file->status().ok()) << file->status().error().message;
+    EXPECT_OK(file->status());
     for (const LineSource& line : lines)
       EXPECT_NE(line.mark.empty(), !claims_nothing(line.key)) << path << ":" << line.line << ": " << line.key;
     for (const std::string& source : file->keys_with_prefix("source."))
@@ -75,12 +76,12 @@ TEST(LineSource, MarksAreReadAndAWrongOneIsRefused) {
   EXPECT_EQ(lines[1].line, 3);
   EXPECT_EQ(lines[2].mark, "");
   EXPECT_TRUE(file->status().ok());
-  file = KeyValueFile::parse("source.m = Maker\na = 1 # [n]\n", "f");
-  read_line_sources(*file);
-  ASSERT_FALSE(file->status().ok());
-  EXPECT_NE(file->status().error().message.find("f:2: key 'a' = '1': expected [guess], [yours] or a NAME"),
-            std::string::npos)
-      << file->status().error().message;
+  for (const std::string mark : {"[n]", "guess", "[]", "from [m]"}) {
+    file = KeyValueFile::parse("source.m = Maker\na = 1 # " + mark + "\n", "f");
+    read_line_sources(*file);
+    ASSERT_FALSE(file->status().ok()) << mark;
+  }
+  EXPECT_TRUE(fails(file->status(), "f:2: key 'a' = '1': expected [guess], [yours] or a NAME"));
   // Whoever wrote a file without sources may comment as he likes.
   file = KeyValueFile::parse("a = 1 # [deg]\n", "f");
   EXPECT_EQ(read_line_sources(*file)[0].mark, "");

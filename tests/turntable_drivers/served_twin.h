@@ -15,6 +15,8 @@
 #include <gtest/gtest.h>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/posix_file.h"
+#include "tests/outcome.h"
 #include "tests/rig_clock.h"
 #include "turntable_drivers/ascii/serial_turntable.h"
 #include "turntable_drivers/modbus/modbus_turntable.h"
@@ -58,7 +60,7 @@ class ServedTwin {
         server(twin),
         described(description) {
     const Status opened = description.link.tcp ? server.listen_tcp(0) : server.open_pty(link);
-    EXPECT_TRUE(opened.ok()) << (opened.ok() ? "" : opened.error().message);
+    EXPECT_OK(opened);
     EXPECT_TRUE(twin.power_on().ok());
     described.link.address = link.empty() ? server.address() : link;
     start();
@@ -122,8 +124,7 @@ template <class Station, class Driver>
 struct FaultTable {
   explicit FaultTable(const typename Station::Description& description, const RigConfig& config = default_rig_config())
       : station(description, at_start(config)), driver(station.described, station.clock, &stop_requests) {
-    const Status connected = driver.connect();
-    EXPECT_TRUE(connected.ok()) << (connected.ok() ? "" : connected.error().message);
+    EXPECT_OK(driver.connect());
   }
   static RigConfig at_start(RigConfig config) {
     config.table.power_on_deg = standing.value;
@@ -137,12 +138,18 @@ struct FaultTable {
       bool homed = true;
       for (const Axis axis : all_axes) {
         const Result<AxisStatus> now = driver.status(axis);
-        ASSERT_TRUE(now.ok()) << now.error().message;
+        ASSERT_OK(now);
         homed = homed && now->homed && !now->moving;
       }
       if (homed) return;
     }
     FAIL() << "not homed";
+  }
+  // Ready, and under way to 90 deg for so long.
+  void set_off(double seconds, Axis axis = Axis::roll) {
+    make_ready();
+    EXPECT_OK(driver.move_absolute(axis, 90.0, 10.0, 10.0));
+    station.pass(seconds);
   }
   // Whatever was read is true. How many readings there were.
   int expect_truth(int rounds) {
@@ -152,7 +159,7 @@ struct FaultTable {
         const Result<AxisStatus> now = driver.status(axis);
         if (!now) {
           last_error = now.error();
-          EXPECT_EQ(now.error().message.find('\n'), std::string::npos);
+          EXPECT_FALSE(says(now.error().message, "\n"));
           continue;
         }
         ++read;
@@ -168,117 +175,22 @@ struct FaultTable {
   Driver driver;
 };
 
+// A map of our own invention, over this kind of line; "": that of the file.
+inline std::string own_map_text(const std::string& name, const std::string& kind = "") {
+  const std::string text = read_whole_file(TURNCAL_SOURCE_DIR "/tests/turntable_drivers/maps/" + name + ".map").value();
+  return kind.empty() ? text : replaced(text, "link.kind = tcp", "link.kind = " + kind);
+}
+
 // Three drives on one line, 32 bit, a unit id each, a heartbeat.
-inline std::string plain_map_text(const std::string& kind) {
-  return "format = 1\nname = three plain drives\ncommissioned = true\nlink.kind = " + kind + R"(
-link.response_timeout_s = 1
-link.byte_timeout_s = 0.1
-link.quiet_s = 0.1
-axis.heading.unit = 1
-axis.pitch.unit = 2
-axis.roll.unit = 3
-axis.heading.counts_per_degree = 10000
-axis.pitch.counts_per_degree = 10000
-axis.roll.counts_per_degree = 10000
-axis.pitch.sign = -1
-axis.roll.zero_deg = 12.5
-words.order = high_first
-status.address = 0x100
-status.count = 6
-position.address = 0x100
-rate.address = 0x102
-alarm.address = 0x104
-alarm.type = u16
-alarm.text.0x26 = overload
-bit.enabled.address = 0x105
-bit.enabled.mask = 1
-bit.in_position.address = 0x105
-bit.in_position.mask = 2
-bit.fault.address = 0x105
-bit.fault.mask = 4
-bit.moving.address = 0x105
-bit.moving.mask = 8
-bit.homed.address = 0x105
-bit.homed.mask = 0x10
-bit.limit_positive.address = 0x105
-bit.limit_positive.mask = 0x20
-bit.emergency_stop.address = 0x105
-bit.emergency_stop.mask = 0x40
-bit.emergency_stop.active = low
-bit.remote.address = 0x105
-bit.remote.mask = 0x8000
-write.enable = 0x200 u16 1
-write.home = 0x201 u16 1, 0x201 u16 0
-write.move = 0x210 s32 position + u32 rate + u32 acceleration, 0x216 u16 1
-write.stop = 0x202 u16 1, 0x202 u16 0
-write.abort = 0x203 u16 1
-write.clear_fault = 0x204 u16 1, 0x204 u16 0
-heartbeat.address = 0x220
-heartbeat.period_s = 0.2
-heartbeat.watchdog_s = 1
-)";
-}
-
+inline std::string plain_map_text(const std::string& kind) { return own_map_text("three_drives", kind); }
 // One controller that knows only a circle, low word first, bytes swapped, no rate register, ramp times, no moving bit.
-inline std::string circle_map_text(const std::string& kind) {
-  return "format = 1\nname = one odd controller\ncommissioned = true\nlink.kind = " + kind + R"(
-link.quiet_s = 0.1
-axis.heading.unit = 7
-axis.pitch.unit = 7
-axis.roll.unit = 7
-axis.pitch.address_offset = 0x100
-axis.roll.address_offset = 0x200
-axis.heading.counts_per_degree = 36000
-axis.pitch.counts_per_degree = 36000
-axis.roll.counts_per_degree = 36000
-axis.heading.modulo_deg = 360
-axis.pitch.sign = -1
-axis.pitch.zero_deg = 5
-axis.pitch.modulo_deg = 360
-axis.roll.modulo_deg = 360
-axis.heading.acceleration_scale = 100000
-axis.pitch.acceleration_scale = 100000
-axis.roll.acceleration_scale = 100000
-acceleration.kind = ramp_time
-words.order = low_first
-words.swap_bytes = true
-status.function = 4
-status.address = 10
-status.count = 3
-position.address = 11
-position.type = u32
-bit.enabled.address = 10
-bit.enabled.mask = 1
-bit.in_position.address = 10
-bit.in_position.mask = 2
-bit.fault.address = 10
-bit.fault.mask = 4
-bit.fault.active = low
-bit.homed.address = 10
-bit.homed.mask = 8
-write.function = 16
-write.enable = 30 u16 1
-write.home = 31 u16 1
-write.move = 40 s32 distance, 42 f32 rate, 44 u16 acceleration, 46 u16 1, wait 0.001, 46 u16 0
-write.stop = 46 u16 2
-write.abort = 46 u16 4
-write.clear_fault = 47 u16 1
-)";
-}
-
-inline RegisterMap map_of(const std::string& text) {
-  const Result<RegisterMap> map = parse_register_map(text, "test.map");
-  EXPECT_TRUE(map.ok()) << (map.ok() ? "" : map.error().message);
-  return map.ok() ? *map : RegisterMap();
-}
+inline std::string circle_map_text(const std::string& kind) { return own_map_text("circle", kind); }
+inline RegisterMap map_of(const std::string& text) { return expect_value(parse_register_map(text, "test.map")); }
 
 inline Dialect shipped_dialect(const std::string& name, bool tcp = false) {
   const std::string folder =
       name.starts_with("own_") ? "/tests/turntable_drivers/dialects/" : "/turntable_drivers/ascii/dialects/";
-  const Result<Dialect> read = read_dialect(TURNCAL_SOURCE_DIR + folder + name + ".dialect");
-  EXPECT_TRUE(read.ok()) << (read.ok() ? "" : read.error().message);
-  if (!read) return {};
-  Dialect dialect = *read;
+  Dialect dialect = expect_value(read_dialect(TURNCAL_SOURCE_DIR + folder + name + ".dialect"));
   EXPECT_FALSE(dialect.verified_on_hardware);
   EXPECT_FALSE(dialect.commissioned);
   dialect.commissioned = true;
@@ -286,6 +198,19 @@ inline Dialect shipped_dialect(const std::string& name, bool tcp = false) {
   dialect.link.quiet_s = 0.1;
   return dialect;
 }
+
+// For the contract of every table (table_contract.h).
+template <class Station, class Driver>
+struct DescribedFactory {
+  explicit DescribedFactory(const typename Station::Description& description) : station(description) {}
+  Station station;
+  Driver driver{station.described, station.clock};
+  Turntable& table() { return driver; }
+  void pass(double seconds) { station.pass(seconds); }
+  static constexpr double tolerance_deg = 1e-3;
+  static constexpr double beyond_limits_deg = 7201.0;  // where a device answers nothing, only the driver can refuse
+  static constexpr bool must_home = true, must_enable = true;
+};
 
 // With short time-outs.
 struct FaultStation : FaultTable<TwinStation, ModbusTurntable> {

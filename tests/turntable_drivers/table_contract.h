@@ -19,6 +19,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/outcome.h"
 #include "turntable_drivers/table/turntable.h"
 
 namespace turncal {
@@ -32,11 +33,7 @@ template <class Factory>
 class TableContract : public testing::Test {
  protected:
   Turntable& table() { return factory_.table(); }
-  AxisStatus status(Axis axis) {
-    const Result<AxisStatus> result = table().status(axis);
-    EXPECT_TRUE(result.ok()) << (result.ok() ? "" : result.error().message);
-    return result.ok() ? *result : AxisStatus{};
-  }
+  AxisStatus status(Axis axis) { return expect_value(table().status(axis)); }
   double position(Axis axis) { return status(axis).position_deg; }
 
   // Polls every 100 ms, at most `seconds`.
@@ -87,7 +84,7 @@ class TableContract : public testing::Test {
     EXPECT_FALSE(status.ok()) << what;
     if (!status.ok()) {
       EXPECT_FALSE(status.error().message.empty()) << what;
-      EXPECT_EQ(status.error().message.find('\n'), std::string::npos) << what;
+      EXPECT_FALSE(says(status.error().message, "\n")) << what;
     }
   }
 

@@ -381,9 +381,9 @@ Status check_sentences(const Dialect& dialect, Axis axis, const Moves& moves) {
       const Asked asked = asked_by(name, axis);
       if (asked.axis != axis || (asked.quantity != "rate" && asked.quantity != "acceleration")) continue;
       const double units = units_of(dialect, asked, moves);
-      if (!(std::abs(units) >= 0.5 * grain(dialect.decimals)))
+      if (is_told_coarsely(parse_number(fixed(units, dialect.decimals, false)).value_or(0.0), units))
         return cannot("number.decimals or a scale with which the " + asked.quantity + " " + format_number(units) +
-                      " is not 0");
+                      " is told to 5 %");
     }
   }
   return {};

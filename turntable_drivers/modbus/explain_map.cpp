@@ -60,16 +60,13 @@ void explain_writes(const RegisterMap& map, TableOperation operation, const std:
       const auto count = static_cast<std::size_t>(step.length());
       const int function = count > 1 ? 16 : map.write_function;
       const std::string answer = function == 6 ? "the same" : request(map.unit_of(operation, axis), 16, first, count);
-      const auto words = words_of(map, step, axis, moves);
       int at = 0;
       for (const WriteOperand& operand : step.operands) {
         std::string says = std::string(to_string(operand.type)) + " ";
-        if (words) {
-          const auto part = std::span(*words).subspan(static_cast<std::size_t>(at),
-                                                      static_cast<std::size_t>(register_count(operand.type)));
-          says += format_number(decode_words(part, operand.type, map.layout)) + " (";
-          for (const std::uint16_t& word : part) says += hexadecimal(word) + (&word == &part.back() ? ")" : " ");
-        }
+        const auto words = words_of(map, operand, step.address + at, axis, moves);
+        if (words)
+          says += fmt::format("{} (0x{:04X})", format_number(decode_words(words->span(), operand.type, map.layout)),
+                              fmt::join(words->span(), " 0x"));
         says += words ? meaning_of(map, operand, axis) : ": " + words.error().message;
         rows.push_back({name, whose,
                         at == 0 ? request(map.unit_of(operation, axis), function, first, count)

@@ -14,8 +14,8 @@
 namespace turncal {
 namespace {
 
-constexpr double longest_pause_s = 1.0;        // a stop cuts it short
-constexpr double longest_stop_pause_s = 0.05;  // all waits of a stop together
+constexpr NumberRange pause_range{0.001, 1.0};  // seconds; a stop cuts it short
+constexpr double longest_stop_pause_s = 0.05;   // all waits of a stop together
 
 // position, rate.pitch, ...
 bool read_quantity(std::string_view text, WriteOperand& operand) {
@@ -100,7 +100,7 @@ WriteList write_list(KeyValueFile& file, const std::string& key, const WordLayou
       file.reject(
           key,
           "steps 'ADDRESS TYPE VALUE' or 'ADDRESS TYPE VALUE + TYPE VALUE ...' or 'wait SECONDS' (at most " +
-              format_number(longest_pause_s) +
+              format_number(pause_range.max) +
               "), VALUE a number, axis, position, distance, rate or acceleration, the last four also with .heading "
               ".pitch .roll, 'table' before an ADDRESS without offset; wrong is " +
               quoted(text));
@@ -365,7 +365,7 @@ std::optional<WriteStep> parse_write_step(std::string_view text) {
   auto words = split_words(text);
   if (words.size() == 2 && words[0] == "wait") {
     const auto seconds = parse_number(words[1]);
-    if (!seconds || !(*seconds > 0.0 && *seconds <= longest_pause_s)) return {};
+    if (!seconds || !pause_range.contains(*seconds)) return {};
     step.wait_s = *seconds;
     return step;
   }
@@ -387,42 +387,47 @@ std::optional<WriteStep> parse_write_step(std::string_view text) {
   return step;
 }
 
+Result<Words> words_of(const RegisterMap& map, const WriteOperand& operand, int at, Axis axis, const Moves& moves) {
+  const Axis which = operand.of_axis.value_or(axis);
+  const MapAxis& scale = map.of(which);
+  const MoveNumbers& numbers = moves[index(which)];
+  double value = operand.constant;
+  const char* key = "counts_per_degree";
+  switch (operand.kind) {
+    case WriteOperand::Kind::constant: break;
+    case WriteOperand::Kind::axis: value = scale.code; break;
+    case WriteOperand::Kind::position: value = scale.units_of(numbers.position_deg); break;
+    case WriteOperand::Kind::distance: value = scale.signed_units() * numbers.distance_deg; break;
+    case WriteOperand::Kind::rate: value = scale.rate_scale * numbers.rate_degps, key = "rate_scale"; break;
+    case WriteOperand::Kind::acceleration:
+      key = "acceleration_scale";
+      value = map.acceleration_is_ramp_time ? scale.acceleration_scale / numbers.acceleration_degps2
+                                            : scale.acceleration_scale * numbers.acceleration_degps2;
+      break;
+  }
+  const std::optional<Words> encoded = encode_words(value, operand.type, map.layout);
+  const bool of_motion = operand.kind == WriteOperand::Kind::rate || operand.kind == WriteOperand::Kind::acceleration;
+  if (encoded && !(of_motion && is_told_coarsely(decode_words(encoded->span(), operand.type, map.layout), value)))
+    return *encoded;
+  return input_error(
+      fmt::format("the drive cannot be told {} in register {}{}: expected another type than {}, or another axis.{}.{}",
+                  format_number(value), at, encoded ? " to 5 %" : "", to_string(operand.type), to_string(which), key));
+}
+
 Result<std::vector<std::uint16_t>> words_of(const RegisterMap& map, const WriteStep& step, Axis axis,
                                             const Moves& moves) {
   std::vector<std::uint16_t> words;
   for (const WriteOperand& operand : step.operands) {
-    const Axis which = operand.of_axis.value_or(axis);
-    const MapAxis& scale = map.of(which);
-    const MoveNumbers& numbers = moves[index(which)];
-    double value = operand.constant;
-    switch (operand.kind) {
-      case WriteOperand::Kind::constant: break;
-      case WriteOperand::Kind::axis: value = scale.code; break;
-      case WriteOperand::Kind::position: value = scale.units_of(numbers.position_deg); break;
-      case WriteOperand::Kind::distance: value = scale.signed_units() * numbers.distance_deg; break;
-      case WriteOperand::Kind::rate: value = scale.rate_scale * numbers.rate_degps; break;
-      case WriteOperand::Kind::acceleration:
-        value = map.acceleration_is_ramp_time ? scale.acceleration_scale / numbers.acceleration_degps2
-                                              : scale.acceleration_scale * numbers.acceleration_degps2;
-        break;
-    }
-    const std::optional<Words> encoded = encode_words(value, operand.type, map.layout);
-    const bool of_motion = operand.kind == WriteOperand::Kind::rate || operand.kind == WriteOperand::Kind::acceleration;
-    const bool vanishes = of_motion && !is_floating(operand.type) && std::round(value) == 0.0;
-    if (!encoded || vanishes) {
-      return input_error("the drive cannot be told " + format_number(value) + " in register " +
-                         std::to_string(step.address));
-    }
-    words.insert(words.end(), encoded->span().begin(), encoded->span().end());
+    const Words some = TRY(words_of(map, operand, step.address + static_cast<int>(words.size()), axis, moves));
+    words.insert(words.end(), some.span().begin(), some.span().end());
   }
   return words;
 }
 
 Status check_move(const RegisterMap& map, Axis axis, const Moves& moves) {
-  for (const WriteStep& step : map.list(TableOperation::move)) {
+  for (const WriteStep& step : map.list(TableOperation::move))
     if (const auto words = words_of(map, step, axis, moves); !words)
-      return input_error("write.move: " + words.error().message);
-  }
+      return input_error(source_of(map, "write.move") + ": write.move: " + words.error().message);
   const MapAxis& scale = map.of(axis);
   const MoveNumbers& numbers = moves[index(axis)];
   const auto reads = [&](const RegisterField& field, double value) {

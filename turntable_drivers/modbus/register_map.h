@@ -148,7 +148,8 @@ Result<RegisterMap> parse_register_map(const std::string& text, const std::strin
 // What a user should know before a run although the map is good; empty: nothing.
 std::string caution_of(const RegisterMap& map);
 
-// A step of a list as registers. An error: a number does not fit its type, or a rate or an acceleration rounds to nothing.
+// A step of a list as registers, and one number of it. An error: it does not fit its type, or is a rate or acceleration told coarsely.
+Result<Words> words_of(const RegisterMap& map, const WriteOperand& operand, int address, Axis axis, const Moves& moves);
 Result<std::vector<std::uint16_t>> words_of(const RegisterMap& map, const WriteStep& step, Axis axis,
                                             const Moves& moves);
 // Whether the map's registers are wide enough for a move of this axis, and can read it back.

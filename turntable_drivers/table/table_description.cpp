@@ -35,7 +35,7 @@ bool decides_motion(std::string_view key) {
 void read_link_times(KeyTable& keys, TableLinkSettings& link, const std::string& timeout) {
   keys.number(timeout, link.reply_timeout_s, link_wait_range);
   keys.number("link.quiet_s", link.quiet_s, link_wait_range);
-  keys.number("link.gap_s", link.gap_s, between(0.0, 0.05));
+  keys.number("link.gap_s", link.gap_s, zero_or(1e-4, 0.05));
   keys.whole("link.read_retries", link.read_retries, 0, 10);
 }
 

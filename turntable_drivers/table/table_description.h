@@ -59,6 +59,9 @@ struct AxisScale {
   double angle_of(double units) const { return units / signed_units() + zero_deg; }
 };
 
+// A rate or acceleration that a device gets as another one: beyond it a drive that does as it is told is at fault by its rate.
+inline bool is_told_coarsely(double told, double units) { return !(std::abs(told - units) <= 0.05 * std::abs(units)); }
+
 // Which of angle_deg + n turns lies nearest to near_deg: how a cumulative position is kept of a device that knows a circle only.
 inline double unwrapped_deg(double angle_deg, double near_deg, double turn_deg) {
   return angle_deg + turn_deg * std::round((near_deg - angle_deg) / turn_deg);

@@ -65,8 +65,7 @@ Result<bool> TableLine::receive(double wait_s) {
     if (!n) close();
     count = TRY(n);
   } else {
-    pollfd which{descriptor_, POLLIN, 0};
-    if (::poll(&which, 1, static_cast<int>(1e3 * wait_s)) <= 0) return false;
+    if (wait_ready(descriptor_, POLLIN, static_cast<int>(1e3 * wait_s)) <= 0) return false;
     const ssize_t n = ::recv(descriptor_, chunk.data(), chunk.size(), MSG_DONTWAIT);
     if (n < 0 && (errno == EAGAIN || errno == EINTR)) return false;
     if (n <= 0) return hang_up("the other end hung up");

@@ -54,10 +54,8 @@ TEST(AtomicFile, FullDiskKeepsTheOldFileAndIsADeviceError) {
   write_file(path, "old");
   {
     const FileSizeLimit limit(1000);
-    const Status status = write_file_atomically(path, std::string(5000, 'x'));
-    ASSERT_FALSE(status.ok());
-    EXPECT_EQ(status.error().kind, ErrorKind::device);
-    EXPECT_NE(status.error().message.find("cannot write: File too large"), std::string::npos);
+    ASSERT_TRUE(
+        fails(write_file_atomically(path, std::string(5000, 'x')), ErrorKind::device, "cannot write: File too large"));
   }
   EXPECT_EQ(read_file(path), "old");
   EXPECT_EQ(folder.names().size(), 1U);
@@ -77,12 +75,9 @@ TEST(AtomicFile, CommitAfterAFailedWriteFails) {
 
 TEST(AtomicFile, MissingFolderAndFolderInTheWay) {
   TemporaryFolder folder;
-  const Status missing = write_file_atomically(folder / "no/a.conf", "x");
-  ASSERT_FALSE(missing.ok());
-  EXPECT_EQ(missing.error().kind, ErrorKind::input);
+  ASSERT_TRUE(fails(write_file_atomically(folder / "no/a.conf", "x"), ErrorKind::input));
   ASSERT_OK(make_folder(folder / "taken/inside"));
-  const Status taken = write_file_atomically(folder / "taken", "x");
-  ASSERT_FALSE(taken.ok());
+  ASSERT_FALSE(write_file_atomically(folder / "taken", "x").ok());
   EXPECT_EQ(folder.names(), (std::vector<std::string>{"taken"}));
 }
 

@@ -11,7 +11,7 @@ namespace {
 
 KeyValueFile parsed(const std::string& text) {
   auto file = KeyValueFile::parse(text, "a.conf");
-  EXPECT_TRUE(file.ok()) << file.error().message;
+  EXPECT_OK(file);
   return std::move(*file);
 }
 

@@ -104,9 +104,8 @@ TEST_F(ByHandLive, WholeRunWithAWrongAxisASlowTurnAndALeave) {
     unit.turn(Axis::pitch, q->target_deg + 0.04, 1.0);
     return std::to_string(q->target_deg + 0.04);
   };
-  const Session left = operate({"run", "--manual", "--station", "hand.station", "--unit", "SN1", "--out", "r",
-                                "--sequence", "short.seq", "--capture-only"},
-                               turns);
+  const Session left =
+      operate("run --manual --station hand.station --unit SN1 --out r --sequence short.seq --capture-only", turns);
   EXPECT_EQ(left.code, 75) << left.err << left.out;
   EXPECT_GE(objections, 1) << left.out;
   EXPECT_EQ(asked, 5);
@@ -124,7 +123,7 @@ TEST_F(ByHandLive, WholeRunWithAWrongAxisASlowTurnAndALeave) {
   });
   EXPECT_EQ(resumed.code, 0) << resumed.err << resumed.out;
   EXPECT_EQ(again, 3 + 2) << "where it stands, back to pitch 90, on to roll -90\n" << resumed.out;
-  EXPECT_NE(file_text(folder_ / "r/run.log").find("rests for 5 s"), std::string::npos);
+  EXPECT_SAYS(file_text(folder_ / "r/run.log"), "rests for 5 s");
   EXPECT_TRUE(std::filesystem::exists(folder_ / "r/recording.tcr"));
 }
 

@@ -20,18 +20,17 @@ class ByHand : public OperatedProgram {
           "step 2 \"on the side\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate R -90\n  dwell 1000\n");
     station("");
   }
-  void station(const std::string& more) const {
-    write("hand.station",
-          "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
-          "resume.rest_s = 20\n" +
-              more);
+  void station(const std::string& more) const { write("hand.station", station_head + "resume.rest_s = 20\n" + more); }
+  static Arguments short_run() {
+    return "run --manual --dry-run --unit SN1 --out r --station hand.station --sequence short.seq --capture-only";
   }
-  std::vector<std::string> short_run(std::vector<std::string> more = {}) const {
-    std::vector<std::string> arguments = {"run",          "--manual",   "--dry-run", "--unit",
-                                          "SN1",          "--out",      "r",         "--station",
-                                          "hand.station", "--sequence", "short.seq", "--capture-only"};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return arguments;
+  // With answers from a file; its code, and all that it said.
+  std::pair<int, std::string> answered_by(const std::string& answers) const {
+    write("answers", answers);
+    std::string command = "cd " + folder_.string() + " && " + TURNCAL_BINARY;
+    for (const std::string& argument : short_run()) command += " " + argument;
+    const int code = std::system((command + " < answers > log 2>&1").c_str());
+    return {WEXITSTATUS(code), file_text(folder_ / "log")};
   }
   static std::string text(double angle_deg) {
     char shown[40];
@@ -65,15 +64,6 @@ class ByHand : public OperatedProgram {
     std::istringstream lines(output);
     for (std::string line; std::getline(lines, line);) EXPECT_TRUE(line.starts_with("[dry run]")) << line;
   }
-  std::map<std::string, double> numbers(const std::string& file) const {
-    std::map<std::string, double> values;
-    std::istringstream lines(file_text(folder_ / file));
-    for (std::string line; std::getline(lines, line);) {
-      const std::size_t equals = line.find(" = ");
-      if (equals != std::string::npos) values[line.substr(0, equals)] = std::atof(line.c_str() + equals + 3);
-    }
-    return values;
-  }
 };
 
 // The estimator must not take the table's word: 0.05 deg are 180 arcsec, a thousand times the sigma of an installation angle.
@@ -83,15 +73,15 @@ TEST_F(ByHand, FourteenStepsGiveTheUnitsParametersWhateverTheAnglesAre) {
       operate({"run", "--manual", "--dry-run", "--unit", "SN1", "--out", "r", "--no-diagnosis"}, std::ref(careful));
   ASSERT_EQ(session.code, 0) << session.err;
   EXPECT_GT(careful.asked, 55);
-  auto found = numbers("r/parameters.conf"), truth = numbers("r/truth.conf");
+  auto found = entries(file_text(path("r/parameters.conf")));
   int compared = 0;
-  for (const auto& [key, value] : truth) {
+  for (const auto& [key, value] : entries(file_text(path("r/truth.conf")))) {
     if (!found.contains("sigma." + key)) continue;
     ++compared;
-    EXPECT_LE(std::abs(found[key] - value), 4.0 * found["sigma." + key]) << key;
+    EXPECT_LE(std::abs(std::stod(found[key]) - std::stod(value)), 4.0 * std::stod(found["sigma." + key])) << key;
   }
   EXPECT_EQ(compared, 21);
-  EXPECT_LT(found["sigma.n12"], 1e-5) << "arcsec a pulse of 0.93";
+  EXPECT_LT(std::stod(found["sigma.n12"]), 1e-5) << "arcsec a pulse of 0.93";
   expect_tagged(session.out);
 }
 
@@ -105,7 +95,7 @@ TEST_F(ByHand, QuestionSaysWhatWhereHowFarAndWhy) {
   EXPECT_LT(reason, turn);
   const std::string asked = session.out.substr(reason, 400);
   for (const char* words : {" % done. Turns left: 1.", " to -90 deg, ", " deg backward (its angle falls); then type"}) {
-    EXPECT_NE(asked.find(words), std::string::npos) << words << "\n" << asked;
+    EXPECT_SAYS(asked, words);
   }
 }
 
@@ -137,10 +127,8 @@ TEST_F(ByHand, AWholeTurnThatWasNotMadeIsAskedForAgain) {
       if (line.find("The gyros felt ") != std::string::npos) {
         ++objections;
         const bool first = objections == 1;
-        EXPECT_NE(line.find(first ? "felt 0 deg of the 360 deg" : "felt 0 deg of the -360 deg"), std::string::npos)
-            << line;
-        EXPECT_NE(line.find(first ? " another 360 deg forward" : " another 360 deg backward"), std::string::npos)
-            << line;
+        EXPECT_SAYS(line, first ? "felt 0 deg of the 360 deg" : "felt 0 deg of the -360 deg");
+        EXPECT_SAYS(line, first ? " another 360 deg forward" : " another 360 deg backward");
         return objections == 1 ? "360,0" : "0,02";
       }
       const auto q = question(line);
@@ -157,19 +145,14 @@ TEST_F(ByHand, AWholeTurnThatWasNotMadeIsAskedForAgain) {
 // All that is said is in the operator's language; what is kept for engineers is English.
 TEST_F(ByHand, SpeaksTheOperatorsLanguage) {
   station("operator.language = de\n");
-  write("answers", "0\n0\n0\n90,01\n0\nhilfe\nüberspringen Klemme sitzt fest\n");
-  std::string shell;
-  for (const std::string& argument : short_run()) shell += " " + argument;
-  const int code =
-      std::system(("cd " + folder_.string() + " && " + TURNCAL_BINARY + shell + " < answers > log 2>&1").c_str());
-  EXPECT_EQ(WEXITSTATUS(code), 75);
-  const std::string said = file_text(folder_ / "log");
+  const auto [code, said] = answered_by("0\n0\n0\n90,01\n0\nhilfe\nüberspringen Klemme sitzt fest\n");
+  EXPECT_EQ(code, 75);
   for (const char* words : {"Wo steht die Rollachse?", "Nickachse von 0 auf 90 Grad drehen, 90 Grad vorwärts",
                             "Hände weg: 0:05.", "Übersprungen: Klemme sitzt fest", "gehen: der Lauf endet hier"})
-    EXPECT_NE(said.find(words), std::string::npos) << words << "\n" << said;
-  EXPECT_EQ(said.find("Turn "), std::string::npos) << said;
-  EXPECT_EQ(said.find("->"), std::string::npos) << "transitions are for the log\n" << said;
-  EXPECT_NE(file_text(folder_ / "r/run.log").find("skipped by the operator: Klemme sitzt fest"), std::string::npos);
+    EXPECT_SAYS(said, words);
+  EXPECT_SAYS_NOT(said, "Turn ");
+  EXPECT_SAYS_NOT(said, "->") << "transitions are for the log";
+  EXPECT_SAYS(file_text(folder_ / "r/run.log"), "skipped by the operator: Klemme sitzt fest");
   station("operator.language = fr\n");
   expect_refused(short_run(), "operator.language");
 }
@@ -182,9 +165,9 @@ TEST_F(ByHand, EndOfInputAtEveryQuestionIsResumedToTheEnd) {
       return reply && careful.asked == at + 1 ? hang_up : reply;
     });
     EXPECT_EQ(session.code, 75) << at << session.err << session.out;
-    EXPECT_NE(session.err.find("end of input"), std::string::npos) << session.err;
+    EXPECT_SAYS(session.err, "end of input");
     expect_tagged(session.out + session.err);
-    EXPECT_NE(session.err.find("go on with: turncal resume r"), std::string::npos) << session.err;
+    EXPECT_SAYS(session.err, "go on with: turncal resume r");
     expect_resumed_to_the_end();
     fs::remove_all(folder_ / "r");
   }
@@ -198,7 +181,7 @@ TEST_F(ByHand, PauseAndLeaveAndGoOnAnotherDay) {
     return careful.asked == 5 && reply ? "pause" : reply;
   });
   EXPECT_EQ(session.code, 75) << session.out;
-  EXPECT_NE(session.err.find("the operator left"), std::string::npos) << session.err;
+  EXPECT_SAYS(session.err, "the operator left");
   const std::size_t done = dwells_done();
   EXPECT_GT(done, 0u);
   // Whoever comes back reads the angles off instead of turning everything to 0.
@@ -211,9 +194,8 @@ TEST_F(ByHand, PauseAndLeaveAndGoOnAnotherDay) {
   });
   EXPECT_EQ(resumed.code, 0) << resumed.err << resumed.out;
   EXPECT_EQ(asked, 3);
-  EXPECT_NE(file_text(folder_ / "r/run.log").find("rests for 20 s"), std::string::npos);
-  EXPECT_NE(resumed.out.find("Turn pitch from 30 to 90 deg"), std::string::npos)
-      << "back to where the last dwell stood";
+  EXPECT_SAYS(file_text(folder_ / "r/run.log"), "rests for 20 s");
+  EXPECT_SAYS(resumed.out, "Turn pitch from 30 to 90 deg") << "back to where the last dwell stood";
   EXPECT_GT(dwells_done(), done);
   expect_tagged(resumed.out);
 }
@@ -261,7 +243,7 @@ TEST_F(ByHand, NoAnswerPausesWaitsWithoutSpinningAndLeaves) {
   });
   EXPECT_EQ(session.code, 75) << session.out;
   EXPECT_EQ(paused, 2);
-  EXPECT_NE(session.err.find("paused for longer than 2 s"), std::string::npos) << session.err;
+  EXPECT_SAYS(session.err, "paused for longer than 2 s");
   // The rig's time stands still meanwhile: "...Z      22.605 s  step". A loop that spins passes hours of it.
   const std::string log = file_text(folder_ / "r/run.log");
   const std::size_t unit = log.find(" s  step", log.rfind("Z  ", log.find("stopping -> interrupted")));
@@ -275,15 +257,10 @@ TEST_F(ByHand, SlowTurnAndAnswersFromAFile) {
   write("short.seq",
         "format = 1\nname = slow\nrate_degps = 0.25\nacceleration_degps2 = 1\nstep 1 \"slow\"\n  initial H 0 P 0 R 0\n"
         "  align 1000\n  rotate P +90\n  dwell 1000\n");
-  write("answers", "0\n0\n0\n90.01\n");
-  std::string shell;
-  for (const std::string& argument : short_run()) shell += " " + argument;
-  const std::string log = path("log");
-  const int code =
-      std::system(("cd " + folder_.string() + " && " + TURNCAL_BINARY + shell + " < answers > log 2>&1").c_str());
-  EXPECT_EQ(WEXITSTATUS(code), 0) << file_text(log);
-  EXPECT_NE(file_text(log).find("Dry run complete"), std::string::npos) << file_text(log);
-  expect_tagged(file_text(log));
+  const auto [code, said] = answered_by("0\n0\n0\n90.01\n");
+  EXPECT_EQ(code, 0) << said;
+  EXPECT_SAYS(said, "Dry run complete");
+  expect_tagged(said);
 }
 
 TEST_F(ByHand, LimitsOfTheStationHold) {

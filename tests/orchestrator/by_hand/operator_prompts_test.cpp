@@ -51,18 +51,14 @@ TEST(OperatorPrompts, SettlingWithoutATurnIsNoTurn) {
   const TransitionRecord settled = record_of(RunState::settling, RunEvent::settled, 12000.0, 600.0);
   const TransitionRecord next = record_of(RunState::selecting, RunEvent::move_next, 12001.0, 600.0);
   // Ten minutes of plan and five turns of a minute.
-  EXPECT_NE(left_after({settled, next}).find("Turns left: 5; until about " + local_time(next.at.utc_s + 900.0)),
-            std::string::npos)
-      << left_after({settled, next});
+  EXPECT_SAYS(left_after({settled, next}), "Turns left: 5; until about " + local_time(next.at.utc_s + 900.0));
   // A dwell that is repeated settles once more after the same turn.
   const TransitionRecord turned = record_of(RunState::settling, RunEvent::settled, 12041.0, 590.0);
   const TransitionRecord repeated = record_of(RunState::settling, RunEvent::settled, 12141.0, 590.0);
   const TransitionRecord another = record_of(RunState::selecting, RunEvent::move_next, 12142.0, 590.0);
   // The turn took 40 s, 10 of them planned: 30 s beyond the plan, five times.
-  EXPECT_NE(left_after({settled, next, turned, repeated, another})
-                .find("until about " + local_time(another.at.utc_s + 740.0)),
-            std::string::npos)
-      << left_after({settled, next, turned, repeated, another});
+  EXPECT_SAYS(left_after({settled, next, turned, repeated, another}),
+              "until about " + local_time(another.at.utc_s + 740.0));
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 // What somebody at a table turned by hand is shown: made of what there is to do, drawn on a terminal, sent to the page.
 #include "orchestrator/watch/operator_screen.h"
+#include "tests/says.h"
 
 #include <gtest/gtest.h>
 
@@ -87,7 +88,7 @@ TEST(OperatorScreen, ThePageGetsTheSame) {
   for (const char* part :
        {"\"kind\":\"turn\"", "\"wants_hands\":true", "\"big\":\"360\"", "请把俯仰轴转到 360°", "\"axis\":1",
         "\"from_deg\":0.02", "\"wrong\":true", "\"axes\":[\"航向轴\",\"俯仰轴\",\"横滚轴\"]"})
-    EXPECT_NE(json.find(part), std::string::npos) << part << "\n" << json;
+    EXPECT_SAYS(json, part);
 }
 
 // In every language what there is to say fits a terminal of 80 by 24, above the line that is typed in.
@@ -128,8 +129,8 @@ TEST(OperatorTerminal, DrawsWhatChangedAndLeavesWhatIsTypedAlone) {
     OperatorTask task = a_turn();
     terminal.show(screen_of(task, RunState::moving));
     ASSERT_EQ(written.size(), 1u);
-    EXPECT_NE(written[0].find("0.02 o========================> [360]"), std::string::npos) << written[0];
-    EXPECT_NE(written[0].find("[dry run] "), std::string::npos);
+    EXPECT_SAYS(written[0], "0.02 o========================> [360]");
+    EXPECT_SAYS(written[0], "[dry run] ");
     EXPECT_TRUE(written[0].ends_with("> \a")) << "the bell";
     terminal.show(screen_of(task, RunState::moving));
     EXPECT_EQ(written.size(), 1u) << "nothing has changed";

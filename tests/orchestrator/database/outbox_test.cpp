@@ -16,8 +16,8 @@ TEST_F(Outbox, AStationWhoseServerIsAwayGoesOnAndKeepsItsRows) {
   const ProgramResult result = run(dry_run("SN1"));
   ASSERT_EQ(result.code, 0) << result.err;
   const std::string log = file_text(folder_ / "east/SN1/run.log");
-  EXPECT_NE(log.find("127.0.0.1:1/turncal: results database: cannot open: "), std::string::npos) << log;
-  EXPECT_NE(log.find("; 1 attempt is kept in "), std::string::npos) << log;
+  EXPECT_SAYS(log, "127.0.0.1:1/turncal: results database: cannot open: ");
+  EXPECT_SAYS(log, "; 1 attempt is kept in ");
   const std::string kept = path("east.station.outbox.db");
   ASSERT_EQ(run(dry_run("SN2")).code, 0);
   const std::vector<AttemptRecord> all = attempts(kept);
@@ -35,9 +35,7 @@ TEST_F(Outbox, CheckWarnsOfAServerThatIsAwayAndDoesNotRefuse) {
   const ProgramResult result = run({"check", "--station", path("east.station"), "--sequence",
                                     std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq"});
   EXPECT_EQ(result.code, 0) << result.err;
-  EXPECT_NE(result.err.find("warning: postgresql://east@127.0.0.1:1/turncal: results database: cannot open: "),
-            std::string::npos)
-      << result.err;
+  EXPECT_SAYS(result.err, "warning: postgresql://east@127.0.0.1:1/turncal: results database: cannot open: ");
   EXPECT_EQ(result.err_lines(), 1) << result.err;
 }
 
@@ -56,8 +54,7 @@ TEST_F(Outbox, ServerThatTakesAConnectionAndSaysNothingCostsSecondsOnly) {
                             {.wait_s = 1.0, .all_s = 2.0});
   ASSERT_FALSE(database.ok());
   EXPECT_EQ(database.error().kind, ErrorKind::device);
-  EXPECT_NE(database.error().message.find("there is no connection within 1 s"), std::string::npos)
-      << database.error().message;
+  EXPECT_SAYS(database.error().message, "there is no connection within 1 s");
   EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(2));
   ::close(listener);
 }
@@ -71,10 +68,8 @@ TEST_F(Outbox, APasswordInANameIsRefusedAndNotRepeated) {
       const ProgramResult result = run(command);
       EXPECT_EQ(result.code, 1) << command.front();
       EXPECT_EQ(result.err_lines(), 1) << result.err;
-      EXPECT_NE(result.err.find("expected postgresql://USER@HOST/NAME, and the password in ~/.pgpass"),
-                std::string::npos)
-          << result.err;
-      EXPECT_EQ((result.out + result.err).find("secret"), std::string::npos) << result.out << result.err;
+      EXPECT_SAYS(result.err, "expected postgresql://USER@HOST/NAME, and the password in ~/.pgpass");
+      EXPECT_SAYS_NOT((result.out + result.err), "secret") << result.out << result.err;
     }
   }
 }
@@ -87,8 +82,7 @@ TEST_F(Outbox, CopyNeedsTwoDatabasesThatAreNotOne) {
   expect_refused({"database", "check", "results.db", "other.db"}, "expected a second database with copy only");
   expect_refused({"database", "roles", "results.db"}, "a file has no roles");
   write("wrong.station", file_text(folder_ / "east.station") + "record.outbox = o.db\n");
-  expect_refused({"run", "--dry-run", "--unit", "SN2", "--out", "x", "--station", path("wrong.station")},
-                 "record.outbox");
+  expect_refused("run --dry-run --unit SN2 --out x --station wrong.station", "record.outbox");
 }
 
 }  // namespace

@@ -87,10 +87,10 @@ TEST_F(Server, TwoStationsAddAtOnceAndNothingIsLostOrDoubled) {
   const ProgramResult of_files = run({"fleet", "diagnose", path("."), "--format", "csv"});
   EXPECT_FALSE(of_files.out.empty()) << of_files.err;
   EXPECT_EQ(run({"fleet", "diagnose", address("watcher"), "--format", "csv"}).out, of_files.out);
-  EXPECT_NE(run({"history", address("watcher"), "--unit", "west3"}).out.find("west3"), std::string::npos);
+  EXPECT_SAYS(run({"history", address("watcher"), "--unit", "west3"}).out, "west3");
   const ProgramResult shift = run({"shift", address("watcher"), "--simulated"});
   EXPECT_EQ(shift.code, 0) << shift.err;
-  EXPECT_NE(shift.out.find("8 attempts"), std::string::npos) << shift.out;
+  EXPECT_SAYS(shift.out, "8 attempts");
 }
 
 TEST_F(Server, WhatWasKeptWhileItWasStoppedIsSentOnce) {
@@ -155,9 +155,7 @@ TEST_F(Server, ItsDiskIsFull) {
            "ROW WHEN (NEW.key = 'a11') EXECUTE FUNCTION full_disk()"),
       0);
   ASSERT_EQ(run(dry_run("SN2")).code, 0);
-  EXPECT_NE(file_text(folder_ / "east/SN2/run.log").find("No space left on device; 1 attempt is kept in "),
-            std::string::npos)
-      << file_text(folder_ / "east/SN2/run.log");
+  EXPECT_SAYS(file_text(folder_ / "east/SN2/run.log"), "No space left on device; 1 attempt is kept in ");
   EXPECT_EQ(calibrations(address("watcher")), 1u);
   EXPECT_EQ(psql("SELECT 1 / (count(*) = 24)::int FROM value", "", "> /dev/null"), 0) << "no half of a calibration";
   ASSERT_EQ(psql("DROP TRIGGER full_disk ON value"), 0);
@@ -192,7 +190,7 @@ TEST_F(Server, AStationAddsAndNeverChangesAReaderReads) {
   // A station that was given a reader's name keeps its rows.
   station(address("watcher"), "west");
   ASSERT_EQ(run(dry_run("SN2", "west")).code, 0);
-  EXPECT_NE(file_text(folder_ / "west/SN2/run.log").find("permission denied for table"), std::string::npos);
+  EXPECT_SAYS(file_text(folder_ / "west/SN2/run.log"), "permission denied for table");
   EXPECT_EQ(attempts(path("west.station.outbox.db")).size(), 1u);
 }
 
@@ -206,8 +204,7 @@ TEST_F(Server, RowsGoThereAndBackAsTheyWere) {
   for (int i = 0; i < 2; ++i) {
     const ProgramResult copied = run({"database", "copy", "results.db", address("east")});
     ASSERT_EQ(copied.code, 0) << copied.err;
-    EXPECT_NE(copied.out.find(i == 0 ? "2 calibrations and 6 notes" : "0 calibrations and 0 notes"), std::string::npos)
-        << copied.out;
+    EXPECT_SAYS(copied.out, i == 0 ? "2 calibrations and 6 notes" : "0 calibrations and 0 notes");
   }
   ASSERT_EQ(run({"database", "backup", address("watcher"), "--out", "back.db"}).code, 0);
   EXPECT_EQ(run({"database", "check", "back.db"}).code, 0);
@@ -215,7 +212,7 @@ TEST_F(Server, RowsGoThereAndBackAsTheyWere) {
   EXPECT_GT(before.size(), 1000u);
   EXPECT_EQ(run({"history", address("watcher"), "--format", "csv"}).out, before);
   EXPECT_EQ(run({"history", "back.db", "--format", "csv"}).out, before);
-  EXPECT_EQ(run({"history", "back.db", "--attempts", "--format", "csv"}).out,
+  EXPECT_EQ(run("history back.db --attempts --format csv").out,
             run({"history", "results.db", "--attempts", "--format", "csv"}).out);
 }
 
@@ -233,8 +230,8 @@ TEST_F(Server, APasswordComesFromTheFileForPasswordsAndIsNeverShown) {
   const ProgramResult wrong = run({"history", name});
   ::unsetenv("PGPASSFILE");
   EXPECT_EQ(wrong.code, 50);
-  EXPECT_EQ((with.out + wrong.err + without.err).find("17\n"), std::string::npos);
-  EXPECT_EQ(wrong.err.find("wrong17"), std::string::npos) << wrong.err;
+  EXPECT_SAYS_NOT((with.out + wrong.err + without.err), "17\n");
+  EXPECT_SAYS_NOT(wrong.err, "wrong17");
 }
 
 }  // namespace

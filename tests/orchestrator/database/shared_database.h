@@ -12,18 +12,12 @@ inline constexpr const char* server_away = "postgresql://east@127.0.0.1:1/turnca
 class SharedDatabase : public Program {
  protected:
   std::string station(const std::string& database, const std::string& name = "east") const {
-    return write(name + ".station", "format = 1\nstation.name = " + name +
-                                        "\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\n"
-                                        "table.driver = mock\nimu.driver = rig\nmotion.settle_s = 0.5\n"
-                                        "limit.residual_max = 2\nrecord.database = " +
-                                        database + "\n");
+    return write(name + ".station",
+                 station_head + "station.name = " + name +
+                     "\nmotion.settle_s = 0.5\nlimit.residual_max = 2\nrecord.database = " + database + "\n");
   }
-  std::vector<std::string> dry_run(const std::string& unit, const std::string& name = "east") const {
-    return {"run",        "--dry-run",
-            "--unit",     unit,
-            "--out",      name + "/" + unit,
-            "--sequence", short_demo,
-            "--station",  path(name + ".station")};
+  Arguments dry_run(const std::string& unit, const std::string& name = "east") const {
+    return Program::dry_run(name + "/" + unit, {"--station", path(name + ".station")}, unit);
   }
   std::vector<AttemptRecord> attempts(const std::string& name, const RecordFilter& filter = {}) const {
     const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(name);

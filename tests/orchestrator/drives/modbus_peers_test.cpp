@@ -139,12 +139,11 @@ class StillImu : public ImuSource {
   std::int64_t next_ = 0;
 };
 
-// What one register pair of the peer holds, read by mbpoll.
-long peer_counts(int port, int unit) {
+// What the pair of registers of a position holds, read by mbpoll.
+long counts_of(const std::string& link, int unit) {
   int status = 0;
-  const std::string text = output_of("mbpoll -m tcp -0 -1 -q -B -t 4:int -a " + std::to_string(unit) +
-                                         " -r 256 -c 1 -p " + std::to_string(port) + " 127.0.0.1",
-                                     status);
+  const std::string text =
+      output_of("mbpoll -0 -1 -q -B -t 4:int -a " + std::to_string(unit) + " -r 256 -c 1 " + link, status);
   EXPECT_EQ(status, 0) << text;
   const std::size_t place = text.find("[256]:");
   EXPECT_NE(place, std::string::npos) << text;
@@ -191,8 +190,9 @@ TEST(ModbusPeers, PymodbusServesATableOverTcp) {
   RegisterMap map = map_of(plain_map_text("tcp"));
   map.link.address = "127.0.0.1:" + std::to_string(port);
   run_a_sequence_on(map);
-  EXPECT_EQ(peer_counts(port, 2), -200000);
-  EXPECT_EQ(peer_counts(port, 3), -225000);
+  const std::string link = "-m tcp -p " + std::to_string(port) + " 127.0.0.1";
+  EXPECT_EQ(counts_of(link, 2), -200000);
+  EXPECT_EQ(counts_of(link, 3), -225000);
 }
 
 TEST(ModbusPeers, SocatCarriesRtuToPymodbus) {
@@ -214,21 +214,12 @@ TEST(ModbusPeers, MbpollReadsTheTwinOverTcpAndRtu) {
     TwinStation station(map_of(plain_map_text(tcp ? "tcp" : "rtu")), config);
     const std::string link = tcp ? "-m tcp -p " + std::to_string(station.server.port()) + " 127.0.0.1"
                                  : "-m rtu -b 115200 " + station.server.address();
-    const auto counts = [&](int unit) {
-      int status = 0;
-      const std::string text =
-          output_of("mbpoll -0 -1 -q -B -t 4:int -a " + std::to_string(unit) + " -r 256 -c 1 " + link, status);
-      EXPECT_EQ(status, 0) << text;
-      const std::size_t place = text.find("[256]:");
-      EXPECT_NE(place, std::string::npos) << text;
-      return place == std::string::npos ? 0 : std::strtol(text.c_str() + place + 6, nullptr, 10);
-    };
-    EXPECT_EQ(counts(1), 120000);
-    EXPECT_EQ(counts(2), 345000);
-    EXPECT_EQ(counts(3), 545000);
+    EXPECT_EQ(counts_of(link, 1), 120000);
+    EXPECT_EQ(counts_of(link, 2), 345000);
+    EXPECT_EQ(counts_of(link, 3), 545000);
     int status = 0;
     const std::string refused = output_of("mbpoll -0 -1 -q -t 4 -a 1 -r 4000 -c 1 " + link, status);
-    EXPECT_NE(refused.find("Illegal data address"), std::string::npos) << refused;
+    EXPECT_SAYS(refused, "Illegal data address");
     // It enables the drive by a write of its own.
     const std::string written = output_of("mbpoll -0 -1 -q -t 4 -a 1 -r 512 " + link + " 1", status);
     EXPECT_EQ(status, 0) << written;

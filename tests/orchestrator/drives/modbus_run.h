@@ -22,9 +22,9 @@ inline const char* const sequence_text =
 inline constexpr double in_mid_move_s = 4.5, in_settling_s = 6.3;
 
 // The rig's unit, read while the server's thread uses the rig too.
-class LockedImu : public ImuSource {
+class LockedImu : public FrontImu {
  public:
-  LockedImu(ImuSource& imu, std::mutex& mutex) : imu_(imu), mutex_(mutex) {}
+  LockedImu(ImuSource& imu, std::mutex& mutex) : FrontImu(imu), mutex_(mutex) {}
   Status open() override {
     const std::lock_guard lock(mutex_);
     return imu_.open();
@@ -33,16 +33,12 @@ class LockedImu : public ImuSource {
     const std::lock_guard lock(mutex_);
     return imu_.identify();
   }
-  void describe(RecordingInfo& info) const override { imu_.describe(info); }
   Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
     const std::lock_guard lock(mutex_);
     return imu_.read(out, timeout_s);
   }
-  ImuLinkCounters counters() const override { return imu_.counters(); }
-  void close() override { imu_.close(); }
 
  private:
-  ImuSource& imu_;
   std::mutex& mutex_;
 };
 

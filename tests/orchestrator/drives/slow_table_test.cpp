@@ -170,17 +170,14 @@ TEST(SlowTable, ARunReadsItsUnitsMeanwhile) {
 }
 
 // The rig's unit as behind a line: what it sends while time passes is there when it is read.
-class BufferedImu : public ImuSource {
+class BufferedImu : public FrontImu {
  public:
-  explicit BufferedImu(ImuSource& imu) : imu_(imu) {}
+  using FrontImu::FrontImu;
   void pass(double seconds) {
     std::array<ImuSample, 64> block;
     const Result<std::size_t> got = imu_.read(block, seconds);
     if (got) buffer_.insert(buffer_.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*got));
   }
-  Status open() override { return imu_.open(); }
-  Result<ImuIdentity> identify() override { return imu_.identify(); }
-  void describe(RecordingInfo& info) const override { imu_.describe(info); }
   Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
     if (buffer_.empty()) return timeout_s > 0.0 ? imu_.read(out, timeout_s) : Result<std::size_t>(std::size_t{0});
     const std::size_t count = std::min(out.size(), buffer_.size());
@@ -188,11 +185,8 @@ class BufferedImu : public ImuSource {
     buffer_.erase(buffer_.begin(), buffer_.begin() + static_cast<std::ptrdiff_t>(count));
     return count;
   }
-  ImuLinkCounters counters() const override { return imu_.counters(); }
-  void close() override { imu_.close(); }
 
  private:
-  ImuSource& imu_;
   std::vector<ImuSample> buffer_;
 };
 

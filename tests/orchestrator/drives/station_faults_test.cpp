@@ -53,6 +53,7 @@ TEST(StationFaults, InPositionLies) {
     ASSERT_EQ(s.sink.segments.size(), 4u);
     EXPECT_EQ(s.sink.segments[2].end_sample - s.sink.segments[2].start_sample, 400) << "the dwell";
     EXPECT_GE(s.sink.segments[2].start_sample, 200 + 700) << "not before the table stood";
+    EXPECT_LE(s.sink.segments[2].start_sample, 200 + 700 + 500) << "nor long after";
     EXPECT_EQ(outcome.repeated_dwells, 0);
   }
 }
@@ -83,6 +84,26 @@ std::vector<DriveFault> drive_faults() {
       }
     }));
   };
+  using Change = std::function<void(const ModbusRequest&, AnswerPlan&)>;
+  const auto reads = [](const Change& how) {  // from mid-move on
+    return [how](ModbusRun& s) {
+      s.station.disturb([&s, how](const ModbusRequest& request, AnswerPlan& plan) {
+        if (request.function == 3 && s.rig_time_s() > in_mid_move_s) how(request, plan);
+      });
+    };
+  };
+  const auto moves = [](const Change& how) {
+    return [how](ModbusRun& s) {
+      s.station.disturb([how](const ModbusRequest& request, AnswerPlan& plan) {
+        if (request.function == 16) how(request, plan);
+      });
+    };
+  };
+  const auto refused = [](int code) {
+    return [code](const ModbusRequest& request, AnswerPlan& plan) {
+      plan.pieces[0].bytes = exception_reply(request, code, true);
+    };
+  };
   const RigConfig plain = default_rig_config();
   return {
       {"never_in_position", rig_with(RigFaultKind::never_in_position, 3.0), {}, RunEvent::deadline, "has not settled"},
@@ -107,54 +128,20 @@ std::vector<DriveFault> drive_faults() {
       {"overshoot_that_stays", plain,
        from_moment(6.0, [](auto& words) { words[1] = static_cast<std::uint16_t>(words[1] - 500); }), RunEvent::stall,
        "no progress"},
-      {"silent_in_mid_move", plain,
-       [](ModbusRun& s) {
-         s.station.disturb([&s](const ModbusRequest& request, AnswerPlan& plan) {
-           if (request.function == 3 && s.rig_time_s() > in_mid_move_s) plan.pieces.clear();
-         });
-       },
+      {"silent_in_mid_move", plain, reads([](const ModbusRequest&, AnswerPlan& plan) { plan.pieces.clear(); }),
        RunEvent::link_lost, "no answer within"},
       {"busy_for_ever", plain,
-       [](ModbusRun& s) {
+       [=](ModbusRun& s) {
          // Every reading takes half a second of the wall clock: the stop is given up sooner.
          s.config.motion.stall_s = 1.0;
          s.config.motion.deadline_margin_s = 2.0;
-         s.station.disturb([&s](const ModbusRequest& request, AnswerPlan& plan) {
-           if (request.function == 3 && s.rig_time_s() > in_mid_move_s)
-             plan.pieces[0].bytes = exception_reply(request, 6, true);
-         });
+         reads(refused(6))(s);
        },
        RunEvent::table_fault, "exception 6"},
-      {"move_refused", plain,
-       [](ModbusRun& s) {
-         s.station.disturb([](const ModbusRequest& request, AnswerPlan& plan) {
-           if (request.function == 16) plan.pieces[0].bytes = exception_reply(request, 4, true);
-         });
-       },
-       RunEvent::table_fault, "exception 4"},
-      {"move_refused_as_an_address", plain,
-       [](ModbusRun& s) {
-         s.station.disturb([](const ModbusRequest& request, AnswerPlan& plan) {
-           if (request.function == 16) plan.pieces[0].bytes = exception_reply(request, 2, true);
-         });
-       },
-       RunEvent::table_fault, "exception 2"},
-      {"reading_refused_as_a_value", plain,
-       [](ModbusRun& s) {
-         s.station.disturb([&s](const ModbusRequest& request, AnswerPlan& plan) {
-           if (request.function == 3 && s.rig_time_s() > in_mid_move_s)
-             plan.pieces[0].bytes = exception_reply(request, 3, true);
-         });
-       },
-       RunEvent::table_fault, "exception 3"},
-      {"reading_refused_as_a_failure", plain,
-       [](ModbusRun& s) {
-         s.station.disturb([&s](const ModbusRequest& request, AnswerPlan& plan) {
-           if (request.function == 3 && s.rig_time_s() > in_mid_move_s)
-             plan.pieces[0].bytes = exception_reply(request, 4, true);
-         });
-       },
-       RunEvent::table_fault, "exception 4"},
+      {"move_refused", plain, moves(refused(4)), RunEvent::table_fault, "exception 4"},
+      {"move_refused_as_an_address", plain, moves(refused(2)), RunEvent::table_fault, "exception 2"},
+      {"reading_refused_as_a_value", plain, reads(refused(3)), RunEvent::table_fault, "exception 3"},
+      {"reading_refused_as_a_failure", plain, reads(refused(4)), RunEvent::table_fault, "exception 4"},
   };
 }
 
@@ -168,7 +155,7 @@ TEST_P(StationDriveFaults, TableStopsAndTheRunSaysWhy) {
   EXPECT_EQ(outcome.state, RunState::failed);
   EXPECT_EQ(outcome.error.kind, ErrorKind::device);
   EXPECT_TRUE(s.watcher.saw(fault.event)) << outcome.error.message;
-  EXPECT_NE(outcome.error.message.find(fault.says), std::string::npos) << outcome.error.message;
+  EXPECT_SAYS(outcome.error.message, fault.says);
   // Nothing was recorded as a rest after the fault.
   for (const Segment& segment : s.sink.segments) {
     if (segment.kind == SegmentKind::still) ADD_FAILURE() << "a dwell was recorded";
@@ -188,6 +175,9 @@ TEST(StationFaults, AnIllegalAddressIsTheMapsUntilSomethingMoves) {
     const RunOutcome outcome = s.run();
     EXPECT_EQ(outcome.state, RunState::failed);
     EXPECT_EQ(exit_code(outcome.error.kind), refused == enable_register ? 1 : 50) << outcome.error.message;
+    // No angle was read before the enabling.
+    EXPECT_EQ(outcome.error.message.find(" at heading ") == std::string::npos, refused == enable_register)
+        << outcome.error.message;
   }
 }
 
@@ -222,6 +212,8 @@ TEST(StationFaults, OperatorStopsInMidMoveAndDuringSettling) {
     const RunOutcome outcome = s.run();
     EXPECT_EQ(outcome.state, RunState::aborted) << outcome.error.message;
     EXPECT_EQ(outcome.error.kind, ErrorKind::aborted);
+    EXPECT_TRUE(outcome.error.message.ends_with(": stopped by the operator; the table rests, its drives are off"))
+        << outcome.error.message;
   }
 }
 
@@ -253,7 +245,7 @@ TEST(StationFaults, WatchdogDoesNotTripInALongDwellNorWhileCalibrating) {
     EXPECT_EQ(outcome.state, often_enough ? RunState::done : RunState::failed) << outcome.error.message;
     if (!often_enough) {
       EXPECT_EQ(exit_code(outcome.error.kind), 50);
-      EXPECT_NE(outcome.error.message.find("fault of axis"), std::string::npos) << outcome.error.message;
+      EXPECT_SAYS(outcome.error.message, "fault of axis");
       continue;
     }
     // Nothing is left of it for the next run.

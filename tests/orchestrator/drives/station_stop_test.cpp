@@ -153,7 +153,7 @@ TEST(StationStop, BetweenAttemptsToReconnect) {
     const RunOutcome outcome = s.run();
     stopper.join();
     EXPECT_EQ(outcome.state, RunState::failed);
-    EXPECT_NE(outcome.error.message.find("COULD NOT BE VERIFIED"), std::string::npos) << outcome.error.message;
+    EXPECT_SAYS(outcome.error.message, "COULD NOT BE VERIFIED");
     return abort_s - asked_s;
   });
 }

@@ -12,6 +12,7 @@
 #include "orchestrator/figures/score_chart.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
+#include "tests/says.h"
 
 namespace turncal {
 namespace {
@@ -91,8 +92,10 @@ TEST(EffectFigure, ShowsEveryEffectOfTheCatalogueAgainstWhatItDependsOn) {
     ASSERT_FALSE(figure.panels.empty()) << name;
     EXPECT_LE(figure.panels.size(), 3u) << name;
     for (const Panel& panel : figure.panels) {
-      EXPECT_NE(panel.x_label.find(", "), std::string::npos) << name << ": no unit in '" << panel.x_label << "'";
-      EXPECT_NE(panel.y_label.find(", "), std::string::npos) << name << ": no unit in '" << panel.y_label << "'";
+      EXPECT_SAYS(panel.x_label, ", ") << name << ": no unit in '"
+                                       << "'";
+      EXPECT_SAYS(panel.y_label, ", ") << name << ": no unit in '"
+                                       << "'";
       ASSERT_EQ(panel.series.size(), 2u) << name;
       EXPECT_FALSE(panel.series[0].points.empty()) << name;
       EXPECT_EQ(panel.series[0].points.size(), panel.series[1].points.size()) << name;
@@ -150,7 +153,7 @@ TEST(TimeFigure, ItsAxesSayWhereTheStepsBegin) {
     mark_steps(recording, figure);
     EXPECT_EQ(figure.panels[0].marks, (Marks{{0.0, "1"}, {second, "2"}})) << label;
     EXPECT_TRUE(figure.panels[1].marks.empty());
-    EXPECT_NE(figure.caption.find("where the steps"), std::string::npos);
+    EXPECT_SAYS(figure.caption, "where the steps");
   }
 }
 
@@ -166,7 +169,7 @@ TEST(TimeFigure, KeepsFaultsFromFlatteningTheRest) {
   EXPECT_GT(figure.panels[0].y_limit, 0.9);  // mm/s
   EXPECT_LT(figure.panels[0].y_limit, 5.0);
   EXPECT_EQ(figure.panels[1].y_limit, 0.0);
-  EXPECT_NE(figure.caption.find("leave the frame"), std::string::npos);
+  EXPECT_SAYS(figure.caption, "leave the frame");
 }
 
 TEST(Outline, KeepsExtremesAndBreaksWithinTheLimit) {

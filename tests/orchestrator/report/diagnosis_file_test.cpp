@@ -9,6 +9,7 @@
 #include "orchestrator/report/diagnosis_text.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
+#include "tests/says.h"
 
 namespace turncal {
 namespace {
@@ -93,8 +94,7 @@ TEST(DiagnosisFile, IsReadBackKeyByKey) {
   const char* verdicts[] = {"clean", "extended", "unexplained", "noise_model"};
   for (int k = 0; k < 4; ++k) {
     sample.diagnosis.verdict = static_cast<Verdict>(k);
-    EXPECT_NE(format_diagnosis(sample.diagnosis).find(std::string("\nverdict = ") + verdicts[k] + "\n"),
-              std::string::npos);
+    EXPECT_SAYS(format_diagnosis(sample.diagnosis), std::string("\nverdict = ") + verdicts[k] + "\n");
   }
 }
 
@@ -131,15 +131,6 @@ TEST(DiagnosisParameters, HoldEffectsStrongestFirstNoiseAndVerdict) {
   EXPECT_EQ(further("noise.source"), "measured");
   EXPECT_NEAR(std::stod(further("noise.angle_random_walk.y_deg_per_rt_h")), 0.002, 1e-12);
   EXPECT_NEAR(std::stod(further("noise.velocity_random_walk.z_ug_per_rt_hz")), 8.0, 1e-9);
-}
-
-TEST(DiagnosisParameters, AreThoseOfTheBaseModelWhenNothingWasAdded) {
-  Sample sample = clean_sample();
-  const ParameterFile file = diagnosis_parameters(sample.diagnosis, sample_context(sample));
-  EXPECT_EQ(file.model, "base");
-  EXPECT_TRUE(file.effects.empty());
-  sample.recording.mean_temperature_c = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_FALSE(diagnosis_parameters(sample.diagnosis, sample_context(sample)).reference_temperature_c);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/report.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
+#include "tests/says.h"
 
 namespace turncal {
 namespace {
@@ -34,7 +35,7 @@ TEST(VerdictSentence, SaysWhatWasFoundWithNumbers) {
       "held-out data (second recording) falls from 7.10 to 1.40 mm/s rms (-80 %), and the normalised residual there "
       "from "
       "3.200 to 1.010; this recording cannot tell accel_second_order from accel_scale_asymmetry.");
-  EXPECT_NE(verdict_sentence(extended.diagnosis).find("20.25 ± 0.75 µg/g²"), std::string::npos);
+  EXPECT_SAYS(verdict_sentence(extended.diagnosis), "20.25 ± 0.75 µg/g²");
   const Sample unexplained = unexplained_sample();
   const std::string text = plain(verdict_sentence(unexplained.diagnosis));
   EXPECT_TRUE(
@@ -58,8 +59,8 @@ TEST(VerdictSentence, AdmitsWhenNothingConfirmsIt) {
   Sample sample = extended_sample();
   sample.diagnosis.holdout_before = sample.diagnosis.holdout_after = {};
   const std::string text = plain(verdict_sentence(sample.diagnosis));
-  EXPECT_NE(text.find("from 2.500 to 1.002"), std::string::npos) << text;
-  EXPECT_NE(text.find("no held-out data to confirm it"), std::string::npos) << text;
+  EXPECT_SAYS(text, "from 2.500 to 1.002");
+  EXPECT_SAYS(text, "no held-out data to confirm it");
 }
 
 TEST(VerdictSentence, NamesTheEffectsThatStandBesideAnUnexplainedResidual) {
@@ -67,10 +68,8 @@ TEST(VerdictSentence, NamesTheEffectsThatStandBesideAnUnexplainedResidual) {
   sample.diagnosis.effect_names = {"accel_delay"};
   sample.diagnosis.extended.effects = {estimated("accel_delay", 0, 0.12, 0.003)};
   const std::string text = plain(verdict_sentence(sample.diagnosis));
-  EXPECT_NE(text.find("beside it one effect beyond the 24 parameters was found and added: accel_delay"),
-            std::string::npos)
-      << text;
-  EXPECT_EQ(text.find("no effect is named"), std::string::npos) << text;
+  EXPECT_SAYS(text, "beside it one effect beyond the 24 parameters was found and added: accel_delay");
+  EXPECT_SAYS_NOT(text, "no effect is named");
 }
 
 std::vector<std::string> lines_of(const Diagnosis& diagnosis, const DiagnosisContext& context) {

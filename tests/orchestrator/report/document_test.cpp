@@ -5,6 +5,7 @@
 
 #include "orchestrator/line/parameter_history.h"
 #include "orchestrator/line_report/history_document.h"
+#include "tests/says.h"
 
 namespace turncal {
 namespace {
@@ -69,8 +70,8 @@ TEST(Document, OnAPageIsEscapedAndMarked) {
         "<tr class=\"hit\"><td class=\"name\">SN&lt;1&gt;</td>", "<td class=\"n\">-1.50×10⁻⁷</td>",
         "<td class=\"half\"><span class=\"bar\" style=\"margin-left:38px;width:38px\"></span></td>",
         "<tr class=\"dim\"><td class=\"name\">SN3</td>"})
-    EXPECT_NE(html.find(part), std::string::npos) << part << "\nin\n" << html;
-  EXPECT_EQ(html.find("nnnn"), std::string::npos);
+    EXPECT_SAYS(html, part);
+  EXPECT_SAYS_NOT(html, "nnnn");
 }
 
 TEST(Document, AsJsonHasTypesAndAllDigits) {
@@ -106,24 +107,12 @@ std::vector<StoredCalibration> ten_units(double last_n01) {
   return all;
 }
 
-TEST(ParameterHistory, HasValuesSigmasAndTheChart) {
-  const std::vector<StoredCalibration> all = ten_units(0.01);
-  const ParameterHistory history = parameter_history(all, "N01");
-  ASSERT_EQ(history.values.size(), 10u);
-  EXPECT_DOUBLE_EQ(history.chart.mean, 0.005);
-  EXPECT_DOUBLE_EQ(*history.sigmas[3], 0.002);
-  EXPECT_EQ(history.of[4]->id, 5);
-  EXPECT_NEAR(history.chart.cpk->value, 0.095 / (3.0 * 0.01 / 1.128), 1e-12);
-  EXPECT_EQ(free_parameter_keys().size(), 21u);
-  EXPECT_TRUE(parameter_history(all, "N99").values.empty());
-}
-
 TEST(HistoryPage, ChartsEveryParameterAndMarksWhatIsOutside) {
   for (const bool jumps : {false, true}) {
     const std::string page = as_page(history_document(ten_units(jumps ? 0.09 : 0.01), "results.db")).html;
     EXPECT_EQ(count_of(page, "<td class=\"name\">"), 21u);
     EXPECT_EQ(count_of(page, "<tr class=\"hit\">"), jumps ? 1u : 0u);
-    EXPECT_NE(page.find("SN&lt;3&gt;"), std::string::npos) << "serial numbers are text, not markup";
+    EXPECT_SAYS(page, "SN&lt;3&gt;") << "serial numbers are text, not markup";
     if (page.find("This plot is missing") != std::string::npos) GTEST_SKIP() << "needs gnuplot";
     EXPECT_EQ(count_of(page, "<svg"), 6u);
     EXPECT_EQ(count_of(page, " less "), 21u);
@@ -134,13 +123,13 @@ TEST(HistoryPage, ChartsEveryParameterAndMarksWhatIsOutside) {
 // Of every page that is made: as wide as a phone, wide tables scroll by themselves, and none is split between two sheets.
 TEST(HistoryPage, FitsPhonesAndPaper) {
   const std::string page = as_page(history_document({}, "results.db")).html;
-  EXPECT_NE(page.find("No calibration is on record."), std::string::npos);
-  EXPECT_NE(page.find("<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">"), std::string::npos);
+  EXPECT_SAYS(page, "No calibration is on record.");
+  EXPECT_SAYS(page, "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">");
   const std::size_t phone = page.find("@media screen and (max-width:700px)"), paper = page.find("@media print");
   ASSERT_NE(phone, std::string::npos);
   ASSERT_NE(paper, std::string::npos);
   EXPECT_LT(page.find("table { display:block; overflow-x:auto; }", phone), paper);
-  EXPECT_NE(page.find("figure, table, tr, .verdict { break-inside:avoid; }", paper), std::string::npos);
+  EXPECT_SAYS(page.substr(paper), "figure, table, tr, .verdict { break-inside:avoid; }");
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 #include "orchestrator/report/report.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
+#include "tests/says.h"
 
 namespace turncal {
 namespace {
@@ -64,21 +65,20 @@ TEST(Report, IsCompleteForEveryVerdict) {
     SCOPED_TRACE(to_string(sample.diagnosis.verdict));
     expect_sections_in_order(html);
     expect_balanced(html);
-    EXPECT_NE(html.find("<div class=\"verdict " + std::string(to_string(sample.diagnosis.verdict)) + "\">"),
-              std::string::npos);
-    EXPECT_NE(html.find("unit SN&lt;7&gt;&amp;&quot;quoted&quot;"), std::string::npos);
-    EXPECT_EQ(html.find("SN<7>"), std::string::npos);
+    EXPECT_SAYS(html, "<div class=\"verdict " + std::string(to_string(sample.diagnosis.verdict)) + "\">");
+    EXPECT_SAYS(html, "unit SN&lt;7&gt;&amp;&quot;quoted&quot;");
+    EXPECT_SAYS_NOT(html, "SN<7>");
     // Self-contained: no scripts, nothing fetched. Namespaces are names, not links.
-    EXPECT_EQ(html.find("<script"), std::string::npos);
-    EXPECT_EQ(html.find("<link"), std::string::npos);
-    EXPECT_EQ(html.find("url(http"), std::string::npos);
+    EXPECT_SAYS_NOT(html, "<script");
+    EXPECT_SAYS_NOT(html, "<link");
+    EXPECT_SAYS_NOT(html, "url(http");
     EXPECT_EQ(count_of(html, "http://") + count_of(html, "https://"), 2 * count_of(html, "<svg"));
-    EXPECT_EQ(html.find(">nan"), std::string::npos);
-    EXPECT_EQ(html.find(">inf"), std::string::npos);
+    EXPECT_SAYS_NOT(html, ">nan");
+    EXPECT_SAYS_NOT(html, ">inf");
     EXPECT_LT(html.size(), 3u << 20);
     // All 24 parameters.
     for (const std::string_view key : parameter_keys)
-      EXPECT_NE(html.find("<td class=\"name\">" + std::string(key) + "</td>"), std::string::npos) << key;
+      EXPECT_SAYS(html, "<td class=\"name\">" + std::string(key) + "</td>") << key;
     const bool named = sample.diagnosis.verdict == Verdict::extended;
     const bool nameless =
         sample.diagnosis.verdict == Verdict::unexplained || sample.diagnosis.verdict == Verdict::noise_model;
@@ -114,7 +114,7 @@ TEST(Report, NamesAliasesLimitsFaultsAndSelection) {
         "<td class=\"name\">accel_size_effect</td><td class=\"w\">rotations with velocity carried",
         "gyro_bias_drift: fitted the recording better", "error of the local gravity",
         "20.25</td><td class=\"n\">0.75</td><td>µg/g²</td>", "+12.0"})
-    EXPECT_NE(html.find(wanted), std::string::npos) << wanted;
+    EXPECT_SAYS(html, wanted);
 }
 
 TEST(Report, SaysSoWhenThereIsNoGnuplot) {

@@ -176,7 +176,6 @@ inline Sample extended_sample() {
   d.statements.anything = 1.0;
   d.statements.nodes = {{"accelerometer x", "bias", "force", "", 0.998},
                         {"accelerometer x", "bias", "force", "accel_second_order", 0.725}};
-  d.groups = {{"accel_second_order", 740.0, 3, 3, 1e-150}};
   return sample;
 }
 

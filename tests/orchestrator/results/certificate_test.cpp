@@ -14,11 +14,12 @@ class CertificateTest : public RigUnit {
  protected:
   void SetUp() override {
     RigUnit::SetUp();
-    write("lab.station",
-          "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
-          "laboratory.name = Müller & Söhne <Labor>\nlaboratory.signatory = A. Signer\ncustomer.name = Customer Ltd\n"
-          "laboratory.address = Weg 1\ncustomer.address = Way 2\n"
-          "site.gravity_uncertainty_mps2 = 0.0001\nsite.latitude_uncertainty_deg = 0.001\n");
+    write(
+        "lab.station",
+        station_head +
+            "laboratory.name = Müller & Söhne <Labor>\nlaboratory.signatory = A. Signer\ncustomer.name = Customer Ltd\n"
+            "laboratory.address = Weg 1\ncustomer.address = Way 2\n"
+            "site.gravity_uncertainty_mps2 = 0.0001\nsite.latitude_uncertainty_deg = 0.001\n");
     record("rig", without_noise, "step 1\n  initial H 0 P 0 R 0\n  align 200\n  dwell 200\n");
   }
   // A result as a run leaves it, of a real unit.
@@ -61,14 +62,8 @@ class CertificateTest : public RigUnit {
     std::filesystem::create_directories(folder_ / folder);
     keep(file, folder + "/parameters.conf");
   }
-  std::vector<std::string> certify(std::vector<std::string> runs, std::vector<std::string> more = {}) {
-    std::vector<std::string> arguments = {"certificate"};
-    arguments.insert(arguments.end(), runs.begin(), runs.end());
-    for (const std::string& word :
-         {std::string("--station"), path("lab.station"), std::string("--out"), std::string("c.html")})
-      arguments.push_back(word);
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return arguments;
+  static Arguments certify(const Arguments& runs, const Arguments& more = {}) {
+    return "certificate" + runs + "--station lab.station --out c.html" + more;
   }
 };
 
@@ -81,9 +76,10 @@ TEST_F(CertificateTest, SaysWhatItHasTo) {
   for (const char* words : {"Calibration certificate", "Müller &amp; Söhne &lt;Labor&gt;", "Customer Ltd", "SN7",
                             "2027-01-31", "0.0031", "2026-01-31T10:00:00Z", "ILAC-G8:09/2019", "A. Signer",
                             "counter(pages)", "U (k = 2)", "00000000000000000000000000000000", "hash "})
-    EXPECT_NE(page.find(words), std::string::npos) << words;
-  EXPECT_EQ(page.find("class=\"mark\""), std::string::npos);
+    EXPECT_SAYS(page, words);
+  EXPECT_SAYS_NOT(page, "class=\"mark\"");
   EXPECT_EQ(run(certify({"a"})).code, 0);  // again, over its own
+  expect_refused(certify({"a"}, {"--pdf", "./c.html"}), "--pdf ./c.html: expected another file than --out, c.html");
 }
 
 // What the page says of effects follows the diagnosis that was made, or was not.
@@ -100,17 +96,14 @@ TEST_F(CertificateTest, SaysWhatIsKnownOfEffects) {
     return file_text(folder_ / "c.html");
   };
   const std::string about = "Effects beyond the parameters: ";
-  EXPECT_NE(page_of("", true, false).find(about + "not examined.<"), std::string::npos);
-  EXPECT_NE(page_of("not_made", false, false).find(about + "not examined, and the standard deviations are not trusted"),
-            std::string::npos);
-  EXPECT_NE(page_of("clean", true, false).find(about + "none was found.<"), std::string::npos);
-  EXPECT_NE(page_of("unexplained", false, false).find(about + "a residual is left that no effect explains."),
-            std::string::npos);
-  EXPECT_NE(page_of("unexplained", false, true).find(about + "a residual is left"), std::string::npos);
-  EXPECT_NE(page_of("extended", true, true).find(about + "those found are in the model: accel_size_effect.<"),
-            std::string::npos);
-  EXPECT_NE(page_of("extended", false, false).find(about + "those found are not in the model, and"), std::string::npos);
-  EXPECT_NE(page_of("noise_model", false, false).find(about + "not examined, and"), std::string::npos);
+  EXPECT_SAYS(page_of("", true, false), about + "not examined.<");
+  EXPECT_SAYS(page_of("not_made", false, false), about + "not examined, and the standard deviations are not trusted");
+  EXPECT_SAYS(page_of("clean", true, false), about + "none was found.<");
+  EXPECT_SAYS(page_of("unexplained", false, false), about + "a residual is left that no effect explains.");
+  EXPECT_SAYS(page_of("unexplained", false, true), about + "a residual is left");
+  EXPECT_SAYS(page_of("extended", true, true), about + "those found are in the model: accel_size_effect.<");
+  EXPECT_SAYS(page_of("extended", false, false), about + "those found are not in the model, and");
+  EXPECT_SAYS(page_of("noise_model", false, false), about + "not examined, and");
 }
 
 // N01 = 0.0071 below 0.0131: the estimate alone leaves room for its guard band, three runs that scatter by 0.006 do not.
@@ -131,21 +124,21 @@ TEST_F(CertificateTest, JudgesByTheUncertaintyItPrints) {
   of_run("3", 0.0071, alone);
   ASSERT_EQ(run(certify({"3"})).code, 0);
   std::string page = file_text(folder_ / "c.html");
-  EXPECT_NE(page.find("<td>pass</td>"), std::string::npos);
-  EXPECT_NE(page.find("pass, " + limits), std::string::npos);
-  EXPECT_EQ(page.find("conditional_pass"), std::string::npos);
-  EXPECT_NE(page.find("pass, limits none .. 10; sigma: pass, limits none .. 0.5"), std::string::npos);
-  EXPECT_NE(page.find("pass, limits none .. 1.3"), std::string::npos);
+  EXPECT_SAYS(page, "<td>pass</td>");
+  EXPECT_SAYS(page, "pass, " + limits);
+  EXPECT_SAYS_NOT(page, "conditional_pass");
+  EXPECT_SAYS(page, "pass, limits none .. 10; sigma: pass, limits none .. 0.5");
+  EXPECT_SAYS(page, "pass, limits none .. 1.3");
   ASSERT_EQ(run(certify({"1", "2", "3"})).code, 0);  // U = 2 x 0.006
   page = file_text(folder_ / "c.html");
-  EXPECT_NE(page.find("conditional_pass: N01 = 0.0071, " + limits + ", guard band 0.012"), std::string::npos);
-  EXPECT_NE(page.find("conditional_pass, " + limits), std::string::npos);
-  EXPECT_NE(page.find("pass, limits none .. 10"), std::string::npos);
-  EXPECT_EQ(page.find("<td>pass</td>"), std::string::npos);
+  EXPECT_SAYS(page, "conditional_pass: N01 = 0.0071, " + limits + ", guard band 0.012");
+  EXPECT_SAYS(page, "conditional_pass, " + limits);
+  EXPECT_SAYS(page, "pass, limits none .. 10");
+  EXPECT_SAYS_NOT(page, "<td>pass</td>");
   // A judgement that was worse already stays.
   of_run("3", 0.0071, "fail, " + limits + ", guard band 2e-06");
   ASSERT_EQ(run(certify({"1", "2", "3"})).code, 0);
-  EXPECT_NE(file_text(folder_ / "c.html").find("fail, " + limits), std::string::npos);
+  EXPECT_SAYS(file_text(folder_ / "c.html"), "fail, " + limits);
   for (const char* wrong : {"perhaps, limits -1 .. 1, guard band 0", "pass, limits -1 1, guard band 0", "pass",
                             "pass, limits -1 .. 1, guard band", "pass, limits x .. 1, guard band 0"}) {
     of_run("3", 0.0071, wrong);
@@ -165,17 +158,11 @@ TEST_F(CertificateTest, EachRecordingOnce) {
   file.add_further("record.recording.2.hash", two);
   keep_run(file, "both");
   ASSERT_EQ(run(certify({"a", "both"})).code, 0);
-  EXPECT_NE(file_text(folder_ / "c.html").find(std::string(32, '0') + ", " + one + ", " + two), std::string::npos);
+  EXPECT_SAYS(file_text(folder_ / "c.html"), std::string(32, '0') + ", " + one + ", " + two);
   file = result_file();
   file.recording_hash = two;
   keep_run(file, "second");
   expect_refused(certify({"both", "second"}), "second/parameters.conf: recording 2222");
-}
-
-TEST_F(CertificateTest, EachFileApart) {
-  keep_run(result_file(), "a");
-  expect_refused(certify({"a"}, {"--pdf", "./c.html"}), "--pdf ./c.html: expected another file than --out, c.html");
-  EXPECT_FALSE(std::filesystem::exists(folder_ / "c.html"));
 }
 
 TEST_F(CertificateTest, BudgetByHand) {
@@ -237,7 +224,7 @@ TEST_F(CertificateTest, NoneForWhatIsNoResult) {
   keep_run(file, "simulated");
   expect_refused(certify({"simulated"}), "no certificate: its data are simulated", 20);
   ASSERT_EQ(run(certify({"simulated"}, {"--specimen"})).code, 0);
-  EXPECT_NE(file_text(folder_ / "c.html").find("SPECIMEN"), std::string::npos);
+  EXPECT_SAYS(file_text(folder_ / "c.html"), "SPECIMEN");
   std::filesystem::remove(folder_ / "c.html");
   file = result_file();
   for (auto& [key, value] : file.further)
@@ -272,7 +259,7 @@ TEST_F(CertificateTest, EachEffectWithItsUncertainty) {
   for (const char* words :
        {"accel_delay.tau", "<td>ms</td>", "0.1197", "0.0058", "gyro_warm_up.tau_s", "<td>s</td>", "given",
         "effects beyond the parameters: those found are in the model: accel_delay, gyro_warm_up."})
-    EXPECT_NE(page.find(words), std::string::npos) << words;
+    EXPECT_SAYS(page, words);
   ParameterFile later = file;
   later.recording_hash = std::string(32, '1');
   later.effects[0].value = 0.1297;
@@ -332,8 +319,7 @@ TEST_F(CertificateTest, TheVerificationOfThisResult) {
 TEST_F(CertificateTest, NoneWithoutWhatHasToStandOnIt) {
   keep_run(result_file(), "a");
   const std::string station = file_text(folder_ / "lab.station");
-  write("lab.station",
-        "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n");
+  write("lab.station", station_head);
   expect_refused(certify({"a"}),
                  "lab.station: no certificate without laboratory.name, laboratory.address, laboratory.signatory, "
                  "customer.name, customer.address (--specimen");
@@ -355,7 +341,7 @@ TEST_F(CertificateTest, ItsHashCanBeChecked) {
   const ProgramResult checked = run({"certificate", "--check", "c.html"});
   EXPECT_EQ(checked.code, 0) << checked.err;
   const std::string page = file_text(folder_ / "c.html"), words = "as it was issued, hash ";
-  ASSERT_NE(checked.out.find(words), std::string::npos) << checked.out;
+  ASSERT_SAYS(checked.out, words);
   const std::string hash = checked.out.substr(checked.out.find(words) + words.size(), 32);
   std::string without = page;
   int times = 0;
@@ -382,7 +368,7 @@ TEST_F(CertificateTest, AsPdf) {
   const ProgramResult made = run(certify({"a"}, {"--pdf", "c.pdf"}));
   ASSERT_EQ(made.code, 0) << made.err;
   EXPECT_TRUE(file_text(folder_ / "c.pdf").starts_with("%PDF-"));
-  EXPECT_EQ(made.out.find("font"), std::string::npos) << made.out;
+  EXPECT_SAYS_NOT(made.out, "font");
   EXPECT_EQ(everything(), (std::set<std::string>{"a", "a/parameters.conf", "c.html", "c.pdf", "lab.station", "rig",
                                                  "rig.rig", "rig.seq", "rig/journal.tcj", "rig/recording.tcr",
                                                  "rig/run.log", "rig/truth.conf"}));
@@ -390,7 +376,7 @@ TEST_F(CertificateTest, AsPdf) {
   write("lab.station", file_text(folder_ / "lab.station") + "customer.order = \xf4\x8f\xbf\xbd\n");
   const ProgramResult blank = run(certify({"a"}, {"--pdf", "c.pdf"}));
   EXPECT_EQ(blank.code, 0);
-  EXPECT_NE(blank.out.find("no installed font has \xf4\x8f\xbf\xbd (U+10FFFD)"), std::string::npos) << blank.out;
+  EXPECT_SAYS(blank.out, "no installed font has \xf4\x8f\xbf\xbd (U+10FFFD)");
 }
 
 }  // namespace

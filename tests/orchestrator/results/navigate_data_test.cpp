@@ -8,8 +8,7 @@ namespace {
 
 // A garbled word is no motion: without it the unit goes where it goes without the fault, and the output says what was set aside.
 TEST_F(Navigate, SamplesThatCannotBeAreSetAside) {
-  record_rest("rest");
-  write_truth("rest", "true.conf");
+  record_rest_and_truth();
   const auto miles = [this](const std::string& recording, std::size_t faults, const std::string& words) {
     const ProgramResult navigated =
         run({"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--branches", "1"});
@@ -17,7 +16,7 @@ TEST_F(Navigate, SamplesThatCannotBeAreSetAside) {
     KeyValueFile conf = result("nav/navigation.conf");
     EXPECT_EQ(conf.integer("filled_samples"), static_cast<std::int64_t>(faults)) << recording;
     EXPECT_EQ(conf.keys_with_prefix("fault.").size(), faults) << recording;
-    EXPECT_NE(navigated.out.find(words), std::string::npos) << navigated.out;
+    EXPECT_SAYS(navigated.out, words);
     return conf.number("drift.rms_nm_per_h");
   };
   const double clean = miles("rest", 0, "drift");
@@ -52,15 +51,14 @@ TEST_F(Navigate, SamplesThatCannotBeAreSetAsideWhereTheTableStandsAtZero) {
 
 // A counter that jumps is no time to be navigated through, and what turns is no rest, whatever it is called.
 TEST_F(Navigate, NoRestAndNoDayIsMadeUp) {
-  record_rest("rest");
-  write_truth("rest", "true.conf");
+  record_rest_and_truth();
   retell("rest", "jump", [](std::int64_t counter, std::vector<std::string>& cells) {
     if (counter > 90000) cells[0] = std::to_string(counter + 200'000'000);
   });
-  expect_refused({"navigate", path("jump"), "--parameters", path("true.conf"), "--out", path("nav")},
+  expect_refused("navigate jump --parameters true.conf --out nav",
                  "200000000 samples lost from sample 90001 on: expected a recording that lost less than a day");
   retell("rest", "turning", [](std::int64_t, std::vector<std::string>& cells) { cells[3] = "96"; });  // 5 deg/s about z
-  expect_refused({"navigate", path("turning"), "--parameters", path("true.conf"), "--out", path("nav")},
+  expect_refused("navigate turning --parameters true.conf --out nav",
                  "the unit rests nowhere for 20 s of 300 s of alignment");
 }
 
@@ -70,15 +68,14 @@ TEST_F(Navigate, BranchesBeginWhereTheUnitRestsLongEnough) {
   for (int k = 0; k < 6; ++k) sequence += "  dwell 6000\n  rotate P +90\n  dwell 6000\n  rotate P -90\n";
   record("rest", std::string(without_noise) + "seed = 31\n", sequence);
   write_truth("rest", "true.conf");
-  const ProgramResult navigated = run({"navigate", "rest", "--parameters", path("true.conf"), "--out", "nav", "--align",
-                                       "20", "--for", "20", "--branches", "100"});
+  const ProgramResult navigated =
+      run("navigate rest --parameters true.conf --out nav --align 20 --for 20 --branches 100");
   EXPECT_EQ(navigated.code, 0) << navigated.err;
   EXPECT_GT(result("nav/navigation.conf").integer("branches"), 20);
 }
 
 TEST_F(Navigate, WhatNoUnitGivesIsRefused) {
-  record_rest("rest");
-  write_truth("rest", "true.conf");
+  record_rest_and_truth();
   const auto navigate = [this](const std::string& recording) {
     return std::vector<std::string>{"navigate", recording, "--parameters", path("true.conf"), "--out", "nav"};
   };
@@ -96,8 +93,7 @@ TEST_F(Navigate, WhatNoUnitGivesIsRefused) {
 }
 
 TEST_F(Navigate, AGravityThatIsNotFeltIsSaid) {
-  record_rest("rest");
-  write_truth("rest", "true.conf");
+  record_rest_and_truth();
   const auto navigated = [this](const std::string& gravity) {
     std::string conf = file_text(folder_ / "text/recording.conf");
     const std::size_t at = conf.find("gravity_mps2");
@@ -107,17 +103,16 @@ TEST_F(Navigate, AGravityThatIsNotFeltIsSaid) {
     return result.out;
   };
   ASSERT_EQ(run({"export", "rest", "--out", "text"}).code, 0);
-  EXPECT_EQ(navigated("9.7914").find("GRAVITY"), std::string::npos);
-  EXPECT_EQ(navigated("9.7834").find("GRAVITY"), std::string::npos);
-  EXPECT_NE(navigated("9.78").find("GRAVITY         9.7914"), std::string::npos);
+  EXPECT_SAYS_NOT(navigated("9.7914"), "GRAVITY");
+  EXPECT_SAYS_NOT(navigated("9.7834"), "GRAVITY");
+  EXPECT_SAYS(navigated("9.78"), "GRAVITY         9.7914");
   EXPECT_NEAR(result("nav/navigation.conf").number("felt_gravity_mps2"), 9.7914, 1e-4);
-  EXPECT_NE(navigated("9.78").find("noise           assumed, the parameter file has no noise keys"), std::string::npos);
+  EXPECT_SAYS(navigated("9.78"), "noise           assumed, the parameter file has no noise keys");
 }
 
 // What `apply` left is navigated as it is.
 TEST_F(Navigate, CalibratedIncrementsNeedNoParameters) {
-  record_rest("rest");
-  write_truth("rest", "true.conf");
+  record_rest_and_truth();
   ASSERT_EQ(run({"apply", "rest", "--parameters", path("true.conf"), "--out", "applied.tcr"}).code, 0);
   ASSERT_EQ(run({"navigate", "rest", "--parameters", path("true.conf"), "--out", "nav"}).code, 0);
   const ProgramResult applied = run({"navigate", "applied.tcr", "--out", "as_it_is"});
@@ -128,11 +123,10 @@ TEST_F(Navigate, CalibratedIncrementsNeedNoParameters) {
   EXPECT_NEAR(other.number("branch.1.heading_deg"), one.number("branch.1.heading_deg"),
               0.1 * one.number("branch.1.sigma.heading_deg"));
   EXPECT_NEAR(other.number("branch.1.north_m"), one.number("branch.1.north_m"), 30.0);
-  expect_refused({"apply", "rest", "--parameters", path("true.conf"), "--out", "rest.xyz"},
+  expect_refused("apply rest --parameters true.conf --out rest.xyz",
                  "rest.xyz: expected a name that ends in one of .csv, .npy, .mat, .tcr");
   expect_refused({"export", "rest", "--out", "rest.csv"}, "rest.csv: expected a folder");
-  expect_refused({"navigate", "rest", "--parameters", path("true.conf"), "--out", "x", "--branches", "1e3"},
-                 "--branches = 1e3: expected a number");
+  expect_refused("navigate rest --parameters true.conf --out x --branches 1e3", "--branches = 1e3: expected a number");
 }
 
 }  // namespace

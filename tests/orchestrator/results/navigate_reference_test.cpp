@@ -88,7 +88,7 @@ TEST_F(NavigateReference, ErrorsAreThoseBesideIt) {
   record_drive();
   const ProgramResult navigated = run(beside("reference.csv"));
   ASSERT_EQ(navigated.code, 0) << navigated.err;
-  EXPECT_EQ(navigated.out.find("expected"), std::string::npos) << navigated.out;
+  EXPECT_SAYS_NOT(navigated.out, "expected");
   KeyValueFile conf = result("nav/navigation.conf");
   EXPECT_EQ(conf.text("reference"), path("reference.csv"));
   EXPECT_GE(conf.integer("branches"), 1);

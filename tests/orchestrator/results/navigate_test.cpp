@@ -7,11 +7,10 @@ namespace turncal {
 namespace {
 
 TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
-  record_rest("rest");
-  write_truth("rest", "true.conf");
+  record_rest_and_truth();
   write_truth("rest", "wrong.conf", 1, 0.1);  // N02, the gyro that points up: 0.1 deg/h
-  const ProgramResult navigated = run({"navigate", "rest", "--parameters", path("true.conf"), "--against",
-                                       path("wrong.conf"), "--out", "nav", "--for", "1500", "--branches", "3"});
+  const ProgramResult navigated =
+      run("navigate rest --parameters true.conf --against wrong.conf --out nav --for 1500 --branches 3");
   ASSERT_EQ(navigated.code, 0) << navigated.err;
   EXPECT_EQ(navigated.err, "");
   KeyValueFile conf = result("nav/navigation.conf");
@@ -32,9 +31,9 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
   EXPECT_EQ(std::count(track.begin(), track.begin() + static_cast<std::ptrdiff_t>(track.find('\n')), ','), 10);
   EXPECT_TRUE(std::filesystem::exists(folder_ / "nav/track_against.csv"));
   const std::string drawing = file_text(folder_ / "nav/navigation.svg");
-  EXPECT_NE(drawing.find("<svg"), std::string::npos);
+  EXPECT_SAYS(drawing, "<svg");
   for (const char* name : {">parameters<", ">against<"})  // the legend
-    EXPECT_NE(drawing.find(name), std::string::npos) << name;
+    EXPECT_SAYS(drawing, name);
   // What docs/examples has for it reads the same rates.
   if (std::system("python3 -c 'import numpy' 2> /dev/null") == 0) {
     const std::string command = std::string("python3 ") + TURNCAL_SOURCE_DIR + "/docs/examples/read_track.py " +
@@ -44,15 +43,12 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
     for (int k = 1; k <= 3; ++k) {
       char rate[40];
       std::snprintf(rate, sizeof rate, ", %.3f nm/h\n", conf.number("branch." + std::to_string(k) + ".nm_per_h"));
-      EXPECT_NE(read.find(rate), std::string::npos) << rate << read;
+      EXPECT_SAYS(read, rate);
     }
   }
   // Again, in the same folder: the same bytes.
   const std::string before = file_text(folder_ / "nav/navigation.conf");
-  EXPECT_EQ(run({"navigate", "rest", "--parameters", path("true.conf"), "--against", path("wrong.conf"), "--out", "nav",
-                 "--for", "1500", "--branches", "3"})
-                .code,
-            0);
+  EXPECT_EQ(run("navigate rest --parameters true.conf --against wrong.conf --out nav --for 1500 --branches 3").code, 0);
   EXPECT_EQ(file_text(folder_ / "nav/navigation.conf"), before);
   // Without the other file nothing of it is left.
   EXPECT_EQ(run({"navigate", "rest", "--parameters", path("true.conf"), "--out", "nav", "--branches", "1"}).code, 0);
@@ -61,8 +57,7 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
 
 // Nothing is aligned or navigated over more than two lost samples.
 TEST_F(Navigate, LostSamplesEndABranch) {
-  record_rest("rest");
-  write_truth("rest", "true.conf");
+  record_rest_and_truth();
   const auto navigate = [&](const std::string& recording) {
     return run(
         {"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--for", "1500", "--branches", "1"});
@@ -71,7 +66,7 @@ TEST_F(Navigate, LostSamplesEndABranch) {
   lose("rest", first + 150000, 1, "one");
   const ProgramResult one = navigate("one");
   ASSERT_EQ(one.code, 0) << one.err;
-  EXPECT_NE(one.out.find("1 samples lost or bad"), std::string::npos) << one.out;
+  EXPECT_SAYS(one.out, "1 samples lost or bad");
   EXPECT_EQ(result("nav/navigation.conf").number("branch.1.free_s"), 1500.0);
   EXPECT_LT(result("nav/navigation.conf").number("drift.rms_nm_per_h"), 0.05);
   // 300 s of alignment and 950 s: more than half of what was asked for.
@@ -79,7 +74,7 @@ TEST_F(Navigate, LostSamplesEndABranch) {
   const ProgramResult late = navigate("late");
   ASSERT_EQ(late.code, 0) << late.err;
   const std::string said = "1000 samples lost from sample " + std::to_string(first + 250000) + " on";
-  EXPECT_NE(late.out.find("branch from 0 s ends early: " + said), std::string::npos) << late.out;
+  EXPECT_SAYS(late.out, "branch from 0 s ends early: " + said);
   KeyValueFile conf = result("nav/navigation.conf");
   EXPECT_NEAR(conf.number("branch.1.free_s"), 950.0, 0.2);
   EXPECT_LT(conf.number("drift.rms_nm_per_h"), 0.05);
@@ -87,14 +82,12 @@ TEST_F(Navigate, LostSamplesEndABranch) {
   // In the alignment: there is no such branch.
   lose("rest", first + 20000, 1000, "early");
   std::filesystem::remove_all(folder_ / "nav");
-  expect_refused(
-      {"navigate", "early", "--parameters", path("true.conf"), "--out", "nav", "--for", "1500", "--branches", "1"},
-      "branch from 0 s left out: 1000 samples lost from sample " + std::to_string(first + 20000) + " on");
+  expect_refused("navigate early --parameters true.conf --out nav --for 1500 --branches 1",
+                 "branch from 0 s left out: 1000 samples lost from sample " + std::to_string(first + 20000) + " on");
 }
 
 TEST_F(Navigate, SamplesLostInATurnAreCountedThere) {
-  record_rest("rest");
-  write_truth("rest", "true.conf");
+  record_rest_and_truth();
   const Segments segments = segments_of("rest");
   const auto turn = std::find_if(segments.begin(), segments.end(), [&](const Segment& s) {
     return s.kind == SegmentKind::rotate && s.start_sample > segments.front().start_sample + 100000;
@@ -109,7 +102,7 @@ TEST_F(Navigate, SamplesLostInATurnAreCountedThere) {
   KeyValueFile conf = result("nav/navigation.conf");
   EXPECT_EQ(conf.integer("filled_samples"), length + 300);
   EXPECT_EQ(conf.integer("filled_in_motion"), length);
-  EXPECT_EQ(navigated.out.find("LATITUDE"), std::string::npos) << navigated.out;
+  EXPECT_SAYS_NOT(navigated.out, "LATITUDE");
   EXPECT_NEAR(conf.number("felt_latitude_deg"), 29.53, 0.01);
   EXPECT_LT(conf.number("drift.rms_nm_per_h"), 0.1);
 }
@@ -121,10 +114,7 @@ TEST_F(Navigate, EffectsOfTheFileAreTakenOff) {
   file.effects.push_back({"gyro_g_sensitivity", "zx", 0.5, 0.01});
   file.model = "extended";
   keep(file, "effect.conf");
-  ASSERT_EQ(run({"navigate", "g", "--parameters", path("effect.conf"), "--against", path("plain.conf"), "--out", "nav",
-                 "--branches", "1"})
-                .code,
-            0);
+  ASSERT_EQ(run("navigate g --parameters effect.conf --against plain.conf --out nav --branches 1").code, 0);
   KeyValueFile conf = result("nav/navigation.conf");
   // Nose up for 300 s, 0.5 deg/h tilt it by 7e-4 rad: 7 mm/s^2 from then on.
   EXPECT_LT(conf.number("drift.rms_nm_per_h"), 0.05);  // of counting in pulses
@@ -132,26 +122,20 @@ TEST_F(Navigate, EffectsOfTheFileAreTakenOff) {
 }
 
 TEST_F(Navigate, WithoutSegmentsEverythingCountsAsRest) {
-  record_rest("rest");
-  write_truth("rest", "true.conf");
+  record_rest_and_truth();
   ASSERT_EQ(run({"export", "rest", "--out", "text"}).code, 0);
   const std::string segments = file_text(folder_ / "text/segments.csv");
   write("text/segments.csv", segments.substr(0, segments.find('\n') + 1));
   const ProgramResult navigated =
       run({"navigate", "text", "--parameters", path("true.conf"), "--out", "nav", "--to", "900", "--align", "200"});
   ASSERT_EQ(navigated.code, 0) << navigated.err;
-  EXPECT_NE(navigated.out.find("no segments: everything counts as rest"), std::string::npos);
+  EXPECT_SAYS(navigated.out, "no segments: everything counts as rest");
   EXPECT_EQ(result("nav/navigation.conf").number("branch.1.free_s"), 700.0);
 }
 
 TEST_F(Navigate, RefusesWhatItCannotUse) {
-  record_rest("rest");
-  write_truth("rest", "true.conf");
-  const auto with = [&](std::vector<std::string> more) {
-    std::vector<std::string> arguments = {"navigate", "rest", "--parameters", path("true.conf"), "--out", "nav"};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return arguments;
-  };
+  record_rest_and_truth();
+  const auto with = [](const Arguments& more) { return "navigate rest --parameters true.conf --out nav" + more; };
   expect_refused({"navigate", "rest", "--out", "nav"}, "--parameters");
   expect_refused({"navigate", "rest", "--parameters", "nothing.conf", "--out", "nav"}, "nothing.conf");
   expect_refused({"navigate", "nothing", "--parameters", path("true.conf"), "--out", "nav"}, "nothing");
@@ -189,7 +173,7 @@ TEST_F(Navigate, SaysWhatSpeaksAgainstTheFile) {
   keep(file, "doubtful.conf");
   const ProgramResult navigated = run({"navigate", "rest", "--parameters", path("doubtful.conf"), "--out", "nav"});
   ASSERT_EQ(navigated.code, 0) << navigated.err;
-  EXPECT_NE(navigated.out.find("NOT TRUSTED"), std::string::npos) << navigated.out;
+  EXPECT_SAYS(navigated.out, "NOT TRUSTED");
   EXPECT_NEAR(result("nav/navigation.conf").number("felt_latitude_deg"), 29.53, 0.01);
   EXPECT_EQ(result("nav/navigation.conf").text("trusted"), "false");
   // The recording says another latitude than the one that the unit turns with.
@@ -199,12 +183,11 @@ TEST_F(Navigate, SaysWhatSpeaksAgainstTheFile) {
   write("text/recording.conf", conf);
   const ProgramResult elsewhere = run({"navigate", "text", "--parameters", path("doubtful.conf"), "--out", "away"});
   ASSERT_EQ(elsewhere.code, 0) << elsewhere.err;
-  EXPECT_NE(elsewhere.out.find("LATITUDE        29.5"), std::string::npos) << elsewhere.out;
+  EXPECT_SAYS(elsewhere.out, "LATITUDE        29.5");
   // Parameters are of increments over a period.
   file.sample_period_s = 0.0025;
   keep(file, "faster.conf");
-  expect_refused({"navigate", "rest", "--parameters", path("faster.conf"), "--out", "fast"},
-                 "'sample_period_s' = '0.0025': expected 0.005");
+  expect_refused("navigate rest --parameters faster.conf --out fast", "'sample_period_s' = '0.0025': expected 0.005");
 }
 
 // A bias and its drift are estimated together: the sigma of the bias alone promises miles that nobody drifts.
@@ -216,10 +199,7 @@ TEST_F(Navigate, ExpectsOfAFileWithEffectsWhatItCanKnow) {
   file.effects.push_back({"gyro_bias_drift", "x", 0.0, 0.2});
   file.model = "extended";
   keep(file, "effect.conf");
-  ASSERT_EQ(run({"navigate", "rest", "--parameters", path("effect.conf"), "--against", path("base.conf"), "--out",
-                 "nav", "--branches", "1"})
-                .code,
-            0);
+  ASSERT_EQ(run("navigate rest --parameters effect.conf --against base.conf --out nav --branches 1").code, 0);
   KeyValueFile conf = result("nav/navigation.conf");
   EXPECT_EQ(conf.text("expected.from"), "effects");
   EXPECT_EQ(conf.text("against.expected.from"), "sigmas");
@@ -227,12 +207,9 @@ TEST_F(Navigate, ExpectsOfAFileWithEffectsWhatItCanKnow) {
 }
 
 TEST_F(Navigate, AFullDiskLeavesNothing) {
-  record_rest("rest");
-  write_truth("rest", "true.conf");
-  const std::vector<std::string> arguments = {"navigate", "rest", "--parameters", path("true.conf"), "--out", "nav"};
-  ASSERT_EQ(run_struck(arguments, 0, "full").code, 0);
-  const long points = std::stol(file_text(folder_.string() + ".count"));
-  std::filesystem::remove(folder_.string() + ".count");
+  record_rest_and_truth();
+  const Arguments arguments = "navigate rest --parameters true.conf --out nav";
+  const long points = count_points(arguments);
   std::filesystem::remove_all(folder_ / "nav");
   const std::set<std::string> before = everything();
   ASSERT_GT(points, 5);
@@ -252,8 +229,7 @@ TEST_F(Navigate, AFullDiskLeavesNothing) {
 
 // A reader that goes away, as `head` does.
 TEST_F(Navigate, GoesOnWithoutAReader) {
-  record_rest("rest");
-  write_truth("rest", "true.conf");
+  record_rest_and_truth();
   int ends[2];
   ASSERT_EQ(::pipe(ends), 0);
   ::close(ends[0]);

@@ -13,6 +13,11 @@ class Navigate : public RigUnit {
            "step 1\n  initial H 30 P 0 R 0\n  align 60000\n  dwell 140000\n  rotate P +90\n  dwell 60000\n"
            "  rotate P -90\n  dwell 140000\n");
   }
+  // And its true parameters.
+  void record_rest_and_truth() {
+    record_rest("rest");
+    write_truth("rest", "true.conf");
+  }
   // The true parameters as a file, but for `change` of one of them.
   void write_truth(const std::string& recording, const std::string& name, int parameter = 0, double change = 0.0) {
     ParameterFile file = truth_of(recording);

@@ -39,17 +39,15 @@ class Verify : public RigUnit {
     file.parameters[parameter] += change;
     keep(file, name);
   }
-  std::vector<std::string> seeking(const std::string& parameters, const std::string& out) {
-    return {"verify",       "--dry-run",       "--unit", "SN7",
-            "--parameters", path(parameters),  "--rig",  path("good.rig"),
-            "--sequence",   path("short.seq"), "--out",  out};
+  static Arguments seeking(const std::string& parameters, const std::string& out) {
+    return "verify --dry-run --unit SN7 --rig good.rig --sequence short.seq --parameters " + parameters + " --out " +
+           out;
   }
 };
 
 TEST_F(Verify, SeeksNorthInFourHeadings) {
   write_parameters("true.conf");
-  const ProgramResult verified = run({"verify", "--dry-run", "--unit", "SN7", "--parameters", path("true.conf"),
-                                      "--rig", path("good.rig"), "--out", "v"});
+  const ProgramResult verified = run("verify --dry-run --unit SN7 --parameters true.conf --rig good.rig --out v");
   ASSERT_EQ(verified.code, 0) << verified.err << verified.out;
   KeyValueFile conf = result("v/verification.conf");
   for (int p = 1; p <= 4; ++p) {
@@ -68,7 +66,7 @@ TEST_F(Verify, SeeksNorthInFourHeadings) {
   EXPECT_EQ(conf.number("limit.heading_deg"), 0.012);
   const std::string verdict = conf.text("verdict.result");
   EXPECT_TRUE(verdict == "pass" || verdict == "conditional_pass") << verdict;
-  EXPECT_NE(verified.out.find("[dry run] verdict         " + verdict), std::string::npos);
+  EXPECT_SAYS(verified.out, "[dry run] verdict         " + verdict);
   // Judged again from its recording: the same bytes.
   ASSERT_EQ(run({"verify", "--recording", "v", "--parameters", path("true.conf"), "--out", "again"}).code, 0);
   EXPECT_EQ(file_text(folder_ / "again/verification.conf"), file_text(folder_ / "v/verification.conf"));
@@ -81,19 +79,12 @@ TEST_F(Verify, SeeksNorthInFourHeadings) {
   // The station's own limit, wide enough.
   write("wide.station", "format = 1\n" + std::string("site.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\n"
                                                      "table.driver = mock\nimu.driver = rig\nlimit.heading_deg = 1\n"));
-  EXPECT_EQ(run({"verify", "--recording", "v", "--parameters", path("wrong.conf"), "--out", "wide", "--station",
-                 path("wide.station")})
-                .code,
-            0);
+  EXPECT_EQ(run("verify --recording v --parameters wrong.conf --out wide --station wide.station").code, 0);
 }
 
 TEST_F(Verify, RefusesWhatItCannotUse) {
   write_parameters("true.conf");
-  const auto with = [&](std::vector<std::string> more) {
-    std::vector<std::string> arguments = {"verify", "--parameters", path("true.conf"), "--out", "v"};
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return arguments;
-  };
+  const auto with = [](const Arguments& more) { return "verify --parameters true.conf --out v" + more; };
   expect_refused({"verify"}, "--parameters is required");
   expect_refused({"verify", "--parameters", path("true.conf")}, "--out is required");
   expect_refused(with({}), "--unit is required");
@@ -147,8 +138,8 @@ TEST_F(Verify, SaysWhatSpeaksAgainstTheFile) {
   keep(file, "doubtful.conf");
   const ProgramResult held = run(seeking("doubtful.conf", "v"));
   EXPECT_EQ(held.code, 20) << held.out;
-  EXPECT_NE(held.err.find("parameters not trusted"), std::string::npos) << held.err;
-  EXPECT_NE(held.out.find("NOT TRUSTED"), std::string::npos) << held.out;
+  EXPECT_SAYS(held.err, "parameters not trusted");
+  EXPECT_SAYS(held.out, "NOT TRUSTED");
   EXPECT_EQ(result("v/verification.conf").text("trusted"), "false");
   // A recording of another latitude than the unit feels.
   write_parameters("true.conf");
@@ -178,14 +169,14 @@ TEST_F(Verify, LeavesOutWhatLostSamples) {
   lose("v", middle[3], 1000, "lost");
   const ProgramResult left = judge("lost");
   const std::string said = "step 1: alignment at heading 0: 1000 samples lost from sample " + std::to_string(middle[3]);
-  EXPECT_NE(left.out.find("left out: " + said), std::string::npos) << left.out << left.err;
+  EXPECT_SAYS(left.out, "left out: " + said);
   KeyValueFile conf = result("judged/verification.conf");
   EXPECT_EQ(conf.text("left_out.1"), said + " on");
   EXPECT_TRUE(conf.has("position.1.2.heading_deg"));
   EXPECT_FALSE(conf.has("position.1.3.heading_deg"));
   // One sample is filled in, and said.
   lose("v", middle[3], 1, "one");
-  EXPECT_NE(judge("one").out.find("1 samples lost or bad"), std::string::npos);
+  EXPECT_SAYS(judge("one").out, "1 samples lost or bad");
   EXPECT_EQ(result("judged/verification.conf").integer("filled_samples"), 1);
   EXPECT_TRUE(result("judged/verification.conf").has("position.1.3.heading_deg"));
   // So is one that cannot be, and what it gave is said.
@@ -193,19 +184,18 @@ TEST_F(Verify, LeavesOutWhatLostSamples) {
     if (counter == middle[3]) cells[2] = "200000";  // 52 deg
   });
   const ProgramResult hit = judge("hit");
-  EXPECT_NE(hit.out.find("glitch: gyro y gave 200000 in sample " + std::to_string(middle[3])), std::string::npos)
-      << hit.out;
+  EXPECT_SAYS(hit.out, "glitch: gyro y gave 200000 in sample " + std::to_string(middle[3]));
   EXPECT_LT(result("judged/verification.conf").number("deviation.heading_deg"), 0.1);
   // Of two alignments one is left: nobody can say.
   lose("lost", middle[4], 1000, "few");
   const ProgramResult few = judge("few");
   EXPECT_EQ(few.code, 20) << few.err;
   EXPECT_EQ(few.err_lines(), 1) << few.err;
-  EXPECT_NE(few.err.find("not_judged: 1 alignments at heading 0, expected two and more"), std::string::npos) << few.err;
+  EXPECT_SAYS(few.err, "not_judged: 1 alignments at heading 0, expected two and more");
   lose("v", middle[0], middle[1] - middle[0] + 1, "zero");
   const ProgramResult zero = judge("zero");
   EXPECT_EQ(zero.code, 20) << zero.err;
-  EXPECT_NE(zero.err.find("no search for the zero"), std::string::npos) << zero.err;
+  EXPECT_SAYS(zero.err, "no search for the zero");
 }
 
 // The first record with samples is destroyed: what is left is judged, and it is said what is missing.
@@ -218,11 +208,11 @@ TEST_F(Verify, SaysThatTheRecordingIsDamaged) {
   write("damaged/recording.tcr", bytes);
   const ProgramResult judged =
       run({"verify", "--recording", "damaged", "--parameters", path("true.conf"), "--out", "judged"});
-  EXPECT_NE(judged.out.find("1 damaged record"), std::string::npos) << judged.out << judged.err;
-  EXPECT_NE(result("judged/verification.conf").text("damage").find("1 damaged record"), std::string::npos);
-  const ProgramResult navigated = run({"navigate", "damaged", "--parameters", path("true.conf"), "--out", "nav",
-                                       "--align", "20", "--for", "20", "--branches", "1"});
-  EXPECT_NE(navigated.out.find("1 damaged record"), std::string::npos) << navigated.out << navigated.err;
+  EXPECT_SAYS(judged.out, "1 damaged record");
+  EXPECT_SAYS(result("judged/verification.conf").text("damage"), "1 damaged record");
+  const ProgramResult navigated =
+      run("navigate damaged --parameters true.conf --out nav --align 20 --for 20 --branches 1");
+  EXPECT_SAYS(navigated.out, "1 damaged record");
 }
 
 // Killed anywhere and taken up again: the same outcome, exit code and file.
@@ -230,14 +220,13 @@ TEST_F(Verify, GoesOnWithItsOutcome) {
   write_parameters("wrong.conf", 0, 0.1);
   const ProgramResult whole = run(seeking("wrong.conf", "whole"));
   ASSERT_EQ(whole.code, 20) << whole.err;
-  run_struck(seeking("wrong.conf", "count"), 0, "kill");
-  const long points = std::stol(file_text(folder_.string() + ".count"));
+  const long points = count_points(seeking("wrong.conf", "count"), 20);
   for (const long point : {points / 3, 2 * points / 3, points - 12, points - 4, points - 1}) {
     const std::string out = "killed" + std::to_string(point);
     run_struck(seeking("wrong.conf", out), point, "kill");
     const ProgramResult resumed = run({"resume", out});
     EXPECT_EQ(resumed.code, 20) << point << resumed.err << resumed.out;
-    EXPECT_NE(resumed.err.find("verification"), std::string::npos) << resumed.err;
+    EXPECT_SAYS(resumed.err, "verification");
     EXPECT_EQ(file_text(folder_ / out / "verification.conf"), file_text(folder_ / "whole/verification.conf")) << point;
     EXPECT_EQ(run({"resume", out}).code, 20) << point;
   }
@@ -248,20 +237,17 @@ TEST_F(Verify, GoesOnWithItsOutcome) {
   write_parameters("wrong.conf", 0, 0.3);
   const ProgramResult changed = run({"resume", "changed"});
   EXPECT_EQ(changed.code, 1) << changed.out;
-  EXPECT_NE(changed.err.find("wrong.conf: is not the parameter file that"), std::string::npos) << changed.err;
+  EXPECT_SAYS(changed.err, "wrong.conf: is not the parameter file that");
 }
 
 // Behind the calibration, in the same walk of the table: what is calibrated is not changed by it, and its outcome is the unit's.
 TEST_F(Verify, BehindTheCalibration) {
-  const std::string station =
-      "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n"
-      "limit.heading_deg = 0.2\n";
+  const std::string station = station_head + "limit.heading_deg = 0.2\n";
   write("plain.station", station);
   write("verifying.station", station + "verify.run = true\nrecord.database = r.db\n");
   ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN7", "--station", path("plain.station"), "--out", "plain"}).code, 0);
-  const auto into = [&](const std::string& out) {
-    return std::vector<std::string>{"run",   "--dry-run", "--unit", "SN7", "--station", path("verifying.station"),
-                                    "--out", out};
+  const auto into = [](const std::string& out) {
+    return Arguments("run --dry-run --unit SN7 --station verifying.station --out " + out);
   };
   const ProgramResult verified = run(into("v"));
   ASSERT_EQ(verified.code, 0) << verified.err;
@@ -274,14 +260,13 @@ TEST_F(Verify, BehindTheCalibration) {
   EXPECT_EQ(conf.text("verdict.result"), "pass");
   EXPECT_EQ(conf.text("recording_hash"), file.recording_hash);
   const std::string text = file_text(folder_ / "v/parameters.conf");
-  EXPECT_NE(text.find("verdict.verification = pass: heading 0.0"), std::string::npos) << text;
-  EXPECT_NE(run({"journal", "v"}).out.find("verification = pass: heading 0.0"), std::string::npos);
-  EXPECT_NE(file_text(folder_ / "r.db").find("pass: heading 0.0"), std::string::npos);
+  EXPECT_SAYS(text, "verdict.verification = pass: heading 0.0");
+  EXPECT_SAYS(run({"journal", "v"}).out, "verification = pass: heading 0.0");
+  EXPECT_SAYS(file_text(folder_ / "r.db"), "pass: heading 0.0");
   // The certificate takes the verification of this result, and of no other.
-  const std::vector<std::string> certify = {"certificate", "v",     "--station", path("plain.station"),
-                                            "--specimen",  "--out", "c.html"};
+  const Arguments certify = "certificate v --station plain.station --specimen --out c.html";
   EXPECT_EQ(run(certify).code, 0);
-  EXPECT_NE(file_text(folder_ / "c.html").find("Verification: north seeking"), std::string::npos);
+  EXPECT_SAYS(file_text(folder_ / "c.html"), "Verification: north seeking");
   std::filesystem::remove(folder_ / "c.html");
   ParameterFile other = file;
   other.parameters[0] += 0.5;
@@ -294,8 +279,7 @@ TEST_F(Verify, BehindTheCalibration) {
   }
   write("v/verification.conf", judged);
   // Interrupted in the north seeking: the same file.
-  run_struck(into("count"), 0, "kill");
-  const long points = std::stol(file_text(folder_.string() + ".count"));
+  const long points = count_points(into("count"));
   run_struck(into("killed"), points - points / 20, "kill");
   std::filesystem::remove(folder_.string() + ".count");
   EXPECT_EQ(run({"resume", "killed"}).code, 0);
@@ -305,16 +289,14 @@ TEST_F(Verify, BehindTheCalibration) {
   write("queue", "SN7\n");
   const ProgramResult batch = run({"batch", "queue", "--dry-run", "--verify", "--out", "batch"});
   EXPECT_EQ(batch.code, 20) << batch.out;
-  EXPECT_NE(file_text(folder_ / "batch/SN7/parameters.conf").find("verdict.result = hold\n"), std::string::npos);
-  EXPECT_NE(batch.out.find("unit SN7: hold: verification hold: heading 0.0"), std::string::npos) << batch.out;
+  EXPECT_SAYS(file_text(folder_ / "batch/SN7/parameters.conf"), "verdict.result = hold\n");
+  EXPECT_SAYS(batch.out, "unit SN7: hold: verification hold: heading 0.0");
   KeyValueFile undecided = result("batch/SN7/verification.conf");
   EXPECT_EQ(undecided.text("verdict.heading"), "hold");
   // Deviations of four: 0.03 deg of noise where 0.012 are allowed, 1 of 20 turned down: 16 times the time and more.
   EXPECT_GT(undecided.number("would_do.align_s"), 300.0 * 16);
   EXPECT_LT(undecided.number("would_do.align_s"), 300.0 * 50);
-  EXPECT_NE(batch.out.find("undecided: no more than noise; these gyros cannot keep 0.012 deg in 300 s"),
-            std::string::npos)
-      << batch.out;
+  EXPECT_SAYS(batch.out, "undecided: no more than noise; these gyros cannot keep 0.012 deg in 300 s");
   // A level limit below the unit's noise: undecided, though all its parameters are within theirs, and its file is not put in use.
   write("strict.station", station + "limit.level_deg = 0.000001\nlimit.A01.max = 1\nrecord.store = store\n");
   const ProgramResult failed =
@@ -323,12 +305,10 @@ TEST_F(Verify, BehindTheCalibration) {
   const ParameterFile held = *read_parameter_file(path("strict/parameters.conf"));
   EXPECT_TRUE(find_further(held, "verdict.A01")->starts_with("pass")) << *find_further(held, "verdict.A01");
   EXPECT_EQ(*find_further(held, "verdict.result"), "hold");
-  EXPECT_NE(failed.out.find("level undecided: the noise of this unit is as large as its limit"), std::string::npos)
-      << failed.out;
-  EXPECT_NE(file_text(folder_ / "strict/diagnosis/report.html").find("Verification (north seeking):</b> "),
-            std::string::npos);
+  EXPECT_SAYS(failed.out, "level undecided: the noise of this unit is as large as its limit");
+  EXPECT_SAYS(file_text(folder_ / "strict/diagnosis/report.html"), "Verification (north seeking):</b> ");
   EXPECT_FALSE(std::filesystem::exists(folder_ / "store"));
-  expect_refused({"run", "--dry-run", "--unit", "SN7", "--out", "x", "--verify", "--capture-only"},
+  expect_refused("run --dry-run --unit SN7 --out x --verify --capture-only",
                  "--verify: expected neither --capture-only nor --partial");
 }
 
@@ -336,20 +316,18 @@ TEST_F(Verify, BehindTheCalibration) {
 class VerifyByHand : public OperatedProgram {};
 TEST_F(VerifyByHand, AsOnATable) {
   write("good.rig", good_rig);
-  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN7", "--rig", path("good.rig"), "--no-diagnosis", "--out", "c"}).code,
-            0);
+  ASSERT_EQ(run("run --dry-run --unit SN7 --rig good.rig --no-diagnosis --out c").code, 0);
   write("short.seq",
         std::string("format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 20\n") + short_seeking);
-  const Session session =
-      operate({"verify", "--dry-run", "--manual", "--unit", "SN7", "--rig", path("good.rig"), "--parameters",
-               path("c/parameters.conf"), "--sequence", path("short.seq"), "--out", "v"},
-              [](const std::string& line) -> std::optional<std::string> {
-                const std::optional<Question> asked = question(line);
-                if (!asked) return {};
-                return std::to_string(asked->target_deg);
-              });
+  const Session session = operate(
+      "verify --dry-run --manual --unit SN7 --rig good.rig --parameters c/parameters.conf --sequence short.seq --out v",
+      [](const std::string& line) -> std::optional<std::string> {
+        const std::optional<Question> asked = question(line);
+        if (!asked) return {};
+        return std::to_string(asked->target_deg);
+      });
   EXPECT_TRUE(session.code == 0 || session.code == 20) << session.err << session.out;
-  EXPECT_NE(session.out.find("heading         largest deviation"), std::string::npos) << session.out;
+  EXPECT_SAYS(session.out, "heading         largest deviation");
   EXPECT_TRUE(std::filesystem::exists(folder_ / "v/verification.conf"));
 }
 
@@ -370,7 +348,7 @@ TEST_F(Verify, ReadingsOfReferences) {
   write("off.csv", std::string(head) + "20,0,0,20,0,0\n359.995,0,0,0.005,0,0\n");
   const ProgramResult failed = run({"verify", "--references", path("off.csv")});
   EXPECT_EQ(failed.code, 20);
-  EXPECT_NE(failed.out.find("-0.010000"), std::string::npos) << failed.out;
+  EXPECT_SAYS(failed.out, "-0.010000");
   write("edge.csv", std::string(head) + "20,0,0,20,0,0\n100.3,0.06,0,100.291,0,0.06\n");
   EXPECT_EQ(run({"verify", "--references", path("edge.csv")}).code, 0);
   write("cut.csv", std::string(head) + "20,0,0,20,0,0\n30,0,0,30,0,0.0");

@@ -208,12 +208,9 @@ TEST(DeadChannels, AGyroThatReadsZeroInAShortDwellIsNoticed) {
 }
 
 // The rig's unit, frozen from one sample of its own to another.
-class FreezingImu : public ImuSource {
+class FreezingImu : public FrontImu {
  public:
-  FreezingImu(ImuSource& imu, std::int64_t from, std::int64_t to) : imu_(imu), from_(from), to_(to) {}
-  Status open() override { return imu_.open(); }
-  Result<ImuIdentity> identify() override { return imu_.identify(); }
-  void describe(RecordingInfo& info) const override { imu_.describe(info); }
+  FreezingImu(ImuSource& imu, std::int64_t from, std::int64_t to) : FrontImu(imu), from_(from), to_(to) {}
   Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
     Result<std::size_t> got = imu_.read(out, timeout_s);
     for (std::size_t i = 0; got && i < *got; ++i) {
@@ -226,11 +223,8 @@ class FreezingImu : public ImuSource {
     }
     return got;
   }
-  ImuLinkCounters counters() const override { return imu_.counters(); }
-  void close() override { imu_.close(); }
 
  private:
-  ImuSource& imu_;
   std::int64_t from_, to_;
   ImuSample kept_{};
 };

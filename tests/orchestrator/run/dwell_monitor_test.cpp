@@ -1,5 +1,6 @@
 // Which dwells count: by the unit's counter, its flags, and its own account of standing still.
 #include "orchestrator/run/dwell_monitor.h"
+#include "tests/says.h"
 
 #include <gtest/gtest.h>
 
@@ -97,7 +98,7 @@ TEST(DwellMonitor, PulsesThatComeTogetherAreNoKnock) {
 TEST(DwellMonitor, KnockOnTheAccelerometer) {
   std::vector<ImuSample> samples = at_rest(500, 2000);
   samples[900].accel[2] += 60.0;
-  EXPECT_NE(verdict(samples).find("accelerometer z"), std::string::npos) << verdict(samples);
+  EXPECT_SAYS(verdict(samples), "accelerometer z");
 }
 
 // Neither large enough to be impossible, nor a knock of the table: one sample, in any window, the first included.
@@ -120,7 +121,7 @@ TEST(DwellMonitor, ScatterOfTheMeans) {
     // 0.004 deg/s = 14.4 "/s = 0.0772 pulses a 5 ms sample
     samples[i].gyro[2] += 0.0772 * (i / 400 % 2 == 0 ? 1.0 : -1.0) + (i % 2 == 0 ? 0.5 : -0.5);
   }
-  EXPECT_NE(verdict(samples).find("gyro z means scatter"), std::string::npos) << verdict(samples);
+  EXPECT_SAYS(verdict(samples), "gyro z means scatter");
 }
 
 TEST(DwellMonitor, NotANumberIsNotStill) {

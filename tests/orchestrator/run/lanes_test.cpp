@@ -9,15 +9,12 @@ namespace turncal {
 namespace {
 
 // A unit whose samples come some periods late, as those of another line do.
-class LateImu : public ImuSource {
+class LateImu : public FrontImu {
  public:
-  LateImu(ImuSource& source, std::size_t periods) : late(periods), source_(source) {}
-  Status open() override { return source_.open(); }
-  Result<ImuIdentity> identify() override { return source_.identify(); }
-  void describe(RecordingInfo& info) const override { source_.describe(info); }
+  LateImu(ImuSource& source, std::size_t periods) : FrontImu(source), late(periods) {}
   Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
     std::vector<ImuSample> fresh(out.size());
-    const Result<std::size_t> got = source_.read(fresh, timeout_s);
+    const Result<std::size_t> got = imu_.read(fresh, timeout_s);
     if (!got) return got;
     under_way_.insert(under_way_.end(), fresh.begin(), fresh.begin() + static_cast<std::ptrdiff_t>(*got));
     const std::size_t arrived = std::min(out.size(), under_way_.size() - std::min(late, under_way_.size()));
@@ -25,30 +22,18 @@ class LateImu : public ImuSource {
     under_way_.erase(under_way_.begin(), under_way_.begin() + static_cast<std::ptrdiff_t>(arrived));
     return arrived;
   }
-  ImuLinkCounters counters() const override { return source_.counters(); }
-  void close() override { source_.close(); }
   std::size_t late;
 
  private:
-  ImuSource& source_;
   std::deque<ImuSample> under_way_;
 };
 
-class Dropouts : public RunJournal {
+class Dropouts : public DwellJournal {
  public:
-  Status transition(const TransitionRecord&) override { return {}; }
-  Status home(double) override { return {}; }
-  Status move(const Move&, double) override { return {}; }
-  Status dwell(const CompletedDwell& dwell) override {
-    dwells.push_back(dwell);
-    return {};
-  }
   Status dropout(const Dropout& dropout) override {
     serials.push_back(dropout.serial);
     return fails ? Status(device_error("journal: disk full (on demand)")) : Status{};
   }
-  Status seal(double, const std::vector<std::string>&) override { return {}; }
-  std::vector<CompletedDwell> dwells;
   std::vector<std::string> serials;
   bool fails = false;
 };
@@ -191,7 +176,7 @@ TEST(Lanes, ARecordingThatCannotBeWrittenIsOneUnitsFailure) {
       const RunOutcome outcome = s.run_all();
       ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
       ASSERT_TRUE(outcome.units[unit].dropped_out);
-      ASSERT_NE(outcome.units[unit].dropped_out->message.find("disk full"), std::string::npos);
+      ASSERT_SAYS(outcome.units[unit].dropped_out->message, "disk full");
       ASSERT_EQ(s.dropouts.serials, std::vector<std::string>{"SN" + std::to_string(unit + 1)});
       ASSERT_EQ(outcome.units[1 - unit].recorded_samples, two_steps_samples);
       ASSERT_EQ(s.sinks[1 - unit].sample_count, two_steps_samples);
@@ -207,7 +192,7 @@ TEST(Lanes, ADropoutThatCannotBeJournalledStopsTheRun) {
   s.dropouts.fails = true;
   const RunOutcome outcome = s.run_all();
   EXPECT_EQ(outcome.state, RunState::failed);
-  EXPECT_NE(outcome.error.message.find("journal: disk full"), std::string::npos) << outcome.error.message;
+  EXPECT_SAYS(outcome.error.message, "journal: disk full");
 }
 
 TEST(Lanes, AUnitThatHadDroppedOutIsNotOpened) {
@@ -257,8 +242,8 @@ TEST(Places, ContradictionsNameTheKey) {
         {"imu.2.frame = laser_gyro\n", "imu.2.frame"}}) {
     const Result<StationConfig> refused = station_of(keys);
     ASSERT_FALSE(refused.ok()) << keys;
-    EXPECT_NE(refused.error().message.find(text), std::string::npos) << refused.error().message;
-    EXPECT_NE(refused.error().message.find("x.station:1"), std::string::npos) << refused.error().message;
+    EXPECT_SAYS(refused.error().message, text);
+    EXPECT_SAYS(refused.error().message, "x.station:1");
   }
 }
 

@@ -56,10 +56,6 @@ TEST(RunStateMachine, NamesAreCompleteAndDistinct) {
   names.clear();
   for (int i = 0; i < run_action_count; ++i) names.insert(to_string(static_cast<RunAction>(i)));
   EXPECT_EQ(names.size(), static_cast<std::size_t>(run_action_count));
-  EXPECT_EQ(to_string(RunState::aborted), "aborted");
-  EXPECT_EQ(to_string(RunEvent::operator_stop), "operator_stop");
-  EXPECT_EQ(to_string(RunAction::announce), "announce");
-  EXPECT_EQ(to_string(RunGuard::by_interruption), "by_interruption");
 }
 
 // For every pair and every combination of guards: exactly one row, or explicitly ignored, or unexpected; never two.
@@ -72,6 +68,9 @@ TEST(RunStateMachine, EveryPairHasExactlyOneOutcome) {
         const bool ignored = listed_ignored(state, event);
         EXPECT_LE(rows + (ignored ? 1 : 0), 1) << where;
         const Transition transition = next(state, event, guards);
+        if (is_final(state)) {
+          EXPECT_EQ(transition.to, state) << where;
+        }
         if (rows == 1) {
           EXPECT_EQ(transition.outcome, Transition::Outcome::taken) << where;
         } else if (ignored) {
@@ -142,13 +141,6 @@ TEST(RunStateMachine, PauseWaitsForASafePoint) {
   EXPECT_EQ(next(RunState::stopping, RunEvent::deadline, interrupted).to, RunState::failed);
 }
 
-TEST(RunStateMachine, FinalStatesAreFinal) {
-  for (RunState state : {RunState::done, RunState::failed, RunState::aborted, RunState::interrupted}) {
-    EXPECT_TRUE(is_final(state));
-    for (RunEvent event : all_events()) EXPECT_EQ(next(state, event, {}).to, state) << to_string(event);
-  }
-}
-
 // Every state can be reached from idle, and a final one from every state.
 TEST(RunStateMachine, EveryStateIsReachable) {
   std::set<RunState> reached = {RunState::idle};
@@ -160,25 +152,6 @@ TEST(RunStateMachine, EveryStateIsReachable) {
     }
   }
   EXPECT_EQ(reached.size(), static_cast<std::size_t>(run_state_count));
-}
-
-// The happy path of a step with one move and one dwell.
-TEST(RunStateMachine, HappyPath) {
-  const std::vector<std::pair<RunEvent, RunState>> path = {
-      {RunEvent::start, RunState::connecting},          {RunEvent::connected, RunState::homing},
-      {RunEvent::homed, RunState::selecting},           {RunEvent::move_next, RunState::moving},
-      {RunEvent::arrived, RunState::settling},          {RunEvent::settled, RunState::selecting},
-      {RunEvent::dwell_next, RunState::dwelling},       {RunEvent::dwell_bad, RunState::settling},
-      {RunEvent::settled, RunState::selecting},         {RunEvent::dwell_next, RunState::dwelling},
-      {RunEvent::dwell_complete, RunState::selecting},  {RunEvent::step_complete, RunState::step_done},
-      {RunEvent::sequence_complete, RunState::parking}, {RunEvent::stopped_verified, RunState::calibrating},
-      {RunEvent::calibration_ok, RunState::done}};
-  RunState state = RunState::idle;
-  for (const auto& [event, expected] : path) {
-    state = next(state, event, {}).to;
-    ASSERT_EQ(state, expected) << to_string(event);
-  }
-  EXPECT_EQ(next(RunState::dwelling, RunEvent::dwell_bad, {.repeats_left = false}).to, RunState::stopping);
 }
 
 // What docs/state-machine.md has to say, in the order of the table.

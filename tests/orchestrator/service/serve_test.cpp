@@ -56,6 +56,28 @@ class Serve : public Program {
   ServedStation station_;
 };
 
+// A page of the station "east"; who posts gets the code of the answer.
+struct Served {
+  Served(const ServedStation& station, const std::string& operators) {
+    auto opened = ServicePage::open("127.0.0.1:0", {.stations = {station}, .password_file = operators, .database = {}},
+                                    [] { return 1.7e9; });
+    EXPECT_TRUE(opened) << opened.error().message;
+    page = std::move(*opened);
+    client.emplace(page->url().substr(0, page->url().size() - 1));
+  }
+  int post(const std::string& name, const std::string& password, const std::string& body, bool marked = true) {
+    client->set_basic_auth(name, password);
+    const httplib::Headers headers = marked ? httplib::Headers{{"X-Turncal", "1"}} : httplib::Headers{};
+    const auto answer = client->Post("/act", headers, body, "text/plain");
+    return answer ? answer->status : -1;
+  }
+  int post_of_ana(const std::string& password, const std::string& action) {
+    return post("ana", password, "station = east\naction = " + action + "\n");
+  }
+  std::unique_ptr<ServicePage> page;
+  std::optional<httplib::Client> client;
+};
+
 TEST_F(Serve, SaysWhatTheQueueIsAt) {
   write("queue", "SN1\nSN2\nSN3\nSN4\nSN5\n");
   write("queue.state",
@@ -77,7 +99,7 @@ TEST_F(Serve, SaysWhatTheQueueIsAt) {
   EXPECT_EQ(look().tone, Tone::good);
   write("queue.state", "nonsense\n");
   EXPECT_EQ(look().state, StationState::unreadable);
-  EXPECT_NE(look().headline.find("queue.state:1"), std::string::npos);
+  EXPECT_SAYS(look().headline, "queue.state:1");
   std::filesystem::remove(path("queue"));
   EXPECT_EQ(look().state, StationState::unreadable);
 }
@@ -95,7 +117,7 @@ TEST_F(Serve, FollowsABatchAndPausesIt) {
   ASSERT_TRUE(view.fraction);
   EXPECT_GE(*view.fraction, 0.0);
   EXPECT_LT(*view.fraction, 1.0);
-  EXPECT_NE(view.phase.find("step"), std::string::npos) << view.phase;
+  EXPECT_SAYS(view.phase, "step");
 
   const Result<std::string> done = act(station_, {"pause", ""}, "ana", *parse_utc("2026-01-02T00:00:00Z"));
   EXPECT_TRUE(done) << done.error().message;
@@ -148,19 +170,10 @@ TEST_F(Serve, TellsABatchThatItsUnitIsMounted) {
 TEST_F(Serve, NobodyButAnOperatorChangesAnything) {
   write("queue", "SN1\n");
   const std::string operators = write_operators(std::string("ana:") + hash_of_secret + "\n");
-  const auto now = [] { return 1.7e9; };
-  auto page =
-      ServicePage::open("127.0.0.1:0", {.stations = {station_}, .password_file = operators, .database = {}}, now);
-  ASSERT_TRUE(page) << page.error().message;
-  const std::string url = (*page)->url().substr(0, (*page)->url().size() - 1);
+  Served s(station_, operators);
   const auto post = [&](const std::string& name, const std::string& password, bool marked, const std::string& body) {
     std::this_thread::sleep_for(std::chrono::milliseconds(600));  // one password in half a second
-    httplib::Client client(url);
-    client.set_basic_auth(name, password);
-    httplib::Headers headers;
-    if (marked) headers.emplace("X-Turncal", "1");
-    const auto answer = client.Post("/act", headers, body, "text/plain");
-    return answer ? answer->status : -1;
+    return s.post(name, password, body, marked);
   };
   const std::string add = "station = east\naction = add\nunit = SN%202\n";
   EXPECT_EQ(post("ana", "secret", false, add), 403);  // a form of another page
@@ -170,26 +183,20 @@ TEST_F(Serve, NobodyButAnOperatorChangesAnything) {
   EXPECT_EQ(post("ana", "secret", true, "nonsense"), 400);
   EXPECT_EQ(post("ana", "secret", true, std::string(5000, 'x')), 413);
   EXPECT_EQ(post("ana", "secret", true, "station = east\naction = remove\nunit = SN9\n"), 409);
-  EXPECT_NE(file_text(path("queue.actions")).find("ana not done: remove SN9\n"), std::string::npos);
+  EXPECT_SAYS(file_text(path("queue.actions")), "ana not done: remove SN9\n");
   EXPECT_EQ(file_text(path("queue")), "SN1\n");
   EXPECT_EQ(post("ana", "secret", true, add), 200);
   EXPECT_EQ(file_text(path("queue")), "SN1\nSN 2\n");
-  httplib::Client client(url);
-  const auto status = client.Get("/status.json");
+  const auto status = s.client->Get("/status.json");
   ASSERT_TRUE(status);
-  EXPECT_NE(status->body.find("\"SN 2\""), std::string::npos) << status->body;
-  EXPECT_EQ(client.Get("/queue")->status, 404);
-
-  auto looking = ServicePage::open("127.0.0.1:0", {.stations = {station_}, .password_file = {}, .database = {}}, now);
-  ASSERT_TRUE(looking);
-  httplib::Client other((*looking)->url().substr(0, (*looking)->url().size() - 1));
-  other.set_basic_auth("ana", "secret");
-  EXPECT_EQ(other.Post("/act", {{"X-Turncal", "1"}}, add, "text/plain")->status, 404);
+  EXPECT_SAYS(status->body, "\"SN 2\"");
+  EXPECT_EQ(s.client->Get("/queue")->status, 404);
+  EXPECT_EQ(Served(station_, {}).post("ana", "secret", add), 404) << "without operators";
 }
 
 TEST_F(Serve, ShowsTheResultsOfAllStationsOfADatabase) {
   const double now = *parse_utc("2026-01-02T12:00:00Z");
-  EXPECT_NE(look_at_results(path("none.db"), now).defect.find("none.db"), std::string::npos);
+  EXPECT_SAYS(look_at_results(path("none.db"), now).defect, "none.db");
   Result<ResultsDatabase> database = ResultsDatabase::open(path("line.db"));
   ASSERT_TRUE(database) << database.error().message;
   struct Row {
@@ -230,50 +237,31 @@ TEST_F(Serve, ShowsTheResultsOfAllStationsOfADatabase) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
     if (const auto status = client.Get("/status.json")) body = status->body;
   }
-  EXPECT_NE(body.find("\"last_unit\":\"SN3\""), std::string::npos) << body;
+  EXPECT_SAYS(body, "\"last_unit\":\"SN3\"");
 }
-
-// A page for ana, who acts on the station "east". Returns the code of the answer.
-struct ServedToAna {
-  explicit ServedToAna(const ServedStation& station, const std::string& operators) {
-    auto opened = ServicePage::open("127.0.0.1:0", {.stations = {station}, .password_file = operators, .database = {}},
-                                    [] { return 1.7e9; });
-    EXPECT_TRUE(opened) << opened.error().message;
-    page = std::move(*opened);
-    client.emplace(page->url().substr(0, page->url().size() - 1));
-  }
-  int post(const std::string& password, const std::string& action) {
-    client->set_basic_auth("ana", password);
-    const auto answer =
-        client->Post("/act", {{"X-Turncal", "1"}}, "station = east\naction = " + action + "\n", "text/plain");
-    return answer ? answer->status : -1;
-  }
-  std::unique_ptr<ServicePage> page;
-  std::optional<httplib::Client> client;
-};
 
 TEST_F(Serve, WhoGuessesHoldsUpNobodyWhoIsKnown) {
   write("queue", "SN1\n");
-  ServedToAna s(station_, write_operators(std::string("ana:") + hash_of_secret + "\n"));
-  EXPECT_EQ(s.post("secret", "add\nunit = A"), 200);
+  Served s(station_, write_operators(std::string("ana:") + hash_of_secret + "\n"));
+  EXPECT_EQ(s.post_of_ana("secret", "add\nunit = A"), 200);
   for (int i = 0; i < 5; ++i) {
-    EXPECT_NE(s.post("guess" + std::to_string(i), "add\nunit = X"), 200);
-    EXPECT_EQ(s.post("secret", "add\nunit = B" + std::to_string(i)), 200);
+    EXPECT_NE(s.post_of_ana("guess" + std::to_string(i), "add\nunit = X"), 200);
+    EXPECT_EQ(s.post_of_ana("secret", "add\nunit = B" + std::to_string(i)), 200);
   }
   write_operators(std::string("eve:") + hash_of_secret + "\n");
-  EXPECT_NE(s.post("secret", "add\nunit = C"), 200);  // taken out is out at once
+  EXPECT_NE(s.post_of_ana("secret", "add\nunit = C"), 200);  // taken out is out at once
 }
 
 // An operator who was never let in before, while somebody guesses without a pause: the stop comes through, the rest waits.
 TEST_F(Serve, WhoGuessesKeepsNobodyFromStopping) {
   write("queue", "SN1\n");
-  ServedToAna s(station_, write_operators(std::string("ana:") + hash_of_secret + "\n"));
+  Served s(station_, write_operators(std::string("ana:") + hash_of_secret + "\n"));
   for (int i = 0; i < 20; ++i) {
-    EXPECT_NE(s.post("guess" + std::to_string(i), "pause"), 200);
-    EXPECT_EQ(s.post("guess" + std::to_string(i), "stop"), 401) << "wrong, and not put off";
+    EXPECT_NE(s.post_of_ana("guess" + std::to_string(i), "pause"), 200);
+    EXPECT_EQ(s.post_of_ana("guess" + std::to_string(i), "stop"), 401) << "wrong, and not put off";
   }
-  EXPECT_EQ(s.post("secret", "pause"), 429);
-  EXPECT_EQ(s.post("secret", "stop"), 409) << "let in: nothing runs that could be stopped";
+  EXPECT_EQ(s.post_of_ana("secret", "pause"), 429);
+  EXPECT_EQ(s.post_of_ana("secret", "stop"), 409) << "let in: nothing runs that could be stopped";
 }
 
 TEST_F(Serve, ASuspendedProcessIsSaid) {
@@ -286,7 +274,7 @@ TEST_F(Serve, ASuspendedProcessIsSaid) {
     std::this_thread::sleep_for(std::chrono::milliseconds(50));
   EXPECT_EQ(view.tone, Tone::attention);
   ASSERT_FALSE(view.for_a_person.empty());
-  EXPECT_NE(view.for_a_person.front().find("is suspended"), std::string::npos);
+  EXPECT_SAYS(view.for_a_person.front(), "is suspended");
   ::kill(batch, SIGKILL);
   finish(batch);
 }

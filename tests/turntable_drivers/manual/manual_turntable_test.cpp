@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "imu_io/base/text_pieces.h"
+#include "tests/outcome.h"
 #include "tests/turntable_drivers/table_contract.h"
 #include "turntable_drivers/twins/rehearsed_table.h"
 
@@ -35,6 +36,11 @@ struct Desk {
   void hang_up() {
     if (pipe_[1] >= 0) ::close(pipe_[1]);
     pipe_[1] = -1;
+  }
+  void begin() {
+    ASSERT_OK(manual.connect());
+    ASSERT_OK(manual.enable());
+    ASSERT_OK(manual.home());
   }
   // Until gravity after an answer is known.
   void settle(double seconds = 2.0) {
@@ -80,9 +86,7 @@ INSTANTIATE_TYPED_TEST_SUITE_P(Manual, TableContract, ManualFactory);
 
 struct ManualTable : testing::Test {
   void ready(Desk& desk) {
-    ASSERT_TRUE(desk.manual.connect().ok());
-    ASSERT_TRUE(desk.manual.enable().ok());
-    ASSERT_TRUE(desk.manual.home().ok());
+    desk.begin();
     for (int i = 0; i < 3; ++i) desk.type("0");
     for (const Axis axis : all_axes) ASSERT_TRUE(desk.manual.status(axis)->homed);
     desk.said();
@@ -91,22 +95,19 @@ struct ManualTable : testing::Test {
   void expect_end(Desk& desk, ErrorKind kind, const std::string& text) {
     for (int i = 0; i < 2; ++i) {
       const Result<AxisStatus> ended = desk.manual.status(Axis::roll);
-      ASSERT_FALSE(ended.ok());
-      EXPECT_EQ(ended.error().kind, kind);
-      EXPECT_NE(ended.error().message.find(text), std::string::npos) << ended.error().message;
+      ASSERT_TRUE(fails(ended, kind));
+      EXPECT_TRUE(fails(ended, text));
     }
     EXPECT_FALSE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
     EXPECT_TRUE(desk.manual.stop_all().ok());
     EXPECT_TRUE(desk.manual.abort_all().ok());
     for (const Axis axis : all_axes) {
       const Result<AxisStatus> status = desk.manual.status(axis);
-      ASSERT_TRUE(status.ok()) << status.error().message;
+      ASSERT_OK(status);
       EXPECT_FALSE(status->moving || status->enabled);
       EXPECT_EQ(status->rate_degps, 0.0);
     }
-    const Status again = desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0);
-    ASSERT_FALSE(again.ok());
-    EXPECT_EQ(again.error().kind, kind);
+    ASSERT_TRUE(fails(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0), kind));
   }
 };
 
@@ -174,9 +175,7 @@ TEST_F(ManualTable, TheGyrosMustHaveFeltTheTurn) {
   const std::optional<std::array<double, 3>> level = std::array<double, 3>{0.0, 9.79, 0.0};
   Desk desk({}, [&] { return level; });
   desk.manual.feel_turns([&] { return std::optional(felt); });
-  ASSERT_TRUE(desk.manual.connect().ok());
-  ASSERT_TRUE(desk.manual.enable().ok());
-  ASSERT_TRUE(desk.manual.home().ok());
+  desk.begin();
   const auto answer = [&](const char* typed) {
     desk.said();
     desk.type(typed);
@@ -188,20 +187,20 @@ TEST_F(ManualTable, TheGyrosMustHaveFeltTheTurn) {
   const auto moving = [&](Axis axis) { return desk.manual.status(axis)->moving; };
   // Pitch turns about z, heading about -y; the scale is not known yet: 0.5 of a degree is believed, nothing is not.
   ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, 360.0, 10.0, 10.0).ok());
-  EXPECT_NE(answer("0").find("another 360 deg forward"), std::string::npos);
+  EXPECT_TRUE(says(answer("0"), "another 360 deg forward"));
   EXPECT_TRUE(moving(Axis::pitch));
   felt[2] = -180.0;
-  EXPECT_NE(answer("360").find("another 720 deg forward"), std::string::npos) << "the other way round";
+  EXPECT_TRUE(says(answer("360"), "another 720 deg forward")) << "the other way round";
   felt[2] = 180.0;
-  EXPECT_EQ(answer("360").find("felt"), std::string::npos);
+  EXPECT_FALSE(says(answer("360"), "felt"));
   EXPECT_FALSE(moving(Axis::pitch));
   // Now it is: two turns asked for and one made are told apart.
   ASSERT_TRUE(desk.manual.move_absolute(Axis::heading, -720.0, 10.0, 10.0).ok());
   felt[1] = 180.0;
-  EXPECT_NE(answer("0").find("felt -360 deg of the -720 deg"), std::string::npos);
+  EXPECT_TRUE(says(answer("0"), "felt -360 deg of the -720 deg"));
   const OperatorTask task = desk.manual.task();
   EXPECT_TRUE(task.wrong && task.kind == OperatorTask::Kind::turn && task.axis == Axis::heading);
-  EXPECT_NE(task.note.find("another 360 deg backward"), std::string::npos) << task.note;
+  EXPECT_TRUE(says(task.note, "another 360 deg backward"));
   felt[1] = 360.0;
   answer("0");
   EXPECT_FALSE(moving(Axis::heading));
@@ -215,12 +214,12 @@ TEST_F(ManualTable, TimeOutPausesAndAssumesNothing) {
   desk.clock.time_s += 601.0;
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
   EXPECT_TRUE(desk.manual.paused());
-  EXPECT_NE(desk.said().find("paused"), std::string::npos);
+  EXPECT_TRUE(says(desk.said(), "paused"));
   desk.type("90");
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << "continue comes first";
   desk.type("continue");
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  EXPECT_NE(desk.said().find("Turn roll from 0 to 90 deg"), std::string::npos);
+  EXPECT_TRUE(says(desk.said(), "Turn roll from 0 to 90 deg"));
   desk.type("90");
   EXPECT_FALSE(desk.manual.status(Axis::roll)->moving);
 }
@@ -232,7 +231,7 @@ TEST_F(ManualTable, RepeatPauseSkipAbort) {
   desk.said();
   desk.type("repeat");
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  EXPECT_NE(desk.said().find("Turn roll from 0 to 90 deg"), std::string::npos);
+  EXPECT_TRUE(says(desk.said(), "Turn roll from 0 to 90 deg"));
   desk.type("p");
   EXPECT_EQ(desk.manual.status(Axis::roll)->text, "paused");
   desk.type("c");
@@ -270,17 +269,17 @@ TEST_F(ManualTable, GermanLettersAndDecimalComma) {
   Desk desk({.language = "de"});
   ready(desk);
   ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 22.5, 10.0, 10.0).ok());
-  EXPECT_NE(desk.said().find("Rollachse von 0 auf 22,5 Grad drehen, 22,5 Grad vorwärts"), std::string::npos);
+  EXPECT_TRUE(says(desk.said(), "Rollachse von 0 auf 22,5 Grad drehen, 22,5 Grad vorwärts"));
   desk.type("22");
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  EXPECT_NE(desk.said().find("22 liegt 0,5 Grad neben 22,5; erlaubt sind höchstens 0,1."), std::string::npos);
+  EXPECT_TRUE(says(desk.said(), "22 liegt 0,5 Grad neben 22,5; erlaubt sind höchstens 0,1."));
   desk.type("p");
   EXPECT_EQ(desk.manual.status(Axis::roll)->text, "paused");
   desk.type("w");
   EXPECT_EQ(desk.manual.status(Axis::roll)->text, "");
   desk.type("Überspringen");
   EXPECT_TRUE(desk.manual.status(Axis::roll).ok()) << "not without a reason";
-  EXPECT_NE(desk.said().find("Warum? Bitte „überspringen“"), std::string::npos);
+  EXPECT_TRUE(says(desk.said(), "Warum? Bitte „überspringen“"));
   desk.type("Ü Klemme sitzt fest");
   expect_end(desk, ErrorKind::interrupted, "skipped by the operator: Klemme sitzt fest");
 }
@@ -292,9 +291,7 @@ TEST_F(ManualTable, WhoLeavesIsMissedWhenTheNextTurnIsDue) {
     if (hangs_up) desk.hang_up();
     if (!hangs_up) desk.type("leave");
     for (int i = 0; i < 3; ++i) EXPECT_TRUE(desk.manual.status(Axis::roll).ok()) << "a dwell needs nobody";
-    const Status refused = desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0);
-    ASSERT_FALSE(refused.ok());
-    EXPECT_EQ(refused.error().kind, ErrorKind::interrupted);
+    ASSERT_TRUE(fails(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0), ErrorKind::interrupted));
     EXPECT_EQ(desk.manual.home().error().kind, ErrorKind::interrupted);
   }
   Desk desk;
@@ -319,7 +316,7 @@ TEST_F(ManualTable, PauseHoldsTheNextQuestionBackAndEndsWhenTooLong) {
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
   desk.type("continue");
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  EXPECT_NE(desk.said().find("Turn roll"), std::string::npos);
+  EXPECT_TRUE(says(desk.said(), "Turn roll"));
   desk.type("pause");
   EXPECT_TRUE(desk.manual.status(Axis::roll).ok());
   desk.clock.time_s += 3601.0;
@@ -329,14 +326,12 @@ TEST_F(ManualTable, PauseHoldsTheNextQuestionBackAndEndsWhenTooLong) {
 TEST_F(ManualTable, HomingTakesTheAnglesReadOff) {
   std::optional<std::array<double, 3>> sensed = std::array<double, 3>{0.0, 0.0, 9.79};  // roll -90
   Desk desk({}, [&] { return sensed; });
-  ASSERT_TRUE(desk.manual.connect().ok());
-  ASSERT_TRUE(desk.manual.enable().ok());
-  ASSERT_TRUE(desk.manual.home().ok());
+  desk.begin();
   desk.type("90");  // wrong, and not seen before the other is known
   desk.type("0.5");
   EXPECT_TRUE(desk.manual.status(Axis::roll).ok());
   desk.settle();
-  EXPECT_NE(desk.said().find("179.5 deg away"), std::string::npos);
+  EXPECT_TRUE(says(desk.said(), "179.5 deg away"));
   EXPECT_EQ(desk.manual.wanted()->axis, Axis::roll) << "both are asked for again";
   desk.type("-90");
   desk.type("0.5");
@@ -414,9 +409,7 @@ TEST_F(ManualTable, StopInMidTurnMeansNotInPosition) {
 TEST_F(ManualTable, GravityHasToAgree) {
   std::optional<std::array<double, 3>> sensed = std::array<double, 3>{0.0, 9.79, 0.0};
   Desk desk({}, [&] { return sensed; });
-  ASSERT_TRUE(desk.manual.connect().ok());
-  ASSERT_TRUE(desk.manual.enable().ok());
-  ASSERT_TRUE(desk.manual.home().ok());
+  desk.begin();
   for (int i = 0; i < 3; ++i) {
     desk.type("0");
     desk.settle();  // takes what is typed
@@ -428,13 +421,13 @@ TEST_F(ManualTable, GravityHasToAgree) {
   EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving) << "the mean known so far is of before the answer";
   desk.settle();
   EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving) << "still level";
-  EXPECT_NE(desk.said().find("senses gravity 30 deg away"), std::string::npos);
+  EXPECT_TRUE(says(desk.said(), "senses gravity 30 deg away"));
   sensed = std::array<double, 3>{-0.5 * 9.79, std::cos(0.5236) * 9.79, 0.0};  // turned the wrong way
   desk.type("30");
   desk.settle(0.0);
   desk.settle();
   EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving);
-  EXPECT_NE(desk.said().find("60 deg away"), std::string::npos);
+  EXPECT_TRUE(says(desk.said(), "60 deg away"));
   desk.type("30");
   desk.settle(0.0);
   sensed = std::array<double, 3>{0.5 * 9.79, std::cos(0.5236) * 9.79, 0.0};
@@ -456,7 +449,7 @@ TEST_F(ManualTable, GravityHasToAgree) {
     desk.settle(9.9);
     desk.settle(0.2);
     EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << zero;
-    EXPECT_NE(desk.said().find(zero ? "senses no gravity" : "is not still"), std::string::npos);
+    EXPECT_TRUE(says(desk.said(), zero ? "senses no gravity" : "is not still"));
   }
   // Heading cannot be seen by gravity.
   ASSERT_TRUE(desk.manual.stop_all().ok());

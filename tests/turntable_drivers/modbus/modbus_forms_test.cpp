@@ -1,6 +1,4 @@
 // Modbus tables that are one controller: the contract of every table with each map, and what is special about them.
-#include "tests/turntable_drivers/modbus/modbus_forms.h"
-
 #include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/served_twin.h"
@@ -9,18 +7,20 @@
 namespace turncal {
 namespace {
 
-template <bool one_block>
-struct FormFactory {
-  TwinStation station{map_of(one_block ? one_block_map_text() : selecting_map_text())};
-  ModbusTurntable driver{station.described, station.clock};
-  Turntable& table() { return driver; }
-  void pass(double seconds) { station.pass(seconds); }
-  static constexpr double tolerance_deg = 1e-3;
+// Modbus RTU through a serial server. One block of the whole table: masks of each axis in a shared word, a state code and numbers of
+// 64 bits for each; all three angles in one command block; a heartbeat of two documented values.
+const std::string one_block = own_map_text("one_block");
+// Status registers of each axis with an offset; the mode, the word that says who commands and the heartbeat are of the whole table; one
+// command block, in front of which stands the number of the axis.
+const std::string selecting = own_map_text("selecting");
+
+template <const std::string& text>
+struct FormFactory : DescribedFactory<TwinStation, ModbusTurntable> {
+  FormFactory() : DescribedFactory(map_of(text)) {}
   static constexpr double beyond_limits_deg = 3601.0;
-  static constexpr bool must_home = true, must_enable = true;
 };
-using OneBlock = FormFactory<true>;
-using Selecting = FormFactory<false>;
+using OneBlock = FormFactory<one_block>;
+using Selecting = FormFactory<selecting>;
 INSTANTIATE_TYPED_TEST_SUITE_P(ModbusOneBlock, TableContract, OneBlock);
 INSTANTIATE_TYPED_TEST_SUITE_P(ModbusSelecting, TableContract, Selecting);
 
@@ -28,7 +28,7 @@ using FormTable = FaultTable<TwinStation, ModbusTurntable>;
 
 // Each axis reads its own, at three different angles, and a code that is not listed sets none of the flags.
 TEST(ModbusForms, EveryAxisReadsItsOwn) {
-  for (const std::string& text : {one_block_map_text(), selecting_map_text()}) {
+  for (const std::string& text : {one_block, selecting}) {
     FormTable s(map_of(text));
     EXPECT_EQ(s.expect_truth(5), 15);
   }
@@ -43,11 +43,11 @@ TEST(ModbusForms, EveryAxisReadsItsOwn) {
 
 // The move of one axis leaves the others where they are, or on their way; after a stop nothing goes on with its old target.
 TEST(ModbusForms, AMoveOfOneAxisTellsTheOthersNothingNew) {
-  FormTable s(map_of(one_block_map_text()));
+  FormTable s(map_of(one_block));
   s.make_ready();
   const auto position = [&](Axis axis) {
     const Result<AxisStatus> now = s.driver.status(axis);
-    EXPECT_TRUE(now.ok()) << (now.ok() ? "" : now.error().message);
+    EXPECT_OK(now);
     return now.ok() ? now->position_deg : 1e9;
   };
   const auto pass = [&](double seconds) {
@@ -77,7 +77,7 @@ TEST(ModbusForms, AMoveOfOneAxisTellsTheOthersNothingNew) {
 
 // The documented values in turn, once for the table; a value that stays the same is none, and the watchdog stops the drives.
 TEST(ModbusForms, HeartbeatHasItsDocumentedValues) {
-  FormTable s(map_of(one_block_map_text()));
+  FormTable s(map_of(one_block));
   std::vector<std::uint16_t> beats;
   s.station.disturb([&](const ModbusRequest& request, AnswerPlan&) {
     if (request.address == 0x230) beats.push_back(request.values.front());
@@ -92,12 +92,12 @@ TEST(ModbusForms, HeartbeatHasItsDocumentedValues) {
     EXPECT_TRUE(beats[i] == 0x55 || beats[i] == 0xAA);
     EXPECT_TRUE(i == 0 || beats[i] != beats[i - 1]) << "the same twice";
   }
-  RegisterMap stuck = map_of(one_block_map_text());
+  RegisterMap stuck = map_of(one_block);
   stuck.heartbeat_values = {0x55};
   Rig rig(default_rig_config());
   RigTable mock(rig);
   RigClock clock(rig);
-  ModbusTwin twin(map_of(one_block_map_text()), mock, clock);
+  ModbusTwin twin(map_of(one_block), mock, clock);
   ASSERT_TRUE(twin.power_on().ok());
   ASSERT_TRUE(mock.enable().ok());
   const ModbusRequest same{.unit = 9, .function = 6, .address = 0x230, .count = 1, .values = {0x55}};
@@ -112,7 +112,7 @@ TEST(ModbusForms, HeartbeatHasItsDocumentedValues) {
 
 // Through a serial server a late answer is told by unit, function and length, as on the serial line.
 TEST(ModbusForms, RtuOverTcpBelievesNoLateAnswer) {
-  RegisterMap map = map_of(one_block_map_text());
+  RegisterMap map = map_of(one_block);
   map.link.reply_timeout_s = 0.1;
   map.link.byte_timeout_s = 0.03;
   map.heartbeat_address.reset();
@@ -128,17 +128,10 @@ TEST(ModbusForms, RtuOverTcpBelievesNoLateAnswer) {
 }
 
 TEST(ModbusForms, DefectsAreNamed) {
-  const auto error_of = [](std::string text, const std::string& what, const std::string& with) {
-    EXPECT_NE(text.find(what), std::string::npos) << what;
-    text.replace(text.find(what), what.size(), with);
-    const Result<RegisterMap> map = parse_register_map(text, "my.map");
-    return map.ok() ? std::string("accepted") : map.error().message;
+  const auto expect = [](const std::string& text, const std::string& what, const std::string& with, const char* said) {
+    EXPECT_TRUE(fails(parse_register_map(replaced(text, what, with), "my.map"), said));
   };
-  const auto expect = [&](const std::string& text, const std::string& what, const std::string& with, const char* says) {
-    const std::string message = error_of(text, what, with);
-    EXPECT_NE(message.find(says), std::string::npos) << message;
-  };
-  const std::string block = one_block_map_text(), select = selecting_map_text();
+  const std::string &block = one_block, &select = selecting;
   expect(block, "link.kind = rtu_tcp", "link.kind = rtu_udp", "expected tcp, rtu or rtu_tcp");
   expect(block, "axis.roll.bit.homed.mask = 0x400\n", "", "'bit.homed.mask' is missing");
   expect(block, "axis.roll.position.address = 0x10C", "axis.roll.position.address = 0x119", "inside the status block");

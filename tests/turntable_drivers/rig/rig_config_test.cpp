@@ -10,6 +10,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/outcome.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
 #include "turntable_drivers/rig/rig.h"
 
@@ -72,7 +73,7 @@ fault.4.time_s = 12
 fault.4.duration_s = 34
 )",
                                                     "bench.rig");
-  ASSERT_TRUE(config.ok()) << config.error().message;
+  ASSERT_OK(config);
   EXPECT_EQ(config->seed, 17u);
   EXPECT_EQ(config->noise_seed, 18u);
   EXPECT_EQ(config->unit_serial, "RLG-0042");
@@ -113,32 +114,29 @@ TEST(RigConfig, NumbersThatMeanNothingAreRefused) {
         "gyro_pulse_arcsec = 1e300", "temperature.rise_c = -1e300", "noise.accel_bias_instability_ug = 1e10",
         "truth.N01 = 1e12", "effect.accel_delay.tau = 1e300"}) {
     const std::string key(line, std::string(line).find(' '));
-    EXPECT_NE(error_of(std::string(line) + "\n").find("bench.rig:1: key '" + key + "' = "), std::string::npos)
-        << error_of(line);
+    EXPECT_TRUE(says(error_of(std::string(line) + "\n"), "bench.rig:1: key '" + key + "' = ")) << error_of(line);
   }
 }
 
 TEST(RigConfig, ErrorsNameFileLineKeyAndValue) {
-  EXPECT_NE(error_of("seed = 1\nnoise.gyro_random_walk_deg_per_rt_h = -1\n").find("bench.rig:2"), std::string::npos);
-  EXPECT_NE(error_of("noise.gyro_random_walk_deg_per_rt_h = -1\n").find("'-1'"), std::string::npos);
-  EXPECT_NE(error_of("effect.accel_second_order.w = 1\n").find("effect.accel_second_order.w"), std::string::npos);
-  EXPECT_NE(error_of("effect.accel_second_order.x = nan\n").find("a number"), std::string::npos);
-  EXPECT_NE(error_of("sample_period_s = 0\n").find("sample_period_s"), std::string::npos);
-  EXPECT_NE(error_of("site.gravity_mps2 = 0\n").find("site.gravity_mps2"), std::string::npos);
-  EXPECT_NE(error_of("quantisation = some\n").find("floor, round or off"), std::string::npos);
-  EXPECT_NE(error_of("truth.n44 = 1\n").find("truth.n44"), std::string::npos);
-  EXPECT_NE(error_of("truth.n11 = 0\n").find("singular"), std::string::npos);
-  EXPECT_NE(error_of("table.roll.limit_min_deg = 5000\n").find("limit_max_deg = 3600"), std::string::npos);
-  EXPECT_NE(error_of("fault.1.kind = gremlins\n").find("lost_sample"), std::string::npos);
-  EXPECT_NE(error_of("fault.1.kind = lost_sample\n").find("fault.1.sample"), std::string::npos);
-  EXPECT_NE(error_of("fault.1.sample = 3\n").find("fault.1.kind"), std::string::npos);
-  EXPECT_NE(error_of("fault.2.kind = lost_sample\nfault.2.sample = 1\n").find("fault.2"), std::string::npos)
-      << "numbers begin at 1";
-  EXPECT_NE(error_of("fault.1.kind = lost_sample\nfault.1.sample = 1\nfault.1.size_mrad = 1\n").find("size_mrad"),
-            std::string::npos)
+  EXPECT_TRUE(says(error_of("seed = 1\nnoise.gyro_random_walk_deg_per_rt_h = -1\n"), "bench.rig:2"));
+  EXPECT_TRUE(says(error_of("noise.gyro_random_walk_deg_per_rt_h = -1\n"), "'-1'"));
+  EXPECT_TRUE(says(error_of("effect.accel_second_order.w = 1\n"), "effect.accel_second_order.w"));
+  EXPECT_TRUE(says(error_of("effect.accel_second_order.x = nan\n"), "a number"));
+  EXPECT_TRUE(says(error_of("sample_period_s = 0\n"), "sample_period_s"));
+  EXPECT_TRUE(says(error_of("site.gravity_mps2 = 0\n"), "site.gravity_mps2"));
+  EXPECT_TRUE(says(error_of("quantisation = some\n"), "floor, round or off"));
+  EXPECT_TRUE(says(error_of("truth.n44 = 1\n"), "truth.n44"));
+  EXPECT_TRUE(says(error_of("truth.n11 = 0\n"), "singular"));
+  EXPECT_TRUE(says(error_of("table.roll.limit_min_deg = 5000\n"), "limit_max_deg = 3600"));
+  EXPECT_TRUE(says(error_of("fault.1.kind = gremlins\n"), "lost_sample"));
+  EXPECT_TRUE(says(error_of("fault.1.kind = lost_sample\n"), "fault.1.sample"));
+  EXPECT_TRUE(says(error_of("fault.1.sample = 3\n"), "fault.1.kind"));
+  EXPECT_TRUE(says(error_of("fault.2.kind = lost_sample\nfault.2.sample = 1\n"), "fault.2")) << "numbers begin at 1";
+  EXPECT_TRUE(says(error_of("fault.1.kind = lost_sample\nfault.1.sample = 1\nfault.1.size_mrad = 1\n"), "size_mrad"))
       << "a key that this kind does not have";
   for (const std::string& text : {std::string("seed = 1\nseed = 2\n"), std::string(""), std::string("seed\n")}) {
-    EXPECT_EQ(error_of(text).find('\n'), std::string::npos);
+    EXPECT_FALSE(says(error_of(text), "\n"));
   }
   EXPECT_FALSE(read_rig_config("/nonexistent/rig.conf").ok());
   EXPECT_EQ(read_rig_config("/nonexistent/rig.conf").error().kind, ErrorKind::input);
@@ -183,7 +181,7 @@ TEST(RigConfig, TheDocumentListsTheDefaults) {
   std::string text;
   for (const std::string& each : lines) text += each + "\n";
   const Result<RigConfig> config = parse_rig_config(text, "docs/rig.md");
-  ASSERT_TRUE(config.ok()) << config.error().message;
+  ASSERT_OK(config);
   // The same unit, table, time and noise as without any key, so every default is the one in force.
   Rig a(*config), b(default_rig_config());
   EXPECT_EQ(a.truth(), b.truth());
@@ -219,12 +217,12 @@ TEST(RigConfig, TheDocumentHasEveryKeyOfTheReader) {
     std::string piece = (*at)[1];
     if (std::find(rig_truth_keys.begin(), rig_truth_keys.end(), piece) != rig_truth_keys.end()) continue;
     while (!piece.empty() && (piece.back() == '.' || piece.back() == '_')) piece.pop_back();
-    EXPECT_NE(document.find(piece), std::string::npos) << piece;
+    EXPECT_TRUE(says(document, piece)) << piece;
     ++found;
   }
   EXPECT_GT(found, 100);
   for (const std::string& key : rig_effect_keys()) {
-    EXPECT_NE(document.find("effect." + key.substr(0, key.find('.')) + "."), std::string::npos) << key;
+    EXPECT_TRUE(says(document, "effect." + key.substr(0, key.find('.')) + ".")) << key;
   }
 }
 

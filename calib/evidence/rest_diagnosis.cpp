@@ -1,0 +1,274 @@
+#include "calib/evidence/rest_diagnosis.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "calib/evidence/holdout.h"
+#include "calib/evidence/rest_evidence.h"
+#include "calib/rests/rest_units.h"
+#include "calib/statistics/unit_slip.h"
+
+namespace turncal {
+namespace {
+
+using Eigen::VectorXd;
+
+std::string hangs_on_single_rests(RestKind kind, double left_out, double fitted) {
+  if (!(left_out > rest_limits.most_leverage * fitted)) return {};
+  return fmt::format("left out in turn, the error of {} is {} times the fitted one: the fit hangs on single rests",
+                     to_string(kind), std::lround(left_out / fitted));
+}
+
+// Of a node; 0: not listed.
+double probability_of(const Statements& statements, const Statement& node) {
+  for (const Statement& s : statements.nodes)
+    if (s.sensor == node.sensor && s.quantity == node.quantity && s.driver == node.driver && s.formula == node.formula)
+      return s.probability;
+  return 0.0;
+}
+
+double root_mean_square(const VectorXd& residual, const VectorXd& weights) {
+  double sum = 0.0, count = 0.0;
+  for (Eigen::Index k = 0; k < residual.size(); ++k) {
+    if (std::isnan(residual[k])) continue;
+    sum += std::pow(residual[k] * weights[k], 2);
+    count += 1.0;
+  }
+  return count > 0.0 ? std::sqrt(sum / count) : 0.0;
+}
+
+class DiagnosingRests {
+ public:
+  DiagnosingRests(const RestData& data, const RestData* holdout, RestDiagnosis& r)
+      : data_(data), holdout_(holdout), r_(r), d_(r.diagnosis) {
+    const std::vector<Block>& blocks = data.recording->blocks;
+    duration_s_ = data.recording->middle_s(blocks.back()) + 0.5 * blocks.back().duration_s;
+  }
+
+  // Of r.base, which can be judged.
+  void run() {
+    r_.accel_not_tested =
+        hangs_on_single_rests(RestKind::norm, r_.base.left_out.norm_rms_mps2, r_.base.errors.norm_rms_mps2);
+    RestFit fit = r_.base;
+    Evidence evidence = weigh(fit, {});
+    list_candidates(evidence, duration_s_, d_);
+    std::vector<EffectColumn> named;
+    for (int k = 0; k < most_fits; ++k) {
+      std::vector<EffectColumn> more = names_of(evidence);
+      if (same(more, named)) break;
+      RestFitOptions options;
+      options.start_floors = r_.base.floors;
+      std::vector<EstimatedEffect> start;
+      for (const EffectColumn& column : more) start.push_back({column, 0.0, 0.0});
+      RestFit again = refine_rests(data_, r_.base.parameters, rest_effects(data_, start), options);
+      if (!again.converged) break;
+      fit = std::move(again);
+      named = std::move(more);
+      evidence = weigh(fit, effects_of(fit, named));
+    }
+    judge(evidence, fit, named);
+    ask_held_out_data();
+    list_names(evidence, d_);
+  }
+
+  // What is reported of base and final, judged or not.
+  void add_errors() {
+    const RestSystem before = rest_system_at(data_, d_.base, true), after = rest_system_at(data_, d_.extended, true);
+    const VectorXd weights = rest_weights(after, r_.final.floors);
+    d_.error_before = root_mean_square(before.residual, weights);
+    d_.error_after = root_mean_square(after.residual, weights);
+    if (r_.second_recording) return;
+    constexpr double none = std::numeric_limits<double>::quiet_NaN();
+    d_.holdout_source = "rests and rotations left out in turn";
+    d_.holdout_before = {
+        root_mean_square(left_out_residual(before, rest_weights(before, r_.base.floors)), weights), none, none, 1, {}};
+    d_.holdout_after = {root_mean_square(left_out_residual(after, weights), weights), none, none, 1, {}};
+    r_.held_out_before = r_.base.left_out;
+    r_.held_out_after = r_.final.left_out;
+  }
+
+ private:
+  static std::vector<EstimatedEffect> effects_of(const RestFit& fit, const std::vector<EffectColumn>& columns) {
+    std::vector<EstimatedEffect> effects;
+    for (const EffectColumn& column : columns) {
+      const auto k = std::ssize(effects);
+      effects.push_back({column, fit.effect_values[k], fit.sigma[parameter_count + k]});
+    }
+    return effects;
+  }
+  // Poses that are taken in a regular order change with time, so a name stands where what drives it is said.
+  static std::vector<EffectColumn> names_of(const Evidence& e) {
+    std::vector<EffectColumn> named = named_columns(e);
+    for (const int column : e.named.columns)
+      for (const Term& term : e.at_each_noise.front().table->terms)
+        if (term.columns == std::vector<int>{column} &&
+            probability_of(e.statements, {term.what.sensor, term.what.quantity, term.what.driver, ""}) < said_from)
+          return {};
+    return named;
+  }
+  Evidence weigh(const RestFit& fit, const std::vector<EstimatedEffect>& effects) const {
+    return weigh_rests(data_, fit, effects, r_.base.floors, r_.accel_not_tested.empty());
+  }
+
+  void judge(const Evidence& e, const RestFit& fit, const std::vector<EffectColumn>& named) {
+    d_.statements = e.statements;
+    const bool missing = e.statements.anything >= said_from;
+    const bool by_name = missing && !named.empty() && same(named, names_of(e));
+    d_.verdict = !missing ? Verdict::clean : by_name ? Verdict::extended : Verdict::unexplained;
+    d_.reason = reason_of(e.statements);
+    if (by_name) r_.final = fit;
+    std::vector<EstimatedEffect> effects = by_name ? effects_of(fit, named) : std::vector<EstimatedEffect>{};
+    hand_out(e, fit, effects);
+    d_.extended = as_joint(r_.final, effects, data_);
+    if (d_.verdict == Verdict::unexplained) d_.unexplained_pattern = words_of(d_.statements);
+    const auto worst = std::max_element(r_.final.white_ratio.begin(), r_.final.white_ratio.end());
+    const bool to_white = *worst <= rest_limits.most_over_white;
+    if (!to_white && d_.verdict == Verdict::clean) {
+      d_.verdict = Verdict::unexplained;
+      d_.unexplained_pattern = to_string(static_cast<RestKind>(worst - r_.final.white_ratio.begin()));
+      d_.reason =
+          fmt::format("{} is {:.1f} times as large as the white noise; {}", d_.unexplained_pattern, *worst, d_.reason);
+    }
+    if (!r_.accel_not_tested.empty()) {
+      d_.reason = "no effect of the accelerometers was looked for: " + r_.accel_not_tested + "; " + d_.reason;
+      if (d_.verdict == Verdict::clean) d_.verdict = Verdict::not_tested;
+    }
+    d_.trusted =
+        to_white && r_.accel_not_tested.empty() && (d_.verdict == Verdict::clean || d_.verdict == Verdict::extended);
+  }
+
+  // The averages, about `fit`, in the place of the final model's own.
+  void hand_out(const Evidence& e, const RestFit& fit, std::vector<EstimatedEffect>& effects) {
+    const AveragedEstimate average =
+        average_over_models(e.at_each_noise, e.posterior, effects.empty() ? std::vector<int>{} : e.named.columns);
+    ParameterVector values = to_vector(fit.parameters);
+    Eigen::Index k = 0;
+    for (const int column : e.columns) {
+      values[column] += average.shift[k];
+      r_.final.sigma[column] = average.sigma[k++];
+    }
+    r_.final.parameters = from_vector(values);
+    for (EstimatedEffect& effect : effects) {
+      effect.value = average.shift[k];
+      effect.sigma = average.sigma[k++];
+      r_.final.effect_values[&effect - effects.data()] = effect.value;
+    }
+  }
+
+  HoldoutError on_holdout(const JointResult& model, RestErrors& errors) const {
+    const RestSystem system = rest_system_at(*holdout_, model);
+    errors = rest_errors(system, system.residual);
+    const VectorXd normalised = rest_weights(system, r_.final.floors).cwiseProduct(system.residual);
+    constexpr double none = std::numeric_limits<double>::quiet_NaN();
+    HoldoutError error{
+        normalised.norm() / std::sqrt(static_cast<double>(normalised.size())), none, none, normalised.size(), {}};
+    for (Eigen::Index k = 0; k < normalised.size(); ++k) error.normalised.emplace_back(normalised[k], 0.0, 0.0);
+    return error;
+  }
+  void ask_held_out_data() {
+    if (holdout_ == nullptr) return;
+    r_.second_recording = true;
+    d_.holdout_source = "second recording";
+    d_.holdout_before = on_holdout(d_.base, r_.held_out_before);
+    d_.holdout_after = on_holdout(d_.extended, r_.held_out_after);
+    const std::vector<EstimatedEffect>& effects = d_.extended.effects;
+    const bool of_one_run = std::all_of(effects.begin(), effects.end(),
+                                        [](const EstimatedEffect& e) { return e.column.entry->of_one_run; });
+    if (of_one_run || !holdout_gain(d_.holdout_before, d_.holdout_after).contradicted(GateLimits{}.contradiction))
+      return;
+    for (const EstimatedEffect& effect : effects) d_.gated_out.push_back(effect.column.key());
+    d_.verdict = Verdict::unexplained;
+    d_.trusted = false;
+    d_.unexplained_pattern = words_of(d_.statements);
+    d_.reason = "held-out data speak against what was found";
+    r_.final = r_.base;
+    d_.extended = d_.base;
+    d_.holdout_after = d_.holdout_before;
+    r_.held_out_after = r_.held_out_before;
+  }
+
+  const RestData& data_;
+  const RestData* holdout_;
+  RestDiagnosis& r_;
+  Diagnosis& d_;
+  double duration_s_ = 0.0;
+};
+
+}  // namespace
+
+RestSystem rest_system_at(const RestData& data, const JointResult& model, bool with_columns) {
+  return make_rest_system(data, model.parameters, effect_model_of(model, data.recording->info.latitude_deg),
+                          with_columns);
+}
+
+JointResult as_joint(const RestFit& fit, const std::vector<EstimatedEffect>& effects, const RestData& data) {
+  JointResult r;
+  r.converged = fit.converged;
+  r.message = fit.message;
+  r.iterations = fit.iterations;
+  r.parameters = fit.parameters;
+  for (int k = 0; k < parameter_count; ++k) {
+    const double sigma = fit.sigma[k];
+    r.determined[static_cast<std::size_t>(k)] = sigma > 0.0;
+    r.sigma[k] = sigma > 0.0 ? sigma : 0.0;
+  }
+  r.effects = effects;
+  for (const std::string& key : fit.undetermined) r.undetermined.push_back({{{key, 1.0}}});
+  r.reference_temperature_c = rest_reference_temperature_c(data);
+  r.noise = rest_noise(data, fit.parameters);
+  for (const RestLeg& leg : data.legs) {
+    if (leg.fault.empty()) continue;
+    Fault fault;
+    const std::vector<Block>& blocks = data.recording->blocks;
+    if (leg.first_block < leg.end_block) {
+      fault.first_sample = blocks[leg.first_block].start_sample;
+      fault.last_sample = blocks[leg.end_block - 1].start_sample + blocks[leg.end_block - 1].samples - 1;
+    }
+    fault.what = leg.fault;
+    fault.action = "rotation set aside";
+    r.faults.push_back(fault);
+  }
+  return r;
+}
+
+// Rows that are left over after the base fit are all that can speak for a name.
+std::string why_not_tested(const RestData& data, const RestFit& base) {
+  double redundancy = 0.0;
+  for (const double r : base.redundancy) redundancy += r;
+  if (!base.converged) return "the 21 parameters could not be fitted: " + base.message;
+  std::string why;
+  if (redundancy < rest_limits.least_redundancy)
+    why = fmt::format("{} rests and {} rotations leave {} observations beyond the 21 parameters, where {} are wanted",
+                      data.rests.size(), data.legs.size(), std::lround(redundancy), rest_limits.least_redundancy);
+  if (!base.undetermined.empty()) {
+    why += (why.empty() ? "" : "; ") + std::string("not determined:");
+    for (const std::string& key : base.undetermined) why += " " + key;
+  }
+  // A reversed accelerometer makes the body's frame left-handed, and two gyros turn the other way in it.
+  if (why.empty()) why = wrong_axes(base.parameters.n / start_parameters(data.recording->info).n(0, 0));
+  if (why.empty()) why = wrong_vertical(data, base.parameters);
+  if (!why.empty()) return why;
+  return hangs_on_single_rests(RestKind::direction, base.left_out.direction_rms_rad, base.errors.direction_rms_rad);
+}
+
+Result<RestDiagnosis> diagnose_rests(const RestData& data, const RestData* holdout) {
+  RestDiagnosis r;
+  Diagnosis& d = r.diagnosis;
+  d.verdict = Verdict::not_tested;
+  if (d.reason = r.not_tested = wrong_units(data); !r.not_tested.empty()) {
+    r.base.message = r.not_tested;
+    return r;
+  }
+  r.base = r.final = TRY(fit_rests(data, EffectModel{}));
+  d.base = d.extended = as_joint(r.base, {}, data);
+  d.reason = r.not_tested = why_not_tested(data, r.base);
+  DiagnosingRests diagnosing(data, holdout, r);
+  if (r.not_tested.empty()) diagnosing.run();
+  if (r.base.converged) diagnosing.add_errors();
+  return r;
+}
+
+}  // namespace turncal
