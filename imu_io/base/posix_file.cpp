@@ -83,6 +83,9 @@ Error storage_error(const std::string& path, std::string_view what, int number) 
   return {kind_of_change(number), path + ": " + std::string(what) + ": " + std::strerror(number)};
 }
 
+PosixFile::PosixFile(PosixFile&&) noexcept = default;
+PosixFile& PosixFile::operator=(PosixFile&&) noexcept = default;
+
 Error PosixFile::failure(std::string_view what) const { return system_error(path_, what, errno); }
 
 Result<PosixFile> PosixFile::open_to_read(const std::string& path) {

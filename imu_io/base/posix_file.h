@@ -29,7 +29,9 @@ class Descriptor {  // closes itself; -1: none
     std::swap(number_, other.number_);
     return *this;
   }
-  ~Descriptor() { static_cast<void>(number_ < 0 || ::close(number_) == 0); }
+  ~Descriptor() {
+    if (number_ >= 0) ::close(number_);
+  }
   operator int() const { return number_; }
   int release() { return std::exchange(number_, -1); }
 
@@ -40,9 +42,13 @@ class Descriptor {  // closes itself; -1: none
 class PosixFile {
  public:
   PosixFile() = default;
+  PosixFile(PosixFile&&) noexcept;
+  PosixFile& operator=(PosixFile&&) noexcept;
+
   static Result<PosixFile> open_to_read(const std::string& path);    // a regular file
   static Result<PosixFile> create_new(const std::string& path);      // fails when it exists; mode 0644 at most
   static Result<PosixFile> open_to_change(const std::string& path);  // read and write, must exist
+
   const std::string& path() const { return path_; }
   bool is_open() const { return fd_ >= 0; }
   Result<std::uint64_t> size() const;
@@ -63,6 +69,7 @@ class PosixFile {
  private:
   PosixFile(int fd, std::string path) : fd_(fd), path_(std::move(path)) {}
   Error failure(std::string_view what) const;
+
   Descriptor fd_;
   std::string path_;
   std::uint64_t end_ = 0;  // of what was written, or where seek() went

@@ -34,24 +34,10 @@ std::string describe(const SerialSettings& settings) {
   return fmt::format("{} {} {}{}{}", settings.device, settings.baud, settings.data_bits, parity, settings.stop_bits);
 }
 
-SerialPort::SerialPort(SerialPort&& other) noexcept
-    : fd_(std::exchange(other.fd_, -1)), device_(std::move(other.device_)) {}
-
-SerialPort& SerialPort::operator=(SerialPort&& other) noexcept {
-  if (this != &other) {
-    close();
-    fd_ = std::exchange(other.fd_, -1);
-    device_ = std::move(other.device_);
-  }
-  return *this;
-}
-
-SerialPort::~SerialPort() { close(); }
-
 void SerialPort::close() {
   if (fd_ < 0) return;
   ::ioctl(fd_, TIOCNXCL);  // or a descriptor held elsewhere would keep the port shut
-  ::close(std::exchange(fd_, -1));
+  fd_ = Descriptor();
 }
 
 Error SerialPort::failure(std::string_view what, int number) const {
@@ -72,7 +58,7 @@ Result<SerialPort> SerialPort::open(const SerialSettings& settings) {
   if (::flock(port.fd_, LOCK_EX | LOCK_NB) != 0) {
     const int number = errno;
     // Not close(): that would take the owner's TIOCEXCL away.
-    ::close(std::exchange(port.fd_, -1));
+    port.fd_ = Descriptor();
     if (number == EWOULDBLOCK) return device_error(settings.device + ": in use by another process");
     return port.failure("cannot lock", number);
   }

@@ -18,6 +18,7 @@
 
 #include "calib/types/status.h"
 #include "imu_io/base/key_table.h"
+#include "imu_io/base/posix_file.h"
 
 namespace turncal {
 
@@ -44,9 +45,9 @@ struct LineErrors {
 class SerialPort {
  public:
   SerialPort() = default;  // closed
-  SerialPort(SerialPort&& other) noexcept;
-  SerialPort& operator=(SerialPort&& other) noexcept;
-  ~SerialPort();
+  SerialPort(SerialPort&&) noexcept = default;
+  SerialPort& operator=(SerialPort&&) noexcept = default;
+  ~SerialPort() { close(); }
 
   // What the line held before opening is thrown away.
   static Result<SerialPort> open(const SerialSettings& settings);
@@ -69,7 +70,7 @@ class SerialPort {
   Error failure(std::string_view what, int number) const;
   Status configure(const SerialSettings& settings);
 
-  int fd_ = -1;
+  Descriptor fd_;
   std::string device_;
 };
 

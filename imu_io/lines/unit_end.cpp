@@ -24,7 +24,6 @@ constexpr std::size_t datagram_bytes = 1400;  // whole on any network; frames ma
 class NetworkEnd : public UnitEnd {
  public:
   NetworkEnd(std::string device, const LineAddress& address) : device_(std::move(device)), address_(address) {}
-  ~NetworkEnd() override { unplug(); }
 
   Status open() {
     const int type = is_tcp() ? SOCK_STREAM : SOCK_DGRAM;
@@ -44,16 +43,13 @@ class NetworkEnd : public UnitEnd {
   const std::string& device() const override { return device_; }
   bool is_open() const override { return socket_ >= 0; }
   void unplug() override {
-    for (int* fd : {&socket_, &station_})
-      if (*fd >= 0) ::close(std::exchange(*fd, -1));
+    socket_ = Descriptor();
+    station_ = Descriptor();
   }
 
   bool has_peer() const override {
     std::byte any{};
-    if (is_tcp()) {
-      pollfd waiting{socket_, POLLIN, 0};
-      return station_ >= 0 || ::poll(&waiting, 1, 0) == 1;
-    }
+    if (is_tcp()) return station_ >= 0 || wait_ready(socket_, POLLIN, 0) > 0;
     if (address_.asks) return asker_ || ::recv(socket_, &any, 1, MSG_PEEK) >= 0;
     // On this machine a datagram to a port that nobody listens at is refused at once.
     int refused = 0;
@@ -79,7 +75,7 @@ class NetworkEnd : public UnitEnd {
     });
     if (number == not_in_time)
       return device_error(fmt::format("{}: {} bytes were not read in time", device_, data.size()));
-    if (number != 0) ::close(std::exchange(station_, -1));
+    if (number != 0) station_ = Descriptor();
     return {};
   }
 
@@ -87,12 +83,11 @@ class NetworkEnd : public UnitEnd {
     accept_station();
     const int fd = is_tcp() ? station_ : socket_;
     if (fd < 0) return std::size_t{0};
-    pollfd which{fd, POLLIN, 0};
-    if (::poll(&which, 1, Deadline(timeout_s).left_ms()) != 1) return std::size_t{0};
+    if (wait_ready(fd, POLLIN, Deadline(timeout_s).left_ms()) <= 0) return std::size_t{0};
     sockaddr_in from{};
     socklen_t size = sizeof from;
     const ssize_t n = ::recvfrom(fd, out.data(), out.size(), 0, reinterpret_cast<sockaddr*>(&from), &size);
-    if (is_tcp() && (n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR))) ::close(std::exchange(station_, -1));
+    if (is_tcp() && (n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR))) station_ = Descriptor();
     if (address_.asks && n > 0) asker_ = from;
     return static_cast<std::size_t>(std::max<ssize_t>(n, 0));
   }
@@ -105,8 +100,8 @@ class NetworkEnd : public UnitEnd {
 
   std::string device_;
   LineAddress address_;
-  int socket_ = -1;
-  int station_ = -1;  // of tcp: who is connected
+  Descriptor socket_;
+  Descriptor station_;  // of tcp: who is connected
   std::optional<sockaddr_in> asker_;
 };
 

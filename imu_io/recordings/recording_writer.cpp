@@ -19,9 +19,6 @@ RecordingWriter::RecordingWriter(PosixFile file, const RecordingInfo& info)
   XXH32_reset(written_.get(), 0);
   pending_.reserve(block_samples);
 }
-#ifndef __clang__
-[[gnu::noipa]]  // else GCC 12 takes the error beside it in a Result for uninitialised
-#endif
 RecordingWriter::RecordingWriter(RecordingWriter&&) noexcept = default;
 
 RecordingWriter::~RecordingWriter() {
