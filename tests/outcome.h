@@ -11,9 +11,10 @@
 namespace turncal {
 
 // The text has this part.
-inline testing::AssertionResult says(const std::string& text, std::string_view part) {
-  const bool has = text.find(part) != std::string::npos;
-  return (has ? testing::AssertionSuccess() : testing::AssertionFailure()) << "'" << text << "', '" << part << "'";
+inline testing::AssertionResult says(std::string_view text, std::string_view part) {
+  if (text.find(part) == std::string_view::npos)
+    return testing::AssertionFailure() << "not said: '" << part << "' in:\n" << text;
+  return testing::AssertionSuccess() << "said: '" << part << "' in:\n" << text;
 }
 
 // Of a Status or a Result.
@@ -51,6 +52,9 @@ inline std::string replaced(std::string text, const std::string& what, const std
 
 }  // namespace turncal
 
+#define EXPECT_SAYS(...) EXPECT_TRUE(::turncal::says(__VA_ARGS__))
+#define EXPECT_SAYS_NOT(...) EXPECT_FALSE(::turncal::says(__VA_ARGS__))
+#define ASSERT_SAYS(...) ASSERT_TRUE(::turncal::says(__VA_ARGS__))
 #define ASSERT_OK(...) ASSERT_TRUE(::turncal::succeeds((__VA_ARGS__)))
 #define EXPECT_OK(...) EXPECT_TRUE(::turncal::succeeds((__VA_ARGS__)))
 // The whole line, so that a change of wording is a decision.

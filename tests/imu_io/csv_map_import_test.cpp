@@ -103,24 +103,23 @@ TEST(CsvMapImport, DefectsNameFileLineAndColumn) {
   const std::string map = base_map + "rate_hz = 100\n";
   std::string csv = rows(12);
   csv.replace(csv.find("0.5", 60), 3, "abc");
-  EXPECT_TRUE(says(refusal(map, csv), "d.csv:"));
-  EXPECT_TRUE(says(refusal(map, csv), "column 'ax' = 'abc': expected a number"));
-  EXPECT_TRUE(says(refusal(map, rows(12) + "7,1,2\n"), "d.csv:14: column 'ax' is missing"));
-  EXPECT_TRUE(says(refusal(map, "t,gx\n1,2\n"), "d.csv:1: no column 'ax'"));
-  EXPECT_TRUE(says(refusal(map, rows(3)), "at least 10 rows"));
+  EXPECT_SAYS(refusal(map, csv), "d.csv:");
+  EXPECT_SAYS(refusal(map, csv), "column 'ax' = 'abc': expected a number");
+  EXPECT_SAYS(refusal(map, rows(12) + "7,1,2\n"), "d.csv:14: column 'ax' is missing");
+  EXPECT_SAYS(refusal(map, "t,gx\n1,2\n"), "d.csv:1: no column 'ax'");
+  EXPECT_SAYS(refusal(map, rows(3)), "at least 10 rows");
   const std::string timed = base_map + "time.column = t\n";
-  EXPECT_TRUE(
-      says(refusal(timed, rows(12) + "1.0,1,1,1,1,1,1,1\n"), "d.csv:14: column 't' = '1': expected a time after"));
+  EXPECT_SAYS(refusal(timed, rows(12) + "1.0,1,1,1,1,1,1,1\n"), "d.csv:14: column 't' = '1': expected a time after");
 }
 
 TEST(CsvMapImport, DefectsOfTheMap) {
   const auto with = [](const std::string& more) { return refusal(base_map + more, ""); };
-  EXPECT_TRUE(says(with(""), "rate_hz"));
-  EXPECT_TRUE(says(with("rate_hz = 100\ntime.column = t\n"), "rate_hz"));
-  EXPECT_TRUE(says(with("rate_hz = 100\ngyro.axes = +x, +x, +z\n"), "m.map:10: key 'gyro.axes'"));
-  EXPECT_TRUE(says(with("rate_hz = 100\ncolour = red\n"), "colour"));
-  EXPECT_TRUE(says(with("rate_hz = 100\nstarted_utc = 31.1.2026\n"), "m.map:10: key 'started_utc' = '31.1.2026'"));
-  EXPECT_TRUE(says(refusal(replaced(base_map, "deg/s", "rpm") + "rate_hz = 100\n", ""), "expected one of rad/s"));
+  EXPECT_SAYS(with(""), "rate_hz");
+  EXPECT_SAYS(with("rate_hz = 100\ntime.column = t\n"), "rate_hz");
+  EXPECT_SAYS(with("rate_hz = 100\ngyro.axes = +x, +x, +z\n"), "m.map:10: key 'gyro.axes'");
+  EXPECT_SAYS(with("rate_hz = 100\ncolour = red\n"), "colour");
+  EXPECT_SAYS(with("rate_hz = 100\nstarted_utc = 31.1.2026\n"), "m.map:10: key 'started_utc' = '31.1.2026'");
+  EXPECT_SAYS(refusal(replaced(base_map, "deg/s", "rpm") + "rate_hz = 100\n", ""), "expected one of rad/s");
 }
 
 // ---- what people's files are like: bad rows, remarks, blanks, late stamps, two files, gyros at the end of their range ----
@@ -138,7 +137,7 @@ TEST(ImportForms, BadRowsAreSkippedAndCounted) {
   const Result<CsvImport> c = parse_csv(map, csv, "d.csv");
   ASSERT_OK(c);
   EXPECT_EQ(c->bad_rows, 1);
-  EXPECT_TRUE(says(c->first_bad, "d.csv:14: column 'gx' = 'oops'"));
+  EXPECT_SAYS(c->first_bad, "d.csv:14: column 'gx' = 'oops'");
   ASSERT_EQ(c->samples.size(), 13u);
   EXPECT_EQ(c->samples.back().counter, 13);  // its number is left out
 }

@@ -51,11 +51,11 @@ TEST(NumberTable, RefusesWhatIsNoArrayOfNumbers) {
     return table.ok() ? std::string() : table.error().message;
   };
   const std::string six = bytes_of(std::vector<double>{1, 2, 3, 4, 5, 6});
-  EXPECT_TRUE(says(refusal(npy(">f8", false, "(3, 2)", six), "1"), "little-endian"));
-  EXPECT_TRUE(says(refusal(npy("<f8", false, "(1, 3, 2)", six), "1"), "one or two dimensions"));
-  EXPECT_TRUE(says(refusal(npy("<f8", false, "(4, 2)", six), "1"), "cut off"));
-  EXPECT_TRUE(says(refusal(npy("<f8", false, "(3, 2)", six), "3"), "from 1 to 2"));
-  EXPECT_TRUE(says(refusal(std::string("\x93NUMPY\x01\x00\xFF\xFF", 10), "1"), "cut off"));
+  EXPECT_SAYS(refusal(npy(">f8", false, "(3, 2)", six), "1"), "little-endian");
+  EXPECT_SAYS(refusal(npy("<f8", false, "(1, 3, 2)", six), "1"), "one or two dimensions");
+  EXPECT_SAYS(refusal(npy("<f8", false, "(4, 2)", six), "1"), "cut off");
+  EXPECT_SAYS(refusal(npy("<f8", false, "(3, 2)", six), "3"), "from 1 to 2");
+  EXPECT_SAYS(refusal(std::string("\x93NUMPY\x01\x00\xFF\xFF", 10), "1"), "cut off");
 }
 
 TEST(NumberTable, ReadsMatlabVariables) {

@@ -75,8 +75,8 @@ TEST(ParameterForms, ACProgramReadsTheHeader) {
 TEST(ParameterForms, TextsAreNotAltered) {
   ParameterFile file = make_file();
   file.unit_serial = "it's \"7\\8\"?\?/";
-  EXPECT_TRUE(says(format_parameter_yaml(file), "\nunit_serial: 'it''s \"7\\8\"?\?/'\n"));
-  EXPECT_TRUE(says(format_parameter_header(file), "= \"it's \\0427\\1348\\042\\077\\077/\";"));
+  EXPECT_SAYS(format_parameter_yaml(file), "\nunit_serial: 'it''s \"7\\8\"?\?/'\n");
+  EXPECT_SAYS(format_parameter_header(file), "= \"it's \\0427\\1348\\042\\077\\077/\";");
 }
 
 TEST(ParameterForms, YamlHasEveryParameter) {
@@ -88,8 +88,8 @@ TEST(ParameterForms, YamlHasEveryParameter) {
     ASSERT_NE(at, std::string::npos);
     EXPECT_EQ(std::stod(yaml.substr(at + key.size())), file.parameters[static_cast<Eigen::Index>(k)]);
   }
-  EXPECT_TRUE(says(yaml, "\n  a21: null\n"));
-  EXPECT_TRUE(says(yaml, "\ntrusted: false\n"));
+  EXPECT_SAYS(yaml, "\n  a21: null\n");
+  EXPECT_SAYS(yaml, "\ntrusted: false\n");
   EXPECT_NE(yaml.find("\n  N01: 1.0e-07\n"), std::string::npos) << yaml;  // sigma: with a point, or it would be a word
 }
 

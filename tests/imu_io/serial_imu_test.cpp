@@ -266,8 +266,8 @@ TEST(SerialImuClock, AClockBeyondItsLimitIsADeviceError) {
     EXPECT_EQ(error.has_value(), std::abs(ppm) > 200.0) << ppm;
     if (!error) continue;
     EXPECT_EQ(error->kind, ErrorKind::device);
-    EXPECT_TRUE(says(error->message, "imu.clock_max_ppm = 200"));
-    EXPECT_TRUE(says(error->message, ppm > 0.0 ? "off by 50" : "off by -50"));
+    EXPECT_SAYS(error->message, "imu.clock_max_ppm = 200");
+    EXPECT_SAYS(error->message, ppm > 0.0 ? "off by 50" : "off by -50");
   }
 }
 

@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/says.h"
+#include "tests/outcome.h"
 
 namespace turncal {
 

@@ -16,7 +16,7 @@
 #include "imu_io/base/console.h"
 #include "imu_io/lines/pty.h"
 #include "orchestrator/watch/service_watch.h"
-#include "tests/says.h"
+#include "tests/outcome.h"
 
 namespace turncal {
 namespace {

@@ -1,6 +1,6 @@
 // An axis whose rate or moving bit is dead is found while it is commissioned, and one in order is not.
 #include "orchestrator/devices/commissioning.h"
-#include "tests/says.h"
+#include "tests/outcome.h"
 
 #include <gtest/gtest.h>
 

@@ -11,7 +11,7 @@
 #include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/watch/progress.h"
-#include "tests/says.h"
+#include "tests/outcome.h"
 
 namespace turncal {
 

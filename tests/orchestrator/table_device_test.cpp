@@ -10,7 +10,7 @@
 
 #include "orchestrator/devices/station_lock.h"
 #include "tests/imu_io/temporary_folder.h"
-#include "tests/says.h"
+#include "tests/outcome.h"
 #include "tests/turntable_drivers/served_twin.h"
 
 namespace turncal {

@@ -113,7 +113,7 @@ TEST_P(BadSequence, IsRefusedWithOneLineThatNamesThePlace) {
   EXPECT_EQ(message.substr(0, path.size() + 1 + std::string(GetParam().message).size()),
             path + ":" + GetParam().message)
       << message;
-  EXPECT_FALSE(says(message, "\n"));
+  EXPECT_SAYS_NOT(message, "\n");
   EXPECT_LT(message.size() - path.size(), 220U);
 }
 

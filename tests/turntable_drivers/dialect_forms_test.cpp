@@ -123,15 +123,15 @@ TEST(DialectForms, DamageIsNoticed) {
     const int read = s.expect_truth(1);
     return std::to_string(read) + " " + s.last_error.message;
   };
-  EXPECT_TRUE(says(with([](std::string& text) { text[text.find("P+") + 5] ^= 1; }), "checksum"));
-  EXPECT_TRUE(says(with([](std::string& text) { text[text.find("\n") - 1] = '!'; }), "echo"));
-  EXPECT_TRUE(says(with([](std::string& text) { text.erase(text.find(":R")); }), "no answer within"));
-  EXPECT_TRUE(says(with([](std::string& text) { text += ":R\r\n"; }), "more after it"));
-  EXPECT_TRUE(says(with([](std::string& text) {
-                     const std::size_t pitch = text.find(":P"), roll = text.find(":R");
-                     text = text.substr(0, pitch) + text.substr(roll) + text.substr(pitch, roll - pitch);
-                   }),
-                   "expected 'H"));
+  EXPECT_SAYS(with([](std::string& text) { text[text.find("P+") + 5] ^= 1; }), "checksum");
+  EXPECT_SAYS(with([](std::string& text) { text[text.find("\n") - 1] = '!'; }), "echo");
+  EXPECT_SAYS(with([](std::string& text) { text.erase(text.find(":R")); }), "no answer within");
+  EXPECT_SAYS(with([](std::string& text) { text += ":R\r\n"; }), "more after it");
+  EXPECT_SAYS(with([](std::string& text) {
+                const std::size_t pitch = text.find(":P"), roll = text.find(":R");
+                text = text.substr(0, pitch) + text.substr(roll) + text.substr(pitch, roll - pitch);
+              }),
+              "expected 'H");
   EXPECT_EQ(with([](std::string&) {}), "3 ");
 }
 
@@ -211,9 +211,9 @@ TEST(DialectForms, CodesSayEveryState) {
   };
   EXPECT_EQ(with("status.code.0 = in_position\nstatus.code.1 = moving\n"), "");
   EXPECT_EQ(with("status.code.0 = none\nstatus.code.1 = in_position, enabled\nstatus.code.2 = moving, enabled\n"), "");
-  EXPECT_TRUE(says(with("status.code.0 = in_position, moving\n"), "has arrived"));
-  EXPECT_TRUE(says(with("status.code.1 = in_position, enabled\nstatus.code.2 = moving\n"), "that it moves"));
-  EXPECT_TRUE(says(with("status.code.1 = in_position, enabled\nstatus.code.2 = moving, enabled\n"), "off and at rest"));
+  EXPECT_SAYS(with("status.code.0 = in_position, moving\n"), "has arrived");
+  EXPECT_SAYS(with("status.code.1 = in_position, enabled\nstatus.code.2 = moving\n"), "that it moves");
+  EXPECT_SAYS(with("status.code.1 = in_position, enabled\nstatus.code.2 = moving, enabled\n"), "off and at rest");
 }
 
 // Sentences, columns and decimals that cannot tell or show a move, said before one is made.
@@ -229,16 +229,16 @@ TEST(DialectForms, AMoveIsToldAndShownToTheTolerance) {
   const std::string scale = "axis.heading.units_per_degree = 10";
   EXPECT_EQ(said("", ""), "");
   EXPECT_EQ(said("number.decimals = 4", "number.decimals = 0"), "") << "225 units";
-  EXPECT_TRUE(
-      says(said("number.decimals = 4", "number.decimals = 0", 20.0, 22.55), "number.decimals = 0: tells 225.5 as 226"));
-  EXPECT_TRUE(says(
+  EXPECT_SAYS(said("number.decimals = 4", "number.decimals = 0", 20.0, 22.55),
+              "number.decimals = 0: tells 225.5 as 226");
+  EXPECT_SAYS(
       said(scale,
            "axis.heading.units_per_degree = 0.0001\naxis.heading.rate_scale = 1\naxis.heading.acceleration_scale = 1"),
-      "expected an angle told to motion.position_tolerance_deg"));
-  EXPECT_TRUE(says(said("", "", 1e-6), "number.decimals or a scale with which the rate"));
-  EXPECT_TRUE(says(said("{distance:12}", "{distance:4}"), "numbers that fit"));
-  EXPECT_TRUE(says(said("{position.heading:12}", "{position.heading:3}"), "cannot show"));
-  EXPECT_TRUE(says(said("{position.heading:12}", "{position.heading:6}"), "cannot show"));
+      "expected an angle told to motion.position_tolerance_deg");
+  EXPECT_SAYS(said("", "", 1e-6), "number.decimals or a scale with which the rate");
+  EXPECT_SAYS(said("{distance:12}", "{distance:4}"), "numbers that fit");
+  EXPECT_SAYS(said("{position.heading:12}", "{position.heading:3}"), "cannot show");
+  EXPECT_SAYS(said("{position.heading:12}", "{position.heading:6}"), "cannot show");
 }
 
 // ---- dialects whose sentences do more than they are called, and a table that was not commissioned ----
@@ -267,7 +267,7 @@ std::string error_of(const std::string& more) {
   return dialect ? "accepted" : dialect.error().message;
 }
 
-void refused(const std::string& more, const std::string& said) { EXPECT_TRUE(says(error_of(more), said)) << more; }
+void refused(const std::string& more, const std::string& said) { EXPECT_SAYS(error_of(more), said) << more; }
 
 TEST(SentenceClash, AStopThatCannotStopIsRefused) {
   refused("abort.2 = HALT {axis}", "'abort.2'");
@@ -275,7 +275,7 @@ TEST(SentenceClash, AStopThatCannotStopIsRefused) {
   for (const char* const line : {"home.1 = HOME", "stop.1 = HALT", "abort.1 = OFF"}) {
     const std::string operation = std::string(line).substr(0, std::string(line).find('.'));
     const std::string said = error_of(line);
-    EXPECT_TRUE(says(said, "expected {axis} in a sentence, or " + operation + ".scope = table"));
+    EXPECT_SAYS(said, "expected {axis} in a sentence, or " + operation + ".scope = table");
     EXPECT_EQ(error_of(std::string(line) + "\n" + operation + ".scope = table"), "accepted") << line;
   }
 }
@@ -283,7 +283,7 @@ TEST(SentenceClash, AStopThatCannotStopIsRefused) {
 TEST(SentenceClash, WhatWouldMoveUnderAnotherNameIsRefused) {
   EXPECT_EQ(error_of(""), "accepted") << "a reset and a question are in several lists";
   for (const char* const number : {"01", "+1", "1.0", "1.", "+01.00"})
-    EXPECT_TRUE(says(error_of(std::string("prepare.2 = SERVO {axis} ") + number), "which is enable")) << number;
+    EXPECT_SAYS(error_of(std::string("prepare.2 = SERVO {axis} ") + number), "which is enable") << number;
   for (const char* const other : {"1.5", "-1", "10", "0.1"})
     EXPECT_EQ(error_of(std::string("prepare.2 = SERVO {axis} ") + other), "accepted") << other;
   refused("move.2 = GOTO {axis} 5", "either {position} or {distance}");
@@ -297,13 +297,13 @@ TEST(SentenceClash, WhatWouldMoveUnderAnotherNameIsRefused) {
           std::pair("RUN 2", "which is move"), std::pair("GOTO {axis} 0", "which is move"),
           std::pair("GOTO 2 -12.5;RUN 9", "which is move")}) {
       const std::string said = error_of(std::string(key) + " = " + sentence);
-      EXPECT_TRUE(says(said, starts)) << key << " " << sentence << ": ";
-      EXPECT_TRUE(says(said, std::string("'") + key + "'"));
+      EXPECT_SAYS(said, starts) << key << " " << sentence << ": ";
+      EXPECT_SAYS(said, std::string("'") + key + "'");
     }
   }
   // As controllers read it: blanks, capitals, leading zeros.
   for (const char* const same : {"SERVO  {axis} 1", "servo {axis} 1", "SERVO {axis} 01", "run 2", "GOTO 2  5"})
-    EXPECT_TRUE(says(error_of(std::string("prepare.2 = ") + same), ", which is ")) << same;
+    EXPECT_SAYS(error_of(std::string("prepare.2 = ") + same), ", which is ") << same;
   // Where to go is known to a move only.
   refused("stop.1 = FETCH {axis} {position}", "'stop.1'");
   refused("status.2 = {distance}?", "'status.2'");

@@ -49,8 +49,8 @@ TEST(Explain, RegistersAndValuesOfAMap) {
             "move|roll|  its register 25094 (0x6206)|u16 0 (0x0000)||[manual]\n"
             "move|roll|  its register 25095 (0x6207)|u16 16 (0x0010)||[manual]\n");
   const std::string status = rows_of(rows, "status", "heading");
-  EXPECT_TRUE(says(status, "unit 1, function 3, register 4099 (0x1003)||2 bytes"));
-  EXPECT_TRUE(says(status, "register 4099 (0x1003)|enabled: mask 0x0002, set|"));
+  EXPECT_SAYS(status, "unit 1, function 3, register 4099 (0x1003)||2 bytes");
+  EXPECT_SAYS(status, "register 4099 (0x1003)|enabled: mask 0x0002, set|");
   for (const char* const operation : {"home", "stop", "abort", "fault reset"})
     EXPECT_FALSE(rows_of(rows, operation, "heading").empty()) << operation;
 }
@@ -62,9 +62,8 @@ TEST(Explain, HeartbeatOffsetAndPolarity) {
   map.axis[1].address_offset = 0x100;
   map.axis[1].bits[static_cast<std::size_t>(DriveBit::fault)]->active_high = false;
   const std::vector<TableRow> rows = explain(map);
-  EXPECT_TRUE(
-      says(rows_of(rows, "heartbeat", "pitch"), "register 320 (0x0140)|u16, another number each time, every 20 s"));
-  EXPECT_TRUE(says(rows_of(rows, "status", "pitch"), "register 272 (0x0110)|fault: mask 0x0010, clear|"));
+  EXPECT_SAYS(rows_of(rows, "heartbeat", "pitch"), "register 320 (0x0140)|u16, another number each time, every 20 s");
+  EXPECT_SAYS(rows_of(rows, "status", "pitch"), "register 272 (0x0110)|fault: mask 0x0010, clear|");
 }
 
 TEST(Explain, SentencesOfADialectToTheByte) {
@@ -75,12 +74,12 @@ TEST(Explain, SentencesOfADialectToTheByte) {
             "abort|table|$MNDIS,1*D8\\r\\n||$ASDIS,OK*3A\\r\\n|[code]\n");
   const std::vector<TableRow> acutronic = explain(shipped_dialect("acutronic_acl", true));
   const std::string move = rows_of(acutronic, "move", "pitch");
-  EXPECT_TRUE(says(move, "move|pitch|:LIM:RATE P,2,10.0000\\n|rate: 1 per deg/s|nothing|"));
-  EXPECT_TRUE(
-      says(move, ":DEM:POS 2,90.0000\\n|position: 1 per deg, 0 at 0 deg, a circle of 360 deg, gone the shorter way|"));
+  EXPECT_SAYS(move, "move|pitch|:LIM:RATE P,2,10.0000\\n|rate: 1 per deg/s|nothing|");
+  EXPECT_SAYS(move,
+              ":DEM:POS 2,90.0000\\n|position: 1 per deg, 0 at 0 deg, a circle of 360 deg, gone the shorter way|");
   const std::string flags = rows_of(acutronic, "status", "each");
-  EXPECT_TRUE(says(flags, "in_position: mask 0x00000080, set"));
-  EXPECT_TRUE(says(flags, "fault: mask 0x0802C700, one of it set"));
+  EXPECT_SAYS(flags, "in_position: mask 0x00000080, set");
+  EXPECT_SAYS(flags, "fault: mask 0x0802C700, one of it set");
 }
 
 TEST(Explain, RowsStandInColumnsUnderTheirHeadings) {

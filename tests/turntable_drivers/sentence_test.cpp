@@ -68,7 +68,7 @@ std::string error_of(const std::string& what, const std::string& with) {
 }
 
 void refused(const std::string& what, const std::string& with, const char* said) {
-  EXPECT_TRUE(says(error_of(what, with), said)) << what << ": " << with;
+  EXPECT_SAYS(error_of(what, with), said) << what << ": " << with;
 }
 
 TEST(DialectFile, DefectsAreNamed) {
@@ -80,7 +80,7 @@ TEST(DialectFile, DefectsAreNamed) {
   refused("status.code.1 = in_position", "status.code.1 = moving", "never has");
   refused("status.code.1 = in_position", "status.code.1 = arrived", "my.dialect:14");
   refused("", "link.terminator_in = \\q\n", "\\r \\n");
-  EXPECT_TRUE(says(error_of("", "move.3 = Y\n"), "move.3")) << "a gap in the numbering";
+  EXPECT_SAYS(error_of("", "move.3 = Y\n"), "move.3") << "a gap in the numbering";
   refused("", "link.bauds = 9600\n", "link.bauds");
 }
 

@@ -159,7 +159,7 @@ struct FaultTable {
         const Result<AxisStatus> now = driver.status(axis);
         if (!now) {
           last_error = now.error();
-          EXPECT_FALSE(says(now.error().message, "\n"));
+          EXPECT_SAYS_NOT(now.error().message, "\n");
           continue;
         }
         ++read;

@@ -84,7 +84,7 @@ class TableContract : public testing::Test {
     EXPECT_FALSE(status.ok()) << what;
     if (!status.ok()) {
       EXPECT_FALSE(status.error().message.empty()) << what;
-      EXPECT_FALSE(says(status.error().message, "\n")) << what;
+      EXPECT_SAYS_NOT(status.error().message, "\n") << what;
     }
   }
 

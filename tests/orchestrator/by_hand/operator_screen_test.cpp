@@ -1,6 +1,6 @@
 // What somebody at a table turned by hand is shown: made of what there is to do, drawn on a terminal, sent to the page.
 #include "orchestrator/watch/operator_screen.h"
-#include "tests/says.h"
+#include "tests/outcome.h"
 
 #include <gtest/gtest.h>
 

@@ -9,7 +9,7 @@
 #include "orchestrator/report/diagnosis_text.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
-#include "tests/says.h"
+#include "tests/outcome.h"
 
 namespace turncal {
 namespace {

@@ -7,7 +7,7 @@
 #include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/report.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
-#include "tests/says.h"
+#include "tests/outcome.h"
 
 namespace turncal {
 namespace {

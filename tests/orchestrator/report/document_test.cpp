@@ -5,7 +5,7 @@
 
 #include "orchestrator/line/parameter_history.h"
 #include "orchestrator/line_report/history_document.h"
-#include "tests/says.h"
+#include "tests/outcome.h"
 
 namespace turncal {
 namespace {

@@ -12,7 +12,7 @@
 #include "orchestrator/report/report.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
-#include "tests/says.h"
+#include "tests/outcome.h"
 
 namespace turncal {
 namespace {

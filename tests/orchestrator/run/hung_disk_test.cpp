@@ -5,7 +5,7 @@
 #include <thread>
 
 #include "tests/orchestrator/hanging_station.h"
-#include "tests/says.h"
+#include "tests/outcome.h"
 
 namespace turncal {
 namespace {

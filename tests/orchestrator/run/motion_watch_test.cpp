@@ -5,7 +5,7 @@
 
 #include "calib/model/parameters.h"
 #include "orchestrator/run/motion_watch.h"
-#include "tests/says.h"
+#include "tests/outcome.h"
 
 namespace turncal {
 namespace {

@@ -187,20 +187,20 @@ TEST_F(ManualTable, TheGyrosMustHaveFeltTheTurn) {
   const auto moving = [&](Axis axis) { return desk.manual.status(axis)->moving; };
   // Pitch turns about z, heading about -y; the scale is not known yet: 0.5 of a degree is believed, nothing is not.
   ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, 360.0, 10.0, 10.0).ok());
-  EXPECT_TRUE(says(answer("0"), "another 360 deg forward"));
+  EXPECT_SAYS(answer("0"), "another 360 deg forward");
   EXPECT_TRUE(moving(Axis::pitch));
   felt[2] = -180.0;
-  EXPECT_TRUE(says(answer("360"), "another 720 deg forward")) << "the other way round";
+  EXPECT_SAYS(answer("360"), "another 720 deg forward") << "the other way round";
   felt[2] = 180.0;
-  EXPECT_FALSE(says(answer("360"), "felt"));
+  EXPECT_SAYS_NOT(answer("360"), "felt");
   EXPECT_FALSE(moving(Axis::pitch));
   // Now it is: two turns asked for and one made are told apart.
   ASSERT_TRUE(desk.manual.move_absolute(Axis::heading, -720.0, 10.0, 10.0).ok());
   felt[1] = 180.0;
-  EXPECT_TRUE(says(answer("0"), "felt -360 deg of the -720 deg"));
+  EXPECT_SAYS(answer("0"), "felt -360 deg of the -720 deg");
   const OperatorTask task = desk.manual.task();
   EXPECT_TRUE(task.wrong && task.kind == OperatorTask::Kind::turn && task.axis == Axis::heading);
-  EXPECT_TRUE(says(task.note, "another 360 deg backward"));
+  EXPECT_SAYS(task.note, "another 360 deg backward");
   felt[1] = 360.0;
   answer("0");
   EXPECT_FALSE(moving(Axis::heading));
@@ -214,12 +214,12 @@ TEST_F(ManualTable, TimeOutPausesAndAssumesNothing) {
   desk.clock.time_s += 601.0;
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
   EXPECT_TRUE(desk.manual.paused());
-  EXPECT_TRUE(says(desk.said(), "paused"));
+  EXPECT_SAYS(desk.said(), "paused");
   desk.type("90");
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << "continue comes first";
   desk.type("continue");
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  EXPECT_TRUE(says(desk.said(), "Turn roll from 0 to 90 deg"));
+  EXPECT_SAYS(desk.said(), "Turn roll from 0 to 90 deg");
   desk.type("90");
   EXPECT_FALSE(desk.manual.status(Axis::roll)->moving);
 }
@@ -231,7 +231,7 @@ TEST_F(ManualTable, RepeatPauseSkipAbort) {
   desk.said();
   desk.type("repeat");
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  EXPECT_TRUE(says(desk.said(), "Turn roll from 0 to 90 deg"));
+  EXPECT_SAYS(desk.said(), "Turn roll from 0 to 90 deg");
   desk.type("p");
   EXPECT_EQ(desk.manual.status(Axis::roll)->text, "paused");
   desk.type("c");
@@ -269,17 +269,17 @@ TEST_F(ManualTable, GermanLettersAndDecimalComma) {
   Desk desk({.language = "de"});
   ready(desk);
   ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 22.5, 10.0, 10.0).ok());
-  EXPECT_TRUE(says(desk.said(), "Rollachse von 0 auf 22,5 Grad drehen, 22,5 Grad vorwärts"));
+  EXPECT_SAYS(desk.said(), "Rollachse von 0 auf 22,5 Grad drehen, 22,5 Grad vorwärts");
   desk.type("22");
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  EXPECT_TRUE(says(desk.said(), "22 liegt 0,5 Grad neben 22,5; erlaubt sind höchstens 0,1."));
+  EXPECT_SAYS(desk.said(), "22 liegt 0,5 Grad neben 22,5; erlaubt sind höchstens 0,1.");
   desk.type("p");
   EXPECT_EQ(desk.manual.status(Axis::roll)->text, "paused");
   desk.type("w");
   EXPECT_EQ(desk.manual.status(Axis::roll)->text, "");
   desk.type("Überspringen");
   EXPECT_TRUE(desk.manual.status(Axis::roll).ok()) << "not without a reason";
-  EXPECT_TRUE(says(desk.said(), "Warum? Bitte „überspringen“"));
+  EXPECT_SAYS(desk.said(), "Warum? Bitte „überspringen“");
   desk.type("Ü Klemme sitzt fest");
   expect_end(desk, ErrorKind::interrupted, "skipped by the operator: Klemme sitzt fest");
 }
@@ -316,7 +316,7 @@ TEST_F(ManualTable, PauseHoldsTheNextQuestionBackAndEndsWhenTooLong) {
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
   desk.type("continue");
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  EXPECT_TRUE(says(desk.said(), "Turn roll"));
+  EXPECT_SAYS(desk.said(), "Turn roll");
   desk.type("pause");
   EXPECT_TRUE(desk.manual.status(Axis::roll).ok());
   desk.clock.time_s += 3601.0;
@@ -331,7 +331,7 @@ TEST_F(ManualTable, HomingTakesTheAnglesReadOff) {
   desk.type("0.5");
   EXPECT_TRUE(desk.manual.status(Axis::roll).ok());
   desk.settle();
-  EXPECT_TRUE(says(desk.said(), "179.5 deg away"));
+  EXPECT_SAYS(desk.said(), "179.5 deg away");
   EXPECT_EQ(desk.manual.wanted()->axis, Axis::roll) << "both are asked for again";
   desk.type("-90");
   desk.type("0.5");
@@ -421,13 +421,13 @@ TEST_F(ManualTable, GravityHasToAgree) {
   EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving) << "the mean known so far is of before the answer";
   desk.settle();
   EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving) << "still level";
-  EXPECT_TRUE(says(desk.said(), "senses gravity 30 deg away"));
+  EXPECT_SAYS(desk.said(), "senses gravity 30 deg away");
   sensed = std::array<double, 3>{-0.5 * 9.79, std::cos(0.5236) * 9.79, 0.0};  // turned the wrong way
   desk.type("30");
   desk.settle(0.0);
   desk.settle();
   EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving);
-  EXPECT_TRUE(says(desk.said(), "60 deg away"));
+  EXPECT_SAYS(desk.said(), "60 deg away");
   desk.type("30");
   desk.settle(0.0);
   sensed = std::array<double, 3>{0.5 * 9.79, std::cos(0.5236) * 9.79, 0.0};
@@ -449,7 +449,7 @@ TEST_F(ManualTable, GravityHasToAgree) {
     desk.settle(9.9);
     desk.settle(0.2);
     EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << zero;
-    EXPECT_TRUE(says(desk.said(), zero ? "senses no gravity" : "is not still"));
+    EXPECT_SAYS(desk.said(), zero ? "senses no gravity" : "is not still");
   }
   // Heading cannot be seen by gravity.
   ASSERT_TRUE(desk.manual.stop_all().ok());

@@ -298,11 +298,11 @@ TEST(ModbusFaults, MissingForbiddenAndBusy) {
     const Status status = driver.connect();
     EXPECT_FALSE(status.ok()) << address;
     if (status.ok()) return Error();
-    EXPECT_FALSE(says(status.error().message, "\n"));
+    EXPECT_SAYS_NOT(status.error().message, "\n");
     return status.error();
   };
   EXPECT_EQ(error_of(false, "/dev/no-such-adapter").kind, ErrorKind::device);
-  EXPECT_TRUE(says(error_of(false, "/dev/no-such-adapter").message, "/dev/no-such-adapter"));
+  EXPECT_SAYS(error_of(false, "/dev/no-such-adapter").message, "/dev/no-such-adapter");
   EXPECT_EQ(error_of(false, "").kind, ErrorKind::input);
   EXPECT_EQ(error_of(true, "127.0.0.1").kind, ErrorKind::input);
   EXPECT_EQ(error_of(true, "127.0.0.1:1").kind, ErrorKind::device) << "refused";
@@ -311,7 +311,7 @@ TEST(ModbusFaults, MissingForbiddenAndBusy) {
   const int holder = ::open(pty->device().c_str(), O_RDWR | O_NOCTTY);
   ASSERT_GE(holder, 0);
   ASSERT_EQ(::flock(holder, LOCK_EX | LOCK_NB), 0);
-  EXPECT_TRUE(says(error_of(false, pty->device()).message, "in use"));
+  EXPECT_SAYS(error_of(false, pty->device()).message, "in use");
   ::close(holder);
   const std::string forbidden = testing::TempDir() + "turncal_forbidden_" + std::to_string(::getpid());
   ::close(::open(forbidden.c_str(), O_CREAT | O_WRONLY, 0));

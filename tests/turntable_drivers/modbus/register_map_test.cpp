@@ -12,12 +12,12 @@ std::string error_of(const std::string& what, const std::string& with) {
   const Result<RegisterMap> map = parse_register_map(replaced(plain_map_text("rtu"), what, with), "my.map");
   if (map.ok()) return "accepted";
   EXPECT_EQ(map.error().kind, ErrorKind::input);
-  EXPECT_FALSE(says(map.error().message, "\n"));
+  EXPECT_SAYS_NOT(map.error().message, "\n");
   return map.error().message;
 }
 
 void refused(const std::string& what, const std::string& with, const char* said) {
-  EXPECT_TRUE(says(error_of(what, with), said)) << what << ": " << with;
+  EXPECT_SAYS(error_of(what, with), said) << what << ": " << with;
 }
 
 TEST(RegisterMap, EveryKeyArrives) {
@@ -49,7 +49,7 @@ TEST(RegisterMap, DefectsAreNamed) {
   refused("write.abort = 0x203 u16 1", "write.abort = 0x203 u16 70000", "fit their type");
   refused("write.abort = 0x203 u16 1", "write.abort = 0x203 u16 position", "belong to write.move");
   refused("write.abort = 0x203 u16 1", "write.abort = 0x203 u99 1", "steps 'ADDRESS TYPE VALUE'");
-  EXPECT_TRUE(says(error_of("write.abort = 0x203 u16 1", "write.abort = wait 3"), "steps 'ADDRESS TYPE VALUE'"))
+  EXPECT_SAYS(error_of("write.abort = 0x203 u16 1", "write.abort = wait 3"), "steps 'ADDRESS TYPE VALUE'")
       << "a stop would wait for it";
   refused("write.abort = 0x203 u16 1", "write.abort = wait 0.06, 0x203 u16 1", "waits of at most 0.05 s");
   refused("write.stop = 0x202 u16 1, 0x202 u16 0", "write.stop = 0x202 u16 1, wait 0.03, wait 0.03, 0x202 u16 0",
@@ -75,8 +75,8 @@ TEST(RegisterMap, AStopThatCannotStopIsRefused) {
     const std::string key = line.substr(0, line.find(' '));
     for (const char* const nothing : {" =", " = wait 0.01"}) {
       const std::string said = error_of(line, key + nothing);
-      EXPECT_TRUE(says(said, "at least one write of a register")) << key << nothing << ": ";
-      EXPECT_FALSE(says(said, "\n"));
+      EXPECT_SAYS(said, "at least one write of a register") << key << nothing << ": ";
+      EXPECT_SAYS_NOT(said, "\n");
     }
   }
   // Off, and on again with the word that only holds a drive.
@@ -104,14 +104,14 @@ TEST(RegisterMap, WritesThatWouldMoveUnderAnotherNameAreRefused) {
   refused(clear, clear + ", 0x200 u16 1", "'write.clear_fault'");
   refused(beat, "heartbeat.address = 0x201", "which is write.home");
   for (const std::string of_stop : {"0x202", "0x203"})
-    EXPECT_TRUE(says(error_of(beat, "heartbeat.address = " + of_stop), "the count would take it back")) << of_stop;
+    EXPECT_SAYS(error_of(beat, "heartbeat.address = " + of_stop), "the count would take it back") << of_stop;
   refused(beat, "heartbeat.address = 0x200\nheartbeat.values = 7, 1", "'heartbeat.values'");
   // Half of a number of 32 bits is a register as well, whichever half the drive takes for the high one.
   refused("", "write.setup = 0x200 s32 65536, 0x1ff s32 1\n", "which is write.enable");
   refused(stop, stop + ", 0x215 s32 1, 0x215 s32 65536", "which is write.move");
   // The same registers with other values, and a release, start nothing.
   EXPECT_EQ(error_of("", "write.setup = 0x200 u16 2, 0x216 u16 2\n"), "accepted");
-  EXPECT_TRUE(says(error_of(clear, clear + ", 0x216 u16 1, 0x216 u16 0"), "which is write.move"))
+  EXPECT_SAYS(error_of(clear, clear + ", 0x216 u16 1, 0x216 u16 0"), "which is write.move")
       << "a release does not make good what went before";
   EXPECT_EQ(error_of(clear, clear + ", 0x216 u16 2, 0x216 u16 0"), "accepted");
   EXPECT_EQ(error_of(beat, "heartbeat.address = 0x200\nheartbeat.values = 6, 8"), "accepted");
@@ -159,23 +159,21 @@ TEST(RegisterMap, AMoveThatTheRegistersCannotHoldIsSaid) {
   const std::string counts = "axis.heading.counts_per_degree = 10000", move = "s32 position + u32 rate";
   EXPECT_EQ(said_of(counts, counts, 540.0, 100.0), "fits");
   const std::string rate = counts + "\naxis.heading.rate_scale = ";
-  EXPECT_TRUE(
-      says(said_of(counts, "axis.heading.counts_per_degree = 1e9", 90.0, 1.0),
-           ": write.move: the drive cannot be told 90000000000 in register 528: expected another type than s32, "
-           "or another axis.heading.counts_per_degree"));
+  EXPECT_SAYS(said_of(counts, "axis.heading.counts_per_degree = 1e9", 90.0, 1.0),
+              ": write.move: the drive cannot be told 90000000000 in register 528: expected another type than s32, "
+              "or another axis.heading.counts_per_degree");
   // The rate stands behind the position, in the register after its two.
-  EXPECT_TRUE(says(said_of(counts, rate + "1e9", 90.0, 30.0),
-                   "told 30000000000 in register 530: expected another type than u32, or another axis.heading.rate"));
+  EXPECT_SAYS(said_of(counts, rate + "1e9", 90.0, 30.0),
+              "told 30000000000 in register 530: expected another type than u32, or another axis.heading.rate");
   // 30 deg/s would be 1.5, and is 2 to the drive: a third too fast.
-  EXPECT_TRUE(says(said_of(counts, rate + "0.05", 90.0, 30.0), "told 1.5 in register 530 to 5 %: expected another"));
+  EXPECT_SAYS(said_of(counts, rate + "0.05", 90.0, 30.0), "told 1.5 in register 530 to 5 %: expected another");
   EXPECT_EQ(said_of(counts, rate + "0.35", 90.0, 30.0), "fits") << "10.5 is told as 11";
-  EXPECT_TRUE(says(said_of(counts, rate + "1e-4", 90.0, 1.0), "cannot be told"));
-  EXPECT_TRUE(
-      says(said_of(counts, counts + "\naxis.heading.acceleration_scale = 1e-3", 90.0, 1.0), "cannot be told 0.01"));
-  EXPECT_TRUE(says(said_of(move, "s32 position + u16 rate", 90.0, 10.0), "cannot be told 100000"));
-  EXPECT_TRUE(says(said_of(move, "u16 position + u32 rate", 7.0, 1.0), "cannot be told 70000"));
-  EXPECT_TRUE(says(said_of("position.address = 0x100", "position.address = 0x100\nposition.type = u16", 7.0, 1.0),
-                   "cannot read 70000"));
+  EXPECT_SAYS(said_of(counts, rate + "1e-4", 90.0, 1.0), "cannot be told");
+  EXPECT_SAYS(said_of(counts, counts + "\naxis.heading.acceleration_scale = 1e-3", 90.0, 1.0), "cannot be told 0.01");
+  EXPECT_SAYS(said_of(move, "s32 position + u16 rate", 90.0, 10.0), "cannot be told 100000");
+  EXPECT_SAYS(said_of(move, "u16 position + u32 rate", 7.0, 1.0), "cannot be told 70000");
+  EXPECT_SAYS(said_of("position.address = 0x100", "position.address = 0x100\nposition.type = u16", 7.0, 1.0),
+              "cannot read 70000");
 }
 
 // One controller: a stop that goes to one axis only leaves the others on.
@@ -192,10 +190,10 @@ TEST(RegisterMap, AStopOfOneAxisAloneIsRefused) {
   };
   EXPECT_EQ(said_of("0x202 u16 1", "0x203 u16 1", ""), "accepted");
   EXPECT_EQ(said_of("table 0x900 u16 1", "table 0x900 u16 2", ""), "accepted") << "one register stops all";
-  EXPECT_TRUE(says(said_of("0x202 u16 1", "table 0x200 u16 0", ""), "is that of axis.heading alone"));
-  EXPECT_TRUE(says(said_of("table 0x1200 u16 2", "0x203 u16 0", ""), "is that of axis.pitch alone"));
-  EXPECT_TRUE(says(said_of("0x200 u16 2", "0x200 u16 0", "write.stop.scope = table\nwrite.abort.scope = table\n"),
-                   "is that of axis.heading alone"));
+  EXPECT_SAYS(said_of("0x202 u16 1", "table 0x200 u16 0", ""), "is that of axis.heading alone");
+  EXPECT_SAYS(said_of("table 0x1200 u16 2", "0x203 u16 0", ""), "is that of axis.pitch alone");
+  EXPECT_SAYS(said_of("0x200 u16 2", "0x200 u16 0", "write.stop.scope = table\nwrite.abort.scope = table\n"),
+              "is that of axis.heading alone");
   refused("", "write.stop.scope = table\nwrite.abort.scope = table\n", "a unit of its own");
 }
 
@@ -206,8 +204,8 @@ TEST(RegisterMap, NothingButAMoveWritesWhereItGoes) {
       "my.map:50: key 'write.setup' = '0x210 s32 0': expected no write to register 528 (0x210) of axis.heading, "
       "where write.move says where to go: a drive that is on would start a motion; write to another register, and "
       "leave the place to write.move");
-  EXPECT_TRUE(says(error_of("", "write.setup = 0x211 u16 5\n"), "'write.setup'")) << "half of it";
-  EXPECT_TRUE(says(error_of("", "write.setup = 0x20f s32 5\n"), "'write.setup'")) << "half of it";
+  EXPECT_SAYS(error_of("", "write.setup = 0x211 u16 5\n"), "'write.setup'") << "half of it";
+  EXPECT_SAYS(error_of("", "write.setup = 0x20f s32 5\n"), "'write.setup'") << "half of it";
   EXPECT_EQ(error_of("", "write.setup = 0x212 u32 5, 0x20e s32 5\n"), "accepted") << "its neighbours";
   refused("heartbeat.address = 0x220", "heartbeat.address = 0x211", "where write.move says");
   const std::string stop = "write.stop = 0x202 u16 1, 0x202 u16 0";
@@ -229,8 +227,8 @@ TEST(RegisterMap, AxesThatCannotBeToldApartAreRefused) {
   const auto with_offset = [](const std::string& offset) {
     return error_of("axis.pitch.unit = 2", "axis.pitch.unit = 1\naxis.pitch.address_offset = " + offset);
   };
-  EXPECT_TRUE(says(with_offset("1"), "both read one position")) << "one of two registers";
-  EXPECT_TRUE(says(with_offset("3"), "one write.move moves both")) << "its position is the other's rate";
+  EXPECT_SAYS(with_offset("1"), "both read one position") << "one of two registers";
+  EXPECT_SAYS(with_offset("3"), "one write.move moves both") << "its position is the other's rate";
   EXPECT_NE(with_offset("0x10"), "accepted") << "its enable is the other's position";
   EXPECT_EQ(error_of("axis.pitch.unit = 2", "axis.pitch.unit = 1\naxis.pitch.address_offset = 0x1000"), "accepted");
 }
@@ -253,7 +251,7 @@ TEST_P(ShippedMap, SaysThatItIsUnverifiedAndMovesTheTwin) {
   station.described.commissioned = true;
   ModbusTurntable driver(station.described, station.clock);
   ASSERT_OK(driver.connect());
-  EXPECT_TRUE(says(driver.identify()->description, "not verified"));
+  EXPECT_SAYS(driver.identify()->description, "not verified");
   ASSERT_TRUE(driver.enable().ok());
   ASSERT_TRUE(driver.home().ok());
   const auto wait_until = [&](const std::function<bool(const AxisStatus&)>& condition) {
