@@ -124,6 +124,7 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
   std::erase_if(taken_off, [](const EstimatedEffect& e) { return is_turn_on(e.column); });
   const std::vector<EffectColumn> effects = columns_beside(taken_off, catalogue_columns(recording.info, recordings));
   Evidence result;
+  std::vector<LogWeights> models;
   for (const double part : {1.0, 1.0 / 3.0, 0.0}) {
     NoiseModel noise = fit.noise;
     noise.gyro_bias_instability_radps *= part;
@@ -140,13 +141,14 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
       one = make_terms(*view.system, view.pieces, effects, readings_of(catalogue, view.pieces, view.states), fit.noise,
                        fit.parameters, result.columns);
     } else {
-      one = {view.system.get(), result.at_each_noise.front().table, {}};
-      one.blocks = view.system->blocks(one.table->bases);
+      const auto& table = result.at_each_noise.front().table;
+      one = {view.system.get(), table, view.system->blocks(table->bases)};
     }
     put_back(taken_off, *view.system, one);
+    models.push_back(weigh_models(one));
     result.at_each_noise.push_back(std::move(one));
   }
-  conclude(weigh_models(result.at_each_noise), taken_off, result);
+  conclude(posterior_of(models), taken_off, result);
   const WeighedModel& best = result.posterior.models.front();
   const PiecewiseView& view = result.views[best.noise];
   test_pieces(view.recording, view.pieces, result.at_each_noise[best.noise], best, result.omnibus);

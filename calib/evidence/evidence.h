@@ -37,7 +37,6 @@ struct Evidence {
 Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings = 1);
 
 // For both kinds of recordings (rest_evidence.h). `effects`: of the fit, but for those of turn-on.
-using Readings = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 // What one unit of each column adds to the readings of every cell: the mean over its blocks.
 std::vector<Readings> readings_of(const EffectModel& effects, const Pieces& pieces,
                                   const std::vector<BlockState>& states);

@@ -133,8 +133,10 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
   return child;
 }
 
-// All models worth counting at one noise. What is missing may look like noise of which there is less: each is searched by itself.
-std::map<std::vector<ModelTerm>, double> search(const UnderNoise& under, int& scored) {
+}  // namespace
+
+// What is missing may look like noise of which there is less: each noise is searched by itself.
+LogWeights weigh_models(const UnderNoise& under) {
   const TermTable& table = *under.table;
   auto root = std::make_shared<State>();
   root->log_weight = -0.5 * under.system->misfit();
@@ -143,12 +145,11 @@ std::map<std::vector<ModelTerm>, double> search(const UnderNoise& under, int& sc
     root->s.push_back(b.s);
   }
   double best = root->log_weight;
-  std::map<std::vector<ModelTerm>, double> seen = {{{}, root->log_weight}};
+  LogWeights seen = {{{}, root->log_weight}};
   std::vector<std::shared_ptr<const State>> level = {root};
   for (int depth = 0; depth < deepest; ++depth) {
     std::vector<Next> next;
     for (const std::shared_ptr<const State>& state : level) {
-      ++scored;
       std::vector<Next> of_state;
       for (std::size_t t = 0; t < table.terms.size(); ++t) {
         const Term& term = table.terms[t];
@@ -189,30 +190,23 @@ std::map<std::vector<ModelTerm>, double> search(const UnderNoise& under, int& sc
   return seen;
 }
 
-}  // namespace
-
-Posterior weigh_models(const std::vector<UnderNoise>& all) {
+Posterior posterior_of(const std::vector<LogWeights>& at_each_noise) {
   Posterior result;
-  double best = -1e300;
-  for (std::size_t noise = 0; noise < all.size(); ++noise)
-    for (const auto& [terms, log_weight] : search(all[noise], result.scored)) {
-      result.models.push_back({terms, noise, log_weight});
+  std::vector<WeighedModel>& models = result.models;
+  double best = -1e300, sum = 0.0, kept = 0.0;
+  for (std::size_t noise = 0; noise < at_each_noise.size(); ++noise)
+    for (const auto& [terms, log_weight] : at_each_noise[noise]) {
+      models.push_back({terms, noise, log_weight});
       best = std::max(best, log_weight);
     }
-  double sum = 0.0;
-  for (WeighedModel& m : result.models) sum += m.probability = std::exp(m.probability - best);
+  for (WeighedModel& m : models) sum += m.probability = std::exp(m.probability - best);
   result.log_evidence = best + std::log(sum);
-  std::erase_if(result.models, [&](const WeighedModel& m) { return m.probability < least_probability * sum; });
-  normalise(result);
-  return result;
-}
-
-void normalise(Posterior& posterior) {
-  double sum = 0.0;
-  for (const WeighedModel& m : posterior.models) sum += m.probability;
-  for (WeighedModel& m : posterior.models) m.probability /= sum;
-  std::sort(posterior.models.begin(), posterior.models.end(),
+  std::erase_if(models, [&](const WeighedModel& m) { return m.probability < least_probability * sum; });
+  for (const WeighedModel& m : models) kept += m.probability;
+  for (WeighedModel& m : models) m.probability /= kept;
+  std::sort(models.begin(), models.end(),
             [](const WeighedModel& a, const WeighedModel& b) { return a.probability > b.probability; });
+  return result;
 }
 
 Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& posterior) {
@@ -372,7 +366,6 @@ class Coefficients {
   bool is_named(const EffectColumn& c) const {
     return std::find(named_.begin(), named_.end(), c.key()) != named_.end();
   }
-  std::size_t named_count() const { return named_.size(); }
 
   OfModel evaluate(const WeighedModel& model) {
     const Eigen::Index p = system_.covariance().rows(), n = p + static_cast<Eigen::Index>(named_.size());

@@ -29,11 +29,12 @@ struct WeighedModel {
 
 struct Posterior {
   std::vector<WeighedModel> models;  // the most probable first
-  int scored = 0;                    // models beside which all terms were scored
   double log_evidence = 0.0;         // of all of them together, but for a constant
 };
-Posterior weigh_models(const std::vector<UnderNoise>& all);
-void normalise(Posterior& posterior);  // sum 1, sorted
+// All models worth counting at one noise, by their terms.
+using LogWeights = std::map<std::vector<ModelTerm>, double>;
+LogWeights weigh_models(const UnderNoise& under);
+Posterior posterior_of(const std::vector<LogWeights>& at_each_noise);
 Statements statements_of(const std::vector<UnderNoise>& all, const Posterior& posterior);
 
 // What a model leaves of the system: Q|h = Q - Y Y', s|h = s - Y w.

@@ -169,16 +169,18 @@ Evidence weigh_rests(const RestData& data, const RestFit& fit, const std::vector
     RestFloors floors;
     PiecewiseView view;
     UnderNoise under;
+    LogWeights models;
     Posterior posterior;
   };
   const auto at_floors = [&](const RestFloors& floors) {
-    AtFloors at{floors, {}, {}, {}};
+    AtFloors at{floors, {}, {}, {}, {}};
     at.view.pieces = first.pieces;
     at.view.columns = first.columns;
     set_floors(system, floors, of_fit.columns, accelerometers, at.view);
     at.under = make_terms(*at.view.system, at.view.pieces, catalogue, readings, noise, fit.parameters, at.view.columns);
     put_back(effects, *at.view.system, at.under);
-    at.posterior = weigh_models({at.under});
+    at.models = weigh_models(at.under);
+    at.posterior = posterior_of({at.models});
     return at;
   };
   AtFloors base = at_floors(without);
@@ -198,21 +200,15 @@ Evidence weigh_rests(const RestData& data, const RestFit& fit, const std::vector
     if (!alike(start, without)) follow(start);
   Evidence result;
   result.columns = first.columns;
-  Posterior posterior;
-  const double highest =
-      best ? std::max(base.posterior.log_evidence, best->posterior.log_evidence) : base.posterior.log_evidence;
+  std::vector<LogWeights> models;
   const auto take = [&](AtFloors at) {
-    const double odds = std::exp(at.posterior.log_evidence - highest);
-    for (const WeighedModel& m : at.posterior.models)
-      posterior.models.push_back({m.terms, result.views.size(), m.probability * odds});
-    posterior.scored += at.posterior.scored;
+    models.push_back(std::move(at.models));
     result.views.push_back(std::move(at.view));
     result.at_each_noise.push_back(std::move(at.under));
   };
   take(std::move(base));
   if (best && !alike(best->floors, without)) take(std::move(*best));
-  normalise(posterior);
-  conclude(std::move(posterior), effects, result);
+  conclude(posterior_of(models), effects, result);
   return result;
 }
 

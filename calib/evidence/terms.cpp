@@ -19,7 +19,6 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 using Reading = Eigen::Matrix<double, 6, 1>;
-using Readings = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
 // Prior odds of something of a kind.
 constexpr double prior_effects = 0.7, prior_patterns = 0.7, prior_wander = 0.5;

@@ -46,17 +46,18 @@ struct TermTable {
 // The system at one noise model, and what it says of the bases of the terms; a prior of equal odds is between several of them.
 struct UnderNoise {
   const PieceSystem* system = nullptr;
-  std::shared_ptr<const TermTable> table;  // one for all of them
+  std::shared_ptr<const TermTable> table;  // may be shared by several
   std::vector<PieceSystem::Block> blocks;  // of each basis
 };
 
 // Does the recording tell this effect (of TermTable::effects) from the parameters?
 bool is_seen(const UnderNoise& under, std::size_t effect);
 
-// `readings`: of every cell what one unit of each effect's column adds to (gyro, accelerometer), 6 x effects.
+using Readings = Eigen::Matrix<double, 6, Eigen::Dynamic>;  // gyros, accelerometers
+// `readings`: of every cell what one unit of each effect's column adds, 6 x effects.
 // `fit`: of the parameters `columns` of [24, effects].
 UnderNoise make_terms(const PieceSystem& system, const Pieces& pieces, const std::vector<EffectColumn>& effects,
-                      const std::vector<Eigen::Matrix<double, 6, Eigen::Dynamic>>& readings, const NoiseModel& noise,
-                      const Parameters& fit, const std::vector<int>& columns);
+                      const std::vector<Readings>& readings, const NoiseModel& noise, const Parameters& fit,
+                      const std::vector<int>& columns);
 
 }  // namespace turncal
