@@ -50,6 +50,11 @@ DwellMonitor::DwellMonitor(const DwellConfig& config, const RecordingInfo& info)
 }
 
 void DwellMonitor::start(std::int64_t first_counter, std::int64_t samples) {
+  if (samples_ > 0 && complete() && !defect_) {
+    const double of_last = static_cast<double>(changes_) / static_cast<double>(samples_);
+    stillest_ = stillest_ > 0.0 ? std::min(stillest_, of_last) : of_last;
+  }
+  changes_ = 0;
   first_counter_ = next_counter_ = first_counter;
   samples_ = samples;
   defect_.reset();
@@ -85,6 +90,7 @@ const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const Imu
       part_sum_[i] += value;
       if (c.now.samples == 0 || value != c.now.value) {
         if (c.now.samples > 0) count_[i] = std::min(count_[i], std::abs(value - c.now.value));
+        changes_ += c.now.samples > 0 ? 1 : 0;
         c.now = {value, sample.counter, 0};
       }
       if (++c.now.samples >= c.longest.samples) c.longest = c.now;
@@ -154,11 +160,16 @@ void DwellMonitor::close_window() {
 }
 
 bool DwellMonitor::judge_dead() {
-  constexpr double sigmas = 8.0, shortest_s = 0.9, longest_s = 30.0;
+  constexpr double sigmas = 8.0, shortest_s = 0.9, longest_s = 30.0, most_changes = 100.0;
   constexpr std::size_t fewest = 10, tenths = 10;
   const double part = static_cast<double>(part_samples_);
   const std::optional<Stretch> together = frozen_together();
   bool more_will_tell = false;
+  const auto frozen = [&] {
+    return fmt::format("all six channels gave the same in {} samples, {} to {} ({:.3f} s)", together->samples,
+                       together->first, together->first + together->samples - 1,
+                       static_cast<double>(together->samples) * period_s_);
+  };
   double squares = 0.0, most = sigmas;
   for (std::size_t i = 0; i < channels; ++i) {
     const Stretch& same = of_[i].longest;
@@ -185,7 +196,9 @@ bool DwellMonitor::judge_dead() {
       in_window = 0;
     }
     if (by_parts.count < fewest) {
-      more_will_tell = more_will_tell || (together && end != next_counter_);
+      const bool too_long = together && static_cast<double>(together->samples) * stillest_ > most_changes;
+      more_will_tell = more_will_tell || (together && end != next_counter_) || (too_long && goes_on);
+      if (too_long && !goes_on) defect_ = Defect{ErrorKind::device, frozen()};
       continue;
     }
     const double variance = by_windows.count >= fewest  // of a sample
@@ -206,9 +219,7 @@ bool DwellMonitor::judge_dead() {
     if (is_off) most = off / sigma;
     defect_ = Defect{
         ErrorKind::device,
-        together ? fmt::format("all six channels gave the same in {} samples, {} to {} ({:.3f} s)", together->samples,
-                               together->first, together->first + together->samples - 1,
-                               static_cast<double>(together->samples) * period_s_)
+        together ? frozen()
                  : fmt::format("{} gave one and the same number in samples {} to {} ({:.1f} s): expected {:.4g} +- "
                                "{:.2g} in all, not {:.4g}",
                                channel_names[i], same.first, end - 1, same_s, mean * n, sigma, same.value * n)};

@@ -12,7 +12,8 @@
 // pulses of a running sum are off by the two ends, r^2 = (1 + (n / N)^2) / 6; numbers by each, r = n q / sqrt(12), q the least step seen. A
 // channel that feels nothing may so read zero for as long as it likes. A stretch is judged when it has ended, so that the dwell is not begun
 // again into it, or after 30 s; meanwhile nothing is said of stillness. Where the stretches of all six are one (a converter hangs, or a frame is
-// sent again), the sum of their squares in sigmas is judged.
+// sent again), the sum of their squares in sigmas is judged; where nothing of the dwell is left beside it, it may not last for so long that
+// the channels would have changed a hundred times as in the stillest dwell before.
 //
 // One sample alone may have spoilt a window: when the unit was still without it, the reason names it as a glitch.
 //
@@ -90,6 +91,8 @@ class DwellMonitor {
   std::vector<std::array<double, channels>> parts_;  // sums of the tenths of windows of the dwell
   std::array<double, channels> part_sum_{};
   std::int64_t part_samples_ = 20, in_part_ = 0;
+  std::int64_t changes_ = 0;  // of a channel, from one sample of the dwell to the next
+  double stillest_ = 0.0;     // changes per sample, the fewest of an earlier dwell
   double period_s_ = 0.0;
 };
 

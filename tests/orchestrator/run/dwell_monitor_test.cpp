@@ -124,6 +124,27 @@ TEST(DwellMonitor, ScatterOfTheMeans) {
   EXPECT_SAYS(verdict(samples), "gyro z means scatter");
 }
 
+// A unit that froze in a turn gives 4 deg/s for a whole dwell: nothing of that dwell shows it.
+TEST(DwellMonitor, ADwellOfOneSampleIsNone) {
+  std::vector<ImuSample> frozen = at_rest(2500, 2000);
+  for (ImuSample& sample : frozen) sample.gyro = {0.0, 77.0, 0.0};
+  DwellMonitor monitor({}, info());
+  monitor.start(500, 2000);
+  std::vector<ImuSample> lives = at_rest(500, 2000);
+  for (std::size_t i = 0; i < lives.size(); i += 3) lives[i].accel[1] += 1.0;
+  EXPECT_FALSE(monitor.add(lives));
+  monitor.start(2500, 2000);
+  const auto& defect = monitor.add(frozen);
+  ASSERT_TRUE(defect);
+  EXPECT_EQ(defect->reason, "all six channels gave the same in 2000 samples, 2500 to 4499 (10.000 s)");
+  // A unit that seldom changes at rest may have stood as still as that.
+  DwellMonitor coarse({}, info());
+  coarse.start(500, 2000);
+  EXPECT_FALSE(coarse.add(at_rest(500, 2000)));
+  coarse.start(2500, 2000);
+  EXPECT_FALSE(coarse.add(frozen));
+}
+
 TEST(DwellMonitor, NotANumberIsNotStill) {
   std::vector<ImuSample> samples = at_rest(500, 2000);
   samples[10].accel[0] = std::numeric_limits<double>::quiet_NaN();
