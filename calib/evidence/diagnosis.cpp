@@ -235,7 +235,7 @@ class Diagnosing {
   }
 
   Evidence weigh(const JointResult& fit) const {
-    return weigh_evidence(recording_, fit, static_cast<int>(recordings_.parts.size()));
+    return weigh_evidence(recording_, fit, static_cast<int>(recordings_.parts.size()), options_.holdouts);
   }
 
   // Of `effects` beside those of turn-on; values of the latter begin where `from` has them.
@@ -361,15 +361,6 @@ class Diagnosing {
     d_.holdout_before = held_out.error(d_.base, noise);
     d_.holdout_after = extended ? held_out.error(fit, noise) : d_.holdout_before;
     if (options_.holdouts.empty()) return;
-    if (extended) {
-      const HoldoutGain gain = holdout_gain(d_.holdout_before, d_.holdout_after);
-      const bool of_one_run = std::all_of(fit.effects.begin(), fit.effects.end(),
-                                          [](const EstimatedEffect& e) { return e.column.entry->of_one_run; });
-      if (!of_one_run && gain.contradicted(GateLimits{}.contradiction)) {
-        d_.gated_out = strongest_first(fit);
-        withdraw("held-out data speak against what was found");
-      }
-    }
     if (d_.trusted && d_.holdout_after.normalised_rms > GateLimits{}.highest_error)
       withdraw("the error on held-out data is larger than noise explains");
   }

@@ -53,19 +53,23 @@ std::vector<EffectColumn> columns_beside(const std::vector<EstimatedEffect>& eff
   return columns;
 }
 
-void put_back(const std::vector<EstimatedEffect>& effects, PieceSystem& system, UnderNoise& under) {
+void put_back(const Values& effects, const std::vector<Values>& held_out, PieceSystem& system, UnderNoise& under) {
   if (effects.empty()) return;
   const TermTable& table = *under.table;
   Eigen::VectorXd x = Eigen::VectorXd::Zero(system.coordinates());
-  for (const EstimatedEffect& effect : effects) {
+  for (std::size_t e = 0; e < effects.size(); ++e) {
+    const EstimatedEffect& effect = effects[e];
     const auto found = std::find_if(table.effects.begin(), table.effects.end(), [&](const EffectColumn& c) {
       return c.key() == effect.column.key() && c.tau_s == effect.column.tau_s;
     });
     const auto at = static_cast<std::size_t>(found - table.effects.begin());
     const Weights& basis = table.bases[table.basis_of_effect[at]];
-    for (std::size_t k = 0; k < basis.parts.size(); ++k)
-      x.segment<piece_dims>(piece_dims * static_cast<Eigen::Index>(k)) +=
-          effect.value * basis.parts[k].of.col(table.column_of_effect[at]);
+    for (Eigen::Index k = 0; piece_dims * k < x.size(); ++k) {
+      const Weights::Part& part = basis.parts[static_cast<std::size_t>(k)];
+      const auto recording = static_cast<std::size_t>(part.first / part.of.cols());  // from 1 on: one that is held out
+      const double value = recording == 0 ? effect.value : held_out[recording - 1][e].value;
+      x.segment<piece_dims>(piece_dims * k) += value * part.of.col(table.column_of_effect[at]);
+    }
   }
   system.put_back(x);
   for (std::size_t k = 0; k < table.bases.size(); ++k) under.blocks[k].s = system.score(table.bases[k]);
@@ -119,33 +123,76 @@ PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointRe
   return view;
 }
 
-Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings) {
-  std::vector<EstimatedEffect> taken_off = fit.effects;  // those of turn-on stay in the model
-  std::erase_if(taken_off, [](const EstimatedEffect& e) { return is_turn_on(e.column); });
+namespace {
+
+NoiseModel less_unstable(NoiseModel noise, double part) {
+  noise.gyro_bias_instability_radps *= part;
+  noise.accel_bias_instability_mps2 *= part;
+  return noise;
+}
+Values without_turn_ons(Values effects) {
+  std::erase_if(effects, [](const EstimatedEffect& e) { return is_turn_on(e.column); });
+  return effects;
+}
+
+// The recording of the fit, and behind it those that are held out.
+struct Together {
+  PieceSystem system;
+  Pieces pieces;
+  std::vector<Readings> readings;  // of the catalogue
+  std::vector<Values> taken_off;   // of each that is held out
+};
+
+}  // namespace
+
+Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings,
+                        const std::vector<const CompressedRecording*>& held_out) {
+  const Values taken_off = without_turn_ons(fit.effects);  // those of turn-on stay in the model
   const std::vector<EffectColumn> effects = columns_beside(taken_off, catalogue_columns(recording.info, recordings));
+  const auto readings = [&](const PiecewiseView& view) {
+    return readings_of(make_effect_model(effects, {recording.info.latitude_deg}, fit.reference_temperature_c),
+                       view.pieces, view.states);
+  };
+  std::vector<JointResult> others;
+  for (const CompressedRecording* other : held_out) others.push_back(model_on_holdout(*other, fit, fit.noise));
+  const auto join = [&](const PiecewiseView& view, double part) {
+    Together all = {*view.system, view.pieces, readings(view), {}};
+    std::vector<Eigen::Index> own;
+    for (std::size_t k = 0; k < view.columns.size(); ++k)
+      if (view.columns[k] < 6) own.push_back(static_cast<Eigen::Index>(k));
+    for (std::size_t k = 0; k < others.size(); ++k) {
+      const PiecewiseView other = view_in_pieces(*held_out[k], others[k], less_unstable(others[k].setup.noise, part));
+      if (!other.system) continue;
+      all.system = PieceSystem(all.system, *other.system, own);
+      append(other.pieces, recordings + static_cast<int>(all.taken_off.size()), all.pieces);
+      const std::vector<Readings> more = readings(other);
+      all.readings.insert(all.readings.end(), more.begin(), more.end());
+      all.taken_off.push_back(without_turn_ons(others[k].effects));
+    }
+    return all;
+  };
   Evidence result;
   std::vector<LogWeights> models;
   for (const double part : {1.0, 1.0 / 3.0, 0.0}) {
-    NoiseModel noise = fit.noise;
-    noise.gyro_bias_instability_radps *= part;
-    noise.accel_bias_instability_mps2 *= part;
     if (part < 1.0 && !fit.noise.has_bias_instability()) break;
-    result.views.push_back(view_in_pieces(recording, fit, noise));
+    result.views.push_back(view_in_pieces(recording, fit, less_unstable(fit.noise, part)));
     PiecewiseView& view = result.views.back();
     result.columns = view.columns;
     if (!view.system) return result;
-    UnderNoise one;
+    Together all = join(view, part);
+    UnderNoise together, one;
     if (result.at_each_noise.empty()) {
-      const EffectModel catalogue =
-          make_effect_model(effects, {recording.info.latitude_deg}, fit.reference_temperature_c);
-      one = make_terms(*view.system, view.pieces, effects, readings_of(catalogue, view.pieces, view.states), fit.noise,
-                       fit.parameters, result.columns);
+      together = make_terms(all.system, all.pieces, effects, all.readings, fit.noise, fit.parameters, result.columns);
     } else {
       const auto& table = result.at_each_noise.front().table;
-      one = {view.system.get(), table, view.system->blocks(table->bases)};
+      together = {&all.system, table, all.system.blocks(table->bases)};
     }
-    put_back(taken_off, *view.system, one);
-    models.push_back(weigh_models(one));
+    one = all.taken_off.empty() ? together
+                                : UnderNoise{nullptr, together.table, view.system->blocks(together.table->bases)};
+    one.system = view.system.get();
+    put_back(taken_off, all.taken_off, all.system, together);
+    put_back(taken_off, all.taken_off, *view.system, one);
+    models.push_back(weigh_models(together));
     result.at_each_noise.push_back(std::move(one));
   }
   conclude(posterior_of(models), taken_off, result);

@@ -24,8 +24,9 @@ PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointRe
 struct Evidence {
   std::vector<int> columns;  // of [24 parameters, effects of the fit]: those of the averages
   std::vector<PiecewiseView> views;
-  std::vector<UnderNoise> at_each_noise;  // of `views`, the fit's first; empty: no rest
-  Posterior posterior;                    // at each noise, together
+  std::vector<UnderNoise>
+      at_each_noise;    // of `views`, the fit's first; empty: no rest; held-out data are in `posterior` alone
+  Posterior posterior;  // at each noise, together
   Statements statements;
   NamedEffects named;
   Omnibus omnibus;  // of the most probable model
@@ -34,7 +35,10 @@ struct Evidence {
 // `fit`: of `recording`, which is joined from so many. Effects of the fit other than turn-ons are terms like all others: about them
 // everything is linearised. What is missing may hide in a fitted bias instability, and an instability may look like something missing: models
 // are weighed with none of it, a third and all of it.
-Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings = 1);
+// `held_out`: recordings that the parameters were not fitted to. They have a say in the odds, and none in the values: terms and parameters are
+// common, but for the six biases and what goes with the time of one run.
+Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings = 1,
+                        const std::vector<const CompressedRecording*>& held_out = {});
 
 // For both kinds of recordings (rest_evidence.h). `effects`: of the fit, but for those of turn-on.
 // What one unit of each column adds to the readings of every cell: the mean over its blocks.
@@ -43,8 +47,9 @@ std::vector<Readings> readings_of(const EffectModel& effects, const Pieces& piec
 // `columns`, and those of effects with time constants about those that are fitted, as far as a fit tells them.
 std::vector<EffectColumn> columns_beside(const std::vector<EstimatedEffect>& effects,
                                          std::vector<EffectColumn> columns);
-// The effects were taken off in `system`: from here on they are in the data.
-void put_back(const std::vector<EstimatedEffect>& effects, PieceSystem& system, UnderNoise& under);
+// The effects were taken off in `system`: from here on they are in the data. Of each recording that is held out, the same with its own values.
+using Values = std::vector<EstimatedEffect>;
+void put_back(const Values& effects, const std::vector<Values>& held_out, PieceSystem& system, UnderNoise& under);
 // What is said, by the posterior of result.at_each_noise.
 void conclude(Posterior posterior, const std::vector<EstimatedEffect>& effects, Evidence& result);
 

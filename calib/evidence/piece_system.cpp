@@ -50,11 +50,9 @@ Weights Weights::of_rows(const MatrixXd& rows) {
 // An observation is as wrong as its coordinate, and the residual is prediction less observation.
 PieceSystem::PieceSystem(const MatrixXd& derivatives, const VectorXd& residuals, double log_variance)
     : floor_(rounding) {
-  const MatrixXd A = derivatives.transpose() * derivatives;
-  const VectorXd gradient = derivatives.transpose() * residuals;
-  A_inverse_ = balanced_inverse(A);
-  fit_shift_ = -A_inverse_ * gradient;
-  misfit_ = residuals.squaredNorm() + gradient.dot(fit_shift_) + log_variance + log_determinant(A);
+  A_ = derivatives.transpose() * derivatives;
+  gradient_ = derivatives.transpose() * residuals;
+  misfit_ = residuals.squaredNorm() + log_variance;
   links_.resize(static_cast<std::size_t>((residuals.size() + piece_dims - 1) / piece_dims));
   for (Link& link : links_) {
     link.I.setIdentity();
@@ -66,17 +64,14 @@ PieceSystem::PieceSystem(const MatrixXd& derivatives, const VectorXd& residuals,
   R_.setZero(s_.size(), derivatives.cols());
   R_.topRows(derivatives.rows()) = -derivatives;
   s_.head(residuals.size()) = -residuals;
-  s_ += R_ * fit_shift_;
+  eliminate_parameters();
 }
 
 PieceSystem::PieceSystem(const CompressedRecording& recording, const FilterResult& pass,
                          const std::vector<int>& columns, const VectorXd& pull, const Pieces& pieces) {
-  const MatrixXd A = pass.information(columns, columns);
-  A_inverse_ = balanced_inverse(A);
-  fit_shift_ = -A_inverse_ * VectorXd(pass.gradient(columns));
-  floor_ = std::max(rounding, (A_inverse_ * pull).cwiseAbs2().cwiseQuotient(A_inverse_.diagonal()).maxCoeff());
-  misfit_ =
-      pass.chi_square + VectorXd(pass.gradient(columns)).dot(fit_shift_) + pass.log_determinant + log_determinant(A);
+  A_ = pass.information(columns, columns);
+  gradient_ = pass.gradient(columns);
+  misfit_ = pass.chi_square + pass.log_determinant;
   if (std::any_of(pass.steps.begin(), pass.steps.end(),
                   [](const FilterStep& step) { return step.observed && step.K.bottomRows<6>().squaredNorm() > 0.0; }))
     states_ = 12;
@@ -85,8 +80,43 @@ PieceSystem::PieceSystem(const CompressedRecording& recording, const FilterResul
   R_.setZero(s_.size(), static_cast<Eigen::Index>(columns.size()));
   links_.resize(pieces.pieces.size());
   run(pass, recording, columns, pieces.pieces);
+  eliminate_parameters();
+  floor_ = std::max(rounding, (A_inverse_ * pull).cwiseAbs2().cwiseQuotient(A_inverse_.diagonal()).maxCoeff());
+}
+
+PieceSystem::PieceSystem(const PieceSystem& first, const PieceSystem& second, const std::vector<Eigen::Index>& own)
+    : states_(first.states_),
+      misfit_(first.fixed_misfit() + second.fixed_misfit()),
+      floor_(first.floor_),
+      links_(first.links_) {
+  const Eigen::Index p = first.A_.rows(), all = p + std::ssize(own), n = first.s_.size(), m = second.s_.size();
+  Eigen::VectorXi place = Eigen::VectorXi::LinSpaced(second.A_.rows(), 0, static_cast<int>(second.A_.rows()) - 1);
+  for (std::size_t k = 0; k < own.size(); ++k) place[own[k]] = static_cast<int>(p) + static_cast<int>(k);
+  A_.setZero(all, all);
+  A_.topLeftCorner(p, p) = first.A_;
+  A_(place, place) += second.A_;
+  gradient_.setZero(all);
+  gradient_.head(p) = first.gradient_;
+  gradient_(place) += second.gradient_;
+  R_.setZero(n + m, all);
+  R_.topLeftCorner(n, p) = first.R_;
+  R_(Eigen::lastN(m), place) = second.R_;
+  s_.resize(n + m);
+  s_ << first.s_ - first.R_ * first.fit_shift_, second.s_ - second.R_ * second.fit_shift_;
+  links_.back().E.setZero();
+  links_.back().M.setZero();
+  links_.insert(links_.end(), second.links_.begin(), second.links_.end());
+  eliminate_parameters();
+}
+
+void PieceSystem::eliminate_parameters() {
+  A_inverse_ = balanced_inverse(A_);
+  fit_shift_ = -A_inverse_ * gradient_;
+  misfit_ += gradient_.dot(fit_shift_) + log_determinant(A_);
   s_ += R_ * fit_shift_;
 }
+
+double PieceSystem::fixed_misfit() const { return misfit_ - gradient_.dot(fit_shift_) - log_determinant(A_); }
 
 // Going back, the transition T to where the next piece begins, the score r and the information R with the parameters go through the same
 // steps: they are rows of one matrix. What the steps of a turn do is taken together.

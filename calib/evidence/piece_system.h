@@ -47,6 +47,10 @@ class PieceSystem {
   // to whole pieces. `log_variance`: sum of the logarithms of their variances.
   PieceSystem(const Eigen::MatrixXd& derivatives, const Eigen::VectorXd& residuals, double log_variance);
 
+  // Of two recordings, before anything is put back: pieces of one behind those of the other. Parameters are common, but for those at `own`, which
+  // the second has for itself.
+  PieceSystem(const PieceSystem& first, const PieceSystem& second, const std::vector<Eigen::Index>& own);
+
   // Of each by itself: Q, s, and what one of each moves the parameters by. Columns are made of noisy readings, which pulls the parameters by
   // so many sigma; what the parameters leave of a column is known no better than to its square (floor()), which Q contains.
   struct Block {
@@ -78,6 +82,8 @@ class PieceSystem {
  private:
   void run(const FilterResult& pass, const CompressedRecording& recording, const std::vector<int>& columns,
            const std::vector<Piece>& pieces);
+  void eliminate_parameters();
+  double fixed_misfit() const;  // of the parameters where the pass had them
 
   struct Link {
     Eigen::Matrix<double, piece_dims, piece_dims> I;
@@ -89,7 +95,8 @@ class PieceSystem {
   std::vector<Link> links_;  // of each piece, to the next
   Eigen::VectorXd s_;
   Eigen::MatrixXd R_;  // coordinates x parameters
-  Eigen::MatrixXd A_inverse_;
+  Eigen::MatrixXd A_, A_inverse_;
+  Eigen::VectorXd gradient_;
   Eigen::VectorXd fit_shift_;
 };
 

@@ -58,10 +58,26 @@ BlockState with_table_angle(const CompressedRecording& recording, const Block& b
 
 }  // namespace
 
+void append(const Pieces& more, int recording, Pieces& all) {
+  const std::size_t before = all.cells.size();
+  for (ErrorCell cell : more.cells) {
+    cell.epoch += all.epochs;
+    cell.at.recording = recording;
+    all.cells.push_back(cell);
+  }
+  for (Piece piece : more.pieces) {
+    piece.first_cell += before;
+    piece.rest_cell += before;
+    all.pieces.push_back(piece);
+  }
+  all.epochs += more.epochs;
+}
+
 void average_cells(const std::vector<BlockState>& states, Pieces& pieces) {
   for (std::size_t k = 0; k < states.size(); ++k)
     if (pieces.cell_of_block[k] >= 0) add(states[k], pieces.cells[static_cast<std::size_t>(pieces.cell_of_block[k])]);
   for (ErrorCell& cell : pieces.cells) divide(cell);
+  pieces.fitted_cells = pieces.cells.size();
 }
 
 Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<FilterStep>& steps,
@@ -152,6 +168,7 @@ Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<F
   }
   if (!result.pieces.empty()) divide(result.cells.back());
   result.epochs = result.pieces.empty() ? 0 : epoch + 1;
+  result.fitted_cells = result.cells.size();
   return result;
 }
 

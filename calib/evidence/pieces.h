@@ -42,9 +42,13 @@ struct Pieces {
   std::vector<ErrorCell> cells;
   std::vector<int> cell_of_block;  // -1: of none
   int epochs = 0;
+  std::size_t fitted_cells = 0;  // those behind them are of recordings that the parameters were not fitted to
   // Of hand-turned data (rest_evidence.h), of each cell: what its readings do to the coordinates, which are observations. Else empty.
   std::vector<Eigen::Matrix<double, Eigen::Dynamic, 6>> responses;
 };
+
+// Behind those of `all`: the pieces of another recording, which has this number.
+void append(const Pieces& more, int recording, Pieces& all);
 
 // ErrorCell::at of all cells, from the states of the blocks.
 void average_cells(const std::vector<BlockState>& states, Pieces& pieces);

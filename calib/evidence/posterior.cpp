@@ -18,8 +18,8 @@ using Eigen::VectorXd;
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 constexpr std::size_t beam = 6, expansions = 6;
-constexpr double named_share = 0.3;       // of a branch, that its names carry: a pattern beside them may be one of them
-constexpr double as_good = 0.3;           // of the best set of names, that one that is fitted already has
+constexpr double named_share = 0.3;  // of a branch, that its names carry: a pattern in their place may be one of them
+constexpr double as_good = 0.3;      // of the best set of names, that one that is fitted already has
 constexpr double averaged_share = 0.995;  // of the probability, or so many models
 constexpr std::size_t most_averaged = 200;
 constexpr int deepest = 8;  // terms of a model at most
@@ -27,7 +27,6 @@ constexpr double least_probability = 1e-5;
 constexpr double negligible = 12.0, ends_below = 6.0;  // of log evidence
 // A term that explains less changes nothing for others: it counts, and is not gone on with.
 constexpr double explains = 1.0;
-constexpr Eigen::Index by_eigenvalues = 12;  // columns: more are dearer than a Cholesky factor for each size
 
 // The system beside a model.
 struct State {
@@ -46,33 +45,33 @@ struct Next {
   std::shared_ptr<const State> parent;
 };
 
-// Of one term beside a model, at each size.
-VectorXd gains(const Term& term, const State& state) {
+// Of one term beside a model, at each variance.
+VectorXd gains(const Term& term, const State& state, const VectorXd& variance) {
   const MatrixXd& Q = state.Q[term.basis];
   const VectorXd& s = state.s[term.basis];
-  const Eigen::Index sizes = term.variance.size(), r = term.L.cols();
+  const Eigen::Index sizes = variance.size(), r = term.L.cols();
   VectorXd gain(sizes);
   const MatrixXd QL = Q * term.L;
   const MatrixXd A = term.L.transpose() * QL;
   const VectorXd b = term.L.transpose() * s;
   if (r == 1) {
     for (Eigen::Index k = 0; k < sizes; ++k) {
-      const double v = term.variance[k], q = std::max(A(0, 0), 0.0);
+      const double v = variance[k], q = std::max(A(0, 0), 0.0);
       gain[k] = 0.5 * (b[0] * b[0] * v / (1.0 + v * q) - std::log1p(v * q));
     }
     return gain;
   }
-  if (r <= by_eigenvalues) {
+  if (r <= few_columns) {  // more are dearer than a Cholesky factor for each size
     const SymmetricEigen e = symmetric_eigen(A);
     const VectorXd q = e.values.cwiseMax(0.0), y = (e.vectors.transpose() * b).cwiseAbs2();
     for (Eigen::Index k = 0; k < sizes; ++k) {
-      const double v = term.variance[k];
+      const double v = variance[k];
       gain[k] = 0.5 * (v * y.array() / (1.0 + v * q.array()) - (v * q.array()).log1p()).sum();
     }
     return gain;
   }
   for (Eigen::Index k = 0; k < sizes; ++k) {
-    const double v = term.variance[k];
+    const double v = variance[k];
     MatrixXd M = v * A;
     M.diagonal().array() += 1.0;
     const Eigen::LLT<MatrixXd> llt(M);
@@ -82,9 +81,32 @@ VectorXd gains(const Term& term, const State& state) {
   return gain;
 }
 
+// Sizes of a term that are worth looking at: those of the coarse grid, and where the best of them explains enough all of the fine one about it.
+struct Sizes {
+  std::vector<int> at;  // of Term::variance
+  VectorXd explained, log_prior;
+};
+Sizes sizes_of(const Term& term, const State& state, double enough) {
+  Sizes sizes;
+  const int all = static_cast<int>(term.variance.size());
+  for (int k = 0; k < all; k += term.stride) sizes.at.push_back(k);
+  sizes.explained = gains(term, state, term.variance(sizes.at));
+  sizes.log_prior = VectorXd(term.log_prior(sizes.at)).array() + std::log(term.stride);
+  if (term.stride == 1) return sizes;
+  Eigen::Index top = 0;
+  if (!((sizes.explained + sizes.log_prior).maxCoeff(&top) > enough)) return sizes;
+  const int middle = sizes.at[static_cast<std::size_t>(top)];
+  sizes.at.clear();
+  for (int k = std::max(0, middle - term.stride + 1); k < std::min(all, middle + term.stride); ++k)
+    sizes.at.push_back(k);
+  sizes.explained = gains(term, state, term.variance(sizes.at));
+  sizes.log_prior = term.log_prior(sizes.at);
+  return sizes;
+}
+
 MatrixXd coordinates_of(const Weights& weights, const MatrixXd& L, Eigen::Index rows) {
   MatrixXd x = MatrixXd::Zero(rows, L.cols());
-  for (std::size_t k = 0; k < weights.parts.size(); ++k) {
+  for (std::size_t k = 0; k < static_cast<std::size_t>(rows / piece_dims); ++k) {
     const Weights::Part& part = weights.parts[k];
     if (part.of.cols() > 0)
       x.middleRows<piece_dims>(piece_dims * static_cast<Eigen::Index>(k)).noalias() =
@@ -155,17 +177,18 @@ LogWeights weigh_models(const UnderNoise& under) {
         const Term& term = table.terms[t];
         const auto same = [&](const ModelTerm& m) { return static_cast<std::size_t>(m.term) == t; };
         if (std::any_of(state->terms.begin(), state->terms.end(), same)) continue;
-        const VectorXd explained = gains(term, *state), gain = explained + term.log_prior;
+        const Sizes sizes = sizes_of(term, *state, best - negligible - state->log_weight);
+        const VectorXd gain = sizes.explained + sizes.log_prior;
         Eigen::Index top = 0;
         gain.maxCoeff(&top);
         for (Eigen::Index k = 0; k < gain.size(); ++k) {
           const double log_weight = state->log_weight + gain[k];
           if (!(log_weight > best - negligible)) continue;
-          Next one = {log_weight, state->terms, {static_cast<int>(t), static_cast<int>(k)}, state};
+          Next one = {log_weight, state->terms, {static_cast<int>(t), sizes.at[static_cast<std::size_t>(k)]}, state};
           one.terms.push_back(one.last);
           std::sort(one.terms.begin(), one.terms.end());
           seen.emplace(one.terms, log_weight);
-          if (k == top && explained[k] > explains) of_state.push_back(std::move(one));
+          if (k == top && sizes.explained[k] > explains) of_state.push_back(std::move(one));
         }
       }
       const auto heavier = [](const Next& a, const Next& b) { return a.log_weight > b.log_weight; };
@@ -258,15 +281,15 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   std::map<std::vector<std::string>, double> sets;  // of keys
   std::map<std::string, int> column_of;
   std::map<std::string, std::pair<double, double>> log_tau;
+  const auto term_of = [&](const WeighedModel& m, const ModelTerm& t) -> const Term& {
+    return under[m.noise].table->terms[static_cast<std::size_t>(t.term)];
+  };
   for (const WeighedModel& m : posterior.models) {
-    const auto term_of = [&](const ModelTerm& t) -> const Term& {
-      return under[m.noise].table->terms[static_cast<std::size_t>(t.term)];
-    };
     std::set<Branch> mine, named;
     for (const ModelTerm& t : m.terms) {
-      if (term_of(t).kind == TermKind::noise) continue;
-      mine.insert(branch(term_of(t)));
-      if (term_of(t).kind == TermKind::effect) named.insert(branch(term_of(t)));
+      if (term_of(m, t).kind == TermKind::noise) continue;
+      mine.insert(branch(term_of(m, t)));
+      if (term_of(m, t).kind == TermKind::effect) named.insert(branch(term_of(m, t)));
     }
     for (const Branch& b : mine) any[b] += m.probability;
     for (const Branch& b : named) by_name[b] += m.probability;
@@ -275,14 +298,17 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   double something = 0.0;
   for (const WeighedModel& m : posterior.models) {
     std::vector<std::string> keys;
+    std::set<Branch> mine;
     bool missing = false, stands = true, patterns = false;
+    for (const ModelTerm& t : m.terms)
+      if (term_of(m, t).kind == TermKind::effect) mine.insert(branch(term_of(m, t)));
     for (const ModelTerm& t : m.terms) {
-      const Term& term = under[m.noise].table->terms[static_cast<std::size_t>(t.term)];
+      const Term& term = term_of(m, t);
       if (term.kind == TermKind::noise) continue;
       missing = true;
       if (term.kind == TermKind::pattern) {
         patterns = true;
-        stands = stands && by_name[branch(term)] > named_share * any[branch(term)];
+        stands = stands && mine.count(branch(term)) == 0 && by_name[branch(term)] > named_share * any[branch(term)];
         continue;
       }
       for (const int c : term.columns) {

@@ -22,8 +22,9 @@ using Reading = Eigen::Matrix<double, 6, 1>;
 
 // Prior odds of something of a kind.
 constexpr double prior_effects = 0.7, prior_patterns = 0.7, prior_wander = 0.5;
-// Sizes of patterns and of a wander, in usual ones.
-const std::vector<double> pattern_sizes = {0.17, 0.5, 1.7, 5.0, 17.0, 50.0, 170.0};
+// Sizes of patterns and of a wander, in usual ones: steps of a factor of three, and so many parts of each.
+constexpr double smallest_pattern = 0.17, pattern_step = 3.16;
+constexpr int pattern_steps = 6, fine_parts = 4;
 const std::vector<double> effect_sizes = {2.0, 5.0, 12.0, 30.0, 80.0, 250.0, 1000.0};
 // Usual sizes by data sheets of units of navigation grade, 0.003 deg/sqrt(h) and 10 ug/sqrt(Hz); others go with the noise.
 constexpr double usual_gyro_bias_degph = 0.03, usual_accel_bias_ug = 3.0, usual_ppm = 3.0;
@@ -168,7 +169,8 @@ class TakenUp {
  public:
   TakenUp(const Pieces& pieces, const Parameters& fit, const std::vector<int>& columns) : fit_(fit), columns_(columns) {
     Eigen::Matrix4d gyro = Eigen::Matrix4d::Zero(), accel = Eigen::Matrix4d::Zero();
-    for (const ErrorCell& cell : pieces.cells) {
+    for (std::size_t c = 0; c < pieces.fitted_cells; ++c) {
+      const ErrorCell& cell = pieces.cells[c];
       const Eigen::Vector4d g = regressors(cell, true), a = regressors(cell, false);
       gyro += cell.at.duration_s * g * g.transpose();
       accel += cell.at.duration_s * a * a.transpose();
@@ -237,15 +239,26 @@ MatrixXd factor(const MatrixXd& K, double floor, Eigen::Index most = 1000) {
 
 struct Epochs {
   VectorXd time_s, temperature_c;
+  Eigen::VectorXi recording;
+  Eigen::Index fitted = 0;  // those behind them are held out
+  // What goes with time is of each recording by itself.
+  MatrixXd in_each(MatrixXd K) const {
+    for (Eigen::Index i = 0; i < K.rows(); ++i)
+      for (Eigen::Index j = 0; j < K.cols(); ++j)
+        if (recording[i] != recording[j]) K(i, j) = 0.0;
+    return K;
+  }
 };
 Epochs epochs_of(const Pieces& pieces) {
-  Epochs e = {VectorXd::Zero(pieces.epochs), VectorXd::Zero(pieces.epochs)};
+  Epochs e = {VectorXd::Zero(pieces.epochs), VectorXd::Zero(pieces.epochs), Eigen::VectorXi::Zero(pieces.epochs), 0};
   VectorXd weight = VectorXd::Zero(pieces.epochs);
   for (const ErrorCell& cell : pieces.cells) {
     e.time_s[cell.epoch] += cell.at.duration_s * cell.at.time_s;
     e.temperature_c[cell.epoch] += cell.at.duration_s * cell.at.temperature_c;
     weight[cell.epoch] += cell.at.duration_s;
+    e.recording[cell.epoch] = cell.at.recording;
   }
+  if (pieces.fitted_cells > 0) e.fitted = pieces.cells[pieces.fitted_cells - 1].epoch + 1;
   e.time_s = e.time_s.cwiseQuotient(weight.cwiseMax(1e-9));
   e.temperature_c = e.temperature_c.cwiseQuotient(weight.cwiseMax(1e-9));
   return e;
@@ -263,6 +276,12 @@ MatrixXd walk(const VectorXd& x) {
     for (Eigen::Index j = 0; j < x.size(); ++j) K(i, j) = std::min(x[i], x[j]);
   return K;
 }
+VectorXd numbers_of(const Epochs& e) {  // 1, 2 ... in each recording
+  VectorXd number = VectorXd::Ones(e.recording.size());
+  for (Eigen::Index i = 1; i < number.size(); ++i)
+    if (e.recording[i] == e.recording[i - 1]) number[i] = number[i - 1] + 1.0;
+  return number;
+}
 
 std::vector<Kernel> kernels_of(const Epochs& e) {
   const Eigen::Index n = e.time_s.size();
@@ -270,14 +289,15 @@ std::vector<Kernel> kernels_of(const Epochs& e) {
   if (n < 4) return all;
   const double length = e.time_s.maxCoeff() - e.time_s.minCoeff();
   all.push_back({Driver::unknown, MatrixXd::Identity(n, n)});
-  all.push_back({Driver::time, factor(walk(VectorXd::LinSpaced(n, 1.0, static_cast<double>(n))), 1e-3)});
-  for (const double part : {0.3, 0.1}) all.push_back({Driver::time, factor(smooth(e.time_s, part * length), 1e-4)});
+  all.push_back({Driver::time, factor(e.in_each(walk(numbers_of(e))), 1e-3)});
+  for (const double part : {0.3, 0.1})
+    all.push_back({Driver::time, factor(e.in_each(smooth(e.time_s, part * length)), 1e-4)});
   const double range = e.temperature_c.maxCoeff() - e.temperature_c.minCoeff();
   if (range > 0.3) all.push_back({Driver::temperature, factor(smooth(e.temperature_c, 0.35 * range), 1e-4)});
-  for (Eigen::Index j = 1; j < n; ++j) {
+  for (Eigen::Index j = 1; j < e.fitted; ++j) {
     MatrixXd step = MatrixXd::Zero(n, 1);
-    step.bottomRows(n - j).setOnes();
-    all.push_back({Driver::time, step, 1.0 / static_cast<double>(n)});
+    for (Eigen::Index i = j; i < e.fitted && e.recording[i] == e.recording[j]; ++i) step(i, 0) = 1.0;
+    all.push_back({Driver::time, step, 1.0 / static_cast<double>(e.fitted)});
   }
   return all;
 }
@@ -302,11 +322,12 @@ Quantity canonical(Sensor sensor, Quantity quantity, Driver driver) {
 
 // Half-Cauchy about one usual size.
 void pattern_prior(double share, double kind, double smaller, Term& term) {
-  const auto n = static_cast<Eigen::Index>(pattern_sizes.size());
+  term.stride = term.L.cols() > few_columns ? fine_parts : 1;
+  const Eigen::Index n = pattern_steps * term.stride + 1;
   term.variance.resize(n);
   term.log_prior.resize(n);
   for (Eigen::Index k = 0; k < n; ++k) {
-    const double size = pattern_sizes[static_cast<std::size_t>(k)];
+    const double size = smallest_pattern * std::pow(pattern_step, static_cast<double>(k) / term.stride);
     term.variance[k] = std::pow(size * smaller, 2);
     term.log_prior[k] = size / (1.0 + size * size);
   }
@@ -328,6 +349,9 @@ class Table {
   Table(const Pieces& pieces, const NoiseModel& noise, const Parameters& fit, const std::vector<int>& columns)
       : pieces_(pieces), grades_(grades_of(noise)), taken_up_(pieces, fit, columns) {
     for (const ErrorCell& cell : pieces.cells) length_s_ = std::max(length_s_, cell.at.time_s);
+    if (pieces.cells.empty()) return;
+    fitted_ = pieces.cells[pieces.fitted_cells - 1].at.recording + 1;
+    held_out_ = pieces.cells.back().at.recording + 1 - fitted_;
   }
 
   void add_patterns() {
@@ -377,8 +401,13 @@ class Table {
              effects[end].tau_s == effects[begin].tau_s && effects[end].recording == effects[begin].recording)
         ++end;
       const auto wide = static_cast<Eigen::Index>(end - begin);
+      const bool own = effects[begin].entry->of_one_run;  // a recording that is held out has another value
       const std::size_t basis = add_basis(
-          wide, wide, [](std::size_t) { return 0; },
+          own ? wide * (1 + held_out_) : wide, wide,
+          [&](std::size_t k) {
+            const std::size_t cell = pieces_.pieces[k].rest_cell;
+            return own && cell >= pieces_.fitted_cells ? wide * (pieces_.cells[cell].at.recording - fitted_ + 1) : 0;
+          },
           [&](std::size_t c, const ErrorCell&) {
             return Readings(readings[c].middleCols(static_cast<Eigen::Index>(begin), wide));
           });
@@ -419,7 +448,7 @@ class Table {
           place(cell, readings, part.of);
         else
           rows.middleCols(part.first, mine) += pieces_.responses[c] * readings;
-        TakenUp::add(cell, readings, part.first, sums);
+        if (c < pieces_.fitted_cells) TakenUp::add(cell, readings, part.first, sums);
       });
       if (!by_hand()) weights.add(std::move(part));
     }
@@ -458,14 +487,14 @@ class Table {
     const MatrixXd d = differences(epochs.time_s);
     MatrixXd flicker = MatrixXd::Zero(d.rows(), d.cols());
     for (const double tau : {200.0, 600.0, 2000.0}) flicker.array() += (-d / tau).array().exp();
-    const std::vector<MatrixXd> kernels = {walk(epochs.time_s), flicker};
+    const std::vector<MatrixXd> kernels = {epochs.in_each(walk(epochs.time_s)), epochs.in_each(flicker)};
     for (const MatrixXd& K : kernels) {
       Term term;
       term.about_mean = &K == &kernels.front();
       term.kind = TermKind::noise;
       term.what.sensor = std::string(to_string(sensor)) + "s";
       term.basis = basis;
-      term.L = side_by_side(factor(K, 3e-3, wander_rank), wide);
+      term.L = side_by_side(factor(K, 3e-3, wander_rank * (1 + held_out_)), wide);
       pattern_prior(1.0 / static_cast<double>(kernels.size()), prior_wander, 0.1, term);
       table_.terms.push_back(std::move(term));
     }
@@ -500,12 +529,14 @@ class Table {
                    std::string(to_string(first.entry->driver)), std::string(first.entry->name), 0.0};
       term.basis = basis;
       term.columns = g.columns;
-      term.L = MatrixXd::Zero(block.Q.rows(), static_cast<Eigen::Index>(g.columns.size()));
+      const Eigen::Index all_of = block.Q.rows(), wide = first.entry->of_one_run ? all_of / (1 + held_out_) : all_of;
+      const Eigen::Index many = std::ssize(g.columns);
+      term.L = MatrixXd::Zero(all_of, many * (all_of / wide));
       double widest = 0.0;
-      for (std::size_t j = 0; j < g.columns.size(); ++j) {
-        const int at = table.column_of_effect[static_cast<std::size_t>(g.columns[j])];
+      for (Eigen::Index j = 0; j < many; ++j) {
+        const int at = table.column_of_effect[static_cast<std::size_t>(g.columns[static_cast<std::size_t>(j)])];
         const double sigma = 1.0 / std::sqrt(block.Q(at, at));
-        term.L(at, static_cast<Eigen::Index>(j)) = sigma;
+        for (Eigen::Index of = 0; of < all_of / wide; ++of) term.L(of * wide + at, of * many + j) = sigma;
         widest = std::max(widest, sigma);
       }
       const double cap = largest_size * usual_of(*first.entry) / widest;
@@ -540,6 +571,7 @@ class Table {
   TermTable table_;
   std::vector<double> shares_;
   double length_s_ = 0.0;
+  int fitted_ = 1, held_out_ = 0;  // recordings
 };
 
 }  // namespace

@@ -21,6 +21,9 @@
 
 namespace turncal {
 
+// A size that many columns show is known well: of more than these the grid of sizes is finer.
+inline constexpr Eigen::Index few_columns = 12;
+
 enum class TermKind { effect, pattern, noise };
 
 struct Term {
@@ -29,6 +32,7 @@ struct Term {
   std::size_t basis = 0;
   Eigen::MatrixXd L;
   Eigen::VectorXd variance, log_prior;  // of each size
+  int stride = 1;                       // every so many of them make a coarse grid
   bool about_mean = true;               // what biases and matrices take up of it over the recording is theirs
   std::vector<int> columns;             // of an effect: in TermTable::effects
 };

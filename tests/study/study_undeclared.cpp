@@ -8,7 +8,7 @@
 //                a bias and the sensor's row of the matrix take up is taken off, so that the truth of the parameters stands (taken_up.h)
 //   catalogue    one of the rig's effects, at twice what the clean recording detects (5 sigma)
 //   clean        nothing
-// Ideal z is drawn log-uniform. What is more than a unit of that grade has, or to nine tenths other values of the parameters, is drawn again.
+// Ideal z, of both recordings, is drawn log-uniform. What is more than a unit of that grade has, or to nine tenths other values of the parameters, is drawn again.
 // --only: column 4 holds the word.
 //
 // The ideal is the fit that knows the noise, and of the effect all but its size: one pass over the clean recording with the effect's true column
@@ -164,7 +164,7 @@ struct Effect {
   Strings drivers;
   Disturbance whole;   // one unit of it
   Disturbance column;  // without what the parameters take up
-  double z = 0.0;      // ideal
+  double z = 0.0;      // ideal, of both recordings
 };
 
 Effect draw_any(Random& r) {
@@ -345,11 +345,11 @@ struct Clean {  // a recording before anything is laid on it
   FilterSetup setup;  // with the known noise
   std::vector<Moment> moments;
 };
-Clean clean_of(const RigRecording& made, const RigNoise& noise) {
-  Clean c{made.recording, joint_estimate(made.recording), {}, {}};
+Clean clean_of(const CompressedRecording& recording, JointResult fit, const Parameters& truth, const RigNoise& noise) {
+  Clean c{recording, std::move(fit), {}, {}};
   c.setup = c.fit.setup;
   c.setup.noise = known_noise(noise, c.fit.noise);
-  each_moment(made.recording, made.truth, [&](std::size_t, const Moment& m) { c.moments.push_back(m); });
+  each_moment(recording, truth, [&](std::size_t, const Moment& m) { c.moments.push_back(m); });
   return c;
 }
 
@@ -396,6 +396,21 @@ Ideal ideal_of(const Clean& clean, const Parameters& truth, const Disturbance& c
   }
   ideal.sigma = (ideal.sigma + ideal.more).cwiseSqrt();
   return ideal;
+}
+
+// z of one unit of the column in both recordings: what is not of a switch-on is common.
+double z_of_both(const Clean& clean, const Clean& held, const Disturbance& column) {
+  const std::vector<int>& base = free_parameters();
+  const FilterResult one = pass_with(clean, {}, {column}), other = pass_with(held, {}, {column});
+  const int p = parameter_count, own = p + 1;
+  Eigen::MatrixXd A = Eigen::MatrixXd::Zero(own + 6, own + 6);
+  A.topLeftCorner(own, own) = one.information.topLeftCorner(own, own);
+  std::vector<int> place, columns = base;
+  for (int k = 0; k < own; ++k) place.push_back(k < 6 ? own + k : k);
+  A(place, place) += other.information.topLeftCorner(own, own);
+  for (int k = 0; k < 6; ++k) columns.push_back(own + k);
+  const Scores scores = eliminate(A, Eigen::VectorXd::Zero(A.rows()), columns, {p});
+  return std::sqrt(scores.Q(0, 0));
 }
 
 bool is_usual(const Clean& clean, const Grade& grade, const Disturbance& added) {
@@ -585,7 +600,9 @@ void run(const std::string& kind, std::uint64_t seed, const std::map<std::string
   give_temperature(made, unit.temperature_c);
   give_temperature(held, unit.temperature_c);
   const Parameters over_run = truth_over(made, sequence, unit.config);
-  const Clean clean = clean_of(made, unit.config.noise);
+  const Clean clean = clean_of(made.recording, joint_estimate(made.recording), made.truth, unit.config.noise);
+  const Clean other =
+      clean_of(held.recording, estimate_beside(held.recording, clean.fit.parameters), held.truth, unit.config.noise);
   const int draws = nothing ? 1 : std::stoi(options.at("--draws"));
   for (int k = 0, tries = 0; k < draws && tries < 1000; ++tries) {
     Effect e;
@@ -599,7 +616,8 @@ void run(const std::string& kind, std::uint64_t seed, const std::map<std::string
       if (!e.whole || e.what.find(options.at("--only")) == std::string::npos) continue;
       e.column = without_parameters(e.whole, made.recording, made.truth);
       ideal = ideal_of(clean, over_run, e.column);
-      size = (r() % 2 == 0 ? 1.0 : -1.0) * e.z / ideal.z_of_one;
+      const double z_of_one = catalogue ? ideal.z_of_one : z_of_both(clean, other, e.column);
+      size = (r() % 2 == 0 ? 1.0 : -1.0) * e.z / z_of_one;
       if (ideal.z_of_one == 0.0 || !is_usual(clean, unit.grade, times(size, e.column))) continue;
     }
     CompressedRecording recording = made.recording, holdout = held.recording;
@@ -631,7 +649,8 @@ void run(const std::string& kind, std::uint64_t seed, const std::map<std::string
     const std::vector<int>& free = free_parameters();
     const Eigen::VectorXd sigma = (errors.sigma.array() > 0.0).select(errors.sigma, std::nan(""))(free);
     const Eigen::ArrayXd variance = ideal.sigma.cwiseAbs2(), more = ideal.more;
-    const Eigen::VectorXd touched = (more > 0.093 * variance || e.z * e.z * more > 0.09 * variance).cast<double>();
+    const Eigen::VectorXd touched =
+        (more > 0.093 * variance || std::pow(size * ideal.z_of_one, 2) * more > 0.09 * variance).cast<double>();
     std::string line = fmt::format(
         "{}|{}|{}|{}|{}|{:d}|{:.2f}|{:.4f}|{}|{:d}|{}|{:.2f}|{}|{}|{}|{}", kind, seed, k++, e.what, unit.grade.name,
         unit.unsteady, e.z, said.anything, to_string(d.verdict), d.trusted, text_of(said.nodes), seconds,
