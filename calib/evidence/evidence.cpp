@@ -53,9 +53,8 @@ std::vector<EffectColumn> columns_beside(const std::vector<EstimatedEffect>& eff
   return columns;
 }
 
-void put_back(const Values& effects, const std::vector<Values>& held_out, PieceSystem& system, UnderNoise& under) {
+void put_back(const Values& effects, const std::vector<Values>& held_out, const TermTable& table, PieceSystem& system) {
   if (effects.empty()) return;
-  const TermTable& table = *under.table;
   Eigen::VectorXd x = Eigen::VectorXd::Zero(system.coordinates());
   for (std::size_t e = 0; e < effects.size(); ++e) {
     const EstimatedEffect& effect = effects[e];
@@ -72,7 +71,9 @@ void put_back(const Values& effects, const std::vector<Values>& held_out, PieceS
     }
   }
   system.put_back(x);
-  for (std::size_t k = 0; k < table.bases.size(); ++k) under.blocks[k].s = system.score(table.bases[k]);
+}
+void score_again(UnderNoise& under) {
+  for (std::size_t k = 0; k < under.blocks.size(); ++k) under.blocks[k].s = under.system->score(under.table->bases[k]);
 }
 
 void conclude(Posterior posterior, const std::vector<EstimatedEffect>& effects, Evidence& result) {
@@ -143,6 +144,19 @@ struct Together {
   std::vector<Values> taken_off;   // of each that is held out
 };
 
+// The blocks of the averages: without what is held out.
+void of_the_fit_alone(Evidence& e) {
+  for (std::size_t n = 0; n < e.at_each_noise.size(); ++n) {
+    UnderNoise& under = e.at_each_noise[n];
+    std::vector<char> wanted(under.table->bases.size(), 0);
+    for (const std::size_t basis : under.table->basis_of_effect) wanted[basis] = 1;
+    for (const WeighedModel& m : e.posterior.models)
+      for (const ModelTerm& t : m.terms)
+        if (m.noise == n) wanted[under.table->terms[static_cast<std::size_t>(t.term)].basis] = 1;
+    under.blocks = under.system->blocks(under.table->bases, wanted);
+  }
+}
+
 }  // namespace
 
 Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings,
@@ -180,22 +194,23 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
     result.columns = view.columns;
     if (!view.system) return result;
     Together all = join(view, part);
-    UnderNoise together, one;
+    UnderNoise together;
     if (result.at_each_noise.empty()) {
       together = make_terms(all.system, all.pieces, effects, all.readings, fit.noise, fit.parameters, result.columns);
     } else {
       const auto& table = result.at_each_noise.front().table;
       together = {&all.system, table, all.system.blocks(table->bases)};
     }
-    one = all.taken_off.empty() ? together
-                                : UnderNoise{nullptr, together.table, view.system->blocks(together.table->bases)};
-    one.system = view.system.get();
-    put_back(taken_off, all.taken_off, all.system, together);
-    put_back(taken_off, all.taken_off, *view.system, one);
+    const TermTable& table = *together.table;
+    put_back(taken_off, all.taken_off, table, all.system);
+    put_back(taken_off, all.taken_off, table, *view.system);
+    if (!taken_off.empty()) score_again(together);
     models.push_back(weigh_models(together));
-    result.at_each_noise.push_back(std::move(one));
+    together.system = view.system.get();
+    result.at_each_noise.push_back(std::move(together));
   }
   conclude(posterior_of(models), taken_off, result);
+  if (!held_out.empty()) of_the_fit_alone(result);
   const WeighedModel& best = result.posterior.models.front();
   const PiecewiseView& view = result.views[best.noise];
   test_pieces(view.recording, view.pieces, result.at_each_noise[best.noise], best, result.omnibus);

@@ -49,7 +49,9 @@ std::vector<EffectColumn> columns_beside(const std::vector<EstimatedEffect>& eff
                                          std::vector<EffectColumn> columns);
 // The effects were taken off in `system`: from here on they are in the data. Of each recording that is held out, the same with its own values.
 using Values = std::vector<EstimatedEffect>;
-void put_back(const Values& effects, const std::vector<Values>& held_out, PieceSystem& system, UnderNoise& under);
+void put_back(const Values& effects, const std::vector<Values>& held_out, const TermTable& table, PieceSystem& system);
+// What is in `under` of it, anew.
+void score_again(UnderNoise& under);
 // What is said, by the posterior of result.at_each_noise.
 void conclude(Posterior posterior, const std::vector<EstimatedEffect>& effects, Evidence& result);
 

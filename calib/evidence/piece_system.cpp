@@ -215,14 +215,16 @@ VectorXd PieceSystem::score(const Weights& weights) const {
   return s;
 }
 
-std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& weights) const {
+std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& weights,
+                                                    const std::vector<char>& wanted) const {
+  const auto columns = [&](std::size_t k) { return wanted.empty() || wanted[k] ? weights[k].columns : 0; };
   Eigen::Index all = 0;
-  for (const Weights& w : weights) all += w.columns;
   std::vector<Block> result(weights.size());
   for (std::size_t k = 0; k < weights.size(); ++k) {
+    all += columns(k);
     // With itself, and half of what it has with later pieces.
-    result[k].Q.setZero(weights[k].columns, weights[k].columns);
-    result[k].s = score(weights[k]);
+    result[k].Q.setZero(columns(k), columns(k));
+    if (columns(k) > 0) result[k].s = score(weights[k]);
   }
   MatrixXd cross = MatrixXd::Zero(R_.cols(), all);
   // Side by side, products of many columns cost little more than those of one. Transposed: a row a column.
@@ -234,10 +236,10 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
     from_later.noalias() = later * link.E;
     next.noalias() = later * link.M;
     Eigen::Index at = 0;
-    for (std::size_t k = 0; k < weights.size(); at += weights[k].columns, ++k) {
+    for (std::size_t k = 0; k < weights.size(); at += columns(k), ++k) {
       const Weights::Part& part = weights[k].parts[a];
-      const Eigen::Index n = weights[k].columns, m = part.of.cols();
-      if (m == 0) continue;
+      const Eigen::Index n = columns(k), m = part.of.cols();
+      if (n == 0 || m == 0) continue;
       W = part.of.transpose();
       auto mine = result[k].Q.middleRows(part.first, m);
       const auto rows = rows_of(part);
@@ -254,9 +256,9 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
     later.swap(next);
   }
   Eigen::Index at = 0;
-  for (std::size_t k = 0; k < weights.size(); at += weights[k].columns, ++k) {
+  for (std::size_t k = 0; k < weights.size(); at += columns(k), ++k) {
     Block& block = result[k];
-    const auto by_parameters = cross.middleCols(at, weights[k].columns);
+    const auto by_parameters = cross.middleCols(at, columns(k));
     block.shift = A_inverse_ * by_parameters;
     block.Q = (block.Q + block.Q.transpose()).eval();
     block.before = block.Q.diagonal();

@@ -59,7 +59,8 @@ class PieceSystem {
     Eigen::MatrixXd shift;   // parameters x columns
     Eigen::VectorXd before;  // diagonal of Q before the parameters were eliminated
   };
-  std::vector<Block> blocks(const std::vector<Weights>& weights) const;
+  // `wanted`, of each; empty: all. Of the others nothing is in the result.
+  std::vector<Block> blocks(const std::vector<Weights>& weights, const std::vector<char>& wanted = {}) const;
   Eigen::VectorXd score(const Weights& weights) const;  // Block::s, which put_back() changes
   const Eigen::VectorXd& scores() const { return s_; }  // of the coordinates
   double floor() const { return floor_; }
