@@ -361,8 +361,11 @@ class Diagnosing {
     d_.holdout_before = held_out.error(d_.base, noise);
     d_.holdout_after = extended ? held_out.error(fit, noise) : d_.holdout_before;
     if (options_.holdouts.empty()) return;
-    if (d_.trusted && d_.holdout_after.normalised_rms > GateLimits{}.highest_error)
-      withdraw("the error on held-out data is larger than noise explains");
+    const auto too_large = [&](const CompressedRecording* holdout) {
+      return error_beyond_sigmas(*holdout, d_.extended, noise) > GateLimits{}.highest_error;
+    };
+    if (d_.trusted && std::any_of(options_.holdouts.begin(), options_.holdouts.end(), too_large))
+      withdraw("the error on held-out data is larger than noise and the sigmas explain");
   }
   void withdraw(const std::string& why) {
     d_.verdict = Verdict::unexplained;

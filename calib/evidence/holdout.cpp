@@ -8,6 +8,7 @@
 #include "calib/joint/joint_estimate.h"
 #include "calib/joint/noise_fit.h"
 #include "calib/model/limits.h"
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {
@@ -136,6 +137,25 @@ JointResult model_on_holdout(const CompressedRecording& holdout, const JointResu
   }
   setup.with_columns = false;
   return model;
+}
+
+double error_beyond_sigmas(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise) {
+  JointResult model = model_on_holdout(holdout, result, noise);
+  model.setup.with_columns = true;
+  const FilterResult pass =
+      run_filter(holdout, model.parameters, effect_model_of(model, holdout.info.latitude_deg), model.setup);
+  const std::vector<int> own = own_columns(result);
+  std::vector<int> common, place;  // columns, and where they stand in the covariance
+  for (std::size_t k = 0; k < result.free.size(); ++k)
+    if (std::find(own.begin(), own.end(), result.free[k]) == own.end()) {
+      common.push_back(result.free[k]);
+      place.push_back(static_cast<int>(k));
+    }
+  Eigen::MatrixXd A = pass.information;
+  A(common, common) += balanced_inverse(result.covariance(place, place));
+  const SubsetSolution given_way = solve_subset(A, pass.gradient, result.free, result.ranges);
+  const double chi_square = pass.chi_square + given_way.step.dot(Eigen::VectorXd(pass.gradient(result.free)));
+  return std::sqrt(chi_square / static_cast<double>(std::max<std::int64_t>(pass.observations, 1)));
 }
 
 HoldoutGate HoldoutGate::holdouts(const std::vector<const CompressedRecording*>& recordings) {

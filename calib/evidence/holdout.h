@@ -32,6 +32,10 @@ Eigen::Vector2d own_noise_of(const CompressedRecording& holdout, const JointResu
 // biases and headings are found together, to where they move no more.
 JointResult model_on_holdout(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise);
 
+// The normalised error on a holdout that neither noise nor the sigmas of the result explain: its parameters and effects give way by what their
+// covariance, of result.free, allows.
+double error_beyond_sigmas(const CompressedRecording& holdout, const JointResult& result, const NoiseModel& noise);
+
 // What a model gains on held-out data over another, both with the same noise. With d the difference of their normalised innovations
 // the gain is |d|^2 in the mean where the richer model is right and -|d|^2 where the other is, with standard error 2 |d|.
 struct HoldoutGain {

@@ -101,6 +101,16 @@ TEST(Diagnosis, AliasClassIsNamedAndASecondRecordingTells) {
   EXPECT_TRUE(both.aliases.at("accel_second_order").empty());
 }
 
+// A cubic that the fit knows to a tenth is far off at the faster turns of the holdout: so far as its sigma says.
+TEST(Diagnosis, ErrorThatTheSigmasExplainLeavesTheTrust) {
+  RigConfig config = unit(17);
+  config.effects.gyro_rate_nonlinearity = {400.0, 0.0, 0.0};
+  const Diagnosis d = diagnose_with_holdout(make(config));
+  EXPECT_EQ(d.verdict, Verdict::extended) << d.reason;
+  EXPECT_TRUE(d.trusted);
+  EXPECT_GT(d.holdout_after.normalised_rms, GateLimits{}.highest_error);
+}
+
 TEST(Diagnosis, BiasStepGetsNoName) {
   RigConfig config = unit(14);
   config.outside.gyro_bias_step = {2, 2900.0, 0.06};
