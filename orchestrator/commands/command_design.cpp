@@ -9,7 +9,6 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
-#include <memory>
 
 #include "calib/navigation/alignment.h"
 #include "calib/prediction/predict.h"
@@ -61,7 +60,7 @@ std::string column_name(const std::vector<NamedPrediction>& columns, const std::
   return same == 1 ? name : name + "#" + std::to_string(same);
 }
 
-Status run_predict(const PredictRequest& request, std::ostream& out) {
+Status run_predict(const PredictRequest& request, CommandContext& context) {
   TRY(check_request(request));
   DriftPlan drift_plan;
   drift_plan.align_s = request.align_s;
@@ -115,38 +114,9 @@ Status run_predict(const PredictRequest& request, std::ostream& out) {
     document.section("never", "Never observable");
     for (const std::string_view quantity : unobservable_quantities()) document.text(std::string(quantity));
   }
-  out << (request.format.empty() ? as_text(document) : as_json(document));
+  context.out << as(request.format, document);
   return {};
 }
-
-void add_site_options(const Command& command, PlannedSite& site) {
-  command.option("--station", site.station, "station configuration; default: the built-in rig station");
-  command.option("--latitude", site.latitude_deg, "deg; default: the station's");
-  command.option("--gravity", site.gravity_mps2, "m/s^2; default: the station's");
-  command.option("--arw", site.arw_deg_per_rt_h, "angle random walk, deg/sqrt(h)").default_in_help();
-  command.option("--vrw", site.vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").default_in_help();
-  command.option("--gyro-bias-instability", site.gyro_bias_instability_degph, "deg/h").default_in_help();
-  command.option("--accel-bias-instability", site.accel_bias_instability_ug, "ug").default_in_help();
-}
-
-}  // namespace
-
-void add_predict_command(CommandLine& line, CommandContext& context) {
-  const auto request = std::make_shared<PredictRequest>();
-  const Command command =
-      line.command("predict", "the sigma each parameter would have after a sequence; nothing moves");
-  command.option("--sequence", request->sequences, "sequence file; several stand side by side").required();
-  add_site_options(command, request->site);
-  command.flag("--effects", request->effects, "the smallest effects that would be caught, and which are confused");
-  command.option("--temperature-rise", request->temperature_rise_c, "C over the run, for --effects").default_in_help();
-  command.option("--temperature-tau", request->temperature_tau_s, "its time constant, s").default_in_help();
-  command.option("--navigate", request->navigate, "drift of free navigation after this time: 1h, 90min, 5400s");
-  command.option("--align", request->align_s, "alignment before it, s").range(20.0, 86400.0).default_in_help();
-  command.option("--format", request->format, "print it in this form instead of words").one_of({"json"});
-  command.prints(context, [request, &context] { return run_predict(*request, context.out); });
-}
-
-namespace {
 
 constexpr double longest_design_s = 43200.0;  // that is looked for, with --sigma
 constexpr const char* longest_extra_legs = "10min";
@@ -435,32 +405,56 @@ class Designer {
   Walk walk_;
 };
 
+Status design(const DesignOptions& options, CommandContext& context) { return Designer(options, context).run(); }
+
 }  // namespace
 
-void add_design_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<DesignOptions>();
-  const Command command = line.command("design", "find a sequence with small sigmas in a given time; nothing moves");
-  command.option("--time", options->time, "length of the run: 40min, 2h, 2400");
-  command.option("--sigma", options->sigma,
+void add_site_options(const Command& command, PlannedSite& site) {
+  command.option("--station", site.station, "station configuration; default: the built-in rig station");
+  command.option("--latitude", site.latitude_deg, "deg; default: the station's");
+  command.option("--gravity", site.gravity_mps2, "m/s^2; default: the station's");
+  command.option("--arw", site.arw_deg_per_rt_h, "angle random walk, deg/sqrt(h)").default_in_help();
+  command.option("--vrw", site.vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").default_in_help();
+  command.option("--gyro-bias-instability", site.gyro_bias_instability_degph, "deg/h").default_in_help();
+  command.option("--accel-bias-instability", site.accel_bias_instability_ug, "ug").default_in_help();
+}
+
+void add_predict_command(CommandLine& line) {
+  const auto [command, request] = line.command<PredictRequest>(
+      "predict", "the sigma each parameter would have after a sequence; nothing moves", run_predict, Output::result);
+  command.option("--sequence", request.sequences, "sequence file; several stand side by side").required();
+  add_site_options(command, request.site);
+  command.flag("--effects", request.effects, "the smallest effects that would be caught, and which are confused");
+  command.option("--temperature-rise", request.temperature_rise_c, "C over the run, for --effects").default_in_help();
+  command.option("--temperature-tau", request.temperature_tau_s, "its time constant, s").default_in_help();
+  command.option("--navigate", request.navigate, "drift of free navigation after this time: 1h, 90min, 5400s");
+  command.option("--align", request.align_s, "alignment before it, s").range(20.0, 86400.0).default_in_help();
+  command.option("--format", request.format, "print it in this form instead of words").one_of({"json"});
+}
+
+void add_design_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<DesignOptions>("design", "find a sequence with small sigmas in a given time; nothing moves", design);
+  command.option("--time", options.time, "length of the run: 40min, 2h, 2400");
+  command.option("--sigma", options.sigma,
                  "in place of it: a file of sigmas (N01 = 0.003); the shortest run that gives them");
-  command.option("--separate", options->separate,
+  command.option("--separate", options.separate,
                  "an effect of a diagnosis: the shortest legs, at most --time (10min), that tell it from its aliases");
-  command.option("--from", options->from, "the recording, or run, with that diagnosis");
-  command.option("--out", options->out, "the sequence file to write").required();
-  add_site_options(command, options->site);
-  command.option("--start", options->start, "sequence whose turns the search begins with; default: the fourteen steps");
-  command.option("--aim", options->criterion, "make the mean of all sigmas small, or the worst")
+  command.option("--from", options.from, "the recording, or run, with that diagnosis");
+  command.option("--out", options.out, "the sequence file to write").required();
+  add_site_options(command, options.site);
+  command.option("--start", options.start, "sequence whose turns the search begins with; default: the fourteen steps");
+  command.option("--aim", options.criterion, "make the mean of all sigmas small, or the worst")
       .one_of({"mean", "worst"})
       .default_in_help();
-  command.option("--effects", options->effects, "effects of the catalogue that it should show");
-  command.option("--axes", options->axes, "axes that may turn: heading, pitch, roll; default: all");
-  command.option("--rate", options->rates, "rates to choose from, deg/s; default: 10, or what the axis may");
-  command.option("--acceleration", options->acceleration_degps2, "deg/s^2; default: 20, or what the table may")
+  command.option("--effects", options.effects, "effects of the catalogue that it should show");
+  command.option("--axes", options.axes, "axes that may turn: heading, pitch, roll; default: all");
+  command.option("--rate", options.rates, "rates to choose from, deg/s; default: 10, or what the axis may");
+  command.option("--acceleration", options.acceleration_degps2, "deg/s^2; default: 20, or what the table may")
       .positive();
-  command.option("--least-rest", options->least_rest_s, "of a rest, s").range(2.0, 3600.0).default_in_help();
-  command.option("--seed", options->seed, "of the search").range(0, 1000000000).default_in_help();
-  command.option("--tries", options->tries, "walks to judge").range(1, 1000000).default_in_help();
-  command.runs(context, [options, &context] { return Designer(*options, context).run(); });
+  command.option("--least-rest", options.least_rest_s, "of a rest, s").range(2.0, 3600.0).default_in_help();
+  command.option("--seed", options.seed, "of the search").range(0, 1000000000).default_in_help();
+  command.option("--tries", options.tries, "walks to judge").range(1, 1000000).default_in_help();
 }
 
 }  // namespace turncal

@@ -13,11 +13,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <filesystem>
 #include <map>
-#include <memory>
 #include <set>
 
 #include "imu_io/base/atomic_file.h"
@@ -149,7 +147,7 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
     return {};
   }
   const auto print = [&](const Document& document) {
-    out << (options.format.empty() ? as_text(document) : as_json(document)) << std::flush;
+    out << as(options.format, document) << std::flush;
     return Status{};
   };
   if (!options.compare.empty()) return print(TRY(comparison(all, options.compare)));
@@ -193,7 +191,8 @@ Status show_attempts(const HistoryOptions& options, const ResultsDatabase& datab
   return {};
 }
 
-Status show_history(const HistoryOptions& options, std::ostream& out) {
+Status show_history(const HistoryOptions& options, CommandContext& context) {
+  std::ostream& out = context.out;
   if (!options.format.empty() && (!options.csv.empty() || !options.report.empty()))
     return input_error("--format: prints: expected no --csv or --report, which write a file");
   if (options.format == "csv" && (!options.compare.empty() || !options.parameter.empty() || options.control))
@@ -229,7 +228,8 @@ struct RestoreOptions {
   bool simulated = false;
 };
 
-Status restore(const RestoreOptions& options, std::ostream& out) {
+Status restore(const RestoreOptions& options, CommandContext& context) {
+  std::ostream& out = context.out;
   if (options.version > 0) {
     TRY(restore_version(options.store, options.unit, options.version, options.simulated));
   }
@@ -247,50 +247,6 @@ Status restore(const RestoreOptions& options, std::ostream& out) {
   }
   return damaged;
 }
-
-void add_filter_options(const Command& command, RecordFilter& filter) {
-  command.option("--station", filter.station, "of this station only");
-  command.option("--part", filter.part, "of this part only");
-  command.option("--from", filter.from, "from this time on, UTC: 2026-01-31 or 2026-01-31T06:00:00Z");
-  command.option("--to", filter.to, "up to this time; a date: to its end");
-}
-
-}  // namespace
-
-void add_history_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<HistoryOptions>();
-  const Command command = line.command("history", "list, compare and export what is in the results database");
-  command.option("database", options->database, "the station's record.database").required();
-  add_filter_options(command, options->filter);
-  command.option("--unit", options->filter.unit, "of this unit only");
-  command.option("--verdict", options->filter.verdict, "with this verdict or outcome only: pass, hold, dropped, ...");
-  command.flag("--attempts", options->attempts, "every attempt, also those that were refused, aborted, or failed");
-  command.option("--compare", options->compare, "two ids: the differences of one unit's parameters").words(2);
-  command.flag("--control", options->control, "every parameter over all calibrations: control limits and Cpk");
-  command.option("--parameter", options->parameter, "one parameter, calibration by calibration");
-  command.option("--report", options->report, "writes a page (HTML) with the control charts of every parameter");
-  command.flag("--simulated", options->simulated, "of the dry runs, for --control, --parameter and --report");
-  command.flag("--together", options->together, "charts of all units in one: the spread between them");
-  command.option("--csv", options->csv, "writes the calibrations with all values to this file");
-  command
-      .option("--format", options->format,
-              "print the calibrations with all values in this form; json: of the others, too")
-      .one_of(data_formats);
-  command.prints(context, [options, &context] { return show_history(*options, context.out); });
-}
-
-void add_restore_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<RestoreOptions>();
-  const Command command =
-      line.command("restore", "list the versions of a unit's parameter file, bring one back into use");
-  command.option("store", options->store, "the station's record.store").required();
-  command.option("--unit", options->unit, "serial number of the unit").required();
-  command.option("--version", options->version, "the version to bring back; without it they are listed").positive();
-  command.flag("--simulated", options->simulated, "of the dry runs");
-  command.prints(context, [options, &context] { return restore(*options, context.out); });
-}
-
-namespace {
 
 struct ShiftOptions {
   std::string database, out, format;
@@ -319,12 +275,13 @@ Status write_shift(const ShiftOptions& options, const ShiftReport& report, const
   return write_files_atomically(files);
 }
 
-Status run_shift(const ShiftOptions& options, std::ostream& out) {
+Status run_shift(const ShiftOptions& options, CommandContext& context) {
+  std::ostream& out = context.out;
   if (options.pdf && options.out.empty()) return input_error("--pdf: expected --out DIR, where it is to go");
   const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
   const ShiftReport report = TRY(shift_report(database, options.database, options.filter, options.simulated));
   const Document document = shift_document(report);
-  out << (options.format.empty() ? as_text(document) : as_json(document));
+  out << as(options.format, document);
   if (options.out.empty()) return {};
   TRY(write_shift(options, report, document));
   if (options.format.empty())
@@ -332,23 +289,6 @@ Status run_shift(const ShiftOptions& options, std::ostream& out) {
         << (options.pdf ? "\npdf      " + options.out + "/shift.pdf" : "") << '\n';
   return {};
 }
-
-}  // namespace
-
-void add_shift_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<ShiftOptions>();
-  const Command command =
-      line.command("shift", "the report of a shift: yield, reasons, hours, control charts, stations");
-  command.option("database", options->database, "the station's record.database").required();
-  add_filter_options(command, options->filter);
-  command.flag("--simulated", options->simulated, "of the dry runs, which are in no report with real units");
-  command.option("--out", options->out, "folder for the report: shift.html and its tables as CSV");
-  command.option("--format", options->format, "print the report in this form instead of words").one_of({"json"});
-  command.flag("--pdf", options->pdf, "with --out: shift.pdf too, by weasyprint");
-  command.runs(context, [options, &context] { return run_shift(*options, context.out); });
-}
-
-namespace {
 
 struct DatabaseOptions {
   std::string action, database, other, out;
@@ -399,7 +339,8 @@ Status make_roles(const DatabaseOptions& options, std::ostream& out) {
   return {};
 }
 
-Status run_database(const DatabaseOptions& options, std::ostream& out) {
+Status run_database(const DatabaseOptions& options, CommandContext& context) {
+  std::ostream& out = context.out;
   if (options.action == "backup") return backup(options, out);
   if (!options.out.empty()) return input_error("--out " + options.out + ": expected with backup only");
   if (options.action == "copy") return copy_rows(options, out);
@@ -410,24 +351,6 @@ Status run_database(const DatabaseOptions& options, std::ostream& out) {
   out << options.database << ": whole, " << contents_of(database) << '\n';
   return {};
 }
-
-}  // namespace
-
-void add_database_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<DatabaseOptions>();
-  const Command command =
-      line.command("database", "check, back up or copy a results database; make the roles of a server");
-  command.option("action", options->action, "check, backup, copy or roles")
-      .required()
-      .one_of({"check", "backup", "copy", "roles"});
-  command.option("database", options->database, "the station's record.database: a file, or postgresql://USER@HOST/NAME")
-      .required();
-  command.option("other", options->other, "for copy: the database that the rows are added to, each once");
-  command.option("--out", options->out, "file for the backup");
-  command.prints(context, [options, &context] { return run_database(*options, context.out); });
-}
-
-namespace {
 
 namespace fs = std::filesystem;
 
@@ -477,7 +400,8 @@ Status remove(const OldRecording& recording) {
 
 std::string megabytes(std::uintmax_t bytes) { return fmt::format("{:.1f} MB", 1e-6 * static_cast<double>(bytes)); }
 
-Status prune(const PruneOptions& options, std::ostream& out) {
+Status prune(const PruneOptions& options, CommandContext& context) {
+  std::ostream& out = context.out;
   std::error_code error;
   fs::recursive_directory_iterator entries(options.folder, error);
   if (error) return input_error(options.folder + ": cannot be read: " + error.message());
@@ -519,14 +443,70 @@ Status prune(const PruneOptions& options, std::ostream& out) {
 
 }  // namespace
 
-void add_prune_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<PruneOptions>();
-  const Command command = line.command(
-      "prune", "remove old recordings of finished units; never the last one of a unit, nor one that is on hold");
-  command.option("folder", options->folder, "folder with the folders of runs").required();
-  command.option("--older-than", options->days, "days since the recording was sealed").range(1, 36500).required();
-  command.flag("--list", options->list, "only say what would be removed");
-  command.runs(context, [options, &context] { return prune(*options, context.out); });
+void add_filter_options(const Command& command, RecordFilter& filter) {
+  command.option("--station", filter.station, "of this station only");
+  command.option("--part", filter.part, "of this part only");
+  command.option("--from", filter.from, "from this time on, UTC: 2026-01-31 or 2026-01-31T06:00:00Z");
+  command.option("--to", filter.to, "up to this time; a date: to its end");
+}
+
+void add_history_command(CommandLine& line) {
+  const auto [command, options] = line.command<HistoryOptions>(
+      "history", "list, compare and export what is in the results database", show_history, Output::result);
+  command.option("database", options.database, "the station's record.database").required();
+  add_filter_options(command, options.filter);
+  command.option("--unit", options.filter.unit, "of this unit only");
+  command.option("--verdict", options.filter.verdict, "with this verdict or outcome only: pass, hold, dropped, ...");
+  command.flag("--attempts", options.attempts, "every attempt, also those that were refused, aborted, or failed");
+  command.option("--compare", options.compare, "two ids: the differences of one unit's parameters").words(2);
+  command.flag("--control", options.control, "every parameter over all calibrations: control limits and Cpk");
+  command.option("--parameter", options.parameter, "one parameter, calibration by calibration");
+  command.option("--report", options.report, "writes a page (HTML) with the control charts of every parameter");
+  command.flag("--simulated", options.simulated, "of the dry runs, for --control, --parameter and --report");
+  command.flag("--together", options.together, "charts of all units in one: the spread between them");
+  command.option("--csv", options.csv, "writes the calibrations with all values to this file");
+  command.format(options.format, "print the calibrations with all values in this form; json: of the others, too");
+}
+
+void add_restore_command(CommandLine& line) {
+  const auto [command, options] = line.command<RestoreOptions>(
+      "restore", "list the versions of a unit's parameter file, bring one back into use", restore, Output::result);
+  command.option("store", options.store, "the station's record.store").required();
+  command.option("--unit", options.unit, "serial number of the unit").required();
+  command.option("--version", options.version, "the version to bring back; without it they are listed").positive();
+  command.flag("--simulated", options.simulated, "of the dry runs");
+}
+
+void add_shift_command(CommandLine& line) {
+  const auto [command, options] = line.command<ShiftOptions>(
+      "shift", "the report of a shift: yield, reasons, hours, control charts, stations", run_shift);
+  command.option("database", options.database, "the station's record.database").required();
+  add_filter_options(command, options.filter);
+  command.flag("--simulated", options.simulated, "of the dry runs, which are in no report with real units");
+  command.option("--out", options.out, "folder for the report: shift.html and its tables as CSV");
+  command.option("--format", options.format, "print the report in this form instead of words").one_of({"json"});
+  command.flag("--pdf", options.pdf, "with --out: shift.pdf too, by weasyprint");
+}
+
+void add_database_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<DatabaseOptions>("database", "check, back up or copy a results database; make the roles of a server",
+                                    run_database, Output::result);
+  command.option("action", options.action, "check, backup, copy or roles")
+      .required()
+      .one_of({"check", "backup", "copy", "roles"});
+  command.option("database", options.database, "the station's record.database: a file, or postgresql://USER@HOST/NAME")
+      .required();
+  command.option("other", options.other, "for copy: the database that the rows are added to, each once");
+  command.option("--out", options.out, "file for the backup");
+}
+
+void add_prune_command(CommandLine& line) {
+  const auto [command, options] = line.command<PruneOptions>(
+      "prune", "remove old recordings of finished units; never the last one of a unit, nor one that is on hold", prune);
+  command.option("folder", options.folder, "folder with the folders of runs").required();
+  command.option("--older-than", options.days, "days since the recording was sealed").range(1, 36500).required();
+  command.flag("--list", options.list, "only say what would be removed");
 }
 
 }  // namespace turncal

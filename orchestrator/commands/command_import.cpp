@@ -8,7 +8,6 @@
 // a recording (.tcr), by the name of the file.
 // Refused: a wrong checksum, a missing key, parameters of another unit, simulated parameters on a real unit's recording.
 //
-#include "imu_io/base/data_text.h"
 // `turncal convert PARAMETERS --header FILE --binary FILE --yaml FILE`: a parameter file in other forms (docs/parameter-forms.md).
 //
 // `turncal navigate RECORDING --parameters FILE [--against FILE] --out DIR`: free inertial navigation with calibrated increments, and
@@ -23,6 +22,7 @@
 #include "calib/rests/rest_units.h"
 #include "calib/statistics/segmentation.h"
 #include "imu_io/base/atomic_file.h"
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/recordings/csv_map_import.h"
 #include "imu_io/recordings/matrix_writer.h"
@@ -155,23 +155,6 @@ Status import_mapped_csv(const TextOptions& from, CommandContext& context) {
   return {};
 }
 
-}  // namespace
-
-void add_segment_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<SegmentOptions>();
-  const Command command = line.command("segment", "find the rests of a recording and write it with segments");
-  command.option("source", options->source, "recording: a folder or a .tcr file").required();
-  command.option("--out", options->out, "folder to write to; must not hold a recording yet").required();
-  command
-      .option("--threshold", options->threshold,
-              "variance over the quiet one at which a rest ends; default: looked for")
-      .range(1.0, 1e12);
-  command.option("--min-rest", options->min_rest_s, "shortest rest, s").range(0.1, 3600.0);
-  command.runs(context, [options, &context] { return segment_recording(*options, context); });
-}
-
-namespace {
-
 Status say(RecordingSource& source, const char* what, const std::string& out, CommandContext& context) {
   const std::string hash = TRY(source.content_hash());
   if (const std::string damage = describe(source.damage()); !damage.empty()) context.out << damage << '\n';
@@ -214,38 +197,6 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
   TRY(export_text(*source, folder.path()));
   return finish(*source, folder, "exported to", context);
 }
-
-// What both commands take.
-Command add(CommandLine& line, CommandContext& context, const char* name, const char* help, const char* source_help,
-            const char* help_out, const std::shared_ptr<TextOptions>& options,
-            Status (*job)(const TextOptions&, CommandContext&)) {
-  const Command command = line.command(name, help);
-  command.option("source", options->source, source_help).required();
-  command.option("--out", options->out, help_out).required();
-  command.runs(context, [options, job, &context] { return job(*options, context); });
-  return command;
-}
-
-}  // namespace
-
-void add_import_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<TextOptions>();
-  const Command command =
-      add(line, context, "import", "read the text form of a recording or any table of numbers, write the binary one",
-          "folder with recording.conf, imu.csv, segments.csv; with --map a CSV, .npy or .mat file",
-          "folder to write to; must not hold a recording yet", options, import_text);
-  const Option map = command.option("--map", options->map, "file on the columns of the table, docs/hand-data.md");
-  command.option("--accel", options->accel, "the accelerometers' file, where they have one of their own").needs(map);
-  command.flag("--skip-bad-rows", options->skip_bad_rows, "leave out rows with a defect, and count them");
-}
-
-void add_export_command(CommandLine& line, CommandContext& context) {
-  add(line, context, "export", "write a recording in text form, or its samples as .npy or .mat",
-      "recording: a folder or a .tcr file", "folder to write to, must not hold a recording yet; or a .npy or .mat file",
-      std::make_shared<TextOptions>(), export_recording);
-}
-
-namespace {
 
 struct ApplyOptions {
   std::string recording;
@@ -309,22 +260,6 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
   return {};
 }
 
-}  // namespace
-
-void add_apply_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<ApplyOptions>();
-  const Command command = line.command("apply", "write calibrated increments of a recording");
-  command.option("recording", options->recording, "a folder (binary or text form) or a .tcr file").required();
-  command.option("--parameters", options->parameters, "parameter file").required();
-  command
-      .option("--out", options->out,
-              "file to write: .csv, .npy, .mat or .tcr (a recording); an existing one is replaced, whole")
-      .required();
-  command.runs(context, [options, &context] { return apply(*options, context); });
-}
-
-namespace {
-
 struct ConvertOptions {
   std::string parameters;
   std::string header;
@@ -354,20 +289,6 @@ Status convert(const ConvertOptions& options, CommandContext& context) {
   for (const NamedText& form : forms) context.out << "written  " << form.path << '\n';
   return {};
 }
-
-}  // namespace
-
-void add_convert_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<ConvertOptions>();
-  const Command command = line.command("convert", "a parameter file as C header, binary block or YAML");
-  command.option("parameters", options->parameters, "parameter file").required();
-  command.option("--header", options->header, "C header to write");
-  command.option("--binary", options->binary, "binary block with a checksum to write");
-  command.option("--yaml", options->yaml, "YAML file to write");
-  command.runs(context, [options, &context] { return convert(*options, context); });
-}
-
-namespace {
 
 constexpr double longest_recording_s = 1e7;
 
@@ -409,16 +330,68 @@ Status navigate(const NavigateOptions& options, CommandContext& context) {
 
 }  // namespace
 
-void add_navigate_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<NavigateOptions>();
-  NavigationRequest& request = options->request;
-  const Command command = line.command("navigate", "free inertial navigation of a recording: what it drifts");
+void add_segment_command(CommandLine& line) {
+  const auto [command, options] = line.command<SegmentOptions>(
+      "segment", "find the rests of a recording and write it with segments", segment_recording);
+  command.option("source", options.source, "recording: a folder or a .tcr file").required();
+  command.option("--out", options.out, "folder to write to; must not hold a recording yet").required();
+  command
+      .option("--threshold", options.threshold, "variance over the quiet one at which a rest ends; default: looked for")
+      .range(1.0, 1e12);
+  command.option("--min-rest", options.min_rest_s, "shortest rest, s").range(0.1, 3600.0);
+}
+
+void add_import_command(CommandLine& line) {
+  const auto [command, options] = line.command<TextOptions>(
+      "import", "read the text form of a recording or any table of numbers, write the binary one", import_text);
+  command
+      .option("source", options.source,
+              "folder with recording.conf, imu.csv, segments.csv; with --map a CSV, .npy or .mat file")
+      .required();
+  command.option("--out", options.out, "folder to write to; must not hold a recording yet").required();
+  const Option map = command.option("--map", options.map, "file on the columns of the table, docs/hand-data.md");
+  command.option("--accel", options.accel, "the accelerometers' file, where they have one of their own").needs(map);
+  command.flag("--skip-bad-rows", options.skip_bad_rows, "leave out rows with a defect, and count them");
+}
+
+void add_export_command(CommandLine& line) {
+  const auto [command, options] = line.command<TextOptions>(
+      "export", "write a recording in text form, or its samples as .npy or .mat", export_recording);
+  command.option("source", options.source, "recording: a folder or a .tcr file").required();
+  command.option("--out", options.out, "folder to write to, must not hold a recording yet; or a .npy or .mat file")
+      .required();
+}
+
+void add_apply_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<ApplyOptions>("apply", "write calibrated increments of a recording", apply);
+  command.option("recording", options.recording, "a folder (binary or text form) or a .tcr file").required();
+  command.option("--parameters", options.parameters, "parameter file").required();
+  command
+      .option("--out", options.out,
+              "file to write: .csv, .npy, .mat or .tcr (a recording); an existing one is replaced, whole")
+      .required();
+}
+
+void add_convert_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<ConvertOptions>("convert", "a parameter file as C header, binary block or YAML", convert);
+  command.option("parameters", options.parameters, "parameter file").required();
+  command.option("--header", options.header, "C header to write");
+  command.option("--binary", options.binary, "binary block with a checksum to write");
+  command.option("--yaml", options.yaml, "YAML file to write");
+}
+
+void add_navigate_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<NavigateOptions>("navigate", "free inertial navigation of a recording: what it drifts", navigate);
+  NavigationRequest& request = options.request;
   command.option("recording", request.recording, "a folder (binary or text form) or a .tcr file").required();
   command.option("--parameters", request.parameters, "parameter file; left out where `turncal apply` has been at work");
   command.option("--against", request.against, "another parameter file, navigated beside it");
   command.option("--reference", request.reference,
                  "where the unit truly was: a table of time_s, latitude_deg, longitude_deg (docs/navigation.md)");
-  command.option("--out", options->out, "folder for navigation.conf, track.csv, navigation.svg").required();
+  command.option("--out", options.out, "folder for navigation.conf, track.csv, navigation.svg").required();
   command.option("--align", request.align_s, "length of the alignment, s").range(20.0, 86400.0).default_in_help();
   command.option("--from", request.from_s, "where to begin, s from the first sample")
       .range(0.0, longest_recording_s)
@@ -428,9 +401,7 @@ void add_navigate_command(CommandLine& line, CommandContext& context) {
   command.option("--for", request.free_s, "length of each free navigation, s; default: an hour, or what there is")
       .range(1.0, longest_recording_s);
   command.option("--branches", request.branches, "starts, spread over the recording").range(1, 1000).default_in_help();
-  command.option("--format", options->format, "print navigation.conf in this form instead of words")
-      .one_of(data_formats);
-  command.runs(context, [options, &context] { return navigate(*options, context); });
+  command.format(options.format, "print navigation.conf in this form instead of words");
 }
 
 }  // namespace turncal

@@ -5,7 +5,6 @@
 // `turncal certificate RUN... --station FILE --out HTML [--pdf FILE] [--specimen]`: the paper that goes to the customer (docs/certificate.md);
 // `--check HTML`: whether one is as it was issued.
 #include <algorithm>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -121,47 +120,12 @@ Status verify(const VerifyOptions& options, CommandContext& context) {
   return options.recording.empty() ? measure(options, context) : judge_again(options, context);
 }
 
-}  // namespace
-
-void add_verify_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<VerifyOptions>();
-  RunRequest& run = options->run;
-  const Command command = line.command("verify", "north seeking with a calibration, or readings beside references");
-  command.option("--parameters", options->parameters, "parameter file of the unit");
-  command.option("--unit", options->unit, "serial number of the unit");
-  command.option("--out", options->folder, "folder for the recording and verification.conf");
-  command.option("--station", run.station, "station configuration, with its limits; default: the built-in rig station");
-  command.flag("--dry-run", run.dry_run, "use the built-in rig in virtual time");
-  command.flag("--manual", run.manual, "the table is turned by hand");
-  command.option("--rig", run.rig, "rig configuration (docs/rig.md); default: the built-in one");
-  command.option("--sequence", run.sequence, "another sequence than verify.seq: align sets the zero, dwell counts");
-  command.option("--recording", options->recording, "judge what was recorded before; nothing moves");
-  command
-      .option("--from-step", options->first_step, "of a recording: where the north seeking begins, after a calibration")
-      .range(0, 1'000'000);
-  command.option("--references", options->references,
-                 "CSV of readings: heading_deg,roll_deg,pitch_deg and the same with reference_ in front");
-  command
-      .option("--format", options->format,
-              "of --recording and --references: print the file in this form instead of words")
-      .one_of(data_formats);
-  add_watch_options(command, run);
-  add_record_options(command, run);
-  command.runs(context, [options, &context] { return verify(*options, context); });
-}
-
 struct CertificateRequest {
   std::vector<std::string>
       runs;             // folders, oldest first: the last one's result is certified, all give the repeatability
   std::string station;  // laboratory.*, customer.*
   bool specimen = false;
 };
-
-// Errors: kind input for folders without a result, of several units, of a recording given twice, or in another order; unit_failed for results that are simulated or not
-// trusted, unless a specimen is asked for.
-Result<std::string> make_certificate(const CertificateRequest& request);
-
-namespace {
 
 // Why the result is for nobody's use; empty: it may be certified.
 std::string objection(const ParameterFile& file) {
@@ -208,8 +172,8 @@ std::vector<std::string> recordings_of(const ParameterFile& file) {
   return hashes;
 }
 
-}  // namespace
-
+// Errors: kind input for folders without a result, of several units, of a recording given twice, or in another order; unit_failed for
+// results that are simulated or not trusted, unless a specimen is asked for.
 Result<std::string> make_certificate(const CertificateRequest& request) {
   Certificate certificate;
   StationConfig station = TRY(read_station_config(request.station));
@@ -257,8 +221,6 @@ Result<std::string> make_certificate(const CertificateRequest& request) {
   return certificate_page(certificate);
 }
 
-namespace {
-
 struct CertificateOptions {
   CertificateRequest request;
   std::string html;
@@ -301,17 +263,39 @@ Status certify(const CertificateOptions& options, CommandContext& context) {
 
 }  // namespace
 
-void add_certificate_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<CertificateOptions>();
-  CertificateRequest& request = options->request;
-  const Command command = line.command("certificate", "the calibration certificate of a unit, for its customer");
+void add_verify_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<VerifyOptions>("verify", "north seeking with a calibration, or readings beside references", verify);
+  RunRequest& run = options.run;
+  command.option("--parameters", options.parameters, "parameter file of the unit");
+  command.option("--unit", options.unit, "serial number of the unit");
+  command.option("--out", options.folder, "folder for the recording and verification.conf");
+  command.option("--station", run.station, "station configuration, with its limits; default: the built-in rig station");
+  command.flag("--dry-run", run.dry_run, "use the built-in rig in virtual time");
+  command.flag("--manual", run.manual, "the table is turned by hand");
+  command.option("--rig", run.rig, "rig configuration (docs/rig.md); default: the built-in one");
+  command.option("--sequence", run.sequence, "another sequence than verify.seq: align sets the zero, dwell counts");
+  command.option("--recording", options.recording, "judge what was recorded before; nothing moves");
+  command
+      .option("--from-step", options.first_step, "of a recording: where the north seeking begins, after a calibration")
+      .range(0, 1'000'000);
+  command.option("--references", options.references,
+                 "CSV of readings: heading_deg,roll_deg,pitch_deg and the same with reference_ in front");
+  command.format(options.format, "of --recording and --references: print the file in this form instead of words");
+  add_watch_options(command, run);
+  add_record_options(command, run);
+}
+
+void add_certificate_command(CommandLine& line) {
+  const auto [command, options] = line.command<CertificateOptions>(
+      "certificate", "the calibration certificate of a unit, for its customer", certify);
+  CertificateRequest& request = options.request;
   command.option("run", request.runs, "folders of runs of one unit, oldest first; the last one is certified");
   command.option("--station", request.station, "station configuration, with laboratory.* and customer.*");
-  command.option("--out", options->html, "HTML file to write");
-  command.option("--check", options->check, "HTML file that was issued: whether it is as it was");
-  command.option("--pdf", options->pdf, "PDF file to write, by weasyprint");
+  command.option("--out", options.html, "HTML file to write");
+  command.option("--check", options.check, "HTML file that was issued: whether it is as it was");
+  command.option("--pdf", options.pdf, "PDF file to write, by weasyprint");
   command.flag("--specimen", request.specimen, "a specimen with a watermark, also of simulated and untrusted results");
-  command.runs(context, [options, &context] { return certify(*options, context); });
 }
 
 }  // namespace turncal

@@ -11,7 +11,6 @@
 #include "calib/evidence/felt_latitude.h"
 #include "calib/evidence/rest_diagnosis.h"
 #include "calib/joint/several_recordings.h"
-#include "calib/model/limits.h"
 #include "calib/rests/rest_model.h"
 #include "calib/rests/rest_units.h"
 #include "calib/statistics/clipping.h"

@@ -1,7 +1,5 @@
 #include "orchestrator/jobs/diagnosis_job.h"
 
-#include <algorithm>
-
 #include "calib/evidence/rest_diagnosis.h"
 #include "calib/rests/single_pose.h"
 #include "imu_io/base/format_number.h"
@@ -9,7 +7,6 @@
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/navigation/navigation_job.h"
 #include "orchestrator/report/diagnosis_file.h"
-#include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/rest_as_diagnosis.h"
 #include "orchestrator/report/result_table.h"
 

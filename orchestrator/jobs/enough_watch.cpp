@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 
 #include "calib/evidence/last_rest.h"
 #include "calib/prediction/predict.h"

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <utility>
 
 #include "calib/rests/rest_data.h"
 #include "calib/statistics/clipping.h"

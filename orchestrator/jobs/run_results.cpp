@@ -9,7 +9,6 @@
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/devices/truth.h"
@@ -71,9 +70,8 @@ std::string finding_of(const Diagnosis& d) {
   std::vector<std::string> parts;
   for (const std::string& name : d.effect_names) {
     double strongest = 0.0;
-    for (const EstimatedEffect& e : d.extended.effects)
-      if (e.column.entry && e.column.entry->name == name && e.sigma > 0.0)
-        strongest = std::max(strongest, std::abs(e.value) / e.sigma);
+    for (const EstimatedEffect* e : components_of(d.extended, name))
+      if (e->sigma > 0.0) strongest = std::max(strongest, std::abs(e->value) / e->sigma);
     parts.push_back(name + " (" + significant(strongest, 2) + " sigma)");
   }
   return join(parts);

@@ -1,14 +1,20 @@
-// What is in a results database: its control charts as a document, its rows as tables for other programs.
+// What is in a results database: its control charts as figures and as a document, its rows as tables for other programs.
 #pragma once
 
 #include <string>
 #include <vector>
 
 #include "imu_io/base/data_text.h"
+#include "orchestrator/line/parameter_history.h"
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/report/document.h"
 
 namespace turncal {
+
+// Control charts as figures: every point with its sigma, control limits, limits in force, and what the run rules say.
+// A table of mean, limits and capability of each quantity, then charts in groups of one unit each, three to a row. A quantity without
+// values has no row, and one that is in no group, or always the same, no chart.
+void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document& document);
 
 // Every parameter over the calibrations. `all`: oldest first, either real or simulated. `source`: where they come from, in words.
 Document history_document(const std::vector<StoredCalibration>& all, const std::string& source);

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "imu_io/base/data_text.h"
-#include "orchestrator/line_report/control_panel.h"
+#include "orchestrator/line_report/history_document.h"
 
 namespace turncal {
 namespace {

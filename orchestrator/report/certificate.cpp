@@ -13,28 +13,12 @@
 #include "orchestrator/report/document.h"
 
 namespace turncal {
+
+extern const std::string_view certificate_css;  // certificate.css
+
 namespace {
 
 using namespace cell;
-
-const char* const certificate_css = R"(
-body { font: 10pt/1.35 "DejaVu Sans", Arial, sans-serif; color: #111; max-width: 190mm; margin: 6mm auto; padding: 0 4mm; }
-h1 { font-size: 18pt; margin: 0; } h2 { font-size: 11pt; margin: 4mm 0 1mm; border-bottom: .3mm solid #888; }
-.no { margin: 0 0 2mm; color: #444; } .two { display: flex; flex-wrap: wrap; gap: 0 8mm; } .two > section { flex: 1 1 75mm; }
-.facts td { border: 0; vertical-align: top; font-size: 9pt; overflow-wrap: anywhere; } .facts td:first-child { color: #555; width: 32mm; }
-table { border-collapse: collapse; width: 100%; font-size: 8pt; } th, td { padding: .5mm 1.2mm; text-align: left; border-bottom: .1mm solid #ccc; }
-th.n, td.n { text-align: right; } td.n { font-variant-numeric: tabular-nums; white-space: nowrap; } th { font-weight: 600; }
-section { overflow-x: auto; } table:not(.facts) td:nth-child(2), table:not(.facts) th { white-space: nowrap; } tr { break-inside: avoid; } h2 { break-after: avoid; } p { margin: 1mm 0; }
-.not { border: .6mm solid #b00; color: #b00; font-weight: 600; padding: 1.5mm 2mm; }
-.small, .hash { font-size: 8pt; color: #444; } .sign { display: flex; flex-wrap: wrap; gap: 0 8mm; justify-content: space-between; margin-top: 14mm; break-inside: avoid; }
-h1, p { overflow-wrap: anywhere; } .sign p { max-width: 100%; }
-.sign p:last-child { border-top: .3mm solid #111; min-width: 70mm; padding-top: 1mm; }
-.mark { position: fixed; top: 40%; left: 0; right: 0; text-align: center; font-size: 80pt; color: rgba(200, 0, 0, .18); transform: rotate(-30deg); z-index: 9; pointer-events: none; }
-@page { size: A4; margin: 15mm 12mm 16mm; @bottom-right { content: "page " counter(page) " of " counter(pages); font-size: 8pt; } }
-@page { @bottom-left { font-size: 7pt; } }
-@media screen { table:not(.facts) td:last-child { min-width: 42mm; } }
-@media print { body { margin: 0; padding: 0; max-width: none; } .hash { display: none; } section { overflow-x: visible; } }
-)";
 
 std::string of_record(const ParameterFile& file, const std::string& key, const std::string& otherwise = "-") {
   const std::string* const value = find_further(file, key);
@@ -308,9 +292,9 @@ std::string certificate_page(const Certificate& c) {
       html_escape(c.issued_utc) + "</p><p>" + html_escape(or_dash(c.parties.laboratory_signatory)) + "</p></div>\n";
   const auto page = [&](const std::string& hash) {
     return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Calibration certificate " + serial +
-           "</title>\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<style>" +
-           certificate_css + "@page { @bottom-left { content: \"" + hash + "\"; } }\n</style></head>\n<body>\n" + body +
-           std::string(before_hash) + hash + std::string(after_hash);
+           "</title>\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<style>\n" +
+           std::string(certificate_css) + "@page { @bottom-left { content: \"" + hash +
+           "\"; } }\n</style></head>\n<body>\n" + body + std::string(before_hash) + hash + std::string(after_hash);
   };
   return page(hash_of_text(page("")));
 }

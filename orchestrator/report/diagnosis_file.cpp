@@ -17,13 +17,6 @@
 namespace turncal {
 namespace {
 
-std::vector<const EstimatedEffect*> of_effect(const JointResult& result, std::string_view name) {
-  std::vector<const EstimatedEffect*> found;
-  for (const EstimatedEffect& e : result.effects)
-    if (e.column.entry != nullptr && e.column.entry->name == name) found.push_back(&e);
-  return found;
-}
-
 double holdout_value(const HoldoutError& error, double value) {
   return error.observations > 0 ? value : std::numeric_limits<double>::quiet_NaN();
 }
@@ -69,7 +62,7 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
     lines.number("lack_of_fit.log10_limit", d.omnibus.log10_limit());
   }
   for (const std::string& name : d.effect_names) {
-    const auto parts = of_effect(d.extended, name);
+    const auto parts = components_of(d.extended, name);
     for (const EstimatedEffect* e : parts) {
       lines.number("effect." + e->column.key(), e->value);
       lines.number("sigma.effect." + e->column.key(), e->sigma);
@@ -124,7 +117,7 @@ void describe_model(const JointResult& result, const CompressedRecording& record
   if (std::isfinite(recording.mean_temperature_c)) file.reference_temperature_c = result.reference_temperature_c;
   file.effects.clear();
   for (const std::string& name : by_strength(result)) {
-    const auto parts = of_effect(result, name);
+    const auto parts = components_of(result, name);
     for (const EstimatedEffect* e : parts)
       file.effects.push_back({name,
                               std::string(e->column.entry->components[static_cast<std::size_t>(e->column.component)]),

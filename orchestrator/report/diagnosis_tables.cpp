@@ -1,5 +1,3 @@
-#include "orchestrator/report/diagnosis_tables.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -8,6 +6,7 @@
 
 #include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/figures/score_chart.h"
+#include "orchestrator/report/report.h"
 
 namespace turncal {
 namespace {
@@ -135,8 +134,8 @@ void add_effects(const Diagnosis& diagnosis, const DiagnosisContext& context, Do
     if (context.worth)
       for (const auto& [effect, rate] : context.worth->effects)
         if (effect == wanted) worth = number(rate, 2);
-    for (const EstimatedEffect& e : diagnosis.extended.effects) {
-      if (e.column.entry == nullptr || e.column.entry->name != wanted) continue;
+    for (const EstimatedEffect* part : components_of(diagnosis.extended, wanted)) {
+      const EstimatedEffect& e = *part;
       if (terms.rows.empty() || terms.rows.back().cells.front().words != wanted)
         terms.row({name(wanted), text(e.column.entry->formula), wide(e.column.entry->term)});
       std::vector<Cell> cells = {name(key_text(e.column)), with_sigma(e.value, e.sigma), with_sigma(e.sigma, e.sigma),

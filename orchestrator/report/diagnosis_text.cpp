@@ -24,9 +24,7 @@ std::string component_name(const EffectColumn& column) {
 
 // "accel_second_order, second-order nonlinearity K2 (IEEE 1293), x 28.35 +- 0.91 ug/g^2 (31 sigma)": strongest components first.
 std::string describe_effect(const Diagnosis& diagnosis, const std::string& name, std::size_t most, bool with_term) {
-  std::vector<const EstimatedEffect*> parts;
-  for (const EstimatedEffect& e : diagnosis.extended.effects)
-    if (e.column.entry != nullptr && e.column.entry->name == name) parts.push_back(&e);
+  std::vector<const EstimatedEffect*> parts = components_of(diagnosis.extended, name);
   std::stable_sort(parts.begin(), parts.end(), [](auto* a, auto* b) { return z_of(*a) > z_of(*b); });
   std::vector<std::string> texts;
   for (std::size_t k = 0; k < std::min(most, parts.size()); ++k) {
@@ -139,14 +137,17 @@ std::string effects_clause(const Diagnosis& d) {
 }
 
 std::string verdict_title(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::clean: return "Clean";
-    case Verdict::extended: return "Extended";
-    case Verdict::unexplained: return "Unexplained";
-    case Verdict::noise_model: return "Noise model";
-    case Verdict::not_tested: return "Not tested";
-  }
-  return "";
+  std::string title = to_string(verdict);
+  std::replace(title.begin(), title.end(), '_', ' ');
+  title.front() = static_cast<char>(title.front() - 'a' + 'A');
+  return title;
+}
+
+std::vector<const EstimatedEffect*> components_of(const JointResult& result, std::string_view effect) {
+  std::vector<const EstimatedEffect*> found;
+  for (const EstimatedEffect& e : result.effects)
+    if (e.column.entry != nullptr && e.column.entry->name == effect) found.push_back(&e);
+  return found;
 }
 
 const CandidateScore* strongest_candidate(const Diagnosis& diagnosis) {

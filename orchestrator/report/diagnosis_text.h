@@ -31,6 +31,8 @@ double excess_energy(const HoldoutError& error);
 // Change that the effects made to each parameter, in sigma of the extended model; NaN where it is not determined.
 ParameterVector changes_in_sigma(const Diagnosis& diagnosis);
 
+// The components of an effect that were estimated.
+std::vector<const EstimatedEffect*> components_of(const JointResult& result, std::string_view effect);
 // The strongest of the scores.
 const CandidateScore* strongest_candidate(const Diagnosis& diagnosis);
 

@@ -65,8 +65,9 @@ struct Paragraph {
 
 // On the terminal in two columns, the second one wrapped; on a page a table, or a list.
 struct Facts {
-  std::vector<std::pair<std::string, std::string>> rows;
+  std::vector<std::pair<std::string, std::string>> rows = {};
   bool list = false;
+  void add(std::string label, std::string_view words) { rows.emplace_back(std::move(label), words); }
 };
 
 enum class Scope { all, page, terminal };  // page: and JSON
@@ -112,6 +113,11 @@ std::string html(const Content& content);  // of all but drawings
 
 // {"title", "text": [...], "facts": {...}, "tables": [[{...}]], "sections": [{"id", "title", ...}]}: keys of rows are the heads of columns.
 std::string as_json(const Document& document);
+
+// For people, or "json".
+inline std::string as(const std::string& format, const Document& document) {
+  return format.empty() ? as_text(document) : as_json(document);
+}
 
 // A file of keys and values (KeyValues) as one JSON object, or as CSV with a line a key.
 std::string key_values_as(std::string_view format, std::string_view lines);

@@ -4,31 +4,26 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <set>
+#include <map>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/figures/piped_program.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 namespace {
 
-// Characters beyond ASCII of a UTF-8 text, each once.
-std::set<std::string> unusual_characters(std::string_view text) {
-  std::set<std::string> found;
+// Characters beyond ASCII of a UTF-8 text, each once, with its code point.
+std::map<std::string, std::string> unusual_characters(std::string_view text) {
+  std::map<std::string, std::string> found;
   while (!text.empty()) {
-    const std::size_t length = std::max<std::size_t>(printable_character(text), 1);
-    if (length > 1) found.emplace(text.substr(0, length));
+    std::uint32_t code = 0;
+    const std::size_t length = printable_character(text) > 0 ? utf8_character(text, &code) : 1;
+    if (length > 1) found.emplace(text.substr(0, length), fmt::format("{:04X}", code));
     text.remove_prefix(length);
   }
   return found;
-}
-
-std::string code_of(const std::string& character) {
-  std::uint32_t code = static_cast<unsigned char>(character.front()) & (0x7FU >> character.size());
-  for (std::size_t i = 1; i < character.size(); ++i)
-    code = code << 6 | (static_cast<unsigned char>(character[i]) & 0x3FU);
-  return fmt::format("{:04X}", code);
 }
 
 // Those that no font installed here has: they are blank in the PDF. Without fontconfig nothing is known of it.
@@ -36,17 +31,17 @@ std::string without_font(const std::string& html) {
   constexpr std::size_t most_asked = 200, most_said = 5;
   std::vector<std::string> missing;
   std::size_t asked = 0;
-  for (const std::string& character : unusual_characters(html)) {
+  for (const auto& [character, code] : unusual_characters(html)) {
     if (++asked > most_asked) break;
     const Result<PipedOutput> fonts =
-        pipe_through({.name = "fc-list", .arguments = {":charset=" + code_of(character)}, .package = "fontconfig"}, "");
+        pipe_through({.name = "fc-list", .arguments = {":charset=" + code}, .package = "fontconfig"}, "");
     if (!fonts) return "";
-    if (fonts->output.empty()) missing.push_back(character + " (U+" + code_of(character) + ")");
+    if (fonts->output.empty()) missing.push_back(character + " (U+" + code + ")");
   }
   if (missing.empty()) return "";
-  std::string words;
-  for (std::size_t k = 0; k < std::min(missing.size(), most_said); ++k) words += (k > 0 ? ", " : "") + missing[k];
-  if (missing.size() > most_said) words += " and " + std::to_string(missing.size() - most_said) + " more";
+  const std::size_t said = std::min(missing.size(), most_said);
+  std::string words = join({missing.begin(), missing.begin() + static_cast<std::ptrdiff_t>(said)});
+  if (missing.size() > said) words += " and " + std::to_string(missing.size() - said) + " more";
   return "no installed font has " + words +
          ": blank in the PDF (the packages fonts-noto-cjk and fonts-noto-core have most)";
 }

@@ -5,7 +5,6 @@
 #include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/figures/residual_figures.h"
 #include "orchestrator/figures/score_chart.h"
-#include "orchestrator/report/diagnosis_tables.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {

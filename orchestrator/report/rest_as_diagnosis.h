@@ -2,33 +2,17 @@
 // direction and of the gyros at rest, not velocities.
 #pragma once
 
-#include <vector>
+#include <string>
 
 #include "calib/evidence/rest_diagnosis.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/figures/diagnosis_context.h"
-#include "orchestrator/figures/report_dwells.h"
-#include "orchestrator/figures/report_figure.h"
 #include "orchestrator/report/diagnosis_file.h"
-#include "orchestrator/report/diagnosis_text.h"
-#include "orchestrator/report/report.h"
 
 namespace turncal {
 
-struct RestWords {
-  std::string sentence;          // the verdict
-  std::vector<ErrorRow> errors;  // the left-out ones are those of the second recording where there is one
-  std::string noise;
-};
-RestWords rest_words(const RestDiagnosis& result, const RestData& data);
 // "gravity norm at rest 0.93 mm/s² rms, direction after a rotation 6.80 mrad, gyros at rest 0.067 °/s"
 std::string error_text(const RestErrors& errors);
-
-// One a rest: its residuals before and after as errors of the sensors, and what they may depend on. accel: the error of the
-// norm laid on each axis that carries more than half of gravity; tilt: of the direction after the rotation before; NaN: none.
-std::vector<DwellResidual> rest_residuals(const RestDiagnosis& result, const RestData& data);
-// Norm, direction and gyros against time.
-Figure rest_time_figure(const RestDiagnosis& result, const RestData& data);
 
 // Parameters, sigmas, effects, white noise and errors of a fit.
 void describe_rest_fit(const RestFit& fit, const JointResult& joint, const RestData& data, ParameterFile& file);

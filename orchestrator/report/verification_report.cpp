@@ -173,26 +173,25 @@ Document verification_document(const VerificationReport& report) {
     document.add(std::move(table));
   }
   Facts facts;
-  const auto add = [&facts](const char* label, const std::string& words) { facts.rows.emplace_back(label, words); };
-  add("heading",
-      fmt::format(
-          "largest deviation {:.6f} +- {:.6f}, means off the table by {:.6f} +- {:.6f} deg (rms); limit {:g}: {}",
-          found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
-          found.mean_heading.sigma_deg, report.heading_limit_deg, to_string(report.heading)));
-  add("level",
-      fmt::format("largest deviation of roll {:.6f}, of pitch {:.6f} deg; limit {:g}: {}", found.deviation[1].value_deg,
-                  found.deviation[2].value_deg, report.level_limit_deg, to_string(report.level)));
-  add("", "what turns every reading alike, as an accelerometer bias does, it cannot see");
-  add("latitude",
-      fmt::format("{}: {}", latitude_words(report.felt, report.info.latitude_deg), to_string(report.latitude)));
-  add("gravity",
-      fmt::format("{}: {}", gravity_words(report.felt, report.info.gravity_mps2), to_string(report.gravity)));
-  if (report.noise_assumed) add("noise", assumed_noise_words);
-  add("", fmt::format("a unit with nothing but this noise is above a limit in {:.1f} of 100 verifications",
-                      100.0 * report.false_fail));
-  if (const std::string undecided = undecided_words(report); !undecided.empty()) add("", undecided);
-  if (!report.trusted) add("", not_trusted_words);
-  add("verdict", std::string(to_string(report.verdict)));
+  facts.add("heading",
+            fmt::format(
+                "largest deviation {:.6f} +- {:.6f}, means off the table by {:.6f} +- {:.6f} deg (rms); limit {:g}: {}",
+                found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
+                found.mean_heading.sigma_deg, report.heading_limit_deg, to_string(report.heading)));
+  facts.add("level", fmt::format("largest deviation of roll {:.6f}, of pitch {:.6f} deg; limit {:g}: {}",
+                                 found.deviation[1].value_deg, found.deviation[2].value_deg, report.level_limit_deg,
+                                 to_string(report.level)));
+  facts.add("", "what turns every reading alike, as an accelerometer bias does, it cannot see");
+  facts.add("latitude",
+            fmt::format("{}: {}", latitude_words(report.felt, report.info.latitude_deg), to_string(report.latitude)));
+  facts.add("gravity",
+            fmt::format("{}: {}", gravity_words(report.felt, report.info.gravity_mps2), to_string(report.gravity)));
+  if (report.noise_assumed) facts.add("noise", assumed_noise_words);
+  facts.add("", fmt::format("a unit with nothing but this noise is above a limit in {:.1f} of 100 verifications",
+                            100.0 * report.false_fail));
+  if (const std::string undecided = undecided_words(report); !undecided.empty()) facts.add("", undecided);
+  if (!report.trusted) facts.add("", not_trusted_words);
+  facts.add("verdict", std::string(to_string(report.verdict)));
   document.add(std::move(facts));
   return document;
 }
