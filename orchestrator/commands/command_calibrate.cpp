@@ -17,6 +17,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <set>
 #include <thread>
 #include <vector>
 
@@ -36,7 +37,6 @@
 #include "orchestrator/fleet/version_changes.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/command_context.h"
-#include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/result_table.h"
@@ -51,8 +51,7 @@ namespace fs = std::filesystem;
 
 struct CalibrateOptions {
   std::vector<std::string> recordings;
-  std::string out;
-  std::string format;
+  std::string out, format;
   std::string method = calibration_methods[0];
   bool partial = false;
   PriorSource prior;
@@ -94,9 +93,7 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   }
   const std::string file = folder.file(parameters_name);
   TRY(write_parameter_file(output.file, file));
-  if (statistics) {
-    TRY(write_statistics(*statistics, folder.file(statistics_name)));
-  }
+  if (statistics) TRY(write_statistics(*statistics, folder.file(statistics_name)));
   folder.keep();
   if (!options.format.empty()) {
     const std::string text = TRY(format_parameter_file(output.file));
@@ -114,8 +111,7 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
 struct DiagnoseOptions {
   std::vector<std::string> recordings;
   std::vector<std::string> holdouts;
-  std::string out;
-  std::string residuals, format;
+  std::string out, residuals, format;
   std::optional<double> arw_deg_per_rt_h;
   std::optional<double> vrw_ug_per_rt_hz;
   double gyro_bias_instability_degph = 0.0;
@@ -238,9 +234,7 @@ Status diagnose(const DiagnoseOptions& options, CommandContext& context) {
 }
 
 struct RecalibrateOptions {
-  std::string archive;
-  std::string store;
-  std::string against;
+  std::string archive, store, against;
   std::string version = software_version();
   std::string engine = "local";
   std::string outcome;
@@ -329,10 +323,9 @@ struct FleetCommandOptions {
 };
 
 Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
-  for (std::size_t k = 0; k < options.by.size(); ++k)
-    if (std::find(options.by.begin(), options.by.begin() + static_cast<std::ptrdiff_t>(k), options.by[k]) !=
-        options.by.begin() + static_cast<std::ptrdiff_t>(k))
-      return input_error("--by " + options.by[k] + ": is given twice");
+  std::set<std::string> given;
+  for (const std::string& factor : options.by)
+    if (!given.insert(factor).second) return input_error("--by " + factor + ": is given twice");
   const FleetSource source = TRY(read_fleet(options.from, options.by));
   FleetOptions wanted;
   wanted.factors = options.by;
@@ -380,10 +373,9 @@ void add_diagnose_command(CommandLine& line) {
   command.option("recording", options.recordings, "a folder (binary or text form) or a .tcr file; several of one unit")
       .required();
   command
-      .option(
-          "--holdout", options.holdouts,
-          "another recording of the unit, not used in the fit (again for more); default: recordings, or dwells, left "
-          "out in turn")
+      .option("--holdout", options.holdouts,
+              "another recording of the unit, not used in the fit (again for more); default: recordings, or dwells, "
+              "left out in turn")
       .one_word_each();
   command.option("--out", options.out, "folder for parameters.conf, diagnosis.conf and report.html").required();
   command.option("--residuals", options.residuals, "writes the residuals to this file, too: .csv, .npy or .mat");

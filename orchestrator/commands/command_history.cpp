@@ -24,14 +24,13 @@
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/line/parameter_history.h"
-#include "orchestrator/line_report/history_document.h"
 #include "orchestrator/line_report/shift_document.h"
 #include "orchestrator/records/database_rows.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/report/pdf.h"
+#include "orchestrator/report/document.h"
 #include "orchestrator/station/station_config.h"
 #include "orchestrator/watch/progress.h"
 
@@ -82,16 +81,14 @@ Result<Document> comparison(const Calibrations& all, const std::vector<std::int6
       return input_error("--compare " + std::to_string(ids[i]) + ": expected the id of a calibration in the list");
   }
   const auto& [a, b] = pair;
-  if (a->unit != b->unit) {
+  if (a->unit != b->unit)
     return input_error("--compare: " + std::to_string(ids[0]) + " is of unit '" + a->unit + "', " +
                        std::to_string(ids[1]) + " of unit '" + b->unit + "': expected two of one unit");
-  }
   Document document{"", "Comparison of unit " + a->unit};
   document.text(fmt::format("unit {}: {} ({}) and {} ({})", a->unit, a->time_utc, a->verdict, b->time_utc, b->verdict));
   Table table{{name("parameter"), number("first"), number("second"), number("difference"), number("/ sigma")}};
   for (const StoredValue& value : a->values) {
-    const auto other =
-        std::find_if(b->values.begin(), b->values.end(), [&](const auto& v) { return v.key == value.key; });
+    const auto other = std::ranges::find_if(b->values, [&](const auto& v) { return v.key == value.key; });
     if (other == b->values.end()) continue;
     const double difference = other->value - value.value;
     const double sigma = std::hypot(value.sigma.value_or(0.0), other->sigma.value_or(0.0));
@@ -103,15 +100,14 @@ Result<Document> comparison(const Calibrations& all, const std::vector<std::int6
 }
 
 Result<Document> parameter_document(const Calibrations& all, const std::string& key) {
-  if (std::find(parameter_keys.begin(), parameter_keys.end(), key) == parameter_keys.end()) {
+  if (std::ranges::find(parameter_keys, key) == parameter_keys.end())
     return input_error("--parameter '" + key + "': expected one of the 24 keys, N01 to a33");
-  }
   const ParameterHistory history = parameter_history(all, key);
   const ControlChart& chart = history.chart;
   Document document{"", "Parameter " + key};
   Table table{{number("id"), name("unit"), text("time"), number(key), number("sigma"), text("control")}};
   for (std::size_t i = 0; i < history.values.size(); ++i) {
-    const bool outside = std::find(chart.outside.begin(), chart.outside.end(), i) != chart.outside.end();
+    const bool outside = std::ranges::find(chart.outside, i) != chart.outside.end();
     table.row({count(static_cast<std::size_t>(history.of[i]->id)), name(history.of[i]->unit),
                text(history.of[i]->time_utc), as("{:.8g}", history.values[i]), as("{:.2e}", history.sigmas[i]),
                text(outside ? "outside the control limits" : "")});
@@ -230,9 +226,7 @@ struct RestoreOptions {
 
 Status restore(const RestoreOptions& options, CommandContext& context) {
   std::ostream& out = context.out;
-  if (options.version > 0) {
-    TRY(restore_version(options.store, options.unit, options.version, options.simulated));
-  }
+  if (options.version > 0) TRY(restore_version(options.store, options.unit, options.version, options.simulated));
   const std::vector<StoredVersion> versions = TRY(stored_versions(options.store, options.unit, options.simulated));
   Status damaged;
   for (const StoredVersion& version : versions) {
@@ -264,9 +258,8 @@ Status write_shift(const ShiftOptions& options, const ShiftReport& report, const
                                         {options.out + "/signals.csv", signals_csv(report)},
                                         {options.out + "/attempts.csv", attempts_table(report.attempts).csv()}};
   constexpr std::size_t alike = 30;
-  for (const NamedText& file : files) {
+  for (const NamedText& file : files)
     TRY(check_replaceable(file.path, std::string_view(file.content).substr(0, alike)));
-  }
   const std::string pdf = options.out + "/shift.pdf";
   if (options.pdf) {
     TRY(check_replaceable(pdf, "%PDF-"));
@@ -419,7 +412,7 @@ Status prune(const PruneOptions& options, CommandContext& context) {
     double& utc_s = newest.emplace(recording.whose(), recording.sealed_utc_s).first->second;
     utc_s = std::max(utc_s, recording.sealed_utc_s);
   }
-  std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
+  std::ranges::sort(found, [](const auto& a, const auto& b) { return a.path < b.path; });
   const double before_utc_s = wall_utc_s() - 86400.0 * options.days;
   std::size_t gone = 0;
   std::uintmax_t bytes = 0;

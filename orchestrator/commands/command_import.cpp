@@ -42,8 +42,7 @@ namespace turncal {
 namespace {
 
 struct TextOptions {
-  std::string source;
-  std::string out;
+  std::string source, out;
   // Of `import --map`: a table that is not ours.
   std::string map;
   std::string accel;  // of the accelerometers, where they have a file of their own
@@ -51,8 +50,7 @@ struct TextOptions {
 };
 
 struct SegmentOptions {
-  std::string source;
-  std::string out;
+  std::string source, out;
   double min_rest_s = SegmentationOptions{}.min_rest_s;
   std::optional<double> threshold;
 };
@@ -68,9 +66,8 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
     out << formatted("quiet level: gyros %.3g, accelerometers %.3g pulses a sample\n", found.quiet_gyro,
                      found.quiet_accel);
   }
-  if (found.slow_turns > 0) {
+  if (found.slow_turns > 0)
     out << found.slow_turns << " quiet stretches taken out: their mean rate is that of a slow turn\n";
-  }
   if (found.cut > 0) out << found.cut << " rests cut to where the unit stands still\n";
   if (found.moving > 0) out << found.moving << " rests taken out: too little of them is still\n";
   int number = 0;
@@ -110,12 +107,11 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   });
   if (!read) return read;
   const Segmentation found = finder.finish();
-  if (found.segments.empty()) {
+  if (found.segments.empty())
     return input_error(options.source + ": no rest found: " +
                        (options.threshold ? "no stretch of " + format_number(options.min_rest_s) +
                                                 " s stays below the threshold " + format_number(*options.threshold)
                                           : found.reason));
-  }
   print_segmentation(found, source.info(), found.segments.front().start_sample, context.out);
   TRY(import_binary(source, found.segments, folder.file(binary_recording_name)));
   folder.keep();
@@ -199,9 +195,7 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
 }
 
 struct ApplyOptions {
-  std::string recording;
-  std::string parameters;
-  std::string out;
+  std::string recording, parameters, out;
 };
 
 void append_row(const ImuSample& sample, std::string& text) {
@@ -242,11 +236,10 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
   TRY(check_ending(options.out, {".csv", ".npy", ".mat", ".tcr"}));
   const ParameterFile parameters = TRY(read_parameter_file(options.parameters));
   std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(options.recording));
-  std::unique_ptr<CalibratedSource> calibrated = TRY(CalibratedSource::of(parameters, options.parameters, *source));
+  CalibratedSource calibrated(*source, TRY(SampleCalibration::make(parameters, options.parameters, *source)));
   std::error_code error;
-  if (std::filesystem::is_directory(options.out, error)) {
+  if (std::filesystem::is_directory(options.out, error))
     return input_error(options.out + ": expected a file name, found a folder");
-  }
   if (Status status = check_apart({{"the source", options.recording},
                                    {"the source", options.recording + "/" + binary_recording_name},
                                    {"the source", options.recording + "/imu.csv"},
@@ -255,16 +248,13 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
       !status) {
     return status;
   }
-  TRY(write_calibrated(*calibrated, options.out));
+  TRY(write_calibrated(calibrated, options.out));
   context.out << "calibrated increments  " << options.out << std::endl;
   return {};
 }
 
 struct ConvertOptions {
-  std::string parameters;
-  std::string header;
-  std::string binary;
-  std::string yaml;
+  std::string parameters, header, binary, yaml;
 };
 
 Status convert(const ConvertOptions& options, CommandContext& context) {
@@ -315,7 +305,7 @@ Status navigate(const NavigateOptions& options, CommandContext& context) {
     const std::string old = folder.file(name);
     const auto is_it = [&](const NamedText& file) { return file.path == old; };
     std::error_code none;
-    if (std::find_if(files.begin(), files.end(), is_it) == files.end()) std::filesystem::remove(old, none);
+    if (std::ranges::find_if(files, is_it) == files.end()) std::filesystem::remove(old, none);
   }
   folder.keep();
   if (!options.format.empty()) {

@@ -101,7 +101,7 @@ Result<std::optional<Turn>> interrupted_group(const std::string& out, const std:
   const JournalContents journal = TRY(read_journal(folder + "/" + journal_name));
   const bool over = is_over(journal);
   for (const std::string& unit : journal.units()) {
-    if (std::find(to_do.begin(), to_do.end(), unit) == to_do.end()) continue;
+    if (std::ranges::find(to_do, unit) == to_do.end()) continue;
     // A run that is over has told the queue of all its units, unless it was interrupted just then.
     if (!over || !find_outcome(outcomes, unit)) return std::optional(Turn{journal.units(), folder});
   }
@@ -182,9 +182,8 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
   if (!end.to_the_end) {
     // Refused before anything was measured: not the unit on the table, say. Anything else is the station's affair, and so is what
     // stopped it before there was a run: a table that is overdue since midnight is no fault of all the units that wait.
-    const bool refused =
-        !begun && !end.units.empty() && end.status.error().kind == ErrorKind::input &&
-        std::all_of(end.units.begin(), end.units.end(), [](const auto& unit) { return unit.outcome == "refused"; });
+    const bool refused = !begun && !end.units.empty() && end.status.error().kind == ErrorKind::input &&
+                         std::ranges::all_of(end.units, [](const auto& unit) { return unit.outcome == "refused"; });
     if (!refused) {
       if (end.units.empty()) tell_operator(asked.station.hooks, end.status, turn, request.dry_run, context.out);
       return Error{end.status.error().kind, name + ": " + end.status.error().message};
@@ -232,10 +231,9 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
   check.units = {"X"};
   const RunPlan prepared = TRY(plan_run(check));
   context.tag = tag_of(prepared);
-  if (options.at_once > places(prepared)) {
+  if (options.at_once > places(prepared))
     return input_error("--at-once " + std::to_string(options.at_once) + ": expected at most " +
                        std::to_string(places(prepared)) + ", the places on the table");
-  }
   TRY(check_sequence(prepared));
   const LockFile queue = TRY(hold_queue(options.queue));
   const std::string tag = context.tag + "[batch] ";
@@ -270,9 +268,7 @@ struct QueueOptions {
 Status show_queue(const QueueOptions& options, CommandContext& context) {
   std::ostream& out = context.out;
   const QueueChange& change = options.change;
-  if (!change.add.empty() || !change.remove.empty() || !change.again.empty()) {
-    TRY(change_queue(options.queue, change));
-  }
+  if (!change.add.empty() || !change.remove.empty() || !change.again.empty()) TRY(change_queue(options.queue, change));
   const std::vector<std::string> queue = TRY(read_queue(options.queue));
   const std::vector<UnitOutcome> outcomes = TRY(read_outcomes(options.queue));
   if (!options.format.empty()) {

@@ -27,7 +27,6 @@
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/command_context.h"
-#include "orchestrator/jobs/planned_unit.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/jobs/run_request.h"
@@ -57,9 +56,7 @@ namespace {
 
 std::string determines_text(const Step& step) {
   std::string text;
-  for (const std::string& key : step.determines) {
-    text += (text.empty() ? "  determines " : " ") + key;
-  }
+  for (const std::string& key : step.determines) text += (text.empty() ? "  determines " : " ") + key;
   return text;
 }
 
@@ -183,9 +180,8 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
   if (connected) {
     const TableIdentity table = TRY(devices.table.identify());
     out << table.description << std::endl;
-    if (const std::string caution = caution_of(station.table); !caution.empty()) {
+    if (const std::string caution = caution_of(station.table); !caution.empty())
       out << "warning: table: " << caution << std::endl;
-    }
   }
   if (options.heading) {
     const AxisTriple known{*options.heading, *options.pitch, *options.roll};
@@ -210,9 +206,8 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
 Status run_commission(const Options& options, CommandContext& context) {
   const StationConfig station = TRY(read_station_config(options.station));
   TRY(check_real_devices(station));
-  if (station.table.driver == TableDriver::manual) {
+  if (station.table.driver == TableDriver::manual)
     return input_error("station '" + station.name + "': a table turned by hand has nothing to commission");
-  }
   if (station.simulated()) context.tag = simulated_tag;
   if (const std::vector<std::string> guesses = guesses_of(station, true); !guesses.empty() && !options.accept_guess) {
     return input_error(guesses.front() +
@@ -348,8 +343,7 @@ Status run_monitor(const MonitorOptions& options, CommandContext& context) {
 }
 
 struct TwinCommandOptions {
-  std::string station;
-  std::string rig;
+  std::string station, rig;
   TwinSettings settings{.speed_up = 0.0, .table = {}};  // 0: the station's
 };
 
@@ -407,21 +401,16 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
   const Result<RecordingInfo> info = station ? info_of(*station) : Result<RecordingInfo>(RecordingInfo{});
   for (const Error* error :
        {station ? nullptr : &station.error(), info ? nullptr : &info.error(), sequence ? nullptr : &sequence.error()}) {
-    if (error != nullptr) {
-      err << error->message << "\n";
-    }
+    if (error != nullptr) err << error->message << "\n";
   }
-  if (!station || !sequence || !info) {
-    return exit_code(ErrorKind::input);
-  }
+  if (!station || !sequence || !info) return exit_code(ErrorKind::input);
   // A station whose unit is the rig's is rehearsed with --dry-run; a real unit does not feel what a mock table does.
   if (station->table.driver == TableDriver::mock && station->imu_driver != ImuDriver::rig) {
     err << check_real_devices(*station).error().message << "\n";
     return exit_code(ErrorKind::input);
   }
-  if (const std::string caution = caution_of(station->table); !caution.empty()) {
+  if (const std::string caution = caution_of(station->table); !caution.empty())
     err << "warning: table: " << caution << "\n";
-  }
   for (const std::string& line : left_to_do(*station)) err << "warning: " << line << "\n";
   const PlanLimits limits = plan_limits(*station, info->sample_period_s);
   Plan plan = make_plan(*sequence, limits);
@@ -436,12 +425,8 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
   print_plan(*sequence, *station, plan, out);
   if (!station->simulated() && station->table.driver != TableDriver::manual)
     out << "Computer  " << RealTime().text() << "\n";
-  for (const std::string& violation : plan.violations) {
-    err << violation << "\n";
-  }
-  if (!keys.empty()) {
-    out << "\nThis sequence " << coverage_text(keys) << ".\n";
-  }
+  for (const std::string& violation : plan.violations) err << violation << "\n";
+  if (!keys.empty()) out << "\nThis sequence " << coverage_text(keys) << ".\n";
   const std::vector<Error> found = preflight({.station = *station,
                                               .plan = plan,
                                               .folder = options.out,

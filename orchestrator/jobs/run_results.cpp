@@ -41,27 +41,27 @@ void add_record(const Run& run, const RunUnit& unit, ParameterFile& file) {
   const auto clock = [&unit](double UnitClock::*part) {
     return unit.clock ? format_number(*unit.clock.*part) : std::string();
   };
-  const KeyTexts facts = {{"began_utc", run.began_utc},
+  const RunRequest& asked = run.request;
+  const KeyTexts facts = {{"part", asked.part},
+                          {"lot", asked.lot},
+                          {"revision", asked.revision},
+                          {"began_utc", run.began_utc},
                           {"station", run.station.name},
+                          {"operator", asked.operator_name},
+                          {"ambient", asked.ambient},
                           {"configuration_hash", run.hashes.station},
                           {"sequence", run.sequence.name},
                           {"sequence_hash", run.hashes.sequence},
                           {"table_id", run.station.table_id},
                           {"table_calibration_due", run.station.table_calibration_due},
-                          {"ended_after_s", run.request.until_sigma ? format_number(unit.recorded_s) : ""},
+                          {"overdue_reason", asked.overdue_reason},
+                          {"ended_after_s", asked.until_sigma ? format_number(unit.recorded_s) : ""},
                           {"repeated_dwells", format_number(unit.repeated_dwells)},
                           {"lost_samples", format_number(unit.lost_samples)},
                           {"clock_ppm", clock(&UnitClock::ppm)},
                           {"clock_uncertainty_ppm", clock(&UnitClock::uncertainty_ppm)}};
-  for (const char* key :
-       {"part", "lot", "revision", "began_utc", "station", "operator", "ambient", "configuration_hash", "sequence",
-        "sequence_hash", "table_id", "table_calibration_due", "overdue_reason", "ended_after_s", "repeated_dwells",
-        "lost_samples", "clock_ppm", "clock_uncertainty_ppm"}) {
-    std::string value = value_of(facts, key);
-    for (const RecordWord& record : record_words)
-      if (std::string_view(record.key) == key) value = run.request.*record.word;
-    if (!value.empty()) file.add_further("record." + std::string(key), value);
-  }
+  for (const auto& [key, value] : facts)
+    if (!value.empty()) file.add_further("record." + key, value);
 }
 
 // "accel_second_order (31 sigma), gyro_bias_drift (7 sigma)"; what is wrong where no effect was added.
@@ -283,41 +283,6 @@ Status make_unit(Run& run, RunUnit& unit, double utc_s) {
   return {};
 }
 
-}  // namespace
-
-Status stored(Status status) {
-  if (status || status.error().kind != ErrorKind::input) return status;
-  return device_error(status.error().message);
-}
-
-Status make_results(Run& run, double utc_s) {
-  bool any = false;
-  Status first;
-  for (RunUnit& unit : run.units) {
-    if (unit.dropped) continue;
-    unit.status = make_unit(run, unit, utc_s);
-    if (!unit.status && unit.status.error().kind == ErrorKind::device) return unit.status;  // the storage's fault
-    if (unit.status)
-      any = true;
-    else if (first)
-      first = unit.status;
-  }
-  return any ? Status{} : first;
-}
-
-std::string reason_of(const RunPlan& run, const VerdictReport& verdict) {
-  if (run.request.partial) return "estimated in part";
-  return verdict.verdict == UnitVerdict::not_judged ? "the station has no limits" : verdict.reason;
-}
-
-Status verdict_status(const std::string& unit, const VerdictReport& report) {
-  if (is_accepted(report.verdict)) return {};
-  return Error{ErrorKind::unit_failed,
-               "unit " + unit + ": " + std::string(to_string(report.verdict)) + ": " + report.reason};
-}
-
-namespace {
-
 void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream& printed) {
   std::ostringstream out;
   out << fmt::format(
@@ -354,6 +319,37 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
 }
 
 }  // namespace
+
+Status stored(Status status) {
+  if (status || status.error().kind != ErrorKind::input) return status;
+  return device_error(status.error().message);
+}
+
+Status make_results(Run& run, double utc_s) {
+  bool any = false;
+  Status first;
+  for (RunUnit& unit : run.units) {
+    if (unit.dropped) continue;
+    unit.status = make_unit(run, unit, utc_s);
+    if (!unit.status && unit.status.error().kind == ErrorKind::device) return unit.status;  // the storage's fault
+    if (unit.status)
+      any = true;
+    else if (first)
+      first = unit.status;
+  }
+  return any ? Status{} : first;
+}
+
+std::string reason_of(const RunPlan& run, const VerdictReport& verdict) {
+  if (run.request.partial) return "estimated in part";
+  return verdict.verdict == UnitVerdict::not_judged ? "the station has no limits" : verdict.reason;
+}
+
+Status verdict_status(const std::string& unit, const VerdictReport& report) {
+  if (is_accepted(report.verdict)) return {};
+  return Error{ErrorKind::unit_failed,
+               "unit " + unit + ": " + std::string(to_string(report.verdict)) + ": " + report.reason};
+}
 
 void print_results(Run& run, double wall_s, std::ostream& out) {
   for (RunUnit& unit : run.units) {

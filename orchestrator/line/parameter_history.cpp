@@ -16,15 +16,14 @@ using Stretch = std::span<const double>;
 
 // At least `least` of them on one side beyond `level`.
 bool on_one_side(Stretch z, double level, std::ptrdiff_t least) {
-  return std::count_if(z.begin(), z.end(), [level](double v) { return v > level; }) >= least ||
-         std::count_if(z.begin(), z.end(), [level](double v) { return v < -level; }) >= least;
+  return std::ranges::count_if(z, [level](double v) { return v > level; }) >= least ||
+         std::ranges::count_if(z, [level](double v) { return v < -level; }) >= least;
 }
 
 bool goes_one_way(Stretch z) {
   const auto not_rising = [](double a, double b) { return a >= b; };
   const auto not_falling = [](double a, double b) { return a <= b; };
-  return std::adjacent_find(z.begin(), z.end(), not_rising) == z.end() ||
-         std::adjacent_find(z.begin(), z.end(), not_falling) == z.end();
+  return std::ranges::adjacent_find(z, not_rising) == z.end() || std::ranges::adjacent_find(z, not_falling) == z.end();
 }
 
 bool goes_up_and_down(Stretch z) {
@@ -35,13 +34,13 @@ bool goes_up_and_down(Stretch z) {
 }
 
 bool all_within(Stretch z) {
-  return std::all_of(z.begin(), z.end(), [](double v) { return std::abs(v) < 1.0; });
+  return std::ranges::all_of(z, [](double v) { return std::abs(v) < 1.0; });
 }
 
 bool none_within_on_both_sides(Stretch z) {
-  return std::all_of(z.begin(), z.end(), [](double v) { return std::abs(v) > 1.0; }) &&
-         std::any_of(z.begin(), z.end(), [](double v) { return v > 0.0; }) &&
-         std::any_of(z.begin(), z.end(), [](double v) { return v < 0.0; });
+  return std::ranges::all_of(z, [](double v) { return std::abs(v) > 1.0; }) &&
+         std::ranges::any_of(z, [](double v) { return v > 0.0; }) &&
+         std::ranges::any_of(z, [](double v) { return v < 0.0; });
 }
 
 bool meets(std::size_t rule, Stretch z) {

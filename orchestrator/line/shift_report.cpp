@@ -196,7 +196,7 @@ std::vector<ChartSignal> signals_of(const std::vector<ChartedQuantity>& charts) 
       if (!goes_on) found.push_back({&chart, signal});
     }
   }
-  std::stable_sort(found.begin(), found.end(), [](const ChartSignal& a, const ChartSignal& b) {
+  std::ranges::stable_sort(found, [](const ChartSignal& a, const ChartSignal& b) {
     return a.chart->times[a.signal.point] < b.chart->times[b.signal.point];
   });
   return found;

@@ -37,7 +37,7 @@ std::string fact_section(const std::string& title, std::vector<std::pair<std::st
 std::string effect_names(const ParameterFile& file) {
   std::vector<std::string> names;
   for (const EffectValue& effect : file.effects)
-    if (std::find(names.begin(), names.end(), effect.name) == names.end()) names.push_back(effect.name);
+    if (std::ranges::find(names, effect.name) == names.end()) names.push_back(effect.name);
   return join(names);
 }
 
@@ -83,7 +83,7 @@ std::string judged_of(const Certificate& c, const std::string& key) {
 std::string judged_beside(const Certificate& c) {
   std::vector<std::string> words;
   for (const JudgedValue& one : c.conformity.values) {
-    const bool of_parameter = std::any_of(parameter_keys.begin(), parameter_keys.end(), [&one](std::string_view key) {
+    const bool of_parameter = std::ranges::any_of(parameter_keys, [&one](std::string_view key) {
       return one.key == key || one.key == "sigma." + std::string(key);
     });
     if (!of_parameter)
@@ -92,8 +92,6 @@ std::string judged_beside(const Certificate& c) {
   }
   return join(words, "; ");
 }
-
-Cell or_nothing(const std::optional<double>& value) { return value ? number(*value, 2) : number("-"); }
 
 Table result_table(const Certificate& c) {
   Table table{{text("parameter"), text("unit"), number("value"), number("U (k = 2)"), number("estimate"),
@@ -106,8 +104,8 @@ Table result_table(const Certificate& c) {
     const std::string unit = unit_text(parameter_unit(key, c.file.gyro_increment));
     table.row({name(key), text(unit == "-" ? "1" : unit),
                with_sigma(c.file.parameters[static_cast<Eigen::Index>(i)], expanded), number(expanded, 2),
-               number(u.estimate, 2), or_nothing(u.alias), number(u.gravity, 2), number(u.latitude, 2),
-               or_nothing(u.repeatability), text(judged_of(c, key))});
+               number(u.estimate, 2), number(u.alias, 2), number(u.gravity, 2), number(u.latitude, 2),
+               number(u.repeatability, 2), text(judged_of(c, key))});
   }
   return table;
 }
@@ -128,7 +126,7 @@ std::string effect_table(const Certificate& c) {
     const UncertaintyBudget& u = c.effect_budget[i];
     table.row({name(effect.name + "." + effect.component), text(effect_unit(effect)),
                with_sigma(effect.value, u.expanded()), effect.sigma ? number(u.expanded(), 2) : number("given"),
-               effect.sigma ? number(u.estimate, 2) : number("-"), or_nothing(u.repeatability)});
+               effect.sigma ? number(u.estimate, 2) : number("-"), number(u.repeatability, 2)});
   }
   return html(table);
 }
@@ -260,29 +258,29 @@ std::string certificate_page(const Certificate& c) {
                       "; w = n counts − N0 (°/h), f = a counts − A0 (g = 9.80665 m/s²)"},
        {"software", "turncal " + f.software_version},
        {"adjustment", "none: the parameters are to be loaded by the customer"}});
-  body += section("Results", html(result_table(c)) + effect_table(c) +
-                                 html(Paragraph{"Expanded uncertainty U = 2 u; u combines the columns to its right "
-                                                "(standard uncertainties). The table's angles "
-                                                "are not taken as truth and add nothing; the given heading enters in "
-                                                "second order. Alias: the spread over "
-                                                "effects "
-                                                "that the recording cannot tell from a parameter, or from one another, "
-                                                "and over those that came near to being "
-                                                "found; - where nobody looked. Effects beyond the parameters: " +
-                                                effects_found(f)}));
+  body += section(
+      "Results",
+      html(result_table(c)) + effect_table(c) +
+          html(Paragraph{
+              "Expanded uncertainty U = 2 u; u combines the columns to its right (standard uncertainties). The table's "
+              "angles are not taken as truth and add nothing; the given heading enters in second order. Alias: the "
+              "spread over effects that the recording cannot tell from a parameter, or from one another, and over "
+              "those that came near to being found; - where nobody looked. Effects beyond the parameters: " +
+              effects_found(f)}));
   if (c.verification) body += north_section(*c.verification);
   const VerdictReport& conformity = c.conformity;
   const std::string verdict =
       conformity.verdict == UnitVerdict::not_judged ? "not judged" : std::string(to_string(conformity.verdict));
   const std::string beside = judged_beside(c);
-  body += fact_section("Conformity",
-                       {{"verdict", verdict + (conformity.reason.empty() ? "" : ": " + conformity.reason)},
-                        {"decision rule", !conformity.rule.empty() ? conformity.rule + "; U: that of the results above"
-                                          : c.verification ? "no limits were agreed for the parameters; those of the "
-                                                             "verification stand with it"
-                                                           : "no limits were agreed"},
-                        {"limits beside those of the results", beside.empty() ? "none" : beside},
-                        {"diagnosis", "effects beyond the parameters: " + effects_found(f)}});
+  body += fact_section(
+      "Conformity",
+      {{"verdict", verdict + (conformity.reason.empty() ? "" : ": " + conformity.reason)},
+       {"decision rule", !conformity.rule.empty() ? conformity.rule + "; U: that of the results above"
+                         : c.verification
+                             ? "no limits were agreed for the parameters; those of the verification stand with it"
+                             : "no limits were agreed"},
+       {"limits beside those of the results", beside.empty() ? "none" : beside},
+       {"diagnosis", "effects beyond the parameters: " + effects_found(f)}});
   std::string hashes;
   for (const std::string& hash : c.recording_hashes) hashes += (hashes.empty() ? "" : ", ") + hash;
   body += fact_section("Traceability of the record", {{"parameter file", c.parameters_hash}, {"recordings", hashes}});

@@ -15,6 +15,7 @@
 #include "orchestrator/station/version.h"
 
 namespace turncal {
+
 namespace {
 
 double holdout_value(const HoldoutError& error, double value) {
@@ -26,13 +27,31 @@ std::vector<std::string> by_strength(const JointResult& result) {
   std::vector<const EstimatedEffect*> order;
   for (const EstimatedEffect& e : result.effects)
     if (e.column.entry != nullptr) order.push_back(&e);
-  std::stable_sort(order.begin(), order.end(),
-                   [](auto* a, auto* b) { return std::abs(a->value) * b->sigma > std::abs(b->value) * a->sigma; });
+  std::ranges::stable_sort(
+      order, [](auto* a, auto* b) { return std::abs(a->value) * b->sigma > std::abs(b->value) * a->sigma; });
   std::vector<std::string> names;
   for (const EstimatedEffect* e : order)
-    if (std::find(names.begin(), names.end(), e->column.entry->name) == names.end())
-      names.emplace_back(e->column.entry->name);
+    if (std::ranges::find(names, e->column.entry->name) == names.end()) names.emplace_back(e->column.entry->name);
   return names;
+}
+
+// A row a parameter: its covariances with those before it in the order of the file, its variance last.
+void describe_covariance(const JointResult& result, ParameterFile& file) {
+  const auto left_out = [&result](int key) {
+    return key >= parameter_count || !result.determined[static_cast<std::size_t>(key)];
+  };
+  if (result.covariance.rows() < static_cast<Eigen::Index>(result.free.size())) return;
+  for (std::size_t i = 0; i < result.free.size(); ++i) {
+    if (left_out(result.free[i])) continue;
+    std::string row;
+    for (std::size_t j = 0; j <= i; ++j) {
+      if (left_out(result.free[j])) continue;
+      row += fmt::format("{}{:.9e}", row.empty() ? "" : " ",
+                         result.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
+    }
+    file.add_further("quality.covariance." + std::string(parameter_keys[static_cast<std::size_t>(result.free[i])]),
+                     row);
+  }
 }
 
 }  // namespace
@@ -152,29 +171,6 @@ void describe_random_walk(const NoiseModel& noise, ParameterFile& file) {
     file.add_further(std::string("noise.velocity_random_walk.") + "xyz"[k] + "_ug_per_rt_hz",
                      noise.velocity_random_walk[k] / mpsprs_per_ugprHz);
 }
-
-namespace {
-
-// A row a parameter: its covariances with those before it in the order of the file, its variance last.
-void describe_covariance(const JointResult& result, ParameterFile& file) {
-  const auto left_out = [&result](int key) {
-    return key >= parameter_count || !result.determined[static_cast<std::size_t>(key)];
-  };
-  if (result.covariance.rows() < static_cast<Eigen::Index>(result.free.size())) return;
-  for (std::size_t i = 0; i < result.free.size(); ++i) {
-    if (left_out(result.free[i])) continue;
-    std::string row;
-    for (std::size_t j = 0; j <= i; ++j) {
-      if (left_out(result.free[j])) continue;
-      row += fmt::format("{}{:.9e}", row.empty() ? "" : " ",
-                         result.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
-    }
-    file.add_further("quality.covariance." + std::string(parameter_keys[static_cast<std::size_t>(result.free[i])]),
-                     row);
-  }
-}
-
-}  // namespace
 
 void describe_estimate(const JointResult& result, const CompressedRecording& recording, bool noise_given,
                        ParameterFile& file) {

@@ -5,12 +5,14 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <variant>
 #include <vector>
 
+#include "calib/types/status.h"
 #include "orchestrator/figures/drawing.h"
 #include "orchestrator/figures/report_format.h"
 
@@ -30,6 +32,7 @@ Cell wide(std::string_view words);
 Cell name(std::string_view words);
 Cell number(std::string_view words, double value = std::numeric_limits<double>::quiet_NaN());  // words: as it is shown
 Cell number(double value, int digits = 3);                                                     // significant digits
+Cell number(const std::optional<double>& value, int digits = 3);                               // "-": there is none
 Cell fixed(double value, int decimals);
 Cell count(std::size_t value);
 Cell with_sigma(double value, double sigma);  // as many decimals as two digits of sigma have
@@ -50,6 +53,7 @@ struct Table {
   void row(std::vector<Cell> cells, Emphasis emphasis = Emphasis::none) {
     rows.push_back({std::move(cells), emphasis});
   }
+  void drop(std::size_t first, std::size_t count = 1);  // columns
 };
 
 struct Heading {
@@ -110,6 +114,10 @@ struct HtmlPage {
 // Self-contained: style and drawings (gnuplot) inline, no scripts. Without gnuplot it says so in the place of each.
 HtmlPage as_page(const Document& document, const GnuplotOptions& gnuplot = {});
 std::string html(const Content& content);  // of all but drawings
+
+// A page as PDF, by weasyprint within two minutes (piped_program.h). What there is to warn of, for people, in one line; empty: nothing.
+// An error leaves no file.
+Result<std::string> write_pdf(const std::string& html, const std::string& path);
 
 // {"title", "text": [...], "facts": {...}, "tables": [[{...}]], "sections": [{"id", "title", ...}]}: keys of rows are the heads of columns.
 std::string as_json(const Document& document);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/evidence/diagnosis.h"
@@ -31,22 +32,13 @@ struct DiagnosisParts {
   std::string score_caption;
   std::string noise_line;             // of the terminal
   Document noise, limits, selection;  // blocks of these sections
-  Facts reading;
-  std::vector<Figure> further;  // after the noise
+  std::string_view reading;           // how to read it: a label and words each line
+  std::vector<Figure> further;        // after the noise
 };
 Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context, DiagnosisParts parts);
 
-// The parts of the document, each added to its end (diagnosis_tables.cpp).
-void add_identity(const DiagnosisContext& context, Document& document);  // unit, recording, when
-void add_errors(const Diagnosis& diagnosis, const std::vector<ErrorRow>& rows, Document& document);
-void add_effects(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document);
-Table score_table(const Diagnosis& diagnosis, double threshold_z);      // one line an effect
-Table component_table(const Diagnosis& diagnosis, double threshold_z);  // one line a component
-void add_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document);
-void add_noise(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document);
-// Aliases, undetectable, undetermined, never visible.
+// Of the sections `limits` (aliases, undetectable, undetermined, never visible) and `selection`.
 void add_limits(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document);
-void add_faults(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document);
 void add_statements(const Statements& statements, Document& document);
 
 }  // namespace turncal

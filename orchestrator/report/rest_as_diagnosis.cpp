@@ -1,4 +1,4 @@
-#include "orchestrator/report/rest_as_diagnosis.h"
+#include "orchestrator/report/diagnosis_file.h"
 
 #include <fmt/format.h>
 
@@ -8,9 +8,11 @@
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/figures/report_format.h"
-#include "orchestrator/report/diagnosis_file.h"
 
 namespace turncal {
+
+extern const std::string_view how_to_read_rests;  // how_to_read_rests.txt
+
 namespace {
 
 using Eigen::Vector3d;
@@ -204,25 +206,6 @@ Figure rest_time_figure(const RestDiagnosis& r, const RestData& data) {
   return figure;
 }
 
-Facts how_to_read_rests() {
-  return {{{"Direction.",
-            "The gyros carry gravity from one rest to the next; where it arrives is compared with what the "
-            "accelerometers see "
-            "there."},
-           {"Norm.", "Whatever the pose, the accelerometers must show the gravity of the site."},
-           {"Gyros at rest.", "They must show the earth's rate and nothing else; what the unit creeps is taken off."},
-           {"Left out in turn.", "Each rest and each rotation is predicted from all others."},
-           {"Normalised.",
-            "Divided by what the final model expects of that kind of observation: white noise, and a floor that was "
-            "measured."},
-           {"Score.",
-            "Each effect of the catalogue beside the 21 parameters alone; z is the value it would get, in standard "
-            "deviations. A missing "
-            "effect widens the standard deviations of its kind, so scores are smaller than they will be; the table of "
-            "probabilities weighs them together."}},
-          true};
-}
-
 Document document_of(const RestDiagnosis& r, const RestData& data, const DiagnosisContext& context,
                      const std::vector<ErrorRow>& errors) {
   const Diagnosis& d = r.diagnosis;
@@ -245,7 +228,7 @@ Document document_of(const RestDiagnosis& r, const RestData& data, const Diagnos
   parts.noise.text(parts.noise_line + ".");
   add_limits(d, context, parts.limits);
   add_statements(d.statements, parts.selection);
-  parts.reading = how_to_read_rests();
+  parts.reading = how_to_read_rests;
   return diagnosis_document(d, context, std::move(parts));
 }
 

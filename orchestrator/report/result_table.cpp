@@ -83,23 +83,20 @@ void add_confusions(const NamedPrediction& column, Document& document) {
 }  // namespace
 
 Table result_table(const ParameterFile& file, const std::optional<ParameterVector>& truth) {
-  Table table{{name("name"), text("unit"), number("estimate"), number("sigma")}};
-  if (truth) {
-    table.head.insert(table.head.begin() + 3, {number("truth"), number("error")});
-    table.head.push_back(number("error/sigma"));
-  }
+  Table table{{name("name"), text("unit"), number("estimate"), number("truth"), number("error"), number("sigma"),
+               number("error/sigma")}};
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
-    const double estimate = file.parameters[static_cast<Eigen::Index>(i)];
-    const double sigma = file.sigma[i].value_or(0.0);
-    std::vector<Cell> row = {name(parameter_keys[i]), text(parameter_unit(parameter_keys[i], file.gyro_increment)),
-                             fixed(estimate, 10),
-                             sigma > 0.0 ? number(fmt::format("{:.2e}", sigma), sigma) : number("-")};
-    if (truth) {
-      const double true_value = (*truth)[static_cast<Eigen::Index>(i)], error = estimate - true_value;
-      row.insert(row.begin() + 3, {fixed(true_value, 10), number(fmt::format("{:.3e}", error), error)});
-      row.push_back(sigma > 0.0 ? number(fmt::format("{:+.2f}", error / sigma), error / sigma) : number("-"));
-    }
-    table.row(std::move(row));
+    const auto at = static_cast<Eigen::Index>(i);
+    const double estimate = file.parameters[at], sigma = file.sigma[i].value_or(0.0);
+    const double true_value = truth ? (*truth)[at] : 0.0, error = estimate - true_value;
+    table.row({name(parameter_keys[i]), text(parameter_unit(parameter_keys[i], file.gyro_increment)),
+               fixed(estimate, 10), fixed(true_value, 10), number(fmt::format("{:.3e}", error), error),
+               sigma > 0.0 ? number(fmt::format("{:.2e}", sigma), sigma) : number("-"),
+               sigma > 0.0 ? number(fmt::format("{:+.2f}", error / sigma), error / sigma) : number("-")});
+  }
+  if (!truth) {
+    table.drop(6);
+    table.drop(3, 2);
   }
   return table;
 }

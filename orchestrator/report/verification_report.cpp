@@ -14,6 +14,7 @@
 #include "orchestrator/station/fields.h"
 
 namespace turncal {
+
 namespace {
 
 void add_figure(const std::string& key, NorthFigure& figure, Fields& fields) {
@@ -76,6 +77,24 @@ Fields fields_of(VerificationReport& report) {
   return fields;
 }
 
+// Why heading or level is undecided; empty where it is not.
+std::string undecided_words(const VerificationReport& report) {
+  const std::string level =
+      report.level_undecided ? "level undecided: the noise of this unit is as large as its limit" : "";
+  if (report.would_do_s <= 0.0) return level;
+  const std::string heading = fmt::format(
+      "heading undecided: no more than noise; these gyros cannot keep {:g} deg in {:.0f} s, {:.0f} s would do",
+      report.heading_limit_deg, report.align_s, report.would_do_s);
+  return level.empty() ? heading : heading + "; " + level;
+}
+
+// Heading, roll and pitch, degrees.
+void add_angles(const std::string& name, const std::array<double, 3>& angles_deg, Table& table) {
+  std::vector<Cell> row = {cell::text(name)};
+  for (const double angle : angles_deg) row.push_back(cell::fixed(angle, 6));
+  table.row(std::move(row));
+}
+
 }  // namespace
 
 std::string gravity_words(const FeltSite& felt, double of_recording_mps2) {
@@ -91,16 +110,6 @@ void add_faults(const std::vector<std::string>& faults, Document& document) {
 std::string latitude_words(const FeltSite& felt, double of_recording_deg) {
   return fmt::format("{:.3f} +- {:.3f} deg felt, the recording says {:.4f}", felt.latitude_rad / rad_per_deg,
                      felt.sigma_rad / rad_per_deg, of_recording_deg);
-}
-
-std::string undecided_words(const VerificationReport& report) {
-  const std::string level =
-      report.level_undecided ? "level undecided: the noise of this unit is as large as its limit" : "";
-  if (report.would_do_s <= 0.0) return level;
-  const std::string heading = fmt::format(
-      "heading undecided: no more than noise; these gyros cannot keep {:g} deg in {:.0f} s, {:.0f} s would do",
-      report.heading_limit_deg, report.align_s, report.would_do_s);
-  return level.empty() ? heading : heading + "; " + level;
 }
 
 std::string format_verification(VerificationReport report) {
@@ -140,17 +149,6 @@ std::string verification_words(const VerificationReport& report) {
   if (!report.trusted) words += "; parameters not trusted";
   return words;
 }
-
-namespace {
-
-// Heading, roll and pitch, degrees.
-void add_angles(const std::string& name, const std::array<double, 3>& angles_deg, Table& table) {
-  std::vector<Cell> row = {cell::text(name)};
-  for (const double angle : angles_deg) row.push_back(cell::fixed(angle, 6));
-  table.row(std::move(row));
-}
-
-}  // namespace
 
 Document verification_document(const VerificationReport& report) {
   const NorthSeeking& found = report.found;

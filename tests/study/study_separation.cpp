@@ -7,7 +7,7 @@
 #include <cstdlib>
 
 #include "orchestrator/jobs/design/sequence_design.h"
-#include "orchestrator/jobs/planned_unit.h"
+#include "orchestrator/jobs/preflight.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
