@@ -17,6 +17,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <set>
 #include <thread>
 #include <vector>
 
@@ -36,7 +37,6 @@
 #include "orchestrator/fleet/version_changes.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/command_context.h"
-#include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/result_table.h"
@@ -51,8 +51,7 @@ namespace fs = std::filesystem;
 
 struct CalibrateOptions {
   std::vector<std::string> recordings;
-  std::string out;
-  std::string format;
+  std::string out, format;
   std::string method = calibration_methods[0];
   bool partial = false;
   PriorSource prior;
@@ -94,9 +93,7 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   }
   const std::string file = folder.file(parameters_name);
   TRY(write_parameter_file(output.file, file));
-  if (statistics) {
-    TRY(write_statistics(*statistics, folder.file(statistics_name)));
-  }
+  if (statistics) TRY(write_statistics(*statistics, folder.file(statistics_name)));
   folder.keep();
   if (!options.format.empty()) {
     const std::string text = TRY(format_parameter_file(output.file));
@@ -111,34 +108,10 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   return Error{ErrorKind::unit_failed, file + ": not trusted: " + output.distrust};
 }
 
-}  // namespace
-
-void add_calibrate_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<CalibrateOptions>();
-  const Command command = line.command("calibrate", "estimate the parameters from a recording");
-  command.option("recording", options->recordings, "a folder (binary or text form) or a .tcr file; several of one unit")
-      .required();
-  command.option("--out", options->out, "folder for parameters.conf").required();
-  command.option("--method", options->method, "how to estimate")
-      .one_of(std::vector<std::string>(std::begin(calibration_methods), std::end(calibration_methods)))
-      .default_in_help();
-  command.option("--format", options->format, "print parameters.conf in this form instead of words")
-      .one_of(data_formats);
-  command.flag("--partial", options->partial, "write a result even if some parameters are not determined");
-  command.option("--prior", options->prior.from,
-                 "what earlier calibrations say: a results database, a store of `turncal recalibrate`, or a folder "
-                 "with runs below it");
-  command.option("--part", options->prior.part, "of the prior: only units of this part number");
-  command.runs(context, [options, &context] { return calibrate(*options, context); });
-}
-
-namespace {
-
 struct DiagnoseOptions {
   std::vector<std::string> recordings;
   std::vector<std::string> holdouts;
-  std::string out;
-  std::string residuals, format;
+  std::string out, residuals, format;
   std::optional<double> arw_deg_per_rt_h;
   std::optional<double> vrw_ug_per_rt_hz;
   double gyro_bias_instability_degph = 0.0;
@@ -220,7 +193,7 @@ Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, co
   return std::optional(noise);
 }
 
-Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context) {
+Status diagnose(const DiagnoseOptions& options, CommandContext& context) {
   const double began_s = monotonic_s();
   for (const std::vector<std::string>& sources : {options.recordings, options.holdouts})
     for (const std::string& source : sources) TRY(check_not_source(options.out, source));
@@ -241,13 +214,14 @@ Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context
   const std::string plot_problem = TRY(write_diagnosis(folder.path(), output.files));
   folder.keep();
   phases.clear();
+  if (output.diagnosis.verdict != Verdict::clean) context.exit_code = exit_code(ErrorKind::unit_failed);
   if (!options.residuals.empty()) {
     const std::vector<NumberColumn> columns = residual_columns(output.diagnosis);
     TRY(write_columns(options.residuals, columns));
   }
   if (!options.format.empty()) {
     context.out << key_values_as(options.format, output.files.conf) << std::flush;
-    return output.diagnosis.verdict;
+    return {};
   }
   const DiagnosisFiles& files = output.files;
   context.out << '\n' << as_text(files.report, diagnosis_lines) << '\n';
@@ -256,47 +230,11 @@ Result<Verdict> diagnose(const DiagnoseOptions& options, CommandContext& context
   context.out << "diagnosis   " << folder.file(diagnosis_name) << '\n';
   if (files.parameters) context.out << "parameters  " << folder.file(parameters_name) << '\n';
   context.out << significant(monotonic_s() - began_s, 2) << " s" << std::endl;
-  return output.diagnosis.verdict;
+  return {};
 }
-
-}  // namespace
-
-void add_diagnose_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<DiagnoseOptions>();
-  const Command command = line.command(
-      "diagnose", "find, name and add an effect that the 24 parameters lack; report the error before and after");
-  command.option("recording", options->recordings, "a folder (binary or text form) or a .tcr file; several of one unit")
-      .required();
-  command
-      .option(
-          "--holdout", options->holdouts,
-          "another recording of the unit, not used in the fit (again for more); default: recordings, or dwells, left "
-          "out in turn")
-      .one_word_each();
-  command.option("--out", options->out, "folder for parameters.conf, diagnosis.conf and report.html").required();
-  command.option("--residuals", options->residuals, "writes the residuals to this file, too: .csv, .npy or .mat");
-  command.option("--format", options->format, "print diagnosis.conf in this form instead of words")
-      .one_of(data_formats);
-  command.option("--arw", options->arw_deg_per_rt_h, "angle random walk, deg/sqrt(h): noise given, not measured")
-      .positive();
-  command.option("--vrw", options->vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").positive();
-  command.option("--gyro-bias-instability", options->gyro_bias_instability_degph, "deg/h, with --arw and --vrw")
-      .not_negative();
-  command.option("--accel-bias-instability", options->accel_bias_instability_ug, "ug, with --arw and --vrw")
-      .not_negative();
-  command.runs(context, [options, &context]() -> Status {
-    const Verdict verdict = TRY(diagnose(*options, context));
-    if (verdict != Verdict::clean) context.exit_code = exit_code(ErrorKind::unit_failed);
-    return {};
-  });
-}
-
-namespace {
 
 struct RecalibrateOptions {
-  std::string archive;
-  std::string store;
-  std::string against;
+  std::string archive, store, against;
   std::string version = software_version();
   std::string engine = "local";
   std::string outcome;
@@ -379,42 +317,15 @@ Status recalibrate_archive(const RecalibrateOptions& options, CommandContext& co
   return {};
 }
 
-}  // namespace
-
-void add_recalibrate_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<RecalibrateOptions>();
-  const Command command =
-      line.command("recalibrate", "calibrate every recording of an archive again with this version");
-  command.option("archive", options->archive, "a folder with recordings below it, a CSV list, or a results database")
-      .required();
-  command.option("--out", options->store, "store: a folder; what is there already is not done again").required();
-  command.option("--against", options->against, "say what changed against this version of the store");
-  command.option("--as-version", options->version, "name of the version in the store").default_in_help();
-  command.option("--engine", options->engine, "who does the work: this machine, or an array job of Slurm")
-      .one_of({"local", "slurm"})
-      .default_in_help();
-  command.option("--chunks", options->chunks, "tasks of the array job; default: one for 100 recordings").range(1, 1000);
-  command.option("--threads", options->threads, "recordings at a time; default: all cores, of a Slurm task one")
-      .range(1, 256);
-  command.option("--chunk", options->chunk, "K N: only every N-th recording from the K-th (0 to N - 1)").words(2);
-  command.option("--outcome", options->outcome,
-                 "what became of each recording (CSV); default: recordings.csv in the store");
-  command.flag("--no-diagnosis", options->no_diagnosis, "calibrate only");
-  command.runs(context, [options, &context] { return recalibrate_archive(*options, context); });
-}
-
-namespace {
-
 struct FleetCommandOptions {
   std::string action, from, format, page;
   std::vector<std::string> by = {"station"};
 };
 
 Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
-  for (std::size_t k = 0; k < options.by.size(); ++k)
-    if (std::find(options.by.begin(), options.by.begin() + static_cast<std::ptrdiff_t>(k), options.by[k]) !=
-        options.by.begin() + static_cast<std::ptrdiff_t>(k))
-      return input_error("--by " + options.by[k] + ": is given twice");
+  std::set<std::string> given;
+  for (const std::string& factor : options.by)
+    if (!given.insert(factor).second) return input_error("--by " + factor + ": is given twice");
   const FleetSource source = TRY(read_fleet(options.from, options.by));
   FleetOptions wanted;
   wanted.factors = options.by;
@@ -438,21 +349,80 @@ Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
 
 }  // namespace
 
-void add_fleet_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<FleetCommandOptions>();
-  const Command command = line.command("fleet", "what many units show together: common to a station, a lot, a month");
-  command.option("action", options->action, "diagnose").required().one_of({"diagnose"});
+void add_calibrate_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<CalibrateOptions>("calibrate", "estimate the parameters from a recording", calibrate);
+  command.option("recording", options.recordings, "a folder (binary or text form) or a .tcr file; several of one unit")
+      .required();
+  command.option("--out", options.out, "folder for parameters.conf").required();
+  command.option("--method", options.method, "how to estimate")
+      .one_of(std::vector<std::string>(std::begin(calibration_methods), std::end(calibration_methods)))
+      .default_in_help();
+  command.format(options.format, "print parameters.conf in this form instead of words");
+  command.flag("--partial", options.partial, "write a result even if some parameters are not determined");
+  command.option("--prior", options.prior.from,
+                 "what earlier calibrations say: a results database, a store of `turncal recalibrate`, or a folder "
+                 "with runs below it");
+  command.option("--part", options.prior.part, "of the prior: only units of this part number");
+}
+
+void add_diagnose_command(CommandLine& line) {
+  const auto [command, options] = line.command<DiagnoseOptions>(
+      "diagnose", "find, name and add an effect that the 24 parameters lack; report the error before and after",
+      diagnose);
+  command.option("recording", options.recordings, "a folder (binary or text form) or a .tcr file; several of one unit")
+      .required();
   command
-      .option("from", options->from,
+      .option("--holdout", options.holdouts,
+              "another recording of the unit, not used in the fit (again for more); default: recordings, or dwells, "
+              "left out in turn")
+      .one_word_each();
+  command.option("--out", options.out, "folder for parameters.conf, diagnosis.conf and report.html").required();
+  command.option("--residuals", options.residuals, "writes the residuals to this file, too: .csv, .npy or .mat");
+  command.option("--format", options.format, "print diagnosis.conf in this form instead of words").one_of(data_formats);
+  command.option("--arw", options.arw_deg_per_rt_h, "angle random walk, deg/sqrt(h): noise given, not measured")
+      .positive();
+  command.option("--vrw", options.vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").positive();
+  command.option("--gyro-bias-instability", options.gyro_bias_instability_degph, "deg/h, with --arw and --vrw")
+      .not_negative();
+  command.option("--accel-bias-instability", options.accel_bias_instability_ug, "ug, with --arw and --vrw")
+      .not_negative();
+}
+
+void add_recalibrate_command(CommandLine& line) {
+  const auto [command, options] = line.command<RecalibrateOptions>(
+      "recalibrate", "calibrate every recording of an archive again with this version", recalibrate_archive);
+  command.option("archive", options.archive, "a folder with recordings below it, a CSV list, or a results database")
+      .required();
+  command.option("--out", options.store, "store: a folder; what is there already is not done again").required();
+  command.option("--against", options.against, "say what changed against this version of the store");
+  command.option("--as-version", options.version, "name of the version in the store").default_in_help();
+  command.option("--engine", options.engine, "who does the work: this machine, or an array job of Slurm")
+      .one_of({"local", "slurm"})
+      .default_in_help();
+  command.option("--chunks", options.chunks, "tasks of the array job; default: one for 100 recordings").range(1, 1000);
+  command.option("--threads", options.threads, "recordings at a time; default: all cores, of a Slurm task one")
+      .range(1, 256);
+  command.option("--chunk", options.chunk, "K N: only every N-th recording from the K-th (0 to N - 1)").words(2);
+  command.option("--outcome", options.outcome,
+                 "what became of each recording (CSV); default: recordings.csv in the store");
+  command.flag("--no-diagnosis", options.no_diagnosis, "calibrate only");
+}
+
+void add_fleet_command(CommandLine& line) {
+  const auto [command, options] = line.command<FleetCommandOptions>(
+      "fleet", "what many units show together: common to a station, a lot, a month", diagnose);
+  command.option("action", options.action, "diagnose").required().one_of({"diagnose"});
+  command
+      .option("from", options.from,
               "a results database, a store of `turncal recalibrate`, or a folder with runs below it")
       .required();
-  command.option("--by", options->by, "what units may have in common; several times")
+  command.option("--by", options.by, "what units may have in common; several times")
       .one_of(fleet_factors)
       .one_word_each()
       .default_in_help();
-  command.option("--page", options->page, "write a page (HTML)");
-  command.option("--format", options->format, "print a table for other programs").one_of(data_formats);
-  command.runs(context, [options, &context] { return diagnose(*options, context); });
+  command.option("--page", options.page, "write a page (HTML)");
+  command.format(options.format, "print a table for other programs");
 }
 
 }  // namespace turncal

@@ -9,18 +9,20 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
-#include <memory>
 
 #include "calib/navigation/alignment.h"
 #include "calib/prediction/predict.h"
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
 #include "orchestrator/commands/commands.h"
+#include "orchestrator/devices/station_rig.h"
 #include "orchestrator/jobs/design/sequence_design.h"
 #include "orchestrator/jobs/loaded_recording.h"
-#include "orchestrator/jobs/planned_unit.h"
+#include "orchestrator/jobs/preflight.h"
+#include "orchestrator/jobs/run_request.h"
 #include "orchestrator/report/result_table.h"
 #include "orchestrator/station/builtin_sequence.h"
 #include "orchestrator/watch/progress.h"
@@ -28,6 +30,100 @@
 namespace turncal {
 
 namespace {
+
+// What a prediction or a design is made for: the options that both commands share.
+struct PlannedSite {
+  std::string station;  // file; empty: the built-in rig station
+  std::optional<double> latitude_deg;
+  std::optional<double> gravity_mps2;
+  double arw_deg_per_rt_h = 0.002;
+  double vrw_ug_per_rt_hz = 8.0;
+  double gyro_bias_instability_degph = 0.0;
+  double accel_bias_instability_ug = 0.0;
+};
+
+// The unit that the station's IMU driver would deliver.
+struct PlannedUnit {
+  StationConfig station;
+  RecordingInfo info;
+  Parameters parameters;
+};
+
+// "--arw = 0: expected ...". False for nan, which the command line lets pass.
+Status check_option(const char* option, double value, double min, double max, bool min_excluded = false) {
+  const bool good = (min_excluded ? value > min : value >= min) && value <= max;  // false for NaN
+  if (good) return {};
+  return input_error(
+      std::string(option) + " = " + format_number(value) + ": expected a number " +
+      (min_excluded ? "above " + format_number(min) + " and not above " : "from " + format_number(min) + " to ") +
+      format_number(max));
+}
+
+// A time as people write it, from 1 s to 24 h: 1h, 90min, 5400s or 5400.
+Result<double> parse_time_s(const char* option, const std::string& text) {
+  constexpr double longest_s = 86400.0;
+  std::string_view number = text;
+  double unit = 1.0;
+  for (const auto& [name, seconds] : {std::pair{"min", 60.0}, std::pair{"h", 3600.0}, std::pair{"s", 1.0}}) {
+    if (!number.ends_with(name)) continue;
+    number.remove_suffix(std::string_view(name).size());
+    unit = seconds;
+    break;
+  }
+  const std::optional<double> value = parse_number(number);
+  if (!value || *value * unit < 1.0 || *value * unit > longest_s)
+    return input_error(std::string(option) + " '" + text +
+                       "': expected a time from 1s to 24h, like 1h, 90min or 5400s");
+  return *value * unit;
+}
+
+Status check_site(const PlannedSite& site) {
+  for (const Status& status : {
+           check_option("--latitude", site.latitude_deg.value_or(0.0), site_latitude_deg.min, site_latitude_deg.max),
+           check_option("--gravity", site.gravity_mps2.value_or(standard_gravity_mps2), site_gravity_mps2.min,
+                        site_gravity_mps2.max),
+           check_option("--arw", site.arw_deg_per_rt_h, 0.0, 1000.0, true),
+           check_option("--vrw", site.vrw_ug_per_rt_hz, 0.0, 1e6, true),
+           check_option("--gyro-bias-instability", site.gyro_bias_instability_degph, 0.0, 1e4),
+           check_option("--accel-bias-instability", site.accel_bias_instability_ug, 0.0, 1e5),
+       })
+    if (!status) return status;
+  return {};
+}
+
+Result<PlannedUnit> planned_unit(const PlannedSite& site) {
+  const StationConfig station =
+      TRY(site.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(site.station));
+  RigConfig rig = TRY(rig_of(station));
+  PlannedUnit unit;
+  unit.station = station;
+  unit.info = planned_info(station, &rig);
+  if (site.latitude_deg) unit.info.latitude_deg = *site.latitude_deg;
+  if (site.gravity_mps2) unit.info.gravity_mps2 = *site.gravity_mps2;
+  unit.info.simulated = true;
+  unit.parameters = typical_unit(unit.info);
+  unit.parameters.n = Eigen::Matrix3d::Identity() * rig.gyro_pulse_arcsec;
+  return unit;
+}
+
+NoiseModel noise_model(const PlannedSite& site) {
+  NoiseModel noise;
+  noise.angle_random_walk.setConstant(site.arw_deg_per_rt_h * radprs_per_degprh);
+  noise.velocity_random_walk.setConstant(site.vrw_ug_per_rt_hz * mpsprs_per_ugprHz);
+  noise.gyro_bias_instability_radps = site.gyro_bias_instability_degph * radps_per_degph;
+  noise.accel_bias_instability_mps2 = site.accel_bias_instability_ug * 1e-6 * standard_gravity_mps2;
+  return noise;
+}
+
+Facts describe_premises(const PlannedSite& site, const RecordingInfo& info) {
+  return {{{"noise", fmt::format("{} deg/sqrt(h), {} ug/sqrt(Hz); bias instability {} deg/h, {} ug; pulse {} m/s",
+                                 format_number(site.arw_deg_per_rt_h), format_number(site.vrw_ug_per_rt_hz),
+                                 format_number(site.gyro_bias_instability_degph),
+                                 format_number(site.accel_bias_instability_ug), format_number(info.accel_pulse_mps))},
+           {"site", fmt::format("latitude {} deg, gravity {} m/s^2; IMU at {} Hz", format_number(info.latitude_deg),
+                                format_number(info.gravity_mps2),
+                                format_number(std::round(1e6 / info.sample_period_s) / 1e6))}}};
+}
 
 struct PredictRequest {
   std::vector<std::string> sequences;  // files
@@ -61,13 +157,11 @@ std::string column_name(const std::vector<NamedPrediction>& columns, const std::
   return same == 1 ? name : name + "#" + std::to_string(same);
 }
 
-Status run_predict(const PredictRequest& request, std::ostream& out) {
+Status run_predict(const PredictRequest& request, CommandContext& context) {
   TRY(check_request(request));
   DriftPlan drift_plan;
   drift_plan.align_s = request.align_s;
-  if (!request.navigate.empty()) {
-    drift_plan.free_s = TRY(parse_time_s("--navigate", request.navigate));
-  }
+  if (!request.navigate.empty()) drift_plan.free_s = TRY(parse_time_s("--navigate", request.navigate));
   const PlannedUnit unit = TRY(planned_unit(request.site));
   PredictOptions options;
   options.noise = noise_model(request.site);
@@ -115,38 +209,9 @@ Status run_predict(const PredictRequest& request, std::ostream& out) {
     document.section("never", "Never observable");
     for (const std::string_view quantity : unobservable_quantities()) document.text(std::string(quantity));
   }
-  out << (request.format.empty() ? as_text(document) : as_json(document));
+  context.out << as(request.format, document);
   return {};
 }
-
-void add_site_options(const Command& command, PlannedSite& site) {
-  command.option("--station", site.station, "station configuration; default: the built-in rig station");
-  command.option("--latitude", site.latitude_deg, "deg; default: the station's");
-  command.option("--gravity", site.gravity_mps2, "m/s^2; default: the station's");
-  command.option("--arw", site.arw_deg_per_rt_h, "angle random walk, deg/sqrt(h)").default_in_help();
-  command.option("--vrw", site.vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").default_in_help();
-  command.option("--gyro-bias-instability", site.gyro_bias_instability_degph, "deg/h").default_in_help();
-  command.option("--accel-bias-instability", site.accel_bias_instability_ug, "ug").default_in_help();
-}
-
-}  // namespace
-
-void add_predict_command(CommandLine& line, CommandContext& context) {
-  const auto request = std::make_shared<PredictRequest>();
-  const Command command =
-      line.command("predict", "the sigma each parameter would have after a sequence; nothing moves");
-  command.option("--sequence", request->sequences, "sequence file; several stand side by side").required();
-  add_site_options(command, request->site);
-  command.flag("--effects", request->effects, "the smallest effects that would be caught, and which are confused");
-  command.option("--temperature-rise", request->temperature_rise_c, "C over the run, for --effects").default_in_help();
-  command.option("--temperature-tau", request->temperature_tau_s, "its time constant, s").default_in_help();
-  command.option("--navigate", request->navigate, "drift of free navigation after this time: 1h, 90min, 5400s");
-  command.option("--align", request->align_s, "alignment before it, s").range(20.0, 86400.0).default_in_help();
-  command.option("--format", request->format, "print it in this form instead of words").one_of({"json"});
-  command.prints(context, [request, &context] { return run_predict(*request, context.out); });
-}
-
-namespace {
 
 constexpr double longest_design_s = 43200.0;  // that is looked for, with --sigma
 constexpr const char* longest_extra_legs = "10min";
@@ -435,32 +500,56 @@ class Designer {
   Walk walk_;
 };
 
+Status design(const DesignOptions& options, CommandContext& context) { return Designer(options, context).run(); }
+
 }  // namespace
 
-void add_design_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<DesignOptions>();
-  const Command command = line.command("design", "find a sequence with small sigmas in a given time; nothing moves");
-  command.option("--time", options->time, "length of the run: 40min, 2h, 2400");
-  command.option("--sigma", options->sigma,
+void add_site_options(const Command& command, PlannedSite& site) {
+  command.option("--station", site.station, "station configuration; default: the built-in rig station");
+  command.option("--latitude", site.latitude_deg, "deg; default: the station's");
+  command.option("--gravity", site.gravity_mps2, "m/s^2; default: the station's");
+  command.option("--arw", site.arw_deg_per_rt_h, "angle random walk, deg/sqrt(h)").default_in_help();
+  command.option("--vrw", site.vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").default_in_help();
+  command.option("--gyro-bias-instability", site.gyro_bias_instability_degph, "deg/h").default_in_help();
+  command.option("--accel-bias-instability", site.accel_bias_instability_ug, "ug").default_in_help();
+}
+
+void add_predict_command(CommandLine& line) {
+  const auto [command, request] = line.command<PredictRequest>(
+      "predict", "the sigma each parameter would have after a sequence; nothing moves", run_predict, Output::result);
+  command.option("--sequence", request.sequences, "sequence file; several stand side by side").required();
+  add_site_options(command, request.site);
+  command.flag("--effects", request.effects, "the smallest effects that would be caught, and which are confused");
+  command.option("--temperature-rise", request.temperature_rise_c, "C over the run, for --effects").default_in_help();
+  command.option("--temperature-tau", request.temperature_tau_s, "its time constant, s").default_in_help();
+  command.option("--navigate", request.navigate, "drift of free navigation after this time: 1h, 90min, 5400s");
+  command.option("--align", request.align_s, "alignment before it, s").range(20.0, 86400.0).default_in_help();
+  command.option("--format", request.format, "print it in this form instead of words").one_of({"json"});
+}
+
+void add_design_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<DesignOptions>("design", "find a sequence with small sigmas in a given time; nothing moves", design);
+  command.option("--time", options.time, "length of the run: 40min, 2h, 2400");
+  command.option("--sigma", options.sigma,
                  "in place of it: a file of sigmas (N01 = 0.003); the shortest run that gives them");
-  command.option("--separate", options->separate,
+  command.option("--separate", options.separate,
                  "an effect of a diagnosis: the shortest legs, at most --time (10min), that tell it from its aliases");
-  command.option("--from", options->from, "the recording, or run, with that diagnosis");
-  command.option("--out", options->out, "the sequence file to write").required();
-  add_site_options(command, options->site);
-  command.option("--start", options->start, "sequence whose turns the search begins with; default: the fourteen steps");
-  command.option("--aim", options->criterion, "make the mean of all sigmas small, or the worst")
+  command.option("--from", options.from, "the recording, or run, with that diagnosis");
+  command.option("--out", options.out, "the sequence file to write").required();
+  add_site_options(command, options.site);
+  command.option("--start", options.start, "sequence whose turns the search begins with; default: the fourteen steps");
+  command.option("--aim", options.criterion, "make the mean of all sigmas small, or the worst")
       .one_of({"mean", "worst"})
       .default_in_help();
-  command.option("--effects", options->effects, "effects of the catalogue that it should show");
-  command.option("--axes", options->axes, "axes that may turn: heading, pitch, roll; default: all");
-  command.option("--rate", options->rates, "rates to choose from, deg/s; default: 10, or what the axis may");
-  command.option("--acceleration", options->acceleration_degps2, "deg/s^2; default: 20, or what the table may")
+  command.option("--effects", options.effects, "effects of the catalogue that it should show");
+  command.option("--axes", options.axes, "axes that may turn: heading, pitch, roll; default: all");
+  command.option("--rate", options.rates, "rates to choose from, deg/s; default: 10, or what the axis may");
+  command.option("--acceleration", options.acceleration_degps2, "deg/s^2; default: 20, or what the table may")
       .positive();
-  command.option("--least-rest", options->least_rest_s, "of a rest, s").range(2.0, 3600.0).default_in_help();
-  command.option("--seed", options->seed, "of the search").range(0, 1000000000).default_in_help();
-  command.option("--tries", options->tries, "walks to judge").range(1, 1000000).default_in_help();
-  command.runs(context, [options, &context] { return Designer(*options, context).run(); });
+  command.option("--least-rest", options.least_rest_s, "of a rest, s").range(2.0, 3600.0).default_in_help();
+  command.option("--seed", options.seed, "of the search").range(0, 1000000000).default_in_help();
+  command.option("--tries", options.tries, "walks to judge").range(1, 1000000).default_in_help();
 }
 
 }  // namespace turncal

@@ -13,11 +13,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <filesystem>
 #include <map>
-#include <memory>
 #include <set>
 
 #include "imu_io/base/atomic_file.h"
@@ -26,14 +24,13 @@
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/line/parameter_history.h"
-#include "orchestrator/line_report/history_document.h"
 #include "orchestrator/line_report/shift_document.h"
 #include "orchestrator/records/database_rows.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/report/pdf.h"
+#include "orchestrator/report/document.h"
 #include "orchestrator/station/station_config.h"
 #include "orchestrator/watch/progress.h"
 
@@ -84,16 +81,14 @@ Result<Document> comparison(const Calibrations& all, const std::vector<std::int6
       return input_error("--compare " + std::to_string(ids[i]) + ": expected the id of a calibration in the list");
   }
   const auto& [a, b] = pair;
-  if (a->unit != b->unit) {
+  if (a->unit != b->unit)
     return input_error("--compare: " + std::to_string(ids[0]) + " is of unit '" + a->unit + "', " +
                        std::to_string(ids[1]) + " of unit '" + b->unit + "': expected two of one unit");
-  }
   Document document{"", "Comparison of unit " + a->unit};
   document.text(fmt::format("unit {}: {} ({}) and {} ({})", a->unit, a->time_utc, a->verdict, b->time_utc, b->verdict));
   Table table{{name("parameter"), number("first"), number("second"), number("difference"), number("/ sigma")}};
   for (const StoredValue& value : a->values) {
-    const auto other =
-        std::find_if(b->values.begin(), b->values.end(), [&](const auto& v) { return v.key == value.key; });
+    const auto other = std::ranges::find_if(b->values, [&](const auto& v) { return v.key == value.key; });
     if (other == b->values.end()) continue;
     const double difference = other->value - value.value;
     const double sigma = std::hypot(value.sigma.value_or(0.0), other->sigma.value_or(0.0));
@@ -105,15 +100,14 @@ Result<Document> comparison(const Calibrations& all, const std::vector<std::int6
 }
 
 Result<Document> parameter_document(const Calibrations& all, const std::string& key) {
-  if (std::find(parameter_keys.begin(), parameter_keys.end(), key) == parameter_keys.end()) {
+  if (std::ranges::find(parameter_keys, key) == parameter_keys.end())
     return input_error("--parameter '" + key + "': expected one of the 24 keys, N01 to a33");
-  }
   const ParameterHistory history = parameter_history(all, key);
   const ControlChart& chart = history.chart;
   Document document{"", "Parameter " + key};
   Table table{{number("id"), name("unit"), text("time"), number(key), number("sigma"), text("control")}};
   for (std::size_t i = 0; i < history.values.size(); ++i) {
-    const bool outside = std::find(chart.outside.begin(), chart.outside.end(), i) != chart.outside.end();
+    const bool outside = std::ranges::find(chart.outside, i) != chart.outside.end();
     table.row({count(static_cast<std::size_t>(history.of[i]->id)), name(history.of[i]->unit),
                text(history.of[i]->time_utc), as("{:.8g}", history.values[i]), as("{:.2e}", history.sigmas[i]),
                text(outside ? "outside the control limits" : "")});
@@ -149,7 +143,7 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
     return {};
   }
   const auto print = [&](const Document& document) {
-    out << (options.format.empty() ? as_text(document) : as_json(document)) << std::flush;
+    out << as(options.format, document) << std::flush;
     return Status{};
   };
   if (!options.compare.empty()) return print(TRY(comparison(all, options.compare)));
@@ -193,7 +187,8 @@ Status show_attempts(const HistoryOptions& options, const ResultsDatabase& datab
   return {};
 }
 
-Status show_history(const HistoryOptions& options, std::ostream& out) {
+Status show_history(const HistoryOptions& options, CommandContext& context) {
+  std::ostream& out = context.out;
   if (!options.format.empty() && (!options.csv.empty() || !options.report.empty()))
     return input_error("--format: prints: expected no --csv or --report, which write a file");
   if (options.format == "csv" && (!options.compare.empty() || !options.parameter.empty() || options.control))
@@ -229,10 +224,9 @@ struct RestoreOptions {
   bool simulated = false;
 };
 
-Status restore(const RestoreOptions& options, std::ostream& out) {
-  if (options.version > 0) {
-    TRY(restore_version(options.store, options.unit, options.version, options.simulated));
-  }
+Status restore(const RestoreOptions& options, CommandContext& context) {
+  std::ostream& out = context.out;
+  if (options.version > 0) TRY(restore_version(options.store, options.unit, options.version, options.simulated));
   const std::vector<StoredVersion> versions = TRY(stored_versions(options.store, options.unit, options.simulated));
   Status damaged;
   for (const StoredVersion& version : versions) {
@@ -247,50 +241,6 @@ Status restore(const RestoreOptions& options, std::ostream& out) {
   }
   return damaged;
 }
-
-void add_filter_options(const Command& command, RecordFilter& filter) {
-  command.option("--station", filter.station, "of this station only");
-  command.option("--part", filter.part, "of this part only");
-  command.option("--from", filter.from, "from this time on, UTC: 2026-01-31 or 2026-01-31T06:00:00Z");
-  command.option("--to", filter.to, "up to this time; a date: to its end");
-}
-
-}  // namespace
-
-void add_history_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<HistoryOptions>();
-  const Command command = line.command("history", "list, compare and export what is in the results database");
-  command.option("database", options->database, "the station's record.database").required();
-  add_filter_options(command, options->filter);
-  command.option("--unit", options->filter.unit, "of this unit only");
-  command.option("--verdict", options->filter.verdict, "with this verdict or outcome only: pass, hold, dropped, ...");
-  command.flag("--attempts", options->attempts, "every attempt, also those that were refused, aborted, or failed");
-  command.option("--compare", options->compare, "two ids: the differences of one unit's parameters").words(2);
-  command.flag("--control", options->control, "every parameter over all calibrations: control limits and Cpk");
-  command.option("--parameter", options->parameter, "one parameter, calibration by calibration");
-  command.option("--report", options->report, "writes a page (HTML) with the control charts of every parameter");
-  command.flag("--simulated", options->simulated, "of the dry runs, for --control, --parameter and --report");
-  command.flag("--together", options->together, "charts of all units in one: the spread between them");
-  command.option("--csv", options->csv, "writes the calibrations with all values to this file");
-  command
-      .option("--format", options->format,
-              "print the calibrations with all values in this form; json: of the others, too")
-      .one_of(data_formats);
-  command.prints(context, [options, &context] { return show_history(*options, context.out); });
-}
-
-void add_restore_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<RestoreOptions>();
-  const Command command =
-      line.command("restore", "list the versions of a unit's parameter file, bring one back into use");
-  command.option("store", options->store, "the station's record.store").required();
-  command.option("--unit", options->unit, "serial number of the unit").required();
-  command.option("--version", options->version, "the version to bring back; without it they are listed").positive();
-  command.flag("--simulated", options->simulated, "of the dry runs");
-  command.prints(context, [options, &context] { return restore(*options, context.out); });
-}
-
-namespace {
 
 struct ShiftOptions {
   std::string database, out, format;
@@ -308,9 +258,8 @@ Status write_shift(const ShiftOptions& options, const ShiftReport& report, const
                                         {options.out + "/signals.csv", signals_csv(report)},
                                         {options.out + "/attempts.csv", attempts_table(report.attempts).csv()}};
   constexpr std::size_t alike = 30;
-  for (const NamedText& file : files) {
+  for (const NamedText& file : files)
     TRY(check_replaceable(file.path, std::string_view(file.content).substr(0, alike)));
-  }
   const std::string pdf = options.out + "/shift.pdf";
   if (options.pdf) {
     TRY(check_replaceable(pdf, "%PDF-"));
@@ -319,12 +268,13 @@ Status write_shift(const ShiftOptions& options, const ShiftReport& report, const
   return write_files_atomically(files);
 }
 
-Status run_shift(const ShiftOptions& options, std::ostream& out) {
+Status run_shift(const ShiftOptions& options, CommandContext& context) {
+  std::ostream& out = context.out;
   if (options.pdf && options.out.empty()) return input_error("--pdf: expected --out DIR, where it is to go");
   const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
   const ShiftReport report = TRY(shift_report(database, options.database, options.filter, options.simulated));
   const Document document = shift_document(report);
-  out << (options.format.empty() ? as_text(document) : as_json(document));
+  out << as(options.format, document);
   if (options.out.empty()) return {};
   TRY(write_shift(options, report, document));
   if (options.format.empty())
@@ -332,23 +282,6 @@ Status run_shift(const ShiftOptions& options, std::ostream& out) {
         << (options.pdf ? "\npdf      " + options.out + "/shift.pdf" : "") << '\n';
   return {};
 }
-
-}  // namespace
-
-void add_shift_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<ShiftOptions>();
-  const Command command =
-      line.command("shift", "the report of a shift: yield, reasons, hours, control charts, stations");
-  command.option("database", options->database, "the station's record.database").required();
-  add_filter_options(command, options->filter);
-  command.flag("--simulated", options->simulated, "of the dry runs, which are in no report with real units");
-  command.option("--out", options->out, "folder for the report: shift.html and its tables as CSV");
-  command.option("--format", options->format, "print the report in this form instead of words").one_of({"json"});
-  command.flag("--pdf", options->pdf, "with --out: shift.pdf too, by weasyprint");
-  command.runs(context, [options, &context] { return run_shift(*options, context.out); });
-}
-
-namespace {
 
 struct DatabaseOptions {
   std::string action, database, other, out;
@@ -399,7 +332,8 @@ Status make_roles(const DatabaseOptions& options, std::ostream& out) {
   return {};
 }
 
-Status run_database(const DatabaseOptions& options, std::ostream& out) {
+Status run_database(const DatabaseOptions& options, CommandContext& context) {
+  std::ostream& out = context.out;
   if (options.action == "backup") return backup(options, out);
   if (!options.out.empty()) return input_error("--out " + options.out + ": expected with backup only");
   if (options.action == "copy") return copy_rows(options, out);
@@ -410,24 +344,6 @@ Status run_database(const DatabaseOptions& options, std::ostream& out) {
   out << options.database << ": whole, " << contents_of(database) << '\n';
   return {};
 }
-
-}  // namespace
-
-void add_database_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<DatabaseOptions>();
-  const Command command =
-      line.command("database", "check, back up or copy a results database; make the roles of a server");
-  command.option("action", options->action, "check, backup, copy or roles")
-      .required()
-      .one_of({"check", "backup", "copy", "roles"});
-  command.option("database", options->database, "the station's record.database: a file, or postgresql://USER@HOST/NAME")
-      .required();
-  command.option("other", options->other, "for copy: the database that the rows are added to, each once");
-  command.option("--out", options->out, "file for the backup");
-  command.prints(context, [options, &context] { return run_database(*options, context.out); });
-}
-
-namespace {
 
 namespace fs = std::filesystem;
 
@@ -477,7 +393,8 @@ Status remove(const OldRecording& recording) {
 
 std::string megabytes(std::uintmax_t bytes) { return fmt::format("{:.1f} MB", 1e-6 * static_cast<double>(bytes)); }
 
-Status prune(const PruneOptions& options, std::ostream& out) {
+Status prune(const PruneOptions& options, CommandContext& context) {
+  std::ostream& out = context.out;
   std::error_code error;
   fs::recursive_directory_iterator entries(options.folder, error);
   if (error) return input_error(options.folder + ": cannot be read: " + error.message());
@@ -495,7 +412,7 @@ Status prune(const PruneOptions& options, std::ostream& out) {
     double& utc_s = newest.emplace(recording.whose(), recording.sealed_utc_s).first->second;
     utc_s = std::max(utc_s, recording.sealed_utc_s);
   }
-  std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
+  std::ranges::sort(found, [](const auto& a, const auto& b) { return a.path < b.path; });
   const double before_utc_s = wall_utc_s() - 86400.0 * options.days;
   std::size_t gone = 0;
   std::uintmax_t bytes = 0;
@@ -519,14 +436,70 @@ Status prune(const PruneOptions& options, std::ostream& out) {
 
 }  // namespace
 
-void add_prune_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<PruneOptions>();
-  const Command command = line.command(
-      "prune", "remove old recordings of finished units; never the last one of a unit, nor one that is on hold");
-  command.option("folder", options->folder, "folder with the folders of runs").required();
-  command.option("--older-than", options->days, "days since the recording was sealed").range(1, 36500).required();
-  command.flag("--list", options->list, "only say what would be removed");
-  command.runs(context, [options, &context] { return prune(*options, context.out); });
+void add_filter_options(const Command& command, RecordFilter& filter) {
+  command.option("--station", filter.station, "of this station only");
+  command.option("--part", filter.part, "of this part only");
+  command.option("--from", filter.from, "from this time on, UTC: 2026-01-31 or 2026-01-31T06:00:00Z");
+  command.option("--to", filter.to, "up to this time; a date: to its end");
+}
+
+void add_history_command(CommandLine& line) {
+  const auto [command, options] = line.command<HistoryOptions>(
+      "history", "list, compare and export what is in the results database", show_history, Output::result);
+  command.option("database", options.database, "the station's record.database").required();
+  add_filter_options(command, options.filter);
+  command.option("--unit", options.filter.unit, "of this unit only");
+  command.option("--verdict", options.filter.verdict, "with this verdict or outcome only: pass, hold, dropped, ...");
+  command.flag("--attempts", options.attempts, "every attempt, also those that were refused, aborted, or failed");
+  command.option("--compare", options.compare, "two ids: the differences of one unit's parameters").words(2);
+  command.flag("--control", options.control, "every parameter over all calibrations: control limits and Cpk");
+  command.option("--parameter", options.parameter, "one parameter, calibration by calibration");
+  command.option("--report", options.report, "writes a page (HTML) with the control charts of every parameter");
+  command.flag("--simulated", options.simulated, "of the dry runs, for --control, --parameter and --report");
+  command.flag("--together", options.together, "charts of all units in one: the spread between them");
+  command.option("--csv", options.csv, "writes the calibrations with all values to this file");
+  command.format(options.format, "print the calibrations with all values in this form; json: of the others, too");
+}
+
+void add_restore_command(CommandLine& line) {
+  const auto [command, options] = line.command<RestoreOptions>(
+      "restore", "list the versions of a unit's parameter file, bring one back into use", restore, Output::result);
+  command.option("store", options.store, "the station's record.store").required();
+  command.option("--unit", options.unit, "serial number of the unit").required();
+  command.option("--version", options.version, "the version to bring back; without it they are listed").positive();
+  command.flag("--simulated", options.simulated, "of the dry runs");
+}
+
+void add_shift_command(CommandLine& line) {
+  const auto [command, options] = line.command<ShiftOptions>(
+      "shift", "the report of a shift: yield, reasons, hours, control charts, stations", run_shift);
+  command.option("database", options.database, "the station's record.database").required();
+  add_filter_options(command, options.filter);
+  command.flag("--simulated", options.simulated, "of the dry runs, which are in no report with real units");
+  command.option("--out", options.out, "folder for the report: shift.html and its tables as CSV");
+  command.option("--format", options.format, "print the report in this form instead of words").one_of({"json"});
+  command.flag("--pdf", options.pdf, "with --out: shift.pdf too, by weasyprint");
+}
+
+void add_database_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<DatabaseOptions>("database", "check, back up or copy a results database; make the roles of a server",
+                                    run_database, Output::result);
+  command.option("action", options.action, "check, backup, copy or roles")
+      .required()
+      .one_of({"check", "backup", "copy", "roles"});
+  command.option("database", options.database, "the station's record.database: a file, or postgresql://USER@HOST/NAME")
+      .required();
+  command.option("other", options.other, "for copy: the database that the rows are added to, each once");
+  command.option("--out", options.out, "file for the backup");
+}
+
+void add_prune_command(CommandLine& line) {
+  const auto [command, options] = line.command<PruneOptions>(
+      "prune", "remove old recordings of finished units; never the last one of a unit, nor one that is on hold", prune);
+  command.option("folder", options.folder, "folder with the folders of runs").required();
+  command.option("--older-than", options.days, "days since the recording was sealed").range(1, 36500).required();
+  command.flag("--list", options.list, "only say what would be removed");
 }
 
 }  // namespace turncal

@@ -8,7 +8,6 @@
 // a recording (.tcr), by the name of the file.
 // Refused: a wrong checksum, a missing key, parameters of another unit, simulated parameters on a real unit's recording.
 //
-#include "imu_io/base/data_text.h"
 // `turncal convert PARAMETERS --header FILE --binary FILE --yaml FILE`: a parameter file in other forms (docs/parameter-forms.md).
 //
 // `turncal navigate RECORDING --parameters FILE [--against FILE] --out DIR`: free inertial navigation with calibrated increments, and
@@ -23,6 +22,7 @@
 #include "calib/rests/rest_units.h"
 #include "calib/statistics/segmentation.h"
 #include "imu_io/base/atomic_file.h"
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/recordings/csv_map_import.h"
 #include "imu_io/recordings/matrix_writer.h"
@@ -42,8 +42,7 @@ namespace turncal {
 namespace {
 
 struct TextOptions {
-  std::string source;
-  std::string out;
+  std::string source, out;
   // Of `import --map`: a table that is not ours.
   std::string map;
   std::string accel;  // of the accelerometers, where they have a file of their own
@@ -51,8 +50,7 @@ struct TextOptions {
 };
 
 struct SegmentOptions {
-  std::string source;
-  std::string out;
+  std::string source, out;
   double min_rest_s = SegmentationOptions{}.min_rest_s;
   std::optional<double> threshold;
 };
@@ -68,9 +66,8 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
     out << formatted("quiet level: gyros %.3g, accelerometers %.3g pulses a sample\n", found.quiet_gyro,
                      found.quiet_accel);
   }
-  if (found.slow_turns > 0) {
+  if (found.slow_turns > 0)
     out << found.slow_turns << " quiet stretches taken out: their mean rate is that of a slow turn\n";
-  }
   if (found.cut > 0) out << found.cut << " rests cut to where the unit stands still\n";
   if (found.moving > 0) out << found.moving << " rests taken out: too little of them is still\n";
   int number = 0;
@@ -110,12 +107,11 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   });
   if (!read) return read;
   const Segmentation found = finder.finish();
-  if (found.segments.empty()) {
+  if (found.segments.empty())
     return input_error(options.source + ": no rest found: " +
                        (options.threshold ? "no stretch of " + format_number(options.min_rest_s) +
                                                 " s stays below the threshold " + format_number(*options.threshold)
                                           : found.reason));
-  }
   print_segmentation(found, source.info(), found.segments.front().start_sample, context.out);
   TRY(import_binary(source, found.segments, folder.file(binary_recording_name)));
   folder.keep();
@@ -154,23 +150,6 @@ Status import_mapped_csv(const TextOptions& from, CommandContext& context) {
         content.info, found.segments, [&](SegmentedFeed& feed) { feed.add(content.samples); }, context.out);
   return {};
 }
-
-}  // namespace
-
-void add_segment_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<SegmentOptions>();
-  const Command command = line.command("segment", "find the rests of a recording and write it with segments");
-  command.option("source", options->source, "recording: a folder or a .tcr file").required();
-  command.option("--out", options->out, "folder to write to; must not hold a recording yet").required();
-  command
-      .option("--threshold", options->threshold,
-              "variance over the quiet one at which a rest ends; default: looked for")
-      .range(1.0, 1e12);
-  command.option("--min-rest", options->min_rest_s, "shortest rest, s").range(0.1, 3600.0);
-  command.runs(context, [options, &context] { return segment_recording(*options, context); });
-}
-
-namespace {
 
 Status say(RecordingSource& source, const char* what, const std::string& out, CommandContext& context) {
   const std::string hash = TRY(source.content_hash());
@@ -215,42 +194,8 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
   return finish(*source, folder, "exported to", context);
 }
 
-// What both commands take.
-Command add(CommandLine& line, CommandContext& context, const char* name, const char* help, const char* source_help,
-            const char* help_out, const std::shared_ptr<TextOptions>& options,
-            Status (*job)(const TextOptions&, CommandContext&)) {
-  const Command command = line.command(name, help);
-  command.option("source", options->source, source_help).required();
-  command.option("--out", options->out, help_out).required();
-  command.runs(context, [options, job, &context] { return job(*options, context); });
-  return command;
-}
-
-}  // namespace
-
-void add_import_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<TextOptions>();
-  const Command command =
-      add(line, context, "import", "read the text form of a recording or any table of numbers, write the binary one",
-          "folder with recording.conf, imu.csv, segments.csv; with --map a CSV, .npy or .mat file",
-          "folder to write to; must not hold a recording yet", options, import_text);
-  const Option map = command.option("--map", options->map, "file on the columns of the table, docs/hand-data.md");
-  command.option("--accel", options->accel, "the accelerometers' file, where they have one of their own").needs(map);
-  command.flag("--skip-bad-rows", options->skip_bad_rows, "leave out rows with a defect, and count them");
-}
-
-void add_export_command(CommandLine& line, CommandContext& context) {
-  add(line, context, "export", "write a recording in text form, or its samples as .npy or .mat",
-      "recording: a folder or a .tcr file", "folder to write to, must not hold a recording yet; or a .npy or .mat file",
-      std::make_shared<TextOptions>(), export_recording);
-}
-
-namespace {
-
 struct ApplyOptions {
-  std::string recording;
-  std::string parameters;
-  std::string out;
+  std::string recording, parameters, out;
 };
 
 void append_row(const ImuSample& sample, std::string& text) {
@@ -291,11 +236,10 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
   TRY(check_ending(options.out, {".csv", ".npy", ".mat", ".tcr"}));
   const ParameterFile parameters = TRY(read_parameter_file(options.parameters));
   std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(options.recording));
-  std::unique_ptr<CalibratedSource> calibrated = TRY(CalibratedSource::of(parameters, options.parameters, *source));
+  CalibratedSource calibrated(*source, TRY(SampleCalibration::make(parameters, options.parameters, *source)));
   std::error_code error;
-  if (std::filesystem::is_directory(options.out, error)) {
+  if (std::filesystem::is_directory(options.out, error))
     return input_error(options.out + ": expected a file name, found a folder");
-  }
   if (Status status = check_apart({{"the source", options.recording},
                                    {"the source", options.recording + "/" + binary_recording_name},
                                    {"the source", options.recording + "/imu.csv"},
@@ -304,32 +248,13 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
       !status) {
     return status;
   }
-  TRY(write_calibrated(*calibrated, options.out));
+  TRY(write_calibrated(calibrated, options.out));
   context.out << "calibrated increments  " << options.out << std::endl;
   return {};
 }
 
-}  // namespace
-
-void add_apply_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<ApplyOptions>();
-  const Command command = line.command("apply", "write calibrated increments of a recording");
-  command.option("recording", options->recording, "a folder (binary or text form) or a .tcr file").required();
-  command.option("--parameters", options->parameters, "parameter file").required();
-  command
-      .option("--out", options->out,
-              "file to write: .csv, .npy, .mat or .tcr (a recording); an existing one is replaced, whole")
-      .required();
-  command.runs(context, [options, &context] { return apply(*options, context); });
-}
-
-namespace {
-
 struct ConvertOptions {
-  std::string parameters;
-  std::string header;
-  std::string binary;
-  std::string yaml;
+  std::string parameters, header, binary, yaml;
 };
 
 Status convert(const ConvertOptions& options, CommandContext& context) {
@@ -354,20 +279,6 @@ Status convert(const ConvertOptions& options, CommandContext& context) {
   for (const NamedText& form : forms) context.out << "written  " << form.path << '\n';
   return {};
 }
-
-}  // namespace
-
-void add_convert_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<ConvertOptions>();
-  const Command command = line.command("convert", "a parameter file as C header, binary block or YAML");
-  command.option("parameters", options->parameters, "parameter file").required();
-  command.option("--header", options->header, "C header to write");
-  command.option("--binary", options->binary, "binary block with a checksum to write");
-  command.option("--yaml", options->yaml, "YAML file to write");
-  command.runs(context, [options, &context] { return convert(*options, context); });
-}
-
-namespace {
 
 constexpr double longest_recording_s = 1e7;
 
@@ -394,7 +305,7 @@ Status navigate(const NavigateOptions& options, CommandContext& context) {
     const std::string old = folder.file(name);
     const auto is_it = [&](const NamedText& file) { return file.path == old; };
     std::error_code none;
-    if (std::find_if(files.begin(), files.end(), is_it) == files.end()) std::filesystem::remove(old, none);
+    if (std::ranges::find_if(files, is_it) == files.end()) std::filesystem::remove(old, none);
   }
   folder.keep();
   if (!options.format.empty()) {
@@ -409,16 +320,68 @@ Status navigate(const NavigateOptions& options, CommandContext& context) {
 
 }  // namespace
 
-void add_navigate_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<NavigateOptions>();
-  NavigationRequest& request = options->request;
-  const Command command = line.command("navigate", "free inertial navigation of a recording: what it drifts");
+void add_segment_command(CommandLine& line) {
+  const auto [command, options] = line.command<SegmentOptions>(
+      "segment", "find the rests of a recording and write it with segments", segment_recording);
+  command.option("source", options.source, "recording: a folder or a .tcr file").required();
+  command.option("--out", options.out, "folder to write to; must not hold a recording yet").required();
+  command
+      .option("--threshold", options.threshold, "variance over the quiet one at which a rest ends; default: looked for")
+      .range(1.0, 1e12);
+  command.option("--min-rest", options.min_rest_s, "shortest rest, s").range(0.1, 3600.0);
+}
+
+void add_import_command(CommandLine& line) {
+  const auto [command, options] = line.command<TextOptions>(
+      "import", "read the text form of a recording or any table of numbers, write the binary one", import_text);
+  command
+      .option("source", options.source,
+              "folder with recording.conf, imu.csv, segments.csv; with --map a CSV, .npy or .mat file")
+      .required();
+  command.option("--out", options.out, "folder to write to; must not hold a recording yet").required();
+  const Option map = command.option("--map", options.map, "file on the columns of the table, docs/hand-data.md");
+  command.option("--accel", options.accel, "the accelerometers' file, where they have one of their own").needs(map);
+  command.flag("--skip-bad-rows", options.skip_bad_rows, "leave out rows with a defect, and count them");
+}
+
+void add_export_command(CommandLine& line) {
+  const auto [command, options] = line.command<TextOptions>(
+      "export", "write a recording in text form, or its samples as .npy or .mat", export_recording);
+  command.option("source", options.source, "recording: a folder or a .tcr file").required();
+  command.option("--out", options.out, "folder to write to, must not hold a recording yet; or a .npy or .mat file")
+      .required();
+}
+
+void add_apply_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<ApplyOptions>("apply", "write calibrated increments of a recording", apply);
+  command.option("recording", options.recording, "a folder (binary or text form) or a .tcr file").required();
+  command.option("--parameters", options.parameters, "parameter file").required();
+  command
+      .option("--out", options.out,
+              "file to write: .csv, .npy, .mat or .tcr (a recording); an existing one is replaced, whole")
+      .required();
+}
+
+void add_convert_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<ConvertOptions>("convert", "a parameter file as C header, binary block or YAML", convert);
+  command.option("parameters", options.parameters, "parameter file").required();
+  command.option("--header", options.header, "C header to write");
+  command.option("--binary", options.binary, "binary block with a checksum to write");
+  command.option("--yaml", options.yaml, "YAML file to write");
+}
+
+void add_navigate_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<NavigateOptions>("navigate", "free inertial navigation of a recording: what it drifts", navigate);
+  NavigationRequest& request = options.request;
   command.option("recording", request.recording, "a folder (binary or text form) or a .tcr file").required();
   command.option("--parameters", request.parameters, "parameter file; left out where `turncal apply` has been at work");
   command.option("--against", request.against, "another parameter file, navigated beside it");
   command.option("--reference", request.reference,
                  "where the unit truly was: a table of time_s, latitude_deg, longitude_deg (docs/navigation.md)");
-  command.option("--out", options->out, "folder for navigation.conf, track.csv, navigation.svg").required();
+  command.option("--out", options.out, "folder for navigation.conf, track.csv, navigation.svg").required();
   command.option("--align", request.align_s, "length of the alignment, s").range(20.0, 86400.0).default_in_help();
   command.option("--from", request.from_s, "where to begin, s from the first sample")
       .range(0.0, longest_recording_s)
@@ -428,9 +391,7 @@ void add_navigate_command(CommandLine& line, CommandContext& context) {
   command.option("--for", request.free_s, "length of each free navigation, s; default: an hour, or what there is")
       .range(1.0, longest_recording_s);
   command.option("--branches", request.branches, "starts, spread over the recording").range(1, 1000).default_in_help();
-  command.option("--format", options->format, "print navigation.conf in this form instead of words")
-      .one_of(data_formats);
-  command.runs(context, [options, &context] { return navigate(*options, context); });
+  command.format(options.format, "print navigation.conf in this form instead of words");
 }
 
 }  // namespace turncal

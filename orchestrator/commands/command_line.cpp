@@ -12,6 +12,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/station/version.h"
@@ -112,24 +113,19 @@ void Command::flag(const std::string& name, bool& value, const std::string& help
   app_->add_flag(name, value, help);
 }
 
-void Command::runs(CommandContext& context, std::function<Status()> job) const {
-  app_->callback([&context, job = std::move(job)] {
-    static Nowhere nowhere;
-    if (context.quiet) context.out.rdbuf(&nowhere);
-    if (Status status = job(); !status) context.fail(status.error());
-  });
+void Command::format(std::string& value, const std::string& help) const {
+  option("--format", value, help).one_of(data_formats);
 }
 
-void Command::prints(CommandContext& context, std::function<Status()> job) const {
-  runs(context, [&context, job = std::move(job)] {
-    context.output_is_result = true;
-    return job();
-  });
-}
-
-Command CommandLine::command(const std::string& name, const std::string& help) {
+Command CommandLine::add(const std::string& name, const std::string& help, std::function<Status()> job, Output output) {
   const Command command(app_.add_subcommand(name, help));
   command.flag("--quiet", context_.quiet, "print nothing but errors");
+  command.app_->callback([&context = context_, job = std::move(job), output] {
+    static Nowhere nowhere;
+    if (context.quiet) context.out.rdbuf(&nowhere);
+    context.output_is_result = output == Output::result;
+    if (Status status = job(); !status) context.fail(status.error());
+  });
   return command;
 }
 
@@ -141,7 +137,7 @@ int run_command_line(int argc, const char* const* argv, const std::vector<AddCom
     app.set_version_flag("--version", std::string("turncal ") + software_version());
     app.require_subcommand(1);
     CommandLine line(app, context);
-    for (const AddCommand add : commands) add(line, context);
+    for (const AddCommand add : commands) add(line);
     try {
       app.parse(argc, argv);
     } catch (const CLI::Success& success) {  // --help, --version

@@ -5,7 +5,9 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "orchestrator/jobs/command_context.h"
@@ -16,6 +18,9 @@ class Option;
 }  // namespace CLI
 
 namespace turncal {
+
+// What a command prints is words for a person, or its result: whoever goes before the end of that has not got it.
+enum class Output { words, result };
 
 // An option of a command. Each call adds a condition and returns the same option; a value that breaks one is an input error.
 class Option {
@@ -45,28 +50,35 @@ class Command {
   template <class Value>
   Option option(const std::string& name, Value& value, const std::string& help) const;
   void flag(const std::string& name, bool& value, const std::string& help) const;
-
-  // What the command does. An error is said and becomes the exit code.
-  void runs(CommandContext& context, std::function<Status()> job) const;
-  // The same; what it prints is its result, and whoever goes before the end has not got it.
-  void prints(CommandContext& context, std::function<Status()> job) const;
+  // --format, for what other programs read.
+  void format(std::string& value, const std::string& help) const;
 
  private:
+  friend class CommandLine;
   CLI::App* app_;
 };
 
 class CommandLine {
  public:
   CommandLine(CLI::App& app, CommandContext& context) : app_(app), context_(context) {}
-  Command command(const std::string& name, const std::string& help);
+
+  // A command and its options, which `job` is given. An error of it is said and becomes the exit code.
+  template <class Options>
+  std::pair<Command, Options&> command(const std::string& name, const std::string& help,
+                                       Status (*job)(const Options&, CommandContext&), Output output = Output::words) {
+    const auto options = std::make_shared<Options>();
+    return {add(
+                name, help, [job, options, &context = context_] { return job(*options, context); }, output),
+            *options};
+  }
 
  private:
+  Command add(const std::string& name, const std::string& help, std::function<Status()> job, Output output);
   CLI::App& app_;
   CommandContext& context_;
 };
 
-// Adds one command, which leaves its result in the context.
-using AddCommand = void (*)(CommandLine& line, CommandContext& context);
+using AddCommand = void (*)(CommandLine& line);  // adds one command
 
 int run_command_line(int argc, const char* const* argv, const std::vector<AddCommand>& commands,
                      CommandContext& context);

@@ -9,8 +9,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <memory>
-#include <sstream>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
@@ -38,112 +36,38 @@ struct RunOptions {
   std::string folder;
 };
 
-void add_record_option(const Command& command, const RecordWord& record, RunRequest& request) {
-  command.option(record.option, request.*record.word, record.help);
+Status run(const RunOptions& options, CommandContext& context) {
+  if (!options.request.continues.empty()) {
+    const RunRequest further = TRY(continuing(options.request));
+    const std::string& out = options.folder;
+    return begin_run(further, out.empty() ? further.continues + "/continued" : out, context).status;
+  }
+  if (options.request.units.empty()) return input_error("--unit is required: the serial number of the unit");
+  if (options.folder.empty()) return input_error("--out is required: the folder for the results");
+  return begin_run(options.request, options.folder, context).status;
 }
 
-}  // namespace
-
-void add_record_options(const Command& command, RunRequest& request) {
-  for (const RecordWord& record : record_words) add_record_option(command, record, request);
+Status resume(const RunOptions& options, CommandContext& context) {
+  return resume_run(options.folder, options.request, context).status;
 }
 
-void add_verify_option(const Command& command, RunRequest& request) {
-  command.flag("--verify", request.verify, "seek north with the new parameters, right after the calibration");
-}
+struct JournalOptions {
+  std::string folder, format;
+};
 
-void add_until_option(const Command& command, RunRequest& request) {
-  command.flag(
-      "--until-sigma", request.until_sigma,
-      "end after the dwell at which stop.sigma.* and limit.* of the station are met with certainty (docs/design.md)");
-}
-
-void add_watch_options(const Command& command, RunRequest& request) {
-  command.option("--listen", request.listen,
-                 "serve a read-only status page there (127.0.0.1:8080; port 0: any free one)");
-  command.option("--pace", request.pace, "of a dry run: at most this many times as fast as the wall clock").positive();
-  command.flag("--verbose", request.verbose, "print every transition, as run.log has it");
-}
-
-void add_run_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<RunOptions>();
-  RunRequest& request = options->request;
-  const Command command = line.command("run", "run a calibration: move the table, record, calibrate");
-  command.flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
-  command.flag(
-      "--manual", request.manual,
-      "the table is turned by hand, whatever the station names: an operator is told what to do (docs/tables.md)");
-  command
-      .option("--unit", request.units,
-              "serial number of the unit; once for each of several on the table, in the order of the station's places")
-      .one_word_each();
-  command.option("--out", options->folder, "folder for the results; must not hold a run yet");
-  command.option("--continue", request.continues,
-                 "folder of a run: record more of its unit, and diagnose both together (docs/design.md); --out is "
-                 "DIR/continued then, where not given");
-  command.option("--rig", request.rig, "rig configuration (docs/rig.md); default: the built-in one");
-  command.option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
-  command.option("--station", request.station, "station configuration; default: the built-in rig station");
-  add_watch_options(command, request);
-  command.flag("--capture-only", request.capture_only, "record the sequence, do not calibrate");
-  command.flag("--partial", request.partial,
-               "of a sequence that does not determine all: estimate what it does; no verdict, not put in use");
-  command.flag("--no-diagnosis", options->request.no_diagnosis, "leave out the diagnosis at the end");
-  add_verify_option(command, request);
-  add_until_option(command, request);
-  add_record_options(command, request);
-  command.runs(context, [options, &context]() -> Status {
-    if (!options->request.continues.empty()) {
-      const RunRequest further = TRY(continuing(options->request));
-      const std::string& out = options->folder;
-      return begin_run(further, out.empty() ? further.continues + "/continued" : out, context).status;
-    }
-    if (options->request.units.empty()) return input_error("--unit is required: the serial number of the unit");
-    if (options->folder.empty()) return input_error("--out is required: the folder for the results");
-    return begin_run(options->request, options->folder, context).status;
-  });
-}
-
-void add_resume_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<RunOptions>();
-  RunRequest& moved = options->request;
-  const Command command =
-      line.command("resume", "go on with a run that was interrupted, after its last complete dwell");
-  command.option("folder", options->folder, "the run's folder").required();
-  command.option("--unit", moved.units, "the unit (or units) expected there").one_word_each();
-  command.option("--rig", moved.rig, "where the rig configuration is now, if it was moved");
-  command.option("--sequence", moved.sequence, "where the sequence is now, if it was moved");
-  command.option("--station", moved.station, "where the station configuration is now, if it was moved");
-  command.flag("--no-diagnosis", options->request.no_diagnosis, "leave out the diagnosis at the end");
-  add_record_option(command, overdue_word, moved);
-  add_watch_options(command, moved);
-  command.runs(context, [options, &context] { return resume_run(options->folder, options->request, context).status; });
-}
-
-void add_journal_command(CommandLine& line, CommandContext& context) {
-  struct JournalOptions {
-    std::string folder, format;
-  };
-  const auto options = std::make_shared<JournalOptions>();
-  const Command command = line.command("journal", "print the journal of a run, one line a record");
-  command.option("folder", options->folder, "the run's folder").required();
-  command.option("--format", options->format, "print every field of every record in this form").one_of(data_formats);
-  command.prints(context, [options, &context]() -> Status {
-    const std::string path = options->folder + "/" + journal_name;
-    if (!options->format.empty()) {
-      const DataTable table = TRY(journal_as_table(path));
-      context.out << table.as(options->format) << std::flush;
-      return {};
-    }
-    const std::string text = TRY(journal_as_text(path));
-    const Result<JournalContents> contents = read_journal(path);
-    const LinePrefix marked(context.out, std::string(contents ? tag_of(*contents) : ""));
-    context.out << text << std::flush;
+Status print_journal(const JournalOptions& options, CommandContext& context) {
+  const std::string path = options.folder + "/" + journal_name;
+  if (!options.format.empty()) {
+    const DataTable table = TRY(journal_as_table(path));
+    context.out << table.as(options.format) << std::flush;
     return {};
-  });
+  }
+  const std::string text = TRY(journal_as_text(path));
+  const Result<JournalContents> contents = read_journal(path);
+  const LinePrefix marked(context.out, std::string(contents ? tag_of(*contents) : ""));
+  context.out << text << std::flush;
+  return {};
 }
-
-namespace {
 
 struct BatchOptions {
   std::string queue, out;
@@ -177,7 +101,7 @@ Result<std::optional<Turn>> interrupted_group(const std::string& out, const std:
   const JournalContents journal = TRY(read_journal(folder + "/" + journal_name));
   const bool over = is_over(journal);
   for (const std::string& unit : journal.units()) {
-    if (std::find(to_do.begin(), to_do.end(), unit) == to_do.end()) continue;
+    if (std::ranges::find(to_do, unit) == to_do.end()) continue;
     // A run that is over has told the queue of all its units, unless it was interrupted just then.
     if (!over || !find_outcome(outcomes, unit)) return std::optional(Turn{journal.units(), folder});
   }
@@ -258,9 +182,8 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
   if (!end.to_the_end) {
     // Refused before anything was measured: not the unit on the table, say. Anything else is the station's affair, and so is what
     // stopped it before there was a run: a table that is overdue since midnight is no fault of all the units that wait.
-    const bool refused =
-        !begun && !end.units.empty() && end.status.error().kind == ErrorKind::input &&
-        std::all_of(end.units.begin(), end.units.end(), [](const auto& unit) { return unit.outcome == "refused"; });
+    const bool refused = !begun && !end.units.empty() && end.status.error().kind == ErrorKind::input &&
+                         std::ranges::all_of(end.units, [](const auto& unit) { return unit.outcome == "refused"; });
     if (!refused) {
       if (end.units.empty()) tell_operator(asked.station.hooks, end.status, turn, request.dry_run, context.out);
       return Error{end.status.error().kind, name + ": " + end.status.error().message};
@@ -308,10 +231,9 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
   check.units = {"X"};
   const RunPlan prepared = TRY(plan_run(check));
   context.tag = tag_of(prepared);
-  if (options.at_once > places(prepared)) {
+  if (options.at_once > places(prepared))
     return input_error("--at-once " + std::to_string(options.at_once) + ": expected at most " +
                        std::to_string(places(prepared)) + ", the places on the table");
-  }
   TRY(check_sequence(prepared));
   const LockFile queue = TRY(hold_queue(options.queue));
   const std::string tag = context.tag + "[batch] ";
@@ -343,11 +265,10 @@ struct QueueOptions {
   QueueChange change;
 };
 
-Status show_queue(const QueueOptions& options, std::ostream& out) {
+Status show_queue(const QueueOptions& options, CommandContext& context) {
+  std::ostream& out = context.out;
   const QueueChange& change = options.change;
-  if (!change.add.empty() || !change.remove.empty() || !change.again.empty()) {
-    TRY(change_queue(options.queue, change));
-  }
+  if (!change.add.empty() || !change.remove.empty() || !change.again.empty()) TRY(change_queue(options.queue, change));
   const std::vector<std::string> queue = TRY(read_queue(options.queue));
   const std::vector<UnitOutcome> outcomes = TRY(read_outcomes(options.queue));
   if (!options.format.empty()) {
@@ -373,13 +294,88 @@ Status show_queue(const QueueOptions& options, std::ostream& out) {
 
 }  // namespace
 
-void add_batch_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<BatchOptions>();
-  RunRequest& request = options->request;
-  const Command command = line.command("batch", "calibrate the units of a queue, one after the other, unattended");
-  command.option("queue", options->queue, "file with one serial number a line").required();
-  command.option("--out", options->out, "folder for the units' folders").required();
-  command.option("--at-once", options->at_once, "how many units of the queue are on the table together; default: 1")
+void add_record_option(const Command& command, const RecordWord& record, RunRequest& request) {
+  command.option(record.option, request.*record.word, record.help);
+}
+
+void add_record_options(const Command& command, RunRequest& request) {
+  for (const RecordWord& record : record_words) add_record_option(command, record, request);
+}
+
+void add_verify_option(const Command& command, RunRequest& request) {
+  command.flag("--verify", request.verify, "seek north with the new parameters, right after the calibration");
+}
+
+void add_until_option(const Command& command, RunRequest& request) {
+  command.flag(
+      "--until-sigma", request.until_sigma,
+      "end after the dwell at which stop.sigma.* and limit.* of the station are met with certainty (docs/design.md)");
+}
+
+void add_watch_options(const Command& command, RunRequest& request) {
+  command.option("--listen", request.listen,
+                 "serve a read-only status page there (127.0.0.1:8080; port 0: any free one)");
+  command.option("--pace", request.pace, "of a dry run: at most this many times as fast as the wall clock").positive();
+  command.flag("--verbose", request.verbose, "print every transition, as run.log has it");
+}
+
+void add_run_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<RunOptions>("run", "run a calibration: move the table, record, calibrate", run);
+  RunRequest& request = options.request;
+  command.flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
+  command.flag(
+      "--manual", request.manual,
+      "the table is turned by hand, whatever the station names: an operator is told what to do (docs/tables.md)");
+  command
+      .option("--unit", request.units,
+              "serial number of the unit; once for each of several on the table, in the order of the station's places")
+      .one_word_each();
+  command.option("--out", options.folder, "folder for the results; must not hold a run yet");
+  command.option("--continue", request.continues,
+                 "folder of a run: record more of its unit, and diagnose both together (docs/design.md); --out is "
+                 "DIR/continued then, where not given");
+  command.option("--rig", request.rig, "rig configuration (docs/rig.md); default: the built-in one");
+  command.option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
+  command.option("--station", request.station, "station configuration; default: the built-in rig station");
+  add_watch_options(command, request);
+  command.flag("--capture-only", request.capture_only, "record the sequence, do not calibrate");
+  command.flag("--partial", request.partial,
+               "of a sequence that does not determine all: estimate what it does; no verdict, not put in use");
+  command.flag("--no-diagnosis", options.request.no_diagnosis, "leave out the diagnosis at the end");
+  add_verify_option(command, request);
+  add_until_option(command, request);
+  add_record_options(command, request);
+}
+
+void add_resume_command(CommandLine& line) {
+  const auto [command, options] = line.command<RunOptions>(
+      "resume", "go on with a run that was interrupted, after its last complete dwell", resume);
+  RunRequest& moved = options.request;
+  command.option("folder", options.folder, "the run's folder").required();
+  command.option("--unit", moved.units, "the unit (or units) expected there").one_word_each();
+  command.option("--rig", moved.rig, "where the rig configuration is now, if it was moved");
+  command.option("--sequence", moved.sequence, "where the sequence is now, if it was moved");
+  command.option("--station", moved.station, "where the station configuration is now, if it was moved");
+  command.flag("--no-diagnosis", options.request.no_diagnosis, "leave out the diagnosis at the end");
+  add_record_option(command, overdue_word, moved);
+  add_watch_options(command, moved);
+}
+
+void add_journal_command(CommandLine& line) {
+  const auto [command, options] = line.command<JournalOptions>(
+      "journal", "print the journal of a run, one line a record", print_journal, Output::result);
+  command.option("folder", options.folder, "the run's folder").required();
+  command.format(options.format, "print every field of every record in this form");
+}
+
+void add_batch_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<BatchOptions>("batch", "calibrate the units of a queue, one after the other, unattended", run_batch);
+  RunRequest& request = options.request;
+  command.option("queue", options.queue, "file with one serial number a line").required();
+  command.option("--out", options.out, "folder for the units' folders").required();
+  command.option("--at-once", options.at_once, "how many units of the queue are on the table together; default: 1")
       .range(1, 16);
   command.flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
   command.option("--rig", request.rig, "rig configuration; default: the built-in one");
@@ -389,19 +385,17 @@ void add_batch_command(CommandLine& line, CommandContext& context) {
   add_until_option(command, request);
   add_record_options(command, request);
   add_watch_options(command, request);
-  command.runs(context, [options, &context] { return run_batch(*options, context); });
 }
 
-void add_queue_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<QueueOptions>();
-  const Command command = line.command("queue", "show a batch's queue, add and remove units; also while it runs");
-  command.option("queue", options->queue, "file with one serial number a line").required();
-  command.option("--add", options->change.add, "serial numbers to add at the end");
-  command.option("--remove", options->change.remove, "serial numbers to remove");
-  command.option("--again", options->change.again,
+void add_queue_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<QueueOptions>("queue", "show a batch's queue, add and remove units; also while it runs", show_queue);
+  command.option("queue", options.queue, "file with one serial number a line").required();
+  command.option("--add", options.change.add, "serial numbers to add at the end");
+  command.option("--remove", options.change.remove, "serial numbers to remove");
+  command.option("--again", options.change.again,
                  "serial numbers whose outcome is forgotten: they are calibrated again");
-  command.option("--format", options->format, "print the queue in this form").one_of(data_formats);
-  command.runs(context, [options, &context] { return show_queue(*options, context.out); });
+  command.format(options.format, "print the queue in this form");
 }
 
 }  // namespace turncal

@@ -27,7 +27,6 @@
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/command_context.h"
-#include "orchestrator/jobs/planned_unit.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/jobs/run_request.h"
@@ -39,13 +38,25 @@
 
 namespace turncal {
 
+std::vector<std::string> guesses_of(const StationConfig& station, bool moving) {
+  std::vector<std::string> guesses;
+  const auto add = [&](const std::string& file, const std::vector<LineSource>& lines) {
+    for (const LineSource& line : lines)
+      if (line.is_guess() && (!moving || decides_motion(line.key)))
+        guesses.push_back(file + ":" + std::to_string(line.line) + ": " + line.key + " is a guess");
+  };
+  const TableConfig& table = station.table;
+  if (table.map) add(table.map->file, table.map->lines);
+  if (table.dialect) add(table.dialect->file, table.dialect->lines);
+  if (station.imu && !moving) add(station.imu->frame.file, station.imu->frame.lines);
+  return guesses;
+}
+
 namespace {
 
 std::string determines_text(const Step& step) {
   std::string text;
-  for (const std::string& key : step.determines) {
-    text += (text.empty() ? "  determines " : " ") + key;
-  }
+  for (const std::string& key : step.determines) text += (text.empty() ? "  determines " : " ") + key;
   return text;
 }
 
@@ -111,22 +122,6 @@ bool is_commissioned(const TableConfig& table) {
   return (!table.map || table.map->commissioned) && (!table.dialect || table.dialect->commissioned);
 }
 
-}  // namespace
-
-std::vector<std::string> guesses_of(const StationConfig& station, bool moving) {
-  std::vector<std::string> guesses;
-  const auto add = [&](const std::string& file, const std::vector<LineSource>& lines) {
-    for (const LineSource& line : lines)
-      if (line.is_guess() && (!moving || decides_motion(line.key)))
-        guesses.push_back(file + ":" + std::to_string(line.line) + ": " + line.key + " is a guess");
-  };
-  const TableConfig& table = station.table;
-  if (table.map) add(table.map->file, table.map->lines);
-  if (table.dialect) add(table.dialect->file, table.dialect->lines);
-  if (station.imu && !moving) add(station.imu->frame.file, station.imu->frame.lines);
-  return guesses;
-}
-
 // What is left to be done at the station itself before a run can begin, a line each.
 std::vector<std::string> left_to_do(const StationConfig& station) {
   std::vector<std::string> lines;
@@ -162,94 +157,10 @@ void print_table(const StationConfig& station, std::ostream& out) {
       << format_rows(table.map ? explain(*table.map) : explain(*table.dialect)) << "\n";
 }
 
-int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err) {
-  const Result<StationConfig> station =
-      options.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(options.station);
-  if (options.explain && station) print_table(*station, out);
-  if (options.sequence.empty()) {
-    if (!station) err << station.error().message << "\n";
-    if (station && !options.explain) err << "--sequence is required: the sequence file (or --explain alone)\n";
-    if (!station || !options.explain) return exit_code(ErrorKind::input);
-    for (const std::string& line : left_to_do(*station)) err << "warning: " << line << "\n";
-    return 0;
-  }
-  Result<Sequence> sequence = read_sequence(options.sequence);
-  const Result<RecordingInfo> info = station ? info_of(*station) : Result<RecordingInfo>(RecordingInfo{});
-  for (const Error* error :
-       {station ? nullptr : &station.error(), info ? nullptr : &info.error(), sequence ? nullptr : &sequence.error()}) {
-    if (error != nullptr) {
-      err << error->message << "\n";
-    }
-  }
-  if (!station || !sequence || !info) {
-    return exit_code(ErrorKind::input);
-  }
-  // A station whose unit is the rig's is rehearsed with --dry-run; a real unit does not feel what a mock table does.
-  if (station->table.driver == TableDriver::mock && station->imu_driver != ImuDriver::rig) {
-    err << check_real_devices(*station).error().message << "\n";
-    return exit_code(ErrorKind::input);
-  }
-  if (const std::string caution = caution_of(station->table); !caution.empty()) {
-    err << "warning: table: " << caution << "\n";
-  }
-  for (const std::string& line : left_to_do(*station)) err << "warning: " << line << "\n";
-  const PlanLimits limits = plan_limits(*station, info->sample_period_s);
-  Plan plan = make_plan(*sequence, limits);
-  const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
-  if ((station->verify_run || options.verify) && keys.empty()) {  // as a run does, but with --partial
-    if (const Result<int> from = append_north_seeking(*station, *sequence); !from) {
-      err << from.error().message << "\n";
-      return exit_code(from.error().kind);
-    }
-    plan = make_plan(*sequence, limits);
-  }
-  print_plan(*sequence, *station, plan, out);
-  if (!station->simulated() && station->table.driver != TableDriver::manual)
-    out << "Computer  " << RealTime().text() << "\n";
-  for (const std::string& violation : plan.violations) {
-    err << violation << "\n";
-  }
-  if (!keys.empty()) {
-    out << "\nThis sequence " << coverage_text(keys) << ".\n";
-  }
-  const std::vector<Error> found = preflight({.station = *station,
-                                              .plan = plan,
-                                              .folder = options.out,
-                                              .units = options.units,
-                                              .utc_s = wall_utc_s(),
-                                              .simulated = station->simulated(),
-                                              .overdue_reason = options.overdue_reason});
-  for (const Error& error : found) err << error.message << "\n";
-  if (const std::string trouble = server_trouble(*station); !trouble.empty())
-    err << "warning: " << trouble << "; a run would keep its rows in " << station->outbox << " and send them later\n";
-  if (found.empty()) out << "\nWhat can be written, the room for it, hooks and due dates are in order.\n";
-  const bool good = plan.ok() && found.empty();
-  out << (!good ? "\nThe station cannot run this sequence.\n"
-          : keys.empty()
-              ? "\nThe station can run this sequence.\n"
-              : "\nThe station can run this sequence with --partial or --capture-only; without, it is refused.\n");
-  return good ? 0 : exit_code(plan.ok() ? found.front().kind : ErrorKind::input);
+Status check(const CheckOptions& options, CommandContext& context) {
+  context.exit_code = run_check(options, context.out, context.err);
+  return {};
 }
-
-void add_check_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<CheckOptions>();
-  const Command command = line.command("check", "validate station and sequence, print the plan; nothing moves");
-  command.option("--station", options->station, "station configuration; default: the built-in rig station");
-  command.option("--sequence", options->sequence, "sequence file; needed unless --explain is given");
-  command.flag("--explain", options->explain,
-               "print what the table is sent and what its answers mean, for each operation and axis, to be held "
-               "against its manual");
-  command.flag("--verify", options->verify, "with the north seeking after it, as run --verify");
-  command.option("--override-due", options->overdue_reason, "accept a table whose calibration is overdue, as run does");
-  command.option("--out", options->out, "folder that a run is to write to: can it, and is there room?");
-  command.option("--unit", options->units, "serial number of a unit to be run").one_word_each();
-  command.prints(context, [options, &context]() -> Status {
-    context.exit_code = run_check(*options, context.out, context.err);
-    return {};
-  });
-}
-
-namespace {
 
 struct Options {
   std::string station;
@@ -269,9 +180,8 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
   if (connected) {
     const TableIdentity table = TRY(devices.table.identify());
     out << table.description << std::endl;
-    if (const std::string caution = caution_of(station.table); !caution.empty()) {
+    if (const std::string caution = caution_of(station.table); !caution.empty())
       out << "warning: table: " << caution << std::endl;
-    }
   }
   if (options.heading) {
     const AxisTriple known{*options.heading, *options.pitch, *options.roll};
@@ -296,9 +206,8 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
 Status run_commission(const Options& options, CommandContext& context) {
   const StationConfig station = TRY(read_station_config(options.station));
   TRY(check_real_devices(station));
-  if (station.table.driver == TableDriver::manual) {
+  if (station.table.driver == TableDriver::manual)
     return input_error("station '" + station.name + "': a table turned by hand has nothing to commission");
-  }
   if (station.simulated()) context.tag = simulated_tag;
   if (const std::vector<std::string> guesses = guesses_of(station, true); !guesses.empty() && !options.accept_guess) {
     return input_error(guesses.front() +
@@ -320,37 +229,6 @@ Status run_commission(const Options& options, CommandContext& context) {
   if (status) context.out << said << how_left << std::endl;
   return status;
 }
-
-}  // namespace
-
-void add_commission_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<Options>();
-  const Command command = line.command(
-      "commission", "compare a table with known angles, then move each axis a little and see the unit feel it");
-  command.option("--station", options->station, "station configuration").required();
-  const Option heading =
-      command.option("--heading", options->heading, "angle at which the axis stands now, degrees; not 0");
-  const Option pitch = command.option("--pitch", options->pitch, "the same");
-  const Option roll = command.option("--roll", options->roll, "the same");
-  heading.needs(pitch).needs(roll);
-  pitch.needs(heading);
-  roll.needs(heading);
-  command.flag("--accept-guess", options->accept_guess,
-               "although lines of the table's file that decide what moves are marked as guesses");
-  command.option("--tolerance", options->tolerance_deg, "of these angles, degrees").positive();
-  command.option("--move", options->settings.move_deg, "how far each axis is moved, degrees").range(0.5, 30.0);
-  command
-      .option("--pose", options->settings.pose_deg,
-              "how far pitch and roll are tilted to compare gravity, degrees at most")
-      .range(30.0, 90.0);
-  command
-      .option("--gyro-pulse-arcsec", options->settings.gyro_pulse_arcsec,
-              "nominal weight of a gyro pulse, to check the scale of the gyros against the table")
-      .positive();
-  command.runs(context, [options, &context] { return run_commission(*options, context); });
-}
-
-namespace {
 
 constexpr double line_every_s = 1.0;
 constexpr double look_every_s = 0.1;  // at a signal, and at a unit that is silent
@@ -464,22 +342,8 @@ Status run_monitor(const MonitorOptions& options, CommandContext& context) {
   return live->leave_table(watch(*live, options.seconds, context.out));
 }
 
-}  // namespace
-
-void add_monitor_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<MonitorOptions>();
-  const Command command =
-      line.command("monitor", "look at a station's table and unit, one line a second; nothing is moved");
-  command.option("--station", options->station, "station configuration").required();
-  command.option("--seconds", options->seconds, "how long, in the station's time; default: until a signal").positive();
-  command.runs(context, [options, &context] { return run_monitor(*options, context); });
-}
-
-namespace {
-
 struct TwinCommandOptions {
-  std::string station;
-  std::string rig;
+  std::string station, rig;
   TwinSettings settings{.speed_up = 0.0, .table = {}};  // 0: the station's
 };
 
@@ -504,26 +368,6 @@ Status run_twin(const TwinCommandOptions& options, CommandContext& context) {
   return status;
 }
 
-}  // namespace
-
-void add_twin_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<TwinCommandOptions>();
-  const Command command = line.command("twin", "serve the simulated table and unit of a station on real lines");
-  command.option("--station", options->station, "station configuration: which lines, which map or dialect, which frame")
-      .required();
-  command.option("--rig", options->rig,
-                 "rig configuration (docs/rig.md); default: rig.file of the station, or the built-in one");
-  command
-      .option("--speed-up", options->settings.speed_up,
-              "how many times faster than the wall clock; default: clock.speed_up")
-      .range(0.01, 1000.0);
-  command.option("--table", options->settings.table,
-                 "tcp:PORT (0: any free one), pty or pty:LINK; default: as the station says");
-  command.runs(context, [options, &context] { return run_twin(*options, context); });
-}
-
-namespace {
-
 struct ServeOptions {
   std::string file, listen = "127.0.0.1:8081";
 };
@@ -542,12 +386,133 @@ Status serve(const ServeOptions& options, CommandContext& context) {
 
 }  // namespace
 
-void add_serve_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<ServeOptions>();
-  const Command command = line.command("serve", "show what stations do, and what waits for a person, as a page");
-  command.option("stations", options->file, "file that names the stations, their queues and folders").required();
-  command.option("--listen", options->listen, "address and port of the page").default_in_help();
-  command.runs(context, [options, &context] { return serve(*options, context); });
+int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err) {
+  const Result<StationConfig> station =
+      options.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(options.station);
+  if (options.explain && station) print_table(*station, out);
+  if (options.sequence.empty()) {
+    if (!station) err << station.error().message << "\n";
+    if (station && !options.explain) err << "--sequence is required: the sequence file (or --explain alone)\n";
+    if (!station || !options.explain) return exit_code(ErrorKind::input);
+    for (const std::string& line : left_to_do(*station)) err << "warning: " << line << "\n";
+    return 0;
+  }
+  Result<Sequence> sequence = read_sequence(options.sequence);
+  const Result<RecordingInfo> info = station ? info_of(*station) : Result<RecordingInfo>(RecordingInfo{});
+  for (const Error* error :
+       {station ? nullptr : &station.error(), info ? nullptr : &info.error(), sequence ? nullptr : &sequence.error()}) {
+    if (error != nullptr) err << error->message << "\n";
+  }
+  if (!station || !sequence || !info) return exit_code(ErrorKind::input);
+  // A station whose unit is the rig's is rehearsed with --dry-run; a real unit does not feel what a mock table does.
+  if (station->table.driver == TableDriver::mock && station->imu_driver != ImuDriver::rig) {
+    err << check_real_devices(*station).error().message << "\n";
+    return exit_code(ErrorKind::input);
+  }
+  if (const std::string caution = caution_of(station->table); !caution.empty())
+    err << "warning: table: " << caution << "\n";
+  for (const std::string& line : left_to_do(*station)) err << "warning: " << line << "\n";
+  const PlanLimits limits = plan_limits(*station, info->sample_period_s);
+  Plan plan = make_plan(*sequence, limits);
+  const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
+  if ((station->verify_run || options.verify) && keys.empty()) {  // as a run does, but with --partial
+    if (const Result<int> from = append_north_seeking(*station, *sequence); !from) {
+      err << from.error().message << "\n";
+      return exit_code(from.error().kind);
+    }
+    plan = make_plan(*sequence, limits);
+  }
+  print_plan(*sequence, *station, plan, out);
+  if (!station->simulated() && station->table.driver != TableDriver::manual)
+    out << "Computer  " << RealTime().text() << "\n";
+  for (const std::string& violation : plan.violations) err << violation << "\n";
+  if (!keys.empty()) out << "\nThis sequence " << coverage_text(keys) << ".\n";
+  const std::vector<Error> found = preflight({.station = *station,
+                                              .plan = plan,
+                                              .folder = options.out,
+                                              .units = options.units,
+                                              .utc_s = wall_utc_s(),
+                                              .simulated = station->simulated(),
+                                              .overdue_reason = options.overdue_reason});
+  for (const Error& error : found) err << error.message << "\n";
+  if (const std::string trouble = server_trouble(*station); !trouble.empty())
+    err << "warning: " << trouble << "; a run would keep its rows in " << station->outbox << " and send them later\n";
+  if (found.empty()) out << "\nWhat can be written, the room for it, hooks and due dates are in order.\n";
+  const bool good = plan.ok() && found.empty();
+  out << (!good ? "\nThe station cannot run this sequence.\n"
+          : keys.empty()
+              ? "\nThe station can run this sequence.\n"
+              : "\nThe station can run this sequence with --partial or --capture-only; without, it is refused.\n");
+  return good ? 0 : exit_code(plan.ok() ? found.front().kind : ErrorKind::input);
+}
+
+void add_check_command(CommandLine& line) {
+  const auto [command, options] = line.command<CheckOptions>(
+      "check", "validate station and sequence, print the plan; nothing moves", check, Output::result);
+  command.option("--station", options.station, "station configuration; default: the built-in rig station");
+  command.option("--sequence", options.sequence, "sequence file; needed unless --explain is given");
+  command.flag("--explain", options.explain,
+               "print what the table is sent and what its answers mean, for each operation and axis, to be held "
+               "against its manual");
+  command.flag("--verify", options.verify, "with the north seeking after it, as run --verify");
+  command.option("--override-due", options.overdue_reason, "accept a table whose calibration is overdue, as run does");
+  command.option("--out", options.out, "folder that a run is to write to: can it, and is there room?");
+  command.option("--unit", options.units, "serial number of a unit to be run").one_word_each();
+}
+
+void add_commission_command(CommandLine& line) {
+  const auto [command, options] = line.command<Options>(
+      "commission", "compare a table with known angles, then move each axis a little and see the unit feel it",
+      run_commission);
+  command.option("--station", options.station, "station configuration").required();
+  const Option heading =
+      command.option("--heading", options.heading, "angle at which the axis stands now, degrees; not 0");
+  const Option pitch = command.option("--pitch", options.pitch, "the same");
+  const Option roll = command.option("--roll", options.roll, "the same");
+  heading.needs(pitch).needs(roll);
+  pitch.needs(heading);
+  roll.needs(heading);
+  command.flag("--accept-guess", options.accept_guess,
+               "although lines of the table's file that decide what moves are marked as guesses");
+  command.option("--tolerance", options.tolerance_deg, "of these angles, degrees").positive();
+  command.option("--move", options.settings.move_deg, "how far each axis is moved, degrees").range(0.5, 30.0);
+  command
+      .option("--pose", options.settings.pose_deg,
+              "how far pitch and roll are tilted to compare gravity, degrees at most")
+      .range(30.0, 90.0);
+  command
+      .option("--gyro-pulse-arcsec", options.settings.gyro_pulse_arcsec,
+              "nominal weight of a gyro pulse, to check the scale of the gyros against the table")
+      .positive();
+}
+
+void add_monitor_command(CommandLine& line) {
+  const auto [command, options] = line.command<MonitorOptions>(
+      "monitor", "look at a station's table and unit, one line a second; nothing is moved", run_monitor);
+  command.option("--station", options.station, "station configuration").required();
+  command.option("--seconds", options.seconds, "how long, in the station's time; default: until a signal").positive();
+}
+
+void add_twin_command(CommandLine& line) {
+  const auto [command, options] = line.command<TwinCommandOptions>(
+      "twin", "serve the simulated table and unit of a station on real lines", run_twin);
+  command.option("--station", options.station, "station configuration: which lines, which map or dialect, which frame")
+      .required();
+  command.option("--rig", options.rig,
+                 "rig configuration (docs/rig.md); default: rig.file of the station, or the built-in one");
+  command
+      .option("--speed-up", options.settings.speed_up,
+              "how many times faster than the wall clock; default: clock.speed_up")
+      .range(0.01, 1000.0);
+  command.option("--table", options.settings.table,
+                 "tcp:PORT (0: any free one), pty or pty:LINK; default: as the station says");
+}
+
+void add_serve_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<ServeOptions>("serve", "show what stations do, and what waits for a person, as a page", serve);
+  command.option("stations", options.file, "file that names the stations, their queues and folders").required();
+  command.option("--listen", options.listen, "address and port of the page").default_in_help();
 }
 
 }  // namespace turncal

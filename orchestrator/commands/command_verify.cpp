@@ -5,7 +5,6 @@
 // `turncal certificate RUN... --station FILE --out HTML [--pdf FILE] [--specimen]`: the paper that goes to the customer (docs/certificate.md);
 // `--check HTML`: whether one is as it was issued.
 #include <algorithm>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -24,7 +23,7 @@
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/certificate.h"
-#include "orchestrator/report/pdf.h"
+#include "orchestrator/report/document.h"
 #include "orchestrator/station/builtin_sequence.h"
 #include "orchestrator/watch/progress.h"
 
@@ -34,12 +33,7 @@ namespace {
 
 struct VerifyOptions {
   RunRequest run;
-  std::string unit;
-  std::string parameters;
-  std::string folder;
-  std::string recording;
-  std::string references;
-  std::string format;
+  std::string unit, parameters, folder, recording, references, format;
   int first_step = 0;
 };
 
@@ -105,13 +99,13 @@ Status judge_again(const VerifyOptions& options, CommandContext& context) {
   const std::string conf = format_verification(*report);
   TRY(write_file_atomically(file, conf));
   folder.keep();
-  if (!options.format.empty()) {
+  if (options.format.empty()) {
+    const LinePrefix marked(context.out,
+                            report->info.simulated && context.tag.empty() ? std::string(simulated_tag) : context.tag);
+    context.out << as_text(verification_document(*report)) << "verification  " << file << std::endl;
+  } else {
     context.out << key_values_as(options.format, conf) << std::flush;
-    return verification_status("unit " + report->info.unit_serial, report->verdict);
   }
-  const LinePrefix marked(context.out,
-                          report->info.simulated && context.tag.empty() ? std::string(simulated_tag) : context.tag);
-  context.out << as_text(verification_document(*report)) << "verification  " << file << std::endl;
   return verification_status("unit " + report->info.unit_serial, report->verdict);
 }
 
@@ -121,47 +115,13 @@ Status verify(const VerifyOptions& options, CommandContext& context) {
   return options.recording.empty() ? measure(options, context) : judge_again(options, context);
 }
 
-}  // namespace
-
-void add_verify_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<VerifyOptions>();
-  RunRequest& run = options->run;
-  const Command command = line.command("verify", "north seeking with a calibration, or readings beside references");
-  command.option("--parameters", options->parameters, "parameter file of the unit");
-  command.option("--unit", options->unit, "serial number of the unit");
-  command.option("--out", options->folder, "folder for the recording and verification.conf");
-  command.option("--station", run.station, "station configuration, with its limits; default: the built-in rig station");
-  command.flag("--dry-run", run.dry_run, "use the built-in rig in virtual time");
-  command.flag("--manual", run.manual, "the table is turned by hand");
-  command.option("--rig", run.rig, "rig configuration (docs/rig.md); default: the built-in one");
-  command.option("--sequence", run.sequence, "another sequence than verify.seq: align sets the zero, dwell counts");
-  command.option("--recording", options->recording, "judge what was recorded before; nothing moves");
-  command
-      .option("--from-step", options->first_step, "of a recording: where the north seeking begins, after a calibration")
-      .range(0, 1'000'000);
-  command.option("--references", options->references,
-                 "CSV of readings: heading_deg,roll_deg,pitch_deg and the same with reference_ in front");
-  command
-      .option("--format", options->format,
-              "of --recording and --references: print the file in this form instead of words")
-      .one_of(data_formats);
-  add_watch_options(command, run);
-  add_record_options(command, run);
-  command.runs(context, [options, &context] { return verify(*options, context); });
-}
-
-struct CertificateRequest {
+struct CertificateOptions {
   std::vector<std::string>
       runs;             // folders, oldest first: the last one's result is certified, all give the repeatability
   std::string station;  // laboratory.*, customer.*
+  std::string html, pdf, check;
   bool specimen = false;
 };
-
-// Errors: kind input for folders without a result, of several units, of a recording given twice, or in another order; unit_failed for results that are simulated or not
-// trusted, unless a specimen is asked for.
-Result<std::string> make_certificate(const CertificateRequest& request);
-
-namespace {
 
 // Why the result is for nobody's use; empty: it may be certified.
 std::string objection(const ParameterFile& file) {
@@ -208,16 +168,16 @@ std::vector<std::string> recordings_of(const ParameterFile& file) {
   return hashes;
 }
 
-}  // namespace
-
-Result<std::string> make_certificate(const CertificateRequest& request) {
+// Errors: kind input for folders without a result, of several units, of a recording given twice, or in another order; unit_failed for
+// results that are simulated or not trusted, unless a specimen is asked for.
+Result<std::string> make_certificate(const CertificateOptions& options) {
   Certificate certificate;
-  StationConfig station = TRY(read_station_config(request.station));
+  StationConfig station = TRY(read_station_config(options.station));
   certificate.parties = station.parties;
-  certificate.specimen = request.specimen;
+  certificate.specimen = options.specimen;
   certificate.issued_utc = format_utc(wall_utc_s());
   std::vector<ParameterFile> runs;
-  for (const std::string& folder : request.runs) {
+  for (const std::string& folder : options.runs) {
     const std::string path = folder + "/" + parameters_name;
     const std::string text = TRY(read_whole_file(path));
     ParameterFile file = TRY(parse_parameter_file(text, path));
@@ -228,11 +188,11 @@ Result<std::string> make_certificate(const CertificateRequest& request) {
       return input_error(path +
                          ": older than the run before it, expected them oldest first: the last one is certified");
     const std::string why = objection(file);
-    if (!why.empty() && !request.specimen)
+    if (!why.empty() && !options.specimen)
       return Error{ErrorKind::unit_failed, path + ": no certificate: " + why + " (--specimen makes a specimen)"};
     std::vector<std::string>& hashes = certificate.recording_hashes;
     for (std::string& hash : recordings_of(file)) {
-      if (std::find(hashes.begin(), hashes.end(), hash) != hashes.end())
+      if (std::ranges::find(hashes, hash) != hashes.end())
         return input_error(path + ": recording " + hash + " is given twice: expected runs of different recordings");
       hashes.push_back(std::move(hash));
     }
@@ -241,30 +201,21 @@ Result<std::string> make_certificate(const CertificateRequest& request) {
   }
   certificate.file = runs.back();
   if (const std::vector<std::string> keys = missing_keys(certificate.file, certificate.parties);
-      !keys.empty() && !request.specimen)
-    return input_error(request.station + ": no certificate without " + join(keys) + " (--specimen makes a specimen)");
+      !keys.empty() && !options.specimen)
+    return input_error(options.station + ": no certificate without " + join(keys) + " (--specimen makes a specimen)");
   std::array<double, parameter_count> sigma{};
   for (std::size_t i = 0; i < certificate.budget.size(); ++i) {
     certificate.budget[i] = budget_of(runs, i, certificate.parties);
     sigma[i] = certificate.budget[i].expanded() / 2.0;
   }
   Result<VerdictReport> conformity = judge_again(certificate.file, sigma);
-  if (!conformity) return input_error(request.runs.back() + "/" + parameters_name + ": " + conformity.error().message);
+  if (!conformity) return input_error(options.runs.back() + "/" + parameters_name + ": " + conformity.error().message);
   certificate.conformity = std::move(*conformity);
   for (const EffectValue& effect : certificate.file.effects)
     certificate.effect_budget.push_back(budget_of(runs, effect));
-  TRY(add_verification(request.runs.back(), certificate.file, certificate));
+  TRY(add_verification(options.runs.back(), certificate.file, certificate));
   return certificate_page(certificate);
 }
-
-namespace {
-
-struct CertificateOptions {
-  CertificateRequest request;
-  std::string html;
-  std::string pdf;
-  std::string check;
-};
 
 Status check(const std::string& path, CommandContext& context) {
   std::string page = TRY(read_whole_file(path));
@@ -274,18 +225,16 @@ Status check(const std::string& path, CommandContext& context) {
 }
 
 Status certify(const CertificateOptions& options, CommandContext& context) {
-  const CertificateRequest& request = options.request;
   if (!options.check.empty()) {
-    if (!request.runs.empty() || !request.station.empty() || !options.html.empty() || !options.pdf.empty())
+    if (!options.runs.empty() || !options.station.empty() || !options.html.empty() || !options.pdf.empty())
       return input_error("--check: expected nothing beside it: it reads a certificate that was issued");
     return check(options.check, context);
   }
-  if (request.runs.empty() || request.station.empty() || options.html.empty())
+  if (options.runs.empty() || options.station.empty() || options.html.empty())
     return input_error("expected the folder of a run, --station and --out; or --check alone");
-  if (Status s = check_apart({{"--station", options.request.station}, {"--out", options.html}, {"--pdf", options.pdf}});
-      !s)
+  if (Status s = check_apart({{"--station", options.station}, {"--out", options.html}, {"--pdf", options.pdf}}); !s)
     return s;
-  const std::string page = TRY(make_certificate(options.request));
+  const std::string page = TRY(make_certificate(options));
   constexpr std::size_t alike = 100;
   TRY(check_replaceable(options.html, std::string_view(page).substr(0, alike)));
   if (!options.pdf.empty()) {
@@ -301,17 +250,38 @@ Status certify(const CertificateOptions& options, CommandContext& context) {
 
 }  // namespace
 
-void add_certificate_command(CommandLine& line, CommandContext& context) {
-  const auto options = std::make_shared<CertificateOptions>();
-  CertificateRequest& request = options->request;
-  const Command command = line.command("certificate", "the calibration certificate of a unit, for its customer");
-  command.option("run", request.runs, "folders of runs of one unit, oldest first; the last one is certified");
-  command.option("--station", request.station, "station configuration, with laboratory.* and customer.*");
-  command.option("--out", options->html, "HTML file to write");
-  command.option("--check", options->check, "HTML file that was issued: whether it is as it was");
-  command.option("--pdf", options->pdf, "PDF file to write, by weasyprint");
-  command.flag("--specimen", request.specimen, "a specimen with a watermark, also of simulated and untrusted results");
-  command.runs(context, [options, &context] { return certify(*options, context); });
+void add_verify_command(CommandLine& line) {
+  const auto [command, options] =
+      line.command<VerifyOptions>("verify", "north seeking with a calibration, or readings beside references", verify);
+  RunRequest& run = options.run;
+  command.option("--parameters", options.parameters, "parameter file of the unit");
+  command.option("--unit", options.unit, "serial number of the unit");
+  command.option("--out", options.folder, "folder for the recording and verification.conf");
+  command.option("--station", run.station, "station configuration, with its limits; default: the built-in rig station");
+  command.flag("--dry-run", run.dry_run, "use the built-in rig in virtual time");
+  command.flag("--manual", run.manual, "the table is turned by hand");
+  command.option("--rig", run.rig, "rig configuration (docs/rig.md); default: the built-in one");
+  command.option("--sequence", run.sequence, "another sequence than verify.seq: align sets the zero, dwell counts");
+  command.option("--recording", options.recording, "judge what was recorded before; nothing moves");
+  command
+      .option("--from-step", options.first_step, "of a recording: where the north seeking begins, after a calibration")
+      .range(0, 1'000'000);
+  command.option("--references", options.references,
+                 "CSV of readings: heading_deg,roll_deg,pitch_deg and the same with reference_ in front");
+  command.format(options.format, "of --recording and --references: print the file in this form instead of words");
+  add_watch_options(command, run);
+  add_record_options(command, run);
+}
+
+void add_certificate_command(CommandLine& line) {
+  const auto [command, options] = line.command<CertificateOptions>(
+      "certificate", "the calibration certificate of a unit, for its customer", certify);
+  command.option("run", options.runs, "folders of runs of one unit, oldest first; the last one is certified");
+  command.option("--station", options.station, "station configuration, with laboratory.* and customer.*");
+  command.option("--out", options.html, "HTML file to write");
+  command.option("--check", options.check, "HTML file that was issued: whether it is as it was");
+  command.option("--pdf", options.pdf, "PDF file to write, by weasyprint");
+  command.flag("--specimen", options.specimen, "a specimen with a watermark, also of simulated and untrusted results");
 }
 
 }  // namespace turncal

@@ -15,7 +15,6 @@
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/jobs/calibration_job.h"
-#include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/records/output_folder.h"
 
 namespace turncal {

@@ -1,10 +1,12 @@
 // Where a command says things, and what it leaves as exit code.
 #pragma once
 
+#include <algorithm>
 #include <ostream>
 #include <string>
 
 #include "calib/types/status.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 
@@ -20,7 +22,14 @@ struct CommandContext {
 
   // One line on err; sets the exit code.
   void fail(const Error& error);
-  void warn(const std::string& text);
+  void warn(const std::string& text) { err << tag << "warning: " << one_line(text) << std::endl; }
+
+ private:
+  static std::string one_line(std::string text) {
+    text.erase(text.find_last_not_of("\n ") + 1);
+    std::ranges::replace(text, '\n', ' ');
+    return text;
+  }
 };
 
 // What the program ends with for each kind of error. 0: all is well.
@@ -34,6 +43,11 @@ constexpr int exit_code(ErrorKind kind) {
     case ErrorKind::interrupted: return 75;
   }
   return 70;
+}
+
+inline void CommandContext::fail(const Error& error) {
+  err << tag << in_tone(err, Tone::bad, "turncal:") << ' ' << one_line(error.message) << std::endl;
+  exit_code = turncal::exit_code(error.kind);
 }
 
 }  // namespace turncal

@@ -2,13 +2,12 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 
 #include "calib/evidence/last_rest.h"
 #include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/report_format.h"
-#include "orchestrator/jobs/planned_unit.h"
+#include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run_results.h"
 #include "orchestrator/watch/progress.h"
 
@@ -22,14 +21,14 @@ std::string ratio_text(const NeededSigma& sigma) {
 }
 
 const NeededSigma* worst_of(const std::vector<NeededSigma>& sigmas) {
-  const auto found = std::max_element(sigmas.begin(), sigmas.end(),
-                                      [](const NeededSigma& a, const NeededSigma& b) { return a.ratio() < b.ratio(); });
+  const auto found = std::ranges::max_element(
+      sigmas, [](const NeededSigma& a, const NeededSigma& b) { return a.ratio() < b.ratio(); });
   return found == sigmas.end() ? nullptr : &*found;
 }
 
 std::size_t first_item_of(const Plan& plan, int step) {
-  const auto found = std::find_if(plan.items.begin(), plan.items.end(),
-                                  [&](const PlannedItem& item) { return step > 0 && item.step >= step; });
+  const auto found =
+      std::ranges::find_if(plan.items, [&](const PlannedItem& item) { return step > 0 && item.step >= step; });
   return static_cast<std::size_t>(found - plan.items.begin());
 }
 
@@ -39,7 +38,7 @@ const KnownSoFar& least_known(const std::vector<KnownSoFar>& units) {
     const NeededSigma* const worst = unit.worst();
     return worst ? worst->ratio() : std::numeric_limits<double>::infinity();
   };
-  return *std::max_element(units.begin(), units.end(), [&](const KnownSoFar& a, const KnownSoFar& b) {
+  return *std::ranges::max_element(units, [&](const KnownSoFar& a, const KnownSoFar& b) {
     if (a.again != b.again) return b.again;
     if (a.why_not.empty() != b.why_not.empty()) return b.why_not.empty() < a.why_not.empty();
     return rank(a) < rank(b);
@@ -89,9 +88,9 @@ Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item
   if (!running_.valid()) running_ = std::async(std::launch::async, [this, next_item] { return estimate(next_item); });
   if (running_.wait_for(std::chrono::milliseconds(2)) != std::future_status::ready) return std::optional<std::size_t>();
   const std::vector<KnownSoFar> units = running_.get();
-  const bool enough = !units.empty() && std::all_of(units.begin(), units.end(),
-                                                    [](const KnownSoFar& unit) { return unit.why_not.empty(); });
-  const bool again = std::any_of(units.begin(), units.end(), [](const KnownSoFar& unit) { return unit.again; });
+  const bool enough =
+      !units.empty() && std::ranges::all_of(units, [](const KnownSoFar& unit) { return unit.why_not.empty(); });
+  const bool again = std::ranges::any_of(units, [](const KnownSoFar& unit) { return unit.again; });
   std::vector<std::pair<RecordingSink*, Segment>> aside;
   for (const KnownSoFar& known : units)
     for (std::size_t i = 0; i < run_.units.size(); ++i)
@@ -220,13 +219,12 @@ std::optional<std::size_t> EnoughWatch::expected_end(const std::vector<NeededSig
   const ParameterVector now = planned_sigmas(done_items, fit);
   const auto enough_at = [&](std::size_t items) {
     const ParameterVector& then = planned_sigmas(items, fit);
-    return std::all_of(sigmas.begin(), sigmas.end(), [&](const NeededSigma& one) {
+    return std::ranges::all_of(sigmas, [&](const NeededSigma& one) {
       const auto k = static_cast<Eigen::Index>(one.parameter);
       return now(k) > 0.0 && then(k) * (soonest ? std::min(1.0, one.sigma / now(k)) : one.sigma / now(k)) <= one.needed;
     });
   };
-  const auto found =
-      std::partition_point(ends.begin(), ends.end(), [&](std::size_t items) { return !enough_at(items); });
+  const auto found = std::ranges::partition_point(ends, [&](std::size_t items) { return !enough_at(items); });
   if (found == ends.end()) return std::nullopt;
   return *found - 1;
 }

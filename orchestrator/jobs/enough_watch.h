@@ -28,7 +28,6 @@
 #include "orchestrator/records/recording_sink.h"
 #include "orchestrator/run/background_queue.h"
 #include "orchestrator/station/verdict.h"
-#include "sequences/plan.h"
 
 namespace turncal {
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <utility>
 
 #include "calib/rests/rest_data.h"
 #include "calib/statistics/clipping.h"
@@ -46,15 +45,21 @@ class TableLife {
   std::size_t index_ = 0;
 };
 
+// `later` begins before `earlier` has ended.
+bool overlap(const LoadedRecording& earlier, const LoadedRecording& later) {
+  const auto &from = earlier.data.info.started_utc_s, &at = later.data.info.started_utc_s;
+  constexpr double whole_seconds = 2.0;  // both times are
+  return from && at && *from <= *at && static_cast<double>(*at - *from) < earlier.recorded_s - whole_seconds;
+}
+
 }  // namespace
 
 Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress,
                                        const std::optional<CompressionOptions>& blocks, int before_step) {
-  if (source.segments().empty()) {
+  if (source.segments().empty())
     return input_error(source.path() +
                        ": the recording has no segments, so nothing says when the unit was at rest: expected segments, "
                        "as `turncal segment` finds them");
-  }
   LoadedRecording loaded;
   loaded.path = source.path();
   loaded.damage = source.damage();
@@ -66,8 +71,7 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
   Segments segments = source.segments();
   loaded.recorded_s = static_cast<double>(segments.back().end_sample) * source.info().sample_period_s;
   if (before_step > 0)
-    segments.erase(std::find_if(segments.begin(), segments.end(),
-                                [&](const Segment& segment) { return segment.step >= before_step; }),
+    segments.erase(std::ranges::find_if(segments, [&](const Segment& segment) { return segment.step >= before_step; }),
                    segments.end());
   if (segments.empty())
     return input_error(source.path() + ": nothing was recorded before step " + std::to_string(before_step));
@@ -106,20 +110,9 @@ Status check_data(const LoadedRecording& loaded) {
   if (const std::string wrong = loaded.by_hand ? "" : wrong_table_units(loaded.data); !wrong.empty())
     return Error{ErrorKind::unit_failed, loaded.path + ": " + wrong};
   const std::vector<Block>& blocks = loaded.data.blocks;
-  if (std::any_of(blocks.begin(), blocks.end(), [](const Block& block) { return block.whole_second; })) return {};
+  if (std::ranges::any_of(blocks, [](const Block& block) { return block.whole_second; })) return {};
   return input_error(loaded.path + ": not one whole second at rest: expected dwells to calibrate from");
 }
-
-namespace {
-
-// `later` begins before `earlier` has ended.
-bool overlap(const LoadedRecording& earlier, const LoadedRecording& later) {
-  const auto &from = earlier.data.info.started_utc_s, &at = later.data.info.started_utc_s;
-  constexpr double whole_seconds = 2.0;  // both times are
-  return from && at && *from <= *at && static_cast<double>(*at - *from) < earlier.recorded_s - whole_seconds;
-}
-
-}  // namespace
 
 Status check_same_unit(const std::vector<const LoadedRecording*>& recordings) {
   const LoadedRecording& first = *recordings.front();
@@ -143,14 +136,14 @@ Status check_same_unit(const std::vector<const LoadedRecording*>& recordings) {
       return input_error(one->path + ": expected a recording " + (first.by_hand ? "without" : "with") +
                          " table angles, as " + first.path);
     // The rig's clock begins every dry run at the same time.
-    const auto meanwhile = std::find_if(recordings.begin(), recordings.end(), [&](const LoadedRecording* other) {
+    const auto meanwhile = std::ranges::find_if(recordings, [&](const LoadedRecording* other) {
       return other != one && !info.simulated && overlap(*other, *one);
     });
     if (meanwhile != recordings.end())
       return input_error(one->path + ": started_utc = " + format_utc(static_cast<double>(*info.started_utc_s)) +
                          ", while " + (*meanwhile)->path + " was being recorded: expected one unit, at one time");
     const auto same = [&](const LoadedRecording* other) { return other != one && other->hash == one->hash; };
-    if (std::any_of(recordings.begin(), recordings.end(), same))
+    if (std::ranges::any_of(recordings, same))
       return input_error(one->path + ": is given twice: expected recordings that differ");
   }
   return {};

@@ -6,9 +6,12 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "calib/prediction/predict.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/key_table.h"
 #include "imu_io/base/posix_file.h"
+#include "orchestrator/jobs/run_request.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/records/station_records.h"
@@ -111,13 +114,27 @@ Status check_hook(const std::string& name, const std::string& command) {
   if (const std::string said = unreadable(command); !said.empty())
     return input_error(name + " = '" + command + "': expected a command of /bin/sh, which says: " + said);
   const std::string program = command.substr(0, command.find_first_of(" \t"));
-  const bool plain = std::all_of(program.begin(), program.end(), [](unsigned char c) {
+  const bool plain = std::ranges::all_of(program, [](unsigned char c) {
     return std::isalnum(c) || c == '/' || c == '.' || c == '_' || c == '-' || c == '+';
   });
   if (program.empty() || !plain) return {};
   if (std::system(("command -v " + program + " >/dev/null 2>&1").c_str()) == 0) return {};
   return input_error(name + " = '" + command + "': there is no command '" + program + "'");
 }
+
+// A table whose calibration is overdue is used only with a reason, which goes on record.
+// utc_s: now. An error of kind input after the day of table.calibration_due, unless there is a reason.
+Status check_due(const StationConfig& station, double utc_s, const std::string& overdue_reason) {
+  const std::string& due = station.table_calibration_due;
+  const std::string today = format_utc(utc_s).substr(0, 10);
+  if (due.empty() || today <= due) return {};  // days as 2026-12-31 sort as they follow each other
+  if (!overdue_reason.empty()) return {};
+  return input_error("the calibration of table '" + station.table_id + "' was due on " + due + ", today is " + today +
+                     ": expected a calibrated table, or --override-due REASON, which goes on record");
+}
+
+constexpr std::size_t most_predicted = 20000;  // items: some 10 s of a core
+constexpr double good_arw_deg_per_rt_h = 0.002, good_vrw_ug_per_rt_hz = 8.0;
 
 }  // namespace
 
@@ -156,13 +173,53 @@ std::vector<Error> preflight(const Preflight& run) {
   return errors;
 }
 
-Status check_due(const StationConfig& station, double utc_s, const std::string& overdue_reason) {
-  const std::string& due = station.table_calibration_due;
-  const std::string today = format_utc(utc_s).substr(0, 10);
-  if (due.empty() || today <= due) return {};  // days as 2026-12-31 sort as they follow each other
-  if (!overdue_reason.empty()) return {};
-  return input_error("the calibration of table '" + station.table_id + "' was due on " + due + ", today is " + today +
-                     ": expected a calibrated table, or --override-due REASON, which goes on record");
+PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan) {
+  PlannedMotion motion;
+  motion.start_deg = sequence.start_deg;
+  for (const PlannedItem& item : plan.items) {
+    PlannedMotionItem planned;
+    planned.kind =
+        item.kind == SequenceItem::Kind::move ? PlannedMotionItem::Kind::move : PlannedMotionItem::Kind::dwell;
+    planned.step = item.step;
+    planned.samples = item.samples;
+    planned.dwell_kind = item.dwell_kind;
+    planned.axis = item.axis;
+    planned.from_deg = item.from_deg;
+    planned.to_deg = item.to_deg;
+    planned.rate_degps = item.rate_degps;
+    planned.acceleration_degps2 = item.acceleration_degps2;
+    motion.items.push_back(planned);
+  }
+  return motion;
+}
+
+std::vector<std::string> undetermined_by(const Sequence& sequence, const Plan& plan, const RecordingInfo& info) {
+  if (plan.items.size() > most_predicted) return {};
+  PredictOptions options;
+  options.noise.angle_random_walk.setConstant(good_arw_deg_per_rt_h * radprs_per_degprh);
+  options.noise.velocity_random_walk.setConstant(good_vrw_ug_per_rt_hz * mpsprs_per_ugprHz);
+  ParameterVector asked;
+  for (int k = 0; k < parameter_count; ++k) asked[k] = parameter_is_free[static_cast<std::size_t>(k)] ? 1.0 : 0.0;
+  return open_parameters(predict(info, planned_motion(sequence, plan), options), asked);
+}
+
+std::vector<std::string> open_parameters(const Prediction& prediction, const ParameterVector& asked) {
+  std::vector<std::string> keys;
+  for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
+    const bool determined = prediction.valid && prediction.determined[k];
+    if (asked[static_cast<Eigen::Index>(k)] > 0.0 && !determined) keys.emplace_back(parameter_keys[k]);
+  }
+  return keys;
+}
+
+std::string coverage_text(const std::vector<std::string>& keys) {
+  std::string text = "does not determine";
+  if (keys.size() == parameter_keys.size() - 3) {
+    text += " any parameter";
+  } else {
+    for (const std::string& key : keys) text += " " + key;
+  }
+  return text + ": expected steps that do (turncal predict)";
 }
 
 }  // namespace turncal

@@ -137,29 +137,6 @@ Tone tone_of(const RunOutcome& outcome, const Run& run) {
   return worst;
 }
 
-}  // namespace
-
-Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context) {
-  RunDevices run_devices;
-  if (context.quiet && (run.request.rehearsal() || run.station.table.driver == TableDriver::manual))
-    return input_error("--quiet: a table that is turned by hand needs an operator who is told what to do");
-  if (run.request.rehearsal()) {
-    run_devices.rehearsal = std::make_unique<RehearsalDevices>(run.rig, run.station, STDIN_FILENO, context.out);
-    run_devices.prompts = &run_devices.rehearsal->prompts();
-    return run_devices;
-  }
-  if (run.request.dry_run) {
-    run_devices.rig = std::make_unique<DryRunDevices>(run.rig, run.request.units.size());
-    return run_devices;
-  }
-  run_devices.live =
-      TRY(LiveDevices::make(run.station, StopSignals::requests(), context.out, run.request.units.size()));
-  run_devices.prompts = run_devices.live->prompts();
-  return run_devices;
-}
-
-namespace {
-
 // What is seen of a run while it goes on, at the terminal and on the page.
 struct RunView {
   RunView(const Run& run, OperatorPrompts* prompts, CommandContext& where)
@@ -367,6 +344,25 @@ RunEnd stopped(Run& run, const RunOutcome& outcome, bool goes_on, CommandContext
 
 }  // namespace
 
+Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context) {
+  RunDevices run_devices;
+  if (context.quiet && (run.request.rehearsal() || run.station.table.driver == TableDriver::manual))
+    return input_error("--quiet: a table that is turned by hand needs an operator who is told what to do");
+  if (run.request.rehearsal()) {
+    run_devices.rehearsal = std::make_unique<RehearsalDevices>(run.rig, run.station, STDIN_FILENO, context.out);
+    run_devices.prompts = &run_devices.rehearsal->prompts();
+    return run_devices;
+  }
+  if (run.request.dry_run) {
+    run_devices.rig = std::make_unique<DryRunDevices>(run.rig, run.request.units.size());
+    return run_devices;
+  }
+  run_devices.live =
+      TRY(LiveDevices::make(run.station, StopSignals::requests(), context.out, run.request.units.size()));
+  run_devices.prompts = run_devices.live->prompts();
+  return run_devices;
+}
+
 RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
   const double began_s = monotonic_s();
   RunView view(run, devices.prompts, context);
@@ -380,8 +376,7 @@ RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
   note_outcome(outcome, run);
   for (RunUnit& unit : run.units) unit.ended_utc_s = devices.devices().clock.utc_s();
   const bool done = outcome.state == RunState::done;
-  const bool recorded =
-      std::any_of(run.units.begin(), run.units.end(), [](const RunUnit& unit) { return unit.recorded_s > 0.0; });
+  const bool recorded = std::ranges::any_of(run.units, [](const RunUnit& unit) { return unit.recorded_s > 0.0; });
   // Of no use to whoever resumes: a unit of which all is recorded.
   const bool sealed = outcome.error.kind == ErrorKind::unit_failed && run.units.front().recording.has_value();
   const bool goes_on = !done && (outcome.state == RunState::interrupted || recorded) && !sealed && can_go_on(run);

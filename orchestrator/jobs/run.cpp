@@ -38,11 +38,10 @@ Error damaged(const LoadedRecording& loaded) {
 Status seal_like(const RunUnit& unit, const RunUnit& sealed) {
   const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(recording_of(sealed)));
   RecordingWriter writer = TRY(RecordingWriter::reopen(partial_of(unit), RecordingWriter::OpenSegment::drop));
-  if (writer.segments().size() != source->segments().size()) {
+  if (writer.segments().size() != source->segments().size())
     return input_error(partial_of(unit) + ": holds " + std::to_string(writer.segments().size()) +
                        " segments, expected " + std::to_string(source->segments().size()) + " as in " +
                        recording_of(sealed));
-  }
   TRY(writer.finish());
   return rename_durably(partial_of(unit), recording_of(unit));
 }
@@ -157,9 +156,7 @@ Result<bool> sealed_recordings(const Run& run) {
       open.push_back(&unit);
   }
   if (!sealed) return false;
-  for (const RunUnit* unit : open) {
-    TRY(seal_like(*unit, *sealed));
-  }
+  for (const RunUnit* unit : open) TRY(seal_like(*unit, *sealed));
   return true;
 }
 
@@ -170,9 +167,8 @@ Status check_goes_on(const Run& run, const JournalContents& contents) {
   if (last.item >= run.plan.items.size()) return input_error(path + ": names an item that the plan does not have");
   if (last.units.size() != run.units.size()) return input_error(path + ": a dwell is not of all units of the run");
   for (std::size_t i = 0; i < run.units.size(); ++i) {
-    const bool left_out = std::any_of(contents.dropped.begin(), contents.dropped.end(), [i](const auto& dropped) {
-      return dropped.unit == i && !dropped.after_last_dwell;
-    });
+    const bool left_out = std::ranges::any_of(
+        contents.dropped, [i](const auto& dropped) { return dropped.unit == i && !dropped.after_last_dwell; });
     if (left_out || path_exists(recording_of(run.units[i]))) continue;
     TRY(RecordingWriter::check_reopens(partial_of(run.units[i]), last.units[i].next_sample, last.units[i].written));
   }
@@ -200,10 +196,9 @@ Status check_what_is_over(const Run& run, const JournalContents& contents) {
   for (std::size_t i = 0; i < units.size(); ++i) {
     if (units[i].dropped) continue;
     TRY(check_parameters(units[i], contents));
-    if (path_exists(partial_of(units[i]))) {
+    if (path_exists(partial_of(units[i])))
       return input_error(partial_of(units[i]) + ": expected no recording that goes on beside " + journal_name +
                          " of a run that is complete: one of them is of another run");
-    }
     const std::string path = recording_of(units[i]);
     if (path_exists(path)) {
       const LoadedRecording loaded = TRY(load_recording(path));
@@ -211,10 +206,9 @@ Status check_what_is_over(const Run& run, const JournalContents& contents) {
       continue;
     }
     const Result<std::string> log = read_whole_file(run.folder + "/" + log_name);
-    if (!log || log->find(removed_by_prune) == std::string::npos) {
+    if (!log || log->find(removed_by_prune) == std::string::npos)
       return input_error(path + ": is missing, and " + log_name + " does not say that it was pruned: expected the " +
                          journal_name + " and the recording of one run");
-    }
   }
   return {};
 }
@@ -223,16 +217,14 @@ Status read_sealed_recordings(Run& run, const JournalContents& contents) {
   for (std::size_t i = 0; i < run.units.size(); ++i) {
     RunUnit& unit = run.units[i];
     if (unit.dropped) continue;
-    if (!contents.seal_utc_s || !contents.last_dwell) {
+    if (!contents.seal_utc_s || !contents.last_dwell)
       return input_error(unit.folder + ": the recording is complete, but the journal knows nothing of it");
-    }
     Result<LoadedRecording> loaded = load_recording(recording_of(unit), {}, {}, run.calibration_ends_before());
     if (!loaded) return device_error(loaded.error().message + " (the recording was whole when it was sealed)");
     const RecordingInfo& info = loaded->data.info;
-    if (info.simulated != run.simulated() || info.unit_serial != unit.serial) {
+    if (info.simulated != run.simulated() || info.unit_serial != unit.serial)
       return input_error(unit.folder + ": the recording is of unit " + info.unit_serial + " and " +
                          (info.simulated ? "simulated" : "real") + ", the journal is of another");
-    }
     TRY(check_sealed(*loaded, contents, i));
     unit.repeated_dwells = contents.last_dwell->repeated_dwells;
     unit.lost_samples = contents.last_dwell->units[i].lost_samples;

@@ -14,7 +14,6 @@
 #include <vector>
 
 #include "orchestrator/jobs/calibration_job.h"
-#include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/records/attempt_record.h"
 #include "orchestrator/records/journal.h"

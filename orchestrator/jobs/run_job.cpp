@@ -9,7 +9,6 @@
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
-#include "orchestrator/jobs/planned_unit.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/record_run.h"
 #include "orchestrator/jobs/run_results.h"
@@ -45,9 +44,7 @@ RecordingInfo verified_info(const RunPlan& run) {
 Status check_sequence(const RunPlan& run, const std::string& otherwise) {
   TRY(check_plan(run.plan));
   if (run.request.verify) {
-    if (run.verified) {
-      TRY(check_applicable(*run.verified, run.request.verified, verified_info(run)));
-    }
+    if (run.verified) TRY(check_applicable(*run.verified, run.request.verified, verified_info(run)));
     const Segments planned = planned_segments(run.plan);
     TRY(check_north_seeking(planned, run.verify_from, run.sample_period_s(), run.sequence.file));
   }
@@ -217,12 +214,8 @@ Result<ResumePoint> resume_point(const Run& run, const JournalContents& contents
   const CompletedDwell& last = *contents.last_dwell;
   ResumePoint point{last, devices.rig != nullptr};
   for (const RunUnit& unit : run.units) point.dropped.push_back(unit.dropped);
-  if (devices.rig) {
-    TRY(devices.rig->put_back(contents.commands, last.time_s));
-  }
-  if (devices.rehearsal) {
-    TRY(devices.rehearsal->pass_until(last.time_s));
-  }
+  if (devices.rig) TRY(devices.rig->put_back(contents.commands, last.time_s));
+  if (devices.rehearsal) TRY(devices.rehearsal->pass_until(last.time_s));
   return point;
 }
 
@@ -232,8 +225,7 @@ bool is_over(const JournalContents& journal) {
   if (journal.verdicts.empty()) return false;
   const std::vector<std::string> units = journal.units();
   for (std::size_t i = 0; i < units.size(); ++i) {
-    const bool dropped =
-        std::any_of(journal.dropped.begin(), journal.dropped.end(), [i](const auto& gone) { return gone.unit == i; });
+    const bool dropped = std::ranges::any_of(journal.dropped, [i](const auto& gone) { return gone.unit == i; });
     if (!dropped && !journal.verdict_of(units[i])) return false;
   }
   return true;
@@ -261,10 +253,9 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   plan.began_utc = format_utc(utc_s);
   Run run = run_of(std::move(plan), folder->path());
   std::vector<OutputFolder> unit_folders;
-  for (std::size_t i = 0; run.units.size() > 1 && i < run.units.size(); ++i) {
+  for (std::size_t i = 0; run.units.size() > 1 && i < run.units.size(); ++i)
     unit_folders.push_back(TRY(OutputFolder::prepare(
         run.units[i].folder, {binary_recording_name, partial_recording_name, parameters_name, truth_name})));
-  }
   run.journal = TRY(JournalFile::create(folder->file(journal_name), begin_fields(run)));
   run.log = TRY(RunLog::create(folder->file(log_name), std::string(tag_of(run))));
   run.say(first_line(run));

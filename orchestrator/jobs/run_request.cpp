@@ -53,9 +53,8 @@ Result<StationConfig> station_from(const std::string& path, const std::string& t
 Status check_words(const RunRequest& request) {
   for (const std::string& unit : request.units) {
     TRY(check_serial(unit, "--unit"));
-    if (std::count(request.units.begin(), request.units.end(), unit) > 1) {
+    if (std::ranges::count(request.units, unit) > 1)
       return input_error("--unit " + turncal::quoted(unit) + ": given twice, expected each unit once");
-    }
   }
   for (const RecordWord& record : record_words) {
     const std::string& word = request.*record.word;
@@ -180,93 +179,6 @@ Status prepare_rig(RunPlan& run) {
   return turn_on_of_lot(run);
 }
 
-}  // namespace
-
-std::size_t places(const RunPlan& run) { return run.request.dry_run ? most_units : run.station.imu_places(); }
-
-RecordingInfo planned_info(const StationConfig& station, const RigConfig* rig) {
-  RecordingInfo info;
-  if (rig != nullptr) {
-    info.sample_period_s = rig->sample_period_s;
-    info.accel_pulse_mps = rig->accel_pulse_mps;
-  } else {
-    station.imu->frame.describe(info);
-  }
-  info.latitude_deg = station.latitude_deg;
-  info.gravity_mps2 = station.gravity_mps2;
-  return info;
-}
-
-RecordingInfo planned_info(const RunPlan& run) {
-  return planned_info(run.station, run.request.dry_run ? &run.rig : nullptr);
-}
-
-Status check_real_devices(const StationConfig& station) {
-  const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
-  if (mock && rig) {
-    return input_error("station '" + station.name +
-                       "' has only mock devices (table.driver = mock, imu.driver = rig): nothing real would be "
-                       "calibrated; use --dry-run to rehearse");
-  }
-  if (mock || rig) {
-    return input_error("station '" + station.name + "' has " +
-                       (mock ? "a mock table (table.driver = mock)" : "a mock unit (imu.driver = rig)") +
-                       ": expected table and unit both real, or --dry-run to rehearse");
-  }
-  return {};
-}
-
-Result<int> append_north_seeking(const StationConfig& station, Sequence& sequence) {
-  TRY(check_seeks_north(station));
-  const Sequence seeking = TRY(parse_sequence(std::string(builtin_verify_text), builtin_verify_name));
-  const std::size_t steps = sequence.steps.size();
-  append_steps(seeking, sequence);
-  return sequence.steps[steps].number;
-}
-
-Result<RunPlan> plan_run(const RunRequest& request) {
-  if (request.capture_only && request.partial)
-    return input_error(
-        "--capture-only and --partial: expected one of them: what is only captured is not estimated in part either");
-  RunPlan run;
-  run.request = request;
-  run.began_utc = request.began_utc;
-  RunRequest& wanted = run.request;
-  TRY(check_words(wanted));
-
-  const std::string station_text = TRY(text_of(wanted.station, of_this_version("built-in station")));
-  run.station = TRY(station_from(wanted.station, station_text, request.station));
-  if (wanted.manual) turn_by_hand(run.station);
-  if (wanted.rehearsal() && wanted.units.size() > 1) {
-    return input_error("--manual --dry-run with " + std::to_string(wanted.units.size()) +
-                       " units: expected one, a rehearsal has one rig");
-  }
-  run.hashes.station = hash_of_text(station_text);
-
-  if (wanted.dry_run) {
-    TRY(prepare_rig(run));
-  } else
-    TRY(check_live(run));
-
-  if (wanted.units.size() > places(run)) {
-    return input_error(
-        "--unit: " + std::to_string(wanted.units.size()) + " units: expected at most " + std::to_string(places(run)) +
-        (wanted.dry_run ? " in a dry run" : ", as station '" + run.station.name + "' has places (imu.2.device ...)"));
-  }
-
-  const std::string sequence_text =
-      TRY(wanted.sequence == builtin_verify_name ? Result<std::string>(std::string(builtin_verify_text))
-                                                 : text_of(wanted.sequence, std::string(builtin_sequence_text)));
-  run.sequence = TRY(parse_sequence(sequence_text, wanted.sequence.empty() ? builtin_sequence_name : request.sequence));
-  run.hashes.sequence = hash_of_text(sequence_text);
-  TRY(prepare_verification(run));
-  TRY(check_until_sigma(run));
-  run.plan = make_plan(run.sequence, plan_limits(run.station, run.sample_period_s()));
-  return run;
-}
-
-namespace {
-
 // Of the first record, in its order. As many units as there is room for; the first is told among the files.
 Fields fields_of(RunRequest& request, FileHashes& hashes) {
   Fields fields = {chosen("live", request.dry_run, {"true", ""}, ""),
@@ -305,6 +217,86 @@ Beginning beginning_of(const JournalContents& journal) {
 }
 
 }  // namespace
+
+std::size_t places(const RunPlan& run) { return run.request.dry_run ? most_units : run.station.imu_places(); }
+
+RecordingInfo planned_info(const StationConfig& station, const RigConfig* rig) {
+  RecordingInfo info;
+  if (rig != nullptr) {
+    info.sample_period_s = rig->sample_period_s;
+    info.accel_pulse_mps = rig->accel_pulse_mps;
+  } else {
+    station.imu->frame.describe(info);
+  }
+  info.latitude_deg = station.latitude_deg;
+  info.gravity_mps2 = station.gravity_mps2;
+  return info;
+}
+
+RecordingInfo planned_info(const RunPlan& run) {
+  return planned_info(run.station, run.request.dry_run ? &run.rig : nullptr);
+}
+
+Status check_real_devices(const StationConfig& station) {
+  const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
+  if (mock && rig) {
+    return input_error("station '" + station.name +
+                       "' has only mock devices (table.driver = mock, imu.driver = rig): nothing real would be "
+                       "calibrated; use --dry-run to rehearse");
+  }
+  if (mock || rig)
+    return input_error("station '" + station.name + "' has " +
+                       (mock ? "a mock table (table.driver = mock)" : "a mock unit (imu.driver = rig)") +
+                       ": expected table and unit both real, or --dry-run to rehearse");
+  return {};
+}
+
+Result<int> append_north_seeking(const StationConfig& station, Sequence& sequence) {
+  TRY(check_seeks_north(station));
+  const Sequence seeking = TRY(parse_sequence(std::string(builtin_verify_text), builtin_verify_name));
+  const std::size_t steps = sequence.steps.size();
+  append_steps(seeking, sequence);
+  return sequence.steps[steps].number;
+}
+
+Result<RunPlan> plan_run(const RunRequest& request) {
+  if (request.capture_only && request.partial)
+    return input_error(
+        "--capture-only and --partial: expected one of them: what is only captured is not estimated in part either");
+  RunPlan run;
+  run.request = request;
+  run.began_utc = request.began_utc;
+  RunRequest& wanted = run.request;
+  TRY(check_words(wanted));
+
+  const std::string station_text = TRY(text_of(wanted.station, of_this_version("built-in station")));
+  run.station = TRY(station_from(wanted.station, station_text, request.station));
+  if (wanted.manual) turn_by_hand(run.station);
+  if (wanted.rehearsal() && wanted.units.size() > 1)
+    return input_error("--manual --dry-run with " + std::to_string(wanted.units.size()) +
+                       " units: expected one, a rehearsal has one rig");
+  run.hashes.station = hash_of_text(station_text);
+
+  if (wanted.dry_run) {
+    TRY(prepare_rig(run));
+  } else
+    TRY(check_live(run));
+
+  if (wanted.units.size() > places(run))
+    return input_error(
+        "--unit: " + std::to_string(wanted.units.size()) + " units: expected at most " + std::to_string(places(run)) +
+        (wanted.dry_run ? " in a dry run" : ", as station '" + run.station.name + "' has places (imu.2.device ...)"));
+
+  const std::string sequence_text =
+      TRY(wanted.sequence == builtin_verify_name ? Result<std::string>(std::string(builtin_verify_text))
+                                                 : text_of(wanted.sequence, std::string(builtin_sequence_text)));
+  run.sequence = TRY(parse_sequence(sequence_text, wanted.sequence.empty() ? builtin_sequence_name : request.sequence));
+  run.hashes.sequence = hash_of_text(sequence_text);
+  TRY(prepare_verification(run));
+  TRY(check_until_sigma(run));
+  run.plan = make_plan(run.sequence, plan_limits(run.station, run.sample_period_s()));
+  return run;
+}
 
 JournalFields begin_fields(RunPlan run) {
   run.request.began_utc = run.began_utc;

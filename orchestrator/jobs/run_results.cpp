@@ -9,7 +9,6 @@
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/devices/truth.h"
@@ -42,27 +41,27 @@ void add_record(const Run& run, const RunUnit& unit, ParameterFile& file) {
   const auto clock = [&unit](double UnitClock::*part) {
     return unit.clock ? format_number(*unit.clock.*part) : std::string();
   };
-  const KeyTexts facts = {{"began_utc", run.began_utc},
+  const RunRequest& asked = run.request;
+  const KeyTexts facts = {{"part", asked.part},
+                          {"lot", asked.lot},
+                          {"revision", asked.revision},
+                          {"began_utc", run.began_utc},
                           {"station", run.station.name},
+                          {"operator", asked.operator_name},
+                          {"ambient", asked.ambient},
                           {"configuration_hash", run.hashes.station},
                           {"sequence", run.sequence.name},
                           {"sequence_hash", run.hashes.sequence},
                           {"table_id", run.station.table_id},
                           {"table_calibration_due", run.station.table_calibration_due},
-                          {"ended_after_s", run.request.until_sigma ? format_number(unit.recorded_s) : ""},
+                          {"overdue_reason", asked.overdue_reason},
+                          {"ended_after_s", asked.until_sigma ? format_number(unit.recorded_s) : ""},
                           {"repeated_dwells", format_number(unit.repeated_dwells)},
                           {"lost_samples", format_number(unit.lost_samples)},
                           {"clock_ppm", clock(&UnitClock::ppm)},
                           {"clock_uncertainty_ppm", clock(&UnitClock::uncertainty_ppm)}};
-  for (const char* key :
-       {"part", "lot", "revision", "began_utc", "station", "operator", "ambient", "configuration_hash", "sequence",
-        "sequence_hash", "table_id", "table_calibration_due", "overdue_reason", "ended_after_s", "repeated_dwells",
-        "lost_samples", "clock_ppm", "clock_uncertainty_ppm"}) {
-    std::string value = value_of(facts, key);
-    for (const RecordWord& record : record_words)
-      if (std::string_view(record.key) == key) value = run.request.*record.word;
-    if (!value.empty()) file.add_further("record." + std::string(key), value);
-  }
+  for (const auto& [key, value] : facts)
+    if (!value.empty()) file.add_further("record." + key, value);
 }
 
 // "accel_second_order (31 sigma), gyro_bias_drift (7 sigma)"; what is wrong where no effect was added.
@@ -71,9 +70,8 @@ std::string finding_of(const Diagnosis& d) {
   std::vector<std::string> parts;
   for (const std::string& name : d.effect_names) {
     double strongest = 0.0;
-    for (const EstimatedEffect& e : d.extended.effects)
-      if (e.column.entry && e.column.entry->name == name && e.sigma > 0.0)
-        strongest = std::max(strongest, std::abs(e.value) / e.sigma);
+    for (const EstimatedEffect* e : components_of(d.extended, name))
+      if (e->sigma > 0.0) strongest = std::max(strongest, std::abs(e->value) / e->sigma);
     parts.push_back(name + " (" + significant(strongest, 2) + " sigma)");
   }
   return join(parts);
@@ -285,41 +283,6 @@ Status make_unit(Run& run, RunUnit& unit, double utc_s) {
   return {};
 }
 
-}  // namespace
-
-Status stored(Status status) {
-  if (status || status.error().kind != ErrorKind::input) return status;
-  return device_error(status.error().message);
-}
-
-Status make_results(Run& run, double utc_s) {
-  bool any = false;
-  Status first;
-  for (RunUnit& unit : run.units) {
-    if (unit.dropped) continue;
-    unit.status = make_unit(run, unit, utc_s);
-    if (!unit.status && unit.status.error().kind == ErrorKind::device) return unit.status;  // the storage's fault
-    if (unit.status)
-      any = true;
-    else if (first)
-      first = unit.status;
-  }
-  return any ? Status{} : first;
-}
-
-std::string reason_of(const RunPlan& run, const VerdictReport& verdict) {
-  if (run.request.partial) return "estimated in part";
-  return verdict.verdict == UnitVerdict::not_judged ? "the station has no limits" : verdict.reason;
-}
-
-Status verdict_status(const std::string& unit, const VerdictReport& report) {
-  if (is_accepted(report.verdict)) return {};
-  return Error{ErrorKind::unit_failed,
-               "unit " + unit + ": " + std::string(to_string(report.verdict)) + ": " + report.reason};
-}
-
-namespace {
-
 void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream& printed) {
   std::ostringstream out;
   out << fmt::format(
@@ -356,6 +319,37 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
 }
 
 }  // namespace
+
+Status stored(Status status) {
+  if (status || status.error().kind != ErrorKind::input) return status;
+  return device_error(status.error().message);
+}
+
+Status make_results(Run& run, double utc_s) {
+  bool any = false;
+  Status first;
+  for (RunUnit& unit : run.units) {
+    if (unit.dropped) continue;
+    unit.status = make_unit(run, unit, utc_s);
+    if (!unit.status && unit.status.error().kind == ErrorKind::device) return unit.status;  // the storage's fault
+    if (unit.status)
+      any = true;
+    else if (first)
+      first = unit.status;
+  }
+  return any ? Status{} : first;
+}
+
+std::string reason_of(const RunPlan& run, const VerdictReport& verdict) {
+  if (run.request.partial) return "estimated in part";
+  return verdict.verdict == UnitVerdict::not_judged ? "the station has no limits" : verdict.reason;
+}
+
+Status verdict_status(const std::string& unit, const VerdictReport& report) {
+  if (is_accepted(report.verdict)) return {};
+  return Error{ErrorKind::unit_failed,
+               "unit " + unit + ": " + std::string(to_string(report.verdict)) + ": " + report.reason};
+}
 
 void print_results(Run& run, double wall_s, std::ostream& out) {
   for (RunUnit& unit : run.units) {

@@ -11,7 +11,6 @@
 #include <string>
 
 #include "orchestrator/jobs/run.h"
-#include "orchestrator/records/output_folder.h"
 
 namespace turncal {
 

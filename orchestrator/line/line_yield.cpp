@@ -111,8 +111,8 @@ LineYield line_yield(const std::vector<AttemptRecord>& all, const std::set<std::
     reason.reason = name;
     line.reasons.push_back(reason);
   }
-  std::stable_sort(line.reasons.begin(), line.reasons.end(),
-                   [](const LossReason& a, const LossReason& b) { return a.attempts > b.attempts; });
+  std::ranges::stable_sort(line.reasons,
+                           [](const LossReason& a, const LossReason& b) { return a.attempts > b.attempts; });
   double cumulated = 0.0;
   for (LossReason& reason : line.reasons) {
     reason.share = static_cast<double>(reason.attempts) / static_cast<double>(lost);

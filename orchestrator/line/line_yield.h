@@ -13,7 +13,6 @@
 // The interval is Wilson's, 95 %.
 #pragma once
 
-#include <optional>
 #include <set>
 #include <string>
 #include <vector>

@@ -10,6 +10,74 @@
 
 namespace turncal {
 
+namespace {
+
+using Stretch = std::span<const double>;
+
+// At least `least` of them on one side beyond `level`.
+bool on_one_side(Stretch z, double level, std::ptrdiff_t least) {
+  return std::ranges::count_if(z, [level](double v) { return v > level; }) >= least ||
+         std::ranges::count_if(z, [level](double v) { return v < -level; }) >= least;
+}
+
+bool goes_one_way(Stretch z) {
+  const auto not_rising = [](double a, double b) { return a >= b; };
+  const auto not_falling = [](double a, double b) { return a <= b; };
+  return std::ranges::adjacent_find(z, not_rising) == z.end() || std::ranges::adjacent_find(z, not_falling) == z.end();
+}
+
+bool goes_up_and_down(Stretch z) {
+  for (std::size_t i = 2; i < z.size(); ++i) {
+    if (!((z[i] - z[i - 1]) * (z[i - 1] - z[i - 2]) < 0.0)) return false;
+  }
+  return true;
+}
+
+bool all_within(Stretch z) {
+  return std::ranges::all_of(z, [](double v) { return std::abs(v) < 1.0; });
+}
+
+bool none_within_on_both_sides(Stretch z) {
+  return std::ranges::all_of(z, [](double v) { return std::abs(v) > 1.0; }) &&
+         std::ranges::any_of(z, [](double v) { return v > 0.0; }) &&
+         std::ranges::any_of(z, [](double v) { return v < 0.0; });
+}
+
+bool meets(std::size_t rule, Stretch z) {
+  switch (rule) {
+    case 1: return std::abs(z.front()) > 3.0;
+    case 2: return on_one_side(z, 0.0, 9);
+    case 3: return goes_one_way(z);
+    case 4: return goes_up_and_down(z);
+    case 5: return on_one_side(z, 2.0, 2);
+    case 6: return on_one_side(z, 1.0, 4);
+    case 7: return all_within(z);
+    default: return none_within_on_both_sides(z);
+  }
+}
+
+std::optional<Capability> capability(double mean, double sigma, double count, double freedom, const Limit& limit) {
+  if ((!limit.min && !limit.max) || !(sigma > 0.0)) return std::nullopt;
+  constexpr double far = std::numeric_limits<double>::infinity();
+  const double value =
+      std::min(limit.max ? *limit.max - mean : far, limit.min ? mean - *limit.min : far) / (3.0 * sigma);
+  const double half = normal_95 * std::sqrt(1.0 / (9.0 * count) + value * value / (2.0 * freedom));
+  return Capability{value, value - half, value + half};
+}
+
+}  // namespace
+
+std::vector<RunSignal> run_signals(std::span<const double> z) {
+  std::vector<RunSignal> signals;
+  for (std::size_t i = 0; i < z.size(); ++i) {
+    for (std::size_t rule = 1; rule <= run_rules.size(); ++rule) {
+      const std::size_t length = run_rules[rule - 1].stretch;
+      if (i + 1 >= length && meets(rule, z.subspan(i + 1 - length, length))) signals.push_back({rule, i});
+    }
+  }
+  return signals;
+}
+
 ParameterHistory parameter_history(const std::vector<StoredCalibration>& all, std::string_view key) {
   ParameterHistory history;
   history.key = key;
@@ -35,19 +103,6 @@ std::vector<std::string_view> free_parameter_keys() {
   }
   return keys;
 }
-
-namespace {
-
-std::optional<Capability> capability(double mean, double sigma, double count, double freedom, const Limit& limit) {
-  if ((!limit.min && !limit.max) || !(sigma > 0.0)) return std::nullopt;
-  constexpr double far = std::numeric_limits<double>::infinity();
-  const double value =
-      std::min(limit.max ? *limit.max - mean : far, limit.min ? mean - *limit.min : far) / (3.0 * sigma);
-  const double half = normal_95 * std::sqrt(1.0 / (9.0 * count) + value * value / (2.0 * freedom));
-  return Capability{value, value - half, value + half};
-}
-
-}  // namespace
 
 ControlChart control_chart(std::span<const double> values, const Limit& limit) {
   ControlChart chart;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <map>
+#include <numeric>
 
 #include "calib/statistics/distributions.h"
 #include "imu_io/base/clock.h"
@@ -12,6 +13,8 @@
 namespace turncal {
 
 namespace {
+
+constexpr double day_s = 86400.0;
 
 std::string words_of(const std::string& name, const RecordFilter& filter) {
   std::string text = name;
@@ -67,6 +70,86 @@ std::vector<StationFigures> figures_of_stations(const std::vector<AttemptRecord>
   return list;
 }
 
+// Wilson and Hilferty 1931.
+double chi_square(double degrees, double z) {
+  const double part = 2.0 / (9.0 * degrees), root = 1.0 - part + z * std::sqrt(part);
+  return degrees * root * root * root;
+}
+
+struct Moments {
+  double mean = 0.0, variance_of_mean = 0.0;
+};
+
+Moments moments(const std::vector<double>& values) {
+  const auto n = static_cast<double>(values.size());
+  const double mean = std::accumulate(values.begin(), values.end(), 0.0) / n;
+  double squares = 0.0;
+  for (const double value : values) squares += (value - mean) * (value - mean);
+  return {mean, squares / (n - 1.0) / n};
+}
+
+struct AtStation {
+  std::map<std::string, std::vector<double>> by_unit;
+  std::vector<double> days, values;
+};
+
+std::vector<double> unit_means(const AtStation& at) {
+  std::vector<double> means;
+  for (const auto& [unit, values] : at.by_unit) means.push_back(moments(values).mean);
+  return means;
+}
+
+// Slope a day and its variance.
+std::optional<std::pair<double, double>> slope(const AtStation& at) {
+  const std::size_t n = at.days.size();
+  if (n < least_units) return std::nullopt;
+  const Moments t = moments(at.days), y = moments(at.values);
+  double tt = 0.0, ty = 0.0, residual_square = 0.0;
+  for (std::size_t i = 0; i < n; ++i) {
+    tt += (at.days[i] - t.mean) * (at.days[i] - t.mean);
+    ty += (at.days[i] - t.mean) * (at.values[i] - y.mean);
+  }
+  if (std::sqrt(tt / static_cast<double>(n)) < 1.0) return std::nullopt;
+  const double k = ty / tt;
+  for (std::size_t i = 0; i < n; ++i) {
+    const double r = at.values[i] - y.mean - k * (at.days[i] - t.mean);
+    residual_square += r * r;
+  }
+  return std::pair(k, residual_square / static_cast<double>(n - 2) / tt);
+}
+
+std::optional<StationDifference> compare(const AtStation& a, const AtStation& b) {
+  StationDifference d;
+  std::vector<double> differences;
+  for (const auto& [unit, values] : a.by_unit) {
+    const auto other = b.by_unit.find(unit);
+    if (other == b.by_unit.end()) continue;
+    differences.push_back(moments(other->second).mean - moments(values).mean);
+  }
+  if (differences.size() >= least_units) {
+    const Moments m = moments(differences);
+    d.of_the_same_units = true;
+    d.count_a = d.count_b = differences.size();
+    d.difference = m.mean;
+    d.sigma = std::sqrt(m.variance_of_mean);
+  } else {
+    const std::vector<double> of_a = unit_means(a), of_b = unit_means(b);
+    d.count_a = of_a.size();
+    d.count_b = of_b.size();
+    if (d.count_a < least_units || d.count_b < least_units) return std::nullopt;
+    const Moments at_a = moments(of_a), at_b = moments(of_b);
+    d.difference = at_b.mean - at_a.mean;
+    d.sigma = std::sqrt(at_a.variance_of_mean + at_b.variance_of_mean);
+  }
+  const auto slope_a = slope(a), slope_b = slope(b);
+  constexpr double month_days = 30.0;
+  if (slope_a && slope_b) {
+    d.drift = month_days * (slope_b->first - slope_a->first);
+    d.drift_sigma = month_days * std::sqrt(slope_a->second + slope_b->second);
+  }
+  return d;
+}
+
 }  // namespace
 
 Result<ShiftReport> shift_report(const ResultsDatabase& database, const std::string& name, const RecordFilter& filter,
@@ -113,21 +196,11 @@ std::vector<ChartSignal> signals_of(const std::vector<ChartedQuantity>& charts) 
       if (!goes_on) found.push_back({&chart, signal});
     }
   }
-  std::stable_sort(found.begin(), found.end(), [](const ChartSignal& a, const ChartSignal& b) {
+  std::ranges::stable_sort(found, [](const ChartSignal& a, const ChartSignal& b) {
     return a.chart->times[a.signal.point] < b.chart->times[b.signal.point];
   });
   return found;
 }
-
-namespace {
-
-// Wilson and Hilferty 1931.
-double chi_square(double degrees, double z) {
-  const double part = 2.0 / (9.0 * degrees), root = 1.0 - part + z * std::sqrt(part);
-  return degrees * root * root * root;
-}
-
-}  // namespace
 
 std::optional<double> Repeatability::of_unit() const {
   const double left = spread * spread - calibration_sigma * calibration_sigma;
@@ -135,7 +208,6 @@ std::optional<double> Repeatability::of_unit() const {
 }
 
 std::vector<Repeatability> repeatability(const std::vector<StoredCalibration>& all, double from_days, double to_days) {
-  constexpr double day_s = 86400.0;
   std::vector<Repeatability> found;
   for (const std::string_view key : free_parameter_keys()) {
     const ParameterHistory history = parameter_history(all, key);
@@ -166,6 +238,31 @@ std::vector<Repeatability> repeatability(const std::vector<StoredCalibration>& a
     const double lower = chi_square(pairs, -normal_95);
     r.high = lower > 0.0 ? r.spread * std::sqrt(pairs / lower) : HUGE_VAL;
     found.push_back(r);
+  }
+  return found;
+}
+
+std::vector<StationDifference> station_differences(const std::vector<StoredCalibration>& all) {
+  std::vector<StationDifference> found;
+  for (const std::string_view key : free_parameter_keys()) {
+    const ParameterHistory history = parameter_history(all, key);
+    std::map<std::string, AtStation> stations;
+    for (std::size_t i = 0; i < history.of.size(); ++i) {
+      AtStation& at = stations[history.of[i]->station];
+      at.by_unit[history.of[i]->unit].push_back(history.values[i]);
+      at.days.push_back(parse_utc(history.of[i]->time_utc).value_or(0.0) / day_s);
+      at.values.push_back(history.values[i]);
+    }
+    for (auto a = stations.begin(); a != stations.end(); ++a) {
+      for (auto b = std::next(a); b != stations.end(); ++b) {
+        std::optional<StationDifference> d = compare(a->second, b->second);
+        if (!d) continue;
+        d->a = a->first;
+        d->b = b->first;
+        d->key = key;
+        found.push_back(std::move(*d));
+      }
+    }
   }
   return found;
 }

@@ -1,9 +1,15 @@
 // The report of a shift as a document, and its tables as CSV.
+//
+// What is in a results database: its control charts, each as a figure, and its rows as tables for other programs.
 #pragma once
 
 #include <string>
+#include <vector>
 
+#include "imu_io/base/data_text.h"
+#include "orchestrator/line/parameter_history.h"
 #include "orchestrator/line/shift_report.h"
+#include "orchestrator/records/results_database.h"
 #include "orchestrator/report/document.h"
 
 namespace turncal {
@@ -11,5 +17,16 @@ namespace turncal {
 Document shift_document(const ShiftReport& report);
 std::string shift_csv(const ShiftReport& report);  // table,item,quantity,value: what stands in the document's tables
 std::string signals_csv(const ShiftReport& report);
+
+// Control charts as figures: every point with its sigma, control limits, limits in force, and what the run rules say.
+// A table of mean, limits and capability of each quantity, then charts in groups of one unit each, three to a row. A quantity without
+// values has no row, and one that is in no group, or always the same, no chart.
+void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document& document);
+
+// Every parameter over the calibrations. `all`: oldest first, either real or simulated. `source`: where they come from, in words.
+Document history_document(const std::vector<StoredCalibration>& all, const std::string& source);
+
+DataTable calibrations_table(const std::vector<StoredCalibration>& all);  // with their 24 values and sigmas
+DataTable attempts_table(const std::vector<AttemptRecord>& all);
 
 }  // namespace turncal

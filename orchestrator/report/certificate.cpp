@@ -13,28 +13,12 @@
 #include "orchestrator/report/document.h"
 
 namespace turncal {
+
+extern const std::string_view certificate_css;  // certificate.css
+
 namespace {
 
 using namespace cell;
-
-const char* const certificate_css = R"(
-body { font: 10pt/1.35 "DejaVu Sans", Arial, sans-serif; color: #111; max-width: 190mm; margin: 6mm auto; padding: 0 4mm; }
-h1 { font-size: 18pt; margin: 0; } h2 { font-size: 11pt; margin: 4mm 0 1mm; border-bottom: .3mm solid #888; }
-.no { margin: 0 0 2mm; color: #444; } .two { display: flex; flex-wrap: wrap; gap: 0 8mm; } .two > section { flex: 1 1 75mm; }
-.facts td { border: 0; vertical-align: top; font-size: 9pt; overflow-wrap: anywhere; } .facts td:first-child { color: #555; width: 32mm; }
-table { border-collapse: collapse; width: 100%; font-size: 8pt; } th, td { padding: .5mm 1.2mm; text-align: left; border-bottom: .1mm solid #ccc; }
-th.n, td.n { text-align: right; } td.n { font-variant-numeric: tabular-nums; white-space: nowrap; } th { font-weight: 600; }
-section { overflow-x: auto; } table:not(.facts) td:nth-child(2), table:not(.facts) th { white-space: nowrap; } tr { break-inside: avoid; } h2 { break-after: avoid; } p { margin: 1mm 0; }
-.not { border: .6mm solid #b00; color: #b00; font-weight: 600; padding: 1.5mm 2mm; }
-.small, .hash { font-size: 8pt; color: #444; } .sign { display: flex; flex-wrap: wrap; gap: 0 8mm; justify-content: space-between; margin-top: 14mm; break-inside: avoid; }
-h1, p { overflow-wrap: anywhere; } .sign p { max-width: 100%; }
-.sign p:last-child { border-top: .3mm solid #111; min-width: 70mm; padding-top: 1mm; }
-.mark { position: fixed; top: 40%; left: 0; right: 0; text-align: center; font-size: 80pt; color: rgba(200, 0, 0, .18); transform: rotate(-30deg); z-index: 9; pointer-events: none; }
-@page { size: A4; margin: 15mm 12mm 16mm; @bottom-right { content: "page " counter(page) " of " counter(pages); font-size: 8pt; } }
-@page { @bottom-left { font-size: 7pt; } }
-@media screen { table:not(.facts) td:last-child { min-width: 42mm; } }
-@media print { body { margin: 0; padding: 0; max-width: none; } .hash { display: none; } section { overflow-x: visible; } }
-)";
 
 std::string of_record(const ParameterFile& file, const std::string& key, const std::string& otherwise = "-") {
   const std::string* const value = find_further(file, key);
@@ -53,7 +37,7 @@ std::string fact_section(const std::string& title, std::vector<std::pair<std::st
 std::string effect_names(const ParameterFile& file) {
   std::vector<std::string> names;
   for (const EffectValue& effect : file.effects)
-    if (std::find(names.begin(), names.end(), effect.name) == names.end()) names.push_back(effect.name);
+    if (std::ranges::find(names, effect.name) == names.end()) names.push_back(effect.name);
   return join(names);
 }
 
@@ -99,7 +83,7 @@ std::string judged_of(const Certificate& c, const std::string& key) {
 std::string judged_beside(const Certificate& c) {
   std::vector<std::string> words;
   for (const JudgedValue& one : c.conformity.values) {
-    const bool of_parameter = std::any_of(parameter_keys.begin(), parameter_keys.end(), [&one](std::string_view key) {
+    const bool of_parameter = std::ranges::any_of(parameter_keys, [&one](std::string_view key) {
       return one.key == key || one.key == "sigma." + std::string(key);
     });
     if (!of_parameter)
@@ -108,8 +92,6 @@ std::string judged_beside(const Certificate& c) {
   }
   return join(words, "; ");
 }
-
-Cell or_nothing(const std::optional<double>& value) { return value ? number(*value, 2) : number("-"); }
 
 Table result_table(const Certificate& c) {
   Table table{{text("parameter"), text("unit"), number("value"), number("U (k = 2)"), number("estimate"),
@@ -122,8 +104,8 @@ Table result_table(const Certificate& c) {
     const std::string unit = unit_text(parameter_unit(key, c.file.gyro_increment));
     table.row({name(key), text(unit == "-" ? "1" : unit),
                with_sigma(c.file.parameters[static_cast<Eigen::Index>(i)], expanded), number(expanded, 2),
-               number(u.estimate, 2), or_nothing(u.alias), number(u.gravity, 2), number(u.latitude, 2),
-               or_nothing(u.repeatability), text(judged_of(c, key))});
+               number(u.estimate, 2), number(u.alias, 2), number(u.gravity, 2), number(u.latitude, 2),
+               number(u.repeatability, 2), text(judged_of(c, key))});
   }
   return table;
 }
@@ -144,7 +126,7 @@ std::string effect_table(const Certificate& c) {
     const UncertaintyBudget& u = c.effect_budget[i];
     table.row({name(effect.name + "." + effect.component), text(effect_unit(effect)),
                with_sigma(effect.value, u.expanded()), effect.sigma ? number(u.expanded(), 2) : number("given"),
-               effect.sigma ? number(u.estimate, 2) : number("-"), or_nothing(u.repeatability)});
+               effect.sigma ? number(u.estimate, 2) : number("-"), number(u.repeatability, 2)});
   }
   return html(table);
 }
@@ -276,29 +258,29 @@ std::string certificate_page(const Certificate& c) {
                       "; w = n counts − N0 (°/h), f = a counts − A0 (g = 9.80665 m/s²)"},
        {"software", "turncal " + f.software_version},
        {"adjustment", "none: the parameters are to be loaded by the customer"}});
-  body += section("Results", html(result_table(c)) + effect_table(c) +
-                                 html(Paragraph{"Expanded uncertainty U = 2 u; u combines the columns to its right "
-                                                "(standard uncertainties). The table's angles "
-                                                "are not taken as truth and add nothing; the given heading enters in "
-                                                "second order. Alias: the spread over "
-                                                "effects "
-                                                "that the recording cannot tell from a parameter, or from one another, "
-                                                "and over those that came near to being "
-                                                "found; - where nobody looked. Effects beyond the parameters: " +
-                                                effects_found(f)}));
+  body += section(
+      "Results",
+      html(result_table(c)) + effect_table(c) +
+          html(Paragraph{
+              "Expanded uncertainty U = 2 u; u combines the columns to its right (standard uncertainties). The table's "
+              "angles are not taken as truth and add nothing; the given heading enters in second order. Alias: the "
+              "spread over effects that the recording cannot tell from a parameter, or from one another, and over "
+              "those that came near to being found; - where nobody looked. Effects beyond the parameters: " +
+              effects_found(f)}));
   if (c.verification) body += north_section(*c.verification);
   const VerdictReport& conformity = c.conformity;
   const std::string verdict =
       conformity.verdict == UnitVerdict::not_judged ? "not judged" : std::string(to_string(conformity.verdict));
   const std::string beside = judged_beside(c);
-  body += fact_section("Conformity",
-                       {{"verdict", verdict + (conformity.reason.empty() ? "" : ": " + conformity.reason)},
-                        {"decision rule", !conformity.rule.empty() ? conformity.rule + "; U: that of the results above"
-                                          : c.verification ? "no limits were agreed for the parameters; those of the "
-                                                             "verification stand with it"
-                                                           : "no limits were agreed"},
-                        {"limits beside those of the results", beside.empty() ? "none" : beside},
-                        {"diagnosis", "effects beyond the parameters: " + effects_found(f)}});
+  body += fact_section(
+      "Conformity",
+      {{"verdict", verdict + (conformity.reason.empty() ? "" : ": " + conformity.reason)},
+       {"decision rule", !conformity.rule.empty() ? conformity.rule + "; U: that of the results above"
+                         : c.verification
+                             ? "no limits were agreed for the parameters; those of the verification stand with it"
+                             : "no limits were agreed"},
+       {"limits beside those of the results", beside.empty() ? "none" : beside},
+       {"diagnosis", "effects beyond the parameters: " + effects_found(f)}});
   std::string hashes;
   for (const std::string& hash : c.recording_hashes) hashes += (hashes.empty() ? "" : ", ") + hash;
   body += fact_section("Traceability of the record", {{"parameter file", c.parameters_hash}, {"recordings", hashes}});
@@ -308,9 +290,9 @@ std::string certificate_page(const Certificate& c) {
       html_escape(c.issued_utc) + "</p><p>" + html_escape(or_dash(c.parties.laboratory_signatory)) + "</p></div>\n";
   const auto page = [&](const std::string& hash) {
     return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Calibration certificate " + serial +
-           "</title>\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<style>" +
-           certificate_css + "@page { @bottom-left { content: \"" + hash + "\"; } }\n</style></head>\n<body>\n" + body +
-           std::string(before_hash) + hash + std::string(after_hash);
+           "</title>\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<style>\n" +
+           std::string(certificate_css) + "@page { @bottom-left { content: \"" + hash +
+           "\"; } }\n</style></head>\n<body>\n" + body + std::string(before_hash) + hash + std::string(after_hash);
   };
   return page(hash_of_text(page("")));
 }

@@ -15,14 +15,8 @@
 #include "orchestrator/station/version.h"
 
 namespace turncal {
-namespace {
 
-std::vector<const EstimatedEffect*> of_effect(const JointResult& result, std::string_view name) {
-  std::vector<const EstimatedEffect*> found;
-  for (const EstimatedEffect& e : result.effects)
-    if (e.column.entry != nullptr && e.column.entry->name == name) found.push_back(&e);
-  return found;
-}
+namespace {
 
 double holdout_value(const HoldoutError& error, double value) {
   return error.observations > 0 ? value : std::numeric_limits<double>::quiet_NaN();
@@ -33,13 +27,31 @@ std::vector<std::string> by_strength(const JointResult& result) {
   std::vector<const EstimatedEffect*> order;
   for (const EstimatedEffect& e : result.effects)
     if (e.column.entry != nullptr) order.push_back(&e);
-  std::stable_sort(order.begin(), order.end(),
-                   [](auto* a, auto* b) { return std::abs(a->value) * b->sigma > std::abs(b->value) * a->sigma; });
+  std::ranges::stable_sort(
+      order, [](auto* a, auto* b) { return std::abs(a->value) * b->sigma > std::abs(b->value) * a->sigma; });
   std::vector<std::string> names;
   for (const EstimatedEffect* e : order)
-    if (std::find(names.begin(), names.end(), e->column.entry->name) == names.end())
-      names.emplace_back(e->column.entry->name);
+    if (std::ranges::find(names, e->column.entry->name) == names.end()) names.emplace_back(e->column.entry->name);
   return names;
+}
+
+// A row a parameter: its covariances with those before it in the order of the file, its variance last.
+void describe_covariance(const JointResult& result, ParameterFile& file) {
+  const auto left_out = [&result](int key) {
+    return key >= parameter_count || !result.determined[static_cast<std::size_t>(key)];
+  };
+  if (result.covariance.rows() < static_cast<Eigen::Index>(result.free.size())) return;
+  for (std::size_t i = 0; i < result.free.size(); ++i) {
+    if (left_out(result.free[i])) continue;
+    std::string row;
+    for (std::size_t j = 0; j <= i; ++j) {
+      if (left_out(result.free[j])) continue;
+      row += fmt::format("{}{:.9e}", row.empty() ? "" : " ",
+                         result.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
+    }
+    file.add_further("quality.covariance." + std::string(parameter_keys[static_cast<std::size_t>(result.free[i])]),
+                     row);
+  }
 }
 
 }  // namespace
@@ -69,7 +81,7 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
     lines.number("lack_of_fit.log10_limit", d.omnibus.log10_limit());
   }
   for (const std::string& name : d.effect_names) {
-    const auto parts = of_effect(d.extended, name);
+    const auto parts = components_of(d.extended, name);
     for (const EstimatedEffect* e : parts) {
       lines.number("effect." + e->column.key(), e->value);
       lines.number("sigma.effect." + e->column.key(), e->sigma);
@@ -124,7 +136,7 @@ void describe_model(const JointResult& result, const CompressedRecording& record
   if (std::isfinite(recording.mean_temperature_c)) file.reference_temperature_c = result.reference_temperature_c;
   file.effects.clear();
   for (const std::string& name : by_strength(result)) {
-    const auto parts = of_effect(result, name);
+    const auto parts = components_of(result, name);
     for (const EstimatedEffect* e : parts)
       file.effects.push_back({name,
                               std::string(e->column.entry->components[static_cast<std::size_t>(e->column.component)]),
@@ -159,29 +171,6 @@ void describe_random_walk(const NoiseModel& noise, ParameterFile& file) {
     file.add_further(std::string("noise.velocity_random_walk.") + "xyz"[k] + "_ug_per_rt_hz",
                      noise.velocity_random_walk[k] / mpsprs_per_ugprHz);
 }
-
-namespace {
-
-// A row a parameter: its covariances with those before it in the order of the file, its variance last.
-void describe_covariance(const JointResult& result, ParameterFile& file) {
-  const auto left_out = [&result](int key) {
-    return key >= parameter_count || !result.determined[static_cast<std::size_t>(key)];
-  };
-  if (result.covariance.rows() < static_cast<Eigen::Index>(result.free.size())) return;
-  for (std::size_t i = 0; i < result.free.size(); ++i) {
-    if (left_out(result.free[i])) continue;
-    std::string row;
-    for (std::size_t j = 0; j <= i; ++j) {
-      if (left_out(result.free[j])) continue;
-      row += fmt::format("{}{:.9e}", row.empty() ? "" : " ",
-                         result.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
-    }
-    file.add_further("quality.covariance." + std::string(parameter_keys[static_cast<std::size_t>(result.free[i])]),
-                     row);
-  }
-}
-
-}  // namespace
 
 void describe_estimate(const JointResult& result, const CompressedRecording& recording, bool noise_given,
                        ParameterFile& file) {

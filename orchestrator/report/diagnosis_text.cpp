@@ -24,10 +24,8 @@ std::string component_name(const EffectColumn& column) {
 
 // "accel_second_order, second-order nonlinearity K2 (IEEE 1293), x 28.35 +- 0.91 ug/g^2 (31 sigma)": strongest components first.
 std::string describe_effect(const Diagnosis& diagnosis, const std::string& name, std::size_t most, bool with_term) {
-  std::vector<const EstimatedEffect*> parts;
-  for (const EstimatedEffect& e : diagnosis.extended.effects)
-    if (e.column.entry != nullptr && e.column.entry->name == name) parts.push_back(&e);
-  std::stable_sort(parts.begin(), parts.end(), [](auto* a, auto* b) { return z_of(*a) > z_of(*b); });
+  std::vector<const EstimatedEffect*> parts = components_of(diagnosis.extended, name);
+  std::ranges::stable_sort(parts, [](auto* a, auto* b) { return z_of(*a) > z_of(*b); });
   std::vector<std::string> texts;
   for (std::size_t k = 0; k < std::min(most, parts.size()); ++k) {
     const EstimatedEffect& e = *parts[k];
@@ -63,6 +61,16 @@ std::string error_clause(const Diagnosis& d) {
          ratio(d.holdout_before.normalised_rms) + " to " + ratio(d.holdout_after.normalised_rms);
 }
 
+// The strongest of the scores.
+const CandidateScore* strongest_candidate(const Diagnosis& diagnosis) {
+  const CandidateScore* best = nullptr;
+  for (const CandidateScore& c : diagnosis.candidates)
+    if (c.visible && c.column.entry != nullptr && std::isfinite(c.z) &&
+        (best == nullptr || std::abs(c.z) > std::abs(best->z)))
+      best = &c;
+  return best;
+}
+
 std::string clean_sentence(const Diagnosis& d) {
   std::string text = "the 24 parameters explain the data to the noise";
   if (d.statements.tested)
@@ -81,10 +89,9 @@ std::string clean_sentence(const Diagnosis& d) {
 std::string remaining_clause(const Diagnosis& d) {
   std::string text = "rms normalised residual " + ratio(d.error_after) + " where noise explains 1, velocity error " +
                      in_mm(velocity_rms_mps(d, true)) + " mm/s rms";
-  if (known(d.holdout_after)) {
+  if (known(d.holdout_after))
     text += ", on " + holdout_name(d) + " " + ratio(d.holdout_after.normalised_rms) + " and " +
             in_mm(d.holdout_after.velocity_rms_mps) + " mm/s";
-  }
   return text;
 }
 
@@ -107,7 +114,7 @@ std::string largest_changes(const Diagnosis& d) {
   const ParameterVector change = changes_in_sigma(d);
   std::vector<int> order(parameter_count);
   std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+  std::ranges::stable_sort(order, [&](int a, int b) {
     return (std::isfinite(change[a]) ? std::abs(change[a]) : -1.0) >
            (std::isfinite(change[b]) ? std::abs(change[b]) : -1.0);
   });
@@ -117,6 +124,12 @@ std::string largest_changes(const Diagnosis& d) {
     parts.push_back(std::string(parameter_keys[static_cast<std::size_t>(k)]) + " " + signed_number(change[k], 1));
   }
   return join(parts) + " sigma";
+}
+
+// Share of the energy beyond noise: (chi-square - observations) / observations, not below 0.
+double excess_energy(const HoldoutError& error) {
+  if (error.observations <= 0) return nan;
+  return std::max(0.0, error.chi_square / static_cast<double>(error.observations) - 1.0);
 }
 
 }  // namespace
@@ -139,23 +152,17 @@ std::string effects_clause(const Diagnosis& d) {
 }
 
 std::string verdict_title(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::clean: return "Clean";
-    case Verdict::extended: return "Extended";
-    case Verdict::unexplained: return "Unexplained";
-    case Verdict::noise_model: return "Noise model";
-    case Verdict::not_tested: return "Not tested";
-  }
-  return "";
+  std::string title = to_string(verdict);
+  std::ranges::replace(title, '_', ' ');
+  title.front() = static_cast<char>(title.front() - 'a' + 'A');
+  return title;
 }
 
-const CandidateScore* strongest_candidate(const Diagnosis& diagnosis) {
-  const CandidateScore* best = nullptr;
-  for (const CandidateScore& c : diagnosis.candidates)
-    if (c.visible && c.column.entry != nullptr && std::isfinite(c.z) &&
-        (best == nullptr || std::abs(c.z) > std::abs(best->z)))
-      best = &c;
-  return best;
+std::vector<const EstimatedEffect*> components_of(const JointResult& result, std::string_view effect) {
+  std::vector<const EstimatedEffect*> found;
+  for (const EstimatedEffect& e : result.effects)
+    if (e.column.entry != nullptr && e.column.entry->name == effect) found.push_back(&e);
+  return found;
 }
 
 std::string verdict_sentence(const Diagnosis& d) {
@@ -179,11 +186,6 @@ std::string verdict_sentence(const Diagnosis& d) {
     case Verdict::not_tested: return title + "the data determine nothing that could be judged: " + d.reason + ".";
   }
   return title;
-}
-
-double excess_energy(const HoldoutError& error) {
-  if (error.observations <= 0) return nan;
-  return std::max(0.0, error.chi_square / static_cast<double>(error.observations) - 1.0);
 }
 
 std::vector<ErrorRow> error_rows(const Diagnosis& d, const DiagnosisContext& context) {

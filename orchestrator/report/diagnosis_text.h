@@ -25,14 +25,12 @@ struct ErrorRow {
 };
 std::vector<ErrorRow> error_rows(const Diagnosis& diagnosis, const DiagnosisContext& context);
 std::string error_text(const ErrorRow& row, double value);
-// Share of the energy beyond noise: (chi-square - observations) / observations, not below 0.
-double excess_energy(const HoldoutError& error);
 
 // Change that the effects made to each parameter, in sigma of the extended model; NaN where it is not determined.
 ParameterVector changes_in_sigma(const Diagnosis& diagnosis);
 
-// The strongest of the scores.
-const CandidateScore* strongest_candidate(const Diagnosis& diagnosis);
+// The components of an effect that were estimated.
+std::vector<const EstimatedEffect*> components_of(const JointResult& result, std::string_view effect);
 
 // What the terminal has in the place of the tables of the page.
 Facts diagnosis_facts(const Diagnosis& diagnosis, const DiagnosisContext& context, const std::string& noise);

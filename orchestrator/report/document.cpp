@@ -5,10 +5,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <map>
 
+#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/text_pieces.h"
+#include "orchestrator/figures/piped_program.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 
@@ -21,6 +25,7 @@ Cell wide(std::string_view words) { return {Cell::Kind::wide, std::string(words)
 Cell name(std::string_view words) { return {Cell::Kind::name, std::string(words)}; }
 Cell number(std::string_view words, double value) { return {Cell::Kind::number, std::string(words), value}; }
 Cell number(double value, int digits) { return number(significant(value, digits, Alphabet::typographic), value); }
+Cell number(const std::optional<double>& value, int digits) { return value ? number(*value, digits) : number("-"); }
 Cell fixed(double value, int decimals) { return number(with_decimals(value, decimals), value); }
 Cell count(std::size_t value) { return number(std::to_string(value), static_cast<double>(value)); }
 Cell with_sigma(double value, double sigma) {
@@ -38,7 +43,7 @@ bool is_drawn(const Cell& cell) { return cell.kind == Cell::Kind::bar || cell.ki
 // Characters, not bytes.
 std::size_t width_of(std::string_view text) {
   return static_cast<std::size_t>(
-      std::count_if(text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
+      std::ranges::count_if(text, [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
 }
 
 std::string padded(const std::string& text, std::size_t width, bool right) {
@@ -235,7 +240,48 @@ class JsonSection {
   std::string tables_;
 };
 
+// Characters beyond ASCII of a UTF-8 text, each once, with its code point.
+std::map<std::string, std::string> unusual_characters(std::string_view text) {
+  std::map<std::string, std::string> found;
+  while (!text.empty()) {
+    std::uint32_t code = 0;
+    const std::size_t length = printable_character(text) > 0 ? utf8_character(text, &code) : 1;
+    if (length > 1) found.emplace(text.substr(0, length), fmt::format("{:04X}", code));
+    text.remove_prefix(length);
+  }
+  return found;
+}
+
+// Those that no font installed here has: they are blank in the PDF. Without fontconfig nothing is known of it.
+std::string without_font(const std::string& html) {
+  constexpr std::size_t most_asked = 200, most_said = 5;
+  std::vector<std::string> missing;
+  std::size_t asked = 0;
+  for (const auto& [character, code] : unusual_characters(html)) {
+    if (++asked > most_asked) break;
+    const Result<PipedOutput> fonts =
+        pipe_through({.name = "fc-list", .arguments = {":charset=" + code}, .package = "fontconfig"}, "");
+    if (!fonts) return "";
+    if (fonts->output.empty()) missing.push_back(character + " (U+" + code + ")");
+  }
+  if (missing.empty()) return "";
+  const std::size_t said = std::min(missing.size(), most_said);
+  std::string words = join({missing.begin(), missing.begin() + static_cast<std::ptrdiff_t>(said)});
+  if (missing.size() > said) words += " and " + std::to_string(missing.size() - said) + " more";
+  return "no installed font has " + words +
+         ": blank in the PDF (the packages fonts-noto-cjk and fonts-noto-core have most)";
+}
+
 }  // namespace
+
+void Table::drop(std::size_t first, std::size_t count) {
+  const auto from = [&](std::vector<Cell>& cells) {
+    const auto at = cells.begin() + static_cast<std::ptrdiff_t>(first);
+    cells.erase(at, at + static_cast<std::ptrdiff_t>(count));
+  };
+  from(head);
+  for (Row& row : rows) from(row.cells);
+}
 
 std::string plain(std::string_view text) {
   static constexpr std::array<std::string_view, 10> superscripts = {"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"};
@@ -254,7 +300,7 @@ std::string plain(std::string_view text) {
       if (negative) text.remove_prefix(minus.size());
       int exponent = 0;
       const auto next = [&] {
-        return std::find_if(superscripts.begin(), superscripts.end(), [text](auto s) { return text.starts_with(s); });
+        return std::ranges::find_if(superscripts, [text](auto s) { return text.starts_with(s); });
       };
       for (auto digit = next(); digit != superscripts.end(); digit = next()) {
         exponent = 10 * exponent + static_cast<int>(digit - superscripts.begin());
@@ -352,6 +398,18 @@ std::string key_values_as(std::string_view format, std::string_view lines) {
     table.word(trimmed(line.substr(equals + 1)));
   }
   return format == "json" ? table.json_object() : table.csv();
+}
+
+Result<std::string> write_pdf(const std::string& html, const std::string& path) {
+  const Result<PipedOutput> pdf = pipe_through({.name = "weasyprint",
+                                                .arguments = {"--encoding", "utf-8", "-", "-"},
+                                                .package = "weasyprint",
+                                                .deadline_s = 120.0},
+                                               html);
+  if (!pdf) return device_error(path + ": " + pdf.error().message);
+  if (!pdf->output.starts_with("%PDF-")) return device_error(path + ": weasyprint made no PDF");
+  TRY(write_file_atomically(path, pdf->output));
+  return without_font(html);
 }
 
 }  // namespace turncal

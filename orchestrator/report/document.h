@@ -5,12 +5,14 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <variant>
 #include <vector>
 
+#include "calib/types/status.h"
 #include "orchestrator/figures/drawing.h"
 #include "orchestrator/figures/report_format.h"
 
@@ -30,6 +32,7 @@ Cell wide(std::string_view words);
 Cell name(std::string_view words);
 Cell number(std::string_view words, double value = std::numeric_limits<double>::quiet_NaN());  // words: as it is shown
 Cell number(double value, int digits = 3);                                                     // significant digits
+Cell number(const std::optional<double>& value, int digits = 3);                               // "-": there is none
 Cell fixed(double value, int decimals);
 Cell count(std::size_t value);
 Cell with_sigma(double value, double sigma);  // as many decimals as two digits of sigma have
@@ -50,6 +53,7 @@ struct Table {
   void row(std::vector<Cell> cells, Emphasis emphasis = Emphasis::none) {
     rows.push_back({std::move(cells), emphasis});
   }
+  void drop(std::size_t first, std::size_t count = 1);  // columns
 };
 
 struct Heading {
@@ -65,8 +69,9 @@ struct Paragraph {
 
 // On the terminal in two columns, the second one wrapped; on a page a table, or a list.
 struct Facts {
-  std::vector<std::pair<std::string, std::string>> rows;
+  std::vector<std::pair<std::string, std::string>> rows = {};
   bool list = false;
+  void add(std::string label, std::string_view words) { rows.emplace_back(std::move(label), words); }
 };
 
 enum class Scope { all, page, terminal };  // page: and JSON
@@ -110,8 +115,17 @@ struct HtmlPage {
 HtmlPage as_page(const Document& document, const GnuplotOptions& gnuplot = {});
 std::string html(const Content& content);  // of all but drawings
 
+// A page as PDF, by weasyprint within two minutes (piped_program.h). What there is to warn of, for people, in one line; empty: nothing.
+// An error leaves no file.
+Result<std::string> write_pdf(const std::string& html, const std::string& path);
+
 // {"title", "text": [...], "facts": {...}, "tables": [[{...}]], "sections": [{"id", "title", ...}]}: keys of rows are the heads of columns.
 std::string as_json(const Document& document);
+
+// For people, or "json".
+inline std::string as(const std::string& format, const Document& document) {
+  return format.empty() ? as_text(document) : as_json(document);
+}
 
 // A file of keys and values (KeyValues) as one JSON object, or as CSV with a line a key.
 std::string key_values_as(std::string_view format, std::string_view lines);

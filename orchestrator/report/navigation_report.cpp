@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-
 #include "calib/model/parameters.h"
 #include "calib/navigation/mechanisation.h"
 #include "imu_io/base/data_text.h"
@@ -198,25 +196,24 @@ Document navigation_document(const NavigationReport& report) {
     }
     document.add(std::move(table));
     Facts facts;
-    const auto add = [&facts](const char* label, const std::string& words) { facts.rows.emplace_back(label, words); };
     if (file.branches.size() + report.lost.size() < static_cast<std::size_t>(report.branches_asked) &&
         report.branches_asked != default_branches)
-      add("starts", fmt::format("{} of the {} asked for: the recording has no more of that length",
-                                file.branches.size(), report.branches_asked));
-    add("drift", fmt::format("{}; velocity rms {:.3f} m/s", drift_words(file.drift), file.velocity_rms_mps));
+      facts.add("starts", fmt::format("{} of the {} asked for: the recording has no more of that length",
+                                      file.branches.size(), report.branches_asked));
+    facts.add("drift", fmt::format("{}; velocity rms {:.3f} m/s", drift_words(file.drift), file.velocity_rms_mps));
     if (file.expected) {
-      add("expected", drift_words(*file.expected) + " at the end of the first branch, from noise" +
-                          (file.covariance_source == "none"      ? " alone"
-                           : file.covariance_source == "effects" ? " alone (the file has effects)"
-                                                                 : " and parameters"));
-      if (file.noise_assumed) add("noise", assumed_noise_words);
+      facts.add("expected", drift_words(*file.expected) + " at the end of the first branch, from noise" +
+                                (file.covariance_source == "none"      ? " alone"
+                                 : file.covariance_source == "effects" ? " alone (the file has effects)"
+                                                                       : " and parameters"));
+      if (file.noise_assumed) facts.add("noise", assumed_noise_words);
     }
     if (file.felt.weighs_against(report.info.gravity_mps2))
-      add("GRAVITY",
-          gravity_words(file.felt, report.info.gravity_mps2) + ": one of the two, or the calibration, is wrong");
+      facts.add("GRAVITY",
+                gravity_words(file.felt, report.info.gravity_mps2) + ": one of the two, or the calibration, is wrong");
     if (file.felt.speaks_against(report.info.latitude_deg * rad_per_deg))
-      add("LATITUDE",
-          latitude_words(file.felt, report.info.latitude_deg) + ": one of the two, or the calibration, is wrong");
+      facts.add("LATITUDE",
+                latitude_words(file.felt, report.info.latitude_deg) + ": one of the two, or the calibration, is wrong");
     document.add(std::move(facts));
     if (!file.trusted) document.text(not_trusted_words);
   }

@@ -1,44 +1,393 @@
 #include "orchestrator/report/report.h"
 
-#include <algorithm>
+#include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "imu_io/base/text_pieces.h"
 #include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/figures/residual_figures.h"
 #include "orchestrator/figures/score_chart.h"
-#include "orchestrator/report/diagnosis_tables.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {
+
+extern const std::string_view how_to_read;  // how_to_read.txt
+
 namespace {
+
+using namespace cell;
+using Emphasis = Table::Emphasis;
+constexpr Alphabet typo = Alphabet::typographic;
+
+std::string component_text(const EffectColumn& column) {
+  std::string result(column.entry->components[static_cast<std::size_t>(column.component)]);
+  if (column.tau_s > 0.0)
+    result += fmt::format(fmt::runtime(column.entry->variant == "tau_s" ? ", τ {} s" : ", w0 {} deg/h"),
+                          significant(column.tau_s, 3));
+  return result;
+}
+std::string key_text(const EffectColumn& column) {
+  return column.entry == nullptr ? "-" : std::string(column.entry->name) + "." + component_text(column);
+}
+Cell unit_of(const EffectColumn& column) { return text(unit_text(column.entry->unit)); }
+
+std::string parameter_meaning(std::size_t k) {
+  const std::string axis = body_names[k % 3];
+  if (k < 3) return "gyro " + axis + " bias";
+  if (k < 6) return "accelerometer " + axis + " bias";
+  const std::size_t i = (k - (k < 15 ? 6 : 15)) / 3;
+  const std::string sensor = std::string(k < 15 ? "gyro " : "accelerometer ") + body_names[i];
+  return i == k % 3 ? sensor + " scale factor" : sensor + " towards " + axis;
+}
+
+struct ParameterUnit {
+  double factor = 1.0;
+  std::string unit;
+};
+ParameterUnit page_unit(std::size_t k, const RecordingInfo& info) {
+  if (k < 3) return {1.0, "°/h"};
+  if (k < 6) return {1e6, "µg"};
+  if (k < 15 && info.gyro_increment == IncrementKind::pulses) return {1.0, "″/pulse"};
+  return {1.0, ""};
+}
+// Sigma of scale factors in ppm and of installation errors in arc-seconds.
+std::string handy_sigma(std::size_t k, double sigma, const ParameterVector& values) {
+  if (k < 6) return "";
+  const std::size_t i = (k - (k < 15 ? 6 : 15)) / 3;
+  const double scale = values[static_cast<Eigen::Index>((k < 15 ? 6 : 15) + 4 * i)];
+  return i == k % 3 ? significant(1e6 * sigma / scale, 2, typo) + " ppm"
+                    : significant(sigma / scale / rad_per_arcsec, 2, typo) + " ″";
+}
+
+std::string combination_text(const Undetermined& u) {
+  std::string result;
+  for (const auto& [key, weight] : u.combination) {
+    if (!result.empty())
+      result += weight < 0.0 ? " − " : " + ";
+    else if (weight < 0.0)
+      result += "−";
+    result += significant(std::abs(weight), 2) + " " + key;
+  }
+  return result;
+}
+
+void add_identity(const DiagnosisContext& context, Document& document) {
+  const CompressedRecording& r = context.recording;
+  double still_s = 0.0, low = 1e300, high = -1e300;
+  for (const Block& block : r.blocks) {
+    if (block.whole_second) still_s += block.duration_s;
+    if (!std::isnan(block.temperature_c)) {
+      low = std::min(low, static_cast<double>(block.temperature_c));
+      high = std::max(high, static_cast<double>(block.temperature_c));
+    }
+  }
+  std::string line = "Recording " + context.recording_path;
+  if (!context.recording_hash.empty()) line += " (content " + context.recording_hash + ")";
+  line += fmt::format(": {} samples, {} h, of which {} at rest; latitude {}°, gravity {} m/s²", r.samples,
+                      clock_time(static_cast<double>(r.samples) * r.info.sample_period_s), clock_time(still_s),
+                      significant(r.info.latitude_deg, 6), significant(r.info.gravity_mps2, 7));
+  if (low <= high) line += fmt::format("; {} to {} °C", significant(low, 3), significant(high, 3));
+  document.soft(line + ".");
+  document.soft("Held-out data: " +
+                (!context.holdout_path.empty() ? context.holdout_path
+                 : context.hand_turned         ? "rests and rotations of the same recording, left out in turn"
+                                               : "dwells of the same recording, left out in turn") +
+                ".");
+  if (r.info.simulated)
+    document.add(Paragraph{"Simulated data: these are not the parameters of a real unit.", "loud"}, Scope::page);
+  for (const std::string& note : context.notes) document.add(Paragraph{note, "note"});
+}
+
+void add_errors(const Diagnosis& diagnosis, const std::vector<ErrorRow>& rows, Document& document) {
+  const bool both = has_after(diagnosis);
+  Table table{{text("error"), text("unit"), number(both ? "before" : "value"), number("after"), number("change")}};
+  table.style = "errors";
+  for (const ErrorRow& row : rows)
+    table.row({text(row.what), text(row.normalised && row.unit.empty() ? "noise explains 1" : unit_text(row.unit)),
+               number(error_text(row, row.before), row.before), number(error_text(row, row.after), row.after),
+               number(percent_change(row.before, row.after))});
+  if (!both) table.drop(3, 2);
+  document.add(std::move(table));
+  document.soft(
+      "Held-out source: " + (diagnosis.holdout_source.empty() ? "none" : diagnosis.holdout_source) +
+      (both ? ". Before: the 24 parameters alone; after: with the effects added; the noise is the same in both."
+            : ". The model is that of the 24 parameters."));
+  if (diagnosis.verdict == Verdict::unexplained && diagnosis.extended.noise_fit)
+    document.soft(
+        "The noise was measured on the same data and may have taken up a part of the residual: a normalised residual "
+        "near 1 does not clear it.");
+}
+
+void add_effects(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document) {
+  Table table{{name("effect added"), number("value"), number("σ"), text("unit"), number("z"), number("nm/h")}};
+  table.most = 6;
+  Table terms{{name("effect"), text("added to the reading"), wide("term")}};
+  for (const std::string& wanted : diagnosis.effect_names) {
+    Cell worth = number("");  // of the whole effect, in its first row
+    if (context.worth)
+      for (const auto& [effect, rate] : context.worth->effects)
+        if (effect == wanted) worth = number(rate, 2);
+    for (const EstimatedEffect* part : components_of(diagnosis.extended, wanted)) {
+      const EstimatedEffect& e = *part;
+      if (terms.rows.empty() || terms.rows.back().cells.front().words != wanted)
+        terms.row({name(wanted), text(e.column.entry->formula), wide(e.column.entry->term)});
+      table.row({name(key_text(e.column)), with_sigma(e.value, e.sigma), with_sigma(e.sigma, e.sigma),
+                 unit_of(e.column), number(e.sigma > 0.0 ? std::abs(e.value) / e.sigma : 0.0),
+                 std::exchange(worth, number(""))});
+    }
+  }
+  if (!context.worth) table.drop(5);
+  document.add(std::move(table));
+  document.add(std::move(terms), Scope::page);
+  if (context.worth)
+    document.soft(fmt::format(
+        "nm/h: what leaving out the whole effect moves the track of free inertial navigation by, the other parameters "
+        "estimated without it. Noise is the same in both tracks; alone it lets expect {} nm/h after {} s.",
+        significant(context.worth->noise, 2), significant(context.worth->free_s, 4)));
+}
+
+Table score_table(const Diagnosis& diagnosis, double threshold_z) {
+  Table table{{name("effect"), name("strongest"), number("value alone"), number("σ"), text("unit"), number("|z|"),
+               number("detectable")}};
+  for (const ScoreBar& row : score_bars(diagnosis, threshold_z)) {
+    const EffectEntry* entry = find_effect(row.name);
+    if (row.role == ScoreBar::Role::invisible || entry == nullptr) continue;
+    const CandidateScore* best = nullptr;
+    for (const CandidateScore& c : diagnosis.candidates)
+      if (c.column.entry == entry && c.visible && (best == nullptr || std::abs(c.z) > std::abs(best->z))) best = &c;
+    if (best == nullptr) continue;
+    std::vector<Cell> cells = {name(row.name),
+                               name(component_text(best->column)),
+                               with_sigma(best->value, best->sigma),
+                               with_sigma(best->sigma, best->sigma),
+                               unit_of(best->column),
+                               number(std::abs(best->z)),
+                               number(best->detectable, 2)};
+    table.row(std::move(cells), row.role == ScoreBar::Role::below ? Emphasis::none : Emphasis::hit);
+  }
+  return table;
+}
+
+Table component_table(const Diagnosis& diagnosis, double threshold_z) {
+  Table table{
+      {name("component"), number("value alone"), number("σ"), text("unit"), number("z"), number("detectable (5 σ)")}};
+  for (const CandidateScore& c : diagnosis.candidates) {
+    if (c.column.entry == nullptr) continue;
+    if (!c.visible) {
+      table.row(
+          {name(key_text(c.column)), number("not visible"), number("-"), unit_of(c.column), number("-"), number("-")},
+          Emphasis::dim);
+      continue;
+    }
+    table.row({name(key_text(c.column)), with_sigma(c.value, c.sigma), with_sigma(c.sigma, c.sigma), unit_of(c.column),
+               number(signed_number(c.z, 1), c.z), number(c.detectable, 2)},
+              std::abs(c.z) > threshold_z ? Emphasis::hit : Emphasis::none);
+  }
+  return table;
+}
+
+void add_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document) {
+  const bool both = has_after(diagnosis);
+  const ParameterVector before = to_vector(diagnosis.base.parameters);
+  const ParameterVector after = to_vector(diagnosis.extended.parameters);
+  const ParameterVector change = changes_in_sigma(diagnosis);
+  double largest = 1.0;
+  for (const double c : change)
+    if (std::isfinite(c)) largest = std::max(largest, std::abs(c));
+  Table table{{name("parameter"), text("meaning"), number("before"), number(both ? "after" : "value"), number("σ"),
+               text("unit"), number("σ, rel."), number("change, σ"), half(0.0)}};
+  for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
+    const auto row = static_cast<Eigen::Index>(k);
+    const ParameterUnit unit = page_unit(k, context.recording.info);
+    const double sigma = diagnosis.extended.sigma[row];
+    const Cell key = name(parameter_keys[k]), meaning = text(parameter_meaning(k));
+    if (!parameter_is_free[k] || !(sigma > 0.0)) {
+      const Cell what = parameter_is_free[k] ? number("not determined") : number("0", 0.0), none = number("-");
+      table.row({key, meaning, what, what, none, text(""), none, none, half(0.0)}, Emphasis::dim);
+      continue;
+    }
+    table.row({key, meaning, with_sigma(before[row] * unit.factor, sigma * unit.factor),
+               with_sigma(after[row] * unit.factor, sigma * unit.factor), number(sigma * unit.factor, 2),
+               text(unit.unit), number(handy_sigma(k, sigma, after)),
+               number(signed_number(change[row], 1), change[row]), half(change[row] / largest)},
+              both && std::abs(change[row]) > 3.0 ? Emphasis::hit : Emphasis::none);
+  }
+  if (!both) {
+    table.drop(7, 2);
+    table.drop(2);
+  }
+  document.add(std::move(table));
+  document.soft(
+      "a21, a31 and a32 are zero by definition: the accelerometers define the axes of the unit. The biases of the "
+      "accelerometers are shown in µg; parameters.conf has them in g.");
+  document.soft(both ? "σ is one standard deviation with the effects in the model. Bold: the missing effect had moved "
+                       "the parameter by more than three of them."
+                     : "σ is one standard deviation. No effect was added, so nothing changed.");
+  if (diagnosis.extended.undetermined.empty()) return;
+  document.text("Not determined by this recording (combinations, in units of plausible ranges):");
+  Facts combinations{.rows = {}, .list = true};
+  for (const Undetermined& u : diagnosis.extended.undetermined) combinations.rows.emplace_back("", combination_text(u));
+  document.add(std::move(combinations));
+}
+
+void add_noise(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document) {
+  const JointResult& r = diagnosis.extended;
+  const NoiseModel& noise = r.noise;
+  constexpr double micro_g = 1e-6 * standard_gravity_mps2;
+  Table table{{text("sensor"), number("random walk used"), text("its unit"), number("Allan: N"), number("Q"),
+               number("B"), number("K")}};
+  const auto found = [](double value, const std::string& unit) {
+    return value > 0.0 ? number(significant(value, 2, typo) + " " + unit, value) : number("-");
+  };
+  for (std::size_t k = 0; k < 6; ++k) {
+    const bool gyro = k < 3;
+    const auto axis = static_cast<Eigen::Index>(k % 3);
+    const double walk = gyro ? radprs_per_degprh : mpsprs_per_ugprHz;
+    const double used = (gyro ? noise.angle_random_walk : noise.velocity_random_walk)[axis] / walk;
+    const double sigma =
+        r.noise_fit
+            ? (gyro ? r.noise_fit->sigma_angle_random_walk : r.noise_fit->sigma_velocity_random_walk)[axis] / walk
+            : 0.0;
+    const AllanFit& f = r.allan.axes[k].fit;
+    const double bias = gyro ? radps_per_degph : micro_g;
+    const std::string walk_unit = gyro ? "°/√h" : "µg/√Hz";
+    table.row({text(std::string(gyro ? "gyro " : "accelerometer ") + body_names[k % 3]), with_sigma(used, sigma),
+               text((sigma > 0.0 ? "± " + value_with_sigma(sigma, sigma, typo) + " " : "") + walk_unit),
+               found(f.random_walk / walk, walk_unit),
+               found(f.quantisation / (gyro ? rad_per_arcsec : 1e-3), gyro ? "″" : "mm/s"),
+               found(f.bias_instability / bias, gyro ? "°/h" : "µg"),
+               found(f.rate_random_walk * 60.0 / bias, gyro ? "°/h/√h" : "µg/√h")});
+  }
+  document.add(std::move(table));
+  document.soft(
+      "Allan fit: N random walk, Q quantisation, B bias instability, K rate random walk; - where the dwells show "
+      "none.");
+  std::string line =
+      context.noise_given
+          ? "The noise was given in the configuration, not measured. "
+          : "The noise was measured on this recording (maximum likelihood, started from the Allan deviation). ";
+  if (r.noise_fit && r.noise_fit->axes_differ) line += "The axes of a triad differ and have values of their own. ";
+  document.text(line + fmt::format("Bias instability used: gyros {} °/h, accelerometers {} µg, correlation time {} s; "
+                                   "one-pulse quantisation {} ″ and {} mm/s.",
+                                   significant(noise.gyro_bias_instability_radps / radps_per_degph, 2, typo),
+                                   significant(noise.accel_bias_instability_mps2 / micro_g, 2, typo),
+                                   significant(noise.bias_correlation_s, 3),
+                                   significant(noise.gyro_pulse_rad / rad_per_arcsec, 3, typo),
+                                   significant(1e3 * noise.accel_pulse_mps, 3, typo)));
+  std::vector<std::string> lags;
+  for (const double a : r.whiteness.autocorrelation) lags.push_back(signed_number(a, 2));
+  document.text(fmt::format("Whiteness: {} (mean square {}, 1 expected; autocorrelation at 1 to {} s: {}).",
+                            r.whiteness.message.empty() ? "not tested" : r.whiteness.message, ratio(r.whiteness.level),
+                            lags.size(), lags.empty() ? "-" : join(lags)));
+}
+
+void add_faults(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document) {
+  constexpr std::size_t most = 40;
+  const std::vector<Fault>& faults = diagnosis.base.faults;
+  if (faults.empty())
+    return document.text("None found: no lost sample, no glitch, no second that noise cannot explain.");
+  Table table{{number("samples"), number("time, s"), wide("what"), wide("what was done")}};
+  const std::int64_t start = context.recording.blocks.empty() ? 0 : context.recording.blocks.front().start_sample;
+  for (std::size_t k = 0; k < std::min(most, faults.size()); ++k) {
+    const Fault& f = faults[k];
+    table.row({number(std::to_string(f.first_sample) +
+                      (f.last_sample > f.first_sample ? " to " + std::to_string(f.last_sample) : "")),
+               number(static_cast<double>(f.first_sample - start) * context.recording.info.sample_period_s, 5),
+               wide(f.what), wide(f.action)});
+  }
+  table.most = 3;
+  document.add(std::move(table), Scope::all);
+  if (faults.size() > most) document.text(fmt::format("And {} more.", faults.size() - most));
+}
 
 // Figures of the residual against what an effect depends on; unexplained: against everything.
 constexpr std::size_t most_effect_figures = 4;
 
-Facts how_to_read() {
-  return {
-      {{"Residual velocity.",
-        "The unit stands on the table. Navigating its calibrated data must give velocity zero; what it gives instead "
-        "is the error that "
-        "matters in use."},
-       {"Normalised residual.",
-        "The same, second by second, divided by what the sensors' noise explains. 1 is perfect; noise alone gives 1."},
-       {"Score.",
-        "Each effect of the catalogue is offered to the data beside the 24 parameters. z is the value it would get, in "
-        "standard "
-        "deviations. The threshold holds for all of them together: chance alone crosses it in one of 200 recordings."},
-       {"Probability.",
-        "All that may be missing is weighed together, effects of the catalogue and terms without a name. A line's "
-        "probability is that of every model that holds it; from 0.95 on it is said."},
-       {"Held-out data.",
-        "Data that was not used in the fit. An effect that a second recording speaks against is not added."},
-       {"Detectable.", "Five standard deviations: what this recording would have found."}},
-      true};
+// Each line is a label, up to its full stop, and words.
+Facts list_of(std::string_view lines) {
+  Facts facts{.list = true};
+  while (!lines.empty()) {
+    const std::string_view line = next_line(lines);
+    const std::size_t label = line.find('.') + 1;
+    facts.add(std::string(line.substr(0, label)), line.substr(label + 1));
+  }
+  return facts;
 }
 
 }  // namespace
 
+void add_limits(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document) {
+  document.scope = Scope::page;
+  Facts aliases{.rows = {}, .list = true};
+  for (const auto& [wanted, others] : diagnosis.aliases) {
+    if (others.empty()) continue;
+    const auto by = diagnosis.separate_by.find(wanted);
+    aliases.rows.emplace_back(wanted, "could as well be " + join(others) + "." +
+                                          (by != diagnosis.separate_by.end() && !by->second.empty()
+                                               ? " Positions or rates that would separate them: " + by->second + "."
+                                               : ""));
+  }
+  if (!aliases.rows.empty()) {
+    document.subsection("Effects it cannot tell apart");
+    document.add(std::move(aliases), Scope::all);
+    if (!context.hand_turned)
+      document.soft(
+          "The sequence sequences/extended.seq has such positions and rates; turncal predict shows by how much they "
+          "help.");
+  }
+  if (!diagnosis.gated_out.empty()) {
+    document.subsection("Found but not confirmed");
+    const char* why =
+        context.hand_turned ? "." : ": fitted the recording better but not the held-out data, so not added.";
+    document.add(Facts{{{"", join(diagnosis.gated_out, "; ") + why}}, true}, Scope::all);
+  }
+  document.subsection("Effects it cannot see");
+  Table unseen{{name("effect"), wide("what would show it")}};
+  for (const std::string& wanted : diagnosis.undetectable) {
+    const EffectEntry* entry = find_effect(wanted);
+    unseen.row({name(wanted), wide(entry != nullptr ? entry->seen_by : "")});
+  }
+  if (unseen.rows.empty())
+    document.text(
+        "Every effect of the catalogue would be seen if it were large enough; the smallest size of each is listed "
+        "under “detectable”.");
+  else
+    document.add(std::move(unseen));
+  std::vector<std::string> blind;
+  for (const CandidateScore& c : diagnosis.candidates) {
+    if (c.visible || c.column.entry == nullptr) continue;
+    if (std::ranges::find(diagnosis.undetectable, c.column.entry->name) == diagnosis.undetectable.end())
+      blind.push_back(key_text(c.column));
+  }
+  if (!blind.empty()) document.text("Single components it cannot see: " + join(blind) + ".");
+  document.subsection(context.hand_turned ? "Never observable without a table" : "Never observable on such a table");
+  Facts never{.rows = {}, .list = true};
+  for (const std::string_view quantity : unobservable_quantities()) never.rows.emplace_back("", quantity);
+  if (context.hand_turned) {
+    never.rows.resize(1);
+    never.rows.emplace_back("",
+                            "headings, and with them everything that depends on the heading alone: the horizontal "
+                            "earth rate, the earth's field");
+  }
+  document.add(std::move(never));
+}
+
+void add_statements(const Statements& statements, Document& document) {
+  document.text("The probability that something is missing is " + words_of_probability(statements.anything) + ".");
+  Table table{{text("sensor"), text("quantity"), text("goes with"), name("formula"), number("probability"), half(0.0)}};
+  const auto some = [](const std::string& what) { return text(what.empty() ? "any" : what); };
+  for (const Statement& s : statements.nodes)
+    table.row({text(s.sensor), some(s.quantity), some(s.driver), name(s.formula.empty() ? "any, or none" : s.formula),
+               number(fmt::format("{:.3f}", s.probability), s.probability), half(s.probability)},
+              s.probability >= said_from ? Emphasis::hit : Emphasis::none);
+  if (!table.rows.empty()) document.add(std::move(table));
+}
+
 void say_verification(const std::string& words, Document& document) {
-  const auto verdict = std::find_if(document.blocks.begin(), document.blocks.end(), [](const Document::Block& block) {
+  const auto verdict = std::ranges::find_if(document.blocks, [](const Document::Block& block) {
     const auto* paragraph = std::get_if<Paragraph>(&block.content);
     return paragraph != nullptr && paragraph->style.starts_with("verdict");
   });
@@ -67,7 +416,7 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
   add_noise(diagnosis, context, parts.noise);
   add_limits(diagnosis, context, parts.limits);
   add_statements(diagnosis.statements, parts.selection);
-  parts.reading = how_to_read();
+  parts.reading = how_to_read;
   parts.further = {allan_figure(diagnosis.base.allan)};
   return diagnosis_document(diagnosis, context, std::move(parts));
 }
@@ -146,7 +495,7 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
   document.section("selection", "How the effects were chosen");
   add(parts.selection);
   document.section("reading", "How to read this");
-  document.add(std::move(parts.reading));
+  document.add(list_of(parts.reading));
   if (scored) {
     document.section("components", "Appendix: every component");
     document.add(component_table(diagnosis, threshold_z));

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/evidence/diagnosis.h"
@@ -31,9 +32,13 @@ struct DiagnosisParts {
   std::string score_caption;
   std::string noise_line;             // of the terminal
   Document noise, limits, selection;  // blocks of these sections
-  Facts reading;
-  std::vector<Figure> further;  // after the noise
+  std::string_view reading;           // how to read it: a label and words each line
+  std::vector<Figure> further;        // after the noise
 };
 Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context, DiagnosisParts parts);
+
+// Of the sections `limits` (aliases, undetectable, undetermined, never visible) and `selection`.
+void add_limits(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document);
+void add_statements(const Statements& statements, Document& document);
 
 }  // namespace turncal

@@ -1,20 +1,18 @@
-#include "orchestrator/report/rest_as_diagnosis.h"
+#include "orchestrator/report/diagnosis_file.h"
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "calib/joint/score_algebra.h"
-#include "calib/statistics/distributions.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/figures/report_format.h"
-#include "orchestrator/report/diagnosis_file.h"
-#include "orchestrator/report/diagnosis_tables.h"
 
 namespace turncal {
+
+extern const std::string_view how_to_read_rests;  // how_to_read_rests.txt
+
 namespace {
 
 using Eigen::Vector3d;
@@ -92,42 +90,39 @@ BothRows both_rows(const RestDiagnosis& r, const RestData& data) {
 
 double middle_s(const Rest& rest) { return rest.start_s + 0.5 * rest.whole.duration_s; }
 
-}  // namespace
-
-std::string error_text(const RestErrors& e) {
-  return fmt::format("gravity norm at rest {} mm/s² rms, direction after a rotation {} mrad, gyros at rest {} °/s",
-                     significant(1e3 * e.norm_rms_mps2, 3), significant(1e3 * e.direction_rms_rad, 3),
-                     significant(e.gyro_rms_radps / rad_per_deg, 3));
-}
-
-RestWords rest_words(const RestDiagnosis& r, const RestData& data) {
+// The left-out ones are those of the second recording where there is one.
+std::vector<ErrorRow> error_rows(const RestDiagnosis& r) {
   const Diagnosis& d = r.diagnosis;
-  RestWords words;
-  words.sentence = sentence_of(r, data);
+  std::vector<ErrorRow> rows;
   const auto add = [&](const std::string& where, const RestErrors& was, const RestErrors& is, double before,
                        double after) {
-    words.errors.push_back({where + "gravity direction after a rotation rms", 1e3 * was.direction_rms_rad,
-                            1e3 * is.direction_rms_rad, "mrad", false});
-    words.errors.push_back({where + "gyros at rest rms", was.gyro_rms_radps / rad_per_deg,
-                            is.gyro_rms_radps / rad_per_deg, "deg/s", false});
-    words.errors.push_back(
+    rows.push_back({where + "gravity direction after a rotation rms", 1e3 * was.direction_rms_rad,
+                    1e3 * is.direction_rms_rad, "mrad", false});
+    rows.push_back({where + "gyros at rest rms", was.gyro_rms_radps / rad_per_deg, is.gyro_rms_radps / rad_per_deg,
+                    "deg/s", false});
+    rows.push_back(
         {where + "gravity norm at rest rms", 1e3 * was.norm_rms_mps2, 1e3 * is.norm_rms_mps2, "mm/s^2", false});
-    words.errors.push_back({where + "normalised residual rms", before, after, "model expects 1", true});
+    rows.push_back({where + "normalised residual rms", before, after, "model expects 1", true});
   };
   add("fitted: ", r.base.errors, r.final.errors, d.error_before, d.error_after);
   add(r.second_recording ? "second recording: " : "left out in turn: ", r.held_out_before, r.held_out_after,
       d.holdout_before.normalised_rms, d.holdout_after.normalised_rms);
-  const NoiseModel& n = d.extended.noise;
+  return rows;
+}
+
+std::string noise_line(const RestDiagnosis& r) {
+  const NoiseModel& n = r.diagnosis.extended.noise;
   const auto times = [&](RestKind kind) { return significant(r.final.white_ratio[static_cast<std::size_t>(kind)], 2); };
-  words.noise = fmt::format(
+  return fmt::format(
       "white, measured in the rests: gyros {} °/√h, accelerometers {} µg/√Hz; residual over it: direction {}, gyros "
       "{}, norm {}",
       significant(n.angle_random_walk.mean() / radprs_per_degprh, 3),
       significant(n.velocity_random_walk.mean() / mpsprs_per_ugprHz, 3), times(RestKind::direction),
       times(RestKind::gyro), times(RestKind::norm));
-  return words;
 }
 
+// One a rest: its residuals before and after as errors of the sensors, and what they may depend on. accel: the error of the
+// norm laid on each axis that carries more than half of gravity; tilt: of the direction after the rotation before; NaN: none.
 std::vector<DwellResidual> rest_residuals(const RestDiagnosis& r, const RestData& data) {
   const CompressedRecording& recording = *data.recording;
   const SensorModel model = sensor_model(r.diagnosis.extended.parameters, recording.info);
@@ -211,6 +206,40 @@ Figure rest_time_figure(const RestDiagnosis& r, const RestData& data) {
   return figure;
 }
 
+Document document_of(const RestDiagnosis& r, const RestData& data, const DiagnosisContext& context,
+                     const std::vector<ErrorRow>& errors) {
+  const Diagnosis& d = r.diagnosis;
+  DiagnosisParts parts;
+  parts.sentence = sentence_of(r, data);
+  parts.errors = errors;
+  parts.time_title = "Residuals against time";
+  parts.time = rest_time_figure(r, data);
+  parts.residuals = rest_residuals(r, data);
+  parts.one_point =
+      "One point a rest: what the gyro reads too much there, or the tilt that the rotation before it left.";
+  parts.one_point_accel =
+      "One point a rest in which the axis carries more than half of gravity: the error of the norm, laid on it.";
+  parts.nothing_shown = "No rest shows it by itself.";
+  parts.residual_intro = "What it depends on, rest by rest, is for the reader to judge:";
+  if (!r.not_tested.empty()) parts.not_scored = "No effect was looked for: " + r.not_tested + ".";
+  parts.score_caption = "Scores beside the 21 parameters alone.";
+  parts.noise_line = noise_line(r);
+  parts.noise.scope = parts.selection.scope = Scope::page;
+  parts.noise.text(parts.noise_line + ".");
+  add_limits(d, context, parts.limits);
+  add_statements(d.statements, parts.selection);
+  parts.reading = how_to_read_rests;
+  return diagnosis_document(d, context, std::move(parts));
+}
+
+}  // namespace
+
+std::string error_text(const RestErrors& e) {
+  return fmt::format("gravity norm at rest {} mm/s² rms, direction after a rotation {} mrad, gyros at rest {} °/s",
+                     significant(1e3 * e.norm_rms_mps2, 3), significant(1e3 * e.direction_rms_rad, 3),
+                     significant(e.gyro_rms_radps / rad_per_deg, 3));
+}
+
 void describe_rest_fit(const RestFit& fit, const JointResult& joint, const RestData& data, ParameterFile& file) {
   describe_model(joint, *data.recording, file);
   describe_random_walk(joint.noise, file);
@@ -224,55 +253,6 @@ void describe_rest_fit(const RestFit& fit, const JointResult& joint, const RestD
   file.add_further("quality.rests", static_cast<double>(data.rests.size()));
 }
 
-namespace {
-
-Facts how_to_read_rests() {
-  return {{{"Direction.",
-            "The gyros carry gravity from one rest to the next; where it arrives is compared with what the "
-            "accelerometers see "
-            "there."},
-           {"Norm.", "Whatever the pose, the accelerometers must show the gravity of the site."},
-           {"Gyros at rest.", "They must show the earth's rate and nothing else; what the unit creeps is taken off."},
-           {"Left out in turn.", "Each rest and each rotation is predicted from all others."},
-           {"Normalised.",
-            "Divided by what the final model expects of that kind of observation: white noise, and a floor that was "
-            "measured."},
-           {"Score.",
-            "Each effect of the catalogue beside the 21 parameters alone; z is the value it would get, in standard "
-            "deviations. A missing "
-            "effect widens the standard deviations of its kind, so scores are smaller than they will be; the table of "
-            "probabilities weighs them together."}},
-          true};
-}
-
-Document document_of(const RestDiagnosis& r, const RestData& data, const DiagnosisContext& context,
-                     const RestWords& words) {
-  const Diagnosis& d = r.diagnosis;
-  DiagnosisParts parts;
-  parts.sentence = words.sentence;
-  parts.errors = words.errors;
-  parts.time_title = "Residuals against time";
-  parts.time = rest_time_figure(r, data);
-  parts.residuals = rest_residuals(r, data);
-  parts.one_point =
-      "One point a rest: what the gyro reads too much there, or the tilt that the rotation before it left.";
-  parts.one_point_accel =
-      "One point a rest in which the axis carries more than half of gravity: the error of the norm, laid on it.";
-  parts.nothing_shown = "No rest shows it by itself.";
-  parts.residual_intro = "What it depends on, rest by rest, is for the reader to judge:";
-  if (!r.not_tested.empty()) parts.not_scored = "No effect was looked for: " + r.not_tested + ".";
-  parts.score_caption = "Scores beside the 21 parameters alone.";
-  parts.noise_line = words.noise;
-  parts.noise.scope = parts.selection.scope = Scope::page;
-  parts.noise.text(words.noise + ".");
-  add_limits(d, context, parts.limits);
-  add_statements(d.statements, parts.selection);
-  parts.reading = how_to_read_rests();
-  return diagnosis_document(d, context, std::move(parts));
-}
-
-}  // namespace
-
 DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& r, const RestData& data, const DiagnosisContext& context) {
   const Diagnosis& d = r.diagnosis;
   DiagnosisFiles files{{}, format_diagnosis(d), std::nullopt};
@@ -281,12 +261,12 @@ DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& r, const RestData& data
     files.report.add(Facts{{{"verdict", verdict_sentence(d)}}});
     return files;
   }
-  const RestWords words = rest_words(r, data);
-  for (const ErrorRow& row : words.errors)
+  const std::vector<ErrorRow> errors = error_rows(r);
+  for (const ErrorRow& row : errors)
     if (!row.normalised)
       files.conf += "# " + row.what + ": " + format_number(row.before) + " before, " + format_number(row.after) +
                     " after, " + row.unit + "\n";
-  files.report = document_of(r, data, context, words);
+  files.report = document_of(r, data, context, errors);
   if (d.verdict == Verdict::not_tested) return files;
   files.parameters.emplace();
   describe_recording(context.recording.info, *files.parameters);

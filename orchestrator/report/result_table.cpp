@@ -16,30 +16,9 @@
 
 namespace turncal {
 
-Table result_table(const ParameterFile& file, const std::optional<ParameterVector>& truth) {
-  using namespace cell;
-  Table table{{name("name"), text("unit"), number("estimate"), number("sigma")}};
-  if (truth) {
-    table.head.insert(table.head.begin() + 3, {number("truth"), number("error")});
-    table.head.push_back(number("error/sigma"));
-  }
-  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
-    const double estimate = file.parameters[static_cast<Eigen::Index>(i)];
-    const double sigma = file.sigma[i].value_or(0.0);
-    std::vector<Cell> row = {name(parameter_keys[i]), text(parameter_unit(parameter_keys[i], file.gyro_increment)),
-                             fixed(estimate, 10),
-                             sigma > 0.0 ? number(fmt::format("{:.2e}", sigma), sigma) : number("-")};
-    if (truth) {
-      const double true_value = (*truth)[static_cast<Eigen::Index>(i)], error = estimate - true_value;
-      row.insert(row.begin() + 3, {fixed(true_value, 10), number(fmt::format("{:.3e}", error), error)});
-      row.push_back(sigma > 0.0 ? number(fmt::format("{:+.2f}", error / sigma), error / sigma) : number("-"));
-    }
-    table.row(std::move(row));
-  }
-  return table;
-}
-
 namespace {
+
+using namespace cell;
 
 struct DriftRow {
   const char* name;
@@ -66,69 +45,95 @@ constexpr DriftRow drift_rows[] = {
     {"R95, nm/h", [](const ExpectedDrift& d) { return over_runs(d).r95_nm_per_h; }},
 };
 
+constexpr double clearly = 4.0;  // sigmas from which a coefficient is shown on the terminal
+
+std::vector<std::pair<std::string, double>> noise_values(const SinglePose& pose) {
+  std::vector<std::pair<std::string, double>> values;
+  for (std::size_t channel = 0; channel < 6; ++channel) {
+    const AllanFit& fit = pose.noise.axes[channel].fit;
+    const std::string axis(1, "xyz"[channel % 3]);
+    if (channel < 3) {
+      values.emplace_back("angle_random_walk." + axis + "_deg_per_rt_h", fit.random_walk / radprs_per_degprh);
+      values.emplace_back("gyro_bias_instability." + axis + "_degph", fit.bias_instability / radps_per_degph);
+    } else {
+      values.emplace_back("velocity_random_walk." + axis + "_ug_per_rt_hz", fit.random_walk / mpsprs_per_ugprHz);
+      values.emplace_back("accel_bias_instability." + axis + "_ug", fit.bias_instability / standard_gravity_mps2 * 1e6);
+    }
+  }
+  return values;
+}
+
+std::string row_name(const PredictedEffect& effect) {
+  return effect.column.key() + (effect.column.tau_s > 0.0 ? fmt::format(" ({:g} s)", effect.column.tau_s) : "");
+}
+
+void add_confusions(const NamedPrediction& column, Document& document) {
+  std::map<std::string, std::set<std::string>> aliases;
+  std::vector<std::string> unseen;
+  for (const PredictedEffect& effect : column.prediction.effects) {
+    if (!effect.visible) unseen.push_back(row_name(effect));
+    if (effect.among_its_own) aliases[std::string(effect.column.entry->name)].insert("its own other components");
+    for (const std::string& alias : effect.aliases) aliases[std::string(effect.column.entry->name)].insert(alias);
+  }
+  document.text(column.name + ": " + (aliases.empty() ? "no effect is imitated by another" : "imitated by others (~)"));
+  for (const auto& [name, others] : aliases) document.text("  " + name + " by " + join({others.begin(), others.end()}));
+  document.text(column.name + ": not detectable (-): " + (unseen.empty() ? "none" : join(unseen)));
+}
+
 }  // namespace
+
+Table result_table(const ParameterFile& file, const std::optional<ParameterVector>& truth) {
+  Table table{{name("name"), text("unit"), number("estimate"), number("truth"), number("error"), number("sigma"),
+               number("error/sigma")}};
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
+    const auto at = static_cast<Eigen::Index>(i);
+    const double estimate = file.parameters[at], sigma = file.sigma[i].value_or(0.0);
+    const double true_value = truth ? (*truth)[at] : 0.0, error = estimate - true_value;
+    table.row({name(parameter_keys[i]), text(parameter_unit(parameter_keys[i], file.gyro_increment)),
+               fixed(estimate, 10), fixed(true_value, 10), number(fmt::format("{:.3e}", error), error),
+               sigma > 0.0 ? number(fmt::format("{:.2e}", sigma), sigma) : number("-"),
+               sigma > 0.0 ? number(fmt::format("{:+.2f}", error / sigma), error / sigma) : number("-")});
+  }
+  if (!truth) {
+    table.drop(6);
+    table.drop(3, 2);
+  }
+  return table;
+}
 
 void add_predicted_drift(const std::vector<std::pair<std::string, ExpectedDrift>>& columns, const DriftPlan& plan,
                          Document& document) {
   document.section("navigation",
                    fmt::format("Free navigation for {:g} s at rest, level, front north, aligned for {:g} s; one sigma",
                                plan.free_s, plan.align_s));
-  Table table{{cell::text("drift")}};
-  for (const auto& [name, drift] : columns) table.head.push_back(cell::number(name));
+  Table table{{text("drift")}};
+  for (const auto& [name, drift] : columns) table.head.push_back(number(name));
   for (const DriftRow& row : drift_rows) {
-    std::vector<Cell> cells = {cell::text(row.name)};
-    for (const auto& [name, drift] : columns) cells.push_back(cell::number(row.value(drift)));
+    std::vector<Cell> cells = {text(row.name)};
+    for (const auto& [name, drift] : columns) cells.push_back(number(row.value(drift)));
     table.row(std::move(cells));
   }
   document.add(std::move(table));
 }
 
-namespace {
-
-constexpr double clearly = 4.0;  // sigmas from which a coefficient is shown on the terminal
-
-struct NoiseValue {
-  std::string key;
-  double value;
-};
-
-std::vector<NoiseValue> noise_values(const SinglePose& pose) {
-  std::vector<NoiseValue> values;
-  for (std::size_t channel = 0; channel < 6; ++channel) {
-    const AllanFit& fit = pose.noise.axes[channel].fit;
-    const std::string axis(1, "xyz"[channel % 3]);
-    if (channel < 3) {
-      values.push_back({"angle_random_walk." + axis + "_deg_per_rt_h", fit.random_walk / radprs_per_degprh});
-      values.push_back({"gyro_bias_instability." + axis + "_degph", fit.bias_instability / radps_per_degph});
-    } else {
-      values.push_back({"velocity_random_walk." + axis + "_ug_per_rt_hz", fit.random_walk / mpsprs_per_ugprHz});
-      values.push_back({"accel_bias_instability." + axis + "_ug", fit.bias_instability / standard_gravity_mps2 * 1e6});
-    }
-  }
-  return values;
-}
-
-}  // namespace
-
 Facts pose_facts(const SinglePose& pose) {
   Facts facts;
-  const auto add = [&facts](const char* label, const std::string& words) { facts.rows.emplace_back(label, words); };
-  add("verdict",
-      fmt::format(
-          "Not tested: one pose of {} s determines no scale factor and no bias; it gives noise and slow changes:",
-          significant(pose.duration_s, 4)));
-  for (const NoiseValue& n : noise_values(pose)) add("noise", n.key + " = " + significant(n.value, 3));
+  facts.add("verdict",
+            fmt::format(
+                "Not tested: one pose of {} s determines no scale factor and no bias; it gives noise and slow changes:",
+                significant(pose.duration_s, 4)));
+  for (const auto& [key, value] : noise_values(pose)) facts.add("noise", key + " = " + significant(value, 3));
   int hidden = 0;
   for (const PoseCoefficient& c : pose.coefficients) {
     if (std::abs(c.value) < clearly * c.sigma) {
       ++hidden;
       continue;
     }
-    add("change", fmt::format("{} = {} ± {} {}{}{}", c.key, significant(c.value, 3), significant(c.sigma, 2), c.unit,
-                              c.tau_s > 0.0 ? ", tau " + significant(c.tau_s, 3) + " s" : "",
-                              c.alias ? " (time and temperature cannot be told apart here)" : ""));
+    facts.add("change", fmt::format("{} = {} ± {} {}{}{}", c.key, significant(c.value, 3), significant(c.sigma, 2),
+                                    c.unit, c.tau_s > 0.0 ? ", tau " + significant(c.tau_s, 3) + " s" : "",
+                                    c.alias ? " (time and temperature cannot be told apart here)" : ""));
   }
-  if (hidden > 0) add("change", fmt::format("{} further coefficients are below 4 sigma", hidden));
+  if (hidden > 0) facts.add("change", fmt::format("{} further coefficients are below 4 sigma", hidden));
   return facts;
 }
 
@@ -139,7 +144,7 @@ std::string format_pose(const SinglePose& pose) {
   lines.text("verdict", to_string(Verdict::not_tested));
   lines.text("effects", "");
   lines.flag("quality.trusted", false);
-  for (const NoiseValue& n : noise_values(pose)) lines.number("noise." + n.key, n.value);
+  for (const auto& [key, value] : noise_values(pose)) lines.number("noise." + key, value);
   for (const PoseCoefficient& c : pose.coefficients) {
     lines.number("coefficient." + c.key, c.value);
     lines.number("sigma.coefficient." + c.key, c.sigma);
@@ -175,29 +180,6 @@ std::vector<NumberColumn> residual_columns(const Diagnosis& diagnosis) {
   add_each("normalised_after_", n, "", &ResidualPoint::normalised_after);
   return columns;
 }
-
-namespace {
-
-using namespace cell;
-
-std::string row_name(const PredictedEffect& effect) {
-  return effect.column.key() + (effect.column.tau_s > 0.0 ? fmt::format(" ({:g} s)", effect.column.tau_s) : "");
-}
-
-void add_confusions(const NamedPrediction& column, Document& document) {
-  std::map<std::string, std::set<std::string>> aliases;
-  std::vector<std::string> unseen;
-  for (const PredictedEffect& effect : column.prediction.effects) {
-    if (!effect.visible) unseen.push_back(row_name(effect));
-    if (effect.among_its_own) aliases[std::string(effect.column.entry->name)].insert("its own other components");
-    for (const std::string& alias : effect.aliases) aliases[std::string(effect.column.entry->name)].insert(alias);
-  }
-  document.text(column.name + ": " + (aliases.empty() ? "no effect is imitated by another" : "imitated by others (~)"));
-  for (const auto& [name, others] : aliases) document.text("  " + name + " by " + join({others.begin(), others.end()}));
-  document.text(column.name + ": not detectable (-): " + (unseen.empty() ? "none" : join(unseen)));
-}
-
-}  // namespace
 
 std::string describe(const Undetermined& direction) {
   std::vector<std::string> terms;

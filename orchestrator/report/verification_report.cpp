@@ -14,6 +14,7 @@
 #include "orchestrator/station/fields.h"
 
 namespace turncal {
+
 namespace {
 
 void add_figure(const std::string& key, NorthFigure& figure, Fields& fields) {
@@ -76,6 +77,24 @@ Fields fields_of(VerificationReport& report) {
   return fields;
 }
 
+// Why heading or level is undecided; empty where it is not.
+std::string undecided_words(const VerificationReport& report) {
+  const std::string level =
+      report.level_undecided ? "level undecided: the noise of this unit is as large as its limit" : "";
+  if (report.would_do_s <= 0.0) return level;
+  const std::string heading = fmt::format(
+      "heading undecided: no more than noise; these gyros cannot keep {:g} deg in {:.0f} s, {:.0f} s would do",
+      report.heading_limit_deg, report.align_s, report.would_do_s);
+  return level.empty() ? heading : heading + "; " + level;
+}
+
+// Heading, roll and pitch, degrees.
+void add_angles(const std::string& name, const std::array<double, 3>& angles_deg, Table& table) {
+  std::vector<Cell> row = {cell::text(name)};
+  for (const double angle : angles_deg) row.push_back(cell::fixed(angle, 6));
+  table.row(std::move(row));
+}
+
 }  // namespace
 
 std::string gravity_words(const FeltSite& felt, double of_recording_mps2) {
@@ -91,16 +110,6 @@ void add_faults(const std::vector<std::string>& faults, Document& document) {
 std::string latitude_words(const FeltSite& felt, double of_recording_deg) {
   return fmt::format("{:.3f} +- {:.3f} deg felt, the recording says {:.4f}", felt.latitude_rad / rad_per_deg,
                      felt.sigma_rad / rad_per_deg, of_recording_deg);
-}
-
-std::string undecided_words(const VerificationReport& report) {
-  const std::string level =
-      report.level_undecided ? "level undecided: the noise of this unit is as large as its limit" : "";
-  if (report.would_do_s <= 0.0) return level;
-  const std::string heading = fmt::format(
-      "heading undecided: no more than noise; these gyros cannot keep {:g} deg in {:.0f} s, {:.0f} s would do",
-      report.heading_limit_deg, report.align_s, report.would_do_s);
-  return level.empty() ? heading : heading + "; " + level;
 }
 
 std::string format_verification(VerificationReport report) {
@@ -141,17 +150,6 @@ std::string verification_words(const VerificationReport& report) {
   return words;
 }
 
-namespace {
-
-// Heading, roll and pitch, degrees.
-void add_angles(const std::string& name, const std::array<double, 3>& angles_deg, Table& table) {
-  std::vector<Cell> row = {cell::text(name)};
-  for (const double angle : angles_deg) row.push_back(cell::fixed(angle, 6));
-  table.row(std::move(row));
-}
-
-}  // namespace
-
 Document verification_document(const VerificationReport& report) {
   const NorthSeeking& found = report.found;
   Document document{"", "Verification of unit " + report.info.unit_serial};
@@ -173,26 +171,25 @@ Document verification_document(const VerificationReport& report) {
     document.add(std::move(table));
   }
   Facts facts;
-  const auto add = [&facts](const char* label, const std::string& words) { facts.rows.emplace_back(label, words); };
-  add("heading",
-      fmt::format(
-          "largest deviation {:.6f} +- {:.6f}, means off the table by {:.6f} +- {:.6f} deg (rms); limit {:g}: {}",
-          found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
-          found.mean_heading.sigma_deg, report.heading_limit_deg, to_string(report.heading)));
-  add("level",
-      fmt::format("largest deviation of roll {:.6f}, of pitch {:.6f} deg; limit {:g}: {}", found.deviation[1].value_deg,
-                  found.deviation[2].value_deg, report.level_limit_deg, to_string(report.level)));
-  add("", "what turns every reading alike, as an accelerometer bias does, it cannot see");
-  add("latitude",
-      fmt::format("{}: {}", latitude_words(report.felt, report.info.latitude_deg), to_string(report.latitude)));
-  add("gravity",
-      fmt::format("{}: {}", gravity_words(report.felt, report.info.gravity_mps2), to_string(report.gravity)));
-  if (report.noise_assumed) add("noise", assumed_noise_words);
-  add("", fmt::format("a unit with nothing but this noise is above a limit in {:.1f} of 100 verifications",
-                      100.0 * report.false_fail));
-  if (const std::string undecided = undecided_words(report); !undecided.empty()) add("", undecided);
-  if (!report.trusted) add("", not_trusted_words);
-  add("verdict", std::string(to_string(report.verdict)));
+  facts.add("heading",
+            fmt::format(
+                "largest deviation {:.6f} +- {:.6f}, means off the table by {:.6f} +- {:.6f} deg (rms); limit {:g}: {}",
+                found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
+                found.mean_heading.sigma_deg, report.heading_limit_deg, to_string(report.heading)));
+  facts.add("level", fmt::format("largest deviation of roll {:.6f}, of pitch {:.6f} deg; limit {:g}: {}",
+                                 found.deviation[1].value_deg, found.deviation[2].value_deg, report.level_limit_deg,
+                                 to_string(report.level)));
+  facts.add("", "what turns every reading alike, as an accelerometer bias does, it cannot see");
+  facts.add("latitude",
+            fmt::format("{}: {}", latitude_words(report.felt, report.info.latitude_deg), to_string(report.latitude)));
+  facts.add("gravity",
+            fmt::format("{}: {}", gravity_words(report.felt, report.info.gravity_mps2), to_string(report.gravity)));
+  if (report.noise_assumed) facts.add("noise", assumed_noise_words);
+  facts.add("", fmt::format("a unit with nothing but this noise is above a limit in {:.1f} of 100 verifications",
+                            100.0 * report.false_fail));
+  if (const std::string undecided = undecided_words(report); !undecided.empty()) facts.add("", undecided);
+  if (!report.trusted) facts.add("", not_trusted_words);
+  facts.add("verdict", std::string(to_string(report.verdict)));
   document.add(std::move(facts));
   return document;
 }

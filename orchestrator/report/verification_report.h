@@ -43,8 +43,6 @@ std::string format_verification(VerificationReport report);
 Result<VerificationReport> read_verification(const std::string& path);
 // The figures and their limits, for a verdict's reason.
 std::string verification_words(const VerificationReport& report);
-// Why heading or level is undecided; empty where it is not.
-std::string undecided_words(const VerificationReport& report);
 std::string latitude_words(const FeltSite& felt, double of_recording_deg);
 std::string gravity_words(const FeltSite& felt, double of_recording_mps2);
 // What was wrong with samples that were set aside, a line each.

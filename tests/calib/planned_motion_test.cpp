@@ -7,7 +7,7 @@
 
 #include "calib/joint/joint_estimate.h"
 #include "calib/statistics/block_motion.h"
-#include "orchestrator/jobs/planned_unit.h"
+#include "orchestrator/jobs/preflight.h"
 #include "tests/rig_recorder.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
 

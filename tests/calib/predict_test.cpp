@@ -13,7 +13,7 @@
 #include "calib/joint/score_algebra.h"
 #include "calib/statistics/distributions.h"
 #include "orchestrator/devices/truth.h"
-#include "orchestrator/jobs/planned_unit.h"
+#include "orchestrator/jobs/preflight.h"
 #include "tests/rig_recorder.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
 

@@ -8,7 +8,6 @@
 
 #include "imu_io/base/clock.h"
 #include "orchestrator/line/shift_report.h"
-#include "orchestrator/line/station_difference.h"
 
 namespace turncal {
 namespace {

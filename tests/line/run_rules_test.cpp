@@ -1,12 +1,10 @@
 // Nelson's eight tests: on series made for each, and how often each sounds when nothing is wrong.
-#include "orchestrator/line/run_rules.h"
+#include "orchestrator/line/parameter_history.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
-
-#include "orchestrator/line/parameter_history.h"
 
 namespace turncal {
 namespace {

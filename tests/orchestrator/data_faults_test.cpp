@@ -6,7 +6,6 @@
 #include <random>
 
 #include "orchestrator/jobs/calibration_job.h"
-#include "orchestrator/jobs/diagnosis_job.h"
 #include "orchestrator/records/recording_sink.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/program.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "calib/prediction/predict.h"
-#include "orchestrator/jobs/planned_unit.h"
+#include "orchestrator/jobs/preflight.h"
 #include "orchestrator/station/station_config.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/program.h"

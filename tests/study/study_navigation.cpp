@@ -11,7 +11,7 @@
 
 #include "calib/joint/joint_estimate.h"
 #include "calib/prediction/predict.h"
-#include "orchestrator/jobs/planned_unit.h"
+#include "orchestrator/jobs/preflight.h"
 #include "sequences/plan.h"
 #include "tests/rig_recorder.h"
 

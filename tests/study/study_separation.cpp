@@ -6,8 +6,9 @@
 #include <cstdio>
 #include <cstdlib>
 
+#include "orchestrator/devices/station_rig.h"
 #include "orchestrator/jobs/design/sequence_design.h"
-#include "orchestrator/jobs/planned_unit.h"
+#include "orchestrator/jobs/preflight.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
@@ -49,9 +50,9 @@ int study(const std::string& key, double value, std::uint64_t seed) {
     return 0;
   }
   const Separation separation(first.recording, before, *in_class);
-  const PlannedUnit unit = must(planned_unit({}));
+  const StationConfig station = default_station_config();
   DesignTask task;
-  task.limits = plan_limits(unit.station, unit.info.sample_period_s);
+  task.limits = plan_limits(station, must(rig_of(station)).sample_period_s);
   task.info = first.recording.info;
   task.rates_degps = {10.0, 20.0, 40.0};
   task.time_s = 600.0;

@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <optional>
 #include <random>
 #include <set>
 
 #include "calib/prediction/design_bound.h"
 #include "imu_io/base/format_number.h"
-#include "orchestrator/jobs/planned_unit.h"
+#include "orchestrator/jobs/preflight.h"
 
 namespace turncal {
 
@@ -248,6 +247,15 @@ class Search {
   int judged_ = 0;
 };
 
+constexpr double shorter = 0.8;
+constexpr double least_s = 60.0;
+
+double cost_of(const std::vector<AliasPair>& pairs) {
+  double cost = 0.0;
+  for (const AliasPair& pair : pairs) cost += std::max(0.0, std::log(separating_gain / std::max(pair.gain, 1e-9)));
+  return cost;
+}
+
 }  // namespace
 
 std::optional<double> design_bound(const DesignTask& task) {
@@ -286,19 +294,6 @@ std::optional<double> design_bound(const DesignTask& task) {
 Result<Design> design_walk(const DesignTask& task, const std::function<bool(const DesignProgress&)>& progress) {
   return Search(task).run(progress);
 }
-
-namespace {
-
-constexpr double shorter = 0.8;
-constexpr double least_s = 60.0;
-
-double cost_of(const std::vector<AliasPair>& pairs) {
-  double cost = 0.0;
-  for (const AliasPair& pair : pairs) cost += std::max(0.0, std::log(separating_gain / std::max(pair.gain, 1e-9)));
-  return cost;
-}
-
-}  // namespace
 
 Result<ExtraLegs> find_extra_legs(const Separation& separation, DesignTask task,
                                   const std::function<void(double time_s)>& looking) {

@@ -29,7 +29,7 @@ Result<std::vector<EffectColumn>> columns_of(const ParameterFile& file, const st
     const EffectEntry* entry = find_effect(effect.name);
     if (entry == nullptr) return input_error(file_name + ": '" + key + "' is not an effect of the catalogue");
     if (effect.component == entry->variant) continue;
-    const auto at = std::find(entry->components.begin(), entry->components.end(), effect.component);
+    const auto at = std::ranges::find(entry->components, effect.component);
     if (at == entry->components.end())
       return input_error(file_name + ": '" + key + "' is not a component of " + effect.name);
     if (entry->needs_temperature && !info.has_temperature)
@@ -39,9 +39,8 @@ Result<std::vector<EffectColumn>> columns_of(const ParameterFile& file, const st
                          "' depends on the attitude, which a recording without table angles does not tell");
     EffectColumn column{entry, static_cast<int>(at - entry->components.begin()), 0.0};
     if (!entry->taus_s.empty()) {
-      const auto tau = std::find_if(file.effects.begin(), file.effects.end(), [&](const EffectValue& e) {
-        return e.name == effect.name && e.component == entry->variant;
-      });
+      const auto tau = std::ranges::find_if(
+          file.effects, [&](const EffectValue& e) { return e.name == effect.name && e.component == entry->variant; });
       if (tau == file.effects.end())
         return input_error(file_name + ": missing key 'effect." + effect.name + "." + std::string(entry->variant) +
                            "'");
@@ -52,6 +51,92 @@ Result<std::vector<EffectColumn>> columns_of(const ParameterFile& file, const st
   }
   values = Eigen::Map<Eigen::VectorXd>(found.data(), static_cast<Eigen::Index>(found.size()));
   return columns;
+}
+
+Error bad_value(const std::string& file_name, const std::string& key, const std::string& value, const char* expected) {
+  return input_error(file_name + ": key '" + key + "' = '" + value + "': expected " + expected);
+}
+
+// Into `value` (times `unit`) where the key is there.
+Status take(const ParameterFile& file, const std::string& file_name, const std::string& key, double unit,
+            double& value) {
+  const std::string* const text = find_further(file, key);
+  if (text == nullptr) return {};
+  const std::optional<double> number = parse_number(*text);
+  if (!number || *number < 0.0) return bad_value(file_name, key, *text, "a number of 0 or more");
+  value = *number * unit;
+  return {};
+}
+
+constexpr std::int64_t no_end = std::numeric_limits<std::int64_t>::max();
+
+// Whether the unit rests over a sample, for samples in counter order.
+class RestOf {
+ public:
+  explicit RestOf(const Segments& segments) : segments_(segments) {}
+  bool at(std::int64_t counter) {
+    if (segments_.empty()) return true;
+    while (index_ < segments_.size() && counter >= segments_[index_].end_sample) ++index_;
+    return index_ < segments_.size() && counter >= segments_[index_].start_sample &&
+           segments_[index_].kind != SegmentKind::rotate;
+  }
+  // How many of [begin, end) it does not rest over, begin not before what at() was asked for.
+  std::int64_t moving_in(std::int64_t begin, std::int64_t end) const {
+    if (segments_.empty()) return 0;
+    std::int64_t resting = 0;
+    for (std::size_t k = index_; k < segments_.size() && segments_[k].start_sample < end; ++k)
+      if (segments_[k].kind != SegmentKind::rotate)
+        resting += std::max<std::int64_t>(
+            0, std::min(end, segments_[k].end_sample) - std::max(begin, segments_[k].start_sample));
+    return end - begin - resting;
+  }
+
+ private:
+  const Segments& segments_;
+  std::size_t index_ = 0;
+};
+
+// Which samples a calibration would not believe. A hand and a vehicle jerk: there only what no unit can have felt counts.
+class FaultySamples {
+ public:
+  // What stands out of its neighbours is known when so many samples have come after it.
+  static constexpr std::size_t settled_after = 3;
+
+  FaultySamples(const RecordingInfo& info, const Segments& segments, bool on_table)
+      : segments_(segments.empty() ? Segments{{.kind = SegmentKind::align, .end_sample = no_end}} : segments),
+        compressor_(info, on_table ? CompressionOptions{} : rest_compression_options()),
+        feed_(compressor_, segments_) {}
+  void add(std::span<const ImuSample> samples) { feed_.add(samples); }
+  // For samples in counter order, each settled, with its neighbours: the channel that cannot be; nothing: it may be true. What rises and
+  // stays up is the beginning of a turn.
+  std::optional<std::size_t> fault_of(const ImuSample& before, const ImuSample& sample, const ImuSample& after) {
+    const std::int64_t counter = sample.counter;
+    const std::vector<DataEvent>& events = compressor_.recording().events;
+    while (next_ < events.size() && events[next_].sample + static_cast<std::int64_t>(settled_after) < counter) ++next_;
+    for (std::size_t k = next_; k < events.size(); ++k) {
+      const bool gyro = events[k].kind == DataEvent::Kind::gyro_glitch;
+      if (events[k].sample != counter || !(gyro || events[k].kind == DataEvent::Kind::accel_glitch)) continue;
+      const auto channel = static_cast<std::size_t>(events[k].axis + (gyro ? 0 : 3));
+      const double step = channel_of(after, channel) - channel_of(before, channel);
+      if (events[k].left_out || std::abs(step) < std::abs(events[k].size)) return channel;
+    }
+    return std::nullopt;
+  }
+
+ private:
+  Segments segments_;
+  Compressor compressor_;
+  SegmentedFeed feed_;
+  std::size_t next_ = 0;
+};
+
+// What is lost is filled in, interval by interval. More than this is a counter that jumped, or two recordings in one.
+constexpr double most_lost_s = 86400.0;
+
+// What no unit on a table, in a hand or in a vehicle can feel in an interval.
+bool can_be(const MotionInterval& interval) {
+  constexpr double most_mps2 = 1e4;
+  return interval.push_mps.norm() <= most_mps2 * interval.duration_s && interval.turn.coeffs().allFinite();
 }
 
 }  // namespace
@@ -144,25 +229,6 @@ const EffectTerms::Term& EffectTerms::at(std::int64_t counter) {
   return terms_[index_];
 }
 
-namespace {
-
-Error bad_value(const std::string& file_name, const std::string& key, const std::string& value, const char* expected) {
-  return input_error(file_name + ": key '" + key + "' = '" + value + "': expected " + expected);
-}
-
-// Into `value` (times `unit`) where the key is there.
-Status take(const ParameterFile& file, const std::string& file_name, const std::string& key, double unit,
-            double& value) {
-  const std::string* const text = find_further(file, key);
-  if (text == nullptr) return {};
-  const std::optional<double> number = parse_number(*text);
-  if (!number || *number < 0.0) return bad_value(file_name, key, *text, "a number of 0 or more");
-  value = *number * unit;
-  return {};
-}
-
-}  // namespace
-
 bool has_noise(const ParameterFile& file) {
   return find_further(file, "noise.angle_random_walk.x_deg_per_rt_h") != nullptr;
 }
@@ -228,88 +294,26 @@ Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std:
   return stored;
 }
 
-namespace {
-
-constexpr std::int64_t no_end = std::numeric_limits<std::int64_t>::max();
-
-// Whether the unit rests over a sample, for samples in counter order.
-class RestOf {
- public:
-  explicit RestOf(const Segments& segments) : segments_(segments) {}
-  bool at(std::int64_t counter) {
-    if (segments_.empty()) return true;
-    while (index_ < segments_.size() && counter >= segments_[index_].end_sample) ++index_;
-    return index_ < segments_.size() && counter >= segments_[index_].start_sample &&
-           segments_[index_].kind != SegmentKind::rotate;
-  }
-  // How many of [begin, end) it does not rest over, begin not before what at() was asked for.
-  std::int64_t moving_in(std::int64_t begin, std::int64_t end) const {
-    if (segments_.empty()) return 0;
-    std::int64_t resting = 0;
-    for (std::size_t k = index_; k < segments_.size() && segments_[k].start_sample < end; ++k)
-      if (segments_[k].kind != SegmentKind::rotate)
-        resting += std::max<std::int64_t>(
-            0, std::min(end, segments_[k].end_sample) - std::max(begin, segments_[k].start_sample));
-    return end - begin - resting;
-  }
-
- private:
-  const Segments& segments_;
-  std::size_t index_ = 0;
-};
-
-// Which samples a calibration would not believe. A hand and a vehicle jerk: there only what no unit can have felt counts.
-class FaultySamples {
- public:
-  // What stands out of its neighbours is known when so many samples have come after it.
-  static constexpr std::size_t settled_after = 3;
-
-  FaultySamples(const RecordingInfo& info, const Segments& segments, bool on_table)
-      : segments_(segments.empty() ? Segments{{.kind = SegmentKind::align, .end_sample = no_end}} : segments),
-        compressor_(info, on_table ? CompressionOptions{} : rest_compression_options()),
-        feed_(compressor_, segments_) {}
-  void add(std::span<const ImuSample> samples) { feed_.add(samples); }
-  // For samples in counter order, each settled, with its neighbours: the channel that cannot be; nothing: it may be true. What rises and
-  // stays up is the beginning of a turn.
-  std::optional<std::size_t> fault_of(const ImuSample& before, const ImuSample& sample, const ImuSample& after) {
-    const std::int64_t counter = sample.counter;
-    const std::vector<DataEvent>& events = compressor_.recording().events;
-    while (next_ < events.size() && events[next_].sample + static_cast<std::int64_t>(settled_after) < counter) ++next_;
-    for (std::size_t k = next_; k < events.size(); ++k) {
-      const bool gyro = events[k].kind == DataEvent::Kind::gyro_glitch;
-      if (events[k].sample != counter || !(gyro || events[k].kind == DataEvent::Kind::accel_glitch)) continue;
-      const auto channel = static_cast<std::size_t>(events[k].axis + (gyro ? 0 : 3));
-      const double step = channel_of(after, channel) - channel_of(before, channel);
-      if (events[k].left_out || std::abs(step) < std::abs(events[k].size)) return channel;
-    }
-    return std::nullopt;
-  }
-
- private:
-  Segments segments_;
-  Compressor compressor_;
-  SegmentedFeed feed_;
-  std::size_t next_ = 0;
-};
-
-// What is lost is filled in, interval by interval. More than this is a counter that jumped, or two recordings in one.
-constexpr double most_lost_s = 86400.0;
-
-// What no unit on a table, in a hand or in a vehicle can feel in an interval.
-bool can_be(const MotionInterval& interval) {
-  constexpr double most_mps2 = 1e4;
-  return interval.push_mps.norm() <= most_mps2 * interval.duration_s && interval.turn.coeffs().allFinite();
+SampleCalibration::Increments SampleCalibration::of(const ImuSample& sample, double period_s) {
+  const EffectTerms::Term& effect = effects.at(sample.counter);
+  return {model.gyro_scale * Eigen::Vector3d::Map(sample.gyro.data()) -
+              period_s * (model.gyro_bias_radps + effect.rate_radps),
+          model.accel_scale * Eigen::Vector3d::Map(sample.accel.data()) -
+              period_s * (model.accel_bias_mps2 + effect.force_mps2)};
 }
 
-}  // namespace
+Result<SampleCalibration> SampleCalibration::make(const ParameterFile& file, const std::string& path,
+                                                  RecordingSource& source) {
+  TRY(check_applicable(file, path, source.info()));
+  EffectTerms effects = TRY(EffectTerms::of(file, path, source));
+  return SampleCalibration{sensor_model(from_vector(file.parameters), source.info()), std::move(effects)};
+}
 
 Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source) {
   const RecordingInfo& info = source.info();
-  TRY(check_applicable(file, path, info));
-  EffectTerms effects = TRY(EffectTerms::of(file, path, source));
+  SampleCalibration calibration = TRY(SampleCalibration::make(file, path, source));
   const int samples = std::max(1, static_cast<int>(std::lround(motion_interval_s / info.sample_period_s)));
-  const SensorModel model = sensor_model(from_vector(file.parameters), info);
-  return CalibratedIntervals{path, std::move(file), model, std::move(effects),
+  return CalibratedIntervals{path, std::move(file), std::move(calibration),
                              IncrementIntegrator(info.sample_period_s, samples)};
 }
 
@@ -367,11 +371,8 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
       const bool at_rest = rest.at(sample.counter) && (reference == nullptr || reference->stands_at(time_s)),
                  gap_at_rest = gap.is_short() && gap.in_motion == 0;
       for (CalibratedIntervals& file : files) {
-        const EffectTerms::Term& effects = file.effects.at(sample.counter);
-        file.integrator.add(
-            sample.counter, file.model.gyro_scale * gyro - period_s * (file.model.gyro_bias_radps + effects.rate_radps),
-            file.model.accel_scale * accel - period_s * (file.model.accel_bias_mps2 + effects.force_mps2), at_rest,
-            gap_at_rest);
+        const auto [dtheta_rad, dv_mps] = file.calibration.of(sample, period_s);
+        file.integrator.add(sample.counter, dtheta_rad, dv_mps, at_rest, gap_at_rest);
       }
     }
     return {};
@@ -399,7 +400,7 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
                        " gave nothing but zeros: expected a unit that feels the Earth turn and weighs something");
   for (const CalibratedIntervals& file : files) {
     const std::vector<MotionInterval>& intervals = file.integrator.intervals();
-    const auto wrong = std::find_if_not(intervals.begin(), intervals.end(), can_be);
+    const auto wrong = std::ranges::find_if_not(intervals, can_be);
     if (wrong == intervals.end()) continue;
     const std::int64_t at = found.first_sample + (wrong - intervals.begin()) * file.integrator.samples_per_interval();
     return input_error(source.path() + ": from sample " + std::to_string(at) + " on: more than any unit can feel");
@@ -407,8 +408,8 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
   return found;
 }
 
-CalibratedSource::CalibratedSource(RecordingSource& source, const SensorModel& model, EffectTerms effects)
-    : RecordingSource(source.path()), source_(source), model_(model), effects_(std::move(effects)) {
+CalibratedSource::CalibratedSource(RecordingSource& source, SampleCalibration calibration)
+    : RecordingSource(source.path()), source_(source), calibration_(std::move(calibration)) {
   info_ = source.info();
   info_.gyro_increment = info_.accel_increment = IncrementKind::physical;
   info_.accel_pulse_mps = 0.0;
@@ -416,28 +417,15 @@ CalibratedSource::CalibratedSource(RecordingSource& source, const SensorModel& m
   damage_ = source.damage();
 }
 
-Result<std::unique_ptr<CalibratedSource>> CalibratedSource::of(const ParameterFile& file, const std::string& path,
-                                                               RecordingSource& source) {
-  TRY(check_applicable(file, path, source.info()));
-  EffectTerms effects = TRY(EffectTerms::of(file, path, source));
-  const SensorModel model = sensor_model(from_vector(file.parameters), source.info());
-  return std::unique_ptr<CalibratedSource>(new CalibratedSource(source, model, std::move(effects)));
-}
-
 Status CalibratedSource::stream(const Sink& sink) {
-  const double period_s = info_.sample_period_s;
-  EffectTerms effects = effects_;  // it goes forward only
+  SampleCalibration calibration = calibration_;  // it goes forward only
   std::vector<ImuSample> calibrated;
   return source_.read([&](std::span<const ImuSample> block) {
     calibrated.assign(block.begin(), block.end());
     for (ImuSample& sample : calibrated) {
-      const EffectTerms::Term& effect = effects.at(sample.counter);
-      const Eigen::Vector3d dtheta = model_.gyro_scale * Eigen::Vector3d::Map(sample.gyro.data()) -
-                                     (model_.gyro_bias_radps + effect.rate_radps) * period_s;
-      const Eigen::Vector3d dv = model_.accel_scale * Eigen::Vector3d::Map(sample.accel.data()) -
-                                 (model_.accel_bias_mps2 + effect.force_mps2) * period_s;
-      Eigen::Vector3d::Map(sample.gyro.data()) = dtheta;
-      Eigen::Vector3d::Map(sample.accel.data()) = dv;
+      const auto [dtheta_rad, dv_mps] = calibration.of(sample, info_.sample_period_s);
+      Eigen::Vector3d::Map(sample.gyro.data()) = dtheta_rad;
+      Eigen::Vector3d::Map(sample.accel.data()) = dv_mps;
     }
     return sink(calibrated);
   });

@@ -7,7 +7,6 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -89,16 +88,28 @@ inline std::string gap_words(const SampleGap& gap) {
 
 inline constexpr double motion_interval_s = 0.1;  // or a sample, where that is longer
 
+// A parameter file made ready for the samples of a recording.
+struct SampleCalibration {
+  SensorModel model;
+  EffectTerms effects;
+  struct Increments {
+    Eigen::Vector3d dtheta_rad, dv_mps;
+  };
+  //   dtheta = n counts_gyro - N0 dt,   dv = a counts_accel - A0 dt,   dt the sample period
+  // Effects beyond the 24 parameters are taken off as the estimate modelled them. For samples in counter order.
+  Increments of(const ImuSample& sample, double period_s);
+  // Errors: the file, or that it is not of this unit and kind of increments. `path`: how the file is called.
+  static Result<SampleCalibration> make(const ParameterFile& file, const std::string& path, RecordingSource& source);
+};
+
 struct CalibratedIntervals {
   std::string path;  // of the parameter file
   ParameterFile file;
-  SensorModel model;
-  EffectTerms effects;
+  SampleCalibration calibration;
   IncrementIntegrator integrator;
 };
 
-// Before any sample is read. Errors: the file, or that it is not of this unit and kind of increments.
-// `path`: how the file is called.
+// Before any sample is read.
 Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source);
 Result<CalibratedIntervals> calibrated_intervals(const std::string& path, RecordingSource& source);
 
@@ -119,24 +130,18 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
                                               std::vector<CalibratedIntervals>& files,
                                               const ReferenceTrack* reference = nullptr);
 
-// A recording with calibrated increments in place of those that the unit gave:
-//   dtheta = n counts_gyro - N0 dt  [rad],   dv = a counts_accel - A0 dt  [m/s],   dt the sample period.
-// Effects beyond the 24 parameters are taken off as the estimate modelled them (EffectTerms). Segments, counters, temperatures
-// and flags stay.
+// A recording with calibrated increments in place of those that the unit gave. Segments, counters, temperatures and flags stay. `source`
+// outlives it.
 class CalibratedSource : public RecordingSource {
  public:
-  // Errors: the file, or that it is not of this unit and kind of increments. `path`: how it is called. `source` outlives it.
-  static Result<std::unique_ptr<CalibratedSource>> of(const ParameterFile& file, const std::string& path,
-                                                      RecordingSource& source);
+  CalibratedSource(RecordingSource& source, SampleCalibration calibration);
 
  protected:
   Status stream(const Sink& sink) override;
 
  private:
-  CalibratedSource(RecordingSource& source, const SensorModel& model, EffectTerms effects);
   RecordingSource& source_;
-  SensorModel model_;
-  EffectTerms effects_;
+  SampleCalibration calibration_;
 };
 
 }  // namespace turncal

@@ -115,6 +115,31 @@ Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const
   return result;
 }
 
+ParameterFile file_of(const ModelWithout& model, const JointResult& extended, ParameterFile file) {
+  file.parameters = model.parameters;
+  for (std::size_t k = 0; k < extended.effects.size(); ++k) {
+    const EffectColumn& column = extended.effects[k].column;
+    if (column.entry == nullptr) continue;
+    for (EffectValue& value : file.effects)
+      if (value.name == column.entry->name &&
+          value.component == column.entry->components[static_cast<std::size_t>(column.component)])
+        value.value = model.effects[k];
+  }
+  return file;
+}
+
+// Rms over the branches, of the distance between two tracks of the same time.
+double rate_between(const NavigatedFile& one, const NavigatedFile& other) {
+  std::vector<double> rates;
+  for (std::size_t k = 0; k < one.branches.size(); ++k) {
+    const std::vector<TrackPoint>&a = one.branches[k].navigation.track, &b = other.branches[k].navigation.track;
+    RadialErrorRate rate;
+    for (std::size_t i = 0; i < a.size(); ++i) rate.add(a[i].time_s, (a[i].moved_m - b[i].moved_m).norm());
+    rates.push_back(rate.nm_per_h());
+  }
+  return drift_over_runs(rates).rms_nm_per_h;
+}
+
 }  // namespace
 
 Result<NavigationReport> navigate_recording(const NavigationRequest& request) {
@@ -249,35 +274,6 @@ Result<ReferenceTrack> read_reference(const std::string& path) {
   return ReferenceTrack(std::move(points), with_velocity);
 }
 
-namespace {
-
-ParameterFile file_of(const ModelWithout& model, const JointResult& extended, ParameterFile file) {
-  file.parameters = model.parameters;
-  for (std::size_t k = 0; k < extended.effects.size(); ++k) {
-    const EffectColumn& column = extended.effects[k].column;
-    if (column.entry == nullptr) continue;
-    for (EffectValue& value : file.effects)
-      if (value.name == column.entry->name &&
-          value.component == column.entry->components[static_cast<std::size_t>(column.component)])
-        value.value = model.effects[k];
-  }
-  return file;
-}
-
-// Rms over the branches, of the distance between two tracks of the same time.
-double rate_between(const NavigatedFile& one, const NavigatedFile& other) {
-  std::vector<double> rates;
-  for (std::size_t k = 0; k < one.branches.size(); ++k) {
-    const std::vector<TrackPoint>&a = one.branches[k].navigation.track, &b = other.branches[k].navigation.track;
-    RadialErrorRate rate;
-    for (std::size_t i = 0; i < a.size(); ++i) rate.add(a[i].time_s, (a[i].moved_m - b[i].moved_m).norm());
-    rates.push_back(rate.nm_per_h());
-  }
-  return drift_over_runs(rates).rms_nm_per_h;
-}
-
-}  // namespace
-
 ModelWithout model_without(const JointResult& extended, const Eigen::MatrixXd& P, const std::string& name) {
   ModelWithout model{to_vector(extended.parameters), {}};
   std::vector<Eigen::Index> rows;  // of the covariance, that are held
@@ -320,9 +316,7 @@ Result<NavigationWorth> worth_of_effects(const Diagnosis& diagnosis, const Diagn
 
   std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(recording));
   std::vector<CalibratedIntervals> files;
-  for (ParameterFile& model : models) {
-    files.push_back(TRY(calibrated_intervals(std::move(model), recording, *source)));
-  }
+  for (ParameterFile& model : models) files.push_back(TRY(calibrated_intervals(std::move(model), recording, *source)));
   NavigationRequest request;
   request.recording = recording;
   request.to_s = to_s;

@@ -175,7 +175,7 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
     (reads ? readings : searches).push_back(*reading);
     if (reads) ++positions.back().second;
   }
-  const auto few = std::find_if(positions.begin(), positions.end(), [](const auto& p) { return p.second < 2; });
+  const auto few = std::ranges::find_if(positions, [](const auto& p) { return p.second < 2; });
   if (searches.empty() || few != positions.end())
     return Error{ErrorKind::unit_failed,
                  request.recording + ": " + not_judged_words +

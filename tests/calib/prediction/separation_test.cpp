@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "orchestrator/jobs/planned_unit.h"
+#include "orchestrator/jobs/preflight.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "orchestrator/line/parameter_history.h"
-#include "orchestrator/line_report/history_document.h"
+#include "orchestrator/line_report/shift_document.h"
 #include "tests/outcome.h"
 
 namespace turncal {
