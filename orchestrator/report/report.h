@@ -17,7 +17,7 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
 // How the verification of a run ended, below the verdict.
 void say_verification(const std::string& words, Document& document);
 
-// What is said differently of a table's recording and of hand-turned data (rest_as_diagnosis.h).
+// What is said differently of a table's recording and of hand-turned data (rest_as_diagnosis.cpp).
 struct DiagnosisParts {
   std::string sentence, reason;  // the verdict
   std::vector<ErrorRow> errors;
