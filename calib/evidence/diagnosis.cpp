@@ -364,14 +364,11 @@ class Diagnosing {
     const auto too_large = [&](const CompressedRecording* holdout) {
       return error_beyond_sigmas(*holdout, d_.extended, noise) > GateLimits{}.highest_error;
     };
-    if (d_.trusted && std::any_of(options_.holdouts.begin(), options_.holdouts.end(), too_large))
-      withdraw("the error on held-out data is larger than noise and the sigmas explain");
-  }
-  void withdraw(const std::string& why) {
+    if (!d_.trusted || std::none_of(options_.holdouts.begin(), options_.holdouts.end(), too_large)) return;
     d_.verdict = Verdict::unexplained;
     d_.trusted = false;
     d_.unexplained_pattern = words_of(d_.statements);
-    d_.reason = why;
+    d_.reason = "the error on held-out data is larger than noise and the sigmas explain";
     d_.extended = d_.base;
     d_.holdout_after = d_.holdout_before;
   }

@@ -24,8 +24,8 @@ PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointRe
 struct Evidence {
   std::vector<int> columns;  // of [24 parameters, effects of the fit]: those of the averages
   std::vector<PiecewiseView> views;
-  std::vector<UnderNoise>
-      at_each_noise;    // of `views`, the fit's first; empty: no rest; held-out data are in `posterior` alone
+  // Of `views`, the fit's first; empty: no rest. Held-out data are in `posterior` alone.
+  std::vector<UnderNoise> at_each_noise;
   Posterior posterior;  // at each noise, together
   Statements statements;
   NamedEffects named;

@@ -62,13 +62,6 @@ std::size_t open_without(int recording, const JointResult& result) {
 
 }  // namespace
 
-HoldoutGain& HoldoutGain::operator+=(const HoldoutGain& other) {
-  gain += other.gain;
-  expected += other.expected;
-  standard_error = std::hypot(standard_error, other.standard_error);
-  return *this;
-}
-
 HoldoutGain holdout_gain(const HoldoutError& without, const HoldoutError& with) {
   HoldoutGain result;
   for (std::size_t k = 0; k < std::min(without.normalised.size(), with.normalised.size()); ++k) {

@@ -42,13 +42,11 @@ struct HoldoutGain {
   double gain = 0.0;
   double standard_error = 0.0;
   double expected = 0.0;
-  HoldoutGain& operator+=(const HoldoutGain& other);
   // The error rises, and not by chance. (Of an effect that is there the gain is |d|^2 (2 v / v_fitted - 1): a value that is not well
   // known gains less than |d|^2, but no less than nothing.)
   bool contradicted(double standard_errors) const {
     return gain < 0.0 && gain < expected - standard_errors * standard_error;
   }
-  bool confirmed(double standard_errors) const { return gain > standard_errors * standard_error; }
 };
 HoldoutGain holdout_gain(const HoldoutError& without, const HoldoutError& with);
 

@@ -179,7 +179,7 @@ Evidence weigh_rests(const RestData& data, const RestFit& fit, const std::vector
     set_floors(system, floors, of_fit.columns, accelerometers, at.view);
     at.under = make_terms(*at.view.system, at.view.pieces, catalogue, readings, noise, fit.parameters, at.view.columns);
     put_back(effects, {}, *at.under.table, *at.view.system);
-    score_again(at.under);
+    if (!effects.empty()) score_again(at.under);
     at.models = weigh_models(at.under);
     at.posterior = posterior_of({at.models});
     return at;
