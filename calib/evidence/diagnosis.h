@@ -69,10 +69,13 @@ struct HoldoutError {
 struct Diagnosis {
   Verdict verdict = Verdict::unexplained;
   std::string reason = "not run";
-  JointResult base;                       // before
-  JointResult extended;                   // after: base with the effects (a copy of base when there are none)
-  Eigen::MatrixXd fitted_covariance;      // of extended, before its sigmas were widened
-  std::vector<std::string> effect_names;  // added, strongest first
+  JointResult base;      // before
+  JointResult extended;  // after: base with the effects (a copy of base when there are none)
+  // Of extended, by key, where it is another by more than its sigma: what a parameter is over the whole recording, for a unit that loads no
+  // effects. Beside its effects it is what is left where they are zero: a bias without force beside K2, a scale factor that has settled.
+  std::map<int, double> without_effects;
+  Eigen::MatrixXd fitted_covariance;                        // of extended, before its sigmas were widened
+  std::vector<std::string> effect_names;                    // added, strongest first
   std::map<std::string, std::vector<std::string>> aliases;  // of each added effect
   std::map<std::string, std::string> separate_by;           // what would tell the class apart
   std::vector<CandidateScore> candidates;                   // at the base model, best variant of each

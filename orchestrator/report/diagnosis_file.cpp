@@ -242,6 +242,8 @@ ParameterFile diagnosis_parameters(const Diagnosis& diagnosis, const DiagnosisCo
   describe_recording(context.recording.info, file);
   describe_estimate(diagnosis.extended, context.recording, context.noise_given, file);
   describe_alias(diagnosis, file);
+  for (const auto& [column, value] : diagnosis.without_effects)
+    file.add_further("record.without_effects." + std::string(parameter_keys[static_cast<std::size_t>(column)]), value);
   complete_parameters(diagnosis, context, file);
   if (!diagnosis.each.turn_ons.biases.empty()) describe_turn_ons(diagnosis.each.turn_ons, context.switched_on, file);
   return file;
