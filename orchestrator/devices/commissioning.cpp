@@ -196,7 +196,7 @@ class Trial {
     const double peak_degps =
         std::min(move.rate_degps, std::sqrt(std::abs(move.target_deg - from_deg) * move.acceleration_degps2));
     const std::optional<double> felt_degps = felt_.end_turn(way_deg);
-    if (const auto said = SpeedWatch::judge_jump({&felt_}, move)) return device_error(*said);
+    if (const auto said = SpeedWatch::judge_turn({&felt_}, move, way_deg)) return device_error(*said);
     // What is felt holds noise, which counts at slow rates; the mean over the way holds the settling, which counts at quick ones.
     const double mean_degps = way_deg / took_s;
     const bool slow = felt_degps && *felt_degps < (1.0 - tolerance) * peak_degps;

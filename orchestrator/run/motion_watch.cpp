@@ -101,6 +101,7 @@ std::optional<double> FeltRate::end_turn(double turned_deg) {
   if (tells && (agrees || !confirmed_)) ratio_ = ratio;
   const bool felt_whole = std::abs(way_deg_ * scale_ - std::abs(turned_deg)) <= 0.3 + 0.005 * std::abs(turned_deg);
   jump_degps_ = confirmed_ && felt_whole ? (beyond_degps_ - 2.0 * rest_degps_) * scale_ : 0.0;
+  least_way_deg_ = std::max(0.0, way_deg_ - rest_degps_ * way_s_) * (confirmed_ ? scale_ : 1.0 / largest_scale);
   way_deg_ = way_s_ = 0.0;
   turning_ = false;
   return tells ? std::optional(felt_degps / ratio) : std::nullopt;
@@ -199,17 +200,24 @@ std::optional<std::string> SpeedWatch::add_felt(const std::vector<const FeltRate
   return std::nullopt;
 }
 
-std::optional<std::string> SpeedWatch::judge_jump(const std::vector<const FeltRate*>& felt, const Move& move) {
-  std::optional<double> least_degps;
+std::optional<std::string> SpeedWatch::judge_turn(const std::vector<const FeltRate*>& felt, const Move& move,
+                                                  double turned_deg) {
+  std::optional<double> jump_degps, way_deg;  // the least of the units
   for (const FeltRate* unit : felt) {
-    if (unit->confirmed()) least_degps = std::min(least_degps.value_or(unit->jump_degps()), unit->jump_degps());
+    way_deg = std::min(way_deg.value_or(unit->least_way_deg()), unit->least_way_deg());
+    if (unit->confirmed()) jump_degps = std::min(jump_degps.value_or(unit->jump_degps()), unit->jump_degps());
   }
-  if (least_degps.value_or(0.0) <= jump_margin_degps(move.rate_degps)) return std::nullopt;
   char text[200];
+  if (way_deg.value_or(0.0) > std::abs(turned_deg) + way_margin_deg(turned_deg)) {
+    std::snprintf(text, sizeof text, "the unit felt that %s turned by %.4g deg, where the table read %.4g deg",
+                  to_string(move.axis), *way_deg, std::abs(turned_deg));
+    return text;
+  }
+  if (jump_degps.value_or(0.0) <= jump_margin_degps(move.rate_degps)) return std::nullopt;
   std::snprintf(text, sizeof text,
                 "%s was sped up or braked too quickly: its rate changed by %.3g deg/s more than it may at the %.4g "
                 "deg/s^2 that were sent, as the unit felt it",
-                to_string(move.axis), *least_degps, move.acceleration_degps2);
+                to_string(move.axis), *jump_degps, move.acceleration_degps2);
   return text;
 }
 

@@ -3,7 +3,7 @@
 //
 //   stray_axis   an axis that nothing sent stays where it stood, the one that was sent on its way
 //   SpeedWatch   no axis turns faster than 1.2 times the rate that was sent, nor than its max_rate, by its rate, by its positions and by
-//                what the unit feels; nor is it sped up by more than 1.2 times what was sent
+//                what the unit feels; nor is it sped up by more than 1.2 times what was sent, nor turned further than it says
 //   HomingWatch  axes that look for their zero find it
 #pragma once
 
@@ -50,6 +50,9 @@ class FeltRate {
   // |w(t) - w(s)| - a (t - s). 0 where the unit did not feel the way that the table turned: samples that it lost without saying so are a
   // jump, too.
   double jump_degps() const { return jump_degps_; }
+  // How far the unit turned in the turn that ended, deg, at the least: where its scale is not known, by the largest one, and without what it
+  // feels at rest.
+  double least_way_deg() const { return least_way_deg_; }
 
  private:
   static constexpr std::size_t blocks = 5;
@@ -64,7 +67,7 @@ class FeltRate {
   double median_degps_ = 0.0;
   double way_deg_ = 0.0, way_s_ = 0.0, peak_degps_ = 0.0, rest_degps_ = 0.0, up_degps_ = 0.0, down_degps_ = 0.0,
          beyond_degps_ = 0.0;
-  double allowed_degps2_ = 0.0, jump_degps_ = 0.0;
+  double allowed_degps2_ = 0.0, jump_degps_ = 0.0, least_way_deg_ = 0.0;
   double scale_ = 1.0, ratio_ = 0.0;
   bool confirmed_ = false, turning_ = false;  // the latter from begin_turn to end_turn
 };
@@ -87,8 +90,9 @@ class SpeedWatch {
   // felt: of each unit that is alive.
   std::optional<std::string> add_felt(const std::vector<const FeltRate*>& felt, const TableStatus& axes,
                                       const std::optional<Move>& sent, bool searches) const;
-  // Of a move that is over.
-  static std::optional<std::string> judge_jump(const std::vector<const FeltRate*>& felt, const Move& move);
+  // Of a move that is over: sped up too quickly, or further than the table read.
+  static std::optional<std::string> judge_turn(const std::vector<const FeltRate*>& felt, const Move& move,
+                                               double turned_deg);
 
   static constexpr double factor = 1.2;
   static constexpr int zeros = 2;          // so often a search may set an angle anew
@@ -96,6 +100,7 @@ class SpeedWatch {
   static double rate_margin_degps(double allowed_degps) { return std::max(0.5, 0.05 * allowed_degps); }
   static double felt_margin_degps(double allowed_degps) { return 1.0 + 0.05 * allowed_degps; }
   static double jump_margin_degps(double rate_degps) { return 1.0 + 0.25 * rate_degps; }
+  static double way_margin_deg(double turned_deg) { return 2.0 + 0.1 * std::abs(turned_deg); }
 
  private:
   double allowed_degps(Axis axis, const std::optional<Move>& sent, bool searches) const;

@@ -107,14 +107,14 @@ StationRun::MaybeEvent StationRun::issue_move() {
 StationRun::MaybeEvent StationRun::close_move() {
   if (const MaybeEvent event = end_segment(SegmentKind::rotate)) return event;
   if (const std::optional<Move>& move = arrival_.move()) {
-    const double at_deg = status_[index(move->axis)].position_deg;
+    const double turned_deg = status_[index(move->axis)].position_deg - arrival_.from_deg();
     std::vector<const FeltRate*> felt;
     for (UnitLane& lane : lanes_) {
       if (!lane.alive()) continue;
-      lane.felt().end_turn(at_deg - arrival_.from_deg());
+      lane.felt().end_turn(turned_deg);
       felt.push_back(&lane.felt());
     }
-    const auto said = devices_.table.needs_operator() ? std::nullopt : SpeedWatch::judge_jump(felt, *move);
+    const auto said = devices_.table.needs_operator() ? std::nullopt : SpeedWatch::judge_turn(felt, *move, turned_deg);
     if (said) return raise(RunEvent::table_fault, ErrorKind::device, *said);
   }
   pending_move_.reset();

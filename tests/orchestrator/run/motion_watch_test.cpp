@@ -202,7 +202,7 @@ TEST(SpeedWatch, OfThousandsOfHealthyMovesNoneIsSaid) {
     drawn.gyro_noise_degps = std::exp(draw(std::log(0.01), std::log(1.0)));
     const auto said = drawn.watch(random);
     ASSERT_FALSE(said) << i << ": after " << said->first << " s: " << said->second;
-    const auto jumped = SpeedWatch::judge_jump({&*drawn.unit}, drawn.move);
+    const auto jumped = SpeedWatch::judge_turn({&*drawn.unit}, drawn.move, drawn.move.target_deg);
     ASSERT_FALSE(jumped) << i << ": " << *jumped;
   }
 }
@@ -247,7 +247,7 @@ TEST(SpeedWatch, SaysWhatIsSpedUpTooQuickly) {
   for (int i = 0; i < 100; ++i) {
     drawn.acceleration_factor = i % 2 == 0 ? 10.0 : 1.05;
     EXPECT_FALSE(drawn.watch(random));
-    const auto said = SpeedWatch::judge_jump({&*drawn.unit}, drawn.move);
+    const auto said = SpeedWatch::judge_turn({&*drawn.unit}, drawn.move, drawn.move.target_deg);
     ASSERT_EQ(said.has_value(), i % 2 == 0) << i;
     EXPECT_SAYS(said.value_or("more than it may at the 60 deg/s^2"), "more than it may at the 60 deg/s^2") << *said;
   }
@@ -275,8 +275,32 @@ TEST(SpeedWatch, LostSamplesOfAUnitAreNoJumpOfTheTable) {
     turn_at(30.0, 500);
     turn_at(0.0, 100);
     const double felt_deg = 0.01 * (20.0 * 18.0 + 0.6 * 190.0) + 75.0;
-    unit.end_turn(felt_deg + (lost ? 2.7 : 0.0));
-    EXPECT_EQ(SpeedWatch::judge_jump({&unit}, move).has_value(), !lost);
+    const double turned_deg = felt_deg + (lost ? 2.7 : 0.0);
+    unit.end_turn(turned_deg);
+    EXPECT_EQ(SpeedWatch::judge_turn({&unit}, move, turned_deg).has_value(), !lost);
+  }
+}
+
+// A drive whose counter slipped: rates and accelerations are those that were sent. In its first turn the unit's scale is not known yet.
+TEST(SpeedWatch, AWayThatTheTableDoesNotReadIsFelt) {
+  const Move move{Axis::pitch, 90.0, 30.0, 1e9};
+  for (const int turns_before : {0, 2}) {
+    for (const double read_deg : {180.0, 90.0, -90.0, 70.0, 12.0}) {
+      FeltRate unit(unit_in_rad());
+      std::int64_t counter = 0;
+      const auto turn = [&](double degps, int samples) {
+        unit.begin_turn(SpeedWatch::factor * move.acceleration_degps2);
+        counter = feel(unit, counter, samples, 1, [degps](std::int64_t) { return sample_rad_of(1.3 * degps); });
+      };
+      for (int i = 0; i < turns_before; ++i) {
+        turn(10.0, 400);
+        ASSERT_TRUE(unit.end_turn(20.0));
+      }
+      turn(30.0, 600);
+      unit.end_turn(read_deg);
+      const auto said = SpeedWatch::judge_turn({&unit}, move, read_deg);
+      EXPECT_EQ(said.has_value(), std::abs(read_deg) < (turns_before > 0 ? 80.0 : 60.0)) << read_deg;
+    }
   }
 }
 
