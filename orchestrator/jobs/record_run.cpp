@@ -243,7 +243,7 @@ class Recorder {
     hooks.content_hashes = [this] { return content_hashes(); };
     hooks.calibrate = [this] {
       note_outcome(station_.outcome(), run_);
-      return make_results(run_, devices_.devices().clock.utc_s());
+      return make_results(run_, devices_.devices().clock.utc_s(), view_.context);
     };
     if (run_.request.until_sigma)
       hooks.go_on_with = [this](std::size_t next_item) {
@@ -294,14 +294,6 @@ class Recorder {
   EnoughWatch enough_;
   StationRun station_;
 };
-
-// A disk that hangs for good would hold up whoever waits for its thread: the table was left, so the program says so and ends at once.
-[[noreturn]] void end_without_storage(const Error& error, const std::string& folder, CommandContext& context) {
-  context.err << context.tag << "turncal: " << error.message << "; nothing more could be written to " << folder
-              << ", and the program ends without waiting for it; when the disk answers again: turncal resume " << folder
-              << std::endl;
-  std::_Exit(exit_code(ErrorKind::device));
-}
 
 // How table and units were left, for the log.
 void log_how_left(Run& run, const RunOutcome& outcome, RunDevices& devices, CommandContext& context) {
@@ -370,7 +362,7 @@ RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
   Recorder recorder(run, devices, view);
   const RunOutcome outcome = recorder.walk();
   if (outcome.stop_failed && devices.live) devices.live->give_table_up();
-  if (outcome.storage_hangs) end_without_storage(outcome.error, run.folder, context);
+  if (outcome.storage_hangs) end_without_storage(outcome.error.message, run.folder, "resume " + run.folder, context);
   log_how_left(run, outcome, devices, context);
   view.progress.clear();
   note_outcome(outcome, run);

@@ -111,18 +111,19 @@ void send_on(Run& run) {
 Status note_running(Run& run, double utc_s) {
   for (const RunUnit& unit : run.units)
     if (!unit.dropped) TRY(note_attempt(run, unit, outcome_running, {}, utc_s));
-  send_on(run);
   return {};
 }
 
 // Before there was a run. A refusal makes no database, and why it was refused is said whether it can be noted or not.
-Error refused(const RunPlan& plan, const Error& why) {
+Error refused(const RunPlan& plan, const Error& why, CommandContext& context) {
+  auto limit = limit_storage(records_file(plan.station), "run", context);
   const double utc_s = plan.request.dry_run ? plan.rig.start_utc_s : wall_utc_s();
   Run run = run_of(plan, "");
   for (const RunUnit& unit : run.units) {
     if (!path_exists(records_file(run.station))) break;
     if (!note_attempt(run, unit, "refused", why, utc_s)) break;
   }
+  limit.reset();
   send_on(run);
   return why;
 }
@@ -143,12 +144,15 @@ RunEnd with_units(RunEnd end, const Run& run) {
 }
 
 // What the station wants kept and told of every unit; what became of them is not changed by it.
-RunEnd conclude(RunEnd end, Run& run) {
+RunEnd conclude(RunEnd end, Run& run, CommandContext& context) {
   for (RunUnit& unit : run.units)
     if (!end.to_the_end && unit.status) unit.status = end.status;
-  if (Status status = note_outcomes(run); !status) {
-    run.say(status.error().message);
-    if (end.status || end.to_the_end) end.status = status;
+  auto limit = limit_storage(run.folder, "resume " + run.folder, context);
+  const Status noted = note_outcomes(run);
+  limit.reset();
+  if (!noted) {
+    run.say(noted.error().message);
+    if (end.status || end.to_the_end) end.status = noted;
     end.to_the_end = false;
   }
   send_on(run);
@@ -173,7 +177,7 @@ RunEnd finish_sealed(Run& run, const JournalContents& contents, CommandContext& 
   const double began_s = monotonic_s();
   for (RunUnit& unit : run.units) unit.ended_utc_s = contents.seal_utc_s.value_or(0.0);
   TRY(read_sealed_recordings(run, contents));
-  TRY(make_results(run, *contents.seal_utc_s));
+  TRY(make_results(run, *contents.seal_utc_s, context));
   print_results(run, monotonic_s() - began_s, context.out);
   return RunEnd::of_all(status_of(run));
 }
@@ -240,16 +244,17 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   const LinePrefix marked(context.out, context.tag);
   if (Status status = check_sequence(plan, ", --partial to estimate what can be of the others, or --capture-only");
       !status)
-    return refused(plan, status.error());
+    return refused(plan, status.error(), context);
   Result<RunDevices> devices = make_devices(plan, context);
-  if (!devices) return refused(plan, devices.error());
+  if (!devices) return refused(plan, devices.error(), context);
   const double utc_s = devices->devices().clock.utc_s();
-  if (Status status = look_ahead(plan, folder_path, utc_s); !status) return refused(plan, status.error());
+  if (Status status = look_ahead(plan, folder_path, utc_s); !status) return refused(plan, status.error(), context);
 
+  auto limit = limit_storage(folder_path, "run", context);
   Result<OutputFolder> folder = OutputFolder::prepare(
       folder_path,
       {binary_recording_name, partial_recording_name, parameters_name, truth_name, log_name, journal_name});
-  if (!folder) return refused(plan, folder.error());
+  if (!folder) return refused(plan, folder.error(), context);
   plan.began_utc = format_utc(utc_s);
   Run run = run_of(std::move(plan), folder->path());
   std::vector<OutputFolder> unit_folders;
@@ -260,6 +265,8 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   run.log = TRY(RunLog::create(folder->file(log_name), std::string(tag_of(run))));
   run.say(first_line(run));
   TRY(note_running(run, utc_s));
+  limit.reset();
+  send_on(run);
 
   RunEnd end = record_run(run, *devices, context);
   const bool interrupted =
@@ -269,7 +276,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
     folder->keep();
     if (!unit_folders.empty()) unit_folders[i].keep();
   }
-  return conclude(std::move(end), run);
+  return conclude(std::move(end), run, context);
 }
 
 RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandContext& context) {
@@ -290,7 +297,7 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
 
   mark_dropped(contents, true, run.units);
   const bool sealed = TRY(sealed_recordings(run));
-  if (sealed) return conclude(finish_sealed(run, contents, context), run);
+  if (sealed) return conclude(finish_sealed(run, contents, context), run, context);
 
   mark_dropped(contents, false, run.units);
   TRY(check_plan(run.plan));
@@ -314,13 +321,16 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
     what +=
         "; the clock was set back: it stands before the end of that item, " + format_utc(contents.last_dwell->utc_s);
   }
+  auto limit = limit_storage(folder, "resume " + folder, context);
   TRY(run.journal->append(
       JournalType::resume,
       {{"software_version", software_version()}, {"what", what}, {"overdue_reason", run.request.overdue_reason}}));
   run.log = TRY(RunLog::append(folder + "/" + log_name, std::string(tag_of(run))));
   run.say("resumed by turncal " + std::string(software_version()) + ": " + what);
   TRY(note_running(run, utc_s));
-  return conclude(record_run(run, devices, context), run);
+  limit.reset();
+  send_on(run);
+  return conclude(record_run(run, devices, context), run, context);
 }
 
 }  // namespace turncal

@@ -256,7 +256,7 @@ constexpr Status (*publishing[])(Making&) = {write_verification,  write_diagnosi
                                              write_statistics_of, journal_results,    add_to_database,
                                              use_parameters,      journal_verdict};
 
-Status make_unit(Run& run, RunUnit& unit, double utc_s) {
+Status make_unit(Run& run, RunUnit& unit, double utc_s, CommandContext& context) {
   unit.output = {};
   unit.diagnosis = {};
   unit.verification = {};
@@ -269,17 +269,22 @@ Status make_unit(Run& run, RunUnit& unit, double utc_s) {
   }
   making.recordings.push_back(*unit.recording);
   const Status estimated = estimate(making);
-  TRY(stored(write_truth(making)));
+  const auto keep = [&](Status (*step)(Making&)) {
+    const auto limit = limit_storage(unit.folder, "resume " + run.folder, context);
+    return stored(step(making));
+  };
+  TRY(keep(write_truth));
   if (!estimated) {  // all of it is recorded: nothing that is done again would help
     VerdictReport failed;
     failed.verdict = UnitVerdict::fail;
     failed.reason = estimated.error().message;
     failed.diagnosis.clear();
+    const auto limit = limit_storage(run.folder, "resume " + run.folder, context);
     const Status kept = making.journal.append(JournalType::verdict, marked(making, texts_of(failed)));
     return kept ? estimated : stored(kept);
   }
   TRY(judge(making));
-  for (Status (*const step)(Making&) : publishing) TRY(stored(step(making)));
+  for (Status (*const step)(Making&) : publishing) TRY(keep(step));
   return {};
 }
 
@@ -320,17 +325,32 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
 
 }  // namespace
 
+void end_without_storage(const std::string& why, const std::string& path, const std::string& then,
+                         CommandContext& context) {
+  context.err << context.tag << "turncal: " << why << "; nothing more could be written to " << path
+              << ", and the program ends without waiting for it; when the disk answers again: turncal " << then
+              << std::endl;
+  std::_Exit(exit_code(ErrorKind::device));
+}
+
+std::unique_ptr<StorageLimit> limit_storage(const std::string& path, const std::string& then, CommandContext& context) {
+  return std::make_unique<StorageLimit>([path, then, &context] {
+    end_without_storage("the disk has not answered for " + format_number(StorageLimit::together_s) + " s", path, then,
+                        context);
+  });
+}
+
 Status stored(Status status) {
   if (status || status.error().kind != ErrorKind::input) return status;
   return device_error(status.error().message);
 }
 
-Status make_results(Run& run, double utc_s) {
+Status make_results(Run& run, double utc_s, CommandContext& context) {
   bool any = false;
   Status first;
   for (RunUnit& unit : run.units) {
     if (unit.dropped) continue;
-    unit.status = make_unit(run, unit, utc_s);
+    unit.status = make_unit(run, unit, utc_s, context);
     if (!unit.status && unit.status.error().kind == ErrorKind::device) return unit.status;  // the storage's fault
     if (unit.status)
       any = true;

@@ -7,10 +7,13 @@
 // again: a run that was interrupted in between repeats them all with the same bytes.
 #pragma once
 
+#include <memory>
 #include <ostream>
 #include <string>
 
+#include "orchestrator/jobs/command_context.h"
 #include "orchestrator/jobs/run.h"
+#include "orchestrator/run/background_queue.h"
 
 namespace turncal {
 
@@ -23,9 +26,16 @@ inline constexpr double least_diagnosed_s = 1800.0;
 
 // Of every unit that is left. utc_s: when the recordings were sealed. A unit that cannot be calibrated leaves the others running: an error
 // when there is none that can be, or of the storage.
-Status make_results(Run& run, double utc_s);
+Status make_results(Run& run, double utc_s, CommandContext& context);
 // Prints the results and sets the status of every unit that is left and was calibrated.
 void print_results(Run& run, double wall_s, std::ostream& out);
+
+// A disk that hangs for good would hold up whoever waits for it: the table was left, so the program says so and ends at once. `then`: the
+// command for when it answers again.
+[[noreturn]] void end_without_storage(const std::string& why, const std::string& path, const std::string& then,
+                                      CommandContext& context);
+// Of what is written while no table moves: the same, where the disk hangs before this goes.
+std::unique_ptr<StorageLimit> limit_storage(const std::string& path, const std::string& then, CommandContext& context);
 
 // A failure to keep something is never the unit's, nor a mistake of the operator's: of kind device.
 Status stored(Status status);

@@ -4,6 +4,8 @@
 #include <signal.h>
 #include <time.h>
 
+#include <chrono>
+#include <cmath>
 #include <exception>
 #include <utility>
 
@@ -12,15 +14,24 @@
 
 namespace turncal {
 
-BackgroundQueue::BackgroundQueue(By by, double limit_s) : limit_s_(limit_s) {
-  if (by == By::caller) return;
-  jobs_.resize(capacity);
-  // Signals are the loop's: one that arrives ends its waits.
+namespace {
+
+// Signals are the loop's: one that arrives ends its waits.
+std::thread start_without_signals(std::function<void()> work) {
   sigset_t all, before;
   sigfillset(&all);
   pthread_sigmask(SIG_SETMASK, &all, &before);
-  thread_ = std::thread([this] { work(); });
+  std::thread thread(std::move(work));
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  return thread;
+}
+
+}  // namespace
+
+BackgroundQueue::BackgroundQueue(By by, double limit_s) : limit_s_(limit_s) {
+  if (by == By::caller) return;
+  jobs_.resize(capacity);
+  thread_ = start_without_signals([this] { work(); });
 }
 
 BackgroundQueue::~BackgroundQueue() {
@@ -74,6 +85,16 @@ Status BackgroundQueue::status() const {
 bool BackgroundQueue::drain() const {
   while (pending() > 0 && !stuck()) wait_a_little();
   return pending() == 0;
+}
+
+StorageLimit::StorageLimit(std::function<void()> hangs, double limit_s)
+    : thread_(start_without_signals([this, hangs = std::move(hangs), limit_s] {
+        if (!done_.try_acquire_for(std::chrono::milliseconds(std::llround(1e3 * limit_s)))) hangs();
+      })) {}
+
+StorageLimit::~StorageLimit() {
+  done_.release();
+  thread_.join();
 }
 
 void BackgroundQueue::wait_a_little() {

@@ -11,6 +11,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <semaphore>
 #include <string>
 #include <thread>
 #include <utility>
@@ -55,6 +56,22 @@ class BackgroundQueue {
   std::atomic<double> busy_since_s_{0.0};  // monotonic; 0: nothing is being done
   std::atomic<bool> ends_{false}, threw_{false};
   std::string thrown_;  // what; written before threw_
+  std::thread thread_;
+};
+
+// Of writes that are in no queue, while no table moves: what its scope does may take no longer than the limit, else `hangs` is called, by a
+// thread of its own, and has to end the program: whoever waits for a disk that does not answer cannot be told.
+class StorageLimit {
+ public:
+  // Several writes, one after the other, and a database that somebody else may hold for 10 s.
+  static constexpr double together_s = 3.0 * BackgroundQueue::answer_limit_s;
+  explicit StorageLimit(std::function<void()> hangs, double limit_s = together_s);
+  ~StorageLimit();  // within the limit
+  StorageLimit(const StorageLimit&) = delete;
+  StorageLimit& operator=(const StorageLimit&) = delete;
+
+ private:
+  std::binary_semaphore done_{0};
   std::thread thread_;
 };
 

@@ -106,6 +106,17 @@ TEST(HungDiskWatch, AnAxisThatTurnsByItselfIsStopped) {
   EXPECT_SAYS(outcome.error.message, "moves although nothing sent it");
 }
 
+TEST(StorageLimit, IsHeardOfOnlyWhereItIsPassed) {
+  std::atomic<int> heard{0};
+  {
+    const StorageLimit limit([&] { ++heard; }, 60.0);
+  }
+  EXPECT_EQ(heard, 0);
+  const StorageLimit limit([&] { ++heard; }, 0.01);
+  for (const Deadline patience(5.0); heard == 0 && !patience.passed();) pause_ms(1.0);
+  EXPECT_EQ(heard, 1);
+}
+
 TEST(BackgroundQueue, DoesItsJobsInOrderAndTellsWhenItIsFullOrStuck) {
   Hook hook;
   std::vector<int> done;
