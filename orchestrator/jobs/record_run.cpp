@@ -206,6 +206,13 @@ class Recorder {
                  make_lanes(), hooks()) {}
 
   RunOutcome walk() {
+    std::optional<StorageLimit> limit;
+    if (!devices_.live)
+      limit.emplace([this] { return storage_.stuck(); },
+                    [this] {
+                      end_without_storage(storage_.status().error().message, run_.folder, "resume " + run_.folder,
+                                          view_.context);
+                    });
     const RunOutcome outcome = station_.run();
     display_.drain();
     return outcome;

@@ -5,7 +5,6 @@
 #include <time.h>
 
 #include <chrono>
-#include <cmath>
 #include <exception>
 #include <utility>
 
@@ -44,7 +43,9 @@ BackgroundQueue::~BackgroundQueue() {
 
 bool BackgroundQueue::post(std::function<void()> job) {
   if (!thread_.joinable()) {
+    busy_since_s_ = monotonic_s();
     job();
+    busy_since_s_ = 0.0;
     return true;
   }
   const std::uint64_t number = posted();
@@ -87,10 +88,14 @@ bool BackgroundQueue::drain() const {
   return pending() == 0;
 }
 
-StorageLimit::StorageLimit(std::function<void()> hangs, double limit_s)
-    : thread_(start_without_signals([this, hangs = std::move(hangs), limit_s] {
-        if (!done_.try_acquire_for(std::chrono::milliseconds(std::llround(1e3 * limit_s)))) hangs();
+StorageLimit::StorageLimit(std::function<bool()> passed, std::function<void()> hangs)
+    : thread_(start_without_signals([this, passed = std::move(passed), hangs = std::move(hangs)] {
+        while (!done_.try_acquire_for(std::chrono::milliseconds(100)))
+          if (passed()) return hangs();
       })) {}
+
+StorageLimit::StorageLimit(std::function<void()> hangs, double limit_s)
+    : StorageLimit([from_s = monotonic_s(), limit_s] { return monotonic_s() - from_s > limit_s; }, std::move(hangs)) {}
 
 StorageLimit::~StorageLimit() {
   done_.release();

@@ -4,7 +4,8 @@
 // no lock and makes no call that can block: it posts, goes on watching, and asks whether a job is done. A queue that is full, or a job that
 // takes longer than the limit, is for the loop to judge (StationRun: storage_failed, the table is stopped first).
 //
-// By::caller does every job within post(): for simulated time, which stands still meanwhile, so that runs are reproducible.
+// By::caller does every job within post(): for simulated time, which stands still meanwhile, so that runs are reproducible. Then somebody
+// else has to look whether it is stuck.
 #pragma once
 
 #include <atomic>
@@ -66,6 +67,7 @@ class StorageLimit {
   // Several writes, one after the other, and a database that somebody else may hold for 10 s.
   static constexpr double together_s = 3.0 * BackgroundQueue::answer_limit_s;
   explicit StorageLimit(std::function<void()> hangs, double limit_s = together_s);
+  StorageLimit(std::function<bool()> passed, std::function<void()> hangs);  // asked ten times a second
   ~StorageLimit();  // within the limit
   StorageLimit(const StorageLimit&) = delete;
   StorageLimit& operator=(const StorageLimit&) = delete;

@@ -117,6 +117,18 @@ TEST(StorageLimit, IsHeardOfOnlyWhereItIsPassed) {
   EXPECT_EQ(heard, 1);
 }
 
+// As it is in a dry run.
+TEST(StorageLimit, EndsWhoeverIsStuckInAQueueOfItsOwn) {
+  BackgroundQueue queue(BackgroundQueue::By::caller, 0.05);
+  std::atomic<bool> heard{false};
+  const StorageLimit limit([&] { return queue.stuck(); }, [&] { heard = true; });
+  queue.post([&] {
+    for (const Deadline patience(5.0); !heard && !patience.passed();) pause_ms(1.0);
+  });
+  EXPECT_TRUE(heard);
+  EXPECT_FALSE(queue.stuck());
+}
+
 TEST(BackgroundQueue, DoesItsJobsInOrderAndTellsWhenItIsFullOrStuck) {
   Hook hook;
   std::vector<int> done;
