@@ -69,34 +69,4 @@ std::optional<UnitStatistics> unit_statistics(const std::vector<const Compressed
   return unit_statistics(joined.data, estimate);
 }
 
-RefittedEffects refit(const UnitStatistics& u, const std::vector<int>& effects) {
-  const auto count = static_cast<Eigen::Index>(effects.size());
-  RefittedEffects r;
-  r.value = r.sigma = Eigen::VectorXd::Zero(count);
-  r.parameters = u.value;
-  std::vector<int> seen;
-  for (const int k : effects)
-    if (u.Q(k, k) > 0.0F) seen.push_back(k);
-  if (seen.empty()) return r;
-  const Eigen::MatrixXd Q = Eigen::MatrixXf(u.Q(seen, seen)).cast<double>();
-  const Eigen::VectorXd unit = Q.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd covariance = unit.asDiagonal() *
-                                     solve_symmetric(Eigen::MatrixXd(unit.asDiagonal() * Q * unit.asDiagonal()),
-                                                     Eigen::MatrixXd(Eigen::MatrixXd::Identity(Q.rows(), Q.cols()))) *
-                                     unit.asDiagonal();
-  const Eigen::VectorXd s = u.s(seen);
-  const Eigen::VectorXd value = covariance * s;
-  r.gain = s.dot(value);
-  Eigen::Index row = 0;
-  for (std::size_t k = 0; k < effects.size(); ++k) {
-    if (u.Q(effects[k], effects[k]) <= 0.0F) continue;
-    const auto at = static_cast<Eigen::Index>(k);
-    r.value[at] = value[row];
-    r.sigma[at] = std::sqrt(covariance(row, row));
-    r.parameters += u.moves.col(effects[k]).cast<double>() * value[row];
-    ++row;
-  }
-  return r;
-}
-
 }  // namespace turncal

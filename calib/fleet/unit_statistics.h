@@ -35,12 +35,4 @@ UnitStatistics unit_statistics(const CompressedRecording& recording, const Joint
 // an estimate of all of them does not settle.
 std::optional<UnitStatistics> unit_statistics(const std::vector<const CompressedRecording*>& recordings);
 
-// Some effects, from the sums alone. Not visible ones have value and sigma 0.
-struct RefittedEffects {
-  Eigen::VectorXd value, sigma;
-  double gain = 0.0;  // 2 ln L
-  ParameterVector parameters = ParameterVector::Zero();
-};
-RefittedEffects refit(const UnitStatistics& statistics, const std::vector<int>& effects);
-
 }  // namespace turncal

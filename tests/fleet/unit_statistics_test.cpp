@@ -17,7 +17,7 @@ TEST(UnitStatistics, RefitsAsTheEstimateDoes) {
   const UnitStatistics u = unit_statistics(made.recording, base);
   const int k = column_of(u, "accel_second_order.x");
   ASSERT_GE(k, 0);
-  const RefittedEffects refitted = refit(u, {k});
+  const double value = u.s[k] / u.Q(k, k);
 
   JointOptions options;
   for (const EffectColumn& c : catalogue_columns(made.recording.info))
@@ -25,13 +25,14 @@ TEST(UnitStatistics, RefitsAsTheEstimateDoes) {
   options.noise = base.noise;
   const JointResult whole = joint_estimate(made.recording, options);
   const double sigma = whole.effects.front().sigma;
-  EXPECT_NEAR(refitted.value[0], whole.effects.front().value, 0.1 * sigma);
-  EXPECT_NEAR(refitted.sigma[0], sigma, 0.02 * sigma);
-  EXPECT_GT(refitted.value[0], 5.0 * sigma);
-  const ParameterVector expected = to_vector(whole.parameters);
+  EXPECT_NEAR(value, whole.effects.front().value, 0.1 * sigma);
+  EXPECT_NEAR(1.0 / std::sqrt(u.Q(k, k)), sigma, 0.02 * sigma);
+  EXPECT_GT(value, 5.0 * sigma);
+  const ParameterVector refitted = u.value + u.moves.col(k).cast<double>() * value,
+                        expected = to_vector(whole.parameters);
   for (int p = 0; p < parameter_count; ++p)
     if (whole.sigma[p] > 0.0) {
-      EXPECT_NEAR(refitted.parameters[p], expected[p], 0.1 * whole.sigma[p])
+      EXPECT_NEAR(refitted[p], expected[p], 0.1 * whole.sigma[p])
           << parameter_keys[static_cast<std::size_t>(p)];
     }
 }
@@ -51,8 +52,7 @@ TEST(UnitStatistics, OfSeveralRecordingsIsOfWhatTheyHaveInCommon) {
   const int k = column_of(one, "accel_second_order.x");
   ASSERT_EQ(column_of(*both, "accel_second_order.x"), k);
   EXPECT_GT(both->Q(k, k), 2.0 * one.Q(k, k));
-  const RefittedEffects refitted = refit(*both, {k});
-  EXPECT_NEAR(refitted.value[0], 12.0, 4.0 * refitted.sigma[0]);
+  EXPECT_NEAR(both->s[k] / both->Q(k, k), 12.0, 4.0 / std::sqrt(both->Q(k, k)));
 }
 
 StatisticsFile example() {
