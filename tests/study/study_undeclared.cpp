@@ -14,11 +14,12 @@
 // The ideal is the fit that knows the noise, and of the effect all but its size: one pass over the clean recording with the effect's true column
 // beside the 21 parameters. z is the size over its sigma, then. One line a run, columns:
 //    1 kind: drawn, catalogue, clean   2 seed   3 number   4 sensor:quantity:shapes, or component   5 grade   6 instability (0, 1)   7 ideal z
-//    8 P(something is missing)   9 verdict   10 trusted (0, 1)   11 what is said   12 seconds of the diagnosis
+//    8 ideal z of the fitted recording alone   9 P(something is missing)   10 verdict   11 trusted (0, 1)   12 what is said
+//   13 seconds of the diagnosis
 // and, of the 21 parameters, with commas between them:
-//   13 error over sigma; nan: not determined   14 sigma over ideal sigma   15 the ideal fit's error over ideal sigma   16 the effect touches it (0, 1):
+//   14 error over sigma; nan: not determined   15 sigma over ideal sigma   16 the ideal fit's error over ideal sigma   17 the effect touches it (0, 1):
 //      its ideal sigma grows by more than 5 %, or a plain fit is off by more than 0.3 of it
-// Column 11: nodes of 0.8 and more, sensor:quantity:driver:formula=P,right,branch right,deepest that is said with 0.95,correlation; empty where a
+// Column 12: nodes of 0.8 and more, sensor:quantity:driver:formula=P,right,branch right,deepest that is said with 0.95,correlation; empty where a
 // node is not that deep. A branch is right when it was drawn, with either driver of a product, or when this recording hardly tells it
 // from what was drawn: 0.97 of correlation, the 21 eliminated, between the true column and curves of the driver (curves_of). A formula is
 // right when its branch is, and all formulas together correlate by 0.97 or leave less than 4 of ideal z; by 0.97 of them what is above them
@@ -652,8 +653,8 @@ void run(const std::string& kind, std::uint64_t seed, const std::map<std::string
     const Eigen::VectorXd touched =
         (more > 0.093 * variance || std::pow(size * ideal.z_of_one, 2) * more > 0.09 * variance).cast<double>();
     std::string line = fmt::format(
-        "{}|{}|{}|{}|{}|{:d}|{:.2f}|{:.4f}|{}|{:d}|{}|{:.2f}|{}|{}|{}|{}", kind, seed, k++, e.what, unit.grade.name,
-        unit.unsteady, e.z, said.anything, to_string(d.verdict), d.trusted, text_of(said.nodes), seconds,
+        "{}|{}|{}|{}|{}|{:d}|{:.2f}|{:.2f}|{:.4f}|{}|{:d}|{}|{:.2f}|{}|{}|{}|{}", kind, seed, k++, e.what,
+        unit.grade.name, unit.unsteady, e.z, std::abs(size) * ideal.z_of_one, said.anything, to_string(d.verdict), d.trusted, text_of(said.nodes), seconds,
         text_of(errors.error(free).cwiseQuotient(sigma)), text_of(sigma.cwiseQuotient(ideal.sigma)),
         text_of(ideal.error.cwiseQuotient(ideal.sigma)), text_of(touched));
     std::replace(line.begin(), line.end(), ' ', '_');
