@@ -74,6 +74,8 @@ class PieceSystem {
   Eigen::MatrixXd times(const Eigen::MatrixXd& x) const;
   // The pass had errors `x` taken off: from here on they are in the data, as linearised.
   void put_back(const Eigen::VectorXd& x);
+  // What errors x move the parameters by.
+  Eigen::MatrixXd shift(const Eigen::MatrixXd& x) const { return A_inverse_ * (R_.transpose() * x); }
   const Eigen::VectorXd& fit_shift() const { return fit_shift_; }  // of the parameters to their optimum with no error
   const Eigen::MatrixXd& covariance() const { return A_inverse_; }
   // Of the pass with no error, the parameters averaged over: -2 ln L but for a constant.

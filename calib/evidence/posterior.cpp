@@ -27,6 +27,8 @@ constexpr double least_probability = 1e-5;
 constexpr double negligible = 12.0, ends_below = 6.0;  // of log evidence
 // A term that explains less changes nothing for others: it counts, and is not gone on with.
 constexpr double explains = 1.0;
+// A pattern's shape matters where it is so many sigmas.
+constexpr double strong = 10.0;
 
 // The system beside a model.
 struct State {
@@ -35,6 +37,7 @@ struct State {
   std::vector<MatrixXd> Q;  // of each basis
   std::vector<VectorXd> s;
   MatrixXd Y;  // Q|h = Q - Y Y'
+  VectorXd score;
 };
 
 // A state and one more term.
@@ -129,29 +132,72 @@ MatrixXd product(const Weights& weights, const RowMajor& y) {
   return u;
 }
 
-State with_term(const PieceSystem& system, const TermTable& table, const Next& next) {
-  const State& parent = *next.parent;
-  const Term& term = table.terms[static_cast<std::size_t>(next.last.term)];
-  MatrixXd M = term.L.transpose() * parent.Q[term.basis] * term.L;
-  M.diagonal().array() += 1.0 / term.variance[next.last.size];
-  const MatrixXd C = Eigen::LLT<MatrixXd>(M).matrixL();
-  const auto lower = C.triangularView<Eigen::Lower>();
-  const VectorXd w = lower.solve(VectorXd(term.L.transpose() * parent.s[term.basis]));
-  State child = parent;
-  child.terms = next.terms;
-  child.log_weight = next.log_weight;
-  const MatrixXd x = coordinates_of(table.bases[term.basis], term.L, system.coordinates());
+// What comes of taking in columns x, with M = x'Q|h x + 1/v and b = x's|h.
+void take_in(const PieceSystem& system, const TermTable& table, const MatrixXd& x, const Eigen::LLT<MatrixXd>& M,
+             const VectorXd& b, State& state) {
+  const VectorXd w = M.matrixL().solve(b);
   MatrixXd y = system.times(x);
-  if (parent.Y.cols() > 0) y.noalias() -= parent.Y * (parent.Y.transpose() * x);
-  y = lower.solve(MatrixXd(y.transpose())).transpose();
-  child.Y.resize(y.rows(), parent.Y.cols() + y.cols());
-  child.Y << parent.Y, y;
+  if (state.Y.cols() > 0) y.noalias() -= state.Y * (state.Y.transpose() * x);
+  y = M.matrixL().solve(MatrixXd(y.transpose())).transpose();
+  state.Y.conservativeResize(y.rows(), state.Y.cols() + y.cols());
+  state.Y.rightCols(y.cols()) = y;
+  state.score.noalias() -= y * w;
   const RowMajor rows = y;
   for (std::size_t g = 0; g < table.bases.size(); ++g) {
     const MatrixXd u = product(table.bases[g], rows);
-    child.Q[g].noalias() -= u * u.transpose();
-    child.s[g].noalias() -= u * w;
+    state.Q[g].noalias() -= u * u.transpose();
+    state.s[g].noalias() -= u * w;
   }
+}
+
+// What an error x may be off by, of each piece by itself: within the rest in proportion, by the turn before it in any direction, since what varies
+// in a turn is turned with the unit.
+MatrixXd by_piece(const VectorXd& x) {
+  MatrixXd columns = MatrixXd::Zero(x.size(), 7 * x.size() / piece_dims);
+  Eigen::Index count = 0;
+  for (Eigen::Index first = 0; first < x.size(); first += piece_dims) {
+    if (!x.segment<6>(first).isZero(0.0)) columns.col(count++).segment<6>(first) = x.segment<6>(first);
+    for (const Eigen::Index jump : {first + 6, first + 9}) {
+      const double size = x.segment<3>(jump).norm();
+      for (Eigen::Index i = jump; size > 0.0 && i < jump + 3; ++i) columns(i, count++) = size;
+    }
+  }
+  return columns.leftCols(count);
+}
+
+State with_term(const PieceSystem& system, const TermTable& table, const Next& next) {
+  const Term& term = table.terms[static_cast<std::size_t>(next.last.term)];
+  State child = *next.parent;
+  child.terms = next.terms;
+  child.log_weight = next.log_weight;
+  const MatrixXd x = coordinates_of(table.bases[term.basis], term.L, system.coordinates());
+  MatrixXd M = term.L.transpose() * child.Q[term.basis] * term.L;
+  M.diagonal().array() += 1.0 / term.variance[next.last.size];
+  const Eigen::LLT<MatrixXd> llt(M);
+  const VectorXd b = term.L.transpose() * child.s[term.basis], mean = llt.solve(b);
+  const double explained = b.dot(mean);
+  take_in(system, table, x, llt, b, child);
+  if (term.kind != TermKind::pattern || explained < strong * strong) return child;
+  const MatrixXd C = by_piece(x * mean);
+  const MatrixXd A = C.transpose() * (system.times(C) - child.Y * (child.Y.transpose() * C));
+  const VectorXd s = C.transpose() * child.score;
+  std::array<Eigen::LLT<MatrixXd>, inexactness.size()> inexact;
+  VectorXd gain = VectorXd::Zero(inexactness.size());
+  for (std::size_t k = 1; k < inexactness.size(); ++k) {
+    const double v = inexactness[k] * inexactness[k];
+    M = A;
+    M.diagonal().array() += 1.0 / v;
+    inexact[k].compute(M);
+    gain[static_cast<Eigen::Index>(k)] = 0.5 * VectorXd(inexact[k].matrixL().solve(s)).squaredNorm() -
+                                         inexact[k].matrixLLT().diagonal().array().log().sum() -
+                                         0.5 * static_cast<double>(C.cols()) * std::log(v);
+  }
+  Eigen::Index best = 0;
+  const double top = gain.maxCoeff(&best);
+  child.log_weight += top + std::log((gain.array() - top).exp().mean());
+  for (ModelTerm& t : child.terms)
+    if (t == next.last) t.inexact = static_cast<int>(best);
+  if (best > 0) take_in(system, table, C, inexact[static_cast<std::size_t>(best)], s, child);
   return child;
 }
 
@@ -162,6 +208,7 @@ LogWeights weigh_models(const UnderNoise& under) {
   const TermTable& table = *under.table;
   auto root = std::make_shared<State>();
   root->log_weight = -0.5 * under.system->misfit();
+  root->score = under.system->scores();
   for (const PieceSystem::Block& b : under.blocks) {
     root->Q.push_back(b.Q);
     root->s.push_back(b.s);
@@ -207,6 +254,9 @@ LogWeights weigh_models(const UnderNoise& under) {
       for (const ModelTerm& m : one.terms) of.push_back(m.term);
       if (!done.insert(of).second) continue;
       deeper.push_back(std::make_shared<State>(with_term(*under.system, table, one)));
+      seen.erase(one.terms);
+      seen[deeper.back()->terms] = deeper.back()->log_weight;
+      best = std::max(best, deeper.back()->log_weight);
     }
     level = std::move(deeper);
   }
@@ -398,44 +448,19 @@ class Coefficients {
     OfModel result = {model.probability, VectorXd::Zero(n), MatrixXd::Zero(n, n)};
     result.mean.head(p) = system_.fit_shift();
     result.covariance.topLeftCorner(p, p) = system_.covariance();
-    Eigen::Index r = 0;
-    std::vector<std::size_t> at;
-    for (const ModelTerm& t : model.terms) {
-      at.push_back(place_of(t.term));
-      r += parts_[at.back()].x.cols();
-    }
-    if (r == 0) return result;
-    MatrixXd effect(n, r);
-    Eigen::Index column = 0;
-    for (const std::size_t k : at) {
-      effect.middleCols(column, parts_[k].x.cols()) = parts_[k].effect;
-      column += parts_[k].x.cols();
-    }
-    VectorXd s;
-    const Eigen::LLT<MatrixXd> llt(system_of(model, at, s));
-    const MatrixXd half = llt.matrixL().solve(effect.transpose());
-    result.mean += half.transpose() * llt.matrixL().solve(s);
+    if (model.terms.empty()) return result;
+    const Solution of = solve(model);
+    const MatrixXd effect = beside(of.columns, &Part::effect, n), half = of.llt.matrixL().solve(effect.transpose());
+    result.mean += half.transpose() * of.llt.matrixL().solve(of.s);
     result.covariance += half.transpose() * half;
     return result;
   }
 
   Explained explain(const WeighedModel& model) {
-    std::vector<std::size_t> at;
-    Eigen::Index r = 0;
-    for (const ModelTerm& t : model.terms) {
-      at.push_back(place_of(t.term));
-      r += parts_[at.back()].x.cols();
-    }
-    MatrixXd y(system_.coordinates(), r);
-    Eigen::Index column = 0;
-    for (const std::size_t k : at) {
-      y.middleCols(column, parts_[k].y.cols()) = parts_[k].y;
-      column += parts_[k].y.cols();
-    }
-    if (r == 0) return {y, VectorXd::Zero(0)};
-    VectorXd s;
-    const Eigen::LLT<MatrixXd> llt(system_of(model, at, s));
-    return {llt.matrixL().solve(y.transpose()).transpose(), llt.matrixL().solve(s)};
+    if (model.terms.empty()) return {MatrixXd(system_.coordinates(), 0), VectorXd::Zero(0)};
+    const Solution of = solve(model);
+    const MatrixXd y = beside(of.columns, &Part::y, system_.coordinates());
+    return {of.llt.matrixL().solve(y.transpose()).transpose(), of.llt.matrixL().solve(of.s)};
   }
   bool holds(const WeighedModel& model, std::size_t named) const {
     return std::any_of(model.terms.begin(), model.terms.end(), [&](const ModelTerm& t) {
@@ -449,15 +474,77 @@ class Coefficients {
   struct Part {
     MatrixXd x, y, effect;
     VectorXd s;
+    MatrixXd floor;  // of the coefficients' information
   };
+  struct Column {
+    std::size_t part;
+    double variance;
+  };
+  struct Solution {
+    std::vector<Column> columns;
+    VectorXd s;
+    Eigen::LLT<MatrixXd> llt;  // of the coefficients' information, with their priors
+  };
+
+  // What a pattern may be off by follows from what the first model that holds it makes of it.
+  Solution solve(const WeighedModel& model) {
+    Solution of;
+    for (const ModelTerm& t : model.terms)
+      of.columns.push_back({place_of(t.term), table_.terms[static_cast<std::size_t>(t.term)].variance[t.size]});
+    const auto terms = of.columns.size();
+    const auto decompose = [&] { of.llt.compute(system_of(of.columns, of.s)); };
+    decompose();
+    VectorXd mean;
+    Eigen::Index first = 0;
+    for (std::size_t k = 0; k < terms; ++k) {
+      const ModelTerm& t = model.terms[k];
+      const Eigen::Index wide = parts_[of.columns[k].part].x.cols();
+      if (t.inexact > 0) {
+        const auto [found, is_new] = places_.emplace(t, parts_.size());
+        if (is_new) {
+          if (mean.size() == 0) mean = of.llt.solve(of.s);
+          add_inexact(parts_[of.columns[k].part].x * mean.segment(first, wide));
+        }
+        of.columns.push_back({found->second, std::pow(inexactness[static_cast<std::size_t>(t.inexact)], 2)});
+      }
+      first += wide;
+    }
+    if (of.columns.size() > terms) decompose();
+    return of;
+  }
+  MatrixXd beside(const std::vector<Column>& columns, MatrixXd Part::*of, Eigen::Index rows) const {
+    Eigen::Index wide = 0;
+    for (const Column& c : columns) wide += (parts_[c.part].*of).cols();
+    MatrixXd all(rows, wide);
+    Eigen::Index at = 0;
+    for (const Column& c : columns) {
+      const MatrixXd& one = parts_[c.part].*of;
+      all.middleCols(at, one.cols()) = one;
+      at += one.cols();
+    }
+    return all;
+  }
+
+  void add_inexact(const VectorXd& x) {
+    Part part;
+    part.x = by_piece(x);
+    part.y = system_.times(part.x);
+    part.s = part.x.transpose() * system_.scores();
+    part.floor = MatrixXd::Zero(part.x.cols(), part.x.cols());
+    const MatrixXd shift = system_.shift(part.x);
+    part.effect = MatrixXd::Zero(shift.rows() + static_cast<Eigen::Index>(named_.size()), shift.cols());
+    part.effect.topRows(shift.rows()) = shift;
+    parts_.push_back(std::move(part));
+  }
   std::size_t place_of(int number) {
-    const auto found = places_.find(number);
-    if (found != places_.end()) return found->second;
+    const auto [found, is_new] = places_.emplace(ModelTerm{number, -1, 0}, parts_.size());
+    if (!is_new) return found->second;
     const Term& term = table_.terms[static_cast<std::size_t>(number)];
     Part part;
     part.x = coordinates_of(table_.bases[term.basis], term.L, system_.coordinates());
     part.y = system_.times(part.x);
     part.s = term.L.transpose() * blocks_[term.basis].s;
+    part.floor = term.L.transpose() * (system_.floor() * blocks_[term.basis].before).asDiagonal() * term.L;
     const bool named = std::any_of(term.columns.begin(), term.columns.end(),
                                    [&](int c) { return is_named(table_.effects[static_cast<std::size_t>(c)]); });
     MatrixXd shift = blocks_[term.basis].shift;
@@ -472,31 +559,29 @@ class Coefficients {
         part.effect.row(p + (at - named_.begin())) = term.L.row(table_.column_of_effect[static_cast<std::size_t>(c)]);
     }
     parts_.push_back(std::move(part));
-    places_[number] = parts_.size() - 1;
     return parts_.size() - 1;
   }
 
   // Information of the coefficients with their priors, and their score.
-  MatrixXd system_of(const WeighedModel& model, const std::vector<std::size_t>& at, VectorXd& s) {
+  MatrixXd system_of(const std::vector<Column>& columns, VectorXd& s) {
     Eigen::Index r = 0;
-    for (const std::size_t k : at) r += parts_[k].x.cols();
+    for (const Column& c : columns) r += parts_[c.part].x.cols();
     MatrixXd M(r, r);
     s.resize(r);
     Eigen::Index row = 0;
-    for (std::size_t i = 0; i < at.size(); ++i) {
-      const Eigen::Index m = parts_[at[i]].x.cols();
+    for (std::size_t i = 0; i < columns.size(); ++i) {
+      const Part& part = parts_[columns[i].part];
+      const Eigen::Index m = part.x.cols();
       Eigen::Index column = row;
-      for (std::size_t j = i; j < at.size(); ++j) {
-        const MatrixXd& block = between(at[i], at[j]);
+      for (std::size_t j = i; j < columns.size(); ++j) {
+        const MatrixXd& block = between(columns[i].part, columns[j].part);
         M.block(row, column, block.rows(), block.cols()) = block;
         M.block(column, row, block.cols(), block.rows()) = block.transpose();
         column += block.cols();
       }
-      const Term& term = table_.terms[static_cast<std::size_t>(model.terms[i].term)];
-      M.diagonal().segment(row, m).array() += 1.0 / term.variance[model.terms[i].size];
-      M.block(row, row, m, m) +=
-          term.L.transpose() * (system_.floor() * blocks_[term.basis].before).asDiagonal() * term.L;
-      s.segment(row, m) = parts_[at[i]].s;
+      M.diagonal().segment(row, m).array() += 1.0 / columns[i].variance;
+      M.block(row, row, m, m) += part.floor;
+      s.segment(row, m) = part.s;
       row += m;
     }
     return M;
@@ -513,7 +598,7 @@ class Coefficients {
   const std::vector<PieceSystem::Block>& blocks_;
   std::vector<std::string> named_;
   std::map<std::pair<std::size_t, std::size_t>, MatrixXd> between_;
-  std::map<int, std::size_t> places_;
+  std::map<ModelTerm, std::size_t> places_;  // of a term, size -1; of what it may be off by
   std::vector<Part> parts_;
 };
 

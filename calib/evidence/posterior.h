@@ -6,8 +6,13 @@
 // sum of steps, and a term that explains what another explained takes it away. The search goes level by level: every term at every size is
 // scored beside each of the best models, all of these count in the average, and the best are gone on with (Hoeting et al., Bayesian
 // model averaging, Stat. Sci. 14 (1999) 382).
+//
+// A pattern has no formula, and where it is strong its shape is not good enough: what it leaves would pass for further things. So what it does in
+// each piece may be off by a part of itself, independently: beside x = B L z (its mean) stand the columns C = [x_1 0 ..; 0 x_2 ..], with
+// coefficients ~ N(0, inexactness^2 1), of which a grid has equal odds.
 #pragma once
 
+#include <array>
 #include <map>
 #include <string>
 #include <vector>
@@ -16,8 +21,11 @@
 
 namespace turncal {
 
+inline constexpr std::array<double, 5> inexactness = {0.0, 0.03, 0.1, 0.3, 1.0};
+
 struct ModelTerm {
   int term = 0, size = 0;
+  int inexact = 0;  // of `inexactness`
   friend auto operator<=>(const ModelTerm&, const ModelTerm&) = default;
 };
 

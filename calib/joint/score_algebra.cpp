@@ -57,13 +57,6 @@ bool is_visible(const Scores& scores, int candidate) {
   return scores.kept[candidate] > SelectionLimits{}.visible_part && scores.Q(candidate, candidate) > 0.0;
 }
 
-GroupTest group_test(const Scores& scores, const std::vector<int>& group, double floor) {
-  const Partial p = decompose(scores, group, floor);
-  const Eigen::VectorXd s = p.scale.cwiseProduct(Eigen::VectorXd(scores.s(group)));
-  const Eigen::VectorXd along = p.directions.transpose() * s;
-  return {along.cwiseAbs2().cwiseQuotient(p.values).sum(), static_cast<int>(p.values.size())};
-}
-
 double multiple_correlation(const Scores& scores, int k, const std::vector<int>& group, double floor) {
   const Partial p = decompose(scores, group, floor);
   const Eigen::MatrixXd cross = scores.Q(group, std::vector<int>{k});

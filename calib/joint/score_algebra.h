@@ -25,13 +25,6 @@ Scores eliminate(const Eigen::MatrixXd& information, const Eigen::VectorXd& grad
 // Of a candidate of which the base already imitates all but a billionth (SelectionLimits) the data say nothing.
 bool is_visible(const Scores& scores, int candidate);
 
-// T and rank over a subset of the candidates; directions below `floor` of the largest (of the unit-diagonal matrix) are left out.
-struct GroupTest {
-  double chi_square = 0.0;
-  int rank = 0;
-};
-GroupTest group_test(const Scores& scores, const std::vector<int>& group, double floor = 1e-6);
-
 // Multiple correlation of candidate k with a group: 1 when the group can imitate it.
 double multiple_correlation(const Scores& scores, int k, const std::vector<int>& group, double floor = 1e-6);
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
-#include "calib/evidence/last_rest.h"
+#include "calib/evidence/evidence.h"
 #include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/report_format.h"

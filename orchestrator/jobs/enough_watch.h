@@ -4,7 +4,7 @@
 //   the residual is not above limit.residual_max, and
 //   the fit passes its lack-of-fit tests: data that disagree with the model are no reason to trust its sigmas sooner, and
 //   half an hour is recorded, where the whole plan would get a diagnosis: the end that comes sooner is no way round one.
-// A dwell that disagrees with all the others (calib/evidence/last_rest.h) is made once more, dwell.max_repeats times. When the last take
+// A dwell that disagrees with all the others (calib/evidence/evidence.h) is made once more, dwell.max_repeats times. When the last take
 // agrees with all else, those that do not are set aside: they stay in the recording, marked, and no estimate uses them. When it
 // does not, all of them stay, and the run goes on, to its planned end at the latest. Where the end will be is predicted
 // (calib/prediction/predict.h): at the soonest where the plan has these sigmas with the noise as it is fitted, at the latest where what an

@@ -55,24 +55,10 @@ TEST(Scores, OneCandidateAloneIsItsLeastSquaresValue) {
   }
 }
 
-TEST(Scores, GroupTestIsTheDropOfTheResidual) {
-  const Regression r = make(2);
-  const Scores s = eliminate(r.information(), r.gradient(), {0, 1, 2}, {3, 4, 5, 6});
-  const auto residual = [&](const Eigen::MatrixXd& X) {
-    return (r.y - X * X.colPivHouseholderQr().solve(r.y)).squaredNorm();
-  };
-  Eigen::MatrixXd with(200, 5);
-  with << r.X.leftCols(3), r.X.col(3), r.X.col(4);
-  const GroupTest test = group_test(s, {0, 1});
-  EXPECT_EQ(test.rank, 2);
-  EXPECT_NEAR(test.chi_square, residual(r.X.leftCols(3)) - residual(with), 1e-8);
-}
-
-TEST(Scores, TwinsCountOnceAndImitateEachOther) {
+TEST(Scores, TwinsImitateEachOther) {
   Regression r = make(3);
   r.X.col(6) = r.X.col(5);
   const Scores s = eliminate(r.information(), r.gradient(), {0, 1, 2}, {3, 4, 5, 6});
-  EXPECT_EQ(group_test(s, {2, 3}).rank, 1);
   EXPECT_NEAR(multiple_correlation(s, 2, {3}), 1.0, 1e-9);
   EXPECT_LT(multiple_correlation(s, 0, {2, 3}), 0.3);
 }

@@ -1,4 +1,4 @@
-#include "calib/fleet/noise_class.h"
+#include "calib/fleet/fleet_prior.h"
 
 #include <gtest/gtest.h>
 
