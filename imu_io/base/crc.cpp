@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cstring>
 
 #if defined(__x86_64__)
@@ -61,6 +60,12 @@ std::uint32_t Crc::operator()(std::span<const std::byte> data, std::size_t zeros
   return (state ^ parameters_.final_xor) & all;
 }
 
+std::uint32_t Crc::go_on(std::span<const std::byte> data, std::uint32_t before) const {
+  std::uint32_t state = ~before;
+  for (const std::byte byte : data) state = step(state, std::to_integer<std::uint32_t>(byte));
+  return ~state;
+}
+
 namespace {
 
 constexpr std::string_view checksum_key = "checksum = ";
@@ -90,26 +95,6 @@ Result<std::string_view> without_checksum(std::string_view text, const std::stri
 
 namespace {
 
-constexpr std::uint32_t reflected_polynomial = 0x82F63B78;
-
-// tables[k][b]: CRC of byte b followed by k zero bytes, so that eight bytes take eight independent look-ups.
-constexpr std::array<std::array<std::uint32_t, 256>, 8> make_tables() {
-  std::array<std::array<std::uint32_t, 256>, 8> tables{};
-  for (std::uint32_t byte = 0; byte < 256; ++byte) {
-    std::uint32_t crc = byte;
-    for (int bit = 0; bit < 8; ++bit) crc = (crc >> 1) ^ ((crc & 1U) != 0 ? reflected_polynomial : 0U);
-    tables[0][byte] = crc;
-  }
-  for (std::size_t k = 1; k < 8; ++k) {
-    for (std::size_t byte = 0; byte < 256; ++byte) {
-      const std::uint32_t crc = tables[k - 1][byte];
-      tables[k][byte] = (crc >> 8) ^ tables[0][crc & 0xFFU];
-    }
-  }
-  return tables;
-}
-constexpr auto tables = make_tables();
-
 #if defined(__x86_64__)
 __attribute__((target("sse4.2"))) std::uint32_t crc32c_sse42(std::span<const std::byte> data, std::uint32_t before) {
   const std::byte* p = data.data();
@@ -129,18 +114,8 @@ __attribute__((target("sse4.2"))) std::uint32_t crc32c_sse42(std::span<const std
 }  // namespace
 
 std::uint32_t crc32c_portable(std::span<const std::byte> data, std::uint32_t before) {
-  std::uint32_t crc = ~before;
-  const std::byte* p = data.data();
-  std::size_t n = data.size();
-  const auto byte_at = [](const std::byte* q, std::size_t i) { return std::to_integer<std::uint32_t>(q[i]); };
-  for (; n >= 8; n -= 8, p += 8) {
-    crc ^= byte_at(p, 0) | byte_at(p, 1) << 8 | byte_at(p, 2) << 16 | byte_at(p, 3) << 24;
-    crc = tables[7][crc & 0xFFU] ^ tables[6][(crc >> 8) & 0xFFU] ^ tables[5][(crc >> 16) & 0xFFU] ^
-          tables[4][crc >> 24] ^ tables[3][byte_at(p, 4)] ^ tables[2][byte_at(p, 5)] ^ tables[1][byte_at(p, 6)] ^
-          tables[0][byte_at(p, 7)];
-  }
-  for (; n > 0; --n, ++p) crc = (crc >> 8) ^ tables[0][(crc ^ byte_at(p, 0)) & 0xFFU];
-  return ~crc;
+  static const Crc crc({32, 0x1EDC6F41, 0xFFFFFFFF, true, true, 0xFFFFFFFF});
+  return crc.go_on(data, before);
 }
 
 std::uint32_t crc32c(std::span<const std::byte> data, std::uint32_t before) {

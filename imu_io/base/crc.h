@@ -1,6 +1,6 @@
 // Any CRC of 8 to 32 bits by its parameters, as catalogues give them (Rocksoft model): width, polynomial, initial value,
 // reflection of input and output, final xor. Check values for "123456789": CRC-32/MPEG-2 0376E6E7, NovAtel CRC-32 2DFD2D88,
-// CRC-16/XMODEM 31C3. One look-up a byte. CRC-32C of files has its own.
+// CRC-16/XMODEM 31C3. One look-up a byte.
 #pragma once
 
 #include <array>
@@ -28,6 +28,8 @@ class Crc {
   explicit Crc(const CrcParameters& parameters);
   // Over `data` followed by `zeros` zero bytes.
   std::uint32_t operator()(std::span<const std::byte> data, std::size_t zeros = 0) const;
+  // Goes on from the CRC of what came before; 0 to begin. REQUIRES: input and output reflected, initial value and final xor all ones.
+  std::uint32_t go_on(std::span<const std::byte> data, std::uint32_t before) const;
 
  private:
   std::uint32_t step(std::uint32_t state, std::uint32_t byte) const;
@@ -43,7 +45,7 @@ class Crc {
 // Goes on from the CRC of what came before; 0 to begin.
 std::uint32_t crc32c(std::span<const std::byte> data, std::uint32_t before = 0);
 std::uint32_t crc32c(std::string_view text, std::uint32_t before = 0);
-// The table-driven form, for the test that holds both against each other.
+// Without it, for the test that holds both against each other.
 std::uint32_t crc32c_portable(std::span<const std::byte> data, std::uint32_t before = 0);
 
 // Text files that tell whether they are whole: the last line is `checksum = ` and the CRC-32C, as 8 hex digits, of all bytes above it. It

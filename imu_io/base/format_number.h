@@ -48,13 +48,20 @@ requires std::floating_point<T> std::optional<T> parse_number(std::string_view t
   return value;
 }
 
-// Decimal; out of T's range is a failure.
+// Out of T's range is a failure.
 template <class T = std::int64_t>
-requires std::integral<T> std::optional<T> parse_integer(std::string_view token) {
+requires std::integral<T> std::optional<T> parse_integer(std::string_view token, int base = 10) {
   T value{};
-  const auto result = std::from_chars(token.data(), token.data() + token.size(), value);
+  const auto result = std::from_chars(token.data(), token.data() + token.size(), value, base);
   if (result.ec != std::errc{} || result.ptr != token.data() + token.size()) return {};
   return value;
+}
+
+// Decimal, or hexadecimal after 0x.
+template <class T = std::int64_t>
+std::optional<T> parse_whole(std::string_view token) {
+  const bool hex = token.starts_with("0x") || token.starts_with("0X");
+  return parse_integer<T>(hex ? token.substr(2) : token, hex ? 16 : 10);
 }
 
 }  // namespace turncal

@@ -177,62 +177,6 @@ Status KeyValueFile::check_all_used() const {
 
 // ---- values ----
 
-double KeyValueFile::number_of(const Entry& entry, NumberRange range) {
-  const auto value = parse_number(entry.value);
-  if (value && range.contains(*value)) return *value;
-  reject(entry.key, describe(range));
-  return no_number;
-}
-
-std::int64_t KeyValueFile::integer_of(const Entry& entry, std::int64_t min, std::int64_t max) {
-  const auto value = parse_integer(entry.value);
-  if (value && *value >= min && *value <= max) return *value;
-  reject(entry.key, describe_integer(min, max));
-  return 0;
-}
-
-bool KeyValueFile::boolean_of(const Entry& entry) {
-  if (entry.value == "true") return true;
-  if (entry.value != "false") reject(entry.key, "true or false");
-  return false;
-}
-
-std::string KeyValueFile::choice_of(const Entry& entry, std::initializer_list<std::string_view> choices) {
-  if (std::find(choices.begin(), choices.end(), entry.value) != choices.end()) return entry.value;
-  reject(entry.key, joined(choices));
-  return {};
-}
-
-std::vector<double> KeyValueFile::numbers_of(const Entry& entry, std::size_t count, NumberRange range) {
-  std::vector<double> values;
-  const auto parts = split_at_commas(entry.value);
-  bool good = count == 0 || parts.size() == count;
-  for (const std::string_view part : parts) {
-    const auto value = parse_number(part);
-    good = good && value && range.contains(*value);
-    values.push_back(value.value_or(no_number));
-  }
-  if (good) return values;
-  const std::string how_many = count == 0 ? "numbers" : std::to_string(count) + " numbers";
-  reject(entry.key, how_many + " separated by commas, each " + describe(range));
-  // As many as were wanted, so that the caller may index before it checks.
-  return std::vector<double>(count, no_number);
-}
-
-std::vector<std::string> KeyValueFile::list_of(const Entry& entry) {
-  std::vector<std::string> values;
-  for (const std::string_view part : split_at_commas(entry.value)) {
-    if (part.empty()) {
-      reject(entry.key, "names separated by commas, none empty");
-      return {};
-    }
-    values.emplace_back(part);
-  }
-  return values;
-}
-
-// ---- required ----
-
 std::string KeyValueFile::text(std::string_view key) {
   const Entry* entry = require(key, "a text");
   if (entry == nullptr) return {};
@@ -240,75 +184,100 @@ std::string KeyValueFile::text(std::string_view key) {
   return entry->value;
 }
 
-double KeyValueFile::number(std::string_view key, NumberRange range) {
-  const Entry* entry = require(key, describe(range));
-  return entry != nullptr ? number_of(*entry, range) : no_number;
-}
-
-std::int64_t KeyValueFile::integer(std::string_view key, std::int64_t min, std::int64_t max) {
-  const Entry* entry = require(key, describe_integer(min, max));
-  return entry != nullptr ? integer_of(*entry, min, max) : 0;
-}
-
-std::string KeyValueFile::one_of(std::string_view key, std::initializer_list<std::string_view> choices) {
-  const Entry* entry = require(key, joined(choices));
-  return entry != nullptr ? choice_of(*entry, choices) : std::string{};
-}
-
-std::vector<double> KeyValueFile::numbers(std::string_view key, std::size_t count, NumberRange range) {
-  const Entry* entry = require(key, "numbers separated by commas");
-  if (entry != nullptr) return numbers_of(*entry, count, range);
-  return std::vector<double>(count, no_number);
-}
-
-std::vector<std::string> KeyValueFile::list(std::string_view key) {
-  const Entry* entry = require(key, "names separated by commas");
-  return entry != nullptr ? list_of(*entry) : std::vector<std::string>{};
-}
-
-// ---- optional ----
-
 std::string KeyValueFile::text_or(std::string_view key, std::string_view otherwise) {
   const Entry* entry = use(key);
   return entry != nullptr ? entry->value : std::string(otherwise);
 }
 
-double KeyValueFile::number_or(std::string_view key, double otherwise, NumberRange range) {
-  const Entry* entry = use(key);
-  return entry != nullptr ? number_of(*entry, range) : otherwise;
+double KeyValueFile::number(std::string_view key, NumberRange range) {
+  const Entry* entry = require(key, describe(range));
+  if (entry == nullptr) return no_number;
+  const auto value = parse_number(entry->value);
+  if (value && range.contains(*value)) return *value;
+  reject(key, describe(range));
+  return no_number;
 }
 
-std::optional<double> KeyValueFile::number_if(std::string_view key, NumberRange range) {
-  const Entry* entry = use(key);
-  return entry != nullptr ? std::optional(number_of(*entry, range)) : std::nullopt;
-}
-
-std::int64_t KeyValueFile::integer_or(std::string_view key, std::int64_t otherwise, std::int64_t min,
-                                      std::int64_t max) {
-  const Entry* entry = use(key);
-  return entry != nullptr ? integer_of(*entry, min, max) : otherwise;
+std::int64_t KeyValueFile::integer(std::string_view key, std::int64_t min, std::int64_t max) {
+  const Entry* entry = require(key, describe_integer(min, max));
+  if (entry == nullptr) return 0;
+  const auto value = parse_integer(entry->value);
+  if (value && *value >= min && *value <= max) return *value;
+  reject(key, describe_integer(min, max));
+  return 0;
 }
 
 bool KeyValueFile::boolean_or(std::string_view key, bool otherwise) {
   const Entry* entry = use(key);
-  return entry != nullptr ? boolean_of(*entry) : otherwise;
+  if (entry == nullptr) return otherwise;
+  if (entry->value != "true" && entry->value != "false") reject(key, "true or false");
+  return entry->value == "true";
 }
 
-std::string KeyValueFile::one_of_or(std::string_view key, std::string_view otherwise,
-                                    std::initializer_list<std::string_view> choices) {
-  const Entry* entry = use(key);
-  return entry != nullptr ? choice_of(*entry, choices) : std::string(otherwise);
+std::string KeyValueFile::one_of(std::string_view key, std::initializer_list<std::string_view> choices) {
+  const Entry* entry = require(key, joined(choices));
+  if (entry == nullptr) return {};
+  if (std::find(choices.begin(), choices.end(), entry->value) != choices.end()) return entry->value;
+  reject(key, joined(choices));
+  return {};
 }
 
-std::vector<double> KeyValueFile::numbers_or(std::string_view key, std::vector<double> otherwise, std::size_t count,
-                                             NumberRange range) {
-  const Entry* entry = use(key);
-  return entry != nullptr ? numbers_of(*entry, count, range) : otherwise;
+std::vector<double> KeyValueFile::numbers(std::string_view key, std::size_t count, NumberRange range) {
+  std::vector<double> values;
+  const Entry* entry = require(key, "numbers separated by commas");
+  if (entry != nullptr) {
+    const auto parts = split_at_commas(entry->value);
+    bool good = count == 0 || parts.size() == count;
+    for (const std::string_view part : parts) {
+      const auto value = parse_number(part);
+      good = good && value && range.contains(*value);
+      values.push_back(value.value_or(no_number));
+    }
+    if (good) return values;
+    const std::string how_many = count == 0 ? "numbers" : std::to_string(count) + " numbers";
+    reject(key, how_many + " separated by commas, each " + describe(range));
+  }
+  // As many as were wanted, so that the caller may index before it checks.
+  values.assign(count, no_number);
+  return values;
 }
 
-std::vector<std::string> KeyValueFile::list_or(std::string_view key, std::vector<std::string> otherwise) {
-  const Entry* entry = use(key);
-  return entry != nullptr ? list_of(*entry) : otherwise;
+std::vector<std::string> KeyValueFile::list(std::string_view key) {
+  const Entry* entry = require(key, "names separated by commas");
+  if (entry == nullptr) return {};
+  const auto parts = split_at_commas(entry->value);
+  if (std::find(parts.begin(), parts.end(), "") == parts.end()) return {parts.begin(), parts.end()};
+  reject(key, "names separated by commas, none empty");
+  return {};
+}
+
+// ---- the keys as a table, and where their lines come from ----
+
+std::size_t KeyTable::place_of(const std::string& key, std::size_t place,
+                               std::initializer_list<std::string_view> names) {
+  const std::string name = file_.one_of_or(key, names.begin()[place], names);
+  // A defect leaves no name; the caller may go on with any value.
+  const auto at = std::find(names.begin(), names.end(), name);
+  return at == names.end() ? place : static_cast<std::size_t>(at - names.begin());
+}
+
+std::vector<LineSource> read_line_sources(KeyValueFile& file) {
+  const std::vector<std::string> named = file.keys_with_prefix("source.");
+  for (const std::string& key : named) file.text(key);
+  std::vector<LineSource> lines;
+  for (const std::string& key : file.keys()) {
+    if (key.starts_with("source.")) continue;
+    LineSource line{key, file.line_of(key), ""};
+    const std::string comment = file.comment_of(key);
+    const std::size_t end = comment.find(']');
+    if (comment.starts_with('[') && end != std::string::npos) line.mark = comment.substr(1, end - 1);
+    const bool known = comment.empty() || line.is_guess() || line.mark == "yours" || file.has("source." + line.mark);
+    if (!known && !named.empty())
+      file.reject(key, "[guess], [yours] or a NAME of a line source.NAME after its #, not '" + comment + "'");
+    if (!known) line.mark.clear();
+    lines.push_back(std::move(line));
+  }
+  return lines;
 }
 
 }  // namespace turncal

@@ -66,17 +66,29 @@ class KeyValueFile {
 
   // Optional: the default when the key is missing; a value that is there is checked all the same.
   std::string text_or(std::string_view key, std::string_view otherwise);
-  double number_or(std::string_view key, double otherwise, NumberRange range = any_number);
-  std::optional<double> number_if(std::string_view key, NumberRange range = any_number);
+  double number_or(std::string_view key, double otherwise, NumberRange range = any_number) {
+    return has(key) ? number(key, range) : otherwise;
+  }
+  std::optional<double> number_if(std::string_view key, NumberRange range = any_number) {
+    return has(key) ? std::optional(number(key, range)) : std::nullopt;
+  }
   std::int64_t integer_or(std::string_view key, std::int64_t otherwise,
                           std::int64_t min = std::numeric_limits<std::int64_t>::min(),
-                          std::int64_t max = std::numeric_limits<std::int64_t>::max());
+                          std::int64_t max = std::numeric_limits<std::int64_t>::max()) {
+    return has(key) ? integer(key, min, max) : otherwise;
+  }
   bool boolean_or(std::string_view key, bool otherwise);  // true or false
   std::string one_of_or(std::string_view key, std::string_view otherwise,
-                        std::initializer_list<std::string_view> choices);
+                        std::initializer_list<std::string_view> choices) {
+    return has(key) ? one_of(key, choices) : std::string(otherwise);
+  }
   std::vector<double> numbers_or(std::string_view key, std::vector<double> otherwise, std::size_t count = 0,
-                                 NumberRange range = any_number);
-  std::vector<std::string> list_or(std::string_view key, std::vector<std::string> otherwise);
+                                 NumberRange range = any_number) {
+    return has(key) ? numbers(key, count, range) : otherwise;
+  }
+  std::vector<std::string> list_or(std::string_view key, std::vector<std::string> otherwise) {
+    return has(key) ? list(key) : otherwise;
+  }
 
   // For the caller's own checks: remembers `file:line: key 'x' = 'y': expected ...` unless there already is a defect.
   void reject(std::string_view key, std::string_view expected);
@@ -100,12 +112,6 @@ class KeyValueFile {
   Entry* use(std::string_view key);                                 // marks as used; nullptr when missing
   Entry* require(std::string_view key, std::string_view expected);  // the same; missing is a defect
   void remember(Error error);
-  double number_of(const Entry& entry, NumberRange range);
-  std::int64_t integer_of(const Entry& entry, std::int64_t min, std::int64_t max);
-  bool boolean_of(const Entry& entry);
-  std::string choice_of(const Entry& entry, std::initializer_list<std::string_view> choices);
-  std::vector<double> numbers_of(const Entry& entry, std::size_t count, NumberRange range);
-  std::vector<std::string> list_of(const Entry& entry);
 
   std::string file_name_;
   std::vector<Entry> entries_;
@@ -117,5 +123,70 @@ class KeyValueFile {
 
 // "a number > 0", "a number between -90 and 90": what messages say after "expected".
 std::string describe(NumberRange range);
+
+// The keys of a configuration as a table: one line a key, with the field that it sets and what it accepts.
+//
+//   KeyTable keys(file);
+//   keys.number("motion.settle_s", motion.settle_s, between(0.0, 3600.0));
+//   keys.chosen("link.parity", link.parity, {"none", "even", "odd"});
+//
+// A key that is not in the file leaves its field, which holds the default, as it is. Defects stay with the file. Keys that cannot be
+// missing are asked of KeyValueFile.
+class KeyTable {
+ public:
+  // `usual`: the range of the numbers that have none of their own.
+  explicit KeyTable(KeyValueFile& file, NumberRange usual = any_number) : file_(file), usual_(usual) {}
+
+  void number(const std::string& key, double& value, NumberRange range) { value = file_.number_or(key, value, range); }
+  void number(const std::string& key, double& value) { number(key, value, usual_); }
+  void number(const std::string& key, std::optional<double>& value, NumberRange range) {
+    if (file_.has(key)) value = file_.number(key, range);
+  }
+  void number(const std::string& key, std::optional<double>& value) { number(key, value, usual_); }
+  template <class Whole>
+  void whole(const std::string& key, Whole& value, Whole min, Whole max) {
+    value = static_cast<Whole>(file_.integer_or(key, static_cast<std::int64_t>(value), static_cast<std::int64_t>(min),
+                                                static_cast<std::int64_t>(max)));
+  }
+  void flag(const std::string& key, bool& value) { value = file_.boolean_or(key, value); }
+  void text(const std::string& key, std::string& value) { value = file_.text_or(key, value); }
+  // The value is the place of the name: enumerators in the order of `names`, false and true.
+  template <class Value>
+  void chosen(const std::string& key, Value& value, std::initializer_list<std::string_view> names) {
+    value = static_cast<Value>(place_of(key, static_cast<std::size_t>(value), names));
+  }
+
+  KeyValueFile& file() const { return file_; }
+
+ private:
+  std::size_t place_of(const std::string& key, std::size_t place, std::initializer_list<std::string_view> names);
+
+  KeyValueFile& file_;
+  NumberRange usual_;
+};
+
+// Where the lines of a description (a register map, a dialect, a frame) come from.
+//
+//   source.manual = Maker, "Title", edition                 names a source
+//   write.stop = 0x50E u32 1000           # [manual]        a line that is taken from it
+//   link.terminator_in = \n               # [guess]         a line for which there is none
+//   axis.heading.unit = 1                 # [yours]         a setting of the station, which claims nothing of the device
+//
+// More may stand after the bracket. A line without a mark is the word of whoever wrote the file.
+struct LineSource {
+  std::string key;
+  int line = 0;
+  std::string mark;  // empty: none
+  bool is_guess() const { return mark == "guess"; }
+};
+
+// Of every key but source.*, which it reads. In a file that names sources a comment that begins with none of them is a defect.
+std::vector<LineSource> read_line_sources(KeyValueFile& file);
+
+// Where on the earth's surface a unit can stand.
+inline constexpr NumberRange site_latitude_deg = between(-90.0, 90.0);
+inline constexpr NumberRange site_gravity_mps2 = between(9.7, 9.9);
+// Of a recording, whoever made it: a value outside is a slip of unit or of pen.
+inline constexpr NumberRange recorded_gravity_mps2 = between(9.0, 11.0);
 
 }  // namespace turncal

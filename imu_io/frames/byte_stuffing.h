@@ -13,8 +13,6 @@
 #include <span>
 #include <vector>
 
-#include "calib/types/status.h"
-
 namespace turncal {
 
 enum class StuffingKind { none, escape, slip, repeat, cobs };

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <charconv>
 #include <cmath>
 #include <iterator>
 
@@ -42,108 +41,95 @@ class FrameKeys {
   }
 
   // Decimal, or hexadecimal with 0x in front. Without `otherwise` the key is required.
-  std::uint64_t bits(const std::string& key, std::optional<std::uint64_t> otherwise);
-  std::vector<std::byte> bytes(const std::string& key);                   // "EB 90"
-  std::array<double, 3> three(const std::string& key, double otherwise);  // one number stands for three
+  std::uint64_t bits(const std::string& key, std::optional<std::uint64_t> otherwise) {
+    const std::string at = name(key);
+    if (otherwise && !file_.has(at)) return *otherwise;
+    const auto value = parse_whole<std::uint64_t>(file_.text(at));
+    if (!value) file_.reject(at, "a whole number, 0x before hexadecimal, at most 64 bits");
+    return value.value_or(0);
+  }
+
+  // "EB 90"
+  std::vector<std::byte> bytes(const std::string& key) {
+    std::vector<std::byte> result;
+    const std::string text = file_.text_or(name(key), "");
+    for (const std::string_view part : split_words(text)) {
+      const auto value = parse_integer<unsigned>(part, 16);
+      if (!value || part.size() != 2 || result.size() >= 16) {
+        reject(key, "at most 16 bytes of two hexadecimal digits, with blanks between");
+        return {};
+      }
+      result.push_back(static_cast<std::byte>(*value));
+    }
+    return result;
+  }
+
+  // one number stands for three
+  std::array<double, 3> three(const std::string& key, double otherwise) {
+    const std::vector<double> given = file_.numbers_or(name(key), {otherwise});
+    if (given.size() == 1) return {given[0], given[0], given[0]};
+    if (given.size() == 3) return {given[0], given[1], given[2]};
+    reject(key, "one or three numbers");
+    return {otherwise, otherwise, otherwise};
+  }
+
   // prefix.type, .order, .word_order, .mask
-  FieldForm form(const std::string& prefix, std::string_view default_type);
+  FieldForm form(const std::string& prefix, std::string_view default_type) {
+    FieldForm form;
+    std::string type = file_.one_of_or(name(prefix + ".type"), default_type,
+                                       {"u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u64", "i64", "f32",
+                                        "f64", "sm8", "sm16", "sm24", "sm32"});
+    if (type.empty()) type = default_type;  // refused already
+    form.type = static_cast<NumberType>(std::string_view("uisf").find(type[0]));
+    form.bytes = parse_integer<int>(std::string_view(type).substr(type[0] == 's' ? 2 : 1)).value_or(8) / 8;
+    chosen(has(prefix + ".order") ? prefix + ".order" : "order", form.big_endian, {"little", "big"});
+    chosen(has(prefix + ".word_order") ? prefix + ".word_order" : "word_order", form.swap_words, {"same", "swapped"});
+    form.swap_words = form.swap_words && form.bytes >= 4;
+    form.mask = bits(prefix + ".mask", all_bits);
+    const bool floating = form.type == NumberType::floating;
+    const std::uint64_t room = all_bits >> (64 - 8 * form.bytes);
+    const std::uint64_t left = form.mask & room;
+    const std::uint64_t run = left == 0 ? 0 : left >> std::countr_zero(left);
+    const char* const expected = floating && left != room ? "no mask on a floating field"
+                                 : left == 0              ? "a mask that leaves something of the field"
+                                 : (run & (run + 1)) != 0 ? "a mask of neighbouring bits"
+                                                          : nullptr;
+    if (expected == nullptr) return form;
+    reject(prefix + ".mask", expected);
+    form.mask = all_bits;
+    return form;
+  }
+
   // prefix.offset with its form: one offset or as many as are wanted (0: any number); the others follow the only one given.
   std::vector<FrameField> fields(const std::string& prefix, std::string_view default_type, std::size_t wanted) {
     return places(prefix + ".offset", form(prefix, default_type), wanted);
   }
-  // The offsets that stand at `key`, of numbers of this form.
-  std::vector<FrameField> places(const std::string& key, const FieldForm& shape, std::size_t wanted);
   FrameField field(const std::string& prefix, std::string_view default_type) {
     return fields(prefix, default_type, 1)[0];
+  }
+
+  // The offsets that stand at `key`, of numbers of this form.
+  std::vector<FrameField> places(const std::string& key, const FieldForm& shape, std::size_t wanted) {
+    const std::string at = name(key);
+    const std::vector<double> offsets = file_.numbers(at, 0, between(0.0, static_cast<double>(longest_frame - 1)));
+    std::vector<FrameField> result;
+    const auto whole = [](double x) { return x >= 0.0 && x == std::floor(x); };
+    if (!std::all_of(offsets.begin(), offsets.end(), whole) || offsets.empty() || offsets.size() > 16 ||
+        (wanted != 0 && offsets.size() != 1 && offsets.size() != wanted)) {
+      file_.reject(at, wanted > 1 ? fmt::format("1 or {} whole byte offsets", wanted) : "a whole byte offset");
+      result.resize(std::max<std::size_t>(wanted, 1), FrameField{0, shape});
+      return result;
+    }
+    for (const double offset : offsets) result.push_back({static_cast<std::size_t>(offset), shape});
+    while (result.size() < wanted)
+      result.push_back({result.back().offset + static_cast<std::size_t>(shape.bytes), shape});
+    return result;
   }
 
  private:
   KeyValueFile& file_;
   std::string variant_;
 };
-
-// The whole text as one number.
-template <class Number>
-bool read_digits(std::string_view text, int base, Number& value) {
-  const auto result = std::from_chars(text.data(), text.data() + text.size(), value, base);
-  return result.ec == std::errc{} && result.ptr == text.data() + text.size();
-}
-
-std::uint64_t FrameKeys::bits(const std::string& key, std::optional<std::uint64_t> otherwise) {
-  const std::string at = name(key);
-  if (otherwise && !file_.has(at)) return *otherwise;
-  const std::string text = file_.text(at);
-  const bool hex = text.starts_with("0x") || text.starts_with("0X");
-  std::uint64_t value = 0;
-  if (!read_digits(std::string_view(text).substr(hex ? 2 : 0), hex ? 16 : 10, value))
-    file_.reject(at, "a whole number, 0x before hexadecimal, at most 64 bits");
-  return value;
-}
-
-std::vector<std::byte> FrameKeys::bytes(const std::string& key) {
-  std::vector<std::byte> result;
-  const std::string text = file_.text_or(name(key), "");
-  for (const std::string_view part : split_words(text)) {
-    unsigned value = 0;
-    if (!read_digits(part, 16, value) || part.size() != 2 || result.size() >= 16) {
-      reject(key, "at most 16 bytes of two hexadecimal digits, with blanks between");
-      return {};
-    }
-    result.push_back(static_cast<std::byte>(value));
-  }
-  return result;
-}
-
-FieldForm FrameKeys::form(const std::string& prefix, std::string_view default_type) {
-  FieldForm form;
-  std::string type = file_.one_of_or(name(prefix + ".type"), default_type,
-                                     {"u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u64", "i64", "f32", "f64",
-                                      "sm8", "sm16", "sm24", "sm32"});
-  if (type.empty()) type = default_type;  // refused already
-  form.type = static_cast<NumberType>(std::string_view("uisf").find(type[0]));
-  form.bytes = parse_integer<int>(std::string_view(type).substr(type[0] == 's' ? 2 : 1)).value_or(8) / 8;
-  chosen(has(prefix + ".order") ? prefix + ".order" : "order", form.big_endian, {"little", "big"});
-  chosen(has(prefix + ".word_order") ? prefix + ".word_order" : "word_order", form.swap_words, {"same", "swapped"});
-  form.swap_words = form.swap_words && form.bytes >= 4;
-  form.mask = bits(prefix + ".mask", all_bits);
-  const bool floating = form.type == NumberType::floating;
-  const std::uint64_t room = all_bits >> (64 - 8 * form.bytes);
-  const std::uint64_t left = form.mask & room;
-  const std::uint64_t run = left == 0 ? 0 : left >> std::countr_zero(left);
-  const char* const expected = floating && left != room ? "no mask on a floating field"
-                               : left == 0              ? "a mask that leaves something of the field"
-                               : (run & (run + 1)) != 0 ? "a mask of neighbouring bits"
-                                                        : nullptr;
-  if (expected == nullptr) return form;
-  reject(prefix + ".mask", expected);
-  form.mask = all_bits;
-  return form;
-}
-
-std::vector<FrameField> FrameKeys::places(const std::string& key, const FieldForm& shape, std::size_t wanted) {
-  const std::string at = name(key);
-  const std::vector<double> offsets = file_.numbers(at, 0, between(0.0, static_cast<double>(longest_frame - 1)));
-  std::vector<FrameField> result;
-  const auto whole = [](double x) { return x >= 0.0 && x == std::floor(x); };
-  if (!std::all_of(offsets.begin(), offsets.end(), whole) || offsets.empty() || offsets.size() > 16 ||
-      (wanted != 0 && offsets.size() != 1 && offsets.size() != wanted)) {
-    file_.reject(at, wanted > 1 ? fmt::format("1 or {} whole byte offsets", wanted) : "a whole byte offset");
-    result.resize(std::max<std::size_t>(wanted, 1), FrameField{0, shape});
-    return result;
-  }
-  for (const double offset : offsets) result.push_back({static_cast<std::size_t>(offset), shape});
-  while (result.size() < wanted)
-    result.push_back({result.back().offset + static_cast<std::size_t>(shape.bytes), shape});
-  return result;
-}
-
-std::array<double, 3> FrameKeys::three(const std::string& key, double otherwise) {
-  const std::vector<double> given = file_.numbers_or(name(key), {otherwise});
-  if (given.size() == 1) return {given[0], given[0], given[0]};
-  if (given.size() == 3) return {given[0], given[1], given[2]};
-  reject(key, "one or three numbers");
-  return {otherwise, otherwise, otherwise};
-}
 
 // ---- the parts of a description ----
 

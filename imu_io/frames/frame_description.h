@@ -23,9 +23,8 @@
 #include "calib/types/axis.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
-#include "imu_io/base/key_table.h"
+#include "imu_io/base/key_value.h"
 #include "imu_io/frames/byte_stuffing.h"
-#include "imu_io/frames/frame_check.h"
 #include "imu_io/frames/frame_field.h"
 #include "imu_io/lines/serial_port.h"
 

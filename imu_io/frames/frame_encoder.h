@@ -15,7 +15,6 @@
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
 #include "imu_io/frames/frame_description.h"
-#include "imu_io/frames/frame_field.h"
 #include "imu_io/frames/frame_values.h"
 
 namespace turncal {

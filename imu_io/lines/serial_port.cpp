@@ -18,9 +18,8 @@
 
 #include <cmath>
 #include <cstring>
-#include <utility>
 
-#include "imu_io/lines/tcp_connection.h"
+#include "imu_io/lines/byte_line.h"
 
 namespace turncal {
 namespace {
@@ -154,8 +153,8 @@ std::string access_advice(const std::string& device, int number) {
 
 void read_serial_keys(KeyTable& keys, const std::string& prefix, SerialSettings& settings, bool serial) {
   for (const char* const name : {".baud", ".data_bits", ".parity", ".stop_bits"})
-    if (!serial && keys.file()->has(prefix + name))
-      keys.file()->reject(prefix + name, "no such key unless the device is a serial line");
+    if (!serial && keys.file().has(prefix + name))
+      keys.file().reject(prefix + name, "no such key unless the device is a serial line");
   keys.whole(prefix + ".baud", settings.baud, 50u, 20'000'000u);
   keys.whole(prefix + ".data_bits", settings.data_bits, 7, 8);
   keys.chosen(prefix + ".parity", settings.parity, {"none", "even", "odd"});

@@ -17,7 +17,7 @@
 #include <string_view>
 
 #include "calib/types/status.h"
-#include "imu_io/base/key_table.h"
+#include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 
 namespace turncal {

@@ -6,11 +6,9 @@
 
 #include <fmt/format.h>
 
-#include "calib/model/parameters.h"
 #include "calib/statistics/clipping.h"
 #include "calib/statistics/distributions.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
@@ -107,18 +105,248 @@ Error time_goes_back(const std::string& file, std::int64_t line, const std::stri
 class Importer {
  public:
   explicit Importer(const CsvMap& map) : map_(map) {}
-  Status read(std::string_view text, const std::string& file_name, bool with_accel);
-  Status read_accel(std::string_view text, const std::string& file_name);
-  Result<CsvImport> finish();
+
+  Status read(std::string_view text, const std::string& file_name, bool with_accel) {
+    file_name_ = file_name;
+    std::vector<WantedColumn> wanted;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      wanted.push_back({map_.gyro.columns[axis], false});
+      if (with_accel) wanted.push_back({map_.accel.columns[axis], false});
+    }
+    const std::size_t each = with_accel ? 2 : 1;
+    const std::size_t time = wanted.size();
+    if (timed()) wanted.push_back({map_.time_column, false});
+    const std::size_t temperature = wanted.size();
+    if (!map_.temperature_column.empty()) wanted.push_back({map_.temperature_column, true});
+    NumberTable table = TRY(read_number_table(text, file_name, wanted, map_.format));
+    count_bad(table);
+    rows_.resize(table.rows());
+    for (std::size_t k = 0; k < rows_.size(); ++k) {
+      Row& row = rows_[k];
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        row.gyro[axis] = table.columns[each * axis][k];
+        if (with_accel) row.accel[axis] = table.columns[each * axis + 1][k];
+      }
+      if (timed()) row.time = table.columns[time][k] * map_.time_unit_s;
+      if (temperature < wanted.size())
+        row.temperature = (table.columns[temperature][k] - map_.temperature_offset) * map_.temperature_scale;
+      row.position = table.position[k];
+      row.line = table.line[k];
+    }
+    return order_rows();
+  }
+
+  Status read_accel(std::string_view text, const std::string& file_name) {
+    std::vector<WantedColumn> wanted;
+    for (const std::string& name : map_.accel.columns) wanted.push_back({name, false});
+    if (timed()) wanted.push_back({map_.accel_time_column, false});
+    NumberTable table = TRY(read_number_table(text, file_name, wanted, map_.format));
+    count_bad(table);
+    const std::size_t n = table.rows();
+    const auto number = [&](std::size_t row, std::size_t axis) { return table.columns[axis][row]; };
+    const auto time = [&](std::size_t row) { return table.columns[3][row] * map_.time_unit_s; };
+    bool same = n == rows_.size();
+    for (std::size_t k = 0; same && k < n; ++k)
+      same = timed() ? time(k) == rows_[k].time : table.position[k] == rows_[k].position;
+    if (same) {
+      for (std::size_t k = 0; k < n; ++k)
+        for (std::size_t axis = 0; axis < 3; ++axis) rows_[k].accel[axis] = number(k, axis);
+      return {};
+    }
+    if (!timed())
+      return input_error(
+          fmt::format("{}: {} rows: expected {}, as in {}, or time.column", file_name, n, rows_.size(), file_name_));
+    for (std::size_t k = 1; k < n; ++k)
+      if (!(time(k) > time(k - 1)))
+        return time_goes_back(file_name, table.line[k], map_.accel_time_column, table.columns[3][k]);
+    // The integral at the gyros' stamps; a number says the mean over the interval that it ends.
+    const bool rate = map_.accel.is_rate;
+    std::vector<Row> kept;
+    std::size_t at = 1;
+    std::array<double, 3> sum{}, before{};
+    for (std::size_t k = 0; k < rows_.size(); ++k) {
+      const double t = rows_[k].time;
+      if (n < 2 || t < time(0)) continue;
+      for (; at < n && time(at) <= t; ++at)
+        for (std::size_t axis = 0; axis < 3; ++axis)
+          sum[axis] += number(at, axis) * (rate ? time(at) - time(at - 1) : 1.0);
+      if (at == n && t > time(n - 1)) break;
+      std::array<double, 3> here = sum;
+      if (at < n) {
+        const double part = rate ? t - time(at - 1) : (t - time(at - 1)) / (time(at) - time(at - 1));
+        for (std::size_t axis = 0; axis < 3; ++axis) here[axis] += number(at, axis) * part;
+      }
+      Row row = rows_[k];
+      const double since = kept.empty() ? 0.0 : t - kept.back().time;
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        row.accel[axis] =
+            kept.empty() ? number(std::min(at, n - 1), axis) : (here[axis] - before[axis]) / (rate ? since : 1.0);
+      before = here;
+      kept.push_back(row);
+    }
+    rows_ = std::move(kept);
+    return {};
+  }
+
+  Result<CsvImport> finish() {
+    if (rows_.size() < 10)
+      return input_error(file_name_ + ": expected at least 10 rows of data, found " + std::to_string(rows_.size()));
+    make_intervals();
+    RecordingInfo& info = result_.info;
+    info.latitude_deg = map_.latitude_deg;
+    info.gravity_mps2 = map_.gravity_mps2;
+    info.unit_serial = map_.unit_serial;
+    info.started_utc_s = map_.started_utc_s;
+    info.gyro_increment = info.accel_increment = IncrementKind::physical;
+    info.has_temperature =
+        std::any_of(rows_.begin(), rows_.end(), [](const Row& r) { return !std::isnan(r.temperature); });
+    make_samples();
+    result_.rows = static_cast<std::int64_t>(rows_.size()) + result_.bad_rows;
+    if (result_.samples.empty())
+      return input_error(file_name_ + ": every row is saturated; look at gyro.range and accel.range");
+    TRY(check_info(info, file_name_));
+    return std::move(result_);
+  }
 
  private:
   bool timed() const { return !map_.time_column.empty(); }
-  Status order_rows();
-  std::int64_t steps_to(std::size_t row, std::size_t last_gap) const;
-  void make_intervals();
-  void mark_clipping(std::vector<std::uint32_t>& flags) const;
-  void make_samples();
-  void count_bad(const NumberTable& table);
+
+  // Times must increase; with `period` they may jitter back by a few rows.
+  Status order_rows() {
+    if (!timed() || rows_.size() < 2) return {};
+    std::vector<double> steps;
+    for (std::size_t k = 1; k < rows_.size(); ++k) steps.push_back(std::abs(rows_[k].time - rows_[k - 1].time));
+    const double back = map_.measured_intervals ? 0.0 : 5.0 * median(steps);
+    std::size_t kept = 1;
+    for (std::size_t k = 1; k < rows_.size(); ++k) {
+      const Row& row = rows_[k];
+      const double least = rows_[kept - 1].time - back;
+      if (map_.measured_intervals ? row.time > least : row.time >= least) {
+        rows_[kept++] = row;
+        continue;
+      }
+      const Error error = time_goes_back(file_name_, row.line, map_.time_column, row.time / map_.time_unit_s);
+      if (!map_.format.skip_bad_rows) return error;
+      if (result_.bad_rows++ == 0) result_.first_bad = error.message;
+    }
+    rows_.resize(kept);
+    return {};
+  }
+
+  // How many periods lie between the row before and this one. A stamp comes late and not early, so each side goes by the least late of
+  // eight, and of none before the last gap.
+  std::int64_t steps_to(std::size_t row, std::size_t last_gap) const {
+    double before = std::numeric_limits<double>::infinity();
+    double after = before;
+    for (std::size_t k = 0; k < 8; ++k) {
+      const double shift = static_cast<double>(k) * median_s_;
+      if (row >= last_gap + 1 + k) before = std::min(before, rows_[row - 1 - k].time + shift);
+      if (row + k < rows_.size()) after = std::min(after, rows_[row + k].time - shift);
+    }
+    return std::llround((after - before) / median_s_);
+  }
+
+  void make_intervals() {
+    step_.assign(rows_.size(), 1);
+    if (!rows_.empty()) step_[0] = 0;
+    if (!timed()) {
+      result_.info.sample_period_s = median_s_ = 1.0 / map_.rate_hz;
+      for (std::size_t k = 1; k < rows_.size(); ++k) step_[k] = rows_[k].position - rows_[k - 1].position;
+      return;
+    }
+    std::vector<double> intervals;
+    for (std::size_t k = 1; k < rows_.size(); ++k) intervals.push_back(rows_[k].time - rows_[k - 1].time);
+    std::vector<double> rearranged = intervals;
+    median_s_ = median(rearranged);
+    double sum = 0.0, squares = 0.0, count = 0.0;
+    std::vector<std::size_t> gaps;
+    for (std::size_t k = 0; k < intervals.size(); ++k) {
+      const double interval = intervals[k];
+      if (interval > map_.gap * median_s_) {
+        const std::int64_t steps = map_.measured_intervals ? 2 : steps_to(k + 1, gaps.empty() ? 0 : gaps.back());
+        if (steps > 1) {
+          step_[k + 1] = steps;
+          gaps.push_back(k + 1);
+          continue;
+        }
+      }
+      sum += interval;
+      squares += interval * interval;
+      count += 1.0;
+    }
+    const double period = sum / count;
+    result_.info.sample_period_s = period;
+    result_.jitter_s = std::sqrt(std::max(0.0, squares / count - period * period));
+    if (map_.measured_intervals)
+      for (const std::size_t k : gaps) step_[k] = std::max<std::int64_t>(2, std::llround(intervals[k - 1] / period));
+    result_.gaps = static_cast<std::int64_t>(gaps.size());
+  }
+
+  // On the numbers of the file, where a clipped gyro repeats itself whatever the intervals are.
+  void mark_clipping(std::vector<std::uint32_t>& flags) const {
+    ClippingFinder finder;
+    for (std::size_t k = 0; k < rows_.size(); ++k) {
+      ImuSample sample;
+      sample.counter = static_cast<std::int64_t>(k);
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const auto from = static_cast<std::size_t>(map_.gyro.axes.from[axis]);
+        sample.gyro[axis] = rows_[k].gyro[from] - map_.gyro.offset[from];
+      }
+      finder.add(sample);
+    }
+    for (const DataEvent& run : finder.finish())
+      for (std::int64_t k = run.sample; k < run.sample + run.count; ++k)
+        flags[static_cast<std::size_t>(k)] |= gyro_clipped_flag(run.axis);
+  }
+
+  void make_samples() {
+    const double period = result_.info.sample_period_s;
+    const auto saturated = [](const CsvTriad& triad, double x) {
+      return x <= triad.range_low || x >= triad.range_high;
+    };
+    const auto increment = [](const CsvTriad& triad, const std::array<double, 3>& numbers, std::size_t body,
+                              double dt) {
+      const auto from = static_cast<std::size_t>(triad.axes.from[body]);
+      return triad.axes.sign[body] * (numbers[from] - triad.offset[from]) * triad.scale[from] *
+             (triad.is_rate ? dt : 1.0);
+    };
+    std::vector<std::uint32_t> flags(rows_.size(), 0);
+    mark_clipping(flags);
+    std::int64_t counter = 0;
+    result_.samples.reserve(rows_.size());
+    for (std::size_t k = 0; k < rows_.size(); ++k) {
+      const Row& row = rows_[k];
+      counter += step_[k];
+      if (flags[k] != 0) ++result_.clipped;
+      bool full = false;
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        if (saturated(map_.gyro, row.gyro[static_cast<std::size_t>(map_.gyro.axes.from[axis])])) {
+          flags[k] |= gyro_clipped_flag(static_cast<int>(axis));
+          full = true;
+        }
+      const bool dropped =
+          std::any_of(row.accel.begin(), row.accel.end(), [&](double x) { return saturated(map_.accel, x); });
+      if (full || dropped) ++result_.saturated;
+      if (dropped) continue;
+      const bool measured = timed() && map_.measured_intervals && k > 0 && step_[k] == 1;
+      const double dt = measured ? row.time - rows_[k - 1].time : period;
+      ImuSample sample;
+      sample.counter = counter;
+      sample.flags =
+          flags[k] == 0 ? 0 : flags[k] | sample_flag_invalid;  // whoever knows no axis sets its turn aside too
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        sample.gyro[axis] = increment(map_.gyro, row.gyro, axis, dt);
+        sample.accel[axis] = increment(map_.accel, row.accel, axis, dt);
+      }
+      sample.temperature_c = static_cast<float>(row.temperature);
+      result_.samples.push_back(sample);
+    }
+  }
+
+  void count_bad(const NumberTable& table) {
+    if (result_.bad_rows == 0) result_.first_bad = table.first_bad;
+    result_.bad_rows += table.bad_rows;
+  }
 
   const CsvMap& map_;
   std::string file_name_;
@@ -127,241 +355,6 @@ class Importer {
   double median_s_ = 0.0;
   CsvImport result_;
 };
-
-void Importer::count_bad(const NumberTable& table) {
-  if (result_.bad_rows == 0) result_.first_bad = table.first_bad;
-  result_.bad_rows += table.bad_rows;
-}
-
-Status Importer::read(std::string_view text, const std::string& file_name, bool with_accel) {
-  file_name_ = file_name;
-  std::vector<WantedColumn> wanted;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    wanted.push_back({map_.gyro.columns[axis], false});
-    if (with_accel) wanted.push_back({map_.accel.columns[axis], false});
-  }
-  const std::size_t each = with_accel ? 2 : 1;
-  const std::size_t time = wanted.size();
-  if (timed()) wanted.push_back({map_.time_column, false});
-  const std::size_t temperature = wanted.size();
-  if (!map_.temperature_column.empty()) wanted.push_back({map_.temperature_column, true});
-  NumberTable table = TRY(read_number_table(text, file_name, wanted, map_.format));
-  count_bad(table);
-  rows_.resize(table.rows());
-  for (std::size_t k = 0; k < rows_.size(); ++k) {
-    Row& row = rows_[k];
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      row.gyro[axis] = table.columns[each * axis][k];
-      if (with_accel) row.accel[axis] = table.columns[each * axis + 1][k];
-    }
-    if (timed()) row.time = table.columns[time][k] * map_.time_unit_s;
-    if (temperature < wanted.size())
-      row.temperature = (table.columns[temperature][k] - map_.temperature_offset) * map_.temperature_scale;
-    row.position = table.position[k];
-    row.line = table.line[k];
-  }
-  return order_rows();
-}
-
-// Times must increase; with `period` they may jitter back by a few rows.
-Status Importer::order_rows() {
-  if (!timed() || rows_.size() < 2) return {};
-  std::vector<double> steps;
-  for (std::size_t k = 1; k < rows_.size(); ++k) steps.push_back(std::abs(rows_[k].time - rows_[k - 1].time));
-  const double back = map_.measured_intervals ? 0.0 : 5.0 * median(steps);
-  std::size_t kept = 1;
-  for (std::size_t k = 1; k < rows_.size(); ++k) {
-    const Row& row = rows_[k];
-    const double least = rows_[kept - 1].time - back;
-    if (map_.measured_intervals ? row.time > least : row.time >= least) {
-      rows_[kept++] = row;
-      continue;
-    }
-    const Error error = time_goes_back(file_name_, row.line, map_.time_column, row.time / map_.time_unit_s);
-    if (!map_.format.skip_bad_rows) return error;
-    if (result_.bad_rows++ == 0) result_.first_bad = error.message;
-  }
-  rows_.resize(kept);
-  return {};
-}
-
-Status Importer::read_accel(std::string_view text, const std::string& file_name) {
-  std::vector<WantedColumn> wanted;
-  for (const std::string& name : map_.accel.columns) wanted.push_back({name, false});
-  if (timed()) wanted.push_back({map_.accel_time_column, false});
-  NumberTable table = TRY(read_number_table(text, file_name, wanted, map_.format));
-  count_bad(table);
-  const std::size_t n = table.rows();
-  const auto number = [&](std::size_t row, std::size_t axis) { return table.columns[axis][row]; };
-  const auto time = [&](std::size_t row) { return table.columns[3][row] * map_.time_unit_s; };
-  bool same = n == rows_.size();
-  for (std::size_t k = 0; same && k < n; ++k)
-    same = timed() ? time(k) == rows_[k].time : table.position[k] == rows_[k].position;
-  if (same) {
-    for (std::size_t k = 0; k < n; ++k)
-      for (std::size_t axis = 0; axis < 3; ++axis) rows_[k].accel[axis] = number(k, axis);
-    return {};
-  }
-  if (!timed())
-    return input_error(
-        fmt::format("{}: {} rows: expected {}, as in {}, or time.column", file_name, n, rows_.size(), file_name_));
-  for (std::size_t k = 1; k < n; ++k)
-    if (!(time(k) > time(k - 1)))
-      return time_goes_back(file_name, table.line[k], map_.accel_time_column, table.columns[3][k]);
-  // The integral at the gyros' stamps; a number says the mean over the interval that it ends.
-  const bool rate = map_.accel.is_rate;
-  std::vector<Row> kept;
-  std::size_t at = 1;
-  std::array<double, 3> sum{}, before{};
-  for (std::size_t k = 0; k < rows_.size(); ++k) {
-    const double t = rows_[k].time;
-    if (n < 2 || t < time(0)) continue;
-    for (; at < n && time(at) <= t; ++at)
-      for (std::size_t axis = 0; axis < 3; ++axis)
-        sum[axis] += number(at, axis) * (rate ? time(at) - time(at - 1) : 1.0);
-    if (at == n && t > time(n - 1)) break;
-    std::array<double, 3> here = sum;
-    if (at < n) {
-      const double part = rate ? t - time(at - 1) : (t - time(at - 1)) / (time(at) - time(at - 1));
-      for (std::size_t axis = 0; axis < 3; ++axis) here[axis] += number(at, axis) * part;
-    }
-    Row row = rows_[k];
-    const double since = kept.empty() ? 0.0 : t - kept.back().time;
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      row.accel[axis] =
-          kept.empty() ? number(std::min(at, n - 1), axis) : (here[axis] - before[axis]) / (rate ? since : 1.0);
-    before = here;
-    kept.push_back(row);
-  }
-  rows_ = std::move(kept);
-  return {};
-}
-
-// How many periods lie between the row before and this one. A stamp comes late and not early, so each side goes by the least late of
-// eight, and of none before the last gap.
-std::int64_t Importer::steps_to(std::size_t row, std::size_t last_gap) const {
-  double before = std::numeric_limits<double>::infinity();
-  double after = before;
-  for (std::size_t k = 0; k < 8; ++k) {
-    const double shift = static_cast<double>(k) * median_s_;
-    if (row >= last_gap + 1 + k) before = std::min(before, rows_[row - 1 - k].time + shift);
-    if (row + k < rows_.size()) after = std::min(after, rows_[row + k].time - shift);
-  }
-  return std::llround((after - before) / median_s_);
-}
-
-void Importer::make_intervals() {
-  step_.assign(rows_.size(), 1);
-  if (!rows_.empty()) step_[0] = 0;
-  if (!timed()) {
-    result_.info.sample_period_s = median_s_ = 1.0 / map_.rate_hz;
-    for (std::size_t k = 1; k < rows_.size(); ++k) step_[k] = rows_[k].position - rows_[k - 1].position;
-    return;
-  }
-  std::vector<double> intervals;
-  for (std::size_t k = 1; k < rows_.size(); ++k) intervals.push_back(rows_[k].time - rows_[k - 1].time);
-  std::vector<double> rearranged = intervals;
-  median_s_ = median(rearranged);
-  double sum = 0.0, squares = 0.0, count = 0.0;
-  std::vector<std::size_t> gaps;
-  for (std::size_t k = 0; k < intervals.size(); ++k) {
-    const double interval = intervals[k];
-    if (interval > map_.gap * median_s_) {
-      const std::int64_t steps = map_.measured_intervals ? 2 : steps_to(k + 1, gaps.empty() ? 0 : gaps.back());
-      if (steps > 1) {
-        step_[k + 1] = steps;
-        gaps.push_back(k + 1);
-        continue;
-      }
-    }
-    sum += interval;
-    squares += interval * interval;
-    count += 1.0;
-  }
-  const double period = sum / count;
-  result_.info.sample_period_s = period;
-  result_.jitter_s = std::sqrt(std::max(0.0, squares / count - period * period));
-  if (map_.measured_intervals)
-    for (const std::size_t k : gaps) step_[k] = std::max<std::int64_t>(2, std::llround(intervals[k - 1] / period));
-  result_.gaps = static_cast<std::int64_t>(gaps.size());
-}
-
-// On the numbers of the file, where a clipped gyro repeats itself whatever the intervals are.
-void Importer::mark_clipping(std::vector<std::uint32_t>& flags) const {
-  ClippingFinder finder;
-  for (std::size_t k = 0; k < rows_.size(); ++k) {
-    ImuSample sample;
-    sample.counter = static_cast<std::int64_t>(k);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      const auto from = static_cast<std::size_t>(map_.gyro.axes.from[axis]);
-      sample.gyro[axis] = rows_[k].gyro[from] - map_.gyro.offset[from];
-    }
-    finder.add(sample);
-  }
-  for (const DataEvent& run : finder.finish())
-    for (std::int64_t k = run.sample; k < run.sample + run.count; ++k)
-      flags[static_cast<std::size_t>(k)] |= gyro_clipped_flag(run.axis);
-}
-
-void Importer::make_samples() {
-  const double period = result_.info.sample_period_s;
-  const auto saturated = [](const CsvTriad& triad, double x) { return x <= triad.range_low || x >= triad.range_high; };
-  const auto increment = [](const CsvTriad& triad, const std::array<double, 3>& numbers, std::size_t body, double dt) {
-    const auto from = static_cast<std::size_t>(triad.axes.from[body]);
-    return triad.axes.sign[body] * (numbers[from] - triad.offset[from]) * triad.scale[from] *
-           (triad.is_rate ? dt : 1.0);
-  };
-  std::vector<std::uint32_t> flags(rows_.size(), 0);
-  mark_clipping(flags);
-  std::int64_t counter = 0;
-  result_.samples.reserve(rows_.size());
-  for (std::size_t k = 0; k < rows_.size(); ++k) {
-    const Row& row = rows_[k];
-    counter += step_[k];
-    if (flags[k] != 0) ++result_.clipped;
-    bool full = false;
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      if (saturated(map_.gyro, row.gyro[static_cast<std::size_t>(map_.gyro.axes.from[axis])])) {
-        flags[k] |= gyro_clipped_flag(static_cast<int>(axis));
-        full = true;
-      }
-    const bool dropped =
-        std::any_of(row.accel.begin(), row.accel.end(), [&](double x) { return saturated(map_.accel, x); });
-    if (full || dropped) ++result_.saturated;
-    if (dropped) continue;
-    const bool measured = timed() && map_.measured_intervals && k > 0 && step_[k] == 1;
-    const double dt = measured ? row.time - rows_[k - 1].time : period;
-    ImuSample sample;
-    sample.counter = counter;
-    sample.flags = flags[k] == 0 ? 0 : flags[k] | sample_flag_invalid;  // whoever knows no axis sets its turn aside too
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      sample.gyro[axis] = increment(map_.gyro, row.gyro, axis, dt);
-      sample.accel[axis] = increment(map_.accel, row.accel, axis, dt);
-    }
-    sample.temperature_c = static_cast<float>(row.temperature);
-    result_.samples.push_back(sample);
-  }
-}
-
-Result<CsvImport> Importer::finish() {
-  if (rows_.size() < 10)
-    return input_error(file_name_ + ": expected at least 10 rows of data, found " + std::to_string(rows_.size()));
-  make_intervals();
-  RecordingInfo& info = result_.info;
-  info.latitude_deg = map_.latitude_deg;
-  info.gravity_mps2 = map_.gravity_mps2;
-  info.unit_serial = map_.unit_serial;
-  info.started_utc_s = map_.started_utc_s;
-  info.gyro_increment = info.accel_increment = IncrementKind::physical;
-  info.has_temperature =
-      std::any_of(rows_.begin(), rows_.end(), [](const Row& r) { return !std::isnan(r.temperature); });
-  make_samples();
-  result_.rows = static_cast<std::int64_t>(rows_.size()) + result_.bad_rows;
-  if (result_.samples.empty())
-    return input_error(file_name_ + ": every row is saturated; look at gyro.range and accel.range");
-  TRY(check_info(info, file_name_));
-  return std::move(result_);
-}
 
 }  // namespace
 
@@ -375,25 +368,18 @@ Result<CsvMap> parse_csv_map(std::string_view text, const std::string& file_name
   return read_map(file);
 }
 
-Result<CsvImport> parse_csv(const CsvMap& map, std::string_view text, const std::string& file_name) {
-  Importer importer(map);
-  TRY(importer.read(text, file_name, true));
-  return importer.finish();
-}
-
-Result<CsvImport> parse_csv(const CsvMap& map, std::string_view gyro_text, const std::string& gyro_file,
+Result<CsvImport> parse_csv(const CsvMap& map, std::string_view text, const std::string& file_name,
                             std::string_view accel_text, const std::string& accel_file) {
   Importer importer(map);
-  TRY(importer.read(gyro_text, gyro_file, false));
-  TRY(importer.read_accel(accel_text, accel_file));
+  TRY(importer.read(text, file_name, accel_file.empty()));
+  if (!accel_file.empty()) TRY(importer.read_accel(accel_text, accel_file));
   return importer.finish();
 }
 
 Result<CsvImport> import_csv(const CsvMap& map, const std::string& path, const std::string& accel_path) {
   constexpr std::size_t most_bytes = std::size_t{4} << 30;
-  std::string text = TRY(read_whole_file(path, most_bytes));
-  if (accel_path.empty()) return parse_csv(map, text, path);
-  std::string accel = TRY(read_whole_file(accel_path, most_bytes));
+  const std::string text = TRY(read_whole_file(path, most_bytes));
+  const std::string accel = accel_path.empty() ? std::string() : TRY(read_whole_file(accel_path, most_bytes));
   return parse_csv(map, text, path, accel, accel_path);
 }
 

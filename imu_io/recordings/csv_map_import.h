@@ -72,9 +72,8 @@ struct CsvImport {
   double jitter_s = 0.0;  // rms of the intervals about their mean, gaps left out
 };
 Result<CsvImport> import_csv(const CsvMap& map, const std::string& path, const std::string& accel_path = {});
-Result<CsvImport> parse_csv(const CsvMap& map, std::string_view text, const std::string& file_name);
-Result<CsvImport> parse_csv(const CsvMap& map, std::string_view gyro_text, const std::string& gyro_file,
-                            std::string_view accel_text, const std::string& accel_file);
+Result<CsvImport> parse_csv(const CsvMap& map, std::string_view text, const std::string& file_name,
+                            std::string_view accel_text = {}, const std::string& accel_file = {});
 
 // Writes `content` as a binary recording without segments, whole or not at all; `path` must not exist.
 Status write_recording(const CsvImport& content, const std::string& path);

@@ -2,19 +2,26 @@
 
 #include <fmt/format.h>
 #include <matio.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <limits>
 #include <memory>
+#include <span>
 
+#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 namespace {
+
+constexpr std::string_view npy_magic = "\x93NUMPY";
 
 // ---- text ----
 
@@ -23,16 +30,115 @@ class CsvTable {
   CsvTable(std::string_view text, const std::string& file_name, const std::vector<WantedColumn>& wanted,
            const TableFormat& format)
       : text_(text), file_name_(file_name), wanted_(wanted), format_(format) {}
-  Result<NumberTable> read();
+
+  Result<NumberTable> read() {
+    std::string_view left = text_;
+    std::vector<std::string> header;
+    if (left.starts_with("\xEF\xBB\xBF")) left.remove_prefix(3);
+    if (left.find_first_not_of(" \t\r\n") == std::string_view::npos) {
+      return input_error(file_name_ + ": empty file: expected " +
+                         (format_.header_lines > 0 ? "a header and " : std::string()) + "rows of numbers");
+    }
+    for (int k = 0; k < format_.header_lines; ++k) {
+      if (left.empty())
+        return defect("the file ends inside its " + std::to_string(format_.header_lines) + " header lines");
+      ++line_;
+      std::string_view names = trimmed(next_line(left));
+      while (names.starts_with('#') || names.starts_with('%')) names = trimmed(names.substr(1));
+      split_row(names);
+    }
+    if (format_.header_lines > 0) header.assign(cells_.begin(), cells_.end());
+    header_cells_ = header.size();
+    TRY(find_columns(header));
+    row_.resize(wanted_.size());
+    table_.columns.resize(wanted_.size());
+    for (auto& column : table_.columns) column.reserve(left.size() / 40 + 1);
+    std::int64_t position = 0;
+    while (!left.empty()) {
+      ++line_;
+      const std::string_view row = next_line(left);
+      if (trimmed(row).empty() || trimmed(row).starts_with('#')) continue;
+      if (Status status = read_row(row); !status) {
+        if (!format_.skip_bad_rows) return status.error();
+        if (table_.bad_rows++ == 0) table_.first_bad = status.error().message;
+      } else {
+        table_.position.push_back(position);
+        table_.line.push_back(line_);
+        for (std::size_t k = 0; k < row_.size(); ++k)
+          if (index_[k] != missing) table_.columns[k].push_back(row_[k]);
+      }
+      ++position;
+    }
+    return std::move(table_);
+  }
 
  private:
   Error defect(const std::string& what) const {
     return input_error(file_name_ + ":" + std::to_string(line_) + ": " + what);
   }
-  void split_row(std::string_view row);
-  Status find_columns(const std::vector<std::string>& header);
-  Result<double> number(std::size_t column) const;
-  Status read_row(std::string_view row);
+
+  void split_row(std::string_view row) {
+    cells_.clear();
+    if (format_.delimiter == ' ') {  // any run of blanks
+      for (std::size_t at = 0; at < row.size();) {
+        const std::size_t from = row.find_first_not_of(" \t", at);
+        if (from == std::string_view::npos) break;
+        at = std::min(row.find_first_of(" \t", from), row.size());
+        cells_.push_back(row.substr(from, at - from));
+      }
+      return;
+    }
+    for (std::size_t at = 0; at <= row.size();) {
+      const std::size_t end = std::min(row.find(format_.delimiter, at), row.size());
+      cells_.push_back(trimmed(row.substr(at, end - at)));
+      at = end + 1;
+    }
+  }
+
+  Status find_columns(const std::vector<std::string>& header) {
+    for (const WantedColumn& column : wanted_) {
+      const auto at = std::find(header.begin(), header.end(), column.name);
+      if (at != header.end() && std::find(at + 1, header.end(), column.name) != header.end())
+        return defect("column " + quoted(column.name) + " twice: expected one of that name");
+      if (at != header.end()) {
+        index_.push_back(static_cast<std::size_t>(at - header.begin()));
+      } else if (const auto index = parse_integer<std::int64_t>(column.name); index && *index >= 1 && *index <= 10000) {
+        index_.push_back(static_cast<std::size_t>(*index - 1));
+      } else if (column.may_be_missing) {
+        index_.push_back(missing);
+      } else {
+        return defect(fmt::format("no column {}; the header has {} names{}", quoted(column.name), header.size(),
+                                  header.empty() ? ": give column numbers, or csv.header_lines"
+                                                 : ", the first is " + quoted(header.front())));
+      }
+    }
+    return {};
+  }
+
+  Result<double> number(std::size_t column) const {
+    const WantedColumn& wanted = wanted_[column];
+    if (index_[column] >= cells_.size()) {
+      if (wanted.may_be_blank) return std::numeric_limits<double>::quiet_NaN();
+      return defect(fmt::format("column {} is missing: the row has {} columns", quoted(wanted.name), cells_.size()));
+    }
+    std::string_view cell = cells_[index_[column]];
+    if (wanted.may_be_blank && (cell.empty() || cell == "nan" || cell == "NaN"))
+      return std::numeric_limits<double>::quiet_NaN();
+    if (cell.starts_with('+')) cell.remove_prefix(1);
+    if (const std::optional<double> value = parse_number<double>(cell)) return *value;
+    return defect("column " + quoted(wanted.name) + " = " + quoted(cells_[index_[column]]) + ": expected a number");
+  }
+
+  Status read_row(std::string_view text) {
+    split_row(text);
+    if (format_.whole_rows && cells_.size() != header_cells_)
+      return defect(fmt::format("the row has {} columns: expected {}", cells_.size(), header_cells_));
+    for (std::size_t k = 0; k < wanted_.size(); ++k) {
+      if (index_[k] == missing) continue;
+      row_[k] = TRY(number(k));
+    }
+    return {};
+  }
 
   std::string_view text_;
   const std::string& file_name_;
@@ -46,110 +152,6 @@ class CsvTable {
   std::vector<double> row_;
   NumberTable table_;
 };
-
-void CsvTable::split_row(std::string_view row) {
-  cells_.clear();
-  if (format_.delimiter == ' ') {  // any run of blanks
-    for (std::size_t at = 0; at < row.size();) {
-      const std::size_t from = row.find_first_not_of(" \t", at);
-      if (from == std::string_view::npos) break;
-      at = std::min(row.find_first_of(" \t", from), row.size());
-      cells_.push_back(row.substr(from, at - from));
-    }
-    return;
-  }
-  for (std::size_t at = 0; at <= row.size();) {
-    const std::size_t end = std::min(row.find(format_.delimiter, at), row.size());
-    cells_.push_back(trimmed(row.substr(at, end - at)));
-    at = end + 1;
-  }
-}
-
-Status CsvTable::find_columns(const std::vector<std::string>& header) {
-  for (const WantedColumn& column : wanted_) {
-    const auto at = std::find(header.begin(), header.end(), column.name);
-    if (at != header.end() && std::find(at + 1, header.end(), column.name) != header.end())
-      return defect("column " + quoted(column.name) + " twice: expected one of that name");
-    if (at != header.end()) {
-      index_.push_back(static_cast<std::size_t>(at - header.begin()));
-    } else if (const auto index = parse_integer<std::int64_t>(column.name); index && *index >= 1 && *index <= 10000) {
-      index_.push_back(static_cast<std::size_t>(*index - 1));
-    } else if (column.may_be_missing) {
-      index_.push_back(missing);
-    } else {
-      return defect(fmt::format(
-          "no column {}; the header has {} names{}", quoted(column.name), header.size(),
-          header.empty() ? ": give column numbers, or csv.header_lines" : ", the first is " + quoted(header.front())));
-    }
-  }
-  return {};
-}
-
-Result<double> CsvTable::number(std::size_t column) const {
-  const WantedColumn& wanted = wanted_[column];
-  if (index_[column] >= cells_.size()) {
-    if (wanted.may_be_blank) return std::numeric_limits<double>::quiet_NaN();
-    return defect(fmt::format("column {} is missing: the row has {} columns", quoted(wanted.name), cells_.size()));
-  }
-  std::string_view cell = cells_[index_[column]];
-  if (wanted.may_be_blank && (cell.empty() || cell == "nan" || cell == "NaN"))
-    return std::numeric_limits<double>::quiet_NaN();
-  if (cell.starts_with('+')) cell.remove_prefix(1);
-  if (const std::optional<double> value = parse_number<double>(cell)) return *value;
-  return defect("column " + quoted(wanted.name) + " = " + quoted(cells_[index_[column]]) + ": expected a number");
-}
-
-Status CsvTable::read_row(std::string_view text) {
-  split_row(text);
-  if (format_.whole_rows && cells_.size() != header_cells_)
-    return defect(fmt::format("the row has {} columns: expected {}", cells_.size(), header_cells_));
-  for (std::size_t k = 0; k < wanted_.size(); ++k) {
-    if (index_[k] == missing) continue;
-    row_[k] = TRY(number(k));
-  }
-  return {};
-}
-
-Result<NumberTable> CsvTable::read() {
-  std::string_view left = text_;
-  std::vector<std::string> header;
-  if (left.starts_with("\xEF\xBB\xBF")) left.remove_prefix(3);
-  if (left.find_first_not_of(" \t\r\n") == std::string_view::npos) {
-    return input_error(file_name_ + ": empty file: expected " +
-                       (format_.header_lines > 0 ? "a header and " : std::string()) + "rows of numbers");
-  }
-  for (int k = 0; k < format_.header_lines; ++k) {
-    if (left.empty())
-      return defect("the file ends inside its " + std::to_string(format_.header_lines) + " header lines");
-    ++line_;
-    std::string_view names = trimmed(next_line(left));
-    while (names.starts_with('#') || names.starts_with('%')) names = trimmed(names.substr(1));
-    split_row(names);
-  }
-  if (format_.header_lines > 0) header.assign(cells_.begin(), cells_.end());
-  header_cells_ = header.size();
-  TRY(find_columns(header));
-  row_.resize(wanted_.size());
-  table_.columns.resize(wanted_.size());
-  for (auto& column : table_.columns) column.reserve(left.size() / 40 + 1);
-  std::int64_t position = 0;
-  while (!left.empty()) {
-    ++line_;
-    const std::string_view row = next_line(left);
-    if (trimmed(row).empty() || trimmed(row).starts_with('#')) continue;
-    if (Status status = read_row(row); !status) {
-      if (!format_.skip_bad_rows) return status.error();
-      if (table_.bad_rows++ == 0) table_.first_bad = status.error().message;
-    } else {
-      table_.position.push_back(position);
-      table_.line.push_back(line_);
-      for (std::size_t k = 0; k < row_.size(); ++k)
-        if (index_[k] != missing) table_.columns[k].push_back(row_[k]);
-    }
-    ++position;
-  }
-  return std::move(table_);
-}
 
 // ---- .npy (numpy.lib.format, versions 1 to 3) and .mat (libmatio) ----
 
@@ -301,7 +303,7 @@ Result<NumberTable> read_mat(const std::string& file_name, const std::vector<Wan
 
 }  // namespace
 
-bool is_npy(std::string_view content) { return content.starts_with("\x93NUMPY"); }
+bool is_npy(std::string_view content) { return content.starts_with(npy_magic); }
 
 // "MATLAB 5.0 MAT-file", and 7.3 likewise.
 bool is_mat(std::string_view content) { return content.starts_with("MATLAB "); }
@@ -311,6 +313,165 @@ Result<NumberTable> read_number_table(std::string_view content, const std::strin
   if (is_npy(content)) return read_npy(content, file_name, wanted);
   if (is_mat(content)) return read_mat(file_name, wanted);
   return CsvTable(content, file_name, wanted, format).read();
+}
+
+// ---- written ----
+
+namespace {
+
+constexpr const char* mat_header = "MATLAB 5.0 MAT-file, written by turncal";
+
+std::string npy_header(std::size_t rows, std::size_t fields) {
+  std::string text = fmt::format("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, {}), }}", rows, fields);
+  constexpr std::size_t prefix = 10, block = 64;  // the data begin on a multiple of it
+  text.resize((prefix + text.size() + 1 + block - 1) / block * block - prefix - 1, ' ');
+  text += '\n';
+  const char version_and_size[] = {1, 0, static_cast<char>(text.size() & 0xff), static_cast<char>(text.size() >> 8)};
+  return std::string(npy_magic).append(version_and_size, sizeof version_and_size) + text;
+}
+
+// A table that is gone through row by row, as often as is wanted.
+using RowSink = std::function<Status(std::span<const double> row)>;
+struct RowTable {
+  std::vector<std::string> names;  // of the columns
+  std::size_t rows = 0;
+  std::function<Status(const RowSink&)> each_row;
+};
+
+// `append_row`: appends a row to a text.
+template <class AppendRow>
+Status write_rows(const std::string& path, std::string head, const RowTable& table, AppendRow append_row) {
+  AtomicFile file = TRY(AtomicFile::create(path));
+  std::string& text = head;
+  const RowSink add = [&](std::span<const double> row) -> Status {
+    append_row(row, text);
+    if (text.size() < 1 << 16) return {};
+    TRY(file.write(text));
+    text.clear();
+    return {};
+  };
+  TRY(table.each_row(add));
+  TRY(file.write(text));
+  return file.commit();
+}
+
+Status write_npy(const std::string& path, const RowTable& table) {
+  TRY(check_replaceable(path, npy_magic));
+  return write_rows(path, npy_header(table.rows, table.names.size()), table,
+                    [](std::span<const double> row, std::string& text) {
+                      text.append(reinterpret_cast<const char*>(row.data()), row.size_bytes());
+                    });
+}
+
+Status write_csv(const std::string& path, const RowTable& table) {
+  const std::string head = fmt::format("{}\n", fmt::join(table.names, ","));
+  TRY(check_replaceable(path, head));
+  NumberBuffer buffer;
+  return write_rows(path, head, table, [&](std::span<const double> row, std::string& text) {
+    for (const double& value : row) {
+      text += format_number(value, buffer);
+      text += &value == &row.back() ? '\n' : ',';
+    }
+  });
+}
+
+// A pass for each column.
+Status write_mat_variables(const std::string& path, const std::string& temporary, const RowTable& table) {
+  const Error cannot_write = device_error(path + ": cannot write");
+  std::unique_ptr<mat_t, int (*)(mat_t*)> file(Mat_CreateVer(temporary.c_str(), mat_header, MAT_FT_MAT5), Mat_Close);
+  if (!file) return cannot_write;
+  std::vector<double> values;
+  values.reserve(table.rows);
+  for (std::size_t k = 0; k < table.names.size(); ++k) {
+    std::string name = table.names[k];
+    std::replace(name.begin(), name.end(), '.', '_');
+    values.clear();
+    TRY(table.each_row([&](std::span<const double> row) {
+      values.push_back(row[k]);
+      return Status();
+    }));
+    std::size_t size[2] = {values.size(), 1};
+    const std::unique_ptr<matvar_t, void (*)(matvar_t*)> variable(
+        Mat_VarCreate(name.c_str(), MAT_C_DOUBLE, MAT_T_DOUBLE, 2, size, values.data(), MAT_F_DONT_COPY_DATA),
+        Mat_VarFree);
+    if (!variable || Mat_VarWrite(file.get(), variable.get(), MAT_COMPRESSION_NONE) != 0) return cannot_write;
+  }
+  // libmatio does not say whether all of it went to the disk.
+  file.reset();
+  const Result<PosixFile> written = PosixFile::open_to_read(temporary);
+  const Result<std::uint64_t> size = written ? written->size() : Result<std::uint64_t>(written.error());
+  if (!size || *size < table.rows * table.names.size() * sizeof(double)) return cannot_write;
+  return rename_durably(temporary, path);
+}
+
+Status write_mat(const std::string& path, const RowTable& table) {
+  TRY(check_replaceable(path, mat_header));
+  const std::string temporary = temporary_name(path);
+  Status status = write_mat_variables(path, temporary, table);
+  if (!status) ::unlink(temporary.c_str());
+  return status;
+}
+
+}  // namespace
+
+bool names_matrix(std::string_view path) { return path.ends_with(".npy") || path.ends_with(".mat"); }
+
+Status write_columns(const std::string& path, const std::vector<NumberColumn>& fields) {
+  RowTable table;
+  table.rows = fields.front().values.size();
+  for (const NumberColumn& column : fields) table.names.push_back(column.name);
+  table.each_row = [&](const RowSink& sink) -> Status {
+    std::vector<double> values(fields.size());
+    for (std::size_t row = 0; row < table.rows; ++row) {
+      for (std::size_t k = 0; k < fields.size(); ++k) values[k] = fields[k].values[row];
+      TRY(sink(values));
+    }
+    return {};
+  };
+  return path.ends_with(".mat")   ? write_mat(path, table)
+         : path.ends_with(".npy") ? write_npy(path, table)
+                                  : write_csv(path, table);
+}
+
+Status check_ending(std::string_view path, std::initializer_list<std::string_view> endings) {
+  if (std::any_of(endings.begin(), endings.end(), [&](std::string_view ending) { return path.ends_with(ending); }))
+    return {};
+  return input_error(fmt::format("{}: expected a name that ends in one of {}", path, fmt::join(endings, ", ")));
+}
+
+Status write_recording_columns(RecordingSource& source, const std::string& path) {
+  const bool has_temperature = source.info().has_temperature;
+  bool flagged = false;
+  RowTable table{{"sample", "segment", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"}, 0, {}};
+  TRY(check_replaceable(path, path.ends_with(".mat") ? std::string_view(mat_header) : npy_magic));
+  TRY(source.read([&](std::span<const ImuSample> samples) {
+    table.rows += samples.size();
+    for (const ImuSample& sample : samples) flagged = flagged || sample.flags != 0;
+    return Status();
+  }));
+  if (table.rows == 0) return input_error(source.path() + ": not one sample: expected some to write");
+  if (has_temperature) table.names.emplace_back("temperature_c");
+  if (flagged) table.names.emplace_back("flags");
+  table.each_row = [&](const RowSink& sink) {
+    const Segments& segments = source.segments();
+    std::size_t segment = 0;
+    std::vector<double> row(table.names.size());
+    return source.read([&](std::span<const ImuSample> samples) -> Status {
+      for (const ImuSample& sample : samples) {
+        while (segment < segments.size() && sample.counter >= segments[segment].end_sample) ++segment;
+        const bool inside = segment < segments.size() && sample.counter >= segments[segment].start_sample;
+        row[0] = static_cast<double>(sample.counter);
+        row[1] = inside ? static_cast<double>(segment + 1) : 0.0;
+        std::copy(sample.gyro.begin(), sample.gyro.end(), row.begin() + 2);
+        std::copy(sample.accel.begin(), sample.accel.end(), row.begin() + 5);
+        if (has_temperature) row[8] = static_cast<double>(sample.temperature_c);
+        if (flagged) row.back() = static_cast<double>(sample.flags);
+        TRY(sink(row));
+      }
+      return {};
+    });
+  };
+  return path.ends_with(".mat") ? write_mat(path, table) : write_npy(path, table);
 }
 
 }  // namespace turncal

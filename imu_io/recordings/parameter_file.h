@@ -84,4 +84,11 @@ bool is_trusted(const ParameterFile& file);
 // simulated parameters on a real unit. `file_name` is for the message.
 Status check_applicable(const ParameterFile& file, const std::string& file_name, const RecordingInfo& info);
 
+// In other forms, for whoever loads it into a navigation computer: a C header, a binary block with a checksum, YAML. Formats:
+// docs/parameter-forms.md. All numbers are those of the file, in its units; C and YAML have them in the shortest form that reads back as
+// the same double. Simulated and untrusted files say so in every form.
+std::string format_parameter_block(const ParameterFile& file);
+std::string format_parameter_header(const ParameterFile& file);
+std::string format_parameter_yaml(const ParameterFile& file);
+
 }  // namespace turncal

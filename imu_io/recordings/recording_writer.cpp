@@ -3,12 +3,10 @@
 #include <xxhash.h>
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include <fmt/format.h>
 
-#include "imu_io/base/atomic_file.h"
 #include "imu_io/recordings/binary_layout.h"
 #include "imu_io/recordings/recording_check.h"
 

@@ -5,11 +5,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <utility>
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/key_table.h"
+#include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 
 namespace turncal {
@@ -46,6 +47,17 @@ void check_baud(KeyValueFile& file, const FrameDescription& frame) {
                     bytes, format_number(frame.sample_period_s), serial.baud));
 }
 
+// What cannot be sent is left out: a line that has gone shows in reading it.
+void ask(const std::stop_token& ended, ByteLine& line, const std::vector<std::byte>& request, double period_s) {
+  double next_s = monotonic_s();
+  while (!ended.stop_requested()) {
+    static_cast<void>(line.write_all(request, 0.0).ok());
+    const double now_s = monotonic_s();
+    next_s = std::max(next_s + period_s, now_s - period_s);  // what was missed is not made up for
+    std::this_thread::sleep_for(std::chrono::duration<double>(std::max(next_s - now_s, 0.0)));
+  }
+}
+
 }  // namespace
 
 Status judge_clock(const ArrivalFit& fit, double max_ppm) {
@@ -62,7 +74,9 @@ SerialImu::SerialImu(const FrameDescription& frame, const SerialImuSettings& set
 Status SerialImu::open() {
   close();
   port_ = TRY(ByteLine::open(line_of(frame_, settings_.device)));
-  if (!frame_.request.empty()) requests_.start(port_, frame_.request, frame_.request_period_s / settings_.speedup);
+  if (!frame_.request.empty())
+    requests_ =
+        std::jthread(ask, std::ref(port_), std::cref(frame_.request), frame_.request_period_s / settings_.speedup);
   decoder_.rejoin();
   fit_.restart();
   restarted_ = false;
@@ -74,7 +88,7 @@ Status SerialImu::open() {
 }
 
 void SerialImu::close() {
-  requests_.stop();
+  requests_ = {};
   port_.close();
 }
 
@@ -200,26 +214,6 @@ Result<std::size_t> SerialImu::read(std::span<ImuSample> out, double timeout_s) 
     }
     if (*received == 0 && deadline.passed()) return std::size_t{0};
   }
-}
-
-void RequestPump::start(ByteLine& line, std::vector<std::byte> request, double period_s) {
-  stop();
-  ended_ = false;
-  thread_ = std::thread([this, &line, request = std::move(request), period_s] {
-    double next_s = monotonic_s();
-    while (!ended_) {
-      static_cast<void>(line.write_all(request, 0.0).ok());
-      const double now_s = monotonic_s();
-      next_s = std::max(next_s + period_s, now_s - period_s);  // what was missed is not made up for
-      const double pause_s = std::max(next_s - now_s, 0.0);
-      std::this_thread::sleep_for(std::chrono::duration<double>(pause_s));
-    }
-  });
-}
-
-void RequestPump::stop() {
-  ended_ = true;
-  if (thread_.joinable()) thread_.join();
 }
 
 Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {

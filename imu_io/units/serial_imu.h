@@ -1,5 +1,6 @@
 // A unit on a line (byte_line.h: serial, TCP, UDP) as an ImuSource: line, decoder, counter and the watch over both. A unit that answers
-// requests is asked for samples all the while that it is open.
+// requests with its last sample is asked all the while that it is open, beside whoever reads: else the samples in between were gone while the
+// station is busy.
 //
 // read()'s timeout is in seconds of the unit (of the host, times speedup). It waits for at most 20 ms of the host even if the timeout
 // is longer: so it is known when the line was last empty (counter_tracker.h), and a silent unit does not keep the station from
@@ -18,12 +19,10 @@
 // The last two are not judged with speedup other than 1.
 #pragma once
 
-#include <atomic>
 #include <cstddef>
 #include <optional>
 #include <string>
 #include <thread>
-#include <vector>
 
 #include "imu_io/base/key_value.h"
 #include "imu_io/frames/frame_decoder.h"
@@ -33,25 +32,6 @@
 #include "imu_io/units/arrival_fit.h"
 
 namespace turncal {
-
-// Asks a unit for samples at a fixed pace, beside whoever reads them: a unit that answers requests with its last sample must be asked
-// while the station is busy elsewhere, or the samples in between are gone.
-// What cannot be sent is left out: a line that has gone shows in reading it.
-class RequestPump {
- public:
-  RequestPump() = default;
-  ~RequestPump() { stop(); }
-  RequestPump(const RequestPump&) = delete;
-  RequestPump& operator=(const RequestPump&) = delete;
-
-  // The line must stay open, and where it is, until stop().
-  void start(ByteLine& line, std::vector<std::byte> request, double period_s);
-  void stop();
-
- private:
-  std::atomic<bool> ended_{false};
-  std::thread thread_;
-};
 
 struct SerialImuSettings {
   std::string device;
@@ -90,7 +70,7 @@ class SerialImu : public ImuSource {
   FrameDescription frame_;
   SerialImuSettings settings_;
   ByteLine port_;
-  RequestPump requests_;
+  std::jthread requests_;  // asks at a fixed pace: begun and ended with the line
   FrameDecoder decoder_;
   ArrivalFit fit_;
   bool restarted_ = false;
@@ -103,17 +83,7 @@ class SerialImu : public ImuSource {
   std::int64_t last_counter_ = 0;
 };
 
-// The keys of a station file that say which unit is on which line:
-//
-//   imu.device          = /dev/serial/by-id/...   by-id, since ttyUSB0 may come back as ttyUSB1
-//                         or tcp:HOST:PORT, udp:PORT, udp:ADDRESS:PORT, udp_to:HOST:PORT (byte_line.h)
-//   imu.frame           = laser_gyro              a built-in name, or a file (with '/' or '.frame'), relative to the station file
-//   imu.unit_serial     =                         of a unit that does not tell
-//   imu.baud            = 230400                  instead of the frame's
-//   imu.accel_pulse_mps = 0.00049                 instead of the frame's nominal one; only with pulses
-//   imu.simulated       = false                   true for a twin: recordings are marked, and never make a production file
-//   imu.speedup         = 1                       of a twin; 1 unless simulated
-// Only the first two are required.
+// The keys imu.* of a station file, which say which unit is on which line (docs/imu-frames.md).
 struct SerialImuConfig {
   FrameDescription frame;
   SerialImuSettings settings;

@@ -25,7 +25,7 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/text_pieces.h"
-#include "imu_io/recordings/matrix_writer.h"
+#include "imu_io/recordings/number_table.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/truth.h"

@@ -15,7 +15,6 @@
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/station_rig.h"

@@ -78,15 +78,14 @@ Status RigTwin::open_table(const StationConfig& station, const std::string& give
   bool tcp = false;
   std::string address;
   if (station.table.map) {
-    drives_ = std::make_unique<ModbusTwin>(*station.table.map, group_.table(), group_);
+    server_.reset(drives_ = new ModbusTwin(*station.table.map, group_.table(), group_));
     TRY(drives_->power_on());
-    server_ = std::make_unique<ModbusServer>(*drives_);
     tcp = station.table.map->link.tcp;
     address = station.table.map->link.address;
   } else {
-    dialect_ = std::make_unique<DialectTwin>(*station.table.dialect, group_.table());
-    TRY(dialect_->power_on());
-    server_ = std::make_unique<DialectServer>(*dialect_);
+    auto twin = std::make_unique<DialectTwin>(*station.table.dialect, group_.table());
+    TRY(twin->power_on());
+    server_ = std::move(twin);
     tcp = station.table.dialect->link.tcp;
     address = station.table.dialect->link.address;
   }

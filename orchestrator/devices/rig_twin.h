@@ -20,7 +20,6 @@
 namespace turncal {
 
 class ModbusTwin;
-class DialectTwin;
 
 struct TwinSettings {
   double speed_up = 1.0;
@@ -58,9 +57,8 @@ class RigTwin {
   Status pump(double now_s);  // every line that is left
 
   RigGroup group_;
-  std::unique_ptr<ModbusTwin> drives_;
-  std::unique_ptr<DialectTwin> dialect_;
   std::unique_ptr<LineServer> server_;
+  ModbusTwin* drives_ = nullptr;  // the server, where it is one
   std::vector<std::unique_ptr<UnitLine>> lines_;
   bool tripped_said_ = false, standing_said_ = false;
 };

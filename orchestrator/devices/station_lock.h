@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "imu_io/base/lock_file.h"
+#include "imu_io/base/posix_file.h"
 #include "orchestrator/station/station_config.h"
 
 namespace turncal {

@@ -9,7 +9,7 @@
 #include "calib/prediction/predict.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/key_table.h"
+#include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/records/parameter_store.h"

@@ -7,7 +7,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/lock_file.h"
+#include "imu_io/base/posix_file.h"
 
 namespace turncal {
 

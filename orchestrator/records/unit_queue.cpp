@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "imu_io/base/atomic_file.h"
-#include "imu_io/base/lock_file.h"
+#include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
 

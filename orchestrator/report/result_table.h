@@ -11,7 +11,7 @@
 #include "calib/model/parameters.h"
 #include "calib/prediction/predict.h"
 #include "calib/rests/single_pose.h"
-#include "imu_io/recordings/matrix_writer.h"
+#include "imu_io/recordings/number_table.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/report/document.h"
 

@@ -8,7 +8,6 @@
 #include "calib/model/parameters.h"
 #include "imu_io/base/crc.h"
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/station/fields.h"

@@ -11,7 +11,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
-#include "imu_io/base/lock_file.h"
+#include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
 #include "orchestrator/service/station_view.h"

@@ -9,7 +9,6 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/lock_file.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/figures/report_format.h"

@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/key_table.h"
+#include "imu_io/base/key_value.h"
 
 namespace turncal {
 

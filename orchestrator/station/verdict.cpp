@@ -5,7 +5,7 @@
 #include <limits>
 
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/key_table.h"
+#include "imu_io/base/key_value.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
 

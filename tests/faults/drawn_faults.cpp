@@ -175,15 +175,13 @@ class DrawnStation {
     table_ = std::make_unique<MisbehavingTable>(group_, faults_, station.axis);
     unit_ = std::make_unique<MisbehavingUnit>(faults_, period_s);
     if (station.table.map) {
-      drives_ = std::make_unique<ModbusTwin>(*station.table.map, *table_, group_);
-      if (!drives_->power_on()) fail("the drives do not come up");
-      auto server = std::make_unique<ModbusServer>(*drives_);
+      auto server = std::make_unique<ModbusTwin>(*station.table.map, *table_, group_);
+      if (!server->power_on()) fail("the drives do not come up");
       server->disturb = [this](const ModbusRequest& request, AnswerPlan& plan) { disturb(&request, plan); };
       server_ = std::move(server);
     } else {
-      dialect_ = std::make_unique<DialectTwin>(*station.table.dialect, *table_);
-      if (!dialect_->power_on()) fail("the table does not come up");
-      auto server = std::make_unique<DialectServer>(*dialect_);
+      auto server = std::make_unique<DialectTwin>(*station.table.dialect, *table_);
+      if (!server->power_on()) fail("the table does not come up");
       server->disturb = [this](const std::string&, AnswerPlan& plan) { disturb(nullptr, plan); };
       server_ = std::move(server);
     }
@@ -373,8 +371,6 @@ class DrawnStation {
   PulledLine imu_line_;
   std::unique_ptr<MisbehavingTable> table_;
   std::unique_ptr<MisbehavingUnit> unit_;
-  std::unique_ptr<ModbusTwin> drives_;
-  std::unique_ptr<DialectTwin> dialect_;
   std::unique_ptr<LineServer> server_;
   FrameEncoder encoder_{*find_frame("laser_gyro")};
   Draw draw_{7}, unit_draw_{8};

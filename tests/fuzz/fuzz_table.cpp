@@ -48,7 +48,7 @@ void answer(fuzz::Input& input) {
     match(exchange.send);
     if (exchange.expect) match(*exchange.expect);
   }
-  const DialectFlags flags = flags_of(dialect.status, body);
+  const AxisReading flags = flags_of(dialect.status, body);
   if (!flags.known) fuzz::require(flags[DriveBit::in_position] != std::optional(true));
   if (const auto number = device_number(body)) fuzz::require(std::isfinite(*number));
   fuzz::require(check_digits(body, SentenceCheck::sum8).size() == 2);

@@ -13,7 +13,7 @@
 
 #include "imu_io/base/clock.h"
 #include "imu_io/frames/frame_description.h"
-#include "imu_io/lines/pty.h"
+#include "imu_io/lines/unit_end.h"
 #include "imu_io/units/frame_streamer.h"
 #include "imu_io/units/serial_imu.h"
 #include "tests/imu_io/counting_source.h"

@@ -6,7 +6,6 @@
 #include <cstring>
 
 #include "imu_io/base/posix_file.h"
-#include "imu_io/recordings/matrix_writer.h"
 #include "imu_io/recordings/number_table.h"
 #include "tests/imu_io/temporary_folder.h"
 

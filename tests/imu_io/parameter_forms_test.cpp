@@ -1,5 +1,5 @@
 // A parameter file in other forms: the binary block there and back, damaged at every byte; the C header compiled and read by a C program.
-#include "imu_io/recordings/parameter_forms.h"
+#include "imu_io/recordings/parameter_file.h"
 
 #include <gtest/gtest.h>
 

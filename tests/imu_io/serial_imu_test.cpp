@@ -9,7 +9,7 @@
 
 #include "frame_streams.h"
 #include "imu_io/base/clock.h"
-#include "imu_io/lines/pty.h"
+#include "imu_io/lines/unit_end.h"
 #include "imu_io/units/frame_streamer.h"
 #include "tests/imu_io/counting_source.h"
 

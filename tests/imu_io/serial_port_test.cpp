@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/lines/pty.h"
+#include "imu_io/lines/unit_end.h"
 #include "tests/imu_io/temporary_folder.h"
 
 namespace turncal {

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <random>
 
-#include "imu_io/recordings/imu_csv.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"

@@ -4,7 +4,7 @@
 
 #include <chrono>
 
-#include "imu_io/lines/pty.h"
+#include "imu_io/lines/unit_end.h"
 #include "orchestrator/records/unit_queue.h"
 #include "orchestrator/station/hooks.h"
 

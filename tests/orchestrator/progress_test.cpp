@@ -14,7 +14,7 @@
 #include <sstream>
 
 #include "imu_io/base/console.h"
-#include "imu_io/lines/pty.h"
+#include "imu_io/lines/unit_end.h"
 #include "orchestrator/watch/service_watch.h"
 #include "tests/outcome.h"
 

@@ -12,7 +12,6 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
-#include "imu_io/base/lock_file.h"
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/records/journal.h"

@@ -9,7 +9,7 @@
 
 #include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_encoder.h"
-#include "imu_io/lines/pty.h"
+#include "imu_io/lines/unit_end.h"
 #include "orchestrator/devices/live_devices.h"
 #include "tests/orchestrator/program.h"
 #include "tests/turntable_drivers/level_drives.h"

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "imu_io/base/key_table.h"
+#include "imu_io/base/key_value.h"
 #include "tests/outcome.h"
 #include "turntable_drivers/table/table_description.h"
 

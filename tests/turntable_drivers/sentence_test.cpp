@@ -95,7 +95,7 @@ TEST(DialectFile, StatusWords) {
   EXPECT_TRUE(*flags_of(bits, "8080")[DriveBit::fault]);
   EXPECT_FALSE(flags_of(bits, "80")[DriveBit::homed].has_value());
   for (const char* const bad : {"", "8g", "-1", "1FFFFFFFF"}) {
-    const DialectFlags flags = flags_of(bits, bad);
+    const AxisReading flags = flags_of(bits, bad);
     EXPECT_FALSE(flags.known) << bad;
     EXPECT_FALSE(*flags[DriveBit::in_position]);
     EXPECT_TRUE(*flags[DriveBit::moving]);

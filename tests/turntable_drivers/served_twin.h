@@ -33,14 +33,14 @@ struct RealClock : Clock {
 
 struct DriveParts {
   using Description = RegisterMap;
-  using Server = ModbusServer;
+  using Twin = ModbusTwin;
   static ModbusTwin twin(const RegisterMap& map, Turntable& table, const Clock& clock) {
     return ModbusTwin(map, table, clock);
   }
 };
 struct DialectParts {
   using Description = Dialect;
-  using Server = DialectServer;
+  using Twin = DialectTwin;
   static DialectTwin twin(const Dialect& dialect, Turntable& table, const Clock&) {
     return DialectTwin(dialect, table);
   }
@@ -53,12 +53,7 @@ class ServedTwin {
   // link: of a pseudo-terminal, a name that stays the same; "": none.
   explicit ServedTwin(const Description& description, const RigConfig& config = default_rig_config(),
                       const std::string& link = "")
-      : rig(config),
-        mock(rig),
-        clock(rig),
-        twin(Parts::twin(description, mock, clock)),
-        server(twin),
-        described(description) {
+      : rig(config), mock(rig), clock(rig), twin(Parts::twin(description, mock, clock)), described(description) {
     const Status opened = description.link.tcp ? server.listen_tcp(0) : server.open_pty(link);
     EXPECT_OK(opened);
     EXPECT_TRUE(twin.power_on().ok());
@@ -72,9 +67,9 @@ class ServedTwin {
     if (!samples.empty()) rig.advance(samples);
   }
   // The server's thread must not be disturbed while it works.
-  void disturb(decltype(Parts::Server::disturb) how) {
+  void disturb(decltype(Parts::Twin::disturb) how) {
     stop();
-    server.disturb = std::move(how);
+    twin.disturb = std::move(how);
     start();
   }
   // The adapter is back, as another device under its old name.
@@ -94,8 +89,8 @@ class ServedTwin {
   Rig rig;
   RigTable mock;
   RigClock clock;
-  decltype(Parts::twin(Description(), mock, clock)) twin;
-  typename Parts::Server server;
+  typename Parts::Twin twin;
+  LineServer& server = twin;
   Description described;  // with the server's address
 
  private:

@@ -21,6 +21,7 @@
 #include "calib/types/axis.h"
 #include "calib/types/status.h"
 #include "turntable_drivers/ascii/sentence.h"
+#include "turntable_drivers/table/table_codec.h"
 #include "turntable_drivers/table/table_description.h"
 
 namespace turncal {
@@ -88,13 +89,7 @@ Result<Dialect> parse_dialect(const std::string& text, const std::string& file_n
 std::string caution_of(const Dialect& dialect);
 
 // The flags of a status word: true, false, or not told. Unknown: every flag that is told is false, moving and fault excepted.
-struct DialectFlags {
-  std::array<std::optional<bool>, drive_bit_count> flag;
-  bool known = true;
-  std::uint32_t raw = 0;
-  std::optional<bool> operator[](DriveBit bit) const { return flag[index(bit)]; }
-};
-DialectFlags flags_of(const DialectStatus& status, const std::string& word);
+AxisReading flags_of(const DialectStatus& status, const std::string& word);
 // What a placeholder asks for, and of which axis.
 struct Asked {
   std::string quantity;

@@ -24,153 +24,143 @@ class SentenceCodec : public TableCodec {
   const char* expected_scale() const override { return "other units_per_degree or zero_deg"; }
   const char* expected_angle() const override { return "the other sign fits as well: expected another angle"; }
 
-  Result<TableRequest> encode(TableOperation operation, Axis axis, std::size_t step, const Moves& moves) override;
-  std::optional<std::size_t> reply_end(const TableRequest& request, std::string& heard, bool at_once) const override;
-  Verdict decode(const TableRequest& request, const std::string& reply, std::string& heard,
-                 AxisReading* reading) override;
-  bool acknowledges(const TableRequest& request, const std::string& reply) const override;
+  Result<TableRequest> encode(TableOperation operation, Axis axis, std::size_t step, const Moves& moves) override {
+    if (operation == TableOperation::move) TRY(check_sentences(dialect_, axis, moves));
+    const Exchange& exchange = dialect_.of(operation).exchanges[step];
+    TableRequest request{operation, axis, step};
+    request.body = filled(dialect_, exchange.send, axis, moves);
+    request.bytes = frame_of(dialect_.link, request.body) + dialect_.link.terminator_out;
+    request.answered = exchange.expect.has_value();
+    return request;
+  }
+
+  std::optional<std::size_t> reply_end(const TableRequest& request, std::string& heard, bool at_once) const override {
+    const DialectLink& link = dialect_.link;
+    std::size_t end = 0;
+    const auto past = [&](const std::string& mark) {
+      const std::size_t at = heard.find(mark, end);
+      if (at != std::string::npos) end = at + mark.size();
+      return at != std::string::npos;
+    };
+    if (link.echo && !at_once && !past(link.echo_terminator)) return {};
+    const auto& expect = dialect_.of(request.operation).exchanges[request.step].expect;
+    int marks = expect ? expect->lines() : 0;
+    if (at_once || !link.prompt.empty()) marks = 1;
+    for (int i = 0; i < marks; ++i)
+      if (!past(end_of_answer())) return {};
+    return end;
+  }
+
+  Judgement decode(const TableRequest& request, const std::string& reply, std::string& heard,
+                   AxisReading* reading) override {
+    const DialectLink& link = dialect_.link;
+    const auto& expect = dialect_.of(request.operation).exchanges[request.step].expect;
+    std::string frames = reply;
+    if (link.echo) {
+      const std::string sent = frame_of(link, request.body);
+      const std::size_t end = frames.find(link.echo_terminator);
+      const std::string echo = frames.substr(0, end);
+      if (!echo.ends_with(sent)) return garbled(fmt::format("echo '{}': expected '{}'", visible(echo), visible(sent)));
+      frames.erase(0, end + link.echo_terminator.size());
+    }
+    if (!link.prompt.empty()) frames.resize(frames.size() - link.prompt.size());
+    const Result<std::string> answer = bodies_of(frames, expect ? expect->lines() : 0);
+    if (answer && !heard.empty() && (expect || !link.prompt.empty())) {
+      if (frames.ends_with(link.terminator_in)) frames.resize(frames.size() - link.terminator_in.size());
+      return garbled(fmt::format("answer '{}': more after it: '{}'", visible(frames), visible(heard)));
+    }
+    if (!answer) return garbled(answer.error().message);
+    if (request.operation == TableOperation::identify) {
+      reading->text = visible(*answer);
+      return {};
+    }
+    for (const std::string& text : dialect_.errors) {
+      if (answer->find(text) != std::string::npos) return device_error("the device says '" + visible(*answer) + "'");
+    }
+    if (!expect) {
+      return answer->empty() ? Judgement() : device_error("answer '" + visible(*answer) + "': expected none");
+    }
+    const std::optional<Values> values = expect->match(*answer);
+    if (!values)
+      return device_error(fmt::format("answer '{}': expected '{}'", visible(*answer), visible(expect->text())));
+    const auto named = values->find("axis");
+    if (named != values->end() && named->second != dialect_.of(request.axis).name)
+      return device_error("axis '" + named->second + "' answered");
+    if (request.operation == TableOperation::status) TRY(take(request.axis, *values, *reading));
+    return {};
+  }
+
+  bool acknowledges(const TableRequest& request, const std::string& reply) const override {
+    const auto body = body_of(dialect_.link, reply.substr(0, reply.size() - end_of_answer().size()));
+    return body && dialect_.of(request.operation).exchanges[request.step].expect->match(*body);
+  }
+
   bool has_unexpected(std::string& heard) const override { return !heard.empty(); }
-  std::string message(const TableRequest& request, const std::string& whose, const std::string& what) const override;
-  std::vector<OtherReading> other_readings(Axis axis, const AxisReading& reading) const override;
+
+  std::string message(const TableRequest& request, const std::string& whose, const std::string& what) const override {
+    const bool reads = request.operation == TableOperation::status;
+    return fmt::format("{}{}'{}': {}", reads ? "" : key_of(request.operation) + ": ", whose, visible(request.body),
+                       what);
+  }
+
+  std::vector<OtherReading> other_readings(Axis axis, const AxisReading& reading) const override {
+    const DialectAxis& scale = dialect_.of(axis);
+    return {{2.0 * scale.zero_deg - reading.position_deg, fmt::format("sign = {}", -scale.sign)}};
+  }
 
  private:
-  Verdict garbled(const std::string& what) const;
+  Judgement garbled(const std::string& what) const {
+    Judgement judgement = device_error(dialect_.link.address + ": " + what);
+    judgement.stale = true;
+    return judgement;
+  }
+
   const std::string& end_of_answer() const {
     return dialect_.link.prompt.empty() ? dialect_.link.terminator_in : dialect_.link.prompt;
   }
-  Result<std::string> bodies_of(const std::string& frames, int lines) const;  // with \n between them
-  Status take(Axis axis, const Values& values, AxisReading& reading) const;
+
+  // with \n between them
+  Result<std::string> bodies_of(const std::string& frames, int lines) const {
+    const std::string& end = dialect_.link.terminator_in;
+    std::string remaining = frames;
+    if (remaining.ends_with(end)) remaining.resize(remaining.size() - end.size());
+    std::string bodies;
+    int count = 0;
+    for (bool more = !remaining.empty() || lines > 0; more;) {
+      const std::size_t at = remaining.find(end);
+      more = at != std::string::npos;
+      bodies += (count++ > 0 ? "\n" : "") + TRY(body_of(dialect_.link, remaining.substr(0, at)));
+      if (more) remaining.erase(0, at + end.size());
+    }
+    if (count == lines || (lines == 0 && count == 1)) return bodies;  // what was not asked for is for decode() to judge
+    return device_error(fmt::format("answer '{}': expected {}", visible(frames),
+                                    lines > 1 ? std::to_string(lines) + " lines" : std::string("one line")));
+  }
+
+  // What an answer says of the axis.
+  Status take(Axis axis, const Values& values, AxisReading& reading) const {
+    const DialectAxis& scale = dialect_.of(axis);
+    for (const auto& [name, text] : values) {
+      const auto& [quantity, whose] = asked_by(name, axis);
+      if (whose != axis) continue;
+      if (quantity == "status") {
+        const AxisReading said = flags_of(dialect_.status, text);
+        reading.flags = said.flags;
+        reading.known = said.known;
+        reading.raw = said.raw;
+      }
+      if (quantity != "position" && quantity != "rate") continue;
+      const std::optional<double> value = device_number(text);
+      if (!value) return device_error(fmt::format("{} '{}': expected a number", quantity, visible(text)));
+      if (quantity == "position") reading.position_deg = scale.angle_of(*value);
+      if (quantity == "rate") reading.rate_degps = scale.sign * *value / scale.measured_rate_scale;
+    }
+    return {};
+  }
 
   const Dialect dialect_;
   const bool moves_all_;
 };
-
-Verdict SentenceCodec::garbled(const std::string& what) const {
-  Verdict verdict = device_error(dialect_.link.address + ": " + what);
-  verdict.stale = true;
-  return verdict;
-}
-
-Result<TableRequest> SentenceCodec::encode(TableOperation operation, Axis axis, std::size_t step, const Moves& moves) {
-  if (operation == TableOperation::move) TRY(check_sentences(dialect_, axis, moves));
-  const Exchange& exchange = dialect_.of(operation).exchanges[step];
-  TableRequest request{operation, axis, step};
-  request.body = filled(dialect_, exchange.send, axis, moves);
-  request.bytes = frame_of(dialect_.link, request.body) + dialect_.link.terminator_out;
-  request.answered = exchange.expect.has_value();
-  return request;
-}
-
-std::optional<std::size_t> SentenceCodec::reply_end(const TableRequest& request, std::string& heard,
-                                                    bool at_once) const {
-  const DialectLink& link = dialect_.link;
-  std::size_t end = 0;
-  const auto past = [&](const std::string& mark) {
-    const std::size_t at = heard.find(mark, end);
-    if (at != std::string::npos) end = at + mark.size();
-    return at != std::string::npos;
-  };
-  if (link.echo && !at_once && !past(link.echo_terminator)) return {};
-  const auto& expect = dialect_.of(request.operation).exchanges[request.step].expect;
-  int marks = expect ? expect->lines() : 0;
-  if (at_once || !link.prompt.empty()) marks = 1;
-  for (int i = 0; i < marks; ++i)
-    if (!past(end_of_answer())) return {};
-  return end;
-}
-
-Result<std::string> SentenceCodec::bodies_of(const std::string& frames, int lines) const {
-  const std::string& end = dialect_.link.terminator_in;
-  std::string remaining = frames;
-  if (remaining.ends_with(end)) remaining.resize(remaining.size() - end.size());
-  std::string bodies;
-  int count = 0;
-  for (bool more = !remaining.empty() || lines > 0; more;) {
-    const std::size_t at = remaining.find(end);
-    more = at != std::string::npos;
-    bodies += (count++ > 0 ? "\n" : "") + TRY(body_of(dialect_.link, remaining.substr(0, at)));
-    if (more) remaining.erase(0, at + end.size());
-  }
-  if (count == lines || (lines == 0 && count == 1)) return bodies;  // what was not asked for is for decode() to judge
-  return device_error(fmt::format("answer '{}': expected {}", visible(frames),
-                                  lines > 1 ? std::to_string(lines) + " lines" : std::string("one line")));
-}
-
-bool SentenceCodec::acknowledges(const TableRequest& request, const std::string& reply) const {
-  const auto body = body_of(dialect_.link, reply.substr(0, reply.size() - end_of_answer().size()));
-  return body && dialect_.of(request.operation).exchanges[request.step].expect->match(*body);
-}
-
-Verdict SentenceCodec::decode(const TableRequest& request, const std::string& reply, std::string& heard,
-                              AxisReading* reading) {
-  const DialectLink& link = dialect_.link;
-  const auto& expect = dialect_.of(request.operation).exchanges[request.step].expect;
-  std::string frames = reply;
-  if (link.echo) {
-    const std::string sent = frame_of(link, request.body);
-    const std::size_t end = frames.find(link.echo_terminator);
-    const std::string echo = frames.substr(0, end);
-    if (!echo.ends_with(sent)) return garbled(fmt::format("echo '{}': expected '{}'", visible(echo), visible(sent)));
-    frames.erase(0, end + link.echo_terminator.size());
-  }
-  if (!link.prompt.empty()) frames.resize(frames.size() - link.prompt.size());
-  const Result<std::string> answer = bodies_of(frames, expect ? expect->lines() : 0);
-  if (answer && !heard.empty() && (expect || !link.prompt.empty())) {
-    if (frames.ends_with(link.terminator_in)) frames.resize(frames.size() - link.terminator_in.size());
-    return garbled(fmt::format("answer '{}': more after it: '{}'", visible(frames), visible(heard)));
-  }
-  if (!answer) return garbled(answer.error().message);
-  if (request.operation == TableOperation::identify) {
-    reading->text = visible(*answer);
-    return {};
-  }
-  for (const std::string& text : dialect_.errors) {
-    if (answer->find(text) != std::string::npos) return device_error("the device says '" + visible(*answer) + "'");
-  }
-  if (!expect) {
-    return answer->empty() ? Verdict() : device_error("answer '" + visible(*answer) + "': expected none");
-  }
-  const std::optional<Values> values = expect->match(*answer);
-  if (!values)
-    return device_error(fmt::format("answer '{}': expected '{}'", visible(*answer), visible(expect->text())));
-  const auto named = values->find("axis");
-  if (named != values->end() && named->second != dialect_.of(request.axis).name)
-    return device_error("axis '" + named->second + "' answered");
-  if (request.operation == TableOperation::status) TRY(take(request.axis, *values, *reading));
-  return {};
-}
-
-// What an answer says of the axis.
-Status SentenceCodec::take(Axis axis, const Values& values, AxisReading& reading) const {
-  const DialectAxis& scale = dialect_.of(axis);
-  for (const auto& [name, text] : values) {
-    const auto& [quantity, whose] = asked_by(name, axis);
-    if (whose != axis) continue;
-    if (quantity == "status") {
-      const DialectFlags flags = flags_of(dialect_.status, text);
-      reading.flags = flags.flag;
-      reading.known = flags.known;
-      reading.raw = flags.raw;
-    }
-    if (quantity != "position" && quantity != "rate") continue;
-    const std::optional<double> value = device_number(text);
-    if (!value) return device_error(fmt::format("{} '{}': expected a number", quantity, visible(text)));
-    if (quantity == "position") reading.position_deg = scale.angle_of(*value);
-    if (quantity == "rate") reading.rate_degps = scale.sign * *value / scale.measured_rate_scale;
-  }
-  return {};
-}
-
-std::string SentenceCodec::message(const TableRequest& request, const std::string& whose,
-                                   const std::string& what) const {
-  const bool reads = request.operation == TableOperation::status;
-  return fmt::format("{}{}'{}': {}", reads ? "" : key_of(request.operation) + ": ", whose, visible(request.body), what);
-}
-
-std::vector<OtherReading> SentenceCodec::other_readings(Axis axis, const AxisReading& reading) const {
-  const DialectAxis& scale = dialect_.of(axis);
-  return {{2.0 * scale.zero_deg - reading.position_deg, fmt::format("sign = {}", -scale.sign)}};
-}
 
 }  // namespace
 

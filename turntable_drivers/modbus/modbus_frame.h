@@ -1,10 +1,16 @@
-// Modbus frames as bytes: requests as the driver makes them, and what a simulated drive reads of them and answers. Pure functions.
+// Modbus as bytes: numbers as registers, requests as the driver makes them, and what a simulated drive reads of them and answers. Pure
+// functions.
 //
 // Source: Modbus Application Protocol 1.1b3; Modbus over Serial Line 1.02 (CRC-16: polynomial A001 reflected, initial FFFF, low
 // byte first). Both ends use them: that they are Modbus is shown by peers that nobody here wrote (tests/turntable_drivers/modbus).
 // Functions 3, 4, 6 and 16; anything else is answered with exception 1.
+//
+// A 32-bit value takes two registers, f64 four, in the order of their addresses. Word order: whether the highest or the lowest comes first;
+// it differs between makers. Byte swap: the two bytes of every register are exchanged as well. Signed values are two's complement; f32 and
+// f64 are IEEE 754.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -14,6 +20,34 @@
 #include <vector>
 
 namespace turncal {
+
+enum class WordType { u16, s16, u32, s32, f32, f64 };
+constexpr int register_count(WordType type) {
+  return type == WordType::u16 || type == WordType::s16 ? 1 : type == WordType::f64 ? 4 : 2;
+}
+constexpr bool is_floating(WordType type) { return type == WordType::f32 || type == WordType::f64; }
+// "u16" ... "f64"
+std::optional<WordType> word_type_of(std::string_view name);
+std::string_view to_string(WordType type);
+
+struct WordLayout {
+  bool high_word_first = true;
+  bool swap_bytes = false;
+};
+
+struct Words {
+  std::array<std::uint16_t, 4> value{};
+  int count = 0;
+  std::span<const std::uint16_t> span() const { return {value.data(), static_cast<std::size_t>(count)}; }
+};
+
+// REQUIRES: at least register_count(type) registers. NaN and infinity come back as they are.
+double decode_words(std::span<const std::uint16_t> registers, WordType type, WordLayout layout);
+
+// Rounded to the nearest whole number (not f32 and f64). Empty: not finite, or beyond the type.
+std::optional<Words> encode_words(double value, WordType type, WordLayout layout);
+
+// ---- frames ----
 
 inline constexpr std::size_t tcp_header = 6;  // before the unit
 

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
 #include "imu_io/base/format_number.h"
 #include "turntable_drivers/modbus/modbus_frame.h"
 
@@ -28,20 +26,20 @@ const char* exception_text(int exception) {
   }
 }
 
-Verdict exception_verdict(int exception) {
+Judgement exception_judgement(int exception) {
   const std::string text = fmt::format("exception {} ({})", exception, exception_text(exception));
-  Verdict verdict = exception >= 1 && exception <= 3 ? input_error(text + ": expected a map that fits the drive")
-                                                     : device_error(text);
-  verdict.again = exception > 4 && exception != 7 && exception != 8;
-  verdict.pause_s = busy_pause_s;
-  verdict.alive = exception < 10;
-  return verdict;
+  Judgement judgement = exception >= 1 && exception <= 3 ? input_error(text + ": expected a map that fits the drive")
+                                                         : device_error(text);
+  judgement.again = exception > 4 && exception != 7 && exception != 8;
+  judgement.pause_s = busy_pause_s;
+  judgement.alive = exception < 10;
+  return judgement;
 }
 
-Verdict garbled(const std::string& what) {
-  Verdict verdict = device_error(what);
-  verdict.stale = true;
-  return verdict;
+Judgement garbled(const std::string& what) {
+  Judgement judgement = device_error(what);
+  judgement.stale = true;
+  return judgement;
 }
 
 std::uint16_t transaction_of(const TableRequest& request) { return word_at(request.bytes, 0); }
@@ -74,18 +72,173 @@ class RegisterCodec : public TableCodec {
     return "other settings fit as well: expected an angle that tells them apart";
   }
 
-  Result<TableRequest> encode(TableOperation operation, Axis axis, std::size_t step, const Moves& moves) override;
-  std::optional<std::size_t> reply_end(const TableRequest& request, std::string& heard, bool at_once) const override;
-  Verdict decode(const TableRequest& request, const std::string& reply, std::string& heard,
-                 AxisReading* reading) override;
+  Result<TableRequest> encode(TableOperation operation, Axis axis, std::size_t step, const Moves& moves) override {
+    TableRequest request{operation, axis, step};
+    const MapAxis& place = map_.of(axis);
+    if (operation == TableOperation::status) {
+      const StatusBlock& block = map_.blocks()[step];
+      // Longer by the axis, so that no two requests have the same length; what is beyond is thrown away.
+      request.body = read_body(place.unit, map_.status_function, block.read_at(place),
+                               block.count + static_cast<int>(index(axis)));
+    } else if (operation == TableOperation::heartbeat) {
+      // Another value each time, so that a drive can tell it from one that is stuck.
+      const std::size_t beats = beats_[index(axis)];
+      const std::vector<std::uint16_t>& values = map_.heartbeat_values;
+      const std::uint16_t value =
+          values.empty() ? static_cast<std::uint16_t>(1 + beats % 0xFFFF) : values[beats % values.size()];
+      request.body = write_body(place.unit, map_.write_function, map_.heartbeat_at(axis), std::span(&value, 1));
+    } else {
+      const WriteStep& write = map_.list(operation)[step];
+      const std::vector<std::uint16_t> words = TRY(words_of(map_, write, axis, moves));
+      request.body = write_body(map_.unit_of(operation, axis), words.size() > 1 ? 16 : map_.write_function,
+                                map_.address_of(write, operation, axis), words);
+    }
+    request.bytes = framed(request.body, header_ ? std::optional(++transaction_) : std::nullopt);
+    return request;
+  }
+
+  std::optional<std::size_t> reply_end(const TableRequest& request, std::string& heard, bool at_once) const override {
+    if (at_once) {  // whatever stands before it
+      const std::string expected =
+          framed(request.body.substr(0, 6), header_ ? std::optional(transaction_of(request)) : std::nullopt);
+      const std::size_t at = heard.find(expected);
+      if (at == std::string::npos) return {};
+      heard.erase(0, at);
+      return expected.size();
+    }
+    if (header_) {
+      for (;;) {
+        if (heard.size() < tcp_header) return {};
+        const std::size_t size = tcp_header + word_at(heard, 4);
+        if (word_at(heard, 2) != 0 || size > longest_frame) return heard.size();
+        if (heard.size() < size) return {};
+        if (word_at(heard, 0) == transaction_of(request) || !is_of_earlier(heard)) return size;
+        heard.erase(0, size);
+      }
+    }
+    const char function = request.body[1];
+    if (heard.size() < 3) return {};
+    const std::size_t size = heard[1] == static_cast<char>(function | 0x80) ? 5
+                             : heard[1] != function                         ? heard.size()
+                             : is_read(function)                            ? 5U + static_cast<unsigned char>(heard[2])
+                                                                            : 8;
+    return heard.size() < size ? std::nullopt : std::optional(size);
+  }
+
+  Judgement decode(const TableRequest& request, const std::string& reply, std::string& heard,
+                   AxisReading* reading) override {
+    std::string body = reply;
+    if (header_) {
+      if (reply.size() < tcp_header) return garbled("rubbish");
+      if (word_at(reply, 2) != 0) return garbled(fmt::format("protocol {} answered, not Modbus", word_at(reply, 2)));
+      if (word_at(reply, 0) != transaction_of(request)) return garbled("the reply of another transaction");
+      body.erase(0, tcp_header);
+    } else {
+      if (body.size() < 5 || framed(body.substr(0, body.size() - 2), {}) != body) return garbled("Invalid CRC");
+      body.resize(body.size() - 2);
+    }
+    if (body.size() < 3) return garbled("rubbish");
+    const char function = request.body[1];
+    if (body[0] != request.body[0])
+      return garbled(fmt::format("unit {} answered", static_cast<unsigned char>(body[0])));
+    const bool is_exception = body[1] == static_cast<char>(function | 0x80) && body.size() == 3;
+    if (!is_exception) {
+      if (body[1] != function) return garbled("the reply to another function");
+      const std::size_t bytes = 2U * word_at(request.body, 4);  // of a reading
+      const bool same = is_read(function) ? body.size() == 3 + bytes && static_cast<unsigned char>(body[2]) == bytes
+                                          : body == request.body.substr(0, 6);
+      if (!same) return garbled("the reply to another request");
+    }
+    if (has_unexpected(heard)) return garbled("bytes after the reply");
+    if (is_exception) return exception_judgement(static_cast<unsigned char>(body[2]));
+    if (request.operation == TableOperation::heartbeat) ++beats_[index(request.axis)];
+    if (request.operation != TableOperation::status) return {};
+    std::vector<std::uint16_t> registers;
+    for (std::size_t at = 3; at < body.size(); at += 2) registers.push_back(word_at(body, at));
+    for (const StatusBlock& block : map_.blocks())
+      if (block.read_at(map_.of(request.axis)) == word_at(request.body, 2) &&
+          registers.size() == static_cast<std::size_t>(block.count) + index(request.axis))
+        take(request.axis, block, registers, *reading);
+    return {};
+  }
+
   bool acknowledges(const TableRequest&, const std::string&) const override { return true; }  // reply_end() has looked
-  bool has_unexpected(std::string& heard) const override;
-  std::string message(const TableRequest& request, const std::string& whose, const std::string& what) const override;
-  std::vector<OtherReading> other_readings(Axis axis, const AxisReading& reading) const override;
+
+  bool has_unexpected(std::string& heard) const override {
+    while (header_ && heard.size() >= tcp_header && is_of_earlier(heard)) {
+      const std::size_t size = tcp_header + word_at(heard, 4);
+      if (heard.size() < size) return false;  // the rest comes: it is skipped by its number when the next reply is read
+      heard.erase(0, size);
+    }
+    return header_ ? heard.size() >= tcp_header : !heard.empty();
+  }
+
+  std::string message(const TableRequest& request, const std::string& whose, const std::string& what) const override {
+    const std::string address = map_.link.address + ": ";
+    const bool reads = request.operation == TableOperation::status;
+    return fmt::format("{}{}{}{} unit {} register {}: {}", whose,
+                       reads ? "" : std::string(to_string(request.operation)) + ": ", address,
+                       reads ? "reading" : "writing", static_cast<unsigned char>(request.body[0]),
+                       word_at(request.body, 2), what.starts_with(address) ? what.substr(address.size()) : what);
+  }
+
+  std::vector<OtherReading> other_readings(Axis axis, const AxisReading&) const override {
+    std::vector<OtherReading> others;
+    MapAxis scale = map_.of(axis);
+    const int own_sign = scale.sign;
+    for (const bool high_first : {true, false}) {
+      for (const bool swap : {false, true}) {
+        for (const int sign : {1, -1}) {
+          const bool same_order = high_first == map_.layout.high_word_first;
+          if (same_order && swap == map_.layout.swap_bytes && sign == own_sign) continue;
+          if (register_count(scale.position.type) == 1 && !same_order) continue;
+          scale.sign = sign;
+          others.push_back(
+              {scale.angle_of(decode_words(position_words_[index(axis)], scale.position.type, {high_first, swap})),
+               fmt::format("words.order = {}, words.swap_bytes = {}, sign = {}",
+                           high_first ? "high_first" : "low_first", swap, sign)});
+        }
+      }
+    }
+    return others;
+  }
 
  private:
-  bool is_of_earlier(const std::string& frame) const;
-  void take(Axis axis, const StatusBlock& block, const std::vector<std::uint16_t>& registers, AxisReading& reading);
+  // REQUIRES: a whole header. Whether it answers a transaction before.
+  bool is_of_earlier(const std::string& frame) const {
+    const std::size_t size = tcp_header + word_at(frame, 4);
+    return word_at(frame, 2) == 0 && size > tcp_header && size <= longest_frame &&
+           static_cast<std::uint16_t>(transaction_ - word_at(frame, 0)) < most_repeated;
+  }
+
+  // What the block holds of the axis.
+  void take(Axis axis, const StatusBlock& block, const std::vector<std::uint16_t>& registers, AxisReading& reading) {
+    const MapAxis& scale = map_.of(axis);
+    const auto words_from = [&](int address) {
+      return std::span(registers).subspan(static_cast<std::size_t>(address - block.address));
+    };
+    const auto number = [&](const RegisterField& field) {
+      return decode_words(words_from(field.address), field.type, map_.layout);
+    };
+    if (block.holds(scale.position.address)) {
+      reading.position_deg = scale.angle_of(number(scale.position));
+      const auto words = words_from(scale.position.address);
+      position_words_[index(axis)].assign(words.begin(), words.begin() + register_count(scale.position.type));
+    }
+    if (scale.rate && block.holds(scale.rate->address))
+      reading.rate_degps = scale.sign * number(*scale.rate) / scale.measured_rate_scale;
+    for (std::size_t i = 0; i < scale.bits.size(); ++i) {
+      const std::optional<StatusBit>& bit = scale.bits[i];
+      if (!bit || !block.holds(bit->address)) continue;
+      reading.flags[i] = bit->is_set(words_from(bit->address)[0]);
+      reading.raw |= *reading.flags[i] ? 1u << i : 0u;
+    }
+    if (!scale.alarm || !block.holds(scale.alarm->address)) return;
+    const double code = number(*scale.alarm);
+    if (code == 0.0) return;
+    const auto text = map_.alarm_text.find(static_cast<long>(code));
+    reading.text = "alarm " + format_number(code) + (text != map_.alarm_text.end() ? " (" + text->second + ")" : "");
+  }
 
   const RegisterMap map_;
   const bool header_;
@@ -93,173 +246,6 @@ class RegisterCodec : public TableCodec {
   std::array<std::size_t, 3> beats_{};
   std::array<std::vector<std::uint16_t>, 3> position_words_;  // as last read
 };
-
-Result<TableRequest> RegisterCodec::encode(TableOperation operation, Axis axis, std::size_t step, const Moves& moves) {
-  TableRequest request{operation, axis, step};
-  const MapAxis& place = map_.of(axis);
-  if (operation == TableOperation::status) {
-    const StatusBlock& block = map_.blocks()[step];
-    // Longer by the axis, so that no two requests have the same length; what is beyond is thrown away.
-    request.body =
-        read_body(place.unit, map_.status_function, block.read_at(place), block.count + static_cast<int>(index(axis)));
-  } else if (operation == TableOperation::heartbeat) {
-    // Another value each time, so that a drive can tell it from one that is stuck.
-    const std::size_t beats = beats_[index(axis)];
-    const std::vector<std::uint16_t>& values = map_.heartbeat_values;
-    const std::uint16_t value =
-        values.empty() ? static_cast<std::uint16_t>(1 + beats % 0xFFFF) : values[beats % values.size()];
-    request.body = write_body(place.unit, map_.write_function, map_.heartbeat_at(axis), std::span(&value, 1));
-  } else {
-    const WriteStep& write = map_.list(operation)[step];
-    const std::vector<std::uint16_t> words = TRY(words_of(map_, write, axis, moves));
-    request.body = write_body(map_.unit_of(operation, axis), words.size() > 1 ? 16 : map_.write_function,
-                              map_.address_of(write, operation, axis), words);
-  }
-  request.bytes = framed(request.body, header_ ? std::optional(++transaction_) : std::nullopt);
-  return request;
-}
-
-// REQUIRES: a whole header. Whether it answers a transaction before.
-bool RegisterCodec::is_of_earlier(const std::string& frame) const {
-  const std::size_t size = tcp_header + word_at(frame, 4);
-  return word_at(frame, 2) == 0 && size > tcp_header && size <= longest_frame &&
-         static_cast<std::uint16_t>(transaction_ - word_at(frame, 0)) < most_repeated;
-}
-
-bool RegisterCodec::has_unexpected(std::string& heard) const {
-  while (header_ && heard.size() >= tcp_header && is_of_earlier(heard)) {
-    const std::size_t size = tcp_header + word_at(heard, 4);
-    if (heard.size() < size) return false;  // the rest comes: it is skipped by its number when the next reply is read
-    heard.erase(0, size);
-  }
-  return header_ ? heard.size() >= tcp_header : !heard.empty();
-}
-
-std::optional<std::size_t> RegisterCodec::reply_end(const TableRequest& request, std::string& heard,
-                                                    bool at_once) const {
-  if (at_once) {  // whatever stands before it
-    const std::string expected =
-        framed(request.body.substr(0, 6), header_ ? std::optional(transaction_of(request)) : std::nullopt);
-    const std::size_t at = heard.find(expected);
-    if (at == std::string::npos) return {};
-    heard.erase(0, at);
-    return expected.size();
-  }
-  if (header_) {
-    for (;;) {
-      if (heard.size() < tcp_header) return {};
-      const std::size_t size = tcp_header + word_at(heard, 4);
-      if (word_at(heard, 2) != 0 || size > longest_frame) return heard.size();
-      if (heard.size() < size) return {};
-      if (word_at(heard, 0) == transaction_of(request) || !is_of_earlier(heard)) return size;
-      heard.erase(0, size);
-    }
-  }
-  const char function = request.body[1];
-  if (heard.size() < 3) return {};
-  const std::size_t size = heard[1] == static_cast<char>(function | 0x80) ? 5
-                           : heard[1] != function                         ? heard.size()
-                           : is_read(function)                            ? 5U + static_cast<unsigned char>(heard[2])
-                                                                          : 8;
-  return heard.size() < size ? std::nullopt : std::optional(size);
-}
-
-Verdict RegisterCodec::decode(const TableRequest& request, const std::string& reply, std::string& heard,
-                              AxisReading* reading) {
-  std::string body = reply;
-  if (header_) {
-    if (reply.size() < tcp_header) return garbled("rubbish");
-    if (word_at(reply, 2) != 0) return garbled(fmt::format("protocol {} answered, not Modbus", word_at(reply, 2)));
-    if (word_at(reply, 0) != transaction_of(request)) return garbled("the reply of another transaction");
-    body.erase(0, tcp_header);
-  } else {
-    if (body.size() < 5 || framed(body.substr(0, body.size() - 2), {}) != body) return garbled("Invalid CRC");
-    body.resize(body.size() - 2);
-  }
-  if (body.size() < 3) return garbled("rubbish");
-  const char function = request.body[1];
-  if (body[0] != request.body[0]) return garbled(fmt::format("unit {} answered", static_cast<unsigned char>(body[0])));
-  const bool is_exception = body[1] == static_cast<char>(function | 0x80) && body.size() == 3;
-  if (!is_exception) {
-    if (body[1] != function) return garbled("the reply to another function");
-    const std::size_t bytes = 2U * word_at(request.body, 4);  // of a reading
-    const bool same = is_read(function) ? body.size() == 3 + bytes && static_cast<unsigned char>(body[2]) == bytes
-                                        : body == request.body.substr(0, 6);
-    if (!same) return garbled("the reply to another request");
-  }
-  if (has_unexpected(heard)) return garbled("bytes after the reply");
-  if (is_exception) return exception_verdict(static_cast<unsigned char>(body[2]));
-  if (request.operation == TableOperation::heartbeat) ++beats_[index(request.axis)];
-  if (request.operation != TableOperation::status) return {};
-  std::vector<std::uint16_t> registers;
-  for (std::size_t at = 3; at < body.size(); at += 2) registers.push_back(word_at(body, at));
-  for (const StatusBlock& block : map_.blocks())
-    if (block.read_at(map_.of(request.axis)) == word_at(request.body, 2) &&
-        registers.size() == static_cast<std::size_t>(block.count) + index(request.axis))
-      take(request.axis, block, registers, *reading);
-  return {};
-}
-
-// What the block holds of the axis.
-void RegisterCodec::take(Axis axis, const StatusBlock& block, const std::vector<std::uint16_t>& registers,
-                         AxisReading& reading) {
-  const MapAxis& scale = map_.of(axis);
-  const auto words_from = [&](int address) {
-    return std::span(registers).subspan(static_cast<std::size_t>(address - block.address));
-  };
-  const auto number = [&](const RegisterField& field) {
-    return decode_words(words_from(field.address), field.type, map_.layout);
-  };
-  if (block.holds(scale.position.address)) {
-    reading.position_deg = scale.angle_of(number(scale.position));
-    const auto words = words_from(scale.position.address);
-    position_words_[index(axis)].assign(words.begin(), words.begin() + register_count(scale.position.type));
-  }
-  if (scale.rate && block.holds(scale.rate->address))
-    reading.rate_degps = scale.sign * number(*scale.rate) / scale.measured_rate_scale;
-  for (std::size_t i = 0; i < scale.bits.size(); ++i) {
-    const std::optional<StatusBit>& bit = scale.bits[i];
-    if (!bit || !block.holds(bit->address)) continue;
-    reading.flags[i] = bit->is_set(words_from(bit->address)[0]);
-    reading.raw |= *reading.flags[i] ? 1u << i : 0u;
-  }
-  if (!scale.alarm || !block.holds(scale.alarm->address)) return;
-  const double code = number(*scale.alarm);
-  if (code == 0.0) return;
-  const auto text = map_.alarm_text.find(static_cast<long>(code));
-  reading.text = "alarm " + format_number(code) + (text != map_.alarm_text.end() ? " (" + text->second + ")" : "");
-}
-
-std::string RegisterCodec::message(const TableRequest& request, const std::string& whose,
-                                   const std::string& what) const {
-  const std::string address = map_.link.address + ": ";
-  const bool reads = request.operation == TableOperation::status;
-  return fmt::format("{}{}{}{} unit {} register {}: {}", whose,
-                     reads ? "" : std::string(to_string(request.operation)) + ": ", address,
-                     reads ? "reading" : "writing", static_cast<unsigned char>(request.body[0]),
-                     word_at(request.body, 2), what.starts_with(address) ? what.substr(address.size()) : what);
-}
-
-std::vector<OtherReading> RegisterCodec::other_readings(Axis axis, const AxisReading&) const {
-  std::vector<OtherReading> others;
-  MapAxis scale = map_.of(axis);
-  const int own_sign = scale.sign;
-  for (const bool high_first : {true, false}) {
-    for (const bool swap : {false, true}) {
-      for (const int sign : {1, -1}) {
-        const bool same_order = high_first == map_.layout.high_word_first;
-        if (same_order && swap == map_.layout.swap_bytes && sign == own_sign) continue;
-        if (register_count(scale.position.type) == 1 && !same_order) continue;
-        scale.sign = sign;
-        others.push_back(
-            {scale.angle_of(decode_words(position_words_[index(axis)], scale.position.type, {high_first, swap})),
-             fmt::format("words.order = {}, words.swap_bytes = {}, sign = {}", high_first ? "high_first" : "low_first",
-                         swap, sign)});
-      }
-    }
-  }
-  return others;
-}
 
 }  // namespace
 

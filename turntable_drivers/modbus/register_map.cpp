@@ -4,11 +4,10 @@
 
 #include <algorithm>
 #include <bit>
-#include <charconv>
 #include <cmath>
 
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/key_table.h"
+#include "imu_io/base/key_value.h"
 #include "imu_io/base/text_pieces.h"
 
 namespace turncal {
@@ -51,7 +50,7 @@ std::optional<WriteOperand> operand_of(std::string_view text) {
     operand.kind = WriteOperand::Kind::axis;
   } else if (read_quantity(words[1], operand)) {
     return operand;
-  } else if (const auto number = whole_number(words[1])) {
+  } else if (const auto number = parse_whole<long>(words[1])) {
     operand.constant = static_cast<double>(*number);
   } else if (const auto real = parse_number(words[1])) {
     operand.constant = *real;
@@ -66,7 +65,7 @@ long hex_or_decimal(KeyValueFile& file, const std::string& key, long min, long m
                     std::optional<long> otherwise = {}) {
   if (otherwise && !file.has(key)) return *otherwise;
   const std::string text = file.text(key);
-  const std::optional<long> value = whole_number(text);
+  const std::optional<long> value = parse_whole<long>(text);
   if (value && *value >= min && *value <= max) return *value;
   if (!text.empty()) {
     file.reject(key, fmt::format("a whole number between {} and {}, decimal or with 0x", min, max));
@@ -78,7 +77,7 @@ std::vector<std::uint16_t> words_in(KeyValueFile& file, const std::string& key, 
                                     const std::string& expected) {
   std::vector<std::uint16_t> words;
   for (const std::string& text : file.has(key) ? file.list(key) : std::vector<std::string>()) {
-    const auto value = whole_number(text);
+    const auto value = parse_whole<long>(text);
     if (!value || *value < 0 || *value > most) file.reject(key, expected);
     words.push_back(static_cast<std::uint16_t>(value.value_or(0)));
   }
@@ -169,7 +168,7 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
   keys.chosen("status.scope", first.of_table, {"axis", "table"});
   if (second.count > 0) keys.chosen("status2.scope", second.of_table, {"axis", "table"});
   for (const std::string& key : file.keys_with_prefix("alarm.text.")) {
-    const auto code = whole_number(std::string_view(key).substr(11));
+    const auto code = parse_whole<long>(std::string_view(key).substr(11));
     if (!code) file.reject(key, "a key alarm.text.NUMBER");
     map.alarm_text[code.value_or(0)] = file.text(key);
   }
@@ -348,18 +347,6 @@ int WriteStep::length() const {
   return count;
 }
 
-std::optional<long> whole_number(std::string_view text) {
-  int base = 10;
-  if (text.starts_with("0x") || text.starts_with("0X")) {
-    text.remove_prefix(2);
-    base = 16;
-  }
-  long value = 0;
-  const auto result = std::from_chars(text.data(), text.data() + text.size(), value, base);
-  if (text.empty() || result.ec != std::errc{} || result.ptr != text.data() + text.size()) return {};
-  return value;
-}
-
 std::optional<WriteStep> parse_write_step(std::string_view text) {
   WriteStep step;
   auto words = split_words(text);
@@ -375,7 +362,7 @@ std::optional<WriteStep> parse_write_step(std::string_view text) {
     words.erase(words.begin());
   }
   if (words.empty()) return {};
-  const auto address = whole_number(words[0]);
+  const auto address = parse_whole<long>(words[0]);
   if (!address || *address < 0 || *address > 65535) return {};
   step.address = static_cast<int>(*address);
   for (const std::string_view part : split(text.substr(words[0].size()), '+')) {
@@ -439,6 +426,152 @@ Status check_move(const RegisterMap& map, Axis axis, const Moves& moves) {
   if (scale.rate && !reads(*scale.rate, rate))
     return input_error("rate.type: its register cannot read " + format_number(rate));
   return {};
+}
+
+// ---- what a map makes of each operation, request by request ----
+
+namespace {
+
+std::string hexadecimal(unsigned value) { return fmt::format("0x{:04X}", value); }
+
+std::string register_text(int address) { return fmt::format("{} (0x{:04X})", address, address); }
+
+std::string request(int unit, int function, int address, std::size_t count) {
+  return fmt::format("unit {}, function {}, register {}{}", unit, function, register_text(address),
+                     count > 1 ? fmt::format(", {} registers", count) : "");
+}
+
+std::string per(double scale, const char* unit) { return format_number(scale) + " per " + unit; }
+
+std::string position_text(const MapAxis& scale) {
+  return fmt::format("{}, 0 at {} deg", per(scale.signed_units(), "deg"), format_number(scale.zero_deg));
+}
+
+// What a number of a write is made of; empty: it stands in the file.
+std::string meaning_of(const RegisterMap& map, const WriteOperand& operand, Axis axis) {
+  const MapAxis& scale = map.of(operand.of_axis.value_or(axis));
+  const std::string whose = operand.of_axis ? std::string(".") + to_string(*operand.of_axis) : "";
+  switch (operand.kind) {
+    case WriteOperand::Kind::constant: return "";
+    case WriteOperand::Kind::axis: return ", the axis's code";
+    case WriteOperand::Kind::position: return fmt::format(", position{}: {}", whose, position_text(scale));
+    case WriteOperand::Kind::distance: return fmt::format(", distance{}: {}", whose, per(scale.signed_units(), "deg"));
+    case WriteOperand::Kind::rate: return fmt::format(", rate{}: {}", whose, per(scale.rate_scale, "deg/s"));
+    case WriteOperand::Kind::acceleration:
+      return fmt::format(", acceleration{}: {}", whose,
+                         map.acceleration_is_ramp_time
+                             ? format_number(scale.acceleration_scale) + " / (deg/s^2), a ramp time"
+                             : per(scale.acceleration_scale, "deg/s^2"));
+  }
+  return "";
+}
+
+void explain_writes(const RegisterMap& map, TableOperation operation, const std::string& name,
+                    std::vector<TableRow>& rows) {
+  const std::string source = source_of(map, "write." + std::string(to_string(operation)));
+  for (const Axis axis : all_axes) {
+    if (map.once(operation) && operation != TableOperation::move && axis != Axis::heading) break;
+    const std::string whose =
+        map.once(operation) && operation != TableOperation::move ? "table" : std::string(to_string(axis));
+    Moves moves{};
+    if (map.once(operation)) moves.fill({0.0, 0.0, shown_move.rate_degps, shown_move.acceleration_degps2});
+    moves[index(axis)] = shown_move;
+    for (const WriteStep& step : map.list(operation)) {
+      if (step.operands.empty()) {
+        rows.push_back({name, whose, "", "a pause of " + format_number(step.wait_s) + " s", "", source});
+        continue;
+      }
+      const int first = map.address_of(step, operation, axis);
+      const auto count = static_cast<std::size_t>(step.length());
+      const int function = count > 1 ? 16 : map.write_function;
+      const std::string answer = function == 6 ? "the same" : request(map.unit_of(operation, axis), 16, first, count);
+      int at = 0;
+      for (const WriteOperand& operand : step.operands) {
+        std::string says = std::string(to_string(operand.type)) + " ";
+        const auto words = words_of(map, operand, step.address + at, axis, moves);
+        if (words)
+          says += fmt::format("{} (0x{:04X})", format_number(decode_words(words->span(), operand.type, map.layout)),
+                              fmt::join(words->span(), " 0x"));
+        says += words ? meaning_of(map, operand, axis) : ": " + words.error().message;
+        rows.push_back({name, whose,
+                        at == 0 ? request(map.unit_of(operation, axis), function, first, count)
+                                : "  its register " + register_text(first + at),
+                        says, at == 0 ? answer : "", source});
+        at += register_count(operand.type);
+      }
+    }
+  }
+}
+
+std::string bit_text(const StatusBit& bit, DriveBit which, bool in_a_pulse) {
+  std::string text = fmt::format("{}: mask {}", to_string(which), hexadecimal(bit.mask));
+  if (bit.codes.empty()) {
+    const bool pulse = in_a_pulse && which == DriveBit::in_position;
+    return text + (bit.active_high ? ", set" : ", clear") + (pulse ? ", a pulse" : "");
+  }
+  return fmt::format("{} shifted down is {}", text, fmt::join(bit.codes, " or "));
+}
+
+void explain_status(const RegisterMap& map, std::vector<TableRow>& rows) {
+  for (const Axis axis : all_axes) {
+    const MapAxis& scale = map.of(axis);
+    const std::string whose = to_string(axis), own = "axis." + whose + ".";
+    const auto source = [&](const std::string& key) {
+      const std::string of_axis = source_of(map, own + key);
+      return of_axis.empty() ? source_of(map, key) : of_axis;
+    };
+    for (const StatusBlock& block : map.blocks()) {
+      const std::size_t asked = static_cast<std::size_t>(block.count) + index(axis);
+      rows.push_back({"status", whose, request(scale.unit, map.status_function, block.read_at(scale), asked), "",
+                      std::to_string(2 * asked) + " bytes",
+                      source(&block == &map.status[0] ? "status.address" : "status2.address")});
+    }
+    const auto field = [&](int address, const std::string& says, const std::string& key) {
+      rows.push_back(
+          {"status", whose, "  its register " + register_text(map.read_at(address, axis)), says, "", source(key)});
+    };
+    field(
+        scale.position.address,
+        fmt::format("{} position: {}{}", to_string(scale.position.type), position_text(scale),
+                    scale.modulo_deg > 0.0 ? fmt::format(", a circle of {} deg", format_number(scale.modulo_deg)) : ""),
+        "position.address");
+    if (scale.rate)
+      field(scale.rate->address,
+            std::string(to_string(scale.rate->type)) + " rate: " + per(scale.sign * scale.measured_rate_scale, "deg/s"),
+            "rate.address");
+    if (scale.alarm) field(scale.alarm->address, std::string(to_string(scale.alarm->type)) + " alarm", "alarm.address");
+    for (const DriveBit which : all_drive_bits) {
+      if (const auto& bit = scale.bit(which))
+        field(bit->address, bit_text(*bit, which, scale.arrives_in_a_pulse),
+              fmt::format("bit.{}{}", to_string(which), bit->codes.empty() ? ".mask" : ".codes"));
+    }
+  }
+}
+
+void explain_heartbeat(const RegisterMap& map, std::vector<TableRow>& rows) {
+  if (!map.heartbeat_address) return;
+  for (const Axis axis : all_axes) {
+    if (map.heartbeat_of_table && axis != Axis::heading) break;
+    std::string says = map.heartbeat_values.empty() ? "u16, another number each time" : "u16, in turn";
+    for (const std::uint16_t value : map.heartbeat_values)
+      says += " " + std::to_string(value) + " (" + hexadecimal(value) + ")";
+    says += ", every " + format_number(map.heartbeat_period_s) + " s";
+    rows.push_back({"heartbeat", map.heartbeat_of_table ? "table" : to_string(axis),
+                    request(map.of(axis).unit, map.write_function, map.heartbeat_at(axis), 1), says, "the same",
+                    source_of(map, "heartbeat.address")});
+  }
+}
+
+}  // namespace
+
+std::vector<TableRow> explain(const RegisterMap& map) {
+  std::vector<TableRow> rows;
+  for (const auto& [operation, name] : shown_operations) {
+    if (operation == TableOperation::status) explain_status(map, rows);
+    explain_writes(map, operation, name, rows);
+  }
+  explain_heartbeat(map, rows);
+  return rows;
 }
 
 }  // namespace turncal

@@ -22,7 +22,7 @@
 #include "calib/types/axis.h"
 #include "calib/types/status.h"
 #include "imu_io/base/key_value.h"
-#include "turntable_drivers/modbus/register_words.h"
+#include "turntable_drivers/modbus/modbus_frame.h"
 #include "turntable_drivers/table/table_description.h"
 
 namespace turncal {
@@ -76,9 +76,6 @@ inline constexpr int longest_block = 120;  // registers of one request; the prot
 
 // Empty: not a step.
 std::optional<WriteStep> parse_write_step(std::string_view text);
-
-// Decimal, or hexadecimal with 0x; empty: neither.
-std::optional<long> whole_number(std::string_view text);
 
 struct MapAxis : AxisScale {
   int unit = 1;

@@ -1,8 +1,7 @@
 // The rig: a table and the unit on it, as one physical model that owns its time. It shares no model code with calib/.
 //
-// Frames and signs are those of docs/rig.md: n = north, up, east; b = x front, y up, z right; the true attitude is
-//   C_nb = R(base) Ry(-H) Rx(heading_pitch) Rz(P) Ry(pitch_roll) Rx(R) R(mounting),   v_n = C_nb v_b
-// and the unit feels f_b = C_bn (0, g, 0) and w_ib_b = C_bn w_ie_n + (rate of the table), w_ie_n = W (cos L, sin L, 0).
+// Frames and signs are those of docs/rig.md: n = north, up, east; b = x front, y up, z right; C_nb: rig_geometry.h. The unit feels
+// f_b = C_bn (0, g, 0) and w_ib_b = C_bn w_ie_n + (rate of the table), w_ie_n = W (cos L, sin L, 0).
 // Increments are integrals over the sample: closed form while every axis stands, Gauss-Legendre in motion, split where
 // an axis changes its acceleration. Time is counted in samples; nothing but advance() makes it pass.
 //

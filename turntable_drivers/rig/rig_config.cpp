@@ -1,10 +1,9 @@
-// Every key of RigConfig once, with its range: read from a file, or checked in a configuration that was made otherwise.
-// docs/rig.md is the list of keys; a test holds the two against each other.
+// Every key of RigConfig once, with its range. docs/rig.md is the list of keys; a test holds the two against each other.
 #include <algorithm>
 #include <cmath>
 
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/key_table.h"
+#include "imu_io/base/key_value.h"
 #include "imu_io/recordings/recording_check.h"
 #include "turntable_drivers/rig/rig_config.h"
 
@@ -29,11 +28,14 @@ constexpr std::array<std::string_view, 14> fault_names = {
 
 void read_sensor_axis(KeyTable& keys, const std::string& key, int& axis) { keys.chosen(key, axis, {"x", "y", "z"}); }
 
+template <class Seed>
+void read_seed(KeyValueFile& file, const std::string& key, Seed& seed) {
+  if (file.has(key)) seed = static_cast<std::uint64_t>(file.integer(key, 0));
+}
+
 void read_general(KeyTable& keys, RigConfig& config) {
-  if (KeyValueFile* const file = keys.file()) {
-    config.seed = static_cast<std::uint64_t>(file->integer_or("seed", static_cast<std::int64_t>(config.seed), 0));
-    if (file->has("noise.seed")) config.noise_seed = static_cast<std::uint64_t>(file->integer("noise.seed", 0));
-  }
+  read_seed(keys.file(), "seed", config.seed);
+  read_seed(keys.file(), "noise.seed", config.noise_seed);
   keys.text("unit_serial", config.unit_serial);
   keys.whole("first_counter", config.first_counter, -most_counter, most_counter);
   keys.flag("random_truth", config.random_truth);
@@ -181,8 +183,7 @@ void read_fault(KeyValueFile& file, const std::string& prefix, RigFault& fault) 
 }
 
 void read_lot(KeyTable& keys, RigLot& lot) {
-  if (KeyValueFile* const file = keys.file(); file && file->has("lot.seed"))
-    lot.seed = static_cast<std::uint64_t>(file->integer("lot.seed", 0));
+  read_seed(keys.file(), "lot.seed", lot.seed);
   keys.number("lot.faulty", lot.faulty, between(0.0, 1.0));
   keys.number("lot.between_h", lot.between_h, between(0.0, 1000.0));
   keys.number("lot.turn_on_gyro_degph", lot.turn_on_gyro_degph, zero_or_more);
@@ -197,28 +198,6 @@ void read_faults(KeyValueFile& file, std::vector<RigFault>& faults) {
     read_fault(file, "fault." + std::to_string(number) + ".", next);
     faults.push_back(next);
   }
-}
-
-void read(KeyTable& keys, RigConfig& config) {
-  read_general(keys, config);
-  read_table_errors(keys, config.table_errors);
-  read_table(keys, config.table);
-  read_effects(keys, config.effects);
-  read_outside(keys, config.outside);
-  read_lot(keys, config.lot);
-  if (keys.file()) read_faults(*keys.file(), config.faults);
-}
-
-Status bad(const std::string& key, double value, const std::string& expected) {
-  return input_error("rig: " + key + " = " + format_number(value) + ": expected " + expected);
-}
-
-Status positive_value(const std::string& key, double value) {
-  return value > 0.0 && std::isfinite(value) ? Status() : bad(key, value, "a number > 0");
-}
-
-Status not_negative_value(const std::string& key, double value) {
-  return value >= 0.0 && std::isfinite(value) ? Status() : bad(key, value, "a number >= 0");
 }
 
 double determinant(const std::array<double, 9>& m) {
@@ -240,25 +219,15 @@ Status check_truth(const RigConfig& config) {
   return {};
 }
 
-Status check_fault(const RigFault& fault, std::size_t number) {
-  const std::string prefix = "fault." + std::to_string(number) + ".";
-  if (fault.axis < 0 || fault.axis > 2) return bad(prefix + "axis", fault.axis, "0, 1 or 2");
-  if (fault.sample < 0) return bad(prefix + "sample", static_cast<double>(fault.sample), "a whole number >= 0");
-  if (fault.count < 1) return bad(prefix + "count", static_cast<double>(fault.count), "a whole number >= 1");
-  TRY(not_negative_value(prefix + "time_s", fault.time_s));
-  TRY(not_negative_value(prefix + "duration_s", fault.duration_s));
-  if (fault.kind == RigFaultKind::imu_silent && !(fault.duration_s > 0.0)) {
-    return bad(prefix + "duration_s", fault.duration_s, "a number > 0 for imu_silent");
-  }
-  if (!std::isfinite(fault.size)) return bad(prefix + "size", fault.size, "a finite number");
-  TRY(positive_value(prefix + "rate_factor", fault.rate_factor));
-  TRY(positive_value(prefix + "acceleration_factor", fault.acceleration_factor));
-  return positive_value(prefix + "rate_degps", fault.rate_degps);
-}
-
 Result<RigConfig> config_from(KeyValueFile& file, RigConfig config) {
   KeyTable keys(file, any_size);
-  read(keys, config);
+  read_general(keys, config);
+  read_table_errors(keys, config.table_errors);
+  read_table(keys, config.table);
+  read_effects(keys, config.effects);
+  read_outside(keys, config.outside);
+  read_lot(keys, config.lot);
+  read_faults(file, config.faults);
   TRY(file.check_all_used());
   if (Status status = check(config); !status) return input_error(file.file_name() + ": " + status.error().message);
   return config;
@@ -296,19 +265,11 @@ RigConfig rig_of_unit(const RigConfig& config, std::size_t unit) {
 }
 
 Status check(const RigConfig& config) {
-  RigConfig copy = config;
-  KeyTable keys("rig", any_size);
-  read(keys, copy);
-  if (!keys.status()) return keys.status();
   for (Axis axis : all_axes) {
-    const std::size_t i = index(axis);
-    if (!(config.table.limit_min_deg[i] < config.table.limit_max_deg[i])) {
-      return bad(std::string("table.") + to_string(axis) + ".limit_min_deg", config.table.limit_min_deg[i],
-                 "a number below limit_max_deg = " + format_number(config.table.limit_max_deg[i]));
-    }
-  }
-  for (std::size_t i = 0; i < config.faults.size(); ++i) {
-    TRY(check_fault(config.faults[i], i + 1));
+    const double low = config.table.limit_min_deg[index(axis)], high = config.table.limit_max_deg[index(axis)];
+    if (!(low < high))
+      return input_error(std::string("rig: table.") + to_string(axis) + ".limit_min_deg = " + format_number(low) +
+                         ": expected a number below limit_max_deg = " + format_number(high));
   }
   return check_truth(config);
 }

@@ -54,9 +54,7 @@ struct RigTemperature {  // T = start + rise (1 - exp(-t/tau)), recorded to 0.00
   std::optional<double> reference_c;  // T_ref of the temperature effects; not set: start_c
 };
 
-// Angles of the table that are not as they should be; a value not set is drawn. C_nb of docs/rig.md:
-//   C_nb = R(tilt_north, north, tilt_east) Ry(-H) Rx(heading_pitch) Rz(P) Ry(pitch_roll) Rx(R) R(mounting)
-// R(v): rotation by the rotation vector v, exact.
+// Angles of the table that are not as they should be (C_nb: rig_geometry.h); a value not set is drawn.
 struct RigTableErrors {
   double random_arcmin = 3.0;  // drawn angles lie between half of this and all of it, either sign; 0: none are drawn
   std::optional<double> tilt_north_arcmin;               // base turned about north (positive: up leans to east)
@@ -65,8 +63,7 @@ struct RigTableErrors {
   std::optional<double> heading_pitch_arcmin;            // pitch axis not square to the heading axis
   std::optional<double> pitch_roll_arcmin;               // roll axis not square to the pitch axis
   std::array<std::optional<double>, 3> mounting_arcmin;  // unit in the fixture, about x y z
-  // True angle = e (1 + scale) + offset + harmonic sin(order e + phase), e the encoder's reading. Drawn if not set:
-  // offset up to 5 arcsec, scale up to 1 ppm, harmonic up to 2 arcsec.
+  // True angle: rig_axes.h. Drawn if not set: offset up to 5 arcsec, scale up to 1 ppm, harmonic up to 2 arcsec.
   struct Encoder {
     std::optional<double> offset_arcsec;
     std::optional<double> scale_ppm;
@@ -210,7 +207,7 @@ Result<RigConfig> parse_rig_config(const std::string& text, const std::string& f
 RigConfig rig_of_unit(const RigConfig& config, std::size_t unit);
 // What is true of the unit `serial` when it is turned on at config.start_utc_s; config itself without lot.seed.
 RigConfig rig_of_lot(RigConfig config, const std::string& serial);
-// What read_rig_config also checks: ranges, and that a value makes sense with the others.
+// What read_rig_config checks beyond each key's range: that a value makes sense with the others.
 Status check(const RigConfig& config);
 
 }  // namespace turncal

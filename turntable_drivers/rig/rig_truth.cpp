@@ -158,15 +158,8 @@ LotFault fault_of(const RigLot& lot, std::uint64_t seed) {
 }  // namespace
 
 const char* to_string(LotFault fault) {
-  switch (fault) {
-    case LotFault::none: return "none";
-    case LotFault::gyro_bias: return "gyro_bias";
-    case LotFault::accel_nonlinear: return "accel_nonlinear";
-    case LotFault::g_sensitive: return "g_sensitive";
-    case LotFault::noisy: return "noisy";
-    case LotFault::unsettled: return "unsettled";
-  }
-  return "none";
+  constexpr const char* names[] = {"none", "gyro_bias", "accel_nonlinear", "g_sensitive", "noisy", "unsettled"};
+  return names[static_cast<std::size_t>(fault)];
 }
 
 RigConfig rig_of_lot(RigConfig config, const std::string& serial) {

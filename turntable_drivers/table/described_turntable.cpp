@@ -98,9 +98,9 @@ Status DescribedTurntable::carry_out(TableOperation operation, Axis axis, const 
         return Error{ErrorKind::aborted, axis_error(axis, "given up for a stop").message};
       continue;
     }
-    const Verdict verdict = line_.exchange(*requests[step], *codec_, nullptr);
-    if (verdict.status) continue;
-    const Error error = about(*requests[step], verdict.status.error());
+    const Judgement judgement = line_.exchange(*requests[step], *codec_, nullptr);
+    if (judgement.status) continue;
+    const Error error = about(*requests[step], judgement.status.error());
     if (!line_.is_open()) lost_reason_ = error.message;
     return error;
   }
@@ -150,8 +150,8 @@ Result<TableIdentity> DescribedTurntable::identify() {
   for (std::size_t step = 0; step < codec_->steps(TableOperation::identify); ++step) {
     const TableRequest request = TRY(codec_->encode(TableOperation::identify, Axis::heading, step, moves_));
     AxisReading answer;
-    const Verdict verdict = line_.exchange(request, *codec_, &answer);
-    if (!verdict.status) return verdict.status.error();
+    const Judgement judgement = line_.exchange(request, *codec_, &answer);
+    if (!judgement.status) return judgement.status.error();
     description += ", " + answer.text;
   }
   if (!table_.verified_on_hardware) description += fmt::format(", {} not verified on hardware", codec_->kind());
@@ -336,13 +336,13 @@ Status DescribedTurntable::beat() {
   return first_failure;
 }
 
-Verdict DescribedTurntable::read_once(Axis axis, AxisReading& reading) {
+Judgement DescribedTurntable::read_once(Axis axis, AxisReading& reading) {
   for (std::size_t step = 0; step < codec_->steps(TableOperation::status); ++step) {
     const TableRequest request = TRY(codec_->encode(TableOperation::status, axis, step, moves_));
-    Verdict verdict = line_.exchange(request, *codec_, &reading);
-    if (verdict.status) continue;
-    verdict.status = about(request, verdict.status.error());
-    return verdict;
+    Judgement judgement = line_.exchange(request, *codec_, &reading);
+    if (judgement.status) continue;
+    judgement.status = about(request, judgement.status.error());
+    return judgement;
   }
   return {};
 }
@@ -358,8 +358,8 @@ Result<AxisReading> DescribedTurntable::read(Axis axis, bool believed_only) {
   bool alive = false;
   for (int i = 0; i <= link_.read_retries; ++i) {
     AxisReading reading;
-    const Verdict verdict = read_once(axis, reading);
-    if (verdict.status) {
+    const Judgement judgement = read_once(axis, reading);
+    if (judgement.status) {
       const double circle_deg = codec_->scale(axis).modulo_deg;
       if (circle_deg > 0.0 && std::isfinite(reading.position_deg))
         reading.position_deg = unwrapped_deg(reading.position_deg, memory.position_deg.value_or(0.0), circle_deg);
@@ -370,11 +370,11 @@ Result<AxisReading> DescribedTurntable::read(Axis axis, bool believed_only) {
       alive = true;
       continue;
     }
-    last = verdict.status.error();
-    alive = verdict.alive;
+    last = judgement.status.error();
+    alive = judgement.alive;
     if (last.kind != ErrorKind::aborted) lost_reason_ = last.message;
-    if (last.kind == ErrorKind::aborted || !line_.is_open() || !verdict.again) return last;
-    if (verdict.pause_s > 0.0 && !stop_.pause(verdict.pause_s))
+    if (last.kind == ErrorKind::aborted || !line_.is_open() || !judgement.again) return last;
+    if (judgement.pause_s > 0.0 && !stop_.pause(judgement.pause_s))
       return Error{ErrorKind::aborted, axis_error(axis, "given up for a stop").message};
   }
   lost_ = !alive;

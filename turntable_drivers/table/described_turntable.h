@@ -32,7 +32,6 @@
 #include <utility>
 
 #include "imu_io/base/clock.h"
-#include "turntable_drivers/table/stop_signal.h"
 #include "turntable_drivers/table/table_codec.h"
 #include "turntable_drivers/table/table_line.h"
 #include "turntable_drivers/table/turntable.h"
@@ -143,7 +142,7 @@ class DescribedTurntable : public Turntable {
   Status carry_out(TableOperation operation);  // for all axes, or the table
   Status halt(bool off);                       // to every axis at once
   Status beat();                               // to every drive whose heartbeat is due
-  Verdict read_once(Axis axis, AxisReading& reading);
+  Judgement read_once(Axis axis, AxisReading& reading);
   // A position of a circle is unwrapped.
   Result<AxisReading> read(Axis axis, bool believed_only);
   bool believable(Axis axis, double position_deg) const;

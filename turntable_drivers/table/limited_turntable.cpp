@@ -1,7 +1,6 @@
 #include "turntable_drivers/table/limited_turntable.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "imu_io/base/format_number.h"
 
@@ -16,11 +15,6 @@ Error refused(Axis axis, const std::string& what, double value, const char* unit
 }
 
 }  // namespace
-
-LimitedTurntable::LimitedTurntable(Turntable& table, const std::array<MotionLimits, 3>& limits)
-    : table_(table), limits_(limits) {}
-
-Status LimitedTurntable::connect() { return table_.connect(); }
 
 Status LimitedTurntable::enable() {
   switched_on_ = true;  // also where the answer was lost

@@ -26,9 +26,10 @@ struct MotionLimits {
 
 class LimitedTurntable : public Turntable {
  public:
-  LimitedTurntable(Turntable& table, const std::array<MotionLimits, 3>& limits);  // the table must outlive this
+  LimitedTurntable(Turntable& table, const std::array<MotionLimits, 3>& limits)  // the table must outlive this
+      : table_(table), limits_(limits) {}
 
-  Status connect() override;
+  Status connect() override { return table_.connect(); }
   Result<TableIdentity> identify() override { return table_.identify(); }
   Status enable() override;
   Status home() override;

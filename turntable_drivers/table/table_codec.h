@@ -39,9 +39,9 @@ struct AxisReading {
 };
 
 // What is made of a reply.
-struct Verdict {
-  Verdict() = default;
-  Verdict(Error error) : status(std::move(error)) {}
+struct Judgement {
+  Judgement() = default;
+  Judgement(Error error) : status(std::move(error)) {}
   Status status;         // an error: not what was asked for
   bool stale = false;    // the line has to be read empty
   bool again = true;     // a reading may be repeated,
@@ -76,8 +76,8 @@ class TableCodec {
   // stands before the acknowledgement of a stop may be taken off.
   virtual std::optional<std::size_t> reply_end(const TableRequest& request, std::string& heard, bool at_once) const = 0;
   // heard: what came after the reply. reading: what a status adds to; text of an identification.
-  virtual Verdict decode(const TableRequest& request, const std::string& reply, std::string& heard,
-                         AxisReading* reading) = 0;
+  virtual Judgement decode(const TableRequest& request, const std::string& reply, std::string& heard,
+                           AxisReading* reading) = 0;
   virtual bool acknowledges(const TableRequest& request, const std::string& reply) const = 0;  // a stop, at once
   // Whether something that no request asked for is there.
   virtual bool has_unexpected(std::string& heard) const = 0;

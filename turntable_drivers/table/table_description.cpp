@@ -6,7 +6,7 @@
 #include <array>
 #include <initializer_list>
 
-#include "imu_io/base/key_table.h"
+#include "imu_io/base/key_value.h"
 
 namespace turncal {
 

@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "calib/types/axis.h"
-#include "imu_io/base/key_table.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/lines/serial_port.h"
 

@@ -10,7 +10,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "imu_io/lines/tcp_connection.h"
+#include "imu_io/lines/byte_line.h"
 
 namespace turncal {
 namespace {
@@ -131,7 +131,7 @@ Result<std::string> TableLine::await(const TableRequest& request, const TableCod
   }
 }
 
-Verdict TableLine::exchange(const TableRequest& request, TableCodec& codec, AxisReading* reading) {
+Judgement TableLine::exchange(const TableRequest& request, TableCodec& codec, AxisReading* reading) {
   if (!is_open()) return failure("not open");
   if (stop_.pending()) return given_up();
   TRY(receive(0.0));
@@ -141,9 +141,9 @@ Verdict TableLine::exchange(const TableRequest& request, TableCodec& codec, Axis
   TRY(send(request.bytes));
   const std::string reply = TRY(await(request, codec, Deadline(settings_.reply_timeout_s), false));
   TRY(receive(0.0));
-  const Verdict verdict = codec.decode(request, reply, heard_, reading);
-  stale_ = verdict.stale;
-  return verdict;
+  const Judgement judgement = codec.decode(request, reply, heard_, reading);
+  stale_ = judgement.stale;
+  return judgement;
 }
 
 Status TableLine::send_at_once(const TableRequest& request, TableCodec& codec, bool awaits) {

@@ -51,17 +51,9 @@ inline TableState state_unread(const Turntable& table) {
 }
 
 constexpr const char* to_string(TableState state) {
-  switch (state) {
-    case TableState::idle: return "idle";
-    case TableState::settling: return "settling";
-    case TableState::moving: return "moving";
-    case TableState::stopping: return "stopping";
-    case TableState::not_ready: return "not ready";
-    case TableState::fault: return "FAULT";
-    case TableState::emergency_stop: return "E-STOP";
-    case TableState::link_lost: return "link lost";
-  }
-  return "";
+  constexpr const char* names[] = {"idle",      "settling", "moving", "stopping",
+                                   "not ready", "FAULT",    "E-STOP", "link lost"};
+  return names[static_cast<std::size_t>(state)];
 }
 
 }  // namespace turncal

@@ -75,9 +75,8 @@ class Turntable {
   virtual bool answers() const { return false; }
   // False: abort_all() leaves the drives on, since the device has no word for it.
   virtual bool can_switch_off() const { return true; }
-  virtual bool tells_drives() const {
-    return true;
-  }  // whether they are on, by the device; else AxisStatus has what was commanded
+  // Whether they are on, by the device; else AxisStatus has what was commanded.
+  virtual bool tells_drives() const { return true; }
 };
 
 }  // namespace turncal

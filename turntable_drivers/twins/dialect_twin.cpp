@@ -131,8 +131,8 @@ Status DialectTwin::move(Axis axis, const Values& values) {
   return {};
 }
 
-std::optional<AnswerPlan> DialectServer::next_answer(std::vector<std::uint8_t>& bytes) {
-  const DialectLink& link = twin_.dialect().link;
+std::optional<AnswerPlan> DialectTwin::next_answer(std::vector<std::uint8_t>& bytes) {
+  const DialectLink& link = dialect_.link;
   const auto end = std::search(bytes.begin(), bytes.end(), link.terminator_out.begin(), link.terminator_out.end());
   if (end == bytes.end()) return {};
   const std::string frame(bytes.begin(), end);
@@ -140,11 +140,10 @@ std::optional<AnswerPlan> DialectServer::next_answer(std::vector<std::uint8_t>& 
   AnswerPlan plan;
   const Result<std::string> body = body_of(link, frame);
   if (!body) return plan;
-  std::optional<std::string> answer;
-  {
+  const std::optional<std::string> answer = [&] {
     const std::lock_guard lock(mutex);
-    answer = twin_.answer(*body);
-  }
+    return this->answer(*body);
+  }();
   std::string text = link.echo ? frame + link.echo_terminator : "";
   for (std::string_view remaining = answer ? *answer : std::string_view(); answer;) {
     const std::size_t line_end = remaining.find('\n');

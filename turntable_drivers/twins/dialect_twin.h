@@ -1,6 +1,6 @@
 // DialectTwin: a simulated table that speaks the ASCII dialect of a file, with the axes of any Turntable (the rig's mock). It matches
 // what it is sent against the templates the driver fills in, and fills in the templates the driver matches; modbus_twin.h has
-// the same for Modbus. DialectServer puts it on a line (line_server.h says how that is run).
+// the same for Modbus. line_server.h says how it is run.
 //
 // A sentence that no template matches, or that the table refuses, is answered with the first of error.texts, or not at all.
 #pragma once
@@ -17,18 +17,19 @@
 
 namespace turncal {
 
-class DialectTwin {
+class DialectTwin : public LineServer {
  public:
   DialectTwin(Dialect dialect, Turntable& table)
       : dialect_(std::move(dialect)), table_(table) {}  // the table must outlive the twin
 
   Status power_on();  // connects to the table; a table without an enable sentence comes up enabled
-  // The body of the answer; empty: none is due.
-  std::optional<std::string> answer(const std::string& body);
-  const Dialect& dialect() const { return dialect_; }
+  std::function<void(const std::string& body, AnswerPlan&)> disturb;
 
  private:
   using Values = std::map<std::string, std::string>;
+  std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) override;
+  // The body of the answer; empty: none is due.
+  std::optional<std::string> answer(const std::string& body);
   std::optional<std::string> answer_of(TableOperation operation, std::size_t step, const Values& values);
   Status move(Axis axis, const Values& values);
   std::string value_of(const std::string& name, Axis axis);
@@ -38,18 +39,6 @@ class DialectTwin {
   ToldTable table_;
   std::array<std::size_t, table_operation_count> progress_{};
   std::array<Values, table_operation_count> pending_;
-};
-
-class DialectServer : public LineServer {
- public:
-  explicit DialectServer(DialectTwin& twin) : twin_(twin) {}  // the twin must outlive the server
-  std::function<void(const std::string& body, AnswerPlan&)> disturb;
-
- private:
-  std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) override;
-  void tick() override {}
-
-  DialectTwin& twin_;
 };
 
 }  // namespace turncal

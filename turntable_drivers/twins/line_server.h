@@ -1,10 +1,10 @@
 // LineServer: the line of a twin, a TCP port or a pseudo-terminal, with any number of clients (a pseudo-terminal has one). What is
-// said on it is the derived class's affair (modbus_twin.h: Modbus; dialect_twin.h: ASCII).
+// said on it is the twin's affair (modbus_twin.h: Modbus; dialect_twin.h: ASCII).
 //
-//   server.listen_tcp(0);                     // or open_pty("table.link")
-//   while (going_on) server.run_once(0.05);   // serves what has arrived, waits at most this long, ticks the twin
+//   twin.listen_tcp(0);                     // or open_pty("table.link")
+//   while (going_on) twin.run_once(0.05);   // serves what has arrived, waits at most this long, ticks
 //
-// Faults are made by `disturb` of the derived class, which sees every request with the pieces of its answer before they are sent, and
+// Faults are made by `disturb` of the twin, which sees every request with the pieces of its answer before they are sent, and
 // may change them: other bytes, a delay before a piece, none at all, or a hang-up. A delay holds up whatever else has arrived,
 // as on a real line.
 // One thread; `mutex` is held while the twin (and with it the table) is used, so that another may let time pass meanwhile.
@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "calib/types/status.h"
-#include "imu_io/lines/pty.h"
+#include "imu_io/lines/unit_end.h"
 
 namespace turncal {
 
@@ -50,7 +50,7 @@ class LineServer {
  protected:
   // Takes the next complete request off the front and answers it; empty: there is none yet.
   virtual std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) = 0;
-  virtual void tick() = 0;  // with the mutex held
+  virtual void tick() {}  // with the mutex held
   bool tcp() const { return listener_ >= 0; }
 
  private:

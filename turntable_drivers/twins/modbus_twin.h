@@ -1,5 +1,5 @@
-// ModbusTwin: three simulated drives behind the registers that a RegisterMap describes. What a drive would do with a request, without
-// any line: ModbusServer puts it on one.
+// ModbusTwin: three simulated drives behind the registers that a RegisterMap describes, on a line: Modbus TCP or (on a pseudo-terminal)
+// RTU, for a rehearsal with real links (`turncal twin`) and for the tests of the driver. line_server.h says how it is run.
 //
 // The axes are those of any Turntable (the rig's mock), so the twin has its manners and its lies. Status registers are made from its
 // status at each reading; a list of writes of the map, seen in full and in order, is carried out when its last register is
@@ -17,7 +17,6 @@
 #include <functional>
 #include <map>
 #include <optional>
-#include <string>
 #include <utility>
 #include <vector>
 
@@ -29,7 +28,7 @@
 
 namespace turncal {
 
-class ModbusTwin {
+class ModbusTwin : public LineServer {
  public:
   // Table and clock must outlive the twin.
   ModbusTwin(RegisterMap map, Turntable& table, const Clock& clock);
@@ -40,9 +39,9 @@ class ModbusTwin {
     std::vector<std::uint16_t> values;  // of a read
   };
   Answer handle(const ModbusRequest& request);
-  void tick();  // the watchdog
+  void tick() override;  // the watchdog
   bool watchdog_tripped(Axis axis) const { return tripped_[index(axis)]; }
-  const RegisterMap& map() const { return map_; }
+  std::function<void(const ModbusRequest&, AnswerPlan&)> disturb;
 
  private:
   // What a move was told, by kind; of which axis: 0 to 2, or 3 for the one that is written to.
@@ -51,6 +50,7 @@ class ModbusTwin {
     std::size_t step = 0;  // of the list, the next one awaited
     Operands operands;
   };
+  std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) override;
   Answer read(const ModbusRequest& request);
   Answer write(const ModbusRequest& request);
   std::optional<std::vector<std::uint16_t>> registers_of(const StatusBlock& block, Axis axis);
@@ -68,20 +68,6 @@ class ModbusTwin {
   std::array<std::optional<double>, 3> heartbeat_s_;
   std::array<std::optional<std::uint16_t>, 3> heartbeat_value_;
   std::array<bool, 3> tripped_{};
-};
-
-// ModbusServer: puts a ModbusTwin on a line, Modbus TCP or (on a pseudo-terminal) RTU, for a rehearsal with real links (`turncal twin`)
-// and for the tests of the driver. line_server.h says how it is run.
-class ModbusServer : public LineServer {
- public:
-  explicit ModbusServer(ModbusTwin& twin) : twin_(twin) {}  // the twin must outlive the server
-  std::function<void(const ModbusRequest&, AnswerPlan&)> disturb;
-
- private:
-  std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) override;
-  void tick() override { twin_.tick(); }
-
-  ModbusTwin& twin_;
 };
 
 }  // namespace turncal

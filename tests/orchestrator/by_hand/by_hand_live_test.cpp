@@ -3,7 +3,7 @@
 #include <thread>
 
 #include "imu_io/frames/frame_description.h"
-#include "imu_io/lines/pty.h"
+#include "imu_io/lines/unit_end.h"
 #include "imu_io/units/frame_streamer.h"
 #include "tests/orchestrator/operator_session.h"
 #include "turntable_drivers/rig/rig.h"

@@ -9,7 +9,7 @@
 
 #include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_encoder.h"
-#include "imu_io/lines/pty.h"
+#include "imu_io/lines/unit_end.h"
 #include "imu_io/units/serial_imu.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/drives/modbus_run.h"

@@ -2,7 +2,7 @@
 // stop_states_test.cpp). Times are of the wall clock.
 #include <gtest/gtest.h>
 
-#include "imu_io/lines/pty.h"
+#include "imu_io/lines/unit_end.h"
 #include "imu_io/units/serial_imu.h"
 #include "orchestrator/devices/live_devices.h"
 #include "tests/imu_io/frame_streams.h"

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include "imu_io/recordings/parameter_file.h"
-#include "imu_io/recordings/parameter_forms.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {

@@ -1,7 +1,7 @@
 // `turncal verify` as a program: north seeking on the rig, judged; readings of references; and what is refused.
 #include <gtest/gtest.h>
 
-#include "imu_io/base/lock_file.h"
+#include "imu_io/base/posix_file.h"
 #include "tests/orchestrator/operator_session.h"
 #include "tests/orchestrator/results/rig_unit.h"
 

@@ -4,7 +4,7 @@
 #include <thread>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/lock_file.h"
+#include "imu_io/base/posix_file.h"
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/service/service_config.h"
 #include "orchestrator/service/service_page.h"

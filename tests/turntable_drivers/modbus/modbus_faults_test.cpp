@@ -271,11 +271,10 @@ TEST(ModbusFaults, AdapterComesBackUnderItsName) {
   EXPECT_FALSE(driver.connect().ok()) << "missing device";
   int descriptors = 0;
   for (int round = 0; round < 3; ++round) {
-    ModbusServer server(twin);
-    ASSERT_TRUE(server.open_pty(name).ok());
+    ASSERT_TRUE(twin.open_pty(name).ok());
     std::atomic<bool> ended{false};
     std::thread thread([&] {
-      while (!ended) server.run_once(0.01);
+      while (!ended) twin.run_once(0.01);
     });
     EXPECT_OK(driver.connect());
     EXPECT_TRUE(driver.status(Axis::heading).ok());
@@ -283,7 +282,7 @@ TEST(ModbusFaults, AdapterComesBackUnderItsName) {
     EXPECT_EQ(open_descriptors(), descriptors) << "a descriptor leaks with each reconnection";
     ended = true;
     thread.join();
-    server.hang_up();
+    twin.hang_up();
     EXPECT_FALSE(driver.status(Axis::heading).ok());
   }
 }

@@ -1,5 +1,5 @@
 // Numbers as registers: vectors worked by hand, both word orders, both byte orders, and the borders of every type.
-#include "turntable_drivers/modbus/register_words.h"
+#include "turntable_drivers/modbus/modbus_frame.h"
 #include "turntable_drivers/table/table_description.h"
 
 #include <cmath>

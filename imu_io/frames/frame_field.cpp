@@ -1,4 +1,4 @@
-#include "imu_io/frames/frame_check.h"
+#include "imu_io/frames/frame_field.h"
 
 namespace turncal {
 namespace {
