@@ -43,25 +43,13 @@ struct PlanLimits {
 };
 
 // One item of the sequence with its place in time. Fields of the other kind are left at their defaults.
-struct PlannedItem {
-  SequenceItem::Kind kind = SequenceItem::Kind::dwell;
+struct PlannedItem : PlannedMotionItem {
   std::size_t step_index = 0;  // sequence.steps[step_index].items[item_index]
   std::size_t item_index = 0;
-  int step = 0;  // the step's number
-  int line = 0;  // in the sequence file
-  // Move.
-  Axis axis = Axis::heading;
-  double from_deg = 0.0;
-  double to_deg = 0.0;
-  double rate_degps = 0.0;
-  double acceleration_degps2 = 0.0;
-  bool positioning = false;  // to the step's initial position
-  // Dwell.
-  SegmentKind dwell_kind = SegmentKind::still;
-  // Both.
+  int line = 0;              // in the sequence file
+  bool positioning = false;  // a move to the step's initial position
   AxisTriple commanded_deg;  // at the end of the item
   std::int64_t start_sample = 0;
-  std::int64_t samples = 0;  // of a move: settling included
   double start_s = 0.0;
   double duration_s = 0.0;
 };

@@ -28,7 +28,8 @@ struct Dwell {
 };
 
 struct SequenceItem {
-  enum class Kind { move, dwell } kind = Kind::dwell;
+  using Kind = PlannedMotionItem::Kind;
+  Kind kind = Kind::dwell;
   Move move;
   Dwell dwell;
   int line = 0;              // in the file, for messages; of a move to the initial position: that of `initial`

@@ -11,6 +11,7 @@
 #pragma once
 
 #include <array>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -32,6 +33,10 @@ inline constexpr int parameter_count = 24;
 inline constexpr std::array<std::string_view, parameter_count> parameter_keys = {
     "N01", "N02", "N03", "A01", "A02", "A03", "n11", "n12", "n13", "n21", "n22", "n23",
     "n31", "n32", "n33", "a11", "a12", "a13", "a21", "a22", "a23", "a31", "a32", "a33"};
+template <class Index>
+std::string parameter_key(Index k) {
+  return std::string(parameter_keys[static_cast<std::size_t>(k)]);
+}
 inline constexpr std::array<bool, parameter_count> parameter_is_free = {
     true, true, true, true, true, true, true,  true, true, true,  true,  true,
     true, true, true, true, true, true, false, true, true, false, false, true};

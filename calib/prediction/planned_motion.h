@@ -26,18 +26,6 @@
 
 namespace turncal {
 
-struct PlannedMotionItem {
-  enum class Kind { move, dwell } kind = Kind::dwell;
-  int step = 0;
-  std::int64_t samples = 0;                     // of a move: settling included
-  SegmentKind dwell_kind = SegmentKind::still;  // align or still
-  Axis axis = Axis::heading;                    // of a move, as the next four
-  double from_deg = 0.0;
-  double to_deg = 0.0;
-  double rate_degps = 0.0;           // above zero
-  double acceleration_degps2 = 0.0;  // above zero, the same for braking
-};
-
 struct PlannedMotion {
   AxisTriple start_deg;                  // where the table stands at the first sample
   std::vector<PlannedMotionItem> items;  // in order

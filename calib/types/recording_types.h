@@ -11,6 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "calib/types/axis.h"
+
 namespace turncal {
 
 // One row: increments over the sample that ends at counter `counter`. Whole numbers when the unit counts pulses.
@@ -52,5 +54,18 @@ struct Segment {
   double roll_deg = 0.0;
 };
 using Segments = std::vector<Segment>;
+
+// What becomes a segment: a move or a dwell of a plan.
+struct PlannedMotionItem {
+  enum class Kind { move, dwell } kind = Kind::dwell;
+  int step = 0;                                 // its number
+  std::int64_t samples = 0;                     // of a move: settling included
+  SegmentKind dwell_kind = SegmentKind::still;  // align or still
+  Axis axis = Axis::heading;                    // of a move, as the next four
+  double from_deg = 0.0;
+  double to_deg = 0.0;
+  double rate_degps = 0.0;           // above zero
+  double acceleration_degps2 = 0.0;  // above zero, the same for braking
+};
 
 }  // namespace turncal

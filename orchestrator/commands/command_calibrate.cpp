@@ -28,13 +28,11 @@
 #include "imu_io/recordings/number_table.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/devices/truth.h"
+#include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/figures/report_format.h"
-#include "orchestrator/fleet/fleet_document.h"
 #include "orchestrator/fleet/fleet_members.h"
 #include "orchestrator/fleet/prior_history.h"
-#include "orchestrator/fleet/slurm_array.h"
-#include "orchestrator/fleet/version_changes.h"
+#include "orchestrator/fleet/recalibration.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/command_context.h"
 #include "orchestrator/records/output_folder.h"
@@ -161,9 +159,7 @@ Result<std::vector<LoadedRecording>> load(const std::vector<std::string>& paths,
   for (const std::string& path : paths) {
     const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(path));
     if (!source->segments().empty()) phases.begin("reading " + path);
-    Result<LoadedRecording> loaded = load_recording(*source, [&](std::int64_t count) { phases.samples(count); });
-    if (!loaded) return loaded.error();
-    all.push_back(std::move(*loaded));
+    all.push_back(TRY(load_recording(*source, [&](std::int64_t count) { phases.samples(count); })));
   }
   return all;
 }

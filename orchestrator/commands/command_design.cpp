@@ -17,13 +17,13 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/devices/station_rig.h"
+#include "orchestrator/devices/dry_run_devices.h"
+#include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/design/sequence_design.h"
-#include "orchestrator/jobs/loaded_recording.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/report/result_table.h"
-#include "orchestrator/station/builtin_sequence.h"
+#include "orchestrator/station/station_config.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -77,22 +77,17 @@ Result<double> parse_time_s(const char* option, const std::string& text) {
 }
 
 Status check_site(const PlannedSite& site) {
-  for (const Status& status : {
-           check_option("--latitude", site.latitude_deg.value_or(0.0), site_latitude_deg.min, site_latitude_deg.max),
-           check_option("--gravity", site.gravity_mps2.value_or(standard_gravity_mps2), site_gravity_mps2.min,
-                        site_gravity_mps2.max),
-           check_option("--arw", site.arw_deg_per_rt_h, 0.0, 1000.0, true),
-           check_option("--vrw", site.vrw_ug_per_rt_hz, 0.0, 1e6, true),
-           check_option("--gyro-bias-instability", site.gyro_bias_instability_degph, 0.0, 1e4),
-           check_option("--accel-bias-instability", site.accel_bias_instability_ug, 0.0, 1e5),
-       })
-    if (!status) return status;
-  return {};
+  TRY(check_option("--latitude", site.latitude_deg.value_or(0.0), site_latitude_deg.min, site_latitude_deg.max));
+  TRY(check_option("--gravity", site.gravity_mps2.value_or(standard_gravity_mps2), site_gravity_mps2.min,
+                   site_gravity_mps2.max));
+  TRY(check_option("--arw", site.arw_deg_per_rt_h, 0.0, 1000.0, true));
+  TRY(check_option("--vrw", site.vrw_ug_per_rt_hz, 0.0, 1e6, true));
+  TRY(check_option("--gyro-bias-instability", site.gyro_bias_instability_degph, 0.0, 1e4));
+  return check_option("--accel-bias-instability", site.accel_bias_instability_ug, 0.0, 1e5);
 }
 
 Result<PlannedUnit> planned_unit(const PlannedSite& site) {
-  const StationConfig station =
-      TRY(site.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(site.station));
+  const StationConfig station = TRY(read_station_config(site.station));
   RigConfig rig = TRY(rig_of(station));
   PlannedUnit unit;
   unit.station = station;
@@ -136,12 +131,9 @@ struct PredictRequest {
 };
 
 Status check_request(const PredictRequest& r) {
-  for (const Status& status : {
-           check_site(r.site),
-           check_option("--temperature-rise", r.temperature_rise_c, -100.0, 100.0),
-           check_option("--temperature-tau", r.temperature_tau_s, 1.0, 1e6),
-       })
-    if (!status) return status;
+  TRY(check_site(r.site));
+  TRY(check_option("--temperature-rise", r.temperature_rise_c, -100.0, 100.0));
+  TRY(check_option("--temperature-tau", r.temperature_tau_s, 1.0, 1e6));
   if (r.temperature_rise_c != 0.0 && !r.effects)
     return input_error(
         "--temperature-rise changes nothing without --effects: the 24 parameters do not depend on temperature");
@@ -219,11 +211,11 @@ constexpr std::string_view first_words = "# Found by turncal design";  // of the
 
 struct DesignOptions {
   PlannedSite site;
+  DesignTask task;  // least_rest_s, effects and tries of it
   std::string time, sigma, separate, from, start, out, criterion = "mean";
-  std::vector<std::string> effects, axes, rates;
+  std::vector<std::string> axes, rates;
   std::optional<double> acceleration_degps2;
-  double least_rest_s = 10.0;
-  int seed = 1, tries = 1500;
+  int seed = 1;
 };
 
 // Axes, rates and effects by their names; those that the table or the catalogue does not have are refused.
@@ -257,7 +249,7 @@ Status choose(const DesignOptions& options, DesignTask& task) {
                          format_number(limits.max_acceleration_degps2) + ", what the table's " + to_string(axis) +
                          " axis may do");
   }
-  for (const std::string& name : options.effects)
+  for (const std::string& name : task.effects)
     if (std::ranges::none_of(task.effect_aims, [&](const PredictedEffect& e) { return e.column.entry->name == name; }))
       return input_error("--effects " + name + ": expected an effect of the catalogue (docs/effect-components.md)");
   return {};
@@ -276,8 +268,7 @@ Status read_aims(const std::string& path, DesignTask& task) {
   KeyValueFile file = TRY(KeyValueFile::read(path));
   task.aim.setZero();
   for (int k = 0; k < parameter_count; ++k)
-    if (parameter_is_free[static_cast<std::size_t>(k)])
-      task.aim[k] = file.number_or(parameter_keys[static_cast<std::size_t>(k)], 0.0, positive);
+    if (parameter_is_free[static_cast<std::size_t>(k)]) task.aim[k] = file.number_or(parameter_key(k), 0.0, positive);
   TRY(file.check_all_used());
   if (task.aim.maxCoeff() <= 0.0) return input_error(path + ": expected a line like N01 = 0.003");
   return {};
@@ -294,7 +285,7 @@ Result<double> least_time_s(const DesignTask& task) {
     const double needed_s = std::pow(walk / (task.aim[k] * si[k]), 2);
     if (needed_s > longest_design_s)
       return input_error(fmt::format("{} = {:.3g} needs {:.3g} h with this noise: expected what 12 h can give",
-                                     parameter_keys[static_cast<std::size_t>(k)], task.aim[k], needed_s / 3600.0));
+                                     parameter_key(k), task.aim[k], needed_s / 3600.0));
     least_s = std::max(least_s, needed_s);
   }
   return least_s;
@@ -309,11 +300,12 @@ bool reaches(const Prediction& prediction, const ParameterVector& aim) {
 
 class Designer {
  public:
-  Designer(const DesignOptions& options, CommandContext& context) : options_(options), context_(context) {}
+  Designer(const DesignOptions& options, CommandContext& context)
+      : options_(options), context_(context), task_(options.task) {}
 
   Status run() {
     TRY(check_site(options_.site));
-    if (!options_.separate.empty() && (!options_.sigma.empty() || !options_.effects.empty()))
+    if (!options_.separate.empty() && (!options_.sigma.empty() || !task_.effects.empty()))
       return input_error("--separate: expected neither --sigma nor --effects beside it");
     if (options_.separate.empty() != options_.from.empty())
       return input_error("--separate, --from: expected both, an effect and the recording that it was found in");
@@ -328,7 +320,7 @@ class Designer {
     if (!options_.sigma.empty()) {
       TRY(read_aims(options_.sigma, task_));
       double time_s = TRY(least_time_s(task_));
-      task_.tries = std::max(100, options_.tries / 5);
+      task_.tries = std::max(100, task_.tries / 5);
       for (task_.time_s = time_s;; task_.time_s *= 1.25) {
         if (task_.time_s > longest_design_s)
           return Error{ErrorKind::unit_failed,
@@ -389,15 +381,14 @@ class Designer {
     task_.info = loaded.data.info;
     task_.limits.sample_period_s = task_.info.sample_period_s;
     task_.time_s = time_s;
-    const Result<ExtraLegs> legs = find_extra_legs(
-        separation, task_, [&](double longest_s) { says("looking for " + format_duration(longest_s)); });
-    if (!legs) return legs.error();
+    const ExtraLegs legs = TRY(find_extra_legs(
+        separation, task_, [&](double longest_s) { says("looking for " + format_duration(longest_s)); }));
     std::string open;
     double least = separating_gain;
-    for (std::size_t k = 0; k < legs->after.size(); ++k) {
-      const AliasPair& pair = legs->after[k];
+    for (std::size_t k = 0; k < legs.after.size(); ++k) {
+      const AliasPair& pair = legs.after[k];
       context_.out << fmt::format("{} from {}: 2 ln L {:.1f}, with these legs {:.1f} ({:.0f} is enough)\n", pair.truth,
-                                  pair.other, legs->before[k].gain, pair.gain, separating_gain);
+                                  pair.other, legs.before[k].gain, pair.gain, separating_gain);
       least = std::min(least, pair.gain);
       if (pair.gain < separating_gain && open.find(pair.other) == std::string::npos)
         open += (open.empty() ? "" : ", ") + pair.truth + " from " + pair.other;
@@ -405,9 +396,9 @@ class Designer {
     if (least < SelectionLimits{}.bic_margin)
       return Error{ErrorKind::unit_failed, "no motion of this table in " + format_duration(time_s) +
                                                " was found that tells apart: " + open + "; no sequence is written"};
-    TRY(write_file_atomically(options_.out, text_of(legs->walk, legs->time_s)));
-    context_.out << "sequence    " << options_.out << ", " << format_duration(legs->time_s) << std::endl;
-    if (legs->apart) return {};
+    TRY(write_file_atomically(options_.out, text_of(legs.walk, legs.time_s)));
+    context_.out << "sequence    " << options_.out << ", " << format_duration(legs.time_s) << std::endl;
+    if (legs.apart) return {};
     return Error{ErrorKind::unit_failed, options_.out + ": may not be enough to tell apart: " + open};
   }
 
@@ -428,7 +419,7 @@ class Designer {
     }
     const bool mean = task_.criterion == AimAt::mean;
     return fmt::format("{} of sigma / aim {:.3f}; no walk of such turns with rests of {:.3g} s can be below {:.3f}",
-                       mean ? "Geometric mean" : "Largest", mean ? std::exp(sum / n) : worst, options_.least_rest_s,
+                       mean ? "Geometric mean" : "Largest", mean ? std::exp(sum / n) : worst, task_.least_rest_s,
                        std::exp(*least));
   }
 
@@ -450,11 +441,8 @@ class Designer {
     task_.info = unit.info;
     task_.predict.noise = noise_model(options_.site);
     task_.predict.unit = unit.parameters;
-    task_.predict.effects = !options_.effects.empty();
-    task_.least_rest_s = options_.least_rest_s;
-    task_.effects = options_.effects;
+    task_.predict.effects = !task_.effects.empty();
     task_.seed = static_cast<std::uint64_t>(options_.seed);
-    task_.tries = options_.tries;
     task_.criterion = options_.criterion == "worst" ? AimAt::worst : AimAt::mean;
     columns_.push_back(predicted(reference));
     task_.aim = columns_.front().prediction.sigma;
@@ -541,14 +529,14 @@ void add_design_command(CommandLine& line) {
   command.option("--aim", options.criterion, "make the mean of all sigmas small, or the worst")
       .one_of({"mean", "worst"})
       .default_in_help();
-  command.option("--effects", options.effects, "effects of the catalogue that it should show");
+  command.option("--effects", options.task.effects, "effects of the catalogue that it should show");
   command.option("--axes", options.axes, "axes that may turn: heading, pitch, roll; default: all");
   command.option("--rate", options.rates, "rates to choose from, deg/s; default: 10, or what the axis may");
   command.option("--acceleration", options.acceleration_degps2, "deg/s^2; default: 20, or what the table may")
       .positive();
-  command.option("--least-rest", options.least_rest_s, "of a rest, s").range(2.0, 3600.0).default_in_help();
+  command.option("--least-rest", options.task.least_rest_s, "of a rest, s").range(2.0, 3600.0).default_in_help();
   command.option("--seed", options.seed, "of the search").range(0, 1000000000).default_in_help();
-  command.option("--tries", options.tries, "walks to judge").range(1, 1000000).default_in_help();
+  command.option("--tries", options.task.tries, "walks to judge").range(1, 1000000).default_in_help();
 }
 
 }  // namespace turncal

@@ -12,7 +12,9 @@
 //
 // `turncal navigate RECORDING --parameters FILE [--against FILE] --out DIR`: free inertial navigation with calibrated increments, and
 // what it is off by. Writes DIR/navigation.conf, DIR/track.csv (and DIR/track_against.csv) and DIR/navigation.svg.
+#include <fmt/format.h>
 #include <algorithm>
+
 #include <filesystem>
 #include <functional>
 #include <memory>
@@ -56,15 +58,13 @@ struct SegmentOptions {
 
 void print_segmentation(const Segmentation& found, const RecordingInfo& info, std::int64_t first, std::ostream& out) {
   const double period = info.sample_period_s;
-  out << formatted("threshold %.3g on the ratio of variance to quiet variance: ", found.threshold) << found.reason
-      << '\n';
-  if (info.gyro_increment == IncrementKind::physical) {
-    out << formatted("quiet level: gyros %.3g rad/s, accelerometers %.3g m/s^2 a sample\n", found.quiet_gyro / period,
-                     found.quiet_accel / period);
-  } else {
-    out << formatted("quiet level: gyros %.3g, accelerometers %.3g pulses a sample\n", found.quiet_gyro,
-                     found.quiet_accel);
-  }
+  const bool physical = info.gyro_increment == IncrementKind::physical;
+  const double per = physical ? period : 1.0;
+  out << fmt::format(
+      "threshold {:.3g} on the ratio of variance to quiet variance: {}\n"
+      "quiet level: gyros {:.3g}{}, accelerometers {:.3g} {} a sample\n",
+      found.threshold, found.reason, found.quiet_gyro / per, physical ? " rad/s" : "", found.quiet_accel / per,
+      physical ? "m/s^2" : "pulses");
   if (found.slow_turns > 0)
     out << found.slow_turns << " quiet stretches taken out: their mean rate is that of a slow turn\n";
   if (found.cut > 0) out << found.cut << " rests cut to where the unit stands still\n";
@@ -73,9 +73,10 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
   out << "rest      from s        to s    length s\n";
   for (const Segment& s : found.segments) {
     if (s.kind != SegmentKind::still) continue;
-    out << formatted("%4d  %10.2f  %10.2f  %10.2f\n", ++number, static_cast<double>(s.start_sample - first) * period,
-                     static_cast<double>(s.end_sample - first) * period,
-                     static_cast<double>(s.end_sample - s.start_sample) * period);
+    const double from_s = static_cast<double>(s.start_sample - first) * period;
+    const double to_s = static_cast<double>(s.end_sample - first) * period;
+    out << fmt::format("{:4}  {:10.2f}  {:10.2f}  {:10.2f}\n", ++number, from_s, to_s,
+                       static_cast<double>(s.end_sample - s.start_sample) * period);
   }
 }
 
@@ -100,11 +101,10 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   segmentation.min_rest_s = options.min_rest_s;
   segmentation.threshold = options.threshold;
   RestFinder finder(source.info(), segmentation);
-  const Status read = source.read([&](std::span<const ImuSample> samples) {
+  TRY(source.read([&](std::span<const ImuSample> samples) {
     finder.add(samples);
     return Status();
-  });
-  if (!read) return read;
+  }));
   const Segmentation found = finder.finish();
   if (found.segments.empty())
     return input_error(options.source + ": no rest found: " +
@@ -135,11 +135,12 @@ Status import_mapped_csv(const TextOptions& from, CommandContext& context) {
   OutputFolder folder = TRY(OutputFolder::prepare(from.out, {binary_recording_name}));
   TRY(write_recording(content, folder.file(binary_recording_name)));
   folder.keep();
-  context.out << "imported into " << folder.path() << ": " << content.samples.size() << " samples of " << content.rows
-              << " rows"
-              << formatted(", mean period %.6g ms, jitter %.3g ms rms, ", 1e3 * content.info.sample_period_s,
-                           1e3 * content.jitter_s)
-              << content.saturated << " saturated rows, " << content.gaps << " gaps" << std::endl;
+  context.out << fmt::format(
+                     "imported into {}: {} samples of {} rows, mean period {:.6g} ms, jitter {:.3g} ms rms, {} "
+                     "saturated rows, {} gaps",
+                     folder.path(), content.samples.size(), content.rows, 1e3 * content.info.sample_period_s,
+                     1e3 * content.jitter_s, content.saturated, content.gaps)
+              << std::endl;
   if (content.clipped > 0)
     context.out << content.clipped << " samples clipped: a gyro repeats its extreme value" << std::endl;
   if (content.bad_rows > 0)
@@ -158,7 +159,7 @@ Status say(RecordingSource& source, const char* what, const std::string& out, Co
 }
 
 Status finish(RecordingSource& source, OutputFolder& folder, const char* what, CommandContext& context) {
-  if (const Result<std::string> hash = source.content_hash(); !hash) return hash.error();
+  static_cast<void>(TRY(source.content_hash()));
   folder.keep();
   return say(source, what, folder.path(), context);
 }
@@ -212,14 +213,13 @@ Status write_csv(RecordingSource& source, const std::string& path) {
   std::string text = "sample,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps,dv_y_mps,dv_z_mps\n";
   TRY(check_replaceable(path, text));
   AtomicFile file = TRY(AtomicFile::create(path));
-  Status status = source.read([&](std::span<const ImuSample> block) {
+  TRY(source.read([&](std::span<const ImuSample> block) {
     for (const ImuSample& sample : block) append_row(sample, text);
     Status written = file.write(text);
     text.clear();
     return written;
-  });
-  if (!status) return status;
-  if (status = file.write(text); !status) return status;
+  }));
+  TRY(file.write(text));
   return file.commit();
 }
 
@@ -239,14 +239,11 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
   std::error_code error;
   if (std::filesystem::is_directory(options.out, error))
     return input_error(options.out + ": expected a file name, found a folder");
-  if (Status status = check_apart({{"the source", options.recording},
-                                   {"the source", options.recording + "/" + binary_recording_name},
-                                   {"the source", options.recording + "/imu.csv"},
-                                   {"the source", options.parameters},
-                                   {"--out", options.out}});
-      !status) {
-    return status;
-  }
+  TRY(check_apart({{"the source", options.recording},
+                   {"the source", options.recording + "/" + binary_recording_name},
+                   {"the source", options.recording + "/imu.csv"},
+                   {"the source", options.parameters},
+                   {"--out", options.out}}));
   TRY(write_calibrated(calibrated, options.out));
   context.out << "calibrated increments  " << options.out << std::endl;
   return {};

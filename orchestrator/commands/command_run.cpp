@@ -1,5 +1,5 @@
 // `turncal run`: the whole main job. Checks everything, walks the sequence, calibrates, judges, writes the results.
-// `turncal run --continue`: a further recording of the same unit (continuing(), run_request.h). `turncal resume`: goes on with one that was interrupted. `turncal journal`: what happened. See run_job.h.
+// `turncal run --continue`: a further recording of the same unit (continuing(), run_request.h). `turncal resume`: goes on with one that was interrupted. `turncal journal`: what happened. See run.h.
 //
 // `turncal batch`: calibrates the units of a queue one after the other, or several at once, unattended. `turncal queue`: shows and
 // changes it.
@@ -17,11 +17,10 @@
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/devices/mounting.h"
+#include "orchestrator/devices/operator_prompts.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/run.h"
-#include "orchestrator/jobs/run_job.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/unit_queue.h"
 #include "orchestrator/station/hooks.h"
@@ -172,9 +171,7 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
   RunRequest request = options.request;
   request.units = turn.units;
   RunRequest resumed;
-  resumed.listen = request.listen;
-  resumed.pace = request.pace;
-  resumed.verbose = request.verbose;
+  resumed.session = request.session;
   const bool begun = path_exists(turn.folder + "/" + journal_name);
   if (const std::string other = begun ? another_sequence(asked, turn.folder) : ""; !other.empty())
     for (const std::string& unit : turn.units) context.out << tag << "unit " << unit << ": " << other << std::endl;
@@ -313,10 +310,11 @@ void add_until_option(const Command& command, RunRequest& request) {
 }
 
 void add_watch_options(const Command& command, RunRequest& request) {
-  command.option("--listen", request.listen,
+  command.option("--listen", request.session.listen,
                  "serve a read-only status page there (127.0.0.1:8080; port 0: any free one)");
-  command.option("--pace", request.pace, "of a dry run: at most this many times as fast as the wall clock").positive();
-  command.flag("--verbose", request.verbose, "print every transition, as run.log has it");
+  command.option("--pace", request.session.pace, "of a dry run: at most this many times as fast as the wall clock")
+      .positive();
+  command.flag("--verbose", request.session.verbose, "print every transition, as run.log has it");
 }
 
 void add_run_command(CommandLine& line) {

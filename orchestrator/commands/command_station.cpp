@@ -20,17 +20,16 @@
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/commissioning.h"
+#include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/devices/live_devices.h"
-#include "orchestrator/devices/real_time.h"
 #include "orchestrator/devices/rig_twin.h"
-#include "orchestrator/devices/station_rig.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/command_context.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/jobs/run_request.h"
-#include "orchestrator/records/station_records.h"
+#include "orchestrator/records/results_database.h"
 #include "orchestrator/service/service_page.h"
 #include "orchestrator/watch/progress.h"
 #include "sequences/plan.h"
@@ -46,8 +45,7 @@ std::vector<std::string> guesses_of(const StationConfig& station, bool moving) {
         guesses.push_back(file + ":" + std::to_string(line.line) + ": " + line.key + " is a guess");
   };
   const TableConfig& table = station.table;
-  if (table.map) add(table.map->file, table.map->lines);
-  if (table.dialect) add(table.dialect->file, table.dialect->lines);
+  if (const TableDescription* const described = table.described()) add(described->file, described->lines);
   if (station.imu && !moving) add(station.imu->frame.file, station.imu->frame.lines);
   return guesses;
 }
@@ -62,31 +60,29 @@ std::string determines_text(const Step& step) {
 
 void print_item(const PlannedItem& item, std::ostream& out) {
   const std::string start = format_duration(item.start_s);
-  if (item.kind == SequenceItem::Kind::dwell) {
-    out << formatted("  %8s  %-6s  %-28s %26s %8.1f s  %lld samples\n", start.c_str(),
-                     item.dwell_kind == SegmentKind::align ? "align" : "dwell", "", "", item.duration_s,
-                     static_cast<long long>(item.samples));
-    return;
-  }
-  out << formatted("  %8s  %-6s  %-7s %8.6g -> %-8.6g %6.6g deg/s %6.6g deg/s^2 %8.1f s%s\n", start.c_str(), "rotate",
-                   to_string(item.axis), item.from_deg, item.to_deg, item.rate_degps, item.acceleration_degps2,
-                   item.duration_s, item.positioning ? "  to the initial position" : "");
+  if (item.kind == SequenceItem::Kind::dwell)
+    out << fmt::format("  {:>8}  {:<6}  {:55} {:8.1f} s  {} samples\n", start,
+                       item.dwell_kind == SegmentKind::align ? "align" : "dwell", "", item.duration_s, item.samples);
+  else
+    out << fmt::format("  {:>8}  rotate  {:<7} {:8.6g} -> {:<8.6g} {:6.6g} deg/s {:6.6g} deg/s^2 {:8.1f} s{}\n", start,
+                       to_string(item.axis), item.from_deg, item.to_deg, item.rate_degps, item.acceleration_degps2,
+                       item.duration_s, item.positioning ? "  to the initial position" : "");
 }
 
 void print_totals(const StationConfig& station, const Plan& plan, std::ostream& out) {
   out << "\nTravel, deg   planned            soft limits        cable wound / allowed   turned in all\n";
   for (const Axis axis : all_axes) {
     const AxisLimits& limit = station.axis[index(axis)];
-    const std::string allowed = limit.wrap_deg > 0.0 ? formatted("%.6g", limit.wrap_deg) : "no limit";
-    out << formatted("  %-8s %7.6g to %-7.6g %7.6g to %-7.6g %9.6g / %-9s %12.6g\n", to_string(axis),
-                     plan.travel_min_deg[axis], plan.travel_max_deg[axis], limit.soft_min_deg, limit.soft_max_deg,
-                     plan.wrap_used_deg[axis], allowed.c_str(), plan.turned_deg[axis]);
+    const std::string allowed = limit.wrap_deg > 0.0 ? fmt::format("{:.6g}", limit.wrap_deg) : "no limit";
+    out << fmt::format("  {:<8} {:7.6g} to {:<7.6g} {:7.6g} to {:<7.6g} {:9.6g} / {:<9} {:12.6g}\n", to_string(axis),
+                       plan.travel_min_deg[axis], plan.travel_max_deg[axis], limit.soft_min_deg, limit.soft_max_deg,
+                       plan.wrap_used_deg[axis], allowed, plan.turned_deg[axis]);
   }
-  out << formatted("\nMoves       %d\nDwells      %d (%d alignments, %d static)\nSamples     %lld\n", plan.moves,
-                   plan.align_dwells + plan.still_dwells, plan.align_dwells, plan.still_dwells,
-                   static_cast<long long>(plan.samples));
-  out << formatted("Total time  %s (%.10g s), of which moving %s (%.10g s)\n", format_duration(plan.station_s).c_str(),
-                   plan.station_s, format_duration(plan.moving_s).c_str(), plan.moving_s);
+  out << fmt::format(
+      "\nMoves       {}\nDwells      {} ({} alignments, {} static)\nSamples     {}\nTotal time  {} ({:.10g} s), of "
+      "which moving {} ({:.10g} s)\n",
+      plan.moves, plan.align_dwells + plan.still_dwells, plan.align_dwells, plan.still_dwells, plan.samples,
+      format_duration(plan.station_s), plan.station_s, format_duration(plan.moving_s), plan.moving_s);
 }
 
 Result<RecordingInfo> info_of(const StationConfig& station) {
@@ -99,10 +95,12 @@ void print_plan(const Sequence& sequence, const StationConfig& station, const Pl
   const double period_s = plan.samples > 0 ? plan.station_s / static_cast<double>(plan.samples) : 0.0;
   out << "Sequence  " << sequence.file << " (" << sequence.name << ", " << sequence.steps.size() << " steps)\n";
   out << "Station   " << (station.file.empty() ? "built in" : station.file) << " (" << station.name << ")\n";
-  out << formatted("Site      latitude %.10g deg, gravity %.10g m/s^2; IMU at %.6g Hz; settling %.6g s\n",
-                   station.latitude_deg, station.gravity_mps2, 1.0 / period_s, station.motion.settle_s);
-  out << formatted("Start     heading %.6g, pitch %.6g, roll %.6g deg\n", sequence.start_deg[Axis::heading],
-                   sequence.start_deg[Axis::pitch], sequence.start_deg[Axis::roll]);
+  const AxisTriple& start_deg = sequence.start_deg;
+  out << fmt::format(
+      "Site      latitude {:.10g} deg, gravity {:.10g} m/s^2; IMU at {:.6g} Hz; settling {:.6g} s\n"
+      "Start     heading {:.6g}, pitch {:.6g}, roll {:.6g} deg\n",
+      station.latitude_deg, station.gravity_mps2, 1.0 / period_s, station.motion.settle_s, start_deg[Axis::heading],
+      start_deg[Axis::pitch], start_deg[Axis::roll]);
   std::size_t shown_steps = 0;
   for (const PlannedItem& item : plan.items) {
     if (item.step_index == shown_steps) {
@@ -118,9 +116,7 @@ std::string caution_of(const TableConfig& table) {
   return table.map ? caution_of(*table.map) : table.dialect ? caution_of(*table.dialect) : "";
 }
 
-bool is_commissioned(const TableConfig& table) {
-  return (!table.map || table.map->commissioned) && (!table.dialect || table.dialect->commissioned);
-}
+bool is_commissioned(const TableConfig& table) { return !table.described() || table.described()->commissioned; }
 
 // What is left to be done at the station itself before a run can begin, a line each.
 std::vector<std::string> left_to_do(const StationConfig& station) {
@@ -130,8 +126,7 @@ std::vector<std::string> left_to_do(const StationConfig& station) {
     if (value.find("SET-ME") != std::string::npos)
       lines.push_back(key + " = " + turncal::quoted(value) + ": expected the name of this station's line");
   };
-  if (table.map) unset("table.address", table.map->link.address);
-  if (table.dialect) unset("table.address", table.dialect->link.address);
+  if (table.link()) unset("table.address", table.link()->address);
   if (station.imu) unset("imu.device", station.imu->settings.device);
   if (!is_commissioned(table))
     lines.push_back("the table is not commissioned: turncal commission comes before the first run");
@@ -144,17 +139,15 @@ std::vector<std::string> left_to_do(const StationConfig& station) {
 
 void print_table(const StationConfig& station, std::ostream& out) {
   const TableConfig& table = station.table;
-  const TableDescription* described = nullptr;
-  if (table.map) described = &*table.map;
-  if (table.dialect) described = &*table.dialect;
+  const TableDescription* const described = table.described();
   if (described == nullptr) {
     out << "The table is not described by a map or a dialect: there is nothing to explain.\n";
     return;
   }
-  out << "Table     " << described->file << " (" << described->name << ")\nMove      shown from 0 to "
-      << formatted("%.10g deg at %.10g deg/s and %.10g deg/s^2\n\n", shown_move.position_deg, shown_move.rate_degps,
-                   shown_move.acceleration_degps2)
-      << format_rows(table.map ? explain(*table.map) : explain(*table.dialect)) << "\n";
+  out << fmt::format(
+      "Table     {} ({})\nMove      shown from 0 to {:.10g} deg at {:.10g} deg/s and {:.10g} deg/s^2\n\n{}\n",
+      described->file, described->name, shown_move.position_deg, shown_move.rate_degps, shown_move.acceleration_degps2,
+      format_rows(table.map ? explain(*table.map) : explain(*table.dialect)));
 }
 
 Status check(const CheckOptions& options, CommandContext& context) {
@@ -361,9 +354,8 @@ Status run_twin(const TwinCommandOptions& options, CommandContext& context) {
   const Status status = twin->run(
       StopSignals::requests(), [&context](const std::string& what) { context.out << "[twin] " << what << std::endl; });
   context.out << "[twin] ends at " << format_number(twin->rig_time_s()) << " s of rig time";
-  if (twin->batches_dropped() > 0) {
+  if (twin->batches_dropped() > 0)
     context.out << "; " << twin->batches_dropped() << " batches of samples were not read in time";
-  }
   context.out << std::endl;
   return status;
 }
@@ -387,8 +379,7 @@ Status serve(const ServeOptions& options, CommandContext& context) {
 }  // namespace
 
 int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err) {
-  const Result<StationConfig> station =
-      options.station.empty() ? Result<StationConfig>(default_station_config()) : read_station_config(options.station);
+  const Result<StationConfig> station = read_station_config(options.station);
   if (options.explain && station) print_table(*station, out);
   if (options.sequence.empty()) {
     if (!station) err << station.error().message << "\n";

@@ -1,5 +1,5 @@
 // `turncal verify`: north seeking on the table with a calibration (Wang (2020), 4.2), and `--references`: readings of references beside
-// those of the unit (4.3). The table is moved and the unit recorded as in a run (run_job.h), with verify.seq in place of the fourteen
+// those of the unit (4.3). The table is moved and the unit recorded as in a run (run.h), with verify.seq in place of the fourteen
 // steps; an interrupted one is taken up by `turncal resume DIR`; judged again by `turncal verify --recording DIR`.
 //
 // `turncal certificate RUN... --station FILE --out HTML [--pdf FILE] [--specimen]`: the paper that goes to the customer (docs/certificate.md);
@@ -19,12 +19,11 @@
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
-#include "orchestrator/jobs/run_job.h"
-#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/jobs/run.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/certificate.h"
 #include "orchestrator/report/document.h"
-#include "orchestrator/station/builtin_sequence.h"
+#include "orchestrator/station/station_config.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -40,7 +39,8 @@ struct VerifyOptions {
 // Whether an option was given that only a measurement has a use for.
 bool measures(const VerifyOptions& o) {
   return !o.unit.empty() || o.run.dry_run || o.run.manual || !o.run.rig.empty() || !o.run.sequence.empty() ||
-         !o.run.operator_name.empty() || !o.run.ambient.empty() || !o.run.listen.empty() || o.run.pace > 0.0;
+         !o.run.operator_name.empty() || !o.run.ambient.empty() || !o.run.session.listen.empty() ||
+         o.run.session.pace > 0.0;
 }
 
 Status check_together(const VerifyOptions& o) {
@@ -85,28 +85,23 @@ Status measure(const VerifyOptions& options, CommandContext& context) {
 }
 
 Status judge_again(const VerifyOptions& options, CommandContext& context) {
-  VerdictLimits limits;
-  if (!options.run.station.empty()) {
-    const StationConfig station = TRY(read_station_config(options.run.station));
-    limits = station.limits;
-  }
+  const VerdictLimits limits = TRY(read_station_config(options.run.station)).limits;
   ParameterFile parameters = TRY(read_parameter_file(options.parameters));
   OutputFolder folder = TRY(OutputFolder::prepare(options.folder, {}));
-  const Result<VerificationReport> report =
-      verify_recording({options.recording, options.parameters, std::move(parameters), limits, options.first_step});
-  if (!report) return report.error();
+  const VerificationReport report =
+      TRY(verify_recording({options.recording, options.parameters, std::move(parameters), limits, options.first_step}));
   const std::string file = folder.file(verification_name);
-  const std::string conf = format_verification(*report);
+  const std::string conf = format_verification(report);
   TRY(write_file_atomically(file, conf));
   folder.keep();
   if (options.format.empty()) {
     const LinePrefix marked(context.out,
-                            report->info.simulated && context.tag.empty() ? std::string(simulated_tag) : context.tag);
-    context.out << as_text(verification_document(*report)) << "verification  " << file << std::endl;
+                            report.info.simulated && context.tag.empty() ? std::string(simulated_tag) : context.tag);
+    context.out << as_text(verification_document(report)) << "verification  " << file << std::endl;
   } else {
     context.out << key_values_as(options.format, conf) << std::flush;
   }
-  return verification_status("unit " + report->info.unit_serial, report->verdict);
+  return verification_status("unit " + report.info.unit_serial, report.verdict);
 }
 
 Status verify(const VerifyOptions& options, CommandContext& context) {
@@ -128,8 +123,7 @@ std::string objection(const ParameterFile& file) {
   if (file.simulated) return "its data are simulated";
   if (!is_trusted(file)) return "its sigmas are not trusted";
   for (std::size_t i = 0; i < parameter_keys.size(); ++i)
-    if (parameter_is_free[i] && !file.sigma[i])
-      return "it has no standard deviation of " + std::string(parameter_keys[i]);
+    if (parameter_is_free[i] && !file.sigma[i]) return "it has no standard deviation of " + parameter_key(i);
   return "";
 }
 
@@ -232,8 +226,7 @@ Status certify(const CertificateOptions& options, CommandContext& context) {
   }
   if (options.runs.empty() || options.station.empty() || options.html.empty())
     return input_error("expected the folder of a run, --station and --out; or --check alone");
-  if (Status s = check_apart({{"--station", options.station}, {"--out", options.html}, {"--pdf", options.pdf}}); !s)
-    return s;
+  TRY(check_apart({{"--station", options.station}, {"--out", options.html}, {"--pdf", options.pdf}}));
   const std::string page = TRY(make_certificate(options));
   constexpr std::size_t alike = 100;
   TRY(check_replaceable(options.html, std::string_view(page).substr(0, alike)));

@@ -1,8 +1,9 @@
 #include "orchestrator/devices/commissioning.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <functional>
 #include <optional>
 #include <utility>
@@ -85,9 +86,7 @@ class Trial {
     TRY(rest());
     if (samples_ == 0) return device_error("no samples from the unit");
     const Eigen::Vector3d mean = accel_ / static_cast<double>(samples_);
-    if (axis) {
-      TRY(move(*axis, 0.0, rate_degps));
-    }
+    if (axis) TRY(move(*axis, 0.0, rate_degps));
     return mean;
   }
   const AxisLimits& limits_of(Axis axis) const { return station_.axis[index(axis)]; }
@@ -95,7 +94,7 @@ class Trial {
  private:
   template <class Condition>
   static bool all_of(const TableStatus& axes, Condition condition) {
-    return std::all_of(axes.begin(), axes.end(), condition);
+    return std::ranges::all_of(axes, condition);
   }
   void restart() {
     sum_ = {};
@@ -149,9 +148,8 @@ class Trial {
     for (;;) {
       const double asked_s = devices_.clock.now_s();
       const TableStatus axes = TRY(read_table());
-      if (const auto said = too_fast(axes, asked_s)) {
+      if (const auto said = too_fast(axes, asked_s))
         return sent_ ? scale_error(sent_->axis, *said, std::nullopt) : device_error(*said);
-      }
       for (const Axis axis : all_axes) {
         // Until they are held the drives come on and find their zero.
         const std::string trouble = trouble_of(axis, axes[index(axis)], held_deg_.has_value());
@@ -159,9 +157,8 @@ class Trial {
       }
       if (held_deg_) {
         const double tolerance_deg = station_.motion.position_tolerance_deg;
-        if (const auto stray = stray_axis(axes, *held_deg_, sent_, tolerance_deg, tolerance_deg)) {
+        if (const auto stray = stray_axis(axes, *held_deg_, sent_, tolerance_deg, tolerance_deg))
           return device_error(*stray);
-        }
       }
       if (!held_deg_) {
         if (const auto lost = homing_.add(axes)) return device_error(*lost);
@@ -177,14 +174,12 @@ class Trial {
   }
   // factor: how many times too fast the axis turned; none: no less than is said.
   Error scale_error(Axis axis, const std::string& said, std::optional<double> factor) const {
-    const std::optional<RegisterMap>& map = station_.table.map;
-    const std::optional<Dialect>& dialect = station_.table.dialect;
-    if (!map && !dialect) return input_error(said);
-    const double scale = map ? map->of(axis).rate_scale : dialect->of(axis).rate_scale;
-    char expected[40] = "less";
-    if (factor) std::snprintf(expected, sizeof expected, "about %.3g", scale / *factor);
-    return input_error(said + ": axis." + to_string(axis) + ".rate_scale in " + (map ? map->file : dialect->file) +
-                       " is " + format_number(scale) + ", expected " + expected);
+    const TableConfig& table = station_.table;
+    if (!table.described()) return input_error(said);
+    const double scale = table.map ? table.map->of(axis).rate_scale : table.dialect->of(axis).rate_scale;
+    return input_error(fmt::format("{}: axis.{}.rate_scale in {} is {}, expected {}", said, to_string(axis),
+                                   table.described()->file, format_number(scale),
+                                   factor ? fmt::format("about {:.3g}", scale / *factor) : "less"));
   }
   // An axis that turns at another rate than it was sent: by how much, as the unit felt it, or by its way and time where the unit's scale is
   // not known.
@@ -204,12 +199,12 @@ class Trial {
     const double factor = degps / peak_degps;
     // The mean over the way is slower than the peak, and ends with the settling.
     if (felt_degps ? std::abs(factor - 1.0) <= tolerance : factor <= 1.0 + tolerance && factor > 0.3) return {};
-    char text[240];
-    std::snprintf(text, sizeof text,
-                  "%s turned by %.4g deg in %.3g s, at %.3g times the %.4g deg/s that were sent (%s)",
-                  to_string(move.axis), way_deg, took_s, factor, move.rate_degps,
-                  felt_degps && !slow ? "as the unit felt it" : "by its positions");
-    return scale_error(move.axis, text, factor);
+    return scale_error(
+        move.axis,
+        fmt::format("{} turned by {:.4g} deg in {:.3g} s, at {:.3g} times the {:.4g} deg/s that were sent ({})",
+                    to_string(move.axis), way_deg, took_s, factor, move.rate_degps,
+                    felt_degps && !slow ? "as the unit felt it" : "by its positions"),
+        factor);
   }
   Result<double> position(Axis axis) {
     const Result<AxisStatus> status = devices_.table.status(axis);
@@ -226,9 +221,7 @@ class Trial {
     felt_.begin_turn(SpeedWatch::factor * acceleration_degps2);
     const double began_s = devices_.clock.now_s();
     speed_.restart(before, began_s, began_s);
-    if (Status status = devices_.table.move_absolute(axis, to_deg, rate_degps, acceleration_degps2); !status) {
-      return status;
-    }
+    TRY(devices_.table.move_absolute(axis, to_deg, rate_degps, acceleration_degps2));
     const double seconds = std::abs(to_deg - from_deg) / rate_degps + 2.0 * rate_degps / acceleration_degps2 +
                            station_.motion.deadline_margin_s;
     RateCheck rate(before[index(axis)]);
@@ -240,9 +233,7 @@ class Trial {
                  std::abs(a.position_deg - to_deg) <= station_.motion.position_tolerance_deg;
         });
     const double took_s = devices_.clock.now_s() - began_s;
-    if (arrived) {  // what the unit felt on the way may still be on its way
-      TRY(rest());
-    }
+    if (arrived) TRY(rest());  // what the unit felt on the way may still be on its way
     const bool late = !arrived && took_s > seconds;
     const Result<double> at_deg = arrived || late ? position(axis) : Result<double>(arrived.error());
     if (!at_deg) return arrived ? at_deg.error() : arrived.error();
@@ -287,18 +278,16 @@ Status judge_turn(Axis axis, double turned_deg, const std::array<double, 3>& sum
   const bool size_fits =
       !size_known || std::abs(felt_deg - std::abs(turned_deg)) <= settings.scale_tolerance * std::abs(turned_deg);
   if (points_there && size_fits) return {};
-  char text[400];
   const double shown = size_known ? weight / rad_per_deg : 1.0;
-  std::snprintf(
-      text, sizeof text,
-      "%s turned by %+g deg was felt as %+.3f, %+.3f, %+.3f %s about x, y, z: expected %s about %s alone (%s)",
+  return input_error(fmt::format(
+      "{} turned by {:+g} deg was felt as {:+.3f}, {:+.3f}, {:+.3f} {} about x, y, z: expected {} about {} alone ({})",
       to_string(axis), settings.move_deg, sum[0] * shown, sum[1] * shown, sum[2] * shown, size_known ? "deg" : "pulses",
-      size_known ? (std::to_string(expected.sign * turned_deg) + " deg").c_str()
-                 : (expected.sign > 0 ? "plus" : "minus"),
+      size_known          ? fmt::format("{:.6f} deg", expected.sign * turned_deg)
+      : expected.sign > 0 ? "plus"
+                          : "minus",
       body_axis[expected.axis],
       points_there ? "scale of the gyros, or counts of the table's axis, by more than 0.5 %"
-                   : "sign of the table's axis, or axes and signs of the unit's frame");
-  return input_error(text);
+                   : "sign of the table's axis, or axes and signs of the unit's frame"));
 }
 
 namespace {
@@ -309,16 +298,14 @@ Status try_turns(Trial& trial, const CommissioningSettings& settings, IncrementK
     TRY(judge_turn(axis, turned.turned_deg, turned.sum, kind, settings));
     const double size = std::hypot(turned.sum[0], turned.sum[1], turned.sum[2]);
     const bool pulses = kind == IncrementKind::pulses;
-    char text[160];
-    std::snprintf(text, sizeof text, "%-7s %+g deg: felt about %s%s, %.6g %s", to_string(axis), settings.move_deg,
-                  felt(axis).sign > 0 ? "+" : "-", body_axis[felt(axis).axis],
-                  pulses ? std::abs(turned.turned_deg) * 3600.0 / size : size / rad_per_deg,
-                  pulses ? "arcsec a pulse" : "deg");
-    out << text << std::endl;
+    out << fmt::format("{:<7} {:+g} deg: felt about {}{}, {:.6g} {}", to_string(axis), settings.move_deg,
+                       felt(axis).sign > 0 ? "+" : "-", body_axis[felt(axis).axis],
+                       pulses ? std::abs(turned.turned_deg) * 3600.0 / size : size / rad_per_deg,
+                       pulses ? "arcsec a pulse" : "deg")
+        << std::endl;
   }
-  if (kind == IncrementKind::pulses && settings.gyro_pulse_arcsec <= 0.0) {
+  if (kind == IncrementKind::pulses && settings.gyro_pulse_arcsec <= 0.0)
     out << "the scale of the gyros was not judged: give the weight of a pulse with --gyro-pulse-arcsec" << std::endl;
-  }
   return {};
 }
 
@@ -343,10 +330,9 @@ Status try_poses(Trial& trial, const RecordingInfo& info, double gravity_mps2, c
     const Eigen::Vector3d force = mean * weight_mps / info.sample_period_s;
     if (Status status = judge_force(force, angles_deg, gravity_mps2, limits); !status)
       return input_error(status.error().message);
-    char text[160];
-    std::snprintf(text, sizeof text, "gravity, %s %g deg: %+.4f, %+.4f, %+.4f m/s^2 along x, y, z", name, to_deg,
-                  force.x(), force.y(), force.z());
-    out << text << std::endl;
+    out << fmt::format("gravity, {} {:g} deg: {:+.4f}, {:+.4f}, {:+.4f} m/s^2 along x, y, z", name, to_deg, force.x(),
+                       force.y(), force.z())
+        << std::endl;
   }
   return {};
 }
@@ -380,17 +366,11 @@ Status RateCheck::judge(Axis axis, double tolerance) const {
   const double turned_deg = last_.position_deg - began_deg_;
   const bool rate_fits = std::abs(summed_deg_ - turned_deg) <= tolerance * std::abs(turned_deg);
   if (polls_ < fewest_polls || (rate_fits && said_moving_)) return {};
-  char text[240];
-  if (rate_fits) {
-    std::snprintf(text, sizeof text, "%s turned by %+.3f deg and never said so: expected a bit or code of moving",
-                  to_string(axis), turned_deg);
-  } else {
-    std::snprintf(text, sizeof text,
-                  "%s turned by %+.3f deg while its rate summed up to %+.3f deg: expected a rate that says how fast it "
-                  "turns (its register or field, scale and sign)",
-                  to_string(axis), turned_deg, summed_deg_);
-  }
-  return input_error(text);
+  const std::string turned = fmt::format("{} turned by {:+.3f} deg ", to_string(axis), turned_deg);
+  if (rate_fits) return input_error(turned + "and never said so: expected a bit or code of moving");
+  return input_error(turned + fmt::format("while its rate summed up to {:+.3f} deg: expected a rate that says how fast "
+                                          "it turns (its register or field, scale and sign)",
+                                          summed_deg_));
 }
 
 }  // namespace turncal

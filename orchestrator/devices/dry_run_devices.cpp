@@ -1,12 +1,69 @@
 #include "orchestrator/devices/dry_run_devices.h"
 
 #include <algorithm>
+#include <cmath>
 
-#include "orchestrator/devices/table_device.h"
-#include "turntable_drivers/manual/manual_turntable.h"
+#include "imu_io/base/format_number.h"
+#include "imu_io/base/key_value.h"
+#include "turntable_drivers/rig/rig.h"
 #include "turntable_drivers/twins/rehearsed_table.h"
 
 namespace turncal {
+
+namespace {
+
+constexpr double same_period = 1e-6;  // of two files that were written by people
+
+}  // namespace
+
+Result<RigConfig> rig_of(const StationConfig& station, const std::string& file) {
+  RigConfig rig = default_rig_config();
+  rig.site.latitude_deg = station.latitude_deg;
+  rig.site.gravity_mps2 = station.gravity_mps2;
+  if (station.imu) {
+    rig.sample_period_s = station.imu->frame.sample_period_s;
+    if (station.imu->frame.accel().pulses) rig.accel_pulse_mps = station.imu->frame.accel_pulse_mps;
+  }
+  const std::string& path = file.empty() ? station.rig_file : file;
+  if (path.empty()) return rig;
+  const double period_s = rig.sample_period_s;
+  Result<RigConfig> read = read_rig_config(path, rig);
+  if (!read) return read;
+  if (station.imu && std::abs(read->sample_period_s / period_s - 1.0) > same_period) {
+    return input_error(path + ": sample_period_s = " + format_number(read->sample_period_s) + ": expected " +
+                       format_number(period_s) + ", as frame " + station.imu->frame.name + " of the station has it");
+  }
+  if (read->quantisation == RigQuantisation::off)
+    return input_error(path + ": quantisation = off: expected floor or round: a unit counts whole pulses");
+  return read;
+}
+
+std::string format_truth(const Rig& rig, std::optional<double> reference_c) {
+  std::string text =
+      "# [dry run] What the rig was given. Units as in the parameter file; effects: docs/effect-components.md.\n";
+  const auto line = [&text](std::string_view key, double value) {
+    text += std::string(key) + " = " + format_number(value) + "\n";
+  };
+  const std::array<double, 24> truth = reference_c ? rig.truth_at_reference(*reference_c) : rig.truth();
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i) line(parameter_keys[i], truth[i]);
+  for (const auto& [name, value] : rig.truth_effects()) line("effect." + name, value);
+  if (reference_c) line("reference_temperature_c", *reference_c);
+  for (const auto& [name, value] : rig.table_errors()) line("table." + name, value);
+  if (const RigLot& lot = rig.config().lot; lot.seed) {
+    text += std::string("lot.fault = ") + to_string(lot.fault) + "\n";
+    text += std::string("lot.fault_shows = ") + (lot.fault_shows ? "true" : "false") + "\n";
+  }
+  return text;
+}
+
+Result<ParameterVector> read_truth(const std::string& path) {
+  KeyValueFile file = TRY(KeyValueFile::read(path));
+  ParameterVector truth;
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i)
+    truth[static_cast<Eigen::Index>(i)] = file.number(parameter_keys[i]);
+  TRY(file.status());
+  return truth;
+}
 
 StationDevices DryRunDevices::devices() {
   return {table, imu, clock, [this](double seconds) { wait(seconds); }};
@@ -21,10 +78,9 @@ Status DryRunDevices::put_back(std::span<const JournalCommand> commands, double 
   TRY(table.enable());
   for (const JournalCommand& command : commands) {
     group.pass_until(command.time_s);
-    const Status given = command.move ? table.move_absolute(command.move->axis, command.move->target_deg,
-                                                            command.move->rate_degps, command.move->acceleration_degps2)
-                                      : table.home();
-    if (!given) return given;
+    TRY(command.move ? table.move_absolute(command.move->axis, command.move->target_deg, command.move->rate_degps,
+                                           command.move->acceleration_degps2)
+                     : table.home());
   }
   group.pass_until(until_s);
   const Result<AxisStatus> status = table.status(Axis::heading);  // a table notices only when it is asked

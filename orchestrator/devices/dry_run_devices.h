@@ -1,15 +1,20 @@
 // The devices of a dry run: rigs in lockstep behind one table, an IMU for each unit, and the clock, so that station time is virtual.
 #pragma once
 
+#include <optional>
 #include <ostream>
 #include <span>
+#include <string>
 
-#include "orchestrator/devices/gravity_watch.h"
+#include "calib/model/parameters.h"
+#include "calib/types/status.h"
 #include "orchestrator/devices/operator_prompts.h"
+#include "orchestrator/devices/table_device.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/station/station_config.h"
 #include "turntable_drivers/manual/manual_turntable.h"
+#include "turntable_drivers/rig/rig_config.h"
 #include "turntable_drivers/rig/rig_group.h"
 #include "turntable_drivers/table/limited_turntable.h"
 
@@ -63,5 +68,20 @@ class RehearsalDevices {
   LimitedTurntable limited_;
   OperatorPrompts prompts_;
 };
+
+// The rig that stands in for a station's table and units: in a dry run, in the twin, and where a plan is looked at for a station
+// without a unit of its own.
+
+// `file`, where it is not empty, else rig.file of the station, else the built-in one. It stands where the station does unless the
+// file says another site, and samples as the station's unit does: a file that says otherwise is refused, and so are pulses that are not whole.
+Result<RigConfig> rig_of(const StationConfig& station, const std::string& file = "");
+
+// What is true of a simulated unit, as the file truth.conf: the 24 keys of Table 1 in units of the parameter file, the
+// effects that were switched on, and the temperature to which they are referred. For comparing an estimate with it.
+// reference_c: the temperature to which the estimate is referred (mean of the recording); nothing when none is measured.
+std::string format_truth(const Rig& rig, std::optional<double> reference_c);
+
+// The 24 keys of a truth file; further keys of the forms effect.*, outside.*, table.* and lot.* are allowed and skipped.
+Result<ParameterVector> read_truth(const std::string& path);
 
 }  // namespace turncal

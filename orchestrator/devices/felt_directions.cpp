@@ -1,10 +1,11 @@
 #include "orchestrator/devices/felt_directions.h"
 
-#include <cmath>
-#include <cstdio>
-#include <string>
-
+#include <fmt/format.h>
 #include <Eigen/Geometry>
+#include <Eigen/LU>
+
+#include <algorithm>
+#include <cmath>
 
 #include "calib/model/attitude.h"
 #include "calib/model/parameters.h"
@@ -39,9 +40,7 @@ std::string triple_text(const Eigen::Vector3d& v) {
   // What is nothing beside the largest is shown as 0, not as what rounding left of it.
   const double least = 1e-5 * v.cwiseAbs().maxCoeff();
   const auto shown = [least](double x) { return std::abs(x) < least ? 0.0 : x; };
-  char text[80];
-  std::snprintf(text, sizeof text, "%+.4g, %+.4g, %+.4g", shown(v.x()), shown(v.y()), shown(v.z()));
-  return text;
+  return fmt::format("{:+.4g}, {:+.4g}, {:+.4g}", shown(v.x()), shown(v.y()), shown(v.z()));
 }
 
 // Of the body, for a turn by + about an axis of the table (planned_motion.h).
@@ -87,9 +86,8 @@ Status judge_force(const Eigen::Vector3d& force_mps2, const AxisTriple& angles_d
   }
   Eigen::Index most = 0;
   up.cwiseAbs().maxCoeff(&most);
-  if (!size_fits && std::abs(force_mps2[most]) < 0.1 * gravity_mps2 && std::abs(up[most]) > 0.5) {
+  if (!size_fits && std::abs(force_mps2[most]) < 0.1 * gravity_mps2 && std::abs(up[most]) > 0.5)
     return device_error(sensed + "; accelerometer " + "xyz"[most] + " does not answer to gravity");
-  }
   if (!points_up && nearest_axis(force_mps2) != nearest_axis(up)) {
     return device_error(sensed + "; the unit's " + nearest_axis(force_mps2) + " is up instead of its " +
                         nearest_axis(up) + ": mounted another way, or axes and signs of its frame (accel.axes)");
@@ -117,6 +115,49 @@ Status judge_felt(const Eigen::Vector3d& sum_deg, const AxisTriple& from_deg, co
   return device_error(turned + "was felt about " + nearest_axis(sum_deg) + " (" + triple_text(sum_deg) +
                       "): expected about " + nearest_axis(expected) +
                       ": mounted another way, signs of the table's axis, or axes and signs of the unit's frame");
+}
+
+std::string EarthRateCheck::add_rest(const Eigen::Vector3d& rate_radps, double sigma_radps, const Eigen::Matrix3d& C_nb,
+                                     const Eigen::Vector3d& up) {
+  if (contradictory_) return {};
+  if (rests_ == 0) {
+    const double strange = limits_.strange_bias * std::abs(rate_radps.norm() - earth_rate_radps);
+    const double bias = std::max(limits_.least_bias_degph * radps_per_degph, strange);
+    P_.topLeftCorner<3, 3>().diagonal().setConstant(bias * bias);
+    P_.bottomRightCorner<3, 3>().diagonal().setConstant(100.0 * earth_rate_radps * earth_rate_radps);
+  }
+  const Eigen::Matrix3d C_bn = level(C_nb, up).transpose();
+  Eigen::Matrix<double, 3, 6> H;
+  H << Eigen::Matrix3d::Identity(), C_bn;
+  const double noise = std::hypot(sigma_radps, limits_.misalignment_rad * rate_radps.norm());
+  const Eigen::Matrix3d S = H * P_ * H.transpose() + Eigen::Matrix3d::Identity() * (noise * noise);
+  const Eigen::Matrix3d S_inverse = S.inverse();
+  const Eigen::Vector3d innovation = rate_radps - H * x_;
+  if (rests_ > 0 && innovation.dot(S_inverse * innovation) > limits_.contradiction) {
+    contradictory_ = true;
+    return {};
+  }
+  const Eigen::Matrix<double, 6, 3> K = P_ * H.transpose() * S_inverse;
+  x_ += K * innovation;
+  P_ = (P_ - K * H * P_).eval();
+  P_ = (0.5 * (P_ + P_.transpose())).eval();
+  ++rests_;
+
+  const Eigen::Vector3d earth = x_.tail<3>();
+  const double size = earth.norm();
+  if (size < limits_.smallest * earth_rate_radps || size > limits_.largest * earth_rate_radps) return {};
+  const double sine = earth.y() / size;
+  const Eigen::Vector3d slope = (Eigen::Vector3d::UnitY() - sine * earth / size) / size;
+  const double sigma = std::sqrt(slope.dot(P_.bottomRightCorner<3, 3>() * slope));
+  const double difference = sine - std::sin(latitude_deg_ * rad_per_deg);
+  if (std::abs(difference) <= std::max(limits_.sigmas * sigma, limits_.least_difference)) return {};
+  const double latitude_deg = std::asin(sine) / rad_per_deg;
+  // Of the latitude; near a pole its sine tells little.
+  const double sigma_deg = sigma / std::max(std::sqrt(1.0 - sine * sine), std::sqrt(sigma)) / rad_per_deg;
+  return fmt::format(
+      "at rest the gyros feel the earth turn about the vertical at {:+.2f} deg/h of {:.2f}, as at a latitude of {:.1f} "
+      "+- {:.1f} deg: site.latitude_deg is {:.10g} (north is positive), or axes and signs of the gyros",
+      earth.y() / radps_per_degph, size / radps_per_degph, latitude_deg, sigma_deg, latitude_deg_);
 }
 
 }  // namespace turncal

@@ -1,8 +1,9 @@
 #include "orchestrator/devices/first_step_check.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "calib/model/attitude.h"
 #include "calib/statistics/unit_slip.h"
@@ -129,20 +130,18 @@ Status FirstStepCheck::judge_pulses(double ratio) const {
   const bool fits = ratio >= limits_.least_pulses && ratio <= limits_.most_pulses;
   if (info_.gyro_increment != IncrementKind::pulses || fits) return {};
   const double nominal = start_parameters(info_).n(0, 0);
-  char text[240];
-  std::snprintf(text, sizeof text,
-                "the gyros feel %.4g times what is expected: by this turn a pulse weighs %.4g arcsec: expected %.2g to "
-                "%.2g (gyro.unit, .type and .offset of the frame)",
-                ratio, nominal / ratio, nominal / limits_.most_pulses, nominal / limits_.least_pulses);
-  return device_error(text);
+  return device_error(fmt::format(
+      "the gyros feel {:.4g} times what is expected: by this turn a pulse weighs {:.4g} arcsec: expected {:.2g} to "
+      "{:.2g} (gyro.unit, .type and .offset of the frame)",
+      ratio, nominal / ratio, nominal / limits_.most_pulses, nominal / limits_.least_pulses));
 }
 
 Status FirstStepCheck::judge_units(double ratio) const {
   const UnitSlip* const slip = slip_near(gyro_slips(), ratio);
   if (info_.gyro_increment == IncrementKind::pulses || slip == nullptr) return {};
-  char text[80];
-  std::snprintf(text, sizeof text, "the gyros feel %.4g times what is expected: they look ", ratio);
-  return device_error(text + std::string(slip->words) + " (gyro.unit, gyro.scale of the frame)");
+  return device_error(
+      fmt::format("the gyros feel {:.4g} times what is expected: they look {} (gyro.unit, gyro.scale of the frame)",
+                  ratio, slip->words));
 }
 
 Status FirstStepCheck::judge_rest(const SensorModel& model, const AxisTriple& angles_deg, double samples) {
@@ -157,9 +156,7 @@ Status FirstStepCheck::judge_rest(const SensorModel& model, const AxisTriple& an
   const Eigen::Vector3d rate = model.gyro_scale * *rest_gyro_ / info_.sample_period_s;
   // Of the earth's rate alone no more is said of units than what a bias can hardly imitate.
   const double times = rate.norm() / earth_rate_radps;
-  if (times > limits_.least_times) {
-    TRY(judge_units(times));
-  }
+  if (times > limits_.least_times) TRY(judge_units(times));
   if (stretches_ < least_stretches) return {};
   const Eigen::Vector3d variance = stretch_squares_ / stretches_ - rest_gyro_->cwiseAbs2();
   const double sigma = model.gyro_scale.norm() / std::sqrt(3.0) / info_.sample_period_s *

@@ -3,7 +3,7 @@
 //
 // A sink on the way to the recording; what it finds is told by unit_fits(), as an error of kind device: somebody has to look. At rest the
 // specific force must point up, a turn must be felt about the body axis that the table's angles say (felt_directions.h), and the earth must
-// turn as at the station's latitude (earth_rate_check.h); neither sensor may be off by a factor that two units differ by; pulses of the
+// turn as at the station's latitude (EarthRateCheck); neither sensor may be off by a factor that two units differ by; pulses of the
 // gyros must be of a weight from which a calibration finds it; and the temperature, where there is one, must be one that can be. Coarse on
 // purpose: what a calibration estimates (biases, scale factors, installation errors) is not judged.
 //
@@ -22,7 +22,6 @@
 
 #include "calib/model/parameters.h"
 #include "calib/statistics/data_screen.h"
-#include "orchestrator/devices/earth_rate_check.h"
 #include "orchestrator/devices/felt_directions.h"
 #include "orchestrator/run/run_observer.h"
 

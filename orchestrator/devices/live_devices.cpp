@@ -1,17 +1,154 @@
 #include "orchestrator/devices/live_devices.h"
 
+#include <fmt/format.h>
+#include <ifaddrs.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
 #include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cassert>
+#include <cctype>
+#include <cerrno>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <utility>
 
-#include "imu_io/base/clock.h"
 #include "orchestrator/devices/stop_signals.h"
 
 namespace turncal {
+
+namespace {
+
+const std::string& lock_folder() {
+  static const std::string folder = ::access("/run/lock", W_OK) == 0 ? "/run/lock" : "/tmp";
+  return folder;
+}
+
+// An address as IPv6 has it, IPv4 as mapped into it; nothing of any other family.
+std::optional<in6_addr> as_ipv6(const sockaddr* address) {
+  if (address == nullptr) return {};
+  if (address->sa_family == AF_INET6) return reinterpret_cast<const sockaddr_in6*>(address)->sin6_addr;
+  if (address->sa_family != AF_INET) return {};
+  in6_addr mapped{};
+  mapped.s6_addr[10] = mapped.s6_addr[11] = 0xFF;
+  std::memcpy(&mapped.s6_addr[12], &reinterpret_cast<const sockaddr_in*>(address)->sin_addr, 4);
+  return mapped;
+}
+
+// Every address by which this machine reaches itself: 0.0.0.0, 127.x, ::, ::1, those of its interfaces, and IPv4 as IPv6 has it.
+bool is_this_machine(const sockaddr& address) {
+  const std::optional<in6_addr> host = as_ipv6(&address);
+  if (!host) return false;
+  const bool mapped = IN6_IS_ADDR_V4MAPPED(&*host) && (host->s6_addr[12] == 127 || host->s6_addr[12] == 0);
+  if (mapped || IN6_IS_ADDR_UNSPECIFIED(&*host) || IN6_IS_ADDR_LOOPBACK(&*host)) return true;
+  ifaddrs* first = nullptr;
+  if (::getifaddrs(&first) != 0) return false;
+  const std::unique_ptr<ifaddrs, void (*)(ifaddrs*)> freed(first, ::freeifaddrs);
+  for (const ifaddrs* one = first; one != nullptr; one = one->ifa_next) {
+    const std::optional<in6_addr> own = as_ipv6(one->ifa_addr);
+    if (own && IN6_ARE_ADDR_EQUAL(&*own, &*host)) return true;
+  }
+  return false;
+}
+
+// HOST:PORT with the first address that the system has for HOST; what cannot be looked up as it is written.
+std::string numeric(const std::string& device) {
+  const std::size_t colon = device.rfind(':');
+  if (colon == std::string::npos) return device;
+  std::string name = device.substr(0, colon);
+  if (name.starts_with("[") && name.ends_with("]")) name = name.substr(1, name.size() - 2);
+  addrinfo wanted{}, *found = nullptr;
+  wanted.ai_family =
+      name.find(':') == std::string::npos ? AF_INET : AF_INET6;  // of localhost, too, always the same one
+  wanted.ai_socktype = SOCK_STREAM;
+  if (::getaddrinfo(name.c_str(), device.substr(colon + 1).c_str(), &wanted, &found) != 0) return device;
+  const std::unique_ptr<addrinfo, void (*)(addrinfo*)> freed(found, ::freeaddrinfo);
+  std::array<char, NI_MAXHOST> host{};
+  std::array<char, NI_MAXSERV> port{};
+  const int failed = ::getnameinfo(found->ai_addr, found->ai_addrlen, host.data(), host.size(), port.data(),
+                                   port.size(), NI_NUMERICHOST | NI_NUMERICSERV);
+  if (failed != 0) return device;
+  return (is_this_machine(*found->ai_addr) ? std::string("127.0.0.1") : std::string(host.data())) + ":" + port.data();
+}
+
+// The last link is not followed: what it leads to is another device after the adapter has come back.
+std::string one_name_of(const std::string& device) {
+  if (!device.starts_with("/")) return numeric(device);
+  const std::filesystem::path name = device;
+  std::error_code error;
+  const std::filesystem::path folder = std::filesystem::canonical(name.parent_path(), error);
+  return error ? device : (folder / name.filename()).string();
+}
+
+}  // namespace
+
+std::string lock_path_of(const std::string& device) {
+  std::string name = one_name_of(device);
+  for (char& c : name) {
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '.' && c != '-') c = '_';
+  }
+  return lock_folder() + "/turncal-" + name + ".lock";
+}
+
+Result<StationLock> StationLock::acquire(const StationConfig& station) {
+  std::vector<std::string> devices;
+  if (const TableLinkSettings* const link = station.table.link()) devices.push_back(link->address);
+  for (std::size_t place = 0; place < station.imu_places(); ++place)
+    devices.push_back(station.imu_settings(place).device);
+  StationLock lock;
+  for (const std::string& device : devices) {
+    Result<LockFile> taken = LockFile::acquire(lock_path_of(device));
+    if (!taken) return device_error(device + ": " + taken.error().message);
+    lock.locks_.push_back(std::move(*taken));
+  }
+  return lock;
+}
+
+namespace {
+
+int go_first() {
+  sched_param lowest{};
+  lowest.sched_priority = ::sched_get_priority_min(SCHED_FIFO);
+  return ::sched_setscheduler(0, SCHED_FIFO | SCHED_RESET_ON_FORK, &lowest) == 0 ? 0 : errno;
+}
+
+// With a limit, what is allocated later could fail: then nothing is locked.
+int lock_memory() {
+  rlimit limit{};
+  ::getrlimit(RLIMIT_MEMLOCK, &limit);
+  if (limit.rlim_cur != RLIM_INFINITY && ::geteuid() != 0) return EPERM;
+  return ::mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0 ? 0 : errno;
+}
+
+}  // namespace
+
+RealTime::RealTime() : scheduled_(go_first()), locked_(lock_memory()) {}
+
+RealTime::~RealTime() {
+  const sched_param none{};
+  if (first()) ::sched_setscheduler(0, SCHED_OTHER, &none);
+  if (locked()) ::munlockall();
+}
+
+std::string RealTime::text() const {
+  std::string text =
+      first() ? "a run goes before other programs (SCHED_FIFO)"
+              : "a run does not go before other programs (SCHED_FIFO: " + std::string(std::strerror(scheduled_)) +
+                    "; limits.conf: rtprio 1)";
+  text += locked() ? ", its memory is locked"
+                   : ", its memory is not locked (mlockall: " + std::string(std::strerror(locked_)) +
+                         "; limits.conf: memlock unlimited)";
+  return text;
+}
 
 namespace {
 
@@ -35,9 +172,8 @@ LiveDevices::LiveDevices(const StationConfig& station, std::size_t units, Statio
       clock_(speed_up_),
       imu_(station.imu->frame, station.imu->settings),
       watched_(imu_, station.imu->frame.sample_period_s) {
-  for (std::size_t place = 1; place < units; ++place) {
+  for (std::size_t place = 1; place < units; ++place)
     further_.push_back(std::make_unique<SerialImu>(station.imu->frame, station.imu_settings(place)));
-  }
 }
 
 Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& station,
@@ -47,10 +183,8 @@ Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& stat
   StationLock lock = TRY(StationLock::acquire(station));
   std::unique_ptr<LiveDevices> live(new LiveDevices(station, units, std::move(lock)));
   const GravityWatch& watched = live->watched_;
-  Result<std::unique_ptr<TableDevice>> table =
-      make_table(station, {live->clock_, &stop_requests, STDIN_FILENO, &out, [&watched] { return watched.mean(); }});
-  if (!table) return table.error();
-  live->table_ = std::move(*table);
+  live->table_ = TRY(
+      make_table(station, {live->clock_, &stop_requests, STDIN_FILENO, &out, [&watched] { return watched.mean(); }}));
   if (ManualTurntable* manual = live->table_->manual()) manual->feel_turns([&watched] { return watched.turned_deg(); });
   return live;
 }
@@ -68,9 +202,8 @@ void LiveDevices::wait_a_little(double wall_s) {
 
 Status LiveDevices::leave_table(Status done, const std::string& how_left) {
   // A driver that gives a wait up for a stop has words of its own.
-  if (!done && (done.error().kind == ErrorKind::aborted || done.error().kind == ErrorKind::interrupted)) {
+  if (!done && (done.error().kind == ErrorKind::aborted || done.error().kind == ErrorKind::interrupted))
     done = asked_to_stop(StopSignals::ends() > 0);
-  }
   const Status left = table_->leave();
   left_off_ = left.ok();
   if (!left) return device_error(done ? left.error().message : done.error().message + "; " + left.error().message);
@@ -96,11 +229,9 @@ std::string LiveDevices::sag_since(const std::optional<TableStatus>& left) {
       if (off_deg(*nearest) <= same_place_deg) break;
     }
     if (!(std::abs(nearest->position_deg - then->position_deg) > same_place_deg)) continue;
-    char line[160];
-    std::snprintf(line, sizeof line, "%s%s turns with its drive off: from %.4f to %.4f deg in %.1f s",
-                  text.empty() ? "" : "; ", to_string(axis), then->position_deg, nearest->position_deg,
-                  nearest->time_s - then->time_s);
-    text += line;
+    text +=
+        fmt::format("{}{} turns with its drive off: from {:.4f} to {:.4f} deg in {:.1f} s", text.empty() ? "" : "; ",
+                    to_string(axis), then->position_deg, nearest->position_deg, nearest->time_s - then->time_s);
   }
   return text;
 }

@@ -1,26 +1,66 @@
 // The devices of a live run: the station's table and units, the machine's clocks, and waiting that really waits.
 //
-// Nothing is opened here; the run does that. Another process at one of these devices is refused (station_lock.h). clock.speed_up other than 1 is for twins (docs/twin.md): all of the station's times then
+// Nothing is opened here; the run does that. clock.speed_up other than 1 is for twins (docs/twin.md): all of the station's times then
 // pass so many times faster. A table turned by hand is told why each move is asked for, and what the first unit
-// senses of gravity. The thread that makes them goes before others (real_time.h) until they go, or the table need not be watched any more.
+// senses of gravity. The thread that makes them goes before others until they go, or the table need not be watched any more.
 #pragma once
 
 #include <atomic>
 #include <memory>
 #include <optional>
 #include <ostream>
+#include <string>
 #include <vector>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/posix_file.h"
 #include "imu_io/units/serial_imu.h"
-#include "orchestrator/devices/gravity_watch.h"
 #include "orchestrator/devices/operator_prompts.h"
-#include "orchestrator/devices/real_time.h"
-#include "orchestrator/devices/station_lock.h"
 #include "orchestrator/devices/table_device.h"
 #include "orchestrator/run/station_run.h"
+#include "orchestrator/station/station_config.h"
 
 namespace turncal {
+
+// One process at a time on a station's devices: its table and its units, over TCP as well as on serial lines. Taken before anything is
+// opened, let go when the process ends, however.
+//
+// A device in /dev goes by the name that the station says, not by what its links lead to: who has lost its line still holds the name, and
+// ttyUSB0 may be another station's adapter by then. Two names of one port are kept apart by the port (SerialPort).
+//
+// A lock file of this machine for each device, below /run/lock: another machine at the same table is not seen. The name of a table's host is
+// that of its address; all addresses by which this machine reaches itself are one.
+class StationLock {
+ public:
+  // Error: kind device, names the device and who holds it.
+  static Result<StationLock> acquire(const StationConfig& station);
+
+ private:
+  std::vector<LockFile> locks_;
+};
+
+// The lock file of a device: a path or HOST:PORT.
+std::string lock_path_of(const std::string& device);
+
+// Lets the thread that holds a table go before all others, where the system allows it: a busy PC must not hold up a stop.
+//
+// SCHED_FIFO at its lowest priority, for the calling thread alone (threads that it starts are ordinary ones), and the memory of the process
+// kept from being swapped out (mlockall). What is not allowed is left out: a run is safe by its deadlines without it, and `turncal check`
+// says what there is. Whoever is no root gets both by limits.conf (docs/safety.md).
+class RealTime {
+ public:
+  RealTime();
+  ~RealTime();  // as it was, in the same thread
+  RealTime(const RealTime&) = delete;
+  RealTime& operator=(const RealTime&) = delete;
+  // "goes before other programs (SCHED_FIFO), memory locked": in one line what there is, and what to do for what there is not.
+  std::string text() const;
+
+ private:
+  bool first() const { return scheduled_ == 0; }
+  bool locked() const { return locked_ == 0; }
+  int scheduled_, locked_;  // 0, or errno
+};
 
 class LiveClock : public Clock {
  public:

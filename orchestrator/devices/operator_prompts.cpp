@@ -1,6 +1,15 @@
 #include "orchestrator/devices/operator_prompts.h"
 
+#include <poll.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
+
+#include "imu_io/base/text_pieces.h"
+#include "imu_io/recordings/recording_check.h"
+#include "orchestrator/devices/stop_signals.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 
@@ -48,6 +57,102 @@ void OperatorPrompts::show() {
   if (measures && !measured_) table_.say(table_.texts().say("hands_off", {{"left", screen.big}}));
   measured_ = measures;
   if (show_) show_(screen);
+}
+
+OperatorView::OperatorView(OperatorPrompts* prompts, LiveStatus& live, std::ostream& out, std::string_view tag,
+                           bool screen)
+    : prompts_(prompts) {
+  if (!prompts) return;
+  if (screen && ::isatty(STDIN_FILENO) == 1 && stdout_size().takes_screen()) {
+    // Past the stream: its prefix belongs to lines.
+    const auto write = [&out](const std::string& text) {
+      if (stdout_takes_more() && out.flush()) static_cast<void>(!::write(STDOUT_FILENO, text.data(), text.size()));
+    };
+    terminal_.emplace(std::string(tag), write, stdout_size(), wall_utc_s);
+  }
+  const auto show = [this, &live](const OperatorScreen& now) {
+    live.show_operator(now);
+    if (terminal_) terminal_->show(now);
+  };
+  prompts->show_on(show, !terminal_);
+}
+
+void OperatorView::end(bool done, const std::string& resume) {
+  if (terminal_) terminal_->show(last_screen(done, resume, prompts_->texts()));
+  this->end();
+}
+
+void OperatorView::end() {
+  if (prompts_) prompts_->show_on({}, true);
+  terminal_.reset();
+}
+
+namespace {
+
+constexpr int look_ms = 200;  // for a request to stop that came between two looks
+
+Error not_mounted(const std::string& unit, const std::string& why) {
+  return {ErrorKind::interrupted, "unit " + unit + " is not mounted: " + why + "; the same command goes on with it"};
+}
+
+// A line without its end; empty: the input has ended, or somebody asked to stop.
+std::optional<std::string> read_line(int input) {
+  std::string line;
+  while (!StopSignals::any()) {
+    pollfd which{input, POLLIN, 0};
+    if (::poll(&which, 1, look_ms) <= 0) continue;
+    char c = 0;
+    const ssize_t got = ::read(input, &c, 1);
+    if (got < 0 && (errno == EINTR || errno == EAGAIN)) continue;
+    if (got <= 0) return {};
+    if (c == '\n') return std::string(trimmed(line));
+    line += c;
+  }
+  return {};
+}
+
+Result<Mounted> ask(const OperatorTexts& texts, const std::string& unit, int input, std::ostream& out,
+                    const std::string& tag) {
+  for (;;) {
+    out << tag << texts.say("mount.ask", {{"unit", unit}}) << " \a" << std::flush;
+    const std::optional<std::string> line = read_line(input);
+    if (!line) {
+      out << std::endl;
+      return not_mounted(unit, StopSignals::any() ? "interrupted" : "the input ended");
+    }
+    if (line->empty()) return Mounted{};
+    if (*line == "quit") return not_mounted(unit, "the operator quit");
+    const std::size_t blank = std::min(line->find(' '), line->size());
+    const std::string reason(trimmed(std::string_view(*line).substr(blank)));
+    const bool skips = texts.means(line->substr(0, blank), "skip");
+    if (skips && !reason.empty() && is_plain_text(reason)) return Mounted{reason};
+    out << tag
+        << (skips && reason.empty() ? texts.say("wrong.why")
+                                    : texts.say("mount.expected", {{"text", turncal::quoted(*line)}}))
+        << std::endl;
+  }
+}
+
+}  // namespace
+
+Result<Mounted> mount_unit(const StationConfig& station, const std::string& unit, const std::string& folder, int input,
+                           std::ostream& out, const std::string& tag) {
+  const StopSignals signals(FirstInterrupt::pauses);
+  const auto tell_operator = [&](Error error) {
+    const Status hook_status =
+        run_hook(station.hooks, {.event = "needs_operator", .unit = unit, .folder = folder, .message = error.message});
+    if (!hook_status) out << tag << hook_status.error().message << std::endl;
+    return error;
+  };
+  if (!station.hooks.mount.empty()) {
+    out << tag << "unit " << unit << ": mounting" << std::endl;
+    const Status mounted = run_hook(station.hooks, {.event = "mount", .unit = unit, .folder = folder, .message = ""},
+                                    station.hooks.mount_time_s, &StopSignals::any);
+    if (mounted) return Mounted{};
+    return tell_operator(not_mounted(unit, mounted.error().message));
+  }
+  if (::isatty(input) == 1) return ask(OperatorTexts::of(station.table.manual.language), unit, input, out, tag);
+  return tell_operator(not_mounted(unit, "nobody to ask: expected a terminal, or hook.mount in the station file"));
 }
 
 }  // namespace turncal

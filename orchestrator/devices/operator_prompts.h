@@ -6,9 +6,16 @@
 #pragma once
 
 #include <functional>
+#include <optional>
+#include <ostream>
+#include <string>
+#include <string_view>
 
+#include "calib/types/status.h"
 #include "orchestrator/run/run_observer.h"
+#include "orchestrator/station/station_config.h"
 #include "orchestrator/watch/operator_screen.h"
+#include "orchestrator/watch/status_page.h"
 #include "turntable_drivers/manual/manual_turntable.h"
 
 namespace turncal {
@@ -40,5 +47,38 @@ class OperatorPrompts : public RunObserver {
   bool pause_comes_ = false, measured_ = false;
   std::function<void(const OperatorScreen&)> show_;
 };
+
+// Where the operator of a table turned by hand looks: the page, and the terminal where it takes a screen. Of another table nothing is shown.
+class OperatorView {
+ public:
+  // prompts: null where nobody turns. screen: `out` is a terminal, and lines are not wanted. All must outlive the view.
+  OperatorView(OperatorPrompts* prompts, LiveStatus& live, std::ostream& out, std::string_view tag, bool screen);
+  ~OperatorView() { end(); }
+  OperatorView(const OperatorView&) = delete;
+  OperatorView& operator=(const OperatorView&) = delete;
+  bool on_terminal() const { return terminal_.has_value(); }
+  void end(bool done, const std::string& resume);  // what stays on the screen: done, or which folder is to be resumed
+  void end();                                      // what is printed next stands below
+
+ private:
+  OperatorPrompts* prompts_;
+  std::optional<OperatorTerminal> terminal_;
+};
+
+// Before each unit of a live batch somebody or something has to mount it.
+//
+//   hook.mount is set       it is run (orchestrator/station/hooks.h: TURNCAL_EVENT = mount) for at most hook.mount_time_s; code 0: mounted
+//   input is a terminal     the operator is asked: Enter when it is mounted, `skip REASON`, `quit`
+//   neither                 hook.needs_operator is called, and the batch ends
+//
+// Whatever is not "mounted" or "skipped" is an error of kind interrupted that says what to do: the same command goes on with the unit.
+// A dry run mounts nothing and asks nothing: its hook could move something real.
+struct Mounted {
+  std::optional<std::string> skipped;  // the reason
+};
+
+// `input`: file descriptor of the answers. A request to stop (stop_signals.h) ends the wait.
+Result<Mounted> mount_unit(const StationConfig& station, const std::string& unit, const std::string& folder, int input,
+                           std::ostream& out, const std::string& tag);
 
 }  // namespace turncal

@@ -1,9 +1,9 @@
 #include "orchestrator/devices/rig_twin.h"
 
+#include <fmt/format.h>
 #include <poll.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <mutex>
 #include <thread>
 
@@ -75,41 +75,33 @@ RigTwin::RigTwin(const RigConfig& rig, std::size_t units) : group_(rig, units) {
 RigTwin::~RigTwin() = default;
 
 Status RigTwin::open_table(const StationConfig& station, const std::string& given) {
-  bool tcp = false;
-  std::string address;
   if (station.table.map) {
     server_.reset(drives_ = new ModbusTwin(*station.table.map, group_.table(), group_));
     TRY(drives_->power_on());
-    tcp = station.table.map->link.tcp;
-    address = station.table.map->link.address;
   } else {
     auto twin = std::make_unique<DialectTwin>(*station.table.dialect, group_.table());
     TRY(twin->power_on());
     server_ = std::move(twin);
-    tcp = station.table.dialect->link.tcp;
-    address = station.table.dialect->link.address;
   }
+  const TableLinkSettings& link = *station.table.link();
   std::string where = given;
-  if (where.empty()) where = tcp ? "tcp:" + port_of(address) : "pty:" + address;
+  if (where.empty()) where = link.tcp ? "tcp:" + port_of(link.address) : "pty:" + link.address;
   if (where == "pty" || where.starts_with("pty:")) return server_->open_pty(where == "pty" ? "" : where.substr(4));
   const std::optional<int> port = where.starts_with("tcp:") ? parse_integer<int>(where.substr(4)) : std::nullopt;
-  if (!port || *port < 0 || *port > 65535) {
+  if (!port || *port < 0 || *port > 65535)
     return input_error("the twin's table at '" + where + "': expected tcp:PORT, pty or pty:LINK");
-  }
   return server_->listen_tcp(*port);
 }
 
 Result<std::unique_ptr<RigTwin>> RigTwin::open(const StationConfig& station, const RigConfig& rig,
                                                const TwinSettings& settings) {
-  if (!station.table.map && !station.table.dialect) {
+  if (!station.table.described())
     return input_error("station '" + station.name + "': a twin needs table.driver = modbus or serial");
-  }
   if (!station.imu) return input_error("station '" + station.name + "': a twin needs imu.driver = serial");
   std::unique_ptr<RigTwin> twin(new RigTwin(as_the_table(rig, station), station.imu_places()));
   TRY(twin->open_table(station, settings.table));
-  for (std::size_t unit = 0; unit < station.imu_places(); ++unit) {
+  for (std::size_t unit = 0; unit < station.imu_places(); ++unit)
     TRY(twin->open_line(station, unit, settings.speed_up));
-  }
   return twin;
 }
 
@@ -168,9 +160,7 @@ void RigTwin::watch(const std::function<void(const std::string&)>& say) {
     tripped = tripped || drives_->watchdog_tripped(axis);
     const Rig::AxisState state = group_.rig(0).axis(axis);
     moving = moving || state.moving || state.rate_degps != 0.0;
-    char text[60];
-    std::snprintf(text, sizeof text, ", %s %.4f deg", to_string(axis), state.position_deg);
-    angles += text;
+    angles += fmt::format(", {} {:.4f} deg", to_string(axis), state.position_deg);
   }
   const std::string when = format_number(group_.now_s()) + " s of rig time" + angles;
   if (tripped && !tripped_said_) say("watchdog tripped at " + when);
@@ -193,7 +183,7 @@ Status RigTwin::run(const std::atomic<int>& stop_requests, const std::function<v
     const double now_s = monotonic_s();
     if (started) {
       status = pump(now_s);
-    } else if (std::any_of(lines_.begin(), lines_.end(), [](const auto& line) { return line->line->has_peer(); })) {
+    } else if (std::ranges::any_of(lines_, [](const auto& line) { return line->line->has_peer(); })) {
       started = true;
       for (const auto& line : lines_) {
         if (status) status = line->streamer->start(now_s);

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 
-#include "orchestrator/figures/report_dwells.h"
 #include "orchestrator/figures/report_format.h"
 
 namespace turncal {
@@ -29,6 +28,25 @@ double frame_limit(const Panel& panel, bool& cut) {
 }
 
 }  // namespace
+
+std::vector<const EstimatedEffect*> components_of(const JointResult& result, std::string_view effect) {
+  std::vector<const EstimatedEffect*> found;
+  for (const EstimatedEffect& e : result.effects)
+    if (e.column.entry != nullptr && e.column.entry->name == effect) found.push_back(&e);
+  return found;
+}
+
+std::vector<const EstimatedEffect*> strongest_of(const JointResult& result, std::string_view effect) {
+  std::vector<const EstimatedEffect*> found = components_of(result, effect);
+  std::ranges::stable_sort(found, [](auto* a, auto* b) { return z_of(*a) > z_of(*b); });
+  return found;
+}
+
+Series axis_series(std::size_t axis) {
+  constexpr std::array styles = {Series::Style::dot, Series::Style::triangle, Series::Style::square};
+  constexpr std::array colours = {Colour::x, Colour::y, Colour::z};
+  return {body_names[axis], styles[axis], colours[axis], {}};
+}
 
 bool has_after(const Diagnosis& diagnosis) { return !diagnosis.effect_names.empty(); }
 
@@ -139,10 +157,7 @@ Figure allan_figure(const AllanResult& allan) {
     panel.logarithmic = true;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const AllanAxis& a = allan.axes[axis + (gyro ? 0 : 3)];
-      Series markers;
-      markers.label = body_names[axis];
-      markers.style = axis == 0 ? Series::Style::dot : axis == 1 ? Series::Style::triangle : Series::Style::square;
-      markers.colour = axis == 0 ? Colour::x : axis == 1 ? Colour::y : Colour::z;
+      Series markers = axis_series(axis);
       Series line;
       line.colour = markers.colour;
       for (const AllanPoint& p : a.points) {

@@ -1,21 +1,104 @@
-// The report's figures that every diagnosis has: residual velocity against time, Allan deviation.
+// The figures of a diagnosis: residual velocity against time, Allan deviation, the residual against what it may depend on, dwell by dwell,
+// and the bar chart of the candidates' scores against their common threshold.
 #pragma once
 
+#include <Eigen/Core>
+
+#include <cmath>
+#include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "calib/evidence/diagnosis.h"
-#include "orchestrator/figures/report_figure.h"
+#include "calib/statistics/compression.h"
+#include "orchestrator/figures/drawing.h"
 
 namespace turncal {
+
+inline std::string component_name(const EffectColumn& column) {
+  return std::string(column.entry->components[static_cast<std::size_t>(column.component)]);
+}
+inline double z_of(const EstimatedEffect& e) { return e.sigma > 0.0 ? std::abs(e.value) / e.sigma : 0.0; }
+// The components of an effect that were estimated, in their order; and the strongest first.
+std::vector<const EstimatedEffect*> components_of(const JointResult& result, std::string_view effect);
+std::vector<const EstimatedEffect*> strongest_of(const JointResult& result, std::string_view effect);
 
 // Effects were added: two curves, before and after; else one.
 bool has_after(const Diagnosis& diagnosis);
 // One series or two, without points: residual, or before and after.
 std::vector<Series> before_after_series(bool with_after);
+// Of the sensor along x, y or z: its name, marker and colour.
+Series axis_series(std::size_t axis);
 
 Figure time_figure(const Diagnosis& diagnosis);
 // On every axis of time ("time, h", "time, min") where the steps of the sequence begin.
 void mark_steps(const CompressedRecording& recording, Figure& figure);
 Figure allan_figure(const AllanResult& allan);
+
+// What each dwell after a rotation says about the residual, in the axes of the sensors: the numbers behind the report's figures.
+//
+// The residual is the velocity (n frame, m/s) that the unit shows when it is navigated freely from the beginning of the last
+// rotation on, although it stands. From each dwell after a rotation three numbers are read off:
+//   v(t) = v0 + a t + j t (t - T) / 2, t from the start of the dwell, least squares over T, at most fit_window_s
+//   accelerometer residual  C_bn a                   what the accelerometers read too much (and g times the tilt error)
+//   tilt residual           C_bn (a_E, 0, -a_N) / g  attitude error that the rotation left; horizontal axes only
+//   gyro residual           C_bn (j_E, 0, -j_N) / g  what the gyros read too much; horizontal axes only
+// from v' = -f x psi, f = (0, g, 0), psi' = C_nb dw_b (calib/joint/joint_filter.h). C_nb is the commanded heading, levelled by the
+// specific force: good to the table's errors, which is enough to tell the axes apart.
+// Not modelled: which sensor is to blame. That is what the scores are for; these numbers show it to the eye.
+struct DwellResidual {
+  int segment = 0;
+  int step = 0;
+  double time_s = 0.0;                                      // middle of the fit, from the first sample
+  Eigen::Vector3d table_deg = Eigen::Vector3d::Zero();      // heading, pitch, roll as commanded, -180..180
+  Eigen::Vector3d f_b_g = Eigen::Vector3d::Zero();          // specific force in g
+  double temperature_c = 0.0;                               // NaN: not measured
+  Eigen::Vector3d turned_rad = Eigen::Vector3d::Zero();     // about each body axis, since the dwell before
+  Eigen::Vector3d fastest_radps = Eigen::Vector3d::Zero();  // largest rate on that way, with its sign
+  Eigen::Vector3d level_share = Eigen::Vector3d::Zero();    // of each body axis: 1 horizontal, 0 vertical
+  struct Side {
+    Eigen::Vector3d velocity_mps = Eigen::Vector3d::Zero();  // n, at the start of the dwell
+    Eigen::Vector3d accel_mps2 = Eigen::Vector3d::Zero();    // b
+    Eigen::Vector3d tilt_rad = Eigen::Vector3d::Zero();      // b
+    Eigen::Vector3d gyro_radps = Eigen::Vector3d::Zero();    // b
+  } before, after;
+
+  void add_turn(const Block& block, const SensorModel& model);
+};
+
+// Longer dwells are cut: after minutes the angle random walk hides everything else.
+inline constexpr double fit_window_s = 120.0;
+std::vector<DwellResidual> dwell_residuals(const Diagnosis& diagnosis, const CompressedRecording& recording);
+
+// Runs of static seconds after one rotation (the first: before any), [first, last) in `points`.
+std::vector<std::pair<std::size_t, std::size_t>> rests(const std::vector<ResidualPoint>& points);
+inline bool before_any_rotation(const ResidualPoint& point) { return point.since_rotation_s > 1e6; }
+
+// rms of the residual velocity over the first velocity_seconds of every dwell, as on held-out data (holdout.h). NaN: none.
+double velocity_rms_mps(const Diagnosis& diagnosis, bool after);
+
+// Before and after an effect was added, against the quantity the effect depends on (specific force, temperature, time, time
+// since the rotation, angle turned, rate, heading): one panel for each of its strongest components.
+Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual>& dwells, const std::string& effect,
+                     std::size_t number);
+// For a residual without a name: against table angles, specific force, rate, temperature and time; once as an accelerometer
+// error, once as a gyro error.
+std::vector<Figure> unexplained_figures(const std::vector<DwellResidual>& dwells);
+
+// One row of the score chart.
+struct ScoreBar {
+  std::string name;
+  std::string remark;              // in the column at the right
+  double z = 0.0;                  // of the strongest component
+  std::vector<double> components;  // |z| of all of them
+  enum class Role { added, above, below, invisible } role = Role::below;
+};
+// By effect, strongest first; invisible ones last.
+std::vector<ScoreBar> score_bars(const Diagnosis& diagnosis, double threshold_z);
+// |z| that chance reaches in false_alarm of all recordings, over all visible candidates together.
+double family_threshold_z(const Diagnosis& diagnosis, double false_alarm);
+
+Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z);
 
 }  // namespace turncal

@@ -1,13 +1,82 @@
-// Figures into gnuplot's language, one script for all of them.
+// Figures as data, and drawn: in gnuplot's language, one script for all of them, by one process, as SVG that can stand inside an HTML page.
 #pragma once
 
+#include <array>
+#include <cstddef>
+#include <limits>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
-#include "orchestrator/figures/gnuplot.h"
-#include "orchestrator/figures/report_figure.h"
+#include "calib/types/status.h"
 
 namespace turncal {
+
+// gnuplot is a filter (piped_program.h), so nothing is written to disk. Every `plot` or
+// `multiplot` under `set terminal svg` and without `set output` is one drawing, in the order of the script. gnuplot is
+// started without the user's own settings (-d), in the C locale, and is killed at the deadline: whatever it draws, a report
+// never waits for it longer than that.
+//
+// Errors are one line: gnuplot is not there, took too long, stopped with an error (its first line is quoted), or drew another
+// number of plots than expected. None of them is a reason to fail a diagnosis: the report then has no plots.
+struct GnuplotOptions {
+  std::string program = "gnuplot";  // looked up in PATH when it has no slash
+  double deadline_s = 15.0;
+};
+
+// The drawings as gnuplot wrote them.
+Result<std::vector<std::string>> run_gnuplot(std::string_view script, std::size_t drawings,
+                                             const GnuplotOptions& options = {});
+
+// One drawing for an HTML page: only the <svg> element, ids made unique by `id` (letters and digits), fonts left to the page,
+// `label` (plain text) for readers that cannot see it, `width` as CSS has it ("50%").
+std::string embeddable_svg(std::string_view svg, std::string_view id, std::string_view label, std::string_view width);
+
+// What is drawn, before anybody thinks about gnuplot.
+inline constexpr double no_point = std::numeric_limits<double>::quiet_NaN();  // breaks a line
+inline constexpr std::array<const char*, 3> body_names = {"x", "y", "z"};
+inline constexpr std::array<const char*, 3> n_names = {"north", "up", "east"};
+
+// Distinguishable with every kind of colour blindness and in grey print (Okabe and Ito, 2008).
+enum class Colour { before, after, x, y, z, neutral };
+const char* html_colour(Colour colour);
+
+struct Series {
+  enum class Style { line, dashed, open_circle, dot, triangle, square };
+  std::string label;  // of the legend; empty: none
+  Style style = Style::line;
+  Colour colour = Colour::before;
+  std::vector<std::pair<double, double>> points;  // NaN in either breaks a line
+};
+
+struct Panel {
+  std::string title;
+  std::string x_label, y_label;  // with unit
+  std::vector<Series> series;
+  bool logarithmic = false;  // both axes
+  bool legend = false;       // the names of its series stand in it, for a drawing without a page around it
+  bool angle = false;        // x in degrees: ticks at 30, 45, 90, ...
+  double y_limit = 0.0;      // above 0: the frame ends at +- this
+  bool whole_frame = false;  // and is as large as that whatever is in it: panels that are compared
+  std::vector<std::pair<double, std::string>>
+      marks;           // x and a short name: thin lines, named at the top where there is room
+  bool empty() const;  // nothing to draw
+};
+
+struct Figure {
+  std::string id;       // letters and digits
+  std::string label;    // what it shows, for those who cannot see it
+  std::string caption;  // below it
+  int columns = 1;
+  bool stacked = false;                       // panels over one another that share their x axis
+  int panel_width = 960, panel_height = 200;  // of one panel, in px of the page
+  std::vector<Panel> panels;
+};
+
+// At most `limit` points that keep the outline: the smallest and the largest of each stretch. Breaks stay where they are as far
+// as there is room for them.
+std::vector<std::pair<double, double>> outline(const std::vector<std::pair<double, double>>& points, std::size_t limit);
 
 // A drawing: a Figure, or the score chart.
 struct Drawing {

@@ -117,15 +117,13 @@ Result<PipedOutput> pipe_through(const PipedProgram& program, std::string_view i
   const auto deadline = SteadyClock::now() + std::chrono::duration_cast<SteadyClock::duration>(
                                                  std::chrono::duration<double>(program.deadline_s));
   int sockets[2];
-  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, sockets) != 0) {
+  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, sockets) != 0)
     return failed(std::string("cannot make a socket: ") + std::strerror(errno));
-  }
   Descriptor to_child(sockets[0]);
   Descriptor child_in(sockets[1]);
   Descriptor from_child, child_out, errors, child_err;
-  if (!make_pipe(from_child, child_out) || !make_pipe(errors, child_err)) {
+  if (!make_pipe(from_child, child_out) || !make_pipe(errors, child_err))
     return failed(std::string("cannot make a pipe: ") + std::strerror(errno));
-  }
   Child child;
   if (const int error = child.spawn(program, child_in, child_out, child_err); error != 0) {
     return failed(error == ENOENT ? program.name + " is not installed (Debian package " + program.package + ")"

@@ -1,16 +1,15 @@
-#include "orchestrator/figures/report_dwells.h"
+#include "orchestrator/figures/diagnosis_figures.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
-
-#include <Eigen/Core>
 
 #include "calib/evidence/holdout.h"
 #include "calib/model/attitude.h"
 #include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
+
 namespace {
 
 using Eigen::Vector3d;
@@ -26,11 +25,7 @@ void add_motion(const CompressedRecording& recording, const SensorModel& model, 
       if (block.whole_second) return;
       continue;
     }
-    const Vector3d turn = model.gyro_scale * block.gyro - model.gyro_bias_radps * block.duration_s;
-    dwell.turned_rad += turn;
-    const Vector3d rate = turn / block.duration_s;
-    for (int axis = 0; axis < 3; ++axis)
-      if (std::abs(rate[axis]) > std::abs(dwell.fastest_radps[axis])) dwell.fastest_radps[axis] = rate[axis];
+    dwell.add_turn(block, model);
   }
 }
 
@@ -60,6 +55,14 @@ DwellResidual::Side fit_side(const std::vector<ResidualPoint>& points, std::size
 }
 
 }  // namespace
+
+void DwellResidual::add_turn(const Block& block, const SensorModel& model) {
+  const Vector3d turn = model.gyro_scale * block.gyro - model.gyro_bias_radps * block.duration_s;
+  turned_rad += turn;
+  const Vector3d rate = turn / block.duration_s;
+  for (int axis = 0; axis < 3; ++axis)
+    if (std::abs(rate[axis]) > std::abs(fastest_radps[axis])) fastest_radps[axis] = rate[axis];
+}
 
 std::vector<std::pair<std::size_t, std::size_t>> rests(const std::vector<ResidualPoint>& points) {
   std::vector<std::pair<std::size_t, std::size_t>> result;

@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 
 #include "calib/model/parameters.h"
 #include "imu_io/base/text_pieces.h"
@@ -154,17 +152,6 @@ DisplayUnit rate_unit(double largest_radps) {
 }
 DisplayUnit angle_unit(double largest_rad) {
   return largest_rad < 2e-3 ? DisplayUnit{1.0 / rad_per_arcsec, "″"} : DisplayUnit{1e3, "mrad"};
-}
-
-std::string formatted(const char* format, ...) {
-  va_list arguments, again;
-  va_start(arguments, format);
-  va_copy(again, arguments);
-  std::string text(static_cast<std::size_t>(std::max(0, std::vsnprintf(nullptr, 0, format, arguments))), '\0');
-  std::vsnprintf(text.data(), text.size() + 1, format, again);
-  va_end(again);
-  va_end(arguments);
-  return text;
 }
 
 std::string join(const std::vector<std::string>& parts, std::string_view separator) {

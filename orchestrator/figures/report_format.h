@@ -48,9 +48,6 @@ DisplayUnit acceleration_unit(double largest_mps2);  // µg, mg, g
 DisplayUnit rate_unit(double largest_radps);         // °/h, °/s
 DisplayUnit angle_unit(double largest_rad);          // ″, mrad
 
-// printf, of any length.
-[[gnu::format(printf, 1, 2)]] std::string formatted(const char* format, ...);
-
 std::string join(const std::vector<std::string>& parts, std::string_view separator = ", ");
 // Lines of at most `width` characters, broken at blanks.
 std::vector<std::string> wrap(std::string_view text, std::size_t width);

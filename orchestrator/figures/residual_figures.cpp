@@ -1,14 +1,14 @@
-#include "orchestrator/figures/residual_figures.h"
+#include "orchestrator/figures/diagnosis_figures.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 
-#include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/figures/report_format.h"
 
 namespace turncal {
+
 namespace {
 
 using Eigen::Vector3d;
@@ -197,16 +197,6 @@ std::vector<Panel> since_rotation_panels(const Diagnosis& diagnosis) {
   return panels;
 }
 
-// Components of an added effect, strongest first.
-std::vector<const EstimatedEffect*> components_of(const Diagnosis& diagnosis, const std::string& effect) {
-  std::vector<const EstimatedEffect*> result;
-  for (const EstimatedEffect& e : diagnosis.extended.effects)
-    if (e.column.entry != nullptr && e.column.entry->name == effect) result.push_back(&e);
-  const auto z = [](const EstimatedEffect* e) { return e->sigma > 0.0 ? std::abs(e->value) / e->sigma : 0.0; };
-  std::stable_sort(result.begin(), result.end(), [&](auto* a, auto* b) { return z(a) > z(b); });
-  return result;
-}
-
 Panel dwell_panel(const std::vector<DwellResidual>& dwells, const PlotAxes& plot, const ComponentAxes& axes, int axis,
                   bool with_after, const Limits& limits) {
   Panel panel;
@@ -271,8 +261,8 @@ Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual
     for (int axis = 0; axis < 3; ++axis)
       figure.panels.push_back(dwell_panel(dwells, plot, {}, axis, has_after(diagnosis), limits));
   } else {
-    for (const EstimatedEffect* e : components_of(diagnosis, effect)) {
-      const std::string component(e->column.entry->components[static_cast<std::size_t>(e->column.component)]);
+    for (const EstimatedEffect* e : strongest_of(diagnosis.extended, effect)) {
+      const std::string component = component_name(e->column);
       const ComponentAxes axes = axes_of(component);
       if (axes.sensor < 0) continue;
       Panel panel = dwell_panel(dwells, plot, axes, axes.sensor, has_after(diagnosis), limits);
@@ -329,10 +319,7 @@ std::vector<Figure> unexplained_figures(const std::vector<DwellResidual>& dwells
       panel.y_label =
           accel ? "accelerometer, " + acceleration_unit(limits.accel).unit : "gyro, " + rate_unit(limits.gyro).unit;
       for (int axis = 0; axis < 3; ++axis) {
-        Series series;
-        series.label = body_names[static_cast<std::size_t>(axis)];
-        series.style = axis == 0 ? Series::Style::dot : axis == 1 ? Series::Style::triangle : Series::Style::square;
-        series.colour = axis == 0 ? Colour::x : axis == 1 ? Colour::y : Colour::z;
+        Series series = axis_series(static_cast<std::size_t>(axis));
         for (const DwellResidual& d : dwells) {
           const double value = ordinate_of(d, d.before, y, axis, limits);
           const double x = a.value(d, axis);

@@ -1,4 +1,4 @@
-#include "orchestrator/figures/score_chart.h"
+#include "orchestrator/figures/diagnosis_figures.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,8 +11,7 @@
 namespace turncal {
 
 double family_threshold_z(const Diagnosis& diagnosis, double false_alarm) {
-  const auto visible = std::count_if(diagnosis.candidates.begin(), diagnosis.candidates.end(),
-                                     [](const CandidateScore& c) { return c.visible; });
+  const auto visible = std::ranges::count_if(diagnosis.candidates, [](const CandidateScore& c) { return c.visible; });
   return std::sqrt(chi_square_1_limit(false_alarm / static_cast<double>(std::max<std::ptrdiff_t>(visible, 1))));
 }
 
@@ -32,10 +31,9 @@ std::vector<ScoreBar> score_bars(const Diagnosis& diagnosis, double threshold_z)
       bar.components.push_back(std::abs(c.z));
       if (std::abs(c.z) < bar.z && !strongest.empty()) continue;
       bar.z = std::abs(c.z);
-      strongest = entry.components[static_cast<std::size_t>(c.column.component)];
+      strongest = component_name(c.column);
     }
-    const bool added = std::find(diagnosis.effect_names.begin(), diagnosis.effect_names.end(), entry.name) !=
-                       diagnosis.effect_names.end();
+    const bool added = std::ranges::find(diagnosis.effect_names, entry.name) != diagnosis.effect_names.end();
     using Role = ScoreBar::Role;
     bar.role = !visible ? Role::invisible : added ? Role::added : bar.z > threshold_z ? Role::above : Role::below;
     bar.remark = visible                   ? significant(bar.z, bar.z < 10.0 ? 2 : 3) + "  (" + strongest + ")"
@@ -44,7 +42,7 @@ std::vector<ScoreBar> score_bars(const Diagnosis& diagnosis, double threshold_z)
                                            : "not tested";
     bars.push_back(std::move(bar));
   }
-  std::stable_sort(bars.begin(), bars.end(), [](const ScoreBar& a, const ScoreBar& b) {
+  std::ranges::stable_sort(bars, [](const ScoreBar& a, const ScoreBar& b) {
     const bool a_seen = a.role != ScoreBar::Role::invisible;
     const bool b_seen = b.role != ScoreBar::Role::invisible;
     return a_seen != b_seen ? a_seen : a.z > b.z;

@@ -1,4 +1,4 @@
-#include "orchestrator/fleet/archive.h"
+#include "orchestrator/fleet/recalibration.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -13,6 +13,7 @@
 #include "orchestrator/station/station_config.h"
 
 namespace turncal {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -32,7 +33,7 @@ Result<std::vector<ArchiveEntry>> below(const std::string& folder) {
       entries.push_back({path.string(), {}});
   }
   if (error) return input_error(folder + ": cannot read: " + error.message());
-  std::sort(entries.begin(), entries.end(), [](const auto& a, const auto& b) { return a.recording < b.recording; });
+  std::ranges::sort(entries, [](const auto& a, const auto& b) { return a.recording < b.recording; });
   entries.erase(std::unique(entries.begin(), entries.end(),
                             [](const auto& a, const auto& b) { return a.recording == b.recording; }),
                 entries.end());
@@ -48,7 +49,7 @@ Result<std::vector<ArchiveEntry>> listed(const std::string& path) {
     return input_error(path + ":1: " + turncal::quoted(header.front()) +
                        ": expected a list that begins with the column recording");
   for (std::size_t k = 1; k < header.size(); ++k)
-    if (std::find(archive_columns.begin(), archive_columns.end(), header[k]) == archive_columns.end())
+    if (std::ranges::find(archive_columns, header[k]) == archive_columns.end())
       return input_error(path + ":1: " + turncal::quoted(header[k]) +
                          ": expected station, lot, part, revision or measured_utc");
   std::vector<ArchiveEntry> entries;
@@ -75,21 +76,20 @@ Result<std::vector<ArchiveEntry>> listed(const std::string& path) {
 Result<std::vector<ArchiveEntry>> in_rows(const std::string& name) {
   const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(name));
   std::vector<ArchiveEntry> entries;
-  const Status status = database.each_calibration(false, [&](const KeptCalibration& row) {
+  TRY(database.each_calibration(false, [&](const KeptCalibration& row) {
     if (!row.folder.empty()) entries.push_back({row.folder, {}});
-  });
-  return status ? Result<std::vector<ArchiveEntry>>(entries) : Result<std::vector<ArchiveEntry>>(status.error());
+  }));
+  return entries;
 }
 
 }  // namespace
 
 Result<std::vector<ArchiveEntry>> read_archive(const std::string& path) {
   std::error_code error;
-  Result<std::vector<ArchiveEntry>> entries = names_a_database(path)          ? in_rows(path)
-                                              : fs::is_directory(path, error) ? below(path)
-                                                                              : listed(path);
-  if (!entries) return entries;
-  if (entries->empty()) return input_error(path + ": expected recordings, found none");
+  std::vector<ArchiveEntry> entries = TRY(names_a_database(path)          ? in_rows(path)
+                                          : fs::is_directory(path, error) ? below(path)
+                                                                          : listed(path));
+  if (entries.empty()) return input_error(path + ": expected recordings, found none");
   return entries;
 }
 

@@ -1,4 +1,4 @@
-#include "orchestrator/fleet/fleet_document.h"
+#include "orchestrator/fleet/fleet_members.h"
 
 #include <fmt/format.h>
 
@@ -79,8 +79,7 @@ Table level_table(const FleetDiagnosis& d, std::size_t factor) {
   };
   std::vector<const ComponentSummary*> chosen;
   for (const ComponentSummary& c : d.components) chosen.push_back(&c);
-  std::stable_sort(chosen.begin(), chosen.end(),
-                   [&](const auto* a, const auto* b) { return worst_z(*a) > worst_z(*b); });
+  std::ranges::stable_sort(chosen, [&](const auto* a, const auto* b) { return worst_z(*a) > worst_z(*b); });
   chosen.resize(std::min(chosen.size(), most_components));
   Table table{
       {name("effect"), text("unit"), number("one recording"), number("scatter of units"), number("scatter of levels")}};
@@ -102,7 +101,7 @@ Table level_table(const FleetDiagnosis& d, std::size_t factor) {
 // One panel a level, a point a recording.
 Figure figure_of(const FleetEffect& effect, const FleetSource& source, const std::vector<std::string>& factors,
                  const FleetDiagnosis& d, std::size_t place_in_list) {
-  const auto place = std::find(factors.begin(), factors.end(), effect.factor.empty() ? factors.front() : effect.factor);
+  const auto place = std::ranges::find(factors, effect.factor.empty() ? factors.front() : effect.factor);
   const auto f = static_cast<std::size_t>(place - factors.begin());
   Figure figure{.id = "effect" + std::to_string(place_in_list),
                 .label = effect.component + ", " + unit_of_component(effect.component),
@@ -116,7 +115,7 @@ Figure figure_of(const FleetEffect& effect, const FleetSource& source, const std
   std::vector<double> sizes;
   std::vector<std::vector<std::pair<double, double>>> points(d.levels[f].size());
   for (const FleetMember& m : source.members) {
-    const auto column = std::find(m.statistics.columns.begin(), m.statistics.columns.end(), effect.component);
+    const auto column = std::ranges::find(m.statistics.columns, effect.component);
     if (column == m.statistics.columns.end() || !std::isfinite(m.day)) continue;
     const auto k = column - m.statistics.columns.begin();
     const double Q = static_cast<double>(m.statistics.Q(k, k));
@@ -127,7 +126,7 @@ Figure figure_of(const FleetEffect& effect, const FleetSource& source, const std
     last = std::max(last, m.day);
   }
   if (sizes.empty()) return figure;
-  std::sort(sizes.begin(), sizes.end());
+  std::ranges::sort(sizes);
   const double limit = 1.3 * sizes[sizes.size() * 98 / 100];
   for (std::size_t l = 0; l < std::min(points.size(), most_levels); ++l) {
     const bool here = effect.factor.empty() || d.levels[f][l] == effect.level;

@@ -6,7 +6,6 @@
 #include <limits>
 #include <map>
 #include <span>
-#include <vector>
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/posix_file.h"
@@ -69,7 +68,7 @@ Result<FleetSource> read_fleet(const std::string& from, const std::vector<std::s
   source.first_day = std::isfinite(first) ? first : 0.0;
   std::vector<One> all;
   for (auto& [hash, one] : by_recording) all.push_back(std::move(one));
-  std::stable_sort(all.begin(), all.end(), [](const One& a, const One& b) { return a.member.unit < b.member.unit; });
+  std::ranges::stable_sort(all, [](const One& a, const One& b) { return a.member.unit < b.member.unit; });
   for (One& one : all) {
     one.member.day -= source.first_day;
     source.members.push_back(std::move(one.member));
@@ -104,7 +103,7 @@ Status each_kept_file(const std::string& source, const std::string& name, const 
     if (at->path().filename() == name && !at->path().parent_path().filename().string().starts_with('.'))
       paths.push_back(at->path().string());
   if (error) return input_error(source + ": cannot read: " + error.message());
-  std::sort(paths.begin(), paths.end());
+  std::ranges::sort(paths);
   for (const std::string& path : paths) each(path, read_whole_file(path));
   return {};
 }

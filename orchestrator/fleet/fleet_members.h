@@ -7,6 +7,8 @@
 
 #include "calib/fleet/fleet_diagnosis.h"
 #include "calib/types/status.h"
+#include "imu_io/base/data_text.h"
+#include "orchestrator/report/document.h"
 
 namespace turncal {
 
@@ -28,13 +30,19 @@ Result<FleetSource> read_fleet(const std::string& from, const std::vector<std::s
 std::string date_of(double day);
 
 // What earlier calibrations have left, wherever it is kept: in files below a folder (of runs, or a store of `turncal recalibrate`), or in the
-// rows of a results database.
-
-// `where`: the file, or the database and its row.
+// rows of a results database. `where`: the file, or the database and its row.
 using EachKeptFile = std::function<void(const std::string& where, const Result<std::string>& contents)>;
 
 // Every file called `name`, parameters.conf or statistics.tcs: below a folder in the order of paths, but for folders that begin with a dot; of a
 // database the newest of each recording. Errors: what cannot be read at all.
 Status each_kept_file(const std::string& source, const std::string& name, const EachKeptFile& each);
+
+// The diagnosis of a fleet as a document, and as a table for other programs: what is common, stations side by side, units as points over
+// time, what to do next. unit_of_component: "ug/g^2"; of parameters that of the parameter file.
+std::string unit_of_component(const std::string& component);
+Document fleet_document(const FleetDiagnosis& diagnosis, const FleetSource& source,
+                        const std::vector<std::string>& factors);
+// A row an effect, then a row a unit that stands out.
+DataTable table_of(const FleetDiagnosis& diagnosis, const FleetSource& source);
 
 }  // namespace turncal

@@ -24,8 +24,7 @@ bool counts(const ParameterFile& file, const StoredCovariance& stored) {
 
 std::string keys_of(const std::vector<int>& parameters) {
   std::string text;
-  for (const int k : parameters)
-    text += (text.empty() ? "" : " ") + std::string(parameter_keys[static_cast<std::size_t>(k)]);
+  for (const int k : parameters) text += (text.empty() ? "" : " ") + parameter_key(k);
   return text;
 }
 
@@ -117,7 +116,7 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
         std::string("prior: NOT USED: ") +
         (prior->own > 0 ? "the unit has changed since its last calibration:" : "the unit is unlike the others:");
     for (const int k : effect.changed)
-      line += fmt::format(" {} by {:.1f} sigma", parameter_keys[static_cast<std::size_t>(k)], effect.from_prior[k]);
+      line += fmt::format(" {} by {:.1f} sigma", parameter_key(k), effect.from_prior[k]);
     output.notes.push_back(line);
     return {};
   }

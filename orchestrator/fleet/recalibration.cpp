@@ -62,10 +62,9 @@ Result<std::vector<NamedText>> files_of(const ArchiveEntry& entry, const LoadedR
   const std::string parameters = TRY(format_parameter_file(output.file));
   files.push_back({parameters_name, parameters});
   if (output.fit) {
-    const Result<std::vector<std::byte>> bytes =
-        format_statistics({output.file, unit_statistics(recording.data, *output.fit)});
-    if (!bytes) return bytes.error();
-    files.push_back({statistics_name, std::string(reinterpret_cast<const char*>(bytes->data()), bytes->size())});
+    const std::vector<std::byte> bytes =
+        TRY(format_statistics({output.file, unit_statistics(recording.data, *output.fit)}));
+    files.push_back({statistics_name, std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size())});
   }
   return files;
 }

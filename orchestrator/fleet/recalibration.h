@@ -10,14 +10,37 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "calib/types/status.h"
-#include "orchestrator/fleet/archive.h"
+#include "orchestrator/report/document.h"
 
 namespace turncal {
+
+// The recordings of an archive: those of a list, all below a folder, or those of a results database, where its rows say that they are.
+//
+// A list is CSV with a header: `recording`, a path (relative ones from the list's folder), and, where they are known, `station`, `lot`, `part`,
+// `revision` and `measured_utc`. Below a folder every recording counts: a .tcr file, or a folder in text form. What a run says of itself
+// in the parameters.conf beside its recording is taken over where the list does not say it (whole_record), when its turn has come.
+struct ArchiveEntry {
+  std::string recording;
+  std::map<std::string, std::string> record;  // "station" -> "line 1", ...: record.* keys of the parameter file
+};
+
+inline const std::vector<std::string> archive_columns = {"station", "lot", "part", "revision", "measured_utc"};
+
+// In the order of the list or of the rows, or by path. Errors: no such file, a header without `recording`, a column that is not known, a row that is too long
+// or too short, not one recording.
+Result<std::vector<ArchiveEntry>> read_archive(const std::string& path);
+
+// What is known of a recording: by the list, and by the run.
+std::map<std::string, std::string> whole_record(const ArchiveEntry& entry);
+
+// As a list, with absolute paths. An error where a path or value cannot stand in one: a comma, a line break.
+Result<std::string> format_archive(const std::vector<ArchiveEntry>& entries);
 
 struct RecalibrationRequest {
   std::string store;
@@ -46,5 +69,46 @@ inline constexpr const char* outcome_name = "recordings.csv";
 void count_outcomes(std::string_view rows, RecalibrationCounts& counts);
 
 inline constexpr const char* failure_name = "failure.txt";
+
+// The archive in chunks, each a task of one Slurm array job.
+//
+//   STORE/.jobs/XXXXXX/archive.csv      the list as it was when the job was submitted; every task reads the same one
+//   STORE/.jobs/XXXXXX/K.csv, K.log     what became of the recordings of chunk K; what its task said
+//
+// A chunk is finished when its K.csv is there, which it gets at its end. Slurm itself puts tasks of a node that went away back into the queue;
+// one that has left the queue without its K.csv (it was cancelled, killed, or could not write) is submitted again, `most_attempts` times in all.
+// What was done is in the store, and is not done again. The folder is removed when all is finished.
+//
+// Whoever waits may be killed: the job goes on, and the same command later does only what is not there. No accounting of Slurm is needed.
+struct SlurmOptions {
+  int chunks = 0;  // 0: hundred recordings in each, at most 1000 (Slurm's MaxArraySize)
+  int most_attempts = 3;
+};
+
+// Paths of archive and store must be the same on every node. request.threads: of each task. Errors: Slurm is not there or refuses (device); chunks
+// that failed too often: which, and the last line of their log (device).
+Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>& archive,
+                                                 const RecalibrationRequest& request, const SlurmOptions& options,
+                                                 const RecalibrationProgress& progress);
+
+// What changed from one version of a store to another: parameter by parameter in sigmas, verdict by verdict.
+struct ParameterChange {
+  std::string key;
+  std::size_t recordings = 0;
+  double mean = 0.0, rms = 0.0, largest = 0.0;  // new minus old, in sigmas of the new
+  std::string largest_unit, largest_recording;  // its hash
+  double sigma_ratio = 1.0;                     // new over old, the median
+};
+
+struct VersionChanges {
+  std::string from, to;
+  std::size_t both = 0, only_from = 0, only_to = 0;  // recordings
+  std::vector<ParameterChange> parameters;
+  std::map<std::pair<std::string, std::string>, std::size_t>
+      verdicts;  // of the diagnosis, or `failed`: (old, new) -> recordings
+};
+
+Result<VersionChanges> compare_versions(const std::string& store, const std::string& from, const std::string& to);
+Document changes_document(const VersionChanges& changes);
 
 }  // namespace turncal

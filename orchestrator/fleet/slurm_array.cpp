@@ -1,11 +1,10 @@
-#include "orchestrator/fleet/slurm_array.h"
+#include "orchestrator/fleet/recalibration.h"
 
 #include <stdlib.h>
 
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
-#include <map>
 #include <thread>
 
 #include "imu_io/base/atomic_file.h"
@@ -14,6 +13,7 @@
 #include "orchestrator/figures/piped_program.h"
 
 namespace turncal {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -76,11 +76,10 @@ struct Queue {
 };
 
 Result<Queue> queue_of(const Job& job) {
-  const Result<std::string> text =
-      ask_slurm("squeue", {"--noheader", "--array", "--name", job.name, "--format", "%K %T %r"});
-  if (!text) return text.error();
+  const std::string text =
+      TRY(ask_slurm("squeue", {"--noheader", "--array", "--name", job.name, "--format", "%K %T %r"}));
   Queue queue;
-  for (std::string_view remaining = *text; !remaining.empty();) {
+  for (std::string_view remaining = text; !remaining.empty();) {
     const std::string_view line = trimmed(next_line(remaining));
     const std::size_t blank = line.find(' ');
     const std::optional<double> chunk = device_number(line.substr(0, blank));
@@ -112,9 +111,7 @@ Result<Job> prepare(const std::vector<ArchiveEntry>& archive, const Recalibratio
   std::string folder = store + "/.jobs/XXXXXX";
   if (!::mkdtemp(folder.data())) return device_error(folder + ": cannot make");
   Job job{folder, "turncal-" + folder.substr(folder.size() - 6), {}, std::vector<int>(chunks, 0)};
-  if (Status status = write_files_atomically({{folder + "/archive.csv", list}, {folder + "/task.sh", task_script}});
-      !status)
-    return status.error();
+  TRY(write_files_atomically({{folder + "/archive.csv", list}, {folder + "/task.sh", task_script}}));
   std::error_code error;
   const std::string program = fs::read_symlink("/proc/self/exe", error).string();
   job.command = {

@@ -1,4 +1,4 @@
-#include "orchestrator/fleet/version_changes.h"
+#include "orchestrator/fleet/recalibration.h"
 
 #include <fmt/format.h>
 
@@ -11,11 +11,11 @@
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/parameter_file.h"
-#include "orchestrator/fleet/recalibration.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/diagnosis_file.h"
 
 namespace turncal {
+
 namespace {
 
 namespace fs = std::filesystem;

@@ -8,7 +8,6 @@
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/preflight.h"
-#include "orchestrator/jobs/run_results.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -16,7 +15,7 @@ namespace turncal {
 namespace {
 
 std::string ratio_text(const NeededSigma& sigma) {
-  return std::string(parameter_keys[sigma.parameter]) + ", " + significant(sigma.sigma, 3) + " where " +
+  return parameter_key(sigma.parameter) + ", " + significant(sigma.sigma, 3) + " where " +
          significant(sigma.needed, 3) + " is enough";
 }
 
@@ -173,7 +172,7 @@ KnownSoFar EnoughWatch::estimate(const RunUnit& unit, std::size_t done_items) {
   const NeededSigma* const worst = known.worst();
   if (known.again) return known;
   if (worst && worst->needed == 0.0)
-    known.why_not = std::string(parameter_keys[worst->parameter]) + " is beyond its limit";
+    known.why_not = parameter_key(worst->parameter) + " is beyond its limit";
   else if (worst && worst->ratio() > 1.0)
     known.why_not = ratio_text(*worst);
   else if (const auto most = run_.station.limits.residual_max; most && output->fit->normalised_rms > *most)
@@ -266,7 +265,7 @@ JournalFields EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_
           {"again", again ? "true" : "false"},
           {"set_aside", format_number(static_cast<double>(set_aside))},
           {"unit", units.size() > 1 ? least.unit : ""},
-          {"worst", worst ? std::string(parameter_keys[worst->parameter]) : ""},
+          {"worst", worst ? parameter_key(worst->parameter) : ""},
           {"sigma", worst ? format_number(worst->sigma) : ""},
           {"needed", worst ? format_number(worst->needed) : ""},
           {"reason", least.why_not}};

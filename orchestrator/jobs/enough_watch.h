@@ -25,7 +25,7 @@
 #include "calib/types/status.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/run.h"
-#include "orchestrator/records/recording_sink.h"
+#include "orchestrator/records/journal.h"
 #include "orchestrator/run/background_queue.h"
 #include "orchestrator/station/verdict.h"
 

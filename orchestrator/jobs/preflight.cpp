@@ -6,7 +6,6 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "calib/prediction/predict.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
@@ -14,7 +13,6 @@
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/records/station_records.h"
 
 namespace turncal {
 
@@ -51,10 +49,8 @@ Status check_names(const std::string& path) {
 
 // A driver believes no position beyond what its table's file calls plausible, and refuses to move there.
 Status check_plausible(const StationConfig& station, const Plan& plan) {
-  const auto& map = station.table.map;
-  const auto& dialect = station.table.dialect;
-  if (!map && !dialect) return {};
-  const double plausible_deg = map ? map->plausible_deg : dialect->plausible_deg;
+  const TableDescription* const table = station.table.described();
+  if (!table) return {};
   double farthest_deg = 0.0;
   Axis axis = Axis::heading;
   for (const PlannedItem& item : plan.items) {
@@ -63,23 +59,22 @@ Status check_plausible(const StationConfig& station, const Plan& plan) {
     farthest_deg = here_deg;
     axis = item.axis;
   }
-  if (farthest_deg <= plausible_deg) return {};
-  return input_error((map ? map->file : dialect->file) + ": plausible.angle_deg = " + format_number(plausible_deg) +
+  if (farthest_deg <= table->plausible_deg) return {};
+  return input_error(table->file + ": plausible.angle_deg = " + format_number(table->plausible_deg) +
                      ": expected at least " + format_number(farthest_deg) + ", as far as the sequence turns " +
                      to_string(axis));
 }
 
 // The registers of a map, or the sentences of a dialect, hold every move of the plan, and tell the axis to the tolerance.
 Status check_moves(const StationConfig& station, const Plan& plan) {
-  const auto& map = station.table.map;
-  const auto& dialect = station.table.dialect;
-  if (!map && !dialect) return {};
-  const std::string& file = map ? map->file : dialect->file;
+  const TableDescription* const table = station.table.described();
+  if (!table) return {};
+  const std::optional<RegisterMap>& map = station.table.map;
   for (const Axis axis : all_axes) {
     if (!map) break;
     const double count_deg = 1.0 / map->of(axis).units_per_degree;
     if (is_floating(map->of(axis).position.type) || 0.5 * count_deg <= station.motion.position_tolerance_deg) continue;
-    return input_error(file + ": axis." + to_string(axis) + ".counts_per_degree: a count is " +
+    return input_error(table->file + ": axis." + to_string(axis) + ".counts_per_degree: a count is " +
                        format_number(count_deg) + " deg: expected at most twice motion.position_tolerance_deg");
   }
   for (const PlannedItem& item : plan.items) {
@@ -88,10 +83,11 @@ Status check_moves(const StationConfig& station, const Plan& plan) {
     for (const Axis axis : all_axes)
       moves[index(axis)] = {item.commanded_deg[axis], 0.0, item.rate_degps, item.acceleration_degps2};
     moves[index(item.axis)].distance_deg = item.to_deg - item.from_deg;
-    const Status fits = map ? check_move(*map, item.axis, moves)
-                            : check_move(*dialect, item.axis, moves, station.motion.position_tolerance_deg);
+    const Status fits =
+        map ? check_move(*map, item.axis, moves)
+            : check_move(*station.table.dialect, item.axis, moves, station.motion.position_tolerance_deg);
     if (!fits)
-      return input_error(file + ": " + fits.error().message + ", for " + to_string(item.axis) + " to " +
+      return input_error(table->file + ": " + fits.error().message + ", for " + to_string(item.axis) + " to " +
                          format_number(item.to_deg) + " deg at " + format_number(item.rate_degps) + " deg/s");
   }
   return {};
@@ -165,32 +161,13 @@ std::vector<Error> preflight(const Preflight& run) {
       if (path_exists(folder)) add(check_folder_writable(folder));
     }
   }
-  const HookCommands& hooks = station.hooks;
-  add(check_hook("hook.done", hooks.done));
-  add(check_hook("hook.fail", hooks.fail));
-  add(check_hook("hook.needs_operator", hooks.needs_operator));
-  add(check_hook("hook.mount", hooks.mount));
+  for (const auto& [event, command] : hook_events)
+    add(check_hook(std::string("hook.") + event, station.hooks.*command));
   return errors;
 }
 
 PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan) {
-  PlannedMotion motion;
-  motion.start_deg = sequence.start_deg;
-  for (const PlannedItem& item : plan.items) {
-    PlannedMotionItem planned;
-    planned.kind =
-        item.kind == SequenceItem::Kind::move ? PlannedMotionItem::Kind::move : PlannedMotionItem::Kind::dwell;
-    planned.step = item.step;
-    planned.samples = item.samples;
-    planned.dwell_kind = item.dwell_kind;
-    planned.axis = item.axis;
-    planned.from_deg = item.from_deg;
-    planned.to_deg = item.to_deg;
-    planned.rate_degps = item.rate_degps;
-    planned.acceleration_degps2 = item.acceleration_degps2;
-    motion.items.push_back(planned);
-  }
-  return motion;
+  return {sequence.start_deg, {plan.items.begin(), plan.items.end()}};
 }
 
 std::vector<std::string> undetermined_by(const Sequence& sequence, const Plan& plan, const RecordingInfo& info) {

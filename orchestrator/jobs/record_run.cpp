@@ -1,8 +1,7 @@
-#include "orchestrator/jobs/record_run.h"
-
-#include <unistd.h>
+#include "orchestrator/jobs/run.h"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -13,15 +12,11 @@
 
 #include "imu_io/base/clock.h"
 #include "orchestrator/devices/first_step_check.h"
-#include "orchestrator/devices/operator_view.h"
+#include "orchestrator/devices/operator_prompts.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/enough_watch.h"
-#include "orchestrator/jobs/run_results.h"
-#include "orchestrator/records/recording_sink.h"
-#include "orchestrator/records/station_records.h"
 #include "orchestrator/run/station_run.h"
-#include "orchestrator/watch/progress.h"
 #include "orchestrator/watch/service_watch.h"
 #include "orchestrator/watch/status_page.h"
 #include "turntable_drivers/table/table_stop.h"
@@ -52,7 +47,6 @@ class Fanout : public RunObserver {
 class PaceKeeper : public RunObserver {
  public:
   explicit PaceKeeper(double pace) : pace_(pace) {}
-  void on_transition(const TransitionRecord&) override {}
   void on_progress(const RunSnapshot& snapshot) override {
     if (pace_ <= 0.0) return;
     if (!began_s_) began_s_ = monotonic_s() - snapshot.time_s / pace_;
@@ -145,7 +139,8 @@ struct RunView {
         in_place(context.out_is_terminal && !prompts),
         progress(context.out, in_place ? context.terminal_columns - static_cast<int>(tag_of(run).size()) : 0,
                  // A dry run is over in seconds; whoever turns the table has other things to read.
-                 run.request.verbose || !(in_place || run.request.dry_run || prompts), monotonic_s, stdout_takes_more),
+                 run.request.session.verbose || !(in_place || run.request.dry_run || prompts), monotonic_s,
+                 stdout_takes_more),
         live({.unit = join(run.request.units),
               .station = run.station.name,
               .sequence = run.sequence.name,
@@ -154,7 +149,8 @@ struct RunView {
               .by_hand = prompts != nullptr,
               .results = last_results(run)},
              monotonic_s),
-        operator_view(prompts, live, context.out, tag_of(run), context.out_is_terminal && !run.request.verbose) {}
+        operator_view(prompts, live, context.out, tag_of(run),
+                      context.out_is_terminal && !run.request.session.verbose) {}
 
   Status open_page(const std::string& address) {
     if (address.empty()) return {};
@@ -278,8 +274,7 @@ class Recorder {
   void tell_known(const std::string& line, const KnownSoFar& unit) {
     storage_.post([this, line] { run_.say(line); });
     std::vector<LiveStatus::Known> bars;
-    for (const NeededSigma& one : unit.sigmas)
-      bars.push_back({std::string(parameter_keys[one.parameter]), one.sigma, one.needed});
+    for (const NeededSigma& one : unit.sigmas) bars.push_back({parameter_key(one.parameter), one.sigma, one.needed});
     display_.post([this, line, bars = std::move(bars)] { view_.show_known(line, bars); });
   }
 
@@ -287,7 +282,7 @@ class Recorder {
   Run& run_;
   RunDevices& devices_;
   RunView& view_;
-  PaceKeeper pace_{run_.request.pace};
+  PaceKeeper pace_{run_.request.session.pace};
   std::deque<RecordingSink> recordings_;
   std::deque<FirstStepCheck> checks_;
   std::optional<LiveSink> shown_;
@@ -365,7 +360,7 @@ Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context) {
 RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
   const double began_s = monotonic_s();
   RunView view(run, devices.prompts, context);
-  TRY(view.open_page(run.request.listen));
+  TRY(view.open_page(run.request.session.listen));
   Recorder recorder(run, devices, view);
   const RunOutcome outcome = recorder.walk();
   if (outcome.stop_failed && devices.live) devices.live->give_table_up();

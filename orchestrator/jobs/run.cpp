@@ -7,10 +7,8 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_source.h"
-#include "orchestrator/jobs/command_context.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/parameter_store.h"
-#include "orchestrator/records/recording_sink.h"
 
 namespace turncal {
 
@@ -180,13 +178,12 @@ Result<std::vector<std::string>> read_recordings(Run& run) {
   for (RunUnit& unit : run.units) {
     hashes.emplace_back();
     if (unit.dropped) continue;
-    Result<LoadedRecording> loaded = load_recording(partial_of(unit), {}, {}, run.calibration_ends_before());
-    if (!loaded) return loaded.error();
-    if (loaded->damage.lost_data()) return damaged(*loaded);
-    loaded->damage = {};  // the end mark is still to come
-    loaded->path = recording_of(unit);
-    hashes.back() = loaded->hash;
-    unit.recording = std::move(*loaded);
+    LoadedRecording loaded = TRY(load_recording(partial_of(unit), {}, {}, run.calibration_ends_before()));
+    if (loaded.damage.lost_data()) return damaged(loaded);
+    loaded.damage = {};  // the end mark is still to come
+    loaded.path = recording_of(unit);
+    hashes.back() = loaded.hash;
+    unit.recording = std::move(loaded);
   }
   return hashes;
 }

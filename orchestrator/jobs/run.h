@@ -1,23 +1,29 @@
-// One run and all that becomes of it. begin_run() (run_job.h) walks through it:
+// One run and all that becomes of it. begin_run() walks through it:
 //
 //   plan                       station, sequence and rig read, checked and hashed        run_request.h
-//   record                     the table moved, every unit recorded                      record_run.h
-//   estimate, judge, publish   of each unit, from its recording to its verdict           run_results.h
+//   record                     the table moved, every unit recorded                      record_run.cpp
+//   estimate, judge, publish   of each unit, from its recording to its verdict           run_results.cpp
 //
 // A run of one unit has everything in its own folder; a run of several has it in FOLDER/SERIAL (name_of_unit) each, with journal.tcj and
 // run.log in FOLDER.
 #pragma once
 
+#include <memory>
 #include <optional>
+#include <ostream>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "orchestrator/devices/dry_run_devices.h"
+#include "orchestrator/devices/live_devices.h"
 #include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/jobs/command_context.h"
 #include "orchestrator/jobs/run_request.h"
-#include "orchestrator/records/attempt_record.h"
 #include "orchestrator/records/journal.h"
+#include "orchestrator/records/results_database.h"
 #include "orchestrator/report/verification_report.h"
+#include "orchestrator/run/background_queue.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -91,5 +97,90 @@ Status check_what_is_over(const Run& run, const JournalContents& contents);
 
 // What the run in `folder` recorded, and before it what that run continues: oldest first. An error when one is not as it was sealed.
 Result<std::vector<LoadedRecording>> recordings_up_to(const std::string& folder);
+
+// A run from beginning to end: `begin_run` in a new folder, `resume_run` where one was interrupted.
+//
+// The folder holds journal.tcj and run.log; there, or below it for each of several units, are recording.partial.tcr
+// (recording.tcr once sealed), parameters.conf, and after a dry run truth.conf. A run that failed before it moved the table leaves
+// nothing; one that failed later leaves its log and journal, and can be taken up.
+struct RunEnd {
+  Status status;  // of the whole run: what the command returns
+  struct Unit {
+    std::string serial, folder;
+    std::string outcome;  // in one word (outcome_of)
+    Status status;
+  };
+  std::vector<Unit> units;  // none: refused before anything was made
+  bool moved = false;       // the table was homed or sent somewhere: there is something to tell
+  bool to_the_end = false;  // whatever became of single units, the table and the run are in order
+
+  RunEnd(Status how) : status(std::move(how)) {}
+  RunEnd(Error why) : status(std::move(why)) {}
+  static RunEnd of_all(Status how) {
+    RunEnd end(std::move(how));
+    end.to_the_end = true;
+    return end;
+  }
+};
+
+// Every unit that is left has its verdict: nothing to resume.
+bool is_over(const JournalContents& journal);
+
+// That the station can run the sequence, and that what it is for can come of it. Part of begin_run; a batch asks before its first unit.
+Status check_sequence(const RunPlan& run);
+
+RunEnd begin_run(const RunRequest& request, const std::string& folder, CommandContext& context);
+
+// `now`: where the files are now that the journal names (station, sequence, rig); empty: where they were; and listen and pace.
+// The devices must be the same kind (simulated or not), the units and every hash those of the journal.
+RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandContext& context);
+
+// The devices of a session: rigs in their own time, a rig turned by an operator, or the station's real devices.
+struct RunDevices {
+  std::unique_ptr<DryRunDevices> rig;
+  std::unique_ptr<RehearsalDevices> rehearsal;
+  std::unique_ptr<LiveDevices> live;
+  OperatorPrompts* prompts = nullptr;  // of a table turned by hand
+  StationDevices devices() { return rig ? rig->devices() : rehearsal ? rehearsal->devices() : live->devices(); }
+  ImuSource& imu(std::size_t unit) { return rig ? rig->group.imu(unit) : rehearsal ? devices().imu : live->imu(unit); }
+};
+Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context);
+
+// A session: watched (log, operator, status page), walked through, its results made, up to the verdicts. REQUIRES: journal and log of the run. Sets what is known of its units, and how they ended.
+RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context);
+
+// From the sealed recording of a unit to what a run leaves behind: estimated, judged, and published in the order in which it becomes durable:
+//
+//   truth.conf (dry run) -> verification.conf -> diagnosis/ -> parameters.conf -> statistics.tcs -> journal `results` -> database
+//   -> parameter store -> journal `verdict`
+//
+// Only then is a verdict printed. What cannot be written is a fault of the storage (kind device), whatever the reason. Every step can be done
+// again: a run that was interrupted in between repeats them all with the same bytes.
+inline constexpr const char* truth_name = "truth.conf";
+inline constexpr const char* verification_name = "verification.conf";
+inline constexpr const char* diagnosis_folder = "diagnosis";
+
+// A recording of less says too little about what the 24 parameters lack: no diagnosis at the end of the run.
+inline constexpr double least_diagnosed_s = 1800.0;
+
+// Of every unit that is left. utc_s: when the recordings were sealed. A unit that cannot be calibrated leaves the others running: an error
+// when there is none that can be, or of the storage.
+Status make_results(Run& run, double utc_s, CommandContext& context);
+// Prints the results and sets the status of every unit that is left and was calibrated.
+void print_results(Run& run, double wall_s, std::ostream& out);
+
+// A disk that hangs for good would hold up whoever waits for it: the table was left, so the program says so and ends at once. `then`: the
+// command for when it answers again.
+[[noreturn]] void end_without_storage(const std::string& why, const std::string& path, const std::string& then,
+                                      CommandContext& context);
+// Of what is written while no table moves: the same, where the disk hangs before this goes.
+std::unique_ptr<StorageLimit> limit_storage(const std::string& path, const std::string& then, CommandContext& context);
+
+// A failure to keep something is never the unit's, nor a mistake of the operator's: of kind device.
+Status stored(Status status);
+// Why the verdict is what it is; empty: a plain pass.
+std::string reason_of(const RunPlan& run, const VerdictReport& verdict);
+// An error of kind unit_failed, with verdict and reason, when the verdict is not one to accept.
+Status verdict_status(const std::string& unit, const VerdictReport& report);
 
 }  // namespace turncal

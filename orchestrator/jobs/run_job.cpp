@@ -1,4 +1,4 @@
-#include "orchestrator/jobs/run_job.h"
+#include "orchestrator/jobs/run.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -10,15 +10,9 @@
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
 #include "orchestrator/jobs/preflight.h"
-#include "orchestrator/jobs/record_run.h"
-#include "orchestrator/jobs/run_results.h"
 #include "orchestrator/records/output_folder.h"
-#include "orchestrator/records/recording_sink.h"
-#include "orchestrator/records/results_database.h"
-#include "orchestrator/records/station_records.h"
 #include "orchestrator/station/hooks.h"
 #include "orchestrator/station/version.h"
-#include "orchestrator/watch/progress.h"
 #include "orchestrator/watch/service_watch.h"
 
 namespace turncal {

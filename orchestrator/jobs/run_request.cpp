@@ -14,22 +14,13 @@
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_writer.h"
-#include "orchestrator/devices/station_rig.h"
-#include "orchestrator/records/journal.h"
-#include "orchestrator/records/station_records.h"
-#include "orchestrator/station/builtin_sequence.h"
+#include "orchestrator/devices/dry_run_devices.h"
+#include "orchestrator/records/results_database.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {
 
 namespace {
-
-// What is not of the run itself.
-void of_this_session(const RunRequest& now, RunRequest& request) {
-  request.listen = now.listen;
-  request.pace = now.pace;
-  request.verbose = now.verbose;
-}
 
 // The text of a file, or of what is built in: then only the version says what it was.
 Result<std::string> text_of(std::string& path, const std::string& built_in) {
@@ -74,7 +65,7 @@ Status check_seeks_north(const StationConfig& station) {
 // A live run needs devices that are there.
 Status check_live(const RunPlan& run) {
   if (!run.request.rig.empty()) return input_error("--rig describes a simulated table and unit: it needs --dry-run");
-  if (run.request.pace > 0.0) return input_error("--pace holds back virtual time: it needs --dry-run");
+  if (run.request.session.pace > 0.0) return input_error("--pace holds back virtual time: it needs --dry-run");
   return check_real_devices(run.station);
 }
 
@@ -324,7 +315,7 @@ Result<RunRequest> request_again(const JournalContents& journal, const RunReques
     if (!(now.*file).empty()) request.*file = now.*file;
   if (request.overdue_reason.empty()) request.overdue_reason = now.overdue_reason;
   request.no_diagnosis = request.no_diagnosis || now.no_diagnosis;
-  of_this_session(now, request);
+  request.session = now.session;
   return request;
 }
 
@@ -363,7 +354,7 @@ Result<RunRequest> continuing(const RunRequest& asked) {
   request.manual = request.manual || asked.manual;
   for (const RecordWord& record : record_words)
     if (!(asked.*record.word).empty()) request.*record.word = asked.*record.word;
-  of_this_session(asked, request);
+  request.session = asked.session;
   return request;
 }
 

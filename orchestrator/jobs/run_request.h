@@ -34,11 +34,12 @@ struct RunRequest {
   // For the record (record_words); empty: not given.
   std::string operator_name, part, lot, revision, ambient;
   std::string overdue_reason;  // why a table whose calibration is overdue is used all the same
-  // Of this session only: where the status page listens (empty: none), and how many times as fast as the wall
-  // clock a dry run may go (0: as it can).
-  std::string listen;
-  double pace = 0.0;
-  bool verbose = false;  // every transition on the terminal
+  // What is not of the run itself.
+  struct Session {
+    std::string listen;    // where the status page listens; empty: none
+    double pace = 0.0;     // how many times as fast as the wall clock a dry run may go; 0: as it can
+    bool verbose = false;  // every transition on the terminal
+  } session;
   bool rehearsal() const { return dry_run && manual; }
 };
 

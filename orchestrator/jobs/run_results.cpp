@@ -1,4 +1,4 @@
-#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/jobs/run.h"
 
 #include <fmt/format.h>
 
@@ -11,14 +11,11 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/statistics_file.h"
-#include "orchestrator/devices/truth.h"
+#include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
 #include "orchestrator/records/parameter_store.h"
-#include "orchestrator/records/results_database.h"
-#include "orchestrator/records/station_records.h"
 #include "orchestrator/report/result_table.h"
-#include "orchestrator/watch/progress.h"
 #include "turntable_drivers/rig/rig.h"
 
 namespace turncal {
@@ -70,8 +67,7 @@ std::string finding_of(const Diagnosis& d) {
   std::vector<std::string> parts;
   for (const std::string& name : d.effect_names) {
     double strongest = 0.0;
-    for (const EstimatedEffect* e : components_of(d.extended, name))
-      if (e->sigma > 0.0) strongest = std::max(strongest, std::abs(e->value) / e->sigma);
+    for (const EstimatedEffect* e : components_of(d.extended, name)) strongest = std::max(strongest, z_of(*e));
     parts.push_back(name + " (" + significant(strongest, 2) + " sigma)");
   }
   return join(parts);
@@ -147,7 +143,7 @@ Status verify_unit(Making& m) {
 void widen_by_alias(const Diagnosis& diagnosis, ParameterFile& file) {
   describe_alias(diagnosis, file);
   for (std::size_t k = 0; k < parameter_keys.size(); ++k)
-    if (find_further(file, alias_key_prefix + std::string(parameter_keys[k])))
+    if (find_further(file, alias_key_prefix + parameter_key(k)))
       file.sigma[k] = diagnosis.extended.sigma[static_cast<Eigen::Index>(k)];
 }
 

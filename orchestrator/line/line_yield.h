@@ -17,7 +17,7 @@
 #include <string>
 #include <vector>
 
-#include "orchestrator/records/attempt_record.h"
+#include "orchestrator/records/results_database.h"
 
 namespace turncal {
 

@@ -1,14 +1,12 @@
 #include "orchestrator/line/shift_report.h"
 
 #include <algorithm>
-#include <cmath>
 #include <functional>
 #include <map>
 #include <numeric>
 
 #include "calib/statistics/distributions.h"
 #include "imu_io/base/clock.h"
-#include "orchestrator/line/parameter_history.h"
 
 namespace turncal {
 
@@ -156,22 +154,20 @@ Result<ShiftReport> shift_report(const ResultsDatabase& database, const std::str
                                  bool simulated) {
   TRY(check(filter));
   TRY(database.check_known(filter));
-  Result<std::vector<AttemptRecord>> all = database.attempts({}), chosen = database.attempts(filter);
-  if (!all) return all.error();
-  if (!chosen) return chosen.error();
+  std::vector<AttemptRecord> all = TRY(database.attempts({})), chosen = TRY(database.attempts(filter));
   std::vector<StoredCalibration> calibrations = TRY(database.list(filter, ""));
   ShiftReport report;
   report.source = words_of(name, filter);
   report.simulated = simulated;
   const auto of_the_other_kind = [simulated](const auto& row) { return row.simulated != simulated; };
-  std::erase_if(*all, of_the_other_kind);
-  report.of_the_other_kind = std::erase_if(*chosen, of_the_other_kind);
+  std::erase_if(all, of_the_other_kind);
+  report.of_the_other_kind = std::erase_if(chosen, of_the_other_kind);
   std::erase_if(calibrations, of_the_other_kind);
   report.damaged = std::erase_if(calibrations, [](const StoredCalibration& c) { return !c.defect.empty(); });
-  report.attempts = std::move(*chosen);
+  report.attempts = std::move(chosen);
   report.calibrations = std::move(calibrations);
-  report.yield = line_yield(*all, ids_of(report.attempts));
-  report.stations = figures_of_stations(*all, report.attempts);
+  report.yield = line_yield(all, ids_of(report.attempts));
+  report.stations = figures_of_stations(all, report.attempts);
   report.charts.push_back(charted("residual", report.attempts, [](const AttemptRecord& a) { return a.residual; }));
   report.charts.push_back(
       charted("temperature", report.attempts, [](const AttemptRecord& a) { return a.temperature_max_c; }));

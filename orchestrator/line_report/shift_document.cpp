@@ -6,7 +6,6 @@
 #include <set>
 
 #include "calib/model/parameters.h"
-#include "imu_io/base/data_text.h"
 #include "imu_io/base/text_pieces.h"
 
 namespace turncal {

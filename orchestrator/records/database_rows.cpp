@@ -129,19 +129,19 @@ void take_row(const SqlRow& row, const Fields& fields) {
 Result<AddedRow> add_calibration_row(SqlConnection& database, const SqlRow& row, const std::vector<SqlRow>& values,
                                      const SqlBytes& statistics) {
   AddedRow added;
-  Status status =
-      database.run(std::string("INSERT INTO calibration(") + calibration_columns + ") VALUES(" + places(1, row.size()) +
+  TRY(database.run(std::string("INSERT INTO calibration(") + calibration_columns + ") VALUES(" + places(1, row.size()) +
                        ") ON CONFLICT(unit, recording_hash, method, content) DO NOTHING RETURNING id",
                    row, [&](const SqlRow& inserted) {
                      added = {as_integer(inserted.front()), true};
-                   });
-  if (status && !added.is_new) {
+                   }));
+  if (!added.is_new) {
     constexpr std::size_t content = 15;
-    status = database.run(
+    TRY(database.run(
         "SELECT id FROM calibration WHERE unit = $1 AND method = $2 AND recording_hash = $3 AND content = $4",
-        {row[0], row[2], row[3], row[content]}, [&](const SqlRow& there) { added.id = as_integer(there.front()); });
+        {row[0], row[2], row[3], row[content]}, [&](const SqlRow& there) { added.id = as_integer(there.front()); }));
+    return added;
   }
-  if (status && added.is_new && !values.empty()) {
+  if (!values.empty()) {
     std::string sql = std::string("INSERT INTO value(calibration, ") + value_columns + ") VALUES";
     SqlRow all;
     for (const SqlRow& value : values) {
@@ -149,21 +149,20 @@ Result<AddedRow> add_calibration_row(SqlConnection& database, const SqlRow& row,
       all.emplace_back(added.id);
       all.insert(all.end(), value.begin(), value.end());
     }
-    status = database.run(sql, all);
+    TRY(database.run(sql, all));
   }
-  if (status && added.is_new && !statistics.empty())
-    status =
-        database.run("INSERT INTO statistics(calibration, contents) VALUES($1, $2)", {SqlValue(added.id), statistics});
-  return status ? Result<AddedRow>(added) : Result<AddedRow>(status.error());
+  if (!statistics.empty())
+    TRY(database.run("INSERT INTO statistics(calibration, contents) VALUES($1, $2)", {SqlValue(added.id), statistics}));
+  return added;
 }
 
 Result<bool> add_attempt_row(SqlConnection& database, const std::string& key, SqlRow row) {
   row.insert(row.begin(), key);
   bool is_new = false;
-  const Status status = database.run("INSERT INTO attempt_note(key, " + attempt_columns() + ") VALUES(" +
-                                         places(1, row.size()) + ") ON CONFLICT(key) DO NOTHING RETURNING id",
-                                     row, [&](const SqlRow&) { is_new = true; });
-  return status ? Result<bool>(is_new) : Result<bool>(status.error());
+  TRY(database.run("INSERT INTO attempt_note(key, " + attempt_columns() + ") VALUES(" + places(1, row.size()) +
+                       ") ON CONFLICT(key) DO NOTHING RETURNING id",
+                   row, [&](const SqlRow&) { is_new = true; }));
+  return is_new;
 }
 
 std::string where(const std::string& verdict) {

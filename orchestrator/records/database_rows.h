@@ -2,7 +2,7 @@
 // and never changed; what is newer is another row, and the views show the newest.
 #pragma once
 
-#include "orchestrator/records/attempt_record.h"
+#include "orchestrator/records/results_database.h"
 #include "orchestrator/records/sql_connection.h"
 
 namespace turncal {

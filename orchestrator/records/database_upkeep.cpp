@@ -1,12 +1,14 @@
 // What keeps a results database: its check, its image for a backup, copies of its rows, and the roles of a server.
+
+#include "orchestrator/records/results_database.h"
+
 #include <sqlite3.h>
 
 #include <cstring>
 #include <map>
-#include <memory>
 
+#include "imu_io/base/posix_file.h"
 #include "orchestrator/records/database_rows.h"
-#include "orchestrator/records/results_database.h"
 
 namespace turncal {
 
@@ -23,14 +25,14 @@ struct Page {
 Result<Page> page_of(SqlConnection& database, const std::string& columns, const std::string& table, std::int64_t last,
                      std::int64_t end) {
   Page page;
-  const Status status = database.run("SELECT id, " + columns + " FROM " + table +
-                                         " WHERE id > $1 AND id <= $2 ORDER BY id LIMIT " + std::to_string(rows_a_page),
-                                     {last, end}, [&](SqlRow row) {
-                                       page.ids.push_back(as_integer(row.front()));
-                                       row.erase(row.begin());
-                                       page.rows.push_back(std::move(row));
-                                     });
-  return status ? Result<Page>(std::move(page)) : Result<Page>(status.error());
+  TRY(database.run("SELECT id, " + columns + " FROM " + table + " WHERE id > $1 AND id <= $2 ORDER BY id LIMIT " +
+                       std::to_string(rows_a_page),
+                   {last, end}, [&](SqlRow row) {
+                     page.ids.push_back(as_integer(row.front()));
+                     row.erase(row.begin());
+                     page.rows.push_back(std::move(row));
+                   }));
+  return page;
 }
 
 Result<std::map<std::int64_t, std::vector<SqlRow>>> values_of_page(SqlConnection& database, const Page& page) {
@@ -55,9 +57,8 @@ Result<std::map<std::int64_t, SqlBytes>> statistics_of_page(SqlConnection& datab
 
 Result<std::int64_t> last_id(SqlConnection& database, const std::string& table) {
   std::int64_t last = 0;
-  const Status status =
-      database.run("SELECT max(id) FROM " + table, {}, [&](const SqlRow& row) { last = as_integer(row.front()); });
-  return status ? Result<std::int64_t>(last) : Result<std::int64_t>(status.error());
+  TRY(database.run("SELECT max(id) FROM " + table, {}, [&](const SqlRow& row) { last = as_integer(row.front()); }));
+  return last;
 }
 
 constexpr const char* roles = R"(
@@ -81,13 +82,12 @@ Status ResultsDatabase::make_roles() {
 Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) const {
   SqlConnection& from = *connection_;
   SqlConnection& to = *other.connection_;
-  const Result<std::int64_t> last_attempt = last_id(from, "attempt_note");
-  const Result<std::int64_t> last_calibration = last_id(from, "calibration");
-  if (!last_attempt || !last_calibration) return (last_attempt ? last_calibration : last_attempt).error();
+  const std::int64_t last_attempt = TRY(last_id(from, "attempt_note"));
+  const std::int64_t last_calibration = TRY(last_id(from, "calibration"));
   CopiedRows copied;
   std::map<std::int64_t, std::int64_t> number_there;
-  for (std::int64_t last = 0; last < *last_calibration;) {
-    const Page page = TRY(page_of(from, calibration_columns, "calibration", last, *last_calibration));
+  for (std::int64_t last = 0; last < last_calibration;) {
+    const Page page = TRY(page_of(from, calibration_columns, "calibration", last, last_calibration));
     if (page.ids.empty()) break;
     std::map<std::int64_t, std::vector<SqlRow>> values = TRY(values_of_page(from, page));
     std::map<std::int64_t, SqlBytes> statistics = TRY(statistics_of_page(from, page));
@@ -104,8 +104,8 @@ Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) 
     copied.calibrations += now.calibrations;
     last = page.ids.back();
   }
-  for (std::int64_t last = 0; last < *last_attempt;) {
-    Page page = TRY(page_of(from, "key, " + attempt_columns(), "attempt_note", last, *last_attempt));
+  for (std::int64_t last = 0; last < last_attempt;) {
+    Page page = TRY(page_of(from, "key, " + attempt_columns(), "attempt_note", last, last_attempt));
     if (page.ids.empty()) break;
     last = page.ids.back();
     // A row that has taken the number of one that is gone may name a calibration that was not looked at: another time.
@@ -127,15 +127,15 @@ Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) 
         for (const SqlRow& row : page.rows) TRY(from.run("DELETE FROM attempt_note WHERE key = $1", {row.front()}));
         return {};
       });
-    if (!status) return status.error();
+    TRY(status);
     copied.attempts += now.attempts;
   }
   if (!moves) return copied;
   // A calibration is added together with a row of its attempt: where that is gone, it is there.
-  const Status status = from.run(
-      "DELETE FROM calibration WHERE NOT EXISTS (SELECT 1 FROM attempt_note WHERE attempt_note.calibration = "
-      "calibration.id)");
-  return status ? Result<CopiedRows>(copied) : Result<CopiedRows>(status.error());
+  TRY(
+      from.run("DELETE FROM calibration WHERE NOT EXISTS (SELECT 1 FROM attempt_note WHERE attempt_note.calibration = "
+               "calibration.id)"));
+  return copied;
 }
 
 Status ResultsDatabase::check_pages() const {
@@ -143,9 +143,7 @@ Status ResultsDatabase::check_pages() const {
     return input_error(connection_->name() + ": results database: damaged: " + what);
   };
   std::string found;
-  if (Status s = connection_->run("PRAGMA integrity_check(1)", {}, [&](const SqlRow& row) { found = as_text(row[0]); });
-      !s)
-    return s;
+  TRY(connection_->run("PRAGMA integrity_check(1)", {}, [&](const SqlRow& row) { found = as_text(row[0]); }));
   if (found != "ok") return damaged(found);
   found.clear();
   const auto say = [&](const SqlRow& row) {
@@ -158,9 +156,7 @@ Status ResultsDatabase::check_pages() const {
 }
 
 Status ResultsDatabase::check() const {
-  if (connection_->sqlite()) {  // a server sees to that itself
-    TRY(check_pages());
-  }
+  if (connection_->sqlite()) TRY(check_pages());  // a server sees to that itself
   const std::vector<StoredCalibration> calibrations = TRY(list({}, ""));
   for (const StoredCalibration& c : calibrations)
     if (!c.defect.empty()) return input_error(c.defect);
@@ -186,7 +182,7 @@ Result<std::string> ResultsDatabase::image() const {
   }
   sqlite3_int64 size = 0;
   // As one that is read: what is being written is waited for, as with any other statement.
-  if (Status s = connection_->run("BEGIN; SELECT count(*) FROM sqlite_master"); !s) return s.error();
+  TRY(connection_->run("BEGIN; SELECT count(*) FROM sqlite_master"));
   const std::unique_ptr<unsigned char, void (*)(void*)> bytes(
       sqlite3_serialize(connection_->sqlite(), "main", &size, 0), sqlite3_free);
   TRY(connection_->run("COMMIT"));
@@ -210,6 +206,59 @@ Result<ResultsDatabase> ResultsDatabase::of_image(const std::string& image, cons
                           SQLITE_DESERIALIZE_FREEONCLOSE | SQLITE_DESERIALIZE_RESIZEABLE) != SQLITE_OK)
     return device_error(path + ": results database: cannot read: " + sqlite3_errmsg(handle));
   return database;
+}
+
+namespace {
+
+constexpr SqlPatience short_patience{.wait_s = 3.0, .all_s = longest_wait_s};
+
+}  // namespace
+
+std::string records_file(const StationConfig& station) {
+  return names_a_server(station.database) ? station.outbox : station.database;
+}
+
+std::string send_records(const StationConfig& station) {
+  if (!names_a_server(station.database) || !path_exists(station.outbox)) return "";
+  const Result<ResultsDatabase> kept = ResultsDatabase::open(station.outbox);
+  if (!kept) return kept.error().message;
+  const auto waiting = kept->attempts({});
+  if (!waiting) return waiting.error().message;
+  if (waiting->empty()) return "";
+  Result<ResultsDatabase> server = ResultsDatabase::open(station.database, short_patience);
+  const Result<CopiedRows> sent = server ? kept->copy_to(*server, true) : Result<CopiedRows>(server.error());
+  if (sent) return "";
+  const auto left = kept->attempts({});
+  const std::size_t count = left ? left->size() : waiting->size();
+  return sent.error().message + "; " + std::to_string(count) + (count == 1 ? " attempt is" : " attempts are") +
+         " kept in " + station.outbox + " and sent later";
+}
+
+std::string server_trouble(const StationConfig& station) {
+  if (!names_a_server(station.database)) return "";
+  const Result<ResultsDatabase> server = ResultsDatabase::open_to_read(station.database, short_patience);
+  return server ? "" : server.error().message;
+}
+
+Result<std::vector<AttemptRecord>> recorded_attempts(const StationConfig& station, const RecordFilter& filter,
+                                                     std::string& trouble) {
+  std::vector<AttemptRecord> all;
+  const auto take = [&](const std::string& name) -> Status {
+    const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(name, short_patience));
+    const std::vector<AttemptRecord> some = TRY(database.attempts(filter));
+    all.insert(all.end(), some.begin(), some.end());
+    return {};
+  };
+  trouble.clear();
+  const std::string file = records_file(station);
+  if (!file.empty() && path_exists(file)) TRY(take(file));
+  if (!names_a_server(station.database)) return all;
+  // What waits here is newer than what the server has of this station, and says that the server was away a moment ago.
+  if (!all.empty())
+    trouble = station.database + ": results database: not all of it: " + station.outbox + " keeps rows for it";
+  else if (Status status = take(station.database); !status)
+    trouble = status.error().message;
+  return all;
 }
 
 }  // namespace turncal

@@ -15,6 +15,7 @@
 #include "calib/types/status.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/posix_file.h"
+#include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/run/run_observer.h"
 #include "orchestrator/station/fields.h"
 #include "orchestrator/station/verdict.h"
@@ -111,5 +112,30 @@ Result<JournalContents> read_journal(const std::string& path);
 Result<std::string> journal_as_text(const std::string& path);
 // A row for each field of each record: record, type, key, value.
 Result<DataTable> journal_as_table(const std::string& path);
+
+// A run's recording on disk. While it grows it is called `recording.partial.tcr`; only when it is complete and synced does it
+// get its name `recording.tcr`, so that no part of a run can be taken for a whole one.
+class RecordingSink : public RunSink {
+ public:
+  explicit RecordingSink(std::string folder) : folder_(std::move(folder)) {}
+  Status start(const RecordingInfo& info) override;
+  Status resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) override;
+  Status begin_segment(const Segment& segment) override { return writer_->begin_segment(segment); }
+  Status add(std::span<const ImuSample> samples) override { return writer_->add(samples); }
+  Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override {
+    return writer_->end_segment(kind, end_sample, angles_deg);
+  }
+  // A rest that another take of it stands in for.
+  Status set_aside(const Segment& rest) { return writer_->set_aside(rest); }
+  Status sync() override { return writer_->sync(); }
+  std::optional<std::uint32_t> written() const override;
+  Status finish() override;
+
+  std::string path() const;  // of the finished recording
+
+ private:
+  std::string folder_;
+  std::optional<RecordingWriter> writer_;
+};
 
 }  // namespace turncal

@@ -2,13 +2,11 @@
 
 #include <filesystem>
 #include <system_error>
-#include <utility>
 
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/records/journal.h"
-#include "orchestrator/records/recording_sink.h"
 
 namespace turncal {
 
@@ -25,9 +23,8 @@ Result<LockFile> hold_folder(const std::string& folder) { return LockFile::acqui
 Result<OutputFolder> OutputFolder::prepare(const std::string& path, std::vector<std::string> names) {
   std::error_code error;
   if (path.empty()) return input_error("--out: expected a folder, got an empty name");
-  if (fs::exists(path, error) && !fs::is_directory(path, error)) {
+  if (fs::exists(path, error) && !fs::is_directory(path, error))
     return input_error(path + ": expected a folder, found a file");
-  }
   OutputFolder folder(path, std::move(names));
   // Whoever fails meanwhile takes the folder away that we found: then it is made once more.
   for (int race = 0;; ++race) {

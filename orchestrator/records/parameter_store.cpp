@@ -43,7 +43,7 @@ std::vector<int> version_numbers(const std::string& folder) {
     if (name.starts_with(".") || entry.path().extension() != ".conf") continue;
     if (const auto number = parse_integer<int>(entry.path().stem().string())) numbers.push_back(*number);
   }
-  std::sort(numbers.begin(), numbers.end());
+  std::ranges::sort(numbers);
   return numbers;
 }
 
@@ -63,15 +63,11 @@ Status put_in_use(const std::string& store, const ParameterFile& file) {
   const std::string folder = unit_folder(store, file.unit_serial, file.simulated);
   TRY(make_folder(folder + "/versions"));
   const LockFile lock = TRY(LockFile::acquire(folder + "/.lock", LockFile::change_s));
-  for (const std::string& changed : {folder, folder_of(folder), store}) {
-    TRY(sync_folder(changed));
-  }
+  for (const std::string& changed : {folder, folder_of(folder), store}) TRY(sync_folder(changed));
   const std::vector<int> numbers = version_numbers(folder);
   const int newest = numbers.empty() ? 0 : numbers.back();
   const std::string old = TRY(newest > 0 ? read_whole_file(version_path(folder, newest)) : Result<std::string>(""));
-  if (old != text) {
-    TRY(write_file_atomically(version_path(folder, newest + 1), text));
-  }
+  if (old != text) TRY(write_file_atomically(version_path(folder, newest + 1), text));
   return write_file_atomically(folder + "/" + in_use_name, text);
 }
 

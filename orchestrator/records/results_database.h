@@ -7,18 +7,61 @@
 // An empty database gets its tables when it is written; one of another schema is refused.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
-#include "orchestrator/records/attempt_record.h"
 #include "orchestrator/records/sql_connection.h"
+#include "orchestrator/station/fields.h"
+#include "orchestrator/station/station_config.h"
 #include "orchestrator/station/verdict.h"
 
 namespace turncal {
+
+// An attempt to calibrate a unit as a row of the results database, whatever became of it; and which rows a reader wants.
+//
+// A run of several units is one attempt of each. Taken up again after an interruption it is the same attempt: its newest row counts.
+
+// While it goes on, and for ever where the power failed and nobody took it up again.
+inline constexpr const char* outcome_running = "running";
+
+struct AttemptRecord {
+  std::int64_t id = 0;
+  std::string run;  // its beginning and folder, the same when it is taken up again; empty: refused before there was one
+  std::string unit, began_utc, time_utc;  // time: of its end
+  // A verdict (orchestrator/station/verdict.h), captured, dropped, refused, aborted, interrupted, failed (of the station), running.
+  std::string outcome, reason;
+  bool simulated = false;
+  std::string station, operator_name, part, revision, ambient;
+  std::optional<double> temperature_min_c, temperature_max_c;
+  std::optional<double> residual;  // quality.normalised_rms
+  std::string diagnosis;
+  std::optional<double> recorded_s;
+  int sessions = 1;
+  std::int64_t repeated_dwells = 0, lost_samples = 0;
+  std::string folder;
+  std::optional<std::int64_t> calibration;  // its row
+};
+
+// Columns of the database, in their order; without id, which a row gets there.
+Fields fields_of(AttemptRecord& attempt);
+
+// Rows of calibrations or attempts. Empty: any.
+struct RecordFilter {
+  std::string unit = {}, station = {}, part = {}, verdict = {};
+  std::string from = {},
+              to = {};  // times of the end, or their beginning: 2026-01-31 as `to` is the whole of that day, UTC
+  int newest = 0;       // of attempts: at most so many, the newest; 0: all
+};
+
+// An input error unless from and to are the beginning of a time as 2026-01-31T12:00:00Z, from not after to, and
+// the verdict is a word that there is.
+Status check(const RecordFilter& filter);
 
 struct StoredValue {
   std::string key;
@@ -96,5 +139,23 @@ class ResultsDatabase {
   std::shared_ptr<SqlConnection> connection_;
   int stored_version_ = 0;
 };
+
+// Where a station writes down its attempts: into its database or, where that is a server, first into a file of its own (the outbox), from
+// which the rows go to the server when it answers. A run never waits longer for a server than `longest_wait_s`, and needs it for nothing.
+//
+// A row that is sent twice is one row: whoever is interrupted between sending and taking away sends again.
+inline constexpr double longest_wait_s = 5.0;
+
+// The file that is written first; empty: the station keeps no results.
+std::string records_file(const StationConfig& station);
+
+// Sends what is kept. Why something stays here, in one line; empty: nothing does, or there is no server.
+std::string send_records(const StationConfig& station);
+// Why the server could not be written to now; empty: it could, or there is none. Nothing is changed.
+std::string server_trouble(const StationConfig& station);
+
+// Oldest first. Where rows wait for a server they are the newest, and alone; then, and where it is away, `trouble` says so.
+Result<std::vector<AttemptRecord>> recorded_attempts(const StationConfig& station, const RecordFilter& filter,
+                                                     std::string& trouble);
 
 }  // namespace turncal

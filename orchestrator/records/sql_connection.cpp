@@ -71,10 +71,7 @@ class SqliteConnection : public SqlConnection {
   Status begin() override { return run("BEGIN IMMEDIATE", {}, {}); }
   Result<bool> has_table(const std::string& table) override {
     bool there = false;
-    if (Status status =
-            run("SELECT 1 FROM sqlite_master WHERE name = $1", {table}, [&](const SqlRow&) { there = true; });
-        !status)
-      return status.error();
+    TRY(run("SELECT 1 FROM sqlite_master WHERE name = $1", {table}, [&](const SqlRow&) { there = true; }));
     return there;
   }
   const char* identity() const override { return "INTEGER PRIMARY KEY"; }

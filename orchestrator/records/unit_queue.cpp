@@ -32,7 +32,7 @@ Status write_outcomes(const std::string& path, const std::vector<UnitOutcome>& o
 }
 
 bool holds(const std::vector<std::string>& list, const std::string& unit) {
-  return std::find(list.begin(), list.end(), unit) != list.end();
+  return std::ranges::find(list, unit) != list.end();
 }
 
 }  // namespace
@@ -82,8 +82,7 @@ Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path) {
 }
 
 const UnitOutcome* find_outcome(const std::vector<UnitOutcome>& outcomes, const std::string& unit) {
-  const auto found =
-      std::find_if(outcomes.begin(), outcomes.end(), [&](const UnitOutcome& o) { return o.unit == unit; });
+  const auto found = std::ranges::find_if(outcomes, [&](const UnitOutcome& o) { return o.unit == unit; });
   return found == outcomes.end() ? nullptr : &*found;
 }
 
@@ -113,11 +112,10 @@ Status record_outcome(const std::string& path, const UnitOutcome& outcome) {
 Status change_queue(const std::string& path, const QueueChange& change) {
   const LockFile lock = TRY(LockFile::acquire(path + ".lock", LockFile::change_s));
   const std::string old = TRY(path_exists(path) ? read_whole_file(path) : Result<std::string>(""));
-  const Result<std::vector<std::string>> units =
-      path_exists(path) ? read_queue(path) : Result<std::vector<std::string>>(std::vector<std::string>{});
-  if (!units) return units.error();
+  const std::vector<std::string> units =
+      TRY(path_exists(path) ? read_queue(path) : Result<std::vector<std::string>>(std::vector<std::string>{}));
   for (const std::string& unit : change.remove) {
-    if (!holds(*units, unit)) return input_error(path + ": holds no unit '" + unit + "'");
+    if (!holds(units, unit)) return input_error(path + ": holds no unit '" + unit + "'");
   }
   std::string text;
   std::string_view remaining = old;
@@ -129,7 +127,7 @@ Status change_queue(const std::string& path, const QueueChange& change) {
   for (std::size_t i = 0; i < change.add.size(); ++i) {
     const std::string& unit = change.add[i];
     const bool twice = holds({change.add.begin(), change.add.begin() + static_cast<std::ptrdiff_t>(i)}, unit);
-    if (twice || (holds(*units, unit) && !holds(change.remove, unit)))
+    if (twice || (holds(units, unit) && !holds(change.remove, unit)))
       return input_error(path + ": holds unit '" + unit + "' already");
     TRY(check_serial(unit, "--add"));
     text += unit + "\n";

@@ -174,7 +174,7 @@ UncertaintyBudget budget_of(const std::vector<ParameterFile>& runs, std::size_t 
   UncertaintyBudget budget;
   const double sigma = file.sigma[parameter].value_or(0.0);
   const std::string diagnosis = of_record(file, "verdict.diagnosis", "");
-  const std::string* const alias = find_further(file, alias_key_prefix + std::string(parameter_keys[parameter]));
+  const std::string* const alias = find_further(file, alias_key_prefix + parameter_key(parameter));
   if (diagnosis == "clean" || diagnosis == "extended" || alias)
     budget.alias = std::min(sigma, alias ? parse_number<double>(*alias).value_or(0.0) : 0.0);
   budget.estimate = std::sqrt(sigma * sigma - std::pow(budget.alias.value_or(0.0), 2));

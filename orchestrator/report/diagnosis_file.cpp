@@ -49,8 +49,7 @@ void describe_covariance(const JointResult& result, ParameterFile& file) {
       row += fmt::format("{}{:.9e}", row.empty() ? "" : " ",
                          result.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
     }
-    file.add_further("quality.covariance." + std::string(parameter_keys[static_cast<std::size_t>(result.free[i])]),
-                     row);
+    file.add_further("quality.covariance." + parameter_key(result.free[i]), row);
   }
 }
 
@@ -80,17 +79,15 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
     lines.number("lack_of_fit.log10_probability", worst->log10_p);
     lines.number("lack_of_fit.log10_limit", d.omnibus.log10_limit());
   }
+  const auto add = [&lines](const EstimatedEffect& e) {
+    lines.number("effect." + e.column.key(), e.value);
+    lines.number("sigma.effect." + e.column.key(), e.sigma);
+  };
   for (const std::string& name : d.effect_names) {
     const auto parts = components_of(d.extended, name);
-    for (const EstimatedEffect* e : parts) {
-      lines.number("effect." + e->column.key(), e->value);
-      lines.number("sigma.effect." + e->column.key(), e->sigma);
-    }
-    for (const EstimatedEffect& e : d.each.effects) {
-      if (e.column.entry->name != name) continue;
-      lines.number("effect." + e.column.key(), e.value);
-      lines.number("sigma.effect." + e.column.key(), e.sigma);
-    }
+    for (const EstimatedEffect* e : parts) add(*e);
+    for (const EstimatedEffect& e : d.each.effects)
+      if (e.column.entry->name == name) add(e);
     if (!parts.empty() && parts.front()->column.tau_s > 0.0)
       lines.number("effect." + name + "." + std::string(parts.front()->column.entry->variant),
                    parts.front()->column.tau_s);
@@ -113,9 +110,8 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
   if (d.holdout_own_noise > 1.0) lines.number("holdout.own_noise", d.holdout_own_noise);
   for (std::size_t k = 0; k < d.each.turn_ons.biases.size(); ++k)
     for (int column = 0; column < 6; ++column)
-      lines.number(
-          "recording." + std::to_string(k + 1) + "." + std::string(parameter_keys[static_cast<std::size_t>(column)]),
-          d.each.turn_ons.biases[k][column]);
+      lines.number("recording." + std::to_string(k + 1) + "." + parameter_key(column),
+                   d.each.turn_ons.biases[k][column]);
   if (worth) {
     lines.text("navigation.source", worth->source);
     lines.number("navigation.free_s", worth->free_s);
@@ -138,9 +134,8 @@ void describe_model(const JointResult& result, const CompressedRecording& record
   for (const std::string& name : by_strength(result)) {
     const auto parts = components_of(result, name);
     for (const EstimatedEffect* e : parts)
-      file.effects.push_back({name,
-                              std::string(e->column.entry->components[static_cast<std::size_t>(e->column.component)]),
-                              e->value, e->sigma > 0.0 ? std::optional(e->sigma) : std::nullopt});
+      file.effects.push_back(
+          {name, component_name(e->column), e->value, e->sigma > 0.0 ? std::optional(e->sigma) : std::nullopt});
     if (parts.front()->column.tau_s > 0.0)
       file.effects.push_back(
           {name, std::string(parts.front()->column.entry->variant), parts.front()->column.tau_s, std::nullopt});
@@ -158,8 +153,7 @@ void describe_trust(bool trusted, ParameterFile& file) {
 std::string undetermined_parameters(const JointResult& result) {
   std::string keys;
   for (std::size_t k = 0; k < parameter_keys.size(); ++k)
-    if (parameter_is_free[k] && !result.determined[k])
-      keys += (keys.empty() ? "" : " ") + std::string(parameter_keys[k]);
+    if (parameter_is_free[k] && !result.determined[k]) keys += (keys.empty() ? "" : " ") + parameter_key(k);
   return keys;
 }
 
@@ -206,21 +200,20 @@ void describe_turn_ons(const TurnOns& turn_ons, const std::vector<SwitchOn>& swi
     if (const auto& at = switched_on[k].started_utc_s)
       file.add_further(begin + "started_utc", format_utc(static_cast<double>(*at)));
     for (int column = 0; column < 6; ++column) {
-      const std::string key(parameter_keys[static_cast<std::size_t>(column)]);
+      const std::string key = parameter_key(column);
       file.add_further(begin + key, turn_ons.biases[k][column]);
       file.add_further(begin + "sigma." + key, turn_ons.sigma[k][column]);
     }
   }
   for (int column = 0; column < 6; ++column)
-    file.add_further("quality.turn_on_repeatability." + std::string(parameter_keys[static_cast<std::size_t>(column)]),
-                     turn_ons.repeatability[column]);
+    file.add_further("quality.turn_on_repeatability." + parameter_key(column), turn_ons.repeatability[column]);
 }
 
 std::vector<std::string> turn_on_words(const TurnOns& turn_ons) {
   std::vector<std::string> words;
   for (int column = 0; column < 6; ++column) {
     const bool gyro = column < 3;
-    words.push_back("turn-on repeatability of " + std::string(parameter_keys[static_cast<std::size_t>(column)]) + ": " +
+    words.push_back("turn-on repeatability of " + parameter_key(column) + ": " +
                     significant((gyro ? 1.0 : 1e6) * turn_ons.repeatability[column], 3) + (gyro ? " deg/h" : " ug"));
   }
   return words;
@@ -233,7 +226,7 @@ void describe_alias(const Diagnosis& d, ParameterFile& file) {
     const auto at = static_cast<Eigen::Index>(i);
     const double all = d.extended.covariance(at, at), spread = all - d.fitted_covariance(at, at);
     if (key >= parameter_count || !(spread > 1e-9 * all)) continue;
-    file.add_further(alias_key_prefix + std::string(parameter_keys[static_cast<std::size_t>(key)]), std::sqrt(spread));
+    file.add_further(alias_key_prefix + parameter_key(key), std::sqrt(spread));
   }
 }
 
@@ -243,7 +236,7 @@ ParameterFile diagnosis_parameters(const Diagnosis& diagnosis, const DiagnosisCo
   describe_estimate(diagnosis.extended, context.recording, context.noise_given, file);
   describe_alias(diagnosis, file);
   for (const auto& [column, value] : diagnosis.without_effects)
-    file.add_further("record.without_effects." + std::string(parameter_keys[static_cast<std::size_t>(column)]), value);
+    file.add_further("record.without_effects." + parameter_key(column), value);
   complete_parameters(diagnosis, context, file);
   if (!diagnosis.each.turn_ons.biases.empty()) describe_turn_ons(diagnosis.each.turn_ons, context.switched_on, file);
   return file;

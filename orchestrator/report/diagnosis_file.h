@@ -12,7 +12,6 @@
 #include "calib/evidence/rest_diagnosis.h"
 #include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
-#include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/report/report.h"
 
 namespace turncal {

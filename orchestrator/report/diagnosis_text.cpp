@@ -1,4 +1,4 @@
-#include "orchestrator/report/diagnosis_text.h"
+#include "orchestrator/report/report.h"
 
 #include <fmt/format.h>
 
@@ -7,25 +7,15 @@
 #include <limits>
 #include <numeric>
 
-#include "orchestrator/figures/diagnosis_figures.h"
-#include "orchestrator/figures/report_dwells.h"
-#include "orchestrator/figures/score_chart.h"
-
 namespace turncal {
+
 namespace {
 
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
-double z_of(const EstimatedEffect& e) { return e.sigma > 0.0 ? std::abs(e.value) / e.sigma : 0.0; }
-
-std::string component_name(const EffectColumn& column) {
-  return std::string(column.entry->components[static_cast<std::size_t>(column.component)]);
-}
-
 // "accel_second_order, second-order nonlinearity K2 (IEEE 1293), x 28.35 +- 0.91 ug/g^2 (31 sigma)": strongest components first.
 std::string describe_effect(const Diagnosis& diagnosis, const std::string& name, std::size_t most, bool with_term) {
-  std::vector<const EstimatedEffect*> parts = components_of(diagnosis.extended, name);
-  std::ranges::stable_sort(parts, [](auto* a, auto* b) { return z_of(*a) > z_of(*b); });
+  const std::vector<const EstimatedEffect*> parts = strongest_of(diagnosis.extended, name);
   std::vector<std::string> texts;
   for (std::size_t k = 0; k < std::min(most, parts.size()); ++k) {
     const EstimatedEffect& e = *parts[k];
@@ -121,7 +111,7 @@ std::string largest_changes(const Diagnosis& d) {
   std::vector<std::string> parts;
   for (const int k : order) {
     if (parts.size() == 6 || !std::isfinite(change[k]) || (!parts.empty() && std::abs(change[k]) < 0.05)) break;
-    parts.push_back(std::string(parameter_keys[static_cast<std::size_t>(k)]) + " " + signed_number(change[k], 1));
+    parts.push_back(parameter_key(k) + " " + signed_number(change[k], 1));
   }
   return join(parts) + " sigma";
 }
@@ -156,13 +146,6 @@ std::string verdict_title(Verdict verdict) {
   std::ranges::replace(title, '_', ' ');
   title.front() = static_cast<char>(title.front() - 'a' + 'A');
   return title;
-}
-
-std::vector<const EstimatedEffect*> components_of(const JointResult& result, std::string_view effect) {
-  std::vector<const EstimatedEffect*> found;
-  for (const EstimatedEffect& e : result.effects)
-    if (e.column.entry != nullptr && e.column.entry->name == effect) found.push_back(&e);
-  return found;
 }
 
 std::string verdict_sentence(const Diagnosis& d) {

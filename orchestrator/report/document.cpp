@@ -12,7 +12,6 @@
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/figures/piped_program.h"
-#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 
@@ -292,8 +291,7 @@ std::string plain(std::string_view text) {
   constexpr std::string_view power = "×10", minus = "⁻";
   std::string result;
   while (!text.empty()) {
-    const auto word =
-        std::find_if(std::begin(words), std::end(words), [text](const auto& w) { return text.starts_with(w.first); });
+    const auto word = std::ranges::find_if(words, [text](const auto& w) { return text.starts_with(w.first); });
     if (text.starts_with(power)) {
       text.remove_prefix(power.size());
       const bool negative = text.starts_with(minus);

@@ -4,12 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "imu_io/base/text_pieces.h"
-#include "orchestrator/figures/diagnosis_figures.h"
-#include "orchestrator/figures/residual_figures.h"
-#include "orchestrator/figures/score_chart.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {
@@ -23,7 +19,7 @@ using Emphasis = Table::Emphasis;
 constexpr Alphabet typo = Alphabet::typographic;
 
 std::string component_text(const EffectColumn& column) {
-  std::string result(column.entry->components[static_cast<std::size_t>(column.component)]);
+  std::string result = component_name(column);
   if (column.tau_s > 0.0)
     result += fmt::format(fmt::runtime(column.entry->variant == "tau_s" ? ", τ {} s" : ", w0 {} deg/h"),
                           significant(column.tau_s, 3));
@@ -135,8 +131,7 @@ void add_effects(const Diagnosis& diagnosis, const DiagnosisContext& context, Do
       if (terms.rows.empty() || terms.rows.back().cells.front().words != wanted)
         terms.row({name(wanted), text(e.column.entry->formula), wide(e.column.entry->term)});
       table.row({name(key_text(e.column)), with_sigma(e.value, e.sigma), with_sigma(e.sigma, e.sigma),
-                 unit_of(e.column), number(e.sigma > 0.0 ? std::abs(e.value) / e.sigma : 0.0),
-                 std::exchange(worth, number(""))});
+                 unit_of(e.column), number(z_of(e)), std::exchange(worth, number(""))});
     }
   }
   if (!context.worth) table.drop(5);

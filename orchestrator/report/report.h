@@ -2,16 +2,83 @@
 // limits, faults, selection.
 #pragma once
 
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "calib/evidence/diagnosis.h"
-#include "orchestrator/figures/diagnosis_context.h"
-#include "orchestrator/figures/report_dwells.h"
-#include "orchestrator/report/diagnosis_text.h"
+#include "calib/statistics/compression.h"
+#include "orchestrator/figures/diagnosis_figures.h"
+#include "orchestrator/report/document.h"
 
 namespace turncal {
+
+// A diagnosis in words: the verdict in one sentence, the errors, and what the terminal has of the rest.
+
+// What a report has to know beside the Diagnosis itself.
+
+// What the added effects are worth in free inertial navigation, nautical miles per hour, rms over branches.
+struct NavigationWorth {
+  std::string source;  // which data: "second recording", "fitted recording"
+  std::size_t branches = 0;
+  double free_s = 0.0;                                  // of the first branch
+  double before = 0.0, after = 0.0;                     // the 24 parameters alone; with the effects
+  double noise = 0.0;                                   // what noise alone lets expect
+  std::vector<std::pair<std::string, double>> effects;  // each: what leaving it out moves the track by
+};
+
+// One of several recordings of a unit.
+struct SwitchOn {
+  std::string hash;
+  std::optional<std::int64_t> started_utc_s;  // where it says so
+};
+
+struct DiagnosisContext {
+  explicit DiagnosisContext(const CompressedRecording& fitted) : recording(fitted) {}
+  const CompressedRecording& recording;  // the one that was fitted, or several joined
+  std::string recording_path;
+  std::string recording_hash;         // of several: of the first
+  std::vector<SwitchOn> switched_on;  // all
+  std::string holdout_path;           // empty: none
+  std::string time_utc;
+  double false_alarm = 0.005;  // family-wise, as asked of diagnose()
+  bool noise_given = false;    // configured, not fitted
+  std::string method = "joint";
+  bool of_run = false;       // made at the end of a run, which says the verdict on the unit itself
+  bool hand_turned = false;  // no table angles: rests and rotations by hand
+  std::optional<NavigationWorth> worth;
+  std::vector<std::string> notes;  // on the data: damage, lost samples
+};
+
+inline constexpr std::size_t diagnosis_lines = 30;  // at most, on the terminal
+
+std::string verdict_title(Verdict verdict);
+// One sentence with numbers.
+std::string verdict_sentence(const Diagnosis& diagnosis);
+
+// One line of the table "error before and after". NaN: not known.
+struct ErrorRow {
+  std::string what;
+  double before = 0.0, after = 0.0;
+  std::string unit;  // as the catalogue writes it; of the normalised ones what 1 is
+  bool normalised = false;
+};
+std::vector<ErrorRow> error_rows(const Diagnosis& diagnosis, const DiagnosisContext& context);
+std::string error_text(const ErrorRow& row, double value);
+
+// Change that the effects made to each parameter, in sigma of the extended model; NaN where it is not determined.
+ParameterVector changes_in_sigma(const Diagnosis& diagnosis);
+
+// What the terminal has in the place of the tables of the page.
+Facts diagnosis_facts(const Diagnosis& diagnosis, const DiagnosisContext& context, const std::string& noise);
+std::string noise_line(const JointResult& estimate, bool given);
+
+// "one effect beyond the 24 parameters was found and added: ..." and "; this recording cannot tell ... from ...".
+std::string effects_clause(const Diagnosis& diagnosis);
+std::string alias_clause(const Diagnosis& diagnosis);
 
 Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context);
 // How the verification of a run ended, below the verdict.

@@ -144,14 +144,8 @@ std::vector<DwellResidual> rest_residuals(const RestDiagnosis& r, const RestData
                           ? temperature / static_cast<double>(rest.whole.end_block - rest.whole.first_block)
                           : no_point;
     if (k > 0)
-      for (std::size_t b = data.legs[k - 1].first_block; b < data.legs[k - 1].end_block; ++b) {
-        const Block& block = recording.blocks[b];
-        const Vector3d turn = model.gyro_scale * block.gyro - model.gyro_bias_radps * block.duration_s;
-        d.turned_rad += turn;
-        const Vector3d rate = turn / block.duration_s;
-        for (int axis = 0; axis < 3; ++axis)
-          if (std::abs(rate[axis]) > std::abs(d.fastest_radps[axis])) d.fastest_radps[axis] = rate[axis];
-      }
+      for (std::size_t b = data.legs[k - 1].first_block; b < data.legs[k - 1].end_block; ++b)
+        d.add_turn(recording.blocks[b], model);
     const Vector3d u = f.normalized();
     const Vector3d v = (model.accel_scale * rest.first_edge.accel - model.accel_bias_mps2).normalized();
     const auto fill = [&](const Rows& from, DwellResidual::Side& side) {

@@ -7,7 +7,6 @@
 #include <map>
 #include <set>
 #include <span>
-#include <string>
 
 #include "calib/model/noise_model.h"
 #include "calib/navigation/free_navigation.h"

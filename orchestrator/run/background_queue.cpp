@@ -6,16 +6,12 @@
 
 #include <chrono>
 #include <exception>
-#include <utility>
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 
 namespace turncal {
 
-namespace {
-
-// Signals are the loop's: one that arrives ends its waits.
 std::thread start_without_signals(std::function<void()> work) {
   sigset_t all, before;
   sigfillset(&all);
@@ -24,8 +20,6 @@ std::thread start_without_signals(std::function<void()> work) {
   pthread_sigmask(SIG_SETMASK, &before, nullptr);
   return thread;
 }
-
-}  // namespace
 
 BackgroundQueue::BackgroundQueue(By by, double limit_s) : limit_s_(limit_s) {
   if (by == By::caller) return;

@@ -23,6 +23,9 @@
 
 namespace turncal {
 
+// Signals are the loop's, or the command's: one that arrives ends its waits.
+std::thread start_without_signals(std::function<void()> work);
+
 class BackgroundQueue {
  public:
   enum class By { caller, thread };

@@ -1,6 +1,5 @@
 #include "orchestrator/run/motion_watch.h"
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <utility>

@@ -74,8 +74,8 @@ struct Dropout {
 class RunObserver {
  public:
   virtual ~RunObserver() = default;
-  virtual void on_transition(const TransitionRecord& record) = 0;
-  virtual void on_progress(const RunSnapshot& snapshot) = 0;
+  virtual void on_transition(const TransitionRecord&) {}
+  virtual void on_progress(const RunSnapshot&) {}
   virtual void on_dropout(const Dropout&) {}
 };
 

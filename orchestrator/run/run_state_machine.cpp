@@ -1,5 +1,8 @@
 #include "orchestrator/run/run_state_machine.h"
 
+#include "imu_io/base/clock.h"
+#include "orchestrator/run/run_observer.h"
+
 namespace turncal {
 
 namespace {
@@ -64,5 +67,20 @@ std::string_view to_string(RunState state) { return state_names[static_cast<std:
 std::string_view to_string(RunEvent event) { return event_names[static_cast<std::size_t>(event)]; }
 std::string_view to_string(RunAction action) { return action_names[static_cast<std::size_t>(action)]; }
 std::string_view to_string(RunGuard guard) { return guard_names[static_cast<std::size_t>(guard)]; }
+
+std::string format_pause(const RunSnapshot& at) {
+  std::string when;
+  switch (at.state) {
+    case RunState::homing: when = "after homing"; break;
+    case RunState::moving: when = "after this move"; break;
+    case RunState::settling: when = "after settling"; break;
+    case RunState::dwelling: when = "after this dwell"; break;
+    case RunState::parking:
+    case RunState::calibrating: return "pause asked for: everything is recorded, the run finishes";
+    default: return "paused";
+  }
+  if (at.item_end_utc_s > 0.0) when += ", at " + format_utc(at.item_end_utc_s).substr(11);
+  return "pause asked for: " + when + "; Ctrl-C again stops now";
+}
 
 }  // namespace turncal

@@ -1,4 +1,4 @@
-#include "orchestrator/service/service_config.h"
+#include "orchestrator/service/station_view.h"
 
 #include <crypt.h>
 #include <sys/stat.h>
@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <map>
 #include <memory>
-#include <optional>
 
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
@@ -47,7 +46,7 @@ Result<std::map<std::string, std::string>> read_operators(const std::string& pat
       return input_error(path + ":" + std::to_string(number) +
                          ": expected NAME:HASH with a hash of crypt(5), as $6$...");
     if (!hashes.emplace(name, line.substr(colon + 1)).second)
-      return input_error(path + ":" + std::to_string(number) + ": " + quoted(name) + " is there already");
+      return input_error(path + ":" + std::to_string(number) + ": " + turncal::quoted(name) + " is there already");
   }
   if (hashes.empty()) return input_error(path + ": names nobody: expected NAME:HASH a line");
   return hashes;
@@ -89,8 +88,7 @@ Status check_operators(const std::string& path) {
 }
 
 Result<std::string> authorised_operator(const std::string& path, std::string_view authorization) {
-  const auto operators = read_operators(path);
-  if (!operators) return operators.error();
+  const std::map<std::string, std::string> operators = TRY(read_operators(path));
   const std::string_view scheme = "Basic ";
   const std::optional<std::string> given =
       authorization.starts_with(scheme) ? from_base64(authorization.substr(scheme.size())) : std::nullopt;
@@ -98,9 +96,9 @@ Result<std::string> authorised_operator(const std::string& path, std::string_vie
   if (colon == std::string::npos || given->find('\0') != std::string::npos)
     return input_error("name and password: expected");
   const std::string name = given->substr(0, colon);
-  const auto known = operators->find(name);
-  const bool right = is_password(given->substr(colon + 1), known == operators->end() ? nobody : known->second);
-  if (!right || known == operators->end()) return input_error("name or password is wrong");
+  const auto known = operators.find(name);
+  const bool right = is_password(given->substr(colon + 1), known == operators.end() ? nobody : known->second);
+  if (!right || known == operators.end()) return input_error("name or password is wrong");
   return name;
 }
 
@@ -117,7 +115,7 @@ Result<ServiceConfig> read_service_config(const std::string& path) {
                           .runs = beside(file.text(key + ".runs")),
                           .mounted = beside(file.text_or(key + ".mounted", ""))};
     const auto same = [&station](const ServedStation& other) { return other.name == station.name; };
-    if (std::any_of(config.stations.begin(), config.stations.end(), same)) file.reject(key, "a name of its own");
+    if (std::ranges::any_of(config.stations, same)) file.reject(key, "a name of its own");
     config.stations.push_back(std::move(station));
   }
   config.password_file = beside(file.text_or("serve.password_file", ""));

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
-#include <csignal>
-#include <functional>
 #include <mutex>
 #include <set>
 #include <thread>
@@ -13,15 +11,13 @@
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/key_value.h"
 #include "orchestrator/records/journal.h"
-#include "orchestrator/service/service_config.h"
-#include "orchestrator/service/station_actions.h"
-#include "orchestrator/service/station_view.h"
+#include "orchestrator/run/background_queue.h"
 #include "orchestrator/watch/page_server.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
 
-extern const std::string_view service_page_html;  // service_page.html; INITIAL in it stands for the first status
+extern const std::string_view service_page_html;  // service_page.html
 
 namespace {
 
@@ -109,8 +105,8 @@ struct ServicePage::State {
     welcome.insert(who);
     const std::string station = unescaped_value(wanted->text("station"));
     if (Status status = wanted->check_all_used(); !status) return said(400, status.error().message);
-    const auto at = std::find_if(config.stations.begin(), config.stations.end(),
-                                 [&station](const ServedStation& one) { return one.name == station; });
+    const auto at =
+        std::ranges::find_if(config.stations, [&station](const ServedStation& one) { return one.name == station; });
     if (at == config.stations.end()) return said(404, "no such station");
     const Result<std::string> done = act(*at, action, *name, now_utc_s());
     look_now();
@@ -121,8 +117,7 @@ struct ServicePage::State {
     const std::lock_guard lock(mutex);
     if (path == "/status.json") return PageText{"application/json", json};
     if (path != "/") return {};
-    std::string html(service_page_html);
-    return PageText{"text/html; charset=utf-8", html.replace(html.find("INITIAL"), 7, json)};
+    return page_with(service_page_html, json);
   }
 };
 
@@ -153,19 +148,14 @@ Result<std::unique_ptr<ServicePage>> ServicePage::open(const std::string& addres
   state.json = state.look();
   PageServer::Posts posts;
   if (acts) posts = [&state](const PagePost& request) { return state.post(request); };
-  Result<std::unique_ptr<PageServer>> server = PageServer::open(
-      address, [&state](std::string_view path) { return state.page(path); }, {.connections = 256}, std::move(posts));
-  if (!server) return server.error();
-  if (acts && !(*server)->loopback())
+  std::unique_ptr<PageServer> server = TRY(PageServer::open(
+      address, [&state](std::string_view path) { return state.page(path); }, {.connections = 256}, std::move(posts)));
+  if (acts && !server->loopback())
     return input_error("--listen '" + address +
                        "': with serve.password_file a loopback address is expected, behind a proxy that encrypts");
-  state.server = std::move(*server);
-  sigset_t all, before;  // signals are the command's
-  sigfillset(&all);
-  pthread_sigmask(SIG_SETMASK, &all, &before);
-  state.looker = std::thread([&state] { state.keep_looking(); });
-  if (!config.database.empty()) state.reader = std::thread([&state] { state.keep_reading(); });
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  state.server = std::move(server);
+  state.looker = start_without_signals([&state] { state.keep_looking(); });
+  if (!config.database.empty()) state.reader = start_without_signals([&state] { state.keep_reading(); });
   return page;
 }
 

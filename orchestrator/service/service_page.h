@@ -5,7 +5,7 @@
 // between_passwords_s: guessing is slow. A name and password that were right once do not wait, nor does a stop: its password is looked at whatever
 // others do, so that by stops passwords can be tried as fast as crypt(5) hashes.
 //
-// POST /act: Authorization: Basic, X-Turncal: 1, and a body of key = value lines: station, action, unit (orchestrator/service/station_actions.h), values with %xx. Answers: 200 and what
+// POST /act: Authorization: Basic, X-Turncal: 1, and a body of key = value lines: station, action, unit (station_view.h), values with %xx. Answers: 200 and what
 // was done; 401 name or password; 409 what cannot be done now, and why; 429 too soon.
 #pragma once
 
@@ -14,7 +14,7 @@
 #include <string>
 
 #include "calib/types/status.h"
-#include "orchestrator/service/service_config.h"
+#include "orchestrator/service/station_view.h"
 
 namespace turncal {
 

@@ -16,14 +16,45 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "orchestrator/records/attempt_record.h"
+#include "calib/types/status.h"
+#include "orchestrator/records/results_database.h"
 #include "orchestrator/records/unit_queue.h"
-#include "orchestrator/service/service_config.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
+
+// The stations that `turncal serve` shows, and who may act on them (docs/serve.md):
+//
+//   station.1         = east                              the name on the page; station.2 and so on without a gap
+//   station.1.queue   = /var/lib/turncal/east/queue       of its batch
+//   station.1.runs    = /var/lib/turncal/east/runs        the batch's --out
+//   station.1.mounted = /var/lib/turncal/east/mounted     written by "mount done"; what hook.mount waits for
+//   serve.password_file = /etc/turncal/operators          NAME:HASH a line; without it nothing can be changed
+//   serve.database = postgresql://reader@host/line         or a file: what all its stations did in the last 24 hours
+//
+// Relative names are those beside the file. HASH is as crypt(5) has it (`openssl passwd -6`, `mkpasswd`). The password file is read again at
+// every question, so that a name which is taken out is out at once; one that others than its owner and group can read is refused.
+
+// That it can be read, and that every line is a name and a hash.
+Status check_operators(const std::string& path);
+// The name in "Basic ..." (RFC 7617) when its password is right; an error when not, which does not say what was wrong.
+Result<std::string> authorised_operator(const std::string& path, std::string_view authorization);
+
+struct ServedStation {
+  std::string name, queue, runs;
+  std::string mounted;  // empty: a mounted unit is not announced by the page
+};
+
+struct ServiceConfig {
+  std::vector<ServedStation> stations;  // at least one, names differ
+  std::string password_file;            // empty: read-only
+  std::string database;                 // empty: no results are shown
+};
+
+Result<ServiceConfig> read_service_config(const std::string& path);
 
 // Of the attempts that say something of their unit (orchestrator/line/line_yield.h); others are in `attempts` alone. Simulated ones are counted
 // apart. A database that cannot be read is said; whoever asks goes on.
@@ -76,5 +107,23 @@ struct StationView {
 StationView look_at(const ServedStation& station, double now_utc_s);
 
 std::string json_of(const StationView& view);
+
+// What an operator may do to a station by the page. Each is written down, with the name, before it is done: a line of
+// QUEUE.actions, on disk: "2026-01-31T12:00:00Z NAME pause SN1"; what then fails has a second line, "NAME not done: remove SN1".
+//
+//   add, remove, again   of the queue (orchestrator/records/unit_queue.h)
+//   mounted              the unit is on the table, and everybody is away from it: what hook.mount waits for is written, with the
+//                        serial number in it. Only while that unit is waited for
+//   pause                the run's first Ctrl-C: it stops at the end of the move or dwell, and can be resumed; once
+//   stop                 the run stops now, verified, and can be resumed
+//
+// The last two go to the process that holds the run's lock at that moment, which the system names; no run, no signal.
+struct StationAction {
+  std::string action, unit;
+};
+
+// What was done, in a sentence.
+Result<std::string> act(const ServedStation& station, const StationAction& wanted, const std::string& operator_name,
+                        double now_utc_s);
 
 }  // namespace turncal

@@ -61,7 +61,7 @@ std::string expected_of(const Field& field) {
 }  // namespace
 
 const Field& field_named(std::string_view key, const Fields& fields) {
-  return *std::find_if(fields.begin(), fields.end(), [key](const Field& field) { return field.key == key; });
+  return *std::ranges::find_if(fields, [key](const Field& field) { return field.key == key; });
 }
 
 void add_list(const std::string& name, std::vector<std::string>& values, Fields& fields) {
@@ -106,7 +106,7 @@ std::string key_value_lines(const KeyTexts& texts) {
 
 bool set_text(const Field& field, std::string_view text) {
   if (const Choice* const choice = std::get_if<Choice>(&field.value)) {
-    const auto at = std::find(choice->words.begin(), choice->words.end(), text);
+    const auto at = std::ranges::find(choice->words, text);
     if (at == choice->words.end()) return false;
     choice->set(static_cast<std::size_t>(at - choice->words.begin()));
     return true;
@@ -157,7 +157,7 @@ std::string json_of(const Fields& fields) {
 
 const std::string& value_of(const KeyTexts& texts, std::string_view key) {
   static const std::string nothing;
-  const auto found = std::find_if(texts.begin(), texts.end(), [key](const auto& one) { return one.first == key; });
+  const auto found = std::ranges::find_if(texts, [key](const auto& one) { return one.first == key; });
   return found == texts.end() ? nothing : found->second;
 }
 

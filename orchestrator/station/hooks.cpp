@@ -3,6 +3,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstring>
@@ -23,10 +24,8 @@ HookCall call_for(const Status& outcome) {
 }
 
 Status run_hook(const HookCommands& commands, const HookCall& call, double time_s, bool (*give_up)()) {
-  const std::string& command = call.event == "done"    ? commands.done
-                               : call.event == "fail"  ? commands.fail
-                               : call.event == "mount" ? commands.mount
-                                                       : commands.needs_operator;
+  const auto hook = std::ranges::find_if(hook_events, [&](const auto& one) { return call.event == one.first; });
+  const std::string& command = commands.*hook->second;
   if (command.empty()) return {};
   const auto failed = [&call](const std::string& what) { return device_error("hook." + call.event + ": " + what); };
 

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 
 #include "calib/types/status.h"
 
@@ -16,9 +17,15 @@ namespace turncal {
 
 struct HookCommands {  // empty: none
   std::string done, fail, needs_operator;
-  std::string mount;  // before a unit of a batch (mounting.h)
+  std::string mount;  // before a unit of a batch (mount_unit)
   double mount_time_s = 3600.0;
 };
+
+inline constexpr std::pair<const char*, std::string HookCommands::*> hook_events[] = {
+    {"done", &HookCommands::done},
+    {"fail", &HookCommands::fail},
+    {"needs_operator", &HookCommands::needs_operator},
+    {"mount", &HookCommands::mount}};
 
 struct HookCall {
   std::string event, unit, folder, message;

@@ -5,7 +5,6 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
-#include <string_view>
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
@@ -57,7 +56,9 @@ std::string beside(const KeyValueFile& file, const std::string& path) {
 }
 
 // `described`: the key of the file that it is from, unless table.address says it. None yet: whoever opens the line says so.
-void check_address(KeyValueFile& file, const std::string& described, const std::string& address, bool tcp) {
+void check_address(KeyValueFile& file, const std::string& described, const TableLinkSettings& link) {
+  const std::string& address = link.address;
+  const bool tcp = link.tcp;
   const bool good = address.empty() || (tcp ? parse_line("tcp:" + address).has_value() : address.starts_with('/'));
   if (!good)
     file.reject(file.has("table.address") ? "table.address" : described,
@@ -77,9 +78,7 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
   keys.number("table.pause_limit_s", manual.pause_limit_s, between(1.0, 86400.0));
   manual.language = file.one_of_or("operator.language", manual.language,
                                    {operator_languages[0], operator_languages[1], operator_languages[2]});
-  if (driver == "mock" || driver.empty()) {
-    return {};
-  }
+  if (driver == "mock" || driver.empty()) return {};
   keys.flag("table.simulated", table.simulated);
   if (driver == "manual") {
     table.driver = TableDriver::manual;
@@ -87,23 +86,19 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
   }
   std::string address;
   keys.text("table.address", address);
-  if (driver == "modbus") {
-    table.driver = TableDriver::modbus;
-    const std::string path = file.text("table.map");
-    if (path.empty()) return {};
-    table.map = TRY(read_register_map(beside(file, path)));
-    if (!address.empty()) table.map->link.address = address;
-    check_address(file, "table.map", table.map->link.address, table.map->link.tcp);
-    table.map->simulated = table.simulated;
-    return {};
-  }
-  table.driver = TableDriver::serial;
-  const std::string path = file.text("table.dialect");
+  const bool modbus = driver == "modbus";
+  table.driver = modbus ? TableDriver::modbus : TableDriver::serial;
+  const std::string described = modbus ? "table.map" : "table.dialect", path = file.text(described);
   if (path.empty()) return {};
-  table.dialect = TRY(read_dialect(beside(file, path)));
-  if (!address.empty()) table.dialect->link.address = address;
-  check_address(file, "table.dialect", table.dialect->link.address, table.dialect->link.tcp);
-  table.dialect->simulated = table.simulated;
+  const auto take = [&](auto& description) {
+    if (!address.empty()) description.link.address = address;
+    check_address(file, described, description.link);
+    description.simulated = table.simulated;
+  };
+  if (modbus)
+    take(table.map.emplace(TRY(read_register_map(beside(file, path)))));
+  else
+    take(table.dialect.emplace(TRY(read_dialect(beside(file, path)))));
   return {};
 }
 
@@ -154,9 +149,7 @@ void contradiction(KeyValueFile& file, const std::string& key, double value, con
 void reject_contradictions(KeyValueFile& file, const StationConfig& station) {
   const auto require = [&file](bool good, const std::string& key, double value, const std::string& relation,
                                const std::string& other_key, double other_value) {
-    if (!good) {
-      contradiction(file, key, value, relation, other_key, other_value);
-    }
+    if (!good) contradiction(file, key, value, relation, other_key, other_value);
   };
   for (const Axis axis : all_axes) {
     const AxisLimits& limit = station.axis[index(axis)];
@@ -183,9 +176,9 @@ void reject_contradictions(KeyValueFile& file, const StationConfig& station) {
 // What the table's own file and the station's disagree about.
 void reject_table_contradictions(KeyValueFile& file, const StationConfig& station) {
   const TableConfig& table = station.table;
-  const double plausible_rate_degps = table.map       ? table.map->plausible_rate_degps
-                                      : table.dialect ? table.dialect->plausible_rate_degps
-                                                      : std::numeric_limits<double>::infinity();
+  const TableDescription* const described = table.described();
+  const double plausible_rate_degps =
+      described ? described->plausible_rate_degps : std::numeric_limits<double>::infinity();
   for (const Axis axis : all_axes) {
     const AxisLimits& limit = station.axis[index(axis)];
     if (limit.max_rate_degps <= plausible_rate_degps) continue;
@@ -215,16 +208,14 @@ void reject_table_contradictions(KeyValueFile& file, const StationConfig& statio
 // Time that runs faster is for twins only, and for all of the station alike.
 void reject_clock_contradictions(KeyValueFile& file, StationConfig& station) {
   const bool twins = station.table.simulated && station.imu && station.imu->settings.simulated;
-  if (station.clock_speed_up != 1.0 && !twins) {
+  if (station.clock_speed_up != 1.0 && !twins)
     file.reject("clock.speed_up", "1 unless table.simulated and imu.simulated are true");
-  }
   if (!station.imu) return;
   if (station.imu_timeout_s <= station.imu->frame.sample_period_s)
     file.reject("imu.timeout_s", "more than the time between two samples of the frame, " +
                                      format_number(station.imu->frame.sample_period_s));
-  if (file.has("imu.speedup") && station.imu->settings.speedup != station.clock_speed_up) {
+  if (file.has("imu.speedup") && station.imu->settings.speedup != station.clock_speed_up)
     file.reject("imu.speedup", "clock.speed_up (" + format_number(station.clock_speed_up) + ")");
-  }
   station.imu->settings.speedup = station.clock_speed_up;
 }
 
@@ -248,7 +239,7 @@ void read_further_places(KeyValueFile& file, StationConfig& station) {
       file.reject(key(place), key(taken.size() + 1) + " before it: places are numbered without a gap");
       return;
     }
-    if (std::find(taken.begin(), taken.end(), device) != taken.end()) {
+    if (std::ranges::find(taken, device) != taken.end()) {
       file.reject(key(place), "a line that no other place has");
       return;
     }
@@ -293,18 +284,14 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   station.limits = read_limits(file);
   station.stop_sigma = read_stop_sigmas(file);
   station.diagnosis = read_diagnosis_policy(file);
-  keys.text("hook.done", station.hooks.done);
-  keys.text("hook.fail", station.hooks.fail);
-  keys.text("hook.needs_operator", station.hooks.needs_operator);
-  keys.text("hook.mount", station.hooks.mount);
+  for (const auto& [event, command] : hook_events) keys.text(std::string("hook.") + event, station.hooks.*command);
   keys.number("hook.mount_time_s", station.hooks.mount_time_s, between(1.0, 86400.0));
   read_parties(keys, station.parties);
   keys.flag("verify.run", station.verify_run);
   keys.text("table.id", station.table_id);
   keys.text("table.calibration_due", station.table_calibration_due);
-  if (!station.table_calibration_due.empty() && !is_date(station.table_calibration_due)) {
+  if (!station.table_calibration_due.empty() && !is_date(station.table_calibration_due))
     file.reject("table.calibration_due", "a day of the calendar, as 2026-12-31");
-  }
   const auto path_of = [&file](const char* key) {
     return file.has(key) ? beside(file, file.text(key)) : std::string();
   };
@@ -348,19 +335,14 @@ StationConfig default_station_config() {
 }
 
 Result<StationConfig> read_station_config(const std::string& path) {
-  Result<KeyValueFile> file = KeyValueFile::read(path);
-  if (!file) {
-    return file.error();
-  }
-  return station_from(*file);
+  if (path.empty()) return default_station_config();
+  KeyValueFile file = TRY(KeyValueFile::read(path));
+  return station_from(file);
 }
 
 Result<StationConfig> parse_station_config(const std::string& text, const std::string& file_name) {
-  Result<KeyValueFile> file = KeyValueFile::parse(text, file_name);
-  if (!file) {
-    return file.error();
-  }
-  return station_from(*file);
+  KeyValueFile file = TRY(KeyValueFile::parse(text, file_name));
+  return station_from(file);
 }
 
 PlanLimits plan_limits(const StationConfig& station, double sample_period_s) {

@@ -9,6 +9,7 @@
 #include <array>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/types/status.h"
@@ -74,6 +75,14 @@ struct TableConfig {
   std::optional<Dialect> dialect;  // serial; the same
   ManualSettings manual;
   bool simulated = false;
+
+  // What its map or dialect says, and its line; null: it has neither.
+  const TableDescription* described() const {
+    return map ? static_cast<const TableDescription*>(&*map) : dialect ? &*dialect : nullptr;
+  }
+  const TableLinkSettings* link() const {
+    return map ? static_cast<const TableLinkSettings*>(&map->link) : dialect ? &dialect->link : nullptr;
+  }
 };
 
 // Who calibrates, for whom, and how well the site is known: for the certificate alone (docs/certificate.md). Empty: not given.
@@ -120,10 +129,19 @@ struct StationConfig {
 // The built-in station of a dry run: 29.53 deg, 9.7914 m/s^2, mock table and rig IMU, settle_s 0.5.
 StationConfig default_station_config();
 
-Result<StationConfig> read_station_config(const std::string& path);
+Result<StationConfig> read_station_config(const std::string& path);  // empty: the built-in one
 Result<StationConfig> parse_station_config(const std::string& text, const std::string& file_name);
 
 // What the planner needs of a station.
 PlanLimits plan_limits(const StationConfig& station, double sample_period_s);
+
+// The fourteen steps and the north seeking, compiled into the program, so that it runs wherever it is copied to. The texts are those
+// of sequences/fourteen_step.seq and sequences/verify.seq at build time.
+extern const std::string_view builtin_sequence_text;
+inline constexpr const char* builtin_sequence_name = "built-in fourteen_step.seq";
+
+extern const std::string_view builtin_verify_text;
+// Given for a file it means that text; in a journal, too.
+inline constexpr const char* builtin_verify_name = "built-in verify.seq";
 
 }  // namespace turncal

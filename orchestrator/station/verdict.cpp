@@ -63,7 +63,7 @@ std::optional<double> residual_of(const ParameterFile& file) {
 std::string_view to_string(UnitVerdict verdict) { return names[static_cast<std::size_t>(verdict)]; }
 
 std::optional<UnitVerdict> verdict_from(std::string_view word) {
-  const auto at = std::find(std::begin(names), std::end(names), word);
+  const auto at = std::ranges::find(names, word);
   return at == std::end(names) ? std::nullopt : std::optional(static_cast<UnitVerdict>(at - std::begin(names)));
 }
 
@@ -81,8 +81,8 @@ Fields fields_of(VerdictReport& report) {
 
 bool VerdictLimits::any() const {
   const auto set = [](const Limit& limit) { return limit.min || limit.max; };
-  return std::any_of(parameter.begin(), parameter.end(), set) || set(temperature_c) || residual_max ||
-         std::any_of(sigma_max.begin(), sigma_max.end(), [](const auto& limit) { return limit.has_value(); });
+  return std::ranges::any_of(parameter, set) || set(temperature_c) || residual_max ||
+         std::ranges::any_of(sigma_max, [](const auto& limit) { return limit.has_value(); });
 }
 
 VerdictLimits read_limits(KeyValueFile& file) {
@@ -91,13 +91,12 @@ VerdictLimits read_limits(KeyValueFile& file) {
   const auto read = [&file, &keys](const std::string& key, Limit& limit, NumberRange range) {
     keys.number(key + ".min", limit.min, range);
     keys.number(key + ".max", limit.max, range);
-    if (limit.min && limit.max && !(*limit.min < *limit.max)) {
+    if (limit.min && limit.max && !(*limit.min < *limit.max))
       file.reject(key + ".min", "a number below " + key + ".max (" + format_number(*limit.max) + ")");
-    }
   };
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     if (!parameter_is_free[i]) continue;  // three are 0 by the choice of the body frame: a limit on them is a mistake
-    const std::string key = "limit." + std::string(parameter_keys[i]);
+    const std::string key = "limit." + parameter_key(i);
     read(key, limits.parameter[i], between(-limit_range.max, limit_range.max));
     keys.number(key + ".sigma_max", limits.sigma_max[i], limit_range);
   }
@@ -143,8 +142,7 @@ VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c,
   if (const std::vector<std::string> lines = describe(report); !lines.empty()) {
     const std::string word = ": " + std::string(to_string(report.verdict));
     report.reason =
-        and_more(*std::find_if(lines.begin(), lines.end(), [&](const auto& line) { return line.ends_with(word); }),
-                 lines.size());
+        and_more(*std::ranges::find_if(lines, [&](const auto& line) { return line.ends_with(word); }), lines.size());
   }
   return report;
 }
@@ -192,9 +190,7 @@ void add_verdict(const VerdictReport& report, ParameterFile& file) {
   add("verdict.diagnosis", report.diagnosis);
   add("verdict.rule", report.rule);
   add("verdict.verification", report.verification);
-  for (const JudgedValue& judged : report.values) {
-    add("verdict." + judged.key, judgement_text(judged));
-  }
+  for (const JudgedValue& judged : report.values) add("verdict." + judged.key, judgement_text(judged));
 }
 
 Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<double, parameter_count>& sigma) {
@@ -232,15 +228,13 @@ Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<do
     if (!name.starts_with("verdict.")) continue;
     const std::string key = name.substr(8);
     const auto same = [&key](std::string_view one) { return one == key; };
-    if (std::any_of(std::begin(words), std::end(words), same) ||
-        std::any_of(parameter_keys.begin(), parameter_keys.end(), same))
-      continue;
+    if (std::ranges::any_of(words, same) || std::ranges::any_of(parameter_keys, same)) continue;
     JudgedValue judged{.key = key, .value = std::nullopt, .limit = {}};
     if (!read_judgement(text, judged))
       return input_error("key 'verdict." + key + "' = " + turncal::quoted(text) +
                          ": expected a verdict, its limits and its guard band");
     for (std::size_t i = 0; i < parameter_keys.size(); ++i)
-      if (key == "sigma." + std::string(parameter_keys[i])) judged.value = file.sigma[i];
+      if (key == "sigma." + parameter_key(i)) judged.value = file.sigma[i];
     if (key == "residual") judged.value = residual_of(file);
     report.verdict = std::max(report.verdict, judged.verdict);
     report.values.push_back(std::move(judged));
@@ -282,7 +276,7 @@ StopSigmas read_stop_sigmas(KeyValueFile& file) {
   StopSigmas stop{};
   KeyTable keys(file);
   for (std::size_t i = 0; i < parameter_count; ++i)
-    if (parameter_is_free[i]) keys.number("stop.sigma." + std::string(parameter_keys[i]), stop[i], limit_range);
+    if (parameter_is_free[i]) keys.number("stop.sigma." + parameter_key(i), stop[i], limit_range);
   return stop;
 }
 

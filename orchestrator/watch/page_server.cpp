@@ -12,7 +12,6 @@
 #include <cctype>
 #include <cerrno>
 #include <chrono>
-#include <csignal>
 #include <list>
 #include <thread>
 #include <vector>
@@ -20,6 +19,7 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
+#include "orchestrator/run/background_queue.h"
 
 namespace turncal {
 
@@ -71,9 +71,8 @@ Result<PageAddress> parse_page_address(const std::string& text) {
   const bool brackets = host.size() > 2 && host.front() == '[' && host.back() == ']';
   if (brackets) host = host.substr(1, host.size() - 2);
   const bool plain = brackets || host.find_first_of(":[]") == std::string::npos;
-  if (port < 0 || port > 65535 || host.empty() || !plain) {
+  if (port < 0 || port > 65535 || host.empty() || !plain)
     return input_error("--listen '" + text + "': expected ADDRESS:PORT, as 127.0.0.1:8080 or [::1]:8080");
-  }
   return PageAddress{host, port};
 }
 
@@ -226,8 +225,8 @@ struct PageServer::State {
         return;
       }
       if (connections.size() >= limits.connections) {
-        const auto idle = std::find_if(connections.begin(), connections.end(),
-                                       [](const Connection& c) { return !c.answered() || c.all_sent(); });
+        const auto idle =
+            std::ranges::find_if(connections, [](const Connection& c) { return !c.answered() || c.all_sent(); });
         connections.erase(idle == connections.end() ? connections.begin() : idle);
       }
       connections.emplace_back(fd, limits.connection_s);
@@ -237,9 +236,8 @@ struct PageServer::State {
   // False: the end.
   bool turn() {
     std::vector<pollfd> watched = {{wake[0], POLLIN, 0}, {listener, POLLIN, 0}};
-    for (const Connection& c : connections) {
+    for (const Connection& c : connections)
       watched.push_back({c.fd, static_cast<short>(c.answered() && !c.all_sent() ? POLLOUT : POLLIN), 0});
-    }
     if (::poll(watched.data(), watched.size(), connections.empty() ? -1 : look_ms) < 0) return errno == EINTR;
     if (watched[0].revents != 0) return false;
     auto ready = watched.begin() + 2;
@@ -299,6 +297,11 @@ struct PageServer::State {
   }
 };
 
+PageText page_with(std::string_view html, const std::string& status) {
+  std::string text(html);
+  return {"text/html; charset=utf-8", text.replace(text.find("INITIAL"), 7, status)};
+}
+
 PageServer::PageServer() : state_(std::make_unique<State>()) {}
 PageServer::~PageServer() = default;
 
@@ -318,12 +321,7 @@ Result<std::unique_ptr<PageServer>> PageServer::open(const std::string& address,
   state.posts = std::move(posts);
   state.limits = limits;
   TRY(state.listen(address, at));
-  // Signals belong to the thread that moves the table: they cut its waits short.
-  sigset_t all, before;
-  sigfillset(&all);
-  pthread_sigmask(SIG_SETMASK, &all, &before);
-  state.thread = std::thread([&state] { state.serve(); });
-  pthread_sigmask(SIG_SETMASK, &before, nullptr);
+  state.thread = start_without_signals([&state] { state.serve(); });
   return server;
 }
 

@@ -38,6 +38,9 @@ struct PageText {
   std::string body;
 };
 
+// HTML in which INITIAL stands for the first status: it shows something at once and without a second request.
+PageText page_with(std::string_view html, const std::string& status);
+
 struct PagePost {
   std::string path, authorization, body;
 };

@@ -37,7 +37,6 @@ class RunLog : public RunObserver {
   void line(const std::string& text);
   void on_transition(const TransitionRecord& record) override { line(format_transition(record)); }
   void on_dropout(const Dropout& dropout) override { line(format_dropout(dropout)); }
-  void on_progress(const RunSnapshot&) override {}
   // The first failure to write, which the run must not hide.
   const Status& status() const { return status_; }
   Status check_kept() const { return status_ ? file_.check_kept() : status_; }

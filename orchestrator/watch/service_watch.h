@@ -44,7 +44,6 @@ class ClockWatch : public RunObserver {
   // speed_up: station seconds a second of the civil clock. `on_step`: by how much it was set, + forward, and the snapshot after that.
   ClockWatch(double speed_up, std::function<void(double by_s, const RunSnapshot& at)> on_step)
       : speed_up_(speed_up), on_step_(std::move(on_step)) {}
-  void on_transition(const TransitionRecord&) override {}
   void on_progress(const RunSnapshot& at) override {
     const double offset_s = at.utc_s - at.time_s / speed_up_;
     if (offset_s_ && std::abs(offset_s - *offset_s_) >= step_s) on_step_(offset_s - *offset_s_, at);

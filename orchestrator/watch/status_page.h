@@ -7,16 +7,20 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "calib/types/status.h"
 #include "orchestrator/run/run_observer.h"
 #include "orchestrator/watch/operator_screen.h"
+#include "orchestrator/watch/page_server.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -123,9 +127,6 @@ class StatusPage {
  public:
   // "127.0.0.1:8080", "[::1]:8080"; port 0: any free one. The view must outlive the page.
   static Result<std::unique_ptr<StatusPage>> open(const std::string& address, const LiveStatus& run);
-  ~StatusPage();
-  StatusPage(const StatusPage&) = delete;
-  StatusPage& operator=(const StatusPage&) = delete;
 
   std::string url() const;
   std::string warning() const;  // of an address that others reach; else empty
@@ -133,9 +134,15 @@ class StatusPage {
   void say_goodbye();
 
  private:
-  StatusPage();
-  struct State;
-  std::unique_ptr<State> state_;
+  explicit StatusPage(const LiveStatus& run) : run_(run) {}
+  std::optional<PageText> page(std::string_view path);  // called by the server's thread alone
+
+  const LiveStatus& run_;
+  std::string json_;  // locked and written out a few times a second, however often it is asked for
+  double rendered_s_ = -1e9;
+  std::atomic<long> polls_{0};  // answered with what is newer than fresh_s_
+  std::atomic<double> polled_s_{-1e9}, fresh_s_{-1e9};
+  std::unique_ptr<PageServer> server_;  // goes first
 };
 
 }  // namespace turncal

@@ -12,7 +12,7 @@
 
 #include "calib/joint/score_algebra.h"
 #include "calib/statistics/distributions.h"
-#include "orchestrator/devices/truth.h"
+#include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/jobs/preflight.h"
 #include "tests/rig_recorder.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"

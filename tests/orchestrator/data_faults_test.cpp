@@ -6,7 +6,7 @@
 #include <random>
 
 #include "orchestrator/jobs/calibration_job.h"
-#include "orchestrator/records/recording_sink.h"
+#include "orchestrator/records/journal.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/rig_station.h"

@@ -13,7 +13,7 @@
 #include <Eigen/Geometry>
 
 #include "calib/model/parameters.h"
-#include "orchestrator/devices/earth_rate_check.h"
+#include "orchestrator/devices/felt_directions.h"
 #include "tests/orchestrator/rig_station.h"
 
 namespace turncal {

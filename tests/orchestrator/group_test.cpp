@@ -6,8 +6,8 @@
 #include <map>
 
 #include "imu_io/recordings/parameter_file.h"
-#include "orchestrator/devices/truth.h"
-#include "orchestrator/records/recording_sink.h"
+#include "orchestrator/devices/dry_run_devices.h"
+#include "orchestrator/records/journal.h"
 #include "orchestrator/records/unit_queue.h"
 
 namespace turncal {

@@ -6,8 +6,8 @@
 #include <functional>
 
 #include "imu_io/base/clock.h"
-#include "orchestrator/devices/gravity_watch.h"
 #include "orchestrator/devices/live_devices.h"
+#include "orchestrator/devices/table_device.h"
 #include "orchestrator/jobs/command_context.h"
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/rig_station.h"

@@ -2,7 +2,7 @@
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/queue_outcomes.h"
 
-#include "orchestrator/jobs/run_results.h"
+#include "orchestrator/jobs/run.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/records/results_database.h"
 

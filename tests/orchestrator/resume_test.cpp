@@ -6,7 +6,6 @@
 #include <regex>
 
 #include "orchestrator/records/journal.h"
-#include "orchestrator/records/recording_sink.h"
 #include "orchestrator/records/results_database.h"
 
 namespace turncal {

@@ -8,7 +8,7 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "orchestrator/devices/station_lock.h"
+#include "orchestrator/devices/live_devices.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/outcome.h"
 #include "tests/turntable_drivers/served_twin.h"

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/enough_watch.h"
-#include "orchestrator/jobs/loaded_recording.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {

@@ -28,7 +28,7 @@
 #include "calib/rests/rest_model.h"
 #include "calib/statistics/block_motion.h"
 #include "calib/statistics/segmentation.h"
-#include "orchestrator/jobs/loaded_recording.h"
+#include "orchestrator/jobs/calibration_job.h"
 #include "tests/calib/compress.h"
 #include "tests/study/hand_unit.h"
 

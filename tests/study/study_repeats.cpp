@@ -14,7 +14,7 @@
 #include "calib/model/effects.h"
 #include "calib/rests/rest_model.h"
 #include "calib/statistics/distributions.h"
-#include "orchestrator/jobs/loaded_recording.h"
+#include "orchestrator/jobs/calibration_job.h"
 
 namespace turncal {
 namespace {

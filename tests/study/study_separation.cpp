@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "orchestrator/devices/station_rig.h"
+#include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/jobs/design/sequence_design.h"
 #include "orchestrator/jobs/preflight.h"
 #include "tests/rig_recorder.h"

@@ -23,7 +23,7 @@
 #include <thread>
 #include <vector>
 
-#include "orchestrator/devices/real_time.h"
+#include "orchestrator/devices/live_devices.h"
 #include "tests/orchestrator/hanging_station.h"
 
 namespace turncal {

@@ -12,7 +12,7 @@
 #include "calib/statistics/segmentation.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
-#include "orchestrator/jobs/loaded_recording.h"
+#include "orchestrator/jobs/calibration_job.h"
 
 namespace turncal {
 
@@ -181,11 +181,10 @@ Status EffectTerms::of_motion_alone(RecordingSource& source, const ParameterFile
   Segment whole;
   whole.kind = SegmentKind::rotate;
   compressor.begin_segment(whole);
-  const Status status = source.read([&](std::span<const ImuSample> samples) {
+  TRY(source.read([&](std::span<const ImuSample> samples) {
     compressor.add(samples);
     return Status{};
-  });
-  if (!status) return status;
+  }));
   const CompressedRecording recording = compressor.take();
   const SensorModel sensors = sensor_model(from_vector(file.parameters), recording.info);
   const std::vector<Block>& blocks = recording.blocks;
@@ -268,7 +267,7 @@ Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std:
   }
   std::vector<int> rows;  // those that have a line, in order
   for (int k = 0; k < parameter_count; ++k) {
-    const std::string key = "quality.covariance." + std::string(parameter_keys[static_cast<std::size_t>(k)]);
+    const std::string key = "quality.covariance." + parameter_key(k);
     const std::string* const text = find_further(file, key);
     if (text == nullptr) continue;
     rows.push_back(k);
@@ -286,8 +285,8 @@ Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std:
   ParameterVector scale = ParameterVector::Ones();
   for (const int k : rows) {
     if (!(stored.covariance(k, k) > 0.0))
-      return bad_value(file_name, "quality.covariance." + std::string(parameter_keys[static_cast<std::size_t>(k)]),
-                       format_number(stored.covariance(k, k)), "a variance above 0");
+      return bad_value(file_name, "quality.covariance." + parameter_key(k), format_number(stored.covariance(k, k)),
+                       "a variance above 0");
     if (sigma[k] > 0.0) scale[k] = sigma[k] / std::sqrt(stored.covariance(k, k));
   }
   stored.covariance = scale.asDiagonal() * stored.covariance * scale.asDiagonal();

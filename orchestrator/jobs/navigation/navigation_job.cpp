@@ -9,7 +9,6 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/number_table.h"
-#include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/report/diagnosis_file.h"
 
 namespace turncal {
@@ -121,9 +120,7 @@ ParameterFile file_of(const ModelWithout& model, const JointResult& extended, Pa
     const EffectColumn& column = extended.effects[k].column;
     if (column.entry == nullptr) continue;
     for (EffectValue& value : file.effects)
-      if (value.name == column.entry->name &&
-          value.component == column.entry->components[static_cast<std::size_t>(column.component)])
-        value.value = model.effects[k];
+      if (value.name == column.entry->name && value.component == component_name(column)) value.value = model.effects[k];
   }
   return file;
 }

@@ -19,9 +19,9 @@
 #include "calib/evidence/diagnosis.h"
 #include "calib/navigation/free_navigation.h"
 #include "calib/types/status.h"
-#include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/report/navigation_report.h"
+#include "orchestrator/report/report.h"
 
 namespace turncal {
 

@@ -6,7 +6,7 @@
 #include "imu_io/base/key_value.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/report/diagnosis_file.h"
-#include "orchestrator/report/diagnosis_text.h"
+#include "orchestrator/report/report.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
 #include "tests/outcome.h"

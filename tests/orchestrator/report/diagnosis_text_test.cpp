@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <sstream>
 
-#include "orchestrator/report/diagnosis_text.h"
 #include "orchestrator/report/report.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
 #include "tests/outcome.h"

@@ -8,8 +8,8 @@
 
 #include "calib/evidence/diagnosis.h"
 #include "calib/model/attitude.h"
-#include "orchestrator/figures/diagnosis_context.h"
 #include "orchestrator/figures/drawing.h"
+#include "orchestrator/report/report.h"
 
 namespace turncal {
 

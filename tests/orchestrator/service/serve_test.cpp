@@ -6,9 +6,7 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/service/service_config.h"
 #include "orchestrator/service/service_page.h"
-#include "orchestrator/service/station_actions.h"
 #include "orchestrator/service/station_view.h"
 #include "tests/orchestrator/program.h"
 
