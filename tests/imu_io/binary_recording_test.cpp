@@ -186,20 +186,5 @@ TEST(BinaryRecording, OpeningWhatIsNotOne) {
   EXPECT_ERROR(RecordingSource::open(folder / "b.tcr"), (folder / "b.tcr") + ": no samples in it");
 }
 
-// ---- the recording that everybody measures with ----
-
-TEST(SharedRecording, ImportAndExportGiveTheSameBytes) {
-  const std::string clean = std::string(TURNCAL_SOURCE_DIR) + "/../shared/data/recordings/clean";
-  if (!path_exists(clean)) GTEST_SKIP() << clean << " is not there";
-  TemporaryFolder folder;
-  const auto text = opened(clean);
-  ASSERT_OK(import_binary(*text, folder / binary_recording_name));
-  const auto binary = opened(folder.path());
-  ASSERT_OK(export_text(*binary, folder / "out"));
-  for (const char* name : {"/imu.csv", "/segments.csv", "/recording.conf"})
-    EXPECT_TRUE(read_file(folder / "out" + name) == read_file(clean + name)) << name;
-  EXPECT_EQ(*text->content_hash(), *binary->content_hash());
-}
-
 }  // namespace
 }  // namespace turncal

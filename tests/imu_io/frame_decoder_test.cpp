@@ -8,7 +8,6 @@
 #include <cstdlib>
 
 #include "frame_streams.h"
-#include "tests/imu_io/unmarked.h"
 
 namespace turncal {
 namespace {

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "frame_streams.h"
-#include "tests/imu_io/unmarked.h"
 
 namespace turncal {
 namespace {

@@ -6,7 +6,6 @@
 
 #include "frame_streams.h"
 #include "imu_io/frames/frame_field.h"
-#include "tests/imu_io/unmarked.h"
 
 namespace turncal {
 namespace {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <random>
+#include <regex>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -183,6 +184,11 @@ inline std::size_t expect_only_sent(const std::vector<ImuSample>& out, const std
     ++at;
   }
   return sent.size() - out.size();
+}
+
+// A frame's text without the marks that say where its lines come from, so that lines can be found in it.
+inline std::string unmarked(std::string_view text) {
+  return std::regex_replace(std::string(text), std::regex(" +# \\[[a-z]+\\]"), "");
 }
 
 }  // namespace turncal::test

@@ -1,12 +1,7 @@
 // A unit over TCP, over UDP, and one that answers requests: peers made of plain sockets and a pseudo-terminal.
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
 #include <poll.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
-#include <algorithm>
 #include <atomic>
 #include <thread>
 
@@ -16,37 +11,12 @@
 #include "imu_io/units/frame_streamer.h"
 #include "imu_io/units/serial_imu.h"
 #include "tests/imu_io/counting_source.h"
+#include "tests/imu_io/loopback.h"
 
 namespace turncal {
 namespace {
 
 using namespace test;  // NOLINT
-
-sockaddr_in loopback(int port) {
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(static_cast<std::uint16_t>(port));
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  return address;
-}
-
-// A socket of ours, bound to a free port.
-struct Socket {
-  explicit Socket(int type) : descriptor(::socket(AF_INET, type | SOCK_CLOEXEC, 0)) {
-    sockaddr_in here = loopback(0);
-    socklen_t length = sizeof here;
-    EXPECT_EQ(::bind(descriptor, reinterpret_cast<sockaddr*>(&here), length), 0);
-    EXPECT_EQ(::getsockname(descriptor, reinterpret_cast<sockaddr*>(&here), &length), 0);
-    port = ntohs(here.sin_port);
-  }
-  ~Socket() { close(); }
-  void close() {
-    if (descriptor >= 0) ::close(descriptor);
-    descriptor = -1;
-  }
-  int descriptor;
-  int port = 0;
-};
 
 std::vector<ImuSample> drained(SerialImu& imu, Status& status) {
   std::vector<ImuSample> samples;

@@ -90,7 +90,7 @@ TEST(ParameterForms, YamlHasEveryParameter) {
   }
   EXPECT_SAYS(yaml, "\n  a21: null\n");
   EXPECT_SAYS(yaml, "\ntrusted: false\n");
-  EXPECT_NE(yaml.find("\n  N01: 1.0e-07\n"), std::string::npos) << yaml;  // sigma: with a point, or it would be a word
+  EXPECT_SAYS(yaml, "\n  N01: 1.0e-07\n");  // sigma: with a point, or it would be a word
 }
 
 }  // namespace

@@ -227,14 +227,6 @@ TEST_F(DamageTest, TailOfZerosIsATornTail) {
   EXPECT_GT(source->damage().torn_tail_bytes, 4096U);
 }
 
-TEST_F(DamageTest, ReopeningCutsTheTornTailAtOnce) {
-  write_file(path, content.substr(0, content.size() - 40) + std::string(4096, '\0'));
-  auto writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep);
-  ASSERT_OK(writer);
-  EXPECT_LE(read_file(path).size(), content.size() - 40);
-  EXPECT_LT(read_file(path).size(), content.size());
-}
-
 // The dwell may have been one that had to be repeated: only its end record could have told. (Records: 2 info, 6 to 9 of the second segment,
 // 10 the begin of the third.)
 TEST_F(DamageTest, SegmentWithoutItsEndIsRotate) {

@@ -194,19 +194,6 @@ TEST_F(ReopenTest, DropLeavesNoTrace) {
   EXPECT_EQ(read_file(path), read_file(folder / "whole.tcr"));
 }
 
-TEST_F(ReopenTest, DropBeforeTheFirstSegmentEndTakesAllSamples) {
-  auto writer = RecordingWriter::create(path, info);
-  ASSERT_OK(writer->begin_segment(make_segment(1, SegmentKind::align, 0, 0)));
-  ASSERT_OK(writer->add(samples));
-  ASSERT_OK(writer->sync());
-  { const RecordingWriter closed = std::move(*writer); }
-  auto again = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::drop);
-  ASSERT_OK(again);
-  EXPECT_EQ(again->sample_count(), 0U);
-  EXPECT_FALSE(again->last_counter().has_value());
-  EXPECT_EQ(again->info().latitude_deg, info.latitude_deg);
-}
-
 TEST_F(ReopenTest, ARestThatIsSetAsideIsRotateAndItsSamplesSaySo) {
   const Segment first = make_segment(1, SegmentKind::align, 0, 20),
                 second = make_segment(1, SegmentKind::still, 20, 50);

@@ -60,53 +60,6 @@ struct SerialImuTest : testing::Test {
   }
 };
 
-TEST_F(SerialImuTest, DeliversWhatTheUnitSends) {
-  SerialImu imu(frame, settings);
-  ASSERT_OK(imu.open());
-  const auto identity = imu.identify();
-  ASSERT_OK(identity);
-  EXPECT_EQ(identity->unit_serial, "RLG-1");
-  EXPECT_EQ(identity->description, "laser_gyro on " + link + " 115200 8N1");
-  RecordingInfo info;
-  imu.describe(info);
-  EXPECT_EQ(info.sample_period_s, 0.005);
-  EXPECT_EQ(info.gyro_increment, IncrementKind::pulses);
-  EXPECT_EQ(info.accel_pulse_mps, 0.0005);
-  EXPECT_TRUE(info.has_temperature);
-  send(0, 50);
-  ASSERT_OK(drain(imu));
-  ASSERT_EQ(samples.size(), 50U);
-  for (std::int64_t i = 0; i < 50; ++i)
-    EXPECT_TRUE(same_values(samples[static_cast<std::size_t>(i)], CountingSource::sample(i)));
-  EXPECT_EQ(imu.counters().samples, 50U);
-  EXPECT_EQ(imu.counters().bad_frames, 0U);
-}
-
-TEST_F(SerialImuTest, ASmallBlockLeavesTheRestForTheNextRead) {
-  SerialImu imu(frame, settings);
-  ASSERT_OK(imu.open());
-  send(0, 10);
-  std::array<ImuSample, 3> block;
-  std::int64_t next = 0;
-  while (next < 10) {
-    const auto n = imu.read(block, 0.2);
-    ASSERT_OK(n);
-    ASSERT_GT(*n, 0U);
-    for (std::size_t i = 0; i < *n; ++i) EXPECT_EQ(block[i].counter, next++);
-  }
-}
-
-TEST_F(SerialImuTest, SilenceIsNoSampleAndNoError) {
-  SerialImu imu(frame, settings);
-  ASSERT_OK(imu.open());
-  std::array<ImuSample, 8> block;
-  const double began = monotonic_s();
-  const auto n = imu.read(block, 0.01);
-  ASSERT_OK(n);
-  EXPECT_EQ(*n, 0U);
-  EXPECT_GE(monotonic_s() - began, 0.01);
-}
-
 // Whoever reads has a stop to look for, which must go out within 0.1 s.
 TEST_F(SerialImuTest, ASilentUnitDoesNotHoldItsReader) {
   SerialImu imu(frame, settings);

@@ -1,12 +1,7 @@
 // The rig's unit as a unit on a line: what the receiver gets is what the rig made.
-#include <arpa/inet.h>
 #include <gtest/gtest.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <atomic>
-#include <cmath>
 #include <thread>
 
 #include "frame_streams.h"
@@ -14,6 +9,7 @@
 #include "imu_io/lines/unit_end.h"
 #include "imu_io/units/frame_streamer.h"
 #include "imu_io/units/serial_imu.h"
+#include "tests/imu_io/loopback.h"
 #include "turntable_drivers/rig/rig.h"
 #include "turntable_drivers/rig/rig_devices.h"
 
@@ -30,23 +26,11 @@ struct Spoken {
 
 class TwinForms : public testing::TestWithParam<Spoken> {};
 
-int free_port(int type) {
-  const int fd = ::socket(AF_INET, type | SOCK_CLOEXEC, 0);
-  sockaddr_in here{};
-  socklen_t size = sizeof here;
-  here.sin_family = AF_INET;
-  here.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  EXPECT_EQ(::bind(fd, reinterpret_cast<sockaddr*>(&here), size), 0);
-  EXPECT_EQ(::getsockname(fd, reinterpret_cast<sockaddr*>(&here), &size), 0);
-  ::close(fd);
-  return ntohs(here.sin_port);
-}
-
 TEST_P(TwinForms, WhatTheTwinSpeaksIsUnderstood) {
   const std::string line(GetParam().line);
   std::string device = line;
   if (const std::size_t at = line.find("%d"); at != std::string::npos)
-    device.replace(at, 2, std::to_string(free_port(line[0] == 't' ? SOCK_STREAM : SOCK_DGRAM)));
+    device.replace(at, 2, std::to_string(test::free_port(line[0] == 't' ? SOCK_STREAM : SOCK_DGRAM)));
   const test::TemporaryFolder folder;
   if (device == "pty") device = folder / "imu";
   const FrameDescription frame = test::frame_with("laser_gyro", GetParam().keys);

@@ -14,15 +14,6 @@ using test::read_file;
 using test::TemporaryFolder;
 using test::write_file;
 
-TEST(AtomicFile, ReplacesTheOldContentAndLeavesNothingElse) {
-  TemporaryFolder folder;
-  const std::string path = folder / "a.conf";
-  write_file(path, "old");
-  ASSERT_OK(write_file_atomically(path, "new"));
-  EXPECT_EQ(read_file(path), "new");
-  EXPECT_EQ(folder.names(), (std::vector<std::string>{"a.conf"}));
-}
-
 TEST(AtomicFile, NothingIsVisibleBeforeCommit) {
   TemporaryFolder folder;
   const std::string path = folder / "a.csv";
@@ -86,18 +77,6 @@ TEST(AtomicFile, TemporaryOfADeadProcessIsNoObstacle) {
   for (int i = 0; i < 3; ++i) write_file(temporary_name(folder / "a"), "left behind");
   ASSERT_OK(write_file_atomically(folder / "a", "new"));
   EXPECT_EQ(read_file(folder / "a"), "new");
-}
-
-TEST(PosixFile, LockIsExclusive) {
-  TemporaryFolder folder;
-  write_file(folder / "a", "x");
-  auto first = PosixFile::open_to_change(folder / "a");
-  auto second = PosixFile::open_to_change(folder / "a");
-  ASSERT_OK(first->lock_exclusive());
-  EXPECT_ERROR(second->lock_exclusive(),
-               (folder / "a") + ": in use by another process (" + std::to_string(::getpid()) + ")");
-  ASSERT_OK(first->close());
-  ASSERT_OK(second->lock_exclusive());
 }
 
 TEST(PosixFile, WholeFileAboveTheLimitIsRefused) {

@@ -68,34 +68,6 @@ TEST(RecordLog, WorkedExample) {
             "b0 5a 13 00 00 00 00 00 0a 22 6e 41 ");
 }
 
-TEST(RecordLog, ReadsWhatWasWritten) {
-  const auto result =
-      scanned(record(0, "first") + record(1, "") + record(2, std::string(max_record_payload_bytes, 'x')));
-  ASSERT_EQ(result.payloads.size(), 3U);
-  EXPECT_EQ(result.payloads[0], "first");
-  EXPECT_EQ(result.payloads[1], "");
-  EXPECT_EQ(result.payloads[2].size(), max_record_payload_bytes);
-  EXPECT_EQ(result.records_dropped + result.bytes_dropped + result.tail_bytes, 0U);
-}
-
-TEST(RecordLog, EmptyFileAndTornTail) {
-  EXPECT_TRUE(scanned("").payloads.empty());
-  const std::string torn = record(1, "second");
-  for (std::size_t length = 0; length < torn.size(); ++length) {
-    const auto result = scanned(record(0, "first") + torn.substr(0, length));
-    ASSERT_EQ(result.payloads.size(), 1U);
-    ASSERT_EQ(result.tail_bytes, length);
-    ASSERT_EQ(result.records_dropped, 0U);
-  }
-}
-
-TEST(RecordLog, GapInTheNumbersIsLostRecords) {
-  const auto result = scanned(record(0, "a") + record(5, "b"));
-  EXPECT_EQ(result.payloads.size(), 2U);
-  EXPECT_EQ(result.records_dropped, 4U);
-  EXPECT_EQ(result.bytes_dropped, 0U);
-}
-
 TEST(RecordLog, RecordOfAnEarlierNumberIsNotTakenAgain) {
   const auto result = scanned(record(0, "a") + record(1, "b") + record(0, "old") + record(2, "c"));
   EXPECT_EQ(result.payloads, (std::vector<std::string>{"a", "b", "c"}));
