@@ -57,15 +57,8 @@ VectorXd gains(const Term& term, const State& state, const VectorXd& variance) {
   const MatrixXd QL = Q * term.L;
   const MatrixXd A = term.L.transpose() * QL;
   const VectorXd b = term.L.transpose() * s;
-  if (r == 1) {
-    for (Eigen::Index k = 0; k < sizes; ++k) {
-      const double v = variance[k], q = std::max(A(0, 0), 0.0);
-      gain[k] = 0.5 * (b[0] * b[0] * v / (1.0 + v * q) - std::log1p(v * q));
-    }
-    return gain;
-  }
   if (r <= few_columns) {  // more are dearer than a Cholesky factor for each size
-    const SymmetricEigen e = symmetric_eigen(A);
+    const SymmetricEigen e = r == 1 ? SymmetricEigen{A.col(0), MatrixXd::Ones(1, 1)} : symmetric_eigen(A);
     const VectorXd q = e.values.cwiseMax(0.0), y = (e.vectors.transpose() * b).cwiseAbs2();
     for (Eigen::Index k = 0; k < sizes; ++k) {
       const double v = variance[k];

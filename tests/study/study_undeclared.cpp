@@ -535,8 +535,12 @@ void judge(std::vector<Node>& nodes, const Clean& clean, const Effect& truth) {
       return std::count(truth.drivers.begin(), truth.drivers.end(), driver) > 0 &&
              (n.driver.empty() || n.driver == driver);
     };
-    const bool same_thing = (n.sensor.starts_with("accel") && n.quantity == "bias" && goes_with("force")) ||
-                            (n.sensor.starts_with("gyro") && n.quantity == "scale factor" && goes_with("rate"));
+    const char* input = n.sensor.starts_with("gyro") ? "rate" : "force";
+    const bool of_input = std::count(truth.drivers.begin(), truth.drivers.end(), input) > 0;
+    // A bias that goes with the input and something else is a scale factor or direction that goes with that.
+    const bool same_thing =
+        (n.quantity == (n.sensor.starts_with("gyro") ? "scale factor" : "bias") && goes_with(input)) ||
+        (of_input && truth.drivers.size() > 1 && truth.quantity == "bias" && n.driver != input);
     const bool drawn = n.sensor == truth.sensor && (n.quantity.empty() || n.quantity == truth.quantity || same_thing) &&
                        (n.driver.empty() || driven);
     if (!drawn) n.correlation = correlation(clean, truth, n);
@@ -654,9 +658,9 @@ void run(const std::string& kind, std::uint64_t seed, const std::map<std::string
         (more > 0.093 * variance || std::pow(size * ideal.z_of_one, 2) * more > 0.09 * variance).cast<double>();
     std::string line = fmt::format(
         "{}|{}|{}|{}|{}|{:d}|{:.2f}|{:.2f}|{:.4f}|{}|{:d}|{}|{:.2f}|{}|{}|{}|{}", kind, seed, k++, e.what,
-        unit.grade.name, unit.unsteady, e.z, std::abs(size) * ideal.z_of_one, said.anything, to_string(d.verdict), d.trusted, text_of(said.nodes), seconds,
-        text_of(errors.error(free).cwiseQuotient(sigma)), text_of(sigma.cwiseQuotient(ideal.sigma)),
-        text_of(ideal.error.cwiseQuotient(ideal.sigma)), text_of(touched));
+        unit.grade.name, unit.unsteady, e.z, std::abs(size) * ideal.z_of_one, said.anything, to_string(d.verdict),
+        d.trusted, text_of(said.nodes), seconds, text_of(errors.error(free).cwiseQuotient(sigma)),
+        text_of(sigma.cwiseQuotient(ideal.sigma)), text_of(ideal.error.cwiseQuotient(ideal.sigma)), text_of(touched));
     std::replace(line.begin(), line.end(), ' ', '_');
     std::replace(line.begin(), line.end(), '|', ' ');
     std::puts(line.c_str());

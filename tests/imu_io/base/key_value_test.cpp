@@ -248,23 +248,5 @@ TEST(KeyTable, DefectsNameFileLineKeyValueAndRange) {
   }
 }
 
-TEST(KeyTable, WithoutAFileItLooksAtWhatThereIs) {
-  Settings settings;
-  const auto defect = [&settings] {
-    KeyTable keys("box");
-    read(keys, settings);
-    return keys.status() ? std::string() : keys.status().error().message;
-  };
-  EXPECT_EQ(defect(), "");
-  settings.shape = static_cast<Shape>(3);
-  EXPECT_EQ(defect(), "box: shape = 3: expected a whole number between 0 and 2");
-  settings.count = -1;
-  EXPECT_EQ(defect(), "box: count = -1: expected a whole number between 0 and 9");  // the first of them
-  settings.width = 0.5;
-  EXPECT_EQ(defect(), "box: width = 0.5: expected a number between 1 and 10");
-  settings.width = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(defect().substr(0, 12), "box: width =");
-}
-
 }  // namespace
 }  // namespace turncal
