@@ -14,7 +14,6 @@
 #include "turntable_drivers/rig/rig_config.h"
 #include "turntable_drivers/rig/rig_geometry.h"
 #include "turntable_drivers/rig/rig_math.h"
-#include "turntable_drivers/rig/rig_noise.h"
 #include "turntable_drivers/rig/rig_sensors.h"
 #include "turntable_drivers/rig/rig_truth.h"
 

@@ -1,5 +1,5 @@
 // The rig's noise has the sizes that its configuration states.
-#include "turntable_drivers/rig/rig_noise.h"
+#include "turntable_drivers/rig/rig_sensors.h"
 
 #include <cmath>
 #include <cstring>
