@@ -4,7 +4,7 @@
 set(uses_latency "stop_request|hanging_station")
 set(uses_realtime "served_twin|table_contract|twin_station|dialect_station|level_drives|modbus_run|modbus_fault_station\
 |operator_session|imu_io/base/clock.h|<thread>|usleep|nanosleep|sleep_for")
-set(uses_rig "rig_station|rig_recorder|rig_unit|navigate_unit|perfect_rig|turntable_drivers/rig/|TURNCAL_BINARY|tests/orchestrator/program.h")
+set(uses_rig "rig_station|rig_recorder|rig_unit|perfect_rig|turntable_drivers/rig/|TURNCAL_BINARY|tests/orchestrator/program.h")
 set(slots_latency RUN_SERIAL ON)
 set(slots_realtime PROCESSORS 2)
 set(slots_rig PROCESSORS 4)

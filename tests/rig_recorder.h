@@ -21,6 +21,7 @@
 #include <utility>
 #include <vector>
 
+#include "calib/joint/joint_estimate.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/compression.h"
 #include "imu_io/recordings/recording_source.h"
@@ -170,6 +171,17 @@ inline CompressedRecording compress_folder(const std::string& folder, const std:
   }));
   feed.finish();
   return compressor.take();
+}
+
+// Normalised estimation error squared: the error of the free parameters in the metric of the predicted covariance. For a right
+// estimate chi-square with as many degrees of freedom as there are free parameters.
+inline double nees(const JointResult& r, const Parameters& truth) {
+  const ParameterVector difference = to_vector(r.parameters) - to_vector(truth);
+  const Eigen::VectorXd error = difference(r.free);
+  const Eigen::VectorXd scale = r.covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd correlation = scale.asDiagonal() * r.covariance * scale.asDiagonal();
+  const Eigen::VectorXd normalised = scale.cwiseProduct(error);
+  return normalised.dot(correlation.ldlt().solve(normalised));
 }
 
 }  // namespace turncal

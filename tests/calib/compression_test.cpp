@@ -268,29 +268,18 @@ TEST(CompressionEvents, NothingIsFilledInAtTheBorderOfASegment) {
   }
 }
 
-TEST(CompressionEvents, AMarkedSampleIsListed) {
-  std::vector<ImuSample> samples = quiet_samples(400);
-  samples[77].flags = sample_flag_invalid;
-  const CompressedRecording r = compress(pulses_info(), {segment(SegmentKind::still, 0, 400)}, samples);
-  ASSERT_EQ(r.events.size(), 1u);
-  EXPECT_EQ(r.events[0].kind, Kind::invalid);
-  EXPECT_EQ(r.events[0].sample, 77);
-}
-
-TEST(CompressionEvents, AGlitchIsListedOnceWithPlaceAxisAndSize) {
+TEST(CompressionEvents, AGlitchOrAMarkedSampleIsListedOnceWithPlaceAxisAndSize) {
   std::vector<ImuSample> samples = quiet_samples(1000);
+  samples[77].flags = sample_flag_invalid;
   samples[500].gyro[2] += 221.0;   // 1 mrad
   samples[700].accel[0] += 100.0;  // 0.05 m/s
   const CompressedRecording r = compress(pulses_info(), {segment(SegmentKind::still, 0, 1000)}, samples);
-  ASSERT_EQ(r.events.size(), 2u);
-  EXPECT_EQ(r.events[0].kind, Kind::gyro_glitch);
-  EXPECT_EQ(r.events[0].sample, 500);
-  EXPECT_EQ(r.events[0].axis, 2);
-  EXPECT_NEAR(r.events[0].size, 221.0, 3.0);
-  EXPECT_EQ(r.events[1].kind, Kind::accel_glitch);
-  EXPECT_EQ(r.events[1].sample, 700);
-  EXPECT_EQ(r.events[1].axis, 0);
-  EXPECT_NEAR(r.events[1].size, 100.0, 3.0);
+  ASSERT_EQ(r.events.size(), 3u);
+  EXPECT_EQ(std::tie(r.events[0].kind, r.events[0].sample), std::tuple(Kind::invalid, 77));
+  EXPECT_EQ(std::tie(r.events[1].kind, r.events[1].sample, r.events[1].axis), std::tuple(Kind::gyro_glitch, 500, 2));
+  EXPECT_NEAR(r.events[1].size, 221.0, 3.0);
+  EXPECT_EQ(std::tie(r.events[2].kind, r.events[2].sample, r.events[2].axis), std::tuple(Kind::accel_glitch, 700, 0));
+  EXPECT_NEAR(r.events[2].size, 100.0, 3.0);
 }
 
 TEST(CompressionEvents, AGlitchInMidTurnIsSeenAndTheTurnItselfIsNot) {

@@ -10,7 +10,6 @@
 #include <span>
 
 #include "imu_io/base/key_value.h"
-#include "tests/nees.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
@@ -39,6 +38,7 @@ TEST(JointEstimate, ErrorsAreWhatSigmaSays) {
     ASSERT_TRUE(r.converged) << r.message;
     ASSERT_EQ(r.free.size(), 21u);
     EXPECT_TRUE(r.undetermined.empty());
+    EXPECT_TRUE(r.faults.empty()) << r.faults.front().what;
     EXPECT_TRUE(r.whiteness.white) << r.whiteness.message;
     sum += nees(r, made.truth);
   }

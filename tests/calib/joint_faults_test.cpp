@@ -7,7 +7,6 @@
 
 #include "calib/joint/joint_estimate.h"
 #include "calib/statistics/clipping.h"
-#include "tests/nees.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {
@@ -92,16 +91,6 @@ INSTANTIATE_TEST_SUITE_P(
         Bad{"KnockInADwell", RigFaultKind::velocity_knock, SegmentKind::still, 0.05, 0, false, false},
         Bad{"KnockInATurn", RigFaultKind::velocity_knock, SegmentKind::rotate, 0.05, 1, false, false}),
     [](const auto& bad) { return std::string(bad.param.name); });
-
-TEST(BadDataNone, CleanRunsHaveNoFaults) {
-  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
-    RigConfig config = default_rig_config();
-    config.seed = 40 + seed;
-    config.noise_seed = 70 + seed;
-    const JointResult r = joint_estimate(record_on_rig(fourteen_steps(), config).recording);
-    EXPECT_TRUE(r.faults.empty()) << "seed " << seed << ": " << r.faults.front().what;
-  }
-}
 
 // A gyro that stands at the end of its range in the table's turns, at 80 % of their 10 deg/s: those turns are set aside, and what the
 // others say of the unit holds. Of the clipped gyro's scale factor and installation only the earth's rate tells.
@@ -209,17 +198,6 @@ TEST(BadDataNone, ALossAtRestWithoutCounterIsHarmless) {
     for (const Fault& found : r.faults) EXPECT_LE(std::abs(found.first_sample - sample), 200) << found.what;
     EXPECT_LT(nees(r, made.truth), chi_square_21_one_in_1000);
   }
-}
-
-// A duplicate that carries its counter is dropped by the counter: nothing is cut, and the estimate is the undisturbed one.
-TEST(BadDataNone, ADuplicateWithItsCounterIsDropped) {
-  RigConfig config = unit();
-  const RigRecording clean = record_on_rig(fourteen_steps(), config);
-  config.faults.push_back(fault(RigFaultKind::duplicated_sample, middle_of(SegmentKind::rotate, 9)));
-  const RigRecording made = record_on_rig(fourteen_steps(), config);
-  const JointResult r = joint_estimate(made.recording);
-  const JointResult expected = joint_estimate(clean.recording);
-  EXPECT_EQ(to_vector(r.parameters), to_vector(expected.parameters));
 }
 
 }  // namespace

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <vector>
 
-#include "tests/nees.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

@@ -6,39 +6,11 @@
 #include <gtest/gtest.h>
 
 #include "calib/closed_form/closed_form.h"
-#include "calib/model/attitude.h"
 #include "tests/rig_recorder.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
 
 namespace turncal {
 namespace {
-
-// The document's table of where the body axes point, for the rig and for the estimator.
-TEST(WorkedPositions, BodyAxesPointWhereTheTableSays) {
-  struct Position {
-    double heading, pitch, roll;
-    const char* axes;  // of x, y, z
-  };
-  const std::string letters = "NUESDW";  // the second three are opposite to the first
-  for (const Position& at : {Position{0, 0, 0, "NUE"}, Position{0, 90, 0, "USE"}, Position{0, -90, 0, "DNE"},
-                             Position{0, 0, 90, "NED"}, Position{0, 0, -90, "NWU"}, Position{0, 0, 180, "NDW"},
-                             Position{-90, 0, 0, "WUN"}, Position{-90, 90, 0, "UEN"}, Position{-90, -90, 0, "DWN"},
-                             Position{-90, 0, 90, "WND"}, Position{-90, 0, -90, "WSU"}, Position{-90, 180, 0, "EDN"}}) {
-    RigConfig config = perfect_rig_config();
-    config.table.power_on_deg = {at.heading, at.pitch, at.roll};
-    const std::array<double, 9> rig = Rig(config).attitude_nb();
-    const Eigen::Matrix3d estimator =
-        attitude_from_angles(at.heading * rad_per_deg, at.pitch * rad_per_deg, at.roll * rad_per_deg);
-    for (int axis = 0; axis < 3; ++axis) {
-      const int letter = static_cast<int>(letters.find(at.axes[axis]));
-      for (int n = 0; n < 3; ++n) {
-        const double expected = n == letter % 3 ? (letter < 3 ? 1.0 : -1.0) : 0.0;
-        EXPECT_NEAR(rig[3 * n + axis], expected, 1e-15) << at.axes;
-        EXPECT_NEAR(estimator(n, axis), expected, 1e-15) << at.axes;
-      }
-    }
-  }
-}
 
 // What the fourteen steps measure with nominal parameters when the unit's own `key` is off by `error`.
 std::vector<StepMeasurement> measure(const std::string& key, double error) {

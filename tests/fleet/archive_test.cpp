@@ -44,12 +44,11 @@ class Archive : public Program {
 TEST_F(Archive, DoesEachRecordingOnce) {
   const ProgramResult first = recalibrate({"--out", path("store")});
   EXPECT_EQ(first.code, 0) << first.err;
-  EXPECT_NE(first.out.find("2 done, 1 were there, 0 cannot be calibrated, 2 cannot be read"), std::string::npos)
-      << first.out;
+  EXPECT_SAYS(first.out, "2 done, 1 were there, 0 cannot be calibrated, 2 cannot be read");
   const std::set<std::string> names = below("store");
   EXPECT_EQ(names.size(), 1U + 2U * 3U + 1U);  // the version, two folders of two files each, recordings.csv
   const ProgramResult second = recalibrate({"--out", path("store")});
-  EXPECT_NE(second.out.find("0 done, 3 were there"), std::string::npos) << second.out;
+  EXPECT_SAYS(second.out, "0 done, 3 were there");
   EXPECT_EQ(below("store"), names);
 }
 
@@ -57,9 +56,9 @@ TEST_F(Archive, SaysWhatBecameOfEachRecording) {
   ASSERT_EQ(recalibrate({"--out", path("store"), "--as-version", "v", "--threads", "1"}).code, 0);
   const std::string table = file_text(path("store/v/recordings.csv"));
   EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 1 + 5) << table;
-  EXPECT_NE(table.find("\ndone," + path("archive/SN1") + ","), std::string::npos) << table;
-  EXPECT_NE(table.find("\nthere," + path("archive/copy") + ","), std::string::npos) << table;
-  EXPECT_NE(table.find("\nunreadable," + path("archive/empty.tcr") + ",,"), std::string::npos) << table;
+  EXPECT_SAYS(table, "\ndone," + path("archive/SN1") + ",");
+  EXPECT_SAYS(table, "\nthere," + path("archive/copy") + ",");
+  EXPECT_SAYS(table, "\nunreadable," + path("archive/empty.tcr") + ",,");
 }
 
 TEST_F(Archive, DamagedCopiesAreNamedAndNotCounted) {
@@ -68,16 +67,14 @@ TEST_F(Archive, DamagedCopiesAreNamedAndNotCounted) {
   bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 0x10);
   write("archive/flipped.tcr", bytes);
   const ProgramResult result = recalibrate({"--out", path("store"), "--as-version", "v"});
-  EXPECT_NE(result.out.find("2 done, 1 were there, 0 cannot be calibrated, 4 cannot be read"), std::string::npos)
-      << result.out;
+  EXPECT_SAYS(result.out, "2 done, 1 were there, 0 cannot be calibrated, 4 cannot be read");
   const std::string table = file_text(path("store/v/recordings.csv"));
-  EXPECT_NE(table.find("1 damaged records dropped"), std::string::npos) << table;
-  EXPECT_NE(table.find("no end mark"), std::string::npos) << table;
+  EXPECT_SAYS(table, "1 damaged records dropped");
+  EXPECT_SAYS(table, "no end mark");
   // What has lost its result is done again.
   for (const auto& entry : std::filesystem::directory_iterator(path("store/v")))
     if (entry.is_directory()) std::filesystem::remove(entry.path() / "parameters.conf");
-  EXPECT_NE(recalibrate({"--out", path("store"), "--as-version", "v"}).out.find("2 done, 1 were there"),
-            std::string::npos);
+  EXPECT_SAYS(recalibrate({"--out", path("store"), "--as-version", "v"}).out, "2 done, 1 were there");
 }
 
 TEST_F(Archive, SaysThatSlurmIsNotThere) {
@@ -90,9 +87,8 @@ TEST_F(Archive, CountsCopiesOnceAlsoWhenTwoThreadsTakeThemAtOnce) {
   std::filesystem::create_directories(path("copies"));
   for (const char* name : {"a.tcr", "b.tcr", "c.tcr", "d.tcr"})
     std::filesystem::copy_file(path("archive/SN1/recording.tcr"), path(std::string("copies/") + name));
-  const ProgramResult result = run({"recalibrate", path("copies"), "--no-diagnosis", "--out", path("store")});
-  EXPECT_EQ(result.code, 0) << result.err;
-  EXPECT_NE(result.out.find("1 done, 3 were there"), std::string::npos) << result.out;
+  const ProgramResult result = ends({"recalibrate", path("copies"), "--no-diagnosis", "--out", path("store")}, 0);
+  EXPECT_SAYS(result.out, "1 done, 3 were there");
 }
 
 TEST_F(Archive, ChunksAndTwoAtOnceMakeTheSame) {
@@ -118,9 +114,8 @@ TEST_F(Archive, SaysWhatChanged) {
   ASSERT_EQ(recalibrate({"--out", path("store"), "--as-version", "old"}).code, 0);
   const ProgramResult result = recalibrate({"--out", path("store"), "--as-version", "new", "--against", "old"});
   EXPECT_EQ(result.code, 0) << result.err;
-  EXPECT_NE(result.out.find("from version old to new: 2 recordings in both, 0 only in the first"), std::string::npos)
-      << result.out;
-  EXPECT_NE(result.out.find("N01        0.000  0.000    0.000"), std::string::npos) << result.out;
+  EXPECT_SAYS(result.out, "from version old to new: 2 recordings in both, 0 only in the first");
+  EXPECT_SAYS(result.out, "N01        0.000  0.000    0.000");
 }
 
 TEST_F(Archive, RefusesWhatItDoesNotUnderstand) {
@@ -163,21 +158,19 @@ TEST_F(Archive, IsAPrior) {
     ASSERT_EQ(made.code, 0) << made.err;
   }
   const ProgramResult result =
-      run({"calibrate", path("earlier/3"), "--prior", path("earlier"), "--out", path("earlier/with")});
-  EXPECT_EQ(result.code, 0) << result.err;
-  EXPECT_NE(result.out.find("prior: 10 other units, 0 earlier calibrations of this one"), std::string::npos)
-      << result.out;
-  EXPECT_NE(result.out.find("the unit's own history is not used"), std::string::npos) << result.out;
+      ends({"calibrate", path("earlier/3"), "--prior", path("earlier"), "--out", path("earlier/with")}, 0);
+  EXPECT_SAYS(result.out, "prior: 10 other units, 0 earlier calibrations of this one");
+  EXPECT_SAYS(result.out, "the unit's own history is not used");
   const std::string file = file_text(path("earlier/with/parameters.conf"));
-  EXPECT_NE(file.find("quality.prior.calibrations_of_others = 10"), std::string::npos) << file;
-  EXPECT_NE(file.find("quality.prior.share.N01 = "), std::string::npos) << file;
+  EXPECT_SAYS(file, "quality.prior.calibrations_of_others = 10");
+  EXPECT_SAYS(file, "quality.prior.share.N01 = ");
   EXPECT_TRUE(std::filesystem::exists(path("earlier/with/statistics.tcs")));
   const ProgramResult of_rows =
       run({"calibrate", path("earlier/3"), "--prior", path("results.db"), "--out", path("earlier/of_rows")});
   EXPECT_EQ(of_rows.out.substr(0, of_rows.out.rfind('\n', of_rows.out.size() - 2)),
             result.out.substr(0, result.out.rfind('\n', result.out.size() - 2)));
   const ProgramResult again = run({"calibrate", path("earlier/4"), "--prior", path("earlier"), "--out", path("again")});
-  EXPECT_NE(again.out.find("prior: 10 other units, 0 earlier"), std::string::npos) << again.out;
+  EXPECT_SAYS(again.out, "prior: 10 other units, 0 earlier");
 }
 
 // What the list says stands in the files; the runs' own statistics do as well. (Both rigs have the same noise: together they would not be explained.)
@@ -186,14 +179,12 @@ TEST_F(Archive, IsAFleet) {
         "recording,station,lot,measured_utc\narchive/SN1,east,7,2026-01-31T12:00:00Z\narchive/"
         "SN2,west,8,2026-02-01T12:00:00Z\n");
   ASSERT_EQ(run({"recalibrate", path("list.csv"), "--out", path("store"), "--no-diagnosis"}).code, 0);
-  const ProgramResult result = run({"fleet", "diagnose", path("store"), "--by", "station", "--by", "lot", "--by",
-                                    "month", "--page", path("fleet.html")});
-  EXPECT_EQ(result.code, 0) << result.err;
-  EXPECT_NE(result.out.find("2 recordings of 2 units, 2 stations, 2 lots, 2 months; simulated"), std::string::npos)
-      << result.out;
-  EXPECT_NE(file_text(path("fleet.html")).find("station"), std::string::npos);
-  const ProgramResult own = run({"fleet", "diagnose", path("archive/SN1"), "--format", "json"});
-  EXPECT_EQ(own.code, 0) << own.err;
+  const ProgramResult result = ends({"fleet", "diagnose", path("store"), "--by", "station", "--by", "lot", "--by",
+                                     "month", "--page", path("fleet.html")},
+                                    0);
+  EXPECT_SAYS(result.out, "2 recordings of 2 units, 2 stations, 2 lots, 2 months; simulated");
+  EXPECT_SAYS(file_text(path("fleet.html")), "station");
+  const ProgramResult own = ends({"fleet", "diagnose", path("archive/SN1"), "--format", "json"}, 0);
   EXPECT_EQ(own.out.substr(0, 1), "[");
 }
 
@@ -206,18 +197,15 @@ TEST_F(Archive, IsAResultsDatabase) {
                   .code,
               0);
   const ProgramResult of_files = run({"fleet", "diagnose", path("runs"), "--format", "csv"});
-  const ProgramResult of_rows = run({"fleet", "diagnose", path("results.db"), "--format", "csv"});
-  EXPECT_EQ(of_rows.code, of_files.code) << of_rows.err;
+  const ProgramResult of_rows = ends({"fleet", "diagnose", path("results.db"), "--format", "csv"}, of_files.code);
   EXPECT_EQ(of_rows.out, of_files.out);
   const ProgramResult by_all =
       run({"fleet", "diagnose", path("results.db"), "--by", "lot", "--by", "part", "--by", "version", "--by", "month"});
-  EXPECT_NE(by_all.out.find("2 recordings of 2 units, 2 lots, 1 part, 1 version, 1 month"), std::string::npos)
-      << by_all.out;
+  EXPECT_SAYS(by_all.out, "2 recordings of 2 units, 2 lots, 1 part, 1 version, 1 month");
 
   std::filesystem::remove_all(path("runs/SN4"));
   const ProgramResult again = run({"recalibrate", path("results.db"), "--no-diagnosis", "--out", path("store")});
-  EXPECT_NE(again.out.find("1 done, 0 were there, 0 cannot be calibrated, 1 cannot be read"), std::string::npos)
-      << again.out << again.err;
+  EXPECT_SAYS(again.out, "1 done, 0 were there, 0 cannot be calibrated, 1 cannot be read") << again.out << again.err;
   EXPECT_EQ(run({"database", "copy", path("results.db"), path("copy.db")}).code, 0);
   EXPECT_EQ(run({"fleet", "diagnose", path("copy.db"), "--format", "csv"}).out, of_files.out);
 }

@@ -58,7 +58,7 @@ class OnSlurm : public Program {
     EXPECT_EQ(serials.size(), static_cast<std::size_t>(units));
     const std::string table = file_text(path(store) + "/v/recordings.csv");
     EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 1 + units + 1) << table;
-    EXPECT_NE(table.find("\nunreadable," + archive_ + "/broken.tcr,"), std::string::npos) << table;
+    EXPECT_SAYS(table, "\nunreadable," + archive_ + "/broken.tcr,");
     EXPECT_TRUE(std::filesystem::is_empty(path(store) + "/.jobs"));
   }
 
@@ -67,14 +67,12 @@ class OnSlurm : public Program {
 };
 
 TEST_F(OnSlurm, DoesEachRecordingOnceAndSaysHowFarItIs) {
-  const ProgramResult result = run(command("store"));
-  EXPECT_EQ(result.code, 0) << result.err;
-  EXPECT_NE(result.out.find("8 done, 0 were there, 0 cannot be calibrated, 1 cannot be read"), std::string::npos)
-      << result.out;
-  EXPECT_NE(result.out.find("RUNNING"), std::string::npos) << result.out;
+  const ProgramResult result = ends(command("store"), 0);
+  EXPECT_SAYS(result.out, "8 done, 0 were there, 0 cannot be calibrated, 1 cannot be read");
+  EXPECT_SAYS(result.out, "RUNNING");
   expect_whole("store");
   const ProgramResult again = run(command("store"));
-  EXPECT_NE(again.out.find("0 done, 8 were there"), std::string::npos) << again.out;
+  EXPECT_SAYS(again.out, "0 done, 8 were there");
   expect_whole("store");
 }
 
@@ -119,7 +117,7 @@ TEST_F(OnSlurm, SaysWhichChunksCannotWriteAndGoesOnLater) {
   const ProgramResult result = finish(pid);
   EXPECT_EQ(result.code, 50) << result.out;
   EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_NE(result.err.find("3 of 3 chunks failed 3 times"), std::string::npos) << result.err;
+  EXPECT_SAYS(result.err, "3 of 3 chunks failed 3 times");
   for (const auto& entry : std::filesystem::directory_iterator(path("store/v")))
     EXPECT_TRUE(entry.path().filename().string().starts_with('.') || !entry.is_directory()) << entry.path();
   EXPECT_EQ(run(command("store")).code, 0);

@@ -24,10 +24,7 @@ TEST_F(Run, TruthOfAnEffectIsWritten) {
 
 TEST_F(Run, DeviceFaultIsExit50WithReasonAndPlace) {
   const std::string rig = write("stuck.rig", "fault.1.kind = stuck_axis\nfault.1.axis = pitch\nfault.1.time_s = 14\n");
-  const ProgramResult result = run(dry_run("out", {"--rig", rig}));
-  EXPECT_EQ(result.code, 50);
-  EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_SAYS(result.err, "step 1 (1/14) moving, pitch at");
+  const ProgramResult result = ends(dry_run("out", {"--rig", rig}), 50, "step 1 (1/14) moving, pitch at");
   EXPECT_SAYS(result.err, "stall");
   // What was captured stays, under a name that nothing takes for a recording; no result.
   EXPECT_EQ(everything(),

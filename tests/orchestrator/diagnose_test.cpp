@@ -22,16 +22,14 @@ class Diagnose : public Program {
       arguments.push_back("--sequence");
       arguments.push_back(std::string(TURNCAL_SOURCE_DIR) + "/sequences/" + sequence);
     }
-    const ProgramResult result = run(arguments);
-    EXPECT_EQ(result.code, 0) << result.err;
+    ends(arguments, 0);
     return path(name);
   }
 };
 
 TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
   rig_recording("rec", "seed = 7\neffect.accel_delay.tau = 0.3\n");
-  const ProgramResult result = run({"diagnose", "rec", "--out", "out"});
-  EXPECT_EQ(result.code, 20) << result.err;
+  const ProgramResult result = ends({"diagnose", "rec", "--out", "out"}, 20);
   EXPECT_EQ(result.err, "");
   const auto conf = entries(file_text(path("out/diagnosis.conf")));
   ASSERT_EQ(conf.at("verdict"), "extended");
@@ -71,8 +69,7 @@ TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
 
   // For programs: the file as one object, and the residuals as numbers.
   const ProgramResult json =
-      run({"diagnose", "rec", "--out", "out", "--format", "json", "--residuals", path("residuals.csv")});
-  EXPECT_EQ(json.code, 20);
+      ends({"diagnose", "rec", "--out", "out", "--format", "json", "--residuals", path("residuals.csv")}, 20);
   EXPECT_TRUE(json.out.starts_with("{\n\"verdict\":\"extended\",\n\"quality.trusted\":true,\n")) << json.out;
   EXPECT_SAYS(json.out, "\n\"effect.accel_delay.tau\":" + conf.at("effect.accel_delay.tau") + ",\n");
   const std::string residuals = file_text(path("residuals.csv"));
@@ -175,8 +172,7 @@ TEST_F(Diagnose, GivenNoiseIsUsedAndSaidToBeGiven) {
   EXPECT_NEAR(std::stod(parameters.at("noise.velocity_random_walk.z_ug_per_rt_hz")), 8.0, 1e-9);
   EXPECT_SAYS(result.out, "configured: ARW 0.00200");
   // A noise three times too small explains nothing: no effect may be named for it.
-  const ProgramResult small = run({"diagnose", "rec", "--out", "small", "--arw", "0.0007", "--vrw", "2.7"});
-  EXPECT_EQ(small.code, 20) << small.out;
+  const ProgramResult small = ends({"diagnose", "rec", "--out", "small", "--arw", "0.0007", "--vrw", "2.7"}, 20);
   const auto conf = entries(file_text(path("small/diagnosis.conf")));
   EXPECT_EQ(conf.at("verdict"), "noise_model");
   EXPECT_EQ(conf.at("effects"), "");

@@ -3,7 +3,6 @@
 #include "tests/orchestrator/queue_outcomes.h"
 
 #include <cmath>
-#include <map>
 
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/devices/dry_run_devices.h"
@@ -77,10 +76,8 @@ TEST_F(Group, AUnitThatIsUnpluggedLeavesTheOthersAsTheyWere) {
     const std::string out = "out" + std::to_string(gone), number = std::to_string(gone + 1);
     const std::string rig =
         write(out + ".rig", "fault.1.kind = imu_unplugged\nfault.1.time_s = 100\nfault.1.unit = " + number + "\n");
-    const ProgramResult result = run(dry_run(units, out, {"--rig", rig}));
-    EXPECT_EQ(result.code, 50);
-    EXPECT_EQ(result.err_lines(), 1) << result.err;
-    EXPECT_SAYS(result.err, "unit SN" + number + " dropped out at step 2 (2/14)");
+    const ProgramResult result =
+        ends(dry_run(units, out, {"--rig", rig}), 50, "unit SN" + number + " dropped out at step 2 (2/14)");
     EXPECT_SAYS(result.err, "the link was lost at 100");
     for (std::size_t i = 0; i < units.size(); ++i) {
       if (i != gone) {
@@ -94,9 +91,7 @@ TEST_F(Group, AUnitThatIsUnpluggedLeavesTheOthersAsTheyWere) {
     }
     EXPECT_SAYS(bytes(out + "/run.log"), "unit SN" + number + " dropped out at step 2");
     // Nothing is left to be done; the one that dropped out is said again.
-    const ProgramResult again = run({"resume", out});
-    EXPECT_EQ(again.code, 50);
-    EXPECT_SAYS(again.err, "unit SN" + number + " dropped out");
+    ends({"resume", out}, 50, "unit SN" + number + " dropped out");
   }
 }
 
@@ -141,9 +136,7 @@ TEST_F(Group, WhoDropsOutIsNamedAndWhoIsLeftGoesOn) {
              false}}) {
     SCOPED_TRACE(c.what);
     const std::string out = c.what;
-    const ProgramResult result = run(dry_run({"SN1", "SN2"}, out, {"--rig", write(out + ".rig", c.rig)}));
-    EXPECT_EQ(result.code, 50);
-    EXPECT_EQ(result.err_lines(), 1) << result.err;
+    const ProgramResult result = ends(dry_run({"SN1", "SN2"}, out, {"--rig", write(out + ".rig", c.rig)}), 50, "");
     for (const char* error : c.errors) EXPECT_SAYS(result.err, error);
     EXPECT_EQ(there(out + "/SN1/parameters.conf"), c.first);
     EXPECT_EQ(there(out + "/SN2/parameters.conf"), c.second);
@@ -181,10 +174,8 @@ TEST_F(Group, AUnitThatDoesNotKeepItsLimitsFailsAlone) {
                                   std::string("motion.settle_s = 0.5\nlimit.a11.min = 1.02\nrecord.database = "
                                               "r.db\nrecord.store = store\nhook.done = ") +
                                   told + "\nhook.fail = " + told + "\n");
-  const ProgramResult result = run(dry_run({"SN1", "SN2", "SN3"}, "out", {"--station", station}));
-  EXPECT_EQ(result.code, 20);
-  EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_SAYS(result.err, "unit SN2: fail: a11");
+  const ProgramResult result =
+      ends(dry_run({"SN1", "SN2", "SN3"}, "out", {"--station", station}), 20, "unit SN2: fail: a11");
   EXPECT_SAYS_NOT(result.err, "SN1");
   EXPECT_EQ(bytes("told"), "done SN1 out/SN1\nfail SN2 out/SN2\ndone SN3 out/SN3\n");
   EXPECT_TRUE(there("store/simulated/SN1/parameters.conf"));
@@ -206,10 +197,8 @@ TEST_F(Group, AUnitThatDoesNotKeepItsLimitsFailsAlone) {
   }
   // A unit that dropped out as well: the larger code, and both are named.
   const std::string rig = write("gone.rig", "fault.1.kind = imu_unplugged\nfault.1.time_s = 100\nfault.1.unit = 3\n");
-  const ProgramResult both = run(dry_run({"SN1", "SN2", "SN3"}, "both", {"--station", station, "--rig", rig}));
-  EXPECT_EQ(both.code, 50);
-  EXPECT_EQ(both.err_lines(), 1) << both.err;
-  EXPECT_SAYS(both.err, "unit SN2: fail: ");
+  const ProgramResult both =
+      ends(dry_run({"SN1", "SN2", "SN3"}, "both", {"--station", station, "--rig", rig}), 50, "unit SN2: fail: ");
   EXPECT_SAYS(both.err, "unit SN3 dropped out");
 }
 
@@ -221,10 +210,7 @@ TEST_F(Group, Refusals) {
   expect_refused(dry_run(seventeen, "out"), "17 units: expected at most 16");
   write("full/SN2/recording.tcr", "precious");
   expect_refused(dry_run({"SN1", "SN2"}, "full"), "full/SN2: already holds recording.tcr");
-  write("live.station",
-        "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
-            fs::relative(std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/twin.map", folder_).string() +
-            "\nimu.driver = serial\nimu.device = none\nimu.frame = laser_gyro\nimu.2.device = none2\n");
+  write("live.station", live_station("imu.2.device = none2\n"));
   expect_refused("run --station live.station --unit A --unit B --unit C --out r", "3 units: expected at most 2");
   expect_refused({"batch", write("queue", "A\n"), "--station", "live.station", "--out", "r", "--at-once", "3"},
                  "expected at most 2");
@@ -309,18 +295,13 @@ TEST_F(GroupBatch, TakesSeveralAtOnce) {
 TEST_F(GroupBatch, AUnitThatDropsOutDoesNotStopTheNext) {
   write("queue", "SN1\nSN2\nSN3\nSN4\n");
   const std::string rig = write("gone.rig", "fault.1.kind = imu_unplugged\nfault.1.time_s = 100\nfault.1.unit = 2\n");
-  const ProgramResult result = run(batch({"--rig", rig}));
-  EXPECT_EQ(result.code, 20) << result.err;
+  ends(batch({"--rig", rig}), 20);
   EXPECT_EQ(outcomes(), "SN1=not_judged SN2=dropped SN3=not_judged SN4=dropped ");
   // It is not tried for ever, the code is that of the whole queue; and the table's fault stops the batch.
-  const ProgramResult again = run(batch());
-  EXPECT_EQ(again.code, 20) << again.err;
-  EXPECT_SAYS(again.err, "2 of 4 units did not pass");
+  ends(batch(), 20, "2 of 4 units did not pass");
   write("queue", "SN5\nSN6\nSN7\n");
-  const ProgramResult stopped =
-      run(batch({"--rig", write("t.rig", "fault.1.kind = axis_fault\nfault.1.axis = pitch\nfault.1.time_s = 60\n")}));
-  EXPECT_EQ(stopped.code, 50);
-  EXPECT_SAYS(stopped.err, "units SN5, SN6: ");
+  ends(batch({"--rig", write("t.rig", "fault.1.kind = axis_fault\nfault.1.axis = pitch\nfault.1.time_s = 60\n")}), 50,
+       "units SN5, SN6: ");
   EXPECT_EQ(outcomes(), "SN1=not_judged SN2=dropped SN3=not_judged SN4=dropped ");
 }
 

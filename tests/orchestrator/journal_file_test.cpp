@@ -112,15 +112,5 @@ TEST_F(Journal, AFlippedBitIsNeverReadAsSomethingElse) {
   }
 }
 
-TEST_F(Journal, OneProcessAndOnce) {
-  write_some();
-  EXPECT_FALSE(JournalFile::create(path(), {{"unit", "SN8"}}).ok());
-  const Result<JournalFile> first = JournalFile::reopen(path());
-  ASSERT_TRUE(first.ok());
-  const Result<JournalFile> second = JournalFile::reopen(path());
-  ASSERT_FALSE(second.ok());
-  EXPECT_SAYS(second.error().message, "in use by another process");
-}
-
 }  // namespace
 }  // namespace turncal

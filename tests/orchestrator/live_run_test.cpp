@@ -66,8 +66,7 @@ TEST(LiveRun, DriverThatGivesUpOnTheOperatorsWordIsAStopNotALostLink) {
     if (s.stop_requests == 0 || s.table.stops > 0) return {};
     return Error{ErrorKind::aborted, "gave up waiting"};
   };
-  const RunOutcome outcome = s.run_in_front();
-  EXPECT_EQ(outcome.state, RunState::aborted) << outcome.error.message;
+  const RunOutcome outcome = ended(s.run_in_front(), RunState::aborted);
   EXPECT_EQ(outcome.error.kind, ErrorKind::aborted);
   EXPECT_FALSE(s.watcher.saw(RunEvent::link_lost));
   EXPECT_EQ(s.watcher.count(RunEvent::operator_stop), 1) << "one request is one stop, not a stop and a fastest stop";
@@ -80,21 +79,14 @@ TEST(LiveRun, MoveThatTheOperatorCutsShortIsAStopToo) {
     s.stop_requests = 1;
     return Error{ErrorKind::aborted, "gave up waiting"};
   };
-  const RunOutcome outcome = s.run_in_front();
-  EXPECT_EQ(outcome.state, RunState::aborted) << outcome.error.message;
+  ended(s.run_in_front(), RunState::aborted);
   EXPECT_FALSE(s.watcher.saw(RunEvent::table_fault));
   EXPECT_EQ(s.watcher.count(RunEvent::operator_stop), 1);
 }
 
 // A drive that its watchdog, or a fault, stopped: the run that is taken up clears it, another one does not.
 TEST(LiveRun, OnlyARunTakenUpClearsAFault) {
-  RigFault fault;
-  fault.kind = RigFaultKind::axis_fault;
-  fault.axis = static_cast<int>(Axis::pitch);
-  fault.time_s = 9.0;
-  RigConfig config = default_rig_config();
-  config.faults = {fault};
-  RigStation s(short_text, config);
+  RigStation s(short_text, rig_with({table_fault(RigFaultKind::axis_fault, 9.0)}));
   DwellJournal kept;
   s.journal = &kept;
   EXPECT_EQ(exit_code(s.run().error.kind), 50);
@@ -106,8 +98,7 @@ TEST(LiveRun, OnlyARunTakenUpClearsAFault) {
   s.station.resume_rest_s = 1.0;
   s.taken_up = true;
   s.watcher = Watcher();
-  const RunOutcome taken_up = s.run();
-  EXPECT_EQ(taken_up.state, RunState::done) << taken_up.error.message;
+  ended(s.run(), RunState::done);
   ASSERT_TRUE(s.watcher.saw(RunEvent::connected));
   EXPECT_SAYS(s.watcher.transitions[1].detail, "clears the fault of axis pitch");
 }
@@ -115,8 +106,7 @@ TEST(LiveRun, OnlyARunTakenUpClearsAFault) {
 TEST(LiveRun, FaultThatStaysIsAFault) {
   FrontStation s;
   s.taken_up = s.table.faulty = s.table.stays_faulty = true;  // the drive takes the request, and does nothing
-  const RunOutcome outcome = s.run_in_front();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run_in_front(), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_FALSE(s.watcher.saw(RunEvent::homed));
 }
@@ -179,11 +169,8 @@ TEST(LiveRun, GravityIsTheLastSecondsMeanOnceTheUnitRests) {
   EXPECT_GT(up[0], 0.99 * std::hypot(up[0], up[1], up[2])) << "pitch 90: x up";
 }
 
-const std::string head =
-    "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = twin.map\n"
-    "imu.driver = serial\nimu.device = /dev/x\nimu.frame = laser_gyro\n";
 Result<StationConfig> station_of(const std::string& keys) {
-  return parse_station_config(head + keys, std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/x.station");
+  return parse_station_config(live_station(keys, "/dev/x"), "x.station");
 }
 
 TEST(LiveRun, TimeRunsFasterForTwinsOnly) {
@@ -212,10 +199,7 @@ class LiveProgram : public Program {};
 
 TEST_F(LiveProgram, DevicesThatAreNotThereLeaveNothingBehind) {
   const std::string folder = std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/";
-  write("no.station",
-        "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
-            std::filesystem::relative(folder + "twin.map", folder_).string() +
-            "\ntable.address = 127.0.0.1:1\nimu.driver = serial\nimu.device = none\nimu.frame = laser_gyro\n");
+  write("no.station", live_station("table.address = 127.0.0.1:1\n"));
   expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r", "--pace", "2"}, "--pace");
   expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r", "--rig", "x"}, "--rig");
   expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r"}, "127.0.0.1:1", 50);

@@ -57,8 +57,7 @@ class Found : public Program {
 TEST_F(Found, AUnitWithAMissingEffectIsHeldEverywhere) {
   write("queue", "SN1\n");
   const ProgramResult result =
-      run({"batch", "queue", "--dry-run", "--out", "units", "--rig", rig(), "--station", station("")});
-  EXPECT_EQ(result.code, 20) << result.err;
+      ends({"batch", "queue", "--dry-run", "--out", "units", "--rig", rig(), "--station", station("")}, 20);
   EXPECT_EQ(lines_with(result.out, "[dry run] verdict "), 1) << result.out;
   EXPECT_EQ(lines_with(result.out, "[dry run] parameters "), 1) << result.out;
   EXPECT_SAYS(result.out, "verdict     hold: diagnosis extended: accel_delay (");
@@ -77,16 +76,13 @@ TEST_F(Found, AUnitWithAMissingEffectIsHeldEverywhere) {
   ASSERT_TRUE(database.ok());
   EXPECT_EQ(database->list({.unit = "SN1"}, "N01")->at(0).verdict, "hold");
   // It is said again, not made anew.
-  const ProgramResult again = run({"resume", "units/SN1"});
-  EXPECT_EQ(again.code, 20);
-  EXPECT_SAYS(again.err, "hold: diagnosis extended: accel_delay");
+  ends({"resume", "units/SN1"}, 20, "hold: diagnosis extended: accel_delay");
 }
 
 TEST_F(Found, TheStationMayPassItAndLoadTheBaseFile) {
-  const ProgramResult result =
-      run({"run", "--unit", "SN1", "--dry-run", "--out", "r", "--rig", rig(), "--station",
-           station("diagnosis.extended = pass\ndiagnosis.parameters = base\nlimit.N01.sigma_max = 1\n")});
-  EXPECT_EQ(result.code, 0) << result.err;
+  ends({"run", "--unit", "SN1", "--dry-run", "--out", "r", "--rig", rig(), "--station",
+        station("diagnosis.extended = pass\ndiagnosis.parameters = base\nlimit.N01.sigma_max = 1\n")},
+       0);
   EXPECT_EQ(file_text(folder_ / "told"), "done pass\n");
   EXPECT_SAYS(file_text(folder_ / "r/parameters.conf"), "\nmodel = base\n");
   EXPECT_EQ(file_text(folder_ / "store/simulated/SN1/parameters.conf"), file_text(folder_ / "r/parameters.conf"));

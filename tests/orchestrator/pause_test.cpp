@@ -40,8 +40,7 @@ TEST(Pause, WaitsForTheItemGoingOn) {
     s.watcher.on_tick = [&](const RunSnapshot& at) {
       if (at.time_s >= c.asked_s) s.pause_requests = 1;
     };
-    const RunOutcome outcome = s.run();
-    EXPECT_EQ(outcome.state, RunState::interrupted) << outcome.error.message;
+    const RunOutcome outcome = ended(s.run(), RunState::interrupted);
     EXPECT_EQ(exit_code(outcome.error.kind), 75);
     EXPECT_TRUE(s.at_rest());
     EXPECT_TRUE(s.drives_off());
@@ -73,23 +72,6 @@ TEST(Pause, WaitsForTheItemGoingOn) {
   }
 }
 
-TEST(Pause, OnceEverythingIsRecordedTheRunFinishes) {
-  for (const double asked_s : {40.0, 42.01}) {  // in the last dwell; while the drives go off
-    PausedStation s;
-    bool calibrated = false;
-    s.calibrate = [&]() -> Status {
-      calibrated = true;
-      return {};
-    };
-    s.watcher.on_tick = [&](const RunSnapshot& at) {
-      if (at.time_s >= asked_s) s.pause_requests = 1;
-    };
-    EXPECT_EQ(s.run().state, RunState::done) << asked_s;
-    EXPECT_TRUE(calibrated);
-    EXPECT_EQ(s.watcher.count(RunEvent::pause_wanted), 1) << "told";
-  }
-}
-
 TEST(Pause, RestAfterAnInterruptionEndsAtOnce) {
   for (const double asked_s : {0.5, 10.0}) {  // while homing, and while resting
     PausedStation s;
@@ -105,8 +87,7 @@ TEST(Pause, RestAfterAnInterruptionEndsAtOnce) {
       if (at.time_s >= asked_s) s.pause_requests = 1;
     };
     const double began_s = s.clock.now_s();
-    const RunOutcome outcome = s.run();
-    EXPECT_EQ(outcome.state, RunState::interrupted) << outcome.error.message;
+    ended(s.run(), RunState::interrupted);
     EXPECT_LT(s.clock.now_s() - began_s, 13.0);
     EXPECT_TRUE(s.drives_off());
     EXPECT_EQ(s.watcher.transitions.back().from, RunState::stopping);
@@ -147,34 +128,6 @@ TEST(Pause, FurtherRequestsEscalate) {
       aborts += record.action == RunAction::abort_table ? 1 : 0;
     EXPECT_EQ(aborts, c.second ? 1 : 0);
   }
-}
-
-// A stop for a pause that the operator turns into a stop now.
-TEST(Pause, StopAtTheSafePointIsStillTheOperators) {
-  PausedStation s;
-  s.watcher.on_tick = [&](const RunSnapshot& at) {
-    if (at.time_s >= 9.0) s.pause_requests = 1;
-    if (at.state == RunState::stopping) s.stop_requests = 1;
-  };
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::aborted);
-  EXPECT_EQ(exit_code(outcome.error.kind), 30);
-}
-
-TEST(Pause, ThatCannotBeVerifiedIsADeviceError) {
-  RigFault lost;
-  lost.kind = RigFaultKind::link_lost;
-  lost.time_s = 17.0;
-  lost.duration_s = 1e6;
-  RigConfig config = default_rig_config();
-  config.faults = {lost};
-  RigStation t(two_steps_text, config);
-  t.watcher.on_tick = [&](const RunSnapshot& at) {
-    if (at.time_s >= 9.0) t.pause_requests = 1;
-  };
-  const RunOutcome outcome = t.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
-  EXPECT_EQ(exit_code(outcome.error.kind), 50) << outcome.error.message;
 }
 
 // --- The program, with signals raised at exact moments: when a line of the console says so.

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <set>
 #include <sstream>
 #include <string>
@@ -33,6 +34,14 @@ inline const std::string short_demo = std::string(TURNCAL_SOURCE_DIR) + "/sequen
 inline const std::string station_head =
     "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = mock\nimu.driver = rig\n";
 
+// A station with the twin's map and a unit on a serial line; for real unless `more` says otherwise.
+inline std::string live_station(const std::string& more = "", const std::string& device = "none") {
+  return "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\n"
+         "table.map = " TURNCAL_SOURCE_DIR
+         "/orchestrator/stations/twin.map\nimu.driver = serial\nimu.frame = laser_gyro\nimu.device = " +
+         device + "\n" + more;
+}
+
 // Of a command line; of a text, the words between its blanks.
 struct Arguments : std::vector<std::string> {
   using std::vector<std::string>::vector;
@@ -41,6 +50,11 @@ struct Arguments : std::vector<std::string> {
   Arguments(const std::string& line) {
     std::istringstream text(line);
     for (std::string word; text >> word;) push_back(word);
+  }
+  std::string line() const {
+    std::string text = "turncal";
+    for (const std::string& word : *this) text += " " + word;
+    return text;
   }
 };
 inline Arguments operator+(Arguments arguments, const Arguments& more) {
@@ -130,6 +144,15 @@ class Program : public testing::Test {
     return result;
   }
   ProgramResult run(const Arguments& arguments) const { return finish(start(arguments)); }
+  // With this exit code and, where `text` is given, one line on stderr that holds it.
+  ProgramResult ends(const Arguments& arguments, int code, const std::optional<std::string>& text = {}) const {
+    const ProgramResult result = run(arguments);
+    EXPECT_EQ(result.code, code) << arguments.line() << '\n' << result.err << result.out;
+    if (!text) return result;
+    EXPECT_EQ(result.err_lines(), 1) << arguments.line() << '\n' << result.err;
+    EXPECT_SAYS(result.err, *text) << arguments.line();
+    return result;
+  }
   // A dry run of the short sequence.
   static Arguments dry_run(const std::string& out, const Arguments& more = {}, const std::string& unit = "SN1") {
     return Arguments{"run", "--dry-run", "--unit", unit, "--out", out, "--sequence", short_demo} + more;
@@ -157,13 +180,8 @@ class Program : public testing::Test {
   // Exit code, exactly one line on stderr that holds `text`, and not a file more than before.
   void expect_refused(const Arguments& arguments, const std::string& text, int code = 1) const {
     const std::set<std::string> before = everything();
-    const ProgramResult result = run(arguments);
-    std::string command = "turncal";
-    for (const std::string& argument : arguments) command += " " + argument;
-    EXPECT_EQ(result.code, code) << command << '\n' << result.err;
-    EXPECT_EQ(result.err_lines(), 1) << command << '\n' << result.err;
-    EXPECT_SAYS(result.err, text) << command;
-    EXPECT_EQ(everything(), before) << command << ": left something behind";
+    ends(arguments, code, text);
+    EXPECT_EQ(everything(), before) << arguments.line() << ": left something behind";
   }
 
   std::filesystem::path folder_;

@@ -94,22 +94,6 @@ TEST(Progress, TerminalSaysAtOnceWhatAPauseWaitsFor) {
   }
 }
 
-TEST(Progress, ElsewhereOnePlainLineATransition) {
-  std::ostringstream out;
-  const LinePrefix marked(out, "[dry run] ");
-  ProgressPrinter progress(out, 0, true, [] { return 0.0; });
-  TransitionRecord record;
-  record.at = moving();
-  record.from = RunState::moving;
-  record.to = RunState::settling;
-  record.event = RunEvent::arrived;
-  for (int i = 0; i < 100; ++i) progress.on_progress(moving());
-  progress.on_transition(record);
-  EXPECT_EQ(
-      out.str(),
-      "[dry run] 2026-01-01T00:12:34Z     754.500 s  step 2/14  moving -> settling  arrived: roll at 123.4567 deg\n");
-}
-
 TEST(Progress, TransitionsAreAddedOnATerminalWhereAskedFor) {
   for (const bool verbose : {false, true}) {
     std::ostringstream out;
@@ -197,11 +181,35 @@ TEST(Progress, SystemdWatchesWhileTheTableMayMove) {
   ::close(socket);
 }
 
-TEST(Progress, Durations) {
-  EXPECT_EQ(format_duration(0.0), "0:00:00");
-  EXPECT_EQ(format_duration(59.6), "0:01:00");
-  EXPECT_EQ(format_duration(6342.0), "1:45:42");
-  EXPECT_EQ(format_duration(-3.0), "0:00:00");
+// --- The civil clock against the monotonic one.
+
+std::vector<double> steps_of(const std::vector<std::pair<double, double>>& times, double speed_up = 1.0) {
+  std::vector<double> steps;
+  ClockWatch watch(speed_up, [&steps](double by_s, const RunSnapshot&) { steps.push_back(by_s); });
+  for (const auto& [time_s, utc_s] : times) {
+    RunSnapshot at;
+    at.time_s = time_s;
+    at.utc_s = utc_s;
+    watch.on_progress(at);
+  }
+  for (double& step : steps) step = std::round(step * 1e6) / 1e6;
+  return steps;
+}
+
+TEST(ClockWatch, AStepIsToldOnceAndWithItsSign) {
+  using Steps = std::vector<double>;
+  EXPECT_EQ(steps_of({{0.0, 1000.0}, {0.1, 1000.1}, {7200.0, 8200.0}}), Steps{});
+  EXPECT_EQ(steps_of({{0.0, 1000.0}, {0.1, 4600.1}, {0.2, 4600.2}}), Steps{3600.0});
+  EXPECT_EQ(steps_of({{0.0, 1000.0}, {10.0, 1008.0}, {11.0, 1009.0}, {12.0, 1009.0}}), (Steps{-2.0, -1.0}));
+  // The station's time may run faster.
+  EXPECT_EQ(steps_of({{0.0, 1000.0}, {50.0, 1001.0}, {5000.0, 1100.0}}, 50.0), Steps{});
+  EXPECT_EQ(steps_of({{0.0, 1000.0}, {50.0, 1011.0}}, 50.0).size(), 1U);
+}
+
+TEST(ClockWatch, ASlowCorrectionIsNone) {
+  std::vector<std::pair<double, double>> slewed;  // 500 ppm for two hours: 3.6 s in all
+  for (int i = 0; i < 72000; ++i) slewed.emplace_back(0.1 * i, 1000.0 + 0.1 * i * 1.0005);
+  EXPECT_TRUE(steps_of(slewed).empty());
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <functional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,38 @@ inline const char* const two_steps_text =
     "step 1 \"there and back\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  dwell 2000\n  rotate P -90\n"
     "step 2 \"again\"\n  initial H 0 P 0 R 0\n  align 1000\n";
 inline constexpr std::int64_t two_steps_samples = 1000 + 2000 + 2000 + 2000 + 1000;
+
+// Faults of the table and of the unit, for a rig that two_steps_text turns.
+inline constexpr double homing_s = 2.0;  // two_steps_text begins then
+
+inline RigFault table_fault(RigFaultKind kind, double time_s, Axis axis = Axis::pitch) {
+  RigFault fault;
+  fault.kind = kind;
+  fault.time_s = time_s;
+  fault.axis = static_cast<int>(axis);
+  return fault;
+}
+
+inline RigFault unit_fault(RigFaultKind kind, std::int64_t sample_of_recording, std::int64_t count = 1) {
+  RigFault fault;
+  fault.kind = kind;
+  fault.sample = sample_of_recording + static_cast<std::int64_t>(homing_s / 0.005);
+  fault.count = count;
+  return fault;
+}
+
+inline RigConfig rig_with(std::vector<RigFault> faults) {
+  RigConfig config = default_rig_config();
+  config.faults = std::move(faults);
+  return config;
+}
+
+// What came of a run that ended in this state; any other ends the test.
+inline RunOutcome ended(RunOutcome outcome, RunState state) {
+  if (outcome.state != state)
+    throw std::runtime_error("ended in state " + std::string(to_string(outcome.state)) + ": " + outcome.error.message);
+  return outcome;
+}
 
 // Another unit in front of which a test puts something.
 class FrontImu : public ImuSource {

@@ -6,7 +6,6 @@
 #include <sqlite3.h>
 #include <sys/resource.h>
 
-#include <cerrno>
 #include <climits>
 #include <random>
 
@@ -112,9 +111,7 @@ TEST_F(Storage, ALockedDatabaseStopsTheBatchAndTheUnitIsNotRefused) {
   ASSERT_EQ(sqlite3_open(path("results.db").c_str(), &lock), SQLITE_OK);
   sqlite3_busy_timeout(lock, 10'000);  // the run begins by a row of its own
   ASSERT_EQ(sqlite3_exec(lock, "CREATE TABLE other(x); BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
-  const ProgramResult before = run(batch);
-  EXPECT_EQ(before.code, 50) << before.err;
-  EXPECT_SAYS(before.err, "results.db: results database: ");
+  const ProgramResult before = ends(batch, 50, "results.db: results database: ");
   EXPECT_FALSE(fs::exists(folder_ / "units/SN1/journal.tcj")) << "seen before anything moved";
   // Locked while the unit is measured.
   sqlite3_exec(lock, "ROLLBACK", nullptr, nullptr, nullptr);
@@ -195,8 +192,7 @@ TEST_F(Storage, ADatabaseOfNoBytesIsAnEmptyOne) {
   const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(path("empty/results.db"));
   ASSERT_TRUE(database.ok()) << database.error().message;
   EXPECT_TRUE(database->list({}, "N01")->empty());
-  const ProgramResult result = run(begin("empty/out", station("empty/s.station")));
-  EXPECT_EQ(result.code, 0) << result.err;
+  ends(begin("empty/out", station("empty/s.station")), 0);
 }
 
 // Runs of a unit on the first three days of 2026, one of another unit, and a unit on hold that was measured again.
@@ -257,92 +253,48 @@ TEST_F(Storage, OnlyOldRecordingsOfFinishedUnitsAreRemovedAndNeverTheLast) {
   EXPECT_EQ(prune("1").out, "0 of 4 recordings removed, 0.0 MB\n");
 }
 
-TEST_F(Storage, AFolderThatIsTakenAwayStopsTheRunAtTheNextDwell) {
-  const pid_t pid = start(dry_run("out", "--pace 20"));
-  for (int i = 0; i < 1000 && !fs::exists(folder_ / "out/recording.partial.tcr"); ++i) ::usleep(10'000);
-  fs::rename(folder_ / "out", folder_ / "away");
-  const ProgramResult result = finish(pid);
-  EXPECT_EQ(result.code, 50) << result.err;
-  EXPECT_SAYS(result.err, "is no longer there");
-  EXPECT_SAYS_NOT(result.out, "go on with") << "there is nothing to go on with";
-  const std::string log = file_text(folder_ / "away/run.log");
-  EXPECT_SAYS_NOT(log, "step 2/14") << "at once, not after the whole run";
-}
-
-// What is taken away or cut under a run is said at the next record, in one line, and there is no verdict.
-TEST_F(Storage, AJournalOrARecordingThatSomebodyChangesStopsTheRun) {
-  const auto run_and = [this](const std::string& out, const std::function<void(const fs::path&)>& change) {
-    const pid_t pid = start(dry_run(out, "--pace 20"));
-    const fs::path partial = folder_ / out / "recording.partial.tcr";
-    for (int i = 0; i < 1000 && !(fs::exists(partial) && fs::file_size(partial) > 20'000); ++i) ::usleep(10'000);
-    change(folder_ / out);
-    const ProgramResult result = finish(pid);
-    EXPECT_EQ(result.code, 50) << result.err;
-    EXPECT_EQ(result.err_lines(), 1) << result.err;
-    EXPECT_FALSE(fs::exists(folder_ / out / "parameters.conf"));
-    return result;
-  };
-  const ProgramResult removed = run_and("removed", [](const fs::path& out) { fs::remove(out / "journal.tcj"); });
-  EXPECT_SAYS(removed.err, "journal.tcj: is no longer there");
-  EXPECT_SAYS_NOT(removed.out, "go on with") << "there is nothing to go on with";
-  const ProgramResult journal =
-      run_and("journal", [](const fs::path& out) { fs::resize_file(out / "journal.tcj", 200); });
-  EXPECT_SAYS(journal.err, "it is 200 bytes long where");
-  const ProgramResult cut =
-      run_and("cut", [](const fs::path& out) { fs::resize_file(out / "recording.partial.tcr", 10'000); });
-  EXPECT_SAYS(cut.err, "recording.partial.tcr: somebody else has changed it: it is 10000 bytes long where");
-  const std::string log = file_text(folder_ / "cut/run.log");
-  EXPECT_SAYS_NOT(log, "step 2/14") << "at the next record, not after the whole run";
-}
-
 // In a dwell of 200 s.
 TEST_F(Storage, WhatIsTakenAwayInADwellIsNoticedAtOnce) {
   const std::string sequence = write("long.seq",
                                      "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n"
                                      "  initial H 0 P 0 R 0\n  align 200\n  dwell 800000\n");
-  const auto expect_noticed = [&](const std::string& out, const std::function<void(const fs::path&)>& take_away,
-                                  const std::string& said) {
-    const pid_t pid = start(
-        {"run", "--dry-run", "--unit", "SN1", "--out", out, "--pace", "20", "--sequence", sequence, "--capture-only"});
+  struct Row {
+    const char* out;
+    std::function<void(const fs::path&)> take_away;
+    const char* said;
+    bool goes_on = false;
+  };
+  for (const auto& [out, take_away, said, goes_on] :
+       {Row{"journal", [](auto& out) { fs::remove(out / "journal.tcj"); }, "journal.tcj: is no longer there"},
+        Row{"shorter", [](auto& out) { fs::resize_file(out / "journal.tcj", 200); }, "it is 200 bytes long where"},
+        Row{"copied",
+            [](auto& out) {
+              fs::copy_file(out / "journal.tcj", out / "copy");
+              fs::rename(out / "copy", out / "journal.tcj");
+            },
+            "journal.tcj: is another file now", true},
+        Row{"gone", [](auto& out) { fs::remove(out / "recording.partial.tcr"); },
+            "recording.partial.tcr: is no longer there"},
+        Row{"cut", [](auto& out) { fs::resize_file(out / "recording.partial.tcr", 5'000); },
+            "recording.partial.tcr: somebody else has changed it: it is 5000 bytes long where"},
+        Row{"folder", [](auto& out) { fs::rename(out, out.string() + ".away"); }, "is no longer there"},
+        Row{"log", [](auto& out) { fs::remove(out / "run.log"); }, "run.log: is no longer there", true}}) {
+    SCOPED_TRACE(out);
+    const pid_t pid = start(Arguments("run --dry-run --unit SN1 --pace 20 --capture-only --out") +
+                            Arguments{out, "--sequence", sequence});
     const fs::path partial = folder_ / out / "recording.partial.tcr";
     for (int i = 0; i < 3000 && !(fs::exists(partial) && fs::file_size(partial) > 200'000); ++i) ::usleep(10'000);
     const Deadline time(60.0);
     take_away(folder_ / out);
     const ProgramResult result = finish(pid);
-    EXPECT_FALSE(time.passed()) << out;
+    EXPECT_FALSE(time.passed());
     EXPECT_EQ(result.code, 50) << result.err;
     EXPECT_EQ(result.err_lines(), 1) << result.err;
-    EXPECT_NE(result.err.find(said), std::string::npos) << result.err;
-    EXPECT_NE(result.err.find("dwelling"), std::string::npos) << result.err;
-    return result.out.find("go on with") != std::string::npos;
-  };
-  EXPECT_FALSE(expect_noticed(
-      "journal", [](const fs::path& out) { fs::remove(out / "journal.tcj"); }, "journal.tcj: is no longer there"));
-  EXPECT_TRUE(expect_noticed(
-      "copied",
-      [](const fs::path& out) {
-        fs::copy_file(out / "journal.tcj", out / "copy");
-        fs::rename(out / "copy", out / "journal.tcj");
-      },
-      "journal.tcj: is another file now"));
-  EXPECT_FALSE(expect_noticed(
-      "gone", [](const fs::path& out) { fs::remove(out / "recording.partial.tcr"); },
-      "recording.partial.tcr: is no longer there"));
-  EXPECT_FALSE(expect_noticed(
-      "cut", [](const fs::path& out) { fs::resize_file(out / "recording.partial.tcr", 5'000); },
-      "recording.partial.tcr: somebody else has changed it"));
-  EXPECT_NE(run({"resume", "cut"}).err.find("does not hold what this run had recorded by sample"), std::string::npos);
-  EXPECT_FALSE(expect_noticed(
-      "folder", [](const fs::path& out) { fs::rename(out, out.string() + ".away"); }, "is no longer there"));
-  EXPECT_TRUE(expect_noticed(
-      "log", [](const fs::path& out) { fs::remove(out / "run.log"); }, "run.log: is no longer there"));
-}
-
-TEST_F(Storage, WhatFailedAfterTheTableMovedLeavesItsLog) {
-  const std::string rig = write("fault.rig", "fault.1.kind = axis_fault\nfault.1.axis = pitch\nfault.1.time_s = 1\n");
-  EXPECT_EQ(run({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--rig", rig}).code, 50);
-  EXPECT_SAYS(file_text(folder_ / "out/run.log"), "fault of axis pitch");
-  EXPECT_EQ(run({"journal", "out"}).code, 0);
+    EXPECT_SAYS(result.err, said);
+    EXPECT_SAYS(result.err, "dwelling");
+    EXPECT_EQ(result.out.find("go on with") != std::string::npos, goes_on);
+  }
+  EXPECT_SAYS(run({"resume", "cut"}).err, "does not hold what this run had recorded by sample");
 }
 
 }  // namespace

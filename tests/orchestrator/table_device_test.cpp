@@ -5,9 +5,10 @@
 
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <sstream>
-#include <stdexcept>
 
+#include "orchestrator/devices/commissioning.h"
 #include "orchestrator/devices/live_devices.h"
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/outcome.h"
@@ -130,29 +131,34 @@ TEST(TableDevice, MovesTheTwinWithinTheStationsLimits) {
   EXPECT_SAYS(refused.error().message, "heartbeat.watchdog_s");
 }
 
-// An exception in mid-move unwinds past the table: it is told to stop.
-TEST(TableDevice, ExceptionInMidMoveStopsTheTable) {
-  TwinStation twin(map_of(plain_map_text("tcp")));
-  StationConfig station = default_station_config();
-  station.table.driver = TableDriver::modbus;
-  station.table.map = twin.described;
-  const auto run = [&] {
-    const Result<std::unique_ptr<TableDevice>> device = make_table(station, {twin.clock});
-    Turntable& table = (*device)->table();
-    EXPECT_TRUE(table.connect().ok() && table.enable().ok() && table.home().ok());
-    for (int i = 0; i < 40; ++i) {
-      twin.pass(0.1);
-      EXPECT_TRUE(table.status(Axis::roll).ok());
-    }
-    EXPECT_TRUE(table.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
-    twin.pass(2.0);
-    throw std::runtime_error("in mid-move");
+// ---- an axis that is commissioned
+
+// A turn of 5 deg at 1 deg/s and 2 deg/s^2, polled 0.1 s apart; what is told of the rate is that times `scale`.
+Status judged(double scale, bool says_moving, double poll_s = 0.1) {
+  const auto at = [&](double t) {
+    AxisStatus axis;
+    const double end_s = 5.5, ramp_s = 0.5;
+    const double up = std::min(t, ramp_s), down = std::clamp(end_s - t, 0.0, ramp_s);
+    axis.time_s = t;
+    axis.rate_degps = std::min({2.0 * up, 1.0, 2.0 * down});
+    axis.position_deg = t <= ramp_s ? t * t : t <= end_s - ramp_s ? 0.25 + (t - ramp_s) : 5.0 - down * down;
+    axis.moving = says_moving && axis.rate_degps > 0.0;
+    axis.rate_degps *= scale;
+    return axis;
   };
-  EXPECT_THROW(run(), std::runtime_error);
-  twin.pass(1.5);
-  const std::lock_guard lock(twin.server.mutex);
-  EXPECT_EQ(twin.rig.axis(Axis::roll).rate_degps, 0.0);
-  EXPECT_LT(twin.rig.axis(Axis::roll).position_deg, 30.0);
+  RateCheck check(at(0.0));
+  for (double t = poll_s; t < 6.0; t += poll_s) check.add(at(t));
+  return check.judge(Axis::pitch, 0.3);
+}
+
+TEST(RateCheck, ADeadRateOrMovingBitIsNamed) {
+  for (const double scale : {1.0, 1.25}) EXPECT_OK(judged(scale, true)) << "within the tolerance";
+  EXPECT_OK(judged(0.0, false, 1.0)) << "a few readings are not judged";
+  for (const double scale : {0.0, -1.0, 0.1, 60.0, std::numeric_limits<double>::quiet_NaN()}) {
+    EXPECT_TRUE(fails(judged(scale, true), ErrorKind::input, "pitch turned by +5.000 deg while its rate summed up to"))
+        << scale;
+  }
+  EXPECT_TRUE(fails(judged(1.0, false), "never said so"));
 }
 
 }  // namespace

@@ -141,8 +141,7 @@ TEST_F(TableProgram, AnAxisThatSagsWithItsDriveOffIsSaid) {
 
 TEST_F(TableProgram, MonitorShowsADriveThatIsOnAndSwitchesItOff) {
   switch_on();
-  const ProgramResult result = run("monitor --station level.station --seconds 1");
-  EXPECT_EQ(result.code, 0) << result.err;
+  const ProgramResult result = ends("monitor --station level.station --seconds 1", 0);
   EXPECT_SAYS(result.out, "not ready (on, by somebody else");
   EXPECT_SAYS_NOT(result.out, "(off");
   EXPECT_TRUE(drives.all_off());
@@ -151,10 +150,7 @@ TEST_F(TableProgram, MonitorShowsADriveThatIsOnAndSwitchesItOff) {
 TEST_F(TableProgram, MonitorSaysThatADriveStaysOn) {
   switch_on();
   drives.refuses_off = 1'000'000;
-  const ProgramResult result = run("monitor --station level.station --seconds 1");
-  EXPECT_EQ(result.code, 50);
-  EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_SAYS(result.err, "THE STOP COULD NOT BE VERIFIED");
+  ends("monitor --station level.station --seconds 1", 50, "THE STOP COULD NOT BE VERIFIED");
 }
 
 TEST_F(TableProgram, MonitorSaysThatItCouldNotReadTheTableAtLast) {
@@ -244,10 +240,8 @@ TEST_F(TableProgram, CommissionSaysWhichWordOrderFitsWhereNoPositionIsPlausible)
   }
   drives.words_swapped = true;
   const ProgramResult result =
-      run({"commission", "--station", "level.station", "--heading", "30", "--pitch", "20", "--roll", "-10"});
-  EXPECT_EQ(result.code, 1);
-  EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_SAYS(result.err, "expected words.order = low_first");
+      ends({"commission", "--station", "level.station", "--heading", "30", "--pitch", "20", "--roll", "-10"}, 1,
+           "expected words.order = low_first");
   EXPECT_SAYS(result.err, "; nothing was moved");
   EXPECT_EQ(drives.words(), 0u) << "nothing was written";
 }
@@ -272,9 +266,8 @@ TEST_F(TableProgram, RunThatCannotVerifyItsStopSaysSoInItsTime) {
   write("level.station", station + "imu.timeout_s = 1\nmotion.stall_s = 1\nmotion.deadline_margin_s = 2\n");
   drives.refuses_off = 1'000'000;
   const double began_s = monotonic_s();
-  const ProgramResult result = run({"run", "--station", "level.station", "--unit", "U", "--out", "run"});
-  EXPECT_EQ(result.code, 50);
-  EXPECT_SAYS(result.err, "no sample from the IMU");
+  const ProgramResult result =
+      ends({"run", "--station", "level.station", "--unit", "U", "--out", "run"}, 50, "no sample from the IMU");
   EXPECT_SAYS(result.err, "THE STOP COULD NOT BE VERIFIED");
   EXPECT_SAYS(result.out, "stopping -> failed  deadline: THE STOP COULD NOT BE VERIFIED");
   EXPECT_LT(monotonic_s() - began_s, 9.0) << "1 s of silence, 1 + 2 s of stop, and the ramps";

@@ -17,7 +17,7 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/posix_file.h"
 #include "tests/outcome.h"
-#include "tests/rig_clock.h"
+#include "tests/turntable_drivers/rig/perfect_rig.h"
 #include "turntable_drivers/ascii/serial_turntable.h"
 #include "turntable_drivers/modbus/modbus_turntable.h"
 #include "turntable_drivers/rig/rig_devices.h"

@@ -1,15 +1,12 @@
 // A stop goes out within 100 ms of the request, whatever driver and line are doing at that moment: each state is brought about, the stop
 // is asked for in the middle of it, and the time is taken at the twin, when the stop of the last axis has come in. Where nothing can
 // come in any more, the driver must give up as fast. docs/fault-tests.md lists the states.
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
-#include <algorithm>
 #include <functional>
 
 #include <gtest/gtest.h>
 
+#include "tests/imu_io/loopback.h"
 #include "tests/turntable_drivers/served_twin.h"
 #include "tests/turntable_drivers/stop_request.h"
 
@@ -172,25 +169,18 @@ INSTANTIATE_TEST_SUITE_P(All, TextStopStates, testing::ValuesIn(text_states()),
 // A port that takes no connection and refuses none: its queue is full.
 struct BlackHole {
   BlackHole() {
-    listener = ::socket(AF_INET, SOCK_STREAM, 0);
-    sockaddr_in to{};
-    to.sin_family = AF_INET;
-    to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    socklen_t length = sizeof to;
-    EXPECT_EQ(::bind(listener, reinterpret_cast<sockaddr*>(&to), length), 0);
-    EXPECT_EQ(::listen(listener, 0), 0);
-    EXPECT_EQ(::getsockname(listener, reinterpret_cast<sockaddr*>(&to), &length), 0);
+    EXPECT_EQ(::listen(listener.descriptor, 0), 0);
+    sockaddr_in to = test::loopback(listener.port);
     for (int& client : queue) {
       client = ::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK, 0);
-      ::connect(client, reinterpret_cast<sockaddr*>(&to), length);
+      ::connect(client, reinterpret_cast<sockaddr*>(&to), sizeof to);
     }
-    address = "127.0.0.1:" + std::to_string(ntohs(to.sin_port));
+    address = "127.0.0.1:" + std::to_string(listener.port);
   }
   ~BlackHole() {
     for (const int client : queue) ::close(client);
-    ::close(listener);
   }
-  int listener = -1;
+  test::Socket listener{SOCK_STREAM};
   std::array<int, 4> queue{};
   std::string address;
 };

@@ -73,13 +73,10 @@ TEST_F(ByHandLive, WholeRunWithAWrongAxisASlowTurnAndALeave) {
         "format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1 \"up\"\n  initial H 0 P 0 R 0\n"
         "  align 1000\n  rotate P +90\n  dwell 1000\n  rotate R -90\n  dwell 1000\n");
   // The table is the one of twin.station as far as --manual is concerned: any will do.
-  write("hand.station",
-        "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = " +
-            std::filesystem::relative(std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/twin.map", folder_)
-                .string() +
-            "\ntable.simulated = true\nimu.driver = serial\nimu.device = unit\nimu.frame = laser_gyro\n"
-            "imu.simulated = true\nclock.speed_up = 20\nimu.timeout_s = 600\nmotion.deadline_margin_s = 600\n"
-            "motion.stall_s = 600\nresume.rest_s = 5\ntable.answer_timeout_s = 86400\n");
+  write("hand.station", live_station("table.simulated = true\nimu.simulated = true\nclock.speed_up = 20\nimu.timeout_s "
+                                     "= 600\nmotion.deadline_margin_s = 600\n"
+                                     "motion.stall_s = 600\nresume.rest_s = 5\ntable.answer_timeout_s = 86400\n",
+                                     "unit"));
   ServedUnit unit(path("unit"));
   int asked = 0, objections = 0;
   const auto turns = [&](const std::string& line) -> std::optional<std::string> {

@@ -6,10 +6,37 @@
 #include <cstdlib>
 #include <thread>
 
-#include "tests/orchestrator/database/shared_database.h"
+#include "orchestrator/records/results_database.h"
+#include "tests/imu_io/loopback.h"
+#include "tests/orchestrator/program.h"
 
 namespace turncal {
 namespace {
+
+// Nobody listens there: a port that only root could have.
+constexpr const char* server_away = "postgresql://east@127.0.0.1:1/turncal";
+
+class SharedDatabase : public Program {
+ protected:
+  std::string station(const std::string& database, const std::string& name = "east") const {
+    return write(name + ".station",
+                 station_head + "station.name = " + name +
+                     "\nmotion.settle_s = 0.5\nlimit.residual_max = 2\nrecord.database = " + database + "\n");
+  }
+  Arguments dry_run(const std::string& unit, const std::string& name = "east") const {
+    return Program::dry_run(name + "/" + unit, {"--station", path(name + ".station")}, unit);
+  }
+  std::vector<AttemptRecord> attempts(const std::string& name, const RecordFilter& filter = {}) const {
+    const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(name);
+    EXPECT_TRUE(database.ok()) << database.error().message;
+    return database.ok() ? *database->attempts(filter) : std::vector<AttemptRecord>();
+  }
+  std::size_t calibrations(const std::string& name, const RecordFilter& filter = {}) const {
+    const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(name);
+    EXPECT_TRUE(database.ok()) << database.error().message;
+    return database.ok() ? database->list(filter, "N01")->size() : 0;
+  }
+};
 
 std::string setting(const char* name) {
   const char* const value = std::getenv(name);
@@ -88,8 +115,7 @@ TEST_F(Server, TwoStationsAddAtOnceAndNothingIsLostOrDoubled) {
   EXPECT_FALSE(of_files.out.empty()) << of_files.err;
   EXPECT_EQ(run({"fleet", "diagnose", address("watcher"), "--format", "csv"}).out, of_files.out);
   EXPECT_SAYS(run({"history", address("watcher"), "--unit", "west3"}).out, "west3");
-  const ProgramResult shift = run({"shift", address("watcher"), "--simulated"});
-  EXPECT_EQ(shift.code, 0) << shift.err;
+  const ProgramResult shift = ends({"shift", address("watcher"), "--simulated"}, 0);
   EXPECT_SAYS(shift.out, "8 attempts");
 }
 
@@ -97,8 +123,7 @@ TEST_F(Server, WhatWasKeptWhileItWasStoppedIsSentOnce) {
   station(address("east"));
   ASSERT_EQ(run(dry_run("SN1")).code, 0);
   control("stop");
-  const ProgramResult away = run(dry_run("SN2"));
-  EXPECT_EQ(away.code, 0) << away.err;
+  ends(dry_run("SN2"), 0);
   EXPECT_EQ(attempts(path("east.station.outbox.db")).size(), 1u);
   control("start");
   ASSERT_EQ(run(dry_run("SN3")).code, 0);
@@ -219,19 +244,84 @@ TEST_F(Server, RowsGoThereAndBackAsTheyWere) {
 TEST_F(Server, APasswordComesFromTheFileForPasswordsAndIsNeverShown) {
   psql("CREATE ROLE guarded LOGIN PASSWORD 'xyzzy17' IN ROLE turncal_reader", "", "2> /dev/null");
   const std::string name = "postgresql://guarded@127.0.0.1:" + setting("TURNCAL_TEST_PORT") + "/" + name_;
-  const ProgramResult without = run({"history", name});
-  EXPECT_EQ(without.code, 50) << without.err;
-  EXPECT_EQ(without.err_lines(), 1) << without.err;
+  const ProgramResult without = ends({"history", name}, 50, "");
   ::setenv("PGPASSFILE", write("pgpass", "127.0.0.1:*:*:guarded:xyzzy17\n").c_str(), 1);
   ::chmod(path("pgpass").c_str(), 0600);
-  const ProgramResult with = run({"history", name});
-  EXPECT_EQ(with.code, 0) << with.err;
+  const ProgramResult with = ends({"history", name}, 0);
   ::setenv("PGPASSFILE", write("pgpass", "127.0.0.1:*:*:guarded:wrong17\n").c_str(), 1);
   const ProgramResult wrong = run({"history", name});
   ::unsetenv("PGPASSFILE");
   EXPECT_EQ(wrong.code, 50);
   EXPECT_SAYS_NOT((with.out + wrong.err + without.err), "17\n");
   EXPECT_SAYS_NOT(wrong.err, "wrong17");
+}
+
+// ---- a server that is away
+
+using Outbox = SharedDatabase;
+
+TEST_F(Outbox, AStationWhoseServerIsAwayGoesOnAndKeepsItsRows) {
+  station(server_away);
+  const ProgramResult result = run(dry_run("SN1"));
+  ASSERT_EQ(result.code, 0) << result.err;
+  const std::string log = file_text(folder_ / "east/SN1/run.log");
+  EXPECT_SAYS(log, "127.0.0.1:1/turncal: results database: cannot open: ");
+  EXPECT_SAYS(log, "; 1 attempt is kept in ");
+  const std::string kept = path("east.station.outbox.db");
+  ASSERT_EQ(run(dry_run("SN2")).code, 0);
+  const std::vector<AttemptRecord> all = attempts(kept);
+  ASSERT_EQ(all.size(), 2u);
+  EXPECT_EQ(all[0].outcome + all[1].outcome, "passpass");
+  EXPECT_EQ(calibrations(kept), 2u);
+  // What a person would do with it: into any other database, as often as wished.
+  for (int i = 0; i < 2; ++i) ASSERT_EQ(run({"database", "copy", kept, "whole.db"}).code, 0);
+  EXPECT_EQ(attempts(path("whole.db")).size(), 2u);
+  EXPECT_EQ(run({"database", "check", "whole.db"}).code, 0);
+}
+
+TEST_F(Outbox, CheckWarnsOfAServerThatIsAwayAndDoesNotRefuse) {
+  station(server_away);
+  ends({"check", "--station", path("east.station"), "--sequence",
+        std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq"},
+       0, "warning: postgresql://east@127.0.0.1:1/turncal: results database: cannot open: ");
+}
+
+TEST_F(Outbox, ServerThatTakesAConnectionAndSaysNothingCostsSecondsOnly) {
+  const test::Socket listener(SOCK_STREAM);
+  ASSERT_EQ(::listen(listener.descriptor, 8), 0);
+  const auto began = std::chrono::steady_clock::now();
+  const Result<ResultsDatabase> database = ResultsDatabase::open(
+      "postgresql://east@127.0.0.1:" + std::to_string(listener.port) + "/turncal", {.wait_s = 1.0, .all_s = 2.0});
+  ASSERT_FALSE(database.ok());
+  EXPECT_EQ(database.error().kind, ErrorKind::device);
+  EXPECT_SAYS(database.error().message, "there is no connection within 1 s");
+  EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(2));
+}
+
+TEST_F(Outbox, APasswordInANameIsRefusedAndNotRepeated) {
+  for (const std::string name :
+       {"postgresql://east:secret@host/turncal", "postgresql://east@host/turncal?password=secret",
+        "postgresql://east:sec/secret@host/turncal"}) {
+    station(name);
+    for (const auto& command : {dry_run("SN1"), {"history", name}, {"shift", name}, {"database", "check", name}}) {
+      const ProgramResult result = run(command);
+      EXPECT_EQ(result.code, 1) << command.front();
+      EXPECT_EQ(result.err_lines(), 1) << result.err;
+      EXPECT_SAYS(result.err, "expected postgresql://USER@HOST/NAME, and the password in ~/.pgpass");
+      EXPECT_SAYS_NOT((result.out + result.err), "secret") << result.out << result.err;
+    }
+  }
+}
+
+TEST_F(Outbox, CopyNeedsTwoDatabasesThatAreNotOne) {
+  station("results.db");
+  ASSERT_EQ(run(dry_run("SN1")).code, 0);
+  expect_refused({"database", "copy", "results.db"}, "expected a second database");
+  expect_refused({"database", "copy", "results.db", "results.db"}, "expected another file");
+  expect_refused({"database", "check", "results.db", "other.db"}, "expected a second database with copy only");
+  expect_refused({"database", "roles", "results.db"}, "a file has no roles");
+  write("wrong.station", file_text(folder_ / "east.station") + "record.outbox = o.db\n");
+  expect_refused("run --dry-run --unit SN2 --out x --station wrong.station", "record.outbox");
 }
 
 }  // namespace

@@ -1,9 +1,6 @@
 // Peers that nobody here wrote: our driver runs a sequence on a table that python3-pymodbus serves, over TCP and, through socat, over
 // RTU; mbpoll reads the registers of our twin. scripts/install-deps --tests installs them.
-#include <arpa/inet.h>
-#include <netinet/in.h>
 #include <signal.h>
-#include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -13,16 +10,12 @@
 
 #include "imu_io/base/clock.h"
 #include "orchestrator/run/station_run.h"
+#include "tests/imu_io/loopback.h"
 #include "tests/orchestrator/rig_station.h"
 #include "tests/turntable_drivers/served_twin.h"
 
 namespace turncal {
 namespace {
-
-struct WallClock : Clock {
-  double now_s() const override { return monotonic_s(); }
-  double utc_s() const override { return 0.0; }
-};
 
 // A program in the background, ended with this object.
 class Program {
@@ -61,26 +54,11 @@ std::string output_of(const std::string& command, int& status) {
   return text;
 }
 
-int free_port() {
-  const int s = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  socklen_t length = sizeof address;
-  EXPECT_EQ(::bind(s, reinterpret_cast<sockaddr*>(&address), length), 0);
-  ::getsockname(s, reinterpret_cast<sockaddr*>(&address), &length);
-  ::close(s);
-  return ntohs(address.sin_port);
-}
-
 bool wait_for_port(Program& server, int port, double seconds) {
   const Deadline deadline(seconds);
   while (!deadline.passed() && !server.ended()) {
     const int s = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<std::uint16_t>(port));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    sockaddr_in address = test::loopback(port);
     const bool there = ::connect(s, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0;
     ::close(s);
     if (there) return true;
@@ -151,7 +129,7 @@ long counts_of(const std::string& link, int unit) {
 }
 
 void run_a_sequence_on(RegisterMap map) {
-  WallClock clock;
+  RealClock clock;
   ModbusTurntable driver(map, clock);
   const Result<Sequence> sequence = parse_sequence(
       "format = 1\nname = short\nrate_degps = 40\nacceleration_degps2 = 100\n"
@@ -171,8 +149,7 @@ void run_a_sequence_on(RegisterMap map) {
   ASSERT_TRUE(plan.ok()) << plan.violations.front();
   StationRun run({driver, imu, clock, [](double seconds) { ::usleep(static_cast<unsigned>(1e6 * seconds)); }},
                  {*sequence, plan, station, "SN1"}, sink, {&watcher, nullptr, {}});
-  const RunOutcome outcome = run.run();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  ended(run.run(), RunState::done);
   // 10000 counts a degree; pitch counts backwards, roll's zero is at 12.5 deg.
   EXPECT_NEAR(driver.status(Axis::pitch)->position_deg, 20.0, 1e-4);
   EXPECT_NEAR(driver.status(Axis::roll)->position_deg, -10.0, 1e-4);
@@ -184,7 +161,7 @@ void run_a_sequence_on(RegisterMap map) {
 const std::string script = std::string(TURNCAL_SOURCE_DIR) + "/tests/turntable_drivers/modbus/pymodbus_drive.py";
 
 TEST(ModbusPeers, PymodbusServesATableOverTcp) {
-  const int port = free_port();
+  const int port = test::free_port(SOCK_STREAM);
   Program server({"/usr/bin/python3", script, "tcp", std::to_string(port)});
   ASSERT_TRUE(wait_for_port(server, port, 20.0)) << "python3-pymodbus: scripts/install-deps --tests installs it";
   RegisterMap map = map_of(plain_map_text("tcp"));
@@ -196,7 +173,7 @@ TEST(ModbusPeers, PymodbusServesATableOverTcp) {
 }
 
 TEST(ModbusPeers, SocatCarriesRtuToPymodbus) {
-  const int port = free_port();
+  const int port = test::free_port(SOCK_STREAM);
   const std::string device = temporary("socat");
   Program server({"/usr/bin/python3", script, "rtu", std::to_string(port)});
   ASSERT_TRUE(wait_for_port(server, port, 20.0)) << "python3-pymodbus: scripts/install-deps --tests installs it";

@@ -162,8 +162,7 @@ TEST(SlowTable, ARunReadsItsUnitsMeanwhile) {
   RigStation s(two_steps_text);
   const StationDevices devices = s.devices.devices();
   Table table(devices.table, {});
-  const RunOutcome outcome = s.run({table, devices.imu, devices.clock, devices.wait});
-  EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  ended(s.run({table, devices.imu, devices.clock, devices.wait}), RunState::done);
   EXPECT_GT(table.hooked, 100);
   EXPECT_FALSE(table.hook);
   EXPECT_EQ(s.sink.sample_count, two_steps_samples);
@@ -212,8 +211,7 @@ TEST(SlowTable, ALateAnswerIsNotTheUnitsFault) {
   Late table(devices.table, {});
   table.imu = &imu;
   s.watcher.on_tick = [&](const RunSnapshot& now) { table.lasts = now.state == RunState::dwelling; };
-  const RunOutcome outcome = s.run({table, imu, devices.clock, devices.wait});
-  EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(s.run({table, imu, devices.clock, devices.wait}), RunState::done);
   EXPECT_EQ(outcome.units[0].lost_samples, 0u);
 }
 

@@ -6,19 +6,12 @@
 
 #include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/drives/modbus_run.h"
+#include "tests/orchestrator/rig_station.h"
 
 namespace turncal {
 namespace {
 
-RigConfig rig_with(RigFaultKind kind, double time_s) {
-  RigConfig config = default_rig_config();
-  RigFault fault;
-  fault.kind = kind;
-  fault.time_s = time_s;
-  fault.axis = static_cast<int>(Axis::pitch);
-  config.faults.push_back(fault);
-  return config;
-}
+RigConfig pitch_with(RigFaultKind kind, double time_s) { return rig_with({table_fault(kind, time_s)}); }
 
 // Changes the register at `offset` of pitch's status block (0 to 5) in every reading.
 std::function<void(const ModbusRequest&, AnswerPlan&)> in_block(
@@ -36,8 +29,7 @@ std::function<void(const ModbusRequest&, AnswerPlan&)> in_block(
 
 TEST(StationFaults, UndisturbedRunIsThePlan) {
   ModbusRun s;
-  const RunOutcome outcome = s.run();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(s.run(), RunState::done);
   EXPECT_EQ(outcome.units[0].recorded_samples, s.plan.samples);
 }
 
@@ -106,15 +98,23 @@ std::vector<DriveFault> drive_faults() {
   };
   const RigConfig plain = default_rig_config();
   return {
-      {"never_in_position", rig_with(RigFaultKind::never_in_position, 3.0), {}, RunEvent::deadline, "has not settled"},
+      {"never_in_position",
+       pitch_with(RigFaultKind::never_in_position, 3.0),
+       {},
+       RunEvent::deadline,
+       "has not settled"},
       {"position_frozen", plain, frozen, RunEvent::stall, "no progress"},
-      {"axis_stuck", rig_with(RigFaultKind::stuck_axis, in_mid_move_s), {}, RunEvent::stall, "no progress"},
+      {"axis_stuck", pitch_with(RigFaultKind::stuck_axis, in_mid_move_s), {}, RunEvent::stall, "no progress"},
       {"drive_fault",
-       rig_with(RigFaultKind::axis_fault, in_mid_move_s),
+       pitch_with(RigFaultKind::axis_fault, in_mid_move_s),
        {},
        RunEvent::table_fault,
        "alarm 38 (overload)"},
-      {"emergency_stop", rig_with(RigFaultKind::emergency_stop, in_mid_move_s), {}, RunEvent::e_stop, "emergency stop"},
+      {"emergency_stop",
+       pitch_with(RigFaultKind::emergency_stop, in_mid_move_s),
+       {},
+       RunEvent::e_stop,
+       "emergency stop"},
       {"limit", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] |= 0x20; }), RunEvent::table_fault,
        "limit switch"},
       {"local_mode", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] &= 0x7FFF; }), RunEvent::table_fault,
@@ -151,8 +151,7 @@ TEST_P(StationDriveFaults, TableStopsAndTheRunSaysWhy) {
   const DriveFault& fault = GetParam();
   ModbusRun s(fault.config);
   if (fault.prepare) fault.prepare(s);
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(outcome.error.kind, ErrorKind::device);
   EXPECT_TRUE(s.watcher.saw(fault.event)) << outcome.error.message;
   EXPECT_SAYS(outcome.error.message, fault.says);
@@ -172,8 +171,7 @@ TEST(StationFaults, AnIllegalAddressIsTheMapsUntilSomethingMoves) {
     s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
       if (request.function == 6 && request.address == refused) plan.pieces[0].bytes = exception_reply(request, 2, true);
     });
-    const RunOutcome outcome = s.run();
-    EXPECT_EQ(outcome.state, RunState::failed);
+    const RunOutcome outcome = ended(s.run(), RunState::failed);
     EXPECT_EQ(exit_code(outcome.error.kind), refused == enable_register ? 1 : 50) << outcome.error.message;
     // No angle was read before the enabling.
     EXPECT_EQ(outcome.error.message.find(" at heading ") == std::string::npos, refused == enable_register)
@@ -188,33 +186,17 @@ TEST(StationFaults, OvershootThatComesBack) {
     if (s.rig_time_s() > 6.0 && s.rig_time_s() < 6.6)
       words[1] = static_cast<std::uint16_t>(words[1] - 500);  // 0.05 deg further
   }));
-  const RunOutcome outcome = s.run();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  ended(s.run(), RunState::done);
   EXPECT_GE(s.sink.segments[2].start_sample, 200 + 720);
 }
 
 // The table drifts during the dwell: it counts only when it is repeated.
 TEST(StationFaults, DriftAfterDone) {
-  RigConfig config = rig_with(RigFaultKind::table_moved, 7.5);
+  RigConfig config = pitch_with(RigFaultKind::table_moved, 7.5);
   config.faults[0].size = 0.05;
   ModbusRun s(config);
-  const RunOutcome outcome = s.run();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(s.run(), RunState::done);
   EXPECT_EQ(outcome.repeated_dwells, 1);
-}
-
-TEST(StationFaults, OperatorStopsInMidMoveAndDuringSettling) {
-  for (const double at_s : {in_mid_move_s, in_settling_s}) {
-    ModbusRun s;
-    s.watcher.on_tick = [&](const RunSnapshot&) {
-      if (s.rig_time_s() >= at_s && s.stop_requests == 0) ++s.stop_requests;
-    };
-    const RunOutcome outcome = s.run();
-    EXPECT_EQ(outcome.state, RunState::aborted) << outcome.error.message;
-    EXPECT_EQ(outcome.error.kind, ErrorKind::aborted);
-    EXPECT_TRUE(outcome.error.message.ends_with(": stopped by the operator; the table rests, its drives are off"))
-        << outcome.error.message;
-  }
 }
 
 // The heartbeat goes out with the polls, twice a second while the table rests: enough for a watchdog of 1 s.
@@ -265,8 +247,7 @@ TEST(StationFaults, LinkDropsInMidMove) {
     plan.pieces[0].bytes.resize(4);
     plan.hang_up = true;
   });
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_TRUE(s.watcher.saw(RunEvent::link_lost)) << outcome.error.message;
   EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified)) << outcome.error.message;
   EXPECT_LT(s.station.rig.axis(Axis::pitch).position_deg, 19.9);
@@ -287,8 +268,7 @@ TEST(StationFaults, AdapterIsPulledInMidMoveAndComesBack) {
     s.station.disturb(nullptr);
     s.station.plug_in_again();
   };
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(outcome.error.kind, ErrorKind::device);
   EXPECT_TRUE(back);
   EXPECT_TRUE(s.watcher.saw(RunEvent::link_lost)) << outcome.error.message;

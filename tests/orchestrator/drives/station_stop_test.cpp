@@ -30,8 +30,9 @@ TEST_P(StationStop, GoesOutWithin100MsOfARequest) {
     s.station.disturb([&](const ModbusRequest& request, AnswerPlan&) {
       if (request.unit == 3 && request.address == 0x202 && stop_s == 0.0) stop_s = monotonic_s();
     });
-    const RunOutcome outcome = s.run();
-    EXPECT_EQ(outcome.state, RunState::aborted) << outcome.error.message;
+    const RunOutcome outcome = ended(s.run(), RunState::aborted);
+    EXPECT_EQ(outcome.error.kind, ErrorKind::aborted);
+    EXPECT_SAYS(outcome.error.message, ": stopped by the operator; the table rests, its drives are off");
     EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified));
     EXPECT_GT(stop_s, 0.0);
     return stop_s - asked_s;

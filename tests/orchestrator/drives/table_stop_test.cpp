@@ -7,6 +7,7 @@
 
 #include "orchestrator/devices/table_device.h"
 #include "tests/orchestrator/drives/modbus_run.h"
+#include "tests/orchestrator/rig_station.h"
 #include "tests/turntable_drivers/level_drives.h"
 
 namespace turncal {
@@ -61,11 +62,6 @@ struct LastWord : testing::Test {
   }
 };
 
-TEST_F(LastWord, NormalEnd) {
-  { const auto table = ready(); }
-  EXPECT_TRUE(drives.all_off());
-}
-
 TEST_F(LastWord, AfterADriverThatWasToldOffAStopDoesNotSwitchOn) {
   const auto table = ready();
   ASSERT_TRUE(table->table().abort_all().ok());
@@ -90,27 +86,26 @@ TEST_F(LastWord, AStopDoesNotSwitchOnADriveThatReadsOff) {
   EXPECT_EQ(drives.drive(1).control, 3) << "the others brake";
 }
 
-TEST_F(LastWord, ExceptionInMidMove) {
-  const auto run = [&] {
-    const auto table = ready();
-    begin_move(table->table());
-    throw std::runtime_error("in mid-move");
-  };
-  EXPECT_THROW(run(), std::runtime_error);
-  EXPECT_TRUE(drives.all_off());
-  EXPECT_EQ(drives.drive(2).rate, 0.0);
-  EXPECT_GE(drives.drive(2).words.size(), 2u);
-  EXPECT_EQ(drives.drive(2).words.end()[-2], 3) << "it brakes before its drive goes off";
-}
-
-TEST_F(LastWord, SignalInMidMove) {
-  {
-    const auto table = ready();
-    begin_move(table->table());
-    ++stop_requests;  // and nobody handled it
+// The end by an exception, and by a signal that nobody handled.
+TEST_F(LastWord, ExceptionOrSignalInMidMove) {
+  for (const bool signal : {false, true}) {
+    stop_requests = 0;
+    const auto run = [&] {
+      const auto table = ready();
+      begin_move(table->table());
+      if (signal) ++stop_requests;
+      if (!signal) throw std::runtime_error("in mid-move");
+    };
+    if (signal) {
+      run();
+    } else {
+      EXPECT_THROW(run(), std::runtime_error);
+    }
+    EXPECT_TRUE(drives.all_off()) << signal;
+    EXPECT_EQ(drives.drive(2).rate, 0.0);
+    EXPECT_GE(drives.drive(2).words.size(), 2u);
+    EXPECT_EQ(drives.drive(2).words.end()[-2], 3) << "it brakes before its drive goes off";
   }
-  EXPECT_TRUE(drives.all_off());
-  EXPECT_EQ(drives.drive(2).rate, 0.0);
 }
 
 // `monitor` enables nothing: it leaves drives that are off untouched, and those that it found on are off.
@@ -202,8 +197,7 @@ TEST(TableStopInARun, FastestStopGoesOutWhenNothingCanBeRead) {
     if (request.function == 3 && s.rig_time_s() > in_mid_move_s) plan.pieces.clear();
     if (request.address == 0x203) ++aborts[request.unit];
   });
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_SAYS(outcome.error.message, "COULD NOT BE VERIFIED");
   for (const int unit : {1, 2, 3}) EXPECT_GE(aborts[unit], 3) << unit;
   EXPECT_LT(s.station.rig.axis(Axis::pitch).position_deg, 19.9);
@@ -220,8 +214,7 @@ TEST(StrayAxis, AnotherAxisThatTurnsStopsTheRunWithinOnePoll) {
       began_s = s.rig_time_s();
       s.station.rig.command_move(Axis::roll, 300.0, 20.0, 1000.0);
     };
-    const RunOutcome outcome = s.run();
-    EXPECT_EQ(outcome.state, RunState::failed);
+    const RunOutcome outcome = ended(s.run(), RunState::failed);
     EXPECT_TRUE(s.watcher.saw(RunEvent::table_fault)) << outcome.error.message;
     EXPECT_SAYS(outcome.error.message, "roll moves although nothing sent it");
     const double turned_deg = s.station.rig.axis(Axis::roll).position_deg;
@@ -240,8 +233,7 @@ TEST(StrayAxis, TheCommandedAxisThatRunsTheWrongWayStopsTheRun) {
     const std::lock_guard lock(s.station.server.mutex);
     s.station.rig.command_move(Axis::pitch, -300.0, 20.0, 1000.0);
   };
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_SAYS(outcome.error.message, "pitch runs away");
   EXPECT_GT(s.station.rig.axis(Axis::pitch).position_deg, -30.0);
 }
@@ -260,15 +252,10 @@ void read_off_by(ModbusRun& s, double jump_deg, double from_s, double to_s) {
 
 // Somebody knocks against the table in a dwell: put right, and repeated. An encoder that loses count reads too far away for that.
 TEST(StrayAxis, ASlipInADwellIsPutRight) {
-  RigFault slip;
-  slip.kind = RigFaultKind::table_moved;
-  slip.time_s = 7.5;
+  RigFault slip = table_fault(RigFaultKind::table_moved, 7.5, Axis::heading);
   slip.size = 0.9;
-  RigConfig config = default_rig_config();
-  config.faults = {slip};
-  ModbusRun s(config);
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  ModbusRun s(rig_with({slip}));
+  const RunOutcome outcome = ended(s.run(), RunState::done);
   EXPECT_EQ(outcome.repeated_dwells, 1);
 }
 
@@ -276,8 +263,7 @@ TEST(StrayAxis, ASlipInADwellIsPutRight) {
 TEST(StrayAxis, AReadingThatSlipsInADwellRepeatsIt) {
   ModbusRun s;
   read_off_by(s, 0.5, 7.5, 8.5);
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(s.run(), RunState::done);
   EXPECT_EQ(outcome.repeated_dwells, 1);
 }
 
@@ -286,8 +272,7 @@ TEST(StrayAxis, AnEncoderThatJumpsInADwellIsAFault) {
     SCOPED_TRACE(jump_deg);
     ModbusRun s;
     read_off_by(s, jump_deg, 7.5, 1e9);
-    const RunOutcome outcome = s.run();
-    EXPECT_EQ(outcome.state, RunState::failed);
+    const RunOutcome outcome = ended(s.run(), RunState::failed);
     EXPECT_TRUE(s.watcher.saw(RunEvent::table_fault)) << outcome.error.message;
     EXPECT_SAYS(outcome.error.message, "heading moves although nothing sent it: from 0.0000 to");
     EXPECT_NEAR(s.station.rig.axis(Axis::heading).position_deg, 0.0, 1e-6) << "nothing was sent";

@@ -2,9 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 #include <sstream>
 
+#include "imu_io/recordings/parameter_file.h"
+#include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/report.h"
+#include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
 #include "tests/outcome.h"
 
@@ -16,25 +20,7 @@ std::size_t characters(const std::string& utf8) {
       std::count_if(utf8.begin(), utf8.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
 }
 
-TEST(VerdictSentence, SaysWhatWasFoundWithNumbers) {
-  const Sample clean = clean_sample();
-  EXPECT_EQ(
-      plain(verdict_sentence(clean.diagnosis)),
-      "Clean: the 24 parameters explain the data to the noise; the probability that something is missing is 0.04; "
-      "the strongest of 146 candidates, gyro_g_squared.z_yz, scores 3.9 sigma; on held-out data (second "
-      "recording) the velocity error is 1.50 "
-      "mm/s rms and "
-      "the normalised residual 0.998.");
-  const Sample extended = extended_sample();
-  EXPECT_EQ(
-      plain(verdict_sentence(extended.diagnosis)),
-      "Extended: one effect beyond the 24 parameters was found and added: accel_second_order, second-order "
-      "nonlinearity K2 "
-      "(IEEE 1293), x 20.25 +- 0.75 ug/g^2 (27 sigma), z -3.5 +- 1.2 ug/g^2 (2.8 sigma); with it the velocity error on "
-      "held-out data (second recording) falls from 7.10 to 1.40 mm/s rms (-80 %), and the normalised residual there "
-      "from "
-      "3.200 to 1.010; this recording cannot tell accel_second_order from accel_scale_asymmetry.");
-  EXPECT_SAYS(verdict_sentence(extended.diagnosis), "20.25 ± 0.75 µg/g²");
+TEST(VerdictSentence, SaysWhatIsLeftWithNumbers) {
   const Sample unexplained = unexplained_sample();
   const std::string text = plain(verdict_sentence(unexplained.diagnosis));
   EXPECT_TRUE(
@@ -109,6 +95,79 @@ TEST(TerminalTable, StaysWithinThirtyLinesOfAHundredColumns) {
   expect_fits(lines);
   EXPECT_EQ(lines.size(), 30u);
   EXPECT_EQ(lines.back(), "... more in the report");
+}
+
+// ---- its files
+
+TEST(DiagnosisFile, SaysThatAHoldoutIsJudgedByItsOwnNoise) {
+  Diagnosis diagnosis = extended_sample().diagnosis;
+  diagnosis.holdout_own_noise = 2.5;
+  const std::string text = format_diagnosis(diagnosis);
+  EXPECT_TRUE(text.ends_with("\nholdout.source = second recording\nholdout.own_noise = 2.5\n")) << text;
+}
+
+TEST(DiagnosisFile, KeepsEveryKeyWhenThereIsNothingToSay) {
+  Diagnosis empty;
+  empty.reason = "first line\nsecond line";  // must not become a line of its own
+  empty.error_before = empty.error_after = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(format_diagnosis(empty),
+            "# turncal diagnosis: which effect the 24 parameters lack, and the error before and after it was added\n"
+            "# reason: first line second line\n"
+            "verdict = unexplained\n"
+            "quality.trusted = false\n"
+            "effects =\n"
+            "undetectable =\n"
+            "error.before =\n"
+            "error.after =\n"
+            "holdout.before =\n"
+            "holdout.after =\n"
+            "holdout.velocity_rms_before_mps =\n"
+            "holdout.velocity_rms_after_mps =\n"
+            "holdout.source =\n");
+}
+
+TEST(DiagnosisFile, HasAWordForEveryVerdict) {
+  Sample sample = clean_sample();
+  const char* verdicts[] = {"clean", "extended", "unexplained", "noise_model"};
+  for (int k = 0; k < 4; ++k) {
+    sample.diagnosis.verdict = static_cast<Verdict>(k);
+    EXPECT_SAYS(format_diagnosis(sample.diagnosis), std::string("\nverdict = ") + verdicts[k] + "\n");
+  }
+}
+
+TEST(DiagnosisParameters, HoldEffectsStrongestFirstNoiseAndVerdict) {
+  Sample sample = extended_sample();
+  sample.recording.info.unit_serial = "SN7";
+  Diagnosis& d = sample.diagnosis;
+  d.extended.effects.insert(d.extended.effects.begin(), estimated("gyro_warm_up", 1, 0.02, 0.01, 240.0));
+  d.extended.sigma[5] = 0.0;  // A03 not determined
+  const ParameterFile file = diagnosis_parameters(d, sample_context(sample));
+  const auto text = format_parameter_file(file);
+  ASSERT_OK(text);
+  const auto read = parse_parameter_file(*text, "parameters.conf");
+  ASSERT_OK(read);
+  EXPECT_EQ(read->model, "extended");
+  EXPECT_EQ(read->method, "joint");
+  EXPECT_EQ(read->recording_hash, "00112233445566778899aabbccddeeff");
+  EXPECT_EQ(read->unit_serial, "SN7");
+  EXPECT_EQ(read->reference_temperature_c, 25.5);
+  const std::vector<EffectValue> expected = {{"accel_second_order", "x", 20.25, 0.75},
+                                             {"accel_second_order", "z", -3.5, 1.25},
+                                             {"gyro_warm_up", "y", 0.02, 0.01},
+                                             {"gyro_warm_up", "tau_s", 240.0, {}}};
+  EXPECT_EQ(read->effects, expected);
+  EXPECT_EQ(read->sigma[0], 0.002);
+  EXPECT_FALSE(read->sigma[5]);   // not determined: no sigma
+  EXPECT_FALSE(read->sigma[18]);  // a21
+  const auto further = [&](const std::string& key) -> std::string {
+    for (const auto& [k, v] : read->further)
+      if (k == key) return v;
+    return "missing";
+  };
+  EXPECT_EQ(further("verdict.diagnosis"), "extended");
+  EXPECT_EQ(further("noise.source"), "measured");
+  EXPECT_NEAR(std::stod(further("noise.angle_random_walk.y_deg_per_rt_h")), 0.002, 1e-12);
+  EXPECT_NEAR(std::stod(further("noise.velocity_random_walk.z_ug_per_rt_hz")), 8.0, 1e-9);
 }
 
 }  // namespace

@@ -21,8 +21,7 @@ TEST_F(Apply, TakesEffectsOff) {
   // Mean of x over the last seconds of both dwells: (up + down) / 2 g, in ug.
   const auto asymmetry_ug = [&](const std::string& name) {
     keep(file, name + ".conf");
-    const ProgramResult applied = run({"apply", "k2", "--parameters", path(name + ".conf"), "--out", name + ".csv"});
-    EXPECT_EQ(applied.code, 0) << applied.err;
+    ends({"apply", "k2", "--parameters", path(name + ".conf"), "--out", name + ".csv"}, 0);
     std::istringstream csv(file_text(folder_ / (name + ".csv")));
     std::string line;
     std::getline(csv, line);

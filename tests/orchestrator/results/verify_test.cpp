@@ -72,9 +72,7 @@ TEST_F(Verify, SeeksNorthInFourHeadings) {
   EXPECT_EQ(file_text(folder_ / "again/verification.conf"), file_text(folder_ / "v/verification.conf"));
   // A gyro bias of 0.02 deg/h is a heading error of 0.09 deg, the other way round at 180.
   write_parameters("wrong.conf", 0, 0.02);
-  const ProgramResult failed = run({"verify", "--recording", "v", "--parameters", path("wrong.conf"), "--out", "w"});
-  EXPECT_EQ(failed.code, 20) << failed.out;
-  EXPECT_EQ(failed.err_lines(), 1);
+  ends({"verify", "--recording", "v", "--parameters", path("wrong.conf"), "--out", "w"}, 20, "");
   EXPECT_EQ(result("w/verification.conf").text("verdict.heading"), "fail");
   // The station's own limit, wide enough.
   write("wide.station", "format = 1\n" + std::string("site.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\n"
@@ -136,9 +134,7 @@ TEST_F(Verify, SaysWhatSpeaksAgainstTheFile) {
   ParameterFile file = good_file();
   file.add_further("quality.trusted", std::string("false"));
   keep(file, "doubtful.conf");
-  const ProgramResult held = run(seeking("doubtful.conf", "v"));
-  EXPECT_EQ(held.code, 20) << held.out;
-  EXPECT_SAYS(held.err, "parameters not trusted");
+  const ProgramResult held = ends(seeking("doubtful.conf", "v"), 20, "parameters not trusted");
   EXPECT_SAYS(held.out, "NOT TRUSTED");
   EXPECT_EQ(result("v/verification.conf").text("trusted"), "false");
   // A recording of another latitude than the unit feels.
@@ -147,8 +143,8 @@ TEST_F(Verify, SaysWhatSpeaksAgainstTheFile) {
   std::string conf = file_text(folder_ / "text/recording.conf");
   conf.replace(conf.find("29.53"), 5, "39.53");
   write("text/recording.conf", conf);
-  const ProgramResult away = run({"verify", "--recording", "text", "--parameters", path("true.conf"), "--out", "away"});
-  EXPECT_EQ(away.code, 20) << away.out;
+  const ProgramResult away =
+      ends({"verify", "--recording", "text", "--parameters", path("true.conf"), "--out", "away"}, 20);
   EXPECT_EQ(result("away/verification.conf").text("verdict.latitude"), "fail");
 }
 
@@ -235,9 +231,7 @@ TEST_F(Verify, GoesOnWithItsOutcome) {
   run_struck(seeking("wrong.conf", "changed"), points / 2, "kill");
   std::filesystem::remove(folder_.string() + ".count");
   write_parameters("wrong.conf", 0, 0.3);
-  const ProgramResult changed = run({"resume", "changed"});
-  EXPECT_EQ(changed.code, 1) << changed.out;
-  EXPECT_SAYS(changed.err, "wrong.conf: is not the parameter file that");
+  ends({"resume", "changed"}, 1, "wrong.conf: is not the parameter file that");
 }
 
 // Behind the calibration, in the same walk of the table: what is calibrated is not changed by it, and its outcome is the unit's.
@@ -287,8 +281,7 @@ TEST_F(Verify, BehindTheCalibration) {
   EXPECT_EQ(file_text(folder_ / "killed/verification.conf"), file_text(folder_ / "v/verification.conf"));
   // Gyros that cannot keep the limit in this time: nothing is decided, and the unit waits. Also in a batch.
   write("queue", "SN7\n");
-  const ProgramResult batch = run({"batch", "queue", "--dry-run", "--verify", "--out", "batch"});
-  EXPECT_EQ(batch.code, 20) << batch.out;
+  const ProgramResult batch = ends({"batch", "queue", "--dry-run", "--verify", "--out", "batch"}, 20);
   EXPECT_SAYS(file_text(folder_ / "batch/SN7/parameters.conf"), "verdict.result = hold\n");
   EXPECT_SAYS(batch.out, "unit SN7: hold: verification hold: heading 0.0");
   KeyValueFile undecided = result("batch/SN7/verification.conf");
@@ -299,9 +292,8 @@ TEST_F(Verify, BehindTheCalibration) {
   EXPECT_SAYS(batch.out, "undecided: no more than noise; these gyros cannot keep 0.012 deg in 300 s");
   // A level limit below the unit's noise: undecided, though all its parameters are within theirs, and its file is not put in use.
   write("strict.station", station + "limit.level_deg = 0.000001\nlimit.A01.max = 1\nrecord.store = store\n");
-  const ProgramResult failed =
-      run({"run", "--dry-run", "--verify", "--unit", "SN7", "--station", path("strict.station"), "--out", "strict"});
-  EXPECT_EQ(failed.code, 20) << failed.out;
+  const ProgramResult failed = ends(
+      {"run", "--dry-run", "--verify", "--unit", "SN7", "--station", path("strict.station"), "--out", "strict"}, 20);
   const ParameterFile held = *read_parameter_file(path("strict/parameters.conf"));
   EXPECT_TRUE(find_further(held, "verdict.A01")->starts_with("pass")) << *find_further(held, "verdict.A01");
   EXPECT_EQ(*find_further(held, "verdict.result"), "hold");
@@ -339,15 +331,13 @@ TEST_F(Verify, ReadingsOfReferences) {
                           "20.186751,0.009256,-0.017475,20.186751,0.009256,-0.017475\n"
                           "74.261759,0.017019,0.052811,74.262023,0.017211,0.052833\n"
                           "20.017897,0.012601,-0.013012,20.017913,0.012871,-0.014151\n");
-  const ProgramResult passed = run({"verify", "--references", path("table3.csv"), "--out", "refs"});
-  EXPECT_EQ(passed.code, 0) << passed.err;
+  ends({"verify", "--references", path("table3.csv"), "--out", "refs"}, 0);
   KeyValueFile conf = result("refs/references.conf");
   EXPECT_NEAR(conf.number("error.2.heading_deg"), -0.000264, 1e-10);
   EXPECT_NEAR(conf.number("worst.pitch_deg"), 0.001139, 1e-10);
   EXPECT_EQ(conf.text("verdict.result"), "pass");
   write("off.csv", std::string(head) + "20,0,0,20,0,0\n359.995,0,0,0.005,0,0\n");
-  const ProgramResult failed = run({"verify", "--references", path("off.csv")});
-  EXPECT_EQ(failed.code, 20);
+  const ProgramResult failed = ends({"verify", "--references", path("off.csv")}, 20);
   EXPECT_SAYS(failed.out, "-0.010000");
   write("edge.csv", std::string(head) + "20,0,0,20,0,0\n100.3,0.06,0,100.291,0,0.06\n");
   EXPECT_EQ(run({"verify", "--references", path("edge.csv")}).code, 0);

@@ -56,16 +56,6 @@ TEST(DwellMonitor, EveryLostSampleIsSeen) {
   }
 }
 
-TEST(DwellMonitor, FlaggedDataIsTheUnitsFailure) {
-  std::vector<ImuSample> samples = at_rest(500, 2000);
-  samples[1999].flags = sample_flag_invalid;
-  DwellMonitor monitor({}, info());
-  monitor.start(500, 2000);
-  const auto& defect = monitor.add(samples);
-  ASSERT_TRUE(defect);
-  EXPECT_EQ(defect->kind, ErrorKind::unit_failed);
-}
-
 // A turn of 0.02 deg within the sixth second is 0.02 deg/s in its mean: 77.2 pulses of 0.93292" more. It stands off the
 // mean of six by 5/6 of that, 0.01667 deg/s. Limit 0.01 deg/s. In ten samples: in one it would be a glitch.
 TEST(DwellMonitor, JumpOfTheGyroMean) {
@@ -94,13 +84,6 @@ TEST(DwellMonitor, PulsesThatComeTogetherAreNoKnock) {
   EXPECT_NE(verdict(samples, sample_by_sample), "complete");
 }
 
-// A knock of 0.03 m/s in one sample: 60 pulses, 0.03 m/s^2 in one second's mean. Limit 0.02 m/s^2.
-TEST(DwellMonitor, KnockOnTheAccelerometer) {
-  std::vector<ImuSample> samples = at_rest(500, 2000);
-  samples[900].accel[2] += 60.0;
-  EXPECT_SAYS(verdict(samples), "accelerometer z");
-}
-
 // Neither large enough to be impossible, nor a knock of the table: one sample, in any window, the first included.
 TEST(DwellMonitor, OneSampleAloneIsNamedAsAGlitch) {
   for (const std::size_t at : {30U, 777U, 1990U}) {
@@ -114,14 +97,17 @@ TEST(DwellMonitor, OneSampleAloneIsNamedAsAGlitch) {
   }
 }
 
-// Slow swaying stays below the peak limit but scatters: 0.004 deg/s amplitude has a standard deviation of 0.0028 > 0.002.
-TEST(DwellMonitor, ScatterOfTheMeans) {
-  std::vector<ImuSample> samples = at_rest(500, 2000);
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    // 0.004 deg/s = 14.4 "/s = 0.0772 pulses a 5 ms sample
-    samples[i].gyro[2] += 0.0772 * (i / 400 % 2 == 0 ? 1.0 : -1.0) + (i % 2 == 0 ? 0.5 : -0.5);
-  }
-  EXPECT_SAYS(verdict(samples), "gyro z means scatter");
+// Slow swaying stays below the peak limit but scatters: 0.004 deg/s amplitude, 0.0772 pulses a sample, has a standard deviation of
+// 0.0028 > 0.002. A knock of 0.03 m/s in one sample: 60 pulses, 0.03 m/s^2 in one second's mean; limit 0.02 m/s^2.
+TEST(DwellMonitor, WhatIsNotStillIsNamed) {
+  std::vector<ImuSample> swaying = at_rest(500, 2000), knocked = swaying, unknown = swaying;
+  for (std::size_t i = 0; i < swaying.size(); ++i)
+    swaying[i].gyro[2] += 0.0772 * (i / 400 % 2 == 0 ? 1.0 : -1.0) + (i % 2 == 0 ? 0.5 : -0.5);
+  knocked[900].accel[2] += 60.0;
+  unknown[10].accel[0] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_SAYS(verdict(swaying), "gyro z means scatter");
+  EXPECT_SAYS(verdict(knocked), "accelerometer z");
+  EXPECT_NE(verdict(unknown), "complete");
 }
 
 // A unit that froze in a turn gives 4 deg/s for a whole dwell: nothing of that dwell shows it.
@@ -145,18 +131,14 @@ TEST(DwellMonitor, ADwellOfOneSampleIsNone) {
   EXPECT_FALSE(coarse.add(frozen));
 }
 
-TEST(DwellMonitor, NotANumberIsNotStill) {
-  std::vector<ImuSample> samples = at_rest(500, 2000);
-  samples[10].accel[0] = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_NE(verdict(samples), "complete");
-}
-
-TEST(DwellMonitor, StartsAfresh) {
+TEST(DwellMonitor, StartsAfreshAfterFlaggedData) {
   DwellMonitor monitor({}, info());
   monitor.start(0, 2000);
   std::vector<ImuSample> bad = at_rest(0, 400);
   bad.back().flags = sample_flag_invalid;
-  EXPECT_TRUE(monitor.add(bad));
+  const auto& defect = monitor.add(bad);
+  ASSERT_TRUE(defect);
+  EXPECT_EQ(defect->kind, ErrorKind::unit_failed);
   monitor.start(400, 2000);
   EXPECT_FALSE(monitor.add(at_rest(400, 2000)));
   EXPECT_TRUE(monitor.complete());

@@ -7,7 +7,7 @@
 
 #include "orchestrator/jobs/command_context.h"
 #include "orchestrator/run/station_run.h"
-#include "tests/orchestrator/run/rig_faults.h"
+#include "tests/orchestrator/rig_station.h"
 
 namespace turncal {
 namespace {
@@ -31,8 +31,7 @@ TEST(StationRun, UndisturbedRunIsThePlanToTheSample) {
     EXPECT_TRUE(s.sink.finished) << "calibrated before the recording was sealed";
     return {};
   };
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(s.run(), RunState::done);
   EXPECT_TRUE(calibrated);
   EXPECT_EQ(outcome.units[0].recorded_samples, two_steps_samples);
   EXPECT_EQ(s.sink.sample_count, two_steps_samples);
@@ -53,8 +52,7 @@ TEST(StationRun, FourteenStepsAreTheIndependentRecordingsSegments) {
   std::stringstream text;
   text << text_file.rdbuf();
   RigStation s(text.str());
-  const RunOutcome outcome = s.run();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(s.run(), RunState::done);
   EXPECT_EQ(outcome.units[0].recorded_samples, 1268400);  // 6342 s
   expect_same(s.sink.segments, planned_segments(s.plan));
 
@@ -80,8 +78,7 @@ TEST(StationRun, OddMotionTimesFollowThePlan) {
       "format = 1\nname = odd\nrate_degps = 7\nacceleration_degps2 = 13\nstep 1\n  initial H 0 P 0 R 0\n  align 200\n"
       "  rotate H +33.3\n  dwell 777\n  rotate R -1.5\n  dwell 200\n  rotate P +45 rate 40 acceleration 60\n  dwell "
       "200\n");
-  const RunOutcome outcome = s.run();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  ended(s.run(), RunState::done);
   expect_same(s.sink.segments, planned_segments(s.plan));
 }
 
@@ -92,8 +89,7 @@ TEST(StationRun, GoesToTheStartPositionBeforeTheRecordingBegins) {
       "format = 1\nname = away\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H -90 P 0 R 30\n"
       "  align 1000\n  dwell 200\n",
       config);
-  const RunOutcome outcome = s.run();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  ended(s.run(), RunState::done);
   ASSERT_EQ(s.sink.segments.size(), 2U);
   EXPECT_EQ(line_of(s.sink.segments[0]), "1 0 0 1000 -90 0 30");
   EXPECT_EQ(s.watcher.count(RunEvent::move_next), 2);
@@ -101,31 +97,26 @@ TEST(StationRun, GoesToTheStartPositionBeforeTheRecordingBegins) {
 
 // --- The unit, the disk, the operator.
 
-void expect_lost(const RigFault& fault, double at_s) {
-  RigStation s(two_steps_text, rig_with({fault}));
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
-  EXPECT_EQ(exit_code(outcome.error.kind), 50);
-  EXPECT_TRUE(s.watcher.saw(RunEvent::imu_lost));
-  EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified));
-  EXPECT_TRUE(s.at_rest());
-  EXPECT_NEAR(s.clock.now_s(), at_s, 1.5);
-}
-TEST(StationRun, SilentUnitIsLost) {
+TEST(StationRun, SilentOrUnpluggedUnitIsLostAndTheTableStopped) {
   RigFault silent = table_fault(RigFaultKind::imu_silent, 9.0);
   silent.duration_s = 100.0;
-  expect_lost(silent, 9.0 + default_station_config().imu_timeout_s);
-}
-TEST(StationRun, UnpluggedUnitIsLostAndTheTableStopped) {
-  expect_lost(table_fault(RigFaultKind::imu_unplugged, 9.0), 9.5);
+  for (const auto& [fault, at_s] : {std::pair{silent, 9.0 + default_station_config().imu_timeout_s},
+                                    {table_fault(RigFaultKind::imu_unplugged, 9.0), 9.5}}) {
+    RigStation s(two_steps_text, rig_with({fault}));
+    const RunOutcome outcome = ended(s.run(), RunState::failed);
+    EXPECT_EQ(exit_code(outcome.error.kind), 50);
+    EXPECT_TRUE(s.watcher.saw(RunEvent::imu_lost));
+    EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified));
+    EXPECT_TRUE(s.at_rest());
+    EXPECT_NEAR(s.clock.now_s(), at_s, 1.5);
+  }
 }
 
 TEST(StationRun, AnotherUnitIsRefusedBeforeAnythingMoves) {
   RigConfig config = default_rig_config();
   config.unit_serial = "SN2";
   RigStation s(two_steps_text, config);
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 1);
   EXPECT_SAYS(outcome.error.message, "'SN2'");
   EXPECT_EQ(s.clock.now_s(), 0.0);
@@ -148,26 +139,10 @@ TEST(StationRun, EveryFailureOfTheDiskStopsTheRun) {
   EXPECT_GT(tried, 40);
 }
 
-TEST(StationRun, OperatorStopsAtOnce) {
-  for (const double time_s : {0.0, 0.5, 1.0, 5.0, 9.0, 16.8, 20.0, 40.0}) {
-    RigStation s(two_steps_text);
-    s.watcher.on_tick = [&](const RunSnapshot& at) {
-      if (at.time_s >= time_s) s.stop_requests = 1;
-    };
-    const RunOutcome outcome = s.run();
-    EXPECT_EQ(outcome.state, RunState::aborted) << time_s << ": " << outcome.error.message;
-    EXPECT_EQ(exit_code(outcome.error.kind), 30);
-    EXPECT_TRUE(s.at_rest()) << time_s;
-    EXPECT_LT(s.clock.now_s(), time_s + 2.0);
-    EXPECT_FALSE(s.sink.finished);
-  }
-}
-
 TEST(StationRun, FailedCalibrationIsNoSuccess) {
   RigStation s(two_steps_text);
   s.calibrate = []() -> Status { return Error{ErrorKind::unit_failed, "does not settle"}; };
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 20);
   EXPECT_TRUE(s.sink.finished);
 }

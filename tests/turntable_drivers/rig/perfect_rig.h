@@ -1,10 +1,12 @@
-// A rig without noise, table errors, parameter errors or quantisation: what is left is geometry, gravity and earth rate.
+// For tests of the rig: a perfect one, and its clock.
 #pragma once
 
-#include "turntable_drivers/rig/rig_config.h"
+#include "imu_io/base/clock.h"
+#include "turntable_drivers/rig/rig.h"
 
 namespace turncal {
 
+// A rig without noise, table errors, parameter errors or quantisation: what is left is geometry, gravity and earth rate.
 inline RigConfig perfect_rig_config() {
   RigConfig config;
   config.random_truth = false;
@@ -13,5 +15,16 @@ inline RigConfig perfect_rig_config() {
   config.table_errors.random_arcmin = 0.0;
   return config;
 }
+
+// A clock that shows the time of one rig; a dry run has that of its RigGroup.
+class RigClock : public Clock {
+ public:
+  explicit RigClock(const Rig& rig) : rig_(rig) {}  // the rig must outlive the clock
+  double now_s() const override { return rig_.time_s(); }
+  double utc_s() const override { return rig_.config().start_utc_s + rig_.time_s(); }
+
+ private:
+  const Rig& rig_;
+};
 
 }  // namespace turncal

@@ -1,7 +1,6 @@
 // The simulated unit as a source: time, counters, and its faults.
 #include "turntable_drivers/rig/rig_devices.h"
 
-#include <cmath>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -145,33 +144,6 @@ TEST(RigImuFaults, GlitchKnockAndInvalidFlag) {
     EXPECT_EQ(samples[i].flags, i == 4 || i == 5 ? sample_flag_invalid : 0u) << i;
     EXPECT_NEAR(samples[i].accel[1], 97.914, 1e-9) << i;
   }
-}
-
-TEST(RigImuFaults, SilentUnitLetsTimePass) {
-  RigFault fault;
-  fault.kind = RigFaultKind::imu_silent;
-  fault.time_s = 1.0;
-  fault.duration_s = 3.0;
-  Source s(with_fault(fault));
-  EXPECT_EQ(s.read(1000, 1.0).size(), 200u);
-  EXPECT_EQ(s.read(1000, 1.0).size(), 0u);
-  EXPECT_NEAR(s.rig.time_s(), 2.0, 1e-9);
-  EXPECT_EQ(s.read(1000, 2.5).size(), 100u);
-  EXPECT_EQ(s.imu.counters().lost_samples, 600u);
-}
-
-TEST(RigImuFaults, UnpluggedUnitNeedsOpen) {
-  RigFault fault;
-  fault.kind = RigFaultKind::imu_unplugged;
-  fault.time_s = 0.5;
-  Source s(with_fault(fault));
-  EXPECT_EQ(s.read(1000, 1.0).size(), 100u) << "what came before";
-  std::vector<ImuSample> out(10);
-  EXPECT_FALSE(s.imu.read(out, 1.0).ok());
-  EXPECT_FALSE(s.imu.read(out, 1.0).ok());
-  EXPECT_NEAR(s.rig.time_s(), 0.5, 1e-9);
-  ASSERT_TRUE(s.imu.open().ok());
-  EXPECT_EQ(s.read(10, 1.0).size(), 10u);
 }
 
 }  // namespace

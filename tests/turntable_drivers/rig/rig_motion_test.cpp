@@ -1,4 +1,4 @@
-// The trapezoid of one axis, and geometry against numeric derivatives.
+// The trapezoid of one axis, signs of geometry, random numbers. That rates are derivatives: rig_navigation_test.cpp.
 #include "turntable_drivers/rig/rig_axes.h"
 
 #include <cmath>
@@ -11,7 +11,6 @@
 namespace turncal::rig_model {
 namespace {
 
-using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 // 90 deg at 10 deg/s and 10 deg/s^2: 1 s up (5 deg), 8 s cruise, 1 s down.
@@ -55,73 +54,6 @@ TEST(RigMotion, BrakeEndsWhereTheRateIsUsedUp) {
   EXPECT_DOUBLE_EQ(profile.at(0.5).position_deg, 18.0);
 }
 
-// Position is the integral of rate, rate of acceleration, across every corner.
-TEST(RigMotion, PositionRateAndAccelerationAgree) {
-  const AxisProfile profile = AxisProfile::move(3.0, -4.0, 40.0, 10.0, 7.0);
-  const double h = 1e-4;
-  for (double t = 0.0; t < profile.duration_s() + 1.0; t += 0.01) {
-    const double rate = (profile.at(t + h).position_deg - profile.at(t).position_deg) / h;
-    EXPECT_NEAR(rate, 0.5 * (profile.at(t).rate_degps + profile.at(t + h).rate_degps), 1e-3) << t;
-  }
-}
-
-TableGeometry awkward_table() {
-  GeometryAngles angles;
-  angles.base = Vector3d(0.02, -0.03, 0.01);
-  angles.heading_pitch = 0.015;
-  angles.pitch_roll = -0.025;
-  angles.mounting = Vector3d(0.01, 0.02, -0.03);
-  SiteVectors site;
-  site.earth_rate = Vector3d(0.3, 0.2, 0.0);  // far more than the Earth's, so that its terms show
-  site.specific_force = Vector3d(0.0, 9.79, 0.0);
-  site.field = Vector3d(0.3, -0.4, 0.0);
-  site.earth_error = Vector3d(1e-3, 2e-3, 0.0);
-  return TableGeometry(angles, site);
-}
-
-std::array<TrueAxis, 3> axes_at(double t) {
-  const double angle[] = {0.3 + 0.7 * t + 0.1 * t * t, -0.8 - 0.4 * t + 0.2 * t * t, 1.9 + 0.5 * t - 0.3 * t * t};
-  const double rate[] = {0.7 + 0.2 * t, -0.4 + 0.4 * t, 0.5 - 0.6 * t};
-  const double acceleration[] = {0.2, 0.4, -0.6};
-  std::array<TrueAxis, 3> axes;
-  for (std::size_t i = 0; i < 3; ++i) axes[i] = {sin_cos(angle[i]), rate[i], acceleration[i]};
-  return axes;
-}
-
-// C_nb' = C_nb [w_nb_b x]: the rate from the attitude by central difference, with all three axes turning.
-TEST(RigGeometry, RateIsTheDerivativeOfTheAttitude) {
-  const TableGeometry table = awkward_table();
-  const Vector3d earth_n(0.3, 0.2, 0.0);
-  const double h = 1e-5;
-  for (double t = 0.0; t < 2.0; t += 0.1) {
-    const Matrix3d c = table.attitude_nb(axes_at(t));
-    const Matrix3d derivative = (table.attitude_nb(axes_at(t + h)) - table.attitude_nb(axes_at(t - h))) / (2.0 * h);
-    const Matrix3d cross = c.transpose() * derivative;
-    const Vector3d rate_nb_b(cross(2, 1), cross(0, 2), cross(1, 0));
-    const Vector3d expected = rate_nb_b + c.transpose() * earth_n;
-    EXPECT_LT((table.at(axes_at(t)).rate_ib_b - expected).norm(), 1e-9) << t;
-    EXPECT_LT((c.transpose() * c - Matrix3d::Identity()).norm(), 1e-15);
-  }
-}
-
-TEST(RigGeometry, AngularAccelerationIsTheDerivativeOfTheRate) {
-  const TableGeometry table = awkward_table();
-  const double h = 1e-5;
-  for (double t = 0.0; t < 2.0; t += 0.1) {
-    const Vector3d expected = (table.at(axes_at(t + h)).rate_ib_b - table.at(axes_at(t - h)).rate_ib_b) / (2.0 * h);
-    EXPECT_LT((table.at(axes_at(t)).acceleration_b - expected).norm(), 1e-9) << t;
-  }
-}
-
-TEST(RigGeometry, SiteVectorsAreTurnedIntoTheBody) {
-  const TableGeometry table = awkward_table();
-  const Matrix3d c_bn = table.attitude_nb(axes_at(0.7)).transpose();
-  const BodyMotion motion = table.at(axes_at(0.7));
-  EXPECT_LT((motion.force_b - c_bn * Vector3d(0.0, 9.79, 0.0)).norm(), 1e-14);
-  EXPECT_LT((motion.field_b - c_bn * Vector3d(0.3, -0.4, 0.0)).norm(), 1e-15);
-  EXPECT_LT((motion.earth_error_b - c_bn * Vector3d(1e-3, 2e-3, 0.0)).norm(), 1e-17);
-}
-
 // The definitions of docs/rig.md, one angle at a time, at H = P = R = 0 where C_nb is the small rotation itself.
 TEST(RigGeometry, SignOfEachTableError) {
   const auto attitude = [](GeometryAngles angles) {
@@ -162,29 +94,6 @@ TEST(RigAxes, EncoderErrorsAndHiddenSlip) {
   EXPECT_EQ(axis.reading(16000, 0.0).position_deg, 0.0);
 }
 
-// Rates of the true angle against its numeric derivative, with encoder errors, slip and creep, moving and after it.
-TEST(RigAxes, TrueRateIsTheDerivativeOfTheTrueAngle) {
-  TableErrorsInForce::Encoder encoder;
-  encoder.scale_ppm = 500.0;
-  encoder.harmonic_arcsec = 1000.0;
-  encoder.order = 3;
-  RigAxis axis(0.0, encoder, 0.2, 2.0, 0.005);
-  axis.move(0, 20.0, 10.0, 10.0);
-  axis.slip(100, 1.0, 0.5, true);
-  const double h = 1e-6;
-  for (std::int64_t k = 101; k < 2000; k += 37) {
-    const auto angle = [&](double offset) {
-      const SinCos a = axis.truth(k, offset).angle;
-      return std::atan2(a.sin, a.cos);
-    };
-    const double middle = 0.0021;
-    EXPECT_NEAR((angle(middle + h) - angle(middle - h)) / (2.0 * h), axis.truth(k, middle).rate_radps, 1e-8) << k;
-    EXPECT_NEAR((axis.truth(k, middle + h).rate_radps - axis.truth(k, middle - h).rate_radps) / (2.0 * h),
-                axis.truth(k, middle).acceleration_radps2, 1e-8)
-        << k;
-  }
-}
-
 // After a move the axis creeps on by 36 arcsec (0.01 deg) with tau 20 s, the other way after the way back, and what has
 // crept stays: +0.01 - 0.01 (1 - exp(-20/20)) after 20 s.
 TEST(RigAxes, CreepFollowsTheDirectionOfTheMove) {
@@ -203,40 +112,6 @@ TEST(RigAxes, CreepFollowsTheDirectionOfTheMove) {
 }
 
 // ---- elementary functions and random numbers ----
-
-TEST(RigMath, SineAndCosineAgreeWithTheLibrary) {
-  for (int i = -200000; i <= 200000; i += 7) {
-    const double x = 1e-3 * i;
-    EXPECT_NEAR(sin_cos(x).sin, std::sin(x), 3e-16) << x;
-    EXPECT_NEAR(sin_cos(x).cos, std::cos(x), 3e-16) << x;
-  }
-}
-
-TEST(RigMath, DegreesAreExactAtQuarterTurns) {
-  const double sine[] = {0.0, 1.0, 0.0, -1.0};
-  for (int quarter = -40; quarter <= 40; ++quarter) {
-    const SinCos value = sin_cos_deg(90.0 * quarter);
-    EXPECT_EQ(value.sin, sine[quarter & 3]) << quarter;
-    EXPECT_EQ(value.cos, sine[(quarter + 1) & 3]) << quarter;
-  }
-  EXPECT_NEAR(sin_cos_deg(30.0).sin, 0.5, 1e-16);
-  EXPECT_NEAR(sin_cos_deg(-1080.0 + 60.0).cos, 0.5, 2e-16);
-}
-
-TEST(RigMath, ExponentialAndLogarithmAgreeWithTheLibrary) {
-  for (int i = -7000; i <= 7000; ++i) {
-    const double x = 0.0993 * i;
-    EXPECT_NEAR(exp_of(x) / std::exp(x), 1.0, 4e-16) << x;
-    EXPECT_NEAR(log_of(std::exp(x)), std::log(std::exp(x)), 4e-16 * (1.0 + std::abs(x))) << x;
-  }
-  EXPECT_EQ(exp_of(0.0), 1.0);
-  EXPECT_EQ(exp_of(-1000.0), 0.0);
-  EXPECT_EQ(log_of(1.0), 0.0);
-}
-
-TEST(RigMath, FloorIsTheLibrarysFloor) {
-  for (double x : {0.0, 0.5, 0.999, 1.0, -0.001, -1.0, -1.5, 97.9157, -2.0}) EXPECT_EQ(floor_of(x), std::floor(x)) << x;
-}
 
 // Outputs of the authors' reference program for the state 1, 2, 3, 4.
 TEST(RigRandom, GeneratorGivesThePublishedNumbers) {
@@ -275,30 +150,6 @@ TEST(RigRandom, NormalNumbersAreNormal) {
     chi_square += (classes[i] - expected) * (classes[i] - expected) / expected;
   }
   EXPECT_LT(chi_square, 60.0);
-}
-
-// Beyond 3.6542 the numbers come from the tail branch: P(abs(z) > 3.8) = 1.447e-4, of 8 million 1158 +- 4 * 34.
-TEST(RigRandom, TailHasTheRightWeight) {
-  RandomStream random(11, 2);
-  int beyond = 0, far_beyond = 0;
-  for (int i = 0; i < 8000000; ++i) {
-    const double size = std::abs(random.normal());
-    if (size > 3.8) ++beyond;
-    if (size > 4.5) ++far_beyond;  // P = 6.795e-6: 54 +- 4 * 7.4
-  }
-  EXPECT_NEAR(beyond, 1158, 136);
-  EXPECT_NEAR(far_beyond, 54, 30);
-}
-
-TEST(RigRandom, StreamsOfOneSeedDiffer) {
-  RandomStream a(5, 1), b(5, 2), same(5, 1);
-  double product = 0.0;
-  for (int i = 0; i < 100000; ++i) {
-    const double x = a.normal();
-    product += x * b.normal();
-    EXPECT_EQ(x, same.normal());
-  }
-  EXPECT_NEAR(product / 100000.0, 0.0, 4.0 / std::sqrt(100000.0));
 }
 
 }  // namespace

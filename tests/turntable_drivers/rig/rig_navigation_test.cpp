@@ -1,8 +1,6 @@
-// The rig against navigation: what it makes is consistent motion, its quadrature is exact, and each of the fourteen
-// steps shows its parameter with the size and sign derived by hand in docs/rig.md. The navigation here is written for
-// this test from the definitions alone.
+// The rig against navigation: what it makes is consistent motion, and its quadrature is exact. The navigation here is written for
+// this test from the definitions alone. What each parameter does in its step: tests/calib/worked_numbers_test.cpp.
 #include <cmath>
-#include <functional>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -109,20 +107,6 @@ TEST(RigNavigation, PerfectUnitComesBackToRest) {
   }
 }
 
-// Two axes at once: coning and sculling within a sample are now in the test's own error, 1e-5 m/s here.
-TEST(RigNavigation, TwoAxesAtOnce) {
-  RigConfig config = perfect_rig_config();
-  config.sample_period_s = 0.0005;
-  Rig rig(config);
-  Navigator navigator;
-  navigator.period_s = 0.0005;
-  rig.command_move(Axis::heading, 120.0, 20.0, 40.0);
-  rig.command_move(Axis::roll, -170.0, 25.0, 40.0);
-  run(rig, navigator, 10.0);
-  EXPECT_LT(navigator.velocity.norm(), 1e-5);
-  EXPECT_LT((navigator.c - attitude(rig)).norm(), 1e-6);
-}
-
 // The same commands with every piece of a sample cut in ten: sums of increments over the whole run agree.
 TEST(RigQuadrature, TenTimesFinerChangesNothing) {
   RigConfig config = perfect_rig_config();
@@ -165,117 +149,6 @@ TEST(RigQuadrature, TenTimesFinerChangesNothing) {
     EXPECT_NEAR(coarse_sums[k], fine_sums[k], 1e-10) << k;
     EXPECT_NEAR(coarse_sums[3 + k], fine_sums[3 + k], 1e-9) << k;
   }
-}
-
-// One worked number for each step, derived in docs/rig.md. The unit differs from the start values in one parameter; the
-// navigator is levelled by the accelerometers at the initial position with the heading given, turns, and gains an east
-// velocity in the dwell. Second-order terms (earth rate during the dwell, squares of the error) stay below 0.5 %.
-struct Worked {
-  const char* name;
-  std::size_t parameter;  // place in Table 1
-  double change;
-  double heading_deg, pitch_deg, roll_deg;
-  Axis axis;
-  double turn_deg;  // 0: no turn
-  double dwell_s;
-  double east_mps;
-};
-
-class RigWorkedNumber : public testing::TestWithParam<Worked> {};
-
-TEST_P(RigWorkedNumber, EastVelocityOfTheLeg) {
-  const Worked& w = GetParam();
-  RigConfig config = perfect_rig_config();
-  config.table.power_on_deg = {w.heading_deg, w.pitch_deg, w.roll_deg};
-  const double start = w.parameter == 6 || w.parameter == 10 || w.parameter == 14 ? 0.932920 : 0.0;
-  config.truth[w.parameter] = start + w.change;
-  Rig rig(config);
-
-  // Level: the mean force of ten seconds gives up in body axes; north from the true attitude, which has the given
-  // heading.
-  Vector3d force = Vector3d::Zero();
-  const Matrix3d true_c = attitude(rig);
-  for (int i = 0; i < 2000; ++i) {
-    ImuSample sample;
-    rig.advance({&sample, 1});
-    force += Vector3d(sample.accel[0], sample.accel[1], sample.accel[2]);
-  }
-  Navigator navigator;
-  const Vector3d up_b = force.normalized();
-  const Vector3d true_north_b = true_c.row(0).transpose();
-  const Vector3d north_b = (true_north_b - up_b * up_b.dot(true_north_b)).normalized();
-  navigator.c.row(0) = north_b.transpose();
-  navigator.c.row(1) = up_b.transpose();
-  navigator.c.row(2) = (cross(north_b) * up_b).transpose();
-
-  if (w.turn_deg != 0.0) {
-    const double start_deg = w.axis == Axis::heading ? w.heading_deg : w.axis == Axis::pitch ? w.pitch_deg : w.roll_deg;
-    rig.command_move(w.axis, start_deg + w.turn_deg, 10.0, 10.0);
-    run(rig, navigator, std::abs(w.turn_deg) / 10.0 + 1.0);
-  }
-  const double before = navigator.velocity[2];
-  run(rig, navigator, w.dwell_s);
-  EXPECT_NEAR(navigator.velocity[2] - before, w.east_mps, 0.005 * std::abs(w.east_mps));
-}
-
-// u: the unit of n, 0.932920; T = 100 s. Numbers of docs/rig.md, section "One number for each step".
-INSTANTIATE_TEST_SUITE_P(
-    FourteenSteps, RigWorkedNumber,
-    testing::Values(
-        Worked{"step2_n11", 6, 1e-5 * 0.932920, 0, 0, 0, Axis::roll, 360, 100, -0.0615212},  // -2 pi g T 1e-5
-        Worked{"step3_n33", 14, 1e-5 * 0.932920, -90, 0, 0, Axis::pitch, 360, 100, -0.0615212},
-        Worked{"step4_n22", 10, 1e-5 * 0.932920, -90, 0, -90, Axis::pitch, 360, 100, -0.0615212},
-        Worked{"step5_A03", 5, 1e-4, 0, 0, 0, Axis::roll, 180, 100, -0.1961330},               // -2 g0 1e-4 T
-        Worked{"step6_A01", 3, 1e-4, -90, 0, 0, Axis::pitch, 180, 100, 0.1961330},             // +2 g0 1e-4 T
-        Worked{"step7_A02", 4, 1e-4, 0, 0, 0, Axis::roll, 90, 100, 0.0980665},                 // +g0 1e-4 T
-        Worked{"step7_a23", 20, 1e-4, 0, 0, 0, Axis::roll, 90, 100, 0.0979140},                // +g 1e-4 T
-        Worked{"step8_a12", 16, 1e-4, -90, 0, 0, Axis::pitch, 90, 100, -0.0979140},            // -g 1e-4 T
-        Worked{"step9_a13", 17, 1e-4, -90, 0, -90, Axis::pitch, 90, 100, -0.0979140},          // -g 1e-4 T
-        Worked{"step10_n21", 9, 1e-4 * 0.932920, -90, 0, 0, Axis::roll, 90, 100, -0.0979140},  // -g 1e-4 T
-        Worked{"step10_n31", 12, 1e-4 * 0.932920, -90, 0, 0, Axis::roll, 90, 100, -0.0979140},
-        Worked{"step11_n12", 7, 1e-4 * 0.932920, -90, 0, 0, Axis::heading, 90, 100, 0.0979140},  // +g 1e-4 T
-        Worked{"step11_n32", 13, 1e-4 * 0.932920, -90, 0, 0, Axis::heading, 90, 100, 0.0979140},
-        Worked{"step12_n13", 8, 1e-4 * 0.932920, 0, 0, 0, Axis::pitch, 90, 100, -0.0979140},  // -g 1e-4 T
-        Worked{"step12_n23", 11, 1e-4 * 0.932920, 0, 0, 0, Axis::pitch, 90, 100, 0.0979140},  // +g 1e-4 T
-        Worked{"step13_N01", 0, 0.01, 0, 0, 0, Axis::heading, 0, 600, 0.0854461},             // +g 0.01 deg/h T^2/2
-        Worked{"step14_N03", 2, 0.01, -90, 0, 0, Axis::heading, 0, 600, 0.0854461}),
-    [](const auto& tested) { return std::string(tested.param.name); });
-
-// Step 1: a11 = 1.03 and A01 = 0.002 g. In one second the x accelerometer counts
-//   P = +90: (9.7914 + 0.002 * 9.80665) / (1.03 * 0.0005) = 19050.5113 pulses, P = -90: (-9.7914 + 0.0196133) / ... =
-//   -18974.3431; with the start values that is p = 9.5252556, m = -9.4871716: (p + m)/2 = 0.0190420 m/s^2, which times
-//   1.03 is A01, and 2 g / (p - m) = 1.03 = a11.
-TEST(RigWorkedNumbers, StepOneBiasAndScale) {
-  RigConfig config = perfect_rig_config();
-  config.truth[15] = 1.03;
-  config.truth[3] = 0.002;
-  std::array<double, 2> counts{};
-  for (std::size_t i = 0; i < 2; ++i) {
-    config.table.power_on_deg[1] = i == 0 ? 90.0 : -90.0;
-    Rig rig(config);
-    std::vector<ImuSample> samples(200);
-    rig.advance(samples);
-    for (const ImuSample& sample : samples) counts[i] += sample.accel[0];
-  }
-  EXPECT_NEAR(counts[0], 19050.5113, 1e-3);
-  EXPECT_NEAR(counts[1], -18974.3431, 1e-3);
-  const double p = counts[0] * 0.0005, m = counts[1] * 0.0005;
-  EXPECT_NEAR(2.0 * g / (p - m), 1.03, 1e-12);
-  EXPECT_NEAR((p + m) / 2.0 * 1.03, 0.002 * g0, 1e-12);
-}
-
-// Step 14 also gives N02: 0.01 deg/h high, 600 s: the computed heading is too small by 0.01 * 600/3600 deg = 6 arcsec,
-// since a rotation about up takes x to the west.
-TEST(RigWorkedNumbers, StepFourteenHeading) {
-  RigConfig config = perfect_rig_config();
-  config.table.power_on_deg[0] = -90.0;
-  config.truth[1] = 0.01;
-  Rig rig(config);
-  Navigator navigator;
-  navigator.c = attitude(rig);
-  run(rig, navigator, 600.0);
-  const double heading = std::atan2(navigator.c(2, 0), navigator.c(0, 0));  // of x: east over north
-  EXPECT_NEAR((heading + pi / 2.0) / arcsec, -6.0, 0.02);
 }
 
 // ---- against a recording of a simulator that shares nothing with the rig ----

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/outcome.h"
-#include "tests/rig_clock.h"
+#include "tests/turntable_drivers/rig/perfect_rig.h"
 #include "tests/turntable_drivers/table_contract.h"
 
 namespace turncal {
@@ -177,36 +177,6 @@ TEST(RigTable, EmergencyStopNeedsTheOperator) {
   EXPECT_TRUE(t.table.clear_fault().ok());
 }
 
-TEST(RigTable, StuckAxisTakesCommandsAndStands) {
-  Station s(with_fault(RigFaultKind::stuck_axis, 5.0, Axis::roll));
-  s.go(Axis::roll, 90.0);
-  pass_time(s.rig, 4.0);
-  EXPECT_FALSE(s.at(Axis::roll).moving);
-  EXPECT_FALSE(s.at(Axis::roll).in_position);
-  EXPECT_NEAR(s.at(Axis::roll).position_deg, 25.025, 1e-4);
-  s.go(Axis::roll, 0.0);
-  pass_time(s.rig, 20.0);
-  EXPECT_NEAR(s.at(Axis::roll).position_deg, 25.025, 1e-4);
-  ASSERT_TRUE(s.table.clear_fault().ok());
-  s.go(Axis::roll, 0.0);
-  pass_time(s.rig, 5.0);
-  EXPECT_TRUE(s.at(Axis::roll).in_position);
-}
-
-TEST(RigTable, NeverInPosition) {
-  RigConfig config = with_fault(RigFaultKind::never_in_position, 3.0, Axis::heading);
-  config.faults[0].duration_s = 20.0;
-  Station s(config);
-  EXPECT_TRUE(s.at(Axis::heading).in_position);
-  s.go(Axis::heading, 10.0);
-  pass_time(s.rig, 10.0);
-  EXPECT_FALSE(s.at(Axis::heading).in_position);
-  EXPECT_FALSE(s.at(Axis::heading).moving);
-  EXPECT_TRUE(s.at(Axis::pitch).in_position);
-  pass_time(s.rig, 12.0);
-  EXPECT_TRUE(s.at(Axis::heading).in_position);
-}
-
 // 0.05 deg at 1 deg/s: seen by the encoder, or hidden from it; the unit feels both.
 TEST(RigTable, TableMovesByItself) {
   for (const bool hidden : {false, true}) {
@@ -223,23 +193,6 @@ TEST(RigTable, TableMovesByItself) {
     pass_time(s.rig, 4.0);
     EXPECT_NEAR(s.rig.attitude_nb()[3], hidden ? 8.7266e-4 : 0.0, 1e-8);
   }
-}
-
-TEST(RigTable, LostLinkNeedsConnectAndEnable) {
-  RigConfig config = with_fault(RigFaultKind::link_lost, 5.0);
-  config.faults[0].duration_s = 2.0;
-  Station s(config);
-  s.go(Axis::roll, 90.0);
-  pass_time(s.rig, 4.0);
-  EXPECT_FALSE(s.table.status(Axis::roll).ok());
-  EXPECT_FALSE(s.table.stop_all().ok());
-  EXPECT_FALSE(s.table.connect().ok());
-  pass_time(s.rig, 2.0);
-  EXPECT_FALSE(s.table.status(Axis::roll).ok()) << "not by itself";
-  ASSERT_TRUE(s.table.connect().ok());
-  EXPECT_FALSE(s.at(Axis::roll).enabled);
-  EXPECT_GT(s.at(Axis::roll).position_deg, 50.0) << "the drive went on";
-  EXPECT_TRUE(s.at(Axis::roll).homed);
 }
 
 TEST(RigTable, InPositionLies) {
