@@ -91,8 +91,7 @@ TEST_F(CertificateTest, SaysWhatIsKnownOfEffects) {
     for (auto& [key, value] : file.further)
       if (key == "quality.trusted") value = trusted ? "true" : "false";
     keep_run(file, "a");
-    const ProgramResult made = run(certify({"a"}, {"--specimen"}));
-    EXPECT_EQ(made.code, 0) << made.err;
+    ends(certify({"a"}, {"--specimen"}), 0);
     return file_text(folder_ / "c.html");
   };
   const std::string about = "Effects beyond the parameters: ";
@@ -338,8 +337,7 @@ TEST_F(CertificateTest, NoneWithoutWhatHasToStandOnIt) {
 TEST_F(CertificateTest, ItsHashCanBeChecked) {
   keep_run(result_file(), "a");
   ASSERT_EQ(run(certify({"a"})).code, 0);
-  const ProgramResult checked = run({"certificate", "--check", "c.html"});
-  EXPECT_EQ(checked.code, 0) << checked.err;
+  const ProgramResult checked = ends({"certificate", "--check", "c.html"}, 0);
   const std::string page = file_text(folder_ / "c.html"), words = "as it was issued, hash ";
   ASSERT_SAYS(checked.out, words);
   const std::string hash = checked.out.substr(checked.out.find(words) + words.size(), 32);
@@ -374,8 +372,7 @@ TEST_F(CertificateTest, AsPdf) {
                                                  "rig/run.log", "rig/truth.conf"}));
   // A character of the private use area, which no font has.
   write("lab.station", file_text(folder_ / "lab.station") + "customer.order = \xf4\x8f\xbf\xbd\n");
-  const ProgramResult blank = run(certify({"a"}, {"--pdf", "c.pdf"}));
-  EXPECT_EQ(blank.code, 0);
+  const ProgramResult blank = ends(certify({"a"}, {"--pdf", "c.pdf"}), 0);
   EXPECT_SAYS(blank.out, "no installed font has \xf4\x8f\xbf\xbd (U+10FFFD)");
 }
 

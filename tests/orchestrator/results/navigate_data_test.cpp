@@ -1,7 +1,7 @@
 // `turncal navigate` on data that no unit gives, or that are not what they are called.
 #include <gtest/gtest.h>
 
-#include "tests/orchestrator/results/navigate_unit.h"
+#include "tests/orchestrator/results/rig_unit.h"
 
 namespace turncal {
 namespace {
@@ -11,8 +11,7 @@ TEST_F(Navigate, SamplesThatCannotBeAreSetAside) {
   record_rest_and_truth();
   const auto miles = [this](const std::string& recording, std::size_t faults, const std::string& words) {
     const ProgramResult navigated =
-        run({"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--branches", "1"});
-    EXPECT_EQ(navigated.code, 0) << navigated.err;
+        ends({"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--branches", "1"}, 0);
     KeyValueFile conf = result("nav/navigation.conf");
     EXPECT_EQ(conf.integer("filled_samples"), static_cast<std::int64_t>(faults)) << recording;
     EXPECT_EQ(conf.keys_with_prefix("fault.").size(), faults) << recording;
@@ -42,9 +41,7 @@ TEST_F(Navigate, SamplesThatCannotBeAreSetAsideWhereTheTableStandsAtZero) {
     if (counter == 90000) cells[1] = "20000";
   });
   for (const char* recording : {"rest", "hit"}) {
-    const ProgramResult navigated =
-        run({"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--branches", "1"});
-    EXPECT_EQ(navigated.code, 0) << navigated.err;
+    ends({"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--branches", "1"}, 0);
     EXPECT_LT(result("nav/navigation.conf").number("drift.rms_nm_per_h"), 0.05) << recording;
   }
 }
@@ -68,9 +65,7 @@ TEST_F(Navigate, BranchesBeginWhereTheUnitRestsLongEnough) {
   for (int k = 0; k < 6; ++k) sequence += "  dwell 6000\n  rotate P +90\n  dwell 6000\n  rotate P -90\n";
   record("rest", std::string(without_noise) + "seed = 31\n", sequence);
   write_truth("rest", "true.conf");
-  const ProgramResult navigated =
-      run("navigate rest --parameters true.conf --out nav --align 20 --for 20 --branches 100");
-  EXPECT_EQ(navigated.code, 0) << navigated.err;
+  ends("navigate rest --parameters true.conf --out nav --align 20 --for 20 --branches 100", 0);
   EXPECT_GT(result("nav/navigation.conf").integer("branches"), 20);
 }
 
@@ -98,8 +93,7 @@ TEST_F(Navigate, AGravityThatIsNotFeltIsSaid) {
     std::string conf = file_text(folder_ / "text/recording.conf");
     const std::size_t at = conf.find("gravity_mps2");
     write("text/recording.conf", conf.replace(at, conf.find('\n', at) - at, "gravity_mps2 = " + gravity));
-    const ProgramResult result = run({"navigate", "text", "--parameters", path("true.conf"), "--out", "nav"});
-    EXPECT_EQ(result.code, 0) << result.err;
+    const ProgramResult result = ends({"navigate", "text", "--parameters", path("true.conf"), "--out", "nav"}, 0);
     return result.out;
   };
   ASSERT_EQ(run({"export", "rest", "--out", "text"}).code, 0);

@@ -1,7 +1,7 @@
 // `turncal navigate` as a program: what it writes, and what it refuses.
 #include <gtest/gtest.h>
 
-#include "tests/orchestrator/results/navigate_unit.h"
+#include "tests/orchestrator/results/rig_unit.h"
 
 namespace turncal {
 namespace {
@@ -225,25 +225,6 @@ TEST_F(Navigate, AFullDiskLeavesNothing) {
     }
     std::filesystem::remove_all(folder_ / "nav");
   }
-}
-
-// A reader that goes away, as `head` does.
-TEST_F(Navigate, GoesOnWithoutAReader) {
-  record_rest_and_truth();
-  int ends[2];
-  ASSERT_EQ(::pipe(ends), 0);
-  ::close(ends[0]);
-  const pid_t pid = ::fork();
-  if (pid == 0) {
-    ::signal(SIGPIPE, SIG_DFL);
-    ::dup2(ends[1], 1);
-    if (::chdir(folder_.c_str()) != 0) ::_exit(99);
-    ::execl(TURNCAL_BINARY, TURNCAL_BINARY, "navigate", "rest", "--parameters", "true.conf", "--out", "nav", nullptr);
-    ::_exit(98);
-  }
-  ::close(ends[1]);
-  EXPECT_EQ(finish(pid).code, 0);
-  EXPECT_TRUE(std::filesystem::exists(folder_ / "nav/navigation.conf"));
 }
 
 TEST_F(Navigate, IsPredictedFromASequence) {

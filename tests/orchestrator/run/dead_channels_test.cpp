@@ -236,8 +236,7 @@ TEST(DeadChannels, ARunRepeatsTheDwell) {
       "  align 2000\n  rotate P +90\n  dwell 12000\n  rotate P -90\n");
   FreezingImu imu(rig.devices.imu, 6000, 9000);
   StationDevices devices = rig.devices.devices();
-  const RunOutcome outcome = rig.run({devices.table, imu, devices.clock, devices.wait});
-  EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(rig.run({devices.table, imu, devices.clock, devices.wait}), RunState::done);
   EXPECT_EQ(outcome.repeated_dwells, 1);
   ASSERT_EQ(rig.watcher.count(RunEvent::dwell_bad), 1);
   for (const TransitionRecord& record : rig.watcher.transitions) {

@@ -66,8 +66,7 @@ TEST_P(Gap, RestsSettlesAndIsCutThere) {
   // In a dwell that follows a dwell, in a move from where homing does not leave the table, and in another.
   for (const double stop_s : {9.0, 60.0, 130.0}) ASSERT_NO_FATAL_FAILURE(s.interrupted_session(stop_s, GetParam()));
   const double began_s = s.clock.now_s();
-  const RunOutcome outcome = s.session();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(s.session(), RunState::done);
   EXPECT_EQ(s.kept.homings, 4);
   EXPECT_TRUE(s.watcher.saw(RunEvent::rest_over));
   EXPECT_GT(s.clock.now_s() - began_s, 30.0);

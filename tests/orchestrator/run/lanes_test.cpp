@@ -3,6 +3,7 @@
 
 #include <deque>
 
+#include "tests/orchestrator/program.h"
 #include "tests/orchestrator/rig_station.h"
 
 namespace turncal {
@@ -63,21 +64,15 @@ struct Lanes : RigStation {
   Dropouts dropouts;
 };
 
-RigConfig with_fault(RigFaultKind kind, std::int64_t sample, std::int64_t count, int unit) {
-  RigConfig config = default_rig_config();
-  RigFault fault;
-  fault.kind = kind;
-  fault.sample = sample;
-  fault.count = count;
+RigConfig with_fault(RigFaultKind kind, std::int64_t sample_of_recording, std::int64_t count, int unit) {
+  RigFault fault = unit_fault(kind, sample_of_recording, count);
   fault.unit = unit;
-  config.faults.push_back(fault);
-  return config;
+  return rig_with({fault});
 }
 
 TEST(Lanes, EveryUnitHasThePlansSegments) {
   Lanes s(3);
-  const RunOutcome outcome = s.run_all();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(s.run_all(), RunState::done);
   ASSERT_EQ(outcome.units.size(), 3u);
   for (std::size_t i = 0; i < 3; ++i) {
     EXPECT_EQ(outcome.units[i].recorded_samples, two_steps_samples);
@@ -94,8 +89,7 @@ TEST(Lanes, UnitsAFewSamplesApartHaveDwellsOfFullLength) {
   LateImu second(s.devices_of_all.group.imu(1), 7), third(s.devices_of_all.group.imu(2), 3);
   s.sources[1] = &second;
   s.sources[2] = &third;
-  const RunOutcome outcome = s.run_all();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(s.run_all(), RunState::done);
   for (std::size_t i = 0; i < 3; ++i) {
     EXPECT_EQ(outcome.units[i].lost_samples, 0u) << i;
     for (const Segment& segment : s.sinks[i].segments) {
@@ -107,38 +101,29 @@ TEST(Lanes, UnitsAFewSamplesApartHaveDwellsOfFullLength) {
   EXPECT_TRUE(s.dropouts.serials.empty());
 }
 
-// A line that stalls during the move: what the unit sent while the table turned must not come into the dwell.
+// A line that stalls during the move: what the unit sent while the table turned must not come into the dwell. A unit that is alone holds the
+// turn even when its line is silent once the table has settled.
 TEST(Lanes, ADwellWaitsForAUnitThatIsFarBehind) {
-  Lanes s(2);
-  LateImu second(s.devices_of_all.group.imu(1), 0);
-  s.sources[1] = &second;
-  s.watcher.on_tick = [&](const RunSnapshot& at) { second.late = at.time_s > 10.0 && at.time_s < 19.0 ? 400 : 0; };
-  const RunOutcome outcome = s.run_all();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
-  EXPECT_EQ(outcome.repeated_dwells, 0);
-  EXPECT_EQ(outcome.units[1].lost_samples, 0u);
-  EXPECT_TRUE(s.dropouts.serials.empty());
-}
-
-// The same of a unit that is alone: a line that is silent when the table has settled still holds the turn.
-TEST(Lanes, ADwellWaitsForTheOnlyUnit) {
-  Lanes s(1);
-  s.station.imu_timeout_s = 20.0;
-  LateImu unit(s.devices_of_all.group.imu(0), 0);
-  s.sources[0] = &unit;
-  s.watcher.on_tick = [&](const RunSnapshot& at) { unit.late = at.time_s > 10.0 && at.time_s < 19.0 ? 1'000'000 : 0; };
-  const RunOutcome outcome = s.run_all();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
-  EXPECT_EQ(outcome.repeated_dwells, 0);
-  EXPECT_EQ(outcome.units[0].lost_samples, 0u);
+  for (const auto& [units, behind] : {std::pair<std::size_t, std::size_t>{2, 400}, {1, 1'000'000}}) {
+    Lanes s(units);
+    if (units == 1) s.station.imu_timeout_s = 20.0;
+    LateImu last(s.devices_of_all.group.imu(units - 1), 0);
+    s.sources.back() = &last;
+    s.watcher.on_tick = [&, behind = behind](const RunSnapshot& at) {
+      last.late = at.time_s > 10.0 && at.time_s < 19.0 ? behind : std::size_t{0};
+    };
+    const RunOutcome outcome = ended(s.run_all(), RunState::done);
+    EXPECT_EQ(outcome.repeated_dwells, 0);
+    EXPECT_EQ(outcome.units.back().lost_samples, 0u);
+    EXPECT_TRUE(s.dropouts.serials.empty());
+  }
 }
 
 TEST(Lanes, DefectInTheFirstSamplesOfADwellLeavesTheOthersWhole) {
   // Bad for the whole run from the middle of the second dwell on: its second and third attempt fail with their first samples.
   for (const int bad : {1, 2}) {
-    Lanes s(2, with_fault(RigFaultKind::invalid_sample, 400 + 3500, 1'000'000, bad));
-    const RunOutcome outcome = s.run_all();
-    ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+    Lanes s(2, with_fault(RigFaultKind::invalid_sample, 3500, 1'000'000, bad));
+    const RunOutcome outcome = ended(s.run_all(), RunState::done);
     EXPECT_EQ(s.dropouts.serials, std::vector<std::string>{"SN" + std::to_string(bad)});
     EXPECT_EQ(outcome.repeated_dwells, 2);
     const RunOutcome::Unit& good = outcome.units[bad == 1 ? 1 : 0];
@@ -151,15 +136,14 @@ TEST(Lanes, DefectInTheFirstSamplesOfADwellLeavesTheOthersWhole) {
 
 TEST(Lanes, RepeatsAreCountedForTheUnitThatNeedsThem) {
   // One needs two repeats, then the other two of the same dwell: more than max_repeats in all, not for either.
-  RigConfig config = with_fault(RigFaultKind::invalid_sample, 400 + 100, 1, 1);
+  RigConfig config = with_fault(RigFaultKind::invalid_sample, 100, 1, 1);
   for (const auto& [sample, unit] : {std::pair{800, 2}, {1100, 1}, {1400, 2}}) {
     config.faults.push_back(config.faults.front());
     config.faults.back().sample = sample;
     config.faults.back().unit = unit;
   }
   Lanes s(2, config);
-  const RunOutcome outcome = s.run_all();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(s.run_all(), RunState::done);
   EXPECT_EQ(outcome.repeated_dwells, 4);
   EXPECT_TRUE(s.dropouts.serials.empty()) << s.dropouts.serials.front();
 }
@@ -173,8 +157,7 @@ TEST(Lanes, ARecordingThatCannotBeWrittenIsOneUnitsFailure) {
       SCOPED_TRACE("unit " + std::to_string(unit) + ", call " + std::to_string(call));
       Lanes s(2);
       s.sinks[unit].fail_at_call = call;
-      const RunOutcome outcome = s.run_all();
-      ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+      const RunOutcome outcome = ended(s.run_all(), RunState::done);
       ASSERT_TRUE(outcome.units[unit].dropped_out);
       ASSERT_SAYS(outcome.units[unit].dropped_out->message, "disk full");
       ASSERT_EQ(s.dropouts.serials, std::vector<std::string>{"SN" + std::to_string(unit + 1)});
@@ -190,8 +173,7 @@ TEST(Lanes, ADropoutThatCannotBeJournalledStopsTheRun) {
   Lanes s(2);
   s.sinks[1].fail_at_call = 5;
   s.dropouts.fails = true;
-  const RunOutcome outcome = s.run_all();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run_all(), RunState::failed);
   EXPECT_SAYS(outcome.error.message, "journal: disk full");
 }
 
@@ -204,8 +186,7 @@ TEST(Lanes, AUnitThatHadDroppedOutIsNotOpened) {
   again.resume = ResumePoint{s.dropouts.dwells.front(), false, {true, false}};
   again.station.resume_rest_s = 1.0;
   const int calls = again.sinks[0].calls;
-  const RunOutcome outcome = again.run_all();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  ended(again.run_all(), RunState::done);
   EXPECT_EQ(again.sinks[0].calls, calls) << "its recording was touched";
   EXPECT_FALSE(again.sinks[0].finished);
   EXPECT_TRUE(again.sinks[1].finished);
@@ -214,11 +195,7 @@ TEST(Lanes, AUnitThatHadDroppedOutIsNotOpened) {
 // --- The station's places ---
 
 Result<StationConfig> station_of(const std::string& keys) {
-  return parse_station_config(
-      "format = 1\nsite.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\ntable.driver = modbus\ntable.map = twin.map\n"
-      "imu.driver = serial\nimu.device = /dev/a\nimu.frame = laser_gyro\nimu.unit_serial = SN1\n" +
-          keys,
-      std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/x.station");
+  return parse_station_config(live_station("imu.unit_serial = SN1\n" + keys, "/dev/a"), "x.station");
 }
 
 TEST(Places, AreTheLinesOfTheStation) {

@@ -9,7 +9,7 @@
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/jobs/command_context.h"
 #include "orchestrator/run/station_run.h"
-#include "tests/orchestrator/run/rig_faults.h"
+#include "tests/orchestrator/rig_station.h"
 
 namespace turncal {
 namespace {
@@ -17,8 +17,7 @@ namespace {
 TEST(StationRun, SampleLostInADwellRepeatsItWhole) {
   // Sample 3500 lies in the dwell 3000..5000.
   RigStation s(two_steps_text, rig_with({unit_fault(RigFaultKind::lost_sample, 3500, 3)}));
-  const RunOutcome outcome = s.run();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(s.run(), RunState::done);
   EXPECT_EQ(outcome.repeated_dwells, 1);
   EXPECT_EQ(outcome.units[0].lost_samples, 3U);
   // align, move, what became of the dwell (rotate), settling (rotate), the dwell again, move, align
@@ -75,8 +74,7 @@ TEST(StationRun, ADisturbedDwellIsRepeatedAndTheRunGoesOn) {
   for (const Disturbance& d : disturbances) {
     SCOPED_TRACE(d.what);
     RigStation s(two_steps_text, rig_with(d.faults));
-    const RunOutcome outcome = s.run();
-    ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+    const RunOutcome outcome = ended(s.run(), RunState::done);
     EXPECT_EQ(outcome.repeated_dwells, d.repeats);
     EXPECT_EQ(s.watcher.count(RunEvent::dwell_bad), d.repeats);
     EXPECT_EQ(s.watcher.count(RunEvent::move_next), d.moves);
@@ -106,8 +104,7 @@ TEST(StationRun, MotionFromOneSideOfTheTargetToTheOther) {
   config.table.in_position_tolerance_deg = 0.02;
   RigStation s(two_steps_text, config);
   s.station.dwell.max_gyro_peak_degps = s.station.dwell.max_gyro_std_degps = 1.0;  // the unit itself is not asked
-  const RunOutcome outcome = s.run();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(s.run(), RunState::done);
   EXPECT_EQ(outcome.repeated_dwells, 1);
 }
 
@@ -121,8 +118,7 @@ TEST(StationRun, ADwellThatIsNotBelievedIsMadeOnceMore) {
     const bool again = next_item == 3 && std::ranges::count(asked, 3U) < 3;
     return Result<std::optional<std::size_t>>(again ? next_item - 1 : next_item);
   };
-  const RunOutcome outcome = s.run();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  ended(s.run(), RunState::done);
   EXPECT_EQ(asked, (std::vector<std::size_t>{1, 3, 3, 3, 5})) << "after each time that it is made";
   std::vector<SegmentKind> kinds;
   for (const Segment& segment : s.sink.segments) kinds.push_back(segment.kind);
@@ -142,8 +138,7 @@ TEST(StationRun, TooManyRepeatsEndTheRun) {
   for (std::int64_t sample = 3000; sample < 12000; sample += 300)
     faults.push_back(unit_fault(RigFaultKind::lost_sample, sample));
   RigStation s(two_steps_text, rig_with(faults));
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_EQ(outcome.repeated_dwells, 2);  // dwell.max_repeats
   EXPECT_EQ(s.watcher.count(RunEvent::dwell_bad), 3);
@@ -154,8 +149,7 @@ TEST(StationRun, TooManyRepeatsEndTheRun) {
 
 TEST(StationRun, UnitThatKeepsFlaggingItsDataFailed) {
   RigStation s(two_steps_text, rig_with({unit_fault(RigFaultKind::invalid_sample, 3500, 1'000'000)}));
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 20);
 }
 
@@ -169,8 +163,7 @@ TEST(StationRun, SamplesLostInAMoveRepeatIt) {
   // Samples 1000..3000 are the move; the motion itself ends with 2899, so that the loss comes up together with the arrival.
   RigStation s(two_steps_text,
                rig_with({unit_fault(RigFaultKind::lost_sample, 2895), unit_fault(RigFaultKind::invalid_sample, 2900)}));
-  const RunOutcome outcome = s.run();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(s.run(), RunState::done);
   EXPECT_EQ(s.watcher.count(RunEvent::motion_data_lost), 1) << "said once a move";
   EXPECT_EQ(s.watcher.count(RunEvent::move_bad), 1);
   EXPECT_EQ(outcome.repeated_moves, 1);
@@ -192,8 +185,7 @@ TEST(StationRun, AMoveThatKeepsLosingSamplesFails) {
     faults.push_back(unit_fault(RigFaultKind::lost_sample, sample));
   }
   RigStation s(two_steps_text, rig_with(faults));
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_EQ(outcome.repeated_moves, s.station.dwell.max_repeats);
   EXPECT_SAYS(outcome.error.message, "the move was repeated");
@@ -213,8 +205,7 @@ TEST(StationRun, AMoveThatIsRepeatedIsTakenUp) {
   s.resume = ResumePoint{kept.dwells.back(), false};
   s.stop_requests = 0;
   s.watcher.on_tick = nullptr;
-  const RunOutcome outcome = s.run();
-  ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+  const RunOutcome outcome = ended(s.run(), RunState::done);
   EXPECT_EQ(outcome.units[0].lost_samples, 0U) << "those were cut away with the move";
   using enum SegmentKind;
   const std::vector<std::pair<SegmentKind, double>> expected = {
@@ -253,8 +244,7 @@ TEST(StationRun, DuplicatesThatDifferRepeatTheDwell) {
     RigStation t(two_steps_text);
     TwoTongued imu(t.devices.imu, (in_move ? 1700 : 3500) + 400);
     StationDevices devices = t.devices.devices();
-    const RunOutcome outcome = t.run({devices.table, imu, devices.clock, devices.wait});
-    ASSERT_EQ(outcome.state, RunState::done) << outcome.error.message;
+    const RunOutcome outcome = ended(t.run({devices.table, imu, devices.clock, devices.wait}), RunState::done);
     EXPECT_EQ(outcome.repeated_dwells, in_move ? 0 : 1);
     EXPECT_EQ(outcome.repeated_moves, in_move ? 1 : 0);
     EXPECT_EQ(outcome.units[0].duplicate_samples, 1U);

@@ -3,7 +3,7 @@
 
 #include "orchestrator/jobs/command_context.h"
 #include "orchestrator/run/station_run.h"
-#include "tests/orchestrator/run/rig_faults.h"
+#include "tests/orchestrator/rig_station.h"
 #include "turntable_drivers/table/limited_turntable.h"
 
 namespace turncal {
@@ -29,8 +29,7 @@ TEST(StationRun, AFaultOfTheTableStopsItInTime) {
         Fault{RigFaultKind::emergency_stop, 20.0, RunEvent::e_stop, 1.5, "emergency stop"}}) {  // dwelling
     SCOPED_TRACE(testing::Message() << to_string(fault.kind) << " at " << fault.time_s);
     RigStation s(two_steps_text, rig_with({table_fault(fault.kind, fault.time_s)}));
-    const RunOutcome outcome = s.run();
-    EXPECT_EQ(outcome.state, RunState::failed);
+    const RunOutcome outcome = ended(s.run(), RunState::failed);
     EXPECT_EQ(exit_code(outcome.error.kind), 50);
     EXPECT_TRUE(s.watcher.saw(fault.event));
     EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified));
@@ -71,8 +70,7 @@ TEST(StationRun, ATableThatIsSpedUpTooQuicklyIsStoppedOnceTheUnitsScaleIsKnown) 
       "  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  rotate P -90\n  rotate P +90\n  rotate P -90\n"
       "  dwell 1000\n",
       rig_with({too_fast(17.0, 1.0, 10.0)}));
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_SAYS(outcome.error.message, "at the 20 deg/s^2 that were sent");
   EXPECT_SAYS(outcome.error.message, "heading 0.0000 pitch 0.0000") << "after the second turn";
 }
@@ -85,8 +83,7 @@ TEST(StationRun, TheWayBackOfAMoveThatIsRepeatedIsSupervised) {
       "  rotate P +20\n  rotate P -20\n  rotate P +90\n  dwell 400\n";
   // 13 s: the third move, which loses a sample at 14 s and has settled at 23 s.
   RigStation s(text, rig_with({unit_fault(RigFaultKind::lost_sample, 2400), too_fast(20.0, 1.0, 10.0)}));
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_TRUE(s.watcher.saw(RunEvent::move_bad));
   EXPECT_SAYS(outcome.error.message, "at the 20 deg/s^2 that were sent");
   EXPECT_SAYS(outcome.error.message, "pitch 0.0000") << "the way back";
@@ -98,8 +95,7 @@ TEST(StationRun, ADriveThatGoesOffInHomingStopsTheRun) {
   s.watcher.on_tick = [&](const RunSnapshot&) {
     if (!off && s.clock.now_s() > 1.0) off = s.devices.table.abort_all().ok();
   };
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_TRUE(s.watcher.saw(RunEvent::table_fault));
   EXPECT_LT(s.clock.now_s(), 3.0);
   EXPECT_SAYS(outcome.error.message, "is off");
@@ -109,8 +105,7 @@ TEST(StationRun, LostTableLinkIsTriedAgainForTheStopOnly) {
   RigFault lost = table_fault(RigFaultKind::link_lost, 9.0);
   lost.duration_s = 2.0;
   RigStation s(two_steps_text, rig_with({lost}));
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_TRUE(s.watcher.saw(RunEvent::link_lost));
   EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified));
@@ -121,8 +116,7 @@ TEST(StationRun, LostTableLinkIsTriedAgainForTheStopOnly) {
 
 TEST(StationRun, StopThatCannotBeVerifiedIsSaid) {
   RigStation s(two_steps_text, rig_with({table_fault(RigFaultKind::link_lost, 9.0)}));
-  const RunOutcome outcome = s.run();
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_FALSE(s.watcher.saw(RunEvent::stopped_verified));
   EXPECT_SAYS(outcome.error.message, "COULD NOT BE VERIFIED");
@@ -152,8 +146,7 @@ TEST(StationRun, DrivesThatStayOnAtTheEndAreSaidOnce) {
   s.watcher.on_tick = [&](const RunSnapshot& at) {
     if (parks_s == 0.0 && at.state == RunState::parking) parks_s = at.time_s;
   };
-  const RunOutcome outcome = s.run({table, devices.imu, devices.clock, devices.wait});
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run({table, devices.imu, devices.clock, devices.wait}), RunState::failed);
   EXPECT_TRUE(outcome.stop_failed);
   EXPECT_FALSE(s.sink.finished) << "nothing is made of it";
   EXPECT_SAYS(outcome.error.message, "did not switch off; THE STOP COULD NOT BE VERIFIED");
@@ -171,8 +164,7 @@ TEST(StationRun, ATableThatDoesNotBrakeGetsTheFastestStop) {
     asked_s = at.time_s;
     ++s.stop_requests;
   };
-  const RunOutcome outcome = s.run({table, devices.imu, devices.clock, devices.wait});
-  EXPECT_EQ(outcome.state, RunState::aborted) << outcome.error.message;
+  ended(s.run({table, devices.imu, devices.clock, devices.wait}), RunState::aborted);
   EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified));
   EXPECT_TRUE(s.at_rest());
   EXPECT_LT(s.clock.now_s() - asked_s, 2.0 * 10.0 / 20.0 + s.station.motion.stall_s + 1.0)
@@ -214,8 +206,7 @@ TEST(StationRun, ATableThatDoesNotComeToRestIsNotHomed) {
   RigStation s(two_steps_text);
   const StationDevices devices = s.devices.devices();
   Turning table(devices.table, {});
-  const RunOutcome outcome = s.run({table, devices.imu, devices.clock, devices.wait});
-  EXPECT_EQ(outcome.state, RunState::failed);
+  const RunOutcome outcome = ended(s.run({table, devices.imu, devices.clock, devices.wait}), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_SAYS(outcome.error.message, "does not come to rest");
   EXPECT_GT(table.aborts, 1) << "the fastest stop goes out until the deadline";

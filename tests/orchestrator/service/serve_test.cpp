@@ -139,12 +139,8 @@ TEST_F(Serve, TellsABatchThatItsUnitIsMounted) {
   write("queue", "SN.1\n");
   write("mounted", "SN.1\n");  // of a time before: nobody has said so now
   write("live.station",
-        "format = 1\nstation.name = live\ntable.driver = modbus\ntable.map = " TURNCAL_SOURCE_DIR
-        "/orchestrator/stations/twin.map\ntable.address = 127.0.0.1:1\nimu.driver = serial\nimu.device = " +
-            path("no_such_line") +
-            "\nimu.frame = laser_gyro\nsite.latitude_deg = 30\nsite.gravity_mps2 = 9.79\n"
-            "hook.mount = rm -f " +
-            path("mounted") + "; until grep -qsxFe \"$TURNCAL_UNIT\" " + path("mounted") + "; do sleep 0.1; done\n");
+        live_station("station.name = live\ntable.address = 127.0.0.1:1\nhook.mount = rm -f " + path("mounted") +
+                     "; until grep -qsxFe \"$TURNCAL_UNIT\" " + path("mounted") + "; do sleep 0.1; done\n"));
   const pid_t batch = start({"batch", path("queue"), "--station", path("live.station"), "--out", path("runs")});
   const StationView view = wait_for(StationState::mounting);
   for (int i = 0; i < 400 && std::filesystem::exists(path("mounted")); ++i)
