@@ -207,6 +207,44 @@ TEST_F(ManualTable, TheGyrosMustHaveFeltTheTurn) {
   EXPECT_EQ(desk.manual.task().kind, OperatorTask::Kind::nothing);
 }
 
+TEST_F(ManualTable, TimeOutPausesAndAssumesNothing) {
+  Desk desk;
+  ready(desk);
+  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  desk.clock.time_s += 601.0;
+  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
+  EXPECT_TRUE(desk.manual.paused());
+  EXPECT_SAYS(desk.said(), "paused");
+  desk.type("90");
+  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << "continue comes first";
+  desk.type("continue");
+  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
+  EXPECT_SAYS(desk.said(), "Turn roll from 0 to 90 deg");
+  desk.type("90");
+  EXPECT_FALSE(desk.manual.status(Axis::roll)->moving);
+}
+
+TEST_F(ManualTable, RepeatPauseSkipAbort) {
+  Desk desk;
+  ready(desk);
+  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  desk.said();
+  desk.type("repeat");
+  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
+  EXPECT_SAYS(desk.said(), "Turn roll from 0 to 90 deg");
+  desk.type("p");
+  EXPECT_EQ(desk.manual.status(Axis::roll)->text, "paused");
+  desk.type("c");
+  desk.type("skip");
+  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << "not without a reason";
+  desk.type("skip the roll axis is jammed");
+  expect_end(desk, ErrorKind::interrupted, "skipped by the operator: the roll axis is jammed");
+  Desk other;
+  ready(other);
+  other.type("abort");  // at once, though nothing is asked for
+  expect_end(other, ErrorKind::aborted, "aborted by the operator");
+}
+
 // A slip of one key loses no run: only the whole word gives it up.
 TEST_F(ManualTable, OneLetterGivesNothingUp) {
   for (const char* const language : {"en", "de", "zh"}) {
@@ -343,6 +381,16 @@ TEST_F(ManualTable, RehearsalTurnsTheRigToTheTypedAngle) {
   EXPECT_NEAR(rig.axis(Axis::pitch).position_deg, 44.96, 1e-9);
   EXPECT_EQ(desk.manual.status(Axis::pitch)->position_deg, 44.96);
   ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, 0.0, 10.0, 20.0).ok());
+  expect_end(desk, ErrorKind::interrupted, "end of input");
+}
+
+TEST_F(ManualTable, EndOfInputStops) {
+  Desk desk;
+  ready(desk);
+  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  desk.type("89");                                // refused
+  EXPECT_EQ(::write(desk.pipe_[1], "90", 2), 2);  // without a line end: no answer
+  desk.hang_up();
   expect_end(desk, ErrorKind::interrupted, "end of input");
 }
 
