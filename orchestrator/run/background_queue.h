@@ -71,7 +71,7 @@ class StorageLimit {
   static constexpr double together_s = 3.0 * BackgroundQueue::answer_limit_s;
   explicit StorageLimit(std::function<void()> hangs, double limit_s = together_s);
   StorageLimit(std::function<bool()> passed, std::function<void()> hangs);  // asked ten times a second
-  ~StorageLimit();  // within the limit
+  ~StorageLimit();                                                          // within the limit
   StorageLimit(const StorageLimit&) = delete;
   StorageLimit& operator=(const StorageLimit&) = delete;
 

@@ -32,8 +32,7 @@ TEST(UnitStatistics, RefitsAsTheEstimateDoes) {
                         expected = to_vector(whole.parameters);
   for (int p = 0; p < parameter_count; ++p)
     if (whole.sigma[p] > 0.0) {
-      EXPECT_NEAR(refitted[p], expected[p], 0.1 * whole.sigma[p])
-          << parameter_keys[static_cast<std::size_t>(p)];
+      EXPECT_NEAR(refitted[p], expected[p], 0.1 * whole.sigma[p]) << parameter_keys[static_cast<std::size_t>(p)];
     }
 }
 
