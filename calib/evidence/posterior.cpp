@@ -29,6 +29,7 @@ constexpr double negligible = 12.0, ends_below = 6.0;  // of log evidence
 constexpr double explains = 1.0;
 // A pattern's shape matters where it is so many sigmas.
 constexpr double strong = 10.0;
+constexpr Eigen::Index most_columns = 240;  // beside which a model still takes such columns in
 
 // The system beside a model.
 struct State {
@@ -144,18 +145,32 @@ void take_in(const PieceSystem& system, const TermTable& table, const MatrixXd& 
 }
 
 // What an error x may be off by, of each piece by itself: within the rest in proportion, by the turn before it in any direction, since what varies
-// in a turn is turned with the unit.
-MatrixXd by_piece(const VectorXd& x) {
-  MatrixXd columns = MatrixXd::Zero(x.size(), 7 * x.size() / piece_dims);
-  Eigen::Index count = 0;
+// in a turn is turned with the unit. Those that are seen best.
+MatrixXd by_piece(const PieceSystem& system, const VectorXd& x, Eigen::Index most) {
+  using OfPiece = Eigen::Matrix<double, piece_dims, 1>;
+  struct Column {
+    double information;
+    Eigen::Index first;
+    OfPiece of;
+  };
+  std::vector<Column> columns;
   for (Eigen::Index first = 0; first < x.size(); first += piece_dims) {
-    if (!x.segment<6>(first).isZero(0.0)) columns.col(count++).segment<6>(first) = x.segment<6>(first);
-    for (const Eigen::Index jump : {first + 6, first + 9}) {
-      const double size = x.segment<3>(jump).norm();
-      for (Eigen::Index i = jump; size > 0.0 && i < jump + 3; ++i) columns(i, count++) = size;
-    }
+    const OfPiece all = x.segment<piece_dims>(first);
+    if (all.isZero(0.0)) continue;
+    const OfPiece seen = system.of_piece(static_cast<std::size_t>(first / piece_dims)).before;
+    const auto add = [&](const OfPiece& of) { columns.push_back({of.cwiseAbs2().dot(seen), first, of}); };
+    OfPiece rest = all;
+    rest.tail<6>().setZero();
+    add(rest);
+    for (int d = 6; d < piece_dims; ++d) add(all.segment<3>(d < 9 ? 6 : 9).norm() * OfPiece::Unit(d));
   }
-  return columns.leftCols(count);
+  std::sort(columns.begin(), columns.end(),
+            [](const Column& a, const Column& b) { return a.information > b.information; });
+  while (!columns.empty() && (std::ssize(columns) > most || columns.back().information == 0.0)) columns.pop_back();
+  MatrixXd side_by_side = MatrixXd::Zero(x.size(), std::ssize(columns));
+  for (std::size_t k = 0; k < columns.size(); ++k)
+    side_by_side.col(static_cast<Eigen::Index>(k)).segment<piece_dims>(columns[k].first) = columns[k].of;
+  return side_by_side;
 }
 
 State with_term(const PieceSystem& system, const TermTable& table, const Next& next) {
@@ -170,8 +185,8 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
   const VectorXd b = term.L.transpose() * child.s[term.basis], mean = llt.solve(b);
   const double explained = b.dot(mean);
   take_in(system, table, x, llt, b, child);
-  if (term.kind != TermKind::pattern || explained < strong * strong) return child;
-  const MatrixXd C = by_piece(x * mean);
+  if (term.kind != TermKind::pattern || explained < strong * strong || child.Y.cols() >= most_columns) return child;
+  const MatrixXd C = by_piece(system, x * mean, most_columns - child.Y.cols());
   const MatrixXd A = C.transpose() * (system.times(C) - child.Y * (child.Y.transpose() * C));
   const VectorXd s = C.transpose() * child.score;
   std::array<Eigen::LLT<MatrixXd>, inexactness.size()> inexact;
@@ -520,7 +535,7 @@ class Coefficients {
 
   void add_inexact(const VectorXd& x) {
     Part part;
-    part.x = by_piece(x);
+    part.x = by_piece(system_, x, most_columns);
     part.y = system_.times(part.x);
     part.s = part.x.transpose() * system_.scores();
     part.floor = MatrixXd::Zero(part.x.cols(), part.x.cols());
