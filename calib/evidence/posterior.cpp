@@ -49,15 +49,10 @@ struct Next {
   std::shared_ptr<const State> parent;
 };
 
-// Of one term beside a model, at each variance.
-VectorXd gains(const Term& term, const State& state, const VectorXd& variance) {
-  const MatrixXd& Q = state.Q[term.basis];
-  const VectorXd& s = state.s[term.basis];
-  const Eigen::Index sizes = variance.size(), r = term.L.cols();
+// Of columns with information A and score b, at each variance of their coefficients.
+VectorXd gains(const MatrixXd& A, const VectorXd& b, const VectorXd& variance) {
+  const Eigen::Index sizes = variance.size(), r = b.size();
   VectorXd gain(sizes);
-  const MatrixXd QL = Q * term.L;
-  const MatrixXd A = term.L.transpose() * QL;
-  const VectorXd b = term.L.transpose() * s;
   if (r <= few_columns) {  // more are dearer than a Cholesky factor for each size
     const SymmetricEigen e = r == 1 ? SymmetricEigen{A.col(0), MatrixXd::Ones(1, 1)} : symmetric_eigen(A);
     const VectorXd q = e.values.cwiseMax(0.0), y = (e.vectors.transpose() * b).cwiseAbs2();
@@ -87,7 +82,9 @@ Sizes sizes_of(const Term& term, const State& state, double enough) {
   Sizes sizes;
   const int all = static_cast<int>(term.variance.size());
   for (int k = 0; k < all; k += term.stride) sizes.at.push_back(k);
-  sizes.explained = gains(term, state, term.variance(sizes.at));
+  const MatrixXd QL = state.Q[term.basis] * term.L, A = term.L.transpose() * QL;
+  const VectorXd b = term.L.transpose() * state.s[term.basis];
+  sizes.explained = gains(A, b, term.variance(sizes.at));
   sizes.log_prior = VectorXd(term.log_prior(sizes.at)).array() + std::log(term.stride);
   if (term.stride == 1) return sizes;
   Eigen::Index top = 0;
@@ -96,7 +93,7 @@ Sizes sizes_of(const Term& term, const State& state, double enough) {
   sizes.at.clear();
   for (int k = std::max(0, middle - term.stride + 1); k < std::min(all, middle + term.stride); ++k)
     sizes.at.push_back(k);
-  sizes.explained = gains(term, state, term.variance(sizes.at));
+  sizes.explained = gains(A, b, term.variance(sizes.at));
   sizes.log_prior = term.log_prior(sizes.at);
   return sizes;
 }
@@ -126,12 +123,16 @@ MatrixXd product(const Weights& weights, const RowMajor& y) {
   return u;
 }
 
-// What comes of taking in columns x, with M = x'Q|h x + 1/v and b = x's|h.
-void take_in(const PieceSystem& system, const TermTable& table, const MatrixXd& x, const Eigen::LLT<MatrixXd>& M,
-             const VectorXd& b, State& state) {
-  const VectorXd w = M.matrixL().solve(b);
+// Q|h x
+MatrixXd left_by(const State& state, const PieceSystem& system, const MatrixXd& x) {
   MatrixXd y = system.times(x);
   if (state.Y.cols() > 0) y.noalias() -= state.Y * (state.Y.transpose() * x);
+  return y;
+}
+
+// What comes of taking in columns x, with y = Q|h x, M = x'y + 1/v and b = x's|h.
+void take_in(const TermTable& table, MatrixXd y, const Eigen::LLT<MatrixXd>& M, const VectorXd& b, State& state) {
+  const VectorXd w = M.matrixL().solve(b);
   y = M.matrixL().solve(MatrixXd(y.transpose())).transpose();
   state.Y.conservativeResize(y.rows(), state.Y.cols() + y.cols());
   state.Y.rightCols(y.cols()) = y;
@@ -184,28 +185,22 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
   const Eigen::LLT<MatrixXd> llt(M);
   const VectorXd b = term.L.transpose() * child.s[term.basis], mean = llt.solve(b);
   const double explained = b.dot(mean);
-  take_in(system, table, x, llt, b, child);
+  take_in(table, left_by(child, system, x), llt, b, child);
   if (term.kind != TermKind::pattern || explained < strong * strong || child.Y.cols() >= most_columns) return child;
   const MatrixXd C = by_piece(system, x * mean, most_columns - child.Y.cols());
-  const MatrixXd A = C.transpose() * (system.times(C) - child.Y * (child.Y.transpose() * C));
+  const MatrixXd y = left_by(child, system, C), A = C.transpose() * y;
   const VectorXd s = C.transpose() * child.score;
-  std::array<Eigen::LLT<MatrixXd>, inexactness.size()> inexact;
-  VectorXd gain = VectorXd::Zero(inexactness.size());
-  for (std::size_t k = 1; k < inexactness.size(); ++k) {
-    const double v = inexactness[k] * inexactness[k];
-    M = A;
-    M.diagonal().array() += 1.0 / v;
-    inexact[k].compute(M);
-    gain[static_cast<Eigen::Index>(k)] = 0.5 * VectorXd(inexact[k].matrixL().solve(s)).squaredNorm() -
-                                         inexact[k].matrixLLT().diagonal().array().log().sum() -
-                                         0.5 * static_cast<double>(C.cols()) * std::log(v);
-  }
+  const VectorXd variance = Eigen::Map<const Eigen::ArrayXd>(inexactness.data(), inexactness.size()).square();
+  const VectorXd gain = gains(A, s, variance);
   Eigen::Index best = 0;
   const double top = gain.maxCoeff(&best);
   child.log_weight += top + std::log((gain.array() - top).exp().mean());
   for (ModelTerm& t : child.terms)
     if (t == next.last) t.inexact = static_cast<int>(best);
-  if (best > 0) take_in(system, table, C, inexact[static_cast<std::size_t>(best)], s, child);
+  if (best == 0) return child;
+  M = A;
+  M.diagonal().array() += 1.0 / variance[best];
+  take_in(table, y, Eigen::LLT<MatrixXd>(M), s, child);
   return child;
 }
 

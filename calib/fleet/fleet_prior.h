@@ -25,7 +25,7 @@ namespace turncal {
 // The noise of a part, as the calibrations of its units have measured it, and what it makes of a recording's own.
 //
 // Of each random walk the logarithm r_u of its rms over the axes, units u scatter: r_u ~ N(r, t^2), mean and variance of U units, the variance
-// times (1 + 1/U)(U-1)/(U-3) as in above; errors of the r_u are part of it. A recording has measured r_0 with sigma_0 (noise_fit.h):
+// times (1 + 1/U)(U-1)/(U-3) as above; errors of the r_u are part of it. A recording has measured r_0 with sigma_0 (noise_fit.h):
 //   r = (r_0 / sigma_0^2 + r_class / t^2) / (1 / sigma_0^2 + 1 / t^2),   share of the class = sigma_0^2 / (sigma_0^2 + t^2)
 // and all axes of the triad go with it. A recording whose noise differs by more than chance allows keeps its own, and is named.
 // A bias instability that the recording cannot see, and most units of the part have, is the median of theirs.

@@ -1,6 +1,5 @@
 #include "calib/fleet/unit_statistics.h"
 
-#include <cmath>
 #include <cstdio>
 
 #include "calib/joint/coarser_recording.h"

@@ -2,7 +2,7 @@
 //
 // With A, c the information and gradient over [base and chosen (b), candidates (c)]:
 //   Q = A_cc - A_cb A_bb^-1 A_bc,   s = -(c_c - A_cb A_bb^-1 c_b)
-// candidate k added alone comes to s_k / Q_kk with sigma Q_kk^-1/2; a group to Q^-1 s; T = s' Q^-1 s ~ chi2(rank Q).
+// candidate k added alone comes to s_k / Q_kk with sigma Q_kk^-1/2; a group to Q^-1 s.
 #pragma once
 
 #include <vector>
