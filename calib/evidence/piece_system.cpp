@@ -308,14 +308,14 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
       const Eigen::Index n = columns(k), m = part.of.cols();
       if (n == 0 || m == 0) continue;
       W = part.of.transpose();
-      auto mine = result[k].Q.middleRows(part.first, m);
+      auto mine = result[k].Q.middleCols(part.first, m);
       const auto rows = rows_of(part);
       for (const int d : rows) {
         WI = 0.5 * link.I(d, d) * W.col(d);
         for (const int e : rows)
           if (e != d) WI += 0.5 * link.I(e, d) * W.col(e);
-        mine.middleCols(part.first, m).noalias() += W.col(d) * WI.transpose();
-        mine.noalias() += W.col(d) * from_later.col(d).segment(at, n).transpose();
+        mine.middleRows(part.first, m).noalias() += WI * W.col(d).transpose();
+        mine.noalias() += from_later.col(d).segment(at, n) * W.col(d).transpose();
         next.middleRows(at + part.first, m).noalias() += W.col(d) * link.G.col(d).transpose();
         cross.middleCols(at + part.first, m).noalias() += R_.row(row + d).transpose() * W.col(d).transpose();
       }

@@ -80,28 +80,34 @@ struct Kernel {
   double share = 1.0;
 };
 
-// Functions of a cell: `write` fills `count` values, all of them or those from `first` on.
+// Functions of a cell. They come in blocks of `count`, of which a cell has one.
 struct Functions {
-  Driver driver;
-  Eigen::Index count = 0;
-  bool of_epochs = false;  // one value each, the cell's own is 1
-  std::function<void(const ErrorCell&, Eigen::Ref<VectorXd>)> write;
-
-  // All of them, or, as likely, one harmonic or wave: these are pairs.
-  std::vector<Kernel> kernels() const {
-    std::vector<Kernel> all;
-    all.push_back({driver, MatrixXd::Identity(count, count) / std::sqrt(0.5 * static_cast<double>(count)), 1.0});
-    for (Eigen::Index k = 0; k + 1 < count && driver != Driver::turns; k += 2) {
-      MatrixXd pair = MatrixXd::Zero(count, 2);
-      pair.middleRows<2>(k).setIdentity();
-      all.push_back({driver, pair, 2.0 / static_cast<double>(count)});
-    }
-    return all;
-  }
+  Eigen::Index count = 1, blocks = 1;
+  std::function<Eigen::Index(const ErrorCell&)> block_of;             // none: of a single one
+  std::function<void(const ErrorCell&, Eigen::Ref<VectorXd>)> write;  // the values of its block; none: 1
+  std::vector<Kernel> kernels;
 };
 
 constexpr int harmonics = 4, waves = 3;
 constexpr std::array<double, 3> decays_s = {15.0, 60.0, 250.0};
+constexpr double middle_decay_s = decays_s[1];
+constexpr std::array<double, 2> smooth_parts = {0.3, 0.1};  // of the range
+constexpr double least_range_c = 0.3;
+constexpr int fewest_epochs = 4;
+
+Kernel all_of(Driver driver, Eigen::Index count, double size = 1.0) {
+  return {driver, size * MatrixXd::Identity(count, count), 1.0};
+}
+// All of a series, whose functions are pairs, or, as likely, one pair.
+std::vector<Kernel> series(Driver driver, Eigen::Index count) {
+  std::vector<Kernel> all = {all_of(driver, count, 1.0 / std::sqrt(0.5 * static_cast<double>(count)))};
+  for (Eigen::Index k = 0; k < count; k += 2) {
+    MatrixXd pair = MatrixXd::Zero(count, 2);
+    pair.middleRows<2>(k).setIdentity();
+    all.push_back({driver, pair, 2.0 / static_cast<double>(count)});
+  }
+  return all;
+}
 
 std::vector<Functions> all_functions(const Pieces& pieces) {
   std::vector<Functions> all;
@@ -113,37 +119,48 @@ std::vector<Functions> all_functions(const Pieces& pieces) {
       v[2 * k - 1] = (1.0 - std::cos(0.5 * pi * k * x)) / k;
     }
   };
-  all.push_back({Driver::time, pieces.epochs, true, nullptr});
   for (int axis = 0; axis < 3; ++axis) {
-    all.push_back({Driver::angle, 2 * harmonics, false, [axis](const ErrorCell& c, Eigen::Ref<VectorXd> v) {
+    all.push_back({2 * harmonics, 1, nullptr,
+                   [axis](const ErrorCell& c, Eigen::Ref<VectorXd> v) {
                      for (int h = 1; h <= harmonics; ++h) {
                        v[2 * h - 2] = std::cos(h * c.at.table_rad[axis]) / h;
                        v[2 * h - 1] = std::sin(h * c.at.table_rad[axis]) / h;
                      }
-                   }});
-    all.push_back({Driver::force, 2 * waves, false, [axis, curve](const ErrorCell& c, Eigen::Ref<VectorXd> v) {
+                   },
+                   series(Driver::angle, 2 * harmonics)});
+    all.push_back({2 * waves, 1, nullptr,
+                   [axis, curve](const ErrorCell& c, Eigen::Ref<VectorXd> v) {
                      curve(c.at.f_b[axis] / standard_gravity_mps2, v);
-                   }});
-    all.push_back({Driver::rate, 2 * waves, false,
+                   },
+                   series(Driver::force, 2 * waves)});
+    all.push_back({2 * waves, 1, nullptr,
                    [axis, curve, most = fastest[axis]](const ErrorCell& c, Eigen::Ref<VectorXd> v) {
                      if (c.turns)
                        curve(c.at.w_b[axis] / most, v);
                      else
                        v.setZero();
-                   }});
+                   },
+                   series(Driver::rate, 2 * waves)});
   }
-  all.push_back({Driver::turns, static_cast<Eigen::Index>(decays_s.size()), false,
-                 [](const ErrorCell& c, Eigen::Ref<VectorXd> v) {
-                   const double since = c.at.since_rotation_s, half = 0.5 * c.at.duration_s;
-                   for (std::size_t k = 0; k < decays_s.size(); ++k) {
-                     const double tau = decays_s[k];
-                     // The mean over the cell.
-                     v[static_cast<Eigen::Index>(k)] =
-                         c.turns || since > 1e6
-                             ? 0.0
-                             : tau / (2.0 * half) * (std::exp(-(since - half) / tau) - std::exp(-(since + half) / tau));
-                   }
-                 }});
+  const auto decay = [](const ErrorCell& c, double tau) {  // its mean over the cell
+    const double since = c.at.since_rotation_s, half = 0.5 * c.at.duration_s;
+    if (c.turns || since > 1e6) return 0.0;
+    return tau / (2.0 * half) * (std::exp(-(since - half) / tau) - std::exp(-(since + half) / tau));
+  };
+  const Eigen::Index decays = std::ssize(decays_s);
+  all.push_back({decays,
+                 1,
+                 nullptr,
+                 [decay](const ErrorCell& c, Eigen::Ref<VectorXd> v) {
+                   for (Eigen::Index k = 0; k < v.size(); ++k) v[k] = decay(c, decays_s[static_cast<std::size_t>(k)]);
+                 },
+                 {all_of(Driver::turns, decays, 1.0 / std::sqrt(0.5 * static_cast<double>(decays)))}});
+  // What a turn leaves behind may go with what turned, with the pose, with anything.
+  all.push_back({1,
+                 pieces.epochs,
+                 [](const ErrorCell& c) { return c.epoch; },
+                 [decay](const ErrorCell& c, Eigen::Ref<VectorXd> v) { v[0] = decay(c, middle_decay_s); },
+                 {all_of(Driver::turns, pieces.epochs)}});
   return all;
 }
 
@@ -283,23 +300,36 @@ VectorXd numbers_of(const Epochs& e) {  // 1, 2 ... in each recording
   return number;
 }
 
-std::vector<Kernel> kernels_of(const Epochs& e) {
+// Constant over an epoch: another value each, a walk, a step before one of them.
+Functions steps_of(const Epochs& e) {
   const Eigen::Index n = e.time_s.size();
-  std::vector<Kernel> all;
-  if (n < 4) return all;
-  const double length = e.time_s.maxCoeff() - e.time_s.minCoeff();
-  all.push_back({Driver::unknown, MatrixXd::Identity(n, n)});
-  all.push_back({Driver::time, factor(e.in_each(walk(numbers_of(e))), 1e-3)});
-  for (const double part : {0.3, 0.1})
-    all.push_back({Driver::time, factor(e.in_each(smooth(e.time_s, part * length)), 1e-4)});
-  const double range = e.temperature_c.maxCoeff() - e.temperature_c.minCoeff();
-  if (range > 0.3) all.push_back({Driver::temperature, factor(smooth(e.temperature_c, 0.35 * range), 1e-4)});
+  Functions f = {1, n, [](const ErrorCell& c) { return c.epoch; }, nullptr, {all_of(Driver::unknown, n)}};
+  f.kernels.push_back({Driver::time, factor(e.in_each(walk(numbers_of(e))), 1e-3)});
   for (Eigen::Index j = 1; j < e.fitted; ++j) {
     MatrixXd step = MatrixXd::Zero(n, 1);
     for (Eigen::Index i = j; i < e.fitted && e.recording[i] == e.recording[j]; ++i) step(i, 0) = 1.0;
-    all.push_back({Driver::time, step, 1.0 / static_cast<double>(e.fitted)});
+    f.kernels.push_back({Driver::time, step, 1.0 / static_cast<double>(e.fitted)});
   }
-  return all;
+  return f;
+}
+
+// Smooth functions of x in `from` to `to`, of covariance exp(-(x - x')^2 / 2 length^2): those of a grid of half a length, and between its points
+// by the same covariance (Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), 8.1). Goes with time: of each recording by itself.
+Functions smooth_of(Driver driver, double from, double to, double part, int recordings) {
+  const double length = part * (to - from);
+  const VectorXd grid = VectorXd::LinSpaced(static_cast<Eigen::Index>(std::ceil(2.0 / part)) + 1, from, to);
+  const SymmetricEigen e = symmetric_eigen(smooth(grid, length));
+  const Eigen::Index count = (e.values.array() > 1e-4 * e.values.maxCoeff()).count();
+  const MatrixXd weights = e.vectors.rightCols(count) * e.values.tail(count).cwiseSqrt().cwiseInverse().asDiagonal();
+  const bool of_time = driver == Driver::time;
+  Functions f = {count, of_time ? recordings : 1, nullptr, nullptr, {}};
+  if (of_time) f.block_of = [](const ErrorCell& c) { return c.at.recording; };
+  f.write = [=](const ErrorCell& c, Eigen::Ref<VectorXd> v) {
+    const double x = of_time ? c.at.time_s : c.at.temperature_c;
+    v = weights.transpose() * (-0.5 * ((grid.array() - x) / length).square()).exp().matrix();
+  };
+  f.kernels = {all_of(driver, f.count * f.blocks)};
+  return f;
 }
 
 MatrixXd side_by_side(const MatrixXd& L, Eigen::Index wide) {
@@ -347,7 +377,7 @@ namespace {
 class Table {
  public:
   Table(const Pieces& pieces, const NoiseModel& noise, const Parameters& fit, const std::vector<int>& columns)
-      : pieces_(pieces), grades_(grades_of(noise)), taken_up_(pieces, fit, columns) {
+      : pieces_(pieces), epochs_(epochs_of(pieces)), grades_(grades_of(noise)), taken_up_(pieces, fit, columns) {
     for (const ErrorCell& cell : pieces.cells) length_s_ = std::max(length_s_, cell.at.time_s);
     if (pieces.cells.empty()) return;
     fitted_ = pieces.cells[pieces.fitted_cells - 1].at.recording + 1;
@@ -355,40 +385,34 @@ class Table {
   }
 
   void add_patterns() {
-    const std::vector<Functions> functions = all_functions(pieces_);
-    const Epochs epochs = epochs_of(pieces_);
-    const std::vector<Kernel> kernels = kernels_of(epochs);
+    std::vector<Functions> functions = all_functions(pieces_);
+    if (pieces_.epochs >= fewest_epochs) add_of_time(functions);
     for (const Channel& channel : all_channels(grades_))
       for (const Functions& f : functions) {
-        if (f.driver == Driver::angle && by_hand()) continue;
+        if (f.kernels.front().driver == Driver::angle && by_hand()) continue;
         const std::size_t basis = add_basis({channel}, f);
         if (by_hand() && is_zero(table_.bases[basis])) continue;
-        const auto add = [&](Driver driver, const MatrixXd& L, double share) {
+        for (const Kernel& kernel : f.kernels) {
+          // Another value in every rest is the floor of hand-turned data.
+          if (by_hand() && kernel.driver == Driver::unknown) continue;
           Term term;
           term.kind = TermKind::pattern;
           term.what = {sensor_name(channel.sensor, channel.axis),
-                       std::string(to_string(canonical(channel.sensor, channel.quantity, driver))),
-                       std::string(to_string(driver)), "", 0.0};
+                       std::string(to_string(canonical(channel.sensor, channel.quantity, kernel.driver))),
+                       std::string(to_string(kernel.driver)), "", 0.0};
           term.basis = basis;
-          term.L = L;
-          shares_.push_back(share);
+          term.L = kernel.L;
+          shares_.push_back(kernel.share);
           table_.terms.push_back(std::move(term));
-        };
-        if (f.of_epochs)
-          for (const Kernel& kernel : kernels) {
-            // Another value in every rest is the floor of hand-turned data.
-            if (kernel.driver != Driver::unknown || !by_hand()) add(kernel.driver, kernel.L, kernel.share);
-          }
-        else
-          for (const Kernel& kernel : f.kernels()) add(f.driver, kernel.L, kernel.share);
+        }
       }
     double all = 0.0;
     for (const double share : shares_) all += share;
     for (std::size_t k = 0; k < shares_.size(); ++k)
       pattern_prior(shares_[k] / all, prior_patterns, 1.0, table_.terms[k]);
     if (by_hand()) return;
-    add_wander(epochs, Sensor::gyro, functions.front());
-    add_wander(epochs, Sensor::accelerometer, functions.front());
+    add_wander(Sensor::gyro);
+    add_wander(Sensor::accelerometer);
   }
 
   void add_effects(const std::vector<EffectColumn>& effects, const std::vector<Readings>& readings) {
@@ -456,38 +480,48 @@ class Table {
     table_.taken_up.push_back(taken_up_.as_parameters(sums));
     return table_.bases.size() - 1;
   }
+  void add_of_time(std::vector<Functions>& functions) const {
+    functions.push_back(steps_of(epochs_));
+    const auto [first, last] = std::ranges::minmax(epochs_.time_s);
+    const auto [coldest, warmest] = std::ranges::minmax(epochs_.temperature_c);
+    for (const double part : smooth_parts) {
+      functions.push_back(smooth_of(Driver::time, first, last, part, fitted_ + held_out_));
+      if (warmest - coldest > least_range_c)
+        functions.push_back(smooth_of(Driver::temperature, coldest, warmest, part, 1));
+    }
+  }
+
   // Side by side: column = function * channels + channel.
   std::size_t add_basis(const std::vector<Channel>& channels, const Functions& f) {
     const auto wide = static_cast<Eigen::Index>(channels.size());
-    const Eigen::Index functions = f.of_epochs ? 1 : f.count;
-    VectorXd value = VectorXd::Ones(functions);
+    VectorXd value = VectorXd::Ones(f.count);
     const auto first = [&](std::size_t k) {
-      return f.of_epochs ? pieces_.cells[pieces_.pieces[k].rest_cell].epoch * wide : 0;
+      return f.block_of ? f.block_of(pieces_.cells[pieces_.pieces[k].rest_cell]) * f.count * wide : 0;
     };
-    return add_basis(f.count * wide, functions * wide, first, [&](std::size_t, const ErrorCell& cell) {
-      if (!f.of_epochs) f.write(cell, value);
-      Readings readings(6, functions * wide);
+    return add_basis(f.blocks * f.count * wide, f.count * wide, first, [&](std::size_t, const ErrorCell& cell) {
+      if (f.write) f.write(cell, value);
+      Readings readings(6, f.count * wide);
       for (Eigen::Index c = 0; c < wide; ++c) {
         const Reading one = reading_of(channels[static_cast<std::size_t>(c)], cell);
-        for (Eigen::Index j = 0; j < functions; ++j) readings.col(j * wide + c) = one * value[j];
+        for (Eigen::Index j = 0; j < f.count; ++j) readings.col(j * wide + c) = one * value[j];
       }
       return readings;
     });
   }
 
   // The same for the three axes, each with a course of its own.
-  void add_wander(const Epochs& epochs, Sensor sensor, const Functions& of_epochs) {
+  void add_wander(Sensor sensor) {
     std::vector<Channel> channels;
     for (const Channel& c : all_channels(grades_))
       if (c.sensor == sensor && c.quantity == Quantity::bias) channels.push_back(c);
-    const std::size_t basis = add_basis(channels, of_epochs);
+    const std::size_t basis = add_basis(channels, steps_of(epochs_));
     const auto wide = static_cast<Eigen::Index>(channels.size());
     // Flicker noise: processes of all correlation times, with as much in each. Its mean is the bias; of a walk the bias is that over the
     // recording.
-    const MatrixXd d = differences(epochs.time_s);
+    const MatrixXd d = differences(epochs_.time_s);
     MatrixXd flicker = MatrixXd::Zero(d.rows(), d.cols());
     for (const double tau : {200.0, 600.0, 2000.0}) flicker.array() += (-d / tau).array().exp();
-    const std::vector<MatrixXd> kernels = {epochs.in_each(walk(epochs.time_s)), epochs.in_each(flicker)};
+    const std::vector<MatrixXd> kernels = {epochs_.in_each(walk(epochs_.time_s)), epochs_.in_each(flicker)};
     for (const MatrixXd& K : kernels) {
       Term term;
       term.about_mean = &K == &kernels.front();
@@ -566,6 +600,7 @@ class Table {
   }
 
   const Pieces& pieces_;
+  const Epochs epochs_;
   const Grades grades_;
   const TakenUp taken_up_;
   TermTable table_;

@@ -163,6 +163,7 @@ Disturbance times(double size, const Disturbance& one) {
 struct Effect {
   std::string what = "none", sensor, quantity, key;  // key: of the catalogue
   Strings drivers;
+  Number part;         // of a scale factor or direction: of its input; empty: of a bias, or of the catalogue
   Disturbance whole;   // one unit of it
   Disturbance column;  // without what the parameters take up
   double z = 0.0;      // ideal, of both recordings
@@ -184,6 +185,7 @@ Effect draw_any(Random& r) {
   e.drivers = shape.drivers;
   e.what = e.sensor + ":" + e.quantity + ":" + shape.name;
   e.whole = on(sensor, quantity == 0 ? -1 : quantity == 1 ? axis : other, shape.at);
+  if (quantity > 0) e.part = shape.at;
   return e;
 }
 
@@ -239,7 +241,7 @@ Effect draw_of_catalogue(Random& r, const RigEffects& rig, const CompressedRecor
 struct Grade {
   const char* name;
   double least_arw, most_arw, least_vrw, most_vrw;          // deg/sqrt(h), ug/sqrt(Hz)
-  double bias_degph, accel_pulse_mps, most_degph, most_ug;  // most: that an effect reads
+  double bias_degph, accel_pulse_mps, most_degph, most_ug;  // most: that an effect reads; in ppm as in ug
 };
 constexpr std::array<Grade, 3> grades = {{{"navigation", 0.001, 0.01, 4.0, 16.0, 0.08, 0.0005, 40.0, 1e3},
                                           {"tactical", 0.02, 0.1, 20.0, 80.0, 1.0, 0.001, 400.0, 5e3},
@@ -414,10 +416,11 @@ double z_of_both(const Clean& clean, const Clean& held, const Disturbance& colum
   return std::sqrt(scores.Q(0, 0));
 }
 
-bool is_usual(const Clean& clean, const Grade& grade, const Disturbance& added) {
+bool is_usual(const Clean& clean, const Grade& grade, double size, const Effect& effect) {
   return std::all_of(clean.moments.begin(), clean.moments.end(), [&](const Moment& m) {
-    const AddedReading a = added(m);
-    return a.gyro_radps.cwiseAbs().maxCoeff() < grade.most_degph * radps_per_degph &&
+    const AddedReading a = times(size, effect.column)(m);
+    return (!effect.part || std::abs(size * effect.part(m)) < 1e-6 * grade.most_ug) &&
+           a.gyro_radps.cwiseAbs().maxCoeff() < grade.most_degph * radps_per_degph &&
            a.accel_mps2.cwiseAbs().maxCoeff() < grade.most_ug * mpsprs_per_ugprHz;
   });
 }
@@ -623,7 +626,7 @@ void run(const std::string& kind, std::uint64_t seed, const std::map<std::string
       ideal = ideal_of(clean, over_run, e.column);
       const double z_of_one = catalogue ? ideal.z_of_one : z_of_both(clean, other, e.column);
       size = (r() % 2 == 0 ? 1.0 : -1.0) * e.z / z_of_one;
-      if (ideal.z_of_one == 0.0 || !is_usual(clean, unit.grade, times(size, e.column))) continue;
+      if (ideal.z_of_one == 0.0 || !is_usual(clean, unit.grade, size, e)) continue;
     }
     CompressedRecording recording = made.recording, holdout = held.recording;
     Parameters truth = over_run;
