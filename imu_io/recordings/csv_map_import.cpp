@@ -66,8 +66,12 @@ Result<CsvMap> read_map(KeyValueFile& file) {
   map.format.header_lines = static_cast<int>(file.integer_or("csv.header_lines", 1, 0, 1000));
   map.time_column = file.text_or("time.column", "");
   map.accel_time_column = file.text_or("accel.time.column", map.time_column);
-  const std::string unit = file.one_of_or("time.unit", "s", {"s", "ms", "us", "ns"});
-  map.time_unit_s = unit == "ms" ? 1e-3 : unit == "us" ? 1e-6 : unit == "ns" ? 1e-9 : 1.0;
+  if (const auto step_s = parse_number(file.text_or("time.unit", "s")); step_s && *step_s > 0.0) {
+    map.time_unit_s = *step_s;
+  } else {
+    const std::string unit = file.one_of_or("time.unit", "s", {"s", "ms", "us", "ns"});
+    map.time_unit_s = unit == "ms" ? 1e-3 : unit == "us" ? 1e-6 : unit == "ns" ? 1e-9 : 1.0;
+  }
   if (file.has("time.increments"))
     map.increments = file.one_of("time.increments", {"intervals", "period"}) == "period"
                          ? CsvMap::Increments::period
@@ -115,7 +119,6 @@ class Importer {
 
   Status read(const ColumnSource& source, bool with_accel) {
     file_name_ = source.file_name;
-    result_.source = source.note;
     result_.info.started_utc_s = map_.started_utc_s ? map_.started_utc_s : source.started_utc_s;
     std::vector<WantedColumn> wanted;
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -418,8 +421,9 @@ IncrementsChoice choose_increments(const std::vector<double>& times_s) {
       const double bend = ahead[k] - 2.0 * ahead[k - m] + ahead[k - 2 * m];
       squares.push_back(bend * bend);
     }
-    std::ranges::sort(squares);
-    squares.resize(squares.size() - squares.size() / 100);
+    const auto largest = squares.end() - static_cast<std::ptrdiff_t>(squares.size() / 100 + 1);
+    std::nth_element(squares.begin(), largest, squares.end());
+    squares.erase(largest, squares.end());
     return std::sqrt(std::accumulate(squares.begin(), squares.end(), 0.0) / static_cast<double>(squares.size()));
   };
   const std::size_t far = std::min<std::size_t>(n / 8, 32);
@@ -447,10 +451,10 @@ namespace {
 
 ColumnSource columns_of_bag(const std::string& path, BagImu bag) {
   ColumnSource source;
-  source.file_name = path + ", topic " + bag.topic;
   source.topic = bag.topic;
-  source.note = "topic " + bag.topic;
-  if (!bag.temperature_topic.empty()) source.note += ", temperature of " + bag.temperature_topic;
+  source.note = "topic " + quoted(bag.topic);
+  source.file_name = path + ", " + source.note;
+  if (!bag.temperature_topic.empty()) source.note += ", temperature of " + quoted(bag.temperature_topic);
   if (bag.recording_times) source.note += ", times of recording: no header.stamp is set";
   source.started_utc_s = bag.started_utc_s;
   for (const NumberColumn& column : bag.columns) source.names.push_back(column.name);
@@ -462,7 +466,7 @@ ColumnSource columns_of_bag(const std::string& path, BagImu bag) {
       if (at == bag->columns.end())
         return input_error(
             fmt::format("{}: no column {}: it has {}", name, quoted(column.name), fmt::join(names, ", ")));
-      table.columns.push_back(at->values);
+      table.columns.push_back(std::move(at->values));
     }
     table.position = table.line = bag->message;
     for (std::int64_t& line : table.line) ++line;

@@ -82,12 +82,12 @@ struct CsvImport {
   std::int64_t gaps = 0;
   double jitter_s = 0.0;  // rms of the intervals about their mean, gaps left out
   std::string chosen;     // "time.increments = period: ...", where the stamps said it
-  std::string source;     // of a bag: its topics
 };
 
 // A file that has columns, whatever its form.
 struct ColumnSource {
   std::string file_name;
+  // Of a bag once.
   std::function<Result<NumberTable>(const std::vector<WantedColumn>&, const TableFormat&)> read;
   std::vector<std::string> names;           // what can be wanted; of text none
   std::shared_ptr<const std::string> text;  // of CSV

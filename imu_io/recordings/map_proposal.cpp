@@ -87,7 +87,8 @@ using Triad = std::array<std::size_t, 3>;
 // Every three columns whose labels differ in x, y and z, or 1, 2 and 3, alone.
 std::vector<Triad> triads_of(const std::vector<Candidate>& columns) {
   std::vector<Triad> triads;
-  for (const std::string_view letters : {"xyz", "123"})
+  for (const std::string_view letters : {"xyz", "123"}) {
+    if (!triads.empty()) break;
     for (std::size_t i = 0; i < columns.size(); ++i)
       for (std::size_t at = columns[i].label.find(letters[0]); at != std::string::npos;
            at = columns[i].label.find(letters[0], at + 1)) {
@@ -102,6 +103,7 @@ std::vector<Triad> triads_of(const std::vector<Candidate>& columns) {
         }
         if (whole) triads.push_back(triad);
       }
+  }
   return triads;
 }
 
@@ -222,24 +224,30 @@ class Proposer {
 
   MapProposal of_bag() const {
     std::string map =
-        fmt::format("{} for {}.\ntopic = {}\n", proposed_beginning, source_.note, source_.topic) +
+        fmt::format("{} for {}.\n", proposed_beginning, source_.note) +
         "gyro.columns = angular_velocity.x, angular_velocity.y, angular_velocity.z\ngyro.unit = rad/s\n"
         "accel.columns = linear_acceleration.x, linear_acceleration.y, linear_acceleration.z\naccel.unit = m/s^2\n"
         "time.column = t\n";
+    const bool plain =
+        quoted(source_.topic).size() == source_.topic.size() + 2 && source_.topic.find('#') == std::string::npos;
+    if (plain) map += "topic = " + source_.topic + "\n";
     if (source_.names.back() == "temperature") map += "temperature.column = temperature\n";
     return {map + site_lines(), {}};
   }
 
   void find_columns() {
+    std::vector<std::string> others[2];
     for (const Triad& triad : triads_of(layout_.columns)) {
-      std::optional<Triad>& role = is_accel(label(triad[0])) ? accel_ : gyro_;
-      if (!is_accel(label(triad[0])) && !is_gyro(label(triad[0]))) continue;
-      if (role && label((*role)[0]) != label(triad[0]))
-        doubt(fmt::format("several triads of {}: {} and {}", &role == &accel_ ? "accelerometers" : "gyros",
-                          quoted(label((*role)[0])), quoted(label(triad[0]))));
-      else
-        role = triad;
+      const std::string& name = label(triad[0]);
+      if (!is_accel(name) && !is_gyro(name)) continue;
+      std::optional<Triad>& role = is_accel(name) ? accel_ : gyro_;
+      if (!role) role = triad;
+      if (label((*role)[0]) != name && layout_.named) others[is_accel(name) ? 1 : 0].push_back(quoted(name));
     }
+    if (!others[0].empty())
+      doubt(fmt::format("which gyros: {} or {}", quoted(label((*gyro_)[0])), fmt::join(others[0], ", ")));
+    if (!others[1].empty())
+      doubt(fmt::format("which accelerometers: {} or {}", quoted(label((*accel_)[0])), fmt::join(others[1], ", ")));
     for (std::size_t k = 0; k < layout_.columns.size(); ++k) {
       const std::string& name = label(k);
       const bool in_triad = (gyro_ && std::ranges::find(*gyro_, k) != gyro_->end()) ||
@@ -377,7 +385,9 @@ class Proposer {
                  : increments           ? "rad"
                                         : "rad/s";
     if (gyro_said == nullptr && !scale)
-      doubt("gyro.unit: the header does not say it, and the unit does not turn enough to tell");
+      doubt(fmt::format("gyro.unit: the header does not say it, and {}", period_s_ > 0.0
+                                                                             ? "the unit does not turn enough to tell"
+                                                                             : "without a rate the numbers do not"));
     else if (scale && (gyro_seen == nullptr || (gyro_said != nullptr && gyro_said != gyro_seen)))
       doubt(fmt::format("gyro.unit: gravity turns as if a number were {:.3g} rad/s{}: {}", *scale,
                         gyro_said == nullptr ? "" : fmt::format(" and the header says {}", gyro_said->name),
@@ -400,7 +410,7 @@ class Proposer {
       return fmt::format("{}, {}, {}", layout_.columns[triad[0]].reference, layout_.columns[triad[1]].reference,
                          layout_.columns[triad[2]].reference);
     };
-    std::string map = fmt::format("{} for {}: {} rows", proposed_beginning, path_, numbers.gyro[0].size());
+    std::string map = fmt::format("{} for {}: {} rows", proposed_beginning, quoted(path_), numbers.gyro[0].size());
     if (period_s_ > 0.0) map += fmt::format(" at {:.6g} Hz", 1.0 / period_s_);
     map += ".\n";
     for (const std::string& what : doubts_) map += "# In doubt: " + what + "\n";

@@ -85,9 +85,8 @@ struct Topic {
   std::string name, type;
   Encoding encoding = Encoding::other;
   std::int64_t messages = 0;
-  bool is(std::string_view message) const {
-    return type == fmt::format("sensor_msgs/msg/{}", message) || type == fmt::format("sensor_msgs/{}", message);
-  }
+  bool is_imu = type == "sensor_msgs/msg/Imu" || type == "sensor_msgs/Imu";
+  bool is_temperature = type == "sensor_msgs/msg/Temperature" || type == "sensor_msgs/Temperature";
 };
 
 struct Reading {
@@ -106,16 +105,16 @@ class Collector {
 
   Topic& topic(std::string_view name, std::string_view type, Encoding encoding) {
     const auto [at, is_new] = topics_.try_emplace(std::string(name));
-    if (is_new) at->second = {std::string(name), std::string(type), encoding, 0};
-    if (is_new && at->second.is("Imu")) units_.push_back(&at->second);
+    if (is_new) at->second = {std::string(name), std::string(type), encoding};
+    if (is_new && at->second.is_imu) units_.push_back(&at->second);
     return at->second;
   }
 
   Status take(Topic& topic, std::int64_t recorded_ns, ByteSpan data) {
     ++topic.messages;
     if (topic.encoding == Encoding::other) return {};
-    if (!topic.is("Imu")) {
-      if (topic.is("Temperature")) take_temperature(topic, recorded_ns, data);
+    if (!topic.is_imu) {
+      if (topic.is_temperature) take_temperature(topic, recorded_ns, data);
       return {};
     }
     if (unit_ == nullptr && (wanted_.empty() || topic.name == wanted_)) unit_ = &topic;
@@ -489,6 +488,7 @@ class Rosbag2Reader {
     if (code != SQLITE_OK) return refusal();
     sqlite3_db_config(handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
     sqlite3_db_config(handle, SQLITE_DBCONFIG_ENABLE_VIEW, 0, nullptr);
+    sqlite3_exec(handle, "PRAGMA mmap_size = 2147418112", nullptr, nullptr, nullptr);  // half the time
     sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, static_cast<int>(most_bytes));
     TRY(each("SELECT id, name, type, serialization_format FROM topics", [&](sqlite3_stmt* row) {
       const Encoding encoding = text_of(blob(row, 3)) == "cdr" ? Encoding::cdr : Encoding::other;
