@@ -26,7 +26,8 @@ constexpr std::string_view by_nothing = "no command takes it";
 
 // In the order of the enumeration.
 constexpr KindRow kind_rows[] = {
-    {FileKind::recording, "a recording", "turncal calibrate, diagnose, apply, navigate and export take it", "\x89TCR"},
+    {FileKind::recording, "a recording of turncal", "turncal calibrate, diagnose, apply, navigate and export take it",
+     "\x89TCR"},
     {FileKind::journal, "the journal of a run", "turncal journal and resume take its folder", "\x89TCJ"},
     {FileKind::statistics, "statistics of a calibration", "turncal fleet takes the store that it is in", "TCST"},
     {FileKind::parameters,
@@ -56,7 +57,7 @@ constexpr KindRow kind_rows[] = {
      {"link.kind", "link.terminator_in"}},
     {FileKind::rig, "a rig file", "--rig of run --dry-run and rig.file of a station take it", {}, {"seed"}},
     {FileKind::mcap, "an MCAP file", by_import, "\x89MCAP"},
-    {FileKind::rosbag2, "a rosbag2 recording", by_import},
+    {FileKind::rosbag2, "a rosbag2 file", by_import},
     {FileKind::rosbag1, "a rosbag1 file", by_import, "#ROSBAG V"},
     {FileKind::npy, "a NumPy array", by_import, "\x93NUMPY"},
     {FileKind::mat, "a MATLAB file", by_import, "MATLAB "},
@@ -88,14 +89,17 @@ std::vector<std::string_view> keys_of(std::string_view text) {
   return keys;
 }
 
-// Among the first hundred lines one of three numbers or more.
+// Among the first hundred lines one of three numbers or more; others may stand beside them.
 bool has_row_of_numbers(std::string_view text) {
-  const auto numbers = [](const std::vector<std::string_view>& cells) {
-    return cells.size() >= 3 && std::ranges::all_of(cells, [](auto cell) { return device_number(cell).has_value(); });
+  const auto is_number = [](std::string_view cell) { return device_number(cell).has_value(); };
+  const auto is_row = [&](const std::vector<std::string_view>& cells) {
+    const auto numbers = static_cast<std::size_t>(std::ranges::count_if(cells, is_number));
+    return numbers >= 3 && 2 * numbers >= cells.size();
   };
   for (int line = 0; line < 100 && !text.empty(); ++line) {
     const std::string_view row = next_line(text);
-    if (numbers(split_words(row)) || numbers(split(row, ',')) || numbers(split(row, ';'))) return true;
+    if (is_row(split_words(row)) || is_row(split(row, ',')) || is_row(split(row, ';')) || is_row(split(row, '\t')))
+      return true;
   }
   return false;
 }

@@ -234,6 +234,8 @@ Status import_text(const TextOptions& options, CommandContext& context) {
           ": it is not known what this is: expected a table (CSV, .npy, .mat, HDF5), a ROS bag, a folder " +
           "with a recording in text form, or raw bytes and --frame");
   }
+  if (path_exists(options.source + "/" + binary_recording_name) && !path_exists(options.source + "/recording.conf"))
+    return input_error(options.source + ": this is a recording already: turncal export writes its text form");
   std::unique_ptr<RecordingSource> source = TRY(open_text_recording(options.source));
   TRY(check_not_source(options.out, options.source));
   OutputFolder folder = TRY(OutputFolder::prepare(options.out, {binary_recording_name}));

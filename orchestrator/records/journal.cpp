@@ -8,6 +8,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/bytes.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/record_log.h"
@@ -301,6 +302,7 @@ std::vector<std::string> JournalContents::units() const {
 }
 
 Result<JournalContents> read_journal(const std::string& path) {
+  TRY(expect_file(folder_of(path), FileKind::recording));  // of the run: a folder, or what somebody gave for one
   JournalContents contents;
   std::size_t commands_kept = 0;
   const auto take = [&](const Record& record) -> Status {

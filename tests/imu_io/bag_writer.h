@@ -36,7 +36,8 @@ enum class Wire { cdr, cdr_big, xcdr2, ros1 };
 inline std::string message_of(std::int64_t ns, const std::vector<double>& numbers, Wire wire) {
   const bool big = wire == Wire::cdr_big;
   std::string body = wire == Wire::ros1 ? raw(std::uint32_t{7}) : "";
-  body += raw(static_cast<std::int32_t>(ns / 1'000'000'000), big) + raw(static_cast<std::uint32_t>(ns % 1'000'000'000), big);
+  body += raw(static_cast<std::int32_t>(ns / 1'000'000'000), big) +
+          raw(static_cast<std::uint32_t>(ns % 1'000'000'000), big);
   body += text(wire == Wire::ros1 ? "imu" : std::string("imu\0", 4), big);
   const std::size_t align = wire == Wire::ros1 ? 1 : wire == Wire::xcdr2 ? 4 : 8;
   while (body.size() % align != 0) body += '\0';
@@ -72,17 +73,20 @@ inline std::string mcap_record(int op, const std::string& content) {
   return std::string(1, static_cast<char>(op)) + raw(std::uint64_t{content.size()}) + content;
 }
 // compression: "none" writes messages outside of chunks.
-inline std::string mcap(const std::vector<BagTopic>& topics, const std::string& compression, std::size_t in_chunk = 100) {
+inline std::string mcap(const std::vector<BagTopic>& topics, const std::string& compression,
+                        std::size_t in_chunk = 100) {
   std::string file = "\x89MCAP0\r\n" + mcap_record(1, text("ros2") + text("test"));
   std::string pending;
   const auto flush = [&] {
     const std::string in = packed(pending, compression);
-    const auto crc = static_cast<std::uint32_t>(crc32(0, reinterpret_cast<const Bytef*>(pending.data()), static_cast<unsigned>(pending.size())));
+    const auto crc = static_cast<std::uint32_t>(
+        crc32(0, reinterpret_cast<const Bytef*>(pending.data()), static_cast<unsigned>(pending.size())));
     if (compression == "none")
       file += pending;
     else
-      file += mcap_record(6, raw(std::uint64_t{0}) + raw(std::uint64_t{0}) + raw(std::uint64_t{pending.size()}) + raw(crc) + text(compression) +
-                                 raw(std::uint64_t{in.size()}) + in) + mcap_record(7, "index");
+      file += mcap_record(6, raw(std::uint64_t{0}) + raw(std::uint64_t{0}) + raw(std::uint64_t{pending.size()}) +
+                                 raw(crc) + text(compression) + raw(std::uint64_t{in.size()}) + in) +
+              mcap_record(7, "index");
     pending.clear();
   };
   std::uint16_t id = 0;
@@ -103,11 +107,16 @@ inline std::string mcap(const std::vector<BagTopic>& topics, const std::string& 
 inline void db3(const std::string& path, const std::vector<BagTopic>& topics, const std::string& compression = "") {
   sqlite3* handle = nullptr;
   sqlite3_open(path.c_str(), &handle);
-  sqlite3_exec(handle, "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, serialization_format TEXT NOT NULL, offered_qos_profiles TEXT);"
-                       "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, data BLOB NOT NULL); BEGIN", nullptr, nullptr, nullptr);
+  sqlite3_exec(handle,
+               "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL, "
+               "serialization_format TEXT NOT NULL, offered_qos_profiles TEXT);"
+               "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL, "
+               "data BLOB NOT NULL); BEGIN",
+               nullptr, nullptr, nullptr);
   int id = 0;
   for (const BagTopic& topic : topics) {
-    const std::string insert = "INSERT INTO topics VALUES(" + std::to_string(++id) + ", '" + topic.name + "', '" + topic.type + "', 'cdr', '')";
+    const std::string insert = "INSERT INTO topics VALUES(" + std::to_string(++id) + ", '" + topic.name + "', '" +
+                               topic.type + "', 'cdr', '')";
     sqlite3_exec(handle, insert.c_str(), nullptr, nullptr, nullptr);
     sqlite3_stmt* row = nullptr;
     sqlite3_prepare_v2(handle, "INSERT INTO messages(topic_id, timestamp, data) VALUES(?, ?, ?)", -1, &row, nullptr);
@@ -134,11 +143,13 @@ inline std::string bag1(const BagTopic& topic, const std::string& compression) {
   const std::string conn = "conn=" + raw(std::uint32_t{3});
   std::string inner = record({"op=\x07", conn, "topic=" + topic.name}, text("type=sensor_msgs/Imu") + text("md5sum=x"));
   for (const auto& [ns, message] : topic.messages) {
-    const std::string time = raw(static_cast<std::uint32_t>(ns / 1'000'000'000)) + raw(static_cast<std::uint32_t>(ns % 1'000'000'000));
+    const std::string time =
+        raw(static_cast<std::uint32_t>(ns / 1'000'000'000)) + raw(static_cast<std::uint32_t>(ns % 1'000'000'000));
     inner += record({"op=\x02", conn, "time=" + time}, message);
   }
   return "#ROSBAG V2.0\n" + record({"op=\x03", "chunk_count=" + raw(std::uint32_t{1})}, std::string(100, ' ')) +
-         record({"op=\x05", "compression=" + compression, "size=" + raw(static_cast<std::uint32_t>(inner.size()))}, packed(inner, compression));
+         record({"op=\x05", "compression=" + compression, "size=" + raw(static_cast<std::uint32_t>(inner.size()))},
+                packed(inner, compression));
 }
 
 }  // namespace turncal::test

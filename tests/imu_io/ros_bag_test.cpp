@@ -37,7 +37,8 @@ std::string put(const TemporaryFolder& folder, const std::string& name, const st
   std::ofstream(folder / name, std::ios::binary) << content;
   return folder / name;
 }
-Result<BagImu> read(const TemporaryFolder& folder, const std::string& content, const std::string& topic = {}, bool skip_bad = false) {
+Result<BagImu> read(const TemporaryFolder& folder, const std::string& content, const std::string& topic = {},
+                    bool skip_bad = false) {
   return read_bag(put(folder, "x.mcap", content), topic, skip_bad);
 }
 void expect_motion(const Result<BagImu>& bag, const std::string& where) {
@@ -57,15 +58,18 @@ void expect_motion(const Result<BagImu>& bag, const std::string& where) {
 
 TEST(RosBag, EveryContainerCompressionAndEncodingGivesTheSameColumns) {
   TemporaryFolder folder;
-  for (const char* compression : {"", "zstd", "lz4", "none"}) expect_motion(read(folder, mcap({imu_topic()}, compression)), compression);
-  for (const Wire wire : {Wire::cdr_big, Wire::xcdr2}) expect_motion(read(folder, mcap({imu_topic(wire)}, "zstd")), "byte order");
+  for (const char* compression : {"", "zstd", "lz4", "none"})
+    expect_motion(read(folder, mcap({imu_topic()}, compression)), compression);
+  for (const Wire wire : {Wire::cdr_big, Wire::xcdr2})
+    expect_motion(read(folder, mcap({imu_topic(wire)}, "zstd")), "byte order");
   for (const char* compression : {"", "zstd"}) {
     const std::string path = folder / (std::string("a") + compression + ".db3");
     db3(path, {thermometer("/t"), imu_topic()}, compression);
     expect_motion(read_bag(path, "", false), path);
   }
   for (const char* compression : {"none", "lz4"})
-    expect_motion(read_bag(put(folder, "a.bag", bag1(imu_topic(Wire::ros1), compression)), "/imu/data", false), compression);
+    expect_motion(read_bag(put(folder, "a.bag", bag1(imu_topic(Wire::ros1), compression)), "/imu/data", false),
+                  compression);
   // A rosbag2 folder in two files.
   BagTopic first = imu_topic(), second = imu_topic();
   first.messages.resize(100);
@@ -79,7 +83,8 @@ TEST(RosBag, EveryContainerCompressionAndEncodingGivesTheSameColumns) {
 
 TEST(RosBag, ReadingsStandInTheFirstRowAfterThem) {
   TemporaryFolder folder;
-  const Result<BagImu> bag = read(folder, mcap({thermometer("/motor/temperature"), thermometer("/imu/temperature"), imu_topic()}, "zstd"));
+  const Result<BagImu> bag =
+      read(folder, mcap({thermometer("/motor/temperature"), thermometer("/imu/temperature"), imu_topic()}, "zstd"));
   ASSERT_OK(bag);
   EXPECT_EQ(bag->temperature_topic, "/imu/temperature");
   const std::vector<double>& celsius = bag->columns.back().values;
@@ -90,12 +95,16 @@ TEST(RosBag, ReadingsStandInTheFirstRowAfterThem) {
 
 TEST(RosBag, TopicsAreListed) {
   TemporaryFolder folder;
-  const std::string two = mcap({imu_topic(), imu_topic(Wire::cdr, "/imu/raw"), {"/camera", "sensor_msgs/msg/Image", {{1, "x"}}}}, "lz4");
+  const std::string two =
+      mcap({imu_topic(), imu_topic(Wire::cdr, "/imu/raw"), {"/camera", "sensor_msgs/msg/Image", {{1, "x"}}}}, "lz4");
   EXPECT_TRUE(fails(read(folder, two), "several units: expected --topic"));
   expect_motion(read(folder, two, "/imu/raw"), "named");
-  EXPECT_TRUE(fails(read(folder, two, "/imu"), "no topic '/imu' of type sensor_msgs/msg/Imu: it has '/camera' ('sensor_msgs/msg/Image', 1 messages), '/imu/data' ("));
+  EXPECT_TRUE(fails(read(folder, two, "/imu"),
+                    "no topic '/imu' of type sensor_msgs/msg/Imu: it has '/camera' ('sensor_msgs/msg/Image', 1 "
+                    "messages), '/imu/data' ("));
   EXPECT_TRUE(fails(read(folder, two, "/camera"), "no topic '/camera' of type"));
-  EXPECT_TRUE(fails(read(folder, mcap({{"/camera", "sensor_msgs/msg/Image", {}}}, "")), "no message of type sensor_msgs/msg/Imu"));
+  EXPECT_TRUE(fails(read(folder, mcap({{"/camera", "sensor_msgs/msg/Image", {}}}, "")),
+                    "no message of type sensor_msgs/msg/Imu"));
   EXPECT_TRUE(fails(read(folder, mcap({BagTopic{}}, "")), "0 messages"));
 }
 
@@ -116,10 +125,10 @@ TEST(RosBag, Defects) {
     SCOPED_TRACE(what);
     const Result<BagImu> strict = read(folder, content);
     EXPECT_TRUE(fails(strict, ErrorKind::input, what));
-    if (!strict.ok()) EXPECT_EQ(strict.error().message.find('\n'), std::string::npos);
+    EXPECT_TRUE(strict.ok() || strict.error().message.find('\n') == std::string::npos);
     const Result<BagImu> lenient = read(folder, content, "", true);
     EXPECT_EQ(lenient.ok() ? lenient->columns[0].values.size() : 0, left);
-    if (lenient.ok()) EXPECT_GE(lenient->bad, 1);
+    EXPECT_TRUE(!lenient.ok() || lenient->bad >= 1);
   };
   refused(whole.substr(0, whole.size() - 300), "the MCAP file is cut off; 200 messages came before", 200);
   std::string damaged = whole;
@@ -129,9 +138,13 @@ TEST(RosBag, Defects) {
   // Lengths that no memory could hold.
   const std::string head = whole.substr(0, 8);
   refused(head + '\x06' + raw(std::uint64_t{1} << 62), "cut off", 0);
-  refused(head + mcap_record(6, raw(std::uint64_t{0}) + raw(std::uint64_t{0}) + raw(~std::uint64_t{0}) + raw(0U) + text("zstd") + raw(std::uint64_t{4}) + "abcd"), "does not decompress to", 0);
+  refused(head + mcap_record(6, raw(std::uint64_t{0}) + raw(std::uint64_t{0}) + raw(~std::uint64_t{0}) + raw(0U) +
+                                    text("zstd") + raw(std::uint64_t{4}) + "abcd"),
+          "does not decompress to", 0);
   refused(head + mcap_record(4, raw(std::uint32_t{0}) + raw(0xffffffffU)), "a schema or channel that is cut off", 0);
-  refused(head + mcap_record(6, raw(std::uint64_t{0}) + raw(std::uint64_t{0}) + raw(std::uint64_t{4}) + raw(1U) + text("") + raw(std::uint64_t{4}) + "abcd"), "checksum", 0);
+  refused(head + mcap_record(6, raw(std::uint64_t{0}) + raw(std::uint64_t{0}) + raw(std::uint64_t{4}) + raw(1U) +
+                                    text("") + raw(std::uint64_t{4}) + "abcd"),
+          "checksum", 0);
   const auto with = [&](std::size_t at, const std::string& message) {
     BagTopic topic = imu_topic();
     topic.messages[at].second = message;
@@ -139,19 +152,24 @@ TEST(RosBag, Defects) {
   };
   BagMessage bad = motion()[3];
   bad.accel[1] = std::numeric_limits<double>::quiet_NaN();
-  refused(with(3, imu_message(bad)), "message 4 of '/imu/data': linear_acceleration.y = 'nan': expected a finite number", 249);
-  refused(with(3, imu_message(motion()[3]).substr(0, 200)), "message 4 of '/imu/data': expected a sensor_msgs/Imu, found something shorter", 249);
+  refused(with(3, imu_message(bad)),
+          "message 4 of '/imu/data': linear_acceleration.y = 'nan': expected a finite number", 249);
+  refused(with(3, imu_message(motion()[3]).substr(0, 200)),
+          "message 4 of '/imu/data': expected a sensor_msgs/Imu, found something shorter", 249);
   refused(with(3, imu_message(motion()[3], Wire::cdr, -1.0)), "angular_velocity is not measured", 249);
   std::string order = imu_message(motion()[3]);
   order[1] = 0;  // says big-endian and is little
   refused(with(3, order), "message 4", 249);
   refused(with(3, ""), "message 4", 249);
-  EXPECT_TRUE(fails(read_bag(put(folder, "b.bag", bag1(imu_topic(Wire::ros1), "none").substr(0, 9000)), "", false), "the bag is cut off"));
-  EXPECT_TRUE(fails(read_bag(put(folder, "b.bag", bag1(imu_topic(Wire::ros1), "bz2")), "", false), "compression 'bz2': expected lz4 or none"));
+  EXPECT_TRUE(fails(read_bag(put(folder, "b.bag", bag1(imu_topic(Wire::ros1), "none").substr(0, 9000)), "", false),
+                    "the bag is cut off"));
+  EXPECT_TRUE(fails(read_bag(put(folder, "b.bag", bag1(imu_topic(Wire::ros1), "bz2")), "", false),
+                    "compression 'bz2': expected lz4 or none"));
   db3(folder / "c.db3", {imu_topic()});
   std::filesystem::resize_file(folder / "c.db3", 20000);
   EXPECT_TRUE(fails(read_bag(folder / "c.db3", "", false), "cannot read it as a rosbag2 database"));
-  EXPECT_TRUE(fails(read_bag(put(folder, "d.db3", "no database"), "", false), "expected an MCAP file, a .db3 of rosbag2 or a .bag"));
+  EXPECT_TRUE(fails(read_bag(put(folder, "d.db3", "no database"), "", false),
+                    "expected an MCAP file, a .db3 of rosbag2 or a .bag"));
 }
 
 }  // namespace
