@@ -113,6 +113,19 @@ Error time_goes_back(const std::string& file, std::int64_t line, const std::stri
                                  quoted(column), format_number(time)));
 }
 
+// How many periods lie between the row before and this one. A stamp comes late and not early, so each side goes by the least late of
+// eight, and of none before the last gap.
+std::int64_t periods_to(const std::vector<double>& times, std::size_t row, std::size_t last_gap, double period) {
+  double before = std::numeric_limits<double>::infinity();
+  double after = before;
+  for (std::size_t k = 0; k < 8; ++k) {
+    const double shift = static_cast<double>(k) * period;
+    if (row >= last_gap + 1 + k) before = std::min(before, times[row - 1 - k] + shift);
+    if (row + k < times.size()) after = std::min(after, times[row + k] - shift);
+  }
+  return std::llround((after - before) / period);
+}
+
 class Importer {
  public:
   explicit Importer(const CsvMap& map) : map_(map) {}
@@ -257,19 +270,6 @@ class Importer {
     return {};
   }
 
-  // How many periods lie between the row before and this one. A stamp comes late and not early, so each side goes by the least late of
-  // eight, and of none before the last gap.
-  std::int64_t steps_to(std::size_t row, std::size_t last_gap) const {
-    double before = std::numeric_limits<double>::infinity();
-    double after = before;
-    for (std::size_t k = 0; k < 8; ++k) {
-      const double shift = static_cast<double>(k) * median_s_;
-      if (row >= last_gap + 1 + k) before = std::min(before, rows_[row - 1 - k].time + shift);
-      if (row + k < rows_.size()) after = std::min(after, rows_[row + k].time - shift);
-    }
-    return std::llround((after - before) / median_s_);
-  }
-
   void make_intervals() {
     step_.assign(rows_.size(), 1);
     if (!rows_.empty()) step_[0] = 0;
@@ -288,7 +288,7 @@ class Importer {
     for (std::size_t k = 0; k < intervals.size(); ++k) {
       const double interval = intervals[k];
       if (interval > map_.gap * median_s_) {
-        const std::int64_t steps = measured() ? 2 : steps_to(k + 1, gaps.empty() ? 0 : gaps.back());
+        const std::int64_t steps = measured() ? 2 : periods_to(times, k + 1, gaps.empty() ? 0 : gaps.back(), median_s_);
         if (steps > 1) {
           step_[k + 1] = steps;
           gaps.push_back(k + 1);
@@ -399,7 +399,13 @@ double typical_interval(const std::vector<double>& times) {
   std::vector<double> intervals;
   for (std::size_t k = span; k < times.size(); ++k)
     intervals.push_back((times[k] - times[k - span]) / static_cast<double>(span));
-  return intervals.empty() ? 0.0 : median(intervals);
+  if (intervals.empty()) return 0.0;
+  const double middle = median(intervals);
+  if (!(middle > 0.0)) return middle;
+  // Stamps in coarse steps are right in the mean only.
+  const double near = 1.2 * middle / static_cast<double>(span);
+  const auto end = std::ranges::partition(intervals, [&](double x) { return std::abs(x - middle) <= near; }).begin();
+  return std::accumulate(intervals.begin(), end, 0.0) / static_cast<double>(end - intervals.begin());
 }
 
 IncrementsChoice choose_increments(const std::vector<double>& times_s) {
@@ -408,11 +414,15 @@ IncrementsChoice choose_increments(const std::vector<double>& times_s) {
   const std::size_t n = times_s.size();
   if (n < fewest) return {Increments::intervals, "too few rows to tell whether the stamps jitter"};
   const double period = typical_interval(times_s);
-  // By what the stamps are ahead of an even clock; whole periods that are missing are gaps.
+  if (!(period > 0.0)) return {Increments::intervals, "the times do not grow"};
+  // By what the stamps are ahead of an even clock; periods that are missing are gaps.
   std::vector<double> ahead(n, 0.0);
+  std::size_t last_gap = 0;
   for (std::size_t k = 1; k < n; ++k) {
     const double interval = times_s[k] - times_s[k - 1];
-    ahead[k] = ahead[k - 1] + interval - std::max(1.0, std::round(interval / period)) * period;
+    const std::int64_t steps = interval > 1.5 * period ? periods_to(times_s, k, last_gap, period) : 1;
+    if (steps > 1) last_gap = k;
+    ahead[k] = ahead[k - 1] + interval - static_cast<double>(std::max<std::int64_t>(steps, 1)) * period;
   }
   // Rms without the largest hundredth: knocks of the host, gaps that were not whole periods.
   const auto scatter = [&](std::size_t m) {

@@ -102,7 +102,7 @@ Result<CsvImport> import_csv(const CsvMap& map, const std::string& path);
 Result<CsvImport> parse_csv(const CsvMap& map, std::string_view text, const std::string& file_name,
                             std::string_view accel_text = {}, const std::string& accel_file = {});
 
-// The interval that most rows keep, whatever the gaps and the jitter: the median over 16 of them.
+// The interval that most rows keep, whatever the gaps and the jitter: the mean over 16 of them, less those that are far from the median.
 double typical_interval(const std::vector<double>& times);
 // Why `period`, or `intervals`, is right for them (above).
 struct IncrementsChoice {

@@ -25,7 +25,7 @@ void expect_sample_motion(const Result<CsvImport>& import, double period_s, doub
                           const std::string& where) {
   SCOPED_TRACE(where);
   ASSERT_OK(import);
-  EXPECT_NEAR(import->info.sample_period_s, period_s, 1e-9);
+  EXPECT_NEAR(import->info.sample_period_s, period_s, 1e-8);
   ASSERT_EQ(import->samples.size(), 60u);
   double angle = 0.0;
   for (std::size_t k = 0; k < 60; ++k) {
@@ -219,6 +219,7 @@ std::vector<double> stamps(Stamps kind, unsigned seed, int rows, double jitter_s
 
 TEST(Increments, ByTheStamps) {
   int wrong = 0, all = 0;
+  std::string which;
   for (unsigned seed = 1; seed <= 30; ++seed)
     for (const int rows : {120, 1000, 20000})
       for (const double jitter_s : {1e-6, 1e-4, 1e-3})
@@ -226,9 +227,11 @@ TEST(Increments, ByTheStamps) {
                                              {Stamps::walking, Increments::intervals},
                                              {Stamps::drifting, Increments::period}}) {
           ++all;
-          wrong += choose_increments(stamps(kind, seed, rows, jitter_s)).increments != expected;
+          const bool is_wrong = choose_increments(stamps(kind, seed, rows, jitter_s)).increments != expected;
+          wrong += is_wrong ? 1 : 0;
+          if (is_wrong) which += fmt::format("{} {} {}; ", static_cast<int>(kind), rows, jitter_s);
         }
-  EXPECT_LE(wrong, all / 100) << "of " << all;  // records of 120 rows have 7 independent spans of 16
+  EXPECT_LE(wrong, all / 100) << which << "of " << all;  // records of 120 rows have 7 independent spans of 16
   EXPECT_EQ(choose_increments(stamps(Stamps::stepping, 1, 3000, 0.0)).increments, Increments::intervals);
   EXPECT_EQ(choose_increments(stamps(Stamps::rounded, 1, 3000, 0.0)).increments, Increments::period);
   EXPECT_EQ(choose_increments(stamps(Stamps::late, 1, 20, 1e-3)).increments, Increments::intervals);
@@ -261,7 +264,7 @@ TEST(Increments, WhatTheyAreWorth) {
     return std::sqrt(sum / static_cast<double>(content.samples.size()));
   };
   EXPECT_SAYS(even.chosen, "time.increments = period");
-  EXPECT_LT(noise(even), 1e-5);
+  EXPECT_LT(noise(even), 1e-4);        // what the mean period is off by
   EXPECT_GT(noise(as_stamped), 0.01);  // 9.8 m/s^2 times 1.4 ms
   EXPECT_EQ(even.gaps, 1);
   const auto turn = [](const CsvImport& content) {
