@@ -38,7 +38,7 @@
 
 namespace turncal {
 
-// The map: what the columns of a table are. Every key: docs/csv-maps.md.
+// The map: what the columns of a table are. Every key: docs/import.md.
 struct CsvTriad {
   std::array<std::string, 3> columns;
   std::array<double, 3> scale{1.0, 1.0, 1.0};  // SI a number
