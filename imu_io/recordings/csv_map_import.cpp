@@ -447,12 +447,12 @@ IncrementsChoice choose_increments(const std::vector<double>& times_s) {
   std::ranges::sort(rates);
   const double change = rates[parts - 2] - rates[1];
   const double explained = jitter / (static_cast<double>(n / parts) * period);
-  if (change > std::max(2e-4, 6.0 * explained))
-    return {Increments::intervals, fmt::format("the rate changes by {:.2g} % within the record", 100.0 * change)};
   const std::string said =
       fmt::format("over {} rows the scatter of the stamps is {:.2g} times that over one", far, growth);
   if (growth > std::pow(static_cast<double>(far), 0.25))
     return {Increments::intervals, said + ": it adds up, the intervals are real"};
+  if (change > std::max(2e-4, 6.0 * explained))
+    return {Increments::intervals, fmt::format("the rate changes by {:.2g} % within the record", 100.0 * change)};
   if (growth == 0.0) return {Increments::period, "the stamps are even"};
   return {Increments::period, said + ": it does not add up, the sampling is even and the stamps jitter"};
 }
