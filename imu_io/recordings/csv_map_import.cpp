@@ -404,7 +404,8 @@ double typical_interval(const std::vector<double>& times) {
   if (!(middle > 0.0)) return middle;
   // Stamps in coarse steps are right in the mean only.
   const double near = 1.2 * middle / static_cast<double>(span);
-  const auto end = std::ranges::partition(intervals, [&](double x) { return std::abs(x - middle) <= near; }).begin();
+  const auto end =
+      std::partition(intervals.begin(), intervals.end(), [&](double x) { return std::abs(x - middle) <= near; });
   return std::accumulate(intervals.begin(), end, 0.0) / static_cast<double>(end - intervals.begin());
 }
 
