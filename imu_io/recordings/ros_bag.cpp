@@ -40,8 +40,7 @@ class MessageReader {
     if (encoding == Encoding::ros1) return;
     const unsigned kind =
         data.size() < 4 ? 2 : 256 * std::to_integer<unsigned>(data[0]) + std::to_integer<unsigned>(data[1]);
-    good_ =
-        kind == 0 || kind == 1 || kind == 6 || kind == 7;  // CDR, XCDR2; even ones have the most significant byte first
+    good_ = kind == 0 || kind == 1 || kind == 6 || kind == 7;  // CDR, XCDR2; even: the most significant byte first
     swapped_ = kind % 2 == 0;
     align_ = kind >= 6 ? 4 : 8;
     data_ = good_ ? data.subspan(4) : ByteSpan{};
@@ -142,8 +141,11 @@ class Collector {
     constexpr std::int64_t second = 1'000'000'000, year_2000 = 946'684'800 * second;
     if (times.front() > year_2000) result_.started_utc_s = times.front() / second;
     NumberColumn t{"t", std::vector<double>(times.size())};
-    std::ranges::transform(times, t.values.begin(),
-                           [&](std::int64_t time) { return 1e-9 * static_cast<double>(time - times.front()); });
+    // Stamps of a damaged bag may be anywhere: unsigned numbers may wrap.
+    const auto since_first = [first = static_cast<std::uint64_t>(times.front())](std::int64_t time) {
+      return 1e-9 * static_cast<double>(static_cast<std::int64_t>(static_cast<std::uint64_t>(time) - first));
+    };
+    std::ranges::transform(times, t.values.begin(), since_first);
     result_.columns.push_back(std::move(t));
     for (std::size_t k = 0; k < 6; ++k) result_.columns.push_back({imu_fields[k], std::move(values_[k])});
     add_temperature(times);
@@ -300,15 +302,39 @@ class Decompressor {
   std::unique_ptr<LZ4F_dctx, LZ4F_errorCode_t (*)(LZ4F_dctx*)> lz4_{new_lz4(), LZ4F_freeDecompressionContext};
 };
 
-// MCAP: eight bytes of magic, then records of op (u8), length (u64) and content; a chunk holds compressed records.
-class McapReader {
+// What MCAP and rosbag1 have in common: records one after the other, some of them chunks of compressed ones.
+class RecordReader {
  public:
-  McapReader(const PosixFile& file, std::uint64_t size, Collector& collector)
+  RecordReader(const PosixFile& file, std::uint64_t size, Collector& collector)
       : window_(file, size), collector_(collector) {}
+
+ protected:
+  Status damaged(const std::string& what) { return collector_.damaged_at(begun_, what); }
+  Result<std::optional<ByteSpan>> unpack(std::string_view compression, ByteSpan packed, std::uint64_t size) {
+    const bool known = compression.empty() || compression == "none" || compression == "zstd" || compression == "lz4";
+    if (!known) TRY(damaged(fmt::format("compression {}: expected zstd, lz4 or none", quoted(compression))));
+    const std::optional<ByteSpan> records = known ? decompress_(compression, packed, size) : std::nullopt;
+    if (known && !records)
+      TRY(damaged(fmt::format("the chunk does not decompress to the {} bytes that it promises", size)));
+    return records;
+  }
+
+  FileWindow window_;
+  Collector& collector_;
+  std::uint64_t begun_ = 0;  // the record
+
+ private:
+  Decompressor decompress_;
+};
+
+// MCAP: eight bytes of magic, then records of op (u8), length (u64) and content; a chunk holds compressed records.
+class McapReader : public RecordReader {
+ public:
+  using RecordReader::RecordReader;
 
   Status read() {
     constexpr std::size_t magic_bytes = 8, head_bytes = 9;
-    window_.skip(magic_bytes);
+    window_.skip(std::min<std::uint64_t>(magic_bytes, window_.left()));
     for (;;) {
       begun_ = window_.at();
       if (window_.left() < head_bytes) return damaged("the MCAP file is cut off");
@@ -331,8 +357,6 @@ class McapReader {
 
  private:
   enum Op { footer = 2, schema, channel, message, chunk, data_end = 15 };
-
-  Status damaged(const std::string& what) { return collector_.damaged_at(begun_, what); }
 
   Status take(int op, ByteSpan content) {
     ByteReader reader(content);
@@ -368,10 +392,8 @@ class McapReader {
     const std::string compression = reader.get_text();
     const ByteSpan packed = reader.get_bytes(reader.get<std::uint64_t>());
     if (!reader.good()) return damaged("a chunk that is cut off");
-    if (!compression.empty() && compression != "zstd" && compression != "lz4")
-      return damaged(fmt::format("compression {}: expected zstd, lz4 or none", quoted(compression)));
-    const std::optional<ByteSpan> records = decompress_(compression, packed, size);
-    if (!records) return damaged(fmt::format("the chunk does not decompress to the {} bytes that it promises", size));
+    const std::optional<ByteSpan> records = TRY(unpack(compression, packed, size));
+    if (!records) return {};
     if (crc != 0 && crc != crc32_z(0, reinterpret_cast<const Bytef*>(records->data()), records->size()))
       return damaged("the checksum of the chunk is wrong");
     ByteReader inner(*records);
@@ -384,19 +406,14 @@ class McapReader {
     return {};
   }
 
-  FileWindow window_;
-  Collector& collector_;
-  Decompressor decompress_;
-  std::uint64_t begun_ = 0;  // the record
   std::map<std::uint16_t, std::string> schemas_;
   std::map<std::uint16_t, Topic*> channels_;
 };
 
 // rosbag1: a line of magic, then records of a header (fields `name=value`) and data, each after its length (u32).
-class Rosbag1Reader {
+class Rosbag1Reader : public RecordReader {
  public:
-  Rosbag1Reader(const PosixFile& file, std::uint64_t size, Collector& collector)
-      : window_(file, size), collector_(collector) {}
+  using RecordReader::RecordReader;
 
   Status read() {
     constexpr std::string_view magic = "#ROSBAG V2.0\n";
@@ -420,8 +437,6 @@ class Rosbag1Reader {
 
  private:
   enum Op { message = 2, chunk = 5, connection = 7 };
-
-  Status damaged(const std::string& what) { return collector_.damaged_at(begun_, what); }
 
   static ByteSpan field(ByteSpan header, const std::string& name) {
     for (ByteReader reader(header); reader.good() && !reader.at_end();)
@@ -452,13 +467,9 @@ class Rosbag1Reader {
   }
 
   Status take_chunk(ByteSpan header, ByteSpan data) {
-    const std::string_view compression = text_of(field(header, "compression"));
-    if (compression != "none" && compression != "lz4")
-      return damaged(
-          fmt::format("compression {}: expected lz4 or none; rosbag decompress makes one", quoted(compression)));
     const std::uint64_t size = number<std::uint32_t>(header, "size").value_or(0);
-    const std::optional<ByteSpan> records = decompress_(compression, data, size);
-    if (!records) return damaged(fmt::format("the chunk does not decompress to the {} bytes that it promises", size));
+    const std::optional<ByteSpan> records = TRY(unpack(text_of(field(header, "compression")), data, size));
+    if (!records) return {};
     ByteReader inner(*records);
     while (!inner.at_end()) {
       const ByteSpan record = inner.get_bytes(inner.get<std::uint32_t>());
@@ -469,10 +480,6 @@ class Rosbag1Reader {
     return {};
   }
 
-  FileWindow window_;
-  Collector& collector_;
-  Decompressor decompress_;
-  std::uint64_t begun_ = 0;
   std::map<std::uint32_t, Topic*> connections_;
 };
 
