@@ -69,9 +69,7 @@ constexpr KindRow kind_rows[] = {
     {FileKind::page, "a page to read", by_nothing, "%PDF"},
     {FileKind::compressed, "a compressed file", "decompress it first", "\x28\xB5\x2F\xFD"},
 };
-constexpr std::string_view also_compressed[] = {"\x1f\x8b", "\x04\x22\x4D\x18", "BZh", "PK\x03\x04",
-                                                "\xFD"
-                                                "7zXZ"};
+constexpr std::string_view also_compressed[] = {"\x1f\x8b", "\x04\x22\x4D\x18", "BZh", "PK\x03\x04", "\xFD\x37zXZ"};
 
 const KindRow& row_of(FileKind kind) { return kind_rows[static_cast<std::size_t>(kind)]; }
 

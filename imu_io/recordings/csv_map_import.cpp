@@ -447,7 +447,7 @@ IncrementsChoice choose_increments(const std::vector<double>& times_s) {
   }
   std::ranges::sort(rates);
   const double change = rates[parts - 2] - rates[1];
-  const double explained = jitter / (static_cast<double>(n / parts) * period);
+  const double explained = jitter * static_cast<double>(parts) / (static_cast<double>(n) * period);
   const std::string said =
       fmt::format("over {} rows the scatter of the stamps is {:.2g} times that over one", far, growth);
   if (growth > std::pow(static_cast<double>(far), 0.25))
