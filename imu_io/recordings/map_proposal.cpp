@@ -361,6 +361,16 @@ class Proposer {
     unit_[gyro] = said != nullptr ? said->name : seen != nullptr ? seen->name : rates ? "rad/s" : "rad";
   }
 
+  // Of the intervals that are no gaps.
+  double jitter() const {
+    const Numbers& t = values_[*time_];
+    const double usual = typical_interval(t);
+    double squares = 0.0, count = 1.0;
+    for (std::size_t k = 1; k < t.size(); ++k)
+      if (const double off = t[k] - t[k - 1] - usual; off < 0.5 * usual) squares += off * off, count += 1.0;
+    return std::sqrt(squares / count);
+  }
+
   std::string site_lines() const {
     const char* const standard =
         site_.gravity_mps2 == ImportSite{}.gravity_mps2 ? "  # the standard one: --gravity gives the site's" : "";
@@ -371,6 +381,7 @@ class Proposer {
   std::string text() const {
     std::string map = fmt::format("{} for {}: {} rows{}.\n", proposed_beginning, quoted(source_.file_name), rows(),
                                   period_s_ > 0.0 ? fmt::format(" at {:.6g} Hz", 1.0 / period_s_) : "");
+    if (time_) map += fmt::format("# Jitter: {:.2g} {} rms.\n", jitter(), time_unit_);
     for (const std::string& what : doubts_) map += "# In doubt: " + what + "\n";
     for (const Role role : {gyro, accel}) {
       const char* const name = role == gyro ? "gyro" : "accel";

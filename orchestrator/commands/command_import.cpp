@@ -172,7 +172,10 @@ Status import_frames(const TextOptions& from, CommandContext& context) {
   content.info.latitude_deg = site.latitude_deg;
   content.info.unit_serial = site.unit_serial;
   content.samples = std::move(log.samples);
-  return write_imported(content, from.out, fmt::format("{} samples; {}", content.samples.size(), log.summary), context);
+  std::string line = fmt::format("{} samples; {}", content.samples.size(), log.summary);
+  if (!from.gravity_mps2)
+    line += fmt::format("; gravity_mps2 = {}, the standard one: --gravity gives the site's", site.gravity_mps2);
+  return write_imported(content, from.out, line, context);
 }
 
 // The map that is given, or the one proposed; where that is in doubt, an error after it was printed and written.

@@ -278,6 +278,7 @@ JournalCommand read_command(KeyValueFile& file, bool moves) {
 
 // Bytes at the end that are no record.
 Result<std::uint64_t> scan_file(const std::string& path, const std::function<Status(const Record&)>& take) {
+  TRY(expect_file(folder_of(path), FileKind::recording));  // of the run: a folder, or what somebody gave for one
   PosixFile file = TRY(PosixFile::open_to_read(path));
   const std::uint64_t size = TRY(file.size());
   RecordScanner scanner(file, size, journal_magic);
@@ -302,7 +303,6 @@ std::vector<std::string> JournalContents::units() const {
 }
 
 Result<JournalContents> read_journal(const std::string& path) {
-  TRY(expect_file(folder_of(path), FileKind::recording));  // of the run: a folder, or what somebody gave for one
   JournalContents contents;
   std::size_t commands_kept = 0;
   const auto take = [&](const Record& record) -> Status {
