@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "calib/model/parameters.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
@@ -357,6 +358,7 @@ std::vector<SequenceItem> approach(const AxisTriple& from_deg, const AxisTriple&
 }
 
 Result<Sequence> read_sequence(const std::string& path) {
+  TRY(expect_file(path, FileKind::sequence));
   const Result<std::string> text = read_whole_file(path, largest_file_bytes);
   return text ? parse_sequence(*text, path) : text.error();
 }

@@ -10,6 +10,7 @@
 
 #include "calib/model/parameters.h"
 #include "calib/types/axis.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
@@ -627,6 +628,7 @@ void FrameDescription::describe(RecordingInfo& info) const {
 }
 
 Result<FrameDescription> read_frame_description(const std::string& path) {
+  TRY(expect_file(path, FileKind::frame));
   KeyValueFile file = TRY(KeyValueFile::read(path));
   return frame_from(file);
 }

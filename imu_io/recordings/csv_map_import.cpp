@@ -3,17 +3,20 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include <fmt/format.h>
 
 #include "calib/statistics/clipping.h"
 #include "calib/statistics/distributions.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_writer.h"
+#include "imu_io/recordings/ros_bag.h"
 
 namespace turncal {
 namespace {
@@ -63,9 +66,16 @@ Result<CsvMap> read_map(KeyValueFile& file) {
   map.format.header_lines = static_cast<int>(file.integer_or("csv.header_lines", 1, 0, 1000));
   map.time_column = file.text_or("time.column", "");
   map.accel_time_column = file.text_or("accel.time.column", map.time_column);
-  const std::string unit = file.one_of_or("time.unit", "s", {"s", "ms", "us", "ns"});
-  map.time_unit_s = unit == "ms" ? 1e-3 : unit == "us" ? 1e-6 : unit == "ns" ? 1e-9 : 1.0;
-  map.measured_intervals = file.one_of_or("time.increments", "intervals", {"intervals", "period"}) == "intervals";
+  if (const auto step_s = parse_number(file.text_or("time.unit", "s")); step_s && *step_s > 0.0) {
+    map.time_unit_s = *step_s;
+  } else {
+    const std::string unit = file.one_of_or("time.unit", "s", {"s", "ms", "us", "ns"});
+    map.time_unit_s = unit == "ms" ? 1e-3 : unit == "us" ? 1e-6 : unit == "ns" ? 1e-9 : 1.0;
+  }
+  if (file.has("time.increments"))
+    map.increments = file.one_of("time.increments", {"intervals", "period"}) == "period"
+                         ? CsvMap::Increments::period
+                         : CsvMap::Increments::intervals;
   map.gap = file.number_or("time.gap", 1.5, at_least(1.1));
   if (map.time_column.empty())
     map.rate_hz = file.number("rate_hz", between(0.1, 1e5));
@@ -81,6 +91,7 @@ Result<CsvMap> read_map(KeyValueFile& file) {
   map.latitude_deg = file.number_or("latitude_deg", 0.0, site_latitude_deg);
   map.unit_serial = file.text("unit_serial");
   map.started_utc_s = started_utc(file);
+  map.topic = file.text_or("topic", "");
   TRY(file.check_all_used());
   return map;
 }
@@ -102,12 +113,26 @@ Error time_goes_back(const std::string& file, std::int64_t line, const std::stri
                                  quoted(column), format_number(time)));
 }
 
+// How many periods lie between the row before and this one. A stamp comes late and not early, so each side goes by the least late of
+// eight, and of none before the last gap.
+std::int64_t periods_to(const std::vector<double>& times, std::size_t row, std::size_t last_gap, double period) {
+  double before = std::numeric_limits<double>::infinity();
+  double after = before;
+  for (std::size_t k = 0; k < 8; ++k) {
+    const double shift = static_cast<double>(k) * period;
+    if (row >= last_gap + 1 + k) before = std::min(before, times[row - 1 - k] + shift);
+    if (row + k < times.size()) after = std::min(after, times[row + k] - shift);
+  }
+  return std::llround((after - before) / period);
+}
+
 class Importer {
  public:
   explicit Importer(const CsvMap& map) : map_(map) {}
 
-  Status read(std::string_view text, const std::string& file_name, bool with_accel) {
-    file_name_ = file_name;
+  Status read(const ColumnSource& source, bool with_accel) {
+    file_name_ = source.file_name;
+    result_.info.started_utc_s = map_.started_utc_s ? map_.started_utc_s : source.started_utc_s;
     std::vector<WantedColumn> wanted;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       wanted.push_back({map_.gyro.columns[axis], false});
@@ -118,7 +143,7 @@ class Importer {
     if (timed()) wanted.push_back({map_.time_column, false});
     const std::size_t temperature = wanted.size();
     if (!map_.temperature_column.empty()) wanted.push_back({map_.temperature_column, true});
-    NumberTable table = TRY(read_number_table(text, file_name, wanted, map_.format));
+    NumberTable table = TRY(source.read(wanted, map_.format));
     count_bad(table);
     rows_.resize(table.rows());
     for (std::size_t k = 0; k < rows_.size(); ++k) {
@@ -133,14 +158,16 @@ class Importer {
       row.position = table.position[k];
       row.line = table.line[k];
     }
+    choose();
     return order_rows();
   }
 
-  Status read_accel(std::string_view text, const std::string& file_name) {
+  Status read_accel(const ColumnSource& source) {
+    const std::string& file_name = source.file_name;
     std::vector<WantedColumn> wanted;
     for (const std::string& name : map_.accel.columns) wanted.push_back({name, false});
     if (timed()) wanted.push_back({map_.accel_time_column, false});
-    NumberTable table = TRY(read_number_table(text, file_name, wanted, map_.format));
+    NumberTable table = TRY(source.read(wanted, map_.format));
     count_bad(table);
     const std::size_t n = table.rows();
     const auto number = [&](std::size_t row, std::size_t axis) { return table.columns[axis][row]; };
@@ -196,7 +223,6 @@ class Importer {
     info.latitude_deg = map_.latitude_deg;
     info.gravity_mps2 = map_.gravity_mps2;
     info.unit_serial = map_.unit_serial;
-    info.started_utc_s = map_.started_utc_s;
     info.gyro_increment = info.accel_increment = IncrementKind::physical;
     info.has_temperature =
         std::any_of(rows_.begin(), rows_.end(), [](const Row& r) { return !std::isnan(r.temperature); });
@@ -211,17 +237,28 @@ class Importer {
  private:
   bool timed() const { return !map_.time_column.empty(); }
 
+  bool measured() const { return map_.increments == CsvMap::Increments::intervals; }
+
+  void choose() {
+    if (!timed() || map_.increments != CsvMap::Increments::chosen) return;
+    std::vector<double> times;
+    for (const Row& row : rows_) times.push_back(row.time);
+    const IncrementsChoice choice = choose_increments(times);
+    map_.increments = choice.increments;
+    result_.chosen = fmt::format("time.increments = {}: {}", measured() ? "intervals" : "period", choice.reason);
+  }
+
   // Times must increase; with `period` they may jitter back by a few rows.
   Status order_rows() {
     if (!timed() || rows_.size() < 2) return {};
     std::vector<double> steps;
     for (std::size_t k = 1; k < rows_.size(); ++k) steps.push_back(std::abs(rows_[k].time - rows_[k - 1].time));
-    const double back = map_.measured_intervals ? 0.0 : 5.0 * median(steps);
+    const double back = measured() ? 0.0 : 5.0 * median(steps);
     std::size_t kept = 1;
     for (std::size_t k = 1; k < rows_.size(); ++k) {
       const Row& row = rows_[k];
       const double least = rows_[kept - 1].time - back;
-      if (map_.measured_intervals ? row.time > least : row.time >= least) {
+      if (measured() ? row.time > least : row.time >= least) {
         rows_[kept++] = row;
         continue;
       }
@@ -231,19 +268,6 @@ class Importer {
     }
     rows_.resize(kept);
     return {};
-  }
-
-  // How many periods lie between the row before and this one. A stamp comes late and not early, so each side goes by the least late of
-  // eight, and of none before the last gap.
-  std::int64_t steps_to(std::size_t row, std::size_t last_gap) const {
-    double before = std::numeric_limits<double>::infinity();
-    double after = before;
-    for (std::size_t k = 0; k < 8; ++k) {
-      const double shift = static_cast<double>(k) * median_s_;
-      if (row >= last_gap + 1 + k) before = std::min(before, rows_[row - 1 - k].time + shift);
-      if (row + k < rows_.size()) after = std::min(after, rows_[row + k].time - shift);
-    }
-    return std::llround((after - before) / median_s_);
   }
 
   void make_intervals() {
@@ -256,14 +280,15 @@ class Importer {
     }
     std::vector<double> intervals;
     for (std::size_t k = 1; k < rows_.size(); ++k) intervals.push_back(rows_[k].time - rows_[k - 1].time);
-    std::vector<double> rearranged = intervals;
-    median_s_ = median(rearranged);
+    std::vector<double> times, rearranged = intervals;
+    for (const Row& row : rows_) times.push_back(row.time);
+    median_s_ = measured() ? median(rearranged) : typical_interval(times);
     double sum = 0.0, squares = 0.0, count = 0.0;
     std::vector<std::size_t> gaps;
     for (std::size_t k = 0; k < intervals.size(); ++k) {
       const double interval = intervals[k];
       if (interval > map_.gap * median_s_) {
-        const std::int64_t steps = map_.measured_intervals ? 2 : steps_to(k + 1, gaps.empty() ? 0 : gaps.back());
+        const std::int64_t steps = measured() ? 2 : periods_to(times, k + 1, gaps.empty() ? 0 : gaps.back(), median_s_);
         if (steps > 1) {
           step_[k + 1] = steps;
           gaps.push_back(k + 1);
@@ -277,7 +302,7 @@ class Importer {
     const double period = sum / count;
     result_.info.sample_period_s = period;
     result_.jitter_s = std::sqrt(std::max(0.0, squares / count - period * period));
-    if (map_.measured_intervals)
+    if (measured())
       for (const std::size_t k : gaps) step_[k] = std::max<std::int64_t>(2, std::llround(intervals[k - 1] / period));
     result_.gaps = static_cast<std::int64_t>(gaps.size());
   }
@@ -328,8 +353,8 @@ class Importer {
           std::any_of(row.accel.begin(), row.accel.end(), [&](double x) { return saturated(map_.accel, x); });
       if (full || dropped) ++result_.saturated;
       if (dropped) continue;
-      const bool measured = timed() && map_.measured_intervals && k > 0 && step_[k] == 1;
-      const double dt = measured ? row.time - rows_[k - 1].time : period;
+      const bool is_measured = timed() && measured() && k > 0 && step_[k] == 1;
+      const double dt = is_measured ? row.time - rows_[k - 1].time : period;
       ImuSample sample;
       sample.counter = counter;
       sample.flags =
@@ -348,7 +373,7 @@ class Importer {
     result_.bad_rows += table.bad_rows;
   }
 
-  const CsvMap& map_;
+  CsvMap map_;
   std::string file_name_;
   std::vector<Row> rows_;
   std::vector<std::int64_t> step_;  // of the counter before each row
@@ -359,6 +384,7 @@ class Importer {
 }  // namespace
 
 Result<CsvMap> read_csv_map(const std::string& path) {
+  TRY(expect_file(path, FileKind::table_map));
   KeyValueFile file = TRY(KeyValueFile::read(path));
   return read_map(file);
 }
@@ -368,19 +394,150 @@ Result<CsvMap> parse_csv_map(std::string_view text, const std::string& file_name
   return read_map(file);
 }
 
-Result<CsvImport> parse_csv(const CsvMap& map, std::string_view text, const std::string& file_name,
-                            std::string_view accel_text, const std::string& accel_file) {
+double typical_interval(const std::vector<double>& times) {
+  const std::size_t span = std::clamp<std::size_t>(times.size() / 4, 1, 16);
+  std::vector<double> intervals;
+  for (std::size_t k = span; k < times.size(); ++k)
+    intervals.push_back((times[k] - times[k - span]) / static_cast<double>(span));
+  if (intervals.empty()) return 0.0;
+  const double middle = median(intervals);
+  if (!(middle > 0.0)) return middle;
+  // Stamps in coarse steps are right in the mean only.
+  const double near = 1.2 * middle / static_cast<double>(span);
+  const auto end =
+      std::partition(intervals.begin(), intervals.end(), [&](double x) { return std::abs(x - middle) <= near; });
+  return std::accumulate(intervals.begin(), end, 0.0) / static_cast<double>(end - intervals.begin());
+}
+
+IncrementsChoice choose_increments(const std::vector<double>& times_s) {
+  using Increments = CsvMap::Increments;
+  constexpr std::size_t fewest = 40, parts = 16;
+  const std::size_t n = times_s.size();
+  if (n < fewest) return {Increments::intervals, "too few rows to tell whether the stamps jitter"};
+  const double period = typical_interval(times_s);
+  if (!(period > 0.0)) return {Increments::intervals, "the times do not grow"};
+  // By what the stamps are ahead of an even clock; periods that are missing are gaps.
+  std::vector<double> ahead(n, 0.0);
+  std::size_t last_gap = 0;
+  for (std::size_t k = 1; k < n; ++k) {
+    const double interval = times_s[k] - times_s[k - 1];
+    const std::int64_t steps = interval > 1.5 * period ? periods_to(times_s, k, last_gap, period) : 1;
+    if (steps > 1) last_gap = k;
+    ahead[k] = ahead[k - 1] + interval - static_cast<double>(std::max<std::int64_t>(steps, 1)) * period;
+  }
+  // Rms without the largest hundredth: knocks of the host, gaps that were not whole periods.
+  const auto scatter = [&](std::size_t m) {
+    std::vector<double> squares;
+    for (std::size_t k = 2 * m; k < n; ++k) {
+      const double bend = ahead[k] - 2.0 * ahead[k - m] + ahead[k - 2 * m];
+      squares.push_back(bend * bend);
+    }
+    const auto largest = squares.end() - static_cast<std::ptrdiff_t>(squares.size() / 100 + 1);
+    std::nth_element(squares.begin(), largest, squares.end());
+    squares.erase(largest, squares.end());
+    return std::sqrt(std::accumulate(squares.begin(), squares.end(), 0.0) / static_cast<double>(squares.size()));
+  };
+  const std::size_t far = std::min<std::size_t>(n / 8, 32);
+  const double jitter = scatter(1) / std::sqrt(6.0);  // of a stamp, if each is off by itself
+  const double growth = jitter > 1e-9 * period ? scatter(far) / scatter(1) : 0.0;
+  std::vector<double> rates;
+  for (std::size_t part = 0; part < parts; ++part) {
+    const std::size_t from = part * (n - 1) / parts, to = (part + 1) * (n - 1) / parts;
+    rates.push_back((ahead[to] - ahead[from]) / (static_cast<double>(to - from) * period));
+  }
+  std::ranges::sort(rates);
+  const double change = rates[parts - 2] - rates[1];
+  const double explained = jitter * static_cast<double>(parts) / (static_cast<double>(n) * period);
+  const std::string said =
+      fmt::format("over {} rows the scatter of the stamps is {:.2g} times that over one", far, growth);
+  if (growth > std::pow(static_cast<double>(far), 0.25))
+    return {Increments::intervals, said + ": it adds up, the intervals are real"};
+  if (change > std::max(2e-4, 6.0 * explained))
+    return {Increments::intervals, fmt::format("the rate changes by {:.2g} % within the record", 100.0 * change)};
+  if (growth == 0.0) return {Increments::period, "the stamps are even"};
+  return {Increments::period, said + ": it does not add up, the sampling is even and the stamps jitter"};
+}
+
+namespace {
+
+ColumnSource columns_of_bag(const std::string& path, BagImu bag) {
+  ColumnSource source;
+  source.topic = bag.topic;
+  source.note = "topic " + quoted(bag.topic);
+  source.file_name = path + ", " + source.note;
+  if (!bag.temperature_topic.empty()) source.note += ", temperature of " + quoted(bag.temperature_topic);
+  if (bag.recording_times) source.note += ", times of recording: no header.stamp is set";
+  source.started_utc_s = bag.started_utc_s;
+  for (const NumberColumn& column : bag.columns) source.names.push_back(column.name);
+  source.read = [bag = std::make_shared<BagImu>(std::move(bag)), name = source.file_name, names = source.names](
+                    const std::vector<WantedColumn>& wanted, const TableFormat&) -> Result<NumberTable> {
+    NumberTable table;
+    for (const WantedColumn& column : wanted) {
+      const auto at = std::ranges::find(bag->columns, column.name, &NumberColumn::name);
+      if (at == bag->columns.end())
+        return input_error(
+            fmt::format("{}: no column {}: it has {}", name, quoted(column.name), fmt::join(names, ", ")));
+      table.columns.push_back(std::move(at->values));
+    }
+    table.position = table.line = bag->message;
+    for (std::int64_t& line : table.line) ++line;
+    table.bad_rows = bag->bad;
+    table.first_bad = bag->first_bad;
+    return table;
+  };
+  return source;
+}
+
+}  // namespace
+
+Result<ColumnSource> open_columns(const std::string& path, const std::string& topic, bool skip_bad) {
+  const FileKind kind = recognise_file(path);
+  if (is_bag(kind)) return columns_of_bag(path, TRY(read_bag(path, topic, skip_bad)));
+  if (!topic.empty()) return input_error(path + ": topic " + quoted(topic) + ": expected a ROS bag");
+  TRY(expect_file(path, FileKind::csv));
+  ColumnSource source;
+  source.file_name = path;
+  std::string content;
+  constexpr std::size_t most_bytes = std::size_t{4} << 30;
+  if (kind == FileKind::mat || kind == FileKind::hdf5)  // a library reads it, whatever its size
+    content = kind == FileKind::mat ? "MATLAB " : "\x89HDF\r\n\x1a\n";
+  else
+    content = TRY(read_whole_file(path, most_bytes));
+  const auto held = std::make_shared<const std::string>(std::move(content));
+  if (kind == FileKind::npy || kind == FileKind::mat || kind == FileKind::hdf5)
+    source.names = TRY(column_names(*held, path));
+  else
+    source.text = held;
+  source.read = [held, path](const std::vector<WantedColumn>& wanted, const TableFormat& format) {
+    return read_number_table(*held, path, wanted, format);
+  };
+  return source;
+}
+
+Result<CsvImport> import_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel) {
   Importer importer(map);
-  TRY(importer.read(text, file_name, accel_file.empty()));
-  if (!accel_file.empty()) TRY(importer.read_accel(accel_text, accel_file));
+  TRY(importer.read(source, accel == nullptr));
+  if (accel != nullptr) TRY(importer.read_accel(*accel));
   return importer.finish();
 }
 
-Result<CsvImport> import_csv(const CsvMap& map, const std::string& path, const std::string& accel_path) {
-  constexpr std::size_t most_bytes = std::size_t{4} << 30;
-  const std::string text = TRY(read_whole_file(path, most_bytes));
-  const std::string accel = accel_path.empty() ? std::string() : TRY(read_whole_file(accel_path, most_bytes));
-  return parse_csv(map, text, path, accel, accel_path);
+Result<CsvImport> import_csv(const CsvMap& map, const std::string& path) {
+  const ColumnSource source = TRY(open_columns(path, map.topic, map.format.skip_bad_rows));
+  return import_columns(map, source);
+}
+
+Result<CsvImport> parse_csv(const CsvMap& map, std::string_view text, const std::string& file_name,
+                            std::string_view accel_text, const std::string& accel_file) {
+  const auto source_of = [](std::string_view content, const std::string& name) {
+    ColumnSource source;
+    source.file_name = name;
+    source.read = [content, name](const std::vector<WantedColumn>& wanted, const TableFormat& format) {
+      return read_number_table(content, name, wanted, format);
+    };
+    return source;
+  };
+  const ColumnSource accel = source_of(accel_text, accel_file);
+  return import_columns(map, source_of(text, file_name), accel_file.empty() ? nullptr : &accel);
 }
 
 Status write_recording(const CsvImport& content, const std::string& path) {

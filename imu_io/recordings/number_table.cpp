@@ -1,6 +1,7 @@
 #include "imu_io/recordings/number_table.h"
 
 #include <fmt/format.h>
+#include <hdf5.h>
 #include <matio.h>
 #include <unistd.h>
 
@@ -40,6 +41,7 @@ class CsvTable {
                          (format_.header_lines > 0 ? "a header and " : std::string()) + "rows of numbers");
     }
     for (int k = 0; k < format_.header_lines; ++k) {
+      while (is_remark(left)) ++line_, next_line(left);
       if (left.empty())
         return defect("the file ends inside its " + std::to_string(format_.header_lines) + " header lines");
       ++line_;
@@ -57,7 +59,7 @@ class CsvTable {
     while (!left.empty()) {
       ++line_;
       const std::string_view row = next_line(left);
-      if (trimmed(row).empty() || trimmed(row).starts_with('#')) continue;
+      if (trimmed(row).empty() || trimmed(row).starts_with('#') || is_remark(row)) continue;
       if (Status status = read_row(row); !status) {
         if (!format_.skip_bad_rows) return status.error();
         if (table_.bad_rows++ == 0) table_.first_bad = status.error().message;
@@ -73,6 +75,8 @@ class CsvTable {
   }
 
  private:
+  static bool is_remark(std::string_view row) { return row.starts_with("//"); }  // as Xsens writes
+
   Error defect(const std::string& what) const {
     return input_error(file_name_ + ":" + std::to_string(line_) + ": " + what);
   }
@@ -202,21 +206,13 @@ void number_rows(NumberTable& table, std::size_t rows) {
   }
 }
 
-Status append_column(const MatrixView& view, std::size_t column, const WantedColumn& wanted,
-                     const std::string& file_name, NumberTable& table) {
+void append_column(const MatrixView& view, std::size_t column, NumberTable& table) {
   std::vector<double>& values = table.columns.emplace_back();
   values.reserve(view.rows);
-  for (std::size_t row = 0; row < view.rows; ++row) {
-    values.push_back(view.at(row, column));
-    if (!std::isfinite(values.back()) && !(wanted.may_be_blank && std::isnan(values.back())))
-      return input_error(fmt::format("{}: row {}: column {} = '{}': expected a finite number", file_name, row + 1,
-                                     quoted(wanted.name), format_number(values.back())));
-  }
-  return {};
+  for (std::size_t row = 0; row < view.rows; ++row) values.push_back(view.at(row, column));
 }
 
-Result<NumberTable> read_npy(std::string_view content, const std::string& file_name,
-                             const std::vector<WantedColumn>& wanted) {
+Result<MatrixView> view_npy(std::string_view content, const std::string& file_name) {
   const auto refuse = [&](const std::string& what) { return input_error(file_name + ": " + what); };
   if (content.size() < 12) return refuse("the header of the .npy file is cut off");
   const auto* bytes = reinterpret_cast<const std::byte*>(content.data());
@@ -246,58 +242,261 @@ Result<NumberTable> read_npy(std::string_view content, const std::string& file_n
   const std::size_t have = (content.size() - begin - length) / view.type->bytes;
   if (have / view.columns < view.rows)
     return refuse(fmt::format("the .npy file is cut off: expected {} rows of {}", view.rows, view.columns));
+  return view;
+}
+
+Result<NumberTable> read_npy(std::string_view content, const std::string& file_name,
+                             const std::vector<WantedColumn>& wanted) {
+  const MatrixView view = TRY(view_npy(content, file_name));
   NumberTable table;
   for (const WantedColumn& column : wanted) {
     const auto index = parse_integer<std::int64_t>(column.name);
     if (!index || *index < 1 || static_cast<std::size_t>(*index) > view.columns)
-      return refuse(fmt::format("no column {}: expected a number from 1 to {}, a .npy array has no names",
-                                quoted(column.name), view.columns));
-    TRY(append_column(view, static_cast<std::size_t>(*index - 1), column, file_name, table));
+      return input_error(fmt::format("{}: no column {}: expected a number from 1 to {}, a .npy array has no names",
+                                     file_name, quoted(column.name), view.columns));
+    append_column(view, static_cast<std::size_t>(*index - 1), table);
   }
   number_rows(table, view.rows);
   return table;
 }
 
-Result<NumberTable> read_mat(const std::string& file_name, const std::vector<WantedColumn>& wanted) {
-  const std::unique_ptr<mat_t, int (*)(mat_t*)> file(Mat_Open(file_name.c_str(), MAT_ACC_RDONLY), Mat_Close);
+using MatFile = std::unique_ptr<mat_t, int (*)(mat_t*)>;
+using MatVariable = std::unique_ptr<matvar_t, void (*)(matvar_t*)>;
+
+Result<MatFile> open_mat(const std::string& file_name) {
+  MatFile file(Mat_Open(file_name.c_str(), MAT_ACC_RDONLY), Mat_Close);
   if (!file) return input_error(file_name + ": libmatio cannot read this .mat file");
+  return file;
+}
+
+// Of a matrix of real numbers; no rows of anything else. Samples lie along the longer side.
+MatrixView view_mat(const matvar_t& variable) {
+  MatrixView view;
+  if (!view.set_type([&](const ItemType& t) { return t.mat == variable.data_type; }) || variable.rank != 2 ||
+      variable.isComplex != 0 || variable.class_type == MAT_C_STRUCT || variable.class_type == MAT_C_CELL)
+    return {};
+  view.rows = std::max(variable.dims[0], variable.dims[1]);
+  view.columns = std::min(variable.dims[0], variable.dims[1]);
+  view.column_major = variable.dims[0] >= variable.dims[1];
+  view.data = static_cast<const std::byte*>(variable.data);
+  return view;
+}
+
+Result<NumberTable> read_mat(const std::string& file_name, const std::vector<WantedColumn>& wanted) {
+  const MatFile file = TRY(open_mat(file_name));
   NumberTable table;
   std::size_t rows = 0;
+  MatVariable variable(nullptr, Mat_VarFree);  // the last one: a matrix may have all the columns
   for (const WantedColumn& column : wanted) {
     const std::size_t colon = column.name.find(':');
-    const std::string name = column.name.substr(0, colon);
+    const std::string path = column.name.substr(0, colon);
+    const std::vector<std::string_view> names = split(path, '.');
     const auto index = colon == std::string::npos ? std::optional<std::int64_t>(1)
                                                   : parse_integer<std::int64_t>(column.name.substr(colon + 1));
-    const std::unique_ptr<matvar_t, void (*)(matvar_t*)> variable(Mat_VarRead(file.get(), name.c_str()), Mat_VarFree);
     const auto refuse = [&](const std::string& what) {
       return input_error(file_name + ": column " + quoted(column.name) + ": " + what);
     };
-    if (!variable && column.may_be_missing) {
+    if (!variable || variable->name != names.front())
+      variable.reset(Mat_VarRead(file.get(), std::string(names.front()).c_str()));
+    const matvar_t* found = variable.get();
+    for (std::size_t k = 1; k < names.size() && found != nullptr; ++k)
+      found = found->class_type == MAT_C_STRUCT
+                  ? Mat_VarGetStructFieldByName(const_cast<matvar_t*>(found), std::string(names[k]).c_str(), 0)
+                  : nullptr;
+    if (found == nullptr && column.may_be_missing) {
       table.columns.emplace_back();
       continue;
     }
-    if (!variable || variable->data == nullptr)
-      return refuse("no variable " + quoted(name) + " of numbers: expected name or name:column");
-    MatrixView view;
-    if (!view.set_type([&](const ItemType& t) { return t.mat == variable->data_type; }))
-      return refuse("is no array of numbers");
-    if (variable->rank != 2 || variable->isComplex != 0) return refuse("expected a real matrix of two dimensions");
-    view.rows = variable->dims[0];
-    view.columns = variable->dims[1];
-    view.column_major = true;
-    view.data = static_cast<const std::byte*>(variable->data);
-    if (view.rows < view.columns) {  // samples lie along the rows
-      std::swap(view.rows, view.columns);
-      view.column_major = false;
-    }
+    if (found == nullptr || found->data == nullptr)
+      return refuse("no variable " + quoted(path) + " of numbers: expected name, name:column or struct.name");
+    const MatrixView view = view_mat(*found);
+    if (view.type == nullptr) return refuse("expected a real matrix of two dimensions");
     if (!index || *index < 1 || static_cast<std::size_t>(*index) > view.columns)
       return refuse("expected a column from 1 to " + std::to_string(view.columns));
     if (rows > 0 && view.rows != rows)
       return refuse(fmt::format("has {} rows: expected {}, as the columns before", view.rows, rows));
     rows = view.rows;
-    TRY(append_column(view, static_cast<std::size_t>(*index - 1), column, file_name, table));
+    append_column(view, static_cast<std::size_t>(*index - 1), table);
   }
   number_rows(table, rows);
+  return table;
+}
+
+constexpr std::size_t widest = 32;
+
+// "name", or "name:1" and so on of a matrix.
+void list_columns(const std::string& name, std::size_t rows, std::size_t columns, std::vector<std::string>& names) {
+  if (rows < 2 || columns > widest) return;
+  for (std::size_t k = 1; k <= columns; ++k) names.push_back(columns == 1 ? name : fmt::format("{}:{}", name, k));
+}
+
+void list_variable(const std::string& name, matvar_t& variable, std::vector<std::string>& names) {
+  if (variable.class_type == MAT_C_STRUCT) {
+    const char* const* const fields = Mat_VarGetStructFieldnames(&variable);
+    for (unsigned k = 0; fields != nullptr && k < Mat_VarGetNumberOfFields(&variable); ++k)
+      if (matvar_t* const field = Mat_VarGetStructFieldByIndex(&variable, k, 0); field != nullptr)
+        list_variable(name + "." + fields[k], *field, names);
+  } else if (const MatrixView view = view_mat(variable); view.type != nullptr) {
+    list_columns(name, view.rows, view.columns, names);
+  }
+}
+
+Result<std::vector<std::string>> mat_columns(const std::string& file_name) {
+  const MatFile file = TRY(open_mat(file_name));
+  std::vector<std::string> names;
+  for (;;) {
+    const MatVariable variable(Mat_VarReadNext(file.get()), Mat_VarFree);
+    if (!variable) return names;
+    list_variable(variable->name, *variable, names);
+  }
+}
+
+// ---- HDF5 ----
+
+class Hdf5Id {
+ public:
+  Hdf5Id(hid_t id, herr_t (*close)(hid_t)) : id_(id), close_(close) {}
+  ~Hdf5Id() {
+    if (id_ >= 0) close_(id_);
+  }
+  Hdf5Id(const Hdf5Id&) = delete;
+  Hdf5Id& operator=(const Hdf5Id&) = delete;
+  operator hid_t() const { return id_; }
+
+ private:
+  hid_t id_;
+  herr_t (*close_)(hid_t);
+};
+
+hid_t open_hdf5(const std::string& file_name) {
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+  return H5Fopen(file_name.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT);
+}
+
+// Of a dataset of one or two dimensions; no rows of any other.
+struct Hdf5Shape {
+  std::size_t rows = 0, columns = 0;
+  bool along_rows = false;  // as of a .mat file
+  explicit Hdf5Shape(hid_t space) {
+    hsize_t sizes[2] = {0, 1};
+    if (const int rank = H5Sget_simple_extent_ndims(space); rank != 1 && rank != 2) return;
+    H5Sget_simple_extent_dims(space, sizes, nullptr);
+    along_rows = sizes[0] < sizes[1];
+    rows = std::max(sizes[0], sizes[1]);
+    columns = std::min(sizes[0], sizes[1]);
+  }
+};
+
+bool is_number(H5T_class_t type) { return type == H5T_INTEGER || type == H5T_FLOAT; }
+
+Result<std::vector<double>> read_hdf5_column(hid_t file, const std::string& file_name, const std::string& name) {
+  const auto refuse = [&](const std::string& what) {
+    return input_error(file_name + ": column " + quoted(name) + ": " + what);
+  };
+  const std::size_t colon = name.find(':');
+  const std::string path = name.substr(0, colon), part = colon == name.npos ? "1" : name.substr(colon + 1);
+  const Hdf5Id set(H5Dopen2(file, path.c_str(), H5P_DEFAULT), H5Dclose);
+  if (set < 0)
+    return refuse("no dataset " + quoted(path) + ": expected group/name, group/name:column or group/name:field");
+  const Hdf5Id space(H5Dget_space(set), H5Sclose), type(H5Dget_type(set), H5Tclose);
+  const Hdf5Shape shape(space);
+  const bool compound = H5Tget_class(type) == H5T_COMPOUND;
+  const int member = compound ? H5Tget_member_index(type, part.c_str()) : 0;
+  const auto column = parse_integer<std::int64_t>(part);
+  if (shape.rows == 0 || member < 0 ||
+      !is_number(compound ? H5Tget_member_class(type, static_cast<unsigned>(member)) : H5Tget_class(type)))
+    return refuse("expected numbers in one or two dimensions");
+  if (!compound && (!column || *column < 1 || static_cast<std::size_t>(*column) > shape.columns))
+    return refuse("expected a column from 1 to " + std::to_string(shape.columns));
+  // What a file of this size can hold: deflate makes at most a thousandth.
+  hsize_t bytes = 0;
+  H5Fget_filesize(file, &bytes);
+  if (shape.rows > 1000 * bytes)
+    return refuse(fmt::format("{} rows: more than a file of {} bytes can hold", shape.rows, bytes));
+  const Hdf5Id field(H5Tcreate(H5T_COMPOUND, sizeof(double)), H5Tclose);
+  H5Tinsert(field, part.c_str(), 0, H5T_NATIVE_DOUBLE);
+  if (!compound) {
+    const hsize_t at = static_cast<hsize_t>(*column - 1),
+                  first[2] = {shape.along_rows ? at : 0, shape.along_rows ? 0 : at};
+    const hsize_t count[2] = {shape.along_rows ? 1 : shape.rows, shape.along_rows ? shape.rows : 1};
+    H5Sselect_hyperslab(space, H5S_SELECT_SET, first, nullptr, count, nullptr);
+  }
+  const hsize_t size = shape.rows;
+  const Hdf5Id memory(H5Screate_simple(1, &size, nullptr), H5Sclose);
+  std::vector<double> values(shape.rows);
+  if (H5Dread(set, compound ? static_cast<hid_t>(field) : H5T_NATIVE_DOUBLE, memory, space, H5P_DEFAULT,
+              values.data()) < 0)
+    return refuse("cannot be read: the file is damaged, or compressed in a way that libhdf5 does not know");
+  return values;
+}
+
+Result<NumberTable> read_hdf5(const std::string& file_name, const std::vector<WantedColumn>& wanted) {
+  const Hdf5Id file(open_hdf5(file_name), H5Fclose);
+  if (file < 0) return input_error(file_name + ": libhdf5 cannot read this file");
+  NumberTable table;
+  std::size_t rows = 0;
+  for (const WantedColumn& column : wanted) {
+    std::vector<double> values = TRY(read_hdf5_column(file, file_name, column.name));
+    if (rows > 0 && values.size() != rows)
+      return input_error(fmt::format("{}: column {}: has {} rows: expected {}, as the columns before", file_name,
+                                     quoted(column.name), values.size(), rows));
+    rows = values.size();
+    table.columns.push_back(std::move(values));
+  }
+  number_rows(table, rows);
+  return table;
+}
+
+herr_t list_hdf5_object(hid_t file, const char* name, const H5O_info_t* info, void* names) {
+  if (info->type != H5O_TYPE_DATASET) return 0;
+  const Hdf5Id set(H5Dopen2(file, name, H5P_DEFAULT), H5Dclose);
+  const Hdf5Id space(H5Dget_space(set), H5Sclose), type(H5Dget_type(set), H5Tclose);
+  const Hdf5Shape shape(space);
+  auto& list = *static_cast<std::vector<std::string>*>(names);
+  if (is_number(H5Tget_class(type))) list_columns(name, shape.rows, shape.columns, list);
+  for (int k = 0; H5Tget_class(type) == H5T_COMPOUND && k < H5Tget_nmembers(type); ++k) {
+    char* const member = H5Tget_member_name(type, static_cast<unsigned>(k));
+    if (is_number(H5Tget_member_class(type, static_cast<unsigned>(k))))
+      list.push_back(fmt::format("{}:{}", name, member));
+    H5free_memory(member);
+  }
+  return 0;
+}
+
+Result<std::vector<std::string>> hdf5_columns(const std::string& file_name) {
+  const Hdf5Id file(open_hdf5(file_name), H5Fclose);
+  std::vector<std::string> names;
+  if (file < 0 || H5Ovisit2(file, H5_INDEX_NAME, H5_ITER_NATIVE, list_hdf5_object, &names, H5O_INFO_BASIC) < 0)
+    return input_error(file_name + ": libhdf5 cannot read this file");
+  return names;
+}
+
+// Numbers that are not finite are a defect of their row.
+Result<NumberTable> checked(NumberTable table, const std::string& file_name, const std::vector<WantedColumn>& wanted,
+                            bool skip_bad) {
+  std::size_t kept = 0;
+  for (std::size_t row = 0; row < table.rows(); ++row) {
+    const auto is_bad = [&](std::size_t k) {
+      return !table.columns[k].empty() && !std::isfinite(table.columns[k][row]) &&
+             !(wanted[k].may_be_blank && std::isnan(table.columns[k][row]));
+    };
+    std::size_t bad = 0;
+    while (bad < wanted.size() && !is_bad(bad)) ++bad;
+    if (bad < wanted.size()) {
+      Error error = input_error(fmt::format("{}: row {}: column {} = '{}': expected a finite number", file_name,
+                                            row + 1, quoted(wanted[bad].name), format_number(table.columns[bad][row])));
+      if (!skip_bad) return error;
+      if (table.bad_rows++ == 0) table.first_bad = error.message;
+      continue;
+    }
+    for (std::vector<double>& column : table.columns)
+      if (!column.empty()) column[kept] = column[row];
+    table.position[kept] = table.position[row];
+    table.line[kept++] = table.line[row];
+  }
+  for (std::vector<double>& column : table.columns) column.resize(std::min(kept, column.size()));
+  table.position.resize(kept);
+  table.line.resize(kept);
   return table;
 }
 
@@ -308,10 +507,23 @@ bool is_npy(std::string_view content) { return content.starts_with(npy_magic); }
 // "MATLAB 5.0 MAT-file", and 7.3 likewise.
 bool is_mat(std::string_view content) { return content.starts_with("MATLAB "); }
 
+bool is_hdf5(std::string_view content) { return content.starts_with("\x89HDF\r\n\x1a\n"); }
+
+Result<std::vector<std::string>> column_names(std::string_view content, const std::string& file_name) {
+  if (is_mat(content)) return mat_columns(file_name);
+  if (is_hdf5(content)) return hdf5_columns(file_name);
+  const MatrixView view = TRY(view_npy(content, file_name));
+  std::vector<std::string> names;
+  for (std::size_t k = 1; k <= std::min(view.columns, widest); ++k) names.push_back(std::to_string(k));
+  return names;
+}
+
 Result<NumberTable> read_number_table(std::string_view content, const std::string& file_name,
                                       const std::vector<WantedColumn>& wanted, const TableFormat& format) {
-  if (is_npy(content)) return read_npy(content, file_name, wanted);
-  if (is_mat(content)) return read_mat(file_name, wanted);
+  if (is_npy(content))
+    return checked(TRY(read_npy(content, file_name, wanted)), file_name, wanted, format.skip_bad_rows);
+  if (is_mat(content)) return checked(TRY(read_mat(file_name, wanted)), file_name, wanted, format.skip_bad_rows);
+  if (is_hdf5(content)) return checked(TRY(read_hdf5(file_name, wanted)), file_name, wanted, format.skip_bad_rows);
   return CsvTable(content, file_name, wanted, format).read();
 }
 

@@ -1,9 +1,10 @@
-// Columns of numbers from a file that is not ours: text (CSV), NumPy's .npy, MATLAB's .mat. The form is told by the file's first bytes.
+// Columns of numbers from a file that is not ours: text (CSV), NumPy's .npy, MATLAB's .mat, HDF5. The form is told by the file's first bytes.
 //
 // Text: a header names the columns; `#` before it, and lines that begin with `#`, are what NumPy and others make of a comment. Without a
 // header a column is its number, from 1. A .npy file holds one array, one or two dimensions, of any integer or floating type:
 // columns by number. A .mat file (up to version 7.2; 7.3 where libmatio was built for it) holds variables: `name` is a vector,
-// `name:2` the second column of a matrix (its second row where it has fewer rows than columns).
+// `name:2` the second column of a matrix (its second row where it has fewer rows than columns), `s.name:2` one in a struct. An HDF5 file
+// holds datasets: `group/name`, `group/name:2`, and `name:field` of a compound. In text a line that begins with `//` is a remark, too.
 #pragma once
 
 #include <cstdint>
@@ -39,13 +40,17 @@ struct NumberTable {
   std::size_t rows() const { return position.size(); }
 };
 
-// `content` is the whole file; `file_name` goes into messages, and a .mat file is opened by it.
+// `content` is the whole file (of .mat and HDF5 its first bytes: they are opened by `file_name`, which goes into messages).
 Result<NumberTable> read_number_table(std::string_view content, const std::string& file_name,
                                       const std::vector<WantedColumn>& wanted, const TableFormat& format);
+
+// What columns a .npy, .mat or HDF5 file has, by the names under which they can be wanted; of arrays wider than 32 none.
+Result<std::vector<std::string>> column_names(std::string_view content, const std::string& file_name);
 
 // By a file's first bytes.
 bool is_npy(std::string_view content);
 bool is_mat(std::string_view content);
+bool is_hdf5(std::string_view content);
 
 // ---- written ----
 //

@@ -11,6 +11,7 @@
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/crc.h"
 #include "imu_io/base/data_text.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
@@ -187,6 +188,7 @@ Result<ParameterFile> parse_parameter_file(std::string_view text, const std::str
 }
 
 Result<ParameterFile> read_parameter_file(const std::string& path) {
+  TRY(expect_file(path, FileKind::parameters));
   const std::string text = TRY(read_whole_file(path));
   if (text.empty()) return input_error(path + ": empty file: expected a parameter file");
   Result<ParameterFile> file = parse_parameter_file(text, path);

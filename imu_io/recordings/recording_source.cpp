@@ -12,6 +12,7 @@
 
 #include "calib/statistics/clipping.h"
 #include "imu_io/base/bytes.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/binary_layout.h"
 #include "imu_io/recordings/recording_text.h"
@@ -67,6 +68,7 @@ std::string hash_of_text(std::string_view text) { return hash_as_hex(XXH3_128bit
 Result<std::unique_ptr<RecordingSource>> RecordingSource::open(const std::string& path) {
   struct stat facts {};
   if (::stat(path.c_str(), &facts) != 0) return input_error(path + ": cannot open: " + std::strerror(errno));
+  TRY(expect_file(path, FileKind::recording));
   if (!S_ISDIR(facts.st_mode)) return open_binary_recording(path);
   const std::string binary = path + "/" + binary_recording_name;
   if (path_exists(binary)) return open_binary_recording(binary);

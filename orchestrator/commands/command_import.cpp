@@ -1,5 +1,7 @@
 // `turncal segment RECORDING --out DIR`: finds the rests of data without a table, and writes the recording with segments static and
-// rotate, all angles 0; `turncal import --map MAP` reads such data from any CSV, .npy or .mat.
+// rotate, all angles 0; `turncal import --map MAP` reads such data from any CSV, .npy, .mat, HDF5 or ROS bag.
+//
+// `turncal import FILE` without one proposes a map (map_proposal.h) and goes on where nothing is in doubt; with --frame it reads raw bytes.
 //
 // `turncal import TEXTDIR --out DIR` and `turncal export RECORDING --out DIR`: between the text form of a recording and the
 // binary one; `--out FILE.npy` or `.mat` of export: its samples as a matrix. Nothing is overwritten, and a failure leaves nothing behind.
@@ -25,8 +27,11 @@
 #include "calib/statistics/segmentation.h"
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/data_text.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/frames/frame_log.h"
 #include "imu_io/recordings/csv_map_import.h"
+#include "imu_io/recordings/map_proposal.h"
 #include "imu_io/recordings/number_table.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
@@ -44,10 +49,15 @@ namespace {
 
 struct TextOptions {
   std::string source, out;
-  // Of `import --map`: a table that is not ours.
-  std::string map;
+  // Of what is not ours: a table, a bag, raw bytes.
+  std::string map, map_out, frame, topic;
   std::string accel;  // of the accelerometers, where they have a file of their own
   bool skip_bad_rows = false;
+  std::optional<double> gravity_mps2, latitude_deg;
+  std::string unit;
+  bool is_foreign() const {
+    return !map.empty() || !map_out.empty() || !topic.empty() || skip_bad_rows || is_table(recognise_file(source));
+  }
 };
 
 struct SegmentOptions {
@@ -128,19 +138,12 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   return {};
 }
 
-Status import_mapped_csv(const TextOptions& from, CommandContext& context) {
-  CsvMap map = TRY(read_csv_map(from.map));
-  map.format.skip_bad_rows = from.skip_bad_rows;
-  const CsvImport content = TRY(import_csv(map, from.source, from.accel));
-  OutputFolder folder = TRY(OutputFolder::prepare(from.out, {binary_recording_name}));
+Status write_imported(const CsvImport& content, const std::string& out, const std::string& line,
+                      CommandContext& context) {
+  OutputFolder folder = TRY(OutputFolder::prepare(out, {binary_recording_name}));
   TRY(write_recording(content, folder.file(binary_recording_name)));
   folder.keep();
-  context.out << fmt::format(
-                     "imported into {}: {} samples of {} rows, mean period {:.6g} ms, jitter {:.3g} ms rms, {} "
-                     "saturated rows, {} gaps",
-                     folder.path(), content.samples.size(), content.rows, 1e3 * content.info.sample_period_s,
-                     1e3 * content.jitter_s, content.saturated, content.gaps)
-              << std::endl;
+  context.out << "imported into " << folder.path() << ": " << line << std::endl;
   if (content.clipped > 0)
     context.out << content.clipped << " samples clipped: a gyro repeats its extreme value" << std::endl;
   if (content.bad_rows > 0)
@@ -149,6 +152,65 @@ Status import_mapped_csv(const TextOptions& from, CommandContext& context) {
     warn_of_units(
         content.info, found.segments, [&](SegmentedFeed& feed) { feed.add(content.samples); }, context.out);
   return {};
+}
+
+ImportSite site_of(const TextOptions& from) {
+  ImportSite site;
+  site.gravity_mps2 = from.gravity_mps2.value_or(site.gravity_mps2);
+  site.latitude_deg = from.latitude_deg.value_or(site.latitude_deg);
+  site.unit_serial = from.unit.empty() ? std::filesystem::path(from.source).stem().string() : from.unit;
+  return site;
+}
+
+Status import_frames(const TextOptions& from, CommandContext& context) {
+  const FrameDescription frame = TRY(find_frame(from.frame));
+  FrameLog log = TRY(read_frame_log(from.source, frame));
+  CsvImport content;
+  frame.describe(content.info);
+  const ImportSite site = site_of(from);
+  content.info.gravity_mps2 = site.gravity_mps2;
+  content.info.latitude_deg = site.latitude_deg;
+  content.info.unit_serial = site.unit_serial;
+  content.samples = std::move(log.samples);
+  std::string line = fmt::format("{} samples; {}", content.samples.size(), log.summary);
+  if (!from.gravity_mps2)
+    line += fmt::format("; gravity_mps2 = {}, the standard one: --gravity gives the site's", site.gravity_mps2);
+  return write_imported(content, from.out, line, context);
+}
+
+// The map that is given, or the one proposed; where that is in doubt, an error after it was printed and written.
+Result<CsvMap> map_for(const TextOptions& from, const ColumnSource& source, CommandContext& context) {
+  if (!from.map.empty()) return read_csv_map(from.map);
+  const MapProposal proposal = TRY(propose_map(source, site_of(from)));
+  context.out << proposal.text << std::flush;
+  if (!from.map_out.empty()) {
+    TRY(check_replaceable(from.map_out, proposed_beginning));
+    TRY(write_file_atomically(from.map_out, proposal.text));
+  }
+  if (!proposal.doubts.empty())
+    return input_error(
+        fmt::format("{}: in doubt: {}: expected --map with what holds (--map-out FILE writes this one, to be edited)",
+                    from.source, fmt::join(proposal.doubts, "; ")));
+  return parse_csv_map(proposal.text, "proposed map");
+}
+
+Status import_table(const TextOptions& from, CommandContext& context) {
+  const ColumnSource source = TRY(open_columns(from.source, from.topic, from.skip_bad_rows));
+  CsvMap map = TRY(map_for(from, source, context));
+  map.format.skip_bad_rows = from.skip_bad_rows;
+  map.gravity_mps2 = from.gravity_mps2.value_or(map.gravity_mps2);
+  map.latitude_deg = from.latitude_deg.value_or(map.latitude_deg);
+  if (!from.unit.empty()) map.unit_serial = from.unit;
+  ColumnSource accel;
+  if (!from.accel.empty()) accel = TRY(open_columns(from.accel));
+  const CsvImport content = TRY(import_columns(map, source, from.accel.empty() ? nullptr : &accel));
+  std::string line =
+      fmt::format("{} samples of {} rows, mean period {:.6g} ms, jitter {:.3g} ms rms, {} saturated rows, {} gaps",
+                  content.samples.size(), content.rows, 1e3 * content.info.sample_period_s, 1e3 * content.jitter_s,
+                  content.saturated, content.gaps);
+  for (const std::string& more : {source.note, content.chosen})
+    if (!more.empty()) line += "; " + more;
+  return write_imported(content, from.out, line, context);
 }
 
 Status say(RecordingSource& source, const char* what, const std::string& out, CommandContext& context) {
@@ -165,9 +227,18 @@ Status finish(RecordingSource& source, OutputFolder& folder, const char* what, C
 }
 
 Status import_text(const TextOptions& options, CommandContext& context) {
-  if (!options.map.empty()) return import_mapped_csv(options, context);
-  if (options.skip_bad_rows)
-    return input_error("--skip-bad-rows: expected --map; a recording in our own text form is whole or is refused");
+  if (!options.frame.empty()) return import_frames(options, context);
+  if (options.is_foreign()) return import_table(options, context);
+  if (!std::filesystem::is_directory(options.source)) {
+    TRY(expect_file(options.source, FileKind::csv));
+    if (path_exists(options.source))
+      return input_error(
+          options.source +
+          ": it is not known what this is: expected a table (CSV, .npy, .mat, HDF5), a ROS bag, a folder " +
+          "with a recording in text form, or raw bytes and --frame");
+  }
+  if (path_exists(options.source + "/" + binary_recording_name) && !path_exists(options.source + "/recording.conf"))
+    return input_error(options.source + ": this is a recording already: turncal export writes its text form");
   std::unique_ptr<RecordingSource> source = TRY(open_text_recording(options.source));
   TRY(check_not_source(options.out, options.source));
   OutputFolder folder = TRY(OutputFolder::prepare(options.out, {binary_recording_name}));
@@ -329,15 +400,25 @@ void add_segment_command(CommandLine& line) {
 
 void add_import_command(CommandLine& line) {
   const auto [command, options] = line.command<TextOptions>(
-      "import", "read the text form of a recording or any table of numbers, write the binary one", import_text);
+      "import", "read a table of numbers, a ROS bag, raw bytes or a recording's text form, write a recording",
+      import_text);
   command
-      .option("source", options.source,
-              "folder with recording.conf, imu.csv, segments.csv; with --map a CSV, .npy or .mat file")
+      .option(
+          "source", options.source,
+          "CSV, .npy, .mat, HDF5, MCAP, .db3 or .bag; with --frame a log of raw bytes; or a folder with recording.conf")
       .required();
   command.option("--out", options.out, "folder to write to; must not hold a recording yet").required();
-  const Option map = command.option("--map", options.map, "file on the columns of the table, docs/hand-data.md");
+  const Option map = command.option("--map", options.map, "what the columns are (docs/import.md); default: proposed");
+  command.option("--map-out", options.map_out, "file for the proposed map");
+  command.option("--frame", options.frame, "frame description of raw bytes: a name, or a file (docs/imu-frames.md)");
+  command.option("--topic", options.topic, "sensor_msgs/Imu topic of a bag that has several");
   command.option("--accel", options.accel, "the accelerometers' file, where they have one of their own").needs(map);
   command.flag("--skip-bad-rows", options.skip_bad_rows, "leave out rows with a defect, and count them");
+  command.option("--gravity", options.gravity_mps2, "of the site, m/s^2; default: the map's, or 9.80665")
+      .range(recorded_gravity_mps2.min, recorded_gravity_mps2.max);
+  command.option("--latitude", options.latitude_deg, "of the site, degrees; default: the map's, or 0")
+      .range(-90.0, 90.0);
+  command.option("--unit", options.unit, "serial; default: the map's, or the name of the file");
 }
 
 void add_export_command(CommandLine& line) {

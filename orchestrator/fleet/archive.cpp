@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/parameter_file.h"
@@ -41,6 +42,7 @@ Result<std::vector<ArchiveEntry>> below(const std::string& folder) {
 }
 
 Result<std::vector<ArchiveEntry>> listed(const std::string& path) {
+  TRY(expect_file(path, FileKind::csv));
   const std::string text = TRY(read_whole_file(path));
   std::string_view remaining = text;
   std::vector<std::string> header;

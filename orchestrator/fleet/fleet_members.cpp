@@ -8,6 +8,7 @@
 #include <span>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/records/results_database.h"
@@ -102,6 +103,7 @@ Status each_kept_file(const std::string& source, const std::string& name, const 
   for (fs::recursive_directory_iterator at(source, error), end; at != end && !error; at.increment(error))
     if (at->path().filename() == name && !at->path().parent_path().filename().string().starts_with('.'))
       paths.push_back(at->path().string());
+  if (error) TRY(expect_file(source, FileKind::database));
   if (error) return input_error(source + ": cannot read: " + error.message());
   std::ranges::sort(paths);
   for (const std::string& path : paths) each(path, read_whole_file(path));

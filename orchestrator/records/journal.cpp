@@ -8,6 +8,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/bytes.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/record_log.h"
@@ -277,6 +278,7 @@ JournalCommand read_command(KeyValueFile& file, bool moves) {
 
 // Bytes at the end that are no record.
 Result<std::uint64_t> scan_file(const std::string& path, const std::function<Status(const Record&)>& take) {
+  TRY(expect_file(folder_of(path), FileKind::recording));  // of the run: a folder, or what somebody gave for one
   PosixFile file = TRY(PosixFile::open_to_read(path));
   const std::uint64_t size = TRY(file.size());
   RecordScanner scanner(file, size, journal_magic);

@@ -8,6 +8,7 @@
 #include <map>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
@@ -224,6 +225,7 @@ Status ResultsDatabase::check_writable(const std::string& path) {
 Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& name, const SqlPatience& patience) {
   const bool server = names_a_server(name);
   if (!server && !path_exists(name)) return input_error(name + ": there is no such results database");
+  if (!server) TRY(expect_file(name, FileKind::database));
   TRY(server ? Status{} : check_regular_file(name));
   std::shared_ptr<SqlConnection> connection =
       TRY(server ? connect_to_server(name, false, patience) : connect_to_file(name, SQLITE_OPEN_READONLY, patience));

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <limits>
 
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 
@@ -336,6 +337,7 @@ StationConfig default_station_config() {
 
 Result<StationConfig> read_station_config(const std::string& path) {
   if (path.empty()) return default_station_config();
+  TRY(expect_file(path, FileKind::station));
   KeyValueFile file = TRY(KeyValueFile::read(path));
   return station_from(file);
 }

@@ -1,9 +1,10 @@
-// Bytes as a CSV file of an IMU, by a map with a time column or one with a rate (byte 0 chooses).
+// Bytes as a CSV file of an IMU, by a map with a time column, by one with a rate, or by the one that is proposed (byte 0 chooses).
 #include <array>
 #include <cmath>
 #include <cstdlib>
 
 #include "imu_io/recordings/csv_map_import.h"
+#include "imu_io/recordings/map_proposal.h"
 #include "input.h"
 
 namespace turncal {
@@ -26,7 +27,21 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   using namespace turncal;
   static const std::array<CsvMap, 2> maps = {map_of("time.column = t\ntime.unit = s\n"), map_of("rate_hz = 100\n")};
   fuzz::Input input(data, size);
-  const CsvMap& map = maps[input.byte() % 2];
+  const std::uint8_t which = input.byte() % 3;
+  CsvMap map = maps[which % 2];
+  if (which == 2) {
+    ColumnSource source;
+    source.file_name = "fuzz";
+    source.text = std::make_shared<const std::string>(input.text());
+    source.read = [&](const auto& wanted, const auto& format) {
+      return read_number_table(*source.text, "fuzz", wanted, format);
+    };
+    const auto proposal = propose_map(source, {9.8, 30.0, "F"});
+    if (!fuzz::taken(proposal)) return 0;
+    auto proposed = parse_csv_map(proposal->text, "proposal");
+    if (!fuzz::taken(proposed)) return 0;
+    map = *proposed;
+  }
   const auto result = parse_csv(map, input.text(), "fuzz");
   if (!fuzz::taken(result)) return 0;
   for (std::size_t i = 0; i < result->samples.size(); ++i) {

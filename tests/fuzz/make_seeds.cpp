@@ -12,6 +12,7 @@
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "input.h"
+#include "tests/imu_io/bag_writer.h"
 
 namespace {
 
@@ -99,6 +100,19 @@ int main(int count, char** arguments) {
             std::string{static_cast<char>(index), how} + frames_of(*frame));
     }
     ++index;
+  }
+  for (const bool skip_bad : {false, true}) {
+    test::BagTopic topic,
+        readings{"/t", "sensor_msgs/msg/Temperature", {{5, test::message_of(5, {20.0, 0.0}, test::Wire::cdr)}}};
+    for (std::int64_t k = 1; k < 5; ++k)
+      topic.messages.emplace_back(k, test::imu_message({k, {0.1, 0.2, 0.3}, {1.0, 2.0, 9.8}}));
+    const std::string how(1, skip_bad ? '\1' : '\0'), bags = folder + "/fuzz_bag/" + (skip_bad ? "skip_" : "");
+    for (const char* compression : {"none", "", "zstd", "lz4"})
+      write(bags + "mcap_" + compression, how + test::mcap({readings, topic}, compression, 3));
+    for (auto& message : topic.messages)
+      message.second = test::imu_message({message.first, {0.1, 0.2, 0.3}, {1.0, 2.0, 9.8}}, test::Wire::ros1);
+    for (const char* compression : {"none", "lz4"})
+      write(bags + "bag_" + compression, how + test::bag1(topic, compression));
   }
   write(folder + "/fuzz_recording/sealed", std::string{'\0'} + recording(true, true));
   write(folder + "/fuzz_recording/records", std::string{'\1'} + recording(false, false));

@@ -57,7 +57,7 @@ TEST(CsvMapImport, MeasuredIntervalsOrTheMeanOne) {
     t += k % 2 == 0 ? 9.0 : 11.0;  // ms; sums to the mean of 10 over an even number of intervals
   }
   const std::string timed = base_map + "time.column = t\ntime.unit = ms\n";
-  const CsvImport measured = must(timed, csv);
+  const CsvImport measured = must(timed + "time.increments = intervals\n", csv);
   EXPECT_NEAR(measured.info.sample_period_s, (9.0 * 10 + 11.0 * 9) / 19.0 * 1e-3, 1e-12);
   EXPECT_NEAR(measured.samples[1].gyro[0], rad_per_deg * 0.009, 1e-15);
   EXPECT_NEAR(measured.samples[2].gyro[0], rad_per_deg * 0.011, 1e-15);
@@ -166,7 +166,8 @@ TEST(ImportForms, JitteredStampsAreNoGaps) {
   EXPECT_EQ(c->gaps, 1);
   EXPECT_EQ(c->samples.back().counter, 99);
   EXPECT_NEAR(c->info.sample_period_s, 0.01, 1e-4);
-  EXPECT_FALSE(parse_csv(map_of("time.column = t\n"), csv, "d.csv").ok());  // measured intervals cannot be negative
+  // Measured intervals cannot be negative.
+  EXPECT_FALSE(parse_csv(map_of("time.column = t\ntime.increments = intervals\n"), csv, "d.csv").ok());
 }
 
 TEST(ImportForms, AccelerometersInAFileOfTheirOwn) {

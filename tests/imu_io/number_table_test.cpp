@@ -80,6 +80,63 @@ TEST(NumberTable, ReadsMatlabVariables) {
   ASSERT_TRUE(fails(read_number_table("MATLAB 5.0", file, {{"speed", false}}, {}), "no variable 'speed'"));
 }
 
+// A struct in a struct, as imu.gyro and imu.meta.t; and a file of HDF5 (tests/imu_io/map_samples): chunks, deflate, both byte orders, a compound.
+TEST(NumberTable, ReadsNestedVariablesAndHdf5) {
+  test::TemporaryFolder folder;
+  const std::string file = folder / "nested.mat";
+  mat_t* mat = Mat_CreateVer(file.c_str(), nullptr, MAT_FT_MAT5);
+  ASSERT_NE(mat, nullptr);
+  double gyro[] = {1, 2, 3, 4, 5, 6}, t[] = {0.0, 0.1, 0.2};
+  std::size_t size[] = {3, 2}, one[] = {1, 1}, column[] = {3, 1};
+  const char* fields[] = {"gyro", "meta"};
+  const char* inner[] = {"t"};
+  matvar_t* meta = Mat_VarCreateStruct("meta", 2, one, inner, 1);
+  Mat_VarSetStructFieldByName(meta, "t", 0, Mat_VarCreate("t", MAT_C_DOUBLE, MAT_T_DOUBLE, 2, column, t, 0));
+  matvar_t* imu = Mat_VarCreateStruct("imu", 2, one, fields, 2);
+  Mat_VarSetStructFieldByName(imu, "gyro", 0, Mat_VarCreate("gyro", MAT_C_DOUBLE, MAT_T_DOUBLE, 2, size, gyro, 0));
+  Mat_VarSetStructFieldByName(imu, "meta", 0, meta);
+  Mat_VarWrite(mat, imu, MAT_COMPRESSION_ZLIB);
+  Mat_VarFree(imu);
+  Mat_Close(mat);
+  const auto table = read_number_table("MATLAB 5.0", file, {{"imu.gyro:2"}, {"imu.meta.t"}}, {});
+  ASSERT_OK(table);
+  EXPECT_EQ(table->columns[0], (std::vector<double>{4, 5, 6}));
+  EXPECT_EQ(table->columns[1], (std::vector<double>{0.0, 0.1, 0.2}));
+  EXPECT_EQ(expect_value(column_names("MATLAB 5.0", file)),
+            (std::vector<std::string>{"imu.gyro:1", "imu.gyro:2", "imu.meta.t"}));
+  EXPECT_TRUE(fails(read_number_table("MATLAB 5.0", file, {{"imu.nope"}}, {}), "no variable 'imu.nope' of numbers"));
+  const std::string hdf5 = "\x89HDF\r\n\x1a\n", sample = TURNCAL_SOURCE_DIR "/tests/imu_io/map_samples/imu.h5";
+  const auto imu5 =
+      read_number_table(hdf5, sample, {{"imu/gyro:2"}, {"imu/acc:3"}, {"imu/time_ns"}, {"housekeeping:celsius"}}, {});
+  ASSERT_OK(imu5);
+  EXPECT_EQ(imu5->columns[0][59], 0.01);
+  EXPECT_NEAR(imu5->columns[1][0], 9.8, 1e-6);
+  EXPECT_EQ(imu5->columns[2][1], 100010000000.0);
+  EXPECT_EQ(imu5->columns[3][30], 25.5);
+  EXPECT_EQ(expect_value(column_names(hdf5, sample)).size(), 9u);
+  for (const auto& [name, what] : {std::pair("imu/nope", "no dataset 'imu/nope'"),
+                                   {"imu/gyro:4", "from 1 to 3"},
+                                   {"housekeeping:x", "expected numbers"},
+                                   {"imu", "no dataset"}})
+    EXPECT_TRUE(fails(read_number_table(hdf5, sample, {{name}}, {}), what));
+  std::string bytes = test::read_file(sample);
+  for (std::size_t cut : {9UL, 100UL, 2000UL, 9000UL}) {
+    test::write_file(folder / "cut.h5", bytes.substr(0, cut));
+    EXPECT_FALSE(read_number_table(hdf5, folder / "cut.h5", {{"imu/gyro:2"}}, {}).ok()) << cut;
+  }
+}
+
+TEST(NumberTable, RowsThatAreNotFiniteAreSkippedWhereThatIsWanted) {
+  const std::string content = npy("<f8", false, "(3, 2)", bytes_of(std::vector<double>{1, 2, NAN, 4, 5, 6}));
+  EXPECT_TRUE(fails(read_number_table(content, "a.npy", {{"2"}, {"1"}}, {}),
+                    "a.npy: row 2: column '1' = 'nan': expected a finite number"));
+  const auto table = read_number_table(content, "a.npy", {{"2"}, {"1"}}, {.skip_bad_rows = true});
+  ASSERT_OK(table);
+  EXPECT_EQ(table->columns[0], (std::vector<double>{2, 6}));
+  EXPECT_EQ(table->position, (std::vector<std::int64_t>{0, 2}));
+  EXPECT_EQ(table->bad_rows, 1);
+}
+
 const std::vector<NumberColumn> sample_columns = {{"time_s", {0.0, 0.1, 1e300}}, {"x.y", {-1.0, 1.0 / 3.0, 7.0}}};
 
 TEST(MatrixWriter, IsReadAgain) {

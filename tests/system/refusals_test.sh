@@ -79,6 +79,19 @@ refused 'nowhere/x.csv: cannot create' apply a --parameters a/parameters.conf --
 printf 'A\n' > queue
 printf ' \n' > empty.csv
 refused 'empty.csv: empty file: expected a header and rows of numbers' import --map "$here/docs/maps/xsens_mti_imutk.map" empty.csv --out b
+samples=$here/tests/imu_io/map_samples
+refused 'this is a parameter file, expected a recording of turncal; turncal convert and --parameters' calibrate a/parameters.conf --out b
+refused 'this is a table of numbers (CSV), expected a recording of turncal; turncal import ' navigate "$samples/euroc.csv" --out b
+refused 'this is the journal of a run, expected a sequence; turncal journal and resume take its folder' predict --sequence a/journal.tcj
+refused 'expected a recording of turncal; --station of run' journal "$stations/mock.station"
+refused 'in doubt: gyro.unit: the header does not say it' import "$samples/kf_gins.txt" --out b --map-out proposed.map
+sed -i 's/^gyro.unit.*/gyro.unit = rad/' proposed.map
+good import "$samples/kf_gins.txt" --map proposed.map --out known
+grep -q 'imported into known: 60 samples .*; time.increments = period: ' said.out || fail "what was imported is not said: $(cat said.out)"
+refused 'it is not known what this is' import said.out --out b
+refused 'this is a recording already' import known --out b
+refused "topic '/imu': expected a ROS bag" import "$samples/euroc.csv" --topic /imu --out b
+refused 'no sample in it by the frame description stim300' import "$samples/imu.h5" --frame stim300 --out b
 printf 'format = 1\nname = one\nrate_degps = 30\nacceleration_degps2 = 60\nstep 1\n  initial H 0 P 0 R 0\n  align 2000\n  rotate P +10\n  dwell 2000\n' > one.seq
 refused 'expected steps that do (turncal predict)' batch queue --dry-run --sequence one.seq --out b
 ! grep -q -- --partial said.err || fail "an option that batch does not have: $(cat said.err)"

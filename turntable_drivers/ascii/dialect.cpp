@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 
@@ -269,6 +270,7 @@ bool DialectStatus::reports(DriveBit bit) const {
 }
 
 Result<Dialect> read_dialect(const std::string& path) {
+  TRY(expect_file(path, FileKind::dialect));
   KeyValueFile file = TRY(KeyValueFile::read(path));
   return dialect_from(file);
 }

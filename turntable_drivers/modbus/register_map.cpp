@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/text_pieces.h"
@@ -327,6 +328,7 @@ bool StatusBit::is_set(std::uint16_t word) const {
 }
 
 Result<RegisterMap> read_register_map(const std::string& path) {
+  TRY(expect_file(path, FileKind::register_map));
   KeyValueFile file = TRY(KeyValueFile::read(path));
   return map_from(file);
 }

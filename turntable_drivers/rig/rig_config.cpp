@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/recordings/recording_check.h"
@@ -275,6 +276,7 @@ Status check(const RigConfig& config) {
 }
 
 Result<RigConfig> read_rig_config(const std::string& path, const RigConfig& base) {
+  TRY(expect_file(path, FileKind::rig));
   KeyValueFile file = TRY(KeyValueFile::read(path));
   return config_from(file, base);
 }

@@ -6,6 +6,7 @@
 #include "calib/model/parameters.h"
 #include "calib/navigation/alignment.h"
 #include "calib/statistics/linear_algebra.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/number_table.h"
@@ -236,6 +237,7 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
 }
 
 Result<ReferenceTrack> read_reference(const std::string& path) {
+  TRY(expect_file(path, FileKind::csv));
   const std::string content = TRY(read_whole_file(path));
   const NumberTable table = TRY(read_number_table(content, path,
                                                   {{"time_s"},

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "calib/navigation/alignment.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/number_table.h"
@@ -197,6 +198,7 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
 }
 
 Result<ReferenceReport> verify_references(const std::string& csv) {
+  TRY(expect_file(csv, FileKind::csv));
   const std::string content = TRY(read_whole_file(csv));
   if (!content.empty() && !is_npy(content) && !is_mat(content) && content.back() != '\n')
     return input_error(csv + ": the last line has no end: expected a file that is whole");

@@ -1,0 +1,421 @@
+#include "imu_io/recordings/map_proposal.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <string_view>
+
+#include "calib/model/parameters.h"
+#include "calib/statistics/distributions.h"
+#include "imu_io/base/format_number.h"
+#include "imu_io/base/text_pieces.h"
+
+namespace turncal {
+namespace {
+
+using Numbers = std::vector<double>;
+using Triad = std::array<std::size_t, 3>;  // columns
+
+// A column: how a map refers to it, and what the header says of it, in small letters.
+struct Candidate {
+  std::string reference, label;
+};
+struct Layout {
+  TableFormat format;
+  std::vector<Candidate> columns;
+};
+
+// A word that begins with ^ has to be the beginning.
+bool has_any(std::string_view text, const std::vector<std::string_view>& words) {
+  return std::ranges::any_of(words, [&](std::string_view word) {
+    return word.starts_with('^') ? text.starts_with(word.substr(1)) : text.find(word) != text.npos;
+  });
+}
+
+std::string lower(std::string text) {
+  for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
+  return text;
+}
+
+std::vector<std::string_view> cells_of(std::string_view line, char delimiter) {
+  return delimiter == ' ' ? split_words(line) : split(line, delimiter);
+}
+
+// Where the numbers of a text begin, what stands between them, and what stands above.
+Result<Layout> look_at_text(std::string_view text, const std::string& file_name) {
+  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+  std::vector<std::string_view> lines;
+  while (lines.size() < 200 && !text.empty())
+    if (const std::string_view line = next_line(text); !line.starts_with("//")) lines.push_back(line);
+  Layout layout;
+  constexpr std::ptrdiff_t fewest = 6;
+  std::ptrdiff_t most = fewest - 1;
+  const auto is_number = [](std::string_view cell) { return device_number(cell).has_value(); };
+  for (const char delimiter : {',', ';', '\t', ' '})
+    for (std::size_t k = 0; k < lines.size(); ++k)
+      if (const auto numbers = std::ranges::count_if(cells_of(lines[k], delimiter), is_number); numbers > most) {
+        most = numbers;
+        layout.format.delimiter = delimiter;
+        layout.format.header_lines = static_cast<int>(k);
+      }
+  if (most < fewest) return input_error(file_name + ": no row of six numbers or more: expected a table of an IMU");
+  const auto first = static_cast<std::size_t>(layout.format.header_lines);
+  const std::size_t width = cells_of(lines[first], layout.format.delimiter).size();
+  const auto header = [&](std::size_t above) {
+    std::string_view line = first >= above ? trimmed(lines[first - above]) : std::string_view();
+    while (line.starts_with('#') || line.starts_with('%')) line = trimmed(line.substr(1));
+    std::vector<std::string_view> cells = cells_of(line, layout.format.delimiter);
+    return cells.size() == width ? cells : std::vector<std::string_view>(width);
+  };
+  const bool units_below = header(1)[0].starts_with('(');
+  const std::vector<std::string_view> names = header(units_below ? 2 : 1);
+  for (std::size_t k = 0; k < width; ++k) {
+    const bool plain = !units_below && !names[k].empty() && names[k].find_first_of(",#=") == names[k].npos &&
+                       std::ranges::count(names, names[k]) == 1;
+    const std::string label = std::string(names[k]) + (units_below ? " " + std::string(header(1)[k]) : "");
+    layout.columns.push_back({plain ? std::string(names[k]) : std::to_string(k + 1), lower(label)});
+  }
+  return layout;
+}
+
+// Every three columns whose labels differ in x, y and z alone; where there are none, in 1, 2 and 3.
+std::vector<Triad> triads_of(const std::vector<Candidate>& columns) {
+  std::vector<Triad> triads;
+  for (const std::string_view letters : {"xyz", "123"})
+    for (std::size_t i = 0; i < columns.size() && (letters == "xyz" || triads.empty() || triads.back()[0] < i); ++i)
+      for (std::size_t at = 0; (at = columns[i].label.find(letters[0], at)) != std::string::npos; ++at) {
+        Triad triad{i, i, i};
+        std::string label = columns[i].label;
+        for (std::size_t k = 1; k < 3; ++k) {
+          label[at] = letters[k];
+          triad[k] = static_cast<std::size_t>(std::ranges::find(columns, label, &Candidate::label) - columns.begin());
+        }
+        if (std::max(triad[1], triad[2]) < columns.size()) triads.push_back(triad);
+      }
+  return triads;
+}
+
+struct Unit {
+  std::string_view name;
+  double si;
+  bool is_rate;
+  std::vector<std::string_view> words;  // of a header
+};
+constexpr double degph = rad_per_deg / 3600.0;
+const std::vector<Unit> gyro_units = {{"deg/h", degph, true, {"deg/h", "degph", "dph"}},
+                                      {"arcsec", degph, false, {"arcsec"}},
+                                      {"rad/s", 1.0, true, {"rad"}},
+                                      {"rad", 1.0, false, {"rad"}},
+                                      {"deg/s", rad_per_deg, true, {"deg", "dps"}},
+                                      {"deg", rad_per_deg, false, {"deg"}}};
+const std::vector<Unit> accel_units = {{"m/s^2", 1.0, true, {"m/s^2", "m/s2", "mps2", "m s^-2", "m.s^-2"}},
+                                       {"m/s", 1.0, false, {"m/s", "mps"}},
+                                       {"mg", 9.80665e-3, true, {"_mg", "[mg", "(mg"}},
+                                       {"g", 9.80665, true, {"_g", "[g", "(g"}}};
+
+template <class Is>
+const Unit* find_unit(const std::vector<Unit>& units, Is is) {
+  const auto at = std::ranges::find_if(units, is);
+  return at == units.end() ? nullptr : &*at;
+}
+
+const std::vector<std::string_view> no_sensor = {"mag", "bias", "cov", "std", "free"};
+bool is_increment(std::string_view label) { return has_any(label, {"delta", "dtheta", "dang", "dvel", "^dv"}); }
+bool is_gyro(std::string_view label) {
+  return !has_any(label, no_sensor) && has_any(label, {"gyr", "angular_vel", "angvel", "omega", "theta", "dang",
+                                                       "delta_ang", "deltaang", "rate", "^w", "^gx", "^g_"});
+}
+bool is_accel(std::string_view label) {
+  return !has_any(label, no_sensor) &&
+         has_any(label, {"acc", "specific", "force", "^dv", "dvel", "delta_v", "deltav", "^a_", "^ax", "^f_", "^fx"});
+}
+
+// ---- what the numbers say ----
+
+Numbers norms_of(const std::array<const Numbers*, 3>& triad) {
+  Numbers norms(triad[0]->size());
+  for (std::size_t k = 0; k < norms.size(); ++k) norms[k] = std::hypot((*triad[0])[k], (*triad[1])[k], (*triad[2])[k]);
+  return norms;
+}
+
+// By what factor gyro numbers become radians a second, where the unit turns enough to tell; negative: they turn the other way.
+std::optional<double> gyro_scale(const std::array<const Numbers*, 3>& gyro, const std::array<const Numbers*, 3>& accel,
+                                 double usual, double period_s) {
+  const auto width = static_cast<std::size_t>(std::clamp(0.2 / period_s, 1.0, 1000.0));
+  const auto mean = [&](const std::array<const Numbers*, 3>& triad, std::size_t from) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      for (std::size_t k = from; k < from + width; ++k) sum[static_cast<Eigen::Index>(axis)] += (*triad[axis])[k];
+    return Eigen::Vector3d(sum / static_cast<double>(width));
+  };
+  double both = 0.0, turned = 0.0, moved = 0.0;
+  int steps = 0;
+  for (std::size_t k = 0; k + 2 * width <= accel[0]->size(); k += width) {
+    const Eigen::Vector3d before = mean(accel, k), after = mean(accel, k + width);
+    if (std::abs(before.norm() / usual - 1.0) > 0.1 || std::abs(after.norm() / usual - 1.0) > 0.1) continue;
+    const Eigen::Vector3d change = after.normalized() - before.normalized();
+    if (change.norm() < 0.02 || change.norm() > 0.5) continue;
+    const Eigen::Vector3d turn =
+        -(mean(gyro, k + width / 2) * static_cast<double>(width) * period_s).cross((before + after).normalized());
+    both += change.dot(turn);
+    turned += turn.squaredNorm();
+    moved += change.squaredNorm();
+    ++steps;
+  }
+  constexpr int fewest = 5;
+  if (steps < fewest || turned == 0.0 || both * both < 0.5 * turned * moved) return {};
+  return both / turned;
+}
+
+// ---- put together ----
+
+class Proposer {
+ public:
+  Proposer(const ColumnSource& source, const ImportSite& site) : source_(source), site_(site) {}
+
+  Result<MapProposal> propose() {
+    if (!source_.topic.empty()) return of_bag();
+    for (const std::string& name : source_.names) layout_.columns.push_back({name, lower(name)});
+    if (source_.text) layout_ = TRY(look_at_text(*source_.text, source_.file_name));
+    find_columns();
+    if (!by_place_ && (triad_[gyro].empty() || triad_[accel].empty())) return columns_missing();
+    TRY(read());
+    if (rows() < 10) return input_error(fmt::format("{}: {} rows: expected at least 10", source_.file_name, rows()));
+    if (by_place_) place();
+    judge_time();
+    judge_units();
+    return MapProposal{text(), doubts_};
+  }
+
+ private:
+  enum Role { gyro, accel };
+  const std::string& label(Role role) const { return layout_.columns[triad_[role][0]].label; }
+  const std::string& reference(std::size_t column) const { return layout_.columns[column].reference; }
+  std::array<const Numbers*, 3> numbers(Role role) const {
+    return {&values_[triad_[role][0]], &values_[triad_[role][1]], &values_[triad_[role][2]]};
+  }
+  std::size_t rows() const { return std::ranges::max(values_, {}, &Numbers::size).size(); }
+  template <class... Args>
+  void doubt(fmt::format_string<Args...> words, Args&&... args) {
+    doubts_.push_back(fmt::format(words, std::forward<Args>(args)...));
+  }
+
+  MapProposal of_bag() const {
+    std::string map =
+        fmt::format("{} for {}.\n", proposed_beginning, source_.note) +
+        "gyro.columns = angular_velocity.x, angular_velocity.y, angular_velocity.z\ngyro.unit = rad/s\n"
+        "accel.columns = linear_acceleration.x, linear_acceleration.y, linear_acceleration.z\naccel.unit = m/s^2\n"
+        "time.column = t\n";
+    if (quoted(source_.topic) == "'" + source_.topic + "'" && source_.topic.find('#') == std::string::npos)
+      map += "topic = " + source_.topic + "\n";
+    if (source_.names.back() == "temperature") map += "temperature.column = temperature\n";
+    return {map + site_lines(), {}};
+  }
+
+  void find_columns() {
+    std::vector<std::string> others[2];
+    std::vector<std::size_t> taken;
+    for (const Triad& triad : triads_of(layout_.columns)) {
+      const std::string& name = layout_.columns[triad[0]].label;
+      if (!is_accel(name) && !is_gyro(name)) continue;
+      const Role role = is_accel(name) ? accel : gyro;
+      if (triad_[role].empty())
+        triad_[role].assign(triad.begin(), triad.end());
+      else
+        others[role].push_back(quoted(name));
+      taken.insert(taken.end(), triad.begin(), triad.end());
+    }
+    for (const Role role : {gyro, accel})
+      if (!others[role].empty())
+        doubt("which {}: {} or {}", role == gyro ? "gyros" : "accelerometers", quoted(label(role)),
+              fmt::join(others[role], ", "));
+    for (std::size_t k = layout_.columns.size(); k-- > 0;) {
+      const std::string& name = layout_.columns[k].label;
+      if (std::ranges::find(taken, k) != taken.end()) continue;
+      if (name == "t" || has_any(name, {"time", "stamp", "tow", "second", "^t_", "^t ", "^t["})) time_ = k;
+      if (has_any(name, {"temp"})) temperature_ = k;
+    }
+    // A matrix of nothing else.
+    const std::string& front = layout_.columns.empty() ? std::string() : reference(0);
+    const std::string matrix = front.substr(0, front.find(':') + 1);
+    by_place_ =
+        taken.empty() && (layout_.columns.size() == 6 || layout_.columns.size() == 7) &&
+        std::ranges::all_of(layout_.columns, [&](const Candidate& c) {
+          return c.reference.starts_with(matrix) && parse_integer(std::string_view(c.reference).substr(matrix.size()));
+        });
+  }
+
+  Error columns_missing() const {
+    std::vector<std::string> names;
+    for (const Candidate& column : layout_.columns)
+      names.push_back(quoted(column.label.empty() ? column.reference : column.label));
+    names.resize(std::min<std::size_t>(names.size(), 20));
+    return input_error(
+        fmt::format("{}: no three columns are plainly those of the {}: expected --map with their names; it has {}",
+                    source_.file_name, triad_[gyro].empty() ? "gyros" : "accelerometers",
+                    names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+  }
+
+  Status read() {
+    std::vector<std::size_t> columns(triad_[gyro]);
+    columns.insert(columns.end(), triad_[accel].begin(), triad_[accel].end());
+    if (time_) columns.push_back(*time_);
+    for (std::size_t k = 0; by_place_ && k < layout_.columns.size(); ++k) columns.push_back(k);
+    std::vector<WantedColumn> wanted;
+    for (const std::size_t column : columns) wanted.push_back({reference(column)});
+    layout_.format.skip_bad_rows = true;  // whoever reads it in earnest says what is wrong with them
+    NumberTable table = TRY(source_.read(wanted, layout_.format));
+    values_.resize(layout_.columns.size());
+    for (std::size_t k = 0; k < columns.size(); ++k) values_[columns[k]] = std::move(table.columns[k]);
+    return {};
+  }
+
+  // The time is first or last; which triad has gravity is seen later.
+  void place() {
+    const bool timed = values_.size() == 7;
+    const bool first =
+        timed && std::ranges::is_sorted(values_[0], std::ranges::less_equal()) && !std::ranges::is_sorted(values_[6]);
+    if (timed) time_ = first ? 0 : 6;
+    const std::size_t at = first ? 1 : 0;
+    triad_[gyro] = {at, at + 1, at + 2};
+    triad_[accel] = {at + 3, at + 4, at + 5};
+  }
+
+  void judge_time() {
+    if (!time_) return doubt("rate_hz: there is no column of times");
+    struct Clock {
+      std::string_view name;
+      double second;
+      std::vector<std::string_view> words;
+    };
+    static const Clock clocks[] = {{"ns", 1e-9, {"ns", "nano"}},
+                                   {"us", 1e-6, {"us", "micro"}},
+                                   {"ms", 1e-3, {"ms", "milli"}},
+                                   {"s", 1.0, {"_s", "[s", "(s", " s", "sec"}}};
+    const double interval = typical_interval(values_[*time_]);
+    const Clock *said = nullptr, *seen = nullptr;
+    for (const Clock& clock : clocks) {
+      if (said == nullptr && has_any(layout_.columns[*time_].label, clock.words)) said = &clock;
+      if (interval * clock.second > 2e-4 && interval * clock.second < 5e-2) seen = &clock;
+    }
+    if (said == nullptr && seen == nullptr)
+      doubt("time.column {}: {:.4g} from row to row is no rate of 20 to 5000 Hz in s, ms, us or ns",
+            quoted(reference(*time_)), interval);
+    else if (said != nullptr && seen != nullptr && said != seen)
+      doubt("time.unit: the header says {}, which is {:.4g} Hz; in {} it is {:.4g} Hz", said->name,
+            1.0 / (interval * said->second), seen->name, 1.0 / (interval * seen->second));
+    const Clock& clock = said != nullptr ? *said : seen != nullptr ? *seen : clocks[3];
+    time_unit_ = clock.name;
+    period_s_ = interval * clock.second;
+  }
+
+  // The unit in which the numbers are mostly gravity.
+  const Unit* gravity_in(Role role, double& norm) const {
+    Numbers norms = norms_of(numbers(role));
+    norm = median(norms);
+    return find_unit(accel_units, [&](const Unit& unit) {
+      return std::abs(norm * unit.si / (unit.is_rate ? 1.0 : period_s_) / 9.80665 - 1.0) < 0.1;
+    });
+  }
+
+  void judge_units() {
+    double norm = 0.0;
+    if (by_place_ && gravity_in(accel, norm) == nullptr && gravity_in(gyro, norm) != nullptr)
+      std::swap(triad_[gyro], triad_[accel]);
+    const Unit* seen = gravity_in(accel, norm);
+    const auto said_of = [&](Role role, const std::vector<Unit>& units, bool is_rate) {
+      return find_unit(units, [&](const Unit& unit) {
+        return !by_place_ && unit.is_rate == is_rate && has_any(label(role), unit.words);
+      });
+    };
+    const Unit* said = said_of(accel, accel_units, !is_increment(label(accel)));
+    if (seen == nullptr)
+      doubt(
+          "accel.unit: the norm of {:.4g} is gravity in none of m/s^2, g, mg and m/s: a scale is missing, or these are "
+          "no accelerometers",
+          norm);
+    else if (said != nullptr && said != seen)
+      doubt("accel.unit: the header says {}, the norm of {:.4g} is gravity in {}", said->name, norm, seen->name);
+    unit_[accel] = said != nullptr ? said->name : seen != nullptr ? seen->name : "m/s^2";
+    const bool rates = seen != nullptr ? seen->is_rate : !is_increment(label(gyro));
+    const std::optional<double> scale =
+        period_s_ > 0.0 ? gyro_scale(numbers(gyro), numbers(accel), norm, period_s_) : std::nullopt;
+    seen = find_unit(gyro_units, [&](const Unit& unit) {
+      return scale && unit.is_rate == rates &&
+             std::abs(std::log(std::abs(*scale) * (rates ? 1.0 : period_s_) / unit.si)) < std::log(1.5);
+    });
+    said = said_of(gyro, gyro_units, rates);
+    if (said == nullptr && !scale)
+      doubt("gyro.unit: the header does not say it, and the unit does not turn enough to tell");
+    else if (scale && (seen == nullptr || (said != nullptr && said != seen)))
+      doubt("gyro.unit: gravity turns as if a number were {:.3g} rad/s{}{}", *scale,
+            seen == nullptr ? "" : fmt::format(", which is {}", seen->name),
+            said == nullptr ? "" : fmt::format("; the header says {}", said->name));
+    if (scale && *scale < 0.0)
+      doubt(
+          "gyro.axes, accel.axes: gravity turns against the gyros: axes or signs are others, or the accelerometers "
+          "read gravity and not specific force");
+    unit_[gyro] = said != nullptr ? said->name : seen != nullptr ? seen->name : rates ? "rad/s" : "rad";
+  }
+
+  // Of the intervals that are no gaps.
+  double jitter() const {
+    const Numbers& t = values_[*time_];
+    const double usual = typical_interval(t);
+    double squares = 0.0, count = 1.0;
+    for (std::size_t k = 1; k < t.size(); ++k)
+      if (const double off = t[k] - t[k - 1] - usual; off < 0.5 * usual) squares += off * off, count += 1.0;
+    return std::sqrt(squares / count);
+  }
+
+  std::string site_lines() const {
+    const char* const standard =
+        site_.gravity_mps2 == ImportSite{}.gravity_mps2 ? "  # the standard one: --gravity gives the site's" : "";
+    return fmt::format("gravity_mps2 = {}{}\nlatitude_deg = {}\nunit_serial = {}\n", format_number(site_.gravity_mps2),
+                       standard, format_number(site_.latitude_deg), site_.unit_serial);
+  }
+
+  std::string text() const {
+    std::string map = fmt::format("{} for {}: {} rows{}.\n", proposed_beginning, quoted(source_.file_name), rows(),
+                                  period_s_ > 0.0 ? fmt::format(" at {:.6g} Hz", 1.0 / period_s_) : "");
+    if (time_) map += fmt::format("# Jitter: {:.2g} {} rms.\n", jitter(), time_unit_);
+    for (const std::string& what : doubts_) map += "# In doubt: " + what + "\n";
+    for (const Role role : {gyro, accel}) {
+      const char* const name = role == gyro ? "gyro" : "accel";
+      map += fmt::format("{}.columns = {}, {}, {}\n{}.unit = {}\n", name, reference(triad_[role][0]),
+                         reference(triad_[role][1]), reference(triad_[role][2]), name, unit_[role]);
+    }
+    map += time_ ? fmt::format("time.column = {}\ntime.unit = {}\n", reference(*time_), time_unit_) : "rate_hz = 100\n";
+    if (temperature_) map += fmt::format("temperature.column = {}\n", reference(*temperature_));
+    const TableFormat& format = layout_.format;
+    if (format.delimiter != ',')
+      map += fmt::format("csv.delimiter = {}\n", format.delimiter == ';'    ? "semicolon"
+                                                 : format.delimiter == '\t' ? "tab"
+                                                                            : "space");
+    if (format.header_lines != 1) map += fmt::format("csv.header_lines = {}\n", format.header_lines);
+    return map + site_lines();
+  }
+
+  const ColumnSource& source_;
+  const ImportSite& site_;
+  Layout layout_;
+  std::vector<Numbers> values_;  // of each column that is looked at
+  std::array<std::vector<std::size_t>, 2> triad_;
+  std::optional<std::size_t> time_, temperature_;
+  bool by_place_ = false;
+  double period_s_ = 0.0;
+  std::string_view time_unit_ = "s";
+  std::array<std::string_view, 2> unit_;
+  std::vector<std::string> doubts_;
+};
+
+}  // namespace
+
+Result<MapProposal> propose_map(const ColumnSource& source, const ImportSite& site) {
+  return Proposer(source, site).propose();
+}
+
+}  // namespace turncal

@@ -1,0 +1,585 @@
+#include "imu_io/recordings/ros_bag.h"
+
+#include <dirent.h>
+#include <fmt/format.h>
+#include <lz4frame.h>
+#include <sqlite3.h>
+#include <zlib.h>
+#include <zstd.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <memory>
+#include <span>
+
+#include "imu_io/base/bytes.h"
+#include "imu_io/base/file_kind.h"
+#include "imu_io/base/posix_file.h"
+#include "imu_io/base/text_pieces.h"
+
+namespace turncal {
+namespace {
+
+using ByteSpan = std::span<const std::byte>;
+
+constexpr std::uint64_t most_bytes = std::uint64_t{256} << 20;  // of a record or a chunk, whatever a header says
+
+std::string_view text_of(ByteSpan bytes) { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
+
+// ---- messages ----
+
+enum class Encoding { cdr, ros1, other };
+
+// Numbers of a serialised message, one after the other. Once something was missing, good() is false and everything reads as 0.
+class MessageReader {
+ public:
+  MessageReader(ByteSpan data, Encoding encoding) : data_(data) {
+    if (encoding == Encoding::ros1) return;
+    const unsigned kind =
+        data.size() < 4 ? 2 : 256 * std::to_integer<unsigned>(data[0]) + std::to_integer<unsigned>(data[1]);
+    good_ = kind == 0 || kind == 1 || kind == 6 || kind == 7;  // CDR, XCDR2; even: the most significant byte first
+    swapped_ = kind % 2 == 0;
+    align_ = kind >= 6 ? 4 : 8;
+    data_ = good_ ? data.subspan(4) : ByteSpan{};
+  }
+
+  template <class T>
+  T get() {
+    const std::size_t step = std::min(sizeof(T), align_);
+    at_ = (at_ + step - 1) / step * step;
+    const ByteSpan bytes = take(sizeof(T));
+    if (bytes.empty()) return T{};
+    if (!swapped_) return load_bytes<T>(bytes.data());
+    std::array<std::byte, sizeof(T)> reversed;
+    std::ranges::reverse_copy(bytes, reversed.begin());
+    return load_bytes<T>(reversed.data());
+  }
+  ByteSpan take(std::size_t count) {
+    good_ = good_ && at_ <= data_.size() && count <= data_.size() - at_;
+    if (!good_) return {};
+    at_ += count;
+    return data_.subspan(at_ - count, count);
+  }
+  bool good() const { return good_; }
+
+ private:
+  ByteSpan data_;
+  std::size_t at_ = 0, align_ = 1;
+  bool swapped_ = false, good_ = true;
+};
+
+// The stamp of a std_msgs/Header, in nanoseconds.
+std::int64_t read_header(MessageReader& message, Encoding encoding) {
+  if (encoding == Encoding::ros1) message.get<std::uint32_t>();  // seq
+  const std::int64_t seconds = message.get<std::int32_t>();
+  const std::int64_t nanoseconds = message.get<std::uint32_t>();
+  message.take(message.get<std::uint32_t>());  // frame_id
+  return seconds * 1'000'000'000 + nanoseconds;
+}
+
+struct Topic {
+  std::string name, type;
+  Encoding encoding = Encoding::other;
+  std::int64_t messages = 0;
+  bool is_imu = type == "sensor_msgs/msg/Imu" || type == "sensor_msgs/Imu";
+  bool is_temperature = type == "sensor_msgs/msg/Temperature" || type == "sensor_msgs/Temperature";
+};
+
+struct Reading {
+  std::int64_t stamp_ns = 0, recorded_ns = 0;
+  double celsius = 0.0;
+};
+
+constexpr const char* imu_fields[] = {"angular_velocity.x",    "angular_velocity.y",    "angular_velocity.z",
+                                      "linear_acceleration.x", "linear_acceleration.y", "linear_acceleration.z"};
+
+// Is given the messages of all topics, and keeps those of one unit.
+class Collector {
+ public:
+  Collector(const std::string& path, const std::string& wanted, bool skip_bad)
+      : path_(path), wanted_(wanted), skip_bad_(skip_bad) {}
+
+  Topic& topic(std::string_view name, std::string_view type, Encoding encoding) {
+    const auto [at, is_new] = topics_.try_emplace(std::string(name));
+    if (is_new) at->second = {std::string(name), std::string(type), encoding};
+    if (is_new && at->second.is_imu) units_.push_back(&at->second);
+    return at->second;
+  }
+
+  Status take(Topic& topic, std::int64_t recorded_ns, ByteSpan data) {
+    ++topic.messages;
+    if (topic.encoding == Encoding::other) return {};
+    if (!topic.is_imu) {
+      if (topic.is_temperature) take_temperature(topic, recorded_ns, data);
+      return {};
+    }
+    if (unit_ == nullptr && (wanted_.empty() || topic.name == wanted_)) unit_ = &topic;
+    return &topic == unit_ ? take_imu(recorded_ns, data) : Status();
+  }
+
+  // Is left out and counted, or an error.
+  Status damaged(const std::string& what) {
+    Error error = input_error(path_ + ": " + what);
+    if (!skip_bad_) return error;
+    if (result_.bad++ == 0) result_.first_bad = error.message;
+    return {};
+  }
+  Status damaged_at(std::uint64_t byte, const std::string& what) {
+    const std::string way_out =
+        skip_bad_ ? "" : fmt::format("; {} messages came before: --skip-bad-rows takes what is whole", stamps_.size());
+    return damaged(fmt::format("byte {}: {}{}", byte, what, way_out));
+  }
+
+  Result<BagImu> finish() {
+    TRY(check_unit());
+    result_.topic = unit_->name;
+    result_.recording_times = std::ranges::all_of(stamps_, [](std::int64_t stamp) { return stamp == 0; });
+    const std::vector<std::int64_t>& times = result_.recording_times ? recorded_ : stamps_;
+    constexpr std::int64_t second = 1'000'000'000, year_2000 = 946'684'800 * second;
+    if (times.front() > year_2000) result_.started_utc_s = times.front() / second;
+    NumberColumn t{"t", std::vector<double>(times.size())};
+    // Stamps of a damaged bag may be anywhere: unsigned numbers may wrap.
+    const auto since_first = [first = static_cast<std::uint64_t>(times.front())](std::int64_t time) {
+      return 1e-9 * static_cast<double>(static_cast<std::int64_t>(static_cast<std::uint64_t>(time) - first));
+    };
+    std::ranges::transform(times, t.values.begin(), since_first);
+    result_.columns.push_back(std::move(t));
+    for (std::size_t k = 0; k < 6; ++k) result_.columns.push_back({imu_fields[k], std::move(values_[k])});
+    add_temperature(times);
+    return std::move(result_);
+  }
+
+ private:
+  Status take_imu(std::int64_t recorded_ns, ByteSpan data) {
+    MessageReader message(data, unit_->encoding);
+    const std::int64_t stamp = read_header(message, unit_->encoding);
+    std::array<double, 6> values{};
+    std::array<double, 2> covariance{};  // the first of each
+    message.get<double>();               // the orientation, and its covariance
+    message.take(12 * sizeof(double));
+    for (std::size_t k = 0; k < 6; ++k) {
+      values[k] = message.get<double>();
+      if (k % 3 != 2) continue;
+      covariance[k / 3] = message.get<double>();
+      message.take(8 * sizeof(double));
+    }
+    const auto defect = [&](const std::string& what) {
+      return damaged(fmt::format("message {} of {}: {}", unit_->messages, quoted(unit_->name), what));
+    };
+    if (!message.good()) return defect("expected a sensor_msgs/Imu, found something shorter or in another encoding");
+    for (std::size_t k = 0; k < 6; ++k)
+      if (!std::isfinite(values[k]))
+        return defect(fmt::format("{} = '{}': expected a finite number", imu_fields[k], values[k]));
+    if (covariance[0] == -1.0) return defect("angular_velocity is not measured, says its covariance");
+    if (covariance[1] == -1.0) return defect("linear_acceleration is not measured, says its covariance");
+    for (std::size_t k = 0; k < 6; ++k) values_[k].push_back(values[k]);
+    stamps_.push_back(stamp);
+    recorded_.push_back(recorded_ns);
+    result_.message.push_back(unit_->messages - 1);
+    return {};
+  }
+
+  void take_temperature(const Topic& topic, std::int64_t recorded_ns, ByteSpan data) {
+    MessageReader message(data, topic.encoding);
+    const std::int64_t stamp = read_header(message, topic.encoding);
+    const double celsius = message.get<double>();
+    if (message.good() && std::isfinite(celsius)) temperatures_[topic.name].push_back({stamp, recorded_ns, celsius});
+  }
+
+  // Of several thermometers the one whose name has most in common with the unit's.
+  void add_temperature(const std::vector<std::int64_t>& times) {
+    const auto common = [&](const auto& entry) {
+      return std::ranges::mismatch(entry.first, unit_->name).in1 - entry.first.begin();
+    };
+    const auto nearest = std::ranges::max_element(temperatures_, {}, common);
+    if (nearest == temperatures_.end()) return;
+    result_.temperature_topic = nearest->first;
+    NumberColumn column{"temperature", std::vector<double>(times.size(), std::numeric_limits<double>::quiet_NaN())};
+    std::size_t row = 0;
+    for (const Reading& reading : nearest->second) {
+      while (row < times.size() && times[row] < (result_.recording_times ? reading.recorded_ns : reading.stamp_ns))
+        ++row;
+      if (row < times.size()) column.values[row] = reading.celsius;
+    }
+    result_.columns.push_back(std::move(column));
+  }
+
+  Status check_unit() const {
+    std::vector<std::string> list;
+    for (const auto& [name, topic] : topics_)
+      if (list.size() < 30)
+        list.push_back(fmt::format("{} ({}, {} messages)", quoted(name), quoted(topic.type), topic.messages));
+    const std::string topics =
+        fmt::format("it has {}", list.empty() ? "no topics" : fmt::format("{}", fmt::join(list, ", ")));
+    const auto refuse = [&](const std::string& what) { return input_error(path_ + ": " + what); };
+    const auto spoken = std::ranges::count_if(units_, [](const Topic* unit) { return unit->messages > 0; });
+    if (!wanted_.empty() && std::ranges::find(units_, wanted_, &Topic::name) == units_.end())
+      return refuse(fmt::format("no topic {} of type sensor_msgs/msg/Imu: {}", quoted(wanted_), topics));
+    if (wanted_.empty() && spoken > 1) return refuse("several units: expected --topic with the name of one: " + topics);
+    if (unit_ == nullptr)
+      return refuse("no message of type sensor_msgs/msg/Imu in an encoding that is read here (cdr, ros1): " + topics);
+    return stamps_.empty() ? refuse("no good message of topic " + quoted(unit_->name)) : Status();
+  }
+
+  const std::string& path_;
+  const std::string& wanted_;
+  bool skip_bad_;
+  std::map<std::string, Topic, std::less<>> topics_;
+  std::vector<const Topic*> units_;
+  const Topic* unit_ = nullptr;
+  std::array<std::vector<double>, 6> values_;
+  std::vector<std::int64_t> stamps_, recorded_;
+  std::map<std::string, std::vector<Reading>> temperatures_;
+  BagImu result_;
+};
+
+// ---- files ----
+
+// A file from front to back, in a buffer that grows to the largest piece asked for.
+class FileWindow {
+ public:
+  FileWindow(const PosixFile& file, std::uint64_t size) : file_(file), size_(size) {}
+  std::uint64_t at() const { return at_; }
+  std::uint64_t left() const { return size_ - at_; }
+  // REQUIRES count <= left(). Valid until the next call.
+  Result<ByteSpan> take(std::uint64_t count) {
+    if (at_ < from_ || at_ + count > from_ + filled_) {
+      const std::uint64_t wanted = std::min(std::max(count, std::uint64_t{1} << 20), left());
+      if (buffer_.size() < wanted) buffer_.resize(wanted);
+      from_ = at_;
+      filled_ = TRY(file_.read_at(at_, std::span(buffer_).first(wanted)));
+      if (filled_ < count) return input_error(file_.path() + ": became shorter while it was read");
+    }
+    at_ += count;
+    return ByteSpan(buffer_).subspan(at_ - count - from_, count);
+  }
+  void skip(std::uint64_t count) { at_ += count; }
+
+ private:
+  const PosixFile& file_;
+  std::uint64_t size_, at_ = 0, from_ = 0;
+  std::size_t filled_ = 0;
+  std::vector<std::byte> buffer_;
+};
+
+class Decompressor {
+ public:
+  // The `size` bytes that were compressed, until the next call; nothing where they are damaged.
+  std::optional<ByteSpan> operator()(std::string_view compression, ByteSpan data, std::uint64_t size) {
+    if (compression.empty() || compression == "none") return data.size() == size ? std::optional(data) : std::nullopt;
+    if (size > most_bytes) return {};
+    if (size > room_ || !buffer_) buffer_ = std::make_unique_for_overwrite<std::byte[]>(room_ = size);
+    const bool good = compression == "zstd"
+                          ? ZSTD_decompressDCtx(zstd_.get(), buffer_.get(), size, data.data(), data.size()) == size
+                          : lz4(data, size);
+    return good ? std::optional(ByteSpan(buffer_.get(), size)) : std::nullopt;
+  }
+
+ private:
+  bool lz4(ByteSpan data, std::uint64_t size) {
+    LZ4F_resetDecompressionContext(lz4_.get());
+    std::uint64_t made = 0;
+    for (std::size_t hint = 1; hint != 0;) {
+      std::size_t out = size - made, in = data.size();
+      hint = LZ4F_decompress(lz4_.get(), buffer_.get() + made, &out, data.data(), &in, nullptr);
+      if (LZ4F_isError(hint) != 0 || (out == 0 && in == 0)) return false;
+      made += out;
+      data = data.subspan(in);
+    }
+    return made == size;
+  }
+  static LZ4F_dctx* new_lz4() {
+    LZ4F_dctx* context = nullptr;
+    LZ4F_createDecompressionContext(&context, LZ4F_VERSION);
+    return context;
+  }
+  std::unique_ptr<std::byte[]> buffer_;
+  std::uint64_t room_ = 0;
+  std::unique_ptr<ZSTD_DCtx, std::size_t (*)(ZSTD_DCtx*)> zstd_{ZSTD_createDCtx(), ZSTD_freeDCtx};
+  std::unique_ptr<LZ4F_dctx, LZ4F_errorCode_t (*)(LZ4F_dctx*)> lz4_{new_lz4(), LZ4F_freeDecompressionContext};
+};
+
+// What MCAP and rosbag1 have in common: records one after the other, some of them chunks of compressed ones.
+class RecordReader {
+ public:
+  RecordReader(const PosixFile& file, std::uint64_t size, Collector& collector)
+      : window_(file, size), collector_(collector) {}
+
+ protected:
+  Status damaged(const std::string& what) { return collector_.damaged_at(begun_, what); }
+  Result<std::optional<ByteSpan>> unpack(std::string_view compression, ByteSpan packed, std::uint64_t size) {
+    const bool known = compression.empty() || compression == "none" || compression == "zstd" || compression == "lz4";
+    if (!known) TRY(damaged(fmt::format("compression {}: expected zstd, lz4 or none", quoted(compression))));
+    const std::optional<ByteSpan> records = known ? decompress_(compression, packed, size) : std::nullopt;
+    if (known && !records)
+      TRY(damaged(fmt::format("the chunk does not decompress to the {} bytes that it promises", size)));
+    return records;
+  }
+
+  FileWindow window_;
+  Collector& collector_;
+  std::uint64_t begun_ = 0;  // the record
+
+ private:
+  Decompressor decompress_;
+};
+
+// MCAP: eight bytes of magic, then records of op (u8), length (u64) and content; a chunk holds compressed records.
+class McapReader : public RecordReader {
+ public:
+  using RecordReader::RecordReader;
+
+  Status read() {
+    constexpr std::size_t magic_bytes = 8, head_bytes = 9;
+    window_.skip(std::min<std::uint64_t>(magic_bytes, window_.left()));
+    for (;;) {
+      begun_ = window_.at();
+      if (window_.left() < head_bytes) return damaged("the MCAP file is cut off");
+      const ByteSpan head = TRY(window_.take(head_bytes));
+      const auto op = std::to_integer<int>(head[0]);
+      const auto length = load_bytes<std::uint64_t>(head.data() + 1);
+      if (op == data_end || op == footer) return {};
+      if (length > window_.left()) return damaged("the MCAP file is cut off");
+      if (op != schema && op != channel && op != message && op != chunk) {
+        window_.skip(length);
+      } else if (length > most_bytes) {
+        TRY(damaged(fmt::format("a record of {} bytes: expected at most {}", length, most_bytes)));
+        window_.skip(length);
+      } else {
+        const ByteSpan content = TRY(window_.take(length));
+        TRY(take(op, content));
+      }
+    }
+  }
+
+ private:
+  enum Op { footer = 2, schema, channel, message, chunk, data_end = 15 };
+
+  Status take(int op, ByteSpan content) {
+    ByteReader reader(content);
+    if (op == chunk) return take_chunk(reader);
+    const auto id = reader.get<std::uint16_t>();
+    if (op == message) {
+      reader.get<std::uint32_t>();  // sequence
+      const auto recorded_ns = static_cast<std::int64_t>(reader.get<std::uint64_t>());
+      reader.get<std::uint64_t>();  // publish_time
+      const auto at = channels_.find(id);
+      if (!reader.good() || at == channels_.end())
+        return damaged("a message that is cut off, or of a channel that is not there");
+      return collector_.take(*at->second, recorded_ns, reader.get_bytes(content.size() - 22));
+    }
+    const auto of_schema = op == channel ? reader.get<std::uint16_t>() : std::uint16_t{0};
+    const std::string name = reader.get_text();
+    const std::string encoding = reader.get_text();
+    if (!reader.good()) return damaged("a schema or channel that is cut off");
+    if (op == schema)
+      schemas_[id] = name;
+    else
+      channels_[id] = &collector_.topic(name, schemas_[of_schema],
+                                        encoding == "cdr"    ? Encoding::cdr
+                                        : encoding == "ros1" ? Encoding::ros1
+                                                             : Encoding::other);
+    return {};
+  }
+
+  Status take_chunk(ByteReader& reader) {
+    reader.get_bytes(16);  // first and last time
+    const auto size = reader.get<std::uint64_t>();
+    const auto crc = reader.get<std::uint32_t>();
+    const std::string compression = reader.get_text();
+    const ByteSpan packed = reader.get_bytes(reader.get<std::uint64_t>());
+    if (!reader.good()) return damaged("a chunk that is cut off");
+    const std::optional<ByteSpan> records = TRY(unpack(compression, packed, size));
+    if (!records) return {};
+    if (crc != 0 && crc != crc32_z(0, reinterpret_cast<const Bytef*>(records->data()), records->size()))
+      return damaged("the checksum of the chunk is wrong");
+    ByteReader inner(*records);
+    while (!inner.at_end()) {
+      const auto op = inner.get<std::uint8_t>();
+      const ByteSpan content = inner.get_bytes(inner.get<std::uint64_t>());
+      if (!inner.good()) return damaged("a record inside the chunk is cut off");
+      if (op == schema || op == channel || op == message) TRY(take(op, content));
+    }
+    return {};
+  }
+
+  std::map<std::uint16_t, std::string> schemas_;
+  std::map<std::uint16_t, Topic*> channels_;
+};
+
+// rosbag1: a line of magic, then records of a header (fields `name=value`) and data, each after its length (u32).
+class Rosbag1Reader : public RecordReader {
+ public:
+  using RecordReader::RecordReader;
+
+  Status read() {
+    constexpr std::string_view magic = "#ROSBAG V2.0\n";
+    window_.skip(std::min<std::uint64_t>(magic.size(), window_.left()));
+    std::vector<std::byte> header;
+    while (window_.left() > 0) {
+      begun_ = window_.at();
+      for (const bool is_data : {false, true}) {
+        const std::uint64_t length =
+            window_.left() < 4 ? most_bytes + 1 : load_bytes<std::uint32_t>(TRY(window_.take(4)).data());
+        if (length > std::min(most_bytes, window_.left())) return damaged("the bag is cut off");
+        const ByteSpan part = TRY(window_.take(length));
+        if (is_data)
+          TRY(take(header, part));
+        else
+          header.assign(part.begin(), part.end());
+      }
+    }
+    return {};
+  }
+
+ private:
+  enum Op { message = 2, chunk = 5, connection = 7 };
+
+  static ByteSpan field(ByteSpan header, const std::string& name) {
+    for (ByteReader reader(header); reader.good() && !reader.at_end();)
+      if (const ByteSpan entry = reader.get_bytes(reader.get<std::uint32_t>()); text_of(entry).starts_with(name + "="))
+        return entry.subspan(name.size() + 1);
+    return {};
+  }
+  template <class T>
+  static std::optional<T> number(ByteSpan header, const char* name) {
+    const ByteSpan value = field(header, name);
+    return value.size() == sizeof(T) ? std::optional(load_bytes<T>(value.data())) : std::nullopt;
+  }
+
+  Status take(ByteSpan header, ByteSpan data) {
+    const int op = number<std::uint8_t>(header, "op").value_or(0);
+    if (op == chunk) return take_chunk(header, data);
+    const auto id = number<std::uint32_t>(header, "conn");
+    if (op == connection && id)
+      connections_[*id] =
+          &collector_.topic(text_of(field(header, "topic")), text_of(field(data, "type")), Encoding::ros1);
+    if (op != message) return {};
+    const auto time = number<std::uint64_t>(header, "time");  // seconds in the lower half, nanoseconds in the upper
+    const auto at = connections_.find(id.value_or(0));
+    if (!id || !time || at == connections_.end())
+      return damaged("a message without time, or of a connection that is not there");
+    return collector_.take(*at->second, static_cast<std::int64_t>((*time & 0xffffffff) * 1'000'000'000 + (*time >> 32)),
+                           data);
+  }
+
+  Status take_chunk(ByteSpan header, ByteSpan data) {
+    const std::uint64_t size = number<std::uint32_t>(header, "size").value_or(0);
+    const std::optional<ByteSpan> records = TRY(unpack(text_of(field(header, "compression")), data, size));
+    if (!records) return {};
+    ByteReader inner(*records);
+    while (!inner.at_end()) {
+      const ByteSpan record = inner.get_bytes(inner.get<std::uint32_t>());
+      const ByteSpan content = inner.get_bytes(inner.get<std::uint32_t>());
+      if (!inner.good()) return damaged("a record inside the chunk is cut off");
+      if (number<std::uint8_t>(record, "op") != chunk) TRY(take(record, content));
+    }
+    return {};
+  }
+
+  std::map<std::uint32_t, Topic*> connections_;
+};
+
+// rosbag2's own: an SQLite database with the tables topics and messages. The schema is somebody else's: no views, no functions of it.
+class Rosbag2Reader {
+ public:
+  Rosbag2Reader(const std::string& path, Collector& collector) : path_(path), collector_(collector) {}
+
+  Status read() {
+    sqlite3* handle = nullptr;
+    const int code = sqlite3_open_v2(path_.c_str(), &handle, SQLITE_OPEN_READONLY | SQLITE_OPEN_NOMUTEX, nullptr);
+    database_.reset(handle);
+    if (code != SQLITE_OK) return refusal();
+    sqlite3_db_config(handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
+    sqlite3_db_config(handle, SQLITE_DBCONFIG_ENABLE_VIEW, 0, nullptr);
+    sqlite3_exec(handle, "PRAGMA mmap_size = 2147418112", nullptr, nullptr, nullptr);  // half the time
+    sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, static_cast<int>(most_bytes));
+    TRY(each("SELECT id, name, type, serialization_format FROM topics", [&](sqlite3_stmt* row) {
+      const Encoding encoding = text_of(blob(row, 3)) == "cdr" ? Encoding::cdr : Encoding::other;
+      topics_[sqlite3_column_int64(row, 0)] = &collector_.topic(text_of(blob(row, 1)), text_of(blob(row, 2)), encoding);
+      return Status();
+    }));
+    // In the order of recording; by an index on the times the disk would jump.
+    return each("SELECT topic_id, timestamp, data FROM messages ORDER BY id", [&](sqlite3_stmt* row) -> Status {
+      const auto at = topics_.find(sqlite3_column_int64(row, 0));
+      if (at == topics_.end()) return collector_.damaged("a message of a topic that is not there");
+      return take(*at->second, sqlite3_column_int64(row, 1), blob(row, 2));
+    });
+  }
+
+ private:
+  Error refusal() const {
+    return input_error(
+        fmt::format("{}: cannot read it as a rosbag2 database: {}", path_, sqlite3_errmsg(database_.get())));
+  }
+  static ByteSpan blob(sqlite3_stmt* row, int column) {
+    const void* const data = sqlite3_column_blob(row, column);
+    return {static_cast<const std::byte*>(data), static_cast<std::size_t>(sqlite3_column_bytes(row, column))};
+  }
+
+  template <class Take>
+  Status each(const char* sql, Take take) {
+    sqlite3_stmt* prepared = nullptr;
+    const int code = sqlite3_prepare_v2(database_.get(), sql, -1, &prepared, nullptr);
+    const std::unique_ptr<sqlite3_stmt, int (*)(sqlite3_stmt*)> statement(prepared, sqlite3_finalize);
+    if (code != SQLITE_OK) return refusal();
+    int step = SQLITE_ROW;
+    while ((step = sqlite3_step(prepared)) == SQLITE_ROW) TRY(take(prepared));
+    return step == SQLITE_DONE ? Status() : collector_.damaged(refusal().message.substr(path_.size() + 2));
+  }
+
+  // `ros2 bag record --compression-mode message` makes each a zstd frame.
+  Status take(Topic& topic, std::int64_t recorded_ns, ByteSpan data) {
+    constexpr std::string_view zstd_magic = "\x28\xB5\x2F\xFD";
+    if (!text_of(data).starts_with(zstd_magic)) return collector_.take(topic, recorded_ns, data);
+    const std::optional<ByteSpan> message =
+        decompress_("zstd", data, ZSTD_getFrameContentSize(data.data(), data.size()));
+    return message ? collector_.take(topic, recorded_ns, *message)
+                   : collector_.damaged("a message of topic " + quoted(topic.name) + " does not decompress");
+  }
+
+  const std::string& path_;
+  Collector& collector_;
+  std::unique_ptr<sqlite3, int (*)(sqlite3*)> database_{nullptr, sqlite3_close};
+  Decompressor decompress_;
+  std::map<std::int64_t, Topic*> topics_;
+};
+
+// Of a rosbag2 folder: bag_0.db3, bag_1.db3, ..., bag_10.db3.
+std::vector<std::string> files_of(const std::string& path) {
+  std::vector<std::string> files;
+  const std::unique_ptr<DIR, int (*)(DIR*)> folder(::opendir(path.c_str()), ::closedir);
+  while (const dirent* const entry = folder ? ::readdir(folder.get()) : nullptr)
+    if (const std::string_view name = entry->d_name;
+        name.ends_with(".db3") || name.ends_with(".mcap") || name.ends_with(".zstd"))
+      files.push_back(path + "/" + entry->d_name);
+  std::ranges::sort(files, {}, [](const std::string& name) { return std::pair(name.size(), name); });
+  if (files.empty()) files.push_back(path);
+  return files;
+}
+
+}  // namespace
+
+Result<BagImu> read_bag(const std::string& path, const std::string& topic, bool skip_bad) {
+  Collector collector(path, topic, skip_bad);
+  for (const std::string& name : files_of(path)) {
+    const PosixFile file = TRY(PosixFile::open_to_read(name));
+    const std::uint64_t size = TRY(file.size());
+    const FileKind kind = recognise_file(name);
+    if (kind == FileKind::mcap)
+      TRY(McapReader(file, size, collector).read());
+    else if (kind == FileKind::rosbag1)
+      TRY(Rosbag1Reader(file, size, collector).read());
+    else if (kind == FileKind::rosbag2)
+      TRY(Rosbag2Reader(name, collector).read());
+    else if (Status status = expect_file(name, FileKind::rosbag2); true)
+      return status ? input_error(name + ": expected an MCAP file, a .db3 of rosbag2 or a .bag of rosbag1")
+                    : status.error();
+  }
+  return collector.finish();
+}
+
+}  // namespace turncal

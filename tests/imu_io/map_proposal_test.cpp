@@ -1,0 +1,284 @@
+// Tables without a map, the maps that are shipped, and whether stamps or intervals are believed.
+#include "imu_io/recordings/map_proposal.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <random>
+
+#include "imu_io/base/text_pieces.h"
+#include "tests/imu_io/bag_writer.h"
+#include "tests/imu_io/temporary_folder.h"
+
+namespace turncal {
+namespace {
+
+using namespace test;
+
+const std::string samples = TURNCAL_SOURCE_DIR "/tests/imu_io/map_samples/";
+const std::string maps = TURNCAL_SOURCE_DIR "/docs/maps/";
+
+// The motion in every sample: 60 rows, 0.5 rad/s about x from the 20th on, 9.8 m/s^2.
+void expect_sample_motion(const Result<CsvImport>& import, double period_s, double tolerance,
+                          const std::string& where) {
+  SCOPED_TRACE(where);
+  ASSERT_OK(import);
+  EXPECT_NEAR(import->info.sample_period_s, period_s, 1e-8);
+  ASSERT_EQ(import->samples.size(), 60u);
+  double angle = 0.0;
+  for (std::size_t k = 0; k < 60; ++k) {
+    const double rate = k >= 20 ? 0.5 : 0.0, mid = angle + rate * 0.005;
+    angle += rate * 0.01;
+    const double gyro[] = {rate, 0.01, -0.02}, accel[] = {0.1, 9.8 * std::sin(mid), 9.8 * std::cos(mid)};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      ASSERT_NEAR(import->samples[k].gyro[axis] / period_s, gyro[axis], tolerance) << k;
+      ASSERT_NEAR(import->samples[k].accel[axis] / period_s, accel[axis], 10.0 * tolerance) << k;
+    }
+  }
+}
+
+TEST(ShippedMaps, EachReadsItsSample) {
+  const struct {
+    const char *map, *file;
+    double period_s, tolerance;
+    bool warm;
+  } cases[] = {{"euroc", "euroc.csv", 0.01, 1e-6, false},
+               {"psins_imu", "psins_imu.mat", 0.01, 1e-6, false},
+               {"kf_gins", "kf_gins.txt", 0.01, 1e-6, false},
+               {"xsens", "xsens.txt", 0.01, 1e-6, false},
+               {"vectornav", "vectornav.csv", 0.01, 1e-6, true},
+               {"sbg", "sbg.txt", 0.01, 1e-6, true},
+               {"adi_adis16475_2", "adi_adis16475_2.csv", 0.0005, 3e-4, true}};
+  for (const auto& c : cases) {
+    const Result<CsvMap> map = read_csv_map(maps + c.map + ".map");
+    ASSERT_OK(map);
+    const Result<CsvImport> import = import_csv(*map, samples + c.file);
+    expect_sample_motion(import, c.period_s, c.tolerance, c.file);
+    if (import.ok() && c.warm) {
+      EXPECT_FLOAT_EQ(import->samples[7].temperature_c, 25.5F) << c.file;
+    }
+  }
+}
+
+Result<MapProposal> propose(const std::string& path) {
+  const Result<ColumnSource> source = open_columns(path);
+  return source ? propose_map(*source, {9.81, 30.0, "u"}) : Result<MapProposal>(source.error());
+}
+
+TEST(MapProposal, ReadsTheSamplesWithoutAMap) {
+  for (const char* file : {"euroc.csv", "sbg.txt"}) {
+    const Result<MapProposal> proposal = propose(samples + file);
+    ASSERT_OK(proposal);
+    EXPECT_EQ(proposal->doubts, std::vector<std::string>()) << file;
+    const Result<CsvMap> map = parse_csv_map(proposal->text, "proposed");
+    ASSERT_OK(map) << proposal->text;
+    expect_sample_motion(import_csv(*map, samples + file), 0.01, 1e-6, file);
+  }
+}
+
+// A table of 400 rows that turns or does not, in the given units.
+std::string table(const std::string& header, double gyro_unit, double accel_unit, double time_unit, bool turns,
+                  double sign = 1.0) {
+  std::mt19937 random(4);
+  std::normal_distribution<double> noise(0.0, 1e-3);
+  std::string text = header + "\n";
+  double angle = 0.0;
+  for (int k = 0; k < 400; ++k) {
+    const double rate = turns ? 0.6 * std::sin(0.02 * k) : 0.0;
+    angle += rate * 0.01;
+    const double row[] = {0.01 * k / time_unit,
+                          sign * (rate + noise(random)) / gyro_unit,
+                          noise(random) / gyro_unit,
+                          noise(random) / gyro_unit,
+                          noise(random) / accel_unit,
+                          9.8 * std::sin(angle) / accel_unit,
+                          9.8 * std::cos(angle) / accel_unit};
+    for (std::size_t c = 0; c < 7; ++c) text += (c == 0 ? "" : ",") + std::to_string(row[c]);
+    text += "\n";
+  }
+  return text;
+}
+
+TEST(MapProposal, UnitsAreSeenOrInDoubt) {
+  TemporaryFolder folder;
+  constexpr double deg = 0.017453292519943295, g = 9.80665;
+  const std::string bare = "t,gx,gy,gz,ax,ay,az";
+  const struct {
+    std::string header;
+    double gyro, accel, time;
+    bool turns;
+    double sign;
+    const char *says, *doubt;  // of the map; empty: none
+  } cases[] = {
+      {bare, 1, 1, 1, true, 1, "gyro.unit = rad/s\n", ""},
+      {bare, deg, g, 1, true, 1, "accel.unit = g\n", ""},
+      {bare, deg, 1, 1, true, 1, "gyro.unit = deg/s\n", ""},
+      {bare, deg, 1, 1e-3, true, 1, "time.unit = ms\n", ""},
+      {bare, deg, 1e-3 * g, 1e-6, true, 1, "time.unit = us\n", ""},
+      {bare, deg / 3600, 1, 1, true, 1, "gyro.unit = deg/h\n", ""},
+      {bare, 1, 1, 1, false, 1, "", "gyro.unit: the header does not say it"},
+      {bare, 1, 1, 1, true, -1, "", "gravity turns against the gyros"},
+      {bare, 1, 0.004, 1, true, 1, "", "gravity in none of"},
+      {"t_ms,gx,gy,gz,ax,ay,az", 1, 1, 1, true, 1, "", "the header says ms, which is 1e+05 Hz; in s it is 100 Hz"},
+      {"time [s],gyr_x_degps,gyr_y_degps,gyr_z_degps,acc_x [m/s^2],acc_y [m/s^2],acc_z [m/s^2]", deg, 1, 1, false, 1,
+       "gyro.unit = deg/s\n", ""},
+      {"time,gyr_x_degps,gyr_y_degps,gyr_z_degps,ax,ay,az", 1, 1, 1, true, 1, "",
+       "which is rad/s; the header says deg/s"},
+      {"a,gx,gy,gz,ax,ay,az", 1, 1, 1, true, 1, "", "rate_hz: there is no column of times"}};
+  for (const auto& c : cases) {
+    const std::string path = folder / "log.csv";
+    std::ofstream(path) << table(c.header, c.gyro, c.accel, c.time, c.turns, c.sign);
+    const Result<MapProposal> proposal = propose(path);
+    ASSERT_OK(proposal);
+    const std::string all = ::testing::PrintToString(proposal->doubts);
+    EXPECT_TRUE(*c.doubt != '\0' || proposal->doubts.empty()) << all << proposal->text;
+    EXPECT_SAYS(all, c.doubt);
+    EXPECT_SAYS(proposal->text, c.says);
+    EXPECT_OK(parse_csv_map(proposal->text, "proposed"));
+  }
+  std::ofstream(folder / "x.csv") << table("t,mx,my,mz,qx,qy,qz", 1, 1, 1, true);
+  EXPECT_TRUE(
+      fails(propose(folder / "x.csv"),
+            "no three columns are plainly those of the gyros: expected --map with their names; it has 't', 'mx'"));
+  std::ofstream(folder / "y.csv") << "nothing but words\n";
+  EXPECT_TRUE(fails(propose(folder / "y.csv"), "no row of six numbers"));
+  std::ofstream(folder / "z.csv") << table("t,gx,gy,gz,gyro2_x,gyro2_y,gyro2_z", 1, 1, 1, true);
+  EXPECT_TRUE(fails(propose(folder / "z.csv"), "accelerometers"));
+}
+
+// KF-GINS, and the other way round: increments in a matrix without names.
+TEST(MapProposal, OfColumnsWithoutNames) {
+  TemporaryFolder folder;
+  const std::string rows = table("", 100, 100, 1, true);
+  std::ofstream(folder / "first.txt") << rows.substr(1);
+  std::string last;
+  std::string_view left = std::string_view(rows).substr(1);
+  while (!left.empty()) {
+    const auto cells = split(next_line(left), ',');
+    for (const std::size_t k : {4, 5, 6, 1, 2, 3}) last += std::string(cells[k]) + " ";
+    last += std::string(cells[0]) + "\n";
+  }
+  std::ofstream(folder / "last.txt") << last;
+  for (const char* file : {"first.txt", "last.txt"}) {
+    const Result<MapProposal> proposal = propose(folder / file);
+    ASSERT_OK(proposal);
+    EXPECT_TRUE(proposal->doubts.empty()) << proposal->text;
+    const bool first = std::string_view(file) == "first.txt";
+    EXPECT_SAYS(
+        proposal->text,
+        first
+            ? "gyro.columns = 2, 3, 4\ngyro.unit = rad\naccel.columns = 5, 6, 7\naccel.unit = m/s\ntime.column = 1\n"
+            : "gyro.columns = 4, 5, 6\ngyro.unit = rad\naccel.columns = 1, 2, 3\naccel.unit = m/s\ntime.column = 7\n");
+    EXPECT_OK(import_csv(expect_value(parse_csv_map(proposal->text, "p")), folder / file));
+  }
+}
+
+TEST(MapProposal, OfABag) {
+  TemporaryFolder folder;
+  BagTopic topic;
+  for (int k = 0; k < 50; ++k) {
+    const BagMessage m{1'700'000'000'000'000'000 + 10'000'000 * k, {0.1, 0.0, 0.0}, {0.0, 0.0, 9.8}};
+    topic.messages.emplace_back(m.ns, imu_message(m));
+  }
+  std::ofstream(folder / "a.mcap", std::ios::binary) << mcap({topic}, "zstd");
+  const Result<ColumnSource> source = open_columns(folder / "a.mcap");
+  ASSERT_OK(source);
+  const Result<MapProposal> proposal = propose_map(*source, {});
+  ASSERT_OK(proposal);
+  const Result<CsvImport> import = import_columns(
+      expect_value(parse_csv_map(replaced(proposal->text, "unit_serial = ", "unit_serial = a"), "p")), *source);
+  ASSERT_OK(import);
+  EXPECT_NEAR(import->samples[3].accel[2], 0.098, 1e-12);
+  EXPECT_EQ(import->info.started_utc_s, 1'700'000'000);
+  EXPECT_TRUE(fails(open_columns(samples + "euroc.csv", "/imu"), "topic '/imu': expected a ROS bag"));
+}
+
+// ---- do the stamps jitter, or the intervals? ----
+
+using Increments = CsvMap::Increments;
+enum class Stamps { late, walking, drifting, stepping, rounded };
+
+std::vector<double> stamps(Stamps kind, unsigned seed, int rows, double jitter_s) {
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0.0, jitter_s);
+  std::vector<double> times;
+  double clock = 1000.0;
+  for (int k = 0; k < rows; ++k) {
+    double interval = 0.01;
+    if (kind == Stamps::walking) interval += noise(random);
+    if (kind == Stamps::stepping && k > rows / 3) interval = 0.0104;
+    if (kind == Stamps::drifting) interval *= 1.0 + 2e-5 * k / rows;  // 20 ppm: a clock that warms up
+    clock += k % 997 == 500 ? 7.0 * 0.01 : interval;                  // a gap
+    const double stamp = clock + (kind == Stamps::late || kind == Stamps::drifting ? noise(random) : 0.0);
+    times.push_back(kind == Stamps::rounded ? std::round(stamp * 128.0) / 128.0 : stamp);
+  }
+  return times;
+}
+
+TEST(Increments, ByTheStamps) {
+  int wrong = 0, all = 0;
+  std::string which;
+  for (unsigned seed = 1; seed <= 30; ++seed)
+    for (const int rows : {120, 1000, 20000})
+      for (const double jitter_s : {1e-6, 1e-4, 1e-3})
+        for (const auto& [kind, expected] : {std::pair(Stamps::late, Increments::period),
+                                             {Stamps::walking, Increments::intervals},
+                                             {Stamps::drifting, Increments::period}}) {
+          ++all;
+          const bool is_wrong = choose_increments(stamps(kind, seed, rows, jitter_s)).increments != expected;
+          wrong += is_wrong ? 1 : 0;
+          if (is_wrong) which += fmt::format("{} {} {}; ", static_cast<int>(kind), rows, jitter_s);
+        }
+  EXPECT_LE(wrong, all / 100) << which << "of " << all;  // records of 120 rows have 7 independent spans of 16
+  EXPECT_EQ(choose_increments(stamps(Stamps::stepping, 1, 3000, 0.0)).increments, Increments::intervals);
+  EXPECT_EQ(choose_increments(stamps(Stamps::rounded, 1, 3000, 0.0)).increments, Increments::period);
+  EXPECT_EQ(choose_increments(stamps(Stamps::late, 1, 20, 1e-3)).increments, Increments::intervals);
+}
+
+// A sensor at rest that samples evenly, with late stamps; and one whose intervals are what they say, in a turn at a rate that varies.
+TEST(Increments, WhatTheyAreWorth) {
+  const auto import = [](Stamps kind, const std::string& line, double& angle) {
+    const std::vector<double> times = stamps(kind, 7, 900, 1e-3);
+    std::string csv = "t,gx,gy,gz,ax,ay,az\n";
+    for (std::size_t k = 0; k < times.size(); ++k) {
+      const auto turned = [](double t) { return 2.0 * t - std::cos(3.0 * t); };
+      const double mean = k == 0 ? 0.0 : (turned(times[k]) - turned(times[k - 1])) / (times[k] - times[k - 1]);
+      csv += fmt::format("{:.6f},{:.12f},0,0,0,0,9.8\n", times[k], mean);
+      angle = turned(times[k]) - turned(times[0]);
+    }
+    return expect_value(parse_csv(
+        expect_value(parse_csv_map("gravity_mps2 = 9.8\nunit_serial = s\ngyro.columns = gx, gy, gz\ngyro.unit = "
+                                   "rad/s\naccel.columns = ax, ay, az\naccel.unit = m/s^2\ntime.column = t\n" +
+                                       line,
+                                   "m")),
+        csv, "d.csv"));
+  };
+  double angle = 0.0;
+  const CsvImport even = import(Stamps::late, "", angle),
+                  as_stamped = import(Stamps::late, "time.increments = intervals\n", angle);
+  const auto noise = [](const CsvImport& content) {
+    double sum = 0.0;
+    for (const ImuSample& sample : content.samples) sum += std::pow(sample.accel[2] - 0.098, 2);
+    return std::sqrt(sum / static_cast<double>(content.samples.size()));
+  };
+  EXPECT_SAYS(even.chosen, "time.increments = period");
+  EXPECT_LT(noise(even), 1e-4);        // what the mean period is off by
+  EXPECT_GT(noise(as_stamped), 0.01);  // 9.8 m/s^2 times 1.4 ms
+  EXPECT_EQ(even.gaps, 1);
+  const auto turn = [](const CsvImport& content) {
+    double sum = 0.0;
+    for (const ImuSample& sample : content.samples) sum += sample.gyro[0];
+    return sum;
+  };
+  const CsvImport real = import(Stamps::walking, "", angle),
+                  evened = import(Stamps::walking, "time.increments = period\n", angle);
+  EXPECT_SAYS(real.chosen, "time.increments = intervals");
+  const double in_gap = 6.0 * 0.01 * 5.0;  // what was turned in it, at most 5 rad/s, is nowhere
+  EXPECT_LT(std::abs(turn(real) - angle), in_gap);
+  EXPECT_GT(std::abs(turn(evened) - turn(real)), 1e-3);
+}
+
+}  // namespace
+}  // namespace turncal
