@@ -196,6 +196,7 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
 
 struct ApplyOptions {
   std::string recording, parameters, out;
+  std::string as;  // empty: increments as ever, by the unit's counter
 };
 
 void append_row(const ImuSample& sample, std::string& text) {
@@ -231,8 +232,29 @@ Status write_calibrated(RecordingSource& source, const std::string& path) {
   return import_binary(source, path);
 }
 
+// Time, then increments, or the mean rates over the sample that ends at that time.
+SampleColumns timed_columns(const RecordingInfo& info, bool rates) {
+  SampleColumns columns{{"time_s"}, {}};
+  for (const char* name :
+       rates ? std::array{"rate_{}_radps", "force_{}_mps2"} : std::array{"dtheta_{}_rad", "dv_{}_mps"})
+    for (const char axis : {'x', 'y', 'z'}) columns.names.push_back(fmt::format(fmt::runtime(name), axis));
+  if (info.has_temperature) columns.names.emplace_back("temperature_c");
+  columns.fill = [info, rates, first = std::optional<std::int64_t>()](const ImuSample& sample,
+                                                                      std::span<double> row) mutable {
+    first = std::min(first.value_or(sample.counter), sample.counter);
+    row[0] = static_cast<double>(sample.counter - *first) * info.sample_period_s;
+    for (std::size_t k = 0; k < 6; ++k)
+      row[k + 1] = (k < 3 ? sample.gyro[k] : sample.accel[k - 3]) / (rates ? info.sample_period_s : 1.0);
+    if (info.has_temperature) row[7] = static_cast<double>(sample.temperature_c);
+  };
+  return columns;
+}
+
 Status apply(const ApplyOptions& options, CommandContext& context) {
   TRY(check_ending(options.out, {".csv", ".npy", ".mat", ".tcr"}));
+  if (!options.as.empty() && options.out.ends_with(".tcr"))
+    return input_error(options.out +
+                       ": a recording has increments and a counter: expected .csv, .npy or .mat with --as");
   const ParameterFile parameters = TRY(read_parameter_file(options.parameters));
   std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(options.recording));
   CalibratedSource calibrated(*source, TRY(SampleCalibration::make(parameters, options.parameters, *source)));
@@ -244,8 +266,10 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
                    {"the source", options.recording + "/imu.csv"},
                    {"the source", options.parameters},
                    {"--out", options.out}}));
-  TRY(write_calibrated(calibrated, options.out));
-  context.out << "calibrated increments  " << options.out << std::endl;
+  const bool rates = options.as == "rates";
+  TRY(options.as.empty() ? write_calibrated(calibrated, options.out)
+                         : write_sample_columns(calibrated, timed_columns(calibrated.info(), rates), options.out));
+  context.out << "calibrated " << (rates ? "rates" : "increments") << "  " << options.out << std::endl;
   return {};
 }
 
@@ -357,6 +381,8 @@ void add_apply_command(CommandLine& line) {
       .option("--out", options.out,
               "file to write: .csv, .npy, .mat or .tcr (a recording); an existing one is replaced, whole")
       .required();
+  command.option("--as", options.as, "time beside it, and increments or rates (rad/s, m/s^2); not for .tcr")
+      .one_of({"rates", "increments"});
 }
 
 void add_convert_command(CommandLine& line) {
