@@ -311,6 +311,7 @@ const Fitted& best_of(const std::vector<Fitted>& all, unsigned without = 0) {
 
 // Mean square of what is left, in units of what chance leaves.
 double misfit_of(const Spectrum& p, Index bins, const Fitted& fit) {
+  if (!std::isfinite(fit.value)) return std::numeric_limits<double>::infinity();
   const ArrayXd lambda = (p.unit.topRows(bins).matrix() * fit.squares.matrix()).array();
   double sum = 0.0, count = 0.0;
   for (Index b = 0; b < bins; ++b) {
@@ -348,11 +349,11 @@ AllanFit fit_of(const Spectrum& p) {
   Index bins = p.hz.size();
   std::vector<Fitted> all = all_choices(p, bins);
   fit.misfit = misfit_of(p, bins, best_of(all));
-  // Half of the octaves at most: what no cut makes fit is kept, and the sigmas tell.
-  for (double top = 0.5 * p.hz[bins - 1]; fit.misfit > fits && 2 * p.bins(top) > p.hz.size(); top *= 0.5) {
+  // Four octaves are left at least: counting in pulses may give lines down to a hertz.
+  for (double top = 0.5 * p.hz[bins - 1]; fit.misfit > fits && top > 16.0 * p.hz[0]; top *= 0.5) {
     std::vector<Fitted> tried = all_choices(p, p.bins(top));
     const double misfit = misfit_of(p, p.bins(top), best_of(tried));
-    if (misfit > fits) continue;
+    if (!(misfit < fit.misfit)) continue;
     all = std::move(tried);
     bins = p.bins(top);
     fit.misfit = misfit;

@@ -35,6 +35,7 @@
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
+#include "orchestrator/jobs/navigation/foreign_forms.h"
 #include "orchestrator/jobs/navigation/navigation_job.h"
 #include "orchestrator/records/output_folder.h"
 
@@ -275,15 +276,17 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
 
 struct ConvertOptions {
   std::string parameters, header, binary, yaml;
+  std::string form, out;
 };
 
 Status convert(const ConvertOptions& options, CommandContext& context) {
-  if (options.header.empty() && options.binary.empty() && options.yaml.empty())
-    return input_error("expected --header, --binary or --yaml, or several of them");
+  if (options.header.empty() && options.binary.empty() && options.yaml.empty() && options.form.empty())
+    return input_error("expected --header, --binary, --yaml or --form, or several of them");
   TRY(check_apart({{"the parameter file", options.parameters},
                    {"--header", options.header},
                    {"--binary", options.binary},
-                   {"--yaml", options.yaml}}));
+                   {"--yaml", options.yaml},
+                   {"--out", options.out}}));
   const ParameterFile file = TRY(read_parameter_file(options.parameters));
   // An existing file is replaced by one that begins alike.
   constexpr std::size_t alike = 30, of_block = 4;
@@ -291,6 +294,8 @@ Status convert(const ConvertOptions& options, CommandContext& context) {
   if (!options.header.empty()) forms.push_back({options.header, format_parameter_header(file)});
   if (!options.yaml.empty()) forms.push_back({options.yaml, format_parameter_yaml(file)});
   if (!options.binary.empty()) forms.push_back({options.binary, format_parameter_block(file)});
+  if (!options.form.empty())
+    forms.push_back({options.out, TRY(write_foreign_form(file, options.parameters, options.form))});
   for (const NamedText& form : forms) {
     const std::size_t same = form.path == options.binary ? of_block : alike;
     TRY(check_replaceable(form.path, std::string_view(form.content).substr(0, same)));
@@ -392,6 +397,12 @@ void add_convert_command(CommandLine& line) {
   command.option("--header", options.header, "C header to write");
   command.option("--binary", options.binary, "binary block with a checksum to write");
   command.option("--yaml", options.yaml, "YAML file to write");
+  std::vector<std::string> names;
+  for (const ForeignForm& form : foreign_forms) names.emplace_back(form.name);
+  const Option out = command.option("--out", options.out, "file to write in the form of --form");
+  const Option form = command.option("--form", options.form, "of another program, docs/parameter-forms.md");
+  form.one_of(names).needs(out);
+  out.needs(form);
 }
 
 void add_navigate_command(CommandLine& line) {

@@ -68,7 +68,9 @@ void add_notes(const AllanReport& report, Document& document) {
       continue;
     }
     if (fit.cut)
-      say(fmt::format("above {} Hz the noise is not of this model (a filter, vibration) and is left out of the fit",
+      say(
+          fmt::format("above {} Hz the noise is not of this model (a filter, vibration, counting in pulses) and is "
+                      "left out of the fit",
                       significant(fit.highest_hz, 2)));
     if (fit.misfit > 1.5)
       say(fmt::format("the model does not fit: what is left is {} times what chance leaves; sigmas are widened by it",
@@ -116,7 +118,9 @@ void add_coefficients(const AllanReport& report, bool gyro, Document& document) 
       for (Eigen::Index k = 0; k < 3; ++k) {
         const double bias = gyro ? report.file->gyro_bias_instability_radps : report.file->accel_bias_instability_mps2;
         const double walk = (gyro ? report.file->angle_random_walk : report.file->velocity_random_walk)[k];
-        row.push_back(term == 1 ? number(walk / unit.si) : term == 2 ? number(bias / unit.si) : number("-"));
+        row.push_back(term == 1                 ? number(walk / unit.si)
+                      : term == 2 && bias > 0.0 ? number(bias / unit.si)
+                                                : number("-"));
       }
     table.row(std::move(row));
   }

@@ -78,12 +78,13 @@ int run(char** words, int count) {
     }
   }
   std::printf("%lld samples of %g s, %d rests, %.0f channels: misfit %.2f, cut %.0f, points inside %.1f %%\n",
-              static_cast<long long>(samples), period_s, rests, channels, misfit / channels, cut, 100.0 * held / points);
+              static_cast<long long>(samples), period_s, rests, channels, misfit / channels, cut,
+              100.0 * held / points);
   for (std::size_t k = 0; k < allan_terms; ++k) {
     const Tally& t = tallies[k];
     const double truth = laid.terms[k].value, n = std::max(1.0, t.seen), mean = t.sum / n, not_seen = channels - t.seen;
-    std::printf("  %s %-8.3g seen %5.1f %% mean %.4g ratio %.3f scatter %.3g sigma %.3g inside %.0f %%", allan_letters[k],
-                truth, 100.0 * t.seen / channels, mean, truth != 0.0 ? mean / truth : 0.0,
+    std::printf("  %s %-8.3g seen %5.1f %% mean %.4g ratio %.3f scatter %.3g sigma %.3g inside %.0f %%",
+                allan_letters[k], truth, 100.0 * t.seen / channels, mean, truth != 0.0 ? mean / truth : 0.0,
                 std::sqrt(std::max(0.0, t.squares / n - mean * mean)), t.sigma / n, 100.0 * t.inside / n);
     if (not_seen > 0.0) std::printf("; limit %.3g holds %.0f %%", t.limit / not_seen, 100.0 * t.below / not_seen);
     std::printf("\n");

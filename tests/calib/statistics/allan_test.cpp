@@ -119,8 +119,10 @@ TEST(Allan, LongRecordWithGaps) {
     EXPECT_NEAR(white.value, size.white, 4.0 * white.sigma);
     EXPECT_LT(white.sigma, 0.005 * size.white);
     for (const std::size_t k : {0U, 2U, 3U, 4U}) EXPECT_EQ(axis.fit.terms[k].value, 0.0) << allan_letters[k];
-    for (const AllanPoint& p : axis.points)
-      if (p.degrees > 1000.0) EXPECT_NEAR(p.deviation * std::sqrt(p.tau_s) / size.white, 1.0, 0.05) << p.tau_s;
+    for (const AllanPoint& p : axis.points) {
+      if (p.degrees < 1000.0) continue;
+      EXPECT_NEAR(p.deviation * std::sqrt(p.tau_s) / size.white, 1.0, 0.1) << p.tau_s;
+    }
   }
 }
 

@@ -40,10 +40,12 @@ TEST_F(AllanCommand, RefusesWhatMovesAndWhatIsShort) {
   std::string csv = "t,gx,gy,gz,ax,ay,az\n";
   const auto rows = [&](int count, double rate) {
     for (int k = 0; k < count; ++k)
-      csv += std::to_string(0.1 * k) + "," + std::to_string(k > 300 ? rate : 1e-6 * (k % 7)) + ",0.001,0.002,0.01,9.8,0.02\n";
+      csv += std::to_string(0.1 * k) + "," + std::to_string(k > 300 ? rate : 1e-6 * (k % 7)) +
+             ",0.001,0.002,0.01,9.8,0.02\n";
   };
-  write("map.conf", "gyro.columns = gx, gy, gz\ngyro.unit = rad/s\naccel.columns = ax, ay, az\naccel.unit = m/s^2\n"
-                    "time.column = t\ngravity_mps2 = 9.8\nunit_serial = A\n");
+  write("map.conf",
+        "gyro.columns = gx, gy, gz\ngyro.unit = rad/s\naccel.columns = ax, ay, az\naccel.unit = m/s^2\n"
+        "time.column = t\ngravity_mps2 = 9.8\nunit_serial = A\n");
   rows(600, 0.5);
   write("turn.csv", csv);
   expect_refused({"allan", "turn.csv", "--map", path("map.conf")}, "gyro x moves at 3");

@@ -73,8 +73,8 @@ TEST_F(Apply, WritesTimeAndRates) {
   ASSERT_EQ(rates.size(), 10000 * width);
   for (std::size_t row = 0; row < 10000; row += 999)
     for (std::size_t k = 0; k < 7; ++k)
-      EXPECT_DOUBLE_EQ(rates[row * width + k], k == 0 ? 0.005 * static_cast<double>(row)
-                                                      : increments[row * width + k] / 0.005);
+      EXPECT_DOUBLE_EQ(rates[row * width + k],
+                       k == 0 ? 0.005 * static_cast<double>(row) : increments[row * width + k] / 0.005);
   for (const char* out : {"r.npy", "r.mat"})
     ends({"apply", "rec", "--parameters", path("true.conf"), "--out", out, "--as", "rates"}, 0);
   expect_refused({"apply", "rec", "--parameters", path("true.conf"), "--out", "r.tcr", "--as", "rates"}, "a counter");
