@@ -313,14 +313,15 @@ const Fitted& best_of(const std::vector<Fitted>& all, unsigned without = 0) {
 double misfit_of(const Spectrum& p, Index bins, const Fitted& fit) {
   if (!std::isfinite(fit.value)) return std::numeric_limits<double>::infinity();
   const ArrayXd lambda = (p.unit.topRows(bins).matrix() * fit.squares.matrix()).array();
-  double sum = 0.0, count = 0.0;
+  double sum = 0.0, count = 0.0, power = 0.0, n = 0.0;  // the lowest bins together, until they are 8 coefficients
   for (Index b = 0; b < bins; ++b) {
-    if (p.n[b] < 8.0) continue;
-    const double S = p.xx[b] + fit.ramp * (fit.ramp * p.gg[b] - 2.0 * p.xg[b]);
-    const double spread =
-        2.0 / (9.0 * p.n[b]);  // the cube root of chi-square over n is nearly normal (Wilson and Hilferty)
-    sum += p.weight[b] * std::pow(std::cbrt(S / p.n[b] / lambda[b]) - 1.0 + spread, 2) / spread;
+    power += (p.xx[b] + fit.ramp * (fit.ramp * p.gg[b] - 2.0 * p.xg[b])) / lambda[b];
+    n += p.n[b];
+    if (n < 8.0) continue;
+    const double spread = 2.0 / (9.0 * n);  // the cube root of chi-square over n is nearly normal (Wilson and Hilferty)
+    sum += p.weight[b] * std::pow(std::cbrt(power / n) - 1.0 + spread, 2) / spread;
     count += 1.0;
+    power = n = 0.0;
   }
   return count > 0.0 ? sum / count : 1.0;
 }
