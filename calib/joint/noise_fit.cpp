@@ -403,7 +403,8 @@ NoiseModel start_noise(const CompressedRecording& recording, const AllanResult& 
   const bool fitted = allan.total_s > 0.0;
   const AllanResult brief = fitted ? allan : allan_deviation(recording, from, shortest_dwell_s);
   const auto random_walk = [&](const AllanAxis& axis) {
-    if (fitted || axis.points.empty()) return axis.fit.random_walk;
+    const AllanCoefficient& walk = axis.fit.random_walk();
+    if (axis.fit.made || axis.points.empty()) return walk.value > 0.0 ? walk.value : walk.limit;
     return axis.points.front().deviation * std::sqrt(axis.points.front().tau_s);
   };
   for (std::size_t k = 0; k < 3; ++k) {

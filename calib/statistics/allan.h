@@ -1,17 +1,38 @@
-// Overlapping Allan deviation of the static dwells, and the noise coefficients read off it (IEEE 952, annex C).
+// Overlapping Allan deviation of a unit at rest, and the noise coefficients of IEEE 952 (annex C) estimated from the same data.
 //
-// From prefix sums of whole counts (int64, so nothing is lost in 10^9 of them): theta_k = sum of counts up to second k,
-//   avar(tau = m tau0) = 1 / (2 tau^2 M) sum over k of (theta_{k+2m} - 2 theta_{k+m} + theta_k)^2
-// over every static dwell that is long enough, dwells pooled; tau0 is one second. Model fitted, weighted by the number of
-// independent clusters:   avar = 3 Q^2/tau^2 + N^2/tau + (0.664 B)^2 + K^2 tau/3
-// Q quantisation, N random walk coefficient, B bias instability, K rate random walk. Coefficients are not negative.
-// What it cannot see: anything slower than half the longest dwell.
+// With theta the integral of a channel, cells of time tau0 and tau = m tau0,
+//   avar(tau) = 1 / (2 tau^2 M) sum over k of d_k^2,   d_k = theta_{k+2m} - 2 theta_{k+m} + theta_k
+// over every rest, rests pooled (NIST SP 1065, 5.2.4). Of records of more than 2^20 samples k goes
+// in steps of cells, tau/8 at most, and taus below 8 cells are those of the first 2^18 samples.
+//
+// The model, by its two-sided spectrum S(f) of the rate, and the Allan variance that this gives:
+//   Q quantisation        Q^2 (2 - 2 cos 2 pi f tau0) / tau0     3 Q^2 / tau^2
+//   N random walk         N^2                                    N^2 / tau
+//   B bias instability    B^2 / (2 pi f)                         (2 ln 2 / pi) B^2 = (0.664 B)^2
+//   K rate random walk    K^2 / (2 pi f)^2                       K^2 tau / 3
+//   R rate ramp           a rate that grows by R a second        R^2 tau^2 / 2
+// They are not read off the curve, whose points are correlated, but off the cosine transform (DCT-II) of the cells of each rest, which
+// takes the mean away: white noise and a random walk are exactly uncorrelated in it, the others nearly. Averaged over eighths of an octave
+// its power is S(f) chi^2 / n: a likelihood, whose maximum (Fisher scoring; R by least squares, the others by restricted likelihood) is
+// taken for every choice of terms. A term belongs where without it, whatever else is chosen, -2 ln L is larger by what chance
+// gives once in a hundred times. Of the others a limit is given (95 %). A spectrum is believed to 0.3 % in each eighth of an octave. What
+// is not of this model at high frequencies (the sensor's own filter, vibration) is cut off octave by octave; what still
+// disagrees widens the sigmas.
+//
+// Intervals of the deviation: chi-square with 2 E(avar)^2 / var(avar) degrees of freedom, from the covariances of d_k that
+// the fitted model has (Greenhall and Riley, 2003, for a sum of power laws instead of one; the mean of d_k is R tau^2).
+//
+// Gaps: cells without samples are put in the way of the readings around them, where a gap is at most a tenth of the rest before it; else a new rest
+// begins. A term of avar(tau) that touches a gap longer than tau/10 is left out.
+// Not modelled: periodic noise, and exponentially correlated noise; noise that changes with time or temperature.
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "calib/model/parameters.h"
 #include "calib/statistics/compression.h"
@@ -20,28 +41,94 @@ namespace turncal {
 
 struct AllanPoint {
   double tau_s = 0.0;
-  double deviation = 0.0;  // rad/s or m/s^2
-  double clusters = 0.0;   // independent ones, about
+  double deviation = 0.0;        // rad/s or m/s^2
+  double degrees = 0.0;          // equivalent degrees of freedom
+  double low = 0.0, high = 0.0;  // holds the true deviation with 68.3 %
 };
 
-struct AllanFit {                 // SI: rad or m/s, per sqrt(s), per s, per s^1.5
-  double quantisation = 0.0;      // Q
-  double random_walk = 0.0;       // N
-  double bias_instability = 0.0;  // B
-  double rate_random_walk = 0.0;  // K
-  double longest_tau_s = 0.0;
+// SI: rad or m/s, then per sqrt(s), per s, per s^1.5, per s^2.
+inline constexpr std::size_t allan_terms = 5;
+inline constexpr std::array<const char*, allan_terms> allan_letters = {"Q", "N", "B", "K", "R"};
+inline constexpr std::array<const char*, allan_terms> allan_names = {"quantisation", "random walk", "bias instability",
+                                                                     "rate random walk", "rate ramp"};
+
+struct AllanCoefficient {
+  double value = 0.0;  // 0: not seen; of R with its sign
+  double sigma = 0.0;
+  double limit = 0.0;    // of what is not seen: it is below this with 95 %
+  double gain = 0.0;     // what -2 ln L rises by without it, costs of terms included
+  unsigned instead = 0;  // which terms, a bit each, would then stand for it
 };
+
+struct AllanFit {
+  std::array<AllanCoefficient, allan_terms> terms;  // Q N B K R
+  const AllanCoefficient& quantisation() const { return terms[0]; }
+  const AllanCoefficient& random_walk() const { return terms[1]; }
+  const AllanCoefficient& bias_instability() const { return terms[2]; }
+  const AllanCoefficient& rate_random_walk() const { return terms[3]; }
+  const AllanCoefficient& rate_ramp() const { return terms[4]; }
+  double highest_hz = 0.0;  // what is faster is not of this model, or not in the data
+  bool cut = false;         // the data have faster ones
+  double misfit = 1.0;      // mean square of what is left over what chance leaves; above 1 it widens the sigmas
+  bool made = false;
+};
+// Allan variance of the model.
+double allan_variance(const AllanFit& fit, double tau_s);
 
 struct AllanAxis {
   std::vector<AllanPoint> points;
   AllanFit fit;
+  // The flattest a datasheet may quote: the lowest deviation over 0.664; null without points.
+  const AllanPoint* lowest() const;
 };
 
-// Axes in the order gyro x y z, accelerometer x y z. Dwells shorter than `min_dwell_s` are left out.
+// Axes in the order gyro x y z, accelerometer x y z.
 struct AllanResult {
   std::array<AllanAxis, 6> axes;
   double total_s = 0.0;  // static time used
+  double longest_s = 0.0;
 };
+
+// Readings at rest as means over cells of one length. Cells of one rest follow one another.
+struct RestCells {
+  double cell_s = 1.0;
+  std::vector<std::size_t> ends;            // of each rest, in cells
+  std::array<std::vector<double>, 6> mean;  // rad/s, m/s^2; NaN where no sample came
+  // Of records that do not fit into them: the first samples, for taus and frequencies that cells are too long for.
+  double sample_s = 1.0;
+  std::vector<std::size_t> first_ends;
+  std::array<std::vector<double>, 6> first;
+};
+
+// Of one rest, NaN: nothing came; 0 where nothing can be said.
+double overlapping_allan_variance(std::span<const double> mean, double cell_s, std::size_t m);
+// Equivalent degrees of freedom at tau; `spans`: of each rest, the time over which k goes, in steps of step_s.
+double equivalent_degrees(const AllanFit& fit, double tau_s, double step_s, const std::vector<double>& spans);
+
+// Cells of samples that come one after the other, in memory that does not grow.
+class RestCellMaker {
+ public:
+  explicit RestCellMaker(double sample_period_s);
+  void begin_rest();
+  void add(std::int64_t counter, const Channels& increments);
+  // `si`: rad or m/s of an increment of each channel.
+  RestCells take(const Channels& si);
+
+ private:
+  static constexpr std::size_t most_cells = std::size_t{1} << 20;
+  void close_cell();
+  void halve();
+
+  RestCells cells_;
+  std::size_t a_cell_ = 1;  // samples
+  std::optional<std::int64_t> first_, last_;
+  std::int64_t cell_ = 0;  // of this rest, open
+  Channels sum_ = Channels::Zero();
+  std::size_t count_ = 0;
+};
+
+AllanResult allan_deviation(const RestCells& cells);
+// Of the static dwells, by their seconds. Dwells shorter than `min_dwell_s` are left out.
 AllanResult allan_deviation(const CompressedRecording& recording, const Parameters& parameters,
                             double min_dwell_s = 50.0);
 

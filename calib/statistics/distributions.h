@@ -13,6 +13,8 @@ inline constexpr double normal_95 = 1.959964;  // standard deviations that hold 
 double chi_square_tail(double value, double degrees);
 // What chi-square with one degree of freedom exceeds with this probability.
 double chi_square_1_limit(double tail_probability);
+// What chi-square with n degrees of freedom exceeds with this probability; n above 0.
+double chi_square_limit(double tail_probability, double degrees);
 // Upper tail of Fisher's F with these degrees of freedom.
 double f_tail(double f, double numerator, double denominator);
 

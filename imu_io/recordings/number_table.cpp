@@ -651,6 +651,27 @@ Status check_ending(std::string_view path, std::initializer_list<std::string_vie
   return input_error(fmt::format("{}: expected a name that ends in one of {}", path, fmt::join(endings, ", ")));
 }
 
+Status write_sample_columns(RecordingSource& source, const SampleColumns& columns, const std::string& path) {
+  RowTable table{columns.names, 0, {}};
+  TRY(source.read([&](std::span<const ImuSample> samples) {
+    table.rows += samples.size();
+    return Status();
+  }));
+  if (table.rows == 0) return input_error(source.path() + ": not one sample: expected some to write");
+  table.each_row = [&](const RowSink& sink) {
+    std::vector<double> row(table.names.size());
+    return source.read([&](std::span<const ImuSample> samples) -> Status {
+      for (const ImuSample& sample : samples) {
+        columns.fill(sample, row);
+        TRY(sink(row));
+      }
+      return {};
+    });
+  };
+  if (!names_matrix(path)) return write_csv(path, table);
+  return path.ends_with(".mat") ? write_mat(path, table) : write_npy(path, table);
+}
+
 Status write_recording_columns(RecordingSource& source, const std::string& path) {
   const bool has_temperature = source.info().has_temperature;
   bool flagged = false;

@@ -8,7 +8,9 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <initializer_list>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -70,6 +72,14 @@ Status check_ending(std::string_view path, std::initializer_list<std::string_vie
 
 // Whole or not at all. A file that is there is replaced by one of its own kind only.
 Status write_columns(const std::string& path, const std::vector<NumberColumn>& fields);
+
+// What a sample becomes: so many numbers as there are names.
+struct SampleColumns {
+  std::vector<std::string> names;
+  std::function<void(const ImuSample& sample, std::span<double> row)> fill;
+};
+// A row a sample, as CSV, .npy or .mat by the name of the file.
+Status write_sample_columns(RecordingSource& source, const SampleColumns& columns, const std::string& path);
 
 // A row a sample: sample, segment (its number from 1; 0: none), gyro_x to accel_z, and where they are, temperature_c and flags. .npy in two
 // passes, in memory that does not grow; .mat in a pass for each column and one more, with a column in memory.

@@ -23,7 +23,6 @@ namespace turncal {
 namespace {
 
 constexpr std::string_view title = "# turncal parameter file: w = n * counts - N0 (deg/h), f = a * counts - A0 (g)\n";
-constexpr double same_period = 1e-6;  // relative: a text may have rounded it
 
 bool is_name(std::string_view name) {
   return !name.empty() && std::all_of(name.begin(), name.end(), [](char c) {
@@ -216,7 +215,7 @@ Status check_applicable(const ParameterFile& file, const std::string& file_name,
   };
   if (file.unit_serial != info.unit_serial)
     return refuse("unit_serial", file.unit_serial, "'" + info.unit_serial + "'");
-  if (std::abs(file.sample_period_s - info.sample_period_s) > same_period * info.sample_period_s)
+  if (!same_sample_period(file.sample_period_s, info.sample_period_s))
     return refuse("sample_period_s", format_number(file.sample_period_s), format_number(info.sample_period_s));
   if (file.gyro_increment != info.gyro_increment)
     return refuse("gyro_increment", gyro_increment_name(file.gyro_increment), gyro_increment_name(info.gyro_increment));

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -80,7 +81,13 @@ Result<std::string> calibration_hash(ParameterFile file);
 // False where the file says of itself that its sigmas cannot be believed.
 bool is_trusted(const ParameterFile& file);
 
-// Whether the parameters may be applied to this recording: same unit, same period, increments and pulse weight, and not
+// Whether two recordings, or one and parameters, are of one sample rate. Each period is measured by a clock of its own, a crystal that is off by
+// up to 50 ppm, and by stamps: a millisecond of jitter over ten seconds is another 100 ppm. What a difference of 200 ppm does: the same share of
+// a rate, and of a scale factor where the unit gives rates; nothing to increments that are counted.
+inline constexpr double sample_period_tolerance = 200e-6;
+inline bool same_sample_period(double a_s, double b_s) { return std::abs(a_s - b_s) <= sample_period_tolerance * b_s; }
+
+// Whether the parameters may be applied to this recording: same unit, same period (same_sample_period), increments and pulse weight, and not
 // simulated parameters on a real unit. `file_name` is for the message.
 Status check_applicable(const ParameterFile& file, const std::string& file_name, const RecordingInfo& info);
 

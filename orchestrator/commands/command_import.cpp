@@ -40,6 +40,7 @@
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
+#include "orchestrator/jobs/navigation/foreign_forms.h"
 #include "orchestrator/jobs/navigation/navigation_job.h"
 #include "orchestrator/records/output_folder.h"
 
@@ -267,6 +268,7 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
 
 struct ApplyOptions {
   std::string recording, parameters, out;
+  std::string as;  // empty: increments as ever, by the unit's counter
 };
 
 void append_row(const ImuSample& sample, std::string& text) {
@@ -302,8 +304,29 @@ Status write_calibrated(RecordingSource& source, const std::string& path) {
   return import_binary(source, path);
 }
 
+// Time, then increments, or the mean rates over the sample that ends at that time.
+SampleColumns timed_columns(const RecordingInfo& info, bool rates) {
+  SampleColumns columns{{"time_s"}, {}};
+  for (const char* name :
+       rates ? std::array{"rate_{}_radps", "force_{}_mps2"} : std::array{"dtheta_{}_rad", "dv_{}_mps"})
+    for (const char axis : {'x', 'y', 'z'}) columns.names.push_back(fmt::format(fmt::runtime(name), axis));
+  if (info.has_temperature) columns.names.emplace_back("temperature_c");
+  columns.fill = [info, rates, first = std::optional<std::int64_t>()](const ImuSample& sample,
+                                                                      std::span<double> row) mutable {
+    first = std::min(first.value_or(sample.counter), sample.counter);
+    row[0] = static_cast<double>(sample.counter - *first) * info.sample_period_s;
+    for (std::size_t k = 0; k < 6; ++k)
+      row[k + 1] = (k < 3 ? sample.gyro[k] : sample.accel[k - 3]) / (rates ? info.sample_period_s : 1.0);
+    if (info.has_temperature) row[7] = static_cast<double>(sample.temperature_c);
+  };
+  return columns;
+}
+
 Status apply(const ApplyOptions& options, CommandContext& context) {
   TRY(check_ending(options.out, {".csv", ".npy", ".mat", ".tcr"}));
+  if (!options.as.empty() && options.out.ends_with(".tcr"))
+    return input_error(options.out +
+                       ": a recording has increments and a counter: expected .csv, .npy or .mat with --as");
   const ParameterFile parameters = TRY(read_parameter_file(options.parameters));
   std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(options.recording));
   CalibratedSource calibrated(*source, TRY(SampleCalibration::make(parameters, options.parameters, *source)));
@@ -315,22 +338,26 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
                    {"the source", options.recording + "/imu.csv"},
                    {"the source", options.parameters},
                    {"--out", options.out}}));
-  TRY(write_calibrated(calibrated, options.out));
-  context.out << "calibrated increments  " << options.out << std::endl;
+  const bool rates = options.as == "rates";
+  TRY(options.as.empty() ? write_calibrated(calibrated, options.out)
+                         : write_sample_columns(calibrated, timed_columns(calibrated.info(), rates), options.out));
+  context.out << "calibrated " << (rates ? "rates" : "increments") << "  " << options.out << std::endl;
   return {};
 }
 
 struct ConvertOptions {
   std::string parameters, header, binary, yaml;
+  std::string form, out;
 };
 
 Status convert(const ConvertOptions& options, CommandContext& context) {
-  if (options.header.empty() && options.binary.empty() && options.yaml.empty())
-    return input_error("expected --header, --binary or --yaml, or several of them");
+  if (options.header.empty() && options.binary.empty() && options.yaml.empty() && options.form.empty())
+    return input_error("expected --header, --binary, --yaml or --form, or several of them");
   TRY(check_apart({{"the parameter file", options.parameters},
                    {"--header", options.header},
                    {"--binary", options.binary},
-                   {"--yaml", options.yaml}}));
+                   {"--yaml", options.yaml},
+                   {"--out", options.out}}));
   const ParameterFile file = TRY(read_parameter_file(options.parameters));
   // An existing file is replaced by one that begins alike.
   constexpr std::size_t alike = 30, of_block = 4;
@@ -338,6 +365,8 @@ Status convert(const ConvertOptions& options, CommandContext& context) {
   if (!options.header.empty()) forms.push_back({options.header, format_parameter_header(file)});
   if (!options.yaml.empty()) forms.push_back({options.yaml, format_parameter_yaml(file)});
   if (!options.binary.empty()) forms.push_back({options.binary, format_parameter_block(file)});
+  if (!options.form.empty())
+    forms.push_back({options.out, TRY(write_foreign_form(file, options.parameters, options.form))});
   for (const NamedText& form : forms) {
     const std::size_t same = form.path == options.binary ? of_block : alike;
     TRY(check_replaceable(form.path, std::string_view(form.content).substr(0, same)));
@@ -438,6 +467,8 @@ void add_apply_command(CommandLine& line) {
       .option("--out", options.out,
               "file to write: .csv, .npy, .mat or .tcr (a recording); an existing one is replaced, whole")
       .required();
+  command.option("--as", options.as, "time beside it, and increments or rates (rad/s, m/s^2); not for .tcr")
+      .one_of({"rates", "increments"});
 }
 
 void add_convert_command(CommandLine& line) {
@@ -447,6 +478,12 @@ void add_convert_command(CommandLine& line) {
   command.option("--header", options.header, "C header to write");
   command.option("--binary", options.binary, "binary block with a checksum to write");
   command.option("--yaml", options.yaml, "YAML file to write");
+  std::vector<std::string> names;
+  for (const ForeignForm& form : foreign_forms) names.emplace_back(form.name);
+  const Option out = command.option("--out", options.out, "file to write in the form of --form");
+  const Option form = command.option("--form", options.form, "of another program, docs/parameter-forms.md");
+  form.one_of(names).needs(out);
+  out.needs(form);
 }
 
 void add_navigate_command(CommandLine& line) {

@@ -22,6 +22,7 @@ void add_design_command(CommandLine& line);
 void add_import_command(CommandLine& line);
 void add_export_command(CommandLine& line);
 void add_segment_command(CommandLine& line);
+void add_allan_command(CommandLine& line);
 void add_calibrate_command(CommandLine& line);
 void add_diagnose_command(CommandLine& line);
 void add_apply_command(CommandLine& line);

@@ -135,13 +135,15 @@ void mark_steps(const CompressedRecording& recording, Figure& figure) {
   figure.caption += " Thin lines: where the steps of the sequence begin.";
 }
 
-Figure allan_figure(const AllanResult& allan) {
+Figure allan_figure(const AllanResult& allan, const AllanResult* other) {
   Figure figure;
   figure.id = "allan";
   figure.label = "Allan deviation of the six sensors with the fitted model";
   figure.caption =
-      "Markers: overlapping Allan deviation of all dwells. Lines: quantisation, random walk, bias instability and rate "
-      "random walk fitted to it (IEEE 952).";
+      "Markers: overlapping Allan deviation of all rests, with 68 % intervals. Lines: the terms of IEEE 952 that the "
+      "data "
+      "show.";
+  if (other != nullptr) figure.caption += " Open circles: what it is compared with.";
   figure.columns = 2;
   figure.panel_width = 480;
   figure.panel_height = 330;
@@ -158,19 +160,22 @@ Figure allan_figure(const AllanResult& allan) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const AllanAxis& a = allan.axes[axis + (gyro ? 0 : 3)];
       Series markers = axis_series(axis);
-      Series line;
-      line.colour = markers.colour;
+      Series line, intervals, beside;
+      line.colour = intervals.colour = beside.colour = markers.colour;
+      beside.style = Series::Style::open_circle;
       for (const AllanPoint& p : a.points) {
         if (!(p.deviation > 0.0) || !(p.tau_s > 0.0)) continue;
         markers.points.emplace_back(p.tau_s, p.deviation * unit.factor);
-        const AllanFit& f = a.fit;
-        const double variance = 3.0 * f.quantisation * f.quantisation / (p.tau_s * p.tau_s) +
-                                f.random_walk * f.random_walk / p.tau_s + std::pow(0.664 * f.bias_instability, 2) +
-                                f.rate_random_walk * f.rate_random_walk * p.tau_s / 3.0;
-        if (variance > 0.0) line.points.emplace_back(p.tau_s, std::sqrt(variance) * unit.factor);
+        if (const double variance = allan_variance(a.fit, p.tau_s); variance > 0.0)
+          line.points.emplace_back(p.tau_s, std::sqrt(variance) * unit.factor);
+        if (!(p.low > 0.0)) continue;
+        for (const double end : {p.low, p.high}) intervals.points.emplace_back(p.tau_s, end * unit.factor);
+        intervals.points.emplace_back(no_point, no_point);
       }
-      panel.series.push_back(std::move(line));
-      panel.series.push_back(std::move(markers));
+      if (other != nullptr)
+        for (const AllanPoint& p : other->axes[axis + (gyro ? 0 : 3)].points)
+          beside.points.emplace_back(p.tau_s, p.deviation * unit.factor);
+      for (Series* series : {&line, &intervals, &beside, &markers}) panel.series.push_back(std::move(*series));
     }
     if (!panel.empty()) figure.panels.push_back(std::move(panel));
   }

@@ -34,7 +34,8 @@ Series axis_series(std::size_t axis);
 Figure time_figure(const Diagnosis& diagnosis);
 // On every axis of time ("time, h", "time, min") where the steps of the sequence begin.
 void mark_steps(const CompressedRecording& recording, Figure& figure);
-Figure allan_figure(const AllanResult& allan);
+// `other`: its deviations beside those, open circles.
+Figure allan_figure(const AllanResult& allan, const AllanResult* other = nullptr);
 
 // What each dwell after a rotation says about the residual, in the axes of the sensors: the numbers behind the report's figures.
 //

@@ -311,7 +311,8 @@ Status check_together(const Recordings& fitted, const Recordings& holdouts) {
   for (const LoadedRecording* one : fitted) {
     const auto same = [&](const char* key, double RecordingInfo::*value) -> Status {
       const double is = one->data.info.*value, expected = first.data.info.*value;
-      if (is == expected) return {};
+      const bool alike = value == &RecordingInfo::sample_period_s ? same_sample_period(is, expected) : is == expected;
+      if (alike) return {};
       return input_error(one->path + ": " + key + " = " + format_number(is) + ": expected " + format_number(expected) +
                          ", as in " + first.path);
     };

@@ -1,4 +1,5 @@
 #include "orchestrator/report/report.h"
+#include "orchestrator/report/allan_report.h"
 
 #include <fmt/format.h>
 
@@ -234,9 +235,6 @@ void add_noise(const Diagnosis& diagnosis, const DiagnosisContext& context, Docu
   constexpr double micro_g = 1e-6 * standard_gravity_mps2;
   Table table{{text("sensor"), number("random walk used"), text("its unit"), number("Allan: N"), number("Q"),
                number("B"), number("K")}};
-  const auto found = [](double value, const std::string& unit) {
-    return value > 0.0 ? number(significant(value, 2, typo) + " " + unit, value) : number("-");
-  };
   for (std::size_t k = 0; k < 6; ++k) {
     const bool gyro = k < 3;
     const auto axis = static_cast<Eigen::Index>(k % 3);
@@ -247,19 +245,21 @@ void add_noise(const Diagnosis& diagnosis, const DiagnosisContext& context, Docu
             ? (gyro ? r.noise_fit->sigma_angle_random_walk : r.noise_fit->sigma_velocity_random_walk)[axis] / walk
             : 0.0;
     const AllanFit& f = r.allan.axes[k].fit;
-    const double bias = gyro ? radps_per_degph : micro_g;
     const std::string walk_unit = gyro ? "°/√h" : "µg/√Hz";
-    table.row({text(std::string(gyro ? "gyro " : "accelerometer ") + body_names[k % 3]), with_sigma(used, sigma),
-               text((sigma > 0.0 ? "± " + value_with_sigma(sigma, sigma, typo) + " " : "") + walk_unit),
-               found(f.random_walk / walk, walk_unit),
-               found(f.quantisation / (gyro ? rad_per_arcsec : 1e-3), gyro ? "″" : "mm/s"),
-               found(f.bias_instability / bias, gyro ? "°/h" : "µg"),
-               found(f.rate_random_walk * 60.0 / bias, gyro ? "°/h/√h" : "µg/√h")});
+    std::vector<Cell> row = {text(std::string(gyro ? "gyro " : "accelerometer ") + body_names[k % 3]),
+                             with_sigma(used, sigma),
+                             text((sigma > 0.0 ? "± " + value_with_sigma(sigma, sigma, typo) + " " : "") + walk_unit)};
+    for (const std::size_t term : {1U, 0U, 2U, 3U}) {
+      row.push_back(allan_cell(f, gyro, term));
+      if (f.made) row.back().words += std::string(" ") + allan_unit(gyro, term).shown;
+    }
+    table.row(std::move(row));
   }
   document.add(std::move(table));
   document.soft(
-      "Allan fit: N random walk, Q quantisation, B bias instability, K rate random walk; - where the dwells show "
-      "none.");
+      "Allan deviation: N random walk, Q quantisation, B bias instability, K rate random walk, each with the others "
+      "beside "
+      "it; <: what the dwells do not show, and its limit (95 %).");
   std::string line =
       context.noise_given
           ? "The noise was given in the configuration, not measured. "

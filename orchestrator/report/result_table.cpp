@@ -12,6 +12,7 @@
 #include "calib/navigation/free_navigation.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
+#include "orchestrator/report/allan_report.h"
 
 namespace turncal {
 
@@ -46,19 +47,19 @@ constexpr DriftRow drift_rows[] = {
 
 constexpr double clearly = 4.0;  // sigmas from which a coefficient is shown on the terminal
 
+// Key and value; what is not seen as a limit, which holds with 95 %.
 std::vector<std::pair<std::string, double>> noise_values(const SinglePose& pose) {
   std::vector<std::pair<std::string, double>> values;
-  for (std::size_t channel = 0; channel < 6; ++channel) {
-    const AllanFit& fit = pose.noise.axes[channel].fit;
-    const std::string axis(1, "xyz"[channel % 3]);
-    if (channel < 3) {
-      values.emplace_back("angle_random_walk." + axis + "_deg_per_rt_h", fit.random_walk / radprs_per_degprh);
-      values.emplace_back("gyro_bias_instability." + axis + "_degph", fit.bias_instability / radps_per_degph);
-    } else {
-      values.emplace_back("velocity_random_walk." + axis + "_ug_per_rt_hz", fit.random_walk / mpsprs_per_ugprHz);
-      values.emplace_back("accel_bias_instability." + axis + "_ug", fit.bias_instability / standard_gravity_mps2 * 1e6);
+  for (std::size_t channel = 0; channel < 6; ++channel)
+    for (std::size_t term = 0; term < allan_terms; ++term) {
+      const AllanFit& fit = pose.noise.axes[channel].fit;
+      const AllanCoefficient& c = fit.terms[term];
+      const AllanUnit& unit = allan_unit(channel < 3, term);
+      const bool seen = c.value != 0.0;
+      const std::string key = fmt::format("{}.{}_{}", unit.name, "xyz"[channel % 3], unit.unit);
+      if (fit.made) values.emplace_back(seen ? key : "limit." + key, (seen ? c.value : c.limit) / unit.si);
+      if (seen) values.emplace_back("sigma." + key, c.sigma / unit.si);
     }
-  }
   return values;
 }
 
@@ -121,7 +122,14 @@ Facts pose_facts(const SinglePose& pose) {
             fmt::format(
                 "Not tested: one pose of {} s determines no scale factor and no bias; it gives noise and slow changes:",
                 significant(pose.duration_s, 4)));
-  for (const auto& [key, value] : noise_values(pose)) facts.add("noise", key + " = " + significant(value, 3));
+  for (std::size_t channel = 0; channel < 6; ++channel) {
+    std::vector<std::string> terms;
+    for (std::size_t term = 0; term < allan_terms; ++term)
+      terms.push_back(fmt::format("{} {} {}", allan_letters[term],
+                                  allan_cell(pose.noise.axes[channel].fit, channel < 3, term).words,
+                                  allan_unit(channel < 3, term).shown));
+    facts.add(channel_names[channel], join(terms));
+  }
   int hidden = 0;
   for (const PoseCoefficient& c : pose.coefficients) {
     if (std::abs(c.value) < clearly * c.sigma) {

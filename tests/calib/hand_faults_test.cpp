@@ -222,7 +222,7 @@ TEST(SinglePose, GivesNoiseWarmUpAndTemperatureCoefficient) {
   const Result<SinglePose> pose = analyse_single_pose(compress(info, {whole}, samples));
   ASSERT_TRUE(pose.ok()) << pose.error().message;
   // White noise of 0.002 rad/s a sample at 100 Hz is 2e-4 rad/s/sqrt(Hz).
-  EXPECT_NEAR(pose->noise.axes[2].fit.random_walk, 2e-4, 1e-5);
+  EXPECT_NEAR(pose->noise.axes[2].fit.random_walk().value, 2e-4, 1e-5);
   int found = 0;
   for (const PoseCoefficient& c : pose->coefficients) {
     if (c.key == "gyro_warm_up.x") {

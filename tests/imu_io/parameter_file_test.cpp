@@ -165,6 +165,10 @@ TEST(ParameterFile, AppliesOnlyToItsUnit) {
   refused([](RecordingInfo& i) { i.accel_increment = IncrementKind::physical; },
           "'accel_increment' = 'pulses': expected mps");
   refused([](RecordingInfo& i) { i.sample_period_s = 0.0025; }, "'sample_period_s' = '0.005': expected 0.0025");
+  refused([](RecordingInfo& i) { i.sample_period_s = 0.0050015; }, "'sample_period_s' = '0.005': expected 0.0050015");
+  RecordingInfo another_clock = make_info();
+  another_clock.sample_period_s = 0.0050005;
+  ASSERT_OK(check_applicable(file, "p.conf", another_clock));
   refused([](RecordingInfo& i) { i.accel_pulse_mps = 0.001; }, "'accel_pulse_mps' = '0.0005': expected 0.001");
   ParameterFile simulated = file;
   simulated.simulated = true;

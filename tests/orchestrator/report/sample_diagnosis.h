@@ -127,7 +127,8 @@ inline Sample make_sample(SampleErrorOf before, SampleErrorOf after, int rests =
   base.normalised_rms = 1.005;
   for (AllanAxis& axis : base.allan.axes) {
     for (double tau = 1.0; tau <= 16.0; tau *= 2.0) axis.points.push_back({tau, 1e-6 / std::sqrt(tau), 100.0 / tau});
-    axis.fit.random_walk = 1e-6;
+    axis.fit.made = true;
+    axis.fit.terms[1] = {.value = 1e-6, .sigma = 1e-8};
   }
   Diagnosis& d = sample.diagnosis;
   d.base = base;

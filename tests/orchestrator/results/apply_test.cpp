@@ -47,6 +47,39 @@ TEST_F(Apply, TakesEffectsOff) {
   EXPECT_NEAR(with, 0.0, 4.0);
 }
 
+// Times and rates: an increment over the period, in each form; and of a recording whose clock is 100 ppm off the parameters'.
+TEST_F(Apply, WritesTimeAndRates) {
+  record("rec", std::string(without_noise), "step 1\n  initial H 30 P 0 R 0\n  align 10000\n");
+  ParameterFile file = truth_of("rec");
+  file.sample_period_s *= 1.0001;
+  keep(file, "true.conf");
+  const auto rows = [&](const std::string& as) {
+    ends({"apply", "rec", "--parameters", path("true.conf"), "--out", as + ".csv", "--as", as}, 0);
+    std::istringstream csv(file_text(folder_ / (as + ".csv")));
+    std::string head, line;
+    std::getline(csv, head);
+    std::vector<double> cells;
+    while (std::getline(csv, line)) {
+      std::istringstream row(line);
+      for (std::string cell; std::getline(row, cell, ',');) cells.push_back(std::stod(cell));
+    }
+    return std::pair(head, cells);
+  };
+  const auto [head, rates] = rows("rates");
+  const auto [other_head, increments] = rows("increments");
+  EXPECT_TRUE(head.starts_with("time_s,rate_x_radps,rate_y_radps,rate_z_radps,force_x_mps2")) << head;
+  EXPECT_TRUE(other_head.starts_with("time_s,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps")) << other_head;
+  const auto width = static_cast<std::size_t>(std::count(head.begin(), head.end(), ',') + 1);
+  ASSERT_EQ(rates.size(), 10000 * width);
+  for (std::size_t row = 0; row < 10000; row += 999)
+    for (std::size_t k = 0; k < 7; ++k)
+      EXPECT_DOUBLE_EQ(rates[row * width + k],
+                       k == 0 ? 0.005 * static_cast<double>(row) : increments[row * width + k] / 0.005);
+  for (const char* out : {"r.npy", "r.mat"})
+    ends({"apply", "rec", "--parameters", path("true.conf"), "--out", out, "--as", "rates"}, 0);
+  expect_refused({"apply", "rec", "--parameters", path("true.conf"), "--out", "r.tcr", "--as", "rates"}, "a counter");
+}
+
 // The same increments, whatever the form; as a recording they are one that can be navigated.
 TEST_F(Apply, WritesARecordingOrAMatrix) {
   record("rec", std::string(without_noise), "step 1\n  initial H 30 P 0 R 0\n  align 10000\n  dwell 10000\n");

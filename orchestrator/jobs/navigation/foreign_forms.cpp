@@ -1,0 +1,261 @@
+#include "orchestrator/jobs/navigation/foreign_forms.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "calib/model/noise_model.h"
+#include "imu_io/base/format_number.h"
+#include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/navigation/calibrated_intervals.h"
+
+namespace turncal {
+
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr double milli_gal = 1e-5;  // m/s^2
+
+Matrix3d axes(std::initializer_list<double> rows) { return Eigen::Map<const Matrix3d>(rows.begin()).transpose(); }
+const Matrix3d right_front_up = axes({0, 0, 1, 1, 0, 0, 0, 1, 0});
+const Matrix3d front_right_down = axes({1, 0, 0, 0, 0, 1, 0, -1, 0});
+
+template <class Numbers>
+std::string row_text(const Numbers& numbers, const char* between = ", ") {
+  std::vector<std::string> words;
+  for (Eigen::Index k = 0; k < numbers.size(); ++k) words.push_back(format_number(numbers[k]));
+  return join(words, between);
+}
+std::string yaml_rows(const std::string& key, const Matrix3d& M, const std::string& indent) {
+  std::string text = indent + key + ":\n";
+  for (Eigen::Index k = 0; k < 3; ++k) text += indent + "  - [" + row_text(Vector3d(M.row(k))) + "]\n";
+  return text;
+}
+std::string yaml_list(const std::string& key, const Vector3d& v, const char* unit) {
+  return key + ": [" + row_text(v) + "]  # " + unit + "\n";
+}
+
+// What the form has no place for, as comments: effects but those named, and `more`.
+std::string not_held(const ForeignCalibration& of, const char* mark, const std::string& more,
+                     std::initializer_list<std::string_view> held = {}) {
+  std::vector<std::string> missing;
+  if (!more.empty()) missing.push_back(more);
+  for (const EffectValue& effect : of.file.effects)
+    if (std::ranges::find(held, effect.name) == held.end() && (missing.empty() || missing.back() != effect.name))
+      missing.push_back(effect.name);
+  std::string text = fmt::format("{} turncal, unit {}{}{}\n", mark, of.file.unit_serial,
+                                 of.file.simulated ? ", simulated" : "", is_trusted(of.file) ? "" : ", not trusted");
+  return text + mark + " not held: " + (missing.empty() ? "nothing" : join(missing)) + "\n";
+}
+
+// X = M C: M lower triangular with a positive diagonal, C orthogonal.
+std::pair<Matrix3d, Matrix3d> lower_times_rotation(const Matrix3d& X) {
+  const Eigen::HouseholderQR<Matrix3d> qr(X.transpose());
+  const Matrix3d R = qr.matrixQR().triangularView<Eigen::Upper>();
+  const Vector3d sign = R.diagonal().cwiseSign();
+  return {R.transpose() * sign.asDiagonal(), sign.asDiagonal() * Matrix3d(qr.householderQ()).transpose()};
+}
+
+// Kalibr's model: raw = M C v + bias, M lower triangular, and for the accelerometers C = 1: its axes i are b turned by C_i_b.
+struct LowerTriangular {
+  Matrix3d accel_M, C_i_b, gyro_M, C_gyro_i;
+  explicit LowerTriangular(const ForeignCalibration& of) {
+    std::tie(accel_M, C_i_b) = lower_times_rotation(of.accel.inverse());
+    std::tie(gyro_M, C_gyro_i) = lower_times_rotation(of.gyro.inverse() * C_i_b.transpose());
+  }
+};
+
+// Continuous densities; the random walk that drives the Gauss-Markov process of the file's bias instability.
+std::string densities(const ForeignCalibration& of, const std::string& indent) {
+  std::string text;
+  const double drive = std::sqrt(2.0 / of.correlation_s);
+  for (const auto& [triad, walk, bias] : {std::tuple{"accelerometer", &of.vrw, of.accel_instability_mps2},
+                                          std::tuple{"gyroscope", &of.arw, of.gyro_instability_radps}}) {
+    text += fmt::format("{}{}_noise_density: {}\n", indent, triad, format_number(walk->norm() / std::sqrt(3.0)));
+    text += bias > 0.0 ? fmt::format("{}{}_random_walk: {}\n", indent, triad, format_number(bias * drive))
+                       : fmt::format(
+                             "{}# {}_random_walk: not seen in the calibration; `turncal allan` of a long rest "
+                             "has it or its limit\n",
+                             indent, triad);
+  }
+  return text + fmt::format("{}rostopic: /imu0\n{}update_rate: {}\n", indent, indent,
+                            format_number(std::round(1e3 / of.file.sample_period_s) / 1e3));
+}
+
+std::string biases(const ForeignCalibration& of, const Matrix3d& accel_turn, const Matrix3d& gyro_turn,
+                   const std::string& indent) {
+  return indent + yaml_list("# bias of the raw gyros", gyro_turn * of.gyro_bias_radps, "rad/s") + indent +
+         yaml_list("# bias of the raw accelerometers", accel_turn * of.accel_bias_mps2, "m/s^2");
+}
+
+std::string kalibr(const ForeignCalibration& of) {
+  const LowerTriangular model(of);
+  return not_held(of, "#", "biases (estimated by Kalibr; here as comments)") +
+         "# raw_f = M f_i + bias, raw_w = M C_gyro_i w_i + A f_i + bias; f_i = C_i_b f_b, b: x front, y up, z right\n"
+         "imu0:\n  model: scale-misalignment\n" +
+         densities(of, "  ") + "  accelerometers:\n" + yaml_rows("M", model.accel_M, "    ") + "  gyroscopes:\n" +
+         yaml_rows("M", model.gyro_M, "    ") + yaml_rows("A", Matrix3d::Zero(), "    ") +
+         yaml_rows("C_gyro_i", model.C_gyro_i, "    ") + "  # of turncal, for whoever goes back to b\n" +
+         yaml_rows("C_i_b", model.C_i_b, "  ") + biases(of, of.accel.inverse(), of.gyro.inverse(), "  ");
+}
+
+std::string open_vins(const ForeignCalibration& of) {
+  const LowerTriangular model(of);
+  return "%YAML:1.0\n" + not_held(of, "#", "biases (estimated by OpenVINS; here as comments)") +
+         "# raw_w = Tw R_IMUtoGYRO w_i + Tg f_i + bias, raw_f = Ta f_i + bias; f_i = C_i_b f_b, b: x front, y up, z "
+         "right\n"
+         "imu0:\n" +
+         densities(of, "  ") + "  model: \"kalibr\"\n" + yaml_rows("Tw", model.gyro_M, "  ") +
+         yaml_rows("R_IMUtoGYRO", model.C_gyro_i, "  ") + yaml_rows("Ta", model.accel_M, "  ") +
+         yaml_rows("R_IMUtoACC", Matrix3d::Identity(), "  ") + yaml_rows("Tg", Matrix3d::Zero(), "  ") +
+         "  # of turncal, for whoever goes back to b\n" + yaml_rows("C_i_b", model.C_i_b, "  ") +
+         biases(of, of.accel.inverse(), of.gyro.inverse(), "  ");
+}
+
+double effect_of(const ForeignCalibration& of, const std::string& name, const std::string& component) {
+  for (const EffectValue& effect : of.file.effects)
+    if (effect.name == name && effect.component == component) return effect.value;
+  return 0.0;
+}
+
+std::string psins(const ForeignCalibration& of) {
+  const Matrix3d& P = right_front_up;
+  const auto of_axes = [&](const std::string& name) {
+    return Vector3d(P * Vector3d(effect_of(of, name, "x"), effect_of(of, name, "y"), effect_of(of, name, "z")));
+  };
+  const auto nine = [&](const std::string& name, const std::string& between) {
+    Matrix3d M;
+    for (Eigen::Index i = 0; i < 3; ++i)
+      for (Eigen::Index j = 0; j < 3; ++j) M(i, j) = effect_of(of, name, "xyz"[i] + between + "xyz"[j]);
+    return Matrix3d(P * M * P.transpose());
+  };
+  const auto matrix = [](const char* name, const Matrix3d& M, const char* unit) {
+    std::string text = fmt::format("{} = [\n", name);
+    for (Eigen::Index k = 0; k < 3; ++k) text += "\t" + row_text(Vector3d(M.row(k)), " \t") + "\n";
+    return text + "\t];" + unit + "\n";
+  };
+  const auto vector = [](const char* name, const Vector3d& v, const char* unit) {
+    return fmt::format("{} = [\n\t{}\n\t]; \t% {}\n", name, row_text(v, " \t"), unit);
+  };
+  const Matrix3d arms = 0.1 * nine("accel_size_effect", "_r");
+  return not_held(of, "%", "noise",
+                  {"accel_second_order", "accel_scale_asymmetry", "accel_size_effect", "accel_delay",
+                   "gyro_g_sensitivity"}) +
+         "% axes right, front, up; w = Kg raw - eb, f = Ka raw - db, further terms taken off\n" +
+         matrix("Kg", P * of.gyro * P.transpose(), "") +
+         vector("eb", P * of.gyro_bias_radps / radps_per_degph, "deg/h") +
+         matrix("Ka", P * of.accel * P.transpose(), "") +
+         vector("db", P * of.accel_bias_mps2 / mpsprs_per_ugprHz, "ug") +
+         vector("Ka2", of_axes("accel_second_order"), "ug/g^2") +
+         vector("Kap", of_axes("accel_scale_asymmetry"), "ppm") + vector("rx", arms.row(0), "cm") +
+         vector("ry", arms.row(1), "cm") + vector("rz", arms.row(2), "cm") +
+         fmt::format("tGA = [\n\t{}\n\t]; \t% ms\n", format_number(effect_of(of, "accel_delay", "tau"))) +
+         matrix("gSens", nine("gyro_g_sensitivity", ""), " \t% deg/h/g");
+}
+
+// raw = (1 + s) v + bias, axis by axis.
+Vector3d scale_errors(const Matrix3d& S) { return (1.0 / S.diagonal().array() - 1.0).matrix(); }
+
+std::string kf_gins(const ForeignCalibration& of) {
+  const Matrix3d& P = front_right_down;
+  const auto turned = [&](const Vector3d& v) { return Vector3d((P * v).cwiseAbs()); };
+  const auto sigma = [&](std::size_t first, std::size_t step, double unit) {
+    Vector3d of_axis;
+    for (Eigen::Index k = 0; k < 3; ++k)
+      of_axis[k] = of.file.sigma[first + step * static_cast<std::size_t>(k)].value_or(0.0) * unit;
+    return turned(of_axis);
+  };
+  const Vector3d scale_g = scale_errors(of.gyro), scale_a = scale_errors(of.accel);
+  return not_held(of, "#", "misalignment (n_ij, a_ij)") +
+         "# axes front, right, down; v = (raw - bias) / (1 + scale)\n" +
+         yaml_list("initgyrbias", P * of.gyro.inverse().diagonal().cwiseProduct(of.gyro_bias_radps) / radps_per_degph,
+                   "deg/h") +
+         yaml_list("initaccbias", P * of.accel.inverse().diagonal().cwiseProduct(of.accel_bias_mps2) / milli_gal,
+                   "mGal") +
+         yaml_list("initgyrscale", P.cwiseAbs() * scale_g * 1e6, "ppm") +
+         yaml_list("initaccscale", P.cwiseAbs() * scale_a * 1e6, "ppm") +
+         yaml_list("initbgstd", sigma(0, 1, 1.0), "deg/h, sigma of the calibration") +
+         yaml_list("initbastd", sigma(3, 1, standard_gravity_mps2 / milli_gal), "mGal") + "imunoise:\n" +
+         yaml_list("  arw", turned(of.arw / radprs_per_degprh), "deg/sqrt(hr)") +
+         yaml_list("  vrw", turned(of.vrw * 60.0), "m/s/sqrt(hr)") +
+         yaml_list("  gbstd", Vector3d::Constant(of.gyro_instability_radps / radps_per_degph), "deg/hr") +
+         yaml_list("  abstd", Vector3d::Constant(of.accel_instability_mps2 / milli_gal), "mGal") +
+         yaml_list("  gsstd", sigma(6, 4, 1e6 / of.file.parameters[6]), "ppm") +
+         yaml_list("  asstd", sigma(15, 4, 1e6), "ppm") +
+         fmt::format("  corrtime: {}  # hr\n", format_number(of.correlation_s / 3600.0));
+}
+
+std::string ros(const ForeignCalibration& of) {
+  const auto diagonal = [&](const char* key, const Vector3d& density) {
+    const Vector3d v = density.cwiseAbs2() / of.file.sample_period_s;
+    return fmt::format("{}: [{}, 0, 0, 0, {}, 0, 0, 0, {}]\n", key, format_number(v[0]), format_number(v[1]),
+                       format_number(v[2]));
+  };
+  return not_held(of, "#", "all but the noise of a sample; turncal apply --as rates calibrates the samples") +
+         "# sensor_msgs/Imu, by rows; axes b: x front, y up, z right; N^2 / dt, (rad/s)^2 and (m/s^2)^2\n"
+         "orientation_covariance: [-1, 0, 0, 0, 0, 0, 0, 0, 0]\n" +
+         diagonal("angular_velocity_covariance", of.arw) + diagonal("linear_acceleration_covariance", of.vrw);
+}
+
+std::string px4(const ForeignCalibration& of) {
+  const Matrix3d& P = front_right_down;
+  const Vector3d gyro = P * of.gyro.inverse().diagonal().cwiseProduct(of.gyro_bias_radps),
+                 accel = P * of.accel.inverse().diagonal().cwiseProduct(of.accel_bias_mps2),
+                 scale = P.cwiseAbs() * of.accel.diagonal();
+  std::string text =
+      not_held(of, "#", "gyro scale factors, misalignment (n_ij, a_ij), noise") +
+      "# axes front, right, down; w = raw - OFF, f = (raw - OFF) SCALE; lines: system, component, name, value, type\n";
+  for (Eigen::Index k = 0; k < 3; ++k)
+    for (const auto& [name, value] :
+         {std::pair{"GYRO0_{}OFF", gyro[k]}, std::pair{"ACC0_{}OFF", accel[k]}, std::pair{"ACC0_{}SCALE", scale[k]}})
+      text += fmt::format("1\t1\tCAL_{}\t{}\t9\n", fmt::format(fmt::runtime(name), "XYZ"[k]), format_number(value));
+  return text;
+}
+
+}  // namespace
+
+const std::array<ForeignForm, 6> foreign_forms = {{{"kalibr", kalibr, true},
+                                                   {"open_vins", open_vins, true},
+                                                   {"psins", psins, false},
+                                                   {"kf_gins", kf_gins, true},
+                                                   {"ros", ros, true},
+                                                   {"px4", px4, false}}};
+
+Result<ForeignCalibration> foreign_calibration(const ParameterFile& file, const std::string& path) {
+  RecordingInfo info;
+  info.sample_period_s = file.sample_period_s;
+  info.gyro_increment = file.gyro_increment;
+  info.accel_increment = file.accel_increment;
+  info.accel_pulse_mps = file.accel_pulse_mps;
+  const SensorModel model = sensor_model(from_vector(file.parameters), info);
+  const double pulse = file.accel_increment == IncrementKind::pulses ? file.accel_pulse_mps : 1.0;
+  const NoiseModel noise = TRY(stored_noise(file, path));
+  const Vector3d unknown = Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  const bool known = has_noise(file);
+  return ForeignCalibration{file,
+                            path,
+                            model.gyro_scale / nominal_gyro_rad(info),
+                            model.accel_scale / pulse,
+                            model.gyro_bias_radps,
+                            model.accel_bias_mps2,
+                            known ? noise.angle_random_walk : unknown,
+                            known ? noise.velocity_random_walk : unknown,
+                            noise.gyro_bias_instability_radps,
+                            noise.accel_bias_instability_mps2,
+                            noise.bias_correlation_s};
+}
+
+Result<std::string> write_foreign_form(const ParameterFile& file, const std::string& path, const std::string& form) {
+  const auto found = std::ranges::find_if(foreign_forms, [&](const ForeignForm& f) { return f.name == form; });
+  if (found == foreign_forms.end()) return input_error("'" + form + "' is no form of docs/parameter-forms.md");
+  if (found->needs_noise && !has_noise(file))
+    return input_error(path + ": has no noise. keys: expected a calibration that measured the noise, for " + form);
+  return found->write(TRY(foreign_calibration(file, path)));
+}
+
+}  // namespace turncal

@@ -1,0 +1,137 @@
+// Each form of another program, read back and applied as that program does: the same calibrated sample.
+#include "orchestrator/jobs/navigation/foreign_forms.h"
+
+#include <gtest/gtest.h>
+
+#include <regex>
+
+#include <Eigen/LU>
+
+#include "calib/model/noise_model.h"
+#include "tests/outcome.h"
+
+namespace turncal {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+ParameterFile made(IncrementKind kind, bool diagonal) {
+  ParameterFile file;
+  file.unit_serial = "F1";
+  file.sample_period_s = 0.005;
+  file.gyro_increment = file.accel_increment = kind;
+  file.accel_pulse_mps = kind == IncrementKind::pulses ? 0.0005 : 0.0;
+  Parameters p;
+  p.n = Matrix3d::Identity() +
+        (diagonal ? Matrix3d(Vector3d(0.01, -0.02, 0.03).asDiagonal())
+                  : (Matrix3d() << 0.01, 0.002, -0.003, 0.004, -0.02, 0.005, -0.006, 0.007, 0.03).finished());
+  p.a =
+      Matrix3d::Identity() + (diagonal ? Matrix3d(Vector3d(-0.01, 0.02, 0.005).asDiagonal())
+                                       : (Matrix3d() << -0.01, 0.003, 0.002, 0, 0.02, -0.004, 0, 0, 0.005).finished());
+  if (kind == IncrementKind::pulses) p.n *= 0.932920;
+  p.N0_degph = {100.0, -200.0, 300.0};
+  p.A0_g = {0.001, -0.002, 0.003};
+  file.parameters = to_vector(p);
+  for (const char axis : {'x', 'y', 'z'}) {
+    file.add_further(std::string("noise.angle_random_walk.") + axis + "_deg_per_rt_h", 0.1 * (axis - 'w'));
+    file.add_further(std::string("noise.velocity_random_walk.") + axis + "_ug_per_rt_hz", 50.0 * (axis - 'w'));
+  }
+  file.add_further("noise.gyro_bias_instability_degph", 0.5);
+  file.add_further("noise.accel_bias_instability_ug", 20.0);
+  return file;
+}
+
+const Vector3d raw_w{0.3, -0.7, 1.1}, raw_f{3.0, 9.0, -4.0};  // counts times their nominal weight over the period
+
+// The numbers behind `key` and its colon or equals sign.
+Eigen::MatrixXd read(const std::string& text, const std::string& key, Eigen::Index rows, Eigen::Index columns) {
+  const std::size_t at = text.find(key);
+  EXPECT_NE(at, std::string::npos) << key;
+  const std::string rest = text.substr(std::min(text.find_first_of(":=\t", at + key.size()), text.size() - 1));
+  Eigen::MatrixXd M(rows, columns);
+  const std::regex number("[-+]?[0-9]+\\.?[0-9]*(e[-+]?[0-9]+)?");
+  std::sregex_iterator next(rest.begin(), rest.end(), number);
+  for (Eigen::Index k = 0; k < rows * columns; ++k, ++next) M(k / columns, k % columns) = std::stod(next->str());
+  return M;
+}
+Vector3d triple(const std::string& text, const std::string& key) { return read(text, key, 3, 1); }
+
+TEST(ForeignForms, EachGivesTheSameSample) {
+  const Matrix3d rfu = (Matrix3d() << 0, 0, 1, 1, 0, 0, 0, 1, 0).finished(),
+                 frd = (Matrix3d() << 1, 0, 0, 0, 0, 1, 0, -1, 0).finished();
+  for (const IncrementKind kind : {IncrementKind::physical, IncrementKind::pulses})
+    for (const bool diagonal : {false, true}) {
+      const ParameterFile file = made(kind, diagonal);
+      const ForeignCalibration of = *foreign_calibration(file, "p.conf");
+      const Parameters p = from_vector(file.parameters);
+      const double nominal = kind == IncrementKind::pulses ? 0.932920 : 1.0;
+      const Vector3d w = p.n / nominal * raw_w - p.N0_degph * radps_per_degph,
+                     f = p.a * raw_f - p.A0_g * standard_gravity_mps2;
+      const auto same = [&](const Vector3d& a, const Vector3d& b, const char* what) {
+        EXPECT_LT((a - b).norm(), 1e-12) << what << ": " << a.transpose() << " / " << b.transpose();
+      };
+      const auto text_of = [&](const char* form) { return *write_foreign_form(file, "p.conf", form); };
+      for (const char* form : {"kalibr", "open_vins"}) {
+        const std::string text = text_of(form);
+        const bool k = std::string(form) == "kalibr";
+        const Matrix3d C_i_b = read(text, "C_i_b:", 3, 3),
+                       Ma = read(text.substr(k ? text.find("accelerometers:") : 0), k ? " M" : " Ta", 3, 3),
+                       Mg = read(text.substr(k ? text.find("gyroscopes:") : 0), k ? " M" : " Tw", 3, 3),
+                       C = read(text, k ? " C_gyro_i" : " R_IMUtoGYRO", 3, 3);
+        EXPECT_EQ(Ma(0, 1) + Ma(0, 2) + Ma(1, 2) + Mg(0, 1) + Mg(0, 2) + Mg(1, 2), 0.0);
+        EXPECT_NEAR(C.determinant(), 1.0, 1e-12);
+        same(C_i_b.transpose() * (C.transpose() * Mg.inverse() * (raw_w - triple(text, "bias of the raw gyros"))), w,
+             form);
+        same(C_i_b.transpose() * (Ma.inverse() * (raw_f - triple(text, "bias of the raw accelerometers"))), f, form);
+        EXPECT_NEAR(read(text, "gyroscope_noise_density", 1, 1)(0), of.arw.norm() / std::sqrt(3.0), 1e-15);
+      }
+      const std::string psins = text_of("psins");
+      same(rfu.transpose() * (read(psins, "Kg", 3, 3) * (rfu * raw_w) - triple(psins, "eb ") * radps_per_degph), w,
+           "psins");
+      same(rfu.transpose() * (read(psins, "Ka ", 3, 3) * (rfu * raw_f) - triple(psins, "db ") * mpsprs_per_ugprHz), f,
+           "psins");
+      const std::string ros = text_of("ros");
+      EXPECT_NEAR(read(ros, "angular_velocity_covariance", 3, 3)(1, 1), of.arw[1] * of.arw[1] / 0.005, 1e-18);
+      if (!diagonal) continue;  // what follows holds no misalignment
+      const std::string gins = text_of("kf_gins");
+      const auto by_axis = [&](const Vector3d& raw, const char* bias, double unit, const char* scale) {
+        return Vector3d(
+            frd.transpose() *
+            (frd * raw - unit * triple(gins, bias)).cwiseQuotient(Vector3d::Ones() + 1e-6 * triple(gins, scale)));
+      };
+      same(by_axis(raw_w, "initgyrbias", radps_per_degph, "initgyrscale"), w, "kf_gins");
+      same(by_axis(raw_f, "initaccbias", 1e-5, "initaccscale"), f, "kf_gins");
+      same(triple(gins, "  arw"), Vector3d(0.1, 0.3, 0.2), "arw");
+      const std::string px4 = text_of("px4");
+      const auto parameter = [&](const std::string& name) {
+        Vector3d v;
+        for (Eigen::Index k = 0; k < 3; ++k) {
+          std::string key = "CAL_" + name;
+          key.insert(key.find('_', 4) + 1, 1, "XYZ"[k]);
+          v[k] = read(px4, key, 1, 1)(0);
+        }
+        return v;
+      };
+      same(frd.transpose() * (frd * raw_f - parameter("ACC0_OFF")).cwiseProduct(parameter("ACC0_SCALE")), f, "px4");
+      const Vector3d without_bias = frd.transpose() * (frd * raw_w - parameter("GYRO0_OFF"));
+      same(p.n / nominal * without_bias, w, "px4 gyros, their scale factors beside it");
+    }
+}
+
+TEST(ForeignForms, SayWhatTheyDoNotHold) {
+  ParameterFile file = made(IncrementKind::physical, false);
+  file.effects = {{"accel_second_order", "x", 20.0, 1.0}, {"gyro_lock_in", "x", 0.1, 0.1}};
+  EXPECT_NE(
+      write_foreign_form(file, "p.conf", "kf_gins")->find("not held: misalignment (n_ij, a_ij), accel_second_order"),
+      std::string::npos);
+  const std::string psins = *write_foreign_form(file, "p.conf", "psins");
+  EXPECT_NE(psins.find("not held: noise, gyro_lock_in"), std::string::npos);
+  EXPECT_EQ(triple(psins, "Ka2"), Vector3d(0.0, 20.0, 0.0));  // x is the front, the second axis of PSINS
+  file.further.clear();
+  EXPECT_ERROR(write_foreign_form(file, "p.conf", "ros"),
+               "p.conf: has no noise. keys: expected a calibration that measured the noise, for ros");
+}
+
+}  // namespace
+}  // namespace turncal
