@@ -133,7 +133,7 @@ Result<ReadRests> read_rests(const std::string& path, const std::string& map_fil
     return found;
   }
   CsvMap map = TRY(read_csv_map(map_file));
-  map.measured_intervals = false;  // at rest a reading is the same over a longer interval, and stamps jitter
+  map.increments = CsvMap::Increments::period;  // at rest a reading is the same over a longer interval, and stamps jitter
   const CsvImport table = TRY(import_csv(map, path));
   RestReader reader(table.info, {}, path);
   TRY(reader.add(table.samples));
