@@ -175,7 +175,7 @@ struct Scoring {
 // order of their difference; or where -2 ln L_R is sure to stay above `enough`. `now`: the run at s, before and after.
 Scoring score(RestrictedLikelihood& likelihood, const std::vector<Group>& groups, double tau, int max_iterations,
               Variances& s, RestrictedLikelihood::Run& now, double enough = std::numeric_limits<double>::infinity()) {
-  constexpr double nothing = 0.02, little = 0.2;  // of 2 ln L: a step for so little that fails is not tried again
+  constexpr double nothing = 0.0005, little = 0.2;  // of 2 ln L: a step for so little that fails is not tried again
   Scoring result;
   result.converged = groups.empty();
   for (int iteration = 0; iteration < max_iterations && !result.converged; ++iteration) {

@@ -133,7 +133,8 @@ Result<ReadRests> read_rests(const std::string& path, const std::string& map_fil
     return found;
   }
   CsvMap map = TRY(read_csv_map(map_file));
-  map.increments = CsvMap::Increments::period;  // at rest a reading is the same over a longer interval, and stamps jitter
+  map.increments =
+      CsvMap::Increments::period;  // at rest a reading is the same over a longer interval, and stamps jitter
   const CsvImport table = TRY(import_csv(map, path));
   RestReader reader(table.info, {}, path);
   TRY(reader.add(table.samples));
@@ -152,7 +153,8 @@ Status write_result(const std::string& out, const AllanReport& report, const Doc
   std::vector<NamedText> files = {{folder.file("allan.html"), page.html},
                                   {folder.file("allan.csv"), format_allan_points(report.result)},
                                   {folder.file("imu.yaml"), format_imu_yaml(report.result, report.sample_s)}};
-  const Figure figure = allan_figure(report.result, report.other ? &*report.other : nullptr);
+  Figure figure = allan_figure(report.result, report.other ? &*report.other : nullptr);
+  for (Panel& panel : figure.panels) panel.legend = true;
   if (const Result<std::vector<std::string>> drawn = run_gnuplot(draw(figure).script, 1))
     files.push_back({folder.file("allan.svg"), "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n" + drawn->front() + "\n"});
   TRY(write_files_atomically(files));
@@ -196,7 +198,7 @@ void add_allan_command(CommandLine& line) {
       "allan", "the noise of a unit at rest: Allan deviation and its coefficients", allan, Output::result);
   command.option("source", options.source, "recording: a folder or a .tcr file; with --map a CSV, .npy or .mat file")
       .required();
-  command.option("--map", options.map, "file on the columns of the table, docs/hand-data.md");
+  command.option("--map", options.map, "file on the columns of the table, docs/import.md");
   command.option("--against", options.against, "another such source, or a parameter file (.conf), shown beside it");
   command.option("--out", options.out, "folder for allan.html, allan.svg, allan.csv, imu.yaml");
   command.format(options.format, "print the result in this form instead of words");

@@ -141,8 +141,7 @@ Figure allan_figure(const AllanResult& allan, const AllanResult* other) {
   figure.label = "Allan deviation of the six sensors with the fitted model";
   figure.caption =
       "Markers: overlapping Allan deviation of all rests, with 68 % intervals. Lines: the terms of IEEE 952 that the "
-      "data "
-      "show.";
+      "data show, where the noise is of this model.";
   if (other != nullptr) figure.caption += " Open circles: what it is compared with.";
   figure.columns = 2;
   figure.panel_width = 480;
@@ -166,7 +165,8 @@ Figure allan_figure(const AllanResult& allan, const AllanResult* other) {
       for (const AllanPoint& p : a.points) {
         if (!(p.deviation > 0.0) || !(p.tau_s > 0.0)) continue;
         markers.points.emplace_back(p.tau_s, p.deviation * unit.factor);
-        if (const double variance = allan_variance(a.fit, p.tau_s); variance > 0.0)
+        const bool fitted = !a.fit.cut || 2.0 * p.tau_s * a.fit.highest_hz >= 1.0;
+        if (const double variance = allan_variance(a.fit, p.tau_s); fitted && variance > 0.0)
           line.points.emplace_back(p.tau_s, std::sqrt(variance) * unit.factor);
         if (!(p.low > 0.0)) continue;
         for (const double end : {p.low, p.high}) intervals.points.emplace_back(p.tau_s, end * unit.factor);

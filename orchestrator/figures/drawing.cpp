@@ -277,7 +277,7 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
         (panel.legend && !panel.series[s].label.empty() ? " title " + gnuplot_text(panel.series[s].label) : " notitle");
   }
   if (plot.empty()) plot = "plot NaN notitle";
-  script += panel.legend ? "set key top left horizontal\n" : "unset key\n";
+  script += !panel.legend ? "unset key\n" : panel.logarithmic ? "set key top right\n" : "set key top left horizontal\n";
   script += panel.title.empty() ? "unset title\n" : "set title " + gnuplot_text(panel.title) + " offset 0,-0.6\n";
   script += panel.x_label.empty() ? "unset xlabel\n" : "set xlabel " + gnuplot_text(panel.x_label) + " offset 0,0.4\n";
   script += "set ylabel " + gnuplot_text(panel.y_label) + " offset 0.5,0\n";
