@@ -146,13 +146,15 @@ class Importer {
     NumberTable table = TRY(source.read(wanted, map_.format));
     count_bad(table);
     rows_.resize(table.rows());
+    // Stamps are numbers of 1.7e15 us: seconds of them would be rounded.
+    if (timed() && !rows_.empty()) first_stamp_ = table.columns[time].front();
     for (std::size_t k = 0; k < rows_.size(); ++k) {
       Row& row = rows_[k];
       for (std::size_t axis = 0; axis < 3; ++axis) {
         row.gyro[axis] = table.columns[each * axis][k];
         if (with_accel) row.accel[axis] = table.columns[each * axis + 1][k];
       }
-      if (timed()) row.time = table.columns[time][k] * map_.time_unit_s;
+      if (timed()) row.time = (table.columns[time][k] - first_stamp_) * map_.time_unit_s;
       if (temperature < wanted.size())
         row.temperature = (table.columns[temperature][k] - map_.temperature_offset) * map_.temperature_scale;
       row.position = table.position[k];
@@ -171,7 +173,7 @@ class Importer {
     count_bad(table);
     const std::size_t n = table.rows();
     const auto number = [&](std::size_t row, std::size_t axis) { return table.columns[axis][row]; };
-    const auto time = [&](std::size_t row) { return table.columns[3][row] * map_.time_unit_s; };
+    const auto time = [&](std::size_t row) { return (table.columns[3][row] - first_stamp_) * map_.time_unit_s; };
     bool same = n == rows_.size();
     for (std::size_t k = 0; same && k < n; ++k)
       same = timed() ? time(k) == rows_[k].time : table.position[k] == rows_[k].position;
@@ -262,7 +264,8 @@ class Importer {
         rows_[kept++] = row;
         continue;
       }
-      const Error error = time_goes_back(file_name_, row.line, map_.time_column, row.time / map_.time_unit_s);
+      const Error error =
+          time_goes_back(file_name_, row.line, map_.time_column, first_stamp_ + row.time / map_.time_unit_s);
       if (!map_.format.skip_bad_rows) return error;
       if (result_.bad_rows++ == 0) result_.first_bad = error.message;
     }
@@ -375,6 +378,7 @@ class Importer {
 
   CsvMap map_;
   std::string file_name_;
+  double first_stamp_ = 0.0;  // in the unit of the map
   std::vector<Row> rows_;
   std::vector<std::int64_t> step_;  // of the counter before each row
   double median_s_ = 0.0;

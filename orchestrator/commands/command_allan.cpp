@@ -71,11 +71,23 @@ class RestReader {
     if (cells * found.cells.cell_s < least_s)
       return input_error(
           fmt::format("{}: {:.3g} s at rest: expected at least {:g} s", path_, cells * found.cells.cell_s, least_s));
+    for (std::size_t axis = 0; axis < 6; ++axis)
+      if (const double* value = only_value(found.cells.mean[axis]))
+        return input_error(
+            fmt::format("{}: {} reads {:g} throughout: expected a channel that is connected and feels noise", path_,
+                        channel_names[axis], *value));
     if (lost > 0.0) found.notes.push_back(fmt::format("gaps: {:.2g} % of the time at rest", 100.0 * lost / cells));
     return found;
   }
 
  private:
+  // Null: it changes.
+  static const double* only_value(const std::vector<double>& mean) {
+    const auto there = [](double value) { return !std::isnan(value); };
+    const auto first = std::ranges::find_if(mean, there);
+    if (first == mean.end()) return nullptr;
+    return std::ranges::all_of(mean, [&](double v) { return std::isnan(v) || v == *first; }) ? &*first : nullptr;
+  }
   bool at_rest(std::int64_t counter) {
     if (segments_.empty()) return true;
     while (index_ < segments_.size() && counter >= segments_[index_].end_sample) {
