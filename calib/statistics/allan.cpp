@@ -61,6 +61,8 @@ Rest make_rest(std::span<const double> mean, double cell_s) {
   if (n == 0) return rest;
   rest.filled = 1.0 - count / static_cast<double>(n);
   for (double& value : rest.rate) value -= sum / count;
+  const auto changes = [&](double value) { return std::abs(value) > 1e-12 * std::abs(sum / count); };
+  if (std::ranges::none_of(rest.rate, changes)) return {};
   for (std::size_t k = 0; k < n; ++k) {
     if (there(rest.rate[k])) continue;
     std::size_t end = k;

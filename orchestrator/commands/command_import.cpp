@@ -352,7 +352,7 @@ struct ConvertOptions {
 
 Status convert(const ConvertOptions& options, CommandContext& context) {
   if (options.header.empty() && options.binary.empty() && options.yaml.empty() && options.form.empty())
-    return input_error("expected --header, --binary, --yaml or --form, or several of them");
+    return input_error("expected --header, --binary or --yaml, or several of them, or --form");
   TRY(check_apart({{"the parameter file", options.parameters},
                    {"--header", options.header},
                    {"--binary", options.binary},

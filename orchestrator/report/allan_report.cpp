@@ -64,7 +64,7 @@ void add_notes(const AllanReport& report, Document& document) {
     const AllanFit& fit = report.result.axes[k].fit;
     const auto say = [&](const std::string& what) { document.text(std::string(channel_names[k]) + ": " + what); };
     if (!fit.made) {
-      say("too short for a fit");
+      say("no fit: it is too short, or the channel never changes");
       continue;
     }
     if (fit.cut)
@@ -164,7 +164,7 @@ void add_ros_forms(const AllanReport& report, Document& document) {
     row(utils + "w of imu_utils", flicker, 0.664, unit, "0.664 B, a floor, no walk");
   }
   document.add(std::move(table));
-  document.text(fmt::format("dt = {} s; root mean square of three axes{}", format_number(dt),
+  document.text(fmt::format("dt = {} s; root mean square of three axes{}", significant(dt, 9),
                             limits ? "; <: not seen on every axis, and there its 95 % limit" : ""));
 }
 
@@ -211,7 +211,7 @@ Document allan_document(const AllanReport& report) {
   Facts facts;
   facts.add("at rest", fmt::format("{} s in {} rest{}, the longest {} s; a sample in {} s",
                                    significant(report.result.total_s, 6), report.rests, report.rests == 1 ? "" : "s",
-                                   significant(report.result.longest_s, 6), format_number(report.sample_s)));
+                                   significant(report.result.longest_s, 6), significant(report.sample_s, 9)));
   if (!report.against.empty()) facts.add("against", report.against);
   facts.add("<", "not seen in this record: with 95 % it is below this");
   document.add(std::move(facts));

@@ -10,7 +10,7 @@ class AllanCommand : public RigUnit {};
 
 // A unit of the rig that counts pulses: N within its sigma's reach, in words, JSON and files; beside it another recording, or parameters.
 TEST_F(AllanCommand, SaysWhatTheRigLaid) {
-  record("rest", "noise.gyro_random_walk_deg_per_rt_h = 0.3\nnoise.accel_random_walk_ug_per_rt_hz = 50\n",
+  record("rest", "noise.gyro_random_walk_deg_per_rt_h = 0.05\nnoise.accel_random_walk_ug_per_rt_hz = 50\n",
          "step 1\n  initial H 30 P 0 R 0\n  align 10000\n  dwell 110000\n");
   const ProgramResult said = run({"allan", "rest", "--out", "noise", "--against", "rest"});
   ASSERT_EQ(said.code, 0) << said.err;
@@ -20,7 +20,7 @@ TEST_F(AllanCommand, SaysWhatTheRigLaid) {
     EXPECT_TRUE(std::filesystem::exists(folder_ / "noise" / file)) << file;
   const std::string yaml = file_text(folder_ / "noise/imu.yaml");
   const auto value_of = [&](const std::string& key) { return std::stod(yaml.substr(yaml.find(key) + key.size() + 1)); };
-  EXPECT_NEAR(value_of("gyroscope_noise_density"), 0.3 / 60.0 * 3.14159265 / 180.0, 2e-6);
+  EXPECT_NEAR(value_of("gyroscope_noise_density"), 0.05 / 60.0 * 3.14159265 / 180.0, 1e-6);
   EXPECT_NEAR(value_of("accelerometer_noise_density"), 50.0 * 9.80665e-6, 1e-5);
   EXPECT_EQ(value_of("update_rate"), 200.0);
   const ProgramResult json = run({"allan", "rest", "--format", "json"});
@@ -40,7 +40,7 @@ TEST_F(AllanCommand, RefusesWhatMovesAndWhatIsShort) {
   std::string csv = "t,gx,gy,gz,ax,ay,az\n";
   const auto rows = [&](int count, double rate) {
     for (int k = 0; k < count; ++k)
-      csv += std::to_string(0.1 * k) + "," + std::to_string(k > 300 ? rate : 1e-6 * (k % 7)) +
+      csv += std::to_string(0.1 * k) + "," + std::to_string((k > 300 ? rate : 0.0) + 1e-3 * (k % 7)) +
              ",0.001,0.002,0.01,9.8,0.02\n";
   };
   write("map.conf",

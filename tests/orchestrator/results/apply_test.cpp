@@ -49,7 +49,7 @@ TEST_F(Apply, TakesEffectsOff) {
 
 // Times and rates: an increment over the period, in each form; and of a recording whose clock is 100 ppm off the parameters'.
 TEST_F(Apply, WritesTimeAndRates) {
-  record("rec", std::string(without_noise), "step 1\n  initial H 30 P 0 R 0\n  align 10000\n");
+  record("rec", std::string(without_noise), "step 1\n  initial H 30 P 0 R 0\n  align 5000\n  dwell 5000\n");
   ParameterFile file = truth_of("rec");
   file.sample_period_s *= 1.0001;
   keep(file, "true.conf");

@@ -46,9 +46,14 @@ const Vector3d raw_w{0.3, -0.7, 1.1}, raw_f{3.0, 9.0, -4.0};  // counts times th
 
 // The numbers behind `key` and its colon or equals sign.
 Eigen::MatrixXd read(const std::string& text, const std::string& key, Eigen::Index rows, Eigen::Index columns) {
-  const std::size_t at = text.find(key);
+  const auto begins_a_line = [&](std::size_t at) {
+    const std::size_t before = at == 0 ? std::string::npos : text.find_last_not_of(" #", at - 1);
+    return before == std::string::npos || text[before] == '\n' || text[before] == '\t';
+  };
+  std::size_t at = text.find(key);
+  while (at != std::string::npos && !begins_a_line(at)) at = text.find(key, at + 1);
   EXPECT_NE(at, std::string::npos) << key;
-  const std::string rest = text.substr(std::min(text.find_first_of(":=\t", at + key.size()), text.size() - 1));
+  const std::string rest = text.substr(std::min(text.find_first_of(":=\t", at + key.size() - 1), text.size() - 1));
   Eigen::MatrixXd M(rows, columns);
   const std::regex number("[-+]?[0-9]+\\.?[0-9]*(e[-+]?[0-9]+)?");
   std::sregex_iterator next(rest.begin(), rest.end(), number);
@@ -76,9 +81,9 @@ TEST(ForeignForms, EachGivesTheSameSample) {
         const std::string text = text_of(form);
         const bool k = std::string(form) == "kalibr";
         const Matrix3d C_i_b = read(text, "C_i_b:", 3, 3),
-                       Ma = read(text.substr(k ? text.find("accelerometers:") : 0), k ? " M" : " Ta", 3, 3),
-                       Mg = read(text.substr(k ? text.find("gyroscopes:") : 0), k ? " M" : " Tw", 3, 3),
-                       C = read(text, k ? " C_gyro_i" : " R_IMUtoGYRO", 3, 3);
+                       Ma = read(text.substr(k ? text.find("accelerometers:") : 0), k ? "M:" : "Ta:", 3, 3),
+                       Mg = read(text.substr(k ? text.find("gyroscopes:") : 0), k ? "M:" : "Tw:", 3, 3),
+                       C = read(text, k ? "C_gyro_i:" : "R_IMUtoGYRO:", 3, 3);
         EXPECT_EQ(Ma(0, 1) + Ma(0, 2) + Ma(1, 2) + Mg(0, 1) + Mg(0, 2) + Mg(1, 2), 0.0);
         EXPECT_NEAR(C.determinant(), 1.0, 1e-12);
         same(C_i_b.transpose() * (C.transpose() * Mg.inverse() * (raw_w - triple(text, "bias of the raw gyros"))), w,
@@ -102,7 +107,7 @@ TEST(ForeignForms, EachGivesTheSameSample) {
       };
       same(by_axis(raw_w, "initgyrbias", radps_per_degph, "initgyrscale"), w, "kf_gins");
       same(by_axis(raw_f, "initaccbias", 1e-5, "initaccscale"), f, "kf_gins");
-      same(triple(gins, "  arw"), Vector3d(0.1, 0.3, 0.2), "arw");
+      same(triple(gins, "arw"), Vector3d(0.1, 0.3, 0.2), "arw");
       const std::string px4 = text_of("px4");
       const auto parameter = [&](const std::string& name) {
         Vector3d v;
