@@ -36,8 +36,12 @@ struct ReadRests {
 // The samples at rest, one after the other.
 class RestReader {
  public:
-  RestReader(const RecordingInfo& info, const Segments& segments, std::string path)
-      : info_(info), segments_(segments), path_(std::move(path)), maker_(info.sample_period_s), spikes_(info) {
+  RestReader(const RecordingInfo& info, Segments segments, std::string path)
+      : info_(info),
+        segments_(std::move(segments)),
+        path_(std::move(path)),
+        maker_(info.sample_period_s),
+        spikes_(info) {
     const SensorModel model = sensor_model(start_parameters(info), info);
     si_ << model.gyro_scale.diagonal(), model.accel_scale.diagonal();
     si_ = si_.cwiseAbs();
@@ -62,32 +66,18 @@ class RestReader {
     ReadRests found{maker_.take(si_), {}};
     if (left_out_ > 0)
       found.notes.push_back(fmt::format("{} samples left out: marked as bad, or beyond any unit", left_out_));
-    double cells = 0.0, lost = 0.0;
-    for (const double value : found.cells.mean[0]) {
-      cells += 1.0;
-      lost += std::isnan(value) ? 1.0 : 0.0;
-    }
+    const std::vector<double>& mean = found.cells.mean[0];
+    const auto cells = static_cast<double>(mean.size());
+    const auto lost = static_cast<double>(std::ranges::count_if(mean, [](double v) { return std::isnan(v); }));
     constexpr double least_s = 10.0;
     if (cells * found.cells.cell_s < least_s)
       return input_error(
           fmt::format("{}: {:.3g} s at rest: expected at least {:g} s", path_, cells * found.cells.cell_s, least_s));
-    for (std::size_t axis = 0; axis < 6; ++axis)
-      if (const double* value = only_value(found.cells.mean[axis]))
-        return input_error(
-            fmt::format("{}: {} reads {:g} throughout: expected a channel that is connected and feels noise", path_,
-                        channel_names[axis], *value));
     if (lost > 0.0) found.notes.push_back(fmt::format("gaps: {:.2g} % of the time at rest", 100.0 * lost / cells));
     return found;
   }
 
  private:
-  // Null: it changes.
-  static const double* only_value(const std::vector<double>& mean) {
-    const auto there = [](double value) { return !std::isnan(value); };
-    const auto first = std::ranges::find_if(mean, there);
-    if (first == mean.end()) return nullptr;
-    return std::ranges::all_of(mean, [&](double v) { return std::isnan(v) || v == *first; }) ? &*first : nullptr;
-  }
   bool at_rest(std::int64_t counter) {
     if (segments_.empty()) return true;
     while (index_ < segments_.size() && counter >= segments_[index_].end_sample) {
@@ -122,7 +112,7 @@ class RestReader {
   }
 
   const RecordingInfo info_;
-  const Segments& segments_;
+  const Segments segments_;
   const std::string path_;
   RestCellMaker maker_;
   SpikeFinder spikes_;
@@ -145,8 +135,8 @@ Result<ReadRests> read_rests(const std::string& path, const std::string& map_fil
     return found;
   }
   CsvMap map = TRY(read_csv_map(map_file));
-  map.increments =
-      CsvMap::Increments::period;  // at rest a reading is the same over a longer interval, and stamps jitter
+  // At rest a reading is the same over a longer interval, and stamps jitter.
+  map.increments = CsvMap::Increments::period;
   const CsvImport table = TRY(import_csv(map, path));
   RestReader reader(table.info, {}, path);
   TRY(reader.add(table.samples));
@@ -155,6 +145,16 @@ Result<ReadRests> read_rests(const std::string& path, const std::string& map_fil
     found->notes.push_back(
         fmt::format("stamps jitter by {:.2g} ms rms: a reading counts for the mean period", 1e3 * table.jitter_s));
   return found;
+}
+
+Result<AllanResult> deviation_of(const RestCells& cells, const std::string& path) {
+  AllanResult result = allan_deviation(cells);
+  for (std::size_t axis = 0; axis < 6; ++axis)
+    if (result.axes[axis].points.empty())
+      return input_error(
+          fmt::format("{}: {} reads {:g} throughout: expected a channel that is connected and feels noise", path,
+                      channel_names[axis], cells.mean[axis].front()));
+  return result;
 }
 
 // An earlier result in the folder is replaced, whole.
@@ -179,7 +179,7 @@ Status allan(const AllanOptions& options, CommandContext& context) {
   if (!options.out.empty()) TRY(check_not_source(options.out, options.source));
   ReadRests rests = TRY(read_rests(options.source, options.map));
   AllanReport report{.source = options.source, .against = options.against};
-  report.result = allan_deviation(rests.cells);
+  report.result = TRY(deviation_of(rests.cells, options.source));
   report.sample_s = rests.cells.sample_s;
   report.rests = rests.cells.ends.size();
   report.notes = rests.notes;
@@ -195,7 +195,8 @@ Status allan(const AllanOptions& options, CommandContext& context) {
       return input_error(options.against + ": has no noise. keys: expected a calibration that measured the noise");
     report.file = TRY(stored_noise(file, options.against));
   } else if (!options.against.empty()) {
-    report.other = allan_deviation(TRY(read_rests(options.against, options.map)).cells);
+    const ReadRests other = TRY(read_rests(options.against, options.map));
+    report.other = TRY(deviation_of(other.cells, options.against));
   }
   const Document document = allan_document(report);
   if (!options.out.empty()) TRY(write_result(options.out, report, document, context));

@@ -258,8 +258,7 @@ void add_noise(const Diagnosis& diagnosis, const DiagnosisContext& context, Docu
   document.add(std::move(table));
   document.soft(
       "Allan deviation: N random walk, Q quantisation, B bias instability, K rate random walk, each with the others "
-      "beside "
-      "it; <: what the dwells do not show, and its limit (95 %).");
+      "beside it; <: what the dwells do not show, and its limit (95 %).");
   std::string line =
       context.noise_given
           ? "The noise was given in the configuration, not measured. "
