@@ -15,6 +15,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/bytes.h"
+#include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
@@ -471,6 +472,8 @@ Result<std::vector<std::string>> hdf5_columns(const std::string& file_name) {
   return names;
 }
 
+FileKind form_of(std::string_view content) { return recognise_content(content.substr(0, 16)); }
+
 // Numbers that are not finite are a defect of their row.
 Result<NumberTable> checked(NumberTable table, const std::string& file_name, const std::vector<WantedColumn>& wanted,
                             bool skip_bad) {
@@ -502,16 +505,14 @@ Result<NumberTable> checked(NumberTable table, const std::string& file_name, con
 
 }  // namespace
 
-bool is_npy(std::string_view content) { return content.starts_with(npy_magic); }
-
-// "MATLAB 5.0 MAT-file", and 7.3 likewise.
-bool is_mat(std::string_view content) { return content.starts_with("MATLAB "); }
-
-bool is_hdf5(std::string_view content) { return content.starts_with("\x89HDF\r\n\x1a\n"); }
+bool is_text_table(std::string_view content) {
+  const FileKind form = form_of(content);
+  return form != FileKind::npy && form != FileKind::mat && form != FileKind::hdf5;
+}
 
 Result<std::vector<std::string>> column_names(std::string_view content, const std::string& file_name) {
-  if (is_mat(content)) return mat_columns(file_name);
-  if (is_hdf5(content)) return hdf5_columns(file_name);
+  if (form_of(content) == FileKind::mat) return mat_columns(file_name);
+  if (form_of(content) == FileKind::hdf5) return hdf5_columns(file_name);
   const MatrixView view = TRY(view_npy(content, file_name));
   std::vector<std::string> names;
   for (std::size_t k = 1; k <= std::min(view.columns, widest); ++k) names.push_back(std::to_string(k));
@@ -520,11 +521,12 @@ Result<std::vector<std::string>> column_names(std::string_view content, const st
 
 Result<NumberTable> read_number_table(std::string_view content, const std::string& file_name,
                                       const std::vector<WantedColumn>& wanted, const TableFormat& format) {
-  if (is_npy(content))
-    return checked(TRY(read_npy(content, file_name, wanted)), file_name, wanted, format.skip_bad_rows);
-  if (is_mat(content)) return checked(TRY(read_mat(file_name, wanted)), file_name, wanted, format.skip_bad_rows);
-  if (is_hdf5(content)) return checked(TRY(read_hdf5(file_name, wanted)), file_name, wanted, format.skip_bad_rows);
-  return CsvTable(content, file_name, wanted, format).read();
+  if (is_text_table(content)) return CsvTable(content, file_name, wanted, format).read();
+  const FileKind form = form_of(content);
+  NumberTable table = TRY(form == FileKind::npy   ? read_npy(content, file_name, wanted)
+                          : form == FileKind::mat ? read_mat(file_name, wanted)
+                                                  : read_hdf5(file_name, wanted));
+  return checked(std::move(table), file_name, wanted, format.skip_bad_rows);
 }
 
 // ---- written ----

@@ -49,10 +49,8 @@ Result<NumberTable> read_number_table(std::string_view content, const std::strin
 // What columns a .npy, .mat or HDF5 file has, by the names under which they can be wanted; of arrays wider than 32 none.
 Result<std::vector<std::string>> column_names(std::string_view content, const std::string& file_name);
 
-// By a file's first bytes.
-bool is_npy(std::string_view content);
-bool is_mat(std::string_view content);
-bool is_hdf5(std::string_view content);
+// By a file's first bytes: no .npy, .mat or HDF5.
+bool is_text_table(std::string_view content);
 
 // ---- written ----
 //
