@@ -90,10 +90,14 @@ struct Functions {
 
 constexpr int harmonics = 4, waves = 3;
 constexpr std::array<double, 3> decays_s = {15.0, 60.0, 250.0};
-constexpr double middle_decay_s = decays_s[1];
 constexpr std::array<double, 2> smooth_parts = {0.3, 0.1};  // of the range
 constexpr double least_range_c = 0.3;
 constexpr int fewest_epochs = 4;
+
+// One of each epoch, 1 in its cells.
+Functions of_epochs(Eigen::Index epochs, std::vector<Kernel> kernels = {}) {
+  return {1, epochs, [](const ErrorCell& c) { return c.epoch; }, nullptr, std::move(kernels)};
+}
 
 Kernel all_of(Driver driver, Eigen::Index count, double size = 1.0) {
   return {driver, size * MatrixXd::Identity(count, count), 1.0};
@@ -156,11 +160,8 @@ std::vector<Functions> all_functions(const Pieces& pieces) {
                  },
                  {all_of(Driver::turns, decays, 1.0 / std::sqrt(0.5 * static_cast<double>(decays)))}});
   // What a turn leaves behind may go with what turned, with the pose, with anything.
-  all.push_back({1,
-                 pieces.epochs,
-                 [](const ErrorCell& c) { return c.epoch; },
-                 [decay](const ErrorCell& c, Eigen::Ref<VectorXd> v) { v[0] = decay(c, middle_decay_s); },
-                 {all_of(Driver::turns, pieces.epochs)}});
+  all.push_back(of_epochs(pieces.epochs, {all_of(Driver::turns, pieces.epochs)}));
+  all.back().write = [decay](const ErrorCell& c, Eigen::Ref<VectorXd> v) { v[0] = decay(c, decays_s[1]); };
   return all;
 }
 
@@ -303,8 +304,8 @@ VectorXd numbers_of(const Epochs& e) {  // 1, 2 ... in each recording
 // Constant over an epoch: another value each, a walk, a step before one of them.
 Functions steps_of(const Epochs& e) {
   const Eigen::Index n = e.time_s.size();
-  Functions f = {1, n, [](const ErrorCell& c) { return c.epoch; }, nullptr, {all_of(Driver::unknown, n)}};
-  f.kernels.push_back({Driver::time, factor(e.in_each(walk(numbers_of(e))), 1e-3)});
+  Functions f =
+      of_epochs(n, {all_of(Driver::unknown, n), {Driver::time, factor(e.in_each(walk(numbers_of(e))), 1e-3)}});
   for (Eigen::Index j = 1; j < e.fitted; ++j) {
     MatrixXd step = MatrixXd::Zero(n, 1);
     for (Eigen::Index i = j; i < e.fitted && e.recording[i] == e.recording[j]; ++i) step(i, 0) = 1.0;
@@ -514,7 +515,7 @@ class Table {
     std::vector<Channel> channels;
     for (const Channel& c : all_channels(grades_))
       if (c.sensor == sensor && c.quantity == Quantity::bias) channels.push_back(c);
-    const std::size_t basis = add_basis(channels, steps_of(epochs_));
+    const std::size_t basis = add_basis(channels, of_epochs(pieces_.epochs));
     const auto wide = static_cast<Eigen::Index>(channels.size());
     // Flicker noise: processes of all correlation times, with as much in each. Its mean is the bias; of a walk the bias is that over the
     // recording.

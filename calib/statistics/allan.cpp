@@ -6,7 +6,6 @@
 #include <limits>
 #include <map>
 #include <numeric>
-#include <span>
 
 #include <unsupported/Eigen/FFT>
 
