@@ -89,15 +89,18 @@ std::vector<std::string_view> keys_of(std::string_view text) {
 
 // Among the first hundred lines one of three numbers or more; others may stand beside them.
 bool has_row_of_numbers(std::string_view text) {
-  const auto is_number = [](std::string_view cell) { return device_number(cell).has_value(); };
-  const auto is_row = [&](const std::vector<std::string_view>& cells) {
+  const auto is_number = [](std::string_view cell) { return device_number(cell, true).has_value(); };
+  std::vector<std::string_view> cells;
+  const auto is_row = [&] {
     const auto numbers = static_cast<std::size_t>(std::ranges::count_if(cells, is_number));
     return numbers >= 3 && 2 * numbers >= cells.size();
   };
   for (int line = 0; line < 100 && !text.empty(); ++line) {
     const std::string_view row = next_line(text);
-    if (is_row(split_words(row)) || is_row(split(row, ',')) || is_row(split(row, ';')) || is_row(split(row, '\t')))
-      return true;
+    for (const char separator : {',', ';', '\t', ' '}) {
+      split_cells(row, separator, cells);
+      if (is_row()) return true;
+    }
   }
   return false;
 }

@@ -30,6 +30,20 @@ std::vector<std::string_view> split_words(std::string_view text) {
   return words;
 }
 
+void split_cells(std::string_view row, char separator, std::vector<std::string_view>& cells) {
+  cells.clear();
+  const std::string_view separators = separator == ' ' ? std::string_view(" \t") : std::string_view(&separator, 1);
+  for (std::size_t at = 0; at <= row.size();) {
+    if (separator == ' ') at = std::min(row.find_first_not_of(separators, at), row.size());
+    if (separator == ' ' && at == row.size()) break;
+    const std::size_t end = std::min(row.find_first_of(separators, at), row.size());
+    std::string_view cell = trimmed(row.substr(at, end - at));
+    if (cell.size() > 1 && cell.front() == '"' && cell.back() == '"') cell = trimmed(cell.substr(1, cell.size() - 2));
+    cells.push_back(cell);
+    at = end + 1;
+  }
+}
+
 std::size_t utf8_character(std::string_view text, std::uint32_t* code) {
   if (text.empty()) return 0;
   const auto byte = [&text](std::size_t i) { return static_cast<std::uint32_t>(static_cast<unsigned char>(text[i])); };
@@ -81,10 +95,14 @@ std::string_view next_line(std::string_view& text, bool* had_end) {
   return line;
 }
 
-std::optional<double> device_number(std::string_view text) {
+std::optional<double> device_number(std::string_view text, bool decimal_comma) {
   text = trimmed(text);
   if (text.starts_with('+') && text.size() > 1 && text[1] != '-') text.remove_prefix(1);
-  return parse_number(text);
+  const std::optional<double> number = parse_number(text);
+  if (number || !decimal_comma || text.find('.') != text.npos) return number;
+  std::string pointed(text);
+  std::ranges::replace(pointed, ',', '.');
+  return parse_number(pointed);
 }
 
 std::size_t edit_distance(std::string_view a, std::string_view b) {

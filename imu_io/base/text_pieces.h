@@ -17,6 +17,8 @@ std::string_view trimmed(std::string_view text);
 std::vector<std::string_view> split(std::string_view text, char separator);
 // Those between blanks, the empty ones left out.
 std::vector<std::string_view> split_words(std::string_view text);
+// Into `cells`, without the quotes about them; between any run of blanks where the separator is one.
+void split_cells(std::string_view row, char separator, std::vector<std::string_view>& cells);
 
 // How many bytes the first character of a UTF-8 text has (RFC 3629), and its code point; 0 when it is none.
 std::size_t utf8_character(std::string_view text, std::uint32_t* code = nullptr);
@@ -31,7 +33,8 @@ std::string quoted(std::string_view text);
 std::string_view next_line(std::string_view& text, bool* had_end = nullptr);
 
 // A number as devices and people write it: blanks around it and a leading + are allowed; nothing else beside the number is.
-std::optional<double> device_number(std::string_view text);
+// decimal_comma: 1,5 is one, too.
+std::optional<double> device_number(std::string_view text, bool decimal_comma = false);
 
 // "Did you mean ...?": the known word that somebody probably meant to type.
 //

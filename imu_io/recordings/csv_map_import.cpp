@@ -40,6 +40,7 @@ CsvTriad read_triad(KeyValueFile& file, const std::string& name, const std::vect
     file.reject(name + ".columns", "three columns, by name or number");
   const InertialUnit* const unit = read_unit(file, name + ".unit", units);
   triad.scale = one_or_three(file, name + ".scale", 1.0);
+  if (std::ranges::count(triad.scale, 0.0) > 0) file.reject(name + ".scale", "no zero");
   triad.offset = one_or_three(file, name + ".offset", 0.0);
   if (unit != nullptr) {
     triad.is_rate = unit->is_rate;
@@ -63,6 +64,9 @@ Result<CsvMap> read_map(KeyValueFile& file) {
   map.accel = read_triad(file, "accel", {"m/s^2", "g", "mg", "m/s"});
   const std::string delimiter = file.one_of_or("csv.delimiter", "comma", {"comma", "semicolon", "tab", "space"});
   map.format.delimiter = delimiter == "semicolon" ? ';' : delimiter == "tab" ? '\t' : delimiter == "space" ? ' ' : ',';
+  map.format.decimal_comma = file.one_of_or("csv.decimal", "point", {"point", "comma"}) == "comma";
+  if (map.format.decimal_comma && map.format.delimiter == ',')
+    file.reject("csv.decimal", "point where csv.delimiter is comma");
   map.format.header_lines = static_cast<int>(file.integer_or("csv.header_lines", 1, 0, 1000));
   map.time_column = file.text_or("time.column", "");
   map.accel_time_column = file.text_or("accel.time.column", map.time_column);
@@ -143,7 +147,7 @@ class Importer {
     if (timed()) wanted.push_back({map_.time_column, false});
     const std::size_t temperature = wanted.size();
     if (!map_.temperature_column.empty()) wanted.push_back({map_.temperature_column, true});
-    NumberTable table = TRY(source.read(wanted, map_.format));
+    NumberTable table = TRY(read_once_each(source, wanted));
     count_bad(table);
     rows_.resize(table.rows());
     // Stamps are numbers of 1.7e15 us: seconds of them would be rounded.
@@ -169,7 +173,7 @@ class Importer {
     std::vector<WantedColumn> wanted;
     for (const std::string& name : map_.accel.columns) wanted.push_back({name, false});
     if (timed()) wanted.push_back({map_.accel_time_column, false});
-    NumberTable table = TRY(source.read(wanted, map_.format));
+    NumberTable table = TRY(read_once_each(source, wanted));
     count_bad(table);
     const std::size_t n = table.rows();
     const auto number = [&](std::size_t row, std::size_t axis) { return table.columns[axis][row]; };
@@ -239,6 +243,14 @@ class Importer {
  private:
   bool timed() const { return !map_.time_column.empty(); }
 
+  Result<NumberTable> read_once_each(const ColumnSource& source, const std::vector<WantedColumn>& wanted) const {
+    for (auto column = wanted.begin(); column != wanted.end(); ++column)
+      if (std::ranges::find(wanted.begin(), column, column->name, &WantedColumn::name) != column)
+        return input_error(source.file_name + ": the map uses column " + quoted(column->name) +
+                           " twice: expected each column once");
+    return source.read(wanted, map_.format);
+  }
+
   bool measured() const { return map_.increments == CsvMap::Increments::intervals; }
 
   void choose() {
@@ -290,10 +302,14 @@ class Importer {
     std::vector<std::size_t> gaps;
     for (std::size_t k = 0; k < intervals.size(); ++k) {
       const double interval = intervals[k];
-      if (interval > map_.gap * median_s_) {
-        const std::int64_t steps = measured() ? 2 : periods_to(times, k + 1, gaps.empty() ? 0 : gaps.back(), median_s_);
-        if (steps > 1) {
-          step_[k + 1] = steps;
+      const std::int64_t dropped = rows_[k + 1].position - rows_[k].position - 1;
+      const bool late = interval > map_.gap * median_s_;
+      if (late || dropped > 1) {
+        const std::int64_t steps = !late        ? 1
+                                   : measured() ? 2
+                                                : periods_to(times, k + 1, gaps.empty() ? 0 : gaps.back(), median_s_);
+        if (std::max(steps, dropped) > 1) {
+          step_[k + 1] = std::max(steps, dropped + 1);
           gaps.push_back(k + 1);
           continue;
         }
@@ -306,7 +322,8 @@ class Importer {
     result_.info.sample_period_s = period;
     result_.jitter_s = std::sqrt(std::max(0.0, squares / count - period * period));
     if (measured())
-      for (const std::size_t k : gaps) step_[k] = std::max<std::int64_t>(2, std::llround(intervals[k - 1] / period));
+      for (const std::size_t k : gaps)
+        step_[k] = std::max<std::int64_t>(step_[k], std::llround(intervals[k - 1] / period));
     result_.gaps = static_cast<std::int64_t>(gaps.size());
   }
 

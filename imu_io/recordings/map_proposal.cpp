@@ -41,7 +41,9 @@ std::string lower(std::string text) {
 }
 
 std::vector<std::string_view> cells_of(std::string_view line, char delimiter) {
-  return delimiter == ' ' ? split_words(line) : split(line, delimiter);
+  std::vector<std::string_view> cells;
+  split_cells(line, delimiter, cells);
+  return cells;
 }
 
 // Where the numbers of a text begin, what stands between them, and what stands above.
@@ -53,13 +55,14 @@ Result<Layout> look_at_text(std::string_view text, const std::string& file_name)
   Layout layout;
   constexpr std::ptrdiff_t fewest = 6;
   std::ptrdiff_t most = fewest - 1;
-  const auto is_number = [](std::string_view cell) { return device_number(cell).has_value(); };
-  for (const char delimiter : {',', ';', '\t', ' '})
-    for (std::size_t k = 0; k < lines.size(); ++k)
-      if (const auto numbers = std::ranges::count_if(cells_of(lines[k], delimiter), is_number); numbers > most) {
+  for (const bool comma : {false, true})
+    for (const char delimiter : {',', ';', '\t', ' '})
+      for (std::size_t k = 0; k < lines.size(); ++k) {
+        const auto is_number = [&](std::string_view cell) { return device_number(cell, comma).has_value(); };
+        const auto numbers = std::ranges::count_if(cells_of(lines[k], delimiter), is_number);
+        if (numbers <= most) continue;
         most = numbers;
-        layout.format.delimiter = delimiter;
-        layout.format.header_lines = static_cast<int>(k);
+        layout.format = {.delimiter = delimiter, .decimal_comma = comma, .header_lines = static_cast<int>(k)};
       }
   if (most < fewest) return input_error(file_name + ": no row of six numbers or more: expected a table of an IMU");
   const auto first = static_cast<std::size_t>(layout.format.header_lines);
@@ -395,6 +398,7 @@ class Proposer {
       map += fmt::format("csv.delimiter = {}\n", format.delimiter == ';'    ? "semicolon"
                                                  : format.delimiter == '\t' ? "tab"
                                                                             : "space");
+    if (format.decimal_comma) map += "csv.decimal = comma\n";
     if (format.header_lines != 1) map += fmt::format("csv.header_lines = {}\n", format.header_lines);
     return map + site_lines();
   }

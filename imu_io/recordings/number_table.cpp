@@ -48,7 +48,7 @@ class CsvTable {
       ++line_;
       std::string_view names = trimmed(next_line(left));
       while (names.starts_with('#') || names.starts_with('%')) names = trimmed(names.substr(1));
-      split_row(names);
+      split_cells(names, format_.delimiter, cells_);
     }
     if (format_.header_lines > 0) header.assign(cells_.begin(), cells_.end());
     header_cells_ = header.size();
@@ -82,24 +82,6 @@ class CsvTable {
     return input_error(file_name_ + ":" + std::to_string(line_) + ": " + what);
   }
 
-  void split_row(std::string_view row) {
-    cells_.clear();
-    if (format_.delimiter == ' ') {  // any run of blanks
-      for (std::size_t at = 0; at < row.size();) {
-        const std::size_t from = row.find_first_not_of(" \t", at);
-        if (from == std::string_view::npos) break;
-        at = std::min(row.find_first_of(" \t", from), row.size());
-        cells_.push_back(row.substr(from, at - from));
-      }
-      return;
-    }
-    for (std::size_t at = 0; at <= row.size();) {
-      const std::size_t end = std::min(row.find(format_.delimiter, at), row.size());
-      cells_.push_back(trimmed(row.substr(at, end - at)));
-      at = end + 1;
-    }
-  }
-
   Status find_columns(const std::vector<std::string>& header) {
     for (const WantedColumn& column : wanted_) {
       const auto at = std::find(header.begin(), header.end(), column.name);
@@ -126,16 +108,15 @@ class CsvTable {
       if (wanted.may_be_blank) return std::numeric_limits<double>::quiet_NaN();
       return defect(fmt::format("column {} is missing: the row has {} columns", quoted(wanted.name), cells_.size()));
     }
-    std::string_view cell = cells_[index_[column]];
+    const std::string_view cell = cells_[index_[column]];
     if (wanted.may_be_blank && (cell.empty() || cell == "nan" || cell == "NaN"))
       return std::numeric_limits<double>::quiet_NaN();
-    if (cell.starts_with('+')) cell.remove_prefix(1);
-    if (const std::optional<double> value = parse_number<double>(cell)) return *value;
+    if (const std::optional<double> value = device_number(cell, format_.decimal_comma)) return *value;
     return defect("column " + quoted(wanted.name) + " = " + quoted(cells_[index_[column]]) + ": expected a number");
   }
 
   Status read_row(std::string_view text) {
-    split_row(text);
+    split_cells(text, format_.delimiter, cells_);
     if (format_.whole_rows && cells_.size() != header_cells_)
       return defect(fmt::format("the row has {} columns: expected {}", cells_.size(), header_cells_));
     for (std::size_t k = 0; k < wanted_.size(); ++k) {
@@ -226,7 +207,7 @@ Result<MatrixView> view_npy(std::string_view content, const std::string& file_na
   MatrixView view;
   if (type.size() < 5 || (type[1] != '<' && type[1] != '|') || type[4] != '\'' ||
       !view.set_type([&](const ItemType& t) { return t.npy == type.substr(2, 2); }))
-    return refuse("type " + quoted(type.substr(0, 12)) +
+    return refuse("type " + quoted(type.substr(0, type.find_first_of(",}"))) +
                   ": expected a .npy array of little-endian numbers, as in '<f8' or '<i2'");
   view.column_major = value_of(header, "fortran_order").starts_with("True");
   std::string_view shape = value_of(header, "shape");
@@ -236,7 +217,8 @@ Result<MatrixView> view_npy(std::string_view content, const std::string& file_na
       if (const auto size = parse_integer<std::int64_t>(part); size && *size > 0)
         sizes.push_back(static_cast<std::size_t>(*size));
   if (sizes.empty() || sizes.size() > 2)
-    return refuse("shape " + quoted(shape.substr(0, 24)) + ": expected one or two dimensions, rows first");
+    return refuse("shape " + quoted(shape.substr(0, shape.find(')') + 1)) +
+                  ": expected one or two dimensions, rows first");
   view.rows = sizes[0];
   view.columns = sizes.size() == 2 ? sizes[1] : 1;
   view.data = bytes + begin + length;
@@ -655,11 +637,6 @@ Status check_ending(std::string_view path, std::initializer_list<std::string_vie
 
 Status write_sample_columns(RecordingSource& source, const SampleColumns& columns, const std::string& path) {
   RowTable table{columns.names, 0, {}};
-  TRY(source.read([&](std::span<const ImuSample> samples) {
-    table.rows += samples.size();
-    return Status();
-  }));
-  if (table.rows == 0) return input_error(source.path() + ": not one sample: expected some to write");
   table.each_row = [&](const RowSink& sink) {
     std::vector<double> row(table.names.size());
     return source.read([&](std::span<const ImuSample> samples) -> Status {
@@ -671,6 +648,11 @@ Status write_sample_columns(RecordingSource& source, const SampleColumns& column
     });
   };
   if (!names_matrix(path)) return write_csv(path, table);
+  TRY(source.read([&](std::span<const ImuSample> samples) {
+    table.rows += samples.size();
+    return Status();
+  }));
+  if (table.rows == 0) return input_error(source.path() + ": not one sample: expected some to write");
   return path.ends_with(".mat") ? write_mat(path, table) : write_npy(path, table);
 }
 

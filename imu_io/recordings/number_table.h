@@ -22,6 +22,7 @@ namespace turncal {
 
 struct TableFormat {
   char delimiter = ',';
+  bool decimal_comma = false;  // 1,5 is a number, too
   int header_lines = 1;        // the last of them has the names
   bool skip_bad_rows = false;  // a row with a defect is left out and counted, and is no error
   bool whole_rows = false;     // a row with more or fewer cells than the header has names is a defect

@@ -120,6 +120,7 @@ class Collector {
     return &topic == unit_ ? take_imu(recorded_ns, data) : Status();
   }
 
+  bool skips_bad() const { return skip_bad_; }
   // Is left out and counted, or an error.
   Status damaged(const std::string& what) {
     Error error = input_error(path_ + ": " + what);
@@ -495,6 +496,8 @@ class Rosbag2Reader {
     if (code != SQLITE_OK) return refusal();
     sqlite3_db_config(handle, SQLITE_DBCONFIG_TRUSTED_SCHEMA, 0, nullptr);
     sqlite3_db_config(handle, SQLITE_DBCONFIG_ENABLE_VIEW, 0, nullptr);
+    if (collector_.skips_bad())
+      sqlite3_db_config(handle, SQLITE_DBCONFIG_WRITABLE_SCHEMA, 1, nullptr);          // opens what is cut off
     sqlite3_exec(handle, "PRAGMA mmap_size = 2147418112", nullptr, nullptr, nullptr);  // half the time
     sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, static_cast<int>(most_bytes));
     TRY(each("SELECT id, name, type, serialization_format FROM topics", [&](sqlite3_stmt* row) {

@@ -271,55 +271,33 @@ struct ApplyOptions {
   std::string as;  // empty: increments as ever, by the unit's counter
 };
 
-void append_row(const ImuSample& sample, std::string& text) {
-  NumberBuffer buffer;
-  text += format_number(sample.counter, buffer);
-  for (const auto& increments : {sample.gyro, sample.accel})
-    for (const double value : increments) {
-      text += ',';
-      text += format_number(value, buffer);
-    }
-  text += '\n';
-}
-
-Status write_csv(RecordingSource& source, const std::string& path) {
-  std::string text = "sample,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps,dv_y_mps,dv_z_mps\n";
-  TRY(check_replaceable(path, text));
-  AtomicFile file = TRY(AtomicFile::create(path));
-  TRY(source.read([&](std::span<const ImuSample> block) {
-    for (const ImuSample& sample : block) append_row(sample, text);
-    Status written = file.write(text);
-    text.clear();
-    return written;
-  }));
-  TRY(file.write(text));
-  return file.commit();
-}
-
-// By the name of the file: a recording, .npy or .mat, or CSV.
-Status write_calibrated(RecordingSource& source, const std::string& path) {
-  if (names_matrix(path)) return write_recording_columns(source, path);
-  if (!path.ends_with(".tcr")) return write_csv(source, path);
-  TRY(check_replaceable(path, recording_beginning));
-  return import_binary(source, path);
-}
-
-// Time, then increments, or the mean rates over the sample that ends at that time.
-SampleColumns timed_columns(const RecordingInfo& info, bool rates) {
-  SampleColumns columns{{"time_s"}, {}};
+// The unit's counter and increments; or time, temperature where there is one, and increments, or the mean rates over the sample that ends then.
+SampleColumns calibrated_columns(const RecordingInfo& info, const std::string& as) {
+  const bool rates = as == "rates", timed = !as.empty(), warm = timed && info.has_temperature;
+  SampleColumns columns{{timed ? "time_s" : "sample"}, {}};
   for (const char* name :
        rates ? std::array{"rate_{}_radps", "force_{}_mps2"} : std::array{"dtheta_{}_rad", "dv_{}_mps"})
     for (const char axis : {'x', 'y', 'z'}) columns.names.push_back(fmt::format(fmt::runtime(name), axis));
-  if (info.has_temperature) columns.names.emplace_back("temperature_c");
-  columns.fill = [info, rates, first = std::optional<std::int64_t>()](const ImuSample& sample,
-                                                                      std::span<double> row) mutable {
+  if (warm) columns.names.emplace_back("temperature_c");
+  columns.fill = [=, period_s = info.sample_period_s, first = std::optional<std::int64_t>()](
+                     const ImuSample& sample, std::span<double> row) mutable {
     first = std::min(first.value_or(sample.counter), sample.counter);
-    row[0] = static_cast<double>(sample.counter - *first) * info.sample_period_s;
+    row[0] = timed ? static_cast<double>(sample.counter - *first) * period_s : static_cast<double>(sample.counter);
     for (std::size_t k = 0; k < 6; ++k)
-      row[k + 1] = (k < 3 ? sample.gyro[k] : sample.accel[k - 3]) / (rates ? info.sample_period_s : 1.0);
-    if (info.has_temperature) row[7] = static_cast<double>(sample.temperature_c);
+      row[k + 1] = (k < 3 ? sample.gyro[k] : sample.accel[k - 3]) / (rates ? period_s : 1.0);
+    if (warm) row[7] = static_cast<double>(sample.temperature_c);
   };
   return columns;
+}
+
+// By the name of the file: a recording, a matrix as export writes it, or columns.
+Status write_calibrated(RecordingSource& source, const ApplyOptions& options) {
+  if (options.out.ends_with(".tcr")) {
+    TRY(check_replaceable(options.out, recording_beginning));
+    return import_binary(source, options.out);
+  }
+  if (options.as.empty() && names_matrix(options.out)) return write_recording_columns(source, options.out);
+  return write_sample_columns(source, calibrated_columns(source.info(), options.as), options.out);
 }
 
 Status apply(const ApplyOptions& options, CommandContext& context) {
@@ -338,10 +316,8 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
                    {"the source", options.recording + "/imu.csv"},
                    {"the source", options.parameters},
                    {"--out", options.out}}));
-  const bool rates = options.as == "rates";
-  TRY(options.as.empty() ? write_calibrated(calibrated, options.out)
-                         : write_sample_columns(calibrated, timed_columns(calibrated.info(), rates), options.out));
-  context.out << "calibrated " << (rates ? "rates" : "increments") << "  " << options.out << std::endl;
+  TRY(write_calibrated(calibrated, options));
+  context.out << "calibrated " << (options.as == "rates" ? "rates" : "increments") << "  " << options.out << std::endl;
   return {};
 }
 

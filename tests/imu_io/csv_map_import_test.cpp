@@ -118,6 +118,10 @@ TEST(CsvMapImport, DefectsOfTheMap) {
   EXPECT_SAYS(with("rate_hz = 100\ntime.column = t\n"), "rate_hz");
   EXPECT_SAYS(with("rate_hz = 100\ngyro.axes = +x, +x, +z\n"), "m.map:10: key 'gyro.axes'");
   EXPECT_SAYS(with("rate_hz = 100\ncolour = red\n"), "colour");
+  EXPECT_SAYS(with("rate_hz = 100\naccel.scale = 1, 0, 1\n"), "key 'accel.scale' = '1, 0, 1'");
+  EXPECT_SAYS(with("rate_hz = 100\ncsv.decimal = comma\n"), "key 'csv.decimal'");
+  EXPECT_SAYS(refusal(replaced(base_map, "ax, ay, az", "ax, ay, gz") + "rate_hz = 100\n", rows(12)),
+              "column 'gz' twice");
   EXPECT_SAYS(with("rate_hz = 100\nstarted_utc = 31.1.2026\n"), "m.map:10: key 'started_utc' = '31.1.2026'");
   EXPECT_SAYS(refusal(replaced(base_map, "deg/s", "rpm") + "rate_hz = 100\n", ""), "expected one of rad/s");
 }
@@ -140,6 +144,32 @@ TEST(ImportForms, BadRowsAreSkippedAndCounted) {
   EXPECT_SAYS(c->first_bad, "d.csv:14: column 'gx' = 'oops'");
   ASSERT_EQ(c->samples.size(), 13u);
   EXPECT_EQ(c->samples.back().counter, 13);  // its number is left out
+}
+
+// The sampling went on while the clock was behind.
+TEST(ImportForms, ARowsNumberIsLeftOutWhereTheClockWasSetBack) {
+  for (const char* how : {"intervals", "period"}) {
+    SCOPED_TRACE(how);
+    std::string csv = "t,gx,gy,gz,ax,ay,az\n";
+    for (int k = 0; k < 300; ++k) csv += std::to_string(0.01 * (k < 100 ? k : k - 50)) + ",102,100,96,0.5,0,1\n";
+    CsvMap map = map_of("time.column = t\ntime.increments = " + std::string(how) + "\n");
+    map.format.skip_bad_rows = true;
+    const Result<CsvImport> c = parse_csv(map, csv, "d.csv");
+    ASSERT_OK(c);
+    EXPECT_NEAR(static_cast<double>(c->bad_rows), 50.0, 6.0);
+    EXPECT_EQ(c->samples.back().counter, 299);
+  }
+}
+
+TEST(ImportForms, QuotesAndDecimalCommas) {
+  std::string csv = "\"gx\";\"gy\";\"gz\";ax;ay;az\n";
+  for (int k = 0; k < 12; ++k) csv += "\"1,5\";-2,25;0;3e-1;1.5;+4,5E1\n";
+  const Result<CsvImport> c =
+      parse_csv(map_of("rate_hz = 100\ncsv.delimiter = semicolon\ncsv.decimal = comma\n"), csv, "d.csv");
+  ASSERT_OK(c);
+  EXPECT_NEAR(c->samples[3].gyro[0], (1.5 - 100.0) * rad_per_deg * 0.01, 1e-12);
+  EXPECT_NEAR(c->samples[3].gyro[1], (-2.25 - 100.0) * rad_per_deg * 0.01, 1e-12);
+  EXPECT_NEAR(c->samples[3].accel[2], 45.0 * 9.80665 * 0.01, 1e-12);
 }
 
 TEST(ImportForms, CommentedHeaderAndBlankTemperature) {

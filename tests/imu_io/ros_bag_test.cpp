@@ -168,6 +168,11 @@ TEST(RosBag, Defects) {
   db3(folder / "c.db3", {imu_topic()});
   std::filesystem::resize_file(folder / "c.db3", 20000);
   EXPECT_TRUE(fails(read_bag(folder / "c.db3", "", false), "cannot read it as a rosbag2 database"));
+  const Result<BagImu> cut = read_bag(folder / "c.db3", "", true);
+  ASSERT_OK(cut);
+  EXPECT_GE(cut->columns[0].values.size(), 20u);
+  EXPECT_LT(cut->columns[0].values.size(), 250u);
+  EXPECT_GE(cut->bad, 1);
   EXPECT_TRUE(fails(read_bag(put(folder, "d.db3", "no database"), "", false),
                     "expected an MCAP file, a .db3 of rosbag2 or a .bag"));
 }
