@@ -87,6 +87,19 @@ std::string undecided_words(const VerificationReport& report) {
   return level.empty() ? heading : heading + "; " + level;
 }
 
+// How near the worst figure comes to a limit, with its guard band: "heading 33 % of its limit (91 % with the guard band)".
+std::string nearness_words(const VerificationReport& report) {
+  const auto words = [&](const char* name, double limit_deg, const NorthFigure& a, const NorthFigure& b) {
+    const auto guarded = [&](const NorthFigure& f) { return f.value_deg + 2.0 * report.guard_factor * f.sigma_deg; };
+    return fmt::format("{} {:.0f} % of its limit ({:.0f} % with the guard band)", name,
+                       100.0 * std::max(a.value_deg, b.value_deg) / limit_deg,
+                       100.0 * std::max(guarded(a), guarded(b)) / limit_deg);
+  };
+  const NorthSeeking& found = report.found;
+  return words("heading", report.heading_limit_deg, found.deviation[0], found.mean_heading) + ", " +
+         words("level", report.level_limit_deg, found.deviation[1], found.deviation[2]);
+}
+
 // Heading, roll and pitch, degrees.
 void add_angles(const std::string& name, const std::array<double, 3>& angles_deg, Table& table) {
   std::vector<Cell> row = {cell::text(name)};
@@ -188,7 +201,7 @@ Document verification_document(const VerificationReport& report) {
                             100.0 * report.false_fail));
   if (const std::string undecided = undecided_words(report); !undecided.empty()) facts.add("", undecided);
   if (!report.trusted) facts.add("", not_trusted_words);
-  facts.add("verdict", std::string(to_string(report.verdict)));
+  facts.add("verdict", std::string(to_string(report.verdict)) + ": " + nearness_words(report));
   document.add(std::move(facts));
   return document;
 }
