@@ -207,8 +207,8 @@ Status allan(const AllanOptions& options, CommandContext& context) {
 }  // namespace
 
 void add_allan_command(CommandLine& line) {
-  const auto [command, options] = line.command<AllanOptions>(
-      "allan", "the noise of a unit at rest: Allan deviation and its coefficients", allan, Output::result);
+  const auto [command, options] =
+      line.command<AllanOptions>("allan", "the noise of a unit at rest: Allan deviation and its coefficients", allan);
   command.option("source", options.source, "recording: a folder or a .tcr file; with --map a CSV, .npy or .mat file")
       .required();
   command.option("--map", options.map, "file on the columns of the table, docs/import.md");

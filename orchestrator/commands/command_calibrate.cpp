@@ -1,4 +1,4 @@
-// `turncal calibrate RECORDING... --out DIR [--method ...]`: writes DIR/parameters.conf from any recording, or from several of one unit. A
+// `turncal calibrate RECORDING... --out DIR [--method ...]`: writes DIR/parameters.conf and report.html from any recording, or from several of one unit. A
 // truth.conf beside the first (as after a dry run) is compared with the result. Exit code 20, the file written, where the data speak
 // against its sigmas.
 //
@@ -51,7 +51,7 @@ struct CalibrateOptions {
   std::vector<std::string> recordings;
   std::string out, format;
   std::string method = calibration_methods[0];
-  bool partial = false;
+  bool partial = false, verbose = false;
   PriorSource prior;
 };
 
@@ -62,6 +62,13 @@ std::optional<ParameterVector> truth_beside(const std::string& recording) {
   if (!fs::exists(file, error)) return std::nullopt;
   const Result<ParameterVector> truth = read_truth(file.string());
   return truth ? std::optional(*truth) : std::nullopt;
+}
+
+// The last lines of a calibration or a diagnosis.
+void say_end(const Document& report, const OutputFolder& folder, std::ostream& out) {
+  out << as_brief_text(report);
+  if (!report.title.empty()) out << "open " << folder.file(report_name) << '\n';
+  out << std::flush;
 }
 
 Status calibrate(const CalibrateOptions& options, CommandContext& context) {
@@ -92,15 +99,16 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   const std::string file = folder.file(parameters_name);
   TRY(write_parameter_file(output.file, file));
   if (statistics) TRY(write_statistics(*statistics, folder.file(statistics_name)));
+  const Document report =
+      calibration_document(output.file, output.notes, output.distrust, truth_beside(options.recordings.front()));
+  TRY(write_file_atomically(folder.file(report_name), as_page(report).html));
   folder.keep();
   if (!options.format.empty()) {
     const std::string text = TRY(format_parameter_file(output.file));
     context.out << key_values_as(options.format, text) << std::flush;
   } else {
-    for (const std::string& note : output.notes) context.out << note << '\n';
-    context.out << '\n'
-                << as_text(result_table(output.file, truth_beside(options.recordings.front()))) << "\nparameters  "
-                << file << std::endl;
+    if (options.verbose) context.out << as_text(report) << "\nparameters  " << file << '\n';
+    say_end(report, folder, context.out);
   }
   if (output.distrust.empty()) return {};
   return Error{ErrorKind::unit_failed, file + ": not trusted: " + output.distrust};
@@ -110,6 +118,7 @@ struct DiagnoseOptions {
   std::vector<std::string> recordings;
   std::vector<std::string> holdouts;
   std::string out, residuals, format;
+  bool verbose = false;
   std::optional<double> arw_deg_per_rt_h;
   std::optional<double> vrw_ug_per_rt_hz;
   double gyro_bias_instability_degph = 0.0;
@@ -158,7 +167,7 @@ Result<std::vector<LoadedRecording>> load(const std::vector<std::string>& paths,
   std::vector<LoadedRecording> all;
   for (const std::string& path : paths) {
     const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(path));
-    if (!source->segments().empty()) phases.begin("reading " + path);
+    phases.begin("reading " + path);
     all.push_back(TRY(load_recording(*source, [&](std::int64_t count) { phases.samples(count); })));
   }
   return all;
@@ -220,12 +229,16 @@ Status diagnose(const DiagnoseOptions& options, CommandContext& context) {
     return {};
   }
   const DiagnosisFiles& files = output.files;
-  context.out << '\n' << as_text(files.report, diagnosis_lines) << '\n';
+  // Without a page the terminal is all there is.
+  if (options.verbose || files.report.title.empty())
+    context.out << '\n'
+                << as_text(files.report, diagnosis_lines) << "\ndiagnosis   " << folder.file(diagnosis_name) << '\n';
+  if (options.verbose) {
+    if (files.parameters) context.out << "parameters  " << folder.file(parameters_name) << '\n';
+    context.out << significant(monotonic_s() - began_s, 2) << " s\n";
+  }
   if (!plot_problem.empty()) context.out << "report without plots: " << plot_problem << '\n';
-  if (!files.report.title.empty()) context.out << "report      " << folder.file(report_name) << '\n';
-  context.out << "diagnosis   " << folder.file(diagnosis_name) << '\n';
-  if (files.parameters) context.out << "parameters  " << folder.file(parameters_name) << '\n';
-  context.out << significant(monotonic_s() - began_s, 2) << " s" << std::endl;
+  say_end(files.report, folder, context.out);
   return {};
 }
 
@@ -350,12 +363,13 @@ void add_calibrate_command(CommandLine& line) {
       line.command<CalibrateOptions>("calibrate", "estimate the parameters from a recording", calibrate);
   command.option("recording", options.recordings, "a folder (binary or text form) or a .tcr file; several of one unit")
       .required();
-  command.option("--out", options.out, "folder for parameters.conf").required();
+  command.option("--out", options.out, "folder for parameters.conf and report.html").required();
   command.option("--method", options.method, "how to estimate")
       .one_of(std::vector<std::string>(std::begin(calibration_methods), std::end(calibration_methods)))
       .default_in_help();
   command.format(options.format, "print parameters.conf in this form instead of words");
   command.flag("--partial", options.partial, "write a result even if some parameters are not determined");
+  command.flag("--verbose", options.verbose, "print all 24 parameters, and what the data lacked");
   command.option("--prior", options.prior.from,
                  "what earlier calibrations say: a results database, a store of `turncal recalibrate`, or a folder "
                  "with runs below it");
@@ -374,6 +388,7 @@ void add_diagnose_command(CommandLine& line) {
               "left out in turn")
       .one_word_each();
   command.option("--out", options.out, "folder for parameters.conf, diagnosis.conf and report.html").required();
+  command.flag("--verbose", options.verbose, "print the tables of the report, too");
   command.option("--residuals", options.residuals, "writes the residuals to this file, too: .csv, .npy or .mat");
   command.option("--format", options.format, "print diagnosis.conf in this form instead of words").one_of(data_formats);
   command.option("--arw", options.arw_deg_per_rt_h, "angle random walk, deg/sqrt(h): noise given, not measured")

@@ -58,24 +58,6 @@ Status check_option(const char* option, double value, double min, double max, bo
       format_number(max));
 }
 
-// A time as people write it, from 1 s to 24 h: 1h, 90min, 5400s or 5400.
-Result<double> parse_time_s(const char* option, const std::string& text) {
-  constexpr double longest_s = 86400.0;
-  std::string_view number = text;
-  double unit = 1.0;
-  for (const auto& [name, seconds] : {std::pair{"min", 60.0}, std::pair{"h", 3600.0}, std::pair{"s", 1.0}}) {
-    if (!number.ends_with(name)) continue;
-    number.remove_suffix(std::string_view(name).size());
-    unit = seconds;
-    break;
-  }
-  const std::optional<double> value = parse_number(number);
-  if (!value || *value * unit < 1.0 || *value * unit > longest_s)
-    return input_error(std::string(option) + " '" + text +
-                       "': expected a time from 1s to 24h, like 1h, 90min or 5400s");
-  return *value * unit;
-}
-
 Status check_site(const PlannedSite& site) {
   TRY(check_option("--latitude", site.latitude_deg.value_or(0.0), site_latitude_deg.min, site_latitude_deg.max));
   TRY(check_option("--gravity", site.gravity_mps2.value_or(standard_gravity_mps2), site_gravity_mps2.min,
@@ -125,7 +107,7 @@ struct PredictRequest {
   bool effects = false;
   double temperature_rise_c = 0.0;  // 0: the temperature stands still
   double temperature_tau_s = 2400.0;
-  std::string navigate;  // how long; empty: not asked
+  double navigate_s = 0.0;  // 0: not asked
   double align_s = 300.0;
   std::string format;  // json; empty: words
 };
@@ -133,7 +115,6 @@ struct PredictRequest {
 Status check_request(const PredictRequest& r) {
   TRY(check_site(r.site));
   TRY(check_option("--temperature-rise", r.temperature_rise_c, -100.0, 100.0));
-  TRY(check_option("--temperature-tau", r.temperature_tau_s, 1.0, 1e6));
   if (r.temperature_rise_c != 0.0 && !r.effects)
     return input_error(
         "--temperature-rise changes nothing without --effects: the 24 parameters do not depend on temperature");
@@ -152,7 +133,7 @@ Status run_predict(const PredictRequest& request, CommandContext& context) {
   TRY(check_request(request));
   DriftPlan drift_plan;
   drift_plan.align_s = request.align_s;
-  if (!request.navigate.empty()) drift_plan.free_s = TRY(parse_time_s("--navigate", request.navigate));
+  if (request.navigate_s > 0.0) drift_plan.free_s = request.navigate_s;
   const PlannedUnit unit = TRY(planned_unit(request.site));
   PredictOptions options;
   options.noise = noise_model(request.site);
@@ -185,7 +166,7 @@ Status run_predict(const PredictRequest& request, CommandContext& context) {
   document.section("sigmas", "Sigma of each parameter");
   document.add(sigma_table(columns, unit.info));
   add_undetermined(columns, document);
-  if (!request.navigate.empty()) {
+  if (request.navigate_s > 0.0) {
     if (Status status = check_navigation_latitude(unit.info.latitude_deg); !status)
       return input_error("--navigate: " + status.error().message);
     std::vector<std::pair<std::string, ExpectedDrift>> drifts;
@@ -205,14 +186,15 @@ Status run_predict(const PredictRequest& request, CommandContext& context) {
 }
 
 constexpr double longest_design_s = 43200.0;  // that is looked for, with --sigma
-constexpr const char* longest_extra_legs = "10min";
+constexpr double longest_extra_legs_s = 600.0;
 constexpr double usual_acceleration_degps2 = 20.0;                     // where the table may
 constexpr std::string_view first_words = "# Found by turncal design";  // of the file
 
 struct DesignOptions {
   PlannedSite site;
-  DesignTask task;  // least_rest_s, effects and tries of it
-  std::string time, sigma, separate, from, start, out, criterion = "mean";
+  DesignTask task;      // least_rest_s, effects and tries of it
+  double time_s = 0.0;  // 0: not given
+  std::string sigma, separate, from, start, out, criterion = "mean";
   std::vector<std::string> axes, rates;
   std::optional<double> acceleration_degps2;
   int seed = 1;
@@ -309,7 +291,7 @@ class Designer {
       return input_error("--separate: expected neither --sigma nor --effects beside it");
     if (options_.separate.empty() != options_.from.empty())
       return input_error("--separate, --from: expected both, an effect and the recording that it was found in");
-    if (options_.separate.empty() && options_.time.empty() == options_.sigma.empty())
+    if (options_.separate.empty() && (options_.time_s > 0.0) == !options_.sigma.empty())
       return input_error("expected --time or --sigma, one of them");
     // Before minutes of search, not after them.
     TRY(check_replaceable(options_.out, first_words));
@@ -331,8 +313,7 @@ class Designer {
         columns_.pop_back();
       }
     } else {
-      const double time_s = TRY(parse_time_s("--time", options_.time));
-      task_.time_s = time_s;
+      task_.time_s = options_.time_s;
       TRY(search());
     }
     const std::string bound = bound_text(columns_.back().prediction);
@@ -360,7 +341,7 @@ class Designer {
 
   // The shortest legs that tell the class of an effect apart, after the recording it was found in.
   Status separate() {
-    const double time_s = TRY(parse_time_s("--time", options_.time.empty() ? longest_extra_legs : options_.time));
+    const double time_s = options_.time_s > 0.0 ? options_.time_s : longest_extra_legs_s;
     const LoadedRecording loaded = TRY(load_recording(options_.from));
     TRY(check_data(loaded));
     if (loaded.by_hand)
@@ -503,21 +484,22 @@ void add_site_options(const Command& command, PlannedSite& site) {
 
 void add_predict_command(CommandLine& line) {
   const auto [command, request] = line.command<PredictRequest>(
-      "predict", "the sigma each parameter would have after a sequence; nothing moves", run_predict, Output::result);
+      "predict", "the sigma each parameter would have after a sequence; nothing moves", run_predict);
   command.option("--sequence", request.sequences, "sequence file; several stand side by side").required();
   add_site_options(command, request.site);
   command.flag("--effects", request.effects, "the smallest effects that would be caught, and which are confused");
   command.option("--temperature-rise", request.temperature_rise_c, "C over the run, for --effects").default_in_help();
-  command.option("--temperature-tau", request.temperature_tau_s, "its time constant, s").default_in_help();
-  command.option("--navigate", request.navigate, "drift of free navigation after this time: 1h, 90min, 5400s");
-  command.option("--align", request.align_s, "alignment before it, s").range(20.0, 86400.0).default_in_help();
+  command.option("--temperature-tau", request.temperature_tau_s, "its time constant").time(1.0, 1e6).default_in_help();
+  command.option("--navigate", request.navigate_s, "predict the drift of free navigation after this time")
+      .time(1.0, 86400.0);
+  command.option("--align", request.align_s, "alignment before it").time(20.0, 86400.0).default_in_help();
   command.option("--format", request.format, "print it in this form instead of words").one_of({"json"});
 }
 
 void add_design_command(CommandLine& line) {
   const auto [command, options] =
       line.command<DesignOptions>("design", "find a sequence with small sigmas in a given time; nothing moves", design);
-  command.option("--time", options.time, "length of the run: 40min, 2h, 2400");
+  command.option("--time", options.time_s, "length of the run").time(1.0, 86400.0);
   command.option("--sigma", options.sigma,
                  "in place of it: a file of sigmas (N01 = 0.003); the shortest run that gives them");
   command.option("--separate", options.separate,
@@ -534,7 +516,7 @@ void add_design_command(CommandLine& line) {
   command.option("--rate", options.rates, "rates to choose from, deg/s; default: 10, or what the axis may");
   command.option("--acceleration", options.acceleration_degps2, "deg/s^2; default: 20, or what the table may")
       .positive();
-  command.option("--least-rest", options.task.least_rest_s, "of a rest, s").range(2.0, 3600.0).default_in_help();
+  command.option("--least-rest", options.task.least_rest_s, "shortest rest").time(2.0, 3600.0).default_in_help();
   command.option("--seed", options.seed, "of the search").range(0, 1000000000).default_in_help();
   command.option("--tries", options.task.tries, "walks to judge").range(1, 1000000).default_in_help();
 }

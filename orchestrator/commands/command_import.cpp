@@ -39,6 +39,7 @@
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/jobs/navigation/foreign_forms.h"
 #include "orchestrator/jobs/navigation/navigation_job.h"
@@ -111,17 +112,7 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   SegmentationOptions segmentation;
   segmentation.min_rest_s = options.min_rest_s;
   segmentation.threshold = options.threshold;
-  RestFinder finder(source.info(), segmentation);
-  TRY(source.read([&](std::span<const ImuSample> samples) {
-    finder.add(samples);
-    return Status();
-  }));
-  const Segmentation found = finder.finish();
-  if (found.segments.empty())
-    return input_error(options.source + ": no rest found: " +
-                       (options.threshold ? "no stretch of " + format_number(options.min_rest_s) +
-                                                " s stays below the threshold " + format_number(*options.threshold)
-                                          : found.reason));
+  const Segmentation found = TRY(find_rests(source, segmentation));
   print_segmentation(found, source.info(), found.segments.front().start_sample, context.out);
   TRY(import_binary(source, found.segments, folder.file(binary_recording_name)));
   folder.keep();
@@ -424,7 +415,7 @@ void add_segment_command(CommandLine& line) {
   command
       .option("--threshold", options.threshold, "variance over the quiet one at which a rest ends; default: looked for")
       .range(1.0, 1e12);
-  command.option("--min-rest", options.min_rest_s, "shortest rest, s").range(0.1, 3600.0);
+  command.option("--min-rest", options.min_rest_s, "shortest rest").time(0.1, 3600.0).default_in_help();
 }
 
 void add_import_command(CommandLine& line) {
@@ -496,14 +487,14 @@ void add_navigate_command(CommandLine& line) {
   command.option("--reference", request.reference,
                  "where the unit truly was: a table of time_s, latitude_deg, longitude_deg (docs/navigation.md)");
   command.option("--out", options.out, "folder for navigation.conf, track.csv, navigation.svg").required();
-  command.option("--align", request.align_s, "length of the alignment, s").range(20.0, 86400.0).default_in_help();
-  command.option("--from", request.from_s, "where to begin, s from the first sample")
-      .range(0.0, longest_recording_s)
+  command.option("--align", request.align_s, "length of the alignment").time(20.0, 86400.0).default_in_help();
+  command.option("--from", request.from_s, "where to begin, from the first sample")
+      .time(0.0, longest_recording_s)
       .default_in_help();
-  command.option("--to", request.to_s, "where to end, s; default: the end of the recording")
-      .range(0.0, longest_recording_s);
-  command.option("--for", request.free_s, "length of each free navigation, s; default: an hour, or what there is")
-      .range(1.0, longest_recording_s);
+  command.option("--to", request.to_s, "where to end; default: the end of the recording")
+      .time(0.0, longest_recording_s);
+  command.option("--for", request.free_s, "length of each free navigation; default: an hour, or what there is")
+      .time(1.0, longest_recording_s);
   command.option("--branches", request.branches, "starts, spread over the recording").range(1, 1000).default_in_help();
   command.format(options.format, "print navigation.conf in this form instead of words");
 }

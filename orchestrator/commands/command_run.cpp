@@ -167,9 +167,10 @@ std::string another_sequence(const RunPlan& asked, const std::string& folder) {
 Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& turn, const std::string& tag,
                 CommandContext& context) {
   const std::string name = (turn.units.size() > 1 ? "units " : "unit ") + join(turn.units);
-  context.out << tag << name << " in " << turn.folder << std::endl;
   RunRequest request = options.request;
   request.units = turn.units;
+  request.session.brief = !request.session.verbose;
+  if (!request.session.brief) context.out << tag << name << " in " << turn.folder << std::endl;
   RunRequest resumed;
   resumed.session = request.session;
   const bool begun = path_exists(turn.folder + "/" + journal_name);
@@ -199,7 +200,7 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
     if (reason.starts_with(head)) reason.erase(0, head.size());
     TRY(record_outcome(options.queue, {unit.serial, unit.outcome, now_utc(), reason}));
     context.out << tag << "unit " << unit.serial << ": " << unit.outcome << (reason.empty() ? "" : ": " + reason)
-                << std::endl;
+                << (path_exists(unit.folder) ? "; " + unit.folder : "") << std::endl;
   }
   return stops;
 }
@@ -361,8 +362,8 @@ void add_resume_command(CommandLine& line) {
 }
 
 void add_journal_command(CommandLine& line) {
-  const auto [command, options] = line.command<JournalOptions>(
-      "journal", "print the journal of a run, one line a record", print_journal, Output::result);
+  const auto [command, options] =
+      line.command<JournalOptions>("journal", "print the journal of a run, one line a record", print_journal);
   command.option("folder", options.folder, "the run's folder").required();
   command.format(options.format, "print every field of every record in this form");
 }

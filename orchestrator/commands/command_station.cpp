@@ -8,9 +8,11 @@
 // `turncal serve`: what several stations do, on a page of a process of its own, whether a run is going on or not.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <iterator>
 #include <memory>
 #include <thread>
 #include <vector>
@@ -118,23 +120,27 @@ std::string caution_of(const TableConfig& table) {
 
 bool is_commissioned(const TableConfig& table) { return !table.described() || table.described()->commissioned; }
 
-// What is left to be done at the station itself before a run can begin, a line each.
-std::vector<std::string> left_to_do(const StationConfig& station) {
-  std::vector<std::string> lines;
+// What the station's files still lack: `blocks` keeps every run from it, `doubts` are for somebody to look at.
+struct Against {
+  std::vector<std::string> blocks, doubts;
+};
+
+Against against(const StationConfig& station) {
+  Against found;
   const TableConfig& table = station.table;
-  const auto unset = [&lines](const std::string& key, const std::string& value) {
+  const auto unset = [&found](const std::string& key, const std::string& value) {
     if (value.find("SET-ME") != std::string::npos)
-      lines.push_back(key + " = " + turncal::quoted(value) + ": expected the name of this station's line");
+      found.blocks.push_back(key + " = " + turncal::quoted(value) + ": expected the name of this station's line");
   };
   if (table.link()) unset("table.address", table.link()->address);
   if (station.imu) unset("imu.device", station.imu->settings.device);
   if (!is_commissioned(table))
-    lines.push_back("the table is not commissioned: turncal commission comes before the first run");
-  const std::vector<std::string> guesses = guesses_of(station, false);
-  lines.insert(lines.end(), guesses.begin(), guesses.end());
+    found.blocks.push_back("the table is not commissioned: turncal commission comes before the first run");
+  if (const std::string caution = caution_of(table); !caution.empty()) found.doubts.push_back("table: " + caution);
+  std::ranges::copy(guesses_of(station, false), std::back_inserter(found.doubts));
   if (!guesses_of(station, true).empty())
-    lines.push_back("some of these guesses decide what moves: commission needs --accept-guess");
-  return lines;
+    found.doubts.push_back("some of these guesses decide what moves: commission needs --accept-guess");
+  return found;
 }
 
 void print_table(const StationConfig& station, std::ostream& out) {
@@ -379,67 +385,71 @@ Status serve(const ServeOptions& options, CommandContext& context) {
 }  // namespace
 
 int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err) {
+  const auto refuse = [&err](const Error& error) {
+    err << in_tone(err, Tone::bad, error_prefix) << error.message << "\n";
+    return exit_code(error.kind);
+  };
   const Result<StationConfig> station = read_station_config(options.station);
   if (options.explain && station) print_table(*station, out);
   if (options.sequence.empty()) {
-    if (!station) err << station.error().message << "\n";
-    if (station && !options.explain) err << "--sequence is required: the sequence file (or --explain alone)\n";
-    if (!station || !options.explain) return exit_code(ErrorKind::input);
-    for (const std::string& line : left_to_do(*station)) err << "warning: " << line << "\n";
+    if (!station) return refuse(station.error());
+    if (!options.explain) return refuse(input_error("--sequence is required: the sequence file (or --explain alone)"));
+    const Against found = against(*station);
+    for (const std::vector<std::string>& lines : {found.blocks, found.doubts})
+      for (const std::string& line : lines) err << "warning: " << line << "\n";
     return 0;
   }
   Result<Sequence> sequence = read_sequence(options.sequence);
   const Result<RecordingInfo> info = station ? info_of(*station) : Result<RecordingInfo>(RecordingInfo{});
   for (const Error* error :
        {station ? nullptr : &station.error(), info ? nullptr : &info.error(), sequence ? nullptr : &sequence.error()}) {
-    if (error != nullptr) err << error->message << "\n";
+    if (error != nullptr) refuse(*error);
   }
   if (!station || !sequence || !info) return exit_code(ErrorKind::input);
   // A station whose unit is the rig's is rehearsed with --dry-run; a real unit does not feel what a mock table does.
-  if (station->table.driver == TableDriver::mock && station->imu_driver != ImuDriver::rig) {
-    err << check_real_devices(*station).error().message << "\n";
-    return exit_code(ErrorKind::input);
-  }
-  if (const std::string caution = caution_of(station->table); !caution.empty())
-    err << "warning: table: " << caution << "\n";
-  for (const std::string& line : left_to_do(*station)) err << "warning: " << line << "\n";
+  if (station->table.driver == TableDriver::mock && station->imu_driver != ImuDriver::rig)
+    return refuse(check_real_devices(*station).error());
+  Against found = against(*station);
   const PlanLimits limits = plan_limits(*station, info->sample_period_s);
   Plan plan = make_plan(*sequence, limits);
   const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
   if ((station->verify_run || options.verify) && keys.empty()) {  // as a run does, but with --partial
-    if (const Result<int> from = append_north_seeking(*station, *sequence); !from) {
-      err << from.error().message << "\n";
-      return exit_code(from.error().kind);
-    }
+    if (const Result<int> from = append_north_seeking(*station, *sequence); !from) return refuse(from.error());
     plan = make_plan(*sequence, limits);
   }
   print_plan(*sequence, *station, plan, out);
   if (!station->simulated() && station->table.driver != TableDriver::manual)
     out << "Computer  " << RealTime().text() << "\n";
-  for (const std::string& violation : plan.violations) err << violation << "\n";
   if (!keys.empty()) out << "\nThis sequence " << coverage_text(keys) << ".\n";
-  const std::vector<Error> found = preflight({.station = *station,
-                                              .plan = plan,
-                                              .folder = options.out,
-                                              .units = options.units,
-                                              .utc_s = wall_utc_s(),
-                                              .simulated = station->simulated(),
-                                              .overdue_reason = options.overdue_reason});
-  for (const Error& error : found) err << error.message << "\n";
+  const std::vector<Error> refused = preflight({.station = *station,
+                                                .plan = plan,
+                                                .folder = options.out,
+                                                .units = options.units,
+                                                .utc_s = wall_utc_s(),
+                                                .simulated = station->simulated(),
+                                                .overdue_reason = options.overdue_reason});
   if (const std::string trouble = server_trouble(*station); !trouble.empty())
-    err << "warning: " << trouble << "; a run would keep its rows in " << station->outbox << " and send them later\n";
-  if (found.empty()) out << "\nWhat can be written, the room for it, hooks and due dates are in order.\n";
-  const bool good = plan.ok() && found.empty();
-  out << (!good ? "\nThe station cannot run this sequence.\n"
+    found.doubts.push_back(trouble + "; a run would keep its rows in " + station->outbox + " and send them later");
+  const bool only_storage = plan.ok() && found.blocks.empty() && !refused.empty();
+  found.blocks.insert(found.blocks.begin(), plan.violations.begin(), plan.violations.end());
+  for (const Error& error : refused) found.blocks.push_back(error.message);
+  for (const std::string& line : found.blocks) refuse({ErrorKind::input, line});
+  for (const std::string& line : found.doubts) err << "warning: " << line << "\n";
+  if (refused.empty()) out << "\nOutput folder, disk space, hooks and due dates are in order.\n";
+  // The last lines stand by themselves: the plan above them is longer than a screen.
+  const bool good = found.blocks.empty();
+  out << (!good ? "\nThe station cannot run this sequence:\n"
           : keys.empty()
               ? "\nThe station can run this sequence.\n"
               : "\nThe station can run this sequence with --partial or --capture-only; without, it is refused.\n");
-  return good ? 0 : exit_code(plan.ok() ? found.front().kind : ErrorKind::input);
+  for (const std::string& line : found.blocks) out << "  " << line << "\n";
+  for (const std::string& line : found.doubts) out << "  warning: " << line << "\n";
+  return good ? 0 : exit_code(only_storage ? refused.front().kind : ErrorKind::input);
 }
 
 void add_check_command(CommandLine& line) {
-  const auto [command, options] = line.command<CheckOptions>(
-      "check", "validate station and sequence, print the plan; nothing moves", check, Output::result);
+  const auto [command, options] =
+      line.command<CheckOptions>("check", "validate station and sequence, print the plan; nothing moves", check);
   command.option("--station", options.station, "station configuration; default: the built-in rig station");
   command.option("--sequence", options.sequence, "sequence file; needed unless --explain is given");
   command.flag("--explain", options.explain,
@@ -481,7 +491,8 @@ void add_monitor_command(CommandLine& line) {
   const auto [command, options] = line.command<MonitorOptions>(
       "monitor", "look at a station's table and unit, one line a second; nothing is moved", run_monitor);
   command.option("--station", options.station, "station configuration").required();
-  command.option("--seconds", options.seconds, "how long, in the station's time; default: until a signal").positive();
+  command.option("--seconds", options.seconds, "how long, in the station's time; default: until a signal")
+      .time(0.001, 1e9);
 }
 
 void add_twin_command(CommandLine& line) {

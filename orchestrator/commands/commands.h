@@ -12,34 +12,32 @@ namespace turncal {
 
 void add_run_command(CommandLine& line);
 void add_resume_command(CommandLine& line);
-void add_journal_command(CommandLine& line);
-void add_twin_command(CommandLine& line);
-void add_monitor_command(CommandLine& line);
-void add_commission_command(CommandLine& line);
 void add_check_command(CommandLine& line);
-void add_predict_command(CommandLine& line);
-void add_design_command(CommandLine& line);
+void add_commission_command(CommandLine& line);
+void add_monitor_command(CommandLine& line);
+void add_twin_command(CommandLine& line);
+void add_verify_command(CommandLine& line);
+void add_journal_command(CommandLine& line);
 void add_import_command(CommandLine& line);
 void add_export_command(CommandLine& line);
 void add_segment_command(CommandLine& line);
-void add_allan_command(CommandLine& line);
+void add_apply_command(CommandLine& line);
+void add_convert_command(CommandLine& line);
 void add_calibrate_command(CommandLine& line);
 void add_diagnose_command(CommandLine& line);
-void add_apply_command(CommandLine& line);
+void add_allan_command(CommandLine& line);
 void add_navigate_command(CommandLine& line);
-void add_verify_command(CommandLine& line);
-void add_certificate_command(CommandLine& line);
-void add_convert_command(CommandLine& line);
+void add_predict_command(CommandLine& line);
+void add_design_command(CommandLine& line);
 void add_batch_command(CommandLine& line);
 void add_queue_command(CommandLine& line);
 void add_serve_command(CommandLine& line);
-void add_history_command(CommandLine& line);
 void add_shift_command(CommandLine& line);
-void add_recalibrate_command(CommandLine& line);
 void add_fleet_command(CommandLine& line);
-void add_database_command(CommandLine& line);
-void add_restore_command(CommandLine& line);
-void add_prune_command(CommandLine& line);
+void add_recalibrate_command(CommandLine& line);
+void add_history_command(CommandLine& line);
+void add_certificate_command(CommandLine& line);
+void add_records_command(CommandLine& line);
 
 struct RunRequest;
 // Options that several commands have.

@@ -39,6 +39,7 @@ struct RunRequest {
     std::string listen;    // where the status page listens; empty: none
     double pace = 0.0;     // how many times as fast as the wall clock a dry run may go; 0: as it can
     bool verbose = false;  // every transition on the terminal
+    bool brief = false;    // neither transitions nor results on it: whoever began the run says how it ended
   } session;
   bool rehearsal() const { return dry_run && manual; }
 };

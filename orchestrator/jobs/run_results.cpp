@@ -370,8 +370,8 @@ Status verdict_status(const std::string& unit, const VerdictReport& report) {
 void print_results(Run& run, double wall_s, std::ostream& out) {
   for (RunUnit& unit : run.units) {
     if (unit.dropped || !unit.status) continue;
-    if (run.units.size() > 1) out << "unit " << unit.serial << ":\n";
-    print_unit(run, unit, wall_s, out);
+    if (run.units.size() > 1 && !run.request.session.brief) out << "unit " << unit.serial << ":\n";
+    if (!run.request.session.brief) print_unit(run, unit, wall_s, out);
     unit.status = verdict_status(unit.serial, unit.verdict);
   }
 }

@@ -421,6 +421,8 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
   Document document{"turncal diagnosis, unit " + unit, "Calibration diagnosis, unit " + unit};
   add_identity(context, document);
   document.add(Paragraph{parts.sentence, "verdict " + std::string(to_string(diagnosis.verdict))}, Scope::page);
+  document.add(verdict_facts(verdict_title(diagnosis.verdict), diagnosis.trusted, brief_reason(diagnosis)),
+               Scope::brief);
   document.add(Facts{{{context.of_run ? "diagnosis" : "verdict", parts.sentence}}}, Scope::terminal);
   if (!parts.reason.empty()) document.soft("Reason: " + parts.reason + ".");
   const bool both = has_after(diagnosis);

@@ -252,7 +252,8 @@ DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& r, const RestData& data
   DiagnosisFiles files{{}, format_diagnosis(d), std::nullopt};
   if (!r.base.converged) {  // not fitted: nothing to report but why
     for (const std::string& note : context.notes) files.report.add(Paragraph{note, "note"});
-    files.report.add(Facts{{{"verdict", verdict_sentence(d)}}});
+    files.report.add(Facts{{{"verdict", verdict_sentence(d)}}}, Scope::terminal);
+    files.report.add(verdict_facts(verdict_title(d.verdict), false, brief_reason(d)), Scope::brief);
     return files;
   }
   const std::vector<ErrorRow> errors = error_rows(r);

@@ -13,6 +13,7 @@
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/report/allan_report.h"
+#include "orchestrator/report/report.h"
 
 namespace turncal {
 
@@ -90,8 +91,9 @@ Table result_table(const ParameterFile& file, const std::optional<ParameterVecto
     const double estimate = file.parameters[at], sigma = file.sigma[i].value_or(0.0);
     const double true_value = truth ? (*truth)[at] : 0.0, error = estimate - true_value;
     table.row({name(parameter_keys[i]), text(parameter_unit(parameter_keys[i], file.gyro_increment)),
-               fixed(estimate, 10), fixed(true_value, 10), number(fmt::format("{:.3e}", error), error),
-               sigma > 0.0 ? number(fmt::format("{:.2e}", sigma), sigma) : number("-"),
+               with_sigma(estimate, sigma), with_sigma(true_value, sigma),
+               sigma > 0.0 ? with_sigma(error, sigma) : number(error, 3),
+               sigma > 0.0 ? number(fmt::format("{:.1e}", sigma), sigma) : number("-"),
                sigma > 0.0 ? number(fmt::format("{:+.2f}", error / sigma), error / sigma) : number("-")});
   }
   if (!truth) {
@@ -99,6 +101,29 @@ Table result_table(const ParameterFile& file, const std::optional<ParameterVecto
     table.drop(3, 2);
   }
   return table;
+}
+
+Document calibration_document(const ParameterFile& file, const std::vector<std::string>& notes,
+                              const std::string& distrust, const std::optional<ParameterVector>& truth) {
+  Document document{"turncal calibration, unit " + file.unit_serial, "Calibration, unit " + file.unit_serial};
+  document.soft("Recording with content " + file.recording_hash + "; method " + file.method + ".");
+  if (file.simulated)
+    document.add(Paragraph{"Simulated data: these are not the parameters of a real unit.", "loud"}, Scope::page);
+  const std::string* const open = find_further(file, "quality.undetermined");
+  const bool partial = open != nullptr && !open->empty();
+  document.add(
+      verdict_facts(partial ? "Calibrated in part" : "Calibrated", is_trusted(file),
+                    !distrust.empty() ? distrust
+                    : partial         ? "not determined: " + *open
+                    : is_trusted(file)
+                        ? "the data do not contradict the 24 parameters (turncal diagnose looks for what is missing)"
+                        : "too little data to judge the fit"),
+      Scope::brief);
+  for (const std::string& note : notes) document.add(Paragraph{note, "note"});
+  document.section("parameters", "The 24 parameters");
+  document.add(result_table(file, truth));
+  document.soft("turncal " + file.software_version + ", " + file.time_utc);
+  return document;
 }
 
 void add_predicted_drift(const std::vector<std::pair<std::string, ExpectedDrift>>& columns, const DriftPlan& plan,

@@ -206,7 +206,7 @@ TEST_F(Archive, IsAResultsDatabase) {
   std::filesystem::remove_all(path("runs/SN4"));
   const ProgramResult again = run({"recalibrate", path("results.db"), "--no-diagnosis", "--out", path("store")});
   EXPECT_SAYS(again.out, "1 done, 0 were there, 0 cannot be calibrated, 1 cannot be read") << again.out << again.err;
-  EXPECT_EQ(run({"database", "copy", path("results.db"), path("copy.db")}).code, 0);
+  EXPECT_EQ(run({"records", "copy", path("results.db"), path("copy.db")}).code, 0);
   EXPECT_EQ(run({"fleet", "diagnose", path("copy.db"), "--format", "csv"}).out, of_files.out);
 }
 
