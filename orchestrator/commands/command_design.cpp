@@ -16,6 +16,7 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/base/text_pieces.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/jobs/calibration_job.h"
@@ -231,9 +232,12 @@ Status choose(const DesignOptions& options, DesignTask& task) {
                          format_number(limits.max_acceleration_degps2) + ", what the table's " + to_string(axis) +
                          " axis may do");
   }
+  std::vector<std::string> known;
+  for (const PredictedEffect& e : task.effect_aims) known.emplace_back(e.column.entry->name);
   for (const std::string& name : task.effects)
-    if (std::ranges::none_of(task.effect_aims, [&](const PredictedEffect& e) { return e.column.entry->name == name; }))
-      return input_error("--effects " + name + ": expected an effect of the catalogue (docs/effect-components.md)");
+    if (std::ranges::find(known, name) == known.end())
+      return input_error("--effects " + name + ": expected an effect of the catalogue (docs/effect-components.md)" +
+                         did_you_mean(name, known));
   return {};
 }
 
@@ -474,26 +478,33 @@ Status design(const DesignOptions& options, CommandContext& context) { return De
 
 void add_site_options(const Command& command, PlannedSite& site) {
   command.option("--station", site.station, "station configuration; default: the built-in rig station");
-  command.option("--latitude", site.latitude_deg, "deg; default: the station's");
-  command.option("--gravity", site.gravity_mps2, "m/s^2; default: the station's");
+  command.option("--latitude", site.latitude_deg, "latitude, degrees; default: the station's");
+  command.option("--gravity", site.gravity_mps2, "gravity, m/s^2; default: the station's");
   command.option("--arw", site.arw_deg_per_rt_h, "angle random walk, deg/sqrt(h)").default_in_help();
   command.option("--vrw", site.vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").default_in_help();
-  command.option("--gyro-bias-instability", site.gyro_bias_instability_degph, "deg/h").default_in_help();
-  command.option("--accel-bias-instability", site.accel_bias_instability_ug, "ug").default_in_help();
+  command.option("--gyro-bias-instability", site.gyro_bias_instability_degph, "bias instability of the gyros, deg/h")
+      .default_in_help();
+  command
+      .option("--accel-bias-instability", site.accel_bias_instability_ug, "bias instability of the accelerometers, ug")
+      .default_in_help();
 }
 
 void add_predict_command(CommandLine& line) {
   const auto [command, request] = line.command<PredictRequest>(
-      "predict", "the sigma each parameter would have after a sequence; nothing moves", run_predict);
-  command.option("--sequence", request.sequences, "sequence file; several stand side by side").required();
+      "predict", "predict the sigma of each parameter after a sequence; nothing moves", run_predict);
+  command.option("--sequence", request.sequences, "sequence file; several are compared side by side").required();
   add_site_options(command, request.site);
-  command.flag("--effects", request.effects, "the smallest effects that would be caught, and which are confused");
-  command.option("--temperature-rise", request.temperature_rise_c, "C over the run, for --effects").default_in_help();
-  command.option("--temperature-tau", request.temperature_tau_s, "its time constant").time(1.0, 1e6).default_in_help();
+  command.flag("--effects", request.effects,
+               "report the smallest effects that would be detected, and which are confounded");
+  command.option("--temperature-rise", request.temperature_rise_c, "temperature rise over the run, C, for --effects")
+      .default_in_help();
+  command.option("--temperature-tau", request.temperature_tau_s, "time constant of the temperature rise")
+      .time(1.0, 1e6)
+      .default_in_help();
   command.option("--navigate", request.navigate_s, "predict the drift of free navigation after this time")
       .time(1.0, 86400.0);
-  command.option("--align", request.align_s, "alignment before it").time(20.0, 86400.0).default_in_help();
-  command.option("--format", request.format, "print it in this form instead of words").one_of({"json"});
+  command.option("--align", request.align_s, "alignment before the navigation").time(20.0, 86400.0).default_in_help();
+  command.option("--format", request.format, "print the result in this form instead of text").one_of({"json"});
 }
 
 void add_design_command(CommandLine& line) {
@@ -501,24 +512,26 @@ void add_design_command(CommandLine& line) {
       line.command<DesignOptions>("design", "find a sequence with small sigmas in a given time; nothing moves", design);
   command.option("--time", options.time_s, "length of the run").time(1.0, 86400.0);
   command.option("--sigma", options.sigma,
-                 "in place of it: a file of sigmas (N01 = 0.003); the shortest run that gives them");
+                 "in place of --time: a file of sigmas (N01 = 0.003); finds the shortest run that gives them");
   command.option("--separate", options.separate,
-                 "an effect of a diagnosis: the shortest legs, at most --time (10min), that tell it from its aliases");
-  command.option("--from", options.from, "the recording, or run, with that diagnosis");
-  command.option("--out", options.out, "the sequence file to write").required();
+                 "an effect of a diagnosis: the shortest legs, at most --time (10min), that tell it from the effects "
+                 "it is confounded with");
+  command.option("--from", options.from, "recording or run with that diagnosis");
+  command.option("--out", options.out, "sequence file to write").required();
   add_site_options(command, options.site);
-  command.option("--start", options.start, "sequence whose turns the search begins with; default: the fourteen steps");
-  command.option("--aim", options.criterion, "make the mean of all sigmas small, or the worst")
+  command.option("--start", options.start, "sequence that the search starts from; default: the fourteen steps");
+  command.option("--aim", options.criterion, "minimise the mean of all sigmas, or the worst")
       .one_of({"mean", "worst"})
       .default_in_help();
-  command.option("--effects", options.task.effects, "effects of the catalogue that it should show");
+  command.option("--effects", options.task.effects, "effects of the catalogue that the sequence should show");
   command.option("--axes", options.axes, "axes that may turn: heading, pitch, roll; default: all");
-  command.option("--rate", options.rates, "rates to choose from, deg/s; default: 10, or what the axis may");
-  command.option("--acceleration", options.acceleration_degps2, "deg/s^2; default: 20, or what the table may")
+  command.option("--rate", options.rates, "rates to choose from, deg/s; default: 10, or the axis limit");
+  command
+      .option("--acceleration", options.acceleration_degps2, "acceleration, deg/s^2; default: 20, or the table limit")
       .positive();
   command.option("--least-rest", options.task.least_rest_s, "shortest rest").time(2.0, 3600.0).default_in_help();
-  command.option("--seed", options.seed, "of the search").range(0, 1000000000).default_in_help();
-  command.option("--tries", options.task.tries, "walks to judge").range(1, 1000000).default_in_help();
+  command.option("--seed", options.seed, "seed of the search").range(0, 1000000000).default_in_help();
+  command.option("--tries", options.task.tries, "number of candidate sequences").range(1, 1000000).default_in_help();
 }
 
 }  // namespace turncal

@@ -20,6 +20,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
+#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/run.h"
@@ -92,8 +93,8 @@ Result<Document> comparison(const Calibrations& all, const std::vector<std::int6
     if (other == b->values.end()) continue;
     const double difference = other->value - value.value;
     const double sigma = std::hypot(value.sigma.value_or(0.0), other->sigma.value_or(0.0));
-    table.row({name(value.key), as("{:.10g}", value.value), as("{:.10g}", other->value), as("{:.3e}", difference),
-               sigma > 0.0 ? fixed(difference / sigma, 2) : number("-")});
+    table.row({name(value.key), with_sigma(value.value, sigma), with_sigma(other->value, sigma),
+               with_sigma(difference, sigma), sigma > 0.0 ? fixed(difference / sigma, 2) : number("-")});
   }
   document.add(std::move(table));
   return document;
@@ -101,7 +102,8 @@ Result<Document> comparison(const Calibrations& all, const std::vector<std::int6
 
 Result<Document> parameter_document(const Calibrations& all, const std::string& key) {
   if (std::ranges::find(parameter_keys, key) == parameter_keys.end())
-    return input_error("--parameter '" + key + "': expected one of the 24 keys, N01 to a33");
+    return input_error("--parameter '" + key + "': expected one of the 24 keys, N01 to a33" +
+                       did_you_mean(key, {parameter_keys.begin(), parameter_keys.end()}));
   const ParameterHistory history = parameter_history(all, key);
   const ControlChart& chart = history.chart;
   Document document{"", "Parameter " + key};
@@ -109,14 +111,17 @@ Result<Document> parameter_document(const Calibrations& all, const std::string& 
   for (std::size_t i = 0; i < history.values.size(); ++i) {
     const bool outside = std::ranges::find(chart.outside, i) != chart.outside.end();
     table.row({count(static_cast<std::size_t>(history.of[i]->id)), name(history.of[i]->unit),
-               text(history.of[i]->time_utc), as("{:.8g}", history.values[i]), as("{:.2e}", history.sigmas[i]),
-               text(outside ? "outside the control limits" : "")});
+               text(history.of[i]->time_utc), with_sigma(history.values[i], history.sigmas[i].value_or(0.0)),
+               as("{:.1e}", history.sigmas[i]), text(outside ? "outside the control limits" : "")});
   }
   document.add(std::move(table));
-  const auto said = [](std::optional<double> value) { return as("{:.8g}", value).words; };
-  document.text(fmt::format("{}: n {}, mean {:.8g}, control limits {} .. {}, limits {} .. {}, Cpk {}", key, chart.count,
-                            chart.mean, said(chart.lower), said(chart.upper), said(history.limit.min),
-                            said(history.limit.max), chart.cpk ? fmt::format("{:.2f}", chart.cpk->value) : "-"));
+  const auto said = [&](std::optional<double> value) {
+    return value ? value_with_sigma(*value, chart.sigma.value_or(0.0)) : "-";
+  };
+  document.text(fmt::format("{}: n {}, mean {}, control limits {} .. {}, limits {} .. {}, Cpk {}", key, chart.count,
+                            said(chart.mean), said(chart.lower), said(chart.upper),
+                            as("{:.8g}", history.limit.min).words, as("{:.8g}", history.limit.max).words,
+                            chart.cpk ? fmt::format("{:.2f}", chart.cpk->value) : "-"));
   return document;
 }
 
@@ -428,10 +433,10 @@ Status prune(const PruneOptions& options, CommandContext& context) {
 }  // namespace
 
 void add_filter_options(const Command& command, RecordFilter& filter) {
-  command.option("--station", filter.station, "of this station only");
-  command.option("--part", filter.part, "of this part only");
-  command.option("--from", filter.from, "from this time on, UTC: 2026-01-31 or 2026-01-31T06:00:00Z");
-  command.option("--to", filter.to, "up to this time; a date: to its end");
+  command.option("--station", filter.station, "only this station");
+  command.option("--part", filter.part, "only this part");
+  command.option("--from", filter.from, "start of the period, UTC: 2026-01-31 or 2026-01-31T06:00:00Z");
+  command.option("--to", filter.to, "end of the period, UTC; a date includes the whole day");
 }
 
 void add_history_command(CommandLine& line) {
@@ -439,28 +444,29 @@ void add_history_command(CommandLine& line) {
       line.command<HistoryOptions>("history", "list, compare and export what is in the results database", show_history);
   command.option("database", options.database, "the station's record.database").required();
   add_filter_options(command, options.filter);
-  command.option("--unit", options.filter.unit, "of this unit only");
-  command.option("--verdict", options.filter.verdict, "with this verdict or outcome only: pass, hold, dropped, ...");
-  command.flag("--attempts", options.attempts, "every attempt, also those that were refused, aborted, or failed");
-  command.option("--compare", options.compare, "two ids: the differences of one unit's parameters").words(2);
-  command.flag("--control", options.control, "every parameter over all calibrations: control limits and Cpk");
+  command.option("--unit", options.filter.unit, "only this unit");
+  command.option("--verdict", options.filter.verdict, "only this verdict or outcome: pass, hold, dropped, ...");
+  command.flag("--attempts", options.attempts, "list every attempt, including those refused, aborted or failed");
+  command.option("--compare", options.compare, "compare two calibrations of one unit, by id").words(2);
+  command.flag("--control", options.control, "control limits and Cpk of every parameter over all calibrations");
   command.option("--parameter", options.parameter, "one parameter, calibration by calibration");
-  command.option("--report", options.report, "writes a page (HTML) with the control charts of every parameter");
-  command.flag("--simulated", options.simulated, "of the dry runs, for --control, --parameter and --report");
-  command.flag("--together", options.together, "charts of all units in one: the spread between them");
-  command.option("--csv", options.csv, "writes the calibrations with all values to this file");
-  command.format(options.format, "print the calibrations with all values in this form; json: of the others, too");
+  command.option("--report", options.report, "write a page (HTML) with the control charts of every parameter");
+  command.flag("--simulated", options.simulated, "use dry runs for --control, --parameter and --report");
+  command.flag("--together", options.together, "chart all units together: the spread between them");
+  command.option("--csv", options.csv, "write the calibrations with all values to this file");
+  command.format(options.format,
+                 "print the calibrations with all values in this form; json: also with the other options");
 }
 
 void add_shift_command(CommandLine& line) {
-  const auto [command, options] = line.command<ShiftOptions>(
-      "shift", "the report of a shift: yield, reasons, hours, control charts, stations", run_shift);
+  const auto [command, options] =
+      line.command<ShiftOptions>("shift", "report a shift: yield, reasons, hours, control charts, stations", run_shift);
   command.option("database", options.database, "the station's record.database").required();
   add_filter_options(command, options.filter);
-  command.flag("--simulated", options.simulated, "of the dry runs, which are in no report with real units");
+  command.flag("--simulated", options.simulated, "report dry runs, which are never mixed with real units");
   command.option("--out", options.out, "folder for the report: shift.html and its tables as CSV");
-  command.option("--format", options.format, "print the report in this form instead of words").one_of({"json"});
-  command.flag("--pdf", options.pdf, "with --out: shift.pdf too, by weasyprint");
+  command.option("--format", options.format, "print the report in this form instead of text").one_of({"json"});
+  command.flag("--pdf", options.pdf, "with --out: also write shift.pdf (needs weasyprint)");
 }
 
 void add_records_command(CommandLine& line) {

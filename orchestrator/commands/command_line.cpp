@@ -10,7 +10,6 @@
 #include <cstdint>
 #include <exception>
 #include <optional>
-#include <ranges>
 #include <type_traits>
 
 #include <CLI/CLI.hpp>
@@ -70,24 +69,20 @@ CLI::Validator word_of(const std::vector<std::string>& values) {
       fmt::format("{{{}}}", fmt::join(values, ",")));
 }
 
-constexpr std::pair<const char*, double> time_units[] = {{"min", 60.0}, {"h", 3600.0}, {"d", 86400.0}, {"s", 1.0}};
-
-// A time becomes a number of `unit`.
+// A time becomes a number of `unit`, s or d.
 CLI::Validator time_in(double low, double high, const std::string& unit) {
-  const double unit_s = std::ranges::find(time_units, unit, [](const auto& u) { return std::string(u.first); })->second;
   return CLI::Validator(
       [=](std::string& text) {
         std::string_view number = text;
         double scale = 1.0;
-        for (const auto& [name, seconds] : time_units) {
-          if (!number.ends_with(name)) continue;
-          number.remove_suffix(std::string_view(name).size());
-          scale = seconds / unit_s;
-          break;
-        }
+        for (const auto& [name, seconds] : {std::pair{"min", 60.0}, {"h", 3600.0}, {"d", 86400.0}, {"s", 1.0}})
+          if (text.ends_with(name)) {
+            number.remove_suffix(std::string_view(name).size());
+            scale = seconds / (unit == "d" ? 86400.0 : 1.0);
+          }
         const std::optional<double> value = parse_number(number);
         if (!value || !(*value * scale >= low && *value * scale <= high))
-          return fmt::format("'{}': expected a time from {:g}{} to {:g}{}, like 90s, 40min, 2h", text, low, unit, high,
+          return fmt::format("'{0}': expected a time from {1:g}{3} to {2:g}{3}, like 90s, 40min, 2h", text, low, high,
                              unit);
         text = format_number(*value * scale);
         return std::string();
@@ -97,17 +92,14 @@ CLI::Validator time_in(double low, double high, const std::string& unit) {
 
 // Lines of at most 100 characters; what stands in the column of descriptions goes on there.
 std::string wrapped(const std::string& help) {
-  constexpr std::size_t width = 100, column = 30;
+  constexpr std::size_t width = 100;
   std::string result;
   for (std::string_view rest = help; !rest.empty();) {
     std::string line(next_line(rest));
-    const std::size_t indent = line.starts_with("  ") ? column : 0;
-    while (line.size() > width) {
-      const std::size_t blank = line.rfind(' ', width);
-      if (blank == std::string::npos || blank <= indent) break;
-      result += line.substr(0, blank) + '\n';
-      line = std::string(indent, ' ') + line.substr(blank + 1);
-    }
+    const std::size_t column = line.starts_with("  ") ? 30 : 0;
+    for (; line.size() > width && line.find(' ', column) < width;
+         line = std::string(column, ' ') + line.substr(line.rfind(' ', width) + 1))
+      result += line.substr(0, line.rfind(' ', width)) + '\n';
     result += line + '\n';
   }
   return result;
@@ -119,36 +111,27 @@ class HelpText : public CLI::Formatter {
   }
 };
 
-// The two lines of examples.txt for "turncal run", or for turncal itself.
+// The lines of examples.txt for "turncal run", or for turncal itself: the first two.
 std::string examples_of(const std::string& command) {
   std::string text = "Examples:";
   int found = 0;
-  for (std::string_view rest = command_examples; !rest.empty() && found < 2;) {
-    const std::string_view line = next_line(rest);
-    if (line.starts_with(command + " ") && ++found > 0) text += "\n  " + std::string(line);
-  }
+  for (std::string_view rest = command_examples; !rest.empty() && found < 2;)
+    if (const std::string_view line = next_line(rest); line.starts_with(command + " ") && ++found > 0)
+      text += "\n  " + std::string(line);
   return text;
 }
 
-// Names of the version before.
-constexpr std::pair<const char*, std::string_view> old_names[] = {
-    {"database", "records"}, {"restore", "records restore"}, {"prune", "records prune"}};
-
-// The words of the command line, the last one first, as CLI11 takes them.
+// The words of the command line, the last one first, as CLI11 takes them. What was a command in the version before is an action now.
 std::vector<std::string> words_of(int argc, const char* const* argv, std::ostream& err) {
   std::vector<std::string> words(argv + 1, argv + argc);
-  if (words.empty()) return words;
-  if (words.front() == "help") {
+  const std::string first = words.empty() ? "" : words.front();
+  if (first == "help") {
     words.erase(words.begin());
     words.emplace_back("--help");
-  }
-  for (const auto& [old, now] : old_names) {
-    if (words.front() != old) continue;
-    err << error_prefix << "'turncal " << old << "' is 'turncal " << now
-        << "' now; the old name goes with the next version" << std::endl;
-    words.erase(words.begin());
-    for (const std::string_view word : split_words(now) | std::views::reverse) words.emplace(words.begin(), word);
-    break;
+  } else if (first == "database" || first == "restore" || first == "prune") {
+    first == "database" ? void(words.front() = "records") : void(words.insert(words.begin(), "records"));
+    err << fmt::format("{0}'turncal {1}' is 'turncal records{2}' now; the old name goes with the next version\n",
+                       error_prefix, first, first == "database" ? "" : " " + first);
   }
   std::ranges::reverse(words);
   return words;
@@ -258,7 +241,7 @@ int run_command_line(int argc, const char* const* argv, const std::vector<Comman
     CommandLine line(app, context);
     for (const CommandGroup& group : groups) {
       line.set_group(group.name);
-      for (const AddCommand add : group.commands) add(line);
+      for (AddCommand* const add : group.commands) add(line);
     }
     try {
       app.parse(words_of(argc, argv, context.err));

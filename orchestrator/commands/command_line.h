@@ -80,11 +80,11 @@ class CommandLine {
   std::string group_ = "Actions";
 };
 
-using AddCommand = void (*)(CommandLine& line);  // adds one command
+using AddCommand = void(CommandLine& line);  // adds one command
 // As `turncal --help` lists them.
 struct CommandGroup {
   std::string name;
-  std::vector<AddCommand> commands;
+  std::vector<AddCommand*> commands;
 };
 
 // `help X` is X --help. A name that a command had in the version before is answered with the new one, and works.

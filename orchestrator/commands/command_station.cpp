@@ -452,34 +452,32 @@ void add_check_command(CommandLine& line) {
       line.command<CheckOptions>("check", "validate station and sequence, print the plan; nothing moves", check);
   command.option("--station", options.station, "station configuration; default: the built-in rig station");
   command.option("--sequence", options.sequence, "sequence file; needed unless --explain is given");
-  command.flag("--explain", options.explain,
-               "print what the table is sent and what its answers mean, for each operation and axis, to be held "
-               "against its manual");
-  command.flag("--verify", options.verify, "with the north seeking after it, as run --verify");
-  command.option("--override-due", options.overdue_reason, "accept a table whose calibration is overdue, as run does");
-  command.option("--out", options.out, "folder that a run is to write to: can it, and is there room?");
-  command.option("--unit", options.units, "serial number of a unit to be run").one_word_each();
+  command.flag(
+      "--explain", options.explain,
+      "print what each operation sends to the table and what its answers mean, to be checked against its manual");
+  command.flag("--verify", options.verify, "include the north seeking of run --verify");
+  command.option("--override-due", options.overdue_reason,
+                 "reason for using a table whose calibration is overdue, as for run");
+  command.option("--out", options.out, "folder of the run: check that it can be written and has room");
+  command.option("--unit", options.units, "serial number of a unit").one_word_each();
 }
 
 void add_commission_command(CommandLine& line) {
   const auto [command, options] = line.command<Options>(
-      "commission", "compare a table with known angles, then move each axis a little and see the unit feel it",
+      "commission", "compare a table with known angles, then move each axis a little and check that the unit senses it",
       run_commission);
   command.option("--station", options.station, "station configuration").required();
-  const Option heading =
-      command.option("--heading", options.heading, "angle at which the axis stands now, degrees; not 0");
-  const Option pitch = command.option("--pitch", options.pitch, "the same");
-  const Option roll = command.option("--roll", options.roll, "the same");
+  const Option heading = command.option("--heading", options.heading, "angle of the heading axis now, degrees; not 0");
+  const Option pitch = command.option("--pitch", options.pitch, "the same of the pitch axis");
+  const Option roll = command.option("--roll", options.roll, "the same of the roll axis");
   heading.needs(pitch).needs(roll);
   pitch.needs(heading);
   roll.needs(heading);
   command.flag("--accept-guess", options.accept_guess,
-               "although lines of the table's file that decide what moves are marked as guesses");
-  command.option("--tolerance", options.tolerance_deg, "of these angles, degrees").positive();
-  command.option("--move", options.settings.move_deg, "how far each axis is moved, degrees").range(0.5, 30.0);
-  command
-      .option("--pose", options.settings.pose_deg,
-              "how far pitch and roll are tilted to compare gravity, degrees at most")
+               "go ahead although lines that decide what moves are marked as guesses");
+  command.option("--tolerance", options.tolerance_deg, "tolerance of these angles, degrees").positive();
+  command.option("--move", options.settings.move_deg, "travel of each axis, degrees").range(0.5, 30.0);
+  command.option("--pose", options.settings.pose_deg, "largest tilt of pitch and roll to compare gravity, degrees")
       .range(30.0, 90.0);
   command
       .option("--gyro-pulse-arcsec", options.settings.gyro_pulse_arcsec,
@@ -489,7 +487,7 @@ void add_commission_command(CommandLine& line) {
 
 void add_monitor_command(CommandLine& line) {
   const auto [command, options] = line.command<MonitorOptions>(
-      "monitor", "look at a station's table and unit, one line a second; nothing is moved", run_monitor);
+      "monitor", "show a station's table and unit, one line a second; nothing moves", run_monitor);
   command.option("--station", options.station, "station configuration").required();
   command.option("--seconds", options.seconds, "how long, in the station's time; default: until a signal")
       .time(0.001, 1e9);
@@ -498,7 +496,7 @@ void add_monitor_command(CommandLine& line) {
 void add_twin_command(CommandLine& line) {
   const auto [command, options] = line.command<TwinCommandOptions>(
       "twin", "serve the simulated table and unit of a station on real lines", run_twin);
-  command.option("--station", options.station, "station configuration: which lines, which map or dialect, which frame")
+  command.option("--station", options.station, "station configuration: its lines, map or dialect, and frame")
       .required();
   command.option("--rig", options.rig,
                  "rig configuration (docs/rig.md); default: rig.file of the station, or the built-in one");
@@ -511,9 +509,9 @@ void add_twin_command(CommandLine& line) {
 }
 
 void add_serve_command(CommandLine& line) {
-  const auto [command, options] =
-      line.command<ServeOptions>("serve", "show what stations do, and what waits for a person, as a page", serve);
-  command.option("stations", options.file, "file that names the stations, their queues and folders").required();
+  const auto [command, options] = line.command<ServeOptions>(
+      "serve", "serve a page that shows what the stations do and what waits for a person", serve);
+  command.option("stations", options.file, "file with the stations, their queues and folders").required();
   command.option("--listen", options.listen, "address and port of the page").default_in_help();
 }
 

@@ -282,7 +282,7 @@ Status rests_by_hand(const CompressedRecording& recording, bool partial, Calibra
                          std::to_string(data.legs.size()) + " rotations by hand, settled after " +
                          std::to_string(fit.iterations) + " iterations");
   output.notes.push_back("errors: " + plain(error_text(fit.errors)));
-  output.notes.push_back("left out in turn: " + plain(error_text(fit.left_out)));
+  output.notes.push_back("cross-validation: " + plain(error_text(fit.left_out)));
   for (std::size_t k = 0; k < data.legs.size(); ++k)
     if (!data.legs[k].fault.empty())
       output.notes.push_back("rotation " + std::to_string(k + 1) + " set aside: " + data.legs[k].fault);

@@ -323,7 +323,7 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
 
 void end_without_storage(const std::string& why, const std::string& path, const std::string& then,
                          CommandContext& context) {
-  context.err << context.tag << "turncal: " << why << "; nothing more could be written to " << path
+  context.err << context.tag << error_prefix << why << "; nothing more could be written to " << path
               << ", and the program ends without waiting for it; when the disk answers again: turncal " << then
               << std::endl;
   std::_Exit(exit_code(ErrorKind::device));

@@ -26,7 +26,7 @@ struct NavigationWorth {
   std::size_t branches = 0;
   double free_s = 0.0;                                  // of the first branch
   double before = 0.0, after = 0.0;                     // the 24 parameters alone; with the effects
-  double noise = 0.0;                                   // what noise alone lets expect
+  double noise = 0.0;                                   // what noise alone would give
   std::vector<std::pair<std::string, double>> effects;  // each: what leaving it out moves the track by
 };
 

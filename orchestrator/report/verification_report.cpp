@@ -110,7 +110,7 @@ void add_angles(const std::string& name, const std::array<double, 3>& angles_deg
 }  // namespace
 
 std::string gravity_words(const FeltSite& felt, double of_recording_mps2) {
-  return fmt::format("{:.5f} m/s^2 felt, the recording says {:.5f}", felt.gravity_mps2, of_recording_mps2);
+  return fmt::format("{:.5f} m/s^2 estimated, the recording says {:.5f}", felt.gravity_mps2, of_recording_mps2);
 }
 
 void add_faults(const std::vector<std::string>& faults, Document& document) {
@@ -120,8 +120,9 @@ void add_faults(const std::vector<std::string>& faults, Document& document) {
 }
 
 std::string latitude_words(const FeltSite& felt, double of_recording_deg) {
-  return fmt::format("{:.3f} +- {:.3f} deg felt, the recording says {:.4f}", felt.latitude_rad / rad_per_deg,
-                     felt.sigma_rad / rad_per_deg, of_recording_deg);
+  return fmt::format("{} estimated, the recording says {:.4f}",
+                     plain(quantity(felt.latitude_rad / rad_per_deg, felt.sigma_rad / rad_per_deg, "deg")),
+                     of_recording_deg);
 }
 
 std::string format_verification(VerificationReport report) {
@@ -183,11 +184,10 @@ Document verification_document(const VerificationReport& report) {
     document.add(std::move(table));
   }
   Facts facts;
-  facts.add("heading",
-            fmt::format(
-                "largest deviation {:.6f} +- {:.6f}, means off the table by {:.6f} +- {:.6f} deg (rms); limit {:g}: {}",
-                found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
-                found.mean_heading.sigma_deg, report.heading_limit_deg, to_string(report.heading)));
+  facts.add("heading", fmt::format("largest deviation {}, means off the table by {} (rms); limit {:g}: {}",
+                                   quantity(found.deviation[0].value_deg, found.deviation[0].sigma_deg, "deg"),
+                                   quantity(found.mean_heading.value_deg, found.mean_heading.sigma_deg, "deg"),
+                                   report.heading_limit_deg, to_string(report.heading)));
   facts.add("level", fmt::format("largest deviation of roll {:.6f}, of pitch {:.6f} deg; limit {:g}: {}",
                                  found.deviation[1].value_deg, found.deviation[2].value_deg, report.level_limit_deg,
                                  to_string(report.level)));

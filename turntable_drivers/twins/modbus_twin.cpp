@@ -35,11 +35,8 @@ std::uint16_t code_of(const MapAxis& axis, const StatusBit& first, const DriveFl
 // A drive that has lost its master shows the alarm that says so; one that the map has no text for, where none does.
 double watchdog_alarm(const std::map<long, std::string>& texts) {
   for (const auto& [code, text] : texts)
-    for (const char* word : {"communication", "watchdog", "heartbeat", "timeout", "time-out"})
-      if (text.find(word) != std::string::npos) return static_cast<double>(code);
-  double code = 1.0;
-  for (const auto& entry : texts) code += static_cast<double>(entry.first) == code ? 1.0 : 0.0;
-  return code;
+    if (text.find("communication") != std::string::npos) return static_cast<double>(code);
+  return texts.empty() ? 1.0 : static_cast<double>(texts.rbegin()->first + 1);
 }
 
 constexpr int addressed = 3;  // of Operands: the axis that is written to
