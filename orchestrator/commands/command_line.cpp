@@ -176,7 +176,9 @@ const Option& Option::one_of(const std::vector<std::string>& values) const {
 }
 const Option& Option::time(double low, double high, const std::string& unit) const {
   option_->type_name("TIME")->transform(time_in(low, high, unit));
-  return option_->description(option_->get_description() + " (90s, 40min, 2h; a bare number: " + unit + ")"), *this;
+  return option_->description(option_->get_description() +
+                              " (90s, 40min, 2h, 30d; a bare number: " + (unit == "d" ? "days)" : "seconds)")),
+         *this;
 }
 const Option& Option::needs(const Option& other) const { return option_->needs(other.option_), *this; }
 const Option& Option::words(int count) const { return option_->expected(count), *this; }
@@ -235,6 +237,7 @@ int run_command_line(int argc, const char* const* argv, const std::vector<Comman
   try {
     CLI::App app("Calibrates a strapdown laser-gyro IMU on a three-axis turntable.", "turncal");
     app.formatter(std::make_shared<HelpText>());
+    app.set_help_flag("-h,--help", "print this help and exit");
     app.set_version_flag("-V,--version", std::string("turncal ") + software_version(), "print the version and exit");
     app.require_subcommand(1);
     app.footer(examples_of("turncal"));
