@@ -306,7 +306,7 @@ class Diagnosing {
     const OmnibusTest* worst = d_.omnibus.worst();
     if (!d_.omnibus.passed()) {
       d_.verdict = Verdict::unexplained;
-      d_.reason = fmt::format("{}: chi-square {:.1f} of {:.0f} ({}), which noise does once in 1e{:.0f} recordings",
+      d_.reason = fmt::format("{}: chi-square {:.1f} of {:.0f} ({}), expected by chance once in 10^{:.0f} recordings",
                               worst->what, worst->chi_square, worst->degrees, worst->family, -worst->log10_p);
       d_.unexplained_pattern = worst->what;
       d_.statements.nodes.clear();  // probabilities are of the terms that there are, and there is something else

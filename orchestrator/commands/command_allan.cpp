@@ -171,7 +171,7 @@ Status write_result(const std::string& out, const AllanReport& report, const Doc
     files.push_back({folder.file("allan.svg"), "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n" + drawn->front() + "\n"});
   TRY(write_files_atomically(files));
   folder.keep();
-  if (!page.plot_problem.empty()) context.err << page.plot_problem << '\n';
+  if (!page.plot_problem.empty()) context.warn("report without plots: " + page.plot_problem);
   return {};
 }
 
@@ -208,13 +208,13 @@ Status allan(const AllanOptions& options, CommandContext& context) {
 
 void add_allan_command(CommandLine& line) {
   const auto [command, options] = line.command<AllanOptions>(
-      "allan", "the noise of a unit at rest: Allan deviation and its coefficients", allan, Output::result);
+      "allan", "report the noise of a unit at rest: Allan deviation and its coefficients", allan);
   command.option("source", options.source, "recording: a folder or a .tcr file; with --map a CSV, .npy or .mat file")
       .required();
-  command.option("--map", options.map, "file on the columns of the table, docs/import.md");
-  command.option("--against", options.against, "another such source, or a parameter file (.conf), shown beside it");
+  command.option("--map", options.map, "file that describes the columns (docs/import.md)");
+  command.option("--against", options.against, "second source, or a parameter file (.conf), to compare with");
   command.option("--out", options.out, "folder for allan.html, allan.svg, allan.csv, imu.yaml");
-  command.format(options.format, "print the result in this form instead of words");
+  command.format(options.format, "print the result in this form instead of text");
 }
 
 }  // namespace turncal

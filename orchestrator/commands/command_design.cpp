@@ -16,6 +16,7 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/base/text_pieces.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/jobs/calibration_job.h"
@@ -56,24 +57,6 @@ Status check_option(const char* option, double value, double min, double max, bo
       std::string(option) + " = " + format_number(value) + ": expected a number " +
       (min_excluded ? "above " + format_number(min) + " and not above " : "from " + format_number(min) + " to ") +
       format_number(max));
-}
-
-// A time as people write it, from 1 s to 24 h: 1h, 90min, 5400s or 5400.
-Result<double> parse_time_s(const char* option, const std::string& text) {
-  constexpr double longest_s = 86400.0;
-  std::string_view number = text;
-  double unit = 1.0;
-  for (const auto& [name, seconds] : {std::pair{"min", 60.0}, std::pair{"h", 3600.0}, std::pair{"s", 1.0}}) {
-    if (!number.ends_with(name)) continue;
-    number.remove_suffix(std::string_view(name).size());
-    unit = seconds;
-    break;
-  }
-  const std::optional<double> value = parse_number(number);
-  if (!value || *value * unit < 1.0 || *value * unit > longest_s)
-    return input_error(std::string(option) + " '" + text +
-                       "': expected a time from 1s to 24h, like 1h, 90min or 5400s");
-  return *value * unit;
 }
 
 Status check_site(const PlannedSite& site) {
@@ -125,7 +108,7 @@ struct PredictRequest {
   bool effects = false;
   double temperature_rise_c = 0.0;  // 0: the temperature stands still
   double temperature_tau_s = 2400.0;
-  std::string navigate;  // how long; empty: not asked
+  double navigate_s = 0.0;  // 0: not asked
   double align_s = 300.0;
   std::string format;  // json; empty: words
 };
@@ -133,7 +116,6 @@ struct PredictRequest {
 Status check_request(const PredictRequest& r) {
   TRY(check_site(r.site));
   TRY(check_option("--temperature-rise", r.temperature_rise_c, -100.0, 100.0));
-  TRY(check_option("--temperature-tau", r.temperature_tau_s, 1.0, 1e6));
   if (r.temperature_rise_c != 0.0 && !r.effects)
     return input_error(
         "--temperature-rise changes nothing without --effects: the 24 parameters do not depend on temperature");
@@ -152,7 +134,7 @@ Status run_predict(const PredictRequest& request, CommandContext& context) {
   TRY(check_request(request));
   DriftPlan drift_plan;
   drift_plan.align_s = request.align_s;
-  if (!request.navigate.empty()) drift_plan.free_s = TRY(parse_time_s("--navigate", request.navigate));
+  if (request.navigate_s > 0.0) drift_plan.free_s = request.navigate_s;
   const PlannedUnit unit = TRY(planned_unit(request.site));
   PredictOptions options;
   options.noise = noise_model(request.site);
@@ -185,7 +167,7 @@ Status run_predict(const PredictRequest& request, CommandContext& context) {
   document.section("sigmas", "Sigma of each parameter");
   document.add(sigma_table(columns, unit.info));
   add_undetermined(columns, document);
-  if (!request.navigate.empty()) {
+  if (request.navigate_s > 0.0) {
     if (Status status = check_navigation_latitude(unit.info.latitude_deg); !status)
       return input_error("--navigate: " + status.error().message);
     std::vector<std::pair<std::string, ExpectedDrift>> drifts;
@@ -205,14 +187,15 @@ Status run_predict(const PredictRequest& request, CommandContext& context) {
 }
 
 constexpr double longest_design_s = 43200.0;  // that is looked for, with --sigma
-constexpr const char* longest_extra_legs = "10min";
+constexpr double longest_extra_legs_s = 600.0;
 constexpr double usual_acceleration_degps2 = 20.0;                     // where the table may
 constexpr std::string_view first_words = "# Found by turncal design";  // of the file
 
 struct DesignOptions {
   PlannedSite site;
-  DesignTask task;  // least_rest_s, effects and tries of it
-  std::string time, sigma, separate, from, start, out, criterion = "mean";
+  DesignTask task;      // least_rest_s, effects and tries of it
+  double time_s = 0.0;  // 0: not given
+  std::string sigma, separate, from, start, out, criterion = "mean";
   std::vector<std::string> axes, rates;
   std::optional<double> acceleration_degps2;
   int seed = 1;
@@ -249,9 +232,12 @@ Status choose(const DesignOptions& options, DesignTask& task) {
                          format_number(limits.max_acceleration_degps2) + ", what the table's " + to_string(axis) +
                          " axis may do");
   }
+  std::vector<std::string> known;
+  for (const PredictedEffect& e : task.effect_aims) known.emplace_back(e.column.entry->name);
   for (const std::string& name : task.effects)
-    if (std::ranges::none_of(task.effect_aims, [&](const PredictedEffect& e) { return e.column.entry->name == name; }))
-      return input_error("--effects " + name + ": expected an effect of the catalogue (docs/effect-components.md)");
+    if (std::ranges::find(known, name) == known.end())
+      return input_error("--effects " + name + ": expected an effect of the catalogue (docs/effect-components.md)" +
+                         did_you_mean(name, known));
   return {};
 }
 
@@ -309,7 +295,7 @@ class Designer {
       return input_error("--separate: expected neither --sigma nor --effects beside it");
     if (options_.separate.empty() != options_.from.empty())
       return input_error("--separate, --from: expected both, an effect and the recording that it was found in");
-    if (options_.separate.empty() && options_.time.empty() == options_.sigma.empty())
+    if (options_.separate.empty() && (options_.time_s > 0.0) == !options_.sigma.empty())
       return input_error("expected --time or --sigma, one of them");
     // Before minutes of search, not after them.
     TRY(check_replaceable(options_.out, first_words));
@@ -331,8 +317,7 @@ class Designer {
         columns_.pop_back();
       }
     } else {
-      const double time_s = TRY(parse_time_s("--time", options_.time));
-      task_.time_s = time_s;
+      task_.time_s = options_.time_s;
       TRY(search());
     }
     const std::string bound = bound_text(columns_.back().prediction);
@@ -360,7 +345,7 @@ class Designer {
 
   // The shortest legs that tell the class of an effect apart, after the recording it was found in.
   Status separate() {
-    const double time_s = TRY(parse_time_s("--time", options_.time.empty() ? longest_extra_legs : options_.time));
+    const double time_s = options_.time_s > 0.0 ? options_.time_s : longest_extra_legs_s;
     const LoadedRecording loaded = TRY(load_recording(options_.from));
     TRY(check_data(loaded));
     if (loaded.by_hand)
@@ -493,50 +478,60 @@ Status design(const DesignOptions& options, CommandContext& context) { return De
 
 void add_site_options(const Command& command, PlannedSite& site) {
   command.option("--station", site.station, "station configuration; default: the built-in rig station");
-  command.option("--latitude", site.latitude_deg, "deg; default: the station's");
-  command.option("--gravity", site.gravity_mps2, "m/s^2; default: the station's");
+  command.option("--latitude", site.latitude_deg, "latitude, degrees; default: the station's");
+  command.option("--gravity", site.gravity_mps2, "gravity, m/s^2; default: the station's");
   command.option("--arw", site.arw_deg_per_rt_h, "angle random walk, deg/sqrt(h)").default_in_help();
   command.option("--vrw", site.vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").default_in_help();
-  command.option("--gyro-bias-instability", site.gyro_bias_instability_degph, "deg/h").default_in_help();
-  command.option("--accel-bias-instability", site.accel_bias_instability_ug, "ug").default_in_help();
+  command.option("--gyro-bias-instability", site.gyro_bias_instability_degph, "bias instability of the gyros, deg/h")
+      .default_in_help();
+  command
+      .option("--accel-bias-instability", site.accel_bias_instability_ug, "bias instability of the accelerometers, ug")
+      .default_in_help();
 }
 
 void add_predict_command(CommandLine& line) {
   const auto [command, request] = line.command<PredictRequest>(
-      "predict", "the sigma each parameter would have after a sequence; nothing moves", run_predict, Output::result);
-  command.option("--sequence", request.sequences, "sequence file; several stand side by side").required();
+      "predict", "predict the sigma of each parameter after a sequence; nothing moves", run_predict);
+  command.option("--sequence", request.sequences, "sequence file; several are compared side by side").required();
   add_site_options(command, request.site);
-  command.flag("--effects", request.effects, "the smallest effects that would be caught, and which are confused");
-  command.option("--temperature-rise", request.temperature_rise_c, "C over the run, for --effects").default_in_help();
-  command.option("--temperature-tau", request.temperature_tau_s, "its time constant, s").default_in_help();
-  command.option("--navigate", request.navigate, "drift of free navigation after this time: 1h, 90min, 5400s");
-  command.option("--align", request.align_s, "alignment before it, s").range(20.0, 86400.0).default_in_help();
-  command.option("--format", request.format, "print it in this form instead of words").one_of({"json"});
+  command.flag("--effects", request.effects,
+               "report the smallest effects that would be detected, and which are confounded");
+  command.option("--temperature-rise", request.temperature_rise_c, "temperature rise over the run, C, for --effects")
+      .default_in_help();
+  command.option("--temperature-tau", request.temperature_tau_s, "time constant of the temperature rise")
+      .time(1.0, 1e6)
+      .default_in_help();
+  command.option("--navigate", request.navigate_s, "predict the drift of free navigation after this time")
+      .time(1.0, 86400.0);
+  command.option("--align", request.align_s, "alignment before the navigation").time(20.0, 86400.0).default_in_help();
+  command.option("--format", request.format, "print the result in this form instead of text").one_of({"json"});
 }
 
 void add_design_command(CommandLine& line) {
   const auto [command, options] =
       line.command<DesignOptions>("design", "find a sequence with small sigmas in a given time; nothing moves", design);
-  command.option("--time", options.time, "length of the run: 40min, 2h, 2400");
+  command.option("--time", options.time_s, "length of the run").time(1.0, 86400.0);
   command.option("--sigma", options.sigma,
-                 "in place of it: a file of sigmas (N01 = 0.003); the shortest run that gives them");
+                 "in place of --time: a file of sigmas (N01 = 0.003); finds the shortest run that gives them");
   command.option("--separate", options.separate,
-                 "an effect of a diagnosis: the shortest legs, at most --time (10min), that tell it from its aliases");
-  command.option("--from", options.from, "the recording, or run, with that diagnosis");
-  command.option("--out", options.out, "the sequence file to write").required();
+                 "an effect of a diagnosis: the shortest legs, at most --time (10min), that tell it from the effects "
+                 "it is confounded with");
+  command.option("--from", options.from, "recording or run with that diagnosis");
+  command.option("--out", options.out, "sequence file to write").required();
   add_site_options(command, options.site);
-  command.option("--start", options.start, "sequence whose turns the search begins with; default: the fourteen steps");
-  command.option("--aim", options.criterion, "make the mean of all sigmas small, or the worst")
+  command.option("--start", options.start, "sequence that the search starts from; default: the fourteen steps");
+  command.option("--aim", options.criterion, "minimise the mean of all sigmas, or the worst")
       .one_of({"mean", "worst"})
       .default_in_help();
-  command.option("--effects", options.task.effects, "effects of the catalogue that it should show");
+  command.option("--effects", options.task.effects, "effects of the catalogue that the sequence should show");
   command.option("--axes", options.axes, "axes that may turn: heading, pitch, roll; default: all");
-  command.option("--rate", options.rates, "rates to choose from, deg/s; default: 10, or what the axis may");
-  command.option("--acceleration", options.acceleration_degps2, "deg/s^2; default: 20, or what the table may")
+  command.option("--rate", options.rates, "rates to choose from, deg/s; default: 10, or the axis limit");
+  command
+      .option("--acceleration", options.acceleration_degps2, "acceleration, deg/s^2; default: 20, or the table limit")
       .positive();
-  command.option("--least-rest", options.task.least_rest_s, "of a rest, s").range(2.0, 3600.0).default_in_help();
-  command.option("--seed", options.seed, "of the search").range(0, 1000000000).default_in_help();
-  command.option("--tries", options.task.tries, "walks to judge").range(1, 1000000).default_in_help();
+  command.option("--least-rest", options.task.least_rest_s, "shortest rest").time(2.0, 3600.0).default_in_help();
+  command.option("--seed", options.seed, "seed of the search").range(0, 1000000000).default_in_help();
+  command.option("--tries", options.task.tries, "number of candidate sequences").range(1, 1000000).default_in_help();
 }
 
 }  // namespace turncal

@@ -30,7 +30,7 @@ Cell display_unit(const std::string& component, const char* more = "") {
 }
 
 Cell with_error(double value, double sigma) {
-  return number(significant(value, 3) + " ± " + significant(sigma, 2), value);
+  return number(value_with_sigma(value, sigma) + " ± " + significant(sigma, 2), value);
 }
 
 Table effect_table(const FleetDiagnosis& d, const FleetSource& source) {
@@ -166,7 +166,7 @@ Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, cons
   for (const std::string& line : source.skipped) document.soft("left out: " + line, Scope::all);
   document.section("common", "Common to several units");
   if (d.effects.empty())
-    document.text(fmt::format("Nothing that {} tests find.", d.tests));
+    document.text(fmt::format("No common effect found in {} tests.", d.tests));
   else
     document.add(effect_table(d, source));
   if (!d.explained())

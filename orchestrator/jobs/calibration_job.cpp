@@ -69,21 +69,36 @@ bool overlap(const LoadedRecording& earlier, const LoadedRecording& later) {
 
 }  // namespace
 
+Result<Segmentation> find_rests(RecordingSource& source, const SegmentationOptions& options) {
+  RestFinder finder(source.info(), options);
+  TRY(source.read([&](std::span<const ImuSample> samples) {
+    finder.add(samples);
+    return Status();
+  }));
+  Segmentation found = finder.finish();
+  if (!found.segments.empty()) return found;
+  return input_error(source.path() + ": no rest found: " +
+                     (options.threshold ? "no stretch of " + format_number(options.min_rest_s) +
+                                              " s stays below the threshold " + format_number(*options.threshold)
+                                        : found.reason));
+}
+
 Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress,
                                        const std::optional<CompressionOptions>& blocks, int before_step) {
-  if (source.segments().empty())
-    return input_error(source.path() +
-                       ": the recording has no segments, so nothing says when the unit was at rest: expected segments, "
-                       "as `turncal segment` finds them");
   LoadedRecording loaded;
+  Segments segments = source.segments();
+  if (segments.empty()) {
+    segments = TRY(find_rests(source)).segments;
+    loaded.segmented = fmt::format("came without segments: {} rests found (turncal segment lists and tunes them)",
+                                   std::ranges::count(segments, SegmentKind::still, &Segment::kind));
+  }
   loaded.path = source.path();
   loaded.damage = source.damage();
-  loaded.by_hand = without_table_angles(source.segments());
+  loaded.by_hand = without_table_angles(segments);
   Compressor compressor(source.info(),
                         blocks.value_or(loaded.by_hand ? rest_compression_options() : CompressionOptions{}));
   std::optional<ClippingFinder> clipping;
   if (loaded.by_hand) clipping.emplace();
-  Segments segments = source.segments();
   loaded.recorded_s = static_cast<double>(segments.back().end_sample) * source.info().sample_period_s;
   if (before_step > 0)
     segments.erase(std::ranges::find_if(segments, [&](const Segment& segment) { return segment.step >= before_step; }),
@@ -167,6 +182,7 @@ namespace {
 
 void note_data(const LoadedRecording& recording, std::vector<std::string>& notes) {
   if (const std::string damage = describe(recording.damage); !damage.empty()) notes.push_back(damage);
+  if (!recording.segmented.empty()) notes.push_back(recording.segmented);
   std::map<DataEvent::Kind, std::int64_t> counts;
   for (const DataEvent& event : recording.data.events)
     if (event.axis != set_aside_axis) counts[event.kind] += event.count;
@@ -266,7 +282,7 @@ Status rests_by_hand(const CompressedRecording& recording, bool partial, Calibra
                          std::to_string(data.legs.size()) + " rotations by hand, settled after " +
                          std::to_string(fit.iterations) + " iterations");
   output.notes.push_back("errors: " + plain(error_text(fit.errors)));
-  output.notes.push_back("left out in turn: " + plain(error_text(fit.left_out)));
+  output.notes.push_back("cross-validation: " + plain(error_text(fit.left_out)));
   for (std::size_t k = 0; k < data.legs.size(); ++k)
     if (!data.legs[k].fault.empty())
       output.notes.push_back("rotation " + std::to_string(k + 1) + " set aside: " + data.legs[k].fault);
@@ -539,6 +555,7 @@ Result<DiagnosisOutput> diagnose_recordings(const Recordings& recordings, const 
     for (const LoadedRecording* loaded : all) {
       const std::string damage = describe(loaded->damage);
       if (!damage.empty()) context.notes.push_back(loaded->path + ": " + damage);
+      if (!loaded->segmented.empty()) context.notes.push_back(loaded->path + ": " + loaded->segmented);
     }
   return first.by_hand ? of_hand_turned(first, request, context) : of_table(recordings, joined, request, context);
 }

@@ -10,15 +10,17 @@
 
 namespace turncal {
 
+// In front of every error; coloured on a terminal.
+inline constexpr const char* error_prefix = "turncal: ";
+
 struct CommandContext {
   std::ostream& out;
   std::ostream& err;
   bool out_is_terminal = false;
   int terminal_columns = 80;  // meaningful when out is a terminal
   bool quiet = false;         // nothing is to be printed but errors
-  bool output_is_result = false;
-  std::string tag = {};  // of errors: "[dry run] ", "[simulated] " or nothing
-  int exit_code = 0;     // what the command that ran has to say
+  std::string tag = {};       // of errors: "[dry run] ", "[simulated] " or nothing
+  int exit_code = 0;          // what the command that ran has to say
 
   // One line on err; sets the exit code.
   void fail(const Error& error);
@@ -46,7 +48,7 @@ constexpr int exit_code(ErrorKind kind) {
 }
 
 inline void CommandContext::fail(const Error& error) {
-  err << tag << in_tone(err, Tone::bad, "turncal:") << ' ' << one_line(error.message) << std::endl;
+  err << tag << in_tone(err, Tone::bad, error_prefix) << one_line(error.message) << std::endl;
   exit_code = turncal::exit_code(error.kind);
 }
 

@@ -38,7 +38,7 @@ std::string head_text(const ShiftReport& report) {
 }
 
 std::string yield_text(const LineYield& yield) {
-  std::string text = fmt::format("First pass {}, in the end {}; {} attempts, {:.1f} h on the table",
+  std::string text = fmt::format("First pass {}, final yield {}; {} attempts, {:.1f} h on the table",
                                  share(yield.first_pass, true).words, share(yield.final_pass, false).words,
                                  yield.attempts, yield.hours);
   if (yield.hours_lost > 0.0) text += fmt::format(", {:.1f} h of them without a good unit", yield.hours_lost);
@@ -64,7 +64,7 @@ std::string signals_text(const ShiftReport& report, std::size_t signals) {
 
 Table yield_table(const ShiftReport& report) {
   Table table{{text("station"), number("attempts"), number("units"), number("first pass yield (95 %)"),
-               number("final yield"), number("hours"), number("lost"), number("hours a good unit"),
+               number("final yield"), number("hours"), number("lost"), number("hours per good unit"),
                number("mean residual")}};
   const auto row = [&table](const std::string& station, const LineYield& y, const StationFigures* of) {
     const auto good = static_cast<double>(y.final_pass.part);
@@ -161,9 +161,9 @@ const std::vector<Group>& groups() {
       {"gyrobias", "Gyro bias, deg/h", {"N01", "N02", "N03"}},
       {"accelbias", "Accelerometer bias, g", {"A01", "A02", "A03"}},
       {"gyroscale", "Gyro scale factor, arcsec/pulse (ratio for a unit that counts in rad)", {"n11", "n22", "n33"}},
-      {"gyroinstallation", "Gyro installation errors, as n", {"n12", "n13", "n21", "n23", "n31", "n32"}},
+      {"gyroinstallation", "Gyro misalignments, as n", {"n12", "n13", "n21", "n23", "n31", "n32"}},
       {"accelscale", "Accelerometer scale factor, ratio to the nominal pulse", {"a11", "a22", "a33"}},
-      {"accelinstallation", "Accelerometer installation errors, as a", {"a12", "a13", "a23"}}};
+      {"accelinstallation", "Accelerometer misalignments, as a", {"a12", "a13", "a23"}}};
   return all;
 }
 
@@ -203,7 +203,7 @@ Panel control_panel(const ChartedQuantity& history) {
     }
   }
   Panel panel;
-  panel.title = history.key + " less " + significant(chart.mean, 7) +
+  panel.title = history.key + " minus its mean, " + value_with_sigma(chart.mean, chart.sigma.value_or(0.0)) +
                 (chart.cpk ? ", Cpk " + significant(chart.cpk->value, 3) : "");
   panel.x_label = "calibration";
   panel.marks = date_marks(history.times);

@@ -37,6 +37,8 @@ Cell half(double share) { return {Cell::Kind::half, "", share}; }
 
 namespace {
 
+constexpr std::size_t label_width = 16;  // of facts on the terminal
+
 bool is_drawn(const Cell& cell) { return cell.kind == Cell::Kind::bar || cell.kind == Cell::Kind::half; }
 
 // Characters, not bytes.
@@ -58,7 +60,7 @@ class TextLines {
   }
   void operator()(const Paragraph& paragraph) { lines.push_back(plain(paragraph.words)); }
   void operator()(const Facts& facts) {
-    constexpr std::size_t label_width = 16, most = 7;
+    constexpr std::size_t most = 7;
     const std::size_t left = terminal_columns - label_width;
     for (const auto& [label, words] : facts.rows) {
       const bool beside = !facts.list;  // else the label is the beginning of the words
@@ -321,13 +323,24 @@ std::string as_text(const Document& document, std::size_t most) {
   for (const Document::Block& block : document.blocks) {
     const auto* paragraph = std::get_if<Paragraph>(&block.content);
     if (paragraph != nullptr && paragraph->style == "note") ++most;
-    if (block.scope != Scope::page) std::visit(text, block.content);
+    if (block.scope == Scope::all || block.scope == Scope::terminal) std::visit(text, block.content);
   }
   if (text.lines.size() > most) {
     text.lines.resize(most - 1);
     text.lines.emplace_back("... more in the report");
   }
   return join(text.lines, "\n") + "\n";
+}
+
+std::string as_brief_text(const Document& document) {
+  std::string text;
+  for (const Document::Block& block : document.blocks) {
+    const auto* facts = block.scope == Scope::brief ? std::get_if<Facts>(&block.content) : nullptr;
+    for (std::size_t k = 0; facts != nullptr && k < facts->rows.size(); ++k)
+      text += padded(plain(facts->rows[k].first), label_width, false) +
+              shorten(plain(facts->rows[k].second), terminal_columns - label_width) + "\n";
+  }
+  return text;
 }
 
 std::string as_text(const Content& content) {

@@ -74,7 +74,8 @@ struct Facts {
   void add(std::string label, std::string_view words) { rows.emplace_back(std::move(label), words); }
 };
 
-enum class Scope { all, page, terminal };  // page: and JSON
+// page: and JSON; brief: those, and what a terminal is told that does not want all of it.
+enum class Scope { all, page, terminal, brief };
 
 using Content = std::variant<Heading, Paragraph, Facts, Table, Drawing>;
 
@@ -106,6 +107,8 @@ std::string plain(std::string_view typographic);
 // For the terminal, of at most so many lines, notes not counted.
 std::string as_text(const Document& document, std::size_t most = 100'000);
 std::string as_text(const Content& content);
+// Blocks that are brief, each fact on one line.
+std::string as_brief_text(const Document& document);
 
 struct HtmlPage {
   std::string html;

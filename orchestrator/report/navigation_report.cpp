@@ -39,7 +39,7 @@ void describe_drift(const std::string& prefix, const DriftOverRuns& drift, KeyVa
 }
 
 std::string drift_words(const DriftOverRuns& drift) {
-  return fmt::format("rms {:.3f}, CEP {:.3f}, R95 {:.3f} nm/h", drift.rms_nm_per_h, drift.cep_nm_per_h,
+  return fmt::format("rms {:.3f}, CEP {:.3f}, R95 {:.3f} NM/h", drift.rms_nm_per_h, drift.cep_nm_per_h,
                      drift.r95_nm_per_h);
 }
 
@@ -185,7 +185,7 @@ Document navigation_document(const NavigationReport& report) {
     const std::string which = file.prefix.empty() ? "parameters" : "against";
     document.section(which, which + "  " + file.path);
     Table table{{number("branch"), number("aligned from s"), number("heading deg"), number("sigma"), number("free s"),
-                 number("north m"), number("east m"), number("nm/h")}};
+                 number("north m"), number("east m"), number("NM/h")}};
     for (std::size_t k = 0; k < file.branches.size(); ++k) {
       const FreeNavigation& n = file.branches[k].navigation;
       const Eigen::Vector2d end = n.track.back().moved_m;

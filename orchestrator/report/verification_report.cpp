@@ -87,6 +87,19 @@ std::string undecided_words(const VerificationReport& report) {
   return level.empty() ? heading : heading + "; " + level;
 }
 
+// How near the worst figure comes to a limit, with its guard band: "heading 33 % of its limit (91 % with the guard band)".
+std::string nearness_words(const VerificationReport& report) {
+  const auto words = [&](const char* name, double limit_deg, const NorthFigure& a, const NorthFigure& b) {
+    const auto guarded = [&](const NorthFigure& f) { return f.value_deg + 2.0 * report.guard_factor * f.sigma_deg; };
+    return fmt::format("{} {:.0f} % of its limit ({:.0f} % with the guard band)", name,
+                       100.0 * std::max(a.value_deg, b.value_deg) / limit_deg,
+                       100.0 * std::max(guarded(a), guarded(b)) / limit_deg);
+  };
+  const NorthSeeking& found = report.found;
+  return words("heading", report.heading_limit_deg, found.deviation[0], found.mean_heading) + ", " +
+         words("level", report.level_limit_deg, found.deviation[1], found.deviation[2]);
+}
+
 // Heading, roll and pitch, degrees.
 void add_angles(const std::string& name, const std::array<double, 3>& angles_deg, Table& table) {
   std::vector<Cell> row = {cell::text(name)};
@@ -97,7 +110,7 @@ void add_angles(const std::string& name, const std::array<double, 3>& angles_deg
 }  // namespace
 
 std::string gravity_words(const FeltSite& felt, double of_recording_mps2) {
-  return fmt::format("{:.5f} m/s^2 felt, the recording says {:.5f}", felt.gravity_mps2, of_recording_mps2);
+  return fmt::format("{:.5f} m/s^2 estimated, the recording says {:.5f}", felt.gravity_mps2, of_recording_mps2);
 }
 
 void add_faults(const std::vector<std::string>& faults, Document& document) {
@@ -107,8 +120,9 @@ void add_faults(const std::vector<std::string>& faults, Document& document) {
 }
 
 std::string latitude_words(const FeltSite& felt, double of_recording_deg) {
-  return fmt::format("{:.3f} +- {:.3f} deg felt, the recording says {:.4f}", felt.latitude_rad / rad_per_deg,
-                     felt.sigma_rad / rad_per_deg, of_recording_deg);
+  return fmt::format("{} estimated, the recording says {:.4f}",
+                     plain(quantity(felt.latitude_rad / rad_per_deg, felt.sigma_rad / rad_per_deg, "deg")),
+                     of_recording_deg);
 }
 
 std::string format_verification(VerificationReport report) {
@@ -170,11 +184,10 @@ Document verification_document(const VerificationReport& report) {
     document.add(std::move(table));
   }
   Facts facts;
-  facts.add("heading",
-            fmt::format(
-                "largest deviation {:.6f} +- {:.6f}, means off the table by {:.6f} +- {:.6f} deg (rms); limit {:g}: {}",
-                found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
-                found.mean_heading.sigma_deg, report.heading_limit_deg, to_string(report.heading)));
+  facts.add("heading", fmt::format("largest deviation {}, means off the table by {} (rms); limit {:g}: {}",
+                                   quantity(found.deviation[0].value_deg, found.deviation[0].sigma_deg, "deg"),
+                                   quantity(found.mean_heading.value_deg, found.mean_heading.sigma_deg, "deg"),
+                                   report.heading_limit_deg, to_string(report.heading)));
   facts.add("level", fmt::format("largest deviation of roll {:.6f}, of pitch {:.6f} deg; limit {:g}: {}",
                                  found.deviation[1].value_deg, found.deviation[2].value_deg, report.level_limit_deg,
                                  to_string(report.level)));
@@ -188,7 +201,7 @@ Document verification_document(const VerificationReport& report) {
                             100.0 * report.false_fail));
   if (const std::string undecided = undecided_words(report); !undecided.empty()) facts.add("", undecided);
   if (!report.trusted) facts.add("", not_trusted_words);
-  facts.add("verdict", std::string(to_string(report.verdict)));
+  facts.add("verdict", std::string(to_string(report.verdict)) + ": " + nearness_words(report));
   document.add(std::move(facts));
   return document;
 }

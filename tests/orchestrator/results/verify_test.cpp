@@ -47,7 +47,9 @@ class Verify : public RigUnit {
 
 TEST_F(Verify, SeeksNorthInFourHeadings) {
   write_parameters("true.conf");
-  const ProgramResult verified = run("verify --dry-run --unit SN7 --parameters true.conf --rig good.rig --out v");
+  write("paper.station", station_head);
+  const ProgramResult verified =
+      run("verify --dry-run --unit SN7 --parameters true.conf --rig good.rig --station paper.station --out v");
   ASSERT_EQ(verified.code, 0) << verified.err << verified.out;
   KeyValueFile conf = result("v/verification.conf");
   for (int p = 1; p <= 4; ++p) {
@@ -279,9 +281,14 @@ TEST_F(Verify, BehindTheCalibration) {
   EXPECT_EQ(run({"resume", "killed"}).code, 0);
   EXPECT_EQ(file_text(folder_ / "killed/parameters.conf"), text);
   EXPECT_EQ(file_text(folder_ / "killed/verification.conf"), file_text(folder_ / "v/verification.conf"));
+  // The built-in station has the limit of its gyros: its units pass, and how near is said.
+  const ProgramResult shown = ends("run --dry-run --verify --unit SN7 --no-diagnosis --out shown", 0);
+  EXPECT_SAYS(shown.out, "[dry run] verdict         pass: heading ");
+  EXPECT_SAYS(shown.out, " % of its limit (");
   // Gyros that cannot keep the limit in this time: nothing is decided, and the unit waits. Also in a batch.
   write("queue", "SN7\n");
-  const ProgramResult batch = ends({"batch", "queue", "--dry-run", "--verify", "--out", "batch"}, 20);
+  write("paper.station", station_head);
+  const ProgramResult batch = ends("batch queue --dry-run --verify --station paper.station --out batch", 20);
   EXPECT_SAYS(file_text(folder_ / "batch/SN7/parameters.conf"), "verdict.result = hold\n");
   EXPECT_SAYS(batch.out, "unit SN7: hold: verification hold: heading 0.0");
   KeyValueFile undecided = result("batch/SN7/verification.conf");
