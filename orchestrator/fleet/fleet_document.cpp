@@ -29,9 +29,7 @@ Cell display_unit(const std::string& component, const char* more = "") {
   return text(unit_text(unit_of_component(component)) + more);
 }
 
-Cell with_error(double value, double sigma) {
-  return number(significant(value, 3) + " ± " + significant(sigma, 2), value);
-}
+Cell with_error(double value, double sigma) { return number(plus_minus(value, sigma), value); }
 
 Table effect_table(const FleetDiagnosis& d, const FleetSource& source) {
   Table table{{text("common to"), name("effect"), number("value"), text("unit"), number("sigmas"), number("recordings"),
@@ -160,10 +158,30 @@ std::string head_text(const FleetDiagnosis& d, const FleetSource& source, const 
 
 }  // namespace
 
+// What was looked at and how well: of a fleet in which nothing is found all there is to say.
+Table looked_at_table(const FleetDiagnosis& d) {
+  Table table{{name("effect"), text("unit"), number("recordings"), number("mean"), number("one recording"),
+               number("scatter of units")}};
+  for (const ComponentSummary& c : d.components)
+    table.row({name(c.component), display_unit(c.component), count(c.recordings), with_error(c.mean, c.mean_sigma),
+               number(c.one_unit, 2), number(c.unit_scatter, 2)});
+  return table;
+}
+
 Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, const std::vector<std::string>& factors) {
   Document document{"turncal: fleet", "Fleet"};
   document.soft(head_text(d, source, factors), Scope::all);
   for (const std::string& line : source.skipped) document.soft("left out: " + line, Scope::all);
+  const bool clean = d.effects.empty() && d.units.empty() && d.explained();
+  document.add(
+      Paragraph{
+          clean ? fmt::format(
+                      "Clean: {} tests of {} effects find nothing that units have in common, and no unit stands out.",
+                      d.tests, d.components.size())
+                : fmt::format("Found: {} effects common to several units; {} units stand out.", d.effects.size(),
+                              d.units.size()),
+          clean ? "verdict clean" : "verdict extended"},
+      Scope::page);
   document.section("common", "Common to several units");
   if (d.effects.empty())
     document.text(fmt::format("Nothing that {} tests find.", d.tests));
@@ -189,6 +207,9 @@ Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, cons
     document.text("None.");
   else
     document.add(unit_table(d, source, factors));
+  document.add(Heading{2, "looked", "What was looked at"}, Scope::page);
+  document.soft("Mean of all with its sigma; sigma of one recording; what units scatter by beyond that.");
+  document.add(looked_at_table(d), Scope::page);
   return document;
 }
 

@@ -189,7 +189,7 @@ std::vector<ErrorRow> error_rows(const Diagnosis& d, const DiagnosisContext& con
     rows.push_back({(context.holdout_path.empty() ? "fitted recording" : "held-out data") +
                         std::string(": free navigation, rms of ") + std::to_string(context.worth->branches) +
                         (context.worth->branches == 1 ? " start" : " starts"),
-                    context.worth->before, context.worth->after, "nm/h", false});
+                    context.worth->before, context.worth->after, "NM/h", false});
   return rows;
 }
 

@@ -39,10 +39,10 @@ constexpr DriftRow drift_rows[] = {
     {"heading after alignment, deg", [](const ExpectedDrift& d) { return d.align_sigma_rad[1] / rad_per_deg; }},
     {"north at the end, m", [](const ExpectedDrift& d) { return std::sqrt(end_of(d).covariance_m2(0, 0)); }},
     {"east at the end, m", [](const ExpectedDrift& d) { return std::sqrt(end_of(d).covariance_m2(1, 1)); }},
-    {"rms, nm/h", [](const ExpectedDrift& d) { return over_runs(d).rms_nm_per_h; }},
-    {"of it from noise alone, nm/h", [](const ExpectedDrift& d) { return rms_of(end_of(d).noise_m2, d); }},
-    {"CEP, nm/h", [](const ExpectedDrift& d) { return over_runs(d).cep_nm_per_h; }},
-    {"R95, nm/h", [](const ExpectedDrift& d) { return over_runs(d).r95_nm_per_h; }},
+    {"rms, NM/h", [](const ExpectedDrift& d) { return over_runs(d).rms_nm_per_h; }},
+    {"of it from noise alone, NM/h", [](const ExpectedDrift& d) { return rms_of(end_of(d).noise_m2, d); }},
+    {"CEP, NM/h", [](const ExpectedDrift& d) { return over_runs(d).cep_nm_per_h; }},
+    {"R95, NM/h", [](const ExpectedDrift& d) { return over_runs(d).r95_nm_per_h; }},
 };
 
 constexpr double clearly = 4.0;  // sigmas from which a coefficient is shown on the terminal
@@ -90,8 +90,8 @@ Table result_table(const ParameterFile& file, const std::optional<ParameterVecto
     const double estimate = file.parameters[at], sigma = file.sigma[i].value_or(0.0);
     const double true_value = truth ? (*truth)[at] : 0.0, error = estimate - true_value;
     table.row({name(parameter_keys[i]), text(parameter_unit(parameter_keys[i], file.gyro_increment)),
-               fixed(estimate, 10), fixed(true_value, 10), number(fmt::format("{:.3e}", error), error),
-               sigma > 0.0 ? number(fmt::format("{:.2e}", sigma), sigma) : number("-"),
+               with_sigma(estimate, sigma), with_sigma(true_value, sigma), with_sigma(error, sigma),
+               sigma > 0.0 ? with_sigma(sigma, sigma) : number("-"),
                sigma > 0.0 ? number(fmt::format("{:+.2f}", error / sigma), error / sigma) : number("-")});
   }
   if (!truth) {
@@ -136,8 +136,8 @@ Facts pose_facts(const SinglePose& pose) {
       ++hidden;
       continue;
     }
-    facts.add("change", fmt::format("{} = {} ± {} {}{}{}", c.key, significant(c.value, 3), significant(c.sigma, 2),
-                                    c.unit, c.tau_s > 0.0 ? ", tau " + significant(c.tau_s, 3) + " s" : "",
+    facts.add("change", fmt::format("{} = {} {}{}{}", c.key, plus_minus(c.value, c.sigma), c.unit,
+                                    c.tau_s > 0.0 ? ", tau " + significant(c.tau_s, 3) + " s" : "",
                                     c.alias ? " (time and temperature cannot be told apart here)" : ""));
   }
   if (hidden > 0) facts.add("change", fmt::format("{} further coefficients are below 4 sigma", hidden));

@@ -107,8 +107,9 @@ void add_faults(const std::vector<std::string>& faults, Document& document) {
 }
 
 std::string latitude_words(const FeltSite& felt, double of_recording_deg) {
-  return fmt::format("{:.3f} +- {:.3f} deg felt, the recording says {:.4f}", felt.latitude_rad / rad_per_deg,
-                     felt.sigma_rad / rad_per_deg, of_recording_deg);
+  return fmt::format("{} deg felt, the recording says {:.4f}",
+                     plus_minus(felt.latitude_rad / rad_per_deg, felt.sigma_rad / rad_per_deg, Alphabet::plain),
+                     of_recording_deg);
 }
 
 std::string format_verification(VerificationReport report) {
@@ -170,11 +171,10 @@ Document verification_document(const VerificationReport& report) {
     document.add(std::move(table));
   }
   Facts facts;
-  facts.add("heading",
-            fmt::format(
-                "largest deviation {:.6f} +- {:.6f}, means off the table by {:.6f} +- {:.6f} deg (rms); limit {:g}: {}",
-                found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
-                found.mean_heading.sigma_deg, report.heading_limit_deg, to_string(report.heading)));
+  facts.add("heading", fmt::format("largest deviation {}, means off the table by {} deg (rms); limit {:g}: {}",
+                                   plus_minus(found.deviation[0].value_deg, found.deviation[0].sigma_deg),
+                                   plus_minus(found.mean_heading.value_deg, found.mean_heading.sigma_deg),
+                                   report.heading_limit_deg, to_string(report.heading)));
   facts.add("level", fmt::format("largest deviation of roll {:.6f}, of pitch {:.6f} deg; limit {:g}: {}",
                                  found.deviation[1].value_deg, found.deviation[2].value_deg, report.level_limit_deg,
                                  to_string(report.level)));
