@@ -31,17 +31,17 @@ constexpr std::string_view unit_path = "/unit/";
 constexpr std::size_t most_made = 32, largest_report_bytes = std::size_t{1} << 24;
 constexpr double made_for_s = 10.0;
 
-// Of a unit or a run; empty: there is none.
-struct MadePage {
-  std::optional<PageText> text;
-  double at_s = 0.0;
-};
-
 PageAnswer said(int code, const std::string& text) { return {code, {"text/plain; charset=utf-8", text + "\n"}}; }
 
 }  // namespace
 
 struct ServicePage::State {
+  // Of a unit or a run; empty: there is none.
+  struct MadePage {
+    std::optional<PageText> text;
+    double at_s = 0.0;
+  };
+
   ServiceConfig config;
   std::function<double()> now_utc_s;
   std::mutex mutex;  // of what follows
@@ -49,7 +49,7 @@ struct ServicePage::State {
   bool over = false;
   std::string json, metrics;
   std::optional<ResultsView> results;
-  std::string wanted;                    // a page of a unit or a run that a client waits for
+  std::string asked_for;                 // a page of a unit or a run that a client waits for
   std::map<std::string, MadePage> made;  // by path
   // The server's thread alone. Who was let in once does not wait for those who guess; the password is looked at each time.
   double password_s = -1e9;
@@ -116,9 +116,9 @@ struct ServicePage::State {
   void keep_making() {
     std::unique_lock lock(mutex);
     for (;;) {
-      wake.wait(lock, [this] { return over || !wanted.empty(); });
+      wake.wait(lock, [this] { return over || !asked_for.empty(); });
       if (over) return;
-      const std::string path = std::exchange(wanted, "");
+      const std::string path = std::exchange(asked_for, "");
       lock.unlock();
       std::optional<PageText> text = make(path);
       lock.lock();
@@ -164,7 +164,7 @@ struct ServicePage::State {
     // Made by another thread: no drawing keeps a stop waiting.
     const auto there = made.find(std::string(path));
     if (there == made.end() || monotonic_s() - there->second.at_s > made_for_s) {
-      wanted = path;
+      asked_for = path;
       wake.notify_all();
     }
     if (there != made.end()) return there->second.text;

@@ -76,7 +76,7 @@ std::vector<StationResults> results_by_station(const std::vector<AttemptRecord>&
 
 ResultsView look_at_results(const std::string& database, double now_utc_s) {
   Result<ResultsView> view = newest_results(database, now_utc_s);
-  return view ? std::move(*view) : ResultsView{.defect = view.error().message};
+  return view ? std::move(*view) : ResultsView{.defect = view.error().message, .until_utc = {}, .stations = {}};
 }
 
 std::string json_of(const ResultsView& view) {
@@ -358,11 +358,11 @@ std::string json_of(const StationView& view) {
 
 std::string metrics_of(const std::vector<StationView>& stations, const ResultsView& results, double now_utc_s) {
   using Value = std::optional<double>;
-  struct Figure {
+  struct Gauge {
     const char *name, *help;
     Value (*value)(const StationView& view);
   };
-  static constexpr Figure figures[] = {
+  static constexpr Gauge gauges[] = {
       {"station_readable", "1: its files could be read",
        [](const StationView& v) -> Value { return v.state != StationState::unreadable; }},
       {"station_running", "1: a run goes on",
@@ -388,10 +388,10 @@ std::string metrics_of(const std::vector<StationView>& stations, const ResultsVi
   };
   head("look_timestamp_seconds", "when the stations were looked at");
   text += fmt::format("turncal_look_timestamp_seconds {}\n", format_number(now_utc_s));
-  for (const Figure& figure : figures) {
-    head(figure.name, figure.help);
+  for (const Gauge& gauge : gauges) {
+    head(gauge.name, gauge.help);
     for (const StationView& view : stations)
-      if (const Value value = figure.value(view)) line(figure.name, view.name, "", *value);
+      if (const Value value = gauge.value(view)) line(gauge.name, view.name, "", *value);
   }
   if (!results.until_utc.empty()) return text;  // of a day before
   for (const auto& [name, help, count] :
@@ -420,7 +420,8 @@ std::string link_to(const ServiceConfig& config, const std::string& folder, cons
 }
 
 Result<UnitRecord> record_of(const ServiceConfig& config, const std::string& unit) {
-  UnitRecord record{.unit = unit};
+  UnitRecord record;
+  record.unit = unit;
   if (!config.database.empty()) {
     const ResultsDatabase open = TRY(ResultsDatabase::open_to_read(config.database, patience));
     record.attempts = TRY(open.attempts({.unit = unit}));
@@ -446,14 +447,13 @@ Result<UnitRecord> record_of(const ServiceConfig& config, const std::string& uni
 
 std::optional<std::string> report_file(const ServiceConfig& config, std::string_view path) {
   const std::vector<std::string_view> parts = split(path, '/');
-  const std::optional<std::size_t> station = parts.size() == 5 ? parse_integer<std::size_t>(parts[2]) : std::nullopt;
+  const std::size_t station = parts.size() == 5 ? parse_integer<std::size_t>(parts[2]).value_or(0) : 0;
   const auto is_name = [](std::string_view name) { return !name.empty() && name[0] != '.'; };
-  if (!is_plain_text(std::string(path)) || !station || *station < 1 || *station > config.stations.size() ||
-      !is_name(parts[3]))
+  if (!is_plain_text(std::string(path)) || station < 1 || station > config.stations.size() || !is_name(parts[3]))
     return {};
   const bool certificate = parts[4].starts_with("certificate") && parts[4].ends_with(".html");
   if (parts[4] != "report.html" && !certificate) return {};
-  const std::string file = config.stations[*station - 1].runs + "/" + std::string(parts[3]) +
+  const std::string file = config.stations[station - 1].runs + "/" + std::string(parts[3]) +
                            (certificate ? "/" : "/diagnosis/") + std::string(parts[4]);
   return path_exists(file) ? std::optional(file) : std::nullopt;
 }
