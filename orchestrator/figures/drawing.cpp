@@ -1,11 +1,8 @@
 #include "orchestrator/figures/drawing.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 
 #include "orchestrator/figures/piped_program.h"
 #include "orchestrator/figures/report_format.h"
@@ -45,17 +42,6 @@ void remove_all(std::string& text, std::string_view begin, std::string_view end)
   }
 }
 
-// "rgb( 51,  51,  51)" as "#333333", by which a stylesheet knows it.
-void write_colours_in_hex(std::string& text) {
-  constexpr std::string_view begin = "rgb(";
-  for (std::size_t at = text.find(begin); at != std::string::npos; at = text.find(begin, at)) {
-    int r = 0, g = 0, b = 0;
-    const std::size_t end = text.find(')', at);
-    if (end == std::string::npos || std::sscanf(text.c_str() + at, "rgb( %d , %d , %d )", &r, &g, &b) != 3) return;
-    text.replace(at, end + 1 - at, fmt::format("#{:02X}{:02X}{:02X}", r, g, b));
-  }
-}
-
 // gnuplot says a colour once and refers to it as currentColor, which not every program that makes a PDF understands. Its symbols with an
 // even number from 4 on are filled.
 void name_colours(std::string& text) {
@@ -68,10 +54,10 @@ void name_colours(std::string& text) {
     int n = 0;
     if (number < at) std::from_chars(text.data() + number + symbol.size(), text.data() + at, n);
     const bool filled = n >= 4 && n % 2 == 0;
-    const std::string named = " stroke=" + colour + (filled ? " fill=" + colour : "");
+    const std::string_view rest = std::string_view(text).substr(end, text.find('>', end) - end);
+    const bool has_own = rest.find(" stroke=") < rest.size() && rest.find("currentColor") >= rest.size();
+    const std::string named = has_own ? "" : " stroke=" + colour + (filled ? " fill=" + colour : "");
     text.replace(at, end + 1 - at, named);
-    const std::size_t twice = text.find(" stroke=", tag);  // an attribute stands once
-    if (twice < at) text.erase(twice, text.find(text[twice + 8], twice + 9) + 1 - twice);
     at += named.size();
   }
   for (const char* reference :
@@ -103,7 +89,6 @@ std::string embeddable_svg(std::string_view svg, std::string_view id, std::strin
   remove_all(text, "<desc>", "</desc>");
   remove_all(text, " font-family=\"", "\"");
   name_colours(text);
-  write_colours_in_hex(text);
   const std::string prefix(id);
   replace_all(text, "id='", "id='" + prefix);
   replace_all(text, "href='#", "href='#" + prefix);

@@ -84,8 +84,9 @@ Table level_table(const FleetDiagnosis& d, std::size_t factor) {
   const std::size_t levels = std::min(d.levels[factor].size(), most_levels);
   for (std::size_t l = 0; l < levels; ++l) table.head.push_back(number(d.levels[factor][l]));
   for (const ComponentSummary* c : chosen) {
-    std::vector<Cell> row = {name(c->component), display_unit(c->component), number(c->one_unit, 2),
-                             number(c->unit_scatter, 2),
+    const std::string key = c->component.substr(c->component.find(' ') + 1), meaning = quantity_name(key);
+    std::vector<Cell> row = {name(c->component + (meaning == key ? "" : ", " + meaning)), display_unit(c->component),
+                             number(c->one_unit, 2), number(c->unit_scatter, 2),
                              c->factor_scatter.empty() ? number("") : number(c->factor_scatter[factor], 2)};
     for (std::size_t l = 0; l < levels; ++l) {
       const ComponentLevel& level = c->levels[factor][l];
@@ -158,16 +159,6 @@ std::string head_text(const FleetDiagnosis& d, const FleetSource& source, const 
 
 }  // namespace
 
-// What was looked at and how well: of a fleet in which nothing is found all there is to say.
-Table looked_at_table(const FleetDiagnosis& d) {
-  Table table{{name("effect"), text("unit"), number("recordings"), number("mean"), number("one recording"),
-               number("scatter of units")}};
-  for (const ComponentSummary& c : d.components)
-    table.row({name(c.component), display_unit(c.component), count(c.recordings), with_error(c.mean, c.mean_sigma),
-               number(c.one_unit, 2), number(c.unit_scatter, 2)});
-  return table;
-}
-
 Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, const std::vector<std::string>& factors) {
   Document document{"turncal: fleet", "Fleet"};
   document.soft(head_text(d, source, factors), Scope::all);
@@ -197,7 +188,6 @@ Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, cons
     document.figure(figure);
   }
   for (std::size_t f = 0; f < factors.size() && !d.components.empty(); ++f) {
-    if (d.levels[f].size() < 2) continue;  // nothing to compare
     document.add(Heading{2, "by-" + factors[f], "By " + factors[f] + ", what is left"}, Scope::page);
     document.add(level_table(d, f), Scope::page);
     document.soft("In brackets: in its own sigmas, from nothing; of parameters from the other levels.");
@@ -207,9 +197,6 @@ Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, cons
     document.text("None.");
   else
     document.add(unit_table(d, source, factors));
-  document.add(Heading{2, "looked", "What was looked at"}, Scope::page);
-  document.soft("Mean of all with its sigma; sigma of one recording; what units scatter by beyond that.");
-  document.add(looked_at_table(d), Scope::page);
   return document;
 }
 

@@ -209,8 +209,9 @@ std::vector<std::pair<double, std::string>> names_of(const std::vector<std::stri
   constexpr std::size_t names = 4, day = 5, hour = 11, length = 5;
   const bool one_day = times.front().substr(0, hour) == times.back().substr(0, hour);
   std::vector<std::pair<double, std::string>> marks;
-  for (std::size_t k = 0; k < std::min(names, times.size()); ++k) {
-    const std::size_t i = k * (times.size() - 1) / (names - 1);
+  const std::size_t count = std::min(names, times.size());
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t i = count < 2 ? 0 : k * (times.size() - 1) / (count - 1);
     if (times[i].size() > hour)
       marks.emplace_back(static_cast<double>(i + 1), times[i].substr(one_day ? hour : day, length));
   }

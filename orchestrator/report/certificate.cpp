@@ -280,7 +280,7 @@ std::string certificate_page(const Certificate& c) {
           html(Paragraph{
               "Expanded uncertainty U = k u with the coverage factor k = 2: a coverage probability of about 95 % for a "
               "normal distribution. u combines the columns to the right of U (standard uncertainties)" +
-              (left_out.empty() ? "" : "; nothing is known of, and nothing is added for: " + left_out) +
+              (left_out.empty() ? "" : "; nothing is stated of, and nothing is added for: " + left_out) +
               ". The table's angles are not taken as truth and add nothing; the given heading enters in second order. "
               "Alias: the spread over effects that the recording cannot tell from a parameter, or from one another, "
               "and over those that came near to being found; - where nobody looked. Effects beyond the parameters: " +

@@ -357,52 +357,35 @@ std::string json_of(const StationView& view) {
 }
 
 std::string metrics_of(const std::vector<StationView>& stations, const ResultsView& results, double now_utc_s) {
-  using Value = std::optional<double>;
-  struct Gauge {
-    const char *name, *help;
-    Value (*value)(const StationView& view);
-  };
-  static constexpr Gauge gauges[] = {
-      {"station_readable", "1: its files could be read",
-       [](const StationView& v) -> Value { return v.state != StationState::unreadable; }},
-      {"station_running", "1: a run goes on",
-       [](const StationView& v) -> Value { return v.state == StationState::running; }},
-      {"station_tone", "0 green, 1 amber, 2 red",
-       [](const StationView& v) -> Value { return static_cast<int>(v.tone); }},
-      {"station_waits", "what waits for a person", [](const StationView& v) -> Value { return v.for_a_person.size(); }},
-      {"queue_waiting", "units to come", [](const StationView& v) -> Value { return v.waiting.size(); }},
-      {"queue_done", "units of the queue with an outcome", [](const StationView& v) -> Value { return v.done; }},
-      {"queue_passed", "units of the queue that passed", [](const StationView& v) -> Value { return v.passed; }},
-      {"queue_end_timestamp_seconds", "when the queue ends", [](const StationView& v) { return v.queue_end_utc_s; }},
-      {"run_progress_ratio", "of the planned time", [](const StationView& v) { return v.fraction; }},
-      {"run_end_timestamp_seconds", "when the run ends", [](const StationView& v) { return v.run_end_utc_s; }},
-      {"unit_seconds", "from one unit's end to the next one's", [](const StationView& v) { return v.unit_s; }}};
-  std::string text;
-  const auto head = [&text](const char* name, const char* help) {
-    text += fmt::format("# HELP turncal_{0} {1}\n# TYPE turncal_{0} gauge\n", name, help);
-  };
-  const auto line = [&text](const char* name, std::string station, const char* more, double value) {
+  std::map<std::string, std::string> lines;  // by the name of the gauge
+  const auto add = [&lines](const std::string& name, std::string station, const char* more,
+                            std::optional<double> value) {
     for (std::size_t at = 0; (at = station.find_first_of("\\\"", at)) != std::string::npos; at += 2)
       station.insert(at, 1, '\\');
-    text += fmt::format("turncal_{}{{station=\"{}\"{}}} {}\n", name, station, more, format_number(value));
+    if (value)
+      lines[name] += fmt::format("turncal_{}{{station=\"{}\"{}}} {}\n", name, station, more, format_number(*value));
   };
-  head("look_timestamp_seconds", "when the stations were looked at");
-  text += fmt::format("turncal_look_timestamp_seconds {}\n", format_number(now_utc_s));
-  for (const Gauge& gauge : gauges) {
-    head(gauge.name, gauge.help);
-    for (const StationView& view : stations)
-      if (const Value value = gauge.value(view)) line(gauge.name, view.name, "", *value);
-  }
-  if (!results.until_utc.empty()) return text;  // of a day before
-  for (const auto& [name, help, count] :
-       {std::tuple{"day_attempts", "attempts that ended in the last 24 hours", &StationResults::attempts},
-        std::tuple{"day_judged", "those that say something of their unit", &StationResults::judged},
-        std::tuple{"day_passed", "those that passed", &StationResults::passed}}) {
-    head(name, help);
-    for (const StationResults& s : results.stations)
-      line(name, s.station, s.simulated ? ",simulated=\"true\"" : ",simulated=\"false\"",
-           static_cast<double>(s.*count));
-  }
+  for (const StationView& v : stations)
+    for (const auto& [name, value] : std::initializer_list<std::pair<const char*, std::optional<double>>>{
+             {"station_readable", v.state != StationState::unreadable},
+             {"station_running", v.state == StationState::running},
+             {"station_tone", static_cast<int>(v.tone)},
+             {"station_waits", v.for_a_person.size()},
+             {"queue_waiting", v.waiting.size()},
+             {"queue_done", v.done},
+             {"queue_passed", v.passed},
+             {"queue_end_timestamp_seconds", v.queue_end_utc_s},
+             {"run_progress_ratio", v.fraction},
+             {"run_end_timestamp_seconds", v.run_end_utc_s},
+             {"unit_seconds", v.unit_s}})
+      add(name, v.name, "", value);
+  for (const StationResults& s : results.until_utc.empty() ? results.stations : std::vector<StationResults>())
+    for (const auto& [name, count] :
+         {std::pair{"day_attempts", s.attempts}, std::pair{"day_judged", s.judged}, std::pair{"day_passed", s.passed}})
+      add(name, s.station, s.simulated ? ",simulated=\"true\"" : ",simulated=\"false\"", static_cast<double>(count));
+  std::string text =
+      fmt::format("# TYPE turncal_{0} gauge\nturncal_{0} {1}\n", "look_timestamp_seconds", format_number(now_utc_s));
+  for (const auto& [name, of] : lines) text += "# TYPE turncal_" + name + " gauge\n" + of;
   return text;
 }
 
@@ -420,8 +403,9 @@ std::string link_to(const ServiceConfig& config, const std::string& folder, cons
 }
 
 Result<UnitRecord> record_of(const ServiceConfig& config, const std::string& unit) {
-  UnitRecord record;
-  record.unit = unit;
+  UnitRecord record{unit, {}, {}, [&config](const std::string& folder, const std::string& file) {
+                      return link_to(config, folder, file);
+                    }};
   if (!config.database.empty()) {
     const ResultsDatabase open = TRY(ResultsDatabase::open_to_read(config.database, patience));
     record.attempts = TRY(open.attempts({.unit = unit}));
@@ -431,14 +415,13 @@ Result<UnitRecord> record_of(const ServiceConfig& config, const std::string& uni
     const Result<std::vector<UnitOutcome>> outcomes = read_outcomes(station.queue);
     const UnitOutcome* const outcome = outcomes ? find_outcome(*outcomes, unit) : nullptr;
     if (!outcome || !record.attempts.empty()) continue;
-    AttemptRecord attempt;
+    AttemptRecord& attempt = record.attempts.emplace_back();
     attempt.unit = unit;
     attempt.time_utc = outcome->time_utc;
     attempt.outcome = outcome->outcome;
     attempt.reason = outcome->reason;
     attempt.station = station.name;
     attempt.folder = station.runs + "/" + unit;
-    record.attempts.push_back(std::move(attempt));
   }
   return record;
 }
@@ -466,9 +449,6 @@ std::optional<Document> unit_document(const ServiceConfig& config, const std::st
     return document;
   }
   if (record->attempts.empty() && record->calibrations.empty()) return {};
-  record->link = [&config](const std::string& folder, const std::string& file) {
-    return link_to(config, folder, file);
-  };
   return unit_document(*record);
 }
 
