@@ -291,7 +291,9 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
   }
   if (plot.empty()) plot = "plot NaN notitle";
   script += panel.legend ? "set key outside above right horizontal samplen 2\n" : "unset key\n";
-  script += panel.title.empty() ? "unset title\n" : "set title " + gnuplot_text(panel.title) + " offset 0,-0.6\n";
+  script += panel.title.empty() ? "unset title\n"
+                                : "set title " + gnuplot_text(panel.title) +
+                                      (panel.legend ? " offset graph -0.36, character -0.6\n" : " offset 0,-0.6\n");
   script += panel.x_label.empty() ? "unset xlabel\n" : "set xlabel " + gnuplot_text(panel.x_label) + " offset 0,0.4\n";
   script += "set ylabel " + gnuplot_text(panel.y_label) + " offset 0.5,0\n";
   if (panel.logarithmic) {
@@ -419,6 +421,8 @@ Result<std::vector<std::string>> render(const std::vector<Drawing>& drawings, co
 
 Result<std::string> standalone_svg(const Figure& figure, const GnuplotOptions& options) {
   std::string svg = TRY(render({draw(figure, true)}, options)).front();
+  const std::size_t style = svg.find("style=\"") + 7;
+  svg.replace(style, svg.find('"', style) - style, "font-family:sans-serif;max-height:100vh");
   svg.insert(svg.find('>') + 1,
              "\n<title>" + html_escape(figure.label) + "</title>\n<style>" + std::string(figure_css) + "</style>\n");
   return "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n" + svg + "\n";

@@ -152,11 +152,10 @@ Result<std::string> draw_navigation(const NavigationReport& report, const Gnuplo
     const Colour colour = against ? Colour::before : Colour::after;
     for (std::size_t k = file->branches.size(); k-- > 0;) {
       const FreeNavigation& navigation = file->branches[k].navigation;
-      const std::string label = k > 1        ? ""
-                                : k == 1     ? (against ? "" : "other starts")
-                                : against    ? "compared with"
-                                : starts > 1 ? "parameters, first start"
-                                             : "parameters";
+      const std::string label = k > 1     ? ""
+                                : k == 1  ? (against ? "" : "other starts")
+                                : against ? "compared with"
+                                          : "first start";
       // The first branch stands out; the others show how far they scatter.
       const auto add = [&](Panel& at, double (*value)(const TrackPoint&)) {
         at.series.push_back(series_of(label, colour, navigation, value));
@@ -170,7 +169,7 @@ Result<std::string> draw_navigation(const NavigationReport& report, const Gnuplo
   Figure figure;
   figure.id = "navigation";
   figure.label = "Velocity and position error of free inertial navigation against time";
-  figure.panel_width = 480;  // so that a telephone shows it in letters that can be read
+  figure.panel_width = 540;  // so that a telephone shows it in letters that can be read
   figure.panel_height = 220;
   const DriftOverRuns& drift = report.files.front().drift;
   figure.title = fmt::format("Unit {}: rms {} NM/h, 95 % within {} NM/h", report.info.unit_serial,

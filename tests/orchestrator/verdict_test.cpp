@@ -123,7 +123,7 @@ TEST(Verdict, TheClockIsJudgedWithTheValues) {
   EXPECT_EQ(judged(-201.0, 2.0).verdict, UnitVerdict::conditional_fail);
   const VerdictReport far = judged(-300.0, 2.0);
   EXPECT_EQ(far.verdict, UnitVerdict::fail);
-  EXPECT_SAYS(far.reason, "clock of the unit -300 ppm, limits -200 .. 200");
+  EXPECT_SAYS(far.reason, "clock of the unit -300.0 ppm, limits -200 .. 200");
   add_verdict(judged(-150.0, 2.0), file);
   EXPECT_NE(
       std::find(file.further.begin(), file.further.end(),
