@@ -120,7 +120,8 @@ std::string unit_text(std::string_view unit) {
       at += word.size();
       return true;
     };
-    if (begins && (take("ug", "µg") || take("arcsec", "″") || take("deg", "°") || ((at > 0 || unit == "C") && take("C", "°C"))))
+    if (begins &&
+        (take("ug", "µg") || take("arcsec", "″") || take("deg", "°") || ((at > 0 || unit == "C") && take("C", "°C"))))
       continue;
     if (take("^2", "²") || take("^3", "³") || take("sqrt(h)", "√h") || take("sqrt(Hz)", "√Hz")) continue;
     result += unit[at++];
