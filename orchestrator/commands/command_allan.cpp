@@ -167,8 +167,8 @@ Status write_result(const std::string& out, const AllanReport& report, const Doc
                                   {folder.file("imu.yaml"), format_imu_yaml(report.result, report.sample_s)}};
   Figure figure = allan_figure(report.result, report.other ? &*report.other : nullptr);
   for (Panel& panel : figure.panels) panel.legend = true;
-  if (const Result<std::vector<std::string>> drawn = run_gnuplot(draw(figure).script, 1))
-    files.push_back({folder.file("allan.svg"), "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n" + drawn->front() + "\n"});
+  const Result<std::string> drawn = standalone_svg(figure);
+  if (drawn) files.push_back({folder.file("allan.svg"), *drawn});
   TRY(write_files_atomically(files));
   folder.keep();
   if (!page.plot_problem.empty()) context.warn("report without plots: " + page.plot_problem);

@@ -24,6 +24,7 @@ struct Cell {
   Kind kind = Kind::text;
   std::string words;
   double value = std::numeric_limits<double>::quiet_NaN();  // NaN: the words are all there is
+  std::string link = {};                                    // where the words lead on a page; empty: nowhere
 };
 
 namespace cell {
@@ -36,6 +37,7 @@ Cell number(const std::optional<double>& value, int digits = 3);                
 Cell fixed(double value, int decimals);
 Cell count(std::size_t value);
 Cell with_sigma(double value, double sigma);  // as many decimals as two digits of sigma have
+Cell linked(Cell cell, std::string link);
 Cell bar(double share);
 Cell half(double share);
 }  // namespace cell

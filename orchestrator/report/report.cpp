@@ -31,15 +31,6 @@ std::string key_text(const EffectColumn& column) {
 }
 Cell unit_of(const EffectColumn& column) { return text(unit_text(column.entry->unit)); }
 
-std::string parameter_meaning(std::size_t k) {
-  const std::string axis = body_names[k % 3];
-  if (k < 3) return "gyro " + axis + " bias";
-  if (k < 6) return "accelerometer " + axis + " bias";
-  const std::size_t i = (k - (k < 15 ? 6 : 15)) / 3;
-  const std::string sensor = std::string(k < 15 ? "gyro " : "accelerometer ") + body_names[i];
-  return i == k % 3 ? sensor + " scale factor" : sensor + " towards " + axis;
-}
-
 struct ParameterUnit {
   double factor = 1.0;
   std::string unit;
@@ -199,7 +190,7 @@ void add_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context,
     const auto row = static_cast<Eigen::Index>(k);
     const ParameterUnit unit = page_unit(k, context.recording.info);
     const double sigma = diagnosis.extended.sigma[row];
-    const Cell key = name(parameter_keys[k]), meaning = text(parameter_meaning(k));
+    const Cell key = name(parameter_keys[k]), meaning = text(quantity_name(parameter_keys[k]));
     if (!parameter_is_free[k] || !(sigma > 0.0)) {
       const Cell what = parameter_is_free[k] ? number("not determined") : number("0", 0.0), none = number("-");
       table.row({key, meaning, what, what, none, text(""), none, none, half(0.0)}, Emphasis::dim);

@@ -123,7 +123,7 @@ TEST(Verdict, TheClockIsJudgedWithTheValues) {
   EXPECT_EQ(judged(-201.0, 2.0).verdict, UnitVerdict::conditional_fail);
   const VerdictReport far = judged(-300.0, 2.0);
   EXPECT_EQ(far.verdict, UnitVerdict::fail);
-  EXPECT_SAYS(far.reason, "clock_ppm = -300, limits -200 .. 200");
+  EXPECT_SAYS(far.reason, "clock of the unit -300.0 ppm, limits -200 .. 200");
   add_verdict(judged(-150.0, 2.0), file);
   EXPECT_NE(
       std::find(file.further.begin(), file.further.end(),
@@ -150,7 +150,7 @@ TEST_F(Production, VerdictIsExitCodeAndRecord) {
   const ProgramResult fail = dry_run("fail", "limit.residual_max = 0.5\nlimit.N01.max = -100\n");
   EXPECT_EQ(fail.code, 20) << fail.out;
   EXPECT_EQ(fail.err_lines(), 1);
-  EXPECT_SAYS(fail.err, "unit SN1: fail: N01 = ");
+  EXPECT_SAYS(fail.err, "unit SN1: fail: gyro x bias (N01) ");
   EXPECT_SAYS(fail.err, "(and 1 more)");
   // It is on record, and its parameters are not in use.
   EXPECT_SAYS(file_text(folder_ / "fail/parameters.conf"), "verdict.result = fail");
