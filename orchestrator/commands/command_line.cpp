@@ -176,9 +176,8 @@ const Option& Option::one_of(const std::vector<std::string>& values) const {
 }
 const Option& Option::time(double low, double high, const std::string& unit) const {
   option_->type_name("TIME")->transform(time_in(low, high, unit));
-  return option_->description(option_->get_description() +
-                              " (90s, 40min, 2h, 30d; a bare number: " + (unit == "d" ? "days)" : "seconds)")),
-         *this;
+  const std::string bare = unit == "d" ? "days" : "seconds";
+  return option_->description(option_->get_description() + " (40min, 2h, 30d; a bare number: " + bare + ")"), *this;
 }
 const Option& Option::needs(const Option& other) const { return option_->needs(other.option_), *this; }
 const Option& Option::words(int count) const { return option_->expected(count), *this; }

@@ -343,7 +343,7 @@ Status check_together(const Recordings& fitted, const Recordings& holdouts) {
 // What the effects are worth in miles; a note where it cannot be had.
 void navigate_effects(const LoadedRecording& recording, const Diagnosis& diagnosis, const DiagnosisRequest& request,
                       DiagnosisContext& context) {
-  request.phase("navigating with and without what was added");
+  request.phase("navigating with and without the added effects");
   const LoadedRecording& navigated = request.holdouts.empty() ? recording : *request.holdouts.front();
   const RecordingInfo& info = navigated.data.info;
   const Segments& segments = navigated.data.segments;
@@ -365,7 +365,7 @@ Result<DiagnosisOutput> of_table(const Recordings& recordings, const JoinedRecor
   settings.estimate.noise = request.noise;
   settings.base = request.noise ? nullptr : request.base;
   for (const LoadedRecording* holdout : request.holdouts) settings.holdouts.push_back(&holdout->data);
-  request.phase("diagnosing: fit, what may be missing, held-out data");
+  request.phase("diagnosing: fit, missing effects, held-out data");
   Diagnosis diagnosis = diagnose(joined, settings);
   const std::string open = undetermined_parameters(diagnosis.extended);
   if (diagnosis.verdict == Verdict::not_tested && diagnosis.extended.converged && !open.empty())
@@ -409,7 +409,7 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
     if (other->legs.empty())
       return input_error(request.holdouts.front()->path + ": holds no rotation between two rests");
   }
-  request.phase("diagnosing: fit, what may be missing, rests left out");
+  request.phase("diagnosing: fit, missing effects, cross-validation");
   Result<RestDiagnosis> result = diagnose_rests(data, other ? &*other : nullptr);
   if (!result) return Error{result.error().kind, recording.path + ": " + result.error().message};
   context.notes.insert(context.notes.end(), data.notes.begin(), data.notes.end());
@@ -517,8 +517,8 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   file.add_further("quality.recordings_p_value", several.p_value);
   output.file = std::move(file);
   output.notes.push_back(
-      fmt::format("{} recordings, one unit: what they say of it differs by chi-square {:.1f} of {}, p {:.2g}{}",
-                  recordings.size(), several.disagreement, several.degrees, several.p_value,
+      fmt::format("{} recordings of one unit differ by chi-square {:.1f} of {}, p {:.2g}{}", recordings.size(),
+                  several.disagreement, several.degrees, several.p_value,
                   several.agree ? "" : ": THEY CONTRADICT EACH OTHER; every sigma is widened until they do not"));
   const std::vector<std::string> words = turn_on_words(several.turn_ons);
   output.notes.insert(output.notes.end(), words.begin(), words.end());
