@@ -37,7 +37,7 @@ void expect_sections_in_order(const std::string& html) {
 
 // Well-formed enough: every tag that is opened is closed in order.
 void expect_balanced(const std::string& html) {
-  static const std::set<std::string> single = {"meta", "br", "img", "!DOCTYPE"};
+  static const std::set<std::string> single = {"meta", "link", "br", "img", "!DOCTYPE"};
   std::vector<std::string> open;
   for (std::size_t at = html.find('<'); at != std::string::npos; at = html.find('<', at + 1)) {
     const std::size_t end = html.find('>', at);
@@ -86,7 +86,7 @@ TEST(Report, IsCompleteForEveryVerdict) {
     EXPECT_EQ(html.find("<h2 id=\"residual\">") != std::string::npos, nameless);
     if (!plots) continue;
     EXPECT_EQ(report.plot_problem, "");
-    EXPECT_EQ(count_of(html, "<svg"), named ? 5u : nameless ? 22u : 4u) << "a drawing a panel";
+    EXPECT_EQ(count_of(html, "<svg"), named ? 6u : nameless ? 22u : 4u) << "a drawing a panel";
     std::set<std::string> ids;
     const std::regex id("[ \n]id=['\"]([^'\"]+)['\"]");
     for (std::sregex_iterator i(html.begin(), html.end(), id), end; i != end; ++i)
