@@ -11,6 +11,7 @@ frame is its own: before anything is compared it is turned so that M_a is upper 
   truth TRUTH CALIBRATION           rms errors: ug, ppm, arcsec; deg/h, ppm, arcsec
   hand TEXT RESTS K CALIBRATION     squares over the rests that were left out: count, gravity's norm; count, gravity's direction after a turn
 """
+import json
 import sys
 import numpy as np
 
@@ -73,7 +74,7 @@ def prepare(folder, hz, rates, references):
         if pick.stop - pick.start == end - start:  # not one with a gap
             path = [attitude(*(before + (after - before) * s)) for s in np.linspace(0, 1, 201)]
             steps = [p.T @ q for p, q in zip(path, path[1:])]
-            angle = sum(np.array([s[2, 1] - s[1, 2], s[0, 2] - s[2, 0], s[1, 0] - s[0, 1]]) / 2 for s in steps)
+            angle = sum(np.arcsin(np.array([s[2, 1] - s[1, 2], s[0, 2] - s[2, 0], s[1, 0] - s[0, 1]]) / 2) for s in steps)
             angle += T * np.mean([p.T @ earth for p in path], axis=0)
             force = path[0].T @ [0, g, 0] if kind != "rotate" else np.zeros(3)
             out.append(np.r_[T, gyro[pick].sum(0), angle, accel[pick].sum(0) / T, force])
@@ -151,10 +152,32 @@ def hand(folder, rests, k, found):
     print(len(norms), float(np.sum(np.square(norms))), len(angles), float(np.sum(np.square(angles))))
 
 
+NAMES = {"turncal": "turncal calibrate", "diagnose": "turncal diagnose", "lsclbt": "PSINS lsclbt", "sysclbt": "PSINS sysclbt", "mems": "PSINS sysclbtMEMS"}
+KEYS = {"truth": ["accel_bias_ug", "accel_scale_ppm", "accel_misalignment_arcsec", "gyro_bias_degph", "gyro_scale_ppm", "gyro_misalignment_arcsec",
+                  "user_s"], "hand": ["rests", "norm_mmps2", "turns", "direction_mrad", "user_s", "folds_failed"]}
+HEADS = {"truth": "accel ug|ppm|arcsec|gyro deg/h|ppm|arcsec|user s", "hand": "rests|norm mm/s^2|turns|direction mrad|user s|fits failed of 3"}
+
+
+def table(form, *paths):
+    out = {}
+    for kind, path in zip(KEYS, paths):
+        rows = [line.rstrip("\n").split("\t") for line in open(path)]
+        out[kind] = [{"recording": r[0], "program": NAMES.get(r[1], r[1]), **(dict(zip(KEYS[kind], map(float, r[2:]))) if len(r) > 3
+                                                                              else {"skipped": r[2]})} for r in rows]
+        if form == "table" and rows:
+            width = {"truth": 12, "hand": 19}[kind]
+            print(f"{'recording':<12}{'program':<20}" + "".join(f"{h:>{width}}" for h in HEADS[kind].split("|")))
+            for r in out[kind]:
+                print(f"{r['recording']:<12}{r['program']:<20}" + ("  " + r["skipped"] if "skipped" in r else
+                      "".join(f"{r[k]:>{width}.4g}" for k in KEYS[kind])))
+    if form == "json":
+        print(json.dumps(out, indent=1))
+
+
 command, arguments = sys.argv[1], sys.argv[2:]
 if command == "from":
     np.savetxt(arguments[1], of_parameters(arguments[0]))
 elif command == "truth":
     truth(*arguments)
 else:
-    {"prepare": prepare, "fold": fold, "hand": hand}[command](*arguments)
+    {"prepare": prepare, "fold": fold, "hand": hand, "table": table}[command](*arguments)

@@ -28,7 +28,6 @@ fclose(file);
 addpath(genpath(fullfile(psins, 'base')));
 addpath(silent);
 confirm_recursive_rmdir(false);
-remove = onCleanup(@() rmdir(silent, 's'));
 glvs;
 coarse.Kg = eye(3); coarse.Ka = eye(3); coarse.eb = zeros(3, 1); coarse.db = zeros(3, 1);
 if ~strcmp(mode, 'mems')
@@ -60,3 +59,5 @@ if any(~isfinite([Mg(:); Ma(:); bg; ba; S(:)])), disp('PSINS did not converge: i
 file = fopen(output, 'w');
 fprintf(file, '%.17g\n', Mg', bg, Ma', ba, S');
 fclose(file);
+rmpath(silent);
+rmdir(silent, 's');
