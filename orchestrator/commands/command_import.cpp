@@ -39,6 +39,7 @@
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/jobs/navigation/foreign_forms.h"
 #include "orchestrator/jobs/navigation/navigation_job.h"
@@ -111,17 +112,7 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   SegmentationOptions segmentation;
   segmentation.min_rest_s = options.min_rest_s;
   segmentation.threshold = options.threshold;
-  RestFinder finder(source.info(), segmentation);
-  TRY(source.read([&](std::span<const ImuSample> samples) {
-    finder.add(samples);
-    return Status();
-  }));
-  const Segmentation found = finder.finish();
-  if (found.segments.empty())
-    return input_error(options.source + ": no rest found: " +
-                       (options.threshold ? "no stretch of " + format_number(options.min_rest_s) +
-                                                " s stays below the threshold " + format_number(*options.threshold)
-                                          : found.reason));
+  const Segmentation found = TRY(find_rests(source, options.source, segmentation));
   print_segmentation(found, source.info(), found.segments.front().start_sample, context.out);
   TRY(import_binary(source, found.segments, folder.file(binary_recording_name)));
   folder.keep();

@@ -119,6 +119,21 @@ Result<LoadedRecording> load_recording(const std::string& path, const std::funct
   return load_recording(*source, progress, blocks, before_step);
 }
 
+Result<Segmentation> find_rests(RecordingSource& source, const std::string& name, const SegmentationOptions& options) {
+  RestFinder finder(source.info(), options);
+  TRY(source.read([&](std::span<const ImuSample> samples) {
+    finder.add(samples);
+    return Status();
+  }));
+  Segmentation found = finder.finish();
+  if (found.segments.empty())
+    return input_error(name + ": no rest found: " +
+                       (options.threshold ? "no stretch of " + format_number(options.min_rest_s) +
+                                                " s stays below the threshold " + format_number(*options.threshold)
+                                          : found.reason));
+  return found;
+}
+
 Status check_data(const LoadedRecording& loaded) {
   if (!loaded.dead_channel.empty()) return Error{ErrorKind::unit_failed, loaded.path + ": " + loaded.dead_channel};
   if (const std::string wrong = loaded.by_hand ? "" : wrong_table_units(loaded.data); !wrong.empty())

@@ -14,6 +14,7 @@
 #include "calib/fleet/unit_statistics.h"
 #include "calib/joint/joint_estimate.h"
 #include "calib/statistics/compression.h"
+#include "calib/statistics/segmentation.h"
 #include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
@@ -42,6 +43,9 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
                                        const std::optional<CompressionOptions>& blocks = {}, int before_step = 0);
 Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress = {},
                                        const std::optional<CompressionOptions>& blocks = {}, int before_step = 0);
+
+// What `turncal segment` finds; an error, which calls the recording `name`, where that is no rest.
+Result<Segmentation> find_rests(RecordingSource& source, const std::string& name, const SegmentationOptions& options);
 
 // An error when there is nothing to calibrate from: a channel that does not live, units that are
 // plainly wrong, not one whole second at rest.
