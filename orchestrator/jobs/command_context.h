@@ -12,6 +12,12 @@ namespace turncal {
 
 // In front of every error; coloured on a terminal.
 inline constexpr const char* error_prefix = "turncal: ";
+// An error is one line, whatever it was made of.
+inline std::string one_line(std::string text) {
+  text.erase(text.find_last_not_of("\n ") + 1);
+  std::ranges::replace(text, '\n', ' ');
+  return text;
+}
 
 struct CommandContext {
   std::ostream& out;
@@ -25,13 +31,6 @@ struct CommandContext {
   // One line on err; sets the exit code.
   void fail(const Error& error);
   void warn(const std::string& text) { err << tag << "warning: " << one_line(text) << std::endl; }
-
- private:
-  static std::string one_line(std::string text) {
-    text.erase(text.find_last_not_of("\n ") + 1);
-    std::ranges::replace(text, '\n', ' ');
-    return text;
-  }
 };
 
 // What the program ends with for each kind of error. 0: all is well.

@@ -22,7 +22,8 @@ Plot::Plot() {}
 template <>
 void Plot::plotIntervals<double>(const std::vector<TriadData>&, const std::vector<DataInterval>&, DataInterval) {}
 template <>
-void Plot::plotIntervals<float>(const std::vector<TriadData_<float>>&, const std::vector<DataInterval>&, DataInterval) {}
+void Plot::plotIntervals<float>(const std::vector<TriadData_<float>>&, const std::vector<DataInterval>&, DataInterval) {
+}
 void waitForKey() {}
 }  // namespace imu_tk
 
@@ -33,7 +34,8 @@ bool read_rates(const char* path, std::vector<imu_tk::TriadData>& gyro, std::vec
   if (!std::getline(file, line)) return false;
   while (std::getline(file, line)) {
     double t = 0, w[3], f[3];
-    if (std::sscanf(line.c_str(), "%lf,%lf,%lf,%lf,%lf,%lf,%lf", &t, &w[0], &w[1], &w[2], &f[0], &f[1], &f[2]) != 7) return false;
+    if (std::sscanf(line.c_str(), "%lf,%lf,%lf,%lf,%lf,%lf,%lf", &t, &w[0], &w[1], &w[2], &f[0], &f[1], &f[2]) != 7)
+      return false;
     gyro.emplace_back(t, w[0], w[1], w[2]);
     accel.emplace_back(t, f[0], f[1], f[2]);
   }
