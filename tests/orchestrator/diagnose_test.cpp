@@ -66,7 +66,7 @@ TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
   const std::string last = "verdict         Extended; parameters trusted\nreason          added: accel_delay, tau 0.3";
   EXPECT_SAYS(result.out, last);
   EXPECT_TRUE(result.out.ends_with(" sigma)\nopen out/report.html\n")) << result.out;
-  EXPECT_SAYS(html, "<td class=\"\">Extended; parameters trusted</td>");
+  EXPECT_SAYS(html, "<td>Extended; parameters trusted</td>");
   EXPECT_SAYS(result.out, "verdict         Extended: one effect beyond the 24 parameters");
   EXPECT_SAYS(result.out, "out/report.html");
   EXPECT_LE(std::count(result.out.begin(), result.out.end(), '\n'), 30 + 10);
