@@ -85,8 +85,10 @@ Status measure(const VerifyOptions& options, CommandContext& context) {
 }
 
 Status judge_again(const VerifyOptions& options, CommandContext& context) {
-  const VerdictLimits limits = TRY(read_station_config(options.run.station)).limits;
   ParameterFile parameters = TRY(read_parameter_file(options.parameters));
+  VerdictLimits limits;  // of a real unit without a station: the paper's, not those of the rig's gyros
+  if (parameters.simulated || !options.run.station.empty())
+    limits = TRY(read_station_config(options.run.station)).limits;
   OutputFolder folder = TRY(OutputFolder::prepare(options.folder, {}));
   const VerificationReport report =
       TRY(verify_recording({options.recording, options.parameters, std::move(parameters), limits, options.first_step}));

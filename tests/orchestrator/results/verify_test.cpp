@@ -70,11 +70,15 @@ TEST_F(Verify, SeeksNorthInFourHeadings) {
   EXPECT_TRUE(verdict == "pass" || verdict == "conditional_pass") << verdict;
   EXPECT_SAYS(verified.out, "[dry run] verdict         " + verdict);
   // Judged again from its recording: the same bytes.
-  ASSERT_EQ(run({"verify", "--recording", "v", "--parameters", path("true.conf"), "--out", "again"}).code, 0);
+  ASSERT_EQ(run({"verify", "--recording", "v", "--parameters", path("true.conf"), "--out", "again", "--station",
+                 "paper.station"})
+                .code,
+            0);
   EXPECT_EQ(file_text(folder_ / "again/verification.conf"), file_text(folder_ / "v/verification.conf"));
   // A gyro bias of 0.02 deg/h is a heading error of 0.09 deg, the other way round at 180.
   write_parameters("wrong.conf", 0, 0.02);
-  ends({"verify", "--recording", "v", "--parameters", path("wrong.conf"), "--out", "w"}, 20, "");
+  ends({"verify", "--recording", "v", "--parameters", path("wrong.conf"), "--out", "w", "--station", "paper.station"},
+       20, "");
   EXPECT_EQ(result("w/verification.conf").text("verdict.heading"), "fail");
   // The station's own limit, wide enough.
   write("wide.station", "format = 1\n" + std::string("site.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\n"
