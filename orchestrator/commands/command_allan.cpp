@@ -48,10 +48,12 @@ Status allan(const AllanOptions& options, CommandContext& context) {
 void add_allan_command(CommandLine& line) {
   const auto [command, options] = line.command<AllanOptions>(
       "allan", "the noise of a unit at rest: Allan deviation and its coefficients", allan, Output::result);
-  command.option("source", options.from.source, "recording: a folder or a .tcr file; with --map a CSV, .npy or .mat file")
+  command
+      .option("source", options.from.source, "recording: a folder or a .tcr file; with --map a CSV, .npy or .mat file")
       .required();
   command.option("--map", options.from.map, "file on the columns of the table, docs/import.md");
-  command.option("--against", options.from.against, "another such source, or a parameter file (.conf), shown beside it");
+  command.option("--against", options.from.against,
+                 "another such source, or a parameter file (.conf), shown beside it");
   command.option("--out", options.out, "folder for allan.html, allan.svg, allan.csv, imu.yaml");
   command.format(options.format, "print the result in this form instead of words");
 }

@@ -29,7 +29,7 @@ class TURNCAL_API Parameters {
 
   std::array<double, 24> values() const;
   std::array<double, 24> sigmas() const;  // NaN: not estimated
-  bool trusted() const;  // false: its sigmas cannot be believed
+  bool trusted() const;                   // false: its sigmas cannot be believed
   // Every key of the file in its order, checksum left out: effects, too, as effect.NAME.COMPONENT (docs/effect-components.md).
   std::vector<std::pair<std::string, std::string>> items() const;
 
