@@ -20,9 +20,7 @@
 #include "orchestrator/jobs/prediction_job.h"
 
 namespace turncal::v0 {
-
 Error::~Error() = default;
-
 struct Report::Content {
   Document document;
 };
@@ -43,7 +41,6 @@ struct Parameters::Content {
 };
 
 namespace {
-
 [[noreturn]] void raise(const turncal::Error& error) {
   throw Error(static_cast<ErrorKind>(exit_code(error.kind)), one_line(error.message));
 }
