@@ -57,7 +57,7 @@ TEST_F(Database, EveryAttemptHasARow) {
   EXPECT_LT(of("SN1").began_utc, of("SN1").time_utc);
   EXPECT_TRUE(of("SN1").simulated && of("SN1").calibration);
   EXPECT_EQ(of("SN2").outcome, "fail");
-  EXPECT_SAYS(of("SN2").reason, "residual = ");
+  EXPECT_SAYS(of("SN2").reason, "normalised residual ");
   EXPECT_EQ(of("SN3").outcome, "failed");
   EXPECT_NE(of("SN3").reason, "");
   EXPECT_FALSE(of("SN3").calibration);

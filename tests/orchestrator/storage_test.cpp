@@ -221,7 +221,7 @@ TEST_F(Storage, OnlyOldRecordingsOfFinishedUnitsAreRemovedAndNeverTheLast) {
   const std::set<std::string> all = {"first", "failed", "last", "other", "held", "again"};
   ASSERT_EQ(recordings(), all);
   expect_refused({"records", "prune", "all"}, "--older-than");
-  expect_refused({"records", "prune", "all", "--older-than", "0"}, "from 1 to 36500");
+  expect_refused({"records", "prune", "all", "--older-than", "0"}, "from 1d to 36500d");
   expect_refused({"records", "prune", "nowhere", "--older-than", "1"}, "nowhere: cannot be read");
   EXPECT_EQ(prune("36500").out, "0 of 6 recordings removed, 0.0 MB\n");
   const ProgramResult listed = run({"records", "prune", "all", "--older-than", "1", "--list"});

@@ -37,7 +37,7 @@ for i in $(seq 60); do
     [ "$code" = 0 ] && good=$((good + 1)) || [ "$code" = 1 ] || [ "$code" = 50 ] || fail "pair $i: code $code: $(cat ./*.err)"
   done
   [ "$good" = 1 ] || fail "pair $i: $good of two have run: $(cat ./*.err)"
-  grep -qE "in use by another process|already holds" A.err B.err || fail "pair $i: $(cat ./*.err)"
+  grep -qE "in use by another process|already contains" A.err B.err || fail "pair $i: $(cat ./*.err)"
   ! grep -q "in use by" A.err B.err || both=$((both + 1))
   for name in recording.tcr journal.tcj run.log; do [ -s "out$i/$name" ] || fail "pair $i: $name is lost"; done
   [ ! -e "out$i/.lock" ] || fail "pair $i: the lock is left"
