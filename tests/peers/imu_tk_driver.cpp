@@ -67,6 +67,6 @@ int main(int argc, char** argv) {
   if (out == nullptr) return 1;
   print(out, calibration.getGyroCalib());
   print(out, calibration.getAccCalib());
-  std::fprintf(out, "0 0 0 0 0 0 0 0 0\n");
+  std::fprintf(out, "0 0 0\n0 0 0\n0 0 0\n");
   return std::fclose(out) == 0 ? 0 : 1;
 }
