@@ -5,7 +5,7 @@
 //
 // RATES.csv: header, then t (s), gyro x y z (rad/s), accelerometer x y z (m/s^2). OUT: 33 numbers, M_g, b_g, M_a, b_a, S of
 // w = M_g (raw - b_g) - S f, f = M_a (raw - b_a). imu_tk says X' = T K (X - B) of both triads: M = T K, b = B; it has no S.
-// Settings are those of its own example (apps/test_imu_calib.cpp) but for the means: every sample of a rest counts, not its first hundred.
+// Settings are those of its own example program but for the means: every sample of a rest counts, not its first hundred.
 // Compiled with -O0 and linked first: setters in imu_tk's headers return nothing where they promise a number, which optimised code does not survive.
 // Not modelled by imu_tk: the earth's rate, which stays in the gyro biases. Exit code 2: it found no calibration, and said why on stdout.
 #include <cstdio>
@@ -16,13 +16,14 @@
 #include "imu_tk/calibration.h"
 #include "imu_tk/visualization.h"
 
-// calibration.cpp draws when it is verbose, which it is not: these stand in for OpenGL and gnuplot.
+// The calibration draws when it is verbose, which it is not: these stand in for OpenGL and gnuplot.
 namespace imu_tk {
 Plot::Plot() {}
 template <>
 void Plot::plotIntervals<double>(const std::vector<TriadData>&, const std::vector<DataInterval>&, DataInterval) {}
 template <>
-void Plot::plotIntervals<float>(const std::vector<TriadData_<float>>&, const std::vector<DataInterval>&, DataInterval) {}
+void Plot::plotIntervals<float>(const std::vector<TriadData_<float>>&, const std::vector<DataInterval>&, DataInterval) {
+}
 void waitForKey() {}
 }  // namespace imu_tk
 
@@ -33,7 +34,8 @@ bool read_rates(const char* path, std::vector<imu_tk::TriadData>& gyro, std::vec
   if (!std::getline(file, line)) return false;
   while (std::getline(file, line)) {
     double t = 0, w[3], f[3];
-    if (std::sscanf(line.c_str(), "%lf,%lf,%lf,%lf,%lf,%lf,%lf", &t, &w[0], &w[1], &w[2], &f[0], &f[1], &f[2]) != 7) return false;
+    if (std::sscanf(line.c_str(), "%lf,%lf,%lf,%lf,%lf,%lf,%lf", &t, &w[0], &w[1], &w[2], &f[0], &f[1], &f[2]) != 7)
+      return false;
     gyro.emplace_back(t, w[0], w[1], w[2]);
     accel.emplace_back(t, f[0], f[1], f[2]);
   }
