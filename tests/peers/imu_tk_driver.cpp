@@ -5,7 +5,7 @@
 //
 // RATES.csv: header, then t (s), gyro x y z (rad/s), accelerometer x y z (m/s^2). OUT: 33 numbers, M_g, b_g, M_a, b_a, S of
 // w = M_g (raw - b_g) - S f, f = M_a (raw - b_a). imu_tk says X' = T K (X - B) of both triads: M = T K, b = B; it has no S.
-// Settings are those of its own example (apps/test_imu_calib.cpp) but for the means: every sample of a rest counts, not its first hundred.
+// Settings are those of its own example program but for the means: every sample of a rest counts, not its first hundred.
 // Compiled with -O0 and linked first: setters in imu_tk's headers return nothing where they promise a number, which optimised code does not survive.
 // Not modelled by imu_tk: the earth's rate, which stays in the gyro biases. Exit code 2: it found no calibration, and said why on stdout.
 #include <cstdio>
@@ -16,7 +16,7 @@
 #include "imu_tk/calibration.h"
 #include "imu_tk/visualization.h"
 
-// calibration.cpp draws when it is verbose, which it is not: these stand in for OpenGL and gnuplot.
+// The calibration draws when it is verbose, which it is not: these stand in for OpenGL and gnuplot.
 namespace imu_tk {
 Plot::Plot() {}
 template <>
@@ -69,6 +69,6 @@ int main(int argc, char** argv) {
   if (out == nullptr) return 1;
   print(out, calibration.getGyroCalib());
   print(out, calibration.getAccCalib());
-  std::fprintf(out, "0 0 0 0 0 0 0 0 0\n");
+  std::fprintf(out, "0 0 0\n0 0 0\n0 0 0\n");
   return std::fclose(out) == 0 ? 0 : 1;
 }

@@ -6,7 +6,7 @@ recording's counts times their nominal weight (0.932920 arcsec, accel_pulse_mps;
 frame is its own: before anything is compared it is turned so that M_a is upper triangular (Wang 2020, and imu_tk; PSINS has a lower one).
 
   prepare TEXT HZ RATES REFERENCES  a text-form recording as rates (means over 1/HZ), and its commanded angles and forces
-  fold TEXT RESTS K FOLD RATES      a hand-turned recording without every third rest, from K (REST_LISTS: rows of the data, by others)
+  fold TEXT RESTS K FOLD RATES      a hand-turned recording without every third rest, from K (RESTS: rows, listed by others)
   from PARAMETERS CALIBRATION       a parameter file (or truth.conf) of turncal as a calibration
   truth TRUTH CALIBRATION           rms errors: ug, ppm, arcsec; deg/h, ppm, arcsec
   hand TEXT RESTS K CALIBRATION     squares over the rests that were left out: count, gravity's norm; count, gravity's direction after a turn
@@ -16,14 +16,11 @@ import sys
 import numpy as np
 
 DEGPH, G0, ARCSEC = np.pi / 180 / 3600, 9.80665, np.pi / 180 / 3600
-GYRO_PULSE, FOLDS = 0.932920, 3
-EARTH = 7.292115e-5
-
+GYRO_PULSE, FOLDS, EARTH = 0.932920, 3, 7.292115e-5
 
 def conf(path):
     pairs = (line.split("#")[0].split("=", 1) for line in open(path))
     return {p[0].strip(): p[1].strip() for p in pairs if len(p) == 2}
-
 
 def text(folder):
     """Counter, gyro (rad) and accelerometer (m/s) increments, configuration."""
@@ -33,34 +30,28 @@ def text(folder):
     rows[:, 4:7] *= float(c["accel_pulse_mps"]) if c["accel_increment"] == "pulses" else 1
     return rows[:, 0].astype(int), rows[:, 1:4], rows[:, 4:7], c
 
-
 def write_rates(path, dt, gyro, accel):
-    table = np.column_stack([np.arange(1, len(gyro) + 1) * dt, gyro, accel])
-    np.savetxt(path, table, delimiter=",", fmt="%.12g", header="t,wx,wy,wz,fx,fy,fz", comments="")
-
+    t = np.arange(1, len(gyro) + 1) * dt
+    np.savetxt(path, np.column_stack([t, gyro, accel]), delimiter=",", fmt="%.12g", header="t,wx,wy,wz,fx,fy,fz", comments="")
 
 def attitude(heading, pitch, roll):
     """C_nb = Ry(-H) Rz(P) Rx(R); n north, up, east (docs/closed-form.md). Degrees."""
     def turn(axis, deg):
-        a, k = np.radians(deg), np.roll(np.arange(3), -axis)
-        r = np.eye(3)
+        a, k, r = np.radians(deg), np.roll(np.arange(3), -axis), np.eye(3)
         r[np.ix_(k[1:], k[1:])] = [[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]
         return r
     return turn(1, -heading) @ turn(2, pitch) @ turn(0, roll)
-
 
 def rotation(v):
     a = np.linalg.norm(v)
     x = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
     return np.eye(3) + (np.sin(a) / a * x + (1 - np.cos(a)) / a**2 * x @ x if a > 0 else x)
 
-
 def prepare(folder, hz, rates, references):
     counter, gyro, accel, c = text(folder)
     dt = float(c["sample_period_s"])
     many = round(1 / dt / float(hz))
-    group = counter // many
-    n = np.bincount(group)
+    group, n = counter // many, np.bincount(counter // many)
     means = np.array([np.bincount(group, x) / np.maximum(n, 1) / dt for x in np.hstack([gyro, accel]).T])
     means = np.array([np.interp(np.arange(len(n)), np.flatnonzero(n), m[n > 0]) for m in means]).T  # a gap is bridged
     write_rates(rates, many * dt, means[:, :3], means[:, 3:])
@@ -81,14 +72,11 @@ def prepare(folder, hz, rates, references):
         before = after
     np.savetxt(references, out, delimiter=",", header="T" + 12 * ",x", comments="")
 
-
 def fold(folder, rests, k, rates):
     """Without the rests k, k+3, ...: what stands still of them is cut out, and time closes up. The fit keeps the turns, as one."""
     _, gyro, accel, c = text(folder)
-    dt = float(c["sample_period_s"])
-    lists = np.loadtxt(rests, delimiter=",", skiprows=1, usecols=(0, 1), dtype=int)
-    keep = np.ones(len(gyro), bool)
-    both = np.hstack([gyro, accel])
+    dt, lists = float(c["sample_period_s"]), np.loadtxt(rests, delimiter=",", skiprows=1, usecols=(0, 1), dtype=int)
+    keep, both = np.ones(len(gyro), bool), np.hstack([gyro, accel])
     for start, end in lists[int(k)::FOLDS]:
         middle, sigma = both[start:end].mean(0), both[start:end].std(0)
         still = (np.abs(both - middle) < 5 * sigma).all(1)
@@ -98,39 +86,29 @@ def fold(folder, rests, k, rates):
     keep[lists[-1, 1]:] = False
     write_rates(rates, dt, gyro[keep] / dt, accel[keep] / dt)
 
-
 def turned(x):
     """M_g, b_g, M_a, b_a, S with the body frame turned by R = Q', M_a = Q U, U upper triangular with a positive diagonal."""
     Mg, bg, Ma, ba, S = x[:9].reshape(3, 3), x[9:12], x[12:21].reshape(3, 3), x[21:24], x[24:33].reshape(3, 3)
     Q, U = np.linalg.qr(Ma)
-    sign = np.sign(np.diag(U))
-    R = (Q * sign).T
+    R = (Q * np.sign(np.diag(U))).T
     return R @ Mg, bg, R @ Ma, ba, R @ S @ R.T
-
 
 def of_parameters(path):
     """w = n counts - N0 (deg/h), f = a counts - A0 (g of 9.80665 m/s^2); g-sensitivity in deg/h/g."""
     p = conf(path)
     n, a = (np.array([[float(p[f"{k}{i}{j}"]) for j in "123"] for i in "123"]) for k in "na")
     N0, A0 = (np.array([float(p[f"{k}0{i}"]) for i in "123"]) for k in "NA")
-    pulses = p.get("gyro_increment", "pulses") == "pulses"  # a truth.conf is of pulses, too
-    Mg = n / GYRO_PULSE if pulses else n
+    Mg = n / GYRO_PULSE if p.get("gyro_increment", "pulses") == "pulses" else n  # a truth.conf is of pulses, too
     S = [float(p.get(f"effect.gyro_g_sensitivity.{i}{j}", 0)) * DEGPH / G0 for i in "xyz" for j in "xyz"]
     return np.r_[Mg.ravel(), np.linalg.solve(Mg, N0 * DEGPH), a.ravel(), np.linalg.solve(a, A0 * G0), S]
-
-
-def rms(x):
-    return float(np.sqrt(np.mean(np.square(x))))
-
 
 def truth(true, found):
     Mg, bg, Ma, ba, _ = turned(of_parameters(true))
     Ng, cg, Na, ca, _ = turned(np.loadtxt(found).ravel())
     dA, dG = Na @ np.linalg.inv(Ma) - np.eye(3), Ng @ np.linalg.inv(Mg) - np.eye(3)
-    off = ~np.eye(3, dtype=bool)
+    off, rms = ~np.eye(3, dtype=bool), lambda x: float(np.sqrt(np.mean(np.square(x))))
     print(rms(Na @ (ca - ba)) / G0 * 1e6, rms(np.diag(dA)) * 1e6, rms(dA[np.triu_indices(3, 1)]) / ARCSEC,
           rms(Ng @ (cg - bg)) / DEGPH, rms(np.diag(dG)) * 1e6, rms(dG[off]) / ARCSEC)
-
 
 def hand(folder, rests, k, found):
     _, gyro, accel, c = text(folder)
@@ -151,33 +129,22 @@ def hand(folder, rests, k, found):
         angles.append(np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v))
     print(len(norms), float(np.sum(np.square(norms))), len(angles), float(np.sum(np.square(angles))))
 
-
 NAMES = {"turncal": "turncal calibrate", "diagnose": "turncal diagnose", "lsclbt": "PSINS lsclbt", "sysclbt": "PSINS sysclbt", "mems": "PSINS sysclbtMEMS"}
-KEYS = {"truth": ["accel_bias_ug", "accel_scale_ppm", "accel_misalignment_arcsec", "gyro_bias_degph", "gyro_scale_ppm", "gyro_misalignment_arcsec",
-                  "user_s"], "hand": ["rests", "norm_mmps2", "turns", "direction_mrad", "user_s", "folds_failed"]}
-HEADS = {"truth": "accel ug|ppm|arcsec|gyro deg/h|ppm|arcsec|user s", "hand": "rests|norm mm/s^2|turns|direction mrad|user s|fits failed of 3"}
-
+COLUMNS = {"truth": "accel_ug accel_ppm accel_arcsec gyro_degph gyro_ppm gyro_arcsec user_s".split(),
+           "hand": "rests norm_mmps2 turns direction_mrad user_s fits_failed".split()}
 
 def table(form, *paths):
     out = {}
-    for kind, path in zip(KEYS, paths):
+    for (kind, keys), path in zip(COLUMNS.items(), paths):
         rows = [line.rstrip("\n").split("\t") for line in open(path)]
-        out[kind] = [{"recording": r[0], "program": NAMES.get(r[1], r[1]), **(dict(zip(KEYS[kind], map(float, r[2:]))) if len(r) > 3
-                                                                              else {"skipped": r[2]})} for r in rows]
+        out[kind] = [{"recording": r[0], "program": NAMES.get(r[1], r[1]), **(dict(zip(keys, map(float, r[2:]))) if len(r) > 3 else {"skipped": r[2]})}
+                     for r in rows]
         if form == "table" and rows:
-            width = {"truth": 12, "hand": 19}[kind]
-            print(f"{'recording':<12}{'program':<20}" + "".join(f"{h:>{width}}" for h in HEADS[kind].split("|")))
+            print(f"{'recording':<12}{'program':<19}" + "".join(f"{k:>15}" for k in keys))
             for r in out[kind]:
-                print(f"{r['recording']:<12}{r['program']:<20}" + ("  " + r["skipped"] if "skipped" in r else
-                      "".join(f"{r[k]:>{width}.4g}" for k in KEYS[kind])))
+                print(f"{r['recording']:<12}{r['program']:<19}" + ("  " + r["skipped"] if "skipped" in r else "".join(f"{r[k]:>15.4g}" for k in keys)))
     if form == "json":
         print(json.dumps(out, indent=1))
 
-
-command, arguments = sys.argv[1], sys.argv[2:]
-if command == "from":
-    np.savetxt(arguments[1], of_parameters(arguments[0]))
-elif command == "truth":
-    truth(*arguments)
-else:
-    {"prepare": prepare, "fold": fold, "hand": hand, "table": table}[command](*arguments)
+COMMANDS = {"prepare": prepare, "fold": fold, "truth": truth, "hand": hand, "table": table, "from": lambda a, b: np.savetxt(b, of_parameters(a))}
+COMMANDS[sys.argv[1]](*sys.argv[2:])

@@ -14,6 +14,7 @@ latitude = str2double(arguments{5}) * pi / 180;
 gravity = str2double(arguments{6});
 output = arguments{7};
 warning('off', 'all');
+crash_dumps_octave_core(false);
 pkg load signal
 silent = tempname();
 mkdir(silent);
