@@ -118,7 +118,7 @@ std::string station_text(const Setting& setting, const fs::path& folder, const s
   text += "table.address = " + address + "\nimu.device = " + (folder / "imu").string() + "\nimu.frame = laser_gyro\n" +
           "site.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\nclock.speed_up = " + format_number(speed_up) +
           "\nimu.timeout_s = 100\nmotion.stall_s = 100\nmotion.deadline_margin_s = 200\nmotion.settle_s = 1\n"
-          "motion.poll_moving_s = 1\nmotion.poll_idle_s = 5\nresume.rest_s = 10\n";
+          "motion.poll_moving_s = 1\nmotion.poll_idle_s = 2\nresume.rest_s = 10\n";
   for (const char* const axis : {"heading", "pitch", "roll"}) {
     const std::string key = std::string("axis.") + axis + ".";
     text += key + "soft_min_deg = " + format_number(-most) + "\n" + key + "soft_max_deg = " + format_number(most) +
