@@ -118,7 +118,7 @@ std::string station_text(const Setting& setting, const fs::path& folder, const s
   text += "table.address = " + address + "\nimu.device = " + (folder / "imu").string() + "\nimu.frame = laser_gyro\n" +
           "site.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\nclock.speed_up = " + format_number(speed_up) +
           "\nimu.timeout_s = 100\nmotion.stall_s = 100\nmotion.deadline_margin_s = 200\nmotion.settle_s = 1\n"
-          "motion.poll_moving_s = 1\nmotion.poll_idle_s = 2\nresume.rest_s = 10\n";
+          "motion.poll_moving_s = 1\nmotion.poll_idle_s = 5\nresume.rest_s = 10\n";
   for (const char* const axis : {"heading", "pitch", "roll"}) {
     const std::string key = std::string("axis.") + axis + ".";
     text += key + "soft_min_deg = " + format_number(-most) + "\n" + key + "soft_max_deg = " + format_number(most) +
@@ -134,7 +134,10 @@ std::string table_text(const Setting& setting) {
                                                    "turntable_drivers/ascii/dialects/newport_esp30x.dialect"};
   const std::string kind = setting.tcp() ? "tcp" : setting.modbus() ? "rtu" : "serial";
   return without_keys(source + "/" + files[static_cast<std::size_t>(setting.table)],
-                      {"commissioned", "link.kind", "link.parity", "plausible", "link.address"}) +
+                      {"commissioned", "link.kind", "link.parity", "plausible", "link.address", "heartbeat.period_s",
+                       "heartbeat.watchdog_s"}) +
+         // Of the rig's seconds: this twin's clock is the rig's.
+         (setting.modbus() ? "heartbeat.period_s = 20\nheartbeat.watchdog_s = 200\n" : "") +
          "commissioned = true\nlink.kind = " + kind +
          (kind == "rtu" ? "\nlink.parity = none"
                         : "") +  // a pseudo-terminal has none, and refuses to be set to one twice
