@@ -254,10 +254,13 @@ class Diagnosing {
     JointResult left_in = joint_estimate(recording_, o);
     if (!left_in.converged) return;
     Evidence other = weigh(left_in);
-    const JointResult by_name = fit_with(named_columns(other), left_in);  // with the noise that is left beside it
-    if (!by_name.converged) return;
-    const double with = weigh(by_name).posterior.log_evidence;
-    if (!(with > evidence.posterior.log_evidence + of_knocks(d_.base))) return;
+    double log_evidence = other.posterior.log_evidence;
+    if (const std::vector<EffectColumn> named = named_columns(other); !named.empty()) {
+      const JointResult by_name = fit_with(named, left_in);  // with the noise that is left beside it
+      if (!by_name.converged) return;
+      log_evidence = weigh(by_name).posterior.log_evidence;
+    }
+    if (!(log_evidence > evidence.posterior.log_evidence + of_knocks(d_.base))) return;
     d_.base = d_.extended = std::move(left_in);
     evidence = std::move(other);
   }

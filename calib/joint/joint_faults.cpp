@@ -69,8 +69,8 @@ double fill_sigma_rad(const CompressedRecording& recording, std::size_t gap, dou
   const auto usable = [&](std::size_t k) {
     return k < blocks.size() && blocks[k].segment == blocks[gap].segment && blocks[k].missing == 0;
   };
-  if (!usable(gap + 1) || !usable(gap - 1))
-    return nothing_known_rad;  // at its end a turn is braked, in nobody knows which way
+  // Where a turn begins or ends the rate on one side says nothing.
+  if (!usable(gap + 1) || !usable(gap - 1)) return nothing_known_rad;
   const std::size_t window =
       std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(lost_s / blocks[gap + 1].duration_s)));
   const double si = nominal_gyro_rad(recording.info);

@@ -40,8 +40,9 @@ struct LoadedRecording {
 // The rests of data without a table (segmentation.h); an error where there are none.
 Result<Segmentation> find_rests(RecordingSource& source, const SegmentationOptions& options = {});
 
-// A recording without segments is segmented by its rests. Blocks as short as the recording needs: those of rests found by hand where it has no table angles. `progress`, if given, is
-// told the number of samples read so far; `blocks`: others; `before_step`: what later steps recorded is left out (0: nothing is).
+// A recording without segments is segmented by its rests. Blocks as short as the recording needs: those of rests found by hand where it has
+// no table angles. `progress`, if given, is told the number of samples read so far; `blocks`: others; `before_step`: what later steps
+// recorded is left out (0: nothing is).
 Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress = {},
                                        const std::optional<CompressionOptions>& blocks = {}, int before_step = 0);
 Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress = {},

@@ -227,12 +227,9 @@ Calibration calibrate(std::span<const Recording> recordings, const CalibrateOpti
   request.time_utc = time_or_now(options.time_utc);
   CalibrationOutput output = value(calibrate_recordings(loaded, request));
   add_measured_utc(loaded.front().data.info, output.file);
-  Document document;
-  document.heading = "Calibration of " + output.file.unit_serial;
-  for (const std::string& note : output.notes) document.text(note);
-  document.add(result_table(output.file, {}));
+  Document report = calibration_document(output.file, output.notes, output.distrust, {});
   return {parameters_of(std::move(output.file)), std::move(output.notes), std::move(output.distrust),
-          report_of(std::move(document))};
+          report_of(std::move(report))};
 }
 
 Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions& options) {

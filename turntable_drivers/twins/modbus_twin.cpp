@@ -219,6 +219,7 @@ Status ModbusTwin::carry_out(Axis axis, TableOperation operation, const Operands
     if (of_table) tripped_ = {};
     tripped_[index(axis)] = false;
   }
+  if (operation == TableOperation::enable && heartbeat_s_[index(axis)]) heartbeat_s_[index(axis)] = clock_.now_s();
   if (operation != TableOperation::move) return table_.carry_out(operation, axis, of_table);
   for (const Axis which : all_axes) {
     if (!of_table && which != axis) continue;
