@@ -125,7 +125,7 @@ TEST_F(Diagnose, TakesSeveralRecordingsOfOneUnitAndSeveralHoldouts) {
   rig_recording("fourth", "seed = 7\nnoise.seed = 4\n", "holdout.seq");
   rig_recording("north", "seed = 7\nsite.latitude_deg = 60\n", "short_demo.seq");
   const ProgramResult result =
-      run({"diagnose", "one", "two", "--holdout", "third", "--holdout", "fourth", "--out", "out"});
+      run({"diagnose", "one", "two", "--holdout", "third", "--holdout", "fourth", "--out", "out", "--verbose"});
   EXPECT_EQ(result.code, 0) << result.out << result.err;
   EXPECT_SAYS(result.out, "turn-on repeatability of A01: ");
   const auto conf = entries(file_text(path("out/diagnosis.conf")));

@@ -174,8 +174,8 @@ TEST_F(Group, AUnitThatDoesNotKeepItsLimitsFailsAlone) {
                                   std::string("motion.settle_s = 0.5\nlimit.a11.min = 1.02\nrecord.database = "
                                               "r.db\nrecord.store = store\nhook.done = ") +
                                   told + "\nhook.fail = " + told + "\n");
-  const ProgramResult result =
-      ends(dry_run({"SN1", "SN2", "SN3"}, "out", {"--station", station}), 20, "unit SN2: fail: a11");
+  const ProgramResult result = ends(dry_run({"SN1", "SN2", "SN3"}, "out", {"--station", station}), 20,
+                                    "unit SN2: fail: accelerometer x scale factor (a11)");
   EXPECT_SAYS_NOT(result.err, "SN1");
   EXPECT_EQ(bytes("told"), "done SN1 out/SN1\nfail SN2 out/SN2\ndone SN3 out/SN3\n");
   EXPECT_TRUE(there("store/simulated/SN1/parameters.conf"));
