@@ -32,7 +32,7 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
   EXPECT_TRUE(std::filesystem::exists(folder_ / "nav/track_against.csv"));
   const std::string drawing = file_text(folder_ / "nav/navigation.svg");
   EXPECT_SAYS(drawing, "<svg");
-  for (const char* name : {">parameters<", ">against<"})  // the legend
+  for (const char* name : {">first start<", ">compared with<"})  // the legend
     EXPECT_SAYS(drawing, name);
   // What docs/examples has for it reads the same rates.
   if (std::system("python3 -c 'import numpy' 2> /dev/null") == 0) {
@@ -245,7 +245,7 @@ TEST_F(Navigate, IsPredictedFromASequence) {
   const ProgramResult longer = run({"predict", "--sequence", sequence, "--navigate", "1h", "--align", "1200"});
   EXPECT_NEAR(row(longer.out, "heading after alignment, deg"), 0.5 * row(hour.out, "heading after alignment, deg"),
               0.004);
-  for (const char* bad : {"0", "25h", "1d", "h", "nan", "-1h"})
+  for (const char* bad : {"0", "25h", "2d", "h", "nan", "-1h"})
     expect_refused({"predict", "--sequence", sequence, "--navigate", bad}, "--navigate");
 }
 
