@@ -10,36 +10,30 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double rate_time_s = 60.0;  // over which a temperature rate is measured
 constexpr int most_components = 18;
 
 // What the effects with a memory look back on: each is called block after block, from the first on.
 class History {
  public:
-  // Follows f and T with the time constant tau (0: none), and T with rate_time_s.
+  // Follows f and T with the time constant tau (0: none).
   void follow(BlockState& s, double tau) {
     if (s.time_s <= time_s_) {  // another pass
       lagged_f_ = s.f_b;
-      lagged_c_ = minute_c_ = s.temperature_c;
-    } else {
-      const double step_s = s.time_s - time_s_;
-      if (tau > 0.0) {
-        const double part = -std::expm1(-step_s / tau);
-        lagged_f_ += part * (s.f_b - lagged_f_);
-        lagged_c_ += part * (s.temperature_c - lagged_c_);
-      }
-      minute_c_ -= std::expm1(-step_s / rate_time_s) * (s.temperature_c - minute_c_);
+      lagged_c_ = s.temperature_c;
+    } else if (tau > 0.0) {
+      const double part = -std::expm1((time_s_ - s.time_s) / tau);
+      lagged_f_ += part * (s.f_b - lagged_f_);
+      lagged_c_ += part * (s.temperature_c - lagged_c_);
     }
     time_s_ = s.time_s;
     s.lagged_f_b = lagged_f_;
     s.lagged_temperature_c = lagged_c_;
-    s.temperature_rate_c_per_h = (s.temperature_c - minute_c_) / rate_time_s * 3600.0;
   }
 
  private:
   double time_s_ = 1e300;
   Vector3d lagged_f_ = Vector3d::Zero();
-  double lagged_c_ = 0.0, minute_c_ = 0.0;
+  double lagged_c_ = 0.0;
 };
 
 }  // namespace

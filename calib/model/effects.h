@@ -32,13 +32,13 @@ struct BlockState {
   double time_s = 0.0;                                  // middle of the block, from that recording's first sample
   double since_rotation_s = 0.0;                        // from the end of the last rotation; large before the first
   double temperature_c = 0.0;                           // minus the reference; 0 when not measured
+  double temperature_rate_c_per_h = 0.0;                // dT/dt; 0 when not measured
   Eigen::Vector3d table_rad = Eigen::Vector3d::Zero();  // commanded heading, pitch, roll (half way in a rotation)
   Eigen::Vector3d last_up = Eigen::Vector3d::Zero();    // sign of each f_i when it was last above half a g
   // Filled by make_effect_model(), from the blocks before: what followed f_b and temperature with the effect's time constant,
-  // both taken as settled at the first sample; and the temperature's rate over the last minute.
+  // both taken as settled at the first sample.
   Eigen::Vector3d lagged_f_b = Eigen::Vector3d::Zero();
   double lagged_temperature_c = 0.0;
-  double temperature_rate_c_per_h = 0.0;
 };
 
 // Writes the regressors of all components: column k of gyro (rad/s) and accel (m/s^2) is one unit of component k.

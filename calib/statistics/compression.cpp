@@ -1,5 +1,6 @@
 #include "calib/statistics/compression.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -93,6 +94,33 @@ void fill_temperature(std::vector<Block>& blocks) {
   }
 }
 
+// dT/dt in the middle of each block: of the quadratic that is nearest to the temperatures of rate_window_s about it (Savitzky and Golay, Anal. Chem.
+// 36 (1964) 1627), at either end of the recording of those of the first and last so many seconds.
+constexpr double rate_window_s = 120.0;
+void add_temperature_rates(std::vector<Block>& blocks, double period_s) {
+  if (blocks.size() < 3 || std::isnan(blocks.front().temperature_c)) return;
+  const auto middle_s = [&](std::size_t k) {
+    return static_cast<double>(blocks[k].start_sample - blocks.front().start_sample) * period_s +
+           0.5 * blocks[k].duration_s;
+  };
+  const double half_s = 0.5 * rate_window_s, last_s = middle_s(blocks.size() - 1);
+  std::size_t first = 0, end = 0;
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    const double about_s = std::max(std::min(middle_s(k), last_s - half_s), half_s);
+    while (end < blocks.size() && middle_s(end) <= about_s + half_s) ++end;
+    while (first + 3 < end && middle_s(first) < about_s - half_s) ++first;
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (std::size_t i = first; i < std::max(end, std::min(first + 3, blocks.size())); ++i) {
+      const double u = (middle_s(i) - middle_s(k)) / half_s;
+      const Eigen::Vector3d row(1.0, u, u * u);
+      normal += blocks[i].duration_s * row * row.transpose();
+      right += blocks[i].duration_s * (blocks[i].temperature_c - blocks[k].temperature_c) * row;
+    }
+    blocks[k].temperature_rate_c_per_h = static_cast<float>(normal.ldlt().solve(right)[1] / half_s * 3600.0);
+  }
+}
+
 }  // namespace
 
 Block merge(const Block& a, const Block& b) {
@@ -105,6 +133,9 @@ Block merge(const Block& a, const Block& b) {
   else if (!std::isnan(b.temperature_c))
     m.temperature_c = static_cast<float>(
         (static_cast<double>(a.temperature_c) * a.samples + static_cast<double>(b.temperature_c) * b.samples) / total);
+  m.temperature_rate_c_per_h = static_cast<float>((static_cast<double>(a.temperature_rate_c_per_h) * a.samples +
+                                                   static_cast<double>(b.temperature_rate_c_per_h) * b.samples) /
+                                                  total);
   m.gyro_filled += b.gyro_filled;
   m.accel_filled += b.accel_filled;
   m.duration_s += b.duration_s;
@@ -309,6 +340,7 @@ void Compressor::close_block() {
 CompressedRecording Compressor::take() {
   close_block();
   fill_temperature(recording_.blocks);
+  add_temperature_rates(recording_.blocks, recording_.info.sample_period_s);
   if (temperature_count_ == 0) recording_.info.has_temperature = false;
   recording_.mean_temperature_c = temperature_count_ > 0 ? temperature_total_ / static_cast<double>(temperature_count_)
                                                          : std::numeric_limits<double>::quiet_NaN();

@@ -78,6 +78,7 @@ struct Block {
   std::int32_t segment = 0;  // index into CompressedRecording::segments
   bool whole_second = false;                               // static, and as long as a static second is
   float temperature_c = 0.0F;                              // mean; NaN when not measured
+  float temperature_rate_c_per_h = 0.0F;                   // dT/dt in its middle; 0 when not measured
   Eigen::Vector3f gyro_filled = Eigen::Vector3f::Zero();   // variance of the sums by the samples that were filled in,
   Eigen::Vector3f accel_filled = Eigen::Vector3f::Zero();  // increments squared
   double duration_s = 0.0;                                 // (samples + missing) * period

@@ -212,6 +212,7 @@ Status EffectTerms::of_motion_alone(RecordingSource& source, const ParameterFile
     s.temperature_c = std::isnan(block.temperature_c)
                           ? 0.0
                           : static_cast<double>(block.temperature_c) - model.reference_temperature_c;
+    s.temperature_rate_c_per_h = block.temperature_rate_c_per_h;
     regressors.gyro.setZero(3, model.columns);
     regressors.accel.setZero(3, model.columns);
     model.regressors(s, regressors);
