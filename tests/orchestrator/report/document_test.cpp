@@ -1,13 +1,8 @@
 // A document and its renderings; the control charts, as one that has everything.
-#include <gtest/gtest.h>
-
-#include <limits>
-#include <string>
-
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/line/parameter_history.h"
 #include "orchestrator/line_report/shift_document.h"
-#include "tests/outcome.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -159,19 +154,6 @@ TEST(HistoryPage, ChartsEveryParameterAndMarksWhatIsOutside) {
     EXPECT_EQ(count_of(page, "<text>01-09</text>"), 21u) << "the day of the last, below the axis";
     EXPECT_EQ(count_of(page, "outside the control limits</span>"), jumps ? 1u : 0u);
   }
-}
-
-// Of every page that is made: as wide as a phone, wide tables scroll by themselves, and none is split between two sheets.
-TEST(HistoryPage, FitsPhonesAndPaper) {
-  const std::string page = as_page(history_document({}, "results.db")).html;
-  EXPECT_SAYS(page, "No calibration is on record.");
-  EXPECT_SAYS(page, "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">");
-  const std::size_t phone = page.find("@media screen and (max-width:700px)"), paper = page.find("@media print");
-  ASSERT_NE(phone, std::string::npos);
-  ASSERT_NE(paper, std::string::npos);
-  EXPECT_SAYS(page, ".wide { overflow-x:auto;");
-  EXPECT_SAYS(page, "@media screen and (prefers-color-scheme:dark)");
-  EXPECT_SAYS(page.substr(paper), "figure, table, tr, .verdict { break-inside:avoid; }");
 }
 
 }  // namespace

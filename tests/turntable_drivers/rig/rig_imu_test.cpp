@@ -1,10 +1,7 @@
 // The simulated unit as a source: time, counters, and its faults.
 #include "turntable_drivers/rig/rig_devices.h"
 
-#include <vector>
-
-#include <gtest/gtest.h>
-
+#include "tests/test.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
 
 namespace turncal {
@@ -54,24 +51,6 @@ TEST(RigImu, ReadingPassesTimeAndNothingElseDoes) {
   EXPECT_EQ(s.rig.samples_passed(), 28);
   EXPECT_EQ(s.read(1, 1.0)[0].counter, 1028);
   EXPECT_EQ(s.imu.counters().samples, 29u);
-}
-
-TEST(RigImu, DescribesItself) {
-  RigConfig config = default_rig_config();
-  config.unit_serial = "RG-7";
-  Source s(config);
-  RecordingInfo info;
-  info.latitude_deg = 12.0;
-  s.imu.describe(info);
-  EXPECT_EQ(info.sample_period_s, 0.005);
-  EXPECT_EQ(info.gyro_increment, IncrementKind::pulses);
-  EXPECT_EQ(info.accel_increment, IncrementKind::pulses);
-  EXPECT_EQ(info.accel_pulse_mps, 0.0005);
-  EXPECT_TRUE(info.has_temperature);
-  EXPECT_TRUE(info.simulated);
-  EXPECT_EQ(info.latitude_deg, 12.0);
-  EXPECT_EQ(s.imu.identify()->unit_serial, "RG-7");
-  EXPECT_TRUE(Source(default_rig_config()).imu.identify()->unit_serial.empty());
 }
 
 TEST(RigImu, ClosedSourceIsAnError) {
