@@ -97,8 +97,7 @@ TEST_F(Diagnose, TakesSeveralRecordingsOfOneUnitAndSeveralHoldouts) {
   rig_recording("third", "seed = 7\nnoise.seed = 3\n", "holdout.seq");
   rig_recording("fourth", "seed = 7\nnoise.seed = 4\n", "holdout.seq");
   rig_recording("north", "seed = 7\nsite.latitude_deg = 60\n", "short_demo.seq");
-  const ProgramResult result =
-      ends({"diagnose", "one", "two", "--holdout", "third", "--holdout", "fourth", "--out", "out"}, 0);
+  const ProgramResult result = ends("diagnose one two --holdout third --holdout fourth --out out --verbose", 0);
   EXPECT_SAYS(result.out, "turn-on repeatability of A01: ");
   const auto conf = entries(file_text(path("out/diagnosis.conf")));
   EXPECT_EQ(conf.at("verdict"), "clean");

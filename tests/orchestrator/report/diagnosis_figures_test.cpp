@@ -137,6 +137,30 @@ TEST(TimeFigure, KeepsFaultsFromFlatteningTheRest) {
   EXPECT_SAYS(figure.caption, "leave the frame");
 }
 
+TEST(TimeFigure, ItsAxesSayWhereTheStepsBegin) {
+  CompressedRecording recording;
+  recording.info.sample_period_s = 0.5;
+  recording.blocks.resize(1);
+  recording.blocks.front().start_sample = 100;
+  for (const auto& [step, start] : {std::pair{1, 100}, std::pair{1, 200}, std::pair{2, 7300}}) {
+    Segment segment;
+    segment.step = step;
+    segment.start_sample = start;
+    recording.segments.push_back(segment);
+  }
+  using Marks = std::vector<std::pair<double, std::string>>;
+  for (const auto& [label, second] : {std::pair{"time, h", 1.0}, std::pair{"time, min", 60.0}}) {
+    Figure figure;
+    figure.panels.resize(2);
+    figure.panels[0].x_label = label;
+    figure.panels[1].x_label = "angle, deg";
+    mark_steps(recording, figure);
+    EXPECT_EQ(figure.panels[0].marks, (Marks{{0.0, "1"}, {second, "2"}})) << label;
+    EXPECT_TRUE(figure.panels[1].marks.empty());
+    EXPECT_SAYS(figure.caption, "where the steps");
+  }
+}
+
 TEST(Outline, KeepsExtremesAndBreaksWithinTheLimit) {
   std::vector<std::pair<double, double>> points;
   for (int i = 0; i < 100000; ++i) points.emplace_back(i, std::sin(i * 1e-3));

@@ -104,7 +104,10 @@ TEST(Document, OnAPageIsEscapedAndMarked) {
         "<li><b>Norm.</b> of gravity</li>", "<th class=\"n\">value, µg</th>",
         "<tr class=\"hit\"><td class=\"name\">SN&lt;1&gt;</td>", "<td class=\"n\">-1.50×10⁻⁷</td>",
         "<td class=\"half\"><span class=\"bar\" style=\"margin-left:38px;width:38px\"></span></td>",
-        "<tr class=\"dim\"><td class=\"name\">SN3</td>"})
+        "<tr class=\"dim\"><td class=\"name\">SN3</td>",
+        // Phones and paper.
+        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">", ".wide { overflow-x:auto;",
+        "@media screen and (max-width:700px)", "figure, table, tr, .verdict { break-inside:avoid; }"})
     EXPECT_SAYS(html, part);
   EXPECT_SAYS_NOT(html, "nnnn");
 }
