@@ -1,6 +1,6 @@
 #include "calib/model/attitude.h"
 
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -2,13 +2,9 @@
 // of evaluate(). The integration and the checker of derivatives share nothing with the code they check.
 #include "calib/statistics/block_motion.h"
 
-#include <cmath>
-#include <functional>
-
-#include <gtest/gtest.h>
-
 #include "calib/model/attitude.h"
 #include "tests/calib/compress.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -287,13 +283,6 @@ TEST(ParameterColumns, AgreeWithCentralDifferences) {
     EXPECT_LT(worst.difference, tolerance)
         << c.name << ": column " << parameter_keys[std::max(worst.column, 0)] << " of " << worst.what;
   }
-}
-
-TEST(ParameterColumns, FixedParametersHaveColumnsToo) {  // the caller leaves them out, not this function
-  const Case turn = cases()[1];
-  const Block block = one_block(counts(turn.w, turn.f, turn.samples, sensor_model(wrong_unit(), pulses_info())));
-  const BlockColumns columns = columns_of(block, wrong_unit());
-  EXPECT_GT(columns.velocity.col(18).norm(), 0.1);  // a21: y hears the 0.13 m/s that x gained
 }
 
 // The checker must see a wrong column, or it proves nothing.

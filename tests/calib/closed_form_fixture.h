@@ -1,14 +1,9 @@
 // What the tests of the closed form share: the unit of Wang (2020) on the rig, and the fourteen steps in long and in short.
 #pragma once
 
-#include <array>
-#include <cstddef>
-#include <string>
-
-#include <gtest/gtest.h>
-
 #include "calib/closed_form/closed_form.h"
 #include "tests/rig_recorder.h"
+#include "tests/test.h"
 
 namespace turncal {
 

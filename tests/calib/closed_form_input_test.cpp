@@ -1,8 +1,4 @@
 // What does not fit the closed form gives one line that names step and place, never parameters.
-#include <algorithm>
-#include <functional>
-
-#include <gtest/gtest.h>
 
 #include "tests/calib/closed_form_fixture.h"
 

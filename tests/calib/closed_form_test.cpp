@@ -1,9 +1,4 @@
 // The closed form on what the rig makes and on a recording with noise: accuracy and convergence.
-#include <cmath>
-#include <cstdio>
-#include <filesystem>
-
-#include <gtest/gtest.h>
 
 #include "imu_io/base/key_value.h"
 #include "tests/calib/closed_form_fixture.h"

@@ -2,11 +2,8 @@
 // what the Compressor says about samples that are missing, double, marked or out of line.
 #include "calib/statistics/compression.h"
 
-#include <algorithm>
-#include <cmath>
-#include <random>
+#include "tests/test.h"
 
-#include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
 #include "calib/model/parameters.h"

@@ -1,12 +1,9 @@
 // Rows of the catalogue against formulas of their own: what is laid on a recording (tests/disturbance.h) is computed in another way
 // than the row computes it, and the joint estimate with the row in its model must find it.
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "calib/joint/joint_estimate.h"
 #include "tests/disturbance.h"
 #include "tests/rig_recorder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

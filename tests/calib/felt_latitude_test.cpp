@@ -1,11 +1,8 @@
 #include "calib/evidence/felt_latitude.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "calib/model/limits.h"
 #include "tests/rig_recorder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

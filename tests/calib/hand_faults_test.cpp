@@ -1,8 +1,4 @@
 // What went wrong with hand-turned data once: each row of it must be said, or set aside, and must not become a result.
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "calib/evidence/rest_diagnosis.h"
 #include "calib/model/limits.h"
 #include "calib/rests/rest_units.h"
@@ -11,6 +7,7 @@
 #include "calib/statistics/segmentation.h"
 #include "tests/calib/compress.h"
 #include "tests/calib/hand_rotations.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -219,8 +216,7 @@ TEST(SinglePose, GivesNoiseWarmUpAndTemperatureCoefficient) {
   }
   Segment whole;
   whole.end_sample = static_cast<std::int64_t>(samples.size());
-  const Result<SinglePose> pose = analyse_single_pose(compress(info, {whole}, samples));
-  ASSERT_TRUE(pose.ok()) << pose.error().message;
+  const Result<SinglePose> pose = good(analyse_single_pose(compress(info, {whole}, samples)));
   // White noise of 0.002 rad/s a sample at 100 Hz is 2e-4 rad/s/sqrt(Hz).
   EXPECT_NEAR(pose->noise.axes[2].fit.random_walk().value, 2e-4, 1e-5);
   int found = 0;

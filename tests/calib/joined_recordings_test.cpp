@@ -1,15 +1,10 @@
 // Several recordings of one unit, fitted and diagnosed as one: rig recordings of one unit, each with a turn-on of its own laid on it.
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <vector>
-
 #include "calib/evidence/diagnosis.h"
 #include "calib/joint/several_recordings.h"
 #include "tests/disturbance.h"
 #include "tests/rig_recorder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -1,13 +1,9 @@
 // What the joint estimate must not be impressed by: gaps in a turn, a wrong heading, a unit that still turns when the first
 // dwell begins, coarse gyros that count pulses, a unit mounted another way. And what it must refuse in plain words.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-
 #include "calib/joint/joint_estimate.h"
 #include "calib/joint/linear_motion.h"
 #include "tests/rig_recorder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -2,15 +2,9 @@
 // The long statistics (200 runs, normalised error parameter by parameter) are scripts/study-joint; docs/accuracy.md.
 #include "calib/joint/joint_estimate.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <filesystem>
-#include <span>
-
 #include "imu_io/base/key_value.h"
 #include "tests/rig_recorder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

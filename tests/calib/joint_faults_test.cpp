@@ -1,13 +1,8 @@
 // Bad data in a run of the rig: found, named with its sample, cut out, and the parameters stay within their sigma.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <random>
-
 #include "calib/joint/joint_estimate.h"
 #include "calib/statistics/clipping.h"
 #include "tests/rig_recorder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -2,11 +2,9 @@
 // its own chi-square: d chi2 / dp = 2 sum N' S^-1 nu, d2 chi2 / dp2 = 2 sum N' S^-1 N (Gauss-Newton: the data are noise-free
 // and the parameters near the truth, so what is dropped is small). The second difference also holds what a parameter does to
 // the gains and to the first levelling, which the columns leave out: 0.5 % of the information, 1.4 % for a warm-up of 60 s.
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 #include <Eigen/Cholesky>
-#include <cmath>
-#include <random>
 
 #include "calib/joint/joint_estimate.h"
 #include "calib/joint/joint_filter.h"

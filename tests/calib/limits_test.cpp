@@ -1,11 +1,6 @@
 // Every limit that docs/diagnosis.md names in its table is the one in force, and none of those below is missing there.
-#include <gtest/gtest.h>
-
-#include <fstream>
-#include <map>
-#include <string>
-
 #include "calib/evidence/diagnosis.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

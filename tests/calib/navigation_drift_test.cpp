@@ -1,13 +1,9 @@
 // Alignment, and the covariance of what follows, on motions made here: rests and turns about fixed axes at a fixed point.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <random>
-
 #include "calib/model/attitude.h"
 #include "calib/navigation/alignment.h"
 #include "calib/navigation/free_navigation.h"
 #include "calib/navigation/mechanisation.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -144,9 +140,7 @@ TEST(NavigationAlignment, RefusesWhatCannotBeAligned) {
   const DriftCovariance drift(site, some_noise(), {});
   const std::vector<MotionInterval> turning =
       integrated(samples_of(Quaterniond::Identity(), {{5.0}, {30.0, Vector3d::UnitY(), 0.1}}, site), ideal());
-  const Result<Alignment> refused = align(turning, site, drift);
-  ASSERT_FALSE(refused.ok());
-  EXPECT_EQ(refused.error().message, "alignment: 5 s at rest, expected at least 20 s");
+  EXPECT_ERROR(align(turning, site, drift), "alignment: 5 s at rest, expected at least 20 s");
   EXPECT_FALSE(align(turning, {86.0 * rad_per_deg, 9.83}, drift).ok());
 }
 
@@ -255,8 +249,7 @@ TEST(NavigationDrift, ExpectedAtRestIsThatOfARecordingAtRest) {
   setup.align_s = 100.0;
   const Samples samples = samples_of(Quaterniond(attitude_from_angles(0.5, 0.0, 0.0)), {{1300.0}}, site);
   const std::vector<MotionInterval> intervals = integrated(samples, ideal());
-  const Result<FreeNavigation> navigated = navigate_freely(intervals, setup);
-  ASSERT_TRUE(navigated.ok()) << navigated.error().message;
+  const Result<FreeNavigation> navigated = good(navigate_freely(intervals, setup));
   const ExpectedDrift expected = expected_drift(setup, 0.5, 1200.0, 300.0);
   ASSERT_EQ(expected.points.size(), 4u);
   EXPECT_NEAR(expected.points.back().time_s, 1200.0, 1e-6);

@@ -1,10 +1,7 @@
 // Coning and sculling of motions whose result is known in closed form.
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "calib/model/parameters.h"
 #include "calib/navigation/mechanisation.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

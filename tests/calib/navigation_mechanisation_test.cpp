@@ -1,11 +1,8 @@
 // The mechanisation against truths that were made by other means: closed forms of the unforced Earth, of Schuler's oscillation,
 // and a flight along a great circle written in inertial axes.
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "calib/model/parameters.h"
 #include "calib/navigation/mechanisation.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -1,12 +1,8 @@
 // North seeking and reference readings against the figures of Wang (2020), Tables 2 and 3, typed in from the paper.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <random>
-
 #include "calib/model/parameters.h"
 #include "calib/navigation/alignment.h"
 #include "calib/navigation/north_seeking.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -2,13 +2,9 @@
 // sequences that leave parameters undetermined.
 #include "calib/prediction/predict.h"
 
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 #include <Eigen/Dense>
-#include <algorithm>
-#include <cmath>
-#include <filesystem>
-#include <string>
 
 #include "calib/joint/score_algebra.h"
 #include "calib/statistics/distributions.h"

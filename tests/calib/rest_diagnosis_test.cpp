@@ -1,11 +1,6 @@
 #include "calib/evidence/rest_diagnosis.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <random>
-#include <set>
+#include "tests/test.h"
 
 #include <Eigen/LU>
 

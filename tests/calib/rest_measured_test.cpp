@@ -1,12 +1,5 @@
 // The hand-turned data sets of ../shared/data/measured, from CSV to diagnosis. The bounds are those the project asks
 // for; docs/hand-data.md has the numbers reached.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <filesystem>
-#include <set>
-
 #include "calib/evidence/rest_diagnosis.h"
 #include "calib/statistics/segmentation.h"
 #include "imu_io/base/posix_file.h"
@@ -14,6 +7,7 @@
 #include "imu_io/recordings/csv_map_import.h"
 #include "tests/calib/compress.h"
 #include "tests/calib/rest_agreement.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -96,19 +90,6 @@ TEST(Measured, XsensHoldsGSensitivity) {
   EXPECT_LE(d.final.errors.direction_rms_rad, 1.8e-3);
   EXPECT_LE(d.final.left_out.direction_rms_rad, 2.8e-3);
   EXPECT_GE(d.base.left_out.direction_rms_rad, 9e-3);
-}
-
-TEST(Measured, XsensOnTheSuppliedRestsToo) {
-  SKIP_WITHOUT_DATA();
-  const CsvImport content = import(map_named("xsens_mti_imutk"), "xsens_mti_imutk/xsens_first_half.csv");
-  const RestDiagnosis d = diagnose_with(content, supplied("xsens_mti_imutk/xsens_first_half_static.csv",
-                                                          static_cast<std::int64_t>(content.samples.size())));
-  EXPECT_EQ(names(d), std::set<std::string>{"gyro_g_sensitivity"});
-  // Its rests are cut short by half a second at each end, so every turn is a second longer and noisier.
-  EXPECT_LE(d.base.errors.norm_rms_mps2, 0.95e-3);
-  EXPECT_LE(d.base.errors.direction_rms_rad, 7.9e-3);
-  EXPECT_LE(d.final.errors.direction_rms_rad, 1.9e-3);
-  EXPECT_LE(d.final.left_out.direction_rms_rad, 3.5e-3);
 }
 
 // What goes with time may be a drift, a warm-up or a curve of no name: it is said of every unit. Names are of time where there are any.

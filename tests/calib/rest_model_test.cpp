@@ -1,14 +1,10 @@
 #include "calib/rests/rest_model.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <memory>
-
 #include "calib/model/effects.h"
 #include "calib/rests/rest_units.h"
 #include "tests/calib/compress.h"
 #include "tests/calib/hand_rotations.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -150,8 +146,7 @@ TEST(RestModel, StartsFarFromTheTruth) {
 
 TEST(RestModel, LeftOutErrorIsThatOfARefitWithoutTheRows) {
   const auto p = prepare({.rests = 12});
-  const Result<RestFit> fit = fit_rests(p->data, EffectModel{});
-  ASSERT_TRUE(fit.ok());
+  const Result<RestFit> fit = good(fit_rests(p->data, EffectModel{}));
   const RestSystem system = make_rest_system(p->data, fit->parameters, EffectModel{}, true);
   const Eigen::VectorXd weights = rest_weights(system, fit->floors);
   const Eigen::VectorXd predicted = left_out_residual(system, weights);
@@ -176,8 +171,7 @@ TEST(RestModel, NamesWhatIsNotDetermined) {
   HandPlan plan;
   plan.fixed_axis = Eigen::Vector3d::UnitX();
   const auto p = prepare(plan);
-  const Result<RestFit> fit = fit_rests(p->data, EffectModel{});
-  ASSERT_TRUE(fit.ok());
+  const Result<RestFit> fit = good(fit_rests(p->data, EffectModel{}));
   const auto named = [&](const char* key) {
     return std::find(fit->undetermined.begin(), fit->undetermined.end(), key) != fit->undetermined.end();
   };

@@ -2,10 +2,6 @@
 // and its segments are the planned ones.
 #include "tests/rig_recorder.h"
 
-#include <filesystem>
-
-#include <gtest/gtest.h>
-
 #include "tests/calib/closed_form_fixture.h"
 
 namespace turncal {

@@ -2,10 +2,9 @@
 #include "calib/joint/score_algebra.h"
 #include "calib/statistics/distributions.h"
 
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 #include <Eigen/Dense>
-#include <random>
 
 namespace turncal {
 namespace {

@@ -1,9 +1,8 @@
 #include "calib/statistics/segmentation.h"
 
-#include <gtest/gtest.h>
-
 #include "tests/calib/hand_rotations.h"
 #include "tests/calib/rest_agreement.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -1,12 +1,8 @@
 // One unit switched on several times: rig recordings with the same scale factors and installation and other biases.
 #include "calib/joint/several_recordings.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <vector>
-
 #include "tests/rig_recorder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -1,12 +1,9 @@
 // The worked numbers of docs/worked-numbers.md, one for each step: the rig with a single parameter that is wrong,
 // navigated with nominal parameters, must show the velocity that was computed by hand there, with its sign. The numbers
 // are literals from the document: neither the rig nor the estimator had a part in them.
-#include <ostream>
-
-#include <gtest/gtest.h>
-
 #include "calib/closed_form/closed_form.h"
 #include "tests/rig_recorder.h"
+#include "tests/test.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
 
 namespace turncal {

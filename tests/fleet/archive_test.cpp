@@ -1,4 +1,3 @@
-#include <gtest/gtest.h>
 
 #include "tests/orchestrator/program.h"
 
@@ -11,10 +10,9 @@ class Archive : public Program {
   void SetUp() override {
     Program::SetUp();
     for (const char* unit : {"SN1", "SN2"}) {
-      const ProgramResult made =
-          run({"run", "--dry-run", "--unit", unit, "--no-diagnosis", "--out", path(std::string("archive/") + unit),
-               "--sequence", TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"});
-      ASSERT_EQ(made.code, 0) << made.err;
+      ends({"run", "--dry-run", "--unit", unit, "--no-diagnosis", "--out", path(std::string("archive/") + unit),
+            "--sequence", TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"},
+           0);
     }
     std::filesystem::create_directories(path("archive/copy"));
     std::filesystem::copy_file(path("archive/SN1/recording.tcr"), path("archive/copy/recording.tcr"));
@@ -151,11 +149,11 @@ TEST_F(Archive, RefusesWhatItDoesNotUnderstand) {
 TEST_F(Archive, IsAPrior) {
   std::filesystem::create_directories(path("earlier"));
   for (int k = 0; k < 11; ++k) {
-    const ProgramResult made = run({"run", "--dry-run", "--unit", "SN" + std::to_string(20 + k), "--rig",
-                                    write("unit.rig", "seed = " + std::to_string(20 + k) + "\n"), "--no-diagnosis",
-                                    "--station", station(), "--out", path("earlier/" + std::to_string(k)), "--sequence",
-                                    TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"});
-    ASSERT_EQ(made.code, 0) << made.err;
+    ends({"run", "--dry-run", "--unit", "SN" + std::to_string(20 + k), "--rig",
+          write("unit.rig", "seed = " + std::to_string(20 + k) + "\n"), "--no-diagnosis", "--station", station(),
+          "--out", path("earlier/" + std::to_string(k)), "--sequence",
+          TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"},
+         0);
   }
   const ProgramResult result =
       ends({"calibrate", path("earlier/3"), "--prior", path("earlier"), "--out", path("earlier/with"), "--verbose"}, 0);

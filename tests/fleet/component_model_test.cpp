@@ -1,12 +1,7 @@
 #include "calib/fleet/component_model.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-#include <random>
-
 #include "calib/statistics/linear_algebra.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -1,8 +1,7 @@
 #include "calib/fleet/fleet_diagnosis.h"
 
-#include <gtest/gtest.h>
-
 #include "tests/fleet/drawn_fleet.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -1,9 +1,6 @@
 #include "calib/fleet/fleet_prior.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <random>
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

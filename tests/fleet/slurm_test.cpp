@@ -1,8 +1,6 @@
 // `recalibrate` on a cluster: scripts/fleet-slurm starts one and runs these; without it they skip.
-#include <gtest/gtest.h>
 #include <sys/resource.h>
 
-#include <chrono>
 #include <thread>
 
 #include "tests/orchestrator/program.h"

@@ -1,9 +1,8 @@
 #include "calib/fleet/unit_statistics.h"
 
-#include <gtest/gtest.h>
-
 #include "imu_io/recordings/statistics_file.h"
 #include "tests/fleet/drawn_fleet.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -1,11 +1,6 @@
 // The binary recording: what is written comes back, in every form and from text, and nothing else is accepted.
-#include <gtest/gtest.h>
 #include <rapidcheck.h>
-
-#include <bit>
-#include <cstdlib>
-#include <cstring>
-#include <tuple>
+#include "tests/test.h"
 
 #include "imu_io/recordings/binary_layout.h"
 #include "imu_io/recordings/recording_source.h"

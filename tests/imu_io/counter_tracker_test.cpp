@@ -1,11 +1,8 @@
 #include "imu_io/frames/counter_tracker.h"
 
-#include <gtest/gtest.h>
-#include <cmath>
-#include <random>
-
 #include "frame_streams.h"
 #include "imu_io/units/arrival_fit.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

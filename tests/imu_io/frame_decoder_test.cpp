@@ -1,11 +1,8 @@
 // Check vectors of real units, and rapid random round trips through encoder and decoder.
 #include "imu_io/frames/frame_decoder.h"
 
-#include <gtest/gtest.h>
 #include <rapidcheck.h>
-
-#include <cmath>
-#include <cstdlib>
+#include "tests/test.h"
 
 #include "frame_streams.h"
 
@@ -270,8 +267,7 @@ TEST(FrameDecoder, AnIdChoosesTheVariantAndOtherFramesArePassedOver) {
   std::string text(builtin_frame_text("laser_gyro"));
   text += "variants = a, b\nid.offset = 33\na.id.value = 1\nb.id.value = 2\nb.accel.offset = 6\nb.gyro.offset = 18\n";
   text.replace(text.find("status.type = u16"), 17, "status.type = u8 ");
-  const auto frame = parse_frame_description(text, "two");
-  ASSERT_OK(frame);
+  const auto frame = good(parse_frame_description(text, "two"));
   std::vector<ImuSample> sent = pulse_samples(2);
   FrameEncoder encoder(*frame);
   Line line(*frame);

@@ -1,8 +1,7 @@
 #include "imu_io/frames/frame_description.h"
 
-#include <gtest/gtest.h>
-
 #include "frame_streams.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -15,12 +14,11 @@ TEST(FrameDescription, EveryShippedOneIsReadAndKnownByName) {
                                                   "novatel_rawimusx", "pulses_9966", "stim300"};
   EXPECT_EQ(names, expected);
   for (const std::string_view name : names) {
-    const auto frame = find_frame(std::string(name));
-    ASSERT_OK(frame);
+    const auto frame = good(find_frame(std::string(name)));
     EXPECT_EQ(frame->name, name);
     // As the file says, so is what is compiled in.
     const std::string file = std::string(TURNCAL_SOURCE_DIR) + "/imu_io/frames/" + std::string(name) + ".frame";
-    EXPECT_EQ(builtin_frame_text(name), read_file(file));
+    EXPECT_EQ(builtin_frame_text(name), file_text(file));
     ASSERT_OK(find_frame(file));
     // 10 bits a byte: the line carries the frames, with a tenth to spare.
     const double bits = 10.0 * static_cast<double>(frame->variants[0].length) / frame->sample_period_s;

@@ -1,11 +1,8 @@
 // Forms that units' frames take beside the shipped ones: sign and magnitude, up and down counters, sums of words, Fletcher, complements,
 // stuffed bytes, gyros and accelerometers apart. Bytes made by hand or published, so that encoder and decoder cannot share a mistake.
-#include <gtest/gtest.h>
-
-#include <cstring>
-
 #include "frame_streams.h"
 #include "imu_io/frames/frame_field.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -221,8 +218,7 @@ constexpr const char* apart_text =
     "a.temperature.offset = 16\na.temperature.scale = 0.01\ncheck = sum16\ncheck.offset = -2\n";
 
 TEST(FrameForms, GyrosAndAccelerometersApart) {
-  const auto frame = parse_frame_description(apart_text, "x.frame");
-  ASSERT_OK(frame);
+  const auto frame = good(parse_frame_description(apart_text, "x.frame"));
   RecordingInfo info;
   frame->describe(info);
   EXPECT_EQ(info.accel_pulse_mps, 0.0005);

@@ -1,7 +1,5 @@
 #include "imu_io/frames/frame_log.h"
 
-#include <gtest/gtest.h>
-
 #include "tests/imu_io/frame_streams.h"
 
 namespace turncal {
@@ -25,8 +23,7 @@ TEST(FrameLog, SamplesGapsAndNoise) {
   bytes.insert(7 + 36 * 1000, "more");
   bytes[7 + 36 * 2000 + 10] ^= 1;
   write_file(folder / "log.bin", bytes);
-  const Result<FrameLog> log = read_frame_log(folder / "log.bin", frame);
-  ASSERT_OK(log);
+  const Result<FrameLog> log = good(read_frame_log(folder / "log.bin", frame));
   ASSERT_EQ(log->samples.size(), 2979u);
   EXPECT_EQ(log->samples[699].counter, 699);
   EXPECT_EQ(log->samples[700].counter, 720);

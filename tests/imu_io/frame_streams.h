@@ -1,20 +1,14 @@
 // Frames for tests: bytes from hex, samples that a frame can hold, streams of frames, and the samples that come out of one.
 #pragma once
 
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
-#include <algorithm>
-#include <random>
 #include <regex>
-#include <string>
-#include <string_view>
-#include <vector>
 
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/frames/frame_decoder.h"
 #include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_encoder.h"
-#include "temporary_folder.h"
 
 namespace turncal::test {
 
@@ -96,9 +90,7 @@ inline Bytes encode_all(const FrameDescription& frame, const std::vector<ImuSamp
 inline Bytes on_the_line(const FrameDescription& frame, const std::vector<ImuSample>& samples) {
   FrameEncoder encoder(frame);
   Bytes stream;
-  for (const ImuSample& sample : samples) {
-    EXPECT_OK(encoder.append(sample, stream));
-  }
+  for (const ImuSample& sample : samples) EXPECT_OK(encoder.append(sample, stream));
   return stream;
 }
 

@@ -2,12 +2,8 @@
 // what is missing is counted, and what cannot go on is an error of kind device.
 // Faults of the capture file (full disk, kill -9, torn tail, second writer) stand in recording_writer_test, recording_damage_test
 // and atomic_file_test; hang-up, silence and reopening on a line in serial_imu_test.
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstring>
-
 #include "frame_streams.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -1,10 +1,9 @@
 // For tests: sockets of ours on this machine.
 #pragma once
 
-#include <gtest/gtest.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
-#include <unistd.h>
+#include "tests/test.h"
 
 namespace turncal::test {
 

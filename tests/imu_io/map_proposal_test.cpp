@@ -2,15 +2,9 @@
 #include "imu_io/recordings/map_proposal.h"
 
 #include <fmt/format.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <fstream>
-#include <random>
-
 #include "imu_io/base/text_pieces.h"
 #include "tests/imu_io/bag_writer.h"
-#include "tests/imu_io/temporary_folder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -52,8 +46,7 @@ TEST(ShippedMaps, EachReadsItsSample) {
                {"sbg", "sbg.txt", 0.01, 1e-6, true},
                {"adi_adis16475_2", "adi_adis16475_2.csv", 0.0005, 3e-4, true}};
   for (const auto& c : cases) {
-    const Result<CsvMap> map = read_csv_map(maps + c.map + ".map");
-    ASSERT_OK(map);
+    const Result<CsvMap> map = good(read_csv_map(maps + c.map + ".map"));
     const Result<CsvImport> import = import_csv(*map, samples + c.file);
     expect_sample_motion(import, c.period_s, c.tolerance, c.file);
     if (import.ok() && c.warm) {
@@ -69,8 +62,7 @@ Result<MapProposal> propose(const std::string& path) {
 
 TEST(MapProposal, ReadsTheSamplesWithoutAMap) {
   for (const char* file : {"euroc.csv", "sbg.txt"}) {
-    const Result<MapProposal> proposal = propose(samples + file);
-    ASSERT_OK(proposal);
+    const Result<MapProposal> proposal = good(propose(samples + file));
     EXPECT_EQ(proposal->doubts, std::vector<std::string>()) << file;
     const Result<CsvMap> map = parse_csv_map(proposal->text, "proposed");
     ASSERT_OK(map) << proposal->text;
@@ -130,8 +122,7 @@ TEST(MapProposal, UnitsAreSeenOrInDoubt) {
   for (const auto& c : cases) {
     const std::string path = folder / "log.csv";
     std::ofstream(path) << table(c.header, c.gyro, c.accel, c.time, c.turns, c.sign);
-    const Result<MapProposal> proposal = propose(path);
-    ASSERT_OK(proposal);
+    const Result<MapProposal> proposal = good(propose(path));
     const std::string all = ::testing::PrintToString(proposal->doubts);
     EXPECT_TRUE(*c.doubt != '\0' || proposal->doubts.empty()) << all << proposal->text;
     EXPECT_SAYS(all, c.doubt);
@@ -162,8 +153,7 @@ TEST(MapProposal, OfColumnsWithoutNames) {
   }
   std::ofstream(folder / "last.txt") << last;
   for (const char* file : {"first.txt", "last.txt"}) {
-    const Result<MapProposal> proposal = propose(folder / file);
-    ASSERT_OK(proposal);
+    const Result<MapProposal> proposal = good(propose(folder / file));
     EXPECT_TRUE(proposal->doubts.empty()) << proposal->text;
     const bool first = std::string_view(file) == "first.txt";
     EXPECT_SAYS(
@@ -183,13 +173,10 @@ TEST(MapProposal, OfABag) {
     topic.messages.emplace_back(m.ns, imu_message(m));
   }
   std::ofstream(folder / "a.mcap", std::ios::binary) << mcap({topic}, "zstd");
-  const Result<ColumnSource> source = open_columns(folder / "a.mcap");
-  ASSERT_OK(source);
-  const Result<MapProposal> proposal = propose_map(*source, {});
-  ASSERT_OK(proposal);
-  const Result<CsvImport> import = import_columns(
-      expect_value(parse_csv_map(replaced(proposal->text, "unit_serial = ", "unit_serial = a"), "p")), *source);
-  ASSERT_OK(import);
+  const Result<ColumnSource> source = good(open_columns(folder / "a.mcap"));
+  const Result<MapProposal> proposal = good(propose_map(*source, {}));
+  const Result<CsvImport> import = good(import_columns(
+      expect_value(parse_csv_map(replaced(proposal->text, "unit_serial = ", "unit_serial = a"), "p")), *source));
   EXPECT_NEAR(import->samples[3].accel[2], 0.098, 1e-12);
   EXPECT_EQ(import->info.started_utc_s, 1'700'000'000);
   EXPECT_TRUE(fails(open_columns(samples + "euroc.csv", "/imu"), "topic '/imu': expected a ROS bag"));

@@ -1,8 +1,6 @@
 // A unit over TCP, over UDP, and one that answers requests: peers made of plain sockets and a pseudo-terminal.
-#include <gtest/gtest.h>
 #include <poll.h>
 
-#include <atomic>
 #include <thread>
 
 #include "frame_streams.h"
@@ -116,8 +114,7 @@ TEST(NetworkImu, OverUdp) {
 
 TEST(NetworkImu, AUnitThatAnswersRequestsIsAskedAllTheWhile) {
   const TemporaryFolder folder;
-  auto pty = Pty::create(folder / "imu");
-  ASSERT_OK(pty);
+  auto pty = good(Pty::create(folder / "imu"));
   const FrameDescription frame = frame_with("laser_gyro", {"request = 05 4D", "request.period_s = 0.002"});
   CountingSource source(frame);
   FrameStreamer streamer(source, frame, *pty, 1.0);
@@ -133,8 +130,7 @@ TEST(NetworkImu, AUnitThatAnswersRequestsIsAskedAllTheWhile) {
   std::vector<ImuSample> got;
   for (const double end_s = monotonic_s() + 1.0; monotonic_s() < end_s;) {
     std::array<ImuSample, 64> block;
-    const auto n = imu.read(block, 0.02);
-    ASSERT_OK(n);
+    const auto n = good(imu.read(block, 0.02));
     got.insert(got.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*n));
   }
   // Samples of the time when nobody read are there. How many the line loses is the machine's affair: a sanitized build on a busy one

@@ -1,13 +1,9 @@
 // .npy, .mat and CSV: as others write them, and as we do.
-#include <gtest/gtest.h>
 #include <matio.h>
-
-#include <cmath>
-#include <cstring>
+#include "tests/test.h"
 
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/number_table.h"
-#include "tests/imu_io/temporary_folder.h"
 
 namespace turncal {
 namespace {
@@ -32,15 +28,13 @@ TEST(NumberTable, ReadsNumpyArraysOfEitherOrder) {
   const std::vector<double> rows = {1, 2, 3, 4, 5, 6};  // 3 x 2
   for (const bool column_major : {false, true}) {
     const std::vector<double> data = column_major ? std::vector<double>{1, 3, 5, 2, 4, 6} : rows;
-    const auto table = read_number_table(npy("<f8", column_major, "(3, 2)", bytes_of(data)), "a.npy",
-                                         {{"2", false}, {"1", false}}, {});
-    ASSERT_OK(table);
+    const auto table = good(read_number_table(npy("<f8", column_major, "(3, 2)", bytes_of(data)), "a.npy",
+                                              {{"2", false}, {"1", false}}, {}));
     EXPECT_EQ(table->columns[0], (std::vector<double>{2, 4, 6}));
     EXPECT_EQ(table->columns[1], (std::vector<double>{1, 3, 5}));
   }
-  const auto counts = read_number_table(npy("<i2", false, "(3,)", bytes_of(std::vector<std::int16_t>{-7, 0, 9})),
-                                        "a.npy", {{"1", false}}, {});
-  ASSERT_OK(counts);
+  const auto counts = good(read_number_table(npy("<i2", false, "(3,)", bytes_of(std::vector<std::int16_t>{-7, 0, 9})),
+                                             "a.npy", {{"1", false}}, {}));
   EXPECT_EQ(counts->columns[0], (std::vector<double>{-7, 0, 9}));
 }
 
@@ -58,7 +52,7 @@ TEST(NumberTable, RefusesWhatIsNoArrayOfNumbers) {
 }
 
 TEST(NumberTable, ReadsMatlabVariables) {
-  test::TemporaryFolder folder;
+  TemporaryFolder folder;
   const std::string file = folder.path() + "/imu.mat";
   mat_t* mat = Mat_CreateVer(file.c_str(), nullptr, MAT_FT_MAT5);
   ASSERT_NE(mat, nullptr);
@@ -72,8 +66,8 @@ TEST(NumberTable, ReadsMatlabVariables) {
   put("gyro", 3, 2, {1, 2, 3, 4, 5, 6});  // column by column
   put("wide", 2, 3, {1, 4, 2, 5, 3, 6});
   Mat_Close(mat);
-  const auto table = read_number_table("MATLAB 5.0", file, {{"t", false}, {"gyro:2", false}, {"wide:2", false}}, {});
-  ASSERT_OK(table);
+  const auto table =
+      good(read_number_table("MATLAB 5.0", file, {{"t", false}, {"gyro:2", false}, {"wide:2", false}}, {}));
   EXPECT_EQ(table->columns[0], (std::vector<double>{0.0, 0.1, 0.2}));
   EXPECT_EQ(table->columns[1], (std::vector<double>{4, 5, 6}));
   EXPECT_EQ(table->columns[2], (std::vector<double>{4, 5, 6}));
@@ -82,7 +76,7 @@ TEST(NumberTable, ReadsMatlabVariables) {
 
 // A struct in a struct, as imu.gyro and imu.meta.t; and a file of HDF5 (tests/imu_io/map_samples): chunks, deflate, both byte orders, a compound.
 TEST(NumberTable, ReadsNestedVariablesAndHdf5) {
-  test::TemporaryFolder folder;
+  TemporaryFolder folder;
   const std::string file = folder / "nested.mat";
   mat_t* mat = Mat_CreateVer(file.c_str(), nullptr, MAT_FT_MAT5);
   ASSERT_NE(mat, nullptr);
@@ -98,17 +92,15 @@ TEST(NumberTable, ReadsNestedVariablesAndHdf5) {
   Mat_VarWrite(mat, imu, MAT_COMPRESSION_ZLIB);
   Mat_VarFree(imu);
   Mat_Close(mat);
-  const auto table = read_number_table("MATLAB 5.0", file, {{"imu.gyro:2"}, {"imu.meta.t"}}, {});
-  ASSERT_OK(table);
+  const auto table = good(read_number_table("MATLAB 5.0", file, {{"imu.gyro:2"}, {"imu.meta.t"}}, {}));
   EXPECT_EQ(table->columns[0], (std::vector<double>{4, 5, 6}));
   EXPECT_EQ(table->columns[1], (std::vector<double>{0.0, 0.1, 0.2}));
   EXPECT_EQ(expect_value(column_names("MATLAB 5.0", file)),
             (std::vector<std::string>{"imu.gyro:1", "imu.gyro:2", "imu.meta.t"}));
   EXPECT_TRUE(fails(read_number_table("MATLAB 5.0", file, {{"imu.nope"}}, {}), "no variable 'imu.nope' of numbers"));
   const std::string hdf5 = "\x89HDF\r\n\x1a\n", sample = TURNCAL_SOURCE_DIR "/tests/imu_io/map_samples/imu.h5";
-  const auto imu5 =
-      read_number_table(hdf5, sample, {{"imu/gyro:2"}, {"imu/acc:3"}, {"imu/time_ns"}, {"housekeeping:celsius"}}, {});
-  ASSERT_OK(imu5);
+  const auto imu5 = good(
+      read_number_table(hdf5, sample, {{"imu/gyro:2"}, {"imu/acc:3"}, {"imu/time_ns"}, {"housekeeping:celsius"}}, {}));
   EXPECT_EQ(imu5->columns[0][59], 0.01);
   EXPECT_NEAR(imu5->columns[1][0], 9.8, 1e-6);
   EXPECT_EQ(imu5->columns[2][1], 100010000000.0);
@@ -119,9 +111,9 @@ TEST(NumberTable, ReadsNestedVariablesAndHdf5) {
                                    {"housekeeping:x", "expected numbers"},
                                    {"imu", "no dataset"}})
     EXPECT_TRUE(fails(read_number_table(hdf5, sample, {{name}}, {}), what));
-  std::string bytes = test::read_file(sample);
+  std::string bytes = file_text(sample);
   for (std::size_t cut : {9UL, 100UL, 2000UL, 9000UL}) {
-    test::write_file(folder / "cut.h5", bytes.substr(0, cut));
+    write_file(folder / "cut.h5", bytes.substr(0, cut));
     EXPECT_FALSE(read_number_table(hdf5, folder / "cut.h5", {{"imu/gyro:2"}}, {}).ok()) << cut;
   }
 }
@@ -130,8 +122,7 @@ TEST(NumberTable, RowsThatAreNotFiniteAreSkippedWhereThatIsWanted) {
   const std::string content = npy("<f8", false, "(3, 2)", bytes_of(std::vector<double>{1, 2, NAN, 4, 5, 6}));
   EXPECT_TRUE(fails(read_number_table(content, "a.npy", {{"2"}, {"1"}}, {}),
                     "a.npy: row 2: column '1' = 'nan': expected a finite number"));
-  const auto table = read_number_table(content, "a.npy", {{"2"}, {"1"}}, {.skip_bad_rows = true});
-  ASSERT_OK(table);
+  const auto table = good(read_number_table(content, "a.npy", {{"2"}, {"1"}}, {.skip_bad_rows = true}));
   EXPECT_EQ(table->columns[0], (std::vector<double>{2, 6}));
   EXPECT_EQ(table->position, (std::vector<std::int64_t>{0, 2}));
   EXPECT_EQ(table->bad_rows, 1);
@@ -140,34 +131,33 @@ TEST(NumberTable, RowsThatAreNotFiniteAreSkippedWhereThatIsWanted) {
 const std::vector<NumberColumn> sample_columns = {{"time_s", {0.0, 0.1, 1e300}}, {"x.y", {-1.0, 1.0 / 3.0, 7.0}}};
 
 TEST(MatrixWriter, IsReadAgain) {
-  test::TemporaryFolder folder;
+  TemporaryFolder folder;
   for (const char* name : {"a.npy", "a.mat", "a.csv"}) {
     const std::string path = folder / name;
     ASSERT_OK(write_columns(path, sample_columns));
-    const std::string text = test::read_file(path);
+    const std::string text = file_text(path);
     const std::string form = path.substr(path.size() - 3);
     const std::vector<WantedColumn> wanted = form == "npy"   ? std::vector<WantedColumn>{{"1"}, {"2"}}
                                              : form == "mat" ? std::vector<WantedColumn>{{"time_s"}, {"x_y"}}
                                                              : std::vector<WantedColumn>{{"time_s"}, {"x.y"}};
-    const auto table = read_number_table(text, path, wanted, {});
-    ASSERT_OK(table);
+    const auto table = good(read_number_table(text, path, wanted, {}));
     for (std::size_t k = 0; k < 2; ++k) EXPECT_EQ(table->columns[k], sample_columns[k].values) << name;
     // Again: the same bytes; nothing beside it.
     ASSERT_TRUE(write_columns(path, sample_columns).ok());
-    EXPECT_EQ(test::read_file(path), text);
+    EXPECT_EQ(file_text(path), text);
   }
   // The data of a .npy begin on a multiple of 64 bytes.
-  const std::string npy = test::read_file(folder / "a.npy");
+  const std::string npy = file_text(folder / "a.npy");
   EXPECT_EQ((npy.size() - 6 * 8) % 64, 0u);
   EXPECT_EQ(folder.names().size(), 3u);
 }
 
 TEST(MatrixWriter, ReplacesOnlyItsLike) {
-  test::TemporaryFolder folder;
+  TemporaryFolder folder;
   for (const char* name : {"a.npy", "a.mat", "a.csv"}) {
-    test::write_file(folder / name, "precious");
+    write_file(folder / name, "precious");
     ASSERT_TRUE(fails(write_columns(folder / name, sample_columns), ErrorKind::input));
-    EXPECT_EQ(test::read_file(folder / name), "precious");
+    EXPECT_EQ(file_text(folder / name), "precious");
     EXPECT_FALSE(write_columns(folder / ("nowhere/" + std::string(name)), sample_columns).ok());
   }
 }

@@ -1,19 +1,13 @@
 #include "imu_io/recordings/parameter_file.h"
 
-#include <gtest/gtest.h>
-
-#include <bit>
-#include <random>
-
 #include "imu_io/base/crc.h"
 #include "recording_samples.h"
-#include "temporary_folder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
 
 using test::make_info;
-using test::TemporaryFolder;
 
 ParameterFile make_file() {
   ParameterFile file = test::make_parameter_file();
@@ -61,8 +55,7 @@ TEST(ParameterFile, ReadingAndWritingAgainGivesTheSameBytes) {
     if (random() % 2 == 0) file.reference_temperature_c.reset();
     file.add_further("noise.x", any_double());
     const std::string text = formatted(file);
-    const auto read = parse_parameter_file(text, "p.conf");
-    ASSERT_OK(read);
+    const auto read = good(parse_parameter_file(text, "p.conf"));
     ASSERT_EQ(formatted(*read), text);
     for (int i = 0; i < parameter_count; ++i)
       ASSERT_EQ(std::bit_cast<std::uint64_t>(read->parameters[i]), std::bit_cast<std::uint64_t>(file.parameters[i]));
@@ -147,7 +140,7 @@ TEST(ParameterFile, UndeterminedParametersAreNotForUse) {
   const std::string path = folder / "p.conf";
   ASSERT_OK(write_parameter_file(file, path));
   EXPECT_ERROR(read_parameter_file(path), path + ": its calibration did not determine a11 A01: expected one that did");
-  test::write_file(path, "");
+  write_file(path, "");
   EXPECT_ERROR(read_parameter_file(path), path + ": empty file: expected a parameter file");
 }
 

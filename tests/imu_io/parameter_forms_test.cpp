@@ -1,17 +1,11 @@
 // A parameter file in other forms: the binary block there and back, damaged at every byte; the C header compiled and read by a C program.
 #include "imu_io/recordings/parameter_file.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <cstdlib>
-#include <fstream>
-
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/crc.h"
 #include "imu_io/base/format_number.h"
 #include "recording_samples.h"
-#include "temporary_folder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -51,7 +45,7 @@ TEST(ParameterForms, TheBlockIsAsDocumented) {
 
 TEST(ParameterForms, ACProgramReadsTheHeader) {
   if (std::system("cc --version > /dev/null 2>&1") != 0) GTEST_SKIP() << "no C compiler";
-  const test::TemporaryFolder folder;
+  const TemporaryFolder folder;
   const ParameterFile file = make_file();
   std::ofstream(folder / "calibration.h") << format_parameter_header(file);
   std::ofstream(folder / "main.c")

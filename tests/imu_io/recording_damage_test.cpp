@@ -1,16 +1,11 @@
 // Damage to a binary recording: cut at every byte, every bit flipped, blocks lost. The rule under test: what is handed
 // over was written, in order; a flipped bit costs one record; what is missing is reported.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <limits>
-#include <random>
-
 #include "imu_io/base/record_log.h"
 #include "imu_io/recordings/binary_layout.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "recording_samples.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -30,8 +25,7 @@ struct DamageTest : testing::Test {
   std::string content;
 
   void SetUp() override {
-    auto writer = RecordingWriter::create(path, info);
-    ASSERT_OK(writer);
+    auto writer = good(RecordingWriter::create(path, info));
     for (const Segment& segment : segments) {
       // The moves are planned as dwells that then had to be repeated.
       Segment planned = segment;
@@ -46,7 +40,7 @@ struct DamageTest : testing::Test {
                                     {{segment.heading_deg, segment.pitch_deg, segment.roll_deg}}));
     }
     ASSERT_OK(writer->finish());
-    content = read_file(path);
+    content = file_text(path);
   }
 
   struct Part {
@@ -136,8 +130,7 @@ TEST_F(DamageTest, CutAtEveryByteIsANormalEnd) {
     source->reset();
 
     // Reopened, the torn tail is gone and the rest can be written.
-    auto writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep);
-    ASSERT_OK(writer);
+    auto writer = good(RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep));
     ASSERT_EQ(writer->sample_count(), read.size());
     ASSERT_OK(writer->add(std::span(samples).subspan(read.size())));
     if (writer->open_segment()) {
@@ -155,8 +148,7 @@ TEST_F(DamageTest, DropAfterACutAtEveryByteEndsAtASegmentEnd) {
   for (std::size_t length = 300; length < content.size(); ++length) {
     SCOPED_TRACE(length);
     write_file(path, content.substr(0, length));
-    auto writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::drop);
-    ASSERT_OK(writer);
+    auto writer = good(RecordingWriter::reopen(path, RecordingWriter::OpenSegment::drop));
     const std::int64_t last = writer->segments().empty() ? 0 : writer->segments().back().end_sample;
     ASSERT_FALSE(writer->open_segment().has_value());
     ASSERT_EQ(writer->last_counter().value_or(-1) + 1, last);

@@ -1,24 +1,10 @@
 // Recordings for the tests: every field in use, with gaps, flags and missing temperatures; and reading one whole.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <bit>
-#include <cmath>
-#include <limits>
-#include <memory>
-#include <random>
-#include <stdexcept>
-#include <string>
-#include <tuple>
-#include <type_traits>
-#include <vector>
-
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_writer.h"
-#include "temporary_folder.h"
+#include "tests/test.h"
 
 namespace turncal::test {
 

@@ -1,11 +1,8 @@
 // The writer of recordings: what it refuses, and how it goes on after an interruption.
 #include "imu_io/recordings/recording_writer.h"
 
-#include <gtest/gtest.h>
 #include <sys/wait.h>
-#include <unistd.h>
-
-#include <csignal>
+#include "tests/test.h"
 
 #include "calib/statistics/clipping.h"
 #include "imu_io/base/text_pieces.h"
@@ -142,8 +139,7 @@ struct ReopenTest : WriterTest {
   std::vector<ImuSample> samples = make_samples(info, 100, 0);
   std::int64_t counter(std::size_t i) const { return samples[i].counter; }
   void interrupted() {
-    auto writer = RecordingWriter::create(path, info);
-    ASSERT_OK(writer);
+    auto writer = good(RecordingWriter::create(path, info));
     write_segment(*writer, make_segment(1, SegmentKind::align, 0, 20), std::span(samples).first(20));
     ASSERT_OK(writer->begin_segment(make_segment(1, SegmentKind::still, 20, 0, 0, 90, 0)));
     ASSERT_OK(writer->add(std::span(samples).subspan(20, 30)));
@@ -153,8 +149,7 @@ struct ReopenTest : WriterTest {
 
 TEST_F(ReopenTest, KeepGoesOnInsideTheOpenSegment) {
   interrupted();
-  auto writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep);
-  ASSERT_OK(writer);
+  auto writer = good(RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep));
   EXPECT_EQ(writer->sample_count(), 50U);
   EXPECT_EQ(writer->first_counter(), 0);
   EXPECT_EQ(writer->last_counter(), 49);
@@ -181,8 +176,7 @@ TEST_F(ReopenTest, DropLeavesNoTrace) {
     ASSERT_OK(writer.finish());
   };
   interrupted();
-  auto writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::drop);
-  ASSERT_OK(writer);
+  auto writer = good(RecordingWriter::reopen(path, RecordingWriter::OpenSegment::drop));
   EXPECT_EQ(writer->sample_count(), 20U);
   EXPECT_EQ(writer->last_counter(), 19);
   EXPECT_FALSE(writer->open_segment().has_value());
@@ -191,7 +185,7 @@ TEST_F(ReopenTest, DropLeavesNoTrace) {
   auto whole = RecordingWriter::create(folder / "whole.tcr", info);
   write_segment(*whole, make_segment(1, SegmentKind::align, 0, 20), std::span(samples).first(20));
   rest(*whole);
-  EXPECT_EQ(read_file(path), read_file(folder / "whole.tcr"));
+  EXPECT_EQ(file_text(path), file_text(folder / "whole.tcr"));
 }
 
 TEST_F(ReopenTest, ARestThatIsSetAsideIsRotateAndItsSamplesSaySo) {
@@ -247,8 +241,7 @@ TEST_F(ReopenTest, KilledProcessKeepsWhatWasSynced) {
   EXPECT_GE(read.size(), synced);
   expect_same(read, {many.begin(), many.begin() + static_cast<std::ptrdiff_t>(read.size())});
   EXPECT_FALSE(source->damage().lost_data());
-  auto writer = RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep);
-  ASSERT_OK(writer);
+  auto writer = good(RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep));
   EXPECT_EQ(writer->sample_count(), read.size());
 }
 

@@ -1,13 +1,7 @@
 #include "imu_io/recordings/ros_bag.h"
 
-#include <gtest/gtest.h>
-
-#include <cstring>
-#include <fstream>
-#include <limits>
-
 #include "tests/imu_io/bag_writer.h"
-#include "tests/imu_io/temporary_folder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -83,9 +77,8 @@ TEST(RosBag, EveryContainerCompressionAndEncodingGivesTheSameColumns) {
 
 TEST(RosBag, ReadingsStandInTheFirstRowAfterThem) {
   TemporaryFolder folder;
-  const Result<BagImu> bag =
-      read(folder, mcap({thermometer("/motor/temperature"), thermometer("/imu/temperature"), imu_topic()}, "zstd"));
-  ASSERT_OK(bag);
+  const Result<BagImu> bag = good(
+      read(folder, mcap({thermometer("/motor/temperature"), thermometer("/imu/temperature"), imu_topic()}, "zstd")));
   EXPECT_EQ(bag->temperature_topic, "/imu/temperature");
   const std::vector<double>& celsius = bag->columns.back().values;
   EXPECT_EQ(celsius[0], 20.0);
@@ -168,8 +161,7 @@ TEST(RosBag, Defects) {
   db3(folder / "c.db3", {imu_topic()});
   std::filesystem::resize_file(folder / "c.db3", 20000);
   EXPECT_TRUE(fails(read_bag(folder / "c.db3", "", false), "cannot read it as a rosbag2 database"));
-  const Result<BagImu> cut = read_bag(folder / "c.db3", "", true);
-  ASSERT_OK(cut);
+  const Result<BagImu> cut = good(read_bag(folder / "c.db3", "", true));
   EXPECT_GE(cut->columns[0].values.size(), 20u);
   EXPECT_LT(cut->columns[0].values.size(), 250u);
   EXPECT_GE(cut->bad, 1);

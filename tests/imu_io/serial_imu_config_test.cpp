@@ -1,8 +1,7 @@
 #include "imu_io/units/serial_imu.h"
 
-#include <gtest/gtest.h>
-
 #include "frame_streams.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -13,17 +12,15 @@ Result<SerialImuConfig> parse(const std::string& text, const std::string& name =
   auto file = KeyValueFile::parse(text, name);
   EXPECT_TRUE(file.ok());
   auto config = read_serial_imu_config(*file);
-  if (config) {
+  if (config)
     if (Status status = file->check_all_used(); !status) return status.error();
-  }
   return config;
 }
 
 TEST(SerialImuConfig, ReadsEveryKey) {
-  const auto config = parse(
-      "imu.device = /dev/serial/by-id/x\nimu.frame = laser_gyro\nimu.unit_serial = RLG-7\nimu.baud = 460800\n"
-      "imu.accel_pulse_mps = 0.00049\nimu.simulated = true\nimu.speedup = 20\n");
-  ASSERT_OK(config);
+  const auto config = good(
+      parse("imu.device = /dev/serial/by-id/x\nimu.frame = laser_gyro\nimu.unit_serial = RLG-7\nimu.baud = 460800\n"
+            "imu.accel_pulse_mps = 0.00049\nimu.simulated = true\nimu.speedup = 20\n"));
   EXPECT_EQ(config->settings.device, "/dev/serial/by-id/x");
   EXPECT_EQ(config->frame.name, "laser_gyro");
   EXPECT_EQ(config->settings.unit_serial, "RLG-7");
@@ -38,8 +35,7 @@ TEST(SerialImuConfig, ReadsEveryKey) {
 TEST(SerialImuConfig, AFileIsRelativeToTheStationFile) {
   const TemporaryFolder folder;
   write_file(folder / "own.frame", std::string(builtin_frame_text("stim300")));
-  const auto config = parse("imu.device = /dev/x\nimu.frame = own.frame\n", folder / "a.station");
-  ASSERT_OK(config);
+  const auto config = good(parse("imu.device = /dev/x\nimu.frame = own.frame\n", folder / "a.station"));
   EXPECT_EQ(config->frame.name, "stim300");
   EXPECT_EQ(config->frame.line.baud, 921600U);
   RecordingInfo info;

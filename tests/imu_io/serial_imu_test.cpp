@@ -1,10 +1,9 @@
 // A unit on a pseudo-terminal: the whole path from the line to the samples, and the faults that only a line has.
 #include "imu_io/units/serial_imu.h"
 
-#include <gtest/gtest.h>
 #include <time.h>
+#include "tests/test.h"
 
-#include <atomic>
 #include <thread>
 
 #include "frame_streams.h"
@@ -33,8 +32,7 @@ struct SerialImuTest : testing::Test {
     plug();
   }
   void plug() {
-    auto made = Pty::create(link);
-    ASSERT_OK(made);
+    auto made = good(Pty::create(link));
     pty = std::move(*made);
   }
   void send(std::int64_t first, std::int64_t count) {
@@ -68,8 +66,7 @@ TEST_F(SerialImuTest, ASilentUnitDoesNotHoldItsReader) {
   double shortest_s = 1e9;
   for (int i = 0; i < 3; ++i) {
     const double began = monotonic_s();
-    const auto n = imu.read(block, 10.0);
-    ASSERT_OK(n);
+    const auto n = good(imu.read(block, 10.0));
     EXPECT_EQ(*n, 0U);
     shortest_s = std::min(shortest_s, monotonic_s() - began);
   }
@@ -238,8 +235,7 @@ TEST_F(SerialImuTest, StreamedFramesComeAtTheUnitsPace) {
   std::array<ImuSample, 64> block;
   const Deadline deadline(0.7);
   while (!deadline.passed()) {
-    const auto n = imu.read(block, 0.05);
-    ASSERT_OK(n);
+    const auto n = good(imu.read(block, 0.05));
     samples.insert(samples.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*n));
   }
   unit.join();

@@ -1,21 +1,15 @@
 #include "imu_io/lines/serial_port.h"
 
-#include <gtest/gtest.h>
 #include <sys/ioctl.h>
-#include <unistd.h>
+#include "tests/test.h"
 
-#include <array>
-#include <string>
 #include <thread>
 
 #include "imu_io/base/clock.h"
 #include "imu_io/lines/unit_end.h"
-#include "tests/imu_io/temporary_folder.h"
 
 namespace turncal {
 namespace {
-
-using test::TemporaryFolder;
 
 SerialSettings on(const Pty& pty, std::uint32_t baud = 115200) {
   SerialSettings settings;
@@ -46,10 +40,8 @@ TEST(SerialPort, WhoMayNotOpenItIsToldWhichGroupMay) {
 }
 
 TEST(SerialPort, CarriesEveryByteUnchanged) {
-  auto pty = Pty::create();
-  ASSERT_OK(pty);
-  auto port = SerialPort::open(on(*pty, 230400));
-  ASSERT_OK(port);
+  auto pty = good(Pty::create());
+  auto port = good(SerialPort::open(on(*pty, 230400)));
   std::string all;
   for (int i = 0; i < 256; ++i) all += static_cast<char>(i);
   ASSERT_TRUE(pty->write_all(all, 1.0).ok());
@@ -60,20 +52,16 @@ TEST(SerialPort, CarriesEveryByteUnchanged) {
   got.clear();
   std::array<std::byte, 64> bytes;
   for (int i = 0; i < 100 && got.size() < all.size(); ++i) {
-    const auto n = pty->read(bytes, 0.5);
-    ASSERT_TRUE(n.ok());
+    const auto n = good(pty->read(bytes, 0.5));
     got.append(reinterpret_cast<const char*>(bytes.data()), *n);
   }
   EXPECT_EQ(got, all);
 }
 
 TEST(SerialPort, TakesAnyRate) {
-  auto pty = Pty::create();
-  ASSERT_TRUE(pty.ok());
-  for (const std::uint32_t baud : {9600U, 230400U, 921600U, 1843200U, 123457U}) {
-    auto port = SerialPort::open(on(*pty, baud));
-    ASSERT_OK(port);
-  }
+  auto pty = good(Pty::create());
+  for (const std::uint32_t baud : {9600U, 230400U, 921600U, 1843200U, 123457U})
+    auto port = good(SerialPort::open(on(*pty, baud)));
 }
 
 TEST(SerialPort, NamesTheDeviceThatIsMissingForbiddenOrNoSerialPort) {
@@ -89,11 +77,9 @@ TEST(SerialPort, NamesTheDeviceThatIsMissingForbiddenOrNoSerialPort) {
 }
 
 TEST(SerialPort, IsHeldByOneAlone) {
-  auto pty = Pty::create();
-  ASSERT_TRUE(pty.ok());
+  auto pty = good(Pty::create());
   {
-    auto first = SerialPort::open(on(*pty));
-    ASSERT_TRUE(first.ok());
+    auto first = good(SerialPort::open(on(*pty)));
     for (int i = 0; i < 2; ++i) {  // the first refusal must not open the door
       auto second = SerialPort::open(on(*pty));
       ASSERT_TRUE(fails(second, ErrorKind::device, "in use by another"));
@@ -106,10 +92,8 @@ TEST(SerialPort, IsHeldByOneAlone) {
 }
 
 TEST(SerialPort, WaitsNoLongerThanItWasTold) {
-  auto pty = Pty::create();
-  ASSERT_TRUE(pty.ok());
-  auto port = SerialPort::open(on(*pty));
-  ASSERT_TRUE(port.ok());
+  auto pty = good(Pty::create());
+  auto port = good(SerialPort::open(on(*pty)));
   const double began = monotonic_s();
   EXPECT_EQ(read_text(*port, 0.05), "");
   const double took = monotonic_s() - began;
@@ -121,10 +105,8 @@ TEST(SerialPort, WaitsNoLongerThanItWasTold) {
 }
 
 TEST(SerialPort, SeesTheHangUpWhileItWaits) {
-  auto pty = Pty::create();
-  ASSERT_TRUE(pty.ok());
-  auto port = SerialPort::open(on(*pty));
-  ASSERT_TRUE(port.ok());
+  auto pty = good(Pty::create());
+  auto port = good(SerialPort::open(on(*pty)));
   std::thread puller([&] {
     ::usleep(30000);
     pty->unplug();
@@ -141,12 +123,10 @@ TEST(SerialPort, SeesTheHangUpWhileItWaits) {
 TEST(SerialPort, ComesBackUnderTheSameName) {
   const TemporaryFolder folder;
   const std::string link = folder.path() + "/port";
-  auto pty = Pty::create(link);
-  ASSERT_OK(pty);
+  auto pty = good(Pty::create(link));
   SerialSettings settings;
   settings.device = link;
-  auto port = SerialPort::open(settings);
-  ASSERT_TRUE(port.ok());
+  auto port = good(SerialPort::open(settings));
   pty->unplug();
   EXPECT_FALSE(SerialPort::open(settings).ok());
   pty = Pty::create(link);
@@ -159,12 +139,10 @@ TEST(SerialPort, ComesBackUnderTheSameName) {
 }
 
 TEST(Pty, WhatIsSentToNobodyIsLost) {
-  auto pty = Pty::create();
-  ASSERT_TRUE(pty.ok());
+  auto pty = good(Pty::create());
   EXPECT_FALSE(pty->has_peer());
   ASSERT_TRUE(pty->write_all(std::string(1 << 20, 'x'), 0.0).ok());
-  auto port = SerialPort::open(on(*pty));
-  ASSERT_TRUE(port.ok());
+  auto port = good(SerialPort::open(on(*pty)));
   EXPECT_TRUE(pty->has_peer());
   EXPECT_EQ(read_text(*port, 0.05), "");
 }

@@ -1,14 +1,9 @@
 // The text form: both ways, the same content hash as binary, and one clear line for every defect.
-#include <gtest/gtest.h>
-
-#include <bit>
-#include <cmath>
-#include <random>
-
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "recording_samples.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -112,9 +107,9 @@ TEST_F(TextTest, ExportOfAnImportGivesTheSameBytes) {
   ASSERT_OK(import_binary(**text, folder / "a.tcr"));
   const auto binary = opened(folder / "a.tcr");
   ASSERT_OK(export_text(*binary, folder / "out/deep"));
-  EXPECT_EQ(read_file(folder / "out/deep/imu.csv"), csv);
-  EXPECT_EQ(read_file(folder / "out/deep/segments.csv"), segments_csv);
-  EXPECT_EQ(read_file(folder / "out/deep/recording.conf"), conf);
+  EXPECT_EQ(file_text(folder / "out/deep/imu.csv"), csv);
+  EXPECT_EQ(file_text(folder / "out/deep/segments.csv"), segments_csv);
+  EXPECT_EQ(file_text(folder / "out/deep/recording.conf"), conf);
   EXPECT_FALSE(path_exists(folder / "out/deep/flags.csv"));
 }
 
@@ -286,7 +281,7 @@ TEST_F(TextTest, FailedImportLeavesNothingAndKeepsWhatWasThere) {
   const auto source = opened(folder.path());
   EXPECT_ERROR(import_binary(*source, folder / "out.tcr"),
                csv_path + ":3: column accel_z = 'bad': expected a whole number of pulses within 32 bits");
-  EXPECT_EQ(read_file(folder / "out.tcr"), "before");
+  EXPECT_EQ(file_text(folder / "out.tcr"), "before");
   EXPECT_EQ(folder.names().size(), names.size());
   EXPECT_FALSE(export_text(*source, folder / "out").ok());
   EXPECT_TRUE(std::filesystem::is_empty(folder / "out"));

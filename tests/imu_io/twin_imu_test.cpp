@@ -1,7 +1,5 @@
 // The rig's unit as a unit on a line: what the receiver gets is what the rig made.
-#include <gtest/gtest.h>
 
-#include <atomic>
 #include <thread>
 
 #include "frame_streams.h"
@@ -31,14 +29,13 @@ TEST_P(TwinForms, WhatTheTwinSpeaksIsUnderstood) {
   std::string device = line;
   if (const std::size_t at = line.find("%d"); at != std::string::npos)
     device.replace(at, 2, std::to_string(test::free_port(line[0] == 't' ? SOCK_STREAM : SOCK_DGRAM)));
-  const test::TemporaryFolder folder;
+  const TemporaryFolder folder;
   if (device == "pty") device = folder / "imu";
   const FrameDescription frame = test::frame_with("laser_gyro", GetParam().keys);
   const bool asked = !frame.request.empty();
   Rig rig(default_rig_config());
   RigImu unit(rig);
-  auto end = open_unit_end(device);
-  ASSERT_OK(end);
+  auto end = good(open_unit_end(device));
   FrameStreamer streamer(unit, frame, **end, GetParam().speedup);
   SerialImuSettings settings;
   settings.device = device;
@@ -64,8 +61,7 @@ TEST_P(TwinForms, WhatTheTwinSpeaksIsUnderstood) {
   std::array<ImuSample, 256> block;
   for (const Deadline deadline(10.0); !deadline.passed();) {
     const bool last = ended;
-    const auto n = imu.read(block, 0.05);
-    ASSERT_OK(n);
+    const auto n = good(imu.read(block, 0.05));
     received.insert(received.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*n));
     if (last && *n == 0) break;
   }

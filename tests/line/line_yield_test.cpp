@@ -1,13 +1,9 @@
 // Yield, reasons, repeatability and stations, on rows made for them.
 #include "orchestrator/line/line_yield.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <random>
-
 #include "imu_io/base/clock.h"
 #include "orchestrator/line/shift_report.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -1,5 +1,4 @@
 // A lot of simulated units through batch and shift report: what the report says against what was laid on.
-#include <map>
 
 #include "imu_io/base/clock.h"
 #include "orchestrator/line/line_yield.h"
@@ -119,8 +118,7 @@ TEST_F(Rehearsal, TheReportSaysWhatWasLaidOn) {
   std::size_t still = 0;
   for (const AttemptRecord& a : rows({}))
     if (a.folder.ends_with(".2")) still += said_of(file_text(a.folder + "/truth.conf"), "lot.fault_shows") == "true";
-  const ProgramResult shift = run({"shift", "results.db", "--simulated", "--out", "report"});
-  ASSERT_EQ(shift.code, 0) << shift.err;
+  const ProgramResult shift = ends({"shift", "results.db", "--simulated", "--out", "report"}, 0);
   const std::string csv = file_text(folder_ / "report/shift.csv");
   const auto has = [&csv](const char* quantity, std::size_t value) {
     const std::string line = std::string("yield,all,") + quantity + "," + std::to_string(value) + "\n";

@@ -129,8 +129,7 @@ TEST_F(Database, TheSameRecordingIsTheSameRow) {
   station();
   ASSERT_EQ(dry_run("SN1").code, 0);
   ASSERT_EQ(dry_run("SN1", {}, "again").code, 0);
-  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(path("results.db"));
-  ASSERT_TRUE(database.ok());
+  const Result<ResultsDatabase> database = good(ResultsDatabase::open_to_read(path("results.db")));
   ASSERT_EQ(database->list({}, "")->size(), 1u);
   EXPECT_EQ(database->list({}, "")->front().values.size(), 24u);
   const std::vector<AttemptRecord> all = attempts();

@@ -1,10 +1,7 @@
 // Nelson's eight tests: on series made for each, and how often each sounds when nothing is wrong.
 #include "orchestrator/line/parameter_history.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <random>
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -2,8 +2,6 @@
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/queue_outcomes.h"
 
-#include <chrono>
-
 #include "imu_io/lines/unit_end.h"
 #include "orchestrator/records/unit_queue.h"
 #include "orchestrator/station/hooks.h"
@@ -20,17 +18,15 @@ class Batch : public BatchProgram {
 
 TEST_F(Batch, DoesTheWholeQueue) {
   write("queue", "SN1\n# a remark\n  SN2   # with another\n\nS/N 3\n");
-  const ProgramResult result = run(batch());
-  ASSERT_EQ(result.code, 0) << result.err;
+  const ProgramResult result = ends(batch(), 0);
   EXPECT_EQ(outcomes(), "SN1=not_judged SN2=not_judged S/N 3=not_judged ");
   const std::string batch_tag = "[dry run] [batch] ";  // a line a unit; the rest is asked for
   EXPECT_EQ(result.out, batch_tag + "unit SN1: not_judged; units/SN1\n" + batch_tag +
                             "unit SN2: not_judged; units/SN2\n" + batch_tag +
                             "unit S/N 3: not_judged; units/S%2fN%203\n" + batch_tag +
                             "queue done: 0 passed, 3 without a verdict, 0 not passed\n");
-  for (const char* name : {"SN1", "SN2", "S%2fN%203"}) {
+  for (const char* name : {"SN1", "SN2", "S%2fN%203"})
     EXPECT_TRUE(fs::exists(folder_ / "units" / name / "parameters.conf")) << name;
-  }
   // Nothing left to do: the count is the whole queue of before.
   EXPECT_SAYS(run(batch()).out, "queue done: 0 passed, 3 without a verdict, 0 not passed")
       << "of the queue, not of this command";
@@ -95,8 +91,7 @@ TEST_F(Batch, AUnitThatGoesOnWithAnotherSequenceIsNamed) {
   const std::string other = write("other.seq", file_text(short_demo) + "# another\n");
   Arguments with_other = batch();
   with_other.back() = other;
-  const ProgramResult result = run(with_other);
-  ASSERT_EQ(result.code, 0) << result.err;
+  const ProgramResult result = ends(with_other, 0);
   const std::string said =
       "unit SN1: goes on with the sequence that it began with, " + short_demo + ", not with " + other;
   EXPECT_SAYS(result.out, said);
@@ -115,8 +110,7 @@ TEST_F(Batch, UnitsAreAddedAndRemovedWhileItRuns) {
 }
 
 TEST_F(Batch, QueueCommand) {
-  const ProgramResult made = run({"queue", "queue", "--add", "SN1", "SN2"});
-  ASSERT_EQ(made.code, 0) << made.err;
+  const ProgramResult made = ends({"queue", "queue", "--add", "SN1", "SN2"}, 0);
   EXPECT_EQ(made.out, "SN1  waits\nSN2  waits\n");
   EXPECT_EQ(run({"queue", "queue", "--add", "SN1"}).code, 1);
   EXPECT_EQ(run({"queue", "queue", "--remove", "SN7"}).code, 1);

@@ -28,8 +28,7 @@ class Check : public Program {
     Outcome outcome;
     outcome.code = run_check({station, sequence}, out, err);
     outcome.out = out.str();
-    std::istringstream lines(err.str());
-    for (std::string line; std::getline(lines, line);)
+    for (const std::string& line : lines_of(err.str()))
       outcome.problems.push_back(line.starts_with(error_prefix) ? line.substr(std::string(error_prefix).size()) : line);
     return outcome;
   }
@@ -37,8 +36,7 @@ class Check : public Program {
 
 // A line of the plan with its blanks collapsed to one.
 bool has_line(const std::string& text, const std::string& wanted) {
-  std::istringstream lines(text);
-  for (std::string line; std::getline(lines, line);) {
+  for (const std::string& line : lines_of(text)) {
     std::string collapsed;
     for (const std::string& word : Arguments(line)) collapsed += (collapsed.empty() ? "" : " ") + word;
     if (collapsed == wanted) return true;
@@ -123,8 +121,7 @@ TEST_F(Check, ExplainsTheTableAndListsItsGuesses) {
   EXPECT_SAYS(out.str(), "unit 2, function 6, register 50 (0x0032)");
   EXPECT_SAYS(err.str(), ": write.stop is a guess\n");
   EXPECT_SAYS(err.str(), "commission needs --accept-guess");
-  const Result<StationConfig> config = read_station_config(station);
-  ASSERT_TRUE(config.ok()) << config.error().message;
+  const Result<StationConfig> config = good(read_station_config(station));
   EXPECT_EQ(guesses_of(*config, false).size(), 2u);
   EXPECT_EQ(guesses_of(*config, true).size(), 1u);
   std::ostringstream nothing, asked;

@@ -1,9 +1,5 @@
 // `turncal run --dry-run` as a black box: results, reproducibility, faults, refusals, signals.
-#include <sys/stat.h>
 
-#include <chrono>
-#include <cstdlib>
-#include <cstring>
 #include <thread>
 
 #include "tests/orchestrator/program.h"
@@ -121,30 +117,23 @@ TEST_F(Run, OutputThatIsNotReadDoesNotHoldItUp) {
 }
 
 TEST_F(Run, Refusals) {
-  expect_refused({"run", "--unit", "SN1", "--out", "out"}, "--dry-run");
-  expect_refused({"run", "--unit", "SN1", "--out", "out", "--rig", write("r.rig", "seed = 1\n")}, "--rig");
-  expect_refused({"run", "--dry-run", "--out", "out"}, "--unit");
-  expect_refused({"run", "--dry-run", "--unit", "SN1"}, "--out");
-  expect_refused({"run", "--dry-run", "--unit", "a#b", "--out", "out"}, "--unit");
-  expect_refused(dry_run("out", {"--rig", "missing.rig"}), "missing.rig");
-  expect_refused(dry_run("out", {"--rig", write("typo.rig", "sede = 1\n")}), "typo.rig:1: key 'sede'");
-  expect_refused(dry_run("out", {"--rig", write("nan.rig", "site.gravity_mps2 = nan\n")}), "nan.rig:1");
-  expect_refused(dry_run("out", {"--station", "missing.station"}), "missing.station");
-  expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence", "missing.seq"}, "missing.seq");
-  expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence", write("e.seq", "")}, "e.seq");
-  expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence",
-                  write("nodwell.seq",
-                        "format = 1\nname = x\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n"
-                        "  initial H 0 P 0 R 0\n  rotate P +90\n")},
-                 "nodwell.seq");
-  // More than the axis may turn.
-  expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence",
-                  write("far.seq",
-                        "format = 1\nname = x\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n"
-                        "  initial H 0 P 0 R 0\n  align 1000\n  rotate P +3000\n  dwell 1000\n")},
-                 "far.seq:8");
-  expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", write("file", "x")}, "expected a folder");
-  expect_refused({"run", "--dry-run", "--unit", "SN1", "--out", write("file", "x") + "/sub"}, "file");
+  const std::string start =
+      "format = 1\nname = x\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n  initial H 0 P 0 R 0\n";
+  const auto with_sequence = [&](const std::string& name, const std::string& steps) {
+    return Arguments{"run", "--dry-run", "--unit", "SN1", "--out", "out", "--sequence", write(name, start + steps)};
+  };
+  const std::string file = write("file", "x");
+  for (const auto& [arguments, said] :
+       {std::pair<Arguments, const char*>{{"run", "--dry-run", "--out", "out"}, "--unit"},
+        {{"run", "--dry-run", "--unit", "SN1"}, "--out"},
+        {{"run", "--dry-run", "--unit", "a#b", "--out", "out"}, "--unit"},
+        {dry_run("out", {"--rig", "missing.rig"}), "missing.rig"},
+        {dry_run("out", {"--station", "missing.station"}), "missing.station"},
+        {with_sequence("nodwell.seq", "  rotate P +90\n"), "nodwell.seq"},
+        {with_sequence("far.seq", "  align 1000\n  rotate P +3000\n  dwell 1000\n"), "far.seq:8"},
+        {dry_run(file), "expected a folder"},
+        {dry_run(file + "/sub"), "file"}})
+    expect_refused(arguments, said);
 }
 
 TEST_F(Run, ARunIsNeverOverwritten) {

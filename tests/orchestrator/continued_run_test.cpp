@@ -11,17 +11,13 @@ const char* const legs =
 
 class ContinuedRun : public Program {
  protected:
-  void begin(const std::string& out) const {
-    const ProgramResult first = run(dry_run(out));
-    ASSERT_EQ(first.code, 0) << first.err;
-  }
+  void begin(const std::string& out) const { ends(dry_run(out), 0); }
 };
 
 TEST_F(ContinuedRun, IsOfTheSameUnitAndCountsWithTheFirst) {
   begin("first");
   write("extra.seq", legs);
-  const ProgramResult second = run({"run", "--continue", "first", "--sequence", "extra.seq"});
-  ASSERT_EQ(second.code, 0) << second.err;
+  const ProgramResult second = ends({"run", "--continue", "first", "--sequence", "extra.seq"}, 0);
   EXPECT_SAYS(second.out, "2 recordings, one unit");
   EXPECT_EQ(file_text(folder_ / "first/truth.conf").substr(0, 200),
             file_text(folder_ / "first/continued/truth.conf").substr(0, 200))
@@ -33,8 +29,7 @@ TEST_F(ContinuedRun, IsOfTheSameUnitAndCountsWithTheFirst) {
   EXPECT_SAYS(run({"journal", "first/continued"}).out, "continues");
   EXPECT_EQ(run({"resume", "first"}).code, 0);
   // And it can be continued in its turn.
-  const ProgramResult third = run({"run", "--continue", "first/continued", "--sequence", "extra.seq"});
-  ASSERT_EQ(third.code, 0) << third.err;
+  const ProgramResult third = ends({"run", "--continue", "first/continued", "--sequence", "extra.seq"}, 0);
   EXPECT_SAYS(third.out, "3 recordings, one unit");
 }
 
@@ -53,8 +48,7 @@ TEST_F(ContinuedRun, IsTheSameAfterAKill) {
     run_struck(go_on, point, "kill");
     std::filesystem::remove(folder_.string() + ".count");
     if (!std::filesystem::exists(folder_ / "first/continued/journal.tcj")) continue;
-    const ProgramResult resumed = run({"resume", "first/continued"});
-    ASSERT_EQ(resumed.code, 0) << point << resumed.err;
+    ends({"resume", "first/continued"}, 0);
     EXPECT_EQ(file_text(folder_ / "first/continued/parameters.conf"), parameters) << point;
     EXPECT_EQ(file_text(folder_ / "first/continued/recording.tcr"), recording) << point;
   }

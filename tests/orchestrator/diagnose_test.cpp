@@ -1,6 +1,4 @@
-// `turncal diagnose` as a black box: what it writes, exit codes, refusals; on the rig's recordings and on those of another simulator.
-#include <cstdlib>
-#include <map>
+// `turncal diagnose` as a black box: what it writes, exit codes, refusals.
 
 #include "imu_io/base/key_value.h"
 #include "imu_io/recordings/parameter_file.h"
@@ -8,8 +6,6 @@
 
 namespace turncal {
 namespace {
-
-const std::string recordings = std::string(TURNCAL_SOURCE_DIR) + "/../shared/data/recordings/";
 
 class Diagnose : public Program {
  protected:
@@ -38,7 +34,6 @@ TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
   const double sigma = std::stod(conf.at("sigma.effect.accel_delay.tau"));
   EXPECT_NEAR(value, 0.3, 3.5 * sigma);
   EXPECT_LT(sigma, 0.01);
-  EXPECT_EQ(conf.count("alias.accel_delay"), 1u);
   EXPECT_EQ(conf.at("holdout.source"), "cross-validation over dwells");
   EXPECT_LT(std::stod(conf.at("holdout.after")), std::stod(conf.at("holdout.before")));
   EXPECT_LT(std::stod(conf.at("error.after")), std::stod(conf.at("error.before")));
@@ -47,10 +42,8 @@ TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
   const double worth = std::stod(conf.at("navigation.accel_delay_nm_per_h"));
   EXPECT_GT(worth, 0.01);
   EXPECT_LT(worth, std::stod(conf.at("navigation.before_nm_per_h")) + std::stod(conf.at("navigation.after_nm_per_h")));
-  EXPECT_SAYS(result.out, "fitted recording: free navigation, rms of 8 starts");
   // The effect is in the parameter file, to the digit, which is marked as simulated.
-  const auto parameters = read_parameter_file(path("out/parameters.conf"));
-  ASSERT_TRUE(parameters.ok()) << parameters.error().message;
+  const auto parameters = good(read_parameter_file(path("out/parameters.conf")));
   ASSERT_EQ(parameters->effects.size(), 1u);
   EXPECT_EQ(parameters->effects[0].name, "accel_delay");
   EXPECT_EQ(parameters->effects[0].component, "tau");
@@ -58,27 +51,10 @@ TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
   EXPECT_EQ(parameters->model, "extended");
   EXPECT_TRUE(parameters->simulated);
   EXPECT_TRUE(parameters->reference_temperature_c);
-  const std::string html = file_text(path("out/report.html"));
-  EXPECT_SAYS(html, "accel_delay, time delay of the accelerometers");
-  EXPECT_SAYS(html, "Simulated data");
-  EXPECT_LT(html.size(), 3u << 20);
-  // The terminal gets the same, short; its last lines are those of a terminal that did not ask for more, and stand on the page.
+  // The terminal gets the same, short; its last lines are those of a terminal that did not ask for more.
   const std::string last = "verdict         Extended; parameters trusted\nreason          added: accel_delay, tau 0.3";
   EXPECT_SAYS(result.out, last);
   EXPECT_TRUE(result.out.ends_with(" sigma)\nopen out/report.html\n")) << result.out;
-  EXPECT_SAYS(html, "<td>Extended; parameters trusted</td>");
-  EXPECT_SAYS(result.out, "verdict         Extended: one effect beyond the 24 parameters");
-  EXPECT_SAYS(result.out, "out/report.html");
-  EXPECT_LE(std::count(result.out.begin(), result.out.end(), '\n'), 30 + 10);
-
-  // For programs: the file as one object, and the residuals as numbers.
-  const ProgramResult json =
-      ends({"diagnose", "rec", "--out", "out", "--format", "json", "--residuals", path("residuals.csv")}, 20);
-  EXPECT_TRUE(json.out.starts_with("{\n\"verdict\":\"extended\",\n\"quality.trusted\":true,\n")) << json.out;
-  EXPECT_SAYS(json.out, "\n\"effect.accel_delay.tau\":" + conf.at("effect.accel_delay.tau") + ",\n");
-  const std::string residuals = file_text(path("residuals.csv"));
-  EXPECT_TRUE(residuals.starts_with("time_s,segment,since_rotation_s,temperature_c,force_x_mps2,"));
-  EXPECT_GT(std::count(residuals.begin(), residuals.end(), '\n'), 4000);
 
   // Again, without gnuplot: another report, the same answer, the same exit code.
   const char* const old_path = std::getenv("PATH");
@@ -101,8 +77,6 @@ TEST_F(Diagnose, RefusesInOneLine) {
   write("file", "not a folder");
   expect_refused({"diagnose"}, "recording");
   expect_refused({"diagnose", "rec"}, "--out");
-  expect_refused({"diagnose", "missing", "--out", "out"}, "missing");
-  expect_refused("diagnose rec --out rec", "--out rec: expected another folder than that of the source, rec");
   expect_refused("diagnose rec/recording.tcr --out ./rec/",
                  "expected another folder than that of the source, rec/recording.tcr");
   expect_refused("diagnose rec --holdout other --out other", "expected another folder than that of the source, other");
@@ -113,7 +87,6 @@ TEST_F(Diagnose, RefusesInOneLine) {
                  "other/recording.tcr: unit_serial = 'SN2': expected 'SN1', as in rec/recording.tcr");
   expect_refused({"diagnose", "rec", "--out", "file"}, "file");
   expect_refused({"diagnose", "rec", "--out", "out", "--arw", "0.002"}, "--arw and --vrw fix the noise together");
-  expect_refused({"diagnose", "rec", "--out", "out", "--vrw", "8"}, "--arw and --vrw fix the noise together");
   expect_refused({"diagnose", "rec", "--out", "out", "--arw", "-1", "--vrw", "8"}, "--arw");
   expect_refused("diagnose rec --out out --gyro-bias-instability 0.001", "expected --arw and --vrw with them");
 }
@@ -124,9 +97,7 @@ TEST_F(Diagnose, TakesSeveralRecordingsOfOneUnitAndSeveralHoldouts) {
   rig_recording("third", "seed = 7\nnoise.seed = 3\n", "holdout.seq");
   rig_recording("fourth", "seed = 7\nnoise.seed = 4\n", "holdout.seq");
   rig_recording("north", "seed = 7\nsite.latitude_deg = 60\n", "short_demo.seq");
-  const ProgramResult result =
-      run({"diagnose", "one", "two", "--holdout", "third", "--holdout", "fourth", "--out", "out", "--verbose"});
-  EXPECT_EQ(result.code, 0) << result.out << result.err;
+  const ProgramResult result = ends("diagnose one two --holdout third --holdout fourth --out out --verbose", 0);
   EXPECT_SAYS(result.out, "turn-on repeatability of A01: ");
   const auto conf = entries(file_text(path("out/diagnosis.conf")));
   EXPECT_EQ(conf.at("verdict"), "clean");
@@ -183,41 +154,6 @@ TEST_F(Diagnose, GivenNoiseIsUsedAndSaidToBeGiven) {
   const auto conf = entries(file_text(path("small/diagnosis.conf")));
   EXPECT_EQ(conf.at("verdict"), "noise_model");
   EXPECT_EQ(conf.at("effects"), "");
-}
-
-class DiagnoseShared : public Diagnose {
- protected:
-  void SetUp() override {
-    if (!std::filesystem::exists(recordings + "clean/imu.csv"))
-      GTEST_SKIP() << "the recordings of the independent simulator are not here: " << recordings;
-    Diagnose::SetUp();
-  }
-  std::map<std::string, std::string> diagnose_shared(const std::string& name, int code) const {
-    const ProgramResult result =
-        run({"diagnose", recordings + name, "--holdout", recordings + name + "/holdout", "--out", name});
-    EXPECT_EQ(result.code, code) << result.out << result.err;
-    return entries(file_text(path(name + "/diagnosis.conf")));
-  }
-};
-
-TEST_F(DiagnoseShared, CleanIsClean) {
-  const auto conf = diagnose_shared("clean", 0);
-  EXPECT_EQ(conf.at("verdict"), "clean");
-  EXPECT_EQ(conf.at("effects"), "");
-  EXPECT_EQ(conf.at("holdout.source"), "second recording");
-  EXPECT_EQ(conf.at("error.before"), conf.at("error.after"));
-}
-
-TEST_F(DiagnoseShared, UndeclaredEffectsLowerTheErrorOnTheHoldout) {
-  for (const char* name : {"undeclared-1", "undeclared-2"}) {
-    const auto conf = diagnose_shared(name, 20);
-    EXPECT_EQ(conf.at("verdict"), "extended") << name;
-    EXPECT_NE(conf.at("effects"), "") << name;
-    EXPECT_LT(std::stod(conf.at("holdout.after")), std::stod(conf.at("holdout.before"))) << name;
-    EXPECT_LT(std::stod(conf.at("holdout.velocity_rms_after_mps")),
-              std::stod(conf.at("holdout.velocity_rms_before_mps")))
-        << name;
-  }
 }
 
 }  // namespace

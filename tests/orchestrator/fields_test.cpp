@@ -1,13 +1,11 @@
 // One list of fields a thing: whatever is written from it is read back as the same, in every form.
 #include "orchestrator/station/fields.h"
 
-#include <gtest/gtest.h>
 #include <rapidcheck.h>
 
 #include "orchestrator/records/database_rows.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/report/verification_report.h"
-#include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {
@@ -57,7 +55,7 @@ TEST(Fields, AnAttemptIsTheSameAsARowAndAsTexts) {
 
 TEST(Fields, AJournalSaysWhatWasWritten) {
   EXPECT_TRUE(rc::check([] {
-    const test::TemporaryFolder folder;
+    const TemporaryFolder folder;
     const std::string path = folder / journal_name;
     CompletedDwell dwell;
     dwell.units.resize(*rc::gen::inRange<std::size_t>(1, 4));

@@ -2,8 +2,6 @@
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/queue_outcomes.h"
 
-#include <cmath>
-
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/records/journal.h"
@@ -34,12 +32,10 @@ class Group : public Program {
 TEST_F(Group, EveryUnitGetsItsOwnParametersAndTheFirstThoseOfARunAlone) {
   ASSERT_EQ(run(dry_run({"SN1"}, "alone")).code, 0);
   ASSERT_EQ(run(dry_run({"SN1", "SN2"}, "two")).code, 0);
-  const ProgramResult result = run(dry_run({"SN1", "SN2", "S/N 3"}, "three"));
-  ASSERT_EQ(result.code, 0) << result.err;
+  ends(dry_run({"SN1", "SN2", "S/N 3"}, "three"), 0);
   std::set<std::string> files;
-  for (const auto& entry : fs::recursive_directory_iterator(folder_ / "three")) {
+  for (const auto& entry : fs::recursive_directory_iterator(folder_ / "three"))
     files.insert(fs::relative(entry.path(), folder_ / "three").string());
-  }
   std::set<std::string> expected = {"journal.tcj", "run.log"};
   for (const std::string unit : {"SN1", "SN2", "S%2fN%203"}) {
     expected.insert(
@@ -152,8 +148,7 @@ TEST_F(Group, WhoDropsOutIsNamedAndWhoIsLeftGoesOn) {
 TEST_F(Group, SamplesLostAtRestRepeatTheDwellForAll) {
   const std::string rig =
       write("lost.rig", "fault.1.kind = lost_sample\nfault.1.sample = 1700\nfault.1.count = 2\nfault.1.unit = 2\n");
-  const ProgramResult result = run(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}));
-  ASSERT_EQ(result.code, 0) << result.err;
+  const ProgramResult result = ends(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}), 0);
   EXPECT_SAYS(result.out, "1 dwells repeated, 0 samples lost");
   EXPECT_SAYS(result.out, "1 dwells repeated, 2 samples lost");
   EXPECT_SAYS(bytes("out/SN1/parameters.conf"), "record.repeated_dwells = 1");
@@ -209,7 +204,7 @@ TEST_F(Group, Refusals) {
   for (int i = 1; i <= 17; ++i) seventeen.push_back("U" + std::to_string(i));
   expect_refused(dry_run(seventeen, "out"), "17 units: expected at most 16");
   write("full/SN2/recording.tcr", "precious");
-  expect_refused(dry_run({"SN1", "SN2"}, "full"), "full/SN2 already contains recording.tcr; choose another folder");
+  expect_refused(dry_run({"SN1", "SN2"}, "full"), "full/SN2 already contains recording.tcr");
   write("live.station", live_station("imu.2.device = none2\n"));
   expect_refused("run --station live.station --unit A --unit B --unit C --out r", "3 units: expected at most 2");
   expect_refused({"batch", write("queue", "A\n"), "--station", "live.station", "--out", "r", "--at-once", "3"},
@@ -243,12 +238,10 @@ class GroupResume : public Group {
       }
       const bool begun = there("out/journal.tcj");
       taken_up += begun ? 1 : 0;
-      const ProgramResult second = run(begun ? std::vector<std::string>{"resume", "out"} : begin("out", rig));
-      ASSERT_EQ(second.code, code) << second.err;
+      ends(begun ? std::vector<std::string>{"resume", "out"} : begin("out", rig), code);
       for (const std::string unit : {"SN1", "SN2", "SN3"}) {
-        for (const std::string name : {"recording.tcr", "truth.conf"}) {
+        for (const std::string name : {"recording.tcr", "truth.conf"})
           ASSERT_TRUE(bytes("out/" + unit + "/" + name) == bytes("good/" + unit + "/" + name)) << unit << " " << name;
-        }
       }
       fs::remove_all(folder_ / "out");
     }
@@ -281,8 +274,7 @@ class GroupBatch : public BatchProgram {
 
 TEST_F(GroupBatch, TakesSeveralAtOnce) {
   write("queue", "SN1\nSN2\nSN3\n");
-  const ProgramResult result = run(batch());
-  ASSERT_EQ(result.code, 0) << result.err;
+  ends(batch(), 0);
   EXPECT_EQ(outcomes(), "SN1=not_judged SN2=not_judged SN3=not_judged ");
   for (const char* name : {"group.1/SN1", "group.1/SN2", "SN3"})
     EXPECT_TRUE(there(std::string("units/") + name + "/parameters.conf")) << name;
@@ -310,9 +302,8 @@ TEST_F(GroupBatch, SurvivesKills) {
   kill_until_done(batch(), 50'000, 67'000);
   EXPECT_EQ(outcomes(), "SN1=not_judged SN2=not_judged SN3=not_judged SN4=not_judged SN5=not_judged ");
   EXPECT_FALSE(there("units/group.3")) << "an interrupted group was not gone on with";
-  for (const char* name : {"group.1/SN1", "group.1/SN2", "group.2/SN3", "group.2/SN4", "SN5"}) {
+  for (const char* name : {"group.1/SN1", "group.1/SN2", "group.2/SN3", "group.2/SN4", "SN5"})
     EXPECT_TRUE(there(std::string("units/") + name + "/parameters.conf")) << name;
-  }
 }
 
 }  // namespace

@@ -61,9 +61,8 @@ class HandTurned : public Program {
   }
   // "# cross-validation: gyros at rest rms: 0.0711 before, 0.0194 after, deg/s"
   BeforeAfter figure(const std::string& folder, const std::string& what) const {
-    std::istringstream lines(file_text(path(folder + "/diagnosis.conf")));
     BeforeAfter result;
-    for (std::string line; std::getline(lines, line);)
+    for (const std::string& line : lines_of(file_text(path(folder + "/diagnosis.conf"))))
       if (line.starts_with("# " + what + ": "))
         std::sscanf(line.c_str() + what.size() + 4, "%lf before, %lf after", &result.before, &result.after);
     EXPECT_TRUE(std::isfinite(result.before)) << what;
@@ -88,15 +87,10 @@ TEST_F(HandTurned, DiagnosesAndWritesTheThreeFiles) {
   EXPECT_LT(std::stod(c.at("error.after")), 0.7 * std::stod(c.at("error.before")));
   EXPECT_SAYS(c.at("undetectable"), "gyro_magnetic");
   EXPECT_EQ(c.count("detectable.accel_second_order.x"), 1u);
-  const auto parameters = read_parameter_file(path("out/parameters.conf"));
-  ASSERT_TRUE(parameters.ok()) << parameters.error().message;
+  const auto parameters = good(read_parameter_file(path("out/parameters.conf")));
   EXPECT_EQ(parameters->method, "rests");
   EXPECT_EQ(parameters->model, "extended");
   EXPECT_GE(parameters->effects.size(), 2u);
-  const std::string html = file_text(path("out/report.html"));
-  for (const char* part : {"class=\"verdict extended\"", "cross-validation: gravity direction after a rotation rms",
-                           "id=\"effects\"", "id=\"scores\"", "id=\"parameters\"", "headings, and with them", "<svg"})
-    EXPECT_SAYS(html, part);
   const std::string table =
       result.out.substr(result.out.find("verdict"), result.out.find("\n\ndiagnosis") - result.out.find("verdict"));
   EXPECT_LE(std::count(table.begin(), table.end(), '\n') + 1, 30) << table;

@@ -1,11 +1,6 @@
 // The journal on disk: what is written is read back; damage is told from a torn end; nothing is read that was not written.
 #include "orchestrator/records/journal.h"
 
-#include <gtest/gtest.h>
-
-#include <fstream>
-
-#include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {
@@ -16,8 +11,7 @@ class Journal : public testing::Test {
   std::string path() const { return folder_ / "journal.tcj"; }
   void write_some() const {
     Result<JournalFile> journal =
-        JournalFile::create(path(), {{"unit", "SN 7"}, {"station", " 100% # \n odd "}, {"rig", ""}});
-    ASSERT_TRUE(journal.ok());
+        good(JournalFile::create(path(), {{"unit", "SN 7"}, {"station", " 100% # \n odd "}, {"rig", ""}}));
     ASSERT_TRUE(journal->home(0.5).ok());
     ASSERT_TRUE(journal->move({Axis::pitch, 90.0, 10.0, 20.0}, 1.25).ok());
     ASSERT_TRUE(journal->dwell(one_).ok());
@@ -41,13 +35,12 @@ class Journal : public testing::Test {
                             .repeated_dwells = 2,
                             .time_s = 0.1 + 0.2,
                             .utc_s = 1e9 / 3};
-  const test::TemporaryFolder folder_;
+  const TemporaryFolder folder_;
 };
 
 TEST_F(Journal, IsReadBackAsWritten) {
   write_some();
-  const Result<JournalContents> contents = read_journal(path());
-  ASSERT_TRUE(contents.ok()) << contents.error().message;
+  const Result<JournalContents> contents = good(read_journal(path()));
   EXPECT_EQ(contents->begin_value("unit"), "SN 7");
   EXPECT_EQ(contents->hashes, std::vector<std::string>{"00ff"});
   ASSERT_EQ(contents->clocks.size(), 1u);
@@ -64,8 +57,7 @@ TEST_F(Journal, IsReadBackAsWritten) {
   EXPECT_FALSE(contents->commands[0].move);
   EXPECT_EQ(contents->commands[1].move->target_deg, 90.0);
   EXPECT_EQ(contents->commands[2].move->axis, Axis::heading);
-  const Result<std::string> text = journal_as_text(path());
-  ASSERT_TRUE(text.ok());
+  const Result<std::string> text = good(journal_as_text(path()));
   EXPECT_EQ(std::count(text->begin(), text->end(), '\n'), 9);
 }
 
@@ -86,11 +78,9 @@ TEST_F(Journal, CutAnywhereItIsAPrefixOrNothing) {
     ASSERT_EQ(contents->begin_value("unit"), "SN 7");
     // It can be gone on with, and what is appended follows what was whole.
     if (length % 7 != 0) continue;
-    Result<JournalFile> journal = JournalFile::reopen(path());
-    ASSERT_TRUE(journal.ok()) << length;
+    Result<JournalFile> journal = good(JournalFile::reopen(path()));
     ASSERT_TRUE(journal->seal(5.0, {}).ok());
-    const Result<JournalContents> more = read_journal(path());
-    ASSERT_TRUE(more.ok()) << length << ": " << more.error().message;
+    const Result<JournalContents> more = good(read_journal(path()));
     ASSERT_EQ(*more->seal_utc_s, 5.0);
   }
   EXPECT_GT(readable, whole.size() / 2);

@@ -3,9 +3,6 @@
 
 #include <poll.h>
 
-#include <functional>
-#include <optional>
-
 #include "imu_io/base/clock.h"
 #include "tests/orchestrator/program.h"
 

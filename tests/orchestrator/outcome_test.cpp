@@ -48,8 +48,7 @@ class Found : public Program {
   std::string rig() const { return write("delay.rig", "seed = 7\neffect.accel_delay.tau = 0.3\n"); }
   static long lines_with(const std::string& text, const std::string& start) {
     long count = 0;
-    std::istringstream lines(text);
-    for (std::string line; std::getline(lines, line);) count += line.starts_with(start);
+    for (const std::string& line : lines_of(text)) count += line.starts_with(start);
     return count;
   }
 };
@@ -69,11 +68,9 @@ TEST_F(Found, AUnitWithAMissingEffectIsHeldEverywhere) {
   for (const char* line : {"model = extended", "effect.accel_delay.tau = ", "verdict.result = hold",
                            "verdict.reason = diagnosis extended: accel_delay (", "verdict.diagnosis = extended"})
     EXPECT_SAYS(parameters, line);
-  const Result<JournalContents> journal = read_journal(path("units/SN1/journal.tcj"));
-  ASSERT_TRUE(journal.ok());
+  const Result<JournalContents> journal = good(read_journal(path("units/SN1/journal.tcj")));
   EXPECT_EQ(journal->verdicts.at(0).at(0).second, "hold");
-  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(path("results.db"));
-  ASSERT_TRUE(database.ok());
+  const Result<ResultsDatabase> database = good(ResultsDatabase::open_to_read(path("results.db")));
   EXPECT_EQ(database->list({.unit = "SN1"}, "N01")->at(0).verdict, "hold");
   // It is said again, not made anew.
   ends({"resume", "units/SN1"}, 20, "hold: diagnosis extended: accel_delay");

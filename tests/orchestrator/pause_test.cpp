@@ -4,7 +4,6 @@
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/command_context.h"
 #include "orchestrator/records/journal.h"
-#include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/rig_station.h"
 
@@ -198,7 +197,7 @@ class PausedRun : public testing::Test {
     console_.second = second;
   }
 
-  test::TemporaryFolder folder_;
+  TemporaryFolder folder_;
   Console console_;
   std::ostringstream err_;
 };
@@ -243,8 +242,7 @@ TEST_F(PausedRun, GoesOnToTheSameBytes) {
       const std::string log = file_text(folder_ / name + "/run.log");
       EXPECT_SAYS(log,
                   c.code == 75 ? "stopping -> interrupted  stopped_verified" : "stopping -> aborted  stopped_verified");
-      const Result<std::string> journal = journal_as_text(folder_ / name + "/" + journal_name);
-      ASSERT_TRUE(journal.ok());
+      const Result<std::string> journal = good(journal_as_text(folder_ / name + "/" + journal_name));
       EXPECT_SAYS(*journal, c.code == 75 ? "to = interrupted" : "to = aborted");
       at("", 0);
       ASSERT_EQ(command({"resume", folder_ / name, "--no-diagnosis"}), 0) << err_.str();

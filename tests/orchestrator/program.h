@@ -1,32 +1,10 @@
 // For tests: the built program as a black box, in a folder of its own.
 #pragma once
 
-#include <fcntl.h>
-#include <gtest/gtest.h>
 #include <sys/wait.h>
-#include <unistd.h>
-
-#include <algorithm>
-#include <csignal>
-#include <filesystem>
-#include <fstream>
-#include <map>
-#include <optional>
-#include <set>
-#include <sstream>
-#include <string>
-#include <vector>
-
-#include "tests/outcome.h"
+#include "tests/test.h"
 
 namespace turncal {
-
-inline std::string file_text(const std::filesystem::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::stringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
 
 inline const std::string short_demo = std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq";  // ten minutes
 
@@ -64,11 +42,17 @@ inline Arguments operator+(Arguments arguments, const Arguments& more) {
 inline Arguments operator+(const char* line, const Arguments& more) { return Arguments(line) + more; }
 inline Arguments operator+(Arguments arguments, const char* line) { return std::move(arguments) + Arguments(line); }
 
+inline std::vector<std::string> lines_of(const std::string& text, char end = '\n') {
+  std::vector<std::string> lines;
+  std::istringstream all(text);
+  for (std::string line; std::getline(all, line, end);) lines.push_back(line);
+  return lines;
+}
+
 // Of lines "key = value"; those without a value are kept.
 inline std::map<std::string, std::string> entries(const std::string& text) {
   std::map<std::string, std::string> result;
-  std::istringstream lines(text);
-  for (std::string line; std::getline(lines, line);) {
+  for (const std::string& line : lines_of(text)) {
     const std::size_t equals = line.find(" =");
     if (line.starts_with("#") || equals == std::string::npos) continue;
     result[line.substr(0, equals)] = line.size() > equals + 3 ? line.substr(equals + 3) : "";
@@ -107,9 +91,8 @@ class Program : public testing::Test {
   // next one takes away.
   std::set<std::string> everything() const {
     std::set<std::string> names;
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_)) {
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_))
       if (entry.path().filename() != ".lock") names.insert(std::filesystem::relative(entry.path(), folder_).string());
-    }
     return names;
   }
 

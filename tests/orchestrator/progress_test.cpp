@@ -1,22 +1,13 @@
 // What the operator sees: the live line's content and rate, and plain lines where there is no terminal.
 #include "orchestrator/watch/progress.h"
 
-#include <fcntl.h>
-#include <gtest/gtest.h>
 #include <sys/socket.h>
 #include <sys/un.h>
-#include <unistd.h>
-
-#include <algorithm>
-#include <array>
-#include <cstddef>
-#include <cstdlib>
-#include <sstream>
+#include "tests/test.h"
 
 #include "imu_io/base/console.h"
 #include "imu_io/lines/unit_end.h"
 #include "orchestrator/watch/service_watch.h"
-#include "tests/outcome.h"
 
 namespace turncal {
 namespace {
@@ -109,8 +100,7 @@ TEST(Progress, TransitionsAreAddedOnATerminalWhereAskedFor) {
 }
 
 TEST(Progress, ColoursAreForTerminalsOfThoseWhoWantThem) {
-  Result<Pty> pty = Pty::create();
-  ASSERT_TRUE(pty.ok());
+  Result<Pty> pty = good(Pty::create());
   const int terminal = ::open(pty->device().c_str(), O_RDWR | O_NOCTTY);
   const int file = ::open("/dev/null", O_RDWR);
   ::setenv("TERM", "xterm", 1);

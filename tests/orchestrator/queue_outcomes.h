@@ -1,9 +1,6 @@
 // For tests of batches: what became of the units of a queue, and a batch that is killed until it is done.
 #pragma once
 
-#include <string>
-#include <vector>
-
 #include "orchestrator/records/unit_queue.h"
 #include "tests/orchestrator/program.h"
 
@@ -13,9 +10,8 @@ namespace turncal {
 inline std::string outcomes_text(const std::string& queue) {
   const auto all = read_outcomes(queue);
   std::string text;
-  if (all) {
+  if (all)
     for (const UnitOutcome& o : *all) text += o.unit + "=" + o.outcome + " ";
-  }
   return text;
 }
 

@@ -1,7 +1,6 @@
 // A run that is killed, cut off from power or stopped by a full disk goes on and ends with the same bytes.
 #include "tests/orchestrator/program.h"
 
-#include <map>
 #include <regex>
 
 #include "orchestrator/records/journal.h"
@@ -44,9 +43,8 @@ class Resume : public Program {
     const Result<std::string> text = journal_as_text((folder / journal_name).string());
     if (!text) return items;
     static const std::regex dwell("dwell      item = ([0-9]+)");
-    for (std::sregex_iterator it(text->begin(), text->end(), dwell), end; it != end; ++it) {
+    for (std::sregex_iterator it(text->begin(), text->end(), dwell), end; it != end; ++it)
       items.push_back(std::stoi((*it)[1]));
-    }
     return items;
   }
 
@@ -67,21 +65,19 @@ class Resume : public Program {
     const std::vector<int> before = dwells(out);
     const bool begun = fs::exists(out / journal_name);
     if (begun) {
-      const Result<JournalContents> journal = read_journal((out / journal_name).string());
-      ASSERT_TRUE(journal.ok()) << journal.error().message;
+      const Result<JournalContents> journal = good(read_journal((out / journal_name).string()));
       ASSERT_TRUE(!said_pass || !journal->verdicts.empty()) << "PASS was said before it was durable";
     } else {
       ASSERT_FALSE(said_pass);
     }
-    const ProgramResult second =
-        run(begun ? std::vector<std::string>{"resume", folder + "/out"} : begin(folder + "/out", station));
-    ASSERT_EQ(second.code, 0) << second.err;
+
+    ends(begun ? std::vector<std::string>{"resume", folder + "/out"} : begin(folder + "/out", station), 0);
     for (const auto& [name, bytes] : reference_) ASSERT_EQ(file_text(out / name), bytes) << name;
     const std::vector<int> after = dwells(out);
     ASSERT_EQ(after, reference_dwells_) << "a dwell was lost, or one that was complete was done again";
     ASSERT_TRUE(std::equal(before.begin(), before.end(), after.begin()));
-    const Result<ResultsDatabase> database = ResultsDatabase::open_to_read((folder_ / folder / "results.db").string());
-    ASSERT_TRUE(database.ok()) << database.error().message;
+    const Result<ResultsDatabase> database =
+        good(ResultsDatabase::open_to_read((folder_ / folder / "results.db").string()));
     ASSERT_EQ(database->list({.unit = "SN1"}, "N01")->size(), 1u);
     ASSERT_EQ(file_text(folder_ / folder / "store/simulated/SN1/parameters.conf"), reference_.at("parameters.conf"));
     ASSERT_TRUE(fs::exists(folder_ / folder / "store/simulated/SN1/versions/0001.conf"));
@@ -169,20 +165,19 @@ TEST_F(Resume, RefusesADamagedJournalAndARunThatGoesOn) {
   const std::string station = write("part/mock.station", station_text);
   ASSERT_EQ(run_struck(begin("part/out", station), 700, "kill").code, -1000 - SIGKILL);
   const fs::path path = folder_ / "part/out" / journal_name;
-  const std::string good = file_text(path);
+  const std::string whole = file_text(path);
   {
     // The lock of a run that goes on.
-    Result<JournalFile> held = JournalFile::reopen(path.string());
-    ASSERT_TRUE(held.ok());
+    Result<JournalFile> held = good(JournalFile::reopen(path.string()));
     expect_refused({"resume", "part/out"}, "in use by another process", 50);
   }
-  std::string bad = good;
+  std::string bad = whole;
   bad[bad.size() / 2] ^= 0x40;
   write("part/out/journal.tcj", bad);
   expect_refused({"resume", "part/out"}, "damaged");
   write("part/out/journal.tcj", "");
   expect_refused({"resume", "part/out"}, "expected a journal");
-  write("part/out/journal.tcj", good);
+  write("part/out/journal.tcj", whole);
   EXPECT_EQ(run({"resume", "part/out"}).code, 0);
   EXPECT_EQ(run({"resume", "part/out"}).code, 0);
   EXPECT_EQ(run({"resume", "part/out"}).out.find("complete, verdict pass") != std::string::npos, true);

@@ -1,18 +1,10 @@
 // For tests: a whole station on the rig, with the recording in memory.
 #pragma once
 
-#include <gtest/gtest.h>
-
-#include <atomic>
-#include <functional>
-#include <stdexcept>
-#include <string>
-#include <vector>
-
 #include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/watch/progress.h"
-#include "tests/outcome.h"
+#include "tests/test.h"
 
 namespace turncal {
 
@@ -207,9 +199,8 @@ struct RigStation {
   }
   // Every axis of the rig itself, not of what the table says.
   bool at_rest() const {
-    for (Axis axis : all_axes) {
+    for (Axis axis : all_axes)
       if (rig.axis(axis).rate_degps != 0.0 || rig.axis(axis).moving) return false;
-    }
     return true;
   }
 

@@ -1,13 +1,8 @@
 #include "orchestrator/jobs/design/sequence_design.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "calib/prediction/predict.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/station/station_config.h"
-#include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {
@@ -42,11 +37,9 @@ Result<Sequence> sequence_of(const Design& design) {
 
 TEST(SequenceDesign, IsBetterThanItsStartAndCanBeRun) {
   const DesignTask task = task_of(2400.0);
-  const Result<Design> design = design_walk(task, go_on);
-  ASSERT_OK(design);
+  const Result<Design> design = good(design_walk(task, go_on));
   EXPECT_LT(design->cost, design->start_cost - 0.05);
-  const Result<Sequence> sequence = sequence_of(*design);
-  ASSERT_OK(sequence);
+  const Result<Sequence> sequence = good(sequence_of(*design));
   const Plan plan = make_plan(*sequence, task.limits);
   EXPECT_TRUE(plan.ok());
   EXPECT_LE(plan.station_s, task.time_s);
@@ -65,8 +58,7 @@ TEST(SequenceDesign, KeepsToTheAxesAndTheTravelOfTheTable) {
     task.limits.axis[index(axis)].soft_min_deg = -180.0;
     task.limits.axis[index(axis)].soft_max_deg = 180.0;
   }
-  const Result<Design> design = design_walk(task, go_on);
-  ASSERT_OK(design);
+  const Result<Design> design = good(design_walk(task, go_on));
   AxisTriple at = design->walk.start_deg;
   for (const Leg& leg : design->walk.legs) {
     EXPECT_NE(leg.axis, Axis::heading);
@@ -85,11 +77,9 @@ TEST(SequenceDesign, IsFoundForATableThatCannotDoTheFourteenSteps) {
   task.start = on_table(task.start, task.limits);
   EXPECT_EQ(task.start.start_deg[Axis::heading], 20.0);
   EXPECT_EQ(task.start.start_deg[Axis::pitch], -360.0);
-  const Result<Design> design = design_walk(task, go_on);
-  ASSERT_OK(design);
+  const Result<Design> design = good(design_walk(task, go_on));
   EXPECT_LT(design->cost, design->start_cost);
-  const Result<Sequence> sequence = sequence_of(*design);
-  ASSERT_OK(sequence);
+  const Result<Sequence> sequence = good(sequence_of(*design));
   const Plan plan = make_plan(*sequence, task.limits);
   EXPECT_TRUE(plan.ok()) << plan.violations.front();
   EXPECT_LE(plan.station_s, 1500.0);
@@ -124,11 +114,9 @@ TEST(SequenceDesign, ShowsTheEffectsThatAreAskedFor) {
     return sum / n;
   };
   task.rates_degps = {10.0, 20.0};
-  const Result<Design> without = design_walk(task, go_on);
-  ASSERT_OK(without);
+  const Result<Design> without = good(design_walk(task, go_on));
   task.effects = {"gyro_rate_nonlinearity"};
-  const Result<Design> with = design_walk(task, go_on);
-  ASSERT_OK(with);
+  const Result<Design> with = good(design_walk(task, go_on));
   EXPECT_LT(detectable(*with), detectable(*without));
 }
 
@@ -136,11 +124,9 @@ class DesignCommand : public Program {};
 
 TEST_F(DesignCommand, FindsTheShortestRunForSigmas) {
   write("want.conf", "N01 = 0.006\nn11 = 1e-6\n");
-  const ProgramResult found =
-      run({"design", "--sigma", "want.conf", "--tries", "500", "--rate", "20", "--out", "short.seq"});
-  ASSERT_EQ(found.code, 0) << found.err;
-  const Result<Sequence> sequence = read_sequence(path("short.seq"));
-  ASSERT_OK(sequence);
+
+  ends({"design", "--sigma", "want.conf", "--tries", "500", "--rate", "20", "--out", "short.seq"}, 0);
+  const Result<Sequence> sequence = good(read_sequence(path("short.seq")));
   const DesignTask task = task_of(600.0);
   const Plan plan = make_plan(*sequence, task.limits);
   EXPECT_LT(plan.station_s, 2000.0);

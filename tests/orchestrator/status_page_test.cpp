@@ -1,9 +1,6 @@
 // The status page: what it serves, that nothing can be written, and what a browser shows while the run goes on and when it dies.
 #include <poll.h>
 
-#include <atomic>
-#include <chrono>
-#include <memory>
 #include <new>
 #include <thread>
 
@@ -232,8 +229,7 @@ TEST(PageServer, AnExceptionEndsNothing) {
     if (path == "/odd") throw 7;
     return PageText{"text/plain", "here"};
   };
-  Result<std::unique_ptr<PageServer>> server = PageServer::open("127.0.0.1:0", pages);
-  ASSERT_TRUE(server.ok());
+  Result<std::unique_ptr<PageServer>> server = good(PageServer::open("127.0.0.1:0", pages));
   const std::string url = (*server)->url();
   httplib::Client client(url.substr(0, url.size() - 1));
   client.set_read_timeout(5);

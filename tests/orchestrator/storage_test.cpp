@@ -7,7 +7,6 @@
 #include <sys/resource.h>
 
 #include <climits>
-#include <random>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
@@ -74,15 +73,13 @@ TEST_F(Storage, NothingIsMadeOfASealedRecordingThatWasChanged) {
     }
     if (bytes == whole) continue;
     std::ofstream(folder_ / "run/out/recording.tcr", std::ios::binary) << bytes;
-    const ProgramResult result = run({"resume", "run/out"});
-    EXPECT_EQ(result.code, 50) << i << ": " << result.err << result.out;
+    const ProgramResult result = ends({"resume", "run/out"}, 50);
     EXPECT_EQ(result.err_lines(), 1) << result.err;
     EXPECT_SAYS(result.err, "recording.tcr");
     EXPECT_SAYS_NOT(result.err, "wrong segments, signs or units");
     EXPECT_FALSE(fs::exists(folder_ / "run/out/parameters.conf")) << i;
     EXPECT_FALSE(fs::exists(folder_ / "run/store")) << i;
-    const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(path("run/results.db"));
-    ASSERT_TRUE(database.ok());
+    const Result<ResultsDatabase> database = good(ResultsDatabase::open_to_read(path("run/results.db")));
     EXPECT_TRUE(database->list({}, "N01")->empty()) << i;
     EXPECT_EQ(database->attempts({})->front().outcome, "failed") << i;
   }
@@ -189,8 +186,7 @@ TEST(StorageError, IsADeviceErrorUnlessTheNameIsWrong) {
 // A run that was killed before its first row leaves one.
 TEST_F(Storage, ADatabaseOfNoBytesIsAnEmptyOne) {
   write("empty/results.db", "");
-  const Result<ResultsDatabase> database = ResultsDatabase::open_to_read(path("empty/results.db"));
-  ASSERT_TRUE(database.ok()) << database.error().message;
+  const Result<ResultsDatabase> database = good(ResultsDatabase::open_to_read(path("empty/results.db")));
   EXPECT_TRUE(database->list({}, "N01")->empty());
   ends(begin("empty/out", station("empty/s.station")), 0);
 }
@@ -231,8 +227,7 @@ TEST_F(Storage, OnlyOldRecordingsOfFinishedUnitsAreRemovedAndNeverTheLast) {
   // Somebody works in one folder, and the journal of the other cannot be read.
   const std::string journal = file_text(folder_ / "all/first/journal.tcj");
   {
-    const Result<LockFile> held = LockFile::acquire(path("all/failed/.lock"));
-    ASSERT_TRUE(held.ok());
+    const Result<LockFile> held = good(LockFile::acquire(path("all/failed/.lock")));
     write("all/first/journal.tcj", journal.substr(0, 100));
     const ProgramResult busy = prune("1");
     EXPECT_NE(busy.code, 0);

@@ -1,17 +1,8 @@
 // The keys of the table in a station file, the shipped examples, and the table that is made of them.
 #include "orchestrator/devices/table_device.h"
 
-#include <gtest/gtest.h>
-
-#include <filesystem>
-#include <fstream>
-#include <limits>
-#include <sstream>
-
 #include "orchestrator/devices/commissioning.h"
 #include "orchestrator/devices/live_devices.h"
-#include "tests/imu_io/temporary_folder.h"
-#include "tests/outcome.h"
 #include "tests/turntable_drivers/served_twin.h"
 
 namespace turncal {
@@ -39,15 +30,14 @@ TEST(StationLock, EveryNameOfThisMachineIsOneLock) {
 
 // An adapter was pulled out while a process holds its name, and the next one got its number.
 TEST(StationLock, ANumberThatIsGivenOutAgainIsAnotherDevice) {
-  const test::TemporaryFolder folder;
+  const TemporaryFolder folder;
   const auto station_at = [&](const char* const name) {
     StationConfig station = default_station_config();
     station.imu.emplace().settings.device = folder / name;
     return station;
   };
   std::filesystem::create_symlink("/dev/null", folder / "first");
-  const Result<StationLock> first = StationLock::acquire(station_at("first"));
-  ASSERT_TRUE(first.ok()) << first.error().message;
+  const Result<StationLock> first = good(StationLock::acquire(station_at("first")));
   std::filesystem::remove(folder / "first");
   std::filesystem::create_symlink("/dev/null", folder / "second");
   const Result<StationLock> second = StationLock::acquire(station_at("second"));
@@ -68,11 +58,9 @@ TEST(TableDevice, ShippedExamplesAreReadAndMade) {
   RigClock clock(rig);
   std::ostringstream out;
   for (const auto& example : examples) {
-    const Result<StationConfig> station = read_station_config(stations + example.file + ".station");
-    ASSERT_TRUE(station.ok()) << station.error().message;
+    const Result<StationConfig> station = good(read_station_config(stations + example.file + ".station"));
     EXPECT_EQ(station->table.driver, example.driver);
-    Result<std::unique_ptr<TableDevice>> device = make_table(*station, {clock, nullptr, 0, &out});
-    ASSERT_TRUE(device.ok()) << device.error().message;
+    Result<std::unique_ptr<TableDevice>> device = good(make_table(*station, {clock, nullptr, 0, &out}));
     EXPECT_EQ((*device)->table().needs_operator(), example.driver == TableDriver::manual);
     EXPECT_EQ((*device)->manual() != nullptr, example.driver == TableDriver::manual);
     EXPECT_FALSE((*device)->table().status(Axis::pitch).ok()) << "not connected";
@@ -98,20 +86,17 @@ TEST(TableDevice, DefectsAreNamed) {
 
 // From a station file to a table that moves: over a real link to the twin, within the station's limits.
 TEST(TableDevice, MovesTheTwinWithinTheStationsLimits) {
-  const test::TemporaryFolder folder;
+  const TemporaryFolder folder;
   std::ofstream(folder / "my.map") << plain_map_text("tcp");
   TwinStation twin(map_of(plain_map_text("tcp")));
   const std::string text =
       head +
       "table.driver = modbus\ntable.map = my.map\ntable.simulated = true\ntable.address = " + twin.server.address() +
       "\naxis.pitch.soft_max_deg = 50\n";
-  const Result<StationConfig> station = parse_station_config(text, folder / "my.station");
-  ASSERT_TRUE(station.ok()) << station.error().message;
-  const Result<std::unique_ptr<TableDevice>> device = make_table(*station, {twin.clock});
-  ASSERT_TRUE(device.ok());
+  const Result<StationConfig> station = good(parse_station_config(text, folder / "my.station"));
+  const Result<std::unique_ptr<TableDevice>> device = good(make_table(*station, {twin.clock}));
   Turntable& table = (*device)->table();
-  const Status connected = table.connect();
-  ASSERT_TRUE(connected.ok()) << connected.error().message;
+  ASSERT_OK(table.connect());
   EXPECT_TRUE(table.identify()->simulated) << "a recording of a twin never makes a production file";
   ASSERT_TRUE(table.enable().ok());
   ASSERT_TRUE(table.home().ok());
@@ -126,9 +111,7 @@ TEST(TableDevice, MovesTheTwinWithinTheStationsLimits) {
 
   // The watchdog of this map is 1 s: polls every 0.6 s would let it trip.
   const std::string slow = text + "motion.poll_idle_s = 0.6\n";
-  const Result<StationConfig> refused = parse_station_config(slow, folder / "my.station");
-  ASSERT_FALSE(refused.ok());
-  EXPECT_SAYS(refused.error().message, "heartbeat.watchdog_s");
+  EXPECT_TRUE(fails(parse_station_config(slow, folder / "my.station"), "heartbeat.watchdog_s"));
 }
 
 // ---- an axis that is commissioned

@@ -1,10 +1,6 @@
 // The program at a table whose control word is its enable (tests/turntable_drivers/level_drives.h): however `commission` and `monitor` end,
 // the drives are off, and what is said of them is what was read.
-#include <gtest/gtest.h>
 
-#include <atomic>
-#include <cstring>
-#include <functional>
 #include <thread>
 
 #include "imu_io/frames/frame_description.h"
@@ -21,8 +17,7 @@ class TableProgram : public Program {
  protected:
   void SetUp() override {
     Program::SetUp();
-    Result<Pty> unit = Pty::create();
-    ASSERT_TRUE(unit.ok());
+    Result<Pty> unit = good(Pty::create());
     unit_ = std::move(*unit);
     write("level.map", drives.map_text());
     write("level.station",
@@ -113,12 +108,10 @@ TEST_F(TableProgram, CommissionStopsWhenADriveGoesOff) {
 
 // 0.005 deg/s, of which neither the status nor the rate tells.
 TEST_F(TableProgram, AnAxisThatSagsWithItsDriveOffIsSaid) {
-  const Result<StationConfig> station = read_station_config((folder_ / "level.station").string());
-  ASSERT_TRUE(station.ok()) << station.error().message;
+  const Result<StationConfig> station = good(read_station_config((folder_ / "level.station").string()));
   std::atomic<int> stop_requests{0};
   std::ostringstream out;
-  Result<std::unique_ptr<LiveDevices>> live = LiveDevices::make(*station, stop_requests, out);
-  ASSERT_TRUE(live.ok()) << live.error().message;
+  Result<std::unique_ptr<LiveDevices>> live = good(LiveDevices::make(*station, stop_requests, out));
   Turntable& table = (*live)->devices().table;
   ASSERT_TRUE(table.connect().ok());
   const auto read = [&] {
@@ -197,8 +190,7 @@ TEST_F(TableProgram, MonitorThatIsToldToEndWhileItConnectsSaysSo) {
 // Three answers take longer than a line is to wait.
 TEST_F(TableProgram, MonitorShowsTheUnitOfASlowTable) {
   wait_for_answers();
-  const Result<FrameDescription> frame = find_frame("laser_gyro");
-  ASSERT_TRUE(frame.ok());
+  const Result<FrameDescription> frame = good(find_frame("laser_gyro"));
   drives.answer_s = 0.4;
   std::atomic<bool> ended = false;
   std::thread unit([&] {

@@ -1,9 +1,6 @@
 // A run that ends when it knows enough: when, with what, and the same after every kill.
 #include "orchestrator/station/verdict.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/enough_watch.h"
 #include "tests/orchestrator/program.h"
@@ -74,9 +71,8 @@ class UntilSigma : public Program {
   }
   // Of the records of the journal, those of one type.
   std::vector<std::string> records(const std::string& folder, const std::string& type) const {
-    std::istringstream lines(run({"journal", folder}).out);
     std::vector<std::string> found;
-    for (std::string line; std::getline(lines, line);)
+    for (const std::string& line : lines_of(run({"journal", folder}).out))
       if (line.find(" " + type + " ") != std::string::npos) found.push_back(line);
     return found;
   }
@@ -85,8 +81,7 @@ class UntilSigma : public Program {
 TEST_F(UntilSigma, EndsAfterTheDwellAtWhichAllIsKnownAndNoSooner) {
   std::string asked = station_text;  // reached some dwells after there is enough to test the fit by
   asked.replace(asked.find("3e-6"), 4, "4.2e-7");
-  const ProgramResult early = run(begin("early", write("mock.station", asked)));
-  ASSERT_EQ(early.code, 0) << early.err;
+  const ProgramResult early = ends(begin("early", write("mock.station", asked)), 0);
   EXPECT_SAYS(early.out, "enough is known; 0:");
   EXPECT_SAYS(early.out, "after item 1 of 106: not yet enough: the table has not turned yet");
   const std::vector<std::string> estimates = records("early", "estimate");
@@ -98,17 +93,15 @@ TEST_F(UntilSigma, EndsAfterTheDwellAtWhichAllIsKnownAndNoSooner) {
 
   // What it stopped with is what comes of the recording, by the same numbers.
   ASSERT_EQ(run({"calibrate", "early/recording.tcr", "--out", "again"}).code, 0);
-  const auto lines_of = [&](const std::string& file, const std::string& key) {
-    std::istringstream lines(file_text(folder_ / file));
+  const auto lines_with = [&](const std::string& file, const std::string& key) {
     std::string found;
-    for (std::string line; std::getline(lines, line);)
+    for (const std::string& line : lines_of(file_text(folder_ / file)))
       if (line.starts_with(key)) found += line + "\n";
     return found;
   };
   for (const char* key : {"N0", "A0", "n", "a1", "a2", "a3", "sigma."})
-    EXPECT_EQ(lines_of("early/parameters.conf", key), lines_of("again/parameters.conf", key));
-  const Result<ParameterFile> file = read_parameter_file(path("early/parameters.conf"));
-  ASSERT_TRUE(file.ok());
+    EXPECT_EQ(lines_with("early/parameters.conf", key), lines_with("again/parameters.conf", key));
+  const Result<ParameterFile> file = good(read_parameter_file(path("early/parameters.conf")));
   for (const std::size_t parameter : {6u, 10u}) {
     ASSERT_TRUE(parameter_keys[parameter] == "n11" || parameter_keys[parameter] == "n22");
     EXPECT_LE(*file->sigma[parameter], parameter == 6 ? 4.2e-7 : 3e-6);
@@ -118,8 +111,7 @@ TEST_F(UntilSigma, EndsAfterTheDwellAtWhichAllIsKnownAndNoSooner) {
 
 TEST_F(UntilSigma, GoesToThePlannedEndWhereItIsNeverEnough) {
   const std::string station = write("mock.station", station_text + "stop.sigma.N01 = 1e-6\n");
-  const ProgramResult whole = run(begin("whole", station));
-  ASSERT_EQ(whole.code, 0) << whole.err;
+  const ProgramResult whole = ends(begin("whole", station), 0);
   EXPECT_SAYS_NOT(whole.out, "enough is known");
   EXPECT_SAYS(whole.out, "where 1.00e-06 is enough; the run goes to its planned end");
   EXPECT_SAYS(whole.out, "unit SN1: not enough at the planned end: N01, ");
@@ -146,8 +138,7 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
   for (const std::string& estimate : records("drifted", "estimate"))
     if (estimate.find("again = true") != std::string::npos) again.push_back(estimate);
   ASSERT_EQ(again.size(), 1u) << "the second take agrees";
-  const Result<LoadedRecording> recorded = load_recording(path("drifted/recording.tcr"));
-  ASSERT_TRUE(recorded.ok()) << recorded.error().message;
+  const Result<LoadedRecording> recorded = good(load_recording(path("drifted/recording.tcr")));
   EXPECT_EQ(
       std::ranges::count_if(recorded->data.segments, [](const Segment& s) { return s.kind != SegmentKind::rotate; }) +
           1,
@@ -159,8 +150,7 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
   EXPECT_SAYS(drifted.out, "enough is known") << "its noise is that of a clean run";
   // In text the same recording: which rest it was goes with the samples.
   ASSERT_EQ(run({"export", "drifted/recording.tcr", "--out", "text"}).code, 0);
-  const Result<LoadedRecording> as_text = load_recording(path("text"));
-  ASSERT_TRUE(as_text.ok()) << as_text.error().message;
+  const Result<LoadedRecording> as_text = good(load_recording(path("text")));
   EXPECT_EQ(as_text->hash, recorded->hash);
   EXPECT_SAYS(again.front(), "enough = false");
 
@@ -183,11 +173,9 @@ TEST_F(UntilSigma, DoesNotEndBeforeThereIsADiagnosisWhereTheWholeRunHasOne) {
   asked.replace(asked.find("3e-6"), 4, "1");
   Arguments go = begin("out", write("mock.station", asked));
   std::ranges::replace(go, short_demo, std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq");
-  const ProgramResult result = run(go);
-  ASSERT_EQ(result.code, 0) << result.err;
+  const ProgramResult result = ends(go, 0);
   EXPECT_SAYS(result.out, "too short for a diagnosis, 0:2");
-  const Result<ParameterFile> file = read_parameter_file(path("out/parameters.conf"));
-  ASSERT_TRUE(file.ok()) << file.error().message;
+  const Result<ParameterFile> file = good(read_parameter_file(path("out/parameters.conf")));
   const std::string* const ended = find_further(*file, "record.ended_after_s");
   ASSERT_NE(ended, nullptr);
   EXPECT_GE(std::stod(*ended), 1800.0);
@@ -196,12 +184,11 @@ TEST_F(UntilSigma, DoesNotEndBeforeThereIsADiagnosisWhereTheWholeRunHasOne) {
 }
 
 TEST_F(UntilSigma, TwoUnitsEndWhenBothAreKnown) {
-  const ProgramResult result = run(begin("both", write("mock.station", station_text)) + "--unit SN2");
-  ASSERT_EQ(result.code, 0) << result.err;
+  const ProgramResult result = ends(begin("both", write("mock.station", station_text)) + "--unit SN2", 0);
   ASSERT_SAYS(result.out, "enough is known");
   for (const char* unit : {"SN1", "SN2"}) {
-    const Result<ParameterFile> file = read_parameter_file(path(std::string("both/") + unit + "/parameters.conf"));
-    ASSERT_TRUE(file.ok()) << file.error().message;
+    const Result<ParameterFile> file =
+        good(read_parameter_file(path(std::string("both/") + unit + "/parameters.conf")));
     EXPECT_LE(*file->sigma[6], 3e-6);
     EXPECT_LE(*file->sigma[10], 3e-6);
   }

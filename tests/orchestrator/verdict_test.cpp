@@ -1,9 +1,6 @@
 // Verdicts by guard bands, control charts, and what of them reaches parameter file, database, store and exit code.
 #include "orchestrator/station/verdict.h"
 
-#include <cmath>
-#include <limits>
-
 #include "orchestrator/line/parameter_history.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
@@ -46,9 +43,8 @@ TEST(Verdict, GuardBandsOfOneValue) {
 TEST(Tone, AConditionalPassIsAmber) {
   EXPECT_EQ(tone_of(UnitVerdict::pass), Tone::good);
   EXPECT_EQ(tone_of(UnitVerdict::conditional_pass), Tone::attention);
-  for (const UnitVerdict bad : {UnitVerdict::conditional_fail, UnitVerdict::fail, UnitVerdict::hold}) {
+  for (const UnitVerdict bad : {UnitVerdict::conditional_fail, UnitVerdict::fail, UnitVerdict::hold})
     EXPECT_EQ(tone_of(bad), Tone::bad) << to_string(bad);
-  }
   std::ostringstream file;
   EXPECT_EQ(in_tone(file, Tone::attention, "conditional_pass"), "conditional_pass") << "no colours in a file";
 }
@@ -212,11 +208,9 @@ TEST_F(Production, VersionsAreKeptAndOneIsBroughtBack) {
   expect_refused("restore store --unit SN1", "no such version of unit 'SN1', but simulated ones: --simulated");
   expect_refused({"records", "restore", "store", "--unit", "SN1", "--version", "1"}, "but simulated ones: --simulated");
   expect_refused({"records", "restore", "store", "--unit", "SN7"}, "no such version of unit 'SN7'");
-  const ProgramResult list = run({"records", "restore", "store", "--unit", "SN1", "--simulated"});
-  ASSERT_EQ(list.code, 0) << list.err;
+  const ProgramResult list = ends({"records", "restore", "store", "--unit", "SN1", "--simulated"}, 0);
   EXPECT_EQ(std::count(list.out.begin(), list.out.end(), '\n'), 2);
-  const ProgramResult back = run({"records", "restore", "store", "--unit", "SN1", "--simulated", "--version", "1"});
-  ASSERT_EQ(back.code, 0) << back.err;
+  const ProgramResult back = ends({"records", "restore", "store", "--unit", "SN1", "--simulated", "--version", "1"}, 0);
   EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "one/parameters.conf"));
   EXPECT_EQ(file_text(store / "versions/0002.conf"), file_text(folder_ / "two/parameters.conf"));
   expect_refused({"records", "restore", "store", "--unit", "SN1", "--simulated", "--version", "3"}, "0003.conf");
@@ -225,8 +219,7 @@ TEST_F(Production, VersionsAreKeptAndOneIsBroughtBack) {
   bytes[bytes.find("N01 = ") + 6] ^= 1;
   write("store/simulated/SN1/versions/0002.conf", bytes);
   EXPECT_EQ(run({"records", "restore", "store", "--unit", "SN1", "--simulated", "--version", "2"}).code, 1);
-  const ProgramResult rest = run({"records", "restore", "store", "--unit", "SN1", "--simulated"});
-  EXPECT_EQ(rest.code, 1) << "one is damaged";
+  const ProgramResult rest = ends({"records", "restore", "store", "--unit", "SN1", "--simulated"}, 1);
   EXPECT_SAYS(rest.err, "0002.conf");
   EXPECT_SAYS(rest.out, "   2  damaged\n");
   EXPECT_SAYS(rest.out, "  in use\n") << "the others are listed:";

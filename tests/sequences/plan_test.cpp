@@ -1,15 +1,7 @@
-// The plan: times by hand, the recording of an independent rig, and every reason to refuse.
+// The plan: times by hand, and every reason to refuse. Its segments: StationRun.FourteenStepsAreTheIndependentRecordingsSegments.
 #include "sequences/plan.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
-#include <string>
-
-#include "tests/outcome.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -98,53 +90,19 @@ TEST(Plan, FourteenStepsTakeExactly6342Seconds) {
   EXPECT_EQ(plan.travel_max_deg, (AxisTriple{{0.0, 360.0, 360.0}}));
 }
 
-// The shared sample was recorded by an independent rig walking the same sequence.
-TEST(Plan, FourteenStepsRecordTheSegmentsOfTheSharedSample) {
-  const std::string path = std::string(TURNCAL_SOURCE_DIR) + "/../shared/data/recordings/clean/segments.csv";
-  if (!std::filesystem::exists(path)) GTEST_SKIP() << "the shared sample recording is not here: " << path;
-  std::ifstream stream(path);
-  std::string line;
-  std::getline(stream, line);
-  ASSERT_EQ(line, "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg");
-  std::ostringstream ours;
-  for (const Segment& s : planned_segments(fourteen_step_plan())) {
-    const char* kind = s.kind == SegmentKind::align ? "align" : s.kind == SegmentKind::still ? "static" : "rotate";
-    ours << s.step << ',' << kind << ',' << s.start_sample << ',' << s.end_sample << ',' << s.heading_deg << ','
-         << s.pitch_deg << ',' << s.roll_deg << '\n';
-  }
-  std::ostringstream theirs;
-  theirs << stream.rdbuf();
-  EXPECT_GT(theirs.str().size(), 1000U);
-  EXPECT_EQ(ours.str(), theirs.str());
-}
-
 // The example of docs/sequence-format.md with the times of its table.
 TEST(Plan, WorkedExampleOfTheDocument) {
-  std::ifstream stream(std::string(TURNCAL_SOURCE_DIR) + "/docs/sequence-format.md");
-  std::ostringstream document;
-  document << stream.rdbuf();
-  const std::string text = document.str();
+  const std::string text = file_text(TURNCAL_SOURCE_DIR "/docs/sequence-format.md");
   const std::size_t begin = text.find("format = 1\nname = example");
   ASSERT_NE(begin, std::string::npos);
-  const Result<Sequence> sequence = parse_sequence(text.substr(begin, text.find("```", begin) - begin), "example");
-  ASSERT_OK(sequence);
+  const Result<Sequence> sequence =
+      good(parse_sequence(text.substr(begin, text.find("```", begin) - begin), "example"));
   const Plan plan = make_plan(*sequence, rig_limits());
   const double starts_s[] = {0.0, 60.0, 97.0, 197.0, 269.75, 279.75, 339.75, 349.75};
   ASSERT_EQ(plan.items.size(), std::size(starts_s));
   for (std::size_t i = 0; i < plan.items.size(); ++i) EXPECT_DOUBLE_EQ(plan.items[i].start_s, starts_s[i]) << i;
   EXPECT_EQ(plan.samples, 89950);
   EXPECT_EQ(plan.wrap_used_deg, (AxisTriple{{90.0, 0.0, 360.0}}));
-}
-
-TEST(PlannedSegments, AreContiguous) {
-  std::int64_t at = 0;
-  const Plan plan = fourteen_step_plan();
-  for (const Segment& segment : planned_segments(plan)) {
-    EXPECT_EQ(segment.start_sample, at);
-    EXPECT_GT(segment.end_sample, segment.start_sample);
-    at = segment.end_sample;
-  }
-  EXPECT_EQ(at, plan.samples);
 }
 
 const std::string turning = "step 1\ninitial H 0 P 0 R 0\nalign 200\nrotate R +360\ndwell 200\nrotate R -540 rate 20\n";

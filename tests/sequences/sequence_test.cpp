@@ -1,17 +1,9 @@
 // The parser: what a good file becomes, and the shipped sequences.
 #include "sequences/sequence.h"
 
-#include <gtest/gtest.h>
-
-#include <filesystem>
-#include <fstream>
-#include <map>
-#include <set>
-#include <string>
-
 #include "calib/model/parameters.h"
 #include "sequences/plan.h"
-#include "tests/outcome.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -320,20 +312,13 @@ TEST(BadSequences, EveryFileOfTheFolderIsInTheTable) {
 }
 
 TEST(BadSequences, UnreadableFilesAreNamed) {
-  const Result<Sequence> missing = read_sequence(folder + "no_such_file.seq");
-  ASSERT_FALSE(missing.ok());
-  EXPECT_EQ(missing.error().message, folder + "no_such_file.seq: cannot open: No such file or directory");
-  const Result<Sequence> a_folder = read_sequence(folder);
-  ASSERT_FALSE(a_folder.ok());
-  EXPECT_EQ(a_folder.error().message, folder + ": not a regular file");
-  const Result<Sequence> endless = read_sequence("/dev/zero");
-  ASSERT_FALSE(endless.ok());
-  EXPECT_EQ(endless.error().message, "/dev/zero: not a regular file");
+  EXPECT_ERROR(read_sequence(folder + "no_such_file.seq"),
+               folder + "no_such_file.seq: cannot open: No such file or directory");
+  EXPECT_ERROR(read_sequence(folder), folder + ": not a regular file");
+  EXPECT_ERROR(read_sequence("/dev/zero"), "/dev/zero: not a regular file");
   const std::string large = testing::TempDir() + "turncal_large.seq";
   std::ofstream(large) << std::string(1'000'001, '#');
-  const Result<Sequence> too_large = read_sequence(large);
-  ASSERT_FALSE(too_large.ok());
-  EXPECT_EQ(too_large.error().message, large + ": 1000001 bytes: expected at most 1000000");
+  EXPECT_ERROR(read_sequence(large), large + ": 1000001 bytes: expected at most 1000000");
 }
 
 }  // namespace

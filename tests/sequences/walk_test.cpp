@@ -1,11 +1,7 @@
 #include "sequences/walk.h"
 
-#include <gtest/gtest.h>
-
-#include <numeric>
-
 #include "sequences/plan.h"
-#include "tests/imu_io/temporary_folder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -31,8 +27,7 @@ WalkHeader header() {
 
 TEST(Walk, TheSequenceMakesTheSameTurnsAndRests) {
   const Walk walk = example();
-  const Result<Sequence> sequence = parse_sequence(sequence_text(walk, header()), "walk.seq");
-  ASSERT_OK(sequence);
+  const Result<Sequence> sequence = good(parse_sequence(sequence_text(walk, header()), "walk.seq"));
   EXPECT_EQ(sequence->steps.size(), 2U) << "fifteen legs, eight a step";
   for (const Step& step : sequence->steps)
     for (const SequenceItem& item : step.items)
@@ -50,12 +45,11 @@ TEST(Walk, TheSequenceMakesTheSameTurnsAndRests) {
 }
 
 TEST(Walk, MovesToInitialPositionsAreTurns) {
-  const Result<Sequence> sequence = parse_sequence(
-      "format = 1\nname = two\nrate_degps = 10\nacceleration_degps2 = 20\n"
-      "step 1 \"a\"\n  initial H 0 P 0 R 0\n  align 2000\n  rotate R +90\n  dwell 300\n"
-      "step 2 \"b\"\n  initial H -90 P 0 R 0\n  align 500\n  dwell 700\n",
-      "two.seq");
-  ASSERT_OK(sequence);
+  const Result<Sequence> sequence =
+      good(parse_sequence("format = 1\nname = two\nrate_degps = 10\nacceleration_degps2 = 20\n"
+                          "step 1 \"a\"\n  initial H 0 P 0 R 0\n  align 2000\n  rotate R +90\n  dwell 300\n"
+                          "step 2 \"b\"\n  initial H -90 P 0 R 0\n  align 500\n  dwell 700\n",
+                          "two.seq"));
   const Walk walk = walk_of(*sequence);
   ASSERT_EQ(walk.legs.size(), 3U);
   EXPECT_EQ(walk.legs[1].axis, Axis::roll);
@@ -84,8 +78,7 @@ TEST(Walk, OnATableThatTravelsLessItTurnsTheOtherWayOrLessFarOrNotAtAll) {
   EXPECT_EQ(turns, (std::vector<double>{-90.0, 90.0, 90.0, -90.0, 120.0}));
   EXPECT_EQ(fitted.legs[0].rate_degps, 4.0);
   EXPECT_EQ(fitted.legs[1].rate_degps, 2.0);
-  const Result<Sequence> sequence = parse_sequence(sequence_text(fitted, header()), "walk.seq");
-  ASSERT_OK(sequence);
+  const Result<Sequence> sequence = good(parse_sequence(sequence_text(fitted, header()), "walk.seq"));
   const Plan plan = make_plan(*sequence, limits);
   EXPECT_TRUE(plan.ok()) << plan.violations.front();
 }

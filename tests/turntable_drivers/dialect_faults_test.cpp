@@ -1,11 +1,5 @@
 // Faults of an ASCII line, each injected at the twin: the right position or an error, never a garbled number, never another axis's.
 // Stops: stop_states_test.cpp.
-#include <unistd.h>
-
-#include <algorithm>
-#include <functional>
-
-#include <gtest/gtest.h>
 
 #include "imu_io/base/clock.h"
 #include "tests/turntable_drivers/served_twin.h"
@@ -29,8 +23,7 @@ TEST(DialectFaults, AStopDoesNotSwitchOnADriveThatReadsOff) {
   });
   ASSERT_TRUE(s.driver.enable().ok());
   for (const Axis axis : all_axes) {
-    const Result<AxisStatus> status = s.driver.status(axis);
-    ASSERT_OK(status);
+    const Result<AxisStatus> status = good(s.driver.status(axis));
     EXPECT_EQ(status->drive_on, axis != Axis::roll);
   }
   ASSERT_TRUE(s.driver.stop_all().ok());
@@ -75,8 +68,7 @@ TEST(DialectFaults, UnknownStatusIsNotArrived) {
   s.station.disturb([](const std::string& body, AnswerPlan& plan) {
     if (body.ends_with("MD?")) set_text(plan.pieces[0], "7\r\n");
   });
-  const Result<AxisStatus> now = s.driver.status(Axis::pitch);
-  ASSERT_TRUE(now.ok());
+  const Result<AxisStatus> now = good(s.driver.status(Axis::pitch));
   EXPECT_FALSE(now->in_position);
   EXPECT_TRUE(now->moving);
   EXPECT_FALSE(now->enabled);

@@ -1,7 +1,5 @@
 // An ASCII table that is different in every way: a circle only, other rate scales, numbers of fixed width, a CRC, an echo with another
 // line end, an answer of three lines. The contract of every table, and what is special about it.
-#include <gtest/gtest.h>
-#include <sstream>
 
 #include "tests/turntable_drivers/served_twin.h"
 #include "tests/turntable_drivers/table_contract.h"
@@ -54,14 +52,12 @@ TEST(DialectForms, RatesAndPositionsHaveTheirScales) {
       }
     };
     pass(6.0);
-    const Result<AxisStatus> now = s.driver.status(axis);
-    ASSERT_OK(now);
+    const Result<AxisStatus> now = good(s.driver.status(axis));
     EXPECT_NEAR(now->rate_degps, 20.0, 0.1) << to_string(axis);
     pass(20.0);
   }
   for (const Axis axis : all_axes) {
-    const Result<AxisStatus> now = s.driver.status(axis);
-    ASSERT_OK(now);
+    const Result<AxisStatus> now = good(s.driver.status(axis));
     EXPECT_NEAR(now->position_deg, 400.0, 1e-3) << "more than a turn, of a device that tells less than one";
   }
 }
@@ -152,9 +148,8 @@ TEST(DialectForms, WidthsAndChecks) {
   EXPECT_EQ(columns->match("A    -1.5+002.0")->at("position"), "-1.5");
   EXPECT_FALSE(columns->match(filled("-123456.7", "2"))) << "a number that is too wide must not pass";
   EXPECT_FALSE(columns->match("A            2.0")) << "no value";
-  for (const char* const bad : {"{a:0}", "{a:65}", "{a:x}", "{:4}", "{a}{b:4}", "{a:}"}) {
+  for (const char* const bad : {"{a:0}", "{a:65}", "{a:x}", "{:4}", "{a}{b:4}", "{a:}"})
     EXPECT_FALSE(SentenceTemplate::parse(bad)) << bad;
-  }
   EXPECT_EQ(SentenceTemplate::parse("{a:4}\n{b}")->lines(), 2);
 }
 
@@ -331,9 +326,8 @@ TEST(Dialect, NothingIsSwitchedOnBeforeItIsCommissioned) {
     SerialTurntable driver(station.described, station.clock);
     ASSERT_TRUE(driver.connect().ok()) << name;
     sent.clear();
-    for (const Status& refused : {driver.enable(), driver.home(), driver.move_absolute(Axis::pitch, 5.0, 1.0, 1.0)}) {
+    for (const Status& refused : {driver.enable(), driver.home(), driver.move_absolute(Axis::pitch, 5.0, 1.0, 1.0)})
       ASSERT_TRUE(fails(refused, ErrorKind::input, "not commissioned")) << name;
-    }
     EXPECT_TRUE(sent.empty()) << name << ": " << sent.front();
   }
 }

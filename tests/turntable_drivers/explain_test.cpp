@@ -1,10 +1,6 @@
-// What `check --explain` prints: the rows of maps and dialects, against what is known of them by hand.
-#include <algorithm>
-
-#include <gtest/gtest.h>
+// What `check --explain` prints: the rows of maps, against what is known of them by hand.
 
 #include "tests/turntable_drivers/served_twin.h"
-#include "turntable_drivers/ascii/dialect.h"
 #include "turntable_drivers/modbus/register_map.h"
 
 namespace turncal {
@@ -30,8 +26,7 @@ std::string without_lines(std::string text) {
 
 TEST(Explain, RegistersAndValuesOfAMap) {
   const Result<RegisterMap> map =
-      read_register_map(TURNCAL_SOURCE_DIR "/turntable_drivers/modbus/maps/leadshine_pr.map");
-  ASSERT_OK(map);
+      good(read_register_map(TURNCAL_SOURCE_DIR "/turntable_drivers/modbus/maps/leadshine_pr.map"));
   const std::vector<TableRow> rows = explain(*map);
   EXPECT_EQ(without_lines(rows_of(rows, "enable", "pitch")),
             "enable|pitch|unit 2, function 6, register 15 (0x000F)|u16 1 (0x0001)|the same|[manual]\n");
@@ -56,37 +51,13 @@ TEST(Explain, RegistersAndValuesOfAMap) {
 }
 
 TEST(Explain, HeartbeatOffsetAndPolarity) {
-  const Result<RegisterMap> read = read_register_map(TURNCAL_SOURCE_DIR "/orchestrator/stations/twin.map");
-  ASSERT_TRUE(read.ok());
+  const Result<RegisterMap> read = good(read_register_map(TURNCAL_SOURCE_DIR "/orchestrator/stations/twin.map"));
   RegisterMap map = *read;
   map.axis[1].address_offset = 0x100;
   map.axis[1].bits[static_cast<std::size_t>(DriveBit::fault)]->active_high = false;
   const std::vector<TableRow> rows = explain(map);
   EXPECT_SAYS(rows_of(rows, "heartbeat", "pitch"), "register 320 (0x0140)|u16, another number each time, every 2 s");
   EXPECT_SAYS(rows_of(rows, "status", "pitch"), "register 272 (0x0110)|fault: mask 0x0010, clear|");
-}
-
-TEST(Explain, SentencesOfADialectToTheByte) {
-  const std::vector<TableRow> dollar = explain(shipped_dialect("three_axis_dollar"));
-  EXPECT_EQ(without_lines(rows_of(dollar, "connect", "table")),
-            "connect|table|$MNREM,1*DC\\r\\n||$ASREM,OK*3E\\r\\n|[code]\n");
-  EXPECT_EQ(without_lines(rows_of(dollar, "abort", "table")),
-            "abort|table|$MNDIS,1*D8\\r\\n||$ASDIS,OK*3A\\r\\n|[code]\n");
-  const std::vector<TableRow> acutronic = explain(shipped_dialect("acutronic_acl", true));
-  const std::string move = rows_of(acutronic, "move", "pitch");
-  EXPECT_SAYS(move, "move|pitch|:LIM:RATE P,2,10.0000\\n|rate: 1 per deg/s|nothing|");
-  EXPECT_SAYS(move,
-              ":DEM:POS 2,90.0000\\n|position: 1 per deg, 0 at 0 deg, a circle of 360 deg, gone the shorter way|");
-  const std::string flags = rows_of(acutronic, "status", "each");
-  EXPECT_SAYS(flags, "in_position: mask 0x00000080, set");
-  EXPECT_SAYS(flags, "fault: mask 0x0802C700, one of it set");
-}
-
-TEST(Explain, RowsStandInColumnsUnderTheirHeadings) {
-  const std::string text = format_rows({{"stop", "roll", "HALT", "", "nothing", "line 3 [guess]"}});
-  EXPECT_EQ(text,
-            "operation  axis  sent or read  what it says  answer expected  from\n"
-            "stop       roll  HALT                        nothing          line 3 [guess]\n");
 }
 
 }  // namespace

@@ -6,16 +6,7 @@
 //   0x20 s32 target, u32 rate
 #pragma once
 
-#include <atomic>
-#include <cmath>
-#include <functional>
-#include <map>
-#include <mutex>
-#include <string>
 #include <thread>
-#include <vector>
-
-#include <gtest/gtest.h>
 
 #include "imu_io/base/clock.h"
 #include "tests/turntable_drivers/served_twin.h"

@@ -1,11 +1,6 @@
 // Motion limits around the mock: the contract still holds, and no move beyond them reaches the driver.
 #include "turntable_drivers/table/limited_turntable.h"
 
-#include <cmath>
-#include <vector>
-
-#include <gtest/gtest.h>
-
 #include "tests/turntable_drivers/served_twin.h"
 #include "tests/turntable_drivers/table_contract.h"
 #include "turntable_drivers/rig/rig_devices.h"

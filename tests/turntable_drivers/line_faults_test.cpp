@@ -1,8 +1,5 @@
 // Faults of a line, each injected at the twin, over every line and codec: what comes out is the right position or an error, never a garbled
 // number, never another axis's position. Stops: stop_states_test.cpp.
-#include <functional>
-
-#include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/served_twin.h"
 

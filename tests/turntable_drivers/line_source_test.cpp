@@ -1,13 +1,6 @@
 // Where the lines of shipped descriptions come from: every one says it, and docs/tables.md says the same of each file.
-#include <algorithm>
-#include <filesystem>
-#include <fstream>
-#include <sstream>
-
-#include <gtest/gtest.h>
-
 #include "imu_io/base/key_value.h"
-#include "tests/outcome.h"
+#include "tests/test.h"
 #include "turntable_drivers/table/table_description.h"
 
 namespace turncal {
@@ -32,8 +25,7 @@ TEST(LineSource, EveryLineOfAShippedFileHasOne) {
   const auto files = shipped();
   ASSERT_GE(files.size(), 14u);
   for (const auto& path : files) {
-    Result<KeyValueFile> file = KeyValueFile::read(path);
-    ASSERT_TRUE(file.ok());
+    Result<KeyValueFile> file = good(KeyValueFile::read(path));
     const std::vector<LineSource> lines = read_line_sources(*file);
     EXPECT_OK(file->status());
     for (const LineSource& line : lines)
@@ -47,9 +39,7 @@ TEST(LineSource, EveryLineOfAShippedFileHasOne) {
 
 // `| file | sources | guesses |` in docs/tables.md, one row a file, from the file itself.
 TEST(LineSource, TheDocumentSaysWhatIsShippedAndGuessed) {
-  std::ifstream document(TURNCAL_SOURCE_DIR "/docs/tables.md");
-  std::stringstream text;
-  text << document.rdbuf();
+  const std::string document = file_text(TURNCAL_SOURCE_DIR "/docs/tables.md");
   std::string expected;
   for (const auto& path : shipped()) {
     Result<KeyValueFile> file = KeyValueFile::read(path);
@@ -60,15 +50,14 @@ TEST(LineSource, TheDocumentSaysWhatIsShippedAndGuessed) {
       if (line.is_guess()) guesses += (guesses.empty() ? "`" : ", `") + line.key + "`";
     const std::string row =
         "| `" + path.filename().string() + "` | " + sources + " | " + (guesses.empty() ? "nothing" : guesses) + " |";
-    if (text.str().find(row) == std::string::npos) expected += row + "\n";
+    if (document.find(row) == std::string::npos) expected += row + "\n";
   }
   EXPECT_EQ(expected, "") << "rows that docs/tables.md must have";
 }
 
 TEST(LineSource, MarksAreReadAndAWrongOneIsRefused) {
   Result<KeyValueFile> file =
-      KeyValueFile::parse("source.m = Maker\na = 1 # [m] page 3\nb = 2 # [guess]\nc = 3\n", "f");
-  ASSERT_TRUE(file.ok());
+      good(KeyValueFile::parse("source.m = Maker\na = 1 # [m] page 3\nb = 2 # [guess]\nc = 3\n", "f"));
   const std::vector<LineSource> lines = read_line_sources(*file);
   ASSERT_EQ(lines.size(), 3u);
   EXPECT_EQ(lines[0].mark, "m");

@@ -2,9 +2,7 @@
 #include "turntable_drivers/ascii/sentence.h"
 #include "imu_io/base/text_pieces.h"
 
-#include <gtest/gtest.h>
-
-#include "tests/outcome.h"
+#include "tests/test.h"
 #include "turntable_drivers/ascii/dialect.h"
 
 namespace turncal {
@@ -44,9 +42,8 @@ TEST(Sentence, Numbers) {
   EXPECT_EQ(device_number("+12.5"), 12.5);
   EXPECT_EQ(device_number(" -0.5 "), -0.5);
   EXPECT_EQ(device_number("1e-3"), 0.001);
-  for (const char* const bad : {"", "+", "+-1", "nan", "NaN", "inf", "1.2.3", "1,2", "12a", "0x10", "1e999", "--1"}) {
+  for (const char* const bad : {"", "+", "+-1", "nan", "NaN", "inf", "1.2.3", "1,2", "12a", "0x10", "1e999", "--1"})
     EXPECT_FALSE(device_number(bad)) << bad;
-  }
 }
 
 TEST(Sentence, Escapes) {

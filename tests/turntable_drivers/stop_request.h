@@ -1,15 +1,9 @@
 // For tests of how soon a stop goes out.
 #pragma once
 
-#include <unistd.h>
+#include "tests/test.h"
 
-#include <algorithm>
-#include <atomic>
-#include <cmath>
-#include <functional>
 #include <thread>
-
-#include <gtest/gtest.h>
 
 #include "imu_io/base/clock.h"
 

@@ -13,13 +13,7 @@
 // Rules: turntable_drivers/table/turntable.h. Nothing here looks at in_position alone: a device may lie.
 #pragma once
 
-#include <cmath>
-#include <functional>
-#include <limits>
-
-#include <gtest/gtest.h>
-
-#include "tests/outcome.h"
+#include "tests/test.h"
 #include "turntable_drivers/table/turntable.h"
 
 namespace turncal {
@@ -57,9 +51,8 @@ class TableContract : public testing::Test {
     return wait_for([&] { return position(axis) > 20.0; }, 20.0);
   }
   bool all_stand() {
-    for (Axis axis : all_axes) {
+    for (Axis axis : all_axes)
       if (status(axis).moving) return false;
-    }
     return true;
   }
   bool stands_at(Axis axis, double target_deg) {
@@ -154,12 +147,10 @@ TYPED_TEST_P(TableContract, BadArgumentsAreRefusedAndNothingMoves) {
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
   const double bad[][3] = {{nan, 10, 10}, {inf, 10, 10}, {10, nan, 10}, {10, 0, 10},  {10, -5, 10},
                            {10, inf, 10}, {10, 10, nan}, {10, 10, 0},   {10, 10, -1}, {10, 10, inf}};
-  for (const auto& b : bad) {
+  for (const auto& b : bad)
     this->expect_refused(this->table().move_absolute(Axis::heading, b[0], b[1], b[2]), "bad argument");
-  }
-  if (TypeParam::beyond_limits_deg != 0.0) {
+  if (TypeParam::beyond_limits_deg != 0.0)
     this->expect_refused(this->table().move_absolute(Axis::heading, TypeParam::beyond_limits_deg, 10.0, 10.0), "limit");
-  }
   this->factory_.pass(2.0);
   EXPECT_TRUE(this->all_stand());
   EXPECT_NEAR(this->position(Axis::heading), 0.0, TypeParam::tolerance_deg);
@@ -196,9 +187,8 @@ TYPED_TEST_P(TableContract, AbortEndsEveryMotionAndNeedsEnable) {
     EXPECT_FALSE(this->stands_at(axis, 90.0));
     EXPECT_FALSE(this->status(axis).in_position && this->status(axis).enabled);
   }
-  if (TypeParam::must_enable) {
+  if (TypeParam::must_enable)
     this->expect_refused(this->table().move_absolute(Axis::pitch, 0.0, 10.0, 10.0), "move after abort");
-  }
 }
 
 TYPED_TEST_P(TableContract, StatusHasTimeThatNeverGoesBack) {

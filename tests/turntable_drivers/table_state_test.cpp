@@ -1,9 +1,6 @@
 #include "turntable_drivers/table/table_state.h"
 
-#include <array>
-
-#include <gtest/gtest.h>
-
+#include "tests/test.h"
 #include "turntable_drivers/table/described_turntable.h"
 
 namespace turncal {

@@ -1,12 +1,9 @@
 // What no walk can be better than: the known optimum of a small problem, and walks that must not be better.
 #include "calib/prediction/design_bound.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "orchestrator/jobs/preflight.h"
 #include "tests/rig_recorder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

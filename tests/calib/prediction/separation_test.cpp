@@ -1,12 +1,9 @@
 // What legs would tell an alias class apart: poses off the axes do, poses on them and what looks alike in every pose do not.
 #include "calib/prediction/separation.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-
 #include "orchestrator/jobs/preflight.h"
 #include "tests/rig_recorder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

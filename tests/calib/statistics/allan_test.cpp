@@ -1,11 +1,7 @@
 // Allan deviation against published values, its degrees of freedom against published formulas, and the coefficients against what the rig laid.
 #include "calib/statistics/allan.h"
 
-#include <cmath>
-#include <limits>
-
-#include <gtest/gtest.h>
-
+#include "tests/test.h"
 #include "turntable_drivers/rig/rig_sensors.h"
 
 namespace turncal {

@@ -1,12 +1,9 @@
 // Clipped gyros, and temperatures that are read more seldom than samples come.
 #include "calib/statistics/clipping.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "tests/calib/compress.h"
 #include "tests/calib/hand_rotations.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

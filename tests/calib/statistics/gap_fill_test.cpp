@@ -1,12 +1,8 @@
 // Samples that are lost: what they are taken for, and that the variance given is that of the error.
 #include "calib/statistics/compression.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <random>
-
 #include "calib/statistics/data_screen.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

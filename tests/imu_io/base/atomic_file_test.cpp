@@ -1,28 +1,18 @@
 #include "imu_io/base/atomic_file.h"
 
-#include <gtest/gtest.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
-#include "tests/imu_io/temporary_folder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
 
-using test::FileSizeLimit;
-using test::read_file;
-using test::TemporaryFolder;
-using test::write_file;
-
 TEST(AtomicFile, NothingIsVisibleBeforeCommit) {
   TemporaryFolder folder;
   const std::string path = folder / "a.csv";
-  auto file = AtomicFile::create(path);
-  ASSERT_OK(file);
+  auto file = good(AtomicFile::create(path));
   ASSERT_OK(file->write(std::string(3 << 20, 'x')));  // more than is buffered
   EXPECT_FALSE(path_exists(path));
   ASSERT_OK(file->commit());
-  EXPECT_EQ(read_file(path).size(), std::size_t{3} << 20);
+  EXPECT_EQ(file_text(path).size(), std::size_t{3} << 20);
 }
 
 TEST(AtomicFile, WithoutCommitTheOldFileStaysAndTheTemporaryGoes) {
@@ -30,12 +20,11 @@ TEST(AtomicFile, WithoutCommitTheOldFileStaysAndTheTemporaryGoes) {
   const std::string path = folder / "a.csv";
   write_file(path, "old");
   {
-    auto file = AtomicFile::create(path);
-    ASSERT_OK(file);
+    auto file = good(AtomicFile::create(path));
     ASSERT_OK(file->write("half"));
     EXPECT_EQ(folder.names().size(), 2U);
   }
-  EXPECT_EQ(read_file(path), "old");
+  EXPECT_EQ(file_text(path), "old");
   EXPECT_EQ(folder.names().size(), 1U);
 }
 
@@ -48,14 +37,13 @@ TEST(AtomicFile, FullDiskKeepsTheOldFileAndIsADeviceError) {
     ASSERT_TRUE(
         fails(write_file_atomically(path, std::string(5000, 'x')), ErrorKind::device, "cannot write: File too large"));
   }
-  EXPECT_EQ(read_file(path), "old");
+  EXPECT_EQ(file_text(path), "old");
   EXPECT_EQ(folder.names().size(), 1U);
 }
 
 TEST(AtomicFile, CommitAfterAFailedWriteFails) {
   TemporaryFolder folder;
-  auto file = AtomicFile::create(folder / "a.csv");
-  ASSERT_OK(file);
+  auto file = good(AtomicFile::create(folder / "a.csv"));
   {
     const FileSizeLimit limit(1000);
     EXPECT_FALSE(file->write(std::string(3 << 20, 'x')).ok());
@@ -76,7 +64,7 @@ TEST(AtomicFile, TemporaryOfADeadProcessIsNoObstacle) {
   TemporaryFolder folder;
   for (int i = 0; i < 3; ++i) write_file(temporary_name(folder / "a"), "left behind");
   ASSERT_OK(write_file_atomically(folder / "a", "new"));
-  EXPECT_EQ(read_file(folder / "a"), "new");
+  EXPECT_EQ(file_text(folder / "a"), "new");
 }
 
 TEST(PosixFile, WholeFileAboveTheLimitIsRefused) {

@@ -1,12 +1,6 @@
 // Standard output that holds nobody up, and prefixes of lines.
-#include <fcntl.h>
-#include <gtest/gtest.h>
-#include <unistd.h>
-
-#include <chrono>
-#include <sstream>
-
 #include "imu_io/base/console.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

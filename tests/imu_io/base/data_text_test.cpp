@@ -1,14 +1,9 @@
 // JSON and CSV of one table, numbers as text, and words that were mistyped.
 #include "imu_io/base/data_text.h"
 
-#include <gtest/gtest.h>
-#include <bit>
-#include <random>
-
-#include <limits>
-
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

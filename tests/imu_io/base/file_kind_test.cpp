@@ -1,10 +1,6 @@
 #include "imu_io/base/file_kind.h"
 
-#include <gtest/gtest.h>
-
-#include <set>
-
-#include "tests/imu_io/temporary_folder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -58,9 +54,9 @@ TEST(FileKind, ByTheFirstBytes) {
 }
 
 TEST(FileKind, SaysWhatItIsAndWhoTakesIt) {
-  test::TemporaryFolder folder;
+  TemporaryFolder folder;
   const std::string csv = folder / "log.csv";
-  test::write_file(csv, "t,x,y\n1,2,3\n");
+  write_file(csv, "t,x,y\n1,2,3\n");
   EXPECT_TRUE(fails(expect_file(csv, FileKind::parameters), ErrorKind::input,
                     csv + ": this is a table of numbers (CSV), expected a parameter file; turncal import " + csv +
                         " --out DIR takes it"));

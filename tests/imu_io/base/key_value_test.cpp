@@ -1,10 +1,6 @@
 #include "imu_io/base/key_value.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
-
-#include "tests/imu_io/temporary_folder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -170,16 +166,15 @@ TEST(KeyValue, LongAndStrangeValuesAreShownShort) {
 }
 
 TEST(KeyValue, FilesThatCannotBeRead) {
-  test::TemporaryFolder folder;
+  TemporaryFolder folder;
   const std::string missing = folder / "no.conf";
   EXPECT_ERROR(KeyValueFile::read(missing), missing + ": cannot open: No such file or directory");
   EXPECT_ERROR(KeyValueFile::read(folder.path()), folder.path() + ": not a regular file");
-  test::write_file(folder / "empty.conf", "");
+  write_file(folder / "empty.conf", "");
   EXPECT_ERROR(KeyValueFile::read(folder / "empty.conf"),
                (folder / "empty.conf") + ": empty file: expected key = value lines");
-  test::write_file(folder / "good.conf", "a = 1\n");
-  auto file = KeyValueFile::read(folder / "good.conf");
-  ASSERT_OK(file);
+  write_file(folder / "good.conf", "a = 1\n");
+  auto file = good(KeyValueFile::read(folder / "good.conf"));
   EXPECT_EQ(file->integer("a"), 1);
 }
 

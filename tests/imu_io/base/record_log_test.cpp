@@ -1,16 +1,9 @@
 // The record framing by itself: what the journal and the recording both rest on.
 #include "imu_io/base/record_log.h"
 
-#include <gtest/gtest.h>
-#include <random>
-#include <string_view>
-#include <vector>
-
-#include <string>
-
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/crc.h"
-#include "tests/imu_io/temporary_folder.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -33,8 +26,8 @@ struct Scanned {
 };
 
 Scanned scanned(const std::string& content) {
-  test::TemporaryFolder folder;
-  test::write_file(folder / "log", content);
+  TemporaryFolder folder;
+  write_file(folder / "log", content);
   auto file = PosixFile::open_to_read(folder / "log");
   EXPECT_TRUE(file.ok());
   RecordScanner scanner(*file, content.size(), magic);

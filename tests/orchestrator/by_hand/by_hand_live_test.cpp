@@ -1,5 +1,4 @@
 // A live run by hand: the rig's unit on a pseudo-terminal, and a person who turns the rig and types.
-#include <mutex>
 #include <thread>
 
 #include "imu_io/frames/frame_description.h"
@@ -106,8 +105,7 @@ TEST_F(ByHandLive, WholeRunWithAWrongAxisASlowTurnAndALeave) {
   EXPECT_EQ(left.code, 75) << left.err << left.out;
   EXPECT_GE(objections, 1) << left.out;
   EXPECT_EQ(asked, 5);
-  std::istringstream lines(left.out + left.err);
-  for (std::string line; std::getline(lines, line);) EXPECT_TRUE(line.starts_with("[simulated]")) << line;
+  for (const std::string& line : lines_of(left.out + left.err)) EXPECT_TRUE(line.starts_with("[simulated]")) << line;
 
   int again = 0;
   const Session resumed = operate({"resume", "r"}, [&](const std::string& line) -> std::optional<std::string> {

@@ -1,6 +1,4 @@
 // A run by hand, rehearsed: `run --manual --dry-run` with an operator who reads the questions and types.
-#include <cmath>
-#include <random>
 
 #include "orchestrator/records/journal.h"
 #include "tests/orchestrator/operator_session.h"
@@ -61,8 +59,7 @@ class ByHand : public OperatedProgram {
     EXPECT_TRUE(fs::exists(folder_ / "r/recording.tcr"));
   }
   static void expect_tagged(const std::string& output) {
-    std::istringstream lines(output);
-    for (std::string line; std::getline(lines, line);) EXPECT_TRUE(line.starts_with("[dry run]")) << line;
+    for (const std::string& line : lines_of(output)) EXPECT_TRUE(line.starts_with("[dry run]")) << line;
   }
 };
 
@@ -94,9 +91,8 @@ TEST_F(ByHand, QuestionSaysWhatWhereHowFarAndWhy) {
   ASSERT_NE(reason, std::string::npos) << session.out;
   EXPECT_LT(reason, turn);
   const std::string asked = session.out.substr(reason, 400);
-  for (const char* words : {" % done. Turns left: 1.", " to -90 deg, ", " deg backward (its angle falls); then type"}) {
+  for (const char* words : {" % done. Turns left: 1.", " to -90 deg, ", " deg backward (its angle falls); then type"})
     EXPECT_SAYS(asked, words);
-  }
 }
 
 TEST_F(ByHand, WrongAnswersAreAskedAgain) {

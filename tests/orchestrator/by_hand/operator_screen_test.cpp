@@ -2,11 +2,6 @@
 #include "orchestrator/watch/operator_screen.h"
 #include "orchestrator/devices/operator_prompts.h"
 #include "tests/orchestrator/rig_station.h"
-#include "tests/outcome.h"
-
-#include <gtest/gtest.h>
-#include <unistd.h>
-#include <sstream>
 
 namespace turncal {
 namespace {

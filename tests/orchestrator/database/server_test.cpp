@@ -1,9 +1,6 @@
 // A results database on a server: many stations, their roles, and what happens when the server goes away at the worst moment.
 // scripts/fleet-test starts the server and says in the environment how it is stopped, killed and started again.
-#include <sys/stat.h>
 
-#include <chrono>
-#include <cstdlib>
 #include <thread>
 
 #include "orchestrator/records/results_database.h"
@@ -52,8 +49,7 @@ class Server : public SharedDatabase {
     std::transform(name_.begin(), name_.end(), name_.begin(), [](unsigned char c) { return std::tolower(c); });
     ASSERT_EQ(psql("DROP DATABASE IF EXISTS " + name_, "postgres"), 0);
     ASSERT_EQ(psql("CREATE DATABASE " + name_, "postgres"), 0);
-    const ProgramResult made = run({"records", "roles", address("postgres")});
-    ASSERT_EQ(made.code, 0) << made.err;
+    ends({"records", "roles", address("postgres")}, 0);
     for (const char* login : {"east", "west"})
       psql("CREATE ROLE " + std::string(login) + " LOGIN IN ROLE turncal_station", name_, "2> /dev/null");
     psql("CREATE ROLE watcher LOGIN IN ROLE turncal_reader", name_, "2> /dev/null");
@@ -137,15 +133,13 @@ TEST_F(Server, WhatWasKeptWhileItWasStoppedIsSentOnce) {
 
 TEST_F(Server, KilledInMidTransactionItLosesAndDoublesNothing) {
   constexpr int count = 150;  // with two notes each: three pages
-  const Result<ResultsDatabase> outbox = kept("outbox.db", count);
-  ASSERT_TRUE(outbox.ok());
+  const Result<ResultsDatabase> outbox = good(kept("outbox.db", count));
   ASSERT_EQ(psql("CREATE FUNCTION slow() RETURNS trigger LANGUAGE plpgsql AS 'BEGIN PERFORM pg_sleep(0.005); RETURN "
                  "NEW; END'; CREATE TRIGGER slow BEFORE INSERT ON attempt_note FOR EACH ROW EXECUTE FUNCTION slow()"),
             0);
   int broken = 0;
   for (const int after_ms : {100, 400, 700, 1000}) {
-    Result<ResultsDatabase> server = ResultsDatabase::open(address("east"));
-    ASSERT_TRUE(server.ok()) << server.error().message;
+    Result<ResultsDatabase> server = good(ResultsDatabase::open(address("east")));
     std::thread killer([after_ms] {
       std::this_thread::sleep_for(std::chrono::milliseconds(after_ms));
       control("kill");
@@ -227,8 +221,7 @@ TEST_F(Server, RowsGoThereAndBackAsTheyWere) {
   failing.insert(failing.end(), {"--rig", path("gone.rig")});
   ASSERT_EQ(run(failing).code, 50);
   for (int i = 0; i < 2; ++i) {
-    const ProgramResult copied = run({"records", "copy", "results.db", address("east")});
-    ASSERT_EQ(copied.code, 0) << copied.err;
+    const ProgramResult copied = ends({"records", "copy", "results.db", address("east")}, 0);
     EXPECT_SAYS(copied.out, i == 0 ? "2 calibrations and 6 notes" : "0 calibrations and 0 notes");
   }
   ASSERT_EQ(run({"records", "backup", address("watcher"), "--out", "back.db"}).code, 0);
@@ -262,8 +255,7 @@ using Outbox = SharedDatabase;
 
 TEST_F(Outbox, AStationWhoseServerIsAwayGoesOnAndKeepsItsRows) {
   station(server_away);
-  const ProgramResult result = run(dry_run("SN1"));
-  ASSERT_EQ(result.code, 0) << result.err;
+  ends(dry_run("SN1"), 0);
   const std::string log = file_text(folder_ / "east/SN1/run.log");
   EXPECT_SAYS(log, "127.0.0.1:1/turncal: results database: cannot open: ");
   EXPECT_SAYS(log, "; 1 attempt is kept in ");
@@ -304,8 +296,7 @@ TEST_F(Outbox, APasswordInANameIsRefusedAndNotRepeated) {
         "postgresql://east:sec/secret@host/turncal"}) {
     station(name);
     for (const auto& command : {dry_run("SN1"), {"history", name}, {"shift", name}, {"records", "check", name}}) {
-      const ProgramResult result = run(command);
-      EXPECT_EQ(result.code, 1) << command.front();
+      const ProgramResult result = ends(command, 1);
       EXPECT_EQ(result.err_lines(), 1) << result.err;
       EXPECT_SAYS(result.err, "expected postgresql://USER@HOST/NAME, and the password in ~/.pgpass");
       EXPECT_SAYS_NOT((result.out + result.err), "secret") << result.out << result.err;

@@ -2,11 +2,6 @@
 // RTU; mbpoll reads the registers of our twin. scripts/install-deps --tests installs them.
 #include <signal.h>
 #include <sys/wait.h>
-#include <unistd.h>
-
-#include <cstdio>
-
-#include <gtest/gtest.h>
 
 #include "imu_io/base/clock.h"
 #include "orchestrator/run/station_run.h"
@@ -131,11 +126,10 @@ long counts_of(const std::string& link, int unit) {
 void run_a_sequence_on(RegisterMap map) {
   RealClock clock;
   ModbusTurntable driver(map, clock);
-  const Result<Sequence> sequence = parse_sequence(
-      "format = 1\nname = short\nrate_degps = 40\nacceleration_degps2 = 100\n"
-      "step 1\n  initial H 0 P 0 R 0\n  align 200\n  rotate P +20\n  dwell 200\n  rotate R -10\n",
-      "test.seq");
-  ASSERT_TRUE(sequence.ok()) << sequence.error().message;
+  const Result<Sequence> sequence =
+      good(parse_sequence("format = 1\nname = short\nrate_degps = 40\nacceleration_degps2 = 100\n"
+                          "step 1\n  initial H 0 P 0 R 0\n  align 200\n  rotate P +20\n  dwell 200\n  rotate R -10\n",
+                          "test.seq"));
   StationConfig station = default_station_config();
   station.motion.settle_s = 0.1;
   station.motion.poll_moving_s = 0.05;

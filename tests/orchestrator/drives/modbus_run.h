@@ -1,12 +1,6 @@
 // For tests of a whole run over the Modbus driver: the station's own loop, the driver, the twin and the rig, in the rig's time.
 #pragma once
 
-#include <algorithm>
-#include <functional>
-#include <mutex>
-
-#include <gtest/gtest.h>
-
 #include "orchestrator/run/station_run.h"
 #include "tests/orchestrator/rig_station.h"
 #include "tests/turntable_drivers/served_twin.h"
@@ -66,9 +60,8 @@ struct ModbusRun {
                    {*sequence, plan, config, "SN1"}, sink, {&watcher, &stop_requests, calibrate});
     const RunOutcome outcome = run.run();
     const std::lock_guard lock(station.server.mutex);
-    for (const Axis axis : all_axes) {
+    for (const Axis axis : all_axes)
       EXPECT_EQ(station.rig.axis(axis).rate_degps, 0.0) << "the table moves on: " << outcome.error.message;
-    }
     return outcome;
   }
   double rig_time_s() { return station.rig.time_s(); }

@@ -1,17 +1,11 @@
 // A table that takes 150 ms an answer, and units at 1 kHz beside it: they are read while it is awaited.
-#include <gtest/gtest.h>
 
-#include <algorithm>
-#include <array>
-#include <atomic>
 #include <thread>
-#include <vector>
 
 #include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_encoder.h"
 #include "imu_io/lines/unit_end.h"
 #include "imu_io/units/serial_imu.h"
-#include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/drives/modbus_run.h"
 #include "tests/turntable_drivers/served_twin.h"
 
@@ -49,8 +43,7 @@ class Units {
     std::array<ImuSample, 256> block;
     for (const auto& imu : imus) {
       for (;;) {
-        const Result<std::size_t> got = imu->read(block, 0.0);
-        ASSERT_TRUE(got.ok()) << got.error().message;
+        const Result<std::size_t> got = good(imu->read(block, 0.0));
         if (*got == 0) break;
       }
     }
@@ -83,7 +76,7 @@ class Units {
       ::usleep(1000);
     }
   }
-  test::TemporaryFolder folder_;
+  TemporaryFolder folder_;
   FrameDescription frame_;
   std::vector<Pty> ptys_;
   std::atomic<bool> ended_{false};
@@ -111,10 +104,7 @@ void expect_nothing_lost(Table& table) {
     const std::uint64_t before = units.lost();
     const double began_s = monotonic_s();
     for (int i = 0; i < 6; ++i) {  // 2.7 s and more: beyond what a pseudo-terminal holds
-      for (const Axis axis : all_axes) {
-        const Result<AxisStatus> now = table.driver.status(axis);
-        ASSERT_TRUE(now.ok()) << now.error().message;
-      }
+      for (const Axis axis : all_axes) const Result<AxisStatus> now = good(table.driver.status(axis));
     }
     units.read_all();
     EXPECT_GT(monotonic_s() - began_s, 18 * answer_s) << "the table is slow";

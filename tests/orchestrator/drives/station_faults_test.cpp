@@ -1,10 +1,8 @@
 // Faults of a drive in the middle of a run: the station's own loop, the Modbus driver, the twin and the rig. Whatever the drive says or
 // does, the run ends with the table at rest and an error of the right kind, or goes through with the very plan.
-#include <gtest/gtest.h>
 
 #include "orchestrator/jobs/command_context.h"
 
-#include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/drives/modbus_run.h"
 #include "tests/orchestrator/rig_station.h"
 
@@ -156,9 +154,8 @@ TEST_P(StationDriveFaults, TableStopsAndTheRunSaysWhy) {
   EXPECT_TRUE(s.watcher.saw(fault.event)) << outcome.error.message;
   EXPECT_SAYS(outcome.error.message, fault.says);
   // Nothing was recorded as a rest after the fault.
-  for (const Segment& segment : s.sink.segments) {
+  for (const Segment& segment : s.sink.segments)
     if (segment.kind == SegmentKind::still) ADD_FAILURE() << "a dwell was recorded";
-  }
 }
 INSTANTIATE_TEST_SUITE_P(All, StationDriveFaults, testing::ValuesIn(drive_faults()),
                          [](const auto& which) { return std::string(which.param.name); });
@@ -255,7 +252,7 @@ TEST(StationFaults, LinkDropsInMidMove) {
 
 // The same on a serial line: the adapter is pulled in mid-move, and plugged in again while the run tries to reach the table.
 TEST(StationFaults, AdapterIsPulledInMidMoveAndComesBack) {
-  const test::TemporaryFolder folder;
+  const TemporaryFolder folder;
   ModbusRun s(default_rig_config(), folder / "adapter");
   s.station.disturb([&](const ModbusRequest& request, AnswerPlan& plan) {
     if (request.function == 3 && s.rig_time_s() >= in_mid_move_s) plan.hang_up = true;

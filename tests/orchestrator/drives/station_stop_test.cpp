@@ -1,6 +1,5 @@
 // A stop goes out within 100 ms of the request in every state of a run, whatever its devices are doing (of the drivers:
 // stop_states_test.cpp). Times are of the wall clock.
-#include <gtest/gtest.h>
 
 #include "imu_io/lines/unit_end.h"
 #include "imu_io/units/serial_imu.h"

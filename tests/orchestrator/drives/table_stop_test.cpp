@@ -1,10 +1,6 @@
 // The last word to every drive: off, read back, on every way out; and the fastest stop where nothing can be read.
 #include "turntable_drivers/table/table_stop.h"
 
-#include <gtest/gtest.h>
-
-#include <stdexcept>
-
 #include "orchestrator/devices/table_device.h"
 #include "tests/orchestrator/drives/modbus_run.h"
 #include "tests/orchestrator/rig_station.h"
@@ -31,9 +27,8 @@ struct LastWord : testing::Test {
     std::unique_ptr<TableDevice> made = device();
     Turntable& table = made->table();
     EXPECT_TRUE(table.connect().ok() && table.enable().ok() && table.home().ok());
-    for (int i = 0; i < 5; ++i) {
+    for (int i = 0; i < 5; ++i)
       for (const Axis axis : all_axes) EXPECT_TRUE(table.status(axis).ok());
-    }
     EXPECT_FALSE(drives.all_off());
     return made;
   }
@@ -50,14 +45,11 @@ struct LastWord : testing::Test {
       const std::lock_guard lock(drives.mutex);
       drives.drives[3].creep = 2000.0;
     }
-    const Status left = leave_off(table->table(), within(0.2, 1.0));
-    ASSERT_FALSE(left.ok());
-    EXPECT_SAYS(left.error().message, "does not come to rest");
+    EXPECT_TRUE(fails(leave_off(table->table(), within(0.2, 1.0)), "does not come to rest"));
     EXPECT_TRUE(drives.all_off()) << "it was told";
   }
   void begin_move(Turntable& table) {
-    const Status moved = table.move_absolute(Axis::pitch, 90.0, 10.0, 10.0);
-    ASSERT_TRUE(moved.ok()) << moved.error().message;
+    ASSERT_OK(table.move_absolute(Axis::pitch, 90.0, 10.0, 10.0));
     ASSERT_NE(drives.drive(2).rate, 0.0);
   }
 };
@@ -145,9 +137,7 @@ TEST_F(LastWord, WhatIsRefusedIsSentAgain) {
 TEST_F(LastWord, ADriveThatStaysOnIsSaid) {
   const auto table = ready();
   drives.refuses_off = 1000000;
-  const Status left = leave_off(table->table(), within(0.2, 1.0));
-  ASSERT_FALSE(left.ok());
-  EXPECT_SAYS(left.error().message, "its drives may be on");
+  EXPECT_TRUE(fails(leave_off(table->table(), within(0.2, 1.0)), "its drives may be on"));
   drives.refuses_off = 0;
 }
 
@@ -165,8 +155,7 @@ TEST_F(LastWord, AMapThatCannotSwitchOffSaysSo) {
   std::string text = plain_map_text("tcp");
   text.replace(text.find("write.abort = 0x203 u16 1"), 25, "write.abort = 0x202 u16 1, 0x202 u16 0");
   const Result<RegisterMap> same = parse_register_map(text, "my.map");
-  ASSERT_FALSE(same.ok());
-  EXPECT_SAYS(same.error().message, "switch_off = false");
+  EXPECT_TRUE(fails(same, "switch_off = false"));
   EXPECT_EQ(same.error().message.find('\n'), std::string::npos);
   EXPECT_TRUE(parse_register_map(text + "switch_off = false\n", "my.map").ok());
 }

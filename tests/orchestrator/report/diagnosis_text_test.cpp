@@ -1,16 +1,9 @@
 // A diagnosis in words: the sentence of the verdict and the table for the terminal.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <limits>
-#include <sstream>
-
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/report.h"
-#include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
-#include "tests/outcome.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -142,10 +135,8 @@ TEST(DiagnosisParameters, HoldEffectsStrongestFirstNoiseAndVerdict) {
   d.extended.effects.insert(d.extended.effects.begin(), estimated("gyro_warm_up", 1, 0.02, 0.01, 240.0));
   d.extended.sigma[5] = 0.0;  // A03 not determined
   const ParameterFile file = diagnosis_parameters(d, sample_context(sample));
-  const auto text = format_parameter_file(file);
-  ASSERT_OK(text);
-  const auto read = parse_parameter_file(*text, "parameters.conf");
-  ASSERT_OK(read);
+  const auto text = good(format_parameter_file(file));
+  const auto read = good(parse_parameter_file(*text, "parameters.conf"));
   EXPECT_EQ(read->model, "extended");
   EXPECT_EQ(read->method, "joint");
   EXPECT_EQ(read->recording_hash, "00112233445566778899aabbccddeeff");

@@ -1,13 +1,8 @@
 // A document and its renderings; the control charts, as one that has everything.
-#include <gtest/gtest.h>
-
-#include <limits>
-#include <string>
-
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/line/parameter_history.h"
 #include "orchestrator/line_report/shift_document.h"
-#include "tests/outcome.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -109,7 +104,10 @@ TEST(Document, OnAPageIsEscapedAndMarked) {
         "<li><b>Norm.</b> of gravity</li>", "<th class=\"n\">value, µg</th>",
         "<tr class=\"hit\"><td class=\"name\">SN&lt;1&gt;</td>", "<td class=\"n\">-1.50×10⁻⁷</td>",
         "<td class=\"half\"><span class=\"bar\" style=\"margin-left:38px;width:38px\"></span></td>",
-        "<tr class=\"dim\"><td class=\"name\">SN3</td>"})
+        "<tr class=\"dim\"><td class=\"name\">SN3</td>",
+        // Phones and paper.
+        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">", ".wide { overflow-x:auto;",
+        "@media screen and (max-width:700px)", "figure, table, tr, .verdict { break-inside:avoid; }"})
     EXPECT_SAYS(html, part);
   EXPECT_SAYS_NOT(html, "nnnn");
 }
@@ -159,19 +157,6 @@ TEST(HistoryPage, ChartsEveryParameterAndMarksWhatIsOutside) {
     EXPECT_EQ(count_of(page, "<text>01-09</text>"), 21u) << "the day of the last, below the axis";
     EXPECT_EQ(count_of(page, "outside the control limits</span>"), jumps ? 1u : 0u);
   }
-}
-
-// Of every page that is made: as wide as a phone, wide tables scroll by themselves, and none is split between two sheets.
-TEST(HistoryPage, FitsPhonesAndPaper) {
-  const std::string page = as_page(history_document({}, "results.db")).html;
-  EXPECT_SAYS(page, "No calibration is on record.");
-  EXPECT_SAYS(page, "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">");
-  const std::size_t phone = page.find("@media screen and (max-width:700px)"), paper = page.find("@media print");
-  ASSERT_NE(phone, std::string::npos);
-  ASSERT_NE(paper, std::string::npos);
-  EXPECT_SAYS(page, ".wide { overflow-x:auto;");
-  EXPECT_SAYS(page, "@media screen and (prefers-color-scheme:dark)");
-  EXPECT_SAYS(page.substr(paper), "figure, table, tr, .verdict { break-inside:avoid; }");
 }
 
 }  // namespace

@@ -1,23 +1,16 @@
 // The page of a diagnosis: complete, well-formed, small, and whole without gnuplot.
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
-#include <algorithm>
-#include <chrono>
 #include <regex>
-#include <set>
 
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/figures/drawing.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/report.h"
-#include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
-#include "tests/outcome.h"
 
 namespace turncal {
 namespace {
-
-using test::TemporaryFolder;
 
 const GnuplotOptions no_gnuplot = {.program = "/nonexistent/gnuplot"};
 
@@ -122,15 +115,14 @@ TEST(Report, SaysSoWhenThereIsNoGnuplot) {
   sample.recording.info.unit_serial = "SN7";
   const TemporaryFolder folder;
   const Result<std::string> problem =
-      write_diagnosis(folder.path(), diagnosis_files(sample.diagnosis, sample_context(sample)), no_gnuplot);
-  ASSERT_OK(problem);
+      good(write_diagnosis(folder.path(), diagnosis_files(sample.diagnosis, sample_context(sample)), no_gnuplot));
   EXPECT_EQ(*problem, "no plots: /nonexistent/gnuplot is not installed (Debian package gnuplot-nox)");
-  const std::string html = test::read_file(folder / "report.html");
+  const std::string html = file_text(folder / "report.html");
   expect_sections_in_order(html);
   expect_balanced(html);
   EXPECT_EQ(count_of(html, "<svg"), 0u);
   EXPECT_EQ(count_of(html, "This plot is missing"), 4u);
-  EXPECT_EQ(test::read_file(folder / "diagnosis.conf"), format_diagnosis(sample.diagnosis));
+  EXPECT_EQ(file_text(folder / "diagnosis.conf"), format_diagnosis(sample.diagnosis));
   ASSERT_OK(read_parameter_file(folder / "parameters.conf"));
   std::vector<std::string> names = folder.names();
   std::sort(names.begin(), names.end());

@@ -1,5 +1,4 @@
 // `turncal allan` as a program.
-#include <gtest/gtest.h>
 
 #include "tests/orchestrator/results/rig_unit.h"
 
@@ -12,8 +11,7 @@ class AllanCommand : public RigUnit {};
 TEST_F(AllanCommand, SaysWhatTheRigLaid) {
   record("rest", "noise.gyro_random_walk_deg_per_rt_h = 0.05\nnoise.accel_random_walk_ug_per_rt_hz = 50\n",
          "step 1\n  initial H 30 P 0 R 0\n  align 10000\n  dwell 110000\n");
-  const ProgramResult said = run({"allan", "rest", "--out", "noise", "--against", "rest"});
-  ASSERT_EQ(said.code, 0) << said.err;
+  const ProgramResult said = ends({"allan", "rest", "--out", "noise", "--against", "rest"}, 0);
   EXPECT_SAYS(said.out, "N random walk");
   EXPECT_SAYS(said.out, "gyroscope_noise_density");
   for (const char* file : {"allan.html", "allan.svg", "allan.csv", "imu.yaml"})
@@ -23,8 +21,7 @@ TEST_F(AllanCommand, SaysWhatTheRigLaid) {
   EXPECT_NEAR(value_of("gyroscope_noise_density"), 0.05 / 60.0 * 3.14159265 / 180.0, 1e-6);
   EXPECT_NEAR(value_of("accelerometer_noise_density"), 50.0 * 9.80665e-6, 1e-5);
   EXPECT_EQ(value_of("update_rate"), 200.0);
-  const ProgramResult json = run({"allan", "rest", "--format", "json"});
-  EXPECT_EQ(json.code, 0);
+  const ProgramResult json = ends({"allan", "rest", "--format", "json"}, 0);
   EXPECT_SAYS(json.out, "\"limit 95 %\"");
   ParameterFile file = truth_of("rest");
   keep(file, "silent.conf");

@@ -1,16 +1,18 @@
 // `turncal apply` with effects beyond the 24 parameters.
-#include <gtest/gtest.h>
-
-#include <numeric>
-#include <sstream>
-#include <vector>
 
 #include "tests/orchestrator/results/rig_unit.h"
 
 namespace turncal {
 namespace {
 
-class Apply : public RigUnit {};
+class Apply : public RigUnit {
+ protected:
+  // The head and the rows of a table.
+  std::pair<std::string, std::vector<std::string>> csv(const std::string& name) const {
+    std::vector<std::string> lines = lines_of(file_text(folder_ / (name + ".csv")));
+    return {lines.at(0), {lines.begin() + 1, lines.end()}};
+  }
+};
 
 // With the effect in the file, what is left in the calibrated increments is the effect-free unit: the x accelerometer up and
 // down reads g both ways. Without it the two differ by twice the square term.
@@ -22,16 +24,8 @@ TEST_F(Apply, TakesEffectsOff) {
   const auto asymmetry_ug = [&](const std::string& name) {
     keep(file, name + ".conf");
     ends({"apply", "k2", "--parameters", path(name + ".conf"), "--out", name + ".csv"}, 0);
-    std::istringstream csv(file_text(folder_ / (name + ".csv")));
-    std::string line;
-    std::getline(csv, line);
     std::vector<double> x;
-    while (std::getline(csv, line)) {
-      std::istringstream cells(line);
-      std::string cell;
-      for (int k = 0; k < 5; ++k) std::getline(cells, cell, ',');
-      x.push_back(std::stod(cell));
-    }
+    for (const std::string& row : csv(name).second) x.push_back(std::stod(lines_of(row, ',')[4]));
     const auto mean = [&](std::size_t first) {
       return std::accumulate(x.begin() + static_cast<std::ptrdiff_t>(first),
                              x.begin() + static_cast<std::ptrdiff_t>(first + 3000), 0.0) /
@@ -55,14 +49,10 @@ TEST_F(Apply, WritesTimeAndRates) {
   keep(file, "true.conf");
   const auto rows = [&](const std::string& as) {
     ends({"apply", "rec", "--parameters", path("true.conf"), "--out", as + ".csv", "--as", as}, 0);
-    std::istringstream csv(file_text(folder_ / (as + ".csv")));
-    std::string head, line;
-    std::getline(csv, head);
+    const auto [head, lines] = csv(as);
     std::vector<double> cells;
-    while (std::getline(csv, line)) {
-      std::istringstream row(line);
-      for (std::string cell; std::getline(row, cell, ',');) cells.push_back(std::stod(cell));
-    }
+    for (const std::string& row : lines)
+      for (const std::string& cell : lines_of(row, ',')) cells.push_back(std::stod(cell));
     return std::pair(head, cells);
   };
   const auto [head, rates] = rows("rates");
@@ -85,16 +75,12 @@ TEST_F(Apply, WritesARecordingOrAMatrix) {
   record("rec", std::string(without_noise), "step 1\n  initial H 30 P 0 R 0\n  align 10000\n  dwell 10000\n");
   keep(truth_of("rec"), "true.conf");
   for (const char* out : {"a.csv", "a.tcr", "a.npy", "a.mat"}) {
-    const ProgramResult applied = run({"apply", "rec", "--parameters", path("true.conf"), "--out", out});
-    ASSERT_EQ(applied.code, 0) << applied.err;
+    ends({"apply", "rec", "--parameters", path("true.conf"), "--out", out}, 0);
     write(std::string("not_") + out, "something else");
     expect_refused({"apply", "rec", "--parameters", path("true.conf"), "--out", std::string("not_") + out}, out);
   }
-  std::istringstream csv(file_text(folder_ / "a.csv"));
-  std::string line;
-  std::getline(csv, line);
-  const auto source = RecordingSource::open(path("a.tcr"));
-  ASSERT_TRUE(source.ok()) << source.error().message;
+  const std::vector<std::string> table = csv("a").second;
+  const auto source = good(RecordingSource::open(path("a.tcr")));
   EXPECT_EQ((*source)->info().gyro_increment, IncrementKind::physical);
   EXPECT_EQ((*source)->info().accel_increment, IncrementKind::physical);
   EXPECT_TRUE((*source)->info().simulated);
@@ -103,23 +89,18 @@ TEST_F(Apply, WritesARecordingOrAMatrix) {
   ASSERT_TRUE((*source)
                   ->read([&](std::span<const ImuSample> block) {
                     for (const ImuSample& sample : block) {
-                      EXPECT_TRUE(std::getline(csv, line));
-                      std::istringstream cells(line);
-                      std::string cell;
-                      std::getline(cells, cell, ',');
-                      EXPECT_EQ(std::stoll(cell), sample.counter);
-                      for (const double value : {sample.gyro[0], sample.gyro[1], sample.gyro[2], sample.accel[0],
-                                                 sample.accel[1], sample.accel[2]}) {
-                        std::getline(cells, cell, ',');
-                        EXPECT_EQ(std::stod(cell), value);
+                      const std::vector<std::string> cells = lines_of(table.at(rows++), ',');
+                      EXPECT_EQ(std::stoll(cells.at(0)), sample.counter);
+                      for (std::size_t k = 0; k < 3; ++k) {
+                        EXPECT_EQ(std::stod(cells.at(1 + k)), sample.gyro[k]);
+                        EXPECT_EQ(std::stod(cells.at(4 + k)), sample.accel[k]);
                       }
-                      ++rows;
                     }
                     return Status{};
                   })
                   .ok());
   EXPECT_GE(rows, 20000u);
-  EXPECT_FALSE(std::getline(csv, line));
+  EXPECT_EQ(rows, table.size());
 }
 
 TEST_F(Apply, ExportWritesAMatrix) {

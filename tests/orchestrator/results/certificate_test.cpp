@@ -1,10 +1,7 @@
 // `turncal certificate`: what stands on it, and for what there is none.
-#include <gtest/gtest.h>
 
-#include <cmath>
-
-#include "imu_io/base/crc.h"
 #include "orchestrator/report/certificate.h"
+#include "imu_io/base/crc.h"
 #include "tests/orchestrator/results/rig_unit.h"
 
 namespace turncal {
@@ -70,8 +67,7 @@ class CertificateTest : public RigUnit {
 TEST_F(CertificateTest, SaysWhatItHasTo) {
   keep_run(result_file(), "a");
   keep_verification(verification_of(result_file()), "a");
-  const ProgramResult made = run(certify({"a"}));
-  ASSERT_EQ(made.code, 0) << made.err;
+  ends(certify({"a"}), 0);
   const std::string page = file_text(folder_ / "c.html");
   for (const char* words : {"Calibration certificate", "Müller &amp; Söhne &lt;Labor&gt;", "Customer Ltd", "SN7",
                             "2027-01-31", "0.0031", "2026-01-31T10:00:00Z", "ILAC-G8:09/2019", "A. Signer",
@@ -363,8 +359,7 @@ TEST_F(CertificateTest, ItsHashCanBeChecked) {
 TEST_F(CertificateTest, AsPdf) {
   if (std::system("weasyprint --version > /dev/null 2>&1") != 0) GTEST_SKIP() << "no weasyprint";
   keep_run(result_file(), "a");
-  const ProgramResult made = run(certify({"a"}, {"--pdf", "c.pdf"}));
-  ASSERT_EQ(made.code, 0) << made.err;
+  const ProgramResult made = ends(certify({"a"}, {"--pdf", "c.pdf"}), 0);
   EXPECT_TRUE(file_text(folder_ / "c.pdf").starts_with("%PDF-"));
   EXPECT_SAYS_NOT(made.out, "font");
   EXPECT_EQ(everything(), (std::set<std::string>{"a", "a/parameters.conf", "c.html", "c.pdf", "lab.station", "rig",

@@ -1,5 +1,4 @@
 // `turncal convert`: what it writes and what it refuses.
-#include <gtest/gtest.h>
 
 #include "imu_io/recordings/parameter_file.h"
 #include "tests/orchestrator/program.h"
@@ -23,8 +22,7 @@ class Convert : public Program {
     file.sample_period_s = 0.005;
     file.accel_pulse_mps = 0.0005;
     file.simulated = true;
-    const Status written = write_parameter_file(file, path("parameters.conf"));
-    ASSERT_TRUE(written.ok()) << written.error().message;
+    ASSERT_OK(write_parameter_file(file, path("parameters.conf")));
   }
 };
 

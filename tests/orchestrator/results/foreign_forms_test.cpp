@@ -1,14 +1,13 @@
 // Each form of another program, read back and applied as that program does: the same calibrated sample.
 #include "orchestrator/jobs/navigation/foreign_forms.h"
 
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 #include <regex>
 
 #include <Eigen/LU>
 
 #include "calib/model/noise_model.h"
-#include "tests/outcome.h"
 
 namespace turncal {
 namespace {

@@ -1,8 +1,6 @@
 // `turncal navigate --reference`: a unit that goes along a parallel and climbs, beside where it truly was.
-#include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
-#include <random>
 
 #include "calib/navigation/mechanisation.h"
 #include "orchestrator/jobs/navigation/navigation_job.h"
@@ -88,8 +86,7 @@ class NavigateReference : public RigUnit {
 
 TEST_F(NavigateReference, ErrorsAreThoseBesideIt) {
   record_drive();
-  const ProgramResult navigated = run(beside("reference.csv"));
-  ASSERT_EQ(navigated.code, 0) << navigated.err;
+  const ProgramResult navigated = ends(beside("reference.csv"), 0);
   EXPECT_SAYS_NOT(navigated.out, "expected");
   KeyValueFile conf = result("nav/navigation.conf");
   EXPECT_EQ(conf.text("reference"), path("reference.csv"));
@@ -101,9 +98,8 @@ TEST_F(NavigateReference, ErrorsAreThoseBesideIt) {
   ASSERT_EQ(run({"navigate", "drive", "--parameters", path("true.conf"), "--out", "nav"}).code, 0);
   EXPECT_GT(result("nav/navigation.conf").number("drift.rms_nm_per_h"), 100.0);
   // Its own track is a reference, too; without velocity and height the climb is not known: v_U x 2 W cos L east.
-  std::istringstream all(reference_);
   std::string plain;
-  for (std::string line; std::getline(all, line);) {
+  for (const std::string& line : lines_of(reference_)) {
     std::size_t comma = 0;
     for (int k = 0; k < 3; ++k) comma = line.find(',', comma + 1);
     plain += line.substr(0, comma) + "\n";

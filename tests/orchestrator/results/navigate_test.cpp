@@ -1,5 +1,4 @@
 // `turncal navigate` as a program: what it writes, and what it refuses.
-#include <gtest/gtest.h>
 
 #include "tests/orchestrator/results/rig_unit.h"
 
@@ -10,8 +9,7 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
   record_rest_and_truth();
   write_truth("rest", "wrong.conf", 1, 0.1);  // N02, the gyro that points up: 0.1 deg/h
   const ProgramResult navigated =
-      run("navigate rest --parameters true.conf --against wrong.conf --out nav --for 1500 --branches 3");
-  ASSERT_EQ(navigated.code, 0) << navigated.err;
+      ends("navigate rest --parameters true.conf --against wrong.conf --out nav --for 1500 --branches 3", 0);
   EXPECT_EQ(navigated.err, "");
   KeyValueFile conf = result("nav/navigation.conf");
   EXPECT_EQ(conf.integer("branches"), 3);
@@ -97,8 +95,7 @@ TEST_F(Navigate, SamplesLostInATurnAreCountedThere) {
   const std::int64_t length = turn->end_sample - turn->start_sample;
   lose("rest", turn->start_sample - 100, length + 300, "turn");
   const ProgramResult navigated =
-      run({"navigate", "turn", "--parameters", path("true.conf"), "--out", "nav", "--for", "600"});
-  ASSERT_EQ(navigated.code, 0) << navigated.err;
+      ends({"navigate", "turn", "--parameters", path("true.conf"), "--out", "nav", "--for", "600"}, 0);
   KeyValueFile conf = result("nav/navigation.conf");
   EXPECT_EQ(conf.integer("filled_samples"), length + 300);
   EXPECT_EQ(conf.integer("filled_in_motion"), length);
@@ -127,8 +124,7 @@ TEST_F(Navigate, WithoutSegmentsEverythingCountsAsRest) {
   const std::string segments = file_text(folder_ / "text/segments.csv");
   write("text/segments.csv", segments.substr(0, segments.find('\n') + 1));
   const ProgramResult navigated =
-      run({"navigate", "text", "--parameters", path("true.conf"), "--out", "nav", "--to", "900", "--align", "200"});
-  ASSERT_EQ(navigated.code, 0) << navigated.err;
+      ends({"navigate", "text", "--parameters", path("true.conf"), "--out", "nav", "--to", "900", "--align", "200"}, 0);
   EXPECT_SAYS(navigated.out, "no segments: everything counts as rest");
   EXPECT_EQ(result("nav/navigation.conf").number("branch.1.free_s"), 700.0);
 }
@@ -171,8 +167,7 @@ TEST_F(Navigate, SaysWhatSpeaksAgainstTheFile) {
   ParameterFile file = truth_of("rest");
   file.add_further("quality.trusted", std::string("false"));
   keep(file, "doubtful.conf");
-  const ProgramResult navigated = run({"navigate", "rest", "--parameters", path("doubtful.conf"), "--out", "nav"});
-  ASSERT_EQ(navigated.code, 0) << navigated.err;
+  const ProgramResult navigated = ends({"navigate", "rest", "--parameters", path("doubtful.conf"), "--out", "nav"}, 0);
   EXPECT_SAYS(navigated.out, "NOT TRUSTED");
   EXPECT_NEAR(result("nav/navigation.conf").number("felt_latitude_deg"), 29.53, 0.01);
   EXPECT_EQ(result("nav/navigation.conf").text("trusted"), "false");
@@ -181,8 +176,7 @@ TEST_F(Navigate, SaysWhatSpeaksAgainstTheFile) {
   std::string conf = file_text(folder_ / "text/recording.conf");
   conf.replace(conf.find("29.53"), 5, "39.53");
   write("text/recording.conf", conf);
-  const ProgramResult elsewhere = run({"navigate", "text", "--parameters", path("doubtful.conf"), "--out", "away"});
-  ASSERT_EQ(elsewhere.code, 0) << elsewhere.err;
+  const ProgramResult elsewhere = ends({"navigate", "text", "--parameters", path("doubtful.conf"), "--out", "away"}, 0);
   EXPECT_SAYS(elsewhere.out, "LATITUDE        29.5");
   // Parameters are of increments over a period.
   file.sample_period_s = 0.0025;
@@ -233,8 +227,7 @@ TEST_F(Navigate, IsPredictedFromASequence) {
     const std::size_t at = text.find(name);
     return at == std::string::npos ? -1.0 : std::stod(text.substr(at + name.size()));
   };
-  const ProgramResult hour = run({"predict", "--sequence", sequence, "--navigate", "1h"});
-  ASSERT_EQ(hour.code, 0) << hour.err;
+  const ProgramResult hour = ends({"predict", "--sequence", sequence, "--navigate", "1h"}, 0);
   // Angle random walk N over the alignment T: N / (W cos L sqrt(T)) = 0.0303 deg; velocity noise, and the calibration, add to it.
   EXPECT_GT(row(hour.out, "heading after alignment, deg"), 0.0303);
   EXPECT_LT(row(hour.out, "heading after alignment, deg"), 0.0303 * 1.2);

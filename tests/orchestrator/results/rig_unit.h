@@ -1,11 +1,6 @@
 // For tests of what is done with a calibration: a unit of the rig, its recordings, and its true parameters as a file.
 #pragma once
 
-#include <functional>
-#include <optional>
-#include <sstream>
-#include <string>
-
 #include "imu_io/base/key_value.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
@@ -23,9 +18,9 @@ class RigUnit : public Program {
   void record(const std::string& out, const std::string& rig, const std::string& steps) {
     write(out + ".rig", rig);
     write_sequence(out + ".seq", steps);
-    const ProgramResult made = run({"run", "--dry-run", "--unit", "SN7", "--out", out, "--capture-only", "--rig",
-                                    path(out + ".rig"), "--sequence", path(out + ".seq")});
-    ASSERT_EQ(made.code, 0) << made.err;
+    ends({"run", "--dry-run", "--unit", "SN7", "--out", out, "--capture-only", "--rig", path(out + ".rig"),
+          "--sequence", path(out + ".seq")},
+         0);
   }
   void write_sequence(const std::string& name, const std::string& steps) {
     write(name, "format = 1\nname = of_test\nrate_degps = 10\nacceleration_degps2 = 20\n" + steps);
@@ -49,16 +44,13 @@ class RigUnit : public Program {
               const std::function<void(std::int64_t counter, std::vector<std::string>& cells)>& change) {
     std::filesystem::remove_all(folder_ / out);
     ASSERT_EQ(run({"export", recording, "--out", out}).code, 0);
-    std::istringstream all(file_text(folder_ / out / "imu.csv"));
-    std::string text, line;
-    while (std::getline(all, line)) {
+    std::string text;
+    for (const std::string& line : lines_of(file_text(folder_ / out / "imu.csv"))) {
       if (line.empty() || std::isdigit(static_cast<unsigned char>(line.front())) == 0) {
         text += line + '\n';
         continue;
       }
-      std::vector<std::string> cells;
-      std::istringstream row(line);
-      for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
+      std::vector<std::string> cells = lines_of(line, ',');
       change(std::stoll(cells.front()), cells);
       for (std::size_t k = 0; k < cells.size(); ++k) text += (k > 0 ? "," : "") + cells[k];
       if (!cells.empty()) text += '\n';
@@ -72,10 +64,7 @@ class RigUnit : public Program {
     });
   }
   Segments segments_of(const std::string& recording) { return (*RecordingSource::open(path(recording)))->segments(); }
-  void keep(const ParameterFile& file, const std::string& name) {
-    const Status written = write_parameter_file(file, path(name));
-    ASSERT_TRUE(written.ok()) << written.error().message;
-  }
+  void keep(const ParameterFile& file, const std::string& name) { ASSERT_OK(write_parameter_file(file, path(name))); }
   KeyValueFile result(const std::string& name) { return *KeyValueFile::parse(file_text(folder_ / name), name); }
 };
 

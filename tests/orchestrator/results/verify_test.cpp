@@ -1,5 +1,4 @@
 // `turncal verify` as a program: north seeking on the rig, judged; readings of references; and what is refused.
-#include <gtest/gtest.h>
 
 #include "imu_io/base/posix_file.h"
 #include "tests/orchestrator/operator_session.h"
@@ -49,8 +48,7 @@ TEST_F(Verify, SeeksNorthInFourHeadings) {
   write_parameters("true.conf");
   write("paper.station", station_head);
   const ProgramResult verified =
-      run("verify --dry-run --unit SN7 --parameters true.conf --rig good.rig --station paper.station --out v");
-  ASSERT_EQ(verified.code, 0) << verified.err << verified.out;
+      ends("verify --dry-run --unit SN7 --parameters true.conf --rig good.rig --station paper.station --out v", 0);
   KeyValueFile conf = result("v/verification.conf");
   for (int p = 1; p <= 4; ++p) {
     const std::string prefix = "position." + std::to_string(p) + ".";
@@ -130,8 +128,7 @@ TEST_F(Verify, RefusesWhatItCannotUse) {
   expect_refused({"check", "--station", path("north.station"), "--sequence", fourteen_steps}, north);
   // Somebody else works in the folder.
   std::filesystem::create_directory(folder_ / "busy");
-  const Result<LockFile> lock = LockFile::acquire(path("busy/.lock"));
-  ASSERT_TRUE(lock.ok());
+  const Result<LockFile> lock = good(LockFile::acquire(path("busy/.lock")));
   expect_refused({"verify", "--recording", "one", "--parameters", path("true.conf"), "--out", "busy"}, "in use by", 50);
   expect_refused({"navigate", "one", "--parameters", path("true.conf"), "--out", "busy"}, "in use by", 50);
 }
@@ -220,14 +217,12 @@ TEST_F(Verify, SaysThatTheRecordingIsDamaged) {
 // Killed anywhere and taken up again: the same outcome, exit code and file.
 TEST_F(Verify, GoesOnWithItsOutcome) {
   write_parameters("wrong.conf", 0, 0.1);
-  const ProgramResult whole = run(seeking("wrong.conf", "whole"));
-  ASSERT_EQ(whole.code, 20) << whole.err;
+  const ProgramResult whole = ends(seeking("wrong.conf", "whole"), 20);
   const long points = count_points(seeking("wrong.conf", "count"), 20);
   for (const long point : {points / 3, 2 * points / 3, points - 12, points - 4, points - 1}) {
     const std::string out = "killed" + std::to_string(point);
     run_struck(seeking("wrong.conf", out), point, "kill");
-    const ProgramResult resumed = run({"resume", out});
-    EXPECT_EQ(resumed.code, 20) << point << resumed.err << resumed.out;
+    const ProgramResult resumed = ends({"resume", out}, 20);
     EXPECT_SAYS(resumed.err, "verification");
     EXPECT_EQ(file_text(folder_ / out / "verification.conf"), file_text(folder_ / "whole/verification.conf")) << point;
     EXPECT_EQ(run({"resume", out}).code, 20) << point;
@@ -249,8 +244,7 @@ TEST_F(Verify, BehindTheCalibration) {
   const auto into = [](const std::string& out) {
     return Arguments("run --dry-run --unit SN7 --station verifying.station --out " + out);
   };
-  const ProgramResult verified = run(into("v"));
-  ASSERT_EQ(verified.code, 0) << verified.err;
+  ends(into("v"), 0);
   const ParameterFile plain = *read_parameter_file(path("plain/parameters.conf"));
   const ParameterFile file = *read_parameter_file(path("v/parameters.conf"));
   EXPECT_EQ(file.parameters, plain.parameters);

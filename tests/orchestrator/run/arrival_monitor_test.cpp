@@ -1,9 +1,7 @@
 // The arrival rule against axes that lie, one clause at a time.
 #include "orchestrator/run/arrival_monitor.h"
 
-#include <gtest/gtest.h>
-
-#include <limits>
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -105,9 +103,8 @@ TEST(ArrivalMonitor, StallIsTwoSecondsWithoutComingNearer) {
 TEST(ArrivalMonitor, SlowMoveIsNoStall) {
   ArrivalMonitor monitor(config());
   monitor.start_move({Axis::pitch, 1.0, 0.01, 1.0}, 0.0, 0.0);
-  for (int i = 1; i < 1000; ++i) {
+  for (int i = 1; i < 1000; ++i)
     ASSERT_EQ(monitor.update(with_pitch(0.001 * i, 0.01, true, false), 0.1 * i), std::nullopt) << i;
-  }
 }
 
 TEST(ArrivalMonitor, DeadlineIsThatOfTheDesign) {

@@ -1,14 +1,6 @@
 // A unit of which a channel, or all six, give one and the same number in a dwell while its counter runs on.
 #include "orchestrator/run/dwell_monitor.h"
 
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <random>
-#include <vector>
-
 #include "calib/statistics/data_screen.h"
 
 #include "tests/orchestrator/rig_station.h"

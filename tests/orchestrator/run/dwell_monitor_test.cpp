@@ -1,13 +1,6 @@
 // Which dwells count: by the unit's counter, its flags, and its own account of standing still.
 #include "orchestrator/run/dwell_monitor.h"
-#include "tests/outcome.h"
-
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <limits>
-#include <string>
-#include <vector>
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

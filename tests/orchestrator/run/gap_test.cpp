@@ -1,11 +1,9 @@
 // A run that goes on while time passed: the unit ran on or began its counter anew, the table was switched off, and the
 // parameters are still those of the unit.
-#include <gtest/gtest.h>
 
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/records/journal.h"
-#include "tests/imu_io/temporary_folder.h"
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/rig_station.h"
 
@@ -41,10 +39,8 @@ struct GapStation : RigStation {
   }
   std::string recording() const { return RecordingSink(folder.path()).path(); }
   void expect_truth(RecordingSource& source) const {
-    const Result<LoadedRecording> loaded = load_recording(source);
-    ASSERT_TRUE(loaded.ok()) << loaded.error().message;
-    const Result<CalibrationOutput> output = calibrate_recording(*loaded, {});
-    ASSERT_TRUE(output.ok()) << output.error().message;
+    const Result<LoadedRecording> loaded = good(load_recording(source));
+    const Result<CalibrationOutput> output = good(calibrate_recording(*loaded, {}));
     const std::array<double, 24> truth = rig.truth_at_reference(output->mean_temperature_c.value_or(24.0));
     for (std::size_t i = 0; i < truth.size(); ++i) {
       if (!output->file.sigma[i]) continue;
@@ -54,7 +50,7 @@ struct GapStation : RigStation {
     }
   }
 
-  test::TemporaryFolder folder;
+  TemporaryFolder folder;
   DwellJournal kept;
 };
 
@@ -72,16 +68,13 @@ TEST_P(Gap, RestsSettlesAndIsCutThere) {
   EXPECT_GT(s.clock.now_s() - began_s, 30.0);
   EXPECT_EQ(outcome.units[0].lost_samples, 0u) << "the gap is no loss of the link";
 
-  Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(s.recording());
-  ASSERT_TRUE(source.ok()) << source.error().message;
+  Result<std::unique_ptr<RecordingSource>> source = good(RecordingSource::open(s.recording()));
   // Every dwell of the plan is there once and whole; each gap is one sample, in a rotate segment.
   std::vector<std::int64_t> dwells, planned, gaps;
-  for (const Segment& segment : (*source)->segments()) {
+  for (const Segment& segment : (*source)->segments())
     if (segment.kind != SegmentKind::rotate) dwells.push_back(segment.end_sample - segment.start_sample);
-  }
-  for (const PlannedItem& item : s.plan.items) {
+  for (const PlannedItem& item : s.plan.items)
     if (item.kind == SequenceItem::Kind::dwell) planned.push_back(item.samples);
-  }
   EXPECT_EQ(dwells, planned);
   std::int64_t next = 0;
   const Status read = (*source)->read([&](std::span<const ImuSample> samples) {
@@ -104,8 +97,7 @@ TEST(Gap, SeveralAmongTheFirstDwells) {
     GapStation s(2.0);
     for (const double stop_s : stops_s) ASSERT_NO_FATAL_FAILURE(s.interrupted_session(stop_s, 5.0));
     ASSERT_EQ(s.session().state, RunState::done);
-    Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(s.recording());
-    ASSERT_TRUE(source.ok()) << source.error().message;
+    Result<std::unique_ptr<RecordingSource>> source = good(RecordingSource::open(s.recording()));
     s.expect_truth(**source);
   }
 }

@@ -1,11 +1,10 @@
 // A disk that hangs holds up nothing but what is written: the table is watched and stopped as always, and nothing is lost when it answers
 // again. How late a stop goes out meanwhile: tests/study/study_stops.cpp.
-#include <gtest/gtest.h>
+#include "tests/test.h"
 
 #include <thread>
 
 #include "tests/orchestrator/hanging_station.h"
-#include "tests/outcome.h"
 
 namespace turncal {
 namespace {

@@ -1,11 +1,6 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-#include <random>
-
-#include "calib/model/parameters.h"
 #include "orchestrator/run/motion_watch.h"
-#include "tests/outcome.h"
+#include "calib/model/parameters.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -2,10 +2,7 @@
 //
 // First the transition table alone, then the real run on the rig: faults of table, unit, disk and operator, kills in between,
 // and the run taken up again until it is done.
-#include <gtest/gtest.h>
 #include <rapidcheck.h>
-
-#include <set>
 
 #include "tests/orchestrator/rig_station.h"
 
@@ -68,9 +65,8 @@ TEST(RunProperties, TransitionTable) {
       }
       if (t.to == RunState::done && state != RunState::done) RC_ASSERT(sealed && results_durable);
       // A pause leaves a move, a dwell and homing alone, and never ends a run without a stop.
-      if (event == RunEvent::pause_wanted && t.outcome == Transition::Outcome::taken) {
+      if (event == RunEvent::pause_wanted && t.outcome == Transition::Outcome::taken)
         RC_ASSERT(t.to == state || (t.action == RunAction::stop_table && !move_outstanding));
-      }
       state = t.to;
     }
   });
@@ -187,9 +183,8 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
   RigConfig config = default_rig_config();
   config.sample_period_s = 0.02;
   config.table.home_time_s = 0.1;
-  for (const Disturbance& d : disturbances) {
+  for (const Disturbance& d : disturbances)
     if (d.kind < fault_kinds) config.faults.push_back(fault_of(d, config.sample_period_s));
-  }
   if (const Status status = check(config); !status) return status.error().message;
   RigStation s(tiny_text, config);
   MemoryJournal journal;

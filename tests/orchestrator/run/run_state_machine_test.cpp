@@ -1,13 +1,7 @@
 // The transition table is complete, unambiguous and the one that docs/state-machine.md draws.
 #include "orchestrator/run/run_state_machine.h"
 
-#include <gtest/gtest.h>
-
-#include <fstream>
-#include <set>
-#include <sstream>
-#include <string>
-#include <vector>
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -34,15 +28,13 @@ std::vector<RunGuards> all_guards() {
 
 int taken_rows(RunState state, RunEvent event, const RunGuards& guards) {
   int count = 0;
-  for (const TransitionRow& row : transition_table) {
+  for (const TransitionRow& row : transition_table)
     if (row.from.contains(state) && row.event == event && holds(row.guard, guards)) ++count;
-  }
   return count;
 }
 bool listed_ignored(RunState state, RunEvent event) {
-  for (const IgnoredRow& row : ignored_events) {
+  for (const IgnoredRow& row : ignored_events)
     if (row.in.contains(state) && row.events.contains(event)) return true;
-  }
   return false;
 }
 
@@ -91,9 +83,8 @@ TEST(RunStateMachine, GuardsOfAPairCoverBothCases) {
   for (const TransitionRow& row : transition_table) {
     for (RunState state : all_states()) {
       if (!row.from.contains(state)) continue;
-      for (const RunGuards& guards : all_guards()) {
+      for (const RunGuards& guards : all_guards())
         EXPECT_EQ(taken_rows(state, row.event, guards), 1) << to_string(state) << " + " << to_string(row.event);
-      }
     }
   }
 }
@@ -146,9 +137,8 @@ TEST(RunStateMachine, EveryStateIsReachable) {
   std::set<RunState> reached = {RunState::idle};
   for (int round = 0; round < run_state_count; ++round) {
     for (const TransitionRow& row : transition_table) {
-      for (RunState state : all_states()) {
+      for (RunState state : all_states())
         if (row.from.contains(state) && reached.count(state)) reached.insert(row.to);
-      }
     }
   }
   EXPECT_EQ(reached.size(), static_cast<std::size_t>(run_state_count));
@@ -183,9 +173,8 @@ std::vector<std::string> expected_document_lines() {
     lines.push_back("| " + names_of(row.from) + " | " + std::string(to_string(row.event)) + " | " + guard + " | " +
                     std::string(to_string(row.to)) + " | " + std::string(to_string(row.action)) + " |");
   }
-  for (const IgnoredRow& row : ignored_events) {
+  for (const IgnoredRow& row : ignored_events)
     lines.push_back("| " + names_of(row.in) + " | " + names_of(row.events) + " | " + std::string(row.why) + " |");
-  }
   // The drawing has one arrow a row and state; errors of the live states are drawn from the frame around them.
   for (const TransitionRow& row : transition_table) {
     const std::string guard = row.guard == RunGuard::always ? "" : " [" + std::string(to_string(row.guard)) + "]";

@@ -1,10 +1,4 @@
 // Dwells and moves that do not count are done again, whole.
-#include <gtest/gtest.h>
-
-#include <algorithm>
-#include <optional>
-#include <utility>
-#include <vector>
 
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/jobs/command_context.h"
@@ -181,9 +175,8 @@ TEST(StationRun, SamplesLostInAMoveRepeatIt) {
 
 TEST(StationRun, AMoveThatKeepsLosingSamplesFails) {
   std::vector<RigFault> faults;
-  for (std::int64_t sample = 1500; sample < 60000; sample += 1500) {
+  for (std::int64_t sample = 1500; sample < 60000; sample += 1500)
     faults.push_back(unit_fault(RigFaultKind::lost_sample, sample));
-  }
   RigStation s(two_steps_text, rig_with(faults));
   const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);

@@ -1,5 +1,4 @@
 // Faults of the table in a run: it is stopped, and the stop is verified.
-#include <gtest/gtest.h>
 
 #include "orchestrator/jobs/command_context.h"
 #include "orchestrator/run/station_run.h"

@@ -1,6 +1,4 @@
 // The page of several stations: what it shows of each, and what an operator can do by it.
-#include <chrono>
-#include <optional>
 #include <thread>
 
 #include "imu_io/base/clock.h"
@@ -191,8 +189,7 @@ TEST_F(Serve, NobodyButAnOperatorChangesAnything) {
 TEST_F(Serve, ShowsTheResultsOfAllStationsOfADatabase) {
   const double now = *parse_utc("2026-01-02T12:00:00Z");
   EXPECT_SAYS(look_at_results(path("none.db"), now).defect, "none.db");
-  Result<ResultsDatabase> database = ResultsDatabase::open(path("line.db"));
-  ASSERT_TRUE(database) << database.error().message;
+  Result<ResultsDatabase> database = good(ResultsDatabase::open(path("line.db")));
   struct Row {
     const char *run, *unit, *time, *outcome, *station;
   };

@@ -1,14 +1,8 @@
 // The languages of the operator: each says everything that English says, with the same places, and nothing is there that nobody says.
 #include "turntable_drivers/manual/operator_texts.h"
 
-#include <filesystem>
-#include <fstream>
-#include <set>
-#include <sstream>
-
-#include <gtest/gtest.h>
-
 #include "imu_io/base/text_pieces.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -1,14 +1,6 @@
 // Faults of a Modbus line and of the drives behind it, each injected at the twin: what comes out is the right position or an error of
 // the right kind, never another axis's position. Stops: modbus_stop_test.cpp.
-#include <fcntl.h>
 #include <sys/file.h>
-#include <unistd.h>
-
-#include <algorithm>
-#include <functional>
-#include <set>
-
-#include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/served_twin.h"
 
@@ -305,8 +297,7 @@ TEST(ModbusFaults, MissingForbiddenAndBusy) {
   EXPECT_EQ(error_of(false, "").kind, ErrorKind::input);
   EXPECT_EQ(error_of(true, "127.0.0.1").kind, ErrorKind::input);
   EXPECT_EQ(error_of(true, "127.0.0.1:1").kind, ErrorKind::device) << "refused";
-  Result<Pty> pty = Pty::create();
-  ASSERT_TRUE(pty.ok());
+  Result<Pty> pty = good(Pty::create());
   const int holder = ::open(pty->device().c_str(), O_RDWR | O_NOCTTY);
   ASSERT_GE(holder, 0);
   ASSERT_EQ(::flock(holder, LOCK_EX | LOCK_NB), 0);

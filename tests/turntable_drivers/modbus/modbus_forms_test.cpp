@@ -1,5 +1,4 @@
 // Modbus tables that are one controller: the contract of every table with each map, and what is special about them.
-#include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/served_twin.h"
 #include "tests/turntable_drivers/table_contract.h"

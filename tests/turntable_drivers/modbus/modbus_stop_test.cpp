@@ -2,11 +2,6 @@
 #include <poll.h>
 #include <signal.h>
 #include <sys/wait.h>
-#include <unistd.h>
-
-#include <set>
-
-#include <gtest/gtest.h>
 
 #include "tests/turntable_drivers/served_twin.h"
 

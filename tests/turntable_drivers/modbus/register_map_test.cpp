@@ -1,11 +1,6 @@
 // The register map's text: every defect is named with its line, and the maps that ship say what they are and work with the twin.
 #include "turntable_drivers/modbus/register_map.h"
 
-#include <gtest/gtest.h>
-#include <cmath>
-#include <limits>
-#include <vector>
-
 #include "tests/turntable_drivers/served_twin.h"
 #include "turntable_drivers/modbus/modbus_frame.h"
 #include "turntable_drivers/table/table_description.h"
@@ -240,8 +235,7 @@ TEST(RegisterMap, AxesThatCannotBeToldApartAreRefused) {
 
 TEST_P(ShippedMap, SaysThatItIsUnverifiedAndMovesTheTwin) {
   const std::string path = std::string(TURNCAL_SOURCE_DIR) + "/turntable_drivers/modbus/maps/" + GetParam() + ".map";
-  Result<RegisterMap> read = read_register_map(path);
-  ASSERT_OK(read);
+  Result<RegisterMap> read = good(read_register_map(path));
   EXPECT_FALSE(read->verified_on_hardware);
   EXPECT_FALSE(read->commissioned) << "no motion before the user has checked it";
   RegisterMap map = *read;
@@ -273,9 +267,7 @@ TEST_P(ShippedMap, SaysThatItIsUnverifiedAndMovesTheTwin) {
     return false;
   };
   ASSERT_TRUE(wait_until([](const AxisStatus& now) { return now.homed && !now.moving; }));
-  for (const Axis axis : all_axes) {
-    ASSERT_OK(driver.move_absolute(axis, -30.0, 10.0, 10.0));
-  }
+  for (const Axis axis : all_axes) ASSERT_OK(driver.move_absolute(axis, -30.0, 10.0, 10.0));
   station.pass(1.5);
   for (const Axis axis : all_axes) {
     // The twin's own axis, not what is read back through the same map.

@@ -1,16 +1,9 @@
 // The rig's text configuration: defaults, every kind of key, every kind of mistake, and docs/rig.md.
 #include "turntable_drivers/rig/rig_config.h"
 
-#include <algorithm>
-#include <fstream>
-#include <iterator>
 #include <regex>
-#include <set>
-#include <string>
+#include "tests/test.h"
 
-#include <gtest/gtest.h>
-
-#include "tests/outcome.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
 #include "turntable_drivers/rig/rig.h"
 
@@ -23,15 +16,8 @@ std::string error_of(const std::string& text) {
   return config.ok() ? "" : config.error().message;
 }
 
-TEST(RigConfig, DefaultsAndPerfectAreValid) {
-  EXPECT_TRUE(check(default_rig_config()).ok());
-  EXPECT_TRUE(check(perfect_rig_config()).ok());
-  const Rig perfect(perfect_rig_config());
-  for (const auto& [name, value] : perfect.table_errors()) EXPECT_EQ(value, 0.0) << name;
-}
-
 TEST(RigConfig, ReadsEveryPartOfAFile) {
-  const Result<RigConfig> config = parse_rig_config(R"(
+  const Result<RigConfig> config = good(parse_rig_config(R"(
 # a unit with one effect and three faults
 seed = 17
 noise.seed = 18
@@ -72,8 +58,7 @@ fault.4.kind = emergency_stop
 fault.4.time_s = 12
 fault.4.duration_s = 34
 )",
-                                                    "bench.rig");
-  ASSERT_OK(config);
+                                                         "bench.rig"));
   EXPECT_EQ(config->seed, 17u);
   EXPECT_EQ(config->noise_seed, 18u);
   EXPECT_EQ(config->unit_serial, "RLG-0042");
@@ -135,9 +120,8 @@ TEST(RigConfig, ErrorsNameFileLineKeyAndValue) {
   EXPECT_SAYS(error_of("fault.2.kind = lost_sample\nfault.2.sample = 1\n"), "fault.2") << "numbers begin at 1";
   EXPECT_SAYS(error_of("fault.1.kind = lost_sample\nfault.1.sample = 1\nfault.1.size_mrad = 1\n"), "size_mrad")
       << "a key that this kind does not have";
-  for (const std::string& text : {std::string("seed = 1\nseed = 2\n"), std::string(""), std::string("seed\n")}) {
+  for (const std::string& text : {std::string("seed = 1\nseed = 2\n"), std::string(""), std::string("seed\n")})
     EXPECT_SAYS_NOT(error_of(text), "\n");
-  }
   EXPECT_FALSE(read_rig_config("/nonexistent/rig.conf").ok());
   EXPECT_EQ(read_rig_config("/nonexistent/rig.conf").error().kind, ErrorKind::input);
 }
@@ -152,9 +136,8 @@ TEST(RigConfig, EveryFaultKindHasAName) {
 }
 
 std::string replace_all(std::string text, const std::string& from, const std::string& to) {
-  for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size())) {
+  for (std::size_t at = text.find(from); at != std::string::npos; at = text.find(from, at + to.size()))
     text.replace(at, from.size(), to);
-  }
   return text;
 }
 
@@ -171,17 +154,14 @@ TEST(RigConfig, TheDocumentListsTheDefaults) {
       inside = line == "```rig";
     } else if (inside && line.find('=') != std::string::npos) {
       for (const char* axis : {"heading", "pitch", "roll"}) {
-        for (const char* b : {"x", "y", "z"}) {
-          lines.insert(replace_all(replace_all(line, "AXIS", axis), "(B)", b));
-        }
+        for (const char* b : {"x", "y", "z"}) lines.insert(replace_all(replace_all(line, "AXIS", axis), "(B)", b));
       }
     }
   }
   EXPECT_GT(lines.size(), 90u);
   std::string text;
   for (const std::string& each : lines) text += each + "\n";
-  const Result<RigConfig> config = parse_rig_config(text, "docs/rig.md");
-  ASSERT_OK(config);
+  const Result<RigConfig> config = good(parse_rig_config(text, "docs/rig.md"));
   // The same unit, table, time and noise as without any key, so every default is the one in force.
   Rig a(*config), b(default_rig_config());
   EXPECT_EQ(a.truth(), b.truth());
@@ -206,11 +186,8 @@ TEST(RigConfig, TheDocumentListsTheDefaults) {
 
 // Every piece of a key that the reader asks for stands in the document.
 TEST(RigConfig, TheDocumentHasEveryKeyOfTheReader) {
-  const auto content = [](const std::string& path) {
-    std::ifstream file(TURNCAL_SOURCE_DIR + path);
-    return std::string(std::istreambuf_iterator<char>(file), {});
-  };
-  const std::string document = content("/docs/rig.md"), reader = content("/turntable_drivers/rig/rig_config.cpp");
+  const std::string document = file_text(TURNCAL_SOURCE_DIR "/docs/rig.md");
+  const std::string reader = file_text(TURNCAL_SOURCE_DIR "/turntable_drivers/rig/rig_config.cpp");
   const std::regex literal("\"([a-z_][a-z_0-9.]*)\"");
   int found = 0;
   for (auto at = std::sregex_iterator(reader.begin(), reader.end(), literal); at != std::sregex_iterator(); ++at) {
@@ -221,9 +198,8 @@ TEST(RigConfig, TheDocumentHasEveryKeyOfTheReader) {
     ++found;
   }
   EXPECT_GT(found, 100);
-  for (const std::string& key : rig_effect_keys()) {
+  for (const std::string& key : rig_effect_keys())
     EXPECT_SAYS(document, "effect." + key.substr(0, key.find('.')) + ".") << key;
-  }
 }
 
 }  // namespace

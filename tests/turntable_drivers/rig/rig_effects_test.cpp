@@ -5,12 +5,7 @@
 // (15.0405610, -0.1233812, 0) deg/h; field (cos 30 * 0.34 - sin 30 * 0.36, -sin 30 * 0.34 - cos 30 * 0.36, -0.015) =
 // (0.1144486, -0.4817691, -0.015) gauss. Effects of temperature: T - T_ref = 5 C. Sample 72 000 has its middle at
 // 360.0025 s = 0.1000007 h.
-#include <cmath>
-#include <functional>
-#include <vector>
-
-#include <gtest/gtest.h>
-
+#include "tests/test.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
 #include "turntable_drivers/rig/rig.h"
 
@@ -123,9 +118,8 @@ INSTANTIATE_TEST_SUITE_P(
         Case{"gyro_accel_flexure.zx", 3600, 30, {0.0010767, 0.1312537, 0}, {}}),
     [](const auto& tested) {
       std::string name = tested.param.key;
-      for (char& c : name) {
+      for (char& c : name)
         if (c == '.') c = '_';
-      }
       return name + (tested.param.pitch_deg < 0 ? "_nose_down" : "_nose_up");
     });
 

@@ -1,10 +1,7 @@
 // The simulated unit as a source: time, counters, and its faults.
 #include "turntable_drivers/rig/rig_devices.h"
 
-#include <vector>
-
-#include <gtest/gtest.h>
-
+#include "tests/test.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
 
 namespace turncal {

@@ -1,10 +1,7 @@
 // The trapezoid of one axis, signs of geometry, random numbers. That rates are derivatives: rig_navigation_test.cpp.
 #include "turntable_drivers/rig/rig_axes.h"
 
-#include <cmath>
-
-#include <gtest/gtest.h>
-
+#include "tests/test.h"
 #include "turntable_drivers/rig/rig_geometry.h"
 #include "turntable_drivers/rig/rig_math.h"
 
@@ -121,35 +118,6 @@ TEST(RigRandom, GeneratorGivesThePublishedNumbers) {
   EXPECT_EQ(random.next(), 3588806011781223u);
   EXPECT_EQ(random.next(), 3591011842654386u);
   EXPECT_EQ(random.next(), 9228616714210784205u);
-}
-
-// 4 million numbers: mean within 4 sigma = 0.002, variance 4 sqrt(2/n) = 0.0028, kurtosis 4 sqrt(24/n) = 0.0098, and
-// the counts of 24 classes and both tails by chi-square (25 degrees of freedom: 99.99 % below 60).
-TEST(RigRandom, NormalNumbersAreNormal) {
-  constexpr int count = 4000000;
-  RandomStream random(7, 1);
-  double sum = 0.0, squares = 0.0, fourths = 0.0;
-  std::array<double, 26> classes{};  // below -3, 24 classes of 0.25, above 3
-  for (int i = 0; i < count; ++i) {
-    const double z = random.normal();
-    sum += z;
-    squares += z * z;
-    fourths += z * z * z * z;
-    const double place = std::floor((z + 3.0) / 0.25);
-    classes[static_cast<std::size_t>(std::fmin(25.0, std::fmax(0.0, place + 1.0)))] += 1.0;
-  }
-  EXPECT_NEAR(sum / count, 0.0, 0.002);
-  EXPECT_NEAR(squares / count, 1.0, 0.0028);
-  EXPECT_NEAR(fourths / count, 3.0, 0.0098);
-  const auto cdf = [](double z) { return 0.5 * std::erfc(-z / std::sqrt(2.0)); };
-  double chi_square = 0.0;
-  for (std::size_t i = 0; i < classes.size(); ++i) {
-    const double low = i == 0 ? 0.0 : cdf(-3.0 + 0.25 * (static_cast<double>(i) - 1.0));
-    const double high = i == 25 ? 1.0 : cdf(-3.0 + 0.25 * static_cast<double>(i));
-    const double expected = count * (high - low);
-    chi_square += (classes[i] - expected) * (classes[i] - expected) / expected;
-  }
-  EXPECT_LT(chi_square, 60.0);
 }
 
 }  // namespace

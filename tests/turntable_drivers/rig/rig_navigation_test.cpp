@@ -1,17 +1,13 @@
 // The rig against navigation: what it makes is consistent motion, and its quadrature is exact. The navigation here is written for
 // this test from the definitions alone. What each parameter does in its step: tests/calib/worked_numbers_test.cpp.
-#include <cmath>
-#include <vector>
+#include "tests/test.h"
 
-#include <gtest/gtest.h>
 #include <Eigen/Core>
 #include <Eigen/LU>
-#include <string>
 
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_source.h"
-#include "tests/outcome.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
 #include "turntable_drivers/rig/rig.h"
 
@@ -157,12 +153,10 @@ TEST(RigAgainstAnotherSimulator, SameUnitSameMotionSamePulses) {
   const std::string folder = TURNCAL_SOURCE_DIR "/../shared/data/recordings/clean";
   if (!path_exists(folder)) GTEST_SKIP() << "no recordings beside the repository";
   RigConfig config = perfect_rig_config();
-  Result<KeyValueFile> truth = KeyValueFile::read(folder + "/truth.conf");
-  ASSERT_OK(truth);
+  Result<KeyValueFile> truth = good(KeyValueFile::read(folder + "/truth.conf"));
   for (std::size_t i = 0; i < 24; ++i)
     if (const std::string key(rig_truth_keys[i]); truth->has(key)) config.truth[i] = truth->number(key);
-  const Result<std::unique_ptr<RecordingSource>> recording = RecordingSource::open(folder);
-  ASSERT_OK(recording);
+  const Result<std::unique_ptr<RecordingSource>> recording = good(RecordingSource::open(folder));
   std::vector<std::array<double, 6>> theirs(1);  // sums of the six columns, one more than samples
   ASSERT_OK((*recording)->read([&](std::span<const ImuSample> samples) {
     for (const ImuSample& sample : samples) {

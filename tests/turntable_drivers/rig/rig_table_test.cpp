@@ -1,12 +1,6 @@
 // The mock table: the contract of every table, its own manners, and its lies.
 #include "turntable_drivers/rig/rig_devices.h"
 
-#include <cmath>
-#include <vector>
-
-#include <gtest/gtest.h>
-
-#include "tests/outcome.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
 #include "tests/turntable_drivers/table_contract.h"
 
@@ -52,23 +46,6 @@ RigConfig with_fault(RigFaultKind kind, double time_s, Axis axis = Axis::heading
   fault.axis = static_cast<int>(axis);
   config.faults.push_back(fault);
   return config;
-}
-
-// 90 deg at 10 deg/s and 10 deg/s^2 take 10 s: after 5 s it stands at 45 deg and turns at 10 deg/s.
-TEST(RigTable, StatusFollowsTheTrapezoid) {
-  Station s;
-  s.go(Axis::pitch, 90.0);
-  EXPECT_TRUE(s.at(Axis::pitch).moving);
-  EXPECT_FALSE(s.at(Axis::pitch).in_position);
-  pass_time(s.rig, 5.0);
-  EXPECT_NEAR(s.at(Axis::pitch).position_deg, 45.0, 1e-9);
-  EXPECT_NEAR(s.at(Axis::pitch).rate_degps, 10.0, 1e-9);
-  EXPECT_NEAR(s.at(Axis::pitch).time_s, 7.0, 1e-9);
-  EXPECT_TRUE(s.at(Axis::heading).in_position);
-  pass_time(s.rig, 5.0);
-  EXPECT_FALSE(s.at(Axis::pitch).moving);
-  EXPECT_TRUE(s.at(Axis::pitch).in_position);
-  EXPECT_EQ(s.at(Axis::pitch).raw, 0b1011u);
 }
 
 TEST(RigTable, HomingTurnsTheAxesToZero) {
@@ -146,6 +123,7 @@ TEST(RigTable, DriveFaultIsLatched) {
   s.go(Axis::pitch, 0.0);
   pass_time(s.rig, 10.0);
   EXPECT_TRUE(s.at(Axis::pitch).in_position);
+  EXPECT_EQ(s.at(Axis::pitch).raw, 0b1011u);
 }
 
 TEST(RigTable, EmergencyStopNeedsTheOperator) {
@@ -232,15 +210,6 @@ TEST(RigTable, InPositionLies) {
   ASSERT_TRUE(s.table.stop_all().ok());
   pass_time(s.rig, 1.5);
   EXPECT_TRUE(s.at(Axis::pitch).in_position);
-}
-
-TEST(RigClock, ShowsRigTime) {
-  Rig rig(default_rig_config());
-  const RigClock clock(rig);
-  EXPECT_EQ(clock.now_s(), 0.0);
-  pass_time(rig, 90.0);
-  EXPECT_NEAR(clock.now_s(), 90.0, 1e-9);
-  EXPECT_EQ(format_utc(clock.utc_s()), "2026-01-01T00:01:30Z");
 }
 
 }  // namespace
