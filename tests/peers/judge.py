@@ -12,6 +12,7 @@ frame is its own: before anything is compared it is turned so that M_a is upper 
   hand TEXT RESTS K CALIBRATION     squares over the rests that were left out: count, gravity's norm; count, gravity's direction after a turn
 """
 import json
+import statistics
 import sys
 import numpy as np
 
@@ -115,6 +116,11 @@ def errors(true, found):
 
 def truth(true, found):
     print(*errors(of_parameters(true), np.loadtxt(found).ravel()))
+
+def band(dof):
+    """Central 99 % of chi-square over its degrees of freedom (Wilson and Hilferty 1931)."""
+    z = statistics.NormalDist().inv_cdf(0.995)
+    return [float(1 - 2 / (9 * dof) + s * z * np.sqrt(2 / (9 * dof))) ** 3 for s in (-1, 1)]
 
 def hand(folder, rests, k, found):
     _, gyro, accel, c = text(folder)
