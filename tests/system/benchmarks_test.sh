@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# shellcheck disable=SC2015
 # benchmarks/run and benchmarks/score on the two shortest cases: the model agrees with closed forms, all twelve answers are the sealed ones, turncal
 # scores, a wrong parameter file scores worse, and an answer or a seal that was changed is refused.
 set -euo pipefail
