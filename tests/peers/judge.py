@@ -12,6 +12,7 @@ frame is its own: before anything is compared it is turned so that M_a is upper 
   hand TEXT RESTS K CALIBRATION     squares over the rests that were left out: count, gravity's norm; count, gravity's direction after a turn
 """
 import json
+import statistics
 import sys
 import numpy as np
 
@@ -93,22 +94,33 @@ def turned(x):
     R = (Q * np.sign(np.diag(U))).T
     return R @ Mg, bg, R @ Ma, ba, R @ S @ R.T
 
-def of_parameters(path):
-    """w = n counts - N0 (deg/h), f = a counts - A0 (g of 9.80665 m/s^2); g-sensitivity in deg/h/g."""
-    p = conf(path)
+def calibration(p):
+    """Of a parameter file's keys: w = n counts - N0 (deg/h), f = a counts - A0 (g of 9.80665 m/s^2); g-sensitivity in deg/h/g."""
     n, a = (np.array([[float(p[f"{k}{i}{j}"]) for j in "123"] for i in "123"]) for k in "na")
     N0, A0 = (np.array([float(p[f"{k}0{i}"]) for i in "123"]) for k in "NA")
     Mg = n / GYRO_PULSE if p.get("gyro_increment", "pulses") == "pulses" else n  # a truth.conf is of pulses, too
     S = [float(p.get(f"effect.gyro_g_sensitivity.{i}{j}", 0)) * DEGPH / G0 for i in "xyz" for j in "xyz"]
     return np.r_[Mg.ravel(), np.linalg.solve(Mg, N0 * DEGPH), a.ravel(), np.linalg.solve(a, A0 * G0), S]
 
-def truth(true, found):
-    Mg, bg, Ma, ba, _ = turned(of_parameters(true))
-    Ng, cg, Na, ca, _ = turned(np.loadtxt(found).ravel())
+def of_parameters(path):
+    return calibration(conf(path))
+
+def errors(true, found):
+    """Rms: accelerometers ug, ppm, arcsec; gyros deg/h, ppm, arcsec. Both as 33 numbers."""
+    Mg, bg, Ma, ba, _ = turned(true)
+    Ng, cg, Na, ca, _ = turned(found)
     dA, dG = Na @ np.linalg.inv(Ma) - np.eye(3), Ng @ np.linalg.inv(Mg) - np.eye(3)
     off, rms = ~np.eye(3, dtype=bool), lambda x: float(np.sqrt(np.mean(np.square(x))))
-    print(rms(Na @ (ca - ba)) / G0 * 1e6, rms(np.diag(dA)) * 1e6, rms(dA[np.triu_indices(3, 1)]) / ARCSEC,
-          rms(Ng @ (cg - bg)) / DEGPH, rms(np.diag(dG)) * 1e6, rms(dG[off]) / ARCSEC)
+    return (rms(Na @ (ca - ba)) / G0 * 1e6, rms(np.diag(dA)) * 1e6, rms(dA[np.triu_indices(3, 1)]) / ARCSEC,
+            rms(Ng @ (cg - bg)) / DEGPH, rms(np.diag(dG)) * 1e6, rms(dG[off]) / ARCSEC)
+
+def truth(true, found):
+    print(*errors(of_parameters(true), np.loadtxt(found).ravel()))
+
+def band(dof):
+    """Central 99 % of chi-square over its degrees of freedom (Wilson and Hilferty 1931)."""
+    z = statistics.NormalDist().inv_cdf(0.995)
+    return [float(1 - 2 / (9 * dof) + s * z * np.sqrt(2 / (9 * dof))) ** 3 for s in (-1, 1)]
 
 def hand(folder, rests, k, found):
     _, gyro, accel, c = text(folder)
@@ -147,4 +159,5 @@ def table(form, *paths):
         print(json.dumps(out, indent=1))
 
 COMMANDS = {"prepare": prepare, "fold": fold, "truth": truth, "hand": hand, "table": table, "from": lambda a, b: np.savetxt(b, of_parameters(a))}
-COMMANDS[sys.argv[1]](*sys.argv[2:])
+if __name__ == "__main__":
+    COMMANDS[sys.argv[1]](*sys.argv[2:])

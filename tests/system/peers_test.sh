@@ -33,3 +33,4 @@ refused --nonsense
 refused --data
 refused --format xml
 refused --turncal "$work/none"
+refused --recording "$work/none"

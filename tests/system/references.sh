@@ -36,7 +36,7 @@ if [ -n "$program" ]; then
   done < "$work/commands" > "$work/options"
   "$program" --help | { grep -oE -e '(^|[ ,(])--[a-z][a-z-]*' || true; } | sed 's/.*--/turncal --/' >> "$work/options"
   sed 's/^[a-z]* /any /' "$work/options" > "$work/any"
-  { grep -rohE -e '--[a-z][a-z_-]*' scripts || true; } | sed 's/^/any /' >> "$work/any"
+  { grep -rsohE -e '--[a-z][a-z_-]*' scripts benchmarks || true; } | sed 's/^/any /' >> "$work/any"
   # Of other people's programs that the documents call.
   printf 'any --%s\n' gtest_filter preset install >> "$work/any"
   cat "$work/any" >> "$work/options"
