@@ -336,6 +336,9 @@ void add_run_command(CommandLine& line) {
   command.option("--rig", request.rig, "rig configuration (docs/rig.md); default: the built-in one");
   command.option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
   command.option("--station", request.station, "station configuration; default: the built-in rig station");
+  command.option("--temperature", request.temperature_c,
+                 "bring the station's chamber to this temperature first, degrees C (docs/chamber.md); default: "
+                 "chamber.temperature_c of the station");
   add_watch_options(command, request);
   command.flag("--capture-only", request.capture_only, "record the sequence, do not calibrate");
   command.flag("--partial", request.partial,

@@ -63,6 +63,6 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
 
 // "FILE:LINE: KEY is a guess" of each line of the table's file, and of the unit's frame, that is one; moving: of those alone that
 // decide what moves.
-std::vector<std::string> guesses_of(const StationConfig& station, bool moving);
+std::vector<std::string> guesses_of(const StationConfig& station, bool moving, bool heating = false);
 
 }  // namespace turncal

@@ -198,7 +198,8 @@ class Recorder {
         enough_(run, recordings_, storage_,
                 [this](const std::string& line, const KnownSoFar& unit) { tell_known(line, unit); }),
         station_(devices.devices(),
-                 {run.sequence, run.plan, run.station, run.units.front().serial, run.resume, run.sessions > 1},
+                 {run.sequence, run.plan, run.station, run.units.front().serial, run.resume, run.sessions > 1,
+                  run.temperature_c(), run.request.session.hands_chamber_on},
                  make_lanes(), hooks()) {}
 
   RunOutcome walk() {
@@ -338,7 +339,21 @@ RunEnd stopped(Run& run, const RunOutcome& outcome, bool goes_on, CommandContext
 
 }  // namespace
 
-Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context) {
+namespace {
+
+void add_chamber(const RunPlan& run, RunDevices& devices) {
+  if (!run.temperature_c()) return;
+  const ChamberConfig& config = *run.station.chamber;
+  if (!devices.live) {
+    RigGroup& group = devices.rig ? devices.rig->group : devices.rehearsal->group();
+    devices.rig_chamber = std::make_unique<RigChamber>(group, config.described.limits);
+  }
+  Chamber& chamber = devices.live ? static_cast<Chamber&>(*devices.live->chamber()) : *devices.rig_chamber;
+  devices.chamber = std::make_unique<ChamberKeeper>(
+      chamber, config, devices.live ? BackgroundQueue::By::thread : BackgroundQueue::By::caller);
+}
+
+Result<RunDevices> devices_of(const RunPlan& run, CommandContext& context) {
   RunDevices run_devices;
   if (context.quiet && (run.request.rehearsal() || run.station.table.driver == TableDriver::manual))
     return input_error("--quiet: a table that is turned by hand needs an operator who is told what to do");
@@ -357,6 +372,14 @@ Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context) {
   return run_devices;
 }
 
+}  // namespace
+
+Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context) {
+  RunDevices devices = TRY(devices_of(run, context));
+  add_chamber(run, devices);
+  return devices;
+}
+
 RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
   const double began_s = monotonic_s();
   RunView view(run, devices.prompts, context);
@@ -370,6 +393,8 @@ RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
   note_outcome(outcome, run);
   for (RunUnit& unit : run.units) unit.ended_utc_s = devices.devices().clock.utc_s();
   const bool done = outcome.state == RunState::done;
+  if (done && run.request.session.hands_chamber_on && devices.live && devices.live->chamber())
+    devices.live->chamber()->hand_on();
   const bool recorded = std::ranges::any_of(run.units, [](const RunUnit& unit) { return unit.recorded_s > 0.0; });
   // Of no use to whoever resumes: a unit of which all is recorded.
   const bool sealed = outcome.error.kind == ErrorKind::unit_failed && run.units.front().recording.has_value();
