@@ -248,7 +248,7 @@ TEST_F(ChamberProgram, ARunAtATemperature) {
   EXPECT_EQ(cold.code, 0) << cold.err;
   const auto warm = run(base + "--out warm --temperature 30 --verbose");
   EXPECT_EQ(warm.code, 0) << warm.err;
-  EXPECT_SAYS(warm.out, "brings the chamber to 30 C");
+  EXPECT_SAYS(warm.out, "homing -> resting");
   EXPECT_SAYS(warm.out, "settled");
   EXPECT_SAYS(run("journal warm --format csv").out, "30");
   expect_refused(base + "--out hot --temperature 61",
