@@ -43,16 +43,17 @@ int main(int argc, char** argv) {
   return turncal::run_command_line(
       argc, argv,
       {
-          turncal::add_run_command,      turncal::add_resume_command,      turncal::add_journal_command,
-          turncal::add_twin_command,     turncal::add_monitor_command,     turncal::add_commission_command,
-          turncal::add_check_command,    turncal::add_predict_command,     turncal::add_design_command,
-          turncal::add_import_command,   turncal::add_export_command,      turncal::add_segment_command,
-          turncal::add_allan_command,    turncal::add_calibrate_command,   turncal::add_diagnose_command,
-          turncal::add_apply_command,    turncal::add_navigate_command,    turncal::add_verify_command,
-          turncal::add_convert_command,  turncal::add_batch_command,       turncal::add_queue_command,
-          turncal::add_serve_command,    turncal::add_history_command,     turncal::add_certificate_command,
-          turncal::add_shift_command,    turncal::add_recalibrate_command, turncal::add_fleet_command,
-          turncal::add_database_command, turncal::add_restore_command,     turncal::add_prune_command,
+          turncal::add_run_command,         turncal::add_resume_command,    turncal::add_journal_command,
+          turncal::add_twin_command,        turncal::add_monitor_command,   turncal::add_commission_command,
+          turncal::add_check_command,       turncal::add_predict_command,   turncal::add_design_command,
+          turncal::add_import_command,      turncal::add_export_command,    turncal::add_segment_command,
+          turncal::add_allan_command,       turncal::add_calibrate_command, turncal::add_diagnose_command,
+          turncal::add_thermal_command,     turncal::add_apply_command,     turncal::add_navigate_command,
+          turncal::add_verify_command,      turncal::add_convert_command,   turncal::add_batch_command,
+          turncal::add_queue_command,       turncal::add_serve_command,     turncal::add_history_command,
+          turncal::add_certificate_command, turncal::add_shift_command,     turncal::add_recalibrate_command,
+          turncal::add_fleet_command,       turncal::add_database_command,  turncal::add_restore_command,
+          turncal::add_prune_command,
       },
       context);
 }

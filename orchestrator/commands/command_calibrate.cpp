@@ -6,6 +6,9 @@
 // every effect of the catalogue, adds what stands the test on held-out data, and writes DIR/parameters.conf,
 // DIR/diagnosis.conf and DIR/report.html. Exit code 0 when the verdict is clean, 20 when it is not.
 //
+// `turncal thermal LEG... --out DIR`: parameters as functions of temperature, from calibrations of one unit at several (docs/thermal.md):
+// DIR/parameters.conf, DIR/thermal.conf and DIR/thermal.html.
+//
 // `turncal recalibrate ARCHIVE --out STORE`: every recording of an archive again with this version, each once (recalibration.h), and what
 // changed against another version. Exit code 0 though some recordings failed: they are listed.
 //
@@ -35,6 +38,7 @@
 #include "orchestrator/fleet/recalibration.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/command_context.h"
+#include "orchestrator/jobs/thermal_job.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/result_table.h"
@@ -229,6 +233,39 @@ Status diagnose(const DiagnoseOptions& options, CommandContext& context) {
   return {};
 }
 
+struct ThermalCommandOptions {
+  std::vector<std::string> legs, temperatures;
+  std::string out, format;
+  std::optional<double> reference_c;
+};
+
+Status thermal(const ThermalCommandOptions& options, CommandContext& context) {
+  for (const std::string& leg : options.legs) TRY(check_not_source(options.out, leg));
+  Phases phases(context, !options.format.empty());
+  ThermalRequest request{options.legs, options.temperatures, options.reference_c, format_utc(wall_utc_s())};
+  request.phase = [&phases](const std::string& what) { phases.begin(what); };
+  const ThermalOutput output = TRY(thermal_calibration(request));
+  OutputFolder folder = TRY(OutputFolder::prepare_results(options.out, output.file.unit_serial));
+  const std::string conf = format_thermal(output.report);
+  const std::string parameters = TRY(format_parameter_file(output.file));
+  const Document document = thermal_document(output.report);
+  const HtmlPage page = as_page(document);
+  TRY(write_files_atomically({{folder.file(thermal_name), conf},
+                              {folder.file(thermal_page_name), page.html},
+                              {folder.file(parameters_name), parameters}}));
+  folder.keep();
+  phases.clear();
+  if (!options.format.empty()) {
+    context.out << key_values_as(options.format, conf) << std::flush;
+    return {};
+  }
+  context.out << as_text(document);
+  if (!page.plot_problem.empty()) context.out << "page without plots: " << page.plot_problem << '\n';
+  context.out << "\nparameters  " << folder.file(parameters_name) << "\nthermal     " << folder.file(thermal_name)
+              << "\npage        " << folder.file(thermal_page_name) << std::endl;
+  return {};
+}
+
 struct RecalibrateOptions {
   std::string archive, store, against;
   std::string version = software_version();
@@ -383,6 +420,22 @@ void add_diagnose_command(CommandLine& line) {
       .not_negative();
   command.option("--accel-bias-instability", options.accel_bias_instability_ug, "ug, with --arw and --vrw")
       .not_negative();
+}
+
+void add_thermal_command(CommandLine& line) {
+  const auto [command, options] = line.command<ThermalCommandOptions>(
+      "thermal", "parameters as functions of temperature, from calibrations at several temperatures", thermal);
+  command
+      .option("leg", options.legs,
+              "a recording, a parameter file, or the folder of a run or calibration; of one unit, two temperatures at "
+              "least")
+      .required();
+  command.option("--out", options.out, "folder for parameters.conf, thermal.conf and thermal.html").required();
+  command
+      .option("--temperature", options.temperatures, "LEG=VALUE, C: of a leg that has no thermometer (again for more)")
+      .one_word_each();
+  command.option("--reference", options.reference_c, "C, of the 24 parameters; default: the middle of the range");
+  command.option("--format", options.format, "print thermal.conf in this form instead of words").one_of(data_formats);
 }
 
 void add_recalibrate_command(CommandLine& line) {

@@ -25,6 +25,7 @@ void add_segment_command(CommandLine& line);
 void add_allan_command(CommandLine& line);
 void add_calibrate_command(CommandLine& line);
 void add_diagnose_command(CommandLine& line);
+void add_thermal_command(CommandLine& line);
 void add_apply_command(CommandLine& line);
 void add_navigate_command(CommandLine& line);
 void add_verify_command(CommandLine& line);
