@@ -137,10 +137,11 @@ struct RunView {
       : context(where),
         // A line redrawn in place would run over the operator's answers.
         in_place(context.out_is_terminal && !prompts),
-        progress(context.out, in_place ? context.terminal_columns - static_cast<int>(tag_of(run).size()) : 0,
-                 // A dry run is over in seconds; whoever turns the table has other things to read.
-                 run.request.session.verbose || !(in_place || run.request.dry_run || prompts), monotonic_s,
-                 stdout_takes_more),
+        progress(
+            context.out, in_place ? context.terminal_columns - static_cast<int>(tag_of(run).size()) : 0,
+            // A dry run is over in seconds; whoever turns the table has other things to read.
+            run.request.session.verbose || !(in_place || run.request.dry_run || prompts || run.request.session.brief),
+            monotonic_s, stdout_takes_more),
         live({.unit = join(run.request.units),
               .station = run.station.name,
               .sequence = run.sequence.name,

@@ -126,7 +126,7 @@ struct StationConfig {
   bool simulated() const { return table.simulated || (imu && imu->settings.simulated); }
 };
 
-// The built-in station of a dry run: 29.53 deg, 9.7914 m/s^2, mock table and rig IMU, settle_s 0.5.
+// The built-in station of a dry run: 29.53 deg, 9.7914 m/s^2, mock table and rig IMU, settle_s 0.5, limit.heading_deg 0.1.
 StationConfig default_station_config();
 
 Result<StationConfig> read_station_config(const std::string& path);  // empty: the built-in one
