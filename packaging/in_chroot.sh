@@ -82,6 +82,22 @@ grep -q 'changed by hand' /etc/turncal/prune.conf || fail "the upgrade took an e
 [ -e /usr/share/doc/turncal/docs/first-station.md ] || fail "turncal-doc has no first-station.md"
 as_turncal turncal resume /var/lib/turncal/dry | grep -q 'nothing to resume' || fail "the new version does not know the run of the old one"
 
+part "the library, in C++ and in Python"
+install "./libturncal0_${version}_"*.deb "./libturncal-dev_${version}_"*.deb "./python3-turncal_${version}_"*.deb g++ cmake make pkg-config
+turncal calibrate /var/lib/turncal/dry --out command > said
+cp -r /usr/share/doc/turncal/docs/examples/library example
+# shellcheck disable=SC2046 # words
+g++ -std=c++20 example/calibrate.cpp -o one_line $(pkg-config --cflags --libs turncal)
+cmake -S example -B example/build > said && cmake --build example/build >> said || { cat said; fail "the example as a CMake project"; }
+python="import turncal; turncal.calibrate(turncal.load('/var/lib/turncal/dry')).parameters.write('of_python.conf')"
+./one_line /var/lib/turncal/dry of_line.conf > said && example/build/calibrate /var/lib/turncal/dry of_cmake.conf > said && python3 -c "$python" ||
+  { cat said; fail "a calibration by the library"; }
+for file in of_line.conf of_cmake.conf of_python.conf; do
+  cmp <(grep -vE '^(time_utc|checksum)' command/parameters.conf) <(grep -vE '^(time_utc|checksum)' $file) || fail "$file: other parameters than the command's"
+done
+apt-get purge -y -q libturncal0 > apt.log 2>&1
+[ ! -e /usr/include/turncal ] && [ ! -e /usr/lib/python3/dist-packages/turncal ] || fail "purged, and headers or module are still there"
+
 part "old recordings"
 as_turncal turncal run --dry-run --quiet --sequence "$data/sequences/short_demo.seq" --unit DRY --out /var/lib/turncal/again
 KEEP_DAYS=$(sed -n 's/^KEEP_DAYS=//p' /etc/turncal/prune.conf)

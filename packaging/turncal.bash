@@ -1,24 +1,23 @@
-# bash completion of turncal. Commands, options and the words that an option takes are those of --help: nothing is listed here.
+# bash completion of turncal. Commands, actions, options and the words that an option takes are those of --help: nothing is listed here.
 _turncal() {
-  local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD - 1]} command="" help word
+  local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD - 1]} help word
+  local -a command=()
   for word in "${COMP_WORDS[@]:1:COMP_CWORD-1}"; do
-    [[ $word == -* ]] || { command=$word; break; }
+    [[ $word == help ]] || command+=("$word")
+    [[ $word != -* ]] || break
   done
-  if [[ -z $command ]]; then
-    help=$("${COMP_WORDS[0]}" --help 2> /dev/null)
-    word=$(sed -n '/^Subcommands/,$ s/^  *\([a-z]\{1,\}\) .*/\1/p' <<< "$help")
+  # What stands behind a command is a command of its own (records check), or a word that it takes; --help of the first is enough then.
+  help=$("${COMP_WORDS[0]}" "${command[@]:0:2}" --help 2> /dev/null) ||
+    help=$("${COMP_WORDS[0]}" "${command[@]:0:1}" --help 2> /dev/null)
+  if [[ $previous == --* ]]; then  # "--method TEXT:{joint,closed-form}"
+    word=$(sed -n "s/^  *\(-[a-zA-Z],\)\{0,1\}$previous [A-Z]*:{\([^}]*\)}.*/\2/p" <<< "$help" | tr , ' ')
+  elif [[ $current == -* ]]; then
+    word=$(sed -n 's/^  *\(-[a-zA-Z],\)\{0,1\}\(--[a-z-]*\).*/\2/p' <<< "$help")
+  elif [[ ${#command[@]} -lt 2 ]]; then
+    word=$(sed -n -e '/^Examples/,$d' -e '/^Positionals/,/^$/ s/^  action [A-Z]*:{\([^}]*\)}.*/\1/p' -e '/^Positionals/,/^$/d' \
+               -e 's/^  \([a-z]\{1,\}\) .*/\1/p' <<< "$help" | tr , ' ')
   else
-    help=$("${COMP_WORDS[0]}" "$command" --help 2> /dev/null)
     word=""
-    # "--method TEXT:{joint,closed-form}"
-    if [[ $previous == --* ]]; then
-      word=$(sed -n "s/^  *\(-[a-z],\)\{0,1\}$previous [A-Z]*:{\([^}]*\)}.*/\2/p" <<< "$help" | tr , ' ')
-      COMPREPLY=($(compgen -W "$word" -- "$current"))
-      [[ -z $word ]] || return 0
-    fi
-  fi
-  if [[ $current == -* ]]; then
-    word=$(sed -n 's/^  *\(-[a-z],\)\{0,1\}\(--[a-z-]*\).*/\2/p' <<< "$help")
   fi
   COMPREPLY=($(compgen -W "$word" -- "$current"))
 }

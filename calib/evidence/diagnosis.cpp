@@ -28,6 +28,18 @@ bool noise_is_of_pulses(const Omnibus& omnibus) {
   return omnibus.innovation_correlation < 0.0 && omnibus.beating_part > 0.5;
 }
 
+// Log evidence that fits which cut velocity steps out lack: a knock at one of so many turns, of any size up to what it was, in three directions.
+constexpr double turns_without_knock = 500.0;
+double of_knocks(const JointResult& fit) {
+  double sum = 0.0;
+  for (const Fault& fault : fit.faults)
+    if (fault.step_mps > 0.0) sum -= std::log(turns_without_knock) + 3.0 * (std::log(fault.step_mps) + 0.5);
+  return sum;
+}
+std::ptrdiff_t knocks_of(const JointResult& fit) {
+  return std::ranges::count_if(fit.faults, [](const Fault& fault) { return fault.step_mps > 0.0; });
+}
+
 // Empty where the innovations are about white, or are those of pulses and no larger than pulses make them.
 std::string misfit_of_noise(const JointResult& fit, const Omnibus& omnibus) {
   const Whiteness& whiteness = fit.whiteness;
@@ -186,15 +198,16 @@ class Diagnosing {
     if (not_to_be_judged()) return std::move(d_);
     for (const CompressedRecording* holdout : options_.holdouts)
       d_.holdout_own_noise = std::max(d_.holdout_own_noise, own_noise_of(*holdout, d_.base).maxCoeff());
+    Evidence evidence = weigh(d_.base);
+    if (knocks_of(d_.base) > 1) weigh_without_knocks(evidence);
     JointResult fit = d_.base;
-    Evidence evidence = weigh(fit);
     list_candidates(evidence, 3600.0, d_);
     std::vector<EffectColumn> named;
     for (int k = 0; k < most_fits; ++k) {
       std::vector<EffectColumn> more = named_columns(evidence);
       if (same(more, named)) break;
       JointResult again = fit_with(more, d_.base);
-      if (!again.converged) break;
+      if (!again.converged || (whole(d_.base) && !whole(again))) break;
       fit = std::move(again);
       named = std::move(more);
       evidence = {};  // one at a time in memory
@@ -234,6 +247,24 @@ class Diagnosing {
     return {};
   }
 
+  // Steps at several turns may be what an effect does that shows there alone: it is weighed with them left in.
+  void weigh_without_knocks(Evidence& evidence) {
+    JointOptions o = estimate_options({}, nullptr);
+    o.look_for_faults = false;
+    JointResult left_in = joint_estimate(recording_, o);
+    if (!left_in.converged) return;
+    Evidence other = weigh(left_in);
+    double log_evidence = other.posterior.log_evidence;
+    if (const std::vector<EffectColumn> named = named_columns(other); !named.empty()) {
+      const JointResult by_name = fit_with(named, left_in);  // with the noise that is left beside it
+      if (!by_name.converged) return;
+      log_evidence = weigh(by_name).posterior.log_evidence;
+    }
+    if (!(log_evidence > evidence.posterior.log_evidence + of_knocks(d_.base))) return;
+    d_.base = d_.extended = std::move(left_in);
+    evidence = std::move(other);
+  }
+
   Evidence weigh(const JointResult& fit) const {
     return weigh_evidence(recording_, fit, static_cast<int>(recordings_.parts.size()), options_.holdouts);
   }
@@ -267,6 +298,7 @@ class Diagnosing {
       d_.verdict = Verdict::noise_model;
       d_.reason =
           misfit + (options_.estimate.noise ? " (the noise was given, not measured)" : "") + ": no claim on effects";
+      d_.statements.nodes.clear();
       return;
     }
     const bool missing = e.statements.anything >= said_from;
@@ -280,9 +312,10 @@ class Diagnosing {
     const OmnibusTest* worst = d_.omnibus.worst();
     if (!d_.omnibus.passed()) {
       d_.verdict = Verdict::unexplained;
-      d_.reason = fmt::format("{}: chi-square {:.1f} of {:.0f} ({}), which noise does once in 1e{:.0f} recordings",
+      d_.reason = fmt::format("{}: chi-square {:.1f} of {:.0f} ({}), expected by chance once in 10^{:.0f} recordings",
                               worst->what, worst->chi_square, worst->degrees, worst->family, -worst->log10_p);
       d_.unexplained_pattern = worst->what;
+      d_.statements.nodes.clear();  // probabilities are of the terms that there are, and there is something else
     } else if (d_.verdict == Verdict::unexplained) {
       d_.unexplained_pattern = words_of(e.statements);
     }

@@ -160,7 +160,7 @@ HoldoutGate HoldoutGate::holdouts(const std::vector<const CompressedRecording*>&
 
 HoldoutGate HoldoutGate::recordings_in_turn(const JoinedRecordings& recordings, Refit refit) {
   HoldoutGate gate;
-  gate.source_ = "recordings left out in turn";
+  gate.source_ = "cross-validation over recordings";
   gate.refit_ = std::move(refit);
   std::vector<std::size_t> borders = recordings.begins;
   borders.insert(borders.begin(), 0);
@@ -176,7 +176,7 @@ HoldoutGate HoldoutGate::recordings_in_turn(const JoinedRecordings& recordings, 
 
 HoldoutGate HoldoutGate::dwells_in_turn(const CompressedRecording& recording, Refit refit) {
   HoldoutGate gate;
-  gate.source_ = "dwells left out in turn";
+  gate.source_ = "cross-validation over dwells";
   gate.refit_ = std::move(refit);
   gate.parts_.assign(fold_count, {&recording, std::vector<char>(recording.blocks.size(), 0)});
   for (std::size_t b = 0; b < recording.blocks.size(); ++b) {

@@ -18,8 +18,9 @@ using Eigen::VectorXd;
 
 std::string hangs_on_single_rests(RestKind kind, double left_out, double fitted) {
   if (!(left_out > rest_limits.most_leverage * fitted)) return {};
-  return fmt::format("left out in turn, the error of {} is {} times the fitted one: the fit hangs on single rests",
-                     to_string(kind), std::lround(left_out / fitted));
+  return fmt::format(
+      "in cross-validation the error of {} is {} times the fitted one: the fit depends on individual rests",
+      to_string(kind), std::lround(left_out / fitted));
 }
 
 // Of a node; 0: not listed.
@@ -82,7 +83,7 @@ class DiagnosingRests {
     d_.error_after = root_mean_square(after.residual, weights);
     if (r_.second_recording) return;
     constexpr double none = std::numeric_limits<double>::quiet_NaN();
-    d_.holdout_source = "rests and rotations left out in turn";
+    d_.holdout_source = "cross-validation over rests and rotations";
     d_.holdout_before = {
         root_mean_square(left_out_residual(before, rest_weights(before, r_.base.floors)), weights), none, none, 1, {}};
     d_.holdout_after = {root_mean_square(left_out_residual(after, weights), weights), none, none, 1, {}};

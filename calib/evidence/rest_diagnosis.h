@@ -3,9 +3,9 @@
 // Effects that rests cannot show are listed, not weighed: those with no trace at rest or in gravity's direction after a turn (size effect,
 // delay), those that need the heading (magnetic, earth rate), and those that no sensor has as large as they would have to be (absurd_magnitude).
 // Where too little is left over after the base fit nothing is weighed, since a residual of so few numbers fits any name: fewer than
-// least_redundancy observations, parameters that are not determined, or a fit that hangs on single rests (few distinct poses,
+// least_redundancy observations, parameters that are not determined, or a fit that depends on individual rests (few distinct poses,
 // however often they are taken), so that what is left out is predicted far worse than fitted. Gravity's norm is the accelerometers' alone: where
-// only it hangs on single rests, effects of the gyros are weighed, and none of the accelerometers. Units that are plainly
+// only it depends on individual rests, effects of the gyros are weighed, and none of the accelerometers. Units that are plainly
 // wrong (rest_units.h) are not fitted at all. Where a kind of observation stays above most_over_white, nothing is trusted.
 //
 // Verdict: not_tested when nothing was, or when the gyros' part is clean and the accelerometers were not tested.
@@ -34,7 +34,7 @@ JointResult as_joint(const RestFit& fit, const std::vector<EstimatedEffect>& eff
 
 RestSystem rest_system_at(const RestData& data, const JointResult& model, bool with_columns = false);
 
-// Why a fit cannot be judged: nothing beyond it is left, or it hangs on single rests. Empty: it can.
+// Why a fit cannot be judged: nothing beyond it is left, or it depends on individual rests. Empty: it can.
 std::string why_not_tested(const RestData& data, const RestFit& base);
 
 // `holdout`: a second recording of the unit, not used in the fit; null: none.

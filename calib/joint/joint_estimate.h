@@ -87,8 +87,9 @@ struct JointOptions {
 struct Fault {                                     // where the chain was cut, and why
   std::int64_t first_sample = 0, last_sample = 0;  // the fault lies in [first, last]
   std::size_t block = 0;
-  std::string what;    // "gap of 1 sample", "velocity step of -0.049 m/s up ...", ...
-  std::string action;  // "leg set aside", "velocity started anew"
+  std::string what;       // "gap of 1 sample", "velocity step of -0.049 m/s up ...", ...
+  std::string action;     // "leg set aside", "velocity started anew"
+  double step_mps = 0.0;  // of a velocity step that no noise explains
 };
 
 struct Undetermined {  // one direction of parameter space

@@ -69,10 +69,10 @@ double fill_sigma_rad(const CompressedRecording& recording, std::size_t gap, dou
   const auto usable = [&](std::size_t k) {
     return k < blocks.size() && blocks[k].segment == blocks[gap].segment && blocks[k].missing == 0;
   };
-  const std::size_t next = usable(gap + 1) ? gap + 1 : gap - 1;
-  if (!usable(next)) return nothing_known_rad;
+  // Where a turn begins or ends the rate on one side says nothing.
+  if (!usable(gap + 1) || !usable(gap - 1)) return nothing_known_rad;
   const std::size_t window =
-      std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(lost_s / blocks[next].duration_s)));
+      std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(lost_s / blocks[gap + 1].duration_s)));
   const double si = nominal_gyro_rad(recording.info);
   const auto rate = [&](std::size_t k) -> Eigen::Vector3d { return blocks[k].gyro / blocks[k].duration_s; };
   double largest = 0.0;
@@ -214,6 +214,7 @@ bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Inn
   else
     fault.what = fmt::format("velocity step of {:.3g} m/s that no noise explains", worst->velocity_mps.norm());
   fault.action = action_for(cut);
+  fault.step_mps = worst->velocity_mps.norm();
   faults.push_back(fault);
   add_break(breaks, cut);
   return true;

@@ -28,7 +28,7 @@ struct NorthPosition {
   std::vector<NorthReading> readings;  // headings from the table's zero, near table_deg
   std::array<double, 3> mean_deg{};
   std::array<double, 3> deviation_deg{};    // sample standard deviation
-  std::array<double, 3> noise_sigma_deg{};  // what the noise lets expect of it
+  std::array<double, 3> noise_sigma_deg{};  // what the noise alone would give
 };
 
 // What is judged. Of each angle the largest deviation of a position; and whether the headings are right, not only alike: the root

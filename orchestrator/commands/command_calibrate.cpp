@@ -1,4 +1,4 @@
-// `turncal calibrate RECORDING... --out DIR [--method ...]`: writes DIR/parameters.conf from any recording, or from several of one unit. A
+// `turncal calibrate RECORDING... --out DIR [--method ...]`: writes DIR/parameters.conf and report.html from any recording, or from several of one unit. A
 // truth.conf beside the first (as after a dry run) is compared with the result. Exit code 20, the file written, where the data speak
 // against its sigmas.
 //
@@ -51,7 +51,7 @@ struct CalibrateOptions {
   std::vector<std::string> recordings;
   std::string out, format;
   std::string method = calibration_methods[0];
-  bool partial = false;
+  bool partial = false, verbose = false;
   PriorSource prior;
 };
 
@@ -62,6 +62,13 @@ std::optional<ParameterVector> truth_beside(const std::string& recording) {
   if (!fs::exists(file, error)) return std::nullopt;
   const Result<ParameterVector> truth = read_truth(file.string());
   return truth ? std::optional(*truth) : std::nullopt;
+}
+
+// The last lines of a calibration or a diagnosis.
+void say_end(const Document& report, const OutputFolder& folder, std::ostream& out) {
+  out << as_brief_text(report);
+  if (!report.title.empty()) out << "open " << folder.file(report_name) << '\n';
+  out << std::flush;
 }
 
 Status calibrate(const CalibrateOptions& options, CommandContext& context) {
@@ -92,15 +99,16 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   const std::string file = folder.file(parameters_name);
   TRY(write_parameter_file(output.file, file));
   if (statistics) TRY(write_statistics(*statistics, folder.file(statistics_name)));
+  const Document report =
+      calibration_document(output.file, output.notes, output.distrust, truth_beside(options.recordings.front()));
+  TRY(write_file_atomically(folder.file(report_name), as_page(report).html));
   folder.keep();
   if (!options.format.empty()) {
     const std::string text = TRY(format_parameter_file(output.file));
     context.out << key_values_as(options.format, text) << std::flush;
   } else {
-    for (const std::string& note : output.notes) context.out << note << '\n';
-    context.out << '\n'
-                << as_text(result_table(output.file, truth_beside(options.recordings.front()))) << "\nparameters  "
-                << file << std::endl;
+    if (options.verbose) context.out << as_text(report) << "\nparameters  " << file << '\n';
+    say_end(report, folder, context.out);
   }
   if (output.distrust.empty()) return {};
   return Error{ErrorKind::unit_failed, file + ": not trusted: " + output.distrust};
@@ -110,55 +118,18 @@ struct DiagnoseOptions {
   std::vector<std::string> recordings;
   std::vector<std::string> holdouts;
   std::string out, residuals, format;
+  bool verbose = false;
   std::optional<double> arw_deg_per_rt_h;
   std::optional<double> vrw_ug_per_rt_hz;
   double gyro_bias_instability_degph = 0.0;
   double accel_bias_instability_ug = 0.0;
 };
 
-// What is going on, for work that takes longer than a blink: on a terminal one line that is redrawn, elsewhere one line a phase.
-class Phases {
- public:
-  // `silent`: what is printed is for a program.
-  Phases(const CommandContext& context, bool silent)
-      : out_(context.out), terminal_(context.out_is_terminal), silent_(silent) {}
-  ~Phases() { clear(); }
-  void begin(const std::string& what) {
-    what_ = what;
-    if (silent_) return;
-    if (terminal_)
-      show("");
-    else
-      out_ << what << std::endl;
-  }
-  void samples(std::int64_t count) {
-    const double now_s = monotonic_s();
-    if (!terminal_ || silent_ || now_s - drawn_s_ < 0.1) return;
-    drawn_s_ = now_s;
-    show("  " + significant(1e-6 * static_cast<double>(count), 3) + " million samples");
-  }
-  void clear() {
-    if (shown_) out_ << "\r\x1b[K" << std::flush;
-    shown_ = false;
-  }
-
- private:
-  void show(const std::string& more) {
-    out_ << '\r' << what_ << more << "\x1b[K" << std::flush;
-    shown_ = true;
-  }
-  std::ostream& out_;
-  bool terminal_, silent_;
-  bool shown_ = false;
-  std::string what_;
-  double drawn_s_ = -1e9;
-};
-
 Result<std::vector<LoadedRecording>> load(const std::vector<std::string>& paths, Phases& phases) {
   std::vector<LoadedRecording> all;
   for (const std::string& path : paths) {
     const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(path));
-    if (!source->segments().empty()) phases.begin("reading " + path);
+    phases.begin("reading " + path);
     all.push_back(TRY(load_recording(*source, [&](std::int64_t count) { phases.samples(count); })));
   }
   return all;
@@ -220,12 +191,16 @@ Status diagnose(const DiagnoseOptions& options, CommandContext& context) {
     return {};
   }
   const DiagnosisFiles& files = output.files;
-  context.out << '\n' << as_text(files.report, diagnosis_lines) << '\n';
+  // Without a page the terminal is all there is.
+  if (options.verbose || files.report.title.empty())
+    context.out << '\n'
+                << as_text(files.report, diagnosis_lines) << "\ndiagnosis   " << folder.file(diagnosis_name) << '\n';
+  if (options.verbose) {
+    if (files.parameters) context.out << "parameters  " << folder.file(parameters_name) << '\n';
+    context.out << significant(monotonic_s() - began_s, 2) << " s\n";
+  }
   if (!plot_problem.empty()) context.out << "report without plots: " << plot_problem << '\n';
-  if (!files.report.title.empty()) context.out << "report      " << folder.file(report_name) << '\n';
-  context.out << "diagnosis   " << folder.file(diagnosis_name) << '\n';
-  if (files.parameters) context.out << "parameters  " << folder.file(parameters_name) << '\n';
-  context.out << significant(monotonic_s() - began_s, 2) << " s" << std::endl;
+  say_end(files.report, folder, context.out);
   return {};
 }
 
@@ -254,7 +229,7 @@ class CountPrinter {
     const double spent_s = monotonic_s() - began_s_;
     const double worked = static_cast<double>(c.done + c.failed + c.unreadable);
     const double left_s = worked > 0.0 ? spent_s / worked * static_cast<double>(c.entries - c.finished()) : 0.0;
-    std::string line = fmt::format("{} of {} recordings, {} were there, {} failed", c.finished(), c.entries, c.there,
+    std::string line = fmt::format("{} of {} recordings, {} already done, {} failed", c.finished(), c.entries, c.there,
                                    c.failed + c.unreadable);
     if (worked > 0.0 && left_s > 0.0)
       line += ", " + format_duration(left_s) + " left, until " + format_utc(wall_utc_s() + left_s);
@@ -304,7 +279,7 @@ Status recalibrate_archive(const RecalibrateOptions& options, CommandContext& co
                       : recalibrate(archive, request, show);
   }
   if (!counts) return counts.error();
-  context.out << counts->done << " done, " << counts->there << " were there, " << counts->failed
+  context.out << counts->done << " done, " << counts->there << " already done, " << counts->failed
               << " cannot be calibrated, " << counts->unreadable << " cannot be read: " << options.store << '/'
               << request.version << std::endl;
   if (options.against.empty()) return {};
@@ -347,77 +322,88 @@ Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
 
 void add_calibrate_command(CommandLine& line) {
   const auto [command, options] =
-      line.command<CalibrateOptions>("calibrate", "estimate the parameters from a recording", calibrate);
-  command.option("recording", options.recordings, "a folder (binary or text form) or a .tcr file; several of one unit")
+      line.command<CalibrateOptions>("calibrate", "estimate the 24 parameters from a recording", calibrate);
+  command
+      .option("recording", options.recordings,
+              "recording: a folder (binary or text form) or a .tcr file; several of one unit")
       .required();
-  command.option("--out", options.out, "folder for parameters.conf").required();
-  command.option("--method", options.method, "how to estimate")
+  command.option("--out", options.out, "folder for parameters.conf and report.html").required();
+  command.option("--method", options.method, "estimator")
       .one_of(std::vector<std::string>(std::begin(calibration_methods), std::end(calibration_methods)))
       .default_in_help();
-  command.format(options.format, "print parameters.conf in this form instead of words");
+  command.format(options.format, "print parameters.conf in this form instead of text");
   command.flag("--partial", options.partial, "write a result even if some parameters are not determined");
+  command.flag("--verbose", options.verbose, "print all 24 parameters, and what the data lacked");
   command.option("--prior", options.prior.from,
-                 "what earlier calibrations say: a results database, a store of `turncal recalibrate`, or a folder "
-                 "with runs below it");
-  command.option("--part", options.prior.part, "of the prior: only units of this part number");
+                 "use earlier calibrations as a prior: a results database, a store of `turncal recalibrate`, or a "
+                 "folder with runs below it");
+  command.option("--part", options.prior.part, "with --prior: only units of this part number");
 }
 
 void add_diagnose_command(CommandLine& line) {
   const auto [command, options] = line.command<DiagnoseOptions>(
-      "diagnose", "find, name and add an effect that the 24 parameters lack; report the error before and after",
-      diagnose);
-  command.option("recording", options.recordings, "a folder (binary or text form) or a .tcr file; several of one unit")
+      "diagnose", "find, name and add effects beyond the 24 parameters; report the error before and after", diagnose);
+  command
+      .option("recording", options.recordings,
+              "recording: a folder (binary or text form) or a .tcr file; several of one unit")
       .required();
   command
       .option("--holdout", options.holdouts,
-              "another recording of the unit, not used in the fit (again for more); default: recordings, or dwells, "
-              "left out in turn")
+              "recording of the unit that is not used in the fit; repeat it for more; default: cross-validation over "
+              "recordings, or over dwells")
       .one_word_each();
   command.option("--out", options.out, "folder for parameters.conf, diagnosis.conf and report.html").required();
-  command.option("--residuals", options.residuals, "writes the residuals to this file, too: .csv, .npy or .mat");
-  command.option("--format", options.format, "print diagnosis.conf in this form instead of words").one_of(data_formats);
-  command.option("--arw", options.arw_deg_per_rt_h, "angle random walk, deg/sqrt(h): noise given, not measured")
+  command.flag("--verbose", options.verbose, "print the tables of the report, too");
+  command.option("--residuals", options.residuals, "write the residuals to this file: .csv, .npy or .mat");
+  command.option("--format", options.format, "print diagnosis.conf in this form instead of text").one_of(data_formats);
+  command
+      .option("--arw", options.arw_deg_per_rt_h,
+              "angle random walk, deg/sqrt(h); fixes the noise instead of measuring it")
       .positive();
   command.option("--vrw", options.vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").positive();
-  command.option("--gyro-bias-instability", options.gyro_bias_instability_degph, "deg/h, with --arw and --vrw")
+  command
+      .option("--gyro-bias-instability", options.gyro_bias_instability_degph,
+              "bias instability of the gyros, deg/h; with --arw and --vrw")
       .not_negative();
-  command.option("--accel-bias-instability", options.accel_bias_instability_ug, "ug, with --arw and --vrw")
+  command
+      .option("--accel-bias-instability", options.accel_bias_instability_ug,
+              "bias instability of the accelerometers, ug; with --arw and --vrw")
       .not_negative();
 }
 
 void add_recalibrate_command(CommandLine& line) {
   const auto [command, options] = line.command<RecalibrateOptions>(
-      "recalibrate", "calibrate every recording of an archive again with this version", recalibrate_archive);
+      "recalibrate", "recalibrate every recording with this version", recalibrate_archive);
   command.option("archive", options.archive, "a folder with recordings below it, a CSV list, or a results database")
       .required();
-  command.option("--out", options.store, "store: a folder; what is there already is not done again").required();
-  command.option("--against", options.against, "say what changed against this version of the store");
+  command.option("--out", options.store, "store (a folder); results that exist are kept").required();
+  command.option("--against", options.against, "report what changed against this version of the store");
   command.option("--as-version", options.version, "name of the version in the store").default_in_help();
-  command.option("--engine", options.engine, "who does the work: this machine, or an array job of Slurm")
+  command.option("--engine", options.engine, "where the work is done: on this machine, or as an array job of Slurm")
       .one_of({"local", "slurm"})
       .default_in_help();
-  command.option("--chunks", options.chunks, "tasks of the array job; default: one for 100 recordings").range(1, 1000);
-  command.option("--threads", options.threads, "recordings at a time; default: all cores, of a Slurm task one")
+  command.option("--chunks", options.chunks, "tasks of the array job; default: one per 100 recordings").range(1, 1000);
+  command.option("--threads", options.threads, "recordings at a time; default: all cores, or one in a task of Slurm")
       .range(1, 256);
   command.option("--chunk", options.chunk, "K N: only every N-th recording from the K-th (0 to N - 1)").words(2);
   command.option("--outcome", options.outcome,
-                 "what became of each recording (CSV); default: recordings.csv in the store");
+                 "file for the outcome of each recording (CSV); default: recordings.csv in the store");
   command.flag("--no-diagnosis", options.no_diagnosis, "calibrate only");
 }
 
 void add_fleet_command(CommandLine& line) {
   const auto [command, options] = line.command<FleetCommandOptions>(
-      "fleet", "what many units show together: common to a station, a lot, a month", diagnose);
+      "fleet", "find what many units have in common: by station, lot, part or month", diagnose);
   command.option("action", options.action, "diagnose").required().one_of({"diagnose"});
   command
       .option("from", options.from,
               "a results database, a store of `turncal recalibrate`, or a folder with runs below it")
       .required();
-  command.option("--by", options.by, "what units may have in common; several times")
+  command.option("--by", options.by, "factor that units may share; repeat it for several")
       .one_of(fleet_factors)
       .one_word_each()
       .default_in_help();
-  command.option("--page", options.page, "write a page (HTML)");
+  command.option("--page", options.page, "write a page (HTML) to this file");
   command.format(options.format, "print a table for other programs");
 }
 

@@ -10,16 +10,17 @@
 #include <cmath>
 #include <filesystem>
 
-#include "calib/navigation/alignment.h"
 #include "calib/prediction/predict.h"
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/base/text_pieces.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/design/sequence_design.h"
+#include "orchestrator/jobs/prediction_job.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/report/result_table.h"
@@ -30,189 +31,26 @@ namespace turncal {
 
 namespace {
 
-// What a prediction or a design is made for: the options that both commands share.
-struct PlannedSite {
-  std::string station;  // file; empty: the built-in rig station
-  std::optional<double> latitude_deg;
-  std::optional<double> gravity_mps2;
-  double arw_deg_per_rt_h = 0.002;
-  double vrw_ug_per_rt_hz = 8.0;
-  double gyro_bias_instability_degph = 0.0;
-  double accel_bias_instability_ug = 0.0;
-};
-
-// The unit that the station's IMU driver would deliver.
-struct PlannedUnit {
-  StationConfig station;
-  RecordingInfo info;
-  Parameters parameters;
-};
-
-// "--arw = 0: expected ...". False for nan, which the command line lets pass.
-Status check_option(const char* option, double value, double min, double max, bool min_excluded = false) {
-  const bool good = (min_excluded ? value > min : value >= min) && value <= max;  // false for NaN
-  if (good) return {};
-  return input_error(
-      std::string(option) + " = " + format_number(value) + ": expected a number " +
-      (min_excluded ? "above " + format_number(min) + " and not above " : "from " + format_number(min) + " to ") +
-      format_number(max));
-}
-
-// A time as people write it, from 1 s to 24 h: 1h, 90min, 5400s or 5400.
-Result<double> parse_time_s(const char* option, const std::string& text) {
-  constexpr double longest_s = 86400.0;
-  std::string_view number = text;
-  double unit = 1.0;
-  for (const auto& [name, seconds] : {std::pair{"min", 60.0}, std::pair{"h", 3600.0}, std::pair{"s", 1.0}}) {
-    if (!number.ends_with(name)) continue;
-    number.remove_suffix(std::string_view(name).size());
-    unit = seconds;
-    break;
-  }
-  const std::optional<double> value = parse_number(number);
-  if (!value || *value * unit < 1.0 || *value * unit > longest_s)
-    return input_error(std::string(option) + " '" + text +
-                       "': expected a time from 1s to 24h, like 1h, 90min or 5400s");
-  return *value * unit;
-}
-
-Status check_site(const PlannedSite& site) {
-  TRY(check_option("--latitude", site.latitude_deg.value_or(0.0), site_latitude_deg.min, site_latitude_deg.max));
-  TRY(check_option("--gravity", site.gravity_mps2.value_or(standard_gravity_mps2), site_gravity_mps2.min,
-                   site_gravity_mps2.max));
-  TRY(check_option("--arw", site.arw_deg_per_rt_h, 0.0, 1000.0, true));
-  TRY(check_option("--vrw", site.vrw_ug_per_rt_hz, 0.0, 1e6, true));
-  TRY(check_option("--gyro-bias-instability", site.gyro_bias_instability_degph, 0.0, 1e4));
-  return check_option("--accel-bias-instability", site.accel_bias_instability_ug, 0.0, 1e5);
-}
-
-Result<PlannedUnit> planned_unit(const PlannedSite& site) {
-  const StationConfig station = TRY(read_station_config(site.station));
-  RigConfig rig = TRY(rig_of(station));
-  PlannedUnit unit;
-  unit.station = station;
-  unit.info = planned_info(station, &rig);
-  if (site.latitude_deg) unit.info.latitude_deg = *site.latitude_deg;
-  if (site.gravity_mps2) unit.info.gravity_mps2 = *site.gravity_mps2;
-  unit.info.simulated = true;
-  unit.parameters = typical_unit(unit.info);
-  unit.parameters.n = Eigen::Matrix3d::Identity() * rig.gyro_pulse_arcsec;
-  return unit;
-}
-
-NoiseModel noise_model(const PlannedSite& site) {
-  NoiseModel noise;
-  noise.angle_random_walk.setConstant(site.arw_deg_per_rt_h * radprs_per_degprh);
-  noise.velocity_random_walk.setConstant(site.vrw_ug_per_rt_hz * mpsprs_per_ugprHz);
-  noise.gyro_bias_instability_radps = site.gyro_bias_instability_degph * radps_per_degph;
-  noise.accel_bias_instability_mps2 = site.accel_bias_instability_ug * 1e-6 * standard_gravity_mps2;
-  return noise;
-}
-
-Facts describe_premises(const PlannedSite& site, const RecordingInfo& info) {
-  return {{{"noise", fmt::format("{} deg/sqrt(h), {} ug/sqrt(Hz); bias instability {} deg/h, {} ug; pulse {} m/s",
-                                 format_number(site.arw_deg_per_rt_h), format_number(site.vrw_ug_per_rt_hz),
-                                 format_number(site.gyro_bias_instability_degph),
-                                 format_number(site.accel_bias_instability_ug), format_number(info.accel_pulse_mps))},
-           {"site", fmt::format("latitude {} deg, gravity {} m/s^2; IMU at {} Hz", format_number(info.latitude_deg),
-                                format_number(info.gravity_mps2),
-                                format_number(std::round(1e6 / info.sample_period_s) / 1e6))}}};
-}
-
-struct PredictRequest {
-  std::vector<std::string> sequences;  // files
-  PlannedSite site;
-  bool effects = false;
-  double temperature_rise_c = 0.0;  // 0: the temperature stands still
-  double temperature_tau_s = 2400.0;
-  std::string navigate;  // how long; empty: not asked
-  double align_s = 300.0;
+struct PredictCommandOptions {
+  PredictRequest request;
   std::string format;  // json; empty: words
 };
 
-Status check_request(const PredictRequest& r) {
-  TRY(check_site(r.site));
-  TRY(check_option("--temperature-rise", r.temperature_rise_c, -100.0, 100.0));
-  TRY(check_option("--temperature-tau", r.temperature_tau_s, 1.0, 1e6));
-  if (r.temperature_rise_c != 0.0 && !r.effects)
-    return input_error(
-        "--temperature-rise changes nothing without --effects: the 24 parameters do not depend on temperature");
-  return {};
-}
-
-// Two sequences of one name still need two names.
-std::string column_name(const std::vector<NamedPrediction>& columns, const std::string& name) {
-  int same = 1;
-  for (const NamedPrediction& column : columns)
-    if (column.name == name || column.name.starts_with(name + "#")) ++same;
-  return same == 1 ? name : name + "#" + std::to_string(same);
-}
-
-Status run_predict(const PredictRequest& request, CommandContext& context) {
-  TRY(check_request(request));
-  DriftPlan drift_plan;
-  drift_plan.align_s = request.align_s;
-  if (!request.navigate.empty()) drift_plan.free_s = TRY(parse_time_s("--navigate", request.navigate));
-  const PlannedUnit unit = TRY(planned_unit(request.site));
-  PredictOptions options;
-  options.noise = noise_model(request.site);
-  options.unit = unit.parameters;
-  options.effects = request.effects;
-  if (request.temperature_rise_c != 0.0)
-    options.temperature = TemperatureProfile{.rise_c = request.temperature_rise_c, .tau_s = request.temperature_tau_s};
-
-  std::vector<NamedPrediction> columns;
-  std::vector<std::string> refused;  // why the station would not run it, beside each column
-  for (const std::string& file : request.sequences) {
-    const Sequence sequence = TRY(read_sequence(file));
-    const Plan plan = make_plan(sequence, plan_limits(unit.station, unit.info.sample_period_s));
-    NamedPrediction column{column_name(columns, sequence.name),
-                           predict(unit.info, planned_motion(sequence, plan), options), plan.station_s};
-    if (!column.prediction.valid)
-      return Error{ErrorKind::internal, file + ": no prediction: " + column.prediction.message};
-    columns.push_back(std::move(column));
-    refused.push_back(plan.ok() ? "" : plan.violations.front());
-  }
-
-  Document document{"", "Prediction"};
-  Facts premises = describe_premises(request.site, unit.info);
-  for (std::size_t c = 0; c < columns.size(); ++c) {
-    premises.rows.emplace_back("sequence", fmt::format("{}: {:.0f} s, of which {:.0f} s at rest", columns[c].name,
-                                                       columns[c].station_s, columns[c].prediction.static_s));
-    if (!refused[c].empty()) premises.rows.emplace_back("", "the station cannot run it: " + refused[c]);
-  }
-  document.add(std::move(premises));
-  document.section("sigmas", "Sigma of each parameter");
-  document.add(sigma_table(columns, unit.info));
-  add_undetermined(columns, document);
-  if (!request.navigate.empty()) {
-    if (Status status = check_navigation_latitude(unit.info.latitude_deg); !status)
-      return input_error("--navigate: " + status.error().message);
-    std::vector<std::pair<std::string, ExpectedDrift>> drifts;
-    for (const NamedPrediction& column : columns)
-      drifts.emplace_back(column.name, predicted_drift(unit.info, column.prediction, options, drift_plan));
-    add_predicted_drift(drifts, drift_plan, document);
-  }
-  if (request.effects) {
-    add_detectable(columns, document);
-    if (!options.temperature)
-      document.text("Effects of temperature were not looked at: it does not change (--temperature-rise).");
-    document.section("never", "Never observable");
-    for (const std::string_view quantity : unobservable_quantities()) document.text(std::string(quantity));
-  }
-  context.out << as(request.format, document);
+Status run_predict(const PredictCommandOptions& options, CommandContext& context) {
+  context.out << as(options.format, TRY(predict_sequences(options.request)).document);
   return {};
 }
 
 constexpr double longest_design_s = 43200.0;  // that is looked for, with --sigma
-constexpr const char* longest_extra_legs = "10min";
+constexpr double longest_extra_legs_s = 600.0;
 constexpr double usual_acceleration_degps2 = 20.0;                     // where the table may
 constexpr std::string_view first_words = "# Found by turncal design";  // of the file
 
 struct DesignOptions {
   PlannedSite site;
-  DesignTask task;  // least_rest_s, effects and tries of it
-  std::string time, sigma, separate, from, start, out, criterion = "mean";
+  DesignTask task;      // least_rest_s, effects and tries of it
+  double time_s = 0.0;  // 0: not given
+  std::string sigma, separate, from, start, out, criterion = "mean";
   std::vector<std::string> axes, rates;
   std::optional<double> acceleration_degps2;
   int seed = 1;
@@ -249,9 +87,12 @@ Status choose(const DesignOptions& options, DesignTask& task) {
                          format_number(limits.max_acceleration_degps2) + ", what the table's " + to_string(axis) +
                          " axis may do");
   }
+  std::vector<std::string> known;
+  for (const PredictedEffect& e : task.effect_aims) known.emplace_back(e.column.entry->name);
   for (const std::string& name : task.effects)
-    if (std::ranges::none_of(task.effect_aims, [&](const PredictedEffect& e) { return e.column.entry->name == name; }))
-      return input_error("--effects " + name + ": expected an effect of the catalogue (docs/effect-components.md)");
+    if (std::ranges::find(known, name) == known.end())
+      return input_error("--effects " + name + ": expected an effect of the catalogue (docs/effect-components.md)" +
+                         did_you_mean(name, known));
   return {};
 }
 
@@ -309,7 +150,7 @@ class Designer {
       return input_error("--separate: expected neither --sigma nor --effects beside it");
     if (options_.separate.empty() != options_.from.empty())
       return input_error("--separate, --from: expected both, an effect and the recording that it was found in");
-    if (options_.separate.empty() && options_.time.empty() == options_.sigma.empty())
+    if (options_.separate.empty() && (options_.time_s > 0.0) == !options_.sigma.empty())
       return input_error("expected --time or --sigma, one of them");
     // Before minutes of search, not after them.
     TRY(check_replaceable(options_.out, first_words));
@@ -331,8 +172,7 @@ class Designer {
         columns_.pop_back();
       }
     } else {
-      const double time_s = TRY(parse_time_s("--time", options_.time));
-      task_.time_s = time_s;
+      task_.time_s = options_.time_s;
       TRY(search());
     }
     const std::string bound = bound_text(columns_.back().prediction);
@@ -360,7 +200,7 @@ class Designer {
 
   // The shortest legs that tell the class of an effect apart, after the recording it was found in.
   Status separate() {
-    const double time_s = TRY(parse_time_s("--time", options_.time.empty() ? longest_extra_legs : options_.time));
+    const double time_s = options_.time_s > 0.0 ? options_.time_s : longest_extra_legs_s;
     const LoadedRecording loaded = TRY(load_recording(options_.from));
     TRY(check_data(loaded));
     if (loaded.by_hand)
@@ -493,50 +333,61 @@ Status design(const DesignOptions& options, CommandContext& context) { return De
 
 void add_site_options(const Command& command, PlannedSite& site) {
   command.option("--station", site.station, "station configuration; default: the built-in rig station");
-  command.option("--latitude", site.latitude_deg, "deg; default: the station's");
-  command.option("--gravity", site.gravity_mps2, "m/s^2; default: the station's");
+  command.option("--latitude", site.latitude_deg, "latitude, degrees; default: the station's");
+  command.option("--gravity", site.gravity_mps2, "gravity, m/s^2; default: the station's");
   command.option("--arw", site.arw_deg_per_rt_h, "angle random walk, deg/sqrt(h)").default_in_help();
   command.option("--vrw", site.vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").default_in_help();
-  command.option("--gyro-bias-instability", site.gyro_bias_instability_degph, "deg/h").default_in_help();
-  command.option("--accel-bias-instability", site.accel_bias_instability_ug, "ug").default_in_help();
+  command.option("--gyro-bias-instability", site.gyro_bias_instability_degph, "bias instability of the gyros, deg/h")
+      .default_in_help();
+  command
+      .option("--accel-bias-instability", site.accel_bias_instability_ug, "bias instability of the accelerometers, ug")
+      .default_in_help();
 }
 
 void add_predict_command(CommandLine& line) {
-  const auto [command, request] = line.command<PredictRequest>(
-      "predict", "the sigma each parameter would have after a sequence; nothing moves", run_predict, Output::result);
-  command.option("--sequence", request.sequences, "sequence file; several stand side by side").required();
+  const auto [command, options] = line.command<PredictCommandOptions>(
+      "predict", "predict the sigma of each parameter after a sequence; nothing moves", run_predict);
+  PredictRequest& request = options.request;
+  command.option("--sequence", request.sequences, "sequence file; several are compared side by side").required();
   add_site_options(command, request.site);
-  command.flag("--effects", request.effects, "the smallest effects that would be caught, and which are confused");
-  command.option("--temperature-rise", request.temperature_rise_c, "C over the run, for --effects").default_in_help();
-  command.option("--temperature-tau", request.temperature_tau_s, "its time constant, s").default_in_help();
-  command.option("--navigate", request.navigate, "drift of free navigation after this time: 1h, 90min, 5400s");
-  command.option("--align", request.align_s, "alignment before it, s").range(20.0, 86400.0).default_in_help();
-  command.option("--format", request.format, "print it in this form instead of words").one_of({"json"});
+  command.flag("--effects", request.effects,
+               "report the smallest effects that would be detected, and which are confounded");
+  command.option("--temperature-rise", request.temperature_rise_c, "temperature rise over the run, C, for --effects")
+      .default_in_help();
+  command.option("--temperature-tau", request.temperature_tau_s, "time constant of the temperature rise")
+      .time(1.0, 1e6)
+      .default_in_help();
+  command.option("--navigate", request.navigate_s, "predict the drift of free navigation after this time")
+      .time(1.0, 86400.0);
+  command.option("--align", request.align_s, "alignment before the navigation").time(20.0, 86400.0).default_in_help();
+  command.option("--format", options.format, "print the result in this form instead of text").one_of({"json"});
 }
 
 void add_design_command(CommandLine& line) {
   const auto [command, options] =
       line.command<DesignOptions>("design", "find a sequence with small sigmas in a given time; nothing moves", design);
-  command.option("--time", options.time, "length of the run: 40min, 2h, 2400");
+  command.option("--time", options.time_s, "length of the run").time(1.0, 86400.0);
   command.option("--sigma", options.sigma,
-                 "in place of it: a file of sigmas (N01 = 0.003); the shortest run that gives them");
+                 "in place of --time: a file of sigmas (N01 = 0.003); finds the shortest run that gives them");
   command.option("--separate", options.separate,
-                 "an effect of a diagnosis: the shortest legs, at most --time (10min), that tell it from its aliases");
-  command.option("--from", options.from, "the recording, or run, with that diagnosis");
-  command.option("--out", options.out, "the sequence file to write").required();
+                 "an effect of a diagnosis: the shortest legs, at most --time (10min), that tell it from the effects "
+                 "it is confounded with");
+  command.option("--from", options.from, "recording or run with that diagnosis");
+  command.option("--out", options.out, "sequence file to write").required();
   add_site_options(command, options.site);
-  command.option("--start", options.start, "sequence whose turns the search begins with; default: the fourteen steps");
-  command.option("--aim", options.criterion, "make the mean of all sigmas small, or the worst")
+  command.option("--start", options.start, "sequence that the search starts from; default: the fourteen steps");
+  command.option("--aim", options.criterion, "minimise the mean of all sigmas, or the worst")
       .one_of({"mean", "worst"})
       .default_in_help();
-  command.option("--effects", options.task.effects, "effects of the catalogue that it should show");
+  command.option("--effects", options.task.effects, "effects of the catalogue that the sequence should show");
   command.option("--axes", options.axes, "axes that may turn: heading, pitch, roll; default: all");
-  command.option("--rate", options.rates, "rates to choose from, deg/s; default: 10, or what the axis may");
-  command.option("--acceleration", options.acceleration_degps2, "deg/s^2; default: 20, or what the table may")
+  command.option("--rate", options.rates, "rates to choose from, deg/s; default: 10, or the axis limit");
+  command
+      .option("--acceleration", options.acceleration_degps2, "acceleration, deg/s^2; default: 20, or the table limit")
       .positive();
-  command.option("--least-rest", options.task.least_rest_s, "of a rest, s").range(2.0, 3600.0).default_in_help();
-  command.option("--seed", options.seed, "of the search").range(0, 1000000000).default_in_help();
-  command.option("--tries", options.task.tries, "walks to judge").range(1, 1000000).default_in_help();
+  command.option("--least-rest", options.task.least_rest_s, "shortest rest").time(2.0, 3600.0).default_in_help();
+  command.option("--seed", options.seed, "seed of the search").range(0, 1000000000).default_in_help();
+  command.option("--tries", options.task.tries, "number of candidate sequences").range(1, 1000000).default_in_help();
 }
 
 }  // namespace turncal

@@ -1,11 +1,11 @@
-// `turncal history`: what is in the results database. `turncal restore`: versions of the parameter file in use.
+// `turncal history`: what is in the results database.
 //
 // `turncal shift DB`: yield, reasons, hours, control charts, stations and repeatability of a shift, a week or a month.
 //
-// `turncal database check|backup|copy|roles DB`: whether the results database is whole; a copy of it while others write; its rows, once each,
-// in another one; the roles of a server.
+// `turncal records check|backup|copy|roles DB`: whether the results database is whole; a copy of it while others write; its rows, once each,
+// in another one; the roles of a server. `turncal records restore`: versions of the parameter file in use.
 //
-// `turncal prune`: removes old recordings and keeps all that was made of them.
+// `turncal records prune`: removes old recordings and keeps all that was made of them.
 //
 // A recording goes when all of this holds: its run has given its unit a verdict, and not `hold`; it was sealed more than so many days ago;
 // its unit has a newer one of a finished run; nobody works in the run's folder. Parameters, reports, journal and log stay, and the log says
@@ -20,6 +20,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
+#include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/run.h"
@@ -92,8 +93,8 @@ Result<Document> comparison(const Calibrations& all, const std::vector<std::int6
     if (other == b->values.end()) continue;
     const double difference = other->value - value.value;
     const double sigma = std::hypot(value.sigma.value_or(0.0), other->sigma.value_or(0.0));
-    table.row({name(value.key), as("{:.10g}", value.value), as("{:.10g}", other->value), as("{:.3e}", difference),
-               sigma > 0.0 ? fixed(difference / sigma, 2) : number("-")});
+    table.row({name(value.key), with_sigma(value.value, sigma), with_sigma(other->value, sigma),
+               with_sigma(difference, sigma), sigma > 0.0 ? fixed(difference / sigma, 2) : number("-")});
   }
   document.add(std::move(table));
   return document;
@@ -101,7 +102,8 @@ Result<Document> comparison(const Calibrations& all, const std::vector<std::int6
 
 Result<Document> parameter_document(const Calibrations& all, const std::string& key) {
   if (std::ranges::find(parameter_keys, key) == parameter_keys.end())
-    return input_error("--parameter '" + key + "': expected one of the 24 keys, N01 to a33");
+    return input_error("--parameter '" + key + "': expected one of the 24 keys, N01 to a33" +
+                       did_you_mean(key, {parameter_keys.begin(), parameter_keys.end()}));
   const ParameterHistory history = parameter_history(all, key);
   const ControlChart& chart = history.chart;
   Document document{"", "Parameter " + key};
@@ -109,14 +111,17 @@ Result<Document> parameter_document(const Calibrations& all, const std::string& 
   for (std::size_t i = 0; i < history.values.size(); ++i) {
     const bool outside = std::ranges::find(chart.outside, i) != chart.outside.end();
     table.row({count(static_cast<std::size_t>(history.of[i]->id)), name(history.of[i]->unit),
-               text(history.of[i]->time_utc), as("{:.8g}", history.values[i]), as("{:.2e}", history.sigmas[i]),
-               text(outside ? "outside the control limits" : "")});
+               text(history.of[i]->time_utc), with_sigma(history.values[i], history.sigmas[i].value_or(0.0)),
+               as("{:.1e}", history.sigmas[i]), text(outside ? "outside the control limits" : "")});
   }
   document.add(std::move(table));
-  const auto said = [](std::optional<double> value) { return as("{:.8g}", value).words; };
-  document.text(fmt::format("{}: n {}, mean {:.8g}, control limits {} .. {}, limits {} .. {}, Cpk {}", key, chart.count,
-                            chart.mean, said(chart.lower), said(chart.upper), said(history.limit.min),
-                            said(history.limit.max), chart.cpk ? fmt::format("{:.2f}", chart.cpk->value) : "-"));
+  const auto said = [&](std::optional<double> value) {
+    return value ? value_with_sigma(*value, chart.sigma.value_or(0.0)) : "-";
+  };
+  document.text(fmt::format("{}: n {}, mean {}, control limits {} .. {}, limits {} .. {}, Cpk {}", key, chart.count,
+                            said(chart.mean), said(chart.lower), said(chart.upper),
+                            as("{:.8g}", history.limit.min).words, as("{:.8g}", history.limit.max).words,
+                            chart.cpk ? fmt::format("{:.2f}", chart.cpk->value) : "-"));
   return document;
 }
 
@@ -284,7 +289,7 @@ Status run_shift(const ShiftOptions& options, CommandContext& context) {
 }
 
 struct DatabaseOptions {
-  std::string action, database, other, out;
+  std::string database, other, out;
 };
 
 std::string contents_of(const ResultsDatabase& database) {
@@ -297,8 +302,7 @@ std::string contents_of(const ResultsDatabase& database) {
          (version < database_version ? " (the next run makes " + std::to_string(database_version) + " of it)" : "");
 }
 
-Status backup(const DatabaseOptions& options, std::ostream& out) {
-  if (options.out.empty()) return input_error("database backup: expected --out FILE, where the copy is to go");
+Status backup(const DatabaseOptions& options, CommandContext& context) {
   TRY(check_apart({{"database", options.database}, {"--out", options.out}}));
   TRY(check_replaceable(options.out, "SQLite format 3"));
   const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
@@ -307,41 +311,33 @@ Status backup(const DatabaseOptions& options, std::ostream& out) {
   const ResultsDatabase copy = TRY(ResultsDatabase::of_image(image, options.database));
   TRY(copy.check());
   TRY(write_file_atomically(options.out, image));
-  out << "backup of " << contents_of(database) << " in " << options.out << '\n';
+  context.out << "backup of " << contents_of(database) << " in " << options.out << '\n';
   return {};
 }
 
-Status copy_rows(const DatabaseOptions& options, std::ostream& out) {
-  if (options.other.empty())
-    return input_error("database copy: expected a second database, which the rows are added to");
+Status copy_rows(const DatabaseOptions& options, CommandContext& context) {
   TRY(check_apart({{"database", options.database}, {"other", options.other}}));
   const ResultsDatabase from = TRY(ResultsDatabase::open_to_read(options.database));
   ResultsDatabase to = TRY(ResultsDatabase::open(options.other));
   const CopiedRows copied = TRY(from.copy_to(to));
-  out << options.other << ": " << copied.calibrations << " calibrations and " << copied.attempts
-      << " notes of attempts are new\n";
+  context.out << options.other << ": " << copied.calibrations << " calibrations and " << copied.attempts
+              << " notes of attempts are new\n";
   return {};
 }
 
-Status make_roles(const DatabaseOptions& options, std::ostream& out) {
+Status make_roles(const DatabaseOptions& options, CommandContext& context) {
   if (!names_a_server(options.database))
     return input_error(options.database + ": a file has no roles: expected postgresql://USER@HOST/NAME");
   ResultsDatabase database = TRY(ResultsDatabase::open(options.database));
   TRY(database.make_roles());
-  out << options.database << ": turncal_station adds and reads, turncal_reader reads\n";
+  context.out << options.database << ": turncal_station adds and reads, turncal_reader reads\n";
   return {};
 }
 
-Status run_database(const DatabaseOptions& options, CommandContext& context) {
-  std::ostream& out = context.out;
-  if (options.action == "backup") return backup(options, out);
-  if (!options.out.empty()) return input_error("--out " + options.out + ": expected with backup only");
-  if (options.action == "copy") return copy_rows(options, out);
-  if (!options.other.empty()) return input_error(options.other + ": expected a second database with copy only");
-  if (options.action == "roles") return make_roles(options, out);
+Status check_database(const DatabaseOptions& options, CommandContext& context) {
   const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
   TRY(database.check());
-  out << options.database << ": whole, " << contents_of(database) << '\n';
+  context.out << options.database << ": whole, " << contents_of(database) << '\n';
   return {};
 }
 
@@ -349,7 +345,7 @@ namespace fs = std::filesystem;
 
 struct PruneOptions {
   std::string folder;
-  int days = 0;
+  double days = 0.0;
   bool list = false;
 };
 
@@ -437,69 +433,71 @@ Status prune(const PruneOptions& options, CommandContext& context) {
 }  // namespace
 
 void add_filter_options(const Command& command, RecordFilter& filter) {
-  command.option("--station", filter.station, "of this station only");
-  command.option("--part", filter.part, "of this part only");
-  command.option("--from", filter.from, "from this time on, UTC: 2026-01-31 or 2026-01-31T06:00:00Z");
-  command.option("--to", filter.to, "up to this time; a date: to its end");
+  command.option("--station", filter.station, "only this station");
+  command.option("--part", filter.part, "only this part");
+  command.option("--from", filter.from, "start of the period, UTC: 2026-01-31 or 2026-01-31T06:00:00Z");
+  command.option("--to", filter.to, "end of the period, UTC; a date includes the whole day");
 }
 
 void add_history_command(CommandLine& line) {
-  const auto [command, options] = line.command<HistoryOptions>(
-      "history", "list, compare and export what is in the results database", show_history, Output::result);
+  const auto [command, options] =
+      line.command<HistoryOptions>("history", "list, compare and export what is in the results database", show_history);
   command.option("database", options.database, "the station's record.database").required();
   add_filter_options(command, options.filter);
-  command.option("--unit", options.filter.unit, "of this unit only");
-  command.option("--verdict", options.filter.verdict, "with this verdict or outcome only: pass, hold, dropped, ...");
-  command.flag("--attempts", options.attempts, "every attempt, also those that were refused, aborted, or failed");
-  command.option("--compare", options.compare, "two ids: the differences of one unit's parameters").words(2);
-  command.flag("--control", options.control, "every parameter over all calibrations: control limits and Cpk");
+  command.option("--unit", options.filter.unit, "only this unit");
+  command.option("--verdict", options.filter.verdict, "only this verdict or outcome: pass, hold, dropped, ...");
+  command.flag("--attempts", options.attempts, "list every attempt, including those refused, aborted or failed");
+  command.option("--compare", options.compare, "compare two calibrations of one unit, by id").words(2);
+  command.flag("--control", options.control, "control limits and Cpk of every parameter over all calibrations");
   command.option("--parameter", options.parameter, "one parameter, calibration by calibration");
-  command.option("--report", options.report, "writes a page (HTML) with the control charts of every parameter");
-  command.flag("--simulated", options.simulated, "of the dry runs, for --control, --parameter and --report");
-  command.flag("--together", options.together, "charts of all units in one: the spread between them");
-  command.option("--csv", options.csv, "writes the calibrations with all values to this file");
-  command.format(options.format, "print the calibrations with all values in this form; json: of the others, too");
-}
-
-void add_restore_command(CommandLine& line) {
-  const auto [command, options] = line.command<RestoreOptions>(
-      "restore", "list the versions of a unit's parameter file, bring one back into use", restore, Output::result);
-  command.option("store", options.store, "the station's record.store").required();
-  command.option("--unit", options.unit, "serial number of the unit").required();
-  command.option("--version", options.version, "the version to bring back; without it they are listed").positive();
-  command.flag("--simulated", options.simulated, "of the dry runs");
+  command.option("--report", options.report, "write a page (HTML) with the control charts of every parameter");
+  command.flag("--simulated", options.simulated, "use dry runs for --control, --parameter and --report");
+  command.flag("--together", options.together, "chart all units together: the spread between them");
+  command.option("--csv", options.csv, "write the calibrations with all values to this file");
+  command.format(options.format,
+                 "print the calibrations with all values in this form; json: also with the other options");
 }
 
 void add_shift_command(CommandLine& line) {
-  const auto [command, options] = line.command<ShiftOptions>(
-      "shift", "the report of a shift: yield, reasons, hours, control charts, stations", run_shift);
+  const auto [command, options] =
+      line.command<ShiftOptions>("shift", "report a shift: yield, reasons, hours, control charts, stations", run_shift);
   command.option("database", options.database, "the station's record.database").required();
   add_filter_options(command, options.filter);
-  command.flag("--simulated", options.simulated, "of the dry runs, which are in no report with real units");
+  command.flag("--simulated", options.simulated, "report dry runs, which are never mixed with real units");
   command.option("--out", options.out, "folder for the report: shift.html and its tables as CSV");
-  command.option("--format", options.format, "print the report in this form instead of words").one_of({"json"});
-  command.flag("--pdf", options.pdf, "with --out: shift.pdf too, by weasyprint");
+  command.option("--format", options.format, "print the report in this form instead of text").one_of({"json"});
+  command.flag("--pdf", options.pdf, "with --out: also write shift.pdf (needs weasyprint)");
 }
 
-void add_database_command(CommandLine& line) {
-  const auto [command, options] =
-      line.command<DatabaseOptions>("database", "check, back up or copy a results database; make the roles of a server",
-                                    run_database, Output::result);
-  command.option("action", options.action, "check, backup, copy or roles")
-      .required()
-      .one_of({"check", "backup", "copy", "roles"});
-  command.option("database", options.database, "the station's record.database: a file, or postgresql://USER@HOST/NAME")
-      .required();
-  command.option("other", options.other, "for copy: the database that the rows are added to, each once");
-  command.option("--out", options.out, "file for the backup");
-}
-
-void add_prune_command(CommandLine& line) {
-  const auto [command, options] = line.command<PruneOptions>(
-      "prune", "remove old recordings of finished units; never the last one of a unit, nor one that is on hold", prune);
-  command.option("folder", options.folder, "folder with the folders of runs").required();
-  command.option("--older-than", options.days, "days since the recording was sealed").range(1, 36500).required();
-  command.flag("--list", options.list, "only say what would be removed");
+void add_records_command(CommandLine& line) {
+  CommandLine records =
+      line.family("records", "look after what is kept: results database, parameter files in use, old recordings");
+  const auto of_database = [&records](const char* name, const char* help,
+                                      Status (*job)(const DatabaseOptions&, CommandContext&)) {
+    const auto added = records.command<DatabaseOptions>(name, help, job);
+    added.first
+        .option("database", added.second.database,
+                "the station's record.database: a file, or postgresql://USER@HOST/NAME")
+        .required();
+    return added;
+  };
+  of_database("check", "check that a results database is whole", check_database);
+  const auto [backing_up, image] = of_database("backup", "back up a results database, also while it is used", backup);
+  backing_up.option("--out", image.out, "file for the backup").required();
+  const auto [copying, rows] = of_database("copy", "copy the rows of a results database into another one", copy_rows);
+  copying.option("other", rows.other, "database that the rows are added to, each once").required();
+  of_database("roles", "make the roles of a results database on a server", make_roles);
+  const auto [restoring, version] = records.command<RestoreOptions>(
+      "restore", "list the versions of a unit's parameter file, or bring one back into use", restore);
+  restoring.option("store", version.store, "the station's record.store").required();
+  restoring.option("--unit", version.unit, "serial number of the unit").required();
+  restoring.option("--version", version.version, "the version to bring back; without it they are listed").positive();
+  restoring.flag("--simulated", version.simulated, "of the dry runs");
+  const auto [pruning, old] = records.command<PruneOptions>(
+      "prune", "remove old recordings of finished units, but never a unit's last one or one that is on hold", prune);
+  pruning.option("folder", old.folder, "folder with the folders of runs").required();
+  pruning.option("--older-than", old.days, "age of the recording since it was sealed").time(1, 36500, "d").required();
+  pruning.flag("--list", old.list, "only list what would be removed");
 }
 
 }  // namespace turncal

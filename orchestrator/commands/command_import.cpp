@@ -39,6 +39,7 @@
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/jobs/navigation/foreign_forms.h"
 #include "orchestrator/jobs/navigation/navigation_job.h"
@@ -111,17 +112,7 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   SegmentationOptions segmentation;
   segmentation.min_rest_s = options.min_rest_s;
   segmentation.threshold = options.threshold;
-  RestFinder finder(source.info(), segmentation);
-  TRY(source.read([&](std::span<const ImuSample> samples) {
-    finder.add(samples);
-    return Status();
-  }));
-  const Segmentation found = finder.finish();
-  if (found.segments.empty())
-    return input_error(options.source + ": no rest found: " +
-                       (options.threshold ? "no stretch of " + format_number(options.min_rest_s) +
-                                                " s stays below the threshold " + format_number(*options.threshold)
-                                          : found.reason));
+  const Segmentation found = TRY(find_rests(source, segmentation));
   print_segmentation(found, source.info(), found.segments.front().start_sample, context.out);
   TRY(import_binary(source, found.segments, folder.file(binary_recording_name)));
   folder.keep();
@@ -307,7 +298,9 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
                        ": a recording has increments and a counter: expected .csv, .npy or .mat with --as");
   const ParameterFile parameters = TRY(read_parameter_file(options.parameters));
   std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(options.recording));
-  CalibratedSource calibrated(*source, TRY(SampleCalibration::make(parameters, options.parameters, *source)));
+  SampleCalibration calibration = TRY(SampleCalibration::make(parameters, options.parameters, *source));
+  const std::optional<TemperatureCourse> temperature = calibration.temperature;
+  CalibratedSource calibrated(*source, std::move(calibration));
   std::error_code error;
   if (std::filesystem::is_directory(options.out, error))
     return input_error(options.out + ": expected a file name, found a folder");
@@ -317,6 +310,13 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
                    {"the source", options.parameters},
                    {"--out", options.out}}));
   TRY(write_calibrated(calibrated, options));
+  if (temperature)
+    context.out << fmt::format("parameters at the temperature of each sample, {:.2f} to {:.2f} C",
+                               temperature->lowest_c, temperature->highest_c);
+  if (temperature && temperature->leaves_range())
+    context.out << fmt::format("; OUTSIDE THE RANGE of {:.2f} to {:.2f} C as at its nearer end",
+                               temperature->polynomials.low_c, temperature->polynomials.high_c);
+  if (temperature) context.out << '\n';
   context.out << "calibrated " << (options.as == "rates" ? "rates" : "increments") << "  " << options.out << std::endl;
   return {};
 }
@@ -349,6 +349,9 @@ Status convert(const ConvertOptions& options, CommandContext& context) {
   }
   TRY(write_files_atomically(forms));
   for (const NamedText& form : forms) context.out << "written  " << form.path << '\n';
+  if (file.temperature && !options.binary.empty())
+    context.out << "the binary block holds the parameters at " << format_number(file.temperature->reference_c)
+                << " C alone, not their temperature.* coefficients\n";
   return {};
 }
 
@@ -396,92 +399,98 @@ void add_segment_command(CommandLine& line) {
   const auto [command, options] = line.command<SegmentOptions>(
       "segment", "find the rests of a recording and write it with segments", segment_recording);
   command.option("source", options.source, "recording: a folder or a .tcr file").required();
-  command.option("--out", options.out, "folder to write to; must not hold a recording yet").required();
+  command.option("--out", options.out, "folder to write to; must not contain a recording yet").required();
   command
-      .option("--threshold", options.threshold, "variance over the quiet one at which a rest ends; default: looked for")
+      .option("--threshold", options.threshold,
+              "ratio of variance to quiet variance at which a rest ends; default: chosen by the data")
       .range(1.0, 1e12);
-  command.option("--min-rest", options.min_rest_s, "shortest rest, s").range(0.1, 3600.0);
+  command.option("--min-rest", options.min_rest_s, "shortest rest").time(0.1, 3600.0).default_in_help();
 }
 
 void add_import_command(CommandLine& line) {
   const auto [command, options] = line.command<TextOptions>(
-      "import", "read a table of numbers, a ROS bag, raw bytes or a recording's text form, write a recording",
+      "import", "make a recording of a table of numbers, a ROS bag, raw bytes or the text form of a recording",
       import_text);
   command
-      .option(
-          "source", options.source,
-          "CSV, .npy, .mat, HDF5, MCAP, .db3 or .bag; with --frame a log of raw bytes; or a folder with recording.conf")
+      .option("source", options.source,
+              "CSV, .npy, .mat, HDF5, MCAP, .db3 or .bag file; with --frame a log of raw bytes; or a folder with "
+              "recording.conf")
       .required();
-  command.option("--out", options.out, "folder to write to; must not hold a recording yet").required();
-  const Option map = command.option("--map", options.map, "what the columns are (docs/import.md); default: proposed");
-  command.option("--map-out", options.map_out, "file for the proposed map");
+  command.option("--out", options.out, "folder to write to; must not contain a recording yet").required();
+  const Option map =
+      command.option("--map", options.map, "file that describes the columns (docs/import.md); default: a proposed one");
+  command.option("--map-out", options.map_out, "write the proposed map to this file");
   command.option("--frame", options.frame, "frame description of raw bytes: a name, or a file (docs/imu-frames.md)");
   command.option("--topic", options.topic, "sensor_msgs/Imu topic of a bag that has several");
-  command.option("--accel", options.accel, "the accelerometers' file, where they have one of their own").needs(map);
-  command.flag("--skip-bad-rows", options.skip_bad_rows, "leave out rows with a defect, and count them");
-  command.option("--gravity", options.gravity_mps2, "of the site, m/s^2; default: the map's, or 9.80665")
+  command.option("--accel", options.accel, "file of the accelerometers, if it is a separate one").needs(map);
+  command.flag("--skip-bad-rows", options.skip_bad_rows, "skip defective rows, and report their number");
+  command.option("--gravity", options.gravity_mps2, "gravity of the site, m/s^2; default: the map's, or 9.80665")
       .range(recorded_gravity_mps2.min, recorded_gravity_mps2.max);
-  command.option("--latitude", options.latitude_deg, "of the site, degrees; default: the map's, or 0")
+  command.option("--latitude", options.latitude_deg, "latitude of the site, degrees; default: the map's, or 0")
       .range(-90.0, 90.0);
-  command.option("--unit", options.unit, "serial; default: the map's, or the name of the file");
+  command.option("--unit", options.unit, "serial number; default: the map's, or the name of the file");
 }
 
 void add_export_command(CommandLine& line) {
   const auto [command, options] = line.command<TextOptions>(
       "export", "write a recording in text form, or its samples as .npy or .mat", export_recording);
   command.option("source", options.source, "recording: a folder or a .tcr file").required();
-  command.option("--out", options.out, "folder to write to, must not hold a recording yet; or a .npy or .mat file")
+  command
+      .option("--out", options.out,
+              "folder to write to, which must not contain a recording yet, or a .npy or .mat file")
       .required();
 }
 
 void add_apply_command(CommandLine& line) {
   const auto [command, options] =
-      line.command<ApplyOptions>("apply", "write calibrated increments of a recording", apply);
+      line.command<ApplyOptions>("apply", "write the calibrated increments or rates of a recording", apply);
   command.option("recording", options.recording, "a folder (binary or text form) or a .tcr file").required();
   command.option("--parameters", options.parameters, "parameter file").required();
   command
       .option("--out", options.out,
-              "file to write: .csv, .npy, .mat or .tcr (a recording); an existing one is replaced, whole")
+              "file to write: .csv, .npy, .mat or .tcr (a recording); an existing file is replaced")
       .required();
-  command.option("--as", options.as, "time beside it, and increments or rates (rad/s, m/s^2); not for .tcr")
+  command.option("--as", options.as, "add the time, and write increments or rates (rad/s, m/s^2); not for .tcr")
       .one_of({"rates", "increments"});
 }
 
 void add_convert_command(CommandLine& line) {
-  const auto [command, options] =
-      line.command<ConvertOptions>("convert", "a parameter file as C header, binary block or YAML", convert);
+  const auto [command, options] = line.command<ConvertOptions>(
+      "convert", "convert a parameter file to a C header, a binary block, YAML or another program's form", convert);
   command.option("parameters", options.parameters, "parameter file").required();
   command.option("--header", options.header, "C header to write");
-  command.option("--binary", options.binary, "binary block with a checksum to write");
+  command.option("--binary", options.binary, "binary block (with a checksum) to write");
   command.option("--yaml", options.yaml, "YAML file to write");
   std::vector<std::string> names;
   for (const ForeignForm& form : foreign_forms) names.emplace_back(form.name);
-  const Option out = command.option("--out", options.out, "file to write in the form of --form");
-  const Option form = command.option("--form", options.form, "of another program, docs/parameter-forms.md");
+  const Option out = command.option("--out", options.out, "file to write in the form that --form names");
+  const Option form = command.option("--form", options.form, "form of another program (docs/parameter-forms.md)");
   form.one_of(names).needs(out);
   out.needs(form);
 }
 
 void add_navigate_command(CommandLine& line) {
   const auto [command, options] =
-      line.command<NavigateOptions>("navigate", "free inertial navigation of a recording: what it drifts", navigate);
+      line.command<NavigateOptions>("navigate", "navigate a recording freely and report its drift", navigate);
   NavigationRequest& request = options.request;
   command.option("recording", request.recording, "a folder (binary or text form) or a .tcr file").required();
-  command.option("--parameters", request.parameters, "parameter file; left out where `turncal apply` has been at work");
-  command.option("--against", request.against, "another parameter file, navigated beside it");
+  command.option("--parameters", request.parameters, "parameter file; omit it for the output of `turncal apply`");
+  command.option("--against", request.against, "second parameter file to compare with");
   command.option("--reference", request.reference,
-                 "where the unit truly was: a table of time_s, latitude_deg, longitude_deg (docs/navigation.md)");
+                 "true track: a table of time_s, latitude_deg, longitude_deg (docs/navigation.md)");
   command.option("--out", options.out, "folder for navigation.conf, track.csv, navigation.svg").required();
-  command.option("--align", request.align_s, "length of the alignment, s").range(20.0, 86400.0).default_in_help();
-  command.option("--from", request.from_s, "where to begin, s from the first sample")
-      .range(0.0, longest_recording_s)
+  command.option("--align", request.align_s, "length of the alignment").time(20.0, 86400.0).default_in_help();
+  command.option("--from", request.from_s, "where to begin, from the first sample")
+      .time(0.0, longest_recording_s)
       .default_in_help();
-  command.option("--to", request.to_s, "where to end, s; default: the end of the recording")
-      .range(0.0, longest_recording_s);
-  command.option("--for", request.free_s, "length of each free navigation, s; default: an hour, or what there is")
-      .range(1.0, longest_recording_s);
-  command.option("--branches", request.branches, "starts, spread over the recording").range(1, 1000).default_in_help();
-  command.format(options.format, "print navigation.conf in this form instead of words");
+  command.option("--to", request.to_s, "where to end; default: the end of the recording")
+      .time(0.0, longest_recording_s);
+  command.option("--for", request.free_s, "length of each free navigation; default: an hour, or what there is")
+      .time(1.0, longest_recording_s);
+  command.option("--branches", request.branches, "number of starts, spread over the recording")
+      .range(1, 1000)
+      .default_in_help();
+  command.format(options.format, "print navigation.conf in this form instead of text");
 }
 
 }  // namespace turncal

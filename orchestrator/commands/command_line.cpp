@@ -1,8 +1,11 @@
 #include "orchestrator/commands/command_line.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <poll.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <exception>
@@ -17,9 +20,12 @@
 #include "orchestrator/station/version.h"
 
 namespace turncal {
+
+extern const std::string_view command_examples;  // examples.txt
+
 namespace {
 
-// A pipe that nobody reads any more (| head -1): what is made goes on.
+// A pipe that nobody reads any more (| head -1) is no error: who left has read enough, and what is made goes on.
 bool reader_has_left() {
   pollfd output{STDOUT_FILENO, POLLOUT, 0};
   return ::poll(&output, 1, 0) == 1 && (output.revents & POLLERR) != 0;
@@ -53,19 +59,99 @@ class Nowhere : public std::streambuf {
   std::streamsize xsputn(const char*, std::streamsize n) override { return n; }
 };
 
+// One of `values`, which the help shows.
+CLI::Validator word_of(const std::vector<std::string>& values) {
+  return CLI::Validator(
+      [values](std::string& text) {
+        if (std::ranges::find(values, text) != values.end()) return std::string();
+        return fmt::format("'{}': expected {}{}", text, fmt::join(values, ", "), did_you_mean(text, values));
+      },
+      fmt::format("{{{}}}", fmt::join(values, ",")));
+}
+
+// A time becomes a number of `unit`, s or d.
+CLI::Validator time_in(double low, double high, const std::string& unit) {
+  return CLI::Validator(
+      [=](std::string& text) {
+        std::string_view number = text;
+        double scale = 1.0;
+        for (const auto& [name, seconds] : {std::pair{"min", 60.0}, {"h", 3600.0}, {"d", 86400.0}, {"s", 1.0}})
+          if (text.ends_with(name)) {
+            number.remove_suffix(std::string_view(name).size());
+            scale = seconds / (unit == "d" ? 86400.0 : 1.0);
+          }
+        const std::optional<double> value = parse_number(number);
+        if (!value || !(*value * scale >= low && *value * scale <= high))
+          return fmt::format("'{0}': expected a time from {1:g}{3} to {2:g}{3}, like 90s, 40min, 2h", text, low, high,
+                             unit);
+        text = format_number(*value * scale);
+        return std::string();
+      },
+      "");
+}
+
+// Lines of at most 100 characters; what stands in the column of descriptions goes on there.
+std::string wrapped(const std::string& help) {
+  constexpr std::size_t width = 100;
+  std::string result;
+  for (std::string_view rest = help; !rest.empty();) {
+    std::string line(next_line(rest));
+    const std::size_t column = line.starts_with("  ") ? 30 : 0;
+    for (; line.size() > width && line.find(' ', column) < width;
+         line = std::string(column, ' ') + line.substr(line.rfind(' ', width) + 1))
+      result += line.substr(0, line.rfind(' ', width)) + '\n';
+    result += line + '\n';
+  }
+  return result;
+}
+
+class HelpText : public CLI::Formatter {
+  std::string make_help(const CLI::App* app, std::string name, CLI::AppFormatMode mode) const override {
+    return wrapped(Formatter::make_help(app, std::move(name), mode));
+  }
+};
+
+// The lines of examples.txt for "turncal run", or for turncal itself: the first two.
+std::string examples_of(const std::string& command) {
+  std::string text = "Examples:";
+  int found = 0;
+  for (std::string_view rest = command_examples; !rest.empty() && found < 2;)
+    if (const std::string_view line = next_line(rest); line.starts_with(command + " ") && ++found > 0)
+      text += "\n  " + std::string(line);
+  return text;
+}
+
+// The words of the command line, the last one first, as CLI11 takes them. What was a command in the version before is an action now.
+std::vector<std::string> words_of(int argc, const char* const* argv, std::ostream& err) {
+  std::vector<std::string> words(argv + 1, argv + argc);
+  const std::string first = words.empty() ? "" : words.front();
+  if (first == "help") {
+    words.erase(words.begin());
+    words.emplace_back("--help");
+  } else if (first == "database" || first == "restore" || first == "prune") {
+    first == "database" ? void(words.front() = "records") : void(words.insert(words.begin(), "records"));
+    err << fmt::format("{0}'turncal {1}' is 'turncal records{2}' now; the old name goes with the next version\n",
+                       error_prefix, first, first == "database" ? "" : " " + first);
+  }
+  std::ranges::reverse(words);
+  return words;
+}
+
 // A word that is not understood is said before what is missing because of it.
 Error misunderstood(const CLI::App& app, const std::string& why) {
-  const std::vector<CLI::App*> chosen = app.get_subcommands();
-  const CLI::App& command = chosen.empty() ? app : *chosen.front();
-  const std::string help = std::string(" (see turncal ") + (chosen.empty() ? "" : command.get_name() + " ") + "--help)";
+  const CLI::App* command = &app;
+  std::string name = "turncal ";
+  for (; !command->get_subcommands().empty(); name += command->get_name() + " ")
+    command = command->get_subcommands().front();
+  const std::string help = " (see " + name + "--help)";
   const std::vector<std::string> unknown = app.remaining(true);
   if (unknown.empty()) return input_error(why + help);
   const std::string typed = unknown.front().substr(0, unknown.front().find('='));
   std::vector<std::string> known;
   if (typed.starts_with("-"))
-    for (const CLI::Option* option : command.get_options()) known.push_back(option->get_name());
-  else if (chosen.empty())
-    for (const CLI::App* other : app.get_subcommands([](const CLI::App*) { return true; }))
+    for (const CLI::Option* option : command->get_options()) known.push_back(option->get_name());
+  else
+    for (const CLI::App* other : command->get_subcommands([](const CLI::App*) { return true; }))
       known.push_back(other->get_name());
   return input_error("'" + unknown.front() + "' is not understood" + did_you_mean(typed, known) + help);
 }
@@ -86,7 +172,12 @@ const Option& Option::range(double low, double high) const {
   return option_->check(number_in(low, high, "a number")), *this;
 }
 const Option& Option::one_of(const std::vector<std::string>& values) const {
-  return option_->check(CLI::IsMember(values)), *this;
+  return option_->check(word_of(values)), *this;
+}
+const Option& Option::time(double low, double high, const std::string& unit) const {
+  option_->type_name("TIME")->transform(time_in(low, high, unit));
+  const std::string bare = unit == "d" ? "days" : "seconds";
+  return option_->description(option_->get_description() + " (40min, 2h, 30d; a bare number: " + bare + ")"), *this;
 }
 const Option& Option::needs(const Option& other) const { return option_->needs(other.option_), *this; }
 const Option& Option::words(int count) const { return option_->expected(count), *this; }
@@ -116,29 +207,46 @@ void Command::format(std::string& value, const std::string& help) const {
   option("--format", value, help).one_of(data_formats);
 }
 
-Command CommandLine::add(const std::string& name, const std::string& help, std::function<Status()> job, Output output) {
-  const Command command(app_.add_subcommand(name, help));
+CLI::App* CommandLine::add(const std::string& name, const std::string& help) {
+  CLI::App* const app = app_.add_subcommand(name, help)->group(group_);
+  std::string command = name;
+  for (const CLI::App* above = &app_; above != nullptr; above = above->get_parent())
+    command = above->get_name() + " " + command;
+  return app->footer(examples_of(command));
+}
+
+CommandLine CommandLine::family(const std::string& name, const std::string& help) {
+  return {*add(name, help)->require_subcommand(1), context_};
+}
+
+Command CommandLine::add(const std::string& name, const std::string& help, std::function<Status()> job) {
+  const Command command(add(name, help));
   command.flag("--quiet", context_.quiet, "print nothing but errors");
-  command.app_->callback([&context = context_, job = std::move(job), output] {
+  command.app_->callback([&context = context_, job = std::move(job)] {
     static Nowhere nowhere;
     if (context.quiet) context.out.rdbuf(&nowhere);
-    context.output_is_result = output == Output::result;
     if (Status status = job(); !status) context.fail(status.error());
   });
   return command;
 }
 
-int run_command_line(int argc, const char* const* argv, const std::vector<AddCommand>& commands,
+int run_command_line(int argc, const char* const* argv, const std::vector<CommandGroup>& groups,
                      CommandContext& context) {
   std::streambuf* const out = context.out.rdbuf();
   try {
     CLI::App app("Calibrates a strapdown laser-gyro IMU on a three-axis turntable.", "turncal");
-    app.set_version_flag("--version", std::string("turncal ") + software_version());
+    app.formatter(std::make_shared<HelpText>());
+    app.set_help_flag("-h,--help", "print this help and exit");
+    app.set_version_flag("-V,--version", std::string("turncal ") + software_version(), "print the version and exit");
     app.require_subcommand(1);
+    app.footer(examples_of("turncal"));
     CommandLine line(app, context);
-    for (const AddCommand add : commands) add(line);
+    for (const CommandGroup& group : groups) {
+      line.set_group(group.name);
+      for (AddCommand* const add : group.commands) add(line);
+    }
     try {
-      app.parse(argc, argv);
+      app.parse(words_of(argc, argv, context.err));
     } catch (const CLI::Success& success) {  // --help, --version
       app.exit(success, context.out, context.err);
     } catch (const CLI::ParseError& error) {
@@ -155,7 +263,7 @@ int run_command_line(int argc, const char* const* argv, const std::vector<AddCom
   }
   if (context.quiet) context.out.rdbuf(out);
   context.out.flush();
-  if (!context.out && context.exit_code == 0 && (context.output_is_result || !reader_has_left()))
+  if (!context.out && context.exit_code == 0 && !reader_has_left())
     context.fail(device_error("standard output: not all could be written"));
   return context.exit_code;
 }

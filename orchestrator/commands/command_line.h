@@ -19,9 +19,6 @@ class Option;
 
 namespace turncal {
 
-// What a command prints is words for a person, or its result: whoever goes before the end of that has not got it.
-enum class Output { words, result };
-
 // An option of a command. Each call adds a condition and returns the same option; a value that breaks one is an input error.
 class Option {
  public:
@@ -32,6 +29,8 @@ class Option {
   const Option& range(int low, int high) const;  // both included
   const Option& range(double low, double high) const;
   const Option& one_of(const std::vector<std::string>& values) const;
+  // A time with its unit (90s, 40min, 2h, 30d), from low to high; a bare number is in `unit`, and so are low, high and the value.
+  const Option& time(double low, double high, const std::string& unit = "s") const;
   const Option& needs(const Option& other) const;
   const Option& words(int count) const;  // of a list: just as many
   const Option& one_word_each() const;   // of a list: the option stands before every word of it
@@ -65,22 +64,31 @@ class CommandLine {
   // A command and its options, which `job` is given. An error of it is said and becomes the exit code.
   template <class Options>
   std::pair<Command, Options&> command(const std::string& name, const std::string& help,
-                                       Status (*job)(const Options&, CommandContext&), Output output = Output::words) {
+                                       Status (*job)(const Options&, CommandContext&)) {
     const auto options = std::make_shared<Options>();
-    return {add(
-                name, help, [job, options, &context = context_] { return job(*options, context); }, output),
-            *options};
+    return {add(name, help, [job, options, &context = context_] { return job(*options, context); }), *options};
   }
+  // A command that has only actions, each a command of what is returned: `turncal records check DB`.
+  CommandLine family(const std::string& name, const std::string& help);
+  void set_group(const std::string& group) { group_ = group; }  // of those that are added next, in --help
 
  private:
-  Command add(const std::string& name, const std::string& help, std::function<Status()> job, Output output);
+  Command add(const std::string& name, const std::string& help, std::function<Status()> job);
+  CLI::App* add(const std::string& name, const std::string& help);  // with its examples
   CLI::App& app_;
   CommandContext& context_;
+  std::string group_ = "Actions";
 };
 
-using AddCommand = void (*)(CommandLine& line);  // adds one command
+using AddCommand = void(CommandLine& line);  // adds one command
+// As `turncal --help` lists them.
+struct CommandGroup {
+  std::string name;
+  std::vector<AddCommand*> commands;
+};
 
-int run_command_line(int argc, const char* const* argv, const std::vector<AddCommand>& commands,
+// `help X` is X --help. A name that a command had in the version before is answered with the new one, and works.
+int run_command_line(int argc, const char* const* argv, const std::vector<CommandGroup>& groups,
                      CommandContext& context);
 
 }  // namespace turncal

@@ -167,9 +167,10 @@ std::string another_sequence(const RunPlan& asked, const std::string& folder) {
 Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& turn, const std::string& tag,
                 CommandContext& context) {
   const std::string name = (turn.units.size() > 1 ? "units " : "unit ") + join(turn.units);
-  context.out << tag << name << " in " << turn.folder << std::endl;
   RunRequest request = options.request;
   request.units = turn.units;
+  request.session.brief = !request.session.verbose;
+  if (!request.session.brief) context.out << tag << name << " in " << turn.folder << std::endl;
   RunRequest resumed;
   resumed.session = request.session;
   const bool begun = path_exists(turn.folder + "/" + journal_name);
@@ -199,7 +200,7 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
     if (reason.starts_with(head)) reason.erase(0, head.size());
     TRY(record_outcome(options.queue, {unit.serial, unit.outcome, now_utc(), reason}));
     context.out << tag << "unit " << unit.serial << ": " << unit.outcome << (reason.empty() ? "" : ": " + reason)
-                << std::endl;
+                << (path_exists(unit.folder) ? "; " + unit.folder : "") << std::endl;
   }
   return stops;
 }
@@ -299,103 +300,88 @@ void add_record_options(const Command& command, RunRequest& request) {
   for (const RecordWord& record : record_words) add_record_option(command, record, request);
 }
 
-void add_verify_option(const Command& command, RunRequest& request) {
-  command.flag("--verify", request.verify, "seek north with the new parameters, right after the calibration");
-}
-
-void add_until_option(const Command& command, RunRequest& request) {
-  command.flag(
-      "--until-sigma", request.until_sigma,
-      "end after the dwell at which stop.sigma.* and limit.* of the station are met with certainty (docs/design.md)");
-}
-
 void add_watch_options(const Command& command, RunRequest& request) {
   command.option("--listen", request.session.listen,
-                 "serve a read-only status page there (127.0.0.1:8080; port 0: any free one)");
-  command.option("--pace", request.session.pace, "of a dry run: at most this many times as fast as the wall clock")
+                 "serve a read-only status page at this address (127.0.0.1:8080; port 0: any free port)");
+  command.option("--pace", request.session.pace, "run a dry run at most this many times as fast as the wall clock")
       .positive();
-  command.flag("--verbose", request.session.verbose, "print every transition, as run.log has it");
+  command.flag("--verbose", request.session.verbose, "print every transition, as in run.log");
 }
 
-void add_run_command(CommandLine& line) {
-  const auto [command, options] =
-      line.command<RunOptions>("run", "run a calibration: move the table, record, calibrate", run);
-  RunRequest& request = options.request;
-  command.flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
-  command.flag(
-      "--manual", request.manual,
-      "the table is turned by hand, whatever the station names: an operator is told what to do (docs/tables.md)");
-  command
-      .option("--unit", request.units,
-              "serial number of the unit; once for each of several on the table, in the order of the station's places")
-      .one_word_each();
-  command.option("--out", options.folder, "folder for the results; must not hold a run yet");
-  command.option("--continue", request.continues,
-                 "folder of a run: record more of its unit, and diagnose both together (docs/design.md); --out is "
-                 "DIR/continued then, where not given");
+// Of a run, and of each of a batch.
+void add_run_options(const Command& command, RunRequest& request) {
+  command.flag("--dry-run", request.dry_run, "simulate table and unit, in virtual time");
   command.option("--rig", request.rig, "rig configuration (docs/rig.md); default: the built-in one");
   command.option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
   command.option("--station", request.station, "station configuration; default: the built-in rig station");
   command.option("--temperature", request.temperature_c,
                  "bring the station's chamber to this temperature first, degrees C (docs/chamber.md); default: "
                  "chamber.temperature_c of the station");
+  command.flag("--verify", request.verify, "seek north with the new parameters after the calibration");
+  command.flag("--until-sigma", request.until_sigma,
+               "end as soon as the station's stop.sigma.* and limit.* are met with certainty (docs/design.md)");
+  add_record_options(command, request);
   add_watch_options(command, request);
+}
+
+void add_run_command(CommandLine& line) {
+  const auto [command, options] = line.command<RunOptions>(
+      "run", "run a calibration: move the table, record the unit, estimate its parameters", run);
+  RunRequest& request = options.request;
+  command.flag("--manual", request.manual, "turn the table by hand: the operator is told what to do (docs/tables.md)");
+  command
+      .option("--unit", request.units,
+              "serial number of the unit; repeat it for several units, in the order of the station's places")
+      .one_word_each();
+  command.option("--out", options.folder, "folder for the results; must not contain a run yet");
+  command.option("--continue", request.continues,
+                 "folder of a run: record more of its unit and diagnose both together (docs/design.md); default of "
+                 "--out: DIR/continued");
   command.flag("--capture-only", request.capture_only, "record the sequence, do not calibrate");
   command.flag("--partial", request.partial,
-               "of a sequence that does not determine all: estimate what it does; no verdict, not put in use");
-  command.flag("--no-diagnosis", options.request.no_diagnosis, "leave out the diagnosis at the end");
-  add_verify_option(command, request);
-  add_until_option(command, request);
-  add_record_options(command, request);
+               "estimate what the sequence determines; without a verdict, and not put in use");
+  command.flag("--no-diagnosis", options.request.no_diagnosis, "skip the diagnosis at the end");
+  add_run_options(command, request);
 }
 
 void add_resume_command(CommandLine& line) {
-  const auto [command, options] = line.command<RunOptions>(
-      "resume", "go on with a run that was interrupted, after its last complete dwell", resume);
+  const auto [command, options] =
+      line.command<RunOptions>("resume", "resume an interrupted run after its last complete dwell", resume);
   RunRequest& moved = options.request;
   command.option("folder", options.folder, "the run's folder").required();
-  command.option("--unit", moved.units, "the unit (or units) expected there").one_word_each();
-  command.option("--rig", moved.rig, "where the rig configuration is now, if it was moved");
-  command.option("--sequence", moved.sequence, "where the sequence is now, if it was moved");
-  command.option("--station", moved.station, "where the station configuration is now, if it was moved");
-  command.flag("--no-diagnosis", options.request.no_diagnosis, "leave out the diagnosis at the end");
+  command.option("--unit", moved.units, "serial number expected there; repeat it for several units").one_word_each();
+  command.option("--rig", moved.rig, "rig configuration, if it was moved");
+  command.option("--sequence", moved.sequence, "sequence, if it was moved");
+  command.option("--station", moved.station, "station configuration, if it was moved");
+  command.flag("--no-diagnosis", options.request.no_diagnosis, "skip the diagnosis at the end");
   add_record_option(command, overdue_word, moved);
   add_watch_options(command, moved);
 }
 
 void add_journal_command(CommandLine& line) {
-  const auto [command, options] = line.command<JournalOptions>(
-      "journal", "print the journal of a run, one line a record", print_journal, Output::result);
+  const auto [command, options] =
+      line.command<JournalOptions>("journal", "print the journal of a run, one line a record", print_journal);
   command.option("folder", options.folder, "the run's folder").required();
   command.format(options.format, "print every field of every record in this form");
 }
 
 void add_batch_command(CommandLine& line) {
   const auto [command, options] =
-      line.command<BatchOptions>("batch", "calibrate the units of a queue, one after the other, unattended", run_batch);
+      line.command<BatchOptions>("batch", "calibrate the units of a queue one after the other, unattended", run_batch);
   RunRequest& request = options.request;
   command.option("queue", options.queue, "file with one serial number a line").required();
   command.option("--out", options.out, "folder for the units' folders").required();
-  command.option("--at-once", options.at_once, "how many units of the queue are on the table together; default: 1")
-      .range(1, 16);
-  command.flag("--dry-run", request.dry_run, "use the built-in rig (mock table, simulated IMU) in virtual time");
-  command.option("--rig", request.rig, "rig configuration; default: the built-in one");
-  command.option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
-  command.option("--station", request.station, "station configuration; default: the built-in rig station");
-  add_verify_option(command, request);
-  add_until_option(command, request);
-  add_record_options(command, request);
-  add_watch_options(command, request);
+  command.option("--at-once", options.at_once, "units on the table at the same time; default: 1").range(1, 16);
+  add_run_options(command, request);
 }
 
 void add_queue_command(CommandLine& line) {
   const auto [command, options] =
-      line.command<QueueOptions>("queue", "show a batch's queue, add and remove units; also while it runs", show_queue);
+      line.command<QueueOptions>("queue", "show or change the queue of a batch, also while it runs", show_queue);
   command.option("queue", options.queue, "file with one serial number a line").required();
   command.option("--add", options.change.add, "serial numbers to add at the end");
   command.option("--remove", options.change.remove, "serial numbers to remove");
-  command.option("--again", options.change.again,
-                 "serial numbers whose outcome is forgotten: they are calibrated again");
+  command.option("--again", options.change.again, "serial numbers to calibrate again");
   command.format(options.format, "print the queue in this form");
 }
 

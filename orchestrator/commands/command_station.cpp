@@ -8,9 +8,11 @@
 // `turncal serve`: what several stations do, on a page of a process of its own, whether a run is going on or not.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <iterator>
 #include <memory>
 #include <thread>
 #include <vector>
@@ -121,29 +123,33 @@ std::string caution_of(const TableConfig& table) {
 
 bool is_commissioned(const TableConfig& table) { return !table.described() || table.described()->commissioned; }
 
-// What is left to be done at the station itself before a run can begin, a line each.
-std::vector<std::string> left_to_do(const StationConfig& station) {
-  std::vector<std::string> lines;
+// What the station's files still lack: `blocks` keeps every run from it, `doubts` are for somebody to look at.
+struct Against {
+  std::vector<std::string> blocks, doubts;
+};
+
+Against against(const StationConfig& station) {
+  Against found;
   const TableConfig& table = station.table;
-  const auto unset = [&lines](const std::string& key, const std::string& value) {
+  const auto unset = [&found](const std::string& key, const std::string& value) {
     if (value.find("SET-ME") != std::string::npos)
-      lines.push_back(key + " = " + turncal::quoted(value) + ": expected the name of this station's line");
+      found.blocks.push_back(key + " = " + turncal::quoted(value) + ": expected the name of this station's line");
   };
   if (table.link()) unset("table.address", table.link()->address);
   if (station.imu) unset("imu.device", station.imu->settings.device);
   if (const auto& chamber = station.chamber) {
     unset("chamber.address", chamber->described.link().address);
     if (!chamber->described.commissioned)
-      lines.push_back(
+      found.blocks.push_back(
           "the chamber is not commissioned: turncal commission --chamber comes before the first run with it");
   }
   if (!is_commissioned(table))
-    lines.push_back("the table is not commissioned: turncal commission comes before the first run");
-  const std::vector<std::string> guesses = guesses_of(station, false);
-  lines.insert(lines.end(), guesses.begin(), guesses.end());
+    found.blocks.push_back("the table is not commissioned: turncal commission comes before the first run");
+  if (const std::string caution = caution_of(table); !caution.empty()) found.doubts.push_back("table: " + caution);
+  std::ranges::copy(guesses_of(station, false), std::back_inserter(found.doubts));
   if (!guesses_of(station, true).empty())
-    lines.push_back("some of these guesses decide what moves: commission needs --accept-guess");
-  return lines;
+    found.doubts.push_back("some of these guesses decide what moves: commission needs --accept-guess");
+  return found;
 }
 
 std::string chamber_line(const ChamberConfig& chamber) {
@@ -452,102 +458,104 @@ Status serve(const ServeOptions& options, CommandContext& context) {
 }  // namespace
 
 int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err) {
+  const auto refuse = [&err](const Error& error) {
+    err << in_tone(err, Tone::bad, error_prefix) << error.message << "\n";
+    return exit_code(error.kind);
+  };
   const Result<StationConfig> station = read_station_config(options.station);
   if (options.explain && station) {
     print_table(*station, out);
     print_chamber(*station, out);
   }
   if (options.sequence.empty()) {
-    if (!station) err << station.error().message << "\n";
-    if (station && !options.explain) err << "--sequence is required: the sequence file (or --explain alone)\n";
-    if (!station || !options.explain) return exit_code(ErrorKind::input);
-    for (const std::string& line : left_to_do(*station)) err << "warning: " << line << "\n";
+    if (!station) return refuse(station.error());
+    if (!options.explain) return refuse(input_error("--sequence is required: the sequence file (or --explain alone)"));
+    const Against found = against(*station);
+    for (const std::vector<std::string>& lines : {found.blocks, found.doubts})
+      for (const std::string& line : lines) err << "warning: " << line << "\n";
     return 0;
   }
   Result<Sequence> sequence = read_sequence(options.sequence);
   const Result<RecordingInfo> info = station ? info_of(*station) : Result<RecordingInfo>(RecordingInfo{});
   for (const Error* error :
        {station ? nullptr : &station.error(), info ? nullptr : &info.error(), sequence ? nullptr : &sequence.error()}) {
-    if (error != nullptr) err << error->message << "\n";
+    if (error != nullptr) refuse(*error);
   }
   if (!station || !sequence || !info) return exit_code(ErrorKind::input);
   // A station whose unit is the rig's is rehearsed with --dry-run; a real unit does not feel what a mock table does.
-  if (station->table.driver == TableDriver::mock && station->imu_driver != ImuDriver::rig) {
-    err << check_real_devices(*station).error().message << "\n";
-    return exit_code(ErrorKind::input);
-  }
-  if (const std::string caution = caution_of(station->table); !caution.empty())
-    err << "warning: table: " << caution << "\n";
-  for (const std::string& line : left_to_do(*station)) err << "warning: " << line << "\n";
+  if (station->table.driver == TableDriver::mock && station->imu_driver != ImuDriver::rig)
+    return refuse(check_real_devices(*station).error());
+  Against found = against(*station);
   const PlanLimits limits = plan_limits(*station, info->sample_period_s);
   Plan plan = make_plan(*sequence, limits);
   const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
   if ((station->verify_run || options.verify) && keys.empty()) {  // as a run does, but with --partial
-    if (const Result<int> from = append_north_seeking(*station, *sequence); !from) {
-      err << from.error().message << "\n";
-      return exit_code(from.error().kind);
-    }
+    if (const Result<int> from = append_north_seeking(*station, *sequence); !from) return refuse(from.error());
     plan = make_plan(*sequence, limits);
   }
   print_plan(*sequence, *station, plan, out);
   if (station->chamber) out << chamber_line(*station->chamber) << "\n";
   if (!station->simulated() && station->table.driver != TableDriver::manual)
     out << "Computer  " << RealTime().text() << "\n";
-  for (const std::string& violation : plan.violations) err << violation << "\n";
   if (!keys.empty()) out << "\nThis sequence " << coverage_text(keys) << ".\n";
-  const std::vector<Error> found = preflight({.station = *station,
-                                              .plan = plan,
-                                              .folder = options.out,
-                                              .units = options.units,
-                                              .utc_s = wall_utc_s(),
-                                              .simulated = station->simulated(),
-                                              .overdue_reason = options.overdue_reason});
-  for (const Error& error : found) err << error.message << "\n";
+  const std::vector<Error> refused = preflight({.station = *station,
+                                                .plan = plan,
+                                                .folder = options.out,
+                                                .units = options.units,
+                                                .utc_s = wall_utc_s(),
+                                                .simulated = station->simulated(),
+                                                .overdue_reason = options.overdue_reason});
   if (const std::string trouble = server_trouble(*station); !trouble.empty())
-    err << "warning: " << trouble << "; a run would keep its rows in " << station->outbox << " and send them later\n";
-  if (found.empty()) out << "\nWhat can be written, the room for it, hooks and due dates are in order.\n";
-  const bool good = plan.ok() && found.empty();
-  out << (!good ? "\nThe station cannot run this sequence.\n"
+    found.doubts.push_back(trouble + "; a run would keep its rows in " + station->outbox + " and send them later");
+  const bool only_storage = plan.ok() && found.blocks.empty() && !refused.empty();
+  found.blocks.insert(found.blocks.begin(), plan.violations.begin(), plan.violations.end());
+  for (const Error& error : refused) found.blocks.push_back(error.message);
+  for (const std::string& line : found.blocks) refuse({ErrorKind::input, line});
+  for (const std::string& line : found.doubts) err << "warning: " << line << "\n";
+  if (refused.empty()) out << "\nOutput folder, disk space, hooks and due dates are in order.\n";
+  // The last lines stand by themselves: the plan above them is longer than a screen.
+  const bool good = found.blocks.empty();
+  out << (!good ? "\nThe station cannot run this sequence:\n"
           : keys.empty()
               ? "\nThe station can run this sequence.\n"
               : "\nThe station can run this sequence with --partial or --capture-only; without, it is refused.\n");
-  return good ? 0 : exit_code(plan.ok() ? found.front().kind : ErrorKind::input);
+  for (const std::string& line : found.blocks) out << "  " << line << "\n";
+  for (const std::string& line : found.doubts) out << "  warning: " << line << "\n";
+  return good ? 0 : exit_code(only_storage ? refused.front().kind : ErrorKind::input);
 }
 
 void add_check_command(CommandLine& line) {
-  const auto [command, options] = line.command<CheckOptions>(
-      "check", "validate station and sequence, print the plan; nothing moves", check, Output::result);
+  const auto [command, options] =
+      line.command<CheckOptions>("check", "validate station and sequence, print the plan; nothing moves", check);
   command.option("--station", options.station, "station configuration; default: the built-in rig station");
   command.option("--sequence", options.sequence, "sequence file; needed unless --explain is given");
-  command.flag("--explain", options.explain,
-               "print what the table is sent and what its answers mean, for each operation and axis, to be held "
-               "against its manual");
-  command.flag("--verify", options.verify, "with the north seeking after it, as run --verify");
-  command.option("--override-due", options.overdue_reason, "accept a table whose calibration is overdue, as run does");
-  command.option("--out", options.out, "folder that a run is to write to: can it, and is there room?");
-  command.option("--unit", options.units, "serial number of a unit to be run").one_word_each();
+  command.flag(
+      "--explain", options.explain,
+      "print what each operation sends to the table and what its answers mean, to be checked against its manual");
+  command.flag("--verify", options.verify, "include the north seeking of run --verify");
+  command.option("--override-due", options.overdue_reason,
+                 "reason for using a table whose calibration is overdue, as for run");
+  command.option("--out", options.out, "folder of the run: check that it can be written and has room");
+  command.option("--unit", options.units, "serial number of a unit").one_word_each();
 }
 
 void add_commission_command(CommandLine& line) {
   const auto [command, options] = line.command<Options>(
-      "commission", "compare a table with known angles, then move each axis a little and see the unit feel it",
+      "commission", "compare a table with known angles, then move each axis a little and check that the unit senses it",
       run_commission);
   command.option("--station", options.station, "station configuration").required();
-  const Option heading =
-      command.option("--heading", options.heading, "angle at which the axis stands now, degrees; not 0");
-  const Option pitch = command.option("--pitch", options.pitch, "the same");
-  const Option roll = command.option("--roll", options.roll, "the same");
+  const Option heading = command.option("--heading", options.heading, "angle of the heading axis now, degrees; not 0");
+  const Option pitch = command.option("--pitch", options.pitch, "the same of the pitch axis");
+  const Option roll = command.option("--roll", options.roll, "the same of the roll axis");
   heading.needs(pitch).needs(roll);
   pitch.needs(heading);
   roll.needs(heading);
   command.flag("--accept-guess", options.accept_guess,
-               "although lines of the table's file that decide what moves are marked as guesses");
+               "go ahead although lines that decide what moves are marked as guesses");
   command.flag("--chamber", options.chamber, "try the chamber alone: 2 C both ways, then off; nothing turns");
-  command.option("--tolerance", options.tolerance_deg, "of these angles, degrees").positive();
-  command.option("--move", options.settings.move_deg, "how far each axis is moved, degrees").range(0.5, 30.0);
-  command
-      .option("--pose", options.settings.pose_deg,
-              "how far pitch and roll are tilted to compare gravity, degrees at most")
+  command.option("--tolerance", options.tolerance_deg, "tolerance of these angles, degrees").positive();
+  command.option("--move", options.settings.move_deg, "travel of each axis, degrees").range(0.5, 30.0);
+  command.option("--pose", options.settings.pose_deg, "largest tilt of pitch and roll to compare gravity, degrees")
       .range(30.0, 90.0);
   command
       .option("--gyro-pulse-arcsec", options.settings.gyro_pulse_arcsec,
@@ -557,15 +565,16 @@ void add_commission_command(CommandLine& line) {
 
 void add_monitor_command(CommandLine& line) {
   const auto [command, options] = line.command<MonitorOptions>(
-      "monitor", "look at a station's table and unit, one line a second; nothing is moved", run_monitor);
+      "monitor", "show a station's table and unit, one line a second; nothing moves", run_monitor);
   command.option("--station", options.station, "station configuration").required();
-  command.option("--seconds", options.seconds, "how long, in the station's time; default: until a signal").positive();
+  command.option("--seconds", options.seconds, "how long, in the station's time; default: until a signal")
+      .time(0.001, 1e9);
 }
 
 void add_twin_command(CommandLine& line) {
   const auto [command, options] = line.command<TwinCommandOptions>(
       "twin", "serve the simulated table and unit of a station on real lines", run_twin);
-  command.option("--station", options.station, "station configuration: which lines, which map or dialect, which frame")
+  command.option("--station", options.station, "station configuration: its lines, map or dialect, and frame")
       .required();
   command.option("--rig", options.rig,
                  "rig configuration (docs/rig.md); default: rig.file of the station, or the built-in one");
@@ -578,9 +587,9 @@ void add_twin_command(CommandLine& line) {
 }
 
 void add_serve_command(CommandLine& line) {
-  const auto [command, options] =
-      line.command<ServeOptions>("serve", "show what stations do, and what waits for a person, as a page", serve);
-  command.option("stations", options.file, "file that names the stations, their queues and folders").required();
+  const auto [command, options] = line.command<ServeOptions>(
+      "serve", "serve a page that shows what the stations do and what waits for a person", serve);
+  command.option("stations", options.file, "file with the stations, their queues and folders").required();
   command.option("--listen", options.listen, "address and port of the page").default_in_help();
 }
 

@@ -85,8 +85,10 @@ Status measure(const VerifyOptions& options, CommandContext& context) {
 }
 
 Status judge_again(const VerifyOptions& options, CommandContext& context) {
-  const VerdictLimits limits = TRY(read_station_config(options.run.station)).limits;
   ParameterFile parameters = TRY(read_parameter_file(options.parameters));
+  VerdictLimits limits;  // of a real unit without a station: the paper's, not those of the rig's gyros
+  if (parameters.simulated || !options.run.station.empty())
+    limits = TRY(read_station_config(options.run.station)).limits;
   OutputFolder folder = TRY(OutputFolder::prepare(options.folder, {}));
   const VerificationReport report =
       TRY(verify_recording({options.recording, options.parameters, std::move(parameters), limits, options.first_step}));
@@ -244,37 +246,39 @@ Status certify(const CertificateOptions& options, CommandContext& context) {
 }  // namespace
 
 void add_verify_command(CommandLine& line) {
-  const auto [command, options] =
-      line.command<VerifyOptions>("verify", "north seeking with a calibration, or readings beside references", verify);
+  const auto [command, options] = line.command<VerifyOptions>(
+      "verify", "seek north with a calibration, or compare readings with references", verify);
   RunRequest& run = options.run;
   command.option("--parameters", options.parameters, "parameter file of the unit");
   command.option("--unit", options.unit, "serial number of the unit");
   command.option("--out", options.folder, "folder for the recording and verification.conf");
   command.option("--station", run.station, "station configuration, with its limits; default: the built-in rig station");
-  command.flag("--dry-run", run.dry_run, "use the built-in rig in virtual time");
-  command.flag("--manual", run.manual, "the table is turned by hand");
+  command.flag("--dry-run", run.dry_run, "simulate table and unit, in virtual time");
+  command.flag("--manual", run.manual, "turn the table by hand");
   command.option("--rig", run.rig, "rig configuration (docs/rig.md); default: the built-in one");
-  command.option("--sequence", run.sequence, "another sequence than verify.seq: align sets the zero, dwell counts");
-  command.option("--recording", options.recording, "judge what was recorded before; nothing moves");
+  command.option("--sequence", run.sequence, "sequence in place of verify.seq: align sets the zero, dwell counts");
+  command.option("--recording", options.recording, "judge an earlier recording; nothing moves");
   command
-      .option("--from-step", options.first_step, "of a recording: where the north seeking begins, after a calibration")
+      .option("--from-step", options.first_step,
+              "with --recording: step at which the north seeking begins, after a calibration")
       .range(0, 1'000'000);
   command.option("--references", options.references,
-                 "CSV of readings: heading_deg,roll_deg,pitch_deg and the same with reference_ in front");
-  command.format(options.format, "of --recording and --references: print the file in this form instead of words");
+                 "CSV of readings: heading_deg, roll_deg, pitch_deg and the same with the prefix reference_");
+  command.format(options.format, "with --recording or --references: print the result in this form instead of text");
   add_watch_options(command, run);
   add_record_options(command, run);
 }
 
 void add_certificate_command(CommandLine& line) {
-  const auto [command, options] = line.command<CertificateOptions>(
-      "certificate", "the calibration certificate of a unit, for its customer", certify);
-  command.option("run", options.runs, "folders of runs of one unit, oldest first; the last one is certified");
+  const auto [command, options] =
+      line.command<CertificateOptions>("certificate", "write the calibration certificate of a unit", certify);
+  command.option("run", options.runs, "folders of runs of one unit, oldest first; the last run is certified");
   command.option("--station", options.station, "station configuration, with laboratory.* and customer.*");
   command.option("--out", options.html, "HTML file to write");
-  command.option("--check", options.check, "HTML file that was issued: whether it is as it was");
-  command.option("--pdf", options.pdf, "PDF file to write, by weasyprint");
-  command.flag("--specimen", options.specimen, "a specimen with a watermark, also of simulated and untrusted results");
+  command.option("--check", options.check, "check that an issued certificate is unaltered");
+  command.option("--pdf", options.pdf, "PDF file to write (needs weasyprint)");
+  command.flag("--specimen", options.specimen,
+               "write a specimen with a watermark, even of simulated or untrusted results");
 }
 
 }  // namespace turncal

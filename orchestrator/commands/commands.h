@@ -5,47 +5,53 @@
 #include <string>
 #include <vector>
 
+#include "imu_io/base/clock.h"
+#include "imu_io/base/format_number.h"
 #include "orchestrator/commands/command_line.h"
+#include "orchestrator/jobs/command_context.h"
 #include "orchestrator/station/station_config.h"
 
 namespace turncal {
 
-void add_run_command(CommandLine& line);
-void add_resume_command(CommandLine& line);
-void add_journal_command(CommandLine& line);
-void add_twin_command(CommandLine& line);
-void add_monitor_command(CommandLine& line);
-void add_commission_command(CommandLine& line);
-void add_check_command(CommandLine& line);
-void add_predict_command(CommandLine& line);
-void add_design_command(CommandLine& line);
-void add_import_command(CommandLine& line);
-void add_export_command(CommandLine& line);
-void add_segment_command(CommandLine& line);
-void add_allan_command(CommandLine& line);
-void add_calibrate_command(CommandLine& line);
-void add_diagnose_command(CommandLine& line);
-void add_apply_command(CommandLine& line);
-void add_navigate_command(CommandLine& line);
-void add_verify_command(CommandLine& line);
-void add_certificate_command(CommandLine& line);
-void add_convert_command(CommandLine& line);
-void add_batch_command(CommandLine& line);
-void add_queue_command(CommandLine& line);
-void add_serve_command(CommandLine& line);
-void add_history_command(CommandLine& line);
-void add_shift_command(CommandLine& line);
-void add_recalibrate_command(CommandLine& line);
-void add_fleet_command(CommandLine& line);
-void add_database_command(CommandLine& line);
-void add_restore_command(CommandLine& line);
-void add_prune_command(CommandLine& line);
+AddCommand add_run_command, add_resume_command, add_campaign_command, add_check_command, add_commission_command,
+    add_monitor_command, add_twin_command, add_verify_command, add_journal_command, add_import_command,
+    add_export_command, add_segment_command, add_apply_command, add_convert_command, add_calibrate_command,
+    add_diagnose_command, add_allan_command, add_thermal_command, add_navigate_command, add_predict_command,
+    add_design_command, add_batch_command, add_queue_command, add_serve_command, add_shift_command, add_fleet_command,
+    add_recalibrate_command, add_history_command, add_certificate_command, add_records_command;
+
+// What is going on, for work that takes longer than a blink: one line of a terminal, redrawn.
+class Phases {
+ public:
+  // `silent`: what is printed is for a program.
+  Phases(const CommandContext& context, bool silent) : out_(context.out), shows_(context.out_is_terminal && !silent) {}
+  ~Phases() { clear(); }
+  void begin(const std::string& what) {
+    what_ = what;
+    show("");
+  }
+  void samples(std::int64_t count) {
+    const double now_s = monotonic_s();
+    if (now_s - drawn_s_ < 0.1) return;
+    drawn_s_ = now_s;
+    show("  " + significant(1e-6 * static_cast<double>(count), 3) + " million samples");
+  }
+  void clear() { show("", ""); }
+
+ private:
+  void show(const std::string& more) { show(what_, more); }
+  void show(const std::string& what, const std::string& more) {
+    if (shows_) out_ << '\r' << what << more << "\x1b[K" << std::flush;
+  }
+  std::ostream& out_;
+  bool shows_;
+  std::string what_;
+  double drawn_s_ = -1e9;
+};
 
 struct RunRequest;
 // Options that several commands have.
 void add_record_options(const Command& command, RunRequest& request);
-void add_verify_option(const Command& command, RunRequest& request);
-void add_until_option(const Command& command, RunRequest& request);
 void add_watch_options(const Command& command, RunRequest& request);
 
 // `turncal check`: validates station and sequence before anything moves, and prints the plan. Exit code 0 when the station may run the

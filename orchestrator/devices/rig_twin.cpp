@@ -76,9 +76,13 @@ std::string port_of(const std::string& address) { return address.substr(address.
 RigTwin::RigTwin(const RigConfig& rig, std::size_t units) : group_(rig, units) {}
 RigTwin::~RigTwin() = default;
 
-Status RigTwin::open_table(const StationConfig& station, const std::string& given) {
+Status RigTwin::open_table(const StationConfig& station, const TwinSettings& settings) {
+  const std::string& given = settings.table;
   if (station.table.map) {
-    server_.reset(drives_ = new ModbusTwin(*station.table.map, group_.table(), group_));
+    // What the watchdog waits for is a program on this host: it counts the host's seconds, however fast the rig's pass.
+    RegisterMap map = *station.table.map;
+    map.watchdog_s *= std::max(1.0, settings.speed_up);
+    server_.reset(drives_ = new ModbusTwin(std::move(map), group_.table(), group_));
     TRY(drives_->power_on());
   } else {
     auto twin = std::make_unique<DialectTwin>(*station.table.dialect, group_.table());
@@ -109,7 +113,7 @@ Result<std::unique_ptr<RigTwin>> RigTwin::open(const StationConfig& station, con
     return input_error("station '" + station.name + "': a twin needs table.driver = modbus or serial");
   if (!station.imu) return input_error("station '" + station.name + "': a twin needs imu.driver = serial");
   std::unique_ptr<RigTwin> twin(new RigTwin(as_the_table(rig, station), station.imu_places()));
-  TRY(twin->open_table(station, settings.table));
+  TRY(twin->open_table(station, settings));
   if (station.chamber && station.chamber->described.language != ChamberDescription::Language::rig)
     TRY(twin->open_chamber(station.chamber->described));
   for (std::size_t unit = 0; unit < station.imu_places(); ++unit)

@@ -3,6 +3,7 @@
 //
 // Rig time stands still until somebody opens a unit's line, so that the data are those of a dry run that begins then; from there on it
 // runs speed_up times as fast as the wall clock. One thread serves the table, run() the units; the server's mutex guards the rigs.
+// The watchdog of a map's drives counts seconds of the host where the rig is faster: it waits for the station's program, not for the rig.
 // A unit that a fault of the rig unplugs hangs up its line; without any line left the twin ends.
 #pragma once
 
@@ -48,7 +49,7 @@ class RigTwin {
   RigTwin(const RigConfig& rig, std::size_t units);
   void watch(const std::function<void(const std::string&)>& say);
   Status open_chamber(const ChamberDescription& described);
-  Status open_table(const StationConfig& station, const std::string& where);
+  Status open_table(const StationConfig& station, const TwinSettings& settings);
 
   struct UnitLine {
     std::unique_ptr<ImuSource> guarded;  // the unit, with the mutex held

@@ -9,6 +9,8 @@
 
 namespace turncal {
 
+extern const std::string_view figure_css;  // figure.css
+
 namespace {
 
 Error failure(const std::string& what) { return {ErrorKind::internal, "no plots: " + what}; }
@@ -52,7 +54,9 @@ void name_colours(std::string& text) {
     int n = 0;
     if (number < at) std::from_chars(text.data() + number + symbol.size(), text.data() + at, n);
     const bool filled = n >= 4 && n % 2 == 0;
-    const std::string named = " stroke=" + colour + (filled ? " fill=" + colour : "");
+    const std::string_view rest = std::string_view(text).substr(end, text.find('>', end) - end);
+    const bool has_own = rest.find(" stroke=") < rest.size() && rest.find("currentColor") >= rest.size();
+    const std::string named = has_own ? "" : " stroke=" + colour + (filled ? " fill=" + colour : "");
     text.replace(at, end + 1 - at, named);
     at += named.size();
   }
@@ -105,7 +109,7 @@ const char* html_colour(Colour colour) {
     case Colour::x: return "#0072B2";
     case Colour::y: return "#D55E00";
     case Colour::z: return "#009E73";  // bluish green
-    case Colour::neutral: return "#8A8A8A";
+    case Colour::neutral: return "#808080";
   }
   return "#000000";
 }
@@ -250,6 +254,15 @@ bool has_points(const Series& series) {
 void append_marks(const Panel& panel, int width, std::string& script) {
   constexpr double pixels_a_name = 16.0;
   script += "unset arrow\nunset label\n";
+  if (panel.named_x) {
+    script += "set xtics (";
+    for (const auto& [at, name] : panel.marks) {
+      script += (script.back() == '(' ? "" : ", ") + gnuplot_text(name) + ' ';
+      append_number(at, script);
+    }
+    script += ")\n";
+    return;
+  }
   const Range x = range_of(panel, true);
   const double apart = pixels_a_name * (x.high - x.low) / width;
   double named = -1e300;
@@ -261,7 +274,7 @@ void append_marks(const Panel& panel, int width, std::string& script) {
               ", graph 1 nohead lw 0.6 lc rgb '#B8B8B8' back\n";
     if (at - named < apart) continue;
     script += "set label " + gnuplot_text(name) + " at first " + place +
-              ", graph 0.94 left offset 0.2,0 font 'Sans,10' textcolor rgb '#777777'\n";
+              ", graph 0.94 left offset 0.2,0 font 'Sans,10' textcolor rgb '#666666'\n";
     named = at;
   }
 }
@@ -277,8 +290,10 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
         (panel.legend && !panel.series[s].label.empty() ? " title " + gnuplot_text(panel.series[s].label) : " notitle");
   }
   if (plot.empty()) plot = "plot NaN notitle";
-  script += !panel.legend ? "unset key\n" : panel.logarithmic ? "set key top right\n" : "set key top left horizontal\n";
-  script += panel.title.empty() ? "unset title\n" : "set title " + gnuplot_text(panel.title) + " offset 0,-0.6\n";
+  script += panel.legend ? "set key outside above right horizontal samplen 2\n" : "unset key\n";
+  script += panel.title.empty() ? "unset title\n"
+                                : "set title " + gnuplot_text(panel.title) +
+                                      (panel.legend ? " offset graph -0.36, character -0.6\n" : " offset 0,-0.6\n");
   script += panel.x_label.empty() ? "unset xlabel\n" : "set xlabel " + gnuplot_text(panel.x_label) + " offset 0,0.4\n";
   script += "set ylabel " + gnuplot_text(panel.y_label) + " offset 0.5,0\n";
   if (panel.logarithmic) {
@@ -354,36 +369,63 @@ std::string gnuplot_text(const std::string& text) {
   return result + "'";
 }
 
-Drawing draw(const Figure& figure) {
+Drawing draw(const Figure& figure, bool whole) {
   const int columns = std::min<int>(figure.columns, std::max<int>(1, static_cast<int>(figure.panels.size())));
   const int rows = (static_cast<int>(figure.panels.size()) + columns - 1) / std::max(columns, 1);
-  const int width = figure.panel_width * columns;
-  Drawing drawing{figure.id, figure.label, {}, width, legend_of(figure), figure.caption};
+  const bool stacked = figure.stacked, apart = columns > 1 && !whole;
+  const int width = figure.panel_width * (apart ? 1 : columns);
+  Drawing drawing{figure.id, figure.label, {}, width, {}, legend_of(figure), figure.caption};
   std::string& script = drawing.script;
-  script = gnuplot_terminal(width, figure.panel_height * std::max(rows, 1));
-  const bool stacked = figure.stacked;
-  script += "set multiplot layout " + std::to_string(std::max(rows, 1)) + "," + std::to_string(columns) + "\n";
-  script += stacked ? "set lmargin 9\nset rmargin 2\nset tmargin 0.7\n"
-                    : "set lmargin 9.5\nset rmargin 2.5\nset bmargin 3.2\n";
+  if (!apart) {
+    script = gnuplot_terminal(width, figure.panel_height * std::max(rows, 1));
+    script += "set multiplot layout " + std::to_string(std::max(rows, 1)) + "," + std::to_string(columns) +
+              (figure.title.empty() ? "" : " title " + gnuplot_text(figure.title)) + "\n";
+  }
+  const std::string margins = stacked ? "set lmargin 9\nset rmargin 2\nset tmargin 0.7\n"
+                                      : "set lmargin 9.5\nset rmargin 2.5\nset bmargin 3.2\n";
   for (std::size_t k = 0; k < figure.panels.size(); ++k) {
+    if (apart) {
+      script += gnuplot_terminal(figure.panel_width, figure.panel_height);
+      drawing.parts.push_back(figure.label + ": " + figure.panels[k].title + figure.panels[k].y_label);
+    }
+    if (apart || k == 0) script += margins;
     if (stacked)
       script += figure.panels[k].x_label.empty() ? "set bmargin 1.6\n" : "set bmargin 3.2\n";
     else
       script += figure.panels[k].title.empty() ? "set tmargin 0.7\n" : "set tmargin 1.8\n";
     append_panel(figure.panels[k], figure.id + "p" + std::to_string(k), figure.panel_width, script);
   }
-  script += "unset multiplot\n";
+  if (!apart) script += "unset multiplot\n";
   return drawing;
 }
 
 Result<std::vector<std::string>> render(const std::vector<Drawing>& drawings, const GnuplotOptions& options) {
   std::string script;
-  for (const Drawing& drawing : drawings) script += drawing.script;
-  std::vector<std::string> svgs = TRY(run_gnuplot(script, drawings.size(), options));
-  for (std::size_t k = 0; k < drawings.size(); ++k)
-    svgs[k] = embeddable_svg(svgs[k], drawings[k].id, drawings[k].label,
-                             std::to_string(100 * std::min(drawings[k].width, 960) / 960) + "%");
-  return svgs;
+  std::size_t count = 0;
+  for (const Drawing& drawing : drawings) {
+    script += drawing.script;
+    count += std::max<std::size_t>(1, drawing.parts.size());
+  }
+  const std::vector<std::string> svgs = TRY(run_gnuplot(script, count, options));
+  std::vector<std::string> whole;
+  std::size_t at = 0;
+  for (const Drawing& drawing : drawings) {
+    const std::string width = std::to_string(100 * std::min(drawing.width, 960) / 960) + "%";
+    std::string& text = whole.emplace_back();
+    if (drawing.parts.empty()) text = embeddable_svg(svgs[at++], drawing.id, drawing.label, width);
+    for (std::size_t k = 0; k < drawing.parts.size(); ++k)
+      text += embeddable_svg(svgs[at++], drawing.id + "p" + std::to_string(k), drawing.parts[k], width);
+  }
+  return whole;
+}
+
+Result<std::string> standalone_svg(const Figure& figure, const GnuplotOptions& options) {
+  std::string svg = TRY(render({draw(figure, true)}, options)).front();
+  const std::size_t style = svg.find("style=\"") + 7;
+  svg.replace(style, svg.find('"', style) - style, "font-family:sans-serif;max-height:100vh");
+  svg.insert(svg.find('>') + 1,
+             "\n<title>" + html_escape(figure.label) + "</title>\n<style>" + std::string(figure_css) + "</style>\n");
+  return "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n" + svg + "\n";
 }
 
 }  // namespace turncal

@@ -60,14 +60,16 @@ struct Panel {
   double y_limit = 0.0;      // above 0: the frame ends at +- this
   bool whole_frame = false;  // and is as large as that whatever is in it: panels that are compared
   std::vector<std::pair<double, std::string>>
-      marks;           // x and a short name: thin lines, named at the top where there is room
-  bool empty() const;  // nothing to draw
+      marks;             // x and a short name: thin lines, named at the top where there is room
+  bool named_x = false;  // or no lines: the names stand below the axis, in place of numbers
+  bool empty() const;    // nothing to draw
 };
 
 struct Figure {
-  std::string id;       // letters and digits
-  std::string label;    // what it shows, for those who cannot see it
-  std::string caption;  // below it
+  std::string id;          // letters and digits
+  std::string label;       // what it shows, for those who cannot see it
+  std::string caption;     // below it
+  std::string title = {};  // in it, above the panels: of one that stands alone
   int columns = 1;
   bool stacked = false;                       // panels over one another that share their x axis
   int panel_width = 960, panel_height = 200;  // of one panel, in px of the page
@@ -86,12 +88,14 @@ struct Drawing {
   };
   std::string id;
   std::string label;
-  std::string script;  // from `set terminal` on
-  int width = 960;     // px; 960 is the whole width of the page
+  std::string script;                   // from `set terminal` on
+  int width = 960;                      // px; 960 is the whole width of the page
+  std::vector<std::string> parts = {};  // what each of several drawings beside one another shows; width is that of one
   std::vector<Key> legend = {};
   std::string caption = {};
 };
-Drawing draw(const Figure& figure);
+// Panels beside one another are drawings of their own, so that a narrow page can put them below one another; whole: they stay one.
+Drawing draw(const Figure& figure, bool whole = false);
 
 // Pieces of a script: where a drawing begins, and a text in single quotes (only our own labels and catalogue names come here).
 inline constexpr const char* drawing_ink = "#333333";
@@ -100,5 +104,7 @@ std::string gnuplot_text(const std::string& text);
 
 // All of them by one gnuplot, embeddable, in order.
 Result<std::vector<std::string>> render(const std::vector<Drawing>& drawings, const GnuplotOptions& options);
+// A file of its own; dark where whoever looks is.
+Result<std::string> standalone_svg(const Figure& figure, const GnuplotOptions& options = {});
 
 }  // namespace turncal

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 
 #include "calib/model/parameters.h"
@@ -10,35 +11,6 @@
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
-namespace {
-
-std::string superscript(int number) {
-  static constexpr const char* digits[] = {"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"};
-  std::string result = number < 0 ? "⁻" : "";
-  for (const char c : std::to_string(std::abs(number))) result += digits[c - '0'];
-  return result;
-}
-
-// Decimal exponent of |value| once it is rounded to `digits` significant digits.
-int exponent_of(double value, int digits) {
-  const std::string text = fmt::format("{:.{}e}", value, digits - 1);
-  return std::stoi(text.substr(text.find('e') + 1));
-}
-
-std::string with_exponent(double value, int digits, Alphabet alphabet) {
-  const std::string text = fmt::format("{:.{}e}", value, digits - 1);
-  if (alphabet == Alphabet::plain) return text;
-  const std::size_t e = text.find('e');
-  return text.substr(0, e) + "×10" + superscript(std::stoi(text.substr(e + 1)));
-}
-
-}  // namespace
-
-std::string with_decimals(double value, int decimals) {
-  if (!std::isfinite(value)) return "-";
-  const std::string text = fmt::format("{:.{}f}", value, decimals);
-  return text[0] == '-' && text.find_first_of("123456789") == std::string::npos ? text.substr(1) : text;
-}
 
 std::string html_escape(std::string_view text) {
   std::string result;
@@ -72,26 +44,14 @@ std::string html_escape(std::string_view text) {
   return result;
 }
 
-std::string significant(double value, int digits, Alphabet alphabet) {
-  if (!std::isfinite(value)) return "-";
-  if (value == 0.0) return "0";
-  const int exponent = exponent_of(value, digits);
-  if (exponent < -4 || exponent > 6) return with_exponent(value, digits, alphabet);
-  return with_decimals(value, std::max(0, digits - 1 - exponent));
-}
-
-std::string value_with_sigma(double value, double sigma, Alphabet alphabet) {
-  if (!std::isfinite(value)) return "-";
-  if (!std::isfinite(sigma) || sigma <= 0.0) return significant(value, 6, alphabet);
-  const int decimals = 1 - exponent_of(sigma, 2);
-  if (decimals > 12) return significant(value, 6, alphabet);
-  return with_decimals(value, std::max(0, decimals));
-}
-
-std::string quantity(double value, double sigma, std::string_view unit) {
-  std::string text = value_with_sigma(value, sigma, Alphabet::typographic);
-  if (std::isfinite(sigma) && sigma > 0.0) text += " ± " + value_with_sigma(sigma, sigma, Alphabet::typographic);
-  return text + " " + unit_text(unit);
+std::string url_escape(std::string_view path) {
+  std::string result;
+  for (const char c : path)
+    result +=
+        std::isalnum(static_cast<unsigned char>(c)) != 0 || std::string_view("-._~/:").find(c) != std::string_view::npos
+            ? std::string(1, c)
+            : fmt::format("%{:02X}", static_cast<unsigned char>(c));
+  return result;
 }
 
 std::string ratio(double value) {
@@ -112,30 +72,6 @@ std::string signed_number(double value, int decimals) {
 }
 
 std::string clock_time(double seconds) { return std::isfinite(seconds) ? format_duration(seconds) : "-"; }
-
-const char* parameter_unit(std::string_view key, IncrementKind gyro_increment) {
-  if (key.starts_with('N')) return "deg/h";
-  if (key.starts_with('A')) return "g";
-  return key.starts_with('n') && gyro_increment == IncrementKind::pulses ? "arcsec/pulse" : "-";
-}
-
-std::string unit_text(std::string_view unit) {
-  std::string result;
-  for (std::size_t at = 0; at < unit.size();) {
-    const bool begins = at == 0 || unit[at - 1] == '/' || unit[at - 1] == ' ';
-    const auto take = [&](std::string_view word, std::string_view by) {
-      if (!unit.substr(at).starts_with(word)) return false;
-      result += by;
-      at += word.size();
-      return true;
-    };
-    if (begins && (take("ug", "µg") || take("arcsec", "″") || take("deg", "°") || (at > 0 && take("C", "°C"))))
-      continue;
-    if (take("^2", "²") || take("^3", "³") || take("sqrt(h)", "√h") || take("sqrt(Hz)", "√Hz")) continue;
-    result += unit[at++];
-  }
-  return result;
-}
 
 DisplayUnit velocity_unit(double largest_mps) {
   if (largest_mps < 1e-4) return {1e6, "µm/s"};

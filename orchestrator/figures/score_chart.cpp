@@ -54,8 +54,8 @@ Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z) {
   // The axis is the square root of |z|: small scores stay apart and large ones on the page.
   Drawing drawing{"scores", "Score of every effect of the catalogue against the threshold", {}, 960};
   drawing.legend = {{"#0072B2", "■", "added to the model"},
-                    {"#E69F00", "■", "above the threshold, not added"},
-                    {"#B8B8B8", "■", "below the threshold"}};
+                    {"#B87A00", "■", "above the threshold, not added"},
+                    {"#808080", "■", "below the threshold"}};
   std::string& script = drawing.script;
   const int rows = static_cast<int>(bars.size());
   script = gnuplot_terminal(960, 24 * rows + 80);
@@ -85,7 +85,7 @@ Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z) {
   script += "set label 1 " + gnuplot_text("family-wise threshold " + significant(threshold_z, 2)) + " at " + x +
             ",-1.25 center textcolor rgb '" + drawing_ink + "'\n";
   const auto colour = [](ScoreBar::Role role) {
-    return role == ScoreBar::Role::added ? 0x0072B2 : role == ScoreBar::Role::above ? 0xE69F00 : 0xB8B8B8;
+    return role == ScoreBar::Role::added ? 0x0072B2 : role == ScoreBar::Role::above ? 0xB87A00 : 0x808080;
   };
   script += "$bars << EOD\n";
   for (int k = 0; k < rows; ++k) {

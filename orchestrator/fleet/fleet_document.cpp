@@ -29,9 +29,7 @@ Cell display_unit(const std::string& component, const char* more = "") {
   return text(unit_text(unit_of_component(component)) + more);
 }
 
-Cell with_error(double value, double sigma) {
-  return number(significant(value, 3) + " ± " + significant(sigma, 2), value);
-}
+Cell with_error(double value, double sigma) { return number(plus_minus(value, sigma), value); }
 
 Table effect_table(const FleetDiagnosis& d, const FleetSource& source) {
   Table table{{text("common to"), name("effect"), number("value"), text("unit"), number("sigmas"), number("recordings"),
@@ -86,8 +84,9 @@ Table level_table(const FleetDiagnosis& d, std::size_t factor) {
   const std::size_t levels = std::min(d.levels[factor].size(), most_levels);
   for (std::size_t l = 0; l < levels; ++l) table.head.push_back(number(d.levels[factor][l]));
   for (const ComponentSummary* c : chosen) {
-    std::vector<Cell> row = {name(c->component), display_unit(c->component), number(c->one_unit, 2),
-                             number(c->unit_scatter, 2),
+    const std::string key = c->component.substr(c->component.find(' ') + 1), meaning = quantity_name(key);
+    std::vector<Cell> row = {name(c->component + (meaning == key ? "" : ", " + meaning)), display_unit(c->component),
+                             number(c->one_unit, 2), number(c->unit_scatter, 2),
                              c->factor_scatter.empty() ? number("") : number(c->factor_scatter[factor], 2)};
     for (std::size_t l = 0; l < levels; ++l) {
       const ComponentLevel& level = c->levels[factor][l];
@@ -164,9 +163,19 @@ Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, cons
   Document document{"turncal: fleet", "Fleet"};
   document.soft(head_text(d, source, factors), Scope::all);
   for (const std::string& line : source.skipped) document.soft("left out: " + line, Scope::all);
+  const bool clean = d.effects.empty() && d.units.empty() && d.explained();
+  document.add(
+      Paragraph{
+          clean ? fmt::format(
+                      "Clean: {} tests of {} effects find nothing that units have in common, and no unit stands out.",
+                      d.tests, d.components.size())
+                : fmt::format("Found: {} effects common to several units; {} units stand out.", d.effects.size(),
+                              d.units.size()),
+          clean ? "verdict clean" : "verdict extended"},
+      Scope::page);
   document.section("common", "Common to several units");
   if (d.effects.empty())
-    document.text(fmt::format("Nothing that {} tests find.", d.tests));
+    document.text(fmt::format("No common effect found in {} tests.", d.tests));
   else
     document.add(effect_table(d, source));
   if (!d.explained())
@@ -179,7 +188,6 @@ Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, cons
     document.figure(figure);
   }
   for (std::size_t f = 0; f < factors.size() && !d.components.empty(); ++f) {
-    if (d.levels[f].size() < 2) continue;  // nothing to compare
     document.add(Heading{2, "by-" + factors[f], "By " + factors[f] + ", what is left"}, Scope::page);
     document.add(level_table(d, f), Scope::page);
     document.soft("In brackets: in its own sigmas, from nothing; of parameters from the other levels.");

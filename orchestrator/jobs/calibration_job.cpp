@@ -69,21 +69,36 @@ bool overlap(const LoadedRecording& earlier, const LoadedRecording& later) {
 
 }  // namespace
 
+Result<Segmentation> find_rests(RecordingSource& source, const SegmentationOptions& options) {
+  RestFinder finder(source.info(), options);
+  TRY(source.read([&](std::span<const ImuSample> samples) {
+    finder.add(samples);
+    return Status();
+  }));
+  Segmentation found = finder.finish();
+  if (!found.segments.empty()) return found;
+  return input_error(source.path() + ": no rest found: " +
+                     (options.threshold ? "no stretch of " + format_number(options.min_rest_s) +
+                                              " s stays below the threshold " + format_number(*options.threshold)
+                                        : found.reason));
+}
+
 Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress,
                                        const std::optional<CompressionOptions>& blocks, int before_step) {
-  if (source.segments().empty())
-    return input_error(source.path() +
-                       ": the recording has no segments, so nothing says when the unit was at rest: expected segments, "
-                       "as `turncal segment` finds them");
   LoadedRecording loaded;
+  Segments segments = source.segments();
+  if (segments.empty()) {
+    segments = TRY(find_rests(source)).segments;
+    loaded.segmented = fmt::format("came without segments: {} rests found (turncal segment lists and tunes them)",
+                                   std::ranges::count(segments, SegmentKind::still, &Segment::kind));
+  }
   loaded.path = source.path();
   loaded.damage = source.damage();
-  loaded.by_hand = without_table_angles(source.segments());
+  loaded.by_hand = without_table_angles(segments);
   Compressor compressor(source.info(),
                         blocks.value_or(loaded.by_hand ? rest_compression_options() : CompressionOptions{}));
   std::optional<ClippingFinder> clipping;
   if (loaded.by_hand) clipping.emplace();
-  Segments segments = source.segments();
   loaded.recorded_s = static_cast<double>(segments.back().end_sample) * source.info().sample_period_s;
   if (before_step > 0)
     segments.erase(std::ranges::find_if(segments, [&](const Segment& segment) { return segment.step >= before_step; }),
@@ -167,6 +182,7 @@ namespace {
 
 void note_data(const LoadedRecording& recording, std::vector<std::string>& notes) {
   if (const std::string damage = describe(recording.damage); !damage.empty()) notes.push_back(damage);
+  if (!recording.segmented.empty()) notes.push_back(recording.segmented);
   std::map<DataEvent::Kind, std::int64_t> counts;
   for (const DataEvent& event : recording.data.events)
     if (event.axis != set_aside_axis) counts[event.kind] += event.count;
@@ -266,7 +282,7 @@ Status rests_by_hand(const CompressedRecording& recording, bool partial, Calibra
                          std::to_string(data.legs.size()) + " rotations by hand, settled after " +
                          std::to_string(fit.iterations) + " iterations");
   output.notes.push_back("errors: " + plain(error_text(fit.errors)));
-  output.notes.push_back("left out in turn: " + plain(error_text(fit.left_out)));
+  output.notes.push_back("cross-validation: " + plain(error_text(fit.left_out)));
   for (std::size_t k = 0; k < data.legs.size(); ++k)
     if (!data.legs[k].fault.empty())
       output.notes.push_back("rotation " + std::to_string(k + 1) + " set aside: " + data.legs[k].fault);
@@ -327,7 +343,7 @@ Status check_together(const Recordings& fitted, const Recordings& holdouts) {
 // What the effects are worth in miles; a note where it cannot be had.
 void navigate_effects(const LoadedRecording& recording, const Diagnosis& diagnosis, const DiagnosisRequest& request,
                       DiagnosisContext& context) {
-  request.phase("navigating with and without what was added");
+  request.phase("navigating with and without the added effects");
   const LoadedRecording& navigated = request.holdouts.empty() ? recording : *request.holdouts.front();
   const RecordingInfo& info = navigated.data.info;
   const Segments& segments = navigated.data.segments;
@@ -349,7 +365,7 @@ Result<DiagnosisOutput> of_table(const Recordings& recordings, const JoinedRecor
   settings.estimate.noise = request.noise;
   settings.base = request.noise ? nullptr : request.base;
   for (const LoadedRecording* holdout : request.holdouts) settings.holdouts.push_back(&holdout->data);
-  request.phase("diagnosing: fit, what may be missing, held-out data");
+  request.phase("diagnosing: fit, missing effects, held-out data");
   Diagnosis diagnosis = diagnose(joined, settings);
   const std::string open = undetermined_parameters(diagnosis.extended);
   if (diagnosis.verdict == Verdict::not_tested && diagnosis.extended.converged && !open.empty())
@@ -393,7 +409,7 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
     if (other->legs.empty())
       return input_error(request.holdouts.front()->path + ": holds no rotation between two rests");
   }
-  request.phase("diagnosing: fit, what may be missing, rests left out");
+  request.phase("diagnosing: fit, missing effects, cross-validation");
   Result<RestDiagnosis> result = diagnose_rests(data, other ? &*other : nullptr);
   if (!result) return Error{result.error().kind, recording.path + ": " + result.error().message};
   context.notes.insert(context.notes.end(), data.notes.begin(), data.notes.end());
@@ -501,8 +517,8 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   file.add_further("quality.recordings_p_value", several.p_value);
   output.file = std::move(file);
   output.notes.push_back(
-      fmt::format("{} recordings, one unit: what they say of it differs by chi-square {:.1f} of {}, p {:.2g}{}",
-                  recordings.size(), several.disagreement, several.degrees, several.p_value,
+      fmt::format("{} recordings of one unit differ by chi-square {:.1f} of {}, p {:.2g}{}", recordings.size(),
+                  several.disagreement, several.degrees, several.p_value,
                   several.agree ? "" : ": THEY CONTRADICT EACH OTHER; every sigma is widened until they do not"));
   const std::vector<std::string> words = turn_on_words(several.turn_ons);
   output.notes.insert(output.notes.end(), words.begin(), words.end());
@@ -539,6 +555,7 @@ Result<DiagnosisOutput> diagnose_recordings(const Recordings& recordings, const 
     for (const LoadedRecording* loaded : all) {
       const std::string damage = describe(loaded->damage);
       if (!damage.empty()) context.notes.push_back(loaded->path + ": " + damage);
+      if (!loaded->segmented.empty()) context.notes.push_back(loaded->path + ": " + loaded->segmented);
     }
   return first.by_hand ? of_hand_turned(first, request, context) : of_table(recordings, joined, request, context);
 }

@@ -14,6 +14,7 @@
 #include "calib/fleet/unit_statistics.h"
 #include "calib/joint/joint_estimate.h"
 #include "calib/statistics/compression.h"
+#include "calib/statistics/segmentation.h"
 #include "calib/types/status.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
@@ -33,11 +34,15 @@ struct LoadedRecording {
   double recorded_s = 0.0;   // of all its segments
   bool by_hand = false;      // no table angles
   std::string dead_channel;  // data_screen.h, of a recording with table angles
+  std::string segmented;     // how, where it came without segments; empty: it came with its own
 };
 
-// Blocks as short as the recording needs: those of rests found by hand where it has no table angles. `progress`, if given, is
-// told the number of samples read so far; `blocks`: others; `before_step`: what later steps recorded is left out (0: nothing is). An
-// error when the recording has no segments.
+// The rests of data without a table (segmentation.h); an error where there are none.
+Result<Segmentation> find_rests(RecordingSource& source, const SegmentationOptions& options = {});
+
+// A recording without segments is segmented by its rests. Blocks as short as the recording needs: those of rests found by hand where it has
+// no table angles. `progress`, if given, is told the number of samples read so far; `blocks`: others; `before_step`: what later steps
+// recorded is left out (0: nothing is).
 Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress = {},
                                        const std::optional<CompressionOptions>& blocks = {}, int before_step = 0);
 Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress = {},

@@ -137,10 +137,11 @@ struct RunView {
       : context(where),
         // A line redrawn in place would run over the operator's answers.
         in_place(context.out_is_terminal && !prompts),
-        progress(context.out, in_place ? context.terminal_columns - static_cast<int>(tag_of(run).size()) : 0,
-                 // A dry run is over in seconds; whoever turns the table has other things to read.
-                 run.request.session.verbose || !(in_place || run.request.dry_run || prompts), monotonic_s,
-                 stdout_takes_more),
+        progress(
+            context.out, in_place ? context.terminal_columns - static_cast<int>(tag_of(run).size()) : 0,
+            // A dry run is over in seconds; whoever turns the table has other things to read.
+            run.request.session.verbose || !(in_place || run.request.dry_run || prompts || run.request.session.brief),
+            monotonic_s, stdout_takes_more),
         live({.unit = join(run.request.units),
               .station = run.station.name,
               .sequence = run.sequence.name,
@@ -199,7 +200,7 @@ class Recorder {
                 [this](const std::string& line, const KnownSoFar& unit) { tell_known(line, unit); }),
         station_(devices.devices(),
                  {run.sequence, run.plan, run.station, run.units.front().serial, run.resume, run.sessions > 1,
-                  run.temperature_c(), run.request.session.hands_chamber_on},
+                  run.temperature_c()},
                  make_lanes(), hooks()) {}
 
   RunOutcome walk() {
@@ -393,8 +394,6 @@ RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
   note_outcome(outcome, run);
   for (RunUnit& unit : run.units) unit.ended_utc_s = devices.devices().clock.utc_s();
   const bool done = outcome.state == RunState::done;
-  if (done && run.request.session.hands_chamber_on && devices.live && devices.live->chamber())
-    devices.live->chamber()->hand_on();
   const bool recorded = std::ranges::any_of(run.units, [](const RunUnit& unit) { return unit.recorded_s > 0.0; });
   // Of no use to whoever resumes: a unit of which all is recorded.
   const bool sealed = outcome.error.kind == ErrorKind::unit_failed && run.units.front().recording.has_value();

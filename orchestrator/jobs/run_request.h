@@ -37,10 +37,10 @@ struct RunRequest {
   std::string overdue_reason;           // why a table whose calibration is overdue is used all the same
   // What is not of the run itself.
   struct Session {
-    std::string listen;             // where the status page listens; empty: none
-    double pace = 0.0;              // how many times as fast as the wall clock a dry run may go; 0: as it can
-    bool hands_chamber_on = false;  // for a caller in this process: a run that is done leaves the chamber on
-    bool verbose = false;           // every transition on the terminal
+    std::string listen;    // where the status page listens; empty: none
+    double pace = 0.0;     // how many times as fast as the wall clock a dry run may go; 0: as it can
+    bool verbose = false;  // every transition on the terminal
+    bool brief = false;    // neither transitions nor results on it: whoever began the run says how it ended
   } session;
   bool rehearsal() const { return dry_run && manual; }
 };
@@ -51,13 +51,12 @@ struct RecordWord {
   std::string RunRequest::*word;
   const char *option, *help;
 };
-inline constexpr RecordWord overdue_word = {
-    "overdue_reason", &RunRequest::overdue_reason, "--override-due",
-    "use a table whose calibration is overdue, for this reason, which goes on record"};
+inline constexpr RecordWord overdue_word = {"overdue_reason", &RunRequest::overdue_reason, "--override-due",
+                                            "reason for using a table whose calibration is overdue, for the record"};
 inline constexpr RecordWord record_words[] = {
-    {"operator", &RunRequest::operator_name, "--operator", "who runs it, for the record"},
+    {"operator", &RunRequest::operator_name, "--operator", "name of the operator, for the record"},
     {"part", &RunRequest::part, "--part", "part number of the unit, for the record"},
-    {"lot", &RunRequest::lot, "--lot", "lot that the unit is of, for the record and the fleet"},
+    {"lot", &RunRequest::lot, "--lot", "lot of the unit, for the record and the fleet"},
     {"revision", &RunRequest::revision, "--revision", "revision of the unit, for the record"},
     {"ambient", &RunRequest::ambient, "--ambient", "ambient conditions, for the record (\"22.5 C, 45 %\")"},
     overdue_word};

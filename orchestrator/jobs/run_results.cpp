@@ -323,7 +323,7 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
 
 void end_without_storage(const std::string& why, const std::string& path, const std::string& then,
                          CommandContext& context) {
-  context.err << context.tag << "turncal: " << why << "; nothing more could be written to " << path
+  context.err << context.tag << error_prefix << why << "; nothing more could be written to " << path
               << ", and the program ends without waiting for it; when the disk answers again: turncal " << then
               << std::endl;
   std::_Exit(exit_code(ErrorKind::device));
@@ -370,8 +370,8 @@ Status verdict_status(const std::string& unit, const VerdictReport& report) {
 void print_results(Run& run, double wall_s, std::ostream& out) {
   for (RunUnit& unit : run.units) {
     if (unit.dropped || !unit.status) continue;
-    if (run.units.size() > 1) out << "unit " << unit.serial << ":\n";
-    print_unit(run, unit, wall_s, out);
+    if (run.units.size() > 1 && !run.request.session.brief) out << "unit " << unit.serial << ":\n";
+    if (!run.request.session.brief) print_unit(run, unit, wall_s, out);
     unit.status = verdict_status(unit.serial, unit.verdict);
   }
 }

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <set>
 
 #include "calib/model/parameters.h"
@@ -38,7 +39,7 @@ std::string head_text(const ShiftReport& report) {
 }
 
 std::string yield_text(const LineYield& yield) {
-  std::string text = fmt::format("First pass {}, in the end {}; {} attempts, {:.1f} h on the table",
+  std::string text = fmt::format("First pass {}, final yield {}; {} attempts, {:.1f} h on the table",
                                  share(yield.first_pass, true).words, share(yield.final_pass, false).words,
                                  yield.attempts, yield.hours);
   if (yield.hours_lost > 0.0) text += fmt::format(", {:.1f} h of them without a good unit", yield.hours_lost);
@@ -64,7 +65,7 @@ std::string signals_text(const ShiftReport& report, std::size_t signals) {
 
 Table yield_table(const ShiftReport& report) {
   Table table{{text("station"), number("attempts"), number("units"), number("first pass yield (95 %)"),
-               number("final yield"), number("hours"), number("lost"), number("hours a good unit"),
+               number("final yield"), number("hours"), number("lost"), number("hours per good unit"),
                number("mean residual")}};
   const auto row = [&table](const std::string& station, const LineYield& y, const StationFigures* of) {
     const auto good = static_cast<double>(y.final_pass.part);
@@ -124,9 +125,43 @@ Table difference_table(const std::vector<StationDifference>& all) {
   for (const StationDifference& d : all) {
     const std::string units = d.of_the_same_units ? fmt::format("{} units at both", d.count_a)
                                                   : fmt::format("{} units against {}", d.count_b, d.count_a);
-    table.row({text(d.b + " - " + d.a), name(d.key), text(units), number(d.difference), number(d.sigma),
-               d.sigma > 0.0 ? fixed(d.difference / d.sigma, 1) : number("-"), number(d.drift), number(d.drift_sigma)},
+    table.row({text(d.b + " - " + d.a), name(d.key), text(units), with_sigma(d.difference, d.sigma),
+               with_sigma(d.sigma, d.sigma), d.sigma > 0.0 ? fixed(d.difference / d.sigma, 1) : number("-"),
+               d.drift ? with_sigma(*d.drift, d.drift_sigma.value_or(0.0)) : number("-"), number(d.drift_sigma, 2)},
               d.stands_out() || d.drifts() ? Emphasis::hit : Emphasis::none);
+  }
+  return table;
+}
+
+// A page has room for the name and the unit of a quantity beside its key.
+void add_with_names(Table table, std::size_t key, Document& document) {
+  document.add(table, Scope::terminal);
+  const auto at = [key](std::vector<Cell>& cells) { return cells.begin() + static_cast<std::ptrdiff_t>(key + 1); };
+  table.head.insert(at(table.head), {text("meaning"), text("its unit")});
+  for (Table::Row& row : table.rows) {
+    const std::string& words = row.cells[key].words;
+    row.cells.insert(at(row.cells), {text(quantity_name(words)), text(unit_text(quantity_unit(words)))});
+  }
+  document.add(std::move(table), Scope::page);
+}
+
+// Leads to the report of its run, where there is one on this machine.
+Cell unit_cell(const std::string& unit, const std::string& folder) {
+  std::error_code none;
+  const std::filesystem::path report = std::filesystem::absolute(folder, none) / "diagnosis/report.html";
+  return std::filesystem::exists(report, none) ? linked(name(unit), report.string()) : name(unit);
+}
+
+// The newest first.
+Table attempt_table(const std::vector<AttemptRecord>& attempts,
+                    const std::function<Cell(const AttemptRecord&)>& first) {
+  Table table{{name("unit"), text("time"), text("outcome"), wide("reason"), text("station"), number("hours"),
+               number("residual")}};
+  for (std::size_t k = attempts.size(); k-- > 0;) {
+    const AttemptRecord& a = attempts[k];
+    table.row({first(a), text(a.time_utc), text(a.outcome), wide(a.reason), text(a.station), fixed(hours_of(a), 2),
+               number(a.residual)},
+              kind_of(a) == AttemptKind::passed ? Emphasis::none : Emphasis::hit);
   }
   return table;
 }
@@ -141,7 +176,7 @@ void add_charts(const ShiftReport& report, Document& document) {
   const std::size_t left_out = signals.size() - std::min(signals.size(), most);
   if (left_out > 0) document.soft(fmt::format("The {} before these stand in signals.csv.", left_out), Scope::all);
   if (!signals.empty())
-    document.add(signal_table({signals.begin() + static_cast<std::ptrdiff_t>(left_out), signals.end()}));
+    add_with_names(signal_table({signals.begin() + static_cast<std::ptrdiff_t>(left_out), signals.end()}), 2, document);
   document.add(rule_table(), Scope::page);
 }
 
@@ -156,57 +191,73 @@ struct Group {
 const std::vector<Group>& groups() {
   static const std::vector<Group> all = {
       {"run",
-       "Residual (1: noise alone); highest temperature, C; hours on the table",
+       "The runs: residual (1: noise alone), temperature, time on the table",
        {"residual", "temperature", "hours"}},
-      {"gyrobias", "Gyro bias, deg/h", {"N01", "N02", "N03"}},
-      {"accelbias", "Accelerometer bias, g", {"A01", "A02", "A03"}},
-      {"gyroscale", "Gyro scale factor, arcsec/pulse (ratio for a unit that counts in rad)", {"n11", "n22", "n33"}},
-      {"gyroinstallation", "Gyro installation errors, as n", {"n12", "n13", "n21", "n23", "n31", "n32"}},
+      {"gyrobias", "Gyro bias", {"N01", "N02", "N03"}},
+      {"accelbias", "Accelerometer bias", {"A01", "A02", "A03"}},
+      {"gyroscale", "Gyro scale factor (″/pulse; a ratio where the unit counts in rad)", {"n11", "n22", "n33"}},
+      {"gyroinstallation", "Gyro misalignments, as the scale factors", {"n12", "n13", "n21", "n23", "n31", "n32"}},
       {"accelscale", "Accelerometer scale factor, ratio to the nominal pulse", {"a11", "a22", "a33"}},
-      {"accelinstallation", "Accelerometer installation errors, as a", {"a12", "a13", "a23"}}};
+      {"accelinstallation", "Accelerometer misalignments, as the scale factors", {"a12", "a13", "a23"}}};
   return all;
 }
 
-// Where a new day begins, as 01-31; of many days some.
-std::vector<std::pair<double, std::string>> date_marks(const std::vector<std::string>& times) {
-  constexpr std::size_t most = 5, month = 5, to_day = 10;
+// Some of the calibrations by the day of their end or, where all are of one day, by its time.
+std::vector<std::pair<double, std::string>> names_of(const std::vector<std::string>& times) {
+  constexpr std::size_t names = 4, day = 5, hour = 11, length = 5;
+  const bool one_day = times.front().substr(0, hour) == times.back().substr(0, hour);
   std::vector<std::pair<double, std::string>> marks;
-  double last = 0.0;
-  for (std::size_t i = 0; i < times.size(); ++i) {
-    if (times[i].size() < to_day) continue;
-    const std::string day = times[i].substr(month, to_day - month);
-    if (!marks.empty() &&
-        (marks.back().second == day || (static_cast<double>(i + 1) - last) * most < static_cast<double>(times.size())))
-      continue;
-    last = static_cast<double>(i + 1);
-    marks.emplace_back(last, day);
+  const std::size_t count = std::min(names, times.size());
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t i = count < 2 ? 0 : k * (times.size() - 1) / (count - 1);
+    if (times[i].size() > hour)
+      marks.emplace_back(static_cast<double>(i + 1), times[i].substr(one_day ? hour : day, length));
   }
   return marks;
 }
 
-// Points run from 1; all ordinates are less the mean, which stands in the title.
+// What a chart shows of a value: (value - zero) * factor.
+struct ChartScale {
+  double zero = 0.0, factor = 1.0;
+  std::string unit;
+};
+// A scale factor that hardly moves is shown by how much it does.
+ChartScale scale_of(const ChartedQuantity& history) {
+  constexpr double hardly = 2e-3;
+  const ControlChart& chart = history.chart;
+  const std::string unit = quantity_unit(history.key);
+  const auto [low, high] = std::ranges::minmax(history.values);
+  if (unit.empty() && high > low && high - low < hardly * std::abs(chart.mean))
+    return {chart.mean, 1e6 / chart.mean, "ppm from " + significant(chart.mean, 7)};
+  return unit == "g" ? ChartScale{0.0, 1e6, "µg"} : ChartScale{0.0, 1.0, unit_text(unit)};
+}
+
+// Points run from 1.
 Panel control_panel(const ChartedQuantity& history) {
   const ControlChart& chart = history.chart;
+  const ChartScale scale = scale_of(history);
+  const auto shown = [&scale](double value) { return (value - scale.zero) * scale.factor; };
   const double last = static_cast<double>(history.values.size()) + 0.5;
   const auto level = [&](std::optional<double> value) {
-    return value ? Points{{0.5, *value - chart.mean}, {last, *value - chart.mean}} : Points{};
+    return value ? Points{{0.5, shown(*value)}, {last, shown(*value)}} : Points{};
   };
   std::set<std::size_t> signalled;
   for (const RunSignal& signal : chart.signals) signalled.insert(signal.point);
   Points inside, outside, runs, bars;
   for (std::size_t i = 0; i < history.values.size(); ++i) {
-    const double x = static_cast<double>(i + 1), y = history.values[i] - chart.mean;
+    const double x = static_cast<double>(i + 1), value = history.values[i];
     const bool out = std::ranges::find(chart.outside, i) != chart.outside.end();
-    (out ? outside : signalled.contains(i) ? runs : inside).emplace_back(x, y);
+    (out ? outside : signalled.contains(i) ? runs : inside).emplace_back(x, shown(value));
     if (const std::optional<double>& sigma = history.sigmas[i]) {
-      for (const double end : {y - *sigma, y + *sigma, no_point}) bars.emplace_back(x, end);
+      for (const double end : {shown(value - *sigma), shown(value + *sigma), no_point}) bars.emplace_back(x, end);
     }
   }
   Panel panel;
-  panel.title = history.key + " less " + significant(chart.mean, 7) +
-                (chart.cpk ? ", Cpk " + significant(chart.cpk->value, 3) : "");
-  panel.x_label = "calibration";
-  panel.marks = date_marks(history.times);
+  panel.title = quantity_name(history.key) + (chart.cpk ? ", Cpk " + significant(chart.cpk->value, 3) : "");
+  panel.x_label = "calibrations 1 to " + std::to_string(history.values.size());
+  panel.y_label = scale.unit;
+  panel.marks = names_of(history.times);
+  panel.named_x = true;
   using Style = ::turncal::Series::Style;
   const auto add = [&panel](const char* label, Style style, Colour colour, Points points) {
     if (!points.empty()) panel.series.push_back({label, style, colour, std::move(points)});
@@ -215,6 +266,7 @@ Panel control_panel(const ChartedQuantity& history) {
   add("one sigma", Style::line, Colour::after, std::move(bars));
   add("outside the control limits", Style::square, Colour::before, std::move(outside));
   add("run rules 2 to 8", Style::triangle, Colour::x, std::move(runs));
+  add("mean", Style::line, Colour::neutral, level(chart.mean));
   add("control limits: mean ± 3 s of the moving range", Style::dashed, Colour::neutral, level(chart.lower));
   add("", Style::dashed, Colour::neutral, level(chart.upper));
   add("limit in force", Style::line, Colour::before, level(history.limit.min));
@@ -236,11 +288,14 @@ Table control_table(const std::vector<ChartedQuantity>& quantities) {
   for (const ChartedQuantity& q : quantities) {
     const ControlChart& chart = q.chart;
     if (chart.count == 0) continue;
+    const auto to_place = [s = chart.sigma.value_or(0.0)](const std::optional<double>& value) {
+      return value ? cell::with_sigma(*value, s) : cell::number("-");
+    };
     const bool hit = !chart.outside.empty() || (chart.cpk && chart.cpk->value < 1.0);
     table.row(
-        {cell::name(q.key), cell::count(chart.count), cell::number(chart.mean, 8), cell::number(chart.sigma, 3),
-         cell::number(chart.lower, 8), cell::number(chart.upper, 8), cell::count(chart.outside.size()),
-         cell::number(q.limit.min, 5), cell::number(q.limit.max, 5), index_cell(chart.cpk), index_cell(chart.ppk)},
+        {cell::name(q.key), cell::count(chart.count), to_place(chart.mean), cell::number(chart.sigma, 2),
+         to_place(chart.lower), to_place(chart.upper), cell::count(chart.outside.size()), cell::number(q.limit.min, 5),
+         cell::number(q.limit.max, 5), index_cell(chart.cpk), index_cell(chart.ppk)},
         hit ? Table::Emphasis::hit : Table::Emphasis::none);
   }
   return table;
@@ -268,6 +323,9 @@ Document shift_document(const ShiftReport& report) {
     document.text("Every attempt that was judged passed.");
   else
     document.add(pareto_table(report.yield));
+  document.add(Heading{2, "units", "Units, the newest first"}, Scope::page);
+  document.add(attempt_table(report.attempts, [](const AttemptRecord& a) { return unit_cell(a.unit, a.folder); }),
+               Scope::page);
   if (!report.calibrations.empty()) add_charts(report, document);
   document.section("stations", "Stations against each other");
   if (report.differences.empty()) {
@@ -275,7 +333,7 @@ Document shift_document(const ShiftReport& report) {
                       ? "There is one station."
                       : fmt::format("Too few units: expected {} at both stations, or at each.", least_units));
   } else {
-    document.add(difference_table(report.differences));
+    add_with_names(difference_table(report.differences), 1, document);
     document.soft(
         "Bold: beyond 3.04 sigma, by which one of 21 parameters goes in 5 % of the reports of equal stations.");
   }
@@ -286,7 +344,7 @@ Document shift_document(const ShiftReport& report) {
     if (list->empty())
       document.text("No unit was calibrated twice at such an interval at one station.");
     else
-      document.add(repeatability_table(*list));
+      add_with_names(repeatability_table(*list), 0, document);
   }
   return document;
 }
@@ -351,7 +409,7 @@ std::string signals_csv(const ShiftReport& report) {
 }
 
 void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document& document) {
-  document.add(control_table(quantities));
+  add_with_names(control_table(quantities), 0, document);
   document.soft(
       "lower, upper: control limits; min, max: limits in force. Bold: a calibration outside the control limits, or Cpk "
       "below 1.");
@@ -365,8 +423,7 @@ void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document
                   .panels = {}};
     for (const ChartedQuantity& quantity : quantities) {
       const bool here = std::ranges::find(group.keys, quantity.key) != group.keys.end();
-      const bool same = quantity.chart.sigma == 0.0;  // nothing to see
-      if (here && !same && !quantity.values.empty()) figure.panels.push_back(control_panel(quantity));
+      if (here && !quantity.values.empty()) figure.panels.push_back(control_panel(quantity));
     }
     if (figure.panels.empty()) continue;
     document.add(Heading{3, "", figure.label}, Scope::page);
@@ -388,14 +445,47 @@ Document history_document(const std::vector<StoredCalibration>& all, const std::
   document.section("control", "Parameters");
   add_control_charts(histories, document);
   document.section("calibrations", "Calibrations");
-  Table table{{number("calibration"), number("id"), text("unit"), text("time"), text("verdict"), text("operator"),
+  Table table{{number("calibration"), number("id"), name("unit"), text("time"), text("verdict"), text("operator"),
                text("station")}};
   for (std::size_t i = 0; i < all.size(); ++i) {
     const StoredCalibration& c = all[i];
-    table.row({count(i + 1), count(static_cast<std::size_t>(c.id)), text(c.unit), text(c.time_utc), text(c.verdict),
-               text(c.operator_name), text(c.station)});
+    table.row({count(i + 1), count(static_cast<std::size_t>(c.id)), unit_cell(c.unit, c.folder), text(c.time_utc),
+               text(c.verdict), text(c.operator_name), text(c.station)});
   }
   document.add(std::move(table));
+  return document;
+}
+
+Document unit_document(const UnitRecord& record) {
+  Document document{"turncal: unit " + record.unit, "Unit " + record.unit};
+  std::vector<AttemptRecord> attempts = record.attempts;
+  std::vector<StoredCalibration> calibrations = record.calibrations;
+  const bool simulated = attempts.empty() ? calibrations.back().simulated : attempts.back().simulated;
+  const auto other = [simulated](const auto& row) { return row.simulated != simulated; };
+  std::erase_if(attempts, other);
+  std::erase_if(calibrations, [&](const StoredCalibration& c) { return other(c) || !c.defect.empty(); });
+  if (simulated) document.add(Paragraph{"Simulated: no real unit.", "loud"});
+  if (!attempts.empty()) {
+    const AttemptRecord& last = attempts.back();
+    document.add(Paragraph{last.outcome + ": " + last.reason + (last.reason.empty() ? "the run of " : "; run of ") +
+                               last.time_utc + ", station " + last.station + ".",
+                           kind_of(last) == AttemptKind::passed ? "verdict clean" : "verdict unexplained"});
+  }
+  document.section("runs", "Runs, the newest first");
+  Table runs = attempt_table(attempts, [&record](const AttemptRecord& a) {
+    const std::string link = record.link(a.folder, "report.html");
+    return link.empty() ? text("no report") : linked(text("report"), link);
+  });
+  runs.head.push_back(text("certificate"));
+  for (std::size_t k = 0; k < attempts.size(); ++k) {
+    const std::string link = record.link(attempts[attempts.size() - 1 - k].folder, "certificate.html");
+    runs.rows[k].cells.push_back(link.empty() ? text("-") : linked(text("certificate"), link));
+  }
+  runs.head.front() = text("");
+  document.add(std::move(runs));
+  if (calibrations.empty()) return document;
+  const Document history = history_document(calibrations, "The parameters over time");
+  document.blocks.insert(document.blocks.end(), history.blocks.begin(), history.blocks.end());
   return document;
 }
 

@@ -3,6 +3,7 @@
 // What is in a results database: its control charts, each as a figure, and its rows as tables for other programs.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -20,11 +21,22 @@ std::string signals_csv(const ShiftReport& report);
 
 // Control charts as figures: every point with its sigma, control limits, limits in force, and what the run rules say.
 // A table of mean, limits and capability of each quantity, then charts in groups of one unit each, three to a row. A quantity without
-// values has no row, and one that is in no group, or always the same, no chart.
+// values has no row, and one that is in no group no chart.
 void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document& document);
 
 // Every parameter over the calibrations. `all`: oldest first, either real or simulated. `source`: where they come from, in words.
 Document history_document(const std::vector<StoredCalibration>& all, const std::string& source);
+
+// Everything of a serial number.
+struct UnitRecord {
+  std::string unit;
+  std::vector<AttemptRecord> attempts;          // oldest first
+  std::vector<StoredCalibration> calibrations;  // oldest first, with all values
+  // Where a file of a run is served; empty: nowhere.
+  std::function<std::string(const std::string& folder, const std::string& file)> link;
+};
+// Its runs, its parameters now and over time, its certificates. Real and simulated ones are not mixed: those of the newest count.
+Document unit_document(const UnitRecord& record);
 
 DataTable calibrations_table(const std::vector<StoredCalibration>& all);  // with their 24 values and sigmas
 DataTable attempts_table(const std::vector<AttemptRecord>& all);

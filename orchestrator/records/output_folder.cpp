@@ -40,7 +40,7 @@ Result<OutputFolder> OutputFolder::prepare(const std::string& path, std::vector<
   }
   for (const std::string& name : folder.names_) {
     if (!fs::exists(fs::path(path) / name, error)) continue;
-    const Error held = input_error(path + ": already holds " + name + "; give another folder, nothing is overwritten");
+    const Error held = input_error(path + " already contains " + name + "; choose another folder");
     folder.names_.clear();  // they are another's
     return held;
   }

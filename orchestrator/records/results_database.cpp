@@ -236,7 +236,7 @@ Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& name, c
   if (version == database_version) return database;
   if (server)
     return input_error(name +
-                       ": results database: holds no tables: expected one that a station or `turncal database "
+                       ": results database: holds no tables: expected one that a station or `turncal records "
                        "roles` has written to");
   // Reading changes nothing: an empty one gets its tables in memory.
   const std::string image = TRY(database.image());

@@ -11,6 +11,7 @@
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/document.h"
+#include "orchestrator/watch/page_server.h"
 
 namespace turncal {
 
@@ -75,7 +76,7 @@ std::string judged_of(const Certificate& c, const std::string& key) {
   for (const JudgedValue& one : c.conformity.values)
     if (one.key == key || one.key == "sigma." + key)
       words.push_back((one.key == key ? "" : "sigma: ") + std::string(to_string(one.verdict)) + ", " +
-                      limits_text(one));
+                      limits_words(one.limit));
   return words.empty() ? "-" : join(words, "; ");
 }
 
@@ -88,21 +89,34 @@ std::string judged_beside(const Certificate& c) {
     });
     if (!of_parameter)
       words.push_back(one.key + " " + (one.value ? significant(*one.value, 4) : std::string("-")) + ": " +
-                      std::string(to_string(one.verdict)) + ", " + limits_text(one));
+                      std::string(to_string(one.verdict)) + ", " + limits_words(one.limit));
   }
   return join(words, "; ");
 }
 
+// The columns of the budget from `first` to the last but `after`; one that adds nothing to any row is left out.
+std::string drop_empty(Table& table, std::size_t first, std::size_t after) {
+  std::vector<std::string> left_out;
+  for (std::size_t column = table.head.size() - after; column-- > first;) {
+    if (std::ranges::any_of(table.rows, [column](const Table::Row& row) { return row.cells[column].value > 0.0; }))
+      continue;
+    left_out.insert(left_out.begin(), table.head[column].words);
+    table.drop(column);
+  }
+  return join(left_out);
+}
+
 Table result_table(const Certificate& c) {
-  Table table{{text("parameter"), text("unit"), number("value"), number("U (k = 2)"), number("estimate"),
-               number("alias"), number("gravity"), number("latitude"), number("repeatability"), text("limits")}};
+  Table table{{text("parameter"), text("quantity"), text("unit"), number("value"), number("U (k = 2)"),
+               number("estimate"), number("alias"), number("gravity"), number("latitude"), number("repeatability"),
+               text("limits")}};
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     if (!parameter_is_free[i]) continue;
     const std::string key(parameter_keys[i]);
     const UncertaintyBudget& u = c.budget[i];
     const double expanded = u.expanded();
     const std::string unit = unit_text(parameter_unit(key, c.file.gyro_increment));
-    table.row({name(key), text(unit == "-" ? "1" : unit),
+    table.row({name(key), text(quantity_name(key)), text(unit == "-" ? "1" : unit),
                with_sigma(c.file.parameters[static_cast<Eigen::Index>(i)], expanded), number(expanded, 2),
                number(u.estimate, 2), number(u.alias, 2), number(u.gravity, 2), number(u.latitude, 2),
                number(u.repeatability, 2), text(judged_of(c, key))});
@@ -258,23 +272,30 @@ std::string certificate_page(const Certificate& c) {
                       "; w = n counts − N0 (°/h), f = a counts − A0 (g = 9.80665 m/s²)"},
        {"software", "turncal " + f.software_version},
        {"adjustment", "none: the parameters are to be loaded by the customer"}});
+  Table results = result_table(c);
+  const std::string left_out = drop_empty(results, 6, 1);
   body += section(
       "Results",
-      html(result_table(c)) + effect_table(c) +
+      html(results) + effect_table(c) +
           html(Paragraph{
-              "Expanded uncertainty U = 2 u; u combines the columns to its right (standard uncertainties). The table's "
-              "angles are not taken as truth and add nothing; the given heading enters in second order. Alias: the "
-              "spread over effects that the recording cannot tell from a parameter, or from one another, and over "
-              "those that came near to being found; - where nobody looked. Effects beyond the parameters: " +
+              "Expanded uncertainty U = k u with the coverage factor k = 2: a coverage probability of about 95 % for a "
+              "normal distribution. u combines the columns to the right of U (standard uncertainties)" +
+              (left_out.empty() ? "" : "; nothing is stated of, and nothing is added for: " + left_out) +
+              ". The table's angles are not taken as truth and add nothing; the given heading enters in second order. "
+              "Alias: the spread over effects that the recording cannot tell from a parameter, or from one another, "
+              "and over those that came near to being found; - where nobody looked. Effects beyond the parameters: " +
               effects_found(f)}));
   if (c.verification) body += north_section(*c.verification);
   const VerdictReport& conformity = c.conformity;
   const std::string verdict =
       conformity.verdict == UnitVerdict::not_judged ? "not judged" : std::string(to_string(conformity.verdict));
-  const std::string beside = judged_beside(c);
+  const std::string beside = judged_beside(c), twice = "verification " + verdict + ": ";
+  std::string reason = conformity.reason;
+  if (const std::size_t at = reason.find(twice); at != std::string::npos)
+    reason.replace(at, twice.size(), "verification: ");
   body += fact_section(
       "Conformity",
-      {{"verdict", verdict + (conformity.reason.empty() ? "" : ": " + conformity.reason)},
+      {{"verdict", verdict + (reason.empty() ? "" : ": " + reason)},
        {"decision rule", !conformity.rule.empty() ? conformity.rule + "; U: that of the results above"
                          : c.verification
                              ? "no limits were agreed for the parameters; those of the verification stand with it"
@@ -283,15 +304,29 @@ std::string certificate_page(const Certificate& c) {
        {"diagnosis", "effects beyond the parameters: " + effects_found(f)}});
   std::string hashes;
   for (const std::string& hash : c.recording_hashes) hashes += (hashes.empty() ? "" : ", ") + hash;
-  body += fact_section("Traceability of the record", {{"parameter file", c.parameters_hash}, {"recordings", hashes}});
+  const auto with_uncertainty = [](double u, const char* unit) {
+    return u > 0.0 ? "standard uncertainty " + significant(u, 2) + unit : std::string("no uncertainty stated");
+  };
+  const std::string clock = of_record(f, "record.clock_ppm", "");
+  body += fact_section(
+      "Traceability",
+      {{"gravity", "value of the site, " + with_uncertainty(c.parties.gravity_uncertainty_mps2, " m/s²") +
+                       "; specific force is traceable to it"},
+       {"latitude", "value of the site, " + with_uncertainty(c.parties.latitude_uncertainty_deg, "°") +
+                        "; rates are traceable to the Earth's rate, 15.041 °/h"},
+       {"time", "the unit's own sample clock, " + significant(1e3 * f.sample_period_s, 6) + " ms a sample; " +
+                    (clock.empty() ? "not compared with another clock on record"
+                                   : "against the station's clock " + clock + " ± " +
+                                         of_record(f, "record.clock_uncertainty_ppm") + " ppm")},
+       {"parameter file", c.parameters_hash},
+       {"recordings", hashes}});
   body +=
       "<p class=\"small\">The results relate to this item in the state in which it was calibrated. This certificate "
       "may be reproduced in full only.</p>\n<div class=\"sign\"><p>Issued " +
       html_escape(c.issued_utc) + "</p><p>" + html_escape(or_dash(c.parties.laboratory_signatory)) + "</p></div>\n";
   const auto page = [&](const std::string& hash) {
-    return "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>Calibration certificate " + serial +
-           "</title>\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<style>\n" +
-           std::string(certificate_css) + "@page { @bottom-left { content: \"" + hash +
+    return "<!doctype html>\n<html lang=\"en\"><head>" + std::string(page_head) + "<title>Calibration certificate " +
+           serial + "</title>\n<style>\n" + std::string(certificate_css) + "@page { @bottom-left { content: \"" + hash +
            "\"; } }\n</style></head>\n<body>\n" + body + std::string(before_hash) + hash + std::string(after_hash);
   };
   return page(hash_of_text(page("")));

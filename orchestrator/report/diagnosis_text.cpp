@@ -148,6 +148,26 @@ std::string verdict_title(Verdict verdict) {
   return title;
 }
 
+Facts verdict_facts(const std::string& verdict, bool trusted, const std::string& reason) {
+  return {{{"verdict", verdict + "; parameters " + (trusted ? "" : "not ") + "trusted"}, {"reason", reason}}};
+}
+
+std::string brief_reason(const Diagnosis& d) {
+  if (d.verdict == Verdict::extended) {
+    std::vector<std::string> effects;
+    for (const std::string& name : d.effect_names) effects.push_back(describe_effect(d, name, 1, false));
+    return "added: " + join(effects, "; ");
+  }
+  if (d.verdict == Verdict::noise_model) return "the assumed noise does not fit the data";
+  if (d.verdict == Verdict::unexplained)
+    return "a residual is left that no effect of the catalogue explains" +
+           (d.unexplained_pattern.empty() ? "" : ": " + clause(d.unexplained_pattern));
+  if (d.verdict == Verdict::not_tested) return clause(d.reason);
+  return "the parameters explain the data" + (d.statements.tested ? "; probability that something is missing: " +
+                                                                        words_of_probability(d.statements.anything)
+                                                                  : "");
+}
+
 std::string verdict_sentence(const Diagnosis& d) {
   const std::string title = verdict_title(d.verdict) + ": ";
   switch (d.verdict) {
@@ -189,7 +209,7 @@ std::vector<ErrorRow> error_rows(const Diagnosis& d, const DiagnosisContext& con
     rows.push_back({(context.holdout_path.empty() ? "fitted recording" : "held-out data") +
                         std::string(": free navigation, rms of ") + std::to_string(context.worth->branches) +
                         (context.worth->branches == 1 ? " start" : " starts"),
-                    context.worth->before, context.worth->after, "nm/h", false});
+                    context.worth->before, context.worth->after, "NM/h", false});
   return rows;
 }
 

@@ -12,10 +12,12 @@
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/figures/piped_program.h"
+#include "orchestrator/watch/page_server.h"
 
 namespace turncal {
 
 extern const std::string_view report_page_css;  // report_page.css
+extern const std::string_view figure_css;       // figures/figure.css
 
 namespace cell {
 
@@ -30,12 +32,18 @@ Cell count(std::size_t value) { return number(std::to_string(value), static_cast
 Cell with_sigma(double value, double sigma) {
   return number(value_with_sigma(value, sigma, Alphabet::typographic), value);
 }
+Cell linked(Cell cell, std::string link) {
+  cell.link = std::move(link);
+  return cell;
+}
 Cell bar(double share) { return {Cell::Kind::bar, "", share}; }
 Cell half(double share) { return {Cell::Kind::half, "", share}; }
 
 }  // namespace cell
 
 namespace {
+
+constexpr std::size_t label_width = 16;  // of facts on the terminal
 
 bool is_drawn(const Cell& cell) { return cell.kind == Cell::Kind::bar || cell.kind == Cell::Kind::half; }
 
@@ -58,7 +66,7 @@ class TextLines {
   }
   void operator()(const Paragraph& paragraph) { lines.push_back(plain(paragraph.words)); }
   void operator()(const Facts& facts) {
-    constexpr std::size_t label_width = 16, most = 7;
+    constexpr std::size_t most = 7;
     const std::size_t left = terminal_columns - label_width;
     for (const auto& [label, words] : facts.rows) {
       const bool beside = !facts.list;  // else the label is the beginning of the words
@@ -130,6 +138,7 @@ std::string cell_html(const char* name, const Cell& cell) {
   static constexpr std::array styles = {"", "w", "name", "n", "", "half"};
   constexpr double width_px = 150.0;
   std::string inner = html_escape(cell.words);
+  if (!cell.link.empty()) inner = fmt::format("<a href=\"{}\">{}</a>", html_escape(url_escape(cell.link)), inner);
   if (is_drawn(cell) && std::abs(cell.value) * width_px >= 1.0) {
     const bool half = cell.kind == Cell::Kind::half;
     const double from = half ? 0.5 + 0.5 * std::min(cell.value, 0.0) : 0.0;
@@ -175,19 +184,19 @@ struct Html {
     std::string rows;
     for (const Table::Row& row : table.rows)
       rows += row_html("td", row.cells, emphases[static_cast<std::size_t>(row.emphasis)]);
-    return tag("table", table.style,
-               fmt::format("\n<thead>{}</thead>\n<tbody>\n{}</tbody>\n", row_html("th", table.head, ""), rows)) +
-           "\n";
+    const std::string inner =
+        fmt::format("\n<thead>{}</thead>\n<tbody>\n{}</tbody>\n", row_html("th", table.head, ""), rows);
+    return tag("div", "wide", tag("table", table.style, inner)) + "\n";
   }
   std::string operator()(const Drawing& drawing) const {
     const auto svg = drawn.find(drawing.id);
     if (svg == drawn.end()) return tag("p", "missing", "This plot is missing: " + html_escape(problem) + ".") + "\n";
     std::string legend;
     for (const Drawing::Key& key : drawing.legend)
-      legend +=
-          fmt::format("<span><i style=\"color:{}\">{}</i> {}</span>", key.colour, key.glyph, html_escape(key.label));
+      legend += fmt::format("<span><i aria-hidden=\"true\" style=\"color:{}\">{}</i> {}</span>", key.colour, key.glyph,
+                            html_escape(key.label));
     return fmt::format("<figure>\n{}{}\n{}</figure>\n", legend.empty() ? "" : tag("p", "legend", legend) + "\n",
-                       svg->second,
+                       tag("div", drawing.parts.empty() && drawing.width > 640 ? "wide" : "panels", svg->second),
                        drawing.caption.empty() ? "" : tag("figcaption", "", html_escape(drawing.caption)) + "\n");
   }
 
@@ -321,13 +330,24 @@ std::string as_text(const Document& document, std::size_t most) {
   for (const Document::Block& block : document.blocks) {
     const auto* paragraph = std::get_if<Paragraph>(&block.content);
     if (paragraph != nullptr && paragraph->style == "note") ++most;
-    if (block.scope != Scope::page) std::visit(text, block.content);
+    if (block.scope == Scope::all || block.scope == Scope::terminal) std::visit(text, block.content);
   }
   if (text.lines.size() > most) {
     text.lines.resize(most - 1);
     text.lines.emplace_back("... more in the report");
   }
   return join(text.lines, "\n") + "\n";
+}
+
+std::string as_brief_text(const Document& document) {
+  std::string text;
+  for (const Document::Block& block : document.blocks) {
+    const auto* facts = block.scope == Scope::brief ? std::get_if<Facts>(&block.content) : nullptr;
+    for (std::size_t k = 0; facts != nullptr && k < facts->rows.size(); ++k)
+      text += padded(plain(facts->rows[k].first), label_width, false) +
+              shorten(plain(facts->rows[k].second), terminal_columns - label_width) + "\n";
+  }
+  return text;
 }
 
 std::string as_text(const Content& content) {
@@ -349,10 +369,9 @@ HtmlPage as_page(const Document& document, const GnuplotOptions& gnuplot) {
     for (std::size_t k = 0; rendered && k < drawings.size(); ++k) html.drawn[drawings[k].id] = (*rendered)[k];
   }
   std::string page = fmt::format(
-      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" "
-      "content=\"width=device-width, "
-      "initial-scale=1\">\n<title>{}</title>\n<style>{}</style>\n</head>\n<body>\n<main>\n<h1>{}</h1>\n",
-      html_escape(document.title), report_page_css, html_escape(document.heading));
+      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n{}<title>{}</title>\n<style>{}{}</style>\n</head>\n<body>\n<main>\n"
+      "<h1>{}</h1>\n",
+      page_head, html_escape(document.title), report_page_css, figure_css, html_escape(document.heading));
   for (const Document::Block& block : document.blocks)
     if (block.scope != Scope::terminal) page += std::visit(html, block.content);
   return {page + "</main>\n</body>\n</html>\n", html.problem};

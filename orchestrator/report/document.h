@@ -24,6 +24,7 @@ struct Cell {
   Kind kind = Kind::text;
   std::string words;
   double value = std::numeric_limits<double>::quiet_NaN();  // NaN: the words are all there is
+  std::string link = {};                                    // where the words lead on a page; empty: nowhere
 };
 
 namespace cell {
@@ -36,6 +37,7 @@ Cell number(const std::optional<double>& value, int digits = 3);                
 Cell fixed(double value, int decimals);
 Cell count(std::size_t value);
 Cell with_sigma(double value, double sigma);  // as many decimals as two digits of sigma have
+Cell linked(Cell cell, std::string link);
 Cell bar(double share);
 Cell half(double share);
 }  // namespace cell
@@ -74,7 +76,8 @@ struct Facts {
   void add(std::string label, std::string_view words) { rows.emplace_back(std::move(label), words); }
 };
 
-enum class Scope { all, page, terminal };  // page: and JSON
+// page: and JSON; brief: those, and what a terminal is told that does not want all of it.
+enum class Scope { all, page, terminal, brief };
 
 using Content = std::variant<Heading, Paragraph, Facts, Table, Drawing>;
 
@@ -106,6 +109,8 @@ std::string plain(std::string_view typographic);
 // For the terminal, of at most so many lines, notes not counted.
 std::string as_text(const Document& document, std::size_t most = 100'000);
 std::string as_text(const Content& content);
+// Blocks that are brief, each fact on one line.
+std::string as_brief_text(const Document& document);
 
 struct HtmlPage {
   std::string html;

@@ -39,7 +39,7 @@ void describe_drift(const std::string& prefix, const DriftOverRuns& drift, KeyVa
 }
 
 std::string drift_words(const DriftOverRuns& drift) {
-  return fmt::format("rms {:.3f}, CEP {:.3f}, R95 {:.3f} nm/h", drift.rms_nm_per_h, drift.cep_nm_per_h,
+  return fmt::format("rms {:.3f}, CEP {:.3f}, R95 {:.3f} NM/h", drift.rms_nm_per_h, drift.cep_nm_per_h,
                      drift.r95_nm_per_h);
 }
 
@@ -55,9 +55,10 @@ Series series_of(const std::string& label, Colour colour, const FreeNavigation& 
   return series;
 }
 
-double north_mps(const TrackPoint& p) { return p.velocity_error_mps[0]; }
-double east_mps(const TrackPoint& p) { return p.velocity_error_mps[1]; }
-double radial_nm(const TrackPoint& p) { return p.moved_m.norm() / metres_per_nautical_mile; }
+double north_mmps(const TrackPoint& p) { return 1000.0 * p.velocity_error_mps[0]; }
+double east_mmps(const TrackPoint& p) { return 1000.0 * p.velocity_error_mps[1]; }
+double radial_m(const TrackPoint& p) { return p.moved_m.norm(); }
+double radial_nm(const TrackPoint& p) { return radial_m(p) / metres_per_nautical_mile; }
 
 // With three decimals: no 360.000.
 double printed_heading_deg(double heading_deg) { return heading_deg < 359.9995 ? heading_deg : 0.0; }
@@ -134,34 +135,47 @@ Result<std::string> draw_navigation(const NavigationReport& report, const Gnuplo
   north.title = moves ? "Velocity error north" : "Velocity north";
   east.title = moves ? "Velocity error east" : "Velocity east";
   distance.title = moves ? "Distance from the reference" : "Distance from where it stands";
-  north.y_label = east.y_label = "m/s";
-  distance.y_label = "nautical miles";
-  north.legend = report.files.size() > 1;
+  double farthest_m = 0.0;
+  std::size_t starts = 0;
+  for (const NavigatedFile& file : report.files) {
+    starts = std::max(starts, file.branches.size());
+    for (const NavigatedBranch& branch : file.branches)
+      for (const TrackPoint& point : branch.navigation.track) farthest_m = std::max(farthest_m, radial_m(point));
+  }
+  const bool near = farthest_m < metres_per_nautical_mile;
+  north.y_label = east.y_label = "mm/s";
+  distance.y_label = near ? "m" : "nautical miles (NM)";
+  north.legend = report.files.size() > 1 || starts > 1;
   distance.x_label = "minutes of free navigation (a Schuler period is 84.4)";
   for (auto file = report.files.rbegin(); file != report.files.rend(); ++file) {
     const bool against = !file->prefix.empty();
     const Colour colour = against ? Colour::before : Colour::after;
     for (std::size_t k = file->branches.size(); k-- > 0;) {
       const FreeNavigation& navigation = file->branches[k].navigation;
-      const std::string label = k > 0 ? "" : against ? "against" : "parameters";
+      const std::string label = k > 1     ? ""
+                                : k == 1  ? (against ? "" : "other starts")
+                                : against ? "compared with"
+                                          : "first start";
       // The first branch stands out; the others show how far they scatter.
       const auto add = [&](Panel& at, double (*value)(const TrackPoint&)) {
         at.series.push_back(series_of(label, colour, navigation, value));
         if (k > 0) at.series.back().style = Series::Style::dashed;
       };
-      add(north, north_mps);
-      add(east, east_mps);
-      add(distance, radial_nm);
+      add(north, north_mmps);
+      add(east, east_mmps);
+      add(distance, near ? radial_m : radial_nm);
     }
   }
   Figure figure;
   figure.id = "navigation";
   figure.label = "Velocity and position error of free inertial navigation against time";
-  figure.panel_width = 480;  // so that a telephone shows it in letters that can be read
+  figure.panel_width = 540;  // so that a telephone shows it in letters that can be read
   figure.panel_height = 220;
+  const DriftOverRuns& drift = report.files.front().drift;
+  figure.title = fmt::format("Unit {}: rms {} NM/h, 95 % within {} NM/h", report.info.unit_serial,
+                             significant(drift.rms_nm_per_h, 3), significant(drift.r95_nm_per_h, 3));
   figure.panels = {north, east, distance};
-  std::vector<std::string> drawn = TRY(run_gnuplot(draw(figure).script, 1, options));
-  return "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n" + drawn.front() + "\n";
+  return standalone_svg(figure, options);
 }
 
 // A turn with a tenth of g is off the straight line between two rows by 3 m.
@@ -185,7 +199,7 @@ Document navigation_document(const NavigationReport& report) {
     const std::string which = file.prefix.empty() ? "parameters" : "against";
     document.section(which, which + "  " + file.path);
     Table table{{number("branch"), number("aligned from s"), number("heading deg"), number("sigma"), number("free s"),
-                 number("north m"), number("east m"), number("nm/h")}};
+                 number("north m"), number("east m"), number("NM/h")}};
     for (std::size_t k = 0; k < file.branches.size(); ++k) {
       const FreeNavigation& n = file.branches[k].navigation;
       const Eigen::Vector2d end = n.track.back().moved_m;

@@ -31,15 +31,6 @@ std::string key_text(const EffectColumn& column) {
 }
 Cell unit_of(const EffectColumn& column) { return text(unit_text(column.entry->unit)); }
 
-std::string parameter_meaning(std::size_t k) {
-  const std::string axis = body_names[k % 3];
-  if (k < 3) return "gyro " + axis + " bias";
-  if (k < 6) return "accelerometer " + axis + " bias";
-  const std::size_t i = (k - (k < 15 ? 6 : 15)) / 3;
-  const std::string sensor = std::string(k < 15 ? "gyro " : "accelerometer ") + body_names[i];
-  return i == k % 3 ? sensor + " scale factor" : sensor + " towards " + axis;
-}
-
 struct ParameterUnit {
   double factor = 1.0;
   std::string unit;
@@ -50,7 +41,7 @@ ParameterUnit page_unit(std::size_t k, const RecordingInfo& info) {
   if (k < 15 && info.gyro_increment == IncrementKind::pulses) return {1.0, "″/pulse"};
   return {1.0, ""};
 }
-// Sigma of scale factors in ppm and of installation errors in arc-seconds.
+// Sigma of scale factors in ppm and of misalignments in arc-seconds.
 std::string handy_sigma(std::size_t k, double sigma, const ParameterVector& values) {
   if (k < 6) return "";
   const std::size_t i = (k - (k < 15 ? 6 : 15)) / 3;
@@ -90,8 +81,8 @@ void add_identity(const DiagnosisContext& context, Document& document) {
   document.soft(line + ".");
   document.soft("Held-out data: " +
                 (!context.holdout_path.empty() ? context.holdout_path
-                 : context.hand_turned         ? "rests and rotations of the same recording, left out in turn"
-                                               : "dwells of the same recording, left out in turn") +
+                 : context.hand_turned         ? "cross-validation over rests and rotations of the same recording"
+                                               : "cross-validation over dwells of the same recording") +
                 ".");
   if (r.info.simulated)
     document.add(Paragraph{"Simulated data: these are not the parameters of a real unit.", "loud"}, Scope::page);
@@ -119,7 +110,7 @@ void add_errors(const Diagnosis& diagnosis, const std::vector<ErrorRow>& rows, D
 }
 
 void add_effects(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document) {
-  Table table{{name("effect added"), number("value"), number("σ"), text("unit"), number("z"), number("nm/h")}};
+  Table table{{name("effect added"), number("value"), number("σ"), text("unit"), number("z"), number("NM/h")}};
   table.most = 6;
   Table terms{{name("effect"), text("added to the reading"), wide("term")}};
   for (const std::string& wanted : diagnosis.effect_names) {
@@ -140,8 +131,8 @@ void add_effects(const Diagnosis& diagnosis, const DiagnosisContext& context, Do
   document.add(std::move(terms), Scope::page);
   if (context.worth)
     document.soft(fmt::format(
-        "nm/h: what leaving out the whole effect moves the track of free inertial navigation by, the other parameters "
-        "estimated without it. Noise is the same in both tracks; alone it lets expect {} nm/h after {} s.",
+        "NM/h: what leaving out the whole effect moves the track of free inertial navigation by, the other parameters "
+        "estimated without it. Noise is the same in both tracks; it alone would give {} NM/h after {} s.",
         significant(context.worth->noise, 2), significant(context.worth->free_s, 4)));
 }
 
@@ -199,7 +190,7 @@ void add_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context,
     const auto row = static_cast<Eigen::Index>(k);
     const ParameterUnit unit = page_unit(k, context.recording.info);
     const double sigma = diagnosis.extended.sigma[row];
-    const Cell key = name(parameter_keys[k]), meaning = text(parameter_meaning(k));
+    const Cell key = name(parameter_keys[k]), meaning = text(quantity_name(parameter_keys[k]));
     if (!parameter_is_free[k] || !(sigma > 0.0)) {
       const Cell what = parameter_is_free[k] ? number("not determined") : number("0", 0.0), none = number("-");
       table.row({key, meaning, what, what, none, text(""), none, none, half(0.0)}, Emphasis::dim);
@@ -421,6 +412,8 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
   Document document{"turncal diagnosis, unit " + unit, "Calibration diagnosis, unit " + unit};
   add_identity(context, document);
   document.add(Paragraph{parts.sentence, "verdict " + std::string(to_string(diagnosis.verdict))}, Scope::page);
+  document.add(verdict_facts(verdict_title(diagnosis.verdict), diagnosis.trusted, brief_reason(diagnosis)),
+               Scope::brief);
   document.add(Facts{{{context.of_run ? "diagnosis" : "verdict", parts.sentence}}}, Scope::terminal);
   if (!parts.reason.empty()) document.soft("Reason: " + parts.reason + ".");
   const bool both = has_after(diagnosis);

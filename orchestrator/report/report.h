@@ -26,7 +26,7 @@ struct NavigationWorth {
   std::size_t branches = 0;
   double free_s = 0.0;                                  // of the first branch
   double before = 0.0, after = 0.0;                     // the 24 parameters alone; with the effects
-  double noise = 0.0;                                   // what noise alone lets expect
+  double noise = 0.0;                                   // what noise alone would give
   std::vector<std::pair<std::string, double>> effects;  // each: what leaving it out moves the track by
 };
 
@@ -56,6 +56,9 @@ struct DiagnosisContext {
 inline constexpr std::size_t diagnosis_lines = 30;  // at most, on the terminal
 
 std::string verdict_title(Verdict verdict);
+// The same two lines on terminal, page and in JSON: verdict with trust, and the reason in a few words.
+Facts verdict_facts(const std::string& verdict, bool trusted, const std::string& reason);
+std::string brief_reason(const Diagnosis& diagnosis);
 // One sentence with numbers.
 std::string verdict_sentence(const Diagnosis& diagnosis);
 

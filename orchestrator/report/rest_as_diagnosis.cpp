@@ -43,7 +43,7 @@ std::string sentence_of(const RestDiagnosis& r, const RestData& data) {
   const Diagnosis& d = r.diagnosis;
   const std::string title = verdict_title(d.verdict) + ": ";
   const std::string where =
-      r.second_recording ? "on the second recording" : "with each rest and rotation left out in turn";
+      r.second_recording ? "on the second recording" : "in cross-validation over rests and rotations";
   if (d.verdict == Verdict::extended)
     return title + effects_clause(d) + "; " + where + ": " + change_text(r) + alias_clause(d) + "; " +
            remainder_text(r) + (r.accel_not_tested.empty() ? "" : "; " + d.reason) + ".";
@@ -105,7 +105,7 @@ std::vector<ErrorRow> error_rows(const RestDiagnosis& r) {
     rows.push_back({where + "normalised residual rms", before, after, "model expects 1", true});
   };
   add("fitted: ", r.base.errors, r.final.errors, d.error_before, d.error_after);
-  add(r.second_recording ? "second recording: " : "left out in turn: ", r.held_out_before, r.held_out_after,
+  add(r.second_recording ? "second recording: " : "cross-validation: ", r.held_out_before, r.held_out_after,
       d.holdout_before.normalised_rms, d.holdout_after.normalised_rms);
   return rows;
 }
@@ -252,7 +252,8 @@ DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& r, const RestData& data
   DiagnosisFiles files{{}, format_diagnosis(d), std::nullopt};
   if (!r.base.converged) {  // not fitted: nothing to report but why
     for (const std::string& note : context.notes) files.report.add(Paragraph{note, "note"});
-    files.report.add(Facts{{{"verdict", verdict_sentence(d)}}});
+    files.report.add(Facts{{{"verdict", verdict_sentence(d)}}}, Scope::terminal);
+    files.report.add(verdict_facts(verdict_title(d.verdict), false, brief_reason(d)), Scope::brief);
     return files;
   }
   const std::vector<ErrorRow> errors = error_rows(r);

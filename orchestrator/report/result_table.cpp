@@ -13,6 +13,7 @@
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/report/allan_report.h"
+#include "orchestrator/report/report.h"
 
 namespace turncal {
 
@@ -39,10 +40,10 @@ constexpr DriftRow drift_rows[] = {
     {"heading after alignment, deg", [](const ExpectedDrift& d) { return d.align_sigma_rad[1] / rad_per_deg; }},
     {"north at the end, m", [](const ExpectedDrift& d) { return std::sqrt(end_of(d).covariance_m2(0, 0)); }},
     {"east at the end, m", [](const ExpectedDrift& d) { return std::sqrt(end_of(d).covariance_m2(1, 1)); }},
-    {"rms, nm/h", [](const ExpectedDrift& d) { return over_runs(d).rms_nm_per_h; }},
-    {"of it from noise alone, nm/h", [](const ExpectedDrift& d) { return rms_of(end_of(d).noise_m2, d); }},
-    {"CEP, nm/h", [](const ExpectedDrift& d) { return over_runs(d).cep_nm_per_h; }},
-    {"R95, nm/h", [](const ExpectedDrift& d) { return over_runs(d).r95_nm_per_h; }},
+    {"rms, NM/h", [](const ExpectedDrift& d) { return over_runs(d).rms_nm_per_h; }},
+    {"of it from noise alone, NM/h", [](const ExpectedDrift& d) { return rms_of(end_of(d).noise_m2, d); }},
+    {"CEP, NM/h", [](const ExpectedDrift& d) { return over_runs(d).cep_nm_per_h; }},
+    {"R95, NM/h", [](const ExpectedDrift& d) { return over_runs(d).r95_nm_per_h; }},
 };
 
 constexpr double clearly = 4.0;  // sigmas from which a coefficient is shown on the terminal
@@ -90,8 +91,9 @@ Table result_table(const ParameterFile& file, const std::optional<ParameterVecto
     const double estimate = file.parameters[at], sigma = file.sigma[i].value_or(0.0);
     const double true_value = truth ? (*truth)[at] : 0.0, error = estimate - true_value;
     table.row({name(parameter_keys[i]), text(parameter_unit(parameter_keys[i], file.gyro_increment)),
-               fixed(estimate, 10), fixed(true_value, 10), number(fmt::format("{:.3e}", error), error),
-               sigma > 0.0 ? number(fmt::format("{:.2e}", sigma), sigma) : number("-"),
+               with_sigma(estimate, sigma), with_sigma(true_value, sigma),
+               sigma > 0.0 ? with_sigma(error, sigma) : number(error, 3),
+               sigma > 0.0 ? number(fmt::format("{:.1e}", sigma), sigma) : number("-"),
                sigma > 0.0 ? number(fmt::format("{:+.2f}", error / sigma), error / sigma) : number("-")});
   }
   if (!truth) {
@@ -99,6 +101,25 @@ Table result_table(const ParameterFile& file, const std::optional<ParameterVecto
     table.drop(3, 2);
   }
   return table;
+}
+
+Document calibration_document(const ParameterFile& file, const std::vector<std::string>& notes,
+                              const std::string& distrust, const std::optional<ParameterVector>& truth) {
+  Document document{"turncal calibration, unit " + file.unit_serial, "Calibration, unit " + file.unit_serial};
+  document.soft("Recording with content " + file.recording_hash + "; method " + file.method + ".");
+  if (file.simulated)
+    document.add(Paragraph{"Simulated data: these are not the parameters of a real unit.", "loud"}, Scope::page);
+  const std::string* const open = find_further(file, undetermined_key);
+  const std::string reason = !distrust.empty()  ? distrust
+                             : open != nullptr  ? "not determined: " + *open
+                             : is_trusted(file) ? "nothing contradicts the fit; turncal diagnose looks for more"
+                                                : "too little data to judge the fit";
+  document.add(verdict_facts("Calibrated", is_trusted(file), reason), Scope::brief);
+  for (const std::string& note : notes) document.add(Paragraph{note, "note"});
+  document.section("parameters", "The 24 parameters");
+  document.add(result_table(file, truth));
+  document.soft("turncal " + file.software_version + ", " + file.time_utc);
+  return document;
 }
 
 void add_predicted_drift(const std::vector<std::pair<std::string, ExpectedDrift>>& columns, const DriftPlan& plan,
@@ -136,8 +157,8 @@ Facts pose_facts(const SinglePose& pose) {
       ++hidden;
       continue;
     }
-    facts.add("change", fmt::format("{} = {} ± {} {}{}{}", c.key, significant(c.value, 3), significant(c.sigma, 2),
-                                    c.unit, c.tau_s > 0.0 ? ", tau " + significant(c.tau_s, 3) + " s" : "",
+    facts.add("change", fmt::format("{} = {}{}{}", c.key, quantity(c.value, c.sigma, c.unit),
+                                    c.tau_s > 0.0 ? ", tau " + significant(c.tau_s, 3) + " s" : "",
                                     c.alias ? " (time and temperature cannot be told apart here)" : ""));
   }
   if (hidden > 0) facts.add("change", fmt::format("{} further coefficients are below 4 sigma", hidden));

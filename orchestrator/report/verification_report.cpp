@@ -82,9 +82,22 @@ std::string undecided_words(const VerificationReport& report) {
       report.level_undecided ? "level undecided: the noise of this unit is as large as its limit" : "";
   if (report.would_do_s <= 0.0) return level;
   const std::string heading = fmt::format(
-      "heading undecided: no more than noise; these gyros cannot keep {:g} deg in {:.0f} s, {:.0f} s would do",
+      "heading undecided: within the noise; these gyros cannot keep {:g} deg in {:.0f} s, {:.0f} s would suffice",
       report.heading_limit_deg, report.align_s, report.would_do_s);
   return level.empty() ? heading : heading + "; " + level;
+}
+
+// How near the worst figure comes to a limit, with its guard band: "heading 33 % of its limit (91 % with the guard band)".
+std::string nearness_words(const VerificationReport& report) {
+  const auto words = [&](const char* name, double limit_deg, const NorthFigure& a, const NorthFigure& b) {
+    const auto guarded = [&](const NorthFigure& f) { return f.value_deg + 2.0 * report.guard_factor * f.sigma_deg; };
+    return fmt::format("{} {:.0f} % of its limit ({:.0f} % with the guard band)", name,
+                       100.0 * std::max(a.value_deg, b.value_deg) / limit_deg,
+                       100.0 * std::max(guarded(a), guarded(b)) / limit_deg);
+  };
+  const NorthSeeking& found = report.found;
+  return words("heading", report.heading_limit_deg, found.deviation[0], found.mean_heading) + ", " +
+         words("level", report.level_limit_deg, found.deviation[1], found.deviation[2]);
 }
 
 // Heading, roll and pitch, degrees.
@@ -97,7 +110,7 @@ void add_angles(const std::string& name, const std::array<double, 3>& angles_deg
 }  // namespace
 
 std::string gravity_words(const FeltSite& felt, double of_recording_mps2) {
-  return fmt::format("{:.5f} m/s^2 felt, the recording says {:.5f}", felt.gravity_mps2, of_recording_mps2);
+  return fmt::format("{:.5f} m/s^2 estimated, the recording says {:.5f}", felt.gravity_mps2, of_recording_mps2);
 }
 
 void add_faults(const std::vector<std::string>& faults, Document& document) {
@@ -107,8 +120,9 @@ void add_faults(const std::vector<std::string>& faults, Document& document) {
 }
 
 std::string latitude_words(const FeltSite& felt, double of_recording_deg) {
-  return fmt::format("{:.3f} +- {:.3f} deg felt, the recording says {:.4f}", felt.latitude_rad / rad_per_deg,
-                     felt.sigma_rad / rad_per_deg, of_recording_deg);
+  return fmt::format("{} estimated, the recording says {:.4f}",
+                     plain(quantity(felt.latitude_rad / rad_per_deg, felt.sigma_rad / rad_per_deg, "deg")),
+                     of_recording_deg);
 }
 
 std::string format_verification(VerificationReport report) {
@@ -157,8 +171,9 @@ Document verification_document(const VerificationReport& report) {
     document.text(fmt::format("{} samples lost or bad, filled in from their neighbours", report.filled_samples));
   add_faults(report.faults, document);
   for (const std::string& alignment : report.left_out) document.text("left out: " + alignment);
-  document.text(fmt::format("Unit {}, alignments of {:.0f} s; the table's zero is at a heading of {:.4f} deg. deg:",
-                            report.info.unit_serial, report.align_s, found.zero_deg));
+  document.text(
+      fmt::format("Unit {}, alignments of {:.0f} s; the table's zero is at a heading of {:.4f} deg. Angles in deg:",
+                  report.info.unit_serial, report.align_s, found.zero_deg));
   for (const NorthPosition& position : found.positions) {
     Table table{{cell::text(fmt::format("table at {:.1f}", position.table_deg)), cell::number("heading"),
                  cell::number("roll"), cell::number("pitch")}};
@@ -170,25 +185,24 @@ Document verification_document(const VerificationReport& report) {
     document.add(std::move(table));
   }
   Facts facts;
-  facts.add("heading",
-            fmt::format(
-                "largest deviation {:.6f} +- {:.6f}, means off the table by {:.6f} +- {:.6f} deg (rms); limit {:g}: {}",
-                found.deviation[0].value_deg, found.deviation[0].sigma_deg, found.mean_heading.value_deg,
-                found.mean_heading.sigma_deg, report.heading_limit_deg, to_string(report.heading)));
+  facts.add("heading", fmt::format("largest deviation {}, means off the table by {} (rms); limit {:g}: {}",
+                                   quantity(found.deviation[0].value_deg, found.deviation[0].sigma_deg, "deg"),
+                                   quantity(found.mean_heading.value_deg, found.mean_heading.sigma_deg, "deg"),
+                                   report.heading_limit_deg, to_string(report.heading)));
   facts.add("level", fmt::format("largest deviation of roll {:.6f}, of pitch {:.6f} deg; limit {:g}: {}",
                                  found.deviation[1].value_deg, found.deviation[2].value_deg, report.level_limit_deg,
                                  to_string(report.level)));
-  facts.add("", "what turns every reading alike, as an accelerometer bias does, it cannot see");
+  facts.add("", "a tilt common to all readings, as of an accelerometer bias, is not visible");
   facts.add("latitude",
             fmt::format("{}: {}", latitude_words(report.felt, report.info.latitude_deg), to_string(report.latitude)));
   facts.add("gravity",
             fmt::format("{}: {}", gravity_words(report.felt, report.info.gravity_mps2), to_string(report.gravity)));
   if (report.noise_assumed) facts.add("noise", assumed_noise_words);
-  facts.add("", fmt::format("a unit with nothing but this noise is above a limit in {:.1f} of 100 verifications",
-                            100.0 * report.false_fail));
+  facts.add("",
+            fmt::format("noise alone would exceed a limit in {:.1f} of 100 verifications", 100.0 * report.false_fail));
   if (const std::string undecided = undecided_words(report); !undecided.empty()) facts.add("", undecided);
   if (!report.trusted) facts.add("", not_trusted_words);
-  facts.add("verdict", std::string(to_string(report.verdict)));
+  facts.add("verdict", std::string(to_string(report.verdict)) + ": " + nearness_words(report));
   document.add(std::move(facts));
   return document;
 }
@@ -212,7 +226,7 @@ std::string format_references(const ReferenceReport& report) {
 
 Document reference_document(const ReferenceReport& report) {
   Document document{"", "Readings of " + report.file};
-  document.text("Error of each reading, deg; the first one is bound.");
+  document.text("Error of each reading, deg; the first binds the references to the unit.");
   Table table{{cell::text("reading"), cell::number("heading"), cell::number("roll"), cell::number("pitch")}};
   for (std::size_t row = 0; row < report.found.error_deg.size(); ++row)
     add_angles(std::to_string(row + 1), report.found.error_deg[row], table);

@@ -12,7 +12,7 @@ namespace turncal {
 void ChamberWatch::begin(double temperature_c, double ramp_c_per_min, double now_s) {
   target_c_ = temperature_c;
   ramp_c_per_min_ = ramp_c_per_min;
-  began_s_ = changed_s_ = now_s;
+  began_s_ = changed_s_ = unit_since_s_ = now_s;
   in_band_s_.reset();
   out_of_band_s_.reset();
   told_ = settled_ = false;
@@ -40,10 +40,14 @@ std::string ChamberWatch::add(const ChamberStatus& now, std::optional<double> un
   }
   if (now.actual_c != last_c_) changed_s_ = now_s;
   last_c_ = now.actual_c;
+  if (unit_c && std::abs(*unit_c - unit_c_) > config_.band_c) {
+    unit_c_ = *unit_c;
+    unit_since_s_ = now_s;
+  }
   if (std::abs(now.actual_c - target_c_) <= config_.band_c) {
     if (!in_band_s_) in_band_s_ = now_s;
     out_of_band_s_.reset();
-    settled_ = settled_ || now_s - *in_band_s_ >= config_.settle_s - 1e-6;
+    settled_ = settled_ || now_s - std::max(*in_band_s_, unit_since_s_) >= config_.settle_s - 1e-6;
     return "";
   }
   if (!out_of_band_s_) out_of_band_s_ = now_s;
@@ -61,7 +65,7 @@ std::string ChamberWatch::add(const ChamberStatus& now, std::optional<double> un
 
 double ChamberWatch::left_s(double now_s) const {
   if (settled_) return 0.0;
-  if (in_band_s_) return std::max(0.0, config_.settle_s - (now_s - *in_band_s_));
+  if (in_band_s_) return std::max(0.0, config_.settle_s - (now_s - std::max(*in_band_s_, unit_since_s_)));
   return config_.settle_s + (told_ ? 60.0 * std::abs(target_c_ - last_c_) / ramp_c_per_min_ : 0.0);
 }
 

@@ -5,7 +5,8 @@
 //
 // Faults, each said once: not read back within answer_s of the command; set or switched by somebody else; door open; alarm; a sensor that reads the
 // same for dead_s though the air should be on its way; not settled within settle_limit_s; out of the band for settle_s after it had settled; the
-// unit warmer than limit_unit_c, by its own thermometer; no reading. Settled: within the band of the set point at every reading for settle_s.
+// unit warmer than limit_unit_c, by its own thermometer; no reading. Settled: within the band of the set point at every reading for settle_s,
+// and the warmest unit's own thermometer, where there is one, within a band of that width for as long.
 // A sensor that is dead within the band cannot be told from a good one: the unit's own thermometer is the guard.
 //
 // To go off is told again at every look until it is read back; nothing that cannot be read ends that but the caller's patience.
@@ -41,6 +42,7 @@ class ChamberWatch {
   ChamberLimits limits_;
   double target_c_ = 0.0, ramp_c_per_min_ = 1.0, began_s_ = 0.0;
   std::optional<double> in_band_s_, out_of_band_s_;  // since when
+  double unit_c_ = 0.0, unit_since_s_ = 0.0;  // from where the unit has not gone by more than the band, since when
   double last_c_ = 0.0, changed_s_ = 0.0;
   bool told_ = false, settled_ = false;
 };

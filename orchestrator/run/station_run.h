@@ -88,7 +88,6 @@ struct StationJob {
   std::optional<ResumePoint> resume = std::nullopt;  // the sinks then hold everything up to there
   bool taken_up = false;  // somebody goes on with an interrupted run: a fault that a drive still shows is cleared
   std::optional<double> temperature_c = std::nullopt;  // of the chamber, where there is one
-  bool hands_chamber_on = false;                       // a run that is done leaves it on, for whoever called
 };
 
 struct StationHooks {
@@ -217,7 +216,7 @@ class StationRun {
   MaybeEvent judge_homing(double now_s);
   MaybeEvent judge_stop(double now_s);
   MaybeEvent look_at_chamber();
-  bool chamber_rests() const;  // off and read back, or handed on, or none
+  bool chamber_rests() const;  // off and read back, or none
   void leave_chamber();
   void schedule_poll(double now_s);
   void hold();  // from here on the axes stay where they were last seen, but for the one that is sent

@@ -203,10 +203,7 @@ StationRun::MaybeEvent StationRun::judge_stop(double now_s) {
   return std::nullopt;
 }
 
-bool StationRun::chamber_rests() const {
-  const bool handed_on = job_.hands_chamber_on && (state_ == RunState::parking || state_ == RunState::done);
-  return !devices_.chamber || handed_on || devices_.chamber->is_off();
-}
+bool StationRun::chamber_rests() const { return !devices_.chamber || devices_.chamber->is_off(); }
 
 StationRun::MaybeEvent StationRun::look_at_chamber() {
   if (!devices_.chamber) return std::nullopt;

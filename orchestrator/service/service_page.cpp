@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
+#include <map>
 #include <mutex>
 #include <set>
 #include <thread>
@@ -10,6 +11,7 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/base/posix_file.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/run/background_queue.h"
 #include "orchestrator/watch/page_server.h"
@@ -25,46 +27,66 @@ constexpr auto between_looks = std::chrono::seconds(1);
 constexpr auto between_results = std::chrono::seconds(10);
 constexpr double between_passwords_s = 0.5;
 
+constexpr std::string_view unit_path = "/unit/";
+constexpr std::size_t most_made = 32, largest_report_bytes = std::size_t{1} << 24;
+constexpr double made_for_s = 10.0;
+
 PageAnswer said(int code, const std::string& text) { return {code, {"text/plain; charset=utf-8", text + "\n"}}; }
 
 }  // namespace
 
 struct ServicePage::State {
+  // Of a unit or a run; empty: there is none.
+  struct MadePage {
+    std::optional<PageText> text;
+    double at_s = 0.0;
+  };
+
   ServiceConfig config;
   std::function<double()> now_utc_s;
   std::mutex mutex;  // of what follows
   std::condition_variable wake;
   bool over = false;
-  std::string json;
-  std::string results = "null";
+  std::string json, metrics;
+  std::optional<ResultsView> results;
+  std::string asked_for;                 // a page of a unit or a run that a client waits for
+  std::map<std::string, MadePage> made;  // by path
   // The server's thread alone. Who was let in once does not wait for those who guess; the password is looked at each time.
   double password_s = -1e9;
   std::set<std::size_t> welcome;
-  std::thread looker, reader;  // of the stations' files; of the database, which may keep its reader waiting
+  std::thread looker, reader,
+      maker;  // of the stations' files; of the database, which may keep its reader waiting; of pages that are asked for
   std::unique_ptr<PageServer> server;
 
-  std::string look() {
+  void look() {
     std::vector<std::string> stations;
-    std::string newest_results;
+    std::vector<StationView> views;
+    std::optional<ResultsView> newest_results;
     {
       const std::lock_guard lock(mutex);
       newest_results = results;
     }
     const double now = now_utc_s();
-    for (const ServedStation& station : config.stations) stations.push_back(json_of(look_at(station, now)));
+    for (const ServedStation& station : config.stations) {
+      views.push_back(look_at(station, now));
+      stations.push_back(json_of(views.back()));
+    }
     JsonObject o;
     o.text("time_utc", format_utc(now));
     o.flag("acts", !config.password_file.empty());
     o.list("stations", stations);
-    o.raw("results", newest_results);
-    return o.end();
+    o.raw("results", newest_results ? json_of(*newest_results) : "null");
+    std::string newest_metrics = metrics_of(views, newest_results.value_or(ResultsView{}), now);
+    const std::lock_guard lock(mutex);
+    json = o.end();
+    metrics = std::move(newest_metrics);
   }
 
   void keep_reading() {
     std::unique_lock lock(mutex);
     do {
       lock.unlock();
-      std::string newest = json_of(look_at_results(config.database, now_utc_s()));
+      ResultsView newest = look_at_results(config.database, now_utc_s());
       lock.lock();
       results = std::move(newest);
     } while (!wake.wait_for(lock, between_results, [this] { return over; }));
@@ -74,16 +96,36 @@ struct ServicePage::State {
     std::unique_lock lock(mutex);
     while (!wake.wait_for(lock, between_looks, [this] { return over; })) {
       lock.unlock();
-      std::string newest = look();
+      look();
       lock.lock();
-      json = std::move(newest);
     }
   }
 
-  void look_now() {
-    std::string newest = look();
-    const std::lock_guard lock(mutex);
-    json = std::move(newest);
+  std::optional<PageText> make(const std::string& path) const {
+    const std::string plain = unescaped_value(path);
+    constexpr const char* html = "text/html; charset=utf-8";
+    if (const std::optional<std::string> file = report_file(config, plain)) {
+      const Result<std::string> text = read_whole_file(*file, largest_report_bytes);
+      return text ? std::optional(PageText{html, *text}) : std::nullopt;
+    }
+    if (!plain.starts_with(unit_path)) return {};
+    const std::optional<Document> document = unit_document(config, plain.substr(unit_path.size()));
+    return document ? std::optional(PageText{html, as_page(*document).html}) : std::nullopt;
+  }
+
+  void keep_making() {
+    std::unique_lock lock(mutex);
+    for (;;) {
+      wake.wait(lock, [this] { return over || !asked_for.empty(); });
+      if (over) return;
+      const std::string path = std::exchange(asked_for, "");
+      lock.unlock();
+      std::optional<PageText> text = make(path);
+      lock.lock();
+      if (made.size() >= most_made)
+        made.erase(std::ranges::min_element(made, {}, [](const auto& one) { return one.second.at_s; }));
+      made[path] = {std::move(text), monotonic_s()};
+    }
   }
 
   PageAnswer post(const PagePost& request) {
@@ -109,15 +151,27 @@ struct ServicePage::State {
         std::ranges::find_if(config.stations, [&station](const ServedStation& one) { return one.name == station; });
     if (at == config.stations.end()) return said(404, "no such station");
     const Result<std::string> done = act(*at, action, *name, now_utc_s());
-    look_now();
+    look();
     return done ? said(200, *done) : said(409, done.error().message);
   }
 
   std::optional<PageText> page(std::string_view path) {
     const std::lock_guard lock(mutex);
     if (path == "/status.json") return PageText{"application/json", json};
-    if (path != "/") return {};
-    return page_with(service_page_html, json);
+    if (path == "/metrics") return PageText{"text/plain; version=0.0.4; charset=utf-8", metrics};
+    if (path == "/") return page_with(service_page_html, json);
+    if (!path.starts_with(unit_path) && !path.starts_with("/report/")) return {};
+    // Made by another thread: no drawing keeps a stop waiting.
+    const auto there = made.find(std::string(path));
+    if (there == made.end() || monotonic_s() - there->second.at_s > made_for_s) {
+      asked_for = path;
+      wake.notify_all();
+    }
+    if (there != made.end()) return there->second.text;
+    return PageText{"text/html; charset=utf-8",
+                    "<!DOCTYPE html><html lang=\"en\"><head>" + std::string(page_head) +
+                        "<meta http-equiv=\"refresh\" content=\"1\"><title>turncal</title></head>"
+                        "<body><p>The page is being made.</p></body></html>\n"};
   }
 };
 
@@ -130,7 +184,7 @@ ServicePage::~ServicePage() {
     state_->over = true;
   }
   state_->wake.notify_all();
-  for (std::thread* thread : {&state_->looker, &state_->reader})
+  for (std::thread* thread : {&state_->looker, &state_->reader, &state_->maker})
     if (thread->joinable()) thread->join();
 }
 
@@ -145,7 +199,7 @@ Result<std::unique_ptr<ServicePage>> ServicePage::open(const std::string& addres
   State& state = *page->state_;
   state.config = config;
   state.now_utc_s = std::move(now_utc_s);
-  state.json = state.look();
+  state.look();
   PageServer::Posts posts;
   if (acts) posts = [&state](const PagePost& request) { return state.post(request); };
   std::unique_ptr<PageServer> server = TRY(PageServer::open(
@@ -155,6 +209,7 @@ Result<std::unique_ptr<ServicePage>> ServicePage::open(const std::string& addres
                        "': with serve.password_file a loopback address is expected, behind a proxy that encrypts");
   state.server = std::move(server);
   state.looker = start_without_signals([&state] { state.keep_looking(); });
+  state.maker = start_without_signals([&state] { state.keep_making(); });
   if (!config.database.empty()) state.reader = start_without_signals([&state] { state.keep_reading(); });
   return page;
 }

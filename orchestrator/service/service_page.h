@@ -1,7 +1,9 @@
-// The page of `turncal serve`: all stations, GET / and GET /status.json; with a password file POST /act, too.
+// The page of `turncal serve`: all stations, GET / and GET /status.json, GET /metrics for Prometheus; GET /unit/SERIAL and
+// GET /report/STATION/FOLDER/FILE for what there is of a unit and of a run. With a password file POST /act, too.
 //
 // A thread of its own looks at the stations once a second, so that what a client asks for is there already, and a slow disk holds up
-// nobody but that thread; the page shows how old the look is. Another reads the results database every ten seconds, if there is one. Posts are answered one after the other, at most one password in
+// nobody but that thread; the page shows how old the look is. Another reads the results database every ten seconds, if there is one. Pages of
+// units and runs are made by a third when they are asked for, and kept for ten seconds: whoever asks first is told to ask again. Posts are answered one after the other, at most one password in
 // between_passwords_s: guessing is slow. A name and password that were right once do not wait, nor does a stop: its password is looked at whatever
 // others do, so that by stops passwords can be tried as fast as crypt(5) hashes.
 //

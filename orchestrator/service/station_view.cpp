@@ -1,6 +1,7 @@
 #include "orchestrator/service/station_view.h"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -11,6 +12,7 @@
 #include <fstream>
 #include <map>
 #include <system_error>
+#include <tuple>
 #include <utility>
 
 #include "imu_io/base/atomic_file.h"
@@ -23,6 +25,7 @@
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/line/line_yield.h"
+#include "orchestrator/line_report/shift_document.h"
 #include "orchestrator/records/journal.h"
 
 namespace turncal {
@@ -32,9 +35,20 @@ namespace {
 constexpr double looked_back_s = 86400.0;
 constexpr SqlPatience patience{.wait_s = 2.0, .all_s = 5.0};
 
-Result<std::vector<AttemptRecord>> newest_attempts(const std::string& database, double now_utc_s) {
+Result<ResultsView> newest_results(const std::string& database, double now_utc_s) {
   const ResultsDatabase open = TRY(ResultsDatabase::open_to_read(database, patience));
-  return open.attempts({.from = format_utc(now_utc_s - looked_back_s)});
+  std::vector<AttemptRecord> attempts = TRY(open.attempts({.from = format_utc(now_utc_s - looked_back_s)}));
+  ResultsView view;
+  if (attempts.empty()) {
+    const std::vector<AttemptRecord> last = TRY(open.attempts({.newest = 1}));
+    const std::optional<double> end = last.empty() ? std::nullopt : parse_utc(last.front().time_utc);
+    if (end) {
+      view.until_utc = last.front().time_utc;
+      attempts = TRY(open.attempts({.from = format_utc(*end - looked_back_s), .to = view.until_utc}));
+    }
+  }
+  view.stations = results_by_station(attempts);
+  return view;
 }
 
 }  // namespace
@@ -61,9 +75,8 @@ std::vector<StationResults> results_by_station(const std::vector<AttemptRecord>&
 }
 
 ResultsView look_at_results(const std::string& database, double now_utc_s) {
-  const Result<std::vector<AttemptRecord>> attempts = newest_attempts(database, now_utc_s);
-  if (!attempts) return {.defect = attempts.error().message, .stations = {}};
-  return {.defect = {}, .stations = results_by_station(*attempts)};
+  Result<ResultsView> view = newest_results(database, now_utc_s);
+  return view ? std::move(*view) : ResultsView{.defect = view.error().message, .until_utc = {}, .stations = {}};
 }
 
 std::string json_of(const ResultsView& view) {
@@ -81,6 +94,7 @@ std::string json_of(const ResultsView& view) {
   }
   JsonObject o;
   o.text("defect", view.defect);
+  o.text("until_utc", view.until_utc);
   o.list("stations", stations);
   return o.end();
 }
@@ -200,9 +214,12 @@ void show_run(const JournalContents& journal, double now_utc_s, StationView& vie
     view.fraction = std::min(1.0, (*time_s + since_s) / *planned_s);
     if (live) view.run_end_utc_s = std::max(now_utc_s, *utc_s + *planned_s - *time_s);
   }
+  const auto rounded = [&journal](const char* key) {
+    return significant(parse_number<double>(value_of(journal.estimate, key)).value_or(0.0), 2);
+  };
   if (!journal.estimate.empty() && !value_of(journal.estimate, "sigma").empty())
-    view.known = value_of(journal.estimate, "worst") + ": sigma " + value_of(journal.estimate, "sigma") + " of " +
-                 value_of(journal.estimate, "needed");
+    view.known =
+        quantity_name(value_of(journal.estimate, "worst")) + ": sigma " + rounded("sigma") + " of " + rounded("needed");
   view.pausing = view.state == StationState::running && journal.pause_asked;
   if (view.process && live && *utc_s > now_utc_s + clock_off_s)
     view.for_a_person.insert(view.for_a_person.begin(),
@@ -337,6 +354,102 @@ std::string json_of(const StationView& view) {
   for (UnitOutcome outcome : view.outcomes) outcomes.push_back(json_of(fields_of(outcome)));
   o.list("outcomes", outcomes);
   return o.end();
+}
+
+std::string metrics_of(const std::vector<StationView>& stations, const ResultsView& results, double now_utc_s) {
+  std::map<std::string, std::string> lines;  // by the name of the gauge
+  const auto add = [&lines](const std::string& name, std::string station, const char* more,
+                            std::optional<double> value) {
+    for (std::size_t at = 0; (at = station.find_first_of("\\\"", at)) != std::string::npos; at += 2)
+      station.insert(at, 1, '\\');
+    if (value)
+      lines[name] += fmt::format("turncal_{}{{station=\"{}\"{}}} {}\n", name, station, more, format_number(*value));
+  };
+  for (const StationView& v : stations)
+    for (const auto& [name, value] : std::initializer_list<std::pair<const char*, std::optional<double>>>{
+             {"station_readable", v.state != StationState::unreadable},
+             {"station_running", v.state == StationState::running},
+             {"station_tone", static_cast<int>(v.tone)},
+             {"station_waits", v.for_a_person.size()},
+             {"queue_waiting", v.waiting.size()},
+             {"queue_done", v.done},
+             {"queue_passed", v.passed},
+             {"queue_end_timestamp_seconds", v.queue_end_utc_s},
+             {"run_progress_ratio", v.fraction},
+             {"run_end_timestamp_seconds", v.run_end_utc_s},
+             {"unit_seconds", v.unit_s}})
+      add(name, v.name, "", value);
+  for (const StationResults& s : results.until_utc.empty() ? results.stations : std::vector<StationResults>())
+    for (const auto& [name, count] :
+         {std::pair{"day_attempts", s.attempts}, std::pair{"day_judged", s.judged}, std::pair{"day_passed", s.passed}})
+      add(name, s.station, s.simulated ? ",simulated=\"true\"" : ",simulated=\"false\"", static_cast<double>(count));
+  std::string text =
+      fmt::format("# TYPE turncal_{0} gauge\nturncal_{0} {1}\n", "look_timestamp_seconds", format_number(now_utc_s));
+  for (const auto& [name, of] : lines) text += "# TYPE turncal_" + name + " gauge\n" + of;
+  return text;
+}
+
+namespace {
+
+// "/report/1/SN3.2/report.html" of a folder of one of the stations; empty: of no station here, or there is no report.
+std::string link_to(const ServiceConfig& config, const std::string& folder, const std::string& file) {
+  const fs::path at = fs::absolute(folder).lexically_normal();
+  for (std::size_t k = 0; k < config.stations.size(); ++k) {
+    if (at.parent_path() != fs::absolute(config.stations[k].runs).lexically_normal()) continue;
+    const std::string link = "/report/" + std::to_string(k + 1) + "/" + at.filename().string() + "/" + file;
+    if (report_file(config, link)) return link;
+  }
+  return "";
+}
+
+Result<UnitRecord> record_of(const ServiceConfig& config, const std::string& unit) {
+  UnitRecord record{unit, {}, {}, [&config](const std::string& folder, const std::string& file) {
+                      return link_to(config, folder, file);
+                    }};
+  if (!config.database.empty()) {
+    const ResultsDatabase open = TRY(ResultsDatabase::open_to_read(config.database, patience));
+    record.attempts = TRY(open.attempts({.unit = unit}));
+    record.calibrations = TRY(open.list({.unit = unit}, ""));
+  }
+  for (const ServedStation& station : config.stations) {
+    const Result<std::vector<UnitOutcome>> outcomes = read_outcomes(station.queue);
+    const UnitOutcome* const outcome = outcomes ? find_outcome(*outcomes, unit) : nullptr;
+    if (!outcome || !record.attempts.empty()) continue;
+    AttemptRecord& attempt = record.attempts.emplace_back();
+    attempt.unit = unit;
+    attempt.time_utc = outcome->time_utc;
+    attempt.outcome = outcome->outcome;
+    attempt.reason = outcome->reason;
+    attempt.station = station.name;
+    attempt.folder = station.runs + "/" + unit;
+  }
+  return record;
+}
+
+}  // namespace
+
+std::optional<std::string> report_file(const ServiceConfig& config, std::string_view path) {
+  const std::vector<std::string_view> parts = split(path, '/');
+  const std::size_t station = parts.size() == 5 ? parse_integer<std::size_t>(parts[2]).value_or(0) : 0;
+  const auto is_name = [](std::string_view name) { return !name.empty() && name[0] != '.'; };
+  if (!is_plain_text(std::string(path)) || station < 1 || station > config.stations.size() || !is_name(parts[3]))
+    return {};
+  const bool certificate = parts[4].starts_with("certificate") && parts[4].ends_with(".html");
+  if (parts[4] != "report.html" && !certificate) return {};
+  const std::string file = config.stations[station - 1].runs + "/" + std::string(parts[3]) +
+                           (certificate ? "/" : "/diagnosis/") + std::string(parts[4]);
+  return path_exists(file) ? std::optional(file) : std::nullopt;
+}
+
+std::optional<Document> unit_document(const ServiceConfig& config, const std::string& unit) {
+  Result<UnitRecord> record = record_of(config, unit);
+  if (!record) {
+    Document document{"turncal: unit " + unit, "Unit " + unit};
+    document.add(Paragraph{record.error().message, "verdict unexplained"});
+    return document;
+  }
+  if (record->attempts.empty() && record->calibrations.empty()) return {};
+  return unit_document(*record);
 }
 
 namespace {

@@ -22,6 +22,7 @@
 #include "calib/types/status.h"
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/records/unit_queue.h"
+#include "orchestrator/report/document.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -66,7 +67,8 @@ struct StationResults {
 };
 
 struct ResultsView {
-  std::string defect;  // why there are none
+  std::string defect;     // why there are none
+  std::string until_utc;  // of a day before, where no attempt has ended since; a dry run has a clock of its own
   std::vector<StationResults> stations;
 };
 
@@ -107,6 +109,14 @@ struct StationView {
 StationView look_at(const ServedStation& station, double now_utc_s);
 
 std::string json_of(const StationView& view);
+
+// The figures of stations and results in the text format 0.0.4 of Prometheus (docs/serve.md).
+std::string metrics_of(const std::vector<StationView>& stations, const ResultsView& results, double now_utc_s);
+
+// All there is of a unit: what the database has or, without one, the queues. Links lead to what report_file() finds. Nothing: nobody knows it.
+std::optional<Document> unit_document(const ServiceConfig& config, const std::string& unit);
+// Where the page of a run lies that is served as "/report/STATION/FOLDER/FILE", stations counted from 1; nothing: there is none.
+std::optional<std::string> report_file(const ServiceConfig& config, std::string_view path);
 
 // What an operator may do to a station by the page. Each is written down, with the name, before it is done: a line of
 // QUEUE.actions, on disk: "2026-01-31T12:00:00Z NAME pause SN1"; what then fails has a second line, "NAME not done: remove SN1".

@@ -371,6 +371,8 @@ StationConfig default_station_config() {
   station.latitude_deg = 29.53;
   station.gravity_mps2 = 9.7914;
   station.motion.settle_s = 0.5;
+  // Of its gyros (0.002 deg/sqrt(h)): 3 sigma of an alignment of 300 s, 0.034 deg. The default is the paper's claim, of better ones.
+  station.limits.heading_deg = 0.1;
   return station;
 }
 

@@ -138,7 +138,7 @@ struct StationConfig {
   bool simulated() const { return table.simulated || (imu && imu->settings.simulated); }
 };
 
-// The built-in station of a dry run: 29.53 deg, 9.7914 m/s^2, mock table and rig IMU, settle_s 0.5.
+// The built-in station of a dry run: 29.53 deg, 9.7914 m/s^2, mock table and rig IMU, settle_s 0.5, limit.heading_deg 0.1.
 StationConfig default_station_config();
 
 // An error unless the chamber may be brought there, and the unit with it.

@@ -8,6 +8,7 @@
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
+#include "orchestrator/station/number_text.h"
 
 namespace turncal {
 
@@ -31,10 +32,23 @@ std::string and_more(const std::string& line, std::size_t lines) {
   return lines > 1 ? line + " (and " + std::to_string(lines - 1) + " more)" : line;
 }
 
+// "gyro x bias (N01) 0.0634 deg/h, limits -0.3 .. 0.02, guard band 0.0041"
+std::string words_of(const JudgedValue& judged) {
+  const std::string name = quantity_name(judged.key), unit = quantity_unit(judged.key);
+  const std::string_view key = std::string_view(judged.key).substr(judged.key.starts_with("sigma.") ? 6 : 0);
+  const bool has_key = std::ranges::find(parameter_keys, key) != parameter_keys.end();
+  return name + (has_key ? " (" + std::string(key) + ") " : " ") +
+         (judged.value ? value_with_sigma(*judged.value,
+                                          judged.guard_band > 0.0 ? judged.guard_band : 0.01 * std::abs(*judged.value))
+                       : "not known") +
+         (unit.empty() ? ", " : " " + unit + ", ") + limits_words(judged.limit) +
+         (judged.guard_band > 0.0 ? ", guard band " + significant(judged.guard_band, 2) : "");
+}
+
 // "pass, limits -0.01 .. none, guard band 0.002"
 std::string judgement_text(const JudgedValue& judged) {
-  return std::string(to_string(judged.verdict)) + ", " + limits_text(judged) + ", guard band " +
-         format_number(judged.guard_band);
+  return std::string(to_string(judged.verdict)) + ", limits " + number(judged.limit.min) + " .. " +
+         number(judged.limit.max) + ", guard band " + format_number(judged.guard_band);
 }
 
 bool read_judgement(const std::string& text, JudgedValue& judged) {
@@ -140,9 +154,8 @@ VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c,
                limits.guard_factor);
   }
   if (const std::vector<std::string> lines = describe(report); !lines.empty()) {
-    const std::string word = ": " + std::string(to_string(report.verdict));
-    report.reason =
-        and_more(*std::ranges::find_if(lines, [&](const auto& line) { return line.ends_with(word); }), lines.size());
+    const auto worst = std::ranges::find(report.values, report.verdict, &JudgedValue::verdict);
+    report.reason = and_more(words_of(*worst), lines.size());
   }
   return report;
 }
@@ -240,20 +253,20 @@ Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<do
     report.values.push_back(std::move(judged));
   }
   if (const std::vector<std::string> lines = describe(worse); !lines.empty())
-    report.reason += (report.reason.empty() ? "" : "; ") + and_more(lines.front(), lines.size());
+    report.reason += (report.reason.empty() ? "" : "; ") + and_more(words_of(worse.values.front()), lines.size());
   return report;
 }
 
-std::string limits_text(const JudgedValue& judged) {
-  return "limits " + number(judged.limit.min) + " .. " + number(judged.limit.max);
+std::string limits_words(const Limit& limit) {
+  if (limit.min && limit.max) return "limits " + number(limit.min) + " .. " + number(limit.max);
+  return limit.min ? "at least " + number(limit.min) : "at most " + number(limit.max);
 }
 
 std::vector<std::string> describe(const VerdictReport& report) {
   std::vector<std::string> lines;
   for (const JudgedValue& judged : report.values) {
     if (judged.verdict == UnitVerdict::pass) continue;
-    lines.push_back(judged.key + " = " + number(judged.value) + ", " + limits_text(judged) + ", guard band " +
-                    format_number(judged.guard_band) + ": " + std::string(to_string(judged.verdict)));
+    lines.push_back(words_of(judged) + ": " + std::string(to_string(judged.verdict)));
   }
   return lines;
 }

@@ -103,9 +103,9 @@ void add_verdict(const VerdictReport& report, ParameterFile& file);
 // What add_verdict wrote, with the parameters judged again by these sigmas, which hold more than the estimate's own; the worse of both
 // counts. `values`: the parameters with a limit. An input error where a verdict.<parameter> is not of its form.
 Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<double, parameter_count>& sigma);
-// "limits -0.01 .. none"
-std::string limits_text(const JudgedValue& judged);
-// "FAIL: N01 = 0.021, limits -0.01 .. 0.01, guard band 0.002 (fail)": one line a value that does not plainly pass.
+// "limits -0.01 .. 0.01", "at most 0.008"
+std::string limits_words(const Limit& limit);
+// "gyro x bias (N01) 0.0210 deg/h, limits -0.01 .. 0.01, guard band 0.0020: fail": one line a value that does not plainly pass.
 std::vector<std::string> describe(const VerdictReport& report);
 
 // How well a unit has to be known before its run may end: `turncal run --until-sigma`.

@@ -52,8 +52,11 @@ std::string host_without_port(std::string_view text) {
 std::string response(int code, const char* reason, const PageText& text) {
   return "HTTP/1.1 " + std::to_string(code) + " " + reason + "\r\nContent-Type: " + text.type +
          "\r\nContent-Length: " + std::to_string(text.body.size()) +
-         "\r\nCache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nX-Frame-Options: DENY\r\nConnection: "
-         "close\r\n\r\n" +
+         "\r\nCache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nX-Frame-Options: "
+         "DENY\r\nContent-Security-Policy: default-src 'none'; "
+         "style-src 'unsafe-inline'; script-src 'unsafe-inline'; connect-src 'self'; img-src data:; form-action "
+         "'none'; base-uri "
+         "'none'\r\nConnection: close\r\n\r\n" +
          text.body;
 }
 
@@ -299,7 +302,8 @@ struct PageServer::State {
 
 PageText page_with(std::string_view html, const std::string& status) {
   std::string text(html);
-  return {"text/html; charset=utf-8", text.replace(text.find("INITIAL"), 7, status)};
+  text.replace(text.find("INITIAL"), 7, status);
+  return {"text/html; charset=utf-8", text.replace(text.find("HEAD"), 4, page_head)};
 }
 
 PageServer::PageServer() : state_(std::make_unique<State>()) {}

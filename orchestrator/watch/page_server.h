@@ -38,7 +38,10 @@ struct PageText {
   std::string body;
 };
 
-// HTML in which INITIAL stands for the first status: it shows something at once and without a second request.
+// What the head of every page begins with: the colours, light and dark, and what all of them share.
+extern const std::string_view page_head;  // page_head.html
+
+// HTML in which HEAD stands for page_head, and INITIAL for the first status: it shows something at once and without a second request.
 PageText page_with(std::string_view html, const std::string& status);
 
 struct PagePost {

@@ -8,6 +8,7 @@
 #include "calib/model/parameters.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
+#include "orchestrator/station/number_text.h"
 
 namespace turncal {
 
@@ -184,6 +185,8 @@ std::string LiveStatus::json() const {
   for (const Known& one : known_) {
     JsonObject bar;
     bar.text("key", one.key);
+    const std::string unit = unit_text(quantity_unit(one.key));
+    bar.text("name", quantity_name(one.key) + (unit.empty() ? "" : ", " + unit));
     bar.number("sigma", one.sigma);
     bar.number("needed", one.needed);
     known.push_back(bar.end());

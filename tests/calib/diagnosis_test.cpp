@@ -155,7 +155,7 @@ TEST(Diagnosis, LeftOutDwellsConfirmToo) {
   RigConfig config = unit(16);
   config.effects.accel_delay = 0.06;
   const Diagnosis d = diagnose(make(config).recording);
-  EXPECT_EQ(d.holdout_source, "dwells left out in turn");
+  EXPECT_EQ(d.holdout_source, "cross-validation over dwells");
   EXPECT_EQ(d.effect_names, std::vector<std::string>{"accel_delay"});
   EXPECT_LT(d.holdout_after.chi_square, d.holdout_before.chi_square);
 }

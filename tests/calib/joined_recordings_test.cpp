@@ -118,7 +118,7 @@ TEST_P(JoinedRecordingsOf, OneUnitMustAgreeOnAnEffect) {
     return added;
   });
   const Diagnosis d = diagnose_both(made);
-  EXPECT_EQ(d.holdout_source, "recordings left out in turn");
+  EXPECT_EQ(d.holdout_source, "cross-validation over recordings");
   EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
   EXPECT_TRUE(d.effect_names.empty()) << told(d);
   EXPECT_FALSE(d.trusted);

@@ -134,7 +134,10 @@ std::string table_text(const Setting& setting) {
                                                    "turntable_drivers/ascii/dialects/newport_esp30x.dialect"};
   const std::string kind = setting.tcp() ? "tcp" : setting.modbus() ? "rtu" : "serial";
   return without_keys(source + "/" + files[static_cast<std::size_t>(setting.table)],
-                      {"commissioned", "link.kind", "link.parity", "plausible", "link.address"}) +
+                      {"commissioned", "link.kind", "link.parity", "plausible", "link.address", "heartbeat.period_s",
+                       "heartbeat.watchdog_s"}) +
+         // Of the rig's seconds: this twin's clock is the rig's.
+         (setting.modbus() ? "heartbeat.period_s = 20\nheartbeat.watchdog_s = 200\n" : "") +
          "commissioned = true\nlink.kind = " + kind +
          (kind == "rtu" ? "\nlink.parity = none"
                         : "") +  // a pseudo-terminal has none, and refuses to be set to one twice

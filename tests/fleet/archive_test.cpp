@@ -44,11 +44,11 @@ class Archive : public Program {
 TEST_F(Archive, DoesEachRecordingOnce) {
   const ProgramResult first = recalibrate({"--out", path("store")});
   EXPECT_EQ(first.code, 0) << first.err;
-  EXPECT_SAYS(first.out, "2 done, 1 were there, 0 cannot be calibrated, 2 cannot be read");
+  EXPECT_SAYS(first.out, "2 done, 1 already done, 0 cannot be calibrated, 2 cannot be read");
   const std::set<std::string> names = below("store");
   EXPECT_EQ(names.size(), 1U + 2U * 3U + 1U);  // the version, two folders of two files each, recordings.csv
   const ProgramResult second = recalibrate({"--out", path("store")});
-  EXPECT_SAYS(second.out, "0 done, 3 were there");
+  EXPECT_SAYS(second.out, "0 done, 3 already done");
   EXPECT_EQ(below("store"), names);
 }
 
@@ -67,14 +67,14 @@ TEST_F(Archive, DamagedCopiesAreNamedAndNotCounted) {
   bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 0x10);
   write("archive/flipped.tcr", bytes);
   const ProgramResult result = recalibrate({"--out", path("store"), "--as-version", "v"});
-  EXPECT_SAYS(result.out, "2 done, 1 were there, 0 cannot be calibrated, 4 cannot be read");
+  EXPECT_SAYS(result.out, "2 done, 1 already done, 0 cannot be calibrated, 4 cannot be read");
   const std::string table = file_text(path("store/v/recordings.csv"));
   EXPECT_SAYS(table, "1 damaged records dropped");
   EXPECT_SAYS(table, "no end mark");
   // What has lost its result is done again.
   for (const auto& entry : std::filesystem::directory_iterator(path("store/v")))
     if (entry.is_directory()) std::filesystem::remove(entry.path() / "parameters.conf");
-  EXPECT_SAYS(recalibrate({"--out", path("store"), "--as-version", "v"}).out, "2 done, 1 were there");
+  EXPECT_SAYS(recalibrate({"--out", path("store"), "--as-version", "v"}).out, "2 done, 1 already done");
 }
 
 TEST_F(Archive, SaysThatSlurmIsNotThere) {
@@ -88,7 +88,7 @@ TEST_F(Archive, CountsCopiesOnceAlsoWhenTwoThreadsTakeThemAtOnce) {
   for (const char* name : {"a.tcr", "b.tcr", "c.tcr", "d.tcr"})
     std::filesystem::copy_file(path("archive/SN1/recording.tcr"), path(std::string("copies/") + name));
   const ProgramResult result = ends({"recalibrate", path("copies"), "--no-diagnosis", "--out", path("store")}, 0);
-  EXPECT_SAYS(result.out, "1 done, 3 were there");
+  EXPECT_SAYS(result.out, "1 done, 3 already done");
 }
 
 TEST_F(Archive, ChunksAndTwoAtOnceMakeTheSame) {
@@ -158,18 +158,19 @@ TEST_F(Archive, IsAPrior) {
     ASSERT_EQ(made.code, 0) << made.err;
   }
   const ProgramResult result =
-      ends({"calibrate", path("earlier/3"), "--prior", path("earlier"), "--out", path("earlier/with")}, 0);
+      ends({"calibrate", path("earlier/3"), "--prior", path("earlier"), "--out", path("earlier/with"), "--verbose"}, 0);
   EXPECT_SAYS(result.out, "prior: 10 other units, 0 earlier calibrations of this one");
   EXPECT_SAYS(result.out, "the unit's own history is not used");
   const std::string file = file_text(path("earlier/with/parameters.conf"));
   EXPECT_SAYS(file, "quality.prior.calibrations_of_others = 10");
   EXPECT_SAYS(file, "quality.prior.share.N01 = ");
   EXPECT_TRUE(std::filesystem::exists(path("earlier/with/statistics.tcs")));
-  const ProgramResult of_rows =
-      run({"calibrate", path("earlier/3"), "--prior", path("results.db"), "--out", path("earlier/of_rows")});
-  EXPECT_EQ(of_rows.out.substr(0, of_rows.out.rfind('\n', of_rows.out.size() - 2)),
-            result.out.substr(0, result.out.rfind('\n', result.out.size() - 2)));
-  const ProgramResult again = run({"calibrate", path("earlier/4"), "--prior", path("earlier"), "--out", path("again")});
+  const ProgramResult of_rows = run(
+      {"calibrate", path("earlier/3"), "--prior", path("results.db"), "--out", path("earlier/of_rows"), "--verbose"});
+  EXPECT_EQ(of_rows.out.substr(0, of_rows.out.find("\nparameters ")),
+            result.out.substr(0, result.out.find("\nparameters ")));
+  const ProgramResult again =
+      run({"calibrate", path("earlier/4"), "--prior", path("earlier"), "--out", path("again"), "--verbose"});
   EXPECT_SAYS(again.out, "prior: 10 other units, 0 earlier");
 }
 
@@ -205,8 +206,8 @@ TEST_F(Archive, IsAResultsDatabase) {
 
   std::filesystem::remove_all(path("runs/SN4"));
   const ProgramResult again = run({"recalibrate", path("results.db"), "--no-diagnosis", "--out", path("store")});
-  EXPECT_SAYS(again.out, "1 done, 0 were there, 0 cannot be calibrated, 1 cannot be read") << again.out << again.err;
-  EXPECT_EQ(run({"database", "copy", path("results.db"), path("copy.db")}).code, 0);
+  EXPECT_SAYS(again.out, "1 done, 0 already done, 0 cannot be calibrated, 1 cannot be read") << again.out << again.err;
+  EXPECT_EQ(run({"records", "copy", path("results.db"), path("copy.db")}).code, 0);
   EXPECT_EQ(run({"fleet", "diagnose", path("copy.db"), "--format", "csv"}).out, of_files.out);
 }
 

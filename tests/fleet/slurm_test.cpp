@@ -68,11 +68,11 @@ class OnSlurm : public Program {
 
 TEST_F(OnSlurm, DoesEachRecordingOnceAndSaysHowFarItIs) {
   const ProgramResult result = ends(command("store"), 0);
-  EXPECT_SAYS(result.out, "8 done, 0 were there, 0 cannot be calibrated, 1 cannot be read");
+  EXPECT_SAYS(result.out, "8 done, 0 already done, 0 cannot be calibrated, 1 cannot be read");
   EXPECT_SAYS(result.out, "RUNNING");
   expect_whole("store");
   const ProgramResult again = run(command("store"));
-  EXPECT_SAYS(again.out, "0 done, 8 were there");
+  EXPECT_SAYS(again.out, "0 done, 8 already done");
   expect_whole("store");
 }
 

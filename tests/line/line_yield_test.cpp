@@ -78,13 +78,13 @@ TEST(LineYield, AVisitCountsWhereItBegan) {
 
 TEST(LineYield, ReasonsWithoutWhatDiffersFromUnitToUnit) {
   Line line;
-  line.attempt("A", "fail", "N01 = 0.31, limits -0.2 .. 0.2, guard band 0.004: fail");
-  line.attempt("B", "fail", "N01 = -0.44, limits -0.2 .. 0.2, guard band 0.004: fail; diagnosis unexplained");
+  line.attempt("A", "fail", "gyro x bias (N01) 0.310 deg/h, limits -0.2 .. 0.2, guard band 0.0040");
+  line.attempt("B", "fail", "gyro x bias (N01) -0.440 deg/h, limits -0.2 .. 0.2; diagnosis unexplained");
   line.attempt("C", "hold", "diagnosis extended: accel_second_order (31 sigma)");
   line.attempt("SN7", "dropped", "unit SN7 dropped out at DWELL: no sample for 2 s").attempt("E", "pass");
   const LineYield y = line.yield();
   ASSERT_EQ(y.reasons.size(), 3u);
-  EXPECT_EQ(y.reasons[0].reason, "fail: N01");
+  EXPECT_EQ(y.reasons[0].reason, "fail: gyro x bias (N01)");
   EXPECT_EQ(y.reasons[0].attempts, 2u);
   EXPECT_DOUBLE_EQ(y.reasons[0].share, 0.5);
   EXPECT_DOUBLE_EQ(y.reasons[2].cumulated, 1.0);

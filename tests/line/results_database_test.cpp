@@ -57,7 +57,7 @@ TEST_F(Database, EveryAttemptHasARow) {
   EXPECT_LT(of("SN1").began_utc, of("SN1").time_utc);
   EXPECT_TRUE(of("SN1").simulated && of("SN1").calibration);
   EXPECT_EQ(of("SN2").outcome, "fail");
-  EXPECT_SAYS(of("SN2").reason, "residual = ");
+  EXPECT_SAYS(of("SN2").reason, "normalised residual ");
   EXPECT_EQ(of("SN3").outcome, "failed");
   EXPECT_NE(of("SN3").reason, "");
   EXPECT_FALSE(of("SN3").calibration);
@@ -146,7 +146,7 @@ TEST_F(Database, OneOfAnotherSchemaIsRefusedInOneLine) {
     sql("results.db", "UPDATE schema_version SET version = " + version);
     const std::string why = "results.db: results database: its schema has version " + version + ", expected 4";
     expect_refused({"history", "results.db"}, why);
-    expect_refused({"database", "check", "results.db"}, why);
+    expect_refused({"records", "check", "results.db"}, why);
     expect_refused({"run", "--dry-run", "--unit", "SN2", "--out", "SN2", "--station", path("line.station")}, why);
   }
 }
@@ -163,15 +163,15 @@ TEST_F(Database, ABackupIsWholeWhileOthersWrite) {
   }();
   EXPECT_EQ(made.code, 0);
   ASSERT_EQ(finish(writer).code, 0);
-  EXPECT_EQ(run({"database", "check", "live.db"}).code, 0);
+  EXPECT_EQ(run({"records", "check", "live.db"}).code, 0);
 
-  ASSERT_EQ(run({"database", "backup", "results.db", "--out", "copy.db"}).code, 0);
-  EXPECT_SAYS(run({"database", "check", "copy.db"}).out, "2 attempts");
-  ASSERT_EQ(run({"database", "backup", "results.db", "--out", "copy.db"}).code, 0) << "an older backup is replaced";
+  ASSERT_EQ(run({"records", "backup", "results.db", "--out", "copy.db"}).code, 0);
+  EXPECT_SAYS(run({"records", "check", "copy.db"}).out, "2 attempts");
+  ASSERT_EQ(run({"records", "backup", "results.db", "--out", "copy.db"}).code, 0) << "an older backup is replaced";
   write("letter.txt", "Dear customer,\n");
-  expect_refused({"database", "backup", "results.db", "--out", "letter.txt"}, "letter.txt");
-  expect_refused({"database", "backup", "results.db", "--out", "results.db"}, "results.db");
-  expect_refused({"database", "backup", "results.db"}, "expected --out FILE");
+  expect_refused({"records", "backup", "results.db", "--out", "letter.txt"}, "letter.txt");
+  expect_refused({"records", "backup", "results.db", "--out", "results.db"}, "results.db");
+  expect_refused({"records", "backup", "results.db"}, "--out is required");
 }
 
 TEST_F(Database, DamageIsFound) {
@@ -179,19 +179,19 @@ TEST_F(Database, DamageIsFound) {
   ASSERT_EQ(dry_run("SN1").code, 0);
   fs::copy_file(path("results.db"), path("changed.db"));
   sql("changed.db", "UPDATE value SET value = value + 1 WHERE key = 'N02'");
-  expect_refused({"database", "check", "changed.db"}, "row 1: N02 is not that of the parameter file");
-  expect_refused({"database", "backup", "changed.db", "--out", "copy.db"}, "row 1: N02");
+  expect_refused({"records", "check", "changed.db"}, "row 1: N02 is not that of the parameter file");
+  expect_refused({"records", "backup", "changed.db", "--out", "copy.db"}, "row 1: N02");
   fs::copy_file(path("results.db"), path("loose.db"));
   sql("loose.db", "UPDATE attempt_note SET calibration = 77 WHERE calibration IS NOT NULL");
-  expect_refused({"database", "check", "loose.db"},
+  expect_refused({"records", "check", "loose.db"},
                  "row 2 of attempt_note names a row of calibration that is not there");
   std::string torn = file_text(folder_ / "results.db");
   for (std::size_t i = 4096; i < 4096 + 200; ++i) torn[i] = '\x55';
   write("torn.db", torn);
-  expect_refused({"database", "check", "torn.db"}, "torn.db: results database: ");
+  expect_refused({"records", "check", "torn.db"}, "torn.db: results database: ");
   write("none.db", "a letter, not a database, long enough to be looked at as one, 0123456789 0123456789 0123456789");
-  expect_refused({"database", "check", "none.db"}, "none.db: results database: ");
-  expect_refused({"database", "check", "missing.db"}, "missing.db: there is no such results database");
+  expect_refused({"records", "check", "none.db"}, "none.db: results database: ");
+  expect_refused({"records", "check", "missing.db"}, "missing.db: there is no such results database");
 }
 
 }  // namespace

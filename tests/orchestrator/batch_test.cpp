@@ -23,6 +23,11 @@ TEST_F(Batch, DoesTheWholeQueue) {
   const ProgramResult result = run(batch());
   ASSERT_EQ(result.code, 0) << result.err;
   EXPECT_EQ(outcomes(), "SN1=not_judged SN2=not_judged S/N 3=not_judged ");
+  const std::string batch_tag = "[dry run] [batch] ";  // a line a unit; the rest is asked for
+  EXPECT_EQ(result.out, batch_tag + "unit SN1: not_judged; units/SN1\n" + batch_tag +
+                            "unit SN2: not_judged; units/SN2\n" + batch_tag +
+                            "unit S/N 3: not_judged; units/S%2fN%203\n" + batch_tag +
+                            "queue done: 0 passed, 3 without a verdict, 0 not passed\n");
   for (const char* name : {"SN1", "SN2", "S%2fN%203"}) {
     EXPECT_TRUE(fs::exists(folder_ / "units" / name / "parameters.conf")) << name;
   }
@@ -31,7 +36,9 @@ TEST_F(Batch, DoesTheWholeQueue) {
       << "of the queue, not of this command";
   // Once more on demand, in a folder of its own.
   ASSERT_EQ(run({"queue", "queue", "--again", "SN2"}).code, 0);
-  ASSERT_EQ(run(batch()).code, 0);
+  const ProgramResult verbose = ends(batch({"--verbose"}), 0);
+  EXPECT_SAYS(verbose.out, "dwelling -> selecting");
+  EXPECT_SAYS(verbose.out, "arcsec/pulse");
   EXPECT_TRUE(fs::exists(folder_ / "units/SN2.2/parameters.conf"));
   EXPECT_FALSE(fs::exists(folder_ / "units/SN1.2"));
   EXPECT_EQ(outcomes(), "SN1=not_judged S/N 3=not_judged SN2=not_judged ");

@@ -104,18 +104,6 @@ TEST(ChamberRun, RecordsAtTheTemperatureAndIsOffBeforeAnythingIsCalibrated) {
   EXPECT_GT(s.rig.temperature_c(), 25.0 + 1.5) << "the unit was warmed";
 }
 
-TEST(ChamberRun, ARunThatHandsItOnLeavesItOn) {
-  ChamberRun s;
-  s.hands_chamber_on = true;
-  ended(s.run(), RunState::done);
-  EXPECT_TRUE(s.heats());
-  ChamberRun failed;
-  failed.hands_chamber_on = true;
-  failed.calibrate = [] { return Status(device_error("no room")); };
-  ended(failed.run(), RunState::failed);
-  EXPECT_FALSE(failed.heats());
-}
-
 struct Scenario {
   const char* name;
   std::vector<RigFault> faults;

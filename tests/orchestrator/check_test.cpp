@@ -1,6 +1,8 @@
 // `turncal check`: the printed plan, and one line for each reason to refuse.
 #include "orchestrator/commands/commands.h"
 
+#include <regex>
+
 #include "tests/orchestrator/program.h"
 namespace turncal {
 namespace {
@@ -27,7 +29,8 @@ class Check : public Program {
     outcome.code = run_check({station, sequence}, out, err);
     outcome.out = out.str();
     std::istringstream lines(err.str());
-    for (std::string line; std::getline(lines, line);) outcome.problems.push_back(line);
+    for (std::string line; std::getline(lines, line);)
+      outcome.problems.push_back(line.starts_with(error_prefix) ? line.substr(std::string(error_prefix).size()) : line);
     return outcome;
   }
 };
@@ -54,7 +57,36 @@ TEST_F(Check, EachViolationIsOneLineAndThePlanIsStillPrinted) {
                 sequence + ":9: step 1: roll goes to 360 deg, soft travel is -540 to 180 deg",
                 sequence + ":9: step 1: roll turns at 10 deg/s, the most allowed is 5 deg/s (and 1 more)"}));
   EXPECT_TRUE(has_line(outcome.out, "roll 0 to 360 -540 to 180 360 / no limit 720")) << outcome.out;
-  EXPECT_TRUE(has_line(outcome.out, "The station cannot run this sequence."));
+  EXPECT_TRUE(outcome.out.ends_with("The station cannot run this sequence:\n  " + outcome.problems[0] + "\n  " +
+                                    outcome.problems[1] + "\n"))
+      << outcome.out;
+}
+
+// The last lines tell what stands against a run, whatever scrolled by above them.
+TEST_F(Check, WhatCannotRunYetIsNotCalledRunnable) {
+  std::string map = file_text(source + "/orchestrator/stations/twin.map");
+  map.replace(map.find("commissioned = true"), 19, "commissioned = false");
+  map.insert(map.find("\n", map.find("write.stop =")), " # [guess]");
+  const std::string file = write("my.map", map);
+  std::string text = station_text;
+  text.replace(text.find("table.driver = mock"), 19,
+               "table.driver = modbus\ntable.address = SET-ME:502\ntable.map = " + file);
+  const Outcome outcome = check(write("my.station", text), write("my.seq", sequence_text));
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_TRUE(std::regex_search(
+      outcome.out,
+      std::regex("\nThe station cannot run this sequence:\n  table.address = 'SET-ME:502': expected .*\n"
+                 "  the table is not commissioned: .*\n(  warning: .*\n)*  warning: .*write.stop is a guess\n"
+                 "  warning: some of these guesses .*\n$")))
+      << outcome.out;
+  map.replace(map.find("commissioned = false"), 20, "commissioned = true");
+  write("my.map", map);
+  text.replace(text.find("SET-ME"), 6, "ttyUSB0");
+  const Outcome ready = check(write("my.station", text), write("my.seq", sequence_text));
+  EXPECT_EQ(ready.code, 0);
+  EXPECT_TRUE(std::regex_search(
+      ready.out, std::regex("\nThe station can run this sequence.*\n  warning: .*write.stop is a guess\n")))
+      << ready.out;
 }
 
 // As a run does; what needs --partial is not verified behind it.

@@ -38,6 +38,66 @@ TEST_F(CommandLine, WhatWasMeantIsSaid) {
                  "s.station:2: key 'site.latitude_dge' is unknown; did you mean 'site.latitude_deg'?");
 }
 
+// Of `turncal X --help`: what it lists as commands.
+std::vector<std::string> listed(const std::string& help) {
+  std::vector<std::string> names;
+  std::istringstream lines(help.substr(0, help.find("Examples:")));
+  for (std::string line; std::getline(lines, line);)
+    if (line.starts_with("  ") && std::islower(static_cast<unsigned char>(line[2])) != 0)
+      names.push_back(line.substr(2, line.find(' ', 2) - 2));
+  return names;
+}
+
+TEST_F(CommandLine, EveryHelpIsGroupedNarrowAndHasTwoExamples) {
+  const std::string help = run("--help").out;
+  for (const char* group : {"Station:", "Data:", "Analysis:", "Line:", "Records:"})
+    EXPECT_SAYS(help, "\n" + std::string(group) + "\n");
+  std::vector<Arguments> commands = {{}};
+  for (const std::string& name : listed(help)) commands.push_back({name});
+  for (const std::string& action : listed(run("records --help").out)) commands.push_back({"records", action});
+  ASSERT_GT(commands.size(), 30u);
+  for (const Arguments& command : commands) {
+    const std::string text = run(command + "--help").out;
+    EXPECT_EQ(run(Arguments{"help"} + command).out, text) << command.line();
+    const std::size_t examples = text.find("\nExamples:\n  turncal ");
+    ASSERT_NE(examples, std::string::npos) << command.line();
+    std::istringstream lines(text.substr(examples + 11));
+    int count = 0;
+    for (std::string line; std::getline(lines, line);) count += line.starts_with("  turncal ") ? 1 : 0;
+    EXPECT_EQ(count, 2) << command.line();
+    std::istringstream all(text);
+    for (std::string line; std::getline(all, line);) EXPECT_LE(line.size(), 100u) << line;
+  }
+  EXPECT_EQ(run("-V").out, run("--version").out);
+}
+
+// An example whose options are not those of its command would say so before it looks for its files.
+TEST_F(CommandLine, ExamplesAreUnderstood) {
+  std::istringstream examples(file_text(std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/commands/examples.txt"));
+  int tried = 0;
+  for (std::string line; std::getline(examples, line);) {
+    ASSERT_TRUE(line.starts_with("turncal ") && line.size() <= 98) << line;
+    if (line.find("--dry-run") != std::string::npos || line.find(" design ") != std::string::npos) continue;
+    const ProgramResult result = run(Arguments(line.substr(8)));
+    EXPECT_SAYS_NOT(result.err, "--help)") << line;
+    ++tried;
+  }
+  EXPECT_GT(tried, 50);
+}
+
+TEST_F(CommandLine, OldNamesWorkAndSayTheNewOnes) {
+  write("runs/readme", "none");
+  const ProgramResult old =
+      ends({"prune", "runs", "--older-than", "30d", "--list"}, 0, "'turncal prune' is 'turncal records prune' now");
+  EXPECT_EQ(old.out, ends("records prune runs --older-than 30 --list", 0).out);
+  EXPECT_SAYS(run("database check none.db").err, "'turncal database' is 'turncal records' now");
+  expect_refused("records chek none.db",
+                 "'chek' is not understood; did you mean 'check'? (see turncal records --help)");
+  expect_refused("records prune runs --older-than 2weeks", "'2weeks': expected a time from 1d to 36500d");
+  expect_refused("calibrate x --out y --method jiont",
+                 "'jiont': expected joint, closed-form; did you mean 'joint'? (see turncal calibrate --help)");
+}
+
 TEST_F(CommandLine, QuietPrintsNothingButErrors) {
   const ProgramResult good =
       ends({"run", "--quiet", "--dry-run", "--unit", "SN1", "--out", "o", "--sequence", short_demo}, 0);
@@ -95,7 +155,10 @@ TEST_F(CommandLine, RecordingThatCannotBeCalibratedIsRefused) {
 
 TEST_F(CommandLine, CalibrateGivesWhatTheRunGave) {
   const std::string demo = demo_run("demo");
-  ASSERT_EQ(run({"calibrate", demo, "--out", "again"}).code, 0);
+  const ProgramResult again = ends({"calibrate", demo, "--out", "again"}, 0);
+  EXPECT_TRUE(again.out.starts_with("verdict         Calibrated; parameters trusted\nreason  ")) << again.out;
+  EXPECT_TRUE(again.out.ends_with("\nopen again/report.html\n")) << again.out;
+  EXPECT_SAYS(file_text(folder_ / "again/report.html"), "Calibrated; parameters trusted");
   const auto values = [&](const std::string& name) {
     std::istringstream text(file_text(folder_ / name / "parameters.conf"));
     std::string kept;
@@ -230,7 +293,7 @@ TEST_F(CommandLine, ApplyRefusesWhatDoesNotBelong) {
 TEST_F(CommandLine, CleanRecordingOfAnIndependentRig) {
   const std::string clean = std::string(TURNCAL_SOURCE_DIR) + "/../shared/data/recordings/clean";
   if (!std::filesystem::exists(clean)) GTEST_SKIP() << clean << " is not here";
-  const ProgramResult joint = ends({"calibrate", clean, "--out", "joint"}, 0);
+  const ProgramResult joint = ends({"calibrate", clean, "--out", "joint", "--verbose"}, 0);
   ends({"calibrate", clean, "--out", "closed", "--method", "closed-form"}, 0);
   EXPECT_SAYS(joint.out, "error/sigma") << "truth.conf beside the recording is compared";
 }

@@ -30,7 +30,7 @@ TEST_F(Run, DeviceFaultIsExit50WithReasonAndPlace) {
   EXPECT_EQ(everything(),
             (std::set<std::string>{"out", "out/journal.tcj", "out/recording.partial.tcr", "out/run.log", "stuck.rig"}));
   // And the folder is not used again.
-  expect_refused(dry_run("out"), "already holds recording.partial.tcr");
+  expect_refused(dry_run("out"), "already contains recording.partial.tcr");
 }
 
 TEST_F(Run, FaultBeforeTheFirstSampleLeavesNothingUnlessTheTableMoved) {

@@ -29,7 +29,7 @@ class Diagnose : public Program {
 
 TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
   rig_recording("rec", "seed = 7\neffect.accel_delay.tau = 0.3\n");
-  const ProgramResult result = ends({"diagnose", "rec", "--out", "out"}, 20);
+  const ProgramResult result = ends({"diagnose", "rec", "--out", "out", "--verbose"}, 20);
   EXPECT_EQ(result.err, "");
   const auto conf = entries(file_text(path("out/diagnosis.conf")));
   ASSERT_EQ(conf.at("verdict"), "extended");
@@ -39,7 +39,7 @@ TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
   EXPECT_NEAR(value, 0.3, 3.5 * sigma);
   EXPECT_LT(sigma, 0.01);
   EXPECT_EQ(conf.count("alias.accel_delay"), 1u);
-  EXPECT_EQ(conf.at("holdout.source"), "dwells left out in turn");
+  EXPECT_EQ(conf.at("holdout.source"), "cross-validation over dwells");
   EXPECT_LT(std::stod(conf.at("holdout.after")), std::stod(conf.at("holdout.before")));
   EXPECT_LT(std::stod(conf.at("error.after")), std::stod(conf.at("error.before")));
   // In miles: with one effect, leaving it out is the base model.
@@ -62,7 +62,11 @@ TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
   EXPECT_SAYS(html, "accel_delay, time delay of the accelerometers");
   EXPECT_SAYS(html, "Simulated data");
   EXPECT_LT(html.size(), 3u << 20);
-  // The terminal gets the same, short.
+  // The terminal gets the same, short; its last lines are those of a terminal that did not ask for more, and stand on the page.
+  const std::string last = "verdict         Extended; parameters trusted\nreason          added: accel_delay, tau 0.3";
+  EXPECT_SAYS(result.out, last);
+  EXPECT_TRUE(result.out.ends_with(" sigma)\nopen out/report.html\n")) << result.out;
+  EXPECT_SAYS(html, "<td>Extended; parameters trusted</td>");
   EXPECT_SAYS(result.out, "verdict         Extended: one effect beyond the 24 parameters");
   EXPECT_SAYS(result.out, "out/report.html");
   EXPECT_LE(std::count(result.out.begin(), result.out.end(), '\n'), 30 + 10);
@@ -84,6 +88,8 @@ TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
   ::setenv("PATH", kept.c_str(), 1);
   EXPECT_EQ(without.code, 20);
   EXPECT_EQ(without.err, "");
+  EXPECT_SAYS(without.out, last);
+  EXPECT_LE(std::count(without.out.begin(), without.out.end(), '\n'), 8) << without.out;
   EXPECT_SAYS(without.out, "report without plots: no plots: gnuplot is not installed");
   EXPECT_EQ(entries(file_text(path("out/diagnosis.conf"))), conf);
   EXPECT_SAYS_NOT(file_text(path("out/report.html")), "<svg");
@@ -164,7 +170,7 @@ TEST_F(Diagnose, AUnitIsNotRecordedTwiceAtATime) {
 
 TEST_F(Diagnose, GivenNoiseIsUsedAndSaidToBeGiven) {
   rig_recording("rec", "seed = 11\n");
-  const ProgramResult result = run({"diagnose", "rec", "--out", "out", "--arw", "0.002", "--vrw", "8"});
+  const ProgramResult result = run({"diagnose", "rec", "--out", "out", "--arw", "0.002", "--vrw", "8", "--verbose"});
   EXPECT_TRUE(result.code == 0 || result.code == 20) << result.err;
   const auto parameters = entries(file_text(path("out/parameters.conf")));
   EXPECT_EQ(parameters.at("noise.source"), "given");
@@ -172,7 +178,8 @@ TEST_F(Diagnose, GivenNoiseIsUsedAndSaidToBeGiven) {
   EXPECT_NEAR(std::stod(parameters.at("noise.velocity_random_walk.z_ug_per_rt_hz")), 8.0, 1e-9);
   EXPECT_SAYS(result.out, "configured: ARW 0.00200");
   // A noise three times too small explains nothing: no effect may be named for it.
-  const ProgramResult small = ends({"diagnose", "rec", "--out", "small", "--arw", "0.0007", "--vrw", "2.7"}, 20);
+  const ProgramResult small =
+      ends({"diagnose", "rec", "--out", "small", "--arw", "0.0007", "--vrw", "2.7", "--verbose"}, 20);
   const auto conf = entries(file_text(path("small/diagnosis.conf")));
   EXPECT_EQ(conf.at("verdict"), "noise_model");
   EXPECT_EQ(conf.at("effects"), "");

@@ -209,7 +209,7 @@ TEST_F(Group, Refusals) {
   for (int i = 1; i <= 17; ++i) seventeen.push_back("U" + std::to_string(i));
   expect_refused(dry_run(seventeen, "out"), "17 units: expected at most 16");
   write("full/SN2/recording.tcr", "precious");
-  expect_refused(dry_run({"SN1", "SN2"}, "full"), "full/SN2: already holds recording.tcr");
+  expect_refused(dry_run({"SN1", "SN2"}, "full"), "full/SN2: already contains recording.tcr");
   write("live.station", live_station("imu.2.device = none2\n"));
   expect_refused("run --station live.station --unit A --unit B --unit C --out r", "3 units: expected at most 2");
   expect_refused({"batch", write("queue", "A\n"), "--station", "live.station", "--out", "r", "--at-once", "3"},

@@ -181,7 +181,7 @@ class PausedRun : public testing::Test {
     for (const std::string& argument : arguments) argv.push_back(argument.c_str());
     argv.push_back("--verbose");  // the console waits for transitions
     return run_command_line(static_cast<int>(argv.size()), argv.data(),
-                            {add_run_command, add_resume_command, add_batch_command}, context);
+                            {{"Station", {add_run_command, add_resume_command, add_batch_command}}}, context);
   }
   int run(const std::string& name) {
     return command({"run", "--dry-run", "--no-diagnosis", "--unit", "SN1", "--sequence", folder_ / "four.seq", "--out",

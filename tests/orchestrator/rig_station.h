@@ -201,7 +201,7 @@ struct RigStation {
     plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
     EXPECT_TRUE(plan.ok()) << plan.violations.front();
     StationRun station_run(
-        with, {sequence, plan, station, "SN1", resume, taken_up, temperature_c, hands_chamber_on}, sink,
+        with, {sequence, plan, station, "SN1", resume, taken_up, temperature_c}, sink,
         {&watcher, &stop_requests, calibrate, journal, &pause_requests, &end_requests, {}, go_on_with});
     return station_run.run();
   }
@@ -229,7 +229,6 @@ struct RigStation {
   std::optional<ResumePoint> resume;
   bool taken_up = false;
   std::optional<double> temperature_c;
-  bool hands_chamber_on = false;
 };
 
 }  // namespace turncal

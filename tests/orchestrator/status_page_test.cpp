@@ -199,7 +199,7 @@ TEST_F(Page, ABrowserShowsTheRunAndThatItDied) {
     const std::string points = browser.evaluate(
         "document.querySelectorAll('#gyro polyline').length + ' ' + (document.querySelector('#gyro "
         "polyline')||{getAttribute(){return ''}}).getAttribute('points')");
-    drawn = points.find("\"value\":\"3 0.0,") != std::string::npos;
+    drawn = points.find("\"value\":\"3 52.0,") != std::string::npos;
     ::usleep(100'000);
   }
   EXPECT_TRUE(drawn);

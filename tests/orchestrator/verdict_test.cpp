@@ -123,7 +123,7 @@ TEST(Verdict, TheClockIsJudgedWithTheValues) {
   EXPECT_EQ(judged(-201.0, 2.0).verdict, UnitVerdict::conditional_fail);
   const VerdictReport far = judged(-300.0, 2.0);
   EXPECT_EQ(far.verdict, UnitVerdict::fail);
-  EXPECT_SAYS(far.reason, "clock_ppm = -300, limits -200 .. 200");
+  EXPECT_SAYS(far.reason, "clock of the unit -300.0 ppm, limits -200 .. 200");
   add_verdict(judged(-150.0, 2.0), file);
   EXPECT_NE(
       std::find(file.further.begin(), file.further.end(),
@@ -150,7 +150,7 @@ TEST_F(Production, VerdictIsExitCodeAndRecord) {
   const ProgramResult fail = dry_run("fail", "limit.residual_max = 0.5\nlimit.N01.max = -100\n");
   EXPECT_EQ(fail.code, 20) << fail.out;
   EXPECT_EQ(fail.err_lines(), 1);
-  EXPECT_SAYS(fail.err, "unit SN1: fail: N01 = ");
+  EXPECT_SAYS(fail.err, "unit SN1: fail: gyro x bias (N01) ");
   EXPECT_SAYS(fail.err, "(and 1 more)");
   // It is on record, and its parameters are not in use.
   EXPECT_SAYS(file_text(folder_ / "fail/parameters.conf"), "verdict.result = fail");
@@ -210,22 +210,22 @@ TEST_F(Production, VersionsAreKeptAndOneIsBroughtBack) {
   const fs::path store = folder_ / "store/simulated/SN1";
   EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "two/parameters.conf"));
   expect_refused("restore store --unit SN1", "no such version of unit 'SN1', but simulated ones: --simulated");
-  expect_refused({"restore", "store", "--unit", "SN1", "--version", "1"}, "but simulated ones: --simulated");
-  expect_refused({"restore", "store", "--unit", "SN7"}, "no such version of unit 'SN7'");
-  const ProgramResult list = run({"restore", "store", "--unit", "SN1", "--simulated"});
+  expect_refused({"records", "restore", "store", "--unit", "SN1", "--version", "1"}, "but simulated ones: --simulated");
+  expect_refused({"records", "restore", "store", "--unit", "SN7"}, "no such version of unit 'SN7'");
+  const ProgramResult list = run({"records", "restore", "store", "--unit", "SN1", "--simulated"});
   ASSERT_EQ(list.code, 0) << list.err;
   EXPECT_EQ(std::count(list.out.begin(), list.out.end(), '\n'), 2);
-  const ProgramResult back = run({"restore", "store", "--unit", "SN1", "--simulated", "--version", "1"});
+  const ProgramResult back = run({"records", "restore", "store", "--unit", "SN1", "--simulated", "--version", "1"});
   ASSERT_EQ(back.code, 0) << back.err;
   EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "one/parameters.conf"));
   EXPECT_EQ(file_text(store / "versions/0002.conf"), file_text(folder_ / "two/parameters.conf"));
-  expect_refused({"restore", "store", "--unit", "SN1", "--simulated", "--version", "3"}, "0003.conf");
+  expect_refused({"records", "restore", "store", "--unit", "SN1", "--simulated", "--version", "3"}, "0003.conf");
   // A version that was tampered with is not brought back.
   std::string bytes = file_text(store / "versions/0002.conf");
   bytes[bytes.find("N01 = ") + 6] ^= 1;
   write("store/simulated/SN1/versions/0002.conf", bytes);
-  EXPECT_EQ(run({"restore", "store", "--unit", "SN1", "--simulated", "--version", "2"}).code, 1);
-  const ProgramResult rest = run({"restore", "store", "--unit", "SN1", "--simulated"});
+  EXPECT_EQ(run({"records", "restore", "store", "--unit", "SN1", "--simulated", "--version", "2"}).code, 1);
+  const ProgramResult rest = run({"records", "restore", "store", "--unit", "SN1", "--simulated"});
   EXPECT_EQ(rest.code, 1) << "one is damaged";
   EXPECT_SAYS(rest.err, "0002.conf");
   EXPECT_SAYS(rest.out, "   2  damaged\n");

@@ -90,19 +90,19 @@ code=0; "$binary" check --sequence "$demo" > /dev/full 2> said.err || code=$?
 [ "$code" = 50 ] && grep -q 'standard output' said.err || fail "code $code on a full output: $(cat said.err)"
 code=0; "$binary" history results.db > /dev/full 2> said.err || code=$?
 [ "$code" = 50 ] || fail "code $code on a full output"
-# A reader that goes away has not got a result that was printed; one of a run's lines has.
+# A reader that goes away (| head) has read enough: no error, of a result as of a run's lines.
 for command in "check --sequence $demo" "predict --sequence $demo" "history results.db"; do
   exec 8> >(exec true); sleep 0.3
   code=0; "$binary" $command >&8 2> said.err || code=$?
   exec 8>&-
-  [ "$code" = 50 ] && grep -q 'standard output' said.err || fail "code $code without a reader: $command: $(cat said.err)"
+  [ "$code" = 0 ] && [ ! -s said.err ] || fail "code $code without a reader: $command: $(cat said.err)"
 done
 exec 8> >(exec true); sleep 0.3
 code=0; "$binary" run --dry-run --capture-only --unit SN5 --sequence "$demo" --out unread >&8 2> said.err || code=$?
 exec 8>&-
 [ "$code" = 0 ] || fail "code $code of a run without a reader: $(cat said.err)"
-expect 1 'nosuch: there is no such folder: expected a record.store' restore nosuch --unit A
-expect 1 'nosuch: there is no such folder: expected a record.store' restore nosuch --unit A --version 2
+expect 1 'nosuch: there is no such folder: expected a record.store' records restore nosuch --unit A
+expect 1 'nosuch: there is no such folder: expected a record.store' records restore nosuch --unit A --version 2
 for closed in '>&-' '2>&-' '<&-' '<&- >&- 2>&-'; do
   rm -rf closed
   code=0; eval "\"\$binary\" run --dry-run --capture-only --unit SN4 --sequence \"\$demo\" --out closed $closed" > said.out 2> said.err || code=$?

@@ -37,7 +37,7 @@ for i in $(seq 60); do
     [ "$code" = 0 ] && good=$((good + 1)) || [ "$code" = 1 ] || [ "$code" = 50 ] || fail "pair $i: code $code: $(cat ./*.err)"
   done
   [ "$good" = 1 ] || fail "pair $i: $good of two have run: $(cat ./*.err)"
-  grep -qE "in use by another process|already holds" A.err B.err || fail "pair $i: $(cat ./*.err)"
+  grep -qE "in use by another process|already contains" A.err B.err || fail "pair $i: $(cat ./*.err)"
   ! grep -q "in use by" A.err B.err || both=$((both + 1))
   for name in recording.tcr journal.tcj run.log; do [ -s "out$i/$name" ] || fail "pair $i: $name is lost"; done
   [ ! -e "out$i/.lock" ] || fail "pair $i: the lock is left"
@@ -120,8 +120,8 @@ done
 wait "${children[@]: -2}" || fail "two runs into one store: $(tail -n 3 stored?.out)"
 [ "$(find store/simulated/S/versions -type f | wc -l)" = 2 ] || fail "one of two versions is lost: $(find store)"
 exec 9> store/simulated/S/.lock; flock -n 9
-code=0; "$binary" restore store --unit S --simulated --version 1 > said.out 2> said.err || code=$?
+code=0; "$binary" records restore store --unit S --simulated --version 1 > said.out 2> said.err || code=$?
 [ "$code" = 50 ] && grep -q 'store/simulated/S/.lock: in use by another process' said.err || fail "a store in use: code $code: $(cat said.out said.err)"
 exec 9>&-
-"$binary" restore store --unit S --simulated --version 1 > said.out || fail "a store that is free: $(cat said.out)"
+"$binary" records restore store --unit S --simulated --version 1 > said.out || fail "a store that is free: $(cat said.out)"
 echo "60 pairs, $both met; a table, a queue, a store: one at a time"

@@ -30,7 +30,7 @@ await() {
 speed_up=20
 sed -e '/^step 5/,$d' -e '0,/rotate P -180/s//rotate P -180 rate 1.5/' -e '0,/rotate R -180/s//rotate R -180 rate 3/' \
     -e '0,/rotate R +360/s//rotate R +360 rate 3/' "$here/sequences/short_demo.seq" > "$work/four.seq"
-sed -e "s|^heartbeat.period_s = .*|heartbeat.period_s = 4|" -e "s|^heartbeat.watchdog_s = .*|heartbeat.watchdog_s = 40|" \
+sed -e "s|^heartbeat.period_s = .*|heartbeat.period_s = 0.8|" -e "s|^heartbeat.watchdog_s = .*|heartbeat.watchdog_s = 2|" \
     "$here/orchestrator/stations/twin.map" > "$work/twin.map"
 { sed -e "s|^imu.device = .*|imu.device = $work/imu|" -e "s|^clock.speed_up = .*|clock.speed_up = $speed_up|" \
       "$here/orchestrator/stations/twin.station"
@@ -82,7 +82,7 @@ at=$(date +%s.%N)
 kill -KILL "$run"
 expect_code 137 "kill -9"
 await 'at rest after that' "$work/twin.out"
-echo "kill -9: table at rest $(seconds "$at") s of the host later (watchdog $((40 / speed_up)) s)"
+echo "kill -9: table at rest $(seconds "$at") s of the host later (watchdog 2 s)"
 grep 'watchdog\|at rest' "$work/twin.out"
 awk '/watchdog tripped/ { tripped = $5 } /at rest/ { rest = $7; for (i = 1; i < NF; ++i) if ($i == "pitch") pitch = $(i + 1) }
      END { exit (rest >= tripped && rest - tripped < 40 && pitch < 85 && pitch > -85) ? 0 : 1 }' "$work/twin.out" ||

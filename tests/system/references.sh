@@ -29,9 +29,10 @@ grep -E '\.(h|cpp|md|sh|cmake|in|seq|station|map|dialect|frame|py)$|CMakeLists\.
 # Options by command: "run --out" a line, and "any --out" for every command and script.
 : > "$work/options"
 if [ -n "$program" ]; then
-  "$program" --help | sed -n '/^Subcommands/,$ s/^  *\([a-z]\{1,\}\) .*/\1/p' > "$work/commands"
+  listed() { "$program" "$@" --help | sed -n -e '/^Examples/,$d' -e '/^Positionals/,/^$/d' -e 's/^  \([a-z]\{1,\}\) .*/\1/p'; }
+  listed > "$work/commands"
   while read -r command; do
-    "$program" "$command" --help | { grep -oE -e '(^|[ ,(])--[a-z][a-z-]*' || true; } | sed "s/.*--/$command --/"
+    { "$program" "$command" --help; for action in $(listed "$command"); do "$program" "$command" "$action" --help; done; } | { grep -oE -e '(^|[ ,(])--[a-z][a-z-]*' || true; } | sed "s/.*--/$command --/"
   done < "$work/commands" > "$work/options"
   "$program" --help | { grep -oE -e '(^|[ ,(])--[a-z][a-z-]*' || true; } | sed 's/.*--/turncal --/' >> "$work/options"
   sed 's/^[a-z]* /any /' "$work/options" > "$work/any"

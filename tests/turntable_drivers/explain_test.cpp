@@ -62,7 +62,7 @@ TEST(Explain, HeartbeatOffsetAndPolarity) {
   map.axis[1].address_offset = 0x100;
   map.axis[1].bits[static_cast<std::size_t>(DriveBit::fault)]->active_high = false;
   const std::vector<TableRow> rows = explain(map);
-  EXPECT_SAYS(rows_of(rows, "heartbeat", "pitch"), "register 320 (0x0140)|u16, another number each time, every 20 s");
+  EXPECT_SAYS(rows_of(rows, "heartbeat", "pitch"), "register 320 (0x0140)|u16, another number each time, every 2 s");
   EXPECT_SAYS(rows_of(rows, "status", "pitch"), "register 272 (0x0110)|fault: mask 0x0010, clear|");
 }
 

@@ -93,7 +93,6 @@ class DescribedChamber : public Chamber {
   Status on() override { return switched(ChamberItem::switch_on); }
   Status off() override { return switched(ChamberItem::switch_off); }
   void disconnect() override { line_.close(); }
-  void hand_on() { may_be_on_ = false; }  // somebody else sees to it that it goes off
 
  private:
   // The answer of one exchange: a number, or a word. Readings are repeated, commands are not.

@@ -32,6 +32,13 @@ std::uint16_t code_of(const MapAxis& axis, const StatusBit& first, const DriveFl
   return static_cast<std::uint16_t>(*best << first.shift());
 }
 
+// A drive that has lost its master shows the alarm that says so; one that the map has no text for, where none does.
+double watchdog_alarm(const std::map<long, std::string>& texts) {
+  for (const auto& [code, text] : texts)
+    if (text.find("communication") != std::string::npos) return static_cast<double>(code);
+  return texts.empty() ? 1.0 : static_cast<double>(texts.rbegin()->first + 1);
+}
+
 constexpr int addressed = 3;  // of Operands: the axis that is written to
 constexpr int illegal_function = 1, illegal_address = 2, illegal_value = 3, device_failure = 4;
 
@@ -88,7 +95,9 @@ std::optional<std::vector<std::uint16_t>> ModbusTwin::registers_of(const StatusB
     bool& fault = state[static_cast<std::size_t>(DriveBit::fault)];
     fault = fault || tripped_[index(which)];
     if (scale.alarm && fault)
-      put(*scale.alarm, map_.alarm_text.empty() ? 1.0 : static_cast<double>(map_.alarm_text.begin()->first));
+      put(*scale.alarm, tripped_[index(which)]    ? watchdog_alarm(map_.alarm_text)
+                        : map_.alarm_text.empty() ? 1.0
+                                                  : static_cast<double>(map_.alarm_text.begin()->first));
     for (std::size_t i = 0; i < scale.bits.size(); ++i) {
       const std::optional<StatusBit>& bit = scale.bits[i];
       if (!bit || !block.holds(bit->address)) continue;
@@ -210,6 +219,7 @@ Status ModbusTwin::carry_out(Axis axis, TableOperation operation, const Operands
     if (of_table) tripped_ = {};
     tripped_[index(axis)] = false;
   }
+  if (operation == TableOperation::enable && heartbeat_s_[index(axis)]) heartbeat_s_[index(axis)] = clock_.now_s();
   if (operation != TableOperation::move) return table_.carry_out(operation, axis, of_table);
   for (const Axis which : all_axes) {
     if (!of_table && which != axis) continue;

@@ -8,7 +8,7 @@
 // - Operations are matched by address and constant, operands are taken on the way: the same registers may serve several lists.
 // - The watchdog is armed by the first heartbeat of a drive: when none came for watchdog_s every axis is stopped, the drive shows
 //   a fault and refuses moves until the fault is cleared. A drive that is off has nothing to stop: it does not trip, and the next
-//   heartbeat arms it again. Call tick() often; time is the clock's.
+//   heartbeat arms it again. Its time starts anew when the drive is enabled. Call tick() often; time is the clock's.
 // Not modelled: a drive's own parameters (they take any write and read back), torque, a power-on delay.
 #pragma once
 

@@ -52,7 +52,7 @@ class Server : public SharedDatabase {
     std::transform(name_.begin(), name_.end(), name_.begin(), [](unsigned char c) { return std::tolower(c); });
     ASSERT_EQ(psql("DROP DATABASE IF EXISTS " + name_, "postgres"), 0);
     ASSERT_EQ(psql("CREATE DATABASE " + name_, "postgres"), 0);
-    const ProgramResult made = run({"database", "roles", address("postgres")});
+    const ProgramResult made = run({"records", "roles", address("postgres")});
     ASSERT_EQ(made.code, 0) << made.err;
     for (const char* login : {"east", "west"})
       psql("CREATE ROLE " + std::string(login) + " LOGIN IN ROLE turncal_station", name_, "2> /dev/null");
@@ -110,7 +110,7 @@ TEST_F(Server, TwoStationsAddAtOnceAndNothingIsLostOrDoubled) {
     EXPECT_TRUE(attempts(path(name + ".station.outbox.db")).empty()) << name;
     EXPECT_EQ(calibrations(path(name + ".station.outbox.db")), 0u) << name;
   }
-  EXPECT_EQ(run({"database", "check", address("watcher")}).code, 0);
+  EXPECT_EQ(run({"records", "check", address("watcher")}).code, 0);
   const ProgramResult of_files = run({"fleet", "diagnose", path("."), "--format", "csv"});
   EXPECT_FALSE(of_files.out.empty()) << of_files.err;
   EXPECT_EQ(run({"fleet", "diagnose", address("watcher"), "--format", "csv"}).out, of_files.out);
@@ -227,12 +227,12 @@ TEST_F(Server, RowsGoThereAndBackAsTheyWere) {
   failing.insert(failing.end(), {"--rig", path("gone.rig")});
   ASSERT_EQ(run(failing).code, 50);
   for (int i = 0; i < 2; ++i) {
-    const ProgramResult copied = run({"database", "copy", "results.db", address("east")});
+    const ProgramResult copied = run({"records", "copy", "results.db", address("east")});
     ASSERT_EQ(copied.code, 0) << copied.err;
     EXPECT_SAYS(copied.out, i == 0 ? "2 calibrations and 6 notes" : "0 calibrations and 0 notes");
   }
-  ASSERT_EQ(run({"database", "backup", address("watcher"), "--out", "back.db"}).code, 0);
-  EXPECT_EQ(run({"database", "check", "back.db"}).code, 0);
+  ASSERT_EQ(run({"records", "backup", address("watcher"), "--out", "back.db"}).code, 0);
+  EXPECT_EQ(run({"records", "check", "back.db"}).code, 0);
   const std::string before = run({"history", "results.db", "--format", "csv"}).out;
   EXPECT_GT(before.size(), 1000u);
   EXPECT_EQ(run({"history", address("watcher"), "--format", "csv"}).out, before);
@@ -274,9 +274,9 @@ TEST_F(Outbox, AStationWhoseServerIsAwayGoesOnAndKeepsItsRows) {
   EXPECT_EQ(all[0].outcome + all[1].outcome, "passpass");
   EXPECT_EQ(calibrations(kept), 2u);
   // What a person would do with it: into any other database, as often as wished.
-  for (int i = 0; i < 2; ++i) ASSERT_EQ(run({"database", "copy", kept, "whole.db"}).code, 0);
+  for (int i = 0; i < 2; ++i) ASSERT_EQ(run({"records", "copy", kept, "whole.db"}).code, 0);
   EXPECT_EQ(attempts(path("whole.db")).size(), 2u);
-  EXPECT_EQ(run({"database", "check", "whole.db"}).code, 0);
+  EXPECT_EQ(run({"records", "check", "whole.db"}).code, 0);
 }
 
 TEST_F(Outbox, CheckWarnsOfAServerThatIsAwayAndDoesNotRefuse) {
@@ -303,7 +303,7 @@ TEST_F(Outbox, APasswordInANameIsRefusedAndNotRepeated) {
        {"postgresql://east:secret@host/turncal", "postgresql://east@host/turncal?password=secret",
         "postgresql://east:sec/secret@host/turncal"}) {
     station(name);
-    for (const auto& command : {dry_run("SN1"), {"history", name}, {"shift", name}, {"database", "check", name}}) {
+    for (const auto& command : {dry_run("SN1"), {"history", name}, {"shift", name}, {"records", "check", name}}) {
       const ProgramResult result = run(command);
       EXPECT_EQ(result.code, 1) << command.front();
       EXPECT_EQ(result.err_lines(), 1) << result.err;
@@ -316,10 +316,11 @@ TEST_F(Outbox, APasswordInANameIsRefusedAndNotRepeated) {
 TEST_F(Outbox, CopyNeedsTwoDatabasesThatAreNotOne) {
   station("results.db");
   ASSERT_EQ(run(dry_run("SN1")).code, 0);
-  expect_refused({"database", "copy", "results.db"}, "expected a second database");
-  expect_refused({"database", "copy", "results.db", "results.db"}, "expected another file");
-  expect_refused({"database", "check", "results.db", "other.db"}, "expected a second database with copy only");
-  expect_refused({"database", "roles", "results.db"}, "a file has no roles");
+  expect_refused({"records", "copy", "results.db"}, "other is required");
+  expect_refused({"records", "copy", "results.db", "results.db"}, "expected another file");
+  expect_refused({"records", "check", "results.db", "other.db"},
+                 "'other.db' is not understood (see turncal records check --help)");
+  expect_refused({"records", "roles", "results.db"}, "a file has no roles");
   write("wrong.station", file_text(folder_ / "east.station") + "record.outbox = o.db\n");
   expect_refused("run --dry-run --unit SN2 --out x --station wrong.station", "record.outbox");
 }

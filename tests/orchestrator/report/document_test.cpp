@@ -32,7 +32,9 @@ TEST(Format, Numbers) {
   EXPECT_EQ(value_with_sigma(28.3456, 0.91), "28.35");
   EXPECT_EQ(value_with_sigma(0.932920123, 3.6e-7), "0.93292012");
   EXPECT_EQ(value_with_sigma(-0.0001, 0.91), "0.00");
-  EXPECT_EQ(value_with_sigma(12345.6, 310.0), "12346");
+  EXPECT_EQ(value_with_sigma(12345.6, 310.0), "12350");
+  EXPECT_EQ(plus_minus(-12958.6060944532, 55.0, Alphabet::plain), "-12959 +- 55");
+  EXPECT_EQ(plus_minus(-12958.6, 5500.0), "-13000 ± 5500");
   EXPECT_EQ(value_with_sigma(2.0, 0.0), "2.00000");
   EXPECT_EQ(quantity(28.3456, 0.91, "ug/g^2"), "28.35 ± 0.91 µg/g²");
   EXPECT_EQ(percent_change(4.0, 1.0), "-75 %");
@@ -148,12 +150,13 @@ std::vector<StoredCalibration> ten_units(double last_n01) {
 TEST(HistoryPage, ChartsEveryParameterAndMarksWhatIsOutside) {
   for (const bool jumps : {false, true}) {
     const std::string page = as_page(history_document(ten_units(jumps ? 0.09 : 0.01), "results.db")).html;
-    EXPECT_EQ(count_of(page, "<td class=\"name\">"), 21u);
+    EXPECT_EQ(count_of(page, "<td class=\"name\">"), 31u);  // and ten units
+    EXPECT_EQ(count_of(page, "<td>gyro x bias</td><td>°/h</td>"), 1u);
     EXPECT_EQ(count_of(page, "<tr class=\"hit\">"), jumps ? 1u : 0u);
     EXPECT_SAYS(page, "SN&lt;3&gt;") << "serial numbers are text, not markup";
     if (page.find("This plot is missing") != std::string::npos) GTEST_SKIP() << "needs gnuplot";
-    EXPECT_EQ(count_of(page, "<svg"), 6u);
-    EXPECT_EQ(count_of(page, " less "), 21u);
+    EXPECT_EQ(count_of(page, "<svg"), 21u) << "a drawing a chart, so that a phone has them below one another";
+    EXPECT_EQ(count_of(page, "<text>01-09</text>"), 21u) << "the day of the last, below the axis";
     EXPECT_EQ(count_of(page, "outside the control limits</span>"), jumps ? 1u : 0u);
   }
 }
@@ -166,7 +169,8 @@ TEST(HistoryPage, FitsPhonesAndPaper) {
   const std::size_t phone = page.find("@media screen and (max-width:700px)"), paper = page.find("@media print");
   ASSERT_NE(phone, std::string::npos);
   ASSERT_NE(paper, std::string::npos);
-  EXPECT_LT(page.find("table { display:block; overflow-x:auto; }", phone), paper);
+  EXPECT_SAYS(page, ".wide { overflow-x:auto;");
+  EXPECT_SAYS(page, "@media screen and (prefers-color-scheme:dark)");
   EXPECT_SAYS(page.substr(paper), "figure, table, tr, .verdict { break-inside:avoid; }");
 }
 

@@ -42,7 +42,7 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
     const std::string read = file_text(folder_ / "nav/read");
     for (int k = 1; k <= 3; ++k) {
       char rate[40];
-      std::snprintf(rate, sizeof rate, ", %.3f nm/h\n", conf.number("branch." + std::to_string(k) + ".nm_per_h"));
+      std::snprintf(rate, sizeof rate, ", %.3f NM/h\n", conf.number("branch." + std::to_string(k) + ".nm_per_h"));
       EXPECT_SAYS(read, rate);
     }
   }
@@ -238,7 +238,7 @@ TEST_F(Navigate, IsPredictedFromASequence) {
   // Angle random walk N over the alignment T: N / (W cos L sqrt(T)) = 0.0303 deg; velocity noise, and the calibration, add to it.
   EXPECT_GT(row(hour.out, "heading after alignment, deg"), 0.0303);
   EXPECT_LT(row(hour.out, "heading after alignment, deg"), 0.0303 * 1.2);
-  EXPECT_GT(row(hour.out, "rms, nm/h"), row(hour.out, "of it from noise alone, nm/h"));
+  EXPECT_GT(row(hour.out, "rms, NM/h"), row(hour.out, "of it from noise alone, NM/h"));
   EXPECT_EQ(run({"predict", "--sequence", sequence, "--navigate", "60min"}).out, hour.out);
   EXPECT_EQ(run({"predict", "--sequence", sequence, "--navigate", "3600"}).out, hour.out);
   // An alignment four times as long halves the heading's sigma from noise.

@@ -47,7 +47,9 @@ class Verify : public RigUnit {
 
 TEST_F(Verify, SeeksNorthInFourHeadings) {
   write_parameters("true.conf");
-  const ProgramResult verified = run("verify --dry-run --unit SN7 --parameters true.conf --rig good.rig --out v");
+  write("paper.station", station_head);
+  const ProgramResult verified =
+      run("verify --dry-run --unit SN7 --parameters true.conf --rig good.rig --station paper.station --out v");
   ASSERT_EQ(verified.code, 0) << verified.err << verified.out;
   KeyValueFile conf = result("v/verification.conf");
   for (int p = 1; p <= 4; ++p) {
@@ -68,11 +70,15 @@ TEST_F(Verify, SeeksNorthInFourHeadings) {
   EXPECT_TRUE(verdict == "pass" || verdict == "conditional_pass") << verdict;
   EXPECT_SAYS(verified.out, "[dry run] verdict         " + verdict);
   // Judged again from its recording: the same bytes.
-  ASSERT_EQ(run({"verify", "--recording", "v", "--parameters", path("true.conf"), "--out", "again"}).code, 0);
+  ASSERT_EQ(run({"verify", "--recording", "v", "--parameters", path("true.conf"), "--out", "again", "--station",
+                 "paper.station"})
+                .code,
+            0);
   EXPECT_EQ(file_text(folder_ / "again/verification.conf"), file_text(folder_ / "v/verification.conf"));
   // A gyro bias of 0.02 deg/h is a heading error of 0.09 deg, the other way round at 180.
   write_parameters("wrong.conf", 0, 0.02);
-  ends({"verify", "--recording", "v", "--parameters", path("wrong.conf"), "--out", "w"}, 20, "");
+  ends({"verify", "--recording", "v", "--parameters", path("wrong.conf"), "--out", "w", "--station", "paper.station"},
+       20, "");
   EXPECT_EQ(result("w/verification.conf").text("verdict.heading"), "fail");
   // The station's own limit, wide enough.
   write("wide.station", "format = 1\n" + std::string("site.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\n"
@@ -279,9 +285,14 @@ TEST_F(Verify, BehindTheCalibration) {
   EXPECT_EQ(run({"resume", "killed"}).code, 0);
   EXPECT_EQ(file_text(folder_ / "killed/parameters.conf"), text);
   EXPECT_EQ(file_text(folder_ / "killed/verification.conf"), file_text(folder_ / "v/verification.conf"));
+  // The built-in station has the limit of its gyros: its units pass, and how near is said.
+  const ProgramResult shown = ends("run --dry-run --verify --unit SN7 --no-diagnosis --out shown", 0);
+  EXPECT_SAYS(shown.out, "[dry run] verdict         pass: heading ");
+  EXPECT_SAYS(shown.out, " % of its limit (");
   // Gyros that cannot keep the limit in this time: nothing is decided, and the unit waits. Also in a batch.
   write("queue", "SN7\n");
-  const ProgramResult batch = ends({"batch", "queue", "--dry-run", "--verify", "--out", "batch"}, 20);
+  write("paper.station", station_head);
+  const ProgramResult batch = ends("batch queue --dry-run --verify --station paper.station --out batch", 20);
   EXPECT_SAYS(file_text(folder_ / "batch/SN7/parameters.conf"), "verdict.result = hold\n");
   EXPECT_SAYS(batch.out, "unit SN7: hold: verification hold: heading 0.0");
   KeyValueFile undecided = result("batch/SN7/verification.conf");
@@ -289,7 +300,7 @@ TEST_F(Verify, BehindTheCalibration) {
   // Deviations of four: 0.03 deg of noise where 0.012 are allowed, 1 of 20 turned down: 16 times the time and more.
   EXPECT_GT(undecided.number("would_do.align_s"), 300.0 * 16);
   EXPECT_LT(undecided.number("would_do.align_s"), 300.0 * 50);
-  EXPECT_SAYS(batch.out, "undecided: no more than noise; these gyros cannot keep 0.012 deg in 300 s");
+  EXPECT_SAYS(batch.out, "undecided: within the noise; these gyros cannot keep 0.012 deg in 300 s");
   // A level limit below the unit's noise: undecided, though all its parameters are within theirs, and its file is not put in use.
   write("strict.station", station + "limit.level_deg = 0.000001\nlimit.A01.max = 1\nrecord.store = store\n");
   const ProgramResult failed = ends(

@@ -46,6 +46,16 @@ TEST(ChamberWatch, SettlesWithinTheBandForSoLongAndSaysHowLongItTakes) {
   EXPECT_FALSE(w.watch.settled());
 }
 
+TEST(ChamberWatch, WaitsForTheUnitThatFollowsTheAir) {
+  Watched w;
+  double s = 0.0, unit_c = 20.0;
+  for (; !w.watch.settled() && s < 900.0; s += 1.0, unit_c += (40.0 - unit_c) / 200.0)
+    ASSERT_EQ(w.at(s, 40.0, 40.0, true, unit_c), "");
+  // Over the last 100 s it went by no more than the band of 0.5 C: with 200 s of lag it is within 0.8 C of the air.
+  EXPECT_GT(unit_c, 39.2);
+  EXPECT_LT(unit_c, 39.8);
+}
+
 TEST(ChamberWatch, EachFaultIsSaid) {
   EXPECT_SAYS(Watched().watch.add({20.0, 40.0, true, true, false}, {}, 1.0), "door");
   EXPECT_SAYS(Watched().watch.add({20.0, 40.0, true, {}, true}, {}, 1.0), "alarm");

@@ -234,6 +234,38 @@ TEST_F(Serve, ShowsTheResultsOfAllStationsOfADatabase) {
   EXPECT_SAYS(body, "\"last_unit\":\"SN3\"");
 }
 
+// All there is of a unit, and nothing that is not: a path leads to reports and certificates alone.
+TEST_F(Serve, LeadsToTheReportOfAUnit) {
+  write("queue", "SN/1\nSN2\n");
+  write("queue.state", "fail 2026-01-01T00:00:00Z SN2 # gyro x bias (N01) 0.0634 deg/h, at most 0.02\n");
+  std::filesystem::create_directories(path("runs/SN2/diagnosis"));
+  write("runs/SN2/diagnosis/report.html", "the report");
+  write("runs/SN2/certificate.html", "the certificate");
+  write("runs/SN2/secret.html", "secret");
+  Served s(station_, {});
+  const auto get = [&s](const std::string& at) {
+    for (;;) {  // asked again until it is made
+      const auto answer = s.client->Get(at);
+      if (!answer || answer->status != 200) return std::string();
+      if (answer->body.find("being made") == std::string::npos) return answer->body;
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+  };
+  const std::string page = get("/unit/SN2");
+  EXPECT_SAYS(page, "<b>fail:</b> gyro x bias (N01) 0.0634 deg/h");
+  EXPECT_SAYS(page, "<a href=\"/report/1/SN2/report.html\">report</a>");
+  EXPECT_EQ(get("/report/1/SN2/report.html"), "the report");
+  EXPECT_EQ(get("/report/1/SN2/certificate.html"), "the certificate");
+  for (const char* none :
+       {"/unit/SN%2F1", "/unit/", "/report/1/SN2/secret.html", "/report/2/SN2/report.html",
+        "/report/1/../runs/report.html", "/report/1/%2E%2E/report.html", "/report/1/SN2%00/report.html"})
+    EXPECT_EQ(get(none), "") << none;
+  const std::string metrics = get("/metrics");
+  EXPECT_SAYS(metrics, "# TYPE turncal_queue_done gauge\nturncal_queue_done{station=\"east\"} 1\n");
+  EXPECT_SAYS(metrics, "turncal_queue_passed{station=\"east\"} 0\n");
+  EXPECT_SAYS_NOT(metrics, "turncal_run_progress_ratio{");
+}
+
 TEST_F(Serve, WhoGuessesHoldsUpNobodyWhoIsKnown) {
   write("queue", "SN1\n");
   Served s(station_, write_operators(std::string("ana:") + hash_of_secret + "\n"));

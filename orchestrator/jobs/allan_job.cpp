@@ -1,0 +1,188 @@
+#include "orchestrator/jobs/allan_job.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "calib/statistics/data_screen.h"
+#include "imu_io/recordings/csv_map_import.h"
+#include "imu_io/recordings/parameter_file.h"
+#include "orchestrator/jobs/navigation/calibrated_intervals.h"
+
+namespace turncal {
+
+namespace {
+
+// A second's mean away from the first one: no noise of a unit that lies still.
+constexpr double moves_radps = 0.02, moves_mps2 = 0.5;
+
+struct ReadRests {
+  RestCells cells;
+  std::vector<std::string> notes;
+};
+
+// The samples at rest, one after the other.
+class RestReader {
+ public:
+  RestReader(const RecordingInfo& info, Segments segments, std::string path)
+      : info_(info),
+        segments_(std::move(segments)),
+        path_(std::move(path)),
+        maker_(info.sample_period_s),
+        spikes_(info) {
+    const SensorModel model = sensor_model(start_parameters(info), info);
+    si_ << model.gyro_scale.diagonal(), model.accel_scale.diagonal();
+    si_ = si_.cwiseAbs();
+    a_second_ = std::max<std::int64_t>(1, std::llround(1.0 / info.sample_period_s));
+  }
+
+  Status add(std::span<const ImuSample> samples) {
+    for (const ImuSample& sample : samples) {
+      if (!at_rest(sample.counter)) continue;
+      const Channels increments = channels_of(sample);
+      if (sample.flags != 0 || !increments.allFinite() || spikes_.spike_in(sample)) {
+        ++left_out_;
+        continue;
+      }
+      maker_.add(sample.counter, increments);
+      if (segments_.empty()) TRY(check_still(sample.counter, increments));
+    }
+    return {};
+  }
+
+  Result<ReadRests> take() {
+    ReadRests found{maker_.take(si_), {}};
+    if (left_out_ > 0)
+      found.notes.push_back(fmt::format("{} samples left out: marked as bad, or beyond any unit", left_out_));
+    const std::vector<double>& mean = found.cells.mean[0];
+    const auto cells = static_cast<double>(mean.size());
+    const auto lost = static_cast<double>(std::ranges::count_if(mean, [](double v) { return std::isnan(v); }));
+    constexpr double least_s = 10.0;
+    if (cells * found.cells.cell_s < least_s)
+      return input_error(
+          fmt::format("{}: {:.3g} s at rest: expected at least {:g} s", path_, cells * found.cells.cell_s, least_s));
+    if (lost > 0.0) found.notes.push_back(fmt::format("gaps: {:.2g} % of the time at rest", 100.0 * lost / cells));
+    return found;
+  }
+
+ private:
+  bool at_rest(std::int64_t counter) {
+    if (segments_.empty()) return true;
+    while (index_ < segments_.size() && counter >= segments_[index_].end_sample) {
+      const Segment& past = segments_[index_++];
+      if (index_ == segments_.size()) return false;
+      const Segment& next = segments_[index_];
+      const bool same = past.kind != SegmentKind::rotate && next.kind != SegmentKind::rotate &&
+                        past.end_sample == next.start_sample && past.heading_deg == next.heading_deg &&
+                        past.pitch_deg == next.pitch_deg && past.roll_deg == next.roll_deg;
+      if (!same) maker_.begin_rest();
+    }
+    return index_ < segments_.size() && counter >= segments_[index_].start_sample &&
+           segments_[index_].kind != SegmentKind::rotate;
+  }
+
+  Status check_still(std::int64_t counter, const Channels& increments) {
+    if (!first_) first_ = counter;
+    sum_ += increments;
+    if (++summed_ < a_second_) return {};
+    const Channels mean = sum_.cwiseProduct(si_) / (static_cast<double>(summed_) * info_.sample_period_s);
+    sum_.setZero();
+    summed_ = 0;
+    if (!first_mean_) first_mean_ = mean;
+    const Channels moved = (mean - *first_mean_).cwiseAbs();
+    for (Eigen::Index k = 0; k < 6; ++k)
+      if (!(moved[k] < (k < 3 ? moves_radps : moves_mps2)))
+        return input_error(
+            fmt::format("{}: {} moves at {:.1f} s: expected a unit at rest; `turncal segment` finds rests", path_,
+                        channel_names[static_cast<std::size_t>(k)],
+                        static_cast<double>(counter - *first_) * info_.sample_period_s));
+    return {};
+  }
+
+  const RecordingInfo info_;
+  const Segments segments_;
+  const std::string path_;
+  RestCellMaker maker_;
+  SpikeFinder spikes_;
+  Channels si_ = Channels::Zero();
+  std::int64_t a_second_ = 1, left_out_ = 0;
+  std::size_t index_ = 0;
+  std::optional<std::int64_t> first_;
+  std::optional<Channels> first_mean_;
+  Channels sum_ = Channels::Zero();
+  std::int64_t summed_ = 0;
+};
+
+Result<ReadRests> read_rests(RecordingSource& source, const std::string& name) {
+  RestReader reader(source.info(), source.segments(), name);
+  TRY(source.read([&](std::span<const ImuSample> samples) { return reader.add(samples); }));
+  Result<ReadRests> found = reader.take();
+  if (const std::string damage = describe(source.damage()); found && !damage.empty()) found->notes.push_back(damage);
+  return found;
+}
+
+Result<ReadRests> read_rests(const std::string& path, const std::string& map_file) {
+  if (map_file.empty()) return read_rests(*TRY(RecordingSource::open(path)), path);
+  CsvMap map = TRY(read_csv_map(map_file));
+  // At rest a reading is the same over a longer interval, and stamps jitter.
+  map.increments = CsvMap::Increments::period;
+  const CsvImport table = TRY(import_csv(map, path));
+  RestReader reader(table.info, {}, path);
+  TRY(reader.add(table.samples));
+  Result<ReadRests> found = reader.take();
+  if (found && table.jitter_s > 0.01 * table.info.sample_period_s)
+    found->notes.push_back(
+        fmt::format("stamps jitter by {:.2g} ms rms: a reading counts for the mean period", 1e3 * table.jitter_s));
+  return found;
+}
+
+Result<AllanResult> deviation_of(const RestCells& cells, const std::string& path) {
+  AllanResult result = allan_deviation(cells);
+  for (std::size_t axis = 0; axis < 6; ++axis)
+    if (result.axes[axis].points.empty())
+      return input_error(
+          fmt::format("{}: {} reads {:g} throughout: expected a channel that is connected and feels noise", path,
+                      channel_names[axis], cells.mean[axis].front()));
+  return result;
+}
+
+Result<AllanReport> report_of(const ReadRests& rests, const std::string& source) {
+  AllanReport report{.source = source, .against = {}};
+  report.result = TRY(deviation_of(rests.cells, source));
+  report.sample_s = rests.cells.sample_s;
+  report.rests = rests.cells.ends.size();
+  report.notes = rests.notes;
+  for (std::size_t k = 0; k < 3 && report.rests == 1; ++k) {
+    double sum = 0.0, count = 0.0;
+    for (const double value : rests.cells.mean[k + 3])
+      if (!std::isnan(value)) sum += value, count += 1.0;
+    report.mean_force_mps2[k] = sum / count;
+  }
+  return report;
+}
+
+}  // namespace
+
+Result<AllanReport> allan_report(RecordingSource& source, const std::string& name) {
+  return report_of(TRY(read_rests(source, name)), name);
+}
+
+Result<AllanReport> allan_report(const AllanRequest& request) {
+  const ReadRests rests = TRY(read_rests(request.source, request.map));
+  AllanReport report = TRY(report_of(rests, request.source));
+  report.against = request.against;
+  if (request.against.ends_with(".conf")) {
+    const ParameterFile file = TRY(read_parameter_file(request.against));
+    if (!has_noise(file))
+      return input_error(request.against + ": has no noise. keys: expected a calibration that measured the noise");
+    report.file = TRY(stored_noise(file, request.against));
+  } else if (!request.against.empty()) {
+    const ReadRests other = TRY(read_rests(request.against, request.map));
+    report.other = TRY(deviation_of(other.cells, request.against));
+  }
+  return report;
+}
+
+}  // namespace turncal

@@ -1,0 +1,132 @@
+#include "orchestrator/station/number_text.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "calib/model/parameters.h"
+
+namespace turncal {
+namespace {
+
+std::string superscript(int number) {
+  static constexpr const char* digits[] = {"⁰", "¹", "²", "³", "⁴", "⁵", "⁶", "⁷", "⁸", "⁹"};
+  std::string result = number < 0 ? "⁻" : "";
+  for (const char c : std::to_string(std::abs(number))) result += digits[c - '0'];
+  return result;
+}
+
+// Decimal exponent of |value| once it is rounded to `digits` significant digits.
+int exponent_of(double value, int digits) {
+  const std::string text = fmt::format("{:.{}e}", value, digits - 1);
+  return std::stoi(text.substr(text.find('e') + 1));
+}
+
+std::string with_exponent(double value, int digits, Alphabet alphabet) {
+  const std::string text = fmt::format("{:.{}e}", value, digits - 1);
+  if (alphabet == Alphabet::plain) return text;
+  const std::size_t e = text.find('e');
+  return text.substr(0, e) + "×10" + superscript(std::stoi(text.substr(e + 1)));
+}
+
+}  // namespace
+
+std::string with_decimals(double value, int decimals) {
+  if (!std::isfinite(value)) return "-";
+  const std::string text = fmt::format("{:.{}f}", value, decimals);
+  return text[0] == '-' && text.find_first_of("123456789") == std::string::npos ? text.substr(1) : text;
+}
+
+std::string significant(double value, int digits, Alphabet alphabet) {
+  if (!std::isfinite(value)) return "-";
+  if (value == 0.0) return "0";
+  const int exponent = exponent_of(value, digits);
+  if (exponent < -4 || exponent > 6) return with_exponent(value, digits, alphabet);
+  return with_decimals(value, std::max(0, digits - 1 - exponent));
+}
+
+std::string value_with_sigma(double value, double sigma, Alphabet alphabet) {
+  if (!std::isfinite(value)) return "-";
+  if (!std::isfinite(sigma) || sigma <= 0.0) return significant(value, 6, alphabet);
+  const int decimals = 1 - exponent_of(sigma, 2);
+  if (decimals > 12) return significant(value, 6, alphabet);
+  if (decimals >= 0) return with_decimals(value, decimals);
+  const double place = std::pow(10.0, -decimals);
+  return with_decimals(std::round(value / place) * place, 0);
+}
+
+std::string plus_minus(double value, double sigma, Alphabet alphabet) {
+  const std::string text = value_with_sigma(value, sigma, alphabet);
+  if (!std::isfinite(sigma) || sigma <= 0.0) return text;
+  return text + (alphabet == Alphabet::plain ? " +- " : " ± ") + value_with_sigma(sigma, sigma, alphabet);
+}
+
+std::string quantity(double value, double sigma, std::string_view unit) {
+  return plus_minus(value, sigma) + " " + unit_text(unit);
+}
+
+const char* parameter_unit(std::string_view key, IncrementKind gyro_increment) {
+  if (key.starts_with('N')) return "deg/h";
+  if (key.starts_with('A')) return "g";
+  return key.starts_with('n') && gyro_increment == IncrementKind::pulses ? "arcsec/pulse" : "-";
+}
+
+namespace {
+
+struct Named {
+  std::string_view key, name, unit;
+};
+constexpr Named named[] = {{"residual", "normalised residual", ""},
+                           {"temperature", "highest temperature", "C"},
+                           {"temperature_c.min", "lowest temperature", "C"},
+                           {"temperature_c.max", "highest temperature", "C"},
+                           {"hours", "hours on the table", "h"},
+                           {"clock_ppm", "clock of the unit", "ppm"}};
+constexpr std::string_view of_sigma = "sigma.";
+
+bool is_parameter(std::string_view key) { return std::ranges::find(parameter_keys, key) != parameter_keys.end(); }
+
+}  // namespace
+
+std::string quantity_name(std::string_view key) {
+  if (key.starts_with(of_sigma)) return "sigma of " + quantity_name(key.substr(of_sigma.size()));
+  if (const auto* const at = std::ranges::find(named, key, &Named::key); at != std::end(named))
+    return std::string(at->name);
+  if (!is_parameter(key)) return std::string(key);
+  const bool gyro = key[0] == 'N' || key[0] == 'n';
+  const auto axis = [key](std::size_t at) { return std::string(1, static_cast<char>('x' + key[at] - '1')); };
+  const std::string sensor = gyro ? "gyro " : "accelerometer ";
+  if (key[1] == '0') return sensor + axis(2) + " bias";
+  return sensor + axis(1) + (key[1] == key[2] ? " scale factor" : " towards " + axis(2));
+}
+
+std::string quantity_unit(std::string_view key) {
+  if (key.starts_with(of_sigma)) return quantity_unit(key.substr(of_sigma.size()));
+  if (const auto* const at = std::ranges::find(named, key, &Named::key); at != std::end(named))
+    return std::string(at->unit);
+  const bool has_unit = is_parameter(key) && (key[0] == 'N' || key[0] == 'A');
+  return has_unit ? parameter_unit(key, IncrementKind::physical) : "";
+}
+
+std::string unit_text(std::string_view unit) {
+  std::string result;
+  for (std::size_t at = 0; at < unit.size();) {
+    const bool begins = at == 0 || unit[at - 1] == '/' || unit[at - 1] == ' ';
+    const auto take = [&](std::string_view word, std::string_view by) {
+      if (!unit.substr(at).starts_with(word)) return false;
+      result += by;
+      at += word.size();
+      return true;
+    };
+    if (begins &&
+        (take("ug", "µg") || take("arcsec", "″") || take("deg", "°") || ((at > 0 || unit == "C") && take("C", "°C"))))
+      continue;
+    if (take("^2", "²") || take("^3", "³") || take("sqrt(h)", "√h") || take("sqrt(Hz)", "√Hz")) continue;
+    result += unit[at++];
+  }
+  return result;
+}
+
+}  // namespace turncal
