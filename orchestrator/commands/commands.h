@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
 #include "orchestrator/commands/command_line.h"
+#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/command_context.h"
 #include "orchestrator/station/station_config.h"
 

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "calib/model/parameters.h"
+#include "tests/orchestrator/program.h"
 #include "tests/orchestrator/results/rig_unit.h"
 
 namespace turncal {
@@ -101,6 +102,69 @@ TEST_F(ThermalCommand, FromLegsToAFileThatFollowsTheTemperature) {
   keep(narrow, "narrow.conf");
   EXPECT_SAYS(ends("apply rec --parameters narrow.conf --out narrow.csv", 0).out,
               "OUTSIDE THE RANGE of -20.00 to 30.00 C");
+}
+
+// ---- campaigns: the legs are made first ----
+
+class CampaignProgram : public Program {
+ protected:
+  void SetUp() override {
+    Program::SetUp();
+    write(
+        "own.chamber",
+        "format = 1\nname = own\nlink.kind = rig\nlimits.low_c = -40\nlimits.high_c = 85\nlimits.ramp_c_per_min = 3\n");
+    write("own.station",
+          station_head + "chamber.file = own.chamber\nchamber.limit_unit_c = 60\nchamber.settle_s = 60\n");
+  }
+  std::string campaign(const std::string& more) const {
+    return write("own.campaign",
+                 "format = 1\nunit = SN1\nstation = own.station\nsequence = " + short_demo + "\n" + more);
+  }
+};
+
+TEST_F(CampaignProgram, LegsAreMadeOnceAndTakenTogether) {
+  write("own.rig", "temperature.rise_c = 0\neffect.gyro_bias_temperature.x = 0.01\n");
+  campaign("temperatures_c = 10, 40, 25\nrig = own.rig\nleg.3.switch_on = true\n");
+  const std::string command = "campaign own.campaign --out all --dry-run --no-diagnosis";
+  const ProgramResult first = run(command);
+  ASSERT_EQ(first.code, 0) << first.err << first.out;
+  EXPECT_SAYS(first.out, "[dry run] [campaign] leg 1 of 3, 10 C, in all/leg-01; about 0.6 h left");
+  EXPECT_EQ(file_text(path("all/leg-02/leg.conf")), "switch_on = 1\n");
+  EXPECT_EQ(file_text(path("all/leg-03/leg.conf")), "switch_on = 2\n");
+  const auto fitted = entries(file_text(path("all/parameters.conf")));
+  EXPECT_NEAR(std::stod(fitted.at("temperature.N01.1")), 0.01, 5 * std::stod(fitted.at("temperature.N01.1.sigma")));
+  EXPECT_GT(std::stod(fitted.at("temperature.N01.1")), 0.005);
+  // Again: nothing is measured, the same comes out. What is not there is made, and that alone.
+  EXPECT_EQ(run(command).out.find("[campaign]"), std::string::npos);
+  std::filesystem::remove_all(path("all/leg-02"));
+  const ProgramResult again = run(command);
+  EXPECT_EQ(again.code, 0) << again.err;
+  EXPECT_SAYS(again.out, "leg 2 of 3");
+  EXPECT_EQ(again.out.find("leg 1 of 3"), std::string::npos);
+  EXPECT_EQ(entries(file_text(path("all/parameters.conf"))).at("temperature.N01.1"), fitted.at("temperature.N01.1"));
+}
+
+TEST_F(CampaignProgram, APlanSaysTimesAndSigmasAndMovesNothing) {
+  campaign("temperatures_c = -20, 0, 20, 40, 10\n");
+  const std::set<std::string> before = everything();
+  const ProgramResult plan = run("campaign own.campaign --plan");
+  EXPECT_EQ(plan.code, 0) << plan.err;
+  EXPECT_SAYS(plan.out, "per C^3");
+  EXPECT_EQ(everything(), before);
+  expect_refused("campaign own.campaign", "--out is required");
+  campaign("temperatures_c = 20\n");
+  expect_refused("campaign own.campaign --plan",
+                 "key 'temperatures_c' = '20': expected the temperatures of two legs or more");
+  campaign("temperatures_c = 20, 70\n");
+  expect_refused("campaign own.campaign --out all --dry-run", "70 C: expected at most chamber.limit_unit_c (60)");
+  campaign("temperatures_c = 20, 30\nleg.3.switch_on = true\n");
+  expect_refused("campaign own.campaign --plan", "leg.3.switch_on");
+  write("own.rig", "noise.seed = 1\n");
+  campaign("temperatures_c = 20, 30\nrig = own.rig\n");
+  expect_refused("campaign own.campaign --out all --dry-run", "each leg of a campaign has its own");
+  write("own.station", station_head);
+  campaign("temperatures_c = 20, 30\n");
+  expect_refused("campaign own.campaign --plan", "has no chamber");
 }
 
 }  // namespace
