@@ -97,7 +97,51 @@ void read_effects(KeyValueFile& input, ParameterFile& file) {
   }
 }
 
+std::string temperature_key(int parameter, int order) {
+  return "temperature." + parameter_key(parameter) + "." + std::to_string(order);
+}
+
+// f(key, coefficient, sigma) of all of them, in order.
+template <class Polynomials, class F>
+void each_temperature_key(Polynomials& t, const F& f) {
+  for (int k = 0; k < parameter_count; ++k)
+    for (int order = 1; order <= 3; ++order)
+      f(temperature_key(k, order), t.coefficient(k, order - 1), t.sigma(k, order - 1));
+}
+
+void write_temperature(const TemperaturePolynomials& t, Lines& lines) {
+  lines.number("temperature.reference_c", t.reference_c);
+  lines.text("temperature.range_c", format_number(t.low_c) + ", " + format_number(t.high_c));
+  each_temperature_key(t, [&](const std::string& key, double value, double sigma) {
+    if (std::isnan(value)) return;
+    lines.number(key, value);
+    if (!std::isnan(sigma)) lines.sigma(key, sigma);
+  });
+}
+
+std::optional<TemperaturePolynomials> read_temperature(KeyValueFile& input) {
+  if (input.keys_with_prefix("temperature.").empty()) return std::nullopt;
+  TemperaturePolynomials t;
+  t.reference_c = input.number("temperature.reference_c");
+  const std::vector<double> range = input.numbers("temperature.range_c", 2);
+  if (range.size() == 2) t.low_c = range[0], t.high_c = range[1];
+  if (!(t.low_c <= t.reference_c && t.reference_c <= t.high_c && t.low_c < t.high_c))
+    input.reject("temperature.range_c", "the lower, then the higher end of a range that temperature.reference_c is in");
+  each_temperature_key(t, [&](const std::string& key, double& value, double& sigma) {
+    if (!input.has(key)) return;
+    value = input.number(key);
+    sigma = input.number_if("sigma." + key, not_negative).value_or(sigma);
+  });
+  return t;
+}
+
 }  // namespace
+
+ParameterVector TemperaturePolynomials::at(const ParameterVector& reference, double temperature_c) const {
+  const double x = std::clamp(temperature_c, low_c, high_c) - reference_c;
+  const auto there = coefficient.array().isNaN().select(0.0, coefficient);
+  return reference + there * Eigen::Vector3d(x, x * x, x * x * x);
+}
 
 const std::string* find_further(const ParameterFile& file, std::string_view key) {
   for (const auto& [name, value] : file.further)
@@ -124,6 +168,7 @@ Result<std::string> format_parameter_file(const ParameterFile& file) {
     lines.number(std::string(parameter_keys[i]), file.parameters[static_cast<Eigen::Index>(i)]);
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) lines.sigma(std::string(parameter_keys[i]), file.sigma[i]);
   if (file.reference_temperature_c) lines.number("reference_temperature_c", *file.reference_temperature_c);
+  if (file.temperature) write_temperature(*file.temperature, lines);
   for (const EffectValue& effect : file.effects) {
     const std::string key = "effect." + effect.name + "." + effect.component;
     if (!is_name(effect.name) || !is_name(effect.component)) lines.fail(key, "expected effect.<name>.<component>");
@@ -166,6 +211,7 @@ Result<ParameterFile> parse_parameter_file(std::string_view text, const std::str
     file.sigma[i] = input.number_if("sigma." + std::string(parameter_keys[i]), not_negative);
   }
   file.reference_temperature_c = input.number_if("reference_temperature_c");
+  file.temperature = read_temperature(input);
   read_effects(input, file);
   file.unit_serial = plain_text(input, "unit_serial");
   file.recording_hash = plain_text(input, "recording_hash");
@@ -277,6 +323,17 @@ std::string sigmas_of(const ParameterFile& file, std::size_t first, std::size_t 
   return fmt::format("{{{}}}", fmt::join(texts, ", "));
 }
 
+std::string orders_of(const TemperaturePolynomials& t, int first, int count) {
+  std::vector<std::string> rows;
+  for (int k = first; k < first + count; ++k) {
+    const auto c = [&](int order) {
+      return literal(std::isnan(t.coefficient(k, order)) ? 0.0 : t.coefficient(k, order));
+    };
+    rows.push_back(fmt::format("{{{}, {}, {}}}", c(0), c(1), c(2)));
+  }
+  return fmt::format("{{{}}}", fmt::join(rows, ", "));
+}
+
 }  // namespace
 
 std::string format_parameter_block(const ParameterFile& file) {
@@ -316,6 +373,11 @@ std::string format_parameter_header(const ParameterFile& file) {
       " - A0 9.80665 T  (A0 in g)\n   Body axes: x front, y up, z right. sigma: one standard deviation in the unit of "
       "the value, by rows; -1: "
       "not estimated. */\n";
+  if (file.temperature)
+    text +=
+        "/* At the temperature t (C), limited to turncal_temperature_range_c, each number p of N0, A0, n and a is\n"
+        "     p + c[0] x + c[1] x^2 + c[2] x^3,  x = t - turncal_temperature_reference_c\n"
+        "   with c of turncal_temperature_N0_degph, _A0_g, _n and _a: a row a number, n and a by rows. */\n";
   if (file.simulated) text += "/* SIMULATED: not of a real unit. */\n";
   if (!is_trusted(file)) text += "/* NOT TRUSTED: the model does not fit the data that it was made from. */\n";
   text += "#ifndef TURNCAL_PARAMETERS_H\n#define TURNCAL_PARAMETERS_H\n\n";
@@ -343,6 +405,14 @@ std::string format_parameter_header(const ParameterFile& file) {
   constant("double", "sigma_A0_g[3]", sigmas_of(file, 3, 3));
   constant("double", "sigma_n[9]", sigmas_of(file, 6, 9));
   constant("double", "sigma_a[9]", sigmas_of(file, 15, 9));
+  if (const auto& t = file.temperature) {
+    constant("double", "temperature_reference_c", literal(t->reference_c));
+    constant("double", "temperature_range_c[2]", fmt::format("{{{}, {}}}", literal(t->low_c), literal(t->high_c)));
+    constant("double", "temperature_N0_degph[3][3]", orders_of(*t, 0, 3));
+    constant("double", "temperature_A0_g[3][3]", orders_of(*t, 3, 3));
+    constant("double", "temperature_n[9][3]", orders_of(*t, 6, 9));
+    constant("double", "temperature_a[9][3]", orders_of(*t, 15, 9));
+  }
   for (const EffectValue& effect : file.effects)
     constant("double", "effect_" + effect.name + "_" + effect.component, literal(effect.value));
   return text + "\n#endif\n";
@@ -371,6 +441,14 @@ std::string format_parameter_yaml(const ParameterFile& file) {
   text += "sigma:\n";
   for (std::size_t k = 0; k < static_cast<std::size_t>(parameter_count); ++k)
     line("  " + std::string(parameter_keys[k]), file.sigma[k] ? literal(*file.sigma[k]) : "null");
+  if (file.temperature) {
+    const TemperaturePolynomials& t = *file.temperature;
+    text += fmt::format("temperature:\n  reference_c: {}\n  range_c: [{}, {}]\n", literal(t.reference_c),
+                        literal(t.low_c), literal(t.high_c));
+    each_temperature_key(t, [&](const std::string& key, double value, double) {
+      if (!std::isnan(value)) line("  " + key.substr(key.find('.') + 1), literal(value));
+    });
+  }
   text += file.effects.empty() ? "effects: {}\n" : "effects:\n";
   for (const EffectValue& effect : file.effects)
     line("  " + effect.name + "." + effect.component, literal(effect.value));

@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -28,11 +29,20 @@ struct EffectValue {
   bool operator==(const EffectValue&) const = default;
 };
 
+// The parameters at other temperatures (docs/thermal.md): p + c_1 x + c_2 x^2 + c_3 x^3, x = T - reference_c, p the 24 of the file.
+struct TemperaturePolynomials {
+  using Orders = Eigen::Matrix<double, parameter_count, 3>;
+  double reference_c = 0.0, low_c = 0.0, high_c = 0.0;  // the range that they were made from
+  Orders coefficient = Orders::Constant(std::numeric_limits<double>::quiet_NaN()), sigma = coefficient;  // NaN: none
+  ParameterVector at(const ParameterVector& reference, double temperature_c) const;  // clamped to the range
+};
+
 struct ParameterFile {
   ParameterVector parameters = to_vector(Parameters{});        // units and order: calib/model/parameters.h
   std::array<std::optional<double>, parameter_count> sigma{};  // the same units; empty: not estimated
   std::vector<EffectValue> effects;                            // in the order in which they were added
   std::optional<double> reference_temperature_c;               // what temperature effects are referred to
+  std::optional<TemperaturePolynomials> temperature;           // keys temperature.*
 
   std::string unit_serial;
   std::string recording_hash;

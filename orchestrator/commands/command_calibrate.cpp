@@ -125,35 +125,6 @@ struct DiagnoseOptions {
   double accel_bias_instability_ug = 0.0;
 };
 
-// What is going on, for work that takes longer than a blink: one line of a terminal, redrawn.
-class Phases {
- public:
-  // `silent`: what is printed is for a program.
-  Phases(const CommandContext& context, bool silent) : out_(context.out), shows_(context.out_is_terminal && !silent) {}
-  ~Phases() { clear(); }
-  void begin(const std::string& what) {
-    what_ = what;
-    show("");
-  }
-  void samples(std::int64_t count) {
-    const double now_s = monotonic_s();
-    if (now_s - drawn_s_ < 0.1) return;
-    drawn_s_ = now_s;
-    show("  " + significant(1e-6 * static_cast<double>(count), 3) + " million samples");
-  }
-  void clear() { show("", ""); }
-
- private:
-  void show(const std::string& more) { show(what_, more); }
-  void show(const std::string& what, const std::string& more) {
-    if (shows_) out_ << '\r' << what << more << "\x1b[K" << std::flush;
-  }
-  std::ostream& out_;
-  bool shows_;
-  std::string what_;
-  double drawn_s_ = -1e9;
-};
-
 Result<std::vector<LoadedRecording>> load(const std::vector<std::string>& paths, Phases& phases) {
   std::vector<LoadedRecording> all;
   for (const std::string& path : paths) {

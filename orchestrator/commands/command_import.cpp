@@ -298,7 +298,9 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
                        ": a recording has increments and a counter: expected .csv, .npy or .mat with --as");
   const ParameterFile parameters = TRY(read_parameter_file(options.parameters));
   std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(options.recording));
-  CalibratedSource calibrated(*source, TRY(SampleCalibration::make(parameters, options.parameters, *source)));
+  SampleCalibration calibration = TRY(SampleCalibration::make(parameters, options.parameters, *source));
+  const std::optional<TemperatureCourse> temperature = calibration.temperature;
+  CalibratedSource calibrated(*source, std::move(calibration));
   std::error_code error;
   if (std::filesystem::is_directory(options.out, error))
     return input_error(options.out + ": expected a file name, found a folder");
@@ -308,6 +310,13 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
                    {"the source", options.parameters},
                    {"--out", options.out}}));
   TRY(write_calibrated(calibrated, options));
+  if (temperature)
+    context.out << fmt::format("parameters at the temperature of each sample, {:.2f} to {:.2f} C",
+                               temperature->lowest_c, temperature->highest_c);
+  if (temperature && temperature->leaves_range())
+    context.out << fmt::format("; OUTSIDE THE RANGE of {:.2f} to {:.2f} C as at its nearer end",
+                               temperature->polynomials.low_c, temperature->polynomials.high_c);
+  if (temperature) context.out << '\n';
   context.out << "calibrated " << (options.as == "rates" ? "rates" : "increments") << "  " << options.out << std::endl;
   return {};
 }
@@ -340,6 +349,9 @@ Status convert(const ConvertOptions& options, CommandContext& context) {
   }
   TRY(write_files_atomically(forms));
   for (const NamedText& form : forms) context.out << "written  " << form.path << '\n';
+  if (file.temperature && !options.binary.empty())
+    context.out << "the binary block holds the parameters at " << format_number(file.temperature->reference_c)
+                << " C alone, not their temperature.* coefficients\n";
   return {};
 }
 

@@ -314,6 +314,9 @@ void add_run_options(const Command& command, RunRequest& request) {
   command.option("--rig", request.rig, "rig configuration (docs/rig.md); default: the built-in one");
   command.option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
   command.option("--station", request.station, "station configuration; default: the built-in rig station");
+  command.option("--temperature", request.temperature_c,
+                 "bring the station's chamber to this temperature first, degrees C (docs/chamber.md); default: "
+                 "chamber.temperature_c of the station");
   command.flag("--verify", request.verify, "seek north with the new parameters after the calibration");
   command.flag("--until-sigma", request.until_sigma,
                "end as soon as the station's stop.sigma.* and limit.* are met with certainty (docs/design.md)");

@@ -32,6 +32,7 @@
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/run/chamber_watch.h"
 #include "orchestrator/service/service_page.h"
 #include "orchestrator/watch/progress.h"
 #include "sequences/plan.h"
@@ -39,14 +40,16 @@
 
 namespace turncal {
 
-std::vector<std::string> guesses_of(const StationConfig& station, bool moving) {
+std::vector<std::string> guesses_of(const StationConfig& station, bool moving, bool heating) {
   std::vector<std::string> guesses;
   const auto add = [&](const std::string& file, const std::vector<LineSource>& lines) {
     for (const LineSource& line : lines)
-      if (line.is_guess() && (!moving || decides_motion(line.key)))
+      if (line.is_guess() && (heating ? decides_heat(line.key) : !moving || decides_motion(line.key)))
         guesses.push_back(file + ":" + std::to_string(line.line) + ": " + line.key + " is a guess");
   };
   const TableConfig& table = station.table;
+  if (station.chamber && !moving) add(station.chamber->described.file, station.chamber->described.lines);
+  if (heating) return guesses;
   if (const TableDescription* const described = table.described()) add(described->file, described->lines);
   if (station.imu && !moving) add(station.imu->frame.file, station.imu->frame.lines);
   return guesses;
@@ -134,6 +137,12 @@ Against against(const StationConfig& station) {
   };
   if (table.link()) unset("table.address", table.link()->address);
   if (station.imu) unset("imu.device", station.imu->settings.device);
+  if (const auto& chamber = station.chamber) {
+    unset("chamber.address", chamber->described.link().address);
+    if (!chamber->described.commissioned)
+      found.blocks.push_back(
+          "the chamber is not commissioned: turncal commission --chamber comes before the first run with it");
+  }
   if (!is_commissioned(table))
     found.blocks.push_back("the table is not commissioned: turncal commission comes before the first run");
   if (const std::string caution = caution_of(table); !caution.empty()) found.doubts.push_back("table: " + caution);
@@ -141,6 +150,20 @@ Against against(const StationConfig& station) {
   if (!guesses_of(station, true).empty())
     found.doubts.push_back("some of these guesses decide what moves: commission needs --accept-guess");
   return found;
+}
+
+std::string chamber_line(const ChamberConfig& chamber) {
+  const ChamberDescription& described = chamber.described;
+  return fmt::format("Chamber   {} ({}), {} to {} C, {} C/min at most, the unit to {} C{}{}", described.file,
+                     described.name, format_number(described.limits.low_c), format_number(described.limits.high_c),
+                     format_number(described.limits.ramp_c_per_min), format_number(chamber.limit_unit_c),
+                     chamber.temperature_c ? "; runs at " + format_number(*chamber.temperature_c) + " C" : "",
+                     described.verified_on_hardware ? "" : "; not verified on hardware");
+}
+
+void print_chamber(const StationConfig& station, std::ostream& out) {
+  if (station.chamber)
+    out << chamber_line(*station.chamber) << "\n\n" << format_rows(explain(station.chamber->described)) << "\n";
 }
 
 void print_table(const StationConfig& station, std::ostream& out) {
@@ -165,7 +188,7 @@ struct Options {
   std::string station;
   std::optional<double> heading, pitch, roll;  // where the axes stand now
   double tolerance_deg = 0.1;
-  bool accept_guess = false;
+  bool accept_guess = false, chamber = false;
   CommissioningSettings settings;
 };
 
@@ -202,9 +225,48 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
   return try_axes(devices, station, options.settings, StopSignals::requests(), out);
 }
 
+// The chamber alone: 2 C up and down from where it is, the air follows, and off is off.
+Status commission_chamber(StationConfig station, CommandContext& context) {
+  station.chamber->described.commissioned = true;  // it is about to be
+  const StopSignals signals;
+  std::unique_ptr<LiveDevices> live = TRY(LiveDevices::make(station, StopSignals::requests(), context.out));
+  const LinePrefix marked(context.out, context.tag);
+  ChamberConfig config = *station.chamber;
+  const ChamberLimits& limits = config.described.limits;
+  config.settle_s = 10.0;  // it has to get there, not to stay
+  ChamberKeeper chamber(*live->chamber(), config, BackgroundQueue::By::thread);
+  const StationDevices devices = live->devices();
+  const ChamberTime time{
+      [&] { return devices.clock.now_s(); }, devices.wait, [] { return StopSignals::any(); }, {}, {}};
+  TRY(chamber.connect());
+  context.out << live->chamber()->identity() << ": " << chamber.text() << std::endl;
+  Status followed;
+  const double from_c = TRY(live->chamber()->status()).actual_c;
+  for (const double by_c : {2.0, -2.0}) {
+    if (!followed) break;
+    const double to_c = std::clamp(from_c + by_c, limits.low_c, std::min(limits.high_c, config.limit_unit_c));
+    followed = bring_to(chamber, to_c, limits.ramp_c_per_min, time);
+    if (followed) context.out << fmt::format("told {:+.1f} C: its air followed, {}", by_c, chamber.text()) << std::endl;
+  }
+  const Status off = leave_off(chamber, time);
+  if (!off) return followed ? off : Status(device_error(followed.error().message + "; " + off.error().message));
+  if (!followed) return Error{followed.error().kind, followed.error().message + "; the chamber is off"};
+  context.out << "off is off; write commissioned = true into your copy of the chamber's file" << std::endl;
+  return {};
+}
+
 Status run_commission(const Options& options, CommandContext& context) {
   const StationConfig station = TRY(read_station_config(options.station));
   TRY(check_real_devices(station));
+  if (options.chamber && !station.chamber)
+    return input_error("--chamber: station '" + station.name + "' has no chamber: expected chamber.file in its file");
+  if (station.simulated()) context.tag = simulated_tag;
+  if (const auto guesses = options.chamber ? guesses_of(station, false, true) : std::vector<std::string>();
+      !guesses.empty() && !options.accept_guess)
+    return input_error(guesses.front() +
+                       ": it decides what heats; expected it checked against the chamber's manual and its "
+                       "[guess] taken out, or --accept-guess (turncal check --explain shows what is sent)");
+  if (options.chamber) return commission_chamber(station, context);
   if (station.table.driver == TableDriver::manual)
     return input_error("station '" + station.name + "': a table turned by hand has nothing to commission");
   if (station.simulated()) context.tag = simulated_tag;
@@ -293,6 +355,15 @@ std::string unit_text(const Second& second, const RecordingInfo& info, double se
          (info.has_temperature ? fmt::format(", {:.2f} C", second.temperature_c) : "");
 }
 
+std::string chamber_text(Chamber* chamber) {
+  if (!chamber) return "";
+  Result<ChamberStatus> now = chamber->status();
+  if (!now && chamber->connect()) now = chamber->status();
+  if (!now) return now.error().message + "; ";
+  return fmt::format("chamber {:.1f} C of {:.1f} C {}{}{}; ", now->actual_c, now->set_point_c, now->on ? "on" : "off",
+                     now->door_open.value_or(false) ? ", door open" : "", now->alarm.value_or(false) ? ", alarm" : "");
+}
+
 Status watch(LiveDevices& live, double seconds, std::ostream& out) {
   const StationDevices devices = live.devices();
   TRY(devices.table.connect());
@@ -318,9 +389,10 @@ Status watch(LiveDevices& live, double seconds, std::ostream& out) {
       now_s = devices.clock.now_s();
     }
     const std::uint64_t bad_frames = devices.imu.counters().bad_frames;
-    const std::string table_now = table_text(devices.table);
+    const std::string table_now = table_text(devices.table), chamber_now = chamber_text(live.chamber());
     if (StopSignals::requests() != 0) break;  // its readings were given up
-    out << fmt::format("{:8.1f} s  ", now_s - began_s) << table_now << unit_text(second, info, now_s - line_s);
+    out << fmt::format("{:8.1f} s  ", now_s - began_s) << table_now << chamber_now
+        << unit_text(second, info, now_s - line_s);
     if (bad_frames > bad_frames_before) out << ", " << bad_frames - bad_frames_before << " bad frames";
     out << std::endl;
     bad_frames_before = bad_frames;
@@ -355,8 +427,9 @@ Status run_twin(const TwinCommandOptions& options, CommandContext& context) {
   std::unique_ptr<RigTwin> twin = TRY(RigTwin::open(station, rig, settings));
   context.out << "[twin] ready: table " << (station.table.map ? "modbus" : "serial") << " at " << twin->table_address()
               << (station.imu_places() > 1 ? ", units " : ", unit ") << station.imu->frame.name << " on "
-              << twin->imu_devices() << ", " << format_number(settings.speed_up) << " times real time, rig seed "
-              << rig.seed << std::endl;
+              << twin->imu_devices()
+              << (twin->chamber_address().empty() ? "" : ", chamber at " + twin->chamber_address()) << ", "
+              << format_number(settings.speed_up) << " times real time, rig seed " << rig.seed << std::endl;
   const Status status = twin->run(
       StopSignals::requests(), [&context](const std::string& what) { context.out << "[twin] " << what << std::endl; });
   context.out << "[twin] ends at " << format_number(twin->rig_time_s()) << " s of rig time";
@@ -390,7 +463,10 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
     return exit_code(error.kind);
   };
   const Result<StationConfig> station = read_station_config(options.station);
-  if (options.explain && station) print_table(*station, out);
+  if (options.explain && station) {
+    print_table(*station, out);
+    print_chamber(*station, out);
+  }
   if (options.sequence.empty()) {
     if (!station) return refuse(station.error());
     if (!options.explain) return refuse(input_error("--sequence is required: the sequence file (or --explain alone)"));
@@ -418,6 +494,7 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
     plan = make_plan(*sequence, limits);
   }
   print_plan(*sequence, *station, plan, out);
+  if (station->chamber) out << chamber_line(*station->chamber) << "\n";
   if (!station->simulated() && station->table.driver != TableDriver::manual)
     out << "Computer  " << RealTime().text() << "\n";
   if (!keys.empty()) out << "\nThis sequence " << coverage_text(keys) << ".\n";
@@ -475,6 +552,7 @@ void add_commission_command(CommandLine& line) {
   roll.needs(heading);
   command.flag("--accept-guess", options.accept_guess,
                "go ahead although lines that decide what moves are marked as guesses");
+  command.flag("--chamber", options.chamber, "try the chamber alone: 2 C both ways, then off; nothing turns");
   command.option("--tolerance", options.tolerance_deg, "tolerance of these angles, degrees").positive();
   command.option("--move", options.settings.move_deg, "travel of each axis, degrees").range(0.5, 30.0);
   command.option("--pose", options.settings.pose_deg, "largest tilt of pitch and roll to compare gravity, degrees")

@@ -60,6 +60,7 @@ class RehearsalDevices {
   StationDevices devices();  // valid as long as this object
   Status pass_until(double time_s) { return rig_.put_back({}, time_s); }
   OperatorPrompts& prompts() { return prompts_; }
+  RigGroup& group() { return rig_.group; }
 
  private:
   DryRunDevices rig_;

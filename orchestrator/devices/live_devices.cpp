@@ -102,6 +102,7 @@ std::string lock_path_of(const std::string& device) {
 Result<StationLock> StationLock::acquire(const StationConfig& station) {
   std::vector<std::string> devices;
   if (const TableLinkSettings* const link = station.table.link()) devices.push_back(link->address);
+  if (station.chamber) devices.push_back(station.chamber->described.link().address);
   for (std::size_t place = 0; place < station.imu_places(); ++place)
     devices.push_back(station.imu_settings(place).device);
   StationLock lock;
@@ -182,6 +183,7 @@ Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& stat
   assert(station.imu);
   StationLock lock = TRY(StationLock::acquire(station));
   std::unique_ptr<LiveDevices> live(new LiveDevices(station, units, std::move(lock)));
+  if (station.chamber) live->chamber_ = std::make_unique<DescribedChamber>(station.chamber->described);
   const GravityWatch& watched = live->watched_;
   live->table_ = TRY(
       make_table(station, {live->clock_, &stop_requests, STDIN_FILENO, &out, [&watched] { return watched.mean(); }}));

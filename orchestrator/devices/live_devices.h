@@ -19,6 +19,7 @@
 #include "orchestrator/devices/table_device.h"
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/station/station_config.h"
+#include "turntable_drivers/chamber/described_chamber.h"
 
 namespace turncal {
 
@@ -104,6 +105,7 @@ class LiveDevices {
   std::string sag_since(const std::optional<TableStatus>& left);
   void end_real_time() { real_time_.reset(); }  // the table rests with its drives off: what comes may take its time
 
+  DescribedChamber* chamber() { return chamber_.get(); }  // null: the station has none
   // Of a table turned by hand: what its operator is told; else null. The sequence must outlive the devices.
   OperatorPrompts* prompts();
 
@@ -118,6 +120,7 @@ class LiveDevices {
   SerialImu imu_;
   GravityWatch watched_;
   std::vector<std::unique_ptr<SerialImu>> further_;
+  std::unique_ptr<DescribedChamber> chamber_;  // outlives the table: that is left first
   std::unique_ptr<TableDevice> table_;
   std::unique_ptr<OperatorPrompts> prompts_;
 };

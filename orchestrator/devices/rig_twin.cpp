@@ -10,8 +10,10 @@
 #include "calib/model/parameters.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
+#include "turntable_drivers/twins/chamber_twin.h"
 #include "turntable_drivers/twins/dialect_twin.h"
 #include "turntable_drivers/twins/modbus_twin.h"
+#include "turntable_drivers/twins/rig_chamber.h"
 
 namespace turncal {
 
@@ -97,6 +99,14 @@ Status RigTwin::open_table(const StationConfig& station, const TwinSettings& set
   return server_->listen_tcp(*port);
 }
 
+Status RigTwin::open_chamber(const ChamberDescription& described) {
+  chamber_ = std::make_unique<RigChamber>(group_, described.limits);
+  chamber_server_ = std::make_unique<ChamberTwin>(described, *chamber_, &server_->mutex);
+  const TableLinkSettings& link = described.link();
+  const auto port = link.tcp ? parse_integer<int>(port_of(link.address)) : std::optional(0);
+  return link.tcp ? chamber_server_->listen_tcp(port.value_or(0)) : chamber_server_->open_pty(link.address);
+}
+
 Result<std::unique_ptr<RigTwin>> RigTwin::open(const StationConfig& station, const RigConfig& rig,
                                                const TwinSettings& settings) {
   if (!station.table.described())
@@ -104,6 +114,8 @@ Result<std::unique_ptr<RigTwin>> RigTwin::open(const StationConfig& station, con
   if (!station.imu) return input_error("station '" + station.name + "': a twin needs imu.driver = serial");
   std::unique_ptr<RigTwin> twin(new RigTwin(as_the_table(rig, station), station.imu_places()));
   TRY(twin->open_table(station, settings));
+  if (station.chamber && station.chamber->described.language != ChamberDescription::Language::rig)
+    TRY(twin->open_chamber(station.chamber->described));
   for (std::size_t unit = 0; unit < station.imu_places(); ++unit)
     TRY(twin->open_line(station, unit, settings.speed_up));
   return twin;
@@ -177,7 +189,8 @@ Status RigTwin::run(const std::atomic<int>& stop_requests, const std::function<v
   std::atomic<bool> done = false;
   std::thread table([&] {
     while (!done) {
-      server_->run_once(0.02);
+      server_->run_once(chamber_server_ ? 0.01 : 0.02);
+      if (chamber_server_) chamber_server_->run_once(0.01);
       watch(say);
     }
   });

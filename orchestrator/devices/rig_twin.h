@@ -37,6 +37,7 @@ class RigTwin {
   RigTwin& operator=(const RigTwin&) = delete;
 
   std::string table_address() const { return server_->address(); }
+  std::string chamber_address() const { return chamber_server_ ? chamber_server_->address() : ""; }
   std::string imu_devices() const;  // separated by ", "
   // Serves until the count of requests to stop is not 0. `say` hears, from another thread, of a watchdog that tripped and of the
   // table's coming to rest after that.
@@ -47,6 +48,7 @@ class RigTwin {
  private:
   RigTwin(const RigConfig& rig, std::size_t units);
   void watch(const std::function<void(const std::string&)>& say);
+  Status open_chamber(const ChamberDescription& described);
   Status open_table(const StationConfig& station, const TwinSettings& settings);
 
   struct UnitLine {
@@ -59,7 +61,9 @@ class RigTwin {
 
   RigGroup group_;
   std::unique_ptr<LineServer> server_;
-  ModbusTwin* drives_ = nullptr;  // the server, where it is one
+  std::unique_ptr<Chamber> chamber_;
+  std::unique_ptr<LineServer> chamber_server_;  // null: the station has none
+  ModbusTwin* drives_ = nullptr;                // the server, where it is one
   std::vector<std::unique_ptr<UnitLine>> lines_;
   bool tripped_said_ = false, standing_said_ = false;
 };

@@ -199,7 +199,8 @@ class Recorder {
         enough_(run, recordings_, storage_,
                 [this](const std::string& line, const KnownSoFar& unit) { tell_known(line, unit); }),
         station_(devices.devices(),
-                 {run.sequence, run.plan, run.station, run.units.front().serial, run.resume, run.sessions > 1},
+                 {run.sequence, run.plan, run.station, run.units.front().serial, run.resume, run.sessions > 1,
+                  run.temperature_c()},
                  make_lanes(), hooks()) {}
 
   RunOutcome walk() {
@@ -339,7 +340,21 @@ RunEnd stopped(Run& run, const RunOutcome& outcome, bool goes_on, CommandContext
 
 }  // namespace
 
-Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context) {
+namespace {
+
+void add_chamber(const RunPlan& run, RunDevices& devices) {
+  if (!run.temperature_c()) return;
+  const ChamberConfig& config = *run.station.chamber;
+  if (!devices.live) {
+    RigGroup& group = devices.rig ? devices.rig->group : devices.rehearsal->group();
+    devices.rig_chamber = std::make_unique<RigChamber>(group, config.described.limits);
+  }
+  Chamber& chamber = devices.live ? static_cast<Chamber&>(*devices.live->chamber()) : *devices.rig_chamber;
+  devices.chamber = std::make_unique<ChamberKeeper>(
+      chamber, config, devices.live ? BackgroundQueue::By::thread : BackgroundQueue::By::caller);
+}
+
+Result<RunDevices> devices_of(const RunPlan& run, CommandContext& context) {
   RunDevices run_devices;
   if (context.quiet && (run.request.rehearsal() || run.station.table.driver == TableDriver::manual))
     return input_error("--quiet: a table that is turned by hand needs an operator who is told what to do");
@@ -356,6 +371,14 @@ Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context) {
       TRY(LiveDevices::make(run.station, StopSignals::requests(), context.out, run.request.units.size()));
   run_devices.prompts = run_devices.live->prompts();
   return run_devices;
+}
+
+}  // namespace
+
+Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context) {
+  RunDevices devices = TRY(devices_of(run, context));
+  add_chamber(run, devices);
+  return devices;
 }
 
 RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {

@@ -25,6 +25,7 @@
 #include "orchestrator/report/verification_report.h"
 #include "orchestrator/run/background_queue.h"
 #include "orchestrator/watch/progress.h"
+#include "turntable_drivers/twins/rig_chamber.h"
 
 namespace turncal {
 
@@ -140,8 +141,14 @@ struct RunDevices {
   std::unique_ptr<DryRunDevices> rig;
   std::unique_ptr<RehearsalDevices> rehearsal;
   std::unique_ptr<LiveDevices> live;
-  OperatorPrompts* prompts = nullptr;  // of a table turned by hand
-  StationDevices devices() { return rig ? rig->devices() : rehearsal ? rehearsal->devices() : live->devices(); }
+  OperatorPrompts* prompts = nullptr;       // of a table turned by hand
+  std::unique_ptr<RigChamber> rig_chamber;  // of a dry run
+  std::unique_ptr<ChamberKeeper> chamber;   // of a run that has a temperature
+  StationDevices devices() {
+    StationDevices all = rig ? rig->devices() : rehearsal ? rehearsal->devices() : live->devices();
+    all.chamber = chamber.get();
+    return all;
+  }
   ImuSource& imu(std::size_t unit) { return rig ? rig->group.imu(unit) : rehearsal ? devices().imu : live->imu(unit); }
 };
 Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context);

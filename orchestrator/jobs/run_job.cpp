@@ -210,7 +210,8 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
 // Where a run goes on that had completed a dwell; its simulated devices are put back there.
 Result<ResumePoint> resume_point(const Run& run, const JournalContents& contents, RunDevices& devices) {
   const CompletedDwell& last = *contents.last_dwell;
-  ResumePoint point{last, devices.rig != nullptr};
+  // What the chamber did to the unit is not in the journal's commands: it is brought there again, and time passes.
+  ResumePoint point{last, devices.rig != nullptr && !devices.chamber};
   for (const RunUnit& unit : run.units) point.dropped.push_back(unit.dropped);
   if (devices.rig) TRY(devices.rig->put_back(contents.commands, last.time_s));
   if (devices.rehearsal) TRY(devices.rehearsal->pass_until(last.time_s));

@@ -69,6 +69,21 @@ Status check_live(const RunPlan& run) {
   return check_real_devices(run.station);
 }
 
+// A chamber that a run would switch on.
+Status check_chamber(const RunPlan& run) {
+  const auto& chamber = run.station.chamber;
+  if (run.request.temperature_c) {
+    if (!chamber)
+      return input_error("--temperature: station '" + run.station.name +
+                         "' has no chamber: expected chamber.file in its file");
+    if (const Status fits = check_temperature(*chamber, *run.request.temperature_c); !fits)
+      return input_error("--temperature: " + fits.error().message);
+  }
+  if (!run.temperature_c() || run.request.dry_run || chamber->described.commissioned) return {};
+  return input_error(chamber->described.file +
+                     ": commissioned = false: expected a chamber that turncal commission --chamber has tried");
+}
+
 // What the operator may type has to count as arrived.
 void turn_by_hand(StationConfig& station) {
   station.table.driver = TableDriver::manual;
@@ -204,6 +219,7 @@ Beginning beginning_of(const JournalContents& journal) {
   Beginning began;
   began.request.units.resize(journal.units().size());
   set_texts(journal.begin, fields_of(began.request, began.hashes));
+  if (const auto c = parse_number(journal.begin_value("temperature_c"))) began.request.temperature_c = *c;
   return began;
 }
 
@@ -229,6 +245,9 @@ RecordingInfo planned_info(const RunPlan& run) {
 }
 
 Status check_real_devices(const StationConfig& station) {
+  if (station.chamber && station.chamber->described.language == ChamberDescription::Language::rig)
+    return input_error(station.chamber->described.file +
+                       ": link.kind = rig: expected a chamber on a line, or --dry-run to rehearse");
   const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
   if (mock && rig) {
     return input_error("station '" + station.name +
@@ -273,6 +292,7 @@ Result<RunPlan> plan_run(const RunRequest& request) {
   } else
     TRY(check_live(run));
 
+  TRY(check_chamber(run));
   if (wanted.units.size() > places(run))
     return input_error(
         "--unit: " + std::to_string(wanted.units.size()) + " units: expected at most " + std::to_string(places(run)) +
@@ -295,6 +315,7 @@ JournalFields begin_fields(RunPlan run) {
       {"format", "1"}, {"software_version", software_version()}, {"simulated", run.simulated() ? "true" : "false"}};
   const JournalFields asked = texts_of(fields_of(run.request, run.hashes));
   fields.insert(fields.end(), asked.begin(), asked.end());
+  if (run.request.temperature_c) fields.emplace_back("temperature_c", format_number(*run.request.temperature_c));
   if (!run.request.manual) fields.emplace_back("planned_s", format_number(run.plan.station_s));
   return fields;
 }
@@ -352,6 +373,7 @@ Result<RunRequest> continuing(const RunRequest& asked) {
   request.verify = request.until_sigma = request.partial = request.capture_only = false;
   request.no_diagnosis = asked.no_diagnosis;
   request.manual = request.manual || asked.manual;
+  if (asked.temperature_c) request.temperature_c = asked.temperature_c;
   for (const RecordWord& record : record_words)
     if (!(asked.*record.word).empty()) request.*record.word = asked.*record.word;
   request.session = asked.session;

@@ -33,7 +33,8 @@ struct RunRequest {
   std::string station;
   // For the record (record_words); empty: not given.
   std::string operator_name, part, lot, revision, ambient;
-  std::string overdue_reason;  // why a table whose calibration is overdue is used all the same
+  std::optional<double> temperature_c;  // of the chamber; empty: what the station says
+  std::string overdue_reason;           // why a table whose calibration is overdue is used all the same
   // What is not of the run itself.
   struct Session {
     std::string listen;    // where the status page listens; empty: none
@@ -80,6 +81,11 @@ struct RunPlan {
   int calibration_ends_before() const { return request.capture_only ? 0 : verify_from; }
   // It has no outcome but the recording.
   bool only_captures() const { return request.capture_only && !request.verify; }
+  // To which the chamber is brought; empty: the run leaves it alone.
+  std::optional<double> temperature_c() const {
+    if (request.temperature_c) return request.temperature_c;
+    return station.chamber ? station.chamber->temperature_c : std::nullopt;
+  }
   bool simulated() const { return request.dry_run || station.simulated(); }
   double sample_period_s() const { return request.dry_run ? rig.sample_period_s : station.imu->frame.sample_period_s; }
 };

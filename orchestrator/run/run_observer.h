@@ -39,6 +39,7 @@ struct RunSnapshot {
   AxisTriple position_deg;
   AxisTriple rate_degps;
   TableState table = TableState::not_ready;
+  std::string chamber;             // "chamber 35.2 of 40 C"; empty: there is none
   double phase_fraction = 0.0;     // of the move, dwell or rest that is going on
   double item_end_utc_s = 0.0;     // when that move or dwell will be over; 0: not known
   double run_fraction = 0.0;       // of the plan's time

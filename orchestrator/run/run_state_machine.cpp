@@ -12,14 +12,15 @@ constexpr std::array<std::string_view, run_state_count> state_names = {
     "step_done", "parking",    "calibrating", "stopping", "done",      "failed", "aborted",  "interrupted"};
 
 constexpr std::array<std::string_view, run_event_count> event_names = {
-    "start",         "connected",      "connect_failed",     "homed",
-    "rest_over",     "back_in_place",  "move_next",          "dwell_next",
-    "step_complete", "step_next",      "sequence_complete",  "arrived",
-    "unsettled",     "settled",        "dwell_complete",     "dwell_bad",
-    "move_bad",      "calibration_ok", "calibration_failed", "stopped_verified",
-    "stall",         "deadline",       "table_fault",        "e_stop",
-    "link_lost",     "imu_lost",       "motion_data_lost",   "storage_failed",
-    "unit_wrong",    "pause_wanted",   "operator_stop",      "end_wanted"};
+    "start",          "connected",      "connect_failed",     "homed",
+    "rest_over",      "back_in_place",  "move_next",          "dwell_next",
+    "step_complete",  "step_next",      "sequence_complete",  "arrived",
+    "unsettled",      "settled",        "dwell_complete",     "dwell_bad",
+    "move_bad",       "calibration_ok", "calibration_failed", "stopped_verified",
+    "stall",          "deadline",       "table_fault",        "e_stop",
+    "link_lost",      "chamber_fault",  "imu_lost",           "motion_data_lost",
+    "storage_failed", "unit_wrong",     "pause_wanted",       "operator_stop",
+    "end_wanted"};
 
 constexpr std::array<std::string_view, run_action_count> action_names = {
     "none",           "connect",      "enable_and_home", "begin_rest",  "settle_again", "select_next",   "issue_move",

@@ -67,6 +67,7 @@ enum class RunEvent {
   table_fault,       // fault, limit switch, refused command, drive switched off
   e_stop,
   link_lost,         // the table does not answer
+  chamber_fault,     // door, alarm, sensor, link, never settles, the unit too warm (chamber_watch.h)
   imu_lost,          // the IMU is gone or silent
   motion_data_lost,  // samples lost or flagged while the table turns: told at once, judged when it has settled
   storage_failed,    // the recording cannot be written
@@ -75,7 +76,7 @@ enum class RunEvent {
   operator_stop,     // the operator: stop now
   end_wanted         // from outside (SIGTERM, SIGHUP): stop now, nobody gives the run up
 };
-inline constexpr int run_event_count = 32;
+inline constexpr int run_event_count = 33;
 
 enum class RunAction {
   none,
@@ -125,9 +126,9 @@ struct RunGuards {
 // A set of states or events as bits, so that one row can say "from any of these".
 template <class Enum>
 struct EnumSet {
-  std::uint32_t bits = 0;
+  std::uint64_t bits = 0;
   constexpr EnumSet(std::initializer_list<Enum> members) {
-    for (Enum member : members) bits |= 1u << static_cast<unsigned>(member);
+    for (Enum member : members) bits |= std::uint64_t{1} << static_cast<unsigned>(member);
   }
   constexpr EnumSet(Enum member) : EnumSet({member}) {}
   constexpr bool contains(Enum member) const { return (bits >> static_cast<unsigned>(member) & 1u) != 0; }
@@ -204,6 +205,7 @@ inline constexpr TransitionRow rows[] = {
   {live_states,    table_fault,        always,          stopping,    stop_table},
   {live_states,    e_stop,             always,          stopping,    stop_table},
   {live_states,    link_lost,          always,          stopping,    stop_table},
+  {live_states,    chamber_fault,      always,          stopping,    stop_table},
   {live_states,    imu_lost,           always,          stopping,    stop_table},
   {live_states,    storage_failed,     always,          stopping,    stop_table},
   {live_states,    unit_wrong,         always,          stopping,    stop_table},
@@ -227,9 +229,9 @@ inline constexpr TransitionRow rows[] = {
 };
 
 inline constexpr IgnoredRow ignored[] = {
-  {stopping,    {table_fault, e_stop, link_lost, imu_lost, motion_data_lost, storage_failed, unit_wrong},
+  {stopping,    {table_fault, e_stop, link_lost, chamber_fault, imu_lost, motion_data_lost, storage_failed, unit_wrong},
                 "the first reason stands; the deadline judges the stop"},
-  {calibrating, {table_fault, e_stop, link_lost, imu_lost},
+  {calibrating, {table_fault, e_stop, link_lost, chamber_fault, imu_lost},
                 "the recording is complete and the table is at rest, its drives off"},
   {calibrating, pause_wanted,
                 "everything is recorded: the run finishes"},
@@ -238,7 +240,7 @@ inline constexpr IgnoredRow ignored[] = {
   {{done, failed, aborted, interrupted},
                 {start, connected, connect_failed, homed, rest_over, back_in_place, move_next, dwell_next, step_complete,
                  step_next, sequence_complete, arrived, unsettled, settled, dwell_complete, dwell_bad, move_bad,
-                 calibration_ok, calibration_failed, stopped_verified, stall, deadline, table_fault, e_stop, link_lost, imu_lost,
+                 calibration_ok, calibration_failed, stopped_verified, stall, deadline, table_fault, e_stop, link_lost, chamber_fault, imu_lost,
                  motion_data_lost, storage_failed, unit_wrong, pause_wanted, operator_stop, end_wanted},
                 "the run is over"},
 };

@@ -72,6 +72,7 @@ RunOutcome StationRun::run() {
       continue;
     }
     if (const MaybeEvent lost = look_at_storage()) handle(*lost);
+    if (const MaybeEvent wrong = look_at_chamber()) handle(*wrong);
     if (const MaybeEvent event = pump()) {
       handle(*event);
     } else if (devices_.clock.now_s() >= next_poll_s_ - time_slack_s) {
@@ -79,6 +80,7 @@ RunOutcome StationRun::run() {
     }
     tell_progress();
   }
+  leave_chamber();
   for (UnitLane& lane : lanes_) lane.close();
   RunOutcome end = outcome();
   end.storage_hangs = !storage_.drain();
@@ -106,7 +108,7 @@ void StationRun::handle(RunEvent event) {
 }
 
 StationRun::MaybeEvent StationRun::take(RunEvent now) {
-  const RunGuards guards{.rest_due = rest_due_,
+  const RunGuards guards{.rest_due = rest_due_ || devices_.chamber,
                          .repeats_left = any_living(
                              [this](const UnitLane& lane) { return lane.repeats < job_.station.dwell.max_repeats; }),
                          .stop_cause = stop_cause_};
@@ -135,8 +137,8 @@ StationRun::MaybeEvent StationRun::take(RunEvent now) {
       first_error_->message += "; " + how_it_rests(devices_.table);
     }
     if (transition.to == RunState::failed && now == RunEvent::deadline) {
-      stop_failed_ = true;
-      record.detail = stop_.not_verified("");
+      stop_failed_ = !left_;
+      record.detail = left_ ? devices_.chamber->not_verified() : stop_.not_verified("");
       first_error_ = Error{ErrorKind::device, first_error_->message + "; " + record.detail};
     }
   }
@@ -274,6 +276,7 @@ StationRun::MaybeEvent StationRun::look_around() {
   if (const MaybeEvent hangs = kept(storage_.status())) return hangs;
   if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) return asked();
   receive_meanwhile();
+  if (const MaybeEvent wrong = look_at_chamber()) return wrong;
   if (!live_states.contains(state_) || devices_.clock.now_s() < next_poll_s_ - time_slack_s) return std::nullopt;
   MaybeEvent event = read_table();
   if (!event) event = judge_motion();

@@ -24,6 +24,9 @@
 // - On any error: stop to all axes, drives off at rest, both verified by their status (turntable_drivers/table/table_stop.h); the
 //   fastest stop when that fails or nothing can be read. The outcome names reason and place in one line.
 //
+// - A chamber is brought to its temperature when the table is homed, and the run rests until it has settled. It is polled with the table. Its faults
+//   stop the table first, and then it goes off, told again until it is read back. So it goes at every end, before anything is calibrated.
+//
 // - A pause lets the item that goes on come to its end, and homing; then the table is stopped and its drives go off, both verified
 //   as above. Once everything is recorded a pause changes nothing.
 //
@@ -55,6 +58,7 @@
 #include "imu_io/base/clock.h"
 #include "orchestrator/run/arrival_monitor.h"
 #include "orchestrator/run/background_queue.h"
+#include "orchestrator/run/chamber_watch.h"
 #include "orchestrator/run/motion_watch.h"
 #include "orchestrator/run/run_observer.h"
 #include "orchestrator/run/run_state_machine.h"
@@ -72,6 +76,7 @@ struct StationDevices {
   ImuSource& imu;  // of the first place; a run of several units is given each of them
   const Clock& clock;
   std::function<void(double seconds)> wait;  // lets time pass while the IMU cannot be read
+  ChamberKeeper* chamber = nullptr;          // about the unit; null: none, or the run leaves it alone
 };
 
 // REQUIRES: plan == make_plan(sequence, plan_limits(station, period of the IMU)) and plan.ok().
@@ -82,6 +87,7 @@ struct StationJob {
   std::string unit_serial;                           // of a run of one unit
   std::optional<ResumePoint> resume = std::nullopt;  // the sinks then hold everything up to there
   bool taken_up = false;  // somebody goes on with an interrupted run: a fault that a drive still shows is cleared
+  std::optional<double> temperature_c = std::nullopt;  // of the chamber, where there is one
 };
 
 struct StationHooks {
@@ -209,6 +215,9 @@ class StationRun {
   MaybeEvent judge_defect(UnitLane& lane, const DwellMonitor::Defect& defect);
   MaybeEvent judge_homing(double now_s);
   MaybeEvent judge_stop(double now_s);
+  MaybeEvent look_at_chamber();
+  bool chamber_rests() const;  // off and read back, or none
+  void leave_chamber();
   void schedule_poll(double now_s);
   void hold();  // from here on the axes stay where they were last seen, but for the one that is sent
 
@@ -271,6 +280,8 @@ class StationRun {
   double next_poll_s_ = 0.0;
   double phase_deadline_s_ = 0.0;
   double rest_until_s_ = 0.0;
+  double rest_began_s_ = 0.0;
+  double chamber_until_s_ = 0.0;  // told to go off: then it counts as not verified
   bool unread_ = false;
   bool angles_known_ = false;  // all were read once
 };

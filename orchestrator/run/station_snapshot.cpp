@@ -47,6 +47,7 @@ RunSnapshot StationRun::snapshot() const {
     s.target_deg = arrival_.move()->target_deg;
   }
   s.repeats = repeats_;
+  if (devices_.chamber) s.chamber = devices_.chamber->text();
   std::int64_t dwell_left = 0;
   for (const UnitLane& lane : lanes_) {
     s.lost_samples += lane.lost_samples();
@@ -73,8 +74,11 @@ RunSnapshot StationRun::snapshot() const {
   s.run_fraction = job_.plan.station_s > 0.0 ? planned_s / job_.plan.station_s : 0.0;
   s.eta_s = std::max(0.0, job_.plan.station_s - planned_s);
   if (state_ == RunState::resting) {
-    const double rest_s = job_.station.resume_rest_s;
-    const double left_s = std::clamp(rest_until_s_ - devices_.clock.now_s(), 0.0, rest_s);
+    const double now_s = devices_.clock.now_s();
+    const double chamber_s = devices_.chamber ? devices_.chamber->left_s(now_s) : 0.0;
+    const double rest_s =
+        devices_.chamber ? std::max(rest_until_s_, now_s + chamber_s) - rest_began_s_ : job_.station.resume_rest_s;
+    const double left_s = std::clamp(std::max(rest_until_s_ - now_s, chamber_s), 0.0, rest_s);
     s.phase_fraction = rest_s > 0.0 ? 1.0 - left_s / rest_s : 1.0;
     s.item_end_utc_s = s.utc_s + left_s / job_.station.clock_speed_up;
     s.eta_s += left_s;

@@ -14,6 +14,10 @@ constexpr double homing_deadline_s = 300.0;
 }  // namespace
 
 StationRun::MaybeEvent StationRun::connect() {
+  if (devices_.chamber) {  // first: one that was left on goes off, whatever else fails
+    if (const Status chamber = devices_.chamber->connect(); !chamber)
+      return raise(RunEvent::connect_failed, chamber.error().kind, chamber.error().message);
+  }
   if (Status status = devices_.table.connect(); !status) return raise_table(RunEvent::connect_failed, status.error());
   const Result<TableIdentity> table = devices_.table.identify();
   if (!table) return raise_table(RunEvent::connect_failed, table.error());
@@ -27,6 +31,11 @@ StationRun::MaybeEvent StationRun::connect() {
       return event;
     }
   }
+  for (const UnitLane& lane : lanes_)
+    if (devices_.chamber && lane.alive() && !lane.tells_temperature())
+      return raise(RunEvent::connect_failed, ErrorKind::input,
+                   named(lane, "the unit tells no temperature: expected one that does, for chamber.limit_unit_c"));
+  if (devices_.chamber) found += "; " + devices_.chamber->text();
   const auto begin = [this](UnitLane& lane) { return lane.begin_recording(job_.resume.has_value()); };
   if (const MaybeEvent event = in_every_lane(RunEvent::connect_failed, begin)) return event;
   if (pause_asked()) return pause();
@@ -104,9 +113,15 @@ bool StationRun::stands_as_left() const {
 
 StationRun::MaybeEvent StationRun::begin_rest() {
   if (pause_asked()) return pause();
-  rest_until_s_ = devices_.clock.now_s() + job_.station.resume_rest_s;
+  const double now_s = devices_.clock.now_s(), rest_s = rest_due_ ? job_.station.resume_rest_s : 0.0;
+  rest_began_s_ = now_s;
+  rest_until_s_ = now_s + rest_s;
   hold();
-  detail_ = "rests for " + format_number(job_.station.resume_rest_s) + " s after the interruption";
+  if (devices_.chamber) {
+    devices_.chamber->bring_to(*job_.temperature_c, job_.station.chamber->described.limits.ramp_c_per_min, now_s);
+    detail_ = "brings the chamber to " + format_number(*job_.temperature_c) + " C" + (rest_due_ ? ", " : "");
+  }
+  if (rest_due_) detail_ += "rests for " + format_number(job_.station.resume_rest_s) + " s after the interruption";
   return std::nullopt;
 }
 
@@ -127,6 +142,10 @@ StationRun::MaybeEvent StationRun::stop_table() {
   // Whether it was taken is judged by what the axes do until the deadline.
   static_cast<void>(stop_.stop(now_s).ok());
   phase_deadline_s_ = now_s + brake_s() + job_.station.motion.deadline_margin_s;
+  if (!chamber_rests()) {
+    devices_.chamber->switch_off();
+    chamber_until_s_ = now_s + ChamberKeeper::off_limit_s;
+  }
   return std::nullopt;
 }
 

@@ -60,7 +60,9 @@ StationRun::MaybeEvent StationRun::judge(double now_s) {
   switch (state_) {
     case RunState::homing: return judge_homing(now_s);
     case RunState::resting:
-      if (now_s < rest_until_s_ - time_slack_s) return std::nullopt;
+      if (now_s < rest_until_s_ - time_slack_s || (devices_.chamber && !devices_.chamber->settled()))
+        return std::nullopt;
+      if (devices_.chamber) detail_ = devices_.chamber->text() + ", settled";
       return RunEvent::rest_over;
     case RunState::parking: return judge_stop(now_s);
     case RunState::dwelling: return judge_dwell();
@@ -189,7 +191,9 @@ StationRun::MaybeEvent StationRun::judge_dwell() {
 StationRun::MaybeEvent StationRun::judge_stop(double now_s) {
   if (stop_.look(unread_ ? nullptr : &status_, now_s)) {
     left_ = status_;
-    return RunEvent::stopped_verified;
+    if (chamber_rests()) return RunEvent::stopped_verified;
+    if (now_s <= chamber_until_s_) return std::nullopt;
+    return raise(RunEvent::deadline, ErrorKind::device, "the chamber did not switch off");
   }
   if (now_s > phase_deadline_s_) {
     if (state_ == RunState::parking)
@@ -197,6 +201,29 @@ StationRun::MaybeEvent StationRun::judge_stop(double now_s) {
     return RunEvent::deadline;
   }
   return std::nullopt;
+}
+
+bool StationRun::chamber_rests() const { return !devices_.chamber || devices_.chamber->is_off(); }
+
+StationRun::MaybeEvent StationRun::look_at_chamber() {
+  if (!devices_.chamber) return std::nullopt;
+  std::optional<double> warmest_c;
+  for (const UnitLane& lane : lanes_)
+    if (lane.alive() && lane.temperature_c()) warmest_c = std::max(warmest_c.value_or(-1e3), *lane.temperature_c());
+  const std::string fault = devices_.chamber->look(warmest_c, devices_.clock.now_s());
+  if (fault.empty() || !live_states.contains(state_)) return std::nullopt;
+  return raise(RunEvent::chamber_fault, ErrorKind::device, fault);
+}
+
+// What no stop has switched off: a run that ended before its table was used.
+void StationRun::leave_chamber() {
+  if (!devices_.chamber || !devices_.chamber->is_connected() || chamber_rests()) return;
+  if (chamber_until_s_ > 0.0 && devices_.clock.now_s() > chamber_until_s_) return;
+  const Status off =
+      leave_off(*devices_.chamber, {[this] { return devices_.clock.now_s(); }, devices_.wait, {}, {}, {}});
+  if (off) return;
+  state_ = RunState::failed;
+  first_error_ = device_error((first_error_ ? first_error_->message + "; " : "") + off.error().message);
 }
 
 void StationRun::schedule_poll(double now_s) {

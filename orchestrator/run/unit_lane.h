@@ -13,8 +13,10 @@
 #pragma once
 
 #include <atomic>
+#include <cmath>
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -70,6 +72,11 @@ class UnitLane {
   // What has arrived, without waiting, while the run is busy with the table: an error is kept for the run, which asks for trouble().
   void receive_meanwhile(double now_s);
   const std::optional<Error>& trouble() const { return trouble_; }
+  std::optional<double> temperature_c() const {  // by the unit's own thermometer, as last received
+    const double c = have_last_sample_ ? last_sample_.temperature_c : std::numeric_limits<double>::quiet_NaN();
+    return std::isfinite(c) ? std::optional(c) : std::nullopt;
+  }
+  bool tells_temperature() const { return info_.has_temperature; }
   void heard(double now_s) { last_sample_s_ = now_s; }
   double last_sample_s() const { return last_sample_s_; }
 

@@ -1,7 +1,7 @@
 // Commands of the station that are run when somebody or something should know: a unit is done, has failed its limits, or an
 // operator is needed. Given to /bin/sh with what happened in the environment:
 //
-//   TURNCAL_EVENT (done, fail, needs_operator, mount)  TURNCAL_UNIT  TURNCAL_FOLDER  TURNCAL_MESSAGE  TURNCAL_DRY_RUN (true, false)
+//   TURNCAL_EVENT (done, fail, needs_operator, mount, switch_on)  TURNCAL_UNIT  TURNCAL_FOLDER  TURNCAL_MESSAGE  TURNCAL_DRY_RUN (true, false)
 //   TURNCAL_OUTCOME: the unit's outcome in one word (pass, hold, fail, dropped ...; empty: it has none)
 //
 // A hook runs when the table stands and the results are durable, and has hook_time_s; then it and its children are killed.
@@ -19,13 +19,15 @@ struct HookCommands {  // empty: none
   std::string done, fail, needs_operator;
   std::string mount;  // before a unit of a batch (mount_unit)
   double mount_time_s = 3600.0;
+  std::string switch_on;  // switches the unit off and on, between legs of a campaign
 };
 
 inline constexpr std::pair<const char*, std::string HookCommands::*> hook_events[] = {
     {"done", &HookCommands::done},
     {"fail", &HookCommands::fail},
     {"needs_operator", &HookCommands::needs_operator},
-    {"mount", &HookCommands::mount}};
+    {"mount", &HookCommands::mount},
+    {"switch_on", &HookCommands::switch_on}};
 
 struct HookCall {
   std::string event, unit, folder, message;

@@ -103,6 +103,37 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
   return {};
 }
 
+Status read_chamber_keys(KeyValueFile& file, StationConfig& station) {
+  if (!file.has("chamber.file")) return {};  // other keys of it are unknown ones then
+  ChamberConfig& chamber = station.chamber.emplace();
+  const std::string path = file.text("chamber.file");
+  if (path.empty()) return {};
+  chamber.described = TRY(read_chamber(beside(file, path)));
+  KeyTable keys(file);
+  std::string address;
+  keys.text("chamber.address", address);
+  if (!address.empty()) chamber.described.reach(address);
+  const TableLinkSettings& link = chamber.described.link();
+  const bool is_rig = chamber.described.language == ChamberDescription::Language::rig;
+  if (!is_rig && !(link.tcp ? parse_line("tcp:" + link.address).has_value() : link.address.starts_with('/')))
+    file.reject(file.has("chamber.address") ? "chamber.address" : "chamber.file",
+                "a chamber at " + std::string(link.tcp ? "HOST:PORT" : "a serial device, /dev/serial/by-id/...") +
+                    ", not at " + link.address);
+  chamber.limit_unit_c = file.number("chamber.limit_unit_c", between(-200.0, 300.0));
+  keys.number("chamber.temperature_c", chamber.temperature_c, between(-200.0, 300.0));
+  keys.number("chamber.band_c", chamber.band_c, between(0.01, 20.0));
+  keys.number("chamber.settle_s", chamber.settle_s, between(1.0, 86400.0));
+  keys.number("chamber.settle_limit_s", chamber.settle_limit_s, between(1.0, 604800.0));
+  if (chamber.settle_limit_s <= chamber.settle_s)
+    file.reject(file.has("chamber.settle_limit_s") ? "chamber.settle_limit_s" : "chamber.settle_s",
+                "a settle_limit_s above settle_s");
+  if (chamber.temperature_c) {
+    if (const Status fits = check_temperature(chamber, *chamber.temperature_c); !fits)
+      file.reject("chamber.temperature_c", fits.error().message);
+  }
+  return {};
+}
+
 void read_axes(KeyTable& keys, std::array<AxisLimits, 3>& axes) {
   for (const Axis axis : all_axes) {
     AxisLimits& limit = axes[index(axis)];
@@ -270,6 +301,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   station.latitude_deg = file.number("site.latitude_deg", site_latitude_deg);
   station.gravity_mps2 = file.number("site.gravity_mps2", site_gravity_mps2);
   TRY(read_table(file, station.table));
+  TRY(read_chamber_keys(file, station));
   if (file.one_of("imu.driver", {"rig", "serial"}) == "serial") {
     SerialImuConfig imu = TRY(read_serial_imu_config(file));
     station.imu_driver = ImuDriver::serial;
@@ -325,6 +357,13 @@ SerialImuSettings StationConfig::imu_settings(std::size_t place) const {
   settings.device = further_imu_devices[place - 1];
   settings.unit_serial.clear();
   return settings;
+}
+
+Status check_temperature(const ChamberConfig& chamber, double temperature_c) {
+  if (temperature_c > chamber.limit_unit_c)
+    return input_error(format_number(temperature_c) + " C: expected at most chamber.limit_unit_c (" +
+                       format_number(chamber.limit_unit_c) + ")");
+  return check_set_point(chamber.described.limits, temperature_c, chamber.described.limits.ramp_c_per_min);
 }
 
 StationConfig default_station_config() {

@@ -18,6 +18,7 @@
 #include "orchestrator/station/verdict.h"
 #include "sequences/plan.h"
 #include "turntable_drivers/ascii/dialect.h"
+#include "turntable_drivers/chamber/described_chamber.h"
 #include "turntable_drivers/manual/manual_turntable.h"
 #include "turntable_drivers/modbus/register_map.h"
 
@@ -85,6 +86,16 @@ struct TableConfig {
   }
 };
 
+// A temperature chamber about the unit: docs/chamber.md.
+struct ChamberConfig {
+  ChamberDescription described;         // chamber.file, reached at chamber.address where that is given
+  std::optional<double> temperature_c;  // of a run; empty: it leaves the chamber alone
+  double limit_unit_c = 0.0;            // the unit warmer than that, by its own thermometer: heaters off
+  double band_c = 0.5;                  // about the set point
+  double settle_s = 1800.0;             // within the band for so long: settled
+  double settle_limit_s = 14400.0;      // not settled after so long: a fault
+};
+
 // Who calibrates, for whom, and how well the site is known: for the certificate alone (docs/certificate.md). Empty: not given.
 struct Parties {
   std::string laboratory_name, laboratory_address, laboratory_accreditation, laboratory_signatory;
@@ -98,6 +109,7 @@ struct StationConfig {
   double latitude_deg = 0.0;
   double gravity_mps2 = 0.0;
   TableConfig table;
+  std::optional<ChamberConfig> chamber;
   ImuDriver imu_driver = ImuDriver::rig;
   std::optional<SerialImuConfig> imu;            // serial; of the first place
   std::vector<std::string> further_imu_devices;  // the lines of the places 2, 3, ...: same frame, same settings
@@ -128,6 +140,9 @@ struct StationConfig {
 
 // The built-in station of a dry run: 29.53 deg, 9.7914 m/s^2, mock table and rig IMU, settle_s 0.5, limit.heading_deg 0.1.
 StationConfig default_station_config();
+
+// An error unless the chamber may be brought there, and the unit with it.
+Status check_temperature(const ChamberConfig& chamber, double temperature_c);
 
 Result<StationConfig> read_station_config(const std::string& path);  // empty: the built-in one
 Result<StationConfig> parse_station_config(const std::string& text, const std::string& file_name);

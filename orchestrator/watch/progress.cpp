@@ -83,7 +83,8 @@ std::string phase_words(const RunSnapshot& s, bool by_hand) {
     if (s.repeats > 0) text += " (repeat " + std::to_string(s.repeats) + ")";
     return text;
   }
-  if (s.state == RunState::resting) return "resting after the interruption";
+  if (s.state == RunState::resting)
+    return s.chamber.empty() ? "resting after the interruption" : "resting: " + s.chamber;
   if (waits_for_operator(s, by_hand)) {
     if (!s.axis) return "where the table stands";
     return fmt::format("turn {} to {:.2f} deg", to_string(*s.axis), s.target_deg);
@@ -103,7 +104,8 @@ std::string format_progress(const RunSnapshot& s) {
              : fmt::format("H {:.2f} P {:.2f} R {:.2f} deg", at[Axis::heading], at[Axis::pitch], at[Axis::roll]);
   return fmt::format("step {}/{}  {}  {} {:3.0f}%  run {:3.0f}%  ETA {}", s.step_place, s.step_count,
                      phase_words(s, false), angles, 100.0 * s.phase_fraction, 100.0 * s.run_fraction,
-                     format_duration(s.eta_s));
+                     format_duration(s.eta_s)) +
+         (s.chamber.empty() || s.state == RunState::resting ? "" : "  " + s.chamber);
 }
 
 double wall_utc_s() {

@@ -155,7 +155,7 @@ std::string LiveStatus::json() const {
   o.text("phase", phase_words(s, run_.by_hand));
   o.number("phase_fraction", s.phase_fraction);
   o.number("run_fraction", s.run_fraction);
-  o.text("table", to_string(s.table));
+  o.text("table", std::string(to_string(s.table)) + (s.chamber.empty() ? "" : "; " + s.chamber));
   o.raw("position_deg", json_of(s.position_deg));
   o.raw("rate_degps", json_of(s.rate_degps));
   o.number("eta_s", s.eta_s);

@@ -62,6 +62,32 @@ TEST(ParameterFile, ReadingAndWritingAgainGivesTheSameBytes) {
   }
 }
 
+// Coefficients of temperature: the same bytes again; the value clamped to the range; a range that holds no reference is refused. Without them no
+// key is written.
+TEST(ParameterFile, TemperatureCoefficients) {
+  ParameterFile file = make_file();
+  EXPECT_SAYS_NOT(formatted(file), "temperature.");
+  TemperaturePolynomials& t = file.temperature.emplace();
+  t.reference_c = 20.0, t.low_c = -30.0, t.high_c = 70.0;
+  t.coefficient.row(0) << 0.5, 0.25, -0.125;
+  t.coefficient(23, 1) = -0.0;
+  t.sigma(0, 0) = 1e-3;
+  const std::string text = formatted(file);
+  EXPECT_SAYS(text,
+              "temperature.reference_c = 20\ntemperature.range_c = -30, 70\ntemperature.N01.1 = "
+              "0.5\nsigma.temperature.N01.1 = 0.001\n");
+  const auto read = parse_parameter_file(text, "p.conf");
+  ASSERT_OK(read);
+  EXPECT_EQ(formatted(*read), text);
+  EXPECT_EQ(read->temperature->at(read->parameters, 22.0)[0], read->parameters[0] + 1.0 + 1.0 - 1.0);
+  EXPECT_EQ(read->temperature->at(read->parameters, 22.0)[1], read->parameters[1]);
+  EXPECT_EQ(read->temperature->at(read->parameters, 90.0), read->temperature->at(read->parameters, 70.0));
+  EXPECT_TRUE(fails(parse_parameter_file(resealed(replaced(text, "range_c = -30, 70", "range_c = 70, -30")), "p.conf"),
+                    "'temperature.range_c' = '70, -30': expected the lower"));
+  EXPECT_TRUE(fails(parse_parameter_file(resealed(replaced(text, "temperature.N01.1 = 0.5\n", "")), "p.conf"),
+                    "'sigma.temperature.N01.1' is unknown"));
+}
+
 TEST(ParameterFile, EveryFlippedBitAndEveryCutIsRefused) {
   const std::string text = formatted(make_file());
   for (std::size_t place = 0; place < text.size(); ++place) {

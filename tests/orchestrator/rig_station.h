@@ -193,7 +193,7 @@ struct RigStation {
     plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
     EXPECT_TRUE(plan.ok()) << plan.violations.front();
     StationRun station_run(
-        with, {sequence, plan, station, "SN1", resume, taken_up}, sink,
+        with, {sequence, plan, station, "SN1", resume, taken_up, temperature_c}, sink,
         {&watcher, &stop_requests, calibrate, journal, &pause_requests, &end_requests, {}, go_on_with});
     return station_run.run();
   }
@@ -219,6 +219,7 @@ struct RigStation {
   decltype(StationHooks::go_on_with) go_on_with;
   std::optional<ResumePoint> resume;
   bool taken_up = false;
+  std::optional<double> temperature_c;
 };
 
 }  // namespace turncal

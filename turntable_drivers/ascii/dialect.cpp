@@ -67,35 +67,6 @@ std::uint32_t crc_number(KeyValueFile& file, const std::string& key, std::option
   return value.value_or(0);
 }
 
-void read_link(KeyValueFile& file, DialectLink& link) {
-  KeyTable keys(file);
-  link.tcp = file.one_of("link.kind", {"serial", "tcp"}) == "tcp";
-  keys.text("link.address", link.address);
-  if (!link.tcp) link.serial.baud = 9600;
-  read_serial_keys(keys, "link", link.serial, !link.tcp);
-  link.terminator_out = escaped_text(file, "link.terminator_out", link.terminator_out);
-  link.terminator_in = escaped_text(file, "link.terminator_in", link.terminator_in);
-  if (link.terminator_in.empty()) file.reject("link.terminator_in", "at least one character");
-  link.prompt = escaped_text(file, "link.prompt", "");
-  keys.flag("link.echo", link.echo);
-  link.echo_terminator = link.terminator_out;
-  if (link.echo) link.echo_terminator = escaped_text(file, "link.echo_terminator", link.terminator_out);
-  if (link.echo && link.echo_terminator.empty()) file.reject("link.echo_terminator", "at least one character");
-  keys.text("link.prefix", link.prefix);
-  keys.chosen("link.check", link.check, {"none", "sum8", "xor", "crc16"});
-  if (link.check == SentenceCheck::crc16) {
-    link.crc.polynomial = crc_number(file, "link.crc.polynomial", {});
-    if (link.crc.polynomial % 2 == 0)
-      file.reject("link.crc.polynomial", "an odd number: the term 1 is in every polynomial");
-    link.crc.initial = crc_number(file, "link.crc.initial", 0);
-    link.crc.final_xor = crc_number(file, "link.crc.final_xor", 0);
-    keys.flag("link.crc.reflect_input", link.crc.reflect_input);
-    keys.flag("link.crc.reflect_output", link.crc.reflect_output);
-  }
-  keys.text("link.check_mark", link.check_mark);
-  read_link_times(keys, link, "link.reply_timeout_s");
-}
-
 bool names_axis(const DialectSteps& steps) {
   return std::any_of(steps.exchanges.begin(), steps.exchanges.end(), [](const Exchange& exchange) {
     const auto names = exchange.send.names();
@@ -200,7 +171,7 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
   Dialect dialect;
   KeyTable keys(file);
   read_table_description(file, dialect);
-  read_link(file, dialect.link);
+  read_dialect_link(file, dialect.link);
   for (const Axis which : all_axes) {
     DialectAxis& axis = dialect.axis[index(which)];
     const std::string prefix = fmt::format("axis.{}.", to_string(which));
@@ -234,6 +205,35 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
 }
 
 }  // namespace
+
+void read_dialect_link(KeyValueFile& file, DialectLink& link) {
+  KeyTable keys(file);
+  link.tcp = file.one_of("link.kind", {"serial", "tcp"}) == "tcp";
+  keys.text("link.address", link.address);
+  if (!link.tcp) link.serial.baud = 9600;
+  read_serial_keys(keys, "link", link.serial, !link.tcp);
+  link.terminator_out = escaped_text(file, "link.terminator_out", link.terminator_out);
+  link.terminator_in = escaped_text(file, "link.terminator_in", link.terminator_in);
+  if (link.terminator_in.empty()) file.reject("link.terminator_in", "at least one character");
+  link.prompt = escaped_text(file, "link.prompt", "");
+  keys.flag("link.echo", link.echo);
+  link.echo_terminator = link.terminator_out;
+  if (link.echo) link.echo_terminator = escaped_text(file, "link.echo_terminator", link.terminator_out);
+  if (link.echo && link.echo_terminator.empty()) file.reject("link.echo_terminator", "at least one character");
+  keys.text("link.prefix", link.prefix);
+  keys.chosen("link.check", link.check, {"none", "sum8", "xor", "crc16"});
+  if (link.check == SentenceCheck::crc16) {
+    link.crc.polynomial = crc_number(file, "link.crc.polynomial", {});
+    if (link.crc.polynomial % 2 == 0)
+      file.reject("link.crc.polynomial", "an odd number: the term 1 is in every polynomial");
+    link.crc.initial = crc_number(file, "link.crc.initial", 0);
+    link.crc.final_xor = crc_number(file, "link.crc.final_xor", 0);
+    keys.flag("link.crc.reflect_input", link.crc.reflect_input);
+    keys.flag("link.crc.reflect_output", link.crc.reflect_output);
+  }
+  keys.text("link.check_mark", link.check_mark);
+  read_link_times(keys, link, "link.reply_timeout_s");
+}
 
 std::string key_of(TableOperation operation) {
   return operation == TableOperation::setup ? "prepare" : to_string(operation);

@@ -37,6 +37,8 @@ struct DialectLink : TableLinkSettings {
   CrcParameters crc;             // of crc16
   std::string check_mark = "*";  // between body and check digits
 };
+// link.* of a file: serial or tcp.
+void read_dialect_link(KeyValueFile& file, DialectLink& link);
 // Prefix, body and check; without the terminator.
 std::string frame_of(const DialectLink& link, const std::string& body);
 // And back. An error: a wrong prefix, a wrong or missing check.

@@ -7,13 +7,72 @@
 #include "imu_io/base/text_pieces.h"
 
 namespace turncal {
+
+std::optional<std::size_t> SentenceFraming::reply_end(const std::string& heard, int lines, bool at_once) const {
+  std::size_t end = 0;
+  const auto past = [&](const std::string& mark) {
+    const std::size_t at = heard.find(mark, end);
+    if (at != std::string::npos) end = at + mark.size();
+    return at != std::string::npos;
+  };
+  if (link_.echo && !at_once && !past(link_.echo_terminator)) return {};
+  if (at_once || !link_.prompt.empty()) lines = 1;
+  for (int i = 0; i < lines; ++i)
+    if (!past(end_of_answer())) return {};
+  return end;
+}
+
+Result<std::string> SentenceFraming::answer(const std::string& sent_body, const std::string& reply,
+                                            const std::string& heard, int lines) const {
+  std::string frames = reply;
+  if (link_.echo) {
+    const std::string sent = frame_of(link_, sent_body);
+    const std::size_t end = frames.find(link_.echo_terminator);
+    const std::string echo = frames.substr(0, end);
+    if (!echo.ends_with(sent))
+      return device_error(fmt::format("echo '{}': expected '{}'", visible(echo), visible(sent)));
+    frames.erase(0, end + link_.echo_terminator.size());
+  }
+  if (!link_.prompt.empty()) frames.resize(frames.size() - link_.prompt.size());
+  Result<std::string> bodies = bodies_of(frames, lines);
+  if (bodies && !heard.empty() && (lines > 0 || !link_.prompt.empty())) {
+    if (frames.ends_with(link_.terminator_in)) frames.resize(frames.size() - link_.terminator_in.size());
+    return device_error(fmt::format("answer '{}': more after it: '{}'", visible(frames), visible(heard)));
+  }
+  return bodies;
+}
+
+Judgement SentenceFraming::garbled(const std::string& what) const {
+  Judgement judgement = device_error(link_.address + ": " + what);
+  judgement.stale = true;
+  return judgement;
+}
+
+Result<std::string> SentenceFraming::bodies_of(const std::string& frames, int lines) const {
+  const std::string& end = link_.terminator_in;
+  std::string remaining = frames;
+  if (remaining.ends_with(end)) remaining.resize(remaining.size() - end.size());
+  std::string bodies;
+  int count = 0;
+  for (bool more = !remaining.empty() || lines > 0; more;) {
+    const std::size_t at = remaining.find(end);
+    more = at != std::string::npos;
+    bodies += (count++ > 0 ? "\n" : "") + TRY(body_of(link_, remaining.substr(0, at)));
+    if (more) remaining.erase(0, at + end.size());
+  }
+  if (count == lines || (lines == 0 && count == 1)) return bodies;  // what was not asked for is for the codec to judge
+  return device_error(fmt::format("answer '{}': expected {}", visible(frames),
+                                  lines > 1 ? std::to_string(lines) + " lines" : std::string("one line")));
+}
+
 namespace {
 
 using Values = std::map<std::string, std::string>;
 
 class SentenceCodec : public TableCodec {
  public:
-  explicit SentenceCodec(const Dialect& dialect) : dialect_(dialect), moves_all_(turncal::moves_all(dialect)) {}
+  explicit SentenceCodec(const Dialect& dialect)
+      : dialect_(dialect), framing_(dialect.link), moves_all_(turncal::moves_all(dialect)) {}
 
   std::size_t steps(TableOperation operation) const override { return dialect_.of(operation).exchanges.size(); }
   bool once(TableOperation operation) const override { return !dialect_.of(operation).each_axis; }
@@ -29,47 +88,20 @@ class SentenceCodec : public TableCodec {
     const Exchange& exchange = dialect_.of(operation).exchanges[step];
     TableRequest request{operation, axis, step};
     request.body = filled(dialect_, exchange.send, axis, moves);
-    request.bytes = frame_of(dialect_.link, request.body) + dialect_.link.terminator_out;
+    request.bytes = framing_.framed(request.body);
     request.answered = exchange.expect.has_value();
     return request;
   }
 
   std::optional<std::size_t> reply_end(const TableRequest& request, std::string& heard, bool at_once) const override {
-    const DialectLink& link = dialect_.link;
-    std::size_t end = 0;
-    const auto past = [&](const std::string& mark) {
-      const std::size_t at = heard.find(mark, end);
-      if (at != std::string::npos) end = at + mark.size();
-      return at != std::string::npos;
-    };
-    if (link.echo && !at_once && !past(link.echo_terminator)) return {};
-    const auto& expect = dialect_.of(request.operation).exchanges[request.step].expect;
-    int marks = expect ? expect->lines() : 0;
-    if (at_once || !link.prompt.empty()) marks = 1;
-    for (int i = 0; i < marks; ++i)
-      if (!past(end_of_answer())) return {};
-    return end;
+    return framing_.reply_end(heard, lines_of(request), at_once);
   }
 
   Judgement decode(const TableRequest& request, const std::string& reply, std::string& heard,
                    AxisReading* reading) override {
-    const DialectLink& link = dialect_.link;
     const auto& expect = dialect_.of(request.operation).exchanges[request.step].expect;
-    std::string frames = reply;
-    if (link.echo) {
-      const std::string sent = frame_of(link, request.body);
-      const std::size_t end = frames.find(link.echo_terminator);
-      const std::string echo = frames.substr(0, end);
-      if (!echo.ends_with(sent)) return garbled(fmt::format("echo '{}': expected '{}'", visible(echo), visible(sent)));
-      frames.erase(0, end + link.echo_terminator.size());
-    }
-    if (!link.prompt.empty()) frames.resize(frames.size() - link.prompt.size());
-    const Result<std::string> answer = bodies_of(frames, expect ? expect->lines() : 0);
-    if (answer && !heard.empty() && (expect || !link.prompt.empty())) {
-      if (frames.ends_with(link.terminator_in)) frames.resize(frames.size() - link.terminator_in.size());
-      return garbled(fmt::format("answer '{}': more after it: '{}'", visible(frames), visible(heard)));
-    }
-    if (!answer) return garbled(answer.error().message);
+    const Result<std::string> answer = framing_.answer(request.body, reply, heard, lines_of(request));
+    if (!answer) return framing_.garbled(answer.error().message);
     if (request.operation == TableOperation::identify) {
       reading->text = visible(*answer);
       return {};
@@ -91,7 +123,7 @@ class SentenceCodec : public TableCodec {
   }
 
   bool acknowledges(const TableRequest& request, const std::string& reply) const override {
-    const auto body = body_of(dialect_.link, reply.substr(0, reply.size() - end_of_answer().size()));
+    const auto body = body_of(dialect_.link, reply.substr(0, reply.size() - framing_.end_of_answer().size()));
     return body && dialect_.of(request.operation).exchanges[request.step].expect->match(*body);
   }
 
@@ -109,32 +141,9 @@ class SentenceCodec : public TableCodec {
   }
 
  private:
-  Judgement garbled(const std::string& what) const {
-    Judgement judgement = device_error(dialect_.link.address + ": " + what);
-    judgement.stale = true;
-    return judgement;
-  }
-
-  const std::string& end_of_answer() const {
-    return dialect_.link.prompt.empty() ? dialect_.link.terminator_in : dialect_.link.prompt;
-  }
-
-  // with \n between them
-  Result<std::string> bodies_of(const std::string& frames, int lines) const {
-    const std::string& end = dialect_.link.terminator_in;
-    std::string remaining = frames;
-    if (remaining.ends_with(end)) remaining.resize(remaining.size() - end.size());
-    std::string bodies;
-    int count = 0;
-    for (bool more = !remaining.empty() || lines > 0; more;) {
-      const std::size_t at = remaining.find(end);
-      more = at != std::string::npos;
-      bodies += (count++ > 0 ? "\n" : "") + TRY(body_of(dialect_.link, remaining.substr(0, at)));
-      if (more) remaining.erase(0, at + end.size());
-    }
-    if (count == lines || (lines == 0 && count == 1)) return bodies;  // what was not asked for is for decode() to judge
-    return device_error(fmt::format("answer '{}': expected {}", visible(frames),
-                                    lines > 1 ? std::to_string(lines) + " lines" : std::string("one line")));
+  int lines_of(const TableRequest& request) const {
+    const auto& expect = dialect_.of(request.operation).exchanges[request.step].expect;
+    return expect ? expect->lines() : 0;
   }
 
   // What an answer says of the axis.
@@ -159,6 +168,7 @@ class SentenceCodec : public TableCodec {
   }
 
   const Dialect dialect_;
+  const SentenceFraming framing_;
   const bool moves_all_;
 };
 

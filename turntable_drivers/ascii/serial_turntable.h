@@ -7,11 +7,31 @@
 #pragma once
 
 #include <atomic>
+#include <optional>
+#include <string>
 
 #include "turntable_drivers/ascii/dialect.h"
 #include "turntable_drivers/table/described_turntable.h"
 
 namespace turncal {
+
+// Sentences and answers on a line, whoever is behind it (the rules above).
+class SentenceFraming {
+ public:
+  explicit SentenceFraming(const DialectLink& link) : link_(link) {}
+  std::string framed(const std::string& body) const { return frame_of(link_, body) + link_.terminator_out; }
+  // lines: of the answer; 0: none is expected.
+  std::optional<std::size_t> reply_end(const std::string& heard, int lines, bool at_once) const;
+  // The lines of an answer without their frames, \n between them. An error is of a line that has to be read empty.
+  Result<std::string> answer(const std::string& sent_body, const std::string& reply, const std::string& heard,
+                             int lines) const;
+  Judgement garbled(const std::string& what) const;
+  const std::string& end_of_answer() const { return link_.prompt.empty() ? link_.terminator_in : link_.prompt; }
+
+ private:
+  Result<std::string> bodies_of(const std::string& frames, int lines) const;
+  DialectLink link_;
+};
 
 class SerialTurntable : public DescribedTurntable {
  public:

@@ -46,9 +46,92 @@ std::uint16_t transaction_of(const TableRequest& request) { return word_at(reque
 
 bool is_read(char function) { return function == 3 || function == 4; }
 
+}  // namespace
+
+std::string ModbusFraming::framed(const std::string& body) {
+  return turncal::framed(body, header_ ? std::optional(++transaction_) : std::nullopt);
+}
+
+// REQUIRES: a whole header. Whether it answers a transaction before.
+bool ModbusFraming::is_of_earlier(const std::string& frame) const {
+  const std::size_t size = tcp_header + word_at(frame, 4);
+  return word_at(frame, 2) == 0 && size > tcp_header && size <= longest_frame &&
+         static_cast<std::uint16_t>(transaction_ - word_at(frame, 0)) < most_repeated;
+}
+
+std::optional<std::size_t> ModbusFraming::reply_end(const TableRequest& request, std::string& heard,
+                                                    bool at_once) const {
+  if (at_once) {  // whatever stands before it
+    const std::string expected =
+        turncal::framed(request.body.substr(0, 6), header_ ? std::optional(transaction_of(request)) : std::nullopt);
+    const std::size_t at = heard.find(expected);
+    if (at == std::string::npos) return {};
+    heard.erase(0, at);
+    return expected.size();
+  }
+  if (header_) {
+    for (;;) {
+      if (heard.size() < tcp_header) return {};
+      const std::size_t size = tcp_header + word_at(heard, 4);
+      if (word_at(heard, 2) != 0 || size > longest_frame) return heard.size();
+      if (heard.size() < size) return {};
+      if (word_at(heard, 0) == transaction_of(request) || !is_of_earlier(heard)) return size;
+      heard.erase(0, size);
+    }
+  }
+  const char function = request.body[1];
+  if (heard.size() < 3) return {};
+  const std::size_t size = heard[1] == static_cast<char>(function | 0x80) ? 5
+                           : heard[1] != function                         ? heard.size()
+                           : is_read(function)                            ? 5U + static_cast<unsigned char>(heard[2])
+                                                                          : 8;
+  return heard.size() < size ? std::nullopt : std::optional(size);
+}
+
+Judgement ModbusFraming::judge(const TableRequest& request, const std::string& reply, std::string& heard,
+                               std::vector<std::uint16_t>& registers) const {
+  std::string body = reply;
+  if (header_) {
+    if (reply.size() < tcp_header) return garbled("rubbish");
+    if (word_at(reply, 2) != 0) return garbled(fmt::format("protocol {} answered, not Modbus", word_at(reply, 2)));
+    if (word_at(reply, 0) != transaction_of(request)) return garbled("the reply of another transaction");
+    body.erase(0, tcp_header);
+  } else {
+    if (body.size() < 5 || turncal::framed(body.substr(0, body.size() - 2), {}) != body) return garbled("Invalid CRC");
+    body.resize(body.size() - 2);
+  }
+  if (body.size() < 3) return garbled("rubbish");
+  const char function = request.body[1];
+  if (body[0] != request.body[0]) return garbled(fmt::format("unit {} answered", static_cast<unsigned char>(body[0])));
+  const bool is_exception = body[1] == static_cast<char>(function | 0x80) && body.size() == 3;
+  if (!is_exception) {
+    if (body[1] != function) return garbled("the reply to another function");
+    const std::size_t bytes = 2U * word_at(request.body, 4);  // of a reading
+    const bool same = is_read(function) ? body.size() == 3 + bytes && static_cast<unsigned char>(body[2]) == bytes
+                                        : body == request.body.substr(0, 6);
+    if (!same) return garbled("the reply to another request");
+  }
+  if (has_unexpected(heard)) return garbled("bytes after the reply");
+  if (is_exception) return exception_judgement(static_cast<unsigned char>(body[2]));
+  if (is_read(function))
+    for (std::size_t at = 3; at < body.size(); at += 2) registers.push_back(word_at(body, at));
+  return {};
+}
+
+bool ModbusFraming::has_unexpected(std::string& heard) const {
+  while (header_ && heard.size() >= tcp_header && is_of_earlier(heard)) {
+    const std::size_t size = tcp_header + word_at(heard, 4);
+    if (heard.size() < size) return false;  // the rest comes: it is skipped by its number when the next reply is read
+    heard.erase(0, size);
+  }
+  return header_ ? heard.size() >= tcp_header : !heard.empty();
+}
+
+namespace {
+
 class RegisterCodec : public TableCodec {
  public:
-  explicit RegisterCodec(const RegisterMap& map) : map_(map), header_(map.link.header()) {}
+  explicit RegisterCodec(const RegisterMap& map) : map_(map), framing_(map.link.header()) {}
 
   std::size_t steps(TableOperation operation) const override {
     if (operation == TableOperation::heartbeat) return 1;
@@ -93,68 +176,21 @@ class RegisterCodec : public TableCodec {
       request.body = write_body(map_.unit_of(operation, axis), words.size() > 1 ? 16 : map_.write_function,
                                 map_.address_of(write, operation, axis), words);
     }
-    request.bytes = framed(request.body, header_ ? std::optional(++transaction_) : std::nullopt);
+    request.bytes = framing_.framed(request.body);
     return request;
   }
 
   std::optional<std::size_t> reply_end(const TableRequest& request, std::string& heard, bool at_once) const override {
-    if (at_once) {  // whatever stands before it
-      const std::string expected =
-          framed(request.body.substr(0, 6), header_ ? std::optional(transaction_of(request)) : std::nullopt);
-      const std::size_t at = heard.find(expected);
-      if (at == std::string::npos) return {};
-      heard.erase(0, at);
-      return expected.size();
-    }
-    if (header_) {
-      for (;;) {
-        if (heard.size() < tcp_header) return {};
-        const std::size_t size = tcp_header + word_at(heard, 4);
-        if (word_at(heard, 2) != 0 || size > longest_frame) return heard.size();
-        if (heard.size() < size) return {};
-        if (word_at(heard, 0) == transaction_of(request) || !is_of_earlier(heard)) return size;
-        heard.erase(0, size);
-      }
-    }
-    const char function = request.body[1];
-    if (heard.size() < 3) return {};
-    const std::size_t size = heard[1] == static_cast<char>(function | 0x80) ? 5
-                             : heard[1] != function                         ? heard.size()
-                             : is_read(function)                            ? 5U + static_cast<unsigned char>(heard[2])
-                                                                            : 8;
-    return heard.size() < size ? std::nullopt : std::optional(size);
+    return framing_.reply_end(request, heard, at_once);
   }
 
   Judgement decode(const TableRequest& request, const std::string& reply, std::string& heard,
                    AxisReading* reading) override {
-    std::string body = reply;
-    if (header_) {
-      if (reply.size() < tcp_header) return garbled("rubbish");
-      if (word_at(reply, 2) != 0) return garbled(fmt::format("protocol {} answered, not Modbus", word_at(reply, 2)));
-      if (word_at(reply, 0) != transaction_of(request)) return garbled("the reply of another transaction");
-      body.erase(0, tcp_header);
-    } else {
-      if (body.size() < 5 || framed(body.substr(0, body.size() - 2), {}) != body) return garbled("Invalid CRC");
-      body.resize(body.size() - 2);
-    }
-    if (body.size() < 3) return garbled("rubbish");
-    const char function = request.body[1];
-    if (body[0] != request.body[0])
-      return garbled(fmt::format("unit {} answered", static_cast<unsigned char>(body[0])));
-    const bool is_exception = body[1] == static_cast<char>(function | 0x80) && body.size() == 3;
-    if (!is_exception) {
-      if (body[1] != function) return garbled("the reply to another function");
-      const std::size_t bytes = 2U * word_at(request.body, 4);  // of a reading
-      const bool same = is_read(function) ? body.size() == 3 + bytes && static_cast<unsigned char>(body[2]) == bytes
-                                          : body == request.body.substr(0, 6);
-      if (!same) return garbled("the reply to another request");
-    }
-    if (has_unexpected(heard)) return garbled("bytes after the reply");
-    if (is_exception) return exception_judgement(static_cast<unsigned char>(body[2]));
+    std::vector<std::uint16_t> registers;
+    const Judgement judgement = framing_.judge(request, reply, heard, registers);
+    if (!judgement.status) return judgement;
     if (request.operation == TableOperation::heartbeat) ++beats_[index(request.axis)];
     if (request.operation != TableOperation::status) return {};
-    std::vector<std::uint16_t> registers;
-    for (std::size_t at = 3; at < body.size(); at += 2) registers.push_back(word_at(body, at));
     for (const StatusBlock& block : map_.blocks())
       if (block.read_at(map_.of(request.axis)) == word_at(request.body, 2) &&
           registers.size() == static_cast<std::size_t>(block.count) + index(request.axis))
@@ -164,14 +200,7 @@ class RegisterCodec : public TableCodec {
 
   bool acknowledges(const TableRequest&, const std::string&) const override { return true; }  // reply_end() has looked
 
-  bool has_unexpected(std::string& heard) const override {
-    while (header_ && heard.size() >= tcp_header && is_of_earlier(heard)) {
-      const std::size_t size = tcp_header + word_at(heard, 4);
-      if (heard.size() < size) return false;  // the rest comes: it is skipped by its number when the next reply is read
-      heard.erase(0, size);
-    }
-    return header_ ? heard.size() >= tcp_header : !heard.empty();
-  }
+  bool has_unexpected(std::string& heard) const override { return framing_.has_unexpected(heard); }
 
   std::string message(const TableRequest& request, const std::string& whose, const std::string& what) const override {
     const std::string address = map_.link.address + ": ";
@@ -204,13 +233,6 @@ class RegisterCodec : public TableCodec {
   }
 
  private:
-  // REQUIRES: a whole header. Whether it answers a transaction before.
-  bool is_of_earlier(const std::string& frame) const {
-    const std::size_t size = tcp_header + word_at(frame, 4);
-    return word_at(frame, 2) == 0 && size > tcp_header && size <= longest_frame &&
-           static_cast<std::uint16_t>(transaction_ - word_at(frame, 0)) < most_repeated;
-  }
-
   // What the block holds of the axis.
   void take(Axis axis, const StatusBlock& block, const std::vector<std::uint16_t>& registers, AxisReading& reading) {
     const MapAxis& scale = map_.of(axis);
@@ -241,8 +263,7 @@ class RegisterCodec : public TableCodec {
   }
 
   const RegisterMap map_;
-  const bool header_;
-  std::uint16_t transaction_ = 0;
+  ModbusFraming framing_;
   std::array<std::size_t, 3> beats_{};
   std::array<std::vector<std::uint16_t>, 3> position_words_;  // as last read
 };

@@ -11,11 +11,31 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include "turntable_drivers/modbus/register_map.h"
 #include "turntable_drivers/table/described_turntable.h"
 
 namespace turncal {
+
+// Requests and replies on a line of registers, whoever is behind it (the rules above).
+class ModbusFraming {
+ public:
+  explicit ModbusFraming(bool header) : header_(header) {}
+  std::string framed(const std::string& body);  // with the next transaction's number, or a CRC
+  std::optional<std::size_t> reply_end(const TableRequest& request, std::string& heard, bool at_once) const;
+  // registers: those of a reading.
+  Judgement judge(const TableRequest& request, const std::string& reply, std::string& heard,
+                  std::vector<std::uint16_t>& registers) const;
+  bool has_unexpected(std::string& heard) const;
+
+ private:
+  bool is_of_earlier(const std::string& frame) const;
+  bool header_;
+  std::uint16_t transaction_ = 0;
+};
 
 class ModbusTurntable : public DescribedTurntable {
  public:

@@ -117,20 +117,6 @@ WriteList write_list(KeyValueFile& file, const std::string& key, const WordLayou
   return list;
 }
 
-void read_link(KeyValueFile& file, ModbusLinkSettings& link) {
-  const std::string kind = file.one_of("link.kind", {"tcp", "rtu", "rtu_tcp"});
-  link.tcp = kind != "rtu";
-  link.rtu_frames = kind == "rtu_tcp";
-  link.byte_timeout_s = 0.1;
-  link.serial.parity = SerialParity::even;
-  KeyTable keys(file);
-  keys.text("link.address", link.address);
-  read_serial_keys(keys, "link", link.serial, !link.tcp);
-  if (link.serial.data_bits != 8) file.reject("link.data_bits", "8, as RTU has it");
-  read_link_times(keys, link, "link.response_timeout_s");
-  keys.number("link.byte_timeout_s", link.byte_timeout_s, link_wait_range);
-}
-
 void read_axes(KeyValueFile& file, RegisterMap& map) {
   for (const Axis which : all_axes) {
     MapAxis& axis = map.axis[index(which)];
@@ -299,7 +285,7 @@ Result<RegisterMap> map_from(KeyValueFile& file) {
   keys.flag("words.swap_bytes", map.layout.swap_bytes);
   keys.chosen("acceleration.kind", map.acceleration_is_ramp_time, {"proportional", "ramp_time"});
   keys.chosen("home.kind", map.home_by_encoder, {"search", "encoder"});
-  read_link(file, map.link);
+  read_modbus_link(file, map.link);
   read_axes(file, map);
   read_status_block(file, map);
   read_writes(file, map);
@@ -319,6 +305,20 @@ Result<RegisterMap> map_from(KeyValueFile& file) {
 }
 
 }  // namespace
+
+void read_modbus_link(KeyValueFile& file, ModbusLinkSettings& link) {
+  const std::string kind = file.one_of("link.kind", {"tcp", "rtu", "rtu_tcp"});
+  link.tcp = kind != "rtu";
+  link.rtu_frames = kind == "rtu_tcp";
+  link.byte_timeout_s = 0.1;
+  link.serial.parity = SerialParity::even;
+  KeyTable keys(file);
+  keys.text("link.address", link.address);
+  read_serial_keys(keys, "link", link.serial, !link.tcp);
+  if (link.serial.data_bits != 8) file.reject("link.data_bits", "8, as RTU has it");
+  read_link_times(keys, link, "link.response_timeout_s");
+  keys.number("link.byte_timeout_s", link.byte_timeout_s, link_wait_range);
+}
 
 int StatusBit::shift() const { return std::countr_zero(mask); }
 

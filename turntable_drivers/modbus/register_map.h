@@ -32,6 +32,9 @@ struct ModbusLinkSettings : TableLinkSettings {
   bool header() const { return tcp && !rtu_frames; }  // frames of Modbus TCP: a transaction number, no CRC
 };
 
+// link.* of a file: tcp, rtu or rtu_tcp.
+void read_modbus_link(KeyValueFile& file, ModbusLinkSettings& link);
+
 struct RegisterField {
   int address = 0;
   WordType type = WordType::u16;

@@ -11,6 +11,7 @@
 
 #include "calib/types/recording_types.h"
 #include "turntable_drivers/rig/rig_axes.h"
+#include "turntable_drivers/rig/rig_climate.h"
 #include "turntable_drivers/rig/rig_config.h"
 #include "turntable_drivers/rig/rig_geometry.h"
 #include "turntable_drivers/rig/rig_math.h"
@@ -31,6 +32,9 @@ struct RigState {
   SensorEffects sensor_effects;
   PulseCounter gyro_counter, accel_counter;
   TriadNoise gyro_noise_source, accel_noise_source;
+
+  RigClimate climate;
+  std::optional<double> dead_sensor_c;  // what it read last
 
   std::int64_t k = 0;  // samples passed: the next one is sample k
   std::array<RigAxis, 3> axes;
@@ -64,8 +68,9 @@ struct RigState {
   }
   double time_s() const { return static_cast<double>(k) * period_s; }
   double temperature_at(double time_s) const {
-    if (config.temperature.rise_c == 0.0) return config.temperature.start_c;
-    return config.temperature.start_c + config.temperature.rise_c * (1.0 - exp_of(-time_s / config.temperature.tau_s));
+    if (config.temperature.rise_c == 0.0) return config.temperature.start_c + climate.of_unit_c();
+    return config.temperature.start_c + climate.of_unit_c() +
+           config.temperature.rise_c * (1.0 - exp_of(-time_s / config.temperature.tau_s));
   }
   double since_motion_s(double time_s) const {
     double end_s = axes[0].motion_end_s();
@@ -76,6 +81,15 @@ struct RigState {
     const double t = time_s() + offset_s;
     return {t, temperature_at(t), since_motion_s(t)};
   }
+
+  const RigFault* chamber_fault(RigFaultKind kind) const {
+    for (const RigFault& fault : config.faults) {
+      const bool over = fault.duration_s > 0.0 && time_s() >= fault.time_s + fault.duration_s;
+      if (fault.kind == kind && time_s() >= fault.time_s && !over) return &fault;
+    }
+    return nullptr;
+  }
+  void pass_climate();
 
   void apply_events();
   void apply_event(const RigFault& fault);
@@ -252,8 +266,18 @@ void RigState::integrate_motion(std::array<double, 3>& gyro, std::array<double, 
   }
 }
 
+void RigState::pass_climate() {
+  const RigFault* const hot = chamber_fault(RigFaultKind::chamber_overheats);
+  const RigFault* const unsettled = chamber_fault(RigFaultKind::chamber_never_settles);
+  constexpr double swing_s = 240.0;
+  climate.step(period_s, hot         ? hot->size
+                         : unsettled ? unsettled->size * sin_cos_deg(360.0 * time_s() / swing_s).sin
+                                     : 0.0);
+}
+
 bool RigState::step(ImuSample& sample) {
   apply_events();
+  if (climate.active) pass_climate();
   std::array<double, 3> gyro, accel;
   if (standing_is_known || all_standing()) {
     integrate_standing(gyro, accel);
@@ -407,6 +431,31 @@ bool Rig::imu_unplugged() const {
 }
 
 void Rig::plug_imu() { state_->unplugged = false; }
+
+void Rig::command_chamber(double set_point_c, double ramp_c_per_min, bool on) {
+  RigState& s = *state_;
+  if (s.chamber_fault(RigFaultKind::chamber_stays_on)) on = on || s.climate.on;
+  s.climate.command(s.config.temperature.start_c, set_point_c, ramp_c_per_min, on);
+}
+
+Rig::ChamberState Rig::chamber() const {
+  RigState& s = *state_;
+  const auto has = [&](RigFaultKind kind) { return s.chamber_fault(kind) != nullptr; };
+  const RigClimate& climate = s.climate;
+  const RigFault* const hot = s.chamber_fault(RigFaultKind::chamber_overheats);
+  // Its sensor sits where the air is as it should be.
+  const double seen_c = climate.active ? (hot ? climate.wanted_c : climate.air_c) : s.config.temperature.start_c;
+  if (!has(RigFaultKind::chamber_sensor_dead))
+    s.dead_sensor_c.reset();
+  else if (!s.dead_sensor_c)
+    s.dead_sensor_c = seen_c;
+  return {s.dead_sensor_c.value_or(seen_c),
+          climate.active ? climate.set_point_c : s.config.temperature.start_c,
+          climate.on,
+          has(RigFaultKind::chamber_door_open),
+          has(RigFaultKind::chamber_alarm),
+          has(RigFaultKind::chamber_link_lost)};
+}
 
 void Rig::advance(std::span<ImuSample> out) {
   std::size_t delivered = 0;

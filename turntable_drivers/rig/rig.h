@@ -66,6 +66,14 @@ class Rig {
   bool imu_unplugged() const;  // until plug_imu()
   void plug_imu();
 
+  // --- Chamber about the unit (rig_climate.h).
+  void command_chamber(double set_point_c, double ramp_c_per_min, bool on);
+  struct ChamberState {
+    double actual_c = 0.0, set_point_c = 0.0;
+    bool on = false, door_open = false, alarm = false, link_lost = false;
+  };
+  ChamberState chamber() const;
+
   // --- Time and unit.
   // The next out.size() samples the unit delivers. Time passes by one period for each, plus one for every sample that
   // is lost by a fault and none for a duplicate.

@@ -22,10 +22,12 @@ constexpr std::int64_t most_counter = max_counter / 2;
 const std::initializer_list<std::string_view> table_axes = {"heading", "pitch", "roll"};  // as Axis
 
 // In the order of RigFaultKind.
-constexpr std::array<std::string_view, 14> fault_names = {
-    "lost_sample", "duplicated_sample", "gyro_glitch",    "velocity_knock", "invalid_sample",
-    "imu_silent",  "imu_unplugged",     "table_moved",    "too_fast",       "never_in_position",
-    "stuck_axis",  "axis_fault",        "emergency_stop", "link_lost"};
+constexpr std::array<std::string_view, 21> fault_names = {
+    "lost_sample",         "duplicated_sample", "gyro_glitch",    "velocity_knock",    "invalid_sample",
+    "imu_silent",          "imu_unplugged",     "table_moved",    "too_fast",          "never_in_position",
+    "stuck_axis",          "axis_fault",        "emergency_stop", "link_lost",         "chamber_never_settles",
+    "chamber_sensor_dead", "chamber_door_open", "chamber_alarm",  "chamber_overheats", "chamber_link_lost",
+    "chamber_stays_on"};
 
 void read_sensor_axis(KeyTable& keys, const std::string& key, int& axis) { keys.chosen(key, axis, {"x", "y", "z"}); }
 
@@ -173,8 +175,9 @@ void read_fault(KeyValueFile& file, const std::string& prefix, RigFault& fault) 
     fault.size = file.number(key("size_deg"), any_size);
     keys.number(key("rate_degps"), fault.rate_degps, above_zero);
   }
+  if (is_any({chamber_never_settles, chamber_overheats})) fault.size = file.number(key("size_c"), any_size);
   if (is_any({imu_silent})) fault.duration_s = file.number(key("duration_s"), above_zero);
-  if (is_any({too_fast, never_in_position, emergency_stop, link_lost}))
+  if (is_any({too_fast, never_in_position, emergency_stop, link_lost}) || kind >= chamber_never_settles)
     keys.number(key("duration_s"), fault.duration_s, zero_or_more);
   if (is_any({too_fast})) {
     keys.number(key("rate_factor"), fault.rate_factor, above_zero);

@@ -119,7 +119,15 @@ enum class RigFaultKind {
                       // clear_fault()
   emergency_stop,     // at time_s all axes stop within one sample; latched until an operator releases the button
                       // (Rig::release_emergency_stop, or by itself after duration_s if that is not 0) and clear_fault()
-  link_lost           // from time_s for duration_s (0: for good) every call to the table is a device error
+  link_lost,          // from time_s for duration_s (0: for good) every call to the table is a device error
+  // The chamber, from time_s for duration_s (0: for good).
+  chamber_never_settles,  // its air swings by size [C] about the set point
+  chamber_sensor_dead,    // it reads what it read last
+  chamber_door_open,
+  chamber_alarm,
+  chamber_overheats,  // its air is size [C] hotter than its sensor says
+  chamber_link_lost,  // every call to it is a device error
+  chamber_stays_on    // it takes the command to go off, and stays on
 };
 
 // "lost_sample" and so on; false if there is no such kind.

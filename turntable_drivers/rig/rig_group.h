@@ -37,6 +37,7 @@ class RigGroup : public Clock {
 
   double now_s() const override { return static_cast<double>(samples_passed()) * period_s_; }
   double utc_s() const override;
+  void bring_up_all();             // every rig to the group's time
   void pass_until(double time_s);  // nobody reads a unit meanwhile: what they send is lost
 
  private:
@@ -44,7 +45,6 @@ class RigGroup : public Clock {
   struct Member;
   std::int64_t samples_passed() const;  // of the rig that is furthest
   void bring_up(Member& member);        // to the group's time
-  void bring_up_all();
 
   double period_s_;
   std::vector<std::unique_ptr<Member>> members_;

@@ -55,10 +55,23 @@ struct OtherReading {
   std::string settings;
 };
 
-class TableCodec {
+// What a line (table_line.h) has to be told of a language, of whatever speaks it.
+class LineCodec {
  public:
-  virtual ~TableCodec() = default;
+  virtual ~LineCodec() = default;
+  // How many characters of `heard` are the reply; none: it is not whole yet. What belongs to earlier requests is taken off. at_once: whatever
+  // stands before the acknowledgement of a stop may be taken off.
+  virtual std::optional<std::size_t> reply_end(const TableRequest& request, std::string& heard, bool at_once) const = 0;
+  // heard: what came after the reply. reading: what a status adds to; text of an identification.
+  virtual Judgement decode(const TableRequest& request, const std::string& reply, std::string& heard,
+                           AxisReading* reading) = 0;
+  virtual bool acknowledges(const TableRequest& request, const std::string& reply) const = 0;  // a stop, at once
+  // Whether something that no request asked for is there.
+  virtual bool has_unexpected(std::string& heard) const = 0;
+};
 
+class TableCodec : public LineCodec {
+ public:
   virtual std::size_t steps(TableOperation operation) const = 0;
   virtual bool once(TableOperation operation) const = 0;  // for the table, not for each axis
   virtual double pause_s(TableOperation, std::size_t /*step*/) const { return 0.0; }  // above 0: a step that is a pause
@@ -72,15 +85,6 @@ class TableCodec {
 
   // An error: the device cannot be told these numbers.
   virtual Result<TableRequest> encode(TableOperation operation, Axis axis, std::size_t step, const Moves& moves) = 0;
-  // How many characters of `heard` are the reply; none: it is not whole yet. What belongs to earlier requests is taken off. at_once: whatever
-  // stands before the acknowledgement of a stop may be taken off.
-  virtual std::optional<std::size_t> reply_end(const TableRequest& request, std::string& heard, bool at_once) const = 0;
-  // heard: what came after the reply. reading: what a status adds to; text of an identification.
-  virtual Judgement decode(const TableRequest& request, const std::string& reply, std::string& heard,
-                           AxisReading* reading) = 0;
-  virtual bool acknowledges(const TableRequest& request, const std::string& reply) const = 0;  // a stop, at once
-  // Whether something that no request asked for is there.
-  virtual bool has_unexpected(std::string& heard) const = 0;
   // A message about a request; `whose`: "table NAME: AXIS: ".
   virtual std::string message(const TableRequest& request, const std::string& whose, const std::string& what) const = 0;
   // For commissioning: what else the last reading of the axis could be.

@@ -98,7 +98,7 @@ Status TableLine::send(const std::string& bytes) {
   return n == static_cast<ssize_t>(bytes.size()) ? Status() : hang_up("cannot send a whole request");
 }
 
-Result<std::string> TableLine::await(const TableRequest& request, const TableCodec& codec, const Deadline& deadline,
+Result<std::string> TableLine::await(const TableRequest& request, const LineCodec& codec, const Deadline& deadline,
                                      bool at_once) {
   double last_growth_s = monotonic_s();
   for (;;) {
@@ -131,7 +131,7 @@ Result<std::string> TableLine::await(const TableRequest& request, const TableCod
   }
 }
 
-Judgement TableLine::exchange(const TableRequest& request, TableCodec& codec, AxisReading* reading) {
+Judgement TableLine::exchange(const TableRequest& request, LineCodec& codec, AxisReading* reading) {
   if (!is_open()) return failure("not open");
   if (stop_.pending()) return given_up();
   TRY(receive(0.0));
@@ -146,7 +146,7 @@ Judgement TableLine::exchange(const TableRequest& request, TableCodec& codec, Ax
   return judgement;
 }
 
-Status TableLine::send_at_once(const TableRequest& request, TableCodec& codec, bool awaits) {
+Status TableLine::send_at_once(const TableRequest& request, LineCodec& codec, bool awaits) {
   if (!is_open()) return failure("not open");
   TRY(send(request.bytes));
   if (!request.answered || !awaits) {

@@ -77,13 +77,13 @@ class TableLine {
   Status open();  // closes first: a descriptor is never leaked
   void close();
   bool is_open() const { return descriptor_ >= 0; }
-  Judgement exchange(const TableRequest& request, TableCodec& codec, AxisReading* reading);
+  Judgement exchange(const TableRequest& request, LineCodec& codec, AxisReading* reading);
   // awaits: its acknowledgement.
-  Status send_at_once(const TableRequest& request, TableCodec& codec, bool awaits);
+  Status send_at_once(const TableRequest& request, LineCodec& codec, bool awaits);
 
  private:
   Status send(const std::string& bytes);
-  Result<std::string> await(const TableRequest& request, const TableCodec& codec, const Deadline& deadline,
+  Result<std::string> await(const TableRequest& request, const LineCodec& codec, const Deadline& deadline,
                             bool at_once);
   Result<bool> receive(double wait_s);  // whether anything came
   Status drain();

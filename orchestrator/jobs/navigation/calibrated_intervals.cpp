@@ -9,6 +9,7 @@
 #include "calib/model/effects.h"
 #include "calib/rests/rest_data.h"
 #include "calib/statistics/compression.h"
+#include "calib/statistics/data_screen.h"
 #include "calib/statistics/segmentation.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
@@ -295,6 +296,14 @@ Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std:
 }
 
 SampleCalibration::Increments SampleCalibration::of(const ImuSample& sample, double period_s) {
+  // A thermometer's step of 0.01 C is worth less than what anything here is known to.
+  if (temperature && std::isfinite(sample.temperature_c) && temperature_can_be(sample.temperature_c) &&
+      !(std::abs(sample.temperature_c - temperature->now_c) < 0.01F)) {
+    temperature->now_c = sample.temperature_c;
+    model = sensor_model(
+        from_vector(temperature->polynomials.at(temperature->reference, static_cast<double>(sample.temperature_c))),
+        temperature->info);
+  }
   const EffectTerms::Term& effect = effects.at(sample.counter);
   return {model.gyro_scale * Eigen::Vector3d::Map(sample.gyro.data()) -
               period_s * (model.gyro_bias_radps + effect.rate_radps),
@@ -306,7 +315,22 @@ Result<SampleCalibration> SampleCalibration::make(const ParameterFile& file, con
                                                   RecordingSource& source) {
   TRY(check_applicable(file, path, source.info()));
   EffectTerms effects = TRY(EffectTerms::of(file, path, source));
-  return SampleCalibration{sensor_model(from_vector(file.parameters), source.info()), std::move(effects)};
+  SampleCalibration made{sensor_model(from_vector(file.parameters), source.info()), std::move(effects)};
+  if (!file.temperature) return made;
+  constexpr double none = std::numeric_limits<double>::infinity();
+  double lowest_c = none, highest_c = -none;
+  TRY(source.read([&](std::span<const ImuSample> samples) {
+    for (const ImuSample& sample : samples)
+      if (std::isfinite(sample.temperature_c) && temperature_can_be(sample.temperature_c))
+        lowest_c = std::min<double>(lowest_c, sample.temperature_c),
+        highest_c = std::max<double>(highest_c, sample.temperature_c);
+    return Status{};
+  }));
+  if (lowest_c > highest_c)
+    return input_error(path + ": its parameters depend on temperature (temperature.reference_c), which " +
+                       source.path() + " does not have");
+  made.temperature = TemperatureCourse{*file.temperature, file.parameters, source.info(), lowest_c, highest_c};
+  return made;
 }
 
 Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source) {

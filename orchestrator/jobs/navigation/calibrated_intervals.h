@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -89,9 +90,20 @@ inline std::string gap_words(const SampleGap& gap) {
 inline constexpr double motion_interval_s = 0.1;  // or a sample, where that is longer
 
 // A parameter file made ready for the samples of a recording.
+// Parameters that follow the temperature (TemperaturePolynomials), and what the recording's was.
+struct TemperatureCourse {
+  TemperaturePolynomials polynomials;
+  ParameterVector reference;
+  RecordingInfo info;
+  double lowest_c, highest_c;                             // of the samples
+  float now_c = std::numeric_limits<float>::quiet_NaN();  // what the model is of
+  bool leaves_range() const { return lowest_c < polynomials.low_c || highest_c > polynomials.high_c; }
+};
+
 struct SampleCalibration {
   SensorModel model;
   EffectTerms effects;
+  std::optional<TemperatureCourse> temperature = {};
   struct Increments {
     Eigen::Vector3d dtheta_rad, dv_mps;
   };

@@ -45,6 +45,8 @@ std::string not_held(const ForeignCalibration& of, const char* mark, const std::
                      std::initializer_list<std::string_view> held = {}) {
   std::vector<std::string> missing;
   if (!more.empty()) missing.push_back(more);
+  if (of.file.temperature && std::ranges::find(held, "temperature") == held.end())
+    missing.push_back(fmt::format("temperature (all is at {} C)", format_number(of.file.temperature->reference_c)));
   for (const EffectValue& effect : of.file.effects)
     if (std::ranges::find(held, effect.name) == held.end() && (missing.empty() || missing.back() != effect.name))
       missing.push_back(effect.name);
@@ -202,29 +204,108 @@ std::string ros(const ForeignCalibration& of) {
          diagonal("angular_velocity_covariance", of.arw) + diagonal("linear_acceleration_covariance", of.vrw);
 }
 
+// What is taken off the raw reading of gyros and accelerometers, front, right, down: (rad/s, m/s^2).
+using Offsets = Eigen::Matrix<double, 6, 1>;
+Offsets offsets(const ForeignCalibration& of) {
+  Offsets o;
+  o << front_right_down * of.gyro.inverse().diagonal().cwiseProduct(of.gyro_bias_radps),
+      front_right_down * of.accel.inverse().diagonal().cwiseProduct(of.accel_bias_mps2);
+  return o;
+}
+
+// Of the offsets at T, beside those at the file's reference: c_1 x + c_2 x^2 + c_3 x^3, x = T - about_c, a row an offset. Where scale
+// factors vary, too, the offsets are no cubic: the nearest one in the range.
+Eigen::Matrix<double, 6, 3> offset_cubics(const ForeignCalibration& of, double about_c) {
+  const TemperaturePolynomials& t = *of.file.temperature;
+  constexpr Eigen::Index points = 21;
+  Eigen::MatrixXd powers(points, 4), values(points, 6);
+  for (Eigen::Index k = 0; k < points; ++k) {
+    const double at = t.low_c + (t.high_c - t.low_c) * static_cast<double>(k) / (points - 1), x = at - about_c;
+    ParameterFile there = of.file;
+    there.parameters = t.at(of.file.parameters, at);
+    powers.row(k) << 1.0, x, x * x, x * x * x;
+    const Result<ForeignCalibration> hot = foreign_calibration(there, of.path);
+    values.row(k) = hot ? offsets(*hot).transpose() : offsets(of).transpose();
+  }
+  const Eigen::MatrixXd c = Eigen::HouseholderQR<Eigen::MatrixXd>(powers).solve(values);
+  return c.bottomRows<3>().transpose();
+}
+
+std::string not_in_autopilot(const ForeignCalibration& of) {
+  return std::string(of.file.temperature ? "accelerometer scale factors at other temperatures, " : "") +
+         "gyro scale factors, misalignment (n_ij, a_ij), noise";
+}
+
+// Thermal offsets are taken off beside the others: what they are at the reference is the others'.
+std::string px4_temperature(const ForeignCalibration& of) {
+  const TemperaturePolynomials& t = *of.file.temperature;
+  const Eigen::Matrix<double, 6, 3> c = offset_cubics(of, t.reference_c);
+  std::string text = "# TC_G0_ID and TC_A0_ID: the ids of the sensors, CAL_GYRO0_ID and CAL_ACC0_ID\n";
+  const auto line = [&text](const std::string& name, const std::string& value, int type) {
+    text += fmt::format("1\t1\tTC_{}\t{}\t{}\n", name, value, type);
+  };
+  for (Eigen::Index s = 0; s < 2; ++s) {
+    const std::string sensor = s == 0 ? "G" : "A";
+    line(sensor + "_ENABLE", "1", 6);
+    for (Eigen::Index k = 0; k < 3; ++k)
+      for (Eigen::Index order = 0; order <= 3; ++order)
+        line(fmt::format("{}0_X{}_{}", sensor, order, k), format_number(order == 0 ? 0.0 : c(3 * s + k, order - 1)), 9);
+    for (const auto& [name, value] :
+         {std::pair{"TREF", t.reference_c}, std::pair{"TMIN", t.low_c}, std::pair{"TMAX", t.high_c}})
+      line(sensor + "0_" + name, format_number(value), 9);
+  }
+  return text;
+}
+
+// Its cubics are about 35 C and times 10^6; offsets are those at CALTEMP.
+std::string ardupilot(const ForeignCalibration& of) {
+  constexpr double about_c = 35.0;
+  const Offsets o = offsets(of);
+  const Vector3d scale = front_right_down.cwiseAbs() * of.accel.diagonal();
+  std::string text = not_held(of, "#", not_in_autopilot(of), {"temperature"}) +
+                     "# axes front, right, down; w = raw - GYROFFS, f = (raw - ACCOFFS) ACCSCAL\n";
+  const auto line = [&text](const std::string& name, double value) {
+    text += fmt::format("INS_{},{}\n", name, format_number(value));
+  };
+  if (const auto& t = of.file.temperature) {
+    const Eigen::Matrix<double, 6, 3> c = 1e6 * offset_cubics(of, about_c);
+    line("TCAL1_ENABLE", 1.0), line("TCAL1_TMIN", t->low_c), line("TCAL1_TMAX", t->high_c);
+    line("ACC1_CALTEMP", t->reference_c), line("GYR1_CALTEMP", t->reference_c);
+    for (Eigen::Index k = 0; k < 6; ++k)
+      for (Eigen::Index order = 0; order < 3; ++order)
+        line(fmt::format("TCAL1_{}{}_{}", k < 3 ? "GYR" : "ACC", order + 1, "XYZ"[k % 3]), c(k, order));
+  }
+  for (Eigen::Index k = 0; k < 3; ++k) {
+    line(fmt::format("GYROFFS_{}", "XYZ"[k]), o[k]);
+    line(fmt::format("ACCOFFS_{}", "XYZ"[k]), o[3 + k]);
+    line(fmt::format("ACCSCAL_{}", "XYZ"[k]), scale[k]);
+  }
+  return text;
+}
+
 std::string px4(const ForeignCalibration& of) {
   const Matrix3d& P = front_right_down;
-  const Vector3d gyro = P * of.gyro.inverse().diagonal().cwiseProduct(of.gyro_bias_radps),
-                 accel = P * of.accel.inverse().diagonal().cwiseProduct(of.accel_bias_mps2),
-                 scale = P.cwiseAbs() * of.accel.diagonal();
+  const Offsets o = offsets(of);
+  const Vector3d gyro = o.head<3>(), accel = o.tail<3>(), scale = P.cwiseAbs() * of.accel.diagonal();
   std::string text =
-      not_held(of, "#", "gyro scale factors, misalignment (n_ij, a_ij), noise") +
+      not_held(of, "#", not_in_autopilot(of), {"temperature"}) +
       "# axes front, right, down; w = raw - OFF, f = (raw - OFF) SCALE; lines: system, component, name, value, type\n";
   for (Eigen::Index k = 0; k < 3; ++k)
     for (const auto& [name, value] :
          {std::pair{"GYRO0_{}OFF", gyro[k]}, std::pair{"ACC0_{}OFF", accel[k]}, std::pair{"ACC0_{}SCALE", scale[k]}})
       text += fmt::format("1\t1\tCAL_{}\t{}\t9\n", fmt::format(fmt::runtime(name), "XYZ"[k]), format_number(value));
-  return text;
+  return text + (of.file.temperature ? px4_temperature(of) : "");
 }
 
 }  // namespace
 
-const std::array<ForeignForm, 6> foreign_forms = {{{"kalibr", kalibr, true},
+const std::array<ForeignForm, 7> foreign_forms = {{{"kalibr", kalibr, true},
                                                    {"open_vins", open_vins, true},
                                                    {"psins", psins, false},
                                                    {"kf_gins", kf_gins, true},
                                                    {"ros", ros, true},
-                                                   {"px4", px4, false}}};
+                                                   {"px4", px4, false},
+                                                   {"ardupilot", ardupilot, false}}};
 
 Result<ForeignCalibration> foreign_calibration(const ParameterFile& file, const std::string& path) {
   RecordingInfo info;

@@ -30,7 +30,7 @@ struct ForeignForm {
   std::string (*write)(const ForeignCalibration& of);
   bool needs_noise;
 };
-extern const std::array<ForeignForm, 6> foreign_forms;
+extern const std::array<ForeignForm, 7> foreign_forms;
 // An error when the form needs what the file does not have.
 Result<std::string> write_foreign_form(const ParameterFile& file, const std::string& path, const std::string& form);
 

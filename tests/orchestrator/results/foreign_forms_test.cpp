@@ -123,6 +123,53 @@ TEST(ForeignForms, EachGivesTheSameSample) {
     }
 }
 
+// As the two autopilots take temperature off: the readings of a unit at other temperatures are those of the file there, beside its scale factors.
+TEST(ForeignForms, AutopilotsFollowTheTemperature) {
+  ParameterFile file = made(IncrementKind::pulses, true);
+  TemperaturePolynomials& t = file.temperature.emplace();
+  t.reference_c = 20.0, t.low_c = -30.0, t.high_c = 70.0;
+  for (Eigen::Index k = 0; k < 6; ++k)
+    t.coefficient.row(k) << 0.02 * file.parameters[k], -3e-4 * file.parameters[k], 2e-6 * file.parameters[k];
+  const std::string px4 = *write_foreign_form(file, "p.conf", "px4"),
+                    pilot = *write_foreign_form(file, "p.conf", "ardupilot");
+  const auto value = [](const std::string& text, const std::string& name) {
+    const std::size_t at = text.find(name);
+    EXPECT_NE(at, std::string::npos) << name;
+    return std::stod(text.substr(at + name.size() + 1));
+  };
+  for (const double temperature : {-30.0, -7.0, 20.0, 44.0, 70.0, 90.0}) {
+    ParameterFile there = file;
+    there.parameters = t.at(file.parameters, temperature);
+    const ForeignCalibration of = *foreign_calibration(there, "p.conf");
+    const Matrix3d frd = (Matrix3d() << 1, 0, 0, 0, 0, 1, 0, -1, 0).finished();
+    const Vector3d gyro = frd * of.gyro.inverse().diagonal().cwiseProduct(of.gyro_bias_radps),
+                   accel = frd * of.accel.inverse().diagonal().cwiseProduct(of.accel_bias_mps2);
+    const double at = std::clamp(temperature, t.low_c, t.high_c), x = at - value(px4, "TC_A0_TREF");
+    const auto cubic = [](double c1, double c2, double c3, double d) { return ((c3 * d + c2) * d + c1) * d; };
+    for (int k = 0; k < 3; ++k)
+      for (const bool is_gyro : {true, false}) {
+        const std::string n = std::to_string(k), tc = std::string("TC_") + (is_gyro ? "G0_X" : "A0_X"),
+                          axis(1, "XYZ"[k]);
+        const double off = value(px4, std::string("CAL_") + (is_gyro ? "GYRO0_" : "ACC0_") + axis + "OFF") +
+                           value(px4, tc + "0_" + n) +
+                           cubic(value(px4, tc + "1_" + n), value(px4, tc + "2_" + n), value(px4, tc + "3_" + n), x);
+        const double expected = is_gyro ? gyro[k] : accel[k];
+        EXPECT_NEAR(off, expected, 1e-9 * std::abs(expected)) << "px4 " << temperature << axis;
+        const std::string tcal = std::string("INS_TCAL1_") + (is_gyro ? "GYR" : "ACC");
+        const auto poly = [&](double c) {
+          return 1e-6 * cubic(value(pilot, tcal + "1_" + axis), value(pilot, tcal + "2_" + axis),
+                              value(pilot, tcal + "3_" + axis), c - 35.0);
+        };
+        const double taken = value(pilot, std::string("INS_") + (is_gyro ? "GYROFFS_" : "ACCOFFS_") + axis) +
+                             poly(std::clamp(temperature, value(pilot, "TCAL1_TMIN"), value(pilot, "TCAL1_TMAX"))) -
+                             poly(value(pilot, is_gyro ? "GYR1_CALTEMP" : "ACC1_CALTEMP"));
+        EXPECT_NEAR(taken, expected, 1e-9 * std::abs(expected)) << "ardupilot " << temperature << axis;
+      }
+  }
+  EXPECT_SAYS(px4, "not held: accelerometer scale factors at other temperatures");
+  EXPECT_SAYS(*write_foreign_form(file, "p.conf", "psins"), "not held: noise, temperature (all is at 20 C)");
+}
+
 TEST(ForeignForms, SayWhatTheyDoNotHold) {
   ParameterFile file = made(IncrementKind::physical, false);
   file.effects = {{"accel_second_order", "x", 20.0, 1.0}, {"gyro_lock_in", "x", 0.1, 0.1}};

@@ -1,0 +1,773 @@
+#include "calib/thermal/thermal_model.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <set>
+
+#include "calib/evidence/statement.h"
+#include "calib/statistics/distributions.h"
+#include "calib/statistics/linear_algebra.h"
+
+namespace turncal {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr Index smooth_count = thermal_columns - thermal_smooth;
+using Columns = Eigen::Matrix<double, 1, thermal_columns>;
+using Block = Eigen::Matrix<double, thermal_columns, thermal_columns>;
+using BlockVector = Eigen::Matrix<double, thermal_columns, 1>;
+
+// Numerical floors. Prior variance of what no model has, in a leg's variance; log of the weight beside the best model below which a branch is
+// not followed; pivot of a correlation matrix below which it is singular.
+constexpr double least_variance = 1e-6, branch_floor = -12.0, least_pivot = 1e-10;
+
+// The functions of temperature in t, -1 to 1 over the range: Legendre polynomials, and what spans the Gaussian process.
+class Functions {
+ public:
+  Functions(double low_c, double high_c) : mid_(0.5 * (low_c + high_c)), half_(0.5 * (high_c - low_c)) {
+    for (Index k = 0; k < nodes; ++k) at_[k] = -1.0 + 2.0 * static_cast<double>(k) / (nodes - 1);
+    MatrixXd K(nodes, nodes);
+    for (Index k = 0; k < nodes; ++k) K.col(k) = kernel(at_[k]);
+    const SymmetricEigen eigen = symmetric_eigen(K);
+    for (Index a = 0; a < smooth_count; ++a)
+      to_smooth_.col(a) = eigen.vectors.col(nodes - 1 - a) / std::sqrt(eigen.values[nodes - 1 - a]);
+  }
+  // Rate and direction are left at zero.
+  Columns at(double temperature_c) const {
+    const double t = (temperature_c - mid_) / half_;
+    Columns row = Columns::Zero();
+    row.head<4>() << 1.0, t, 1.5 * t * t - 0.5, (2.5 * t * t - 1.5) * t;
+    row.tail<smooth_count>() = kernel(t).transpose() * to_smooth_;
+    return row;
+  }
+  // Powers of T - reference from Legendre's: the value is the same.
+  Block to_powers(double reference_c) const {
+    const double s = 1.0 / half_, o = (reference_c - mid_) / half_;  // t = o + s x
+    Block B = Block::Identity();
+    B.topLeftCorner<4, 4>() << 1.0, o, 1.5 * o * o - 0.5, (2.5 * o * o - 1.5) * o,  //
+        0.0, s, 3.0 * o * s, (7.5 * o * o - 1.5) * s,                               //
+        0.0, 0.0, 1.5 * s * s, 7.5 * o * s * s,                                     //
+        0.0, 0.0, 0.0, 2.5 * s * s * s;
+    return B;
+  }
+
+ private:
+  static constexpr Index nodes = 25;
+  using Nodes = Eigen::Matrix<double, nodes, 1>;
+  Nodes kernel(double t) const {
+    const double l = 2.0 * thermal_priors.length_of_range;
+    return (-0.5 * ((at_.array() - t) / l).square()).exp();
+  }
+  double mid_, half_;
+  Nodes at_ = Nodes::Zero();
+  Eigen::Matrix<double, nodes, smooth_count> to_smooth_ = Eigen::Matrix<double, nodes, smooth_count>::Zero();
+};
+
+Columns columns_of(const Functions& functions, double temperature_c, double rate, int direction) {
+  Columns row = functions.at(temperature_c);
+  row[thermal_rate] = rate;
+  row[thermal_hysteresis] = direction;
+  return row;
+}
+
+bool is_bias(int key) { return key < 6; }
+
+// All that is the same for every fit of these legs and of parts of them. Values in the sigma of a leg, about `centre`.
+struct Setting {
+  explicit Setting(double low_c, double high_c) : functions(low_c, high_c) {}
+  Functions functions;
+  double rate_unit = 0.0;  // C/h: the largest of all legs
+  std::vector<int> keys;
+  ParameterVector scale = ParameterVector::Ones(), centre = ParameterVector::Zero();
+};
+
+// The legs of one fit, as information: W_i = C_i^-1 over the keys of the setting.
+struct LegData {
+  Columns columns;
+  int switch_on = 0;
+  double temperature_c = 0.0;
+  MatrixXd W;  // keys x keys, zero where the leg determines nothing
+  VectorXd y;
+};
+
+// What models may hold, given the legs.
+struct Allowed {
+  int temperatures = 0, order = 0;
+  bool smooth = false, rate = false, hysteresis = false;
+  int switch_ons = 0;
+  double log_effect[2] = {0.0, 0.0};  // of rate or hysteresis: not there, there
+};
+
+template <class Leg>
+int count_temperatures(const std::vector<Leg>& legs) {
+  std::vector<double> all;
+  for (const Leg& leg : legs) all.push_back(leg.temperature_c);
+  std::ranges::sort(all);
+  int count = 0;
+  double begin = -std::numeric_limits<double>::infinity();
+  for (const double t : all)
+    if (t - begin > thermal_priors.same_temperature_c) ++count, begin = t;
+  return count;
+}
+
+Allowed allowed_by(const std::vector<LegData>& legs, std::size_t keys) {
+  Allowed a;
+  a.temperatures = count_temperatures(legs);
+  a.order = std::min(3, a.temperatures - 1);
+  a.smooth = a.temperatures >= 5;  // more than a cubic has coefficients
+  a.rate = std::ranges::any_of(
+      legs, [&](const LegData& leg) { return leg.columns[thermal_rate] != legs.front().columns[thermal_rate]; });
+  const auto from = [&](double side) {
+    return std::ranges::any_of(legs, [&](const LegData& leg) { return leg.columns[thermal_hysteresis] == side; });
+  };
+  a.hysteresis = from(1.0) && from(-1.0);
+  std::set<int> switch_ons;
+  for (const LegData& leg : legs) switch_ons.insert(leg.switch_on);
+  a.switch_ons = static_cast<int>(switch_ons.size());
+  const double p = thermal_priors.per_effect / static_cast<double>(2 * keys);
+  a.log_effect[0] = std::log(1.0 - p), a.log_effect[1] = std::log(p);
+  return a;
+}
+
+// ---- models of one parameter ----
+
+// About orders 1 to 3, rate, hysteresis: Q and s of the evidence, everything else taken in.
+struct System {
+  Eigen::Matrix<double, 5, 5> Q;
+  Eigen::Matrix<double, 5, 1> s;
+};
+
+double take_in(System& system, int c, double variance) {
+  const Eigen::Matrix<double, 5, 1> column = system.Q.col(c);
+  const double k = 1.0 / (column[c] + 1.0 / variance), s = system.s[c];
+  system.Q.noalias() -= k * column * column.transpose();
+  system.s -= k * s * column;
+  return 0.5 * k * s * s - 0.5 * std::log1p(variance * column[c]);
+}
+
+struct Leaf {
+  double weight = 0.0;               // logarithm, then probability
+  std::array<double, 5> variance{};  // 0: not in the model
+  double smooth = 0.0;
+  int order = 0, switch_on = 0;  // of the grid
+};
+
+// What the legs and the other parameters say of one: precision and vector of its coefficients, and then of its switch-ons.
+struct Cavity {
+  MatrixXd P;
+  VectorXd q;
+  double spread = 0.0;  // of the legs' values
+};
+
+struct Average {
+  BlockVector mean = BlockVector::Zero();
+  Block covariance = Block::Zero();
+  BlockVector prior = BlockVector::Zero();  // mean prior variances
+  double switch_on = 0.0;                   // mean variance
+  std::array<double, 4> order{};
+  double smooth = 0.0, rate = 0.0, hysteresis = 0.0;
+};
+
+class Search {
+ public:
+  Search(const Cavity& cavity, const Allowed& allowed, bool bias) : cavity_(cavity), allowed_(allowed) {
+    switch_on_.push_back(0.0);
+    if (bias && allowed.switch_ons > 1)
+      for (double t = thermal_priors.switch_on_smallest; t < 2.0 * cavity.spread; t *= thermal_priors.switch_on_factor)
+        switch_on_.push_back(t);
+    for (std::size_t k = 0; k < switch_on_.size(); ++k) at_switch_on(static_cast<int>(k));
+  }
+  Average average();
+
+ private:
+  void at_switch_on(int index);
+  void explore(const System& system, int next, Leaf leaf, int most_order, double log_shape[4]);
+
+  const Cavity& cavity_;
+  const Allowed& allowed_;
+  std::vector<double> switch_on_;  // sigmas
+  std::vector<Block> P_;           // of each
+  std::vector<BlockVector> q_;
+  std::array<std::vector<double>, 5> variances_;  // of each column
+  std::vector<Leaf> leaves_;
+  double best_ = -std::numeric_limits<double>::infinity();
+};
+
+void Search::at_switch_on(int index) {
+  constexpr Index n = thermal_columns;
+  const Index ons = cavity_.P.rows() - n;
+  const double variance = switch_on_[static_cast<std::size_t>(index)] * switch_on_[static_cast<std::size_t>(index)];
+  Block P = cavity_.P.topLeftCorner(n, n);
+  BlockVector q = cavity_.q.head(n);
+  double log_weight = 0.0;
+  if (variance > 0.0) {
+    MatrixXd inner = cavity_.P.bottomRightCorner(ons, ons);
+    inner.diagonal().array() += 1.0 / variance;
+    double log_determinant = 0.0;
+    const VectorXd b = solve_symmetric(inner, VectorXd(cavity_.q.tail(ons)), log_determinant);
+    const MatrixXd right = cavity_.P.bottomLeftCorner(ons, n);
+    P -= right.transpose() * solve_symmetric(inner, right);
+    q -= right.transpose() * b;
+    log_weight =
+        0.5 * b.dot(cavity_.q.tail(ons)) - 0.5 * (log_determinant + static_cast<double>(ons) * std::log(variance));
+  }
+  P_.push_back(P), q_.push_back(q);
+  // The constant is flat: eliminated.
+  log_weight +=
+      0.5 * q[0] * q[0] / P(0, 0) - 0.5 * std::log(P(0, 0)) - std::log(static_cast<double>(switch_on_.size()));
+  const BlockVector column = P.col(0);
+  P -= column * column.transpose() / P(0, 0);
+  q -= column * (q[0] / column[0]);
+  const double most = thermal_priors.most_of_spread * cavity_.spread;
+  const auto sizes = [&](double own) {
+    std::vector<double> all;
+    double size = thermal_priors.smallest * own;
+    for (int k = 0; k < thermal_priors.sizes && (k == 0 || size <= most); ++k, size *= thermal_priors.factor)
+      all.push_back(size * size);
+    return all;
+  };
+  for (Index c = 0; c < 5; ++c) {
+    const double own = P(c + 1, c + 1);
+    variances_[static_cast<std::size_t>(c)] = own > least_pivot ? sizes(1.0 / std::sqrt(own)) : std::vector<double>{};
+  }
+  const auto system_of = [](const auto& Q, const auto& s) {
+    return System{Q.template block<5, 5>(1, 1), s.template segment<5>(1)};
+  };
+  Leaf leaf;
+  leaf.switch_on = index;
+  const std::array<double, 5>& shape = thermal_priors.shape;
+  double all = 0.0;
+  for (int k = 0; k <= allowed_.order; ++k) all += shape[static_cast<std::size_t>(k)];
+  if (allowed_.smooth) all += shape[4];
+  double polynomials[4];
+  for (std::size_t k = 0; k < 4; ++k) polynomials[k] = std::log(shape[k] / all);
+  leaf.weight = log_weight;
+  explore(system_of(P, q), 0, leaf, allowed_.order, polynomials);
+  if (!allowed_.smooth) return;
+  // A function of its own, in the sigma of a mean of all legs, with a straight line or without.
+  double with_s[4] = {std::log(0.5 * shape[4] / all), std::log(0.5 * shape[4] / all), 0.0, 0.0};
+  const auto all_sizes = sizes(1.0 / std::sqrt(P_.back()(0, 0)));
+  for (const double size : all_sizes) {
+    Eigen::Matrix<double, smooth_count, smooth_count> inner = P.bottomRightCorner<smooth_count, smooth_count>();
+    inner.diagonal().array() += 1.0 / size;
+    const Eigen::LLT<Eigen::Matrix<double, smooth_count, smooth_count>> factor(inner);
+    const Eigen::Matrix<double, smooth_count, 1> b = factor.solve(q.tail<smooth_count>());
+    const Eigen::Matrix<double, smooth_count, thermal_columns> right = P.bottomRows<smooth_count>();
+    const Block rest = P - right.transpose() * factor.solve(right);
+    leaf.smooth = size;
+    leaf.weight = log_weight + 0.5 * b.dot(q.tail<smooth_count>()) - factor.matrixLLT().diagonal().array().log().sum() -
+                  0.5 * static_cast<double>(smooth_count) * std::log(size) -
+                  std::log(static_cast<double>(all_sizes.size()));
+    explore(system_of(rest, BlockVector(q - right.transpose() * b)), 0, leaf, 1, with_s);
+  }
+}
+
+void Search::explore(const System& system, int next, Leaf leaf, int most_order, double log_shape[4]) {
+  const bool has_rate = leaf.variance[3] > 0.0, has_hysteresis = leaf.variance[4] > 0.0;
+  Leaf whole = leaf;
+  whole.weight +=
+      log_shape[leaf.order] + allowed_.log_effect[has_rate ? 1 : 0] + allowed_.log_effect[has_hysteresis ? 1 : 0];
+  best_ = std::max(best_, whole.weight);
+  if (whole.weight > best_ + branch_floor) leaves_.push_back(whole);
+  if (next == 5) return;
+  // No set of further columns gains more than the whole chi-square that they have.
+  Eigen::Matrix<double, 5, 5> Q = system.Q;
+  Q.diagonal().array() += least_pivot * (1.0 + Q.diagonal().maxCoeff());
+  const double most_gain = 0.5 * std::max(0.0, system.s.dot(Q.llt().solve(system.s)));
+  for (int c = next; c < 5; ++c) {
+    const auto& sizes = variances_[static_cast<std::size_t>(c)];
+    if (c < 3 && (c != leaf.order || c >= most_order)) continue;
+    if ((c == 3 && !allowed_.rate) || (c == 4 && !allowed_.hysteresis)) continue;
+    const double prior = -std::log(static_cast<double>(sizes.size()));
+    for (const double variance : sizes) {
+      if (leaf.weight + prior + most_gain - 0.5 * std::log1p(variance * system.Q(c, c)) +
+              allowed_.log_effect[c >= 3 || has_rate ? 1 : 0] <
+          best_ + branch_floor)
+        continue;
+      System child = system;
+      Leaf longer = leaf;
+      longer.weight += prior + take_in(child, c, variance);
+      longer.variance[static_cast<std::size_t>(c)] = variance;
+      if (c < 3) longer.order = c + 1;
+      explore(child, c + 1, longer, most_order, log_shape);
+    }
+  }
+}
+
+Average Search::average() {
+  double sum = 0.0;
+  std::erase_if(leaves_, [&](const Leaf& leaf) { return leaf.weight < best_ + branch_floor; });
+  for (Leaf& leaf : leaves_) sum += leaf.weight = std::exp(leaf.weight - best_);
+  Average result;
+  Block second = Block::Zero();
+  for (Leaf& leaf : leaves_) {
+    leaf.weight /= sum;
+    BlockVector prior = BlockVector::Zero();
+    prior.segment<5>(1) = Eigen::Map<const Eigen::Matrix<double, 5, 1>>(leaf.variance.data());
+    prior.tail<smooth_count>().setConstant(leaf.smooth);
+    result.prior += leaf.weight * prior;
+    const double t = switch_on_[static_cast<std::size_t>(leaf.switch_on)];
+    result.switch_on += leaf.weight * t * t;
+    if (leaf.smooth > 0.0)
+      result.smooth += leaf.weight;
+    else
+      result.order[static_cast<std::size_t>(leaf.order)] += leaf.weight;
+    if (leaf.variance[3] > 0.0) result.rate += leaf.weight;
+    if (leaf.variance[4] > 0.0) result.hysteresis += leaf.weight;
+    // Coefficients z of unit prior variance, so that those that are not there are no case of their own; the constant is flat.
+    BlockVector root = prior.cwiseSqrt();
+    root[0] = 1.0;
+    Block inner = root.asDiagonal() * P_[static_cast<std::size_t>(leaf.switch_on)] * root.asDiagonal();
+    inner.diagonal().tail<thermal_columns - 1>().array() += 1.0;
+    const Block C = root.asDiagonal() * Block(inner.llt().solve(Block::Identity())) * root.asDiagonal();
+    const BlockVector mean = C * q_[static_cast<std::size_t>(leaf.switch_on)];
+    result.mean += leaf.weight * mean;
+    second += leaf.weight * (C + mean * mean.transpose());
+  }
+  result.covariance = second - result.mean * result.mean.transpose();
+  return result;
+}
+
+// ---- all parameters together ----
+
+struct Fit {
+  std::vector<Average> averages;
+  VectorXd mean;        // thermal_columns of each
+  MatrixXd covariance;  // of all
+};
+
+// Of each of the keys: where its columns, and behind all of them its switch-ons, stand in the joint system.
+struct Joint {
+  MatrixXd H;
+  VectorXd b;
+  std::vector<std::vector<Index>> rows;  // of each parameter
+};
+
+Joint joint_system(const std::vector<LegData>& legs, const std::vector<int>& keys) {
+  std::vector<int> ons;
+  for (const LegData& leg : legs)
+    if (std::ranges::find(ons, leg.switch_on) == ons.end()) ons.push_back(leg.switch_on);
+  const auto biases = static_cast<Index>(std::ranges::count_if(keys, is_bias));
+  const auto count = static_cast<Index>(keys.size()), of_ons = static_cast<Index>(ons.size());
+  const Index size = count * thermal_columns + biases * of_ons;
+  Joint joint{MatrixXd::Zero(size, size), VectorXd::Zero(size), {}};
+  Index next = count * thermal_columns;
+  for (Index j = 0; j < count; ++j) {
+    std::vector<Index> rows(thermal_columns);
+    std::iota(rows.begin(), rows.end(), j * thermal_columns);
+    if (is_bias(keys[static_cast<std::size_t>(j)]))
+      for (Index k = 0; k < of_ons; ++k) rows.push_back(next++);
+    joint.rows.push_back(rows);
+  }
+  for (const LegData& leg : legs) {
+    // Rows of the leg's values in the coefficients: thermal_columns of its own, and one switch-on.
+    MatrixXd F = MatrixXd::Zero(count, size);
+    const auto on = std::ranges::find(ons, leg.switch_on) - ons.begin();
+    for (Index j = 0; j < count; ++j) {
+      F.block(j, j * thermal_columns, 1, thermal_columns) = leg.columns;
+      const auto& rows = joint.rows[static_cast<std::size_t>(j)];
+      if (rows.size() > thermal_columns) F(j, rows[static_cast<std::size_t>(thermal_columns + on)]) = 1.0;
+    }
+    const MatrixXd WF = leg.W * F;
+    joint.H.noalias() += F.transpose() * WF;
+    joint.b.noalias() += WF.transpose() * leg.y;
+  }
+  return joint;
+}
+
+double spread_of(const std::vector<LegData>& legs, Index j) {
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  for (const LegData& leg : legs)
+    if (leg.W(j, j) > 0.0) low = std::min(low, leg.y[j]), high = std::max(high, leg.y[j]);
+  return std::max(1.0, high - low);
+}
+
+// Precision from the averages' priors; the constants have none.
+VectorXd prior_precision(const Joint& joint, const std::vector<Average>& averages) {
+  VectorXd precision = VectorXd::Zero(joint.b.size());
+  for (std::size_t j = 0; j < averages.size(); ++j)
+    for (std::size_t k = 1; k < joint.rows[j].size(); ++k) {
+      const double variance = k < thermal_columns ? averages[j].prior[static_cast<Index>(k)] : averages[j].switch_on;
+      precision[joint.rows[j][k]] = 1.0 / std::max(variance, least_variance);
+    }
+  return precision;
+}
+
+MatrixXd posterior_covariance(const Joint& joint, const VectorXd& precision) {
+  MatrixXd A = joint.H;
+  A.diagonal() += precision;
+  const VectorXd scale = A.diagonal().cwiseSqrt().cwiseInverse();
+  return scale.asDiagonal() * inverse(scale.asDiagonal() * A * scale.asDiagonal()) * scale.asDiagonal();
+}
+
+// L of L L', positive definite but for rounding.
+Block lower_root(Block A) {
+  A.diagonal().array() += 0.01 * least_variance;
+  return A.llt().matrixL();
+}
+
+// `before`: averages to begin with; none: everything may be large.
+Fit fit(const std::vector<LegData>& legs, const Setting& setting, const std::vector<Average>* before) {
+  const std::size_t count = setting.keys.size();
+  const Allowed allowed = allowed_by(legs, count);
+  const Joint joint = joint_system(legs, setting.keys);
+  Fit result;
+  if (before) {
+    result.averages = *before;
+  } else {
+    result.averages.resize(count);
+    for (std::size_t j = 0; j < count; ++j) {
+      const double spread = spread_of(legs, static_cast<Index>(j));
+      result.averages[j].prior.segment<3>(1).setConstant(spread * spread);
+      result.averages[j].prior.segment<2>(4).setOnes();
+      result.averages[j].switch_on = is_bias(setting.keys[j]) ? 1.0 : 0.0;
+    }
+  }
+  constexpr int rounds = 3;
+  for (int round = before ? rounds - 1 : 0; round < rounds; ++round) {
+    const VectorXd precision = prior_precision(joint, result.averages);
+    const MatrixXd M = posterior_covariance(joint, precision);
+    const VectorXd m = M * joint.b;
+    for (std::size_t j = 0; j < count; ++j) {
+      const std::vector<Index>& rows = joint.rows[j];
+      Cavity cavity;
+      cavity.P = balanced_inverse(M(rows, rows));
+      cavity.q = cavity.P * m(rows);
+      cavity.P.diagonal() -= precision(rows);
+      cavity.P = 0.5 * (cavity.P + cavity.P.transpose()).eval();
+      cavity.spread = spread_of(legs, static_cast<Index>(j));
+      result.averages[j] = Search(cavity, allowed, is_bias(setting.keys[j])).average();
+    }
+  }
+  const MatrixXd M = posterior_covariance(joint, prior_precision(joint, result.averages));
+  const auto of_columns = static_cast<Index>(count) * thermal_columns;
+  result.covariance = M.topLeftCorner(of_columns, of_columns);
+  result.mean.resize(of_columns);
+  for (std::size_t j = 0; j < count; ++j) {
+    const Index first = static_cast<Index>(j) * thermal_columns;
+    const Block joint_root = lower_root(M.block(first, first, thermal_columns, thermal_columns));
+    const Block own = lower_root(result.averages[j].covariance);
+    const Block T = joint_root.transpose().triangularView<Eigen::Upper>().solve(Block(own.transpose())).transpose();
+    result.covariance.middleRows(first, thermal_columns) =
+        (T * result.covariance.middleRows(first, thermal_columns)).eval();
+    result.covariance.middleCols(first, thermal_columns) =
+        (result.covariance.middleCols(first, thermal_columns) * T.transpose()).eval();
+    result.mean.segment(first, thermal_columns) = result.averages[j].mean;
+  }
+  return result;
+}
+
+// ---- from legs, and back ----
+
+Status check(const ThermalLeg& leg) {
+  const auto refuse = [&](const std::string& what) { return input_error(leg.name + ": " + what); };
+  if (!std::isfinite(leg.temperature_c)) return refuse("has no temperature: expected a number");
+  if (!std::isfinite(leg.rate_c_per_h)) return refuse("its rate of temperature is not finite: expected a number");
+  const auto size = static_cast<Index>(leg.free.size());
+  if (size == 0) return refuse("determines no parameter: expected a calibration that does");
+  if (leg.covariance.rows() != size || leg.covariance.cols() != size)
+    return refuse(fmt::format("its covariance is {} x {}: expected one of the {} parameters that it determines",
+                              leg.covariance.rows(), leg.covariance.cols(), size));
+  for (Index k = 0; k < size; ++k) {
+    const int key = leg.free[static_cast<std::size_t>(k)];
+    if (!std::isfinite(leg.value[key])) return refuse(parameter_key(key) + " is not finite: expected a number");
+    if (!(leg.covariance(k, k) > 0.0) || !std::isfinite(leg.covariance(k, k)))
+      return refuse("the variance of " + parameter_key(key) + ": expected a number above 0");
+  }
+  if (!leg.covariance.allFinite()) return refuse("its covariance is not finite: expected numbers");
+  const VectorXd scale = leg.covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const SymmetricEigen eigen = symmetric_eigen(scale.asDiagonal() * leg.covariance * scale.asDiagonal());
+  if (eigen.values[0] > least_pivot) return {};
+  Index worst = 0;
+  eigen.vectors.col(0).cwiseAbs().maxCoeff(&worst);
+  return refuse("its covariance is singular, at " + parameter_key(leg.free[static_cast<std::size_t>(worst)]) +
+                ": expected that of parameters that are not functions of each other");
+}
+
+LegData data_of(const ThermalLeg& leg, const Setting& setting) {
+  LegData data;
+  data.columns = columns_of(setting.functions, leg.temperature_c, leg.rate_c_per_h / setting.rate_unit, leg.direction);
+  data.switch_on = leg.switch_on;
+  data.temperature_c = leg.temperature_c;
+  const auto count = static_cast<Index>(setting.keys.size());
+  data.W = MatrixXd::Zero(count, count);
+  data.y = VectorXd::Zero(count);
+  std::vector<Index> at;
+  VectorXd scale(static_cast<Index>(leg.free.size()));
+  for (std::size_t k = 0; k < leg.free.size(); ++k) {
+    const int key = leg.free[k];
+    at.push_back(std::ranges::find(setting.keys, key) - setting.keys.begin());
+    scale[static_cast<Index>(k)] = setting.scale[key];
+    data.y[at.back()] = (leg.value[key] - setting.centre[key]) / setting.scale[key];
+  }
+  data.W(at, at) = scale.asDiagonal() * balanced_inverse(leg.covariance) * scale.asDiagonal();
+  return data;
+}
+
+// Coefficients in file units per power of T - reference.
+void hand_out(const Fit& fit, const Setting& setting, ThermalModel& model) {
+  Block B = setting.functions.to_powers(model.reference_c);
+  B(thermal_rate, thermal_rate) = 1.0 / setting.rate_unit;
+  model.coefficients = fit.mean;
+  model.covariance = fit.covariance;
+  for (std::size_t j = 0; j < setting.keys.size(); ++j) {
+    const Block out = B * setting.scale[setting.keys[j]];
+    const Index first = static_cast<Index>(j) * thermal_columns;
+    auto of_j = model.coefficients.segment(first, thermal_columns);
+    of_j = (out * of_j).eval();
+    of_j[0] += setting.centre[setting.keys[j]];
+    auto rows = model.covariance.middleRows(first, thermal_columns);
+    rows = (out * rows).eval();
+    auto columns = model.covariance.middleCols(first, thermal_columns);
+    columns = (columns * out.transpose()).eval();
+    const Average& a = fit.averages[j];
+    ThermalParameter p;
+    p.key = setting.keys[j];
+    p.order = a.order;
+    p.smooth = a.smooth, p.rate = a.rate, p.hysteresis = a.hysteresis;
+    if (is_bias(p.key)) p.switch_on = std::sqrt(a.switch_on) * setting.scale[p.key];
+    model.parameters.push_back(p);
+  }
+}
+
+// Coefficients as powers, but rate, hysteresis and s as they are.
+Columns powers_at(const ThermalModel& model, const Functions& functions, double temperature_c, double rate,
+                  int direction) {
+  Columns row = columns_of(functions, temperature_c, rate, direction);
+  const double x = temperature_c - model.reference_c;
+  row.head<4>() << 1.0, x, x * x, x * x * x;
+  return row;
+}
+
+ThermalPoint point_at(const ThermalModel& model, const Columns& row) {
+  ThermalPoint point;
+  const auto count = static_cast<Index>(model.parameters.size());
+  for (Index j = 0; j < count; ++j) {
+    const int key = model.parameters[static_cast<std::size_t>(j)].key;
+    point.value[key] = row * model.coefficients.segment(j * thermal_columns, thermal_columns);
+    for (Index k = 0; k <= j; ++k) {
+      const int other = model.parameters[static_cast<std::size_t>(k)].key;
+      point.covariance(key, other) = point.covariance(other, key) =
+          row * model.covariance.block(j * thermal_columns, k * thermal_columns, thermal_columns, thermal_columns) *
+          row.transpose();
+    }
+  }
+  return point;
+}
+
+// Each temperature left out in turn.
+void hold_out(const std::vector<ThermalLeg>& legs, const std::vector<LegData>& data, const Setting& setting,
+              const Fit& whole, ThermalModel& model) {
+  std::vector<std::size_t> order(legs.size());
+  std::iota(order.begin(), order.end(), 0U);
+  std::ranges::sort(order, {}, [&](std::size_t k) { return legs[k].temperature_c; });
+  ParameterVector before = ParameterVector::Zero(), after = before, expected = before, noise = before, counts = before;
+  for (std::size_t first = 0; first < order.size();) {
+    std::size_t end = first + 1;
+    while (end < order.size() &&
+           legs[order[end]].temperature_c - legs[order[first]].temperature_c <= thermal_priors.same_temperature_c)
+      ++end;
+    std::vector<LegData> others;
+    ParameterVector sum = ParameterVector::Zero(), number = sum;
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      if (k >= first && k < end) continue;
+      others.push_back(data[order[k]]);
+      for (const int key : legs[order[k]].free) sum[key] += legs[order[k]].value[key], number[key] += 1.0;
+    }
+    const bool known = std::ranges::all_of(setting.keys, [&](int key) { return number[key] > 0.0; });
+    if (known) {
+      ThermalModel left_out = model;
+      left_out.parameters.clear();
+      hand_out(fit(others, setting, &whole.averages), setting, left_out);
+      for (std::size_t k = first; k < end; ++k) {
+        const ThermalLeg& leg = legs[order[k]];
+        const ThermalPoint point = point_at(
+            left_out, powers_at(left_out, setting.functions, leg.temperature_c, leg.rate_c_per_h, leg.direction));
+        ParameterVector off_before = ParameterVector::Zero(), off_after = off_before;
+        MatrixXd own = MatrixXd::Zero(parameter_count, parameter_count);
+        own(leg.free, leg.free) = leg.covariance;
+        for (const int key : leg.free) {
+          if (const ThermalParameter* p = left_out.find(key)) own(key, key) += p->switch_on * p->switch_on;
+          off_before[key] = sum[key] / number[key] - leg.value[key];
+          off_after[key] = point.value[key] - leg.value[key];
+          before[key] += off_before[key] * off_before[key];
+          after[key] += off_after[key] * off_after[key];
+          noise[key] += own(key, key);
+          expected[key] += own(key, key) + point.covariance(key, key);
+          counts[key] += 1.0;
+        }
+        model.holdout.leg.push_back(leg.name);
+        model.holdout.before.push_back(off_before);
+        model.holdout.after.push_back(off_after);
+        model.holdout.noise += own;
+      }
+    }
+    first = end;
+  }
+  if (!model.holdout.leg.empty()) model.holdout.noise /= static_cast<double>(model.holdout.leg.size());
+  for (ThermalParameter& p : model.parameters) {
+    if (counts[p.key] == 0.0) continue;
+    const auto rms = [&](const ParameterVector& of) { return std::sqrt(of[p.key] / counts[p.key]); };
+    p.error_before = rms(before), p.error_after = rms(after);
+    p.error_expected = rms(expected), p.error_noise = rms(noise);
+  }
+}
+
+}  // namespace
+
+double ThermalParameter::at_least(int k) const {
+  double sum = k > 0 ? smooth : 1.0;
+  for (std::size_t n = static_cast<std::size_t>(k); k > 0 && n < order.size(); ++n) sum += order[n];
+  return sum;
+}
+
+int ThermalParameter::said_order() const {
+  int said = 0;
+  while (said < 3 && at_least(said + 1) >= said_from) ++said;
+  return said;
+}
+
+const ThermalParameter* ThermalModel::find(int key) const {
+  const auto found = std::ranges::find(parameters, key, &ThermalParameter::key);
+  return found == parameters.end() ? nullptr : &*found;
+}
+
+double ThermalModel::sigma(std::size_t parameter, int column) const {
+  const Index at = static_cast<Index>(parameter) * thermal_columns + column;
+  return std::sqrt(std::max(0.0, covariance(at, at)));
+}
+
+Result<ThermalModel> fit_thermal_model(const std::vector<ThermalLeg>& legs, const ThermalOptions& options) {
+  if (legs.empty()) return input_error("no legs: expected calibrations at two temperatures at least");
+  for (const ThermalLeg& leg : legs) TRY(check(leg));
+  const auto [coldest, hottest] = std::ranges::minmax_element(legs, {}, &ThermalLeg::temperature_c);
+  ThermalModel model;
+  model.low_c = coldest->temperature_c, model.high_c = hottest->temperature_c;
+  if (model.high_c - model.low_c <= thermal_priors.same_temperature_c)
+    return input_error(fmt::format("{} leg{} at {:.2f} C: expected legs at two temperatures at least, {} C apart",
+                                   legs.size(), legs.size() == 1 ? "" : "s", model.low_c,
+                                   thermal_priors.same_temperature_c));
+  model.reference_c = options.reference_c.value_or(0.5 * (model.low_c + model.high_c));
+  if (!(model.reference_c >= model.low_c && model.reference_c <= model.high_c))
+    return input_error(
+        fmt::format("reference temperature {} C: expected one in the range of the legs, {:.2f} to {:.2f} C",
+                    model.reference_c, model.low_c, model.high_c));
+  Setting setting(model.low_c, model.high_c);
+  for (const ThermalLeg& leg : legs) setting.rate_unit = std::max(setting.rate_unit, std::abs(leg.rate_c_per_h));
+  if (setting.rate_unit == 0.0) setting.rate_unit = 1.0;
+  for (int key = 0; key < parameter_count; ++key) {
+    std::vector<double> sigmas;
+    double sum = 0.0;
+    for (const ThermalLeg& leg : legs) {
+      const auto at = std::ranges::find(leg.free, key) - leg.free.begin();
+      if (static_cast<std::size_t>(at) == leg.free.size()) continue;
+      sigmas.push_back(std::sqrt(leg.covariance(at, at)));
+      sum += leg.value[key];
+    }
+    if (sigmas.empty()) continue;
+    setting.keys.push_back(key);
+    setting.centre[key] = sum / static_cast<double>(sigmas.size());
+    if (sigmas.size() < legs.size())
+      model.notes.push_back(
+          fmt::format("{} is determined by {} of {} legs", parameter_key(key), sigmas.size(), legs.size()));
+    setting.scale[key] = median(sigmas);
+  }
+  std::vector<LegData> data;
+  for (const ThermalLeg& leg : legs) data.push_back(data_of(leg, setting));
+  const Allowed allowed = allowed_by(data, setting.keys.size());
+  model.temperatures = allowed.temperatures, model.most_order = allowed.order;
+  if (allowed.order < 3)
+    model.notes.push_back(
+        fmt::format("{} temperatures: no order above {} can be told", allowed.temperatures, allowed.order));
+  if (!allowed.smooth)
+    model.notes.push_back(
+        fmt::format("{} temperatures: a function that is no polynomial needs 5", allowed.temperatures));
+  if (!allowed.rate)
+    model.notes.emplace_back("all legs have one rate of temperature: what depends on it cannot be told");
+  if (!allowed.hysteresis)
+    model.notes.emplace_back("no temperature was approached from both sides: hysteresis cannot be told");
+  if (allowed.switch_ons < 2) model.notes.emplace_back("one switch-on: how the biases repeat cannot be told");
+  const Fit whole = fit(data, setting, nullptr);
+  hand_out(whole, setting, model);
+  if (options.hold_out) hold_out(legs, data, setting, whole, model);
+  return model;
+}
+
+ThermalPoint evaluate(const ThermalModel& model, double temperature_c, double rate_c_per_h, int direction) {
+  const double at = std::clamp(temperature_c, model.low_c, model.high_c);
+  const Functions functions(model.low_c, model.high_c);
+  ThermalPoint point = point_at(model, powers_at(model, functions, at, rate_c_per_h, direction));
+  point.clamped = at != temperature_c;
+  return point;
+}
+
+ThermalCubics thermal_cubics(const ThermalModel& model) {
+  constexpr Index points = 41;
+  const Functions functions(model.low_c, model.high_c);
+  MatrixXd powers(points, 4), smooth(points, smooth_count);
+  for (Index k = 0; k < points; ++k) {
+    const double t = model.low_c + (model.high_c - model.low_c) * static_cast<double>(k) / (points - 1);
+    const Columns row = powers_at(model, functions, t, 0.0, 0);
+    powers.row(k) = row.head<4>(), smooth.row(k) = row.tail<smooth_count>();
+  }
+  Eigen::Matrix<double, 4, smooth_count> nearest;
+  for (Index a = 0; a < smooth_count; ++a) nearest.col(a) = least_squares(powers, smooth.col(a)).x;
+  const MatrixXd left = smooth - powers * nearest;
+  Eigen::Matrix<double, 4, thermal_columns> R = Eigen::Matrix<double, 4, thermal_columns>::Zero();
+  R.leftCols<4>().setIdentity();
+  R.rightCols<smooth_count>() = nearest;
+  ThermalCubics cubics;
+  const auto count = static_cast<Index>(model.parameters.size());
+  for (Index j = 0; j < count; ++j) {
+    const int key = model.parameters[static_cast<std::size_t>(j)].key;
+    const auto g = model.coefficients.segment(j * thermal_columns, thermal_columns);
+    cubics.coefficient.row(key) = (R * g).transpose();
+    cubics.worst[key] = (left * g.tail<smooth_count>()).cwiseAbs().maxCoeff();
+    for (Index k = 0; k < count; ++k) {
+      const Eigen::Matrix4d C =
+          R * model.covariance.block(j * thermal_columns, k * thermal_columns, thermal_columns, thermal_columns) *
+          R.transpose();
+      cubics.covariance(key, model.parameters[static_cast<std::size_t>(k)].key) = C(0, 0);
+      if (j == k) cubics.sigma.row(key) = C.diagonal().cwiseMax(0.0).cwiseSqrt().transpose();
+    }
+  }
+  return cubics;
+}
+
+ThermalExpectation expected_thermal_sigmas(const std::vector<ThermalLeg>& legs) {
+  std::vector<int> keys = legs.front().free;  // of every leg
+  for (const ThermalLeg& leg : legs)
+    std::erase_if(keys, [&](int key) { return std::ranges::find(leg.free, key) == leg.free.end(); });
+  const auto [low, high] = std::ranges::minmax(legs, {}, &ThermalLeg::temperature_c);
+  ThermalExpectation expected{0.5 * (low.temperature_c + high.temperature_c), {}};
+  const double half = 0.5 * (high.temperature_c - low.temperature_c);
+  const Index n = static_cast<Index>(keys.size()), orders = std::min(4, count_temperatures(legs));
+  MatrixXd information = MatrixXd::Zero(orders * n, orders * n);
+  for (const ThermalLeg& leg : legs) {
+    std::vector<Index> rows;
+    for (const int key : keys) rows.push_back(std::ranges::find(leg.free, key) - leg.free.begin());
+    const MatrixXd of_leg = MatrixXd(leg.covariance(rows, rows)).llt().solve(MatrixXd::Identity(n, n));
+    const double t = (leg.temperature_c - expected.reference_c) / half;
+    for (Index a = 0; a < orders; ++a)
+      for (Index b = 0; b < orders; ++b)
+        information.block(a * n, b * n, n, n) += std::pow(t, static_cast<double>(a + b)) * of_leg;
+  }
+  const VectorXd variance = information.llt().solve(MatrixXd::Identity(orders * n, orders * n)).diagonal();
+  for (Index a = 0; a < orders; ++a) {
+    expected.sigma.push_back(ParameterVector::Zero());
+    for (Index i = 0; i < n; ++i)
+      expected.sigma.back()[keys[static_cast<std::size_t>(i)]] =
+          std::sqrt(variance[a * n + i]) / std::pow(half, static_cast<double>(a));
+  }
+  return expected;
+}
+
+}  // namespace turncal

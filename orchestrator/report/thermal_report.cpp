@@ -1,0 +1,274 @@
+#include "orchestrator/report/thermal_report.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "calib/evidence/statement.h"
+#include "imu_io/base/data_text.h"
+#include "imu_io/base/format_number.h"
+
+namespace turncal {
+namespace {
+
+using namespace cell;
+
+constexpr int curve_points = 41;
+constexpr std::array<const char*, 6> term_names = {"0", "1", "2", "3", "rate", "hysteresis"};
+
+// Errors of a parameter in the unit that people compare it in.
+struct ErrorUnit {
+  double factor;
+  const char* name;  // typographic
+};
+ErrorUnit error_unit(const ThermalReport& report, int key) {
+  if (key < 3) return {1.0, "°/h"};
+  if (key < 6) return {1e6, "µg"};
+  const double nominal = key < 15 && report.gyro_increment == IncrementKind::pulses ? 0.932920 : 1.0;
+  const bool diagonal = (key - (key < 15 ? 6 : 15)) % 4 == 0;
+  return diagonal ? ErrorUnit{1e6 / nominal, "ppm"} : ErrorUnit{1.0 / nominal / rad_per_arcsec, "″"};
+}
+
+template <class Numbers>
+std::string list_of(const Numbers& numbers) {
+  std::string text;
+  for (const double x : numbers) text += (text.empty() ? "" : ", ") + format_number(x);
+  return text;
+}
+
+double temperature_at(const ThermalModel& model, int k) {
+  return model.low_c + (model.high_c - model.low_c) * k / (curve_points - 1);
+}
+
+// "order 2 (more than 0.99), rate (0.97)"; what is not certain says how probable it is.
+std::string what_is_said(const ThermalParameter& p) {
+  const int order = p.said_order();
+  std::string text =
+      order == 0 ? "constant" : fmt::format("order {} ({})", order, words_of_probability(p.at_least(order)));
+  if (p.smooth >= said_from) text = "no polynomial (" + words_of_probability(p.smooth) + ")";
+  if (order < 3 && p.smooth < said_from && p.at_least(order + 1) >= listed_from)
+    text += fmt::format(", maybe more ({})", words_of_probability(p.at_least(order + 1)));
+  for (const auto& [name, of] : {std::pair{"rate", p.rate}, std::pair{"hysteresis", p.hysteresis}})
+    if (of >= listed_from)
+      text += fmt::format(", {}{} ({})", of < said_from ? "maybe " : "", name, words_of_probability(of));
+  return text;
+}
+
+// Errors of a kind, in quadrature over its parameters: before, after, as expected, of legs by themselves.
+using Errors = std::array<double, 4>;
+Errors errors_of(const ThermalParameter& p, const ErrorUnit& unit) {
+  return {unit.factor * p.error_before, unit.factor * p.error_after, unit.factor * p.error_expected,
+          unit.factor * p.error_noise};
+}
+
+Table error_table(const ThermalReport& report) {
+  Table table{{text("left-out temperatures, rms"), text("unit"), number("constant"), number("with temperature"),
+               number("as expected"), number("a leg itself")}};
+  const auto row = [&](const std::string& of, const char* unit, const Errors& e) {
+    table.row({text(of), text(unit), number(e[0]), number(e[1]), number(e[2]), number(e[3])});
+  };
+  const auto kind_of = [](int key) {
+    if (key < 6) return key / 3;
+    const bool gyro = key < 15, diagonal = (key - (gyro ? 6 : 15)) % 4 == 0;
+    return (diagonal ? 2 : 4) + (gyro ? 0 : 1);
+  };
+  constexpr std::array<const char*, 6> kinds = {"gyro bias",         "accelerometer bias",
+                                                "gyro scale factor", "accelerometer scale factor",
+                                                "gyro installation", "accelerometer installation"};
+  for (int kind = 0; kind < 6; ++kind) {
+    Errors sum{};
+    double count = 0.0;
+    const char* unit = "";
+    for (const ThermalParameter& p : report.model.parameters) {
+      if (kind_of(p.key) != kind) continue;
+      const ErrorUnit of = error_unit(report, p.key);
+      const Errors e = errors_of(p, of);
+      for (std::size_t k = 0; k < 4; ++k) sum[k] += e[k] * e[k];
+      count += 1.0, unit = of.name;
+    }
+    for (double& s : sum) s = std::sqrt(s / count);
+    if (count > 0.0) row(kinds[static_cast<std::size_t>(kind)], unit, sum);
+  }
+  table.row({text("free navigation at rest, 1 h"), text("NM/h"), number(report.before_nm_per_h),
+             number(report.after_nm_per_h), number("-"), number(report.noise_nm_per_h)});
+  return table;
+}
+
+Figure figure_of(const ThermalReport& report, std::size_t j) {
+  const ThermalModel& model = report.model;
+  const ThermalParameter& p = model.parameters[j];
+  const ErrorUnit unit = error_unit(report, p.key);
+  const auto points = [](std::string label, Series::Style style, Colour colour) {
+    return Series{std::move(label), style, colour, {}};
+  };
+  Series middle = points("average over models", Series::Style::line, Colour::after),
+         low = points("", Series::Style::dashed, Colour::after), high = low,
+         up = points("legs, from below", Series::Style::triangle, Colour::before),
+         down = points("legs, from above", Series::Style::open_circle, Colour::before), off_up = up, off_down = down,
+         least = points("", Series::Style::dashed, Colour::neutral), most = least;
+  const double reference = model.coefficient(j, 0);
+  for (int k = 0; k < curve_points; ++k) {
+    const double t = temperature_at(model, k);
+    const ThermalPoint at = evaluate(model, t);
+    const double value = unit.factor * (at.value[p.key] - reference),
+                 two = 2.0 * unit.factor * std::sqrt(std::max(0.0, at.covariance(p.key, p.key)));
+    middle.points.emplace_back(t, value), low.points.emplace_back(t, value - two),
+        high.points.emplace_back(t, value + two);
+    const double band = 2.0 * unit.factor * p.error_noise;
+    if (band > 0.0) least.points.emplace_back(t, -band), most.points.emplace_back(t, band);
+  }
+  for (const ThermalLeg& leg : report.legs) {
+    if (std::ranges::find(leg.free, p.key) == leg.free.end()) continue;
+    const double model_value = evaluate(model, leg.temperature_c, leg.rate_c_per_h, leg.direction).value[p.key];
+    const bool below = leg.direction >= 0;
+    (below ? up : down).points.emplace_back(leg.temperature_c, unit.factor * (leg.value[p.key] - reference));
+    (below ? off_up : off_down).points.emplace_back(leg.temperature_c, unit.factor * (leg.value[p.key] - model_value));
+  }
+  const std::string key = parameter_key(p.key);
+  Figure figure;
+  figure.id = "thermal" + key;
+  figure.label = key + " against temperature, and what the model leaves of each leg";
+  figure.stacked = true;
+  figure.panels.resize(2);
+  figure.panels[0].title = key + ": " + what_is_said(p);
+  figure.panels[0].y_label = fmt::format("from that at {:.1f} °C, {}", model.reference_c, unit.name);
+  figure.panels[0].series = {middle, low, high, up, down};
+  figure.panels[1].title = "residual";
+  figure.panels[1].x_label = "temperature, °C";
+  figure.panels[1].y_label = unit.name;
+  figure.panels[1].series = {off_up, off_down, least, most};
+  return figure;
+}
+
+}  // namespace
+
+std::string format_thermal(const ThermalReport& report) {
+  const ThermalModel& model = report.model;
+  KeyValues lines;
+  lines.comment("turncal thermal: parameters as functions of temperature, an average over models (docs/thermal.md)");
+  if (report.simulated) lines.comment("simulated data: a dry run, or a twin");
+  lines.text("unit_serial", report.unit);
+  lines.number("reference_c", model.reference_c);
+  lines.text("range_c", list_of(std::array{model.low_c, model.high_c}));
+  lines.number("temperatures", model.temperatures);
+  lines.number("most_order", model.most_order);
+  for (std::size_t k = 0; k < report.legs.size(); ++k) {
+    const ThermalLeg& leg = report.legs[k];
+    const std::string begin = fmt::format("leg.{}.", k + 1);
+    lines.text(begin + "name", leg.name);
+    lines.number(begin + "temperature_c", leg.temperature_c);
+    lines.number(begin + "rate_c_per_h", leg.rate_c_per_h);
+    lines.text(begin + "direction", leg.direction > 0 ? "up" : leg.direction < 0 ? "down" : "unknown");
+    lines.number(begin + "switch_on", leg.switch_on);
+  }
+  std::vector<double> grid;
+  for (int k = 0; k < curve_points; k += 2) grid.push_back(temperature_at(model, k));
+  lines.text("curve_c", list_of(grid));
+  std::vector<std::pair<Eigen::Index, std::string>> rows;
+  for (std::size_t j = 0; j < model.parameters.size(); ++j) {
+    const ThermalParameter& p = model.parameters[j];
+    const std::string begin = parameter_key(p.key) + ".";
+    for (int c = 0; c < static_cast<int>(term_names.size()); ++c) {
+      if (c > 0 && model.coefficient(j, c) == 0.0) continue;
+      const std::string name = begin + term_names[static_cast<std::size_t>(c)];
+      lines.number("coefficient." + name, model.coefficient(j, c));
+      lines.number("sigma." + name, model.sigma(j, c));
+      rows.emplace_back(static_cast<Eigen::Index>(j) * thermal_columns + c, name);
+    }
+    lines.text("probability." + begin + "order", list_of(p.order));
+    lines.number("probability." + begin + "smooth", p.smooth);
+    lines.number("probability." + begin + "rate", p.rate);
+    lines.number("probability." + begin + "hysteresis", p.hysteresis);
+    if (p.smooth >= listed_from) {
+      std::vector<double> values;
+      for (const double t : grid) values.push_back(evaluate(model, t).value[p.key]);
+      lines.text("curve." + parameter_key(p.key), list_of(values));
+    }
+    if (p.key < 6) lines.number("switch_on." + parameter_key(p.key), p.switch_on);
+    lines.number("left_out." + begin + "constant", p.error_before);
+    lines.number("left_out." + begin + "with_temperature", p.error_after);
+    lines.number("left_out." + begin + "expected", p.error_expected);
+    lines.number("left_out." + begin + "leg", p.error_noise);
+  }
+  lines.number("navigation.constant_nm_per_h", report.before_nm_per_h);
+  lines.number("navigation.with_temperature_nm_per_h", report.after_nm_per_h);
+  lines.number("navigation.leg_nm_per_h", report.noise_nm_per_h);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    std::string row;
+    for (std::size_t j = 0; j <= i; ++j)
+      row += fmt::format("{}{:.6e}", j == 0 ? "" : " ", model.covariance(rows[i].first, rows[j].first));
+    lines.text("covariance." + rows[i].second, row);
+  }
+  return lines.take();
+}
+
+Document thermal_document(const ThermalReport& report) {
+  const ThermalModel& model = report.model;
+  Document document{"Temperature of " + report.unit, "Parameters as functions of temperature, unit " + report.unit};
+  if (report.simulated) document.add(Paragraph{"SIMULATED: a dry run, or a twin.", "loud"});
+  document.text(fmt::format("{} legs at {} temperatures, {:.1f} to {:.1f} °C, parameters at {:.1f} °C.",
+                            report.legs.size(), model.temperatures, model.low_c, model.high_c, model.reference_c));
+  for (const std::string& note : report.notes) document.add(Paragraph{note, "note"});
+  for (const std::string& note : model.notes) document.add(Paragraph{note, "note"});
+  document.section("errors", "What it is worth");
+  document.add(error_table(report));
+  document.section("parameters", "Parameters");
+  Table table{{name("parameter"), number("switch-on, 1σ"), number("constant"), number("with temp."), text("unit"),
+               wide("depends on temperature as")}};
+  for (const ThermalParameter& p : model.parameters) {
+    const ErrorUnit unit = error_unit(report, p.key);
+    table.row({name(parameter_key(p.key)), p.key < 6 ? number(unit.factor * p.switch_on) : number("-"),
+               number(unit.factor * p.error_before), number(unit.factor * p.error_after), text(unit.name),
+               wide(what_is_said(p))});
+  }
+  document.add(std::move(table));
+  Table legs{{name("leg"), number("temperature, °C"), number("rate, °C/h"), text("from"), count(0)}};
+  legs.head.back() = number("switch-on");
+  for (const ThermalLeg& leg : report.legs)
+    legs.row({name(leg.name), fixed(leg.temperature_c, 2), fixed(leg.rate_c_per_h, 2),
+              text(leg.direction > 0   ? "below"
+                   : leg.direction < 0 ? "above"
+                                       : "-"),
+              number(std::to_string(leg.switch_on))});
+  document.section("legs", "Legs");
+  document.add(std::move(legs));
+  document.section("curves", "Each parameter");
+  for (std::size_t j = 0; j < model.parameters.size(); ++j) document.figure(figure_of(report, j));
+  return document;
+}
+
+void describe_thermal(const ThermalModel& model, ParameterFile& file) {
+  const ThermalCubics cubics = thermal_cubics(model);
+  TemperaturePolynomials& t = file.temperature.emplace();
+  t.reference_c = model.reference_c, t.low_c = model.low_c, t.high_c = model.high_c;
+  file.reference_temperature_c = model.reference_c;
+  file.sigma = {};
+  std::string open, row;
+  for (int key = 0; key < parameter_count; ++key) {
+    if (!model.find(key)) {
+      if (parameter_is_free[static_cast<std::size_t>(key)]) open += (open.empty() ? "" : " ") + parameter_key(key);
+      continue;
+    }
+    file.parameters[key] = cubics.coefficient(key, 0);
+    file.sigma[static_cast<std::size_t>(key)] = cubics.sigma(key, 0);
+    for (int order = 1; order <= 3; ++order)
+      if (cubics.coefficient(key, order) != 0.0)
+        t.coefficient(key, order - 1) = cubics.coefficient(key, order),
+                                   t.sigma(key, order - 1) = cubics.sigma(key, order);
+  }
+  if (!open.empty()) file.add_further(std::string(undetermined_key), open);
+  for (const ThermalParameter& p : model.parameters) {
+    row.clear();
+    for (const ThermalParameter& other : model.parameters)
+      if (other.key <= p.key)
+        row += fmt::format("{}{:.9e}", row.empty() ? "" : " ", cubics.covariance(p.key, other.key));
+    file.add_further("quality.covariance." + parameter_key(p.key), row);
+    if (p.key < 6) file.add_further("quality.turn_on_repeatability." + parameter_key(p.key), p.switch_on);
+    if (const double worst = cubics.worst[p.key]; worst > cubics.sigma(p.key, 0))
+      file.add_further("quality.temperature.not_held." + parameter_key(p.key), worst);
+  }
+}
+
+}  // namespace turncal

@@ -1,0 +1,171 @@
+// `turncal thermal` on parameter files as calibrations leave them, and `apply` with what it writes.
+#include <gtest/gtest.h>
+
+#include <fmt/format.h>
+#include <cmath>
+#include <random>
+
+#include "calib/model/parameters.h"
+#include "tests/orchestrator/program.h"
+#include "tests/orchestrator/results/rig_unit.h"
+
+namespace turncal {
+namespace {
+
+class ThermalCommand : public RigUnit {
+ protected:
+  // A folder with the parameter file of a calibration at this temperature: N01 falls by 0.004 deg/h a C, a22 has a square.
+  ParameterFile leg(const std::string& name, double temperature_c, int number, bool thermometer = true) {
+    std::mt19937_64 random(static_cast<std::uint64_t>(number));
+    std::normal_distribution<double> normal;
+    ParameterFile file = truth_of("rec");
+    const double x = temperature_c - 20.0;
+    file.parameters[0] -= 0.004 * x;
+    file.parameters[19] += 1e-6 * x + 4e-8 * x * x;
+    for (int k = 0; k < parameter_count; ++k) {
+      if (!parameter_is_free[static_cast<std::size_t>(k)]) continue;
+      const double sigma = k < 3 ? 2e-3 : 3e-7;
+      file.parameters[k] += sigma * normal(random);
+      file.sigma[static_cast<std::size_t>(k)] = sigma;
+    }
+    for (std::size_t i = 0; i < free_parameters().size(); ++i) {
+      std::string row;
+      for (std::size_t j = 0; j <= i; ++j)
+        row += fmt::format("{}{}", j == 0 ? "" : " ",
+                           i == j ? std::pow(*file.sigma[static_cast<std::size_t>(free_parameters()[i])], 2) : 0.0);
+      file.add_further("quality.covariance." + parameter_key(free_parameters()[i]), row);
+    }
+    file.add_further("quality.trusted", std::string("true"));
+    file.recording_hash = fmt::format("{:032}", number);
+    if (thermometer) file.reference_temperature_c = temperature_c;
+    std::filesystem::create_directories(folder_ / name);
+    keep(file, name + "/parameters.conf");
+    return file;
+  }
+};
+
+TEST_F(ThermalCommand, FromLegsToAFileThatFollowsTheTemperature) {
+  record("rec", std::string(without_noise) + "temperature.start_c = 40\ntemperature.rise_c = 0\n",
+         "step 1\n  initial H 0 P 0 R 0\n  align 4000\n  dwell 4000\n");
+  std::string legs;
+  const double temperatures[] = {-20.0, 0.0, 20.0, 40.0, 60.0, 50.0, 30.0, 10.0, -10.0};
+  for (int k = 0; k < 9; ++k)
+    leg("leg" + std::to_string(k), temperatures[k], k + 1, k != 4), legs += " leg" + std::to_string(k);
+  const ParameterFile truth = truth_of("rec");
+  expect_refused("thermal" + Arguments(legs) + "--out warm",
+                 "leg4: has no thermometer: expected --temperature leg4=VALUE");
+  expect_refused("thermal" + Arguments(legs) + "--out warm --temperature leg4=hot", "expected a number of C");
+  expect_refused("thermal" + Arguments(legs) + "--out warm --temperature leg9=60", "LEG one of the legs");
+  expect_refused("thermal leg0 leg0 --out warm",
+                 "leg0/parameters.conf: is the recording of leg0/parameters.conf again");
+  expect_refused("thermal leg0 --out warm", "1 leg at -20.00 C: expected legs at two temperatures");
+  ParameterFile other = leg("other", 5.0, 20);
+  other.unit_serial = "SN8";
+  keep(other, "other/parameters.conf");
+  expect_refused("thermal leg0 other --out warm", "other/parameters.conf: is of unit 'SN8': expected 'SN7'");
+  other.unit_serial = "SN7", other.effects = {{"accel_second_order", "x", 20.0, 1.0}};
+  keep(other, "other/parameters.conf");
+  expect_refused("thermal leg0 other --out warm", "has effects beside its parameters");
+  write("leg4/leg.conf", "temperature_c = 60\ndirection = sideways\n");
+  expect_refused("thermal" + Arguments(legs) + "--out warm", "leg.conf:2: key 'direction' = 'sideways'");
+  write("leg4/leg.conf", "temperature_c = 60\ndirection = up\nrate_c_per_h = 0\n");
+
+  const ProgramResult made = ends("thermal" + Arguments(legs) + "--out warm --reference 20", 0);
+  EXPECT_SAYS(made.out, "9 legs at 9 temperatures, -20.0 to 60.0 C, parameters at 20.0 C");
+  const auto conf = entries(file_text(folder_ / "warm/thermal.conf"));
+  const ParameterFile warm = *read_parameter_file(path("warm/parameters.conf"));
+  ASSERT_TRUE(warm.temperature);
+  EXPECT_EQ(warm.temperature->reference_c, 20.0);
+  EXPECT_NEAR(warm.temperature->coefficient(0, 0), -0.004, 4.0 * warm.temperature->sigma(0, 0));
+  EXPECT_NEAR(warm.temperature->coefficient(19, 1), 4e-8, 4.0 * warm.temperature->sigma(19, 1));
+  EXPECT_EQ(conf.at("leg.2.direction"), "up");
+  EXPECT_EQ(conf.at("leg.7.direction"), "down");
+  EXPECT_GT(std::stod(conf.at("left_out.a22.constant")), 10.0 * std::stod(conf.at("left_out.a22.with_temperature")));
+  EXPECT_GT(std::stod(conf.at("navigation.constant_nm_per_h")),
+            3.0 * std::stod(conf.at("navigation.with_temperature_nm_per_h")));
+  EXPECT_SAYS(file_text(folder_ / "warm/thermal.html"), "<svg");
+
+  // At 40 C the accelerometers and gyros are those of the polynomials there.
+  ends("convert warm/parameters.conf --header warm.h", 0);
+  EXPECT_SAYS(file_text(folder_ / "warm.h"), "turncal_temperature_N0_degph[3][3]");
+  ParameterFile there = warm;
+  there.temperature.reset();
+  there.parameters = warm.temperature->at(warm.parameters, 40.0);
+  keep(there, "there.conf");
+  const ProgramResult applied = ends("apply rec --parameters warm/parameters.conf --out warm.csv", 0);
+  EXPECT_SAYS(applied.out, "at the temperature of each sample, 40.00 to 40.00 C");
+  EXPECT_SAYS_NOT(applied.out, "OUTSIDE");
+  ends("apply rec --parameters there.conf --out there.csv", 0);
+  EXPECT_EQ(file_text(folder_ / "warm.csv"), file_text(folder_ / "there.csv"));
+  ParameterFile narrow = warm;
+  narrow.temperature->high_c = 30.0;
+  keep(narrow, "narrow.conf");
+  EXPECT_SAYS(ends("apply rec --parameters narrow.conf --out narrow.csv", 0).out,
+              "OUTSIDE THE RANGE of -20.00 to 30.00 C");
+}
+
+// ---- campaigns: the legs are made first ----
+
+class CampaignProgram : public Program {
+ protected:
+  void SetUp() override {
+    Program::SetUp();
+    write(
+        "own.chamber",
+        "format = 1\nname = own\nlink.kind = rig\nlimits.low_c = -40\nlimits.high_c = 85\nlimits.ramp_c_per_min = 3\n");
+    write("own.station",
+          station_head + "chamber.file = own.chamber\nchamber.limit_unit_c = 60\nchamber.settle_s = 60\n");
+  }
+  std::string campaign(const std::string& more) const {
+    return write("own.campaign",
+                 "format = 1\nunit = SN1\nstation = own.station\nsequence = " + short_demo + "\n" + more);
+  }
+};
+
+TEST_F(CampaignProgram, LegsAreMadeOnceAndTakenTogether) {
+  write("own.rig", "temperature.rise_c = 0\neffect.gyro_bias_temperature.x = 0.01\n");
+  campaign("temperatures_c = 10, 40, 25\nrig = own.rig\nleg.3.switch_on = true\n");
+  const std::string command = "campaign own.campaign --out all --dry-run --no-diagnosis";
+  const ProgramResult first = run(command);
+  ASSERT_EQ(first.code, 0) << first.err << first.out;
+  EXPECT_SAYS(first.out, "[dry run] [campaign] leg 1 of 3, 10 C, in all/leg-01; about 0.6 h left");
+  EXPECT_EQ(file_text(path("all/leg-02/leg.conf")), "switch_on = 1\n");
+  EXPECT_EQ(file_text(path("all/leg-03/leg.conf")), "switch_on = 2\n");
+  const auto fitted = entries(file_text(path("all/parameters.conf")));
+  EXPECT_NEAR(std::stod(fitted.at("temperature.N01.1")), 0.01, 5 * std::stod(fitted.at("temperature.N01.1.sigma")));
+  EXPECT_GT(std::stod(fitted.at("temperature.N01.1")), 0.005);
+  // Again: nothing is measured, the same comes out. What is not there is made, and that alone.
+  EXPECT_EQ(run(command).out.find("[campaign]"), std::string::npos);
+  std::filesystem::remove_all(path("all/leg-02"));
+  const ProgramResult again = run(command);
+  EXPECT_EQ(again.code, 0) << again.err;
+  EXPECT_SAYS(again.out, "leg 2 of 3");
+  EXPECT_EQ(again.out.find("leg 1 of 3"), std::string::npos);
+  EXPECT_EQ(entries(file_text(path("all/parameters.conf"))).at("temperature.N01.1"), fitted.at("temperature.N01.1"));
+}
+
+TEST_F(CampaignProgram, APlanSaysTimesAndSigmasAndMovesNothing) {
+  campaign("temperatures_c = -20, 0, 20, 40, 10\n");
+  const std::set<std::string> before = everything();
+  const ProgramResult plan = run("campaign own.campaign --plan");
+  EXPECT_EQ(plan.code, 0) << plan.err;
+  EXPECT_SAYS(plan.out, "per C^3");
+  EXPECT_EQ(everything(), before);
+  expect_refused("campaign own.campaign", "--out is required");
+  campaign("temperatures_c = 20\n");
+  expect_refused("campaign own.campaign --plan",
+                 "key 'temperatures_c' = '20': expected the temperatures of two legs or more");
+  campaign("temperatures_c = 20, 70\n");
+  expect_refused("campaign own.campaign --out all --dry-run", "70 C: expected at most chamber.limit_unit_c (60)");
+  campaign("temperatures_c = 20, 30\nleg.3.switch_on = true\n");
+  expect_refused("campaign own.campaign --plan", "leg.3.switch_on");
+  write("own.rig", "noise.seed = 1\n");
+  campaign("temperatures_c = 20, 30\nrig = own.rig\n");
+  expect_refused("campaign own.campaign --out all --dry-run", "each leg of a campaign has its own");
+  write("own.station", station_head);
+  campaign("temperatures_c = 20, 30\n");
+  expect_refused("campaign own.campaign --plan", "has no chamber");
+}
+
+}  // namespace
+}  // namespace turncal

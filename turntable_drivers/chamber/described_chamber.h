@@ -1,0 +1,112 @@
+// A chamber that a .chamber file describes, over registers (Modbus TCP, RTU) or sentences (serial, TCP), and its driver. docs/chamber.md lists
+// the keys; turntable_drivers/chamber/chambers/ has two. Link, framing, draining and retries are those of tables (table_line.h, modbus_turntable.h,
+// serial_turntable.h), and so is where each line comes from (LineSource).
+//
+//   read.actual = 100 s16              registers: ADDRESS TYPE, one reading each
+//   read.actual = TEMP?                sentences: what is sent, and what is answered, with {value} once
+//   read.actual.expect = {value},{*}
+//
+// Not modelled: several channels, ramps that only the chamber's own programs know (without write.ramp it goes as fast as it likes).
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "turntable_drivers/ascii/serial_turntable.h"
+#include "turntable_drivers/chamber/chamber.h"
+#include "turntable_drivers/modbus/modbus_turntable.h"
+
+namespace turncal {
+
+enum class ChamberItem { actual, set_point, on, door, alarm, tell_set_point, tell_ramp, switch_on, switch_off };
+inline constexpr int chamber_item_count = 9;
+constexpr std::size_t index(ChamberItem item) { return static_cast<std::size_t>(item); }
+extern const std::array<const char*, chamber_item_count> chamber_keys;  // "read.actual" ... "write.off"
+constexpr bool is_command(ChamberItem item) { return item >= ChamberItem::switch_on; }
+constexpr bool is_read(ChamberItem item) { return item <= ChamberItem::alarm; }
+constexpr bool is_flag(ChamberItem item) { return item >= ChamberItem::on && item <= ChamberItem::alarm; }
+
+struct ChamberEntry {
+  double scale = 1.0;                    // units of the device per C, or per C/min
+  std::vector<std::string> true_values;  // of a flag; empty: of registers, any bit that the mask leaves
+  // registers
+  RegisterField field;
+  std::uint16_t mask = 0xFFFF;
+  WriteList writes;  // of a command
+  // sentences
+  SentenceTemplate send;
+  std::optional<SentenceTemplate> expect;
+};
+
+struct ChamberDescription {
+  enum class Language { rig, registers, sentences };  // rig: of dry runs alone
+  std::string file, name;
+  bool verified_on_hardware = false;
+  bool commissioned = false;  // tried by `turncal commission --chamber`; else nothing is switched on
+  Language language = Language::rig;
+  ModbusLinkSettings modbus;
+  DialectLink ascii;
+  int unit = 1, read_function = 3, write_function = 6;
+  WordLayout layout;
+  int decimals = 1;  // of numbers in sentences
+  ChamberLimits limits;
+  std::array<std::optional<ChamberEntry>, chamber_item_count> entries;
+  std::vector<LineSource> lines;
+
+  const std::optional<ChamberEntry>& of(ChamberItem item) const { return entries[index(item)]; }
+  bool by_registers() const { return language == Language::registers; }
+  const TableLinkSettings& link() const {
+    return by_registers() ? static_cast<const TableLinkSettings&>(modbus) : ascii;
+  }
+  void reach(const std::string& address) { modbus.address = ascii.address = address; }
+};
+
+Result<ChamberDescription> read_chamber(const std::string& path);
+Result<ChamberDescription> parse_chamber(const std::string& text, const std::string& file_name);
+// What is sent and read, to be held against the manual.
+std::vector<TableRow> explain(const ChamberDescription& chamber);
+// Whether a line says what switches the heaters, or tells that they are on.
+bool decides_heat(std::string_view key);
+
+// A word of a device as what it says of a flag.
+bool says_true(const ChamberEntry& entry, const std::string& word);
+// The registers of a write.
+std::vector<std::uint16_t> words_of(const ChamberDescription& chamber, const WriteStep& step);
+std::string number_text(const ChamberDescription& chamber, double value);
+
+class ChamberCodec;
+
+class DescribedChamber : public Chamber {
+ public:
+  explicit DescribedChamber(const ChamberDescription& description);
+  ~DescribedChamber() override;  // what was switched on and never read off is told to go off
+
+  Status connect() override;
+  std::string identity() const override;
+  const ChamberLimits& limits() const override { return chamber_.limits; }
+  Result<ChamberStatus> status() override;
+  Status set(double temperature_c, double ramp_c_per_min) override;
+  Status on() override { return switched(ChamberItem::switch_on); }
+  Status off() override { return switched(ChamberItem::switch_off); }
+  void disconnect() override { line_.close(); }
+
+ private:
+  // The answer of one exchange: a number, or a word. Readings are repeated, commands are not.
+  Result<std::string> exchange(ChamberItem item, const std::string& body, bool again);
+  Result<std::string> read(ChamberItem item);
+  Status tell(ChamberItem item, double value);
+  Status switched(ChamberItem item);
+  Error about(ChamberItem item, const std::string& what) const;
+
+  const ChamberDescription chamber_;
+  const StopSignal never_;  // nobody waits for this line but its own thread
+  std::unique_ptr<ChamberCodec> codec_;
+  TableLine line_;
+  std::atomic<bool> may_be_on_{false};  // told by whoever hands it on
+};
+
+}  // namespace turncal
