@@ -32,9 +32,9 @@ FrameDecoder::FrameDecoder(const FrameDescription& frame)
       period_s_(frame.sample_period_s) {
   const bool may_hold = modulus_ > 0.0 && state_.tracker.wrap_s() < narrow_wrap_s;
   ready_.reserve(may_hold ? most_held + 4 : 4);
-  for (const FrameVariant& from : frame.variants) variants_.emplace_back(frame, from);
+  for (const FrameVariant& from : frame.variants) variants_.emplace_back(from, period_s_);
   if (split_) {
-    variants_.push_back(FrameValues::joined(variants_[0], variants_[1]));
+    variants_.emplace_back(turncal::joined(frame.variants[0], frame.variants[1]), period_s_);
     joined_.resize(variants_.back().length());
   }
   any_cumulative_ = variants_.back().any_cumulative();

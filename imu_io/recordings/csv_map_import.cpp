@@ -23,14 +23,6 @@ namespace {
 
 // ---- the map ----
 
-std::array<double, 3> one_or_three(KeyValueFile& file, const std::string& key, double otherwise) {
-  const std::vector<double> values = file.numbers_or(key, {otherwise}, 0);
-  if (values.size() == 1) return {values[0], values[0], values[0]};
-  if (values.size() == 3) return {values[0], values[1], values[2]};
-  file.reject(key, "one number or three");
-  return {};
-}
-
 CsvTriad read_triad(KeyValueFile& file, const std::string& name, const std::vector<std::string_view>& units) {
   CsvTriad triad;
   const std::vector<std::string> columns = file.list(name + ".columns");
@@ -39,22 +31,15 @@ CsvTriad read_triad(KeyValueFile& file, const std::string& name, const std::vect
   else
     file.reject(name + ".columns", "three columns, by name or number");
   const InertialUnit* const unit = read_unit(file, name + ".unit", units);
-  triad.scale = one_or_three(file, name + ".scale", 1.0);
+  triad.scale = one_or_three(file, name + ".scale", 1.0, "one number or three");
   if (std::ranges::count(triad.scale, 0.0) > 0) file.reject(name + ".scale", "no zero");
-  triad.offset = one_or_three(file, name + ".offset", 0.0);
+  triad.offset = one_or_three(file, name + ".offset", 0.0, "one number or three");
   if (unit != nullptr) {
     triad.is_rate = unit->is_rate;
     for (double& scale : triad.scale) scale *= unit->si;
   }
-  const std::string axes_key = name + ".axes";
-  if (const auto axes = axis_order(file.text_or(axes_key, "x, y, z")))
-    triad.axes = *axes;
-  else
-    file.reject(axes_key, "x, y and z once each, with sign, as in +x, -z, +y");
-  const std::vector<double> range = file.numbers_or(name + ".range", {triad.range_low, triad.range_high}, 2);
-  triad.range_low = range[0];
-  triad.range_high = range[1];
-  if (!(range[0] < range[1])) file.reject(name + ".range", "the lower number before the higher");
+  triad.axes = read_axes(file, name + ".axes", false, "x, y and z once each, with sign, as in +x, -z, +y");
+  read_range(file, name + ".range", triad.range_low, triad.range_high, "the lower number before the higher");
   return triad;
 }
 
