@@ -49,19 +49,17 @@ Result<int> connect_tcp(const std::string& address, double timeout_s, const std:
   const Addresses found =
       TRY(look_up(address, address.substr(0, colon), address.substr(colon + 1), AF_UNSPEC, SOCK_STREAM));
   const Deadline deadline(timeout_s);
-  int descriptor = -1, result = EADDRNOTAVAIL;
-  for (const addrinfo* to = found.get(); to != nullptr && descriptor < 0 && result != ECANCELED; to = to->ai_next) {
-    descriptor = ::socket(to->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  int result = EADDRNOTAVAIL;
+  for (const addrinfo* to = found.get(); to != nullptr && result != ECANCELED; to = to->ai_next) {
+    Descriptor descriptor = ::socket(to->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     result = descriptor < 0 ? errno : connected(descriptor, *to, deadline, given_up);
-    if (result == 0 || descriptor < 0) continue;
-    ::close(descriptor);
-    descriptor = -1;
+    if (result != 0) continue;
+    const int on = 1;
+    ::setsockopt(descriptor, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    return descriptor.release();
   }
   if (result == ECANCELED) return Error{ErrorKind::aborted, address + ": given up for a stop"};
-  if (descriptor < 0) return device_error(address + ": cannot open: " + std::strerror(result));
-  const int on = 1;
-  ::setsockopt(descriptor, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-  return descriptor;
+  return device_error(address + ": cannot open: " + std::strerror(result));
 }
 
 // ---- the line to a unit ----
@@ -125,34 +123,26 @@ Result<ByteLine> ByteLine::open(const SerialSettings& settings) {
   switch (address->kind) {
     case LineKind::serial: line.port_ = TRY(SerialPort::open(settings)); break;
     case LineKind::tcp: line.socket_ = TRY(connect_tcp(settings.device.substr(4), connect_timeout_s)); break;
-    case LineKind::udp: TRY(address->asks ? line.connect(*address) : line.listen(*address)); break;
+    case LineKind::udp: TRY(line.open_udp(*address)); break;
   }
   line.asks_ = address->asks;
   return line;
 }
 
-// The kernel then lets nobody else's datagrams through.
-Status ByteLine::connect(const LineAddress& address) {
-  const Addresses found = TRY(look_up(device_, address.host, std::to_string(address.port), AF_INET, SOCK_DGRAM));
-  socket_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (socket_ < 0 || ::connect(socket_, found->ai_addr, found->ai_addrlen) != 0) return failure("cannot open", errno);
-  ::setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
-  return {};
-}
-
-Status ByteLine::listen(const LineAddress& address) {
+Status ByteLine::open_udp(const LineAddress& address) {
   socket_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   if (socket_ < 0) return failure("cannot open", errno);
   ::setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
+  if (address.asks) {  // connected: the kernel lets nobody else's datagrams through
+    const Addresses found = TRY(look_up(device_, address.host, std::to_string(address.port), AF_INET, SOCK_DGRAM));
+    return ::connect(socket_, found->ai_addr, found->ai_addrlen) == 0 ? Status() : failure("cannot open", errno);
+  }
   sockaddr_in here{};
   here.sin_family = AF_INET;
   here.sin_port = htons(static_cast<std::uint16_t>(address.port));
   if (!address.host.empty()) ::inet_pton(AF_INET, address.host.c_str(), &here.sin_addr);
-  if (::bind(socket_, reinterpret_cast<const sockaddr*>(&here), sizeof here) != 0) {
-    if (errno == EADDRINUSE) return device_error(device_ + ": in use by another process");
-    return failure("cannot listen", errno);
-  }
-  return {};
+  if (::bind(socket_, reinterpret_cast<const sockaddr*>(&here), sizeof here) == 0) return {};
+  return errno == EADDRINUSE ? device_error(device_ + ": in use by another process") : failure("cannot listen", errno);
 }
 
 // Empty: nothing is there.

@@ -47,8 +47,7 @@ class ByteLine {
   void close();
 
  private:
-  Status listen(const LineAddress& address);
-  Status connect(const LineAddress& address);
+  Status open_udp(const LineAddress& address);
   Result<std::size_t> receive(std::span<std::byte> out);
   Error failure(const std::string& what, int number) const;
 

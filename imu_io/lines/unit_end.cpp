@@ -27,24 +27,16 @@ Error failure(const std::string& what) {
 
 }  // namespace
 
-Pty::Pty(Pty&& other) noexcept
-    : fd_(std::exchange(other.fd_, -1)), device_(std::move(other.device_)), link_(std::exchange(other.link_, {})) {}
-
 Pty& Pty::operator=(Pty&& other) noexcept {
-  if (this != &other) {
-    unplug();
-    fd_ = std::exchange(other.fd_, -1);
-    device_ = std::move(other.device_);
-    link_ = std::exchange(other.link_, {});
-  }
+  std::swap(fd_, other.fd_);
+  std::swap(device_, other.device_);
+  std::swap(link_, other.link_);
   return *this;
 }
 
-Pty::~Pty() { unplug(); }
-
 void Pty::unplug() {
   if (!link_.empty()) ::unlink(std::exchange(link_, {}).c_str());
-  if (fd_ >= 0) ::close(std::exchange(fd_, -1));
+  fd_ = Descriptor();
 }
 
 Result<Pty> Pty::create(const std::string& link_path) {
@@ -55,13 +47,12 @@ Result<Pty> Pty::create(const std::string& link_path) {
   if (::grantpt(pty.fd_) != 0 || ::unlockpt(pty.fd_) != 0 || ::ptsname_r(pty.fd_, name.data(), name.size()) != 0)
     return failure("cannot set up");
   // Raw from the start, and opened once and closed: only then does the master tell that nobody is there.
-  const int slave = ::open(name.data(), O_RDWR | O_NOCTTY | O_CLOEXEC);
+  const Descriptor slave = ::open(name.data(), O_RDWR | O_NOCTTY | O_CLOEXEC);
   if (slave < 0) return failure("cannot open " + std::string(name.data()));
   termios line{};
   ::tcgetattr(slave, &line);
   ::cfmakeraw(&line);
   ::tcsetattr(slave, TCSANOW, &line);
-  ::close(slave);
   pty.device_ = name.data();
   if (!link_path.empty()) {
     struct stat facts {};

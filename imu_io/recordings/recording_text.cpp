@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <span>
 #include <utility>
@@ -14,6 +13,7 @@
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
+#include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
@@ -24,9 +24,7 @@
 namespace turncal {
 namespace {
 
-constexpr std::size_t block_bytes = std::size_t{1} << 20;
 constexpr std::size_t longest_row = 4096;
-constexpr std::size_t slack_bytes = 64;  // the number parser may look a little beyond a line end
 constexpr std::size_t samples_in_block = 1024;
 
 // In the order of SegmentKind.
@@ -243,6 +241,12 @@ Result<RecordingInfo> read_info(const std::string& path) {
   return info;
 }
 
+// Without the byte order mark of some editors.
+std::string_view first_line(std::string_view& text, bool* had_end) {
+  const std::string_view line = next_line(text, had_end);
+  return line.starts_with("\xEF\xBB\xBF") ? line.substr(3) : line;
+}
+
 // Every line of a small table but its header, each with a line end. `take` gets the cells and the row's place.
 template <class Take>
 Status read_table(const std::string& path, std::string_view header, Take take) {
@@ -250,8 +254,7 @@ Status read_table(const std::string& path, std::string_view header, Take take) {
   std::string_view text = content;
   if (text.empty()) return input_error(path + ": empty file: expected the header " + std::string(header));
   bool had_end = false;
-  std::string_view first = next_line(text, &had_end);
-  if (first.starts_with("\xEF\xBB\xBF")) first.remove_prefix(3);
+  const std::string_view first = first_line(text, &had_end);
   if (first != header)
     return input_error(at_line(path, 1) + ": header " + quoted(first) + ": expected " + std::string(header));
   const std::vector<std::string_view> names = split(header, ',');
@@ -307,10 +310,11 @@ class TextRecording final : public RecordingSource {
     TRY(read_table(segments_path_, segments_csv_header, add_segment));
     TRY(read_flags());
     csv_ = TRY(PosixFile::open_to_read(csv_path_));
-    TRY(read_header());
-    ImuSample first;
-    ImuSample last;
-    TRY(read_ends(first, last));
+    size_ = TRY(csv_.size());
+    FileWindow window(csv_, size_);
+    ImuSample first, last;
+    TRY(read_header(window));
+    TRY(read_ends(window, first, last));
     return check_segments(segments_, first.counter, last.counter,
                           [&](std::size_t i) { return at_line(segments_path_, static_cast<std::int64_t>(i) + 2); });
   }
@@ -331,15 +335,18 @@ class TextRecording final : public RecordingSource {
     });
   }
 
-  Status read_header() {
-    size_ = TRY(csv_.size());
+  static Result<std::string_view> text_at(FileWindow& window, std::uint64_t offset) {
+    const std::span<const std::byte> bytes = TRY(window.at(offset, longest_row));
+    return std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  }
+
+  Status read_header(FileWindow& window) {
     const std::string expected = imu_csv_header(false) + " and optionally ,temperature_c";
     if (size_ == 0) return input_error(csv_path_ + ": empty file: expected the header " + expected);
-    const std::string start = TRY(piece_at(0));
+    const std::string_view start = TRY(text_at(window, 0));
     std::string_view remaining = start;
     bool had_end = false;
-    std::string_view header = next_line(remaining, &had_end);
-    if (header.starts_with("\xEF\xBB\xBF")) header.remove_prefix(3);  // byte order mark of some editors
+    const std::string_view header = first_line(remaining, &had_end);
     info_.has_temperature = header == imu_csv_header(true);
     if (!info_.has_temperature && header != imu_csv_header(false))
       return input_error(at_line(csv_path_, 1) + ": header " + quoted(header) + ": expected " + expected);
@@ -348,26 +355,19 @@ class TextRecording final : public RecordingSource {
     return {};
   }
 
-  Result<std::string> piece_at(std::uint64_t offset) const {
-    std::string text(longest_row, '\0');
-    text.resize(TRY(csv_.read_at(offset, std::as_writable_bytes(std::span(text.data(), text.size())))));
-    return text;
-  }
-
   // The first and the last row: what the segments must lie in.
-  Status read_ends(ImuSample& first, ImuSample& last) const {
+  Status read_ends(FileWindow& window, ImuSample& first, ImuSample& last) const {
     const ImuCsvParser parser(csv_path_, info_);
-    const std::string begin = TRY(piece_at(rows_begin_));
-    std::string_view piece = begin;
+    std::string_view piece = TRY(text_at(window, rows_begin_));
     bool had_end = false;
     std::string_view row = next_line(piece, &had_end);
-    if (!had_end && begin.size() == longest_row) return too_long(2);
+    if (row.size() >= longest_row) return too_long(2);
     if (had_end) TRY(parser.parse(row, 2, first));
 
     const std::uint64_t tail = std::max(rows_begin_, size_ - std::min<std::uint64_t>(size_, longest_row));
-    const std::string end = TRY(piece_at(tail));
+    const std::string end(TRY(text_at(window, tail)));  // kept: lines may still be counted
     piece = end;
-    if (!piece.ends_with('\n')) return cut_off(csv_path_, TRY(count_lines()) + 1);
+    if (!piece.ends_with('\n')) return cut_off(csv_path_, TRY(count_lines(window)) + 1);
     piece.remove_suffix(1);
     const std::size_t before = piece.find_last_of('\n');
     row = before == std::string_view::npos ? piece : piece.substr(before + 1);
@@ -375,7 +375,7 @@ class TextRecording final : public RecordingSource {
     const bool whole = before != std::string_view::npos || tail == rows_begin_;
     if (whole && parser.parse(row, 0, last).ok()) return {};
     // Only a defect is worth counting lines for.
-    const std::int64_t lines = TRY(count_lines());
+    const std::int64_t lines = TRY(count_lines(window));
     return whole ? parser.parse(row, lines, last) : Status(too_long(lines));
   }
 
@@ -383,72 +383,56 @@ class TextRecording final : public RecordingSource {
     return input_error(fmt::format("{}:{}: line longer than {} bytes", csv_path_, line, longest_row));
   }
 
-  Result<std::int64_t> count_lines() const {
+  static Result<std::int64_t> count_lines(FileWindow& window) {
     std::int64_t lines = 0;
-    std::vector<std::byte> buffer(block_bytes);
-    std::size_t got = 0;
-    for (std::uint64_t offset = 0; offset < size_; offset += got) {
-      got = TRY(csv_.read_at(offset, buffer));
-      if (got == 0) break;
-      lines += std::count(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(got), std::byte{'\n'});
+    for (std::uint64_t offset = 0; offset < window.end();) {
+      const std::string_view text = TRY(text_at(window, offset));
+      lines += std::ranges::count(text, '\n');
+      offset += text.size();
     }
     return lines;
   }
 
   Status stream(const Sink& sink) override {
     const ImuCsvParser parser(csv_path_, info_);
-    std::vector<char> buffer(block_bytes + longest_row + slack_bytes);
+    FileWindow window(csv_, size_);
     std::vector<ImuSample> block;
     block.reserve(samples_in_block);
     auto flagged = flagged_.begin();
-    std::size_t carried = 0;
-    std::int64_t line = 1;
-    bool any = false;
-    std::int64_t last_counter = 0;
-    for (std::uint64_t offset = rows_begin_; offset < size_;) {
-      const auto wanted = static_cast<std::size_t>(std::min<std::uint64_t>(block_bytes, size_ - offset));
-      const std::size_t got =
-          TRY(csv_.read_at(offset, std::as_writable_bytes(std::span(buffer).subspan(carried, wanted))));
-      if (got == 0) break;
-      offset += got;
-      const char* const end = buffer.data() + carried + got;
-      const auto* last_end = static_cast<const char*>(::memrchr(buffer.data(), '\n', carried + got));
-      const char* at = buffer.data();
-      while (last_end != nullptr && at <= last_end) {
+    const auto not_there = [&] {
+      return input_error(fmt::format("{}/{}: sample {} is not in imu.csv", path_, flags_csv_name, flagged->counter));
+    };
+    std::int64_t line = 1, last_counter = std::numeric_limits<std::int64_t>::min();
+    for (std::uint64_t offset = rows_begin_; offset < window.end();) {
+      const std::string_view text = TRY(text_at(window, offset));
+      const std::size_t size = text.rfind('\n') + 1;  // of whole rows
+      offset += size;
+      if (size == 0 && (text.size() > longest_row || offset + text.size() < window.end())) return too_long(line + 1);
+      if (size == 0) return flagged != flagged_.end() ? not_there() : cut_off(csv_path_, line + 1);
+      const char* const end = text.data() + size;
+      for (const char* at = text.data(); at < end;) {
         ++line;
         ImuSample& sample = block.emplace_back();
         if (!parser.parse_plain(at, sample)) {
-          const auto* row_end = static_cast<const char*>(std::memchr(at, '\n', static_cast<std::size_t>(end - at)));
-          std::string_view row(at, static_cast<std::size_t>(row_end - at));
-          if (row.ends_with('\r')) row.remove_suffix(1);
-          TRY(parser.parse(row, line, sample));
-          at = row_end + 1;
+          std::string_view left(at, static_cast<std::size_t>(end - at));
+          TRY(parser.parse(next_line(left), line, sample));
+          at = left.data();
         }
-        if (any && sample.counter <= last_counter) {
+        if (sample.counter <= last_counter)
           return input_error(fmt::format("{}:{}: column sample = '{}': expected more than {} in the line before",
                                          csv_path_, line, sample.counter, last_counter));
-        }
-        any = true;
         last_counter = sample.counter;
         if (flagged != flagged_.end() && flagged->counter <= sample.counter) {
-          if (flagged->counter < sample.counter) break;
-          sample.flags = flagged->flags;
-          ++flagged;
+          if (flagged->counter < sample.counter) return not_there();
+          sample.flags = (flagged++)->flags;
         }
         if (block.size() == samples_in_block) {
           TRY(sink(block));
           block.clear();
         }
       }
-      if (flagged != flagged_.end() && any && flagged->counter < last_counter) break;
-      carried = static_cast<std::size_t>(end - at);
-      if (carried > longest_row) return too_long(line + 1);
-      std::memmove(buffer.data(), at, carried);
     }
-    if (flagged != flagged_.end()) {
-      return input_error(fmt::format("{}/{}: sample {} is not in imu.csv", path_, flags_csv_name, flagged->counter));
-    }
-    if (carried > 0) return cut_off(csv_path_, line + 1);
+    if (flagged != flagged_.end()) return not_there();
     return block.empty() ? Status() : sink(block);
   }
 
@@ -463,19 +447,18 @@ class TextRecording final : public RecordingSource {
 // ---- writing ----
 
 std::string conf_text(const RecordingInfo& info) {
-  std::string text = "format = 1\n";
-  const auto add = [&](const char* key, const std::string& value) { text += std::string(key) + " = " + value + "\n"; };
-  add("sample_period_s", format_number(info.sample_period_s));
-  add("latitude_deg", format_number(info.latitude_deg));
-  add("gravity_mps2", format_number(info.gravity_mps2));
-  add("unit_serial", info.unit_serial);
-  add("gyro_increment", gyro_increment_name(info.gyro_increment));
-  add("accel_increment", accel_increment_name(info.accel_increment));
+  KeyValues conf("format = 1\n");
+  conf.number("sample_period_s", info.sample_period_s);
+  conf.number("latitude_deg", info.latitude_deg);
+  conf.number("gravity_mps2", info.gravity_mps2);
+  conf.text("unit_serial", info.unit_serial);
+  conf.text("gyro_increment", gyro_increment_name(info.gyro_increment));
+  conf.text("accel_increment", accel_increment_name(info.accel_increment));
   if (info.accel_increment == IncrementKind::pulses || info.accel_pulse_mps != 0.0)
-    add("accel_pulse_mps", format_number(info.accel_pulse_mps));
-  if (info.started_utc_s) add("started_utc", format_utc(static_cast<double>(*info.started_utc_s)));
-  if (info.simulated) add("simulated", "true");
-  return text;
+    conf.number("accel_pulse_mps", info.accel_pulse_mps);
+  if (info.started_utc_s) conf.text("started_utc", format_utc(static_cast<double>(*info.started_utc_s)));
+  if (info.simulated) conf.flag("simulated", true);
+  return conf.take();
 }
 
 std::string segments_text(const Segments& segments) {
