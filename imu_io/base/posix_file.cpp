@@ -44,6 +44,17 @@ auto repeat_interrupted(Call call) {
   return result;
 }
 
+constexpr auto between_tries = std::chrono::milliseconds(20);
+constexpr int most_races = 100;  // with others that make and remove the same file
+
+// Of another user: to be read is enough for a lock.
+Result<PosixFile> open_or_make(const std::string& path) {
+  if (!path_exists(path)) return PosixFile::create_new(path);
+  Result<PosixFile> file = PosixFile::open_to_change(path);
+  if (!file && path_exists(path)) return PosixFile::open_to_read(path);
+  return file;
+}
+
 }  // namespace
 
 std::optional<pid_t> flock_holder(const struct stat& file, bool any_device) {
@@ -256,21 +267,6 @@ Status sync_folder(const std::string& folder) {
 }
 
 // ---- a lock between processes ----
-
-namespace {
-
-constexpr auto between_tries = std::chrono::milliseconds(20);
-constexpr int most_races = 100;  // with others that make and remove the same file
-
-// Of another user: to be read is enough for a lock.
-Result<PosixFile> open_or_make(const std::string& path) {
-  if (!path_exists(path)) return PosixFile::create_new(path);
-  Result<PosixFile> file = PosixFile::open_to_change(path);
-  if (!file && path_exists(path)) return PosixFile::open_to_read(path);
-  return file;
-}
-
-}  // namespace
 
 Result<LockFile> LockFile::acquire(const std::string& path, double wait_s) {
   const Deadline deadline(wait_s);

@@ -43,7 +43,7 @@ class Descriptor {  // closes itself; -1: none
 class PosixFile {
  public:
   PosixFile() = default;
-  PosixFile(PosixFile&&) noexcept;
+  PosixFile(PosixFile&&) noexcept;  // not inline: GCC 12 then warns of what is not so
   PosixFile& operator=(PosixFile&&) noexcept;
 
   static Result<PosixFile> open_to_read(const std::string& path);    // a regular file

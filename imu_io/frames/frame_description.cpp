@@ -251,40 +251,29 @@ void read_crc(KeyValueFile& file, CrcParameters& crc) {
   crc.reflect_output = file.boolean_or("crc.reflect_output", false);
 }
 
-struct NamedCheck {
-  std::string_view name;
-  CheckKind kind;
-  int bytes;
-  bool of_words, may_be_of_words;
-};
-constexpr NamedCheck named_checks[] = {{"sum8", CheckKind::sum, 1, false, false},
-                                       {"sum16", CheckKind::sum, 2, false, true},
-                                       {"sum32", CheckKind::sum, 4, false, true},
-                                       {"xor8", CheckKind::exclusive_or, 1, false, false},
-                                       {"xor16", CheckKind::exclusive_or, 2, true, false},
-                                       {"crc", CheckKind::crc, 0, false, false},
-                                       {"fletcher16", CheckKind::fletcher, 2, false, false},
-                                       {"fletcher32", CheckKind::fletcher, 4, true, false}};
-
 FrameCheck read_check(KeyValueFile& file) {
   FrameCheck check;
   const std::string name =
       file.one_of("check", {"none", "sum8", "sum16", "sum32", "xor8", "xor16", "crc", "fletcher16", "fletcher32"});
-  const auto named = std::find_if(std::begin(named_checks), std::end(named_checks),
-                                  [&](const NamedCheck& known) { return known.name == name; });
-  if (named == std::end(named_checks)) return check;
-  check.kind = named->kind;
-  check.of_words = named->of_words;
+  constexpr std::pair<std::string_view, CheckKind> kinds[] = {{"sum", CheckKind::sum},
+                                                              {"xor", CheckKind::exclusive_or},
+                                                              {"crc", CheckKind::crc},
+                                                              {"fletcher", CheckKind::fletcher}};
+  for (const auto& [beginning, kind] : kinds)
+    if (name.starts_with(beginning)) check.kind = kind;
+  if (check.kind == CheckKind::none) return check;
   if (check.kind == CheckKind::crc) read_crc(file, check.crc);
+  const std::size_t digits = std::min(name.find_first_of("0123456789"), name.size());
   FieldForm form;
-  form.bytes = check.kind == CheckKind::crc ? check.crc.width / 8 : named->bytes;
+  form.bytes = parse_integer<int>(std::string_view(name).substr(digits)).value_or(check.crc.width) / 8;
+  check.of_words = name == "xor16" || name == "fletcher32";
   chosen(file, file.has("check.order") ? "check.order" : "order", form.big_endian, {"little", "big"});
   if (check.kind == CheckKind::fletcher) {
     const std::int64_t most = check.of_words ? 65536 : 256;
     const std::int64_t modulus = file.integer_or("check.modulus", most - 1, most - 1, most);
     check.modulus = static_cast<std::uint32_t>(std::clamp(modulus, most - 1, most));
   } else if (check.kind != CheckKind::crc) {
-    if (named->may_be_of_words) chosen(file, "check.of", check.of_words, {"bytes", "words"});
+    if (check.kind == CheckKind::sum && form.bytes > 1) chosen(file, "check.of", check.of_words, {"bytes", "words"});
     if (check.kind == CheckKind::sum) chosen(file, "check.carry", check.end_around, {"dropped", "end_around"});
     chosen(file, "check.complement", check.complement, {"none", "ones", "twos"});
   }
@@ -302,44 +291,58 @@ FrameCheck read_check(KeyValueFile& file) {
 
 // ---- what a description must be beyond what each of its keys is checked for ----
 
-// A number in the frames of a variant, and the key that says where it stands.
-struct NumberPlace {
+// What takes bits of a frame: the key that says where, and its end.
+struct Taken {
   std::string key;
-  FrameField field;
-  std::uint64_t used = all_bits;  // of its bits
+  std::size_t end;
+  std::vector<std::byte> bits = std::vector<std::byte>(longest_frame + sizeof(std::uint64_t));
 };
 
-// Those that make a sample, and those beside them.
-struct NumberPlaces {
-  std::vector<NumberPlace> data, beside;
+Taken taken_by(std::string key, const FrameField& field, std::uint64_t used = all_bits) {
+  Taken taken{std::move(key), field.end()};
+  field.put_bits(taken.bits.data(), used);
+  return taken;
+}
+
+Taken taken_by(std::string key, std::size_t offset, const std::vector<std::byte>& mask) {
+  Taken taken{std::move(key), offset + mask.size()};
+  std::ranges::copy(mask, taken.bits.begin() + static_cast<std::ptrdiff_t>(offset));
+  return taken;
+}
+
+// The numbers that make a sample, and what is beside them.
+struct TakenBits {
+  std::vector<Taken> data, beside;
 };
 
-NumberPlaces places_in(const FrameDescription& frame, const FrameVariant& variant) {
-  NumberPlaces places;
+TakenBits taken_in(const FrameDescription& frame, const FrameVariant& variant) {
+  TakenBits taken;
   const auto add_triad = [&](const FrameTriad& triad, const std::string& name) {
-    for (const FrameField& field : triad.element) places.data.push_back({name + ".offset", field});
+    for (const FrameField& field : triad.element) taken.data.push_back(taken_by(name + ".offset", field));
     if (triad.down)
-      for (const FrameField& field : *triad.down) places.data.push_back({name + ".down", field});
+      for (const FrameField& field : *triad.down) taken.data.push_back(taken_by(name + ".down", field));
   };
   if (variant.has_gyro) add_triad(variant.gyro, "gyro");
   if (variant.has_accel) add_triad(variant.accel, "accel");
   if (variant.temperature)
-    for (const FrameField& field : variant.temperature->places) places.data.push_back({"temperature.offset", field});
-  if (variant.counter) places.data.push_back({"counter.offset", variant.counter->field});
-  if (frame.length) places.beside.push_back({"length.offset", *frame.length});
-  if (frame.id) places.beside.push_back({"id.offset", *frame.id});
+    for (const FrameField& field : variant.temperature->places)
+      taken.data.push_back(taken_by("temperature.offset", field));
+  if (variant.counter) taken.data.push_back(taken_by("counter.offset", variant.counter->field));
+  taken.beside.push_back(taken_by("sync", 0, frame.sync_mask));
+  if (frame.length) taken.beside.push_back(taken_by("length.offset", *frame.length));
+  if (frame.id) taken.beside.push_back(taken_by("id.offset", *frame.id));
   for (const FrameStatus& status : variant.status)
-    places.beside.push_back({"status.offset", status.field, status.mask});
-  if (variant.multiplexer) places.beside.push_back({"mux.offset", *variant.multiplexer});
-  return places;
+    taken.beside.push_back(taken_by("status.offset", status.field, status.mask));
+  if (variant.multiplexer) taken.beside.push_back(taken_by("mux.offset", *variant.multiplexer));
+  return taken;
 }
 
 // Everything inside its frame, and nothing contradicting.
 void check_places(KeyValueFile& file, const FrameDescription& frame, const FrameVariant& variant) {
-  const NumberPlaces places = places_in(frame, variant);
+  const TakenBits places = taken_in(frame, variant);
   for (const auto* const some : {&places.data, &places.beside})
-    for (const NumberPlace& place : *some)
-      if (place.field.end() > variant.length)
+    for (const Taken& place : *some)
+      if (place.end > variant.length && place.key != "sync")
         file.reject(place.key, fmt::format("a place inside the frame of {} bytes", variant.length));
   if (frame.sync.size() + frame.tail.size() > variant.length) file.reject("length", "room for sync and tail");
   const FrameCheck& check = frame.check;
@@ -362,41 +365,17 @@ void check_places(KeyValueFile& file, const FrameDescription& frame, const Frame
     if (&other != &variant && other.id == variant.id) file.reject("variants", "a different id for each variant");
 }
 
-// The bits of a frame that something takes.
-struct Taken {
-  std::string key;
-  std::vector<std::byte> bits;
-};
-
-bool overlap(const Taken& one, const Taken& other) {
-  for (std::size_t i = 0; i < one.bits.size(); ++i)
-    if ((one.bits[i] & other.bits[i]) != std::byte{0}) return true;
-  return false;
-}
-
 // REQUIRES: every place is inside the frame.
 void check_overlaps(KeyValueFile& file, const FrameDescription& frame, const FrameVariant& variant) {
-  const std::size_t length = variant.length;
-  const auto taken_by_bytes = [&](const char* key, std::size_t offset, const std::vector<std::byte>& mask) {
-    Taken taken{key, std::vector<std::byte>(length)};
-    std::copy(mask.begin(), mask.end(), taken.bits.begin() + static_cast<std::ptrdiff_t>(offset));
-    return taken;
-  };
   const auto whole = [](std::size_t bytes) { return std::vector<std::byte>(bytes, std::byte{0xFF}); };
-  const auto taken_by = [&](const NumberPlace& place) {
-    Taken taken{place.key, std::vector<std::byte>(length)};
-    place.field.put_bits(taken.bits.data(), place.used);
-    return taken;
-  };
-  const NumberPlaces places = places_in(frame, variant);
-  std::vector<Taken> data, beside = {taken_by_bytes("sync", 0, frame.sync_mask)};
-  for (const NumberPlace& place : places.data) data.push_back(taken_by(place));
+  auto [data, beside] = taken_in(frame, variant);
   if (!frame.tail.empty())
-    beside.push_back(taken_by_bytes("tail", length - frame.tail.size(), whole(frame.tail.size())));
-  for (const NumberPlace& place : places.beside) beside.push_back(taken_by(place));
+    beside.insert(beside.begin() + 1, taken_by("tail", variant.length - frame.tail.size(), whole(frame.tail.size())));
 
   const auto check_apart = [&](const Taken& one, const Taken& other) {
-    if (overlap(one, other)) file.reject(one.key, "a place of its own, not that of " + file.name_of(other.key));
+    for (std::size_t i = 0; i < one.bits.size(); ++i)
+      if ((one.bits[i] & other.bits[i]) != std::byte{0})
+        return file.reject(one.key, "a place of its own, not that of " + file.name_of(other.key));
   };
   for (std::size_t i = 0; i < data.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) check_apart(data[i], data[j]);
@@ -408,8 +387,8 @@ void check_overlaps(KeyValueFile& file, const FrameDescription& frame, const Fra
   for (std::size_t i = 1; i < beside.size(); ++i)
     if (beside[i].key != "id.offset") check_apart(beside[i], beside[0]);
   if (frame.check.kind == CheckKind::none) return;
-  const Taken check = taken_by_bytes("check.offset", check_offset(frame.check, length),
-                                     whole(static_cast<std::size_t>(frame.check.bytes())));
+  const Taken check = taken_by("check.offset", check_offset(frame.check, variant.length),
+                               whole(static_cast<std::size_t>(frame.check.bytes())));
   for (const std::vector<Taken>* const all : {&data, &beside})
     for (const Taken& other : *all) check_apart(check, other);
 }

@@ -475,36 +475,6 @@ Result<NumberTable> checked(NumberTable table, const std::string& file_name, con
   return table;
 }
 
-}  // namespace
-
-bool is_text_table(std::string_view content) {
-  const FileKind form = form_of(content);
-  return form != FileKind::npy && form != FileKind::mat && form != FileKind::hdf5;
-}
-
-Result<std::vector<std::string>> column_names(std::string_view content, const std::string& file_name) {
-  if (form_of(content) == FileKind::mat) return mat_columns(file_name);
-  if (form_of(content) == FileKind::hdf5) return hdf5_columns(file_name);
-  const MatrixView view = TRY(view_npy(content, file_name));
-  std::vector<std::string> names;
-  for (std::size_t k = 1; k <= std::min(view.columns, widest); ++k) names.push_back(std::to_string(k));
-  return names;
-}
-
-Result<NumberTable> read_number_table(std::string_view content, const std::string& file_name,
-                                      const std::vector<WantedColumn>& wanted, const TableFormat& format) {
-  if (is_text_table(content)) return CsvTable(content, file_name, wanted, format).read();
-  const FileKind form = form_of(content);
-  NumberTable table = TRY(form == FileKind::npy   ? read_npy(content, file_name, wanted)
-                          : form == FileKind::mat ? read_mat(file_name, wanted)
-                                                  : read_hdf5(file_name, wanted));
-  return checked(std::move(table), file_name, wanted, format.skip_bad_rows);
-}
-
-// ---- written ----
-
-namespace {
-
 constexpr const char* mat_header = "MATLAB 5.0 MAT-file, written by turncal";
 
 std::string npy_header(std::size_t rows, std::size_t fields) {
@@ -617,6 +587,32 @@ Status write_samples(RecordingSource& source, const SampleColumns& columns, std:
 }
 
 }  // namespace
+
+bool is_text_table(std::string_view content) {
+  const FileKind form = form_of(content);
+  return form != FileKind::npy && form != FileKind::mat && form != FileKind::hdf5;
+}
+
+Result<std::vector<std::string>> column_names(std::string_view content, const std::string& file_name) {
+  if (form_of(content) == FileKind::mat) return mat_columns(file_name);
+  if (form_of(content) == FileKind::hdf5) return hdf5_columns(file_name);
+  const MatrixView view = TRY(view_npy(content, file_name));
+  std::vector<std::string> names;
+  for (std::size_t k = 1; k <= std::min(view.columns, widest); ++k) names.push_back(std::to_string(k));
+  return names;
+}
+
+Result<NumberTable> read_number_table(std::string_view content, const std::string& file_name,
+                                      const std::vector<WantedColumn>& wanted, const TableFormat& format) {
+  if (is_text_table(content)) return CsvTable(content, file_name, wanted, format).read();
+  const FileKind form = form_of(content);
+  NumberTable table = TRY(form == FileKind::npy   ? read_npy(content, file_name, wanted)
+                          : form == FileKind::mat ? read_mat(file_name, wanted)
+                                                  : read_hdf5(file_name, wanted));
+  return checked(std::move(table), file_name, wanted, format.skip_bad_rows);
+}
+
+// ---- written ----
 
 bool names_matrix(std::string_view path) { return path.ends_with(".npy") || path.ends_with(".mat"); }
 

@@ -139,87 +139,6 @@ std::string imu_csv_header(bool has_temperature) {
   return fmt::format("{}", fmt::join(columns_of(has_temperature), ","));
 }
 
-}  // namespace
-
-bool ImuCsvParser::parse_plain(const char*& at, ImuSample& sample) const {
-  const char* p = at;
-  if (!plain_integer(p, sample.counter) || *p++ != ',') return false;
-  if (!plain_triple(p, info_.gyro_increment, sample.gyro, ',')) return false;
-  if (!plain_triple(p, info_.accel_increment, sample.accel, info_.has_temperature ? ',' : '\n')) return false;
-  sample.temperature_c = std::numeric_limits<float>::quiet_NaN();
-  const bool blank = *p == '\n' || *p == '\r';  // not measured at this sample
-  if (info_.has_temperature && !blank && !plain_decimal(p, sample.temperature_c)) return false;
-  if (*p == '\r') ++p;
-  if (*p != '\n') return false;
-  at = p + 1;
-  return true;
-}
-
-Status ImuCsvParser::parse(std::string_view text, std::int64_t line, ImuSample& sample) const {
-  const CsvRow row(text, file_name_, line, columns_of(info_.has_temperature));
-  TRY(row.check_count());
-  const auto counter = parse_integer(row[0]);
-  if (!counter || !is_counter(*counter)) return row.defect(0, std::string(counter_words) + ", the unit's counter");
-  sample.counter = *counter;
-  for (std::size_t i = 1; i <= 6; ++i) {
-    const bool is_gyro = i <= 3;
-    const IncrementKind kind = is_gyro ? info_.gyro_increment : info_.accel_increment;
-    const auto value = parse_number(row[i]);
-    double& place = is_gyro ? sample.gyro[i - 1] : sample.accel[i - 4];
-    if (kind == IncrementKind::physical) {
-      if (!value) return row.defect(i, is_gyro ? "a number, rad" : "a number, m/s");
-      place = *value;
-    } else {
-      const bool whole = value && *value == std::floor(*value) && *value >= static_cast<double>(min_pulses) &&
-                         *value <= static_cast<double>(max_pulses);
-      if (!whole) return row.defect(i, "a whole number of pulses within 32 bits");
-      place = *value + 0.0;  // no negative zero among pulses
-    }
-  }
-  sample.temperature_c = std::numeric_limits<float>::quiet_NaN();
-  if (info_.has_temperature && !row[7].empty()) {
-    const auto value = parse_number<float>(row[7]);
-    if (!value) return row.defect(7, "a number in degrees Celsius, or nothing when it was not measured");
-    sample.temperature_c = *value;
-  }
-  return {};
-}
-
-void append_imu_row(std::string& out, const ImuSample& sample, const RecordingInfo& info) {
-  NumberBuffer buffer;
-  out += format_number(sample.counter, buffer);
-  const auto append_triple = [&](const std::array<double, 3>& value, IncrementKind kind) {
-    for (const double x : value) {
-      out += ',';
-      out += kind == IncrementKind::pulses ? format_number(static_cast<std::int32_t>(x), buffer)
-                                           : format_number(x, buffer);
-    }
-  };
-  append_triple(sample.gyro, info.gyro_increment);
-  append_triple(sample.accel, info.accel_increment);
-  if (info.has_temperature) {
-    out += ',';
-    const float t = sample.temperature_c;
-    if (!std::isnan(t)) {
-      // Three decimals when they say it exactly, which is what sensors give; else the shortest form.
-      const double thousandths = std::round(static_cast<double>(t) * 1000.0);
-      if (std::abs(thousandths) < 8e6 && static_cast<float>(thousandths / 1000.0) == t) {
-        if (std::signbit(t)) out += '-';
-        const auto magnitude = static_cast<std::int64_t>(std::abs(thousandths));
-        out += format_number(magnitude / 1000, buffer);
-        const auto digit = [&](std::int64_t unit) { return static_cast<char>('0' + magnitude / unit % 10); };
-        const std::array<char, 4> decimals = {'.', digit(100), digit(10), digit(1)};
-        out.append(decimals.data(), decimals.size());
-      } else {
-        out += format_number(t, buffer);
-      }
-    }
-  }
-  out += '\n';
-}
-
-namespace {
-
 // ---- reading ----
 
 Result<RecordingInfo> read_info(const std::string& path) {
@@ -484,6 +403,82 @@ Status write_binary(RecordingSource& source, const Segments& segments, const std
 }
 
 }  // namespace
+
+bool ImuCsvParser::parse_plain(const char*& at, ImuSample& sample) const {
+  const char* p = at;
+  if (!plain_integer(p, sample.counter) || *p++ != ',') return false;
+  if (!plain_triple(p, info_.gyro_increment, sample.gyro, ',')) return false;
+  if (!plain_triple(p, info_.accel_increment, sample.accel, info_.has_temperature ? ',' : '\n')) return false;
+  sample.temperature_c = std::numeric_limits<float>::quiet_NaN();
+  const bool blank = *p == '\n' || *p == '\r';  // not measured at this sample
+  if (info_.has_temperature && !blank && !plain_decimal(p, sample.temperature_c)) return false;
+  if (*p == '\r') ++p;
+  if (*p != '\n') return false;
+  at = p + 1;
+  return true;
+}
+
+Status ImuCsvParser::parse(std::string_view text, std::int64_t line, ImuSample& sample) const {
+  const CsvRow row(text, file_name_, line, columns_of(info_.has_temperature));
+  TRY(row.check_count());
+  const auto counter = parse_integer(row[0]);
+  if (!counter || !is_counter(*counter)) return row.defect(0, std::string(counter_words) + ", the unit's counter");
+  sample.counter = *counter;
+  for (std::size_t i = 1; i <= 6; ++i) {
+    const bool is_gyro = i <= 3;
+    const IncrementKind kind = is_gyro ? info_.gyro_increment : info_.accel_increment;
+    const auto value = parse_number(row[i]);
+    double& place = is_gyro ? sample.gyro[i - 1] : sample.accel[i - 4];
+    if (kind == IncrementKind::physical) {
+      if (!value) return row.defect(i, is_gyro ? "a number, rad" : "a number, m/s");
+      place = *value;
+    } else {
+      const bool whole = value && *value == std::floor(*value) && *value >= static_cast<double>(min_pulses) &&
+                         *value <= static_cast<double>(max_pulses);
+      if (!whole) return row.defect(i, "a whole number of pulses within 32 bits");
+      place = *value + 0.0;  // no negative zero among pulses
+    }
+  }
+  sample.temperature_c = std::numeric_limits<float>::quiet_NaN();
+  if (info_.has_temperature && !row[7].empty()) {
+    const auto value = parse_number<float>(row[7]);
+    if (!value) return row.defect(7, "a number in degrees Celsius, or nothing when it was not measured");
+    sample.temperature_c = *value;
+  }
+  return {};
+}
+
+void append_imu_row(std::string& out, const ImuSample& sample, const RecordingInfo& info) {
+  NumberBuffer buffer;
+  out += format_number(sample.counter, buffer);
+  const auto append_triple = [&](const std::array<double, 3>& value, IncrementKind kind) {
+    for (const double x : value) {
+      out += ',';
+      out += kind == IncrementKind::pulses ? format_number(static_cast<std::int32_t>(x), buffer)
+                                           : format_number(x, buffer);
+    }
+  };
+  append_triple(sample.gyro, info.gyro_increment);
+  append_triple(sample.accel, info.accel_increment);
+  if (info.has_temperature) {
+    out += ',';
+    const float t = sample.temperature_c;
+    if (!std::isnan(t)) {
+      // Three decimals when they say it exactly, which is what sensors give; else the shortest form.
+      const double thousandths = std::round(static_cast<double>(t) * 1000.0);
+      if (std::abs(thousandths) < 8e6 && static_cast<float>(thousandths / 1000.0) == t) {
+        if (std::signbit(t)) out += '-';
+        const auto magnitude = static_cast<std::int64_t>(std::abs(thousandths));
+        out += format_number(magnitude / 1000, buffer);
+        out += '.';
+        out += format_number(1000 + magnitude % 1000, buffer).substr(1);
+      } else {
+        out += format_number(t, buffer);
+      }
+    }
+  }
+  out += '\n';
+}
 
 Result<std::unique_ptr<RecordingSource>> open_text_recording(const std::string& folder) {
   auto recording = std::make_unique<TextRecording>(folder);
