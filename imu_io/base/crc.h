@@ -32,12 +32,11 @@ class Crc {
   std::uint32_t go_on(std::span<const std::byte> data, std::uint32_t before) const;
 
  private:
-  std::uint32_t step(std::uint32_t state, std::byte byte) const;
+  std::uint32_t step(std::uint32_t state, std::uint32_t byte) const;
 
   CrcParameters parameters_;
   std::uint32_t start_ = 0;
   std::array<std::uint32_t, 256> table_{};
-  std::array<std::uint8_t, 256> mirrored_{};  // of a byte that comes in
 };
 
 // CRC-32C (Castagnoli, polynomial 0x1EDC6F41 reflected, as in iSCSI, RFC 3720): crc32c("123456789") = 0xE3069283.
