@@ -43,6 +43,15 @@ requires std::is_arithmetic_v<T> T load_bytes(const std::byte* from) {
   return value;
 }
 
+// For lists of fields that serve both ways: appends each.
+struct ByteWriter {
+  std::vector<std::byte>& out;
+  template <class... Numbers>
+  void operator()(const Numbers&... numbers) {
+    (append_bytes(out, numbers), ...);
+  }
+};
+
 // Reads from the front. Once something was missing, good() is false and everything reads as 0.
 class ByteReader {
  public:
@@ -52,6 +61,10 @@ class ByteReader {
   requires std::is_arithmetic_v<T> T get() {
     const auto bytes = get_bytes(sizeof(T));
     return bytes.empty() ? T{} : load_bytes<T>(bytes.data());
+  }
+  template <class... Numbers>
+  void operator()(Numbers&... numbers) {
+    ((numbers = get<Numbers>()), ...);
   }
   // Empty when there are not as many.
   std::span<const std::byte> get_bytes(std::uint64_t count) {

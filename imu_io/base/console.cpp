@@ -13,7 +13,6 @@
 #include "imu_io/base/clock.h"
 
 namespace turncal {
-
 namespace {
 
 constexpr std::size_t piece = 256;    // of a descriptor that might wait for more room than poll() has seen

@@ -10,7 +10,6 @@
 #endif
 
 namespace turncal {
-
 namespace {
 
 std::uint32_t reflected(std::uint32_t value, int width) {
@@ -19,6 +18,26 @@ std::uint32_t reflected(std::uint32_t value, int width) {
     if ((value >> bit & 1U) != 0) result |= 1U << (width - 1 - bit);
   return result;
 }
+
+constexpr std::string_view checksum_key = "checksum = ";
+
+std::string checksum_line(std::string_view text) { return fmt::format("{}{:08x}\n", checksum_key, crc32c(text)); }
+
+#if defined(__x86_64__)
+__attribute__((target("sse4.2"))) std::uint32_t crc32c_sse42(std::span<const std::byte> data, std::uint32_t before) {
+  const std::byte* p = data.data();
+  std::size_t n = data.size();
+  std::uint64_t crc = static_cast<std::uint32_t>(~before);
+  for (; n >= 8; n -= 8, p += 8) {
+    std::uint64_t word = 0;
+    std::memcpy(&word, p, 8);
+    crc = _mm_crc32_u64(crc, word);
+  }
+  std::uint32_t crc32 = static_cast<std::uint32_t>(crc);
+  for (; n > 0; --n, ++p) crc32 = _mm_crc32_u8(crc32, std::to_integer<std::uint8_t>(*p));
+  return ~crc32;
+}
+#endif
 
 }  // namespace
 
@@ -66,14 +85,6 @@ std::uint32_t Crc::go_on(std::span<const std::byte> data, std::uint32_t before) 
   return ~state;
 }
 
-namespace {
-
-constexpr std::string_view checksum_key = "checksum = ";
-
-std::string checksum_line(std::string_view text) { return fmt::format("{}{:08x}\n", checksum_key, crc32c(text)); }
-
-}  // namespace
-
 std::string with_checksum(std::string text) {
   text += checksum_line(text);
   return text;
@@ -92,26 +103,6 @@ Result<std::string_view> without_checksum(std::string_view text, const std::stri
     return input_error(file_name + ": wrong checksum: the file was damaged or edited after it was written");
   return above;
 }
-
-namespace {
-
-#if defined(__x86_64__)
-__attribute__((target("sse4.2"))) std::uint32_t crc32c_sse42(std::span<const std::byte> data, std::uint32_t before) {
-  const std::byte* p = data.data();
-  std::size_t n = data.size();
-  std::uint64_t crc = static_cast<std::uint32_t>(~before);
-  for (; n >= 8; n -= 8, p += 8) {
-    std::uint64_t word = 0;
-    std::memcpy(&word, p, 8);
-    crc = _mm_crc32_u64(crc, word);
-  }
-  std::uint32_t crc32 = static_cast<std::uint32_t>(crc);
-  for (; n > 0; --n, ++p) crc32 = _mm_crc32_u8(crc32, std::to_integer<std::uint8_t>(*p));
-  return ~crc32;
-}
-#endif
-
-}  // namespace
 
 std::uint32_t crc32c_portable(std::span<const std::byte> data, std::uint32_t before) {
   static const Crc crc({32, 0x1EDC6F41, 0xFFFFFFFF, true, true, 0xFFFFFFFF});

@@ -4,7 +4,6 @@
 #include <sys/stat.h>
 
 #include <algorithm>
-#include <array>
 #include <vector>
 
 #include "imu_io/base/posix_file.h"
@@ -17,9 +16,9 @@ using namespace std::string_view_literals;
 
 struct KindRow {
   FileKind kind;
-  std::string_view what, taken;               // taken: {} is the file
-  std::string_view beginning = {};            // its first bytes
-  std::array<std::string_view, 2> keys = {};  // of text
+  std::string_view what, taken;          // taken: {} is the file
+  std::string_view beginning = {};       // its first bytes
+  std::string_view key = {}, also = {};  // of text
 };
 constexpr std::string_view by_import = "turncal import {} --out DIR takes it";
 constexpr std::string_view by_nothing = "no command takes it";
@@ -30,32 +29,20 @@ constexpr KindRow kind_rows[] = {
      "\x89TCR"},
     {FileKind::journal, "the journal of a run", "turncal journal and resume take its folder", "\x89TCJ"},
     {FileKind::statistics, "statistics of a calibration", "turncal fleet takes the store that it is in", "TCST"},
-    {FileKind::parameters,
-     "a parameter file",
-     "turncal convert and --parameters of apply, navigate and verify take it",
-     {},
-     {"N01", "checksum"}},
-    {FileKind::diagnosis, "the result of a diagnosis", by_nothing, {}, {"verdict", "quality.trusted"}},
-    {FileKind::verification, "the result of a verification", by_nothing, {}, {"verdict.result"}},
-    {FileKind::station, "a station file", "--station of run, check and monitor takes it", {}, {"table.driver"}},
-    {FileKind::sequence,
-     "a sequence",
-     "--sequence of run, check and predict takes it",
-     {},
-     {"rate_degps", "acceleration_degps2"}},
-    {FileKind::table_map, "a map of columns", "--map of import takes it", {}, {"gyro.columns", "accel.columns"}},
-    {FileKind::frame,
-     "a frame description",
-     "--frame of import and imu.frame of a station take it",
-     {},
-     {"sync", "sample_period_s"}},
-    {FileKind::register_map, "a register map", "table.map of a station file takes it", {}, {"link.kind", "write.stop"}},
-    {FileKind::dialect,
-     "a dialect of a table",
-     "table.dialect of a station file takes it",
-     {},
-     {"link.kind", "link.terminator_in"}},
-    {FileKind::rig, "a rig file", "--rig of run --dry-run and rig.file of a station take it", {}, {"seed"}},
+    {FileKind::parameters, "a parameter file", "turncal convert and --parameters of apply, navigate and verify take it",
+     "", "N01", "checksum"},
+    {FileKind::diagnosis, "the result of a diagnosis", by_nothing, "", "verdict", "quality.trusted"},
+    {FileKind::verification, "the result of a verification", by_nothing, "", "verdict.result"},
+    {FileKind::station, "a station file", "--station of run, check and monitor takes it", "", "table.driver"},
+    {FileKind::sequence, "a sequence", "--sequence of run, check and predict takes it", "", "rate_degps",
+     "acceleration_degps2"},
+    {FileKind::table_map, "a map of columns", "--map of import takes it", "", "gyro.columns", "accel.columns"},
+    {FileKind::frame, "a frame description", "--frame of import and imu.frame of a station take it", "", "sync",
+     "sample_period_s"},
+    {FileKind::register_map, "a register map", "table.map of a station file takes it", "", "link.kind", "write.stop"},
+    {FileKind::dialect, "a dialect of a table", "table.dialect of a station file takes it", "", "link.kind",
+     "link.terminator_in"},
+    {FileKind::rig, "a rig file", "--rig of run --dry-run and rig.file of a station take it", "", "seed"},
     {FileKind::mcap, "an MCAP file", by_import, "\x89MCAP"},
     {FileKind::rosbag2, "a rosbag2 file", by_import},
     {FileKind::rosbag1, "a rosbag1 file", by_import, "#ROSBAG V"},
@@ -117,9 +104,8 @@ FileKind recognise_content(std::string_view head) {
   if (head.find('\0') != head.npos) return FileKind::unknown;
   const std::vector<std::string_view> keys = keys_of(head);
   for (const KindRow& row : kind_rows)
-    if (!row.keys[0].empty() && std::ranges::all_of(row.keys, [&](auto key) {
-          return key.empty() || std::ranges::find(keys, key) != keys.end();
-        }))
+    if (!row.key.empty() && std::ranges::count(keys, row.key) > 0 &&
+        (row.also.empty() || std::ranges::count(keys, row.also) > 0))
       return row.kind;
   if (!keys.empty()) return FileKind::unknown;
   const std::string_view text = head.substr(std::min(head.find_first_not_of(" \t\r\n"), head.size()));

@@ -108,10 +108,17 @@ Result<KeyValueFile> KeyValueFile::parse(std::string_view text, std::string file
 }
 
 const KeyValueFile::Entry* KeyValueFile::find(std::string_view key) const {
-  const auto place = index_.find(std::string(key));
-  if (place != index_.end()) return &entries_[place->second];
-  not_there_.emplace_back(key);
-  return nullptr;
+  for (std::string name = scope_ + std::string(key);; name = key) {
+    const auto place = index_.find(name);
+    if (place != index_.end()) return &entries_[place->second];
+    not_there_.push_back(name);
+    if (name == key) return nullptr;
+  }
+}
+
+std::string KeyValueFile::name_of(std::string_view key) const {
+  const Entry* found = find(key);
+  return found != nullptr ? found->key : std::string(key);
 }
 
 KeyValueFile::Entry* KeyValueFile::use(std::string_view key) {

@@ -49,7 +49,10 @@ class KeyValueFile {
   static Result<KeyValueFile> parse(std::string_view text, std::string file_name);
 
   const std::string& file_name() const { return file_name_; }
+  // From here on `key` stands for `name.key` where the file has that. Empty: no more.
+  void set_scope(std::string_view name) { scope_ = name.empty() ? "" : std::string(name) + "."; }
   bool has(std::string_view key) const { return find(key) != nullptr; }
+  std::string name_of(std::string_view key) const;  // as it stands in the file
   // In file order. Asking for keys does not mark them as used.
   std::vector<std::string> keys() const { return keys_with_prefix(""); }
   std::vector<std::string> keys_with_prefix(std::string_view prefix) const;
@@ -113,7 +116,7 @@ class KeyValueFile {
   Entry* require(std::string_view key, std::string_view expected);  // the same; missing is a defect
   void remember(Error error);
 
-  std::string file_name_;
+  std::string file_name_, scope_;
   std::vector<Entry> entries_;
   std::unordered_map<std::string, std::size_t> index_;
   std::optional<Error> first_defect_;

@@ -3,10 +3,9 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
-#include <sys/stat.h>
 #include <sys/sysmacros.h>
-#include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
@@ -14,8 +13,6 @@
 #include <fstream>
 #include <system_error>
 #include <thread>
-#include <utility>
-#include <vector>
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
@@ -24,36 +21,16 @@
 namespace turncal {
 namespace {
 
+Error error_of(ErrorKind kind, const std::string& path, std::string_view what, int number) {
+  return {kind, path + ": " + std::string(what) + ": " + std::strerror(number)};
+}
+
 // A file the user named and that is not there or not readable is a mistake of input; a disk that fails while we work, or a system that has
 // nothing left, is a device that failed.
-ErrorKind kind_of(int number) {
-  switch (number) {
-    case ENOSPC:
-    case EDQUOT:
-    case EIO:
-    case EMFILE:
-    case ENFILE:
-    case ENOMEM:
-    case EFBIG: return ErrorKind::device;
-    default: return ErrorKind::input;
-  }
-}
-
 Error system_error(const std::string& path, std::string_view what, int number) {
-  return {kind_of(number), path + ": " + std::string(what) + ": " + std::strerror(number)};
-}
-
-// What we cannot make or change is the storage's fault, unless its name already says that it cannot be.
-ErrorKind kind_of_change(int number) {
-  switch (number) {
-    case ENOENT:
-    case ENOTDIR:
-    case EISDIR:
-    case EEXIST:
-    case EINVAL:
-    case ENAMETOOLONG: return ErrorKind::input;
-    default: return ErrorKind::device;
-  }
+  constexpr int failed[] = {ENOSPC, EDQUOT, EIO, EMFILE, ENFILE, ENOMEM, EFBIG};
+  const bool device = std::ranges::count(failed, number) > 0;
+  return error_of(device ? ErrorKind::device : ErrorKind::input, path, what, number);
 }
 
 Error not_regular(const std::string& path) { return input_error(path + ": not a regular file"); }
@@ -65,6 +42,17 @@ auto repeat_interrupted(Call call) {
     result = call();
   } while (result < 0 && errno == EINTR);
   return result;
+}
+
+constexpr auto between_tries = std::chrono::milliseconds(20);
+constexpr int most_races = 100;  // with others that make and remove the same file
+
+// Of another user: to be read is enough for a lock.
+Result<PosixFile> open_or_make(const std::string& path) {
+  if (!path_exists(path)) return PosixFile::create_new(path);
+  Result<PosixFile> file = PosixFile::open_to_change(path);
+  if (!file && path_exists(path)) return PosixFile::open_to_read(path);
+  return file;
 }
 
 }  // namespace
@@ -82,8 +70,11 @@ std::optional<pid_t> flock_holder(const struct stat& file, bool any_device) {
   return {};
 }
 
+// What we cannot make or change is the storage's fault, unless its name already says that it cannot be.
 Error storage_error(const std::string& path, std::string_view what, int number) {
-  return {kind_of_change(number), path + ": " + std::string(what) + ": " + std::strerror(number)};
+  constexpr int wrong_name[] = {ENOENT, ENOTDIR, EISDIR, EEXIST, EINVAL, ENAMETOOLONG};
+  const bool input = std::ranges::count(wrong_name, number) > 0;
+  return error_of(input ? ErrorKind::input : ErrorKind::device, path, what, number);
 }
 
 PosixFile::PosixFile(PosixFile&&) noexcept = default;
@@ -201,6 +192,19 @@ Status PosixFile::close() {
   return {};
 }
 
+Result<std::span<const std::byte>> FileWindow::at(std::uint64_t offset, std::uint64_t least) {
+  constexpr std::uint64_t block_bytes = std::uint64_t{1} << 20, slack_bytes = 64;
+  least = std::min(least, end_ - offset);
+  if (offset < from_ || offset + least > from_ + filled_) {
+    const std::uint64_t size = std::min(std::max(least, block_bytes), end_ - offset);
+    if (buffer_.size() < size + slack_bytes) buffer_.resize(size + slack_bytes);
+    from_ = offset;
+    filled_ = TRY(file_.read_at(offset, std::span(buffer_).first(size)));
+    if (filled_ < size) end_ = offset + filled_;
+  }
+  return std::span<const std::byte>(buffer_).subspan(offset - from_, from_ + filled_ - offset);
+}
+
 Result<std::string> read_whole_file(const std::string& path, std::size_t max_bytes) {
   const PosixFile file = TRY(PosixFile::open_to_read(path));
   const std::uint64_t size = TRY(file.size());
@@ -243,9 +247,8 @@ Status check_folder_writable(const std::string& path) {
     ::rmdir(probe.c_str());
     return {};
   }
-  const int fd = ::mkostemp(probe.data(), O_CLOEXEC);
+  const Descriptor fd = ::mkostemp(probe.data(), O_CLOEXEC);
   if (fd < 0) return storage_error(folder, "no file can be made there", errno);
-  ::close(fd);
   ::unlink(probe.c_str());
   return {};
 }
@@ -257,31 +260,13 @@ std::string folder_of(const std::string& path) {
 }
 
 Status sync_folder(const std::string& folder) {
-  const int fd = repeat_interrupted([&] { return ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); });
+  const Descriptor fd = repeat_interrupted([&] { return ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC); });
   if (fd < 0) return system_error(folder, "cannot open folder", errno);
-  const int result = repeat_interrupted([&] { return ::fsync(fd); });
-  const int number = errno;
-  ::close(fd);
-  if (result != 0) return system_error(folder, "cannot sync folder", number);
+  if (repeat_interrupted([&] { return ::fsync(fd); }) != 0) return system_error(folder, "cannot sync folder", errno);
   return {};
 }
 
 // ---- a lock between processes ----
-
-namespace {
-
-constexpr auto between_tries = std::chrono::milliseconds(20);
-constexpr int most_races = 100;  // with others that make and remove the same file
-
-// Of another user: to be read is enough for a lock.
-Result<PosixFile> open_or_make(const std::string& path) {
-  if (!path_exists(path)) return PosixFile::create_new(path);
-  Result<PosixFile> file = PosixFile::open_to_change(path);
-  if (!file && path_exists(path)) return PosixFile::open_to_read(path);
-  return file;
-}
-
-}  // namespace
 
 Result<LockFile> LockFile::acquire(const std::string& path, double wait_s) {
   const Deadline deadline(wait_s);

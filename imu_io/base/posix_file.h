@@ -16,6 +16,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "calib/types/status.h"
 
@@ -42,7 +43,7 @@ class Descriptor {  // closes itself; -1: none
 class PosixFile {
  public:
   PosixFile() = default;
-  PosixFile(PosixFile&&) noexcept;
+  PosixFile(PosixFile&&) noexcept;  // not inline: GCC 12 then warns of what is not so
   PosixFile& operator=(PosixFile&&) noexcept;
 
   static Result<PosixFile> open_to_read(const std::string& path);    // a regular file
@@ -73,6 +74,21 @@ class PosixFile {
   Descriptor fd_;
   std::string path_;
   std::uint64_t end_ = 0;  // of what was written, or where seek() went
+};
+
+// A file up to `end`, in a buffer of 1 MiB or as large as the largest piece asked for. The file must outlive it.
+class FileWindow {
+ public:
+  FileWindow(const PosixFile& file, std::uint64_t end) : file_(file), end_(end) {}
+  // What is buffered from `offset` (at most end()) on: `least` bytes, or all that there are. Until the next call; 64 bytes more can be looked at.
+  Result<std::span<const std::byte>> at(std::uint64_t offset, std::uint64_t least);
+  std::uint64_t end() const { return end_; }  // comes nearer where the file was cut while it was read
+
+ private:
+  const PosixFile& file_;
+  std::uint64_t end_, from_ = 0;
+  std::size_t filled_ = 0;
+  std::vector<std::byte> buffer_;
 };
 
 // The whole file; an error above max_bytes.

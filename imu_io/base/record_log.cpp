@@ -10,7 +10,6 @@
 namespace turncal {
 namespace {
 constexpr std::size_t checked_header_bytes = record_header_bytes - 4;
-constexpr std::uint64_t block_bytes = std::uint64_t{1} << 20;
 }  // namespace
 
 std::size_t begin_record(std::vector<std::byte>& out, std::uint32_t magic, std::uint32_t type, std::uint32_t number) {
@@ -34,42 +33,23 @@ void end_record(std::vector<std::byte>& out, std::size_t begun_at) {
   append_bytes(out, crc32c(std::span<const std::byte>(header + record_header_bytes, length), header_crc));
 }
 
-RecordScanner::RecordScanner(const PosixFile& file, std::uint64_t end, std::uint32_t magic)
-    : file_(file), end_(end), magic_(magic) {}
-
-// At least `wanted` bytes from `offset` on, fewer only when the file ends.
-Result<std::span<const std::byte>> RecordScanner::window(std::uint64_t offset, std::uint64_t wanted) {
-  wanted = std::min(wanted, end_ - offset);
-  const bool inside = offset >= buffer_offset_ && offset + wanted <= buffer_offset_ + buffer_filled_;
-  if (!inside) {
-    const std::uint64_t size = std::min(std::max(wanted, block_bytes), end_ - offset);
-    if (buffer_.size() < size) buffer_.resize(static_cast<std::size_t>(size));
-    const std::size_t got = TRY(file_.read_at(offset, std::span(buffer_.data(), static_cast<std::size_t>(size))));
-    if (got < size) end_ = offset + got;  // the file was cut while we read it
-    buffer_offset_ = offset;
-    buffer_filled_ = got;
-  }
-  return std::span<const std::byte>(buffer_.data(), buffer_filled_)
-      .subspan(static_cast<std::size_t>(offset - buffer_offset_));
-}
-
-// Offset of the next magic at or after `offset`; end_ when there is none.
+// Offset of the next magic at or after `offset`; the end when there is none.
 Result<std::uint64_t> RecordScanner::find_magic(std::uint64_t offset) {
   std::byte pattern[4];
   std::memcpy(pattern, &magic_, 4);
-  while (offset + 4 <= end_) {
-    const std::span<const std::byte> bytes = TRY(window(offset, 4));
+  while (offset + 4 <= window_.end()) {
+    const std::span<const std::byte> bytes = TRY(window_.at(offset, 4));
     const auto found = std::search(bytes.begin(), bytes.end(), std::begin(pattern), std::end(pattern));
     if (found != bytes.end()) return offset + static_cast<std::uint64_t>(found - bytes.begin());
     if (bytes.size() < 4) break;
     offset += bytes.size() - 3;  // the magic may straddle two blocks
   }
-  return end_;
+  return window_.end();
 }
 
 Result<bool> RecordScanner::next(Record& record) {
-  while (position_ + record_overhead_bytes <= end_) {
-    std::span<const std::byte> bytes = TRY(window(position_, record_overhead_bytes));
+  while (position_ + record_overhead_bytes <= window_.end()) {
+    std::span<const std::byte> bytes = TRY(window_.at(position_, record_overhead_bytes));
     if (bytes.size() < record_overhead_bytes) break;
     const std::byte* header = bytes.data();
     const std::uint32_t header_crc = crc32c(bytes.first(checked_header_bytes));
@@ -78,14 +58,14 @@ Result<bool> RecordScanner::next(Record& record) {
     const bool good_header = load_bytes<std::uint32_t>(header) == magic_ &&
                              load_bytes<std::uint32_t>(header + checked_header_bytes) == header_crc &&
                              length <= max_record_payload_bytes && number >= next_number_ &&
-                             length <= end_ - position_ - record_overhead_bytes;
+                             length <= window_.end() - position_ - record_overhead_bytes;
     if (!good_header) {
       position_ = TRY(find_magic(position_ + 1));
       continue;
     }
     const auto type = load_bytes<std::uint32_t>(header + 4);
     const std::uint64_t total = record_overhead_bytes + length;
-    bytes = TRY(window(position_, total));
+    bytes = TRY(window_.at(position_, total));
     if (bytes.size() < total) break;
     const auto payload = bytes.subspan(record_header_bytes, length);
     const std::uint32_t crc = crc32c(payload, header_crc);

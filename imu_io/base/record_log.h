@@ -34,7 +34,7 @@ struct Record {
 // Reads from the start up to `end` in blocks. The file must outlive it.
 class RecordScanner {
  public:
-  RecordScanner(const PosixFile& file, std::uint64_t end, std::uint32_t magic);
+  RecordScanner(const PosixFile& file, std::uint64_t end, std::uint32_t magic) : window_(file, end), magic_(magic) {}
 
   // The next whole record; false when there is none any more. What lies between it and the one before is dropped.
   // Errors are those of reading the file.
@@ -49,18 +49,13 @@ class RecordScanner {
   std::uint32_t next_number() const { return next_number_; }
   std::uint64_t records_dropped() const { return records_dropped_; }  // between whole records
   std::uint64_t bytes_dropped() const { return bytes_dropped_; }
-  std::uint64_t tail_bytes() const { return end_ - good_end_; }  // once next() returned false
+  std::uint64_t tail_bytes() const { return window_.end() - good_end_; }  // once next() returned false
 
  private:
-  Result<std::span<const std::byte>> window(std::uint64_t offset, std::uint64_t wanted);
   Result<std::uint64_t> find_magic(std::uint64_t offset);
 
-  const PosixFile& file_;
-  std::uint64_t end_;
+  FileWindow window_;
   std::uint32_t magic_;
-  std::vector<std::byte> buffer_;
-  std::uint64_t buffer_offset_ = 0;
-  std::size_t buffer_filled_ = 0;
   std::uint64_t position_ = 0;
   std::uint64_t good_end_ = 0;
   std::uint32_t next_number_ = 0;

@@ -1,7 +1,11 @@
 #include "imu_io/frames/frame_decoder.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+
+#include "imu_io/base/posix_file.h"
 
 namespace turncal {
 namespace {
@@ -32,9 +36,9 @@ FrameDecoder::FrameDecoder(const FrameDescription& frame)
       period_s_(frame.sample_period_s) {
   const bool may_hold = modulus_ > 0.0 && state_.tracker.wrap_s() < narrow_wrap_s;
   ready_.reserve(may_hold ? most_held + 4 : 4);
-  for (const FrameVariant& from : frame.variants) variants_.emplace_back(frame, from);
+  for (const FrameVariant& from : frame.variants) variants_.emplace_back(from, period_s_);
   if (split_) {
-    variants_.push_back(FrameValues::joined(variants_[0], variants_[1]));
+    variants_.emplace_back(turncal::joined(frame.variants[0], frame.variants[1]), period_s_);
     joined_.resize(variants_.back().length());
   }
   any_cumulative_ = variants_.back().any_cumulative();
@@ -324,6 +328,38 @@ void FrameDecoder::release(std::int64_t wraps) {
   }
   state_.hold.active = false;
   ready_free_ = ready_.size();
+}
+
+Result<FrameLog> read_frame_log(const std::string& path, const FrameDescription& frame) {
+  const PosixFile file = TRY(PosixFile::open_to_read(path));
+  const std::uint64_t size = TRY(file.size());
+  constexpr Arrival some_time{0.0, 600.0};
+  FrameDecoder decoder(frame);
+  FrameLog log;
+  for (std::uint64_t at = 0; at < size;) {
+    const std::size_t count = TRY(file.read_at(at, decoder.space()));
+    if (count == 0) return input_error(path + ": became shorter while it was read");
+    at += count;
+    decoder.added(count, some_time);
+    ImuSample sample;
+    FrameDecoder::Next next{};
+    while ((next = decoder.next(sample)) == FrameDecoder::Next::sample)
+      if (log.samples.empty() || sample.counter > log.samples.back().counter) log.samples.push_back(sample);
+    if (next == FrameDecoder::Next::restarted)
+      return input_error(fmt::format(
+          "{}: near byte {}, after {} samples: {} and its biases may be others: expected the log of one session", path,
+          at, log.samples.size(), decoder.restart_reason()));
+  }
+  const ScanCounters& scan = decoder.scan();
+  const ImuLinkCounters link = decoder.counters();
+  log.summary = fmt::format(
+      "{} bytes, {} frames of {}, {} bad, {} bytes of none, {} samples lost, {} duplicates, {} strays, {} flagged",
+      size, scan.frames, frame.name, link.bad_frames, scan.skipped_bytes, link.lost_samples, link.duplicates,
+      decoder.strays(), decoder.invalid());
+  if (log.samples.empty())
+    return input_error(
+        fmt::format("{}: no sample in it by the frame description {}: {}", path, frame.name, log.summary));
+  return log;
 }
 
 }  // namespace turncal

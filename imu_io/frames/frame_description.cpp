@@ -21,231 +21,189 @@ namespace {
 constexpr std::uint64_t all_bits = ~std::uint64_t{0};
 
 // ---- keys ----
+//
+// Those of a variant: `<variant>.<key>` where the file has it, else `<key>`, which then holds for all variants (KeyValueFile::set_scope).
 
-// The keys of one variant: `<variant>.<key>` where the file has it, else `<key>`, which then holds for all variants. As with KeyValueFile,
-// a defect is remembered there and something harmless is returned.
-class FrameKeys {
- public:
-  FrameKeys(KeyValueFile& file, std::string variant) : file_(file), variant_(std::move(variant)) {}
-  KeyValueFile& file() { return file_; }
-  std::string name(const std::string& key) const {  // as it stands in the file
-    return !variant_.empty() && file_.has(variant_ + "." + key) ? variant_ + "." + key : key;
-  }
-  bool has(const std::string& key) const { return file_.has(name(key)); }
-  void reject(const std::string& key, std::string_view expected) { file_.reject(name(key), expected); }
-  template <class Value>
-  void chosen(const std::string& key, Value& value, std::initializer_list<std::string_view> names) {
-    KeyTable(file_).chosen(name(key), value, names);
-  }
-  double number_or(const std::string& key, double otherwise, NumberRange range = any_number) {
-    return file_.number_or(name(key), otherwise, range);
-  }
+template <class Value>
+void chosen(KeyValueFile& file, const std::string& key, Value& value, std::initializer_list<std::string_view> names) {
+  KeyTable(file).chosen(key, value, names);
+}
 
-  // Decimal, or hexadecimal with 0x in front. Without `otherwise` the key is required.
-  std::uint64_t bits(const std::string& key, std::optional<std::uint64_t> otherwise) {
-    const std::string at = name(key);
-    if (otherwise && !file_.has(at)) return *otherwise;
-    const auto value = parse_whole<std::uint64_t>(file_.text(at));
-    if (!value) file_.reject(at, "a whole number, 0x before hexadecimal, at most 64 bits");
-    return value.value_or(0);
-  }
+// Decimal, or hexadecimal with 0x in front. Without `otherwise` the key is required.
+std::uint64_t read_bits(KeyValueFile& file, const std::string& key, std::optional<std::uint64_t> otherwise) {
+  if (otherwise && !file.has(key)) return *otherwise;
+  const auto value = parse_whole<std::uint64_t>(file.text(key));
+  if (!value) file.reject(key, "a whole number, 0x before hexadecimal, at most 64 bits");
+  return value.value_or(0);
+}
 
-  // "EB 90"
-  std::vector<std::byte> bytes(const std::string& key) {
-    std::vector<std::byte> result;
-    const std::string text = file_.text_or(name(key), "");
-    for (const std::string_view part : split_words(text)) {
-      const auto value = parse_integer<unsigned>(part, 16);
-      if (!value || part.size() != 2 || result.size() >= 16) {
-        reject(key, "at most 16 bytes of two hexadecimal digits, with blanks between");
-        return {};
-      }
-      result.push_back(static_cast<std::byte>(*value));
+// "EB 90"
+std::vector<std::byte> read_bytes(KeyValueFile& file, const std::string& key) {
+  std::vector<std::byte> result;
+  const std::string text = file.text_or(key, "");
+  for (const std::string_view part : split_words(text)) {
+    const auto value = parse_integer<unsigned>(part, 16);
+    if (!value || part.size() != 2 || result.size() >= 16) {
+      file.reject(key, "at most 16 bytes of two hexadecimal digits, with blanks between");
+      return {};
     }
-    return result;
+    result.push_back(static_cast<std::byte>(*value));
   }
+  return result;
+}
 
-  // one number stands for three
-  std::array<double, 3> three(const std::string& key, double otherwise) {
-    const std::vector<double> given = file_.numbers_or(name(key), {otherwise});
-    if (given.size() == 1) return {given[0], given[0], given[0]};
-    if (given.size() == 3) return {given[0], given[1], given[2]};
-    reject(key, "one or three numbers");
-    return {otherwise, otherwise, otherwise};
-  }
+// prefix.type, .order, .word_order, .mask
+FieldForm read_form(KeyValueFile& file, const std::string& prefix, std::string_view default_type) {
+  FieldForm form;
+  std::string type = file.one_of_or(prefix + ".type", default_type,
+                                    {"u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u64", "i64", "f32", "f64",
+                                     "sm8", "sm16", "sm24", "sm32"});
+  if (type.empty()) type = default_type;  // refused already
+  form.type = static_cast<NumberType>(std::string_view("uisf").find(type[0]));
+  form.bytes = parse_integer<int>(std::string_view(type).substr(type[0] == 's' ? 2 : 1)).value_or(8) / 8;
+  const auto own = [&](const std::string& key) { return file.has(prefix + "." + key) ? prefix + "." + key : key; };
+  chosen(file, own("order"), form.big_endian, {"little", "big"});
+  chosen(file, own("word_order"), form.swap_words, {"same", "swapped"});
+  form.swap_words = form.swap_words && form.bytes >= 4;
+  form.mask = read_bits(file, prefix + ".mask", all_bits);
+  const std::uint64_t room = all_bits >> (64 - 8 * form.bytes);
+  const std::uint64_t left = form.mask & room;
+  const std::uint64_t run = left == 0 ? 0 : left >> std::countr_zero(left);
+  const char* const expected = form.type == NumberType::floating && left != room ? "no mask on a floating field"
+                               : left == 0              ? "a mask that leaves something of the field"
+                               : (run & (run + 1)) != 0 ? "a mask of neighbouring bits"
+                                                        : nullptr;
+  if (expected == nullptr) return form;
+  file.reject(prefix + ".mask", expected);
+  form.mask = all_bits;
+  return form;
+}
 
-  // prefix.type, .order, .word_order, .mask
-  FieldForm form(const std::string& prefix, std::string_view default_type) {
-    FieldForm form;
-    std::string type = file_.one_of_or(name(prefix + ".type"), default_type,
-                                       {"u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u64", "i64", "f32",
-                                        "f64", "sm8", "sm16", "sm24", "sm32"});
-    if (type.empty()) type = default_type;  // refused already
-    form.type = static_cast<NumberType>(std::string_view("uisf").find(type[0]));
-    form.bytes = parse_integer<int>(std::string_view(type).substr(type[0] == 's' ? 2 : 1)).value_or(8) / 8;
-    chosen(has(prefix + ".order") ? prefix + ".order" : "order", form.big_endian, {"little", "big"});
-    chosen(has(prefix + ".word_order") ? prefix + ".word_order" : "word_order", form.swap_words, {"same", "swapped"});
-    form.swap_words = form.swap_words && form.bytes >= 4;
-    form.mask = bits(prefix + ".mask", all_bits);
-    const bool floating = form.type == NumberType::floating;
-    const std::uint64_t room = all_bits >> (64 - 8 * form.bytes);
-    const std::uint64_t left = form.mask & room;
-    const std::uint64_t run = left == 0 ? 0 : left >> std::countr_zero(left);
-    const char* const expected = floating && left != room ? "no mask on a floating field"
-                                 : left == 0              ? "a mask that leaves something of the field"
-                                 : (run & (run + 1)) != 0 ? "a mask of neighbouring bits"
-                                                          : nullptr;
-    if (expected == nullptr) return form;
-    reject(prefix + ".mask", expected);
-    form.mask = all_bits;
-    return form;
+// The offsets that stand at `key`, of numbers of this form: one or as many as are wanted (0: any number); the others follow the only one given.
+std::vector<FrameField> read_places(KeyValueFile& file, const std::string& key, const FieldForm& form,
+                                    std::size_t wanted) {
+  const std::vector<double> offsets = file.numbers(key, 0, between(0.0, static_cast<double>(longest_frame - 1)));
+  std::vector<FrameField> result;
+  const auto whole = [](double x) { return x >= 0.0 && x == std::floor(x); };
+  if (!std::ranges::all_of(offsets, whole) || offsets.empty() || offsets.size() > 16 ||
+      (wanted != 0 && offsets.size() != 1 && offsets.size() != wanted)) {
+    file.reject(key, wanted > 1 ? fmt::format("1 or {} whole byte offsets", wanted) : "a whole byte offset");
+    return std::vector(std::max<std::size_t>(wanted, 1), FrameField(0, form));
   }
-
-  // prefix.offset with its form: one offset or as many as are wanted (0: any number); the others follow the only one given.
-  std::vector<FrameField> fields(const std::string& prefix, std::string_view default_type, std::size_t wanted) {
-    return places(prefix + ".offset", form(prefix, default_type), wanted);
-  }
-  FrameField field(const std::string& prefix, std::string_view default_type) {
-    return fields(prefix, default_type, 1)[0];
-  }
-
-  // The offsets that stand at `key`, of numbers of this form.
-  std::vector<FrameField> places(const std::string& key, const FieldForm& shape, std::size_t wanted) {
-    const std::string at = name(key);
-    const std::vector<double> offsets = file_.numbers(at, 0, between(0.0, static_cast<double>(longest_frame - 1)));
-    std::vector<FrameField> result;
-    const auto whole = [](double x) { return x >= 0.0 && x == std::floor(x); };
-    if (!std::all_of(offsets.begin(), offsets.end(), whole) || offsets.empty() || offsets.size() > 16 ||
-        (wanted != 0 && offsets.size() != 1 && offsets.size() != wanted)) {
-      file_.reject(at, wanted > 1 ? fmt::format("1 or {} whole byte offsets", wanted) : "a whole byte offset");
-      result.resize(std::max<std::size_t>(wanted, 1), FrameField{0, shape});
-      return result;
-    }
-    for (const double offset : offsets) result.push_back({static_cast<std::size_t>(offset), shape});
-    while (result.size() < wanted)
-      result.push_back({result.back().offset + static_cast<std::size_t>(shape.bytes), shape});
-    return result;
-  }
-
- private:
-  KeyValueFile& file_;
-  std::string variant_;
-};
+  for (const double offset : offsets) result.emplace_back(static_cast<std::size_t>(offset), form);
+  while (result.size() < wanted) result.emplace_back(result.back().end(), form);
+  return result;
+}
+std::vector<FrameField> read_fields(KeyValueFile& file, const std::string& prefix, std::string_view default_type,
+                                    std::size_t wanted) {
+  return read_places(file, prefix + ".offset", read_form(file, prefix, default_type), wanted);
+}
+FrameField read_field(KeyValueFile& file, const std::string& prefix, std::string_view default_type) {
+  return read_fields(file, prefix, default_type, 1)[0];
+}
 
 // ---- the parts of a description ----
-
-void read_axes(FrameKeys& keys, const std::string& key, FrameTriad& triad) {
-  const std::vector<std::string> axes = keys.file().list_or(keys.name(key), {"+x", "+y", "+z"});
-  const auto order = axis_order(fmt::format("{}", fmt::join(axes, ",")));
-  if (order && std::all_of(axes.begin(), axes.end(), [](const std::string& axis) { return axis.size() == 2; }))
-    triad.axes = *order;
-  else
-    keys.reject(key, "three axes such as '+x, -z, +y', each letter once");
-}
 
 std::array<FrameField, 3> first_three(const std::vector<FrameField>& fields) {
   return {fields[0], fields[1], fields[2]};
 }
 
-FrameTriad read_triad(FrameKeys& keys, const std::string& prefix, const std::vector<std::string_view>& units) {
+FrameTriad read_triad(KeyValueFile& file, const std::string& prefix, const std::vector<std::string_view>& units) {
   FrameTriad triad;
-  triad.element = first_three(keys.fields(prefix, "i32", 3));
-  const FieldForm& form = triad.element[0].form;
-  if (keys.has(prefix + ".down")) triad.down = first_three(keys.places(prefix + ".down", form, 3));
-  read_axes(keys, prefix + ".axes", triad);
-  const InertialUnit* const unit = read_unit(keys.file(), keys.name(prefix + ".unit"), units);
-  triad.pulses = keys.file().text_or(keys.name(prefix + ".unit"), "") == "pulses";
+  triad.element = first_three(read_fields(file, prefix, "i32", 3));
+  const FieldForm& form = triad.element[0].form();
+  if (file.has(prefix + ".down")) triad.down = first_three(read_places(file, prefix + ".down", form, 3));
+  triad.axes = read_axes(file, prefix + ".axes", true, "three axes such as '+x, -z, +y', each letter once");
+  const InertialUnit* const unit = read_unit(file, prefix + ".unit", units);
+  triad.pulses = file.text_or(prefix + ".unit", "") == "pulses";
   if (triad.pulses) {
     for (const char* key : {".scale", ".zero"})
-      if (keys.has(prefix + key))
-        keys.reject(prefix + key, "no such key with unit = pulses: they are counted as they come");
+      if (file.has(prefix + key))
+        file.reject(prefix + key, "no such key with unit = pulses: they are counted as they come");
   } else {
-    triad.zero = keys.three(prefix + ".zero", 0.0);
-    triad.scale = keys.three(prefix + ".scale", 1.0);
+    triad.zero = one_or_three(file, prefix + ".zero", 0.0, "one or three numbers");
+    triad.scale = one_or_three(file, prefix + ".scale", 1.0, "one or three numbers");
     for (double& scale : triad.scale) {
-      if (!(std::abs(scale) > 0.0)) keys.reject(prefix + ".scale", "numbers other than 0");
+      if (!(std::abs(scale) > 0.0)) file.reject(prefix + ".scale", "numbers other than 0");
       if (unit != nullptr) scale *= unit->si;
     }
     if (unit != nullptr && unit->is_rate) triad.kind = FieldKind::rate;
   }
   const bool wraps = form.type == NumberType::unsigned_integer || form.type == NumberType::signed_integer;
-  if (triad.down && !wraps) keys.reject(prefix + ".down", "no such key unless the field is a counter");
+  if (triad.down && !wraps) file.reject(prefix + ".down", "no such key unless the field is a counter");
   bool cumulative = false;
-  keys.chosen(prefix + ".kind", cumulative, {"each", "cumulative"});
+  chosen(file, prefix + ".kind", cumulative, {"each", "cumulative"});
   if (cumulative) {
     if (!wraps || triad.kind == FieldKind::rate)
-      keys.reject(prefix + ".kind", "'each' unless the field is a whole number of increments");
+      file.reject(prefix + ".kind", "'each' unless the field is a whole number of increments");
     triad.kind = FieldKind::cumulative;
-    triad.modulus = keys.bits(prefix + ".modulus", 0);
-    const int bits = used_bits(form);
+    triad.modulus = read_bits(file, prefix + ".modulus", 0);
+    const int bits = triad.element[0].bits();
     if (triad.modulus == 1 || (bits < 64 && triad.modulus > (std::uint64_t{1} << bits)))
-      keys.reject(prefix + ".modulus", "2 to 2^" + std::to_string(bits));
+      file.reject(prefix + ".modulus", "2 to 2^" + std::to_string(bits));
   }
-  const std::vector<double> range = keys.file().numbers_or(keys.name(prefix + ".range"), {-1e300, 1e300}, 2);
-  triad.low = range[0];
-  triad.high = range[1];
-  if (!(triad.low < triad.high)) keys.reject(prefix + ".range", "lowest, highest");
+  read_range(file, prefix + ".range", triad.low, triad.high, "lowest, highest");
   return triad;
 }
 
-FrameCounter read_counter(FrameKeys& keys) {
+FrameCounter read_counter(KeyValueFile& file) {
   FrameCounter counter;
-  counter.field = keys.field("counter", "u32");
-  counter.step = keys.number_or("counter.step", 1.0, between(1e-9, 1e12));
-  counter.modulus = keys.number_or("counter.modulus", 0.0, not_negative);
-  const FieldForm& form = counter.field.form;
-  const bool integer = form.type != NumberType::floating;
-  const double all = integer ? std::ldexp(1.0, used_bits(form)) : 0x1p53;
-  if (form.type == NumberType::signed_integer || form.type == NumberType::sign_magnitude)
-    keys.reject("counter.type", "an unsigned or floating type");
-  if (integer && used_bits(form) > 53)
-    keys.reject("counter.type", "a counter of at most 53 bits: a mask can leave the upper ones out");
+  counter.field = read_field(file, "counter", "u32");
+  counter.step = file.number_or("counter.step", 1.0, between(1e-9, 1e12));
+  counter.modulus = file.number_or("counter.modulus", 0.0, not_negative);
+  const NumberType type = counter.field.type();
+  const bool integer = type != NumberType::floating;
+  const double all = integer ? std::ldexp(1.0, counter.field.bits()) : 0x1p53;
+  if (type == NumberType::signed_integer || type == NumberType::sign_magnitude)
+    file.reject("counter.type", "an unsigned or floating type");
+  if (integer && counter.field.bits() > 53)
+    file.reject("counter.type", "a counter of at most 53 bits: a mask can leave the upper ones out");
   if (counter.modulus == 0.0) counter.modulus = integer ? all : 0x1p53 * counter.step;
   const auto whole = [](double x) { return x == std::floor(x); };
   if (integer && (counter.modulus > all || !whole(counter.modulus) || !whole(counter.step)))
-    keys.reject("counter.offset", "a whole step and a whole modulus that fits the field");
+    file.reject("counter.offset", "a whole step and a whole modulus that fits the field");
   const double wrap = counter.modulus / counter.step;
   if (!(wrap >= 4.0) || std::abs(wrap - std::nearbyint(wrap)) > 1e-6 * std::max(1.0, 1e-6 * wrap))
-    keys.reject(keys.has("counter.step") ? "counter.step" : "counter.offset",
+    file.reject(file.has("counter.step") ? "counter.step" : "counter.offset",
                 "a step that divides the modulus into 4 samples or more");
   return counter;
 }
 
-FrameScalar read_temperature(FrameKeys& keys, bool multiplexed) {
+FrameScalar read_temperature(KeyValueFile& file, bool multiplexed) {
   FrameScalar scalar;
-  scalar.places = keys.fields("temperature", "i16", 0);
-  scalar.zero = keys.number_or("temperature.zero", 0.0);
-  scalar.scale = keys.number_or("temperature.scale", 1.0, between(-100.0, 100.0));
-  if (scalar.scale == 0.0) keys.reject("temperature.scale", "a number other than 0");
-  if (!keys.has("temperature.when")) return scalar;
-  scalar.when = keys.bits("temperature.when", std::nullopt);
-  if (!multiplexed) keys.reject("temperature.when", "a key mux.offset beside it");
+  scalar.places = read_fields(file, "temperature", "i16", 0);
+  scalar.zero = file.number_or("temperature.zero", 0.0);
+  scalar.scale = file.number_or("temperature.scale", 1.0, between(-100.0, 100.0));
+  if (scalar.scale == 0.0) file.reject("temperature.scale", "a number other than 0");
+  if (!file.has("temperature.when")) return scalar;
+  scalar.when = read_bits(file, "temperature.when", std::nullopt);
+  if (!multiplexed) file.reject("temperature.when", "a key mux.offset beside it");
   return scalar;
 }
 
-FrameVariant read_variant(FrameKeys& keys, const std::string& name, const FrameDescription& frame) {
+FrameVariant read_variant(KeyValueFile& file, const std::string& name, const FrameDescription& frame) {
   FrameVariant variant;
   variant.name = name;
   variant.length = static_cast<std::size_t>(
-      std::max<std::int64_t>(keys.file().integer(keys.name("length"), 2, static_cast<std::int64_t>(longest_frame)), 0));
-  if (frame.id) variant.id = keys.bits("id.value", std::nullopt);
+      std::max<std::int64_t>(file.integer("length", 2, static_cast<std::int64_t>(longest_frame)), 0));
+  if (frame.id) variant.id = read_bits(file, "id.value", std::nullopt);
   int carries = 0;
-  keys.chosen("carries", carries, {"both", "gyro", "accel"});
+  chosen(file, "carries", carries, {"both", "gyro", "accel"});
   variant.has_gyro = carries != 2;
   variant.has_accel = carries != 1;
   if (variant.has_gyro)
-    variant.gyro = read_triad(keys, "gyro", {"pulses", "rad", "deg", "arcsec", "rad/s", "deg/s", "deg/h"});
-  if (variant.has_accel) variant.accel = read_triad(keys, "accel", {"pulses", "m/s", "ft/s", "m/s^2", "g", "mg"});
-  if (keys.has("mux.offset")) variant.multiplexer = keys.field("mux", "u8");
-  if (keys.has("temperature.offset")) variant.temperature = read_temperature(keys, variant.multiplexer.has_value());
-  if (keys.has("counter.offset")) variant.counter = read_counter(keys);
+    variant.gyro = read_triad(file, "gyro", {"pulses", "rad", "deg", "arcsec", "rad/s", "deg/s", "deg/h"});
+  if (variant.has_accel) variant.accel = read_triad(file, "accel", {"pulses", "m/s", "ft/s", "m/s^2", "g", "mg"});
+  if (file.has("mux.offset")) variant.multiplexer = read_field(file, "mux", "u8");
+  if (file.has("temperature.offset")) variant.temperature = read_temperature(file, variant.multiplexer.has_value());
+  if (file.has("counter.offset")) variant.counter = read_counter(file);
   for (const std::string prefix : {"status", "status2", "status3"}) {
-    if (!keys.has(prefix + ".offset")) continue;
+    if (!file.has(prefix + ".offset")) continue;
     FrameStatus status;
     // Not the field's own mask: a status mask may have holes.
-    status.mask = keys.bits(prefix + ".bits", all_bits);
-    status.good = keys.bits(prefix + ".good", 0);
-    for (const FrameField& field : keys.fields(prefix, "u8", 0)) {
+    status.mask = read_bits(file, prefix + ".bits", all_bits);
+    status.good = read_bits(file, prefix + ".good", 0);
+    for (const FrameField& field : read_fields(file, prefix, "u8", 0)) {
       status.field = field;
       variant.status.push_back(status);
     }
@@ -253,90 +211,78 @@ FrameVariant read_variant(FrameKeys& keys, const std::string& name, const FrameD
   return variant;
 }
 
-ByteStuffing read_stuffing(FrameKeys& keys, const FrameDescription& frame) {
+ByteStuffing read_stuffing(KeyValueFile& file, const FrameDescription& frame) {
   ByteStuffing stuffing;
-  keys.chosen("stuffing", stuffing.kind, {"none", "escape", "slip", "repeat", "cobs"});
+  chosen(file, "stuffing", stuffing.kind, {"none", "escape", "slip", "repeat", "cobs"});
   const auto read_byte = [&](const std::string& key, std::byte& byte) {
-    const std::vector<std::byte> given = keys.bytes(key);
+    const std::vector<std::byte> given = read_bytes(file, key);
     if (given.size() == 1)
       byte = given[0];
-    else if (keys.has(key))
-      keys.reject(key, "one byte of two hexadecimal digits");
+    else if (file.has(key))
+      file.reject(key, "one byte of two hexadecimal digits");
   };
   const bool escape = stuffing.kind == StuffingKind::escape, repeat = stuffing.kind == StuffingKind::repeat;
   if (escape || repeat) read_byte("stuffing.byte", stuffing.byte);
   if (escape) read_byte("stuffing.xor", stuffing.flip);
   const auto begins = [&](const std::vector<std::byte>& mark) { return mark.empty() || mark[0] == stuffing.byte; };
   if (repeat && !frame.sync.empty() && !(begins(frame.sync) && begins(frame.tail)))
-    keys.reject("stuffing", "a sync, and a tail if there is one, that begin with stuffing.byte");
+    file.reject("stuffing", "a sync, and a tail if there is one, that begin with stuffing.byte");
   if (stuffing.kind == StuffingKind::cobs && !(frame.sync == std::vector{std::byte{0}} && frame.tail.empty()))
-    keys.reject("stuffing", "sync = 00 and no tail: a frame begins behind the 00 that ended the one before");
+    file.reject("stuffing", "sync = 00 and no tail: a frame begins behind the 00 that ended the one before");
   return stuffing;
 }
 
-void read_crc(FrameKeys& keys, CrcParameters& crc) {
-  KeyValueFile& file = keys.file();
+void read_crc(KeyValueFile& file, CrcParameters& crc) {
   int width = static_cast<int>(file.integer("crc.width", 8, 32));
   if (width % 8 != 0) file.reject("crc.width", "8, 16, 24 or 32");
   width = std::clamp(width / 8 * 8, 8, 32);
   const std::uint64_t most = (std::uint64_t{1} << width) - 1;
-  const auto read_bits = [&](const char* key, std::optional<std::uint64_t> otherwise) {
-    const std::uint64_t value = keys.bits(key, otherwise);
+  const auto within = [&](const char* key, std::optional<std::uint64_t> otherwise) {
+    const std::uint64_t value = read_bits(file, key, otherwise);
     if (value > most) file.reject(key, fmt::format("at most {} bits", width));
     return static_cast<std::uint32_t>(value & most);
   };
   crc.width = width;
-  crc.polynomial = read_bits("crc.polynomial", std::nullopt);
+  crc.polynomial = within("crc.polynomial", std::nullopt);
   if (crc.polynomial % 2 == 0) file.reject("crc.polynomial", "an odd number: the term 1 is in every polynomial");
-  crc.initial = read_bits("crc.initial", 0);
-  crc.final_xor = read_bits("crc.final_xor", 0);
+  crc.initial = within("crc.initial", 0);
+  crc.final_xor = within("crc.final_xor", 0);
   crc.reflect_input = file.boolean_or("crc.reflect_input", false);
   crc.reflect_output = file.boolean_or("crc.reflect_output", false);
 }
 
-struct NamedCheck {
-  std::string_view name;
-  CheckKind kind;
-  int bytes;
-  bool of_words, may_be_of_words;
-};
-constexpr NamedCheck named_checks[] = {{"sum8", CheckKind::sum, 1, false, false},
-                                       {"sum16", CheckKind::sum, 2, false, true},
-                                       {"sum32", CheckKind::sum, 4, false, true},
-                                       {"xor8", CheckKind::exclusive_or, 1, false, false},
-                                       {"xor16", CheckKind::exclusive_or, 2, true, false},
-                                       {"crc", CheckKind::crc, 0, false, false},
-                                       {"fletcher16", CheckKind::fletcher, 2, false, false},
-                                       {"fletcher32", CheckKind::fletcher, 4, true, false}};
-
-FrameCheck read_check(FrameKeys& keys) {
+FrameCheck read_check(KeyValueFile& file) {
   FrameCheck check;
-  KeyValueFile& file = keys.file();
   const std::string name =
       file.one_of("check", {"none", "sum8", "sum16", "sum32", "xor8", "xor16", "crc", "fletcher16", "fletcher32"});
-  const auto named = std::find_if(std::begin(named_checks), std::end(named_checks),
-                                  [&](const NamedCheck& known) { return known.name == name; });
-  if (named == std::end(named_checks)) return check;
-  check.kind = named->kind;
-  check.of_words = named->of_words;
-  if (check.kind == CheckKind::crc) read_crc(keys, check.crc);
-  check.field.form.bytes = check.kind == CheckKind::crc ? check.crc.width / 8 : named->bytes;
-  keys.chosen(keys.has("check.order") ? "check.order" : "order", check.field.form.big_endian, {"little", "big"});
+  constexpr std::pair<std::string_view, CheckKind> kinds[] = {{"sum", CheckKind::sum},
+                                                              {"xor", CheckKind::exclusive_or},
+                                                              {"crc", CheckKind::crc},
+                                                              {"fletcher", CheckKind::fletcher}};
+  for (const auto& [beginning, kind] : kinds)
+    if (name.starts_with(beginning)) check.kind = kind;
+  if (check.kind == CheckKind::none) return check;
+  if (check.kind == CheckKind::crc) read_crc(file, check.crc);
+  const std::size_t digits = std::min(name.find_first_of("0123456789"), name.size());
+  FieldForm form;
+  form.bytes = parse_integer<int>(std::string_view(name).substr(digits)).value_or(check.crc.width) / 8;
+  check.of_words = name == "xor16" || name == "fletcher32";
+  chosen(file, file.has("check.order") ? "check.order" : "order", form.big_endian, {"little", "big"});
   if (check.kind == CheckKind::fletcher) {
     const std::int64_t most = check.of_words ? 65536 : 256;
     const std::int64_t modulus = file.integer_or("check.modulus", most - 1, most - 1, most);
     check.modulus = static_cast<std::uint32_t>(std::clamp(modulus, most - 1, most));
   } else if (check.kind != CheckKind::crc) {
-    if (named->may_be_of_words) keys.chosen("check.of", check.of_words, {"bytes", "words"});
-    if (check.kind == CheckKind::sum) keys.chosen("check.carry", check.end_around, {"dropped", "end_around"});
-    keys.chosen("check.complement", check.complement, {"none", "ones", "twos"});
+    if (check.kind == CheckKind::sum && form.bytes > 1) chosen(file, "check.of", check.of_words, {"bytes", "words"});
+    if (check.kind == CheckKind::sum) chosen(file, "check.carry", check.end_around, {"dropped", "end_around"});
+    chosen(file, "check.complement", check.complement, {"none", "ones", "twos"});
   }
-  check.words_big_endian = check.field.form.big_endian;
-  if (check.of_words) keys.chosen("check.word_order", check.words_big_endian, {"little", "big"});
+  check.words_big_endian = form.big_endian;
+  if (check.of_words) chosen(file, "check.word_order", check.words_big_endian, {"little", "big"});
   constexpr auto far = static_cast<std::int64_t>(longest_frame);
   const std::int64_t offset = file.integer("check.offset", -far, far);
   check.from_end = offset < 0;
-  check.field.offset = static_cast<std::size_t>(std::abs(offset));
+  check.field = FrameField(static_cast<std::size_t>(std::abs(offset)), form);
   check.start = static_cast<std::size_t>(file.integer_or("check.start", 0, 0, far));
   check.gap = static_cast<std::size_t>(file.integer_or("check.gap", 0, 0, far));
   check.pad = static_cast<std::size_t>(file.integer_or("check.pad", 1, 1, 64));
@@ -345,46 +291,59 @@ FrameCheck read_check(FrameKeys& keys) {
 
 // ---- what a description must be beyond what each of its keys is checked for ----
 
-// A number in the frames of a variant, and the key that says where it stands.
-struct NumberPlace {
+// What takes bits of a frame: the key that says where, and its end.
+struct Taken {
   std::string key;
-  FrameField field;
-  std::uint64_t used = all_bits;  // of its bits
+  std::size_t end;
+  std::vector<std::byte> bits = std::vector<std::byte>(longest_frame + sizeof(std::uint64_t));
 };
 
-// Those that make a sample, and those beside them.
-struct NumberPlaces {
-  std::vector<NumberPlace> data, beside;
+Taken taken_by(std::string key, const FrameField& field, std::uint64_t used = all_bits) {
+  Taken taken{std::move(key), field.end()};
+  field.put_bits(taken.bits.data(), used);
+  return taken;
+}
+
+Taken taken_by(std::string key, std::size_t offset, const std::vector<std::byte>& mask) {
+  Taken taken{std::move(key), offset + mask.size()};
+  std::ranges::copy(mask, taken.bits.begin() + static_cast<std::ptrdiff_t>(offset));
+  return taken;
+}
+
+// The numbers that make a sample, and what is beside them.
+struct TakenBits {
+  std::vector<Taken> data, beside;
 };
 
-NumberPlaces places_in(const FrameDescription& frame, const FrameVariant& variant) {
-  NumberPlaces places;
+TakenBits taken_in(const FrameDescription& frame, const FrameVariant& variant) {
+  TakenBits taken;
   const auto add_triad = [&](const FrameTriad& triad, const std::string& name) {
-    for (const FrameField& field : triad.element) places.data.push_back({name + ".offset", field});
+    for (const FrameField& field : triad.element) taken.data.push_back(taken_by(name + ".offset", field));
     if (triad.down)
-      for (const FrameField& field : *triad.down) places.data.push_back({name + ".down", field});
+      for (const FrameField& field : *triad.down) taken.data.push_back(taken_by(name + ".down", field));
   };
   if (variant.has_gyro) add_triad(variant.gyro, "gyro");
   if (variant.has_accel) add_triad(variant.accel, "accel");
   if (variant.temperature)
-    for (const FrameField& field : variant.temperature->places) places.data.push_back({"temperature.offset", field});
-  if (variant.counter) places.data.push_back({"counter.offset", variant.counter->field});
-  if (frame.length) places.beside.push_back({"length.offset", *frame.length});
-  if (frame.id) places.beside.push_back({"id.offset", *frame.id});
+    for (const FrameField& field : variant.temperature->places)
+      taken.data.push_back(taken_by("temperature.offset", field));
+  if (variant.counter) taken.data.push_back(taken_by("counter.offset", variant.counter->field));
+  taken.beside.push_back(taken_by("sync", 0, frame.sync_mask));
+  if (frame.length) taken.beside.push_back(taken_by("length.offset", *frame.length));
+  if (frame.id) taken.beside.push_back(taken_by("id.offset", *frame.id));
   for (const FrameStatus& status : variant.status)
-    places.beside.push_back({"status.offset", status.field, status.mask});
-  if (variant.multiplexer) places.beside.push_back({"mux.offset", *variant.multiplexer});
-  return places;
+    taken.beside.push_back(taken_by("status.offset", status.field, status.mask));
+  if (variant.multiplexer) taken.beside.push_back(taken_by("mux.offset", *variant.multiplexer));
+  return taken;
 }
 
 // Everything inside its frame, and nothing contradicting.
-void check_places(FrameKeys& keys, const FrameDescription& frame, const FrameVariant& variant) {
-  KeyValueFile& file = keys.file();
-  const NumberPlaces places = places_in(frame, variant);
+void check_places(KeyValueFile& file, const FrameDescription& frame, const FrameVariant& variant) {
+  const TakenBits places = taken_in(frame, variant);
   for (const auto* const some : {&places.data, &places.beside})
-    for (const NumberPlace& place : *some)
-      if (place.field.offset + static_cast<std::size_t>(place.field.form.bytes) > variant.length)
-        keys.reject(place.key, fmt::format("a place inside the frame of {} bytes", variant.length));
+    for (const Taken& place : *some)
+      if (place.end > variant.length && place.key != "sync")
+        file.reject(place.key, fmt::format("a place inside the frame of {} bytes", variant.length));
   if (frame.sync.size() + frame.tail.size() > variant.length) file.reject("length", "room for sync and tail");
   const FrameCheck& check = frame.check;
   if (check.kind != CheckKind::none) {
@@ -406,41 +365,17 @@ void check_places(FrameKeys& keys, const FrameDescription& frame, const FrameVar
     if (&other != &variant && other.id == variant.id) file.reject("variants", "a different id for each variant");
 }
 
-// The bits of a frame that something takes.
-struct Taken {
-  std::string key;
-  std::vector<std::byte> bits;
-};
-
-bool overlap(const Taken& one, const Taken& other) {
-  for (std::size_t i = 0; i < one.bits.size(); ++i)
-    if ((one.bits[i] & other.bits[i]) != std::byte{0}) return true;
-  return false;
-}
-
 // REQUIRES: every place is inside the frame.
-void check_overlaps(FrameKeys& keys, const FrameDescription& frame, const FrameVariant& variant) {
-  const std::size_t length = variant.length;
-  const auto taken_by_bytes = [&](const char* key, std::size_t offset, const std::vector<std::byte>& mask) {
-    Taken taken{key, std::vector<std::byte>(length)};
-    std::copy(mask.begin(), mask.end(), taken.bits.begin() + static_cast<std::ptrdiff_t>(offset));
-    return taken;
-  };
+void check_overlaps(KeyValueFile& file, const FrameDescription& frame, const FrameVariant& variant) {
   const auto whole = [](std::size_t bytes) { return std::vector<std::byte>(bytes, std::byte{0xFF}); };
-  const auto taken_by = [&](const NumberPlace& place) {
-    Taken taken{place.key, std::vector<std::byte>(length)};
-    FieldCodec(place.field).put_bits(taken.bits.data(), place.used);
-    return taken;
-  };
-  const NumberPlaces places = places_in(frame, variant);
-  std::vector<Taken> data, beside = {taken_by_bytes("sync", 0, frame.sync_mask)};
-  for (const NumberPlace& place : places.data) data.push_back(taken_by(place));
+  auto [data, beside] = taken_in(frame, variant);
   if (!frame.tail.empty())
-    beside.push_back(taken_by_bytes("tail", length - frame.tail.size(), whole(frame.tail.size())));
-  for (const NumberPlace& place : places.beside) beside.push_back(taken_by(place));
+    beside.insert(beside.begin() + 1, taken_by("tail", variant.length - frame.tail.size(), whole(frame.tail.size())));
 
   const auto check_apart = [&](const Taken& one, const Taken& other) {
-    if (overlap(one, other)) keys.reject(one.key, "a place of its own, not that of " + keys.name(other.key));
+    for (std::size_t i = 0; i < one.bits.size(); ++i)
+      if ((one.bits[i] & other.bits[i]) != std::byte{0})
+        return file.reject(one.key, "a place of its own, not that of " + file.name_of(other.key));
   };
   for (std::size_t i = 0; i < data.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) check_apart(data[i], data[j]);
@@ -452,31 +387,31 @@ void check_overlaps(FrameKeys& keys, const FrameDescription& frame, const FrameV
   for (std::size_t i = 1; i < beside.size(); ++i)
     if (beside[i].key != "id.offset") check_apart(beside[i], beside[0]);
   if (frame.check.kind == CheckKind::none) return;
-  const Taken check = taken_by_bytes("check.offset", check_offset(frame.check, length),
-                                     whole(static_cast<std::size_t>(frame.check.bytes())));
+  const Taken check = taken_by("check.offset", check_offset(frame.check, variant.length),
+                               whole(static_cast<std::size_t>(frame.check.bytes())));
   for (const std::vector<Taken>* const all : {&data, &beside})
     for (const Taken& other : *all) check_apart(check, other);
 }
 
 // Numbers that their fields can show.
-void check_values(FrameKeys& keys, const FrameDescription& frame, const FrameVariant& variant) {
-  const auto largest = [](const FrameField& field) { return FieldCodec(field).largest_bits(); };
+void check_values(KeyValueFile& file, const FrameDescription& frame, const FrameVariant& variant) {
   const auto check_fits = [&](const char* key, std::uint64_t value, const FrameField& field) {
-    if (value > largest(field)) keys.reject(key, fmt::format("at most {}, which its field can hold", largest(field)));
+    if (value > field.largest_bits())
+      file.reject(key, fmt::format("at most {}, which its field can hold", field.largest_bits()));
   };
   if (frame.id) check_fits("id.value", variant.id, *frame.id);
   if (variant.temperature && variant.temperature->when && variant.multiplexer)
     check_fits("temperature.when", *variant.temperature->when, *variant.multiplexer);
   for (const FrameStatus& status : variant.status) {
-    const std::uint64_t judged = status.mask & largest(status.field);
-    if (judged == 0) keys.reject("status.bits", "at least one bit of the field");
-    if ((status.good & ~judged) != 0) keys.reject("status.good", "a number of status.bits alone");
+    const std::uint64_t judged = status.mask & status.field.largest_bits();
+    if (judged == 0) file.reject("status.bits", "at least one bit of the field");
+    if ((status.good & ~judged) != 0) file.reject("status.good", "a number of status.bits alone");
   }
   if (!frame.length) return;
   const std::int64_t said = static_cast<std::int64_t>(variant.length) - frame.length_add;
   if (said < 0 || said % frame.length_scale != 0 ||
-      static_cast<std::uint64_t>(said / frame.length_scale) > largest(*frame.length))
-    keys.reject("length", "a length that the field at length.offset can say: field x length.scale + length.add");
+      static_cast<std::uint64_t>(said / frame.length_scale) > frame.length->largest_bits())
+    file.reject("length", "a length that the field at length.offset can say: field x length.scale + length.add");
 }
 
 constexpr int least_bits = 4;  // of a number that shows a motion
@@ -484,10 +419,10 @@ constexpr int least_bits = 4;  // of a number that shows a motion
 // The largest raw number; floating ones have none.
 std::optional<double> full_scale(const FrameTriad& triad, std::size_t k) {
   const FrameField& field = triad.element[k];
-  const int bits = used_bits(field.form);
+  const int bits = field.bits();
   double low = 0.0, high = std::ldexp(1.0, bits) - 1.0;
-  if (field.form.type == NumberType::floating) return {};
-  if (field.form.type != NumberType::unsigned_integer) low = -(high = std::ldexp(1.0, bits - 1));
+  if (field.type() == NumberType::floating) return {};
+  if (field.type() != NumberType::unsigned_integer) low = -(high = std::ldexp(1.0, bits - 1));
   if (triad.kind == FieldKind::cumulative || triad.down) {
     const double turn = triad.modulus != 0 ? static_cast<double>(triad.modulus) : std::ldexp(1.0, bits);
     low = -(high = 0.5 * turn);
@@ -518,19 +453,19 @@ void check_scale(KeyValueFile& file, const std::string& key, const FrameTriad& t
 
 // Remembers in the file what no unit's frames can be.
 void check_variant(KeyValueFile& file, const FrameDescription& frame, const FrameVariant& variant) {
-  FrameKeys keys(file, variant.name);
-  check_places(keys, frame, variant);
+  file.set_scope(variant.name);
+  check_places(file, frame, variant);
   if (!file.status()) return;
-  check_overlaps(keys, frame, variant);
-  check_values(keys, frame, variant);
+  check_overlaps(file, frame, variant);
+  check_values(file, frame, variant);
   const auto check_bits = [&](const FrameTriad& triad, const char* key) {
-    if (used_bits(triad.element[0].form) < least_bits)
-      keys.reject(key, fmt::format("a mask that leaves {} bits or more", least_bits));
+    if (triad.element[0].bits() < least_bits)
+      file.reject(key, fmt::format("a mask that leaves {} bits or more", least_bits));
   };
   if (variant.has_gyro) check_bits(variant.gyro, "gyro.mask");
   if (variant.has_accel) check_bits(variant.accel, "accel.mask");
   const auto scale_key = [&](const std::string& name) {
-    return keys.name(name + (keys.has(name + ".scale") ? ".scale" : ".unit"));
+    return name + (file.has(name + ".scale") ? ".scale" : ".unit");
   };
   if (variant.has_gyro && !variant.gyro.pulses)
     check_scale(file, scale_key("gyro"), variant.gyro, 1.0, frame.sample_period_s, gyro_rate);
@@ -542,9 +477,8 @@ void check_variant(KeyValueFile& file, const FrameDescription& frame, const Fram
 
 // ---- the whole ----
 
-void read_request(FrameKeys& keys, FrameDescription& frame) {
-  KeyValueFile& file = keys.file();
-  frame.request = keys.bytes("request");
+void read_request(KeyValueFile& file, FrameDescription& frame) {
+  frame.request = read_bytes(file, "request");
   if (frame.request.empty()) file.reject("request", "at least one byte");
   frame.request_period_s = file.number_or("request.period_s", 0.5 * frame.sample_period_s, sample_period_range);
   if (frame.request_period_s > 0.9 * frame.sample_period_s)
@@ -557,36 +491,36 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
   FrameDescription frame;
   frame.file = file.file_name();
   frame.lines = read_line_sources(file);
-  FrameKeys keys(file, "");
   file.integer("format", 1, 1);
   frame.name = file.text_or("name", frame.file);
-  frame.sync = keys.bytes("sync");
+  frame.sync = read_bytes(file, "sync");
   if (frame.sync.empty()) file.reject("sync", "at least one byte");
   if (!file.has("sync")) file.text("sync");
-  frame.sync_mask = keys.bytes("sync.mask");
+  frame.sync_mask = read_bytes(file, "sync.mask");
   if (!file.has("sync.mask")) frame.sync_mask.assign(frame.sync.size(), std::byte{0xFF});
   if (frame.sync_mask.size() != frame.sync.size()) file.reject("sync.mask", "as many bytes as sync");
   if (std::all_of(frame.sync_mask.begin(), frame.sync_mask.end(), [](std::byte b) { return b == std::byte{0}; }))
     file.reject("sync.mask", "at least one bit: without any every byte begins a frame");
-  frame.tail = keys.bytes("tail");
-  if (file.has("id.offset")) frame.id = keys.field("id", "u8");
+  frame.tail = read_bytes(file, "tail");
+  if (file.has("id.offset")) frame.id = read_field(file, "id", "u8");
   if (file.has("length.offset")) {
-    frame.length = keys.field("length", "u8");
+    frame.length = read_field(file, "length", "u8");
     frame.length_scale = file.integer_or("length.scale", 1, 1, 64);
     frame.length_add = file.integer_or("length.add", 0, -1024, 1024);
   }
   frame.sample_period_s = file.number("sample_period_s", sample_period_range);
-  frame.stuffing = read_stuffing(keys, frame);
-  frame.check = read_check(keys);
+  frame.stuffing = read_stuffing(file, frame);
+  frame.check = read_check(file);
   KeyTable table(file);
   read_serial_keys(table, "line", frame.line);
   if (frame.line.data_bits != 8) file.reject("line.data_bits", "8: a frame is of whole bytes");
   for (const std::string& name : file.list_or("variants", {""})) {
-    FrameKeys own(file, name);
-    frame.variants.push_back(read_variant(own, name, frame));
+    file.set_scope(name);
+    frame.variants.push_back(read_variant(file, name, frame));
     if (frame.variants.size() > 16) file.reject("variants", "at most 16");
     if (!file.status()) break;
   }
+  file.set_scope("");
   const std::vector<FrameVariant>& all = frame.variants;
   if (all.empty()) return file.error_at("variants", "names separated by commas");  // refused already, as an empty list
   frame.split = std::any_of(all.begin(), all.end(), [](const FrameVariant& v) { return !(v.has_gyro && v.has_accel); });
@@ -601,7 +535,7 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
     frame.accel_pulse_mps = file.number("accel.pulse_mps", positive);
   else if (file.has("accel.pulse_mps"))
     file.reject("accel.pulse_mps", "no such key unless accel.unit = pulses");
-  if (file.has("request")) read_request(keys, frame);
+  if (file.has("request")) read_request(file, frame);
   if (all.size() > 1 && !frame.id) file.reject("variants", "a key id.offset beside it");
   TRY(file.check_all_used());
   for (const FrameVariant& variant : all) {

@@ -53,8 +53,8 @@ Status FrameEncoder::append(const ImuSample& sample, std::vector<std::byte>& out
 // False: it does not fit the field.
 bool FrameEncoder::put(std::size_t variant, std::size_t i, double value, std::byte* out) {
   const FrameElement& element = elements_[variant][i];
-  const FieldCodec& field = element.field;
-  const std::optional<FieldCodec>& down = element.down;
+  const FrameField& field = element.field;
+  const std::optional<FrameField>& down = element.down;
   const double exact = value / element.factor + element.zero + left_[i];
   if (!std::isfinite(exact)) return false;
   const double whole = std::nearbyint(exact);
@@ -82,10 +82,10 @@ Status FrameEncoder::encode_variant(std::size_t which, const ImuSample& sample, 
   const FrameVariant& variant = frame_.variants[which];
   std::fill(out.begin(), out.end(), std::byte{0});
   if (variant.multiplexer && variant.temperature && variant.temperature->when)
-    FieldCodec(*variant.multiplexer).put_bits(out.data(), *variant.temperature->when);
+    variant.multiplexer->put_bits(out.data(), *variant.temperature->when);
   for (const FrameStatus& status : variant.status) {
     const bool invalid = (sample.flags & sample_flag_invalid) != 0;
-    const FieldCodec field(status.field);
+    const FrameField& field = status.field;
     const std::uint64_t judged = status.mask & field.largest_bits();
     const std::uint64_t lowest = judged & (~judged + 1);
     field.put_bits(out.data(), field.bits_of(out.data()) | (invalid ? status.good ^ lowest : status.good));
@@ -103,24 +103,24 @@ Status FrameEncoder::encode_variant(std::size_t which, const ImuSample& sample, 
     const FrameScalar& scalar = *variant.temperature;
     const double raw = static_cast<double>(sample.temperature_c) / scalar.scale + scalar.zero;
     for (const FrameField& place : scalar.places)
-      if (!FieldCodec(place).put_number(out.data(), raw)) return refuse("temperature", sample.temperature_c);
+      if (!place.put_number(out.data(), raw)) return refuse("temperature", sample.temperature_c);
   }
   if (variant.counter) {
     const FrameCounter& counter = *variant.counter;
     const double raw = modulo(static_cast<double>(sample.counter) * counter.step, counter.modulus);
-    FieldCodec(counter.field).put_number(out.data(), raw);
+    counter.field.put_number(out.data(), raw);
   }
-  if (frame_.id) FieldCodec(*frame_.id).put_bits(out.data(), variant.id);
+  if (frame_.id) frame_.id->put_bits(out.data(), variant.id);
   if (frame_.length) {
     const std::int64_t raw = (static_cast<std::int64_t>(variant.length) - frame_.length_add) / frame_.length_scale;
-    FieldCodec(*frame_.length).put_bits(out.data(), static_cast<std::uint64_t>(raw));
+    frame_.length->put_bits(out.data(), static_cast<std::uint64_t>(raw));
   }
   // Last, so that nothing above can spoil what the search goes by.
   std::copy(frame_.sync.begin(), frame_.sync.end(), out.begin());
   std::copy(frame_.tail.begin(), frame_.tail.end(), out.end() - static_cast<std::ptrdiff_t>(frame_.tail.size()));
   if (frame_.check.kind != CheckKind::none) {
     const std::size_t place = check_offset(frame_.check, out.size());
-    FieldCodec(frame_.check.field).put_bits_at(out.data() + place, frame_check_value(frame_.check, crc_, out));
+    frame_.check.field.put_bits_at(out.data() + place, frame_check_value(frame_.check, crc_, out));
   }
   return {};
 }

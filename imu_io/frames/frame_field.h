@@ -1,4 +1,4 @@
-// Numbers in and out of frames: a FieldForm compiled into shifts, so that one loop serves every byte and word order.
+// Numbers in and out of frames: what a description says of them compiled into shifts, so that one loop serves every byte and word order.
 #pragma once
 
 #include <algorithm>
@@ -24,24 +24,10 @@ struct FieldForm {
       ~std::uint64_t{0};  // of the raw bits; the value is what is left, shifted down; its top bit is the sign
 };
 
-struct FrameField {
-  std::size_t offset = 0;
-  FieldForm form;
-};
-
-// The bits that are left of a raw number, shifted down: how many, and by how much.
-inline int used_shift(const FieldForm& form) { return form.mask == 0 ? 0 : std::countr_zero(form.mask); }
-
-inline int used_bits(const FieldForm& form) {
-  const int width = 8 * form.bytes;
-  const std::uint64_t room = width == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << width) - 1;
-  return std::max(64 - std::countl_zero(form.mask & room) - used_shift(form), 1);
-}
-
-class FieldCodec {
+class FrameField {
  public:
-  FieldCodec() = default;
-  explicit FieldCodec(const FrameField& field) : offset_(field.offset), form_(field.form) {
+  FrameField() : FrameField(0, {}) {}
+  FrameField(std::size_t offset, const FieldForm& form) : offset_(offset), form_(form) {
     for (int i = 0; i < 8 && i < form_.bytes; ++i) {
       // Place of byte i in significance: within its word, then of the word.
       int place = i;
@@ -49,23 +35,20 @@ class FieldCodec {
       if (form_.swap_words) place = (form_.bytes / 2 - 1 - place / 2) * 2 + place % 2;
       shift_[i] = static_cast<unsigned char>(8 * place);
     }
-    const int width = 8 * form_.bytes;
-    mask_ = form_.mask & (width == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << width) - 1);
-    down_ = used_shift(form_);
-    bits_ = used_bits(form_);
-    used_ = bits_ == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << bits_) - 1;
+    mask_ = form_.mask & (~std::uint64_t{0} >> (64 - 8 * form_.bytes));
+    down_ = mask_ == 0 ? 0 : std::countr_zero(mask_);
+    bits_ = std::max(64 - std::countl_zero(mask_) - down_, 1);
+    used_ = ~std::uint64_t{0} >> (64 - bits_);
   }
 
   std::size_t offset() const { return offset_; }
-  FieldCodec shifted(std::size_t bytes) const {
-    FieldCodec result = *this;
-    result.offset_ += bytes;
-    return result;
-  }
+  const FieldForm& form() const { return form_; }
+  void shift(std::size_t bytes) { offset_ += bytes; }
   std::size_t bytes() const { return static_cast<std::size_t>(form_.bytes); }
+  std::size_t end() const { return offset_ + bytes(); }
   // 2^bits - 1: the values that fit.
   std::uint64_t largest_bits() const { return used_; }
-  int bits() const { return bits_; }
+  int bits() const { return bits_; }  // that the mask leaves of the raw number, shifted down
   NumberType type() const { return form_.type; }
 
   // REQUIRES of all below: `frame` reaches to offset + bytes.
@@ -109,16 +92,14 @@ class FieldCodec {
   bool put_number(std::byte* frame, double value) const;
 
  private:
-  std::size_t offset_ = 0;
+  std::size_t offset_;
   FieldForm form_;
   unsigned char shift_[8] = {};
-  std::uint64_t mask_ = 0xFF;
-  std::uint64_t used_ = 0xFF;
-  int down_ = 0;
-  int bits_ = 8;
+  std::uint64_t mask_, used_;
+  int down_, bits_;
 };
 
-inline bool FieldCodec::put_number(std::byte* frame, double value) const {
+inline bool FrameField::put_number(std::byte* frame, double value) const {
   if (form_.type == NumberType::floating) {
     if (form_.bytes == 4)
       put_bits(frame, std::bit_cast<std::uint32_t>(static_cast<float>(value)));
@@ -163,7 +144,7 @@ struct FrameCheck {
   bool from_end = false;
   std::size_t start = 0;  // first byte covered
   std::size_t gap = 0;    // bytes before the check's place that are not covered
-  int bytes() const { return field.form.bytes; }
+  int bytes() const { return field.form().bytes; }
   CrcParameters crc;
   std::size_t pad = 1;  // covered bytes are filled up with zeros to a multiple of this
   bool of_words = false;

@@ -13,9 +13,6 @@ constexpr std::size_t buffer_size = 8192;  // several of the longest frames
 
 FrameScanner::FrameScanner(const FrameDescription& frame)
     : frame_(frame),
-      id_(frame.id.value_or(FrameField{})),
-      length_(frame.length.value_or(FrameField{})),
-      check_field_(frame.check.field),
       crc_(frame.check.crc),
       unstuffer_(frame.stuffing),
       lead_(frame.stuffing.kind == StuffingKind::none ? 0 : 1),
@@ -54,8 +51,7 @@ bool FrameScanner::sync_at(std::span<const std::byte> remaining) const {
 bool FrameScanner::check_good(std::span<const std::byte> frame) const {
   const FrameCheck& check = frame_.check;
   if (check.kind == CheckKind::none) return true;
-  const std::size_t place = check_offset(check, frame.size());
-  return check_field_.bits_at(frame.data() + place) == frame_check_value(check, crc_, frame);
+  return check.field.bits_at(frame.data() + check_offset(check, frame.size())) == frame_check_value(check, crc_, frame);
 }
 
 FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> remaining, std::size_t& length,
@@ -65,15 +61,15 @@ FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> remaining, 
   // How long is it? Without an id there is one variant.
   const FrameVariant* known = frame_.id ? nullptr : frame_.variants.data();
   if (frame_.id) {
-    if (remaining.size() < id_.offset() + id_.bytes()) return Verdict::more;
-    const std::uint64_t id = id_.bits_of(remaining.data());
+    if (remaining.size() < frame_.id->end()) return Verdict::more;
+    const std::uint64_t id = frame_.id->bits_of(remaining.data());
     for (const FrameVariant& candidate : frame_.variants)
       if (candidate.id == id) known = &candidate;
     if (known == nullptr && !frame_.length) return Verdict::bad;
   }
   if (frame_.length) {
-    if (remaining.size() < length_.offset() + length_.bytes()) return Verdict::more;
-    const std::uint64_t raw = length_.bits_of(remaining.data());
+    if (remaining.size() < frame_.length->end()) return Verdict::more;
+    const std::uint64_t raw = frame_.length->bits_of(remaining.data());
     if (raw > longest_frame) return Verdict::bad;
     const std::int64_t says = static_cast<std::int64_t>(raw) * frame_.length_scale + frame_.length_add;
     if (says < 1 || says > static_cast<std::int64_t>(longest_frame)) return Verdict::bad;
@@ -82,7 +78,7 @@ FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> remaining, 
     if (known == nullptr) {
       // Only a check at the end can be found in a frame of unknown layout, and only a strong one is believed alone.
       const bool can_tell = check.from_end && !check.weak();
-      if (!can_tell || length < frame_.sync.size() + frame_.tail.size() || check.field.offset > length ||
+      if (!can_tell || length < frame_.sync.size() + frame_.tail.size() || check.field.offset() > length ||
           check_offset(check, length) <= check.start + check.gap)
         return Verdict::bad;
     }

@@ -51,7 +51,6 @@ class FrameScanner {
   bool check_good(std::span<const std::byte> frame) const;
 
   FrameDescription frame_;
-  FieldCodec id_, length_, check_field_;
   Crc crc_;
   Unstuffer unstuffer_;
   std::size_t lead_;  // bytes between end_ and space(): what was held back comes first

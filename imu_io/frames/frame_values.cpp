@@ -25,8 +25,8 @@ std::array<FrameElement, 6> frame_elements(const FrameVariant& variant, double s
     const FrameTriad& triad = i < 3 ? variant.gyro : variant.accel;
     const auto place = static_cast<std::size_t>(triad.axes.from[i % 3]);
     FrameElement& element = elements[i];
-    element.field = FieldCodec(triad.element[place]);
-    if (triad.down) element.down = FieldCodec((*triad.down)[place]);
+    element.field = triad.element[place];
+    if (triad.down) element.down = (*triad.down)[place];
     element.zero = triad.zero[place];
     element.factor =
         triad.axes.sign[i % 3] * triad.scale[place] * (triad.kind == FieldKind::rate ? sample_period_s : 1.0);
@@ -41,40 +41,23 @@ std::array<FrameElement, 6> frame_elements(const FrameVariant& variant, double s
   return elements;
 }
 
-FrameValues::FrameValues(const FrameDescription& frame, const FrameVariant& from)
-    : length_(from.length), element_(frame_elements(from, frame.sample_period_s)) {
-  if (from.temperature) {
-    for (const FrameField& field : from.temperature->places) temperature_.emplace_back(field);
-    temperature_zero_ = from.temperature->zero;
-    temperature_scale_ = from.temperature->scale;
-    multiplexed_ = from.temperature->when.has_value();
-    when_ = from.temperature->when.value_or(0);
+FrameVariant joined(FrameVariant gyro, const FrameVariant& accel) {
+  FrameVariant both = std::move(gyro);
+  const std::size_t by = both.length;
+  both.length += accel.length;
+  both.accel = accel.accel;
+  for (FrameField& field : both.accel.element) field.shift(by);
+  if (both.accel.down)
+    for (FrameField& field : *both.accel.down) field.shift(by);
+  for (const FrameStatus& status : accel.status) {
+    both.status.push_back(status);
+    both.status.back().field.shift(by);
   }
-  if (from.multiplexer) multiplexer_ = FieldCodec(*from.multiplexer);
-  has_counter_ = from.counter.has_value();
-  if (from.counter) counter_ = FieldCodec(from.counter->field);
-  for (const FrameStatus& status : from.status) status_.push_back({FieldCodec(status.field), status.mask, status.good});
-}
-
-FrameValues FrameValues::joined(const FrameValues& gyro, const FrameValues& accel) {
-  FrameValues both = gyro;
-  const std::size_t by = gyro.length_;
-  both.length_ += accel.length_;
-  for (std::size_t i = 3; i < 6; ++i) {
-    both.element_[i] = accel.element_[i];
-    both.element_[i].field = accel.element_[i].field.shifted(by);
-    if (accel.element_[i].down) both.element_[i].down = accel.element_[i].down->shifted(by);
-  }
-  for (const Status& status : accel.status_)
-    both.status_.push_back({status.field.shifted(by), status.mask, status.good});
-  if (gyro.temperature_.empty()) {
-    for (const FieldCodec& field : accel.temperature_) both.temperature_.push_back(field.shifted(by));
-    both.temperature_zero_ = accel.temperature_zero_;
-    both.temperature_scale_ = accel.temperature_scale_;
-    both.multiplexed_ = accel.multiplexed_;
-    both.multiplexer_ = accel.multiplexer_.shifted(by);
-    both.when_ = accel.when_;
-  }
+  if (both.temperature || !accel.temperature) return both;
+  both.temperature = accel.temperature;
+  for (FrameField& field : both.temperature->places) field.shift(by);
+  both.multiplexer = accel.multiplexer;
+  if (both.multiplexer) both.multiplexer->shift(by);
   return both;
 }
 
@@ -91,21 +74,18 @@ bool FrameValues::read(const std::byte* frame, const CumulativeBase& base, ImuSa
         if (element.modulus != 0 && down >= element.modulus) return false;
         steps -= cumulative_step(down, base.field[6 + i], element.modulus);
       }
-      value = element.factor * steps;
-      if (!base.known) value = 0.0;
-      value += 0.0;
+      value = (base.known ? element.factor * steps : 0.0) + 0.0;
       continue;  // across a gap it may be anything
-    } else {
-      double raw = element.field.number(frame);
-      if (element.down) raw -= element.down->number(frame);
-      if (raw < element.low || raw > element.high) sample.flags |= sample_flag_invalid;
-      value = element.factor * (raw - element.zero);
     }
+    double raw = element.field.number(frame);
+    if (element.down) raw -= element.down->number(frame);
+    if (raw < element.low || raw > element.high) sample.flags |= sample_flag_invalid;
+    value = element.factor * (raw - element.zero);
     value += 0.0;                             // -0 of a sign turned round
     if (!std::isfinite(value)) return false;  // of floats
     if (element.pulses && (std::abs(value) > largest_pulses || value != std::nearbyint(value))) return false;
   }
-  for (const Status& status : status_)
+  for (const FrameStatus& status : from_.status)
     if ((status.field.bits_of(frame) & status.mask) != status.good) sample.flags |= sample_flag_invalid;
   return true;
 }
@@ -131,11 +111,11 @@ void FrameValues::keep(const std::byte* frame, CumulativeBase& base) const {
 }
 
 std::optional<float> FrameValues::temperature_c(const std::byte* frame) const {
-  if (temperature_.empty() || (multiplexed_ && multiplexer_.bits_of(frame) != when_)) return {};
+  const std::optional<FrameScalar>& from = from_.temperature;
+  if (!from || (from->when && from_.multiplexer->bits_of(frame) != *from->when)) return {};
   double sum = 0.0;
-  for (const FieldCodec& field : temperature_) sum += field.number(frame);
-  const double mean = sum / static_cast<double>(temperature_.size());
-  const auto value = static_cast<float>((mean - temperature_zero_) * temperature_scale_);
+  for (const FrameField& field : from->places) sum += field.number(frame);
+  const auto value = static_cast<float>((sum / static_cast<double>(from->places.size()) - from->zero) * from->scale);
   return std::isfinite(value) ? value : std::numeric_limits<float>::quiet_NaN();
 }
 

@@ -1,14 +1,14 @@
 // Where in a frame the numbers of a sample are, and what they become: increments of the body axes, status, temperature.
 //
-// A FrameVariant of a description, compiled: one field a body axis with its sign, scale and zero, or a cumulative field whose step
-// since the frame before is the increment. Pure; nothing is remembered here (CumulativeBase is the caller's).
+// Of a FrameVariant one field a body axis with its sign, scale and zero, or a cumulative field whose step since the frame before is
+// the increment. Pure; nothing is remembered here (CumulativeBase is the caller's).
 #pragma once
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <vector>
+#include <utility>
 
 #include "calib/types/recording_types.h"
 #include "imu_io/frames/frame_description.h"
@@ -24,8 +24,8 @@ struct CumulativeBase {
 
 // Where the number of a body axis is, and what one of it is.
 struct FrameElement {
-  FieldCodec field;
-  std::optional<FieldCodec> down;
+  FrameField field;
+  std::optional<FrameField> down;
   double zero = 0.0;
   double factor = 1.0;  // to an increment of the body axis, sign included
   double low = 0.0, high = 0.0;
@@ -38,13 +38,12 @@ std::array<FrameElement, 6> frame_elements(const FrameVariant& variant, double s
 
 class FrameValues {
  public:
-  FrameValues(const FrameDescription& frame, const FrameVariant& from);
-  // Of the two frames of a sample, one after the other.
-  static FrameValues joined(const FrameValues& gyro, const FrameValues& accel);
+  FrameValues(FrameVariant from, double sample_period_s)
+      : from_(std::move(from)), element_(frame_elements(from_, sample_period_s)) {}
 
-  std::size_t length() const { return length_; }
-  bool has_counter() const { return has_counter_; }
-  double counter(const std::byte* frame) const { return counter_.number(frame); }
+  std::size_t length() const { return from_.length; }
+  bool has_counter() const { return from_.counter.has_value(); }
+  double counter(const std::byte* frame) const { return from_.counter->field.number(frame); }
   bool any_cumulative() const;
   bool cumulative(std::size_t value) const { return element_[value].cumulative; }
   // The increments of gyro and accel and the flag for invalid ones. False: the numbers are impossible.
@@ -56,20 +55,11 @@ class FrameValues {
   std::optional<float> temperature_c(const std::byte* frame) const;
 
  private:
-  struct Status {
-    FieldCodec field;
-    std::uint64_t mask, good;
-  };
-  std::size_t length_ = 0;
-  std::array<FrameElement, 6> element_;  // gyro x y z, accel x y z, body axes
-  std::vector<FieldCodec> temperature_;
-  double temperature_zero_ = 0.0, temperature_scale_ = 1.0;
-  bool multiplexed_ = false;
-  FieldCodec multiplexer_;
-  std::uint64_t when_ = 0;
-  bool has_counter_ = false;
-  FieldCodec counter_;
-  std::vector<Status> status_;
+  FrameVariant from_;
+  std::array<FrameElement, 6> element_;
 };
+
+// The variant that two frames of a sample are, one after the other.
+FrameVariant joined(FrameVariant gyro, const FrameVariant& accel);
 
 }  // namespace turncal

@@ -30,6 +30,10 @@ int connected(int descriptor, const addrinfo& to, const Deadline& deadline, cons
   return result;
 }
 
+constexpr double connect_timeout_s = 2.0;
+constexpr std::size_t longest_datagram = 65536;
+constexpr int receive_buffer = 1 << 20;  // seconds of a unit's samples
+
 }  // namespace
 
 Result<Addresses> look_up(const std::string& device, const std::string& host, const std::string& port, int family,
@@ -49,30 +53,20 @@ Result<int> connect_tcp(const std::string& address, double timeout_s, const std:
   const Addresses found =
       TRY(look_up(address, address.substr(0, colon), address.substr(colon + 1), AF_UNSPEC, SOCK_STREAM));
   const Deadline deadline(timeout_s);
-  int descriptor = -1, result = EADDRNOTAVAIL;
-  for (const addrinfo* to = found.get(); to != nullptr && descriptor < 0 && result != ECANCELED; to = to->ai_next) {
-    descriptor = ::socket(to->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  int result = EADDRNOTAVAIL;
+  for (const addrinfo* to = found.get(); to != nullptr && result != ECANCELED; to = to->ai_next) {
+    Descriptor descriptor = ::socket(to->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     result = descriptor < 0 ? errno : connected(descriptor, *to, deadline, given_up);
-    if (result == 0 || descriptor < 0) continue;
-    ::close(descriptor);
-    descriptor = -1;
+    if (result != 0) continue;
+    const int on = 1;
+    ::setsockopt(descriptor, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    return descriptor.release();
   }
   if (result == ECANCELED) return Error{ErrorKind::aborted, address + ": given up for a stop"};
-  if (descriptor < 0) return device_error(address + ": cannot open: " + std::strerror(result));
-  const int on = 1;
-  ::setsockopt(descriptor, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-  return descriptor;
+  return line_error(address, "cannot open", result);
 }
 
 // ---- the line to a unit ----
-
-namespace {
-
-constexpr double connect_timeout_s = 2.0;
-constexpr std::size_t longest_datagram = 65536;
-constexpr int receive_buffer = 1 << 20;  // seconds of a unit's samples
-
-}  // namespace
 
 std::optional<LineAddress> parse_line(const std::string& device) {
   LineAddress address;
@@ -110,8 +104,8 @@ void ByteLine::close() {
   sender_.reset();
 }
 
-Error ByteLine::failure(const std::string& what, int number) const {
-  return device_error(device_ + ": " + what + ": " + std::strerror(number));
+Error line_error(const std::string& device, const std::string& what, int number) {
+  return device_error(device + ": " + what + ": " + std::strerror(number));
 }
 
 Result<ByteLine> ByteLine::open(const SerialSettings& settings) {
@@ -125,34 +119,28 @@ Result<ByteLine> ByteLine::open(const SerialSettings& settings) {
   switch (address->kind) {
     case LineKind::serial: line.port_ = TRY(SerialPort::open(settings)); break;
     case LineKind::tcp: line.socket_ = TRY(connect_tcp(settings.device.substr(4), connect_timeout_s)); break;
-    case LineKind::udp: TRY(address->asks ? line.connect(*address) : line.listen(*address)); break;
+    case LineKind::udp: TRY(line.open_udp(*address)); break;
   }
   line.asks_ = address->asks;
   return line;
 }
 
-// The kernel then lets nobody else's datagrams through.
-Status ByteLine::connect(const LineAddress& address) {
-  const Addresses found = TRY(look_up(device_, address.host, std::to_string(address.port), AF_INET, SOCK_DGRAM));
+Status ByteLine::open_udp(const LineAddress& address) {
   socket_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (socket_ < 0 || ::connect(socket_, found->ai_addr, found->ai_addrlen) != 0) return failure("cannot open", errno);
+  if (socket_ < 0) return line_error(device_, "cannot open", errno);
   ::setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
-  return {};
-}
-
-Status ByteLine::listen(const LineAddress& address) {
-  socket_ = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
-  if (socket_ < 0) return failure("cannot open", errno);
-  ::setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &receive_buffer, sizeof receive_buffer);
+  if (address.asks) {  // connected: the kernel lets nobody else's datagrams through
+    const Addresses found = TRY(look_up(device_, address.host, std::to_string(address.port), AF_INET, SOCK_DGRAM));
+    return ::connect(socket_, found->ai_addr, found->ai_addrlen) == 0 ? Status()
+                                                                      : line_error(device_, "cannot open", errno);
+  }
   sockaddr_in here{};
   here.sin_family = AF_INET;
   here.sin_port = htons(static_cast<std::uint16_t>(address.port));
   if (!address.host.empty()) ::inet_pton(AF_INET, address.host.c_str(), &here.sin_addr);
-  if (::bind(socket_, reinterpret_cast<const sockaddr*>(&here), sizeof here) != 0) {
-    if (errno == EADDRINUSE) return device_error(device_ + ": in use by another process");
-    return failure("cannot listen", errno);
-  }
-  return {};
+  if (::bind(socket_, reinterpret_cast<const sockaddr*>(&here), sizeof here) == 0) return {};
+  return errno == EADDRINUSE ? device_error(device_ + ": in use by another process")
+                             : line_error(device_, "cannot listen", errno);
 }
 
 // Empty: nothing is there.
@@ -162,7 +150,7 @@ Result<std::size_t> ByteLine::receive(std::span<std::byte> out) {
     if (n == 0) return device_error(device_ + ": the other end hung up");
     if (n > 0) return static_cast<std::size_t>(n);
     if (errno == EAGAIN || errno == EINTR) return std::size_t{0};
-    return failure("cannot read", errno);
+    return line_error(device_, "cannot read", errno);
   }
   if (given_ == datagram_.size()) {
     sockaddr_in from{};
@@ -176,7 +164,8 @@ Result<std::size_t> ByteLine::receive(std::span<std::byte> out) {
     const bool ours = n > 0 && from.sin_addr.s_addr == sender_->sin_addr.s_addr && from.sin_port == sender_->sin_port;
     datagram_.resize(ours ? static_cast<std::size_t>(n) : 0);
     // Refused: nobody is there yet, or not any more, which is silence.
-    if (n < 0 && number != EAGAIN && number != EINTR && number != ECONNREFUSED) return failure("cannot read", number);
+    if (n < 0 && number != EAGAIN && number != EINTR && number != ECONNREFUSED)
+      return line_error(device_, "cannot read", number);
   }
   const std::size_t n = std::min(out.size(), datagram_.size() - given_);
   std::copy_n(datagram_.begin() + static_cast<std::ptrdiff_t>(given_), n, out.begin());
@@ -201,14 +190,15 @@ Status ByteLine::write_all(std::span<const std::byte> data, double timeout_s) {
   if (kind_ == LineKind::udp && !asks_) return device_error(device_ + ": nothing is sent over this line");
   if (kind_ == LineKind::udp) {  // whole or not at all; one that is lost is asked again
     const ssize_t n = ::send(socket_, data.data(), data.size(), MSG_NOSIGNAL);
-    return n >= 0 || errno == ECONNREFUSED || errno == EAGAIN ? Status{} : Status(failure("cannot write", errno));
+    return n >= 0 || errno == ECONNREFUSED || errno == EAGAIN ? Status{}
+                                                              : Status(line_error(device_, "cannot write", errno));
   }
   const int number = write_until(Deadline(timeout_s), socket_, data, [&](std::span<const std::byte> left) {
     return ::send(socket_, left.data(), left.size(), MSG_NOSIGNAL);
   });
   if (number == not_in_time)
     return device_error(fmt::format("{}: {} bytes could not be sent in time", device_, data.size()));
-  return number == 0 ? Status{} : failure("cannot write", number);
+  return number == 0 ? Status{} : line_error(device_, "cannot write", number);
 }
 
 }  // namespace turncal

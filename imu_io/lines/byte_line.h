@@ -47,10 +47,8 @@ class ByteLine {
   void close();
 
  private:
-  Status listen(const LineAddress& address);
-  Status connect(const LineAddress& address);
+  Status open_udp(const LineAddress& address);
   Result<std::size_t> receive(std::span<std::byte> out);
-  Error failure(const std::string& what, int number) const;
 
   std::string device_;
   LineKind kind_ = LineKind::serial;
@@ -66,6 +64,9 @@ class ByteLine {
 std::string describe_line(const SerialSettings& settings);
 
 // ---- what all lines share ----
+
+// "DEVICE: WHAT: reason".
+Error line_error(const std::string& device, const std::string& what, int number);
 
 // "host:port" -> a socket that does not block, is closed on exec and sends at once. `given_up` is asked at least every 10 ms. Errors: kind
 // input for an address of another form, aborted when given up, else device. A name instead of a number is looked up by the system

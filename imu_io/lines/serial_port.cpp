@@ -39,10 +39,6 @@ void SerialPort::close() {
   fd_ = Descriptor();
 }
 
-Error SerialPort::failure(std::string_view what, int number) const {
-  return device_error(device_ + ": " + std::string(what) + ": " + std::strerror(number));
-}
-
 Result<SerialPort> SerialPort::open(const SerialSettings& settings) {
   SerialPort port;
   port.device_ = settings.device;
@@ -52,14 +48,15 @@ Result<SerialPort> SerialPort::open(const SerialSettings& settings) {
   if (port.fd_ < 0) {
     if (errno == EBUSY) return device_error(settings.device + ": in use by another program");
     const int number = errno;
-    return device_error(port.failure("cannot open", number).message + access_advice(settings.device, number));
+    return device_error(line_error(port.device_, "cannot open", number).message +
+                        access_advice(settings.device, number));
   }
   if (::flock(port.fd_, LOCK_EX | LOCK_NB) != 0) {
     const int number = errno;
     // Not close(): that would take the owner's TIOCEXCL away.
     port.fd_ = Descriptor();
     if (number == EWOULDBLOCK) return device_error(settings.device + ": in use by another process");
-    return port.failure("cannot lock", number);
+    return line_error(port.device_, "cannot lock", number);
   }
   TRY(port.configure(settings));
   TRY(port.discard_input());
@@ -70,9 +67,9 @@ Status SerialPort::configure(const SerialSettings& settings) {
   struct termios2 line {};
   if (::ioctl(fd_, TCGETS2, &line) != 0) {
     if (errno == ENOTTY) return device_error(device_ + ": not a serial port");
-    return failure("cannot read the line settings", errno);
+    return line_error(device_, "cannot read the line settings", errno);
   }
-  if (::ioctl(fd_, TIOCEXCL) != 0) return failure("cannot get exclusive use", errno);
+  if (::ioctl(fd_, TIOCEXCL) != 0) return line_error(device_, "cannot get exclusive use", errno);
   line.c_iflag = IGNBRK;
   if (settings.parity != SerialParity::none) line.c_iflag |= INPCK;
   line.c_oflag = 0;
@@ -85,9 +82,9 @@ Status SerialPort::configure(const SerialSettings& settings) {
   line.c_ospeed = settings.baud;
   line.c_cc[VMIN] = 1;  // so that 0 bytes mean unplugged
   line.c_cc[VTIME] = 0;
-  if (::ioctl(fd_, TCSETS2, &line) != 0) return failure("cannot set " + describe(settings), errno);
+  if (::ioctl(fd_, TCSETS2, &line) != 0) return line_error(device_, "cannot set " + describe(settings), errno);
   struct termios2 got {};
-  if (::ioctl(fd_, TCGETS2, &got) != 0) return failure("cannot read the line settings", errno);
+  if (::ioctl(fd_, TCGETS2, &got) != 0) return line_error(device_, "cannot read the line settings", errno);
   const double wanted = settings.baud;
   for (const std::uint32_t rate : {got.c_ispeed, got.c_ospeed})
     if (std::abs(rate - wanted) > 0.03 * wanted)
@@ -101,14 +98,14 @@ Result<std::size_t> SerialPort::read(std::span<std::byte> out, double timeout_s)
   const Deadline deadline(timeout_s);
   for (;;) {
     const int ready = wait_ready(fd_, POLLIN, deadline.left_ms());
-    if (ready < 0 && errno != EINTR) return failure("cannot wait", errno);
+    if (ready < 0 && errno != EINTR) return line_error(device_, "cannot wait", errno);
     if (ready <= 0 && deadline.passed()) return std::size_t{0};
     if (ready <= 0) continue;
     if ((ready & POLLNVAL) != 0) return device_error(device_ + ": not open");
     const ssize_t n = ::read(fd_, out.data(), out.size());
     if (n > 0) return static_cast<std::size_t>(n);
     if (n == 0 || is_unplugged(errno)) return device_error(device_ + ": unplugged");
-    if (errno != EINTR && errno != EAGAIN) return failure("cannot read", errno);
+    if (errno != EINTR && errno != EAGAIN) return line_error(device_, "cannot read", errno);
     if (deadline.passed()) return std::size_t{0};
   }
 }
@@ -121,7 +118,7 @@ Status SerialPort::write_all(std::span<const std::byte> data, double timeout_s) 
   if (is_unplugged(number)) return device_error(device_ + ": unplugged");
   if (number == not_in_time)
     return device_error(fmt::format("{}: {} bytes could not be sent in time", device_, data.size()));
-  return number == 0 ? Status{} : failure("cannot write", number);
+  return number == 0 ? Status{} : line_error(device_, "cannot write", number);
 }
 
 Status SerialPort::write_all(std::string_view text, double timeout_s) {
@@ -129,7 +126,7 @@ Status SerialPort::write_all(std::string_view text, double timeout_s) {
 }
 
 Status SerialPort::discard_input() {
-  if (::ioctl(fd_, TCFLSH, TCIFLUSH) != 0) return failure("cannot discard old input", errno);
+  if (::ioctl(fd_, TCFLSH, TCIFLUSH) != 0) return line_error(device_, "cannot discard old input", errno);
   return {};
 }
 

@@ -67,7 +67,6 @@ class SerialPort {
   void close();
 
  private:
-  Error failure(std::string_view what, int number) const;
   Status configure(const SerialSettings& settings);
 
   Descriptor fd_;

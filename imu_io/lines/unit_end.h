@@ -12,8 +12,10 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "calib/types/status.h"
+#include "imu_io/base/posix_file.h"
 
 namespace turncal {
 
@@ -40,9 +42,9 @@ class UnitEnd {
 class Pty : public UnitEnd {
  public:
   Pty() = default;
-  Pty(Pty&& other) noexcept;
+  Pty(Pty&& other) noexcept { *this = std::move(other); }
   Pty& operator=(Pty&& other) noexcept;
-  ~Pty() override;
+  ~Pty() override { unplug(); }
 
   static Result<Pty> create(const std::string& link_path = "");
   bool is_open() const override { return fd_ >= 0; }
@@ -55,7 +57,7 @@ class Pty : public UnitEnd {
   void unplug() override;  // removes the link too
 
  private:
-  int fd_ = -1;
+  Descriptor fd_;
   std::string device_;
   std::string link_;
 };

@@ -19,227 +19,46 @@ constexpr std::size_t flag_bytes = 8;
 
 std::size_t increment_bytes(IncrementKind kind) { return kind == IncrementKind::pulses ? 4 : 8; }
 
-// Pulses stand in 32 bits, physical increments in doubles.
-template <class Number>
-void store_triples(std::span<const ImuSample> samples, std::array<double, 3> ImuSample::*field,
-                   std::vector<std::byte>& out) {
-  std::size_t place = out.size();
-  out.resize(place + samples.size() * 3 * sizeof(Number));
-  for (const ImuSample& sample : samples)
-    for (const double x : sample.*field) {
-      const auto value = static_cast<Number>(x);
-      std::memcpy(out.data() + place, &value, sizeof value);
-      place += sizeof value;
-    }
+// Calls with an integer of 32 bits for pulses, with a double for physical increments.
+template <class Take>
+void with_number(IncrementKind kind, Take take) {
+  kind == IncrementKind::pulses ? take(std::int32_t{}) : take(double{});
 }
 
 void append_triples(std::vector<std::byte>& out, std::span<const ImuSample> samples, IncrementKind kind,
                     std::array<double, 3> ImuSample::*field) {
-  if (kind == IncrementKind::pulses)
-    store_triples<std::int32_t>(samples, field, out);
-  else
-    store_triples<double>(samples, field, out);
-}
-
-template <class Number>
-void load_triples(const std::byte* from, std::array<double, 3> ImuSample::*field, std::vector<ImuSample>& out) {
-  for (ImuSample& sample : out)
-    for (double& x : sample.*field) {
-      x = load_bytes<Number>(from);
-      from += sizeof(Number);
-    }
+  with_number(kind, [&]<class Number>(Number) {
+    std::size_t place = out.size();
+    out.resize(place + samples.size() * 3 * sizeof(Number));
+    for (const ImuSample& sample : samples)
+      for (const double x : sample.*field) {
+        const auto value = static_cast<Number>(x);
+        std::memcpy(out.data() + place, &value, sizeof value);
+        place += sizeof value;
+      }
+  });
 }
 
 void decode_triples(const std::byte* from, IncrementKind kind, std::array<double, 3> ImuSample::*field,
                     std::vector<ImuSample>& out) {
-  if (kind == IncrementKind::pulses)
-    load_triples<std::int32_t>(from, field, out);
-  else
-    load_triples<double>(from, field, out);
+  with_number(kind, [&]<class Number>(Number) {
+    for (ImuSample& sample : out)
+      for (double& x : sample.*field) {
+        x = load_bytes<Number>(from);
+        from += sizeof(Number);
+      }
+  });
 }
 
-}  // namespace
-
-void append_info_fields(std::vector<std::byte>& out, const RecordingInfo& info) {
-  for (const double number : {info.sample_period_s, info.latitude_deg, info.gravity_mps2, info.accel_pulse_mps})
-    append_bytes(out, number);
-  for (const bool flag : {info.gyro_increment == IncrementKind::physical,
-                          info.accel_increment == IncrementKind::physical, info.has_temperature, info.simulated})
-    append_bytes(out, static_cast<std::uint8_t>(flag ? 1 : 0));
-  append_text(out, info.unit_serial);
+// `fields`: a ByteWriter or a ByteReader.
+template <class Fields, class Info>
+void info_numbers(Fields&& fields, Info& info) {
+  fields(info.sample_period_s, info.latitude_deg, info.gravity_mps2, info.accel_pulse_mps);
 }
-
-void append_info(std::vector<std::byte>& out, const RecordingInfo& info) {
-  append_bytes(out, recording_version);
-  append_info_fields(out, info);
-  if (info.started_utc_s) append_bytes(out, *info.started_utc_s);
+template <class Fields, class SegmentType>
+void place_fields(Fields&& fields, SegmentType& segment) {
+  fields(segment.start_sample, segment.end_sample, segment.heading_deg, segment.pitch_deg, segment.roll_deg);
 }
-
-Result<RecordingInfo> parse_info(std::span<const std::byte> payload) {
-  ByteReader reader(payload);
-  const auto version = reader.get<std::uint32_t>();
-  if (!reader.good()) return input_error("its first record is too short");
-  if (version != recording_version)
-    return input_error(fmt::format("recording format {}: expected {}", version, recording_version));
-  RecordingInfo info;
-  for (double* number : {&info.sample_period_s, &info.latitude_deg, &info.gravity_mps2, &info.accel_pulse_mps})
-    *number = reader.get<double>();
-  std::array<std::uint8_t, 4> flags{};
-  for (std::uint8_t& flag : flags) flag = reader.get<std::uint8_t>();
-  info.unit_serial = reader.get_text();
-  if (reader.good() && !reader.at_end()) info.started_utc_s = reader.get<std::int64_t>();
-  if (!reader.at_end() || std::any_of(flags.begin(), flags.end(), [](std::uint8_t flag) { return flag > 1; }))
-    return input_error("its first record makes no sense");
-  info.gyro_increment = static_cast<IncrementKind>(flags[0]);
-  info.accel_increment = static_cast<IncrementKind>(flags[1]);
-  info.has_temperature = flags[2] == 1;
-  info.simulated = flags[3] == 1;
-  TRY(check_info(info, "its first record"));
-  return info;
-}
-
-void append_segment(std::vector<std::byte>& out, const Segment& segment) {
-  append_bytes(out, static_cast<std::int32_t>(segment.step));
-  append_bytes(out, static_cast<std::uint32_t>(segment.kind));
-  for (const std::int64_t counter : {segment.start_sample, segment.end_sample}) append_bytes(out, counter);
-  for (const double angle : {segment.heading_deg, segment.pitch_deg, segment.roll_deg}) append_bytes(out, angle);
-}
-
-std::optional<Segment> parse_segment(std::span<const std::byte> payload) {
-  ByteReader reader(payload);
-  Segment segment;
-  segment.step = reader.get<std::int32_t>();
-  const auto kind = reader.get<std::uint32_t>();
-  for (std::int64_t* counter : {&segment.start_sample, &segment.end_sample}) *counter = reader.get<std::int64_t>();
-  for (double* angle : {&segment.heading_deg, &segment.pitch_deg, &segment.roll_deg}) *angle = reader.get<double>();
-  if (!reader.at_end() || kind > static_cast<std::uint32_t>(SegmentKind::rotate) || !has_finite_angles(segment))
-    return {};
-  segment.kind = static_cast<SegmentKind>(kind);
-  return segment;
-}
-
-const char* check_sample(const ImuSample& sample, const RecordingInfo& info) {
-  constexpr std::int32_t least = std::numeric_limits<std::int32_t>::min(),
-                         most = std::numeric_limits<std::int32_t>::max();
-  const auto whole = [](double x) { return x >= least && x <= most && x == static_cast<std::int32_t>(x); };
-  const auto good = [&](const std::array<double, 3>& v, IncrementKind kind) {
-    if (kind == IncrementKind::pulses) return whole(v[0]) && whole(v[1]) && whole(v[2]);
-    return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]);
-  };
-  if (!is_counter(sample.counter)) return "counter out of range";
-  if (!good(sample.gyro, info.gyro_increment))
-    return info.gyro_increment == IncrementKind::pulses ? "gyro: expected whole pulses that fit into 32 bits"
-                                                        : "gyro: expected finite numbers";
-  if (!good(sample.accel, info.accel_increment))
-    return info.accel_increment == IncrementKind::pulses ? "accel: expected whole pulses that fit into 32 bits"
-                                                         : "accel: expected finite numbers";
-  if (std::isinf(sample.temperature_c)) return "temperature_c: expected a finite number";
-  return nullptr;
-}
-
-void append_samples(std::vector<std::byte>& out, std::span<const ImuSample> samples, const RecordingInfo& info) {
-  assert(!samples.empty());
-  std::uint32_t gaps = 0;
-  std::uint32_t flagged = samples[0].flags != 0 ? 1 : 0;
-  for (std::size_t i = 1; i < samples.size(); ++i) {
-    if (samples[i].counter != samples[i - 1].counter + 1) ++gaps;
-    if (samples[i].flags != 0) ++flagged;
-  }
-  append_bytes(out, samples[0].counter);
-  append_bytes(out, static_cast<std::uint32_t>(samples.size()));
-  append_bytes(out, gaps);
-  append_bytes(out, flagged);
-  for (std::size_t i = 1; gaps > 0 && i < samples.size(); ++i) {
-    if (samples[i].counter == samples[i - 1].counter + 1) continue;
-    append_bytes(out, static_cast<std::uint32_t>(i));
-    append_bytes(out, samples[i].counter);
-  }
-  for (std::size_t i = 0; flagged > 0 && i < samples.size(); ++i) {
-    if (samples[i].flags == 0) continue;
-    append_bytes(out, static_cast<std::uint32_t>(i));
-    append_bytes(out, samples[i].flags);
-  }
-  append_triples(out, samples, info.gyro_increment, &ImuSample::gyro);
-  append_triples(out, samples, info.accel_increment, &ImuSample::accel);
-  if (!info.has_temperature) return;
-  for (const ImuSample& sample : samples) append_bytes(out, sample.temperature_c);
-}
-
-std::optional<SampleChunk> parse_samples(std::span<const std::byte> payload, const RecordingInfo& info) {
-  ByteReader reader(payload);
-  SampleChunk chunk;
-  chunk.first_counter = reader.get<std::int64_t>();
-  chunk.count = reader.get<std::uint32_t>();
-  const auto gaps = reader.get<std::uint32_t>();
-  const auto flagged = reader.get<std::uint32_t>();
-  chunk.gaps = reader.get_bytes(std::uint64_t{gaps} * gap_bytes);
-  chunk.flags = reader.get_bytes(std::uint64_t{flagged} * flag_bytes);
-  chunk.gyro = reader.get_bytes(std::uint64_t{chunk.count} * 3 * increment_bytes(info.gyro_increment)).data();
-  chunk.accel = reader.get_bytes(std::uint64_t{chunk.count} * 3 * increment_bytes(info.accel_increment)).data();
-  if (info.has_temperature) chunk.temperature = reader.get_bytes(std::uint64_t{chunk.count} * 4).data();
-  if (!reader.at_end() || chunk.count == 0) return {};
-
-  // Walk the gaps: indices and counters must increase, and nothing may overflow on the way.
-  if (!is_counter(chunk.first_counter)) return {};
-  std::uint32_t index = 0;
-  std::int64_t counter = chunk.first_counter;
-  for (std::size_t i = 0; i < gaps; ++i) {
-    const auto next = load_bytes<std::uint32_t>(chunk.gaps.data() + i * gap_bytes);
-    const auto next_counter = load_bytes<std::int64_t>(chunk.gaps.data() + i * gap_bytes + 4);
-    if (next <= index || next >= chunk.count || next_counter > max_counter) return {};
-    if (next_counter <= counter + (next - index)) return {};
-    index = next;
-    counter = next_counter;
-  }
-  chunk.last_counter = counter + (chunk.count - 1 - index);
-  for (std::size_t i = 0; i < flagged; ++i)
-    if (load_bytes<std::uint32_t>(chunk.flags.data() + i * flag_bytes) >= chunk.count) return {};
-  return chunk;
-}
-
-void decode_samples(const SampleChunk& chunk, const RecordingInfo& info, std::vector<ImuSample>& out) {
-  out.resize(chunk.count);
-  std::int64_t counter = chunk.first_counter;
-  constexpr float not_measured = std::numeric_limits<float>::quiet_NaN();
-  const std::byte* temperature = chunk.temperature;
-  for (ImuSample& sample : out) {
-    sample.counter = counter++;
-    sample.flags = 0;
-    sample.temperature_c = not_measured;
-    if (temperature != nullptr) {
-      // One kind of NaN, so that the content hash does not depend on who wrote it.
-      const auto value = load_bytes<float>(temperature);
-      if (value == value) sample.temperature_c = value;
-      temperature += 4;
-    }
-  }
-  for (std::size_t place = 0; place < chunk.gaps.size(); place += gap_bytes) {
-    const auto index = load_bytes<std::uint32_t>(chunk.gaps.data() + place);
-    counter = load_bytes<std::int64_t>(chunk.gaps.data() + place + 4);
-    const bool is_last = place + gap_bytes == chunk.gaps.size();
-    const std::uint32_t until =
-        is_last ? chunk.count : load_bytes<std::uint32_t>(chunk.gaps.data() + place + gap_bytes);
-    for (std::uint32_t i = index; i < until; ++i) out[i].counter = counter++;
-  }
-  for (std::size_t place = 0; place < chunk.flags.size(); place += flag_bytes) {
-    out[load_bytes<std::uint32_t>(chunk.flags.data() + place)].flags =
-        load_bytes<std::uint32_t>(chunk.flags.data() + place + 4);
-  }
-  decode_triples(chunk.gyro, info.gyro_increment, &ImuSample::gyro, out);
-  decode_triples(chunk.accel, info.accel_increment, &ImuSample::accel, out);
-}
-
-void append_end(std::vector<std::byte>& out, std::uint64_t samples) { append_bytes(out, samples); }
-
-std::optional<std::uint64_t> parse_end(std::span<const std::byte> payload) {
-  ByteReader reader(payload);
-  const auto samples = reader.get<std::uint64_t>();
-  return reader.at_end() ? std::optional(samples) : std::nullopt;
-}
-
-// ---- the scan ----
-
-namespace {
 
 // Builds the contiguous list of segments out of begin and end records, some of which may have been lost. A segment
 // whose end was lost is not known to have been good (its dwell may have been repeated): it counts as rotate.
@@ -290,71 +109,6 @@ class SegmentCollector {
 
   RecordingScan& scan_;
 };
-
-}  // namespace
-
-Result<RecordingScan> scan_recording(const PosixFile& file, std::optional<std::int64_t> last_end_sample) {
-  const std::uint64_t size = TRY(file.size());
-  if (size == 0) return input_error(file.path() + ": empty file: expected a recording");
-
-  RecordingScan scan;
-  SegmentCollector segments(scan);
-  RecordScanner scanner(file, size, recording_magic);
-  bool has_info = false;
-  std::optional<std::uint64_t> declared_samples;
-  for (Record record; TRY(scanner.next(record));) {
-    const auto type = static_cast<RecordType>(record.type);
-    bool good = has_info || type == RecordType::info;
-    if (type == RecordType::info) {
-      const auto info = parse_info(record.payload);
-      if (!info) return input_error(file.path() + ": " + info.error().message);
-      if (!has_info) scan.info = *info;  // the second one is a spare
-      has_info = true;
-      scan.closed_end = scanner.good_end();
-    } else if (good && type == RecordType::segment_begin) {
-      const auto segment = parse_segment(record.payload);
-      good = segment && segments.begin(*segment);
-    } else if (good && type == RecordType::segment_end) {
-      const auto segment = parse_segment(record.payload);
-      good = segment && segments.end(*segment);
-      if (good && (!last_end_sample || segment->end_sample <= *last_end_sample)) scan.closed_end = scanner.good_end();
-    } else if (good && type == RecordType::set_aside) {
-      const auto segment = parse_segment(record.payload);
-      good = segment.has_value();
-      if (good) scan.set_aside.push_back(*segment);
-    } else if (good && type == RecordType::samples) {
-      const auto chunk = parse_samples(record.payload, scan.info);
-      good = chunk && (scan.sample_count == 0 || chunk->first_counter > scan.last_counter);
-      if (good) {
-        if (scan.sample_count == 0) scan.first_counter = chunk->first_counter;
-        scan.last_counter = chunk->last_counter;
-        scan.sample_count += chunk->count;
-      }
-    } else if (good && type == RecordType::end) {
-      declared_samples = parse_end(record.payload);
-      good = declared_samples.has_value();
-    } else {
-      good = false;
-    }
-    if (!good) scanner.drop_last();
-    if (declared_samples) break;  // nothing belongs after the end mark
-  }
-  if (!has_info)
-    return input_error(file.path() + ": not a recording of this program, or its first records are destroyed");
-  scan.good_end = scanner.good_end();
-  scan.next_number = scanner.next_number();
-  scan.damage.records_dropped = scanner.records_dropped();
-  scan.damage.bytes_dropped = scanner.bytes_dropped();
-  scan.damage.torn_tail_bytes = scanner.tail_bytes();
-  scan.damage.complete = declared_samples.has_value();
-  if (declared_samples && *declared_samples > scan.sample_count)
-    scan.damage.samples_dropped = *declared_samples - scan.sample_count;
-  return scan;
-}
-
-// ---- the reader ----
-
-namespace {
 
 // Damage can take away samples at both ends: segments are cut to what is left.
 Segments inside_samples(const Segments& segments, std::int64_t first_counter, std::int64_t last_counter) {
@@ -427,6 +181,228 @@ class BinaryRecording final : public RecordingSource {
 };
 
 }  // namespace
+
+void append_info_fields(std::vector<std::byte>& out, const RecordingInfo& info) {
+  info_numbers(ByteWriter{out}, info);
+  for (const bool flag : {info.gyro_increment == IncrementKind::physical,
+                          info.accel_increment == IncrementKind::physical, info.has_temperature, info.simulated})
+    append_bytes(out, static_cast<std::uint8_t>(flag ? 1 : 0));
+  append_text(out, info.unit_serial);
+}
+
+void append_info(std::vector<std::byte>& out, const RecordingInfo& info) {
+  append_bytes(out, recording_version);
+  append_info_fields(out, info);
+  if (info.started_utc_s) append_bytes(out, *info.started_utc_s);
+}
+
+Result<RecordingInfo> parse_info(std::span<const std::byte> payload) {
+  ByteReader reader(payload);
+  const auto version = reader.get<std::uint32_t>();
+  if (!reader.good()) return input_error("its first record is too short");
+  if (version != recording_version)
+    return input_error(fmt::format("recording format {}: expected {}", version, recording_version));
+  RecordingInfo info;
+  info_numbers(reader, info);
+  std::array<std::uint8_t, 4> flags{};
+  reader(flags[0], flags[1], flags[2], flags[3]);
+  info.unit_serial = reader.get_text();
+  if (reader.good() && !reader.at_end()) info.started_utc_s = reader.get<std::int64_t>();
+  if (!reader.at_end() || std::any_of(flags.begin(), flags.end(), [](std::uint8_t flag) { return flag > 1; }))
+    return input_error("its first record makes no sense");
+  info.gyro_increment = static_cast<IncrementKind>(flags[0]);
+  info.accel_increment = static_cast<IncrementKind>(flags[1]);
+  info.has_temperature = flags[2] == 1;
+  info.simulated = flags[3] == 1;
+  TRY(check_info(info, "its first record"));
+  return info;
+}
+
+void append_segment(std::vector<std::byte>& out, const Segment& segment) {
+  append_bytes(out, static_cast<std::int32_t>(segment.step));
+  append_bytes(out, static_cast<std::uint32_t>(segment.kind));
+  place_fields(ByteWriter{out}, segment);
+}
+
+std::optional<Segment> parse_segment(std::span<const std::byte> payload) {
+  ByteReader reader(payload);
+  Segment segment;
+  segment.step = reader.get<std::int32_t>();
+  const auto kind = reader.get<std::uint32_t>();
+  place_fields(reader, segment);
+  if (!reader.at_end() || kind > static_cast<std::uint32_t>(SegmentKind::rotate) || !has_finite_angles(segment))
+    return {};
+  segment.kind = static_cast<SegmentKind>(kind);
+  return segment;
+}
+
+const char* check_sample(const ImuSample& sample, const RecordingInfo& info) {
+  constexpr std::int32_t least = std::numeric_limits<std::int32_t>::min(),
+                         most = std::numeric_limits<std::int32_t>::max();
+  const auto whole = [](double x) { return x >= least && x <= most && x == static_cast<std::int32_t>(x); };
+  const auto good = [&](const std::array<double, 3>& v, IncrementKind kind) {
+    if (kind == IncrementKind::pulses) return whole(v[0]) && whole(v[1]) && whole(v[2]);
+    return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]);
+  };
+  if (!is_counter(sample.counter)) return "counter out of range";
+  if (!good(sample.gyro, info.gyro_increment))
+    return info.gyro_increment == IncrementKind::pulses ? "gyro: expected whole pulses that fit into 32 bits"
+                                                        : "gyro: expected finite numbers";
+  if (!good(sample.accel, info.accel_increment))
+    return info.accel_increment == IncrementKind::pulses ? "accel: expected whole pulses that fit into 32 bits"
+                                                         : "accel: expected finite numbers";
+  if (std::isinf(sample.temperature_c)) return "temperature_c: expected a finite number";
+  return nullptr;
+}
+
+void append_samples(std::vector<std::byte>& out, std::span<const ImuSample> samples, const RecordingInfo& info) {
+  assert(!samples.empty());
+  std::uint32_t gaps = 0;
+  std::uint32_t flagged = samples[0].flags != 0 ? 1 : 0;
+  for (std::size_t i = 1; i < samples.size(); ++i) {
+    if (samples[i].counter != samples[i - 1].counter + 1) ++gaps;
+    if (samples[i].flags != 0) ++flagged;
+  }
+  ByteWriter{out}(samples[0].counter, static_cast<std::uint32_t>(samples.size()), gaps, flagged);
+  for (std::size_t i = 1; gaps > 0 && i < samples.size(); ++i) {
+    if (samples[i].counter == samples[i - 1].counter + 1) continue;
+    ByteWriter{out}(static_cast<std::uint32_t>(i), samples[i].counter);
+  }
+  for (std::size_t i = 0; flagged > 0 && i < samples.size(); ++i) {
+    if (samples[i].flags == 0) continue;
+    ByteWriter{out}(static_cast<std::uint32_t>(i), samples[i].flags);
+  }
+  append_triples(out, samples, info.gyro_increment, &ImuSample::gyro);
+  append_triples(out, samples, info.accel_increment, &ImuSample::accel);
+  if (!info.has_temperature) return;
+  for (const ImuSample& sample : samples) append_bytes(out, sample.temperature_c);
+}
+
+std::optional<SampleChunk> parse_samples(std::span<const std::byte> payload, const RecordingInfo& info) {
+  ByteReader reader(payload);
+  SampleChunk chunk;
+  std::uint32_t gaps = 0, flagged = 0;
+  reader(chunk.first_counter, chunk.count, gaps, flagged);
+  chunk.gaps = reader.get_bytes(std::uint64_t{gaps} * gap_bytes);
+  chunk.flags = reader.get_bytes(std::uint64_t{flagged} * flag_bytes);
+  chunk.gyro = reader.get_bytes(std::uint64_t{chunk.count} * 3 * increment_bytes(info.gyro_increment)).data();
+  chunk.accel = reader.get_bytes(std::uint64_t{chunk.count} * 3 * increment_bytes(info.accel_increment)).data();
+  if (info.has_temperature) chunk.temperature = reader.get_bytes(std::uint64_t{chunk.count} * 4).data();
+  if (!reader.at_end() || chunk.count == 0) return {};
+
+  // Walk the gaps: indices and counters must increase, and nothing may overflow on the way.
+  if (!is_counter(chunk.first_counter)) return {};
+  std::uint32_t index = 0;
+  std::int64_t counter = chunk.first_counter;
+  for (std::size_t i = 0; i < gaps; ++i) {
+    const auto next = load_bytes<std::uint32_t>(chunk.gaps.data() + i * gap_bytes);
+    const auto next_counter = load_bytes<std::int64_t>(chunk.gaps.data() + i * gap_bytes + 4);
+    if (next <= index || next >= chunk.count || next_counter > max_counter) return {};
+    if (next_counter <= counter + (next - index)) return {};
+    index = next;
+    counter = next_counter;
+  }
+  chunk.last_counter = counter + (chunk.count - 1 - index);
+  for (std::size_t i = 0; i < flagged; ++i)
+    if (load_bytes<std::uint32_t>(chunk.flags.data() + i * flag_bytes) >= chunk.count) return {};
+  return chunk;
+}
+
+void decode_samples(const SampleChunk& chunk, const RecordingInfo& info, std::vector<ImuSample>& out) {
+  out.resize(chunk.count);
+  std::int64_t counter = chunk.first_counter;
+  constexpr float not_measured = std::numeric_limits<float>::quiet_NaN();
+  const std::byte* temperature = chunk.temperature;
+  for (ImuSample& sample : out) {
+    sample.counter = counter++;
+    sample.flags = 0;
+    sample.temperature_c = not_measured;
+    if (temperature != nullptr) {
+      // One kind of NaN, so that the content hash does not depend on who wrote it.
+      const auto value = load_bytes<float>(temperature);
+      if (value == value) sample.temperature_c = value;
+      temperature += 4;
+    }
+  }
+  for (std::size_t place = 0; place < chunk.gaps.size(); place += gap_bytes) {
+    const auto index = load_bytes<std::uint32_t>(chunk.gaps.data() + place);
+    counter = load_bytes<std::int64_t>(chunk.gaps.data() + place + 4);
+    const bool is_last = place + gap_bytes == chunk.gaps.size();
+    const std::uint32_t until =
+        is_last ? chunk.count : load_bytes<std::uint32_t>(chunk.gaps.data() + place + gap_bytes);
+    for (std::uint32_t i = index; i < until; ++i) out[i].counter = counter++;
+  }
+  for (std::size_t place = 0; place < chunk.flags.size(); place += flag_bytes) {
+    out[load_bytes<std::uint32_t>(chunk.flags.data() + place)].flags =
+        load_bytes<std::uint32_t>(chunk.flags.data() + place + 4);
+  }
+  decode_triples(chunk.gyro, info.gyro_increment, &ImuSample::gyro, out);
+  decode_triples(chunk.accel, info.accel_increment, &ImuSample::accel, out);
+}
+
+void append_end(std::vector<std::byte>& out, std::uint64_t samples) { append_bytes(out, samples); }
+
+std::optional<std::uint64_t> parse_end(std::span<const std::byte> payload) {
+  ByteReader reader(payload);
+  const auto samples = reader.get<std::uint64_t>();
+  return reader.at_end() ? std::optional(samples) : std::nullopt;
+}
+
+Result<RecordingScan> scan_recording(const PosixFile& file, std::optional<std::int64_t> last_end_sample) {
+  const std::uint64_t size = TRY(file.size());
+  if (size == 0) return input_error(file.path() + ": empty file: expected a recording");
+
+  RecordingScan scan;
+  SegmentCollector segments(scan);
+  RecordScanner scanner(file, size, recording_magic);
+  bool has_info = false;
+  std::optional<std::uint64_t> declared_samples;
+  for (Record record; TRY(scanner.next(record));) {
+    const auto type = static_cast<RecordType>(record.type);
+    bool good = has_info || type == RecordType::info;
+    if (type == RecordType::info) {
+      const auto info = parse_info(record.payload);
+      if (!info) return input_error(file.path() + ": " + info.error().message);
+      if (!has_info) scan.info = *info;  // the second one is a spare
+      has_info = true;
+      scan.closed_end = scanner.good_end();
+    } else if (good && (type == RecordType::segment_begin || type == RecordType::segment_end ||
+                        type == RecordType::set_aside)) {
+      const auto segment = parse_segment(record.payload);
+      const bool ends = type == RecordType::segment_end;
+      good = segment && (type == RecordType::set_aside || (ends ? segments.end(*segment) : segments.begin(*segment)));
+      if (good && type == RecordType::set_aside) scan.set_aside.push_back(*segment);
+      if (good && ends && (!last_end_sample || segment->end_sample <= *last_end_sample))
+        scan.closed_end = scanner.good_end();
+    } else if (good && type == RecordType::samples) {
+      const auto chunk = parse_samples(record.payload, scan.info);
+      good = chunk && (scan.sample_count == 0 || chunk->first_counter > scan.last_counter);
+      if (good) {
+        if (scan.sample_count == 0) scan.first_counter = chunk->first_counter;
+        scan.last_counter = chunk->last_counter;
+        scan.sample_count += chunk->count;
+      }
+    } else if (good && type == RecordType::end) {
+      declared_samples = parse_end(record.payload);
+      good = declared_samples.has_value();
+    } else {
+      good = false;
+    }
+    if (!good) scanner.drop_last();
+    if (declared_samples) break;  // nothing belongs after the end mark
+  }
+  if (!has_info)
+    return input_error(file.path() + ": not a recording of this program, or its first records are destroyed");
+  scan.good_end = scanner.good_end();
+  scan.next_number = scanner.next_number();
+  scan.damage.records_dropped = scanner.records_dropped();
+  scan.damage.bytes_dropped = scanner.bytes_dropped();
+  scan.damage.torn_tail_bytes = scanner.tail_bytes();
+  scan.damage.complete = declared_samples.has_value();
+  if (declared_samples && *declared_samples > scan.sample_count)
+    scan.damage.samples_dropped = *declared_samples - scan.sample_count;
+  return scan;
+}
 
 Result<std::unique_ptr<RecordingSource>> open_binary_recording(const std::string& path) {
   PosixFile file = TRY(PosixFile::open_to_read(path));

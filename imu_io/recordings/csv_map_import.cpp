@@ -5,6 +5,8 @@
 #include <limits>
 #include <numeric>
 
+#include <Eigen/Core>
+
 #include <fmt/format.h>
 
 #include "calib/statistics/clipping.h"
@@ -23,14 +25,6 @@ namespace {
 
 // ---- the map ----
 
-std::array<double, 3> one_or_three(KeyValueFile& file, const std::string& key, double otherwise) {
-  const std::vector<double> values = file.numbers_or(key, {otherwise}, 0);
-  if (values.size() == 1) return {values[0], values[0], values[0]};
-  if (values.size() == 3) return {values[0], values[1], values[2]};
-  file.reject(key, "one number or three");
-  return {};
-}
-
 CsvTriad read_triad(KeyValueFile& file, const std::string& name, const std::vector<std::string_view>& units) {
   CsvTriad triad;
   const std::vector<std::string> columns = file.list(name + ".columns");
@@ -39,22 +33,15 @@ CsvTriad read_triad(KeyValueFile& file, const std::string& name, const std::vect
   else
     file.reject(name + ".columns", "three columns, by name or number");
   const InertialUnit* const unit = read_unit(file, name + ".unit", units);
-  triad.scale = one_or_three(file, name + ".scale", 1.0);
+  triad.scale = one_or_three(file, name + ".scale", 1.0, "one number or three");
   if (std::ranges::count(triad.scale, 0.0) > 0) file.reject(name + ".scale", "no zero");
-  triad.offset = one_or_three(file, name + ".offset", 0.0);
+  triad.offset = one_or_three(file, name + ".offset", 0.0, "one number or three");
   if (unit != nullptr) {
     triad.is_rate = unit->is_rate;
     for (double& scale : triad.scale) scale *= unit->si;
   }
-  const std::string axes_key = name + ".axes";
-  if (const auto axes = axis_order(file.text_or(axes_key, "x, y, z")))
-    triad.axes = *axes;
-  else
-    file.reject(axes_key, "x, y and z once each, with sign, as in +x, -z, +y");
-  const std::vector<double> range = file.numbers_or(name + ".range", {triad.range_low, triad.range_high}, 2);
-  triad.range_low = range[0];
-  triad.range_high = range[1];
-  if (!(range[0] < range[1])) file.reject(name + ".range", "the lower number before the higher");
+  triad.axes = read_axes(file, name + ".axes", false, "x, y and z once each, with sign, as in +x, -z, +y");
+  read_range(file, name + ".range", triad.range_low, triad.range_high, "the lower number before the higher");
   return triad;
 }
 
@@ -105,12 +92,15 @@ Result<CsvMap> read_map(KeyValueFile& file) {
 // What a row has, as in the file.
 struct Row {
   double time = 0.0;
-  std::array<double, 3> gyro{};
-  std::array<double, 3> accel{};
+  Eigen::Vector3d gyro = Eigen::Vector3d::Zero(), accel = gyro;
   double temperature = std::numeric_limits<double>::quiet_NaN();
   std::int64_t position = 0;
   std::int64_t line = 0;
 };
+
+Eigen::Vector3d three_of(const NumberTable& table, std::size_t row, std::size_t first, std::size_t step) {
+  return {table.columns[first][row], table.columns[first + step][row], table.columns[first + 2 * step][row]};
+}
 
 Error time_goes_back(const std::string& file, std::int64_t line, const std::string& column, double time) {
   return input_error(fmt::format("{}:{}: column {} = '{}': expected a time after that of the row before", file, line,
@@ -139,12 +129,12 @@ class Importer {
     result_.info.started_utc_s = map_.started_utc_s ? map_.started_utc_s : source.started_utc_s;
     std::vector<WantedColumn> wanted;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      wanted.push_back({map_.gyro.columns[axis], false});
-      if (with_accel) wanted.push_back({map_.accel.columns[axis], false});
+      wanted.push_back({map_.gyro.columns[axis]});
+      if (with_accel) wanted.push_back({map_.accel.columns[axis]});
     }
     const std::size_t each = with_accel ? 2 : 1;
     const std::size_t time = wanted.size();
-    if (timed()) wanted.push_back({map_.time_column, false});
+    if (timed()) wanted.push_back({map_.time_column});
     const std::size_t temperature = wanted.size();
     if (!map_.temperature_column.empty()) wanted.push_back({map_.temperature_column, true});
     NumberTable table = TRY(read_once_each(source, wanted));
@@ -154,10 +144,8 @@ class Importer {
     if (timed() && !rows_.empty()) first_stamp_ = table.columns[time].front();
     for (std::size_t k = 0; k < rows_.size(); ++k) {
       Row& row = rows_[k];
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        row.gyro[axis] = table.columns[each * axis][k];
-        if (with_accel) row.accel[axis] = table.columns[each * axis + 1][k];
-      }
+      row.gyro = three_of(table, k, 0, each);
+      if (with_accel) row.accel = three_of(table, k, 1, each);
       if (timed()) row.time = (table.columns[time][k] - first_stamp_) * map_.time_unit_s;
       if (temperature < wanted.size())
         row.temperature = (table.columns[temperature][k] - map_.temperature_offset) * map_.temperature_scale;
@@ -171,19 +159,18 @@ class Importer {
   Status read_accel(const ColumnSource& source) {
     const std::string& file_name = source.file_name;
     std::vector<WantedColumn> wanted;
-    for (const std::string& name : map_.accel.columns) wanted.push_back({name, false});
-    if (timed()) wanted.push_back({map_.accel_time_column, false});
+    for (const std::string& name : map_.accel.columns) wanted.push_back({name});
+    if (timed()) wanted.push_back({map_.accel_time_column});
     NumberTable table = TRY(read_once_each(source, wanted));
     count_bad(table);
     const std::size_t n = table.rows();
-    const auto number = [&](std::size_t row, std::size_t axis) { return table.columns[axis][row]; };
+    const auto numbers = [&](std::size_t row) { return three_of(table, row, 0, 1); };
     const auto time = [&](std::size_t row) { return (table.columns[3][row] - first_stamp_) * map_.time_unit_s; };
     bool same = n == rows_.size();
     for (std::size_t k = 0; same && k < n; ++k)
       same = timed() ? time(k) == rows_[k].time : table.position[k] == rows_[k].position;
     if (same) {
-      for (std::size_t k = 0; k < n; ++k)
-        for (std::size_t axis = 0; axis < 3; ++axis) rows_[k].accel[axis] = number(k, axis);
+      for (std::size_t k = 0; k < n; ++k) rows_[k].accel = numbers(k);
       return {};
     }
     if (!timed())
@@ -196,24 +183,19 @@ class Importer {
     const bool rate = map_.accel.is_rate;
     std::vector<Row> kept;
     std::size_t at = 1;
-    std::array<double, 3> sum{}, before{};
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero(), before = sum;
     for (std::size_t k = 0; k < rows_.size(); ++k) {
       const double t = rows_[k].time;
       if (n < 2 || t < time(0)) continue;
-      for (; at < n && time(at) <= t; ++at)
-        for (std::size_t axis = 0; axis < 3; ++axis)
-          sum[axis] += number(at, axis) * (rate ? time(at) - time(at - 1) : 1.0);
+      for (; at < n && time(at) <= t; ++at) sum += numbers(at) * (rate ? time(at) - time(at - 1) : 1.0);
       if (at == n && t > time(n - 1)) break;
-      std::array<double, 3> here = sum;
-      if (at < n) {
-        const double part = rate ? t - time(at - 1) : (t - time(at - 1)) / (time(at) - time(at - 1));
-        for (std::size_t axis = 0; axis < 3; ++axis) here[axis] += number(at, axis) * part;
-      }
-      Row row = rows_[k];
-      const double since = kept.empty() ? 0.0 : t - kept.back().time;
-      for (std::size_t axis = 0; axis < 3; ++axis)
-        row.accel[axis] =
-            kept.empty() ? number(std::min(at, n - 1), axis) : (here[axis] - before[axis]) / (rate ? since : 1.0);
+      Eigen::Vector3d here = sum;
+      if (at < n) here += numbers(at) * (rate ? t - time(at - 1) : (t - time(at - 1)) / (time(at) - time(at - 1)));
+      Row& row = rows_[k];
+      if (kept.empty())
+        row.accel = numbers(std::min(at, n - 1));
+      else
+        row.accel = (here - before) / (rate ? t - kept.back().time : 1.0);
       before = here;
       kept.push_back(row);
     }
@@ -242,6 +224,12 @@ class Importer {
 
  private:
   bool timed() const { return !map_.time_column.empty(); }
+  bool measured() const { return map_.increments == CsvMap::Increments::intervals; }
+  std::vector<double> row_times() const {
+    std::vector<double> times;
+    for (const Row& row : rows_) times.push_back(row.time);
+    return times;
+  }
 
   Result<NumberTable> read_once_each(const ColumnSource& source, const std::vector<WantedColumn>& wanted) const {
     for (auto column = wanted.begin(); column != wanted.end(); ++column)
@@ -251,13 +239,9 @@ class Importer {
     return source.read(wanted, map_.format);
   }
 
-  bool measured() const { return map_.increments == CsvMap::Increments::intervals; }
-
   void choose() {
     if (!timed() || map_.increments != CsvMap::Increments::chosen) return;
-    std::vector<double> times;
-    for (const Row& row : rows_) times.push_back(row.time);
-    const IncrementsChoice choice = choose_increments(times);
+    const IncrementsChoice choice = choose_increments(row_times());
     map_.increments = choice.increments;
     result_.chosen = fmt::format("time.increments = {}: {}", measured() ? "intervals" : "period", choice.reason);
   }
@@ -293,10 +277,11 @@ class Importer {
       for (std::size_t k = 1; k < rows_.size(); ++k) step_[k] = rows_[k].position - rows_[k - 1].position;
       return;
     }
-    std::vector<double> intervals;
-    for (std::size_t k = 1; k < rows_.size(); ++k) intervals.push_back(rows_[k].time - rows_[k - 1].time);
-    std::vector<double> times, rearranged = intervals;
-    for (const Row& row : rows_) times.push_back(row.time);
+    const std::vector<double> times = row_times();
+    std::vector<double> intervals(times.size());
+    std::adjacent_difference(times.begin(), times.end(), intervals.begin());  // to each row from the one before
+    intervals.erase(intervals.begin());
+    std::vector<double> rearranged = intervals;
     median_s_ = measured() ? median(rearranged) : typical_interval(times);
     double sum = 0.0, squares = 0.0, count = 0.0;
     std::vector<std::size_t> gaps;
@@ -334,8 +319,8 @@ class Importer {
       ImuSample sample;
       sample.counter = static_cast<std::int64_t>(k);
       for (std::size_t axis = 0; axis < 3; ++axis) {
-        const auto from = static_cast<std::size_t>(map_.gyro.axes.from[axis]);
-        sample.gyro[axis] = rows_[k].gyro[from] - map_.gyro.offset[from];
+        const int from = map_.gyro.axes.from[axis];
+        sample.gyro[axis] = rows_[k].gyro[from] - map_.gyro.offset[static_cast<std::size_t>(from)];
       }
       finder.add(sample);
     }
@@ -349,10 +334,9 @@ class Importer {
     const auto saturated = [](const CsvTriad& triad, double x) {
       return x <= triad.range_low || x >= triad.range_high;
     };
-    const auto increment = [](const CsvTriad& triad, const std::array<double, 3>& numbers, std::size_t body,
-                              double dt) {
+    const auto increment = [](const CsvTriad& triad, const Eigen::Vector3d& numbers, std::size_t body, double dt) {
       const auto from = static_cast<std::size_t>(triad.axes.from[body]);
-      return triad.axes.sign[body] * (numbers[from] - triad.offset[from]) * triad.scale[from] *
+      return triad.axes.sign[body] * (numbers[triad.axes.from[body]] - triad.offset[from]) * triad.scale[from] *
              (triad.is_rate ? dt : 1.0);
     };
     std::vector<std::uint32_t> flags(rows_.size(), 0);
@@ -365,7 +349,7 @@ class Importer {
       if (flags[k] != 0) ++result_.clipped;
       bool full = false;
       for (std::size_t axis = 0; axis < 3; ++axis)
-        if (saturated(map_.gyro, row.gyro[static_cast<std::size_t>(map_.gyro.axes.from[axis])])) {
+        if (saturated(map_.gyro, row.gyro[map_.gyro.axes.from[axis]])) {
           flags[k] |= gyro_clipped_flag(static_cast<int>(axis));
           full = true;
         }
@@ -401,6 +385,34 @@ class Importer {
   double median_s_ = 0.0;
   CsvImport result_;
 };
+
+ColumnSource columns_of_bag(const std::string& path, BagImu bag) {
+  ColumnSource source;
+  source.topic = bag.topic;
+  source.note = "topic " + quoted(bag.topic);
+  source.file_name = path + ", " + source.note;
+  if (!bag.temperature_topic.empty()) source.note += ", temperature of " + quoted(bag.temperature_topic);
+  if (bag.recording_times) source.note += ", times of recording: no header.stamp is set";
+  source.started_utc_s = bag.started_utc_s;
+  for (const NumberColumn& column : bag.columns) source.names.push_back(column.name);
+  source.read = [bag = std::make_shared<BagImu>(std::move(bag)), name = source.file_name, names = source.names](
+                    const std::vector<WantedColumn>& wanted, const TableFormat&) -> Result<NumberTable> {
+    NumberTable table;
+    for (const WantedColumn& column : wanted) {
+      const auto at = std::ranges::find(bag->columns, column.name, &NumberColumn::name);
+      if (at == bag->columns.end())
+        return input_error(
+            fmt::format("{}: no column {}: it has {}", name, quoted(column.name), fmt::join(names, ", ")));
+      table.columns.push_back(std::move(at->values));
+    }
+    table.position = table.line = bag->message;
+    for (std::int64_t& line : table.line) ++line;
+    table.bad_rows = bag->bad;
+    table.first_bad = bag->first_bad;
+    return table;
+  };
+  return source;
+}
 
 }  // namespace
 
@@ -479,59 +491,30 @@ IncrementsChoice choose_increments(const std::vector<double>& times_s) {
   return {Increments::period, said + ": it does not add up, the sampling is even and the stamps jitter"};
 }
 
-namespace {
-
-ColumnSource columns_of_bag(const std::string& path, BagImu bag) {
+ColumnSource columns_of_text(std::string content, const std::string& file_name) {
   ColumnSource source;
-  source.topic = bag.topic;
-  source.note = "topic " + quoted(bag.topic);
-  source.file_name = path + ", " + source.note;
-  if (!bag.temperature_topic.empty()) source.note += ", temperature of " + quoted(bag.temperature_topic);
-  if (bag.recording_times) source.note += ", times of recording: no header.stamp is set";
-  source.started_utc_s = bag.started_utc_s;
-  for (const NumberColumn& column : bag.columns) source.names.push_back(column.name);
-  source.read = [bag = std::make_shared<BagImu>(std::move(bag)), name = source.file_name, names = source.names](
-                    const std::vector<WantedColumn>& wanted, const TableFormat&) -> Result<NumberTable> {
-    NumberTable table;
-    for (const WantedColumn& column : wanted) {
-      const auto at = std::ranges::find(bag->columns, column.name, &NumberColumn::name);
-      if (at == bag->columns.end())
-        return input_error(
-            fmt::format("{}: no column {}: it has {}", name, quoted(column.name), fmt::join(names, ", ")));
-      table.columns.push_back(std::move(at->values));
-    }
-    table.position = table.line = bag->message;
-    for (std::int64_t& line : table.line) ++line;
-    table.bad_rows = bag->bad;
-    table.first_bad = bag->first_bad;
-    return table;
+  source.file_name = file_name;
+  source.text = std::make_shared<const std::string>(std::move(content));
+  source.read = [held = source.text, file_name](const std::vector<WantedColumn>& wanted, const TableFormat& format) {
+    return read_number_table(*held, file_name, wanted, format);
   };
   return source;
 }
-
-}  // namespace
 
 Result<ColumnSource> open_columns(const std::string& path, const std::string& topic, bool skip_bad) {
   const FileKind kind = recognise_file(path);
   if (is_bag(kind)) return columns_of_bag(path, TRY(read_bag(path, topic, skip_bad)));
   if (!topic.empty()) return input_error(path + ": topic " + quoted(topic) + ": expected a ROS bag");
   TRY(expect_file(path, FileKind::csv));
-  ColumnSource source;
-  source.file_name = path;
-  std::string content;
+  // A library reads .mat and HDF5, whatever their size.
   constexpr std::size_t most_bytes = std::size_t{4} << 30;
-  if (kind == FileKind::mat || kind == FileKind::hdf5)  // a library reads it, whatever its size
-    content = kind == FileKind::mat ? "MATLAB " : "\x89HDF\r\n\x1a\n";
-  else
-    content = TRY(read_whole_file(path, most_bytes));
-  const auto held = std::make_shared<const std::string>(std::move(content));
-  if (kind == FileKind::npy || kind == FileKind::mat || kind == FileKind::hdf5)
-    source.names = TRY(column_names(*held, path));
-  else
-    source.text = held;
-  source.read = [held, path](const std::vector<WantedColumn>& wanted, const TableFormat& format) {
-    return read_number_table(*held, path, wanted, format);
-  };
+  ColumnSource source = columns_of_text(kind == FileKind::mat    ? "MATLAB "
+                                        : kind == FileKind::hdf5 ? "\x89HDF\r\n\x1a\n"
+                                                                 : TRY(read_whole_file(path, most_bytes)),
+                                        path);
+  if (is_text_table(*source.text)) return source;
+  source.names = TRY(column_names(*source.text, path));
+  source.text.reset();
   return source;
 }
 
@@ -545,20 +528,6 @@ Result<CsvImport> import_columns(const CsvMap& map, const ColumnSource& source, 
 Result<CsvImport> import_csv(const CsvMap& map, const std::string& path) {
   const ColumnSource source = TRY(open_columns(path, map.topic, map.format.skip_bad_rows));
   return import_columns(map, source);
-}
-
-Result<CsvImport> parse_csv(const CsvMap& map, std::string_view text, const std::string& file_name,
-                            std::string_view accel_text, const std::string& accel_file) {
-  const auto source_of = [](std::string_view content, const std::string& name) {
-    ColumnSource source;
-    source.file_name = name;
-    source.read = [content, name](const std::vector<WantedColumn>& wanted, const TableFormat& format) {
-      return read_number_table(content, name, wanted, format);
-    };
-    return source;
-  };
-  const ColumnSource accel = source_of(accel_text, accel_file);
-  return import_columns(map, source_of(text, file_name), accel_file.empty() ? nullptr : &accel);
 }
 
 Status write_recording(const CsvImport& content, const std::string& path) {

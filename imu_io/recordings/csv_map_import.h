@@ -97,10 +97,11 @@ struct ColumnSource {
 // `topic`, `skip_bad`: of a bag (ros_bag.h).
 Result<ColumnSource> open_columns(const std::string& path, const std::string& topic = {}, bool skip_bad = false);
 
+// Of what is held as a text.
+ColumnSource columns_of_text(std::string content, const std::string& file_name);
+
 Result<CsvImport> import_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel = nullptr);
 Result<CsvImport> import_csv(const CsvMap& map, const std::string& path);
-Result<CsvImport> parse_csv(const CsvMap& map, std::string_view text, const std::string& file_name,
-                            std::string_view accel_text = {}, const std::string& accel_file = {});
 
 // The interval that most rows keep, whatever the gaps and the jitter: the mean over 16 of them, less those that are far from the median.
 double typical_interval(const std::vector<double>& times);

@@ -7,11 +7,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <iterator>
 #include <limits>
 #include <memory>
-#include <span>
+#include <numeric>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/bytes.h"
@@ -168,6 +167,11 @@ struct MatrixView {
   double at(std::size_t row, std::size_t column) const {
     return type->load(data + (column_major ? column * rows + row : row * columns + column) * type->bytes);
   }
+  std::vector<double> column(std::size_t column) const {
+    std::vector<double> values(rows);
+    for (std::size_t row = 0; row < rows; ++row) values[row] = at(row, column);
+    return values;
+  }
   template <class Is>
   bool set_type(Is is) {
     type = std::find_if(std::begin(item_types), std::end(item_types), is);
@@ -175,23 +179,46 @@ struct MatrixView {
   }
 };
 
+// "name:2" as its two parts; without a colon the second is "1".
+std::pair<std::string, std::string> path_and_part(const std::string& name) {
+  const std::size_t colon = name.find(':');
+  return {name.substr(0, colon), colon == name.npos ? "1" : name.substr(colon + 1)};
+}
+
+// A column's number, from 1, as its place; none where there are not so many.
+std::optional<std::size_t> place_among(std::size_t columns, std::string_view number) {
+  const auto index = parse_integer<std::size_t>(number);
+  return index && *index >= 1 && *index <= columns ? std::optional(*index - 1) : std::nullopt;
+}
+
+Error column_error(const std::string& file_name, const std::string& name, const std::string& what) {
+  return input_error(file_name + ": column " + quoted(name) + ": " + what);
+}
+
+// `read_column`: WantedColumn -> Result of numbers; none where it is missing and may be.
+template <class ReadColumn>
+Result<NumberTable> read_arrays(const std::string& file_name, const std::vector<WantedColumn>& wanted,
+                                ReadColumn read_column) {
+  NumberTable table;
+  std::size_t rows = 0;
+  for (const WantedColumn& column : wanted) {
+    const std::vector<double>& values = table.columns.emplace_back(TRY(read_column(column)));
+    if (rows > 0 && !values.empty() && values.size() != rows)
+      return column_error(file_name, column.name,
+                          fmt::format("has {} rows: expected {}, as the columns before", values.size(), rows));
+    rows = std::max(rows, values.size());
+  }
+  table.position.resize(rows);
+  table.line.resize(rows);
+  std::iota(table.position.begin(), table.position.end(), 0);
+  std::iota(table.line.begin(), table.line.end(), 1);
+  return table;
+}
+
 // What stands after 'key': in the header, which is a Python dictionary in text.
 std::string_view value_of(std::string_view header, const std::string& key) {
   const std::size_t at = header.find("'" + key + "':");
   return at == std::string_view::npos ? std::string_view() : trimmed(header.substr(at + key.size() + 3));
-}
-
-void number_rows(NumberTable& table, std::size_t rows) {
-  for (std::size_t k = 0; k < rows; ++k) {
-    table.position.push_back(static_cast<std::int64_t>(k));
-    table.line.push_back(static_cast<std::int64_t>(k) + 1);
-  }
-}
-
-void append_column(const MatrixView& view, std::size_t column, NumberTable& table) {
-  std::vector<double>& values = table.columns.emplace_back();
-  values.reserve(view.rows);
-  for (std::size_t row = 0; row < view.rows; ++row) values.push_back(view.at(row, column));
 }
 
 Result<MatrixView> view_npy(std::string_view content, const std::string& file_name) {
@@ -231,16 +258,11 @@ Result<MatrixView> view_npy(std::string_view content, const std::string& file_na
 Result<NumberTable> read_npy(std::string_view content, const std::string& file_name,
                              const std::vector<WantedColumn>& wanted) {
   const MatrixView view = TRY(view_npy(content, file_name));
-  NumberTable table;
-  for (const WantedColumn& column : wanted) {
-    const auto index = parse_integer<std::int64_t>(column.name);
-    if (!index || *index < 1 || static_cast<std::size_t>(*index) > view.columns)
-      return input_error(fmt::format("{}: no column {}: expected a number from 1 to {}, a .npy array has no names",
-                                     file_name, quoted(column.name), view.columns));
-    append_column(view, static_cast<std::size_t>(*index - 1), table);
-  }
-  number_rows(table, view.rows);
-  return table;
+  return read_arrays(file_name, wanted, [&](const WantedColumn& column) -> Result<std::vector<double>> {
+    if (const auto place = place_among(view.columns, column.name)) return view.column(*place);
+    return input_error(fmt::format("{}: no column {}: expected a number from 1 to {}, a .npy array has no names",
+                                   file_name, quoted(column.name), view.columns));
+  });
 }
 
 using MatFile = std::unique_ptr<mat_t, int (*)(mat_t*)>;
@@ -267,42 +289,25 @@ MatrixView view_mat(const matvar_t& variable) {
 
 Result<NumberTable> read_mat(const std::string& file_name, const std::vector<WantedColumn>& wanted) {
   const MatFile file = TRY(open_mat(file_name));
-  NumberTable table;
-  std::size_t rows = 0;
   MatVariable variable(nullptr, Mat_VarFree);  // the last one: a matrix may have all the columns
-  for (const WantedColumn& column : wanted) {
-    const std::size_t colon = column.name.find(':');
-    const std::string path = column.name.substr(0, colon);
+  return read_arrays(file_name, wanted, [&](const WantedColumn& column) -> Result<std::vector<double>> {
+    const auto [path, number] = path_and_part(column.name);
     const std::vector<std::string_view> names = split(path, '.');
-    const auto index = colon == std::string::npos ? std::optional<std::int64_t>(1)
-                                                  : parse_integer<std::int64_t>(column.name.substr(colon + 1));
-    const auto refuse = [&](const std::string& what) {
-      return input_error(file_name + ": column " + quoted(column.name) + ": " + what);
-    };
     if (!variable || variable->name != names.front())
       variable.reset(Mat_VarRead(file.get(), std::string(names.front()).c_str()));
-    const matvar_t* found = variable.get();
+    matvar_t* found = variable.get();
     for (std::size_t k = 1; k < names.size() && found != nullptr; ++k)
-      found = found->class_type == MAT_C_STRUCT
-                  ? Mat_VarGetStructFieldByName(const_cast<matvar_t*>(found), std::string(names[k]).c_str(), 0)
-                  : nullptr;
-    if (found == nullptr && column.may_be_missing) {
-      table.columns.emplace_back();
-      continue;
-    }
+      found = found->class_type == MAT_C_STRUCT ? Mat_VarGetStructFieldByName(found, std::string(names[k]).c_str(), 0)
+                                                : nullptr;
+    if (found == nullptr && column.may_be_missing) return std::vector<double>();
+    const auto refuse = [&](const std::string& what) { return column_error(file_name, column.name, what); };
     if (found == nullptr || found->data == nullptr)
       return refuse("no variable " + quoted(path) + " of numbers: expected name, name:column or struct.name");
     const MatrixView view = view_mat(*found);
     if (view.type == nullptr) return refuse("expected a real matrix of two dimensions");
-    if (!index || *index < 1 || static_cast<std::size_t>(*index) > view.columns)
-      return refuse("expected a column from 1 to " + std::to_string(view.columns));
-    if (rows > 0 && view.rows != rows)
-      return refuse(fmt::format("has {} rows: expected {}, as the columns before", view.rows, rows));
-    rows = view.rows;
-    append_column(view, static_cast<std::size_t>(*index - 1), table);
-  }
-  number_rows(table, rows);
-  return table;
+    if (const auto place = place_among(view.columns, number)) return view.column(*place);
+    return refuse("expected a column from 1 to " + std::to_string(view.columns));
+  });
 }
 
 constexpr std::size_t widest = 32;
@@ -373,11 +378,8 @@ struct Hdf5Shape {
 bool is_number(H5T_class_t type) { return type == H5T_INTEGER || type == H5T_FLOAT; }
 
 Result<std::vector<double>> read_hdf5_column(hid_t file, const std::string& file_name, const std::string& name) {
-  const auto refuse = [&](const std::string& what) {
-    return input_error(file_name + ": column " + quoted(name) + ": " + what);
-  };
-  const std::size_t colon = name.find(':');
-  const std::string path = name.substr(0, colon), part = colon == name.npos ? "1" : name.substr(colon + 1);
+  const auto refuse = [&](const std::string& what) { return column_error(file_name, name, what); };
+  const auto [path, part] = path_and_part(name);
   const Hdf5Id set(H5Dopen2(file, path.c_str(), H5P_DEFAULT), H5Dclose);
   if (set < 0)
     return refuse("no dataset " + quoted(path) + ": expected group/name, group/name:column or group/name:field");
@@ -385,12 +387,11 @@ Result<std::vector<double>> read_hdf5_column(hid_t file, const std::string& file
   const Hdf5Shape shape(space);
   const bool compound = H5Tget_class(type) == H5T_COMPOUND;
   const int member = compound ? H5Tget_member_index(type, part.c_str()) : 0;
-  const auto column = parse_integer<std::int64_t>(part);
+  const auto column = place_among(shape.columns, part);
   if (shape.rows == 0 || member < 0 ||
       !is_number(compound ? H5Tget_member_class(type, static_cast<unsigned>(member)) : H5Tget_class(type)))
     return refuse("expected numbers in one or two dimensions");
-  if (!compound && (!column || *column < 1 || static_cast<std::size_t>(*column) > shape.columns))
-    return refuse("expected a column from 1 to " + std::to_string(shape.columns));
+  if (!compound && !column) return refuse("expected a column from 1 to " + std::to_string(shape.columns));
   // What a file of this size can hold: deflate makes at most a thousandth.
   hsize_t bytes = 0;
   H5Fget_filesize(file, &bytes);
@@ -399,8 +400,7 @@ Result<std::vector<double>> read_hdf5_column(hid_t file, const std::string& file
   const Hdf5Id field(H5Tcreate(H5T_COMPOUND, sizeof(double)), H5Tclose);
   H5Tinsert(field, part.c_str(), 0, H5T_NATIVE_DOUBLE);
   if (!compound) {
-    const hsize_t at = static_cast<hsize_t>(*column - 1),
-                  first[2] = {shape.along_rows ? at : 0, shape.along_rows ? 0 : at};
+    const hsize_t at = *column, first[2] = {shape.along_rows ? at : 0, shape.along_rows ? 0 : at};
     const hsize_t count[2] = {shape.along_rows ? 1 : shape.rows, shape.along_rows ? shape.rows : 1};
     H5Sselect_hyperslab(space, H5S_SELECT_SET, first, nullptr, count, nullptr);
   }
@@ -416,18 +416,8 @@ Result<std::vector<double>> read_hdf5_column(hid_t file, const std::string& file
 Result<NumberTable> read_hdf5(const std::string& file_name, const std::vector<WantedColumn>& wanted) {
   const Hdf5Id file(open_hdf5(file_name), H5Fclose);
   if (file < 0) return input_error(file_name + ": libhdf5 cannot read this file");
-  NumberTable table;
-  std::size_t rows = 0;
-  for (const WantedColumn& column : wanted) {
-    std::vector<double> values = TRY(read_hdf5_column(file, file_name, column.name));
-    if (rows > 0 && values.size() != rows)
-      return input_error(fmt::format("{}: column {}: has {} rows: expected {}, as the columns before", file_name,
-                                     quoted(column.name), values.size(), rows));
-    rows = values.size();
-    table.columns.push_back(std::move(values));
-  }
-  number_rows(table, rows);
-  return table;
+  return read_arrays(file_name, wanted,
+                     [&](const WantedColumn& column) { return read_hdf5_column(file, file_name, column.name); });
 }
 
 herr_t list_hdf5_object(hid_t file, const char* name, const H5O_info_t* info, void* names) {
@@ -484,36 +474,6 @@ Result<NumberTable> checked(NumberTable table, const std::string& file_name, con
   table.line.resize(kept);
   return table;
 }
-
-}  // namespace
-
-bool is_text_table(std::string_view content) {
-  const FileKind form = form_of(content);
-  return form != FileKind::npy && form != FileKind::mat && form != FileKind::hdf5;
-}
-
-Result<std::vector<std::string>> column_names(std::string_view content, const std::string& file_name) {
-  if (form_of(content) == FileKind::mat) return mat_columns(file_name);
-  if (form_of(content) == FileKind::hdf5) return hdf5_columns(file_name);
-  const MatrixView view = TRY(view_npy(content, file_name));
-  std::vector<std::string> names;
-  for (std::size_t k = 1; k <= std::min(view.columns, widest); ++k) names.push_back(std::to_string(k));
-  return names;
-}
-
-Result<NumberTable> read_number_table(std::string_view content, const std::string& file_name,
-                                      const std::vector<WantedColumn>& wanted, const TableFormat& format) {
-  if (is_text_table(content)) return CsvTable(content, file_name, wanted, format).read();
-  const FileKind form = form_of(content);
-  NumberTable table = TRY(form == FileKind::npy   ? read_npy(content, file_name, wanted)
-                          : form == FileKind::mat ? read_mat(file_name, wanted)
-                                                  : read_hdf5(file_name, wanted));
-  return checked(std::move(table), file_name, wanted, format.skip_bad_rows);
-}
-
-// ---- written ----
-
-namespace {
 
 constexpr const char* mat_header = "MATLAB 5.0 MAT-file, written by turncal";
 
@@ -600,7 +560,9 @@ Status write_mat_variables(const std::string& path, const std::string& temporary
   return rename_durably(temporary, path);
 }
 
-Status write_mat(const std::string& path, const RowTable& table) {
+// By the ending of the name.
+Status write_table(const std::string& path, const RowTable& table) {
+  if (!path.ends_with(".mat")) return path.ends_with(".npy") ? write_npy(path, table) : write_csv(path, table);
   TRY(check_replaceable(path, mat_header));
   const std::string temporary = temporary_name(path);
   Status status = write_mat_variables(path, temporary, table);
@@ -608,7 +570,49 @@ Status write_mat(const std::string& path, const RowTable& table) {
   return status;
 }
 
+// `rows`: how many samples there are, unless it is CSV.
+Status write_samples(RecordingSource& source, const SampleColumns& columns, std::size_t rows, const std::string& path) {
+  if (rows == 0 && names_matrix(path)) return input_error(source.path() + ": not one sample: expected some to write");
+  std::vector<double> row(columns.names.size());
+  const auto each_row = [&](const RowSink& sink) {
+    return source.read([&](std::span<const ImuSample> samples) -> Status {
+      for (const ImuSample& sample : samples) {
+        columns.fill(sample, row);
+        TRY(sink(row));
+      }
+      return {};
+    });
+  };
+  return write_table(path, {columns.names, rows, each_row});
+}
+
 }  // namespace
+
+bool is_text_table(std::string_view content) {
+  const FileKind form = form_of(content);
+  return form != FileKind::npy && form != FileKind::mat && form != FileKind::hdf5;
+}
+
+Result<std::vector<std::string>> column_names(std::string_view content, const std::string& file_name) {
+  if (form_of(content) == FileKind::mat) return mat_columns(file_name);
+  if (form_of(content) == FileKind::hdf5) return hdf5_columns(file_name);
+  const MatrixView view = TRY(view_npy(content, file_name));
+  std::vector<std::string> names;
+  for (std::size_t k = 1; k <= std::min(view.columns, widest); ++k) names.push_back(std::to_string(k));
+  return names;
+}
+
+Result<NumberTable> read_number_table(std::string_view content, const std::string& file_name,
+                                      const std::vector<WantedColumn>& wanted, const TableFormat& format) {
+  if (is_text_table(content)) return CsvTable(content, file_name, wanted, format).read();
+  const FileKind form = form_of(content);
+  NumberTable table = TRY(form == FileKind::npy   ? read_npy(content, file_name, wanted)
+                          : form == FileKind::mat ? read_mat(file_name, wanted)
+                                                  : read_hdf5(file_name, wanted));
+  return checked(std::move(table), file_name, wanted, format.skip_bad_rows);
+}
+
+// ---- written ----
 
 bool names_matrix(std::string_view path) { return path.ends_with(".npy") || path.ends_with(".mat"); }
 
@@ -624,9 +628,7 @@ Status write_columns(const std::string& path, const std::vector<NumberColumn>& f
     }
     return {};
   };
-  return path.ends_with(".mat")   ? write_mat(path, table)
-         : path.ends_with(".npy") ? write_npy(path, table)
-                                  : write_csv(path, table);
+  return write_table(path, table);
 }
 
 Status check_ending(std::string_view path, std::initializer_list<std::string_view> endings) {
@@ -636,59 +638,42 @@ Status check_ending(std::string_view path, std::initializer_list<std::string_vie
 }
 
 Status write_sample_columns(RecordingSource& source, const SampleColumns& columns, const std::string& path) {
-  RowTable table{columns.names, 0, {}};
-  table.each_row = [&](const RowSink& sink) {
-    std::vector<double> row(table.names.size());
-    return source.read([&](std::span<const ImuSample> samples) -> Status {
-      for (const ImuSample& sample : samples) {
-        columns.fill(sample, row);
-        TRY(sink(row));
-      }
-      return {};
-    });
-  };
-  if (!names_matrix(path)) return write_csv(path, table);
-  TRY(source.read([&](std::span<const ImuSample> samples) {
-    table.rows += samples.size();
-    return Status();
-  }));
-  if (table.rows == 0) return input_error(source.path() + ": not one sample: expected some to write");
-  return path.ends_with(".mat") ? write_mat(path, table) : write_npy(path, table);
+  std::size_t rows = 0;
+  if (names_matrix(path))
+    TRY(source.read([&](std::span<const ImuSample> samples) {
+      rows += samples.size();
+      return Status();
+    }));
+  return write_samples(source, columns, rows, path);
 }
 
 Status write_recording_columns(RecordingSource& source, const std::string& path) {
   const bool has_temperature = source.info().has_temperature;
   bool flagged = false;
-  RowTable table{{"sample", "segment", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"}, 0, {}};
+  std::size_t rows = 0;
   TRY(check_replaceable(path, path.ends_with(".mat") ? std::string_view(mat_header) : npy_magic));
   TRY(source.read([&](std::span<const ImuSample> samples) {
-    table.rows += samples.size();
+    rows += samples.size();
     for (const ImuSample& sample : samples) flagged = flagged || sample.flags != 0;
     return Status();
   }));
-  if (table.rows == 0) return input_error(source.path() + ": not one sample: expected some to write");
-  if (has_temperature) table.names.emplace_back("temperature_c");
-  if (flagged) table.names.emplace_back("flags");
-  table.each_row = [&](const RowSink& sink) {
-    const Segments& segments = source.segments();
-    std::size_t segment = 0;
-    std::vector<double> row(table.names.size());
-    return source.read([&](std::span<const ImuSample> samples) -> Status {
-      for (const ImuSample& sample : samples) {
-        while (segment < segments.size() && sample.counter >= segments[segment].end_sample) ++segment;
-        const bool inside = segment < segments.size() && sample.counter >= segments[segment].start_sample;
-        row[0] = static_cast<double>(sample.counter);
-        row[1] = inside ? static_cast<double>(segment + 1) : 0.0;
-        std::copy(sample.gyro.begin(), sample.gyro.end(), row.begin() + 2);
-        std::copy(sample.accel.begin(), sample.accel.end(), row.begin() + 5);
-        if (has_temperature) row[8] = static_cast<double>(sample.temperature_c);
-        if (flagged) row.back() = static_cast<double>(sample.flags);
-        TRY(sink(row));
-      }
-      return {};
-    });
+  SampleColumns columns{{"sample", "segment", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"}, {}};
+  if (has_temperature) columns.names.emplace_back("temperature_c");
+  if (flagged) columns.names.emplace_back("flags");
+  const Segments& segments = source.segments();
+  std::size_t segment = 0;
+  columns.fill = [&](const ImuSample& sample, std::span<double> row) {
+    if (segment > 0 && sample.counter < segments[segment - 1].end_sample) segment = 0;  // another pass
+    while (segment < segments.size() && sample.counter >= segments[segment].end_sample) ++segment;
+    const bool inside = segment < segments.size() && sample.counter >= segments[segment].start_sample;
+    row[0] = static_cast<double>(sample.counter);
+    row[1] = inside ? static_cast<double>(segment + 1) : 0.0;
+    std::ranges::copy(sample.gyro, row.begin() + 2);
+    std::ranges::copy(sample.accel, row.begin() + 5);
+    if (has_temperature) row[8] = static_cast<double>(sample.temperature_c);
+    if (flagged) row.back() = static_cast<double>(sample.flags);
   };
-  return path.ends_with(".mat") ? write_mat(path, table) : write_npy(path, table);
+  return write_samples(source, columns, rows, path);
 }
 
 }  // namespace turncal

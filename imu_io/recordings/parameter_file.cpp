@@ -135,6 +135,61 @@ std::optional<TemperaturePolynomials> read_temperature(KeyValueFile& input) {
   return t;
 }
 
+constexpr std::string_view block_magic = "TCPB";
+constexpr std::uint32_t block_version = 1;
+
+constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
+
+// A double as C and every YAML reader have it: with a point, before an exponent too.
+std::string literal(double value) {
+  std::string text = format_number(value);
+  if (text.find('.') == std::string::npos) text.insert(std::min(text.find('e'), text.size()), ".0");
+  return text;
+}
+
+// A C string: what is not plain as an octal number of three digits, '?' too (trigraphs).
+std::string in_c_quotes(std::string_view text) {
+  std::string result = "\"";
+  for (const char c : text) {
+    const bool plain = c >= ' ' && c < 127 && c != '"' && c != '\\' && c != '?';
+    result += plain ? std::string(1, c) : fmt::format("\\{:03o}", static_cast<unsigned char>(c));
+  }
+  return result + "\"";
+}
+
+// A YAML scalar: between single quotes only they themselves need anything, and are doubled. Texts of a parameter file are printable.
+std::string in_yaml_quotes(std::string_view text) {
+  std::string result = "'";
+  for (const char c : text) result += c == '\'' ? "''" : std::string(1, c);
+  return result + "'";
+}
+
+std::string vector_of(const ParameterFile& file, int first) {
+  const auto& p = file.parameters;
+  return fmt::format("{{{}, {}, {}}}", literal(p[first]), literal(p[first + 1]), literal(p[first + 2]));
+}
+
+std::string matrix_of(const ParameterFile& file, int first) {
+  return fmt::format("{{{}, {}, {}}}", vector_of(file, first), vector_of(file, first + 3), vector_of(file, first + 6));
+}
+
+std::string sigmas_of(const ParameterFile& file, std::size_t first, std::size_t count) {
+  std::vector<std::string> texts;
+  for (std::size_t k = first; k < first + count; ++k) texts.push_back(literal(file.sigma[k].value_or(-1.0)));
+  return fmt::format("{{{}}}", fmt::join(texts, ", "));
+}
+
+std::string orders_of(const TemperaturePolynomials& t, int first, int count) {
+  std::vector<std::string> rows;
+  for (int k = first; k < first + count; ++k) {
+    const auto c = [&](int order) {
+      return literal(std::isnan(t.coefficient(k, order)) ? 0.0 : t.coefficient(k, order));
+    };
+    rows.push_back(fmt::format("{{{}, {}, {}}}", c(0), c(1), c(2)));
+  }
+  return fmt::format("{{{}}}", fmt::join(rows, ", "));
+}
+
 }  // namespace
 
 ParameterVector TemperaturePolynomials::at(const ParameterVector& reference, double temperature_c) const {
@@ -276,65 +331,6 @@ Status check_applicable(const ParameterFile& file, const std::string& file_name,
 }
 
 // ---- in other forms ----
-
-namespace {
-
-constexpr std::string_view block_magic = "TCPB";
-constexpr std::uint32_t block_version = 1;
-
-constexpr double not_a_number = std::numeric_limits<double>::quiet_NaN();
-
-// A double as C and every YAML reader have it: with a point, before an exponent too.
-std::string literal(double value) {
-  std::string text = format_number(value);
-  if (text.find('.') == std::string::npos) text.insert(std::min(text.find('e'), text.size()), ".0");
-  return text;
-}
-
-// A C string: what is not plain as an octal number of three digits, '?' too (trigraphs).
-std::string in_c_quotes(std::string_view text) {
-  std::string result = "\"";
-  for (const char c : text) {
-    const bool plain = c >= ' ' && c < 127 && c != '"' && c != '\\' && c != '?';
-    result += plain ? std::string(1, c) : fmt::format("\\{:03o}", static_cast<unsigned char>(c));
-  }
-  return result + "\"";
-}
-
-// A YAML scalar: between single quotes only they themselves need anything, and are doubled. Texts of a parameter file are printable.
-std::string in_yaml_quotes(std::string_view text) {
-  std::string result = "'";
-  for (const char c : text) result += c == '\'' ? "''" : std::string(1, c);
-  return result + "'";
-}
-
-std::string vector_of(const ParameterFile& file, int first) {
-  const auto& p = file.parameters;
-  return fmt::format("{{{}, {}, {}}}", literal(p[first]), literal(p[first + 1]), literal(p[first + 2]));
-}
-
-std::string matrix_of(const ParameterFile& file, int first) {
-  return fmt::format("{{{}, {}, {}}}", vector_of(file, first), vector_of(file, first + 3), vector_of(file, first + 6));
-}
-
-std::string sigmas_of(const ParameterFile& file, std::size_t first, std::size_t count) {
-  std::vector<std::string> texts;
-  for (std::size_t k = first; k < first + count; ++k) texts.push_back(literal(file.sigma[k].value_or(-1.0)));
-  return fmt::format("{{{}}}", fmt::join(texts, ", "));
-}
-
-std::string orders_of(const TemperaturePolynomials& t, int first, int count) {
-  std::vector<std::string> rows;
-  for (int k = first; k < first + count; ++k) {
-    const auto c = [&](int order) {
-      return literal(std::isnan(t.coefficient(k, order)) ? 0.0 : t.coefficient(k, order));
-    };
-    rows.push_back(fmt::format("{{{}, {}, {}}}", c(0), c(1), c(2)));
-  }
-  return fmt::format("{{{}}}", fmt::join(rows, ", "));
-}
-
-}  // namespace
 
 std::string format_parameter_block(const ParameterFile& file) {
   std::vector<std::byte> out;

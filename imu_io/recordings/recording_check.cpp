@@ -53,6 +53,32 @@ const InertialUnit* read_unit(KeyValueFile& file, const std::string& key, const 
   return unit == std::end(inertial_units) ? nullptr : unit;
 }
 
+std::array<double, 3> one_or_three(KeyValueFile& file, const std::string& key, double otherwise, const char* expected) {
+  const std::vector<double> values = file.numbers_or(key, {otherwise});
+  if (values.size() == 3) return {values[0], values[1], values[2]};
+  if (values.size() != 1) file.reject(key, expected);
+  const double value = values.size() == 1 ? values[0] : otherwise;
+  return {value, value, value};
+}
+
+AxisOrder read_axes(KeyValueFile& file, const std::string& key, bool signs, const char* expected) {
+  const std::string text = file.text_or(key, "+x, +y, +z");
+  if (signs) file.list_or(key, {});  // none empty
+  const std::vector<std::string_view> axes = split(text, ',');
+  const auto signed_letter = [](std::string_view axis) { return axis.size() == 2; };
+  const std::optional<AxisOrder> order = axis_order(text);
+  if (order && (!signs || std::ranges::all_of(axes, signed_letter))) return *order;
+  file.reject(key, expected);
+  return {};
+}
+
+void read_range(KeyValueFile& file, const std::string& key, double& low, double& high, const char* expected) {
+  const std::vector<double> range = file.numbers_or(key, {low, high}, 2);
+  low = range[0];
+  high = range[1];
+  if (!(low < high)) file.reject(key, expected);
+}
+
 std::optional<std::int64_t> started_utc(KeyValueFile& file) {
   const std::string text = file.text_or("started_utc", "");
   if (text.empty()) return std::nullopt;

@@ -2,6 +2,7 @@
 // front.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -10,6 +11,7 @@
 #include <string_view>
 #include <vector>
 
+#include "calib/types/axis.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
 #include "imu_io/base/key_value.h"
@@ -36,6 +38,13 @@ struct InertialUnit {
 };
 // The unit at a required key; null where none of `names` is there, a defect, and for one of them that is no unit ("pulses").
 const InertialUnit* read_unit(KeyValueFile& file, const std::string& key, const std::vector<std::string_view>& names);
+
+// One number, which stands for three, or three. `expected` is what a message says of others, as below.
+std::array<double, 3> one_or_three(KeyValueFile& file, const std::string& key, double otherwise, const char* expected);
+// Body axes by axis_order(); x, y, z where the key is missing. `signs`: each has one.
+AxisOrder read_axes(KeyValueFile& file, const std::string& key, bool signs, const char* expected);
+// Two numbers, the first the lower; where the key is missing they stay as they are.
+void read_range(KeyValueFile& file, const std::string& key, double& low, double& high, const char* expected);
 
 // The key of that name, if it is there: when the first sample came. Another text than a time is rejected.
 std::optional<std::int64_t> started_utc(KeyValueFile& file);

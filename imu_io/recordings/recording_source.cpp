@@ -32,34 +32,22 @@ std::string hash_as_hex(XXH128_hash_t hash) {
   return text;
 }
 
-class ContentHasher {
- public:
-  ContentHasher() : state_(XXH3_createState()) { XXH3_128bits_reset(state_); }
-  ~ContentHasher() { XXH3_freeState(state_); }
-  ContentHasher(const ContentHasher&) = delete;
-  ContentHasher& operator=(const ContentHasher&) = delete;
+using HashState = std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)>;
 
-  void add(const void* data, std::size_t size) { XXH3_128bits_update(state_, data, size); }
-
-  void add(const RecordingInfo& info, const Segments& segments) {
-    std::vector<std::byte> bytes;
-    append_bytes(bytes, std::string_view("turncal recording 1\n"));
-    append_info_fields(bytes, info);
-    append_bytes(bytes, static_cast<std::uint64_t>(segments.size()));
-    for (const Segment& segment : segments) {
-      append_bytes(bytes, static_cast<std::int64_t>(segment.step));
-      append_bytes(bytes, static_cast<std::uint8_t>(segment.kind));
-      for (const std::int64_t counter : {segment.start_sample, segment.end_sample}) append_bytes(bytes, counter);
-      for (const double angle : {segment.heading_deg, segment.pitch_deg, segment.roll_deg}) append_bytes(bytes, angle);
-    }
-    add(bytes.data(), bytes.size());
-  }
-
-  std::string hex() const { return hash_as_hex(XXH3_128bits_digest(state_)); }
-
- private:
-  XXH3_state_t* state_;
-};
+HashState hash_of(const RecordingInfo& info, const Segments& segments) {
+  std::vector<std::byte> bytes;
+  append_bytes(bytes, std::string_view("turncal recording 1\n"));
+  append_info_fields(bytes, info);
+  append_bytes(bytes, static_cast<std::uint64_t>(segments.size()));
+  for (const Segment& segment : segments)
+    ByteWriter{bytes}(static_cast<std::int64_t>(segment.step), static_cast<std::uint8_t>(segment.kind),
+                      segment.start_sample, segment.end_sample, segment.heading_deg, segment.pitch_deg,
+                      segment.roll_deg);
+  HashState state(XXH3_createState(), XXH3_freeState);
+  XXH3_128bits_reset(state.get());
+  XXH3_128bits_update(state.get(), bytes.data(), bytes.size());
+  return state;
+}
 
 }  // namespace
 
@@ -87,8 +75,7 @@ void RecordingSource::set_aside(const Segment& rest) {
 }
 
 Status RecordingSource::read(const Sink& sink) {
-  ContentHasher hasher;
-  hasher.add(info_, segments_);
+  const HashState hash = hash_of(info_, segments_);
   std::vector<ImuSample> flagged;
   Status status = stream([&](std::span<const ImuSample> samples) {
     if (!set_aside_.empty()) {
@@ -100,10 +87,10 @@ Status RecordingSource::read(const Sink& sink) {
           sample.flags |= sample_flag_set_aside;
       samples = flagged;
     }
-    hasher.add(samples.data(), samples.size_bytes());
+    XXH3_128bits_update(hash.get(), samples.data(), samples.size_bytes());
     return sink(samples);
   });
-  if (status) hash_ = hasher.hex();
+  if (status) hash_ = hash_as_hex(XXH3_128bits_digest(hash.get()));
   return status;
 }
 

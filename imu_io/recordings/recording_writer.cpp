@@ -32,13 +32,12 @@ void RecordingWriter::hash_bytes(std::span<const std::byte> some) {
 }
 
 Status RecordingWriter::hash_file(std::uint64_t end) {
-  std::vector<std::byte> buffer(std::size_t{1} << 16);
+  FileWindow window(file_, end);
   for (std::uint64_t at = 0; at < end;) {
-    const auto wanted = static_cast<std::size_t>(std::min<std::uint64_t>(buffer.size(), end - at));
-    const std::size_t got = TRY(file_.read_at(at, std::span(buffer).first(wanted)));
-    if (got == 0) return device_error(file_.path() + ": ends before its last record");
-    hash_bytes(std::span(buffer).first(got));
-    at += got;
+    const std::span<const std::byte> some = TRY(window.at(at, 1));
+    if (some.empty()) return device_error(file_.path() + ": ends before its last record");
+    hash_bytes(some);
+    at += some.size();
   }
   return {};
 }

@@ -239,33 +239,6 @@ class Collector {
 
 // ---- files ----
 
-// A file from front to back, in a buffer that grows to the largest piece asked for.
-class FileWindow {
- public:
-  FileWindow(const PosixFile& file, std::uint64_t size) : file_(file), size_(size) {}
-  std::uint64_t at() const { return at_; }
-  std::uint64_t left() const { return size_ - at_; }
-  // REQUIRES count <= left(). Valid until the next call.
-  Result<ByteSpan> take(std::uint64_t count) {
-    if (at_ < from_ || at_ + count > from_ + filled_) {
-      const std::uint64_t wanted = std::min(std::max(count, std::uint64_t{1} << 20), left());
-      if (buffer_.size() < wanted) buffer_.resize(wanted);
-      from_ = at_;
-      filled_ = TRY(file_.read_at(at_, std::span(buffer_).first(wanted)));
-      if (filled_ < count) return input_error(file_.path() + ": became shorter while it was read");
-    }
-    at_ += count;
-    return ByteSpan(buffer_).subspan(at_ - count - from_, count);
-  }
-  void skip(std::uint64_t count) { at_ += count; }
-
- private:
-  const PosixFile& file_;
-  std::uint64_t size_, at_ = 0, from_ = 0;
-  std::size_t filled_ = 0;
-  std::vector<std::byte> buffer_;
-};
-
 class Decompressor {
  public:
   // The `size` bytes that were compressed, until the next call; nothing where they are damaged.
@@ -307,7 +280,7 @@ class Decompressor {
 class RecordReader {
  public:
   RecordReader(const PosixFile& file, std::uint64_t size, Collector& collector)
-      : window_(file, size), collector_(collector) {}
+      : collector_(collector), file_(file), window_(file, size) {}
 
  protected:
   Status damaged(const std::string& what) { return collector_.damaged_at(begun_, what); }
@@ -320,11 +293,22 @@ class RecordReader {
     return records;
   }
 
-  FileWindow window_;
+  std::uint64_t left() const { return window_.end() - at_; }
+  void skip(std::uint64_t count) { at_ += std::min(count, left()); }
+  // REQUIRES count <= left(). Valid until the next call.
+  Result<ByteSpan> take_bytes(std::uint64_t count) {
+    const ByteSpan bytes = TRY(window_.at(at_, count));
+    if (bytes.size() < count) return input_error(file_.path() + ": became shorter while it was read");
+    at_ += count;
+    return bytes.first(count);
+  }
+
   Collector& collector_;
-  std::uint64_t begun_ = 0;  // the record
+  std::uint64_t at_ = 0, begun_ = 0;  // begun_: the record
 
  private:
+  const PosixFile& file_;
+  FileWindow window_;
   Decompressor decompress_;
 };
 
@@ -335,22 +319,22 @@ class McapReader : public RecordReader {
 
   Status read() {
     constexpr std::size_t magic_bytes = 8, head_bytes = 9;
-    window_.skip(std::min<std::uint64_t>(magic_bytes, window_.left()));
+    skip(magic_bytes);
     for (;;) {
-      begun_ = window_.at();
-      if (window_.left() < head_bytes) return damaged("the MCAP file is cut off");
-      const ByteSpan head = TRY(window_.take(head_bytes));
+      begun_ = at_;
+      if (left() < head_bytes) return damaged("the MCAP file is cut off");
+      const ByteSpan head = TRY(take_bytes(head_bytes));
       const auto op = std::to_integer<int>(head[0]);
       const auto length = load_bytes<std::uint64_t>(head.data() + 1);
       if (op == data_end || op == footer) return {};
-      if (length > window_.left()) return damaged("the MCAP file is cut off");
+      if (length > left()) return damaged("the MCAP file is cut off");
       if (op != schema && op != channel && op != message && op != chunk) {
-        window_.skip(length);
+        skip(length);
       } else if (length > most_bytes) {
         TRY(damaged(fmt::format("a record of {} bytes: expected at most {}", length, most_bytes)));
-        window_.skip(length);
+        skip(length);
       } else {
-        const ByteSpan content = TRY(window_.take(length));
+        const ByteSpan content = TRY(take_bytes(length));
         TRY(take(op, content));
       }
     }
@@ -418,15 +402,14 @@ class Rosbag1Reader : public RecordReader {
 
   Status read() {
     constexpr std::string_view magic = "#ROSBAG V2.0\n";
-    window_.skip(std::min<std::uint64_t>(magic.size(), window_.left()));
+    skip(magic.size());
     std::vector<std::byte> header;
-    while (window_.left() > 0) {
-      begun_ = window_.at();
+    while (left() > 0) {
+      begun_ = at_;
       for (const bool is_data : {false, true}) {
-        const std::uint64_t length =
-            window_.left() < 4 ? most_bytes + 1 : load_bytes<std::uint32_t>(TRY(window_.take(4)).data());
-        if (length > std::min(most_bytes, window_.left())) return damaged("the bag is cut off");
-        const ByteSpan part = TRY(window_.take(length));
+        const std::uint64_t length = left() < 4 ? most_bytes + 1 : load_bytes<std::uint32_t>(TRY(take_bytes(4)).data());
+        if (length > std::min(most_bytes, left())) return damaged("the bag is cut off");
+        const ByteSpan part = TRY(take_bytes(length));
         if (is_data)
           TRY(take(header, part));
         else

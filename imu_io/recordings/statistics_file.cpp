@@ -47,23 +47,20 @@ double get_correlation(ByteReader& reader) {
   return static_cast<double>(bits >> 8) / correlation_steps;
 }
 
-// The covariance stands in parameters.conf, and takes half of its text.
-ParameterFile without_covariance(ParameterFile file) {
-  std::erase_if(file.further, [](const auto& key) { return key.first.starts_with("quality.covariance"); });
-  return file;
-}
-
 }  // namespace
 
 Result<std::vector<std::byte>> format_statistics(const StatisticsFile& s) {
-  const std::string text = TRY(format_parameter_file(without_covariance(s.file)));
+  ParameterFile file = s.file;
+  // The covariance stands in parameters.conf, and takes half of its text.
+  std::erase_if(file.further, [](const auto& key) { return key.first.starts_with("quality.covariance"); });
+  const std::string text = TRY(format_parameter_file(file));
   const UnitStatistics& u = s.statistics;
   std::vector<std::byte> out;
   append_bytes(out, magic);
   append_bytes(out, version);
   append_text(out, text);
-  for (int k = 0; k < parameter_count; ++k) append_bytes(out, u.value[k]);
-  for (int k = 0; k < parameter_count; ++k) append_bytes(out, u.sigma[k]);
+  for (const auto* const values : {&u.value, &u.sigma})
+    for (const double value : *values) append_bytes(out, value);
   append_bytes(out, u.level);
   // What the recording cannot see is left out.
   std::vector<Eigen::Index> seen;

@@ -14,7 +14,6 @@
 #include "imu_io/base/posix_file.h"
 
 namespace turncal {
-
 namespace {
 
 constexpr double slice_s = 0.02;  // at most so long is one wait

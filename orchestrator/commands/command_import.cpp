@@ -29,7 +29,7 @@
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/frames/frame_log.h"
+#include "imu_io/frames/frame_decoder.h"
 #include "imu_io/recordings/csv_map_import.h"
 #include "imu_io/recordings/map_proposal.h"
 #include "imu_io/recordings/number_table.h"

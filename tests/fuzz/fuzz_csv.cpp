@@ -42,7 +42,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (!fuzz::taken(proposed)) return 0;
     map = *proposed;
   }
-  const auto result = parse_csv(map, input.text(), "fuzz");
+  const auto result = import_columns(map, columns_of_text(std::string(input.text()), "fuzz"));
   if (!fuzz::taken(result)) return 0;
   for (std::size_t i = 0; i < result->samples.size(); ++i) {
     const ImuSample& sample = result->samples[i];

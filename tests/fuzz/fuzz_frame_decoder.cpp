@@ -34,14 +34,14 @@ void put_right(const FrameDescription& frame, std::vector<std::byte>& bytes) {
     const auto one = std::span(bytes).subspan(at, variant.length);
     std::copy(frame.sync.begin(), frame.sync.end(), one.begin());
     std::copy(frame.tail.begin(), frame.tail.end(), one.end() - static_cast<std::ptrdiff_t>(frame.tail.size()));
-    if (frame.id) FieldCodec(*frame.id).put_bits(one.data(), variant.id);
+    if (frame.id) frame.id->put_bits(one.data(), variant.id);
     if (frame.length) {
       const auto raw = (static_cast<std::int64_t>(variant.length) - frame.length_add) / frame.length_scale;
-      FieldCodec(*frame.length).put_bits(one.data(), static_cast<std::uint64_t>(raw));
+      frame.length->put_bits(one.data(), static_cast<std::uint64_t>(raw));
     }
     if (frame.check.kind == CheckKind::none) continue;
-    FieldCodec(frame.check.field)
-        .put_bits_at(one.data() + check_offset(frame.check, one.size()), frame_check_value(frame.check, crc, one));
+    frame.check.field.put_bits_at(one.data() + check_offset(frame.check, one.size()),
+                                  frame_check_value(frame.check, crc, one));
   }
 }
 

@@ -18,12 +18,12 @@ std::string rows(int count, double step = 0.01) {
   return text;
 }
 CsvImport must(const std::string& map_text, const std::string& csv) {
-  return expect_value(parse_csv(expect_value(parse_csv_map(map_text, "m.map")), csv, "d.csv"));
+  return expect_value(import_columns(expect_value(parse_csv_map(map_text, "m.map")), columns_of_text(csv, "d.csv")));
 }
 std::string refusal(const std::string& map_text, const std::string& csv) {
   const Result<CsvMap> map = parse_csv_map(map_text, "m.map");
   if (!map) return map.error().message;
-  const Result<CsvImport> result = parse_csv(*map, csv, "d.csv");
+  const Result<CsvImport> result = import_columns(*map, columns_of_text(csv, "d.csv"));
   return result.ok() ? "" : result.error().message;
 }
 
@@ -132,9 +132,10 @@ TEST(ImportForms, BadRowsAreSkippedAndCounted) {
   std::string csv = "gx,gy,gz,ax,ay,az\n";
   for (int k = 0; k < 14; ++k) csv += k == 12 ? "oops,100,96,0.5,0,1\n" : "102,100,96,0.5,0,1\n";
   CsvMap map = map_of("rate_hz = 100\n");
-  EXPECT_FALSE(parse_csv(map, csv, "d.csv").ok());
+  EXPECT_FALSE(import_columns(map, columns_of_text(csv, "d.csv")).ok());
   map.format.skip_bad_rows = true;
-  const Result<CsvImport> c = good(parse_csv(map, csv, "d.csv"));
+  const Result<CsvImport> c = import_columns(map, columns_of_text(csv, "d.csv"));
+  ASSERT_OK(c);
   EXPECT_EQ(c->bad_rows, 1);
   EXPECT_SAYS(c->first_bad, "d.csv:14: column 'gx' = 'oops'");
   ASSERT_EQ(c->samples.size(), 13u);
@@ -149,7 +150,8 @@ TEST(ImportForms, ARowsNumberIsLeftOutWhereTheClockWasSetBack) {
     for (int k = 0; k < 300; ++k) csv += std::to_string(0.01 * (k < 100 ? k : k - 50)) + ",102,100,96,0.5,0,1\n";
     CsvMap map = map_of("time.column = t\ntime.increments = " + std::string(how) + "\n");
     map.format.skip_bad_rows = true;
-    const Result<CsvImport> c = good(parse_csv(map, csv, "d.csv"));
+    const Result<CsvImport> c = import_columns(map, columns_of_text(csv, "d.csv"));
+    ASSERT_OK(c);
     EXPECT_NEAR(static_cast<double>(c->bad_rows), 50.0, 6.0);
     EXPECT_EQ(c->samples.back().counter, 299);
   }
@@ -158,8 +160,9 @@ TEST(ImportForms, ARowsNumberIsLeftOutWhereTheClockWasSetBack) {
 TEST(ImportForms, QuotesAndDecimalCommas) {
   std::string csv = "\"gx\";\"gy\";\"gz\";ax;ay;az\n";
   for (int k = 0; k < 12; ++k) csv += "\"1,5\";-2,25;0;3e-1;1.5;+4,5E1\n";
-  const Result<CsvImport> c =
-      good(parse_csv(map_of("rate_hz = 100\ncsv.delimiter = semicolon\ncsv.decimal = comma\n"), csv, "d.csv"));
+  const Result<CsvImport> c = import_columns(map_of("rate_hz = 100\ncsv.delimiter = semicolon\ncsv.decimal = comma\n"),
+                                             columns_of_text(csv, "d.csv"));
+  ASSERT_OK(c);
   EXPECT_NEAR(c->samples[3].gyro[0], (1.5 - 100.0) * rad_per_deg * 0.01, 1e-12);
   EXPECT_NEAR(c->samples[3].gyro[1], (-2.25 - 100.0) * rad_per_deg * 0.01, 1e-12);
   EXPECT_NEAR(c->samples[3].accel[2], 45.0 * 9.80665 * 0.01, 1e-12);
@@ -169,7 +172,9 @@ TEST(ImportForms, CommentedHeaderAndBlankTemperature) {
   std::string csv = "# gx, gy, gz, ax, ay, az, temp\n";
   for (int k = 0; k < 20; ++k)
     csv += std::string("102,100,96,0.5,0,1,") + (k % 5 == 0 ? "30" : "") + (k == 7 ? "\n# a remark\n" : "\n");
-  const Result<CsvImport> c = good(parse_csv(map_of("rate_hz = 100\ntemperature.column = temp\n"), csv, "d.csv"));
+  const Result<CsvImport> c =
+      import_columns(map_of("rate_hz = 100\ntemperature.column = temp\n"), columns_of_text(csv, "d.csv"));
+  ASSERT_OK(c);
   ASSERT_EQ(c->samples.size(), 20u);
   EXPECT_EQ(c->samples[5].temperature_c, 30.0F);
   EXPECT_TRUE(std::isnan(c->samples[6].temperature_c));
@@ -183,12 +188,15 @@ TEST(ImportForms, JitteredStampsAreNoGaps) {
     const double late = k % 10 == 3 ? 0.018 : 0.0;  // later than the next one
     csv += std::to_string(0.01 * k + late) + ",102,100,100,0,0,1\n";
   }
-  const Result<CsvImport> c = good(parse_csv(map_of("time.column = t\ntime.increments = period\n"), csv, "d.csv"));
+  const Result<CsvImport> c =
+      import_columns(map_of("time.column = t\ntime.increments = period\n"), columns_of_text(csv, "d.csv"));
+  ASSERT_OK(c);
   EXPECT_EQ(c->gaps, 1);
   EXPECT_EQ(c->samples.back().counter, 99);
   EXPECT_NEAR(c->info.sample_period_s, 0.01, 1e-4);
   // Measured intervals cannot be negative.
-  EXPECT_FALSE(parse_csv(map_of("time.column = t\ntime.increments = intervals\n"), csv, "d.csv").ok());
+  EXPECT_FALSE(
+      import_columns(map_of("time.column = t\ntime.increments = intervals\n"), columns_of_text(csv, "d.csv")).ok());
 }
 
 TEST(ImportForms, AccelerometersInAFileOfTheirOwn) {
@@ -201,11 +209,15 @@ TEST(ImportForms, AccelerometersInAFileOfTheirOwn) {
     same += std::to_string(0.01 * k) + ",0.5,0,1\n";
   }
   for (int k = 0; k < 30; ++k) other += std::to_string(0.004 + 0.02 * k) + "," + std::to_string(0.02 * k) + ",0,1\n";
-  const Result<CsvImport> joined = good(parse_csv(map, gyro, "g.csv", same, "a.csv"));
+  const ColumnSource gyros = columns_of_text(gyro, "g.csv"), others = columns_of_text(other, "a.csv"),
+                     sames = columns_of_text(same, "a.csv");
+  const Result<CsvImport> joined = import_columns(map, gyros, &sames);
+  ASSERT_OK(joined);
   ASSERT_EQ(joined->samples.size(), 50u);
   EXPECT_NEAR(joined->samples[9].accel[0], 0.5 * standard_gravity_mps2 * 0.01, 1e-9);
   // A ramp sampled at another rate: the velocity over the common time is kept. A number holds for the interval that it ends.
-  const Result<CsvImport> resampled = good(parse_csv(map, gyro, "g.csv", other, "a.csv"));
+  const Result<CsvImport> resampled = import_columns(map, gyros, &others);
+  ASSERT_OK(resampled);
   EXPECT_EQ(resampled->samples.size(), 49u);  // the first row is before the accelerometers begin
   double velocity = 0.0;
   for (std::size_t k = 1; k < resampled->samples.size(); ++k) velocity += resampled->samples[k].accel[0];
@@ -227,7 +239,8 @@ TEST(ImportForms, ClippingIsFoundBesideMeasuredIntervals) {
     csv += std::to_string(t) + "," + std::to_string(100.0 + rate) + ",100,100,0,0,1\n";
     t += k % 2 == 0 ? 0.0099 : 0.0101;
   }
-  const Result<CsvImport> c = good(parse_csv(map_of("time.column = t\n"), csv, "d.csv"));
+  const Result<CsvImport> c = import_columns(map_of("time.column = t\n"), columns_of_text(csv, "d.csv"));
+  ASSERT_OK(c);
   EXPECT_GT(c->clipped, 50);
 }
 

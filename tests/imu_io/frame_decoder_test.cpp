@@ -194,7 +194,7 @@ TEST(FrameDecoder, GivesBackWhatWasEncodedInAnyLayout) {
     const auto below = [](int end) { return *rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, end)); };
     const FrameDescription frame = laid_out(draw_layout());
     const FrameTriad& gyro = frame.gyro();
-    const int bits = std::min(used_bits(gyro.element[0].form), 32) - 1;
+    const int bits = std::min(gyro.element[0].bits(), 32) - 1;
     std::vector<ImuSample> sent = pulse_samples(60, static_cast<unsigned>(below(1000)));
     for (std::size_t i = 0; i < sent.size(); ++i) {
       for (double& g : sent[i].gyro) g = std::trunc(g / std::ldexp(1.0, 32 - bits));  // half the width, either sign

@@ -27,7 +27,7 @@ TEST(FrameForms, SignAndMagnitude) {
   form.type = NumberType::sign_magnitude;
   form.bytes = 2;
   form.big_endian = true;
-  const FieldCodec field(FrameField{0, form});
+  const FrameField field(0, form);
   const std::pair<const char*, double> cases[] = {{"0005", 5.0},      {"8005", -5.0}, {"7FFF", 32767.0},
                                                   {"FFFF", -32767.0}, {"0000", 0.0},  {"8000", 0.0}};
   for (const auto& [hex, value] : cases) {
@@ -70,9 +70,10 @@ TEST(FrameForms, CountersUpAndDown) {
 FrameCheck check_of(CheckKind kind, int bytes) {
   FrameCheck check;
   check.kind = kind;
-  check.field.form.bytes = bytes;
+  FieldForm form;
+  form.bytes = bytes;
   check.from_end = true;
-  check.field.offset = static_cast<std::size_t>(bytes);
+  check.field = FrameField(static_cast<std::size_t>(bytes), form);
   return check;
 }
 

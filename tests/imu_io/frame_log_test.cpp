@@ -1,4 +1,4 @@
-#include "imu_io/frames/frame_log.h"
+#include "imu_io/frames/frame_decoder.h"
 
 #include "tests/imu_io/frame_streams.h"
 

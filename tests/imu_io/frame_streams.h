@@ -44,7 +44,7 @@ inline FrameDescription frame_with(const std::string& name, const std::vector<st
 // Puts the right check after what was changed on purpose.
 inline void seal(const FrameDescription& frame, std::span<std::byte> bytes) {
   const std::uint32_t value = frame_check_value(frame.check, Crc(frame.check.crc), bytes);
-  FieldCodec(frame.check.field).put_bits_at(bytes.data() + check_offset(frame.check, bytes.size()), value);
+  frame.check.field.put_bits_at(bytes.data() + check_offset(frame.check, bytes.size()), value);
 }
 
 // Pulses over the whole width, of every sign; temperatures on the grid of 0.01.

@@ -235,12 +235,12 @@ TEST(Increments, WhatTheyAreWorth) {
       csv += fmt::format("{:.6f},{:.12f},0,0,0,0,9.8\n", times[k], mean);
       angle = turned(times[k]) - turned(times[0]);
     }
-    return expect_value(parse_csv(
+    return expect_value(import_columns(
         expect_value(parse_csv_map("gravity_mps2 = 9.8\nunit_serial = s\ngyro.columns = gx, gy, gz\ngyro.unit = "
                                    "rad/s\naccel.columns = ax, ay, az\naccel.unit = m/s^2\ntime.column = t\n" +
                                        line,
                                    "m")),
-        csv, "d.csv"));
+        columns_of_text(csv, "d.csv")));
   };
   double angle = 0.0;
   const CsvImport even = import(Stamps::late, "", angle),
