@@ -14,6 +14,7 @@
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/jobs/preflight.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/station/hooks.h"
 
