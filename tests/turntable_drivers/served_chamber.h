@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "tests/outcome.h"
+#include "tests/test.h"
 #include "turntable_drivers/twins/chamber_twin.h"
 #include "turntable_drivers/twins/rig_chamber.h"
 

@@ -6,7 +6,7 @@
 
 #include "calib/evidence/statement.h"
 #include "tests/calib/thermal/drawn_legs.h"
-#include "tests/outcome.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {

@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "orchestrator/run/chamber_watch.h"
-#include "tests/outcome.h"
+#include "tests/test.h"
 
 namespace turncal {
 namespace {
