@@ -58,7 +58,7 @@ struct ThermalPriors {
 inline constexpr ThermalPriors thermal_priors;
 
 struct ThermalOptions {
-  std::optional<double> reference_c;  // default: the middle of the range
+  std::optional<double> reference_c = {};  // default: the middle of the range
   bool hold_out = true;               // leave each temperature out in turn
 };
 
