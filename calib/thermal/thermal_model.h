@@ -59,7 +59,7 @@ inline constexpr ThermalPriors thermal_priors;
 
 struct ThermalOptions {
   std::optional<double> reference_c = {};  // default: the middle of the range
-  bool hold_out = true;               // leave each temperature out in turn
+  bool hold_out = true;                    // leave each temperature out in turn
 };
 
 // Columns of a parameter: powers 0 to 3 of T - T_ref, rate, hysteresis, and functions that span s.

@@ -29,7 +29,7 @@ Result<std::string> rig_of_leg(const Campaign& campaign, const RunPlan& plan, st
                                const std::string& folder) {
   const std::string from = campaign.rig.empty() ? plan.station.rig_file : campaign.rig;
   const std::string text = from.empty() ? "" : TRY(read_whole_file(from));
-  const KeyValueFile file = TRY(KeyValueFile::parse(text, from));
+  const KeyValueFile file = text.empty() ? KeyValueFile() : TRY(KeyValueFile::parse(text, from));
   for (const char* const key : {"noise.seed", "start_utc_s"})
     if (file.has(key)) return file.error_at(key, "no such key: each leg of a campaign has its own");
   const double later_s = 6.0 * 3600.0 * static_cast<double>(leg);

@@ -6,7 +6,7 @@
 //   station = my.station                            # with a chamber; files are relative to this one
 //   temperatures_c = -20, 0, 20, 40, 60, 30, -10    # of the legs, in order; both directions show hysteresis
 //   sequence = fourteen_step.seq                    # of legs that name none [the fourteen steps]
-//   leg.3.sequence = short.seq                      # of the third leg
+//   leg.3.sequence = forty_minutes.seq                      # of the third leg
 //   leg.3.switch_on = true                          # the unit is switched off and on before it [false]
 //   rig = my.rig                                    # of a dry run [the station's]; each leg has noise of its own
 //   noise.arw_deg_per_rt_h, noise.vrw_ug_per_rt_hz  # of the plan [0.002, 8]

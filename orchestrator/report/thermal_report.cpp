@@ -234,7 +234,7 @@ Document thermal_document(const ThermalReport& report) {
               number(std::to_string(leg.switch_on))});
   document.section("legs", "Legs");
   document.add(std::move(legs));
-  document.section("curves", "Each parameter");
+  document.add(Heading{2, "curves", "Each parameter"}, Scope::page);
   for (std::size_t j = 0; j < model.parameters.size(); ++j) document.figure(figure_of(report, j));
   return document;
 }
