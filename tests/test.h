@@ -35,7 +35,6 @@
 #include <optional>
 #include <random>
 #include <set>
-#include <source_location>
 #include <span>
 #include <sstream>
 #include <stdexcept>
@@ -85,10 +84,9 @@ T expect_value(const Result<T>& result) {
 
 // The same Result or Status where there is no error; with one the test ends, and says where and why.
 template <class Outcome>
-Outcome good(Outcome outcome, const std::source_location& at = std::source_location::current()) {
+Outcome good(Outcome outcome, const char* file = __builtin_FILE(), int line = __builtin_LINE()) {
   if (outcome.ok()) return outcome;
-  throw std::runtime_error(std::string(at.file_name()) + ":" + std::to_string(at.line()) + ": " +
-                           outcome.error().message);
+  throw std::runtime_error(std::string(file) + ":" + std::to_string(line) + ": " + outcome.error().message);
 }
 
 // The text with the one in place of the other, which must be there; of nothing: behind all of it.

@@ -106,7 +106,8 @@ const LineFault line_faults[] = {
 class ChamberLineFaults : public testing::TestWithParam<std::tuple<Kind, LineFault>> {};
 
 TEST_P(ChamberLineFaults, NoWrongReadingIsBelieved) {
-  const auto& [kind, fault] = GetParam();
+  const Kind& kind = std::get<0>(GetParam());
+  const LineFault& fault = std::get<1>(GetParam());
   if (!kind.text || !(std::string(kind.name).starts_with("text") ? fault.in_text : fault.in_registers)) GTEST_SKIP();
   ServedChamber s(kind.text());
   ASSERT_OK(s.driver->connect());
