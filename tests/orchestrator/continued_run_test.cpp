@@ -18,7 +18,7 @@ TEST_F(ContinuedRun, IsOfTheSameUnitAndCountsWithTheFirst) {
   begin("first");
   write("extra.seq", legs);
   const ProgramResult second = ends({"run", "--continue", "first", "--sequence", "extra.seq"}, 0);
-  EXPECT_SAYS(second.out, "2 recordings, one unit");
+  EXPECT_SAYS(second.out, "2 recordings of one unit");
   EXPECT_EQ(file_text(folder_ / "first/truth.conf").substr(0, 200),
             file_text(folder_ / "first/continued/truth.conf").substr(0, 200))
       << "the unit is the one that it was";
@@ -30,7 +30,7 @@ TEST_F(ContinuedRun, IsOfTheSameUnitAndCountsWithTheFirst) {
   EXPECT_EQ(run({"resume", "first"}).code, 0);
   // And it can be continued in its turn.
   const ProgramResult third = ends({"run", "--continue", "first/continued", "--sequence", "extra.seq"}, 0);
-  EXPECT_SAYS(third.out, "3 recordings, one unit");
+  EXPECT_SAYS(third.out, "3 recordings of one unit");
 }
 
 TEST_F(ContinuedRun, IsTheSameAfterAKill) {

@@ -205,7 +205,7 @@ TEST_F(Production, VersionsAreKeptAndOneIsBroughtBack) {
   ASSERT_EQ(dry_run("two", "", {"--rig", write("two.rig", "noise.seed = 2\n")}).code, 0);
   const fs::path store = folder_ / "store/simulated/SN1";
   EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "two/parameters.conf"));
-  expect_refused("restore store --unit SN1", "no such version of unit 'SN1', but simulated ones: --simulated");
+  expect_refused("records restore store --unit SN1", "no such version of unit 'SN1', but simulated ones: --simulated");
   expect_refused({"records", "restore", "store", "--unit", "SN1", "--version", "1"}, "but simulated ones: --simulated");
   expect_refused({"records", "restore", "store", "--unit", "SN7"}, "no such version of unit 'SN7'");
   const ProgramResult list = ends({"records", "restore", "store", "--unit", "SN1", "--simulated"}, 0);
