@@ -24,14 +24,19 @@ namespace {
 namespace fs = std::filesystem;
 constexpr const char* leg_name = "leg.conf";
 
-// Each leg of a dry run has noise and a time of its own: a file without these keys, and they are added.
-Result<std::string> rig_of_leg(const Campaign& campaign, const RunPlan& plan, std::size_t leg,
-                               const std::string& folder) {
+// Each leg of a dry run has noise and a time of its own: the rig's file has no such keys, and they are added.
+Result<std::string> text_of_rig(const Campaign& campaign, const RunPlan& plan) {
   const std::string from = campaign.rig.empty() ? plan.station.rig_file : campaign.rig;
-  const std::string text = from.empty() ? "" : TRY(read_whole_file(from));
-  const KeyValueFile file = text.empty() ? KeyValueFile() : TRY(KeyValueFile::parse(text, from));
+  if (from.empty()) return std::string();
+  const std::string text = TRY(read_whole_file(from));
+  const KeyValueFile file = TRY(KeyValueFile::parse(text, from));
   for (const char* const key : {"noise.seed", "start_utc_s"})
     if (file.has(key)) return file.error_at(key, "no such key: each leg of a campaign has its own");
+  return text;
+}
+
+Result<std::string> write_rig(const std::string& text, const RunPlan& plan, std::size_t leg,
+                              const std::string& folder) {
   const double later_s = 6.0 * 3600.0 * static_cast<double>(leg);
   const std::string path = folder + "/leg.rig";
   TRY(write_file_atomically(path, fmt::format("{}\nnoise.seed = {}\nstart_utc_s = {}\n", text, 1000003 * (leg + 1),
@@ -111,6 +116,7 @@ Result<ThermalOutput> run_campaign(const Campaign& campaign, const RunRequest& a
     plans.push_back(TRY(plan_run(request_of(campaign, leg, asked))));
     TRY(check_sequence(plans.back()));
   }
+  const std::string rig = asked.dry_run ? TRY(text_of_rig(campaign, plans.front())) : "";
   std::error_code error;
   fs::create_directories(out, error);
   if (error) return input_error(out + ": cannot be made: " + error.message());
@@ -124,7 +130,7 @@ Result<ThermalOutput> run_campaign(const Campaign& campaign, const RunRequest& a
     if (begun && is_over(TRY(read_journal(journal))) && path_exists(folder + "/" + parameters_name)) continue;
     if (!begun) TRY(prepare_leg(campaign, plans[k], k, folder));
     RunRequest request = request_of(campaign, campaign.legs[k], asked);
-    if (asked.dry_run) request.rig = TRY(rig_of_leg(campaign, plans[k], k, folder));
+    if (asked.dry_run) request.rig = TRY(write_rig(rig, plans[k], k, folder));
     request.session.brief = !request.session.verbose;
     RunRequest resumed;
     resumed.session = request.session;

@@ -245,7 +245,7 @@ TEST_F(ChamberProgram, ARunAtATemperature) {
   const auto check = run(Arguments("check --explain --station") + Arguments{station});
   EXPECT_SAYS(check.out, "(own), -40 to 85 C, 3 C/min at most, the unit to 60 C");
   // A fault is code 50, and what was recorded is kept.
-  write("door.rig", "fault.1.kind = chamber_door_open\nfault.1.time_s = 500\n");
+  write("door.rig", "fault.1.kind = chamber_door_open\nfault.1.time_s = 800\n");
   const auto door = run(base + "--out door --temperature 30 --rig door.rig");
   EXPECT_EQ(door.code, 50);
   EXPECT_SAYS(door.err, "its door is open");

@@ -128,11 +128,11 @@ TEST_F(CampaignProgram, LegsAreMadeOnceAndTakenTogether) {
   const std::string command = "campaign own.campaign --out all --dry-run --no-diagnosis";
   const ProgramResult first = run(command);
   ASSERT_EQ(first.code, 0) << first.err << first.out;
-  EXPECT_SAYS(first.out, "[dry run] [campaign] leg 1 of 3, 10 C, in all/leg-01; about 0.6 h left");
+  EXPECT_SAYS(first.out, "[dry run] [campaign] leg 1 of 3, 10 C, in all/leg-01; about 0.8 h left");
   EXPECT_EQ(file_text(path("all/leg-02/leg.conf")), "switch_on = 1\n");
   EXPECT_EQ(file_text(path("all/leg-03/leg.conf")), "switch_on = 2\n");
   const auto fitted = entries(file_text(path("all/parameters.conf")));
-  EXPECT_NEAR(std::stod(fitted.at("temperature.N01.1")), 0.01, 5 * std::stod(fitted.at("temperature.N01.1.sigma")));
+  EXPECT_NEAR(std::stod(fitted.at("temperature.N01.1")), 0.01, 5 * std::stod(fitted.at("sigma.temperature.N01.1")));
   EXPECT_GT(std::stod(fitted.at("temperature.N01.1")), 0.005);
   // Again: nothing is measured, the same comes out. What is not there is made, and that alone.
   EXPECT_EQ(run(command).out.find("[campaign]"), std::string::npos);
