@@ -151,8 +151,7 @@ void LinearMotion::effects_on(std::size_t index, Motion& m) {
   const bool rotating = recording_.rotates(block);
   if (rotating) last_rotation_end_s_ = s.time_s + 0.5 * t;
   s.since_rotation_s = rotating ? 1e9 : s.time_s - last_rotation_end_s_;
-  s.temperature_c = std::isnan(block.temperature_c) ? 0.0 : block.temperature_c - effects_.reference_temperature_c;
-  s.temperature_rate_c_per_h = block.temperature_rate_c_per_h;
+  take_temperature(block, effects_.reference_temperature_c, s);
   const Segment& segment = recording_.segments[block.segment];
   const Segment& from = recording_.segments[rotating && block.segment > 0 ? block.segment - 1 : block.segment];
   s.table_rad = 0.5 * rad_per_deg *

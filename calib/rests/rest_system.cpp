@@ -90,8 +90,7 @@ class Builder {
     s.duration_s = block.duration_s;
     s.time_s = recording_.middle_s(block);
     s.since_rotation_s = 1e9;
-    s.temperature_c = std::isnan(block.temperature_c) ? 0.0 : block.temperature_c - effects_.reference_temperature_c;
-    s.temperature_rate_c_per_h = block.temperature_rate_c_per_h;
+    take_temperature(block, effects_.reference_temperature_c, s);
     return s;
   }
 

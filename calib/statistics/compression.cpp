@@ -5,6 +5,7 @@
 #include <cassert>
 #include <cmath>
 
+#include "calib/model/effects.h"
 #include "calib/model/limits.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/clipping.h"
@@ -97,12 +98,10 @@ void fill_temperature(std::vector<Block>& blocks) {
 // dT/dt in the middle of each block: of the quadratic that is nearest to the temperatures of rate_window_s about it (Savitzky and Golay, Anal. Chem.
 // 36 (1964) 1627), at either end of the recording of those of the first and last so many seconds.
 constexpr double rate_window_s = 120.0;
-void add_temperature_rates(std::vector<Block>& blocks, double period_s) {
+void add_temperature_rates(CompressedRecording& recording) {
+  std::vector<Block>& blocks = recording.blocks;
   if (blocks.size() < 3 || std::isnan(blocks.front().temperature_c)) return;
-  const auto middle_s = [&](std::size_t k) {
-    return static_cast<double>(blocks[k].start_sample - blocks.front().start_sample) * period_s +
-           0.5 * blocks[k].duration_s;
-  };
+  const auto middle_s = [&](std::size_t k) { return recording.middle_s(blocks[k]); };
   const double half_s = 0.5 * rate_window_s, last_s = middle_s(blocks.size() - 1);
   std::size_t first = 0, end = 0;
   for (std::size_t k = 0; k < blocks.size(); ++k) {
@@ -123,19 +122,24 @@ void add_temperature_rates(std::vector<Block>& blocks, double period_s) {
 
 }  // namespace
 
+void take_temperature(const Block& block, double reference_c, BlockState& state) {
+  state.temperature_c = std::isnan(block.temperature_c) ? 0.0 : block.temperature_c - reference_c;
+  state.temperature_rate_c_per_h = block.temperature_rate_c_per_h;
+}
+
 Block merge(const Block& a, const Block& b) {
   Block m = a;
   const double total = static_cast<double>(a.samples + b.samples);
+  const auto mean = [&](float of_a, float of_b) {
+    return static_cast<float>((static_cast<double>(of_a) * a.samples + static_cast<double>(of_b) * b.samples) / total);
+  };
   m.samples += b.samples;
   m.missing += b.missing;
   if (std::isnan(a.temperature_c))
     m.temperature_c = b.temperature_c;
   else if (!std::isnan(b.temperature_c))
-    m.temperature_c = static_cast<float>(
-        (static_cast<double>(a.temperature_c) * a.samples + static_cast<double>(b.temperature_c) * b.samples) / total);
-  m.temperature_rate_c_per_h = static_cast<float>((static_cast<double>(a.temperature_rate_c_per_h) * a.samples +
-                                                   static_cast<double>(b.temperature_rate_c_per_h) * b.samples) /
-                                                  total);
+    m.temperature_c = mean(a.temperature_c, b.temperature_c);
+  m.temperature_rate_c_per_h = mean(a.temperature_rate_c_per_h, b.temperature_rate_c_per_h);
   m.gyro_filled += b.gyro_filled;
   m.accel_filled += b.accel_filled;
   m.duration_s += b.duration_s;
@@ -340,7 +344,7 @@ void Compressor::close_block() {
 CompressedRecording Compressor::take() {
   close_block();
   fill_temperature(recording_.blocks);
-  add_temperature_rates(recording_.blocks, recording_.info.sample_period_s);
+  add_temperature_rates(recording_);
   if (temperature_count_ == 0) recording_.info.has_temperature = false;
   recording_.mean_temperature_c = temperature_count_ > 0 ? temperature_total_ / static_cast<double>(temperature_count_)
                                                          : std::numeric_limits<double>::quiet_NaN();

@@ -35,6 +35,8 @@
 
 namespace turncal {
 
+struct BlockState;  // calib/model/effects.h
+
 // A few lost samples filled in between those that came, and how wrong that may be.
 // At rest, with n lost: each is the mean m of the last `memory` samples. The true sum is a whole number of pulses: its variance is f (1 - f),
 // f the fraction of n m, at least 1/6 (rounding at both ends of a noisy count), at most n times the variance of those samples, which it is
@@ -91,6 +93,9 @@ struct Block {
   Eigen::Vector3d coning = Eigen::Vector3d::Zero();
   Eigen::Matrix3d sculling = Eigen::Matrix3d::Zero();
 };
+
+// What regressors see of its temperature: over the reference, and its rate; 0 where it was not measured.
+void take_temperature(const Block& block, double reference_c, BlockState& state);
 
 // The block that two consecutive blocks make together (exact).
 Block merge(const Block& first, const Block& second);

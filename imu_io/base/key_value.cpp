@@ -154,6 +154,10 @@ int KeyValueFile::line_of(std::string_view key) const {
   return entry == nullptr ? 0 : entry->line;
 }
 
+std::string KeyValueFile::beside(const std::string& path) const {
+  return path.starts_with('/') ? path : file_name_.substr(0, file_name_.rfind('/') + 1) + path;  // npos + 1: no folder
+}
+
 std::string KeyValueFile::comment_of(std::string_view key) const {
   const Entry* entry = find(key);
   return entry == nullptr ? "" : entry->comment;

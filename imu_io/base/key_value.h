@@ -49,6 +49,7 @@ class KeyValueFile {
   static Result<KeyValueFile> parse(std::string_view text, std::string file_name);
 
   const std::string& file_name() const { return file_name_; }
+  std::string beside(const std::string& path) const;  // of a file that a key names: relative to the folder of this one
   // From here on `key` stands for `name.key` where the file has that. Empty: no more.
   void set_scope(std::string_view name) { scope_ = name.empty() ? "" : std::string(name) + "."; }
   bool has(std::string_view key) const { return find(key) != nullptr; }

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <filesystem>
 #include <map>
 
 #include "calib/prediction/predict.h"
@@ -21,7 +20,6 @@
 namespace turncal {
 namespace {
 
-namespace fs = std::filesystem;
 constexpr const char* leg_name = "leg.conf";
 
 // Each leg of a dry run has noise and a time of its own: the rig's file has no such keys, and they are added.
@@ -58,9 +56,7 @@ RunRequest request_of(const Campaign& campaign, const CampaignLeg& leg, const Ru
 Status prepare_leg(const Campaign& campaign, const RunPlan& plan, std::size_t number, const std::string& folder) {
   const CampaignLeg& leg = campaign.legs[number];
   if (path_exists(folder + "/" + leg_name)) return {};
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) return device_error(folder + ": cannot be made: " + error.message());
+  TRY(make_folder(folder));
   const std::string conf = fmt::format("switch_on = {}\n", leg.switch_on_number);
   const bool by_hand = leg.switch_on && !plan.request.dry_run && plan.station.hooks.switch_on.empty();
   if (leg.switch_on && !plan.request.dry_run)
@@ -73,18 +69,39 @@ Status prepare_leg(const Campaign& campaign, const RunPlan& plan, std::size_t nu
                            number + 1, campaign.unit)};
 }
 
-double chamber_s(const RunPlan& plan, double from_c, double to_c) {
-  const ChamberConfig& chamber = *plan.station.chamber;
-  return 60.0 * std::abs(to_c - from_c) / chamber.described.limits.ramp_c_per_min + chamber.settle_s;
+// Everything that would stop a later leg is said before the first.
+Result<std::vector<RunPlan>> plan_legs(const Campaign& campaign, const RunRequest& asked) {
+  std::vector<RunPlan> plans;
+  for (const CampaignLeg& leg : campaign.legs) plans.push_back(TRY(plan_run(request_of(campaign, leg, asked))));
+  return plans;
+}
+
+// From the leg before; what the first one begins with is not known.
+double chamber_s(const Campaign& campaign, const std::vector<RunPlan>& plans, std::size_t leg) {
+  const ChamberConfig& chamber = *plans[leg].station.chamber;
+  const double way_c = campaign.legs[leg].temperature_c - campaign.legs[leg > 0 ? leg - 1 : 0].temperature_c;
+  return 60.0 * std::abs(way_c) / chamber.described.limits.ramp_c_per_min + chamber.settle_s;
+}
+
+// A leg that says no more than what its sequence is expected to determine.
+ThermalLeg expected_leg(double temperature_c, const Prediction& prediction) {
+  ThermalLeg leg;
+  leg.temperature_c = temperature_c;
+  std::vector<Eigen::Index> rows;
+  for (std::size_t i = 0; i < prediction.free.size(); ++i) {
+    if (!prediction.determined[static_cast<std::size_t>(prediction.free[i])]) continue;
+    leg.free.push_back(prediction.free[i]);
+    rows.push_back(static_cast<Eigen::Index>(i));
+  }
+  leg.covariance = prediction.covariance(rows, rows);
+  return leg;
 }
 
 }  // namespace
 
 Result<Campaign> read_campaign(const std::string& path) {
   KeyValueFile file = TRY(KeyValueFile::read(path));
-  const auto beside = [&](const std::string& name) {
-    return name.empty() ? name : (fs::path(path).parent_path() / name).string();
-  };
+  const auto beside = [&](const std::string& name) { return name.empty() ? name : file.beside(name); };
   Campaign campaign;
   file.integer("format", 1, 1);
   campaign.unit = file.text("unit");
@@ -110,16 +127,10 @@ Result<Campaign> read_campaign(const std::string& path) {
 
 Result<ThermalOutput> run_campaign(const Campaign& campaign, const RunRequest& asked, const std::string& out,
                                    CommandContext& context) {
-  // What would stop a later leg is said before the first.
-  std::vector<RunPlan> plans;
-  for (const CampaignLeg& leg : campaign.legs) {
-    plans.push_back(TRY(plan_run(request_of(campaign, leg, asked))));
-    TRY(check_sequence(plans.back()));
-  }
+  const std::vector<RunPlan> plans = TRY(plan_legs(campaign, asked));
+  for (const RunPlan& plan : plans) TRY(check_sequence(plan));
   const std::string rig = asked.dry_run ? TRY(text_of_rig(campaign, plans.front())) : "";
-  std::error_code error;
-  fs::create_directories(out, error);
-  if (error) return input_error(out + ": cannot be made: " + error.message());
+  TRY(make_folder(out));
   const LockFile held = TRY(hold_folder(out));
 
   ThermalRequest together;
@@ -128,21 +139,20 @@ Result<ThermalOutput> run_campaign(const Campaign& campaign, const RunRequest& a
     together.legs.push_back(folder);
     const bool begun = path_exists(journal);
     if (begun && is_over(TRY(read_journal(journal))) && path_exists(folder + "/" + parameters_name)) continue;
-    if (!begun) TRY(prepare_leg(campaign, plans[k], k, folder));
-    RunRequest request = request_of(campaign, campaign.legs[k], asked);
-    if (asked.dry_run) request.rig = TRY(write_rig(rig, plans[k], k, folder));
-    request.session.brief = !request.session.verbose;
-    RunRequest resumed;
-    resumed.session = request.session;
+    RunRequest request;
+    if (!begun) {
+      TRY(prepare_leg(campaign, plans[k], k, folder));
+      request = request_of(campaign, campaign.legs[k], asked);
+      if (asked.dry_run) request.rig = TRY(write_rig(rig, plans[k], k, folder));
+    }
+    request.session = asked.session;
+    request.session.brief = !asked.session.verbose;
     double left_s = 0.0;
-    for (std::size_t j = k; j < plans.size(); ++j)
-      left_s +=
-          plans[j].plan.station_s +
-          (j == 0 ? 0.0 : chamber_s(plans[j], campaign.legs[j - 1].temperature_c, campaign.legs[j].temperature_c));
+    for (std::size_t j = k; j < plans.size(); ++j) left_s += chamber_s(campaign, plans, j) + plans[j].plan.station_s;
     context.out << fmt::format("{}[campaign] leg {} of {}, {} C, in {}; about {:.1f} h left\n", tag_of(plans[k]), k + 1,
                                plans.size(), format_number(campaign.legs[k].temperature_c), folder, left_s / 3600.0)
                 << std::flush;
-    const RunEnd end = begun ? resume_run(folder, resumed, context) : begin_run(request, folder, context);
+    const RunEnd end = begun ? resume_run(folder, request, context) : begin_run(request, folder, context);
     if (!end.to_the_end)
       return Error{end.status.error().kind, fmt::format("leg {}: {}", k + 1, end.status.error().message)};
     if (!path_exists(folder + "/" + parameters_name))
@@ -171,30 +181,21 @@ Result<Document> plan_campaign(const Campaign& campaign) {
                cell::number("chamber, min"), cell::number("run, min"), cell::number("ends after, h")}};
   std::map<std::string, Prediction> known;  // by sequence
   std::vector<ThermalLeg> legs;
-  double end_s = 0.0, before_c = campaign.legs.front().temperature_c;
-  for (const CampaignLeg& leg : campaign.legs) {
-    RunRequest request;
-    request.dry_run = true;
-    request = request_of(campaign, leg, request);
-    const RunPlan plan = TRY(plan_run(request));
-    if (!known.contains(leg.sequence)) {
-      const Prediction prediction = predict(unit.info, planned_motion(plan.sequence, plan.plan), options);
-      if (!prediction.valid) return input_error(plan.sequence.name + ": no prediction: " + prediction.message);
-      known.emplace(leg.sequence, prediction);
-    }
-    const Prediction& prediction = known.at(leg.sequence);
-    ThermalLeg expected;
-    expected.temperature_c = leg.temperature_c;
-    for (std::size_t i = 0; i < prediction.free.size(); ++i)
-      if (prediction.determined[static_cast<std::size_t>(prediction.free[i])])
-        expected.free.push_back(static_cast<int>(i));
-    expected.covariance = prediction.covariance(expected.free, expected.free);
-    for (int& key : expected.free) key = prediction.free[static_cast<std::size_t>(key)];
-    legs.push_back(std::move(expected));
-    const double warming_s = chamber_s(plan, before_c, leg.temperature_c), run_s = plan.plan.station_s;
-    before_c = leg.temperature_c;
+  RunRequest request;
+  request.dry_run = true;
+  const std::vector<RunPlan> plans = TRY(plan_legs(campaign, request));
+  double end_s = 0.0;
+  for (std::size_t k = 0; k < plans.size(); ++k) {
+    const CampaignLeg& leg = campaign.legs[k];
+    const RunPlan& plan = plans[k];
+    const auto [prediction, is_new] = known.try_emplace(leg.sequence);
+    if (is_new) prediction->second = predict(unit.info, planned_motion(plan.sequence, plan.plan), options);
+    if (!prediction->second.valid)
+      return input_error(plan.sequence.name + ": no prediction: " + prediction->second.message);
+    legs.push_back(expected_leg(leg.temperature_c, prediction->second));
+    const double warming_s = chamber_s(campaign, plans, k), run_s = plan.plan.station_s;
     end_s += warming_s + run_s;
-    table.row({cell::count(legs.size()), cell::number(format_number(leg.temperature_c)), cell::name(plan.sequence.name),
+    table.row({cell::count(k + 1), cell::number(format_number(leg.temperature_c)), cell::name(plan.sequence.name),
                cell::text(leg.switch_on ? "yes" : ""), cell::fixed(warming_s / 60.0, 0), cell::fixed(run_s / 60.0, 0),
                cell::fixed(end_s / 3600.0, 1)});
   }

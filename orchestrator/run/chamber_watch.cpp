@@ -44,12 +44,17 @@ std::string ChamberWatch::add(const ChamberStatus& now, std::optional<double> un
     unit_c_ = *unit_c;
     unit_since_s_ = now_s;
   }
-  if (std::abs(now.actual_c - target_c_) <= config_.band_c) {
+  const bool in_band = std::abs(now.actual_c - target_c_) <= config_.band_c;
+  if (in_band) {
     if (!in_band_s_) in_band_s_ = now_s;
     out_of_band_s_.reset();
     settled_ = settled_ || now_s - std::max(*in_band_s_, unit_since_s_) >= config_.settle_s - 1e-6;
-    return "";
   }
+  if (!settled_ && now_s > began_s_ + config_.settle_limit_s)
+    return fmt::format("it has not settled at {} C within chamber.settle_limit_s = {}: it reads {} C{}",
+                       format_number(target_c_), format_number(config_.settle_limit_s), format_number(now.actual_c),
+                       in_band && unit_c ? fmt::format(", and the unit {:.1f} C", *unit_c) : "");
+  if (in_band) return "";
   if (!out_of_band_s_) out_of_band_s_ = now_s;
   in_band_s_.reset();
   if (now_s - changed_s_ > dead_s + 180.0 * limits_.grain_c / ramp_c_per_min_)
@@ -57,9 +62,6 @@ std::string ChamberWatch::add(const ChamberStatus& now, std::optional<double> un
                        format_number(now.actual_c), now_s - changed_s_, format_number(target_c_));
   if (settled_ && now_s - *out_of_band_s_ > config_.settle_s)
     return fmt::format("it had settled at {} C and reads {} C", format_number(target_c_), format_number(now.actual_c));
-  if (!settled_ && now_s > began_s_ + config_.settle_limit_s)
-    return fmt::format("it has not settled at {} C within chamber.settle_limit_s = {}: it reads {} C",
-                       format_number(target_c_), format_number(config_.settle_limit_s), format_number(now.actual_c));
   return "";
 }
 

@@ -51,11 +51,6 @@ constexpr NumberRange winding = zero_or(1.0, 1e6);
 constexpr NumberRange fine{1e-6, 1.0};  // deg or deg/s: below it no encoder shows anything
 constexpr NumberRange stillness{1e-9, 100.0};
 
-// A path in the file is relative to the file's folder.
-std::string beside(const KeyValueFile& file, const std::string& path) {
-  return (std::filesystem::path(file.file_name()).parent_path() / path).string();
-}
-
 // `described`: the key of the file that it is from, unless table.address says it. None yet: whoever opens the line says so.
 void check_address(KeyValueFile& file, const std::string& described, const TableLinkSettings& link) {
   const std::string& address = link.address;
@@ -97,9 +92,9 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
     description.simulated = table.simulated;
   };
   if (modbus)
-    take(table.map.emplace(TRY(read_register_map(beside(file, path)))));
+    take(table.map.emplace(TRY(read_register_map(file.beside(path)))));
   else
-    take(table.dialect.emplace(TRY(read_dialect(beside(file, path)))));
+    take(table.dialect.emplace(TRY(read_dialect(file.beside(path)))));
   return {};
 }
 
@@ -108,7 +103,7 @@ Status read_chamber_keys(KeyValueFile& file, StationConfig& station) {
   ChamberConfig& chamber = station.chamber.emplace();
   const std::string path = file.text("chamber.file");
   if (path.empty()) return {};
-  chamber.described = TRY(read_chamber(beside(file, path)));
+  chamber.described = TRY(read_chamber(file.beside(path)));
   KeyTable keys(file);
   std::string address;
   keys.text("chamber.address", address);
@@ -325,9 +320,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   keys.text("table.calibration_due", station.table_calibration_due);
   if (!station.table_calibration_due.empty() && !is_date(station.table_calibration_due))
     file.reject("table.calibration_due", "a day of the calendar, as 2026-12-31");
-  const auto path_of = [&file](const char* key) {
-    return file.has(key) ? beside(file, file.text(key)) : std::string();
-  };
+  const auto path_of = [&file](const char* key) { return file.has(key) ? file.beside(file.text(key)) : std::string(); };
   station.rig_file = path_of("rig.file");
   station.database = path_of("record.database");
   station.outbox = path_of("record.outbox");

@@ -189,9 +189,10 @@ bool says_true(const ChamberEntry& entry, const std::string& word) {
 
 std::vector<std::uint16_t> words_of(const ChamberDescription& chamber, const WriteStep& step) {
   std::vector<std::uint16_t> words;
-  for (const WriteOperand& operand : step.operands)
-    for (const std::uint16_t word : encode_words(operand.constant, operand.type, chamber.layout)->span())
-      words.push_back(word);
+  for (const WriteOperand& operand : step.operands) {
+    const auto encoded = encode_words(operand.constant, operand.type, chamber.layout);
+    words.insert(words.end(), encoded->span().begin(), encoded->span().end());
+  }
   return words;
 }
 

@@ -10,7 +10,6 @@
 #pragma once
 
 #include <array>
-#include <atomic>
 #include <memory>
 #include <optional>
 #include <string>
@@ -106,7 +105,7 @@ class DescribedChamber : public Chamber {
   const StopSignal never_;  // nobody waits for this line but its own thread
   std::unique_ptr<ChamberCodec> codec_;
   TableLine line_;
-  std::atomic<bool> may_be_on_{false};  // told by whoever hands it on
+  bool may_be_on_ = false;  // told to go on, and not read off since
 };
 
 }  // namespace turncal

@@ -192,10 +192,6 @@ Status EffectTerms::of_motion_alone(RecordingSource& source, const ParameterFile
   const auto rate = [&](const Block& b) -> Eigen::Vector3d {
     return sensors.gyro_scale * b.gyro / b.duration_s - sensors.gyro_bias_radps;
   };
-  const auto middle_s = [&](const Block& b) {
-    return static_cast<double>(b.start_sample - blocks.front().start_sample) * recording.info.sample_period_s +
-           0.5 * b.duration_s;
-  };
   EffectRegressors regressors;
   for (std::size_t k = 0; k < blocks.size(); ++k) {
     const Block& block = blocks[k];
@@ -205,15 +201,13 @@ Status EffectTerms::of_motion_alone(RecordingSource& source, const ParameterFile
     s.f_b = sensors.accel_scale * block.accel / block.duration_s - sensors.accel_bias_mps2;
     s.w_b = rate(block);
     s.w_dot_b.setZero();
-    if (&before != &after) s.w_dot_b = (rate(after) - rate(before)) / (middle_s(after) - middle_s(before));
+    if (&before != &after)
+      s.w_dot_b = (rate(after) - rate(before)) / (recording.middle_s(after) - recording.middle_s(before));
     s.C_nb.setIdentity();  // what needs it was refused
     s.duration_s = block.duration_s;
-    s.time_s = middle_s(block);
+    s.time_s = recording.middle_s(block);
     s.since_rotation_s = 1e9;
-    s.temperature_c = std::isnan(block.temperature_c)
-                          ? 0.0
-                          : static_cast<double>(block.temperature_c) - model.reference_temperature_c;
-    s.temperature_rate_c_per_h = block.temperature_rate_c_per_h;
+    take_temperature(block, model.reference_temperature_c, s);
     regressors.gyro.setZero(3, model.columns);
     regressors.accel.setZero(3, model.columns);
     model.regressors(s, regressors);

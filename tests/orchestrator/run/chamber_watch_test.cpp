@@ -54,6 +54,11 @@ TEST(ChamberWatch, WaitsForTheUnitThatFollowsTheAir) {
   // Over the last 100 s it went by no more than the band of 0.5 C: with 200 s of lag it is within 0.8 C of the air.
   EXPECT_GT(unit_c, 39.2);
   EXPECT_LT(unit_c, 39.8);
+  // One that never comes to rest is waited for as long as the air is.
+  Watched drifts;
+  for (s = 0.0; s <= 1000.0; s += 10.0) ASSERT_EQ(drifts.at(s, 40.0, 40.0, true, 20.0 + s / 50.0), "");
+  EXPECT_SAYS(drifts.at(1001.0, 40.0, 40.0, true, 40.0),
+              "it has not settled at 40 C within chamber.settle_limit_s = 1000: it reads 40 C, and the unit 40.0 C");
 }
 
 TEST(ChamberWatch, EachFaultIsSaid) {
