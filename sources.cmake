@@ -26,6 +26,13 @@ function(turncal_compile_rooms target)
   set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
 endfunction()
 
+# Of tests eight files make one: what a file defines for itself has a name that no other test of its folder has.
+function(turncal_compile_tests target)
+  if(TURNCAL_ROOMS)
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
+  endif()
+endfunction()
+
 # Text that is compiled in: embed_text(NAME FILE) makes `const std::string_view NAME` of a file; whoever uses it declares it extern.
 function(embed_text NAME file)
   get_filename_component(path ${file} ABSOLUTE)

@@ -16,6 +16,9 @@
 
 namespace turncal {
 
+inline constexpr double degph = pi / 180.0 / 3600.0;
+inline constexpr double ug = 9.80665e-6;
+
 struct DisturbedMoment {
   double time_s = 0.0;  // middle of the block, from the first sample
   double length_s = 0.0;

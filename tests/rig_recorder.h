@@ -87,6 +87,10 @@ inline void must(const Status& status) {
 inline Sequence must_read_sequence(const std::string& name) {
   return must(read_sequence(std::string(TURNCAL_SOURCE_DIR "/sequences/") + name));
 }
+inline const Sequence& fourteen_steps() {
+  static const Sequence sequence = must_read_sequence("fourteen_step.seq");
+  return sequence;
+}
 #endif
 
 inline Parameters rig_truth(const Rig& rig) {
@@ -183,5 +187,12 @@ inline double nees(const JointResult& r, const Parameters& truth) {
   const Eigen::VectorXd normalised = scale.cwiseProduct(error);
   return normalised.dot(correlation.ldlt().solve(normalised));
 }
+
+// Of 21 parameters; one of a thousand right estimates lies above.
+inline constexpr double chi_square_21_one_in_1000 = 46.8;
+
+// What a navigation unit's biases differ by between two switch-ons.
+inline constexpr double accel_turn_on_g = 20e-6;
+inline constexpr double gyro_turn_on_degph = 0.05;
 
 }  // namespace turncal

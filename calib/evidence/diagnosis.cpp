@@ -89,10 +89,7 @@ void collect_residuals(const CompressedRecording& recording, Diagnosis& d) {
     const Innovation& a = after.innovations[i];
     for (; next < b.block; ++next)
       if (recording.segments[recording.blocks[next].segment].kind == SegmentKind::rotate)
-        rotation_end =
-            static_cast<double>(recording.blocks[next].start_sample - recording.blocks.front().start_sample) *
-                recording.info.sample_period_s +
-            recording.blocks[next].duration_s;
+        rotation_end = recording.middle_s(recording.blocks[next]) + 0.5 * recording.blocks[next].duration_s;
     const Block& block = recording.blocks[b.block];
     d.residuals.push_back({b.block, block.segment, b.time_s, b.normalised, a.normalised, b.free_velocity_mps,
                            a.free_velocity_mps,
@@ -103,13 +100,12 @@ void collect_residuals(const CompressedRecording& recording, Diagnosis& d) {
 
 // No effect is looked for where they are of two units: what `turncal calibrate` writes of them is handed out.
 void say_contradiction(const SeveralRecordings& apart, Diagnosis& d) {
-  d.verdict = Verdict::unexplained;
-  d.trusted = false;
-  d.effect_names.clear();
+  d.base = apart.unit;
+  withdraw(
+      fmt::format("the recordings contradict each other: chi-square {:.1f} of {}", apart.disagreement, apart.degrees),
+      d);
   d.unexplained_pattern = "parameters of the recordings against each other";
-  d.reason =
-      fmt::format("the recordings contradict each other: chi-square {:.1f} of {}", apart.disagreement, apart.degrees);
-  d.base = d.extended = apart.unit;
+  d.effect_names.clear();
   d.fitted_covariance = apart.unit.covariance;
   d.each.turn_ons = apart.turn_ons;
 }
@@ -125,9 +121,14 @@ std::vector<EffectColumn> named_columns(const Evidence& e) {
   }
   return columns;
 }
-bool same(const std::vector<EffectColumn>& a, const std::vector<EffectColumn>& b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](const EffectColumn& x, const EffectColumn& y) { return x.key() == y.key(); });
+
+void withdraw(const std::string& reason, Diagnosis& d) {
+  d.verdict = Verdict::unexplained;
+  d.trusted = false;
+  d.unexplained_pattern = words_of(d.statements);
+  d.reason = reason;
+  d.extended = d.base;
+  d.holdout_after = d.holdout_before;
 }
 
 std::string reason_of(const Statements& s) {
@@ -202,19 +203,16 @@ class Diagnosing {
     if (knocks_of(d_.base) > 1) weigh_without_knocks(evidence);
     JointResult fit = d_.base;
     list_candidates(evidence, 3600.0, d_);
-    std::vector<EffectColumn> named;
-    for (int k = 0; k < most_fits; ++k) {
-      std::vector<EffectColumn> more = named_columns(evidence);
-      if (same(more, named)) break;
-      JointResult again = fit_with(more, d_.base);
-      if (!again.converged || (whole(d_.base) && !whole(again))) break;
-      fit = std::move(again);
-      named = std::move(more);
-      evidence = {};  // one at a time in memory
-      evidence = weigh(fit);
-    }
+    const bool by_name = !fit_by_names(evidence, named_columns, [&](const auto& more) {
+                            JointResult again = fit_with(more, d_.base);
+                            if (!again.converged || (whole(d_.base) && !whole(again))) return false;
+                            fit = std::move(again);
+                            evidence = {};  // one at a time in memory
+                            evidence = weigh(fit);
+                            return true;
+                          }).empty();
     const std::optional<SeveralRecordings> apart = contradiction(recordings_, d_.base);
-    judge(evidence, fit, named);
+    judge(evidence, fit, by_name);
     ask_held_out_data(fit);
     list_names(evidence, d_);
     collect_residuals(recording_, d_);
@@ -230,21 +228,19 @@ class Diagnosing {
 
  private:
   bool not_to_be_judged() {
-    const bool nothing = std::none_of(d_.base.determined.begin(), d_.base.determined.end(), [](bool b) { return b; });
+    const bool nothing = std::ranges::none_of(d_.base.determined, std::identity{});
+    std::string wrong;
+    for (const CompressedRecording* holdout : options_.holdouts)
+      if (wrong.empty()) wrong = wrong_table_units(*holdout);
     if (!d_.base.converged || nothing)
       d_.reason = nothing && d_.base.converged ? "the recording determines none of the parameters"
                                                : "the base model could not be fitted: " + d_.base.message;
-    else if (const std::string wrong = wrong_holdout(); !wrong.empty())
+    else if (!wrong.empty())
       d_.reason = "the holdout: " + wrong;
     else
       return false;
     d_.verdict = Verdict::not_tested;
     return true;
-  }
-  std::string wrong_holdout() const {
-    for (const CompressedRecording* holdout : options_.holdouts)
-      if (std::string wrong = wrong_table_units(*holdout); !wrong.empty()) return wrong;
-    return {};
   }
 
   // Steps at several turns may be what an effect does that shows there alone: it is weighed with them left in.
@@ -290,7 +286,7 @@ class Diagnosing {
     return joint_estimate(recording_, o);
   }
 
-  void judge(const Evidence& e, const JointResult& fit, const std::vector<EffectColumn>& named) {
+  void judge(const Evidence& e, const JointResult& fit, bool by_name) {
     d_.statements = e.statements;
     d_.omnibus = e.omnibus;
     test_innovations(recording_, fit, d_.omnibus);
@@ -301,9 +297,9 @@ class Diagnosing {
       d_.statements.nodes.clear();
       return;
     }
-    const bool missing = e.statements.anything >= said_from;
-    const bool by_name = missing && !named.empty() && same(named, named_columns(e));
-    d_.verdict = !missing ? Verdict::clean : by_name ? Verdict::extended : Verdict::unexplained;
+    d_.verdict = e.statements.anything < said_from ? Verdict::clean
+                 : by_name                         ? Verdict::extended
+                                                   : Verdict::unexplained;
     d_.extended = by_name ? fit : d_.base;
     d_.fitted_covariance = d_.extended.covariance;
     hand_out(e, by_name, fit);
@@ -410,12 +406,7 @@ class Diagnosing {
       return error_beyond_sigmas(*holdout, d_.extended, noise) > GateLimits{}.highest_error;
     };
     if (!d_.trusted || std::none_of(options_.holdouts.begin(), options_.holdouts.end(), too_large)) return;
-    d_.verdict = Verdict::unexplained;
-    d_.trusted = false;
-    d_.unexplained_pattern = words_of(d_.statements);
-    d_.reason = "the error on held-out data is larger than noise and the sigmas explain";
-    d_.extended = d_.base;
-    d_.holdout_after = d_.holdout_before;
+    withdraw("the error on held-out data is larger than noise and the sigmas explain", d_);
   }
 
   // A latitude that is far off goes into the noise, and the gyros' biases stay open; or it is a rate of the earth that is another.

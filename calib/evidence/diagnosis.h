@@ -95,11 +95,11 @@ struct Diagnosis {
 };
 
 // For both kinds of recordings (rest_diagnosis.h).
-inline constexpr int most_fits = 3;  // with names: they hardly change after the second
 // Those that carry what is missing, with their time constants; empty: none do.
 std::vector<EffectColumn> named_columns(const Evidence& evidence);
-bool same(const std::vector<EffectColumn>& a, const std::vector<EffectColumn>& b);
 std::string reason_of(const Statements& statements);
+void withdraw(const std::string& reason,
+              Diagnosis& d);  // what was found: unexplained, and the base model is handed out
 // The scores of all effects beside the base model, by which d.candidates and d.undetectable are filled.
 void list_candidates(const Evidence& of_base, double duration_s, Diagnosis& d);
 // Of d.extended: the names of its effects, and what else each may be.

@@ -1,6 +1,7 @@
 // What a fit of a recording leaves to be explained: terms, their posterior, what is said of them, and what the parameters are then.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
@@ -57,6 +58,19 @@ void conclude(Posterior posterior, const std::vector<EstimatedEffect>& effects, 
 
 // Of a fit without effects: what is missing from it, or what its omnibus finds; empty: nothing.
 std::string what_speaks_against(const CompressedRecording& recording, const JointResult& fit);
+
+// Fits with the names that the evidence has, until it has the same about the fit with them; empty: it never does. `fit` takes names, fits and
+// weighs anew; false: they cannot be fitted.
+template <class Names, class Fit>
+std::vector<EffectColumn> fit_by_names(const Evidence& evidence, Names names_of, Fit fit) {
+  std::vector<EffectColumn> named, more = names_of(evidence);
+  const auto same = [&] { return std::ranges::equal(more, named, {}, &EffectColumn::key, &EffectColumn::key); };
+  for (int k = 0; k < 3 && !same() && fit(more); ++k) {  // they hardly change after the second
+    named = std::move(more);
+    more = names_of(evidence);
+  }
+  return same() ? named : std::vector<EffectColumn>{};
+}
 
 // Of a rest that is compared with all the others, in runs of some hundred of them: one clean run in ten thousand has such a one.
 struct LastRestLimits {

@@ -32,13 +32,9 @@ double probability_of(const Statements& statements, const Statement& node) {
 }
 
 double root_mean_square(const VectorXd& residual, const VectorXd& weights) {
-  double sum = 0.0, count = 0.0;
-  for (Eigen::Index k = 0; k < residual.size(); ++k) {
-    if (std::isnan(residual[k])) continue;
-    sum += std::pow(residual[k] * weights[k], 2);
-    count += 1.0;
-  }
-  return count > 0.0 ? std::sqrt(sum / count) : 0.0;
+  const Eigen::ArrayXd normalised = residual.cwiseProduct(weights);
+  const auto count = static_cast<double>((!normalised.isNaN()).count());
+  return count > 0.0 ? std::sqrt(normalised.isNaN().select(0.0, normalised).square().sum() / count) : 0.0;
 }
 
 class DiagnosingRests {
@@ -56,20 +52,17 @@ class DiagnosingRests {
     RestFit fit = r_.base;
     Evidence evidence = weigh(fit, {});
     list_candidates(evidence, duration_s_, d_);
-    std::vector<EffectColumn> named;
-    for (int k = 0; k < most_fits; ++k) {
-      std::vector<EffectColumn> more = names_of(evidence);
-      if (same(more, named)) break;
+    const std::vector<EffectColumn> named = fit_by_names(evidence, names_of, [&](const auto& more) {
       RestFitOptions options;
       options.start_floors = r_.base.floors;
       std::vector<EstimatedEffect> start;
       for (const EffectColumn& column : more) start.push_back({column, 0.0, 0.0});
       RestFit again = refine_rests(data_, r_.base.parameters, rest_effects(data_, start), options);
-      if (!again.converged) break;
+      if (!again.converged) return false;
       fit = std::move(again);
-      named = std::move(more);
-      evidence = weigh(fit, effects_of(fit, named));
-    }
+      evidence = weigh(fit, effects_of(fit, more));
+      return true;
+    });
     judge(evidence, fit, named);
     ask_held_out_data();
     list_names(evidence, d_);
@@ -116,9 +109,10 @@ class DiagnosingRests {
 
   void judge(const Evidence& e, const RestFit& fit, const std::vector<EffectColumn>& named) {
     d_.statements = e.statements;
-    const bool missing = e.statements.anything >= said_from;
-    const bool by_name = missing && !named.empty() && same(named, names_of(e));
-    d_.verdict = !missing ? Verdict::clean : by_name ? Verdict::extended : Verdict::unexplained;
+    const bool by_name = !named.empty();
+    d_.verdict = e.statements.anything < said_from ? Verdict::clean
+                 : by_name                         ? Verdict::extended
+                                                   : Verdict::unexplained;
     d_.reason = reason_of(e.statements);
     if (by_name) r_.final = fit;
     std::vector<EstimatedEffect> effects = by_name ? effects_of(fit, named) : std::vector<EstimatedEffect>{};
@@ -181,13 +175,8 @@ class DiagnosingRests {
     if (of_one_run || !holdout_gain(d_.holdout_before, d_.holdout_after).contradicted(GateLimits{}.contradiction))
       return;
     for (const EstimatedEffect& effect : effects) d_.gated_out.push_back(effect.column.key());
-    d_.verdict = Verdict::unexplained;
-    d_.trusted = false;
-    d_.unexplained_pattern = words_of(d_.statements);
-    d_.reason = "held-out data speak against what was found";
+    withdraw("held-out data speak against what was found", d_);
     r_.final = r_.base;
-    d_.extended = d_.base;
-    d_.holdout_after = d_.holdout_before;
     r_.held_out_after = r_.held_out_before;
   }
 

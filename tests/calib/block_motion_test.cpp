@@ -13,16 +13,6 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using VectorFunction = std::function<Vector3d(double)>;
 
-constexpr double dt = 0.005;
-
-RecordingInfo pulses_info() {
-  RecordingInfo info;
-  info.sample_period_s = dt;
-  info.gravity_mps2 = 9.7914;
-  info.accel_pulse_mps = 0.0005;
-  return info;
-}
-
 // A unit as wrong as that of Wang (2020): biases, scale factors off by per cents, installation errors of arc-minutes.
 Parameters wrong_unit() {
   Parameters p;
@@ -107,7 +97,7 @@ double angle_between(const Matrix3d& a, const Matrix3d& b) {
   return 0.5 * Vector3d(d(2, 1) - d(1, 2), d(0, 2) - d(2, 0), d(1, 0) - d(0, 1)).norm();
 }
 
-struct Case {
+struct MotionCase {
   const char* name;
   VectorFunction w, f;
   int samples;
@@ -120,10 +110,10 @@ VectorFunction gravity_seen_turning(const Vector3d& axis, const std::function<do
   return [=](double t) -> Vector3d { return Eigen::AngleAxisd(-angle(t), axis) * Vector3d(2.0, 9.4, 1.5); };
 }
 
-std::vector<Case> cases() {
+std::vector<MotionCase> cases() {
   const Vector3d skew_axis = Vector3d(0.6, -0.64, 0.48);
   const double rate = 10.0 * rad_per_deg;
-  std::vector<Case> list;
+  std::vector<MotionCase> list;
   // A static second. What is left: the bias times the first moments, exact; rotation^3.
   list.push_back({"rest", [](double) { return Vector3d(4e-5, 5e-5, 3e-5); },
                   [](double) { return Vector3d(0.3, 9.7, -0.2); }, 200, 1e-12, 1e-12});
@@ -151,7 +141,7 @@ std::vector<Case> cases() {
 
 TEST(Evaluate, IsTheMotionOfManyFineSteps) {
   const SensorModel model = sensor_model(wrong_unit(), pulses_info());
-  for (const Case& c : cases()) {
+  for (const MotionCase& c : cases()) {
     const Block block = one_block(counts(c.w, c.f, c.samples, model));
     const BlockMotion motion = evaluate(block, model, dt);
     const Motion truth = integrate(c.w, c.f, c.samples * dt);
@@ -271,7 +261,7 @@ BlockColumns columns_of(const Block& block, const Parameters& parameters) {
 }
 
 TEST(ParameterColumns, AgreeWithCentralDifferences) {
-  for (const Case& c : cases()) {
+  for (const MotionCase& c : cases()) {
     // Dropped: what a parameter does to the first-order terms inside the third-order one. (The gyro increments of whole
     // coning turns add up to nothing, so there is little to compare with.)
     const double tolerance = std::string(c.name) == "coning"           ? 3e-4
@@ -287,7 +277,7 @@ TEST(ParameterColumns, AgreeWithCentralDifferences) {
 
 // The checker must see a wrong column, or it proves nothing.
 TEST(ParameterColumns, AWrongColumnIsCaught) {
-  const Case turn = cases()[1];
+  const MotionCase turn = cases()[1];
   const Block block = one_block(counts(turn.w, turn.f, turn.samples, sensor_model(wrong_unit(), pulses_info())));
   const BlockColumns good = columns_of(block, wrong_unit());
   for (int k = 0; k < parameter_count; ++k) {

@@ -32,11 +32,6 @@ inline RigConfig paper_unit() {
   return config;
 }
 
-inline const Sequence& fourteen_steps() {
-  static const Sequence sequence = must_read_sequence("fourteen_step.seq");
-  return sequence;
-}
-
 // The fourteen steps at four times the rate with dwells of 15 s (some of 20 s: V1 and V2 over different lengths), 60 s
 // in 13 and 14: for what does not depend on lengths.
 inline Sequence short_steps() {

@@ -7,6 +7,16 @@
 
 namespace turncal {
 
+inline constexpr double dt = 0.005;
+
+inline RecordingInfo pulses_info() {
+  RecordingInfo info;
+  info.sample_period_s = dt;
+  info.gravity_mps2 = 9.7914;
+  info.accel_pulse_mps = 0.0005;
+  return info;
+}
+
 inline CompressedRecording compress(const RecordingInfo& info, const Segments& segments,
                                     std::span<const ImuSample> samples, const CompressionOptions& options = {}) {
   Compressor compressor(info, options);

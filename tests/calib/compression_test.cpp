@@ -16,15 +16,6 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Kind = DataEvent::Kind;
 
-constexpr double dt = 0.005;
-
-RecordingInfo pulses_info() {
-  RecordingInfo info;
-  info.sample_period_s = dt;
-  info.accel_pulse_mps = 0.0005;
-  return info;
-}
-
 // Samples of a unit at rest with one pulse of jitter: 14 gyro and 96 accelerometer pulses on y.
 std::vector<ImuSample> quiet_samples(std::size_t count, unsigned seed = 7) {
   std::mt19937 random(seed);

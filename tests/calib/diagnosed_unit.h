@@ -7,6 +7,13 @@
 
 namespace turncal {
 
+// What is said of it, in a line.
+inline std::string told(const Diagnosis& d) {
+  std::string text = std::string(to_string(d.verdict)) + ": " + d.reason;
+  for (const std::string& name : d.effect_names) text += ", " + name;
+  return text;
+}
+
 struct Made {
   CompressedRecording recording, holdout;
   Parameters truth;

@@ -7,9 +7,6 @@
 namespace turncal {
 namespace {
 
-constexpr double degph = pi / 180.0 / 3600.0;
-constexpr double ug = 9.80665e-6;
-
 // Added to one reading alone.
 template <class Value>
 Disturbance on_gyro(int axis, Value value) {
@@ -45,12 +42,6 @@ Diagnosis diagnose_with(const Made& made, const Disturbance& disturbance) {
     for (CompressedRecording* recording : {&disturbed.recording, &disturbed.holdout})
       disturb(*recording, made.truth, disturbance);
   return diagnose_with_holdout(disturbed);
-}
-
-std::string told(const Diagnosis& d) {
-  std::string text = std::string(to_string(d.verdict)) + ": " + d.reason;
-  for (const std::string& name : d.effect_names) text += ", " + name;
-  return text;
 }
 
 TEST(DiagnosisFaults, SecondOrderTermIsKeptThoughTheUnitWasSwitchedOffAndOn) {

@@ -132,13 +132,13 @@ CompressedRecording read(const std::string& path) {
   return compressor.take();
 }
 
-struct Case {
+struct SharedCase {
   const char* folder;
   Verdict verdict;
   std::vector<std::string> names;  // each found, or in the class of one found
 };
 
-class OtherSimulator : public ::testing::TestWithParam<Case> {};
+class OtherSimulator : public ::testing::TestWithParam<SharedCase> {};
 
 TEST_P(OtherSimulator, IsDiagnosed) {
   const std::string folder = std::string(TURNCAL_SOURCE_DIR "/../shared/data/recordings/") + GetParam().folder;
@@ -158,8 +158,9 @@ TEST_P(OtherSimulator, IsDiagnosed) {
 
 INSTANTIATE_TEST_SUITE_P(
     Recordings, OtherSimulator,
-    ::testing::Values(Case{"clean", Verdict::clean, {}}, Case{"undeclared-1", Verdict::extended, {"accel_delay"}},
-                      Case{"undeclared-2", Verdict::extended, {"accel_second_order", "accel_bias_temperature"}}));
+    ::testing::Values(SharedCase{"clean", Verdict::clean, {}},
+                      SharedCase{"undeclared-1", Verdict::extended, {"accel_delay"}},
+                      SharedCase{"undeclared-2", Verdict::extended, {"accel_second_order", "accel_bias_temperature"}}));
 
 }  // namespace
 }  // namespace turncal

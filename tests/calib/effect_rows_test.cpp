@@ -10,8 +10,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double degph = pi / 180.0 / 3600.0;
-constexpr double ug = 9.80665e-6;
 constexpr double start_c = 24.0, rise_c = 6.0, warm_s = 2400.0;
 
 const RigRecording& base() {

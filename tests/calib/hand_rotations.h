@@ -68,13 +68,13 @@ inline HandData make_hand_data(const HandPlan& plan) {
   const Eigen::Matrix3d a_inverse = data.truth.a.inverse();
   const Eigen::Vector3d gyro_bias = data.truth.N0_degph * radps_per_degph;
   const Eigen::Vector3d accel_bias = data.truth.A0_g * standard_gravity_mps2;
-  const double dt = plan.period_s;
+  const double period_s = plan.period_s;
   Eigen::Matrix3d C_nb = Eigen::Matrix3d::Identity();
   const Eigen::Vector3d up = Eigen::Vector3d::UnitY() * data.info.gravity_mps2;
 
   const auto emit = [&](const Eigen::Vector3d& turn, const Eigen::Vector3d& f) {
     const Eigen::Vector3d w = turn + C_nb.transpose() * earth;
-    const double t = (static_cast<double>(data.samples.size()) + 0.5) * dt;
+    const double t = (static_cast<double>(data.samples.size()) + 0.5) * period_s;
     Eigen::Vector3d extra_w = Eigen::Vector3d::Zero();
     Eigen::Vector3d extra_f = Eigen::Vector3d::Zero();
     if (plan.effect) plan.effect(w, f, t, extra_w, extra_f);
@@ -85,8 +85,8 @@ inline HandData make_hand_data(const HandPlan& plan) {
     ImuSample sample;
     sample.counter = static_cast<std::int64_t>(data.samples.size());
     for (std::size_t k = 0; k < 3; ++k) {
-      sample.gyro[k] = gyro[static_cast<int>(k)] * dt;
-      sample.accel[k] = accel[static_cast<int>(k)] * dt * plan.scale_accel;
+      sample.gyro[k] = gyro[static_cast<int>(k)] * period_s;
+      sample.accel[k] = accel[static_cast<int>(k)] * period_s * plan.scale_accel;
     }
     data.samples.push_back(sample);
   };
@@ -96,14 +96,14 @@ inline HandData make_hand_data(const HandPlan& plan) {
 
   for (int rest = 0; rest < plan.rests; ++rest) {
     auto from = static_cast<std::int64_t>(data.samples.size());
-    for (int k = 0; k < std::lround(plan.rest_s / dt); ++k) emit(Eigen::Vector3d::Zero(), C_nb.transpose() * up);
+    for (int k = 0; k < std::lround(plan.rest_s / period_s); ++k) emit(Eigen::Vector3d::Zero(), C_nb.transpose() * up);
     segment(SegmentKind::still, from);
     if (rest + 1 == plan.rests) break;
     from = static_cast<std::int64_t>(data.samples.size());
     const Eigen::Vector3d any(normal(random), normal(random), normal(random));
     const Eigen::Vector3d axis = (plan.fixed_axis.norm() > 0.0 ? plan.fixed_axis : any).normalized();
     const double angle = 2.0 + 0.8 * uniform(random);
-    const int count = static_cast<int>(std::lround(plan.turn_s / dt));
+    const int count = static_cast<int>(std::lround(plan.turn_s / period_s));
     const auto profile = [&](int k) {  // smooth from 0 to angle
       const double x = static_cast<double>(k) / count;
       return angle * x * x * x * (10.0 - 15.0 * x + 6.0 * x * x);
@@ -112,7 +112,7 @@ inline HandData make_hand_data(const HandPlan& plan) {
     for (int k = 0; k < count; ++k) {
       const double turned = 0.5 * (profile(k) + profile(k + 1));
       C_nb = start * Eigen::AngleAxisd(turned, axis).toRotationMatrix();
-      emit(axis * (profile(k + 1) - profile(k)) / dt, C_nb.transpose() * up);
+      emit(axis * (profile(k + 1) - profile(k)) / period_s, C_nb.transpose() * up);
     }
     C_nb = start * Eigen::AngleAxisd(angle, axis).toRotationMatrix();
     segment(SegmentKind::rotate, from);

@@ -2,15 +2,13 @@
 
 #include "calib/evidence/diagnosis.h"
 #include "calib/joint/several_recordings.h"
+#include "tests/calib/diagnosed_unit.h"
 #include "tests/disturbance.h"
 #include "tests/rig_recorder.h"
 #include "tests/test.h"
 
 namespace turncal {
 namespace {
-
-constexpr double accel_turn_on_g = 20e-6;
-constexpr double gyro_turn_on_degph = 0.05;
 
 AddedReading turn_on(double of) {
   AddedReading added;
@@ -20,12 +18,12 @@ AddedReading turn_on(double of) {
 }
 
 // A unit in two recordings, the second switched on with other biases, and one more for a holdout.
-struct Made {
+struct JoinedUnit {
   CompressedRecording first, second, holdout;
   Parameters truth;
 };
 
-Made make(std::uint64_t seed) {
+JoinedUnit joined_unit(std::uint64_t seed) {
   RigConfig config = default_rig_config();
   config.seed = seed;
   config.noise_seed = 700 + seed;
@@ -39,16 +37,10 @@ Made make(std::uint64_t seed) {
   return {std::move(first.recording), std::move(second.recording), std::move(holdout.recording), first.truth};
 }
 
-Diagnosis diagnose_both(const Made& made, const std::vector<const CompressedRecording*>& holdouts = {}) {
+Diagnosis diagnose_both(const JoinedUnit& made, const std::vector<const CompressedRecording*>& holdouts = {}) {
   DiagnosisOptions options;
   options.holdouts = holdouts;
   return diagnose(join_recordings({&made.first, &made.second}), options);
-}
-
-std::string told(const Diagnosis& d) {
-  std::string text = std::string(to_string(d.verdict)) + ": " + d.reason;
-  for (const std::string& name : d.effect_names) text += ", " + name;
-  return text;
 }
 
 class JoinedRecordingsOf : public testing::TestWithParam<std::uint64_t> {};
@@ -56,7 +48,7 @@ INSTANTIATE_TEST_SUITE_P(Seeds, JoinedRecordingsOf, testing::Values(61, 62));
 
 // Of another turn-on nothing is made but another bias; what is common is known as from twice the data.
 TEST_P(JoinedRecordingsOf, OneUnitAreCleanWhateverTheirTurnOns) {
-  const Made made = make(GetParam());
+  const JoinedUnit made = joined_unit(GetParam());
   const JointResult alone = joint_estimate(made.first);
   const Diagnosis d = diagnose_both(made, {&made.holdout});
   EXPECT_EQ(d.verdict, Verdict::clean) << told(d);
@@ -83,7 +75,7 @@ TEST_P(JoinedRecordingsOf, OneUnitAreCleanWhateverTheirTurnOns) {
 
 // Too little of it for one recording (five sigma there), enough for both.
 TEST_P(JoinedRecordingsOf, OneUnitHaveItsEffectInCommon) {
-  Made made = make(GetParam());
+  JoinedUnit made = joined_unit(GetParam());
   const double K2 = 5e-6 / standard_gravity_mps2;
   const Disturbance second_order = [K2](const DisturbedMoment& m) {
     AddedReading added;
@@ -106,7 +98,7 @@ TEST_P(JoinedRecordingsOf, OneUnitHaveItsEffectInCommon) {
 
 // It is in one recording only, large: the other does not confirm it, and no name is given.
 TEST_P(JoinedRecordingsOf, OneUnitMustAgreeOnAnEffect) {
-  Made made = make(GetParam());
+  JoinedUnit made = joined_unit(GetParam());
   disturb(made.first, made.truth, [](const DisturbedMoment& m) {
     AddedReading added;
     added.accel_mps2.y() = 25e-6 * standard_gravity_mps2 * m.force_g.y() * m.force_g.y();
@@ -121,7 +113,7 @@ TEST_P(JoinedRecordingsOf, OneUnitMustAgreeOnAnEffect) {
 
 // A drift belongs to one run: it is that recording's, and the unit's parameters are as without.
 TEST_P(JoinedRecordingsOf, OneUnitMayDriftInOneOfThem) {
-  Made made = make(GetParam());
+  JoinedUnit made = joined_unit(GetParam());
   disturb(made.second, made.truth, [](const DisturbedMoment& m) {
     AddedReading added;
     added.accel_mps2.x() = 20e-6 * standard_gravity_mps2 * m.time_s / 3600.0;
@@ -145,7 +137,7 @@ TEST_P(JoinedRecordingsOf, OneUnitMayDriftInOneOfThem) {
 
 // At one noise the estimates of two recordings, added up, are what one fit of both finds; each at its own they weigh the recordings better.
 TEST_P(JoinedRecordingsOf, OneUnitAreWhatTheirEstimatesAddUpTo) {
-  const Made made = make(GetParam());
+  const JoinedUnit made = joined_unit(GetParam());
   JointOptions options;
   options.noise = joint_estimate(made.first).noise;
   const JointResult added =
@@ -165,7 +157,7 @@ TEST_P(JoinedRecordingsOf, OneUnitAreWhatTheirEstimatesAddUpTo) {
 
 // An accelerometer that was bent between them, which is no scale factor: they contradict each other, as `combine_recordings` says.
 TEST_P(JoinedRecordingsOf, OneUnitAreTestedAgainstEachOther) {
-  Made made = make(GetParam());
+  JoinedUnit made = joined_unit(GetParam());
   const auto of_estimates = [&](const NoiseModel& noise) {
     JointOptions at;
     at.noise = noise;
@@ -185,8 +177,8 @@ TEST_P(JoinedRecordingsOf, OneUnitAreTestedAgainstEachOther) {
 
 // Nothing is looked for in recordings of two units, and what is handed out is what `combine_recordings` finds.
 TEST(JoinedRecordings, OfTwoUnitsContradictEachOther) {
-  Made made = make(65);
-  made.second = make(66).second;
+  JoinedUnit made = joined_unit(65);
+  made.second = joined_unit(66).second;
   const Diagnosis d = diagnose_both(made);
   EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
   EXPECT_NE(d.reason.find("contradict each other"), std::string::npos) << told(d);
@@ -198,7 +190,7 @@ TEST(JoinedRecordings, OfTwoUnitsContradictEachOther) {
 
 // One recording joined with nothing is that recording.
 TEST(JoinedRecordings, OfOneAreIt) {
-  const Made made = make(64);
+  const JoinedUnit made = joined_unit(64);
   const JoinedRecordings one = join_recordings({&made.first});
   EXPECT_TRUE(one.begins.empty() && one.turn_ons.empty());
   EXPECT_EQ(one.data.blocks.size(), made.first.blocks.size());

@@ -8,9 +8,7 @@
 namespace turncal {
 namespace {
 
-constexpr double chi_square_21_one_in_1000 = 46.8;
-
-RigConfig unit(std::uint64_t seed = 21) {
+RigConfig usual_unit(std::uint64_t seed = 21) {
   RigConfig config = default_rig_config();
   config.seed = seed;
   config.noise_seed = 400 + seed;
@@ -19,18 +17,18 @@ RigConfig unit(std::uint64_t seed = 21) {
 
 RigRecording record(const RigConfig& config) { return record_on_rig(must_read_sequence("fourteen_step.seq"), config); }
 
-const RigRecording& clean() {
-  static const RigRecording made = record(unit());
+const RigRecording& usual_run() {
+  static const RigRecording made = record(usual_unit());
   return made;
 }
 
 const JointResult& clean_estimate() {
-  static const JointResult result = joint_estimate(clean().recording);
+  static const JointResult result = joint_estimate(usual_run().recording);
   return result;
 }
 
 std::size_t third_turn() {
-  const Segments& segments = clean().recording.segments;
+  const Segments& segments = usual_run().recording.segments;
   int turns = 0;
   for (std::size_t k = 0; k < segments.size(); ++k)
     if (segments[k].kind == SegmentKind::rotate && ++turns == 3) return k;
@@ -39,19 +37,19 @@ std::size_t third_turn() {
 
 // 15 ms to 10 s. The sigmas are those of the run with that turn set aside, and those of three samples hardly differ from none.
 TEST(JointConditions, AGapCostsWhatItsTurnKnewAndNoMore) {
-  const Segment turn = clean().recording.segments[third_turn()];
+  const Segment turn = usual_run().recording.segments[third_turn()];
   JointResult without_turn = clean_estimate();
-  const auto& blocks = clean().recording.blocks;
+  const auto& blocks = usual_run().recording.blocks;
   const auto in_turn = std::find_if(blocks.begin(), blocks.end(),
                                     [&](const Block& b) { return b.start_sample >= turn.start_sample + 100; });
   without_turn.setup.breaks = {{static_cast<std::size_t>(in_turn - blocks.begin()), 1.0, 1.0}};
   JointOptions aside;
   aside.faults_of = &without_turn;
   aside.noise = clean_estimate().noise;
-  const ParameterVector expected = joint_estimate(clean().recording, aside).sigma;
+  const ParameterVector expected = joint_estimate(usual_run().recording, aside).sigma;
 
   for (const std::int64_t lost : {3, 20, 60, 300, 2000}) {
-    RigConfig config = unit();
+    RigConfig config = usual_unit();
     const std::int64_t sample = (turn.start_sample + turn.end_sample - lost) / 2;
     config.faults.push_back({.kind = RigFaultKind::lost_sample, .sample = sample, .count = lost});
     const RigRecording made = record(config);
@@ -77,7 +75,7 @@ TEST(JointConditions, AGapCostsWhatItsTurnKnewAndNoMore) {
 // The heading that is given is one to begin the search at, and not even that.
 TEST(JointConditions, AWrongHeadingCostsNothing) {
   for (const double wrong_deg : {0.25, 2.0, -5.0, 90.0, 180.0}) {
-    CompressedRecording recording = clean().recording;
+    CompressedRecording recording = usual_run().recording;
     for (Segment& segment : recording.segments) segment.heading_deg += wrong_deg;
     const JointResult r = joint_estimate(recording);
     ASSERT_TRUE(r.converged) << wrong_deg << ": " << r.message;
@@ -93,7 +91,7 @@ TEST(JointConditions, AWrongHeadingCostsNothing) {
 
 // 20 deg in the first 5 s of the first alignment: the estimate begins where the unit rests.
 TEST(JointConditions, AUnitThatStillTurnsAtFirst) {
-  RigConfig config = unit();
+  RigConfig config = usual_unit();
   config.faults.push_back({.kind = RigFaultKind::table_moved, .axis = 0, .size = 20.0, .rate_degps = 4.0});
   const RigRecording made = record(config);
   const JointResult r = joint_estimate(made.recording);
@@ -106,7 +104,7 @@ TEST(JointConditions, AUnitThatStillTurnsAtFirst) {
 // 0.05 deg/sqrt(h) in pulses. What counts as determined follows from the noise, not from how the increments are written.
 TEST(JointConditions, CoarseGyrosThatCountPulses) {
   for (const std::uint64_t seed : {22, 23}) {
-    RigConfig config = unit(seed);
+    RigConfig config = usual_unit(seed);
     config.noise.gyro_random_walk_deg_per_rt_h = 0.05;
     const RigRecording made = record(config);
     const JointResult r = joint_estimate(made.recording);
@@ -121,7 +119,7 @@ TEST(JointConditions, CoarseGyrosThatCountPulses) {
 TEST(JointConditions, AnInstabilityThatIsNotThereIsNotInvented) {
   int invented = 0;
   for (std::uint64_t seed = 31; seed < 39; ++seed) {
-    RigConfig config = unit(seed);
+    RigConfig config = usual_unit(seed);
     config.noise.gyro_bias_instability_degph = config.noise.accel_bias_instability_ug = 0.0;
     const JointResult r = joint_estimate(record(config).recording);
     invented += r.noise.gyro_bias_instability_radps > 0.0;
@@ -143,7 +141,7 @@ TEST(JointConditions, AnInstabilityThatIsNotSeenIsInTheSigma) {
     EXPECT_GT(widened(r, k), 1.03) << k;
     EXPECT_LT(widened(r, k), 1.25) << k;
   }
-  RigConfig config = unit();
+  RigConfig config = usual_unit();
   config.noise.accel_bias_instability_ug = 5.0;
   config.noise.gyro_bias_instability_degph = 0.05;
   const JointResult seen = joint_estimate(record(config).recording);
@@ -162,7 +160,7 @@ class AnyGrade : public testing::TestWithParam<Grade> {};
 // What a unit of the grade, at the rate and the place can know is determined, its noise measured, and the errors what sigma says.
 TEST_P(AnyGrade, IsEstimatedToItsSigma) {
   const Grade& grade = GetParam();
-  RigConfig config = unit(41);
+  RigConfig config = usual_unit(41);
   config.noise.gyro_random_walk_deg_per_rt_h = grade.arw_deg_prh;
   config.noise.accel_random_walk_ug_per_rt_hz = grade.vrw_ug_prhz;
   config.noise.gyro_bias_instability_degph = config.noise.accel_bias_instability_ug = 0.0;
@@ -237,7 +235,7 @@ CompressedRecording seen_from(const CompressedRecording& recording, const Eigen:
 
 TEST(JointConditions, AUnitMountedAnotherWayIsSeenAndCalibrated) {
   const Eigen::Matrix3d about_up = Eigen::AngleAxisd(pi / 2.0, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  const JointResult r = joint_estimate(seen_from(clean().recording, about_up));
+  const JointResult r = joint_estimate(seen_from(usual_run().recording, about_up));
   EXPECT_EQ(r.start.mounting_text, "turned by 90 deg about up");
   ASSERT_TRUE(r.converged) << r.message;
   EXPECT_TRUE(r.whiteness.white);
@@ -270,9 +268,10 @@ TEST(JointConditions, GyrosThatReadAnotherAxisAreSaid) {
     const char* said;
   };
   for (const Case& c :
-       {Case{clean(), one, "the rate about z is what gyro z reads, reversed"},
-        {clean(), -Eigen::Matrix3d::Identity(), "the rate about x is what gyro x reads, reversed, the rate about y"},
-        {clean(), exchanged, "the rate about x is what gyro y reads, the rate about y is what gyro x reads"},
+       {Case{usual_run(), one, "the rate about z is what gyro z reads, reversed"},
+        {usual_run(), -Eigen::Matrix3d::Identity(),
+         "the rate about x is what gyro x reads, reversed, the rate about y"},
+        {usual_run(), exchanged, "the rate about x is what gyro y reads, the rate about y is what gyro x reads"},
         {short_one, exchanged, "the rate about x is what gyro y reads"},
         {short_one, cyclic, "the rate about x is what gyro z reads"},
         {short_one, two, "the rate about x is what gyro x reads, reversed"}}) {
@@ -283,7 +282,7 @@ TEST(JointConditions, GyrosThatReadAnotherAxisAreSaid) {
 }
 
 TEST(JointConditions, GravityWithTheWrongSignIsRefused) {
-  CompressedRecording recording = clean().recording;
+  CompressedRecording recording = usual_run().recording;
   for (Block& b : recording.blocks) {
     b.accel = -b.accel;
     b.accel_time = -b.accel_time;
@@ -298,7 +297,7 @@ TEST(JointConditions, GravityWithTheWrongSignIsRefused) {
 // the quantisation counts as random walk: the sigmas come out too large.
 TEST(JointConditions, ACounterOfAnotherWeightIsSeenByTheTurns) {
   for (const double weight : {2.0, 4.0}) {
-    RigConfig config = unit(106);
+    RigConfig config = usual_unit(106);
     config.noise_seed = 900006;
     config.gyro_pulse_arcsec = weight;
     const RigRecording made = record(config);

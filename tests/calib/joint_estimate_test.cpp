@@ -9,11 +9,6 @@
 namespace turncal {
 namespace {
 
-const Sequence& fourteen_steps() {
-  static const Sequence sequence = must_read_sequence("fourteen_step.seq");
-  return sequence;
-}
-
 RigRecording run_of(std::uint64_t seed) {
   RigConfig config = default_rig_config();
   config.seed = 5000 + seed;

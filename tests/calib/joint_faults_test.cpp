@@ -7,23 +7,16 @@
 namespace turncal {
 namespace {
 
-constexpr double chi_square_21_one_in_1000 = 46.8;
-
-RigConfig unit() {
+RigConfig eleventh_unit() {
   RigConfig config = default_rig_config();
   config.seed = 11;
   config.noise_seed = 311;
   return config;
 }
 
-const Sequence& fourteen_steps() {
-  static const Sequence sequence = must_read_sequence("fourteen_step.seq");
-  return sequence;
-}
-
 // The middle of the n-th segment of a kind.
 std::int64_t middle_of(SegmentKind kind, int n) {
-  static const RigRecording clean = record_on_rig(fourteen_steps(), unit());
+  static const RigRecording clean = record_on_rig(fourteen_steps(), eleventh_unit());
   for (const Segment& s : clean.recording.segments)
     if (s.kind == kind && n-- == 0) return (s.start_sample + s.end_sample) / 2;
   ADD_FAILURE() << "no such segment";
@@ -50,7 +43,7 @@ TEST_P(BadData, IsFoundNamedAndCostsNothing) {
   const Bad& bad = GetParam();
   for (const int which : {6, 17, 31}) {
     const std::int64_t sample = middle_of(bad.where, which);
-    RigConfig config = unit();
+    RigConfig config = eleventh_unit();
     config.faults.push_back(fault(bad.kind, sample, bad.size, bad.axis, bad.hidden));
     const RigRecording made = record_on_rig(fourteen_steps(), config);
     const JointResult r = joint_estimate(made.recording);
@@ -135,7 +128,7 @@ TEST(BadDataNone, ClippedTurnsAreNamedAndSetAside) {
       for (ImuSample& sample : samples)
         for (const std::size_t axis : axes) sample.gyro[axis] = std::clamp(sample.gyro[axis], -limit, limit);
     };
-    const RigRecording made = record_on_rig(fourteen_steps(), unit(), options);
+    const RigRecording made = record_on_rig(fourteen_steps(), eleventh_unit(), options);
     const JointResult r = joint_estimate(made.recording);
     ASSERT_TRUE(r.converged) << r.message;
     EXPECT_GT(r.faults.size(), 10u);
@@ -166,7 +159,8 @@ TEST(BadDataNone, EveryTurnThatClipsIsSetAside) {
           clipped.push_back(sample.counter);
         }
     };
-    const CompressedRecording made = record_on_rig(must_read_sequence("holdout.seq"), unit(), options).recording;
+    const CompressedRecording made =
+        record_on_rig(must_read_sequence("holdout.seq"), eleventh_unit(), options).recording;
     const std::vector<DataEvent> events = clipped_turns(made);
     for (const DataEvent& event : events) EXPECT_EQ(event.axis, static_cast<int>(axis)) << event.sample;
     for (const Segment& s : made.segments) {
@@ -185,7 +179,7 @@ TEST(BadDataNone, EveryTurnThatClipsIsSetAside) {
 TEST(BadDataNone, ALossAtRestWithoutCounterIsHarmless) {
   for (const int which : {6, 17, 31}) {
     const std::int64_t sample = middle_of(SegmentKind::still, which);
-    RigConfig config = unit();
+    RigConfig config = eleventh_unit();
     config.faults.push_back(fault(RigFaultKind::lost_sample, sample, 0.0, 0, true));
     const RigRecording made = record_on_rig(fourteen_steps(), config);
     const JointResult r = joint_estimate(made.recording);

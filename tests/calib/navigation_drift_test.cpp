@@ -3,6 +3,7 @@
 #include "calib/navigation/alignment.h"
 #include "calib/navigation/free_navigation.h"
 #include "calib/navigation/mechanisation.h"
+#include "tests/calib/compress.h"
 #include "tests/test.h"
 
 namespace turncal {
@@ -11,7 +12,6 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double dt = 0.005;
 constexpr int samples_per_interval = 20;
 
 struct Phase {  // a rest when the rate is zero
@@ -27,8 +27,9 @@ struct Samples {
   std::vector<char> at_rest;
   Quaterniond q_nb;  // at the end
 };
-Samples samples_of(const Quaterniond& start_q_nb, const std::vector<Phase>& phases, const DriftCovariance::Site& site) {
-  const Vector3d earth = earth_rate_n(site.latitude_rad / rad_per_deg);
+Samples samples_of(const Quaterniond& start_q_nb, const std::vector<Phase>& phases,
+                   const DriftCovariance::Site& drift_site) {
+  const Vector3d earth = earth_rate_n(drift_site.latitude_rad / rad_per_deg);
   Samples samples;
   Quaterniond q = start_q_nb;
   const auto angle_axis = [](const Vector3d& v) {
@@ -43,7 +44,7 @@ Samples samples_of(const Quaterniond& start_q_nb, const std::vector<Phase>& phas
       return angle_axis(earth * t_of_sample) * begun * angle_axis(phase.axis_b * phase.rate_radps * t_of_phase);
     };
     const auto force = [&](double t_of_phase, double t_of_sample) {  // in body axes
-      const Vector3d up = angle_axis(earth * t_of_sample) * Vector3d(0.0, site.gravity_mps2, 0.0);
+      const Vector3d up = angle_axis(earth * t_of_sample) * Vector3d(0.0, drift_site.gravity_mps2, 0.0);
       return Vector3d(attitude(t_of_phase, t_of_sample).conjugate() * up);
     };
     for (long k = 0; k < n; ++k) {
@@ -84,7 +85,7 @@ NoiseModel some_noise() {
   return noise;
 }
 
-constexpr DriftCovariance::Site site{-38.0 * rad_per_deg, 9.8003};
+constexpr DriftCovariance::Site drift_site{-38.0 * rad_per_deg, 9.8003};
 
 // Rest, a turn while aligning, rest; a turn of the navigation and an hour less a bit.
 std::vector<Phase> walk(double rest_s) {
@@ -103,7 +104,7 @@ struct Result7 {
 Eigen::Matrix<double, 7, 1> error_of(const NavigationState& s, const Quaterniond& true_q_nb) {
   Quaterniond off = true_q_nb * s.q_nb.conjugate();  // C_true = Exp(phi) C
   if (off.w() < 0.0) off.coeffs() = -off.coeffs();
-  const Eigen::Vector2d moved = displacement_m(s, site.latitude_rad, 0.0);
+  const Eigen::Vector2d moved = displacement_m(s, drift_site.latitude_rad, 0.0);
   Eigen::Matrix<double, 7, 1> x;
   x << 2.0 * off.vec(), s.velocity_n_mps[0], s.velocity_n_mps[2], moved;
   return x;
@@ -111,9 +112,9 @@ Eigen::Matrix<double, 7, 1> error_of(const NavigationState& s, const Quaterniond
 Result7 navigate(const std::vector<MotionInterval>& intervals, const Quaterniond& true_end_q_nb,
                  const NoiseModel& noise, const std::optional<CountsModel>& counts) {
   Result<Alignment> alignment =
-      align(std::span(intervals).first(align_intervals), site, DriftCovariance(site, noise, counts));
+      align(std::span(intervals).first(align_intervals), drift_site, DriftCovariance(drift_site, noise, counts));
   EXPECT_TRUE(alignment.ok());
-  Navigator navigator(alignment->state, site.gravity_mps2, true);
+  Navigator navigator(alignment->state, drift_site.gravity_mps2, true);
   for (std::size_t k = align_intervals; k < intervals.size(); ++k) {
     const Quaterniond before = navigator.state().q_nb;
     navigator.advance(intervals[k]);
@@ -126,9 +127,9 @@ TEST(NavigationAlignment, ExactWithoutNoiseThroughATurn) {
   for (const Vector3d& degrees :
        {Vector3d(0.0, 0.0, 0.0), Vector3d(200.0, 60.0, 170.0), Vector3d(-75.0, -89.9, 20.0)}) {
     const Vector3d r = degrees * rad_per_deg;
-    const Samples samples = samples_of(Quaterniond(attitude_from_angles(r[0], r[1], r[2])), walk(1.0), site);
+    const Samples samples = samples_of(Quaterniond(attitude_from_angles(r[0], r[1], r[2])), walk(1.0), drift_site);
     const std::vector<MotionInterval> intervals = integrated(samples, ideal());
-    const Quaterniond coarse = coarse_alignment(std::span(intervals).first(align_intervals), site);
+    const Quaterniond coarse = coarse_alignment(std::span(intervals).first(align_intervals), drift_site);
     EXPECT_LT(coarse.angularDistance(Quaterniond(attitude_from_angles(r[0], r[1], r[2]))), 1e-5);
     const Result7 end = navigate(intervals, samples.q_nb, some_noise(), {});
     EXPECT_LT(end.x.head<3>().norm(), 2e-6) << degrees.transpose();
@@ -137,10 +138,10 @@ TEST(NavigationAlignment, ExactWithoutNoiseThroughATurn) {
 }
 
 TEST(NavigationAlignment, RefusesWhatCannotBeAligned) {
-  const DriftCovariance drift(site, some_noise(), {});
+  const DriftCovariance drift(drift_site, some_noise(), {});
   const std::vector<MotionInterval> turning =
-      integrated(samples_of(Quaterniond::Identity(), {{5.0}, {30.0, Vector3d::UnitY(), 0.1}}, site), ideal());
-  EXPECT_ERROR(align(turning, site, drift), "alignment: 5 s at rest, expected at least 20 s");
+      integrated(samples_of(Quaterniond::Identity(), {{5.0}, {30.0, Vector3d::UnitY(), 0.1}}, drift_site), ideal());
+  EXPECT_ERROR(align(turning, drift_site, drift), "alignment: 5 s at rest, expected at least 20 s");
   EXPECT_FALSE(align(turning, {86.0 * rad_per_deg, 9.83}, drift).ok());
 }
 
@@ -148,7 +149,7 @@ TEST(NavigationAlignment, RefusesWhatCannotBeAligned) {
 // another turn, free navigation.
 class NavigationSensitivity : public testing::TestWithParam<double> {};
 TEST_P(NavigationSensitivity, AgreesWithTheDifferenceOfTwoNavigations) {
-  const Samples samples = samples_of(Quaterniond(attitude_from_angles(1.0, 0.4, -0.3)), walk(GetParam()), site);
+  const Samples samples = samples_of(Quaterniond(attitude_from_angles(1.0, 0.4, -0.3)), walk(GetParam()), drift_site);
   const NoiseModel noise = some_noise();
   RecordingInfo info;
   info.gyro_increment = info.accel_increment = IncrementKind::physical;
@@ -175,7 +176,7 @@ INSTANTIATE_TEST_SUITE_P(Rest, NavigationSensitivity, testing::Values(60.0, 1500
 TEST(NavigationDrift, NoiseCovarianceIsConsistent) {
   const Quaterniond start(attitude_from_angles(2.0, 0.1, 0.2));
   const std::vector<Phase> rest = {{150.0}, {1800.0}};
-  const Samples samples = samples_of(start, rest, site);
+  const Samples samples = samples_of(start, rest, drift_site);
   const std::vector<MotionInterval> quiet = integrated(samples, ideal());
   NoiseModel noise = some_noise();
   noise.angle_random_walk.setConstant(1.2e-6);
@@ -239,7 +240,7 @@ TEST(NavigationDrift, SamplesThatWereFilledInShow) {
 
 TEST(NavigationDrift, ExpectedAtRestIsThatOfARecordingAtRest) {
   FreeNavigationSetup setup;
-  setup.site = site;
+  setup.site = drift_site;
   setup.noise = some_noise();
   RecordingInfo info;
   info.gyro_increment = info.accel_increment = IncrementKind::physical;
@@ -247,7 +248,7 @@ TEST(NavigationDrift, ExpectedAtRestIsThatOfARecordingAtRest) {
   setup.parameter_covariance.diagonal().head<3>().setConstant(4e-6);
   setup.parameter_covariance.diagonal().segment<3>(3).setConstant(1e-12);
   setup.align_s = 100.0;
-  const Samples samples = samples_of(Quaterniond(attitude_from_angles(0.5, 0.0, 0.0)), {{1300.0}}, site);
+  const Samples samples = samples_of(Quaterniond(attitude_from_angles(0.5, 0.0, 0.0)), {{1300.0}}, drift_site);
   const std::vector<MotionInterval> intervals = integrated(samples, ideal());
   const Result<FreeNavigation> navigated = good(navigate_freely(intervals, setup));
   const ExpectedDrift expected = expected_drift(setup, 0.5, 1200.0, 300.0);

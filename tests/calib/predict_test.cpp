@@ -18,7 +18,7 @@ namespace {
 
 const std::string clean_folder = TURNCAL_SOURCE_DIR "/../shared/data/recordings/clean";
 
-PlannedMotion plan_of(const Sequence& sequence) {
+PlannedMotion motion_of(const Sequence& sequence) {
   PlanLimits limits;
   limits.settle_s = 0.5;
   return planned_motion(sequence, make_plan(sequence, limits));
@@ -30,7 +30,7 @@ RecordingInfo rig_info() {
 }
 
 Prediction predict_rig(const Sequence& sequence, PredictOptions options = {}) {
-  return predict(rig_info(), plan_of(sequence), options);
+  return predict(rig_info(), motion_of(sequence), options);
 }
 
 // Steps `first` to `last` of the method.
@@ -149,13 +149,13 @@ TEST(Predict, SigmaGoesWithTheNoise) {
   RecordingInfo info = rig_info();
   info.accel_increment = IncrementKind::physical;  // no quantisation: every noise can be doubled
   PredictOptions options;
-  const Prediction once = predict(info, plan_of(sequence), options);
+  const Prediction once = predict(info, motion_of(sequence), options);
   options.noise.angle_random_walk *= 2.0;
   options.noise.velocity_random_walk *= 2.0;
-  const Prediction twice = predict(info, plan_of(sequence), options);
+  const Prediction twice = predict(info, motion_of(sequence), options);
   for (const int k : once.free) EXPECT_NEAR(twice.sigma[k] / once.sigma[k], 2.0, 0.01) << k;
   options.noise.gyro_bias_instability_radps = 0.01 * radps_per_degph;
-  const Prediction wandering = predict(info, plan_of(sequence), options);
+  const Prediction wandering = predict(info, motion_of(sequence), options);
   EXPECT_GT(wandering.sigma[0], 1.05 * twice.sigma[0]);
 }
 
@@ -199,7 +199,8 @@ TEST(Predict, ASigmaThatIsPrintedHoldsWhateverTheUndeterminedIs) {
     options.start = unit;
     options.noise = noise_of_rig();
     options.look_for_faults = false;
-    const JointResult r = joint_estimate(planned_recording(info, plan_of(steps_of_the_method(1, last)), unit), options);
+    const JointResult r =
+        joint_estimate(planned_recording(info, motion_of(steps_of_the_method(1, last)), unit), options);
     // The same information with nothing known beforehand but the plausible ranges.
     const Eigen::VectorXd ranges = r.ranges(r.free);
     Eigen::MatrixXd A = r.last.information(r.free, r.free);

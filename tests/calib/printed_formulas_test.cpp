@@ -14,7 +14,7 @@ constexpr double tau_s = 0.005;
 constexpr double earth_radius_m = 6378137.0;
 
 // After how many passes a formula has found the truth (0: not even after ten).
-struct Verdict {
+struct Passes {
   int alone;  // every other parameter true and left alone: the formula on its own
   int whole;  // in its place among the derived ones, from start_parameters(), table 3 arc-minutes off
 };
@@ -25,7 +25,7 @@ struct Printed {
   std::vector<std::string> keys;  // what it determines
   // From the parameters before the step to those after it; only `keys` are taken from it.
   std::function<void(const StepMeasurement&, Parameters&)> apply;
-  Verdict verdict;
+  Passes verdict;
 };
 
 // The formulas as they stand there, with V1, V2 for its eastward velocities and T for T100.

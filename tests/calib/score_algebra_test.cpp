@@ -28,7 +28,7 @@ struct Regression {
   Eigen::VectorXd gradient() const { return -X.transpose() * y; }
 };
 
-Regression make(unsigned seed) {
+Regression regression_of(unsigned seed) {
   std::mt19937 generator(seed);
   std::normal_distribution<double> normal;
   Regression r;
@@ -42,7 +42,7 @@ Regression make(unsigned seed) {
 }
 
 TEST(Scores, OneCandidateAloneIsItsLeastSquaresValue) {
-  const Regression r = make(1);
+  const Regression r = regression_of(1);
   const Scores s = eliminate(r.information(), r.gradient(), {0, 1, 2}, {3, 4, 5, 6});
   for (int k = 0; k < 4; ++k) {
     Eigen::MatrixXd X(200, 4);
@@ -55,7 +55,7 @@ TEST(Scores, OneCandidateAloneIsItsLeastSquaresValue) {
 }
 
 TEST(Scores, TwinsImitateEachOther) {
-  Regression r = make(3);
+  Regression r = regression_of(3);
   r.X.col(6) = r.X.col(5);
   const Scores s = eliminate(r.information(), r.gradient(), {0, 1, 2}, {3, 4, 5, 6});
   EXPECT_NEAR(multiple_correlation(s, 2, {3}), 1.0, 1e-9);
@@ -63,7 +63,7 @@ TEST(Scores, TwinsImitateEachOther) {
 }
 
 TEST(Scores, CandidateInsideTheBaseKeepsNothing) {
-  Regression r = make(4);
+  Regression r = regression_of(4);
   r.X.col(3) = r.X.col(0) - 3.0 * r.X.col(2);
   const Scores s = eliminate(r.information(), r.gradient(), {0, 1, 2}, {3, 4});
   EXPECT_LT(s.kept[0], 1e-9);

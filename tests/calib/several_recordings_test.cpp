@@ -7,10 +7,6 @@
 namespace turncal {
 namespace {
 
-constexpr double chi_square_21_one_in_1000 = 46.8;
-constexpr double accel_turn_on_g = 20e-6;
-constexpr double gyro_turn_on_degph = 0.05;
-
 RigConfig quiet() {
   RigConfig config = default_rig_config();
   config.seed = 77;

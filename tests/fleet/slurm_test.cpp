@@ -8,14 +8,14 @@
 namespace turncal {
 namespace {
 
-constexpr int units = 8;
+constexpr int slurm_units = 8;
 
 class OnSlurm : public Program {
  protected:
   static void SetUpTestSuite() {
     if (!control_) return;
     archive_ = "/tmp/turncal_slurm_archive_" + std::to_string(::getpid());
-    for (int k = 1; k <= units; ++k) {
+    for (int k = 1; k <= slurm_units; ++k) {
       const std::string command = std::string(TURNCAL_BINARY) + " run --dry-run --quiet --no-diagnosis --sequence " +
                                   TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq --unit SN" + std::to_string(k) +
                                   " --out " + archive_ + "/SN" + std::to_string(k) + " > /dev/null";
@@ -52,10 +52,10 @@ class OnSlurm : public Program {
       const std::string text = file_text(entry.path() / "parameters.conf");
       serials.insert(text.substr(text.find("unit_serial"), 20));
     }
-    EXPECT_EQ(folders, units);
-    EXPECT_EQ(serials.size(), static_cast<std::size_t>(units));
+    EXPECT_EQ(folders, slurm_units);
+    EXPECT_EQ(serials.size(), static_cast<std::size_t>(slurm_units));
     const std::string table = file_text(path(store) + "/v/recordings.csv");
-    EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 1 + units + 1) << table;
+    EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 1 + slurm_units + 1) << table;
     EXPECT_SAYS(table, "\nunreadable," + archive_ + "/broken.tcr,");
     EXPECT_TRUE(std::filesystem::is_empty(path(store) + "/.jobs"));
   }

@@ -10,7 +10,7 @@
 namespace turncal {
 namespace {
 
-ParameterFile make_file() {
+ParameterFile forms_file() {
   ParameterFile file = test::make_parameter_file();
   for (int i = 0; i < parameter_count; ++i) file.parameters[i] += 1e-7 / (i + 3);
   file.add_further("quality.trusted", "false");
@@ -19,7 +19,7 @@ ParameterFile make_file() {
 
 // Read as docs/parameter-forms.md has it.
 TEST(ParameterForms, TheBlockIsAsDocumented) {
-  const ParameterFile file = make_file();
+  const ParameterFile file = forms_file();
   const std::string block = format_parameter_block(file);
   ASSERT_TRUE(block.starts_with(std::string_view("TCPB\1\0\0\0\1\1\0\0", 12)))
       << "pulses, neither simulated nor trusted";
@@ -46,7 +46,7 @@ TEST(ParameterForms, TheBlockIsAsDocumented) {
 TEST(ParameterForms, ACProgramReadsTheHeader) {
   if (std::system("cc --version > /dev/null 2>&1") != 0) GTEST_SKIP() << "no C compiler";
   const TemporaryFolder folder;
-  const ParameterFile file = make_file();
+  const ParameterFile file = forms_file();
   std::ofstream(folder / "calibration.h") << format_parameter_header(file);
   std::ofstream(folder / "main.c")
       << "#include <stdio.h>\n#include \"calibration.h\"\n#include \"calibration.h\"\nint main(void) {\n"
@@ -67,14 +67,14 @@ TEST(ParameterForms, ACProgramReadsTheHeader) {
 
 // A serial number with all that a quote could trip over stays what it is.
 TEST(ParameterForms, TextsAreNotAltered) {
-  ParameterFile file = make_file();
+  ParameterFile file = forms_file();
   file.unit_serial = "it's \"7\\8\"?\?/";
   EXPECT_SAYS(format_parameter_yaml(file), "\nunit_serial: 'it''s \"7\\8\"?\?/'\n");
   EXPECT_SAYS(format_parameter_header(file), "= \"it's \\0427\\1348\\042\\077\\077/\";");
 }
 
 TEST(ParameterForms, YamlHasEveryParameter) {
-  const ParameterFile file = make_file();
+  const ParameterFile file = forms_file();
   const std::string yaml = format_parameter_yaml(file);
   for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
     const std::string key = "\n  " + std::string(parameter_keys[k]) + ": ";

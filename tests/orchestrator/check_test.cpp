@@ -7,8 +7,8 @@
 namespace turncal {
 namespace {
 
-const std::string source = TURNCAL_SOURCE_DIR;
-const std::string station_text = station_head + "station.name = test\nmotion.settle_s = 0.5\n";
+const std::string tree = TURNCAL_SOURCE_DIR;
+const std::string check_station = station_head + "station.name = test\nmotion.settle_s = 0.5\n";
 const std::string sequence_text =
     "format = 1\nname = test\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1 \"one turn\"\n  determines n11\n"
     "  initial H 0 P 0 R 0\n  align 12000\n  rotate R +360\n  dwell 20000\n"
@@ -46,7 +46,7 @@ bool has_line(const std::string& text, const std::string& wanted) {
 
 TEST_F(Check, EachViolationIsOneLineAndThePlanIsStillPrinted) {
   const std::string limits = "axis.roll.soft_max_deg = 180\naxis.roll.wrap_deg = 0\naxis.roll.max_rate_degps = 5\n";
-  const std::string station = write("my.station", station_text + limits);
+  const std::string station = write("my.station", check_station + limits);
   const std::string sequence = write("my.seq", sequence_text);
   const Outcome outcome = check(station, sequence);
   EXPECT_EQ(outcome.code, 1);
@@ -62,11 +62,11 @@ TEST_F(Check, EachViolationIsOneLineAndThePlanIsStillPrinted) {
 
 // The last lines tell what stands against a run, whatever scrolled by above them.
 TEST_F(Check, WhatCannotRunYetIsNotCalledRunnable) {
-  std::string map = file_text(source + "/orchestrator/stations/twin.map");
+  std::string map = file_text(tree + "/orchestrator/stations/twin.map");
   map.replace(map.find("commissioned = true"), 19, "commissioned = false");
   map.insert(map.find("\n", map.find("write.stop =")), " # [guess]");
   const std::string file = write("my.map", map);
-  std::string text = station_text;
+  std::string text = check_station;
   text.replace(text.find("table.driver = mock"), 19,
                "table.driver = modbus\ntable.address = SET-ME:502\ntable.map = " + file);
   const Outcome outcome = check(write("my.station", text), write("my.seq", sequence_text));
@@ -89,19 +89,19 @@ TEST_F(Check, WhatCannotRunYetIsNotCalledRunnable) {
 
 // As a run does; what needs --partial is not verified behind it.
 TEST_F(Check, PlansTheNorthSeekingBehindTheCalibration) {
-  const std::string sequence = source + "/sequences/two_axes.seq";
+  const std::string sequence = tree + "/sequences/two_axes.seq";
   const std::string narrow = "axis.heading.soft_min_deg = -190\naxis.heading.soft_max_deg = 190\n";
-  EXPECT_EQ(check(write("plain.station", station_text + narrow), sequence).code, 0);
-  const Outcome outcome = check(write("my.station", station_text + narrow + "verify.run = true\n"), sequence);
+  EXPECT_EQ(check(write("plain.station", check_station + narrow), sequence).code, 0);
+  const Outcome outcome = check(write("my.station", check_station + narrow + "verify.run = true\n"), sequence);
   EXPECT_EQ(outcome.code, 1);
   ASSERT_EQ(outcome.problems.size(), 1U);
   EXPECT_TRUE(outcome.problems[0].starts_with("built-in verify.seq:35: step ")) << outcome.problems[0];
   EXPECT_SAYS(outcome.problems[0], "heading goes to 270 deg, soft travel is -190 to 190 deg");
-  const std::string verifying = write("wide.station", station_text + "verify.run = true\n");
+  const std::string verifying = write("wide.station", check_station + "verify.run = true\n");
   EXPECT_SAYS(check(verifying, sequence).out, "two searches");
   std::ostringstream asked_for, err;
   EXPECT_EQ(
-      run_check({.station = write("not.station", station_text), .sequence = sequence, .verify = true}, asked_for, err),
+      run_check({.station = write("not.station", check_station), .sequence = sequence, .verify = true}, asked_for, err),
       0);
   EXPECT_SAYS(asked_for.str(), "two searches");
   EXPECT_SAYS_NOT(check(verifying, write("my.seq", sequence_text)).out, "two searches");
@@ -109,11 +109,11 @@ TEST_F(Check, PlansTheNorthSeekingBehindTheCalibration) {
 
 // The table alone, without a sequence; and what is only guessed of it.
 TEST_F(Check, ExplainsTheTableAndListsItsGuesses) {
-  std::string text = file_text(source + "/orchestrator/stations/twin.map");
+  std::string text = file_text(tree + "/orchestrator/stations/twin.map");
   text.insert(text.find("\n", text.find("write.stop =")), " # [guess]");
   text.insert(text.find("\n", text.find("link.kind =")), " # [guess]");
   const std::string table = write("my.map", text);
-  std::string described = station_text;
+  std::string described = check_station;
   described.replace(described.find("table.driver = mock"), 19, "table.driver = modbus\ntable.map = " + table);
   const std::string station = write("my.station", described);
   std::ostringstream out, err;
@@ -130,7 +130,7 @@ TEST_F(Check, ExplainsTheTableAndListsItsGuesses) {
 }
 
 TEST_F(Check, BadFilesAreBothNamedAndNothingIsPrinted) {
-  const std::string station = write("my.station", station_text + "motion.speed = 1\n");
+  const std::string station = write("my.station", check_station + "motion.speed = 1\n");
   const std::string sequence = write("my.seq", "");
   const Outcome outcome = check(station, sequence);
   EXPECT_EQ(outcome.code, 1);
@@ -142,7 +142,7 @@ TEST_F(Check, BadFilesAreBothNamedAndNothingIsPrinted) {
 
 TEST_F(Check, TheRigFileOfTheStationIsReadToo) {
   const std::string sequence = write("my.seq", sequence_text);
-  const std::string station = write("my.station", station_text + "rig.file = my.rig\n");
+  const std::string station = write("my.station", check_station + "rig.file = my.rig\n");
   const Outcome missing = check(station, sequence);
   EXPECT_EQ(missing.code, 1);
   ASSERT_EQ(missing.problems.size(), 1U);

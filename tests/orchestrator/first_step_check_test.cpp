@@ -51,13 +51,13 @@ constexpr const char* first_step_text =
     "  rotate P -180\n  dwell 2000\n  rotate P +90\n  rotate R +90\n  dwell 2000\n  rotate R -180\n  dwell 2000\n"
     "  rotate R +90\nstep 2 \"again\"\n  initial H 0 P 0 R 0\n  align 1000\n";
 
-struct Found {
+struct FirstStepStop {
   RunState state;
   std::string why;
   double time_s;
   bool is_of_the_unit;  // by the event that stopped the run
 };
-Found found_with(
+FirstStepStop found_with(
     const std::function<void(ImuSample&)>& change,
     const std::function<void(RecordingInfo&)>& told = [](RecordingInfo&) {},
     const RigConfig& rig_config = default_rig_config()) {
@@ -75,13 +75,13 @@ Found found_with(
 }
 
 TEST(FirstStep, AGoodUnitPasses) {
-  const Found found = found_with([](ImuSample&) {});
+  const FirstStepStop found = found_with([](ImuSample&) {});
   EXPECT_EQ(found.state, RunState::done) << found.why;
 }
 
 TEST(FirstStep, WrongMountingStopsAfterTheFirstRest) {
   // Turned by 90 deg about x: y and z change places.
-  const Found found = found_with([](ImuSample& s) {
+  const FirstStepStop found = found_with([](ImuSample& s) {
     for (auto* v : {&s.gyro, &s.accel}) *v = {(*v)[0], (*v)[2], -(*v)[1]};
   });
   EXPECT_EQ(found.state, RunState::failed);
@@ -94,7 +94,7 @@ TEST(FirstStep, EverySignOfAnAccelerometer) {
   const char* up_instead[] = {"the unit's -x is up instead of its +x", "the unit's -y is up instead of its +y",
                               "the unit's +z is up instead of its -z"};
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    const Found found = found_with([axis](ImuSample& s) { s.accel[axis] = -s.accel[axis]; });
+    const FirstStepStop found = found_with([axis](ImuSample& s) { s.accel[axis] = -s.accel[axis]; });
     EXPECT_EQ(found.state, RunState::failed);
     EXPECT_SAYS(found.why, up_instead[axis]);
   }
@@ -116,14 +116,14 @@ TEST(FirstStep, SignsAndAxesOfTheGyros) {
   // These the earth's rate shows first, in the first rest.
   for (const Change& change : {Change([](ImuSample& s) { std::swap(s.gyro[1], s.gyro[2]); }),
                                Change([](ImuSample& s) { s.gyro[1] = -s.gyro[1]; })}) {
-    const Found found = found_with(change);
+    const FirstStepStop found = found_with(change);
     EXPECT_SAYS(found.why, "axes and signs of the gyros");
     EXPECT_LT(found.time_s, 20.0);
   }
 }
 
 TEST(FirstStep, TheOtherHemisphere) {
-  const Found found = found_with([](ImuSample&) {}, [](RecordingInfo& info) { info.latitude_deg *= -1.0; });
+  const FirstStepStop found = found_with([](ImuSample&) {}, [](RecordingInfo& info) { info.latitude_deg *= -1.0; });
   EXPECT_EQ(found.state, RunState::failed);
   EXPECT_SAYS(found.why, "site.latitude_deg is -29.53");
   EXPECT_LT(found.time_s, 20.0) << "in the first rest";
@@ -140,7 +140,8 @@ TEST(FirstStep, AnotherLatitude) {
     config.site.latitude_deg = anywhere(random);
     const double at_deg = config.site.latitude_deg, by_deg = at_deg > 0.0 ? -off(random) : off(random);
     for (const double told_deg : {at_deg, at_deg + by_deg}) {
-      const Found found = found_with([](ImuSample&) {}, [=](RecordingInfo& i) { i.latitude_deg = told_deg; }, config);
+      const FirstStepStop found =
+          found_with([](ImuSample&) {}, [=](RecordingInfo& i) { i.latitude_deg = told_deg; }, config);
       EXPECT_EQ(found.state, told_deg == at_deg ? RunState::done : RunState::failed)
           << config.site.latitude_deg << " told as " << told_deg << ": " << found.why;
       if (told_deg == at_deg) continue;
@@ -157,7 +158,7 @@ TEST(FirstStep, BiasesAreNotTakenForALatitude) {
   for (int draw = 0; draw < 20; ++draw) {
     std::array<double, 3> pulses{};  // of a sample
     for (double& p : pulses) p = bias_degph(random) * 0.005 / 0.932920;
-    const Found found = found_with([&](ImuSample& s) {
+    const FirstStepStop found = found_with([&](ImuSample& s) {
       for (std::size_t i = 0; i < 3; ++i) s.gyro[i] += pulses[i];
     });
     EXPECT_EQ(found.state, RunState::done) << found.why;
@@ -193,7 +194,7 @@ TEST(FirstStep, UpThatLeansAndNumbersThatAreNothing) {
 }
 
 // A unit whose frame is said to be in rad and m/s; what it sends is so many times that.
-Found found_in_units(double gyros, double accelerometers) {
+FirstStepStop found_in_units(double gyros, double accelerometers) {
   constexpr double rad = 0.932920 * rad_per_arcsec, mps = 0.0005;
   return found_with(
       [=](ImuSample& s) {
@@ -205,13 +206,13 @@ Found found_in_units(double gyros, double accelerometers) {
 
 TEST(FirstStep, UnitsThatAreWrongAreNamedAfterTheFirstRest) {
   EXPECT_EQ(found_in_units(1.0, 1.0).state, RunState::done);
-  const Found degrees = found_in_units(1.0 / rad_per_deg, 1.0);
+  const FirstStepStop degrees = found_in_units(1.0 / rad_per_deg, 1.0);
   EXPECT_SAYS(degrees.why, "they look as if they were in deg/s, not rad/s");
   EXPECT_LT(degrees.time_s, 20.0);
-  const Found radians = found_in_units(rad_per_deg, 1.0);
+  const FirstStepStop radians = found_in_units(rad_per_deg, 1.0);
   EXPECT_SAYS(radians.why, "as if they were in rad/s, not deg/s");
   EXPECT_LT(radians.time_s, 30.0) << "seen in the first turn";
-  const Found g = found_in_units(1.0, 1.0 / standard_gravity_mps2);
+  const FirstStepStop g = found_in_units(1.0, 1.0 / standard_gravity_mps2);
   EXPECT_SAYS(g.why, "as if they were in g, not m/s^2");
 }
 
@@ -224,7 +225,7 @@ TEST(FirstStep, PulsesOfAWeightThatNoCalibrationFindsAreNamed) {
   for (const double arcsec : {0.65, 1.0, 1.9})
     EXPECT_EQ(weighing(arcsec).state, RunState::done) << weighing(arcsec).why;
   for (const double arcsec : {0.0163, 0.46, 2.5, 53.5}) {
-    const Found found = weighing(arcsec);
+    const FirstStepStop found = weighing(arcsec);
     EXPECT_SAYS(found.why, "a pulse weighs") << arcsec;
     EXPECT_TRUE(found.is_of_the_unit);
     EXPECT_LT(found.time_s, 35.0) << "seen in the first turn";
@@ -232,14 +233,14 @@ TEST(FirstStep, PulsesOfAWeightThatNoCalibrationFindsAreNamed) {
 }
 
 TEST(FirstStep, AnImpossibleTemperature) {
-  const Found found = found_with([](ImuSample& s) { s.temperature_c = 3000.0F; });
+  const FirstStepStop found = found_with([](ImuSample& s) { s.temperature_c = 3000.0F; });
   EXPECT_SAYS(found.why, "temperature reads 3000 C");
   EXPECT_LT(found.time_s, 20.0);
 }
 
 TEST(FirstStep, AnImpossibleSampleIsNotCounted) {
   int k = 0;
-  const Found found = found_with([&k](ImuSample& s) {
+  const FirstStepStop found = found_with([&k](ImuSample& s) {
     if (++k % 1500 == 0) s.gyro[0] = s.accel[1] = 2e9;
   });
   EXPECT_EQ(found.state, RunState::done) << found.why;
@@ -254,7 +255,7 @@ TEST(FirstStep, DeadSensors) {
       const auto shown = [i](ImuSample& s) -> double& { return i < 3 ? s.gyro[i] : s.accel[i - 3]; };
       std::int64_t k = 0;
       double last = 0.0;
-      const Found found = found_with([&](ImuSample& s) {
+      const FirstStepStop found = found_with([&](ImuSample& s) {
         if (k++ < from)
           last = shown(s);
         else

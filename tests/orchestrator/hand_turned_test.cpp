@@ -9,8 +9,8 @@
 namespace turncal {
 namespace {
 
-const std::string source = TURNCAL_SOURCE_DIR;
-const std::string measured = source + "/../shared/data/measured/";
+const std::string measured_beside = TURNCAL_SOURCE_DIR;
+const std::string measured = measured_beside + "/../shared/data/measured/";
 
 #define SKIP_WITHOUT_DATA() \
   if (!std::filesystem::exists(measured)) GTEST_SKIP() << "measured data are not here: " << measured
@@ -55,7 +55,7 @@ class HandTurned : public Program {
     EXPECT_EQ(run({"segment", name + "_raw", "--out", name}).code, 0);
     return name;
   }
-  std::string map_of(const std::string& name) const { return source + "/docs/maps/" + name + ".map"; }
+  std::string map_of(const std::string& name) const { return measured_beside + "/docs/maps/" + name + ".map"; }
   std::map<std::string, std::string> conf(const std::string& folder) const {
     return entries(file_text(path(folder + "/diagnosis.conf")));
   }

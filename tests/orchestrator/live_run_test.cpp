@@ -164,23 +164,23 @@ TEST(LiveRun, GravityIsTheLastSecondsMeanOnceTheUnitRests) {
   EXPECT_GT(up[0], 0.99 * std::hypot(up[0], up[1], up[2])) << "pitch 90: x up";
 }
 
-Result<StationConfig> station_of(const std::string& keys) {
+Result<StationConfig> station_with(const std::string& keys) {
   return parse_station_config(live_station(keys, "/dev/x"), "x.station");
 }
 
 TEST(LiveRun, TimeRunsFasterForTwinsOnly) {
   const std::string twins = "table.simulated = true\nimu.simulated = true\n";
-  const Result<StationConfig> real = good(station_of(""));
+  const Result<StationConfig> real = good(station_with(""));
   EXPECT_FALSE(real->simulated());
-  const Result<StationConfig> fast = good(station_of(twins + "clock.speed_up = 50\n"));
+  const Result<StationConfig> fast = good(station_with(twins + "clock.speed_up = 50\n"));
   EXPECT_TRUE(fast->simulated());
   EXPECT_EQ(fast->imu->settings.speedup, 50.0);
   for (const std::string one : {"table.simulated = true\n", "imu.simulated = true\n"}) {
-    const Result<StationConfig> half = good(station_of(one));
+    const Result<StationConfig> half = good(station_with(one));
     EXPECT_TRUE(half->simulated()) << one;
-    EXPECT_TRUE(fails(station_of(one + "clock.speed_up = 50\n"), "clock.speed_up")) << one;
+    EXPECT_TRUE(fails(station_with(one + "clock.speed_up = 50\n"), "clock.speed_up")) << one;
   }
-  EXPECT_TRUE(fails(station_of(twins + "clock.speed_up = 50\nimu.speedup = 20\n"), "imu.speedup"));
+  EXPECT_TRUE(fails(station_with(twins + "clock.speed_up = 50\nimu.speedup = 20\n"), "imu.speedup"));
 }
 
 class LiveProgram : public Program {};

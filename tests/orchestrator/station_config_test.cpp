@@ -13,7 +13,7 @@ StationConfig parsed(const std::string& text, const std::string& file = "my.stat
   return station.ok() ? *station : StationConfig();
 }
 
-std::string error_of(const std::string& text) {
+std::string config_error(const std::string& text) {
   const Result<StationConfig> station = parse_station_config(text, "my.station");
   if (station.ok()) return "accepted";
   EXPECT_EQ(station.error().kind, ErrorKind::input);
@@ -103,7 +103,7 @@ TEST(StationConfig, EveryKeyArrives) {
 
 TEST(StationConfig, RequiredKeys) {
   for (const std::string key : {"format", "site.latitude_deg", "site.gravity_mps2", "table.driver", "imu.driver"}) {
-    const std::string error = error_of(without(key));
+    const std::string error = config_error(without(key));
     EXPECT_SAYS(error, "my.station");
     EXPECT_SAYS(error, "'" + key + "'");
   }
@@ -130,7 +130,7 @@ TEST(StationConfig, EveryBadValueNamesFileLineKeyAndWhatWasExpected) {
       "limit.heading_deg = 1e-308\nlimit.level_deg = 400\ndwell.max_repeats = 1.5\ndwell.max_repeats = -1\n"
       "dwell.stillness_window_s = 0\nimu.timeout_s = 0\n");
   for (std::string line; std::getline(lines, line);) {
-    const std::string error = error_of(minimal + line + "\n");
+    const std::string error = config_error(minimal + line + "\n");
     EXPECT_TRUE(error.starts_with(refusal_of(line))) << error;
   }
   for (const auto& [line, expected] : {std::pair{"motion.settle_s = -1", "0, or a number between 0.001 and 3600"},
@@ -142,34 +142,34 @@ TEST(StationConfig, EveryBadValueNamesFileLineKeyAndWhatWasExpected) {
                                        {"motion.poll_idle_s = 2e-10", "a number between 0.001 and 3600"},
                                        {"axis.roll.max_rate_degps = 1e-308", "a number between 0.001"},
                                        {"station.name =", "a text"}}) {
-    const std::string error = error_of(minimal + line + "\n");
+    const std::string error = config_error(minimal + line + "\n");
     EXPECT_TRUE(error.starts_with(refusal_of(line) + expected)) << error;
   }
   for (const std::string key : {"motion.settle", "axis.yaw.soft_max_deg", "table.driver"}) {  // unknown, or twice
-    const std::string error = error_of(minimal + key + " = mock\n");
+    const std::string error = config_error(minimal + key + " = mock\n");
     EXPECT_TRUE(error.starts_with("my.station:6: key '" + key + "'")) << error;
   }
 }
 
 TEST(StationConfig, ContradictionsNameBothKeys) {
-  EXPECT_EQ(error_of(minimal + "axis.roll.soft_min_deg = 90\naxis.roll.soft_max_deg = 90\n"),
+  EXPECT_EQ(config_error(minimal + "axis.roll.soft_min_deg = 90\naxis.roll.soft_max_deg = 90\n"),
             "my.station:6: key 'axis.roll.soft_min_deg' = '90': expected a number below axis.roll.soft_max_deg (90)");
-  EXPECT_EQ(error_of(minimal + "axis.pitch.soft_max_deg = -600\n"),
+  EXPECT_EQ(config_error(minimal + "axis.pitch.soft_max_deg = -600\n"),
             "my.station:6: key 'axis.pitch.soft_max_deg' = '-600': expected a number such that "
             "axis.pitch.soft_min_deg (-540, its default) is below it");
-  EXPECT_EQ(error_of(minimal + "motion.poll_moving_s = 0.6\n"),
+  EXPECT_EQ(config_error(minimal + "motion.poll_moving_s = 0.6\n"),
             "my.station:6: key 'motion.poll_moving_s' = '0.6': expected a number not above motion.poll_idle_s "
             "(0.5, its default)");
-  EXPECT_EQ(error_of(minimal + "motion.stall_s = 0.15\n"),
+  EXPECT_EQ(config_error(minimal + "motion.stall_s = 0.15\n"),
             "my.station:6: key 'motion.stall_s' = '0.15': expected a number at least twice motion.poll_moving_s "
             "(0.1, its default)");
-  EXPECT_EQ(error_of(minimal + "motion.settle_s = 30\n"),
+  EXPECT_EQ(config_error(minimal + "motion.settle_s = 30\n"),
             "my.station:6: key 'motion.settle_s' = '30': expected a number such that motion.deadline_margin_s "
             "(10, its default) is above it");
-  EXPECT_EQ(error_of(minimal + "dwell.max_gyro_peak_degps = 0.001\ndwell.max_gyro_std_degps = 0.002\n"),
+  EXPECT_EQ(config_error(minimal + "dwell.max_gyro_peak_degps = 0.001\ndwell.max_gyro_std_degps = 0.002\n"),
             "my.station:6: key 'dwell.max_gyro_peak_degps' = '0.001': expected a number not below "
             "dwell.max_gyro_std_degps (0.002)");
-  EXPECT_EQ(error_of(minimal + "dwell.max_accel_std_mps2 = 1\n"),
+  EXPECT_EQ(config_error(minimal + "dwell.max_accel_std_mps2 = 1\n"),
             "my.station:6: key 'dwell.max_accel_std_mps2' = '1': expected a number such that "
             "dwell.max_accel_peak_mps2 (0.02, its default) is not below it");
 }

@@ -59,7 +59,7 @@ TEST(TakesOfLast, AreThoseOfThePoseAlsoAcrossAnInterruption) {
   EXPECT_EQ(takes_of_last(segments, 1).size(), 1u);
 }
 
-const std::string station_text =
+const std::string until_sigma_station =
     station_head +
     "motion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\nstop.sigma.n11 = 3e-6\n"
     "stop.sigma.n22 = 3e-6\n";
@@ -79,7 +79,7 @@ class UntilSigma : public Program {
 };
 
 TEST_F(UntilSigma, EndsAfterTheDwellAtWhichAllIsKnownAndNoSooner) {
-  std::string asked = station_text;  // reached some dwells after there is enough to test the fit by
+  std::string asked = until_sigma_station;  // reached some dwells after there is enough to test the fit by
   asked.replace(asked.find("3e-6"), 4, "4.2e-7");
   const ProgramResult early = ends(begin("early", write("mock.station", asked)), 0);
   EXPECT_SAYS(early.out, "enough is known; 0:");
@@ -110,7 +110,7 @@ TEST_F(UntilSigma, EndsAfterTheDwellAtWhichAllIsKnownAndNoSooner) {
 }
 
 TEST_F(UntilSigma, GoesToThePlannedEndWhereItIsNeverEnough) {
-  const std::string station = write("mock.station", station_text + "stop.sigma.N01 = 1e-6\n");
+  const std::string station = write("mock.station", until_sigma_station + "stop.sigma.N01 = 1e-6\n");
   const ProgramResult whole = ends(begin("whole", station), 0);
   EXPECT_SAYS_NOT(whole.out, "enough is known");
   EXPECT_SAYS(whole.out, "where 1.00e-06 is enough; the run goes to its planned end");
@@ -126,7 +126,7 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
     rig += fault + "kind = gyro_glitch\n" + fault + "axis = x\n" + fault + "size_mrad = 0.002\n" + fault +
            "sample = " + std::to_string(50700 + 5 * k) + "\n";
   }
-  std::string asked = station_text + "rig.file = drift.rig\n";
+  std::string asked = until_sigma_station + "rig.file = drift.rig\n";
   asked.replace(asked.find("3e-6"), 4, "4.5e-7");
   write("drift.rig", rig);
   const std::string station = write("mock.station", asked);
@@ -168,7 +168,7 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
 }
 
 TEST_F(UntilSigma, DoesNotEndBeforeThereIsADiagnosisWhereTheWholeRunHasOne) {
-  std::string asked = station_text;  // of both: enough at once
+  std::string asked = until_sigma_station;  // of both: enough at once
   asked.replace(asked.find("3e-6"), 4, "1");
   asked.replace(asked.find("3e-6"), 4, "1");
   Arguments go = begin("out", write("mock.station", asked));
@@ -184,7 +184,7 @@ TEST_F(UntilSigma, DoesNotEndBeforeThereIsADiagnosisWhereTheWholeRunHasOne) {
 }
 
 TEST_F(UntilSigma, TwoUnitsEndWhenBothAreKnown) {
-  const ProgramResult result = ends(begin("both", write("mock.station", station_text)) + "--unit SN2", 0);
+  const ProgramResult result = ends(begin("both", write("mock.station", until_sigma_station)) + "--unit SN2", 0);
   ASSERT_SAYS(result.out, "enough is known");
   for (const char* unit : {"SN1", "SN2"}) {
     const Result<ParameterFile> file =
@@ -197,20 +197,20 @@ TEST_F(UntilSigma, TwoUnitsEndWhenBothAreKnown) {
 TEST_F(UntilSigma, IsRefusedWhereNothingSaysWhatIsEnough) {
   const std::string silent = write("silent.station", station_head + "limit.residual_max = 2\n");
   expect_refused(begin("out", silent), "does not say what is enough: expected stop.sigma.<key> or limit.<key>.*");
-  const std::string station = write("mock.station", station_text);
+  const std::string station = write("mock.station", until_sigma_station);
   expect_refused(begin("out", station) + "--capture-only",
                  "--until-sigma: expected neither --capture-only nor --partial");
-  expect_refused(begin("out", write("bad.station", station_text + "stop.sigma.a21 = 1\n")),
+  expect_refused(begin("out", write("bad.station", until_sigma_station + "stop.sigma.a21 = 1\n")),
                  "'stop.sigma.a21' is unknown");
-  expect_refused(begin("out", write("worse.station", station_text + "stop.sigma.n33 = 0\n")), "stop.sigma.n33");
+  expect_refused(begin("out", write("worse.station", until_sigma_station + "stop.sigma.n33 = 0\n")), "stop.sigma.n33");
 }
 
 TEST_F(UntilSigma, EndsTheSameAfterAKillAtAnyTime) {
-  const std::string reference = write("reference/mock.station", station_text);
+  const std::string reference = write("reference/mock.station", until_sigma_station);
   ASSERT_EQ(run(begin("reference/out", reference)).code, 0);
   const std::string parameters = file_text(folder_ / "reference/out/parameters.conf");
   const std::string recording = file_text(folder_ / "reference/out/recording.tcr");
-  const std::string station = write("count/mock.station", station_text);
+  const std::string station = write("count/mock.station", until_sigma_station);
   const long points = count_points(begin("count/out", station));
   ASSERT_GT(points, 100);
   // Some on the way, and more of the last, when it is decided that nothing more comes.
@@ -219,7 +219,7 @@ TEST_F(UntilSigma, EndsTheSameAfterAKillAtAnyTime) {
   for (long point = points - 40; point <= points; point += 8) struck.push_back(point);
   for (const long point : struck) {
     SCOPED_TRACE(point);
-    const std::string killed = write("killed/mock.station", station_text);
+    const std::string killed = write("killed/mock.station", until_sigma_station);
     ASSERT_EQ(run_struck(begin("killed/out", killed), point, "kill").code, -1000 - SIGKILL);
     ASSERT_EQ(run({"resume", "killed/out"}).code, 0);
     ASSERT_EQ(file_text(folder_ / "killed/out/parameters.conf"), parameters);

@@ -8,7 +8,7 @@
 namespace turncal {
 namespace {
 
-const std::string header = "format = 1\nname = test\nrate_degps = 10\nacceleration_degps2 = 20\n";
+const std::string head_text = "format = 1\nname = test\nrate_degps = 10\nacceleration_degps2 = 20\n";
 const std::string first_step = "step 1\ninitial H 0 P 0 R 0\nalign 200\ndwell 200\n";
 
 Sequence parsed(const std::string& text) { return expect_value(parse_sequence(text, "test.seq")); }
@@ -30,7 +30,7 @@ std::string text_of(const Step& step) {
 
 TEST(Parser, FillsEveryFieldOfTheSequence) {
   const std::string text =
-      "# comment\r\n" + header +
+      "# comment\r\n" + head_text +
       "step 3\"a # title\"# comment\n\tdetermines n11 A03\n  initial P -20 R 1.5 heading 30\n  align 12000\n"
       "  rotate R +360 acceleration 40 rate 5\n\n  dwell 20000\n  rotate heading -0.25\n";
   const Sequence sequence = parsed(text);
@@ -64,7 +64,7 @@ TEST(Parser, FillsEveryFieldOfTheSequence) {
 }
 
 TEST(Parser, PutsTheMovesToTheInitialPositionInFrontRollPitchHeading) {
-  const Sequence sequence = parsed(header + first_step + "step 2\ninitial H -90 P 45 R 30\nalign 200\n" +
+  const Sequence sequence = parsed(head_text + first_step + "step 2\ninitial H -90 P 45 R 30\nalign 200\n" +
                                    "step 3\ninitial H -90 P 0 R 30\nalign 200\n");
   EXPECT_EQ(text_of(sequence.steps[1]), "roll 30> pitch 45> heading -90> align 200 ");
   EXPECT_EQ(text_of(sequence.steps[2]), "pitch 0> align 200 ");
@@ -77,7 +77,7 @@ TEST(Parser, PutsTheMovesToTheInitialPositionInFrontRollPitchHeading) {
 
 TEST(Parser, UnwindsWholeTurnsOnlyWhereTheAngleDiffers) {
   const Sequence sequence =
-      parsed(header + first_step + "rotate R +360\n" + "step 2\ninitial H 0 P 0 R 360\nalign 200\n" +
+      parsed(head_text + first_step + "rotate R +360\n" + "step 2\ninitial H 0 P 0 R 360\nalign 200\n" +
              "step 3\ninitial H 0 P 0 R 0\nalign 200\n");
   EXPECT_EQ(text_of(sequence.steps[1]), "align 200 ");
   EXPECT_EQ(text_of(sequence.steps[2]), "roll 0> align 200 ");
@@ -85,13 +85,13 @@ TEST(Parser, UnwindsWholeTurnsOnlyWhereTheAngleDiffers) {
 
 TEST(Parser, TurnsThatAddUpToNothingEndWhereTheyBegan) {
   // 0.1 + 0.2 - 0.3 is 5.6e-17 in binary arithmetic; that must not become a move.
-  const Sequence sequence = parsed(header + first_step + "rotate R +0.1\nrotate R +0.2\nrotate R -0.3\n" +
+  const Sequence sequence = parsed(head_text + first_step + "rotate R +0.1\nrotate R +0.2\nrotate R -0.3\n" +
                                    "step 2\ninitial H 0 P 0 R 0\nalign 200\n");
   EXPECT_EQ(text_of(sequence.steps[1]), "align 200 ");
 }
 
 TEST(Parser, TakesTheOddLineEndings) {
-  const std::string text = header + first_step;
+  const std::string text = head_text + first_step;
   std::string crlf;
   for (const char c : text) crlf += c == '\n' ? "\r\n" : std::string(1, c);
   EXPECT_EQ(text_of(parsed("\xEF\xBB\xBF" + crlf).steps[0]), "align 200 dwell 200 ");

@@ -18,16 +18,16 @@ Walk example() {
   return walk;
 }
 
-WalkHeader header() {
-  WalkHeader header;
-  header.name = "example";
-  header.comments = {"made for a test"};
-  return header;
+WalkHeader walk_header() {
+  WalkHeader walk_header;
+  walk_header.name = "example";
+  walk_header.comments = {"made for a test"};
+  return walk_header;
 }
 
 TEST(Walk, TheSequenceMakesTheSameTurnsAndRests) {
   const Walk walk = example();
-  const Result<Sequence> sequence = good(parse_sequence(sequence_text(walk, header()), "walk.seq"));
+  const Result<Sequence> sequence = good(parse_sequence(sequence_text(walk, walk_header()), "walk.seq"));
   EXPECT_EQ(sequence->steps.size(), 2U) << "fifteen legs, eight a step";
   for (const Step& step : sequence->steps)
     for (const SequenceItem& item : step.items)
@@ -78,7 +78,7 @@ TEST(Walk, OnATableThatTravelsLessItTurnsTheOtherWayOrLessFarOrNotAtAll) {
   EXPECT_EQ(turns, (std::vector<double>{-90.0, 90.0, 90.0, -90.0, 120.0}));
   EXPECT_EQ(fitted.legs[0].rate_degps, 4.0);
   EXPECT_EQ(fitted.legs[1].rate_degps, 2.0);
-  const Result<Sequence> sequence = good(parse_sequence(sequence_text(fitted, header()), "walk.seq"));
+  const Result<Sequence> sequence = good(parse_sequence(sequence_text(fitted, walk_header()), "walk.seq"));
   const Plan plan = make_plan(*sequence, limits);
   EXPECT_TRUE(plan.ok()) << plan.violations.front();
 }

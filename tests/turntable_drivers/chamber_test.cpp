@@ -6,19 +6,19 @@
 namespace turncal {
 namespace {
 
-struct Kind {
+struct ChamberKind {
   const char* name;
   std::function<std::string()> text;  // empty: the rig's own
 };
-void PrintTo(const Kind& kind, std::ostream* out) { *out << kind.name; }
-const Kind kinds[] = {{"rig", {}},
-                      {"tcp", [] { return registers_text("tcp"); }},
-                      {"rtu", [] { return registers_text("rtu"); }},
-                      {"text_tcp", [] { return sentences_text("tcp"); }},
-                      {"text_serial", [] { return sentences_text("serial"); }}};
-std::string name_of(const testing::TestParamInfo<Kind>& info) { return info.param.name; }
+void PrintTo(const ChamberKind& kind, std::ostream* out) { *out << kind.name; }
+const ChamberKind kinds[] = {{"rig", {}},
+                             {"tcp", [] { return registers_text("tcp"); }},
+                             {"rtu", [] { return registers_text("rtu"); }},
+                             {"text_tcp", [] { return sentences_text("tcp"); }},
+                             {"text_serial", [] { return sentences_text("serial"); }}};
+std::string name_of(const testing::TestParamInfo<ChamberKind>& info) { return info.param.name; }
 
-class ChamberContract : public testing::TestWithParam<Kind> {};
+class ChamberContract : public testing::TestWithParam<ChamberKind> {};
 
 TEST_P(ChamberContract, GoesWhereItIsToldAndOff) {
   ServedChamber s(GetParam().text ? GetParam().text() : registers_text("tcp"));
@@ -74,40 +74,40 @@ INSTANTIATE_TEST_SUITE_P(All, ChamberContract, testing::ValuesIn(kinds), name_of
 
 // ---- faults of a line ----
 
-struct LineFault {
+struct ChamberLineFault {
   const char* name;
   std::function<void(AnswerPlan&)> how;
   bool in_text = true, in_registers = true;
 };
-void PrintTo(const LineFault& fault, std::ostream* out) { *out << fault.name; }
+void PrintTo(const ChamberLineFault& fault, std::ostream* out) { *out << fault.name; }
 
-Frame& bytes_of(AnswerPlan& plan) { return plan.pieces[0].bytes; }
-const LineFault line_faults[] = {
+Frame& answer_of(AnswerPlan& plan) { return plan.pieces[0].bytes; }
+const ChamberLineFault chamber_line_faults[] = {
     {"silence", [](AnswerPlan& plan) { plan.pieces.clear(); }},
     {"late", [](AnswerPlan& plan) { plan.pieces[0].delay_s = 0.2; }},
-    {"cut_short", [](AnswerPlan& plan) { bytes_of(plan).resize(bytes_of(plan).size() - 3); }},
-    {"flipped_bit", [](AnswerPlan& plan) { bytes_of(plan)[1] ^= 0x10; }},
+    {"cut_short", [](AnswerPlan& plan) { answer_of(plan).resize(answer_of(plan).size() - 3); }},
+    {"flipped_bit", [](AnswerPlan& plan) { answer_of(plan)[1] ^= 0x10; }},
     {"trailing_junk",
      [](AnswerPlan& plan) {
-       bytes_of(plan).insert(bytes_of(plan).end(), {0xAA, 0x55, 0x00});
+       answer_of(plan).insert(answer_of(plan).end(), {0xAA, 0x55, 0x00});
      }},
     {"twice",
      [](AnswerPlan& plan) {
-       plan.pieces.push_back({bytes_of(plan), 0.0});
+       plan.pieces.push_back({answer_of(plan), 0.0});
      }},
     {"split",
      [](AnswerPlan& plan) {
-       const Frame tail(bytes_of(plan).begin() + 3, bytes_of(plan).end());
-       bytes_of(plan).resize(3);
+       const Frame tail(answer_of(plan).begin() + 3, answer_of(plan).end());
+       answer_of(plan).resize(3);
        plan.pieces.push_back({tail, 0.015});
      }},
-    {"digit_changed", [](AnswerPlan& plan) { bytes_of(plan)[3] ^= 0x40; }, true, false}};
+    {"digit_changed", [](AnswerPlan& plan) { answer_of(plan)[3] ^= 0x40; }, true, false}};
 
-class ChamberLineFaults : public testing::TestWithParam<std::tuple<Kind, LineFault>> {};
+class ChamberLineFaults : public testing::TestWithParam<std::tuple<ChamberKind, ChamberLineFault>> {};
 
 TEST_P(ChamberLineFaults, NoWrongReadingIsBelieved) {
-  const Kind& kind = std::get<0>(GetParam());
-  const LineFault& fault = std::get<1>(GetParam());
+  const ChamberKind& kind = std::get<0>(GetParam());
+  const ChamberLineFault& fault = std::get<1>(GetParam());
   if (!kind.text || !(std::string(kind.name).starts_with("text") ? fault.in_text : fault.in_registers)) GTEST_SKIP();
   ServedChamber s(kind.text());
   ASSERT_OK(s.driver->connect());
@@ -132,7 +132,7 @@ TEST_P(ChamberLineFaults, NoWrongReadingIsBelieved) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, ChamberLineFaults,
-                         testing::Combine(testing::ValuesIn(kinds), testing::ValuesIn(line_faults)),
+                         testing::Combine(testing::ValuesIn(kinds), testing::ValuesIn(chamber_line_faults)),
                          [](const auto& which) {
                            return std::string(std::get<0>(which.param).name) + "_" + std::get<1>(which.param).name;
                          });

@@ -257,32 +257,32 @@ std::string plain_text(const std::string& more) {
   return text;
 }
 
-std::string error_of(const std::string& more) {
+std::string error_with(const std::string& more) {
   const Result<Dialect> dialect = parse_dialect(plain_text(more), "my.dialect");
   return dialect ? "accepted" : dialect.error().message;
 }
 
-void refused(const std::string& more, const std::string& said) { EXPECT_SAYS(error_of(more), said) << more; }
+void refused_with(const std::string& more, const std::string& said) { EXPECT_SAYS(error_with(more), said) << more; }
 
 TEST(SentenceClash, AStopThatCannotStopIsRefused) {
-  refused("abort.2 = HALT {axis}", "'abort.2'");
-  EXPECT_EQ(error_of("abort.2 = ERR?\nstop.2 = ERR?"), "accepted") << "a question commands nothing";
+  refused_with("abort.2 = HALT {axis}", "'abort.2'");
+  EXPECT_EQ(error_with("abort.2 = ERR?\nstop.2 = ERR?"), "accepted") << "a question commands nothing";
   for (const char* const line : {"home.1 = HOME", "stop.1 = HALT", "abort.1 = OFF"}) {
     const std::string operation = std::string(line).substr(0, std::string(line).find('.'));
-    const std::string said = error_of(line);
+    const std::string said = error_with(line);
     EXPECT_SAYS(said, "expected {axis} in a sentence, or " + operation + ".scope = table");
-    EXPECT_EQ(error_of(std::string(line) + "\n" + operation + ".scope = table"), "accepted") << line;
+    EXPECT_EQ(error_with(std::string(line) + "\n" + operation + ".scope = table"), "accepted") << line;
   }
 }
 
 TEST(SentenceClash, WhatWouldMoveUnderAnotherNameIsRefused) {
-  EXPECT_EQ(error_of(""), "accepted") << "a reset and a question are in several lists";
+  EXPECT_EQ(error_with(""), "accepted") << "a reset and a question are in several lists";
   for (const char* const number : {"01", "+1", "1.0", "1.", "+01.00"})
-    EXPECT_SAYS(error_of(std::string("prepare.2 = SERVO {axis} ") + number), "which is enable") << number;
+    EXPECT_SAYS(error_with(std::string("prepare.2 = SERVO {axis} ") + number), "which is enable") << number;
   for (const char* const other : {"1.5", "-1", "10", "0.1"})
-    EXPECT_EQ(error_of(std::string("prepare.2 = SERVO {axis} ") + other), "accepted") << other;
-  refused("move.2 = GOTO {axis} 5", "either {position} or {distance}");
-  EXPECT_EQ(error_of("prepare.2 = SERVO {axis} 1"),
+    EXPECT_EQ(error_with(std::string("prepare.2 = SERVO {axis} ") + other), "accepted") << other;
+  refused_with("move.2 = GOTO {axis} 5", "either {position} or {distance}");
+  EXPECT_EQ(error_with("prepare.2 = SERVO {axis} 1"),
             "my.dialect:24: key 'prepare.2' = 'SERVO {axis} 1': expected no 'SERVO 1 1', which is enable of "
             "axis.heading: it would switch the drive on; send it in enable alone");
   for (const char* const key : {"prepare.2", "identify.1", "status.2", "stop.2", "abort.2", "clear_fault.2"}) {
@@ -291,27 +291,27 @@ TEST(SentenceClash, WhatWouldMoveUnderAnotherNameIsRefused) {
           std::pair("VERBOSE 1; SERVO 2 1 ;ECHO 0", "which is enable"), std::pair("HOME {axis}", "which is home"),
           std::pair("RUN 2", "which is move"), std::pair("GOTO {axis} 0", "which is move"),
           std::pair("GOTO 2 -12.5;RUN 9", "which is move")}) {
-      const std::string said = error_of(std::string(key) + " = " + sentence);
+      const std::string said = error_with(std::string(key) + " = " + sentence);
       EXPECT_SAYS(said, starts) << key << " " << sentence << ": ";
       EXPECT_SAYS(said, std::string("'") + key + "'");
     }
   }
   // As controllers read it: blanks, capitals, leading zeros.
   for (const char* const same : {"SERVO  {axis} 1", "servo {axis} 1", "SERVO {axis} 01", "run 2", "GOTO 2  5"})
-    EXPECT_SAYS(error_of(std::string("prepare.2 = ") + same), ", which is ") << same;
+    EXPECT_SAYS(error_with(std::string("prepare.2 = ") + same), ", which is ") << same;
   // Where to go is known to a move only.
-  refused("stop.1 = FETCH {axis} {position}", "'stop.1'");
-  refused("status.2 = {distance}?", "'status.2'");
+  refused_with("stop.1 = FETCH {axis} {position}", "'stop.1'");
+  refused_with("status.2 = {distance}?", "'status.2'");
   // What only resembles it.
   for (const char* const other : {"SERVO {axis} 0", "SERVO {axis} 10", "HOME? {axis}", "VEL {axis} 5", "RUN 9"})
-    EXPECT_EQ(error_of(std::string("prepare.2 = ") + other), "accepted") << other;
+    EXPECT_EQ(error_with(std::string("prepare.2 = ") + other), "accepted") << other;
 }
 
 TEST(SentenceClash, AxesThatOneMoveWouldMoveAreRefused) {
-  refused("axis.roll.name = 2", "'axis.roll.name' = '2': expected a name of its own, not that of axis.pitch");
-  refused("axis.roll.name = 02", "'axis.roll.name'");
+  refused_with("axis.roll.name = 2", "'axis.roll.name' = '2': expected a name of its own, not that of axis.pitch");
+  refused_with("axis.roll.name = 02", "'axis.roll.name'");
   EXPECT_EQ(
-      error_of("axis.roll.name = 2\nmove.2 = GOTO {position.heading} {position.pitch} {position.roll}\nmove.3 = RUN"),
+      error_with("axis.roll.name = 2\nmove.2 = GOTO {position.heading} {position.pitch} {position.roll}\nmove.3 = RUN"),
       "accepted")
       << "one sentence tells each axis its own place";
 }
@@ -326,8 +326,9 @@ TEST(Dialect, NothingIsSwitchedOnBeforeItIsCommissioned) {
     SerialTurntable driver(station.described, station.clock);
     ASSERT_TRUE(driver.connect().ok()) << name;
     sent.clear();
-    for (const Status& refused : {driver.enable(), driver.home(), driver.move_absolute(Axis::pitch, 5.0, 1.0, 1.0)})
-      ASSERT_TRUE(fails(refused, ErrorKind::input, "not commissioned")) << name;
+    for (const Status& refused_with :
+         {driver.enable(), driver.home(), driver.move_absolute(Axis::pitch, 5.0, 1.0, 1.0)})
+      ASSERT_TRUE(fails(refused_with, ErrorKind::input, "not commissioned")) << name;
     EXPECT_TRUE(sent.empty()) << name << ": " << sent.front();
   }
 }

@@ -14,8 +14,6 @@ struct LineFault {
   Line on = every;
 };
 
-Frame& bytes_of(AnswerPlan& plan) { return plan.pieces[0].bytes; }
-
 // The reply in two pieces, the second later.
 std::function<void(AnswerPlan&, Line)> cut_at(std::ptrdiff_t at, double delay_s) {
   return [=](AnswerPlan& plan, Line) {
@@ -85,11 +83,11 @@ std::vector<LineFault> line_faults() {
   };
 }
 
-using Case = std::pair<Line, LineFault>;
-void PrintTo(const Case& one, std::ostream* out) { *out << one.second.name; }
+using LineFaultCase = std::pair<Line, LineFault>;
+void PrintTo(const LineFaultCase& one, std::ostream* out) { *out << one.second.name; }
 
-std::vector<Case> cases() {
-  std::vector<Case> all;
+std::vector<LineFaultCase> cases() {
+  std::vector<LineFaultCase> all;
   for (const LineFault& fault : line_faults())
     for (const Line line : {tcp, rtu, text})
       if ((fault.on & line) != 0) all.emplace_back(line, fault);
@@ -97,7 +95,7 @@ std::vector<Case> cases() {
 }
 
 template <class Table>
-void expect_truth_in_spite_of(const Case& one, Table& s) {
+void expect_truth_in_spite_of(const LineFaultCase& one, Table& s) {
   int reads = 0;
   s.station.disturb([&](const auto& request, AnswerPlan& plan) {
     if (is_read(request) && (++reads == 4 || reads == 9)) one.second.how(plan, one.first);
@@ -108,7 +106,7 @@ void expect_truth_in_spite_of(const Case& one, Table& s) {
   EXPECT_TRUE(s.driver.stop_all().ok());
 }
 
-class LineFaults : public testing::TestWithParam<Case> {};
+class LineFaults : public testing::TestWithParam<LineFaultCase> {};
 
 TEST_P(LineFaults, NoWrongPositionIsBelieved) {
   if (GetParam().first == text) {

@@ -50,7 +50,7 @@ TEST(VerdictSentence, NamesTheEffectsThatStandBesideAnUnexplainedResidual) {
   EXPECT_SAYS_NOT(text, "no effect is named");
 }
 
-std::vector<std::string> lines_of(const Diagnosis& diagnosis, const DiagnosisContext& context) {
+std::vector<std::string> document_lines(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   std::istringstream text(as_text(diagnosis_document(diagnosis, context), diagnosis_lines));
   std::vector<std::string> lines;
   for (std::string line; std::getline(text, line);) lines.push_back(line);
@@ -67,7 +67,7 @@ void expect_fits(const std::vector<std::string>& lines) {
 
 TEST(TerminalTable, StaysWithinThirtyLinesOfAHundredColumns) {
   for (Sample sample : {clean_sample(), extended_sample(), unexplained_sample(), noise_model_sample()})
-    expect_fits(lines_of(sample.diagnosis, sample_context(sample)));
+    expect_fits(document_lines(sample.diagnosis, sample_context(sample)));
   // As much of everything as there can be.
   Sample sample = extended_sample();
   Diagnosis& d = sample.diagnosis;
@@ -84,7 +84,7 @@ TEST(TerminalTable, StaysWithinThirtyLinesOfAHundredColumns) {
   d.base.faults.assign(30, {123456789012, 123456789013, 5, "velocity step of -0.049 m/s up", "leg set aside"});
   for (int k = 0; k < 9; ++k)
     d.extended.undetermined.push_back({{{"n12", 0.7}, {"n21", -0.7}, {"gyro_magnetic.xx", 0.1}}});
-  const std::vector<std::string> lines = lines_of(d, sample_context(sample));
+  const std::vector<std::string> lines = document_lines(d, sample_context(sample));
   expect_fits(lines);
   EXPECT_EQ(lines.size(), 30u);
   EXPECT_EQ(lines.back(), "... more in the report");

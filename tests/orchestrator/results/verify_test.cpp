@@ -328,11 +328,11 @@ TEST_F(VerifyByHand, AsOnATable) {
   EXPECT_TRUE(std::filesystem::exists(folder_ / "v/verification.conf"));
 }
 
-constexpr const char* head =
+constexpr const char* reference_head =
     "heading_deg,roll_deg,pitch_deg,reference_heading_deg,reference_roll_deg,reference_pitch_deg\n";
 
 TEST_F(Verify, ReadingsOfReferences) {
-  write("table3.csv", std::string(head) +
+  write("table3.csv", std::string(reference_head) +
                           "20.186751,0.009256,-0.017475,20.186751,0.009256,-0.017475\n"
                           "74.261759,0.017019,0.052811,74.262023,0.017211,0.052833\n"
                           "20.017897,0.012601,-0.013012,20.017913,0.012871,-0.014151\n");
@@ -341,20 +341,20 @@ TEST_F(Verify, ReadingsOfReferences) {
   EXPECT_NEAR(conf.number("error.2.heading_deg"), -0.000264, 1e-10);
   EXPECT_NEAR(conf.number("worst.pitch_deg"), 0.001139, 1e-10);
   EXPECT_EQ(conf.text("verdict.result"), "pass");
-  write("off.csv", std::string(head) + "20,0,0,20,0,0\n359.995,0,0,0.005,0,0\n");
+  write("off.csv", std::string(reference_head) + "20,0,0,20,0,0\n359.995,0,0,0.005,0,0\n");
   const ProgramResult failed = ends({"verify", "--references", path("off.csv")}, 20);
   EXPECT_SAYS(failed.out, "-0.010000");
-  write("edge.csv", std::string(head) + "20,0,0,20,0,0\n100.3,0.06,0,100.291,0,0.06\n");
+  write("edge.csv", std::string(reference_head) + "20,0,0,20,0,0\n100.3,0.06,0,100.291,0,0.06\n");
   EXPECT_EQ(run({"verify", "--references", path("edge.csv")}).code, 0);
-  write("cut.csv", std::string(head) + "20,0,0,20,0,0\n30,0,0,30,0,0.0");
+  write("cut.csv", std::string(reference_head) + "20,0,0,20,0,0\n30,0,0,30,0,0.0");
   expect_refused({"verify", "--references", path("cut.csv")}, "cut.csv: the last line has no end");
-  write("one.csv", std::string(head) + "20,0,0,20,0,0\n");
+  write("one.csv", std::string(reference_head) + "20,0,0,20,0,0\n");
   expect_refused({"verify", "--references", path("one.csv")}, "1 rows, expected two and more");
-  write("word.csv", std::string(head) + "20,0,0,20,0,0\n20,zero,0,20,0,0\n");
+  write("word.csv", std::string(reference_head) + "20,0,0,20,0,0\n20,zero,0,20,0,0\n");
   expect_refused({"verify", "--references", path("word.csv")}, "word.csv");
-  write("wide.csv", std::string(head) + "20,0,0,20,0,0\n20,0,0,20,0,0,7\n");
+  write("wide.csv", std::string(reference_head) + "20,0,0,20,0,0\n20,0,0,20,0,0,7\n");
   expect_refused({"verify", "--references", path("wide.csv")}, "wide.csv:3: the row has 7 columns: expected 6");
-  write("far.csv", std::string(head) + "20,0,0,20,0,0\n2000,0,0,20,0,0\n");
+  write("far.csv", std::string(reference_head) + "20,0,0,20,0,0\n2000,0,0,20,0,0\n");
   expect_refused({"verify", "--references", path("far.csv")}, "far.csv:3: expected angles from -360 to 360 deg");
 }
 

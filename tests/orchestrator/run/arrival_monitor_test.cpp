@@ -8,7 +8,7 @@ namespace {
 
 constexpr Move to_90 = {Axis::pitch, 90.0, 10.0, 20.0};
 
-MotionConfig config() {
+MotionConfig arrival_config() {
   MotionConfig c;
   c.settle_s = 1.0;
   return c;
@@ -33,7 +33,7 @@ const TableStatus at_target = with_pitch(90.0, 0.0, false, true);
 const TableStatus under_way = with_pitch(40.0, 10.0, true, false);
 
 struct Started : ArrivalMonitor {
-  Started() : ArrivalMonitor(config()) {
+  Started() : ArrivalMonitor(arrival_config()) {
     start_move(to_90, 0.0, 0.0);
     EXPECT_EQ(update(under_way, 4.0), std::nullopt);
   }
@@ -71,7 +71,7 @@ TEST(ArrivalMonitor, EveryClauseIsNeeded) {
 
 TEST(ArrivalMonitor, StaleDoneBeforeTheMotionIsNotBelieved) {
   // A move of 0.005 deg: within tolerance from the start, so motion can never be seen; the three-poll guard decides.
-  ArrivalMonitor monitor(config());
+  ArrivalMonitor monitor(arrival_config());
   monitor.start_move({Axis::pitch, 0.005, 10.0, 20.0}, 0.0, 0.0);
   const TableStatus still = with_pitch(0.0, 0.0, false, true);
   EXPECT_EQ(monitor.update(still, 0.1), std::nullopt);
@@ -89,7 +89,7 @@ TEST(ArrivalMonitor, FlickerBeginsTheSettleTimeAnew) {
 }
 
 TEST(ArrivalMonitor, StallIsTwoSecondsWithoutComingNearer) {
-  ArrivalMonitor monitor(config());
+  ArrivalMonitor monitor(arrival_config());
   monitor.start_move(to_90, 0.0, 0.0);
   EXPECT_EQ(monitor.update(with_pitch(40.0, 10.0, true, false), 4.0), std::nullopt);
   EXPECT_EQ(monitor.update(with_pitch(40.0, 10.0, true, false), 5.9), std::nullopt);
@@ -101,7 +101,7 @@ TEST(ArrivalMonitor, StallIsTwoSecondsWithoutComingNearer) {
 }
 
 TEST(ArrivalMonitor, SlowMoveIsNoStall) {
-  ArrivalMonitor monitor(config());
+  ArrivalMonitor monitor(arrival_config());
   monitor.start_move({Axis::pitch, 1.0, 0.01, 1.0}, 0.0, 0.0);
   for (int i = 1; i < 1000; ++i)
     ASSERT_EQ(monitor.update(with_pitch(0.001 * i, 0.01, true, false), 0.1 * i), std::nullopt) << i;
@@ -117,7 +117,7 @@ TEST(ArrivalMonitor, DeadlineIsThatOfTheDesign) {
 }
 
 TEST(ArrivalMonitor, PollsAreWorthMostAtTheEndOfTheMotion) {
-  ArrivalMonitor monitor(config());
+  ArrivalMonitor monitor(arrival_config());
   monitor.start_move(to_90, 0.0, 100.0);
   EXPECT_NEAR(monitor.moment_of_interest_s(100.0), 109.5, 1e-12);
   EXPECT_EQ(monitor.update(under_way, 104.0), std::nullopt);
@@ -126,7 +126,7 @@ TEST(ArrivalMonitor, PollsAreWorthMostAtTheEndOfTheMotion) {
 }
 
 TEST(ArrivalMonitor, SettlingWithoutAMoveWantsRestOnly) {
-  ArrivalMonitor monitor(config());
+  ArrivalMonitor monitor(arrival_config());
   monitor.settle_only(0.0);
   EXPECT_EQ(monitor.update(with_pitch(12.0, 0.0, false, false), 0.5), std::nullopt);
   EXPECT_EQ(monitor.update(with_pitch(12.5, 1.0, true, false), 0.9), std::nullopt);

@@ -7,7 +7,7 @@
 namespace turncal {
 namespace {
 
-ChamberConfig config() {
+ChamberConfig chamber_config() {
   ChamberConfig c;
   c.limit_unit_c = 60.0;
   c.band_c = 0.5;
@@ -17,7 +17,7 @@ ChamberConfig config() {
 }
 
 struct Watched {
-  ChamberWatch watch{config(), {-40.0, 85.0, 3.0, 0.1}};
+  ChamberWatch watch{chamber_config(), {-40.0, 85.0, 3.0, 0.1}};
   Watched() { watch.begin(40.0, 2.0, 0.0); }
   std::string at(double s, double actual_c, double set_c = 40.0, bool on = true, std::optional<double> unit_c = 30.0) {
     return watch.add({actual_c, set_c, on, false, false}, unit_c, s);
@@ -104,7 +104,7 @@ TEST(ChamberKeeper, LooksAreNeverHeldUp) {
     ChamberLimits l{-40.0, 85.0, 3.0, 0.1};
     std::atomic<bool> hangs{false}, told_off{false};
   } chamber;
-  ChamberKeeper keeper(chamber, config(), BackgroundQueue::By::thread);
+  ChamberKeeper keeper(chamber, chamber_config(), BackgroundQueue::By::thread);
   ASSERT_OK(keeper.connect());
   chamber.hangs = true;
   keeper.bring_to(40.0, 2.0, 0.0);

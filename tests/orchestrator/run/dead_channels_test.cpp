@@ -24,7 +24,7 @@ std::vector<ImuSample> dwell(std::mt19937_64& random, std::int64_t first, std::i
 }
 
 // What a dwell monitor says of a dwell, with room for what is not still in coarse units.
-std::string judged(DwellMonitor& monitor, const std::vector<ImuSample>& samples) {
+std::string dwell_defect(DwellMonitor& monitor, const std::vector<ImuSample>& samples) {
   monitor.start(samples.front().counter, static_cast<std::int64_t>(samples.size()));
   std::optional<DwellMonitor::Defect> defect;
   for (std::size_t k = 0; k < samples.size() && !defect; k += 100)
@@ -52,14 +52,14 @@ TEST(DeadChannels, AllSixFrozenAreNamedWithTheVerySamples) {
     const auto length = static_cast<std::int64_t>(500 + random() % 4000);
     const auto from = draw == 0 ? 1 : draw == 1 ? 20000 - length : static_cast<std::int64_t>(1 + random() % 15000);
     const std::vector<ImuSample> samples = dwell(random, 7000, 20000, from, from + length);
-    const std::string text = judged(monitor, samples);
+    const std::string text = dwell_defect(monitor, samples);
     const std::string named = std::to_string(7000 + from - 1) + " to " + std::to_string(7000 + from + length - 1);
     EXPECT_TRUE(text.starts_with("all six channels") && text.find(named) != std::string::npos) << text << ": " << named;
     const std::int64_t told = 20000 - monitor.remaining();
     EXPECT_LE(told, std::min<std::int64_t>(from + length + 500, 20000));
     EXPECT_GE(told, from + length);
     if (draw % 10 == 0) {
-      ASSERT_EQ(judged(monitor, dwell(random, 0, 4000)), "");
+      ASSERT_EQ(dwell_defect(monitor, dwell(random, 0, 4000)), "");
     }
   }
 }
@@ -67,7 +67,7 @@ TEST(DeadChannels, AllSixFrozenAreNamedWithTheVerySamples) {
 TEST(DeadChannels, WhatGoesOnIsToldAfterHalfAMinute) {
   std::mt19937_64 random(8);
   DwellMonitor monitor = patient_monitor();
-  const std::string text = judged(monitor, dwell(random, 0, 120000, 1000, 120000));
+  const std::string text = dwell_defect(monitor, dwell(random, 0, 120000, 1000, 120000));
   EXPECT_TRUE(text.starts_with("all six channels gave the same in 6")) << text;
   EXPECT_LE(120000 - monitor.remaining(), 7300);
 }
@@ -83,13 +83,13 @@ TEST(DeadChannels, AUnitThatIsUsedToItIsNotFrozen) {
       coarse[k].counter = static_cast<std::int64_t>(k);
       coarse[k].accel[1] = flickers(random) ? 1.0 : 0.0;
     }
-    EXPECT_EQ(judged(monitor, coarse), "");
+    EXPECT_EQ(dwell_defect(monitor, coarse), "");
   }
   // Without any noise: dwells of different lengths, each one number.
   for (const std::size_t count : {200U, 20000U, 400U, 120000U, 12000U}) {
     std::vector<ImuSample> silent(count);
     for (std::size_t k = 0; k < count; ++k) silent[k].counter = static_cast<std::int64_t>(k);
-    EXPECT_EQ(judged(monitor, silent), "") << count;
+    EXPECT_EQ(dwell_defect(monitor, silent), "") << count;
   }
 }
 
@@ -132,11 +132,11 @@ TEST(DeadChannels, OfHundredsOfDwellsOfCleanUnitsNoneIsFrozen) {
   for (std::uint64_t seed = 1; seed <= 100; ++seed) {
     DwellMonitor monitor = patient_monitor();
     for (const std::vector<ImuSample>& one : clean_unit(seed)) {
-      ASSERT_EQ(judged(monitor, one), "") << "unit " << seed;
+      ASSERT_EQ(dwell_defect(monitor, one), "") << "unit " << seed;
       ++dwells;
       for (std::size_t from = 0; from < one.size(); from += 1000) {  // and of 5 s
         const auto piece = one.begin() + static_cast<std::ptrdiff_t>(from);
-        ASSERT_EQ(judged(monitor, {piece, piece + 1000}), "") << "unit " << seed << " from " << from;
+        ASSERT_EQ(dwell_defect(monitor, {piece, piece + 1000}), "") << "unit " << seed << " from " << from;
       }
     }
   }
@@ -161,7 +161,7 @@ TEST(DeadChannels, AGyroThatReadsZeroForSecondsIsNoticed) {
       const double mean = sum / 100.0, sigma = std::sqrt(std::max(0.0, squares / 100.0 - mean * mean));
       const double windows = static_cast<double>(length) / 200.0;
       for (std::size_t k = from; k < from + length; ++k) last[k].gyro[channel] = 0.0;
-      const std::string text = judged(monitor, last);
+      const std::string text = dwell_defect(monitor, last);
       wrong += !text.empty() && !text.starts_with(channel_names[channel]) ? 1 : 0;
       const bool visible = std::abs(mean) * windows > 10.0 * std::sqrt(sigma * sigma * windows + 1.0 / 6.0);
       harmful += visible ? 1 : 0;
@@ -192,10 +192,10 @@ TEST(DeadChannels, AGyroThatReadsZeroInAShortDwellIsNoticed) {
     DwellConfig config;  // with room for what is not still
     config.max_gyro_std_degps = config.max_gyro_peak_degps = 10.0;
     DwellMonitor monitor(config, info);
-    ASSERT_EQ(judged(monitor, samples), "") << draw;
+    ASSERT_EQ(dwell_defect(monitor, samples), "") << draw;
     for (std::size_t k = from; k < from + length; ++k) samples[k].gyro[channel] = 0.0;
-    EXPECT_TRUE(judged(monitor, samples).starts_with(channel_names[channel]))
-        << draw << ": " << judged(monitor, samples);
+    EXPECT_TRUE(dwell_defect(monitor, samples).starts_with(channel_names[channel]))
+        << draw << ": " << dwell_defect(monitor, samples);
   }
 }
 

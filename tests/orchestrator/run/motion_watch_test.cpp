@@ -99,7 +99,7 @@ TEST(HomingWatch, AnAxisThatDoesNotBeginIsSaid) {
 
 // ---- how fast ----
 
-constexpr std::array<AxisLimits, 3> usual{};  // 100 deg/s, 100 deg/s^2
+constexpr std::array<AxisLimits, 3> usual_limits{};  // 100 deg/s, 100 deg/s^2
 
 // A move as a table makes it, rate and acceleration times a factor, read over a line with latency, from a register that is found anew every
 // refresh_s. Returns the time at which something was said, and what.
@@ -152,7 +152,7 @@ struct DrawnMove {
       feel_until(0.0);
       unit->begin_turn(SpeedWatch::factor * move.acceleration_degps2);
     }
-    SpeedWatch speed(usual, 1.0);
+    SpeedWatch speed(usual_limits, 1.0);
     const double began_s = draw(1.0);
     TableStatus axes{};
     speed.restart(axes, began_s - 0.01, began_s);
@@ -301,7 +301,7 @@ TEST(SpeedWatch, AWayThatTheTableDoesNotReadIsFelt) {
 
 // Nothing but max_rate is asked of an axis that looks for its zero, whose angle may be set anew.
 TEST(SpeedWatch, AnAxisThatLooksForItsZeroKeepsToItsLargestRate) {
-  SpeedWatch speed(usual, 1.0);
+  SpeedWatch speed(usual_limits, 1.0);
   TableStatus axes{};
   axes[2].rate_told = true;
   axes[2].rate_degps = -99.0;
@@ -326,17 +326,17 @@ TEST(SpeedWatch, OfSeveralUnitsTheLeastCounts) {
   }
   feel(sane, 0, 100, 0, [](std::int64_t) { return 0.0; });
   feel(mad, 0, 100, 0, [](std::int64_t) { return sample_rad_of(500.0); });
-  const SpeedWatch speed(usual, 1.0);
+  const SpeedWatch speed(usual_limits, 1.0);
   EXPECT_FALSE(speed.add_felt({&mad, &sane}, {}, std::nullopt, false));
   EXPECT_TRUE(speed.add_felt({&mad}, {}, std::nullopt, false));
 }
 
 // A unit whose scale is not known yet may weigh its pulses 1.7 times too high: beyond that a search is too fast.
 TEST(SpeedWatch, ASearchIsFeltBeforeTheUnitsScaleIsKnown) {
-  const SpeedWatch speed(usual, 1.0);
+  const SpeedWatch speed(usual_limits, 1.0);
   for (const double times : {1.5, 2.0}) {
     FeltRate felt(unit_in_rad());
-    feel(felt, 0, 100, 1, [&](std::int64_t) { return sample_rad_of(times * usual[0].max_rate_degps); });
+    feel(felt, 0, 100, 1, [&](std::int64_t) { return sample_rad_of(times * usual_limits[0].max_rate_degps); });
     EXPECT_EQ(speed.add_felt({&felt}, {}, std::nullopt, true).has_value(), times > 1.7);
     EXPECT_FALSE(speed.add_felt({&felt}, {}, std::nullopt, false)) << "at rest nothing is known of it";
   }
@@ -344,7 +344,7 @@ TEST(SpeedWatch, ASearchIsFeltBeforeTheUnitsScaleIsKnown) {
 
 // A line that takes 0.3 s for the three axes: how late an answer may be counts once, not with every poll.
 TEST(SpeedWatch, ASlowLineHidesNoAxisThatTurnsTwiceAsFast) {
-  SpeedWatch speed(usual, 1.0);
+  SpeedWatch speed(usual_limits, 1.0);
   const Move move{Axis::heading, 360.0, 20.0, 60.0};
   TableStatus axes{};
   std::optional<std::string> said;
@@ -359,7 +359,7 @@ TEST(SpeedWatch, ASlowLineHidesNoAxisThatTurnsTwiceAsFast) {
 
 // The last digit of an encoder does not stand still.
 TEST(SpeedWatch, AFlickeringEncoderDoesNotTurn) {
-  SpeedWatch speed(usual, 1.0);
+  SpeedWatch speed(usual_limits, 1.0);
   const Move move{Axis::heading, 1.0, 0.02, 0.1};
   TableStatus axes{};
   for (int i = 0; i < 400; ++i) {
@@ -372,7 +372,7 @@ TEST(SpeedWatch, AFlickeringEncoderDoesNotTurn) {
 // A device that tells no rate: a search beyond max_rate, and one with an angle that is set anew twice.
 TEST(SpeedWatch, ASearchIsJudgedByItsPositions) {
   for (const double factor : {1.3, 3.0, 8.0}) {
-    SpeedWatch speed(usual, 1.0);
+    SpeedWatch speed(usual_limits, 1.0);
     TableStatus axes{};
     std::optional<std::string> said;
     double now_s = 0.0;
@@ -383,7 +383,7 @@ TEST(SpeedWatch, ASearchIsJudgedByItsPositions) {
     ASSERT_TRUE(said) << factor;
     EXPECT_LE(now_s, 2.5) << *said;
   }
-  SpeedWatch speed(usual, 1.0);
+  SpeedWatch speed(usual_limits, 1.0);
   TableStatus axes{};
   for (int i = 0; i < 20; ++i) {
     axes[0].position_deg = 95.0 * 0.5 * i + (i < 7 ? 0.0 : i < 9 ? 400.0 : -700.0);
@@ -393,7 +393,7 @@ TEST(SpeedWatch, ASearchIsJudgedByItsPositions) {
 }
 
 TEST(SpeedWatch, AnAxisThatNothingSentKeepsToItsLargestRate) {
-  SpeedWatch speed(usual, 1.0);
+  SpeedWatch speed(usual_limits, 1.0);
   TableStatus axes{};
   axes[2].rate_told = true;
   axes[2].rate_degps = 300.0;

@@ -14,21 +14,21 @@ const std::string one_block = own_map_text("one_block");
 const std::string selecting = own_map_text("selecting");
 
 template <const std::string& text>
-struct FormFactory : DescribedFactory<TwinStation, ModbusTurntable> {
-  FormFactory() : DescribedFactory(map_of(text)) {}
+struct MapFactory : DescribedFactory<TwinStation, ModbusTurntable> {
+  MapFactory() : DescribedFactory(map_of(text)) {}
   static constexpr double beyond_limits_deg = 3601.0;
 };
-using OneBlock = FormFactory<one_block>;
-using Selecting = FormFactory<selecting>;
+using OneBlock = MapFactory<one_block>;
+using Selecting = MapFactory<selecting>;
 INSTANTIATE_TYPED_TEST_SUITE_P(ModbusOneBlock, TableContract, OneBlock);
 INSTANTIATE_TYPED_TEST_SUITE_P(ModbusSelecting, TableContract, Selecting);
 
-using FormTable = FaultTable<TwinStation, ModbusTurntable>;
+using MapTable = FaultTable<TwinStation, ModbusTurntable>;
 
 // Each axis reads its own, at three different angles, and a code that is not listed sets none of the flags.
 TEST(ModbusForms, EveryAxisReadsItsOwn) {
   for (const std::string& text : {one_block, selecting}) {
-    FormTable s(map_of(text));
+    MapTable s(map_of(text));
     EXPECT_EQ(s.expect_truth(5), 15);
   }
   StatusBit bit;
@@ -42,7 +42,7 @@ TEST(ModbusForms, EveryAxisReadsItsOwn) {
 
 // The move of one axis leaves the others where they are, or on their way; after a stop nothing goes on with its old target.
 TEST(ModbusForms, AMoveOfOneAxisTellsTheOthersNothingNew) {
-  FormTable s(map_of(one_block));
+  MapTable s(map_of(one_block));
   s.make_ready();
   const auto position = [&](Axis axis) {
     const Result<AxisStatus> now = s.driver.status(axis);
@@ -76,7 +76,7 @@ TEST(ModbusForms, AMoveOfOneAxisTellsTheOthersNothingNew) {
 
 // The documented values in turn, once for the table; a value that stays the same is none, and the watchdog stops the drives.
 TEST(ModbusForms, HeartbeatHasItsDocumentedValues) {
-  FormTable s(map_of(one_block));
+  MapTable s(map_of(one_block));
   std::vector<std::uint16_t> beats;
   s.station.disturb([&](const ModbusRequest& request, AnswerPlan&) {
     if (request.address == 0x230) beats.push_back(request.values.front());
@@ -115,7 +115,7 @@ TEST(ModbusForms, RtuOverTcpBelievesNoLateAnswer) {
   map.link.reply_timeout_s = 0.1;
   map.link.byte_timeout_s = 0.03;
   map.heartbeat_address.reset();
-  FormTable s(map);
+  MapTable s(map);
   std::vector<std::uint8_t> before;
   s.station.disturb([&before](const ModbusRequest& request, AnswerPlan& plan) {
     if (request.function != 3) return;

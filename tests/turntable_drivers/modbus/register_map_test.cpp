@@ -8,7 +8,7 @@
 namespace turncal {
 namespace {
 
-std::string error_of(const std::string& what, const std::string& with) {
+std::string map_error(const std::string& what, const std::string& with) {
   const Result<RegisterMap> map = parse_register_map(replaced(plain_map_text("rtu"), what, with), "my.map");
   if (map.ok()) return "accepted";
   EXPECT_EQ(map.error().kind, ErrorKind::input);
@@ -16,8 +16,8 @@ std::string error_of(const std::string& what, const std::string& with) {
   return map.error().message;
 }
 
-void refused(const std::string& what, const std::string& with, const char* said) {
-  EXPECT_SAYS(error_of(what, with), said) << what << ": " << with;
+void map_refused(const std::string& what, const std::string& with, const char* said) {
+  EXPECT_SAYS(map_error(what, with), said) << what << ": " << with;
 }
 
 TEST(RegisterMap, EveryKeyArrives) {
@@ -38,31 +38,31 @@ TEST(RegisterMap, EveryKeyArrives) {
 }
 
 TEST(RegisterMap, DefectsAreNamed) {
-  EXPECT_EQ(error_of("words.order = high_first", "words.order = big"),
+  EXPECT_EQ(map_error("words.order = high_first", "words.order = big"),
             "my.map:16: key 'words.order' = 'big': expected high_first or low_first");
-  refused("words.order = high_first\n", "", "'words.order' is missing");
-  refused("position.address = 0x100", "position.address = 0x105", "inside the status block");
-  refused("position.address = 0x100", "position.address = 0xZZ", "decimal or with 0x");
-  refused("bit.fault.address = 0x105\nbit.fault.mask = 4\n", "", "'bit.fault.address' is missing");
-  refused("bit.homed.address = 0x105\nbit.homed.mask = 0x10\n", "", "'bit.homed.address' is missing");
-  refused("write.stop = ", "# write.stop = ", "'write.stop' is missing");
-  refused("write.abort = 0x203 u16 1", "write.abort = 0x203 u16 70000", "fit their type");
-  refused("write.abort = 0x203 u16 1", "write.abort = 0x203 u16 position", "belong to write.move");
-  refused("write.abort = 0x203 u16 1", "write.abort = 0x203 u99 1", "steps 'ADDRESS TYPE VALUE'");
-  EXPECT_SAYS(error_of("write.abort = 0x203 u16 1", "write.abort = wait 3"), "steps 'ADDRESS TYPE VALUE'")
+  map_refused("words.order = high_first\n", "", "'words.order' is missing");
+  map_refused("position.address = 0x100", "position.address = 0x105", "inside the status block");
+  map_refused("position.address = 0x100", "position.address = 0xZZ", "decimal or with 0x");
+  map_refused("bit.fault.address = 0x105\nbit.fault.mask = 4\n", "", "'bit.fault.address' is missing");
+  map_refused("bit.homed.address = 0x105\nbit.homed.mask = 0x10\n", "", "'bit.homed.address' is missing");
+  map_refused("write.stop = ", "# write.stop = ", "'write.stop' is missing");
+  map_refused("write.abort = 0x203 u16 1", "write.abort = 0x203 u16 70000", "fit their type");
+  map_refused("write.abort = 0x203 u16 1", "write.abort = 0x203 u16 position", "belong to write.move");
+  map_refused("write.abort = 0x203 u16 1", "write.abort = 0x203 u99 1", "steps 'ADDRESS TYPE VALUE'");
+  EXPECT_SAYS(map_error("write.abort = 0x203 u16 1", "write.abort = wait 3"), "steps 'ADDRESS TYPE VALUE'")
       << "a stop would wait for it";
-  refused("write.abort = 0x203 u16 1", "write.abort = wait 0.06, 0x203 u16 1", "waits of at most 0.05 s");
-  refused("write.stop = 0x202 u16 1, 0x202 u16 0", "write.stop = 0x202 u16 1, wait 0.03, wait 0.03, 0x202 u16 0",
-          "at most 0.05 s together, not 0.06");
-  EXPECT_EQ(error_of("write.enable = 0x200 u16 1", "write.enable = 0x200 u16 1, wait 1"), "accepted");
-  refused("s32 position + u32 rate", "s32 distance + s32 position + u32 rate", "either position or distance");
-  refused("", "axis.roll.modulo_deg = 360\n", "distance: with modulo_deg");
-  refused("heartbeat.watchdog_s = 1", "heartbeat.watchdog_s = 0.3", "at least twice");
-  refused("heartbeat.period_s = 0.2", "heartbeat.period_s = 2e-10", "number between 0.001 and 60");
-  refused("heartbeat.watchdog_s = 1", "heartbeat.watchdog_s = 1e-308", "number between 0.01 and 600");
-  refused("", "status2.address = 0x300\nstatus2.count = 8\n", "its own length");
-  refused("", "bit.moveing.mask = 3\n", "bit.moveing.mask");
-  refused("", "bit.moving.kind = pulse\n", "only in_position");
+  map_refused("write.abort = 0x203 u16 1", "write.abort = wait 0.06, 0x203 u16 1", "waits of at most 0.05 s");
+  map_refused("write.stop = 0x202 u16 1, 0x202 u16 0", "write.stop = 0x202 u16 1, wait 0.03, wait 0.03, 0x202 u16 0",
+              "at most 0.05 s together, not 0.06");
+  EXPECT_EQ(map_error("write.enable = 0x200 u16 1", "write.enable = 0x200 u16 1, wait 1"), "accepted");
+  map_refused("s32 position + u32 rate", "s32 distance + s32 position + u32 rate", "either position or distance");
+  map_refused("", "axis.roll.modulo_deg = 360\n", "distance: with modulo_deg");
+  map_refused("heartbeat.watchdog_s = 1", "heartbeat.watchdog_s = 0.3", "at least twice");
+  map_refused("heartbeat.period_s = 0.2", "heartbeat.period_s = 2e-10", "number between 0.001 and 60");
+  map_refused("heartbeat.watchdog_s = 1", "heartbeat.watchdog_s = 1e-308", "number between 0.01 and 600");
+  map_refused("", "status2.address = 0x300\nstatus2.count = 8\n", "its own length");
+  map_refused("", "bit.moveing.mask = 3\n", "bit.moveing.mask");
+  map_refused("", "bit.moving.kind = pulse\n", "only in_position");
 }
 
 class ShippedMap : public testing::TestWithParam<const char*> {};
@@ -74,7 +74,7 @@ TEST(RegisterMap, AStopThatCannotStopIsRefused) {
   for (const std::string& line : {stop, abort, enable, home}) {
     const std::string key = line.substr(0, line.find(' '));
     for (const char* const nothing : {" =", " = wait 0.01"}) {
-      const std::string said = error_of(line, key + nothing);
+      const std::string said = map_error(line, key + nothing);
       EXPECT_SAYS(said, "at least one write of a register") << key << nothing << ": ";
       EXPECT_SAYS_NOT(said, "\n");
     }
@@ -90,31 +90,31 @@ TEST(RegisterMap, AStopThatCannotStopIsRefused) {
 }
 
 TEST(RegisterMap, WritesThatWouldMoveUnderAnotherNameAreRefused) {
-  EXPECT_EQ(error_of("", "write.setup = 0x200 u16 1\n"),
+  EXPECT_EQ(map_error("", "write.setup = 0x200 u16 1\n"),
             "my.map:50: key 'write.setup' = '0x200 u16 1': expected no write of 1 (0x1) to register 512 (0x200) of "
             "axis.heading, which is write.enable: it would switch the drive on; write another value, without the bits "
             "1 (0x1), or, if "
             "it takes the numbers of commands and not bits, name it in write.codes");
-  refused("", "write.setup = 0x300 u16 1, 0x201 u16 1\n", "which is write.home");
-  refused("", "write.setup = 0x216 u16 1\n", "which is write.move");
+  map_refused("", "write.setup = 0x300 u16 1, 0x201 u16 1\n", "which is write.home");
+  map_refused("", "write.setup = 0x216 u16 1\n", "which is write.move");
   const std::string stop = "write.stop = 0x202 u16 1, 0x202 u16 0", abort = "write.abort = 0x203 u16 1",
                     clear = "write.clear_fault = 0x204 u16 1, 0x204 u16 0", beat = "heartbeat.address = 0x220";
-  refused(stop, stop + ", 0x200 u16 1", "'write.stop'");
-  refused(abort, abort + ", 0x216 u16 1", "'write.abort'");
-  refused(clear, clear + ", 0x200 u16 1", "'write.clear_fault'");
-  refused(beat, "heartbeat.address = 0x201", "which is write.home");
+  map_refused(stop, stop + ", 0x200 u16 1", "'write.stop'");
+  map_refused(abort, abort + ", 0x216 u16 1", "'write.abort'");
+  map_refused(clear, clear + ", 0x200 u16 1", "'write.clear_fault'");
+  map_refused(beat, "heartbeat.address = 0x201", "which is write.home");
   for (const std::string of_stop : {"0x202", "0x203"})
-    EXPECT_SAYS(error_of(beat, "heartbeat.address = " + of_stop), "the count would take it back") << of_stop;
-  refused(beat, "heartbeat.address = 0x200\nheartbeat.values = 7, 1", "'heartbeat.values'");
+    EXPECT_SAYS(map_error(beat, "heartbeat.address = " + of_stop), "the count would take it back") << of_stop;
+  map_refused(beat, "heartbeat.address = 0x200\nheartbeat.values = 7, 1", "'heartbeat.values'");
   // Half of a number of 32 bits is a register as well, whichever half the drive takes for the high one.
-  refused("", "write.setup = 0x200 s32 65536, 0x1ff s32 1\n", "which is write.enable");
-  refused(stop, stop + ", 0x215 s32 1, 0x215 s32 65536", "which is write.move");
+  map_refused("", "write.setup = 0x200 s32 65536, 0x1ff s32 1\n", "which is write.enable");
+  map_refused(stop, stop + ", 0x215 s32 1, 0x215 s32 65536", "which is write.move");
   // The same registers with other values, and a release, start nothing.
-  EXPECT_EQ(error_of("", "write.setup = 0x200 u16 2, 0x216 u16 2\n"), "accepted");
-  EXPECT_SAYS(error_of(clear, clear + ", 0x216 u16 1, 0x216 u16 0"), "which is write.move")
+  EXPECT_EQ(map_error("", "write.setup = 0x200 u16 2, 0x216 u16 2\n"), "accepted");
+  EXPECT_SAYS(map_error(clear, clear + ", 0x216 u16 1, 0x216 u16 0"), "which is write.move")
       << "a release does not make good what went before";
-  EXPECT_EQ(error_of(clear, clear + ", 0x216 u16 2, 0x216 u16 0"), "accepted");
-  EXPECT_EQ(error_of(beat, "heartbeat.address = 0x200\nheartbeat.values = 6, 8"), "accepted");
+  EXPECT_EQ(map_error(clear, clear + ", 0x216 u16 2, 0x216 u16 0"), "accepted");
+  EXPECT_EQ(map_error(beat, "heartbeat.address = 0x200\nheartbeat.values = 6, 8"), "accepted");
 }
 
 // Bits of a control word do what they do, whatever stands beside them and however they are written.
@@ -123,24 +123,24 @@ TEST(RegisterMap, BitsThatEnableUnderAnotherNameAreRefused) {
                     stop = "write.stop = 0x202 u16 1, 0x202 u16 0", beat = "heartbeat.address = 0x220",
                     clear = "write.clear_fault = 0x204 u16 1, 0x204 u16 0";
   EXPECT_EQ(
-      error_of("", "write.setup = 0x200 u16 0x8001\n"),
+      map_error("", "write.setup = 0x200 u16 0x8001\n"),
       "my.map:50: key 'write.setup' = '0x200 u16 0x8001': expected no write of 32769 (0x8001) to register "
       "512 (0x200) of axis.heading, which holds the bits of write.enable, 1 (0x1): it would switch the drive on; write "
       "another value, without the bits 1 (0x1), or, if it takes the numbers of commands and not bits, name it in "
       "write.codes");
-  EXPECT_EQ(error_of("", "write.setup = 0x200 u16 0x8001\nwrite.codes = 0x200\n"), "accepted");
-  refused("", "write.setup = 0x200 s16 -1\n", "'write.setup'");
-  refused("", "write.setup = 0x1FF u16 0 + u16 3\n", "'write.setup'");
-  refused("", "write.setup = 0x1FF u32 3\n", "'write.setup'");
-  refused("", "write.setup = 0x1FE f64 5e-324, 0x200 s32 -1\n", "'write.setup'");
-  refused("", "write.setup = 0x216 u16 3\n", "which holds the bits of write.move");
-  refused(beat, "heartbeat.address = 0x200\nheartbeat.values = 0x8001, 0x8000", "'heartbeat.values'");
-  refused(clear, "write.clear_fault = 0x200 u16 0x81", "'write.clear_fault'");
-  refused(abort, "write.abort = 0x200 u16 0x4001", "'write.abort'");
-  refused(abort, "write.abort = 0x200 u16 0x4001, 0x200 u16 0", "'write.abort'");
-  refused(stop, "write.stop = 0x216 u16 0x8001", "which holds the bits of write.move");
-  EXPECT_EQ(error_of(stop, "write.stop = 0x200 u16 0x101"), "accepted") << "a brake with the drive on: check warns";
-  EXPECT_EQ(error_of(abort, "write.abort = 0x200 u16 0x4000"), "accepted");
+  EXPECT_EQ(map_error("", "write.setup = 0x200 u16 0x8001\nwrite.codes = 0x200\n"), "accepted");
+  map_refused("", "write.setup = 0x200 s16 -1\n", "'write.setup'");
+  map_refused("", "write.setup = 0x1FF u16 0 + u16 3\n", "'write.setup'");
+  map_refused("", "write.setup = 0x1FF u32 3\n", "'write.setup'");
+  map_refused("", "write.setup = 0x1FE f64 5e-324, 0x200 s32 -1\n", "'write.setup'");
+  map_refused("", "write.setup = 0x216 u16 3\n", "which holds the bits of write.move");
+  map_refused(beat, "heartbeat.address = 0x200\nheartbeat.values = 0x8001, 0x8000", "'heartbeat.values'");
+  map_refused(clear, "write.clear_fault = 0x200 u16 0x81", "'write.clear_fault'");
+  map_refused(abort, "write.abort = 0x200 u16 0x4001", "'write.abort'");
+  map_refused(abort, "write.abort = 0x200 u16 0x4001, 0x200 u16 0", "'write.abort'");
+  map_refused(stop, "write.stop = 0x216 u16 0x8001", "which holds the bits of write.move");
+  EXPECT_EQ(map_error(stop, "write.stop = 0x200 u16 0x101"), "accepted") << "a brake with the drive on: check warns";
+  EXPECT_EQ(map_error(abort, "write.abort = 0x200 u16 0x4000"), "accepted");
   // A drive that is on without a bit: what lacks the bit by which it is switched off switches it on.
   const std::string text = replaced(replaced(plain_map_text("tcp"), enable, "write.enable = 0x200 u16 0"), abort,
                                     "write.abort = 0x200 u16 0x40");
@@ -194,43 +194,43 @@ TEST(RegisterMap, AStopOfOneAxisAloneIsRefused) {
   EXPECT_SAYS(said_of("table 0x1200 u16 2", "0x203 u16 0", ""), "is that of axis.pitch alone");
   EXPECT_SAYS(said_of("0x200 u16 2", "0x200 u16 0", "write.stop.scope = table\nwrite.abort.scope = table\n"),
               "is that of axis.heading alone");
-  refused("", "write.stop.scope = table\nwrite.abort.scope = table\n", "a unit of its own");
+  map_refused("", "write.stop.scope = table\nwrite.abort.scope = table\n", "a unit of its own");
 }
 
 // A drive that is on may go where its target register says, without any other command.
 TEST(RegisterMap, NothingButAMoveWritesWhereItGoes) {
   EXPECT_EQ(
-      error_of("", "write.setup = 0x210 s32 0\n"),
+      map_error("", "write.setup = 0x210 s32 0\n"),
       "my.map:50: key 'write.setup' = '0x210 s32 0': expected no write to register 528 (0x210) of axis.heading, "
       "where write.move says where to go: a drive that is on would start a motion; write to another register, and "
       "leave the place to write.move");
-  EXPECT_SAYS(error_of("", "write.setup = 0x211 u16 5\n"), "'write.setup'") << "half of it";
-  EXPECT_SAYS(error_of("", "write.setup = 0x20f s32 5\n"), "'write.setup'") << "half of it";
-  EXPECT_EQ(error_of("", "write.setup = 0x212 u32 5, 0x20e s32 5\n"), "accepted") << "its neighbours";
-  refused("heartbeat.address = 0x220", "heartbeat.address = 0x211", "where write.move says");
+  EXPECT_SAYS(map_error("", "write.setup = 0x211 u16 5\n"), "'write.setup'") << "half of it";
+  EXPECT_SAYS(map_error("", "write.setup = 0x20f s32 5\n"), "'write.setup'") << "half of it";
+  EXPECT_EQ(map_error("", "write.setup = 0x212 u32 5, 0x20e s32 5\n"), "accepted") << "its neighbours";
+  map_refused("heartbeat.address = 0x220", "heartbeat.address = 0x211", "where write.move says");
   const std::string stop = "write.stop = 0x202 u16 1, 0x202 u16 0";
-  refused(stop, stop + ", 0x210 s32 0", "'write.stop'");
+  map_refused(stop, stop + ", 0x210 s32 0", "'write.stop'");
   // A command block: another command stands before it.
   const std::string move = "write.move = 0x210 s32 position + u32 rate + u32 acceleration, 0x216 u16 1";
-  EXPECT_EQ(error_of(move,
-                     "write.setup = 0x20f u16 9, 0x210 s32 0\nwrite.move = 0x20f u16 7, 0x210 s32 position + u32 "
-                     "rate + u32 acceleration, 0x216 u16 1"),
+  EXPECT_EQ(map_error(move,
+                      "write.setup = 0x20f u16 9, 0x210 s32 0\nwrite.move = 0x20f u16 7, 0x210 s32 position + u32 "
+                      "rate + u32 acceleration, 0x216 u16 1"),
             "accepted");
 }
 
 TEST(RegisterMap, AxesThatCannotBeToldApartAreRefused) {
-  refused("axis.pitch.unit = 2", "axis.pitch.unit = 1", "not those of axis.heading: both read one position");
-  refused("axis.roll.unit = 3", "axis.roll.unit = 2", "'axis.roll.unit'");
-  refused("axis.pitch.unit = 2",
-          "axis.pitch.unit = 1\naxis.pitch.position.address = 0x102\naxis.pitch.rate.address = 0x100",
-          "one write.move moves both");
+  map_refused("axis.pitch.unit = 2", "axis.pitch.unit = 1", "not those of axis.heading: both read one position");
+  map_refused("axis.roll.unit = 3", "axis.roll.unit = 2", "'axis.roll.unit'");
+  map_refused("axis.pitch.unit = 2",
+              "axis.pitch.unit = 1\naxis.pitch.position.address = 0x102\naxis.pitch.rate.address = 0x100",
+              "one write.move moves both");
   const auto with_offset = [](const std::string& offset) {
-    return error_of("axis.pitch.unit = 2", "axis.pitch.unit = 1\naxis.pitch.address_offset = " + offset);
+    return map_error("axis.pitch.unit = 2", "axis.pitch.unit = 1\naxis.pitch.address_offset = " + offset);
   };
   EXPECT_SAYS(with_offset("1"), "both read one position") << "one of two registers";
   EXPECT_SAYS(with_offset("3"), "one write.move moves both") << "its position is the other's rate";
   EXPECT_NE(with_offset("0x10"), "accepted") << "its enable is the other's position";
-  EXPECT_EQ(error_of("axis.pitch.unit = 2", "axis.pitch.unit = 1\naxis.pitch.address_offset = 0x1000"), "accepted");
+  EXPECT_EQ(map_error("axis.pitch.unit = 2", "axis.pitch.unit = 1\naxis.pitch.address_offset = 0x1000"), "accepted");
 }
 
 TEST_P(ShippedMap, SaysThatItIsUnverifiedAndMovesTheTwin) {

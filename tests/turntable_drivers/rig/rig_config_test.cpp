@@ -10,7 +10,7 @@
 namespace turncal {
 namespace {
 
-std::string error_of(const std::string& text) {
+std::string config_error(const std::string& text) {
   const Result<RigConfig> config = parse_rig_config(text, "bench.rig");
   EXPECT_FALSE(config.ok()) << text;
   return config.ok() ? "" : config.error().message;
@@ -99,29 +99,29 @@ TEST(RigConfig, NumbersThatMeanNothingAreRefused) {
         "gyro_pulse_arcsec = 1e300", "temperature.rise_c = -1e300", "noise.accel_bias_instability_ug = 1e10",
         "truth.N01 = 1e12", "effect.accel_delay.tau = 1e300"}) {
     const std::string key(line, std::string(line).find(' '));
-    EXPECT_SAYS(error_of(std::string(line) + "\n"), "bench.rig:1: key '" + key + "' = ") << error_of(line);
+    EXPECT_SAYS(config_error(std::string(line) + "\n"), "bench.rig:1: key '" + key + "' = ") << config_error(line);
   }
 }
 
 TEST(RigConfig, ErrorsNameFileLineKeyAndValue) {
-  EXPECT_SAYS(error_of("seed = 1\nnoise.gyro_random_walk_deg_per_rt_h = -1\n"), "bench.rig:2");
-  EXPECT_SAYS(error_of("noise.gyro_random_walk_deg_per_rt_h = -1\n"), "'-1'");
-  EXPECT_SAYS(error_of("effect.accel_second_order.w = 1\n"), "effect.accel_second_order.w");
-  EXPECT_SAYS(error_of("effect.accel_second_order.x = nan\n"), "a number");
-  EXPECT_SAYS(error_of("sample_period_s = 0\n"), "sample_period_s");
-  EXPECT_SAYS(error_of("site.gravity_mps2 = 0\n"), "site.gravity_mps2");
-  EXPECT_SAYS(error_of("quantisation = some\n"), "floor, round or off");
-  EXPECT_SAYS(error_of("truth.n44 = 1\n"), "truth.n44");
-  EXPECT_SAYS(error_of("truth.n11 = 0\n"), "singular");
-  EXPECT_SAYS(error_of("table.roll.limit_min_deg = 5000\n"), "limit_max_deg = 3600");
-  EXPECT_SAYS(error_of("fault.1.kind = gremlins\n"), "lost_sample");
-  EXPECT_SAYS(error_of("fault.1.kind = lost_sample\n"), "fault.1.sample");
-  EXPECT_SAYS(error_of("fault.1.sample = 3\n"), "fault.1.kind");
-  EXPECT_SAYS(error_of("fault.2.kind = lost_sample\nfault.2.sample = 1\n"), "fault.2") << "numbers begin at 1";
-  EXPECT_SAYS(error_of("fault.1.kind = lost_sample\nfault.1.sample = 1\nfault.1.size_mrad = 1\n"), "size_mrad")
+  EXPECT_SAYS(config_error("seed = 1\nnoise.gyro_random_walk_deg_per_rt_h = -1\n"), "bench.rig:2");
+  EXPECT_SAYS(config_error("noise.gyro_random_walk_deg_per_rt_h = -1\n"), "'-1'");
+  EXPECT_SAYS(config_error("effect.accel_second_order.w = 1\n"), "effect.accel_second_order.w");
+  EXPECT_SAYS(config_error("effect.accel_second_order.x = nan\n"), "a number");
+  EXPECT_SAYS(config_error("sample_period_s = 0\n"), "sample_period_s");
+  EXPECT_SAYS(config_error("site.gravity_mps2 = 0\n"), "site.gravity_mps2");
+  EXPECT_SAYS(config_error("quantisation = some\n"), "floor, round or off");
+  EXPECT_SAYS(config_error("truth.n44 = 1\n"), "truth.n44");
+  EXPECT_SAYS(config_error("truth.n11 = 0\n"), "singular");
+  EXPECT_SAYS(config_error("table.roll.limit_min_deg = 5000\n"), "limit_max_deg = 3600");
+  EXPECT_SAYS(config_error("fault.1.kind = gremlins\n"), "lost_sample");
+  EXPECT_SAYS(config_error("fault.1.kind = lost_sample\n"), "fault.1.sample");
+  EXPECT_SAYS(config_error("fault.1.sample = 3\n"), "fault.1.kind");
+  EXPECT_SAYS(config_error("fault.2.kind = lost_sample\nfault.2.sample = 1\n"), "fault.2") << "numbers begin at 1";
+  EXPECT_SAYS(config_error("fault.1.kind = lost_sample\nfault.1.sample = 1\nfault.1.size_mrad = 1\n"), "size_mrad")
       << "a key that this kind does not have";
   for (const std::string& text : {std::string("seed = 1\nseed = 2\n"), std::string(""), std::string("seed\n")})
-    EXPECT_SAYS_NOT(error_of(text), "\n");
+    EXPECT_SAYS_NOT(config_error(text), "\n");
   EXPECT_FALSE(read_rig_config("/nonexistent/rig.conf").ok());
   EXPECT_EQ(read_rig_config("/nonexistent/rig.conf").error().kind, ErrorKind::input);
 }

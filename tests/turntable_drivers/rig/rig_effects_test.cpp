@@ -65,7 +65,7 @@ void expect_near(const Reading& reading, const Triple& gyro_degph, const Triple&
   }
 }
 
-struct Case {
+struct EffectCase {
   const char* key;
   double value;
   double pitch_deg;
@@ -73,10 +73,10 @@ struct Case {
   std::size_t after_samples = 0;
 };
 
-class RigEffectAtRest : public testing::TestWithParam<Case> {};
+class RigEffectAtRest : public testing::TestWithParam<EffectCase> {};
 
 TEST_P(RigEffectAtRest, HasItsSizeAndSign) {
-  const Case& c = GetParam();
+  const EffectCase& c = GetParam();
   const RigConfig without = base_config(c.pitch_deg);
   RigConfig with = without;
   double* value = find_effect(with.effects, c.key);
@@ -90,32 +90,33 @@ TEST_P(RigEffectAtRest, HasItsSizeAndSign) {
 INSTANTIATE_TEST_SUITE_P(
     Catalogue, RigEffectAtRest,
     testing::Values(
-        Case{"accel_second_order.x", 10, 30, {}, {2.5, 0, 0}},  // 10 * 0.5^2
-        Case{"accel_second_order.x", 10, -30, {}, {2.5, 0, 0}},
-        Case{"accel_second_order.y", 10, 30, {}, {0, 7.5, 0}},  // 10 * 0.75
-        Case{"accel_scale_asymmetry.x", 10, 30, {}, {5, 0, 0}}, Case{"accel_scale_asymmetry.x", 10, -30, {}, {5, 0, 0}},
-        Case{"accel_odd_quadratic.x", 10, -30, {}, {-2.5, 0, 0}},         // 10 * -0.5 * 0.5
-        Case{"accel_third_order.x", 10, -30, {}, {-1.25, 0, 0}},          // 10 * -0.125
-        Case{"accel_cross_coupling.y_xy", 10, 30, {}, {0, 4.330127, 0}},  // 10 * 0.5 * 0.8660254
-        Case{"accel_cross_coupling.z_xy", 10, -30, {}, {0, 0, -4.330127}},
-        Case{"accel_bias_temperature.z", 2, 30, {}, {0, 0, 10}},         // 2 * 5
-        Case{"accel_scale_temperature.y", 2, 30, {}, {0, 8.660254, 0}},  // 2 * 5 * 0.8660254
-        Case{"accel_bias_drift.x", 100, 30, {}, {10.000069, 0, 0}, 72000},
-        Case{"gyro_g_sensitivity.zx", 0.2, 30, {0, 0, 0.1}, {}},  // 0.2 * 0.5
-        Case{"gyro_g_sensitivity.xy", 0.2, 30, {0.1732051, 0, 0}, {}},
-        Case{"gyro_scale_asymmetry.y", 1e6, 30, {0, 0.1233812, 0}, {}},  // abs(-0.1233812)
-        Case{"gyro_bias_temperature.x", 0.01, 30, {0.05, 0, 0}, {}},
-        Case{"gyro_scale_temperature.x", 1e4, 30, {0.7520281, 0, 0}, {}},  // 1e-2 * 5 * 15.0405610
-        Case{"gyro_bias_drift.z", 1, 30, {0, 0, 0.1000007}, {}, 72000},
-        Case{"gyro_warm_up.x", 0.1, 30, {0.0740817, 0, 0}, {}, 72000},  // 0.1 exp(-360.0025/1200)
-        Case{"gyro_magnetic.xy", 0.01, 30, {-0.0048177, 0, 0}, {}},     // 0.01 * -0.4817691
-        Case{"gyro_magnetic.yx", 0.01, 30, {0, 0.0011445, 0}, {}},
-        Case{"gyro_magnetic.zz", 0.01, 30, {0, 0, -0.00015}, {}},
-        Case{"earth_rate.north", 0.02, 30, {0.0173205, -0.01, 0}, {}},
-        Case{"earth_rate.up", 0.02, 30, {0.01, 0.0173205, 0}, {}},
+        EffectCase{"accel_second_order.x", 10, 30, {}, {2.5, 0, 0}},  // 10 * 0.5^2
+        EffectCase{"accel_second_order.x", 10, -30, {}, {2.5, 0, 0}},
+        EffectCase{"accel_second_order.y", 10, 30, {}, {0, 7.5, 0}},  // 10 * 0.75
+        EffectCase{"accel_scale_asymmetry.x", 10, 30, {}, {5, 0, 0}},
+        EffectCase{"accel_scale_asymmetry.x", 10, -30, {}, {5, 0, 0}},
+        EffectCase{"accel_odd_quadratic.x", 10, -30, {}, {-2.5, 0, 0}},         // 10 * -0.5 * 0.5
+        EffectCase{"accel_third_order.x", 10, -30, {}, {-1.25, 0, 0}},          // 10 * -0.125
+        EffectCase{"accel_cross_coupling.y_xy", 10, 30, {}, {0, 4.330127, 0}},  // 10 * 0.5 * 0.8660254
+        EffectCase{"accel_cross_coupling.z_xy", 10, -30, {}, {0, 0, -4.330127}},
+        EffectCase{"accel_bias_temperature.z", 2, 30, {}, {0, 0, 10}},         // 2 * 5
+        EffectCase{"accel_scale_temperature.y", 2, 30, {}, {0, 8.660254, 0}},  // 2 * 5 * 0.8660254
+        EffectCase{"accel_bias_drift.x", 100, 30, {}, {10.000069, 0, 0}, 72000},
+        EffectCase{"gyro_g_sensitivity.zx", 0.2, 30, {0, 0, 0.1}, {}},  // 0.2 * 0.5
+        EffectCase{"gyro_g_sensitivity.xy", 0.2, 30, {0.1732051, 0, 0}, {}},
+        EffectCase{"gyro_scale_asymmetry.y", 1e6, 30, {0, 0.1233812, 0}, {}},  // abs(-0.1233812)
+        EffectCase{"gyro_bias_temperature.x", 0.01, 30, {0.05, 0, 0}, {}},
+        EffectCase{"gyro_scale_temperature.x", 1e4, 30, {0.7520281, 0, 0}, {}},  // 1e-2 * 5 * 15.0405610
+        EffectCase{"gyro_bias_drift.z", 1, 30, {0, 0, 0.1000007}, {}, 72000},
+        EffectCase{"gyro_warm_up.x", 0.1, 30, {0.0740817, 0, 0}, {}, 72000},  // 0.1 exp(-360.0025/1200)
+        EffectCase{"gyro_magnetic.xy", 0.01, 30, {-0.0048177, 0, 0}, {}},     // 0.01 * -0.4817691
+        EffectCase{"gyro_magnetic.yx", 0.01, 30, {0, 0.0011445, 0}, {}},
+        EffectCase{"gyro_magnetic.zz", 0.01, 30, {0, 0, -0.00015}, {}},
+        EffectCase{"earth_rate.north", 0.02, 30, {0.0173205, -0.01, 0}, {}},
+        EffectCase{"earth_rate.up", 0.02, 30, {0.01, 0.0173205, 0}, {}},
         // E f = (0, 0, 3600 arcsec/g * 0.5 g = 8.7266463e-3 rad); (E f) x w = (-8.7266e-3 * -0.1233812, 8.7266e-3 *
         // 15.0405610, 0)
-        Case{"gyro_accel_flexure.zx", 3600, 30, {0.0010767, 0.1312537, 0}, {}}),
+        EffectCase{"gyro_accel_flexure.zx", 3600, 30, {0.0010767, 0.1312537, 0}, {}}),
     [](const auto& tested) {
       std::string name = tested.param.key;
       for (char& c : name)

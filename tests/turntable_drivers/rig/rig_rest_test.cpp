@@ -12,15 +12,15 @@
 namespace turncal {
 namespace {
 
-constexpr double north = 0.0701410537, up = 0.0397323948, g = 97.914;
+constexpr double north = 0.0701410537, up = 0.0397323948, gravity = 97.914;
 
-struct Case {
+struct RestCase {
   const char* name;
   double heading_deg, pitch_deg, roll_deg;
   Triple gyro, accel;  // pulses a sample
 };
 
-class RigAtRest : public testing::TestWithParam<Case> {};
+class RigAtRest : public testing::TestWithParam<RestCase> {};
 
 TEST_P(RigAtRest, ReadsEarthRateAndGravity) {
   RigConfig config = perfect_rig_config();
@@ -37,18 +37,18 @@ TEST_P(RigAtRest, ReadsEarthRateAndGravity) {
 INSTANTIATE_TEST_SUITE_P(
     Attitudes, RigAtRest,
     testing::Values(
-        Case{"level_north", 0, 0, 0, {north, up, 0}, {0, g, 0}},         // x north, y up, z east
-        Case{"level_west", -90, 0, 0, {0, up, north}, {0, g, 0}},        // x west, z north
-        Case{"level_east", 90, 0, 0, {0, up, -north}, {0, g, 0}},        // x east, z south
-        Case{"nose_up", 0, 90, 0, {up, -north, 0}, {g, 0, 0}},           // x up, y south
-        Case{"nose_down", 0, -90, 0, {-up, north, 0}, {-g, 0, 0}},       // x down, y north
-        Case{"right_side_down", 0, 0, 90, {north, 0, -up}, {0, 0, -g}},  // z down, y east
-        Case{"upside_down", 0, 0, 180, {north, -up, 0}, {0, -g, 0}},
-        Case{"west_left_down", -90, 0, -90, {0, -north, up}, {0, 0, g}},  // z up, y south: step 4 and 9
+        RestCase{"level_north", 0, 0, 0, {north, up, 0}, {0, gravity, 0}},         // x north, y up, z east
+        RestCase{"level_west", -90, 0, 0, {0, up, north}, {0, gravity, 0}},        // x west, z north
+        RestCase{"level_east", 90, 0, 0, {0, up, -north}, {0, gravity, 0}},        // x east, z south
+        RestCase{"nose_up", 0, 90, 0, {up, -north, 0}, {gravity, 0, 0}},           // x up, y south
+        RestCase{"nose_down", 0, -90, 0, {-up, north, 0}, {-gravity, 0, 0}},       // x down, y north
+        RestCase{"right_side_down", 0, 0, 90, {north, 0, -up}, {0, 0, -gravity}},  // z down, y east
+        RestCase{"upside_down", 0, 0, 180, {north, -up, 0}, {0, -gravity, 0}},
+        RestCase{"west_left_down", -90, 0, -90, {0, -north, up}, {0, 0, gravity}},  // z up, y south: step 4 and 9
         // P = 30: x is 30 deg above north: earth rate on x cos 30 * north + sin 30 * up, on y -sin 30 north + cos 30
         // up.
-        Case{"thirty", 0, 30, 0, {0.0806101317, -0.0006612636, 0}, {48.957, 84.7960113861, 0}},
-        Case{"turned_once_more", 360, 0, -360, {north, up, 0}, {0, g, 0}}),
+        RestCase{"thirty", 0, 30, 0, {0.0806101317, -0.0006612636, 0}, {48.957, 84.7960113861, 0}},
+        RestCase{"turned_once_more", 360, 0, -360, {north, up, 0}, {0, gravity, 0}}),
     [](const auto& tested) { return std::string(tested.param.name); });
 
 // n = {{0.9331, 0.002, 0}, {0, 0.9325, 0}, ...}, N01 = 0.1 deg/h:
