@@ -14,6 +14,7 @@
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/run/background_queue.h"
+#include "orchestrator/service/alerts.h"
 #include "orchestrator/watch/page_server.h"
 #include "orchestrator/watch/progress.h"
 
@@ -57,8 +58,9 @@ struct ServicePage::State {
   std::thread looker, reader,
       maker;  // of the stations' files; of the database, which may keep its reader waiting; of pages that are asked for
   std::unique_ptr<PageServer> server;
+  std::unique_ptr<Alerts> alerts;  // nothing: none are wanted
 
-  void look() {
+  void look(bool alerting) {
     std::vector<std::string> stations;
     std::vector<StationView> views;
     std::optional<ResultsView> newest_results;
@@ -71,8 +73,10 @@ struct ServicePage::State {
       views.push_back(look_at(station, now));
       stations.push_back(json_of(views.back()));
     }
+    if (alerts && alerting) alerts->look(views, newest_results, now);
     JsonObject o;
     o.text("time_utc", format_utc(now));
+    o.text("alert_defect", alerts ? alerts->defect() : "");
     o.flag("acts", !config.password_file.empty());
     o.list("stations", stations);
     o.raw("results", newest_results ? json_of(*newest_results) : "null");
@@ -96,7 +100,7 @@ struct ServicePage::State {
     std::unique_lock lock(mutex);
     while (!wake.wait_for(lock, between_looks, [this] { return over; })) {
       lock.unlock();
-      look();
+      look(true);
       lock.lock();
     }
   }
@@ -151,7 +155,7 @@ struct ServicePage::State {
         std::ranges::find_if(config.stations, [&station](const ServedStation& one) { return one.name == station; });
     if (at == config.stations.end()) return said(404, "no such station");
     const Result<std::string> done = act(*at, action, *name, now_utc_s());
-    look();
+    look(false);
     return done ? said(200, *done) : said(409, done.error().message);
   }
 
@@ -190,6 +194,9 @@ ServicePage::~ServicePage() {
 
 std::string ServicePage::url() const { return state_->server->url(); }
 bool ServicePage::loopback() const { return state_->server->loopback(); }
+std::vector<std::string> ServicePage::take_alert_lines() {
+  return state_->alerts ? state_->alerts->take_lines() : std::vector<std::string>();
+}
 
 Result<std::unique_ptr<ServicePage>> ServicePage::open(const std::string& address, const ServiceConfig& config,
                                                        std::function<double()> now_utc_s) {
@@ -199,7 +206,8 @@ Result<std::unique_ptr<ServicePage>> ServicePage::open(const std::string& addres
   State& state = *page->state_;
   state.config = config;
   state.now_utc_s = std::move(now_utc_s);
-  state.look();
+  if (!config.alert.command.empty()) state.alerts = TRY(Alerts::open(config.alert));
+  state.look(true);
   PageServer::Posts posts;
   if (acts) posts = [&state](const PagePost& request) { return state.post(request); };
   std::unique_ptr<PageServer> server = TRY(PageServer::open(

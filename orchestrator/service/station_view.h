@@ -35,6 +35,7 @@ namespace turncal {
 //   station.1.mounted = /var/lib/turncal/east/mounted     written by "mount done"; what hook.mount waits for
 //   serve.password_file = /etc/turncal/operators          NAME:HASH a line; without it nothing can be changed
 //   serve.database = postgresql://reader@host/line         or a file: what all its stations did in the last 24 hours
+//   alert.command = curl ...                              given an event as JSON (alerts.h); alert.record: what was told, a file
 //
 // Relative names are those beside the file. HASH is as crypt(5) has it (`openssl passwd -6`, `mkpasswd`). The password file is read again at
 // every question, so that a name which is taken out is out at once; one that others than its owner and group can read is refused.
@@ -49,10 +50,18 @@ struct ServedStation {
   std::string mounted;  // empty: a mounted unit is not announced by the page
 };
 
+struct AlertConfig {
+  std::string command;  // empty: none
+  std::string record;
+  double time_s = 60.0;
+  std::optional<double> least_yield;  // of 1
+};
+
 struct ServiceConfig {
   std::vector<ServedStation> stations;  // at least one, names differ
   std::string password_file;            // empty: read-only
   std::string database;                 // empty: no results are shown
+  AlertConfig alert = {};
 };
 
 Result<ServiceConfig> read_service_config(const std::string& path);
@@ -103,7 +112,11 @@ struct StationView {
   std::vector<UnitOutcome> outcomes;      // the newest first
   std::size_t done = 0, passed = 0;       // of the queue
   std::optional<double> unit_s;           // from one unit's end to the next one's
+  std::optional<double> silent_s;         // a run that goes on has written nothing for so long: 10 min or more
 };
+
+// Whether somebody should look at a unit with that outcome: it did not pass.
+bool wants_a_look(const std::string& outcome);
 
 // now_utc_s: by the clock of this machine.
 StationView look_at(const ServedStation& station, double now_utc_s);
