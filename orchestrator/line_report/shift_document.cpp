@@ -196,9 +196,9 @@ const std::vector<Group>& groups() {
       {"gyrobias", "Gyro bias", {"N01", "N02", "N03"}},
       {"accelbias", "Accelerometer bias", {"A01", "A02", "A03"}},
       {"gyroscale", "Gyro scale factor (″/pulse; a ratio where the unit counts in rad)", {"n11", "n22", "n33"}},
-      {"gyroinstallation", "Gyro misalignments, as the scale factors", {"n12", "n13", "n21", "n23", "n31", "n32"}},
+      {"gyromisalignment", "Gyro misalignments, as the scale factors", {"n12", "n13", "n21", "n23", "n31", "n32"}},
       {"accelscale", "Accelerometer scale factor, ratio to the nominal pulse", {"a11", "a22", "a33"}},
-      {"accelinstallation", "Accelerometer misalignments, as the scale factors", {"a12", "a13", "a23"}}};
+      {"accelmisalignment", "Accelerometer misalignments, as the scale factors", {"a12", "a13", "a23"}}};
   return all;
 }
 
@@ -497,12 +497,19 @@ DataTable calibrations_table(const std::vector<StoredCalibration>& all) {
     columns.emplace_back(key);
     columns.push_back("sigma." + std::string(key));
   }
+  for (const std::string_view key : parameter_keys)
+    for (const char* what : {"min.", "max.", "verdict."}) columns.push_back(what + std::string(key));
   DataTable table(std::move(columns));
   for (StoredCalibration c : all) {
     add_row(fields_of(c), table);
     for (StoredValue& value : c.values) {
       add_cell({"", &value.value}, table);
       add_cell({"", &value.sigma}, table);
+    }
+    for (StoredValue& value : c.values) {
+      add_cell({"", &value.limit.min}, table);
+      add_cell({"", &value.limit.max}, table);
+      add_cell({"", &value.verdict}, table);
     }
   }
   return table;
