@@ -23,7 +23,7 @@ RecordingInfo pulses_info() {
   return info;
 }
 
-// A unit as wrong as that of Wang (2020): biases, scale factors off by per cents, installation errors of arc-minutes.
+// A unit as wrong as that of Wang (2020): biases, scale factors off by per cents, misalignments of arc-minutes.
 Parameters wrong_unit() {
   Parameters p;
   p.N0_degph << -0.078921, 0.025013, 0.084675;
