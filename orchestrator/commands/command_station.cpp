@@ -451,8 +451,7 @@ Status serve(const ServeOptions& options, CommandContext& context) {
   if (!page->loopback())
     context.out << "warning: whoever reaches " << page->url()
                 << " can read the page: it has no access control and is not encrypted" << std::endl;
-  for (; !StopSignals::any(); std::this_thread::sleep_for(std::chrono::milliseconds(100)))
-    for (const std::string& line : page->take_alert_lines()) context.out << "alert     " << line << std::endl;
+  while (!StopSignals::any()) std::this_thread::sleep_for(std::chrono::milliseconds(100));
   return {};
 }
 

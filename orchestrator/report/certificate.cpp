@@ -282,9 +282,8 @@ std::string certificate_page(const Certificate& c) {
               "normal distribution. u combines the columns to the right of U (standard uncertainties)" +
               (left_out.empty() ? "" : "; nothing is stated of, and nothing is added for: " + left_out) +
               ". The table's angles are not taken as truth and add nothing; the given heading enters in second order. "
-              "Confounding: the spread over effects that the recording cannot tell from a parameter, or from one "
-              "another, "
-              "and over those that came near to being found; - where nobody looked. Effects beyond the parameters: " +
+              "Confounding: the spread over effects that the recording cannot tell from a parameter or each other, and "
+              "over those that came near to being found; - where nobody looked. Effects beyond the parameters: " +
               effects_found(f)}));
   if (c.verification) body += north_section(*c.verification);
   const VerdictReport& conformity = c.conformity;
@@ -303,8 +302,6 @@ std::string certificate_page(const Certificate& c) {
                              : "no limits were agreed"},
        {"limits beside those of the results", beside.empty() ? "none" : beside},
        {"diagnosis", "effects beyond the parameters: " + effects_found(f)}});
-  std::string hashes;
-  for (const std::string& hash : c.recording_hashes) hashes += (hashes.empty() ? "" : ", ") + hash;
   const auto with_uncertainty = [](double u, const char* unit) {
     return u > 0.0 ? "standard uncertainty " + significant(u, 2) + unit : std::string("no uncertainty stated");
   };
@@ -320,7 +317,7 @@ std::string certificate_page(const Certificate& c) {
                                    : "against the station's clock " + clock + " ± " +
                                          of_record(f, "record.clock_uncertainty_ppm") + " ppm")},
        {"parameter file", c.parameters_hash},
-       {"recordings", hashes}});
+       {"recordings", join(c.recording_hashes)}});
   body +=
       "<p class=\"small\">The results relate to this item in the state in which it was calibrated. This certificate "
       "may be reproduced in full only.</p>\n<div class=\"sign\"><p>Issued " +

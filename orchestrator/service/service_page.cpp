@@ -63,11 +63,9 @@ struct ServicePage::State {
   void look(bool alerting) {
     std::vector<std::string> stations;
     std::vector<StationView> views;
-    std::optional<ResultsView> newest_results;
-    {
-      const std::lock_guard lock(mutex);
-      newest_results = results;
-    }
+    std::unique_lock lock(mutex);
+    const std::optional<ResultsView> newest_results = results;
+    lock.unlock();
     const double now = now_utc_s();
     for (const ServedStation& station : config.stations) {
       views.push_back(look_at(station, now));
@@ -81,26 +79,21 @@ struct ServicePage::State {
     o.list("stations", stations);
     o.raw("results", newest_results ? json_of(*newest_results) : "null");
     std::string newest_metrics = metrics_of(views, newest_results.value_or(ResultsView{}), now);
-    const std::lock_guard lock(mutex);
+    lock.lock();
     json = o.end();
     metrics = std::move(newest_metrics);
   }
 
-  void keep_reading() {
-    std::unique_lock lock(mutex);
-    do {
-      lock.unlock();
-      ResultsView newest = look_at_results(config.database, now_utc_s());
-      lock.lock();
-      results = std::move(newest);
-    } while (!wake.wait_for(lock, between_results, [this] { return over; }));
+  void read() {
+    ResultsView newest = look_at_results(config.database, now_utc_s());
+    const std::lock_guard lock(mutex);
+    results = std::move(newest);
   }
 
-  void keep_looking() {
-    std::unique_lock lock(mutex);
-    while (!wake.wait_for(lock, between_looks, [this] { return over; })) {
+  void keep(const std::function<void()>& job, std::chrono::seconds between) {
+    for (std::unique_lock lock(mutex); !over; wake.wait_for(lock, between, [this] { return over; })) {
       lock.unlock();
-      look(true);
+      job();
       lock.lock();
     }
   }
@@ -194,9 +187,6 @@ ServicePage::~ServicePage() {
 
 std::string ServicePage::url() const { return state_->server->url(); }
 bool ServicePage::loopback() const { return state_->server->loopback(); }
-std::vector<std::string> ServicePage::take_alert_lines() {
-  return state_->alerts ? state_->alerts->take_lines() : std::vector<std::string>();
-}
 
 Result<std::unique_ptr<ServicePage>> ServicePage::open(const std::string& address, const ServiceConfig& config,
                                                        std::function<double()> now_utc_s) {
@@ -216,9 +206,10 @@ Result<std::unique_ptr<ServicePage>> ServicePage::open(const std::string& addres
     return input_error("--listen '" + address +
                        "': with serve.password_file a loopback address is expected, behind a proxy that encrypts");
   state.server = std::move(server);
-  state.looker = start_without_signals([&state] { state.keep_looking(); });
+  state.looker = start_without_signals([&state] { state.keep([&state] { state.look(true); }, between_looks); });
   state.maker = start_without_signals([&state] { state.keep_making(); });
-  if (!config.database.empty()) state.reader = start_without_signals([&state] { state.keep_reading(); });
+  if (!config.database.empty())
+    state.reader = start_without_signals([&state] { state.keep([&state] { state.read(); }, between_results); });
   return page;
 }
 

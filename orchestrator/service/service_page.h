@@ -31,7 +31,6 @@ class ServicePage {
 
   std::string url() const;
   bool loopback() const;
-  std::vector<std::string> take_alert_lines();  // of the record of alerts, new since the last call
 
  private:
   ServicePage();

@@ -27,15 +27,7 @@
 
 namespace turncal {
 
-// The stations that `turncal serve` shows, and who may act on them (docs/serve.md):
-//
-//   station.1         = east                              the name on the page; station.2 and so on without a gap
-//   station.1.queue   = /var/lib/turncal/east/queue       of its batch
-//   station.1.runs    = /var/lib/turncal/east/runs        the batch's --out
-//   station.1.mounted = /var/lib/turncal/east/mounted     written by "mount done"; what hook.mount waits for
-//   serve.password_file = /etc/turncal/operators          NAME:HASH a line; without it nothing can be changed
-//   serve.database = postgresql://reader@host/line         or a file: what all its stations did in the last 24 hours
-//   alert.command = curl ...                              given an event as JSON (alerts.h); alert.record: what was told, a file
+// The stations that `turncal serve` shows, who may act on them, and who is told what happens: the keys of docs/serve.md.
 //
 // Relative names are those beside the file. HASH is as crypt(5) has it (`openssl passwd -6`, `mkpasswd`). The password file is read again at
 // every question, so that a name which is taken out is out at once; one that others than its owner and group can read is refused.
