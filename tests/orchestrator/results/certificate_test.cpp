@@ -178,7 +178,7 @@ TEST_F(CertificateTest, BudgetByHand) {
   EXPECT_FALSE(of_bias.repeatability);
 }
 
-// The sigma of the file holds what the fit's own covariance does not: the spread over an alias class.
+// The sigma of the file holds what the fit's own covariance does not: the spread over confounded effects.
 TEST_F(CertificateTest, TheAliasClassHasItsNumber) {
   ParameterFile file = result_file();
   file.sigma[3] = 5e-6;
