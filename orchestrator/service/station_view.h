@@ -2,12 +2,7 @@
 // written or asked of the run, so that looking on never holds it up. And what the stations of a results database did in the last 24 hours,
 // those on other machines too.
 //
-//   running     a run has its folder, and its table moves or rests
-//   results     the same, and all is recorded: estimate, diagnosis, report
-//   mounting    a batch has the queue, and no run is going on: the next unit is to be mounted
-//   stopped     nobody works on the queue, and units wait, or a run was left in the middle
-//   idle        nobody works on the queue, and nothing waits
-//   unreadable  a file is missing or damaged; the headline says which
+// The states are those of docs/serve.md; unreadable: the headline says which file.
 //
 // Times by the clock of whoever looks; those of a run by its own, as its journal has them.
 #pragma once
@@ -123,16 +118,9 @@ std::optional<Document> unit_document(const ServiceConfig& config, const std::st
 // Where the page of a run lies that is served as "/report/STATION/FOLDER/FILE", stations counted from 1; nothing: there is none.
 std::optional<std::string> report_file(const ServiceConfig& config, std::string_view path);
 
-// What an operator may do to a station by the page. Each is written down, with the name, before it is done: a line of
-// QUEUE.actions, on disk: "2026-01-31T12:00:00Z NAME pause SN1"; what then fails has a second line, "NAME not done: remove SN1".
-//
-//   add, remove, again   of the queue (orchestrator/records/unit_queue.h)
-//   mounted              the unit is on the table, and everybody is away from it: what hook.mount waits for is written, with the
-//                        serial number in it. Only while that unit is waited for
-//   pause                the run's first Ctrl-C: it stops at the end of the move or dwell, and can be resumed; once
-//   stop                 the run stops now, verified, and can be resumed
-//
-// The last two go to the process that holds the run's lock at that moment, which the system names; no run, no signal.
+// What an operator may do to a station by the page (docs/serve.md). Each is written down, with the name, before it is done: a line of
+// QUEUE.actions, on disk: "2026-01-31T12:00:00Z NAME pause SN1"; what then fails has a second line, "NAME not done: remove SN1". A signal goes
+// to the process that holds the run's lock at that moment, which the system names; no run, no signal.
 struct StationAction {
   std::string action, unit;
 };
