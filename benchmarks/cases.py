@@ -20,7 +20,7 @@ DT = 0.005
 KEYS = ["N01", "N02", "N03", "A01", "A02", "A03"] + [f"{m}{i}{j}" for m in "na" for i in "123" for j in "123"]
 FREE = [k for k in KEYS if k not in ("a21", "a31", "a32")]
 
-# Noise of a grade, and one sigma of what is drawn: biases (deg/h, g), scale factors and installation (of 1).
+# Noise of a grade, and one sigma of what is drawn: biases (deg/h, g), scale factors and misalignments (of 1).
 GRADES = {
     "navigation": dict(arw_degprh=0.002, vrw_ug=8, instability_degph=0.0005, instability_ug=0.2, accel_pulse_mps=0.0005,
                        N=0.05, A=5e-3, n=(2e-4, 1.5e-3), a=(0.02, 1e-3)),

@@ -1,4 +1,4 @@
-// One unit in several recordings: scale factors and installation are common, the six biases are of each switch-on.
+// One unit in several recordings: scale factors and misalignments are common, the six biases are of each switch-on.
 //
 // Near the joint estimate of a recording the likelihood is quadratic, with information I_i and gradient g_i at p_i. With p = (common, biases 1,
 // ..., biases K) their sum is solved once,
@@ -7,7 +7,7 @@
 //
 // The recordings agree when chi-square falls by no more than chance when each has all parameters for itself (disagreement()).
 // Turn-on repeatability of a bias: the scatter of its K values, less what their own sigmas explain (IEEE 952, 1293).
-// Not modelled: changes of scale factor or installation from day to day; they show in the agreement. For effects the recordings are joined
+// Not modelled: changes of scale factor or misalignment from day to day; they show in the agreement. For effects the recordings are joined
 // (JoinedRecordings), which needs one noise for all.
 #pragma once
 
@@ -67,7 +67,7 @@ SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates);
 
 // Several recordings of one unit as one: one behind the other, with six columns for every one after the first.
 //
-// Scale factors, installation and effects are common. Between two recordings the chain of attitude is cut and the biases' wander begins
+// Scale factors, misalignments and effects are common. Between two recordings the chain of attitude is cut and the biases' wander begins
 // anew (Break::begins_recording); what the biases of recording k have beside those of the first is six effects, the turn-on columns,
 //   bias of recording k = bias of the first + turn-on of k
 // Effects of the time since a run began (EffectEntry::of_one_run) have a column for every recording, and time counts from its own first sample.

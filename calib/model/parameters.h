@@ -2,7 +2,7 @@
 //
 //   w_b = n * counts_gyro  - N0        f_b = a * counts_accel - A0
 //
-// n  3x3  diagonal: scale factor, off-diagonal: installation error (misalignment); arcsec per pulse when the gyros count
+// n  3x3  diagonal: scale factor, off-diagonal: misalignment (installation error in Wang 2020); arcsec per pulse when the gyros count
 //         pulses, dimensionless (start value 1) when the recording holds rad
 // N0 3    gyro bias, deg/h
 // a  3x3  dimensionless, times the nominal accelerometer pulse weight (or times 1 when the recording holds m/s)

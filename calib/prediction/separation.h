@@ -1,4 +1,4 @@
-// Would a planned motion tell the effects of an alias class apart? For one unit, after a recording that did not.
+// Would a planned motion tell confounded effects apart? For one unit, after a recording that did not.
 //
 // One filter pass over the recording, and one over the ideal recording of the plan, give the information of [parameters, effects beside, every
 // component of the members]. Two recordings of one unit add:

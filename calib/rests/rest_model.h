@@ -10,7 +10,7 @@
 // Hypothesis Testing, 2nd ed., 3.6.2). The floor holds what white noise does not: bias that wanders from rest to rest,
 // rotations that the gyros do not follow, an effect that is missing in the model.
 //
-// Left out in turn: a leg's direction is predicted from all other rows; a rest's norm and gyros from all rows but its
+// Cross-validation: a leg's direction is predicted from all other rows; a rest's norm and gyros from all rows but its
 // own and those of its two legs. For a linear problem with fixed weights the prediction error of rows K is (I -
 // H_KK)^-1 r_K, H the hat matrix; near the solution the problem is linear.
 //
@@ -62,7 +62,7 @@ struct RestFit {
   std::vector<std::string> undetermined;  // parameters, or combinations, that the motion does not show
   RestFloors floors;
   RestErrors errors;      // on the fitted data
-  RestErrors left_out;    // each leg, each rest left out in turn
+  RestErrors left_out;    // by cross-validation: each leg, each rest
   int not_predicted = 0;  // rests and legs without which the rest of the data determines nothing
   std::array<double, rest_kind_count> redundancy{};  // rows less parameters, kind by kind
   std::array<double, rest_kind_count>

@@ -99,7 +99,7 @@ void parameter_columns(const Block& block, const BlockMotion& motion, const Sens
     for (int j = 0; j < 3; ++j) {
       const double mean_turn = gyro_middle[j] / t;  // about axis i
       const Eigen::Vector3d e_j = Eigen::Vector3d::Unit(j);
-      // gyro scale and installation
+      // gyro scale and misalignment
       const int g = 6 + 3 * i + j;
       Eigen::Vector3d turn = e_i * block.gyro[j];
       const Eigen::Vector3d row_l = m.gyro_scale.row(l);
@@ -110,7 +110,7 @@ void parameter_columns(const Block& block, const BlockMotion& motion, const Sens
       columns.velocity.col(g) = unit[g] * (e_i.cross(accel_sum.col(j) - gyro_middle[j] * f0) + third_order * turn +
                                            third_order_mean.col(i) * mean_turn);
       columns.mean_velocity.col(g) = unit[g] * (turned_mean * turn);
-      // accelerometer scale and installation
+      // accelerometer scale and misalignment
       const int a = 15 + 3 * i + j;
       const Eigen::Vector3d push = e_i * block.accel[j];
       columns.velocity.col(a) =

@@ -563,7 +563,7 @@ ThermalPoint point_at(const ThermalModel& model, const Columns& row) {
   return point;
 }
 
-// Each temperature left out in turn.
+// Cross-validation: each temperature is left out once.
 void hold_out(const std::vector<ThermalLeg>& legs, const std::vector<LegData>& data, const Setting& setting,
               const Fit& whole, ThermalModel& model) {
   std::vector<std::size_t> order(legs.size());

@@ -4,7 +4,7 @@
 // which the temperature was approached. Of parameter p
 //   y_i,p = c_0 + sum_k c_k P_k(T_i) + d r_i + h d_i + s(T_i) + b_i + e_i,   e_i ~ N(0, C_i) over all parameters of the leg
 //   P_k   Legendre polynomials of the range, k up to 3; s: a Gaussian process, exp(-x^2 / 2 l^2), l = 0.35 of the range
-//   b_i   of biases, one for each switch-on: N(0, t^2); scale factors and installation have none
+//   b_i   of biases, one for each switch-on: N(0, t^2); scale factors and misalignments have none
 // A model says which orders, rate, hysteresis and s a parameter has, how large each is (a grid of prior sigmas) and t. Its evidence is that of
 // a linear Gaussian system (Harville 1977; Kass and Raftery 1995), c_0 flat, taken in term by term as in calib/evidence/posterior.h; what is
 // handed out is the average over all models (Hoeting et al., Stat. Sci. 14 (1999) 382), whose sigma holds what is not certain.

@@ -13,7 +13,7 @@ for number, rows in enumerate(branches, 1):
     hours = (rows["time_s"] - rows["time_s"][0]) / 3600
     miles = np.hypot(rows["north_m"], rows["east_m"]) / 1852
     rate = np.sum(hours * miles) / np.sum(hours**2)  # straight line through the origin
-    print(f"branch {number}: {hours[-1]:.3f} h, {miles[-1]:.3f} nm from where it stands, {rate:.3f} nm/h")
+    print(f"branch {number}: {hours[-1]:.3f} h, {miles[-1]:.3f} NM from where it stands, {rate:.3f} NM/h")
 
 if len(sys.argv) > 2:
     try:

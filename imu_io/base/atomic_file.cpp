@@ -1,6 +1,8 @@
 #include "imu_io/base/atomic_file.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -34,6 +36,16 @@ Error named(Error error, const std::string& temporary, const std::string& path) 
 Status rename_durably(const std::string& from, const std::string& to) {
   if (std::rename(from.c_str(), to.c_str()) != 0) return storage_error(to, "cannot rename " + from + " to it", errno);
   return sync_folder(folder_of(to));
+}
+
+Status append_durably(const std::string& path, std::string_view text) {
+  const Descriptor fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+  struct stat before {};
+  if (fd < 0 || ::fstat(fd, &before) != 0) return storage_error(path, "cannot write", errno);
+  errno = ENOSPC;  // of a write that is short
+  if (::write(fd, text.data(), text.size()) == static_cast<ssize_t>(text.size()) && ::fsync(fd) == 0) return {};
+  const int why = errno;
+  return storage_error(path, ::ftruncate(fd, before.st_size) == 0 ? "cannot write" : "written in part", why);
 }
 
 Status check_replaceable(const std::string& path, std::string_view beginning) {

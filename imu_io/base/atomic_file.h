@@ -36,6 +36,9 @@ class AtomicFile {
   bool failed_ = false;
 };
 
+// On disk when it returns, at the end of a file that is made where there is none; of a text that does not fit nothing stays.
+Status append_durably(const std::string& path, std::string_view text);
+
 Status write_file_atomically(const std::string& path, std::string_view content);
 // All of them or, where one cannot be written (a full disk), none.
 struct NamedText {

@@ -6,7 +6,7 @@
 // every effect of the catalogue, adds what stands the test on held-out data, and writes DIR/parameters.conf,
 // DIR/diagnosis.conf and DIR/report.html. Exit code 0 when the verdict is clean, 20 when it is not.
 //
-// `turncal recalibrate ARCHIVE --out STORE`: every recording of an archive again with this version, each once (recalibration.h), and what
+// `turncal recalibrate ARCHIVE --out STORE`: recalibrates every recording of an archive with this version, each once (recalibration.h), and what
 // changed against another version. Exit code 0 though some recordings failed: they are listed.
 //
 // `turncal fleet diagnose FROM`: what many units show together (calib/fleet/fleet_diagnosis.h). Exit code 20 where something is common to units

@@ -1,8 +1,8 @@
 // `turncal predict`: what each sequence would determine and how well, before anything is run (calib/prediction/predict.h). A sequence that the
 // station cannot run is predicted all the same, with a note.
 //
-// `turncal design`: a sequence found for a time (orchestrator/jobs/design/sequence_design.h; docs/design.md), or the legs that tell an
-// alias class apart (sequence_design.h).
+// `turncal design`: a sequence found for a time (orchestrator/jobs/design/sequence_design.h; docs/design.md), or the legs that tell
+// confounded effects apart (sequence_design.h).
 #include <fmt/format.h>
 
 #include <algorithm>

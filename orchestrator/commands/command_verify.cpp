@@ -3,7 +3,7 @@
 // steps; an interrupted one is taken up by `turncal resume DIR`; judged again by `turncal verify --recording DIR`.
 //
 // `turncal certificate RUN... --station FILE --out HTML [--pdf FILE] [--specimen]`: the paper that goes to the customer (docs/certificate.md);
-// `--check HTML`: whether one is as it was issued.
+// `--check HTML`: whether one is unaltered.
 #include <algorithm>
 #include <string>
 #include <vector>
@@ -216,7 +216,7 @@ Result<std::string> make_certificate(const CertificateOptions& options) {
 Status check(const std::string& path, CommandContext& context) {
   std::string page = TRY(read_whole_file(path));
   const std::string hash = TRY(check_certificate(std::move(page), path));
-  context.out << path << ": as it was issued, hash " << hash << '\n';
+  context.out << path << ": unaltered, hash " << hash << '\n';
   return {};
 }
 

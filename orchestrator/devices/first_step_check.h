@@ -5,7 +5,7 @@
 // specific force must point up, a turn must be felt about the body axis that the table's angles say (felt_directions.h), and the earth must
 // turn as at the station's latitude (EarthRateCheck); neither sensor may be off by a factor that two units differ by; pulses of the
 // gyros must be of a weight from which a calibration finds it; and the temperature, where there is one, must be one that can be. Coarse on
-// purpose: what a calibration estimates (biases, scale factors, installation errors) is not judged.
+// purpose: what a calibration estimates (biases, scale factors, misalignments) is not judged.
 //
 // A person may turn another axis first and back again: of a move whose way in the gyros is much longer than what they add up to nothing
 // is concluded.

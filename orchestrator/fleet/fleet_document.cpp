@@ -165,13 +165,10 @@ Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, cons
   for (const std::string& line : source.skipped) document.soft("left out: " + line, Scope::all);
   const bool clean = d.effects.empty() && d.units.empty() && d.explained();
   document.add(
-      Paragraph{
-          clean ? fmt::format(
-                      "Clean: {} tests of {} effects find nothing that units have in common, and no unit stands out.",
-                      d.tests, d.components.size())
-                : fmt::format("Found: {} effects common to several units; {} units stand out.", d.effects.size(),
-                              d.units.size()),
-          clean ? "verdict clean" : "verdict extended"},
+      Paragraph{clean ? fmt::format("Clean: no common effect found in {} tests, and no unit stands out.", d.tests)
+                      : fmt::format("Found: {} effects common to several units; {} units stand out.", d.effects.size(),
+                                    d.units.size()),
+                clean ? "verdict clean" : "verdict extended"},
       Scope::page);
   document.section("common", "Common to several units");
   if (d.effects.empty())

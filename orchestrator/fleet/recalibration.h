@@ -1,4 +1,4 @@
-// Every recording of an archive calibrated and diagnosed again with this version, once, into a store:
+// Recalibrates and diagnoses every recording of an archive with this version, once, into a store:
 //
 //   STORE/<version>/<hash of the recording>/parameters.conf, statistics.tcs, diagnosis.conf
 //   STORE/<version>/<hash of the recording>/failure.txt      what cannot be calibrated, and why

@@ -329,9 +329,9 @@ RunEnd stopped(Run& run, const RunOutcome& outcome, bool goes_on, CommandContext
       unit.status = outcome.error;
   }
   if (goes_on && outcome.state == RunState::interrupted)
-    whole.message += "; go on with: turncal resume " + run.folder;
+    whole.message += "; resume with: turncal resume " + run.folder;
   else if (goes_on)
-    context.out << "what is recorded is kept; go on with: turncal resume " << run.folder << std::endl;
+    context.out << "what is recorded is kept; resume with: turncal resume " << run.folder << std::endl;
   RunEnd end(whole);
   end.moved = outcome.moved;
   end.to_the_end = outcome.error.kind == ErrorKind::unit_failed;  // what failed is the unit

@@ -185,22 +185,17 @@ using Points = std::vector<std::pair<double, double>>;
 struct Group {
   const char* id;
   const char* title;
-  std::vector<std::string_view> keys;
+  std::string_view keys;
 };
 
-const std::vector<Group>& groups() {
-  static const std::vector<Group> all = {
-      {"run",
-       "The runs: residual (1: noise alone), temperature, time on the table",
-       {"residual", "temperature", "hours"}},
-      {"gyrobias", "Gyro bias", {"N01", "N02", "N03"}},
-      {"accelbias", "Accelerometer bias", {"A01", "A02", "A03"}},
-      {"gyroscale", "Gyro scale factor (″/pulse; a ratio where the unit counts in rad)", {"n11", "n22", "n33"}},
-      {"gyroinstallation", "Gyro misalignments, as the scale factors", {"n12", "n13", "n21", "n23", "n31", "n32"}},
-      {"accelscale", "Accelerometer scale factor, ratio to the nominal pulse", {"a11", "a22", "a33"}},
-      {"accelinstallation", "Accelerometer misalignments, as the scale factors", {"a12", "a13", "a23"}}};
-  return all;
-}
+constexpr Group groups[] = {
+    {"run", "The runs: residual (1: noise alone), temperature, time on the table", "residual temperature hours"},
+    {"gyrobias", "Gyro bias", "N01 N02 N03"},
+    {"accelbias", "Accelerometer bias", "A01 A02 A03"},
+    {"gyroscale", "Gyro scale factor (″/pulse; a ratio where the unit counts in rad)", "n11 n22 n33"},
+    {"gyromisalignment", "Gyro misalignments, as the scale factors", "n12 n13 n21 n23 n31 n32"},
+    {"accelscale", "Accelerometer scale factor, ratio to the nominal pulse", "a11 a22 a33"},
+    {"accelmisalignment", "Accelerometer misalignments, as the scale factors", "a12 a13 a23"}};
 
 // Some of the calibrations by the day of their end or, where all are of one day, by its time.
 std::vector<std::pair<double, std::string>> names_of(const std::vector<std::string>& times) {
@@ -413,7 +408,7 @@ void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document
   document.soft(
       "lower, upper: control limits; min, max: limits in force. Bold: a calibration outside the control limits, or Cpk "
       "below 1.");
-  for (const Group& group : groups()) {
+  for (const Group& group : groups) {
     Figure figure{.id = group.id,
                   .label = group.title,
                   .caption = "",
@@ -422,8 +417,8 @@ void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document
                   .panel_height = 220,
                   .panels = {}};
     for (const ChartedQuantity& quantity : quantities) {
-      const bool here = std::ranges::find(group.keys, quantity.key) != group.keys.end();
-      if (here && !quantity.values.empty()) figure.panels.push_back(control_panel(quantity));
+      if (group.keys.find(quantity.key) != std::string_view::npos && !quantity.values.empty())
+        figure.panels.push_back(control_panel(quantity));
     }
     if (figure.panels.empty()) continue;
     document.add(Heading{3, "", figure.label}, Scope::page);
@@ -497,12 +492,19 @@ DataTable calibrations_table(const std::vector<StoredCalibration>& all) {
     columns.emplace_back(key);
     columns.push_back("sigma." + std::string(key));
   }
+  for (const std::string_view key : parameter_keys)
+    for (const char* what : {"min.", "max.", "verdict."}) columns.push_back(what + std::string(key));
   DataTable table(std::move(columns));
   for (StoredCalibration c : all) {
     add_row(fields_of(c), table);
     for (StoredValue& value : c.values) {
       add_cell({"", &value.value}, table);
       add_cell({"", &value.sigma}, table);
+    }
+    for (StoredValue& value : c.values) {
+      add_cell({"", &value.limit.min}, table);
+      add_cell({"", &value.limit.max}, table);
+      add_cell({"", &value.verdict}, table);
     }
   }
   return table;

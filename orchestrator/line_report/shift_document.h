@@ -38,7 +38,7 @@ struct UnitRecord {
 // Its runs, its parameters now and over time, its certificates. Real and simulated ones are not mixed: those of the newest count.
 Document unit_document(const UnitRecord& record);
 
-DataTable calibrations_table(const std::vector<StoredCalibration>& all);  // with their 24 values and sigmas
+DataTable calibrations_table(const std::vector<StoredCalibration>& all);  // with their 24 values, sigmas, limits
 DataTable attempts_table(const std::vector<AttemptRecord>& all);
 
 }  // namespace turncal

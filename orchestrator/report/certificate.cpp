@@ -108,8 +108,8 @@ std::string drop_empty(Table& table, std::size_t first, std::size_t after) {
 
 Table result_table(const Certificate& c) {
   Table table{{text("parameter"), text("quantity"), text("unit"), number("value"), number("U (k = 2)"),
-               number("estimate"), number("alias"), number("gravity"), number("latitude"), number("repeatability"),
-               text("limits")}};
+               number("estimate"), number("confounding"), number("gravity"), number("latitude"),
+               number("repeatability"), text("limits")}};
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     if (!parameter_is_free[i]) continue;
     const std::string key(parameter_keys[i]);
@@ -133,7 +133,7 @@ std::string effect_unit(const EffectValue& effect) {
 
 std::string effect_table(const Certificate& c) {
   if (c.file.effects.empty()) return "";
-  Table table{{text("effect"), text("unit"), number("value"), number("U (k = 2)"), number("estimate, alias"),
+  Table table{{text("effect"), text("unit"), number("value"), number("U (k = 2)"), number("estimate, confounding"),
                number("repeatability")}};
   for (std::size_t i = 0; i < c.file.effects.size(); ++i) {
     const EffectValue& effect = c.file.effects[i];
@@ -282,8 +282,8 @@ std::string certificate_page(const Certificate& c) {
               "normal distribution. u combines the columns to the right of U (standard uncertainties)" +
               (left_out.empty() ? "" : "; nothing is stated of, and nothing is added for: " + left_out) +
               ". The table's angles are not taken as truth and add nothing; the given heading enters in second order. "
-              "Alias: the spread over effects that the recording cannot tell from a parameter, or from one another, "
-              "and over those that came near to being found; - where nobody looked. Effects beyond the parameters: " +
+              "Confounding: the spread over effects that the recording cannot tell from a parameter or each other, and "
+              "over those that came near to being found; - where nobody looked. Effects beyond the parameters: " +
               effects_found(f)}));
   if (c.verification) body += north_section(*c.verification);
   const VerdictReport& conformity = c.conformity;
@@ -302,8 +302,6 @@ std::string certificate_page(const Certificate& c) {
                              : "no limits were agreed"},
        {"limits beside those of the results", beside.empty() ? "none" : beside},
        {"diagnosis", "effects beyond the parameters: " + effects_found(f)}});
-  std::string hashes;
-  for (const std::string& hash : c.recording_hashes) hashes += (hashes.empty() ? "" : ", ") + hash;
   const auto with_uncertainty = [](double u, const char* unit) {
     return u > 0.0 ? "standard uncertainty " + significant(u, 2) + unit : std::string("no uncertainty stated");
   };
@@ -319,7 +317,7 @@ std::string certificate_page(const Certificate& c) {
                                    : "against the station's clock " + clock + " ± " +
                                          of_record(f, "record.clock_uncertainty_ppm") + " ppm")},
        {"parameter file", c.parameters_hash},
-       {"recordings", hashes}});
+       {"recordings", join(c.recording_hashes)}});
   body +=
       "<p class=\"small\">The results relate to this item in the state in which it was calibrated. This certificate "
       "may be reproduced in full only.</p>\n<div class=\"sign\"><p>Issued " +

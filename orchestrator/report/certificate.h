@@ -38,7 +38,7 @@ struct Certificate {
 };
 
 UncertaintyBudget budget_of(const std::vector<ParameterFile>& runs, std::size_t parameter, const Parties& parties);
-// Of an effect of the last of the runs. The spread over an alias class is in its sigma, so in the estimate.
+// Of an effect of the last of the runs. The spread over confounded effects is in its sigma, so in the estimate.
 UncertaintyBudget budget_of(const std::vector<ParameterFile>& runs, const EffectValue& effect);
 // What has to stand on a certificate and is not given, as keys; empty: nothing is missing.
 std::vector<std::string> missing_keys(const ParameterFile& file, const Parties& parties);

@@ -39,7 +39,7 @@ std::string undetermined_parameters(const JointResult& result);
 // What belongs to the work: hash, method, version, time, verdict.
 void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context, ParameterFile& file);
 
-// What the sigmas of a trusted model hold beyond the fit's own, the spread over its alias class and what came near to being claimed: keys
+// What the sigmas of a trusted model hold beyond the fit's own, the spread over effects that are confounded and what came near to being claimed: keys
 // quality.alias.<parameter>, where there is any.
 inline constexpr const char* alias_key_prefix = "quality.alias.";
 void describe_alias(const Diagnosis& diagnosis, ParameterFile& file);

@@ -16,10 +16,6 @@
 
 namespace turncal {
 
-// A diagnosis in words: the verdict in one sentence, the errors, and what the terminal has of the rest.
-
-// What a report has to know beside the Diagnosis itself.
-
 // What the added effects are worth in free inertial navigation, nautical miles per hour, rms over branches.
 struct NavigationWorth {
   std::string source;  // which data: "second recording", "fitted recording"

@@ -76,7 +76,7 @@ Table error_table(const ThermalReport& report) {
   };
   constexpr std::array<const char*, 6> kinds = {"gyro bias",         "accelerometer bias",
                                                 "gyro scale factor", "accelerometer scale factor",
-                                                "gyro installation", "accelerometer installation"};
+                                                "gyro misalignment", "accelerometer misalignment"};
   for (int kind = 0; kind < 6; ++kind) {
     Errors sum{};
     double count = 0.0;

@@ -121,6 +121,12 @@ Result<ServiceConfig> read_service_config(const std::string& path) {
   config.password_file = beside(file.text_or("serve.password_file", ""));
   config.database = file.text_or("serve.database", "");
   if (!names_a_server(config.database)) config.database = beside(config.database);
+  config.alert.command = file.text_or("alert.command", "");
+  if (!config.alert.command.empty()) {
+    config.alert.record = beside(file.text("alert.record"));
+    config.alert.time_s = file.number_or("alert.time_s", config.alert.time_s, between(1.0, 3600.0));
+    config.alert.least_yield = file.number_if("alert.least_yield", between(0.0, 1.0));
+  }
   TRY(file.check_all_used());
   TRY(check_database_name(config.database));
   return config;

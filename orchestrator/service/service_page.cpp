@@ -14,6 +14,7 @@
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/run/background_queue.h"
+#include "orchestrator/service/alerts.h"
 #include "orchestrator/watch/page_server.h"
 #include "orchestrator/watch/progress.h"
 
@@ -57,46 +58,42 @@ struct ServicePage::State {
   std::thread looker, reader,
       maker;  // of the stations' files; of the database, which may keep its reader waiting; of pages that are asked for
   std::unique_ptr<PageServer> server;
+  std::unique_ptr<Alerts> alerts;  // nothing: none are wanted
 
-  void look() {
+  void look(bool alerting) {
     std::vector<std::string> stations;
     std::vector<StationView> views;
-    std::optional<ResultsView> newest_results;
-    {
-      const std::lock_guard lock(mutex);
-      newest_results = results;
-    }
+    std::unique_lock lock(mutex);
+    const std::optional<ResultsView> newest_results = results;
+    lock.unlock();
     const double now = now_utc_s();
     for (const ServedStation& station : config.stations) {
       views.push_back(look_at(station, now));
       stations.push_back(json_of(views.back()));
     }
+    if (alerts && alerting) alerts->look(views, newest_results, now);
     JsonObject o;
     o.text("time_utc", format_utc(now));
+    o.text("alert_defect", alerts ? alerts->defect() : "");
     o.flag("acts", !config.password_file.empty());
     o.list("stations", stations);
     o.raw("results", newest_results ? json_of(*newest_results) : "null");
     std::string newest_metrics = metrics_of(views, newest_results.value_or(ResultsView{}), now);
-    const std::lock_guard lock(mutex);
+    lock.lock();
     json = o.end();
     metrics = std::move(newest_metrics);
   }
 
-  void keep_reading() {
-    std::unique_lock lock(mutex);
-    do {
-      lock.unlock();
-      ResultsView newest = look_at_results(config.database, now_utc_s());
-      lock.lock();
-      results = std::move(newest);
-    } while (!wake.wait_for(lock, between_results, [this] { return over; }));
+  void read() {
+    ResultsView newest = look_at_results(config.database, now_utc_s());
+    const std::lock_guard lock(mutex);
+    results = std::move(newest);
   }
 
-  void keep_looking() {
-    std::unique_lock lock(mutex);
-    while (!wake.wait_for(lock, between_looks, [this] { return over; })) {
+  void keep(const std::function<void()>& job, std::chrono::seconds between) {
+    for (std::unique_lock lock(mutex); !over; wake.wait_for(lock, between, [this] { return over; })) {
       lock.unlock();
-      look();
+      job();
       lock.lock();
     }
   }
@@ -151,7 +148,7 @@ struct ServicePage::State {
         std::ranges::find_if(config.stations, [&station](const ServedStation& one) { return one.name == station; });
     if (at == config.stations.end()) return said(404, "no such station");
     const Result<std::string> done = act(*at, action, *name, now_utc_s());
-    look();
+    look(false);
     return done ? said(200, *done) : said(409, done.error().message);
   }
 
@@ -199,7 +196,8 @@ Result<std::unique_ptr<ServicePage>> ServicePage::open(const std::string& addres
   State& state = *page->state_;
   state.config = config;
   state.now_utc_s = std::move(now_utc_s);
-  state.look();
+  if (!config.alert.command.empty()) state.alerts = TRY(Alerts::open(config.alert));
+  state.look(true);
   PageServer::Posts posts;
   if (acts) posts = [&state](const PagePost& request) { return state.post(request); };
   std::unique_ptr<PageServer> server = TRY(PageServer::open(
@@ -208,9 +206,10 @@ Result<std::unique_ptr<ServicePage>> ServicePage::open(const std::string& addres
     return input_error("--listen '" + address +
                        "': with serve.password_file a loopback address is expected, behind a proxy that encrypts");
   state.server = std::move(server);
-  state.looker = start_without_signals([&state] { state.keep_looking(); });
+  state.looker = start_without_signals([&state] { state.keep([&state] { state.look(true); }, between_looks); });
   state.maker = start_without_signals([&state] { state.keep_making(); });
-  if (!config.database.empty()) state.reader = start_without_signals([&state] { state.keep_reading(); });
+  if (!config.database.empty())
+    state.reader = start_without_signals([&state] { state.keep([&state] { state.read(); }, between_results); });
   return page;
 }
 

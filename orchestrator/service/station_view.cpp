@@ -107,6 +107,7 @@ constexpr std::size_t shown = 12;         // outcomes, and units that wait
 constexpr std::size_t looked_at = 20;     // intervals between outcomes
 constexpr double longest_unit_s = 86400;  // a longer interval is a weekend
 constexpr double clock_off_s = 60.0;
+constexpr double silent_after_s = 600.0;
 
 struct Folder {
   std::string path;
@@ -165,11 +166,6 @@ bool is_suspended(pid_t process) {
   return name_end != std::string::npos && (line[name_end + 2] == 'T' || line[name_end + 2] == 't');
 }
 
-bool wants_a_look(const std::string& outcome) {
-  return outcome != "pass" && outcome != "conditional_pass" && outcome != "captured" && outcome != "not_judged" &&
-         outcome != "again";
-}
-
 void show_queue(const std::vector<std::string>& queue, const std::vector<UnitOutcome>& outcomes, StationView& view) {
   std::size_t looks = 0;
   for (const std::string& unit : queue) {
@@ -187,6 +183,19 @@ void show_queue(const std::vector<std::string>& queue, const std::vector<UnitOut
                            [](const UnitOutcome& a, const UnitOutcome& b) { return a.time_utc > b.time_utc; });
   if (view.outcomes.size() > shown) view.outcomes.resize(shown);
   view.unit_s = interval_of(outcomes);
+}
+
+// Since anything of the run was written: journal, log, samples.
+double silence_of(const std::string& folder, double now_utc_s) {
+  double newest_s = 0.0;
+  std::error_code error;
+  for (fs::recursive_directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+    std::error_code none;
+    const fs::file_time_type time = fs::last_write_time(entry->path(), none);
+    const std::chrono::duration<double> at = std::chrono::file_clock::to_sys(time).time_since_epoch();
+    if (!none) newest_s = std::max(newest_s, at.count());
+  }
+  return now_utc_s - newest_s;
 }
 
 // "dwelling" and its detail in words.
@@ -221,6 +230,13 @@ void show_run(const JournalContents& journal, double now_utc_s, StationView& vie
     view.known =
         quantity_name(value_of(journal.estimate, "worst")) + ": sigma " + rounded("sigma") + " of " + rounded("needed");
   view.pausing = view.state == StationState::running && journal.pause_asked;
+  // While a chamber comes to its temperature nothing is recorded.
+  if (view.state == StationState::running && value_of(journal.transition, "to") != "resting")
+    if (const double silence_s = silence_of(view.folder, now_utc_s); silence_s > silent_after_s) {
+      view.silent_s = silence_s;
+      view.for_a_person.insert(view.for_a_person.begin(),
+                               "the run has written nothing for " + clock_time(silence_s) + ": look at the station");
+    }
   if (view.process && live && *utc_s > now_utc_s + clock_off_s)
     view.for_a_person.insert(view.for_a_person.begin(),
                              "the clock of this machine is " + clock_time(*utc_s - now_utc_s) + " behind the run's");
@@ -238,6 +254,11 @@ StationView unreadable(const ServedStation& station, const Error& error) {
 }
 
 }  // namespace
+
+bool wants_a_look(const std::string& outcome) {
+  return outcome != "pass" && outcome != "conditional_pass" && outcome != "captured" && outcome != "not_judged" &&
+         outcome != "again";
+}
 
 std::string_view to_string(StationState state) {
   constexpr std::string_view words[] = {"running", "results", "mounting", "stopped", "idle", "unreadable"};
@@ -456,16 +477,8 @@ namespace {
 
 Status write_down(const ServedStation& station, const StationAction& wanted, const std::string& operator_name,
                   double now_utc_s) {
-  const std::string path = station.queue + ".actions";
-  const std::string line = format_utc(now_utc_s) + " " + operator_name + " " + wanted.action +
-                           (wanted.unit.empty() ? "" : " " + wanted.unit) + "\n";
-  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
-  const bool written =
-      fd >= 0 && ::write(fd, line.data(), line.size()) == static_cast<ssize_t>(line.size()) && ::fsync(fd) == 0;
-  const int why = errno;
-  if (fd >= 0) ::close(fd);
-  if (!written) return device_error(path + ": cannot write: " + std::generic_category().message(why));
-  return {};
+  return append_durably(station.queue + ".actions", format_utc(now_utc_s) + " " + operator_name + " " + wanted.action +
+                                                        (wanted.unit.empty() ? "" : " " + wanted.unit) + "\n");
 }
 
 // The process is named by a descriptor before its lock is looked at again, so that its number cannot be another's by then.

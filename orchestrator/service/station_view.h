@@ -2,12 +2,7 @@
 // written or asked of the run, so that looking on never holds it up. And what the stations of a results database did in the last 24 hours,
 // those on other machines too.
 //
-//   running     a run has its folder, and its table moves or rests
-//   results     the same, and all is recorded: estimate, diagnosis, report
-//   mounting    a batch has the queue, and no run is going on: the next unit is to be mounted
-//   stopped     nobody works on the queue, and units wait, or a run was left in the middle
-//   idle        nobody works on the queue, and nothing waits
-//   unreadable  a file is missing or damaged; the headline says which
+// The states are those of docs/serve.md; unreadable: the headline says which file.
 //
 // Times by the clock of whoever looks; those of a run by its own, as its journal has them.
 #pragma once
@@ -27,14 +22,7 @@
 
 namespace turncal {
 
-// The stations that `turncal serve` shows, and who may act on them (docs/serve.md):
-//
-//   station.1         = east                              the name on the page; station.2 and so on without a gap
-//   station.1.queue   = /var/lib/turncal/east/queue       of its batch
-//   station.1.runs    = /var/lib/turncal/east/runs        the batch's --out
-//   station.1.mounted = /var/lib/turncal/east/mounted     written by "mount done"; what hook.mount waits for
-//   serve.password_file = /etc/turncal/operators          NAME:HASH a line; without it nothing can be changed
-//   serve.database = postgresql://reader@host/line         or a file: what all its stations did in the last 24 hours
+// The stations that `turncal serve` shows, who may act on them, and who is told what happens: the keys of docs/serve.md.
 //
 // Relative names are those beside the file. HASH is as crypt(5) has it (`openssl passwd -6`, `mkpasswd`). The password file is read again at
 // every question, so that a name which is taken out is out at once; one that others than its owner and group can read is refused.
@@ -49,10 +37,18 @@ struct ServedStation {
   std::string mounted;  // empty: a mounted unit is not announced by the page
 };
 
+struct AlertConfig {
+  std::string command;  // empty: none
+  std::string record;
+  double time_s = 60.0;
+  std::optional<double> least_yield;  // of 1
+};
+
 struct ServiceConfig {
   std::vector<ServedStation> stations;  // at least one, names differ
   std::string password_file;            // empty: read-only
   std::string database;                 // empty: no results are shown
+  AlertConfig alert = {};
 };
 
 Result<ServiceConfig> read_service_config(const std::string& path);
@@ -103,7 +99,11 @@ struct StationView {
   std::vector<UnitOutcome> outcomes;      // the newest first
   std::size_t done = 0, passed = 0;       // of the queue
   std::optional<double> unit_s;           // from one unit's end to the next one's
+  std::optional<double> silent_s;         // a run that goes on has written nothing for so long: 10 min or more
 };
+
+// Whether somebody should look at a unit with that outcome: it did not pass.
+bool wants_a_look(const std::string& outcome);
 
 // now_utc_s: by the clock of this machine.
 StationView look_at(const ServedStation& station, double now_utc_s);
@@ -118,16 +118,9 @@ std::optional<Document> unit_document(const ServiceConfig& config, const std::st
 // Where the page of a run lies that is served as "/report/STATION/FOLDER/FILE", stations counted from 1; nothing: there is none.
 std::optional<std::string> report_file(const ServiceConfig& config, std::string_view path);
 
-// What an operator may do to a station by the page. Each is written down, with the name, before it is done: a line of
-// QUEUE.actions, on disk: "2026-01-31T12:00:00Z NAME pause SN1"; what then fails has a second line, "NAME not done: remove SN1".
-//
-//   add, remove, again   of the queue (orchestrator/records/unit_queue.h)
-//   mounted              the unit is on the table, and everybody is away from it: what hook.mount waits for is written, with the
-//                        serial number in it. Only while that unit is waited for
-//   pause                the run's first Ctrl-C: it stops at the end of the move or dwell, and can be resumed; once
-//   stop                 the run stops now, verified, and can be resumed
-//
-// The last two go to the process that holds the run's lock at that moment, which the system names; no run, no signal.
+// What an operator may do to a station by the page (docs/serve.md). Each is written down, with the name, before it is done: a line of
+// QUEUE.actions, on disk: "2026-01-31T12:00:00Z NAME pause SN1"; what then fails has a second line, "NAME not done: remove SN1". A signal goes
+// to the process that holds the run's lock at that moment, which the system names; no run, no signal.
 struct StationAction {
   std::string action, unit;
 };

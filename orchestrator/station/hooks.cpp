@@ -1,5 +1,6 @@
 #include "orchestrator/station/hooks.h"
 
+#include <sys/mman.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/posix_file.h"
 
 extern char** environ;
 
@@ -23,11 +25,23 @@ HookCall call_for(const Status& outcome) {
   return call;
 }
 
-Status run_hook(const HookCommands& commands, const HookCall& call, double time_s, bool (*give_up)()) {
+Status run_hook(const HookCommands& commands, const HookCall& call, double time_s,
+                const std::function<bool()>& give_up) {
   const auto hook = std::ranges::find_if(hook_events, [&](const auto& one) { return call.event == one.first; });
-  const std::string& command = commands.*hook->second;
+  return run_command("hook." + call.event, commands.*hook->second, call, time_s, give_up);
+}
+
+Status run_command(const std::string& name, const std::string& command, const HookCall& call, double time_s,
+                   const std::function<bool()>& give_up) {
   if (command.empty()) return {};
-  const auto failed = [&call](const std::string& what) { return device_error("hook." + call.event + ": " + what); };
+  const auto failed = [&name](const std::string& what) { return device_error(name + ": " + what); };
+  Descriptor input;
+  if (!call.input.empty()) {  // in memory, so that nobody waits for who does not read
+    input = ::memfd_create("event", MFD_CLOEXEC);
+    const auto size = static_cast<ssize_t>(call.input.size());
+    if (input < 0 || ::write(input, call.input.data(), call.input.size()) != size || ::lseek(input, 0, SEEK_SET) != 0)
+      return failed(std::string("its input cannot be made: ") + std::strerror(errno));
+  }
 
   // Everything is allocated before the fork: there may be other threads.
   std::vector<std::string> texts = {
@@ -47,6 +61,7 @@ Status run_hook(const HookCommands& commands, const HookCall& call, double time_
   if (pid < 0) return failed(std::string("cannot be started: ") + std::strerror(errno));
   if (pid == 0) {
     ::setpgid(0, 0);
+    if (input >= 0) ::dup2(input, STDIN_FILENO);
     // What a run ignores is its own affair.
     for (const int ignored : {SIGPIPE, SIGXFSZ, SIGTSTP, SIGTTIN, SIGTTOU}) ::signal(ignored, SIG_DFL);
     ::execve(shell.c_str(), arguments, environment.data());

@@ -8,6 +8,7 @@
 // What a hook does or fails to do changes nothing of the run; but without a mount that succeeds none begins.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <utility>
 
@@ -33,6 +34,7 @@ struct HookCall {
   std::string event, unit, folder, message;
   std::string outcome = {};
   bool dry_run = false;
+  std::string input = {};  // what it reads on standard input; empty: the program's own
 };
 
 inline constexpr double hook_time_s = 60.0;
@@ -44,6 +46,9 @@ HookCall call_for(const Status& outcome);
 // An error when it could not be run, did not end in time, or ended with another code than 0. An empty command is fine.
 // `give_up` is asked while it runs: true kills it.
 Status run_hook(const HookCommands& commands, const HookCall& call, double time_s = hook_time_s,
-                bool (*give_up)() = nullptr);
+                const std::function<bool()>& give_up = {});
+// The same of a command that is no station's; `name` is its key.
+Status run_command(const std::string& name, const std::string& command, const HookCall& call, double time_s,
+                   const std::function<bool()>& give_up);
 
 }  // namespace turncal

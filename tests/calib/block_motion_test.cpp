@@ -13,7 +13,7 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using VectorFunction = std::function<Vector3d(double)>;
 
-// A unit as wrong as that of Wang (2020): biases, scale factors off by per cents, installation errors of arc-minutes.
+// A unit as wrong as that of Wang (2020): biases, scale factors off by per cents, misalignments of arc-minutes.
 Parameters wrong_unit() {
   Parameters p;
   p.N0_degph << -0.078921, 0.025013, 0.084675;

@@ -81,7 +81,7 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& bad) { return std::string(bad.param.name); });
 
 // A gyro that stands at the end of its range in the table's turns, at 80 % of their 10 deg/s: those turns are set aside, and what the
-// others say of the unit holds. Of the clipped gyro's scale factor and installation only the earth's rate tells.
+// others say of the unit holds. Of the clipped gyro's scale factor and misalignment only the earth's rate tells.
 // Here a sample and there one: each is filled in, with what that leaves open in the sigmas, and all of them are one line.
 TEST(BadDataNone, SamplesLostAtRandomAreFilledIn) {
   for (const double share : {0.001, 0.01, 0.03}) {

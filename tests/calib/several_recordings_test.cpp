@@ -1,4 +1,4 @@
-// One unit switched on several times: rig recordings with the same scale factors and installation and other biases.
+// One unit switched on several times: rig recordings with the same scale factors and misalignments and other biases.
 #include "calib/joint/several_recordings.h"
 
 #include "tests/rig_recorder.h"

@@ -3,6 +3,8 @@
 
 #include <sqlite3.h>
 
+#include "imu_io/base/text_pieces.h"
+#include "orchestrator/line_report/shift_document.h"
 #include "orchestrator/records/database_rows.h"
 #include "tests/orchestrator/program.h"
 
@@ -191,6 +193,38 @@ TEST_F(Database, DamageIsFound) {
   write("none.db", "a letter, not a database, long enough to be looked at as one, 0123456789 0123456789 0123456789");
   expect_refused({"records", "check", "none.db"}, "none.db: results database: ");
   expect_refused({"records", "check", "missing.db"}, "missing.db: there is no such results database");
+}
+
+// Words between backquotes in the first column of the tables of docs/production.md, "Results for a MES".
+std::multiset<std::string> documented_keys() {
+  const std::string text = file_text(std::string(TURNCAL_SOURCE_DIR) + "/docs/production.md");
+  const std::size_t begin = text.find("## Results for a MES");
+  std::multiset<std::string> keys;
+  std::string_view remaining = std::string_view(text).substr(begin, text.find("\n## ", begin) - begin);
+  while (!remaining.empty()) {
+    const std::string_view line = next_line(remaining);
+    if (!line.starts_with("| `")) continue;
+    const std::vector<std::string_view> words = split(line.substr(0, line.find(" | ")), '`');
+    for (std::size_t i = 1; i < words.size(); i += 2) keys.emplace(words[i]);
+  }
+  return keys;
+}
+
+TEST(ResultsForAMes, KeysAreDocumented) {
+  std::multiset<std::string> keys;
+  for (const DataTable& table : {attempts_table({}), calibrations_table({})}) {
+    const std::string csv = table.csv();
+    std::string_view heads = csv;
+    for (std::string_view key : split(next_line(heads), ',')) {
+      // One parameter stands for the others.
+      const std::string_view parameter = key.substr(key.find('.') + 1);
+      if (std::ranges::find(parameter_keys, parameter) == parameter_keys.end())
+        keys.emplace(key);
+      else if (parameter == "a33")
+        keys.insert(std::string(key.substr(0, key.size() - parameter.size())) + "KEY");
+    }
+  }
+  EXPECT_EQ(documented_keys(), keys);
 }
 
 }  // namespace

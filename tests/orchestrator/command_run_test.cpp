@@ -59,7 +59,7 @@ TEST_F(Run, SignalsAreExit75AndStopTheTable) {
     EXPECT_EQ(result.code, 75) << result.err;
     EXPECT_EQ(result.err_lines(), 1) << result.err;
     EXPECT_SAYS(result.err, signal == SIGINT
-                                ? ": paused; the table rests, its drives are off; go on with: turncal resume "
+                                ? ": paused; the table rests, its drives are off; resume with: turncal resume "
                                 : ": told to end");
     EXPECT_SAYS(file_text(folder_ / out / "run.log"), "stopped_verified");
     EXPECT_FALSE(std::filesystem::exists(folder_ / out / "parameters.conf"));

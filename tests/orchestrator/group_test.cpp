@@ -138,7 +138,7 @@ TEST_F(Group, WhoDropsOutIsNamedAndWhoIsLeftGoesOn) {
     EXPECT_EQ(there(out + "/SN2/parameters.conf"), c.second);
     EXPECT_SAYS(bytes(out + "/run.log"), "stopped_verified");
     if (!c.first && !c.second) {
-      EXPECT_SAYS(result.out, "go on with: turncal resume " + out);
+      EXPECT_SAYS(result.out, "resume with: turncal resume " + out);
     }
   }
   EXPECT_FALSE(there("another/SN1")) << "it leaves nothing";

@@ -296,8 +296,8 @@ TEST(LiveStatus, HeadlineIsTheStateAsItIs) {
   EXPECT_TRUE(says(status, "Waits for the operator: step 3/14, turn pitch to 90.00 deg", "attention")) << status.json();
   EXPECT_SAYS(status.json(), "\"eta_utc\":\"\"") << "nobody knows how long a person takes";
   EXPECT_SAYS(status.json(), "\"verification\":[]");
-  status.end("Paused: step 3; go on with: turncal resume out", Tone::attention, {"pass: heading 0.0054 deg"});
-  EXPECT_TRUE(says(status, "Paused: step 3; go on with: turncal resume out", "attention")) << status.json();
+  status.end("Paused: step 3; resume with: turncal resume out", Tone::attention, {"pass: heading 0.0054 deg"});
+  EXPECT_TRUE(says(status, "Paused: step 3; resume with: turncal resume out", "attention")) << status.json();
   EXPECT_SAYS(status.json(), "\"verification\":[\"pass: heading 0.0054 deg\"]");
 }
 

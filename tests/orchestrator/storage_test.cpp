@@ -287,7 +287,7 @@ TEST_F(Storage, WhatIsTakenAwayInADwellIsNoticedAtOnce) {
     EXPECT_EQ(result.err_lines(), 1) << result.err;
     EXPECT_SAYS(result.err, said);
     EXPECT_SAYS(result.err, "dwelling");
-    EXPECT_EQ(result.out.find("go on with") != std::string::npos, goes_on);
+    EXPECT_EQ(result.out.find("resume with") != std::string::npos, goes_on);
   }
   EXPECT_SAYS(run({"resume", "cut"}).err, "does not hold what this run had recorded by sample");
 }

@@ -11,7 +11,7 @@
 //   chains  at every rest nothing is known: the attitude is levelled, the heading free
 // Drawn: a line a unit and engine with the mean square of error over sigma, the largest error over sigma, the errors in sigmas of the
 // rest model (root mean square), that of gyro biases, of accelerometers and of n alone, how many parameters are not determined, the filter's
-// level and seconds. Measured: a quarter of the rests is left out in turn, and gravity's norm and direction and the gyros there are predicted.
+// level and seconds. Measured: cross-validation by quarters of the rests: gravity's norm and direction and the gyros there are predicted.
 #include <algorithm>
 #include <array>
 #include <chrono>

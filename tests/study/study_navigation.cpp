@@ -2,8 +2,8 @@
 // rest, and navigates that with the calibration.
 //
 //   study_navigation SEED_FIRST SEED_COUNT [--free SECONDS]
-// First line: the prediction, before any data: sigma of north and east (m), rms nm/h. Then a line a run: seed, north and east error at
-// the end (m), its square in the metric of the predicted covariance, radial error rate (nm/h), heading error of the alignment (deg).
+// First line: the prediction, before any data: sigma of north and east (m), rms NM/h. Then a line a run: seed, north and east error at
+// the end (m), its square in the metric of the predicted covariance, radial error rate (NM/h), heading error of the alignment (deg).
 // scripts/study-navigation makes the table.
 #include <cstdio>
 #include <cstdlib>

@@ -1,5 +1,5 @@
-// Alias classes told apart by extra legs (docs/design.md): seeded rig recordings of the fourteen steps with one effect, the estimator
-// is never told; where the diagnosis has an alias class, legs are designed, run on the same unit, and both recordings diagnosed.
+// Confounded effects told apart by extra legs (docs/design.md): seeded rig recordings of the fourteen steps with one effect, the estimator
+// is never told; where the diagnosis has confounded effects, legs are designed, run on the same unit, and both recordings diagnosed.
 //
 //   study_separation EFFECT.COMPONENT VALUE SEED
 // One line: effect seed, names and class before, time of the legs, verdict, names and class after, decided or not.

@@ -110,7 +110,7 @@ await_turning 3
 kill -INT "$run"
 await 'pause_wanted: pause asked for: after this move, at ' "$log"
 expect_code 75 "a pause"
-[ "$(wc -l < "$work/resumed.err")" = 1 ] && grep -q 'paused; the table rests.*; go on with: turncal resume' "$work/resumed.err" || fail "the pause is not named"
+[ "$(wc -l < "$work/resumed.err")" = 1 ] && grep -q 'paused; the table rests.*; resume with: turncal resume' "$work/resumed.err" || fail "the pause is not named"
 tail -n 1 "$log" | grep -q 'paused' || fail "the log does not end with the pause"
 grep -q 'settling -> selecting  settled: roll at -[89]' "$log" || fail "the move was cut short"
 grep -q 'stopping -> interrupted  stopped_verified' "$log" || fail "the stop was not verified"

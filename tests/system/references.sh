@@ -38,7 +38,7 @@ if [ -n "$program" ]; then
   sed 's/^[a-z]* /any /' "$work/options" > "$work/any"
   { grep -rsohE -e '--[a-z][a-z_-]*' scripts benchmarks || true; } | sed 's/^/any /' >> "$work/any"
   # Of other people's programs that the documents call.
-  printf 'any --%s\n' gtest_filter preset install >> "$work/any"
+  printf 'any --%s\n' gtest_filter preset install data-binary mail-rcpt >> "$work/any"
   cat "$work/any" >> "$work/options"
 else
   : > "$work/commands"

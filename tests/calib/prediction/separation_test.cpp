@@ -1,4 +1,4 @@
-// What legs would tell an alias class apart: poses off the axes do, poses on them and what looks alike in every pose do not.
+// What legs would tell confounded effects apart: poses off the axes do, poses on them and what looks alike in every pose do not.
 #include "calib/prediction/separation.h"
 
 #include "orchestrator/jobs/preflight.h"

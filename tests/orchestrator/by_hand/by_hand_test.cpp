@@ -63,7 +63,7 @@ class ByHand : public OperatedProgram {
   }
 };
 
-// The estimator must not take the table's word: 0.05 deg are 180 arcsec, a thousand times the sigma of an installation angle.
+// The estimator must not take the table's word: 0.05 deg are 180 arcsec, a thousand times the sigma of a misalignment.
 TEST_F(ByHand, FourteenStepsGiveTheUnitsParametersWhateverTheAnglesAre) {
   Careful careful;
   const Session session =
@@ -163,7 +163,7 @@ TEST_F(ByHand, EndOfInputAtEveryQuestionIsResumedToTheEnd) {
     EXPECT_EQ(session.code, 75) << at << session.err << session.out;
     EXPECT_SAYS(session.err, "end of input");
     expect_tagged(session.out + session.err);
-    EXPECT_SAYS(session.err, "go on with: turncal resume r");
+    EXPECT_SAYS(session.err, "resume with: turncal resume r");
     expect_resumed_to_the_end();
     fs::remove_all(folder_ / "r");
   }

@@ -178,7 +178,7 @@ TEST_F(CertificateTest, BudgetByHand) {
   EXPECT_FALSE(of_bias.repeatability);
 }
 
-// The sigma of the file holds what the fit's own covariance does not: the spread over an alias class.
+// The sigma of the file holds what the fit's own covariance does not: the spread over confounded effects.
 TEST_F(CertificateTest, TheAliasClassHasItsNumber) {
   ParameterFile file = result_file();
   file.sigma[3] = 5e-6;
@@ -334,7 +334,7 @@ TEST_F(CertificateTest, ItsHashCanBeChecked) {
   keep_run(result_file(), "a");
   ASSERT_EQ(run(certify({"a"})).code, 0);
   const ProgramResult checked = ends({"certificate", "--check", "c.html"}, 0);
-  const std::string page = file_text(folder_ / "c.html"), words = "as it was issued, hash ";
+  const std::string page = file_text(folder_ / "c.html"), words = "unaltered, hash ";
   ASSERT_SAYS(checked.out, words);
   const std::string hash = checked.out.substr(checked.out.find(words) + words.size(), 32);
   std::string without = page;

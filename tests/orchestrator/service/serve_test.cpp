@@ -4,6 +4,7 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/service/alerts.h"
 #include "orchestrator/service/service_page.h"
 #include "orchestrator/service/station_view.h"
 #include "tests/orchestrator/program.h"
@@ -302,6 +303,113 @@ TEST_F(Serve, ASuspendedProcessIsSaid) {
   finish(batch);
 }
 
+// A command that appends what it is given to `heard`, and then does `and_then`.
+AlertConfig telling(const std::string& heard, const std::string& record, const std::string& and_then = "true") {
+  return {.command = "{ printf '%s ' \"$TURNCAL_EVENT\"; cat; } >> " + heard + "; " + and_then,
+          .record = record,
+          .time_s = 1.0,
+          .least_yield = 0.8};
+}
+
+TEST_F(Serve, TellsOfAnEventOnceAtMost) {
+  const AlertConfig config = telling(path("heard"), path("alerts"));
+  StationView view;
+  view.name = "east";
+  view.outcomes = {{"SN1", "fail", "2026-01-01T00:00:00Z", "N01"}, {"SN2", "pass", "2026-01-01T00:00:00Z"}};
+  double now_s = 0.0;
+  // Looks for two minutes, and is gone when all is said; what was said meanwhile.
+  const auto looked = [&](const std::optional<ResultsView>& results = {}) {
+    Result<std::unique_ptr<Alerts>> alerts = Alerts::open(config);
+    EXPECT_TRUE(alerts) << alerts.error().message;
+    for (int i = 0; i < 120; ++i) (*alerts)->look({view}, results, now_s += 1.0);
+    (*alerts)->drain();
+    EXPECT_EQ((*alerts)->defect(), "");
+    const std::string heard = std::filesystem::exists(path("heard")) ? file_text(path("heard")) : "";
+    std::filesystem::remove(path("heard"));
+    return heard;
+  };
+  EXPECT_EQ(looked(), "");  // what stood when the record was begun
+  view.outcomes.insert(view.outcomes.begin(), {"SN\"3", "hold", "2026-01-01T02:00:00Z", "unexplained"});
+  EXPECT_EQ(
+      looked(),
+      "unit "
+      "{\"event\":\"unit\",\"station\":\"east\",\"unit\":\"SN\\\"3\",\"outcome\":\"hold\",\"message\":\"unexplained\","
+      "\"time_utc\":\"2026-01-01T02:00:00Z\",\"folder\":\"\",\"simulated\":false}\n");
+  EXPECT_EQ(looked(), "");
+
+  // A condition: when it has stood, and again when it was over.
+  view.state = StationState::stopped;
+  view.tone = Tone::bad;
+  view.headline = "unit SN4 was left in the middle: fault: drive";
+  EXPECT_SAYS(
+      looked(),
+      "stopped {\"event\":\"stopped\",\"station\":\"east\",\"unit\":\"\",\"outcome\":\"\",\"message\":\"unit SN4");
+  EXPECT_EQ(looked(), "");
+  view.state = StationState::running;
+  view.silent_s = 700.0;
+  EXPECT_SAYS(looked(), "nothing written for");
+  view.silent_s.reset();
+  view.state = StationState::stopped;
+  EXPECT_SAYS(looked(), "stopped");
+  view.tone = Tone::attention;  // paused
+  ResultsView results;
+  StationResults day;
+  day.station = "east";
+  day.judged = 10;
+  day.passed = 8;
+  results.stations = {day};
+  EXPECT_EQ(looked(results), "");
+  results.stations.front().passed = 7;
+  EXPECT_SAYS(looked(results), "7 of 10 passed in the last 24 hours, expected 80 %");
+  EXPECT_EQ(looked(), "");  // the database is away
+  EXPECT_EQ(looked(results), "");
+}
+
+TEST_F(Serve, AnAlertThatFailsHoldsNobodyUpAndIsShown) {
+  write("queue", "SN1\n");
+  write("alerts", "");
+  write("queue.state", "fail 2026-01-01T00:00:00Z SN1 # N01\n");
+  const auto open = [&](const std::string& and_then) {
+    return ServicePage::open("127.0.0.1:0",
+                             {.stations = {station_},
+                              .password_file = "",
+                              .database = {},
+                              .alert = telling(path("heard"), path("alerts"), and_then)},
+                             [] { return 1.7e9; });
+  };
+  Result<std::unique_ptr<ServicePage>> page = open("sleep 60");
+  ASSERT_TRUE(page) << page.error().message;
+  EXPECT_FALSE(open("true"));  // two would tell it twice
+  httplib::Client client((*page)->url().substr(0, (*page)->url().size() - 1));
+  std::string body;
+  for (int i = 0; i < 100 && body.find("within its time") == std::string::npos; ++i) {
+    const double before_s = monotonic_s();
+    const auto answer = client.Get("/status.json");
+    ASSERT_TRUE(answer);
+    EXPECT_LT(monotonic_s() - before_s, 0.5);
+    body = answer->body;
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  }
+  EXPECT_SAYS(body, "alert.command: did not end within its time and was killed");
+  EXPECT_SAYS(file_text(path("alerts")), " told unit east SN1 fail 2026-01-01T00:00:00Z\n");
+  EXPECT_SAYS(file_text(path("alerts")), " failed unit east SN1 fail 2026-01-01T00:00:00Z: alert.command: did not end");
+  page->reset();
+  EXPECT_TRUE(open("true"));
+  EXPECT_EQ(std::ranges::count(file_text(path("heard")), '\n'), 1);
+}
+
+TEST_F(Serve, SaysARunThatWritesNothing) {
+  write("queue", "SN1\n");
+  const pid_t batch = start_batch("30");
+  wait_for(StationState::running);
+  EXPECT_FALSE(look_at(station_, wall_utc_s()).silent_s);
+  const StationView view = look_at(station_, wall_utc_s() + 700.0);
+  EXPECT_TRUE(view.silent_s && *view.silent_s < 701.0);
+  EXPECT_SAYS(view.for_a_person.front(), "the run has written nothing for");
+  ::kill(batch, SIGTERM);
+  EXPECT_EQ(finish_batch(batch).code, 75);
+}
+
 TEST_F(Serve, RefusesWhatItCannotServe) {
   write("queue", "SN1\n");
   expect_refused({"serve", path("none")}, "none: cannot open");
@@ -313,6 +421,9 @@ TEST_F(Serve, RefusesWhatItCannotServe) {
   const std::string stations = write("d", station + "serve.password_file = operators\n");
   expect_refused({"serve", stations}, "operators: cannot open");
   expect_refused({"serve", write("e", station + "serve.database = postgresql://ana:x@host/line\n")}, "password");
+  expect_refused({"serve", write("f", station + "alert.command = true\n")}, "alert.record");
+  expect_refused({"serve", write("g", station + "alert.command = true\nalert.record = none/alerts\n")},
+                 "none/alerts.lock");
   write_operators("ana:secret\n");
   expect_refused({"serve", stations}, "operators:1: expected NAME:HASH");
   write_operators(std::string("ana:") + hash_of_secret + "\n");

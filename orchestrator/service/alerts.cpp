@@ -1,0 +1,122 @@
+#include "orchestrator/service/alerts.h"
+
+#include <fmt/format.h>
+
+#include "imu_io/base/atomic_file.h"
+#include "imu_io/base/clock.h"
+#include "imu_io/base/text_pieces.h"
+#include "orchestrator/figures/report_format.h"
+
+namespace turncal {
+
+namespace {
+
+constexpr std::size_t largest_record = std::size_t{1} << 26;
+constexpr std::string_view of_unit = "unit ", of_yield = "yield ";
+
+struct Event {
+  HookCall call;
+  std::string station, time_utc;
+  std::string key() const {
+    return call.event + " " + station +
+           (call.unit.empty() ? "" : fmt::format(" {} {} {}", call.unit, call.outcome, time_utc));
+  }
+};
+
+std::string json_of(Event event) {
+  auto& [call, station, time_utc] = event;
+  const Fields fields = {{"event", &call.event},     {"station", &station},       {"unit", &call.unit},
+                         {"outcome", &call.outcome}, {"message", &call.message},  {"time_utc", &time_utc},
+                         {"folder", &call.folder},   {"simulated", &call.dry_run}};
+  return json_of(fields) + "\n";
+}
+
+std::vector<Event> events_in(const std::vector<StationView>& stations, const std::optional<ResultsView>& results,
+                             std::optional<double> least_yield) {
+  std::vector<Event> events;
+  for (const StationView& v : stations) {
+    for (const UnitOutcome& o : v.outcomes)
+      if (wants_a_look(o.outcome))
+        events.push_back({{"unit", o.unit, "", o.reason, o.outcome, v.simulated}, v.name, o.time_utc});
+    const auto stands = [&](const char* event, const std::string& message) {
+      events.push_back({{event, "", v.folder, message, "", v.simulated}, v.name, ""});
+    };
+    if (v.state == StationState::unreadable) stands("unreadable", v.headline);
+    if (v.state == StationState::stopped && v.tone == Tone::bad) stands("stopped", v.headline);
+    if (v.silent_s) stands("silent", v.headline + ": nothing written for " + clock_time(*v.silent_s));
+  }
+  if (!results || !results->until_utc.empty() || !least_yield) return events;
+  for (const StationResults& s : results->stations)
+    if (s.judged >= Alerts::least_judged &&
+        static_cast<double>(s.passed) < *least_yield * static_cast<double>(s.judged))
+      events.push_back({{"yield", "", "",
+                         fmt::format("{} of {} passed in the last 24 hours, expected {:.0f} %", s.passed, s.judged,
+                                     *least_yield * 100.0),
+                         "", s.simulated},
+                        s.station,
+                        ""});
+  return events;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Alerts>> Alerts::open(const AlertConfig& config) {
+  std::unique_ptr<Alerts> alerts(new Alerts(config, TRY(LockFile::acquire(config.record + ".lock"))));
+  alerts->first_ = !path_exists(config.record);
+  TRY(append_durably(config.record, ""));
+  const std::string text = TRY(read_whole_file(config.record, largest_record));
+  for (std::string_view remaining = text; !remaining.empty();) {
+    const std::vector<std::string_view> words = split(next_line(remaining), ' ');
+    if (words.size() < 3) continue;
+    const std::string key(words[2].data(), static_cast<std::size_t>(words.back().end() - words[2].begin()));
+    if (words[1] == "known" || words[1] == "told") alerts->known_.insert(key);
+    if (words[1] == "over") alerts->known_.erase(key);
+  }
+  return alerts;
+}
+
+void Alerts::look(const std::vector<StationView>& stations, const std::optional<ResultsView>& results,
+                  double now_utc_s) {
+  std::set<std::string> stand;
+  for (Event& event : events_in(stations, results, config_.least_yield)) {
+    const std::string key = event.key();
+    if (event.call.unit.empty()) {
+      stand.insert(key);
+      const double since_s = since_.try_emplace(key, now_utc_s).first->second;
+      event.time_utc = format_utc(since_s);
+      if (!first_ && now_utc_s - since_s < stands_s) continue;
+    }
+    if (known_.contains(key)) continue;
+    event.call.input = first_ ? "" : json_of(event);
+    if (queue_.post([this, call = event.call, key] { tell(call, key); })) known_.insert(key);  // else at the next look
+  }
+  first_ = false;
+  std::erase_if(since_, [&](const auto& one) { return !stand.contains(one.first); });
+  const bool yields_known = results && results->defect.empty();
+  std::erase_if(known_, [&](const std::string& key) {
+    return !key.starts_with(of_unit) && !stand.contains(key) && (yields_known || !key.starts_with(of_yield)) &&
+           queue_.post([this, key] { static_cast<void>(write("over", key)); });
+  });
+}
+
+Status Alerts::write(const char* what, const std::string& key) const {
+  return append_durably(config_.record, fmt::format("{} {} {}\n", format_utc(wall_utc_s()), what, key));
+}
+
+void Alerts::tell(const HookCall& call, const std::string& key) {
+  if (over_) return;  // not written, so an event when serve begins again
+  Status told = write(call.input.empty() ? "known" : "told", key);
+  if (told && !call.input.empty()) {
+    told = run_command("alert.command", config_.command, call, config_.time_s, [this] { return over_.load(); });
+    if (!told) static_cast<void>(write("failed", key + ": " + told.error().message));
+  }
+  const std::lock_guard lock(mutex_);
+  defect_ = told ? "" : key + ": " + told.error().message;
+}
+
+std::string Alerts::defect() const {
+  const std::lock_guard lock(mutex_);
+  return defect_;
+}
+
+}  // namespace turncal
