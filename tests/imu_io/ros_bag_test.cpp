@@ -70,9 +70,20 @@ TEST(RosBag, EveryContainerCompressionAndEncodingGivesTheSameColumns) {
   second.messages.erase(second.messages.begin(), second.messages.begin() + 100);
   std::filesystem::create_directory(folder / "bag");
   put(folder, "bag/metadata.yaml", "rosbag2_bagfile_information:\n");
-  db3(folder / "bag/bag_10.db3", {second});
+  EXPECT_TRUE(fails(read_bag(folder / "bag", "", false), "metadata.yaml: expected relative_file_paths"));
+  put(folder, "bag/metadata.yaml",
+      "rosbag2_bagfile_information:\n  relative_file_paths:\n    - bag_9.db3\n    - \"bag_10.db3\"\n  duration:\n");
   db3(folder / "bag/bag_9.db3", {first});
+  db3(folder / "bag/bag_1.db3", {first});  // of another bag
+  EXPECT_TRUE(fails(read_bag(folder / "bag", "", false), "bag/bag_10.db3: cannot open"));
+  db3(folder / "bag/bag_10.db3", {second});
   expect_motion(read_bag(folder / "bag", "", false), "folder");
+  // Recorded in another order: what came first is read first.
+  BagTopic mixed = imu_topic();
+  std::ranges::reverse(mixed.messages);
+  db3(folder / "mixed.db3", {mixed});
+  expect_motion(read_bag(folder / "mixed.db3", "", false), "mixed");
+  expect_motion(read_bag(put(folder, "mixed.mcap", mcap({mixed}, "zstd")), "", false), "mixed");
 }
 
 TEST(RosBag, ReadingsStandInTheFirstRowAfterThem) {
