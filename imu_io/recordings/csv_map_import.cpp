@@ -177,25 +177,16 @@ std::vector<std::int64_t> periods_between(const std::vector<double>& times, doub
     return level.at(to, level.width) - level.at(from, fine ? row - from : level.width) -
            static_cast<double>(to - from) * period;
   };
-  // By how much the rows from here on are later than those before, in units of what chance does.
-  const auto contrast = [&](std::size_t row) {
-    const std::size_t rows = std::min({n - row, row - last_gap, level.width});
-    double sum = 0.0;
-    for (std::size_t k = 0; k < rows; ++k)
-      sum += times[row + k] - times[row - 1 - k] - static_cast<double>(2 * k + 1) * period;
-    return sum / std::sqrt(static_cast<double>(rows));
-  };
   for (std::size_t row = 1; row < n; ++row) {
     if (!is_late(row)) continue;
     const auto seen = static_cast<double>(std::min({n - row, row - last_gap, level.width}));
     const double chance = 5.0 * level.scatter * std::sqrt(static_cast<double>(level.width) / seen);
     const double least = std::max(chance, n - row < level.width ? level.spread + 0.5 * period : 0.5 * period);
     if (rise(row, row) < least) continue;
-    // A median sees a gap half a window before it; stamps that are good to a fraction of a period say themselves which row it is.
+    // A median sees a gap half a window before it: it is the longest interval there. Fine stamps say themselves which row it is.
     std::size_t at = row;
-    const std::size_t end = level.least || fine ? row : std::min(n, row + level.width / 2 + 1);
-    for (std::size_t next = row + 1; next < end; ++next)
-      if (is_late(next) && contrast(next) > contrast(at)) at = next;
+    for (std::size_t next = row + 1; !level.least && !fine && next < std::min(n, row + level.width / 2 + 1); ++next)
+      if (times[next] - times[next - 1] > times[at] - times[at - 1]) at = next;
     const double missing = fine ? times[row] - times[row - 1] - period : rise(row, at);
     periods[at] += std::max<std::int64_t>(1, std::llround(missing / period));
     last_gap = row = at;

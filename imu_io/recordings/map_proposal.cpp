@@ -191,8 +191,8 @@ class Proposer {
     if (!by_place_ && (triad_[gyro].empty() || triad_[accel].empty())) return columns_missing();
     TRY(read());
     if (rows() < 10)
-      return input_error(
-          fmt::format("{}: {} rows of numbers in {}: expected at least 10", source_.file_name, rows(), columns_read()));
+      return input_error(fmt::format("{}: {} rows with a number in each column of the IMU: expected at least 10",
+                                     source_.file_name, rows()));
     if (by_place_) place();
     judge_time();
     judge_units();
@@ -268,14 +268,6 @@ class Proposer {
         fmt::format("{}: no three columns are plainly those of the {}: expected --map with their names; it has {}",
                     source_.file_name, triad_[gyro].empty() ? "gyros" : "accelerometers",
                     names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
-  }
-
-  std::string columns_read() const {
-    std::vector<std::string> names;
-    for (const Role role : {gyro, accel})
-      for (const std::size_t column : triad_[role]) names.push_back(quoted(reference(column)));
-    if (time_) names.push_back(quoted(reference(*time_)));
-    return names.empty() ? "every column" : fmt::format("{}", fmt::join(names, ", "));
   }
 
   Status read() {

@@ -12,7 +12,6 @@
 #include <limits>
 #include <map>
 #include <memory>
-#include <numeric>
 #include <span>
 
 #include "imu_io/base/bytes.h"
@@ -134,25 +133,8 @@ class Collector {
     return damaged(fmt::format("byte {}: {}{}", byte, what, way_out));
   }
 
-  // Chunks of an MCAP file may overlap: messages are read in the order of their recording.
-  void sort_by_recording() {
-    if (std::ranges::is_sorted(recorded_)) return;
-    std::vector<std::size_t> order(recorded_.size());
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::ranges::stable_sort(order, {}, [&](std::size_t k) { return recorded_[k]; });
-    const auto arrange = [&](auto& values) {
-      auto sorted = values;
-      for (std::size_t k = 0; k < order.size(); ++k) sorted[k] = values[order[k]];
-      values = std::move(sorted);
-    };
-    for (auto& values : values_) arrange(values);
-    arrange(stamps_), arrange(recorded_);
-  }
-
   Result<BagImu> finish() {
     TRY(check_unit());
-    sort_by_recording();
-    for (auto& [name, readings] : temperatures_) std::ranges::stable_sort(readings, {}, &Reading::recorded_ns);
     result_.topic = unit_->name;
     result_.recording_times = std::ranges::all_of(stamps_, [](std::int64_t stamp) { return stamp == 0; });
     const std::vector<std::int64_t>& times = result_.recording_times ? recorded_ : stamps_;

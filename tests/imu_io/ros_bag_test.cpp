@@ -78,12 +78,6 @@ TEST(RosBag, EveryContainerCompressionAndEncodingGivesTheSameColumns) {
   EXPECT_TRUE(fails(read_bag(folder / "bag", "", false), "bag/bag_10.db3: cannot open"));
   db3(folder / "bag/bag_10.db3", {second});
   expect_motion(read_bag(folder / "bag", "", false), "folder");
-  // Recorded in another order: what came first is read first.
-  BagTopic mixed = imu_topic();
-  std::ranges::reverse(mixed.messages);
-  db3(folder / "mixed.db3", {mixed});
-  expect_motion(read_bag(folder / "mixed.db3", "", false), "mixed");
-  expect_motion(read_bag(put(folder, "mixed.mcap", mcap({mixed}, "zstd")), "", false), "mixed");
 }
 
 TEST(RosBag, ReadingsStandInTheFirstRowAfterThem) {
