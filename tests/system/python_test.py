@@ -5,6 +5,7 @@ import gc
 import json
 import os
 import pathlib
+import pickle
 import subprocess
 import tempfile
 import threading
@@ -116,6 +117,26 @@ class Module(unittest.TestCase):
                 self.assertEqual(f"turncal: {raised.exception}\n", said.stderr)
                 self.assertEqual(raised.exception.exit_code, said.returncode)
                 self.assertIsInstance(raised.exception, turncal.Error)
+
+    def test_what_is_not_taken_is_said(self):
+        recording = turncal.load("run")
+        parameters = turncal.calibrate(recording).parameters
+        for kind, words, call in [
+                (TypeError, "expected a turncal.Recording, found ndarray", lambda: turncal.allan(recording.gyro)),
+                (TypeError, "expected a turncal.Recording, found ndarray", lambda: turncal.calibrate(recording.gyro)),
+                (TypeError, "expected a turncal.Parameters, found Recording", lambda: turncal.apply(recording, recording)),
+                (TypeError, "int", lambda: turncal.load(3)),
+                (ValueError, "without a NUL", lambda: turncal.load("a\0b")),
+                (AttributeError, "Recording.gyro cannot be assigned", lambda: setattr(recording, "gyro", 2 * recording.gyro)),
+                (turncal.InputError, "min_rest_s = -1", lambda: recording.with_rests(-1)),
+                (turncal.InputError, "min_rest_s = nan", lambda: recording.with_rests(float("nan"))),
+                (turncal.InputError, "time_utc = 'now'", lambda: turncal.calibrate(recording, time_utc="now"))]:
+            with self.assertRaisesRegex(kind, words):
+                call()
+        self.assertEqual(len(turncal.load(b"run")), len(recording))
+        self.assertTrue("N01" in parameters and "N04" not in parameters)
+        self.assertEqual(list(parameters), list(parameters.as_dict()))
+        self.assertEqual(pickle.loads(pickle.dumps(parameters)).text, parameters.text)
 
     def test_threads_get_what_one_gets_and_leave_the_interpreter_free(self):
         recording = turncal.load("run")
