@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <span>
 
 #include <Eigen/Core>
 
@@ -107,17 +108,90 @@ Error time_goes_back(const std::string& file, std::int64_t line, const std::stri
                                  quoted(column), format_number(time)));
 }
 
-// How many periods lie between the row before and this one. A stamp comes late and not early, so each side goes by the least late of
-// eight, and of none before the last gap.
-std::int64_t periods_to(const std::vector<double>& times, std::size_t row, std::size_t last_gap, double period) {
-  double before = std::numeric_limits<double>::infinity();
-  double after = before;
-  for (std::size_t k = 0; k < 8; ++k) {
-    const double shift = static_cast<double>(k) * period;
-    if (row >= last_gap + 1 + k) before = std::min(before, times[row - 1 - k] + shift);
-    if (row + k < times.size()) after = std::min(after, times[row + k] - shift);
+// What time it is at a row by the stamps of it and those after it: their median, or the least where stamps come late and never early.
+struct StampLevel {
+  std::span<const double> times;
+  double period = 0.0;
+  std::size_t width = 8;
+  bool least = false;
+  double scatter = 0.0;  // of the difference of two levels
+  double spread = 0.0;   // range of the stamps in a window
+
+  double at(std::size_t row, std::size_t most, double* range = nullptr) const {
+    std::array<double, 128> level{};
+    const std::size_t rows = std::min({width, most, times.size() - row});
+    for (std::size_t k = 0; k < rows; ++k) level[k] = times[row + k] - static_cast<double>(k) * period;
+    const auto end = level.begin() + static_cast<std::ptrdiff_t>(rows);
+    const auto [first, last] = std::minmax_element(level.begin(), end);
+    if (range != nullptr) *range = *last - *first;
+    if (least) return *first;
+    const auto middle = level.begin() + static_cast<std::ptrdiff_t>(rows / 2);
+    std::nth_element(level.begin(), middle, end);
+    return *middle;
   }
-  return std::llround((after - before) / period);
+  // Of a few windows; some of them may have gaps.
+  void find_scatter() {
+    constexpr std::size_t enough = 512;
+    std::vector<double> rises, spreads;
+    for (std::size_t row = 0; row + 2 * width <= times.size(); row += std::max(width, times.size() / enough)) {
+      double range = 0.0;
+      const double here = at(row, width, &range);
+      rises.push_back(at(row + width, width) - here);
+      spreads.push_back(range);
+    }
+    if (rises.empty()) return;
+    const double middle = median(rises);
+    for (double& rise : rises) rise = std::abs(rise - middle);
+    const auto quarter = rises.begin() + static_cast<std::ptrdiff_t>(3 * rises.size() / 4);
+    std::nth_element(rises.begin(), quarter, rises.end());
+    scatter = std::min(*quarter / 1.15, period / 6.0);
+    spread = median(spreads);
+  }
+};
+
+// The narrowest of a few windows whose levels scatter by less than a twelfth of a period; else the one that scatters least.
+StampLevel find_level(std::span<const double> times, double period) {
+  StampLevel best{times, period};
+  best.scatter = period;
+  for (const std::size_t width : {8, 32, 128})
+    for (const bool least : {false, true}) {
+      if (best.scatter < period / 12.0 || (width > 8 && times.size() < 4 * width)) continue;
+      StampLevel level{times, period, width, least};
+      level.find_scatter();
+      if (level.scatter < best.scatter) best = level;
+    }
+  return best;
+}
+
+// How many periods each row is after the one before: a gap is a rise of the level that lasts, whatever a single stamp does.
+std::vector<std::int64_t> periods_between(const std::vector<double>& times, double period, double gap) {
+  const std::size_t n = times.size();
+  std::vector<std::int64_t> periods(n, 1);
+  const StampLevel level = find_level(times, period);
+  std::size_t last_gap = 0;
+  const auto is_late = [&](std::size_t row) { return times[row] - times[row - 1] > gap * period; };
+  const bool fine = level.width == StampLevel{}.width && level.spread < 0.6 * period;
+  // From before a row, up to another one or itself.
+  const auto rise = [&](std::size_t row, std::size_t to) {
+    const std::size_t from = std::max(last_gap, row - std::min(row, level.width));
+    return level.at(to, level.width) - level.at(from, fine ? row - from : level.width) -
+           static_cast<double>(to - from) * period;
+  };
+  for (std::size_t row = 1; row < n; ++row) {
+    if (!is_late(row)) continue;
+    const auto seen = static_cast<double>(std::min({n - row, row - last_gap, level.width}));
+    const double chance = 5.0 * level.scatter * std::sqrt(static_cast<double>(level.width) / seen);
+    const double least = std::max(chance, n - row < level.width ? level.spread + 0.5 * period : 0.5 * period);
+    if (rise(row, row) < least) continue;
+    // A median sees a gap half a window before it: it is the longest interval there. Fine stamps say themselves which row it is.
+    std::size_t at = row;
+    for (std::size_t next = row + 1; !level.least && !fine && next < std::min(n, row + level.width / 2 + 1); ++next)
+      if (times[next] - times[next - 1] > times[at] - times[at - 1]) at = next;
+    const double missing = fine ? times[row] - times[row - 1] - period : rise(row, at);
+    periods[at] += std::max<std::int64_t>(1, std::llround(missing / period));
+    last_gap = row = at;
+  }
+  return periods;
 }
 
 class Importer {
@@ -152,6 +226,7 @@ class Importer {
       row.position = table.position[k];
       row.line = table.line[k];
     }
+    TRY(leave_out_doubles());
     choose();
     return order_rows();
   }
@@ -246,6 +321,42 @@ class Importer {
     result_.chosen = fmt::format("time.increments = {}: {}", measured() ? "intervals" : "period", choice.reason);
   }
 
+  Status leave_out(const Error& error) {
+    if (!map_.format.skip_bad_rows) return error;
+    if (result_.bad_rows++ == 0) result_.first_bad = error.message;
+    return {};
+  }
+
+  // Rows that were written twice: the stamp and the numbers of the row before. A coarse sensor at rest, whose stamps are coarse too, has such
+  // rows of its own; it repeats its numbers at other stamps as often.
+  Status leave_out_doubles() {
+    if (!timed() || rows_.empty()) return {};
+    const auto same_time = [&](std::size_t k) { return rows_[k].time == rows_[k - 1].time; };
+    const auto same_numbers = [&](std::size_t k) {
+      return rows_[k].gyro == rows_[k - 1].gyro && rows_[k].accel == rows_[k - 1].accel;
+    };
+    double stamps = 0.0, doubles = 0.0, repeats = 0.0;  // of rows with the stamp of the one before, and of others
+    for (std::size_t k = 1; k < rows_.size(); ++k) {
+      if (same_time(k)) stamps += 1.0;
+      if (same_numbers(k)) (same_time(k) ? doubles : repeats) += 1.0;
+    }
+    if (doubles * (static_cast<double>(rows_.size() - 1) - stamps) <= 2.0 * repeats * stamps) return {};
+    std::vector<Row> once{rows_.front()};
+    for (std::size_t k = 1; k < rows_.size(); ++k) {
+      if (same_time(k) && same_numbers(k)) {
+        TRY(leave_out(input_error(fmt::format(
+            "{}:{}: the row before again, time and numbers, as {} of {} rows: expected each row once; --skip-bad-rows "
+            "leaves them out",
+            file_name_, rows_[k].line, doubles, rows_.size()))));
+        continue;
+      }
+      once.push_back(rows_[k]);
+      once.back().position -= static_cast<std::int64_t>(k + 1 - once.size());  // nothing is missing
+    }
+    rows_ = std::move(once);
+    return {};
+  }
+
   // Times must increase; with `period` they may jitter back by a few rows.
   Status order_rows() {
     if (!timed() || rows_.size() < 2) return {};
@@ -260,10 +371,8 @@ class Importer {
         rows_[kept++] = row;
         continue;
       }
-      const Error error =
-          time_goes_back(file_name_, row.line, map_.time_column, first_stamp_ + row.time / map_.time_unit_s);
-      if (!map_.format.skip_bad_rows) return error;
-      if (result_.bad_rows++ == 0) result_.first_bad = error.message;
+      TRY(leave_out(
+          time_goes_back(file_name_, row.line, map_.time_column, first_stamp_ + row.time / map_.time_unit_s)));
     }
     rows_.resize(kept);
     return {};
@@ -285,27 +394,28 @@ class Importer {
     median_s_ = measured() ? median(rearranged) : typical_interval(times);
     double sum = 0.0, squares = 0.0, count = 0.0;
     std::vector<std::size_t> gaps;
+    const std::vector<std::int64_t> periods =
+        measured() ? std::vector<std::int64_t>() : periods_between(times, median_s_, map_.gap);
     for (std::size_t k = 0; k < intervals.size(); ++k) {
       const double interval = intervals[k];
       const std::int64_t dropped = rows_[k + 1].position - rows_[k].position - 1;
-      const bool late = interval > map_.gap * median_s_;
-      if (late || dropped > 1) {
-        const std::int64_t steps = !late        ? 1
-                                   : measured() ? 2
-                                                : periods_to(times, k + 1, gaps.empty() ? 0 : gaps.back(), median_s_);
-        if (std::max(steps, dropped) > 1) {
-          step_[k + 1] = std::max(steps, dropped + 1);
-          gaps.push_back(k + 1);
-          continue;
-        }
+      const std::int64_t steps = !measured() ? periods[k + 1] : interval > map_.gap * median_s_ ? 2 : 1;
+      if (std::max(steps, dropped) > 1) {
+        step_[k + 1] = std::max(steps, dropped + 1);
+        gaps.push_back(k + 1);
+        continue;
       }
       sum += interval;
       squares += interval * interval;
       count += 1.0;
     }
-    const double period = sum / count;
-    result_.info.sample_period_s = period;
+    double period = sum / count;
     result_.jitter_s = std::sqrt(std::max(0.0, squares / count - period * period));
+    // What is before a gap is then no interval that could be left out.
+    if (!measured() && result_.jitter_s > 0.2 * period)
+      period =
+          (times.back() - times.front()) / static_cast<double>(std::accumulate(periods.begin(), periods.end(), -1LL));
+    result_.info.sample_period_s = period;
     if (measured())
       for (const std::size_t k : gaps)
         step_[k] = std::max<std::int64_t>(step_[k], std::llround(intervals[k - 1] / period));
@@ -428,18 +538,45 @@ Result<CsvMap> parse_csv_map(std::string_view text, const std::string& file_name
 }
 
 double typical_interval(const std::vector<double>& times) {
-  const std::size_t span = std::clamp<std::size_t>(times.size() / 4, 1, 16);
   std::vector<double> intervals;
-  for (std::size_t k = span; k < times.size(); ++k)
-    intervals.push_back((times[k] - times[k - span]) / static_cast<double>(span));
-  if (intervals.empty()) return 0.0;
-  const double middle = median(intervals);
+  const auto over = [&](std::size_t span) {
+    intervals.clear();
+    for (std::size_t k = span; k < times.size(); ++k)
+      intervals.push_back((times[k] - times[k - span]) / static_cast<double>(span));
+    return intervals.empty() ? 0.0 : median(intervals);
+  };
+  const double one = over(1);
+  std::vector<double> single = intervals;
+  double middle = 0.0;
+  std::size_t span = 16;
+  for (;; span *= 4) {
+    span = std::clamp<std::size_t>(times.size() / 4, 1, span);
+    middle = over(span);
+    if (middle > 0.0 || span == 256 || span == std::max<std::size_t>(times.size() / 4, 1)) break;
+  }
   if (!(middle > 0.0)) return middle;
-  // Stamps in coarse steps are right in the mean only.
-  const double near = 1.2 * middle / static_cast<double>(span);
+  // Stamps in coarse steps are right in the mean only, and of rows that come in bursts whole bursts.
+  const bool bursts = one < 0.5 * middle;
+  for (double& interval : single) interval = std::abs(interval - (bursts ? 0.0 : one));
+  const std::size_t rank = single.size() - 1 - single.size() / (bursts ? 50 : 20);
+  std::nth_element(single.begin(), single.begin() + static_cast<std::ptrdiff_t>(rank), single.end());
+  const double step = std::max(0.4 * middle, single[rank]);
+  const double near = 1.2 * step / static_cast<double>(span);
   const auto end =
       std::partition(intervals.begin(), intervals.end(), [&](double x) { return std::abs(x - middle) <= near; });
   return std::accumulate(intervals.begin(), end, 0.0) / static_cast<double>(end - intervals.begin());
+}
+
+// The steps in which stamps are written, where they are coarse: the least by which intervals differ.
+double resolution_of(const std::vector<double>& times, double period) {
+  std::vector<double> intervals;
+  for (std::size_t k = 1; k < times.size(); k += 1 + times.size() / 4096)
+    if (const double interval = times[k] - times[k - 1]; interval < 1.5 * period) intervals.push_back(interval);
+  std::ranges::sort(intervals);
+  double least = period;
+  for (std::size_t k = 1; k < intervals.size(); ++k)
+    if (const double step = intervals[k] - intervals[k - 1]; step > 1e-6 * period) least = std::min(least, step);
+  return least < period ? least : 0.0;
 }
 
 IncrementsChoice choose_increments(const std::vector<double>& times_s) {
@@ -450,14 +587,10 @@ IncrementsChoice choose_increments(const std::vector<double>& times_s) {
   const double period = typical_interval(times_s);
   if (!(period > 0.0)) return {Increments::intervals, "the times do not grow"};
   // By what the stamps are ahead of an even clock; periods that are missing are gaps.
+  const std::vector<std::int64_t> periods = periods_between(times_s, period, 1.5);
   std::vector<double> ahead(n, 0.0);
-  std::size_t last_gap = 0;
-  for (std::size_t k = 1; k < n; ++k) {
-    const double interval = times_s[k] - times_s[k - 1];
-    const std::int64_t steps = interval > 1.5 * period ? periods_to(times_s, k, last_gap, period) : 1;
-    if (steps > 1) last_gap = k;
-    ahead[k] = ahead[k - 1] + interval - static_cast<double>(std::max<std::int64_t>(steps, 1)) * period;
-  }
+  for (std::size_t k = 1; k < n; ++k)
+    ahead[k] = ahead[k - 1] + times_s[k] - times_s[k - 1] - static_cast<double>(periods[k]) * period;
   // Rms without the largest hundredth: knocks of the host, gaps that were not whole periods.
   const auto scatter = [&](std::size_t m) {
     std::vector<double> squares;
@@ -472,20 +605,26 @@ IncrementsChoice choose_increments(const std::vector<double>& times_s) {
   };
   const std::size_t far = std::min<std::size_t>(n / 8, 32);
   const double jitter = scatter(1) / std::sqrt(6.0);  // of a stamp, if each is off by itself
-  const double growth = jitter > 1e-9 * period ? scatter(far) / scatter(1) : 0.0;
-  std::vector<double> rates;
+  const double resolution = resolution_of(times_s, period);
+  const double growth = jitter > 1e-9 * period ? scatter(far) / std::max(scatter(1), resolution) : 0.0;
+  // Of the rate from a sixteenth to the next, by the means of both.
+  const std::size_t length = n / parts;
+  const auto rows = static_cast<double>(length);
+  std::vector<double> means, rates;
   for (std::size_t part = 0; part < parts; ++part) {
-    const std::size_t from = part * (n - 1) / parts, to = (part + 1) * (n - 1) / parts;
-    rates.push_back((ahead[to] - ahead[from]) / (static_cast<double>(to - from) * period));
+    const std::span<const double> rows_of = std::span(ahead).subspan(part * length, length);
+    means.push_back(std::accumulate(rows_of.begin(), rows_of.end(), 0.0) / rows);
+    if (part > 0) rates.push_back((means[part] - means[part - 1]) / (rows * period));
   }
   std::ranges::sort(rates);
-  const double change = rates[parts - 2] - rates[1];
-  const double explained = jitter * static_cast<double>(parts) / (static_cast<double>(n) * period);
+  const double change = rates[parts - 3] - rates[1];
+  const double spread = std::max(jitter, scatter(far) / std::sqrt(6.0)) * std::sqrt(static_cast<double>(far) / rows);
+  const double explained = (6.0 * spread + 2.0 * resolution) / (rows * period);
   const std::string said =
       fmt::format("over {} rows the scatter of the stamps is {:.2g} times that over one", far, growth);
   if (growth > std::pow(static_cast<double>(far), 0.25))
     return {Increments::intervals, said + ": it adds up, the intervals are real"};
-  if (change > std::max(2e-4, 6.0 * explained))
+  if (change > std::max(2e-4, explained))
     return {Increments::intervals, fmt::format("the rate changes by {:.2g} % within the record", 100.0 * change)};
   if (growth == 0.0) return {Increments::period, "the stamps are even"};
   return {Increments::period, said + ": it does not add up, the sampling is even and the stamps jitter"};

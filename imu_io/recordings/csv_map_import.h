@@ -8,7 +8,8 @@
 // Nothing is resampled. With `intervals` the measured interval goes into the increment, so that a turn keeps its size when the
 // sampling jitters; with `period` the mean interval does, which is right when the stamps jitter but the sensor does not (then intervals
 // would turn jitter of stamps into noise of the sensor: over a rest of 3 s 0.5 ms of it are 1.6 mm/s^2). With `period` stamps may even
-// go back a little: a row that is late is no gap unless those after it are late too. A gyro that repeats one extreme number is found
+// go back a little. A gap is then a rise that lasts of what the stamps are ahead of an even clock, by their median or least over 8, 32 or 128
+// rows, as few as their jitter needs; the least is right of stamps that come late, also in bursts. A gyro that repeats one extreme number is found
 // clipped (clipping.h) before intervals blur that. The recording's sample_period_s is the mean interval either way. The counter steps by
 // one a row, over a gap by as many periods as it lasts; a dropped row leaves its number out. Output: rad and m/s, body axes.
 //
@@ -16,8 +17,12 @@
 // interrupt, a host that was busy, rounding), the scatter of p[k + 2m] - 2 p[k + m] + p[k] is the same for every m; if every interval is what it says,
 // it grows with the root of m. Up to the geometric mean of both, over 32 rows, it is `period`; and so it is, too, for a sensor that was truly read
 // at those times, since what one interval has too much the next has too little. Beyond it, or where the rate changes by more than 200 ppm
-// (and six times what the jitter explains) from one sixteenth of the record to the next, it is `intervals`. Not looked for: an even sensor behind a
-// host's clock that is itself in steps.
+// (six times what the jitter explains, and twice the steps in which the stamps are written) from one sixteenth of the record to the next, it is
+// `intervals`. A scatter below those steps is theirs. Not looked for: an even sensor behind a host's clock that is itself in steps; gaps within four
+// rows of another one where stamps jitter by more than a third of the period.
+//
+// A row with the stamp and the numbers of the one before was written twice, and is a defect; not where a coarse sensor repeats itself at other
+// stamps as often.
 //
 // The whole file is held in memory (of a bag: the columns). Errors: one line with file, line, column, value and what was expected.
 #pragma once

@@ -28,10 +28,13 @@ struct Layout {
   std::vector<Candidate> columns;
 };
 
-// A word that begins with ^ has to be the beginning.
+// A word that begins with ^ has to be the beginning, of the text or of what it names in a group, a struct or a compound.
 bool has_any(std::string_view text, const std::vector<std::string_view>& words) {
+  const std::size_t parent = text.substr(0, std::min(text.size(), text.find_first_of(" [("))).find_last_of("/.:");
+  const std::string_view name = text.substr(parent == text.npos ? 0 : parent + 1);
   return std::ranges::any_of(words, [&](std::string_view word) {
-    return word.starts_with('^') ? text.starts_with(word.substr(1)) : text.find(word) != text.npos;
+    return word.starts_with('^') ? text.starts_with(word.substr(1)) || name.starts_with(word.substr(1))
+                                 : text.find(word) != text.npos;
   });
 }
 
@@ -147,6 +150,7 @@ Numbers norms_of(const std::array<const Numbers*, 3>& triad) {
 // By what factor gyro numbers become radians a second, where the unit turns enough to tell; negative: they turn the other way.
 std::optional<double> gyro_scale(const std::array<const Numbers*, 3>& gyro, const std::array<const Numbers*, 3>& accel,
                                  double usual, double period_s) {
+  if (!(period_s > 0.0)) return {};
   const auto width = static_cast<std::size_t>(std::clamp(0.2 / period_s, 1.0, 1000.0));
   const auto mean = [&](const std::array<const Numbers*, 3>& triad, std::size_t from) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -186,7 +190,9 @@ class Proposer {
     find_columns();
     if (!by_place_ && (triad_[gyro].empty() || triad_[accel].empty())) return columns_missing();
     TRY(read());
-    if (rows() < 10) return input_error(fmt::format("{}: {} rows: expected at least 10", source_.file_name, rows()));
+    if (rows() < 10)
+      return input_error(fmt::format("{}: {} rows with a number in each column of the IMU: expected at least 10",
+                                     source_.file_name, rows()));
     if (by_place_) place();
     judge_time();
     judge_units();
@@ -238,7 +244,9 @@ class Proposer {
     for (std::size_t k = layout_.columns.size(); k-- > 0;) {
       const std::string& name = layout_.columns[k].label;
       if (std::ranges::find(taken, k) != taken.end()) continue;
-      if (name == "t" || has_any(name, {"time", "stamp", "tow", "second", "^t_", "^t ", "^t["})) time_ = k;
+      if (name == "t" || name.ends_with("/t") || name.ends_with(".t") || name.ends_with(":t") ||
+          has_any(name, {"time", "stamp", "tow", "second", "^t_", "^t ", "^t["}))
+        time_ = k;
       if (has_any(name, {"temp"})) temperature_ = k;
     }
     // A matrix of nothing else.
@@ -302,7 +310,7 @@ class Proposer {
     const Clock *said = nullptr, *seen = nullptr;
     for (const Clock& clock : clocks) {
       if (said == nullptr && has_any(layout_.columns[*time_].label, clock.words)) said = &clock;
-      if (interval * clock.second > 2e-4 && interval * clock.second < 5e-2) seen = &clock;
+      if (interval * clock.second > 1.9e-4 && interval * clock.second < 5.1e-2) seen = &clock;
     }
     if (said == nullptr && seen == nullptr)
       doubt("time.column {}: {:.4g} from row to row is no rate of 20 to 5000 Hz in s, ms, us or ns",
@@ -344,8 +352,7 @@ class Proposer {
       doubt("accel.unit: the header says {}, the norm of {:.4g} is gravity in {}", said->name, norm, seen->name);
     unit_[accel] = said != nullptr ? said->name : seen != nullptr ? seen->name : "m/s^2";
     const bool rates = seen != nullptr ? seen->is_rate : !is_increment(label(gyro));
-    const std::optional<double> scale =
-        period_s_ > 0.0 ? gyro_scale(numbers(gyro), numbers(accel), norm, period_s_) : std::nullopt;
+    const std::optional<double> scale = gyro_scale(numbers(gyro), numbers(accel), norm, period_s_);
     seen = find_unit(gyro_units, [&](const Unit& unit) {
       return scale && unit.is_rate == rates &&
              std::abs(std::log(std::abs(*scale) * (rates ? 1.0 : period_s_) / unit.si)) < std::log(1.5);
@@ -392,7 +399,13 @@ class Proposer {
                          reference(triad_[role][1]), reference(triad_[role][2]), name, unit_[role]);
     }
     map += time_ ? fmt::format("time.column = {}\ntime.unit = {}\n", reference(*time_), time_unit_) : "rate_hz = 100\n";
-    if (temperature_) map += fmt::format("temperature.column = {}\n", reference(*temperature_));
+    if (temperature_) {
+      const std::string& label = layout_.columns[*temperature_].label;
+      map += fmt::format("temperature.column = {}\n", reference(*temperature_));
+      if (has_any(label, {"[k]", "(k)", "kelvin"}) || label.ends_with("_k")) map += "temperature.offset = 273.15\n";
+      if (has_any(label, {"[f]", "(f)", "fahr", "\u00b0f", "degf"}) || label.ends_with("_f"))
+        map += "temperature.offset = 32\ntemperature.scale = 0.5555555555555556\n";
+    }
     const TableFormat& format = layout_.format;
     if (format.delimiter != ',')
       map += fmt::format("csv.delimiter = {}\n", format.delimiter == ';'    ? "semicolon"

@@ -4,6 +4,7 @@
 #include <hdf5.h>
 #include <matio.h>
 #include <unistd.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <cmath>
@@ -87,6 +88,7 @@ class CsvTable {
       if (at != header.end() && std::find(at + 1, header.end(), column.name) != header.end())
         return defect("column " + quoted(column.name) + " twice: expected one of that name");
       if (at != header.end()) {
+        by_name_ = true;
         index_.push_back(static_cast<std::size_t>(at - header.begin()));
       } else if (const auto index = parse_integer<std::int64_t>(column.name); index && *index >= 1 && *index <= 10000) {
         index_.push_back(static_cast<std::size_t>(*index - 1));
@@ -118,6 +120,11 @@ class CsvTable {
     split_cells(text, format_.delimiter, cells_);
     if (format_.whole_rows && cells_.size() != header_cells_)
       return defect(fmt::format("the row has {} columns: expected {}", cells_.size(), header_cells_));
+    // A cell more, and the names are others' than they say.
+    while (by_name_ && cells_.size() > header_cells_ && cells_.back().empty()) cells_.pop_back();
+    if (by_name_ && cells_.size() > header_cells_)
+      return defect(
+          fmt::format("the row has {} columns: expected {}, as the header has names", cells_.size(), header_cells_));
     for (std::size_t k = 0; k < wanted_.size(); ++k) {
       if (index_[k] == missing) continue;
       row_[k] = TRY(number(k));
@@ -132,6 +139,7 @@ class CsvTable {
   std::int64_t line_ = 0;
   std::vector<std::string_view> cells_;
   std::size_t header_cells_ = 0;
+  bool by_name_ = false;
   static constexpr std::size_t missing = static_cast<std::size_t>(-1);
   std::vector<std::size_t> index_;  // of each wanted column
   std::vector<double> row_;
@@ -268,7 +276,55 @@ Result<NumberTable> read_npy(std::string_view content, const std::string& file_n
 using MatFile = std::unique_ptr<mat_t, int (*)(mat_t*)>;
 using MatVariable = std::unique_ptr<matvar_t, void (*)(matvar_t*)>;
 
+bool inflates(std::span<const std::byte> packed) {
+  z_stream stream{};
+  if (inflateInit(&stream) != Z_OK) return false;
+  std::vector<Bytef> out(1 << 16);
+  stream.next_in = reinterpret_cast<Bytef*>(const_cast<std::byte*>(packed.data()));
+  stream.avail_in = static_cast<uInt>(packed.size());
+  int code = Z_OK;
+  while (code == Z_OK) {
+    stream.next_out = out.data();
+    stream.avail_out = static_cast<uInt>(out.size());
+    code = inflate(&stream, Z_NO_FLUSH);
+  }
+  inflateEnd(&stream);
+  return code == Z_STREAM_END;
+}
+
+// libmatio makes zeros of what is missing, and looks at no checksum. Of version 5: elements of type (u32), size (u32) and content.
+Status check_mat(const std::string& file_name) {
+  constexpr std::uint64_t header = 128, tag = 8, version = 124;
+  const PosixFile file = TRY(PosixFile::open_to_read(file_name));
+  const std::uint64_t size = TRY(file.size());
+  FileWindow window(file, size);
+  if (size < header) return input_error(file_name + ": the .mat file is cut off");
+  const std::span<const std::byte> marks = TRY(window.at(version, 4));
+  const bool swapped = marks[2] == std::byte{'M'};
+  if (marks[swapped ? 0 : 1] != std::byte{1}) return {};  // HDF5
+  const auto number = [&](const std::byte* at) {
+    const auto value = load_bytes<std::uint32_t>(at);
+    return swapped ? __builtin_bswap32(value) : value;
+  };
+  constexpr std::uint32_t matrix = 14, compressed = 15;
+  for (std::uint64_t at = header; at < size;) {
+    const auto damaged = [&](const char* what) {
+      return input_error(fmt::format("{}: byte {}: {}", file_name, at, what));
+    };
+    if (size - at < tag) return damaged("the .mat file is cut off");
+    const std::span<const std::byte> head = TRY(window.at(at, tag));
+    const std::uint32_t type = number(head.data()), length = number(head.data() + 4);
+    if (length > size - at - tag) return damaged("the .mat file is cut off");
+    if (type != matrix && type != compressed) return damaged("expected a variable: the file is damaged");
+    if (type == compressed && !inflates(TRY(window.at(at + tag, length)).first(length)))
+      return damaged("a variable does not decompress: the file is damaged");
+    at += tag + length;
+  }
+  return {};
+}
+
 Result<MatFile> open_mat(const std::string& file_name) {
+  TRY(check_mat(file_name));
   MatFile file(Mat_Open(file_name.c_str(), MAT_ACC_RDONLY), Mat_Close);
   if (!file) return input_error(file_name + ": libmatio cannot read this .mat file");
   return file;

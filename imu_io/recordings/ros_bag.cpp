@@ -1,6 +1,5 @@
 #include "imu_io/recordings/ros_bag.h"
 
-#include <dirent.h>
 #include <fmt/format.h>
 #include <lz4frame.h>
 #include <sqlite3.h>
@@ -402,7 +401,8 @@ class Rosbag1Reader : public RecordReader {
 
   Status read() {
     constexpr std::string_view magic = "#ROSBAG V2.0\n";
-    skip(magic.size());
+    if (left() < magic.size() || text_of(TRY(take_bytes(magic.size()))) != magic)
+      return damaged("expected a bag of version 2.0");
     std::vector<std::byte> header;
     while (left() > 0) {
       begun_ = at_;
@@ -534,16 +534,23 @@ class Rosbag2Reader {
   std::map<std::int64_t, Topic*> topics_;
 };
 
-// Of a rosbag2 folder: bag_0.db3, bag_1.db3, ..., bag_10.db3.
-std::vector<std::string> files_of(const std::string& path) {
+// Of a rosbag2 folder those that metadata.yaml lists, in its order: lines `- bag_0.db3` below relative_file_paths.
+Result<std::vector<std::string>> files_of(const std::string& path) {
+  const std::string metadata = path + "/metadata.yaml";
+  if (!path_exists(metadata)) return std::vector<std::string>{path};
+  const std::string content = TRY(read_whole_file(metadata));
   std::vector<std::string> files;
-  const std::unique_ptr<DIR, int (*)(DIR*)> folder(::opendir(path.c_str()), ::closedir);
-  while (const dirent* const entry = folder ? ::readdir(folder.get()) : nullptr)
-    if (const std::string_view name = entry->d_name;
-        name.ends_with(".db3") || name.ends_with(".mcap") || name.ends_with(".zstd"))
-      files.push_back(path + "/" + entry->d_name);
-  std::ranges::sort(files, {}, [](const std::string& name) { return std::pair(name.size(), name); });
-  if (files.empty()) files.push_back(path);
+  bool listed = false;
+  for (std::string_view left = content; !left.empty();) {
+    std::string_view line = trimmed(next_line(left));
+    listed = line.starts_with("relative_file_paths:") || (listed && line.starts_with("- "));
+    if (!listed || !line.starts_with("- ")) continue;
+    line = trimmed(line.substr(2));
+    if (line.size() > 1 && (line.front() == '"' || line.front() == '\'') && line.back() == line.front())
+      line = line.substr(1, line.size() - 2);
+    files.push_back(path + "/" + std::string(line));
+  }
+  if (files.empty()) return input_error(metadata + ": expected relative_file_paths with a line '- FILE' for each file");
   return files;
 }
 
@@ -551,7 +558,7 @@ std::vector<std::string> files_of(const std::string& path) {
 
 Result<BagImu> read_bag(const std::string& path, const std::string& topic, bool skip_bad) {
   Collector collector(path, topic, skip_bad);
-  for (const std::string& name : files_of(path)) {
+  for (const std::string& name : TRY(files_of(path))) {
     const PosixFile file = TRY(PosixFile::open_to_read(name));
     const std::uint64_t size = TRY(file.size());
     const FileKind kind = recognise_file(name);

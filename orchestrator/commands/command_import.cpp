@@ -219,16 +219,20 @@ Status finish(RecordingSource& source, OutputFolder& folder, const char* what, C
 }
 
 Status import_text(const TextOptions& options, CommandContext& context) {
+  if (!options.frame.empty() &&
+      !(options.map + options.map_out + options.topic + options.accel).empty() + options.skip_bad_rows > 0)
+    return input_error("--frame: raw bytes: expected no --map, --map-out, --topic, --accel or --skip-bad-rows");
   if (!options.frame.empty()) return import_frames(options, context);
   if (options.is_foreign()) return import_table(options, context);
   if (!std::filesystem::is_directory(options.source)) {
     TRY(expect_file(options.source, FileKind::csv));
-    if (path_exists(options.source))
-      return input_error(
-          options.source +
-          ": it is not known what this is: expected a table (CSV, .npy, .mat, HDF5), a ROS bag, a folder " +
-          "with a recording in text form, or raw bytes and --frame");
+    TRY(PosixFile::open_to_read(options.source));
   }
+  if (!path_exists(options.source + "/recording.conf") && !path_exists(options.source + "/" + binary_recording_name))
+    return input_error(
+        options.source +
+        ": it is not known what this is: expected a table (CSV, .npy, .mat, HDF5), a ROS bag, a folder " +
+        "with a recording in text form, or raw bytes and --frame");
   if (path_exists(options.source + "/" + binary_recording_name) && !path_exists(options.source + "/recording.conf"))
     return input_error(options.source + ": this is a recording already: turncal export writes its text form");
   std::unique_ptr<RecordingSource> source = TRY(open_text_recording(options.source));

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <memory>
 
 #include "calib/statistics/data_screen.h"
@@ -31,7 +32,8 @@ class RestReader {
         segments_(std::move(segments)),
         path_(std::move(path)),
         maker_(info.sample_period_s),
-        spikes_(info) {
+        spikes_(info),
+        glitches_(info, {}) {
     const SensorModel model = sensor_model(start_parameters(info), info);
     si_ << model.gyro_scale.diagonal(), model.accel_scale.diagonal();
     si_ = si_.cwiseAbs();
@@ -46,16 +48,20 @@ class RestReader {
         ++left_out_;
         continue;
       }
-      maker_.add(sample.counter, increments);
+      if (waiting_.empty()) glitches_.forget_neighbours(sample);
+      glitches_.add(sample, found_);
+      waiting_.emplace_back(sample.counter, increments);
+      keep_all_but(known_after);
       if (segments_.empty()) TRY(check_still(sample.counter, increments));
     }
     return {};
   }
 
   Result<ReadRests> take() {
+    keep_all_but(0);
     ReadRests found{maker_.take(si_), {}};
     if (left_out_ > 0)
-      found.notes.push_back(fmt::format("{} samples left out: marked as bad, or beyond any unit", left_out_));
+      found.notes.push_back(fmt::format("{} samples left out: marked as bad, glitches, or beyond any unit", left_out_));
     const std::vector<double>& mean = found.cells.mean[0];
     const auto cells = static_cast<double>(mean.size());
     const auto lost = static_cast<double>(std::ranges::count_if(mean, [](double v) { return std::isnan(v); }));
@@ -68,6 +74,20 @@ class RestReader {
   }
 
  private:
+  static constexpr std::size_t known_after = 6;  // samples, whether one was a glitch
+
+  void keep_all_but(std::size_t last) {
+    for (; waiting_.size() > last; waiting_.pop_front()) {
+      const auto& [counter, increments] = waiting_.front();
+      auto glitch = found_.rbegin();
+      while (glitch != found_.rend() && glitch->sample > counter) ++glitch;
+      if (glitch != found_.rend() && glitch->sample == counter)
+        ++left_out_;
+      else
+        maker_.add(counter, increments);
+    }
+  }
+
   bool at_rest(std::int64_t counter) {
     if (segments_.empty()) return true;
     while (index_ < segments_.size() && counter >= segments_[index_].end_sample) {
@@ -77,7 +97,9 @@ class RestReader {
       const bool same = past.kind != SegmentKind::rotate && next.kind != SegmentKind::rotate &&
                         past.end_sample == next.start_sample && past.heading_deg == next.heading_deg &&
                         past.pitch_deg == next.pitch_deg && past.roll_deg == next.roll_deg;
-      if (!same) maker_.begin_rest();
+      if (same) continue;
+      keep_all_but(0);
+      maker_.begin_rest();
     }
     return index_ < segments_.size() && counter >= segments_[index_].start_sample &&
            segments_[index_].kind != SegmentKind::rotate;
@@ -106,6 +128,9 @@ class RestReader {
   const std::string path_;
   RestCellMaker maker_;
   SpikeFinder spikes_;
+  GlitchFinder glitches_;
+  std::vector<DataEvent> found_;
+  std::deque<std::pair<std::int64_t, Channels>> waiting_;
   Channels si_ = Channels::Zero();
   std::int64_t a_second_ = 1, left_out_ = 0;
   std::size_t index_ = 0;

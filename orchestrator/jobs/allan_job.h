@@ -1,7 +1,7 @@
 // The noise of a unit at rest: from what was recorded to what is said of it (docs/allan.md).
 //
-// Read are a recording without segments, whole, or the rests of one that has them; samples that are marked as bad or beyond any unit are
-// left out and counted. Errors: less than 10 s at rest, a unit that moves (0.02 rad/s, 0.5 m/s^2 between the means of two seconds), a channel
+// Read are a recording without segments, whole, or the rests of one that has them; samples that are marked as bad, that stand
+// out from their neighbours (data_screen.h) or that no unit can have felt are left out and counted. Errors: less than 10 s at rest, a unit that moves (0.02 rad/s, 0.5 m/s^2 between the means of two seconds), a channel
 // that feels nothing.
 #pragma once
 

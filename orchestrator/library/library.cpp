@@ -11,6 +11,7 @@
 #include <span>
 
 #include "imu_io/base/clock.h"
+#include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/csv_map_import.h"
 #include "orchestrator/jobs/allan_job.h"
@@ -148,7 +149,11 @@ Report report_of(Document document) {
   return Report(std::make_shared<const Report::Content>(std::move(document)));
 }
 
-std::string time_or_now(const std::string& time_utc) { return time_utc.empty() ? format_utc(wall_utc_s()) : time_utc; }
+std::string time_or_now(const std::string& time_utc) {
+  if (!time_utc.empty() && !parse_utc(time_utc))
+    raise(input_error("time_utc = '" + time_utc + "': expected a time as 2026-01-31T12:00:00Z"));
+  return time_utc.empty() ? format_utc(wall_utc_s()) : time_utc;
+}
 
 }  // namespace
 
@@ -163,6 +168,8 @@ Recording Recording::import_table(const std::string& path, const std::string& ma
 }
 
 Recording Recording::with_rests(double min_rest_s) const {
+  if (!(min_rest_s >= 0.1 && min_rest_s <= 3600.0))
+    raise(input_error("min_rest_s = " + format_number(min_rest_s) + ": expected a number from 0.1 to 3600"));
   MemorySource source(*this);
   SegmentationOptions options;
   options.min_rest_s = min_rest_s;

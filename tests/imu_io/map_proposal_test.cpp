@@ -182,6 +182,30 @@ TEST(MapProposal, OfABag) {
   EXPECT_TRUE(fails(open_columns(samples + "euroc.csv", "/imu"), "topic '/imu': expected a ROS bag"));
 }
 
+// Columns are what they are called at their end; a thermometer counts in what its header says.
+TEST(MapProposal, OfNamesInAGroup) {
+  TemporaryFolder folder;
+  for (const char* separator : {"/", ".", ":"}) {
+    std::string header = "t,gx,gy,gz,ax,ay,az";
+    for (const char* name : {"gx", "gy", "gz", "ax", "ay", "az", "t"})
+      header = replaced(header, name, std::string("imu0") + separator + name);
+    std::ofstream(folder / "log.csv") << table(header, 1, 1, 1, true);
+    const Result<MapProposal> proposal = good(propose(folder / "log.csv"));
+    EXPECT_EQ(proposal->doubts, std::vector<std::string>()) << header;
+    EXPECT_OK(import_csv(expect_value(parse_csv_map(proposal->text, "p")), folder / "log.csv"));
+  }
+  for (const auto& [name, reads] : {std::pair("temp [C]", 300.0), {"temp [K]", 26.85}, {"T_imu temp (F)", 148.8889}}) {
+    std::string text = table(std::string("t,gx,gy,gz,ax,ay,az,") + name, 1, 1, 1, true);
+    for (std::size_t at = text.find('\n') + 1; (at = text.find('\n', at)) != text.npos; at += 5)
+      text.insert(at, ",300");
+    std::ofstream(folder / "log.csv") << text;
+    const Result<MapProposal> proposal = good(propose(folder / "log.csv"));
+    const CsvImport import =
+        expect_value(import_csv(expect_value(parse_csv_map(proposal->text, "p")), folder / "log.csv"));
+    EXPECT_NEAR(import.samples[5].temperature_c, reads, 1e-3) << name;
+  }
+}
+
 // ---- do the stamps jitter, or the intervals? ----
 
 using Increments = CsvMap::Increments;
@@ -265,6 +289,85 @@ TEST(Increments, WhatTheyAreWorth) {
   const double in_gap = 6.0 * 0.01 * 5.0;  // what was turned in it, at most 5 rad/s, is nowhere
   EXPECT_LT(std::abs(turn(real) - angle), in_gap);
   EXPECT_GT(std::abs(turn(evened) - turn(real)), 1e-3);
+}
+
+// What a logger does to the stamps of an even 200 Hz sensor; three gaps of 3 periods are true.
+TEST(Increments, GapsAndPeriodWhateverTheStampsDo) {
+  constexpr double period_s = 0.005;
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise;
+  std::exponential_distribution<double> late(1.0);
+  using Stamp = std::function<double(int k)>;  // in periods, of the row that was measured at k
+  const auto in_steps = [](double step, int shift) {
+    return [=](int k) { return std::floor((k + shift) / step) * step; };
+  };
+  const struct {
+    const char* what;
+    Stamp stamp;
+    double tolerance;  // of the period
+  } cases[] = {{"even", [](int k) { return k; }, 1e-9},
+               {"early and late by a third", [&](int k) { return k + 0.3 * noise(random); }, 3e-4},
+               {"late by up to three", [&](int k) { return k + 0.5 * late(random); }, 3e-4},
+               {"knocks of the host", [](int k) { return k % 211 == 7 ? k + 3.4 : k; }, 1e-9},
+               {"two rows of one stamp", in_steps(2.0, 0), 3e-4},
+               {"steps of 0.7", in_steps(0.7, 0), 3e-4},
+               {"steps of a third, slowly past", in_steps(0.3335, 0), 3e-4},
+               {"bursts of ten", in_steps(10.0, 10), 2e-3},
+               {"one pair changed places", [](int k) { return k == 2000   ? k + 1
+                                                              : k == 2001 ? k - 1
+                                                                          : k; }, 1e-9}};
+  for (const auto& c : cases) {
+    SCOPED_TRACE(c.what);
+    std::string csv;
+    std::vector<double> times;
+    for (int row = 0, k = 0; row < 6000; ++row, k += row % 1500 == 0 ? 4 : 1) {
+      times.push_back(period_s * c.stamp(k));
+      csv += fmt::format("{:.9f},{},0,0,0,0,9.8\n", times.back(), 1e-3 * noise(random));
+    }
+    EXPECT_EQ(choose_increments(times).increments, Increments::period) << choose_increments(times).reason;
+    const CsvImport import = expect_value(
+        import_columns(expect_value(parse_csv_map(
+                           "gravity_mps2 = 9.8\nunit_serial = s\ngyro.columns = 2, 3, 4\ngyro.unit = rad/s\n"
+                           "accel.columns = 5, 6, 7\naccel.unit = m/s^2\ntime.column = 1\ncsv.header_lines = 0\n",
+                           "m")),
+                       columns_of_text(csv, "d.csv")));
+    EXPECT_EQ(import.gaps, 3);
+    EXPECT_EQ(import.samples.back().counter, 5999 + 9);
+    EXPECT_NEAR(import.info.sample_period_s / period_s, 1.0, c.tolerance);
+  }
+}
+
+// Written twice, or measured twice: a coarse sensor at rest repeats its numbers, and coarse stamps themselves.
+TEST(Increments, DoubledRowsAreSaid) {
+  const auto import = [](double stamp_s, double count, int doubled, const char* skip) {
+    std::mt19937 random(6);
+    std::normal_distribution<double> noise;
+    std::string csv;
+    for (int k = 0; k < 2000; ++k) {
+      const std::string row = fmt::format("{:.6f},{},0,0,0,0,9.8\n", std::floor(k * 5e-4 / stamp_s + 1e-6) * stamp_s,
+                                          std::round(noise(random) / count));
+      csv += k >= 1000 && k < 1000 + doubled ? row + row : row;
+    }
+    CsvMap map = expect_value(parse_csv_map(
+        "gravity_mps2 = 9.8\nunit_serial = s\ngyro.columns = 2, 3, 4\ngyro.unit = rad/s\naccel.columns = 5, 6, 7\n"
+        "accel.unit = m/s^2\ntime.column = 1\ncsv.header_lines = 0\n",
+        "m"));
+    map.format.skip_bad_rows = skip != nullptr;
+    return import_columns(map, columns_of_text(csv, "d.csv"));
+  };
+  constexpr double fine = 1e-9, coarse = 1.5;  // counts
+  for (const int doubled : {1, 10, 1000}) {
+    EXPECT_TRUE(fails(
+        import(5e-4, fine, doubled, nullptr),
+        fmt::format("d.csv:1002: the row before again, time and numbers, as {} of {} rows", doubled, 2000 + doubled)));
+    const CsvImport once = expect_value(import(5e-4, fine, doubled, "skip"));
+    EXPECT_EQ(once.samples.size(), 2000u);
+    EXPECT_EQ(once.samples.back().counter, 1999);
+    EXPECT_NEAR(once.info.sample_period_s, 5e-4, 1e-12);
+  }
+  EXPECT_OK(import(1e-3, fine, 0, nullptr));
+  EXPECT_OK(import(1e-3, coarse, 0, nullptr));
+  EXPECT_OK(import(5e-4, coarse, 0, nullptr));
 }
 
 }  // namespace

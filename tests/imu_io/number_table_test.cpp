@@ -118,6 +118,52 @@ TEST(NumberTable, ReadsNestedVariablesAndHdf5) {
   }
 }
 
+// Of a .mat file every byte counts: one that is missing, and, where it is compressed, one that is changed.
+TEST(NumberTable, MatlabFilesAreWholeOrRefused) {
+  TemporaryFolder folder;
+  const std::string path = folder / "a.mat";
+  for (const auto compression : {MAT_COMPRESSION_NONE, MAT_COMPRESSION_ZLIB}) {
+    std::mt19937 random(3);
+    std::normal_distribution<double> noise;
+    mat_t* const file = Mat_CreateVer(path.c_str(), nullptr, MAT_FT_MAT5);
+    for (const char* name : {"t", "w"}) {
+      std::vector<double> values(500);
+      for (double& value : values) value = noise(random);
+      std::size_t size[2] = {values.size(), 1};
+      matvar_t* const variable = Mat_VarCreate(name, MAT_C_DOUBLE, MAT_T_DOUBLE, 2, size, values.data(), 0);
+      Mat_VarWrite(file, variable, compression);
+      Mat_VarFree(variable);
+    }
+    Mat_Close(file);
+    const std::string whole = *read_whole_file(path);
+    const auto read = [&](const std::string& content) {
+      std::ofstream(path, std::ios::binary) << content;
+      return read_number_table("MATLAB ", path, {{"t"}, {"w"}}, {});
+    };
+    const NumberTable right = expect_value(read(whole));
+    const std::size_t second = whole.size() / 2;  // the first variable is whole
+    for (std::size_t size = second; size < whole.size(); size += 1 + size % 97)
+      EXPECT_TRUE(fails(read(whole.substr(0, size)), "the .mat file is cut off")) << size;
+    for (std::size_t at = 150; compression == MAT_COMPRESSION_ZLIB && at < whole.size(); at += 1 + at % 97) {
+      std::string changed = whole;
+      changed[at] = static_cast<char>(changed[at] ^ 8);
+      const Result<NumberTable> table = read(changed);  // a bit that only fills up says nothing
+      EXPECT_TRUE(!table.ok() || table->columns == right.columns) << at;
+    }
+  }
+}
+
+// A name is of the cell that stands below it: not where a row has more cells than there are names.
+TEST(NumberTable, RowsWiderThanTheirHeader) {
+  const auto read = [](const std::string& rows, const char* column) {
+    return read_number_table("a,b,c\n" + rows, "d.csv", {{column}}, {});
+  };
+  EXPECT_TRUE(
+      fails(read("1,2,3\n1,5,2,3\n", "b"), "d.csv:3: the row has 4 columns: expected 3, as the header has names"));
+  EXPECT_OK(read("1,2,3,\n4,5,6,,\n", "b"));
+  EXPECT_OK(read("1,2,3\n1,5,2,3\n", "2"));
+}
+
 TEST(NumberTable, RowsThatAreNotFiniteAreSkippedWhereThatIsWanted) {
   const std::string content = npy("<f8", false, "(3, 2)", bytes_of(std::vector<double>{1, 2, NAN, 4, 5, 6}));
   EXPECT_TRUE(fails(read_number_table(content, "a.npy", {{"2"}, {"1"}}, {}),

@@ -70,8 +70,13 @@ TEST(RosBag, EveryContainerCompressionAndEncodingGivesTheSameColumns) {
   second.messages.erase(second.messages.begin(), second.messages.begin() + 100);
   std::filesystem::create_directory(folder / "bag");
   put(folder, "bag/metadata.yaml", "rosbag2_bagfile_information:\n");
-  db3(folder / "bag/bag_10.db3", {second});
+  EXPECT_TRUE(fails(read_bag(folder / "bag", "", false), "metadata.yaml: expected relative_file_paths"));
+  put(folder, "bag/metadata.yaml",
+      "rosbag2_bagfile_information:\n  relative_file_paths:\n    - bag_9.db3\n    - \"bag_10.db3\"\n  duration:\n");
   db3(folder / "bag/bag_9.db3", {first});
+  db3(folder / "bag/bag_1.db3", {first});  // of another bag
+  EXPECT_TRUE(fails(read_bag(folder / "bag", "", false), "bag/bag_10.db3: cannot open"));
+  db3(folder / "bag/bag_10.db3", {second});
   expect_motion(read_bag(folder / "bag", "", false), "folder");
 }
 

@@ -5,6 +5,7 @@ import gc
 import json
 import os
 import pathlib
+import pickle
 import subprocess
 import tempfile
 import threading
@@ -117,6 +118,26 @@ class Module(unittest.TestCase):
                 self.assertEqual(raised.exception.exit_code, said.returncode)
                 self.assertIsInstance(raised.exception, turncal.Error)
 
+    def test_what_is_not_taken_is_said(self):
+        recording = turncal.load("run")
+        parameters = turncal.calibrate(recording).parameters
+        for kind, words, call in [
+                (TypeError, "expected a turncal.Recording, found ndarray", lambda: turncal.allan(recording.gyro)),
+                (TypeError, "expected a turncal.Recording, found ndarray", lambda: turncal.calibrate(recording.gyro)),
+                (TypeError, "expected a turncal.Parameters, found Recording", lambda: turncal.apply(recording, recording)),
+                (TypeError, "int", lambda: turncal.load(3)),
+                (ValueError, "without a NUL", lambda: turncal.load("a\0b")),
+                (AttributeError, "Recording.gyro cannot be assigned", lambda: setattr(recording, "gyro", 2 * recording.gyro)),
+                (turncal.InputError, "min_rest_s = -1", lambda: recording.with_rests(-1)),
+                (turncal.InputError, "min_rest_s = nan", lambda: recording.with_rests(float("nan"))),
+                (turncal.InputError, "time_utc = 'now'", lambda: turncal.calibrate(recording, time_utc="now"))]:
+            with self.assertRaisesRegex(kind, words):
+                call()
+        self.assertEqual(len(turncal.load(b"run")), len(recording))
+        self.assertTrue("N01" in parameters and "N04" not in parameters)
+        self.assertEqual(list(parameters), list(parameters.as_dict()))
+        self.assertEqual(pickle.loads(pickle.dumps(parameters)).text, parameters.text)
+
     def test_threads_get_what_one_gets_and_leave_the_interpreter_free(self):
         recording = turncal.load("run")
         results, turns, done = [None, None], 0, threading.Event()
@@ -141,6 +162,18 @@ class Module(unittest.TestCase):
         self.assertEqual((len(table), table.segments), (len(turncal.load("run")), ()))
         self.assertGreater(len(table.with_rests().segments), 10)
 
+    def test_a_glitch_is_no_noise(self):
+        pathlib.Path("rest.map").write_text("unit_serial = PY\ngravity_mps2 = 9.8\nrate_hz = 100\ngyro.columns = 1, 2, 3\ngyro.unit = rad/s\n"
+                                            "accel.columns = 4, 5, 6\naccel.unit = m/s^2\n")
+        rows, walks = np.random.default_rng(1).normal(0, 1e-3, (5000, 6)) + [0, 0, 0, 0, 0, 9.8], []
+        for glitch in (0.0, 1.0):
+            rows[2000, 0] += glitch
+            np.save("rest.npy", rows)
+            found = turncal.allan(turncal.import_table("rest.npy", "rest.map"))
+            walks.append(found.axes[0].coefficients[1])
+        self.assertAlmostEqual(walks[1] / walks[0], 1.0, delta=0.001)
+        self.assertIn("1 samples left out", found.report.text)
+
 
 class Stubs(unittest.TestCase):
     """The names of the .pyi are those of the module, and every public one of the module is in it."""
@@ -163,7 +196,7 @@ class Stubs(unittest.TestCase):
             fields = {f.target.id for f in stub.body if isinstance(f, ast.AnnAssign)} | {f.name for f in stub.body if isinstance(f, ast.FunctionDef)}
             if name in have:
                 shown = {n for n in dir(have[name]) if not n.startswith("_")} - set(dir(tuple)) - {n for n in dir(have[name]) if n.startswith("_")}
-                shown |= fields & {"__len__", "__getitem__"}
+                shown |= fields & {"__len__", "__getitem__", "__contains__", "__iter__"}
                 self.assertEqual(fields, shown, name)
             elif dataclasses.is_dataclass(real):
                 self.assertEqual(fields, {f.name for f in dataclasses.fields(real)}, name)

@@ -175,9 +175,9 @@ std::string kf_gins(const ForeignCalibration& of) {
   const Vector3d scale_g = scale_errors(of.gyro), scale_a = scale_errors(of.accel);
   return not_held(of, "#", "misalignment (n_ij, a_ij)") +
          "# axes front, right, down; v = (raw - bias) / (1 + scale)\n" +
-         yaml_list("initgyrbias", P * of.gyro.inverse().diagonal().cwiseProduct(of.gyro_bias_radps) / radps_per_degph,
-                   "deg/h") +
-         yaml_list("initaccbias", P * of.accel.inverse().diagonal().cwiseProduct(of.accel_bias_mps2) / milli_gal,
+         yaml_list("initgyrbias",
+                   P * of.gyro.diagonal().cwiseInverse().cwiseProduct(of.gyro_bias_radps) / radps_per_degph, "deg/h") +
+         yaml_list("initaccbias", P * of.accel.diagonal().cwiseInverse().cwiseProduct(of.accel_bias_mps2) / milli_gal,
                    "mGal") +
          yaml_list("initgyrscale", P.cwiseAbs() * scale_g * 1e6, "ppm") +
          yaml_list("initaccscale", P.cwiseAbs() * scale_a * 1e6, "ppm") +
@@ -208,8 +208,8 @@ std::string ros(const ForeignCalibration& of) {
 using Offsets = Eigen::Matrix<double, 6, 1>;
 Offsets offsets(const ForeignCalibration& of) {
   Offsets o;
-  o << front_right_down * of.gyro.inverse().diagonal().cwiseProduct(of.gyro_bias_radps),
-      front_right_down * of.accel.inverse().diagonal().cwiseProduct(of.accel_bias_mps2);
+  o << front_right_down * of.gyro.diagonal().cwiseInverse().cwiseProduct(of.gyro_bias_radps),
+      front_right_down * of.accel.diagonal().cwiseInverse().cwiseProduct(of.accel_bias_mps2);
   return o;
 }
 

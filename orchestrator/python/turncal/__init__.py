@@ -6,7 +6,7 @@ Functions may be called from several threads at once; long ones leave the interp
 import collections as _collections
 import dataclasses as _dataclasses
 import html as _html
-import pathlib as _pathlib
+import os as _os
 
 import numpy as _np
 
@@ -60,7 +60,16 @@ RecordingInfo = _collections.namedtuple("RecordingInfo", "sample_period_s latitu
 Segment = _collections.namedtuple("Segment", "step kind start_sample end_sample heading_deg pitch_deg roll_deg")
 
 
-class Recording:
+class _Fixed:
+    """Attributes say what is held, and are not assigned."""
+
+    def __setattr__(self, name, value):
+        if hasattr(self, name):
+            raise AttributeError(f"{type(self).__name__}.{name} cannot be assigned")
+        super().__setattr__(name, value)
+
+
+class Recording(_Fixed):
     """Samples of a unit. The arrays are read-only views of what it holds, and keep that alive:
 
     counter (n,) int64: the unit's own, a step of more than 1 is a gap
@@ -99,7 +108,7 @@ class Recording:
                 f"{len(self.segments)} segments>")
 
 
-class Parameters:
+class Parameters(_Fixed):
     """A parameter file: parameters["N01"] by every key of it; numbers where they are numbers.
 
     values, sigmas (24,) in the order of parameter_keys, sigma nan: not estimated; N0 (3,) deg/h; A0 (3,) units of 9.80665 m/s^2;
@@ -122,7 +131,19 @@ class Parameters:
         return Parameters(_turncal.Parameters.parse(text, name))
 
     def write(self, path):
-        self._inner.write(str(path))
+        self._inner.write(_path(path))
+
+    def __reduce__(self):
+        return Parameters.parse, (self.text,)
+
+    def __iter__(self):
+        return iter(self._items)
+
+    def __len__(self):
+        return len(self._items)
+
+    def __contains__(self, key):
+        return key in self._items
 
     def as_dict(self):
         return dict(self._items)
@@ -203,23 +224,36 @@ def _number(text):
         return text
 
 
+def _path(path):
+    text = _os.fsdecode(path)
+    if "\0" in text:
+        raise ValueError(f"{text!r}: expected a path without a NUL")
+    return text
+
+
+def _inner(given, kind=Recording):
+    if not isinstance(given, kind):
+        raise TypeError(f"expected a turncal.{kind.__name__}, found {type(given).__name__}")
+    return given._inner
+
+
 def _inners(recordings):
-    return [r._inner for r in ([recordings] if isinstance(recordings, Recording) else recordings)]
+    return [_inner(r) for r in ([recordings] if isinstance(recordings, Recording) else recordings)]
 
 
 def load(path):
     """A recording: a folder or a .tcr file, as the program takes them."""
-    return Recording(_turncal.Recording.load(str(path)))
+    return Recording(_turncal.Recording.load(_path(path)))
 
 
 def import_table(path, map):
     """A table of numbers (CSV, .npy, .mat, HDF5) or a ROS bag, by a map of its columns (docs/import.md); without segments."""
-    return Recording(_turncal.Recording.import_table(str(path), str(map)))
+    return Recording(_turncal.Recording.import_table(_path(path), _path(map)))
 
 
 def read_parameters(path):
     """A parameter file to be used: an error where parameters are not determined."""
-    return Parameters(_turncal.Parameters.read(str(path)))
+    return Parameters(_turncal.Parameters.read(_path(path)))
 
 
 def calibrate(recordings, *, method="joint", partial=False, time_utc=""):
@@ -239,20 +273,20 @@ def diagnose(recordings, *, holdouts=(), time_utc=""):
 
 def apply(recording, parameters):
     """The recording with calibrated increments, rad and m/s; over info.sample_period_s they are rates and specific forces."""
-    return Recording(_turncal.apply(recording._inner, parameters._inner))
+    return Recording(_turncal.apply(_inner(recording), _inner(parameters, Parameters)))
 
 
 def allan(recording):
     """The noise of a unit at rest, as `turncal allan`: of a recording without segments, or of the rests of one with them."""
-    axes, *more, report = _turncal.allan(recording._inner)
+    axes, *more, report = _turncal.allan(_inner(recording))
     return Allan([AllanAxis(*_np.array(points).T, *_np.array(terms).T) for points, terms in axes], *more, Report(report))
 
 
 def predict(sequences, *, station="", latitude_deg=None, gravity_mps2=None, arw_deg_per_rt_h=0.002, vrw_ug_per_rt_hz=8.0,
             gyro_bias_instability_degph=0.0, accel_bias_instability_ug=0.0, effects=False):
     """What sequences (paths) would determine, as `turncal predict`, for a station (path, or the built-in one) and the noise of a unit."""
-    paths = [str(s) for s in ([sequences] if isinstance(sequences, (str, _pathlib.Path)) else sequences)]
-    found, report = _turncal.predict(paths, str(station), latitude_deg, gravity_mps2, arw_deg_per_rt_h, vrw_ug_per_rt_hz,
+    paths = [_path(s) for s in ([sequences] if isinstance(sequences, (str, bytes, _os.PathLike)) else sequences)]
+    found, report = _turncal.predict(paths, _path(station), latitude_deg, gravity_mps2, arw_deg_per_rt_h, vrw_ug_per_rt_hz,
                                      gyro_bias_instability_degph, accel_bias_instability_ug, effects)
     return Prediction([SequencePrediction(name, total, static, _np.array(sigma), refused)
                        for name, total, static, sigma, refused in found], Report(report))
