@@ -35,7 +35,7 @@ class Settle : public Program {
   }
   void SetUp() override {
     Program::SetUp();
-    write("doubt.rig", "seed = 1\nnoise.seed = 101\neffect.accel_third_order.y = 75\n");
+    write("doubt.rig", "seed = 4\nnoise.seed = 104\neffect.accel_third_order.y = -90\n");
   }
 };
 
