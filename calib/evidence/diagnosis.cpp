@@ -438,6 +438,32 @@ const char* to_string(Verdict verdict) {
   return "?";
 }
 
+std::string words_of(const Doubt& doubt) {
+  std::string words = doubt.name;
+  for (const std::string& other : doubt.others) words += " or " + other;
+  return words;
+}
+
+std::optional<Doubt> doubt_of(const Diagnosis& d) {
+  if (d.verdict == Verdict::extended)
+    for (const std::string& name : d.effect_names)
+      if (const auto others = d.aliases.find(name); others != d.aliases.end() && !others->second.empty())
+        return Doubt{name, others->second};
+  if (d.verdict != Verdict::unexplained) return std::nullopt;
+  for (const Statement& said : d.statements.said()) {
+    if (!said.formula.empty()) continue;
+    std::vector<Statement> formulas;
+    for (const Statement& node : d.statements.nodes)
+      if (!node.formula.empty() && is_below(said, node)) formulas.push_back(node);
+    std::ranges::stable_sort(formulas, std::greater{}, &Statement::probability);
+    if (formulas.size() < 2) continue;
+    Doubt doubt{formulas.front().formula, {}};
+    for (std::size_t k = 1; k < formulas.size(); ++k) doubt.others.push_back(formulas[k].formula);
+    return doubt;
+  }
+  return std::nullopt;
+}
+
 Diagnosis diagnose(const CompressedRecording& recording, const DiagnosisOptions& options) {
   return diagnose(join_recordings({&recording}), options);
 }

@@ -105,6 +105,15 @@ void list_candidates(const Evidence& of_base, double duration_s, Diagnosis& d);
 // Of d.extended: the names of its effects, and what else each may be.
 void list_names(const Evidence& evidence, Diagnosis& d);
 
+// What a diagnosis leaves to a few formulas: the strongest effect that has others in its place, or, where no name carries what is said, the
+// formulas of that branch, the most probable one first. None where it is clean, one name alone, or a test finds what no term explains.
+struct Doubt {
+  std::string name;
+  std::vector<std::string> others;
+};
+std::optional<Doubt> doubt_of(const Diagnosis& diagnosis);
+std::string words_of(const Doubt& doubt);  // "accel_second_order or accel_third_order"
+
 // Of one unit: of one recording, or of several joined ones.
 Diagnosis diagnose(const JoinedRecordings& recordings, const DiagnosisOptions& options = {});
 Diagnosis diagnose(const CompressedRecording& recording, const DiagnosisOptions& options = {});

@@ -6,17 +6,18 @@
 
 namespace turncal {
 
+bool is_below(const Statement& a, const Statement& b) {
+  const auto holds = [](const std::string& x, const std::string& y) { return x.empty() || x == y; };
+  return a.sensor == b.sensor && holds(a.quantity, b.quantity) && holds(a.driver, b.driver) &&
+         holds(a.formula, b.formula) && (a.quantity != b.quantity || a.driver != b.driver || a.formula != b.formula);
+}
+
 std::vector<Statement> Statements::said() const {
-  const auto below = [](const Statement& a, const Statement& b) {  // b below a
-    const auto holds = [](const std::string& x, const std::string& y) { return x.empty() || x == y; };
-    return a.sensor == b.sensor && holds(a.quantity, b.quantity) && holds(a.driver, b.driver) &&
-           holds(a.formula, b.formula) && (a.quantity != b.quantity || a.driver != b.driver || a.formula != b.formula);
-  };
   std::vector<Statement> said;
   for (const Statement& a : nodes) {
     if (a.probability < said_from) continue;
     const bool deepest = std::none_of(nodes.begin(), nodes.end(),
-                                      [&](const Statement& b) { return b.probability >= said_from && below(a, b); });
+                                      [&](const Statement& b) { return b.probability >= said_from && is_below(a, b); });
     if (deepest) said.push_back(a);
   }
   return said;

@@ -28,6 +28,8 @@ struct Statements {
 };
 inline constexpr double listed_from = 0.05;
 
+bool is_below(const Statement& node, const Statement& other);  // `other` below `node`, in the tree
+
 // "0.97"; "more than 0.99", "less than 0.01".
 std::string words_of_probability(double probability);
 // "the bias of accelerometer y depends on the specific force (0.98), maybe by accel_second_order (0.91)": what is said, and by which formulas.

@@ -320,6 +320,11 @@ void add_run_options(const Command& command, RunRequest& request) {
   command.flag("--verify", request.verify, "seek north with the new parameters after the calibration");
   command.flag("--until-sigma", request.until_sigma,
                "end as soon as the station's stop.sigma.* and limit.* are met with certainty (docs/design.md)");
+  command
+      .option("--settle", request.settle_minutes,
+              "minutes that the run may add to tell confounded effects apart (docs/design.md); default: settle.minutes "
+              "of the station")
+      .range(0.0, 60.0);
   add_record_options(command, request);
   add_watch_options(command, request);
 }

@@ -7,6 +7,7 @@
 #include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/jobs/design/settling.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/watch/progress.h"
 
@@ -25,10 +26,13 @@ const NeededSigma* worst_of(const std::vector<NeededSigma>& sigmas) {
   return found == sigmas.end() ? nullptr : &*found;
 }
 
-std::size_t first_item_of(const Plan& plan, int step) {
-  const auto found =
-      std::ranges::find_if(plan.items, [&](const PlannedItem& item) { return step > 0 && item.step >= step; });
-  return static_cast<std::size_t>(found - plan.items.begin());
+// Of the north seeking, or of the legs that were added before it: where what comes before ends.
+std::size_t first_item_of(const Run& run, bool of_legs) {
+  const auto found = std::ranges::find_if(run.plan.items, [&](const PlannedItem& item) {
+    return (run.verify_from > 0 && item.step >= run.verify_from) ||
+           (of_legs && run.sequence.steps[item.step_index].file == settling_name);
+  });
+  return static_cast<std::size_t>(found - run.plan.items.begin());
 }
 
 // Of which least is known. REQUIRES one.
@@ -74,19 +78,38 @@ EnoughWatch::EnoughWatch(Run& run, std::deque<RecordingSink>& recordings, Backgr
       recordings_(recordings),
       storage_(storage),
       tell_(std::move(tell)),
-      end_item_(first_item_of(run.plan, run.verify_from)) {}
+      end_item_(first_item_of(run, true)),
+      last_item_(first_item_of(run, false)) {}
 
 Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item) {
-  if (next_item >= end_item_) return std::optional(next_item);  // nothing is left to be left out
+  // Before the end something may be left out, at the end something added.
+  const bool ending = next_item == last_item_ && settling_left_s() > 0.0;
+  if (!ending && !(run_.request.until_sigma && next_item < end_item_)) return std::optional(next_item);
   if (decided_) {
     if (!decided_->written.done()) return std::optional<std::size_t>();
     const Decided decided = *std::exchange(decided_, std::nullopt);
     if (!decided.written.status()) return decided.written.status().error();
+    for (const Settling& settling : decided.settled) TRY(lengthen(run_, settling));
+    last_item_ = first_item_of(run_, false);
     return std::optional(decided.next_item);
   }
   if (!running_.valid()) running_ = std::async(std::launch::async, [this, next_item] { return estimate(next_item); });
   if (running_.wait_for(std::chrono::milliseconds(2)) != std::future_status::ready) return std::optional<std::size_t>();
   const std::vector<KnownSoFar> units = running_.get();
+  if (ending) {
+    std::vector<Settling> settled;
+    for (const KnownSoFar& known : units)
+      if (known.settling) {
+        settled.push_back(*known.settling);
+        tell(settled.back(), known);
+      }
+    const auto write = [&journal = *run_.journal, settled]() -> Status {
+      for (Settling one : settled) TRY(journal.append(JournalType::settle, texts_of(fields_of(one))));
+      return {};
+    };
+    decided_ = Decided{next_item, settled, PendingWrite(storage_, write)};
+    return std::optional<std::size_t>();
+  }
   const bool enough =
       !units.empty() && std::ranges::all_of(units, [](const KnownSoFar& unit) { return unit.why_not.empty(); });
   const bool again = std::ranges::any_of(units, [](const KnownSoFar& unit) { return unit.again; });
@@ -99,15 +122,48 @@ Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item
     for (const auto& [recording, take] : aside) TRY(recording->set_aside(take));
     return fields.empty() ? Status{} : journal.append(JournalType::estimate, fields);
   };
-  decided_ = Decided{enough ? end_item_ : again ? next_item - 1 : next_item, PendingWrite(storage_, write)};
+  decided_ = Decided{enough ? end_item_ : again ? next_item - 1 : next_item, {}, PendingWrite(storage_, write)};
   return std::optional<std::size_t>();
 }
 
 std::vector<KnownSoFar> EnoughWatch::estimate(std::size_t done_items) {
   std::vector<KnownSoFar> known;
-  for (const RunUnit& unit : run_.units)
-    if (!unit.dropped) known.push_back(estimate(unit, done_items));
+  for (const RunUnit& unit : run_.units) {
+    if (unit.dropped) continue;
+    known.push_back(done_items == last_item_ ? settle(unit) : estimate(unit, done_items));
+    if (known.back().settling && known.back().settling->added_s > 0.0) break;  // one at a time
+  }
   return known;
+}
+
+double EnoughWatch::settling_left_s() const {
+  double left_s = settling_allowed_s(run_);
+  for (const Settling& one : run_.request.settled) left_s -= one.added_s;
+  // What could not be told apart is not asked again of the same samples.
+  const bool found = run_.request.settled.empty() || !run_.request.settled.back().sequence.empty();
+  return found && left_s >= least_settling_s ? left_s : 0.0;
+}
+
+KnownSoFar EnoughWatch::settle(const RunUnit& unit) {
+  KnownSoFar known;
+  known.unit = unit.serial;
+  const Look so_far = look(unit, {});
+  if (!so_far.output || !so_far.output->fit || so_far.loaded->recorded_s < least_diagnosed_s) return known;
+  known.settling = find_settling({.recording = so_far.loaded->data,
+                                  .base = *so_far.output->fit,
+                                  .sequence = run_.sequence,
+                                  .plan = run_.plan,
+                                  .limits = plan_limits(run_.station, run_.sample_period_s()),
+                                  .left_s = settling_left_s()});
+  if (known.settling) known.settling->unit = unit.serial;
+  return known;
+}
+
+void EnoughWatch::tell(const Settling& settling, const KnownSoFar& unit) {
+  tell_("in doubt" + (run_.units.size() > 1 ? " of unit " + unit.unit : "") + ": " + settling.doubt + "; " +
+            (settling.sequence.empty() ? settling.why_not
+                                       : "goes on for " + format_duration(settling.added_s) + " to tell them apart"),
+        unit);
 }
 
 EnoughWatch::Look EnoughWatch::look(const RunUnit& unit, const Segments& without) const {

@@ -10,6 +10,11 @@
 // (calib/prediction/predict.h): at the soonest where the plan has these sigmas with the noise as it is fitted, at the latest where what an
 // instability that cannot be excluded yet adds to them stays in proportion.
 //
+// At the end of what is calibrated from, the same question is asked of the diagnosis: a unit in doubt (calib/evidence/diagnosis.h, doubt_of) gets
+// the shortest legs that are expected to tell what confounds (jobs/design/settling.h), within the minutes that are left of settling_allowed_s(). They become
+// part of the plan and of the one recording; at their end it is asked again. What was found is a record `settle`, durable before the plan
+// is changed, so a run that goes on after a kill walks the same legs.
+//
 // The estimate runs beside the capture in a thread of its own and is waited for, so that the answer depends on the samples alone
 // and a run that was interrupted ends where it would have ended.
 #pragma once
@@ -34,10 +39,11 @@ namespace turncal {
 // What is known of a unit so far.
 struct KnownSoFar {
   std::string unit;
-  std::vector<NeededSigma> sigmas;  // empty: not determined yet
-  std::string why_not;              // to end; empty: enough is known
-  bool again = false;               // its last dwell disagrees with the rest, and may be repeated
-  Segments set_aside;               // takes of its last dwell that another stands in for
+  std::vector<NeededSigma> sigmas;   // empty: not determined yet
+  std::string why_not;               // to end; empty: enough is known
+  bool again = false;                // its last dwell disagrees with the rest, and may be repeated
+  Segments set_aside;                // takes of its last dwell that another stands in for
+  std::optional<Settling> settling;  // at the end of the plan: of what is in doubt
   // Index of the item after which it is expected to be, as the sigmas are now and as the plan has them; empty: not by this plan.
   std::optional<std::size_t> end, soonest;
   const NeededSigma* worst() const;  // null: there is none
@@ -62,6 +68,8 @@ class EnoughWatch {
  private:
   std::vector<KnownSoFar> estimate(std::size_t done_items);  // in the thread
   KnownSoFar estimate(const RunUnit& unit, std::size_t done_items);
+  KnownSoFar settle(const RunUnit& unit);  // the same, where nothing but legs can come
+  double settling_left_s() const;          // 0: nothing more is added
   struct Look {
     Result<LoadedRecording> loaded;
     Result<CalibrationOutput> output;
@@ -76,15 +84,18 @@ class EnoughWatch {
   bool diagnosed_at_end() const;
   double length_s(std::size_t from, std::size_t to) const;  // of items of the plan
   JournalFields note(const std::vector<KnownSoFar>& units, std::size_t next_item, bool enough, bool again);
+  void tell(const Settling& settling, const KnownSoFar& unit);
 
   Run& run_;
   std::deque<RecordingSink>& recordings_;
   BackgroundQueue& storage_;
   Tell tell_;
-  std::size_t end_item_;  // of what is calibrated from
+  std::size_t end_item_;   // of what is calibrated from, by the plan that the run began with
+  std::size_t last_item_;  // the same with the legs that were added
   std::future<std::vector<KnownSoFar>> running_;
   struct Decided {
     std::size_t next_item;
+    std::vector<Settling> settled;
     PendingWrite written;
   };
   std::optional<Decided> decided_;

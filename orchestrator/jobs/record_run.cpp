@@ -250,7 +250,7 @@ class Recorder {
       note_outcome(station_.outcome(), run_);
       return make_results(run_, devices_.devices().clock.utc_s(), view_.context);
     };
-    if (run_.request.until_sigma)
+    if (run_.request.until_sigma || settling_allowed_s(run_) > 0.0)
       hooks.go_on_with = [this](std::size_t next_item) {
         note_outcome(station_.outcome(), run_);
         return enough_.go_on_with(next_item);

@@ -220,6 +220,8 @@ Beginning beginning_of(const JournalContents& journal) {
   began.request.units.resize(journal.units().size());
   set_texts(journal.begin, fields_of(began.request, began.hashes));
   if (const auto c = parse_number(journal.begin_value("temperature_c"))) began.request.temperature_c = *c;
+  if (const auto minutes = parse_number(journal.begin_value("settle_minutes"))) began.request.settle_minutes = *minutes;
+  began.request.settled = journal.settled;
   return began;
 }
 
@@ -305,8 +307,37 @@ Result<RunPlan> plan_run(const RunRequest& request) {
   run.hashes.sequence = hash_of_text(sequence_text);
   TRY(prepare_verification(run));
   TRY(check_until_sigma(run));
+  if (wanted.settle_minutes && *wanted.settle_minutes > 0.0 && settling_allowed_s(run) <= 0.0)
+    return input_error(
+        "--settle: expected a table that turns by itself, and a run that is diagnosed alone (none of --continue, "
+        "--capture-only, --partial, --no-diagnosis)");
   run.plan = make_plan(run.sequence, plan_limits(run.station, run.sample_period_s()));
+  for (const Settling& settling : std::exchange(wanted.settled, {})) TRY(lengthen(run, settling));
   return run;
+}
+
+double settling_allowed_s(const RunPlan& run) {
+  const RunRequest& asked = run.request;
+  const bool diagnosed = !asked.no_diagnosis && !asked.capture_only && !asked.partial && asked.continues.empty();
+  if (!diagnosed || run.verified || asked.rehearsal() || run.station.table.driver == TableDriver::manual) return 0.0;
+  return 60.0 * asked.settle_minutes.value_or(run.station.settle_minutes);
+}
+
+Status lengthen(RunPlan& run, const Settling& settling) {
+  if (!settling.sequence.empty()) {
+    Sequence sequence = run.sequence;
+    int verify_from = run.verify_from;
+    if (verify_from > 0) std::erase_if(sequence.steps, [&](const Step& step) { return step.number >= verify_from; });
+    append_steps(TRY(parse_sequence(settling.sequence, settling_name)), sequence);
+    if (verify_from > 0) verify_from = TRY(append_north_seeking(run.station, sequence));
+    Plan plan = make_plan(sequence, plan_limits(run.station, run.sample_period_s()));
+    if (!plan.ok()) return input_error(plan.violations.front());
+    run.sequence = std::move(sequence);
+    run.verify_from = verify_from;
+    run.plan = std::move(plan);
+  }
+  run.request.settled.push_back(settling);
+  return {};
 }
 
 JournalFields begin_fields(RunPlan run) {
@@ -316,6 +347,7 @@ JournalFields begin_fields(RunPlan run) {
   const JournalFields asked = texts_of(fields_of(run.request, run.hashes));
   fields.insert(fields.end(), asked.begin(), asked.end());
   if (run.request.temperature_c) fields.emplace_back("temperature_c", format_number(*run.request.temperature_c));
+  if (run.request.settle_minutes) fields.emplace_back("settle_minutes", format_number(*run.request.settle_minutes));
   if (!run.request.manual) fields.emplace_back("planned_s", format_number(run.plan.station_s));
   return fields;
 }
@@ -346,6 +378,7 @@ Result<RunRequest> continuing(const RunRequest& asked) {
                                       {"--rig", !asked.rig.empty()},
                                       {"--verify", asked.verify},
                                       {"--until-sigma", asked.until_sigma},
+                                      {"--settle", asked.settle_minutes.has_value()},
                                       {"--partial", asked.partial},
                                       {"--capture-only", asked.capture_only}})
     if (given)
@@ -371,6 +404,8 @@ Result<RunRequest> continuing(const RunRequest& asked) {
   request.began_utc.clear();
   request.verified.clear();
   request.verify = request.until_sigma = request.partial = request.capture_only = false;
+  request.settle_minutes.reset();
+  request.settled.clear();
   request.no_diagnosis = asked.no_diagnosis;
   request.manual = request.manual || asked.manual;
   if (asked.temperature_c) request.temperature_c = asked.temperature_c;

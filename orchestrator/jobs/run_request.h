@@ -23,12 +23,14 @@ struct RunRequest {
   bool no_diagnosis = false;
   bool verify = false;       // seek north with the calibration, in the same walk of the table (docs/verification.md)
   bool until_sigma = false;  // end after the dwell at which enough is known (verdict.h)
-  bool partial = false;      // estimate what the sequence determines: no verdict, and not put in use
-  std::string continues;     // folder of the run that this one continues; empty: none
-  std::string verified;      // the parameter file that is verified; empty: what the run estimates
-  std::vector<std::string> units;  // serial numbers, by place on the table
-  std::string began_utc;           // of the journal of a run that goes on
-  std::string rig;                 // files, made absolute by plan_run(); empty: the built-in one
+  std::optional<double> settle_minutes;  // may be added to tell confounded effects apart; empty: what the station says
+  bool partial = false;                  // estimate what the sequence determines: no verdict, and not put in use
+  std::string continues;                 // folder of the run that this one continues; empty: none
+  std::string verified;                  // the parameter file that is verified; empty: what the run estimates
+  std::vector<std::string> units;        // serial numbers, by place on the table
+  std::string began_utc;                 // of the journal of a run that goes on
+  std::vector<Settling> settled;         // the same
+  std::string rig;                       // files, made absolute by plan_run(); empty: the built-in one
   std::string sequence;
   std::string station;
   // For the record (record_words); empty: not given.
@@ -89,6 +91,13 @@ struct RunPlan {
   bool simulated() const { return request.dry_run || station.simulated(); }
   double sample_period_s() const { return request.dry_run ? rig.sample_period_s : station.imu->frame.sample_period_s; }
 };
+
+// Legs that a run adds to its plan, before the north seeking; of a journal, or as they are found. Steps of the plan that are there stay as
+// they are. An error where the table may not run them.
+inline constexpr const char* settling_name = "settling legs";  // the file of their steps
+Status lengthen(RunPlan& run, const Settling& settling);
+// How long a run may be made longer to settle what its diagnosis leaves open. 0 where it has none, or nothing turns by itself.
+double settling_allowed_s(const RunPlan& run);
 
 inline constexpr std::size_t most_units = 16;  // of a dry run, which has as many places as it is asked for
 std::size_t places(const RunPlan& run);

@@ -31,6 +31,7 @@ struct Making {
   std::vector<LoadedRecording> recordings;  // of the unit: this one is the last of them
   std::string diagnosis = "not_made", finding = {};
   SqlBytes statistics = {};  // for the fleet
+  KeyTexts settled = {};     // record.settle.1 and so on
 };
 
 // Nothing here may depend on how often the run was interrupted: the file is the same for an uninterrupted one.
@@ -101,6 +102,24 @@ Status estimate(Making& m) {
   return {};
 }
 
+// What was in doubt, what was done about it, and what is known now: of each round of a run that may settle its doubts.
+void describe_settling(Making& m) {
+  if (!m.unit.diagnosis) return;
+  const Diagnosis& d = m.unit.diagnosis->diagnosis;
+  int round = 0;
+  for (const Settling& one : m.run.request.settled) {
+    if (one.unit != m.unit.serial) continue;
+    const std::optional<Doubt> left = doubt_of(d);
+    const std::string now = d.verdict == Verdict::extended && !left ? "it is " + join(d.effect_names)
+                            : left                                  ? "still in doubt: " + words_of(*left)
+                                                                    : "the diagnosis is " + m.diagnosis;
+    const std::string done =
+        one.sequence.empty() ? one.why_not : format_duration(one.added_s) + " of legs were added; " + now;
+    m.settled.push_back({"settle." + std::to_string(++round), one.doubt + "; " + done});
+    say_settled("In doubt was " + one.doubt + ": " + done, m.unit.diagnosis->files.report);
+  }
+}
+
 // Beyond the 24 parameters.
 void diagnose_unit(Making& m) {
   if (!is_diagnosed(m)) return;
@@ -116,6 +135,7 @@ void diagnose_unit(Making& m) {
   m.diagnosis = output ? to_string(output->diagnosis.verdict) : "failed";
   m.finding = output ? finding_of(output->diagnosis) : output.error().message;
   if (output) m.unit.diagnosis = std::move(*output);
+  describe_settling(m);
 }
 
 // North sought with what was estimated, or with the file that was given. Its verdict becomes part of the unit's.
@@ -158,6 +178,7 @@ void choose_file(Making& m) {
     for (auto& [key, value] : file.further)
       if (key == "quality.trusted") value = "false";
   add_record(m.run, m.unit, file);
+  for (const auto& [key, value] : m.settled) file.add_further("record." + key, value);
 }
 
 Status judge(Making& m) {

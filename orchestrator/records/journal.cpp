@@ -18,9 +18,9 @@ namespace turncal {
 
 namespace {
 
-constexpr std::array<std::string_view, 12> type_names = {"begin",   "transition", "home",   "move",
-                                                         "dwell",   "seal",       "resume", "results",
-                                                         "verdict", "dropout",    "clock",  "estimate"};
+constexpr std::array<std::string_view, 13> type_names = {"begin", "transition", "home",    "move",    "dwell",
+                                                         "seal",  "resume",     "results", "verdict", "dropout",
+                                                         "clock", "estimate",   "settle"};
 
 constexpr std::uint32_t journal_magic = 0x4a435489;  // the bytes 0x89 'T' 'C' 'J'
 
@@ -112,6 +112,14 @@ std::string unescaped_value(std::string_view text) {
     }
   }
   return result;
+}
+
+Fields fields_of(Settling& settling) {
+  return {{"unit", &settling.unit},
+          {"doubt", &settling.doubt},
+          {"added_s", &settling.added_s},
+          {"why_not", &settling.why_not},
+          {"sequence", &settling.sequence}};
 }
 
 Fields fields_of(JournalCommand& command) {
@@ -342,6 +350,7 @@ Result<JournalContents> read_journal(const std::string& path) {
         break;
       case JournalType::verdict: contents.verdicts.push_back(fields_of(fields)); break;
       case JournalType::dropout: contents.dropped.push_back(read_dropout(fields)); break;
+      case JournalType::settle: read_record(fields, fields_of(contents.settled.emplace_back())); break;
       case JournalType::estimate: contents.estimate = fields_of(fields); break;  // found again from the samples
       case JournalType::transition:
         contents.transition = fields_of(fields);

@@ -36,7 +36,8 @@ enum class JournalType : std::uint32_t {
   verdict,
   dropout,
   clock,
-  estimate
+  estimate,
+  settle
 };
 std::string_view to_string(JournalType type);
 
@@ -81,6 +82,15 @@ class JournalFile : public RunJournal {
   std::vector<std::optional<UnitClock>> clocks_;
 };
 
+// What a run did at the end of its plan about effects that its diagnosis could not tell apart. With a sequence: its steps follow the plan.
+struct Settling {
+  std::string unit, doubt;  // "accel_second_order or accel_third_order"
+  double added_s = 0.0;     // recorded for it; 0: nothing was found that tells them apart
+  std::string why_not;      // nothing was
+  std::string sequence;     // text of the legs
+};
+Fields fields_of(Settling& settling);
+
 // What a journal says about its run.
 struct JournalContents {
   JournalFields begin;
@@ -90,6 +100,7 @@ struct JournalContents {
   std::vector<std::string> hashes;               // the same: of the recordings' contents, by unit; empty: none was kept
   std::vector<std::optional<UnitClock>> clocks;  // the same
   int sessions = 1;                              // 1 + resumes
+  std::vector<Settling> settled;                 // as they came
   std::vector<JournalFields> results, verdicts;  // one a unit, as they came
   JournalFields transition, estimate;            // the newest
   bool pause_asked = false;                      // since it was begun or taken up again

@@ -371,15 +371,20 @@ void add_statements(const Statements& statements, Document& document) {
   if (!table.rows.empty()) document.add(std::move(table));
 }
 
-void say_verification(const std::string& words, Document& document) {
+namespace {
+void say_below_verdict(const std::string& words, Scope scope, Document& document) {
   const auto verdict = std::ranges::find_if(document.blocks, [](const Document::Block& block) {
     const auto* paragraph = std::get_if<Paragraph>(&block.content);
     return paragraph != nullptr && paragraph->style.starts_with("verdict");
   });
-  if (verdict != document.blocks.end())
-    document.blocks.insert(verdict + 1,
-                           {Paragraph{"Verification (north seeking): " + words + ".", "lead"}, Scope::page});
+  if (verdict != document.blocks.end()) document.blocks.insert(verdict + 1, {Paragraph{words + ".", "lead"}, scope});
 }
+}  // namespace
+
+void say_verification(const std::string& words, Document& document) {
+  say_below_verdict("Verification (north seeking): " + words, Scope::page, document);
+}
+void say_settled(const std::string& words, Document& document) { say_below_verdict(words, Scope::all, document); }
 
 Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   DiagnosisParts parts;

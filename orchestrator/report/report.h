@@ -82,6 +82,8 @@ std::string alias_clause(const Diagnosis& diagnosis);
 Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context);
 // How the verification of a run ended, below the verdict.
 void say_verification(const std::string& words, Document& document);
+// What a run did about a doubt, and what is known now: beside the verdict everywhere.
+void say_settled(const std::string& words, Document& document);
 
 // What is said differently of a table's recording and of hand-turned data (rest_as_diagnosis.cpp).
 struct DiagnosisParts {

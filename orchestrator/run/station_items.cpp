@@ -67,8 +67,11 @@ StationRun::MaybeEvent StationRun::leave_out() {
       asked_of_item_ = item_;
     } else if (*next && **next > item_) {
       item_ = std::min(**next, items.size());
-      if (item_ < items.size()) commanded_deg_ = items[item_ - 1].commanded_deg;
+      asked_of_item_ = item_;
+      continue;  // what comes there is asked, too
     }
+    // Where something follows what was left out, the table first goes where that begins.
+    if (*next && item_ > 0 && item_ < items.size()) commanded_deg_ = items[item_ - 1].commanded_deg;
     if (*next) return std::nullopt;
     if (const MaybeEvent event = look_around()) return event;
   }

@@ -100,8 +100,8 @@ struct StationHooks {
   // Of the contents of the recordings, by unit, when nothing more comes: what the journal keeps before they are sealed.
   std::function<Result<std::vector<std::string>>()> content_hashes = nullptr;
   // Asked after every completed dwell, again and again until it answers: which item comes next. next_item is the one that the plan
-  // has there; a later one leaves out what lies between, items.size() ends the run, an earlier one repeats the dwell. Samples are read
-  // and the table is watched between two calls.
+  // has there; a later one leaves out what lies between, items.size() ends the run, an earlier one repeats the dwell. Before it answers it
+  // may put further steps behind those of sequence and plan. Samples are read and the table is watched between two calls.
   std::function<Result<std::optional<std::size_t>>(std::size_t next_item)> go_on_with = nullptr;
   // Whether what is written beside the recordings is still where and as it was written; asked by the queue every second.
   std::function<Status()> check_kept = nullptr;

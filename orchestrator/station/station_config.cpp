@@ -311,6 +311,7 @@ Result<StationConfig> station_from(KeyValueFile& file) {
   keys.number("resume.rest_s", station.resume_rest_s, zero_or(some_time.min, 86400.0));
   station.limits = read_limits(file);
   station.stop_sigma = read_stop_sigmas(file);
+  keys.number("settle.minutes", station.settle_minutes, settling_minutes);
   station.diagnosis = read_diagnosis_policy(file);
   for (const auto& [event, command] : hook_events) keys.text(std::string("hook.") + event, station.hooks.*command);
   keys.number("hook.mount_time_s", station.hooks.mount_time_s, between(1.0, 86400.0));

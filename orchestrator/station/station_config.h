@@ -68,6 +68,9 @@ struct DwellConfig {
   double max_accel_peak_mps2 = 0.02;
 };
 
+// Minutes that a run may add to tell confounded effects apart (docs/design.md).
+inline constexpr NumberRange settling_minutes = zero_or(1.0, 60.0);
+
 // How the station reaches its table; orchestrator/devices/table_device.h makes it. table.simulated says that a twin answers: recordings are
 // marked and never make a production file.
 struct TableConfig {
@@ -121,7 +124,8 @@ struct StationConfig {
   double resume_rest_s = 600.0;  // after an interruption, before the first dwell: unit and table come to temperature
   HookCommands hooks;
   VerdictLimits limits;
-  StopSigmas stop_sigma{};  // when a run that may end early knows enough
+  StopSigmas stop_sigma{};      // when a run that may end early knows enough
+  double settle_minutes = 0.0;  // that a run may add to tell apart what its diagnosis cannot; 0: none
   DiagnosisPolicy diagnosis;
   bool verify_run = false;  // every calibration is followed by a north seeking (docs/verification.md)
   Parties parties;

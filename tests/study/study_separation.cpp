@@ -3,11 +3,18 @@
 //
 //   study_separation EFFECT.COMPONENT VALUE SEED
 // One line: effect seed, names and class before, time of the legs, verdict, names and class after, decided or not.
+//
+//   study_separation --settle SEED CASES
+// Units drawn from a seed until so many are in doubt after the fourteen steps; each is settled as a station does it (docs/design.md), within
+// ten minutes and in the same recording. A line a unit, and the sums.
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
+#include <random>
 
 #include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/jobs/design/sequence_design.h"
+#include "orchestrator/jobs/design/settling.h"
 #include "orchestrator/jobs/preflight.h"
 #include "tests/rig_recorder.h"
 
@@ -78,13 +85,88 @@ int study(const std::string& key, double value, std::uint64_t seed) {
   return 0;
 }
 
+// An effect that the fourteen steps confound with another, and the range of its size: about what they just show, and three times that.
+struct Drawn {
+  const char* key;
+  double least, most;
+};
+constexpr Drawn confounded[] = {{"accel_second_order.", 10.0, 40.0},
+                                {"accel_scale_asymmetry.", 10.0, 40.0},
+                                {"accel_odd_quadratic.", 40.0, 150.0},
+                                {"accel_third_order.", 40.0, 150.0}};
+
+int settle(std::uint64_t seed, int cases) {
+  std::mt19937_64 random(seed);
+  const auto uniform = [&](double from, double to) {
+    return from + (to - from) * static_cast<double>(random() >> 11) * 0x1p-53;
+  };
+  const Sequence sequence = must_read_sequence("fourteen_step.seq");
+  const StationConfig station = default_station_config();
+  const PlanLimits limits = plan_limits(station, default_rig_config().sample_period_s);
+  int doubts = 0, right = 0, open = 0, wrong = 0, clear = 0, clear_wrong = 0;
+  double longest_s = 0.0;
+  while (doubts < cases && doubts + clear < 20 * cases) {
+    RigConfig config = default_rig_config();
+    config.seed = random() % 1000000;
+    config.noise_seed = random() % 1000000;
+    const Drawn& drawn = confounded[random() % std::size(confounded)];
+    const std::string key = drawn.key + std::string(1, "xyz"[random() % 3]);
+    const double value = uniform(drawn.least, drawn.most) * (random() % 2 == 0 ? 1.0 : -1.0);
+    *find_effect(config.effects, key) = value;
+    const std::string truth = key.substr(0, key.find('.'));
+    const RigRecording first = record_on_rig(sequence, config);
+    const JointResult base = joint_estimate(first.recording);
+    const auto began = std::chrono::steady_clock::now();
+    const std::optional<Settling> found = find_settling({.recording = first.recording,
+                                                         .base = base,
+                                                         .sequence = sequence,
+                                                         .plan = make_plan(sequence, limits),
+                                                         .limits = limits,
+                                                         .left_s = 600.0});
+    const double search_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+    const auto name_of = [](const Diagnosis& d) { return std::string(to_string(d.verdict)) + " " + class_of(d); };
+    const auto names_another = [&](const Diagnosis& d) {  // alone
+      return d.verdict == Verdict::extended && !doubt_of(d) && d.effect_names != std::vector<std::string>{truth};
+    };
+    if (!found) {
+      ++clear;
+      const Diagnosis before = diagnose(first.recording);
+      clear_wrong += names_another(before) ? 1 : 0;
+      std::printf("%s %.1f: no doubt, %s\n", key.c_str(), value, name_of(before).c_str());
+      std::fflush(stdout);
+      continue;
+    }
+    ++doubts;
+    std::string now = "not tried: " + found->why_not;
+    if (found->sequence.empty()) {
+      ++open;
+    } else {
+      longest_s = std::max(longest_s, found->added_s);
+      Sequence both = sequence;
+      append_steps(must(parse_sequence(found->sequence, "settling")), both);
+      const Diagnosis after = diagnose(record_on_rig(both, config).recording);
+      const bool decided = after.verdict == Verdict::extended && class_of(after) == truth;
+      ++(decided ? right : names_another(after) ? wrong : open);
+      now = (decided ? "decided: " : names_another(after) ? "WRONG: " : "open: ") + name_of(after);
+    }
+    std::printf("%s %.1f: in doubt %s; search %.0f s, legs %.0f s; %s\n", key.c_str(), value, found->doubt.c_str(),
+                search_s, found->added_s, now.c_str());
+    std::fflush(stdout);
+  }
+  std::printf("%d in doubt: %d decided, %d open, %d wrong; at most %.0f s; %d were not in doubt, %d of them wrong\n",
+              doubts, right, open, wrong, longest_s, clear, clear_wrong);
+  return 0;
+}
+
 }  // namespace
 }  // namespace turncal
 
 int main(int argc, char** argv) {
   if (argc != 4) {
-    std::fprintf(stderr, "study_separation EFFECT.COMPONENT VALUE SEED\n");
+    std::fprintf(stderr, "study_separation EFFECT.COMPONENT VALUE SEED\nstudy_separation --settle SEED CASES\n");
     return 1;
   }
+  if (std::string(argv[1]) == "--settle")
+    return turncal::settle(std::strtoull(argv[2], nullptr, 10), std::atoi(argv[3]));
   return turncal::study(argv[1], std::atof(argv[2]), std::strtoull(argv[3], nullptr, 10));
 }
