@@ -11,7 +11,7 @@
 // instability that cannot be excluded yet adds to them stays in proportion.
 //
 // At the end of what is calibrated from, the same question is asked of the diagnosis: a unit in doubt (calib/evidence/diagnosis.h, doubt_of) gets
-// the shortest legs that are expected to tell what confounds (jobs/design/settling.h), within the minutes that are left of settling_allowed_s(). They become
+// the shortest legs that are expected to tell what confounds (settling.h), within the minutes that are left of settling_allowed_s(). They become
 // part of the plan and of the one recording; at their end it is asked again. What was found is a record `settle`, durable before the plan
 // is changed, so a run that goes on after a kill walks the same legs.
 //
