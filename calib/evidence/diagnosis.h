@@ -98,8 +98,8 @@ struct Diagnosis {
 // Those that carry what is missing, with their time constants; empty: none do.
 std::vector<EffectColumn> named_columns(const Evidence& evidence);
 std::string reason_of(const Statements& statements);
-void withdraw(const std::string& reason,
-              Diagnosis& d);  // what was found: unexplained, and the base model is handed out
+// What was found: it is unexplained, and the base model is handed out.
+void withdraw(const std::string& reason, Diagnosis& d);
 // The scores of all effects beside the base model, by which d.candidates and d.undetectable are filled.
 void list_candidates(const Evidence& of_base, double duration_s, Diagnosis& d);
 // Of d.extended: the names of its effects, and what else each may be.

@@ -7,6 +7,7 @@
 
 #include "calib/model/limits.h"
 #include "calib/statistics/clipping.h"
+#include "calib/statistics/distributions.h"
 
 namespace turncal {
 namespace {
@@ -179,9 +180,7 @@ bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Inn
   double usual = 0.0;
   if (after_rotation.size() >= 10) {
     const double share = fault_limits.usual_share * static_cast<double>(after_rotation.size());
-    const auto rank = after_rotation.begin() + static_cast<std::ptrdiff_t>(share);
-    std::nth_element(after_rotation.begin(), rank, after_rotation.end());
-    usual = *rank;
+    usual = value_at_rank(after_rotation, static_cast<std::size_t>(share));
   }
   const double limit = std::max(fault_limits.chi_square, fault_limits.of_usual * usual);
   const Innovation* worst = nullptr;

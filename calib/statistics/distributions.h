@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cstddef>
-#include <vector>
+#include <span>
 
 namespace turncal {
 
@@ -18,12 +18,14 @@ double chi_square_limit(double tail_probability, double degrees);
 // Upper tail of Fisher's F with these degrees of freedom.
 double f_tail(double f, double numerator, double denominator);
 
-// The middle of some numbers: the element at place size / 2 in order, so the upper of two middles. Rearranges them; one at least.
-inline double median(std::vector<double>& values) {
-  assert(!values.empty());
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+// What stands at a place of some numbers once they are in order. Rearranges them.
+inline double value_at_rank(std::span<double> values, std::size_t place) {
+  assert(place < values.size());
+  const auto at = values.begin() + static_cast<std::ptrdiff_t>(place);
+  std::nth_element(values.begin(), at, values.end());
+  return *at;
 }
+// The middle: at place size / 2, so the upper of two middles.
+inline double median(std::span<double> values) { return value_at_rank(values, values.size() / 2); }
 
 }  // namespace turncal

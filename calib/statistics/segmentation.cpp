@@ -16,9 +16,7 @@ namespace {
 
 double quantile(std::vector<double> values, double part) {
   if (values.empty()) return 0.0;
-  const auto at = values.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
+  return value_at_rank(values, static_cast<std::size_t>(part * static_cast<double>(values.size() - 1)));
 }
 
 }  // namespace

@@ -121,13 +121,10 @@ struct StampLevel {
     std::array<double, 128> level{};
     const std::size_t rows = std::min({width, most, times.size() - row});
     for (std::size_t k = 0; k < rows; ++k) level[k] = times[row + k] - static_cast<double>(k) * period;
-    const auto end = level.begin() + static_cast<std::ptrdiff_t>(rows);
-    const auto [first, last] = std::minmax_element(level.begin(), end);
-    if (range != nullptr) *range = *last - *first;
-    if (least) return *first;
-    const auto middle = level.begin() + static_cast<std::ptrdiff_t>(rows / 2);
-    std::nth_element(level.begin(), middle, end);
-    return *middle;
+    const std::span<double> levels(level.data(), rows);
+    const auto [first, last] = std::ranges::minmax(levels);
+    if (range != nullptr) *range = last - first;
+    return least ? first : median(levels);
   }
   // Of a few windows; some of them may have gaps.
   void find_scatter() {
@@ -142,9 +139,7 @@ struct StampLevel {
     if (rises.empty()) return;
     const double middle = median(rises);
     for (double& rise : rises) rise = std::abs(rise - middle);
-    const auto quarter = rises.begin() + static_cast<std::ptrdiff_t>(3 * rises.size() / 4);
-    std::nth_element(rises.begin(), quarter, rises.end());
-    scatter = std::min(*quarter / 1.15, period / 6.0);
+    scatter = std::min(value_at_rank(rises, 3 * rises.size() / 4) / 1.15, period / 6.0);
     spread = median(spreads);
   }
 };
@@ -559,8 +554,7 @@ double typical_interval(const std::vector<double>& times) {
   const bool bursts = one < 0.5 * middle;
   for (double& interval : single) interval = std::abs(interval - (bursts ? 0.0 : one));
   const std::size_t rank = single.size() - 1 - single.size() / (bursts ? 50 : 20);
-  std::nth_element(single.begin(), single.begin() + static_cast<std::ptrdiff_t>(rank), single.end());
-  const double step = std::max(0.4 * middle, single[rank]);
+  const double step = std::max(0.4 * middle, value_at_rank(single, rank));
   const double near = 1.2 * step / static_cast<double>(span);
   const auto end =
       std::partition(intervals.begin(), intervals.end(), [&](double x) { return std::abs(x - middle) <= near; });

@@ -208,6 +208,8 @@ Fields fields_of(RunRequest& request, FileHashes& hashes) {
   for (const RecordWord& record : record_words) fields.push_back({record.key, &(request.*record.word)});
   for (std::size_t unit = 1; unit < request.units.size(); ++unit)
     fields.push_back({"unit." + std::to_string(unit + 1), &request.units[unit]});
+  fields.push_back({"temperature_c", &request.temperature_c});
+  fields.push_back({"settle_minutes", &request.settle_minutes});
   return fields;
 }
 
@@ -219,8 +221,6 @@ Beginning beginning_of(const JournalContents& journal) {
   Beginning began;
   began.request.units.resize(journal.units().size());
   set_texts(journal.begin, fields_of(began.request, began.hashes));
-  if (const auto c = parse_number(journal.begin_value("temperature_c"))) began.request.temperature_c = *c;
-  if (const auto minutes = parse_number(journal.begin_value("settle_minutes"))) began.request.settle_minutes = *minutes;
   began.request.settled = journal.settled;
   return began;
 }
@@ -346,8 +346,6 @@ JournalFields begin_fields(RunPlan run) {
       {"format", "1"}, {"software_version", software_version()}, {"simulated", run.simulated() ? "true" : "false"}};
   const JournalFields asked = texts_of(fields_of(run.request, run.hashes));
   fields.insert(fields.end(), asked.begin(), asked.end());
-  if (run.request.temperature_c) fields.emplace_back("temperature_c", format_number(*run.request.temperature_c));
-  if (run.request.settle_minutes) fields.emplace_back("settle_minutes", format_number(*run.request.settle_minutes));
   if (!run.request.manual) fields.emplace_back("planned_s", format_number(run.plan.station_s));
   return fields;
 }

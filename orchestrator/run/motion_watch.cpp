@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "calib/model/parameters.h"
+#include "calib/statistics/distributions.h"
 #include "imu_io/base/format_number.h"
 
 namespace turncal {
@@ -69,8 +70,7 @@ void FeltRate::close_block() {
   known_ = std::min(known_ + 1, blocks);
   if (known_ < blocks) return;
   std::array<double, blocks> sorted = last_degps_;
-  std::nth_element(sorted.begin(), sorted.begin() + blocks / 2, sorted.end());
-  const double before_degps = std::exchange(median_degps_, sorted[blocks / 2]);
+  const double before_degps = std::exchange(median_degps_, median(sorted));
   peak_degps_ = std::max(peak_degps_, median_degps_);
   if (!follows) return;
   const double may_degps = allowed_degps2_ * block_s / scale_, change_degps = median_degps_ - before_degps;

@@ -15,6 +15,7 @@
 #include <tuple>
 #include <utility>
 
+#include "calib/statistics/distributions.h"
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
@@ -143,9 +144,7 @@ std::optional<double> interval_of(const std::vector<UnitOutcome>& outcomes) {
   for (std::size_t i = times.size() > looked_at ? times.size() - looked_at : 1; i < times.size(); ++i)
     if (times[i] - times[i - 1] < longest_unit_s) intervals.push_back(times[i] - times[i - 1]);
   if (intervals.size() < 2) return {};
-  const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
-  std::nth_element(intervals.begin(), middle, intervals.end());
-  return *middle;
+  return median(intervals);
 }
 
 // As the batch says it; else the next, of one that has not said it yet.
