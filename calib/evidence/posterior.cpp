@@ -27,9 +27,12 @@ constexpr double least_probability = 1e-5;
 constexpr double negligible = 12.0, ends_below = 6.0;  // of log evidence
 // A term that explains less changes nothing for others: it counts, and is not gone on with.
 constexpr double explains = 1.0;
-// A pattern's shape matters where it is so many sigmas.
+// A shape matters where what has it is so many sigmas.
 constexpr double strong = 10.0;
+// A formula that is off by such a part of itself is none; what is off by all of itself does not go with its driver.
+constexpr double formula_is_within = 0.3, driver_is_within = 1.0;
 constexpr Eigen::Index most_columns = 240;  // beside which a model still takes such columns in
+constexpr double least_shown = 0.03;        // of a direction's information to its prior's
 
 // The system beside a model.
 struct State {
@@ -145,25 +148,52 @@ void take_in(const TermTable& table, MatrixXd y, const Eigen::LLT<MatrixXd>& M, 
   }
 }
 
-// What an error x may be off by, of each piece by itself: within the rest in proportion, by the turn before it in any direction, since what varies
-// in a turn is turned with the unit. Those that are seen best.
-MatrixXd by_piece(const PieceSystem& system, const VectorXd& x, Eigen::Index most) {
+// What an error x may be off by, of each piece by itself: within the rest along its sensor's axis, by the turn before it in any direction, since
+// what varies in a turn is turned with the unit. It is in proportion to x there and, where its quantity has a unit, as much to the rms of x:
+// where a wrong shape is zero the right one need not be. Those that are seen best.
+MatrixXd by_piece(const PieceSystem& system, const VectorXd& x, const VectorXd& unit, Eigen::Index most) {
   using OfPiece = Eigen::Matrix<double, piece_dims, 1>;
   struct Column {
     double information;
     Eigen::Index first;
     OfPiece of;
   };
+  // Mean squares of x in units: of the readings within rests, of the attitude and of the velocity after turns.
+  struct Part {
+    Eigen::Index at, wide;
+    double square = 0.0, weight = 0.0;
+  };
+  std::array<Part, 3> parts = {Part{0, 6}, Part{6, 3}, Part{9, 3}};
+  for (Eigen::Index first = 0; first < unit.size(); first += piece_dims) {
+    const OfPiece seen = system.of_piece(static_cast<std::size_t>(first / piece_dims)).before;
+    for (Part& p : parts) {
+      const auto u = unit.segment(first + p.at, p.wide).cwiseAbs2();
+      const double information = u.dot(seen.segment(p.at, p.wide));
+      if (information > 0.0) p.square += information * x.segment(first + p.at, p.wide).squaredNorm() / u.sum();
+      p.weight += information;
+    }
+  }
+  const auto size = [&](std::size_t part, double local, double of_unit) {
+    const Part& p = parts[part];
+    return p.weight > 0.0 ? std::sqrt(0.5 * (local * local + p.square / p.weight * of_unit * of_unit)) : local;
+  };
   std::vector<Column> columns;
   for (Eigen::Index first = 0; first < x.size(); first += piece_dims) {
-    const OfPiece all = x.segment<piece_dims>(first);
-    if (all.isZero(0.0)) continue;
+    const OfPiece all = x.segment<piece_dims>(first),
+                  one = unit.size() == 0 ? all : OfPiece(unit.segment<piece_dims>(first));
+    if (all.isZero(0.0) && one.isZero(0.0)) continue;
     const OfPiece seen = system.of_piece(static_cast<std::size_t>(first / piece_dims)).before;
     const auto add = [&](const OfPiece& of) { columns.push_back({of.cwiseAbs2().dot(seen), first, of}); };
-    OfPiece rest = all;
-    rest.tail<6>().setZero();
+    OfPiece rest = OfPiece::Zero();
+    const OfPiece& along = one.head<6>().isZero(0.0) ? all : one;
+    const double norm = along.head<6>().norm();
+    if (norm > 0.0) rest.head<6>() = along.head<6>() / norm * size(0, all.head<6>().norm(), one.head<6>().norm());
     add(rest);
-    for (int d = 6; d < piece_dims; ++d) add(all.segment<3>(d < 9 ? 6 : 9).norm() * OfPiece::Unit(d));
+    for (int d = 6; d < piece_dims; ++d) {
+      const std::size_t part = d < 9 ? 1 : 2;
+      const Eigen::Index from = parts[part].at;
+      add(size(part, all.segment<3>(from).norm(), one.segment<3>(from).norm()) * OfPiece::Unit(d));
+    }
   }
   std::sort(columns.begin(), columns.end(),
             [](const Column& a, const Column& b) { return a.information > b.information; });
@@ -172,6 +202,11 @@ MatrixXd by_piece(const PieceSystem& system, const VectorXd& x, Eigen::Index mos
   for (std::size_t k = 0; k < columns.size(); ++k)
     side_by_side.col(static_cast<Eigen::Index>(k)).segment<piece_dims>(columns[k].first) = columns[k].of;
   return side_by_side;
+}
+VectorXd unit_of(const TermTable& table, const Term& term, Eigen::Index rows) {
+  if (term.unit < 0) return {};
+  const Weights& basis = table.bases[static_cast<std::size_t>(term.unit)];
+  return coordinates_of(basis, MatrixXd::Ones(basis.columns, 1), rows);
 }
 
 State with_term(const PieceSystem& system, const TermTable& table, const Next& next) {
@@ -186,8 +221,9 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
   const VectorXd b = term.L.transpose() * child.s[term.basis], mean = llt.solve(b);
   const double explained = b.dot(mean);
   take_in(table, left_by(child, system, x), llt, b, child);
-  if (term.kind != TermKind::pattern || explained < strong * strong || child.Y.cols() >= most_columns) return child;
-  const MatrixXd C = by_piece(system, x * mean, most_columns - child.Y.cols());
+  if (term.kind == TermKind::noise || explained < strong * strong || child.Y.cols() >= most_columns) return child;
+  const MatrixXd C =
+      by_piece(system, x * mean, unit_of(table, term, system.coordinates()), most_columns - child.Y.cols());
   const MatrixXd y = left_by(child, system, C), A = C.transpose() * y;
   const VectorXd s = C.transpose() * child.score;
   const VectorXd variance = Eigen::Map<const Eigen::ArrayXd>(inexactness.data(), inexactness.size()).square();
@@ -198,9 +234,12 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
   for (ModelTerm& t : child.terms)
     if (t == next.last) t.inexact = static_cast<int>(best);
   if (best == 0) return child;
-  M = A;
-  M.diagonal().array() += 1.0 / variance[best];
-  take_in(table, y, Eigen::LLT<MatrixXd>(M), s, child);
+  // Where a wrong shape shows less than its prior allows, taking it in changes nothing.
+  const SymmetricEigen e = symmetric_eigen(A);
+  const Eigen::Index seen = (variance[best] * e.values.array() > least_shown).count();
+  const MatrixXd V = e.vectors.rightCols(seen);
+  M = VectorXd(e.values.tail(seen).array() + 1.0 / variance[best]).asDiagonal();
+  take_in(table, y * V, Eigen::LLT<MatrixXd>(M), V.transpose() * s, child);
   return child;
 }
 
@@ -285,6 +324,16 @@ Posterior posterior_of(const std::vector<LogWeights>& at_each_noise) {
   return result;
 }
 
+namespace {
+
+// How deep a term may be off by a part of itself in every piece, and is still what it is called.
+bool is_formula(const Term& term, const ModelTerm& t) {
+  return term.kind == TermKind::effect && inexactness[static_cast<std::size_t>(t.inexact)] < formula_is_within;
+}
+bool has_driver(const ModelTerm& t) { return inexactness[static_cast<std::size_t>(t.inexact)] < driver_is_within; }
+
+}  // namespace
+
 Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& posterior) {
   Statements all;
   all.tested = true;
@@ -298,8 +347,8 @@ Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& 
       const Statement& w = term.what;
       mine.insert({w.sensor, "", "", ""});
       mine.insert({w.sensor, w.quantity, "", ""});
-      mine.insert({w.sensor, w.quantity, w.driver, ""});
-      if (!w.formula.empty()) mine.insert({w.sensor, w.quantity, w.driver, w.formula});
+      if (has_driver(t)) mine.insert({w.sensor, w.quantity, w.driver, ""});
+      if (is_formula(term, t)) mine.insert({w.sensor, w.quantity, w.driver, w.formula});
     }
     if (!mine.empty()) all.anything += m.probability;
     for (const auto& node : mine) nodes[node] += m.probability;
@@ -342,7 +391,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
     for (const ModelTerm& t : m.terms) {
       if (term_of(m, t).kind == TermKind::noise) continue;
       mine.insert(branch(term_of(m, t)));
-      if (term_of(m, t).kind == TermKind::effect) named.insert(branch(term_of(m, t)));
+      if (is_formula(term_of(m, t), t)) named.insert(branch(term_of(m, t)));
     }
     for (const Branch& b : mine) any[b] += m.probability;
     for (const Branch& b : named) by_name[b] += m.probability;
@@ -354,12 +403,12 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
     std::set<Branch> mine;
     bool missing = false, stands = true, patterns = false;
     for (const ModelTerm& t : m.terms)
-      if (term_of(m, t).kind == TermKind::effect) mine.insert(branch(term_of(m, t)));
+      if (is_formula(term_of(m, t), t)) mine.insert(branch(term_of(m, t)));
     for (const ModelTerm& t : m.terms) {
       const Term& term = term_of(m, t);
       if (term.kind == TermKind::noise) continue;
       missing = true;
-      if (term.kind == TermKind::pattern) {
+      if (!is_formula(term, t)) {
         patterns = true;
         stands = stands && mine.count(branch(term)) == 0 && by_name[branch(term)] > named_share * any[branch(term)];
         continue;
@@ -398,8 +447,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   for (const WeighedModel& m : posterior.models) {
     std::set<std::string> formulas;
     for (const ModelTerm& t : m.terms)
-      formulas.insert(under[m.noise].table->terms[static_cast<std::size_t>(t.term)].what.formula);
-    formulas.erase("");
+      if (is_formula(term_of(m, t), t)) formulas.insert(term_of(m, t).what.formula);
     for (auto& [name, others] : result.instead)
       if (formulas.count(name) == 0)
         for (const std::string& f : formulas)
@@ -506,7 +554,8 @@ class Coefficients {
         const auto [found, is_new] = places_.emplace(t, parts_.size());
         if (is_new) {
           if (mean.size() == 0) mean = of.llt.solve(of.s);
-          add_inexact(parts_[of.columns[k].part].x * mean.segment(first, wide));
+          add_inexact(parts_[of.columns[k].part].x * mean.segment(first, wide),
+                      table_.terms[static_cast<std::size_t>(t.term)]);
         }
         of.columns.push_back({found->second, std::pow(inexactness[static_cast<std::size_t>(t.inexact)], 2)});
       }
@@ -528,9 +577,9 @@ class Coefficients {
     return all;
   }
 
-  void add_inexact(const VectorXd& x) {
+  void add_inexact(const VectorXd& x, const Term& term) {
     Part part;
-    part.x = by_piece(system_, x, most_columns);
+    part.x = by_piece(system_, x, unit_of(table_, term, system_.coordinates()), most_columns);
     part.y = system_.times(part.x);
     part.s = part.x.transpose() * system_.scores();
     part.floor = MatrixXd::Zero(part.x.cols(), part.x.cols());

@@ -7,9 +7,10 @@
 // scored beside each of the best models, all of these count in the average, and the best are gone on with (Hoeting et al., Bayesian
 // model averaging, Stat. Sci. 14 (1999) 382).
 //
-// A pattern has no formula, and where it is strong its shape is not good enough: what it leaves would pass for further things. So what it does in
-// each piece may be off by a part of itself, independently: beside x = B L z (its mean) stand the columns C = [x_1 0 ..; 0 x_2 ..], with
-// coefficients ~ N(0, inexactness^2 1), of which a grid has equal odds.
+// No shape is exact, and where a term is strong what it leaves would pass for further things. So what it does in each piece may be off by a
+// part of itself, independently: beside x = B L z (its mean) stand the columns C = [c_1 0 ..; 0 c_2 ..], c_k the unit of its quantity times
+// the rms of what x is there and over all pieces, with coefficients ~ N(0, inexactness^2 1), of which a grid has equal odds. An effect that is
+// off by 0.3 of itself and more is not its formula, and what is off by all of itself does not go with its driver: so much is not said.
 #pragma once
 
 #include <array>

@@ -388,10 +388,13 @@ class Table {
   void add_patterns() {
     std::vector<Functions> functions = all_functions(pieces_);
     if (pieces_.epochs >= fewest_epochs) add_of_time(functions);
-    for (const Channel& channel : all_channels(grades_))
+    for (const Channel& channel : all_channels(grades_)) {
+      const std::size_t first = table_.terms.size();
+      int unit = -1;
       for (const Functions& f : functions) {
         if (f.kernels.front().driver == Driver::angle && by_hand()) continue;
         const std::size_t basis = add_basis({channel}, f);
+        if (f.kernels.front().driver == Driver::unknown && !by_hand()) unit = static_cast<int>(basis);
         if (by_hand() && is_zero(table_.bases[basis])) continue;
         for (const Kernel& kernel : f.kernels) {
           // Another value in every rest is the floor of hand-turned data.
@@ -407,6 +410,10 @@ class Table {
           table_.terms.push_back(std::move(term));
         }
       }
+      for (std::size_t k = first; k < table_.terms.size(); ++k) table_.terms[k].unit = unit;
+      if (channel.quantity != Quantity::direction)
+        unit_of_[{sensor_name(channel.sensor, channel.axis), std::string(to_string(channel.quantity))}] = unit;
+    }
     double all = 0.0;
     for (const double share : shares_) all += share;
     for (std::size_t k = 0; k < shares_.size(); ++k)
@@ -564,6 +571,8 @@ class Table {
                    std::string(to_string(first.entry->driver)), std::string(first.entry->name), 0.0};
       term.basis = basis;
       term.columns = g.columns;
+      if (const auto unit = unit_of_.find({term.what.sensor, term.what.quantity}); unit != unit_of_.end())
+        term.unit = unit->second;
       const Eigen::Index all_of = block.Q.rows(), wide = first.entry->of_one_run ? all_of / (1 + held_out_) : all_of;
       const Eigen::Index many = std::ssize(g.columns);
       term.L = MatrixXd::Zero(all_of, many * (all_of / wide));
@@ -606,6 +615,7 @@ class Table {
   const TakenUp taken_up_;
   TermTable table_;
   std::vector<double> shares_;
+  std::map<std::pair<std::string, std::string>, int> unit_of_;  // of a sensor's quantity: Term::unit
   double length_s_ = 0.0;
   int fitted_ = 1, held_out_ = 0;  // recordings
 };
