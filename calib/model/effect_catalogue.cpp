@@ -104,6 +104,14 @@ void lock_in(State s, const Site& site, double w0_degph, Out g, Out) {
   diagonal(g.leftCols<3>(), reading);
   g.col(3) = reading;
 }
+// The standing wave of a hemispherical shell stays behind the case by 0.277 of what the case turns; its damping has four periods around the rim.
+void wave_angle(State s, const Site&, double, Out g, Out) {
+  for (int i = 0; i < 3; ++i) {
+    const double phase = 4.0 * 0.277 * s.turned_rad[i];
+    g(i, 2 * i) = std::cos(phase);
+    g(i, 2 * i + 1) = std::sin(phase);
+  }
+}
 void earth_rate(State s, const Site&, double, Out g, Out) { g = s.C_nb.transpose().leftCols<2>(); }
 void sample_period(State s, const Site& site, double, Out g, Out) {
   g.col(0) = s.C_nb.transpose() * earth_rate_n(site.latitude_deg);
@@ -127,6 +135,7 @@ std::vector<EffectEntry> make_catalogue() {
   const Names products = {"x_xy", "x_xz", "x_yz", "y_xy", "y_xz", "y_yz", "z_xy", "z_xz", "z_yz"};
   const Names squares = {"x_xx", "x_yy", "x_zz", "x_xy", "x_xz", "x_yz", "y_xx", "y_yy", "y_zz",
                          "y_xy", "y_xz", "y_yz", "z_xx", "z_yy", "z_zz", "z_xy", "z_xz", "z_yz"};
+  const Names waves = {"x_cos", "x_sin", "y_cos", "y_sin", "z_cos", "z_sin"};
   const Names earth_axes = {"north", "up"}, period = {"period"}, tau = {"tau"};
   const Names and_all = {"x", "y", "z",
                          "all"};  // all: three gyros of a kind, which else an error of the earth rate imitates
@@ -233,6 +242,10 @@ std::vector<EffectEntry> make_catalogue() {
                         "bias with a temperature that lags (IEEE 647, 952)", "c (T lagged by tau - T_ref)", "deg/h/C",
                         xyz, radps_per_degph, "temperature that changes, and then stays",
                         of_gyros<bias<lagged_temperature>>, lag_taus_s}),
+      of_one_run({"gyro_wave_angle", Sensor::gyro, Quantity::bias, Driver::angle,
+                  "drift with the angle of the standing wave of a hemispherical resonator (whole-angle mode)",
+                  "c cos(4 k a_i), c sin(4 k a_i), a_i turned since the start, k = 0.277", "deg/h", waves,
+                  radps_per_degph, "turns of 30 to 90 deg about each axis, with a dwell after each", wave_angle}),
       {"earth_rate", Sensor::earth_rate, Quantity::bias, Driver::field, "error of the earth rate used (latitude)",
        "C_bn dw_ie", "deg/h", earth_axes, radps_per_degph, "lies inside gyro_magnetic; a known latitude", earth_rate},
       {"sample_period", Sensor::earth_rate, Quantity::bias, Driver::field, "error of the sample period used",

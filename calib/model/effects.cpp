@@ -15,9 +15,10 @@ constexpr int most_components = 18;
 // What the effects with a memory look back on: each is called block after block, from the first on.
 class History {
  public:
-  // Follows f and T with the time constant tau (0: none).
+  // Follows f and T with the time constant tau (0: none), and sums what is turned.
   void follow(BlockState& s, double tau) {
     if (s.time_s <= time_s_) {  // another pass
+      turned_.setZero();
       lagged_f_ = s.f_b;
       lagged_c_ = s.temperature_c;
     } else if (tau > 0.0) {
@@ -26,13 +27,15 @@ class History {
       lagged_c_ += part * (s.temperature_c - lagged_c_);
     }
     time_s_ = s.time_s;
+    s.turned_rad = turned_ + 0.5 * s.duration_s * s.w_b;
+    turned_ += s.duration_s * s.w_b;
     s.lagged_f_b = lagged_f_;
     s.lagged_temperature_c = lagged_c_;
   }
 
  private:
   double time_s_ = 1e300;
-  Vector3d lagged_f_ = Vector3d::Zero();
+  Vector3d lagged_f_ = Vector3d::Zero(), turned_ = Vector3d::Zero();
   double lagged_c_ = 0.0;
 };
 

@@ -36,7 +36,8 @@ struct BlockState {
   Eigen::Vector3d table_rad = Eigen::Vector3d::Zero();  // commanded heading, pitch, roll (half way in a rotation)
   Eigen::Vector3d last_up = Eigen::Vector3d::Zero();    // sign of each f_i when it was last above half a g
   // Filled by make_effect_model(), from the blocks before: what followed f_b and temperature with the effect's time constant,
-  // both taken as settled at the first sample.
+  // both taken as settled at the first sample, and the integral of w_b since then.
+  Eigen::Vector3d turned_rad = Eigen::Vector3d::Zero();
   Eigen::Vector3d lagged_f_b = Eigen::Vector3d::Zero();
   double lagged_temperature_c = 0.0;
 };

@@ -71,6 +71,17 @@ Disturbance creep(int axis, double tau_s) {
   };
 }
 
+// By the trapezoidal rule over the middles of blocks.
+Disturbance wave(int axis) {
+  return [axis, angle = 0.0, before = DisturbedMoment()](const DisturbedMoment& m) mutable {
+    angle = m.time_s < before.time_s || before.length_s == 0.0
+                ? 0.0
+                : angle + 0.5 * (m.time_s - before.time_s) * (before.rate_radps[axis] + m.rate_radps[axis]);
+    before = m;
+    return gyro(axis, degph * std::sin(4.0 * 0.277 * angle));
+  };
+}
+
 class EffectRow : public ::testing::TestWithParam<Row> {};
 
 TEST_P(EffectRow, FindsWhatAnotherFormulaAdded) {
@@ -110,6 +121,7 @@ INSTANTIATE_TEST_SUITE_P(
                           }},
                       Row{"accel_scale_drift", 1, 0.0, 8.0,
                           [](const DisturbedMoment& m) { return accel(1, ug * m.force_g[1] * m.time_s / 3600.0); }},
+                      Row{"gyro_wave_angle", 5, 0.0, 0.03, wave(2)},
                       Row{"accel_creep", 1, 150.0, 20.0, creep(1, 150.0)},
                       Row{"accel_rectification", 2, 0.0, 150.0,
                           [](const DisturbedMoment& m) { return accel(2, m.rate_radps.norm() > 0.0087 ? ug : 0.0); }},
