@@ -12,6 +12,7 @@
 #include "calib/statistics/distributions.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
+#include "imu_io/recordings/stamps.h"
 
 namespace turncal {
 namespace {
@@ -186,7 +187,7 @@ class Proposer {
   Result<MapProposal> propose() {
     if (!source_.topic.empty()) return of_bag();
     for (const std::string& name : source_.names) layout_.columns.push_back({name, lower(name)});
-    if (source_.text) layout_ = TRY(look_at_text(*source_.text, source_.file_name));
+    if (source_.head) layout_ = TRY(look_at_text(*source_.head, source_.file_name));
     find_columns();
     if (!by_place_ && (triad_[gyro].empty() || triad_[accel].empty())) return columns_missing();
     TRY(read());
@@ -278,7 +279,11 @@ class Proposer {
     std::vector<WantedColumn> wanted;
     for (const std::size_t column : columns) wanted.push_back({reference(column)});
     layout_.format.skip_bad_rows = true;  // whoever reads it in earnest says what is wrong with them
-    NumberTable table = TRY(source_.read(wanted, layout_.format));
+    NumberTable table;
+    TRY(source_.read(wanted, layout_.format, [&](const NumberTable& block) {
+      append_rows(table, block);
+      return Status();
+    }));
     values_.resize(layout_.columns.size());
     for (std::size_t k = 0; k < columns.size(); ++k) values_[columns[k]] = std::move(table.columns[k]);
     return {};

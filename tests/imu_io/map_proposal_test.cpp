@@ -1,5 +1,6 @@
 // Tables without a map, the maps that are shipped, and whether stamps or intervals are believed.
 #include "imu_io/recordings/map_proposal.h"
+#include "imu_io/recordings/stamps.h"
 
 #include <fmt/format.h>
 #include "imu_io/base/text_pieces.h"
@@ -208,7 +209,6 @@ TEST(MapProposal, OfNamesInAGroup) {
 
 // ---- do the stamps jitter, or the intervals? ----
 
-using Increments = CsvMap::Increments;
 enum class Stamps { late, walking, drifting, stepping, rounded };
 
 std::vector<double> stamps(Stamps kind, unsigned seed, int rows, double jitter_s) {
@@ -234,18 +234,17 @@ TEST(Increments, ByTheStamps) {
   for (unsigned seed = 1; seed <= 30; ++seed)
     for (const int rows : {120, 1000, 20000})
       for (const double jitter_s : {1e-6, 1e-4, 1e-3})
-        for (const auto& [kind, expected] : {std::pair(Stamps::late, Increments::period),
-                                             {Stamps::walking, Increments::intervals},
-                                             {Stamps::drifting, Increments::period}}) {
+        for (const auto& [kind, expected] :
+             {std::pair(Stamps::late, true), {Stamps::walking, false}, {Stamps::drifting, true}}) {
           ++all;
-          const bool is_wrong = choose_increments(stamps(kind, seed, rows, jitter_s)).increments != expected;
+          const bool is_wrong = choose_increments(stamps(kind, seed, rows, jitter_s)).even != expected;
           wrong += is_wrong ? 1 : 0;
           if (is_wrong) which += fmt::format("{} {} {}; ", static_cast<int>(kind), rows, jitter_s);
         }
   EXPECT_LE(wrong, all / 100) << which << "of " << all;  // records of 120 rows have 7 independent spans of 16
-  EXPECT_EQ(choose_increments(stamps(Stamps::stepping, 1, 3000, 0.0)).increments, Increments::intervals);
-  EXPECT_EQ(choose_increments(stamps(Stamps::rounded, 1, 3000, 0.0)).increments, Increments::period);
-  EXPECT_EQ(choose_increments(stamps(Stamps::late, 1, 20, 1e-3)).increments, Increments::intervals);
+  EXPECT_FALSE(choose_increments(stamps(Stamps::stepping, 1, 3000, 0.0)).even);
+  EXPECT_TRUE(choose_increments(stamps(Stamps::rounded, 1, 3000, 0.0)).even);
+  EXPECT_FALSE(choose_increments(stamps(Stamps::late, 1, 20, 1e-3)).even);
 }
 
 // A sensor at rest that samples evenly, with late stamps; and one whose intervals are what they say, in a turn at a rate that varies.
@@ -324,7 +323,7 @@ TEST(Increments, GapsAndPeriodWhateverTheStampsDo) {
       times.push_back(period_s * c.stamp(k));
       csv += fmt::format("{:.9f},{},0,0,0,0,9.8\n", times.back(), 1e-3 * noise(random));
     }
-    EXPECT_EQ(choose_increments(times).increments, Increments::period) << choose_increments(times).reason;
+    EXPECT_TRUE(choose_increments(times).even) << choose_increments(times).reason;
     const CsvImport import = expect_value(
         import_columns(expect_value(parse_csv_map(
                            "gravity_mps2 = 9.8\nunit_serial = s\ngyro.columns = 2, 3, 4\ngyro.unit = rad/s\n"

@@ -95,7 +95,7 @@ TEST(NumberTable, ReadsNestedVariablesAndHdf5) {
   const auto table = good(read_number_table("MATLAB 5.0", file, {{"imu.gyro:2"}, {"imu.meta.t"}}, {}));
   EXPECT_EQ(table->columns[0], (std::vector<double>{4, 5, 6}));
   EXPECT_EQ(table->columns[1], (std::vector<double>{0.0, 0.1, 0.2}));
-  EXPECT_EQ(expect_value(column_names("MATLAB 5.0", file)),
+  EXPECT_EQ(expect_value(column_names(bytes_of_text("MATLAB 5.0"), file)),
             (std::vector<std::string>{"imu.gyro:1", "imu.gyro:2", "imu.meta.t"}));
   EXPECT_TRUE(fails(read_number_table("MATLAB 5.0", file, {{"imu.nope"}}, {}), "no variable 'imu.nope' of numbers"));
   const std::string hdf5 = "\x89HDF\r\n\x1a\n", sample = TURNCAL_SOURCE_DIR "/tests/imu_io/map_samples/imu.h5";
@@ -105,7 +105,7 @@ TEST(NumberTable, ReadsNestedVariablesAndHdf5) {
   EXPECT_NEAR(imu5->columns[1][0], 9.8, 1e-6);
   EXPECT_EQ(imu5->columns[2][1], 100010000000.0);
   EXPECT_EQ(imu5->columns[3][30], 25.5);
-  EXPECT_EQ(expect_value(column_names(hdf5, sample)).size(), 9u);
+  EXPECT_EQ(expect_value(column_names(bytes_of_text(hdf5), sample)).size(), 9u);
   for (const auto& [name, what] : {std::pair("imu/nope", "no dataset 'imu/nope'"),
                                    {"imu/gyro:4", "from 1 to 3"},
                                    {"housekeeping:x", "expected numbers"},
