@@ -298,7 +298,9 @@ class Importer {
     missing_ = std::move(missing);
     rows_ = kept;
     if (timed()) times_.resize(kept);
-    if (!out.empty()) sieves_.emplace_back(std::move(out));
+    if (out.empty()) return {};
+    sieves_.emplace_back(std::move(out));
+    stamps_.reset();
     return {};
   }
 
@@ -321,7 +323,8 @@ class Importer {
 
   void choose() {
     if (!timed() || map_.increments != CsvMap::Increments::chosen) return;
-    const IncrementsChoice choice = choose_increments(times_);
+    stamps_ = fit_stamps(times_, map_.gap);
+    const IncrementsChoice choice = choose_increments(times_, *stamps_);
     map_.increments = choice.even ? CsvMap::Increments::period : CsvMap::Increments::intervals;
     result_.chosen = fmt::format("time.increments = {}: {}", measured() ? "intervals" : "period", choice.reason);
   }
@@ -329,7 +332,7 @@ class Importer {
   // Times must increase; with `period` they may jitter back by a few rows.
   Status order_rows() {
     if (!timed() || rows_ < 2) return {};
-    std::vector<double> steps = intervals_over(times_, 1);
+    std::vector<double> steps = intervals_of(times_);
     for (double& step : steps) step = std::abs(step);
     const double back = measured() ? 0.0 : 5.0 * median(steps);
     return sieve(true, [&](std::size_t k, std::size_t kept) -> Result<bool> {
@@ -349,9 +352,10 @@ class Importer {
 
   Error goes_back(const ColumnSource& source, std::int64_t line, const std::string& column, double time_s) const {
     return input_error(fmt::format("{}:{}: column {} = '{}': expected a time after that of the row before",
-                                   source.file_name, line, quoted(column),
-                                   format_number(*first_stamp_ + time_s / map_.time_unit_s)));
+                                   source.file_name, line, quoted(column), in_file(time_s)));
   }
+
+  std::string in_file(double time_s) const { return format_number(*first_stamp_ + time_s / map_.time_unit_s); }
 
   Status read_accel() {
     const ColumnSource& source = *accel_source_;
@@ -384,6 +388,10 @@ class Importer {
     for (std::size_t k = 1; k < n; ++k)
       if (!(accel.time[k] > accel.time[k - 1]))
         return goes_back(source, table.line[k], map_.accel_time_column, accel.time[k]);
+    if (n > 0 && rows_ > 0 && (accel.time.back() < times_.front() || accel.time.front() > times_.back()))
+      return input_error(fmt::format("{}: times of {} to {}: expected some of those of {}, {} to {}", source.file_name,
+                                     in_file(accel.time.front()), in_file(accel.time.back()), source_.file_name,
+                                     in_file(times_.front()), in_file(times_.back())));
     return sieve(true, [&](std::size_t k, std::size_t) -> Result<bool> { return !accel.covers(times_[k]); });
   }
 
@@ -394,19 +402,17 @@ class Importer {
       for (const StampGap& gap : missing_) gaps_.push_back({gap.row, gap.periods + 1});
       return;
     }
-    double usual = 0.0;
     std::vector<StampGap> found;
     if (measured()) {
-      std::vector<double> intervals = intervals_over(times_, 1, times_.size());
-      usual = median(intervals);
+      std::vector<double> intervals = intervals_of(times_, times_.size());
+      const double usual = median(intervals);
       for (std::size_t k = 1; k < rows_; ++k)
         if (times_[k] - times_[k - 1] > map_.gap * usual) found.push_back({k, 2});
     } else {
-      usual = typical_interval(times_);
-      found = find_gaps(times_, usual, map_.gap);
+      if (!stamps_) stamps_ = fit_stamps(times_, map_.gap);
+      found = std::move(stamps_->gaps);
     }
-    double sum = 0.0, squares = 0.0, count = 0.0, all = static_cast<double>(rows_ - 1);
-    for (const StampGap& gap : found) all += static_cast<double>(gap.periods - 1);
+    double sum = 0.0, squares = 0.0, count = 0.0;
     for (std::size_t k = 1, f = 0, m = 0; k < rows_; ++k) {
       std::int64_t steps = 1;
       if (f < found.size() && found[f].row == k) steps = found[f++].periods;
@@ -422,8 +428,7 @@ class Importer {
     }
     period = sum / count;
     result_.jitter_s = std::sqrt(std::max(0.0, squares / count - period * period));
-    // What is before a gap is then no interval that could be left out.
-    if (!measured() && result_.jitter_s > 0.2 * period) period = (times_.back() - times_.front()) / all;
+    if (!measured()) period = stamps_->period;
     if (measured())
       for (StampGap& gap : gaps_)
         gap.periods =
@@ -515,6 +520,7 @@ class Importer {
   std::int64_t first_double_ = 0;             // line
   std::vector<Sieve> sieves_;
   std::optional<OtherAccel> accel_;
+  std::optional<StampModel> stamps_;
   std::vector<StampGap> gaps_;  // periods before a row, where they are more than one
   std::vector<DataEvent> clipped_;
   std::size_t next_run_ = 0;

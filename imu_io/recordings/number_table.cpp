@@ -61,7 +61,9 @@ class CsvTable {
       : bytes_(bytes), lines_(bytes), file_name_(file_name), wanted_(wanted), format_(format), sink_(sink) {}
 
   Status read() {
-    if (TRY(bytes_.at(0, 1)).find_first_not_of("\xEF\xBB\xBF \t\r\n") == std::string_view::npos) {
+    const std::string_view head = TRY(bytes_.at(0, 1 << 12));
+    TRY(check_text(head, file_name_));
+    if (head.find_first_not_of("\xEF\xBB\xBF \t\r\n") == std::string_view::npos) {
       return input_error(file_name_ + ": empty file: expected " +
                          (format_.header_lines > 0 ? "a header and " : std::string()) + "rows of numbers");
     }
@@ -297,11 +299,13 @@ Result<NpyArray> open_npy(const TableBytes& file, const std::string& file_name) 
   std::vector<std::size_t> sizes;
   if (shape.starts_with('(') && shape.find(')') != std::string_view::npos)
     for (const std::string_view part : split(shape.substr(1, shape.find(')') - 1), ','))
-      if (const auto size = parse_integer<std::int64_t>(part); size && *size > 0)
+      if (const auto size = parse_integer<std::int64_t>(part); size && *size >= 0)
         sizes.push_back(static_cast<std::size_t>(*size));
   if (sizes.empty() || sizes.size() > 2)
     return refuse("shape " + quoted(shape.substr(0, shape.find(')') + 1)) +
                   ": expected one or two dimensions, rows first");
+  if (std::ranges::count(sizes, 0) > 0)
+    return refuse("shape " + quoted(shape.substr(0, shape.find(')') + 1)) + ": an empty array: expected rows");
   view.rows = sizes[0];
   view.columns = sizes.size() == 2 ? sizes[1] : 1;
   const std::uint64_t have = (file.size - begin - length) / view.type->bytes;
@@ -711,6 +715,19 @@ Status write_samples(RecordingSource& source, const SampleColumns& columns, std:
 }
 
 }  // namespace
+
+Status check_text(std::string_view head, const std::string& file_name) {
+  const auto refuse = [&](const char* what) { return input_error(file_name + ": " + what); };
+  if (head.starts_with("\xFF\xFE") || head.starts_with("\xFE\xFF"))
+    return refuse("a text in UTF-16: expected UTF-8 or plain ASCII, as `iconv -f UTF-16 -t UTF-8` makes it");
+  constexpr std::size_t mat4_header = 20, mat4_name_length = 16;
+  if (head.size() > mat4_header && head[0] < 53 && head.substr(1, 3) == std::string_view("\0\0\0", 3) &&
+      head[mat4_name_length] > 1)
+    return refuse("a MATLAB file of version 4, it seems: expected version 5 or later, as `save -v7` writes");
+  if (head.find('\n') == head.npos && head.find('\r') != head.npos)
+    return refuse("lines end in a carriage return alone: expected line feeds, as `tr '\\r' '\\n'` makes them");
+  return {};
+}
 
 bool is_text_table(std::string_view content) {
   const FileKind form = form_of(content);

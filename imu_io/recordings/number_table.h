@@ -68,6 +68,9 @@ Result<std::vector<std::string>> column_names(const TableBytes& bytes, const std
 // Rows of the same columns, behind the others.
 void append_rows(NumberTable& table, const NumberTable& block);
 
+// By a file's first bytes: an error where they are no text that has rows (UTF-16, lines without line feeds, MATLAB 4).
+Status check_text(std::string_view head, const std::string& file_name);
+
 // By a file's first bytes: no .npy, .mat or HDF5.
 bool is_text_table(std::string_view content);
 

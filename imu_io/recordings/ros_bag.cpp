@@ -13,6 +13,7 @@
 #include <limits>
 #include <map>
 #include <memory>
+#include <numeric>
 #include <span>
 
 #include "imu_io/base/atomic_file.h"
@@ -27,6 +28,8 @@ namespace {
 using ByteSpan = std::span<const std::byte>;
 
 constexpr std::uint64_t most_bytes = std::uint64_t{256} << 20;  // of a record or a chunk, whatever a header says
+
+constexpr std::int64_t second = 1'000'000'000, minute = 60 * second;  // ns
 
 std::string_view text_of(ByteSpan bytes) { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
 
@@ -86,7 +89,7 @@ std::int64_t read_header(MessageReader& message, Encoding encoding) {
   const std::int64_t seconds = message.get<std::int32_t>();
   const std::int64_t nanoseconds = message.get<std::uint32_t>();
   message.take(message.get<std::uint32_t>());  // frame_id
-  return seconds * 1'000'000'000 + nanoseconds;
+  return seconds * second + nanoseconds;
 }
 
 struct Topic {
@@ -139,16 +142,21 @@ class Collector {
   }
   Status damaged_at(std::uint64_t byte, const std::string& what) {
     const std::string way_out =
-        skip_bad_ ? "" : fmt::format("; {} messages came before: --skip-bad-rows takes what is whole", stamps_.size());
+        skip_bad_ || stamps_.empty()
+            ? ""
+            : fmt::format("; {} messages came before: --skip-bad-rows takes what is whole", stamps_.size());
     return damaged(fmt::format("byte {}: {}{}", byte, what, way_out));
   }
 
   Result<BagImu> finish() {
     TRY(check_unit());
     result_.topic = unit_->name;
-    result_.recording_times = std::ranges::all_of(stamps_, [](std::int64_t stamp) { return stamp == 0; });
+    const auto is_unset = [](std::int64_t stamp) { return stamp == 0; };
+    result_.recording_times = std::ranges::all_of(stamps_, is_unset);
+    TRY(keep_in_order());
+    if (stamps_.empty()) return input_error(path_ + ": no good message of topic " + quoted(unit_->name));
     const std::vector<std::int64_t>& times = result_.recording_times ? recorded_ : stamps_;
-    constexpr std::int64_t second = 1'000'000'000, year_2000 = 946'684'800 * second;
+    constexpr std::int64_t year_2000 = 946'684'800 * second;
     if (times.front() > year_2000) result_.started_utc_s = times.front() / second;
     NumberColumn t{"t", std::vector<double>(times.size())};
     // Stamps of a damaged bag may be anywhere: unsigned numbers may wrap.
@@ -192,6 +200,38 @@ class Collector {
     if (message.good() && std::isfinite(celsius)) temperatures_[topic.name].push_back({stamp, recorded_ns, celsius});
   }
 
+  // In the order of recording, which a file need not have; without those that have no stamp where others have one. A clock that
+  // begins at 0 (a simulation) has one row of it.
+  Status keep_in_order() {
+    std::vector<std::size_t> order(stamps_.size()), kept;
+    std::iota(order.begin(), order.end(), 0);
+    std::ranges::stable_sort(order, {}, [&](std::size_t row) { return recorded_[row]; });
+    const auto unset = std::ranges::count(stamps_, 0);
+    const bool from_zero =
+        unset == 1 && stamps_[order.front()] == 0 && stamps_.size() > 1 && stamps_[order[1]] < minute;
+    for (const std::size_t row : order)
+      if (stamps_[row] != 0 || result_.recording_times || from_zero)
+        kept.push_back(row);
+      else
+        TRY(damaged(fmt::format("message {} of {}: header.stamp is 0, as of {} of {} messages: expected a time",
+                                result_.message[row] + 1, quoted(unit_->name), unset, stamps_.size())));
+    const auto keep = [&](auto& values) {
+      std::remove_reference_t<decltype(values)> all;
+      for (const std::size_t row : kept) all.push_back(values[row]);
+      values = std::move(all);
+    };
+    if (std::ranges::is_sorted(kept) && kept.size() == stamps_.size()) return {};
+    for (auto& values : values_) keep(values);
+    keep(stamps_), keep(recorded_);
+    // Their numbers are of that order, too; what is left out leaves its own.
+    std::vector<std::int64_t> numbers = std::move(result_.message);
+    std::ranges::sort(numbers);
+    result_.message.clear();
+    for (std::size_t place = 0, at = 0; place < order.size(); ++place)
+      if (at < kept.size() && order[place] == kept[at]) result_.message.push_back(numbers[place]), ++at;
+    return {};
+  }
+
   // Of several thermometers the one whose name has most in common with the unit's.
   void add_temperature(const std::vector<std::int64_t>& times) {
     const auto common = [&](const auto& entry) {
@@ -199,15 +239,19 @@ class Collector {
     };
     const auto nearest = std::ranges::max_element(temperatures_, {}, common);
     if (nearest == temperatures_.end()) return;
+    std::ranges::stable_sort(nearest->second, {}, [&](const Reading& reading) { return time_of(reading); });
     result_.temperature_topic = nearest->first;
     NumberColumn column{"temperature", std::vector<double>(times.size(), std::numeric_limits<double>::quiet_NaN())};
     std::size_t row = 0;
     for (const Reading& reading : nearest->second) {
-      while (row < times.size() && times[row] < (result_.recording_times ? reading.recorded_ns : reading.stamp_ns))
-        ++row;
+      while (row < times.size() && times[row] < time_of(reading)) ++row;
       if (row < times.size()) column.values[row] = reading.celsius;
     }
     result_.columns.push_back(std::move(column));
+  }
+
+  std::int64_t time_of(const Reading& reading) const {
+    return result_.recording_times ? reading.recorded_ns : reading.stamp_ns;
   }
 
   Status check_unit() const {
@@ -463,8 +507,7 @@ class Rosbag1Reader : public RecordReader {
     const auto at = connections_.find(id.value_or(0));
     if (!id || !time || at == connections_.end())
       return damaged("a message without time, or of a connection that is not there");
-    return collector_.take(*at->second, static_cast<std::int64_t>((*time & 0xffffffff) * 1'000'000'000 + (*time >> 32)),
-                           data);
+    return collector_.take(*at->second, static_cast<std::int64_t>((*time & 0xffffffff) * second + (*time >> 32)), data);
   }
 
   Status take_chunk(ByteSpan header, ByteSpan data) {
@@ -505,7 +548,7 @@ class Rosbag2Reader {
       topics_[sqlite3_column_int64(row, 0)] = &collector_.topic(text_of(blob(row, 1)), text_of(blob(row, 2)), encoding);
       return Status();
     }));
-    // In the order of recording; by an index on the times the disk would jump.
+    // As they were written; by an index on the times the disk would jump.
     return each("SELECT topic_id, timestamp, data FROM messages ORDER BY id", [&](sqlite3_stmt* row) -> Status {
       const auto at = topics_.find(sqlite3_column_int64(row, 0));
       if (at == topics_.end()) return collector_.damaged("a message of a topic that is not there");
@@ -593,7 +636,6 @@ void append_record(Bytes& out, mcap::Op op, const Fields&... fields) {
 
 // A message in CDR: its header, and doubles.
 Bytes message_of(std::int64_t stamp_ns, std::span<const double> numbers) {
-  constexpr std::int64_t second = 1'000'000'000;
   constexpr std::size_t encapsulation = 4;
   Bytes out{std::byte{0}, std::byte{1}, std::byte{0}, std::byte{0}};
   append_bytes(out, static_cast<std::int32_t>(stamp_ns / second));
@@ -747,7 +789,6 @@ Status write_imu_mcap(RecordingSource& source, const SampleColumns& columns, con
   AtomicFile file = TRY(AtomicFile::create(path));
   const bool warm = columns.names.size() > 7;
   McapWriter writer(file, warm ? 2 : 1);
-  constexpr std::int64_t second = 1'000'000'000;
   const std::int64_t start_ns = source.info().started_utc_s.value_or(1) * second;  // 0: no stamp
   std::vector<double> row(columns.names.size());
   ImuNumbers numbers{};

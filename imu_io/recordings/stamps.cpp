@@ -5,62 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "calib/statistics/distributions.h"
 
 namespace turncal {
 namespace {
-
-// What time it is at a row by the stamps of it and those after it: their median, or the least where stamps come late and never early.
-struct StampLevel {
-  std::span<const double> times;
-  double period = 0.0;
-  std::size_t width = 8;
-  bool least = false;
-  double scatter = 0.0;  // of the difference of two levels
-  double spread = 0.0;   // range of the stamps in a window
-
-  double at(std::size_t row, std::size_t most, double* range = nullptr) const {
-    std::array<double, 128> level{};
-    const std::size_t rows = std::min({width, most, times.size() - row});
-    for (std::size_t k = 0; k < rows; ++k) level[k] = times[row + k] - static_cast<double>(k) * period;
-    const std::span<double> levels(level.data(), rows);
-    const auto [first, last] = std::ranges::minmax(levels);
-    if (range != nullptr) *range = last - first;
-    return least ? first : median(levels);
-  }
-  // Of a few windows; some of them may have gaps.
-  void find_scatter() {
-    constexpr std::size_t enough = 512;
-    std::vector<double> rises, spreads;
-    for (std::size_t row = 0; row + 2 * width <= times.size(); row += std::max(width, times.size() / enough)) {
-      double range = 0.0;
-      const double here = at(row, width, &range);
-      rises.push_back(at(row + width, width) - here);
-      spreads.push_back(range);
-    }
-    if (rises.empty()) return;
-    const double middle = median(rises);
-    for (double& rise : rises) rise = std::abs(rise - middle);
-    scatter = std::min(value_at_rank(rises, 3 * rises.size() / 4) / 1.15, period / 6.0);
-    spread = median(spreads);
-  }
-};
-
-// The narrowest of a few windows whose levels scatter by less than a twelfth of a period; else the one that scatters least.
-StampLevel find_level(std::span<const double> times, double period) {
-  StampLevel best{times, period};
-  best.scatter = period;
-  for (const std::size_t width : {8, 32, 128})
-    for (const bool least : {false, true}) {
-      if (best.scatter < period / 12.0 || (width > 8 && times.size() < 4 * width)) continue;
-      StampLevel level{times, period, width, least};
-      level.find_scatter();
-      if (level.scatter < best.scatter) best = level;
-    }
-  return best;
-}
 
 // The steps in which stamps are written, where they are coarse: the least by which intervals differ.
 double resolution_of(std::span<const double> times, double period) {
@@ -74,85 +25,253 @@ double resolution_of(std::span<const double> times, double period) {
   return least < period ? least : 0.0;
 }
 
+// One reading of the stamps up to a row: what was missing, and where an even clock stands. In periods.
+class Track {
+ public:
+  double cost = 0.0;
+  std::int64_t missing = 0;
+  std::size_t last_gap = 0;  // its place in the list of gaps, from 1
+  double level = 0.0;
+  double rows = 0.0;  // since it began
+
+  void begin_at(double ahead) { level = ahead, rows = 0.0; }
+  double off(double ahead) const {
+    constexpr double longest = 1e9;
+    return std::clamp(ahead - static_cast<double>(missing) - level, -longest, longest);
+  }
+  // A mean over the rows so far, later over the last ones; one stamp does not draw it far.
+  void follow(double off, double scatter) {
+    rows += 1.0;
+    level += std::clamp(off, -3.0 * scatter, 3.0 * scatter) / std::min(rows, std::max(32.0, 64.0 * scatter * scatter));
+  }
+};
+
+// -log of how likely a stamp is that is so far off: normal, and a few anywhere within some periods.
+struct Loss {
+  double scatter, most;
+  explicit Loss(double s) : scatter(s), most(4.6 + std::log(4.0 / s)) {}
+  double operator()(double off) const { return std::min(0.5 * off * off / (scatter * scatter), most); }
+};
+
+struct Fork {
+  StampGap gap;
+  std::size_t before = 0;  // the one before it, from 1
+};
+
+// The most likely gaps: rows follow an even clock, and each may come some periods later than it would.
+std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> times, double period, double scatter,
+                                                     double rare, double gap) {
+  constexpr std::size_t most_tracks = 8;
+  constexpr double never = 12.0, hopeless = 40.0, far = 32.0;
+  const Loss loss(scatter);
+  std::vector<Fork> forks;
+  std::vector<Track> tracks(2), next;
+  // The first stamp may be a bad one.
+  std::vector<double> first;
+  for (std::size_t k = 0; k < std::min<std::size_t>(16, times.size()); ++k)
+    first.push_back((times[k] - times[0]) / period - static_cast<double>(k));
+  tracks[1].begin_at(median(first));
+  const auto join = [&](const Track& track) {
+    const auto same = std::ranges::find_if(next, [&](const Track& other) {
+      return other.missing == track.missing && std::abs(other.level - track.level) < scatter;
+    });
+    if (same == next.end())
+      next.push_back(track);
+    else if (track.cost < same->cost)
+      *same = track;
+  };
+  for (std::size_t k = 0; k < times.size(); ++k) {
+    const double ahead = (times[k] - times[0]) / period - static_cast<double>(k);
+    const bool late = k > 0 && times[k] - times[k - 1] > (gap - 3.0 * scatter) * period;
+    next.clear();
+    for (const Track& track : tracks) {
+      const double off = track.off(ahead);
+      Track stays = track;
+      stays.cost += loss(off);
+      stays.follow(off, scatter);
+      join(stays);
+      const auto leap = [&](double periods, bool anew) {
+        Track leaps = track;
+        leaps.missing += static_cast<std::int64_t>(periods);
+        leaps.cost += rare + loss(off - periods) + (anew ? never : 0.0);
+        if (anew) leaps.begin_at(ahead - static_cast<double>(leaps.missing));
+        leaps.follow(leaps.off(ahead), scatter);
+        leaps.last_gap = forks.size() + 1;
+        forks.push_back({{k, static_cast<std::int64_t>(periods) + 1, anew}, track.last_gap});
+        join(leaps);
+      };
+      if (loss(off) >= loss.most) leap(0.0, true);
+      if (!late || off < 0.5) continue;
+      // Where stamps scatter by many periods it may be any of as many.
+      double periods = std::max(1.0, std::floor(off - std::min(3.0 * scatter, far)));
+      for (; periods < off + 1.0; periods += 1.0) {
+        leap(periods, false);
+        if (loss(off - periods) >= loss.most) leap(periods, true);
+      }
+    }
+    std::ranges::sort(next, {}, &Track::cost);
+    if (next.size() > most_tracks) next.resize(most_tracks);
+    const double worst = next.front().cost + hopeless;
+    while (next.back().cost > worst) next.pop_back();
+    std::swap(tracks, next);
+  }
+  std::vector<StampGap> gaps;
+  for (std::size_t at = tracks.front().last_gap; at > 0; at = forks[at - 1].before) gaps.push_back(forks[at - 1].gap);
+  std::ranges::reverse(gaps);
+  return {std::move(gaps), tracks.front().cost + static_cast<double>(times.size()) * std::log(scatter * period)};
+}
+
+// Rows and what each is off by, along these gaps; `visit`: (row, periods since the last beginning, off, begins).
+template <class Visit>
+void along(std::span<const double> times, const StampModel& model, Visit visit) {
+  Track track;
+  std::int64_t counter = 0;
+  for (std::size_t k = 0, at = 0; k < times.size(); ++k) {
+    const double ahead = (times[k] - times[0]) / model.period - static_cast<double>(k);
+    bool begins = k == 0;
+    if (k > 0) ++counter;
+    if (at < model.gaps.size() && model.gaps[at].row == k) {
+      track.missing += model.gaps[at].periods - 1;
+      counter += model.gaps[at].periods - 1;
+      begins = model.gaps[at++].anew;
+      if (begins) track.begin_at(ahead - static_cast<double>(track.missing));
+    }
+    const double off = track.off(ahead);
+    visit(k, counter, off, begins);
+    track.follow(off, model.scatter);
+  }
+}
+
+// Of stamps in coarse steps no less than theirs.
+double least_scatter(std::span<const double> times, double period) {
+  return std::max(1e-3, 0.7 * resolution_of(times, period) / period);
+}
+
+// The scatter along the gaps, and the period: least squares, with a beginning of its own behind a gap of no whole number of periods.
+void measure(std::span<const double> times, double least, StampModel& model) {
+  std::vector<double> offs;
+  const std::size_t stride = 1 + times.size() / 65536;
+  double both = 0.0, squares = 0.0, first = 0.0;
+  std::int64_t origin = 0;
+  std::array<double, 5> s{};  // 1, m, m^2, y, m y of a piece
+  const auto close = [&] {
+    if (s[0] < 2.0) return;
+    both += s[4] - s[1] * s[3] / s[0];
+    squares += s[2] - s[1] * s[1] / s[0];
+  };
+  const Loss loss(model.scatter);
+  along(times, model, [&](std::size_t k, std::int64_t counter, double off, bool begins) {
+    if (k % stride == 0) offs.push_back(std::abs(off));
+    if (begins) close(), s = {}, origin = counter, first = times[k];
+    if (loss(off) >= loss.most) return;
+    const auto m = static_cast<double>(counter - origin);
+    const double y = times[k] - first - m * model.period;
+    s[0] += 1.0, s[1] += m, s[2] += m * m, s[3] += y, s[4] += m * y;
+  });
+  close();
+  if (squares > 0.0) model.period += both / squares;
+  model.scatter = std::max(least, 1.48 * median(offs));
+}
+
+// Of a few windows: half a window, what stamps are off an even clock by.
+double window_scatter(std::span<const double> times, double period) {
+  const std::size_t width = std::min<std::size_t>(64, times.size());
+  std::vector<double> scatters, window(width);
+  for (std::size_t row = 0; row + width <= times.size(); row += std::max(width, times.size() / 256)) {
+    for (std::size_t k = 0; k < width; ++k) window[k] = (times[row + k] - times[row]) / period - static_cast<double>(k);
+    const double middle = median(window);
+    for (double& x : window) x = std::abs(x - middle);
+    scatters.push_back(1.48 * median(window));
+  }
+  return median(scatters);
+}
+
+StampModel fit(std::span<const double> times, double period, double scatter, double gap) {
+  const double least = least_scatter(times, period);
+  StampModel model{.period = period, .scatter = std::max(least, scatter), .gaps = {}};
+  double rare = 12.0;  // -log of how likely a gap is at a row
+  for (int round = 0; round < 12; ++round) {
+    auto [gaps, cost] = likely_gaps(times, model.period, model.scatter, rare, gap);
+    model.cost = cost;
+    const double before = model.scatter;
+    const bool same = round > 0 && gaps.size() == model.gaps.size();
+    std::swap(model.gaps, gaps);
+    measure(times, least, model);
+    if (same && std::abs(model.scatter - before) < 0.01 * before) break;
+    rare =
+        std::clamp(std::log(static_cast<double>(times.size()) / static_cast<double>(model.gaps.size() + 1)), 3.0, 12.0);
+  }
+  return model;
+}
+
+// The number of which most intervals are a multiple, as where rows are missing.
+double common_divisor(std::span<const double> times) {
+  const std::vector<double> intervals = intervals_of(times);
+  std::vector<double> sorted = intervals;
+  double period = median(sorted);
+  for (int round = 0; round < 5 && period > 0.0; ++round) {
+    double sum = 0.0, count = 0.0;
+    for (const double interval : intervals) {
+      const double periods = std::max(1.0, std::round(interval / period));
+      if (std::abs(interval / period - periods) > 0.4) continue;
+      sum += interval, count += periods;
+    }
+    period = count > 0.0 ? sum / count : 0.0;
+  }
+  return period;
+}
+
+// Slopes over parts of the record, where rows come in bursts: the lower ones have no gaps in them.
+double low_slope(std::span<const double> times) {
+  const std::size_t width = std::min<std::size_t>(512, times.size());
+  std::vector<double> slopes;
+  for (std::size_t row = 0; row + width <= times.size(); row += std::max(width, times.size() / 256)) {
+    const double middle = 0.5 * static_cast<double>(width - 1);
+    double both = 0.0, squares = 0.0;
+    for (std::size_t k = 0; k < width; ++k) {
+      const double m = static_cast<double>(k) - middle;
+      both += m * (times[row + k] - times[row]);
+      squares += m * m;
+    }
+    slopes.push_back(both / squares);
+  }
+  return value_at_rank(slopes, slopes.size() / 4);
+}
+
 }  // namespace
 
-std::vector<double> intervals_over(std::span<const double> times, std::size_t span, std::size_t most) {
+std::vector<double> intervals_of(std::span<const double> times, std::size_t most) {
   std::vector<double> intervals;
   const std::size_t step = std::max<std::size_t>(1, times.size() / most);
-  intervals.reserve(times.size() / step + 1);
-  for (std::size_t k = span; k < times.size(); k += step)
-    intervals.push_back((times[k] - times[k - span]) / static_cast<double>(span));
+  for (std::size_t k = 1; k < times.size(); k += step) intervals.push_back(times[k] - times[k - 1]);
   return intervals;
 }
 
-std::vector<StampGap> find_gaps(std::span<const double> times, double period, double gap) {
-  const std::size_t n = times.size();
-  std::vector<StampGap> gaps;
-  const StampLevel level = find_level(times, period);
-  std::size_t last_gap = 0;
-  const auto is_late = [&](std::size_t row) { return times[row] - times[row - 1] > gap * period; };
-  const bool fine = level.width == StampLevel{}.width && level.spread < 0.6 * period;
-  // From before a row, up to another one or itself.
-  const auto rise = [&](std::size_t row, std::size_t to) {
-    const std::size_t from = std::max(last_gap, row - std::min(row, level.width));
-    return level.at(to, level.width) - level.at(from, fine ? row - from : level.width) -
-           static_cast<double>(to - from) * period;
-  };
-  for (std::size_t row = 1; row < n; ++row) {
-    if (!is_late(row)) continue;
-    const auto seen = static_cast<double>(std::min({n - row, row - last_gap, level.width}));
-    const double chance = 5.0 * level.scatter * std::sqrt(static_cast<double>(level.width) / seen);
-    const double least = std::max(chance, n - row < level.width ? level.spread + 0.5 * period : 0.5 * period);
-    if (rise(row, row) < least) continue;
-    // A median sees a gap half a window before it: it is the longest interval there. Fine stamps say themselves which row it is.
-    std::size_t at = row;
-    for (std::size_t next = row + 1; !level.least && !fine && next < std::min(n, row + level.width / 2 + 1); ++next)
-      if (times[next] - times[next - 1] > times[at] - times[at - 1]) at = next;
-    const double missing = fine ? times[row] - times[row - 1] - period : rise(row, at);
-    gaps.push_back({at, 1 + std::max<std::int64_t>(1, std::llround(missing / period))});
-    last_gap = row = at;
+StampModel fit_stamps(std::span<const double> times, double gap) {
+  constexpr std::size_t enough = std::size_t{1} << 15;
+  StampModel best{.cost = std::numeric_limits<double>::infinity(), .gaps = {}};
+  if (times.size() < 2) return best;
+  const auto [least, most] = std::ranges::minmax(times);
+  if (!std::isfinite(most - least)) return best;
+  const std::span<const double> some = times.first(std::min(times.size(), enough));
+  for (const double period : {low_slope(times), common_divisor(some)}) {
+    if (!(period > 0.0)) continue;
+    StampModel model = fit(some, period, window_scatter(some, period), gap);
+    if (model.cost < best.cost) best = std::move(model);
   }
-  return gaps;
+  if (best.period > 0.0 && some.size() < times.size()) best = fit(times, best.period, best.scatter, gap);
+  return best;
 }
 
-double typical_interval(std::span<const double> times) {
-  std::vector<double> intervals;
-  const auto over = [&](std::size_t span) {
-    intervals = intervals_over(times, span);
-    return intervals.empty() ? 0.0 : median(intervals);
-  };
-  const double one = over(1);
-  std::vector<double> single = intervals;
-  double middle = 0.0;
-  std::size_t span = 16;
-  for (;; span *= 4) {
-    span = std::clamp<std::size_t>(times.size() / 4, 1, span);
-    middle = over(span);
-    if (middle > 0.0 || span == 256 || span == std::max<std::size_t>(times.size() / 4, 1)) break;
-  }
-  if (!(middle > 0.0)) return middle;
-  // Stamps in coarse steps are right in the mean only, and of rows that come in bursts whole bursts.
-  const bool bursts = one < 0.5 * middle;
-  for (double& interval : single) interval = std::abs(interval - (bursts ? 0.0 : one));
-  const std::size_t rank = single.size() - 1 - single.size() / (bursts ? 50 : 20);
-  const double step = std::max(0.4 * middle, value_at_rank(single, rank));
-  const double near = 1.2 * step / static_cast<double>(span);
-  const auto end =
-      std::partition(intervals.begin(), intervals.end(), [&](double x) { return std::abs(x - middle) <= near; });
-  return std::accumulate(intervals.begin(), end, 0.0) / static_cast<double>(end - intervals.begin());
-}
-
-IncrementsChoice choose_increments(std::span<const double> times_s) {
+IncrementsChoice choose_increments(std::span<const double> times_s, const StampModel& model) {
   constexpr std::size_t fewest = 40, parts = 16;
   const std::size_t n = times_s.size();
   if (n < fewest) return {false, "too few rows to tell whether the stamps jitter"};
-  const double period = typical_interval(times_s);
-  if (!(period > 0.0)) return {false, "the times do not grow"};
-  // By what the stamps are ahead of an even clock; periods that are missing are gaps.
-  const std::vector<StampGap> gaps = find_gaps(times_s, period, 1.5);
+  if (!(model.period > 0.0)) return {false, "the times do not grow"};
+  const double period = model.period;
   std::vector<double> ahead(n, 0.0);
   for (std::size_t k = 1, at = 0; k < n; ++k) {
-    const std::int64_t periods = at < gaps.size() && gaps[at].row == k ? gaps[at++].periods : 1;
+    const std::int64_t periods = at < model.gaps.size() && model.gaps[at].row == k ? model.gaps[at++].periods : 1;
     ahead[k] = ahead[k - 1] + times_s[k] - times_s[k - 1] - static_cast<double>(periods) * period;
   }
   // Rms without the largest hundredth: knocks of the host, gaps that were not whole periods.

@@ -17,26 +17,30 @@
 
 namespace turncal {
 
-// A row that comes so many periods after the one before, more than one.
+// A row that comes so many periods after the one before. `anew`: and the clock was set, or stood for no whole number of them.
 struct StampGap {
   std::size_t row = 0;
   std::int64_t periods = 0;
+  bool anew = false;
   bool operator==(const StampGap&) const = default;
 };
-// A gap is a rise of the level of the stamps that lasts, whatever a single one does. `gap`: in periods, from which an interval is looked at.
-std::vector<StampGap> find_gaps(std::span<const double> times, double period, double gap);
 
-// From each row's stamp to that `span` rows later, over `span`; of long records of some of them.
-std::vector<double> intervals_over(std::span<const double> times, std::size_t span,
-                                   std::size_t most = std::size_t{1} << 17);
+struct StampModel {
+  double period = 0.0;         // 0: the times do not grow
+  double scatter = 0.0;        // of a stamp, in periods
+  double cost = 0.0;           // -log of the likelihood
+  std::vector<StampGap> gaps;  // in order
+};
+// `gap`: an interval of fewer periods, less what stamps scatter by, is none.
+StampModel fit_stamps(std::span<const double> times, double gap = 1.5);
 
-// The interval that most rows keep, whatever the gaps and the jitter: the mean over 16 of them, less those that are far from the median.
-double typical_interval(std::span<const double> times);
+// From each row's stamp to the next one's; of long records of some of them.
+std::vector<double> intervals_of(std::span<const double> times, std::size_t most = std::size_t{1} << 17);
 
 struct IncrementsChoice {
   bool even = true;  // the sampling is: `period` is right, else `intervals`
   std::string reason;
 };
-IncrementsChoice choose_increments(std::span<const double> times_s);
+IncrementsChoice choose_increments(std::span<const double> times_s, const StampModel& model);
 
 }  // namespace turncal

@@ -227,7 +227,9 @@ Status import_text(const TextOptions& options, CommandContext& context) {
   if (options.is_foreign()) return import_table(options, context);
   if (!std::filesystem::is_directory(options.source)) {
     TRY(expect_file(options.source, FileKind::csv));
-    TRY(PosixFile::open_to_read(options.source));
+    const TableBytes bytes = TRY(bytes_of_file(options.source));
+    const std::string_view head = TRY(bytes.at(0, 1));
+    TRY(check_text(head, options.source));
   }
   if (!path_exists(options.source + "/recording.conf") && !path_exists(options.source + "/" + binary_recording_name))
     return input_error(

@@ -208,5 +208,49 @@ TEST(MatrixWriter, ReplacesOnlyItsLike) {
   }
 }
 
+TEST(NumberTable, SaysWhatIsNoTable) {
+  const auto said = [](std::string_view content, std::string_view what) {
+    return fails(read_number_table(content, "f", {{"1"}}, {.header_lines = 0}), what);
+  };
+  EXPECT_TRUE(said(std::string_view("\xFF\xFE,\0,\0", 6), "f: a text in UTF-16: expected UTF-8"));
+  EXPECT_TRUE(said("1,2\r3,4\r", "f: lines end in a carriage return alone: expected line feeds"));
+  EXPECT_TRUE(
+      said(std::string_view("\0\0\0\0\7\0\0\0\1\0\0\0\0\0\0\0\2\0\0\0t\0", 22), "f: a MATLAB file of version 4"));
+  EXPECT_TRUE(said(npy("<f8", false, "(0, 7)", ""), "f: shape '(0, 7)': an empty array"));
+}
+
+// In blocks, from a file, of either order and of text, the rows are those of the whole; the second time, too.
+TEST(NumberTable, BlocksAreTheTable) {
+  TemporaryFolder folder;
+  std::vector<double> rows, columns(3 * 70000);
+  std::string text = "a,b,c\n";
+  for (std::size_t k = 0; k < 70000; ++k)
+    for (std::size_t c = 0; c < 3; ++c) {
+      rows.push_back(static_cast<double>(k * 10 + c));
+      columns[c * 70000 + k] = rows.back();
+      text += std::to_string(k * 10 + c) + (c < 2 ? "," : "\n");
+    }
+  const std::string files[] = {npy("<f8", false, "(70000, 3)", bytes_of(rows)),
+                               npy("<f8", true, "(70000, 3)", bytes_of(columns)), text};
+  for (const std::string& content : files) {
+    std::ofstream(folder / "t", std::ios::binary) << content;
+    const TableBytes bytes = expect_value(bytes_of_file(folder / "t"));
+    for (int pass = 0; pass < 2; ++pass) {
+      std::size_t row = 0, blocks = 0;
+      EXPECT_OK(read_number_table(bytes, "t", {{"3"}, {"1"}}, {}, [&](const NumberTable& block) {
+        for (std::size_t k = 0; k < block.rows(); ++k, ++row) {
+          EXPECT_EQ(block.columns[0][k], static_cast<double>(row * 10 + 2));
+          EXPECT_EQ(block.columns[1][k], static_cast<double>(row * 10));
+          EXPECT_EQ(block.position[k], static_cast<std::int64_t>(row));
+        }
+        ++blocks;
+        return Status();
+      }));
+      EXPECT_EQ(row, 70000u);
+      EXPECT_GT(blocks, 1u);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace turncal
