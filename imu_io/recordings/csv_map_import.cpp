@@ -122,31 +122,6 @@ class Sieve {
   std::size_t row_ = 0, at_ = 0;
 };
 
-// The accelerometers of another file at the stamps of the gyros.
-struct OtherAccel {
-  NumberTable table;         // three numbers and the stamp
-  std::vector<double> time;  // s
-  bool same = false;         // row by row
-  bool is_rate = true;
-  // What the rows up to the last one added up to.
-  std::size_t at = 1;
-  Eigen::Vector3d sum = Eigen::Vector3d::Zero(), before = sum;
-
-  Eigen::Vector3d numbers(std::size_t row) const { return three_of(table, row, 0, 1); }
-  bool covers(double t) const { return time.size() >= 2 && t >= time.front() && t <= time.back(); }
-  // The integral at the gyros' stamps; a number says the mean over the interval that it ends. `t`: of row k, one after the other.
-  Eigen::Vector3d of(std::size_t k, double t, double before_s) {
-    if (same) return numbers(k);
-    for (; at < time.size() && time[at] <= t; ++at) sum += numbers(at) * (is_rate ? time[at] - time[at - 1] : 1.0);
-    Eigen::Vector3d here = sum;
-    if (at < time.size())
-      here += numbers(at) * (is_rate ? t - time[at - 1] : (t - time[at - 1]) / (time[at] - time[at - 1]));
-    const Eigen::Vector3d mean = (here - before) / (is_rate ? t - before_s : 1.0);
-    before = here;
-    return k == 0 ? numbers(std::min(at, time.size() - 1)) : mean;
-  }
-};
-
 // Twice through the rows: for the stamps, and for the samples.
 class Importer {
  public:
@@ -363,36 +338,50 @@ class Importer {
     for (const std::string& name : map_.accel.columns) wanted.push_back({name});
     if (timed()) wanted.push_back({map_.accel_time_column});
     TRY(check_once_each(source, wanted));
-    OtherAccel& accel = accel_.emplace();
-    accel.is_rate = map_.accel.is_rate;
-    NumberTable& table = accel.table;
+    NumberTable table;
     TRY(source.read(wanted, map_.format, [&](const NumberTable& block) {
       count_bad(block);
       append_rows(table, block);
       return Status();
     }));
     const std::size_t n = table.rows();
-    if (!timed()) {
-      std::vector<StampGap> missing;
-      for (std::size_t k = 1; k < n; ++k)
-        if (const std::int64_t step = table.position[k] - table.position[k - 1]; step > 1)
-          missing.push_back({k, step - 1});
-      accel.same = n == rows_ && missing == missing_;
-      if (accel.same) return {};
+    const auto numbers = [&](std::size_t row) { return three_of(table, row, 0, 1); };
+    std::vector<double> time;
+    std::vector<StampGap> missing;
+    for (std::size_t k = 0; k < n; ++k) {
+      if (timed()) time.push_back((table.columns[3][k] - first_stamp_.value_or(0.0)) * map_.time_unit_s);
+      if (k > 0 && table.position[k] > table.position[k - 1] + 1)
+        missing.push_back({k, table.position[k] - table.position[k - 1] - 1});
+    }
+    if (timed() ? time == times_ : n == rows_ && missing == missing_) {
+      for (std::size_t k = 0; k < n; ++k) accel_.push_back(numbers(k));
+      return {};
+    }
+    if (!timed())
       return input_error(fmt::format("{}: {} rows: expected {}, as in {}, or time.column", source.file_name, n, rows_,
                                      source_.file_name));
-    }
-    for (const double stamp : table.columns[3]) accel.time.push_back((stamp - *first_stamp_) * map_.time_unit_s);
-    accel.same = accel.time == times_;
-    if (accel.same) return {};
     for (std::size_t k = 1; k < n; ++k)
-      if (!(accel.time[k] > accel.time[k - 1]))
-        return goes_back(source, table.line[k], map_.accel_time_column, accel.time[k]);
-    if (n > 0 && rows_ > 0 && (accel.time.back() < times_.front() || accel.time.front() > times_.back()))
+      if (!(time[k] > time[k - 1])) return goes_back(source, table.line[k], map_.accel_time_column, time[k]);
+    if (n > 0 && rows_ > 0 && (time.back() < times_.front() || time.front() > times_.back()))
       return input_error(fmt::format("{}: times of {} to {}: expected some of those of {}, {} to {}", source.file_name,
-                                     in_file(accel.time.front()), in_file(accel.time.back()), source_.file_name,
+                                     in_file(time.front()), in_file(time.back()), source_.file_name,
                                      in_file(times_.front()), in_file(times_.back())));
-    return sieve(true, [&](std::size_t k, std::size_t) -> Result<bool> { return !accel.covers(times_[k]); });
+    TRY(sieve(true, [&](std::size_t k, std::size_t) -> Result<bool> {
+      return n < 2 || times_[k] < time.front() || times_[k] > time.back();
+    }));
+    // The integral at the gyros' stamps; a number says the mean over the interval that it ends.
+    const bool rate = map_.accel.is_rate;
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero(), before = sum;
+    for (std::size_t k = 0, at = 1; k < rows_; ++k) {
+      const double t = times_[k];
+      for (; at < n && time[at] <= t; ++at) sum += numbers(at) * (rate ? time[at] - time[at - 1] : 1.0);
+      Eigen::Vector3d here = sum;
+      if (at < n) here += numbers(at) * (rate ? t - time[at - 1] : (t - time[at - 1]) / (time[at] - time[at - 1]));
+      accel_.push_back(k == 0 ? numbers(std::min(at, n - 1))
+                              : Eigen::Vector3d((here - before) / (rate ? t - times_[k - 1] : 1.0)));
+      before = here;
+    }
+    return {};
   }
 
   void make_intervals() {
@@ -474,7 +463,7 @@ class Importer {
     TRY(each_row([&](std::size_t k, const Row& row) -> Status {
       const bool is_gap = at < gaps_.size() && gaps_[at].row == k;
       counter += k == 0 ? 0 : is_gap ? gaps_[at++].periods : 1;
-      const Eigen::Vector3d accel = accel_ ? accel_->of(k, row.time, before_s) : row.accel;
+      const Eigen::Vector3d& accel = accel_.empty() ? row.accel : accel_[k];
       const bool is_measured = timed() && measured() && k > 0 && !is_gap;
       const double dt = is_measured ? row.time - before_s : period;
       before_s = row.time;
@@ -519,7 +508,7 @@ class Importer {
   double same_stamps_ = 0.0, repeats_ = 0.0;  // rows with the stamp of the one before, and with its numbers at another
   std::int64_t first_double_ = 0;             // line
   std::vector<Sieve> sieves_;
-  std::optional<OtherAccel> accel_;
+  std::vector<Eigen::Vector3d> accel_;  // of a file of their own
   std::optional<StampModel> stamps_;
   std::vector<StampGap> gaps_;  // periods before a row, where they are more than one
   std::vector<DataEvent> clipped_;

@@ -8,9 +8,9 @@
 // Nothing is resampled. With `intervals` the measured interval goes into the increment, so that a turn keeps its size when the
 // sampling jitters; with `period` the mean interval does, which is right when the stamps jitter but the sensor does not (then intervals
 // would turn jitter of stamps into noise of the sensor: over a rest of 3 s 0.5 ms of it are 1.6 mm/s^2). With `period` stamps may even
-// go back a little. A gap is then a rise that lasts of what the stamps are ahead of an even clock, by their median or least over 8, 32 or 128
-// rows, as few as their jitter needs; the least is right of stamps that come late, also in bursts. A gyro that repeats one extreme number is found
-// clipped (clipping.h) before intervals blur that. The recording's sample_period_s is the mean interval either way. The counter steps by
+// go back a little; stamps.h has what a gap is then. A gyro that repeats one extreme number is found
+// clipped (clipping.h) before intervals blur that. The recording's sample_period_s is the mean interval, or the slope
+// of the stamps. The counter steps by
 // one a row, over a gap by as many periods as it lasts; a dropped row leaves its number out. Output: rad and m/s, body axes.
 //
 // Where the map does not say, the stamps do (stamps.h).

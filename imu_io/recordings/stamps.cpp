@@ -84,6 +84,11 @@ std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> tim
     const double ahead = (times[k] - times[0]) / period - static_cast<double>(k);
     const bool late = k > 0 && times[k] - times[k - 1] > (gap - 3.0 * scatter) * period;
     next.clear();
+    if (const double off = tracks[0].off(ahead); tracks.size() == 1 && !late && loss(off) < loss.most) {  // as ever
+      tracks[0].cost += loss(off);
+      tracks[0].follow(off, scatter);
+      continue;
+    }
     for (const Track& track : tracks) {
       const double off = track.off(ahead);
       Track stays = track;
@@ -121,27 +126,6 @@ std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> tim
   return {std::move(gaps), tracks.front().cost + static_cast<double>(times.size()) * std::log(scatter * period)};
 }
 
-// Rows and what each is off by, along these gaps; `visit`: (row, periods since the last beginning, off, begins).
-template <class Visit>
-void along(std::span<const double> times, const StampModel& model, Visit visit) {
-  Track track;
-  std::int64_t counter = 0;
-  for (std::size_t k = 0, at = 0; k < times.size(); ++k) {
-    const double ahead = (times[k] - times[0]) / model.period - static_cast<double>(k);
-    bool begins = k == 0;
-    if (k > 0) ++counter;
-    if (at < model.gaps.size() && model.gaps[at].row == k) {
-      track.missing += model.gaps[at].periods - 1;
-      counter += model.gaps[at].periods - 1;
-      begins = model.gaps[at++].anew;
-      if (begins) track.begin_at(ahead - static_cast<double>(track.missing));
-    }
-    const double off = track.off(ahead);
-    visit(k, counter, off, begins);
-    track.follow(off, model.scatter);
-  }
-}
-
 // Of stamps in coarse steps no less than theirs.
 double least_scatter(std::span<const double> times, double period) {
   return std::max(1e-3, 0.7 * resolution_of(times, period) / period);
@@ -160,14 +144,29 @@ void measure(std::span<const double> times, double least, StampModel& model) {
     squares += s[2] - s[1] * s[1] / s[0];
   };
   const Loss loss(model.scatter);
-  along(times, model, [&](std::size_t k, std::int64_t counter, double off, bool begins) {
+  Track track;
+  std::int64_t counter = 0;
+  for (std::size_t k = 0, at = 0; k < times.size(); ++k, ++counter) {
+    const double ahead = (times[k] - times[0]) / model.period - static_cast<double>(k);
+    bool begins = k == 0;
+    if (at < model.gaps.size() && model.gaps[at].row == k) {
+      track.missing += model.gaps[at].periods - 1;
+      counter += model.gaps[at].periods - 1;
+      begins = model.gaps[at++].anew;
+    }
+    if (begins) {
+      track.begin_at(ahead - static_cast<double>(track.missing));
+      close();
+      s = {}, origin = counter, first = times[k];
+    }
+    const double off = track.off(ahead);
+    track.follow(off, model.scatter);
     if (k % stride == 0) offs.push_back(std::abs(off));
-    if (begins) close(), s = {}, origin = counter, first = times[k];
-    if (loss(off) >= loss.most) return;
+    if (loss(off) >= loss.most) continue;
     const auto m = static_cast<double>(counter - origin);
     const double y = times[k] - first - m * model.period;
     s[0] += 1.0, s[1] += m, s[2] += m * m, s[3] += y, s[4] += m * y;
-  });
+  }
   close();
   if (squares > 0.0) model.period += both / squares;
   model.scatter = std::max(least, 1.48 * median(offs));
@@ -194,7 +193,7 @@ StampModel fit(std::span<const double> times, double period, double scatter, dou
     auto [gaps, cost] = likely_gaps(times, model.period, model.scatter, rare, gap);
     model.cost = cost;
     const double before = model.scatter;
-    const bool same = round > 0 && gaps.size() == model.gaps.size();
+    const bool same = gaps.size() == model.gaps.size();
     std::swap(model.gaps, gaps);
     measure(times, least, model);
     if (same && std::abs(model.scatter - before) < 0.01 * before) break;
