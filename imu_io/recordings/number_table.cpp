@@ -314,11 +314,12 @@ Result<NpyArray> open_npy(const TableBytes& file, const std::string& file_name) 
   return NpyArray{view, begin + length};
 }
 
+template <class Take>  // NumberTable -> Status
 Status read_npy(const TableBytes& file, const std::string& file_name, const std::vector<WantedColumn>& wanted,
-                const TableSink& sink) {
+                Take take) {
   const auto [view, begin] = TRY(open_npy(file, file_name));
   const std::uint64_t item = view.type->bytes;
-  constexpr std::uint64_t most = 1 << 20;  // bytes of a block
+  constexpr std::uint64_t most = 1 << 18;  // bytes of a block
   for (std::uint64_t row = 0, rows = 0; row < view.rows; row += rows) {
     rows = std::clamp<std::uint64_t>(most / (item * view.columns), 1, view.rows - row);
     MatrixView block{.rows = rows, .columns = view.columns, .data = nullptr, .type = view.type};
@@ -338,8 +339,8 @@ Status read_npy(const TableBytes& file, const std::string& file_name, const std:
       TRY(load((*place * view.rows + row) * item, rows * item));
       return MatrixView{.rows = rows, .columns = 1, .data = block.data, .type = view.type}.column(0);
     };
-    const NumberTable table = TRY(read_arrays(file_name, wanted, read_column, static_cast<std::int64_t>(row)));
-    TRY(sink(table));
+    NumberTable table = TRY(read_arrays(file_name, wanted, read_column, static_cast<std::int64_t>(row)));
+    TRY(take(std::move(table)));
   }
   return {};
 }
@@ -761,8 +762,8 @@ TableBytes bytes_of_text(std::string_view text) {
 Status read_number_table(const TableBytes& bytes, const std::string& file_name, const std::vector<WantedColumn>& wanted,
                          const TableFormat& format, const TableSink& sink) {
   const FileKind form = form_of(TRY(bytes.at(0, 1)));
-  const TableSink check = [&](const NumberTable& block) -> Status {
-    return sink(TRY(checked(block, file_name, wanted, format.skip_bad_rows)));
+  const auto check = [&](NumberTable block) -> Status {
+    return sink(TRY(checked(std::move(block), file_name, wanted, format.skip_bad_rows)));
   };
   if (form == FileKind::npy) return read_npy(bytes, file_name, wanted, check);
   if (form == FileKind::mat) return check(TRY(read_mat(file_name, wanted)));
