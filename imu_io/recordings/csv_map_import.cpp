@@ -203,7 +203,8 @@ class Importer {
   }
 
   Status scan() {
-    if (timed()) times_.reserve(source_.most_rows);
+    constexpr std::uint64_t most_reserved = std::uint64_t{1} << 26;
+    if (timed()) times_.reserve(std::min(source_.likely_rows, most_reserved));
     ClippingFinder
         finder;  // on the numbers of the file, where a clipped gyro repeats itself whatever the intervals are
     Row before;
@@ -526,7 +527,7 @@ ColumnSource columns_of_bag(const std::string& path, BagImu bag) {
   if (bag.recording_times) source.note += ", times of recording: no header.stamp is set";
   source.started_utc_s = bag.started_utc_s;
   for (const NumberColumn& column : bag.columns) source.names.push_back(column.name);
-  source.most_rows = bag.message.size();
+  source.likely_rows = bag.message.size();
   source.read = [bag = std::make_shared<const BagImu>(std::move(bag)), name = source.file_name, names = source.names](
                     const std::vector<WantedColumn>& wanted, const TableFormat&, const TableSink& sink) -> Status {
     NumberTable table;
@@ -565,7 +566,7 @@ ColumnSource columns_of(TableBytes bytes, const std::string& file_name) {
   constexpr std::uint64_t least_row = 12;  // bytes, of six numbers
   ColumnSource source;
   source.file_name = file_name;
-  source.most_rows = bytes.size / least_row;
+  source.likely_rows = bytes.size / least_row;
   source.read = [bytes = std::move(bytes), file_name](const std::vector<WantedColumn>& wanted,
                                                       const TableFormat& format, const TableSink& sink) {
     return read_number_table(bytes, file_name, wanted, format, sink);

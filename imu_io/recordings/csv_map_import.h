@@ -88,7 +88,7 @@ struct ColumnSource {
   std::string file_name;
   // Hands the rows over from the first on, as often as wanted.
   std::function<Status(const std::vector<WantedColumn>&, const TableFormat&, const TableSink&)> read;
-  std::uint64_t most_rows = 0;      // there are no more
+  std::uint64_t likely_rows = 0;    // at most, as it seems: memory for stamps
   std::vector<std::string> names;   // what can be wanted; of text none
   std::optional<std::string> head;  // of CSV: how it begins
   std::string topic, note;          // of a bag: which one, and what else there is to say

@@ -200,12 +200,13 @@ class Collector {
     if (message.good() && std::isfinite(celsius)) temperatures_[topic.name].push_back({stamp, recorded_ns, celsius});
   }
 
-  // In the order of recording, which a file need not have; without those that have no stamp where others have one. A clock that
-  // begins at 0 (a simulation) has one row of it.
+  // In the order of recording, which a file need not have; as they are where their stamps grow (the recorder's clock may have been set).
+  // Without those that have no stamp where others have one; the clock of a simulation begins at 0, though.
   Status keep_in_order() {
     std::vector<std::size_t> order(stamps_.size()), kept;
     std::iota(order.begin(), order.end(), 0);
-    std::ranges::stable_sort(order, {}, [&](std::size_t row) { return recorded_[row]; });
+    if (!std::ranges::is_sorted(result_.recording_times ? recorded_ : stamps_))
+      std::ranges::stable_sort(order, {}, [&](std::size_t row) { return recorded_[row]; });
     const auto unset = std::ranges::count(stamps_, 0);
     const bool from_zero =
         unset == 1 && stamps_[order.front()] == 0 && stamps_.size() > 1 && stamps_[order[1]] < minute;

@@ -183,6 +183,22 @@ TEST(MapProposal, OfABag) {
   EXPECT_TRUE(fails(open_columns(samples + "euroc.csv", "/imu"), "topic '/imu': expected a ROS bag"));
 }
 
+// A comma at the end of the rows alone is nothing; cells without a name are said.
+TEST(MapProposal, OfRowsLongerThanTheHeader) {
+  TemporaryFolder folder;
+  for (const auto& [more, what] : {std::pair(",", ""), {",1,2", "(line 1 has 7 names, a row 9 cells)"}}) {
+    std::string text = table("t,gx,gy,gz,ax,ay,az", 1, 1, 1, true);
+    for (std::size_t at = text.find('\n') + 1; (at = text.find('\n', at)) != text.npos; at += std::strlen(more) + 1)
+      text.insert(at, more);
+    std::ofstream(folder / "log.csv") << text;
+    const Result<MapProposal> proposal = propose(folder / "log.csv");
+    if (std::strlen(what) > 0)
+      EXPECT_TRUE(fails(proposal, what));
+    else
+      EXPECT_EQ(expect_value(proposal).doubts, std::vector<std::string>());
+  }
+}
+
 // Columns are what they are called at their end; a thermometer counts in what its header says.
 TEST(MapProposal, OfNamesInAGroup) {
   TemporaryFolder folder;
