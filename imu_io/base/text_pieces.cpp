@@ -36,7 +36,8 @@ void split_cells(std::string_view row, char separator, std::vector<std::string_v
   for (std::size_t at = 0; at <= row.size();) {
     if (separator == ' ') at = std::min(row.find_first_not_of(separators, at), row.size());
     if (separator == ' ' && at == row.size()) break;
-    const std::size_t end = std::min(row.find_first_of(separators, at), row.size());
+    const std::size_t end =
+        std::min(separator == ' ' ? row.find_first_of(separators, at) : row.find(separator, at), row.size());
     std::string_view cell = trimmed(row.substr(at, end - at));
     if (cell.size() > 1 && cell.front() == '"' && cell.back() == '"') cell = trimmed(cell.substr(1, cell.size() - 2));
     cells.push_back(cell);

@@ -20,9 +20,12 @@
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "imu_io/recordings/ros_bag.h"
+#include "imu_io/recordings/stamps.h"
 
 namespace turncal {
 namespace {
+
+constexpr std::size_t most_head = std::size_t{1} << 18;  // of a text, that a proposal looks at
 
 // ---- the map ----
 
@@ -95,225 +98,152 @@ struct Row {
   double time = 0.0;
   Eigen::Vector3d gyro = Eigen::Vector3d::Zero(), accel = gyro;
   double temperature = std::numeric_limits<double>::quiet_NaN();
-  std::int64_t position = 0;
-  std::int64_t line = 0;
+  std::int64_t position = 0, line = 0;  // in the file
+  std::int64_t number = 0;              // of those that were read
 };
 
 Eigen::Vector3d three_of(const NumberTable& table, std::size_t row, std::size_t first, std::size_t step) {
   return {table.columns[first][row], table.columns[first + step][row], table.columns[first + 2 * step][row]};
 }
 
-Error time_goes_back(const std::string& file, std::int64_t line, const std::string& column, double time) {
-  return input_error(fmt::format("{}:{}: column {} = '{}': expected a time after that of the row before", file, line,
-                                 quoted(column), format_number(time)));
-}
-
-// What time it is at a row by the stamps of it and those after it: their median, or the least where stamps come late and never early.
-struct StampLevel {
-  std::span<const double> times;
-  double period = 0.0;
-  std::size_t width = 8;
-  bool least = false;
-  double scatter = 0.0;  // of the difference of two levels
-  double spread = 0.0;   // range of the stamps in a window
-
-  double at(std::size_t row, std::size_t most, double* range = nullptr) const {
-    std::array<double, 128> level{};
-    const std::size_t rows = std::min({width, most, times.size() - row});
-    for (std::size_t k = 0; k < rows; ++k) level[k] = times[row + k] - static_cast<double>(k) * period;
-    const std::span<double> levels(level.data(), rows);
-    const auto [first, last] = std::ranges::minmax(levels);
-    if (range != nullptr) *range = last - first;
-    return least ? first : median(levels);
+// Rows that are left out, by their places; what they are asked for goes from the first row on.
+class Sieve {
+ public:
+  explicit Sieve(std::vector<std::size_t> out) : out_(std::move(out)) {}
+  bool next_passes() {
+    const bool is_out = at_ < out_.size() && out_[at_] == row_;
+    if (is_out) ++at_;
+    ++row_;
+    return !is_out;
   }
-  // Of a few windows; some of them may have gaps.
-  void find_scatter() {
-    constexpr std::size_t enough = 512;
-    std::vector<double> rises, spreads;
-    for (std::size_t row = 0; row + 2 * width <= times.size(); row += std::max(width, times.size() / enough)) {
-      double range = 0.0;
-      const double here = at(row, width, &range);
-      rises.push_back(at(row + width, width) - here);
-      spreads.push_back(range);
-    }
-    if (rises.empty()) return;
-    const double middle = median(rises);
-    for (double& rise : rises) rise = std::abs(rise - middle);
-    scatter = std::min(value_at_rank(rises, 3 * rises.size() / 4) / 1.15, period / 6.0);
-    spread = median(spreads);
-  }
+
+ private:
+  std::vector<std::size_t> out_;
+  std::size_t row_ = 0, at_ = 0;
 };
 
-// The narrowest of a few windows whose levels scatter by less than a twelfth of a period; else the one that scatters least.
-StampLevel find_level(std::span<const double> times, double period) {
-  StampLevel best{times, period};
-  best.scatter = period;
-  for (const std::size_t width : {8, 32, 128})
-    for (const bool least : {false, true}) {
-      if (best.scatter < period / 12.0 || (width > 8 && times.size() < 4 * width)) continue;
-      StampLevel level{times, period, width, least};
-      level.find_scatter();
-      if (level.scatter < best.scatter) best = level;
-    }
-  return best;
-}
-
-// How many periods each row is after the one before: a gap is a rise of the level that lasts, whatever a single stamp does.
-std::vector<std::int64_t> periods_between(const std::vector<double>& times, double period, double gap) {
-  const std::size_t n = times.size();
-  std::vector<std::int64_t> periods(n, 1);
-  const StampLevel level = find_level(times, period);
-  std::size_t last_gap = 0;
-  const auto is_late = [&](std::size_t row) { return times[row] - times[row - 1] > gap * period; };
-  const bool fine = level.width == StampLevel{}.width && level.spread < 0.6 * period;
-  // From before a row, up to another one or itself.
-  const auto rise = [&](std::size_t row, std::size_t to) {
-    const std::size_t from = std::max(last_gap, row - std::min(row, level.width));
-    return level.at(to, level.width) - level.at(from, fine ? row - from : level.width) -
-           static_cast<double>(to - from) * period;
-  };
-  for (std::size_t row = 1; row < n; ++row) {
-    if (!is_late(row)) continue;
-    const auto seen = static_cast<double>(std::min({n - row, row - last_gap, level.width}));
-    const double chance = 5.0 * level.scatter * std::sqrt(static_cast<double>(level.width) / seen);
-    const double least = std::max(chance, n - row < level.width ? level.spread + 0.5 * period : 0.5 * period);
-    if (rise(row, row) < least) continue;
-    // A median sees a gap half a window before it: it is the longest interval there. Fine stamps say themselves which row it is.
-    std::size_t at = row;
-    for (std::size_t next = row + 1; !level.least && !fine && next < std::min(n, row + level.width / 2 + 1); ++next)
-      if (times[next] - times[next - 1] > times[at] - times[at - 1]) at = next;
-    const double missing = fine ? times[row] - times[row - 1] - period : rise(row, at);
-    periods[at] += std::max<std::int64_t>(1, std::llround(missing / period));
-    last_gap = row = at;
-  }
-  return periods;
-}
-
+// Twice through the rows: for the stamps, and for the samples.
 class Importer {
  public:
-  explicit Importer(const CsvMap& map) : map_(map) {}
+  Importer(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel)
+      : map_(map), source_(source), accel_source_(accel) {}
 
-  Status read(const ColumnSource& source, bool with_accel) {
-    file_name_ = source.file_name;
-    result_.info.started_utc_s = map_.started_utc_s ? map_.started_utc_s : source.started_utc_s;
-    std::vector<WantedColumn> wanted;
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      wanted.push_back({map_.gyro.columns[axis]});
-      if (with_accel) wanted.push_back({map_.accel.columns[axis]});
-    }
-    const std::size_t each = with_accel ? 2 : 1;
-    const std::size_t time = wanted.size();
-    if (timed()) wanted.push_back({map_.time_column});
-    const std::size_t temperature = wanted.size();
-    if (!map_.temperature_column.empty()) wanted.push_back({map_.temperature_column, true});
-    NumberTable table = TRY(read_once_each(source, wanted));
-    count_bad(table);
-    rows_.resize(table.rows());
-    // Stamps are numbers of 1.7e15 us: seconds of them would be rounded.
-    if (timed() && !rows_.empty()) first_stamp_ = table.columns[time].front();
-    for (std::size_t k = 0; k < rows_.size(); ++k) {
-      Row& row = rows_[k];
-      row.gyro = three_of(table, k, 0, each);
-      if (with_accel) row.accel = three_of(table, k, 1, each);
-      if (timed()) row.time = (table.columns[time][k] - first_stamp_) * map_.time_unit_s;
-      if (temperature < wanted.size())
-        row.temperature = (table.columns[temperature][k] - map_.temperature_offset) * map_.temperature_scale;
-      row.position = table.position[k];
-      row.line = table.line[k];
-    }
+  Result<CsvImport> run(const ImportBegin& begin, const RecordingSource::Sink& sink) {
+    TRY(want_columns());
+    TRY(scan());
     TRY(leave_out_doubles());
     choose();
-    return order_rows();
-  }
-
-  Status read_accel(const ColumnSource& source) {
-    const std::string& file_name = source.file_name;
-    std::vector<WantedColumn> wanted;
-    for (const std::string& name : map_.accel.columns) wanted.push_back({name});
-    if (timed()) wanted.push_back({map_.accel_time_column});
-    NumberTable table = TRY(read_once_each(source, wanted));
-    count_bad(table);
-    const std::size_t n = table.rows();
-    const auto numbers = [&](std::size_t row) { return three_of(table, row, 0, 1); };
-    const auto time = [&](std::size_t row) { return (table.columns[3][row] - first_stamp_) * map_.time_unit_s; };
-    bool same = n == rows_.size();
-    for (std::size_t k = 0; same && k < n; ++k)
-      same = timed() ? time(k) == rows_[k].time : table.position[k] == rows_[k].position;
-    if (same) {
-      for (std::size_t k = 0; k < n; ++k) rows_[k].accel = numbers(k);
-      return {};
-    }
-    if (!timed())
-      return input_error(
-          fmt::format("{}: {} rows: expected {}, as in {}, or time.column", file_name, n, rows_.size(), file_name_));
-    for (std::size_t k = 1; k < n; ++k)
-      if (!(time(k) > time(k - 1)))
-        return time_goes_back(file_name, table.line[k], map_.accel_time_column, table.columns[3][k]);
-    // The integral at the gyros' stamps; a number says the mean over the interval that it ends.
-    const bool rate = map_.accel.is_rate;
-    std::vector<Row> kept;
-    std::size_t at = 1;
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero(), before = sum;
-    for (std::size_t k = 0; k < rows_.size(); ++k) {
-      const double t = rows_[k].time;
-      if (n < 2 || t < time(0)) continue;
-      for (; at < n && time(at) <= t; ++at) sum += numbers(at) * (rate ? time(at) - time(at - 1) : 1.0);
-      if (at == n && t > time(n - 1)) break;
-      Eigen::Vector3d here = sum;
-      if (at < n) here += numbers(at) * (rate ? t - time(at - 1) : (t - time(at - 1)) / (time(at) - time(at - 1)));
-      Row& row = rows_[k];
-      if (kept.empty())
-        row.accel = numbers(std::min(at, n - 1));
-      else
-        row.accel = (here - before) / (rate ? t - kept.back().time : 1.0);
-      before = here;
-      kept.push_back(row);
-    }
-    rows_ = std::move(kept);
-    return {};
-  }
-
-  Result<CsvImport> finish() {
-    if (rows_.size() < 10)
-      return input_error(file_name_ + ": expected at least 10 rows of data, found " + std::to_string(rows_.size()));
+    TRY(order_rows());
+    if (accel_source_ != nullptr) TRY(read_accel());
+    if (rows_ < 10)
+      return input_error(source_.file_name + ": expected at least 10 rows of data, found " + std::to_string(rows_));
     make_intervals();
+    std::vector<double>().swap(times_);
     RecordingInfo& info = result_.info;
+    info.started_utc_s = map_.started_utc_s ? map_.started_utc_s : source_.started_utc_s;
     info.latitude_deg = map_.latitude_deg;
     info.gravity_mps2 = map_.gravity_mps2;
     info.unit_serial = map_.unit_serial;
     info.gyro_increment = info.accel_increment = IncrementKind::physical;
-    info.has_temperature =
-        std::any_of(rows_.begin(), rows_.end(), [](const Row& r) { return !std::isnan(r.temperature); });
-    make_samples();
-    result_.rows = static_cast<std::int64_t>(rows_.size()) + result_.bad_rows;
-    if (result_.samples.empty())
-      return input_error(file_name_ + ": every row is saturated; look at gyro.range and accel.range");
-    TRY(check_info(info, file_name_));
+    result_.rows = static_cast<std::int64_t>(rows_) + result_.bad_rows;
+    TRY(check_info(info, source_.file_name));
+    begin(result_);
+    TRY(make_samples(sink));
     return std::move(result_);
   }
 
  private:
   bool timed() const { return !map_.time_column.empty(); }
   bool measured() const { return map_.increments == CsvMap::Increments::intervals; }
-  std::vector<double> row_times() const {
-    std::vector<double> times;
-    for (const Row& row : rows_) times.push_back(row.time);
-    return times;
+
+  Status want_columns() {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      wanted_.push_back({map_.gyro.columns[axis]});
+      if (accel_source_ == nullptr) wanted_.push_back({map_.accel.columns[axis]});
+    }
+    time_ = wanted_.size();
+    if (timed()) wanted_.push_back({map_.time_column});
+    temperature_ = wanted_.size();
+    if (!map_.temperature_column.empty()) wanted_.push_back({map_.temperature_column, true});
+    return check_once_each(source_, wanted_);
   }
 
-  Result<NumberTable> read_once_each(const ColumnSource& source, const std::vector<WantedColumn>& wanted) const {
+  static Status check_once_each(const ColumnSource& source, const std::vector<WantedColumn>& wanted) {
     for (auto column = wanted.begin(); column != wanted.end(); ++column)
       if (std::ranges::find(wanted.begin(), column, column->name, &WantedColumn::name) != column)
         return input_error(source.file_name + ": the map uses column " + quoted(column->name) +
                            " twice: expected each column once");
-    return source.read(wanted, map_.format);
+    return {};
   }
 
-  void choose() {
-    if (!timed() || map_.increments != CsvMap::Increments::chosen) return;
-    const IncrementsChoice choice = choose_increments(row_times());
-    map_.increments = choice.increments;
-    result_.chosen = fmt::format("time.increments = {}: {}", measured() ? "intervals" : "period", choice.reason);
+  // `visit`: of every row that the sieves let through; its number among them, from 0, and the row.
+  template <class Visit>
+  Status each_row(Visit visit) {
+    std::vector<Sieve> sieves = sieves_;
+    std::size_t kept = 0;
+    Row row;
+    const std::size_t step = accel_source_ == nullptr ? 2 : 1;
+    return source_.read(wanted_, map_.format, [&](const NumberTable& block) -> Status {
+      if (!scanned_) count_bad(block);
+      // Stamps are numbers of 1.7e15 us: seconds of them would be rounded.
+      if (timed() && !first_stamp_ && block.rows() > 0) first_stamp_ = block.columns[time_].front();
+      for (std::size_t k = 0; k < block.rows(); ++k, ++row.number) {
+        if (!std::ranges::all_of(sieves, &Sieve::next_passes)) continue;
+        row.gyro = three_of(block, k, 0, step);
+        if (step == 2) row.accel = three_of(block, k, 1, step);
+        if (timed()) row.time = (block.columns[time_][k] - *first_stamp_) * map_.time_unit_s;
+        if (temperature_ < wanted_.size())
+          row.temperature = (block.columns[temperature_][k] - map_.temperature_offset) * map_.temperature_scale;
+        row.position = block.position[k];
+        row.line = block.line[k];
+        TRY(visit(kept++, row));
+      }
+      return {};
+    });
+  }
+
+  Status scan() {
+    constexpr std::uint64_t most_reserved = std::uint64_t{1} << 26;
+    if (timed()) times_.reserve(std::min(source_.likely_rows, most_reserved));
+    ClippingFinder
+        finder;  // on the numbers of the file, where a clipped gyro repeats itself whatever the intervals are
+    Row before;
+    TRY(each_row([&](std::size_t k, const Row& row) -> Status {
+      if (timed()) times_.push_back(row.time);
+      if (k > 0 && row.position > before.position + 1) missing_.push_back({k, row.position - before.position - 1});
+      if (k > 0 && timed()) compare(k, row, before);
+      ImuSample sample;
+      sample.counter = static_cast<std::int64_t>(k);
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const int from = map_.gyro.axes.from[axis];
+        sample.gyro[axis] = row.gyro[from] - map_.gyro.offset[static_cast<std::size_t>(from)];
+      }
+      finder.add(sample);
+      result_.info.has_temperature = result_.info.has_temperature || !std::isnan(row.temperature);
+      before = row;
+      rows_ = k + 1;
+      return {};
+    }));
+    clipped_ = finder.finish();
+    scanned_ = true;
+    return {};
+  }
+
+  void compare(std::size_t k, const Row& row, const Row& before) {
+    const bool same_time = row.time == before.time;
+    if (same_time) same_stamps_ += 1.0;
+    if (row.gyro != before.gyro || row.accel != before.accel) return;
+    if (!same_time) {
+      repeats_ += 1.0;
+    } else {
+      if (doubles_.empty()) first_double_ = row.line;
+      doubles_.push_back(k);
+    }
+  }
+
+  void count_bad(const NumberTable& table) {
+    if (result_.bad_rows == 0) result_.first_bad = table.first_bad;
+    result_.bad_rows += table.bad_rows;
   }
 
   Status leave_out(const Error& error) {
@@ -322,119 +252,194 @@ class Importer {
     return {};
   }
 
+  // `leaves`: (row, rows kept before) -> Result<bool>; `numbered`: the unit had a sample there, and its number is left out.
+  template <class Leaves>
+  Status sieve(bool numbered, Leaves leaves) {
+    std::vector<std::size_t> out;
+    std::vector<StampGap> missing;
+    std::size_t kept = 0;
+    std::int64_t skipped = 0;
+    for (std::size_t k = 0, at = 0; k < rows_; ++k) {
+      if (at < missing_.size() && missing_[at].row == k) skipped += missing_[at++].periods;
+      if (TRY(leaves(k, kept))) {
+        out.push_back(k);
+        skipped += numbered ? 1 : 0;
+        continue;
+      }
+      if (skipped > 0 && kept > 0) missing.push_back({kept, skipped});
+      skipped = 0;
+      if (timed()) times_[kept] = times_[k];
+      ++kept;
+    }
+    missing_ = std::move(missing);
+    rows_ = kept;
+    if (timed()) times_.resize(kept);
+    if (out.empty()) return {};
+    sieves_.emplace_back(std::move(out));
+    stamps_.reset();
+    return {};
+  }
+
   // Rows that were written twice: the stamp and the numbers of the row before. A coarse sensor at rest, whose stamps are coarse too, has such
   // rows of its own; it repeats its numbers at other stamps as often.
   Status leave_out_doubles() {
-    if (!timed() || rows_.empty()) return {};
-    const auto same_time = [&](std::size_t k) { return rows_[k].time == rows_[k - 1].time; };
-    const auto same_numbers = [&](std::size_t k) {
-      return rows_[k].gyro == rows_[k - 1].gyro && rows_[k].accel == rows_[k - 1].accel;
-    };
-    double stamps = 0.0, doubles = 0.0, repeats = 0.0;  // of rows with the stamp of the one before, and of others
-    for (std::size_t k = 1; k < rows_.size(); ++k) {
-      if (same_time(k)) stamps += 1.0;
-      if (same_numbers(k)) (same_time(k) ? doubles : repeats) += 1.0;
-    }
-    if (doubles * (static_cast<double>(rows_.size() - 1) - stamps) <= 2.0 * repeats * stamps) return {};
-    std::vector<Row> once{rows_.front()};
-    for (std::size_t k = 1; k < rows_.size(); ++k) {
-      if (same_time(k) && same_numbers(k)) {
-        TRY(leave_out(input_error(fmt::format(
-            "{}:{}: the row before again, time and numbers, as {} of {} rows: expected each row once; --skip-bad-rows "
-            "leaves them out",
-            file_name_, rows_[k].line, doubles, rows_.size()))));
-        continue;
-      }
-      once.push_back(rows_[k]);
-      once.back().position -= static_cast<std::int64_t>(k + 1 - once.size());  // nothing is missing
-    }
-    rows_ = std::move(once);
-    return {};
+    const auto doubles = static_cast<double>(doubles_.size()), all = static_cast<double>(rows_);
+    if (doubles * (all - 1.0 - same_stamps_) <= 2.0 * repeats_ * same_stamps_) return {};
+    const Error error = input_error(fmt::format(
+        "{}:{}: the row before again, time and numbers, as {} of {} rows: expected each row once; --skip-bad-rows "
+        "leaves them out",
+        source_.file_name, first_double_, doubles, rows_));
+    return sieve(false, [&, at = std::size_t{0}](std::size_t k, std::size_t) mutable -> Result<bool> {
+      if (at == doubles_.size() || doubles_[at] != k) return false;
+      ++at;
+      TRY(leave_out(error));
+      return true;
+    });
+  }
+
+  void choose() {
+    if (!timed() || map_.increments != CsvMap::Increments::chosen) return;
+    stamps_ = fit_stamps(times_, map_.gap);
+    const IncrementsChoice choice = choose_increments(times_, *stamps_);
+    map_.increments = choice.even ? CsvMap::Increments::period : CsvMap::Increments::intervals;
+    result_.chosen = fmt::format("time.increments = {}: {}", measured() ? "intervals" : "period", choice.reason);
   }
 
   // Times must increase; with `period` they may jitter back by a few rows.
   Status order_rows() {
-    if (!timed() || rows_.size() < 2) return {};
-    std::vector<double> steps;
-    for (std::size_t k = 1; k < rows_.size(); ++k) steps.push_back(std::abs(rows_[k].time - rows_[k - 1].time));
+    if (!timed() || rows_ < 2) return {};
+    std::vector<double> steps = intervals_of(times_);
+    for (double& step : steps) step = std::abs(step);
     const double back = measured() ? 0.0 : 5.0 * median(steps);
-    std::size_t kept = 1;
-    for (std::size_t k = 1; k < rows_.size(); ++k) {
-      const Row& row = rows_[k];
-      const double least = rows_[kept - 1].time - back;
-      if (measured() ? row.time > least : row.time >= least) {
-        rows_[kept++] = row;
-        continue;
-      }
-      TRY(leave_out(
-          time_goes_back(file_name_, row.line, map_.time_column, first_stamp_ + row.time / map_.time_unit_s)));
+    return sieve(true, [&](std::size_t k, std::size_t kept) -> Result<bool> {
+      if (kept == 0) return false;
+      const double least = times_[kept - 1] - back;
+      if (measured() ? times_[k] > least : times_[k] >= least) return false;
+      Error error = input_error("");
+      if (!map_.format.skip_bad_rows || result_.bad_rows == 0)
+        TRY(each_row([&](std::size_t row, const Row& found) {
+          if (row == k) error = goes_back(source_, found.line, map_.time_column, found.time);
+          return Status();
+        }));
+      TRY(leave_out(error));
+      return true;
+    });
+  }
+
+  Error goes_back(const ColumnSource& source, std::int64_t line, const std::string& column, double time_s) const {
+    return input_error(fmt::format("{}:{}: column {} = '{}': expected a time after that of the row before",
+                                   source.file_name, line, quoted(column), in_file(time_s)));
+  }
+
+  std::string in_file(double time_s) const { return format_number(*first_stamp_ + time_s / map_.time_unit_s); }
+
+  Status read_accel() {
+    const ColumnSource& source = *accel_source_;
+    std::vector<WantedColumn> wanted;
+    for (const std::string& name : map_.accel.columns) wanted.push_back({name});
+    if (timed()) wanted.push_back({map_.accel_time_column});
+    TRY(check_once_each(source, wanted));
+    NumberTable table;
+    TRY(source.read(wanted, map_.format, [&](const NumberTable& block) {
+      count_bad(block);
+      append_rows(table, block);
+      return Status();
+    }));
+    const std::size_t n = table.rows();
+    const auto numbers = [&](std::size_t row) { return three_of(table, row, 0, 1); };
+    std::vector<double> time;
+    std::vector<StampGap> missing;
+    for (std::size_t k = 0; k < n; ++k) {
+      if (timed()) time.push_back((table.columns[3][k] - first_stamp_.value_or(0.0)) * map_.time_unit_s);
+      if (k > 0 && table.position[k] > table.position[k - 1] + 1)
+        missing.push_back({k, table.position[k] - table.position[k - 1] - 1});
     }
-    rows_.resize(kept);
+    if (timed() ? time == times_ : n == rows_ && missing == missing_) {
+      for (std::size_t k = 0; k < n; ++k) accel_.push_back(numbers(k));
+      return {};
+    }
+    if (!timed())
+      return input_error(fmt::format("{}: {} rows: expected {}, as in {}, or time.column", source.file_name, n, rows_,
+                                     source_.file_name));
+    for (std::size_t k = 1; k < n; ++k)
+      if (!(time[k] > time[k - 1])) return goes_back(source, table.line[k], map_.accel_time_column, time[k]);
+    if (n > 0 && rows_ > 0 && (time.back() < times_.front() || time.front() > times_.back()))
+      return input_error(fmt::format("{}: times of {} to {}: expected some of those of {}, {} to {}", source.file_name,
+                                     in_file(time.front()), in_file(time.back()), source_.file_name,
+                                     in_file(times_.front()), in_file(times_.back())));
+    TRY(sieve(true, [&](std::size_t k, std::size_t) -> Result<bool> {
+      return n < 2 || times_[k] < time.front() || times_[k] > time.back();
+    }));
+    // The integral at the gyros' stamps; a number says the mean over the interval that it ends.
+    const bool rate = map_.accel.is_rate;
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero(), before = sum;
+    for (std::size_t k = 0, at = 1; k < rows_; ++k) {
+      const double t = times_[k];
+      for (; at < n && time[at] <= t; ++at) sum += numbers(at) * (rate ? time[at] - time[at - 1] : 1.0);
+      Eigen::Vector3d here = sum;
+      if (at < n) here += numbers(at) * (rate ? t - time[at - 1] : (t - time[at - 1]) / (time[at] - time[at - 1]));
+      accel_.push_back(k == 0 ? numbers(std::min(at, n - 1))
+                              : Eigen::Vector3d((here - before) / (rate ? t - times_[k - 1] : 1.0)));
+      before = here;
+    }
     return {};
   }
 
   void make_intervals() {
-    step_.assign(rows_.size(), 1);
-    if (!rows_.empty()) step_[0] = 0;
+    double& period = result_.info.sample_period_s;
     if (!timed()) {
-      result_.info.sample_period_s = median_s_ = 1.0 / map_.rate_hz;
-      for (std::size_t k = 1; k < rows_.size(); ++k) step_[k] = rows_[k].position - rows_[k - 1].position;
+      period = 1.0 / map_.rate_hz;
+      for (const StampGap& gap : missing_) gaps_.push_back({gap.row, gap.periods + 1});
       return;
     }
-    const std::vector<double> times = row_times();
-    std::vector<double> intervals(times.size());
-    std::adjacent_difference(times.begin(), times.end(), intervals.begin());  // to each row from the one before
-    intervals.erase(intervals.begin());
-    std::vector<double> rearranged = intervals;
-    median_s_ = measured() ? median(rearranged) : typical_interval(times);
+    std::vector<StampGap> found;
+    if (measured()) {
+      std::vector<double> intervals = intervals_of(times_, times_.size());
+      const double usual = median(intervals);
+      for (std::size_t k = 1; k < rows_; ++k)
+        if (times_[k] - times_[k - 1] > map_.gap * usual) found.push_back({k, 2});
+    } else {
+      if (!stamps_) stamps_ = fit_stamps(times_, map_.gap);
+      found = std::move(stamps_->gaps);
+    }
     double sum = 0.0, squares = 0.0, count = 0.0;
-    std::vector<std::size_t> gaps;
-    const std::vector<std::int64_t> periods =
-        measured() ? std::vector<std::int64_t>() : periods_between(times, median_s_, map_.gap);
-    for (std::size_t k = 0; k < intervals.size(); ++k) {
-      const double interval = intervals[k];
-      const std::int64_t dropped = rows_[k + 1].position - rows_[k].position - 1;
-      const std::int64_t steps = !measured() ? periods[k + 1] : interval > map_.gap * median_s_ ? 2 : 1;
-      if (std::max(steps, dropped) > 1) {
-        step_[k + 1] = std::max(steps, dropped + 1);
-        gaps.push_back(k + 1);
+    for (std::size_t k = 1, f = 0, m = 0; k < rows_; ++k) {
+      std::int64_t steps = 1;
+      if (f < found.size() && found[f].row == k) steps = found[f++].periods;
+      if (m < missing_.size() && missing_[m].row == k) steps = std::max(steps, missing_[m++].periods + 1);
+      if (steps > 1) {
+        gaps_.push_back({k, steps});
         continue;
       }
+      const double interval = times_[k] - times_[k - 1];
       sum += interval;
       squares += interval * interval;
       count += 1.0;
     }
-    double period = sum / count;
+    period = sum / count;
     result_.jitter_s = std::sqrt(std::max(0.0, squares / count - period * period));
-    // What is before a gap is then no interval that could be left out.
-    if (!measured() && result_.jitter_s > 0.2 * period)
-      period =
-          (times.back() - times.front()) / static_cast<double>(std::accumulate(periods.begin(), periods.end(), -1LL));
-    result_.info.sample_period_s = period;
+    if (!measured()) period = stamps_->period;
     if (measured())
-      for (const std::size_t k : gaps)
-        step_[k] = std::max<std::int64_t>(step_[k], std::llround(intervals[k - 1] / period));
-    result_.gaps = static_cast<std::int64_t>(gaps.size());
+      for (StampGap& gap : gaps_)
+        gap.periods =
+            std::max<std::int64_t>(gap.periods, std::llround((times_[gap.row] - times_[gap.row - 1]) / period));
+    result_.gaps = static_cast<std::int64_t>(gaps_.size());
   }
 
-  // On the numbers of the file, where a clipped gyro repeats itself whatever the intervals are.
-  void mark_clipping(std::vector<std::uint32_t>& flags) const {
-    ClippingFinder finder;
-    for (std::size_t k = 0; k < rows_.size(); ++k) {
-      ImuSample sample;
-      sample.counter = static_cast<std::int64_t>(k);
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        const int from = map_.gyro.axes.from[axis];
-        sample.gyro[axis] = rows_[k].gyro[from] - map_.gyro.offset[static_cast<std::size_t>(from)];
-      }
-      finder.add(sample);
+  // Of clipped runs, on the numbers of the file, one row after the other.
+  std::uint32_t clipping_of(std::int64_t row) {
+    std::uint32_t flags = 0;
+    for (; next_run_ < clipped_.size() && clipped_[next_run_].sample <= row; ++next_run_) {
+      const DataEvent& run = clipped_[next_run_];
+      std::int64_t& end = clipped_until_[static_cast<std::size_t>(run.axis)];
+      end = std::max(end, run.sample + run.count);
     }
-    for (const DataEvent& run : finder.finish())
-      for (std::int64_t k = run.sample; k < run.sample + run.count; ++k)
-        flags[static_cast<std::size_t>(k)] |= gyro_clipped_flag(run.axis);
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      if (row < clipped_until_[axis]) flags |= gyro_clipped_flag(static_cast<int>(axis));
+    return flags;
   }
 
-  void make_samples() {
+  Status make_samples(const RecordingSource::Sink& sink) {
     const double period = result_.info.sample_period_s;
     const auto saturated = [](const CsvTriad& triad, double x) {
       return x <= triad.range_low || x >= triad.range_high;
@@ -444,50 +449,72 @@ class Importer {
       return triad.axes.sign[body] * (numbers[triad.axes.from[body]] - triad.offset[from]) * triad.scale[from] *
              (triad.is_rate ? dt : 1.0);
     };
-    std::vector<std::uint32_t> flags(rows_.size(), 0);
-    mark_clipping(flags);
+    std::vector<ImuSample> samples;
+    constexpr std::size_t enough = 4096;
     std::int64_t counter = 0;
-    result_.samples.reserve(rows_.size());
-    for (std::size_t k = 0; k < rows_.size(); ++k) {
-      const Row& row = rows_[k];
-      counter += step_[k];
-      if (flags[k] != 0) ++result_.clipped;
+    std::size_t at = 0, written = 0;
+    double before_s = 0.0;
+    const auto hand_over = [&]() -> Status {
+      if (samples.empty()) return {};
+      written += samples.size();
+      TRY(sink(samples));
+      samples.clear();
+      return {};
+    };
+    TRY(each_row([&](std::size_t k, const Row& row) -> Status {
+      const bool is_gap = at < gaps_.size() && gaps_[at].row == k;
+      counter += k == 0 ? 0 : is_gap ? gaps_[at++].periods : 1;
+      const Eigen::Vector3d& accel = accel_.empty() ? row.accel : accel_[k];
+      const bool is_measured = timed() && measured() && k > 0 && !is_gap;
+      const double dt = is_measured ? row.time - before_s : period;
+      before_s = row.time;
+      std::uint32_t flags = clipping_of(row.number);
+      if (flags != 0) ++result_.clipped;
       bool full = false;
       for (std::size_t axis = 0; axis < 3; ++axis)
         if (saturated(map_.gyro, row.gyro[map_.gyro.axes.from[axis]])) {
-          flags[k] |= gyro_clipped_flag(static_cast<int>(axis));
+          flags |= gyro_clipped_flag(static_cast<int>(axis));
           full = true;
         }
-      const bool dropped =
-          std::any_of(row.accel.begin(), row.accel.end(), [&](double x) { return saturated(map_.accel, x); });
+      const bool dropped = std::any_of(accel.begin(), accel.end(), [&](double x) { return saturated(map_.accel, x); });
       if (full || dropped) ++result_.saturated;
-      if (dropped) continue;
-      const bool is_measured = timed() && measured() && k > 0 && step_[k] == 1;
-      const double dt = is_measured ? row.time - rows_[k - 1].time : period;
-      ImuSample sample;
+      if (dropped) return {};
+      ImuSample& sample = samples.emplace_back();
       sample.counter = counter;
-      sample.flags =
-          flags[k] == 0 ? 0 : flags[k] | sample_flag_invalid;  // whoever knows no axis sets its turn aside too
+      sample.flags = flags == 0 ? 0 : flags | sample_flag_invalid;  // whoever knows no axis sets its turn aside too
       for (std::size_t axis = 0; axis < 3; ++axis) {
         sample.gyro[axis] = increment(map_.gyro, row.gyro, axis, dt);
-        sample.accel[axis] = increment(map_.accel, row.accel, axis, dt);
+        sample.accel[axis] = increment(map_.accel, accel, axis, dt);
       }
       sample.temperature_c = static_cast<float>(row.temperature);
-      result_.samples.push_back(sample);
-    }
-  }
-
-  void count_bad(const NumberTable& table) {
-    if (result_.bad_rows == 0) result_.first_bad = table.first_bad;
-    result_.bad_rows += table.bad_rows;
+      return samples.size() < enough ? Status() : hand_over();
+    }));
+    TRY(hand_over());
+    return written > 0
+               ? Status()
+               : input_error(source_.file_name + ": every row is saturated; look at gyro.range and accel.range");
   }
 
   CsvMap map_;
-  std::string file_name_;
-  double first_stamp_ = 0.0;  // in the unit of the map
-  std::vector<Row> rows_;
-  std::vector<std::int64_t> step_;  // of the counter before each row
-  double median_s_ = 0.0;
+  const ColumnSource& source_;
+  const ColumnSource* accel_source_;
+  std::vector<WantedColumn> wanted_;
+  std::size_t time_ = 0, temperature_ = 0;  // places in it
+  std::optional<double> first_stamp_;       // in the unit of the map
+  bool scanned_ = false;
+  std::size_t rows_ = 0;  // that are kept
+  std::vector<double> times_;
+  std::vector<StampGap> missing_;  // samples before a row that the file has not, or not whole
+  std::vector<std::size_t> doubles_;
+  double same_stamps_ = 0.0, repeats_ = 0.0;  // rows with the stamp of the one before, and with its numbers at another
+  std::int64_t first_double_ = 0;             // line
+  std::vector<Sieve> sieves_;
+  std::vector<Eigen::Vector3d> accel_;  // of a file of their own
+  std::optional<StampModel> stamps_;
+  std::vector<StampGap> gaps_;  // periods before a row, where they are more than one
+  std::vector<DataEvent> clipped_;
+  std::size_t next_run_ = 0;
+  std::array<std::int64_t, 3> clipped_until_{};
   CsvImport result_;
 };
 
@@ -500,21 +527,22 @@ ColumnSource columns_of_bag(const std::string& path, BagImu bag) {
   if (bag.recording_times) source.note += ", times of recording: no header.stamp is set";
   source.started_utc_s = bag.started_utc_s;
   for (const NumberColumn& column : bag.columns) source.names.push_back(column.name);
-  source.read = [bag = std::make_shared<BagImu>(std::move(bag)), name = source.file_name, names = source.names](
-                    const std::vector<WantedColumn>& wanted, const TableFormat&) -> Result<NumberTable> {
+  source.likely_rows = bag.message.size();
+  source.read = [bag = std::make_shared<const BagImu>(std::move(bag)), name = source.file_name, names = source.names](
+                    const std::vector<WantedColumn>& wanted, const TableFormat&, const TableSink& sink) -> Status {
     NumberTable table;
     for (const WantedColumn& column : wanted) {
       const auto at = std::ranges::find(bag->columns, column.name, &NumberColumn::name);
       if (at == bag->columns.end())
         return input_error(
             fmt::format("{}: no column {}: it has {}", name, quoted(column.name), fmt::join(names, ", ")));
-      table.columns.push_back(std::move(at->values));
+      table.columns.push_back(at->values);
     }
     table.position = table.line = bag->message;
     for (std::int64_t& line : table.line) ++line;
     table.bad_rows = bag->bad;
     table.first_bad = bag->first_bad;
-    return table;
+    return sink(table);
   };
   return source;
 }
@@ -532,105 +560,28 @@ Result<CsvMap> parse_csv_map(std::string_view text, const std::string& file_name
   return read_map(file);
 }
 
-double typical_interval(const std::vector<double>& times) {
-  std::vector<double> intervals;
-  const auto over = [&](std::size_t span) {
-    intervals.clear();
-    for (std::size_t k = span; k < times.size(); ++k)
-      intervals.push_back((times[k] - times[k - span]) / static_cast<double>(span));
-    return intervals.empty() ? 0.0 : median(intervals);
-  };
-  const double one = over(1);
-  std::vector<double> single = intervals;
-  double middle = 0.0;
-  std::size_t span = 16;
-  for (;; span *= 4) {
-    span = std::clamp<std::size_t>(times.size() / 4, 1, span);
-    middle = over(span);
-    if (middle > 0.0 || span == 256 || span == std::max<std::size_t>(times.size() / 4, 1)) break;
-  }
-  if (!(middle > 0.0)) return middle;
-  // Stamps in coarse steps are right in the mean only, and of rows that come in bursts whole bursts.
-  const bool bursts = one < 0.5 * middle;
-  for (double& interval : single) interval = std::abs(interval - (bursts ? 0.0 : one));
-  const std::size_t rank = single.size() - 1 - single.size() / (bursts ? 50 : 20);
-  const double step = std::max(0.4 * middle, value_at_rank(single, rank));
-  const double near = 1.2 * step / static_cast<double>(span);
-  const auto end =
-      std::partition(intervals.begin(), intervals.end(), [&](double x) { return std::abs(x - middle) <= near; });
-  return std::accumulate(intervals.begin(), end, 0.0) / static_cast<double>(end - intervals.begin());
-}
+namespace {
 
-// The steps in which stamps are written, where they are coarse: the least by which intervals differ.
-double resolution_of(const std::vector<double>& times, double period) {
-  std::vector<double> intervals;
-  for (std::size_t k = 1; k < times.size(); k += 1 + times.size() / 4096)
-    if (const double interval = times[k] - times[k - 1]; interval < 1.5 * period) intervals.push_back(interval);
-  std::ranges::sort(intervals);
-  double least = period;
-  for (std::size_t k = 1; k < intervals.size(); ++k)
-    if (const double step = intervals[k] - intervals[k - 1]; step > 1e-6 * period) least = std::min(least, step);
-  return least < period ? least : 0.0;
-}
-
-IncrementsChoice choose_increments(const std::vector<double>& times_s) {
-  using Increments = CsvMap::Increments;
-  constexpr std::size_t fewest = 40, parts = 16;
-  const std::size_t n = times_s.size();
-  if (n < fewest) return {Increments::intervals, "too few rows to tell whether the stamps jitter"};
-  const double period = typical_interval(times_s);
-  if (!(period > 0.0)) return {Increments::intervals, "the times do not grow"};
-  // By what the stamps are ahead of an even clock; periods that are missing are gaps.
-  const std::vector<std::int64_t> periods = periods_between(times_s, period, 1.5);
-  std::vector<double> ahead(n, 0.0);
-  for (std::size_t k = 1; k < n; ++k)
-    ahead[k] = ahead[k - 1] + times_s[k] - times_s[k - 1] - static_cast<double>(periods[k]) * period;
-  // Rms without the largest hundredth: knocks of the host, gaps that were not whole periods.
-  const auto scatter = [&](std::size_t m) {
-    std::vector<double> squares;
-    for (std::size_t k = 2 * m; k < n; ++k) {
-      const double bend = ahead[k] - 2.0 * ahead[k - m] + ahead[k - 2 * m];
-      squares.push_back(bend * bend);
-    }
-    const auto largest = squares.end() - static_cast<std::ptrdiff_t>(squares.size() / 100 + 1);
-    std::nth_element(squares.begin(), largest, squares.end());
-    squares.erase(largest, squares.end());
-    return std::sqrt(std::accumulate(squares.begin(), squares.end(), 0.0) / static_cast<double>(squares.size()));
-  };
-  const std::size_t far = std::min<std::size_t>(n / 8, 32);
-  const double jitter = scatter(1) / std::sqrt(6.0);  // of a stamp, if each is off by itself
-  const double resolution = resolution_of(times_s, period);
-  const double growth = jitter > 1e-9 * period ? scatter(far) / std::max(scatter(1), resolution) : 0.0;
-  // Of the rate from a sixteenth to the next, by the means of both.
-  const std::size_t length = n / parts;
-  const auto rows = static_cast<double>(length);
-  std::vector<double> means, rates;
-  for (std::size_t part = 0; part < parts; ++part) {
-    const std::span<const double> rows_of = std::span(ahead).subspan(part * length, length);
-    means.push_back(std::accumulate(rows_of.begin(), rows_of.end(), 0.0) / rows);
-    if (part > 0) rates.push_back((means[part] - means[part - 1]) / (rows * period));
-  }
-  std::ranges::sort(rates);
-  const double change = rates[parts - 3] - rates[1];
-  const double spread = std::max(jitter, scatter(far) / std::sqrt(6.0)) * std::sqrt(static_cast<double>(far) / rows);
-  const double explained = (6.0 * spread + 2.0 * resolution) / (rows * period);
-  const std::string said =
-      fmt::format("over {} rows the scatter of the stamps is {:.2g} times that over one", far, growth);
-  if (growth > std::pow(static_cast<double>(far), 0.25))
-    return {Increments::intervals, said + ": it adds up, the intervals are real"};
-  if (change > std::max(2e-4, explained))
-    return {Increments::intervals, fmt::format("the rate changes by {:.2g} % within the record", 100.0 * change)};
-  if (growth == 0.0) return {Increments::period, "the stamps are even"};
-  return {Increments::period, said + ": it does not add up, the sampling is even and the stamps jitter"};
-}
-
-ColumnSource columns_of_text(std::string content, const std::string& file_name) {
+ColumnSource columns_of(TableBytes bytes, const std::string& file_name) {
+  constexpr std::uint64_t least_row = 12;  // bytes, of six numbers
   ColumnSource source;
   source.file_name = file_name;
-  source.text = std::make_shared<const std::string>(std::move(content));
-  source.read = [held = source.text, file_name](const std::vector<WantedColumn>& wanted, const TableFormat& format) {
-    return read_number_table(*held, file_name, wanted, format);
+  source.likely_rows = bytes.size / least_row;
+  source.read = [bytes = std::move(bytes), file_name](const std::vector<WantedColumn>& wanted,
+                                                      const TableFormat& format, const TableSink& sink) {
+    return read_number_table(bytes, file_name, wanted, format, sink);
   };
+  return source;
+}
+
+}  // namespace
+
+ColumnSource columns_of_text(std::string content, const std::string& file_name) {
+  const auto held = std::make_shared<const std::string>(std::move(content));
+  TableBytes bytes = bytes_of_text(*held);
+  bytes.at = [held, at = bytes.at](std::uint64_t from, std::uint64_t least) { return at(from, least); };
+  ColumnSource source = columns_of(std::move(bytes), file_name);
+  source.head = held->substr(0, most_head);
   return source;
 }
 
@@ -639,23 +590,33 @@ Result<ColumnSource> open_columns(const std::string& path, const std::string& to
   if (is_bag(kind)) return columns_of_bag(path, TRY(read_bag(path, topic, skip_bad)));
   if (!topic.empty()) return input_error(path + ": topic " + quoted(topic) + ": expected a ROS bag");
   TRY(expect_file(path, FileKind::csv));
-  // A library reads .mat and HDF5, whatever their size.
-  constexpr std::size_t most_bytes = std::size_t{4} << 30;
-  ColumnSource source = columns_of_text(kind == FileKind::mat    ? "MATLAB "
-                                        : kind == FileKind::hdf5 ? "\x89HDF\r\n\x1a\n"
-                                                                 : TRY(read_whole_file(path, most_bytes)),
-                                        path);
-  if (is_text_table(*source.text)) return source;
-  source.names = TRY(column_names(*source.text, path));
-  source.text.reset();
+  TableBytes bytes = TRY(bytes_of_file(path));
+  const std::string_view head = TRY(bytes.at(0, most_head));
+  const bool is_text = is_text_table(head);
+  std::string beginning(is_text ? head.substr(0, most_head) : std::string_view());
+  std::vector<std::string> names;
+  if (!is_text) names = TRY(column_names(bytes, path));
+  ColumnSource source = columns_of(std::move(bytes), path);
+  source.names = std::move(names);
+  if (is_text) source.head = std::move(beginning);
   return source;
 }
 
+Result<CsvImport> stream_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel,
+                                 const ImportBegin& begin, const RecordingSource::Sink& sink) {
+  return Importer(map, source, accel).run(begin, sink);
+}
+
 Result<CsvImport> import_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel) {
-  Importer importer(map);
-  TRY(importer.read(source, accel == nullptr));
-  if (accel != nullptr) TRY(importer.read_accel(*accel));
-  return importer.finish();
+  std::vector<ImuSample> all;
+  CsvImport content = TRY(stream_columns(
+      map, source, accel, [&](const CsvImport& found) { all.reserve(static_cast<std::size_t>(found.rows)); },
+      [&](std::span<const ImuSample> samples) {
+        all.insert(all.end(), samples.begin(), samples.end());
+        return Status();
+      }));
+  content.samples = std::move(all);
+  return content;
 }
 
 Result<CsvImport> import_csv(const CsvMap& map, const std::string& path) {

@@ -8,23 +8,17 @@
 // Nothing is resampled. With `intervals` the measured interval goes into the increment, so that a turn keeps its size when the
 // sampling jitters; with `period` the mean interval does, which is right when the stamps jitter but the sensor does not (then intervals
 // would turn jitter of stamps into noise of the sensor: over a rest of 3 s 0.5 ms of it are 1.6 mm/s^2). With `period` stamps may even
-// go back a little. A gap is then a rise that lasts of what the stamps are ahead of an even clock, by their median or least over 8, 32 or 128
-// rows, as few as their jitter needs; the least is right of stamps that come late, also in bursts. A gyro that repeats one extreme number is found
-// clipped (clipping.h) before intervals blur that. The recording's sample_period_s is the mean interval either way. The counter steps by
+// go back a little; stamps.h has what a gap is then. A gyro that repeats one extreme number is found
+// clipped (clipping.h) before intervals blur that. The recording's sample_period_s is the mean interval, or the slope
+// of the stamps. The counter steps by
 // one a row, over a gap by as many periods as it lasts; a dropped row leaves its number out. Output: rad and m/s, body axes.
 //
-// Where the map does not say, the stamps do. Let p be what they are ahead of an even clock. If every stamp is off by itself (a late
-// interrupt, a host that was busy, rounding), the scatter of p[k + 2m] - 2 p[k + m] + p[k] is the same for every m; if every interval is what it says,
-// it grows with the root of m. Up to the geometric mean of both, over 32 rows, it is `period`; and so it is, too, for a sensor that was truly read
-// at those times, since what one interval has too much the next has too little. Beyond it, or where the rate changes by more than 200 ppm
-// (six times what the jitter explains, and twice the steps in which the stamps are written) from one sixteenth of the record to the next, it is
-// `intervals`. A scatter below those steps is theirs. Not looked for: an even sensor behind a host's clock that is itself in steps; gaps within four
-// rows of another one where stamps jitter by more than a third of the period.
+// Where the map does not say, the stamps do (stamps.h).
 //
 // A row with the stamp and the numbers of the one before was written twice, and is a defect; not where a coarse sensor repeats itself at other
 // stamps as often.
 //
-// The whole file is held in memory (of a bag: the columns). Errors: one line with file, line, column, value and what was expected.
+// Errors: one line with file, line, column, value and what was expected.
 #pragma once
 
 #include <array>
@@ -92,11 +86,12 @@ struct CsvImport {
 // A file that has columns, whatever its form.
 struct ColumnSource {
   std::string file_name;
-  // Of a bag once.
-  std::function<Result<NumberTable>(const std::vector<WantedColumn>&, const TableFormat&)> read;
-  std::vector<std::string> names;           // what can be wanted; of text none
-  std::shared_ptr<const std::string> text;  // of CSV
-  std::string topic, note;                  // of a bag: which one, and what else there is to say
+  // Hands the rows over from the first on, as often as wanted.
+  std::function<Status(const std::vector<WantedColumn>&, const TableFormat&, const TableSink&)> read;
+  std::uint64_t likely_rows = 0;    // at most, as it seems: memory for stamps
+  std::vector<std::string> names;   // what can be wanted; of text none
+  std::optional<std::string> head;  // of CSV: how it begins
+  std::string topic, note;          // of a bag: which one, and what else there is to say
   std::optional<std::int64_t> started_utc_s;
 };
 // `topic`, `skip_bad`: of a bag (ros_bag.h).
@@ -108,14 +103,11 @@ ColumnSource columns_of_text(std::string content, const std::string& file_name);
 Result<CsvImport> import_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel = nullptr);
 Result<CsvImport> import_csv(const CsvMap& map, const std::string& path);
 
-// The interval that most rows keep, whatever the gaps and the jitter: the mean over 16 of them, less those that are far from the median.
-double typical_interval(const std::vector<double>& times);
-// Why `period`, or `intervals`, is right for them (above).
-struct IncrementsChoice {
-  CsvMap::Increments increments = CsvMap::Increments::period;
-  std::string reason;
-};
-IncrementsChoice choose_increments(const std::vector<double>& times_s);
+// The same, read twice, in memory for the stamps, and later for nothing. `begin` is told what is known before the first sample; what is returned
+// has no samples.
+using ImportBegin = std::function<void(const CsvImport& found)>;
+Result<CsvImport> stream_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel,
+                                 const ImportBegin& begin, const RecordingSource::Sink& sink);
 
 // Writes `content` as a binary recording without segments, whole or not at all; `path` must not exist.
 Status write_recording(const CsvImport& content, const std::string& path);

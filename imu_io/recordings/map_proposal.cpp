@@ -12,6 +12,7 @@
 #include "calib/statistics/distributions.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
+#include "imu_io/recordings/stamps.h"
 
 namespace turncal {
 namespace {
@@ -26,6 +27,7 @@ struct Candidate {
 struct Layout {
   TableFormat format;
   std::vector<Candidate> columns;
+  std::string unnamed;  // why the columns have no names, where there is a header
 };
 
 // A word that begins with ^ has to be the beginning, of the text or of what it names in a group, a struct or a compound.
@@ -51,6 +53,7 @@ std::vector<std::string_view> cells_of(std::string_view line, char delimiter) {
 
 // Where the numbers of a text begin, what stands between them, and what stands above.
 Result<Layout> look_at_text(std::string_view text, const std::string& file_name) {
+  TRY(check_text(text, file_name));
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
   std::vector<std::string_view> lines;
   while (lines.size() < 200 && !text.empty())
@@ -69,12 +72,22 @@ Result<Layout> look_at_text(std::string_view text, const std::string& file_name)
       }
   if (most < fewest) return input_error(file_name + ": no row of six numbers or more: expected a table of an IMU");
   const auto first = static_cast<std::size_t>(layout.format.header_lines);
-  const std::size_t width = cells_of(lines[first], layout.format.delimiter).size();
+  const auto used = [](std::vector<std::string_view> cells) {
+    while (!cells.empty() && cells.back().empty()) cells.pop_back();
+    return cells;
+  };
+  const std::vector<std::string_view> row = cells_of(lines[first], layout.format.delimiter);
+  const std::size_t width = row.size(), fewest_names = used(row).size();
   const auto header = [&](std::size_t above) {
     std::string_view line = first >= above ? trimmed(lines[first - above]) : std::string_view();
     while (line.starts_with('#') || line.starts_with('%')) line = trimmed(line.substr(1));
-    std::vector<std::string_view> cells = cells_of(line, layout.format.delimiter);
-    return cells.size() == width ? cells : std::vector<std::string_view>(width);
+    std::vector<std::string_view> cells = used(cells_of(line, layout.format.delimiter));
+    const bool fits = cells.size() >= fewest_names && cells.size() <= width;
+    if (!fits && cells.size() > 2)
+      layout.unnamed = fmt::format(" (line {} has {} names, a row {} cells)", first + 1 - above, cells.size(), width);
+    if (!fits) cells.clear();
+    cells.resize(width);
+    return cells;
   };
   const bool units_below = header(1)[0].starts_with('(');
   const std::vector<std::string_view> names = header(units_below ? 2 : 1);
@@ -186,7 +199,7 @@ class Proposer {
   Result<MapProposal> propose() {
     if (!source_.topic.empty()) return of_bag();
     for (const std::string& name : source_.names) layout_.columns.push_back({name, lower(name)});
-    if (source_.text) layout_ = TRY(look_at_text(*source_.text, source_.file_name));
+    if (source_.head) layout_ = TRY(look_at_text(*source_.head, source_.file_name));
     find_columns();
     if (!by_place_ && (triad_[gyro].empty() || triad_[accel].empty())) return columns_missing();
     TRY(read());
@@ -267,7 +280,7 @@ class Proposer {
     return input_error(
         fmt::format("{}: no three columns are plainly those of the {}: expected --map with their names; it has {}",
                     source_.file_name, triad_[gyro].empty() ? "gyros" : "accelerometers",
-                    names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", "))));
+                    names.empty() ? "none" : fmt::format("{}{}", fmt::join(names, ", "), layout_.unnamed)));
   }
 
   Status read() {
@@ -278,7 +291,11 @@ class Proposer {
     std::vector<WantedColumn> wanted;
     for (const std::size_t column : columns) wanted.push_back({reference(column)});
     layout_.format.skip_bad_rows = true;  // whoever reads it in earnest says what is wrong with them
-    NumberTable table = TRY(source_.read(wanted, layout_.format));
+    NumberTable table;
+    TRY(source_.read(wanted, layout_.format, [&](const NumberTable& block) {
+      append_rows(table, block);
+      return Status();
+    }));
     values_.resize(layout_.columns.size());
     for (std::size_t k = 0; k < columns.size(); ++k) values_[columns[k]] = std::move(table.columns[k]);
     return {};
@@ -306,7 +323,7 @@ class Proposer {
                                    {"us", 1e-6, {"us", "micro"}},
                                    {"ms", 1e-3, {"ms", "milli"}},
                                    {"s", 1.0, {"_s", "[s", "(s", " s", "sec"}}};
-    const double interval = typical_interval(values_[*time_]);
+    const double interval = interval_ = fit_stamps(values_[*time_]).period;
     const Clock *said = nullptr, *seen = nullptr;
     for (const Clock& clock : clocks) {
       if (said == nullptr && has_any(layout_.columns[*time_].label, clock.words)) said = &clock;
@@ -374,7 +391,7 @@ class Proposer {
   // Of the intervals that are no gaps.
   double jitter() const {
     const Numbers& t = values_[*time_];
-    const double usual = typical_interval(t);
+    const double usual = interval_;
     double squares = 0.0, count = 1.0;
     for (std::size_t k = 1; k < t.size(); ++k)
       if (const double off = t[k] - t[k - 1] - usual; off < 0.5 * usual) squares += off * off, count += 1.0;
@@ -423,7 +440,7 @@ class Proposer {
   std::array<std::vector<std::size_t>, 2> triad_;
   std::optional<std::size_t> time_, temperature_;
   bool by_place_ = false;
-  double period_s_ = 0.0;
+  double interval_ = 0.0, period_s_ = 0.0;  // in the unit of the file
   std::string_view time_unit_ = "s";
   std::array<std::string_view, 2> unit_;
   std::vector<std::string> doubts_;

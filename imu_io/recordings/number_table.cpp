@@ -27,39 +27,63 @@ constexpr std::string_view npy_magic = "\x93NUMPY";
 
 // ---- text ----
 
+// The lines of bytes that come in pieces.
+class LineReader {
+ public:
+  explicit LineReader(const TableBytes& bytes) : bytes_(bytes) {}
+  // The next one, without its end, until the next call; false at the end of the file.
+  Result<bool> next(std::string_view& line) {
+    constexpr std::uint64_t usual = 1 << 12;
+    bool whole = left_.find('\n') != left_.npos;
+    for (std::uint64_t least = usual; !whole && left_.size() < bytes_.size - at_; least *= 2) {
+      left_ = TRY(bytes_.at(at_, least));
+      whole = left_.find('\n') != left_.npos || left_.size() < least;
+    }
+    if (left_.empty()) return false;
+    at_ += left_.size();
+    line = next_line(left_);
+    at_ -= left_.size();
+    return true;
+  }
+
+ private:
+  const TableBytes& bytes_;
+  std::uint64_t at_ = 0;  // where what is left begins
+  std::string_view left_;
+};
+
+constexpr std::size_t block_rows = std::size_t{1} << 14;
+
 class CsvTable {
  public:
-  CsvTable(std::string_view text, const std::string& file_name, const std::vector<WantedColumn>& wanted,
-           const TableFormat& format)
-      : text_(text), file_name_(file_name), wanted_(wanted), format_(format) {}
+  CsvTable(const TableBytes& bytes, const std::string& file_name, const std::vector<WantedColumn>& wanted,
+           const TableFormat& format, const TableSink& sink)
+      : bytes_(bytes), lines_(bytes), file_name_(file_name), wanted_(wanted), format_(format), sink_(sink) {}
 
-  Result<NumberTable> read() {
-    std::string_view left = text_;
-    std::vector<std::string> header;
-    if (left.starts_with("\xEF\xBB\xBF")) left.remove_prefix(3);
-    if (left.find_first_not_of(" \t\r\n") == std::string_view::npos) {
+  Status read() {
+    const std::string_view head = TRY(bytes_.at(0, 1 << 12));
+    TRY(check_text(head, file_name_));
+    if (head.find_first_not_of("\xEF\xBB\xBF \t\r\n") == std::string_view::npos) {
       return input_error(file_name_ + ": empty file: expected " +
                          (format_.header_lines > 0 ? "a header and " : std::string()) + "rows of numbers");
     }
+    std::vector<std::string> header;
+    std::string_view row;
     for (int k = 0; k < format_.header_lines; ++k) {
-      while (is_remark(left)) ++line_, next_line(left);
-      if (left.empty())
-        return defect("the file ends inside its " + std::to_string(format_.header_lines) + " header lines");
-      ++line_;
-      std::string_view names = trimmed(next_line(left));
-      while (names.starts_with('#') || names.starts_with('%')) names = trimmed(names.substr(1));
-      split_cells(names, format_.delimiter, cells_);
+      bool more = TRY(next_row(row));
+      while (more && is_remark(row)) more = TRY(next_row(row));
+      if (!more) return defect("the file ends inside its " + std::to_string(format_.header_lines) + " header lines");
+      row = trimmed(row);
+      while (row.starts_with('#') || row.starts_with('%')) row = trimmed(row.substr(1));
+      split_cells(row, format_.delimiter, cells_);
+      header.assign(cells_.begin(), cells_.end());
     }
-    if (format_.header_lines > 0) header.assign(cells_.begin(), cells_.end());
     header_cells_ = header.size();
     TRY(find_columns(header));
     row_.resize(wanted_.size());
     table_.columns.resize(wanted_.size());
-    for (auto& column : table_.columns) column.reserve(left.size() / 40 + 1);
-    std::int64_t position = 0;
-    while (!left.empty()) {
-      ++line_;
-      const std::string_view row = next_line(left);
+    for (auto& column : table_.columns) column.reserve(block_rows);
+    for (std::int64_t position = 0; TRY(next_row(row));) {
       if (trimmed(row).empty() || trimmed(row).starts_with('#') || is_remark(row)) continue;
       if (Status status = read_row(row); !status) {
         if (!format_.skip_bad_rows) return status.error();
@@ -71,11 +95,27 @@ class CsvTable {
           if (index_[k] != missing) table_.columns[k].push_back(row_[k]);
       }
       ++position;
+      if (table_.rows() == block_rows) TRY(end_block());
     }
-    return std::move(table_);
+    return end_block();
   }
 
  private:
+  Result<bool> next_row(std::string_view& row) {
+    const bool more = TRY(lines_.next(row));
+    if (more && ++line_ == 1 && row.starts_with("\xEF\xBB\xBF")) row.remove_prefix(3);
+    return more;
+  }
+
+  Status end_block() {
+    TRY(sink_(table_));
+    for (auto& column : table_.columns) column.clear();
+    table_.position.clear();
+    table_.line.clear();
+    table_.bad_rows = 0;
+    return {};
+  }
+
   static bool is_remark(std::string_view row) { return row.starts_with("//"); }  // as Xsens writes
 
   Error defect(const std::string& what) const {
@@ -132,10 +172,12 @@ class CsvTable {
     return {};
   }
 
-  std::string_view text_;
+  const TableBytes& bytes_;
+  LineReader lines_;
   const std::string& file_name_;
   const std::vector<WantedColumn>& wanted_;
   const TableFormat& format_;
+  const TableSink& sink_;
   std::int64_t line_ = 0;
   std::vector<std::string_view> cells_;
   std::size_t header_cells_ = 0;
@@ -152,11 +194,13 @@ struct ItemType {
   std::string_view npy;
   matio_types mat;
   std::size_t bytes;
-  double (*load)(const std::byte*);
+  void (*load)(const std::byte* from, std::size_t step, std::span<double> out);
 };
 template <class T>
 constexpr ItemType item_type(std::string_view npy, matio_types mat) {
-  return {npy, mat, sizeof(T), [](const std::byte* from) { return static_cast<double>(load_bytes<T>(from)); }};
+  return {npy, mat, sizeof(T), [](const std::byte* from, std::size_t step, std::span<double> out) {
+            for (double& value : out) value = static_cast<double>(load_bytes<T>(from)), from += step;
+          }};
 }
 constexpr ItemType item_types[] = {
     item_type<double>("f8", MAT_T_DOUBLE),      item_type<float>("f4", MAT_T_SINGLE),
@@ -172,12 +216,10 @@ struct MatrixView {
   bool column_major = false;
   const std::byte* data = nullptr;
   const ItemType* type = nullptr;
-  double at(std::size_t row, std::size_t column) const {
-    return type->load(data + (column_major ? column * rows + row : row * columns + column) * type->bytes);
-  }
   std::vector<double> column(std::size_t column) const {
     std::vector<double> values(rows);
-    for (std::size_t row = 0; row < rows; ++row) values[row] = at(row, column);
+    type->load(data + (column_major ? column * rows : column) * type->bytes, (column_major ? 1 : columns) * type->bytes,
+               values);
     return values;
   }
   template <class Is>
@@ -203,10 +245,10 @@ Error column_error(const std::string& file_name, const std::string& name, const 
   return input_error(file_name + ": column " + quoted(name) + ": " + what);
 }
 
-// `read_column`: WantedColumn -> Result of numbers; none where it is missing and may be.
+// `read_column`: WantedColumn -> Result of numbers; none where it is missing and may be. `first`: the row with which they begin.
 template <class ReadColumn>
 Result<NumberTable> read_arrays(const std::string& file_name, const std::vector<WantedColumn>& wanted,
-                                ReadColumn read_column) {
+                                ReadColumn read_column, std::int64_t first = 0) {
   NumberTable table;
   std::size_t rows = 0;
   for (const WantedColumn& column : wanted) {
@@ -218,8 +260,8 @@ Result<NumberTable> read_arrays(const std::string& file_name, const std::vector<
   }
   table.position.resize(rows);
   table.line.resize(rows);
-  std::iota(table.position.begin(), table.position.end(), 0);
-  std::iota(table.line.begin(), table.line.end(), 1);
+  std::iota(table.position.begin(), table.position.end(), first);
+  std::iota(table.line.begin(), table.line.end(), first + 1);
   return table;
 }
 
@@ -229,8 +271,16 @@ std::string_view value_of(std::string_view header, const std::string& key) {
   return at == std::string_view::npos ? std::string_view() : trimmed(header.substr(at + key.size() + 3));
 }
 
-Result<MatrixView> view_npy(std::string_view content, const std::string& file_name) {
+// Its numbers are at `begin` of the file.
+struct NpyArray {
+  MatrixView view;
+  std::uint64_t begin = 0;
+};
+
+Result<NpyArray> open_npy(const TableBytes& file, const std::string& file_name) {
   const auto refuse = [&](const std::string& what) { return input_error(file_name + ": " + what); };
+  constexpr std::uint64_t longest_header = 1 << 16;
+  const std::string_view content = TRY(file.at(0, longest_header));
   if (content.size() < 12) return refuse("the header of the .npy file is cut off");
   const auto* bytes = reinterpret_cast<const std::byte*>(content.data());
   const bool long_header = static_cast<int>(content[6]) > 1;
@@ -249,28 +299,50 @@ Result<MatrixView> view_npy(std::string_view content, const std::string& file_na
   std::vector<std::size_t> sizes;
   if (shape.starts_with('(') && shape.find(')') != std::string_view::npos)
     for (const std::string_view part : split(shape.substr(1, shape.find(')') - 1), ','))
-      if (const auto size = parse_integer<std::int64_t>(part); size && *size > 0)
+      if (const auto size = parse_integer<std::int64_t>(part); size && *size >= 0)
         sizes.push_back(static_cast<std::size_t>(*size));
   if (sizes.empty() || sizes.size() > 2)
     return refuse("shape " + quoted(shape.substr(0, shape.find(')') + 1)) +
                   ": expected one or two dimensions, rows first");
+  if (std::ranges::count(sizes, 0) > 0)
+    return refuse("shape " + quoted(shape.substr(0, shape.find(')') + 1)) + ": an empty array: expected rows");
   view.rows = sizes[0];
   view.columns = sizes.size() == 2 ? sizes[1] : 1;
-  view.data = bytes + begin + length;
-  const std::size_t have = (content.size() - begin - length) / view.type->bytes;
+  const std::uint64_t have = (file.size - begin - length) / view.type->bytes;
   if (have / view.columns < view.rows)
     return refuse(fmt::format("the .npy file is cut off: expected {} rows of {}", view.rows, view.columns));
-  return view;
+  return NpyArray{view, begin + length};
 }
 
-Result<NumberTable> read_npy(std::string_view content, const std::string& file_name,
-                             const std::vector<WantedColumn>& wanted) {
-  const MatrixView view = TRY(view_npy(content, file_name));
-  return read_arrays(file_name, wanted, [&](const WantedColumn& column) -> Result<std::vector<double>> {
-    if (const auto place = place_among(view.columns, column.name)) return view.column(*place);
-    return input_error(fmt::format("{}: no column {}: expected a number from 1 to {}, a .npy array has no names",
-                                   file_name, quoted(column.name), view.columns));
-  });
+template <class Take>  // NumberTable -> Status
+Status read_npy(const TableBytes& file, const std::string& file_name, const std::vector<WantedColumn>& wanted,
+                Take take) {
+  const auto [view, begin] = TRY(open_npy(file, file_name));
+  const std::uint64_t item = view.type->bytes;
+  constexpr std::uint64_t most = 1 << 18;  // bytes of a block
+  for (std::uint64_t row = 0, rows = 0; row < view.rows; row += rows) {
+    rows = std::clamp<std::uint64_t>(most / (item * view.columns), 1, view.rows - row);
+    MatrixView block{.rows = rows, .columns = view.columns, .data = nullptr, .type = view.type};
+    const auto load = [&](std::uint64_t at, std::uint64_t bytes) -> Status {
+      const std::string_view piece = TRY(file.at(begin + at, bytes));
+      if (piece.size() < bytes) return input_error(file_name + ": the .npy file is cut off");
+      block.data = reinterpret_cast<const std::byte*>(piece.data());
+      return {};
+    };
+    if (!view.column_major) TRY(load(row * view.columns * item, rows * view.columns * item));
+    const auto read_column = [&](const WantedColumn& column) -> Result<std::vector<double>> {
+      const auto place = place_among(view.columns, column.name);
+      if (!place)
+        return input_error(fmt::format("{}: no column {}: expected a number from 1 to {}, a .npy array has no names",
+                                       file_name, quoted(column.name), view.columns));
+      if (!view.column_major) return block.column(*place);
+      TRY(load((*place * view.rows + row) * item, rows * item));
+      return MatrixView{.rows = rows, .columns = 1, .data = block.data, .type = view.type}.column(0);
+    };
+    NumberTable table = TRY(read_arrays(file_name, wanted, read_column, static_cast<std::int64_t>(row)));
+    TRY(take(std::move(table)));
+  }
+  return {};
 }
 
 using MatFile = std::unique_ptr<mat_t, int (*)(mat_t*)>;
@@ -514,8 +586,9 @@ Result<NumberTable> checked(NumberTable table, const std::string& file_name, con
     std::size_t bad = 0;
     while (bad < wanted.size() && !is_bad(bad)) ++bad;
     if (bad < wanted.size()) {
-      Error error = input_error(fmt::format("{}: row {}: column {} = '{}': expected a finite number", file_name,
-                                            row + 1, quoted(wanted[bad].name), format_number(table.columns[bad][row])));
+      Error error =
+          input_error(fmt::format("{}: row {}: column {} = '{}': expected a finite number", file_name, table.line[row],
+                                  quoted(wanted[bad].name), format_number(table.columns[bad][row])));
       if (!skip_bad) return error;
       if (table.bad_rows++ == 0) table.first_bad = error.message;
       continue;
@@ -644,28 +717,78 @@ Status write_samples(RecordingSource& source, const SampleColumns& columns, std:
 
 }  // namespace
 
+Status check_text(std::string_view head, const std::string& file_name) {
+  const auto refuse = [&](const char* what) { return input_error(file_name + ": " + what); };
+  if (head.starts_with("\xFF\xFE") || head.starts_with("\xFE\xFF"))
+    return refuse("a text in UTF-16: expected UTF-8 or plain ASCII, as `iconv -f UTF-16 -t UTF-8` makes it");
+  constexpr std::size_t mat4_header = 20, mat4_name_length = 16;
+  if (head.size() > mat4_header && head[0] < 53 && head.substr(1, 3) == std::string_view("\0\0\0", 3) &&
+      head[mat4_name_length] > 1)
+    return refuse("a MATLAB file of version 4, it seems: expected version 5 or later, as `save -v7` writes");
+  if (head.find('\n') == head.npos && head.find('\r') != head.npos)
+    return refuse("lines end in a carriage return alone: expected line feeds, as `tr '\\r' '\\n'` makes them");
+  return {};
+}
+
 bool is_text_table(std::string_view content) {
   const FileKind form = form_of(content);
   return form != FileKind::npy && form != FileKind::mat && form != FileKind::hdf5;
 }
 
-Result<std::vector<std::string>> column_names(std::string_view content, const std::string& file_name) {
-  if (form_of(content) == FileKind::mat) return mat_columns(file_name);
-  if (form_of(content) == FileKind::hdf5) return hdf5_columns(file_name);
-  const MatrixView view = TRY(view_npy(content, file_name));
+Result<std::vector<std::string>> column_names(const TableBytes& bytes, const std::string& file_name) {
+  const FileKind form = form_of(TRY(bytes.at(0, 1)));
+  if (form == FileKind::mat) return mat_columns(file_name);
+  if (form == FileKind::hdf5) return hdf5_columns(file_name);
+  const NpyArray array = TRY(open_npy(bytes, file_name));
   std::vector<std::string> names;
-  for (std::size_t k = 1; k <= std::min(view.columns, widest); ++k) names.push_back(std::to_string(k));
+  for (std::size_t k = 1; k <= std::min(array.view.columns, widest); ++k) names.push_back(std::to_string(k));
   return names;
+}
+
+Result<TableBytes> bytes_of_file(const std::string& path) {
+  const auto file = std::make_shared<const PosixFile>(TRY(PosixFile::open_to_read(path)));
+  const std::uint64_t size = TRY(file->size());
+  const auto window = std::make_shared<FileWindow>(*file, size);
+  return TableBytes{size, [file, window](std::uint64_t from, std::uint64_t least) -> Result<std::string_view> {
+                      const std::span<const std::byte> bytes = TRY(window->at(from, least));
+                      return std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+                    }};
+}
+
+TableBytes bytes_of_text(std::string_view text) {
+  return {text.size(), [text](std::uint64_t from, std::uint64_t) { return text.substr(from); }};
+}
+
+Status read_number_table(const TableBytes& bytes, const std::string& file_name, const std::vector<WantedColumn>& wanted,
+                         const TableFormat& format, const TableSink& sink) {
+  const FileKind form = form_of(TRY(bytes.at(0, 1)));
+  const auto check = [&](NumberTable block) -> Status {
+    return sink(TRY(checked(std::move(block), file_name, wanted, format.skip_bad_rows)));
+  };
+  if (form == FileKind::npy) return read_npy(bytes, file_name, wanted, check);
+  if (form == FileKind::mat) return check(TRY(read_mat(file_name, wanted)));
+  if (form == FileKind::hdf5) return check(TRY(read_hdf5(file_name, wanted)));
+  return CsvTable(bytes, file_name, wanted, format, sink).read();
+}
+
+void append_rows(NumberTable& table, const NumberTable& block) {
+  const auto append = [](auto& to, const auto& from) { to.insert(to.end(), from.begin(), from.end()); };
+  table.columns.resize(block.columns.size());
+  for (std::size_t k = 0; k < block.columns.size(); ++k) append(table.columns[k], block.columns[k]);
+  append(table.position, block.position);
+  append(table.line, block.line);
+  if (table.bad_rows == 0) table.first_bad = block.first_bad;
+  table.bad_rows += block.bad_rows;
 }
 
 Result<NumberTable> read_number_table(std::string_view content, const std::string& file_name,
                                       const std::vector<WantedColumn>& wanted, const TableFormat& format) {
-  if (is_text_table(content)) return CsvTable(content, file_name, wanted, format).read();
-  const FileKind form = form_of(content);
-  NumberTable table = TRY(form == FileKind::npy   ? read_npy(content, file_name, wanted)
-                          : form == FileKind::mat ? read_mat(file_name, wanted)
-                                                  : read_hdf5(file_name, wanted));
-  return checked(std::move(table), file_name, wanted, format.skip_bad_rows);
+  NumberTable table;
+  TRY(read_number_table(bytes_of_text(content), file_name, wanted, format, [&](const NumberTable& block) {
+    append_rows(table, block);
+    return Status();
+  }));
+  return table;
 }
 
 // ---- written ----

@@ -34,6 +34,7 @@ struct WantedColumn {
   bool may_be_missing = false;  // no such column: it has no values then
 };
 
+// Rows of a table: a block of them, or all.
 struct NumberTable {
   std::vector<std::vector<double>> columns;  // as wanted
   std::vector<std::int64_t> position;        // of each row in the file, from 0, bad rows counted
@@ -43,12 +44,32 @@ struct NumberTable {
   std::size_t rows() const { return position.size(); }
 };
 
-// `content` is the whole file (of .mat and HDF5 its first bytes: they are opened by `file_name`, which goes into messages).
+// The bytes of a file, or of a text in memory.
+struct TableBytes {
+  std::uint64_t size = 0;
+  // From there on so many at least, or all that there are; until the next call.
+  std::function<Result<std::string_view>(std::uint64_t from, std::uint64_t least)> at;
+};
+Result<TableBytes> bytes_of_file(const std::string& path);
+TableBytes bytes_of_text(std::string_view text);  // it must outlive them
+
+// Hands the rows over in blocks, in the order of the file; of CSV and .npy in memory that does not grow. Of .mat and HDF5, which are opened by
+// `file_name` (it goes into messages, too), a block is the whole table.
+using TableSink = std::function<Status(const NumberTable& block)>;
+Status read_number_table(const TableBytes& bytes, const std::string& file_name, const std::vector<WantedColumn>& wanted,
+                         const TableFormat& format, const TableSink& sink);
+// All of it, of what is held in memory.
 Result<NumberTable> read_number_table(std::string_view content, const std::string& file_name,
                                       const std::vector<WantedColumn>& wanted, const TableFormat& format);
 
 // What columns a .npy, .mat or HDF5 file has, by the names under which they can be wanted; of arrays wider than 32 none.
-Result<std::vector<std::string>> column_names(std::string_view content, const std::string& file_name);
+Result<std::vector<std::string>> column_names(const TableBytes& bytes, const std::string& file_name);
+
+// Rows of the same columns, behind the others.
+void append_rows(NumberTable& table, const NumberTable& block);
+
+// By a file's first bytes: an error where they are no text that has rows (UTF-16, lines without line feeds, MATLAB 4).
+Status check_text(std::string_view head, const std::string& file_name);
 
 // By a file's first bytes: no .npy, .mat or HDF5.
 bool is_text_table(std::string_view content);

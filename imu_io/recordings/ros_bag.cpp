@@ -9,11 +9,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <map>
 #include <memory>
+#include <numeric>
 #include <span>
 
+#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/file_kind.h"
 #include "imu_io/base/posix_file.h"
@@ -26,11 +29,21 @@ using ByteSpan = std::span<const std::byte>;
 
 constexpr std::uint64_t most_bytes = std::uint64_t{256} << 20;  // of a record or a chunk, whatever a header says
 
+constexpr std::int64_t second = 1'000'000'000, minute = 60 * second;  // ns
+
 std::string_view text_of(ByteSpan bytes) { return {reinterpret_cast<const char*>(bytes.data()), bytes.size()}; }
 
 // ---- messages ----
 
 enum class Encoding { cdr, ros1, other };
+
+std::size_t aligned(std::size_t at, std::size_t step) { return (at + step - 1) & ~(step - 1); }
+
+// A sensor_msgs/Imu is a header and 37 doubles: orientation, angular_velocity and linear_acceleration, each with nine covariances behind it.
+using ImuNumbers = std::array<double, 37>;
+constexpr std::array<std::size_t, 6> imu_places{13, 14, 15, 25, 26, 27};
+constexpr std::size_t orientation_w = 3;
+constexpr std::array<std::size_t, 3> covariance_places{4, 16, 28};  // -1 in it: not measured
 
 // Numbers of a serialised message, one after the other. Once something was missing, good() is false and everything reads as 0.
 class MessageReader {
@@ -48,7 +61,7 @@ class MessageReader {
   template <class T>
   T get() {
     const std::size_t step = std::min(sizeof(T), align_);
-    at_ = (at_ + step - 1) / step * step;
+    at_ = aligned(at_, step);
     const ByteSpan bytes = take(sizeof(T));
     if (bytes.empty()) return T{};
     if (!swapped_) return load_bytes<T>(bytes.data());
@@ -76,7 +89,7 @@ std::int64_t read_header(MessageReader& message, Encoding encoding) {
   const std::int64_t seconds = message.get<std::int32_t>();
   const std::int64_t nanoseconds = message.get<std::uint32_t>();
   message.take(message.get<std::uint32_t>());  // frame_id
-  return seconds * 1'000'000'000 + nanoseconds;
+  return seconds * second + nanoseconds;
 }
 
 struct Topic {
@@ -129,16 +142,21 @@ class Collector {
   }
   Status damaged_at(std::uint64_t byte, const std::string& what) {
     const std::string way_out =
-        skip_bad_ ? "" : fmt::format("; {} messages came before: --skip-bad-rows takes what is whole", stamps_.size());
+        skip_bad_ || stamps_.empty()
+            ? ""
+            : fmt::format("; {} messages came before: --skip-bad-rows takes what is whole", stamps_.size());
     return damaged(fmt::format("byte {}: {}{}", byte, what, way_out));
   }
 
   Result<BagImu> finish() {
     TRY(check_unit());
     result_.topic = unit_->name;
-    result_.recording_times = std::ranges::all_of(stamps_, [](std::int64_t stamp) { return stamp == 0; });
+    const auto is_unset = [](std::int64_t stamp) { return stamp == 0; };
+    result_.recording_times = std::ranges::all_of(stamps_, is_unset);
+    TRY(keep_in_order());
+    if (stamps_.empty()) return input_error(path_ + ": no good message of topic " + quoted(unit_->name));
     const std::vector<std::int64_t>& times = result_.recording_times ? recorded_ : stamps_;
-    constexpr std::int64_t second = 1'000'000'000, year_2000 = 946'684'800 * second;
+    constexpr std::int64_t year_2000 = 946'684'800 * second;
     if (times.front() > year_2000) result_.started_utc_s = times.front() / second;
     NumberColumn t{"t", std::vector<double>(times.size())};
     // Stamps of a damaged bag may be anywhere: unsigned numbers may wrap.
@@ -156,26 +174,19 @@ class Collector {
   Status take_imu(std::int64_t recorded_ns, ByteSpan data) {
     MessageReader message(data, unit_->encoding);
     const std::int64_t stamp = read_header(message, unit_->encoding);
-    std::array<double, 6> values{};
-    std::array<double, 2> covariance{};  // the first of each
-    message.get<double>();               // the orientation, and its covariance
-    message.take(12 * sizeof(double));
-    for (std::size_t k = 0; k < 6; ++k) {
-      values[k] = message.get<double>();
-      if (k % 3 != 2) continue;
-      covariance[k / 3] = message.get<double>();
-      message.take(8 * sizeof(double));
-    }
+    ImuNumbers numbers{};
+    for (double& number : numbers) number = message.get<double>();
     const auto defect = [&](const std::string& what) {
       return damaged(fmt::format("message {} of {}: {}", unit_->messages, quoted(unit_->name), what));
     };
     if (!message.good()) return defect("expected a sensor_msgs/Imu, found something shorter or in another encoding");
     for (std::size_t k = 0; k < 6; ++k)
-      if (!std::isfinite(values[k]))
-        return defect(fmt::format("{} = '{}': expected a finite number", imu_fields[k], values[k]));
-    if (covariance[0] == -1.0) return defect("angular_velocity is not measured, says its covariance");
-    if (covariance[1] == -1.0) return defect("linear_acceleration is not measured, says its covariance");
-    for (std::size_t k = 0; k < 6; ++k) values_[k].push_back(values[k]);
+      if (!std::isfinite(numbers[imu_places[k]]))
+        return defect(fmt::format("{} = '{}': expected a finite number", imu_fields[k], numbers[imu_places[k]]));
+    if (numbers[covariance_places[1]] == -1.0) return defect("angular_velocity is not measured, says its covariance");
+    if (numbers[covariance_places[2]] == -1.0)
+      return defect("linear_acceleration is not measured, says its covariance");
+    for (std::size_t k = 0; k < 6; ++k) values_[k].push_back(numbers[imu_places[k]]);
     stamps_.push_back(stamp);
     recorded_.push_back(recorded_ns);
     result_.message.push_back(unit_->messages - 1);
@@ -189,6 +200,39 @@ class Collector {
     if (message.good() && std::isfinite(celsius)) temperatures_[topic.name].push_back({stamp, recorded_ns, celsius});
   }
 
+  // In the order of recording, which a file need not have; as they are where their stamps grow (the recorder's clock may have been set).
+  // Without those that have no stamp where others have one; the clock of a simulation begins at 0, though.
+  Status keep_in_order() {
+    std::vector<std::size_t> order(stamps_.size()), kept;
+    std::iota(order.begin(), order.end(), 0);
+    if (!std::ranges::is_sorted(result_.recording_times ? recorded_ : stamps_))
+      std::ranges::stable_sort(order, {}, [&](std::size_t row) { return recorded_[row]; });
+    const auto unset = std::ranges::count(stamps_, 0);
+    const bool from_zero =
+        unset == 1 && stamps_[order.front()] == 0 && stamps_.size() > 1 && stamps_[order[1]] < minute;
+    for (const std::size_t row : order)
+      if (stamps_[row] != 0 || result_.recording_times || from_zero)
+        kept.push_back(row);
+      else
+        TRY(damaged(fmt::format("message {} of {}: header.stamp is 0, as of {} of {} messages: expected a time",
+                                result_.message[row] + 1, quoted(unit_->name), unset, stamps_.size())));
+    const auto keep = [&](auto& values) {
+      std::remove_reference_t<decltype(values)> all;
+      for (const std::size_t row : kept) all.push_back(values[row]);
+      values = std::move(all);
+    };
+    if (std::ranges::is_sorted(kept) && kept.size() == stamps_.size()) return {};
+    for (auto& values : values_) keep(values);
+    keep(stamps_), keep(recorded_);
+    // Their numbers are of that order, too; what is left out leaves its own.
+    std::vector<std::int64_t> numbers = std::move(result_.message);
+    std::ranges::sort(numbers);
+    result_.message.clear();
+    for (std::size_t place = 0, at = 0; place < order.size(); ++place)
+      if (at < kept.size() && order[place] == kept[at]) result_.message.push_back(numbers[place]), ++at;
+    return {};
+  }
+
   // Of several thermometers the one whose name has most in common with the unit's.
   void add_temperature(const std::vector<std::int64_t>& times) {
     const auto common = [&](const auto& entry) {
@@ -196,15 +240,19 @@ class Collector {
     };
     const auto nearest = std::ranges::max_element(temperatures_, {}, common);
     if (nearest == temperatures_.end()) return;
+    std::ranges::stable_sort(nearest->second, {}, [&](const Reading& reading) { return time_of(reading); });
     result_.temperature_topic = nearest->first;
     NumberColumn column{"temperature", std::vector<double>(times.size(), std::numeric_limits<double>::quiet_NaN())};
     std::size_t row = 0;
     for (const Reading& reading : nearest->second) {
-      while (row < times.size() && times[row] < (result_.recording_times ? reading.recorded_ns : reading.stamp_ns))
-        ++row;
+      while (row < times.size() && times[row] < time_of(reading)) ++row;
       if (row < times.size()) column.values[row] = reading.celsius;
     }
     result_.columns.push_back(std::move(column));
+  }
+
+  std::int64_t time_of(const Reading& reading) const {
+    return result_.recording_times ? reading.recorded_ns : reading.stamp_ns;
   }
 
   Status check_unit() const {
@@ -311,23 +359,39 @@ class RecordReader {
   Decompressor decompress_;
 };
 
-// MCAP: eight bytes of magic, then records of op (u8), length (u64) and content; a chunk holds compressed records.
+// MCAP: magic, then records of op (u8), length (u64) and content; a chunk holds compressed records.
+namespace mcap {
+constexpr std::string_view magic = "\x89MCAP0\r\n";
+enum Op : std::uint8_t {
+  header = 1,
+  footer,
+  schema,
+  channel,
+  message,
+  chunk,
+  message_index,
+  chunk_index,
+  statistics = 11,
+  data_end = 15
+};
+}  // namespace mcap
+
 class McapReader : public RecordReader {
  public:
   using RecordReader::RecordReader;
 
   Status read() {
-    constexpr std::size_t magic_bytes = 8, head_bytes = 9;
-    skip(magic_bytes);
+    constexpr std::size_t head_bytes = 9;
+    skip(mcap::magic.size());
     for (;;) {
       begun_ = at_;
       if (left() < head_bytes) return damaged("the MCAP file is cut off");
       const ByteSpan head = TRY(take_bytes(head_bytes));
       const auto op = std::to_integer<int>(head[0]);
       const auto length = load_bytes<std::uint64_t>(head.data() + 1);
-      if (op == data_end || op == footer) return {};
+      if (op == mcap::data_end || op == mcap::footer) return {};
       if (length > left()) return damaged("the MCAP file is cut off");
-      if (op != schema && op != channel && op != message && op != chunk) {
+      if (op != mcap::schema && op != mcap::channel && op != mcap::message && op != mcap::chunk) {
         skip(length);
       } else if (length > most_bytes) {
         TRY(damaged(fmt::format("a record of {} bytes: expected at most {}", length, most_bytes)));
@@ -340,13 +404,11 @@ class McapReader : public RecordReader {
   }
 
  private:
-  enum Op { footer = 2, schema, channel, message, chunk, data_end = 15 };
-
   Status take(int op, ByteSpan content) {
     ByteReader reader(content);
-    if (op == chunk) return take_chunk(reader);
+    if (op == mcap::chunk) return take_chunk(reader);
     const auto id = reader.get<std::uint16_t>();
-    if (op == message) {
+    if (op == mcap::message) {
       reader.get<std::uint32_t>();  // sequence
       const auto recorded_ns = static_cast<std::int64_t>(reader.get<std::uint64_t>());
       reader.get<std::uint64_t>();  // publish_time
@@ -355,11 +417,11 @@ class McapReader : public RecordReader {
         return damaged("a message that is cut off, or of a channel that is not there");
       return collector_.take(*at->second, recorded_ns, reader.get_bytes(content.size() - 22));
     }
-    const auto of_schema = op == channel ? reader.get<std::uint16_t>() : std::uint16_t{0};
+    const auto of_schema = op == mcap::channel ? reader.get<std::uint16_t>() : std::uint16_t{0};
     const std::string name = reader.get_text();
     const std::string encoding = reader.get_text();
     if (!reader.good()) return damaged("a schema or channel that is cut off");
-    if (op == schema)
+    if (op == mcap::schema)
       schemas_[id] = name;
     else
       channels_[id] = &collector_.topic(name, schemas_[of_schema],
@@ -385,7 +447,7 @@ class McapReader : public RecordReader {
       const auto op = inner.get<std::uint8_t>();
       const ByteSpan content = inner.get_bytes(inner.get<std::uint64_t>());
       if (!inner.good()) return damaged("a record inside the chunk is cut off");
-      if (op == schema || op == channel || op == message) TRY(take(op, content));
+      if (op == mcap::schema || op == mcap::channel || op == mcap::message) TRY(take(op, content));
     }
     return {};
   }
@@ -446,8 +508,7 @@ class Rosbag1Reader : public RecordReader {
     const auto at = connections_.find(id.value_or(0));
     if (!id || !time || at == connections_.end())
       return damaged("a message without time, or of a connection that is not there");
-    return collector_.take(*at->second, static_cast<std::int64_t>((*time & 0xffffffff) * 1'000'000'000 + (*time >> 32)),
-                           data);
+    return collector_.take(*at->second, static_cast<std::int64_t>((*time & 0xffffffff) * second + (*time >> 32)), data);
   }
 
   Status take_chunk(ByteSpan header, ByteSpan data) {
@@ -488,7 +549,7 @@ class Rosbag2Reader {
       topics_[sqlite3_column_int64(row, 0)] = &collector_.topic(text_of(blob(row, 1)), text_of(blob(row, 2)), encoding);
       return Status();
     }));
-    // In the order of recording; by an index on the times the disk would jump.
+    // As they were written; by an index on the times the disk would jump.
     return each("SELECT topic_id, timestamp, data FROM messages ORDER BY id", [&](sqlite3_stmt* row) -> Status {
       const auto at = topics_.find(sqlite3_column_int64(row, 0));
       if (at == topics_.end()) return collector_.damaged("a message of a topic that is not there");
@@ -554,6 +615,155 @@ Result<std::vector<std::string>> files_of(const std::string& path) {
   return files;
 }
 
+// ---- written ----
+
+using Bytes = std::vector<std::byte>;
+
+template <class Number>
+void append_field(Bytes& out, Number value) {
+  append_bytes(out, value);
+}
+void append_field(Bytes& out, std::string_view text) { append_text(out, text); }
+void append_field(Bytes& out, const Bytes& bytes) { out.insert(out.end(), bytes.begin(), bytes.end()); }
+template <class... Fields>
+void append_record(Bytes& out, mcap::Op op, const Fields&... fields) {
+  append_bytes(out, static_cast<std::uint8_t>(op));
+  const std::size_t at = out.size();
+  append_bytes(out, std::uint64_t{0});
+  (append_field(out, fields), ...);
+  const std::uint64_t length = out.size() - at - sizeof length;
+  std::memcpy(out.data() + at, &length, sizeof length);
+}
+
+// A message in CDR: its header, and doubles.
+Bytes message_of(std::int64_t stamp_ns, std::span<const double> numbers) {
+  constexpr std::size_t encapsulation = 4;
+  Bytes out{std::byte{0}, std::byte{1}, std::byte{0}, std::byte{0}};
+  append_bytes(out, static_cast<std::int32_t>(stamp_ns / second));
+  append_bytes(out, static_cast<std::uint32_t>(stamp_ns % second));
+  append_text(out, std::string_view("imu\0", 4));
+  out.resize(encapsulation + aligned(out.size() - encapsulation, sizeof(double)));
+  for (const double number : numbers) append_bytes(out, number);
+  return out;
+}
+
+struct WrittenTopic {
+  std::string_view name, type, fields;
+};
+constexpr std::array<WrittenTopic, 2> written_topics{
+    {{"/imu/data", "sensor_msgs/msg/Imu",
+      "geometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
+      "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
+      "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance\n"},
+     {"/imu/temperature", "sensor_msgs/msg/Temperature", "float64 temperature\nfloat64 variance\n"}}};
+
+// With the types that it is made of, as a bag has it (https://mcap.dev/spec/registry#ros2msg).
+std::string definition_of(const WrittenTopic& topic) {
+  std::string text = fmt::format("std_msgs/Header header\n{}", topic.fields);
+  for (const auto& [type, fields] :
+       {std::pair("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id\n"),
+        {"builtin_interfaces/Time", "int32 sec\nuint32 nanosec\n"},
+        {"geometry_msgs/Quaternion", "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n"},
+        {"geometry_msgs/Vector3", "float64 x\nfloat64 y\nfloat64 z\n"}})
+    text += fmt::format("{:=<80}\nMSG: {}\n{}", "", type, fields);
+  return text;
+}
+
+// Chunks of zstd with checksums and indexes, and the summary by which readers find them.
+class McapWriter {
+ public:
+  McapWriter(AtomicFile& file, std::size_t topics) : file_(file), counts_(topics), index_(topics) {
+    append_bytes(out_, mcap::magic);
+    append_record(out_, mcap::header, std::string_view("ros2"), std::string_view("turncal"));
+    append_topics();
+  }
+
+  Status add(std::uint16_t topic, std::int64_t ns, std::span<const double> numbers) {
+    last_ = static_cast<std::uint64_t>(ns);
+    if (chunk_.empty()) first_ = last_;
+    if (!begin_) begin_ = last_;
+    append_bytes(index_[topic], last_);
+    append_bytes(index_[topic], std::uint64_t{chunk_.size()});
+    append_record(chunk_, mcap::message, topic, static_cast<std::uint32_t>(counts_[topic]++), last_, last_,
+                  message_of(ns, numbers));
+    constexpr std::size_t enough = std::size_t{1} << 20;
+    return chunk_.size() < enough ? Status() : end_chunk();
+  }
+
+  Status finish() {
+    if (!chunk_.empty()) TRY(end_chunk());
+    append_record(out_, mcap::data_end, std::uint32_t{0});
+    const std::uint64_t summary = written_ + out_.size();
+    append_topics();
+    Bytes counts;
+    std::uint64_t all = 0;
+    for (std::uint16_t topic = 0; topic < counts_.size(); ++topic) {
+      all += counts_[topic];
+      append_bytes(counts, topic);
+      append_bytes(counts, counts_[topic]);
+    }
+    const auto topics = static_cast<std::uint32_t>(counts_.size());
+    append_record(out_, mcap::statistics, all, static_cast<std::uint16_t>(topics), topics, std::uint32_t{0},
+                  std::uint32_t{0}, chunks_, begin_.value_or(0), last_, length_of(counts), counts);
+    append_field(out_, chunk_indexes_);
+    append_record(out_, mcap::footer, summary, std::uint64_t{0}, std::uint32_t{0});
+    append_bytes(out_, mcap::magic);
+    return flush();
+  }
+
+ private:
+  static std::uint32_t length_of(const Bytes& list) { return static_cast<std::uint32_t>(list.size()); }
+
+  void append_topics() {
+    for (std::uint16_t topic = 0; topic < counts_.size(); ++topic) {
+      const WrittenTopic& row = written_topics[topic];
+      const auto schema = static_cast<std::uint16_t>(topic + 1);  // 0 says that there is none
+      append_record(out_, mcap::schema, schema, row.type, std::string_view("ros2msg"),
+                    std::string_view(definition_of(row)));
+      append_record(out_, mcap::channel, topic, schema, row.name, std::string_view("cdr"), std::uint32_t{0});
+    }
+  }
+
+  Status end_chunk() {
+    Bytes packed(ZSTD_compressBound(chunk_.size()));
+    packed.resize(ZSTD_compress(packed.data(), packed.size(), chunk_.data(), chunk_.size(), ZSTD_CLEVEL_DEFAULT));
+    const std::uint64_t at = written_ + out_.size();
+    const auto crc =
+        static_cast<std::uint32_t>(crc32_z(0, reinterpret_cast<const Bytef*>(chunk_.data()), chunk_.size()));
+    append_record(out_, mcap::chunk, first_, last_, std::uint64_t{chunk_.size()}, crc, std::string_view("zstd"),
+                  std::uint64_t{packed.size()}, packed);
+    const std::uint64_t end = written_ + out_.size();
+    Bytes offsets;
+    for (std::uint16_t topic = 0; topic < index_.size(); ++topic) {
+      append_bytes(offsets, topic);
+      append_bytes(offsets, std::uint64_t{written_ + out_.size()});
+      append_record(out_, mcap::message_index, topic, length_of(index_[topic]), index_[topic]);
+      index_[topic].clear();
+    }
+    append_record(chunk_indexes_, mcap::chunk_index, first_, last_, at, end - at, length_of(offsets), offsets,
+                  std::uint64_t{written_ + out_.size() - end}, std::string_view("zstd"), std::uint64_t{packed.size()},
+                  std::uint64_t{chunk_.size()});
+    chunk_.clear();
+    ++chunks_;
+    return flush();
+  }
+
+  Status flush() {
+    TRY(file_.write(text_of(out_)));
+    written_ += out_.size();
+    out_.clear();
+    return {};
+  }
+
+  AtomicFile& file_;
+  Bytes out_, chunk_, chunk_indexes_;
+  std::vector<std::uint64_t> counts_;  // of each topic
+  std::vector<Bytes> index_;           // of the chunk, of each topic: time and place of each message
+  std::uint64_t written_ = 0, first_ = 0, last_ = 0;
+  std::optional<std::uint64_t> begin_;
+  std::uint32_t chunks_ = 0;
+};
+
 }  // namespace
 
 Result<BagImu> read_bag(const std::string& path, const std::string& topic, bool skip_bad) {
@@ -573,6 +783,31 @@ Result<BagImu> read_bag(const std::string& path, const std::string& topic, bool 
                     : status.error();
   }
   return collector.finish();
+}
+
+Status write_imu_mcap(RecordingSource& source, const SampleColumns& columns, const std::string& path) {
+  TRY(check_replaceable(path, mcap::magic));
+  AtomicFile file = TRY(AtomicFile::create(path));
+  const bool warm = columns.names.size() > 7;
+  McapWriter writer(file, warm ? 2 : 1);
+  const std::int64_t start_ns = source.info().started_utc_s.value_or(1) * second;  // 0: no stamp
+  std::vector<double> row(columns.names.size());
+  ImuNumbers numbers{};
+  numbers[orientation_w] = 1.0;
+  numbers[covariance_places[0]] = -1.0;
+  const auto add = [&](std::span<const ImuSample> samples) -> Status {
+    for (const ImuSample& sample : samples) {
+      columns.fill(sample, row);
+      const std::int64_t ns = start_ns + std::llround(1e9 * row[0]);
+      if (warm && std::isfinite(row[7])) TRY(writer.add(1, ns, std::array{row[7], 0.0}));
+      for (std::size_t k = 0; k < 6; ++k) numbers[imu_places[k]] = row[k + 1];
+      TRY(writer.add(0, ns, numbers));
+    }
+    return {};
+  };
+  TRY(source.read(add));
+  TRY(writer.finish());
+  return file.commit();
 }
 
 }  // namespace turncal

@@ -37,4 +37,10 @@ struct BagImu {
 // `topic`: empty where the bag has one of the type. Errors about topics list those that are there.
 Result<BagImu> read_bag(const std::string& path, const std::string& topic, bool skip_bad);
 
+// A sensor_msgs/msg/Imu of topic /imu/data for each sample, in an MCAP file (chunks of zstd with checksums, indexes and a summary), whole or not at
+// all; a sensor_msgs/msg/Temperature of /imu/temperature before it where there is one. `columns`: time in s, rates, specific forces, and
+// maybe a temperature. Stamps begin when the recording did (UTC), where that is not known at 1 s, since 0 says that there is none, and are whole
+// nanoseconds. The orientation's covariance says that it is not measured, the others that they are not known.
+Status write_imu_mcap(RecordingSource& source, const SampleColumns& columns, const std::string& path);
+
 }  // namespace turncal

@@ -6,7 +6,7 @@
 // `turncal import TEXTDIR --out DIR` and `turncal export RECORDING --out DIR`: between the text form of a recording and the
 // binary one; `--out FILE.npy` or `.mat` of export: its samples as a matrix. Nothing is overwritten, and a failure leaves nothing behind.
 //
-// `turncal apply RECORDING --parameters FILE --out FILE`: calibrated increments of every sample (calibrated_intervals.h), as CSV, .npy, .mat or
+// `turncal apply RECORDING --parameters FILE --out FILE`: calibrated increments of every sample (calibrated_intervals.h), as CSV, .npy, .mat, MCAP or
 // a recording (.tcr), by the name of the file.
 // Refused: a wrong checksum, a missing key, parameters of another unit, simulated parameters on a real unit's recording.
 //
@@ -37,6 +37,7 @@
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
+#include "imu_io/recordings/ros_bag.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/calibration_job.h"
@@ -226,7 +227,9 @@ Status import_text(const TextOptions& options, CommandContext& context) {
   if (options.is_foreign()) return import_table(options, context);
   if (!std::filesystem::is_directory(options.source)) {
     TRY(expect_file(options.source, FileKind::csv));
-    TRY(PosixFile::open_to_read(options.source));
+    const TableBytes bytes = TRY(bytes_of_file(options.source));
+    const std::string_view head = TRY(bytes.at(0, 1));
+    TRY(check_text(head, options.source));
   }
   if (!path_exists(options.source + "/recording.conf") && !path_exists(options.source + "/" + binary_recording_name))
     return input_error(
@@ -292,11 +295,15 @@ Status write_calibrated(RecordingSource& source, const ApplyOptions& options) {
     return import_binary(source, options.out);
   }
   if (options.as.empty() && names_matrix(options.out)) return write_recording_columns(source, options.out);
-  return write_sample_columns(source, calibrated_columns(source.info(), options.as), options.out);
+  const SampleColumns columns = calibrated_columns(source.info(), options.as);
+  return options.out.ends_with(".mcap") ? write_imu_mcap(source, columns, options.out)
+                                        : write_sample_columns(source, columns, options.out);
 }
 
 Status apply(const ApplyOptions& options, CommandContext& context) {
-  TRY(check_ending(options.out, {".csv", ".npy", ".mat", ".tcr"}));
+  TRY(check_ending(options.out, {".csv", ".npy", ".mat", ".mcap", ".tcr"}));
+  if (options.as != "rates" && options.out.ends_with(".mcap"))
+    return input_error(options.out + ": a sensor_msgs/Imu has rates, no increments: expected --as rates");
   if (!options.as.empty() && options.out.ends_with(".tcr"))
     return input_error(options.out +
                        ": a recording has increments and a counter: expected .csv, .npy or .mat with --as");
@@ -452,7 +459,7 @@ void add_apply_command(CommandLine& line) {
   command.option("--parameters", options.parameters, "parameter file").required();
   command
       .option("--out", options.out,
-              "file to write: .csv, .npy, .mat or .tcr (a recording); an existing file is replaced")
+              "file to write: .csv, .npy, .mat, .mcap (rates) or .tcr (a recording); an existing file is replaced")
       .required();
   command.option("--as", options.as, "add the time, and write increments or rates (rad/s, m/s^2); not for .tcr")
       .one_of({"rates", "increments"});

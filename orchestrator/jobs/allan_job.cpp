@@ -6,6 +6,7 @@
 #include <cmath>
 #include <deque>
 #include <memory>
+#include <optional>
 
 #include "calib/statistics/data_screen.h"
 #include "imu_io/recordings/csv_map_import.h"
@@ -153,10 +154,12 @@ Result<ReadRests> read_rests(const std::string& path, const std::string& map_fil
   CsvMap map = TRY(read_csv_map(map_file));
   // At rest a reading is the same over a longer interval, and stamps jitter.
   map.increments = CsvMap::Increments::period;
-  const CsvImport table = TRY(import_csv(map, path));
-  RestReader reader(table.info, {}, path);
-  TRY(reader.add(table.samples));
-  Result<ReadRests> found = reader.take();
+  const ColumnSource source = TRY(open_columns(path, map.topic, map.format.skip_bad_rows));
+  std::optional<RestReader> reader;
+  const CsvImport table = TRY(stream_columns(
+      map, source, nullptr, [&](const CsvImport& begun) { reader.emplace(begun.info, Segments(), path); },
+      [&](std::span<const ImuSample> samples) { return reader->add(samples); }));
+  Result<ReadRests> found = reader->take();
   if (found && table.jitter_s > 0.01 * table.info.sample_period_s)
     found->notes.push_back(
         fmt::format("stamps jitter by {:.2g} ms rms: a reading counts for the mean period", 1e3 * table.jitter_s));

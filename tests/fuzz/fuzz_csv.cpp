@@ -30,12 +30,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::uint8_t which = input.byte() % 3;
   CsvMap map = maps[which % 2];
   if (which == 2) {
-    ColumnSource source;
-    source.file_name = "fuzz";
-    source.text = std::make_shared<const std::string>(input.text());
-    source.read = [&](const auto& wanted, const auto& format) {
-      return read_number_table(*source.text, "fuzz", wanted, format);
-    };
+    const ColumnSource source = columns_of_text(std::string(input.text()), "fuzz");
     const auto proposal = propose_map(source, {9.8, 30.0, "F"});
     if (!fuzz::taken(proposal)) return 0;
     auto proposed = parse_csv_map(proposal->text, "proposal");

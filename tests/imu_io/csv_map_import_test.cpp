@@ -211,6 +211,9 @@ TEST(ImportForms, AccelerometersInAFileOfTheirOwn) {
   for (int k = 0; k < 30; ++k) other += std::to_string(0.004 + 0.02 * k) + "," + std::to_string(0.02 * k) + ",0,1\n";
   const ColumnSource gyros = columns_of_text(gyro, "g.csv"), others = columns_of_text(other, "a.csv"),
                      sames = columns_of_text(same, "a.csv");
+  const ColumnSource later = columns_of_text("t,ax,ay,az\n9000,0,0,1\n9001,0,0,1\n", "a.csv");
+  EXPECT_TRUE(fails(import_columns(map, gyros, &later),
+                    "a.csv: times of 9000 to 9001: expected some of those of g.csv, 0 to 0.49"));
   const Result<CsvImport> joined = import_columns(map, gyros, &sames);
   ASSERT_OK(joined);
   ASSERT_EQ(joined->samples.size(), 50u);

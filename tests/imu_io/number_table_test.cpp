@@ -95,7 +95,7 @@ TEST(NumberTable, ReadsNestedVariablesAndHdf5) {
   const auto table = good(read_number_table("MATLAB 5.0", file, {{"imu.gyro:2"}, {"imu.meta.t"}}, {}));
   EXPECT_EQ(table->columns[0], (std::vector<double>{4, 5, 6}));
   EXPECT_EQ(table->columns[1], (std::vector<double>{0.0, 0.1, 0.2}));
-  EXPECT_EQ(expect_value(column_names("MATLAB 5.0", file)),
+  EXPECT_EQ(expect_value(column_names(bytes_of_text("MATLAB 5.0"), file)),
             (std::vector<std::string>{"imu.gyro:1", "imu.gyro:2", "imu.meta.t"}));
   EXPECT_TRUE(fails(read_number_table("MATLAB 5.0", file, {{"imu.nope"}}, {}), "no variable 'imu.nope' of numbers"));
   const std::string hdf5 = "\x89HDF\r\n\x1a\n", sample = TURNCAL_SOURCE_DIR "/tests/imu_io/map_samples/imu.h5";
@@ -105,7 +105,7 @@ TEST(NumberTable, ReadsNestedVariablesAndHdf5) {
   EXPECT_NEAR(imu5->columns[1][0], 9.8, 1e-6);
   EXPECT_EQ(imu5->columns[2][1], 100010000000.0);
   EXPECT_EQ(imu5->columns[3][30], 25.5);
-  EXPECT_EQ(expect_value(column_names(hdf5, sample)).size(), 9u);
+  EXPECT_EQ(expect_value(column_names(bytes_of_text(hdf5), sample)).size(), 9u);
   for (const auto& [name, what] : {std::pair("imu/nope", "no dataset 'imu/nope'"),
                                    {"imu/gyro:4", "from 1 to 3"},
                                    {"housekeeping:x", "expected numbers"},
@@ -205,6 +205,50 @@ TEST(MatrixWriter, ReplacesOnlyItsLike) {
     ASSERT_TRUE(fails(write_columns(folder / name, sample_columns), ErrorKind::input));
     EXPECT_EQ(file_text(folder / name), "precious");
     EXPECT_FALSE(write_columns(folder / ("nowhere/" + std::string(name)), sample_columns).ok());
+  }
+}
+
+TEST(NumberTable, SaysWhatIsNoTable) {
+  const auto said = [](std::string_view content, std::string_view what) {
+    return fails(read_number_table(content, "f", {{"1"}}, {.header_lines = 0}), what);
+  };
+  EXPECT_TRUE(said(std::string_view("\xFF\xFE,\0,\0", 6), "f: a text in UTF-16: expected UTF-8"));
+  EXPECT_TRUE(said("1,2\r3,4\r", "f: lines end in a carriage return alone: expected line feeds"));
+  EXPECT_TRUE(
+      said(std::string_view("\0\0\0\0\7\0\0\0\1\0\0\0\0\0\0\0\2\0\0\0t\0", 22), "f: a MATLAB file of version 4"));
+  EXPECT_TRUE(said(npy("<f8", false, "(0, 7)", ""), "f: shape '(0, 7)': an empty array"));
+}
+
+// In blocks, from a file, of either order and of text, the rows are those of the whole; the second time, too.
+TEST(NumberTable, BlocksAreTheTable) {
+  TemporaryFolder folder;
+  std::vector<double> rows, columns(3 * 70000);
+  std::string text = "a,b,c\n";
+  for (std::size_t k = 0; k < 70000; ++k)
+    for (std::size_t c = 0; c < 3; ++c) {
+      rows.push_back(static_cast<double>(k * 10 + c));
+      columns[c * 70000 + k] = rows.back();
+      text += std::to_string(k * 10 + c) + (c < 2 ? "," : "\n");
+    }
+  const std::string files[] = {npy("<f8", false, "(70000, 3)", bytes_of(rows)),
+                               npy("<f8", true, "(70000, 3)", bytes_of(columns)), text};
+  for (const std::string& content : files) {
+    std::ofstream(folder / "t", std::ios::binary) << content;
+    const TableBytes bytes = expect_value(bytes_of_file(folder / "t"));
+    for (int pass = 0; pass < 2; ++pass) {
+      std::size_t row = 0, blocks = 0;
+      EXPECT_OK(read_number_table(bytes, "t", {{"3"}, {"1"}}, {}, [&](const NumberTable& block) {
+        for (std::size_t k = 0; k < block.rows(); ++k, ++row) {
+          EXPECT_EQ(block.columns[0][k], static_cast<double>(row * 10 + 2));
+          EXPECT_EQ(block.columns[1][k], static_cast<double>(row * 10));
+          EXPECT_EQ(block.position[k], static_cast<std::int64_t>(row));
+        }
+        ++blocks;
+        return Status();
+      }));
+      EXPECT_EQ(row, 70000u);
+      EXPECT_GT(blocks, 1u);
+    }
   }
 }
 

@@ -174,5 +174,36 @@ TEST(RosBag, Defects) {
                     "expected an MCAP file, a .db3 of rosbag2 or a .bag"));
 }
 
+// What a driver sends before its clock is set is left out or said; a simulation's clock begins at 0.
+TEST(RosBag, AStampOfZeroIsNone) {
+  TemporaryFolder folder;
+  const auto bag = [&](std::int64_t start, std::initializer_list<int> unset) {
+    BagTopic topic;
+    for (int k = 0; k < 250; ++k) {
+      const bool is_set = std::ranges::find(unset, k) == unset.end();
+      topic.messages.emplace_back(start_ns + 5'000'000 * k, imu_message({is_set ? start + 5'000'000 * k : 0, {}, {}}));
+    }
+    return mcap({topic}, "zstd");
+  };
+  EXPECT_TRUE(
+      fails(read(folder, bag(start_ns, {0, 1, 2})), "message 1 of '/imu/data': header.stamp is 0, as of 3 of 250"));
+  const Result<BagImu> rest = good(read(folder, bag(start_ns, {0, 1, 2, 100}), "", true));
+  EXPECT_EQ(rest->columns[0].values.size(), 246u);
+  EXPECT_EQ(rest->bad, 4);
+  EXPECT_EQ(rest->message[97], 101);
+  EXPECT_NEAR(rest->columns[0].values[97], 0.49, 1e-12);
+  EXPECT_EQ(good(read(folder, bag(0, {})))->columns[0].values.size(), 250u);
+}
+
+// Chunks may overlap, and rows of a database lie as they came: the order is that of recording.
+TEST(RosBag, OrderIsThatOfRecording) {
+  TemporaryFolder folder;
+  BagTopic topic = imu_topic();
+  std::swap_ranges(topic.messages.begin(), topic.messages.begin() + 100, topic.messages.begin() + 100);
+  expect_motion(read(folder, mcap({topic, thermometer("/imu/temp")}, "zstd")), "chunks");
+  db3(folder / "a.db3", {topic});
+  expect_motion(read_bag(folder / "a.db3", "", false), "rows");
+}
+
 }  // namespace
 }  // namespace turncal

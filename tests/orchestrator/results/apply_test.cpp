@@ -1,5 +1,6 @@
 // `turncal apply` with effects beyond the 24 parameters.
 
+#include "tests/imu_io/recording_samples.h"
 #include "tests/orchestrator/results/rig_unit.h"
 
 namespace turncal {
@@ -11,6 +12,9 @@ class Apply : public RigUnit {
   std::pair<std::string, std::vector<std::string>> csv(const std::string& name) const {
     std::vector<std::string> lines = lines_of(file_text(folder_ / (name + ".csv")));
     return {lines.at(0), {lines.begin() + 1, lines.end()}};
+  }
+  static std::vector<ImuSample> samples_of(const std::string& recording) {
+    return test::read_all(*test::opened(recording));
   }
 };
 
@@ -68,6 +72,28 @@ TEST_F(Apply, WritesTimeAndRates) {
   for (const char* out : {"r.npy", "r.mat"})
     ends({"apply", "rec", "--parameters", path("true.conf"), "--out", out, "--as", "rates"}, 0);
   expect_refused({"apply", "rec", "--parameters", path("true.conf"), "--out", "r.tcr", "--as", "rates"}, "a counter");
+}
+
+// As messages of ROS: imported again they are the same samples, and so is the clock.
+TEST_F(Apply, WritesMessagesThatImportReads) {
+  record("rec", std::string(without_noise), "step 1\n  initial H 30 P 0 R 0\n  align 5000\n  dwell 5000\n");
+  keep(truth_of("rec"), "true.conf");
+  ends({"apply", "rec", "--parameters", path("true.conf"), "--out", "r.mcap", "--as", "rates"}, 0);
+  ends({"apply", "rec", "--parameters", path("true.conf"), "--out", "r.tcr"}, 0);
+  EXPECT_SAYS(ends({"import", "r.mcap", "--out", "back"}, 0).out, "10000 samples of 10000 rows, mean period 5 ms");
+  const std::vector<ImuSample> written = samples_of(path("r.tcr")), read = samples_of(path("back"));
+  ASSERT_EQ(read.size(), written.size());
+  for (std::size_t row = 0; row < read.size(); row += 7) {
+    EXPECT_EQ(read[row].counter - read[0].counter, written[row].counter - written[0].counter);
+    EXPECT_EQ(read[row].temperature_c, written[row].temperature_c);
+    for (std::size_t k = 0; k < 3; ++k) {
+      EXPECT_NEAR(read[row].gyro[k], written[row].gyro[k], 1e-12 * std::abs(written[row].gyro[k]));
+      EXPECT_NEAR(read[row].accel[k], written[row].accel[k], 1e-12 * std::abs(written[row].accel[k]));
+    }
+  }
+  expect_refused({"apply", "rec", "--parameters", path("true.conf"), "--out", "i.mcap"}, "expected --as rates");
+  expect_refused({"apply", "rec", "--parameters", path("true.conf"), "--out", "i.mcap", "--as", "increments"},
+                 "expected --as rates");
 }
 
 // The same increments, whatever the form; as a recording they are one that can be navigated.
