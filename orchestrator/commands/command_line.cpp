@@ -132,8 +132,9 @@ std::vector<std::string> words_of(int argc, const char* const* argv, std::ostrea
     words.emplace_back("--help");
   } else if (first == "database" || first == "restore" || first == "prune") {
     first == "database" ? void(words.front() = "records") : void(words.insert(words.begin(), "records"));
-    err << fmt::format("{0}'turncal {1}' is 'turncal records{2}' now; the old name goes with the next version\n",
-                       error_prefix, first, first == "database" ? "" : " " + first);
+    err << fmt::format(
+        "{0}'turncal {1}' is 'turncal records{2}' now; the old name will be removed in the next version\n",
+        error_prefix, first, first == "database" ? "" : " " + first);
   }
   std::ranges::reverse(words);
   return words;

@@ -244,7 +244,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     TRY(run_turn(options, prepared, turn, tag, context));
     if (StopSignals::any()) {  // asked for when the results were being made
       return Error{ErrorKind::interrupted,
-                   "paused after unit " + join(turn.units) + "; the same command goes on with the next"};
+                   "paused after unit " + join(turn.units) + "; the same command continues with the next"};
     }
   }
   // Of the whole queue, whichever command did it.

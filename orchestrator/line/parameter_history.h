@@ -1,6 +1,7 @@
 // One parameter over the calibrations of a results database, in the order of time, with its control chart.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <optional>
@@ -79,6 +80,7 @@ struct ChartedQuantity {
   std::vector<std::string> units, times;  // of whom and when
   std::vector<double> values;
   std::vector<std::optional<double>> sigmas;
+  double largest_sigma() const { return sigmas.empty() ? 0.0 : std::ranges::max(sigmas).value_or(0.0); }
   Limit limit;  // of the newest calibration that was judged by one
   ControlChart chart;
 };

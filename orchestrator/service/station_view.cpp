@@ -176,7 +176,7 @@ void show_queue(const std::vector<std::string>& queue, const std::vector<UnitOut
       view.for_a_person.push_back("unit " + unit + ": " + outcome->outcome +
                                   (outcome->reason.empty() ? "" : ": " + outcome->reason));
   }
-  if (looks > shown) view.for_a_person.push_back("and " + std::to_string(looks - shown) + " units more");
+  if (looks > shown) view.for_a_person.push_back("and " + std::to_string(looks - shown) + " more units");
   view.outcomes = outcomes;
   std::ranges::stable_sort(view.outcomes,
                            [](const UnitOutcome& a, const UnitOutcome& b) { return a.time_utc > b.time_utc; });
@@ -319,11 +319,14 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
     case StationState::stopped:
       view.headline = left && journal->pause_asked ? of_units + " is paused: " + view.phase
                       : left                       ? of_units + " was left in the middle: " + view.phase
-                             : "nobody works on the queue, and units wait: " + std::to_string(view.waiting.size());
+                             : fmt::format("no batch is running, and units wait: {}", view.waiting.size());
       view.for_a_person.insert(view.for_a_person.begin(),
-                               left ? "start the batch again: it goes on with " + of_units : "start the batch");
+                               left ? "start the batch again: it continues with " + of_units : "start the batch");
       break;
-    case StationState::idle: view.headline = "the queue is done"; break;
+    case StationState::idle:
+      view.headline = "the queue is done";
+      if (!view.for_a_person.empty()) view.headline += fmt::format(": {} of {} passed", view.passed, view.done);
+      break;
     case StationState::unreadable: break;
   }
   // What comes after the units on the table.
@@ -332,7 +335,7 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
   if (view.process && is_suspended(*view.process))
     view.for_a_person.insert(
         view.for_a_person.begin(),
-        "process " + std::to_string(*view.process) + " is suspended (SIGSTOP): it neither goes on nor hears a stop");
+        "process " + std::to_string(*view.process) + " is suspended (SIGSTOP): it neither runs nor receives a stop");
   const bool paused = view.state == StationState::stopped && left && journal->pause_asked;
   view.tone = view.state == StationState::stopped && !paused ? Tone::bad
               : view.for_a_person.empty()                    ? Tone::good
@@ -461,15 +464,12 @@ std::optional<std::string> report_file(const ServiceConfig& config, std::string_
   return path_exists(file) ? std::optional(file) : std::nullopt;
 }
 
-std::optional<Document> unit_document(const ServiceConfig& config, const std::string& unit) {
+Document unit_document(const ServiceConfig& config, const std::string& unit) {
   Result<UnitRecord> record = record_of(config, unit);
-  if (!record) {
-    Document document{"turncal: unit " + unit, "Unit " + unit};
-    document.add(Paragraph{record.error().message, "verdict unexplained"});
-    return document;
-  }
-  if (record->attempts.empty() && record->calibrations.empty()) return {};
-  return unit_document(*record);
+  if (record && !(record->attempts.empty() && record->calibrations.empty())) return unit_document(*record);
+  Document document{"turncal: unit " + unit, "Unit " + unit};
+  document.add(Paragraph{record ? "No run of this unit is on record." : record.error().message, "verdict"});
+  return document;
 }
 
 namespace {

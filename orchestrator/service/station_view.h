@@ -113,8 +113,8 @@ std::string json_of(const StationView& view);
 // The figures of stations and results in the text format 0.0.4 of Prometheus (docs/serve.md).
 std::string metrics_of(const std::vector<StationView>& stations, const ResultsView& results, double now_utc_s);
 
-// All there is of a unit: what the database has or, without one, the queues. Links lead to what report_file() finds. Nothing: nobody knows it.
-std::optional<Document> unit_document(const ServiceConfig& config, const std::string& unit);
+// All there is of a unit: what the database has or, without one, the queues. Links lead to what report_file() finds.
+Document unit_document(const ServiceConfig& config, const std::string& unit);
 // Where the page of a run lies that is served as "/report/STATION/FOLDER/FILE", stations counted from 1; nothing: there is none.
 std::optional<std::string> report_file(const ServiceConfig& config, std::string_view path);
 

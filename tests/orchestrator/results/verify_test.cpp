@@ -302,7 +302,7 @@ TEST_F(Verify, BehindTheCalibration) {
   const ParameterFile held = *read_parameter_file(path("strict/parameters.conf"));
   EXPECT_TRUE(find_further(held, "verdict.A01")->starts_with("pass")) << *find_further(held, "verdict.A01");
   EXPECT_EQ(*find_further(held, "verdict.result"), "hold");
-  EXPECT_SAYS(failed.out, "level undecided: the noise of this unit is as large as its limit");
+  EXPECT_SAYS(failed.out, "level undecided: the noise of this unit is as large as the limit");
   EXPECT_SAYS(file_text(folder_ / "strict/diagnosis/report.html"), "Verification (north seeking):</b> ");
   EXPECT_FALSE(std::filesystem::exists(folder_ / "store"));
   expect_refused("run --dry-run --unit SN7 --out x --verify --capture-only",
