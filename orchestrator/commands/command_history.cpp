@@ -75,9 +75,8 @@ Cell as(const char* format, std::optional<double> value) {
 Result<Document> comparison(const Calibrations& all, const std::vector<std::int64_t>& ids) {
   const StoredCalibration* pair[2] = {};
   for (std::size_t i = 0; i < 2; ++i) {
-    for (const StoredCalibration& c : all) {
+    for (const StoredCalibration& c : all)
       if (c.id == ids[i]) pair[i] = &c;
-    }
     if (!pair[i])
       return input_error("--compare " + std::to_string(ids[i]) + ": expected the id of a calibration in the list");
   }

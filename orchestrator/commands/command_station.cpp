@@ -270,12 +270,11 @@ Status run_commission(const Options& options, CommandContext& context) {
   if (station.table.driver == TableDriver::manual)
     return input_error("station '" + station.name + "': a table turned by hand has nothing to commission");
   if (station.simulated()) context.tag = simulated_tag;
-  if (const std::vector<std::string> guesses = guesses_of(station, true); !guesses.empty() && !options.accept_guess) {
+  if (const std::vector<std::string> guesses = guesses_of(station, true); !guesses.empty() && !options.accept_guess)
     return input_error(guesses.front() +
                        (guesses.size() > 1 ? ", and " + std::to_string(guesses.size() - 1) + " more lines" : "") +
                        ": it decides what moves: expected a line checked against the table's manual, without its "
                        "[guess], or --accept-guess (turncal check --explain shows what is sent)");
-  }
   const StopSignals signals;
   std::unique_ptr<LiveDevices> live = TRY(LiveDevices::make(station, StopSignals::requests(), context.out));
   const LinePrefix marked(context.out, context.tag);
@@ -284,9 +283,8 @@ Status run_commission(const Options& options, CommandContext& context) {
   Status status = commission(options, station, *live, context.out, switched_on, said);
   const std::string how_left = switched_on ? "; " + how_it_rests(live->devices().table) : "; nothing was moved";
   status = live->leave_table(status, how_left);
-  if (switched_on && live->left_off()) {
+  if (switched_on && live->left_off())
     if (const std::string sag = live->sag_since({}); !sag.empty()) context.warn(sag);
-  }
   if (status) context.out << said << how_left << std::endl;
   return status;
 }

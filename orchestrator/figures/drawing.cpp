@@ -95,10 +95,9 @@ std::string embeddable_svg(std::string_view svg, std::string_view id, std::strin
   replace_all(text, "url(#", "url(#" + prefix);
   replace_all(text, "<tspan >", "<tspan>");
   const std::string open = "<svg";
-  if (text.starts_with(open)) {
+  if (text.starts_with(open))
     text.insert(open.size(),
                 " role=\"img\" aria-label=\"" + html_escape(label) + "\" style=\"width:" + std::string(width) + "\"");
-  }
   return text;
 }
 

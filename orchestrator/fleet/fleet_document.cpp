@@ -42,8 +42,8 @@ Table effect_table(const FleetDiagnosis& d, const FleetSource& source) {
                                   : fmt::format("{}{} ({} to {})", ramp ? "growing from " : "", date(e.begin_day),
                                                 date(e.begin_low), date(e.begin_high));
     table.row({text(e.factor.empty() ? "all units" : e.factor + " " + e.level), name(e.component),
-               with_error(e.value, e.sigma), display_unit(e.component, ramp ? " per day" : ""), number(std::abs(e.z), 2),
-               count(e.recordings), text(since), wide(join(e.rivals)),
+               with_error(e.value, e.sigma), display_unit(e.component, ramp ? " per day" : ""),
+               number(std::abs(e.z), 2), count(e.recordings), text(since), wide(join(e.rivals)),
                wide(e.factor == "station" ? cause_at_station(e.component) : "")},
               Table::Emphasis::hit);
   }
@@ -200,6 +200,14 @@ Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, cons
 DataTable table_of(const FleetDiagnosis& d, const FleetSource& source) {
   DataTable table({"what", "level", "component", "shape", "value", "sigma", "unit", "z", "begin", "begin_low",
                    "begin_high", "recordings", "rivals"});
+  const auto begin = [&table](const std::string& what, const std::string& level, const std::string& component,
+                              FleetShape shape, double value, double sigma, double z) {
+    table.begin_row();
+    for (const std::string& word : {what, level, component, std::string(to_string(shape))}) table.text(word);
+    for (const double number : {value, sigma}) table.number(number);
+    table.text(unit_of_component(component));
+    table.number(z);
+  };
   const auto date = [&](const FleetEffect& e, double day) {
     if (e.shape == FleetShape::constant)
       table.nothing();
@@ -207,15 +215,7 @@ DataTable table_of(const FleetDiagnosis& d, const FleetSource& source) {
       table.text(date_of(source.first_day + day));
   };
   for (const FleetEffect& e : d.effects) {
-    table.begin_row();
-    table.text(e.factor.empty() ? "all" : e.factor);
-    table.text(e.level);
-    table.text(e.component);
-    table.text(to_string(e.shape));
-    table.number(e.value);
-    table.number(e.sigma);
-    table.text(unit_of_component(e.component));
-    table.number(e.z);
+    begin(e.factor.empty() ? "all" : e.factor, e.level, e.component, e.shape, e.value, e.sigma, e.z);
     date(e, e.begin_day);
     date(e, e.begin_low);
     date(e, e.begin_high);
@@ -223,15 +223,7 @@ DataTable table_of(const FleetDiagnosis& d, const FleetSource& source) {
     table.text(join(e.rivals, "; "));
   }
   for (const OutstandingUnit& u : d.units) {
-    table.begin_row();
-    table.text("unit");
-    table.text(source.members[u.member].unit);
-    table.text(u.component);
-    table.text("constant");
-    table.number(u.value);
-    table.number(u.sigma);
-    table.text(unit_of_component(u.component));
-    table.number(u.z);
+    begin("unit", source.members[u.member].unit, u.component, FleetShape::constant, u.value, u.sigma, u.z);
     for (int k = 0; k < 3; ++k) table.nothing();
     table.count(1);
     table.text("");

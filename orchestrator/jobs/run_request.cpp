@@ -249,11 +249,10 @@ Status check_real_devices(const StationConfig& station) {
     return input_error(station.chamber->described.file +
                        ": link.kind = rig: expected a chamber on a line, or --dry-run to rehearse");
   const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
-  if (mock && rig) {
+  if (mock && rig)
     return input_error("station '" + station.name +
                        "' has only mock devices (table.driver = mock, imu.driver = rig): nothing real would "
                        "move; turncal run --dry-run rehearses");
-  }
   if (mock || rig)
     return input_error("station '" + station.name + "' has " +
                        (mock ? "a mock table (table.driver = mock)" : "a mock unit (imu.driver = rig)") +

@@ -244,9 +244,8 @@ Panel control_panel(const ChartedQuantity& history) {
     const double x = static_cast<double>(i + 1), value = history.values[i];
     const bool out = std::ranges::find(chart.outside, i) != chart.outside.end();
     (out ? outside : signalled.contains(i) ? runs : inside).emplace_back(x, shown(value));
-    if (const std::optional<double>& sigma = history.sigmas[i]) {
+    if (const std::optional<double>& sigma = history.sigmas[i])
       for (const double end : {shown(value - *sigma), shown(value + *sigma), no_point}) bars.emplace_back(x, end);
-    }
   }
   Panel panel;
   panel.title = quantity_name(history.key) + (chart.cpk ? ", Cpk " + significant(chart.cpk->value, 3) : "");
@@ -356,12 +355,13 @@ std::string shift_csv(const ShiftReport& report) {
     text.number(value);
   };
   const auto yield = [&add](const std::string& station, const LineYield& y) {
-    add("yield", station, "attempts", static_cast<double>(y.attempts));
-    add("yield", station, "units", static_cast<double>(y.units));
-    add("yield", station, "first_pass", static_cast<double>(y.first_pass.part));
-    add("yield", station, "first_pass_of", static_cast<double>(y.first_pass.all));
-    add("yield", station, "final_pass", static_cast<double>(y.final_pass.part));
-    add("yield", station, "final_pass_of", static_cast<double>(y.final_pass.all));
+    for (const auto& [quantity, count] : {std::pair{"attempts", y.attempts},
+                                          {"units", y.units},
+                                          {"first_pass", y.first_pass.part},
+                                          {"first_pass_of", y.first_pass.all},
+                                          {"final_pass", y.final_pass.part},
+                                          {"final_pass_of", y.final_pass.all}})
+      add("yield", station, quantity, static_cast<double>(count));
     add("yield", station, "hours", y.hours);
     add("yield", station, "hours_lost", y.hours_lost);
   };
@@ -419,10 +419,9 @@ void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document
                   .panel_width = 320,
                   .panel_height = 220,
                   .panels = {}};
-    for (const ChartedQuantity& quantity : quantities) {
+    for (const ChartedQuantity& quantity : quantities)
       if (group.keys.find(quantity.key) != std::string_view::npos && !quantity.values.empty())
         figure.panels.push_back(control_panel(quantity));
-    }
     if (figure.panels.empty()) continue;
     document.add(Heading{3, "", figure.label}, Scope::page);
     document.figure(figure);

@@ -39,10 +39,9 @@ std::string holdout_name(const Diagnosis& diagnosis) {
 }
 
 std::string error_clause(const Diagnosis& d) {
-  if (!known(d.holdout_before) || !known(d.holdout_after)) {
+  if (!known(d.holdout_before) || !known(d.holdout_after))
     return "the rms normalised residual falls from " + ratio(d.error_before) + " to " + ratio(d.error_after) +
            " (1: noise alone); no held-out data confirm it";
-  }
   const double before = d.holdout_before.velocity_rms_mps;
   const double after = d.holdout_after.velocity_rms_mps;
   return "with " + std::string(d.effect_names.size() == 1 ? "it" : "them") + " the velocity error on " +
@@ -68,10 +67,9 @@ std::string clean_sentence(const Diagnosis& d) {
   if (const CandidateScore* best = strongest_candidate(d))
     text += fmt::format("; the strongest of {} candidates, {}, scores {} sigma", d.candidates.size(),
                         best->column.key(), significant(std::abs(best->z), 2));
-  if (known(d.holdout_before)) {
+  if (known(d.holdout_before))
     text += "; on " + holdout_name(d) + " the velocity error is " + in_mm(d.holdout_before.velocity_rms_mps) +
             " mm/s rms and the normalised residual " + ratio(d.holdout_before.normalised_rms);
-  }
   return text;
 }
 

@@ -77,17 +77,15 @@ std::string record_line(std::string_view what, std::string_view key) {
   return fmt::format("{} {} {}\n", format_utc(wall_utc_s()), what, key);
 }
 
-// A record that has become too long keeps its newer half, and of the older one the conditions that stand.
-Status shorten(const std::string& path) {
-  std::error_code none;
-  const std::uintmax_t bytes = std::filesystem::file_size(path, none);
-  if (none || bytes <= largest_record) return {};
-  const std::string text = TRY(read_whole_file(path, bytes));
-  const std::size_t newer = text.find('\n', text.size() - largest_record / 2) + 1;
+// A record that has become too long keeps its newer half, and of the older one what is still seen: `events`, and the conditions.
+void shorten(const std::string& path, const std::set<std::string>& events) {
+  const Result<std::string> text = read_whole_file(path, std::string::npos);
+  if (!text || text->size() <= largest_record) return;  // tried again at the next look
+  const std::size_t newer = text->find('\n', text->size() - largest_record / 2) + 1;
   std::string kept;
-  for (const std::string& key : known_in(std::string_view(text).substr(0, newer)))
-    if (!key.starts_with(of_unit)) kept += record_line("known", key);
-  return write_file_atomically(path, kept + text.substr(newer));
+  for (const std::string& key : known_in(std::string_view(*text).substr(0, newer)))
+    if (!key.starts_with(of_unit) || events.contains(key)) kept += record_line("known", key);
+  static_cast<void>(write_file_atomically(path, kept + text->substr(newer)));
 }
 
 }  // namespace
@@ -96,16 +94,16 @@ Result<std::unique_ptr<Alerts>> Alerts::open(const AlertConfig& config) {
   std::unique_ptr<Alerts> alerts(new Alerts(config, TRY(LockFile::acquire(config.record + ".lock"))));
   alerts->first_ = !path_exists(config.record);
   TRY(append_durably(config.record, ""));
-  TRY(shorten(config.record));
-  alerts->known_ = known_in(TRY(read_whole_file(config.record, 2 * largest_record)));
+  alerts->known_ = known_in(TRY(read_whole_file(config.record, std::string::npos)));
   return alerts;
 }
 
 void Alerts::look(const std::vector<StationView>& stations, const std::optional<ResultsView>& results,
                   double now_utc_s) {
-  std::set<std::string> stand;
+  std::set<std::string> stand, events;
   for (Event& event : events_in(stations, results, config_.least_yield)) {
     const std::string key = event.key();
+    events.insert(key);
     if (event.call.unit.empty()) {
       stand.insert(key);
       const double since_s = since_.try_emplace(key, now_utc_s).first->second;
@@ -123,12 +121,13 @@ void Alerts::look(const std::vector<StationView>& stations, const std::optional<
     return !key.starts_with(of_unit) && !stand.contains(key) && (yields_known || !key.starts_with(of_yield)) &&
            queue_.post([this, key] { static_cast<void>(write("over", key)); });
   });
+  std::error_code unknown;
+  if (std::filesystem::file_size(config_.record, unknown) > largest_record && !unknown)
+    static_cast<void>(queue_.post([this, events] { shorten(config_.record, events); }));
 }
 
 Status Alerts::write(const char* what, const std::string& key) const {
-  TRY(append_durably(config_.record, record_line(what, key)));
-  static_cast<void>(shorten(config_.record));  // tried again at the next line
-  return {};
+  return append_durably(config_.record, record_line(what, key));
 }
 
 void Alerts::tell(const HookCall& call, const std::string& key) {

@@ -233,14 +233,12 @@ void show_run(const JournalContents& journal, double now_utc_s, StationView& vie
   if (view.state == StationState::running && value_of(journal.transition, "to") != "resting")
     if (const double silence_s = silence_of(view.folder, now_utc_s); silence_s > silent_after_s) {
       view.silent_s = silence_s;
-      view.for_a_person.insert(view.for_a_person.begin(),
-                               "the run has written nothing for " + clock_time(silence_s) + ": look at the station");
+      view.urgent("the run has written nothing for " + clock_time(silence_s) + ": look at the station");
     }
   if (view.process && live && *utc_s > now_utc_s + clock_off_s)
-    view.for_a_person.insert(view.for_a_person.begin(),
-                             "the clock of this machine is " + clock_time(*utc_s - now_utc_s) + " behind the run's");
+    view.urgent("the clock of this machine is " + clock_time(*utc_s - now_utc_s) + " behind the run's");
   if (view.process && journal.begin_value("manual") == "true" && value_of(journal.transition, "to") == "moving")
-    view.for_a_person.insert(view.for_a_person.begin(), "turn the table: " + value_of(journal.transition, "detail"));
+    view.urgent("turn the table: " + value_of(journal.transition, "detail"));
 }
 
 StationView unreadable(const ServedStation& station, const Error& error) {
@@ -314,14 +312,13 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
       view.units = unit_to_mount(station.queue, view.waiting);
       view.headline =
           view.units.empty() ? "the queue is done" : "waits for unit " + view.units.front() + " to be mounted";
-      if (!view.units.empty()) view.for_a_person.insert(view.for_a_person.begin(), "mount unit " + view.units.front());
+      if (!view.units.empty()) view.urgent("mount unit " + view.units.front());
       break;
     case StationState::stopped:
       view.headline = left && journal->pause_asked ? of_units + " is paused: " + view.phase
                       : left                       ? of_units + " was left in the middle: " + view.phase
                              : fmt::format("no batch is running, and units wait: {}", view.waiting.size());
-      view.for_a_person.insert(view.for_a_person.begin(),
-                               left ? "start the batch again: it continues with " + of_units : "start the batch");
+      view.urgent(left ? "start the batch again: it continues with " + of_units : "start the batch");
       break;
     case StationState::idle:
       view.headline = "the queue is done";
@@ -333,9 +330,8 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
   std::erase_if(view.waiting,
                 [&view](const std::string& unit) { return std::ranges::find(view.units, unit) != view.units.end(); });
   if (view.process && is_suspended(*view.process))
-    view.for_a_person.insert(
-        view.for_a_person.begin(),
-        "process " + std::to_string(*view.process) + " is suspended (SIGSTOP): it neither runs nor receives a stop");
+    view.urgent("process " + std::to_string(*view.process) +
+                " is suspended (SIGSTOP): it neither runs nor receives a stop");
   const bool paused = view.state == StationState::stopped && left && journal->pause_asked;
   view.tone = view.state == StationState::stopped && !paused ? Tone::bad
               : view.for_a_person.empty()                    ? Tone::good

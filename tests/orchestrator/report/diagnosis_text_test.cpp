@@ -37,7 +37,7 @@ TEST(VerdictSentence, AdmitsWhenNothingConfirmsIt) {
   sample.diagnosis.holdout_before = sample.diagnosis.holdout_after = {};
   const std::string text = plain(verdict_sentence(sample.diagnosis));
   EXPECT_SAYS(text, "from 2.500 to 1.002");
-  EXPECT_SAYS(text, "no held-out data to confirm it");
+  EXPECT_SAYS(text, "no held-out data confirm it");
 }
 
 TEST(VerdictSentence, NamesTheEffectsThatStandBesideAnUnexplainedResidual) {

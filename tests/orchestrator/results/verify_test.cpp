@@ -93,10 +93,10 @@ TEST_F(Verify, RefusesWhatItCannotUse) {
   expect_refused(with({"--dry-run", "--unit", "SN8"}), "SN8");
   expect_refused(with({"--dry-run", "--unit", "SN7", "--sequence", "nothing.seq"}), "nothing.seq");
   expect_refused(with({"--recording", "one", "--dry-run"}),
-                 "--recording: expected --parameters, --out, --station and --from-step alone");
+                 "--recording: expected only --parameters, --out, --station and --from-step");
   expect_refused(with({"--recording", "one"}), "alignment: 1 s at rest, expected at least 20 s");
   expect_refused({"verify", "--references", "none.csv"}, "none.csv");
-  expect_refused({"verify", "--references", "none.csv", "--dry-run"}, "--references: expected no other option");
+  expect_refused({"verify", "--references", "none.csv", "--dry-run"}, "--references: expected no option but --out");
   // A unit that lies on its side.
   const std::string side = "step 1\n  initial H 0 P 0 R 90\n  align 6000\n  dwell 6000\n  dwell 6000\n";
   record("side", good_rig, side);

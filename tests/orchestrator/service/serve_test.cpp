@@ -365,14 +365,12 @@ TEST_F(Serve, TellsOfAnEventOnceAtMost) {
   EXPECT_EQ(looked(), "");  // the database is away
   EXPECT_EQ(looked(results), "");
 
-  // A record that has become long is cut, and what stands or was told of late is not told again.
+  // A record that has become long is cut, and what was told in its beginning and is still seen is not told again.
   std::string text = file_text(path("alerts"));
   while (text.size() < (std::size_t{3} << 20))
     text += "2026-01-01T03:00:00Z told unit east OLD" + std::to_string(text.size()) + " fail 2026-01-01T00:00:00Z\n";
-  write("alerts", text +
-                      "2026-01-01T03:00:00Z told unit east SN1 fail 2026-01-01T00:00:00Z\n2026-01-01T03:00:00Z told " +
-                      "unit east SN\"3 hold 2026-01-01T02:00:00Z\n");
-  EXPECT_EQ(looked(results), "");
+  write("alerts", text);
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(looked(results), "");
   EXPECT_LT(std::filesystem::file_size(path("alerts")), std::size_t{1} << 20);
 }
 
