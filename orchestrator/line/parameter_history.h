@@ -56,7 +56,7 @@ std::vector<RunSignal> run_signals(std::span<const double> z);
 //
 // The interval of both is Bissell's: C -+ 1.96 sqrt(1 / (9 n) + C^2 / (2 nu)), nu the degrees of freedom of the sigma: n - 1 of all,
 // 0.62 (n - 1) of the moving range (A. F. Bissell, "How reliable is your capability index?", Applied Statistics 39 (3), 1990, 331-340).
-// In the order of time. At least two values, or there are no limits; not enough of them to say much are not refused.
+// In the order of time. Fewer than two values give no limits; few values are not refused.
 struct Capability {
   double value = 0.0;
   double low = 0.0, high = 0.0;  // 95 %

@@ -110,7 +110,8 @@ TEST_F(CommandLine, QuietPrintsNothingButErrors) {
       ends({"run", "--quiet", "--dry-run", "--unit", "SN1", "--out", "o", "--sequence", short_demo}, 1);
   EXPECT_EQ(bad.out, "");
   EXPECT_EQ(bad.err_lines(), 1) << bad.err;
-  expect_refused({"run", "--quiet", "--manual", "--dry-run", "--unit", "SN1", "--out", "by_hand"}, "--quiet: expected none with a table");
+  expect_refused({"run", "--quiet", "--manual", "--dry-run", "--unit", "SN1", "--out", "by_hand"},
+                 "--quiet: expected none with a table");
 }
 
 TEST_F(CommandLine, BadRecordingsAreRefusedByEveryCommand) {
