@@ -314,7 +314,9 @@ Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
     if (!options.page.empty()) context.out << "page  " << options.page << '\n';
   }
   if (!diagnosis.effects.empty() || !diagnosis.explained())
-    return Error{ErrorKind::unit_failed, options.from + ": the fleet has what its units do not show by themselves"};
+    return Error{ErrorKind::unit_failed,
+                 options.from +
+                     ": effects common to several units, a unit that stands out, or a residual that is not explained"};
   return {};
 }
 
@@ -333,7 +335,7 @@ void add_calibrate_command(CommandLine& line) {
       .default_in_help();
   command.format(options.format, "print parameters.conf in this form instead of text");
   command.flag("--partial", options.partial, "write a result even if some parameters are not determined");
-  command.flag("--verbose", options.verbose, "print all 24 parameters, and what the data lacked");
+  command.flag("--verbose", options.verbose, "print all 24 parameters and what the data lack");
   command.option("--prior", options.prior.from,
                  "use earlier calibrations as a prior: a results database, a store of `turncal recalibrate`, or a "
                  "folder with runs below it");

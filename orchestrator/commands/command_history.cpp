@@ -54,8 +54,8 @@ Status check_one_unit(const HistoryOptions& options, const Calibrations& all) {
   for (const StoredCalibration& c : all) units.insert(c.unit);
   if (units.size() <= 1 || options.together) return {};
   return input_error(options.database + ": holds " + std::to_string(units.size()) +
-                     " units, of which control limits and Cpk would be one mixture: expected --unit SERIAL, or "
-                     "--together for all of them on purpose");
+                     " units, whose control limits and Cpk would be mixed: expected --unit SERIAL, or --together to "
+                     "chart them together");
 }
 
 using namespace cell;
@@ -75,9 +75,8 @@ Cell as(const char* format, std::optional<double> value) {
 Result<Document> comparison(const Calibrations& all, const std::vector<std::int64_t>& ids) {
   const StoredCalibration* pair[2] = {};
   for (std::size_t i = 0; i < 2; ++i) {
-    for (const StoredCalibration& c : all) {
+    for (const StoredCalibration& c : all)
       if (c.id == ids[i]) pair[i] = &c;
-    }
     if (!pair[i])
       return input_error("--compare " + std::to_string(ids[i]) + ": expected the id of a calibration in the list");
   }
@@ -195,9 +194,9 @@ Status show_attempts(const HistoryOptions& options, const ResultsDatabase& datab
 Status show_history(const HistoryOptions& options, CommandContext& context) {
   std::ostream& out = context.out;
   if (!options.format.empty() && (!options.csv.empty() || !options.report.empty()))
-    return input_error("--format: prints: expected no --csv or --report, which write a file");
+    return input_error("--format: prints the list: expected no --csv or --report, which write a file");
   if (options.format == "csv" && (!options.compare.empty() || !options.parameter.empty() || options.control))
-    return input_error("--format csv: is of the list: expected no --compare, --parameter or --control");
+    return input_error("--format csv: only for the list: expected no --compare, --parameter or --control");
   if (options.attempts &&
       (!options.compare.empty() || !options.report.empty() || !options.parameter.empty() || options.control))
     return input_error(

@@ -79,9 +79,9 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
       found.threshold, found.reason, found.quiet_gyro / per, physical ? " rad/s" : "", found.quiet_accel / per,
       physical ? "m/s^2" : "pulses");
   if (found.slow_turns > 0)
-    out << found.slow_turns << " quiet stretches taken out: their mean rate is that of a slow turn\n";
+    out << found.slow_turns << " quiet stretches excluded: their mean rate is that of a slow turn\n";
   if (found.cut > 0) out << found.cut << " rests cut to where the unit stands still\n";
-  if (found.moving > 0) out << found.moving << " rests taken out: too little of them is still\n";
+  if (found.moving > 0) out << found.moving << " rests excluded: the unit stands still in too little of them\n";
   int number = 0;
   out << "rest      from s        to s    length s\n";
   for (const Segment& s : found.segments) {
@@ -167,7 +167,7 @@ Status import_frames(const TextOptions& from, CommandContext& context) {
   content.samples = std::move(log.samples);
   std::string line = fmt::format("{} samples; {}", content.samples.size(), log.summary);
   if (!from.gravity_mps2)
-    line += fmt::format("; gravity_mps2 = {}, the standard one: --gravity gives the site's", site.gravity_mps2);
+    line += fmt::format("; gravity_mps2 = {}, the standard value: --gravity gives the site's", site.gravity_mps2);
   return write_imported(content, from.out, line, context);
 }
 
@@ -182,7 +182,7 @@ Result<CsvMap> map_for(const TextOptions& from, const ColumnSource& source, Comm
   }
   if (!proposal.doubts.empty())
     return input_error(
-        fmt::format("{}: in doubt: {}: expected --map with what holds (--map-out FILE writes this one, to be edited)",
+        fmt::format("{}: in doubt: {}: expected a --map that says which (--map-out FILE writes this one, to be edited)",
                     from.source, fmt::join(proposal.doubts, "; ")));
   return parse_csv_map(proposal.text, "proposed map");
 }
@@ -491,11 +491,10 @@ void add_navigate_command(CommandLine& line) {
                  "true track: a table of time_s, latitude_deg, longitude_deg (docs/navigation.md)");
   command.option("--out", options.out, "folder for navigation.conf, track.csv, navigation.svg").required();
   command.option("--align", request.align_s, "length of the alignment").time(20.0, 86400.0).default_in_help();
-  command.option("--from", request.from_s, "where to begin, from the first sample")
+  command.option("--from", request.from_s, "start, from the first sample")
       .time(0.0, longest_recording_s)
       .default_in_help();
-  command.option("--to", request.to_s, "where to end; default: the end of the recording")
-      .time(0.0, longest_recording_s);
+  command.option("--to", request.to_s, "end; default: the end of the recording").time(0.0, longest_recording_s);
   command.option("--for", request.free_s, "length of each free navigation; default: an hour, or what there is")
       .time(1.0, longest_recording_s);
   command.option("--branches", request.branches, "number of starts, spread over the recording")

@@ -69,20 +69,22 @@ CLI::Validator word_of(const std::vector<std::string>& values) {
       fmt::format("{{{}}}", fmt::join(values, ",")));
 }
 
-// A time becomes a number of `unit`, s or d.
+constexpr std::pair<std::string_view, double> seconds_of[] = {{"min", 60.0}, {"h", 3600.0}, {"d", 86400.0}, {"s", 1.0}};
+
+// A time becomes a number of `unit`, one of these.
 CLI::Validator time_in(double low, double high, const std::string& unit) {
   return CLI::Validator(
       [=](std::string& text) {
         std::string_view number = text;
         double scale = 1.0;
-        for (const auto& [name, seconds] : {std::pair{"min", 60.0}, {"h", 3600.0}, {"d", 86400.0}, {"s", 1.0}})
+        for (const auto& [name, seconds] : seconds_of)
           if (text.ends_with(name)) {
-            number.remove_suffix(std::string_view(name).size());
-            scale = seconds / (unit == "d" ? 86400.0 : 1.0);
+            number.remove_suffix(name.size());
+            scale = seconds / std::ranges::find(seconds_of, unit, [](const auto& one) { return one.first; })->second;
           }
         const std::optional<double> value = parse_number(number);
         if (!value || !(*value * scale >= low && *value * scale <= high))
-          return fmt::format("'{0}': expected a time from {1:g}{3} to {2:g}{3}, like 90s, 40min, 2h", text, low, high,
+          return fmt::format("'{0}': expected a time from {1:g}{3} to {2:g}{3}, in s, min, h or d", text, low, high,
                              unit);
         text = format_number(*value * scale);
         return std::string();
@@ -126,28 +128,35 @@ std::vector<std::string> words_of(int argc, const char* const* argv, std::ostrea
   std::vector<std::string> words(argv + 1, argv + argc);
   const std::string first = words.empty() ? "" : words.front();
   if (first == "help") {
-    words.erase(words.begin());
+    std::erase(words, first);
     words.emplace_back("--help");
   } else if (first == "database" || first == "restore" || first == "prune") {
     first == "database" ? void(words.front() = "records") : void(words.insert(words.begin(), "records"));
-    err << fmt::format("{0}'turncal {1}' is 'turncal records{2}' now; the old name goes with the next version\n",
-                       error_prefix, first, first == "database" ? "" : " " + first);
+    err << fmt::format(
+        "{0}'turncal {1}' is 'turncal records{2}' now; the old name will be removed in the next version\n",
+        error_prefix, first, first == "database" ? "" : " " + first);
   }
   std::ranges::reverse(words);
   return words;
 }
 
+// The command that was named last, or the first one that was given a word that it does not know.
+const CLI::App& command_meant(const CLI::App& app) {
+  const std::vector<CLI::App*> named = app.get_subcommands();
+  return app.remaining().empty() && !named.empty() ? command_meant(*named.front()) : app;
+}
+
 // A word that is not understood is said before what is missing because of it.
 Error misunderstood(const CLI::App& app, const std::string& why) {
-  const CLI::App* command = &app;
-  std::string name = "turncal ";
-  for (; !command->get_subcommands().empty(); name += command->get_name() + " ")
-    command = command->get_subcommands().front();
+  const CLI::App* const command = &command_meant(app);
+  std::string name;
+  for (const CLI::App* one = command; one != nullptr; one = one->get_parent()) name.insert(0, one->get_name() + " ");
   const std::string help = " (see " + name + "--help)";
-  const std::vector<std::string> unknown = app.remaining(true);
+  const std::vector<std::string> unknown = command->remaining();
   if (unknown.empty()) return input_error(why + help);
   const std::string typed = unknown.front().substr(0, unknown.front().find('='));
   std::vector<std::string> known;
+  if (command == &app) known.emplace_back("help");
   if (typed.starts_with("-"))
     for (const CLI::Option* option : command->get_options()) known.push_back(option->get_name());
   else
@@ -176,7 +185,7 @@ const Option& Option::one_of(const std::vector<std::string>& values) const {
 }
 const Option& Option::time(double low, double high, const std::string& unit) const {
   option_->type_name("TIME")->transform(time_in(low, high, unit));
-  const std::string bare = unit == "d" ? "days" : "seconds";
+  const std::string bare = unit == "d" ? "days" : unit == "min" ? "minutes" : "seconds";
   return option_->description(option_->get_description() + " (40min, 2h, 30d; a bare number: " + bare + ")"), *this;
 }
 const Option& Option::needs(const Option& other) const { return option_->needs(other.option_), *this; }
@@ -248,12 +257,16 @@ int run_command_line(int argc, const char* const* argv, const std::vector<Comman
     try {
       app.parse(words_of(argc, argv, context.err));
     } catch (const CLI::Success& success) {  // --help, --version
-      app.exit(success, context.out, context.err);
+      const CLI::App& command = command_meant(app);
+      const bool knows_it = command.remaining().empty() || command.get_require_subcommand_min() == 0;
+      knows_it ? void(app.exit(success, context.out, context.err)) : context.fail(misunderstood(app, ""));
     } catch (const CLI::ParseError& error) {
-      // CLI11's own words for a text that is no number of the option's kind.
-      constexpr std::string_view no_number = "Could not convert: ";
+      // In place of CLI11's own words.
+      constexpr std::string_view no_number = "Could not convert: ", no_word = ": 1 required ";
       std::string why = error.what();
       if (why.starts_with(no_number)) why = why.substr(no_number.size()) + ": expected a number of its kind";
+      if (const std::size_t at = why.find(no_word); at < why.size()) why = why.substr(0, at) + ": expected a value";
+      if (why == "A subcommand is required") why = "expected a command";
       context.fail(misunderstood(app, why));
     }
   } catch (const std::exception& error) {

@@ -244,7 +244,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
     TRY(run_turn(options, prepared, turn, tag, context));
     if (StopSignals::any()) {  // asked for when the results were being made
       return Error{ErrorKind::interrupted,
-                   "paused after unit " + join(turn.units) + "; the same command goes on with the next"};
+                   "paused after unit " + join(turn.units) + "; the same command continues with the next"};
     }
   }
   // Of the whole queue, whichever command did it.
@@ -322,9 +322,9 @@ void add_run_options(const Command& command, RunRequest& request) {
                "end as soon as the station's stop.sigma.* and limit.* are met with certainty (docs/design.md)");
   command
       .option("--settle", request.settle_minutes,
-              "minutes that the run may add to tell confounded effects apart (docs/design.md); default: settle.minutes "
-              "of the station")
-      .range(0.0, 60.0);
+              "time that the run may add to tell confounded effects apart (docs/design.md); default: settle.minutes of "
+              "the station")
+      .time(0.0, 60.0, "min");
   add_record_options(command, request);
   add_watch_options(command, request);
 }

@@ -221,7 +221,7 @@ Status commission(const Options& options, const StationConfig& station, LiveDevi
   }
   TRY(devices.imu.open());
   switched_on = true;
-  said_last = "every axis turns the unit as it should, and gravity is felt where it should be";
+  said_last = "every axis turns the unit as it should, and gravity is measured where it should be";
   return try_axes(devices, station, options.settings, StopSignals::requests(), out);
 }
 
@@ -246,7 +246,7 @@ Status commission_chamber(StationConfig station, CommandContext& context) {
     if (!followed) break;
     const double to_c = std::clamp(from_c + by_c, limits.low_c, std::min(limits.high_c, config.limit_unit_c));
     followed = bring_to(chamber, to_c, limits.ramp_c_per_min, time);
-    if (followed) context.out << fmt::format("told {:+.1f} C: its air followed, {}", by_c, chamber.text()) << std::endl;
+    if (followed) context.out << fmt::format("set {:+.1f} C: its air followed, {}", by_c, chamber.text()) << std::endl;
   }
   const Status off = leave_off(chamber, time);
   if (!off) return followed ? off : Status(device_error(followed.error().message + "; " + off.error().message));
@@ -264,18 +264,17 @@ Status run_commission(const Options& options, CommandContext& context) {
   if (const auto guesses = options.chamber ? guesses_of(station, false, true) : std::vector<std::string>();
       !guesses.empty() && !options.accept_guess)
     return input_error(guesses.front() +
-                       ": it decides what heats; expected it checked against the chamber's manual and its "
-                       "[guess] taken out, or --accept-guess (turncal check --explain shows what is sent)");
+                       ": it decides what heats: expected a line checked against the chamber's manual, without its "
+                       "[guess], or --accept-guess (turncal check --explain shows what is sent)");
   if (options.chamber) return commission_chamber(station, context);
   if (station.table.driver == TableDriver::manual)
     return input_error("station '" + station.name + "': a table turned by hand has nothing to commission");
   if (station.simulated()) context.tag = simulated_tag;
-  if (const std::vector<std::string> guesses = guesses_of(station, true); !guesses.empty() && !options.accept_guess) {
+  if (const std::vector<std::string> guesses = guesses_of(station, true); !guesses.empty() && !options.accept_guess)
     return input_error(guesses.front() +
                        (guesses.size() > 1 ? ", and " + std::to_string(guesses.size() - 1) + " more lines" : "") +
-                       ": it decides what moves; expected it checked against the table's manual and its [guess] taken "
-                       "out, or --accept-guess (turncal check --explain shows what is sent)");
-  }
+                       ": it decides what moves: expected a line checked against the table's manual, without its "
+                       "[guess], or --accept-guess (turncal check --explain shows what is sent)");
   const StopSignals signals;
   std::unique_ptr<LiveDevices> live = TRY(LiveDevices::make(station, StopSignals::requests(), context.out));
   const LinePrefix marked(context.out, context.tag);
@@ -284,9 +283,8 @@ Status run_commission(const Options& options, CommandContext& context) {
   Status status = commission(options, station, *live, context.out, switched_on, said);
   const std::string how_left = switched_on ? "; " + how_it_rests(live->devices().table) : "; nothing was moved";
   status = live->leave_table(status, how_left);
-  if (switched_on && live->left_off()) {
+  if (switched_on && live->left_off())
     if (const std::string sag = live->sag_since({}); !sag.empty()) context.warn(sag);
-  }
   if (status) context.out << said << how_left << std::endl;
   return status;
 }
@@ -449,7 +447,7 @@ Status serve(const ServeOptions& options, CommandContext& context) {
   const StopSignals signals;
   context.out << "stations  " << page->url() << std::endl;
   if (!page->loopback())
-    context.out << "warning: whoever reaches " << page->url()
+    context.out << "warning: everybody who reaches " << page->url()
                 << " can read the page: it has no access control and is not encrypted" << std::endl;
   while (!StopSignals::any()) std::this_thread::sleep_for(std::chrono::milliseconds(100));
   return {};

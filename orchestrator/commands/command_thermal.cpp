@@ -79,10 +79,12 @@ void add_thermal_command(CommandLine& line) {
       .required();
   command.option("--out", options.out, "folder for parameters.conf, thermal.conf and thermal.html").required();
   command
-      .option("--temperature", options.temperatures, "LEG=VALUE, C: of a leg that has no thermometer (again for more)")
+      .option("--temperature", options.temperatures,
+              "LEG=VALUE, degrees C, for a leg without a thermometer; repeat it for more")
       .one_word_each();
-  command.option("--reference", options.reference_c, "C, of the 24 parameters; default: the middle of the range");
-  command.format(options.format, "print thermal.conf in this form instead of words");
+  command.option("--reference", options.reference_c,
+                 "temperature of the 24 parameters, degrees C; default: the middle of the range");
+  command.format(options.format, "print thermal.conf in this form instead of text");
 }
 
 void add_campaign_command(CommandLine& line) {
@@ -90,8 +92,7 @@ void add_campaign_command(CommandLine& line) {
       "campaign", "calibrate a unit at several temperatures, unattended, and over temperature", campaign);
   RunRequest& request = options.request;
   command.option("file", options.file, "campaign: unit, station, temperatures, sequences (docs/thermal.md)").required();
-  command.option("--out", options.out,
-                 "folder for the legs and the results; the same again goes on with what is there");
+  command.option("--out", options.out, "folder for the legs and the results; the same folder continues what is there");
   command.flag("--plan", options.plan, "print the legs, their times and the expected sigmas; nothing moves");
   command.flag("--dry-run", request.dry_run, "simulate table, unit and chamber, in virtual time");
   command.flag("--no-diagnosis", request.no_diagnosis, "skip the diagnosis of each leg");

@@ -46,7 +46,7 @@ bool measures(const VerifyOptions& o) {
 Status check_together(const VerifyOptions& o) {
   if (!o.references.empty()) {
     if (measures(o) || !o.parameters.empty() || !o.recording.empty() || !o.run.station.empty() || o.first_step != 0)
-      return input_error("--references: expected no other option than --out: the readings say everything");
+      return input_error("--references: expected no option but --out: the readings say everything");
     return {};
   }
   if (o.parameters.empty()) return input_error("--parameters is required: the calibration that is verified");
@@ -54,10 +54,10 @@ Status check_together(const VerifyOptions& o) {
   if (o.recording.empty() && o.unit.empty())
     return input_error("--unit is required (or --recording, of a verification that was recorded)");
   if (o.recording.empty() && !o.format.empty())
-    return input_error("--format: expected --recording or --references: a measurement is watched as it goes on");
+    return input_error("--format: expected --recording or --references: a measurement reports while it runs");
   if (!o.recording.empty() && measures(o))
     return input_error(
-        "--recording: expected --parameters, --out, --station and --from-step alone: nothing is measured");
+        "--recording: expected only --parameters, --out, --station and --from-step: nothing is measured");
   return {};
 }
 
@@ -181,8 +181,7 @@ Result<std::string> make_certificate(const CertificateOptions& options) {
       return input_error(path + ": of unit " + file.unit_serial + ", expected " + runs.front().unit_serial +
                          ": a certificate is of one unit");
     if (!runs.empty() && file.time_utc < runs.back().time_utc)
-      return input_error(path +
-                         ": older than the run before it, expected them oldest first: the last one is certified");
+      return input_error(path + ": older than the run before it: expected the oldest first, the last one is certified");
     const std::string why = objection(file);
     if (!why.empty() && !options.specimen)
       return Error{ErrorKind::unit_failed, path + ": no certificate: " + why + " (--specimen makes a specimen)"};
@@ -223,7 +222,7 @@ Status check(const std::string& path, CommandContext& context) {
 Status certify(const CertificateOptions& options, CommandContext& context) {
   if (!options.check.empty()) {
     if (!options.runs.empty() || !options.station.empty() || !options.html.empty() || !options.pdf.empty())
-      return input_error("--check: expected nothing beside it: it reads a certificate that was issued");
+      return input_error("--check: expected no other option: it reads a certificate that was issued");
     return check(options.check, context);
   }
   if (options.runs.empty() || options.station.empty() || options.html.empty())

@@ -20,7 +20,7 @@ AddCommand add_run_command, add_resume_command, add_campaign_command, add_check_
     add_design_command, add_batch_command, add_queue_command, add_serve_command, add_shift_command, add_fleet_command,
     add_recalibrate_command, add_history_command, add_certificate_command, add_records_command;
 
-// What is going on, for work that takes longer than a blink: one line of a terminal, redrawn.
+// The progress of work that takes longer than a moment: one line of a terminal, redrawn.
 class Phases {
  public:
   // `silent`: what is printed is for a program.
@@ -63,7 +63,7 @@ struct CheckOptions {
   std::string out = {};  // folder of a run; empty: not looked at
   std::vector<std::string> units = {};
   bool verify = false;
-  bool explain = false;  // the table, too; without a sequence it alone
+  bool explain = false;  // explain the table, too; without a sequence, only that
 };
 int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err);
 

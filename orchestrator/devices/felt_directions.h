@@ -1,5 +1,5 @@
-// What a unit on a table at known angles must feel, coarsely: gravity upwards at rest, C_bn (0, g, 0), and the turn of one axis about the
-// body axis that the angles say (C_nb = Ry(-H) Rz(P) Rx(R)), with that sign. An error says in one line what was felt instead.
+// What a unit on a table at known angles must measure, coarsely: gravity upwards at rest, C_bn (0, g, 0), and the turn of one axis about the
+// body axis that follows from the angles (C_nb = Ry(-H) Rz(P) Rx(R)), with that sign. An error says in one line what was measured instead.
 #pragma once
 
 #include <Eigen/Core>
@@ -40,11 +40,11 @@ Status judge_felt(const Eigen::Vector3d& sum_deg, const AxisTriple& from_deg, co
 // turn over tell b from e. So the first rest finds the other hemisphere, and the third a latitude that is a few degrees off. What is judged is e_up / |e| = sin(latitude):
 // a common scale error of the gyros does not matter. Linear least squares, rest by rest.
 //
-// Nothing is judged while |e| is not of the earth's size (units, dead gyros: others say that), and no more once a rest contradicts those
-// before it (an axis or a sign: the turns say that). Coarse on purpose, see EarthRateLimits.
+// Nothing is judged while |e| is not of the earth's size (units, dead gyros: other checks), nor after a rest that contradicts those
+// before it (an axis or a sign: checked by the turns). Coarse on purpose, see EarthRateLimits.
 struct EarthRateLimits {
   double sigmas = 5.0;
-  double least_difference = 0.05;      // of sin(latitude): what effects of the field on the gyros cannot do
+  double least_difference = 0.05;      // of sin(latitude): more than effects of the field on the gyros
   double least_bias_degph = 1.0;       // sigma
   double strange_bias = 10.0;          // sigma, times what the first rest's rate is off from the earth's
   double misalignment_rad = 0.005;     // of gyros and fixture, against what the table's angles say

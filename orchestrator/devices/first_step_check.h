@@ -1,17 +1,17 @@
-// What a run learns of the unit on the table in its first step, so that it stops there and not at the calibration: is it mounted as the
+// What a run checks of the unit in its first step, so that it stops there and not at the calibration: is it mounted as the
 // sequence supposes, do axes and signs fit, does the earth turn the right way, does every sensor live.
 //
 // A sink on the way to the recording; what it finds is told by unit_fits(), as an error of kind device: somebody has to look. At rest the
-// specific force must point up, a turn must be felt about the body axis that the table's angles say (felt_directions.h), and the earth must
+// specific force must point up, a turn must be measured about the body axis that follows from the table's angles (felt_directions.h), and the earth must
 // turn as at the station's latitude (EarthRateCheck); neither sensor may be off by a factor that two units differ by; pulses of the
 // gyros must be of a weight from which a calibration finds it; and the temperature, where there is one, must be one that can be. Coarse on
 // purpose: what a calibration estimates (biases, scale factors, misalignments) is not judged.
 //
-// A person may turn another axis first and back again: of a move whose way in the gyros is much longer than what they add up to nothing
+// A person may turn another axis first and back again: from a move whose path in the gyros is much longer than their sum nothing
 // is concluded.
 // Not seen: the sign of a gyro that neither a turn nor the earth's rotation shows in that step; gyro scale factors.
 // A run that goes on after an interruption has passed this. In every step, not the first alone: no channel may give one and the same
-// value while the table turns (data_screen.h). A sample that cannot be (data_screen.h) is not counted.
+// value while the table turns (data_screen.h). An impossible sample (data_screen.h) is not counted.
 #pragma once
 
 #include <cstdint>
@@ -31,7 +31,7 @@ struct FirstStepLimits : DirectionLimits {
   double detour = 1.3;        // a way longer than this times the gyros' sum was not one turn
   double least_times = 20.0;  // the earth's rate: from there on units are judged by a rest
   double least_turn_of_units_deg = 10.0;
-  // Of what the gyros feel in a turn by their nominal pulse, over the turn. From there a calibration finds the weight of the pulse.
+  // Ratio of the gyros' angle by their nominal pulse to the turn. Within it a calibration finds the weight of the pulse.
   double least_pulses = 0.42, most_pulses = 1.6;
 };
 
@@ -65,7 +65,7 @@ class FirstStepCheck : public RunSink {
   Segment segment_;
   Eigen::Vector3d gyro_ = Eigen::Vector3d::Zero(), accel_ = Eigen::Vector3d::Zero();  // sums over the segment
   std::int64_t samples_ = 0;
-  // The way that the gyros felt, half a second at a time, so that noise adds little to it; the mean of the last rest taken off.
+  // The path of the gyros, half a second at a time, so that noise adds little to it; the mean of the last rest is subtracted.
   Eigen::Vector3d stretch_ = Eigen::Vector3d::Zero();
   std::int64_t stretch_samples_ = 0;
   double way_ = 0.0;

@@ -1,7 +1,7 @@
 // The devices of a live run: the station's table and units, the machine's clocks, and waiting that really waits.
 //
 // Nothing is opened here; the run does that. clock.speed_up other than 1 is for twins (docs/twin.md): all of the station's times then
-// pass so many times faster. A table turned by hand is told why each move is asked for, and what the first unit
+// run so many times faster. A table turned by hand is given the reason of each move, and what the first unit
 // senses of gravity. The thread that makes them goes before others until they go, or the table need not be watched any more.
 #pragma once
 
@@ -23,8 +23,8 @@
 
 namespace turncal {
 
-// One process at a time on a station's devices: its table and its units, over TCP as well as on serial lines. Taken before anything is
-// opened, let go when the process ends, however.
+// One process at a time uses a station's devices: its table and its units, over TCP as well as on serial lines. Taken before anything is
+// opened, released when the process ends, however it ends.
 //
 // A device in /dev goes by the name that the station says, not by what its links lead to: who has lost its line still holds the name, and
 // ttyUSB0 may be another station's adapter by then. Two names of one port are kept apart by the port (SerialPort).

@@ -1,17 +1,17 @@
 // From its first object to the end of the program no signal that can be caught ends or stops it without the table being left as it should,
-// nor cuts short what is then left to be written down and said:
+// nor cuts short what is then left to be written and printed:
 //
 //   SIGINT                                                                 a request
 //   SIGTERM, SIGHUP; SIGQUIT, USR1, USR2, ALRM, VTALRM, PROF, PWR, IO, XCPU   the same, told to end
 //   SIGPIPE, SIGXFSZ          ignored: a write that fails says so (a reader that went away, a file size limit)
 //   SIGTSTP, SIGTTIN, SIGTTOU  ignored: a stopped process cannot watch a table that turns
 //
-// Three counts, since a pause must not cut a driver's waits short, and since a run that the system ended was aborted by nobody:
+// Three counts, since a pause must not cut a driver's waits short, and a run that the system ended was not aborted by an operator:
 //   pauses()    1 once the first request was a SIGINT, for a run that asked for that (FirstInterrupt::pauses)
 //   requests()  every other request: stop now, each further one faster
 //   ends()      those of requests() from the first on that was not SIGINT
-// They stay when the object has gone, for the next one too: who was asked to stop begins nothing more.
-// While an object lives nobody who does not read what is printed holds the program up (Unhindered).
+// They outlive the object and hold for the next one: a program that was asked to stop begins nothing more.
+// While an object lives, a reader of the output that does not read cannot hold the program up (Unhindered).
 #pragma once
 
 #include <array>

@@ -42,12 +42,12 @@ Figure allan_figure(const AllanResult& allan, const AllanResult* other = nullptr
 // The residual is the velocity (n frame, m/s) that the unit shows when it is navigated freely from the beginning of the last
 // rotation on, although it stands. From each dwell after a rotation three numbers are read off:
 //   v(t) = v0 + a t + j t (t - T) / 2, t from the start of the dwell, least squares over T, at most fit_window_s
-//   accelerometer residual  C_bn a                   what the accelerometers read too much (and g times the tilt error)
+//   accelerometer residual  C_bn a                   excess reading of the accelerometers (and g times the tilt error)
 //   tilt residual           C_bn (a_E, 0, -a_N) / g  attitude error that the rotation left; horizontal axes only
-//   gyro residual           C_bn (j_E, 0, -j_N) / g  what the gyros read too much; horizontal axes only
+//   gyro residual           C_bn (j_E, 0, -j_N) / g  excess reading of the gyros; horizontal axes only
 // from v' = -f x psi, f = (0, g, 0), psi' = C_nb dw_b (calib/joint/joint_filter.h). C_nb is the commanded heading, levelled by the
 // specific force: good to the table's errors, which is enough to tell the axes apart.
-// Not modelled: which sensor is to blame. That is what the scores are for; these numbers show it to the eye.
+// Not modelled: which sensor is to blame. The scores decide that; these numbers show it.
 struct DwellResidual {
   int segment = 0;
   int step = 0;
@@ -83,7 +83,7 @@ double velocity_rms_mps(const Diagnosis& diagnosis, bool after);
 // since the rotation, angle turned, rate, heading): one panel for each of its strongest components.
 Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual>& dwells, const std::string& effect,
                      std::size_t number);
-// For a residual without a name: against table angles, specific force, rate, temperature and time; once as an accelerometer
+// For a residual that no effect explains: against table angles, specific force, rate, temperature and time; once as an accelerometer
 // error, once as a gyro error.
 std::vector<Figure> unexplained_figures(const std::vector<DwellResidual>& dwells);
 

@@ -95,10 +95,9 @@ std::string embeddable_svg(std::string_view svg, std::string_view id, std::strin
   replace_all(text, "url(#", "url(#" + prefix);
   replace_all(text, "<tspan >", "<tspan>");
   const std::string open = "<svg";
-  if (text.starts_with(open)) {
+  if (text.starts_with(open))
     text.insert(open.size(),
                 " role=\"img\" aria-label=\"" + html_escape(label) + "\" style=\"width:" + std::string(width) + "\"");
-  }
   return text;
 }
 
@@ -280,6 +279,7 @@ void append_marks(const Panel& panel, int width, std::string& script) {
 }
 
 void append_panel(const Panel& panel, const std::string& id, int width, std::string& script) {
+  const auto title_width = static_cast<std::size_t>(width) / 7;  // characters: none is cut by the frame
   std::string plot;
   for (std::size_t s = 0; s < panel.series.size(); ++s) {
     if (!has_points(panel.series[s])) continue;
@@ -292,7 +292,7 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
   if (plot.empty()) plot = "plot NaN notitle";
   script += panel.legend ? "set key outside above right horizontal samplen 2\n" : "unset key\n";
   script += panel.title.empty() ? "unset title\n"
-                                : "set title " + gnuplot_text(panel.title) +
+                                : "set title " + gnuplot_text(shorten(panel.title, title_width)) +
                                       (panel.legend ? " offset graph -0.36, character -0.6\n" : " offset 0,-0.6\n");
   script += panel.x_label.empty() ? "unset xlabel\n" : "set xlabel " + gnuplot_text(panel.x_label) + " offset 0,0.4\n";
   script += "set ylabel " + gnuplot_text(panel.y_label) + " offset 0.5,0\n";

@@ -33,7 +33,7 @@ Result<std::vector<std::string>> run_gnuplot(std::string_view script, std::size_
 // `label` (plain text) for readers that cannot see it, `width` as CSS has it ("50%").
 std::string embeddable_svg(std::string_view svg, std::string_view id, std::string_view label, std::string_view width);
 
-// What is drawn, before anybody thinks about gnuplot.
+// What is drawn, independent of gnuplot.
 inline constexpr double no_point = std::numeric_limits<double>::quiet_NaN();  // breaks a line
 inline constexpr std::array<const char*, 3> body_names = {"x", "y", "z"};
 inline constexpr std::array<const char*, 3> n_names = {"north", "up", "east"};

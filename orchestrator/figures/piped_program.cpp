@@ -37,9 +37,8 @@ bool make_pipe(Descriptor& read_end, Descriptor& write_end) {
 std::vector<char*> plain_environment() {
   static char locale[] = "LC_ALL=C.UTF-8";
   std::vector<char*> result;
-  for (char** entry = environ; *entry != nullptr; ++entry) {
+  for (char** entry = environ; *entry != nullptr; ++entry)
     if (std::strncmp(*entry, "LC_", 3) != 0) result.push_back(*entry);
-  }
   result.push_back(locale);
   result.push_back(nullptr);
   return result;
@@ -125,10 +124,9 @@ Result<PipedOutput> pipe_through(const PipedProgram& program, std::string_view i
   if (!make_pipe(from_child, child_out) || !make_pipe(errors, child_err))
     return failed(std::string("cannot make a pipe: ") + std::strerror(errno));
   Child child;
-  if (const int error = child.spawn(program, child_in, child_out, child_err); error != 0) {
+  if (const int error = child.spawn(program, child_in, child_out, child_err); error != 0)
     return failed(error == ENOENT ? program.name + " is not installed (Debian package " + program.package + ")"
                                   : "cannot start " + program.name + ": " + std::strerror(error));
-  }
   child_in = Descriptor();
   child_out = Descriptor();
   child_err = Descriptor();

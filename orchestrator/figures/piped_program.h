@@ -22,7 +22,7 @@ struct PipedProgram {
 
 struct PipedOutput {
   std::string output;
-  std::string message;  // the first line of what it complained of; empty: nothing
+  std::string message;  // the first line on its standard error; empty: nothing
 };
 
 Result<PipedOutput> pipe_through(const PipedProgram& program, std::string_view input);

@@ -13,33 +13,17 @@
 namespace turncal {
 
 std::string html_escape(std::string_view text) {
+  static constexpr std::pair<char, std::string_view> escapes[] = {{'&', "&amp;"},  {'<', "&lt;"},   {'>', "&gt;"},
+                                                                  {'"', "&quot;"}, {'\'', "&#39;"}, {'\x7f', " "}};
   std::string result;
-  result.reserve(text.size());
-  for (std::size_t at = 0; at < text.size();) {
-    const std::size_t length = utf8_character(text.substr(at));
-    if (length == 0) {
-      result += '?';
-      ++at;
-      continue;
-    }
-    const char c = text[at];
-    if (length > 1)
-      result += text.substr(at, length);
-    else if (c == '&')
-      result += "&amp;";
-    else if (c == '<')
-      result += "&lt;";
-    else if (c == '>')
-      result += "&gt;";
-    else if (c == '"')
-      result += "&quot;";
-    else if (c == '\'')
-      result += "&#39;";
-    else if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f)
-      result += ' ';
-    else
-      result += c;
-    at += length;
+  while (!text.empty()) {
+    const std::size_t length = utf8_character(text);
+    const auto* const escape = std::ranges::find(escapes, text[0], &std::pair<char, std::string_view>::first);
+    result += length == 0                                  ? "?"
+              : escape != std::end(escapes)                ? escape->second
+              : static_cast<unsigned char>(text[0]) < 0x20 ? " "
+                                                           : text.substr(0, length);
+    text.remove_prefix(std::max<std::size_t>(length, 1));
   }
   return result;
 }

@@ -33,7 +33,7 @@ Cell with_error(double value, double sigma) { return number(plus_minus(value, si
 
 Table effect_table(const FleetDiagnosis& d, const FleetSource& source) {
   Table table{{text("common to"), name("effect"), number("value"), text("unit"), number("sigmas"), number("recordings"),
-               text("since (95 %)"), wide("or"), wide("what to look at")}};
+               text("since (95 %)"), wide("confounded with"), wide("what to check")}};
   for (const FleetEffect& e : d.effects) {
     const auto date = [&](double day) { return date_of(source.first_day + day); };
     const bool ramp = e.shape == FleetShape::ramp;
@@ -42,8 +42,8 @@ Table effect_table(const FleetDiagnosis& d, const FleetSource& source) {
                                   : fmt::format("{}{} ({} to {})", ramp ? "growing from " : "", date(e.begin_day),
                                                 date(e.begin_low), date(e.begin_high));
     table.row({text(e.factor.empty() ? "all units" : e.factor + " " + e.level), name(e.component),
-               with_error(e.value, e.sigma), display_unit(e.component, ramp ? " a day" : ""), number(std::abs(e.z), 2),
-               count(e.recordings), text(since), wide(join(e.rivals)),
+               with_error(e.value, e.sigma), display_unit(e.component, ramp ? " per day" : ""),
+               number(std::abs(e.z), 2), count(e.recordings), text(since), wide(join(e.rivals)),
                wide(e.factor == "station" ? cause_at_station(e.component) : "")},
               Table::Emphasis::hit);
   }
@@ -105,7 +105,7 @@ Figure figure_of(const FleetEffect& effect, const FleetSource& source, const std
   Figure figure{.id = "effect" + std::to_string(place_in_list),
                 .label = effect.component + ", " + unit_of_component(effect.component),
                 .caption = "A point is a recording, over days since " + date_of(source.first_day) +
-                           "; the line is what was found.",
+                           "; the line is the effect that was found.",
                 .columns = 3,
                 .panel_width = 320,
                 .panel_height = 200,
@@ -176,7 +176,7 @@ Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, cons
   else
     document.add(effect_table(d, source));
   if (!d.explained())
-    document.text("NOT EXPLAINED: what is left at " + d.lack_of_fit_at + " is more than noise, p = 10^" +
+    document.text("NOT EXPLAINED: the residual at " + d.lack_of_fit_at + " is more than noise, p = 10^" +
                   significant(d.lack_of_fit_log10_p, 2) + ".");
   for (std::size_t k = 0; k < d.effects.size(); ++k) {
     const Figure figure = figure_of(d.effects[k], source, factors, d, k + 1);
@@ -187,7 +187,7 @@ Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, cons
   for (std::size_t f = 0; f < factors.size() && !d.components.empty(); ++f) {
     document.add(Heading{2, "by-" + factors[f], "By " + factors[f] + ", what is left"}, Scope::page);
     document.add(level_table(d, f), Scope::page);
-    document.soft("In brackets: in its own sigmas, from nothing; of parameters from the other levels.");
+    document.soft("In brackets: the value in its own sigmas; of parameters, the difference from the other levels.");
   }
   document.section("units", "Units that stand out");
   if (d.units.empty())
@@ -200,6 +200,14 @@ Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, cons
 DataTable table_of(const FleetDiagnosis& d, const FleetSource& source) {
   DataTable table({"what", "level", "component", "shape", "value", "sigma", "unit", "z", "begin", "begin_low",
                    "begin_high", "recordings", "rivals"});
+  const auto begin = [&table](const std::string& what, const std::string& level, const std::string& component,
+                              FleetShape shape, double value, double sigma, double z) {
+    table.begin_row();
+    for (const std::string& word : {what, level, component, std::string(to_string(shape))}) table.text(word);
+    for (const double number : {value, sigma}) table.number(number);
+    table.text(unit_of_component(component));
+    table.number(z);
+  };
   const auto date = [&](const FleetEffect& e, double day) {
     if (e.shape == FleetShape::constant)
       table.nothing();
@@ -207,15 +215,7 @@ DataTable table_of(const FleetDiagnosis& d, const FleetSource& source) {
       table.text(date_of(source.first_day + day));
   };
   for (const FleetEffect& e : d.effects) {
-    table.begin_row();
-    table.text(e.factor.empty() ? "all" : e.factor);
-    table.text(e.level);
-    table.text(e.component);
-    table.text(to_string(e.shape));
-    table.number(e.value);
-    table.number(e.sigma);
-    table.text(unit_of_component(e.component));
-    table.number(e.z);
+    begin(e.factor.empty() ? "all" : e.factor, e.level, e.component, e.shape, e.value, e.sigma, e.z);
     date(e, e.begin_day);
     date(e, e.begin_low);
     date(e, e.begin_high);
@@ -223,15 +223,7 @@ DataTable table_of(const FleetDiagnosis& d, const FleetSource& source) {
     table.text(join(e.rivals, "; "));
   }
   for (const OutstandingUnit& u : d.units) {
-    table.begin_row();
-    table.text("unit");
-    table.text(source.members[u.member].unit);
-    table.text(u.component);
-    table.text("constant");
-    table.number(u.value);
-    table.number(u.sigma);
-    table.text(unit_of_component(u.component));
-    table.number(u.z);
+    begin("unit", source.members[u.member].unit, u.component, FleetShape::constant, u.value, u.sigma, u.z);
     for (int k = 0; k < 3; ++k) table.nothing();
     table.count(1);
     table.text("");

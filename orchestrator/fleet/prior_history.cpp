@@ -131,7 +131,8 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
       fmt::format("prior: {} other units, {} earlier calibrations of this one", prior->units, prior->own));
   if (prior->own == 0 && prior->pairs < fleet_limits.least_prior_pairs)
     output.notes.push_back(
-        "prior: the unit's own history is not used: too few units were calibrated twice to know how much they change");
+        "prior: the unit's own history is not used: too few units were calibrated twice to tell how much a unit "
+        "changes");
   output.notes.push_back(shares);
   return {};
 }

@@ -162,7 +162,7 @@ Result<ReadRests> read_rests(const std::string& path, const std::string& map_fil
   Result<ReadRests> found = reader->take();
   if (found && table.jitter_s > 0.01 * table.info.sample_period_s)
     found->notes.push_back(
-        fmt::format("stamps jitter by {:.2g} ms rms: a reading counts for the mean period", 1e3 * table.jitter_s));
+        fmt::format("time stamps jitter by {:.2g} ms rms: the mean period is used", 1e3 * table.jitter_s));
   return found;
 }
 
@@ -171,7 +171,7 @@ Result<AllanResult> deviation_of(const RestCells& cells, const std::string& path
   for (std::size_t axis = 0; axis < 6; ++axis)
     if (result.axes[axis].points.empty())
       return input_error(
-          fmt::format("{}: {} reads {:g} throughout: expected a channel that is connected and feels noise", path,
+          fmt::format("{}: {} reads {:g} throughout: expected a channel that is connected and shows noise", path,
                       channel_names[axis], cells.mean[axis].front()));
   return result;
 }

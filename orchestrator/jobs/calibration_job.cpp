@@ -274,7 +274,7 @@ Status rests_by_hand(const CompressedRecording& recording, bool partial, Calibra
   }
   const std::string unjudged = why_not_tested(data, fit);
   if (!unjudged.empty() && !partial)
-    return not_determined("not tested: the data determine nothing that could be judged: " + unjudged);
+    return not_determined("not tested: the data determine nothing to be judged: " + unjudged);
   describe_rest_fit(fit, as_joint(fit, {}, data), data, output.file);
   describe_trust(unjudged.empty(), output.file);
   if (!unjudged.empty()) output.notes.push_back(output.distrust = "not tested: " + unjudged);

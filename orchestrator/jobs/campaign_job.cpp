@@ -217,7 +217,8 @@ Result<Document> plan_campaign(const Campaign& campaign) {
     sigmas.row(std::move(row));
   }
   document.add(std::move(sigmas));
-  document.soft("Noise of the legs alone: what the bias changes from switch-on to switch-on comes on top.", Scope::all);
+  document.soft("From the noise of the legs alone; the change of the bias from switch-on to switch-on comes on top.",
+                Scope::all);
   return document;
 }
 

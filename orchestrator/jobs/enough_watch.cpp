@@ -235,7 +235,7 @@ KnownSoFar EnoughWatch::estimate(const RunUnit& unit, std::size_t done_items) {
     known.why_not =
         "residual " + significant(output->fit->normalised_rms, 3) + ", limit.residual_max " + significant(*most, 3);
   else if (!is_trusted(output->file))
-    known.why_not = output->distrust.empty() ? "too little to test the fit by" : output->distrust;
+    known.why_not = output->distrust.empty() ? "too little data to test the fit" : output->distrust;
   else if (const double s = so_far.loaded->recorded_s; s < least_diagnosed_s && diagnosed_at_end())
     known.why_not = "too short for a diagnosis, " + format_duration(s) + " of " + format_duration(least_diagnosed_s);
   if (worst && worst->needed > 0.0 && worst->ratio() > 1.0) {
@@ -295,13 +295,13 @@ JournalFields EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_
   for (const KnownSoFar& unit : units) {
     set_aside += unit.set_aside.size();
     if (!unit.set_aside.empty())
-      line += "made once more, this dwell agrees" + (units.size() > 1 ? ", of unit " + unit.unit : "") +
-              "; the take that does not is set aside; ";
+      line += "repeated, this dwell agrees" + (units.size() > 1 ? ", of unit " + unit.unit : "") +
+              "; the one that does not is left out; ";
   }
   if (enough) {
     line += "enough is known; " + format_duration(length_s(next_item, end_item_)) + " of the plan is left out";
   } else if (again) {
-    line += least.why_not + (units.size() > 1 ? ", of unit " + least.unit : "") + ": it is made once more";
+    line += least.why_not + (units.size() > 1 ? ", of unit " + least.unit : "") + ": it is repeated";
   } else {
     line += "not yet enough" + (units.size() > 1 ? " of unit " + least.unit : "") + ": " + least.why_not;
     const auto in = [&](std::size_t item) { return format_duration(length_s(next_item, item + 1)); };

@@ -37,11 +37,10 @@ Status check_space(const Preflight& run) {
 Status check_names(const std::string& path) {
   std::error_code error;
   const std::filesystem::path whole = std::filesystem::absolute(path, error);
-  for (const std::filesystem::path& part : whole) {
+  for (const std::filesystem::path& part : whole)
     if (part.string().size() > NAME_MAX)
       return input_error("'" + part.string() + "': " + std::to_string(part.string().size()) +
                          " bytes: expected a name of at most " + std::to_string(NAME_MAX));
-  }
   if (whole.string().size() + longest_file_name < PATH_MAX) return {};
   return input_error(whole.string() + ": too long a path: expected at most " +
                      std::to_string(PATH_MAX - longest_file_name) + " bytes");

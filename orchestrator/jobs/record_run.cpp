@@ -357,7 +357,7 @@ void add_chamber(const RunPlan& run, RunDevices& devices) {
 Result<RunDevices> devices_of(const RunPlan& run, CommandContext& context) {
   RunDevices run_devices;
   if (context.quiet && (run.request.rehearsal() || run.station.table.driver == TableDriver::manual))
-    return input_error("--quiet: a table that is turned by hand needs an operator who is told what to do");
+    return input_error("--quiet: expected none with a table turned by hand: the operator has to be told what to do");
   if (run.request.rehearsal()) {
     run_devices.rehearsal = std::make_unique<RehearsalDevices>(run.rig, run.station, STDIN_FILENO, context.out);
     run_devices.prompts = &run_devices.rehearsal->prompts();

@@ -29,7 +29,7 @@ Result<bool> sealed_recording(const RunUnit& unit) {
 
 Error damaged(const LoadedRecording& loaded) {
   return device_error(loaded.path + ": the recording is damaged: " + describe(loaded.damage) +
-                      ": nothing is made of it, the unit has to be measured again");
+                      ": no results come of it, the unit has to be measured again");
 }
 
 // Every recording was synced whole before the first was finished: what is missing is the end mark.

@@ -53,9 +53,8 @@ Status check_sequence(const RunPlan& run, const std::string& otherwise) {
 }
 
 Status look_ahead(const RunPlan& run, const std::string& folder, double utc_s) {
-  if (!run.request.continues.empty()) {
+  if (!run.request.continues.empty())
     if (const auto earlier = recordings_up_to(run.request.continues); !earlier) return earlier.error();
-  }
   const std::vector<Error> found = preflight({.station = run.station,
                                               .plan = run.plan,
                                               .folder = folder,
@@ -312,10 +311,9 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   }
   const double utc_s = devices.devices().clock.utc_s();
   TRY(look_ahead(run, folder, utc_s));
-  if (contents.last_dwell && utc_s < contents.last_dwell->utc_s - ClockWatch::step_s) {
+  if (contents.last_dwell && utc_s < contents.last_dwell->utc_s - ClockWatch::step_s)
     what +=
         "; the clock was set back: it stands before the end of that item, " + format_utc(contents.last_dwell->utc_s);
-  }
   auto limit = limit_storage(folder, "resume " + folder, context);
   TRY(run.journal->append(
       JournalType::resume,

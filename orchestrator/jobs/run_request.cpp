@@ -65,7 +65,7 @@ Status check_seeks_north(const StationConfig& station) {
 // A live run needs devices that are there.
 Status check_live(const RunPlan& run) {
   if (!run.request.rig.empty()) return input_error("--rig describes a simulated table and unit: it needs --dry-run");
-  if (run.request.session.pace > 0.0) return input_error("--pace holds back virtual time: it needs --dry-run");
+  if (run.request.session.pace > 0.0) return input_error("--pace slows virtual time down: it needs --dry-run");
   return check_real_devices(run.station);
 }
 
@@ -116,9 +116,7 @@ Status prepare_verification(RunPlan& run) {
 Status check_until_sigma(const RunPlan& run) {
   if (!run.request.until_sigma) return {};
   if (run.request.capture_only || run.request.partial)
-    return input_error(
-        "--until-sigma: expected neither --capture-only nor --partial: what is not estimated cannot be known well "
-        "enough");
+    return input_error("--until-sigma: expected neither --capture-only nor --partial, which make no estimate to judge");
   if (says_when(run.station.stop_sigma, run.station.limits)) return {};
   return input_error("--until-sigma: station " + run.station.name +
                      " does not say what is enough: expected stop.sigma.<key> or limit.<key>.* in its file");
@@ -251,11 +249,10 @@ Status check_real_devices(const StationConfig& station) {
     return input_error(station.chamber->described.file +
                        ": link.kind = rig: expected a chamber on a line, or --dry-run to rehearse");
   const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
-  if (mock && rig) {
+  if (mock && rig)
     return input_error("station '" + station.name +
-                       "' has only mock devices (table.driver = mock, imu.driver = rig): nothing real would be "
-                       "calibrated; use --dry-run to rehearse");
-  }
+                       "' has only mock devices (table.driver = mock, imu.driver = rig): nothing real would "
+                       "move; turncal run --dry-run rehearses");
   if (mock || rig)
     return input_error("station '" + station.name + "' has " +
                        (mock ? "a mock table (table.driver = mock)" : "a mock unit (imu.driver = rig)") +
@@ -272,9 +269,7 @@ Result<int> append_north_seeking(const StationConfig& station, Sequence& sequenc
 }
 
 Result<RunPlan> plan_run(const RunRequest& request) {
-  if (request.capture_only && request.partial)
-    return input_error(
-        "--capture-only and --partial: expected one of them: what is only captured is not estimated in part either");
+  if (request.capture_only && request.partial) return input_error("--capture-only and --partial: expected one of them");
   RunPlan run;
   run.request = request;
   run.began_utc = request.began_utc;

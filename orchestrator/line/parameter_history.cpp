@@ -27,9 +27,8 @@ bool goes_one_way(Stretch z) {
 }
 
 bool goes_up_and_down(Stretch z) {
-  for (std::size_t i = 2; i < z.size(); ++i) {
+  for (std::size_t i = 2; i < z.size(); ++i)
     if (!((z[i] - z[i - 1]) * (z[i - 1] - z[i - 2]) < 0.0)) return false;
-  }
   return true;
 }
 
@@ -98,9 +97,8 @@ ParameterHistory parameter_history(const std::vector<StoredCalibration>& all, st
 
 std::vector<std::string_view> free_parameter_keys() {
   std::vector<std::string_view> keys;
-  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i)
     if (parameter_is_free[i]) keys.push_back(parameter_keys[i]);
-  }
   return keys;
 }
 
@@ -129,9 +127,8 @@ ControlChart control_chart(std::span<const double> values, const Limit& limit) {
   std::vector<double> z;
   for (const double value : values) z.push_back((value - chart.mean) / sigma);
   chart.signals = run_signals(z);
-  for (const RunSignal& signal : chart.signals) {
+  for (const RunSignal& signal : chart.signals)
     if (signal.rule == 1) chart.outside.push_back(signal.point);
-  }
   return chart;
 }
 

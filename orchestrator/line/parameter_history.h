@@ -1,6 +1,7 @@
 // One parameter over the calibrations of a results database, in the order of time, with its control chart.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <optional>
@@ -55,7 +56,7 @@ std::vector<RunSignal> run_signals(std::span<const double> z);
 //
 // The interval of both is Bissell's: C -+ 1.96 sqrt(1 / (9 n) + C^2 / (2 nu)), nu the degrees of freedom of the sigma: n - 1 of all,
 // 0.62 (n - 1) of the moving range (A. F. Bissell, "How reliable is your capability index?", Applied Statistics 39 (3), 1990, 331-340).
-// In the order of time. At least two values, or there are no limits; not enough of them to say much are not refused.
+// In the order of time. Fewer than two values give no limits; few values are not refused.
 struct Capability {
   double value = 0.0;
   double low = 0.0, high = 0.0;  // 95 %
@@ -79,6 +80,7 @@ struct ChartedQuantity {
   std::vector<std::string> units, times;  // of whom and when
   std::vector<double> values;
   std::vector<std::optional<double>> sigmas;
+  double largest_sigma() const { return sigmas.empty() ? 0.0 : std::ranges::max(sigmas).value_or(0.0); }
   Limit limit;  // of the newest calibration that was judged by one
   ControlChart chart;
 };

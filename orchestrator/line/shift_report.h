@@ -17,7 +17,7 @@ namespace turncal {
 //   s_r = sqrt(mean d^2 / 2) over the differences d of pairs; its interval by chi-square of as many degrees as pairs, 95 %
 //
 // Turn-on: pairs at most three days apart, the unit having been switched off between them. Month to month: 20 to 45 days apart. Both
-// hold the uncertainty of the calibrations themselves, which stands beside them: what the unit does is what is left of the squares.
+// contain the uncertainty of the calibrations, which is listed beside them: the unit's own part is the difference of the squares.
 struct Repeatability {
   std::string key;
   std::size_t pairs = 0;
@@ -31,11 +31,11 @@ inline constexpr double turn_on_days = 3.0, month_from_days = 20.0, month_to_day
 // all: oldest first. Of every parameter that is estimated; none where there is no pair.
 std::vector<Repeatability> repeatability(const std::vector<StoredCalibration>& all, double from_days, double to_days);
 
-// Do two stations give the same? Every parameter of units calibrated at both, or else of the units of each; and whether they drift apart.
+// Do two stations agree? Every parameter of units calibrated at both, or else of the units of each; and whether they drift apart.
 //
 //   both     d_u = mean of unit u at b - mean at a; difference = mean d_u, sigma = s(d) / sqrt(n)
 //   each     difference = mean of b - mean of a, sigma = sqrt(s_a^2 / n_a + s_b^2 / n_b) (Welch): the units' own spread is in it
-//   drift    slope of a straight line over time at b, less that at a, for 30 days
+//   drift    slope of a straight line over time at b, minus that at a, for 30 days
 //
 // `stands_out` takes into account that 21 parameters are looked at: 0.05 / 21, two-sided.
 struct StationDifference {
@@ -85,7 +85,7 @@ struct ChartSignal {
   const ChartedQuantity* chart = nullptr;
   RunSignal signal;
 };
-// The first of each stretch: a signal of the same rule at the next point is the same cause.
+// The first of each stretch: a signal of the same rule at the next point has the same cause.
 std::vector<ChartSignal> signals_of(const std::vector<ChartedQuantity>& charts);
 
 }  // namespace turncal

@@ -58,8 +58,8 @@ std::string signals_text(const ShiftReport& report, std::size_t signals) {
         expected += rule.false_alarm * static_cast<double>(chart.chart.count - rule.stretch + 1);
   }
   return fmt::format(
-      "{} signals, of {} points. With nothing wrong at all about {:.0f} points would give one: look for several "
-      "charts, or several rules, at one time.",
+      "{} signals, at {} points. By chance alone about {:.0f} points would give one: look for several charts or rules "
+      "that signal at the same time.",
       signals, points, expected);
 }
 
@@ -104,15 +104,15 @@ Table signal_table(const std::vector<ChartSignal>& signals) {
 }
 
 Table rule_table() {
-  Table table{{number("rule"), text("a signal"), number("false alarms a 1000 points")}};
+  Table table{{number("rule"), text("a signal"), number("false alarms per 1000 points")}};
   for (std::size_t i = 0; i < run_rules.size(); ++i)
     table.row({count(i + 1), text(run_rules[i].words), number(1000.0 * run_rules[i].false_alarm)});
   return table;
 }
 
 Table repeatability_table(const std::vector<Repeatability>& all) {
-  Table table{{name("parameter"), number("pairs"), number("s"), text("95 %"), number("of that the calibration"),
-               number("left for the unit")}};
+  Table table{{name("parameter"), number("pairs"), number("s"), text("95 %"), number("from the calibration"),
+               number("from the unit")}};
   for (const Repeatability& r : all)
     table.row({name(r.key), count(r.pairs), number(r.spread), text(number(r.low).words + " .. " + number(r.high).words),
                number(r.calibration_sigma), number(r.of_unit())});
@@ -222,7 +222,8 @@ ChartScale scale_of(const ChartedQuantity& history) {
   const ControlChart& chart = history.chart;
   const std::string unit = quantity_unit(history.key);
   const auto [low, high] = std::ranges::minmax(history.values);
-  if (unit.empty() && high > low && high - low < hardly * std::abs(chart.mean))
+  const double span = high - low + history.largest_sigma();
+  if (unit.empty() && span > 0.0 && span < hardly * std::abs(chart.mean))
     return {chart.mean, 1e6 / chart.mean, "ppm from " + significant(chart.mean, 7)};
   return unit == "g" ? ChartScale{0.0, 1e6, "µg"} : ChartScale{0.0, 1.0, unit_text(unit)};
 }
@@ -243,9 +244,8 @@ Panel control_panel(const ChartedQuantity& history) {
     const double x = static_cast<double>(i + 1), value = history.values[i];
     const bool out = std::ranges::find(chart.outside, i) != chart.outside.end();
     (out ? outside : signalled.contains(i) ? runs : inside).emplace_back(x, shown(value));
-    if (const std::optional<double>& sigma = history.sigmas[i]) {
+    if (const std::optional<double>& sigma = history.sigmas[i])
       for (const double end : {shown(value - *sigma), shown(value + *sigma), no_point}) bars.emplace_back(x, end);
-    }
   }
   Panel panel;
   panel.title = quantity_name(history.key) + (chart.cpk ? ", Cpk " + significant(chart.cpk->value, 3) : "");
@@ -283,7 +283,9 @@ Table control_table(const std::vector<ChartedQuantity>& quantities) {
   for (const ChartedQuantity& q : quantities) {
     const ControlChart& chart = q.chart;
     if (chart.count == 0) continue;
-    const auto to_place = [s = chart.sigma.value_or(0.0)](const std::optional<double>& value) {
+    // Equal values and single ones have the digits of their own sigmas.
+    const double s = chart.sigma.value_or(0.0) > 0.0 ? *chart.sigma : q.largest_sigma();
+    const auto to_place = [s](const std::optional<double>& value) {
       return value ? cell::with_sigma(*value, s) : cell::number("-");
     };
     const bool hit = !chart.outside.empty() || (chart.cpk && chart.cpk->value < 1.0);
@@ -306,8 +308,8 @@ Document shift_document(const ShiftReport& report) {
   if (report.attempts.empty()) {
     document.text("No attempt is on record.");
     if (report.of_the_other_kind > 0)
-      document.add(Paragraph{report.simulated ? "Without --simulated it is of the real units."
-                                              : "With --simulated it is of the dry runs."},
+      document.add(Paragraph{report.simulated ? "Omit --simulated for a report of the real units."
+                                              : "Use --simulated for a report of the dry runs."},
                    Scope::terminal);
     return document;
   }
@@ -325,12 +327,12 @@ Document shift_document(const ShiftReport& report) {
   document.section("stations", "Stations against each other");
   if (report.differences.empty()) {
     document.text(report.stations.size() < 2
-                      ? "There is one station."
+                      ? "There is only one station: nothing to compare."
                       : fmt::format("Too few units: expected {} at both stations, or at each.", least_units));
   } else {
     add_with_names(difference_table(report.differences), 1, document);
     document.soft(
-        "Bold: beyond 3.04 sigma, by which one of 21 parameters goes in 5 % of the reports of equal stations.");
+        "Bold: beyond 3.04 sigma, which one of 21 parameters exceeds in 5 % of the reports of equal stations.");
   }
   document.section("repeatability", "Repeatability");
   for (const auto& [title, list] : {std::pair{"Turn-on: pairs up to 3 days apart", &report.turn_on},
@@ -353,12 +355,13 @@ std::string shift_csv(const ShiftReport& report) {
     text.number(value);
   };
   const auto yield = [&add](const std::string& station, const LineYield& y) {
-    add("yield", station, "attempts", static_cast<double>(y.attempts));
-    add("yield", station, "units", static_cast<double>(y.units));
-    add("yield", station, "first_pass", static_cast<double>(y.first_pass.part));
-    add("yield", station, "first_pass_of", static_cast<double>(y.first_pass.all));
-    add("yield", station, "final_pass", static_cast<double>(y.final_pass.part));
-    add("yield", station, "final_pass_of", static_cast<double>(y.final_pass.all));
+    for (const auto& [quantity, count] : {std::pair{"attempts", y.attempts},
+                                          {"units", y.units},
+                                          {"first_pass", y.first_pass.part},
+                                          {"first_pass_of", y.first_pass.all},
+                                          {"final_pass", y.final_pass.part},
+                                          {"final_pass_of", y.final_pass.all}})
+      add("yield", station, quantity, static_cast<double>(count));
     add("yield", station, "hours", y.hours);
     add("yield", station, "hours_lost", y.hours_lost);
   };
@@ -416,10 +419,9 @@ void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document
                   .panel_width = 320,
                   .panel_height = 220,
                   .panels = {}};
-    for (const ChartedQuantity& quantity : quantities) {
+    for (const ChartedQuantity& quantity : quantities)
       if (group.keys.find(quantity.key) != std::string_view::npos && !quantity.values.empty())
         figure.panels.push_back(control_panel(quantity));
-    }
     if (figure.panels.empty()) continue;
     document.add(Heading{3, "", figure.label}, Scope::page);
     document.figure(figure);

@@ -21,7 +21,7 @@ std::string signals_csv(const ShiftReport& report);
 
 // Control charts as figures: every point with its sigma, control limits, limits in force, and what the run rules say.
 // A table of mean, limits and capability of each quantity, then charts in groups of one unit each, three to a row. A quantity without
-// values has no row, and one that is in no group no chart.
+// values has no row, and one in no group has no chart.
 void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document& document);
 
 // Every parameter over the calibrations. `all`: oldest first, either real or simulated. `source`: where they come from, in words.

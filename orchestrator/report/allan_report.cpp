@@ -64,7 +64,7 @@ void add_notes(const AllanReport& report, Document& document) {
     const AllanFit& fit = report.result.axes[k].fit;
     const auto say = [&](const std::string& what) { document.text(std::string(channel_names[k]) + ": " + what); };
     if (!fit.made) {
-      say("no fit: it is too short, or the channel never changes");
+      say("no fit: the record is too short, or the channel never changes");
       continue;
     }
     if (fit.cut)
@@ -73,12 +73,12 @@ void add_notes(const AllanReport& report, Document& document) {
                       "left out of the fit",
                       significant(fit.highest_hz, 2)));
     if (fit.misfit > 1.5)
-      say(fmt::format("the model does not fit: what is left is {} times what chance leaves; sigmas are widened by it",
+      say(fmt::format("the model does not fit: the residual is {} times that of chance; the sigmas are widened by it",
                       significant(fit.misfit, 2)));
     for (std::size_t term = 0; term < allan_terms; ++term) {
       const AllanCoefficient& c = fit.terms[term];
       if (c.value != 0.0 && c.gain < sure && c.instead != 0)
-        say(fmt::format("{} or {}: a longer record tells (-2 ln L differs by {})", allan_letters[term],
+        say(fmt::format("{} or {}: only a longer record can tell (-2 ln L differs by {})", allan_letters[term],
                         letters_of(c.instead), significant(c.gain, 2)));
     }
     // Stamps that jitter by s move the sum of the increments by the reading times s: white noise of the velocity.
@@ -92,7 +92,7 @@ void add_notes(const AllanReport& report, Document& document) {
             {others, report.result.axes[j].fit.quantisation().value, report.result.axes[j].fit.quantisation().limit});
     if (force > 0.5 * standard_gravity_mps2 && q.value > 3.0 * others)
       say(
-          fmt::format("Q is that of stamps that jitter by {} ms: increments are better made with the mean period "
+          fmt::format("Q comes from time stamps that jitter by {} ms: use the mean period for increments "
                       "(time.increments = period)",
                       significant(1e3 * q.value / force, 2)));
   }
@@ -159,13 +159,13 @@ void add_ros_forms(const AllanReport& report, Document& document) {
     };
     row(kalibr + "noise_density", white, 1.0, unit + "/√Hz", "N");
     row(kalibr + "random_walk", walk, 1.0, (gyro ? "rad/s²/√Hz" : "m/s³/√Hz"), "K");
-    row(utils + "n", white, 1.0 / std::sqrt(dt), unit, "N / sqrt(dt), a sample");
-    row(utils + "w", walk, std::sqrt(dt), unit, "K sqrt(dt), a step");
-    row(utils + "w of imu_utils", flicker, 0.664, unit, "0.664 B, a floor, no walk");
+    row(utils + "n", white, 1.0 / std::sqrt(dt), unit, "N / sqrt(dt), per sample");
+    row(utils + "w", walk, std::sqrt(dt), unit, "K sqrt(dt), per step");
+    row(utils + "w of imu_utils", flicker, 0.664, unit, "0.664 B, a floor and not a walk");
   }
   document.add(std::move(table));
   document.text(fmt::format("dt = {} s; root mean square of three axes{}", significant(dt, 9),
-                            limits ? "; <: not seen on every axis, and there its 95 % limit" : ""));
+                            limits ? "; <: not seen on every axis, 95 % limit there" : ""));
 }
 
 void add_points(const AllanReport& report, Document& document) {
@@ -190,7 +190,7 @@ void add_points(const AllanReport& report, Document& document) {
                   number(p.high, 4), number(p.degrees, 4)});
   }
   document.add(std::move(terms), Scope::page);
-  document.soft("Deviations in rad/s and m/s²; low to high holds the true one with 68 %.");
+  document.soft("Deviations in rad/s and m/s²; low to high contains the true one with a probability of 68 %.");
   document.add(std::move(points), Scope::page);
 }
 
@@ -213,7 +213,7 @@ Document allan_document(const AllanReport& report) {
                                    significant(report.result.total_s, 6), report.rests, report.rests == 1 ? "" : "s",
                                    significant(report.result.longest_s, 6), significant(report.sample_s, 9)));
   if (!report.against.empty()) facts.add("against", report.against);
-  facts.add("<", "not seen in this record: with 95 % it is below this");
+  facts.add("<", "not seen in this record: 95 % upper limit");
   document.add(std::move(facts));
   for (const std::string& note : report.notes) document.text(note);
   add_coefficients(report, true, document);
@@ -243,7 +243,7 @@ std::string format_imu_yaml(const AllanResult& result, double sample_s) {
   for (const bool gyro : {false, true}) {
     const std::string triad = gyro ? "gyroscope" : "accelerometer";
     const OfTriad white = root_mean_square(result, gyro, 1), walk = root_mean_square(result, gyro, 3);
-    const char* const limit = "  # not seen on every axis: there its 95 % limit";
+    const char* const limit = "  # not seen on every axis: 95 % limit there";
     yaml += fmt::format("{}_noise_density: {}{}\n", triad, significant(white.value, 6), white.limit ? limit : "");
     yaml += fmt::format("{}_random_walk: {}{}\n", triad, significant(walk.value, 6), walk.limit ? limit : "");
   }

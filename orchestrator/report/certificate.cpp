@@ -162,7 +162,7 @@ std::string north_section(const VerificationReport& v) {
       html(table) +
           html(Paragraph{fmt::format(
               "Alignments of {} s; limits {} ° for the heading's deviation and mean, {} ° for roll and pitch: {}. The "
-              "limit for roll and pitch is of deviations: what turns every reading alike is not in them.",
+              "limit for roll and pitch applies to deviations, which an error common to all readings does not change.",
               format_number(v.align_s), format_number(v.heading_limit_deg), format_number(v.level_limit_deg),
               to_string(v.verdict))}));
 }
@@ -280,10 +280,10 @@ std::string certificate_page(const Certificate& c) {
           html(Paragraph{
               "Expanded uncertainty U = k u with the coverage factor k = 2: a coverage probability of about 95 % for a "
               "normal distribution. u combines the columns to the right of U (standard uncertainties)" +
-              (left_out.empty() ? "" : "; nothing is stated of, and nothing is added for: " + left_out) +
+              (left_out.empty() ? "" : "; no uncertainty is stated or added for: " + left_out) +
               ". The table's angles are not taken as truth and add nothing; the given heading enters in second order. "
               "Confounding: the spread over effects that the recording cannot tell from a parameter or each other, and "
-              "over those that came near to being found; - where nobody looked. Effects beyond the parameters: " +
+              "over those that were nearly found; -: no diagnosis was made. Effects beyond the parameters: " +
               effects_found(f)}));
   if (c.verification) body += north_section(*c.verification);
   const VerdictReport& conformity = c.conformity;
@@ -298,9 +298,9 @@ std::string certificate_page(const Certificate& c) {
       {{"verdict", verdict + (reason.empty() ? "" : ": " + reason)},
        {"decision rule", !conformity.rule.empty() ? conformity.rule + "; U: that of the results above"
                          : c.verification
-                             ? "no limits were agreed for the parameters; those of the verification stand with it"
+                             ? "no limits were agreed for the parameters; those of the verification are given there"
                              : "no limits were agreed"},
-       {"limits beside those of the results", beside.empty() ? "none" : beside},
+       {"further limits", beside.empty() ? "none" : beside},
        {"diagnosis", "effects beyond the parameters: " + effects_found(f)}});
   const auto with_uncertainty = [](double u, const char* unit) {
     return u > 0.0 ? "standard uncertainty " + significant(u, 2) + unit : std::string("no uncertainty stated");
@@ -320,7 +320,7 @@ std::string certificate_page(const Certificate& c) {
        {"recordings", join(c.recording_hashes)}});
   body +=
       "<p class=\"small\">The results relate to this item in the state in which it was calibrated. This certificate "
-      "may be reproduced in full only.</p>\n<div class=\"sign\"><p>Issued " +
+      "shall not be reproduced except in full.</p>\n<div class=\"sign\"><p>Issued " +
       html_escape(c.issued_utc) + "</p><p>" + html_escape(or_dash(c.parties.laboratory_signatory)) + "</p></div>\n";
   const auto page = [&](const std::string& hash) {
     return "<!doctype html>\n<html lang=\"en\"><head>" + std::string(page_head) + "<title>Calibration certificate " +
@@ -334,11 +334,12 @@ Result<std::string> check_certificate(std::string page, const std::string& file_
   constexpr std::size_t digits = 32;
   const std::size_t at = page.rfind(before_hash);
   if (at == std::string::npos || page.size() != at + before_hash.size() + digits + after_hash.size())
-    return input_error(file_name + ": expected a certificate, whole, with its hash in the last line but one");
+    return input_error(file_name + ": expected a complete certificate, with its hash in the last line but one");
   const std::string hash = page.substr(at + before_hash.size(), digits);
   const std::string found = hash_of_text(without_hash(std::move(page), hash));
   if (found == hash) return hash;
-  return input_error(file_name + ": changed after it was issued: it says hash " + hash + ", its content has " + found);
+  return input_error(file_name + ": changed after it was issued: it states hash " + hash + ", its content has " +
+                     found);
 }
 
 }  // namespace turncal

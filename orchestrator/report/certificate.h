@@ -16,7 +16,7 @@ namespace turncal {
 struct UncertaintyBudget {
   double estimate = 0.0;  // noise and all that is estimated along: the fit's own covariance
   // What the sigma of the parameter file holds beyond it: the spread over effects that the recording cannot tell apart, and what came near
-  // to being claimed (quality.alias.<parameter>). Empty: nobody looked.
+  // to being claimed (quality.alias.<parameter>). Empty: no diagnosis was made.
   std::optional<double> alias;
   double gravity = 0.0;   // of the site's gravity: specific force is measured in units of it
   double latitude = 0.0;  // bound: Earth's rate times the error of latitude, whatever the attitudes average
@@ -45,7 +45,7 @@ std::vector<std::string> missing_keys(const ParameterFile& file, const Parties& 
 
 std::string certificate_page(const Certificate& certificate);
 // The hash that a page carries is that of the whole file (hash_of_text) with the hash itself taken out wherever it stands. An input error
-// for what is no certificate, and for one that was changed after it was issued.
+// for a file that is no certificate, and for one that was changed after it was issued.
 Result<std::string> check_certificate(std::string page, const std::string& file_name);
 
 }  // namespace turncal

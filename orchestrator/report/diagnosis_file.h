@@ -58,7 +58,7 @@ DiagnosisFiles diagnosis_files(const Diagnosis& diagnosis, const DiagnosisContex
 Result<std::string> write_diagnosis(const std::string& folder, const DiagnosisFiles& files,
                                     const GnuplotOptions& gnuplot = {});
 
-// What is said differently of a diagnosis of hand-turned data (calib/evidence/rest_diagnosis.h): the errors are those of gravity's norm and
+// What differs in the diagnosis of hand-turned data (calib/evidence/rest_diagnosis.h): the errors are those of gravity's norm and
 // direction and of the gyros at rest, not velocities.
 // "gravity norm at rest 0.93 mm/s² rms, direction after a rotation 6.80 mrad, gyros at rest 0.067 °/s"
 std::string error_text(const RestErrors& errors);

@@ -34,15 +34,14 @@ std::string in_mm(double velocity_mps) { return significant(1e3 * velocity_mps, 
 std::string holdout_name(const Diagnosis& diagnosis) {
   std::string source = diagnosis.holdout_source;
   if (diagnosis.holdout_own_noise > 1.0)
-    source += ", judged by noise of its own, " + significant(diagnosis.holdout_own_noise, 2) + " times the fit's";
+    source += ", judged by its own noise, " + significant(diagnosis.holdout_own_noise, 2) + " times the fit's";
   return "held-out data" + (source.empty() ? "" : " (" + source + ")");
 }
 
 std::string error_clause(const Diagnosis& d) {
-  if (!known(d.holdout_before) || !known(d.holdout_after)) {
+  if (!known(d.holdout_before) || !known(d.holdout_after))
     return "the rms normalised residual falls from " + ratio(d.error_before) + " to " + ratio(d.error_after) +
-           " (1 is what the noise explains); there was no held-out data to confirm it on";
-  }
+           " (1: noise alone); no held-out data confirm it";
   const double before = d.holdout_before.velocity_rms_mps;
   const double after = d.holdout_after.velocity_rms_mps;
   return "with " + std::string(d.effect_names.size() == 1 ? "it" : "them") + " the velocity error on " +
@@ -68,16 +67,15 @@ std::string clean_sentence(const Diagnosis& d) {
   if (const CandidateScore* best = strongest_candidate(d))
     text += fmt::format("; the strongest of {} candidates, {}, scores {} sigma", d.candidates.size(),
                         best->column.key(), significant(std::abs(best->z), 2));
-  if (known(d.holdout_before)) {
+  if (known(d.holdout_before))
     text += "; on " + holdout_name(d) + " the velocity error is " + in_mm(d.holdout_before.velocity_rms_mps) +
             " mm/s rms and the normalised residual " + ratio(d.holdout_before.normalised_rms);
-  }
   return text;
 }
 
 // What is left in the final model.
 std::string remaining_clause(const Diagnosis& d) {
-  std::string text = "rms normalised residual " + ratio(d.error_after) + " where noise explains 1, velocity error " +
+  std::string text = "rms normalised residual " + ratio(d.error_after) + " against 1 for noise alone, velocity error " +
                      in_mm(velocity_rms_mps(d, true)) + " mm/s rms";
   if (known(d.holdout_after))
     text += ", on " + holdout_name(d) + " " + ratio(d.holdout_after.normalised_rms) + " and " +
@@ -178,7 +176,7 @@ std::string verdict_sentence(const Diagnosis& d) {
              remaining_clause(d) + ")" +
              (d.unexplained_pattern.empty() ? "" : "; it looks like: " + clause(d.unexplained_pattern)) +
              (has_after(d) ? "; beside it " + effects_clause(d) : "; no effect is named") +
-             "; the sigmas hold what it may be.";
+             "; the sigmas allow for it.";
     case Verdict::noise_model:
       return title + "the assumed noise does not fit the data (innovations " + significant(d.base.whiteness.level, 3) +
              " times the expected variance" +
@@ -186,7 +184,7 @@ std::string verdict_sentence(const Diagnosis& d) {
                   ? ", correlation from second to second " + significant(d.base.whiteness.autocorrelation[0], 2)
                   : "") +
              "; " + remaining_clause(d) + "); nothing is claimed about effects.";
-    case Verdict::not_tested: return title + "the data determine nothing that could be judged: " + d.reason + ".";
+    case Verdict::not_tested: return title + "the data determine nothing to be judged: " + d.reason + ".";
   }
   return title;
 }
@@ -203,7 +201,7 @@ std::vector<ErrorRow> error_rows(const Diagnosis& d, const DiagnosisContext& con
     rows.push_back({"held-out data: velocity rms, first 20 s of dwells", 1e3 * d.holdout_before.velocity_rms_mps,
                     1e3 * after.velocity_rms_mps, "mm/s", false});
     rows.push_back({"held-out data: energy beyond noise", 100.0 * excess_energy(d.holdout_before),
-                    100.0 * excess_energy(after), "% of the noise's", false});
+                    100.0 * excess_energy(after), "% of noise", false});
   }
   if (context.worth)
     rows.push_back({(context.holdout_path.empty() ? "fitted recording" : "held-out data") +

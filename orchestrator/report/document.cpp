@@ -137,6 +137,7 @@ std::string words_html(std::string_view words) {
 std::string cell_html(const char* name, const Cell& cell) {
   static constexpr std::array styles = {"", "w", "name", "n", "", "half"};
   constexpr double width_px = 150.0;
+  constexpr std::size_t longest_line = 34;  // longer texts are broken, but not into columns of single words
   std::string inner = html_escape(cell.words);
   if (!cell.link.empty()) inner = fmt::format("<a href=\"{}\">{}</a>", html_escape(url_escape(cell.link)), inner);
   if (is_drawn(cell) && std::abs(cell.value) * width_px >= 1.0) {
@@ -146,7 +147,9 @@ std::string cell_html(const char* name, const Cell& cell) {
     inner = fmt::format("<span class=\"bar\" style=\"margin-left:{:.0f}px;width:{:.0f}px\"></span>", from * width_px,
                         length * width_px);
   }
-  return tag(name, styles[static_cast<std::size_t>(cell.kind)], inner);
+  const std::string style = styles[static_cast<std::size_t>(cell.kind)];
+  const bool is_long = cell.kind <= Cell::Kind::name && width_of(cell.words) > longest_line;
+  return tag(name, is_long ? style + " long" : style, inner);
 }
 
 std::string row_html(const char* name, const std::vector<Cell>& cells, const std::string& style) {

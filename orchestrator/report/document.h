@@ -1,4 +1,4 @@
-// A result as data: headings, paragraphs, facts, tables with typed cells, drawings. What makes a result makes one document of it; terminal,
+// A result as data: headings, paragraphs, facts, tables with typed cells, drawings. Each result is made into one document; terminal,
 // page and JSON are renderings of that document and say the same.
 //
 // Texts are typographic (28.35 ± 0.91 µg/g²); the terminal gets them as ASCII (plain()).
@@ -36,7 +36,7 @@ Cell number(double value, int digits = 3);                                      
 Cell number(const std::optional<double>& value, int digits = 3);                               // "-": there is none
 Cell fixed(double value, int decimals);
 Cell count(std::size_t value);
-Cell with_sigma(double value, double sigma);  // as many decimals as two digits of sigma have
+Cell with_sigma(double value, double sigma);  // to the second significant digit of sigma
 Cell linked(Cell cell, std::string link);
 Cell bar(double share);
 Cell half(double share);
@@ -69,14 +69,14 @@ struct Paragraph {
       {};  // of the page: soft, note, loud, lead (bold up to its colon), "verdict <which>" (bold up to its colon, too)
 };
 
-// On the terminal in two columns, the second one wrapped; on a page a table, or a list.
+// On the terminal two columns, the second one wrapped; on a page a table, or a list.
 struct Facts {
   std::vector<std::pair<std::string, std::string>> rows = {};
   bool list = false;
   void add(std::string label, std::string_view words) { rows.emplace_back(std::move(label), words); }
 };
 
-// page: and JSON; brief: those, and what a terminal is told that does not want all of it.
+// page: page and JSON; brief: those, and a terminal without --verbose.
 enum class Scope { all, page, terminal, brief };
 
 using Content = std::variant<Heading, Paragraph, Facts, Table, Drawing>;
@@ -89,7 +89,7 @@ struct Document {
   std::string title = {};    // of the window; empty: no page is made of it
   std::string heading = {};  // at the top of the page
   std::vector<Block> blocks = {};
-  Scope scope = Scope::all;  // of what is added without one
+  Scope scope = Scope::all;  // of blocks that are added without one
 
   void add(Content content) { add(std::move(content), scope); }
   void add(Content content, Scope where) { blocks.push_back({std::move(content), where}); }

@@ -134,7 +134,7 @@ Result<std::string> draw_navigation(const NavigationReport& report, const Gnuplo
   Panel north, east, distance;
   north.title = moves ? "Velocity error north" : "Velocity north";
   east.title = moves ? "Velocity error east" : "Velocity east";
-  distance.title = moves ? "Distance from the reference" : "Distance from where it stands";
+  distance.title = moves ? "Distance from the reference" : "Distance from the true position";
   double farthest_m = 0.0;
   std::size_t starts = 0;
   for (const NavigatedFile& file : report.files) {
@@ -187,7 +187,7 @@ Document navigation_document(const NavigationReport& report) {
   if (report.without_segments && report.reference.empty()) document.text("no segments: everything counts as rest");
   if (report.reference_gap_s > seldom_s)
     document.text(
-        fmt::format("the reference moves over {:.1f} s without a row: straight on is assumed, and counts as error",
+        fmt::format("the reference moves over {:.1f} s without a row: a straight line is assumed, and its error counts",
                     report.reference_gap_s));
   if (!report.damage.empty()) document.text(report.damage);
   if (report.filled_samples > 0)
@@ -212,7 +212,7 @@ Document navigation_document(const NavigationReport& report) {
     Facts facts;
     if (file.branches.size() + report.lost.size() < static_cast<std::size_t>(report.branches_asked) &&
         report.branches_asked != default_branches)
-      facts.add("starts", fmt::format("{} of the {} asked for: the recording has no more of that length",
+      facts.add("starts", fmt::format("{} of the {} asked for: the recording is too short for more",
                                       file.branches.size(), report.branches_asked));
     facts.add("drift", fmt::format("{}; velocity rms {:.3f} m/s", drift_words(file.drift), file.velocity_rms_mps));
     if (file.expected) {

@@ -1,4 +1,4 @@
-// What free navigation with a parameter file comes to: as a file, as a track, as drawings, and for the terminal.
+// The result of free navigation with a parameter file: as a file, as a track, as drawings, and for the terminal.
 #pragma once
 
 #include <optional>
@@ -28,7 +28,7 @@ struct NavigatedFile {  // one parameter file
   FeltSite felt;
   std::vector<NavigatedBranch> branches;
   DriftOverRuns drift;
-  std::optional<DriftOverRuns> expected;  // of the end of the first branch; not of a unit that moves
+  std::optional<DriftOverRuns> expected;  // at the end of the first branch; not of a unit that moves
   double velocity_rms_mps = 0.0;
 };
 
@@ -41,7 +41,7 @@ struct NavigationReport {
   double align_s = 0.0;
   std::int64_t filled_samples = 0;    // lost or bad, as their neighbours
   std::int64_t filled_in_motion = 0;  // of them while the unit turned
-  std::vector<std::string> faults;    // samples that cannot be true, set aside
+  std::vector<std::string> faults;    // impossible samples, left out
   int branches_asked = 0;             // at most
   std::vector<std::string> lost;      // branches that lost samples ended or left out
   std::string damage;                 // of the recording; empty: none

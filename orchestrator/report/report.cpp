@@ -74,7 +74,7 @@ void add_identity(const DiagnosisContext& context, Document& document) {
   }
   std::string line = "Recording " + context.recording_path;
   if (!context.recording_hash.empty()) line += " (content " + context.recording_hash + ")";
-  line += fmt::format(": {} samples, {} h, of which {} at rest; latitude {}°, gravity {} m/s²", r.samples,
+  line += fmt::format(": {} samples, {}, of which {} at rest; latitude {}°, gravity {} m/s²", r.samples,
                       clock_time(static_cast<double>(r.samples) * r.info.sample_period_s), clock_time(still_s),
                       significant(r.info.latitude_deg, 6), significant(r.info.gravity_mps2, 7));
   if (low <= high) line += fmt::format("; {} to {} °C", significant(low, 3), significant(high, 3));
@@ -94,7 +94,7 @@ void add_errors(const Diagnosis& diagnosis, const std::vector<ErrorRow>& rows, D
   Table table{{text("error"), text("unit"), number(both ? "before" : "value"), number("after"), number("change")}};
   table.style = "errors";
   for (const ErrorRow& row : rows)
-    table.row({text(row.what), text(row.normalised && row.unit.empty() ? "noise explains 1" : unit_text(row.unit)),
+    table.row({text(row.what), text(row.normalised && row.unit.empty() ? "1: noise alone" : unit_text(row.unit)),
                number(error_text(row, row.before), row.before), number(error_text(row, row.after), row.after),
                number(percent_change(row.before, row.after))});
   if (!both) table.drop(3, 2);
@@ -106,7 +106,7 @@ void add_errors(const Diagnosis& diagnosis, const std::vector<ErrorRow>& rows, D
   if (diagnosis.verdict == Verdict::unexplained && diagnosis.extended.noise_fit)
     document.soft(
         "The noise was measured on the same data and may have taken up a part of the residual: a normalised residual "
-        "near 1 does not clear it.");
+        "near 1 does not prove that nothing is missing.");
 }
 
 void add_effects(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document) {
@@ -131,8 +131,8 @@ void add_effects(const Diagnosis& diagnosis, const DiagnosisContext& context, Do
   document.add(std::move(terms), Scope::page);
   if (context.worth)
     document.soft(fmt::format(
-        "NM/h: what leaving out the whole effect moves the track of free inertial navigation by, the other parameters "
-        "estimated without it. Noise is the same in both tracks; it alone would give {} NM/h after {} s.",
+        "NM/h: drift of free inertial navigation when the whole effect is left out and the other parameters are "
+        "estimated without it. Both tracks have the same noise, which alone would give {} NM/h after {} s.",
         significant(context.worth->noise, 2), significant(context.worth->free_s, 4)));
 }
 
@@ -248,13 +248,13 @@ void add_noise(const Diagnosis& diagnosis, const DiagnosisContext& context, Docu
   }
   document.add(std::move(table));
   document.soft(
-      "Allan deviation: N random walk, Q quantisation, B bias instability, K rate random walk, each with the others "
-      "beside it; <: what the dwells do not show, and its limit (95 %).");
+      "Allan deviation: N random walk, Q quantisation, B bias instability, K rate random walk, estimated together; <: "
+      "not visible in the dwells, with its 95 % upper limit.");
   std::string line =
       context.noise_given
           ? "The noise was given in the configuration, not measured. "
           : "The noise was measured on this recording (maximum likelihood, started from the Allan deviation). ";
-  if (r.noise_fit && r.noise_fit->axes_differ) line += "The axes of a triad differ and have values of their own. ";
+  if (r.noise_fit && r.noise_fit->axes_differ) line += "The axes of a triad differ; each has its own value. ";
   document.text(line + fmt::format("Bias instability used: gyros {} °/h, accelerometers {} µg, correlation time {} s; "
                                    "one-pulse quantisation {} ″ and {} mm/s.",
                                    significant(noise.gyro_bias_instability_radps / radps_per_degph, 2, typo),
@@ -366,7 +366,7 @@ void add_statements(const Statements& statements, Document& document) {
   const auto some = [](const std::string& what) { return text(what.empty() ? "any" : what); };
   for (const Statement& s : statements.nodes)
     table.row({text(s.sensor), some(s.quantity), some(s.driver), name(s.formula.empty() ? "any, or none" : s.formula),
-               number(fmt::format("{:.3f}", s.probability), s.probability), half(s.probability)},
+               number(words_of_probability(s.probability), s.probability), half(s.probability)},
               s.probability >= said_from ? Emphasis::hit : Emphasis::none);
   if (!table.rows.empty()) document.add(std::move(table));
 }
@@ -395,8 +395,8 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
   parts.no_time = "There are no static seconds after a rotation to show.";
   if (!diagnosis.residuals.empty()) parts.time = time_figure(diagnosis);
   parts.residuals = dwell_residuals(diagnosis, context.recording);
-  parts.nothing_shown = "No dwell of this recording shows it by itself.";
-  parts.residual_intro = "What it depends on, dwell by dwell, is for the reader to judge:";
+  parts.nothing_shown = "No single dwell shows the residual.";
+  parts.residual_intro = "The residual of each dwell against what it may depend on:";
   if (diagnosis.candidates.empty()) parts.not_scored = "No scores were computed.";
   parts.score_caption =
       "Scores beside the 24 parameters alone. A strong effect lifts the scores of those that resemble it; the table of "

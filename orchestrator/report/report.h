@@ -16,14 +16,14 @@
 
 namespace turncal {
 
-// What the added effects are worth in free inertial navigation, nautical miles per hour, rms over branches.
+// Drift of free inertial navigation that the added effects remove, nautical miles per hour, rms over branches.
 struct NavigationWorth {
   std::string source;  // which data: "second recording", "fitted recording"
   std::size_t branches = 0;
   double free_s = 0.0;                                  // of the first branch
   double before = 0.0, after = 0.0;                     // the 24 parameters alone; with the effects
   double noise = 0.0;                                   // what noise alone would give
-  std::vector<std::pair<std::string, double>> effects;  // each: what leaving it out moves the track by
+  std::vector<std::pair<std::string, double>> effects;  // of each: drift of the track when it is left out
 };
 
 // One of several recordings of a unit.
@@ -82,10 +82,10 @@ std::string alias_clause(const Diagnosis& diagnosis);
 Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context);
 // How the verification of a run ended, below the verdict.
 void say_verification(const std::string& words, Document& document);
-// What a run did about a doubt, and what is known now: beside the verdict everywhere.
+// What a run added to settle a doubt, and the outcome: beside the verdict everywhere.
 void say_settled(const std::string& words, Document& document);
 
-// What is said differently of a table's recording and of hand-turned data (rest_as_diagnosis.cpp).
+// What differs between the report of a table's recording and of hand-turned data (rest_as_diagnosis.cpp).
 struct DiagnosisParts {
   std::string sentence, reason;  // the verdict
   std::vector<ErrorRow> errors;

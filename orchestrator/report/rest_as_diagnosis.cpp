@@ -36,7 +36,7 @@ std::string remainder_text(const RestDiagnosis& r) {
     const double ratio = r.final.white_ratio[static_cast<std::size_t>(kind)];
     if (ratio > 2.0) parts.push_back(std::string(to_string(kind)) + " (" + significant(ratio, 2) + " times)");
   }
-  return parts.empty() ? "nothing stays above twice the white noise" : "above the white noise stay " + join(parts);
+  return parts.empty() ? "nothing exceeds twice the white noise" : "above the white noise: " + join(parts);
 }
 
 std::string sentence_of(const RestDiagnosis& r, const RestData& data) {
@@ -49,7 +49,7 @@ std::string sentence_of(const RestDiagnosis& r, const RestData& data) {
            remainder_text(r) + (r.accel_not_tested.empty() ? "" : "; " + d.reason) + ".";
   if (d.verdict == Verdict::not_tested) {
     if (r.not_tested.empty()) return title + "the gyros show no effect; " + d.reason + ".";
-    return title + "the data determine nothing that could be judged: " + r.not_tested +
+    return title + "the data determine nothing to be judged: " + r.not_tested +
            (r.base.converged ? "; " + error_text(r.final.errors) : "") + ".";
   }
   return title + (d.verdict == Verdict::clean ? "the 21 parameters explain the data: " : "") +
@@ -209,12 +209,12 @@ Document document_of(const RestDiagnosis& r, const RestData& data, const Diagnos
   parts.time_title = "Residuals against time";
   parts.time = rest_time_figure(r, data);
   parts.residuals = rest_residuals(r, data);
-  parts.one_point =
-      "One point a rest: what the gyro reads too much there, or the tilt that the rotation before it left.";
+  parts.one_point = "One point a rest: the excess reading of the gyro, or the tilt that the rotation before it left.";
   parts.one_point_accel =
-      "One point a rest in which the axis carries more than half of gravity: the error of the norm, laid on it.";
-  parts.nothing_shown = "No rest shows it by itself.";
-  parts.residual_intro = "What it depends on, rest by rest, is for the reader to judge:";
+      "One point a rest in which the axis carries more than half of gravity: the error of the norm, ascribed to that "
+      "axis.";
+  parts.nothing_shown = "No single rest shows the residual.";
+  parts.residual_intro = "The residual of each rest against what it may depend on:";
   if (!r.not_tested.empty()) parts.not_scored = "No effect was looked for: " + r.not_tested + ".";
   parts.score_caption = "Scores beside the 21 parameters alone.";
   parts.noise_line = noise_line(r);

@@ -41,7 +41,7 @@ constexpr DriftRow drift_rows[] = {
     {"north at the end, m", [](const ExpectedDrift& d) { return std::sqrt(end_of(d).covariance_m2(0, 0)); }},
     {"east at the end, m", [](const ExpectedDrift& d) { return std::sqrt(end_of(d).covariance_m2(1, 1)); }},
     {"rms, NM/h", [](const ExpectedDrift& d) { return over_runs(d).rms_nm_per_h; }},
-    {"of it from noise alone, NM/h", [](const ExpectedDrift& d) { return rms_of(end_of(d).noise_m2, d); }},
+    {"from noise alone, NM/h", [](const ExpectedDrift& d) { return rms_of(end_of(d).noise_m2, d); }},
     {"CEP, NM/h", [](const ExpectedDrift& d) { return over_runs(d).cep_nm_per_h; }},
     {"R95, NM/h", [](const ExpectedDrift& d) { return over_runs(d).r95_nm_per_h; }},
 };
@@ -73,7 +73,8 @@ void add_confusions(const NamedPrediction& column, Document& document) {
   std::vector<std::string> unseen;
   for (const PredictedEffect& effect : column.prediction.effects) {
     if (!effect.visible) unseen.push_back(row_name(effect));
-    if (effect.among_its_own) aliases[std::string(effect.column.entry->name)].insert("its own other components");
+    if (effect.among_its_own)
+      aliases[std::string(effect.column.entry->name)].insert("other components of the same effect");
     for (const std::string& alias : effect.aliases) aliases[std::string(effect.column.entry->name)].insert(alias);
   }
   document.text(column.name + ": " + (aliases.empty() ? "no effect is imitated by another" : "imitated by others (~)"));
@@ -112,7 +113,7 @@ Document calibration_document(const ParameterFile& file, const std::vector<std::
   const std::string* const open = find_further(file, undetermined_key);
   const std::string reason = !distrust.empty()  ? distrust
                              : open != nullptr  ? "not determined: " + *open
-                             : is_trusted(file) ? "nothing contradicts the fit; turncal diagnose looks for more"
+                             : is_trusted(file) ? "nothing contradicts the fit; turncal diagnose tests it further"
                                                 : "too little data to judge the fit";
   document.add(verdict_facts("Calibrated", is_trusted(file), reason), Scope::brief);
   for (const std::string& note : notes) document.add(Paragraph{note, "note"});

@@ -79,10 +79,11 @@ Fields fields_of(VerificationReport& report) {
 // Why heading or level is undecided; empty where it is not.
 std::string undecided_words(const VerificationReport& report) {
   const std::string level =
-      report.level_undecided ? "level undecided: the noise of this unit is as large as its limit" : "";
+      report.level_undecided ? "level undecided: the noise of this unit is as large as the limit" : "";
   if (report.would_do_s <= 0.0) return level;
   const std::string heading = fmt::format(
-      "heading undecided: within the noise; these gyros cannot keep {:g} deg in {:.0f} s, {:.0f} s would suffice",
+      "heading undecided: within the noise; these gyros cannot keep {:g} deg with alignments of {:.0f} s, {:.0f} s "
+      "would suffice",
       report.heading_limit_deg, report.align_s, report.would_do_s);
   return level.empty() ? heading : heading + "; " + level;
 }
@@ -100,10 +101,12 @@ std::string nearness_words(const VerificationReport& report) {
          words("level", report.level_limit_deg, found.deviation[1], found.deviation[2]);
 }
 
-// Heading, roll and pitch, degrees.
-void add_angles(const std::string& name, const std::array<double, 3>& angles_deg, Table& table) {
+// Heading, roll and pitch, degrees. Sigmas of 0: not known.
+void add_angles(const std::string& name, const std::array<double, 3>& angles_deg, Table& table,
+                const std::array<double, 3>& sigmas_deg = {}) {
   std::vector<Cell> row = {cell::text(name)};
-  for (const double angle : angles_deg) row.push_back(cell::fixed(angle, 6));
+  for (std::size_t a = 0; a < angles_deg.size(); ++a)
+    row.push_back(sigmas_deg[a] > 0.0 ? cell::with_sigma(angles_deg[a], sigmas_deg[a]) : cell::fixed(angles_deg[a], 6));
   table.row(std::move(row));
 }
 
@@ -178,21 +181,22 @@ Document verification_document(const VerificationReport& report) {
     Table table{{cell::text(fmt::format("table at {:.1f}", position.table_deg)), cell::number("heading"),
                  cell::number("roll"), cell::number("pitch")}};
     for (std::size_t k = 0; k < position.readings.size(); ++k)
-      add_angles(std::to_string(k + 1), position.readings[k].angle_deg, table);
-    add_angles("mean", position.mean_deg, table);
-    add_angles("deviation", position.deviation_deg, table);
-    add_angles("sigma, noise", position.noise_sigma_deg, table);
+      add_angles(std::to_string(k + 1), position.readings[k].angle_deg, table, position.noise_sigma_deg);
+    add_angles("mean", position.mean_deg, table, position.noise_sigma_deg);
+    add_angles("deviation", position.deviation_deg, table, position.noise_sigma_deg);
+    add_angles("sigma, noise", position.noise_sigma_deg, table, position.noise_sigma_deg);
     document.add(std::move(table));
   }
   Facts facts;
-  facts.add("heading", fmt::format("largest deviation {}, means off the table by {} (rms); limit {:g}: {}",
+  facts.add("heading", fmt::format("largest deviation {}, means differ from the table by {} (rms); limit {:g}: {}",
                                    quantity(found.deviation[0].value_deg, found.deviation[0].sigma_deg, "deg"),
                                    quantity(found.mean_heading.value_deg, found.mean_heading.sigma_deg, "deg"),
                                    report.heading_limit_deg, to_string(report.heading)));
-  facts.add("level", fmt::format("largest deviation of roll {:.6f}, of pitch {:.6f} deg; limit {:g}: {}",
-                                 found.deviation[1].value_deg, found.deviation[2].value_deg, report.level_limit_deg,
-                                 to_string(report.level)));
-  facts.add("", "a tilt common to all readings, as of an accelerometer bias, is not visible");
+  facts.add("level", fmt::format("largest deviation of roll {}, of pitch {}; limit {:g}: {}",
+                                 quantity(found.deviation[1].value_deg, found.deviation[1].sigma_deg, "deg"),
+                                 quantity(found.deviation[2].value_deg, found.deviation[2].sigma_deg, "deg"),
+                                 report.level_limit_deg, to_string(report.level)));
+  facts.add("", "a tilt common to all readings (an accelerometer bias) is not visible");
   facts.add("latitude",
             fmt::format("{}: {}", latitude_words(report.felt, report.info.latitude_deg), to_string(report.latitude)));
   facts.add("gravity",
@@ -226,7 +230,7 @@ std::string format_references(const ReferenceReport& report) {
 
 Document reference_document(const ReferenceReport& report) {
   Document document{"", "Readings of " + report.file};
-  document.text("Error of each reading, deg; the first binds the references to the unit.");
+  document.text("Error of each reading, deg; the first relates the references to the unit.");
   Table table{{cell::text("reading"), cell::number("heading"), cell::number("roll"), cell::number("pitch")}};
   for (std::size_t row = 0; row < report.found.error_deg.size(); ++row)
     add_angles(std::to_string(row + 1), report.found.error_deg[row], table);

@@ -20,7 +20,7 @@ struct VerificationReport {
   bool trusted = true;                // as the file says of itself
   double align_s = 0.0;               // of the shortest alignment
   std::int64_t filled_samples = 0;    // lost or bad, as their neighbours
-  std::vector<std::string> faults;    // samples that cannot be true, set aside
+  std::vector<std::string> faults;    // impossible samples, left out
   std::vector<std::string> left_out;  // alignments in which more samples were lost
   NorthSeeking found;
   FeltSite felt;
@@ -39,15 +39,15 @@ struct VerificationReport {
 
 // verification.conf; the last line is a checksum (crc.h).
 std::string format_verification(VerificationReport report);
-// What format_verification wrote, to the bit; every key has to be there and of its kind. Of `info` what stands in it.
+// Reads what format_verification wrote, to the bit; every key has to be there and of its kind. `info`: only what the file contains.
 Result<VerificationReport> read_verification(const std::string& path);
 // The figures and their limits, for a verdict's reason.
 std::string verification_words(const VerificationReport& report);
 std::string latitude_words(const FeltSite& felt, double of_recording_deg);
 std::string gravity_words(const FeltSite& felt, double of_recording_mps2);
-// What was wrong with samples that were set aside, a line each.
+// Defects of the samples that were left out, one line each.
 void add_faults(const std::vector<std::string>& faults, Document& document);
-// In the reason of a verification of which too much was lost to judge it; such a one leaves no verification.conf.
+// Reason of a verification that lost too much data to be judged; it leaves no verification.conf.
 inline constexpr const char* not_judged_words = "verification: not_judged: ";
 inline constexpr const char* not_trusted_words =
     "NOT TRUSTED: the parameter file says that its sigmas cannot be believed";

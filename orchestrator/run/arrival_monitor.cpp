@@ -40,9 +40,8 @@ void ArrivalMonitor::settle_only(double now_s) {
 }
 
 bool ArrivalMonitor::holds(const TableStatus& status) const {
-  for (const AxisStatus& axis : status) {
+  for (const AxisStatus& axis : status)
     if (axis.moving || !(std::abs(axis.rate_degps) <= config_.settle_rate_degps)) return false;
-  }
   if (!move_) return true;
   const AxisStatus& axis = status[index(move_->axis)];
   const bool armed = motion_seen_ || polls_ >= guard_polls;

@@ -1,15 +1,15 @@
 // When has a move arrived? Pure logic on the status words of the table; no I/O, no clock of its own.
 //
-// "Done" lies: it can be set before the motion starts, flicker, come late, or be set after a stop. So a move has arrived
+// "Done" is not trusted: it can be set before the motion starts, flicker, come late, or be set after a stop. A move has arrived
 // when all of this holds:
 //   - motion was seen (position, rate or moving flag), or three polls have passed since the acknowledged command;
 //   - the axis says in position and not moving, and no axis moves;
-//   - abs(position - target) <= position_tolerance_deg; positions are cumulative, so no turn is ever taken for another;
+//   - abs(position - target) <= position_tolerance_deg; positions are cumulative, so whole turns are told apart;
 //   - abs(rate) <= settle_rate_degps;
 // and it has settled when that has held at every poll for settle_s. The whole has to be over by
 //   angle/rate + 2 rate/acceleration + deadline_margin_s,
-// and outside the tolerance the axis has to come nearer within every stall_s.
-// Faults, limits and emergency stop are the caller's affair: it looks at them before it asks here.
+// and outside the tolerance the axis has to come nearer within each stall_s.
+// Faults, limits and emergency stop are checked by the caller before it asks here.
 //
 // Also used without a move: settle_only() waits until every axis has been at rest for settle_s, wherever it stands.
 // Units: degrees, deg/s, seconds on the station's clock.
@@ -37,7 +37,7 @@ class ArrivalMonitor {
   // One poll. arrived, unsettled, settled, stall, deadline, or nothing new.
   std::optional<RunEvent> update(const TableStatus& status, double now_s);
 
-  // When the next poll is worth most: the earliest moment at which the motion, or the settle time, can be over. Before that
+  // The best time of the next poll: the earliest moment at which the motion, or the settle time, can be over. Before that
   // the poll interval decides.
   double moment_of_interest_s(double now_s) const;
   double allowed_s() const { return deadline_s_ - started_s_; }  // for the whole, settling included

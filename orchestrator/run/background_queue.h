@@ -1,11 +1,11 @@
-// What a run hands out to be written or shown, so that the loop that watches the table never waits for a disk or a terminal.
+// Writes and displays of a run go through a queue, so that the loop that watches the table never waits for a disk or a terminal.
 //
 // A queue of bounded length between one thread that posts (the loop) and one of its own that does the jobs in their order. The loop takes
 // no lock and makes no call that can block: it posts, goes on watching, and asks whether a job is done. A queue that is full, or a job that
-// takes longer than the limit, is for the loop to judge (StationRun: storage_failed, the table is stopped first).
+// takes longer than the limit, is judged by the loop (StationRun: storage_failed, the table is stopped first).
 //
-// By::caller does every job within post(): for simulated time, which stands still meanwhile, so that runs are reproducible. Then somebody
-// else has to look whether it is stuck.
+// By::caller does every job within post(): for simulated time, which stands still meanwhile, so that runs are reproducible. Then the caller
+// has to check whether it is stuck.
 #pragma once
 
 #include <atomic>

@@ -1,4 +1,4 @@
-// A chamber at work: is it where it was sent, has it settled, is something wrong? And who tells it so, without ever waiting for it.
+// A chamber in operation: whether it has reached its set point and settled, and its faults; and its commands, without ever waiting for it.
 //
 //   ChamberWatch    pure: what was read, and when -> settled, a fault, how long it may still take
 //   ChamberKeeper   commands and readings in a queue of their own (background_queue.h), so that a line that does not answer holds nothing up
@@ -9,7 +9,7 @@
 // and the warmest unit's own thermometer, where there is one, within a band of that width for as long.
 // A sensor that is dead within the band cannot be told from a good one: the unit's own thermometer is the guard.
 //
-// To go off is told again at every look until it is read back; nothing that cannot be read ends that but the caller's patience.
+// The command to switch off is repeated at every look until it is read back, or the caller gives up.
 // Seconds on the station's clock, degrees Celsius. One thread calls.
 #pragma once
 

@@ -1,9 +1,9 @@
-// Does the table move as it was told? Pure functions of what was read and felt, for a run and for commissioning alike; both stop the table
+// Does the table move as commanded? Pure functions of readings and of the unit's rates, for a run and for commissioning; both stop the table
 // at the first poll that shows that it does not.
 //
 //   stray_axis   an axis that nothing sent stays where it stood, the one that was sent on its way
 //   SpeedWatch   no axis turns faster than 1.2 times the rate that was sent, nor than its max_rate, by its rate, by its positions and by
-//                what the unit feels; nor is it sped up by more than 1.2 times what was sent, nor turned further than it says
+//                what the unit measures; nor is it accelerated by more than 1.2 times what was sent, nor turned further than it reads
 //   HomingWatch  axes that look for their zero find it
 #pragma once
 
@@ -23,7 +23,7 @@
 
 namespace turncal {
 
-// Further than any overshoot of a move, and than an axis slips that somebody knocks against: beyond it nothing is put right by a move.
+// More than any overshoot of a move, or the slip of an axis that is knocked: beyond it no move corrects it.
 inline double least_runaway_deg(double position_tolerance_deg) { return std::max(1.0, position_tolerance_deg); }
 
 // What is said of it; nothing: all is well. held_deg: where the axes stood when the move, if there is one, was sent. standing_deg: how far
@@ -34,14 +34,14 @@ std::optional<std::string> stray_axis(const TableStatus& axes, const AxisTriple&
 
 // How fast a unit turns: the magnitude of its gyros' vector, whatever its mounting, by blocks of 10 ms and as the median of five, so that
 // a glitch is none. Time is the unit's own. deg/s by the nominal scale of its frame; where two turns have told alike what the unit makes of a
-// degree (end_turn), by that. Four times what it felt at rest before the turn, in the mean, is taken off: noise, bias and the earth's rate.
+// degree (end_turn), by that. Four times its mean reading at rest before the turn is subtracted: noise, bias and the earth's rate.
 // A sample that the unit flags counts as lost.
 class FeltRate {
  public:
   explicit FeltRate(const RecordingInfo& info);
   void add(const ImuSample& sample);
   void begin_turn(double allowed_degps2);
-  // The table turned by so much since then. Returns the most that was felt meanwhile, deg/s; nothing: the unit's scale does not follow from it.
+  // The table turned by so much since then. Returns the largest rate measured meanwhile, deg/s; nothing: the unit's scale does not follow from it.
   std::optional<double> end_turn(double turned_deg);
   bool confirmed() const { return confirmed_; }
   static constexpr double largest_scale = 1.7;  // of what a unit's pulse may weigh, to its nominal weight
@@ -50,7 +50,7 @@ class FeltRate {
   // |w(t) - w(s)| - a (t - s). 0 where the unit did not feel the way that the table turned: samples that it lost without saying so are a
   // jump, too.
   double jump_degps() const { return jump_degps_; }
-  // How far the unit turned in the turn that ended, deg, at the least: where its scale is not known, by the largest one, and without what it
+  // Least angle of the turn that ended, deg: where the unit's scale is not known, by the largest one, and without what it
   // feels at rest.
   double least_way_deg() const { return least_way_deg_; }
 

@@ -1,4 +1,4 @@
-// What a run tells the outside while it goes on: every transition, a unit that drops out, and a snapshot whenever something has moved on.
+// What a run reports while it goes on: every transition, a unit that drops out, and a snapshot whenever something has changed.
 // The progress line and the run's log listen here. Observers look; they cannot change anything.
 #pragma once
 

@@ -54,9 +54,8 @@ Transition next(RunState state, RunEvent event, const RunGuards& guards) {
     }
   }
   for (const IgnoredRow& row : ignored_events) {
-    if (row.in.contains(state) && row.events.contains(event)) {
+    if (row.in.contains(state) && row.events.contains(event))
       return {Transition::Outcome::ignored, state, RunAction::none};
-    }
   }
   const bool drives_may_be_on =
       live_states.contains(state) || state == RunState::stopping || state == RunState::calibrating;

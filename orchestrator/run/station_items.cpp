@@ -95,9 +95,8 @@ StationRun::MaybeEvent StationRun::issue_move() {
   }
   arrival_.start_move(move, from_deg, devices_.clock.now_s());
   speed_.restart(status_, asked_s_, answered_s_);
-  for (UnitLane& lane : lanes_) {
+  for (UnitLane& lane : lanes_)
     if (lane.alive()) lane.felt().begin_turn(SpeedWatch::factor * move.acceleration_degps2);
-  }
   commanded_to_move_ = true;
   if (Status status =
           devices_.table.move_absolute(move.axis, move.target_deg, move.rate_degps, move.acceleration_degps2);
@@ -216,9 +215,8 @@ StationRun::MaybeEvent StationRun::calibrate() {
   }
   if (const MaybeEvent event = in_every_lane(not_stored(), std::mem_fn(&UnitLane::finish))) return event;
   tell_progress();
-  if (hooks_.calibrate) {
+  if (hooks_.calibrate)
     if (const MaybeEvent event = kept(hooks_.calibrate())) return event;
-  }
   return RunEvent::calibration_ok;
 }
 
@@ -229,9 +227,8 @@ void StationRun::begin_segment(SegmentKind kind) {
                         .heading_deg = commanded_deg_[Axis::heading],
                         .pitch_deg = commanded_deg_[Axis::pitch],
                         .roll_deg = commanded_deg_[Axis::roll]};
-  for (UnitLane& lane : lanes_) {
+  for (UnitLane& lane : lanes_)
     if (lane.alive()) lane.begin_segment(segment);
-  }
 }
 
 StationRun::MaybeEvent StationRun::end_segment(SegmentKind kind) {

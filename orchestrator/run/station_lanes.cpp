@@ -91,9 +91,8 @@ StationRun::MaybeEvent StationRun::pump() {
   if (!got) return fail(*lead_lane, RunEvent::imu_lost, got.error());
   if (*got > 0) lead_lane->heard(devices_.clock.now_s());
   for (UnitLane& lane : lanes_) {
-    if (&lane != lead_lane) {
+    if (&lane != lead_lane)
       if (const MaybeEvent event = receive_all(lane)) return event;
-    }
     const double silent_s = devices_.clock.now_s() - lane.last_sample_s();
     if (!lane.is_open() || state_ == RunState::stopping || silent_s <= job_.station.imu_timeout_s) continue;
     const Error silent = device_error("no sample from the IMU for " + std::to_string(std::lround(silent_s)) + " s" +
@@ -141,9 +140,8 @@ bool StationRun::apart() const {
 }
 
 StationRun::MaybeEvent StationRun::record_all() {
-  for (UnitLane& lane : lanes_) {
+  for (UnitLane& lane : lanes_)
     if (const MaybeEvent event = record(lane)) return event;
-  }
   if (state_ != RunState::dwelling) return std::nullopt;
   if (any_living([](const UnitLane& lane) { return !lane.dwell_complete(); })) return std::nullopt;
   // The last word on whether the table stood still is the table's.

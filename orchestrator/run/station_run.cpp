@@ -202,9 +202,8 @@ StationRun::MaybeEvent StationRun::asked() {
   if (!pause_asked() || pause_told_) return std::nullopt;
   pause_told_ = true;
   // A table turned by hand stands when nobody turns it: who pauses while asked for a turn need not make it.
-  if (devices_.table.needs_operator() && (state_ == RunState::homing || state_ == RunState::moving)) {
+  if (devices_.table.needs_operator() && (state_ == RunState::homing || state_ == RunState::moving))
     return raise(RunEvent::end_wanted, ErrorKind::interrupted, "paused");
-  }
   return raise(RunEvent::pause_wanted, ErrorKind::interrupted, format_pause(snapshot()));
 }
 
@@ -253,9 +252,8 @@ StationRun::MaybeEvent StationRun::kept(const Status& status) {
 
 StationRun::MaybeEvent StationRun::keep(std::function<Status()> write) {
   const PendingWrite written(storage_, std::move(write));
-  for (; !written.done(); BackgroundQueue::wait_a_little()) {
+  for (; !written.done(); BackgroundQueue::wait_a_little())
     if (const MaybeEvent event = look_around()) return event;
-  }
   return kept(written.status());
 }
 

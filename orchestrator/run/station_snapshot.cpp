@@ -67,9 +67,8 @@ RunSnapshot StationRun::snapshot() const {
           std::clamp((s.position_deg[item.axis] - item.from_deg) / (item.to_deg - item.from_deg) + 0.0, 0.0, 1.0);
     }
     planned_s += s.phase_fraction * item.duration_s;
-    if (state_ == RunState::dwelling || (state_ == RunState::moving && item_running_)) {
+    if (state_ == RunState::dwelling || (state_ == RunState::moving && item_running_))
       s.item_end_utc_s = s.utc_s + (1.0 - s.phase_fraction) * item.duration_s / job_.station.clock_speed_up;
-    }
   }
   s.run_fraction = job_.plan.station_s > 0.0 ? planned_s / job_.plan.station_s : 0.0;
   s.eta_s = std::max(0.0, job_.plan.station_s - planned_s);

@@ -151,9 +151,8 @@ StationRun::MaybeEvent StationRun::stop_table() {
 
 double StationRun::brake_s() const {
   double ramp_s = 0.0;
-  for (const PlannedItem& item : job_.plan.items) {
+  for (const PlannedItem& item : job_.plan.items)
     if (item.kind == SequenceItem::Kind::move) ramp_s = std::max(ramp_s, item.rate_degps / item.acceleration_degps2);
-  }
   return 2.0 * ramp_s + job_.station.motion.stall_s;
 }
 

@@ -47,9 +47,8 @@ StationRun::MaybeEvent StationRun::judge_motion() {
   if (!said) said = speed_.add(status_, asked_s_, answered_s_, move, searches);
   if (!said) {
     std::vector<const FeltRate*> felt;
-    for (UnitLane& lane : lanes_) {
+    for (UnitLane& lane : lanes_)
       if (lane.alive()) felt.push_back(&lane.felt());
-    }
     said = speed_.add_felt(felt, status_, move, searches);
   }
   return said ? MaybeEvent(raise(RunEvent::table_fault, ErrorKind::device, *said)) : std::nullopt;
@@ -230,15 +229,13 @@ void StationRun::schedule_poll(double now_s) {
   const MotionConfig& motion = job_.station.motion;
   const bool resting = state_ == RunState::dwelling || state_ == RunState::homing || state_ == RunState::resting;
   next_poll_s_ = now_s + (resting ? motion.poll_idle_s : motion.poll_moving_s);
-  if (state_ == RunState::moving || state_ == RunState::settling) {
+  if (state_ == RunState::moving || state_ == RunState::settling)
     if (!unit_awaited_) next_poll_s_ = std::min(next_poll_s_, arrival_.moment_of_interest_s(now_s));
-  }
 }
 
 std::optional<Axis> StationRun::displaced_axis() const {
-  for (Axis axis : {Axis::roll, Axis::pitch, Axis::heading}) {
+  for (Axis axis : {Axis::roll, Axis::pitch, Axis::heading})
     if (out_of_tolerance(axis, commanded_deg_[axis])) return axis;
-  }
   return std::nullopt;
 }
 

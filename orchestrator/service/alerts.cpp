@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
+
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/text_pieces.h"
@@ -11,7 +13,7 @@ namespace turncal {
 
 namespace {
 
-constexpr std::size_t largest_record = std::size_t{1} << 26;
+constexpr std::uintmax_t largest_record = std::uintmax_t{1} << 20;  // bytes
 constexpr std::string_view of_unit = "unit ", of_yield = "yield ";
 
 struct Event {
@@ -58,28 +60,50 @@ std::vector<Event> events_in(const std::vector<StationView>& stations, const std
   return events;
 }
 
+// Keys of the events that a record knows.
+std::set<std::string> known_in(std::string_view record) {
+  std::set<std::string> known;
+  while (!record.empty()) {
+    const std::vector<std::string_view> words = split(next_line(record), ' ');
+    if (words.size() < 3) continue;
+    const std::string key(words[2].data(), static_cast<std::size_t>(words.back().end() - words[2].begin()));
+    if (words[1] == "known" || words[1] == "told") known.insert(key);
+    if (words[1] == "over") known.erase(key);
+  }
+  return known;
+}
+
+std::string record_line(std::string_view what, std::string_view key) {
+  return fmt::format("{} {} {}\n", format_utc(wall_utc_s()), what, key);
+}
+
+// A record that has become too long keeps its newer half, and of the older one what is still seen: `events`, and the conditions.
+void shorten(const std::string& path, const std::set<std::string>& events) {
+  const Result<std::string> text = read_whole_file(path, std::string::npos);
+  if (!text || text->size() <= largest_record) return;  // tried again at the next look
+  const std::size_t newer = text->find('\n', text->size() - largest_record / 2) + 1;
+  std::string kept;
+  for (const std::string& key : known_in(std::string_view(*text).substr(0, newer)))
+    if (!key.starts_with(of_unit) || events.contains(key)) kept += record_line("known", key);
+  static_cast<void>(write_file_atomically(path, kept + text->substr(newer)));
+}
+
 }  // namespace
 
 Result<std::unique_ptr<Alerts>> Alerts::open(const AlertConfig& config) {
   std::unique_ptr<Alerts> alerts(new Alerts(config, TRY(LockFile::acquire(config.record + ".lock"))));
   alerts->first_ = !path_exists(config.record);
   TRY(append_durably(config.record, ""));
-  const std::string text = TRY(read_whole_file(config.record, largest_record));
-  for (std::string_view remaining = text; !remaining.empty();) {
-    const std::vector<std::string_view> words = split(next_line(remaining), ' ');
-    if (words.size() < 3) continue;
-    const std::string key(words[2].data(), static_cast<std::size_t>(words.back().end() - words[2].begin()));
-    if (words[1] == "known" || words[1] == "told") alerts->known_.insert(key);
-    if (words[1] == "over") alerts->known_.erase(key);
-  }
+  alerts->known_ = known_in(TRY(read_whole_file(config.record, std::string::npos)));
   return alerts;
 }
 
 void Alerts::look(const std::vector<StationView>& stations, const std::optional<ResultsView>& results,
                   double now_utc_s) {
-  std::set<std::string> stand;
+  std::set<std::string> stand, events;
   for (Event& event : events_in(stations, results, config_.least_yield)) {
     const std::string key = event.key();
+    events.insert(key);
     if (event.call.unit.empty()) {
       stand.insert(key);
       const double since_s = since_.try_emplace(key, now_utc_s).first->second;
@@ -97,10 +121,13 @@ void Alerts::look(const std::vector<StationView>& stations, const std::optional<
     return !key.starts_with(of_unit) && !stand.contains(key) && (yields_known || !key.starts_with(of_yield)) &&
            queue_.post([this, key] { static_cast<void>(write("over", key)); });
   });
+  std::error_code unknown;
+  if (std::filesystem::file_size(config_.record, unknown) > largest_record && !unknown)
+    static_cast<void>(queue_.post([this, events] { shorten(config_.record, events); }));
 }
 
 Status Alerts::write(const char* what, const std::string& key) const {
-  return append_durably(config_.record, fmt::format("{} {} {}\n", format_utc(wall_utc_s()), what, key));
+  return append_durably(config_.record, record_line(what, key));
 }
 
 void Alerts::tell(const HookCall& call, const std::string& key) {

@@ -48,7 +48,7 @@ Result<std::map<std::string, std::string>> read_operators(const std::string& pat
     if (!hashes.emplace(name, line.substr(colon + 1)).second)
       return input_error(path + ":" + std::to_string(number) + ": " + turncal::quoted(name) + " is there already");
   }
-  if (hashes.empty()) return input_error(path + ": names nobody: expected NAME:HASH a line");
+  if (hashes.empty()) return input_error(path + ": names nobody: expected a line NAME:HASH for each operator");
   return hashes;
 }
 

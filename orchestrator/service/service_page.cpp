@@ -12,6 +12,7 @@
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
+#include "imu_io/recordings/recording_check.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/run/background_queue.h"
 #include "orchestrator/service/alerts.h"
@@ -105,9 +106,9 @@ struct ServicePage::State {
       const Result<std::string> text = read_whole_file(*file, largest_report_bytes);
       return text ? std::optional(PageText{html, *text}) : std::nullopt;
     }
-    if (!plain.starts_with(unit_path)) return {};
-    const std::optional<Document> document = unit_document(config, plain.substr(unit_path.size()));
-    return document ? std::optional(PageText{html, as_page(*document).html}) : std::nullopt;
+    const std::string unit = plain.starts_with(unit_path) ? plain.substr(unit_path.size()) : "";
+    if (!check_serial(unit, "unit")) return {};
+    return PageText{html, as_page(unit_document(config, unit)).html};
   }
 
   void keep_making() {

@@ -176,7 +176,7 @@ void show_queue(const std::vector<std::string>& queue, const std::vector<UnitOut
       view.for_a_person.push_back("unit " + unit + ": " + outcome->outcome +
                                   (outcome->reason.empty() ? "" : ": " + outcome->reason));
   }
-  if (looks > shown) view.for_a_person.push_back("and " + std::to_string(looks - shown) + " units more");
+  if (looks > shown) view.for_a_person.push_back("and " + std::to_string(looks - shown) + " more units");
   view.outcomes = outcomes;
   std::ranges::stable_sort(view.outcomes,
                            [](const UnitOutcome& a, const UnitOutcome& b) { return a.time_utc > b.time_utc; });
@@ -233,14 +233,12 @@ void show_run(const JournalContents& journal, double now_utc_s, StationView& vie
   if (view.state == StationState::running && value_of(journal.transition, "to") != "resting")
     if (const double silence_s = silence_of(view.folder, now_utc_s); silence_s > silent_after_s) {
       view.silent_s = silence_s;
-      view.for_a_person.insert(view.for_a_person.begin(),
-                               "the run has written nothing for " + clock_time(silence_s) + ": look at the station");
+      view.urgent("the run has written nothing for " + clock_time(silence_s) + ": look at the station");
     }
   if (view.process && live && *utc_s > now_utc_s + clock_off_s)
-    view.for_a_person.insert(view.for_a_person.begin(),
-                             "the clock of this machine is " + clock_time(*utc_s - now_utc_s) + " behind the run's");
+    view.urgent("the clock of this machine is " + clock_time(*utc_s - now_utc_s) + " behind the run's");
   if (view.process && journal.begin_value("manual") == "true" && value_of(journal.transition, "to") == "moving")
-    view.for_a_person.insert(view.for_a_person.begin(), "turn the table: " + value_of(journal.transition, "detail"));
+    view.urgent("turn the table: " + value_of(journal.transition, "detail"));
 }
 
 StationView unreadable(const ServedStation& station, const Error& error) {
@@ -314,25 +312,26 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
       view.units = unit_to_mount(station.queue, view.waiting);
       view.headline =
           view.units.empty() ? "the queue is done" : "waits for unit " + view.units.front() + " to be mounted";
-      if (!view.units.empty()) view.for_a_person.insert(view.for_a_person.begin(), "mount unit " + view.units.front());
+      if (!view.units.empty()) view.urgent("mount unit " + view.units.front());
       break;
     case StationState::stopped:
       view.headline = left && journal->pause_asked ? of_units + " is paused: " + view.phase
                       : left                       ? of_units + " was left in the middle: " + view.phase
-                             : "nobody works on the queue, and units wait: " + std::to_string(view.waiting.size());
-      view.for_a_person.insert(view.for_a_person.begin(),
-                               left ? "start the batch again: it goes on with " + of_units : "start the batch");
+                             : fmt::format("no batch is running, and units wait: {}", view.waiting.size());
+      view.urgent(left ? "start the batch again: it continues with " + of_units : "start the batch");
       break;
-    case StationState::idle: view.headline = "the queue is done"; break;
+    case StationState::idle:
+      view.headline = "the queue is done";
+      if (!view.for_a_person.empty()) view.headline += fmt::format(": {} of {} passed", view.passed, view.done);
+      break;
     case StationState::unreadable: break;
   }
   // What comes after the units on the table.
   std::erase_if(view.waiting,
                 [&view](const std::string& unit) { return std::ranges::find(view.units, unit) != view.units.end(); });
   if (view.process && is_suspended(*view.process))
-    view.for_a_person.insert(
-        view.for_a_person.begin(),
-        "process " + std::to_string(*view.process) + " is suspended (SIGSTOP): it neither goes on nor hears a stop");
+    view.urgent("process " + std::to_string(*view.process) +
+                " is suspended (SIGSTOP): it neither runs nor receives a stop");
   const bool paused = view.state == StationState::stopped && left && journal->pause_asked;
   view.tone = view.state == StationState::stopped && !paused ? Tone::bad
               : view.for_a_person.empty()                    ? Tone::good
@@ -461,15 +460,12 @@ std::optional<std::string> report_file(const ServiceConfig& config, std::string_
   return path_exists(file) ? std::optional(file) : std::nullopt;
 }
 
-std::optional<Document> unit_document(const ServiceConfig& config, const std::string& unit) {
+Document unit_document(const ServiceConfig& config, const std::string& unit) {
   Result<UnitRecord> record = record_of(config, unit);
-  if (!record) {
-    Document document{"turncal: unit " + unit, "Unit " + unit};
-    document.add(Paragraph{record.error().message, "verdict unexplained"});
-    return document;
-  }
-  if (record->attempts.empty() && record->calibrations.empty()) return {};
-  return unit_document(*record);
+  if (record && !(record->attempts.empty() && record->calibrations.empty())) return unit_document(*record);
+  Document document{"turncal: unit " + unit, "Unit " + unit};
+  document.add(Paragraph{record ? "No run of this unit is on record." : record.error().message, "verdict"});
+  return document;
 }
 
 namespace {

@@ -96,10 +96,11 @@ struct StationView {
   std::string known;                      // sigma against the one needed, of a run that ends when it knows enough
   std::vector<std::string> waiting;       // units to come, in their order
   std::vector<std::string> for_a_person;  // what waits for somebody, the most urgent first
-  std::vector<UnitOutcome> outcomes;      // the newest first
-  std::size_t done = 0, passed = 0;       // of the queue
-  std::optional<double> unit_s;           // from one unit's end to the next one's
-  std::optional<double> silent_s;         // a run that goes on has written nothing for so long: 10 min or more
+  void urgent(std::string words) { for_a_person.insert(for_a_person.begin(), std::move(words)); }
+  std::vector<UnitOutcome> outcomes;  // the newest first
+  std::size_t done = 0, passed = 0;   // of the queue
+  std::optional<double> unit_s;       // from one unit's end to the next one's
+  std::optional<double> silent_s;     // a run that goes on has written nothing for so long: 10 min or more
 };
 
 // Whether somebody should look at a unit with that outcome: it did not pass.
@@ -113,8 +114,8 @@ std::string json_of(const StationView& view);
 // The figures of stations and results in the text format 0.0.4 of Prometheus (docs/serve.md).
 std::string metrics_of(const std::vector<StationView>& stations, const ResultsView& results, double now_utc_s);
 
-// All there is of a unit: what the database has or, without one, the queues. Links lead to what report_file() finds. Nothing: nobody knows it.
-std::optional<Document> unit_document(const ServiceConfig& config, const std::string& unit);
+// All there is of a unit: what the database has or, without one, the queues. Links lead to what report_file() finds.
+Document unit_document(const ServiceConfig& config, const std::string& unit);
 // Where the page of a run lies that is served as "/report/STATION/FOLDER/FILE", stations counted from 1; nothing: there is none.
 std::optional<std::string> report_file(const ServiceConfig& config, std::string_view path);
 

@@ -234,7 +234,7 @@ std::string StatusPage::url() const { return server_->url(); }
 
 std::string StatusPage::warning() const {
   if (server_->loopback()) return "";
-  return "warning: whoever reaches " + url() +
+  return "warning: everybody who reaches " + url() +
          " can read the status page: it has no access control and is not encrypted";
 }
 

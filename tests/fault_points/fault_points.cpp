@@ -106,9 +106,8 @@ void strike() {
   if (mode_is("power")) {
     for (int i = 0; i < tracked_count; ++i) {
       struct stat facts;
-      if (fstat(tracked[i].fd, &facts) == 0 && facts.st_size > tracked[i].synced) {
+      if (fstat(tracked[i].fd, &facts) == 0 && facts.st_size > tracked[i].synced)
         real<int (*)(int, off_t)>("ftruncate")(tracked[i].fd, tracked[i].synced);
-      }
     }
   }
   kill(getpid(), SIGKILL);
@@ -163,9 +162,8 @@ extern "C" {
 int clock_gettime(clockid_t clock, timespec* now) {
   const int result = static_cast<int>(syscall(SYS_clock_gettime, clock, now));
   static const bool steps = mode_is("clock");
-  if (result == 0 && clock == CLOCK_REALTIME && steps && holds_s() > 0.0) {
+  if (result == 0 && clock == CLOCK_REALTIME && steps && holds_s() > 0.0)
     now->tv_sec += static_cast<time_t>(number("TURNCAL_FAULT_STEP_S"));
-  }
   static const auto stands_s = static_cast<time_t>(number("TURNCAL_FAULT_NOW_S"));
   if (result == 0 && clock == CLOCK_REALTIME && stands_s > 0) *now = {stands_s, 0};
   return result;

@@ -509,10 +509,9 @@ void judge_parameters(DrawnStation& station, const fs::path& out, Verdict& verdi
     const auto at = static_cast<std::size_t>(i);
     if (!file->sigma[at]) continue;
     const double off = (file->parameters[i] - truth[at]) / *file->sigma[at];
-    if (std::abs(off) > 5.0) {
+    if (std::abs(off) > 5.0)
       return verdict.add(
           1, "code 0 and " + std::string(parameter_keys[at]) + " is " + number("%.1f", off) + " sigma from the truth");
-    }
   }
 }
 
@@ -580,10 +579,9 @@ void judge_recording(const Setting& setting, DrawnStation& station, const fs::pa
       const auto& dialect = station.station.table.dialect;
       const double circle_deg = dialect ? dialect->of(all_axes[i]).modulo_deg : 0.0;
       const double off_deg = circle_deg > 0.0 ? std::remainder(high - said[i], circle_deg) : high - said[i];
-      if (std::abs(off_deg) > 0.05) {
+      if (std::abs(off_deg) > 0.05)
         return verdict.add(1, "code 0, and " + where + " stood at " + number("%.4f", high) + ", recorded " +
                                   number("%.4f deg", said[i]));
-      }
     }
   }
   if (found < wanted) verdict.add(1, "code 0 with " + std::to_string(found) + " rests of " + std::to_string(wanted));
@@ -606,15 +604,12 @@ void judge_outcome(const Setting& setting, DrawnStation& station, const fs::path
   const bool memory = pc != nullptr && pc->manner == "memory short";
   // Until a run homes the table's refusals are the map's (docs/tables.md).
   const bool refused = outcome.code == 1 && says(outcome, "turncal: connecting: ");
-  if (outcome.code != 50 && outcome.code != 20 && !refused && !(memory && outcome.code == 70)) {
+  if (outcome.code != 50 && outcome.code != 20 && !refused && !(memory && outcome.code == 70))
     verdict.add(1, "code " + std::to_string(outcome.code) + ", expected 0, 20 or 50");
-  }
   std::istringstream said(outcome.err);
   int errors = 0;
   for (std::string line; std::getline(said, line);) errors += line.find("warning: ") == std::string::npos ? 1 : 0;
-  if (errors != 1) {
-    verdict.add(1, "failed with " + std::to_string(errors) + " lines of error");
-  }
+  if (errors != 1) verdict.add(1, "failed with " + std::to_string(errors) + " lines of error");
   if (!touched) verdict.add(1, "failed, and nothing had been disturbed");
 }
 

@@ -9,11 +9,10 @@ class Archive : public Program {
  protected:
   void SetUp() override {
     Program::SetUp();
-    for (const char* unit : {"SN1", "SN2"}) {
+    for (const char* unit : {"SN1", "SN2"})
       ends({"run", "--dry-run", "--unit", unit, "--no-diagnosis", "--out", path(std::string("archive/") + unit),
             "--sequence", TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"},
            0);
-    }
     std::filesystem::create_directories(path("archive/copy"));
     std::filesystem::copy_file(path("archive/SN1/recording.tcr"), path("archive/copy/recording.tcr"));
     write("archive/empty.tcr", "");
@@ -148,13 +147,12 @@ TEST_F(Archive, RefusesWhatItDoesNotUnderstand) {
 // Ten other units and the unit itself: the file says what came from them, and is no history for the next.
 TEST_F(Archive, IsAPrior) {
   std::filesystem::create_directories(path("earlier"));
-  for (int k = 0; k < 11; ++k) {
+  for (int k = 0; k < 11; ++k)
     ends({"run", "--dry-run", "--unit", "SN" + std::to_string(20 + k), "--rig",
           write("unit.rig", "seed = " + std::to_string(20 + k) + "\n"), "--no-diagnosis", "--station", station(),
           "--out", path("earlier/" + std::to_string(k)), "--sequence",
           TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"},
          0);
-  }
   const ProgramResult result =
       ends({"calibrate", path("earlier/3"), "--prior", path("earlier"), "--out", path("earlier/with"), "--verbose"}, 0);
   EXPECT_SAYS(result.out, "prior: 10 other units, 0 earlier calibrations of this one");

@@ -19,11 +19,10 @@ namespace {
 const std::vector<Dialect>& dialects() {
   static const std::vector<Dialect> all = [] {
     std::vector<Dialect> result;
-    for (const char* name : {"acutronic_acl", "newport_esp30x", "pi_gcs2", "three_axis_dollar"}) {
+    for (const char* name : {"acutronic_acl", "newport_esp30x", "pi_gcs2", "three_axis_dollar"})
       result.push_back(
           read_dialect(TURNCAL_SOURCE_DIR "/turntable_drivers/ascii/dialects/" + std::string(name) + ".dialect")
               .value());
-    }
     return result;
   }();
   return all;
@@ -73,9 +72,8 @@ void requests(fuzz::Input& input) {
       fuzz::require(request->count >= 1 && request->count <= 125);
       (void)read_reply(*request, std::vector<std::uint16_t>(static_cast<std::size_t>(request->count)), tcp);
     } else {
-      if (request->function == 6 || request->function == 16) {
+      if (request->function == 6 || request->function == 16)
         fuzz::require(request->values.size() == static_cast<std::size_t>(request->count));
-      }
       (void)write_reply(*request, tcp);
     }
   }

@@ -95,10 +95,9 @@ int main(int count, char** arguments) {
   for (const std::string_view name : builtin_frame_names()) {
     const auto frame = find_frame(std::string(name));
     fuzz::require(frame.ok());
-    for (const char how : {0, 1, 3}) {
+    for (const char how : {0, 1, 3})
       write(folder + "/fuzz_frame_decoder/" + std::string(name) + std::to_string(how),
             std::string{static_cast<char>(index), how} + frames_of(*frame));
-    }
     ++index;
   }
   for (const bool skip_bad : {false, true}) {

@@ -97,7 +97,7 @@ TEST_F(Database, EveryAttemptHasARow) {
   expect_refused({"history", "results.db", "--control"}, "calibrations are of dry runs: expected --simulated");
   const ProgramResult real = run({"shift", "results.db"});
   EXPECT_SAYS(real.out, "attempts of simulated units left out: 5");
-  EXPECT_SAYS(real.out, "With --simulated");
+  EXPECT_SAYS(real.out, "Use --simulated");
   const ProgramResult simulated = run({"shift", "results.db", "--simulated"});
   EXPECT_SAYS_NOT(simulated.out, "left out");
 }

@@ -91,6 +91,10 @@ TEST_F(CommandLine, OldNamesWorkAndSayTheNewOnes) {
   EXPECT_SAYS(run("database check none.db").err, "'turncal database' is 'turncal records' now");
   expect_refused("records chek none.db",
                  "'chek' is not understood; did you mean 'check'? (see turncal records --help)");
+  expect_refused("help calibrat", "'calibrat' is not understood; did you mean 'calibrate'? (see turncal --help)");
+  expect_refused("help records chek", "did you mean 'check'? (see turncal records --help)");
+  expect_refused("hlep run", "'hlep' is not understood; did you mean 'help'? (see turncal --help)");
+  expect_refused("run --settle 2h", "--settle: '2h': expected a time from 0min to 60min, in s, min, h or d");
   expect_refused("records prune runs --older-than 2weeks", "'2weeks': expected a time from 1d to 36500d");
   expect_refused("calibrate x --out y --method jiont",
                  "'jiont': expected joint, closed-form; did you mean 'joint'? (see turncal calibrate --help)");
@@ -106,7 +110,8 @@ TEST_F(CommandLine, QuietPrintsNothingButErrors) {
       ends({"run", "--quiet", "--dry-run", "--unit", "SN1", "--out", "o", "--sequence", short_demo}, 1);
   EXPECT_EQ(bad.out, "");
   EXPECT_EQ(bad.err_lines(), 1) << bad.err;
-  expect_refused({"run", "--quiet", "--manual", "--dry-run", "--unit", "SN1", "--out", "by_hand"}, "--quiet: a table");
+  expect_refused({"run", "--quiet", "--manual", "--dry-run", "--unit", "SN1", "--out", "by_hand"},
+                 "--quiet: expected none with a table");
 }
 
 TEST_F(CommandLine, BadRecordingsAreRefusedByEveryCommand) {

@@ -155,7 +155,7 @@ TEST_F(Page, ServesStatusAndLetsNothingBeWritten) {
   EXPECT_SAYS(page->body, "\"unit\":\"SN-7\"") << "the first status is in the page itself";
   EXPECT_SAYS_NOT(page->body, "INITIAL");
   for (const char* text :
-       {"A corner of one pulse or two is the unit's resolution", "width=device-width", "break-inside:avoid"}) {
+       {"A step of one or two pulses is the resolution of the unit", "width=device-width", "break-inside:avoid"}) {
     EXPECT_SAYS(page->body, text);
   }
   for (const char* other : {"/run.log", "/../out/run.log", "/status.json/x", "/favicon.ico"}) {

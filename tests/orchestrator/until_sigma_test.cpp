@@ -132,8 +132,7 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
   const std::string station = write("mock.station", asked);
   const ProgramResult drifted = run(begin("drifted", station));
   EXPECT_SAYS(drifted.out,
-              "after item 41 of 106: this dwell, or the turn before it, disagrees with the others: it is "
-              "made once more");
+              "after item 41 of 106: this dwell, or the turn before it, disagrees with the others: it is repeated");
   std::vector<std::string> again;
   for (const std::string& estimate : records("drifted", "estimate"))
     if (estimate.find("again = true") != std::string::npos) again.push_back(estimate);
@@ -143,9 +142,9 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
       std::ranges::count_if(recorded->data.segments, [](const Segment& s) { return s.kind != SegmentKind::rotate; }) +
           1,
       std::ssize(records("drifted", "dwell")));
-  EXPECT_SAYS(drifted.out,
-              "after item 41 of 106: made once more, this dwell agrees; the take that does not is set "
-              "aside; not yet enough: n11, 4.");
+  EXPECT_SAYS(
+      drifted.out,
+      "after item 41 of 106: repeated, this dwell agrees; the one that does not is left out; not yet enough: n11, 4.");
   EXPECT_SAYS(file_text(folder_ / "drifted/parameters.conf"), "rest that disagreed with all the others");
   EXPECT_SAYS(drifted.out, "enough is known") << "its noise is that of a clean run";
   // In text the same recording: which rest it was goes with the samples.

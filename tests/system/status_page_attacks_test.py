@@ -170,7 +170,7 @@ end(process, 5.0)  # a page that asked just now is waited for, 3 s at most
 # Anybody reaches this one, and that is said.
 process, at = begin("D", "0.0.0.0:0")
 said = open(out + ".err").read()
-expect("warning: whoever reaches" in said, "no warning: " + said)
+expect("warning: everybody who reaches" in said, "no warning: " + said)
 at = ("127.0.0.1", at[1])
 expect(b" 200 " in get(at, "/", "10.1.2.3")[:16] and b" 403 " in get(at, "/", "evil.example")[:16], "Host at 0.0.0.0")
 end(process, 5.0)

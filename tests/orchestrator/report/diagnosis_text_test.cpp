@@ -18,12 +18,11 @@ TEST(VerdictSentence, SaysWhatIsLeftWithNumbers) {
   const std::string text = plain(verdict_sentence(unexplained.diagnosis));
   EXPECT_TRUE(
       text.starts_with("Unexplained: a residual is left that is not noise and that no effect of the catalogue explains "
-                       "(rms normalised residual 1.300 where noise explains 1"))
+                       "(rms normalised residual 1.300 against 1 for noise alone"))
       << text;
   EXPECT_TRUE(
       text.ends_with("it looks like: the bias of gyro x changes with time (0.99): gyro_bias_drift 0.40; no effect is "
-                     "named; the sigmas "
-                     "hold what it may be."))
+                     "named; the sigmas allow for it."))
       << text;
   const Sample noise = noise_model_sample();
   EXPECT_TRUE(
@@ -38,7 +37,7 @@ TEST(VerdictSentence, AdmitsWhenNothingConfirmsIt) {
   sample.diagnosis.holdout_before = sample.diagnosis.holdout_after = {};
   const std::string text = plain(verdict_sentence(sample.diagnosis));
   EXPECT_SAYS(text, "from 2.500 to 1.002");
-  EXPECT_SAYS(text, "no held-out data to confirm it");
+  EXPECT_SAYS(text, "no held-out data confirm it");
 }
 
 TEST(VerdictSentence, NamesTheEffectsThatStandBesideAnUnexplainedResidual) {

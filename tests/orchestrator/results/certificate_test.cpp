@@ -349,10 +349,10 @@ TEST_F(CertificateTest, ItsHashCanBeChecked) {
     expect_refused({"certificate", "--check", "x.html"}, "x.html: changed after it was issued");
   }
   write("x.html", page + "\n");
-  expect_refused({"certificate", "--check", "x.html"}, "x.html: expected a certificate, whole");
+  expect_refused({"certificate", "--check", "x.html"}, "x.html: expected a complete certificate");
   write("x.html", "nothing");
-  expect_refused({"certificate", "--check", "x.html"}, "x.html: expected a certificate, whole");
-  expect_refused({"certificate", "a", "--check", "c.html"}, "--check: expected nothing beside it");
+  expect_refused({"certificate", "--check", "x.html"}, "x.html: expected a complete certificate");
+  expect_refused({"certificate", "a", "--check", "c.html"}, "--check: expected no other option");
   expect_refused({"certificate", "a"}, "expected the folder of a run, --station and --out");
 }
 

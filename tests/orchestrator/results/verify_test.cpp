@@ -93,10 +93,10 @@ TEST_F(Verify, RefusesWhatItCannotUse) {
   expect_refused(with({"--dry-run", "--unit", "SN8"}), "SN8");
   expect_refused(with({"--dry-run", "--unit", "SN7", "--sequence", "nothing.seq"}), "nothing.seq");
   expect_refused(with({"--recording", "one", "--dry-run"}),
-                 "--recording: expected --parameters, --out, --station and --from-step alone");
+                 "--recording: expected only --parameters, --out, --station and --from-step");
   expect_refused(with({"--recording", "one"}), "alignment: 1 s at rest, expected at least 20 s");
   expect_refused({"verify", "--references", "none.csv"}, "none.csv");
-  expect_refused({"verify", "--references", "none.csv", "--dry-run"}, "--references: expected no other option");
+  expect_refused({"verify", "--references", "none.csv", "--dry-run"}, "--references: expected no option but --out");
   // A unit that lies on its side.
   const std::string side = "step 1\n  initial H 0 P 0 R 90\n  align 6000\n  dwell 6000\n  dwell 6000\n";
   record("side", good_rig, side);
@@ -302,7 +302,7 @@ TEST_F(Verify, BehindTheCalibration) {
   const ParameterFile held = *read_parameter_file(path("strict/parameters.conf"));
   EXPECT_TRUE(find_further(held, "verdict.A01")->starts_with("pass")) << *find_further(held, "verdict.A01");
   EXPECT_EQ(*find_further(held, "verdict.result"), "hold");
-  EXPECT_SAYS(failed.out, "level undecided: the noise of this unit is as large as its limit");
+  EXPECT_SAYS(failed.out, "level undecided: the noise of this unit is as large as the limit");
   EXPECT_SAYS(file_text(folder_ / "strict/diagnosis/report.html"), "Verification (north seeking):</b> ");
   EXPECT_FALSE(std::filesystem::exists(folder_ / "store"));
   expect_refused("run --dry-run --unit SN7 --out x --verify --capture-only",

@@ -19,9 +19,8 @@ std::vector<RunEvent> all_events() {
 std::vector<RunGuards> all_guards() {
   std::vector<RunGuards> all;
   for (const StopCause cause : {StopCause::error, StopCause::by_operator, StopCause::interruption}) {
-    for (int bits = 0; bits < 4; ++bits) {
+    for (int bits = 0; bits < 4; ++bits)
       all.push_back({.rest_due = (bits & 2) != 0, .repeats_left = (bits & 1) != 0, .stop_cause = cause});
-    }
   }
   return all;
 }

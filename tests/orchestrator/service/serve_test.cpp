@@ -129,7 +129,7 @@ TEST_F(Serve, FollowsABatchAndPausesIt) {
   EXPECT_EQ(view.tone, Tone::attention);
   EXPECT_EQ(view.headline.rfind("unit SN1 is paused", 0), 0U) << view.headline;
   EXPECT_TRUE(view.simulated);
-  EXPECT_EQ(view.for_a_person.front(), "start the batch again: it goes on with unit SN1");
+  EXPECT_EQ(view.for_a_person.front(), "start the batch again: it continues with unit SN1");
   EXPECT_FALSE(act(station_, {"stop", ""}, "ana", 0.0));  // nobody is there to be stopped, and nothing is written down
   EXPECT_EQ(file_text(path("queue.actions")), "2026-01-02T00:00:00Z ana pause\n");
 }
@@ -252,10 +252,11 @@ TEST_F(Serve, LeadsToTheReportOfAUnit) {
   const std::string page = get("/unit/SN2");
   EXPECT_SAYS(page, "<b>fail:</b> gyro x bias (N01) 0.0634 deg/h");
   EXPECT_SAYS(page, "<a href=\"/report/1/SN2/report.html\">report</a>");
+  EXPECT_SAYS(get("/unit/SN%2F1"), "No run of this unit is on record.");
   EXPECT_EQ(get("/report/1/SN2/report.html"), "the report");
   EXPECT_EQ(get("/report/1/SN2/certificate.html"), "the certificate");
   for (const char* none :
-       {"/unit/SN%2F1", "/unit/", "/report/1/SN2/secret.html", "/report/2/SN2/report.html",
+       {"/unit/SN%00", "/unit/", "/report/1/SN2/secret.html", "/report/2/SN2/report.html",
         "/report/1/../runs/report.html", "/report/1/%2E%2E/report.html", "/report/1/SN2%00/report.html"})
     EXPECT_EQ(get(none), "") << none;
   const std::string metrics = get("/metrics");
@@ -363,6 +364,14 @@ TEST_F(Serve, TellsOfAnEventOnceAtMost) {
   EXPECT_SAYS(looked(results), "7 of 10 passed in the last 24 hours, expected 80 %");
   EXPECT_EQ(looked(), "");  // the database is away
   EXPECT_EQ(looked(results), "");
+
+  // A record that has become long is cut, and what was told in its beginning and is still seen is not told again.
+  std::string text = file_text(path("alerts"));
+  while (text.size() < (std::size_t{3} << 20))
+    text += "2026-01-01T03:00:00Z told unit east OLD" + std::to_string(text.size()) + " fail 2026-01-01T00:00:00Z\n";
+  write("alerts", text);
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(looked(results), "");
+  EXPECT_LT(std::filesystem::file_size(path("alerts")), std::size_t{1} << 20);
 }
 
 TEST_F(Serve, AnAlertThatFailsHoldsNobodyUpAndIsShown) {
