@@ -30,7 +30,9 @@ std::string words_of_probability(double p) {
 namespace {
 
 std::string sentence(const Statement& s) {
-  const std::string of = s.quantity.empty() ? s.sensor : "the " + s.quantity + " of " + s.sensor;
+  const bool of_all = s.sensor == "gyro" || s.sensor == "accelerometer";  // a whole triad
+  const std::string sensor = of_all ? "the " + s.sensor + " triad" : s.sensor;
+  const std::string of = s.quantity.empty() ? sensor : "the " + s.quantity + " of " + sensor;
   static const std::vector<std::pair<std::string, std::string>> drivers = {
       {"time", "changes with time"},
       {"temperature", "depends on the temperature"},
@@ -53,9 +55,11 @@ std::string words_of(const Statements& statements) {
     std::string formulas;
     for (const Statement& f : statements.nodes)
       if (!f.formula.empty() && f.sensor == s.sensor && (s.quantity.empty() || f.quantity == s.quantity) &&
-          (s.driver.empty() || f.driver == s.driver))
-        formulas += fmt::format("{}{} ({})", formulas.empty() ? ", maybe by " : " or ", f.formula,
-                                words_of_probability(f.probability));
+          (s.driver.empty() || f.driver == s.driver)) {
+        const bool sure = f.probability >= said_from, first = formulas.empty();
+        formulas += fmt::format("{}{} ({})", first ? (sure ? ", by " : ", perhaps by ") : (sure ? " and " : " or "),
+                                f.formula, words_of_probability(f.probability));
+      }
     words += formulas;
   }
   return words;

@@ -32,7 +32,7 @@ bool is_below(const Statement& node, const Statement& other);  // `other` below 
 
 // "0.97"; "more than 0.99", "less than 0.01".
 std::string words_of_probability(double probability);
-// "the bias of accelerometer y depends on the specific force (0.98), maybe by accel_second_order (0.91)": what is said, and by which formulas.
+// "the bias of accelerometer y depends on the specific force (0.98), perhaps by accel_second_order (0.91)": what is said, and by which formulas.
 std::string words_of(const Statements& statements);
 
 }  // namespace turncal

@@ -35,7 +35,7 @@ struct Term {
   int stride = 1;                       // every so many of them make a coarse grid
   bool about_mean = true;               // what biases and matrices take up of it over the recording is theirs
   std::vector<int> columns;             // of an effect: in TermTable::effects
-  int unit = -1;  // the basis that is one usual unit of its quantity in each epoch; -1: none
+  int unit = -1;                        // the basis that is one usual unit of its quantity in each epoch; -1: none
 };
 
 struct TermTable {

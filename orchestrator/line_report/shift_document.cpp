@@ -431,7 +431,8 @@ void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document
 Document history_document(const std::vector<StoredCalibration>& all, const std::string& source) {
   const bool simulated = !all.empty() && all.front().simulated;
   Document document{"turncal: control charts of " + source, "Control charts"};
-  document.soft(fmt::format("{}, {} calibrations{}", source, all.size(), simulated ? " of simulated units" : ""),
+  document.soft(fmt::format("{}, {} calibration{}{}", source, all.size(), all.size() == 1 ? "" : "s",
+                            simulated ? " of simulated units" : ""),
                 Scope::all);
   if (all.empty()) {
     document.text("No calibration is on record.");

@@ -182,10 +182,13 @@ struct PageServer::State {
           posts({std::string(head->path), head->authorization, std::string(body.substr(0, head->body_bytes))});
       return response(answer.code, answer.code == 200 ? "OK" : "Refused", answer.text);
     }
-    if (head->method != "GET") return refusal(404, "Not Found");
+    const bool no_body = head->method == "HEAD";  // RFC 9110, 9.3.2
+    if (head->method != "GET" && !no_body) return refusal(404, "Not Found");
     if (head->chunked || head->body_bytes > 0) return refusal(413, "Content Too Large");
     const std::optional<PageText> page = pages(head->path);
-    return page ? response(200, "OK", *page) : refusal(404, "Not Found");
+    std::string answer = page ? response(200, "OK", *page) : refusal(404, "Not Found");
+    if (no_body) answer.resize(answer.find("\r\n\r\n") + 4);
+    return answer;
   }
 
   // False: nothing more is to come of it.

@@ -154,6 +154,10 @@ TEST_F(Page, ServesStatusAndLetsNothingBeWritten) {
   ASSERT_TRUE(page);
   EXPECT_SAYS(page->body, "\"unit\":\"SN-7\"") << "the first status is in the page itself";
   EXPECT_SAYS_NOT(page->body, "INITIAL");
+  const auto head = client.Head("/");  // of a monitor
+  ASSERT_TRUE(head);
+  EXPECT_EQ(head->status, 200);
+  EXPECT_EQ(client.Head("/favicon.ico")->status, 404);
   for (const char* text :
        {"A step of one or two pulses is the resolution of the unit", "width=device-width", "break-inside:avoid"}) {
     EXPECT_SAYS(page->body, text);
