@@ -555,11 +555,12 @@ class Table {
       const EffectEntry& entry = *table.effects[k].entry;
       const double variants = static_cast<double>(std::max<std::size_t>(1, entry.taus_s.size()));
       if (!is_seen(under, k)) continue;
-      groups.push_back({{static_cast<int>(k)}, 1.0 / variants});
+      groups.push_back({{static_cast<int>(k)}, entry.share / variants});
       rows[{table.basis_of_effect[k], axis_of(table.effects[k])}].push_back(static_cast<int>(k));
     }
     for (const auto& [of, columns] : rows)
-      if (of.second >= 0 && columns.size() > 1) groups.push_back({columns, 1.0});
+      if (of.second >= 0 && columns.size() > 1)
+        groups.push_back({columns, table.effects[static_cast<std::size_t>(columns.front())].entry->share});
     for (const Group& g : groups) all += g.share;
     for (const Group& g : groups) {
       const EffectColumn& first = table.effects[static_cast<std::size_t>(g.columns.front())];

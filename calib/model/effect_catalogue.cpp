@@ -121,6 +121,10 @@ EffectEntry of_one_run(EffectEntry entry) {
   entry.of_one_run = true;
   return entry;
 }
+EffectEntry of_few_units(EffectEntry entry) {  // a kind of sensor that few units on such a table have
+  entry.share = 0.02;
+  return entry;
+}
 EffectEntry with_temperature(EffectEntry entry) {
   entry.needs_temperature = true;
   return entry;
@@ -242,10 +246,11 @@ std::vector<EffectEntry> make_catalogue() {
                         "bias with a temperature that lags (IEEE 647, 952)", "c (T lagged by tau - T_ref)", "deg/h/C",
                         xyz, radps_per_degph, "temperature that changes, and then stays",
                         of_gyros<bias<lagged_temperature>>, lag_taus_s}),
-      of_one_run({"gyro_wave_angle", Sensor::gyro, Quantity::bias, Driver::angle,
-                  "drift with the angle of the standing wave of a hemispherical resonator (whole-angle mode)",
-                  "c cos(4 k a_i), c sin(4 k a_i), a_i turned since the start, k = 0.277", "deg/h", waves,
-                  radps_per_degph, "turns of 30 to 90 deg about each axis, with a dwell after each", wave_angle}),
+      of_few_units(
+          of_one_run({"gyro_wave_angle", Sensor::gyro, Quantity::bias, Driver::angle,
+                      "drift with the angle of the standing wave of a hemispherical resonator (whole-angle mode)",
+                      "c cos(4 k a_i), c sin(4 k a_i), a_i turned since the start, k = 0.277", "deg/h", waves,
+                      radps_per_degph, "turns of 30 to 90 deg about each axis, with a dwell after each", wave_angle})),
       {"earth_rate", Sensor::earth_rate, Quantity::bias, Driver::field, "error of the earth rate used (latitude)",
        "C_bn dw_ie", "deg/h", earth_axes, radps_per_degph, "lies inside gyro_magnetic; a known latitude", earth_rate},
       {"sample_period", Sensor::earth_rate, Quantity::bias, Driver::field, "error of the sample period used",

@@ -86,6 +86,7 @@ struct EffectEntry {
   std::string_view variant = "tau_s";  // what a variant is called in files, with its unit
   bool of_one_run = false;             // depends on the time since this run began: another run has its own
   bool needs_temperature = false;
+  double share = 1.0;  // how often units have it, beside the other entries
 };
 
 const std::vector<EffectEntry>& effect_catalogue();
