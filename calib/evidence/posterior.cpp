@@ -209,6 +209,11 @@ VectorXd unit_of(const TermTable& table, const Term& term, Eigen::Index rows) {
   return coordinates_of(basis, MatrixXd::Ones(basis.columns, 1), rows);
 }
 
+// Hand-turned data have no units (Term::unit): there patterns alone may be inexact, each piece in proportion to itself.
+bool may_be_inexact(const Term& term) {
+  return term.kind == TermKind::pattern || (term.kind == TermKind::effect && term.unit >= 0);
+}
+
 State with_term(const PieceSystem& system, const TermTable& table, const Next& next) {
   const Term& term = table.terms[static_cast<std::size_t>(next.last.term)];
   State child = *next.parent;
@@ -221,7 +226,7 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
   const VectorXd b = term.L.transpose() * child.s[term.basis], mean = llt.solve(b);
   const double explained = b.dot(mean);
   take_in(table, left_by(child, system, x), llt, b, child);
-  if (term.kind == TermKind::noise || explained < strong * strong || child.Y.cols() >= most_columns) return child;
+  if (!may_be_inexact(term) || explained < strong * strong || child.Y.cols() >= most_columns) return child;
   const MatrixXd C =
       by_piece(system, x * mean, unit_of(table, term, system.coordinates()), most_columns - child.Y.cols());
   const MatrixXd y = left_by(child, system, C), A = C.transpose() * y;
@@ -330,7 +335,9 @@ namespace {
 bool is_formula(const Term& term, const ModelTerm& t) {
   return term.kind == TermKind::effect && inexactness[static_cast<std::size_t>(t.inexact)] < formula_is_within;
 }
-bool has_driver(const ModelTerm& t) { return inexactness[static_cast<std::size_t>(t.inexact)] < driver_is_within; }
+bool has_driver(const Term& term, const ModelTerm& t) {
+  return term.unit < 0 || inexactness[static_cast<std::size_t>(t.inexact)] < driver_is_within;
+}
 
 }  // namespace
 
@@ -347,7 +354,7 @@ Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& 
       const Statement& w = term.what;
       mine.insert({w.sensor, "", "", ""});
       mine.insert({w.sensor, w.quantity, "", ""});
-      if (has_driver(t)) mine.insert({w.sensor, w.quantity, w.driver, ""});
+      if (has_driver(term, t)) mine.insert({w.sensor, w.quantity, w.driver, ""});
       if (is_formula(term, t)) mine.insert({w.sensor, w.quantity, w.driver, w.formula});
     }
     if (!mine.empty()) all.anything += m.probability;
