@@ -317,14 +317,15 @@ Result<NpyArray> open_npy(const TableBytes& file, const std::string& file_name) 
 template <class Take>  // NumberTable -> Status
 Status read_npy(const TableBytes& file, const std::string& file_name, const std::vector<WantedColumn>& wanted,
                 Take take) {
-  const auto [view, begin] = TRY(open_npy(file, file_name));
+  const NpyArray array = TRY(open_npy(file, file_name));
+  const MatrixView& view = array.view;
   const std::uint64_t item = view.type->bytes;
   constexpr std::uint64_t most = 1 << 18;  // bytes of a block
   for (std::uint64_t row = 0, rows = 0; row < view.rows; row += rows) {
     rows = std::clamp<std::uint64_t>(most / (item * view.columns), 1, view.rows - row);
     MatrixView block{.rows = rows, .columns = view.columns, .data = nullptr, .type = view.type};
     const auto load = [&](std::uint64_t at, std::uint64_t bytes) -> Status {
-      const std::string_view piece = TRY(file.at(begin + at, bytes));
+      const std::string_view piece = TRY(file.at(array.begin + at, bytes));
       if (piece.size() < bytes) return input_error(file_name + ": the .npy file is cut off");
       block.data = reinterpret_cast<const std::byte*>(piece.data());
       return {};

@@ -122,7 +122,7 @@ INSTANTIATE_TEST_SUITE_P(
             }},
         Row{"accel_scale_drift", 1, 0.0, 8.0,
             [](const DisturbedMoment& m) { return accel(1, ug * m.force_g[1] * m.time_s / 3600.0); }},
-        Row{"gyro_wave_angle", 5, 0.0, 0.03, wave(2)}, Row{"accel_creep", 1, 150.0, 20.0, creep(1, 150.0)},
+        Row{"gyro_wave_angle", 5, 0.0, 0.05, wave(2)}, Row{"accel_creep", 1, 150.0, 20.0, creep(1, 150.0)},
         Row{"accel_rectification", 2, 0.0, 150.0,
             [](const DisturbedMoment& m) { return accel(2, m.rate_radps.norm() > 0.0087 ? ug : 0.0); }},
         Row{"gyro_g_squared", 1, 0.0, 0.08,  // x_yy

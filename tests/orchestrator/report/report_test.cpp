@@ -103,8 +103,8 @@ TEST(Report, NamesAliasesLimitsFaultsAndSelection) {
         "Positions or rates that would separate them: accel_scale_asymmetry: dwells at 45 deg", "3400 to 3403",
         "<td class=\"n\">12.000</td>", "gap of &lt;1&gt; sample", "leg set aside", "0.71 n12 − 0.71 n21",
         "not determined", "The probability that something is missing is more than 0.99.",
-        "<td>force</td><td class=\"name\">accel_second_order</td><td class=\"n\">0.725</td>",
-        "<td class=\"name\">accel_size_effect</td><td class=\"w\">rotations with velocity carried",
+        "<td>force</td><td class=\"name\">accel_second_order</td><td class=\"n\">0.72</td>",
+        "<td class=\"name\">accel_size_effect</td><td class=\"w long\">rotations with velocity carried",
         "gyro_bias_drift: fitted the recording better", "error of the local gravity",
         "20.25</td><td class=\"n\">0.75</td><td>µg/g²</td>", "+12.0"})
     EXPECT_SAYS(html, wanted);

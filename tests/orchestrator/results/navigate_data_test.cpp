@@ -116,7 +116,7 @@ TEST_F(Navigate, CalibratedIncrementsNeedNoParameters) {
               0.1 * one.number("branch.1.sigma.heading_deg"));
   EXPECT_NEAR(other.number("branch.1.north_m"), one.number("branch.1.north_m"), 30.0);
   expect_refused("apply rest --parameters true.conf --out rest.xyz",
-                 "rest.xyz: expected a name that ends in one of .csv, .npy, .mat, .tcr");
+                 "rest.xyz: expected a name that ends in one of .csv, .npy, .mat, .mcap, .tcr");
   expect_refused({"export", "rest", "--out", "rest.csv"}, "rest.csv: expected a folder");
   expect_refused("navigate rest --parameters true.conf --out x --branches 1e3", "--branches = 1e3: expected a number");
 }

@@ -294,7 +294,7 @@ TEST_F(Verify, BehindTheCalibration) {
   // Deviations of four: 0.03 deg of noise where 0.012 are allowed, 1 of 20 turned down: 16 times the time and more.
   EXPECT_GT(undecided.number("would_do.align_s"), 300.0 * 16);
   EXPECT_LT(undecided.number("would_do.align_s"), 300.0 * 50);
-  EXPECT_SAYS(batch.out, "undecided: within the noise; these gyros cannot keep 0.012 deg in 300 s");
+  EXPECT_SAYS(batch.out, "undecided: within the noise; these gyros cannot keep 0.012 deg with alignments of 300 s");
   // A level limit below the unit's noise: undecided, though all its parameters are within theirs, and its file is not put in use.
   write("strict.station", station + "limit.level_deg = 0.000001\nlimit.A01.max = 1\nrecord.store = store\n");
   const ProgramResult failed = ends(
