@@ -66,8 +66,7 @@ ComponentAxes axes_of(std::string_view component) {
   };
   if (component.size() == 1) return {axis(0), axis(0), -1};
   if (component.size() == 2) return {axis(0), axis(1), -1};
-  if (component.size() == 4 && component[1] == '_') return {axis(0), axis(2), axis(3)};
-  if (component.size() > 4 && component[1] == '_') return {axis(0), -1, -1};
+  if (component.size() >= 4 && component[1] == '_') return {axis(0), axis(2), axis(3)};
   return {};
 }
 

@@ -93,7 +93,8 @@ const ChamberLineFault chamber_line_faults[] = {
      }},
     {"twice",
      [](AnswerPlan& plan) {
-       plan.pieces.push_back({answer_of(plan), 0.0});
+       const Frame once = answer_of(plan);
+       answer_of(plan).insert(answer_of(plan).end(), once.begin(), once.end());
      }},
     {"split",
      [](AnswerPlan& plan) {
