@@ -32,7 +32,6 @@ constexpr double strong = 10.0;
 // A formula that is off by such a part of itself is none; what is off by all of itself does not go with its driver.
 constexpr double formula_is_within = 0.3, driver_is_within = 1.0;
 constexpr Eigen::Index most_columns = 240;  // beside which a model still takes such columns in
-constexpr double least_shown = 0.03;        // of a direction's information to its prior's
 
 // The system beside a model.
 struct State {
@@ -239,12 +238,9 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
   for (ModelTerm& t : child.terms)
     if (t == next.last) t.inexact = static_cast<int>(best);
   if (best == 0) return child;
-  // Where a wrong shape shows less than its prior allows, taking it in changes nothing.
-  const SymmetricEigen e = symmetric_eigen(A);
-  const Eigen::Index seen = (variance[best] * e.values.array() > least_shown).count();
-  const MatrixXd V = e.vectors.rightCols(seen);
-  M = VectorXd(e.values.tail(seen).array() + 1.0 / variance[best]).asDiagonal();
-  take_in(table, y * V, Eigen::LLT<MatrixXd>(M), V.transpose() * s, child);
+  M = A;
+  M.diagonal().array() += 1.0 / variance[best];
+  take_in(table, y, Eigen::LLT<MatrixXd>(M), s, child);
   return child;
 }
 
@@ -331,7 +327,7 @@ Posterior posterior_of(const std::vector<LogWeights>& at_each_noise) {
 
 namespace {
 
-// How deep a term may be off by a part of itself in every piece, and is still what it is called.
+// Is a term that is off by so much of itself in every piece still its formula, and still driven by its driver?
 bool is_formula(const Term& term, const ModelTerm& t) {
   return term.kind == TermKind::effect && inexactness[static_cast<std::size_t>(t.inexact)] < formula_is_within;
 }
