@@ -27,7 +27,10 @@ inline constexpr std::array<double, 5> inexactness = {0.0, 0.03, 0.1, 0.3, 1.0};
 struct ModelTerm {
   int term = 0, size = 0;
   int inexact = 0;  // of `inexactness`
-  friend auto operator<=>(const ModelTerm&, const ModelTerm&) = default;
+  friend bool operator==(const ModelTerm&, const ModelTerm&) = default;
+  friend bool operator<(const ModelTerm& a, const ModelTerm& b) {
+    return std::tie(a.term, a.size, a.inexact) < std::tie(b.term, b.size, b.inexact);
+  }
 };
 
 struct WeighedModel {
