@@ -493,10 +493,6 @@ class Coefficients {
       : system_(*under.system), table_(*under.table), blocks_(under.blocks) {
     for (const int c : named) named_.push_back(table_.effects[static_cast<std::size_t>(c)].key());
   }
-  bool is_named(const EffectColumn& c) const {
-    return std::find(named_.begin(), named_.end(), c.key()) != named_.end();
-  }
-
   OfModel evaluate(const WeighedModel& model) {
     const Eigen::Index p = system_.covariance().rows(), n = p + static_cast<Eigen::Index>(named_.size());
     OfModel result = {model.probability, VectorXd::Zero(n), MatrixXd::Zero(n, n)};
@@ -516,12 +512,12 @@ class Coefficients {
     const MatrixXd y = beside(of.columns, &Part::y, system_.coordinates());
     return {of.llt.matrixL().solve(y.transpose()).transpose(), of.llt.matrixL().solve(of.s)};
   }
-  bool holds(const WeighedModel& model, std::size_t named) const {
-    return std::any_of(model.terms.begin(), model.terms.end(), [&](const ModelTerm& t) {
-      const std::vector<int>& columns = table_.terms[static_cast<std::size_t>(t.term)].columns;
-      return std::any_of(columns.begin(), columns.end(),
-                         [&](int c) { return table_.effects[static_cast<std::size_t>(c)].key() == named_[named]; });
-    });
+  bool holds_names(const WeighedModel& model) const {
+    std::set<std::string> held;
+    for (const ModelTerm& t : model.terms)
+      for (const int c : table_.terms[static_cast<std::size_t>(t.term)].columns)
+        held.insert(table_.effects[static_cast<std::size_t>(c)].key());
+    return std::ranges::all_of(named_, [&](const std::string& name) { return held.contains(name); });
   }
 
  private:
@@ -600,10 +596,8 @@ class Coefficients {
     part.y = system_.times(part.x);
     part.s = term.L.transpose() * blocks_[term.basis].s;
     part.floor = term.L.transpose() * (system_.floor() * blocks_[term.basis].before).asDiagonal() * term.L;
-    const bool named = std::any_of(term.columns.begin(), term.columns.end(),
-                                   [&](int c) { return is_named(table_.effects[static_cast<std::size_t>(c)]); });
     MatrixXd shift = blocks_[term.basis].shift;
-    if (term.about_mean && !named) shift += table_.taken_up[term.basis];
+    if (term.about_mean) shift += table_.taken_up[term.basis];
     const Eigen::Index p = shift.rows();
     part.effect = MatrixXd::Zero(p + static_cast<Eigen::Index>(named_.size()), term.L.cols());
     part.effect.topRows(p) = shift * term.L;
@@ -670,16 +664,12 @@ AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const
   std::vector<Coefficients> coefficients;
   for (const UnderNoise& one : under) coefficients.emplace_back(one, named);
   std::vector<OfModel> all, with_names;
-  std::vector<std::vector<bool>> holds;
   double kept = 0.0;
   for (const WeighedModel& m : posterior.models) {
     if (kept > averaged_share || all.size() == most_averaged) break;
     kept += m.probability;
     all.push_back(coefficients[m.noise].evaluate(m));
-    holds.emplace_back();
-    for (std::size_t k = 0; k < named.size(); ++k) holds.back().push_back(coefficients[m.noise].holds(m, k));
-    if (std::all_of(holds.back().begin(), holds.back().end(), [](bool held) { return held; }))
-      with_names.push_back(all.back());
+    if (coefficients[m.noise].holds_names(m)) with_names.push_back(all.back());
   }
   if (with_names.empty()) with_names = all;
   AveragedEstimate estimate;
@@ -690,27 +680,28 @@ AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const
     weight += m.probability;
   }
   mean /= weight;
-  estimate.covariance = MatrixXd::Zero(n, n);
+  MatrixXd covariance = MatrixXd::Zero(n, n);
   for (const OfModel& m : with_names)
-    estimate.covariance += m.probability / weight * (m.covariance + (m.mean - mean) * (m.mean - mean).transpose());
-  // Beside a named effect the parameters are those where it is zero: of models without it they are less by what it has of them in the mean.
-  for (std::size_t k = 0; k < named.size(); ++k) {
-    const auto column = static_cast<std::size_t>(named[k]);
-    const VectorXd of_name = table.taken_up[table.basis_of_effect[column]].col(table.column_of_effect[column]) *
-                             mean[p + static_cast<Eigen::Index>(k)];
-    for (std::size_t i = 0; i < all.size(); ++i)
-      if (!holds[i][k]) all[i].mean.head(p) -= of_name;
-  }
+    covariance += m.probability / weight * (m.covariance + (m.mean - mean) * (m.mean - mean).transpose());
   constexpr double one_sigma = 0.15865525393145707;
-  estimate.shift.resize(n);
-  estimate.sigma.resize(n);
+  VectorXd middle(n), scale(n);
   for (Eigen::Index i = 0; i < n; ++i) {
     const std::vector<OfModel>& of = i < p ? all : with_names;
-    estimate.shift[i] = quantile(of, i, 0.5);
-    estimate.sigma[i] = 0.5 * (quantile(of, i, 1.0 - one_sigma) - quantile(of, i, one_sigma));
+    middle[i] = quantile(of, i, 0.5);
+    scale[i] = 0.5 * (quantile(of, i, 1.0 - one_sigma) - quantile(of, i, one_sigma)) /
+               std::sqrt(std::max(covariance(i, i), 1e-300));
   }
-  const VectorXd scale = estimate.sigma.cwiseQuotient(estimate.covariance.diagonal().cwiseMax(1e-300).cwiseSqrt());
-  estimate.covariance = (scale.asDiagonal() * estimate.covariance * scale.asDiagonal()).eval();
+  // So far a parameter is what it is over the whole recording, in every model. Beside a named effect it is less by what it has of it.
+  MatrixXd beside = MatrixXd::Identity(n, n);
+  for (std::size_t k = 0; k < named.size(); ++k) {
+    const auto column = static_cast<std::size_t>(named[k]);
+    beside.col(p + static_cast<Eigen::Index>(k)).head(p) =
+        -table.taken_up[table.basis_of_effect[column]].col(table.column_of_effect[column]);
+  }
+  estimate.shift = beside * middle;
+  beside = beside * scale.asDiagonal();
+  estimate.covariance = beside * covariance * beside.transpose();
+  estimate.sigma = estimate.covariance.diagonal().cwiseSqrt();
   return estimate;
 }
 

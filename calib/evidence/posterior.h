@@ -68,8 +68,9 @@ struct NamedEffects {
 NamedEffects named_effects(const std::vector<UnderNoise>& all, const Posterior& posterior,
                            const std::vector<std::string>& fitted = {});
 
-// Of the parameters, from the fit, and after them the values of `named` columns: the median, half of the central 68 % of the mixture, and its
-// correlations. A parameter is what it is over the whole recording, beside the named effects where they are zero.
+// Of the parameters, from the fit, and after them the values of `named` columns. What a parameter is over the whole recording is the same thing
+// in all models: of that, and of the named values, the median and half of the central 68 % of the mixture are taken, and its correlations; from
+// these follow the parameters where the named effects are zero.
 struct AveragedEstimate {
   Eigen::VectorXd shift, sigma;
   Eigen::MatrixXd covariance;
