@@ -19,21 +19,11 @@
 #include <vector>
 
 #include "calib/types/axis.h"
+#include "calib/types/axis_limits.h"
 #include "calib/types/recording_types.h"
 #include "sequences/sequence.h"
 
 namespace turncal {
-
-// What one axis of the table may do. Positions are cumulative, as everywhere in this project.
-struct AxisLimits {
-  double soft_min_deg = -540.0;
-  double soft_max_deg = 540.0;
-  double max_rate_degps = 100.0;
-  double max_acceleration_degps2 = 100.0;
-  // The cable's total winding from end to end: the largest minus the smallest cumulative angle a run may use.
-  // 0: slip rings, no limit.
-  double wrap_deg = 720.0;
-};
 
 struct PlanLimits {
   std::array<AxisLimits, 3> axis{};  // indexed by Axis

@@ -6,7 +6,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "turntable_drivers/rig/rig.h"
-#include "turntable_drivers/twins/rehearsed_table.h"
+#include "turntable_drivers/twins/rig_chamber.h"
 
 namespace turncal {
 
@@ -91,7 +91,7 @@ RehearsalDevices::RehearsalDevices(const RigConfig& config, const StationConfig&
     : rig_(config),
       watched_(rig_.imu, config.sample_period_s),
       manual_(station.table.manual, rig_.clock, input, out, [this] { return watched_.mean(); }),
-      limited_(manual_, motion_limits(station)),
+      limited_(manual_, station.axis),
       prompts_(manual_) {
   manual_.rehearse_on(rehearsed_table(rig_.rig));
   manual_.feel_turns([this] { return watched_.turned_deg(); });

@@ -7,8 +7,9 @@
 #include <cmath>
 
 #include "calib/model/parameters.h"
-#include "turntable_drivers/ascii/serial_turntable.h"
-#include "turntable_drivers/modbus/modbus_turntable.h"
+#include "turntable_drivers/ascii/sentence_codec.h"
+#include "turntable_drivers/modbus/register_codec.h"
+#include "turntable_drivers/table/described_turntable.h"
 #include "turntable_drivers/table/table_stop.h"
 
 namespace turncal {
@@ -31,16 +32,6 @@ Status TableDevice::commission(const AxisTriple& known_deg, double tolerance_deg
   return input_error("this table has nothing to commission");
 }
 
-std::array<MotionLimits, 3> motion_limits(const StationConfig& station) {
-  std::array<MotionLimits, 3> limits;
-  for (std::size_t i = 0; i < limits.size(); ++i) {
-    const AxisLimits& axis = station.axis[i];
-    limits[i] = {axis.soft_min_deg, axis.soft_max_deg, axis.max_rate_degps, axis.max_acceleration_degps2,
-                 axis.wrap_deg};
-  }
-  return limits;
-}
-
 Result<std::unique_ptr<TableDevice>> make_table(const StationConfig& station, const TableContext& context) {
   std::unique_ptr<Turntable> driver;
   switch (station.table.driver) {
@@ -49,11 +40,11 @@ Result<std::unique_ptr<TableDevice>> make_table(const StationConfig& station, co
                          "': table.driver = mock has no table to turn: expected modbus, serial or manual");
     case TableDriver::modbus:
       assert(station.table.map);
-      driver = std::make_unique<ModbusTurntable>(*station.table.map, context.clock, context.stop_requests);
+      driver = std::make_unique<DescribedTurntable>(*station.table.map, context.clock, context.stop_requests);
       break;
     case TableDriver::serial:
       assert(station.table.dialect);
-      driver = std::make_unique<SerialTurntable>(*station.table.dialect, context.clock, context.stop_requests);
+      driver = std::make_unique<DescribedTurntable>(*station.table.dialect, context.clock, context.stop_requests);
       break;
     case TableDriver::manual:
       assert(context.operator_output);
@@ -61,7 +52,7 @@ Result<std::unique_ptr<TableDevice>> make_table(const StationConfig& station, co
                                                  *context.operator_output, context.gravity);
       break;
   }
-  return std::make_unique<TableDevice>(std::move(driver), motion_limits(station), station.motion.settle_rate_degps);
+  return std::make_unique<TableDevice>(std::move(driver), station.axis, station.motion.settle_rate_degps);
 }
 
 namespace {

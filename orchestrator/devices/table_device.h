@@ -22,7 +22,7 @@ namespace turncal {
 class TableDevice {
  public:
   // Slower than that an axis stands.
-  TableDevice(std::unique_ptr<Turntable> driver, const std::array<MotionLimits, 3>& limits, double standing_rate_degps)
+  TableDevice(std::unique_ptr<Turntable> driver, const std::array<AxisLimits, 3>& limits, double standing_rate_degps)
       : driver_(std::move(driver)), limited_(*driver_, limits), standing_rate_degps_(standing_rate_degps) {}
   ~TableDevice();
   TableDevice(const TableDevice&) = delete;
@@ -54,8 +54,6 @@ struct TableContext {
 };
 
 Result<std::unique_ptr<TableDevice>> make_table(const StationConfig& station, const TableContext& context);
-
-std::array<MotionLimits, 3> motion_limits(const StationConfig& station);
 
 // Passes a unit's samples on and keeps what a table turned by hand is compared with: the mean specific force of the last second
 // (GravitySense), and what the gyros have added up to (TurnSense).

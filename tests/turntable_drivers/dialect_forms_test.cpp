@@ -14,7 +14,7 @@ std::string form_text() {
 Dialect form_dialect() { return expect_value(parse_dialect(form_text(), "form.dialect")); }
 
 template <Dialect (*dialect)()>
-struct CircleFactory : DescribedFactory<DialectStation, SerialTurntable> {
+struct CircleFactory : DescribedFactory<DialectStation> {
   CircleFactory() : DescribedFactory(dialect()) {}
 };
 using FormFactory = CircleFactory<form_dialect>;
@@ -29,7 +29,7 @@ Dialect shorter_dialect() {
 using ShorterFactory = CircleFactory<shorter_dialect>;
 INSTANTIATE_TYPED_TEST_SUITE_P(DialectShorterWay, TableContract, ShorterFactory);
 
-using FormTable = FaultTable<DialectStation, SerialTurntable>;
+using FormTable = FaultTable<DialectStation>;
 
 TEST(DialectForms, RatesAndPositionsHaveTheirScales) {
   FormTable s(form_dialect());
@@ -323,7 +323,7 @@ TEST(Dialect, NothingIsSwitchedOnBeforeItIsCommissioned) {
     DialectStation station(dialect);
     std::vector<std::string> sent;
     station.disturb([&](const std::string& sentence, AnswerPlan&) { sent.push_back(sentence); });
-    SerialTurntable driver(station.described, station.clock);
+    DescribedTurntable driver(station.described, station.clock);
     ASSERT_TRUE(driver.connect().ok()) << name;
     sent.clear();
     for (const Status& refused_with :

@@ -6,8 +6,6 @@
 //   0x20 s32 target, u32 rate
 #pragma once
 
-#include <thread>
-
 #include "imu_io/base/clock.h"
 #include "tests/turntable_drivers/served_twin.h"
 #include "turntable_drivers/modbus/modbus_frame.h"
@@ -47,14 +45,8 @@ struct LevelDrive {
 class LevelDrives : public LineServer {
  public:
   LevelDrives() {
-    EXPECT_TRUE(listen_tcp(0).ok());
-    thread_ = std::thread([this] {
-      while (!ended_) run_once(0.01);
-    });
-  }
-  ~LevelDrives() override {
-    ended_ = true;
-    thread_.join();
+    EXPECT_OK(listen_tcp(0));
+    serving_.emplace(*this);
   }
   std::string map_text(const std::string& more = "") const {
     return own_map_text("level", "tcp\nlink.address = " + address()) + more;
@@ -124,10 +116,8 @@ class LevelDrives : public LineServer {
     plan.pieces.push_back({write_reply(*request, true), 0.0});
     return plan;
   }
-  void tick() override {}
 
-  std::thread thread_;
-  std::atomic<bool> ended_{false};
+  std::optional<Serving> serving_;
 };
 
 }  // namespace turncal

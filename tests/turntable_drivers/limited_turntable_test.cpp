@@ -11,15 +11,11 @@ namespace {
 struct LimitedFactory {
   Rig rig{default_rig_config()};
   RigTable mock{rig};
-  LimitedTurntable limited{mock, std::array<MotionLimits, 3>{}};
+  LimitedTurntable limited{mock, std::array<AxisLimits, 3>{}};
   Turntable& table() { return limited; }
-  void pass(double seconds) {
-    std::vector<ImuSample> samples(static_cast<std::size_t>(std::lround(seconds / 0.005)));
-    if (!samples.empty()) rig.advance(samples);
-  }
+  void pass(double seconds) { pass_time(rig, seconds); }
   static constexpr double tolerance_deg = 1e-3;
   static constexpr double beyond_limits_deg = 541.0;
-  static constexpr bool must_home = true, must_enable = true;
 };
 INSTANTIATE_TYPED_TEST_SUITE_P(Limited, TableContract, LimitedFactory);
 
@@ -76,7 +72,7 @@ TEST_F(LimitedTable, WhereTheTableWasWithoutACommandCounts) {
 // ---- described tables
 
 template <bool tcp, bool circle>
-struct ModbusFactory : DescribedFactory<TwinStation, ModbusTurntable> {
+struct ModbusFactory : DescribedFactory<TwinStation> {
   ModbusFactory()
       : DescribedFactory(map_of(circle ? circle_map_text(tcp ? "tcp" : "rtu") : plain_map_text(tcp ? "tcp" : "rtu"))) {}
   static constexpr double beyond_limits_deg = 3601.0;  // refused by the twin
@@ -95,7 +91,7 @@ constexpr const char* names[] = {"three_axis_dollar", "acutronic_acl", "newport_
                                  "own_dollar",        "own_bits",      "own_prompt"};
 
 template <Which which, bool tcp>
-struct DialectFactory : DescribedFactory<DialectStation, SerialTurntable> {
+struct DialectFactory : DescribedFactory<DialectStation> {
   DialectFactory() : DescribedFactory(shipped_dialect(names[static_cast<int>(which)], tcp)) {}
 };
 using Dollar = DialectFactory<Which::dollar, false>;

@@ -3,15 +3,16 @@
 // The station's time is the rig's and passes only with pass(); the link's time-outs are real.
 #pragma once
 
-#include <thread>
 #include "tests/test.h"
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/posix_file.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
-#include "turntable_drivers/ascii/serial_turntable.h"
-#include "turntable_drivers/modbus/modbus_turntable.h"
+#include "tests/turntable_drivers/serving.h"
+#include "turntable_drivers/ascii/sentence_codec.h"
+#include "turntable_drivers/modbus/register_codec.h"
 #include "turntable_drivers/rig/rig_devices.h"
+#include "turntable_drivers/table/described_turntable.h"
 #include "turntable_drivers/twins/dialect_twin.h"
 #include "turntable_drivers/twins/modbus_twin.h"
 
@@ -22,53 +23,37 @@ struct RealClock : Clock {
   double utc_s() const override { return 0.0; }
 };
 
-struct DriveParts {
-  using Description = RegisterMap;
-  using Twin = ModbusTwin;
-  static ModbusTwin twin(const RegisterMap& map, Turntable& table, const Clock& clock) {
-    return ModbusTwin(map, table, clock);
-  }
-};
-struct DialectParts {
-  using Description = Dialect;
-  using Twin = DialectTwin;
-  static DialectTwin twin(const Dialect& dialect, Turntable& table, const Clock&) {
-    return DialectTwin(dialect, table);
-  }
-};
+inline ModbusTwin twin_of(const RegisterMap& map, Turntable& table, const Clock& clock) { return {map, table, clock}; }
+inline DialectTwin twin_of(const Dialect& dialect, Turntable& table, const Clock&) { return {dialect, table}; }
 
-template <class Parts>
+template <class Described>
 class ServedTwin {
  public:
-  using Description = typename Parts::Description;
+  using Description = Described;
+  using Twin = decltype(twin_of(std::declval<Described>(), std::declval<Turntable&>(), std::declval<Clock&>()));
   // link: of a pseudo-terminal, a name that stays the same; "": none.
   explicit ServedTwin(const Description& description, const RigConfig& config = default_rig_config(),
                       const std::string& link = "")
-      : rig(config), mock(rig), clock(rig), twin(Parts::twin(description, mock, clock)), described(description) {
+      : rig(config), mock(rig), clock(rig), twin(twin_of(description, mock, clock)), described(description) {
     const Status opened = description.link.tcp ? server.listen_tcp(0) : server.open_pty(link);
     EXPECT_OK(opened);
     EXPECT_TRUE(twin.power_on().ok());
     described.link.address = link.empty() ? server.address() : link;
-    start();
+    serving_.emplace(twin);
   }
-  ~ServedTwin() { stop(); }
   void pass(double seconds) {
-    std::vector<ImuSample> samples(static_cast<std::size_t>(std::lround(seconds / rig.config().sample_period_s)));
     const std::lock_guard lock(server.mutex);
-    if (!samples.empty()) rig.advance(samples);
+    pass_time(rig, seconds);
   }
-  // The server's thread must not be disturbed while it works.
-  void disturb(decltype(Parts::Twin::disturb) how) {
-    stop();
-    twin.disturb = std::move(how);
-    start();
+  void disturb(decltype(Twin::disturb) how) {
+    serving_->change([&] { twin.disturb = std::move(how); });
   }
   // The adapter is back, as another device under its old name.
   void plug_in_again() {
-    stop();
-    server.hang_up();
-    EXPECT_TRUE(server.open_pty(described.link.address).ok());
-    start();
+    serving_->change([&] {
+      server.hang_up();
+      EXPECT_OK(server.open_pty(described.link.address));
+    });
   }
   double fastest_axis_degps() {
     const std::lock_guard lock(server.mutex);
@@ -80,33 +65,22 @@ class ServedTwin {
   Rig rig;
   RigTable mock;
   RigClock clock;
-  typename Parts::Twin twin;
+  Twin twin;
   LineServer& server = twin;
   Description described;  // with the server's address
 
  private:
-  void start() {
-    ended_ = false;
-    thread_ = std::thread([this] {
-      while (!ended_) server.run_once(0.01);
-    });
-  }
-  void stop() {
-    ended_ = true;
-    thread_.join();
-  }
-  std::atomic<bool> ended_{false};
-  std::thread thread_;
+  std::optional<Serving> serving_;
 };
 
-using TwinStation = ServedTwin<DriveParts>;
-using DialectStation = ServedTwin<DialectParts>;
+using TwinStation = ServedTwin<RegisterMap>;
+using DialectStation = ServedTwin<Dialect>;
 
 // Angles that differ from axis to axis, so that a value of another one shows.
 inline constexpr AxisTriple standing{{10.0, 30.0, -50.0}};
 
 // A driver connected to a twin whose axes stand at three different angles.
-template <class Station, class Driver>
+template <class Station>
 struct FaultTable {
   explicit FaultTable(const typename Station::Description& description, const RigConfig& config = default_rig_config())
       : station(description, at_start(config)), driver(station.described, station.clock, &stop_requests) {
@@ -157,7 +131,7 @@ struct FaultTable {
   std::atomic<int> stop_requests{0};
   Error last_error;
   Station station;
-  Driver driver;
+  DescribedTurntable driver;
 };
 
 // A map of our own invention, over this kind of line; "": that of the file.
@@ -185,20 +159,19 @@ inline Dialect shipped_dialect(const std::string& name, bool tcp = false) {
 }
 
 // For the contract of every table (table_contract.h).
-template <class Station, class Driver>
+template <class Station>
 struct DescribedFactory {
   explicit DescribedFactory(const typename Station::Description& description) : station(description) {}
   Station station;
-  Driver driver{station.described, station.clock};
+  DescribedTurntable driver{station.described, station.clock};
   Turntable& table() { return driver; }
   void pass(double seconds) { station.pass(seconds); }
   static constexpr double tolerance_deg = 1e-3;
   static constexpr double beyond_limits_deg = 7201.0;  // where a device answers nothing, only the driver can refuse
-  static constexpr bool must_home = true, must_enable = true;
 };
 
 // With short time-outs.
-struct FaultStation : FaultTable<TwinStation, ModbusTurntable> {
+struct FaultStation : FaultTable<TwinStation> {
   explicit FaultStation(bool tcp, const std::string& more = "") : FaultTable(map_of(map_text(tcp, more))) {}
   explicit FaultStation(const RegisterMap& map) : FaultTable(map) {}
   // Short time-outs, and the lines of `more` in place of those with the same key.
@@ -214,7 +187,7 @@ struct FaultStation : FaultTable<TwinStation, ModbusTurntable> {
   }
 };
 
-struct TextTable : FaultTable<DialectStation, SerialTurntable> {
+struct TextTable : FaultTable<DialectStation> {
   explicit TextTable(const std::string& name, bool tcp = false) : FaultTable(quick(shipped_dialect(name, tcp))) {}
   explicit TextTable(const Dialect& dialect) : FaultTable(dialect) {}
   static Dialect quick(Dialect dialect) {

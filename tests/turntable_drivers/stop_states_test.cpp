@@ -181,13 +181,13 @@ struct BlackHole {
   std::string address;
 };
 
-template <class Driver, class Description>
+template <class Description>
 void expect_connecting_is_given_up(Description described, const std::string& address) {
   described.link.address = address;
   expect_in_time([&] {
     const RealClock clock;
     std::atomic<int> requests{0};
-    Driver driver(described, clock, &requests);
+    DescribedTurntable driver(described, clock, &requests);
     Request request(requests);
     const Status connected = driver.connect();
     const double ended_s = monotonic_s();
@@ -198,8 +198,8 @@ void expect_connecting_is_given_up(Description described, const std::string& add
 
 TEST(StopStates, ConnectingToABlackHoleIsGivenUp) {
   const BlackHole hole;
-  expect_connecting_is_given_up<ModbusTurntable>(map_of(plain_map_text("tcp")), hole.address);
-  expect_connecting_is_given_up<SerialTurntable>(shipped_dialect("pi_gcs2", true), hole.address);
+  expect_connecting_is_given_up(map_of(plain_map_text("tcp")), hole.address);
+  expect_connecting_is_given_up(shipped_dialect("pi_gcs2", true), hole.address);
 }
 
 // Nobody asked: the connection is given up at its own deadline.
@@ -209,7 +209,7 @@ TEST(StopStates, ABlackHoleIsADeviceErrorAtTheDeadline) {
   map.link.address = hole.address;
   map.link.reply_timeout_s = 0.2;
   const RealClock clock;
-  ModbusTurntable driver(map, clock);
+  DescribedTurntable driver(map, clock);
   const double began_s = monotonic_s();
   const Status connected = driver.connect();
   EXPECT_GE(monotonic_s() - began_s, 0.2);
@@ -219,7 +219,7 @@ TEST(StopStates, ABlackHoleIsADeviceErrorAtTheDeadline) {
 
 TEST(StopStates, ConnectingToASilentDriveIsGivenUp) {
   const Result<Pty> line = good(Pty::create());
-  expect_connecting_is_given_up<ModbusTurntable>(map_of(plain_map_text("rtu")), line->device());
+  expect_connecting_is_given_up(map_of(plain_map_text("rtu")), line->device());
 }
 
 // Somebody else talks on the line, and never pauses for quiet_s. Given up after twice that, so that the stop can go out.

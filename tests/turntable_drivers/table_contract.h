@@ -5,7 +5,6 @@
 //     void pass(double seconds);                // lets time pass for the table
 //     static constexpr double tolerance_deg;    // of positions read back
 //     static constexpr double beyond_limits_deg;  // a heading that the table refuses; 0: it has no limits
-//     static constexpr bool must_home, must_enable;  // moves are refused before
 //     static constexpr bool silent_on_the_way;  // optional, true: position and rate are not known during a motion (by hand)
 //   };
 //   INSTANTIATE_TYPED_TEST_SUITE_P(Mine, TableContract, MyFactory);
@@ -97,16 +96,12 @@ TYPED_TEST_P(TableContract, NothingWorksBeforeConnect) {
 TYPED_TEST_P(TableContract, ConnectIsNotEnableAndNotHome) {
   ASSERT_TRUE(this->table().connect().ok());
   EXPECT_TRUE(this->table().identify().ok());
-  if (TypeParam::must_enable) {
-    EXPECT_FALSE(this->status(Axis::roll).enabled);
-    this->expect_refused(this->table().move_absolute(Axis::roll, 10.0, 10.0, 10.0), "move before enable");
-  }
+  EXPECT_FALSE(this->status(Axis::roll).enabled);
+  this->expect_refused(this->table().move_absolute(Axis::roll, 10.0, 10.0, 10.0), "move before enable");
   ASSERT_TRUE(this->table().enable().ok());
   EXPECT_TRUE(this->wait_for([&] { return this->status(Axis::roll).enabled; }, 5.0));
-  if (TypeParam::must_home) {
-    EXPECT_FALSE(this->status(Axis::roll).homed);
-    this->expect_refused(this->table().move_absolute(Axis::roll, 10.0, 10.0, 10.0), "move before home");
-  }
+  EXPECT_FALSE(this->status(Axis::roll).homed);
+  this->expect_refused(this->table().move_absolute(Axis::roll, 10.0, 10.0, 10.0), "move before home");
 }
 
 TYPED_TEST_P(TableContract, MoveIsSeenAndArrives) {
@@ -187,8 +182,7 @@ TYPED_TEST_P(TableContract, AbortEndsEveryMotionAndNeedsEnable) {
     EXPECT_FALSE(this->stands_at(axis, 90.0));
     EXPECT_FALSE(this->status(axis).in_position && this->status(axis).enabled);
   }
-  if (TypeParam::must_enable)
-    this->expect_refused(this->table().move_absolute(Axis::pitch, 0.0, 10.0, 10.0), "move after abort");
+  this->expect_refused(this->table().move_absolute(Axis::pitch, 0.0, 10.0, 10.0), "move after abort");
 }
 
 TYPED_TEST_P(TableContract, StatusHasTimeThatNeverGoesBack) {

@@ -20,15 +20,8 @@ std::optional<DriveBit> drive_bit(std::string_view name) {
 }
 
 bool placeholder_is_known(const std::string& name) {
-  for (const char* const own : {"axis", "position", "distance", "rate", "acceleration", "status", "*"}) {
-    if (name == own) return true;
-  }
-  for (const Axis axis : all_axes) {
-    for (const char* const quantity : {"position.", "distance.", "rate.", "acceleration.", "status."}) {
-      if (name == quantity + std::string(to_string(axis))) return true;
-    }
-  }
-  return false;
+  const Asked asked = asked_by(name, Axis::heading);
+  return name == "axis" || name == "*" || asked.number || asked.status;
 }
 
 std::optional<SentenceTemplate> sentence(KeyValueFile& file, const std::string& key) {
@@ -104,21 +97,22 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
       file.reject(name + ".1", "{axis} in a sentence, or " + name + ".scope = table");
     }
   }
-  const auto asks_for = [&](const std::string& quantity) {
+  const auto asks_for = [&](MoveQuantity quantity) {
     const std::vector<Exchange>& move = dialect.of(TableOperation::move).exchanges;
     return std::any_of(move.begin(), move.end(), [&](const Exchange& exchange) {
       const auto names = exchange.send.names();
       return std::any_of(names.begin(), names.end(),
-                         [&](const std::string& name) { return asked_by(name, Axis::heading).quantity == quantity; });
+                         [&](const std::string& name) { return asked_by(name, Axis::heading).number == quantity; });
     });
   };
-  if (file.has("move.1") && asks_for("position") == asks_for("distance"))
+  const bool position = asks_for(MoveQuantity::position), distance = asks_for(MoveQuantity::distance);
+  if (file.has("move.1") && position == distance)
     file.reject("move.1", "either {position} or {distance} in the sentences of a move");
   for (const DialectAxis& axis : dialect.axis) {
-    if (axis.shorter_way && (asks_for("distance") || !asks_for("position"))) {
+    if (axis.shorter_way && (distance || !position)) {
       file.reject("move.1", "{position} in a sentence, not {distance}: way = shorter");
     }
-    if (axis.modulo_deg > 0.0 && !axis.shorter_way && (asks_for("position") || !asks_for("distance"))) {
+    if (axis.modulo_deg > 0.0 && !axis.shorter_way && (position || !distance)) {
       file.reject("move.1",
                   "{distance} in a sentence, not {position}: with modulo_deg that does not say how many turns to go, "
                   "unless way = shorter");
@@ -311,11 +305,9 @@ AxisReading flags_of(const DialectStatus& status, const std::string& word) {
 // ---- sentences of a move ----
 
 Asked asked_by(const std::string& name, Axis addressed) {
-  for (const Axis other : all_axes) {
-    const std::string suffix = std::string(".") + to_string(other);
-    if (name.ends_with(suffix)) return {name.substr(0, name.size() - suffix.size()), other};
-  }
-  return {name, addressed};
+  std::string_view quantity = name;
+  const Axis axis = take_axis(quantity).value_or(addressed);
+  return {quantity_of(quantity), quantity == "status", axis};
 }
 
 namespace {
@@ -335,20 +327,12 @@ double on_circle(double units, double turn, int decimals) {
   return remainder >= turn ? 0.0 : remainder;
 }
 
+// REQUIRES: a number is asked for.
 double units_of(const Dialect& dialect, const Asked& asked, const Moves& moves) {
   const DialectAxis& scale = dialect.of(asked.axis);
-  const MoveNumbers& move = moves[index(asked.axis)];
-  if (asked.quantity == "position") {
-    const double units = scale.units_of(move.position_deg);
-    return scale.shorter_way ? on_circle(units, scale.units_per_degree * scale.modulo_deg, dialect.decimals) : units;
-  }
-  if (asked.quantity == "distance") return scale.signed_units() * move.distance_deg;
-  if (asked.quantity == "rate") return scale.rate_scale * move.rate_degps;
-  return scale.acceleration_scale * move.acceleration_degps2;
-}
-
-bool is_number(const std::string& quantity) {
-  return quantity == "position" || quantity == "distance" || quantity == "rate" || quantity == "acceleration";
+  const double units = scale.units_of(*asked.number, moves[index(asked.axis)]);
+  const bool of_circle = scale.shorter_way && asked.number == MoveQuantity::position;
+  return of_circle ? on_circle(units, scale.units_per_degree * scale.modulo_deg, dialect.decimals) : units;
 }
 
 }  // namespace
@@ -357,7 +341,7 @@ std::string filled(const Dialect& dialect, const SentenceTemplate& sentence, Axi
   return sentence.fill([&](const std::string& name) -> std::string {
     if (name == "axis") return dialect.of(axis).name;
     const Asked asked = asked_by(name, axis);
-    return is_number(asked.quantity) ? fixed(units_of(dialect, asked, moves), dialect.decimals, dialect.plus) : "";
+    return asked.number ? fixed(units_of(dialect, asked, moves), dialect.decimals, dialect.plus) : "";
   });
 }
 
@@ -370,11 +354,12 @@ Status check_sentences(const Dialect& dialect, Axis axis, const Moves& moves) {
     if (!exchange.send.match(body)) return cannot("numbers that fit '" + exchange.send.text() + "'");
     for (const std::string& name : exchange.send.names()) {
       const Asked asked = asked_by(name, axis);
-      if (asked.axis != axis || (asked.quantity != "rate" && asked.quantity != "acceleration")) continue;
+      if (asked.axis != axis || (asked.number != MoveQuantity::rate && asked.number != MoveQuantity::acceleration))
+        continue;
       const double units = units_of(dialect, asked, moves);
       if (is_told_coarsely(parse_number(fixed(units, dialect.decimals, false)).value_or(0.0), units))
-        return cannot("number.decimals or a scale with which the " + asked.quantity + " " + format_number(units) +
-                      " is told to 5 %");
+        return cannot(fmt::format("number.decimals or a scale with which the {} {} is told to 5 %",
+                                  to_string(*asked.number), format_number(units)));
     }
   }
   return {};
@@ -386,7 +371,8 @@ Status check_move(const Dialect& dialect, Axis axis, const Moves& moves, double 
   for (const Exchange& exchange : dialect.of(TableOperation::move).exchanges) {
     for (const std::string& name : exchange.send.names()) {
       const Asked asked = asked_by(name, axis);
-      if (asked.axis != axis || (asked.quantity != "position" && asked.quantity != "distance")) continue;
+      if (asked.axis != axis || (asked.number != MoveQuantity::position && asked.number != MoveQuantity::distance))
+        continue;
       const double units = units_of(dialect, asked, moves);
       const double told = parse_number(fixed(units, dialect.decimals, false)).value_or(0.0);
       if (!(std::abs(told - units) <= tolerance_deg * scale))
@@ -398,7 +384,7 @@ Status check_move(const Dialect& dialect, Axis axis, const Moves& moves, double 
     for (const std::string& name : exchange.expect ? exchange.expect->names() : std::vector<std::string>()) {
       const Asked asked = asked_by(name, axis);
       const auto width = static_cast<int>(exchange.expect->width_of(name));
-      if (asked.quantity != "position" || asked.axis != axis || width == 0) continue;
+      if (asked.number != MoveQuantity::position || asked.axis != axis || width == 0) continue;
       const DialectAxis& circle = dialect.of(axis);
       const double units = circle.modulo_deg > 0.0 ? circle.modulo_deg * scale : units_of(dialect, asked, moves);
       const int whole = static_cast<int>(fixed(units, 0, dialect.plus).size());
@@ -417,28 +403,12 @@ namespace {
 
 constexpr std::size_t whole = std::string::npos;
 
-std::string quantity_text(const Dialect& dialect, const std::string& name, Axis axis, bool asked) {
-  const auto& [quantity, whose] = asked_by(name, axis);
-  const DialectAxis& scale = dialect.of(whose);
-  const auto per = [&](double factor, const char* unit) {
-    return name + ": " + format_number(factor) + " per " + unit;
-  };
-  if (quantity == "position")
-    return per(scale.signed_units(), "deg") + ", 0 at " + format_number(scale.zero_deg) + " deg" +
-           (scale.modulo_deg > 0.0 ? ", a circle of " + format_number(scale.modulo_deg) + " deg" : "") +
-           (scale.shorter_way && asked ? ", gone the shorter way" : "");
-  if (quantity == "distance") return per(scale.signed_units(), "deg");
-  if (quantity == "rate") return per(asked ? scale.rate_scale : scale.sign * scale.measured_rate_scale, "deg/s");
-  if (quantity == "acceleration") return per(scale.acceleration_scale, "deg/s^2");
-  return "";
-}
-
-std::string quantities_of(const Dialect& dialect, const SentenceTemplate& sentence, Axis axis, bool asked) {
+std::string quantities_of(const Dialect& dialect, const SentenceTemplate& sentence, Axis axis, bool told) {
   std::string text;
-  for (const std::string& name : sentence.names()) {
-    const std::string one = quantity_text(dialect, name, axis, asked);
-    if (!one.empty()) text += (text.empty() ? "" : "; ") + one;
-  }
+  for (const std::string& name : sentence.names())
+    if (const Asked asked = asked_by(name, axis); asked.number)
+      text += fmt::format("{}{}: {}", text.empty() ? "" : "; ", name,
+                          scale_text(dialect.of(asked.axis), *asked.number, told));
   return text;
 }
 
@@ -460,8 +430,7 @@ void explain_steps(const Dialect& dialect, TableOperation operation, const std::
                    std::vector<TableRow>& rows) {
   const DialectSteps& steps = dialect.of(operation);
   const bool once = !steps.each_axis && operation != TableOperation::move;
-  for (const Axis axis : all_axes) {
-    if (once && axis != Axis::heading) break;
+  for (const Axis axis : axes_for(once)) {
     Moves moves{};
     moves[index(axis)] = shown_move;
     for (std::size_t i = 0; i < steps.exchanges.size(); ++i) {

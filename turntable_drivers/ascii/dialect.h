@@ -94,8 +94,9 @@ std::string caution_of(const Dialect& dialect);
 AxisReading flags_of(const DialectStatus& status, const std::string& word);
 // What a placeholder asks for, and of which axis.
 struct Asked {
-  std::string quantity;
-  Axis axis;
+  std::optional<MoveQuantity> number;  // empty: it asks for none
+  bool status = false;
+  Axis axis = Axis::heading;
 };
 Asked asked_by(const std::string& name, Axis addressed);
 

@@ -115,12 +115,7 @@ void reject_clashes(KeyValueFile& file, const ChamberDescription& chamber) {
 Result<ChamberDescription> chamber_from(KeyValueFile& file) {
   ChamberDescription chamber;
   KeyTable keys(file);
-  chamber.file = file.file_name();
-  chamber.lines = read_line_sources(file);
-  file.integer("format", 1, 1);
-  chamber.name = file.text("name");
-  keys.flag("verified_on_hardware", chamber.verified_on_hardware);
-  keys.flag("commissioned", chamber.commissioned);
+  read_device_description(file, chamber);
   chamber.limits.low_c = file.number("limits.low_c", between(-200.0, 300.0));
   chamber.limits.high_c = file.number("limits.high_c", between(-200.0, 300.0));
   chamber.limits.ramp_c_per_min = file.number("limits.ramp_c_per_min", between(0.01, 100.0));
@@ -208,10 +203,7 @@ std::vector<TableRow> explain(const ChamberDescription& chamber) {
     const auto item = static_cast<ChamberItem>(i);
     if (!entry) continue;
     const std::string key = chamber_keys[i], unit = item == ChamberItem::tell_ramp ? "C/min" : "C";
-    TableRow row{key.substr(0, key.find('.')), key.substr(key.find('.') + 1), "", "", "", ""};
-    for (const LineSource& line : chamber.lines)
-      if (line.key == key)
-        row.source = fmt::format("line {}{}", line.line, line.mark.empty() ? "" : " [" + line.mark + "]");
+    TableRow row{key.substr(0, key.find('.')), key.substr(key.find('.') + 1), "", "", "", source_of(chamber, key)};
     if (!is_flag(item) && !is_command(item)) row.says = format_number(entry->scale) + " per " + unit;
     if (is_flag(item))
       row.says =
@@ -299,8 +291,8 @@ Error DescribedChamber::about(ChamberItem item, const std::string& what) const {
 Status DescribedChamber::connect() {
   if (Status opened = line_.open(); !opened)
     return Error{opened.error().kind, "chamber " + chamber_.name + ": " + opened.error().message};
-  const Result<ChamberStatus> now = status();
-  return now ? Status{} : Status{now.error()};
+  TRY(status());
+  return {};
 }
 
 Result<std::string> DescribedChamber::exchange(ChamberItem item, const std::string& body, bool again) {
@@ -357,8 +349,8 @@ Status DescribedChamber::tell(ChamberItem item, double value) {
     body =
         write_body(chamber_.unit, words->count > 1 ? 16 : chamber_.write_function, entry->field.address, words->span());
   }
-  const Result<std::string> taken = exchange(item, body, false);
-  return taken ? Status{} : Status{taken.error()};
+  TRY(exchange(item, body, false));
+  return {};
 }
 
 Status DescribedChamber::set(double temperature_c, double ramp_c_per_min) {
@@ -376,15 +368,11 @@ Status DescribedChamber::switched(ChamberItem item) {
     TRY(line_.open());
   }
   const ChamberEntry& entry = *chamber_.of(item);
-  if (!chamber_.by_registers()) {
-    const Result<std::string> taken = exchange(item, entry.send.text(), false);
-    return taken ? Status{} : Status{taken.error()};
-  }
+  if (!chamber_.by_registers()) TRY(exchange(item, entry.send.text(), false));
   for (const WriteStep& step : entry.writes) {
     const auto words = words_of(chamber_, step);
     const int function = words.size() > 1 ? 16 : chamber_.write_function;
-    const Result<std::string> taken = exchange(item, write_body(chamber_.unit, function, step.address, words), false);
-    if (!taken) return taken.error();
+    TRY(exchange(item, write_body(chamber_.unit, function, step.address, words), false));
   }
   return {};
 }

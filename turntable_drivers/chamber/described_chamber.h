@@ -1,6 +1,6 @@
 // A chamber that a .chamber file describes, over registers (Modbus TCP, RTU) or sentences (serial, TCP), and its driver. docs/chamber.md lists
-// the keys; turntable_drivers/chamber/chambers/ has two. Link, framing, draining and retries are those of tables (table_line.h, modbus_turntable.h,
-// serial_turntable.h), and so is where each line comes from (LineSource).
+// the keys; turntable_drivers/chamber/chambers/ has two. Link, framing, draining and retries are those of tables (table_line.h, register_codec.h,
+// sentence_codec.h), and so is where each line comes from (LineSource).
 //
 //   read.actual = 100 s16              registers: ADDRESS TYPE, one reading each
 //   read.actual = TEMP?                sentences: what is sent, and what is answered, with {value} once
@@ -15,9 +15,10 @@
 #include <string>
 #include <vector>
 
-#include "turntable_drivers/ascii/serial_turntable.h"
+#include "turntable_drivers/ascii/sentence_codec.h"
 #include "turntable_drivers/chamber/chamber.h"
-#include "turntable_drivers/modbus/modbus_turntable.h"
+#include "turntable_drivers/modbus/register_codec.h"
+#include "turntable_drivers/table/table_line.h"
 
 namespace turncal {
 
@@ -41,11 +42,8 @@ struct ChamberEntry {
   std::optional<SentenceTemplate> expect;
 };
 
-struct ChamberDescription {
+struct ChamberDescription : DeviceDescription {
   enum class Language { rig, registers, sentences };  // rig: of dry runs alone
-  std::string file, name;
-  bool verified_on_hardware = false;
-  bool commissioned = false;  // tried by `turncal commission --chamber`; else nothing is switched on
   Language language = Language::rig;
   ModbusLinkSettings modbus;
   DialectLink ascii;
@@ -54,7 +52,6 @@ struct ChamberDescription {
   int decimals = 1;  // of numbers in sentences
   ChamberLimits limits;
   std::array<std::optional<ChamberEntry>, chamber_item_count> entries;
-  std::vector<LineSource> lines;
 
   const std::optional<ChamberEntry>& of(ChamberItem item) const { return entries[index(item)]; }
   bool by_registers() const { return language == Language::registers; }

@@ -52,11 +52,6 @@ void ManualTurntable::end(ErrorKind kind, const std::string& why) {
   if (!end_) end_ = Error{kind, "manual table: " + why};
 }
 
-std::optional<ManualTurntable::Wanted> ManualTurntable::wanted() const {
-  if (queue_.empty()) return {};
-  return queue_.front();
-}
-
 OperatorTask ManualTurntable::task() const {
   OperatorTask task;
   task.note = note_;

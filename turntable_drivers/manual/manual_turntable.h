@@ -108,14 +108,6 @@ class ManualTurntable : public Turntable {
     reason_ = reason;
     reason_told_ = false;
   }
-  struct Wanted {
-    Axis axis = Axis::heading;
-    double target_deg = 0.0;
-    bool homing = false;  // any angle will do
-    double rate_degps = 10.0;
-    double acceleration_degps2 = 20.0;
-  };
-  std::optional<Wanted> wanted() const;  // what the operator is asked for now
   bool paused() const { return paused_; }
   bool rehearsed() const { return rehearsed_.has_value(); }  // its time is nobody's
 
@@ -129,6 +121,13 @@ class ManualTurntable : public Turntable {
   void say(const std::string& text);  // a line, where lines are printed
 
  private:
+  struct Wanted {
+    Axis axis = Axis::heading;
+    double target_deg = 0.0;
+    bool homing = false;  // any angle will do
+    double rate_degps = 10.0;
+    double acceleration_degps2 = 20.0;
+  };
   struct Hand {
     double position_deg = 0.0;
     bool known = false;  // an answer was taken, and no stop has interrupted a turn since

@@ -128,7 +128,7 @@ std::vector<Written> sent_by(const RegisterMap& map, TableOperation operation, A
       if (operand.kind == WriteOperand::Kind::constant) now.value = operand.constant;
       if (operand.kind == WriteOperand::Kind::axis) now.value = map.of(operand.of_axis.value_or(axis)).code;
       now.registers = register_count(operand.type);
-      now.target = operand.kind == WriteOperand::Kind::position || operand.kind == WriteOperand::Kind::distance;
+      now.target = operand.asks_for(MoveQuantity::position) || operand.asks_for(MoveQuantity::distance);
       now.number = ++number;
       now.of_table = step.of_table || map.once(operation);
       const int first = std::exchange(address, address + now.registers);

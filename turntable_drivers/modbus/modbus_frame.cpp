@@ -3,7 +3,7 @@
 #include <bit>
 #include <cassert>
 #include <cmath>
-#include <utility>
+#include <iterator>
 
 #include "imu_io/base/crc.h"
 
@@ -12,40 +12,24 @@ namespace {
 
 std::uint16_t bytes_swapped(std::uint16_t word) { return static_cast<std::uint16_t>(word << 8 | word >> 8); }
 
-struct Range {
+struct TypeRow {
+  std::string_view name;
   double min, max;
 };
-Range range_of(WordType type) {
-  switch (type) {
-    case WordType::u16: return {0.0, 65535.0};
-    case WordType::s16: return {-32768.0, 32767.0};
-    case WordType::u32: return {0.0, 4294967295.0};
-    case WordType::s32: return {-2147483648.0, 2147483647.0};
-    case WordType::f32: return {-3.0e38, 3.0e38};
-    case WordType::f64: return {-1.0e300, 1.0e300};
-  }
-  return {0.0, 0.0};
-}
-
-constexpr std::pair<std::string_view, WordType> type_names[] = {{"u16", WordType::u16}, {"s16", WordType::s16},
-                                                                {"u32", WordType::u32}, {"s32", WordType::s32},
-                                                                {"f32", WordType::f32}, {"f64", WordType::f64}};
+constexpr TypeRow types[] = {  // by WordType
+    {"u16", 0.0, 65535.0},      {"s16", -32768.0, 32767.0},
+    {"u32", 0.0, 4294967295.0}, {"s32", -2147483648.0, 2147483647.0},
+    {"f32", -3.0e38, 3.0e38},   {"f64", -1.0e300, 1.0e300}};
 
 }  // namespace
 
 std::optional<WordType> word_type_of(std::string_view name) {
-  for (const auto& [known, type] : type_names) {
-    if (known == name) return type;
-  }
+  for (std::size_t i = 0; i < std::size(types); ++i)
+    if (types[i].name == name) return static_cast<WordType>(i);
   return {};
 }
 
-std::string_view to_string(WordType type) {
-  for (const auto& [name, known] : type_names) {
-    if (known == type) return name;
-  }
-  return "";
-}
+std::string_view to_string(WordType type) { return types[static_cast<std::size_t>(type)].name; }
 
 double decode_words(std::span<const std::uint16_t> registers, WordType type, WordLayout layout) {
   const auto count = static_cast<std::size_t>(register_count(type));
@@ -68,7 +52,7 @@ double decode_words(std::span<const std::uint16_t> registers, WordType type, Wor
 
 std::optional<Words> encode_words(double value, WordType type, WordLayout layout) {
   const double wanted = is_floating(type) ? value : std::round(value);
-  const Range range = range_of(type);
+  const TypeRow& range = types[static_cast<std::size_t>(type)];
   if (!(wanted >= range.min && wanted <= range.max)) return {};
   // Through 64 bits, so that negative numbers keep their two's complement.
   const std::uint64_t all = type == WordType::f64   ? std::bit_cast<std::uint64_t>(wanted)

@@ -17,46 +17,26 @@ namespace {
 constexpr NumberRange pause_range{0.001, 1.0};  // seconds; a stop cuts it short
 constexpr double longest_stop_pause_s = 0.05;   // all waits of a stop together
 
-// position, rate.pitch, ...
-bool read_quantity(std::string_view text, WriteOperand& operand) {
-  for (const Axis axis : all_axes) {
-    const std::string suffix = std::string(".") + to_string(axis);
-    if (!text.ends_with(suffix)) continue;
-    operand.of_axis = axis;
-    text.remove_suffix(suffix.size());
-    break;
-  }
-  constexpr std::pair<std::string_view, WriteOperand::Kind> names[] = {
-      {"position", WriteOperand::Kind::position},
-      {"distance", WriteOperand::Kind::distance},
-      {"rate", WriteOperand::Kind::rate},
-      {"acceleration", WriteOperand::Kind::acceleration}};
-  for (const auto& [name, kind] : names) {
-    if (text != name) continue;
-    operand.kind = kind;
-    return true;
-  }
-  return false;
-}
-
 // TYPE VALUE
 std::optional<WriteOperand> operand_of(std::string_view text) {
   const auto words = split_words(text);
-  if (words.size() != 2) return {};
-  const std::optional<WordType> type = word_type_of(words[0]);
+  const std::optional<WordType> type = words.size() == 2 ? word_type_of(words[0]) : std::nullopt;
   if (!type) return {};
   WriteOperand operand;
   operand.type = *type;
-  if (words[1] == "axis") {
-    operand.kind = WriteOperand::Kind::axis;
-  } else if (read_quantity(words[1], operand)) {
-    return operand;
-  } else if (const auto number = parse_whole<long>(words[1])) {
+  std::string_view value = words[1];
+  if (const auto number = parse_whole<long>(value)) {
     operand.constant = static_cast<double>(*number);
-  } else if (const auto real = parse_number(words[1])) {
+  } else if (const auto real = parse_number(value)) {
     operand.constant = *real;
+  } else if (value == "axis") {
+    operand.kind = WriteOperand::Kind::axis;
   } else {
-    return {};
+    operand.kind = WriteOperand::Kind::quantity;
+    operand.of_axis = take_axis(value);
+    const std::optional<MoveQuantity> quantity = quantity_of(value);
+    if (!quantity) return {};
+    operand.quantity = *quantity;
   }
   return operand;
 }
@@ -229,14 +209,14 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
     const std::vector<WriteOperand> operands = operands_of(map.list(operation));
     if (file.has(key) && operands.empty()) file.reject(key, "at least one write of a register");
     for (const WriteOperand& operand : operands) {
-      const bool of_move = operand.kind != Kind::constant && operand.kind != Kind::axis;
-      if (operation != TableOperation::move && of_move)
+      if (operation != TableOperation::move && operand.kind == Kind::quantity)
         file.reject(key, "numbers: position, distance, rate and acceleration belong to write.move");
     }
   }
   const std::vector<WriteOperand> move = operands_of(map.list(TableOperation::move));
-  const auto asks_for = [&](Kind kind) {
-    return std::any_of(move.begin(), move.end(), [kind](const WriteOperand& operand) { return operand.kind == kind; });
+  const auto asks_for = [&](MoveQuantity quantity) {
+    return std::any_of(move.begin(), move.end(),
+                       [=](const WriteOperand& operand) { return operand.asks_for(quantity); });
   };
   if (map.once(TableOperation::stop) != map.once(TableOperation::abort)) {
     file.reject("write.stop.scope", "the same scope as write.abort: an axis that is off is sent that instead");
@@ -248,11 +228,11 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
       file.reject("write.move",
                   "position.heading, rate.pitch and the like with write.move.scope = table, else without an axis");
   }
-  if (asks_for(Kind::position) == asks_for(Kind::distance) || !asks_for(Kind::rate)) {
+  if (asks_for(MoveQuantity::position) == asks_for(MoveQuantity::distance) || !asks_for(MoveQuantity::rate)) {
     file.reject("write.move", "either position or distance in it, and rate");
   }
   for (const MapAxis& axis : map.axis) {
-    if (axis.modulo_deg > 0.0 && asks_for(Kind::position)) {
+    if (axis.modulo_deg > 0.0 && asks_for(MoveQuantity::position)) {
       file.reject("write.move", "distance: with modulo_deg a position does not say how many turns to go");
     }
   }
@@ -283,7 +263,9 @@ Result<RegisterMap> map_from(KeyValueFile& file) {
   read_table_description(file, map);
   map.layout.high_word_first = file.one_of("words.order", {"high_first", "low_first"}) == "high_first";
   keys.flag("words.swap_bytes", map.layout.swap_bytes);
-  keys.chosen("acceleration.kind", map.acceleration_is_ramp_time, {"proportional", "ramp_time"});
+  bool ramp_time = false;
+  keys.chosen("acceleration.kind", ramp_time, {"proportional", "ramp_time"});
+  for (MapAxis& axis : map.axis) axis.ramp_time = ramp_time;
   keys.chosen("home.kind", map.home_by_encoder, {"search", "encoder"});
   read_modbus_link(file, map.link);
   read_axes(file, map);
@@ -379,24 +361,16 @@ std::optional<WriteStep> parse_write_step(std::string_view text) {
 Result<Words> words_of(const RegisterMap& map, const WriteOperand& operand, int at, Axis axis, const Moves& moves) {
   const Axis which = operand.of_axis.value_or(axis);
   const MapAxis& scale = map.of(which);
-  const MoveNumbers& numbers = moves[index(which)];
-  double value = operand.constant;
-  const char* key = "counts_per_degree";
-  switch (operand.kind) {
-    case WriteOperand::Kind::constant: break;
-    case WriteOperand::Kind::axis: value = scale.code; break;
-    case WriteOperand::Kind::position: value = scale.units_of(numbers.position_deg); break;
-    case WriteOperand::Kind::distance: value = scale.signed_units() * numbers.distance_deg; break;
-    case WriteOperand::Kind::rate: value = scale.rate_scale * numbers.rate_degps, key = "rate_scale"; break;
-    case WriteOperand::Kind::acceleration:
-      key = "acceleration_scale";
-      value = map.acceleration_is_ramp_time ? scale.acceleration_scale / numbers.acceleration_degps2
-                                            : scale.acceleration_scale * numbers.acceleration_degps2;
-      break;
-  }
+  using Kind = WriteOperand::Kind;
+  const double value = operand.kind == Kind::constant ? operand.constant
+                       : operand.kind == Kind::axis   ? scale.code
+                                                      : scale.units_of(operand.quantity, moves[index(which)]);
+  const bool of_rate = operand.asks_for(MoveQuantity::rate),
+             of_acceleration = operand.asks_for(MoveQuantity::acceleration);
+  const char* const key = of_rate ? "rate_scale" : of_acceleration ? "acceleration_scale" : "counts_per_degree";
   const std::optional<Words> encoded = encode_words(value, operand.type, map.layout);
-  const bool of_motion = operand.kind == WriteOperand::Kind::rate || operand.kind == WriteOperand::Kind::acceleration;
-  if (encoded && !(of_motion && is_told_coarsely(decode_words(encoded->span(), operand.type, map.layout), value)))
+  if (encoded && !((of_rate || of_acceleration) &&
+                   is_told_coarsely(decode_words(encoded->span(), operand.type, map.layout), value)))
     return *encoded;
   return input_error(
       fmt::format("the drive cannot be told {} in register {}{}: expected another type than {}, or another axis.{}.{}",
@@ -443,38 +417,21 @@ std::string request(int unit, int function, int address, std::size_t count) {
                      count > 1 ? fmt::format(", {} registers", count) : "");
 }
 
-std::string per(double scale, const char* unit) { return format_number(scale) + " per " + unit; }
-
-std::string position_text(const MapAxis& scale) {
-  return fmt::format("{}, 0 at {} deg", per(scale.signed_units(), "deg"), format_number(scale.zero_deg));
-}
-
 // What a number of a write is made of; empty: it stands in the file.
 std::string meaning_of(const RegisterMap& map, const WriteOperand& operand, Axis axis) {
-  const MapAxis& scale = map.of(operand.of_axis.value_or(axis));
-  const std::string whose = operand.of_axis ? std::string(".") + to_string(*operand.of_axis) : "";
-  switch (operand.kind) {
-    case WriteOperand::Kind::constant: return "";
-    case WriteOperand::Kind::axis: return ", the axis's code";
-    case WriteOperand::Kind::position: return fmt::format(", position{}: {}", whose, position_text(scale));
-    case WriteOperand::Kind::distance: return fmt::format(", distance{}: {}", whose, per(scale.signed_units(), "deg"));
-    case WriteOperand::Kind::rate: return fmt::format(", rate{}: {}", whose, per(scale.rate_scale, "deg/s"));
-    case WriteOperand::Kind::acceleration:
-      return fmt::format(", acceleration{}: {}", whose,
-                         map.acceleration_is_ramp_time
-                             ? format_number(scale.acceleration_scale) + " / (deg/s^2), a ramp time"
-                             : per(scale.acceleration_scale, "deg/s^2"));
-  }
-  return "";
+  if (operand.kind == WriteOperand::Kind::constant) return "";
+  if (operand.kind == WriteOperand::Kind::axis) return ", the axis's code";
+  return fmt::format(", {}{}: {}", to_string(operand.quantity),
+                     operand.of_axis ? std::string(".") + to_string(*operand.of_axis) : "",
+                     scale_text(map.of(operand.of_axis.value_or(axis)), operand.quantity, true));
 }
 
 void explain_writes(const RegisterMap& map, TableOperation operation, const std::string& name,
                     std::vector<TableRow>& rows) {
   const std::string source = source_of(map, "write." + std::string(to_string(operation)));
-  for (const Axis axis : all_axes) {
-    if (map.once(operation) && operation != TableOperation::move && axis != Axis::heading) break;
-    const std::string whose =
-        map.once(operation) && operation != TableOperation::move ? "table" : std::string(to_string(axis));
+  const bool of_table = map.once(operation) && operation != TableOperation::move;
+  for (const Axis axis : axes_for(of_table)) {
+    const std::string whose = of_table ? "table" : to_string(axis);
     Moves moves{};
     if (map.once(operation)) moves.fill({0.0, 0.0, shown_move.rate_degps, shown_move.acceleration_degps2});
     moves[index(axis)] = shown_move;
@@ -532,15 +489,13 @@ void explain_status(const RegisterMap& map, std::vector<TableRow>& rows) {
       rows.push_back(
           {"status", whose, "  its register " + register_text(map.read_at(address, axis)), says, "", source(key)});
     };
-    field(
-        scale.position.address,
-        fmt::format("{} position: {}{}", to_string(scale.position.type), position_text(scale),
-                    scale.modulo_deg > 0.0 ? fmt::format(", a circle of {} deg", format_number(scale.modulo_deg)) : ""),
-        "position.address");
-    if (scale.rate)
-      field(scale.rate->address,
-            std::string(to_string(scale.rate->type)) + " rate: " + per(scale.sign * scale.measured_rate_scale, "deg/s"),
-            "rate.address");
+    const auto number = [&](const RegisterField& read, MoveQuantity quantity) {
+      const std::string name = to_string(quantity);
+      field(read.address, fmt::format("{} {}: {}", to_string(read.type), name, scale_text(scale, quantity, false)),
+            name + ".address");
+    };
+    number(scale.position, MoveQuantity::position);
+    if (scale.rate) number(*scale.rate, MoveQuantity::rate);
     if (scale.alarm) field(scale.alarm->address, std::string(to_string(scale.alarm->type)) + " alarm", "alarm.address");
     for (const DriveBit which : all_drive_bits) {
       if (const auto& bit = scale.bit(which))
@@ -552,8 +507,7 @@ void explain_status(const RegisterMap& map, std::vector<TableRow>& rows) {
 
 void explain_heartbeat(const RegisterMap& map, std::vector<TableRow>& rows) {
   if (!map.heartbeat_address) return;
-  for (const Axis axis : all_axes) {
-    if (map.heartbeat_of_table && axis != Axis::heading) break;
+  for (const Axis axis : axes_for(map.heartbeat_of_table)) {
     std::string says = map.heartbeat_values.empty() ? "u16, another number each time" : "u16, in turn";
     for (const std::uint16_t value : map.heartbeat_values)
       says += " " + std::to_string(value) + " (" + hexadecimal(value) + ")";

@@ -56,11 +56,13 @@ struct StatusBit {
 // VALUE is a number, or what a move asks for: position, distance, rate, acceleration; with .heading .pitch .roll that of one axis,
 // whichever the list is written for; `axis` is the number by which the table calls the axis (axis.NAME.code).
 struct WriteOperand {
-  enum class Kind { constant, axis, position, distance, rate, acceleration };
+  enum class Kind { constant, axis, quantity };
   Kind kind = Kind::constant;
   WordType type = WordType::u16;
   double constant = 0.0;
-  std::optional<Axis> of_axis;  // empty: of the axis that is written to
+  MoveQuantity quantity = MoveQuantity::position;
+  std::optional<Axis> of_axis;  // whose quantity; empty: of the axis that is written to
+  bool asks_for(MoveQuantity which) const { return kind == Kind::quantity && quantity == which; }
   bool operator==(const WriteOperand&) const = default;
 };
 
@@ -103,8 +105,7 @@ struct StatusBlock {
 struct RegisterMap : TableDescription {
   ModbusLinkSettings link;
   WordLayout layout;
-  std::array<MapAxis, 3> axis;  // indexed by Axis
-  bool acceleration_is_ramp_time = false;
+  std::array<MapAxis, 3> axis;   // indexed by Axis
   bool home_by_encoder = false;  // absolute encoder: homing moves nothing
 
   int status_function = 3;  // 3 or 4

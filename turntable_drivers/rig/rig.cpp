@@ -11,7 +11,6 @@
 
 #include "calib/types/recording_types.h"
 #include "turntable_drivers/rig/rig_axes.h"
-#include "turntable_drivers/rig/rig_climate.h"
 #include "turntable_drivers/rig/rig_config.h"
 #include "turntable_drivers/rig/rig_geometry.h"
 #include "turntable_drivers/rig/rig_math.h"
@@ -19,6 +18,42 @@
 #include "turntable_drivers/rig/rig_truth.h"
 
 namespace turncal::rig_model {
+
+// The air of a chamber about the unit, and what it does to the unit. Nothing acts before the first command.
+//
+//   r    where the controller wants the air: goes to the set point at the ramp; the chamber off: to the room (T_start) with tau_off
+//   air  a'' + 2 z w a' + w^2 (a - r) = 0, w = 1/40 s, z = 0.6: overshoots a step by a tenth of it, a ramp's end by less
+//   unit u' = (air - u) / tau_unit
+//
+// The unit's temperature is that of rig_config.h and what u differs from the room. One step a sample, semi-implicit Euler.
+// Not modelled: the unit's heat in the air, a chamber that cannot keep up, dew.
+struct RigClimate {
+  bool active = false, on = false;
+  double room_c = 24.0;
+  double set_point_c = 24.0, ramp_c_per_min = 1.0;
+  double wanted_c = 24.0, air_c = 24.0, air_rate = 0.0, unit_c = 24.0;
+  static constexpr double w = 1.0 / 40.0, z = 0.6, tau_off_s = 1200.0, tau_unit_s = 300.0;
+
+  void command(double room, double set_point, double ramp, bool switched_on) {
+    if (!active) set_point_c = wanted_c = air_c = unit_c = room_c = room;
+    if (switched_on && !on) wanted_c = air_c;
+    active = true;
+    set_point_c = set_point;
+    ramp_c_per_min = ramp;
+    on = switched_on;
+  }
+  // more_c: by how much hotter the air is driven than its controller wants.
+  void step(double dt_s, double more_c) {
+    if (on)
+      wanted_c += std::clamp(set_point_c - wanted_c, -ramp_c_per_min / 60.0 * dt_s, ramp_c_per_min / 60.0 * dt_s);
+    else
+      wanted_c += (room_c - wanted_c) * dt_s / tau_off_s;
+    air_rate += dt_s * (w * w * (wanted_c + (on ? more_c : 0.0) - air_c) - 2.0 * z * w * air_rate);
+    air_c += dt_s * air_rate;
+    unit_c += dt_s * (air_c - unit_c) / tau_unit_s;
+  }
+  double of_unit_c() const { return active ? unit_c - room_c : 0.0; }  // beyond what it is without a chamber
+};
 
 // What a rig is at a moment, and how it gets to the next sample.
 struct RigState {
@@ -82,11 +117,9 @@ struct RigState {
     return {t, temperature_at(t), since_motion_s(t)};
   }
 
-  const RigFault* chamber_fault(RigFaultKind kind) const {
-    for (const RigFault& fault : config.faults) {
-      const bool over = fault.duration_s > 0.0 && time_s() >= fault.time_s + fault.duration_s;
-      if (fault.kind == kind && time_s() >= fault.time_s && !over) return &fault;
-    }
+  const RigFault* fault_in_force(RigFaultKind kind) const {
+    for (const RigFault& fault : config.faults)
+      if (fault.kind == kind && fault.in_force(time_s())) return &fault;
     return nullptr;
   }
   void pass_climate();
@@ -125,9 +158,7 @@ SiteVectors site_vectors(const RigConfig& config) {
 }
 
 Matrix3d matrix_at(const std::array<double, 24>& truth, std::size_t first) {
-  Matrix3d m;
-  for (std::size_t i = 0; i < 9; ++i) m(static_cast<int>(i / 3), static_cast<int>(i % 3)) = truth[first + i];
-  return m;
+  return Eigen::Map<const RowMajor3>(truth.data() + first);
 }
 
 bool is_table_event(RigFaultKind kind) {
@@ -223,10 +254,8 @@ void RigState::integrate_standing(std::array<double, 3>& gyro, std::array<double
   }
   Reading reading = standing_reading;
   if (sensor_effects.has_running()) sensor_effects.add_running(standing_motion, moment_at(0.5 * period_s), reading);
-  for (std::size_t i = 0; i < 3; ++i) {
-    gyro[i] = reading.gyro[static_cast<int>(i)] * period_s;
-    accel[i] = reading.accel[static_cast<int>(i)] * period_s;
-  }
+  Eigen::Map<Vector3d>(gyro.data()) = reading.gyro * period_s;
+  Eigen::Map<Vector3d>(accel.data()) = reading.accel * period_s;
 }
 
 void RigState::integrate_motion(std::array<double, 3>& gyro, std::array<double, 3>& accel) {
@@ -260,15 +289,13 @@ void RigState::integrate_motion(std::array<double, 3>& gyro, std::array<double, 
   if (sensor_effects.has_hysteresis()) {
     hysteresis_state = sensor_effects.next_hysteresis_state(motion, hysteresis_state);
   }
-  for (std::size_t i = 0; i < 3; ++i) {
-    gyro[i] = gyro_sum[static_cast<int>(i)];
-    accel[i] = accel_sum[static_cast<int>(i)];
-  }
+  Eigen::Map<Vector3d>(gyro.data()) = gyro_sum;
+  Eigen::Map<Vector3d>(accel.data()) = accel_sum;
 }
 
 void RigState::pass_climate() {
-  const RigFault* const hot = chamber_fault(RigFaultKind::chamber_overheats);
-  const RigFault* const unsettled = chamber_fault(RigFaultKind::chamber_never_settles);
+  const RigFault* const hot = fault_in_force(RigFaultKind::chamber_overheats);
+  const RigFault* const unsettled = fault_in_force(RigFaultKind::chamber_never_settles);
   constexpr double swing_s = 240.0;
   climate.step(period_s, hot         ? hot->size
                          : unsettled ? unsettled->size * sin_cos_deg(360.0 * time_s() / swing_s).sin
@@ -330,13 +357,11 @@ bool RigState::step(ImuSample& sample) {
 namespace turncal {
 
 using namespace rig_model;
-using Eigen::Matrix3d;
 
 namespace {
 
 bool in_force(const RigFault& fault, Axis axis, double now_s) {
-  const bool over = fault.duration_s > 0.0 && now_s >= fault.time_s + fault.duration_s;
-  return fault.axis == static_cast<int>(axis) && now_s >= fault.time_s && !over;
+  return fault.axis == static_cast<int>(axis) && fault.in_force(now_s);
 }
 
 }  // namespace
@@ -417,13 +442,7 @@ bool Rig::clear_faults() {
   return true;
 }
 
-bool Rig::link_lost() const {
-  const double now_s = state_->time_s();
-  return std::any_of(state_->config.faults.begin(), state_->config.faults.end(), [now_s](const RigFault& fault) {
-    return fault.kind == RigFaultKind::link_lost && now_s >= fault.time_s &&
-           (fault.duration_s == 0.0 || now_s < fault.time_s + fault.duration_s);
-  });
-}
+bool Rig::link_lost() const { return state_->fault_in_force(RigFaultKind::link_lost) != nullptr; }
 
 bool Rig::imu_unplugged() const {
   state_->apply_events();
@@ -434,15 +453,15 @@ void Rig::plug_imu() { state_->unplugged = false; }
 
 void Rig::command_chamber(double set_point_c, double ramp_c_per_min, bool on) {
   RigState& s = *state_;
-  if (s.chamber_fault(RigFaultKind::chamber_stays_on)) on = on || s.climate.on;
+  if (s.fault_in_force(RigFaultKind::chamber_stays_on)) on = on || s.climate.on;
   s.climate.command(s.config.temperature.start_c, set_point_c, ramp_c_per_min, on);
 }
 
 Rig::ChamberState Rig::chamber() const {
   RigState& s = *state_;
-  const auto has = [&](RigFaultKind kind) { return s.chamber_fault(kind) != nullptr; };
+  const auto has = [&](RigFaultKind kind) { return s.fault_in_force(kind) != nullptr; };
   const RigClimate& climate = s.climate;
-  const RigFault* const hot = s.chamber_fault(RigFaultKind::chamber_overheats);
+  const RigFault* const hot = s.fault_in_force(RigFaultKind::chamber_overheats);
   // Its sensor sits where the air is as it should be.
   const double seen_c = climate.active ? (hot ? climate.wanted_c : climate.air_c) : s.config.temperature.start_c;
   if (!has(RigFaultKind::chamber_sensor_dead))
@@ -510,9 +529,8 @@ std::vector<std::pair<std::string, double>> Rig::truth_effects() const {
 
 std::array<double, 9> Rig::attitude_nb() const {
   state_->apply_events();
-  const Matrix3d c_nb = state_->geometry.attitude_nb(state_->true_axes(0.0));
   std::array<double, 9> rows;
-  for (std::size_t i = 0; i < 9; ++i) rows[i] = c_nb(static_cast<int>(i / 3), static_cast<int>(i % 3));
+  Eigen::Map<RowMajor3>(rows.data()) = state_->geometry.attitude_nb(state_->true_axes(0.0));
   return rows;
 }
 

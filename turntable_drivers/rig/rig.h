@@ -66,7 +66,7 @@ class Rig {
   bool imu_unplugged() const;  // until plug_imu()
   void plug_imu();
 
-  // --- Chamber about the unit (rig_climate.h).
+  // --- Chamber about the unit (RigClimate in rig.cpp).
   void command_chamber(double set_point_c, double ramp_c_per_min, bool on);
   struct ChamberState {
     double actual_c = 0.0, set_point_c = 0.0;

@@ -28,6 +28,7 @@ constexpr std::array<std::string_view, 21> fault_names = {
     "stuck_axis",          "axis_fault",        "emergency_stop", "link_lost",         "chamber_never_settles",
     "chamber_sensor_dead", "chamber_door_open", "chamber_alarm",  "chamber_overheats", "chamber_link_lost",
     "chamber_stays_on"};
+static_assert(fault_names.size() == static_cast<std::size_t>(RigFaultKind::chamber_stays_on) + 1);
 
 void read_sensor_axis(KeyTable& keys, const std::string& key, int& axis) { keys.chosen(key, axis, {"x", "y", "z"}); }
 
@@ -150,13 +151,14 @@ void read_outside(KeyTable& keys, RigOutsideEffects& outside) {
 // Only the keys that mean something for the kind are asked for, so that the others are unknown keys.
 void read_fault(KeyValueFile& file, const std::string& prefix, RigFault& fault) {
   KeyTable keys(file, any_size);
-  const std::string name = file.text(prefix + "kind");
-  if (!parse_rig_fault_kind(name, fault.kind)) {
+  const auto name = std::find(fault_names.begin(), fault_names.end(), file.text(prefix + "kind"));
+  if (name == fault_names.end()) {
     file.reject(prefix + "kind", "a kind of fault of docs/rig.md, such as lost_sample");
     return;
   }
   using enum RigFaultKind;
-  const RigFaultKind kind = fault.kind;
+  const auto kind = static_cast<RigFaultKind>(name - fault_names.begin());
+  fault.kind = kind;
   const auto is_any = [kind](std::initializer_list<RigFaultKind> kinds) {
     return std::find(kinds.begin(), kinds.end(), kind) != kinds.end();
   };
@@ -238,12 +240,6 @@ Result<RigConfig> config_from(KeyValueFile& file, RigConfig config) {
 }
 
 }  // namespace
-
-bool parse_rig_fault_kind(std::string_view name, RigFaultKind& kind) {
-  const auto place = std::find(fault_names.begin(), fault_names.end(), name);
-  if (place != fault_names.end()) kind = static_cast<RigFaultKind>(place - fault_names.begin());
-  return place != fault_names.end();
-}
 
 bool concerns_unit(RigFaultKind kind) { return kind <= RigFaultKind::imu_unplugged; }
 

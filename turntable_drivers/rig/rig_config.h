@@ -130,10 +130,8 @@ enum class RigFaultKind {
   chamber_stays_on    // it takes the command to go off, and stays on
 };
 
-// "lost_sample" and so on; false if there is no such kind.
-bool parse_rig_fault_kind(std::string_view name, RigFaultKind& kind);
-const char* to_string(RigFaultKind kind);
-bool concerns_unit(RigFaultKind kind);  // else the table
+const char* to_string(RigFaultKind kind);  // "lost_sample" and so on
+bool concerns_unit(RigFaultKind kind);     // else the table
 
 struct RigFault {
   RigFaultKind kind = RigFaultKind::lost_sample;
@@ -147,6 +145,8 @@ struct RigFault {
   double rate_factor = 1.0, acceleration_factor = 1.0;
   bool hidden = false;
   int unit = 1;  // of the unit's kinds: which of several on the table, from 1
+  // Of those that last.
+  bool in_force(double now_s) const { return now_s >= time_s && (duration_s == 0.0 || now_s < time_s + duration_s); }
 };
 
 // A lot of units: the unit on the rig follows from its serial number, and some are faulty. For rehearsing a line (docs/line.md).

@@ -17,9 +17,8 @@ std::string number(double value) { return format_number(value); }
 
 }  // namespace
 
-RigTable::RigTable(Rig& rig) : rig_(rig) {}
-
 Status RigTable::reachable() {
+  before_();
   if (rig_.link_lost()) {
     connected_ = false;
     return table_error("link lost");
@@ -56,6 +55,7 @@ Status RigTable::ready(Axis axis) {
 }
 
 Status RigTable::connect() {
+  before_();
   if (rig_.link_lost()) return table_error("link lost");
   connected_ = true;
   enabled_ = {};  // whoever comes back finds it not ready; a motion under way goes on
@@ -87,7 +87,7 @@ Status RigTable::home() {
   const RigTableBehaviour& table = rig_.config().table;
   if (table.absolute_encoder) return {};
   for (Axis axis : all_axes) {
-    rig_.command_move(axis, 0.0, table.home_rate_degps, table.home_acceleration_degps2);
+    for (Rig* rig : rigs_) rig->command_move(axis, 0.0, table.home_rate_degps, table.home_acceleration_degps2);
     homed_[index(axis)] = false;
     homing_[index(axis)] = true;
   }
@@ -114,20 +114,20 @@ Status RigTable::move_absolute(Axis axis, double position_deg, double rate_degps
     return axis_error(axis, "acceleration " + number(acceleration_degps2) + " deg/s^2: expected above 0 and at most " +
                                 number(table.max_acceleration_degps2[i]) + " deg/s^2");
   }
-  rig_.command_move(axis, position_deg, rate_degps, acceleration_degps2);
+  for (Rig* rig : rigs_) rig->command_move(axis, position_deg, rate_degps, acceleration_degps2);
   return {};
 }
 
 Status RigTable::stop_all() {
   TRY(reachable());
-  rig_.stop();
+  for (Rig* rig : rigs_) rig->stop();
   homing_ = {};
   return {};
 }
 
 Status RigTable::abort_all() {
   TRY(reachable());
-  rig_.abort();
+  for (Rig* rig : rigs_) rig->abort();
   homing_ = {};
   enabled_ = {};
   return {};
@@ -135,7 +135,8 @@ Status RigTable::abort_all() {
 
 Status RigTable::clear_fault() {
   TRY(reachable());
-  if (!rig_.clear_faults()) return table_error("clear fault: the emergency stop button has not been released");
+  for (Rig* rig : rigs_)
+    if (!rig->clear_faults()) return table_error("clear fault: the emergency stop button has not been released");
   return {};
 }
 
@@ -188,8 +189,6 @@ Result<AxisStatus> RigTable::status(Axis axis) {
   for (std::size_t bit = 0; bit < bits.size(); ++bit) report.raw |= bits[bit] ? 1u << bit : 0u;
   return report;
 }
-
-RigImu::RigImu(Rig& rig) : rig_(rig) {}
 
 Status RigImu::open() {
   rig_.plug_imu();

@@ -8,6 +8,9 @@
 #pragma once
 
 #include <array>
+#include <functional>
+#include <utility>
+#include <vector>
 
 #include "imu_io/recordings/imu_source.h"
 #include "turntable_drivers/rig/rig.h"
@@ -17,7 +20,10 @@ namespace turncal {
 
 class RigTable : public Turntable {
  public:
-  explicit RigTable(Rig& rig);  // the rig must outlive the table
+  explicit RigTable(Rig& rig) : RigTable({&rig}, [] {}) {}  // the rig must outlive the table
+  // Of several that are commanded alike, and so are alike; `before`: what every call begins with.
+  RigTable(std::vector<Rig*> rigs, std::function<void()> before)
+      : rigs_(std::move(rigs)), rig_(*rigs_.front()), before_(std::move(before)) {}
 
   Status connect() override;
   Result<TableIdentity> identify() override;
@@ -35,7 +41,9 @@ class RigTable : public Turntable {
   void update();            // notes what has happened in the rig since the last call
   bool in_position(Axis axis, const Rig::AxisState& state) const;
 
-  Rig& rig_;
+  std::vector<Rig*> rigs_;
+  Rig& rig_;  // the first: what is read
+  std::function<void()> before_;
   bool connected_ = false;
   std::array<bool, 3> enabled_{};
   std::array<bool, 3> homed_{};
@@ -50,7 +58,7 @@ class RigTable : public Turntable {
 // while the unit is silent.
 class RigImu : public ImuSource {
  public:
-  explicit RigImu(Rig& rig);  // the rig must outlive the source
+  explicit RigImu(Rig& rig) : rig_(rig) {}  // the rig must outlive the source
 
   Status open() override;
   Result<ImuIdentity> identify() override;

@@ -20,6 +20,8 @@
 
 namespace turncal::rig_model {
 
+using RowMajor3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;  // nine numbers, row by row
+
 // True angle of one axis and its derivatives, rad.
 struct TrueAxis {
   SinCos angle;

@@ -7,7 +7,7 @@
 namespace turncal {
 
 struct RigGroup::Member : public ImuSource {
-  Member(RigGroup& group_in, const RigConfig& config) : group(group_in), rig(config), table(rig), imu(rig) {}
+  Member(RigGroup& group_in, const RigConfig& config) : group(group_in), rig(config), imu(rig) {}
 
   Status open() override {
     waiting.clear();
@@ -28,7 +28,6 @@ struct RigGroup::Member : public ImuSource {
 
   RigGroup& group;
   Rig rig;
-  RigTable table;
   RigImu imu;
   bool is_open = false;
   std::deque<ImuSample> waiting;
@@ -57,37 +56,13 @@ Result<std::size_t> RigGroup::Member::read(std::span<ImuSample> out, double time
   return ready + *got;
 }
 
-// Every rig's table gets every call; the first one's answer counts, as they are all the same.
-class RigGroup::Table : public Turntable {
- public:
-  explicit Table(RigGroup& group) : group_(group) {}
-  Status connect() override { return all(&RigTable::connect); }
-  Result<TableIdentity> identify() override { return group_.members_.front()->table.identify(); }
-  Status enable() override { return all(&RigTable::enable); }
-  Status home() override { return all(&RigTable::home); }
-  Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
-    return all(&RigTable::move_absolute, axis, position_deg, rate_degps, acceleration_degps2);
-  }
-  Status stop_all() override { return all(&RigTable::stop_all); }
-  Status abort_all() override { return all(&RigTable::abort_all); }
-  Status clear_fault() override { return all(&RigTable::clear_fault); }
-  Result<AxisStatus> status(Axis axis) override { return all(&RigTable::status, axis); }
-
- private:
-  template <class Call, class... Arguments>
-  auto all(Call call, Arguments... arguments) -> decltype((std::declval<RigTable&>().*call)(arguments...)) {
-    group_.bring_up_all();
-    auto first = (group_.members_.front()->table.*call)(arguments...);
-    for (std::size_t i = 1; i < group_.size(); ++i) (void)(group_.members_[i]->table.*call)(arguments...).ok();
-    return first;
-  }
-  RigGroup& group_;
-};
-
 RigGroup::RigGroup(const RigConfig& config, std::size_t units) : period_s_(config.sample_period_s) {
-  for (std::size_t unit = 0; unit < units; ++unit)
+  std::vector<Rig*> rigs;
+  for (std::size_t unit = 0; unit < units; ++unit) {
     members_.push_back(std::make_unique<Member>(*this, rig_of_unit(config, unit)));
-  table_ = std::make_unique<Table>(*this);
+    rigs.push_back(&members_.back()->rig);
+  }
+  table_ = std::make_unique<RigTable>(std::move(rigs), [this] { bring_up_all(); });
 }
 RigGroup::~RigGroup() = default;
 

@@ -41,7 +41,6 @@ class RigGroup : public Clock {
   void pass_until(double time_s);  // nobody reads a unit meanwhile: what they send is lost
 
  private:
-  class Table;
   struct Member;
   std::int64_t samples_passed() const;  // of the rig that is furthest
   void bring_up(Member& member);        // to the group's time

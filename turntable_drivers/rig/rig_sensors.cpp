@@ -11,11 +11,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-Matrix3d matrix(const Nine& nine) {
-  Matrix3d m;
-  for (int i = 0; i < 9; ++i) m(i / 3, i % 3) = nine[static_cast<std::size_t>(i)];
-  return m;
-}
+Matrix3d matrix(const Nine& nine) { return Eigen::Map<const RowMajor3>(nine.data()); }
 
 template <class Array>
 bool any(const Array& values) {

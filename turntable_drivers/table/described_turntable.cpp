@@ -51,6 +51,10 @@ Error DescribedTurntable::axis_error(Axis axis, const std::string& what) const {
   return table_error(std::string(to_string(axis)) + ": " + what);
 }
 
+Error DescribedTurntable::given_up(Axis axis) const {
+  return {ErrorKind::aborted, axis_error(axis, "given up for a stop").message};
+}
+
 Error DescribedTurntable::about(const TableRequest& request, const Error& error) const {
   return {error.kind, codec_->message(request, axis_error(request.axis, "").message, error.message)};
 }
@@ -94,8 +98,7 @@ Status DescribedTurntable::carry_out(TableOperation operation, Axis axis, const 
     if (!requests[step]) {
       const double pause_s = codec_->pause_s(operation, step);
       if (is_stop) hold(pause_s);
-      if (!is_stop && !stop_.pause(pause_s))
-        return Error{ErrorKind::aborted, axis_error(axis, "given up for a stop").message};
+      if (!is_stop && !stop_.pause(pause_s)) return given_up(axis);
       continue;
     }
     const Judgement judgement = line_.exchange(*requests[step], *codec_, nullptr);
@@ -108,10 +111,7 @@ Status DescribedTurntable::carry_out(TableOperation operation, Axis axis, const 
 }
 
 Status DescribedTurntable::carry_out(TableOperation operation) {
-  for (const Axis axis : all_axes) {
-    TRY(carry_out(operation, axis, moves_));
-    if (codec_->once(operation)) break;
-  }
+  for (const Axis axis : axes_for(codec_->once(operation))) TRY(carry_out(operation, axis, moves_));
   return {};
 }
 
@@ -325,8 +325,7 @@ Status DescribedTurntable::beat() {
   if (codec_->heartbeat_s() == 0.0) return {};
   const double now_s = clock_.now_s();
   Status first_failure;
-  for (const Axis axis : all_axes) {
-    if (codec_->once(TableOperation::heartbeat) && axis != Axis::heading) break;
+  for (const Axis axis : axes_for(codec_->once(TableOperation::heartbeat))) {
     double& last_s = memory_[index(axis)].heartbeat_s;
     if (now_s - last_s < codec_->heartbeat_s()) continue;
     const Status status = carry_out(TableOperation::heartbeat, axis, moves_);
@@ -374,8 +373,7 @@ Result<AxisReading> DescribedTurntable::read(Axis axis, bool believed_only) {
     alive = judgement.alive;
     if (last.kind != ErrorKind::aborted) lost_reason_ = last.message;
     if (last.kind == ErrorKind::aborted || !line_.is_open() || !judgement.again) return last;
-    if (judgement.pause_s > 0.0 && !stop_.pause(judgement.pause_s))
-      return Error{ErrorKind::aborted, axis_error(axis, "given up for a stop").message};
+    if (judgement.pause_s > 0.0 && !stop_.pause(judgement.pause_s)) return given_up(axis);
   }
   lost_ = !alive;
   return last;

@@ -1,5 +1,5 @@
-// The driver of every table that a file describes, by a register map (turntable_drivers/modbus/modbus_turntable.h) or a dialect
-// (turntable_drivers/ascii/serial_turntable.h): when an axis may be enabled, homed or moved, what is believed of what it says, and how it
+// The driver of every table that a file describes, by a register map (turntable_drivers/modbus/register_codec.h) or a dialect
+// (turntable_drivers/ascii/sentence_codec.h): when an axis may be enabled, homed or moved, what is believed of what it says, and how it
 // is stopped.
 //
 // - Nothing is switched on or moves before the description is commissioned, enable() was called since connect(), and the drive's own
@@ -104,9 +104,11 @@ struct AxisMemory {
 
 class DescribedTurntable : public Turntable {
  public:
-  // The clock and the count must outlive the table.
-  DescribedTurntable(TableDescription description, const TableLinkSettings& link, std::unique_ptr<TableCodec> codec,
-                     const Clock& clock, const std::atomic<int>* stop_requests);
+  // Of a RegisterMap or a Dialect, in the language that codec_of() makes of it. The clock and the count must outlive the table.
+  template <class Description>
+  DescribedTurntable(const Description& description, const Clock& clock,
+                     const std::atomic<int>* stop_requests = nullptr)
+      : DescribedTurntable(description, description.link, codec_of(description), clock, stop_requests) {}
 
   Status connect() override;
   Result<TableIdentity> identify() override;
@@ -128,9 +130,12 @@ class DescribedTurntable : public Turntable {
   Status commission(const AxisTriple& known_deg, double tolerance_deg);
 
  private:
+  DescribedTurntable(TableDescription description, const TableLinkSettings& link, std::unique_ptr<TableCodec> codec,
+                     const Clock& clock, const std::atomic<int>* stop_requests);
   bool lost() const { return lost_ || !line_.is_open(); }
   Error table_error(const std::string& what) const;
   Error axis_error(Axis axis, const std::string& what) const;
+  Error given_up(Axis axis) const;
   Error about(const TableRequest& request, const Error& error) const;
   Status connected() const;
   Status commissioned() const;

@@ -8,36 +8,76 @@
 // Not modelled: the room between axes (a unit that hits the frame at some combination of angles).
 #pragma once
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <array>
 #include <optional>
 
+#include "calib/types/axis_limits.h"
+#include "imu_io/base/format_number.h"
 #include "turntable_drivers/table/turntable.h"
 
 namespace turncal {
 
-// The same numbers as AxisLimits of sequences/plan.h, which is not below this folder.
-struct MotionLimits {
-  double soft_min_deg = -540.0;
-  double soft_max_deg = 540.0;
-  double max_rate_degps = 100.0;
-  double max_acceleration_degps2 = 100.0;
-  double wrap_deg = 720.0;  // 0: slip rings, no limit
-};
-
 class LimitedTurntable : public Turntable {
  public:
-  LimitedTurntable(Turntable& table, const std::array<MotionLimits, 3>& limits)  // the table must outlive this
+  LimitedTurntable(Turntable& table, const std::array<AxisLimits, 3>& limits)  // the table must outlive this
       : table_(table), limits_(limits) {}
 
   Status connect() override { return table_.connect(); }
   Result<TableIdentity> identify() override { return table_.identify(); }
-  Status enable() override;
-  Status home() override;
-  Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override;
+  Status enable() override {
+    switched_on_ = true;  // also where the answer was lost
+    return table_.enable();
+  }
+  Status home() override {
+    travel_ = {};  // the zero may change, and a cable is wound as it is at zero
+    return table_.home();
+  }
+  Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
+    const AxisLimits& limit = limits_[index(axis)];
+    const auto refused = [axis](const std::string& what, double value, const char* unit, double most) {
+      return input_error(fmt::format("motion limits: {}: {} {} {}: expected at most {} {}", to_string(axis), what,
+                                     format_number(value), unit, format_number(most), unit));
+    };
+    if (!(position_deg >= limit.soft_min_deg && position_deg <= limit.soft_max_deg))
+      return input_error(fmt::format("motion limits: {}: move to {} deg: expected {} to {} deg", to_string(axis),
+                                     format_number(position_deg), format_number(limit.soft_min_deg),
+                                     format_number(limit.soft_max_deg)));
+    if (!(rate_degps <= limit.max_rate_degps)) return refused("rate", rate_degps, "deg/s", limit.max_rate_degps);
+    if (!(acceleration_degps2 <= limit.max_acceleration_degps2))
+      return refused("acceleration", acceleration_degps2, "deg/s^2", limit.max_acceleration_degps2);
+    // Where it stands now belongs to the travel.
+    TRY(status(axis));
+    const std::optional<Travel>& known = travel_[index(axis)];
+    if (known && limit.wrap_deg > 0.0) {
+      constexpr double rounding_deg = 1e-9;
+      const double wound_deg = std::max(known->max_deg, position_deg) - std::min(known->min_deg, position_deg);
+      const double before_deg = known->max_deg - known->min_deg;
+      if (wound_deg > limit.wrap_deg + rounding_deg && wound_deg > before_deg + rounding_deg)
+        return refused("the move to " + format_number(position_deg) + " deg winds the cable by", wound_deg, "deg",
+                       limit.wrap_deg);
+    }
+    return table_.move_absolute(axis, position_deg, rate_degps, acceleration_degps2);
+  }
   Status stop_all() override { return table_.stop_all(); }
-  Status abort_all() override;
+  Status abort_all() override {
+    const Status aborted = table_.abort_all();
+    if (aborted) switched_on_ = false;
+    return aborted;
+  }
   Status clear_fault() override { return table_.clear_fault(); }
-  Result<AxisStatus> status(Axis axis) override;
+  Result<AxisStatus> status(Axis axis) override {
+    Result<AxisStatus> now = table_.status(axis);
+    std::optional<Travel>& travel = travel_[index(axis)];
+    if (now && now->homed) {
+      if (!travel) travel = Travel{now->position_deg, now->position_deg};
+      travel->min_deg = std::min(travel->min_deg, now->position_deg);
+      travel->max_deg = std::max(travel->max_deg, now->position_deg);
+    }
+    return now;
+  }
   bool needs_operator() const override { return table_.needs_operator(); }
   void set_meanwhile(std::function<void()> meanwhile) override { table_.set_meanwhile(std::move(meanwhile)); }
   bool was_connected() const override { return table_.was_connected(); }
@@ -51,7 +91,7 @@ class LimitedTurntable : public Turntable {
     double min_deg = 0.0, max_deg = 0.0;
   };
   Turntable& table_;
-  std::array<MotionLimits, 3> limits_;
+  std::array<AxisLimits, 3> limits_;
   std::array<std::optional<Travel>, 3> travel_;  // since homing
   bool switched_on_ = false;
 };

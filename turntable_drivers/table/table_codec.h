@@ -1,6 +1,6 @@
 // What a table's language has to do for the driver (described_turntable.h) and its line (table_line.h): make a request of a step, say
-// where a reply ends, and judge what it says. Registers: turntable_drivers/modbus/modbus_turntable.h; sentences:
-// turntable_drivers/ascii/serial_turntable.h.
+// where a reply ends, and judge what it says. Registers: turntable_drivers/modbus/register_codec.h; sentences:
+// turntable_drivers/ascii/sentence_codec.h.
 #pragma once
 
 #include <array>

@@ -6,11 +6,12 @@
 #include <array>
 #include <initializer_list>
 
+#include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 
 namespace turncal {
 
-void read_table_description(KeyValueFile& file, TableDescription& description) {
+void read_device_description(KeyValueFile& file, DeviceDescription& description) {
   KeyTable keys(file);
   description.file = file.file_name();
   description.lines = read_line_sources(file);
@@ -18,6 +19,11 @@ void read_table_description(KeyValueFile& file, TableDescription& description) {
   description.name = file.text("name");
   keys.flag("verified_on_hardware", description.verified_on_hardware);
   keys.flag("commissioned", description.commissioned);
+}
+
+void read_table_description(KeyValueFile& file, TableDescription& description) {
+  read_device_description(file, description);
+  KeyTable keys(file);
   keys.flag("switch_off", description.can_switch_off);
   keys.number("moving.rate_degps", description.moving_rate_degps, between(1e-6, 1.0));
   keys.number("plausible.angle_deg", description.plausible_deg, between(1.0, 1e6));
@@ -53,6 +59,53 @@ void read_axis_scale(KeyValueFile& file, Axis axis, AxisScale& scale, const std:
   scale.rate_scale = file.number_or(prefix + "rate_scale", scale.units_per_degree, range);
   scale.measured_rate_scale = file.number_or(prefix + "measured_rate_scale", scale.rate_scale, range);
   scale.acceleration_scale = file.number_or(prefix + "acceleration_scale", scale.units_per_degree, range);
+}
+
+const char* to_string(MoveQuantity quantity) {
+  constexpr std::array<const char*, 4> names = {"position", "distance", "rate", "acceleration"};
+  return names[static_cast<std::size_t>(quantity)];
+}
+
+std::optional<MoveQuantity> quantity_of(std::string_view name) {
+  for (const MoveQuantity quantity :
+       {MoveQuantity::position, MoveQuantity::distance, MoveQuantity::rate, MoveQuantity::acceleration})
+    if (name == to_string(quantity)) return quantity;
+  return {};
+}
+
+std::optional<Axis> take_axis(std::string_view& name) {
+  for (const Axis axis : all_axes) {
+    const std::string suffix = std::string(".") + to_string(axis);
+    if (!name.ends_with(suffix)) continue;
+    name.remove_suffix(suffix.size());
+    return axis;
+  }
+  return {};
+}
+
+double AxisScale::units_of(MoveQuantity quantity, const MoveNumbers& move) const {
+  switch (quantity) {
+    case MoveQuantity::position: return units_of(move.position_deg);
+    case MoveQuantity::distance: return signed_units() * move.distance_deg;
+    case MoveQuantity::rate: return rate_scale * move.rate_degps;
+    case MoveQuantity::acceleration: break;
+  }
+  return ramp_time ? acceleration_scale / move.acceleration_degps2 : acceleration_scale * move.acceleration_degps2;
+}
+
+std::string scale_text(const AxisScale& scale, MoveQuantity quantity, bool told) {
+  const auto per = [](double factor, const char* unit) { return format_number(factor) + " per " + unit; };
+  switch (quantity) {
+    case MoveQuantity::position:
+      return fmt::format("{}, 0 at {} deg{}{}", per(scale.signed_units(), "deg"), format_number(scale.zero_deg),
+                         scale.modulo_deg > 0.0 ? ", a circle of " + format_number(scale.modulo_deg) + " deg" : "",
+                         scale.shorter_way && told ? ", gone the shorter way" : "");
+    case MoveQuantity::distance: return per(scale.signed_units(), "deg");
+    case MoveQuantity::rate: return per(told ? scale.rate_scale : scale.sign * scale.measured_rate_scale, "deg/s");
+    case MoveQuantity::acceleration: break;
+  }
+  return scale.ramp_time ? format_number(scale.acceleration_scale) + " / (deg/s^2), a ramp time"
+                         : per(scale.acceleration_scale, "deg/s^2");
 }
 
 const char* to_string(TableOperation operation) {
@@ -103,11 +156,9 @@ std::array<DriveState, 4> drive_states(bool searches) {
           before_homing};
 }
 
-std::string source_of(const TableDescription& table, const std::string& key) {
-  for (const LineSource& line : table.lines) {
-    if (line.key != key) continue;
-    return "line " + std::to_string(line.line) + (line.mark.empty() ? "" : " [" + line.mark + "]");
-  }
+std::string source_of(const DeviceDescription& device, const std::string& key) {
+  for (const LineSource& line : device.lines)
+    if (line.key == key) return fmt::format("line {}{}", line.line, line.mark.empty() ? "" : " [" + line.mark + "]");
   return "";
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -29,6 +30,8 @@ const char* to_string(TableOperation operation);
 inline constexpr TableOperation starting_operations[] = {TableOperation::enable, TableOperation::home,
                                                          TableOperation::move};
 const char* harm_of(TableOperation starts);
+// Whom an operation is sent for: one axis stands for all where it is of the whole table.
+constexpr std::span<const Axis> axes_for(bool of_table) { return std::span(all_axes).first(of_table ? 1 : 3); }
 
 struct TableLinkSettings {
   bool tcp = true;
@@ -41,22 +44,38 @@ struct TableLinkSettings {
   int read_retries = 2;         // the third failure in a row is a lost link
 };
 
+// The numbers of a move as the program has them: what a register map or a dialect makes registers or a sentence of.
+struct MoveNumbers {
+  double position_deg = 0.0, distance_deg = 0.0, rate_degps = 1.0, acceleration_degps2 = 1.0;
+};
+using Moves = std::array<MoveNumbers, 3>;  // by Axis
+
+// One of them, as a map or a dialect asks for it: "position", or of a certain axis "rate.pitch".
+enum class MoveQuantity { position, distance, rate, acceleration };
+const char* to_string(MoveQuantity quantity);
+std::optional<MoveQuantity> quantity_of(std::string_view name);
+// Takes the axis off the end of such a name; empty: it names none.
+std::optional<Axis> take_axis(std::string_view& name);
+
 // How a device counts an axis: units = sign * units_per_degree * (angle_deg - zero_deg), taken modulo those of modulo_deg if that is not 0.
 struct AxisScale {
   int sign = 1;
   double zero_deg = 0.0;  // the angle at which it reads 0
   double units_per_degree = 1.0;
-  double modulo_deg = 0.0;  // 0: it counts turns; 360: it knows only a circle
-  bool shorter_way =
-      false;  // of a circle: it takes positions of the circle and goes there the shorter way; else distances
+  double modulo_deg = 0.0;   // 0: it counts turns; 360: it knows only a circle
+  bool shorter_way = false;  // of a circle: it takes positions of it and goes there the shorter way; else distances
   bool arrives_in_a_pulse = false;  // in_position shows only for a moment: once seen after a command it counts
   double rate_scale = 1.0;          // units of a commanded rate for 1 deg/s
   double measured_rate_scale = 1.0;
   double acceleration_scale = 1.0;
+  bool ramp_time = false;  // an acceleration a is told as acceleration_scale / a
   double signed_units() const { return sign * units_per_degree; }  // per degree
   double units_of(double angle_deg) const { return signed_units() * (angle_deg - zero_deg); }
   double angle_of(double units) const { return units / signed_units() + zero_deg; }
+  double units_of(MoveQuantity quantity, const MoveNumbers& move) const;
 };
+// "2500 per deg, 0 at 0 deg": of what it is told, or else tells.
+std::string scale_text(const AxisScale& scale, MoveQuantity quantity, bool told);
 
 // A rate or acceleration that a device gets as another one: beyond it a drive that does as it is told is at fault by its rate.
 inline bool is_told_coarsely(double told, double units) { return !(std::abs(told - units) <= 0.05 * std::abs(units)); }
@@ -66,28 +85,26 @@ inline double unwrapped_deg(double angle_deg, double near_deg, double turn_deg) 
   return angle_deg + turn_deg * std::round((near_deg - angle_deg) / turn_deg);
 }
 
-// The numbers of a move as the program has them: what a register map or a dialect makes registers or a sentence of.
-struct MoveNumbers {
-  double position_deg = 0.0, distance_deg = 0.0, rate_degps = 1.0, acceleration_degps2 = 1.0;
-};
-using Moves = std::array<MoveNumbers, 3>;  // by Axis
-
-struct TableDescription {
-  std::string file;
-  std::string name;
+// What the file of any device says first.
+struct DeviceDescription {
+  std::string file, name;
   bool verified_on_hardware = false;
+  bool commissioned = false;      // tried as docs/tables.md and docs/chamber.md have it; else nothing is switched on
+  std::vector<LineSource> lines;  // of the file: where each comes from
+};
+
+struct TableDescription : DeviceDescription {
   bool simulated = false;               // a twin answers; not a key of the file: the station says it
-  bool commissioned = false;            // scale, sign and order were checked against a known angle; else no motion
   bool can_switch_off = true;           // abort does
   double moving_rate_degps = 0.01;      // of an axis that does not tell: faster than this is moving
   double plausible_deg = 7200.0;        // a position beyond this is not believed
   double plausible_rate_degps = 400.0;  // nor is one that the axis cannot have reached since the last
-  std::vector<LineSource> lines;        // of the file: where each comes from
 };
 
 // Whether a line says what moves an axis, stops it, or tells that it is on, has arrived or is at fault.
 bool decides_motion(std::string_view key);
 
+void read_device_description(KeyValueFile& file, DeviceDescription& description);
 void read_table_description(KeyValueFile& file, TableDescription& description);
 // The keys of a line that both have; `timeout`: the name of the first.
 void read_link_times(KeyTable& keys, TableLinkSettings& link, const std::string& timeout);
@@ -160,7 +177,7 @@ inline constexpr ShownOperation shown_operations[] = {{TableOperation::setup, "c
                                                       {TableOperation::clear_fault, "fault reset"}};
 
 // "line 12 [manual]"; empty: the file has no such line.
-std::string source_of(const TableDescription& table, const std::string& key);
+std::string source_of(const DeviceDescription& device, const std::string& key);
 // In columns, a line each, under one line of headings.
 std::string format_rows(const std::vector<TableRow>& rows);
 

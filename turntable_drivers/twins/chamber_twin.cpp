@@ -1,7 +1,6 @@
 #include "turntable_drivers/twins/chamber_twin.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
@@ -73,19 +72,11 @@ std::optional<AnswerPlan> ChamberTwin::next_registers(std::vector<std::uint8_t>&
   return plan;
 }
 
-std::optional<AnswerPlan> ChamberTwin::next_sentence(std::vector<std::uint8_t>& bytes) {
-  const DialectLink& link = described_.ascii;
-  const auto end = std::search(bytes.begin(), bytes.end(), link.terminator_out.begin(), link.terminator_out.end());
-  if (end == bytes.end()) return {};
-  const std::string frame(bytes.begin(), end);
-  bytes.erase(bytes.begin(), end + static_cast<std::ptrdiff_t>(link.terminator_out.size()));
-  AnswerPlan plan;
-  const Result<std::string> body = body_of(link, frame);
-  std::string text = link.echo ? frame + link.echo_terminator : "";
-  for (std::size_t i = 0; body && i < described_.entries.size(); ++i) {
+std::optional<std::string> ChamberTwin::answer(const std::string& body) {
+  for (std::size_t i = 0; i < described_.entries.size(); ++i) {
     const auto item = static_cast<ChamberItem>(i);
     const auto& entry = described_.entries[i];
-    const auto told = entry ? entry->send.match(*body) : std::nullopt;
+    const auto told = entry ? entry->send.match(body) : std::nullopt;
     if (!told) continue;
     reads_ = is_read(item);
     const Result<ChamberStatus> now = chamber_.status();
@@ -93,26 +84,24 @@ std::optional<AnswerPlan> ChamberTwin::next_sentence(std::vector<std::uint8_t>& 
     const bool taken =
         reads_ ? now.ok()
                : carry_out(item, value != told->end() ? device_number(value->second).value_or(0.0) : 0.0).ok();
-    if (!taken || !entry->expect) break;
-    const auto said = [&](const std::string& name) -> std::string {
+    if (!taken || !entry->expect) return {};
+    return entry->expect->fill([&](const std::string& name) -> std::string {
       if (name != "value") return "0";
       const double number = value_of(item, *now);
       if (!is_flag(item)) return number_text(described_, number);
       return number != 0.0 ? entry->true_values.front() : "0";
-    };
-    text += frame_of(link, entry->expect->fill(said)) + link.terminator_in;
-    break;
+    });
   }
-  text += link.prompt;
-  if (!text.empty()) plan.pieces.push_back({{text.begin(), text.end()}, 0.0});
-  return plan;
+  return {};
 }
 
 std::optional<AnswerPlan> ChamberTwin::next_answer(std::vector<std::uint8_t>& bytes) {
   std::optional<AnswerPlan> plan;
   {
     const std::lock_guard lock(held_);
-    plan = described_.by_registers() ? next_registers(bytes) : next_sentence(bytes);
+    plan = described_.by_registers()
+               ? next_registers(bytes)
+               : answer_sentence(described_.ascii, bytes, [this](const std::string& body) { return answer(body); });
   }
   if (plan && disturb && !plan->pieces.empty()) disturb(reads_, *plan);
   return plan;

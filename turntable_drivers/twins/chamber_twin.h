@@ -7,7 +7,7 @@
 #include <functional>
 
 #include "turntable_drivers/chamber/described_chamber.h"
-#include "turntable_drivers/twins/line_server.h"
+#include "turntable_drivers/twins/dialect_twin.h"
 
 namespace turncal {
 
@@ -21,7 +21,7 @@ class ChamberTwin : public LineServer {
  private:
   std::optional<AnswerPlan> next_answer(std::vector<std::uint8_t>& bytes) override;
   std::optional<AnswerPlan> next_registers(std::vector<std::uint8_t>& bytes);
-  std::optional<AnswerPlan> next_sentence(std::vector<std::uint8_t>& bytes);
+  std::optional<std::string> answer(const std::string& body);         // empty: none is due
   double value_of(ChamberItem item, const ChamberStatus& now) const;  // in the device's units
   Status carry_out(ChamberItem item, double value);
 

@@ -95,13 +95,13 @@ std::optional<std::string> DialectTwin::answer_of(TableOperation operation, std:
 std::string DialectTwin::value_of(const std::string& name, Axis axis) {
   if (name == "*") return "0";
   if (name == "axis") return dialect_.of(axis).name;
-  const auto& [quantity, whose] = asked_by(name, axis);
-  const Result<AxisStatus> now = table_.status(whose);
+  const Asked asked = asked_by(name, axis);
+  const Result<AxisStatus> now = table_.status(asked.axis);
   if (!now) return "?";
-  if (quantity == "status") return word_of(dialect_.status, flags_of(*now));
-  const DialectAxis& scale = dialect_.of(whose);
+  if (asked.status) return word_of(dialect_.status, flags_of(*now));
+  const DialectAxis& scale = dialect_.of(asked.axis);
   double value = scale.measured_rate_scale * now->rate_degps;
-  if (quantity == "position") {
+  if (asked.number == MoveQuantity::position) {
     double angle_deg = scale.sign * (now->position_deg - scale.zero_deg);
     if (scale.modulo_deg > 0.0) angle_deg -= scale.modulo_deg * std::floor(angle_deg / scale.modulo_deg);
     value = scale.signed_units() * angle_deg;
@@ -113,26 +113,21 @@ std::string DialectTwin::value_of(const std::string& name, Axis axis) {
 
 Status DialectTwin::move(Axis axis, const Values& values) {
   for (const Axis which : all_axes) {
-    const auto number = [&](const std::string& quantity) -> std::optional<double> {
-      auto place = values.find(fmt::format("{}.{}", quantity, to_string(which)));
-      if (place == values.end() && which == axis) place = values.find(quantity);
-      if (place == values.end()) return {};
-      return device_number(place->second);
-    };
     const DialectAxis& scale = dialect_.of(which);
     Told told;
-    if (const auto position = number("position")) told.position_deg = scale.angle_of(*position);
-    if (const auto distance = number("distance")) told.distance_deg = *distance / scale.signed_units();
-    if (const auto rate = number("rate")) told.rate_degps = *rate / scale.rate_scale;
-    if (const auto acceleration = number("acceleration"))
-      told.acceleration_degps2 = *acceleration / scale.acceleration_scale;
+    for (const auto& [name, text] : values) {
+      const Asked asked = asked_by(name, axis);
+      const std::optional<double> number = device_number(text);
+      if (asked.number && asked.axis == which && number) told.take(*asked.number, *number, scale);
+    }
     TRY(table_.move(which, scale, told, values.count("position") + values.count("distance") == 0, 1e-3));
   }
   return {};
 }
 
-std::optional<AnswerPlan> DialectTwin::next_answer(std::vector<std::uint8_t>& bytes) {
-  const DialectLink& link = dialect_.link;
+std::optional<AnswerPlan> answer_sentence(
+    const DialectLink& link, std::vector<std::uint8_t>& bytes,
+    const std::function<std::optional<std::string>(const std::string& body)>& answer_of) {
   const auto end = std::search(bytes.begin(), bytes.end(), link.terminator_out.begin(), link.terminator_out.end());
   if (end == bytes.end()) return {};
   const std::string frame(bytes.begin(), end);
@@ -140,21 +135,27 @@ std::optional<AnswerPlan> DialectTwin::next_answer(std::vector<std::uint8_t>& by
   AnswerPlan plan;
   const Result<std::string> body = body_of(link, frame);
   if (!body) return plan;
-  const std::optional<std::string> answer = [&] {
-    const std::lock_guard lock(mutex);
-    return this->answer(*body);
-  }();
+  const std::optional<std::string> answer = answer_of(*body);
   std::string text = link.echo ? frame + link.echo_terminator : "";
   for (std::string_view remaining = answer ? *answer : std::string_view(); answer;) {
     const std::size_t line_end = remaining.find('\n');
-    const std::string line(remaining.substr(0, line_end));
-    text += frame_of(link, line) + link.terminator_in;
+    text += frame_of(link, std::string(remaining.substr(0, line_end))) + link.terminator_in;
     if (line_end == std::string_view::npos) break;
     remaining.remove_prefix(line_end + 1);
   }
   text += link.prompt;
   if (!text.empty()) plan.pieces.push_back({{text.begin(), text.end()}, 0.0});
-  if (disturb) disturb(*body, plan);
+  return plan;
+}
+
+std::optional<AnswerPlan> DialectTwin::next_answer(std::vector<std::uint8_t>& bytes) {
+  std::optional<std::string> heard;
+  std::optional<AnswerPlan> plan = answer_sentence(dialect_.link, bytes, [&](const std::string& body) {
+    const std::lock_guard lock(mutex);
+    heard = body;
+    return answer(body);
+  });
+  if (heard && disturb) disturb(*heard, *plan);
   return plan;
 }
 

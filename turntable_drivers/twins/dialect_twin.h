@@ -17,6 +17,12 @@
 
 namespace turncal {
 
+// The next sentence at the front of `bytes`, which it is taken off, with what `answer_of` says to its body; empty: there is none yet. What
+// is no frame is not answered.
+std::optional<AnswerPlan> answer_sentence(
+    const DialectLink& link, std::vector<std::uint8_t>& bytes,
+    const std::function<std::optional<std::string>(const std::string& body)>& answer_of);
+
 class DialectTwin : public LineServer {
  public:
   DialectTwin(Dialect dialect, Turntable& table)

@@ -147,8 +147,8 @@ bool ModbusTwin::matches(const WriteStep& step, TableOperation operation, Axis a
     const double value = decode_words(std::span(request.values).subspan(at), operand.type, map_.layout);
     at += static_cast<std::size_t>(register_count(operand.type));
     const bool is_code = operand.kind == WriteOperand::Kind::axis;
-    if (operand.kind != WriteOperand::Kind::constant && !is_code) {
-      operands[{operand.kind, operand.of_axis ? static_cast<int>(*operand.of_axis) : addressed}] = value;
+    if (operand.kind == WriteOperand::Kind::quantity) {
+      operands[{operand.quantity, operand.of_axis ? static_cast<int>(*operand.of_axis) : addressed}] = value;
       continue;
     }
     const double expected = is_code ? map_.of(operand.of_axis.value_or(axis)).code : operand.constant;
@@ -219,23 +219,17 @@ Status ModbusTwin::carry_out(Axis axis, TableOperation operation, const Operands
     if (of_table) tripped_ = {};
     tripped_[index(axis)] = false;
   }
-  if (operation == TableOperation::enable && heartbeat_s_[index(axis)]) heartbeat_s_[index(axis)] = clock_.now_s();
+  if (operation == TableOperation::enable)  // of all, since a Turntable enables them together
+    for (std::optional<double>& last_s : heartbeat_s_)
+      if (last_s) last_s = clock_.now_s();
   if (operation != TableOperation::move) return table_.carry_out(operation, axis, of_table);
   for (const Axis which : all_axes) {
     if (!of_table && which != axis) continue;
     if (tripped_[index(which)]) return device_error("the watchdog has tripped");
     const MapAxis& scale = map_.of(which);
     Told told;
-    for (const auto& [operand, value] : operands) {
-      if (operand.second != (of_table ? static_cast<int>(which) : addressed)) continue;
-      using Kind = WriteOperand::Kind;
-      if (operand.first == Kind::position) told.position_deg = scale.angle_of(value);
-      if (operand.first == Kind::distance) told.distance_deg = value / scale.signed_units();
-      if (operand.first == Kind::rate) told.rate_degps = value / scale.rate_scale;
-      if (operand.first == Kind::acceleration)
-        told.acceleration_degps2 =
-            map_.acceleration_is_ramp_time ? scale.acceleration_scale / value : value / scale.acceleration_scale;
-    }
+    for (const auto& [operand, value] : operands)
+      if (operand.second == (of_table ? static_cast<int>(which) : addressed)) told.take(operand.first, value, scale);
     TRY(table_.move(which, scale, told, of_table, 2.0 / scale.units_per_degree));
   }
   return {};

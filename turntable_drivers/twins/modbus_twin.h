@@ -8,7 +8,7 @@
 // - Operations are matched by address and constant, operands are taken on the way: the same registers may serve several lists.
 // - The watchdog is armed by the first heartbeat of a drive: when none came for watchdog_s every axis is stopped, the drive shows
 //   a fault and refuses moves until the fault is cleared. A drive that is off has nothing to stop: it does not trip, and the next
-//   heartbeat arms it again. Its time starts anew when the drive is enabled. Call tick() often; time is the clock's.
+//   heartbeat arms it again. Its time starts anew when any drive is enabled, which enables all. Call tick() often; time is the clock's.
 // Not modelled: a drive's own parameters (they take any write and read back), torque, a power-on delay.
 #pragma once
 
@@ -44,8 +44,8 @@ class ModbusTwin : public LineServer {
   std::function<void(const ModbusRequest&, AnswerPlan&)> disturb;
 
  private:
-  // What a move was told, by kind; of which axis: 0 to 2, or 3 for the one that is written to.
-  using Operands = std::map<std::pair<WriteOperand::Kind, int>, double>;
+  // What a move was told; of which axis: 0 to 2, or 3 for the one that is written to.
+  using Operands = std::map<std::pair<MoveQuantity, int>, double>;
   struct Progress {
     std::size_t step = 0;  // of the list, the next one awaited
     Operands operands;

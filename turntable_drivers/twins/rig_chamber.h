@@ -1,13 +1,15 @@
-// The rig's chamber as a Chamber: of all rigs of a group, which share it. Time is theirs.
+// The rig as what else a dry run needs: the chamber about its units, and the table that a rehearsal by hand turns.
 #pragma once
 
-#include <utility>
+#include <algorithm>
 
 #include "turntable_drivers/chamber/chamber.h"
+#include "turntable_drivers/manual/manual_turntable.h"
 #include "turntable_drivers/rig/rig_group.h"
 
 namespace turncal {
 
+// Of all rigs of a group, which share it. Time is theirs.
 class RigChamber : public Chamber {
  public:
   RigChamber(RigGroup& group, ChamberLimits limits) : group_(group), limits_(limits) {}  // the group must outlive this
@@ -47,5 +49,16 @@ class RigChamber : public Chamber {
   const ChamberLimits limits_;
   double ramp_c_per_min_ = 1.0;
 };
+
+// The rig must outlive the table.
+inline RehearsedTable rehearsed_table(Rig& rig) {
+  return {[&rig](Axis axis, double angle_deg, double rate_degps, double acceleration_degps2) {
+            rig.command_move(axis, angle_deg, rate_degps, acceleration_degps2);
+          },
+          [&rig] {
+            return std::any_of(all_axes.begin(), all_axes.end(), [&rig](Axis axis) { return rig.axis(axis).moving; });
+          },
+          [&rig] { rig.stop(); }};
+}
 
 }  // namespace turncal

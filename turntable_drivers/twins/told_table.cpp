@@ -24,6 +24,17 @@ int likeness(const DriveFlags& flags, const std::function<std::optional<bool>(st
   return score;
 }
 
+void Told::take(MoveQuantity quantity, double units, const AxisScale& scale) {
+  switch (quantity) {
+    case MoveQuantity::position: position_deg = scale.angle_of(units); break;
+    case MoveQuantity::distance: distance_deg = units / scale.signed_units(); break;
+    case MoveQuantity::rate: rate_degps = units / scale.rate_scale; break;
+    case MoveQuantity::acceleration:
+      acceleration_degps2 = scale.ramp_time ? scale.acceleration_scale / units : units / scale.acceleration_scale;
+      break;
+  }
+}
+
 Status ToldTable::power_on(bool enabled) {
   TRY(table_.connect());
   return enabled ? table_.enable() : Status();

@@ -21,6 +21,7 @@ int likeness(const DriveFlags& flags, const std::function<std::optional<bool>(st
 struct Told {
   std::optional<double> position_deg = {}, distance_deg = {};
   double rate_degps = 10.0, acceleration_degps2 = 20.0;  // of a device that is not told
+  void take(MoveQuantity quantity, double units, const AxisScale& scale);
 };
 
 class ToldTable {

@@ -125,7 +125,7 @@ long counts_of(const std::string& link, int unit) {
 
 void run_a_sequence_on(RegisterMap map) {
   RealClock clock;
-  ModbusTurntable driver(map, clock);
+  DescribedTurntable driver(map, clock);
   const Result<Sequence> sequence =
       good(parse_sequence("format = 1\nname = short\nrate_degps = 40\nacceleration_degps2 = 100\n"
                           "step 1\n  initial H 0 P 0 R 0\n  align 200\n  rotate P +20\n  dwell 200\n  rotate R -10\n",

@@ -68,7 +68,7 @@ struct ModbusRun {
 
   std::atomic<int> stop_requests{0};
   TwinStation station;
-  ModbusTurntable driver;
+  DescribedTurntable driver;
   LimitedTurntable limited;
   std::string text = sequence_text;
   StationConfig config = default_station_config();

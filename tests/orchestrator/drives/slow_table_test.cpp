@@ -123,13 +123,13 @@ void expect_nothing_lost(Table& table) {
 }
 
 TEST(SlowTable, UnitsAreReadWhileItsAnswerIsAwaited) {
-  FaultTable<TwinStation, ModbusTurntable> modbus(map_of(plain_map_text("tcp")));
+  FaultTable<TwinStation> modbus(map_of(plain_map_text("tcp")));
   modbus.station.disturb(slowly<AnswerPlan>());
   expect_nothing_lost(modbus);
 }
 
 TEST(SlowTable, UnitsAreReadWhileADialectIsAwaited) {
-  FaultTable<DialectStation, SerialTurntable> dialect(shipped_dialect("three_axis_dollar", true));
+  FaultTable<DialectStation> dialect(shipped_dialect("three_axis_dollar", true));
   dialect.station.disturb(slowly<AnswerPlan>());
   expect_nothing_lost(dialect);
 }

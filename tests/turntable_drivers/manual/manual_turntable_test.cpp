@@ -3,7 +3,7 @@
 
 #include "imu_io/base/text_pieces.h"
 #include "tests/turntable_drivers/table_contract.h"
-#include "turntable_drivers/twins/rehearsed_table.h"
+#include "turntable_drivers/twins/rig_chamber.h"
 
 namespace turncal {
 namespace {
@@ -61,16 +61,16 @@ struct ManualFactory {
   Turntable& table() { return desk.manual; }
   void pass(double seconds) {
     desk.clock.time_s += seconds;
-    const auto wanted = desk.manual.wanted();
-    if (!wanted) return;
-    double& hand = hand_deg[index(wanted->axis)];
-    const double way_deg = wanted->target_deg - hand;
+    const OperatorTask task = desk.manual.task();
+    if (task.kind == OperatorTask::Kind::nothing) return;
+    double& hand = hand_deg[index(task.axis)];
+    const double way_deg = task.target_deg - hand;
     hand += std::clamp(way_deg, -20.0 * seconds, 20.0 * seconds);
-    if (std::abs(wanted->target_deg - hand) < 1e-9) desk.type(std::to_string(wanted->target_deg));
+    if (std::abs(task.target_deg - hand) < 1e-9) desk.type(std::to_string(task.target_deg));
   }
   static constexpr double tolerance_deg = 1e-3;
   static constexpr double beyond_limits_deg = 0.0;
-  static constexpr bool must_home = true, must_enable = true, silent_on_the_way = true;
+  static constexpr bool silent_on_the_way = true;
 };
 INSTANTIATE_TYPED_TEST_SUITE_P(Manual, TableContract, ManualFactory);
 
@@ -321,7 +321,7 @@ TEST_F(ManualTable, HomingTakesTheAnglesReadOff) {
   EXPECT_TRUE(desk.manual.status(Axis::roll).ok());
   desk.settle();
   EXPECT_SAYS(desk.said(), "179.5 deg away");
-  EXPECT_EQ(desk.manual.wanted()->axis, Axis::roll) << "both are asked for again";
+  EXPECT_EQ(desk.manual.task().axis, Axis::roll) << "both are asked for again";
   desk.type("-90");
   desk.type("0.5");
   EXPECT_TRUE(desk.manual.status(Axis::roll).ok());

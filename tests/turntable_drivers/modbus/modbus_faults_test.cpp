@@ -259,21 +259,18 @@ TEST(ModbusFaults, AdapterComesBackUnderItsName) {
   map.link.address = name;
   ModbusTwin twin(map, mock, clock);
   ASSERT_TRUE(twin.power_on().ok());
-  ModbusTurntable driver(map, clock);
+  DescribedTurntable driver(map, clock);
   EXPECT_FALSE(driver.connect().ok()) << "missing device";
   int descriptors = 0;
   for (int round = 0; round < 3; ++round) {
     ASSERT_TRUE(twin.open_pty(name).ok());
-    std::atomic<bool> ended{false};
-    std::thread thread([&] {
-      while (!ended) twin.run_once(0.01);
-    });
-    EXPECT_OK(driver.connect());
-    EXPECT_TRUE(driver.status(Axis::heading).ok());
-    if (round == 0) descriptors = open_descriptors();
-    EXPECT_EQ(open_descriptors(), descriptors) << "a descriptor leaks with each reconnection";
-    ended = true;
-    thread.join();
+    {
+      const Serving serving(twin);
+      EXPECT_OK(driver.connect());
+      EXPECT_OK(driver.status(Axis::heading));
+      if (round == 0) descriptors = open_descriptors();
+      EXPECT_EQ(open_descriptors(), descriptors) << "a descriptor leaks with each reconnection";
+    }
     twin.hang_up();
     EXPECT_FALSE(driver.status(Axis::heading).ok());
   }
@@ -285,7 +282,7 @@ TEST(ModbusFaults, MissingForbiddenAndBusy) {
   const auto error_of = [&](bool tcp, const std::string& address) {
     RegisterMap map = map_of(FaultStation::map_text(tcp, ""));
     map.link.address = address;
-    ModbusTurntable driver(map, clock);
+    DescribedTurntable driver(map, clock);
     const Status status = driver.connect();
     EXPECT_FALSE(status.ok()) << address;
     if (status.ok()) return Error();

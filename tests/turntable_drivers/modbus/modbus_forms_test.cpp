@@ -14,7 +14,7 @@ const std::string one_block = own_map_text("one_block");
 const std::string selecting = own_map_text("selecting");
 
 template <const std::string& text>
-struct MapFactory : DescribedFactory<TwinStation, ModbusTurntable> {
+struct MapFactory : DescribedFactory<TwinStation> {
   MapFactory() : DescribedFactory(map_of(text)) {}
   static constexpr double beyond_limits_deg = 3601.0;
 };
@@ -23,7 +23,7 @@ using Selecting = MapFactory<selecting>;
 INSTANTIATE_TYPED_TEST_SUITE_P(ModbusOneBlock, TableContract, OneBlock);
 INSTANTIATE_TYPED_TEST_SUITE_P(ModbusSelecting, TableContract, Selecting);
 
-using MapTable = FaultTable<TwinStation, ModbusTurntable>;
+using MapTable = FaultTable<TwinStation>;
 
 // Each axis reads its own, at three different angles, and a code that is not listed sets none of the flags.
 TEST(ModbusForms, EveryAxisReadsItsOwn) {

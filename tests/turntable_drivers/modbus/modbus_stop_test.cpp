@@ -67,6 +67,27 @@ TEST(ModbusHeartbeat, ValueChangesEachTime) {
   for (std::size_t i = 1; i < values.size(); ++i) EXPECT_NE(values[i], values[i - 1]);
 }
 
+// The drives were off, and so their last heartbeats may be old: one that is enabled with another has not lost its master.
+TEST(ModbusHeartbeat, EnablingOneDriveStartsTheTimeOfAllAnew) {
+  Rig rig(default_rig_config());
+  RigTable mock(rig);
+  RigClock clock(rig);
+  ModbusTwin twin(map_of(plain_map_text("tcp")), mock, clock);
+  ASSERT_OK(twin.power_on());
+  const auto write = [&](int unit, int address) {
+    return twin.handle({.unit = unit, .function = 6, .address = address, .count = 1, .values = {1}}).exception;
+  };
+  for (const int unit : {1, 2, 3}) EXPECT_EQ(write(unit, 0x220), 0) << "a heartbeat";
+  pass_time(rig, 0.95);
+  EXPECT_EQ(write(1, 0x200), 0) << "heading is enabled";
+  pass_time(rig, 0.1);
+  twin.tick();
+  for (const Axis axis : all_axes) EXPECT_FALSE(twin.watchdog_tripped(axis)) << to_string(axis);
+  pass_time(rig, 1.0);
+  twin.tick();
+  for (const Axis axis : all_axes) EXPECT_TRUE(twin.watchdog_tripped(axis)) << to_string(axis);
+}
+
 // Another process moves the table and is killed with the signal that nobody can catch: the watchdog stops the drive.
 TEST(ModbusHeartbeat, KilledInMidMove) {
   int to_child[2], from_child[2];
@@ -79,7 +100,7 @@ TEST(ModbusHeartbeat, KilledInMidMove) {
     RegisterMap map = map_of(plain_map_text("tcp"));
     map.link.address = "127.0.0.1:" + std::to_string(port);
     RealClock clock;
-    ModbusTurntable driver(map, clock);
+    DescribedTurntable driver(map, clock);
     if (!driver.connect().ok() || !driver.enable().ok() || !driver.home().ok()) ::_exit(2);
     bool sent = false;
     for (;;) {

@@ -242,13 +242,13 @@ TEST_P(ShippedMap, SaysThatItIsUnverifiedAndMovesTheTwin) {
   map.link.quiet_s = 0.1;
   TwinStation station(map);
   {
-    ModbusTurntable driver(station.described, station.clock);
+    DescribedTurntable driver(station.described, station.clock);
     ASSERT_TRUE(driver.connect().ok());
     EXPECT_EQ(driver.enable().error().kind, ErrorKind::input) << "not commissioned";
     EXPECT_EQ(driver.home().error().kind, ErrorKind::input);
   }
   station.described.commissioned = true;
-  ModbusTurntable driver(station.described, station.clock);
+  DescribedTurntable driver(station.described, station.clock);
   ASSERT_OK(driver.connect());
   EXPECT_SAYS(driver.identify()->description, "not verified");
   ASSERT_TRUE(driver.enable().ok());
@@ -297,7 +297,7 @@ TEST(ModbusCommission, SwappedWords) {
   TwinStation station(map, config);
   RegisterMap wrong = station.described;
   wrong.layout.high_word_first = false;
-  ModbusTurntable driver(wrong, station.clock);
+  DescribedTurntable driver(wrong, station.clock);
   ASSERT_TRUE(fails(driver.connect(), "word order"));
 }
 
@@ -310,7 +310,7 @@ TEST(ModbusCommission, CommissioningNamesTheOrderThatFits) {
   TwinStation station(map, config);
   const AxisTriple known{{0.1, 0.1, 0.1}};
   {
-    ModbusTurntable right(station.described, station.clock);
+    DescribedTurntable right(station.described, station.clock);
     ASSERT_TRUE(right.connect().ok());
     EXPECT_OK(right.commission(known, 0.01));
     EXPECT_FALSE(right.commission({{0.2, 0.1, 0.1}}, 0.01).ok());
@@ -319,7 +319,7 @@ TEST(ModbusCommission, CommissioningNamesTheOrderThatFits) {
   wrong.layout.high_word_first = false;
   wrong.plausible_deg = 1000.0;
   wrong.commissioned = false;
-  ModbusTurntable driver(wrong, station.clock);
+  DescribedTurntable driver(wrong, station.clock);
   EXPECT_FALSE(driver.connect().ok()) << "no such position is plausible";
   ASSERT_TRUE(fails(driver.commission(known, 0.01), "words.order = high_first"));
   EXPECT_EQ(driver.enable().error().kind, ErrorKind::input) << "nothing is switched on either";
@@ -331,7 +331,7 @@ TEST(ModbusCommission, ZeroCannotCommission) {
   RegisterMap map = map_of(plain_map_text("tcp"));
   map.axis[2].zero_deg = 0.0;
   TwinStation station(map);
-  ModbusTurntable driver(station.described, station.clock);
+  DescribedTurntable driver(station.described, station.clock);
   ASSERT_TRUE(driver.connect().ok());
   ASSERT_TRUE(fails(driver.commission({}, 0.01), "other settings fit as well"));
 }

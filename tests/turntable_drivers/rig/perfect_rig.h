@@ -1,5 +1,8 @@
-// For tests of the rig: a perfect one, and its clock.
+// For tests of the rig: a perfect one, its clock, and its time.
 #pragma once
+
+#include <cmath>
+#include <vector>
 
 #include "imu_io/base/clock.h"
 #include "turntable_drivers/rig/rig.h"
@@ -14,6 +17,16 @@ inline RigConfig perfect_rig_config() {
   config.noise = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0, config.noise.flicker_longest_s};
   config.table_errors.random_arcmin = 0.0;
   return config;
+}
+
+inline ImuSample next_sample(Rig& rig) {
+  ImuSample sample;
+  rig.advance({&sample, 1});
+  return sample;
+}
+inline void pass_time(Rig& rig, double seconds) {
+  std::vector<ImuSample> samples(static_cast<std::size_t>(std::lround(seconds / rig.config().sample_period_s)));
+  if (!samples.empty()) rig.advance(samples);
 }
 
 // A clock that shows the time of one rig; a dry run has that of its RigGroup.

@@ -34,8 +34,7 @@ using Prepare = std::function<void(Rig&)>;
 Reading read_after(const RigConfig& config, const Prepare& prepare) {
   Rig rig(config);
   prepare(rig);
-  ImuSample sample;
-  rig.advance({&sample, 1});
+  const ImuSample sample = next_sample(rig);
   Reading reading;
   for (std::size_t i = 0; i < 3; ++i) {
     reading.gyro_degph[i] = sample.gyro[i] * 0.932920 / 0.005;  // arcsec/s

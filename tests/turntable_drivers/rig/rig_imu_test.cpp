@@ -26,17 +26,10 @@ RigConfig quiet_config() {
   return config;
 }
 
-RigConfig with_fault(RigFault fault) {
+RigConfig with_fault(const RigFault& fault) {
   RigConfig config = quiet_config();
   config.faults.push_back(fault);
   return config;
-}
-
-RigFault at_sample(RigFaultKind kind, std::int64_t sample) {
-  RigFault fault;
-  fault.kind = kind;
-  fault.sample = sample;
-  return fault;
 }
 
 TEST(RigImu, ReadingPassesTimeAndNothingElseDoes) {
@@ -82,9 +75,7 @@ TEST(RigImu, ClosedSourceIsAnError) {
 
 // A lost sample takes its 97.914 pulses of gravity with it.
 TEST(RigImuFaults, LostSampleLeavesAGap) {
-  RigFault fault = at_sample(RigFaultKind::lost_sample, 5);
-  fault.count = 2;
-  Source s(with_fault(fault));
+  Source s(with_fault({.kind = RigFaultKind::lost_sample, .sample = 5, .count = 2}));
   const auto samples = s.read(100, 0.05);
   ASSERT_EQ(samples.size(), 8u);
   EXPECT_EQ(samples[4].counter, 1004);
@@ -95,9 +86,7 @@ TEST(RigImuFaults, LostSampleLeavesAGap) {
 }
 
 TEST(RigImuFaults, HiddenLossLeavesNoGap) {
-  RigFault fault = at_sample(RigFaultKind::lost_sample, 5);
-  fault.hidden = true;
-  Source s(with_fault(fault));
+  Source s(with_fault({.kind = RigFaultKind::lost_sample, .sample = 5, .hidden = true}));
   const auto samples = s.read(100, 0.05);
   ASSERT_EQ(samples.size(), 9u);
   for (std::size_t i = 0; i < samples.size(); ++i) EXPECT_EQ(samples[i].counter, 1000 + static_cast<std::int64_t>(i));
@@ -106,9 +95,7 @@ TEST(RigImuFaults, HiddenLossLeavesNoGap) {
 
 TEST(RigImuFaults, DuplicatedSample) {
   for (const bool hidden : {false, true}) {
-    RigFault fault = at_sample(RigFaultKind::duplicated_sample, 3);
-    fault.hidden = hidden;
-    Source s(with_fault(fault));
+    Source s(with_fault({.kind = RigFaultKind::duplicated_sample, .sample = 3, .hidden = hidden}));
     auto samples = s.read(4, 1.0);  // the duplicate no longer has room: it comes first next time
     for (const ImuSample& sample : s.read(4, 1.0)) samples.push_back(sample);
     ASSERT_EQ(samples.size(), 8u);
@@ -122,17 +109,11 @@ TEST(RigImuFaults, DuplicatedSample) {
 }
 
 TEST(RigImuFaults, GlitchKnockAndInvalidFlag) {
-  RigFault glitch = at_sample(RigFaultKind::gyro_glitch, 2);
-  glitch.axis = 2;
-  glitch.size = 1.0;  // mrad = 206.264806 arcsec = 221.095920 pulses
-  RigFault knock = at_sample(RigFaultKind::velocity_knock, 3);
-  knock.axis = 0;
-  knock.size = -0.05;  // m/s = -100 pulses
-  RigFault invalid = at_sample(RigFaultKind::invalid_sample, 4);
-  invalid.count = 2;
-  RigConfig config = with_fault(glitch);
-  config.faults.push_back(knock);
-  config.faults.push_back(invalid);
+  RigConfig config = quiet_config();
+  // 1 mrad = 206.264806 arcsec = 221.095920 pulses; -0.05 m/s = -100 pulses
+  config.faults = {{.kind = RigFaultKind::gyro_glitch, .sample = 2, .axis = 2, .size = 1.0},
+                   {.kind = RigFaultKind::velocity_knock, .sample = 3, .axis = 0, .size = -0.05},
+                   {.kind = RigFaultKind::invalid_sample, .sample = 4, .count = 2}};
   Source s(config);
   const auto samples = s.read(8, 1.0);
   for (std::size_t i = 0; i < samples.size(); ++i) {

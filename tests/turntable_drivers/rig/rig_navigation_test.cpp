@@ -60,11 +60,7 @@ void step(Navigator& navigator, const ImuSample& sample) {
 
 void run(Rig& rig, Navigator& navigator, double seconds) {
   const auto samples = static_cast<int>(std::lround(seconds / rig.config().sample_period_s));
-  for (int i = 0; i < samples; ++i) {
-    ImuSample sample;
-    rig.advance({&sample, 1});
-    step(navigator, sample);
-  }
+  for (int i = 0; i < samples; ++i) step(navigator, next_sample(rig));
 }
 
 Matrix3d attitude(const Rig& rig) {
@@ -118,8 +114,7 @@ TEST(RigQuadrature, TenTimesFinerChangesNothing) {
     std::array<double, 6> sum{};
     const auto pass = [&](int samples) {
       for (int i = 0; i < samples; ++i) {
-        ImuSample sample;
-        rig.advance({&sample, 1});
+        const ImuSample sample = next_sample(rig);
         for (std::size_t k = 0; k < 3; ++k) {
           sum[k] += sample.gyro[k] * (0.932920 * arcsec);
           sum[3 + k] += sample.accel[k] * 0.0005;

@@ -38,8 +38,7 @@ TEST(RigNoise, FlickerOfTheRigIsInItsUnits) {
     std::array<std::vector<double>, 6> integral;
     for (auto& channel : integral) channel.assign(samples + 1, 0.0);
     for (std::size_t i = 0; i < samples; ++i) {
-      ImuSample sample;
-      rig.advance({&sample, 1});
+      const ImuSample sample = next_sample(rig);
       for (std::size_t k = 0; k < 3; ++k) {
         integral[k][i + 1] = integral[k][i] + sample.gyro[k] * 0.932920;                      // arcsec: deg/h times s
         integral[3 + k][i + 1] = integral[3 + k][i] + sample.accel[k] * 0.0005 / 9.80665e-6;  // ug s
@@ -71,12 +70,7 @@ TEST(RigNoise, SwitchingOneSourceOffLeavesTheOthers) {
   RigConfig gyro_quiet = all;
   gyro_quiet.noise.gyro_random_walk_deg_per_rt_h = gyro_quiet.noise.gyro_bias_instability_degph = 0.0;
   Rig a(all), b(gyro_quiet);
-  for (int i = 0; i < 1000; ++i) {
-    ImuSample x, y;
-    a.advance({&x, 1});
-    b.advance({&y, 1});
-    EXPECT_EQ(x.accel, y.accel);
-  }
+  for (int i = 0; i < 1000; ++i) EXPECT_EQ(next_sample(a).accel, next_sample(b).accel);
 }
 
 std::uint64_t digest(const RigConfig& config) {

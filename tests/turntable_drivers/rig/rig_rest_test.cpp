@@ -26,8 +26,7 @@ TEST_P(RigAtRest, ReadsEarthRateAndGravity) {
   RigConfig config = perfect_rig_config();
   config.table.power_on_deg = {GetParam().heading_deg, GetParam().pitch_deg, GetParam().roll_deg};
   Rig rig(config);
-  ImuSample sample;
-  rig.advance({&sample, 1});
+  const ImuSample sample = next_sample(rig);
   for (std::size_t i = 0; i < 3; ++i) {
     EXPECT_NEAR(sample.gyro[i], GetParam().gyro[i], 1e-9) << "gyro " << i;
     EXPECT_NEAR(sample.accel[i], GetParam().accel[i], 1e-9) << "accelerometer " << i;
@@ -66,8 +65,7 @@ TEST(RigSensors, CountsInvertTheParameterEquations) {
   config.truth[16] = 7e-4;    // a12
   config.truth[19] = 1.02;    // a22
   Rig rig(config);
-  ImuSample sample;
-  rig.advance({&sample, 1});
+  const ImuSample sample = next_sample(rig);
   EXPECT_NEAR(sample.gyro[0], 0.0705781709, 1e-9);
   EXPECT_NEAR(sample.gyro[1], 0.0397502904, 1e-9);
   EXPECT_NEAR(sample.accel[0], -0.0674650845, 1e-9);
@@ -93,9 +91,7 @@ TEST(RigSensors, QuantisedSumStaysWithinAPulseOfTheRealSum) {
     Triple gyro_difference{}, accel_difference{};
     for (Rig* rig : {&real_rig, &counted_rig}) rig->command_move(Axis::roll, 100.0, 10.0, 10.0);
     for (int i = 0; i < 5000; ++i) {
-      ImuSample a, b;
-      real_rig.advance({&a, 1});
-      counted_rig.advance({&b, 1});
+      const ImuSample a = next_sample(real_rig), b = next_sample(counted_rig);
       for (std::size_t axis = 0; axis < 3; ++axis) {
         EXPECT_EQ(b.gyro[axis], std::floor(b.gyro[axis]));
         EXPECT_EQ(b.accel[axis], std::floor(b.accel[axis]));
@@ -153,9 +149,7 @@ TEST(RigTruth, TruthAtAnotherReferenceTemperatureIsTheSameUnit) {
   other.temperature.reference_c = 27.0;
   for (std::size_t i = 0; i < 24; ++i) other.truth[i] = moved[i];
   Rig same(other);
-  ImuSample a, b;
-  rig.advance({&a, 1});
-  same.advance({&b, 1});
+  const ImuSample a = next_sample(rig), b = next_sample(same);
   for (std::size_t i = 0; i < 3; ++i) {
     EXPECT_NEAR(a.gyro[i], b.gyro[i], 1e-13);
     EXPECT_NEAR(a.accel[i], b.accel[i], 1e-12);

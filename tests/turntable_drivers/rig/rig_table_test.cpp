@@ -7,11 +7,6 @@
 namespace turncal {
 namespace {
 
-void pass_time(Rig& rig, double seconds) {
-  std::vector<ImuSample> samples(static_cast<std::size_t>(std::lround(seconds / rig.config().sample_period_s)));
-  if (!samples.empty()) rig.advance(samples);
-}
-
 struct RigFactory {
   Rig rig{default_rig_config()};
   RigTable rig_table{rig};
@@ -19,7 +14,6 @@ struct RigFactory {
   void pass(double seconds) { pass_time(rig, seconds); }
   static constexpr double tolerance_deg = 1e-3;
   static constexpr double beyond_limits_deg = 3601.0;
-  static constexpr bool must_home = true, must_enable = true;
 };
 INSTANTIATE_TYPED_TEST_SUITE_P(Rig, TableContract, RigFactory);
 
@@ -40,11 +34,7 @@ struct Station {
 
 RigConfig with_fault(RigFaultKind kind, double time_s, Axis axis = Axis::heading) {
   RigConfig config = default_rig_config();
-  RigFault fault;
-  fault.kind = kind;
-  fault.time_s = time_s;
-  fault.axis = static_cast<int>(axis);
-  config.faults.push_back(fault);
+  config.faults.push_back({.kind = kind, .time_s = time_s, .axis = static_cast<int>(axis)});
   return config;
 }
 

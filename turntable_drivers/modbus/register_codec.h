@@ -1,5 +1,5 @@
-// ModbusTurntable: drives behind Modbus TCP or RTU, wholly described by a RegisterMap. The driver is DescribedTurntable; this is the
-// language of registers (turntable_drivers/table/table_codec.h), framed by modbus_frame.h:
+// The language of registers (turntable_drivers/table/table_codec.h), for drives behind Modbus TCP or RTU that a RegisterMap describes, framed
+// by modbus_frame.h:
 //
 // - A reply must come from the unit, be of the function, and have exactly the length or the address asked for; over TCP it must carry the
 //   request's transaction number too (frames of earlier ones are skipped, whole ones that a gateway sends again are dropped). RTU has no
@@ -7,16 +7,15 @@
 // - Several drives on the line are told apart by unit, and readings by their lengths (register_map.h).
 // - Exceptions 5 and 6 (busy) and 10 and 11 (gateway) count as failures; 1 to 3 are mistakes of the map (kind input), 4 is a fault of
 //   the drive.
-// - commission() shows what scale, sign and word order give.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "turntable_drivers/modbus/register_map.h"
-#include "turntable_drivers/table/described_turntable.h"
+#include "turntable_drivers/table/table_codec.h"
 
 namespace turncal {
 
@@ -37,10 +36,6 @@ class ModbusFraming {
   std::uint16_t transaction_ = 0;
 };
 
-class ModbusTurntable : public DescribedTurntable {
- public:
-  // The clock and the count must outlive the table.
-  ModbusTurntable(const RegisterMap& map, const Clock& clock, const std::atomic<int>* stop_requests = nullptr);
-};
+std::unique_ptr<TableCodec> codec_of(const RegisterMap& map);
 
 }  // namespace turncal

@@ -1,4 +1,4 @@
-#include "turntable_drivers/modbus/modbus_turntable.h"
+#include "turntable_drivers/modbus/register_codec.h"
 
 #include <fmt/format.h>
 
@@ -270,7 +270,6 @@ class RegisterCodec : public TableCodec {
 
 }  // namespace
 
-ModbusTurntable::ModbusTurntable(const RegisterMap& map, const Clock& clock, const std::atomic<int>* stop_requests)
-    : DescribedTurntable(map, map.link, std::make_unique<RegisterCodec>(map), clock, stop_requests) {}
+std::unique_ptr<TableCodec> codec_of(const RegisterMap& map) { return std::make_unique<RegisterCodec>(map); }
 
 }  // namespace turncal

@@ -1,4 +1,4 @@
-#include "turntable_drivers/ascii/serial_turntable.h"
+#include "turntable_drivers/ascii/sentence_codec.h"
 
 #include <fmt/format.h>
 
@@ -150,19 +150,20 @@ class SentenceCodec : public TableCodec {
   Status take(Axis axis, const Values& values, AxisReading& reading) const {
     const DialectAxis& scale = dialect_.of(axis);
     for (const auto& [name, text] : values) {
-      const auto& [quantity, whose] = asked_by(name, axis);
-      if (whose != axis) continue;
-      if (quantity == "status") {
+      const Asked asked = asked_by(name, axis);
+      if (asked.axis != axis) continue;
+      if (asked.status) {
         const AxisReading said = flags_of(dialect_.status, text);
         reading.flags = said.flags;
         reading.known = said.known;
         reading.raw = said.raw;
       }
-      if (quantity != "position" && quantity != "rate") continue;
+      if (asked.number != MoveQuantity::position && asked.number != MoveQuantity::rate) continue;
       const std::optional<double> value = device_number(text);
-      if (!value) return device_error(fmt::format("{} '{}': expected a number", quantity, visible(text)));
-      if (quantity == "position") reading.position_deg = scale.angle_of(*value);
-      if (quantity == "rate") reading.rate_degps = scale.sign * *value / scale.measured_rate_scale;
+      if (!value)
+        return device_error(fmt::format("{} '{}': expected a number", to_string(*asked.number), visible(text)));
+      if (asked.number == MoveQuantity::position) reading.position_deg = scale.angle_of(*value);
+      if (asked.number == MoveQuantity::rate) reading.rate_degps = scale.sign * *value / scale.measured_rate_scale;
     }
     return {};
   }
@@ -174,7 +175,6 @@ class SentenceCodec : public TableCodec {
 
 }  // namespace
 
-SerialTurntable::SerialTurntable(const Dialect& dialect, const Clock& clock, const std::atomic<int>* stop_requests)
-    : DescribedTurntable(dialect, dialect.link, std::make_unique<SentenceCodec>(dialect), clock, stop_requests) {}
+std::unique_ptr<TableCodec> codec_of(const Dialect& dialect) { return std::make_unique<SentenceCodec>(dialect); }
 
 }  // namespace turncal

@@ -1,0 +1,38 @@
+// Serves a line in a thread of its own, but while something about it is changed.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <thread>
+
+#include "turntable_drivers/twins/line_server.h"
+
+namespace turncal {
+
+class Serving {
+ public:
+  explicit Serving(LineServer& server) : server_(server) { start(); }
+  ~Serving() { stop(); }
+  void change(const std::function<void()>& how) {
+    stop();
+    how();
+    start();
+  }
+
+ private:
+  void start() {
+    ended_ = false;
+    thread_ = std::thread([this] {
+      while (!ended_) server_.run_once(0.01);
+    });
+  }
+  void stop() {
+    ended_ = true;
+    thread_.join();
+  }
+  LineServer& server_;
+  std::atomic<bool> ended_{false};
+  std::thread thread_;
+};
+
+}  // namespace turncal
