@@ -4,7 +4,6 @@
 #include <sys/select.h>
 
 #include <cerrno>
-#include <cmath>
 #include <ctime>
 
 namespace turncal {

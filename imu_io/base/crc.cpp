@@ -43,24 +43,16 @@ __attribute__((target("sse4.2"))) std::uint32_t crc32c_sse42(std::span<const std
 
 // The register stands at the top of 32 bits when bits enter there, at the bottom and mirrored when input is reflected.
 Crc::Crc(const CrcParameters& parameters) : parameters_(parameters) {
-  const int width = parameters.width;
-  const int shift = 32 - width;
-  if (parameters.reflect_input) {
-    const std::uint32_t polynomial = reflected(parameters.polynomial, width);
-    start_ = reflected(parameters.initial, width);
-    for (std::uint32_t byte = 0; byte < 256; ++byte) {
-      std::uint32_t state = byte;
-      for (int bit = 0; bit < 8; ++bit) state = (state >> 1) ^ ((state & 1U) != 0 ? polynomial : 0U);
-      table_[byte] = state;
-    }
-  } else {
-    const std::uint32_t polynomial = parameters.polynomial << shift;
-    start_ = parameters.initial << shift;
-    for (std::uint32_t byte = 0; byte < 256; ++byte) {
-      std::uint32_t state = byte << 24;
-      for (int bit = 0; bit < 8; ++bit) state = (state << 1) ^ ((state & 0x80000000U) != 0 ? polynomial : 0U);
-      table_[byte] = state;
-    }
+  const bool mirrored = parameters.reflect_input;
+  const auto placed = [&](std::uint32_t value) {
+    return mirrored ? reflected(value, parameters.width) : value << (32 - parameters.width);
+  };
+  const std::uint32_t polynomial = placed(parameters.polynomial);
+  start_ = placed(parameters.initial);
+  for (std::uint32_t byte = 0; byte < 256; ++byte) {
+    std::uint32_t& state = table_[byte] = mirrored ? byte : byte << 24;
+    for (int bit = 0; bit < 8; ++bit)
+      state = mirrored ? (state >> 1) ^ ((state & 1U) * polynomial) : (state << 1) ^ ((state >> 31) * polynomial);
   }
 }
 

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <sys/sysmacros.h>
 
 #include <algorithm>
@@ -55,8 +56,9 @@ Result<PosixFile> open_or_make(const std::string& path) {
   return file;
 }
 
-}  // namespace
-
+// The process that holds a flock on a file, from the system's table of locks. Nothing: nobody holds it, or the table does not say (a holder
+// on another machine or in another container). `any_device`: also where the table names another device (btrfs); two files of one number
+// are then told apart by nothing.
 std::optional<pid_t> flock_holder(const struct stat& file, bool any_device) {
   const std::string inode = fmt::format(":{}", file.st_ino);
   const std::string place = fmt::format("{:02x}:{:02x}{}", major(file.st_dev), minor(file.st_dev), inode);
@@ -69,6 +71,8 @@ std::optional<pid_t> flock_holder(const struct stat& file, bool any_device) {
   }
   return {};
 }
+
+}  // namespace
 
 // What we cannot make or change is the storage's fault, unless its name already says that it cannot be.
 Error storage_error(const std::string& path, std::string_view what, int number) {

@@ -5,7 +5,6 @@
 // use.
 #pragma once
 
-#include <sys/stat.h>
 #include <sys/types.h>
 #include <unistd.h>
 
@@ -101,10 +100,6 @@ Status check_regular_file(const std::string& path);
 std::string existing_folder_of(const std::string& path);
 // Makes something there for a try, and removes it.
 Status check_folder_writable(const std::string& path);
-// The process that holds a flock on a file, from the system's table of locks. Nothing: nobody holds it, or the table does not say (a holder
-// on another machine or in another container). `any_device`: also where the table names another device (btrfs); two files of one number
-// are then told apart by nothing.
-std::optional<pid_t> flock_holder(const struct stat& file, bool any_device);
 // "path: what: reason" of a failure to make or change something: the storage failed (kind device), or the name was wrong (input).
 Error storage_error(const std::string& path, std::string_view what, int number);
 Status sync_folder(const std::string& folder);

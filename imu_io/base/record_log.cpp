@@ -14,11 +14,8 @@ constexpr std::size_t checked_header_bytes = record_header_bytes - 4;
 
 std::size_t begin_record(std::vector<std::byte>& out, std::uint32_t magic, std::uint32_t type, std::uint32_t number) {
   const std::size_t begun_at = out.size();
-  append_bytes(out, magic);
-  append_bytes(out, type);
-  append_bytes(out, number);
-  append_bytes(out, std::uint32_t{0});  // length and header checksum: end_record
-  append_bytes(out, std::uint32_t{0});
+  constexpr std::uint32_t later = 0;  // length and header checksum: end_record
+  ByteWriter{out}(magic, type, number, later, later);
   return begun_at;
 }
 

@@ -17,6 +17,93 @@ constexpr double pace_window_s = 0.25;  // after two of them that are alike samp
 constexpr double catching_up = 0.02;    // a line that catches up delivers at least so much faster than the unit sends
 constexpr double quiet_s = 0.1;         // a line that is empty for so long holds nothing back
 
+// ---- what the numbers of a frame are ----
+
+constexpr double largest_pulses = 2147483647.0;  // what a recording holds
+
+// (now - before) modulo the modulus, as the nearest to 0.
+double cumulative_step(std::uint64_t now, std::uint64_t before, std::uint64_t modulus) {
+  if (modulus == 0) return static_cast<double>(static_cast<std::int64_t>(now - before));
+  const std::uint64_t up = now >= before ? now - before : modulus - (before - now);
+  if (up <= modulus / 2) return static_cast<double>(up);
+  return -static_cast<double>(modulus - up);
+}
+
+double& value_of(ImuSample& sample, std::size_t i) { return i < 3 ? sample.gyro[i] : sample.accel[i - 3]; }
+double value_of(const ImuSample& sample, std::size_t i) { return i < 3 ? sample.gyro[i] : sample.accel[i - 3]; }
+
+// The increments of gyro and accel and the flag for invalid ones. False: the numbers are impossible.
+bool read_values(const FrameVariant& variant, const std::byte* frame, const CumulativeBase& base, ImuSample& sample) {
+  for (std::size_t i = 0; i < 6; ++i) {
+    const FrameValue& from = variant.values[i];
+    double& value = value_of(sample, i);
+    if (from.cumulative) {
+      const std::uint64_t now = from.field.bits_of(frame), down = from.down ? from.down->bits_of(frame) : 0;
+      if (from.modulus != 0 && std::max(now, down) >= from.modulus) return false;
+      const double steps = cumulative_step(now, base.field[i], from.modulus) -
+                           (from.down ? cumulative_step(down, base.field[6 + i], from.modulus) : 0.0);
+      value = (base.known ? from.factor * steps : 0.0) + 0.0;
+      continue;  // across a gap it may be anything
+    }
+    double raw = from.field.number(frame);
+    if (from.down) raw -= from.down->number(frame);
+    if (raw < from.low || raw > from.high) sample.flags |= sample_flag_invalid;
+    value = from.factor * (raw - from.zero);
+    value += 0.0;                             // -0 of a sign turned round
+    if (!std::isfinite(value)) return false;  // of floats
+    if (from.pulses && (std::abs(value) > largest_pulses || value != std::nearbyint(value))) return false;
+  }
+  for (const FrameStatus& status : variant.status)
+    if ((status.field.bits_of(frame) & status.mask) != status.good) sample.flags |= sample_flag_invalid;
+  return true;
+}
+
+// A recording holds what was read (an increment over a long gap may be beyond it).
+bool fits(const FrameVariant& variant, const ImuSample& sample) {
+  for (std::size_t i = 0; i < 6; ++i)
+    if (variant.values[i].pulses && std::abs(value_of(sample, i)) > largest_pulses) return false;
+  return true;
+}
+
+void keep(const FrameVariant& variant, const std::byte* frame, CumulativeBase& base) {
+  for (std::size_t i = 0; i < 6; ++i) {
+    base.field[i] = variant.values[i].field.bits_of(frame);
+    if (variant.values[i].down) base.field[6 + i] = variant.values[i].down->bits_of(frame);
+  }
+  base.known = true;
+}
+
+// Empty: not in this frame. NaN: not a number.
+std::optional<float> temperature_c(const FrameVariant& variant, const std::byte* frame) {
+  const std::optional<FrameScalar>& from = variant.temperature;
+  if (!from || (from->when && variant.multiplexer->bits_of(frame) != *from->when)) return {};
+  double sum = 0.0;
+  for (const FrameField& field : from->places) sum += field.number(frame);
+  const auto value = static_cast<float>((sum / static_cast<double>(from->places.size()) - from->zero) * from->scale);
+  return std::isfinite(value) ? value : std::numeric_limits<float>::quiet_NaN();
+}
+
+// The variant that two frames of a sample are, one after the other.
+FrameVariant joined(FrameVariant both, FrameVariant accel) {
+  const std::size_t by = both.length;
+  both.length += accel.length;
+  for (std::size_t i = 3; i < 6; ++i) {
+    both.values[i] = accel.values[i];
+    both.values[i].field.shift(by);
+    if (both.values[i].down) both.values[i].down->shift(by);
+  }
+  for (FrameStatus& status : accel.status) {
+    status.field.shift(by);
+    both.status.push_back(status);
+  }
+  if (both.temperature || !accel.temperature) return both;
+  both.temperature = accel.temperature;
+  for (FrameField& field : both.temperature->places) field.shift(by);
+  both.multiplexer = accel.multiplexer;
+  if (both.multiplexer) both.multiplexer->shift(by);
+  return both;
+}
+
 CounterTracker tracker_of(const FrameDescription& frame) {
   const auto& counter = frame.variants.front().counter;
   if (!counter) return CounterTracker(frame.sample_period_s, 1.0, 0.0);
@@ -27,6 +114,7 @@ CounterTracker tracker_of(const FrameDescription& frame) {
 
 FrameDecoder::FrameDecoder(const FrameDescription& frame)
     : scanner_(frame),
+      variants_(frame.variants),
       split_(frame.split),
       weak_(frame.check.weak()),
       step_(frame.variants.front().counter ? frame.variants.front().counter->step : 1.0),
@@ -36,12 +124,11 @@ FrameDecoder::FrameDecoder(const FrameDescription& frame)
       period_s_(frame.sample_period_s) {
   const bool may_hold = modulus_ > 0.0 && state_.tracker.wrap_s() < narrow_wrap_s;
   ready_.reserve(may_hold ? most_held + 4 : 4);
-  for (const FrameVariant& from : frame.variants) variants_.emplace_back(from, period_s_);
   if (split_) {
-    variants_.emplace_back(turncal::joined(frame.variants[0], frame.variants[1]), period_s_);
-    joined_.resize(variants_.back().length());
+    variants_.push_back(joined(frame.variants[0], frame.variants[1]));
+    joined_.resize(variants_.back().length);
   }
-  any_cumulative_ = variants_.back().any_cumulative();
+  any_cumulative_ = std::ranges::any_of(variants_.back().values, &FrameValue::cumulative);
 }
 
 void FrameDecoder::added(std::size_t count, const Arrival& arrival) {
@@ -89,9 +176,9 @@ FrameDecoder::Next FrameDecoder::next(ImuSample& sample) {
 bool FrameDecoder::join(const ScannedFrame& scanned, ScannedFrame& whole) {
   const std::size_t part = scanned.variant;
   const std::size_t other = 1 - part;
-  const double raw = variants_[part].counter(scanned.data);
+  const double raw = variants_[part].counter->field.number(scanned.data);
   if (part_counter_[part]) ++unusable_;  // stayed alone
-  std::copy_n(scanned.data, variants_[part].length(), joined_.data() + (part == 0 ? 0 : variants_[0].length()));
+  std::copy_n(scanned.data, variants_[part].length, joined_.data() + (part == 0 ? 0 : variants_[0].length));
   part_counter_[part] = raw;
   if (!part_counter_[other]) return false;
   if (*part_counter_[other] != raw) {
@@ -105,19 +192,19 @@ bool FrameDecoder::join(const ScannedFrame& scanned, ScannedFrame& whole) {
 }
 
 void FrameDecoder::decode(const ScannedFrame& scanned) {
-  const FrameValues& values = variants_[scanned.variant];
+  const FrameVariant& variant = variants_[scanned.variant];
   ImuSample sample;
   idle(arrival_.earliest_s);
   for (int attempt = 0; attempt < 2; ++attempt) {
     sample = ImuSample{};
-    if (!values.read(scanned.data, state_.base, sample)) {
+    if (!read_values(variant, scanned.data, state_.base, sample)) {
       ++unusable_;
       return;
     }
     double raw = 0.0;
     PlacedCounter placed;
-    if (values.has_counter()) {
-      raw = values.counter(scanned.data);
+    if (variant.counter) {
+      raw = variant.counter->field.number(scanned.data);
       placed = state_.tracker.place(std::isnan(raw) ? -1.0 : raw, arrival_);
       if (is_unsure(placed)) {
         placed = {CounterOutcome::gap, state_.tracker.last_counter() + placed.shortest, placed.shortest,
@@ -126,10 +213,9 @@ void FrameDecoder::decode(const ScannedFrame& scanned) {
       }
     } else {
       placed = state_.tracker.place_uncounted(
-          static_cast<double>(scanned.skipped_before) / static_cast<double>(values.length()), arrival_);
+          static_cast<double>(scanned.skipped_before) / static_cast<double>(variant.length), arrival_);
     }
-    const bool follows =
-        placed.outcome == CounterOutcome::next && (values.has_counter() || scanned.skipped_before == 0);
+    const bool follows = placed.outcome == CounterOutcome::next && (variant.counter || scanned.skipped_before == 0);
     if (waiting_ && !follows) {
       // The frame before stands alone: not believed, and this one is judged without it.
       state_ = before_;
@@ -141,11 +227,8 @@ void FrameDecoder::decode(const ScannedFrame& scanned) {
       case CounterOutcome::duplicate: {
         ++duplicates_;
         bool same = true;
-        for (std::size_t i = 0; i < 6; ++i) {
-          const double now = i < 3 ? sample.gyro[i] : sample.accel[i - 3];
-          const double then = i < 3 ? state_.last.gyro[i] : state_.last.accel[i - 3];
-          same = same && now == (values.cumulative(i) ? 0.0 : then);
-        }
+        for (std::size_t i = 0; i < 6; ++i)
+          same = same && value_of(sample, i) == (variant.values[i].cumulative ? 0.0 : value_of(state_.last, i));
         if (same || !state_.has_last || waiting_) return;
         sample.counter = placed.counter;
         sample.temperature_c = state_.temperature_c;
@@ -163,7 +246,7 @@ void FrameDecoder::decode(const ScannedFrame& scanned) {
       waiting_ = true;
     }
     strays_in_row_ = 0;
-    if (values.has_counter() && placed.outcome != CounterOutcome::first) {
+    if (variant.counter && placed.outcome != CounterOutcome::first) {
       if (is_unsure(placed)) {
         begin_hold(placed, raw);
         placed.counter = state_.tracker.last_counter() + placed.ahead;
@@ -172,7 +255,7 @@ void FrameDecoder::decode(const ScannedFrame& scanned) {
         state_.hold.jump = placed.counter;  // in the backlog itself: what held it back ran over there
       }
     }
-    believe(placed, raw, values, scanned.data, sample);
+    believe(placed, raw, variant, scanned.data, sample);
     return;
   }
 }
@@ -194,15 +277,15 @@ void FrameDecoder::restart(const std::string& reason) {
   restart_reason_ = reason;
 }
 
-void FrameDecoder::believe(const PlacedCounter& placed, double raw, const FrameValues& values, const std::byte* frame,
+void FrameDecoder::believe(const PlacedCounter& placed, double raw, const FrameVariant& variant, const std::byte* frame,
                            ImuSample& sample) {
   state_.tracker.accept(placed, raw, arrival_);
   const bool no_base =
-      any_cumulative_ && (!state_.base.known || placed.outcome != CounterOutcome::next || !values.fits(sample));
+      any_cumulative_ && (!state_.base.known || placed.outcome != CounterOutcome::next || !fits(variant, sample));
   if (placed.ahead > 1) state_.lost += static_cast<std::uint64_t>(placed.ahead - 1);
   if (no_base && placed.outcome != CounterOutcome::first) ++state_.lost;
-  if (any_cumulative_) values.keep(frame, state_.base);
-  state_.temperature_c = values.temperature_c(frame).value_or(state_.temperature_c);
+  if (any_cumulative_) keep(variant, frame, state_.base);
+  state_.temperature_c = temperature_c(variant, frame).value_or(state_.temperature_c);
   sample.counter = placed.counter;
   sample.temperature_c = state_.temperature_c;
   state_.last = sample;

@@ -27,11 +27,17 @@
 #include <vector>
 
 #include "imu_io/frames/counter_tracker.h"
+#include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_scanner.h"
-#include "imu_io/frames/frame_values.h"
 #include "imu_io/recordings/imu_source.h"
 
 namespace turncal {
+
+// What the cumulative fields read in the frame before.
+struct CumulativeBase {
+  std::array<std::uint64_t, 12> field{};  // the fields, then what counts the other way
+  bool known = false;
+};
 
 class FrameDecoder {
  public:
@@ -85,7 +91,7 @@ class FrameDecoder {
   bool join(const ScannedFrame& scanned, ScannedFrame& whole);
   void decode(const ScannedFrame& scanned);
   void handle_stray(double raw);
-  void believe(const PlacedCounter& placed, double raw, const FrameValues& values, const std::byte* frame,
+  void believe(const PlacedCounter& placed, double raw, const FrameVariant& variant, const std::byte* frame,
                ImuSample& sample);
   void emit(const ImuSample& sample);
   // After a silence.
@@ -100,7 +106,7 @@ class FrameDecoder {
   void restart(const std::string& reason);
 
   FrameScanner scanner_;
-  std::vector<FrameValues> variants_;  // split: gyros, accelerometers, and the two frames one after the other
+  std::vector<FrameVariant> variants_;  // split: gyros, accelerometers, and the two frames one after the other
   bool split_;
   std::vector<std::byte> joined_;
   std::array<std::optional<double>, 2> part_counter_;  // of the frames that wait for the other one

@@ -6,10 +6,8 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <iterator>
 
 #include "calib/model/parameters.h"
-#include "calib/types/axis.h"
 #include "imu_io/base/file_kind.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
@@ -104,46 +102,52 @@ FrameField read_field(KeyValueFile& file, const std::string& prefix, std::string
 
 // ---- the parts of a description ----
 
-std::array<FrameField, 3> first_three(const std::vector<FrameField>& fields) {
-  return {fields[0], fields[1], fields[2]};
-}
-
-FrameTriad read_triad(KeyValueFile& file, const std::string& prefix, const std::vector<std::string_view>& units) {
-  FrameTriad triad;
-  triad.element = first_three(read_fields(file, prefix, "i32", 3));
-  const FieldForm& form = triad.element[0].form();
-  if (file.has(prefix + ".down")) triad.down = first_three(read_places(file, prefix + ".down", form, 3));
-  triad.axes = read_axes(file, prefix + ".axes", true, "three axes such as '+x, -z, +y', each letter once");
+// Three values, whose keys are in the frame's own order.
+void read_triad(KeyValueFile& file, const std::string& prefix, const std::vector<std::string_view>& units,
+                double sample_period_s, std::span<FrameValue, 3> values) {
+  const std::vector<FrameField> fields = read_fields(file, prefix, "i32", 3);
+  const FieldForm& form = fields[0].form();
+  std::vector<FrameField> down;
+  if (file.has(prefix + ".down")) down = read_places(file, prefix + ".down", form, 3);
+  const AxisOrder axes = read_axes(file, prefix + ".axes", true, "three axes such as '+x, -z, +y', each letter once");
   const InertialUnit* const unit = read_unit(file, prefix + ".unit", units);
-  triad.pulses = file.text_or(prefix + ".unit", "") == "pulses";
-  if (triad.pulses) {
+  const bool is_rate = unit != nullptr && unit->is_rate;
+  FrameValue value;  // what the three have in common
+  std::array<double, 3> zero{}, scale{1.0, 1.0, 1.0};
+  value.pulses = file.text_or(prefix + ".unit", "") == "pulses";
+  if (value.pulses) {
     for (const char* key : {".scale", ".zero"})
       if (file.has(prefix + key))
         file.reject(prefix + key, "no such key with unit = pulses: they are counted as they come");
   } else {
-    triad.zero = one_or_three(file, prefix + ".zero", 0.0, "one or three numbers");
-    triad.scale = one_or_three(file, prefix + ".scale", 1.0, "one or three numbers");
-    for (double& scale : triad.scale) {
-      if (!(std::abs(scale) > 0.0)) file.reject(prefix + ".scale", "numbers other than 0");
-      if (unit != nullptr) scale *= unit->si;
+    zero = one_or_three(file, prefix + ".zero", 0.0, "one or three numbers");
+    scale = one_or_three(file, prefix + ".scale", 1.0, "one or three numbers");
+    for (double& one : scale) {
+      if (!(std::abs(one) > 0.0)) file.reject(prefix + ".scale", "numbers other than 0");
+      if (unit != nullptr) one *= unit->si;
     }
-    if (unit != nullptr && unit->is_rate) triad.kind = FieldKind::rate;
   }
   const bool wraps = form.type == NumberType::unsigned_integer || form.type == NumberType::signed_integer;
-  if (triad.down && !wraps) file.reject(prefix + ".down", "no such key unless the field is a counter");
-  bool cumulative = false;
-  chosen(file, prefix + ".kind", cumulative, {"each", "cumulative"});
-  if (cumulative) {
-    if (!wraps || triad.kind == FieldKind::rate)
-      file.reject(prefix + ".kind", "'each' unless the field is a whole number of increments");
-    triad.kind = FieldKind::cumulative;
-    triad.modulus = read_bits(file, prefix + ".modulus", 0);
-    const int bits = triad.element[0].bits();
-    if (triad.modulus == 1 || (bits < 64 && triad.modulus > (std::uint64_t{1} << bits)))
+  if (!down.empty() && !wraps) file.reject(prefix + ".down", "no such key unless the field is a counter");
+  chosen(file, prefix + ".kind", value.cumulative, {"each", "cumulative"});
+  if (value.cumulative) {
+    if (!wraps || is_rate) file.reject(prefix + ".kind", "'each' unless the field is a whole number of increments");
+    const int bits = fields[0].bits();
+    const std::uint64_t all = bits < 64 ? std::uint64_t{1} << bits : 0;
+    value.modulus = read_bits(file, prefix + ".modulus", 0);
+    if (value.modulus == 1 || (all != 0 && value.modulus > all))
       file.reject(prefix + ".modulus", "2 to 2^" + std::to_string(bits));
+    if (value.modulus == 0) value.modulus = all;
   }
-  read_range(file, prefix + ".range", triad.low, triad.high, "lowest, highest");
-  return triad;
+  read_range(file, prefix + ".range", value.low, value.high, "lowest, highest");
+  for (std::size_t k = 0; k < 3; ++k) {
+    const auto from = static_cast<std::size_t>(axes.from[k]);
+    values[k] = value;
+    values[k].field = fields[from];
+    if (!down.empty()) values[k].down = down[from];
+    values[k].zero = zero[from];
+    values[k].factor = axes.sign[k] * scale[from] * (is_rate ? sample_period_s : 1.0);
+  }
 }
 
 FrameCounter read_counter(KeyValueFile& file) {
@@ -191,9 +195,12 @@ FrameVariant read_variant(KeyValueFile& file, const std::string& name, const Fra
   chosen(file, "carries", carries, {"both", "gyro", "accel"});
   variant.has_gyro = carries != 2;
   variant.has_accel = carries != 1;
+  const std::span<FrameValue, 6> values = variant.values;
   if (variant.has_gyro)
-    variant.gyro = read_triad(file, "gyro", {"pulses", "rad", "deg", "arcsec", "rad/s", "deg/s", "deg/h"});
-  if (variant.has_accel) variant.accel = read_triad(file, "accel", {"pulses", "m/s", "ft/s", "m/s^2", "g", "mg"});
+    read_triad(file, "gyro", {"pulses", "rad", "deg", "arcsec", "rad/s", "deg/s", "deg/h"}, frame.sample_period_s,
+               values.first<3>());
+  if (variant.has_accel)
+    read_triad(file, "accel", {"pulses", "m/s", "ft/s", "m/s^2", "g", "mg"}, frame.sample_period_s, values.last<3>());
   if (file.has("mux.offset")) variant.multiplexer = read_field(file, "mux", "u8");
   if (file.has("temperature.offset")) variant.temperature = read_temperature(file, variant.multiplexer.has_value());
   if (file.has("counter.offset")) variant.counter = read_counter(file);
@@ -291,6 +298,19 @@ FrameCheck read_check(KeyValueFile& file) {
 
 // ---- what a description must be beyond what each of its keys is checked for ----
 
+// Those of a variant that it has.
+struct Triad {
+  const char* name;
+  std::span<const FrameValue, 3> values;
+};
+std::vector<Triad> triads_of(const FrameVariant& variant) {
+  const std::span<const FrameValue, 6> values = variant.values;
+  std::vector<Triad> triads;
+  if (variant.has_gyro) triads.push_back({"gyro", values.first<3>()});
+  if (variant.has_accel) triads.push_back({"accel", values.last<3>()});
+  return triads;
+}
+
 // What takes bits of a frame: the key that says where, and its end.
 struct Taken {
   std::string key;
@@ -317,13 +337,12 @@ struct TakenBits {
 
 TakenBits taken_in(const FrameDescription& frame, const FrameVariant& variant) {
   TakenBits taken;
-  const auto add_triad = [&](const FrameTriad& triad, const std::string& name) {
-    for (const FrameField& field : triad.element) taken.data.push_back(taken_by(name + ".offset", field));
-    if (triad.down)
-      for (const FrameField& field : *triad.down) taken.data.push_back(taken_by(name + ".down", field));
-  };
-  if (variant.has_gyro) add_triad(variant.gyro, "gyro");
-  if (variant.has_accel) add_triad(variant.accel, "accel");
+  for (const Triad& triad : triads_of(variant)) {
+    const std::string name = triad.name;
+    for (const FrameValue& value : triad.values) taken.data.push_back(taken_by(name + ".offset", value.field));
+    for (const FrameValue& value : triad.values)
+      if (value.down) taken.data.push_back(taken_by(name + ".down", *value.down));
+  }
   if (variant.temperature)
     for (const FrameField& field : variant.temperature->places)
       taken.data.push_back(taken_by("temperature.offset", field));
@@ -355,7 +374,8 @@ void check_places(KeyValueFile& file, const FrameDescription& frame, const Frame
       file.reject("check.offset", "a whole number of 16-bit words covered, or check.pad = 2");
   }
   const FrameVariant& first = frame.variants.front();
-  if (!frame.split && (variant.gyro.pulses != first.gyro.pulses || variant.accel.pulses != first.accel.pulses))
+  if (!frame.split &&
+      (variant.values[0].pulses != first.values[0].pulses || variant.values[3].pulses != first.values[3].pulses))
     file.reject("variants", "variants of the same increments: pulses or not");
   if (variant.counter.has_value() != first.counter.has_value()) file.reject("variants", "all with a counter or none");
   if (variant.counter &&
@@ -417,17 +437,16 @@ void check_values(KeyValueFile& file, const FrameDescription& frame, const Frame
 constexpr int least_bits = 4;  // of a number that shows a motion
 
 // The largest raw number; floating ones have none.
-std::optional<double> full_scale(const FrameTriad& triad, std::size_t k) {
-  const FrameField& field = triad.element[k];
-  const int bits = field.bits();
+std::optional<double> full_scale(const FrameValue& value) {
+  const int bits = value.field.bits();
   double low = 0.0, high = std::ldexp(1.0, bits) - 1.0;
-  if (field.type() == NumberType::floating) return {};
-  if (field.type() != NumberType::unsigned_integer) low = -(high = std::ldexp(1.0, bits - 1));
-  if (triad.kind == FieldKind::cumulative || triad.down) {
-    const double turn = triad.modulus != 0 ? static_cast<double>(triad.modulus) : std::ldexp(1.0, bits);
+  if (value.field.type() == NumberType::floating) return {};
+  if (value.field.type() != NumberType::unsigned_integer) low = -(high = std::ldexp(1.0, bits - 1));
+  if (value.cumulative || value.down) {
+    const double turn = value.modulus != 0 ? static_cast<double>(value.modulus) : std::ldexp(1.0, bits);
     low = -(high = 0.5 * turn);
   }
-  return std::max(std::abs(low - triad.zero[k]), std::abs(high - triad.zero[k]));
+  return std::max(std::abs(low - value.zero), std::abs(high - value.zero));
 }
 
 // A unit shows what it is turned and what it weighs: its field ends beyond the one, and a count is less than the other.
@@ -438,11 +457,12 @@ struct Sensible {
 constexpr Sensible gyro_rate = {rad_per_deg, 1000.0 * pi / 180.0, "1 deg/s", "1000 deg/s"};
 constexpr Sensible accel_force = {9.0, 1000.0, "gravity", "1000 m/s^2"};
 
-void check_scale(KeyValueFile& file, const std::string& key, const FrameTriad& triad, double weight, double period_s,
+// `weight`: SI an increment.
+void check_scale(KeyValueFile& file, const std::string& key, const Triad& triad, double weight, double period_s,
                  const Sensible& sensible) {
-  for (std::size_t k = 0; k < 3; ++k) {
-    const std::optional<double> most = full_scale(triad, k);
-    const double count = std::abs(triad.scale[k]) * weight / (triad.kind == FieldKind::rate ? 1.0 : period_s);
+  for (const FrameValue& value : triad.values) {
+    const std::optional<double> most = full_scale(value);
+    const double count = std::abs(value.factor) * weight / period_s;
     if (!most) continue;
     if (count > sensible.count)
       file.reject(key, fmt::format("a scale with which a count is less than {}", sensible.said_count));
@@ -458,21 +478,17 @@ void check_variant(KeyValueFile& file, const FrameDescription& frame, const Fram
   if (!file.status()) return;
   check_overlaps(file, frame, variant);
   check_values(file, frame, variant);
-  const auto check_bits = [&](const FrameTriad& triad, const char* key) {
-    if (triad.element[0].bits() < least_bits)
-      file.reject(key, fmt::format("a mask that leaves {} bits or more", least_bits));
-  };
-  if (variant.has_gyro) check_bits(variant.gyro, "gyro.mask");
-  if (variant.has_accel) check_bits(variant.accel, "accel.mask");
-  const auto scale_key = [&](const std::string& name) {
-    return name + (file.has(name + ".scale") ? ".scale" : ".unit");
-  };
-  if (variant.has_gyro && !variant.gyro.pulses)
-    check_scale(file, scale_key("gyro"), variant.gyro, 1.0, frame.sample_period_s, gyro_rate);
-  if (!variant.has_accel) return;
-  const bool pulses = variant.accel.pulses;
-  check_scale(file, pulses ? "accel.pulse_mps" : scale_key("accel"), variant.accel,
-              pulses ? frame.accel_pulse_mps : 1.0, frame.sample_period_s, accel_force);
+  for (const Triad& triad : triads_of(variant))
+    if (triad.values[0].field.bits() < least_bits)
+      file.reject(std::string(triad.name) + ".mask", fmt::format("a mask that leaves {} bits or more", least_bits));
+  for (const Triad& triad : triads_of(variant)) {
+    const std::string name = triad.name;
+    const bool is_gyro = name == "gyro", pulses = triad.values[0].pulses;
+    if (is_gyro && pulses) continue;
+    const char* const key = pulses ? ".pulse_mps" : file.has(name + ".scale") ? ".scale" : ".unit";
+    check_scale(file, name + key, triad, pulses ? frame.accel_pulse_mps : 1.0, frame.sample_period_s,
+                is_gyro ? gyro_rate : accel_force);
+  }
 }
 
 // ---- the whole ----

@@ -20,7 +20,6 @@
 #include <string_view>
 #include <vector>
 
-#include "calib/types/axis.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
 #include "imu_io/base/key_value.h"
@@ -32,19 +31,16 @@ namespace turncal {
 
 inline constexpr std::size_t longest_frame = 1024;  // bytes
 
-enum class FieldKind { increment, rate, cumulative };
-
-struct FrameTriad {
-  std::array<FrameField, 3> element;              // in the frame's own order
-  std::optional<std::array<FrameField, 3>> down;  // counts the other way: raw = element - down
-  AxisOrder axes;                                 // body axis k is element from[k]
-  FieldKind kind = FieldKind::increment;
-  bool pulses = true;                          // whole numbers; scale is then 1
-  std::array<double, 3> zero{};                // raw
-  std::array<double, 3> scale{1.0, 1.0, 1.0};  // rad or m/s an increment, rad/s or m/s^2 a rate, for one raw
-  std::uint64_t modulus = 0;                   // of a cumulative field; 0: 2^bits
-  double low = -1e300;                         // raw numbers outside are impossible: the sample is flagged invalid
-  double high = 1e300;
+// Where the number of a body axis is, and what one of it is.
+struct FrameValue {
+  FrameField field;
+  std::optional<FrameField> down;     // counts the other way: raw = field - down
+  double zero = 0.0;                  // raw
+  double factor = 1.0;                // from raw to an increment of the body axis (pulses, rad, m/s), sign included
+  double low = -1e300, high = 1e300;  // raw numbers outside are impossible: the sample is flagged invalid
+  bool cumulative = false;
+  std::uint64_t modulus = 0;  // of a cumulative field; 0: 2^64
+  bool pulses = false;        // whole numbers
 };
 
 struct FrameScalar {
@@ -72,8 +68,7 @@ struct FrameVariant {
   std::size_t length = 0;  // of the whole frame
   bool has_gyro = true;    // a unit may send gyros and accelerometers apart
   bool has_accel = true;
-  FrameTriad gyro;
-  FrameTriad accel;
+  std::array<FrameValue, 6> values;  // gyro x y z, accel x y z of the body axes; those that it carries
   std::optional<FrameScalar> temperature;
   std::optional<FrameCounter> counter;
   std::vector<FrameStatus> status;
@@ -102,8 +97,8 @@ struct FrameDescription {
   SerialSettings line;            // device is left empty
   std::vector<LineSource> lines;  // of the file: where each comes from
 
-  const FrameTriad& gyro() const { return variants.front().gyro; }
-  const FrameTriad& accel() const { return variants[split ? 1 : 0].accel; }
+  const FrameValue& gyro() const { return variants.front().values[0]; }
+  const FrameValue& accel() const { return variants[split ? 1 : 0].values[3]; }
   bool has_temperature() const;
   // Period, increment kinds, pulse weight, temperature. Site, serial and `simulated` are left as they are.
   void describe(RecordingInfo& info) const;

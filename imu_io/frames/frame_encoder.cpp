@@ -20,21 +20,23 @@ double modulo(double value, double modulus) {
 
 }  // namespace
 
-FrameEncoder::FrameEncoder(const FrameDescription& frame) : frame_(frame), crc_(frame.check.crc), plain_(length()) {
-  for (std::size_t k = 0; k < (frame.split ? 2U : 1U); ++k)
-    elements_.push_back(frame_elements(frame.variants[k], frame.sample_period_s));
+FrameEncoder::FrameEncoder(const FrameDescription& frame) : frame_(frame), crc_(frame.check.crc), plain_(length()) {}
+
+std::span<const FrameVariant> FrameEncoder::used() const {
+  return std::span(frame_.variants).first(frame_.split ? 2 : 1);
 }
 
 std::size_t FrameEncoder::length() const {
-  return frame_.variants[0].length + (frame_.split ? frame_.variants[1].length : 0);
+  std::size_t bytes = 0;
+  for (const FrameVariant& variant : used()) bytes += variant.length;
+  return bytes;
 }
 
 Status FrameEncoder::encode(const ImuSample& sample, std::span<std::byte> out) {
   assert(out.size() >= length());
-  for (std::size_t k = 0; k < elements_.size(); ++k) {
-    const std::size_t length = frame_.variants[k].length;
-    TRY(encode_variant(k, sample, out.first(length)));
-    out = out.subspan(length);
+  for (const FrameVariant& variant : used()) {
+    TRY(encode_variant(variant, sample, out.first(variant.length)));
+    out = out.subspan(variant.length);
   }
   return {};
 }
@@ -42,17 +44,15 @@ Status FrameEncoder::encode(const ImuSample& sample, std::span<std::byte> out) {
 Status FrameEncoder::append(const ImuSample& sample, std::vector<std::byte>& out) {
   TRY(encode(sample, plain_));
   std::span<const std::byte> remaining = plain_;
-  for (std::size_t k = 0; k < elements_.size(); ++k) {
-    const std::size_t length = frame_.variants[k].length;
-    append_stuffed(frame_.stuffing, remaining.first(length), frame_.sync.size(), frame_.tail.size(), out);
-    remaining = remaining.subspan(length);
+  for (const FrameVariant& variant : used()) {
+    append_stuffed(frame_.stuffing, remaining.first(variant.length), frame_.sync.size(), frame_.tail.size(), out);
+    remaining = remaining.subspan(variant.length);
   }
   return {};
 }
 
 // False: it does not fit the field.
-bool FrameEncoder::put(std::size_t variant, std::size_t i, double value, std::byte* out) {
-  const FrameElement& element = elements_[variant][i];
+bool FrameEncoder::put(const FrameValue& element, std::size_t i, double value, std::byte* out) {
   const FrameField& field = element.field;
   const std::optional<FrameField>& down = element.down;
   const double exact = value / element.factor + element.zero + left_[i];
@@ -78,8 +78,7 @@ bool FrameEncoder::put(std::size_t variant, std::size_t i, double value, std::by
   return fits;
 }
 
-Status FrameEncoder::encode_variant(std::size_t which, const ImuSample& sample, std::span<std::byte> out) {
-  const FrameVariant& variant = frame_.variants[which];
+Status FrameEncoder::encode_variant(const FrameVariant& variant, const ImuSample& sample, std::span<std::byte> out) {
   std::fill(out.begin(), out.end(), std::byte{0});
   if (variant.multiplexer && variant.temperature && variant.temperature->when)
     variant.multiplexer->put_bits(out.data(), *variant.temperature->when);
@@ -96,7 +95,7 @@ Status FrameEncoder::encode_variant(std::size_t which, const ImuSample& sample, 
   };
   for (std::size_t i = variant.has_gyro ? 0 : 3; i < (variant.has_accel ? 6U : 3U); ++i) {
     const double value = i < 3 ? sample.gyro[i] : sample.accel[i - 3];
-    if (!put(which, i, value, out.data()))
+    if (!put(variant.values[i], i, value, out.data()))
       return refuse(fmt::format("{} {}", i < 3 ? "gyro" : "accelerometer", "xyz"[i % 3]), value);
   }
   if (variant.temperature && std::isfinite(sample.temperature_c)) {

@@ -15,7 +15,6 @@
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
 #include "imu_io/frames/frame_description.h"
-#include "imu_io/frames/frame_values.h"
 
 namespace turncal {
 
@@ -29,14 +28,14 @@ class FrameEncoder {
   Status append(const ImuSample& sample, std::vector<std::byte>& out);
 
  private:
-  Status encode_variant(std::size_t variant, const ImuSample& sample, std::span<std::byte> out);
-  bool put(std::size_t variant, std::size_t i, double value, std::byte* out);
+  std::span<const FrameVariant> used() const;
+  Status encode_variant(const FrameVariant& variant, const ImuSample& sample, std::span<std::byte> out);
+  bool put(const FrameValue& element, std::size_t i, double value, std::byte* out);
 
   FrameDescription frame_;
   Crc crc_;
-  std::vector<std::array<FrameElement, 6>> elements_;  // of the variants that are used
-  std::array<double, 6> left_{};                       // what rounding left out
-  std::array<std::uint64_t, 12> total_{};              // of cumulative fields, then of what counts the other way
+  std::array<double, 6> left_{};           // what rounding left out
+  std::array<std::uint64_t, 12> total_{};  // of cumulative fields, then of what counts the other way
   std::vector<std::byte> plain_;
 };
 

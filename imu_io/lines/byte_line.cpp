@@ -176,13 +176,7 @@ Result<std::size_t> ByteLine::receive(std::span<std::byte> out) {
 Result<std::size_t> ByteLine::read(std::span<std::byte> out, double timeout_s) {
   if (kind_ == LineKind::serial) return port_.read(out, timeout_s);
   if (socket_ < 0) return device_error(device_ + ": read while closed");
-  const Deadline deadline(timeout_s);
-  for (;;) {
-    const Result<std::size_t> n = receive(out);
-    if (!n || *n > 0) return n;
-    if (deadline.passed()) return std::size_t{0};
-    wait_ready(socket_, POLLIN, deadline.left_ms());
-  }
+  return read_until(device_, Deadline(timeout_s), socket_, [&] { return receive(out); });
 }
 
 Status ByteLine::write_all(std::span<const std::byte> data, double timeout_s) {

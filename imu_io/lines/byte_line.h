@@ -78,6 +78,17 @@ using Addresses = std::unique_ptr<addrinfo, void (*)(addrinfo*)>;
 Result<Addresses> look_up(const std::string& device, const std::string& host, const std::string& port, int family,
                           int socket_type);
 
+// Calls receive(), which is a Result of how many bytes came, until some did; 0: none in time.
+template <class Receive>
+Result<std::size_t> read_until(const std::string& device, const Deadline& deadline, int descriptor, Receive receive) {
+  for (;;) {
+    const Result<std::size_t> n = receive();
+    if (!n || *n > 0 || deadline.passed()) return n;
+    if (wait_ready(descriptor, POLLIN, deadline.left_ms()) < 0 && errno != EINTR)
+      return line_error(device, "cannot wait", errno);
+  }
+}
+
 // Calls write(data) until all of it has gone: 0; not_in_time, and `data` is what is left; or the number of the error.
 inline constexpr int not_in_time = -1;
 template <class Write>

@@ -17,7 +17,6 @@
 #include <unistd.h>
 
 #include <cmath>
-#include <cstring>
 
 #include "imu_io/lines/byte_line.h"
 
@@ -95,19 +94,13 @@ Status SerialPort::configure(const SerialSettings& settings) {
 Result<std::size_t> SerialPort::read(std::span<std::byte> out, double timeout_s) {
   if (fd_ < 0) return device_error(device_ + ": read while closed");
   if (out.empty()) return std::size_t{0};
-  const Deadline deadline(timeout_s);
-  for (;;) {
-    const int ready = wait_ready(fd_, POLLIN, deadline.left_ms());
-    if (ready < 0 && errno != EINTR) return line_error(device_, "cannot wait", errno);
-    if (ready <= 0 && deadline.passed()) return std::size_t{0};
-    if (ready <= 0) continue;
-    if ((ready & POLLNVAL) != 0) return device_error(device_ + ": not open");
+  return read_until(device_, Deadline(timeout_s), fd_, [&]() -> Result<std::size_t> {
     const ssize_t n = ::read(fd_, out.data(), out.size());
     if (n > 0) return static_cast<std::size_t>(n);
     if (n == 0 || is_unplugged(errno)) return device_error(device_ + ": unplugged");
     if (errno != EINTR && errno != EAGAIN) return line_error(device_, "cannot read", errno);
-    if (deadline.passed()) return std::size_t{0};
-  }
+    return std::size_t{0};
+  });
 }
 
 Status SerialPort::write_all(std::span<const std::byte> data, double timeout_s) {

@@ -3,8 +3,8 @@
 // The port is opened with O_NOCTTY | O_NONBLOCK | O_CLOEXEC and locked twice: flock() keeps every other turncal out, root's
 // too, and TIOCEXCL keeps out other users' programs that do not ask for locks. termios2 with BOTHER sets any rate; the rate
 // is read back and must be within 3 % (half a bit in the ten of a character is 5 %).
-// Errors have kind device and name the device and what was being done. A port that was unplugged (hang-up, or 0 bytes where
-// poll() promised some) is an error of read and write; the port is then only good for close(). Use /dev/serial/by-id names:
+// Errors have kind device and name the device and what was being done. A port that was unplugged (hang-up, or an end of the
+// file) is an error of read and write; the port is then only good for close(). Use /dev/serial/by-id names:
 // an adapter that comes back may have become ttyUSB1.
 // Not modelled: hardware and software flow control (both off), break, modem lines (ignored: CLOCAL).
 #pragma once

@@ -11,9 +11,7 @@
 
 #include <array>
 #include <cerrno>
-#include <cstring>
 #include <optional>
-#include <utility>
 
 #include "imu_io/base/clock.h"
 #include "imu_io/lines/byte_line.h"

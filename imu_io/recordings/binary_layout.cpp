@@ -340,14 +340,6 @@ void decode_samples(const SampleChunk& chunk, const RecordingInfo& info, std::ve
   decode_triples(chunk.accel, info.accel_increment, &ImuSample::accel, out);
 }
 
-void append_end(std::vector<std::byte>& out, std::uint64_t samples) { append_bytes(out, samples); }
-
-std::optional<std::uint64_t> parse_end(std::span<const std::byte> payload) {
-  ByteReader reader(payload);
-  const auto samples = reader.get<std::uint64_t>();
-  return reader.at_end() ? std::optional(samples) : std::nullopt;
-}
-
 Result<RecordingScan> scan_recording(const PosixFile& file, std::optional<std::int64_t> last_end_sample) {
   const std::uint64_t size = TRY(file.size());
   if (size == 0) return input_error(file.path() + ": empty file: expected a recording");
@@ -383,8 +375,10 @@ Result<RecordingScan> scan_recording(const PosixFile& file, std::optional<std::i
         scan.sample_count += chunk->count;
       }
     } else if (good && type == RecordType::end) {
-      declared_samples = parse_end(record.payload);
-      good = declared_samples.has_value();
+      ByteReader reader(record.payload);
+      const auto samples = reader.get<std::uint64_t>();
+      good = reader.at_end();
+      if (good) declared_samples = samples;
     } else {
       good = false;
     }

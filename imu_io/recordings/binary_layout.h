@@ -58,22 +58,19 @@ struct SampleChunk {
 std::optional<SampleChunk> parse_samples(std::span<const std::byte> payload, const RecordingInfo& info);
 void decode_samples(const SampleChunk& chunk, const RecordingInfo& info, std::vector<ImuSample>& out);
 
-void append_end(std::vector<std::byte>& out, std::uint64_t samples);
-std::optional<std::uint64_t> parse_end(std::span<const std::byte> payload);
-
 // One pass over the file with every checksum checked.
 struct RecordingScan {
-  RecordingInfo info;
-  Segments segments;                    // contiguous; lost ones stand in as rotate
-  std::optional<Segment> open_segment;  // begun, not ended
-  std::vector<Segment> set_aside;
+  RecordingInfo info{};
+  Segments segments{};                    // contiguous; lost ones stand in as rotate
+  std::optional<Segment> open_segment{};  // begun, not ended
+  std::vector<Segment> set_aside{};
   std::uint64_t sample_count = 0;
   std::int64_t first_counter = 0;  // when sample_count > 0
   std::int64_t last_counter = 0;
   std::uint64_t good_end = 0;    // just after the last whole record
   std::uint64_t closed_end = 0;  // just after the last segment end (not beyond last_end_sample), or the info records
   std::uint32_t next_number = 0;
-  RecordingDamage damage;
+  RecordingDamage damage{};
 };
 Result<RecordingScan> scan_recording(const PosixFile& file, std::optional<std::int64_t> last_end_sample = {});
 

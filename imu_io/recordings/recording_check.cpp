@@ -9,7 +9,6 @@
 #include "calib/model/parameters.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/key_value.h"
 #include "imu_io/base/text_pieces.h"
 
 namespace turncal {

@@ -15,7 +15,6 @@
 #include <span>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"

@@ -7,13 +7,13 @@
 
 #include <fmt/format.h>
 
-#include "imu_io/recordings/binary_layout.h"
+#include "imu_io/base/bytes.h"
 #include "imu_io/recordings/recording_check.h"
 
 namespace turncal {
 
-RecordingWriter::RecordingWriter(PosixFile file, const RecordingInfo& info)
-    : written_(XXH32_createState()), file_(std::move(file)), info_(info) {
+RecordingWriter::RecordingWriter(PosixFile file, RecordingScan held)
+    : written_(XXH32_createState()), file_(std::move(file)), held_(std::move(held)) {
   XXH32_reset(written_.get(), 0);
   pending_.reserve(block_samples);
 }
@@ -50,7 +50,8 @@ Status RecordingWriter::check_usable() const {
 template <class AppendPayload>
 Status RecordingWriter::write_record(RecordType type, AppendPayload append_payload) {
   bytes_.clear();
-  const std::size_t begun = begin_record(bytes_, recording_magic, static_cast<std::uint32_t>(type), next_number_++);
+  const std::size_t begun =
+      begin_record(bytes_, recording_magic, static_cast<std::uint32_t>(type), held_.next_number++);
   append_payload(bytes_);
   end_record(bytes_, begun);
   Status status = file_.write_all(bytes_);
@@ -65,15 +66,15 @@ Status RecordingWriter::write_segment(RecordType type, const Segment& segment) {
 
 Status RecordingWriter::write_pending() {
   if (pending_.empty()) return {};
-  Status status =
-      write_record(RecordType::samples, [&](std::vector<std::byte>& out) { append_samples(out, pending_, info_); });
+  Status status = write_record(RecordType::samples,
+                               [&](std::vector<std::byte>& out) { append_samples(out, pending_, held_.info); });
   pending_.clear();
   return status;
 }
 
 Result<RecordingWriter> RecordingWriter::create(const std::string& path, const RecordingInfo& info) {
   TRY(check_info(info, path));
-  RecordingWriter writer(TRY(PosixFile::create_new(path)), info);
+  RecordingWriter writer(TRY(PosixFile::create_new(path)), {.info = info});
   TRY(writer.file_.lock_exclusive());
   // Twice, because without it nothing else can be read: one damaged record must not cost the recording.
   for (int copy = 0; copy < 2; ++copy)
@@ -100,14 +101,8 @@ Result<RecordingWriter> RecordingWriter::reopen(const std::string& path, OpenSeg
   TRY(file.seek(end));
   TRY(file.sync());
 
-  RecordingWriter writer(std::move(file), scan.info);
+  RecordingWriter writer(std::move(file), std::move(scan));
   TRY(writer.hash_file(end));
-  writer.segments_ = std::move(scan.segments);
-  writer.open_segment_ = scan.open_segment;
-  writer.sample_count_ = scan.sample_count;
-  writer.first_counter_ = scan.first_counter;
-  writer.last_counter_ = scan.last_counter;
-  writer.next_number_ = scan.next_number;
   return writer;
 }
 
@@ -117,7 +112,7 @@ Status RecordingWriter::check_reopens(const std::string& path, std::int64_t end_
   const RecordingScan scan = TRY(scan_recording(file, end_sample));
   const bool ends_there = std::any_of(scan.segments.begin(), scan.segments.end(),
                                       [end_sample](const Segment& one) { return one.end_sample == end_sample; });
-  RecordingWriter kept(std::move(file), scan.info);
+  RecordingWriter kept(std::move(file), {.info = scan.info});
   TRY(kept.hash_file(scan.closed_end));
   const bool damaged = scan.damage.lost_data();
   if (ends_there && (written ? kept.hash() == *written : !damaged)) return {};
@@ -129,25 +124,28 @@ Status RecordingWriter::check_reopens(const std::string& path, std::int64_t end_
 
 Status RecordingWriter::begin_segment(const Segment& segment) {
   TRY(check_usable());
-  if (open_segment_) return refusal("a segment begins before the one before has ended");
-  if (!segments_.empty() && segment.start_sample != segments_.back().end_sample)
+  if (held_.open_segment) return refusal("a segment begins before the one before has ended");
+  if (!held_.segments.empty() && segment.start_sample != held_.segments.back().end_sample)
     return refusal(fmt::format("segment start_sample = '{}': expected {}, where the one before ended",
-                               segment.start_sample, segments_.back().end_sample));
+                               segment.start_sample, held_.segments.back().end_sample));
   if (!has_finite_angles(segment)) return refusal("segment with an angle that is not finite");
   TRY(write_pending());
   Segment begun = segment;
   begun.end_sample = begun.start_sample;
   TRY(write_segment(RecordType::segment_begin, begun));
-  open_segment_ = begun;
+  held_.open_segment = begun;
   return {};
 }
 
 Status RecordingWriter::end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) {
   TRY(check_usable());
-  if (!open_segment_) return refusal("a segment ends that did not begin");
-  const Segment segment{open_segment_->step,         kind,
-                        open_segment_->start_sample, end_sample,
-                        angles_deg[Axis::heading],   angles_deg[Axis::pitch],
+  if (!held_.open_segment) return refusal("a segment ends that did not begin");
+  const Segment segment{held_.open_segment->step,
+                        kind,
+                        held_.open_segment->start_sample,
+                        end_sample,
+                        angles_deg[Axis::heading],
+                        angles_deg[Axis::pitch],
                         angles_deg[Axis::roll]};
   if (end_sample <= segment.start_sample)
     return refusal(
@@ -155,8 +153,8 @@ Status RecordingWriter::end_segment(SegmentKind kind, std::int64_t end_sample, c
   if (!has_finite_angles(segment)) return refusal("segment with an angle that is not finite");
   TRY(write_pending());
   TRY(write_segment(RecordType::segment_end, segment));
-  segments_.push_back(segment);
-  open_segment_.reset();
+  held_.segments.push_back(segment);
+  held_.open_segment.reset();
   return {};
 }
 
@@ -168,14 +166,14 @@ Status RecordingWriter::set_aside(const Segment& rest) {
 Status RecordingWriter::add(std::span<const ImuSample> samples) {
   TRY(check_usable());
   for (const ImuSample& sample : samples) {
-    if (sample_count_ > 0 && sample.counter <= last_counter_)
+    if (held_.sample_count > 0 && sample.counter <= held_.last_counter)
       return refusal(fmt::format("sample counter = '{}': expected more than {} of the sample before", sample.counter,
-                                 last_counter_));
-    if (const char* what = check_sample(sample, info_); what != nullptr)
+                                 held_.last_counter));
+    if (const char* what = check_sample(sample, held_.info); what != nullptr)
       return refusal(fmt::format("sample {}: {}", sample.counter, what));
-    if (sample_count_ == 0) first_counter_ = sample.counter;
-    last_counter_ = sample.counter;
-    ++sample_count_;
+    if (held_.sample_count == 0) held_.first_counter = sample.counter;
+    held_.last_counter = sample.counter;
+    ++held_.sample_count;
     pending_.push_back(sample);
     if (pending_.size() == block_samples) TRY(write_pending());
   }
@@ -193,12 +191,12 @@ Status RecordingWriter::sync() {
 
 Status RecordingWriter::finish() {
   TRY(check_usable());
-  if (open_segment_) return refusal("recording ends inside a segment");
-  if (sample_count_ == 0) return refusal("recording without samples");
-  TRY(check_segments(segments_, first_counter_, last_counter_,
+  if (held_.open_segment) return refusal("recording ends inside a segment");
+  if (held_.sample_count == 0) return refusal("recording without samples");
+  TRY(check_segments(held_.segments, held_.first_counter, held_.last_counter,
                      [&](std::size_t i) { return fmt::format("{}: segment {}", file_.path(), i + 1); }));
   TRY(write_pending());
-  TRY(write_record(RecordType::end, [&](std::vector<std::byte>& out) { append_end(out, sample_count_); }));
+  TRY(write_record(RecordType::end, [&](std::vector<std::byte>& out) { append_bytes(out, held_.sample_count); }));
   TRY(sync());
   unusable_ = true;
   return file_.close();

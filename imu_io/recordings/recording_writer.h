@@ -18,15 +18,12 @@
 #include <vector>
 
 #include "calib/types/axis.h"
-#include "calib/types/recording_types.h"
-#include "calib/types/status.h"
 #include "imu_io/base/posix_file.h"
+#include "imu_io/recordings/binary_layout.h"
 
 struct XXH32_state_s;
 
 namespace turncal {
-
-enum class RecordType : std::uint32_t;  // binary_layout.h
 
 // The usual name inside a recording's folder.
 inline constexpr const char* binary_recording_name = "recording.tcr";
@@ -68,15 +65,15 @@ class RecordingWriter {
   // Checks that the segments lie inside the samples, writes the end mark, syncs, closes.
   Status finish();
 
-  const RecordingInfo& info() const { return info_; }
-  const Segments& segments() const { return segments_; }  // ended ones
-  std::optional<Segment> open_segment() const { return open_segment_; }
-  std::uint64_t sample_count() const { return sample_count_; }
+  const RecordingInfo& info() const { return held_.info; }
+  const Segments& segments() const { return held_.segments; }  // ended ones
+  std::optional<Segment> open_segment() const { return held_.open_segment; }
+  std::uint64_t sample_count() const { return held_.sample_count; }
   std::optional<std::int64_t> first_counter() const {
-    return sample_count_ > 0 ? std::optional(first_counter_) : std::nullopt;
+    return held_.sample_count > 0 ? std::optional(held_.first_counter) : std::nullopt;
   }
   std::optional<std::int64_t> last_counter() const {
-    return sample_count_ > 0 ? std::optional(last_counter_) : std::nullopt;
+    return held_.sample_count > 0 ? std::optional(held_.last_counter) : std::nullopt;
   }
   std::uint32_t hash() const;  // XXH32 of all bytes of the file, those that reopen() found included
 
@@ -84,7 +81,7 @@ class RecordingWriter {
   struct FreeHash {
     void operator()(XXH32_state_s* state) const;
   };
-  RecordingWriter(PosixFile file, const RecordingInfo& info);
+  RecordingWriter(PosixFile file, RecordingScan held);
   Error refusal(const std::string& what) const { return input_error(file_.path() + ": " + what); }
   Status check_usable() const;
   void hash_bytes(std::span<const std::byte> some);
@@ -97,12 +94,7 @@ class RecordingWriter {
   // Not a CRC: each record ends with its own, after which the CRC of everything depends on nothing but the length.
   std::unique_ptr<XXH32_state_s, FreeHash> written_;
   PosixFile file_;
-  RecordingInfo info_;
-  Segments segments_;
-  std::optional<Segment> open_segment_;
-  std::uint64_t sample_count_ = 0;
-  std::int64_t first_counter_ = 0, last_counter_ = 0;
-  std::uint32_t next_number_ = 0;
+  RecordingScan held_;     // what was handed over
   bool unusable_ = false;  // a write failed, or finish() went through
   std::vector<ImuSample> pending_;
   std::vector<std::byte> bytes_;

@@ -1,12 +1,9 @@
 #include "imu_io/units/frame_streamer.h"
 
-#include <time.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 
 namespace turncal {
@@ -104,17 +101,6 @@ Result<std::size_t> FrameStreamer::pump(double now_s) {
   }
   TRY(answer_requests());
   return passed;
-}
-
-Status FrameStreamer::run(double seconds, const std::atomic<bool>& stop) {
-  const Deadline deadline(seconds);
-  while (!stop && !deadline.passed()) {
-    const auto passed = pump(monotonic_s());
-    if (!passed) return passed.error();
-    const timespec pause{0, 2'000'000};
-    ::nanosleep(&pause, nullptr);
-  }
-  return {};
 }
 
 }  // namespace turncal

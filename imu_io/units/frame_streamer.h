@@ -27,8 +27,6 @@ class FrameStreamer {
   Status start(double now_s);
   // How many samples' time has passed.
   Result<std::size_t> pump(double now_s);
-  // Pumps every 2 ms until `stop` is set or seconds have passed.
-  Status run(double seconds, const std::atomic<bool>& stop);
   std::uint64_t frames_sent() const { return frames_sent_; }  // to the kernel, or to nobody
   std::uint64_t batches_dropped() const { return batches_dropped_; }
 

@@ -10,7 +10,6 @@
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
 
 namespace turncal {

@@ -81,7 +81,7 @@ std::string recording(bool own_info, bool sealed) {
   append_segment(payload, segment);
   put(RecordType::segment_end, payload);
   payload.clear();
-  append_end(payload, samples.size());
+  append_bytes(payload, std::uint64_t{samples.size()});
   put(RecordType::end, payload);
   return sealed ? text_of(file) : loose;
 }

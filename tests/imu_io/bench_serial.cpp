@@ -14,7 +14,6 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/frames/frame_description.h"
 #include "imu_io/lines/unit_end.h"
-#include "imu_io/units/frame_streamer.h"
 #include "imu_io/units/serial_imu.h"
 #include "tests/imu_io/counting_source.h"
 
@@ -65,7 +64,7 @@ void capture(benchmark::State& state, double rate_hz, int length, double seconds
     must(imu.open());
     must(streamer.start(monotonic_s()));
     const std::atomic<bool> stop = false;
-    std::thread sender([&] { must(streamer.run(seconds, stop)); });
+    std::thread sender([&] { must(test::run(streamer, seconds, stop)); });
     std::array<ImuSample, 256> block;
     std::uint64_t received = 0;
     const double cpu = thread_cpu_s();

@@ -1,10 +1,12 @@
 // For tests and benchmarks: a unit whose pulses tell their counter, as many of them as time has passed.
 #pragma once
 
+#include <unistd.h>
+
 #include <algorithm>
 
-#include "imu_io/frames/frame_description.h"
-#include "imu_io/recordings/imu_source.h"
+#include "imu_io/base/clock.h"
+#include "imu_io/units/frame_streamer.h"
 
 namespace turncal::test {
 
@@ -35,5 +37,12 @@ class CountingSource : public ImuSource {
   FrameDescription frame_;
   std::int64_t next_ = 0;
 };
+
+// Pumps every 2 ms until `stop` is set or seconds have passed.
+inline Status run(FrameStreamer& streamer, double seconds, const std::atomic<bool>& stop) {
+  for (const Deadline deadline(seconds); !stop && !deadline.passed(); ::usleep(2000))
+    if (const auto passed = streamer.pump(monotonic_s()); !passed) return passed.error();
+  return {};
+}
 
 }  // namespace turncal::test

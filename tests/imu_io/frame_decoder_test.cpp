@@ -193,8 +193,8 @@ TEST(FrameDecoder, GivesBackWhatWasEncodedInAnyLayout) {
   EXPECT_TRUE(rc::check("what was encoded comes back", [] {
     const auto below = [](int end) { return *rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, end)); };
     const FrameDescription frame = laid_out(draw_layout());
-    const FrameTriad& gyro = frame.gyro();
-    const int bits = std::min(gyro.element[0].bits(), 32) - 1;
+    const FrameValue& gyro = frame.gyro();
+    const int bits = std::min(gyro.field.bits(), 32) - 1;
     std::vector<ImuSample> sent = pulse_samples(60, static_cast<unsigned>(below(1000)));
     for (std::size_t i = 0; i < sent.size(); ++i) {
       for (double& g : sent[i].gyro) g = std::trunc(g / std::ldexp(1.0, 32 - bits));  // half the width, either sign
@@ -207,7 +207,7 @@ TEST(FrameDecoder, GivesBackWhatWasEncodedInAnyLayout) {
     else
       line.feed_pieces(on_the_line(frame, sent), piece);
     // A weak check waits for the next sync; a cumulative field needs a first frame to begin from.
-    const std::size_t first = gyro.kind == FieldKind::cumulative ? 1 : 0;
+    const std::size_t first = gyro.cumulative ? 1 : 0;
     const std::size_t held = frame.check.weak() || frame.stuffing.kind == StuffingKind::cobs ? 1 : 0;
     RC_ASSERT(line.samples.size() + first + held >= sent.size());
     RC_ASSERT(line.samples.size() + first <= sent.size());

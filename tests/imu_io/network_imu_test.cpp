@@ -6,7 +6,6 @@
 #include "frame_streams.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/lines/unit_end.h"
-#include "imu_io/units/frame_streamer.h"
 #include "imu_io/units/serial_imu.h"
 #include "tests/imu_io/counting_source.h"
 #include "tests/imu_io/loopback.h"
@@ -121,7 +120,7 @@ TEST(NetworkImu, AUnitThatAnswersRequestsIsAskedAllTheWhile) {
   SerialImu imu(frame, at(folder / "imu"));
   ASSERT_OK(streamer.start(monotonic_s()));
   std::atomic<bool> ended = false;
-  std::thread unit([&] { EXPECT_TRUE(streamer.run(60.0, ended).ok()); });
+  std::thread unit([&] { EXPECT_TRUE(run(streamer, 60.0, ended).ok()); });
   ::usleep(50'000);
   EXPECT_EQ(streamer.frames_sent(), 0U) << "nobody asked";
   ASSERT_OK(imu.open());

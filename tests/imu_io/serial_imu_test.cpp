@@ -9,7 +9,6 @@
 #include "frame_streams.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/lines/unit_end.h"
-#include "imu_io/units/frame_streamer.h"
 #include "tests/imu_io/counting_source.h"
 
 namespace turncal {
@@ -231,7 +230,7 @@ TEST_F(SerialImuTest, StreamedFramesComeAtTheUnitsPace) {
   ASSERT_OK(streamer.start(began_s));
   std::atomic<bool> stop = false;
   Status sent;
-  std::thread unit([&] { sent = streamer.run(0.5, stop); });
+  std::thread unit([&] { sent = run(streamer, 0.5, stop); });
   std::array<ImuSample, 64> block;
   const Deadline deadline(0.7);
   while (!deadline.passed()) {

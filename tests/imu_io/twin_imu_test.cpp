@@ -5,8 +5,8 @@
 #include "frame_streams.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/lines/unit_end.h"
-#include "imu_io/units/frame_streamer.h"
 #include "imu_io/units/serial_imu.h"
+#include "tests/imu_io/counting_source.h"
 #include "tests/imu_io/loopback.h"
 #include "turntable_drivers/rig/rig.h"
 #include "turntable_drivers/rig/rig_devices.h"
@@ -54,7 +54,7 @@ TEST_P(TwinForms, WhatTheTwinSpeaksIsUnderstood) {
   std::atomic<bool> ended = false;
   Status sent;
   std::thread sender([&] {
-    sent = streamer.run(0.5, stop);
+    sent = test::run(streamer, 0.5, stop);
     ended = true;
   });
   std::vector<ImuSample> received;
