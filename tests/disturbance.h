@@ -33,6 +33,16 @@ struct AddedReading {
   Eigen::Vector3d gyro_radps = Eigen::Vector3d::Zero();
   Eigen::Vector3d accel_mps2 = Eigen::Vector3d::Zero();
 };
+inline AddedReading to_gyro(int axis, double radps) {
+  AddedReading added;
+  added.gyro_radps[axis] = radps;
+  return added;
+}
+inline AddedReading to_accel(int axis, double mps2) {
+  AddedReading added;
+  added.accel_mps2[axis] = mps2;
+  return added;
+}
 using Disturbance = std::function<AddedReading(const DisturbedMoment&)>;
 
 // Calls `visit(block, moment)` for every block. `truth`: of the unit.

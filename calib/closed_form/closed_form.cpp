@@ -54,6 +54,8 @@ constexpr std::array<VerticalSpec, 6> verticals = {{
     {1, 2, false, at(0, 0, 90)},
 }};
 
+constexpr double min_dwell_s = 10.0, max_misfit_deg = 5.0;
+
 // What turns a unit at rest by less: earth rate, bias and a few pulses of quantisation.
 constexpr double rest_rate_radps = 0.02 * rad_per_deg;
 constexpr double rest_angle_rad = 2e-5;
@@ -151,14 +153,6 @@ bool same_up_to_whole_turns(const AxisTriple& one, const AxisTriple& other) {
   });
 }
 
-// C_nb = Ry(-H) Rz(P) Rx(R): a table axis as the body has it, constant while the table turns about it alone.
-Eigen::Vector3d table_axis_in_body(Axis axis, const AxisTriple& angles) {
-  if (axis == Axis::roll) return Eigen::Vector3d::UnitX();
-  if (axis == Axis::heading) return -(attitude_at(angles).transpose() * Eigen::Vector3d::UnitY());
-  const Eigen::Matrix3d roll = attitude_from_angles(0.0, 0.0, angles[Axis::roll] * rad_per_deg);
-  return roll.transpose() * Eigen::Vector3d::UnitZ();
-}
-
 LegMotion navigate_leg(const CompressedRecording& recording, const std::vector<std::size_t>& first_block,
                        const Leg& leg, const SensorModel& model) {
   const Eigen::Matrix3d commanded = attitude_at(angles_of(recording.segments[leg.from]));
@@ -217,7 +211,7 @@ Result<Leg> find_leg(const Segments& segments, int step, const LegSpec& spec) {
         for (const Axis axis : all_axes) {
           if (spec.turn_deg[axis] == 0.0) continue;
           leg.turn_deg = spec.turn_deg[axis];
-          leg.axis_b = table_axis_in_body(axis, before);
+          leg.axis_b = axis_b(axis, before);
         }
         return leg;
       }
@@ -314,11 +308,8 @@ void correct_parameters(const StepMeasurement& m, Parameters& p) {
   }
 }
 
-ClosedFormLayout::ClosedFormLayout(const CompressedRecording& recording, double min_dwell_s, double max_misfit_deg)
-    : recording_(recording),
-      min_dwell_s_(min_dwell_s),
-      max_misfit_deg_(max_misfit_deg),
-      first_block_(first_blocks(recording)) {}
+ClosedFormLayout::ClosedFormLayout(const CompressedRecording& recording)
+    : recording_(recording), first_block_(first_blocks(recording)) {}
 
 Status ClosedFormLayout::find() {
   TRY(check_site(recording_));
@@ -370,17 +361,17 @@ Status ClosedFormLayout::check_static(std::size_t k, const SensorModel& model) c
     length_s += block.samples * recording_.info.sample_period_s;
     turned += model.gyro_scale * block.gyro - model.gyro_bias_radps * block.duration_s;
   }
-  if (!(length_s >= min_dwell_s_))
+  if (!(length_s >= min_dwell_s))
     return input_error(fmt::format("{}a dwell of {:.3f} s is too short, expected at least {:.0f} s", place(segment),
-                                   length_s, min_dwell_s_));
+                                   length_s, min_dwell_s));
   const Eigen::Matrix3d C_nb = attitude_at(angles_of(segment));
   turned -= C_nb.transpose() * earth_rate_n(recording_.info.latitude_deg) * length_s;
   const double turned_deg = turned.norm() / rad_per_deg;
-  if (!(turned_deg < max_misfit_deg_))
+  if (!(turned_deg < max_misfit_deg))
     return input_error(fmt::format("{}the unit turned by {:.1f} deg, expected rest", place(segment), turned_deg));
   const Eigen::Vector3d f_n = C_nb * mean_specific_force(recording_, first_block_, k, model);
   const double tilt_deg = std::atan2(std::hypot(f_n.x(), f_n.z()), f_n.y()) / rad_per_deg;
-  if (!(f_n.norm() > 0.5 * recording_.info.gravity_mps2) || !(tilt_deg < max_misfit_deg_))
+  if (!(f_n.norm() > 0.5 * recording_.info.gravity_mps2) || !(tilt_deg < max_misfit_deg))
     return input_error(
         fmt::format("{}the accelerometers feel {:.3f} m/s^2, {:.1f} deg from the vertical of these "
                     "angles; the segments do not fit the data",
@@ -398,13 +389,13 @@ Status ClosedFormLayout::check_way(const Leg& leg, const SensorModel& model) con
                       to.step, recording_.blocks[i].missing, recording_.blocks[i].start_sample));
   const LegMotion motion = navigate_leg(recording_, first_block_, leg, model);
   const double turned_deg = motion.turned_rad / rad_per_deg;
-  if (!(std::abs(turned_deg - leg.turn_deg) < max_misfit_deg_))
+  if (!(std::abs(turned_deg - leg.turn_deg) < max_misfit_deg))
     return input_error(
         fmt::format("{}the gyros felt a turn of {:.1f} deg on the way, {:.0f} were commanded; the "
                     "segments do not fit the data",
                     place(to), turned_deg, leg.turn_deg));
   const Eigen::AngleAxisd apart(attitude_at(angles_of(to)).transpose() * motion.C_nb_arrived);
-  if (!(apart.angle() / rad_per_deg < max_misfit_deg_))
+  if (!(apart.angle() / rad_per_deg < max_misfit_deg))
     return input_error(
         fmt::format("{}the navigated attitude is {:.1f} deg from these angles; the segments do not fit "
                     "the data",
@@ -418,9 +409,9 @@ ParameterDistance distance(const Parameters& one, const Parameters& other, const
           (one.n - other.n).cwiseAbs().maxCoeff() / nominal, (one.a - other.a).cwiseAbs().maxCoeff()};
 }
 
-Result<ClosedFormResult> closed_form_calibrate_with(const CompressedRecording& recording, const Parameters& start,
-                                                    const ClosedFormOptions& options, const StepCorrection& correct) {
-  ClosedFormLayout layout(recording, options.min_dwell_s, options.max_misfit_deg);
+Result<ClosedFormResult> closed_form_calibrate(const CompressedRecording& recording, const Parameters& start,
+                                               const ClosedFormOptions& options) {
+  ClosedFormLayout layout(recording);
   TRY(layout.find());
   TRY(layout.check_data(sensor_model(start, recording.info)));
 
@@ -430,7 +421,7 @@ Result<ClosedFormResult> closed_form_calibrate_with(const CompressedRecording& r
   while (result.passes < options.max_passes && !result.converged) {
     const Parameters before = parameters;
     for (int step = 1; step <= closed_form_steps; ++step)
-      correct(layout.measure(step, sensor_model(parameters, recording.info)), parameters);
+      options.correct(layout.measure(step, sensor_model(parameters, recording.info)), parameters);
     ++result.passes;
     if (!to_vector(parameters).allFinite()) {
       result.message = fmt::format("diverged in pass {}", result.passes);
@@ -446,11 +437,6 @@ Result<ClosedFormResult> closed_form_calibrate_with(const CompressedRecording& r
   result.message += fmt::format(", the last one moved N0 {:.2g} deg/h, A0 {:.2g} g, n {:.2g}, a {:.2g}",
                                 moved.gyro_bias_degph, moved.accel_bias_g, moved.gyro_matrix, moved.accel_matrix);
   return result;
-}
-
-Result<ClosedFormResult> closed_form_calibrate(const CompressedRecording& recording, const Parameters& start,
-                                               const ClosedFormOptions& options) {
-  return closed_form_calibrate_with(recording, start, options, correct_parameters);
 }
 
 }  // namespace turncal

@@ -86,7 +86,7 @@ class ClosedFormLayout {
     Eigen::Vector3d axis_b = Eigen::Vector3d::Zero();
   };
   // The recording must outlive the layout.
-  ClosedFormLayout(const CompressedRecording& recording, double min_dwell_s, double max_misfit_deg);
+  explicit ClosedFormLayout(const CompressedRecording& recording);
 
   // First of all: site, steps, dwells and legs. After an error nothing else may be called.
   Status find();
@@ -101,8 +101,6 @@ class ClosedFormLayout {
   Status check_way(const Leg& leg, const SensorModel& model) const;
 
   const CompressedRecording& recording_;
-  const double min_dwell_s_;
-  const double max_misfit_deg_;
   const std::vector<std::size_t> first_block_;
   std::vector<std::size_t> verticals_;  // segments, in the order of closed_form_verticals
   std::vector<std::vector<Leg>> legs_;  // by step number
@@ -121,8 +119,8 @@ struct ClosedFormOptions {
   int max_passes = 10;
   // Converged when a whole pass moves nothing by more than this.
   ParameterDistance tolerance = {1e-6, 1e-9, 1e-9, 1e-9};
-  double min_dwell_s = 10.0;
-  double max_misfit_deg = 5.0;
+  // Other formulas in its place: how a test shows what the printed ones give.
+  std::function<void(const StepMeasurement&, Parameters&)> correct = correct_parameters;
 };
 
 struct ClosedFormResult {
@@ -136,10 +134,5 @@ struct ClosedFormResult {
 // `start`: those of Wang (start_parameters), or anything nearer. Pure: no state, no I/O.
 Result<ClosedFormResult> closed_form_calibrate(const CompressedRecording& recording, const Parameters& start,
                                                const ClosedFormOptions& options = {});
-
-// The same with other formulas in place of correct_parameters(): how a test shows what the printed ones give.
-using StepCorrection = std::function<void(const StepMeasurement&, Parameters&)>;
-Result<ClosedFormResult> closed_form_calibrate_with(const CompressedRecording& recording, const Parameters& start,
-                                                    const ClosedFormOptions& options, const StepCorrection& correct);
 
 }  // namespace turncal

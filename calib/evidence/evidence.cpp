@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "calib/evidence/holdout.h"
-#include "calib/joint/coarser_recording.h"
 #include "calib/joint/several_recordings.h"
 #include "calib/statistics/distributions.h"
 
@@ -90,7 +89,6 @@ PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointRe
   FilterSetup setup = fit.setup;
   setup.noise = noise;
   setup.with_columns = setup.keep_steps = true;
-  setup.narrow_columns = 0;
   PiecewiseView view;
   view.recording = coarser(recording, coarseness_of_scores, setup);
   for (const int column : fit.free)

@@ -14,7 +14,7 @@ namespace turncal {
 
 // One filter pass at a fit, cut into pieces. Effects of the fit other than turn-ons are taken off in the pass.
 struct PiecewiseView {
-  CompressedRecording recording;   // coarser (coarser_recording.h)
+  CompressedRecording recording;   // coarser (joint_filter.h)
   std::vector<BlockState> states;  // of its blocks
   Pieces pieces;
   std::vector<int> columns;             // of [24 parameters, effects of the fit]: those of the system

@@ -112,13 +112,7 @@ RestFloors floors_beside(const RestSystem& system, const RestFloors& floors, con
   return estimate_floors(beside, freedom);
 }
 
-constexpr std::array floor_kinds = {&RestFloors::norm_mps2, &RestFloors::direction_rad, &RestFloors::gyro_radps};
-
-bool alike(const RestFloors& a, const RestFloors& b) {
-  return std::all_of(floor_kinds.begin(), floor_kinds.end(), [&](const auto kind) {
-    return std::abs(a.*kind - b.*kind) <= same_floors * std::max(a.*kind, b.*kind);
-  });
-}
+bool alike(const RestFloors& a, const RestFloors& b) { return ((a - b).abs() <= same_floors * a.max(b)).all(); }
 
 }  // namespace
 
@@ -195,8 +189,7 @@ Evidence weigh_rests(const RestData& data, const RestFit& fit, const std::vector
       floors = next;
     }
   };
-  RestFloors low = without;
-  for (const auto kind : floor_kinds) low.*kind *= low_floors;
+  const RestFloors low = low_floors * without;
   for (const RestFloors& start : {floors_beside(system, without, base.under, base.posterior.models.front()), low})
     if (!alike(start, without)) follow(start);
   Evidence result;

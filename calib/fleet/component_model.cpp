@@ -77,12 +77,11 @@ double criterion(const ComponentData& data, double variance, const Eigen::Matrix
 }  // namespace
 
 UnitWeights::UnitWeights(const ComponentData& data, double unit_variance) : w_(data.v.cwiseInverse()) {
-  const auto count = static_cast<Eigen::Index>(data.unit.size());
+  const Eigen::Index count = data.unit.size();
   for (Eigen::Index i = 0; i < count;) {
     Unit unit{i, 0, 0.0};
     double sum = 0.0;
-    for (; i < count && data.unit[static_cast<std::size_t>(i)] == data.unit[static_cast<std::size_t>(unit.first)];
-         ++i) {
+    for (; i < count && data.unit[i] == data.unit[unit.first]; ++i) {
       sum += w_[i];
       if (w_[i] > 0.0) log_determinant_ -= std::log(w_[i]);
     }
@@ -118,11 +117,11 @@ double recording_variance(const ComponentData& data) {
   const auto scatter = [&](double more) {
     double square = 0.0;
     degrees = 0.0;
-    const auto count = static_cast<Eigen::Index>(data.unit.size());
+    const Eigen::Index count = data.unit.size();
     for (Eigen::Index i = 0; i < count;) {
-      const int unit = data.unit[static_cast<std::size_t>(i)];
+      const int unit = data.unit[i];
       double w = 0.0, wy = 0.0, wyy = 0.0, n = 0.0;
-      for (; i < count && data.unit[static_cast<std::size_t>(i)] == unit; ++i) {
+      for (; i < count && data.unit[i] == unit; ++i) {
         if (!std::isfinite(data.v[i])) continue;
         const double own = 1.0 / (data.v[i] + more);
         w += own, wy += own * data.y[i], wyy += own * data.y[i] * data.y[i], n += 1.0;
@@ -159,7 +158,7 @@ std::vector<double> variance_components(const ComponentData& data, const std::ve
   }
   Eigen::MatrixXd Z = Eigen::MatrixXd::Zero(data.y.size(), columns);
   for (std::size_t f = 0; f < factors.size(); ++f)
-    for (Eigen::Index i = 0; i < data.y.size(); ++i) Z(i, first[f] + factors[f][static_cast<std::size_t>(i)]) = 1.0;
+    for (Eigen::Index i = 0; i < data.y.size(); ++i) Z(i, first[f] + factors[f][i]) = 1.0;
   const Eigen::MatrixXd mean = Eigen::MatrixXd::Ones(data.y.size(), 1);
   const Range range = range_of(data);
   std::vector<double> variances(factors.size() + 1, 0.0);

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "calib/fleet/fleet_selection.h"
+#include "calib/fleet/fleet_scores.h"
 #include "calib/model/limits.h"
 #include "calib/statistics/distributions.h"
 #include "calib/statistics/linear_algebra.h"
@@ -12,9 +12,177 @@
 namespace turncal {
 namespace {
 
+// ---- what is common to recordings: forward selection (1 and 2 of the header) ----
+
+struct Found {
+  std::size_t component = 0;
+  Hypothesis hypothesis;
+  FleetEstimate estimate;
+  double log10_p = std::numeric_limits<double>::infinity();
+};
+
+struct Selected {
+  Found found;
+  FleetEffect effect;
+};
+
+std::string effect_of(const std::string& component) { return component.substr(0, component.find('.')); }
+
+double log10_p(double z, double degrees) {
+  const double p = f_tail(z * z, 1.0, std::max(degrees, 1.0));
+  // Beyond what a double holds: the tail of the normal distribution.
+  return p > 1e-290 ? std::log10(p) : -(z * z) / (2.0 * std::log(10.0));
+}
+
+// The best of both kinds of one component.
+struct BestOf {
+  Found constant, shape;
+};
+BestOf best_of(const FleetScores& scores, const Hypotheses& hypotheses, std::size_t c, int factors) {
+  BestOf best;
+  // Each factor's hypotheses beside the scatter of units that all its levels leave; those of all with the first factor's.
+  for (int f = factors == 0 ? -1 : 0; f < factors; ++f) {
+    const Component component = component_of(scores, c, f);
+    if (component.degrees < 3.0) continue;
+    const auto look = [&](const HypothesisList& l, Found& found) {
+      const std::vector<FleetEstimate> estimates = component.test(l.X);
+      for (std::size_t k = 0; k < l.list.size(); ++k) {
+        const Hypothesis& h = l.list[k];
+        if (h.factor < 0 ? f > 0 || scores.is_parameter(c) : h.factor != f) continue;
+        const double p = log10_p(estimates[k].z, component.degrees);
+        if (p < found.log10_p) found = {c, h, estimates[k], p};
+      }
+    };
+    look(hypotheses.constant, best.constant);
+    look(hypotheses.shapes, best.shape);
+  }
+  return best;
+}
+
+// 95 % of when it began, by the profile of z^2 over days.
+void date_it(const FleetScores& scores, Found& found, FleetEffect& effect) {
+  const Component component = component_of(scores, found.component, found.hypothesis.factor);
+  double first = std::numeric_limits<double>::infinity(), last = -first;
+  for (std::size_t i = 0; i < scores.size(); ++i) {
+    const double day = scores.member(i).day;
+    if (scores.level_of(found.hypothesis.factor)[i] != found.hypothesis.level || !std::isfinite(day)) continue;
+    first = std::min(first, day);
+    last = std::max(last, day);
+  }
+  constexpr int points = 400;
+  std::vector<double> days;
+  Eigen::MatrixXd X(scores.size(), points);
+  Hypothesis h = found.hypothesis;
+  for (int k = 0; k < points; ++k) {
+    h.begin_day = first + (last - first) * k / points;
+    days.push_back(h.begin_day);
+    X.col(k) = column_of(scores, h);
+  }
+  const std::vector<FleetEstimate> profile = component.test(X);
+  for (std::size_t k = 0; k < days.size(); ++k)
+    if (std::abs(profile[k].z) > std::abs(found.estimate.z))
+      found.estimate = profile[k], found.hypothesis.begin_day = days[k];
+  const double least = found.estimate.z * found.estimate.z - fleet_limits.interval;
+  effect.begin_day = effect.begin_low = effect.begin_high = found.hypothesis.begin_day;
+  for (std::size_t k = 0; k < days.size(); ++k) {
+    if (profile[k].z * profile[k].z < least) continue;
+    effect.begin_low = std::min(effect.begin_low, days[k]);
+    effect.begin_high = std::max(effect.begin_high, days[k] + (last - first) / points);
+  }
+}
+
+void apply(FleetScores& scores, const Found& found, double value) {
+  const Eigen::VectorXd x = column_of(scores, found.hypothesis);
+  for (std::size_t i = 0; i < scores.size(); ++i)
+    if (x[i] != 0.0) scores.subtract(i, found.component, value * x[i]);
+}
+
+// Other effects that would do about as well where this one is, with the scores from before it was taken off.
+std::vector<std::string> rivals_of(const FleetScores& scores, const std::vector<BestOf>& best, const Found& found,
+                                   const std::vector<std::string>& factors) {
+  std::vector<std::string> rivals;
+  const double least = found.estimate.z * found.estimate.z - SelectionLimits{}.bic_margin;
+  const std::string own = effect_of(scores.components()[found.component]);
+  for (std::size_t c = 0; c < best.size(); ++c) {
+    const std::string name = effect_of(scores.components()[c]);
+    const bool same = c == found.component;
+    if (!same && name == own) continue;
+    for (const Found* other : {&best[c].constant, &best[c].shape}) {
+      const Hypothesis& h = other->hypothesis;
+      const bool here = h.factor == found.hypothesis.factor && h.level == found.hypothesis.level;
+      if (other->estimate.z * other->estimate.z < least || (same && here)) continue;
+      std::string text = same ? scores.components()[c] : name;
+      if (!here && h.factor < 0) text += " of all";
+      if (!here && h.factor >= 0) text += " of " + factors[h.factor] + " " + scores.levels(h.factor)[h.level];
+      if (std::find(rivals.begin(), rivals.end(), text) == rivals.end()) rivals.push_back(text);
+    }
+  }
+  return rivals;
+}
+
+// Each of those chosen again beside the others.
+void settle(FleetScores& scores, std::vector<Selected>& chosen) {
+  for (int round = 0; round < 3; ++round)
+    for (Selected& s : chosen) {
+      apply(scores, s.found, -s.found.estimate.value);
+      s.found.estimate = component_of(scores, s.found.component, s.found.hypothesis.factor)
+                             .test(column_of(scores, s.found.hypothesis))
+                             .front();
+      apply(scores, s.found, s.found.estimate.value);
+    }
+}
+
+// What was found is off the scores when this returns; d.tests is set.
+std::vector<Selected> select_common(FleetScores& scores, const std::vector<std::string>& factors, bool with_shapes,
+                                    FleetDiagnosis& d) {
+  std::vector<Selected> chosen;
+  const Hypotheses hypotheses = all_hypotheses(scores, factors);
+  const std::size_t components = scores.components().size();
+  const std::size_t constants = components * hypotheses.constant.list.size();
+  const std::size_t shapes = components * hypotheses.shapes.list.size();
+  d.tests = constants + shapes;
+  const double limit = std::log10(0.5 * fleet_limits.false_alarm);
+  while (std::ssize(chosen) < fleet_limits.most_effects) {
+    std::vector<BestOf> best;
+    for (std::size_t c = 0; c < components; ++c)
+      best.push_back(best_of(scores, hypotheses, c, static_cast<int>(factors.size())));
+    const auto strongest = [&](auto member, std::size_t tests) {
+      Found found = *std::min_element(best.begin(), best.end(), [&](const BestOf& a, const BestOf& b) {
+        return (a.*member).log10_p < (b.*member).log10_p;
+      }).*member;
+      found.log10_p += std::log10(static_cast<double>(tests));
+      return found;
+    };
+    const Found constant = strongest(&BestOf::constant, constants);
+    const Found shape = strongest(&BestOf::shape, std::max(shapes, components));
+    const bool changes =
+        with_shapes && shape.log10_p < limit &&
+        shape.estimate.z * shape.estimate.z > constant.estimate.z * constant.estimate.z + fleet_limits.shape_margin;
+    Found found = changes ? shape : constant;
+    if (found.log10_p >= limit) break;
+    FleetEffect effect;
+    effect.component = scores.components()[found.component];
+    if (const int f = found.hypothesis.factor; f >= 0) {
+      effect.factor = factors[f];
+      effect.level = scores.levels(f)[found.hypothesis.level];
+    }
+    effect.shape = found.hypothesis.shape;
+    effect.log10_p = found.log10_p;
+    effect.rivals = rivals_of(scores, best, found, factors);
+    effect.recordings = (column_of(scores, found.hypothesis).array() != 0.0).count();
+    if (changes) date_it(scores, found, effect);
+    apply(scores, found, found.estimate.value);
+    chosen.push_back({found, effect});
+    settle(scores, chosen);
+  }
+  return chosen;
+}
+
+// ---- units that stand out (3) ----
+
 struct Deviation {
   std::size_t member = 0, component = 0;
-  double value = 0.0, sigma = 0.0, z = 0.0;
+  FleetEstimate estimate;
 };
 
 double median_of(std::vector<double> values) { return values.empty() ? 0.0 : median(values); }
@@ -24,50 +192,41 @@ std::vector<Deviation> worst_deviations(const FleetScores& scores) {
   std::vector<Deviation> worst(scores.size());
   for (std::size_t c = 0; c < scores.effects(); ++c) {
     const ComponentData d = scores.data(c);
-    std::vector<double> away, sigma;
+    std::vector<double> away, variance;
     for (Eigen::Index i = 0; i < d.y.size(); ++i) {
-      if (!(d.v[i] < std::numeric_limits<double>::infinity())) continue;
+      if (!std::isfinite(d.v[i])) continue;
       away.push_back(std::abs(d.y[i]));
-      sigma.push_back(d.v[i]);
+      variance.push_back(d.v[i]);
     }
     if (away.size() < 4) continue;
     const double scatter = 1.4826 * median_of(away);
-    const double more = std::max(0.0, scatter * scatter - median_of(sigma));
-    for (Eigen::Index i = 0; i < d.y.size(); ++i) {
+    const double more = std::max(0.0, scatter * scatter - median_of(variance));
+    for (std::size_t i = 0; i < worst.size(); ++i) {
       const double s = std::sqrt(d.v[i] + more), z = d.y[i] / s;
-      Deviation& w = worst[static_cast<std::size_t>(i)];
-      if (std::isfinite(s) && std::abs(z) > std::abs(w.z)) w = {static_cast<std::size_t>(i), c, d.y[i], s, z};
+      if (std::isfinite(s) && std::abs(z) > std::abs(worst[i].estimate.z)) worst[i] = {i, c, {d.y[i], s, z}};
     }
   }
   return worst;
 }
 
-double unit_limit(const FleetScores& scores, const FleetOptions& options) {
-  return chi_square_1_limit(options.unit_false_alarm / static_cast<double>(scores.size() * scores.effects()));
+double unit_limit(const FleetScores& scores) {
+  return chi_square_1_limit(fleet_limits.unit_false_alarm / static_cast<double>(scores.size() * scores.effects()));
 }
 
-std::vector<Deviation> set_units_aside(FleetScores& scores, const FleetOptions& options) {
+std::vector<Deviation> set_units_aside(FleetScores& scores) {
   std::vector<Deviation> all;
-  const double limit = unit_limit(scores, options);
-  for (int round = 0; round < options.max_of_unit; ++round) {
-    bool any = false;
+  const double limit = unit_limit(scores);
+  for (int round = 0; round < fleet_limits.most_of_unit; ++round) {
+    const std::size_t before = all.size();
     for (const Deviation& w : worst_deviations(scores)) {
-      if (w.z * w.z < limit) continue;
-      scores.subtract(w.member, w.component, w.value);
+      if (w.estimate.z * w.estimate.z < limit) continue;
+      scores.subtract(w.member, w.component, w.estimate.value);
       scores.set_aside(w.member, w.component, true);
       all.push_back(w);
-      any = true;
     }
-    if (!any) break;
+    if (all.size() == before) break;
   }
   return all;
-}
-
-void restore(FleetScores& scores, const std::vector<Deviation>& units) {
-  for (auto w = units.rbegin(); w != units.rend(); ++w) {
-    scores.set_aside(w->member, w->component, false);
-    scores.subtract(w->member, w->component, -w->value);
-  }
 }
 
 struct Explanation {
@@ -77,19 +236,21 @@ struct Explanation {
 
 // Units that stand out hide what is common, and may pass for it; what is common makes all units of a station stand out. So one is
 // looked for beside the other until nothing changes, and first of all what is common: without what changes with time, or with it.
-Explanation search(FleetScores& scores, const FleetOptions& options, bool with_shapes, FleetDiagnosis& d) {
-  std::vector<Selected> chosen = select_common(scores, options, with_shapes, d);
-  std::vector<Deviation> units = set_units_aside(scores, options);
+Explanation search(FleetScores& scores, const std::vector<std::string>& factors, bool with_shapes, FleetDiagnosis& d) {
+  std::vector<Selected> chosen = select_common(scores, factors, with_shapes, d);
+  std::vector<Deviation> units = set_units_aside(scores);
   const bool settled = with_shapes && units.empty();  // the same would be selected again
   for (int round = 0; round < 4 && !settled; ++round) {
-    put_back(scores, chosen);
-    chosen = select_common(scores, options, true, d);
-    restore(scores, units);
-    std::vector<Deviation> again = set_units_aside(scores, options);
-    const bool same = again.size() == units.size() &&
-                      std::equal(again.begin(), again.end(), units.begin(), [](const Deviation& a, const Deviation& b) {
-                        return a.member == b.member && a.component == b.component;
-                      });
+    for (const Selected& s : chosen) apply(scores, s.found, -s.found.estimate.value);
+    chosen = select_common(scores, factors, true, d);
+    for (auto w = units.rbegin(); w != units.rend(); ++w) {
+      scores.set_aside(w->member, w->component, false);
+      scores.subtract(w->member, w->component, -w->estimate.value);
+    }
+    std::vector<Deviation> again = set_units_aside(scores);
+    const bool same = std::equal(
+        again.begin(), again.end(), units.begin(), units.end(),
+        [](const Deviation& a, const Deviation& b) { return a.member == b.member && a.component == b.component; });
     units = std::move(again);
     if (same) break;
   }
@@ -98,120 +259,95 @@ Explanation search(FleetScores& scores, const FleetOptions& options, bool with_s
 
 // What an explanation takes off chi-square, less what each part of it would have to take off to be believed by itself. Parameters
 // have no chi-square, and what they do follows the effects: they do not count.
-double worth(const Explanation& e, const FleetScores& scores, const FleetOptions& options, const FleetDiagnosis& d) {
+double worth(const Explanation& e, const FleetScores& scores, const FleetDiagnosis& d) {
   const auto effects = std::count_if(e.chosen.begin(), e.chosen.end(),
                                      [&](const Selected& s) { return !scores.is_parameter(s.found.component); });
-  return scores.explained() - static_cast<double>(e.units.size()) * unit_limit(scores, options) -
-         static_cast<double>(effects) * chi_square_1_limit(options.false_alarm / static_cast<double>(d.tests));
+  return scores.explained() - static_cast<double>(e.units.size()) * unit_limit(scores) -
+         static_cast<double>(effects) * chi_square_1_limit(fleet_limits.false_alarm / static_cast<double>(d.tests));
 }
 
-void summarise(const FleetScores& scores, const FleetOptions& options, FleetDiagnosis& d) {
+void summarise(const FleetScores& scores, int count, FleetDiagnosis& d) {
   std::vector<std::vector<int>> factors;
-  for (std::size_t f = 0; f < options.factors.size(); ++f) factors.push_back(scores.level_of(f));
+  for (int f = 0; f < count; ++f) factors.push_back(scores.level_of(f));
   for (std::size_t c = 0; c < scores.components().size(); ++c) {
     const Component one = component_of(scores, c, -1);
     ComponentSummary s;
     s.component = scores.components()[c];
     std::vector<double> sigmas;
-    for (Eigen::Index i = 0; i < one.data.v.size(); ++i)
-      if (one.data.v[i] < std::numeric_limits<double>::infinity()) sigmas.push_back(std::sqrt(one.data.v[i]));
-    s.recordings = sigmas.size();
+    for (const double v : one.data.v)
+      if (std::isfinite(v)) sigmas.push_back(std::sqrt(v));
     s.one_unit = median_of(sigmas);
-    if (s.recordings >= 3) {
-      std::vector<double> variances = variance_components(one.data, factors);
+    if (sigmas.size() >= 3) {
+      const std::vector<double> variances = variance_components(one.data, factors);
       s.unit_scatter = std::sqrt(variances.front());
-      for (std::size_t f = 0; f < factors.size(); ++f) s.factor_scatter.push_back(std::sqrt(variances[f + 1]));
-      const Component whole(one.data, level_columns(scores, -1), false);
-      const Estimate mean = whole.test(level_columns(scores, -1)).front();
-      s.mean = mean.value, s.mean_sigma = mean.sigma;
+      for (int f = 0; f < count; ++f) s.factor_scatter.push_back(std::sqrt(variances[f + 1]));
     }
-    for (std::size_t f = 0; f < factors.size(); ++f) {
-      std::vector<ComponentLevel> levels;
-      for (const Estimate& e :
-           component_of(scores, c, static_cast<int>(f)).test(level_columns(scores, static_cast<int>(f))))
-        levels.push_back({e.value, e.sigma, e.z});
-      s.levels.push_back(std::move(levels));
-    }
+    for (int f = 0; f < count; ++f) s.levels.push_back(component_of(scores, c, f).test(level_columns(scores, f)));
     d.components.push_back(std::move(s));
   }
 }
 
 // What is left at each level, in directions that do not share their noise: sum of z^2 ~ chi-square.
-void test_what_is_left(const FleetScores& scores, const FleetOptions& options, FleetDiagnosis& d) {
+void test_what_is_left(const FleetScores& scores, const std::vector<std::string>& factors, FleetDiagnosis& d) {
   if (scores.effects() == 0) return;
   const Eigen::MatrixXd Q = scores.information();
   const Eigen::VectorXd scale = Q.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const SymmetricEigen eigen = symmetric_eigen(scale.asDiagonal() * Q * scale.asDiagonal());
-  struct Level {
-    double square = 0.0, degrees = 0.0;
-  };
-  std::vector<std::vector<Level>> sums(options.factors.size());
-  double tries = 0.0;
-  for (std::size_t f = 0; f < sums.size(); ++f) {
-    sums[f].resize(scores.levels(f).size());
-    tries += static_cast<double>(sums[f].size());
-  }
   const Eigen::Index directions = (eigen.values.array() > fleet_limits.open_direction).count();
-  for (const ComponentData& data : scores.sums(scale.asDiagonal() * eigen.vectors.rightCols(directions))) {
-    for (std::size_t f = 0; f < sums.size(); ++f) {
-      const Component direction(data, level_columns(scores, static_cast<int>(f)), false);
-      const std::vector<Estimate> estimates = direction.test(level_columns(scores, static_cast<int>(f)));
-      for (std::size_t level = 0; level < sums[f].size(); ++level) {
-        const Estimate& e = estimates[level];
-        if (!(e.sigma > 0.0)) continue;
-        sums[f][level].square += e.z * e.z;
-        sums[f][level].degrees += 1.0;
+  const std::vector<ComponentData> sums = scores.sums(scale.asDiagonal() * eigen.vectors.rightCols(directions));
+  double tries = 0.0;
+  for (const std::vector<std::string>& levels : d.levels) tries += static_cast<double>(levels.size());
+  for (int f = 0; f < std::ssize(factors); ++f) {
+    const Eigen::MatrixXd X = level_columns(scores, f);
+    Eigen::ArrayXd square = Eigen::ArrayXd::Zero(X.cols()), degrees = square;
+    for (const ComponentData& data : sums) {
+      const std::vector<FleetEstimate> estimates = Component(data, X, false).test(X);
+      for (std::size_t level = 0; level < estimates.size(); ++level) {
+        if (!(estimates[level].sigma > 0.0)) continue;
+        square[level] += estimates[level].z * estimates[level].z;
+        degrees[level] += 1.0;
       }
     }
-  }
-  for (std::size_t f = 0; f < sums.size(); ++f)
-    for (std::size_t level = 0; level < sums[f].size(); ++level) {
-      const double p = std::log10(std::max(chi_square_tail(sums[f][level].square, sums[f][level].degrees), 1e-300)) +
-                       std::log10(tries);
+    for (Eigen::Index level = 0; level < X.cols(); ++level) {
+      const double p = std::log10(std::max(chi_square_tail(square[level], degrees[level]), 1e-300)) + std::log10(tries);
       if (p >= d.lack_of_fit_log10_p && !d.lack_of_fit_at.empty()) continue;
       d.lack_of_fit_log10_p = std::min(p, 0.0);
-      d.lack_of_fit_at = options.factors[f] + " " + scores.levels(f)[level];
+      d.lack_of_fit_at = factors[f] + " " + scores.levels(f)[level];
     }
+  }
 }
 
 }  // namespace
 
 const char* to_string(FleetShape shape) {
-  switch (shape) {
-    case FleetShape::constant: return "constant";
-    case FleetShape::step: return "step";
-    case FleetShape::ramp: return "ramp";
-  }
-  return "?";
+  static constexpr const char* names[] = {"constant", "step", "ramp"};
+  return names[static_cast<std::size_t>(shape)];
 }
 
 FleetDiagnosis diagnose_fleet(const std::vector<FleetMember>& members, const FleetOptions& options) {
-  FleetScores scores(members, options.factors.size());
+  const std::vector<std::string>& factors = options.factors;
+  FleetScores scores(members, factors.size());
   FleetDiagnosis d;
-  for (std::size_t f = 0; f < options.factors.size(); ++f) d.levels.push_back(scores.levels(f));
-  Explanation best = search(scores, options, true, d);
+  for (std::size_t f = 0; f < factors.size(); ++f) d.levels.push_back(scores.levels(f));
+  Explanation best = search(scores, factors, true, d);
   // Units may pass for what changes with time, and the end of a steep ramp for units: the other way round as well.
   if (!best.units.empty()) {
-    FleetScores other_scores(members, options.factors.size());
-    Explanation other = search(other_scores, options, false, d);
-    if (worth(other, other_scores, options, d) > worth(best, scores, options, d) - options.shape_margin) {
+    FleetScores other_scores(members, factors.size());
+    Explanation other = search(other_scores, factors, false, d);
+    if (worth(other, other_scores, d) > worth(best, scores, d) - fleet_limits.shape_margin) {
       scores = std::move(other_scores);
       best = std::move(other);
     }
   }
-  auto& [chosen, units] = best;
-  settle(scores, chosen);
-  for (const Selected& s : chosen) {
-    FleetEffect effect = s.effect;
-    effect.value = s.found.estimate.value;
-    effect.sigma = s.found.estimate.sigma;
-    effect.z = s.found.estimate.z;
-    d.effects.push_back(std::move(effect));
+  settle(scores, best.chosen);
+  for (Selected& s : best.chosen) {
+    static_cast<FleetEstimate&>(s.effect) = s.found.estimate;
+    d.effects.push_back(std::move(s.effect));
   }
-  for (const Deviation& w : units)
-    d.units.push_back({scores.given(w.member), scores.components()[w.component], w.value, w.sigma, w.z});
-  if (options.summary) summarise(scores, options, d);
-  test_what_is_left(scores, options, d);
+  for (const Deviation& w : best.units)
+    d.units.push_back({w.estimate, scores.given(w.member), scores.components()[w.component]});
+  if (options.summary) summarise(scores, static_cast<int>(factors.size()), d);
+  test_what_is_left(scores, factors, d);
   return d;
 }
 

@@ -7,7 +7,7 @@
 //    restricted likelihood beside all levels of that factor, and what units change by from recording to recording. p by Student's t with the units' degrees of freedom, times the number of tests (Bonferroni).
 //    The best is taken off the scores of those it is common to (s - Q beta), so that its aliases do not follow it, and all is tested again.
 // 2. The same for what began or grew at one level of a factor: a step or a ramp from a day t0 on, with half of the false alarms; a change of shape
-//    must be better than a constant by `shape_margin`. t0 has an interval by likelihood.
+//    must be better than a constant by shape_margin (limits.h). t0 has an interval by likelihood.
 // 3. Units that stand out from what is common by more than a family-wise limit, in units of their own sigma and the robust scatter of all. The
 //    component that explains most is theirs and is taken off their scores; then 1 and 2 again, until nothing changes.
 //    Begun with 1 and 2, and begun with 1 alone: of the two the better by chi-square and number of parts (Rissanen, Automatica 14 (1978) 465).
@@ -35,46 +35,37 @@ struct FleetMember {  // one recording
 
 struct FleetOptions {
   std::vector<std::string> factors = {"station"};
-  double false_alarm = 0.01;  // of a fleet without any effect, all tests of levels together
-  double unit_false_alarm = 0.01;
-  double shape_margin = 10.0;  // of z^2: "very strong" in the scale of Kass and Raftery (limits.h)
-  int max_effects = 20;
-  int max_of_unit = 4;  // effects of a unit that stands out
   bool summary = true;  // FleetDiagnosis::components
+};
+
+struct FleetEstimate {  // z from zero (of parameters: from the others)
+  double value = 0.0, sigma = 0.0, z = 0.0;
 };
 
 enum class FleetShape { constant, step, ramp };
 const char* to_string(FleetShape shape);
 
-struct FleetEffect {
-  std::string component;      // column_key(), or "parameter a11"
-  std::string factor, level;  // empty: common to all
+struct FleetEffect : FleetEstimate {  // in the component's unit; of a ramp a day
+  std::string component;              // column_key(), or "parameter a11"
+  std::string factor, level;          // empty: common to all
   FleetShape shape = FleetShape::constant;
-  double value = 0.0, sigma = 0.0;  // in the component's unit; of a ramp a day
-  double z = 0.0;
   double log10_p = 0.0;                                       // times the number of tests
   double begin_day = 0.0, begin_low = 0.0, begin_high = 0.0;  // of a step or ramp: 95 %
   std::vector<std::string> rivals;                            // other effects that would do about as well there
   std::size_t recordings = 0;
 };
 
-struct OutstandingUnit {
+struct OutstandingUnit : FleetEstimate {
   std::size_t member = 0;
   std::string component;
-  double value = 0.0, sigma = 0.0, z = 0.0;
 };
 
-struct ComponentLevel {                      // for tables and drawings: a component at a level
-  double value = 0.0, sigma = 0.0, z = 0.0;  // z from zero (of parameters: from the others)
-};
-struct ComponentSummary {
+struct ComponentSummary {  // for tables and drawings
   std::string component;
-  std::size_t recordings = 0;
-  double mean = 0.0, mean_sigma = 0.0;
-  double one_unit = 0.0;                            // sigma that one recording has, the median
-  double unit_scatter = 0.0;                        // root of sigma_b^2
-  std::vector<double> factor_scatter;               // root of sigma_f^2, of each factor
-  std::vector<std::vector<ComponentLevel>> levels;  // of each factor, in the order of FleetDiagnosis::levels
+  double one_unit = 0.0;                           // sigma that one recording has, the median
+  double unit_scatter = 0.0;                       // root of sigma_b^2
+  std::vector<double> factor_scatter;              // root of sigma_f^2, of each factor
+  std::vector<std::vector<FleetEstimate>> levels;  // of each factor, in the order of FleetDiagnosis::levels
 };
 
 struct FleetDiagnosis {

@@ -24,9 +24,9 @@ struct Gaussian {
 };
 
 Gaussian of_fleet(const std::vector<const EarlierCalibration*>& units, const std::vector<int>& free) {
-  const auto count = static_cast<Eigen::Index>(units.size()), d = static_cast<Eigen::Index>(free.size());
+  const Eigen::Index count = units.size(), d = free.size();
   Eigen::MatrixXd values(count, d);
-  for (Eigen::Index u = 0; u < count; ++u) values.row(u) = units[static_cast<std::size_t>(u)]->value(free).transpose();
+  for (Eigen::Index u = 0; u < count; ++u) values.row(u) = units[u]->value(free).transpose();
   const Eigen::VectorXd mean = values.colwise().mean();
   values.rowwise() -= mean.transpose();
   const double n = static_cast<double>(count);
@@ -48,7 +48,7 @@ std::optional<FleetPrior> fleet_prior(std::vector<EarlierCalibration> history, c
   });
   const std::vector<int> free = free_parameters();
   std::vector<const EarlierCalibration*> others, own;
-  Eigen::VectorXd change = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(free.size()));
+  Eigen::VectorXd change = Eigen::VectorXd::Zero(free.size());
   FleetPrior prior;
   std::vector<NoiseModel> noises;
   for (std::size_t i = 0; i < history.size(); ++i) {
@@ -86,12 +86,12 @@ std::optional<FleetPrior> fleet_prior(std::vector<EarlierCalibration> history, c
 
 PriorEffect use_prior(const FleetPrior& prior, JointResult& e, double false_alarm) {
   PriorEffect effect;
-  const auto count = static_cast<Eigen::Index>(e.free.size());
+  const Eigen::Index count = e.free.size();
   const ParameterVector at = to_vector(e.parameters);
   const double limit = chi_square_1_limit(false_alarm / static_cast<double>(count));
   for (Eigen::Index i = 0; i < count; ++i) {
-    const int k = e.free[static_cast<std::size_t>(i)];
-    if (!e.determined[static_cast<std::size_t>(k)]) continue;
+    const int k = e.free[i];
+    if (!e.determined[k]) continue;
     effect.from_prior[k] = (at[k] - prior.mean[k]) / std::sqrt(e.covariance(i, i) + prior.covariance(k, k));
     if (effect.from_prior[k] * effect.from_prior[k] > limit) effect.changed.push_back(k);
   }
@@ -105,11 +105,10 @@ PriorEffect use_prior(const FleetPrior& prior, JointResult& e, double false_alar
   ParameterVector value = at;
   value(e.free) -= covariance * gradient;
   for (Eigen::Index i = 0; i < count; ++i) {
-    const int k = e.free[static_cast<std::size_t>(i)];
-    effect.share[k] =
-        e.determined[static_cast<std::size_t>(k)] ? std::max(0.0, 1.0 - covariance(i, i) / e.covariance(i, i)) : 1.0;
+    const int k = e.free[i];
+    effect.share[k] = e.determined[k] ? std::max(0.0, 1.0 - covariance(i, i) / e.covariance(i, i)) : 1.0;
     e.sigma[k] = std::sqrt(covariance(i, i));
-    e.determined[static_cast<std::size_t>(k)] = true;
+    e.determined[k] = true;
   }
   e.parameters = from_vector(value);
   e.covariance = covariance;
@@ -182,7 +181,7 @@ JointResult estimate_with_noise(const CompressedRecording& recording, const Join
     again.unseen_instability = estimate.unseen_instability;
     again.covariance += again.unseen_instability;
     for (std::size_t i = 0; i < again.free.size(); ++i) {
-      const auto at = static_cast<Eigen::Index>(i);
+      const Eigen::Index at = i;
       again.sigma[again.free[i]] = std::sqrt(again.covariance(at, at));
     }
   }

@@ -1,4 +1,4 @@
-// The scores of a fleet by component, and what is taken off them. Used by fleet_diagnosis.cpp only.
+// The scores of a fleet by component, what is taken off them, and what may be common to its recordings. Used by fleet_diagnosis.cpp only.
 #pragma once
 
 #include <string>
@@ -22,7 +22,6 @@ class FleetScores {
   std::size_t effects() const { return effects_; }
   const std::vector<std::string>& levels(std::size_t factor) const { return levels_[factor]; }
   const std::vector<int>& level_of(std::size_t factor) const { return level_of_[factor]; }
-  const std::vector<int>& unit_of() const { return unit_of_; }
 
   // y and v of every recording; v is infinite where it says nothing, or was set aside.
   ComponentData data(std::size_t component) const;
@@ -39,6 +38,7 @@ class FleetScores {
 
  private:
   int column(std::size_t member, std::size_t component) const { return columns_[layout_[member]][component]; }
+  ComponentData nothing() const;
 
   std::vector<const FleetMember*> members_;
   std::vector<std::size_t> given_;
@@ -54,5 +54,39 @@ class FleetScores {
   std::vector<int> unit_of_;
   std::vector<std::vector<char>> aside_;
 };
+
+// What may be common, as a column x with a value for each recording.
+struct Hypothesis {
+  int factor = -1;  // -1: all
+  int level = 0;
+  FleetShape shape = FleetShape::constant;
+  double begin_day = 0.0;
+};
+Eigen::VectorXd column_of(const FleetScores& scores, const Hypothesis& hypothesis);
+// A column a level; of factor -1 one of ones.
+Eigen::MatrixXd level_columns(const FleetScores& scores, int factor);
+
+struct HypothesisList {
+  std::vector<Hypothesis> list;
+  Eigen::MatrixXd X;  // a column each
+};
+struct Hypotheses {
+  HypothesisList constant, shapes;
+};
+Hypotheses all_hypotheses(const FleetScores& scores, const std::vector<std::string>& factors);
+
+// One component, ready for any x: data and the scatter of units.
+struct Component {
+  // Its scatter of units is what these columns leave.
+  Component(ComponentData the_data, const Eigen::MatrixXd& beside, bool others);
+  ComponentData data;
+  bool from_others = false;  // a parameter: from the mean of those without x
+  double degrees = 0.0;
+  UnitWeights weights;
+
+  // Of each column by itself.
+  std::vector<FleetEstimate> test(const Eigen::MatrixXd& X) const;
+};
+Component component_of(const FleetScores& scores, std::size_t component, int factor);
 
 }  // namespace turncal

@@ -2,7 +2,6 @@
 
 #include <cstdio>
 
-#include "calib/joint/coarser_recording.h"
 #include "calib/joint/score_algebra.h"
 #include "calib/joint/several_recordings.h"
 #include "calib/statistics/linear_algebra.h"
@@ -23,8 +22,7 @@ UnitStatistics unit_statistics(const CompressedRecording& recording, const Joint
   const int first = parameter_count + static_cast<int>(columns.size());  // candidate
   columns.insert(columns.end(), candidates.begin(), candidates.end());
   EffectModel model = make_effect_model(columns, {recording.info.latitude_deg}, estimate.reference_temperature_c);
-  for (std::size_t k = 0; k < estimate.effects.size(); ++k)
-    model.values[static_cast<Eigen::Index>(k)] = estimate.effects[k].value;
+  for (std::size_t k = 0; k < estimate.effects.size(); ++k) model.values[k] = estimate.effects[k].value;
   FilterSetup setup = estimate.setup;
   const CompressedRecording fewer = coarser(recording, coarseness_of_scores, setup);
   const FilterResult pass = run_filter(fewer, estimate.parameters, model, setup);
@@ -35,8 +33,7 @@ UnitStatistics unit_statistics(const CompressedRecording& recording, const Joint
   u.level = estimate.normalised_rms;
   std::vector<int> base, added;
   for (int k = 0; k < parameter_count; ++k)
-    if (estimate.determined[static_cast<std::size_t>(k)] && parameter_is_free[static_cast<std::size_t>(k)])
-      base.push_back(k);
+    if (estimate.determined[k] && parameter_is_free[k]) base.push_back(k);
   for (int k = parameter_count; k < first; ++k) base.push_back(k);
   for (int k = 0; k < static_cast<int>(candidates.size()); ++k) added.push_back(first + k);
   const Scores scores = eliminate(pass.information, pass.gradient, base, added);
@@ -46,9 +43,9 @@ UnitStatistics unit_statistics(const CompressedRecording& recording, const Joint
   u.Q = scores.Q.cast<float>();
   u.moves = Eigen::MatrixXf::Zero(parameter_count, scores.s.size());
   for (std::size_t row = 0; row < base.size() && base[row] < parameter_count; ++row)
-    u.moves.row(base[row]) = moved.row(static_cast<Eigen::Index>(row)).cast<float>();
+    u.moves.row(base[row]) = moved.row(row).cast<float>();
   for (Eigen::Index k = 0; k < u.s.size(); ++k) {
-    u.columns.push_back(column_key(candidates[static_cast<std::size_t>(k)]));
+    u.columns.push_back(column_key(candidates[k]));
     if (is_visible(scores, static_cast<int>(k))) continue;
     u.s[k] = 0.0;
     u.Q.row(k).setZero();

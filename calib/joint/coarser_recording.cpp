@@ -1,9 +1,7 @@
-#include "calib/joint/coarser_recording.h"
+#include "calib/joint/joint_filter.h"
 
 #include <algorithm>
 #include <cmath>
-
-#include "calib/model/parameters.h"
 
 namespace turncal {
 namespace {
@@ -14,8 +12,7 @@ class Merger {
       : blocks_(recording.blocks),
         coarseness_(coarseness),
         setup_(setup),
-        turn_counts_(coarseness.turn_rad /
-                     std::abs(si_per_unit(recording.info)[6] * start_parameters(recording.info).n(0, 0))) {}
+        turn_counts_(coarseness.turn_rad / nominal_gyro_rad(recording.info)) {}
 
   // Where the merged block that begins at `first` ends.
   std::size_t end_of(std::size_t first) {
@@ -70,26 +67,22 @@ class Merger {
 }  // namespace
 
 CompressedRecording coarser(const CompressedRecording& recording, const Coarseness& coarseness, FilterSetup& setup) {
-  CompressedRecording result;
-  result.info = recording.info;
-  result.segments = recording.segments;
-  result.samples = recording.samples;
-  result.mean_temperature_c = recording.mean_temperature_c;
-  std::vector<char> unobserved;
-  std::vector<Break> breaks = setup.breaks;
-  Merger merger(recording, coarseness, setup);
+  CompressedRecording result{recording.info,    recording.segments,          {}, {},
+                             recording.samples, recording.mean_temperature_c};
+  const FilterSetup of_all = setup;
+  setup.unobserved.clear();
+  Merger merger(recording, coarseness, of_all);
   std::size_t cut = 0;
   for (std::size_t first = 0; first < recording.blocks.size();) {
     const std::size_t end = merger.end_of(first);
-    for (; cut < breaks.size() && breaks[cut].block < end; ++cut) breaks[cut].block = result.blocks.size();
-    if (!setup.unobserved.empty()) unobserved.push_back(setup.unobserved[first]);
+    for (; cut < setup.breaks.size() && setup.breaks[cut].block < end; ++cut)
+      setup.breaks[cut].block = result.blocks.size();
+    if (!of_all.unobserved.empty()) setup.unobserved.push_back(of_all.unobserved[first]);
     Block block = recording.blocks[first];
     for (std::size_t k = first + 1; k < end; ++k) block = merge(block, recording.blocks[k]);
     result.blocks.push_back(block);
     first = end;
   }
-  setup.breaks = std::move(breaks);
-  setup.unobserved = std::move(unobserved);
   return result;
 }
 

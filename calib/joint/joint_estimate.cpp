@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 #include <vector>
 
-#include "calib/joint/coarser_recording.h"
-#include "calib/joint/noise_fit.h"
 #include "calib/joint/several_recordings.h"
 #include "calib/model/limits.h"
 #include "calib/statistics/clipping.h"
@@ -35,6 +34,10 @@ constexpr Coarseness close_by = {8.0, 0.025};
 constexpr Coarseness for_noise = {8.0, 0.0};
 constexpr Coarseness for_noise_of_trials = {20.0, 0.0};
 
+double chi_square_an_observation(const FilterResult& pass) {
+  return pass.chi_square / static_cast<double>(std::max<std::int64_t>(pass.observations, 1));
+}
+
 class JointRun {
  public:
   JointRun(const CompressedRecording& recording, const JointOptions& options)
@@ -45,7 +48,7 @@ class JointRun {
     effects_ = make_effect_model(options.effects, {recording.info.latitude_deg}, reference_temperature_c_);
     subset_ = options.free_parameters.value_or(free_parameters());
     if (options.start_effects.size() == effects_.columns) effects_.values = options.start_effects;
-    for (int k = 0; k < effects_.columns && !options.fixed_effects; ++k) subset_.push_back(parameter_count + k);
+    for (int k = 0; k < effects_.columns; ++k) subset_.push_back(parameter_count + k);
   }
 
   JointResult run() {
@@ -56,7 +59,7 @@ class JointRun {
       return r;
     }
     const JointResult* const beside = options_.faults_of;
-    if (beside != nullptr) {
+    if (beside) {
       r.allan = beside->allan;
       r.start = beside->start;
       r.setup.headings_rad = beside->setup.headings_rad;
@@ -70,7 +73,7 @@ class JointRun {
       if (!options_.start && !options_.begins.empty()) start_of_each();
     }
     // A counter of another weight than the nominal one: the table's turns say which.
-    if (!options_.start && !options_.faults_of && recording_.info.gyro_increment == IncrementKind::pulses)
+    if (!options_.start && !beside && recording_.info.gyro_increment == IncrementKind::pulses)
       if (const double felt = felt_of_commanded(recording_);
           std::abs(felt - 1.0) > slip_nearness && clipped_turns(recording_).empty())
         r.parameters.n /= felt;
@@ -88,7 +91,7 @@ class JointRun {
       r.setup.noise = *known;
     else
       r.setup.noise = start_noise(recording_, r.allan, r.parameters);
-    if (beside != nullptr) {
+    if (beside) {
       ranges_ = beside->ranges.head<parameter_count>();
       r.faults = beside->faults;
       r.setup.breaks = beside->setup.breaks;
@@ -101,7 +104,7 @@ class JointRun {
     }
     ranges_ = r.ranges = all_ranges(ranges_, options_.effects);
 
-    if (beside != nullptr) {
+    if (beside) {
       iterate(0.3, 1, close_by);  // beside a finished fit one step is most of the way
     } else {
       const bool settled = settle();
@@ -119,16 +122,14 @@ class JointRun {
     if (options_.one_step) {
       r.converged = true;
       r.message = "one step";
-      r.undetermined.resize(static_cast<std::size_t>(solution_.undetermined.cols()));
+      r.undetermined.resize(solution_.undetermined.cols());
       r.noise = r.setup.noise;
       for (int k = 0; k < effects_.columns; ++k) r.effects.push_back({options_.effects[k], effects_.values[k], 0.0});
       return r;
     }
-    if (options_.look_for_faults && !options_.faults_of) look_for_faults();
+    if (options_.look_for_faults && !beside) look_for_faults();
     if (!options_.noise) {
-      NoiseFitOptions fit_options;
-      fit_options.bias_instability = options_.fit_bias_instability;
-      fit_options.near_start = options_.faults_of != nullptr;  // a trial beside a finished fit
+      const NoiseFitOptions fit_options{options_.fit_bias_instability, beside != nullptr};
       FilterSetup setup = r.setup;
       const CompressedRecording fewer =
           coarser(recording_, fit_options.near_start ? for_noise_of_trials : for_noise, setup);
@@ -171,52 +172,46 @@ class JointRun {
   // Gauss-Newton at the noise that is measured before the fit. Dwells of a few seconds hardly show it, and an optimum too narrow for the
   // start is missed: then it is tried again from wider ones, and what is found there is kept if it fits and, where it can be compared, fits better.
   bool settle() {
-    JointResult& r = result_;
-    const Parameters start = r.parameters;
-    const Eigen::VectorXd start_values = effects_.values;
-    const NoiseModel noise = r.setup.noise;
+    const Place start = place();
+    const NoiseModel noise = result_.setup.noise;
     const bool settled = settle_from_here();
     if (settled && misfit_ < start_limits.misfit) return true;
-    const Parameters first = r.parameters;
-    const Eigen::VectorXd first_values = effects_.values;
+    const Place first = place();
     const double first_misfit = settled ? misfit_ : std::numeric_limits<double>::infinity();
+    const auto settles_with = [&](const NoiseModel& with) {
+      result_.setup.noise = with;
+      return settle_from_here();
+    };
     for (const double louder : {5.0, 25.0}) {
-      r.parameters = start;
-      effects_.values = start_values;
+      go_to(start);
       NoiseModel wide = noise;
       wide.angle_random_walk *= louder;
       wide.velocity_random_walk *= louder;
-      const auto settles_with = [&](const NoiseModel& with) {
-        r.setup.noise = with;
-        return settle_from_here();
-      };
       const bool near = settles_with(wide) && misfit_ < start_limits.misfit;
-      const Parameters found = r.parameters;
-      const Eigen::VectorXd found_values = effects_.values;
+      const Place found = place();
       const bool stands = near && settles_with(noise);
       if (stands && misfit_ < 0.5 * first_misfit) return true;
-      r.setup.noise = noise;
+      result_.setup.noise = noise;
       if (!near || stands || settled || options_.noise) continue;
       // Even there it is too narrow: the noise is fitted from the wider one.
-      r.setup.noise = wide;
-      r.parameters = found;
-      effects_.values = found_values;
+      result_.setup.noise = wide;
+      go_to(found);
       return true;
     }
-    r.parameters = first;
-    effects_.values = first_values;
+    go_to(first);
     return settled;
   }
 
   bool settle_from_here() {
-    const Parameters start = result_.parameters;
-    const Eigen::VectorXd start_values = effects_.values;
-    if (!options_.start && !iterate(1.0, 6, far_off)) {
-      result_.parameters = start;
-      effects_.values = start_values;
-    }
+    const Place start = place();
+    if (!options_.start && !iterate(1.0, 6, far_off)) go_to(start);
     return iterate(0.3, options_.max_iterations, close_by);
   }
+
+  // Where the iteration stands: parameters and the values of the effects.
+  using Place = std::pair<Parameters, Eigen::VectorXd>;
+  Place place() const { return {result_.parameters, effects_.values}; }
+  void go_to(const Place& there) { std::tie(result_.parameters, effects_.values) = there; }
 
   // Gauss-Newton until the largest step is below `tolerance` sigma. Where directions are open, a step of their ranges is far from
   // linear and its sigma says little: a step that made things worse is taken back to a part of it, and it ends when nothing is
@@ -255,7 +250,7 @@ class JointRun {
   double improve(const FilterResult& pass) {
     ++result_.iterations;
     solution_ = solve_subset(pass.information, pass.gradient, subset_, ranges_);
-    misfit_ = pass.chi_square / static_cast<double>(std::max<std::int64_t>(pass.observations, 1));
+    misfit_ = chi_square_an_observation(pass);
     looseness_ = std::max(misfit_, 1.0);
     if (!solution_.step.allFinite()) return std::numeric_limits<double>::quiet_NaN();
     step_ = solution_.step;
@@ -292,10 +287,8 @@ class JointRun {
     const Eigen::VectorXd weight = looseness_ * Eigen::VectorXd(ranges_(subset_)).cwiseAbs2().cwiseInverse();
     ParameterVector values = to_vector(result_.parameters);
     Eigen::VectorXd gradient = pass.gradient(subset_);
-    for (std::size_t i = 0; i < subset_.size(); ++i) {
-      const Eigen::Index row = i;
-      gradient[row] += weight[row] * (value_of(subset_[i], values) - start_[row]);
-    }
+    for (std::size_t i = 0; i < subset_.size(); ++i)
+      gradient[i] += weight[i] * (value_of(subset_[i], values) - start_[i]);
     Eigen::MatrixXd information = pass.information(subset_, subset_);
     information.diagonal() += weight;
     const Eigen::MatrixXd covariance = balanced_inverse(information);
@@ -375,8 +368,7 @@ class JointRun {
     r.covariance = solution_.covariance;
     widen();
     r.noise = r.setup.noise;
-    r.normalised_rms =
-        std::sqrt(r.last.chi_square / static_cast<double>(std::max<std::int64_t>(r.last.observations, 1)));
+    r.normalised_rms = std::sqrt(chi_square_an_observation(r.last));
     r.whiteness = test_whiteness(r.last.innovations);
 
     for (Eigen::Index d = 0; d < solution_.undetermined.cols(); ++d) {
@@ -385,9 +377,9 @@ class JointRun {
       for (std::size_t i = 0; i < subset_.size(); ++i) {
         const double weight = direction[i];
         if (std::abs(weight) < determined_limits.smallest_part) continue;
-        const std::string key = subset_[i] < parameter_count ? std::string(parameter_keys[subset_[i]])
-                                                             : options_.effects[subset_[i] - parameter_count].key();
-        u.combination.emplace_back(key, weight);
+        const int k = subset_[i];
+        u.combination.emplace_back(k < parameter_count ? parameter_key(k) : options_.effects[k - parameter_count].key(),
+                                   weight);
       }
       std::sort(u.combination.begin(), u.combination.end(),
                 [](const auto& a, const auto& b) { return std::abs(a.second) > std::abs(b.second); });
@@ -431,7 +423,7 @@ Whiteness test_whiteness(const std::vector<Innovation>& innovations) {
   Whiteness w;
   w.autocorrelation = Eigen::VectorXd::Zero(lags);
   const NoiseLimits& limits = noise_limits;
-  if (innovations.size() < static_cast<std::size_t>(limits.fewest_seconds)) {
+  if (std::ssize(innovations) < limits.fewest_seconds) {
     w.message = "too few static seconds to judge";
     return w;
   }
@@ -443,14 +435,14 @@ Whiteness test_whiteness(const std::vector<Innovation>& innovations) {
   for (std::size_t i = 0; i < innovations.size(); ++i) {
     square += value(i).squaredNorm();
     raw += innovations[i].normalised.squaredNorm();
-    for (int lag = 1; lag <= lags && static_cast<std::size_t>(lag) <= i; ++lag)
-      if (innovations[i].block - innovations[i - static_cast<std::size_t>(lag)].block == static_cast<std::size_t>(lag))
-        w.autocorrelation[lag - 1] += value(i).dot(value(i - static_cast<std::size_t>(lag)));
+    for (std::size_t lag = 1; lag <= lags && lag <= i; ++lag)
+      if (innovations[i].block - innovations[i - lag].block == lag)
+        w.autocorrelation[lag - 1] += value(i).dot(value(i - lag));
   }
   w.autocorrelation /= square;
-  w.level = raw / (3.0 * static_cast<double>(innovations.size()));
-  const double worst = w.autocorrelation.cwiseAbs().maxCoeff();
   const double values = 3.0 * static_cast<double>(innovations.size());
+  w.level = raw / values;
+  const double worst = w.autocorrelation.cwiseAbs().maxCoeff();
   const double limit = std::max(limits.white_correlation, limits.of_chance / std::sqrt(values));
   const double level_spread = limits.of_chance * std::sqrt(2.0 / values);
   w.white = worst < limit && w.level > std::min(limits.white_lowest, 1.0 - level_spread) &&

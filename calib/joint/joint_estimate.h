@@ -15,15 +15,8 @@
 #include <string>
 #include <vector>
 
-#include <Eigen/Core>
-
-#include "calib/joint/joint_filter.h"
 #include "calib/joint/noise_fit.h"
 #include "calib/joint/score_algebra.h"
-#include "calib/model/effects.h"
-#include "calib/model/parameters.h"
-#include "calib/statistics/allan.h"
-#include "calib/statistics/compression.h"
 
 namespace turncal {
 
@@ -36,8 +29,7 @@ namespace turncal {
 // points. Used only as a start: the estimate linearises about it and goes on from there.
 //
 // The directions of gravity tell how the unit is mounted on the table: one of 24 orientations, or the reverse of one (the
-// accelerometers have the wrong sign, which no mounting makes). They, and how far gravity and turns are off their size,
-// say how wrong the start values can be: the plausible ranges follow from them.
+// accelerometers have the wrong sign, which no mounting makes).
 struct JointStart {
   Eigen::Matrix3d mounting = Eigen::Matrix3d::Identity();  // C_nb = C(table angles) mounting
   std::string mounting_text;  // empty: as the table's axes; "turned by 90 deg about up", ...
@@ -45,8 +37,6 @@ struct JointStart {
   double heading_rad = 0.0;   // to be added to the commanded heading; 0 when the earth's rate is not seen
   double heading_sigma_rad = 1.0;
   Eigen::Vector3d N0_degph = Eigen::Vector3d::Zero();  // 0 where below what the start should know
-  double accel_misfit = 0.0;                           // rms of |f| / g - 1 over the rests
-  double static_s = 0.0;
 };
 JointStart joint_start(const CompressedRecording& recording, const Parameters& parameters);
 
@@ -68,7 +58,6 @@ struct JointOptions {
   bool fit_bias_instability = true;
   std::vector<EffectColumn> effects;              // estimated together with the 21
   Eigen::VectorXd start_effects;                  // of the effects; default: zero
-  bool fixed_effects = false;                     // they stay at start_effects
   std::vector<EffectColumn> candidates;           // columns of the last pass only
   std::optional<double> reference_temperature_c;  // default: the mean of the recording
   std::vector<char> unobserved;                   // blocks left out (hold-out), see FilterSetup

@@ -264,8 +264,7 @@ class Filter {
 
   void flush() {
     if (buffered_ == 0) return;
-    const int narrow = std::min(setup_.narrow_columns, std::max(p_ - parameter_count, 0));
-    add_moments(buffer_.leftCols(buffered_), narrow, setup_.narrow_against, moments_);
+    add_moments(buffer_.leftCols(buffered_), moments_);
     buffered_ = 0;
   }
 
@@ -289,13 +288,10 @@ class Filter {
   FilterStep* kept_ = nullptr;
 };
 
-template <int NS>
-FilterResult run(const std::vector<LinearInterval>& intervals, const FilterSetup& setup,
-                 const std::vector<double>& weights) {
-  const Eigen::Index columns = setup.with_columns && !intervals.empty() ? intervals.front().B_psi.rows() : 0;
-  Filter<NS> filter(setup, weights, static_cast<int>(columns));
-  for (const LinearInterval& interval : intervals) filter.step(interval);
-  return filter.take();
+using AnyFilter = std::variant<Filter<6>, Filter<12>>;
+AnyFilter filter_of(const FilterSetup& setup, const std::vector<double>& weights, int columns) {
+  if (setup.noise.has_bias_instability()) return AnyFilter(std::in_place_type<Filter<12>>, setup, weights, columns);
+  return AnyFilter(std::in_place_type<Filter<6>>, setup, weights, columns);
 }
 
 }  // namespace
@@ -312,14 +308,11 @@ std::vector<FilterResult> run_filter(const CompressedRecording& recording, const
   const int columns = setup.with_columns ? parameter_count + effects.columns : 0;
   const std::vector<double> one = {1.0};
   std::vector<FilterSetup> setups(noises.size(), setup);
-  std::vector<std::variant<Filter<6>, Filter<12>>> filters;
+  std::vector<AnyFilter> filters;
   filters.reserve(noises.size());
   for (std::size_t k = 0; k < noises.size(); ++k) {
     setups[k].noise = noises[k];
-    if (noises[k].has_bias_instability())
-      filters.emplace_back(std::in_place_type<Filter<12>>, setups[k], one, columns);
-    else
-      filters.emplace_back(std::in_place_type<Filter<6>>, setups[k], one, columns);
+    filters.push_back(filter_of(setups[k], one, columns));
   }
   for (LinearInterval interval; motion.next(interval);) {
     FilterStep* const kept = setup.keep_steps && interval.still ? &motion.steps.back() : nullptr;
@@ -334,8 +327,13 @@ std::vector<FilterResult> run_filter(const CompressedRecording& recording, const
 
 FilterResult run_filter(const std::vector<LinearInterval>& intervals, const FilterSetup& setup,
                         const std::vector<double>& source_weights) {
-  return setup.noise.has_bias_instability() ? run<12>(intervals, setup, source_weights)
-                                            : run<6>(intervals, setup, source_weights);
+  const Eigen::Index columns = setup.with_columns && !intervals.empty() ? intervals.front().B_psi.rows() : 0;
+  AnyFilter filter = filter_of(setup, source_weights, static_cast<int>(columns));
+  const auto pass = [&](auto& f) {
+    for (const LinearInterval& interval : intervals) f.step(interval);
+    return f.take();
+  };
+  return std::visit(pass, filter);
 }
 
 }  // namespace turncal

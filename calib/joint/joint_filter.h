@@ -22,7 +22,6 @@
 #include "calib/model/effects.h"
 #include "calib/model/noise_model.h"
 #include "calib/statistics/block_motion.h"
-#include "calib/statistics/compression.h"
 
 namespace turncal {
 
@@ -46,15 +45,29 @@ struct FilterSetup {
   std::vector<double> headings_rad;
   bool with_columns = true;  // false: only the innovations
   bool keep_innovations = false;
-  bool keep_taken_off = false;  // to apply effects
-  bool keep_steps = false;      // for tests of lack of fit: the same filter can be run backward
-  // The last narrow_columns of the effect columns are scored one at a time: of the information among them only the
-  // diagonal is kept, and their products with the first narrow_against columns (of [24 parameters, effects]).
-  int narrow_columns = 0;
-  int narrow_against = 0;
+  bool keep_taken_off = false;   // to apply effects
+  bool keep_steps = false;       // for tests of lack of fit: the same filter can be run backward
   std::vector<Break> breaks;     // in block order
   std::vector<char> unobserved;  // a block marked 1 is not observed though it is a static second (left-out dwells)
 };
+
+// A recording in fewer blocks, for passes that need not look at every second.
+//
+// Blocks merge exactly (merge() of compression.h), so what is lost is only where in a longer interval something happened.
+// At rest the noise of the mean velocity over t seconds is that of the velocity random walk until about 20 s, from where the
+// angle random walk outweighs it: seconds in the middle of a dwell say little one by one. Those beside a turn tell the
+// velocity at its ends and stay as they are: the interval that begins s seconds after a turn, or ends s before the next,
+// is at most max(1, s) long. In turns the formulas of block_motion.h hold up to about 0.1 rad a block; where they are steady the blocks
+// are long as they come (compression.h), so what is merged here is what a turn does while it begins and ends.
+// Nothing is merged across the border of a segment, a gap, a Break or a change of FilterSetup::unobserved.
+struct Coarseness {
+  double rest_s = 8.0;    // longest interval at rest
+  double turn_rad = 0.0;  // blocks of a turn together turn the unit by this much; 0: they stay as they are
+};
+// For scores of hundreds of columns, and of pieces of rest. What is nominated is fitted on every second.
+inline constexpr Coarseness coarseness_of_scores = {8.0, 0.0};
+// `setup`: its breaks and unobserved blocks become those of the coarser recording.
+CompressedRecording coarser(const CompressedRecording& recording, const Coarseness& coarseness, FilterSetup& setup);
 
 // One static second as the filter saw it.
 struct Innovation {

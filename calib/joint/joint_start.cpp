@@ -105,7 +105,6 @@ JointStart joint_start(const CompressedRecording& recording, const Parameters& p
   Eigen::Matrix<double, 5, 5> A = Eigen::Matrix<double, 5, 5>::Zero();
   Eigen::Matrix<double, 5, 1> b = Eigen::Matrix<double, 5, 1>::Zero();
   const Vector3d earth = earth_rate_n(recording.info.latitude_deg);
-  double gravity_square = 0.0;
   std::vector<Matrix3d> attitudes;
   for (const SegmentMean& rest : rests) {
     const Matrix3d C = level(rest.C_table * start.mounting, rest.force);
@@ -114,10 +113,7 @@ JointStart joint_start(const CompressedRecording& recording, const Parameters& p
     row << Matrix3d::Identity(), C.row(0).transpose(), C.row(2).transpose();
     A += rest.t * row.transpose() * row;
     b += rest.t * row.transpose() * (rest.rate - C.row(1).transpose() * earth.y());
-    gravity_square += rest.t * std::pow(rest.force.norm() / recording.info.gravity_mps2 - 1.0, 2);
-    start.static_s += rest.t;
   }
-  start.accel_misfit = std::sqrt(gravity_square / start.static_s);
   // A rate that the rests do not separate from the earth's stays at zero: eigenvalues in seconds, of rests in two headings.
   const SymmetricEigen eigen = symmetric_eigen(A);
   Eigen::Matrix<double, 5, 1> inverse = eigen.values.cwiseMax(1e-9).cwiseInverse();

@@ -75,7 +75,6 @@ bool LinearMotion::next(LinearInterval& interval) {
 
 void LinearMotion::begin(std::size_t index, LinearInterval& interval) const {
   interval.block = index;
-  interval.blocks = 0;
   interval.t = 0.0;
   interval.begins_chain = interval.begins_recording = false;
   interval.cut_psi = interval.cut_v = 0.0;
@@ -102,7 +101,6 @@ void LinearMotion::begin_recording(std::size_t block) {
   recording_due_ = true;
   recording_begin_ = block;
   last_rotation_end_s_ = -1e9;
-  last_up_.setZero();
 }
 
 WalkNoise LinearMotion::filled_in(const Block& block) const {
@@ -113,7 +111,7 @@ WalkNoise LinearMotion::filled_in(const Block& block) const {
 }
 
 // What the neighbours did is taken for what happened in a gap; the Break beside it says how far that may be wrong.
-void LinearMotion::fill_gap(std::size_t index, Motion& m) const {
+void LinearMotion::fill_gap(std::size_t index, BlockMotion& motion) const {
   const Block& block = recording_.blocks[index];
   if (block.missing == 0) return;
   const double lost = block.missing * recording_.info.sample_period_s;
@@ -127,24 +125,21 @@ void LinearMotion::fill_gap(std::size_t index, Motion& m) const {
     force += model_.accel_scale * side.accel / side.duration_s;
     ++sides;
   }
-  if (sides == 0) return;
-  m.turn -= rate / sides * lost;
-  m.push -= force / sides * lost;
-  subtract(-rate / sides * lost, -force / sides * lost, m.motion);
+  if (sides > 0) subtract(-rate / sides * lost, -force / sides * lost, motion);
 }
 
-void LinearMotion::effects_on(std::size_t index, Motion& m) {
+void LinearMotion::effects_on(std::size_t index, BlockMotion& motion) {
   const Block& block = recording_.blocks[index];
   const double t = block.duration_s;
   BlockState s;
-  s.w_b = m.motion.rotation / t;
+  s.w_b = motion.rotation / t;
   s.f_b = model_.accel_scale * block.accel / t - model_.accel_bias_mps2;
   // Over a turn the changes of the rate add up to none, however fast the table takes it up.
   s.w_dot_b.setZero();
   if (!block.whole_second && index + 1 < recording_.blocks.size())
     s.w_dot_b = model_.gyro_scale * (recording_.blocks[index + 1].gyro_at_start - block.gyro_at_start) /
                 (t * recording_.info.sample_period_s);
-  s.C_nb = C_nb_ * rotation_exp(0.5 * m.motion.rotation);
+  s.C_nb = C_nb_ * rotation_exp(0.5 * motion.rotation);
   s.duration_s = t;
   s.recording = of_recording_;
   s.time_s = recording_.middle_s(block, recording_begin_);
@@ -157,9 +152,6 @@ void LinearMotion::effects_on(std::size_t index, Motion& m) {
   s.table_rad = 0.5 * rad_per_deg *
                 Vector3d(segment.heading_deg + from.heading_deg, segment.pitch_deg + from.pitch_deg,
                          segment.roll_deg + from.roll_deg);
-  for (int axis = 0; axis < 3; ++axis)
-    if (std::abs(s.f_b[axis]) > 0.5 * standard_gravity_mps2) last_up_[axis] = s.f_b[axis] > 0.0 ? 1.0 : -1.0;
-  s.last_up = last_up_;
   effects_.regressors(s, regressors_);
   if (p_ > 0) {
     turned_ = regressors_.gyro.transpose();
@@ -172,20 +164,17 @@ void LinearMotion::effects_on(std::size_t index, Motion& m) {
   const Vector3d turn = regressors_.gyro * effects_.values * t;
   const Vector3d push = regressors_.accel * effects_.values * t;
   if (setup_.keep_taken_off) taken_off.push_back({turn, push});
-  subtract(turn, push, m.motion);
-  m.turn += turn;
-  m.push += push;
+  subtract(turn, push, motion);
 }
 
-LinearMotion::Motion LinearMotion::block_motion(std::size_t index) {
-  Motion m;
-  m.motion = evaluate(recording_.blocks[index], model_, recording_.info.sample_period_s);
-  fill_gap(index, m);
+BlockMotion LinearMotion::block_motion(std::size_t index) {
+  BlockMotion motion = evaluate(recording_.blocks[index], model_, recording_.info.sample_period_s);
+  fill_gap(index, motion);
   if (effects_.columns > 0)
-    effects_on(index, m);
+    effects_on(index, motion);
   else if (setup_.keep_taken_off)
     taken_off.emplace_back();
-  return m;
+  return motion;
 }
 
 // What the parameters do to (psi, v) over a block. Of effects: a x b for rows a is a * skew(b), b x a is -a * skew(b).
@@ -229,7 +218,7 @@ void LinearMotion::mean_columns(const BlockMotion& motion, const Matrix3d& to_n,
 void LinearMotion::begin_rest(const Block& block, const BlockMotion& motion, LinearInterval& interval) {
   const Vector3d f_b = motion.velocity / motion.velocity.norm() * gravity_;
   if (chain_due_) {
-    const double heading = static_cast<std::size_t>(chain_) < setup_.headings_rad.size()
+    const double heading = chain_ < std::ssize(setup_.headings_rad)
                                ? setup_.headings_rad[chain_]
                                : (setup_.headings_rad.empty() ? 0.0 : setup_.headings_rad.front());
     const Segment& at = recording_.segments[block.segment];
@@ -267,17 +256,15 @@ StepTurn LinearMotion::step_turn(const BlockMotion& motion, double t) {
 }
 
 void LinearMotion::rest(LinearInterval& interval) {
-  const Motion m = block_motion(index_);
+  const BlockMotion motion = block_motion(index_);
   const Block& block = recording_.blocks[index_];
-  begin_rest(block, m.motion, interval);
+  begin_rest(block, motion, interval);
   interval.still = true;
   interval.observed = observed(index_);
   interval.noise.clear();
   interval.v_start = v_;
   ++index_;
-  ++interval.blocks;
   was_still_ = true;
-  const BlockMotion& motion = m.motion;
   const double t = interval.t = block.duration_s;
   interval.filled = filled_in(block);
   interval.time_s = static_cast<double>(block.start_sample - recording_.blocks.front().start_sample) *
@@ -335,7 +322,7 @@ void LinearMotion::turn(LinearInterval& interval) {
   const std::size_t first = index_;
   for (; index_ < recording_.blocks.size() && !still(index_) && (index_ == first || !cut_at(index_)); ++index_) {
     const Block& block = recording_.blocks[index_];
-    const BlockMotion motion = block_motion(index_).motion;
+    const BlockMotion motion = block_motion(index_);
     const double t = block.duration_s;
     const StepTurn turned = step_turn(motion, t);
     const VelocityStep move = velocity_step(C_nb_, motion, earth_, gravity_, t);
@@ -369,7 +356,6 @@ void LinearMotion::turn(LinearInterval& interval) {
     linear_C_nb_ = linear.C_end;
     v_ += move.dv_n;
     interval.t += t;
-    ++interval.blocks;
   }
 }
 

@@ -126,8 +126,7 @@ using Columns = Eigen::Matrix<double, Eigen::Dynamic, 3>;
 
 struct LinearInterval {
   std::size_t block = 0;  // the first one
-  std::size_t blocks = 1;
-  double time_s = 0.0;  // middle, from the first sample
+  double time_s = 0.0;    // middle, from the first sample
   double t = 0.0;
   // Before the interval: a chain begins (nothing before counts), or variances are added, and the navigated motion jumps.
   bool begins_chain = false, begins_recording = false;
@@ -165,13 +164,9 @@ class LinearMotion {
   std::vector<FilterStep> steps;    // of every block so far, with FilterSetup::keep_steps
 
  private:
-  struct Motion {
-    BlockMotion motion;
-    Eigen::Vector3d turn = Eigen::Vector3d::Zero(), push = Eigen::Vector3d::Zero();  // taken off: effects, gaps
-  };
-  Motion block_motion(std::size_t index);
-  void effects_on(std::size_t index, Motion& m);
-  void fill_gap(std::size_t index, Motion& m) const;
+  BlockMotion block_motion(std::size_t index);
+  void effects_on(std::size_t index, BlockMotion& motion);
+  void fill_gap(std::size_t index, BlockMotion& motion) const;
   WalkNoise filled_in(const Block& block) const;
   bool still(std::size_t index) const;
   bool observed(std::size_t index) const;
@@ -222,7 +217,6 @@ class LinearMotion {
   BlockColumns base_;
   EffectRegressors regressors_;
   double last_rotation_end_s_ = -1e9;
-  Eigen::Vector3d last_up_ = Eigen::Vector3d::Zero();
 };
 
 // Products of three columns, a row a parameter, with a 3x3 matrix: what moves the columns of all parameters together.

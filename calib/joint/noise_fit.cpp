@@ -173,6 +173,7 @@ struct Scoring {
 
 // Fisher scoring of the groups' variances, in place. It ends where the likelihood did as the quadratic promised: what is left is of the
 // order of their difference; or where -2 ln L_R is sure to stay above `enough`. `now`: the run at s, before and after.
+constexpr int most_iterations = 6;
 Scoring score(RestrictedLikelihood& likelihood, const std::vector<Group>& groups, double tau, int max_iterations,
               Variances& s, RestrictedLikelihood::Run& now, double enough = std::numeric_limits<double>::infinity()) {
   constexpr double nothing = 0.0005, little = 0.2;  // of 2 ln L: a step for so little that fails is not tried again
@@ -249,11 +250,10 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
 
   // One value a triad first: three sensors of a kind. Axes get values of their own where they demonstrably differ.
   const std::vector<Group> axes = {{0}, {1}, {2}, {3}, {4}, {5}};
-  std::vector<Group> of_walks;
-  if (options.random_walks) of_walks = {{0, 1, 2}, {3, 4, 5}};
-  if (options.random_walks && options.near_start && (differ(s.segment<3>(0)) || differ(s.segment<3>(3))))
+  std::vector<Group> of_walks = {{0, 1, 2}, {3, 4, 5}};
+  if (options.near_start && (differ(s.segment<3>(0)) || differ(s.segment<3>(3))))
     of_walks = axes;
-  else if (options.random_walks)
+  else
     for (const int k : {0, 3}) s.segment<3>(k).setConstant(s.segment<3>(k).mean());
   RestrictedLikelihood::Run now = likelihood(s);
   const auto with_instability = [&](bool gyro, bool accel) {
@@ -264,11 +264,11 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
   };
   const auto estimate = [&](bool gyro_instability, bool accel_instability,
                             double enough = std::numeric_limits<double>::infinity()) {
-    return score(likelihood, with_instability(gyro_instability, accel_instability), tau, options.max_iterations, s, now,
+    return score(likelihood, with_instability(gyro_instability, accel_instability), tau, most_iterations, s, now,
                  enough);
   };
   bool look_for_instability = options.bias_instability;
-  bool axes_may_differ = options.random_walks && !options.near_start, axes_promise_more = false;
+  bool axes_may_differ = !options.near_start, axes_promise_more = false;
   const bool none_yet = s[6] == 0.0 && s[7] == 0.0;
   // The walks alone first: six states, not twelve.
   Scoring scoring;
@@ -324,9 +324,7 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
     now = likelihood(s);
     const double surely_there = scoring.value + of_sure * noise_limits.instability_gain;
     const Scoring without = estimate(triad == 1 && kept[0], triad == 0 && kept[1], surely_there);
-    const double gain = without.value - scoring.value;
-    (triad == 0 ? fit.gyro_bias_instability_gain : fit.accel_bias_instability_gain) = gain;
-    if (gain > noise_limits.instability_gain) {
+    if (without.value - scoring.value > noise_limits.instability_gain) {
       s = with;
       now = std::move(run_with);
     } else {
@@ -334,20 +332,16 @@ NoiseFit fit_noise(const CompressedRecording& recording, const Parameters& param
       scoring = without;
     }
   }
-  if (options.random_walks) {  // sigma of a root: half the relative sigma of the variance
-    const Eigen::MatrixXd covariance = inverse(scoring.information);
-    for (std::size_t g = 0; g < of_walks.size(); ++g)
-      for (const int k : of_walks[g]) {
-        const double sigma = 0.5 * std::sqrt(covariance(g, g) / s[k]);
-        (k < 3 ? fit.sigma_angle_random_walk[k] : fit.sigma_velocity_random_walk[k - 3]) = sigma;
-      }
-  }
+  const Eigen::MatrixXd covariance = inverse(scoring.information);
+  for (std::size_t g = 0; g < of_walks.size(); ++g)  // sigma of a root: half the relative sigma of the variance
+    for (const int k : of_walks[g])
+      (k < 3 ? fit.sigma_angle_random_walk : fit.sigma_velocity_random_walk)[k % 3] =
+          0.5 * std::sqrt(covariance(g, g) / s[k]);
   const Eigen::Index count = free.size();
   fit.unseen_instability = Eigen::MatrixXd::Zero(count, count);
-  if (options.bias_instability && !options.near_start && !(kept[0] && kept[1])) {
-    for (const int triad : {0, 1})
-      if (!kept[triad]) fit.unseen_instability += unseen_instability(likelihood, now, s, triad, tau);
-  }
+  for (const int triad : {0, 1})
+    if (options.bias_instability && !options.near_start && !kept[triad])
+      fit.unseen_instability += unseen_instability(likelihood, now, s, triad, tau);
   fit.converged = scoring.converged;
   fit.evaluations = likelihood.evaluations;
   fit.noise = setup.noise;

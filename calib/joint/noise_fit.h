@@ -19,22 +19,16 @@
 // Quantisation is not fitted: the pulse is known. What is slower than the recording is not noise here but drift.
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "calib/joint/joint_filter.h"
-#include "calib/model/noise_model.h"
-#include "calib/model/parameters.h"
 #include "calib/statistics/allan.h"
-#include "calib/statistics/compression.h"
 
 namespace turncal {
 
 struct NoiseFitOptions {
-  bool random_walks = true;  // false: keep those of the start model (configured)
   bool bias_instability = true;
   bool near_start = false;  // the start model was fitted beside this: axes that agree in it are not looked at apart
-  int max_iterations = 6;
 };
 
 struct NoiseFit {
@@ -44,8 +38,6 @@ struct NoiseFit {
   // one sigma of the fitted values, in the same order and units as in NoiseModel
   Eigen::Vector3d sigma_angle_random_walk = Eigen::Vector3d::Zero();
   Eigen::Vector3d sigma_velocity_random_walk = Eigen::Vector3d::Zero();
-  double gyro_bias_instability_gain = 0.0;  // 2 (log L - log L without it)
-  double accel_bias_instability_gain = 0.0;
   Eigen::MatrixXd unseen_instability;  // dC of `free`, to be added to their covariance; file units; not near_start
   int evaluations = 0;
 };

@@ -123,7 +123,7 @@ JointResult estimate_beside(const CompressedRecording& recording, const Paramete
   const SubsetSolution solution = solve_subset(e.last.information, e.last.gradient, e.free, e.ranges);
   e.covariance = solution.covariance;
   e.unseen_instability.setZero(e.covariance.rows(), e.covariance.cols());
-  e.undetermined.assign(static_cast<std::size_t>(solution.undetermined.cols()), {});
+  e.undetermined.assign(solution.undetermined.cols(), {});
   for (std::size_t i = 0; i < e.free.size(); ++i) e.determined[e.free[i]] = solution.lost[i] == 0;
   return e;
 }

@@ -39,6 +39,12 @@ Eigen::Matrix3d attitude_at(const AxisTriple& deg) {
                               deg[Axis::roll] * rad_per_deg);
 }
 
+Eigen::Vector3d axis_b(Axis axis, const AxisTriple& at_deg) {
+  if (axis == Axis::heading) return -attitude_at(at_deg).transpose() * Eigen::Vector3d::UnitY();
+  if (axis == Axis::roll) return Eigen::Vector3d::UnitX();
+  return Eigen::AngleAxisd(-at_deg[Axis::roll] * rad_per_deg, Eigen::Vector3d::UnitX()) * Eigen::Vector3d::UnitZ();
+}
+
 std::vector<Eigen::Matrix3d> signed_axes() {
   std::vector<Eigen::Matrix3d> all;
   std::array<int, 3> axis = {0, 1, 2};

@@ -36,6 +36,8 @@ Eigen::Matrix3d left_jacobian(const Eigen::Vector3d& s);
 
 Eigen::Matrix3d attitude_from_angles(double heading_rad, double pitch_rad, double roll_rad);
 Eigen::Matrix3d attitude_at(const AxisTriple& deg);
+// The axis of a turn in the body, sense of growing angle; it stands still there while the table turns about it alone.
+Eigen::Vector3d axis_b(Axis axis, const AxisTriple& at_deg);
 inline AxisTriple angles_of(const Segment& s) { return {{s.heading_deg, s.pitch_deg, s.roll_deg}}; }
 
 // The 48 ways in which three axes stand for three others, forwards or reversed: row i has one entry, 1 or -1.

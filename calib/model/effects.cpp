@@ -42,18 +42,13 @@ class History {
 }  // namespace
 
 std::string_view to_string(Sensor sensor) {
-  static constexpr std::array<std::string_view, 3> names = {"gyro", "accelerometer", "earth rate"};
-  return names[static_cast<std::size_t>(sensor)];
+  return std::array<std::string_view, 3>{"gyro", "accelerometer", "earth rate"}[static_cast<std::size_t>(sensor)];
 }
-
 std::string_view to_string(Quantity quantity) {
-  static constexpr std::array<std::string_view, 3> names = {"bias", "scale factor", "direction"};
-  return names[static_cast<std::size_t>(quantity)];
+  return std::array<std::string_view, 3>{"bias", "scale factor", "direction"}[static_cast<std::size_t>(quantity)];
 }
-
 std::string_view to_string(Driver driver) {
-  static constexpr std::array<std::string_view, 8> names = {"time",  "temperature", "turns", "angle",
-                                                            "force", "rate",        "field", ""};
+  static constexpr std::string_view names[] = {"time", "temperature", "turns", "angle", "force", "rate", "field", ""};
   return names[static_cast<std::size_t>(driver)];
 }
 

@@ -34,7 +34,6 @@ struct BlockState {
   double temperature_c = 0.0;                           // minus the reference; 0 when not measured
   double temperature_rate_c_per_h = 0.0;                // dT/dt; 0 when not measured
   Eigen::Vector3d table_rad = Eigen::Vector3d::Zero();  // commanded heading, pitch, roll (half way in a rotation)
-  Eigen::Vector3d last_up = Eigen::Vector3d::Zero();    // sign of each f_i when it was last above half a g
   // Filled by make_effect_model(), from the blocks before: what followed f_b and temperature with the effect's time constant,
   // both taken as settled at the first sample, and the integral of w_b since then.
   Eigen::Vector3d turned_rad = Eigen::Vector3d::Zero();

@@ -112,8 +112,13 @@ struct StartLimits {
 };
 inline constexpr StartLimits start_limits;
 
-// Of many units (fleet). What is asked of tests stands in FleetOptions.
+// Of many units (fleet).
 struct FleetLimits {
+  // False alarms of a fleet without any effect: of all tests of levels together, and of units that stand out.
+  double false_alarm = 0.01, unit_false_alarm = 0.01;
+  // Of z^2, by which a change of shape is better than a constant: "very strong" in the scale of Kass and Raftery, as bic_margin.
+  double shape_margin = 10.0;
+  int most_effects = 20, most_of_unit = 4;
   // Recordings at a level before and after it changes, so that none makes a change alone.
   std::size_t least_of_shape = 8;
   // z^2 within which the day of a change lies: chi2 of one, 95 %.

@@ -13,12 +13,12 @@
 
 namespace turncal {
 
-enum class NorthAngle { heading = 0, roll = 1, pitch = 2 };  // in the order of the paper's table
+// Three angles are in this order, that of the paper's table.
 inline constexpr std::array<const char*, 3> north_angle_names = {"heading", "roll", "pitch"};
 
 struct NorthReading {
-  double table_deg = 0.0;                   // where the table stood
-  std::array<double, 3> angle_deg{};        // by NorthAngle
+  double table_deg = 0.0;  // where the table stood
+  std::array<double, 3> angle_deg{};
   std::array<double, 3> noise_sigma_deg{};  // from the noise of the sensors, of one alignment
   std::array<double, 3> total_sigma_deg{};  // and from the calibration
 };
@@ -40,7 +40,7 @@ struct NorthFigure {
 struct NorthSeeking {
   double zero_deg = 0.0;  // heading of the unit where the table stands at 0: the mean of the searches
   std::vector<NorthPosition> positions;
-  std::array<NorthFigure, 3> deviation;  // by NorthAngle
+  std::array<NorthFigure, 3> deviation;  // of each angle
   NorthFigure mean_heading;              // rms of the means from the table's angle
   double worst_heading_error_deg = 0.0;  // of a single reading, with its sign; not judged
   std::size_t searches = 0;
@@ -73,8 +73,7 @@ double near(double angle_deg, double near_deg);
 // are bound to the unit by the first row, whose errors are zero:
 //   error = unit - (reference - (reference_1 - unit_1))
 struct ReferenceRow {
-  std::array<double, 3> unit_deg{};  // by NorthAngle
-  std::array<double, 3> reference_deg{};
+  std::array<double, 3> unit_deg{}, reference_deg{};
 };
 struct ReferenceComparison {
   std::vector<std::array<double, 3>> error_deg;  // a row each

@@ -147,7 +147,7 @@ class Candidates {
     const double g = task_.info.gravity_mps2;
     const double dt = t / nodes;
     const Eigen::Matrix3d C = attitude_at(at);
-    const Eigen::Vector3d u = axis_b(axis, C, at);
+    const Eigen::Vector3d u = axis_b(axis, at);
     const auto after = [&](double angle_rad) { return Eigen::Matrix3d(C * Eigen::AngleAxisd(angle_rad, u)); };
     std::array<Rows24, nodes> until;  // integral of C delta omega to the middle of each interval
     Rows24 felt = Rows24::Zero(), v = Rows24::Zero();
@@ -260,7 +260,7 @@ class Dual {
   }
   // What says most comes in, what is not used goes.
   void bring_in(const Eigen::VectorXd& values) {
-    std::vector<int> order(static_cast<std::size_t>(values.size()));
+    std::vector<int> order(values.size());
     std::iota(order.begin(), order.end(), 0);
     const auto most = std::min<std::ptrdiff_t>(added, values.size());
     std::partial_sort(order.begin(), order.begin() + most, order.end(),

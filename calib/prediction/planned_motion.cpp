@@ -97,16 +97,6 @@ class Unit {
 
 }  // namespace
 
-Vector3d axis_b(Axis axis, const Matrix3d& C_nb, const AxisTriple& at_deg) {
-  switch (axis) {
-    case Axis::heading: return -C_nb.transpose() * Vector3d::UnitY();
-    case Axis::pitch:
-      return Eigen::AngleAxisd(-at_deg[Axis::roll] * rad_per_deg, Vector3d::UnitX()) * Vector3d::UnitZ();
-    case Axis::roll: return Vector3d::UnitX();
-  }
-  return Vector3d::UnitX();
-}
-
 double trapezoid_duration_s(double angle_deg, double rate_degps, double acceleration_degps2) {
   const double angle = std::abs(angle_deg);
   if (angle < rate_degps * rate_degps / acceleration_degps2) return 2.0 * std::sqrt(angle / acceleration_degps2);
@@ -145,7 +135,7 @@ CompressedRecording planned_recording(const RecordingInfo& info_given, const Pla
       const double duration = trapezoid_duration_s(angle_deg, item.rate_degps, item.acceleration_degps2);
       moving = std::min(item.samples, static_cast<std::int64_t>(std::ceil(duration / dt)));
     }
-    const Vector3d u = move ? axis_b(item.axis, C_nb, at_deg) : Vector3d::UnitX();
+    const Vector3d u = move ? axis_b(item.axis, at_deg) : Vector3d::UnitX();
     if (move) at_deg[item.axis] = item.to_deg;
     Segment segment{item.step,
                     move ? SegmentKind::rotate : item.dwell_kind,

@@ -42,9 +42,6 @@ struct TemperatureProfile {  // T = start + rise (1 - exp(-t/tau))
 CompressedRecording planned_recording(const RecordingInfo& info, const PlannedMotion& motion, const Parameters& unit,
                                       const std::optional<TemperatureProfile>& temperature = {});
 
-// The axis of a move in the body, sense of growing angle.
-Eigen::Vector3d axis_b(Axis axis, const Eigen::Matrix3d& C_nb, const AxisTriple& at_deg);
-
 // Angle turned after t seconds of a move by `angle_deg` (its sign included), and how long the move takes without settling.
 double trapezoid_angle_deg(double angle_deg, double rate_degps, double acceleration_degps2, double t_s);
 double trapezoid_duration_s(double angle_deg, double rate_degps, double acceleration_degps2);

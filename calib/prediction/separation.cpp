@@ -48,7 +48,7 @@ Separation::Separation(const CompressedRecording& recording, const Diagnosis& di
       eliminate(fit.last.information, fit.last.gradient, fit.free, counted(first, options.candidates.size()));
 
   // Of every member the time constant and the component that explain the recording best.
-  std::vector<int> kept = counted(0, static_cast<std::size_t>(first));
+  std::vector<int> kept = counted(0, first);
   for (const std::string& member : names_) {
     int best = -1;
     const auto z_square = [&](int k) { return scores.s[k] * scores.s[k] / scores.Q(k, k); };
@@ -94,7 +94,7 @@ std::vector<AliasPair> Separation::pairs(const PlannedMotion* motion, double sam
   all.insert(all.end(), columns_.begin(), columns_.end());
   const int first = parameter_count + static_cast<int>(beside_.size());
   const int own = parameter_count + static_cast<int>(all.size());  // then what the second recording has for itself
-  std::vector<int> place = counted(0, static_cast<std::size_t>(own));
+  std::vector<int> place = counted(0, own);
   int size = own;
   for (int k = 0; k < biases; ++k) place[k] = size++;
   for (std::size_t k = 0; k < all.size(); ++k)

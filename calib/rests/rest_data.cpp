@@ -102,9 +102,7 @@ SixChannels white_variance(const CompressedRecording& recording, std::span<const
   SixChannels variance = SixChannels::Zero();
   if (squares[0].size() < least) return variance;
   constexpr double median_of_chi_square = 0.454936;
-  for (int channel = 0; channel < 6; ++channel) {
-    variance[channel] = median(squares[channel]) / median_of_chi_square;
-  }
+  for (int channel = 0; channel < 6; ++channel) variance[channel] = median(squares[channel]) / median_of_chi_square;
   return variance;
 }
 
@@ -172,10 +170,7 @@ RestData make_rest_data(const CompressedRecording& recording, double edge_s) {
       leg.from = data.rests.size() - 1;
       leg.first_block = data.rests.back().whole.end_block;
       leg.end_block = run.first;
-      for (std::size_t b = leg.first_block; b < leg.end_block; ++b) {
-        leg.duration_s += recording.blocks[b].duration_s;
-        leg.turn_increments += recording.blocks[b].gyro.norm();
-      }
+      for (std::size_t b = leg.first_block; b < leg.end_block; ++b) leg.duration_s += recording.blocks[b].duration_s;
       leg.fault = fault_in(recording, leg.first_block, leg.end_block);
       data.legs.push_back(std::move(leg));
     }

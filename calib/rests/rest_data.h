@@ -49,8 +49,7 @@ struct RestLeg {
   std::size_t first_block = 0;
   std::size_t end_block = 0;
   double duration_s = 0.0;
-  double turn_increments = 0.0;  // sum over its blocks of the length of the gyro increment
-  std::string fault;             // empty: usable; else what came, and at which sample
+  std::string fault;  // empty: usable; else what came, and at which sample
 };
 
 struct RestData {

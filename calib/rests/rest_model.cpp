@@ -105,13 +105,6 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-double& floor_of(RestFloors& floors, RestKind kind) {
-  return kind == RestKind::norm        ? floors.norm_mps2
-         : kind == RestKind::direction ? floors.direction_rad
-                                       : floors.gyro_radps;
-}
-double floor_of(const RestFloors& floors, RestKind kind) { return floor_of(const_cast<RestFloors&>(floors), kind); }
-
 // The whitened Jacobian with columns of unit length: its left singular vectors give the hat matrix, its right ones the
 // directions that are not seen.
 struct Whitened {
@@ -216,16 +209,7 @@ void finish(const RestSystem& system, const RecordingInfo& info, RestFit& fit) {
   const Whitened w = whiten(system, weights);
   fit.redundancy = redundancy(system, w.basis());
   fit.errors = rest_errors(system, system.residual);
-  const VectorXd predicted = left_out_residual(system, weights);
-  fit.left_out = rest_errors(system, predicted);
-  int last_owner = -1;
-  for (Index k = 0; k < predicted.size(); ++k) {
-    const int owner = 2 * system.owner[k] + (system.kind[k] == RestKind::direction ? 1 : 0);
-    if (std::isnan(predicted[k]) && owner != last_owner) {
-      ++fit.not_predicted;
-      last_owner = owner;
-    }
-  }
+  fit.left_out = rest_errors(system, left_out_residual(system, weights));
   std::array<double, rest_kind_count> sum{};
   for (Index k = 0; k < system.residual.size(); ++k)
     if (system.white_variance[k] > 0.0)
@@ -288,14 +272,14 @@ double rest_misfit_rad(const RestData& data, const Eigen::Matrix3d& gyro_map) {
 RestFloors estimate_floors(const RestSystem& system, const std::array<double, rest_kind_count>& freedom) {
   RestFloors floors;
   for (const RestKind kind : {RestKind::norm, RestKind::direction, RestKind::gyro})
-    floor_of(floors, kind) = estimate_floor(system, kind, freedom[index(kind)]);
+    floors[index(kind)] = estimate_floor(system, kind, freedom[index(kind)]);
   return floors;
 }
 
 VectorXd rest_weights(const RestSystem& system, const RestFloors& floors) {
   VectorXd weights(system.residual.size());
   for (Index k = 0; k < weights.size(); ++k) {
-    const double floor = floor_of(floors, system.kind[k]);
+    const double floor = floors[index(system.kind[k])];
     weights[k] = 1.0 / std::sqrt(std::max(system.white_variance[k] + floor * floor, 1e-24));
   }
   return weights;
@@ -340,8 +324,9 @@ RestFit refine_rests(const RestData& data, const Parameters& start, const Effect
   model.values = fit.effect_values;
   RestSystem system = make_rest_system(data, fit.parameters, model, true);
   fit.floors = options.start_floors ? *options.start_floors : start_floors(system);
+  constexpr int most_iterations = 40;
   double damping = 0.0;
-  for (fit.iterations = 1; fit.iterations <= options.max_iterations; ++fit.iterations) {
+  for (fit.iterations = 1; fit.iterations <= most_iterations; ++fit.iterations) {
     const VectorXd weights = rest_weights(system, fit.floors);
     const Whitened w = whiten(system, weights);
     const VectorXd s = w.svd.values.head(w.rank);
@@ -375,19 +360,14 @@ RestFit refine_rests(const RestData& data, const Parameters& start, const Effect
       break;
     }
     const RestFloors floors = estimate_floors(system, redundancy(system, w.basis()));
-    double change = 0.0;
-    for (const RestKind kind : {RestKind::norm, RestKind::direction, RestKind::gyro}) {
-      const double was = floor_of(fit.floors, kind);
-      const double is = floor_of(floors, kind);
-      change = std::max(change, std::abs(is - was) / std::max({is, was, 1e-12}));
-    }
+    const double change = ((floors - fit.floors).abs() / floors.max(fit.floors).max(1e-12)).maxCoeff();
     fit.floors = floors;
     if (largest_move < 1e-2 && change < 1e-3) {
       fit.converged = true;
       fit.message = "converged";
       break;
     }
-    fit.message = "no convergence in " + std::to_string(options.max_iterations) + " iterations";
+    fit.message = "no convergence in " + std::to_string(most_iterations) + " iterations";
   }
   finish(system, data.recording->info, fit);
   return fit;

@@ -17,23 +17,15 @@
 // Source of the observation set: Tedaldi, Pretto, Menegatti, ICRA 2014 (which fits the two triads one after the other).
 #pragma once
 
-#include <array>
 #include <optional>
 #include <string>
-#include <vector>
 
-#include <Eigen/Core>
-
-#include "calib/model/effects.h"
-#include "calib/model/parameters.h"
-#include "calib/rests/rest_data.h"
 #include "calib/rests/rest_system.h"
 #include "calib/types/status.h"
 
 namespace turncal {
 
-// Coarse start of a calibration with unknown angles, from the static means and the turns between them. See
-// rest_model.h.
+// Coarse start of a calibration with unknown angles, from the static means and the turns between them.
 //
 // Ellipsoid: the readings y of a triad with f = A y - f0, |f| = g, obey y' Q y + q' y = 1. Nine coefficients by linear
 // least squares; Q (scaled) = A'A, A upper triangular from its Cholesky factor. It needs nine rests that span all
@@ -47,11 +39,8 @@ double rest_misfit_rad(const RestData& data, double gyro_factor);
 // The same of gyros that are connected otherwise: rate = gyro_map * nominal scale * reading.
 double rest_misfit_rad(const RestData& data, const Eigen::Matrix3d& gyro_map);
 
-struct RestFloors {
-  double norm_mps2 = 0.0;
-  double direction_rad = 0.0;
-  double gyro_radps = 0.0;
-};
+// Of each kind: m/s^2, rad, rad/s.
+using RestFloors = Eigen::Array<double, rest_kind_count, 1>;
 
 struct RestFit {
   bool converged = false;
@@ -60,10 +49,9 @@ struct RestFit {
   Eigen::VectorXd effect_values;          // as the columns given
   Eigen::VectorXd sigma;                  // 24 parameters (0: fixed, NaN: not determined), then effects
   std::vector<std::string> undetermined;  // parameters, or combinations, that the motion does not show
-  RestFloors floors;
-  RestErrors errors;      // on the fitted data
-  RestErrors left_out;    // by cross-validation: each leg, each rest
-  int not_predicted = 0;  // rests and legs without which the rest of the data determines nothing
+  RestFloors floors = RestFloors::Zero();
+  RestErrors errors;                                 // on the fitted data
+  RestErrors left_out;                               // by cross-validation: each leg, each rest
   std::array<double, rest_kind_count> redundancy{};  // rows less parameters, kind by kind
   std::array<double, rest_kind_count>
       white_ratio{};  // rms over that of white noise alone: 1 when nothing else is there
@@ -71,7 +59,6 @@ struct RestFit {
 };
 
 struct RestFitOptions {
-  int max_iterations = 40;
   std::optional<RestFloors> start_floors;  // of a model that is near; else from the residuals of the start
 };
 

@@ -28,7 +28,7 @@ Series batches(const CompressedRecording& recording) {
   std::vector<const Block*> still;
   for (const Block& block : recording.blocks)
     if (block.whole_second) still.push_back(&block);
-  const auto count = std::min<Index>(most_batches, static_cast<Index>(still.size()));
+  const auto count = std::min<Index>(most_batches, still.size());
   Series series;
   series.time_s.setZero(count);
   series.reading.setZero(count, 6);
@@ -36,7 +36,7 @@ Series batches(const CompressedRecording& recording) {
   VectorXd members = VectorXd::Zero(count);
   for (std::size_t k = 0; k < still.size(); ++k) {
     const Block& block = *still[k];
-    const Index at = static_cast<Index>(k) * count / static_cast<Index>(still.size());
+    const Index at = k * count / still.size();
     series.time_s[at] += recording.middle_s(block);
     series.reading.row(at).head<3>() += (model.gyro_scale * block.gyro / block.duration_s).transpose();
     series.reading.row(at).tail<3>() += (model.accel_scale * block.accel / block.duration_s).transpose();
@@ -59,7 +59,7 @@ struct Fit {
 
 Fit fit(const VectorXd& y, const std::vector<VectorXd>& columns) {
   const Index n = y.size();
-  const Index p = static_cast<Index>(columns.size()) + 1;
+  const Index p = columns.size() + 1;
   MatrixXd A(n, p);
   A.col(0).setOnes();
   for (Index k = 1; k < p; ++k) A.col(k) = columns[k - 1];

@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <numeric>
+#include <span>
 
 #include <unsupported/Eigen/FFT>
 
@@ -71,7 +72,7 @@ Rest make_rest(std::span<const double> mean, double cell_s) {
     for (std::size_t j = k - std::min(k, around); j < std::min(n, end + around); ++j)
       if (there(rest.rate[j])) near += rest.rate[j], found += 1.0;
     rest.gaps.emplace_back(k, end);
-    std::fill(rest.rate.begin() + static_cast<Index>(k), rest.rate.begin() + static_cast<Index>(end), near / found);
+    std::fill(rest.rate.begin() + k, rest.rate.begin() + end, near / found);
     k = end - 1;
   }
   rest.theta.resize(n + 1);
@@ -185,7 +186,7 @@ void add_power(const Rest& rest, double cell_s, double above_hz, double up_to_hz
 Spectrum spectrum_of(const Bins& bins) {
   constexpr double believed = 0.003;
   Spectrum p;
-  const Index count = static_cast<Index>(bins.size());
+  const Index count = bins.size();
   for (ArrayXd* array : {&p.hz, &p.n, &p.xx, &p.xg, &p.gg}) array->resize(count);
   p.unit.resize(count, 4);
   Index k = 0;
@@ -221,7 +222,7 @@ Fitted maximise(const Spectrum& p, Index bins, unsigned set, const Squares& from
   std::vector<Index> active;
   for (Index k = 0; k < 4; ++k)
     if ((set >> static_cast<unsigned>(k) & 1U) != 0) active.push_back(k);
-  const Index terms = static_cast<Index>(active.size());
+  const Index terms = active.size();
   if (bins < terms + 2) return result;
   const Eigen::MatrixXd A = p.unit.topRows(bins).matrix()(Eigen::all, active);
   const ArrayXd w = p.weight.head(bins), n = p.n.head(bins), gg = p.gg.head(bins);
@@ -445,12 +446,6 @@ double allan_variance(const AllanFit& fit, double tau_s) {
          0.5 * std::pow(fit.rate_ramp().value * tau_s, 2);
 }
 
-double overlapping_allan_variance(std::span<const double> mean, double cell_s, std::size_t m) {
-  double count = 0.0;
-  const double sum = squares_of(make_rest(mean, cell_s), m, count), tau = static_cast<double>(m) * cell_s;
-  return count > 0.0 ? sum / (2.0 * tau * tau * count) : 0.0;
-}
-
 double equivalent_degrees(const AllanFit& fit, double tau, double cell_s, const std::vector<double>& spans) {
   const Squares c = squares_of(fit);
   const double total = std::accumulate(spans.begin(), spans.end(), 0.0);
@@ -513,7 +508,7 @@ void RestCellMaker::add(std::int64_t counter, const Channels& increments) {
 void RestCellMaker::close_cell() {
   const bool there = 2 * count_ >= a_cell_;
   for (std::size_t axis = 0; axis < 6; ++axis)
-    cells_.mean[axis].push_back(there ? sum_[static_cast<Index>(axis)] / static_cast<double>(count_)
+    cells_.mean[axis].push_back(there ? sum_[axis] / static_cast<double>(count_)
                                       : std::numeric_limits<double>::quiet_NaN());
   sum_.setZero();
   count_ = 0;
@@ -551,7 +546,7 @@ RestCells RestCellMaker::take(const Channels& si) {
   begin_rest();
   cells_.cell_s = static_cast<double>(a_cell_) * cells_.sample_s;
   for (std::size_t axis = 0; axis < 6; ++axis) {
-    const double scale = si[static_cast<Index>(axis)];
+    const double scale = si[axis];
     for (auto* mean : {&cells_.mean[axis], &cells_.first[axis]})
       for (double& value : *mean) value *= scale / cells_.sample_s;
   }

@@ -31,7 +31,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <vector>
 
 #include "calib/model/parameters.h"
@@ -65,7 +64,6 @@ struct AllanFit {
   const AllanCoefficient& quantisation() const { return terms[0]; }
   const AllanCoefficient& random_walk() const { return terms[1]; }
   const AllanCoefficient& bias_instability() const { return terms[2]; }
-  const AllanCoefficient& rate_random_walk() const { return terms[3]; }
   const AllanCoefficient& rate_ramp() const { return terms[4]; }
   double highest_hz = 0.0;  // what is faster is not of this model, or not in the data
   bool cut = false;         // the data have faster ones
@@ -100,8 +98,6 @@ struct RestCells {
   std::array<std::vector<double>, 6> first;
 };
 
-// Of one rest, NaN: nothing came; 0 where nothing can be said.
-double overlapping_allan_variance(std::span<const double> mean, double cell_s, std::size_t m);
 // Equivalent degrees of freedom at tau; `spans`: of each rest, the time over which k goes, in steps of step_s.
 double equivalent_degrees(const AllanFit& fit, double tau_s, double step_s, const std::vector<double>& spans);
 

@@ -224,7 +224,7 @@ void Compressor::add_one(const ImuSample& sample) {
   open_block(sample.counter, missing);
   add_sums(alpha, beta, missing > 0);
   add_temperature(sample);
-  filler_.add(alpha, beta);
+  filler_.add(channels_of(sample));
   close_full_block();
 }
 
@@ -284,12 +284,13 @@ bool Compressor::fill(const ImuSample& next, std::int64_t gap) {
   if (gap > fault_limits.most_filled || !filler_.can_fill()) return false;
   const bool at_rest = recording_.segments.back().kind != SegmentKind::rotate;
   const GapFill between = filler_.fill(next, gap, at_rest, glitches_.mean_square());
-  Eigen::Vector3d alpha = between.gyro_first, beta = between.accel_first;
-  for (int k = 0; k < gap; ++k, alpha += between.gyro_step, beta += between.accel_step) {
+  const Eigen::Matrix<float, 6, 1> variance = (between.variance / static_cast<double>(gap)).cast<float>();
+  Channels x = between.first;
+  for (int k = 0; k < gap; ++k, x += between.step) {
     open_block(next_counter_ + k, 0);
-    add_sums(alpha, beta, false);
-    block_.gyro_filled += (between.gyro_variance / static_cast<double>(gap)).cast<float>();
-    block_.accel_filled += (between.accel_variance / static_cast<double>(gap)).cast<float>();
+    add_sums(x.head<3>(), x.tail<3>(), false);
+    block_.gyro_filled += variance.head<3>();
+    block_.accel_filled += variance.tail<3>();
     close_full_block();
   }
   return true;
@@ -403,7 +404,7 @@ GapFill GapFiller::fill(const ImuSample& next, std::int64_t lost, bool at_rest, 
       variance[k] =
           (n + 0.5 * n * n) * mean_square[k] / 1.5 + (change[k] > corner * mean_square[k] ? n * n * change[k] : 0.0);
   }
-  return {first.head<3>(), step.head<3>(), first.tail<3>(), step.tail<3>(), variance.head<3>(), variance.tail<3>()};
+  return {first, step, variance};
 }
 
 }  // namespace turncal

@@ -45,9 +45,8 @@ struct BlockState;  // calib/model/effects.h
 // of the sum is (n + n^2 / 2) 2 D / 3; where the slope changes across the gap by c with c^2 > 20 D, n^2 c^2 more: a corner fell into it.
 // Not modelled: motion that comes and goes within the gap.
 struct GapFill {
-  Eigen::Vector3d gyro_first, gyro_step, accel_first,
-      accel_step;                                 // increments: of the first one, and from one to the next
-  Eigen::Vector3d gyro_variance, accel_variance;  // of the sum, increments squared
+  Channels first, step;  // increments: of the first one, and from one to the next
+  Channels variance;     // of the sum, increments squared
 };
 
 class GapFiller {
@@ -55,11 +54,7 @@ class GapFiller {
   explicit GapFiller(const RecordingInfo& info)
       : counted_{info.gyro_increment == IncrementKind::pulses, info.accel_increment == IncrementKind::pulses} {}
   void begin_segment() { seen_ = 0; }
-  void add(const Eigen::Vector3d& gyro, const Eigen::Vector3d& accel) {
-    Channels& at = samples_[seen_++ % memory];
-    at.head<3>() = gyro;
-    at.tail<3>() = accel;
-  }
+  void add(const Channels& sample) { samples_[seen_++ % memory] = sample; }
   // Between the last sample and `next`, of the same segment. `mean_square`: D.
   GapFill fill(const ImuSample& next, std::int64_t lost, bool at_rest, const Channels& mean_square) const;
   // Two samples of the segment have come.

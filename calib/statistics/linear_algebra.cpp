@@ -52,15 +52,10 @@ MatrixXd column_space(const MatrixXd& A) {
   return MatrixXd(qr.householderQ()).leftCols(qr.rank());
 }
 
-void add_moments(const Eigen::Ref<const MatrixXd>& rows, Eigen::Index narrow, Eigen::Index against, MatrixXd& moments) {
+void add_moments(const Eigen::Ref<const MatrixXd>& rows, MatrixXd& moments) {
   const Eigen::Index last = rows.rows() - 1;
-  const Eigen::Index wide = last - narrow;
-  moments.topLeftCorner(wide, wide).selfadjointView<Eigen::Lower>().rankUpdate(rows.topRows(wide));
+  moments.topLeftCorner(last, last).selfadjointView<Eigen::Lower>().rankUpdate(rows.topRows(last));
   moments.row(last).head(last).noalias() += rows.row(last) * rows.topRows(last).transpose();
-  if (narrow == 0) return;
-  const auto one_at_a_time = rows.middleRows(wide, narrow);
-  moments.block(wide, 0, narrow, against).noalias() += one_at_a_time * rows.topRows(against).transpose();
-  moments.diagonal().segment(wide, narrow) += one_at_a_time.rowwise().squaredNorm();
 }
 
 }  // namespace turncal

@@ -37,10 +37,8 @@ struct LeastSquares {
   Eigen::Index rank = 0;
 };
 LeastSquares least_squares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, double threshold = 0.0);
-// moments += [N; nu] [N; nu]', of which the lower triangle is kept: `rows` are N and, last, nu. Of the last `narrow` rows of N only the
-// products with the first `against`, with themselves and with nu are.
-void add_moments(const Eigen::Ref<const Eigen::MatrixXd>& rows, Eigen::Index narrow, Eigen::Index against,
-                 Eigen::MatrixXd& moments);
+// moments += [N; nu] [N; nu]', of which the lower triangle is kept: `rows` are N and, last, nu.
+void add_moments(const Eigen::Ref<const Eigen::MatrixXd>& rows, Eigen::MatrixXd& moments);
 // Orthonormal columns that span those of A.
 Eigen::MatrixXd column_space(const Eigen::MatrixXd& A);
 

@@ -125,10 +125,9 @@ void RestFinder::choose_threshold(const std::vector<double>& ratios, Segmentatio
 }
 
 void RestFinder::drop_short(std::vector<Run>& runs) const {
-  const auto guard = static_cast<std::int64_t>(std::lround(options_.guard_s / period_s_));
-  const auto shortest = static_cast<std::int64_t>(std::lround(options_.min_rest_s / period_s_));
+  const std::int64_t shortest = samples_in(options_.min_rest_s) + 2 * samples_in(options_.guard_s);
   std::erase_if(runs, [&](const Run& run) {
-    return run.end <= run.first || cells_[run.end - 1].end - cells_[run.first].start - 2 * guard < shortest;
+    return run.end <= run.first || cells_[run.end - 1].end - cells_[run.first].start < shortest;
   });
 }
 
@@ -194,11 +193,10 @@ void RestFinder::cut_to_still(std::vector<Run>& runs, Segmentation& result) cons
   noise /= std::sqrt(static_cast<double>(cell_samples_));
   // Rests that tremble (held by hand) are rests all the same: they do so by this variance ratio at least, or fewer would be found.
   noise *= std::sqrt(std::max(1.0, result.plateau_begin));
-  const auto guard = static_cast<std::int64_t>(std::lround(options_.guard_s / period_s_));
+  // The guard is cut off later: what moves in it is no reason to cut more, and a cut keeps its distance for it.
+  const auto spared = static_cast<std::size_t>(samples_in(options_.guard_s) / cell_samples_);
   std::vector<SixChannels> means;
   for (Run& run : runs) {
-    // The guard is cut off later: what moves in it is no reason to cut more, and a cut keeps its distance for it.
-    const auto spared = static_cast<std::size_t>(guard / cell_samples_);
     const std::size_t first = run.first == 0 ? 0 : std::min(run.first + spared, run.end);
     const std::size_t end = run.end == cells_.size() ? run.end : std::max(run.end - spared, first);
     means.clear();
@@ -250,16 +248,14 @@ Segmentation RestFinder::finish() {
     choose_threshold(ratios, result);
   }
   std::vector<Run> runs = runs_below(ratios, result.threshold);
-  const auto guard = static_cast<std::int64_t>(std::lround(options_.guard_s / period_s_));
   drop_short(runs);
   drop_slow_turns(runs, result);
   const std::size_t found = runs.size();
   cut_to_still(runs, result);
   drop_short(runs);
   result.moving = static_cast<int>(found - runs.size());
-  const std::int64_t first = cells_.front().start;
-  const std::int64_t end = cells_.back().end;
-  std::int64_t at = first;
+  const std::int64_t guard = samples_in(options_.guard_s);
+  std::int64_t at = cells_.front().start;
   const auto append = [&](SegmentKind kind, std::int64_t from, std::int64_t to) {
     if (to > from) result.segments.push_back({.kind = kind, .start_sample = from, .end_sample = to});
   };
@@ -270,7 +266,7 @@ Segmentation RestFinder::finish() {
     append(SegmentKind::still, from, to);
     at = to;
   }
-  if (!runs.empty()) append(SegmentKind::rotate, at, end);
+  if (!runs.empty()) append(SegmentKind::rotate, at, cells_.back().end);
   return result;
 }
 

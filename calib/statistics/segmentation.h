@@ -16,6 +16,7 @@
 // Pure function of the samples; memory: 100 bytes a cell. Not modelled: gaps (a cell with one is in motion).
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -81,6 +82,7 @@ class RestFinder {
   };
   std::vector<Window> window_variances() const;
   double noise_limit() const;
+  std::int64_t samples_in(double seconds) const { return std::llround(seconds / period_s_); }
   void drop_short(std::vector<Run>& runs) const;
   void choose_threshold(const std::vector<double>& ratios, Segmentation& result) const;
   std::vector<Run> runs_below(const std::vector<double>& ratios, double threshold) const;
@@ -92,7 +94,7 @@ class RestFinder {
   double period_s_;
   int cell_samples_;
   bool have_origin_ = false;
-  Eigen::Array<double, 6, 1> origin_ = Eigen::Array<double, 6, 1>::Zero();
+  SixChannels origin_ = SixChannels::Zero();
   Eigen::Array3d last_gyro_ = Eigen::Array3d::Zero();
   std::int64_t next_ = 0;
   std::vector<Cell> cells_;

@@ -73,10 +73,10 @@ std::vector<TableTurn> table_turns(const CompressedRecording& recording) {
   const std::vector<Block>& blocks = recording.blocks;
   std::vector<TableTurn> turns;
   for (std::size_t first = 0, end = 0; first < blocks.size(); first = end) {
-    const auto segment = static_cast<std::size_t>(blocks[first].segment);
+    const std::size_t segment = blocks[first].segment;
     Eigen::Vector3d felt = Eigen::Vector3d::Zero();
     double felt_s = 0.0;
-    for (end = first; end < blocks.size() && static_cast<std::size_t>(blocks[end].segment) == segment; ++end) {
+    for (end = first; end < blocks.size() && blocks[end].segment == blocks[first].segment; ++end) {
       felt += blocks[end].gyro;
       felt_s += blocks[end].duration_s;
     }
@@ -139,7 +139,7 @@ std::string wrong_table_axes(const CompressedRecording& recording, const Eigen::
   Eigen::Matrix3d turned = Eigen::Matrix3d::Zero(), felt = Eigen::Matrix3d::Zero();
   for (const TableTurn& turn : table_turns(recording)) {
     // A hundredth of the turn: its direction, however often it goes round.
-    const auto segment = static_cast<std::size_t>(recording.blocks[turn.first].segment);
+    const std::size_t segment = recording.blocks[turn.first].segment;
     const Segment& from = recording.segments[segment - 1];
     Segment begun = recording.segments[segment];
     begun.heading_deg = from.heading_deg + 0.01 * (begun.heading_deg - from.heading_deg);

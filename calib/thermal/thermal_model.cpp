@@ -204,7 +204,7 @@ class Search {
 void Search::at_switch_on(int index) {
   constexpr Index n = thermal_columns;
   const Index ons = cavity_.P.rows() - n;
-  const double variance = switch_on_[static_cast<std::size_t>(index)] * switch_on_[static_cast<std::size_t>(index)];
+  const double variance = switch_on_[index] * switch_on_[index];
   Block P = cavity_.P.topLeftCorner(n, n);
   BlockVector q = cavity_.q.head(n);
   double log_weight = 0.0;
@@ -236,7 +236,7 @@ void Search::at_switch_on(int index) {
   };
   for (Index c = 0; c < 5; ++c) {
     const double own = P(c + 1, c + 1);
-    variances_[static_cast<std::size_t>(c)] = own > least_pivot ? sizes(1.0 / std::sqrt(own)) : std::vector<double>{};
+    variances_[c] = own > least_pivot ? sizes(1.0 / std::sqrt(own)) : std::vector<double>{};
   }
   const auto system_of = [](const auto& Q, const auto& s) {
     return System{Q.template block<5, 5>(1, 1), s.template segment<5>(1)};
@@ -245,7 +245,7 @@ void Search::at_switch_on(int index) {
   leaf.switch_on = index;
   const std::array<double, 5>& shape = thermal_priors.shape;
   double all = 0.0;
-  for (int k = 0; k <= allowed_.order; ++k) all += shape[static_cast<std::size_t>(k)];
+  for (int k = 0; k <= allowed_.order; ++k) all += shape[k];
   if (allowed_.smooth) all += shape[4];
   double polynomials[4];
   for (std::size_t k = 0; k < 4; ++k) polynomials[k] = std::log(shape[k] / all);
@@ -283,7 +283,7 @@ void Search::explore(const System& system, int next, Leaf leaf, int most_order, 
   Q.diagonal().array() += least_pivot * (1.0 + Q.diagonal().maxCoeff());
   const double most_gain = 0.5 * std::max(0.0, system.s.dot(Q.llt().solve(system.s)));
   for (int c = next; c < 5; ++c) {
-    const auto& sizes = variances_[static_cast<std::size_t>(c)];
+    const auto& sizes = variances_[c];
     if (c < 3 && (c != leaf.order || c >= most_order)) continue;
     if ((c == 3 && !allowed_.rate) || (c == 4 && !allowed_.hysteresis)) continue;
     const double prior = -std::log(static_cast<double>(sizes.size()));
@@ -295,7 +295,7 @@ void Search::explore(const System& system, int next, Leaf leaf, int most_order, 
       System child = system;
       Leaf longer = leaf;
       longer.weight += prior + take_in(child, c, variance);
-      longer.variance[static_cast<std::size_t>(c)] = variance;
+      longer.variance[c] = variance;
       if (c < 3) longer.order = c + 1;
       explore(child, c + 1, longer, most_order, log_shape);
     }
@@ -314,21 +314,21 @@ Average Search::average() {
     prior.segment<5>(1) = Eigen::Map<const Eigen::Matrix<double, 5, 1>>(leaf.variance.data());
     prior.tail<smooth_count>().setConstant(leaf.smooth);
     result.prior += leaf.weight * prior;
-    const double t = switch_on_[static_cast<std::size_t>(leaf.switch_on)];
+    const double t = switch_on_[leaf.switch_on];
     result.switch_on += leaf.weight * t * t;
     if (leaf.smooth > 0.0)
       result.smooth += leaf.weight;
     else
-      result.order[static_cast<std::size_t>(leaf.order)] += leaf.weight;
+      result.order[leaf.order] += leaf.weight;
     if (leaf.variance[3] > 0.0) result.rate += leaf.weight;
     if (leaf.variance[4] > 0.0) result.hysteresis += leaf.weight;
     // Coefficients z of unit prior variance, so that those that are not there are no case of their own; the constant is flat.
     BlockVector root = prior.cwiseSqrt();
     root[0] = 1.0;
-    Block inner = root.asDiagonal() * P_[static_cast<std::size_t>(leaf.switch_on)] * root.asDiagonal();
+    Block inner = root.asDiagonal() * P_[leaf.switch_on] * root.asDiagonal();
     inner.diagonal().tail<thermal_columns - 1>().array() += 1.0;
     const Block C = root.asDiagonal() * Block(inner.llt().solve(Block::Identity())) * root.asDiagonal();
-    const BlockVector mean = C * q_[static_cast<std::size_t>(leaf.switch_on)];
+    const BlockVector mean = C * q_[leaf.switch_on];
     result.mean += leaf.weight * mean;
     second += leaf.weight * (C + mean * mean.transpose());
   }
@@ -355,15 +355,15 @@ Joint joint_system(const std::vector<LegData>& legs, const std::vector<int>& key
   std::vector<int> ons;
   for (const LegData& leg : legs)
     if (std::ranges::find(ons, leg.switch_on) == ons.end()) ons.push_back(leg.switch_on);
-  const auto biases = static_cast<Index>(std::ranges::count_if(keys, is_bias));
-  const auto count = static_cast<Index>(keys.size()), of_ons = static_cast<Index>(ons.size());
+  const Index biases = std::ranges::count_if(keys, is_bias);
+  const Index count = keys.size(), of_ons = ons.size();
   const Index size = count * thermal_columns + biases * of_ons;
   Joint joint{MatrixXd::Zero(size, size), VectorXd::Zero(size), {}};
   Index next = count * thermal_columns;
   for (Index j = 0; j < count; ++j) {
     std::vector<Index> rows(thermal_columns);
     std::iota(rows.begin(), rows.end(), j * thermal_columns);
-    if (is_bias(keys[static_cast<std::size_t>(j)]))
+    if (is_bias(keys[j]))
       for (Index k = 0; k < of_ons; ++k) rows.push_back(next++);
     joint.rows.push_back(rows);
   }
@@ -373,8 +373,8 @@ Joint joint_system(const std::vector<LegData>& legs, const std::vector<int>& key
     const auto on = std::ranges::find(ons, leg.switch_on) - ons.begin();
     for (Index j = 0; j < count; ++j) {
       F.block(j, j * thermal_columns, 1, thermal_columns) = leg.columns;
-      const auto& rows = joint.rows[static_cast<std::size_t>(j)];
-      if (rows.size() > thermal_columns) F(j, rows[static_cast<std::size_t>(thermal_columns + on)]) = 1.0;
+      const auto& rows = joint.rows[j];
+      if (rows.size() > thermal_columns) F(j, rows[thermal_columns + on]) = 1.0;
     }
     const MatrixXd WF = leg.W * F;
     joint.H.noalias() += F.transpose() * WF;
@@ -395,7 +395,7 @@ VectorXd prior_precision(const Joint& joint, const std::vector<Average>& average
   VectorXd precision = VectorXd::Zero(joint.b.size());
   for (std::size_t j = 0; j < averages.size(); ++j)
     for (std::size_t k = 1; k < joint.rows[j].size(); ++k) {
-      const double variance = k < thermal_columns ? averages[j].prior[static_cast<Index>(k)] : averages[j].switch_on;
+      const double variance = k < thermal_columns ? averages[j].prior[k] : averages[j].switch_on;
       precision[joint.rows[j][k]] = 1.0 / std::max(variance, least_variance);
     }
   return precision;
@@ -425,7 +425,7 @@ Fit fit(const std::vector<LegData>& legs, const Setting& setting, const std::vec
   } else {
     result.averages.resize(count);
     for (std::size_t j = 0; j < count; ++j) {
-      const double spread = spread_of(legs, static_cast<Index>(j));
+      const double spread = spread_of(legs, j);
       result.averages[j].prior.segment<3>(1).setConstant(spread * spread);
       result.averages[j].prior.segment<2>(4).setOnes();
       result.averages[j].switch_on = is_bias(setting.keys[j]) ? 1.0 : 0.0;
@@ -443,16 +443,16 @@ Fit fit(const std::vector<LegData>& legs, const Setting& setting, const std::vec
       cavity.q = cavity.P * m(rows);
       cavity.P.diagonal() -= precision(rows);
       cavity.P = 0.5 * (cavity.P + cavity.P.transpose()).eval();
-      cavity.spread = spread_of(legs, static_cast<Index>(j));
+      cavity.spread = spread_of(legs, j);
       result.averages[j] = Search(cavity, allowed, is_bias(setting.keys[j])).average();
     }
   }
   const MatrixXd M = posterior_covariance(joint, prior_precision(joint, result.averages));
-  const auto of_columns = static_cast<Index>(count) * thermal_columns;
+  const Index of_columns = count * thermal_columns;
   result.covariance = M.topLeftCorner(of_columns, of_columns);
   result.mean.resize(of_columns);
   for (std::size_t j = 0; j < count; ++j) {
-    const Index first = static_cast<Index>(j) * thermal_columns;
+    const Index first = j * thermal_columns;
     const Block joint_root = lower_root(M.block(first, first, thermal_columns, thermal_columns));
     const Block own = lower_root(result.averages[j].covariance);
     const Block T = joint_root.transpose().triangularView<Eigen::Upper>().solve(Block(own.transpose())).transpose();
@@ -471,13 +471,13 @@ Status check(const ThermalLeg& leg) {
   const auto refuse = [&](const std::string& what) { return input_error(leg.name + ": " + what); };
   if (!std::isfinite(leg.temperature_c)) return refuse("has no temperature: expected a number");
   if (!std::isfinite(leg.rate_c_per_h)) return refuse("its rate of temperature is not finite: expected a number");
-  const auto size = static_cast<Index>(leg.free.size());
+  const Index size = leg.free.size();
   if (size == 0) return refuse("determines no parameter: expected a calibration that does");
   if (leg.covariance.rows() != size || leg.covariance.cols() != size)
     return refuse(fmt::format("its covariance is {} x {}: expected one of the {} parameters that it determines",
                               leg.covariance.rows(), leg.covariance.cols(), size));
   for (Index k = 0; k < size; ++k) {
-    const int key = leg.free[static_cast<std::size_t>(k)];
+    const int key = leg.free[k];
     if (!std::isfinite(leg.value[key])) return refuse(parameter_key(key) + " is not finite: expected a number");
     if (!(leg.covariance(k, k) > 0.0) || !std::isfinite(leg.covariance(k, k)))
       return refuse("the variance of " + parameter_key(key) + ": expected a number above 0");
@@ -488,7 +488,7 @@ Status check(const ThermalLeg& leg) {
   if (eigen.values[0] > least_pivot) return {};
   Index worst = 0;
   eigen.vectors.col(0).cwiseAbs().maxCoeff(&worst);
-  return refuse("its covariance is singular, at " + parameter_key(leg.free[static_cast<std::size_t>(worst)]) +
+  return refuse("its covariance is singular, at " + parameter_key(leg.free[worst]) +
                 ": expected that of parameters that are not functions of each other");
 }
 
@@ -497,15 +497,15 @@ LegData data_of(const ThermalLeg& leg, const Setting& setting) {
   data.columns = columns_of(setting.functions, leg.temperature_c, leg.rate_c_per_h / setting.rate_unit, leg.direction);
   data.switch_on = leg.switch_on;
   data.temperature_c = leg.temperature_c;
-  const auto count = static_cast<Index>(setting.keys.size());
+  const Index count = setting.keys.size();
   data.W = MatrixXd::Zero(count, count);
   data.y = VectorXd::Zero(count);
   std::vector<Index> at;
-  VectorXd scale(static_cast<Index>(leg.free.size()));
+  VectorXd scale(leg.free.size());
   for (std::size_t k = 0; k < leg.free.size(); ++k) {
     const int key = leg.free[k];
     at.push_back(std::ranges::find(setting.keys, key) - setting.keys.begin());
-    scale[static_cast<Index>(k)] = setting.scale[key];
+    scale[k] = setting.scale[key];
     data.y[at.back()] = (leg.value[key] - setting.centre[key]) / setting.scale[key];
   }
   data.W(at, at) = scale.asDiagonal() * balanced_inverse(leg.covariance) * scale.asDiagonal();
@@ -520,7 +520,7 @@ void hand_out(const Fit& fit, const Setting& setting, ThermalModel& model) {
   model.covariance = fit.covariance;
   for (std::size_t j = 0; j < setting.keys.size(); ++j) {
     const Block out = B * setting.scale[setting.keys[j]];
-    const Index first = static_cast<Index>(j) * thermal_columns;
+    const Index first = j * thermal_columns;
     auto of_j = model.coefficients.segment(first, thermal_columns);
     of_j = (out * of_j).eval();
     of_j[0] += setting.centre[setting.keys[j]];
@@ -549,12 +549,12 @@ Columns powers_at(const ThermalModel& model, const Functions& functions, double 
 
 ThermalPoint point_at(const ThermalModel& model, const Columns& row) {
   ThermalPoint point;
-  const auto count = static_cast<Index>(model.parameters.size());
+  const Index count = model.parameters.size();
   for (Index j = 0; j < count; ++j) {
-    const int key = model.parameters[static_cast<std::size_t>(j)].key;
+    const int key = model.parameters[j].key;
     point.value[key] = row * model.coefficients.segment(j * thermal_columns, thermal_columns);
     for (Index k = 0; k <= j; ++k) {
-      const int other = model.parameters[static_cast<std::size_t>(k)].key;
+      const int other = model.parameters[k].key;
       point.covariance(key, other) = point.covariance(other, key) =
           row * model.covariance.block(j * thermal_columns, k * thermal_columns, thermal_columns, thermal_columns) *
           row.transpose();
@@ -625,7 +625,7 @@ void hold_out(const std::vector<ThermalLeg>& legs, const std::vector<LegData>& d
 
 double ThermalParameter::at_least(int k) const {
   double sum = k > 0 ? smooth : 1.0;
-  for (std::size_t n = static_cast<std::size_t>(k); k > 0 && n < order.size(); ++n) sum += order[n];
+  for (std::size_t n = k; k > 0 && n < order.size(); ++n) sum += order[n];
   return sum;
 }
 
@@ -641,7 +641,7 @@ const ThermalParameter* ThermalModel::find(int key) const {
 }
 
 double ThermalModel::sigma(std::size_t parameter, int column) const {
-  const Index at = static_cast<Index>(parameter) * thermal_columns + column;
+  const Index at = parameter * thermal_columns + column;
   return std::sqrt(std::max(0.0, covariance(at, at)));
 }
 
@@ -668,7 +668,7 @@ Result<ThermalModel> fit_thermal_model(const std::vector<ThermalLeg>& legs, cons
     double sum = 0.0;
     for (const ThermalLeg& leg : legs) {
       const auto at = std::ranges::find(leg.free, key) - leg.free.begin();
-      if (static_cast<std::size_t>(at) == leg.free.size()) continue;
+      if (at == std::ssize(leg.free)) continue;
       sigmas.push_back(std::sqrt(leg.covariance(at, at)));
       sum += leg.value[key];
     }
@@ -725,9 +725,9 @@ ThermalCubics thermal_cubics(const ThermalModel& model) {
   R.leftCols<4>().setIdentity();
   R.rightCols<smooth_count>() = nearest;
   ThermalCubics cubics;
-  const auto count = static_cast<Index>(model.parameters.size());
+  const Index count = model.parameters.size();
   for (Index j = 0; j < count; ++j) {
-    const int key = model.parameters[static_cast<std::size_t>(j)].key;
+    const int key = model.parameters[j].key;
     const auto g = model.coefficients.segment(j * thermal_columns, thermal_columns);
     cubics.coefficient.row(key) = (R * g).transpose();
     cubics.worst[key] = (left * g.tail<smooth_count>()).cwiseAbs().maxCoeff();
@@ -735,7 +735,7 @@ ThermalCubics thermal_cubics(const ThermalModel& model) {
       const Eigen::Matrix4d C =
           R * model.covariance.block(j * thermal_columns, k * thermal_columns, thermal_columns, thermal_columns) *
           R.transpose();
-      cubics.covariance(key, model.parameters[static_cast<std::size_t>(k)].key) = C(0, 0);
+      cubics.covariance(key, model.parameters[k].key) = C(0, 0);
       if (j == k) cubics.sigma.row(key) = C.diagonal().cwiseMax(0.0).cwiseSqrt().transpose();
     }
   }
@@ -749,7 +749,7 @@ ThermalExpectation expected_thermal_sigmas(const std::vector<ThermalLeg>& legs) 
   const auto [low, high] = std::ranges::minmax(legs, {}, &ThermalLeg::temperature_c);
   ThermalExpectation expected{0.5 * (low.temperature_c + high.temperature_c), {}};
   const double half = 0.5 * (high.temperature_c - low.temperature_c);
-  const Index n = static_cast<Index>(keys.size()), orders = std::min(4, count_temperatures(legs));
+  const Index n = keys.size(), orders = std::min(4, count_temperatures(legs));
   MatrixXd information = MatrixXd::Zero(orders * n, orders * n);
   for (const ThermalLeg& leg : legs) {
     std::vector<Index> rows;
@@ -764,8 +764,7 @@ ThermalExpectation expected_thermal_sigmas(const std::vector<ThermalLeg>& legs) 
   for (Index a = 0; a < orders; ++a) {
     expected.sigma.push_back(ParameterVector::Zero());
     for (Index i = 0; i < n; ++i)
-      expected.sigma.back()[keys[static_cast<std::size_t>(i)]] =
-          std::sqrt(variance[a * n + i]) / std::pow(half, static_cast<double>(a));
+      expected.sigma.back()[keys[i]] = std::sqrt(variance[a * n + i]) / std::pow(half, static_cast<double>(a));
   }
   return expected;
 }

@@ -98,7 +98,7 @@ struct ThermalModel {
 
   const ThermalParameter* find(int key) const;
   double coefficient(std::size_t parameter, int column) const {
-    return coefficients[static_cast<Eigen::Index>(parameter) * thermal_columns + column];
+    return coefficients[parameter * thermal_columns + column];
   }
   double sigma(std::size_t parameter, int column) const;
 };

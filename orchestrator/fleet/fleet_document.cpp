@@ -72,7 +72,7 @@ Table level_table(const FleetDiagnosis& d, std::size_t factor) {
   const auto worst_z = [](const ComponentSummary& c) {
     double worst = 0.0;
     for (const auto& levels : c.levels)
-      for (const ComponentLevel& level : levels) worst = std::max(worst, std::abs(level.z));
+      for (const FleetEstimate& level : levels) worst = std::max(worst, std::abs(level.z));
     return worst;
   };
   std::vector<const ComponentSummary*> chosen;
@@ -89,7 +89,7 @@ Table level_table(const FleetDiagnosis& d, std::size_t factor) {
                              number(c->one_unit, 2), number(c->unit_scatter, 2),
                              c->factor_scatter.empty() ? number("") : number(c->factor_scatter[factor], 2)};
     for (std::size_t l = 0; l < levels; ++l) {
-      const ComponentLevel& level = c->levels[factor][l];
+      const FleetEstimate& level = c->levels[factor][l];
       row.push_back(number(significant(level.value, 2) + " (" + significant(level.z, 2) + ")", level.value));
     }
     table.row(std::move(row));

@@ -58,7 +58,7 @@ Document verification_document(const VerificationReport& report);
 struct ReferenceReport {
   std::string file;
   ReferenceComparison found;
-  std::array<double, 3> limit_deg{};  // by NorthAngle
+  std::array<double, 3> limit_deg{};  // as north_angle_names
   bool pass = false;
 };
 std::string format_references(const ReferenceReport& report);

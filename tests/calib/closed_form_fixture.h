@@ -54,6 +54,10 @@ inline const CompressedRecording& short_recording() {
   return recording;
 }
 
+inline ClosedFormResult calibrated(const CompressedRecording& recording, const ClosedFormOptions& options = {}) {
+  return must(closed_form_calibrate(recording, start_parameters(recording.info), options));
+}
+
 inline ClosedFormOptions passes(int count) {
   ClosedFormOptions options;
   options.max_passes = count;

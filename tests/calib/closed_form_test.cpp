@@ -12,7 +12,7 @@ TEST(ClosedForm, ThreePassesRecoverThePapersUnit) {
   const RigRecording made = record_on_rig(fourteen_steps(), paper_unit());
   EXPECT_EQ(made.recording.samples, 1268400);
   const RecordingInfo& info = made.recording.info;
-  const ClosedFormResult result = must(closed_form_calibrate(made.recording, start_parameters(info), passes(3)));
+  const ClosedFormResult result = calibrated(made.recording, passes(3));
   EXPECT_EQ(result.passes, 3);
   expect_within(distance(result.parameters, made.truth, info), demanded, "three passes");
   // a21, a31, a32 are not parameters
@@ -27,7 +27,7 @@ TEST(ClosedForm, ThreePassesRecoverDrawnUnitsOnDrawnTables) {  // level, north, 
     config.seed = seed;
     const RigRecording made = record_on_rig(fourteen_steps(), config);
     const RecordingInfo& info = made.recording.info;
-    const ClosedFormResult result = must(closed_form_calibrate(made.recording, start_parameters(info), passes(3)));
+    const ClosedFormResult result = calibrated(made.recording, passes(3));
     expect_within(distance(result.parameters, made.truth, info), demanded, "seed " + std::to_string(seed));
   }
 }
@@ -39,9 +39,9 @@ TEST(ClosedForm, OnAPerfectTableItIsExact) {
   config.table_errors.random_arcmin = 0.0;
   const RigRecording made = record_on_rig(fourteen_steps(), config), brief = record_on_rig(short_steps(), config);
   const RecordingInfo& info = made.recording.info;
-  const ClosedFormResult result = must(closed_form_calibrate(made.recording, start_parameters(info), passes(8)));
+  const ClosedFormResult result = calibrated(made.recording, passes(8));
   expect_within(distance(result.parameters, made.truth, info), {1e-8, 1e-11, 1e-10, 1e-10}, "perfect table");
-  const ClosedFormResult shorter = must(closed_form_calibrate(brief.recording, start_parameters(info)));
+  const ClosedFormResult shorter = calibrated(brief.recording);
   EXPECT_TRUE(shorter.converged) << shorter.message;
   expect_within(distance(shorter.parameters, brief.truth, info), {1e-6, 1e-9, 1e-8, 1e-8}, "short dwells");
 }
@@ -58,9 +58,8 @@ TEST(ClosedForm, IncrementsInRadAndMetresPerSecond) {
     block.sculling *= rad * mps;
   }
   physical.info.gyro_increment = physical.info.accel_increment = IncrementKind::physical;
-  const Parameters in_pulses =
-      must(closed_form_calibrate(short_recording(), start_parameters(short_recording().info))).parameters;
-  Parameters in_rad = must(closed_form_calibrate(physical, start_parameters(physical.info))).parameters;
+  const Parameters in_pulses = calibrated(short_recording()).parameters;
+  Parameters in_rad = calibrated(physical).parameters;
   EXPECT_NEAR(in_rad.n(0, 0), 1.0, 1e-3);
   in_rad.n *= 0.932920;
   expect_within(distance(in_rad, in_pulses, short_recording().info), {1e-8, 1e-10, 1e-10, 1e-10}, "rad against pulses");
@@ -79,7 +78,7 @@ TEST(ClosedForm, ARepeatedDwellIsPartOfTheWay) {
     options.repeated_dwell = which;
     const RigRecording made = record_on_rig(sequence, config, options);
     EXPECT_EQ(made.recording.segments.size(), plain.recording.segments.size() + 2);
-    const ClosedFormResult result = must(closed_form_calibrate(made.recording, start_parameters(made.recording.info)));
+    const ClosedFormResult result = calibrated(made.recording);
     EXPECT_TRUE(result.converged);
     expect_within(distance(result.parameters, made.truth, made.recording.info), {1e-6, 1e-9, 1e-8, 1e-8},
                   "dwell " + std::to_string(which) + " repeated");
@@ -90,25 +89,22 @@ TEST(ClosedForm, ARepeatedDwellIsPartOfTheWay) {
 
 TEST(ClosedForm, SaysHowItConverged) {
   const CompressedRecording& recording = short_recording();
-  const ClosedFormResult result = must(closed_form_calibrate(recording, start_parameters(recording.info)));
+  const ClosedFormResult result = calibrated(recording);
   EXPECT_TRUE(result.converged);
   EXPECT_LE(result.passes, 7);
   ASSERT_EQ(result.corrections.size(), static_cast<std::size_t>(result.passes));
   for (std::size_t k = 1; k < result.corrections.size(); ++k)
     EXPECT_LT(result.corrections[k].accel_matrix, 0.1 * result.corrections[k - 1].accel_matrix) << k;
   EXPECT_TRUE(result.message.starts_with("converged in ")) << result.message;
-  const ClosedFormResult one =
-      must(closed_form_calibrate(recording, start_parameters(recording.info), {.max_passes = 1}));
+  const ClosedFormResult one = calibrated(recording, {.max_passes = 1});
   EXPECT_FALSE(one.converged);
   EXPECT_TRUE(one.message.starts_with("not converged in 1 pass,")) << one.message;
 }
 
 TEST(ClosedForm, DivergenceIsSaid) {
   const CompressedRecording& recording = short_recording();
-  const ClosedFormResult result = must(closed_form_calibrate_with(recording, start_parameters(recording.info), {},
-                                                                  [](const StepMeasurement& m, Parameters& p) {
-                                                                    if (m.step == 2) p.n(0, 0) /= 0.0;
-                                                                  }));
+  const auto diverge = [](const StepMeasurement& m, Parameters& p) { p.n(0, 0) /= m.step == 2 ? 0.0 : 1.0; };
+  const ClosedFormResult result = calibrated(recording, {.correct = diverge});
   EXPECT_FALSE(result.converged);
   EXPECT_EQ(result.message, "diverged in pass 1");
 }
@@ -126,7 +122,7 @@ TEST(ClosedForm, TheCleanRecordingWithinItsNoise) {
   const std::string folder = TURNCAL_SOURCE_DIR "/../shared/data/recordings/clean";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is not here";
   const CompressedRecording recording = compress_folder(folder);
-  const ClosedFormResult result = must(closed_form_calibrate(recording, start_parameters(recording.info)));
+  const ClosedFormResult result = calibrated(recording);
   EXPECT_TRUE(result.converged) << result.message;
 
   KeyValueFile truth = must(KeyValueFile::read(folder + "/truth.conf"));

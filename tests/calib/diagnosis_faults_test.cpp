@@ -10,19 +10,16 @@ namespace {
 // Added to one reading alone.
 template <class Value>
 Disturbance on_gyro(int axis, Value value) {
-  return [=](const DisturbedMoment& m) {
-    AddedReading added;
-    added.gyro_radps[axis] = value(m);
-    return added;
-  };
+  return [=](const DisturbedMoment& m) { return to_gyro(axis, value(m)); };
 }
 template <class Value>
 Disturbance on_accel(int axis, Value value) {
-  return [=](const DisturbedMoment& m) mutable {
-    AddedReading added;
-    added.accel_mps2[axis] = value(m);
-    return added;
-  };
+  return [=](const DisturbedMoment& m) mutable { return to_accel(axis, value(m)); };
+}
+
+void expect_named(const Diagnosis& d, const std::string& effect) {
+  EXPECT_EQ(d.verdict, Verdict::extended) << told(d);
+  EXPECT_TRUE(in_class(d, effect)) << told(d);
 }
 
 // One clean recording for all disturbances.
@@ -54,8 +51,7 @@ TEST(DiagnosisFaults, SecondOrderTermIsKeptThoughTheUnitWasSwitchedOffAndOn) {
     }
   });
   const Diagnosis d = diagnose_with(made, {});
-  EXPECT_EQ(d.verdict, Verdict::extended) << told(d);
-  EXPECT_TRUE(in_class(d, "accel_second_order")) << told(d);
+  expect_named(d, "accel_second_order");
   EXPECT_LT(worst_sigmas(d, made.truth), 4.5);
 }
 
@@ -67,20 +63,17 @@ TEST(DiagnosisFaults, DriftThatGoesOnIntoTheHoldoutIsKept) {
   disturb(made.recording, made.truth, drift(0.0));
   disturb(made.holdout, made.truth, drift(1.8));
   const Diagnosis d = diagnose_with_holdout(made);
-  EXPECT_EQ(d.verdict, Verdict::extended) << told(d);
-  EXPECT_TRUE(in_class(d, "accel_bias_drift")) << told(d);
+  expect_named(d, "accel_bias_drift");
 }
 
 TEST(DiagnosisFaults, ScaleWarmUpIsNamedOrHasItsAlias) {
   const auto faded = [](const DisturbedMoment& m) { return std::exp(-m.time_s / 1200.0); };
   const Diagnosis gyro =
       diagnose_with(clean(), on_gyro(2, [=](const DisturbedMoment& m) { return 20e-6 * m.rate_radps[2] * faded(m); }));
-  EXPECT_EQ(gyro.verdict, Verdict::extended) << told(gyro);
-  EXPECT_TRUE(in_class(gyro, "gyro_scale_warm_up")) << told(gyro);
+  expect_named(gyro, "gyro_scale_warm_up");
   const Diagnosis accel = diagnose_with(
       clean(), on_accel(2, [=](const DisturbedMoment& m) { return 20.0 * ug * m.force_g[2] * faded(m); }));
-  EXPECT_EQ(accel.verdict, Verdict::extended) << told(accel);
-  EXPECT_TRUE(in_class(accel, "accel_scale_warm_up")) << told(accel);
+  expect_named(accel, "accel_scale_warm_up");
 }
 
 TEST(DiagnosisFaults, ScatterOfScaleFromTurnToTurnIsNotClean) {
@@ -121,7 +114,6 @@ TEST(DiagnosisFaults, ScatterOfOneScaleFactorGetsNoName) {
   }
 }
 
-// Of each sensor with each angle, harmonics and sizes at random: some look like a scale asymmetry, a g-sensitivity or its square.
 // Two turns of the fourteen steps tell n22. What both have in common is n22 of this recording. (Undisturbed its A03 is 4.4 sigma off.)
 TEST(DiagnosisFaults, ScatterOfTwoTurnsIsNotTrustedFarFromTheTruth) {
   const Parameters undisturbed = diagnose_with(clean(), {}).extended.parameters;
@@ -219,8 +211,7 @@ Disturbance creep(int axis, double micro_g, double tau_s) {
 
 TEST(DiagnosisFaults, CreepAfterAChangeOfForce) {
   const Diagnosis d = diagnose_with(clean(), creep(1, 15.0, 250.0));
-  EXPECT_EQ(d.verdict, Verdict::extended) << told(d);
-  EXPECT_TRUE(in_class(d, "accel_creep")) << told(d);
+  expect_named(d, "accel_creep");
   EXPECT_LT(worst_sigmas(d, clean().truth), 4.5);
 }
 
@@ -249,8 +240,7 @@ TEST(DiagnosisFaults, SmoothLockInIsNotTheEarthRate) {
 TEST(DiagnosisFaults, SigmasHoldTheSpreadOverTheAliasClass) {
   const Diagnosis d = diagnose_with(
       clean(), on_accel(0, [](const DisturbedMoment& m) { return 60.0 * ug * m.force_g[0] * std::abs(m.force_g[0]); }));
-  EXPECT_EQ(d.verdict, Verdict::extended) << told(d);
-  EXPECT_TRUE(in_class(d, "accel_odd_quadratic")) << told(d);
+  expect_named(d, "accel_odd_quadratic");
   EXPECT_LT(worst_sigmas(d, clean().truth), 4.5) << told(d);
 }
 
@@ -291,12 +281,10 @@ TEST(DiagnosisFaults, TimeConstantIsFoundAndInTheSigmas) {
     const double tau_s = 60.0 * std::pow(50.0, std::uniform_real_distribution<double>(0.0, 1.0)(random));
     const int axis = k % 3;
     const Diagnosis d = diagnose_with(clean(), [=](const DisturbedMoment& m) {
-      AddedReading added;
       const double faded = std::exp(-m.time_s / tau_s);
-      if (k / 3 == 0) added.accel_mps2[axis] = -62.0 * ug * m.force_g[axis] * faded;
-      if (k / 3 == 1) added.gyro_radps[axis] = 0.5 * degph * faded;
-      if (k / 3 == 2) added.accel_mps2[axis] = 150.0 * ug * faded;
-      return added;
+      return k / 3 == 1   ? to_gyro(axis, 0.5 * degph * faded)
+             : k / 3 == 2 ? to_accel(axis, 150.0 * ug * faded)
+                          : to_accel(axis, -62.0 * ug * m.force_g[axis] * faded);
     });
     if (!d.trusted) continue;
     named += d.effect_names.empty() ? 0 : 1;

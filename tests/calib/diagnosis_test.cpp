@@ -1,6 +1,5 @@
 // The diagnosis on rig recordings whose effect it is not told, and on the recordings of another simulator. The whole
 // acceptance table is a study (scripts/study-undeclared, docs/diagnosis-study.md); these are the fast cases.
-#include "imu_io/recordings/recording_source.h"
 #include "tests/calib/diagnosed_unit.h"
 
 namespace turncal {
@@ -120,16 +119,26 @@ TEST(Diagnosis, LeftOutDwellsConfirmToo) {
   EXPECT_LT(d.holdout_after.chi_square, d.holdout_before.chi_square);
 }
 
-CompressedRecording read(const std::string& path) {
-  const std::unique_ptr<RecordingSource> source = must(RecordingSource::open(path));
-  Compressor compressor(source->info());
-  SegmentedFeed feed(compressor, source->segments());
-  must(source->read([&](std::span<const ImuSample> samples) {
-    feed.add(samples);
-    return Status{};
-  }));
-  feed.finish();
-  return compressor.take();
+// Every limit that docs/diagnosis.md names in its table is the one in force, and none of those below is missing there.
+TEST(LimitsOfTheDocument, AreThoseOfTheProgram) {
+  const DiagnosisOptions options;
+  constexpr LackOfFitLimits fit;
+  constexpr SelectionLimits selection;
+  constexpr GateLimits gate;
+  const NoiseLimits& noise = noise_limits;
+  const std::map<std::string, double> in_force = {
+      {"options.false_alarm", options.false_alarm},   {"fit.family_wise", fit.family_wise},
+      {"fit.near_lags_s", fit.near_lags_s},           {"fit.lags_s", fit.lags_s},
+      {"selection.bic_margin", selection.bic_margin}, {"selection.alias_correlation", selection.alias_correlation},
+      {"gate.contradiction", gate.contradiction},     {"gate.highest_error", gate.highest_error},
+      {"noise.correlation", noise.correlation},       {"noise.lowest_level", noise.lowest_level},
+      {"noise.highest_level", noise.highest_level},   {"noise.highest_of_pulses", noise.highest_of_pulses}};
+  std::ifstream document(std::string(TURNCAL_SOURCE_DIR) + "/docs/diagnosis.md");
+  std::map<std::string, double> printed;
+  for (std::string line; std::getline(document, line);)
+    if (const auto end = line.find("` | "); line.starts_with("| `") && end != std::string::npos)
+      printed[line.substr(3, end - 3)] = std::stod(line.substr(end + 4));
+  EXPECT_EQ(printed, in_force);
 }
 
 struct SharedCase {
@@ -143,8 +152,8 @@ class OtherSimulator : public ::testing::TestWithParam<SharedCase> {};
 TEST_P(OtherSimulator, IsDiagnosed) {
   const std::string folder = std::string(TURNCAL_SOURCE_DIR "/../shared/data/recordings/") + GetParam().folder;
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no shared recordings beside the project";
-  const CompressedRecording recording = read(folder);
-  const CompressedRecording holdout = read(folder + "/holdout");
+  const CompressedRecording recording = compress_folder(folder);
+  const CompressedRecording holdout = compress_folder(folder + "/holdout");
   DiagnosisOptions options;
   options.holdouts = {&holdout};
   const Diagnosis d = diagnose(recording, options);

@@ -32,17 +32,6 @@ struct Row {
 };
 std::ostream& operator<<(std::ostream& out, const Row& row) { return out << row.name; }
 
-AddedReading gyro(int axis, double radps) {
-  AddedReading added;
-  added.gyro_radps[axis] = radps;
-  return added;
-}
-AddedReading accel(int axis, double mps2) {
-  AddedReading added;
-  added.accel_mps2[axis] = mps2;
-  return added;
-}
-
 double halved(double time_s, double half_life_s) { return std::pow(0.5, time_s / half_life_s); }
 
 // The answer of a first-order lag to start + rise (1 - exp(-t/warm)), in closed form.
@@ -67,7 +56,7 @@ Disturbance creep(int axis, double tau_s) {
     }
     double left = 0.0;
     for (const Change& c : changes) left += c.size_g * std::exp(-(m.time_s - c.time_s) / tau_s);
-    return accel(axis, ug * left);
+    return to_accel(axis, ug * left);
   };
 }
 
@@ -78,7 +67,7 @@ Disturbance wave(int axis) {
     angle = m.time_s < time_s ? 0.0 : angle + 0.5 * (m.time_s - time_s) * (rate + of_axis);
     time_s = m.time_s;
     rate = of_axis;
-    return gyro(axis, degph * std::sin(4.0 * 0.277 * angle));
+    return to_gyro(axis, degph * std::sin(4.0 * 0.277 * angle));
   };
 }
 
@@ -112,25 +101,25 @@ INSTANTIATE_TEST_SUITE_P(
     ::testing::Values(
         Row{"gyro_scale_warm_up", 0, 960.0, 30.0,
             [](const DisturbedMoment& m) {
-              return gyro(0, 1e-6 * m.rate_radps[0] * halved(m.time_s, 960.0 * std::log(2.0)));
+              return to_gyro(0, 1e-6 * m.rate_radps[0] * halved(m.time_s, 960.0 * std::log(2.0)));
             }},
         Row{"gyro_scale_drift", 1, 0.0, 15.0,
-            [](const DisturbedMoment& m) { return gyro(1, m.rate_radps[1] * m.time_s / 3.6e9); }},
+            [](const DisturbedMoment& m) { return to_gyro(1, m.rate_radps[1] * m.time_s / 3.6e9); }},
         Row{"accel_scale_warm_up", 0, 960.0, 20.0,
             [](const DisturbedMoment& m) {
-              return accel(0, ug * m.force_g[0] * halved(m.time_s, 960.0 * std::log(2.0)));
+              return to_accel(0, ug * m.force_g[0] * halved(m.time_s, 960.0 * std::log(2.0)));
             }},
         Row{"accel_scale_drift", 1, 0.0, 8.0,
-            [](const DisturbedMoment& m) { return accel(1, ug * m.force_g[1] * m.time_s / 3600.0); }},
+            [](const DisturbedMoment& m) { return to_accel(1, ug * m.force_g[1] * m.time_s / 3600.0); }},
         Row{"gyro_wave_angle", 5, 0.0, 0.05, wave(2)}, Row{"accel_creep", 1, 150.0, 20.0, creep(1, 150.0)},
         Row{"accel_rectification", 2, 0.0, 150.0,
-            [](const DisturbedMoment& m) { return accel(2, m.rate_radps.norm() > 0.0087 ? ug : 0.0); }},
+            [](const DisturbedMoment& m) { return to_accel(2, m.rate_radps.norm() > 0.0087 ? ug : 0.0); }},
         Row{"gyro_g_squared", 1, 0.0, 0.08,  // x_yy
-            [](const DisturbedMoment& m) { return gyro(0, degph * std::pow(m.force_g[1], 2.0)); }},
+            [](const DisturbedMoment& m) { return to_gyro(0, degph * std::pow(m.force_g[1], 2.0)); }},
         Row{"gyro_lock_in", 1, 5.0, 2.0,
             [](const DisturbedMoment& m) {
               const double w = m.rate_radps[1], w0 = 5.0 * degph;
-              return gyro(1, 0.01 * w * w0 * w0 / (w0 * w0 + w * w));
+              return to_gyro(1, 0.01 * w * w0 * w0 / (w0 * w0 + w * w));
             }},
         Row{"gyro_lock_in", 3, 5.0, 2.0,
             [](const DisturbedMoment& m) {
@@ -143,16 +132,16 @@ INSTANTIATE_TEST_SUITE_P(
             }},
         Row{"gyro_bias_temperature_rate", 0, 0.0, 0.01,
             [](const DisturbedMoment& m) {
-              return gyro(0, degph * 3600.0 * rise_c / warm_s * std::exp(-m.time_s / warm_s));
+              return to_gyro(0, degph * 3600.0 * rise_c / warm_s * std::exp(-m.time_s / warm_s));
             }},
         Row{"accel_bias_temperature_rate", 1, 0.0, 1.0,
             [](const DisturbedMoment& m) {
-              return accel(1, ug * 3600.0 * rise_c / warm_s * std::exp(-m.time_s / warm_s));
+              return to_accel(1, ug * 3600.0 * rise_c / warm_s * std::exp(-m.time_s / warm_s));
             }},
         Row{"gyro_bias_temperature_lag", 2, 300.0, 0.02,
-            [](const DisturbedMoment& m) { return gyro(2, degph * (lagged_c(m.time_s, 300.0) - mean_c())); }},
+            [](const DisturbedMoment& m) { return to_gyro(2, degph * (lagged_c(m.time_s, 300.0) - mean_c())); }},
         Row{"accel_bias_temperature_lag", 0, 1200.0, 3.0,
-            [](const DisturbedMoment& m) { return accel(0, ug * (lagged_c(m.time_s, 1200.0) - mean_c())); }}));
+            [](const DisturbedMoment& m) { return to_accel(0, ug * (lagged_c(m.time_s, 1200.0) - mean_c())); }}));
 
 // What a clock that is off does is the recording's own: turns and biases do not change, the earth's rate does.
 TEST(EffectCatalogue, SamplePeriodIsSeenByTheEarthsRate) {

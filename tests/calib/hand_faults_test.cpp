@@ -22,9 +22,7 @@ CompressedRecording compressed(const HandData& hand) {
 
 RestDiagnosis diagnosis_of(const HandData& hand) {
   const CompressedRecording recording = compressed(hand);
-  Result<RestDiagnosis> result = diagnose_rests(make_rest_data(recording));
-  EXPECT_TRUE(result.ok()) << (result.ok() ? "" : result.error().message);
-  return result.ok() ? *result : RestDiagnosis{};
+  return *good(diagnose_rests(make_rest_data(recording)));
 }
 
 void scale(HandData& hand, double gyro, double accel) {
@@ -166,15 +164,7 @@ TEST(Rests, VerifyTheirOwnEnds) {
 
 TEST(Clipping, IsNamedAndItsTurnsAreSetAside) {
   HandData hand = make_hand_data({.seed = 5});
-  const double limit = 0.8 * 0.01;  // rad a sample, at 0.8 rad/s
-  int clipped = 0;
-  for (ImuSample& sample : hand.samples)
-    for (double& x : sample.gyro)
-      if (std::abs(x) > limit) {
-        x = std::copysign(limit, x);
-        ++clipped;
-      }
-  ASSERT_GT(clipped, 100);
+  ASSERT_GT(clip_gyros(hand, 0.8 * 0.01), 100);  // rad a sample, at 0.8 rad/s
   const CompressedRecording recording = compressed(hand);
   const RestData data = make_rest_data(recording);
   int aside = 0;

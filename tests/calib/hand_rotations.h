@@ -120,4 +120,16 @@ inline HandData make_hand_data(const HandPlan& plan) {
   return data;
 }
 
+// Gyros that end at `limit` (increments); how many samples of an axis did.
+inline std::int64_t clip_gyros(HandData& hand, double limit) {
+  std::int64_t clipped = 0;
+  for (ImuSample& sample : hand.samples)
+    for (double& x : sample.gyro)
+      if (std::abs(x) > limit) {
+        x = std::copysign(limit, x);
+        ++clipped;
+      }
+  return clipped;
+}
+
 }  // namespace turncal

@@ -78,9 +78,7 @@ TEST_P(JoinedRecordingsOf, OneUnitHaveItsEffectInCommon) {
   JoinedUnit made = joined_unit(GetParam());
   const double K2 = 5e-6 / standard_gravity_mps2;
   const Disturbance second_order = [K2](const DisturbedMoment& m) {
-    AddedReading added;
-    added.accel_mps2.y() = K2 * std::pow(standard_gravity_mps2 * m.force_g.y(), 2);
-    return added;
+    return to_accel(1, K2 * std::pow(standard_gravity_mps2 * m.force_g.y(), 2));
   };
   for (CompressedRecording* one : {&made.first, &made.second, &made.holdout}) disturb(*one, made.truth, second_order);
   const Diagnosis d = diagnose_both(made, {&made.holdout});
@@ -99,11 +97,8 @@ TEST_P(JoinedRecordingsOf, OneUnitHaveItsEffectInCommon) {
 // It is in one recording only, large: the other does not confirm it, and no name is given.
 TEST_P(JoinedRecordingsOf, OneUnitMustAgreeOnAnEffect) {
   JoinedUnit made = joined_unit(GetParam());
-  disturb(made.first, made.truth, [](const DisturbedMoment& m) {
-    AddedReading added;
-    added.accel_mps2.y() = 25e-6 * standard_gravity_mps2 * m.force_g.y() * m.force_g.y();
-    return added;
-  });
+  disturb(made.first, made.truth,
+          [](const DisturbedMoment& m) { return to_accel(1, 25.0 * ug * m.force_g.y() * m.force_g.y()); });
   const Diagnosis d = diagnose_both(made);
   EXPECT_EQ(d.holdout_source, "cross-validation over recordings");
   EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
@@ -114,11 +109,7 @@ TEST_P(JoinedRecordingsOf, OneUnitMustAgreeOnAnEffect) {
 // A drift belongs to one run: it is that recording's, and the unit's parameters are as without.
 TEST_P(JoinedRecordingsOf, OneUnitMayDriftInOneOfThem) {
   JoinedUnit made = joined_unit(GetParam());
-  disturb(made.second, made.truth, [](const DisturbedMoment& m) {
-    AddedReading added;
-    added.accel_mps2.x() = 20e-6 * standard_gravity_mps2 * m.time_s / 3600.0;
-    return added;
-  });
+  disturb(made.second, made.truth, [](const DisturbedMoment& m) { return to_accel(0, 20.0 * ug * m.time_s / 3600.0); });
   const Diagnosis d = diagnose_both(made, {&made.holdout});
   EXPECT_EQ(d.verdict, Verdict::extended) << told(d);
   EXPECT_TRUE(d.extended.effects.empty());
@@ -164,11 +155,7 @@ TEST_P(JoinedRecordingsOf, OneUnitAreTestedAgainstEachOther) {
     return combine_recordings({joint_estimate(made.first, at), joint_estimate(made.second, at)});
   };
   EXPECT_TRUE(of_estimates(diagnose_both(made).base.noise).agree);
-  disturb(made.second, made.truth, [](const DisturbedMoment& m) {
-    AddedReading added;
-    added.accel_mps2.y() = 20e-6 * standard_gravity_mps2 * m.force_g.z();
-    return added;
-  });
+  disturb(made.second, made.truth, [](const DisturbedMoment& m) { return to_accel(1, 20.0 * ug * m.force_g.z()); });
   const Diagnosis d = diagnose_both(made);
   EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
   EXPECT_FALSE(d.trusted);

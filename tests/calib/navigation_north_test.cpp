@@ -51,12 +51,8 @@ constexpr PrintedPosition table_2[] = {
 std::vector<NorthReading> printed_readings() {
   std::vector<NorthReading> readings;
   for (const PrintedPosition& position : table_2)
-    for (const std::array<double, 3>& angles : position.readings) {
-      NorthReading reading;
-      reading.table_deg = position.table_deg;
-      reading.angle_deg = angles;
-      readings.push_back(reading);
-    }
+    for (const std::array<double, 3>& angles : position.readings)
+      readings.push_back({.table_deg = position.table_deg, .angle_deg = angles});
   return readings;
 }
 
@@ -82,10 +78,7 @@ TEST(NavigationNorth, TableTwoOfThePaper) {
 TEST(NavigationNorth, TheTablesZeroIsTheMeanOfTheSearches) {
   // The unit sits turned by 40 deg on the table, which points 0.02 deg west of it; two searches on either side of north.
   const auto at = [](double table, double heading) {
-    NorthReading reading;
-    reading.table_deg = table;
-    reading.angle_deg = {heading, 0.001, 0.002};
-    return reading;
+    return NorthReading{.table_deg = table, .angle_deg = {heading, 0.001, 0.002}};
   };
   const NorthSeeking across =
       seek_north(std::vector{at(0.0, 359.99), at(0.0, 0.03)}, std::vector{at(0.0, 359.995), at(0.0, 0.005)});

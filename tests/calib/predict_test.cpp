@@ -166,8 +166,8 @@ TEST(Predict, NamesWhatOneStepLeavesUndetermined) {
   ASSERT_TRUE(p.valid);
   const std::vector<std::string> keys = undetermined_keys(p.determined);
   EXPECT_TRUE(p.determined[6]);  // n11: what the step is for
-  for (const char* key :
-       {"n22", "n33", "a11", "a13", "A01"})  // nothing turned about y or z, x never left the horizontal
+  // nothing turned about y or z, x never left the horizontal
+  for (const char* key : {"n22", "n33", "a11", "a13", "A01"})
     EXPECT_NE(std::find(keys.begin(), keys.end(), key), keys.end()) << key;
   EXPECT_GE(p.undetermined.size(), 8u);
   for (const std::string& key : keys)
@@ -260,21 +260,17 @@ TEST(Predict, EffectsAreSeenAsSharplyAsAnIndependentEstimatorSays) {
     EXPECT_NE(effect, p.effects.end()) << key;
     return *effect;
   };
-  for (const auto& [key, sigma] : std::vector<std::pair<std::string, double>>{{"accel_second_order.x", 0.97},
-                                                                              {"accel_second_order.y", 0.82},
-                                                                              {"accel_second_order.z", 0.91},
-                                                                              {"accel_scale_asymmetry.x", 0.95},
-                                                                              {"accel_bias_temperature.x", 0.15},
-                                                                              {"accel_bias_temperature.y", 0.09},
-                                                                              {"accel_scale_temperature.z", 0.18},
-                                                                              {"accel_bias_drift.x", 0.55},
-                                                                              {"accel_bias_drift.y", 0.25},
-                                                                              {"gyro_scale_asymmetry.x", 0.38},
-                                                                              {"gyro_scale_asymmetry.y", 0.54},
-                                                                              {"gyro_bias_temperature.x", 0.0012},
-                                                                              {"gyro_bias_drift.y", 0.0067},
-                                                                              {"earth_rate.north", 0.002},
-                                                                              {"earth_rate.up", 0.013}}) {
+  struct Check {
+    const char* key;
+    double sigma;
+  };
+  constexpr Check checks[] = {
+      {"accel_second_order.x", 0.97},      {"accel_second_order.y", 0.82},     {"accel_second_order.z", 0.91},
+      {"accel_scale_asymmetry.x", 0.95},   {"accel_bias_temperature.x", 0.15}, {"accel_bias_temperature.y", 0.09},
+      {"accel_scale_temperature.z", 0.18}, {"accel_bias_drift.x", 0.55},       {"accel_bias_drift.y", 0.25},
+      {"gyro_scale_asymmetry.x", 0.38},    {"gyro_scale_asymmetry.y", 0.54},   {"gyro_bias_temperature.x", 0.0012},
+      {"gyro_bias_drift.y", 0.0067},       {"earth_rate.north", 0.002},        {"earth_rate.up", 0.013}};
+  for (const auto& [key, sigma] : checks) {
     EXPECT_NEAR(find(key).sigma / sigma, 1.0, 0.15) << key;
     EXPECT_NEAR(find(key).detectable, 5.0 * find(key).sigma, 1e-12);
     EXPECT_TRUE(find(key).visible) << key;

@@ -122,7 +122,7 @@ TEST(PrintedFormulas, EachOneAgainstTheTruth) {
       "passes\n"
       "%-17s | %-19s | %-19s | %-19s\n",
       "", "printed, alone", "derived, alone", "printed, in its place");
-  ClosedFormLayout level_layout(level.recording, 10.0, 5.0), tilted_layout(tilted.recording, 10.0, 5.0);
+  ClosedFormLayout level_layout(level.recording), tilted_layout(tilted.recording);
   must(level_layout.find());
   must(tilted_layout.find());
   const auto measure = [](const ClosedFormLayout& layout, int step, const Parameters& p, const RigRecording& made) {
@@ -157,7 +157,7 @@ TEST(PrintedFormulas, EachOneAgainstTheTruth) {
     EXPECT_EQ(whole.passes(), printed.verdict.whole) << printed.equation << " in its place";
     EXPECT_LT(derived.three, 0.1) << printed.equation << " derived, alone";
   }
-  const ClosedFormResult all = must(closed_form_calibrate(tilted.recording, start, passes(3)));
+  const ClosedFormResult all = calibrated(tilted.recording, passes(3));
   std::printf("all derived, in their places: %.2g\n", largest_error(all.parameters, tilted));
   EXPECT_LT(largest_error(all.parameters, tilted), 1.0);
 }

@@ -17,9 +17,7 @@ RestDiagnosis diagnose_hand(const HandPlan& plan) {
   const HandData hand = make_hand_data(plan);
   const CompressedRecording recording = compress(hand.info, hand.segments, hand.samples, rest_compression_options());
   const RestData data = make_rest_data(recording);
-  Result<RestDiagnosis> result = diagnose_rests(data);
-  EXPECT_TRUE(result.ok());
-  return *result;
+  return *good(diagnose_rests(data));
 }
 
 TEST(Distributions, FTail) {

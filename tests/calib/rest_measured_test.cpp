@@ -18,17 +18,9 @@ const std::string measured = source + "/../shared/data/measured/";
 #define SKIP_WITHOUT_DATA() \
   if (!std::filesystem::exists(measured)) GTEST_SKIP() << "measured data are not here: " << measured
 
-CsvMap map_named(const std::string& name) {
-  Result<CsvMap> map = read_csv_map(source + "/docs/maps/" + name + ".map");
-  EXPECT_TRUE(map.ok()) << (map.ok() ? "" : map.error().message);
-  return *map;
-}
+CsvMap map_named(const std::string& name) { return *good(read_csv_map(source + "/docs/maps/" + name + ".map")); }
 
-CsvImport import(const CsvMap& map, const std::string& csv) {
-  Result<CsvImport> content = import_csv(map, measured + csv);
-  EXPECT_TRUE(content.ok()) << (content.ok() ? "" : content.error().message);
-  return std::move(*content);
-}
+CsvImport import(const CsvMap& map, const std::string& csv) { return *good(import_csv(map, measured + csv)); }
 
 CsvImport kth(const std::string& run, int imu) {
   CsvMap map = map_named("mimu4444_kth_imu0");
@@ -40,18 +32,13 @@ CsvImport kth(const std::string& run, int imu) {
 // The list supplied with the data, as segments.
 Segments supplied(const std::string& csv, std::int64_t end) {
   Segments segments;
-  Result<std::string> text = read_whole_file(measured + csv);
-  EXPECT_TRUE(text.ok());
+  const Result<std::string> text = good(read_whole_file(measured + csv));
   std::string_view left = *text;
   next_line(left);
   std::int64_t at = 0;
   const auto append = [&](SegmentKind kind, std::int64_t to) {
     if (to <= at) return;
-    Segment s;
-    s.kind = kind;
-    s.start_sample = at;
-    s.end_sample = to;
-    segments.push_back(s);
+    segments.push_back({.kind = kind, .start_sample = at, .end_sample = to});
     at = to;
   };
   while (!left.empty()) {
@@ -67,9 +54,7 @@ Segments supplied(const std::string& csv, std::int64_t end) {
 RestDiagnosis diagnose_with(const CsvImport& content, const Segments& segments) {
   const CompressedRecording recording = compress(content.info, segments, content.samples, rest_compression_options());
   const RestData data = make_rest_data(recording);
-  Result<RestDiagnosis> result = diagnose_rests(data);
-  EXPECT_TRUE(result.ok()) << (result.ok() ? "" : result.error().message);
-  return *result;
+  return *good(diagnose_rests(data));
 }
 
 std::set<std::string> names(const RestDiagnosis& d) {

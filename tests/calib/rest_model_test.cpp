@@ -30,11 +30,7 @@ std::unique_ptr<Prepared> prepare(HandData hand) {
 }
 std::unique_ptr<Prepared> prepare(const HandPlan& plan) { return prepare(make_hand_data(plan)); }
 
-RestFit fitted(const Prepared& p) {
-  const Result<RestFit> fit = fit_rests(p.data, EffectModel{});
-  EXPECT_TRUE(fit.ok());
-  return fit.ok() ? *fit : RestFit{};
-}
+RestFit fitted(const Prepared& p) { return *good(fit_rests(p.data, EffectModel{})); }
 
 TEST(RestSystem, JacobianAgreesWithDifferences) {
   const auto p = prepare({.rests = 6, .rest_s = 3.0});
@@ -146,9 +142,9 @@ TEST(RestModel, StartsFarFromTheTruth) {
 
 TEST(RestModel, LeftOutErrorIsThatOfARefitWithoutTheRows) {
   const auto p = prepare({.rests = 12});
-  const Result<RestFit> fit = good(fit_rests(p->data, EffectModel{}));
-  const RestSystem system = make_rest_system(p->data, fit->parameters, EffectModel{}, true);
-  const Eigen::VectorXd weights = rest_weights(system, fit->floors);
+  const RestFit fit = fitted(*p);
+  const RestSystem system = make_rest_system(p->data, fit.parameters, EffectModel{}, true);
+  const Eigen::VectorXd weights = rest_weights(system, fit.floors);
   const Eigen::VectorXd predicted = left_out_residual(system, weights);
   // Leave leg 4 out by hand: one Gauss-Newton step without its two rows.
   std::vector<Eigen::Index> kept, left;
@@ -168,9 +164,7 @@ TEST(RestModel, LeftOutErrorIsThatOfARefitWithoutTheRows) {
 TEST(RestModel, NamesWhatIsNotDetermined) {
   // Turned about x alone, gravity stays in the y-z plane: the x accelerometer's scale and bias are not seen, nor what
   // the other two gyros, which do not turn, put into x. The x gyro's own scale is.
-  HandPlan plan;
-  plan.fixed_axis = Eigen::Vector3d::UnitX();
-  const auto p = prepare(plan);
+  const auto p = prepare({.fixed_axis = Eigen::Vector3d::UnitX()});
   const Result<RestFit> fit = good(fit_rests(p->data, EffectModel{}));
   const auto named = [&](const char* key) {
     return std::find(fit->undetermined.begin(), fit->undetermined.end(), key) != fit->undetermined.end();

@@ -22,10 +22,8 @@ std::vector<StepMeasurement> measure(const std::string& key, double error) {
   EXPECT_DOUBLE_EQ(recording.info.latitude_deg, 29.53);
 
   std::vector<StepMeasurement> steps(closed_form_steps + 1);
-  ClosedFormOptions once;
-  once.max_passes = 1;
   const auto note = [&](const StepMeasurement& m, Parameters&) { steps[m.step] = m; };
-  must(closed_form_calibrate_with(recording, Parameters{}, once, note));
+  must(closed_form_calibrate(recording, Parameters{}, {.max_passes = 1, .correct = note}));
   return steps;
 }
 

@@ -81,7 +81,7 @@ Fitted fit_joint(Engine engine, const RestData& data, const RestFit& from, const
   options.reference_temperature_c = 0.0;
   for (std::size_t k = 1; k < data.rests.size(); ++k) {
     Break cut{.block = data.rests[k].whole.first_block, .attitude_sigma_rad = 0.0};
-    if (engine == Engine::floor) cut.attitude_sigma_rad = from.floors.direction_rad;
+    if (engine == Engine::floor) cut.attitude_sigma_rad = from.floors[index(RestKind::direction)];
     if (engine == Engine::chains || !data.legs[k - 1].fault.empty()) cut.attitude_sigma_rad = 1.0;
     if (engine != Engine::joint || cut.nothing_is_known()) options.breaks.push_back(cut);
   }

@@ -9,21 +9,12 @@ namespace turncal {
 namespace {
 
 TEST(Clipping, RunsOfTheExtremeValueAreFound) {
-  HandPlan plan;
-  plan.seed = 5;
-  HandData hand = make_hand_data(plan);
+  HandData hand = make_hand_data({.seed = 5});
   const double limit = 0.8 * 0.01;  // rad a sample, at 0.8 rad/s
-  std::int64_t clipped = 0;
+  const std::int64_t clipped = clip_gyros(hand, limit);
   std::int64_t found = 0;
   ClippingFinder finder;
-  for (ImuSample& sample : hand.samples) {
-    for (double& x : sample.gyro)
-      if (std::abs(x) > limit) {
-        x = std::copysign(limit, x);
-        ++clipped;
-      }
-    finder.add(sample);
-  }
+  for (const ImuSample& sample : hand.samples) finder.add(sample);
   ASSERT_GT(clipped, 100);
   for (const DataEvent& run : finder.finish()) {
     found += run.count;

@@ -36,17 +36,17 @@ double error_over_variance(IncrementKind kind, bool at_rest, int lost, Reading r
     for (int k = 0; k < 60; ++k, ++counter) {
       const ImuSample sample = sample_of(counter, reading(), 0.0);
       glitches.add(sample, events);
-      filler.add(Eigen::Vector3d(sample.gyro.data()), Eigen::Vector3d(sample.accel.data()));
+      filler.add(channels_of(sample));
     }
     double truth = 0.0;
     for (int k = 0; k < lost; ++k, ++counter) truth += reading();
     const ImuSample next = sample_of(counter, reading(), 0.0);
     const GapFill fill = filler.fill(next, lost, at_rest, glitches.mean_square());
-    const double sum = lost * (fill.gyro_first[0] + 0.5 * (lost - 1) * fill.gyro_step[0]);
+    const double sum = lost * (fill.first[0] + 0.5 * (lost - 1) * fill.step[0]);
     error += std::pow(sum - truth, 2) - white;
-    variance += fill.gyro_variance[0];
+    variance += fill.variance[0];
     glitches.add(next, events);
-    filler.add(Eigen::Vector3d(next.gyro.data()), Eigen::Vector3d(next.accel.data()));
+    filler.add(channels_of(next));
     ++counter;
   }
   return error / variance;
@@ -102,17 +102,17 @@ TEST(GapFill, InATurnItIsNeverTooSmall) {
 // A table that takes up its rate: on the ramp nothing is wrong, in its corner the gap says how far it may be.
 TEST(GapFill, ACornerOfTheMotionIsInTheVariance) {
   GapFiller filler(info_with(IncrementKind::physical));
-  for (int k = 0; k < 40; ++k) filler.add(Eigen::Vector3d::Constant(2.0 * k), Eigen::Vector3d::Zero());
-  const Eigen::Matrix<double, 6, 1> quiet = Eigen::Matrix<double, 6, 1>::Constant(1e-6);
+  for (int k = 0; k < 40; ++k) filler.add(channels_of(sample_of(k, 2.0 * k, 0.0)));
+  const Channels quiet = Channels::Constant(1e-6);
   const GapFill even = filler.fill(sample_of(42, 2.0 * 42, 0.0), 2, false, quiet);
-  EXPECT_DOUBLE_EQ(even.gyro_first[0], 80.0);
-  EXPECT_DOUBLE_EQ(even.gyro_step[0], 2.0);
-  EXPECT_LT(even.gyro_variance[0], 1e-5);
+  EXPECT_DOUBLE_EQ(even.first[0], 80.0);
+  EXPECT_DOUBLE_EQ(even.step[0], 2.0);
+  EXPECT_LT(even.variance[0], 1e-5);
   const GapFill corner = filler.fill(sample_of(42, 80.0, 0.0), 2, false, quiet);  // the rate stays at 80
   const double truth = 160.0;
-  const double sum = 2.0 * corner.gyro_first[0] + corner.gyro_step[0];
+  const double sum = 2.0 * corner.first[0] + corner.step[0];
   EXPECT_GT(std::abs(sum - truth), 0.5);
-  EXPECT_LT(std::abs(sum - truth), 2.0 * std::sqrt(corner.gyro_variance[0]));
+  EXPECT_LT(std::abs(sum - truth), 2.0 * std::sqrt(corner.variance[0]));
 }
 
 }  // namespace
