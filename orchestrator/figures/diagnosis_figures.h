@@ -25,7 +25,7 @@ std::vector<const EstimatedEffect*> components_of(const JointResult& result, std
 std::vector<const EstimatedEffect*> strongest_of(const JointResult& result, std::string_view effect);
 
 // Effects were added: two curves, before and after; else one.
-bool has_after(const Diagnosis& diagnosis);
+inline bool has_after(const Diagnosis& diagnosis) { return !diagnosis.effect_names.empty(); }
 // One series or two, without points: residual, or before and after.
 std::vector<Series> before_after_series(bool with_after);
 // Of the sensor along x, y or z: its name, marker and colour.
@@ -37,17 +37,14 @@ void mark_steps(const CompressedRecording& recording, Figure& figure);
 // `other`: its deviations beside those, open circles.
 Figure allan_figure(const AllanResult& allan, const AllanResult* other = nullptr);
 
-// What each dwell after a rotation says about the residual, in the axes of the sensors: the numbers behind the report's figures.
-//
-// The residual is the velocity (n frame, m/s) that the unit shows when it is navigated freely from the beginning of the last
+// What each dwell after a rotation says about the residual, in the axes of the sensors. The residual is the velocity (n frame, m/s) that the unit shows when it is navigated freely from the beginning of the last
 // rotation on, although it stands. From each dwell after a rotation three numbers are read off:
 //   v(t) = v0 + a t + j t (t - T) / 2, t from the start of the dwell, least squares over T, at most fit_window_s
 //   accelerometer residual  C_bn a                   excess reading of the accelerometers (and g times the tilt error)
 //   tilt residual           C_bn (a_E, 0, -a_N) / g  attitude error that the rotation left; horizontal axes only
 //   gyro residual           C_bn (j_E, 0, -j_N) / g  excess reading of the gyros; horizontal axes only
-// from v' = -f x psi, f = (0, g, 0), psi' = C_nb dw_b (calib/joint/joint_filter.h). C_nb is the commanded heading, levelled by the
-// specific force: good to the table's errors, which is enough to tell the axes apart.
-// Not modelled: which sensor is to blame. The scores decide that; these numbers show it.
+// from v' = -f x psi, f = (0, g, 0), psi' = C_nb dw_b (calib/joint/joint_filter.h). C_nb is the commanded heading, levelled by the specific
+// force: good to the table's errors. Not modelled: which sensor is to blame; the scores decide that.
 struct DwellResidual {
   int segment = 0;
   int step = 0;
@@ -79,8 +76,7 @@ inline bool before_any_rotation(const ResidualPoint& point) { return point.since
 // rms of the residual velocity over the first velocity_seconds of every dwell, as on held-out data (holdout.h). NaN: none.
 double velocity_rms_mps(const Diagnosis& diagnosis, bool after);
 
-// Before and after an effect was added, against the quantity the effect depends on (specific force, temperature, time, time
-// since the rotation, angle turned, rate, heading): one panel for each of its strongest components.
+// Before and after an effect was added, against the quantity the effect depends on: a panel for each of its strongest components.
 Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual>& dwells, const std::string& effect,
                      std::size_t number);
 // For a residual that no effect explains: against table angles, specific force, rate, temperature and time; once as an accelerometer
@@ -94,6 +90,7 @@ struct ScoreBar {
   double z = 0.0;                  // of the strongest component
   std::vector<double> components;  // |z| of all of them
   enum class Role { added, above, below, invisible } role = Role::below;
+  const CandidateScore* strongest = nullptr;  // null: invisible
 };
 // By effect, strongest first; invisible ones last.
 std::vector<ScoreBar> score_bars(const Diagnosis& diagnosis, double threshold_z);

@@ -1,5 +1,7 @@
 #include "orchestrator/figures/drawing.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -75,11 +77,15 @@ Result<std::vector<std::string>> run_gnuplot(std::string_view script, std::size_
   if (!drawn) return failure(drawn.error().message);
   std::vector<std::string> result = split_drawings(drawn->output);
   if (result.size() != drawings)
-    return failure(options.program + " drew " + std::to_string(result.size()) + " of " + std::to_string(drawings) +
-                   " plots" + (drawn->message.empty() ? "" : ": " + drawn->message));
+    return failure(fmt::format("{} drew {} of {} plots{}", options.program, result.size(), drawings,
+                               drawn->message.empty() ? "" : ": " + drawn->message));
   return result;
 }
 
+namespace {
+
+// One drawing for an HTML page: the <svg> element, ids made unique by `id`, `label` (plain text) for readers that cannot see it, `width` as
+// CSS has it ("50%").
 std::string embeddable_svg(std::string_view svg, std::string_view id, std::string_view label, std::string_view width) {
   std::string text(svg);
   // Panels of a multiplot repeat ids, and titles would show up as tooltips with the names of data blocks.
@@ -94,31 +100,31 @@ std::string embeddable_svg(std::string_view svg, std::string_view id, std::strin
   replace_all(text, "href='#", "href='#" + prefix);
   replace_all(text, "url(#", "url(#" + prefix);
   replace_all(text, "<tspan >", "<tspan>");
-  const std::string open = "<svg";
-  if (text.starts_with(open))
+  if (const std::string_view open = "<svg"; text.starts_with(open))
     text.insert(open.size(),
-                " role=\"img\" aria-label=\"" + html_escape(label) + "\" style=\"width:" + std::string(width) + "\"");
+                fmt::format(" role=\"img\" aria-label=\"{}\" style=\"width:{}\"", html_escape(label), width));
   return text;
 }
 
-const char* html_colour(Colour colour) {
-  switch (colour) {
-    case Colour::before: return "#D55E00";  // vermillion
-    case Colour::after: return "#0072B2";   // blue
-    case Colour::x: return "#0072B2";
-    case Colour::y: return "#D55E00";
-    case Colour::z: return "#009E73";  // bluish green
-    case Colour::neutral: return "#808080";
-  }
-  return "#000000";
-}
+constexpr const char* html_colours[] = {"#D55E00", "#0072B2", "#0072B2", "#D55E00", "#009E73", "#808080"};
+const char* html_colour(Colour colour) { return html_colours[static_cast<std::size_t>(colour)]; }
 
-bool Panel::empty() const {
-  return std::ranges::all_of(series, [](const Series& s) {
-    return std::ranges::none_of(s.points,
-                                [](const auto& p) { return std::isfinite(p.first) && std::isfinite(p.second); });
-  });
+struct StyleRow {
+  const char *gnuplot, *glyph;
+};
+constexpr StyleRow style_rows[] = {
+    {"lines lw 1.4", "—"},       {"lines dt 2 lw 1.4", "┄"},  {"points pt 6 ps 0.75 lw 1.5", "○"},
+    {"points pt 7 ps 0.5", "●"}, {"points pt 9 ps 0.6", "▲"}, {"points pt 5 ps 0.45", "■"}};
+const StyleRow& style_of(const Series& series) { return style_rows[static_cast<std::size_t>(series.style)]; }
+
+bool is_known(const std::pair<double, double>& point) {
+  return std::isfinite(point.first) && std::isfinite(point.second);
 }
+bool has_points(const Series& series) { return std::ranges::any_of(series.points, is_known); }
+
+}  // namespace
+
+bool Panel::empty() const { return std::ranges::none_of(series, has_points); }
 
 std::vector<std::pair<double, double>> outline(const std::vector<std::pair<double, double>>& points,
                                                std::size_t limit) {
@@ -127,13 +133,10 @@ std::vector<std::pair<double, double>> outline(const std::vector<std::pair<doubl
   const std::size_t buckets = std::max<std::size_t>(limit / 3, 1);
   std::vector<std::pair<double, double>> result;
   for (std::size_t k = 0; k < buckets; ++k) {
-    const std::size_t begin = k * points.size() / buckets;
-    const std::size_t end = (k + 1) * points.size() / buckets;
-    std::size_t low = end;
-    std::size_t high = end;
-    std::size_t gap = end;
+    const std::size_t begin = k * points.size() / buckets, end = (k + 1) * points.size() / buckets;
+    std::size_t low = end, high = end, gap = end;
     for (std::size_t i = begin; i < end; ++i) {
-      if (!std::isfinite(points[i].first) || !std::isfinite(points[i].second)) {
+      if (!is_known(points[i])) {
         gap = i;
         continue;
       }
@@ -151,44 +154,19 @@ std::vector<std::pair<double, double>> outline(const std::vector<std::pair<doubl
 
 namespace {
 
-constexpr const char* grid_grey = "#D9D9D9";
-
-// Seven digits are more than a drawing shows.
-void append_number(double value, std::string& script) {
-  char text[40];
-  const auto result = std::to_chars(text, text + sizeof text, value, std::chars_format::general, 7);
-  script.append(text, result.ptr);
-}
-
 void append_data(const std::string& name, const Series& series, std::string& script) {
   script += name + " << EOD\n";
   bool broken = true;  // a block does not begin with a break
-  for (const auto& [x, y] : series.points) {
-    if (!std::isfinite(x) || !std::isfinite(y)) {
-      if (!broken) script += '\n';
-      broken = true;
-      continue;
-    }
-    append_number(x, script);
-    script += ' ';
-    append_number(y, script);
-    script += '\n';
-    broken = false;
+  for (const auto& point : series.points) {
+    const bool known = is_known(point);
+    // Seven digits are more than a drawing shows.
+    if (known)
+      fmt::format_to(std::back_inserter(script), "{:.7g} {:.7g}\n", point.first, point.second);
+    else if (!broken)
+      script += '\n';
+    broken = !known;
   }
   script += "EOD\n";
-}
-
-std::string style_of(const Series& series) {
-  const std::string colour = " lc rgb '" + std::string(html_colour(series.colour)) + "'";
-  switch (series.style) {
-    case Series::Style::line: return "lines lw 1.4" + colour;
-    case Series::Style::dashed: return "lines dt 2 lw 1.4" + colour;
-    case Series::Style::open_circle: return "points pt 6 ps 0.75 lw 1.5" + colour;
-    case Series::Style::dot: return "points pt 7 ps 0.5" + colour;
-    case Series::Style::triangle: return "points pt 9 ps 0.6" + colour;
-    case Series::Style::square: return "points pt 5 ps 0.45" + colour;
-  }
-  return "lines";
 }
 
 struct Range {
@@ -226,27 +204,15 @@ double tick_step(Range r, int most, bool angle) {
 }
 
 void set_axis(const char* axis, Range r, int ticks, bool angle, std::string& script) {
-  script += std::string("set ") + axis + "range [";
-  append_number(r.low, script);
-  script += ':';
-  append_number(r.high, script);
-  script += std::string("]\nset ") + axis + "tics ";
-  append_number(tick_step(r, ticks, angle), script);
-  script += '\n';
+  script += fmt::format("set {0}range [{1:.7g}:{2:.7g}]\nset {0}tics {3:.7g}\n", axis, r.low, r.high,
+                        tick_step(r, ticks, angle));
 }
 
 // Whole decades around the data.
 void set_decades(const char* axis, Range r, std::string& script) {
-  script += std::string("set ") + axis + "range [";
-  append_number(std::pow(10.0, std::floor(std::log10(r.low) + 1e-9)), script);
-  script += ':';
-  append_number(std::pow(10.0, std::ceil(std::log10(r.high) - 1e-9)), script);
-  script += std::string("]\nset ") + axis + "tics autofreq\n";
-}
-
-bool has_points(const Series& series) {
-  return std::ranges::any_of(series.points,
-                             [](const auto& p) { return std::isfinite(p.first) && std::isfinite(p.second); });
+  script += fmt::format("set {0}range [{1:.7g}:{2:.7g}]\nset {0}tics autofreq\n", axis,
+                        std::pow(10.0, std::floor(std::log10(r.low) + 1e-9)),
+                        std::pow(10.0, std::ceil(std::log10(r.high) - 1e-9)));
 }
 
 // Names that would touch the one before are left out; the line stays.
@@ -254,12 +220,9 @@ void append_marks(const Panel& panel, int width, std::string& script) {
   constexpr double pixels_a_name = 16.0;
   script += "unset arrow\nunset label\n";
   if (panel.named_x) {
-    script += "set xtics (";
-    for (const auto& [at, name] : panel.marks) {
-      script += (script.back() == '(' ? "" : ", ") + gnuplot_text(name) + ' ';
-      append_number(at, script);
-    }
-    script += ")\n";
+    std::vector<std::string> names;
+    for (const auto& [at, name] : panel.marks) names.push_back(fmt::format("{} {:.7g}", gnuplot_text(name), at));
+    script += "set xtics (" + join(names) + ")\n";
     return;
   }
   const Range x = range_of(panel, true);
@@ -267,13 +230,12 @@ void append_marks(const Panel& panel, int width, std::string& script) {
   double named = -1e300;
   for (const auto& [at, name] : panel.marks) {
     if (at < std::min(0.0, x.low) || at > x.high) continue;
-    std::string place;
-    append_number(at, place);
-    script += "set arrow from first " + place + ", graph 0 to first " + place +
-              ", graph 1 nohead lw 0.6 lc rgb '#B8B8B8' back\n";
+    script += fmt::format(
+        "set arrow from first {0:.7g}, graph 0 to first {0:.7g}, graph 1 nohead lw 0.6 lc rgb '#B8B8B8' back\n", at);
     if (at - named < apart) continue;
-    script += "set label " + gnuplot_text(name) + " at first " + place +
-              ", graph 0.94 left offset 0.2,0 font 'Sans,10' textcolor rgb '#666666'\n";
+    script += fmt::format(
+        "set label {} at first {:.7g}, graph 0.94 left offset 0.2,0 font 'Sans,10' textcolor rgb '#666666'\n",
+        gnuplot_text(name), at);
     named = at;
   }
 }
@@ -283,11 +245,12 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
   std::string plot;
   for (std::size_t s = 0; s < panel.series.size(); ++s) {
     if (!has_points(panel.series[s])) continue;
-    const std::string name = "$" + id + "s" + std::to_string(s);
-    append_data(name, panel.series[s], script);
-    plot +=
-        (plot.empty() ? "plot " : ", ") + name + " using 1:2 with " + style_of(panel.series[s]) +
-        (panel.legend && !panel.series[s].label.empty() ? " title " + gnuplot_text(panel.series[s].label) : " notitle");
+    const Series& series = panel.series[s];
+    const std::string name = fmt::format("${}s{}", id, s);
+    append_data(name, series, script);
+    plot += fmt::format("{}{} using 1:2 with {} lc rgb '{}'{}", plot.empty() ? "plot " : ", ", name,
+                        style_of(series).gnuplot, html_colour(series.colour),
+                        panel.legend && !series.label.empty() ? " title " + gnuplot_text(series.label) : " notitle");
   }
   if (plot.empty()) plot = "plot NaN notitle";
   script += panel.legend ? "set key outside above right horizontal samplen 2\n" : "unset key\n";
@@ -318,25 +281,13 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
   script += plot + "\n";
 }
 
-const char* glyph(Series::Style style) {
-  switch (style) {
-    case Series::Style::line: return "—";
-    case Series::Style::dashed: return "┄";
-    case Series::Style::open_circle: return "○";
-    case Series::Style::dot: return "●";
-    case Series::Style::triangle: return "▲";
-    case Series::Style::square: return "■";
-  }
-  return "";
-}
-
 std::vector<Drawing::Key> legend_of(const Figure& figure) {
   std::vector<Drawing::Key> legend;
   for (const Panel& panel : figure.panels)
     for (const Series& series : panel.series) {
       const auto same = [&](const Drawing::Key& key) { return key.label == series.label; };
       if (!series.label.empty() && std::ranges::none_of(legend, same))
-        legend.push_back({html_colour(series.colour), glyph(series.style), series.label});
+        legend.push_back({html_colour(series.colour), style_of(series).glyph, series.label});
     }
   return legend;
 }
@@ -344,20 +295,11 @@ std::vector<Drawing::Key> legend_of(const Figure& figure) {
 }  // namespace
 
 std::string gnuplot_terminal(int width, int height) {
-  return "reset session\nset encoding utf8\nset terminal svg size " + std::to_string(width) + "," +
-         std::to_string(height) +
-         " dynamic noenhanced font 'Sans,13' background rgb 'white'\n"
-         "set border 3 lw 1 lc rgb '" +
-         drawing_ink +
-         "'\n"
-         "set grid lw 0.7 lc rgb '" +
-         grid_grey +
-         "'\n"
-         "set tics nomirror scale 0.6 textcolor rgb '" +
-         drawing_ink +
-         "'\n"
-         "set clip two\n"
-         "unset key\n";
+  return fmt::format(
+      "reset session\nset encoding utf8\nset terminal svg size {},{} dynamic noenhanced font 'Sans,13' background rgb "
+      "'white'\nset border 3 lw 1 lc rgb '{}'\nset grid lw 0.7 lc rgb '#D9D9D9'\n"
+      "set tics nomirror scale 0.6 textcolor rgb '{}'\nset clip two\nunset key\n",
+      width, height, drawing_ink, drawing_ink);
 }
 
 std::string gnuplot_text(const std::string& text) {
@@ -378,8 +320,8 @@ Drawing draw(const Figure& figure, bool whole) {
   std::string& script = drawing.script;
   if (!apart) {
     script = gnuplot_terminal(width, figure.panel_height * std::max(rows, 1));
-    script += "set multiplot layout " + std::to_string(std::max(rows, 1)) + "," + std::to_string(columns) +
-              (figure.title.empty() ? "" : " title " + gnuplot_text(figure.title)) + "\n";
+    script += fmt::format("set multiplot layout {},{}{}\n", std::max(rows, 1), columns,
+                          figure.title.empty() ? "" : " title " + gnuplot_text(figure.title));
   }
   const std::string margins = stacked ? "set lmargin 9\nset rmargin 2\nset tmargin 0.7\n"
                                       : "set lmargin 9.5\nset rmargin 2.5\nset bmargin 3.2\n";

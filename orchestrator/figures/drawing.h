@@ -13,13 +13,9 @@
 
 namespace turncal {
 
-// gnuplot is a filter (piped_program.h), so nothing is written to disk. Every `plot` or
-// `multiplot` under `set terminal svg` and without `set output` is one drawing, in the order of the script. gnuplot is
-// started without the user's own settings (-d), in the C locale, and is killed at the deadline: whatever it draws, a report
-// never waits for it longer than that.
-//
-// Errors are one line: gnuplot is not there, took too long, stopped with an error (its first line is quoted), or drew another
-// number of plots than expected. None of them is a reason to fail a diagnosis: the report then has no plots.
+// gnuplot is a filter (piped_program.h), without the user's own settings, and killed at the deadline. Every `plot` or `multiplot` under
+// `set terminal svg` is one drawing, in the order of the script. Errors are one line, those of the filter or another number of plots than
+// expected: the report then has no plots.
 struct GnuplotOptions {
   std::string program = "gnuplot";  // looked up in PATH when it has no slash
   double deadline_s = 15.0;
@@ -29,18 +25,14 @@ struct GnuplotOptions {
 Result<std::vector<std::string>> run_gnuplot(std::string_view script, std::size_t drawings,
                                              const GnuplotOptions& options = {});
 
-// One drawing for an HTML page: only the <svg> element, ids made unique by `id` (letters and digits), fonts left to the page,
-// `label` (plain text) for readers that cannot see it, `width` as CSS has it ("50%").
-std::string embeddable_svg(std::string_view svg, std::string_view id, std::string_view label, std::string_view width);
-
 // What is drawn, independent of gnuplot.
 inline constexpr double no_point = std::numeric_limits<double>::quiet_NaN();  // breaks a line
 inline constexpr std::array<const char*, 3> body_names = {"x", "y", "z"};
 inline constexpr std::array<const char*, 3> n_names = {"north", "up", "east"};
 
-// Distinguishable with every kind of colour blindness and in grey print (Okabe and Ito, 2008).
+// Distinguishable with every kind of colour blindness and in grey print (Okabe and Ito, 2008): vermillion, blue; blue, vermillion, bluish
+// green; grey.
 enum class Colour { before, after, x, y, z, neutral };
-const char* html_colour(Colour colour);
 
 struct Series {
   enum class Style { line, dashed, open_circle, dot, triangle, square };
@@ -59,8 +51,8 @@ struct Panel {
   bool angle = false;        // x in degrees: ticks at 30, 45, 90, ...
   double y_limit = 0.0;      // above 0: the frame ends at +- this
   bool whole_frame = false;  // and is as large as that whatever is in it: panels that are compared
-  std::vector<std::pair<double, std::string>>
-      marks;             // x and a short name: thin lines, named at the top where there is room
+  // x and a short name: thin lines, named at the top where there is room.
+  std::vector<std::pair<double, std::string>> marks;
   bool named_x = false;  // or no lines: the names stand below the axis, in place of numbers
   bool empty() const;    // nothing to draw
 };

@@ -1,10 +1,9 @@
 #include "orchestrator/figures/piped_program.h"
 
-#include <fcntl.h>
-#include <poll.h>
+#include <fmt/format.h>
 #include <signal.h>
 #include <spawn.h>
-#include <sys/socket.h>
+#include <sys/mman.h>
 #include <sys/wait.h>
 
 #include <cerrno>
@@ -14,6 +13,7 @@
 #include <utility>
 
 #include "imu_io/base/posix_file.h"
+#include "imu_io/base/text_pieces.h"
 #include "orchestrator/figures/report_format.h"
 
 extern char** environ;
@@ -25,12 +25,23 @@ using SteadyClock = std::chrono::steady_clock;
 
 Error failed(const std::string& what) { return {ErrorKind::internal, what}; }
 
-bool make_pipe(Descriptor& read_end, Descriptor& write_end) {
-  int fds[2];
-  if (::pipe2(fds, O_CLOEXEC) != 0) return false;
-  read_end = Descriptor(fds[0]);
-  write_end = Descriptor(fds[1]);
-  return true;
+// In memory, at its beginning.
+Result<Descriptor> file_with(std::string_view text) {
+  Descriptor file(::memfd_create("piped", MFD_CLOEXEC));
+  while (file >= 0 && !text.empty()) {
+    const ssize_t written = ::write(file, text.data(), text.size());
+    if (written > 0)
+      text.remove_prefix(static_cast<std::size_t>(written));
+    else if (written == 0 || errno != EINTR)
+      break;
+  }
+  if (file < 0 || !text.empty() || ::lseek(file, 0, SEEK_SET) != 0)
+    return failed(std::string("cannot make a file in memory: ") + std::strerror(errno));
+  return file;
+}
+// From its beginning, wherever the child has come to.
+Result<std::string> text_in(const Descriptor& file) {
+  return read_whole_file("/proc/self/fd/" + std::to_string(file), std::size_t{1} << 30);
 }
 
 // The environment with the C locale: decimal points, whatever the user's language.
@@ -79,8 +90,7 @@ class Child {
         pid_ = -1;
         return true;
       }
-      if (ended < 0 && errno != EINTR) return false;
-      if (SteadyClock::now() >= deadline) return false;
+      if ((ended < 0 && errno != EINTR) || SteadyClock::now() >= deadline) return false;
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
   }
@@ -89,23 +99,11 @@ class Child {
   pid_t pid_ = -1;
 };
 
-// Reads what is there. False at the end.
-bool drain(int fd, std::string& text) {
-  char buffer[65536];
-  const ssize_t count = ::read(fd, buffer, sizeof buffer);
-  if (count < 0) return errno == EINTR || errno == EAGAIN;
-  text.append(buffer, static_cast<std::size_t>(count));
-  return count > 0;
-}
-
-std::string first_line(const std::string& text) {
-  std::size_t begin = 0;
-  while (begin < text.size()) {
-    const std::size_t end = std::min(text.find('\n', begin), text.size());
-    std::string line = text.substr(begin, end - begin);
+std::string first_line(std::string_view text) {
+  while (!text.empty()) {
+    const std::string_view line = next_line(text);
     const std::size_t start = line.find_first_not_of(" \t^\r");
-    if (start != std::string::npos) return line.substr(start, 160);
-    begin = end + 1;
+    if (start != std::string_view::npos) return std::string(line.substr(start, 160));
   }
   return {};
 }
@@ -115,46 +113,19 @@ std::string first_line(const std::string& text) {
 Result<PipedOutput> pipe_through(const PipedProgram& program, std::string_view input) {
   const auto deadline = SteadyClock::now() + std::chrono::duration_cast<SteadyClock::duration>(
                                                  std::chrono::duration<double>(program.deadline_s));
-  int sockets[2];
-  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, sockets) != 0)
-    return failed(std::string("cannot make a socket: ") + std::strerror(errno));
-  Descriptor to_child(sockets[0]);
-  Descriptor child_in(sockets[1]);
-  Descriptor from_child, child_out, errors, child_err;
-  if (!make_pipe(from_child, child_out) || !make_pipe(errors, child_err))
-    return failed(std::string("cannot make a pipe: ") + std::strerror(errno));
+  const Descriptor in = TRY(file_with(input)), out = TRY(file_with("")), err = TRY(file_with(""));
   Child child;
-  if (const int error = child.spawn(program, child_in, child_out, child_err); error != 0)
-    return failed(error == ENOENT ? program.name + " is not installed (Debian package " + program.package + ")"
-                                  : "cannot start " + program.name + ": " + std::strerror(error));
-  child_in = Descriptor();
-  child_out = Descriptor();
-  child_err = Descriptor();
-
-  std::string output;
-  std::string messages;
-  while (from_child >= 0 || errors >= 0) {
-    const double left_s = std::chrono::duration<double>(deadline - SteadyClock::now()).count();
-    if (left_s <= 0.0) return failed(program.name + " took longer than " + significant(program.deadline_s, 3) + " s");
-    pollfd fds[3] = {{from_child, POLLIN, 0}, {errors, POLLIN, 0}, {to_child, POLLOUT, 0}};
-    const int ready = ::poll(fds, 3, static_cast<int>(1000.0 * left_s) + 1);
-    if (ready < 0 && errno != EINTR) return failed(std::string("poll: ") + std::strerror(errno));
-    if (ready <= 0) continue;
-    if (fds[0].revents != 0 && !drain(from_child, output)) from_child = Descriptor();
-    if (fds[1].revents != 0 && !drain(errors, messages)) errors = Descriptor();
-    if (fds[2].revents == 0) continue;
-    // A child that died does not take this process with it: MSG_NOSIGNAL.
-    const ssize_t sent = ::send(to_child, input.data(), input.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
-    if (sent > 0) input.remove_prefix(static_cast<std::size_t>(sent));
-    if (input.empty() || (sent < 0 && errno != EAGAIN && errno != EINTR)) to_child = Descriptor();
-  }
+  if (const int error = child.spawn(program, in, out, err); error != 0)
+    return failed(error == ENOENT
+                      ? fmt::format("{} is not installed (Debian package {})", program.name, program.package)
+                      : fmt::format("cannot start {}: {}", program.name, std::strerror(error)));
   int status = 0;
-  if (!child.wait_until(deadline, status)) return failed(program.name + " did not end");
-  if (!WIFEXITED(status) || WEXITSTATUS(status) != 0) {
-    const std::string line = first_line(messages);
-    return failed(program.name + " stopped with an error" + (line.empty() ? "" : ": " + line));
-  }
-  return PipedOutput{std::move(output), first_line(messages)};
+  if (!child.wait_until(deadline, status))
+    return failed(fmt::format("{} took longer than {} s", program.name, significant(program.deadline_s, 3)));
+  const std::string message = first_line(TRY(text_in(err)));
+  if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
+    return failed(program.name + " stopped with an error" + (message.empty() ? "" : ": " + message));
+  return PipedOutput{TRY(text_in(out)), message};
 }
 
 }  // namespace turncal

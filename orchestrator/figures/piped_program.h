@@ -1,4 +1,4 @@
-// Another program as a filter: text goes in on a socket, what it makes of it comes back on a pipe, and nothing is written to disk. It is
+// Another program as a filter: text goes in and what it makes of it comes back as files in memory; nothing is written to disk. It is
 // started in the C locale and killed at the deadline.
 //
 // Errors are one line of kind internal: the program is not there (its Debian package is named), took too long, or stopped with an error

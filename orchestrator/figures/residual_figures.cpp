@@ -1,10 +1,15 @@
 #include "orchestrator/figures/diagnosis_figures.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 
+#include "calib/evidence/holdout.h"
+#include "calib/model/attitude.h"
+#include "calib/statistics/linear_algebra.h"
 #include "orchestrator/figures/report_format.h"
 
 namespace turncal {
@@ -12,51 +17,127 @@ namespace turncal {
 namespace {
 
 using Eigen::Vector3d;
+constexpr std::size_t fewest_seconds = 8;
 
-enum class Abscissa { specific_force, force_product, temperature, time, since_rotation, turned, rate, heading };
-enum class Ordinate { accel, accel_per_g, tilt, tilt_per_turn, gyro, velocity };
+double within_180(double angle_deg) { return std::remainder(angle_deg, 360.0); }
 
-struct PlotAxes {
-  std::string_view effect;
-  Abscissa x;
-  Ordinate y;
-  bool all_axes = false;  // whatever the component: it acts across the axes
-};
-
-// What the eye needs to see each effect. One that is not here is shown against time.
-constexpr PlotAxes plot_axes[] = {
-    {"accel_second_order", Abscissa::specific_force, Ordinate::accel},
-    {"accel_scale_asymmetry", Abscissa::specific_force, Ordinate::accel},
-    {"accel_odd_quadratic", Abscissa::specific_force, Ordinate::accel},
-    {"accel_third_order", Abscissa::specific_force, Ordinate::accel},
-    {"accel_cross_coupling", Abscissa::force_product, Ordinate::accel},
-    {"accel_size_effect", Abscissa::turned, Ordinate::velocity, true},
-    {"accel_delay", Abscissa::turned, Ordinate::velocity, true},
-    {"accel_bias_temperature", Abscissa::temperature, Ordinate::accel},
-    {"accel_scale_temperature", Abscissa::temperature, Ordinate::accel_per_g},
-    {"accel_bias_drift", Abscissa::time, Ordinate::accel},
-    {"accel_warm_up", Abscissa::time, Ordinate::accel},
-    {"gyro_g_sensitivity", Abscissa::specific_force, Ordinate::gyro},
-    {"gyro_scale_asymmetry", Abscissa::turned, Ordinate::tilt},
-    {"gyro_rate_nonlinearity", Abscissa::rate, Ordinate::tilt_per_turn},
-    {"gyro_bias_temperature", Abscissa::temperature, Ordinate::gyro},
-    {"gyro_scale_temperature", Abscissa::temperature, Ordinate::tilt_per_turn},
-    {"gyro_bias_drift", Abscissa::time, Ordinate::gyro},
-    {"gyro_warm_up", Abscissa::time, Ordinate::gyro},
-    {"gyro_magnetic", Abscissa::heading, Ordinate::gyro},
-    {"earth_rate", Abscissa::heading, Ordinate::gyro, true},
-    {"sample_period", Abscissa::heading, Ordinate::gyro, true},
-    {"post_rotation_relaxation", Abscissa::since_rotation, Ordinate::velocity},
-    {"gyro_accel_flexure", Abscissa::turned, Ordinate::tilt, true},
-};
-
-PlotAxes plot_axes_of(const std::string& effect) {
-  for (const PlotAxes& plot : plot_axes)
-    if (plot.effect == effect) return plot;
-  return {effect, Abscissa::time, effect.starts_with("gyro") ? Ordinate::gyro : Ordinate::accel};
+// The motion between the rest that ends before block `end` and that block.
+void add_motion(const CompressedRecording& recording, const SensorModel& model, std::size_t end, DwellResidual& dwell) {
+  for (std::size_t k = std::min(end, recording.blocks.size()); k-- > 0;) {
+    const Block& block = recording.blocks[k];
+    if (recording.segments[static_cast<std::size_t>(block.segment)].kind != SegmentKind::rotate) {
+      if (block.whole_second) return;
+      continue;
+    }
+    dwell.add_turn(block, model);
+  }
 }
 
-// Sensor axis and the axes of what it depends on, from the component's name: x, xy, x_yz, x_rx; -1 where there is none.
+DwellResidual::Side fit_side(const std::vector<ResidualPoint>& points, std::size_t first, std::size_t last, bool after,
+                             const Eigen::Matrix3d& C_nb, double gravity_mps2) {
+  const auto rows = static_cast<Eigen::Index>(last - first);
+  Eigen::MatrixX3d shape(rows, 3);
+  Eigen::MatrixX3d v(rows, 3);
+  const double start_s = points[first].time_s;
+  const double middle_s = 0.5 * (points[last - 1].time_s - start_s);
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    const ResidualPoint& p = points[first + static_cast<std::size_t>(i)];
+    const double t = p.time_s - start_s;
+    shape.row(i) << 1.0, t, 0.5 * t * (t - 2.0 * middle_s);  // the slope is that of the middle
+    v.row(i) = (after ? p.velocity_after_mps : p.velocity_before_mps).transpose();
+  }
+  Eigen::Matrix3d fit;
+  for (int k = 0; k < 3; ++k) fit.col(k) = least_squares(shape, v.col(k)).x;
+  const Vector3d a = fit.row(1).transpose();
+  const Vector3d j = fit.row(2).transpose();
+  DwellResidual::Side side;
+  side.velocity_mps = fit.row(0).transpose();
+  side.accel_mps2 = C_nb.transpose() * a;
+  side.tilt_rad = C_nb.transpose() * Vector3d(a.z(), 0.0, -a.x()) / gravity_mps2;
+  side.gyro_radps = C_nb.transpose() * Vector3d(j.z(), 0.0, -j.x()) / gravity_mps2;
+  return side;
+}
+
+}  // namespace
+
+void DwellResidual::add_turn(const Block& block, const SensorModel& model) {
+  const Vector3d turn = model.gyro_scale * block.gyro - model.gyro_bias_radps * block.duration_s;
+  turned_rad += turn;
+  const Vector3d rate = turn / block.duration_s;
+  for (int axis = 0; axis < 3; ++axis)
+    if (std::abs(rate[axis]) > std::abs(fastest_radps[axis])) fastest_radps[axis] = rate[axis];
+}
+
+std::vector<std::pair<std::size_t, std::size_t>> rests(const std::vector<ResidualPoint>& points) {
+  std::vector<std::pair<std::size_t, std::size_t>> result;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const bool begins =
+        i == 0 || points[i].since_rotation_s <= points[i - 1].since_rotation_s ||
+        points[i].time_s - points[i - 1].time_s > 1.5 * (points[i].since_rotation_s - points[i - 1].since_rotation_s);
+    if (begins) result.emplace_back(i, i);
+    result.back().second = i + 1;
+  }
+  return result;
+}
+
+std::vector<DwellResidual> dwell_residuals(const Diagnosis& diagnosis, const CompressedRecording& recording) {
+  const std::vector<ResidualPoint>& points = diagnosis.residuals;
+  const SensorModel model = sensor_model(diagnosis.base.parameters, recording.info);
+  std::vector<DwellResidual> result;
+  for (auto [first, last] : rests(points)) {
+    if (before_any_rotation(points[first])) continue;
+    while (last > first && points[last - 1].time_s - points[first].time_s > fit_window_s) --last;
+    if (last - first < fewest_seconds) continue;
+    const ResidualPoint& p = points[first];
+    if (p.segment < 0 || static_cast<std::size_t>(p.segment) >= recording.segments.size()) continue;
+    const Segment& segment = recording.segments[static_cast<std::size_t>(p.segment)];
+    DwellResidual d;
+    d.segment = p.segment;
+    d.step = segment.step;
+    d.time_s = 0.5 * (p.time_s + points[last - 1].time_s);
+    d.table_deg = {within_180(segment.heading_deg), within_180(segment.pitch_deg), within_180(segment.roll_deg)};
+    Vector3d f = Vector3d::Zero();
+    double temperature = 0.0;
+    for (std::size_t i = first; i < last; ++i) {
+      f += points[i].f_b_mps2;
+      temperature += points[i].temperature_c;
+    }
+    f /= static_cast<double>(last - first);
+    d.f_b_g = f / standard_gravity_mps2;
+    d.temperature_c = recording.info.has_temperature ? temperature / static_cast<double>(last - first) : no_point;
+    const Eigen::Matrix3d C_nb =
+        level(attitude_from_angles(segment.heading_deg * rad_per_deg, segment.pitch_deg * rad_per_deg,
+                                   segment.roll_deg * rad_per_deg),
+              f);
+    d.level_share = (Vector3d::Ones() - C_nb.row(1).transpose().cwiseAbs2()).cwiseMax(0.0).cwiseSqrt();
+    d.before = fit_side(points, first, last, false, C_nb, recording.info.gravity_mps2);
+    d.after = fit_side(points, first, last, true, C_nb, recording.info.gravity_mps2);
+    add_motion(recording, model, p.block, d);
+    result.push_back(d);
+  }
+  return result;
+}
+
+double velocity_rms_mps(const Diagnosis& diagnosis, bool after) {
+  double sum = 0.0;
+  double count = 0.0;
+  for (const auto& [first, last] : rests(diagnosis.residuals))
+    for (std::size_t i = first; i < std::min(last, first + velocity_seconds); ++i) {
+      const ResidualPoint& p = diagnosis.residuals[i];
+      sum += (after ? p.velocity_after_mps : p.velocity_before_mps).squaredNorm();
+      count += 1.0;
+    }
+  return count > 0.0 ? std::sqrt(sum / count) : no_point;
+}
+
+namespace {
+
+constexpr std::size_t markers_a_series = 300;  // more would make the page heavy, not clearer
+constexpr double horizontal = 0.5;             // level_share above which an axis shows its tilt and its gyro
+constexpr double real_turn_rad = 0.2;          // smaller ones are table errors
+constexpr double loaded_g = 0.3;               // specific force that shows a scale factor
+
+// Sensor axis and the axes of what it depends on, from the component's name: x, xy, x_yz; -1 where there is none.
 struct ComponentAxes {
   int sensor = -1, first = -1, second = -1;
 };
@@ -65,102 +146,140 @@ ComponentAxes axes_of(std::string_view component) {
     return at < component.size() && component[at] >= 'x' && component[at] <= 'z' ? component[at] - 'x' : -1;
   };
   if (component.size() == 1) return {axis(0), axis(0), -1};
-  if (component.size() == 2) return {axis(0), axis(1), -1};
+  if (component.size() == 2) return {axis(0), axis(1) < 0 ? axis(0) : axis(1), -1};
   if (component.size() >= 4 && component[1] == '_') return {axis(0), axis(2), axis(3)};
   return {};
 }
 
-struct Limits {  // largest magnitudes before and after, to choose units
-  double accel = 0.0, tilt = 0.0, gyro = 0.0, velocity = 0.0;
+struct Abscissa {
+  const char* label;  // {0}: the sensor's axis, {1} and {2}: those of what it depends on
+  bool angle;
+  double (*value)(const DwellResidual&, const ComponentAxes&);  // NaN: this dwell does not show it
 };
-Limits limits_of(const std::vector<DwellResidual>& dwells) {
-  Limits l;
+constexpr Abscissa by_force = {"specific force along {1}, g", false,
+                               [](const DwellResidual& d, const ComponentAxes& a) { return d.f_b_g[a.first]; }};
+constexpr Abscissa by_product = {"f{1} f{2}, g²", false, [](const DwellResidual& d, const ComponentAxes& a) {
+                                   return a.second < 0 ? no_point : d.f_b_g[a.first] * d.f_b_g[a.second];
+                                 }};
+constexpr Abscissa by_temperature = {"temperature, °C", false,
+                                     [](const DwellResidual& d, const ComponentAxes&) { return d.temperature_c; }};
+constexpr Abscissa by_time = {"time, min", false,
+                              [](const DwellResidual& d, const ComponentAxes&) { return d.time_s / 60.0; }};
+constexpr Abscissa since_rotation = {"time since rotation, s", false, nullptr};  // seconds, not dwells
+double turned_about(const DwellResidual& d, int axis) {
+  return std::abs(d.turned_rad[axis]) < real_turn_rad ? no_point : d.turned_rad[axis] / rad_per_deg;
+}
+constexpr Abscissa by_turn = {"turned about {0}, °", true,
+                              [](const DwellResidual& d, const ComponentAxes& a) { return turned_about(d, a.sensor); }};
+constexpr Abscissa by_any_turn = {"turned before the dwell, °", true, [](const DwellResidual& d, const ComponentAxes&) {
+                                    int axis = 0;
+                                    d.turned_rad.cwiseAbs().maxCoeff(&axis);
+                                    return turned_about(d, axis);
+                                  }};
+double rate_before(const DwellResidual& d, const ComponentAxes& a) {
+  return std::abs(d.turned_rad[a.sensor]) < real_turn_rad ? no_point : d.fastest_radps[a.sensor] / rad_per_deg;
+}
+constexpr Abscissa by_rate = {"rate about {0}, °/s", false, rate_before};
+constexpr Abscissa by_heading = {"heading, °", true,
+                                 [](const DwellResidual& d, const ComponentAxes&) { return d.table_deg[0]; }};
+
+// An error of one axis, in a unit that suits the largest of all dwells.
+struct Ordinate {
+  const char* label;  // {0}: the axis, {1}: the unit, {2}: the axis of n
+  Vector3d DwellResidual::Side::*value;
+  DisplayUnit (*unit)(double largest);
+  double (*over)(const DwellResidual&, int axis);  // the value is shown over it; NaN: this dwell does not show it
+  const char* caption;
+};
+double if_level(const DwellResidual& d, int axis) { return d.level_share[axis] < horizontal ? no_point : 1.0; }
+constexpr const char* of_slope = "One point a dwell: the slope of the residual velocity along the axis of the sensor.";
+constexpr const char* of_tilt =
+    "One point a dwell in which the axis lay horizontal: the tilt error that the rotation before it left behind.";
+constexpr Ordinate as_accel = {"accelerometer {0}, {1}", &DwellResidual::Side::accel_mps2, acceleration_unit,
+                               [](const DwellResidual&, int) { return 1.0; }, of_slope};
+constexpr Ordinate as_accel_per_g = {
+    "accelerometer {0} per g, {1}/g", &DwellResidual::Side::accel_mps2, acceleration_unit,
+    [](const DwellResidual& d, int axis) { return std::abs(d.f_b_g[axis]) < loaded_g ? no_point : d.f_b_g[axis]; },
+    of_slope};
+constexpr Ordinate as_tilt = {"tilt about {0}, {1}", &DwellResidual::Side::tilt_rad, angle_unit, if_level, of_tilt};
+constexpr Ordinate as_tilt_per_turn = {"tilt per turn about {0}, {1}", &DwellResidual::Side::tilt_rad,
+                                       [](double) {
+                                         return DisplayUnit{1e6, "ppm"};
+                                       },
+                                       [](const DwellResidual& d, int axis) {
+                                         const double turn_rad = d.turned_rad[axis];
+                                         return std::abs(turn_rad) < real_turn_rad ? no_point
+                                                                                   : turn_rad * if_level(d, axis);
+                                       },
+                                       of_tilt};
+constexpr Ordinate as_gyro = {"gyro {0}, {1}", &DwellResidual::Side::gyro_radps, rate_unit, if_level,
+                              "One point a dwell in which the axis lay horizontal: the curvature of the residual "
+                              "velocity, as an error of the gyro along it."};
+constexpr Ordinate as_velocity = {"velocity {2}, {1}", &DwellResidual::Side::velocity_mps, velocity_unit,
+                                  [](const DwellResidual&, int) { return 1.0; },
+                                  "One point a dwell: the velocity that the rotation before it left behind."};
+
+struct PlotAxes {
+  std::string_view effect;
+  const Abscissa& x;
+  const Ordinate& y;
+  bool all_axes = false;  // whatever the component: it acts across the axes
+};
+
+// What the eye needs to see each effect. One that is not here is shown against time.
+constexpr PlotAxes plot_axes[] = {
+    {"accel_second_order", by_force, as_accel},
+    {"accel_scale_asymmetry", by_force, as_accel},
+    {"accel_odd_quadratic", by_force, as_accel},
+    {"accel_third_order", by_force, as_accel},
+    {"accel_cross_coupling", by_product, as_accel},
+    {"accel_size_effect", by_any_turn, as_velocity, true},
+    {"accel_delay", by_any_turn, as_velocity, true},
+    {"accel_bias_temperature", by_temperature, as_accel},
+    {"accel_scale_temperature", by_temperature, as_accel_per_g},
+    {"accel_bias_drift", by_time, as_accel},
+    {"accel_warm_up", by_time, as_accel},
+    {"gyro_g_sensitivity", by_force, as_gyro},
+    {"gyro_scale_asymmetry", by_turn, as_tilt},
+    {"gyro_rate_nonlinearity", by_rate, as_tilt_per_turn},
+    {"gyro_bias_temperature", by_temperature, as_gyro},
+    {"gyro_scale_temperature", by_temperature, as_tilt_per_turn},
+    {"gyro_bias_drift", by_time, as_gyro},
+    {"gyro_warm_up", by_time, as_gyro},
+    {"gyro_magnetic", by_heading, as_gyro},
+    {"earth_rate", by_heading, as_gyro, true},
+    {"sample_period", by_heading, as_gyro, true},
+    {"post_rotation_relaxation", since_rotation, as_velocity},
+    {"gyro_accel_flexure", by_any_turn, as_tilt, true},
+};
+
+PlotAxes plot_axes_of(const std::string& effect) {
+  for (const PlotAxes& plot : plot_axes)
+    if (plot.effect == effect) return plot;
+  return {effect, by_time, effect.starts_with("gyro") ? as_gyro : as_accel};
+}
+
+DisplayUnit unit_of(const Ordinate& y, const std::vector<DwellResidual>& dwells) {
+  double largest = 0.0;
   for (const DwellResidual& d : dwells)
-    for (const DwellResidual::Side* side : {&d.before, &d.after}) {
-      const auto raise = [](double& largest, const Vector3d& v) {
-        for (const double x : v)
-          if (std::isfinite(x)) largest = std::max(largest, std::abs(x));
-      };
-      raise(l.accel, side->accel_mps2);
-      raise(l.tilt, side->tilt_rad);
-      raise(l.gyro, side->gyro_radps);
-      raise(l.velocity, side->velocity_mps);
-    }
-  return l;
+    for (const DwellResidual::Side* side : {&d.before, &d.after})
+      for (const double x : side->*y.value)
+        if (std::isfinite(x)) largest = std::max(largest, std::abs(x));
+  return y.unit(largest);
 }
 
-constexpr std::size_t markers_a_series = 300;  // more would make the page heavy, not clearer
-constexpr double horizontal = 0.5;             // level_share above which an axis shows its tilt and its gyro
-constexpr double real_turn_rad = 0.2;          // smaller ones are table errors
-constexpr double loaded_g = 0.3;               // specific force that shows a scale factor
-
-double abscissa_of(const DwellResidual& d, Abscissa x, const ComponentAxes& axes, int sensor) {
-  switch (x) {
-    case Abscissa::specific_force: return d.f_b_g[axes.first >= 0 ? axes.first : sensor];
-    case Abscissa::force_product: return axes.second < 0 ? no_point : d.f_b_g[axes.first] * d.f_b_g[axes.second];
-    case Abscissa::temperature: return d.temperature_c;
-    case Abscissa::time: return d.time_s / 60.0;
-    case Abscissa::since_rotation: return no_point;  // seconds, not dwells: since_rotation_panels()
-    case Abscissa::turned: {
-      int axis = axes.sensor;
-      if (axis < 0) d.turned_rad.cwiseAbs().maxCoeff(&axis);
-      return std::abs(d.turned_rad[axis]) < real_turn_rad ? no_point : d.turned_rad[axis] / rad_per_deg;
-    }
-    case Abscissa::rate:
-      return std::abs(d.turned_rad[sensor]) < real_turn_rad ? no_point : d.fastest_radps[sensor] / rad_per_deg;
-    case Abscissa::heading: return d.table_deg[0];
-  }
-  return no_point;
+const char* name_of(int axis) { return body_names[static_cast<std::size_t>(std::clamp(axis, 0, 2))]; }
+std::string label_of(const Abscissa& x, const ComponentAxes& axes) {
+  return fmt::format(fmt::runtime(x.label), name_of(axes.sensor), name_of(axes.first), name_of(axes.second));
 }
 
-std::string abscissa_label(Abscissa x, const ComponentAxes& axes, int sensor) {
-  const auto name = [](int axis) { return std::string(body_names[static_cast<std::size_t>(std::clamp(axis, 0, 2))]); };
-  switch (x) {
-    case Abscissa::specific_force: return "specific force along " + name(axes.first >= 0 ? axes.first : sensor) + ", g";
-    case Abscissa::force_product: return "f" + name(axes.first) + " f" + name(axes.second) + ", g²";
-    case Abscissa::temperature: return "temperature, °C";
-    case Abscissa::time: return "time, min";
-    case Abscissa::since_rotation: return "time since rotation, s";
-    case Abscissa::turned:
-      return axes.sensor < 0 ? "turned before the dwell, °" : "turned about " + name(axes.sensor) + ", °";
-    case Abscissa::rate: return "rate about " + name(sensor) + ", °/s";
-    case Abscissa::heading: return "heading, °";
+void add_points(const std::vector<DwellResidual>& dwells, DwellResidual::Side DwellResidual::*side, const Abscissa& x,
+                const Ordinate& y, const ComponentAxes& axes, double factor, Series& series) {
+  for (const DwellResidual& d : dwells) {
+    const double at = x.value(d, axes), value = (d.*side.*y.value)[axes.sensor] / y.over(d, axes.sensor) * factor;
+    if (std::isfinite(at) && std::isfinite(value)) series.points.emplace_back(at, value);
   }
-  return {};
-}
-
-double ordinate_of(const DwellResidual& d, const DwellResidual::Side& side, Ordinate y, int axis, const Limits& l) {
-  switch (y) {
-    case Ordinate::accel: return side.accel_mps2[axis] * acceleration_unit(l.accel).factor;
-    case Ordinate::accel_per_g:
-      return std::abs(d.f_b_g[axis]) < loaded_g
-                 ? no_point
-                 : side.accel_mps2[axis] / d.f_b_g[axis] * acceleration_unit(l.accel).factor;
-    case Ordinate::tilt:
-      return d.level_share[axis] < horizontal ? no_point : side.tilt_rad[axis] * angle_unit(l.tilt).factor;
-    case Ordinate::tilt_per_turn:
-      return d.level_share[axis] < horizontal || std::abs(d.turned_rad[axis]) < real_turn_rad
-                 ? no_point
-                 : 1e6 * side.tilt_rad[axis] / d.turned_rad[axis];
-    case Ordinate::gyro:
-      return d.level_share[axis] < horizontal ? no_point : side.gyro_radps[axis] * rate_unit(l.gyro).factor;
-    case Ordinate::velocity: return side.velocity_mps[axis] * velocity_unit(l.velocity).factor;
-  }
-  return no_point;
-}
-
-std::string ordinate_label(Ordinate y, int axis, const Limits& l) {
-  const std::string name = body_names[static_cast<std::size_t>(axis)];
-  switch (y) {
-    case Ordinate::accel: return "accelerometer " + name + ", " + acceleration_unit(l.accel).unit;
-    case Ordinate::accel_per_g: return "accelerometer " + name + " per g, " + acceleration_unit(l.accel).unit + "/g";
-    case Ordinate::tilt: return "tilt about " + name + ", " + angle_unit(l.tilt).unit;
-    case Ordinate::tilt_per_turn: return "tilt per turn about " + name + ", ppm";
-    case Ordinate::gyro: return "gyro " + name + ", " + rate_unit(l.gyro).unit;
-    case Ordinate::velocity:
-      return "velocity " + std::string(n_names[static_cast<std::size_t>(axis)]) + ", " + velocity_unit(l.velocity).unit;
-  }
-  return {};
+  series.points = outline(series.points, markers_a_series);
 }
 
 // rms over all dwells of the residual velocity, second by second after the rotation.
@@ -197,21 +316,20 @@ std::vector<Panel> since_rotation_panels(const Diagnosis& diagnosis) {
   return panels;
 }
 
-Panel dwell_panel(const std::vector<DwellResidual>& dwells, const PlotAxes& plot, const ComponentAxes& axes, int axis,
-                  bool with_after, const Limits& limits) {
+Panel dwell_panel(const std::vector<DwellResidual>& dwells, const PlotAxes& plot, const ComponentAxes& axes,
+                  bool with_after) {
+  const DisplayUnit unit = unit_of(plot.y, dwells);
   Panel panel;
-  panel.x_label = abscissa_label(plot.x, axes, axis);
-  panel.y_label = ordinate_label(plot.y, axis, limits);
-  panel.angle = plot.x == Abscissa::turned || plot.x == Abscissa::heading;
+  panel.x_label = label_of(plot.x, axes);
+  panel.y_label = fmt::format(fmt::runtime(plot.y.label), name_of(axes.sensor), unit.unit,
+                              n_names[static_cast<std::size_t>(axes.sensor)]);
+  panel.angle = plot.x.angle;
   panel.series = before_after_series(with_after);
-  for (std::size_t s = 0; s < panel.series.size(); ++s) {
-    panel.series[s].style = with_after && s == 0 ? Series::Style::open_circle : Series::Style::dot;
-    for (const DwellResidual& d : dwells) {
-      const double x = abscissa_of(d, plot.x, axes, axis);
-      const double y = ordinate_of(d, s == 0 ? d.before : d.after, plot.y, axis, limits);
-      if (std::isfinite(x) && std::isfinite(y)) panel.series[s].points.emplace_back(x, y);
-    }
-    panel.series[s].points = outline(panel.series[s].points, markers_a_series);
+  for (Series& series : panel.series) {
+    const bool first_of_two = with_after && &series == &panel.series.front();
+    series.style = first_of_two ? Series::Style::open_circle : Series::Style::dot;
+    add_points(dwells, &series == &panel.series.front() ? &DwellResidual::before : &DwellResidual::after, plot.x,
+               plot.y, axes, unit.factor, series);
   }
   return panel;
 }
@@ -223,35 +341,16 @@ void arrange(Figure& figure) {
   figure.panel_height = 270;
 }
 
-const char* caption_of(Ordinate y) {
-  switch (y) {
-    case Ordinate::accel:
-    case Ordinate::accel_per_g:
-      return "One point a dwell: the slope of the residual velocity along the axis of the sensor.";
-    case Ordinate::tilt:
-    case Ordinate::tilt_per_turn:
-      return "One point a dwell in which the axis lay horizontal: the tilt error that the rotation before it left "
-             "behind.";
-    case Ordinate::gyro:
-      return "One point a dwell in which the axis lay horizontal: the curvature of the residual velocity, as an error "
-             "of the gyro "
-             "along it.";
-    case Ordinate::velocity: return "One point a dwell: the velocity that the rotation before it left behind.";
-  }
-  return "";
-}
-
 }  // namespace
 
 Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual>& dwells, const std::string& effect,
                      std::size_t number) {
   constexpr std::size_t most_panels = 3;
   const PlotAxes plot = plot_axes_of(effect);
-  const Limits limits = limits_of(dwells);
   Figure figure;
   figure.id = "effect" + std::to_string(number);
   figure.label = "Residual against what " + effect + " depends on";
-  if (plot.x == Abscissa::since_rotation) {
+  if (&plot.x == &since_rotation) {
     figure.panels = since_rotation_panels(diagnosis);
     arrange(figure);
     figure.caption = "Root mean square over all dwells, second by second after the rotation.";
@@ -259,74 +358,56 @@ Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual
   }
   if (plot.all_axes) {
     for (int axis = 0; axis < 3; ++axis)
-      figure.panels.push_back(dwell_panel(dwells, plot, {}, axis, has_after(diagnosis), limits));
+      figure.panels.push_back(dwell_panel(dwells, plot, {axis, axis, -1}, has_after(diagnosis)));
   } else {
     for (const EstimatedEffect* e : strongest_of(diagnosis.extended, effect)) {
       const std::string component = component_name(e->column);
       const ComponentAxes axes = axes_of(component);
       if (axes.sensor < 0) continue;
-      Panel panel = dwell_panel(dwells, plot, axes, axes.sensor, has_after(diagnosis), limits);
+      Panel panel = dwell_panel(dwells, plot, axes, has_after(diagnosis));
       panel.title = "component " + component;
       if (!panel.empty() && figure.panels.size() < most_panels) figure.panels.push_back(std::move(panel));
     }
   }
   std::erase_if(figure.panels, [](const Panel& panel) { return panel.empty(); });
   arrange(figure);
-  figure.caption = caption_of(plot.y);
+  figure.caption = plot.y.caption;
   return figure;
 }
 
 std::vector<Figure> unexplained_figures(const std::vector<DwellResidual>& dwells) {
-  struct Against {
-    const char* label;
-    bool angle;
-    double (*value)(const DwellResidual&, int);
-  };
-  static constexpr Against against[] = {
-      {"heading, °", true, [](const DwellResidual& d, int) { return d.table_deg[0]; }},
-      {"pitch, °", true, [](const DwellResidual& d, int) { return d.table_deg[1]; }},
-      {"roll, °", true, [](const DwellResidual& d, int) { return d.table_deg[2]; }},
-      {"specific force along x, g", false, [](const DwellResidual& d, int) { return d.f_b_g[0]; }},
-      {"specific force along y, g", false, [](const DwellResidual& d, int) { return d.f_b_g[1]; }},
-      {"specific force along z, g", false, [](const DwellResidual& d, int) { return d.f_b_g[2]; }},
-      {"rate about the axis before, °/s", false,
-       [](const DwellResidual& d, int axis) {
-         return std::abs(d.turned_rad[axis]) < real_turn_rad ? no_point : d.fastest_radps[axis] / rad_per_deg;
-       }},
-      {"temperature, °C", false, [](const DwellResidual& d, int) { return d.temperature_c; }},
-      {"time, min", false, [](const DwellResidual& d, int) { return d.time_s / 60.0; }},
-  };
-  const Limits limits = limits_of(dwells);
+  static constexpr Abscissa pitch = {"pitch, °", true,
+                                     [](const DwellResidual& d, const ComponentAxes&) { return d.table_deg[1]; }};
+  static constexpr Abscissa roll = {"roll, °", true,
+                                    [](const DwellResidual& d, const ComponentAxes&) { return d.table_deg[2]; }};
+  static constexpr Abscissa rate_of_each = {"rate about the axis before, °/s", false, rate_before};
+  static constexpr std::pair<const Abscissa&, int> against[] = {{by_heading, 0},   {pitch, 0},          {roll, 0},
+                                                                {by_force, 0},     {by_force, 1},       {by_force, 2},
+                                                                {rate_of_each, 0}, {by_temperature, 0}, {by_time, 0}};
   std::vector<Figure> figures;
-  for (const Ordinate y : {Ordinate::accel, Ordinate::gyro}) {
-    const bool accel = y == Ordinate::accel;
+  for (const Ordinate* y : {&as_accel, &as_gyro}) {
+    const bool of_accel = y == &as_accel;
+    const DisplayUnit unit = unit_of(*y, dwells);
     Figure figure;
-    figure.id = accel ? "asAccel" : "asGyro";
-    figure.label = "Residual of each dwell as " + std::string(accel ? "accelerometer" : "gyro") +
+    figure.id = of_accel ? "asAccel" : "asGyro";
+    figure.label = "Residual of each dwell as " + std::string(of_accel ? "accelerometer" : "gyro") +
                    " error, against table angles, specific force, rate, temperature and time";
     figure.caption =
-        accel ? "One point a dwell and axis: slope of the residual velocity along the axis, as an error of its "
-                "accelerometer."
-              : "One point a dwell and horizontal axis: curvature of the residual velocity, as an error of the "
-                "gyro along it.";
+        of_accel ? "One point a dwell and axis: slope of the residual velocity along the axis, as an error of its "
+                   "accelerometer."
+                 : "One point a dwell and horizontal axis: curvature of the residual velocity, as an error of the "
+                   "gyro along it.";
     figure.columns = 3;
     figure.panel_width = 320;
     figure.panel_height = 240;
-    for (const Against& a : against) {
+    for (const auto& [x, first] : against) {
       Panel panel;
-      panel.x_label = a.label;
-      panel.angle = a.angle;
-      panel.y_label =
-          accel ? "accelerometer, " + acceleration_unit(limits.accel).unit : "gyro, " + rate_unit(limits.gyro).unit;
+      panel.x_label = label_of(x, {0, first, -1});
+      panel.angle = x.angle;
+      panel.y_label = (of_accel ? "accelerometer, " : "gyro, ") + unit.unit;
       for (int axis = 0; axis < 3; ++axis) {
-        Series series = axis_series(static_cast<std::size_t>(axis));
-        for (const DwellResidual& d : dwells) {
-          const double value = ordinate_of(d, d.before, y, axis, limits);
-          const double x = a.value(d, axis);
-          if (std::isfinite(x) && std::isfinite(value)) series.points.emplace_back(x, value);
-        }
-        series.points = outline(series.points, markers_a_series);
-        panel.series.push_back(std::move(series));
+        Series& series = panel.series.emplace_back(axis_series(static_cast<std::size_t>(axis)));
+        add_points(dwells, &DwellResidual::before, x, *y, {axis, first, -1}, unit.factor, series);
       }
       if (!panel.empty()) figure.panels.push_back(std::move(panel));
     }

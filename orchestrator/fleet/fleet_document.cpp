@@ -108,7 +108,6 @@ Figure figure_of(const FleetEffect& effect, const FleetSource& source, const std
                            "; the line is the effect that was found.",
                 .columns = 3,
                 .panel_width = 320,
-                .panel_height = 200,
                 .panels = {}};
   double last = 0.0;
   std::vector<double> sizes;
@@ -204,7 +203,8 @@ DataTable table_of(const FleetDiagnosis& d, const FleetSource& source) {
                               FleetShape shape, double value, double sigma, double z) {
     table.begin_row();
     for (const std::string& word : {what, level, component, std::string(to_string(shape))}) table.text(word);
-    for (const double number : {value, sigma}) table.number(number);
+    table.number(value);
+    table.number(sigma);
     table.text(unit_of_component(component));
     table.number(z);
   };
@@ -216,9 +216,7 @@ DataTable table_of(const FleetDiagnosis& d, const FleetSource& source) {
   };
   for (const FleetEffect& e : d.effects) {
     begin(e.factor.empty() ? "all" : e.factor, e.level, e.component, e.shape, e.value, e.sigma, e.z);
-    date(e, e.begin_day);
-    date(e, e.begin_low);
-    date(e, e.begin_high);
+    for (const double day : {e.begin_day, e.begin_low, e.begin_high}) date(e, day);
     table.count(static_cast<std::int64_t>(e.recordings));
     table.text(join(e.rivals, "; "));
   }

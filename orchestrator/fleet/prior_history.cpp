@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <map>
 
+#include "calib/fleet/fleet_prior.h"
 #include "calib/model/limits.h"
 #include "orchestrator/fleet/fleet_members.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
@@ -51,8 +52,6 @@ void describe_noise(const NoiseOfClass& noise, ParameterFile& file, std::vector<
         fmt::format("prior: NOT USED for the {}: it is unlike the others' by {:.1f} sigma", words[k], noise.z[k]));
 }
 
-}  // namespace
-
 Result<std::vector<EarlierCalibration>> read_history(const PriorSource& source, const std::string& recording_hash,
                                                      bool simulated) {
   struct One {
@@ -81,6 +80,8 @@ Result<std::vector<EarlierCalibration>> read_history(const PriorSource& source, 
   return history;
 }
 
+}  // namespace
+
 Status add_prior(const PriorSource& source, const LoadedRecording& recording, const CalibrationRequest& request,
                  CalibrationOutput& output) {
   const std::string& unit = recording.data.info.unit_serial;
@@ -88,10 +89,9 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
       TRY(read_history(source, recording.hash, recording.data.info.simulated));
   const std::optional<FleetPrior> prior = fleet_prior(history, unit);
   if (!prior)
-    return input_error(source.from + ": expected trusted calibrations of " +
-                       std::to_string(fleet_limits.least_prior_units) + " other units" +
-                       (source.part.empty() ? "" : " of part " + source.part) + ", found " +
-                       std::to_string(history.size()) + " calibrations");
+    return input_error(fmt::format("{}: expected trusted calibrations of {} other units{}, found {} calibrations",
+                                   source.from, fleet_limits.least_prior_units,
+                                   source.part.empty() ? "" : " of part " + source.part, history.size()));
   if (!output.fit) return input_error(recording.path + ": a prior: expected a recording with table angles");
   if (!output.fit->undetermined.empty()) {  // its own fit has ended anywhere along what it leaves open
     CalibrationRequest beside = request;

@@ -5,8 +5,8 @@
 //   STORE/<version>/recordings.csv                           what became of each recording of the last archive, and why. What cannot be
 //                                                            read has no hash: it is tried again each time
 //
-// A folder of a recording is made whole and renamed: whoever is killed, or works on the same recording at the same time, loses and doubles
-// nothing. What is there is not done again. Chunk k of n is every n-th entry from k on: n processes, anywhere, share a list and a store.
+// A folder of a recording is made whole and renamed: whoever is killed, or works on the same one at the same time, loses and doubles nothing.
+// What is there is not done again. Chunk k of n is every n-th entry from k on: n processes, anywhere, share a list and a store.
 #pragma once
 
 #include <functional>
@@ -75,11 +75,9 @@ inline constexpr const char* failure_name = "failure.txt";
 //   STORE/.jobs/XXXXXX/archive.csv      the list as it was when the job was submitted; every task reads the same one
 //   STORE/.jobs/XXXXXX/K.csv, K.log     what became of the recordings of chunk K; what its task said
 //
-// A chunk is finished when its K.csv is there, which it gets at its end. Slurm itself puts tasks of a node that went away back into the queue;
-// one that has left the queue without its K.csv (it was cancelled, killed, or could not write) is submitted again, `most_attempts` times in all.
-// What was done is in the store, and is not done again. The folder is removed when all is finished.
-//
-// Whoever waits may be killed: the job goes on, and the same command later does only what is not there. No accounting of Slurm is needed.
+// A chunk is finished when its K.csv is there. Slurm itself puts tasks of a node that went away back into the queue; one that has left the
+// queue without its K.csv (cancelled, killed, could not write) is submitted again, `most_attempts` times in all. The folder is removed when
+// all is finished. Whoever waits may be killed: the job goes on, and the same command later does only what is not there.
 struct SlurmOptions {
   int chunks = 0;  // 0: hundred recordings in each, at most 1000 (Slurm's MaxArraySize)
   int most_attempts = 3;
@@ -104,8 +102,8 @@ struct VersionChanges {
   std::string from, to;
   std::size_t both = 0, only_from = 0, only_to = 0;  // recordings
   std::vector<ParameterChange> parameters;
-  std::map<std::pair<std::string, std::string>, std::size_t>
-      verdicts;  // of the diagnosis, or `failed`: (old, new) -> recordings
+  // Of the diagnosis, or `failed`: (old, new) -> recordings.
+  std::map<std::pair<std::string, std::string>, std::size_t> verdicts;
 };
 
 Result<VersionChanges> compare_versions(const std::string& store, const std::string& from, const std::string& to);

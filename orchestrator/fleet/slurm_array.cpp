@@ -2,6 +2,8 @@
 
 #include <stdlib.h>
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
@@ -11,6 +13,7 @@
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/figures/piped_program.h"
+#include "orchestrator/figures/report_format.h"
 
 namespace turncal {
 
@@ -42,21 +45,11 @@ Result<std::string> ask_slurm(const std::string& program, std::vector<std::strin
 
 // The tasks that are not finished and not in the queue, in one array.
 Status submit(Job& job, const std::vector<int>& chunks) {
-  std::string list;
-  for (const int k : chunks) list += (list.empty() ? "" : ",") + std::to_string(k);
-  std::vector<std::string> arguments = {"--parsable",
-                                        "--requeue",
-                                        "--job-name",
-                                        job.name,
-                                        "--output",
-                                        "%a.log",
-                                        "--chdir",
-                                        job.folder,
-                                        "--array",
-                                        list,
-                                        "--open-mode",
-                                        "append",
-                                        job.folder + "/task.sh"};
+  const std::string list = fmt::format("{}", fmt::join(chunks, ","));
+  std::vector<std::string> arguments = {"--parsable", "--requeue", "--job-name", job.name, "--output", "%a.log"};
+  for (const std::string& word : {std::string("--chdir"), job.folder, std::string("--array"), list,
+                                  std::string("--open-mode"), std::string("append"), job.folder + "/task.sh"})
+    arguments.push_back(word);
   arguments.insert(arguments.end(), job.command.begin(), job.command.end());
   const std::string id = TRY(ask_slurm("sbatch", std::move(arguments)));
   for (const int k : chunks) ++job.attempts[static_cast<std::size_t>(k)];
@@ -68,10 +61,9 @@ struct Queue {
   std::string words() const {
     std::map<std::string, int> counts;
     for (const auto& [chunk, state_words] : state) ++counts[state_words];
-    std::string text;
-    for (const auto& [state_words, count] : counts)
-      text += (text.empty() ? "" : ", ") + std::to_string(count) + " " + state_words;
-    return text;
+    std::vector<std::string> parts;
+    for (const auto& [state_words, count] : counts) parts.push_back(fmt::format("{} {}", count, state_words));
+    return join(parts);
   }
 };
 
@@ -189,9 +181,9 @@ Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>
     return counts;
   }
   const auto first = static_cast<std::size_t>(failed.front());
-  return device_error(std::to_string(failed.size()) + " of " + std::to_string(chunks) + " chunks failed " +
-                      std::to_string(options.most_attempts) + " times; " + file_of(job, first, ".log") + ": " +
-                      last_line(file_of(job, first, ".log")));
+  const std::string log = file_of(job, first, ".log");
+  return device_error(fmt::format("{} of {} chunks failed {} times; {}: {}", failed.size(), chunks,
+                                  options.most_attempts, log, last_line(log)));
 }
 
 }  // namespace turncal

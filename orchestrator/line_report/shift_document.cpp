@@ -247,12 +247,12 @@ Panel control_panel(const ChartedQuantity& history) {
     if (const std::optional<double>& sigma = history.sigmas[i])
       for (const double end : {shown(value - *sigma), shown(value + *sigma), no_point}) bars.emplace_back(x, end);
   }
-  Panel panel;
-  panel.title = quantity_name(history.key) + (chart.cpk ? ", Cpk " + significant(chart.cpk->value, 3) : "");
-  panel.x_label = "calibrations 1 to " + std::to_string(history.values.size());
-  panel.y_label = scale.unit;
-  panel.marks = names_of(history.times);
-  panel.named_x = true;
+  Panel panel{.title = quantity_name(history.key) + (chart.cpk ? ", Cpk " + significant(chart.cpk->value, 3) : ""),
+              .x_label = "calibrations 1 to " + std::to_string(history.values.size()),
+              .y_label = scale.unit,
+              .series = {},
+              .marks = names_of(history.times),
+              .named_x = true};
   using Style = ::turncal::Series::Style;
   const auto add = [&panel](const char* label, Style style, Colour colour, Points points) {
     if (!points.empty()) panel.series.push_back({label, style, colour, std::move(points)});
@@ -270,30 +270,29 @@ Panel control_panel(const ChartedQuantity& history) {
 }
 
 Cell index_cell(const std::optional<Capability>& index) {
-  if (!index) return cell::number("-");
-  return cell::number(
-      significant(index->value, 3) + " (" + significant(index->low, 2) + " .. " + significant(index->high, 2) + ")",
-      index->value);
+  if (!index) return number("-");
+  return number(fmt::format("{} ({} .. {})", significant(index->value, 3), significant(index->low, 2),
+                            significant(index->high, 2)),
+                index->value);
 }
 
 Table control_table(const std::vector<ChartedQuantity>& quantities) {
-  Table table{{cell::name("quantity")}};
+  Table table{{name("quantity")}};
   for (const char* name : {"n", "mean", "s", "lower", "upper", "outside", "min", "max", "Cpk (95 %)", "Ppk (95 %)"})
-    table.head.push_back(cell::number(name));
+    table.head.push_back(number(name));
   for (const ChartedQuantity& q : quantities) {
     const ControlChart& chart = q.chart;
     if (chart.count == 0) continue;
     // Equal values and single ones have the digits of their own sigmas.
     const double s = chart.sigma.value_or(0.0) > 0.0 ? *chart.sigma : q.largest_sigma();
     const auto to_place = [s](const std::optional<double>& value) {
-      return value ? cell::with_sigma(*value, s) : cell::number("-");
+      return value ? with_sigma(*value, s) : number("-");
     };
     const bool hit = !chart.outside.empty() || (chart.cpk && chart.cpk->value < 1.0);
-    table.row(
-        {cell::name(q.key), cell::count(chart.count), to_place(chart.mean), cell::number(chart.sigma, 2),
-         to_place(chart.lower), to_place(chart.upper), cell::count(chart.outside.size()), cell::number(q.limit.min, 5),
-         cell::number(q.limit.max, 5), index_cell(chart.cpk), index_cell(chart.ppk)},
-        hit ? Table::Emphasis::hit : Table::Emphasis::none);
+    table.row({name(q.key), count(chart.count), to_place(chart.mean), number(chart.sigma, 2), to_place(chart.lower),
+               to_place(chart.upper), count(chart.outside.size()), number(q.limit.min, 5), number(q.limit.max, 5),
+               index_cell(chart.cpk), index_cell(chart.ppk)},
+              hit ? Table::Emphasis::hit : Table::Emphasis::none);
   }
   return table;
 }
@@ -470,15 +469,14 @@ Document unit_document(const UnitRecord& record) {
                            kind_of(last) == AttemptKind::passed ? "verdict clean" : "verdict unexplained"});
   }
   document.section("runs", "Runs, the newest first");
-  Table runs = attempt_table(attempts, [&record](const AttemptRecord& a) {
-    const std::string link = record.link(a.folder, "report.html");
-    return link.empty() ? text("no report") : linked(text("report"), link);
-  });
+  const auto linked_to = [&record](const AttemptRecord& a, const std::string& what, const char* otherwise) {
+    const std::string link = record.link(a.folder, what + ".html");
+    return link.empty() ? text(otherwise) : linked(text(what), link);
+  };
+  Table runs = attempt_table(attempts, [&](const AttemptRecord& a) { return linked_to(a, "report", "no report"); });
   runs.head.push_back(text("certificate"));
-  for (std::size_t k = 0; k < attempts.size(); ++k) {
-    const std::string link = record.link(attempts[attempts.size() - 1 - k].folder, "certificate.html");
-    runs.rows[k].cells.push_back(link.empty() ? text("-") : linked(text("certificate"), link));
-  }
+  for (std::size_t k = 0; k < attempts.size(); ++k)
+    runs.rows[k].cells.push_back(linked_to(attempts[attempts.size() - 1 - k], "certificate", "-"));
   runs.head.front() = text("");
   document.add(std::move(runs));
   if (calibrations.empty()) return document;

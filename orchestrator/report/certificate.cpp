@@ -29,7 +29,7 @@ std::string of_record(const ParameterFile& file, const std::string& key, const s
 std::string or_dash(const std::string& text) { return text.empty() ? "-" : text; }
 
 std::string section(const std::string& title, const std::string& inner) {
-  return "<section><h2>" + title + "</h2>\n" + inner + "</section>\n";
+  return fmt::format("<section><h2>{}</h2>\n{}</section>\n", title, inner);
 }
 std::string fact_section(const std::string& title, std::vector<std::pair<std::string, std::string>> rows) {
   return section(title, html(Facts{std::move(rows)}));
@@ -323,9 +323,10 @@ std::string certificate_page(const Certificate& c) {
       "shall not be reproduced except in full.</p>\n<div class=\"sign\"><p>Issued " +
       html_escape(c.issued_utc) + "</p><p>" + html_escape(or_dash(c.parties.laboratory_signatory)) + "</p></div>\n";
   const auto page = [&](const std::string& hash) {
-    return "<!doctype html>\n<html lang=\"en\"><head>" + std::string(page_head) + "<title>Calibration certificate " +
-           serial + "</title>\n<style>\n" + std::string(certificate_css) + "@page { @bottom-left { content: \"" + hash +
-           "\"; } }\n</style></head>\n<body>\n" + body + std::string(before_hash) + hash + std::string(after_hash);
+    return fmt::format(
+        "<!doctype html>\n<html lang=\"en\"><head>{}<title>Calibration certificate {}</title>\n<style>\n{}"
+        "@page {{ @bottom-left {{ content: \"{}\"; }} }}\n</style></head>\n<body>\n{}{}{}{}",
+        page_head, serial, certificate_css, hash, body, before_hash, hash, after_hash);
   };
   return page(hash_of_text(page("")));
 }

@@ -18,10 +18,6 @@ namespace turncal {
 
 namespace {
 
-double holdout_value(const HoldoutError& error, double value) {
-  return error.observations > 0 ? value : std::numeric_limits<double>::quiet_NaN();
-}
-
 // Effects in the order of their strongest component.
 std::vector<std::string> by_strength(const JointResult& result) {
   std::vector<const EstimatedEffect*> order;
@@ -43,13 +39,11 @@ void describe_covariance(const JointResult& result, ParameterFile& file) {
   if (result.covariance.rows() < static_cast<Eigen::Index>(result.free.size())) return;
   for (std::size_t i = 0; i < result.free.size(); ++i) {
     if (left_out(result.free[i])) continue;
-    std::string row;
-    for (std::size_t j = 0; j <= i; ++j) {
-      if (left_out(result.free[j])) continue;
-      row += fmt::format("{}{:.9e}", row.empty() ? "" : " ",
-                         result.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
-    }
-    file.add_further("quality.covariance." + parameter_key(result.free[i]), row);
+    std::vector<double> row;
+    for (std::size_t j = 0; j <= i; ++j)
+      if (!left_out(result.free[j]))
+        row.push_back(result.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
+    file.add_further("quality.covariance." + parameter_key(result.free[i]), fmt::format("{:.9e}", fmt::join(row, " ")));
   }
 }
 
@@ -102,10 +96,13 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
       lines.number("detectable." + c.column.key(), c.detectable);
   lines.number("error.before", d.error_before);
   lines.number("error.after", d.error_after);
-  lines.number("holdout.before", holdout_value(d.holdout_before, d.holdout_before.normalised_rms));
-  lines.number("holdout.after", holdout_value(d.holdout_after, d.holdout_after.normalised_rms));
-  lines.number("holdout.velocity_rms_before_mps", holdout_value(d.holdout_before, d.holdout_before.velocity_rms_mps));
-  lines.number("holdout.velocity_rms_after_mps", holdout_value(d.holdout_after, d.holdout_after.velocity_rms_mps));
+  const auto held_out = [&lines](const std::string& key, const HoldoutError& error, double value) {
+    lines.number("holdout." + key, error.observations > 0 ? value : std::numeric_limits<double>::quiet_NaN());
+  };
+  held_out("before", d.holdout_before, d.holdout_before.normalised_rms);
+  held_out("after", d.holdout_after, d.holdout_after.normalised_rms);
+  held_out("velocity_rms_before_mps", d.holdout_before, d.holdout_before.velocity_rms_mps);
+  held_out("velocity_rms_after_mps", d.holdout_after, d.holdout_after.velocity_rms_mps);
   lines.text("holdout.source", d.holdout_source);
   if (d.holdout_own_noise > 1.0) lines.number("holdout.own_noise", d.holdout_own_noise);
   for (std::size_t k = 0; k < d.each.turn_ons.biases.size(); ++k)
@@ -151,18 +148,18 @@ void describe_trust(bool trusted, ParameterFile& file) {
 }
 
 std::string undetermined_parameters(const JointResult& result) {
-  std::string keys;
+  std::vector<std::string> keys;
   for (std::size_t k = 0; k < parameter_keys.size(); ++k)
-    if (parameter_is_free[k] && !result.determined[k]) keys += (keys.empty() ? "" : " ") + parameter_key(k);
-  return keys;
+    if (parameter_is_free[k] && !result.determined[k]) keys.push_back(parameter_key(k));
+  return join(keys, " ");
 }
 
 void describe_random_walk(const NoiseModel& noise, ParameterFile& file) {
   for (int k = 0; k < 3; ++k)
-    file.add_further(std::string("noise.angle_random_walk.") + "xyz"[k] + "_deg_per_rt_h",
+    file.add_further(fmt::format("noise.angle_random_walk.{}_deg_per_rt_h", "xyz"[k]),
                      noise.angle_random_walk[k] / radprs_per_degprh);
   for (int k = 0; k < 3; ++k)
-    file.add_further(std::string("noise.velocity_random_walk.") + "xyz"[k] + "_ug_per_rt_hz",
+    file.add_further(fmt::format("noise.velocity_random_walk.{}_ug_per_rt_hz", "xyz"[k]),
                      noise.velocity_random_walk[k] / mpsprs_per_ugprHz);
 }
 
@@ -183,9 +180,8 @@ void describe_estimate(const JointResult& result, const CompressedRecording& rec
   file.add_further("quality.faults", static_cast<double>(result.faults.size()));
   for (std::size_t k = 0; k < result.faults.size(); ++k) {
     const Fault& fault = result.faults[k];
-    file.add_further("quality.fault." + std::to_string(k + 1), "samples " + std::to_string(fault.first_sample) +
-                                                                   " to " + std::to_string(fault.last_sample) + ": " +
-                                                                   fault.what + "; " + fault.action);
+    file.add_further(fmt::format("quality.fault.{}", k + 1), fmt::format("samples {} to {}: {}; {}", fault.first_sample,
+                                                                         fault.last_sample, fault.what, fault.action));
   }
   describe_covariance(result, file);
   if (!result.undetermined.empty())
@@ -213,8 +209,9 @@ std::vector<std::string> turn_on_words(const TurnOns& turn_ons) {
   std::vector<std::string> words;
   for (int column = 0; column < 6; ++column) {
     const bool gyro = column < 3;
-    words.push_back("turn-on repeatability of " + parameter_key(column) + ": " +
-                    significant((gyro ? 1.0 : 1e6) * turn_ons.repeatability[column], 3) + (gyro ? " deg/h" : " ug"));
+    words.push_back(fmt::format("turn-on repeatability of {}: {} {}", parameter_key(column),
+                                significant((gyro ? 1.0 : 1e6) * turn_ons.repeatability[column], 3),
+                                gyro ? "deg/h" : "ug"));
   }
   return words;
 }

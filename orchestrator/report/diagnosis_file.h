@@ -1,8 +1,7 @@
 // What a diagnosis leaves on disk: diagnosis.conf, parameters.conf and report.html, each written whole or not at all.
 //
-// diagnosis.conf (docs/report.md): verdict, effects added, their values, aliases, what this recording could not see and what it
-// would have caught, error before and after on fitted and held-out data. Every key stands in every file; a list that is
-// empty and a number that is not known are empty values. Numbers: shortest round trip, units of docs/effect-components.md.
+// diagnosis.conf (docs/report.md): every key stands in every file; a list that is empty and a number that is not known are empty values.
+// Numbers: shortest round trip, units of docs/effect-components.md.
 #pragma once
 
 #include <optional>

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <ranges>
 
 namespace turncal {
 
@@ -50,15 +51,8 @@ std::string error_clause(const Diagnosis& d) {
          ratio(d.holdout_before.normalised_rms) + " to " + ratio(d.holdout_after.normalised_rms);
 }
 
-// The strongest of the scores.
-const CandidateScore* strongest_candidate(const Diagnosis& diagnosis) {
-  const CandidateScore* best = nullptr;
-  for (const CandidateScore& c : diagnosis.candidates)
-    if (c.visible && c.column.entry != nullptr && std::isfinite(c.z) &&
-        (best == nullptr || std::abs(c.z) > std::abs(best->z)))
-      best = &c;
-  return best;
-}
+// Null: nothing was scored.
+const CandidateScore* strongest_candidate(const Diagnosis& d) { return score_bars(d, 0.0).front().strongest; }
 
 std::string clean_sentence(const Diagnosis& d) {
   std::string text = "the 24 parameters explain the data to the noise";
@@ -244,11 +238,8 @@ Facts diagnosis_facts(const Diagnosis& d, const DiagnosisContext& context, const
   facts.rows.emplace_back("noise", noise);
   if (!d.undetectable.empty()) facts.rows.emplace_back("not visible", join(d.undetectable));
   std::vector<std::string> undetermined;
-  for (const Undetermined& u : d.extended.undetermined) {
-    std::vector<std::string> keys;
-    for (const auto& [key, weight] : u.combination) keys.push_back(key);
-    undetermined.push_back(join(keys, "&"));
-  }
+  for (const Undetermined& u : d.extended.undetermined)
+    undetermined.push_back(fmt::format("{}", fmt::join(u.combination | std::views::keys, "&")));
   if (!undetermined.empty()) facts.rows.emplace_back("undetermined", join(undetermined));
   return facts;
 }

@@ -1,7 +1,5 @@
 // A result as data: headings, paragraphs, facts, tables with typed cells, drawings. Each result is made into one document; terminal,
-// page and JSON are renderings of that document and say the same.
-//
-// Texts are typographic (28.35 ± 0.91 µg/g²); the terminal gets them as ASCII (plain()).
+// page and JSON are renderings of it. Texts are typographic (28.35 ± 0.91 µg/g²); the terminal gets them as ASCII (plain()).
 #pragma once
 
 #include <limits>
@@ -65,8 +63,8 @@ struct Heading {
 
 struct Paragraph {
   std::string words;
-  std::string style =
-      {};  // of the page: soft, note, loud, lead (bold up to its colon), "verdict <which>" (bold up to its colon, too)
+  // Of the page: soft, note, loud; lead and "verdict <which>" are bold up to their colon.
+  std::string style = {};
 };
 
 // On the terminal two columns, the second one wrapped; on a page a table, or a list.

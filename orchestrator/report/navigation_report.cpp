@@ -74,11 +74,11 @@ std::string format_navigation(const NavigationReport& report) {
   lines.flag("simulated", report.info.simulated);
   lines.number("latitude_deg", report.info.latitude_deg);
   lines.number("gravity_mps2", report.info.gravity_mps2);
-  if (!report.reference.empty()) {
-    lines.text("reference", report.reference);
+  if (!report.request.reference.empty()) {
+    lines.text("reference", report.request.reference);
     lines.number("reference.longest_in_motion_s", report.reference_gap_s);
   }
-  lines.number("align_s", report.align_s);
+  lines.number("align_s", report.request.align_s);
   if (!report.damage.empty()) lines.text("damage", report.damage);
   lines.number("filled_samples", static_cast<double>(report.filled_samples));
   lines.number("filled_in_motion", static_cast<double>(report.filled_in_motion));
@@ -116,7 +116,7 @@ std::string format_track(const NavigationReport& report, const NavigatedFile& fi
       const AttitudeAngles angles = angles_of(point.state.q_nb);
       text += format_number(k + 1, buffer);
       for (const double value :
-           {branch.start_s + report.align_s + point.time_s, point.state.latitude_rad / rad_per_deg,
+           {branch.start_s + report.request.align_s + point.time_s, point.state.latitude_rad / rad_per_deg,
             point.state.longitude_rad / rad_per_deg, point.state.velocity_n_mps[0], point.state.velocity_n_mps[2],
             angles.heading_rad / rad_per_deg, angles.pitch_rad / rad_per_deg, angles.roll_rad / rad_per_deg,
             point.moved_m[0], point.moved_m[1]}) {
@@ -130,7 +130,7 @@ std::string format_track(const NavigationReport& report, const NavigatedFile& fi
 }
 
 Result<std::string> draw_navigation(const NavigationReport& report, const GnuplotOptions& options) {
-  const bool moves = !report.reference.empty();
+  const bool moves = !report.request.reference.empty();
   Panel north, east, distance;
   north.title = moves ? "Velocity error north" : "Velocity north";
   east.title = moves ? "Velocity error east" : "Velocity east";
@@ -183,8 +183,9 @@ constexpr double seldom_s = 5.0;
 
 Document navigation_document(const NavigationReport& report) {
   using namespace cell;
-  Document document{"", "Free navigation of " + report.recording};
-  if (report.without_segments && report.reference.empty()) document.text("no segments: everything counts as rest");
+  Document document{"", "Free navigation of " + report.request.recording};
+  if (report.without_segments && report.request.reference.empty())
+    document.text("no segments: everything counts as rest");
   if (report.reference_gap_s > seldom_s)
     document.text(
         fmt::format("the reference moves over {:.1f} s without a row: a straight line is assumed, and its error counts",
@@ -210,10 +211,10 @@ Document navigation_document(const NavigationReport& report) {
     }
     document.add(std::move(table));
     Facts facts;
-    if (file.branches.size() + report.lost.size() < static_cast<std::size_t>(report.branches_asked) &&
-        report.branches_asked != default_branches)
+    if (file.branches.size() + report.lost.size() < static_cast<std::size_t>(report.request.branches) &&
+        report.request.branches != default_branches)
       facts.add("starts", fmt::format("{} of the {} asked for: the recording is too short for more",
-                                      file.branches.size(), report.branches_asked));
+                                      file.branches.size(), report.request.branches));
     facts.add("drift", fmt::format("{}; velocity rms {:.3f} m/s", drift_words(file.drift), file.velocity_rms_mps));
     if (file.expected) {
       facts.add("expected", drift_words(*file.expected) + " at the end of the first branch, from noise" +

@@ -1,4 +1,4 @@
-// The result of free navigation with a parameter file: as a file, as a track, as drawings, and for the terminal.
+// The result of free navigation with a parameter file: as a file, as a track, as drawings, and for the terminal. What is asked for, too.
 #pragma once
 
 #include <optional>
@@ -12,6 +12,18 @@
 namespace turncal {
 
 inline constexpr int default_branches = 8;
+
+struct NavigationRequest {
+  std::string recording;
+  std::string parameters;  // empty: the recording holds calibrated increments, as `turncal apply` writes them
+  std::string against;     // empty: none
+  std::string reference;   // where it truly was; empty: where it stands
+  double align_s = 300.0;
+  double from_s = 0.0;              // of the recording, from its first sample
+  std::optional<double> to_s;       // default: its end
+  std::optional<double> free_s;     // of each branch; default: an hour, or what the recording holds
+  int branches = default_branches;  // at most; as many as have different starts
+};
 
 struct NavigatedBranch {
   double start_s = 0.0;  // where its alignment begins, from the first sample of the recording
@@ -33,16 +45,13 @@ struct NavigatedFile {  // one parameter file
 };
 
 struct NavigationReport {
-  std::string recording;
+  NavigationRequest request;
   std::string recording_hash;
-  std::string reference;         // the file; empty: it stands where it stands
   double reference_gap_s = 0.0;  // the longest time between two of its rows over which it moves
   RecordingInfo info;
-  double align_s = 0.0;
   std::int64_t filled_samples = 0;    // lost or bad, as their neighbours
   std::int64_t filled_in_motion = 0;  // of them while the unit turned
   std::vector<std::string> faults;    // impossible samples, left out
-  int branches_asked = 0;             // at most
   std::vector<std::string> lost;      // branches that lost samples ended or left out
   std::string damage;                 // of the recording; empty: none
   bool without_segments = false;      // everything counted as rest

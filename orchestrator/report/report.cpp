@@ -72,11 +72,11 @@ void add_identity(const DiagnosisContext& context, Document& document) {
       high = std::max(high, static_cast<double>(block.temperature_c));
     }
   }
-  std::string line = "Recording " + context.recording_path;
-  if (!context.recording_hash.empty()) line += " (content " + context.recording_hash + ")";
-  line += fmt::format(": {} samples, {}, of which {} at rest; latitude {}°, gravity {} m/s²", r.samples,
-                      clock_time(static_cast<double>(r.samples) * r.info.sample_period_s), clock_time(still_s),
-                      significant(r.info.latitude_deg, 6), significant(r.info.gravity_mps2, 7));
+  std::string line = fmt::format(
+      "Recording {}{}: {} samples, {}, of which {} at rest; latitude {}°, gravity {} m/s²", context.recording_path,
+      context.recording_hash.empty() ? "" : " (content " + context.recording_hash + ")", r.samples,
+      clock_time(static_cast<double>(r.samples) * r.info.sample_period_s), clock_time(still_s),
+      significant(r.info.latitude_deg, 6), significant(r.info.gravity_mps2, 7));
   if (low <= high) line += fmt::format("; {} to {} °C", significant(low, 3), significant(high, 3));
   document.soft(line + ".");
   document.soft("Held-out data: " +
@@ -140,20 +140,12 @@ Table score_table(const Diagnosis& diagnosis, double threshold_z) {
   Table table{{name("effect"), name("strongest"), number("value alone"), number("σ"), text("unit"), number("|z|"),
                number("detectable")}};
   for (const ScoreBar& row : score_bars(diagnosis, threshold_z)) {
-    const EffectEntry* entry = find_effect(row.name);
-    if (row.role == ScoreBar::Role::invisible || entry == nullptr) continue;
-    const CandidateScore* best = nullptr;
-    for (const CandidateScore& c : diagnosis.candidates)
-      if (c.column.entry == entry && c.visible && (best == nullptr || std::abs(c.z) > std::abs(best->z))) best = &c;
-    if (best == nullptr) continue;
-    std::vector<Cell> cells = {name(row.name),
-                               name(component_text(best->column)),
-                               with_sigma(best->value, best->sigma),
-                               with_sigma(best->sigma, best->sigma),
-                               unit_of(best->column),
-                               number(std::abs(best->z)),
-                               number(best->detectable, 2)};
-    table.row(std::move(cells), row.role == ScoreBar::Role::below ? Emphasis::none : Emphasis::hit);
+    if (row.strongest == nullptr) continue;
+    const CandidateScore& best = *row.strongest;
+    table.row({name(row.name), name(component_text(best.column)), with_sigma(best.value, best.sigma),
+               with_sigma(best.sigma, best.sigma), unit_of(best.column), number(std::abs(best.z)),
+               number(best.detectable, 2)},
+              row.role == ScoreBar::Role::below ? Emphasis::none : Emphasis::hit);
   }
   return table;
 }
@@ -302,10 +294,7 @@ Facts list_of(std::string_view lines) {
   return facts;
 }
 
-}  // namespace
-
 void add_limits(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document) {
-  document.scope = Scope::page;
   Facts aliases{.rows = {}, .list = true};
   for (const auto& [wanted, others] : diagnosis.aliases) {
     if (others.empty()) continue;
@@ -371,7 +360,6 @@ void add_statements(const Statements& statements, Document& document) {
   if (!table.rows.empty()) document.add(std::move(table));
 }
 
-namespace {
 void say_below_verdict(const std::string& words, Scope scope, Document& document) {
   const auto verdict = std::ranges::find_if(document.blocks, [](const Document::Block& block) {
     const auto* paragraph = std::get_if<Paragraph>(&block.content);
@@ -402,10 +390,8 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
       "Scores beside the 24 parameters alone. A strong effect lifts the scores of those that resemble it; the table of "
       "probabilities below weighs them together.";
   parts.noise_line = noise_line(diagnosis.extended, context.noise_given);
-  parts.noise.scope = parts.selection.scope = Scope::page;
+  parts.noise.scope = Scope::page;
   add_noise(diagnosis, context, parts.noise);
-  add_limits(diagnosis, context, parts.limits);
-  add_statements(diagnosis.statements, parts.selection);
   parts.reading = how_to_read;
   parts.further = {allan_figure(diagnosis.base.allan)};
   return diagnosis_document(diagnosis, context, std::move(parts));
@@ -434,9 +420,6 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
   const auto show = [&](Figure figure, const std::string& without) {
     mark_steps(context.recording, figure);
     figure.panels.empty() ? document.text(without) : document.figure(figure);
-  };
-  const auto add = [&document](const Document& part) {
-    document.blocks.insert(document.blocks.end(), part.blocks.begin(), part.blocks.end());
   };
   document.section("time", parts.time_title);
   show(std::move(parts.time), parts.no_time);
@@ -475,17 +458,17 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
   document.section("parameters", "The 24 parameters");
   add_parameters(diagnosis, context, document);
   document.section("allan", "Noise");
-  add(parts.noise);
+  document.blocks.insert(document.blocks.end(), parts.noise.blocks.begin(), parts.noise.blocks.end());
   for (Figure& figure : parts.further) {
     document.subsection("Allan deviation");
     show(std::move(figure), "No dwell is long enough for it.");
   }
   document.section("limits", "What this recording cannot tell");
-  add(parts.limits);
+  add_limits(diagnosis, context, document);
   document.section("faults", "Faults in the data");
   add_faults(diagnosis, context, document);
   document.section("selection", "How the effects were chosen");
-  add(parts.selection);
+  add_statements(diagnosis.statements, document);
   document.section("reading", "How to read this");
   document.add(list_of(parts.reading));
   if (scored) {

@@ -98,15 +98,11 @@ struct DiagnosisParts {
   std::string residual_intro;
   std::string not_scored;  // why there are no scores; empty: there are
   std::string score_caption;
-  std::string noise_line;             // of the terminal
-  Document noise, limits, selection;  // blocks of these sections
-  std::string_view reading;           // how to read it: a label and words each line
-  std::vector<Figure> further;        // after the noise
+  std::string noise_line;       // of the terminal
+  Document noise;               // blocks of its section
+  std::string_view reading;     // how to read it: a label and words each line
+  std::vector<Figure> further;  // after the noise
 };
 Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context, DiagnosisParts parts);
-
-// Of the sections `limits` (aliases, undetectable, undetermined, never visible) and `selection`.
-void add_limits(const Diagnosis& diagnosis, const DiagnosisContext& context, Document& document);
-void add_statements(const Statements& statements, Document& document);
 
 }  // namespace turncal

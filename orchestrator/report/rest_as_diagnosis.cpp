@@ -49,8 +49,8 @@ std::string sentence_of(const RestDiagnosis& r, const RestData& data) {
            remainder_text(r) + (r.accel_not_tested.empty() ? "" : "; " + d.reason) + ".";
   if (d.verdict == Verdict::not_tested) {
     if (r.not_tested.empty()) return title + "the gyros show no effect; " + d.reason + ".";
-    return title + "the data determine nothing to be judged: " + r.not_tested +
-           (r.base.converged ? "; " + error_text(r.final.errors) : "") + ".";
+    return fmt::format("{}the data determine nothing to be judged: {}{}.", title, r.not_tested,
+                       r.base.converged ? "; " + error_text(r.final.errors) : "");
   }
   return title + (d.verdict == Verdict::clean ? "the 21 parameters explain the data: " : "") +
          error_text(r.final.errors) + "; " + remainder_text(r) + "; " + d.reason + " (" +
@@ -218,10 +218,7 @@ Document document_of(const RestDiagnosis& r, const RestData& data, const Diagnos
   if (!r.not_tested.empty()) parts.not_scored = "No effect was looked for: " + r.not_tested + ".";
   parts.score_caption = "Scores beside the 21 parameters alone.";
   parts.noise_line = noise_line(r);
-  parts.noise.scope = parts.selection.scope = Scope::page;
-  parts.noise.text(parts.noise_line + ".");
-  add_limits(d, context, parts.limits);
-  add_statements(d.statements, parts.selection);
+  parts.noise.add(Paragraph{parts.noise_line + "."}, Scope::page);
   parts.reading = how_to_read_rests;
   return diagnosis_document(d, context, std::move(parts));
 }
@@ -259,8 +256,8 @@ DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& r, const RestData& data
   const std::vector<ErrorRow> errors = error_rows(r);
   for (const ErrorRow& row : errors)
     if (!row.normalised)
-      files.conf += "# " + row.what + ": " + format_number(row.before) + " before, " + format_number(row.after) +
-                    " after, " + row.unit + "\n";
+      files.conf += fmt::format("# {}: {} before, {} after, {}\n", row.what, format_number(row.before),
+                                format_number(row.after), row.unit);
   files.report = document_of(r, data, context, errors);
   if (d.verdict == Verdict::not_tested) return files;
   files.parameters.emplace();

@@ -33,9 +33,9 @@ ErrorUnit error_unit(const ThermalReport& report, int key) {
 
 template <class Numbers>
 std::string list_of(const Numbers& numbers) {
-  std::string text;
-  for (const double x : numbers) text += (text.empty() ? "" : ", ") + format_number(x);
-  return text;
+  std::vector<std::string> texts;
+  for (const double x : numbers) texts.push_back(format_number(x));
+  return join(texts);
 }
 
 double temperature_at(const ThermalModel& model, int k) {
@@ -56,19 +56,12 @@ std::string what_is_said(const ThermalParameter& p) {
   return text;
 }
 
-// Errors of a kind, in quadrature over its parameters: before, after, as expected, of legs by themselves.
+// Of a parameter, or of a kind in quadrature over its parameters: before, after, as expected, of legs by themselves.
 using Errors = std::array<double, 4>;
-Errors errors_of(const ThermalParameter& p, const ErrorUnit& unit) {
-  return {unit.factor * p.error_before, unit.factor * p.error_after, unit.factor * p.error_expected,
-          unit.factor * p.error_noise};
-}
 
 Table error_table(const ThermalReport& report) {
   Table table{{text("left-out temperatures, rms"), text("unit"), number("constant"), number("with temperature"),
                number("as expected"), number("a leg itself")}};
-  const auto row = [&](const std::string& of, const char* unit, const Errors& e) {
-    table.row({text(of), text(unit), number(e[0]), number(e[1]), number(e[2]), number(e[3])});
-  };
   const auto kind_of = [](int key) {
     if (key < 6) return key / 3;
     const bool gyro = key < 15, diagonal = (key - (gyro ? 6 : 15)) % 4 == 0;
@@ -84,12 +77,14 @@ Table error_table(const ThermalReport& report) {
     for (const ThermalParameter& p : report.model.parameters) {
       if (kind_of(p.key) != kind) continue;
       const ErrorUnit of = error_unit(report, p.key);
-      const Errors e = errors_of(p, of);
-      for (std::size_t k = 0; k < 4; ++k) sum[k] += e[k] * e[k];
+      const Errors e = {p.error_before, p.error_after, p.error_expected, p.error_noise};
+      for (std::size_t k = 0; k < 4; ++k) sum[k] += std::pow(of.factor * e[k], 2);
       count += 1.0, unit = of.name;
     }
     for (double& s : sum) s = std::sqrt(s / count);
-    if (count > 0.0) row(kinds[static_cast<std::size_t>(kind)], unit, sum);
+    if (count > 0.0)
+      table.row({text(kinds[static_cast<std::size_t>(kind)]), text(unit), number(sum[0]), number(sum[1]),
+                 number(sum[2]), number(sum[3])});
   }
   table.row({text("free navigation at rest, 1 h"), text("NM/h"), number(report.before_nm_per_h),
              number(report.after_nm_per_h), number("-"), number(report.noise_nm_per_h)});
@@ -196,10 +191,9 @@ std::string format_thermal(const ThermalReport& report) {
   lines.number("navigation.with_temperature_nm_per_h", report.after_nm_per_h);
   lines.number("navigation.leg_nm_per_h", report.noise_nm_per_h);
   for (std::size_t i = 0; i < rows.size(); ++i) {
-    std::string row;
-    for (std::size_t j = 0; j <= i; ++j)
-      row += fmt::format("{}{:.6e}", j == 0 ? "" : " ", model.covariance(rows[i].first, rows[j].first));
-    lines.text("covariance." + rows[i].second, row);
+    std::vector<double> row;
+    for (std::size_t j = 0; j <= i; ++j) row.push_back(model.covariance(rows[i].first, rows[j].first));
+    lines.text("covariance." + rows[i].second, fmt::format("{:.6e}", fmt::join(row, " ")));
   }
   return lines.take();
 }
@@ -224,8 +218,7 @@ Document thermal_document(const ThermalReport& report) {
                wide(what_is_said(p))});
   }
   document.add(std::move(table));
-  Table legs{{name("leg"), number("temperature, °C"), number("rate, °C/h"), text("from"), count(0)}};
-  legs.head.back() = number("switch-on");
+  Table legs{{name("leg"), number("temperature, °C"), number("rate, °C/h"), text("from"), number("switch-on")}};
   for (const ThermalLeg& leg : report.legs)
     legs.row({name(leg.name), fixed(leg.temperature_c, 2), fixed(leg.rate_c_per_h, 2),
               text(leg.direction > 0   ? "below"
@@ -245,10 +238,10 @@ void describe_thermal(const ThermalModel& model, ParameterFile& file) {
   t.reference_c = model.reference_c, t.low_c = model.low_c, t.high_c = model.high_c;
   file.reference_temperature_c = model.reference_c;
   file.sigma = {};
-  std::string open, row;
+  std::vector<std::string> open;
   for (int key = 0; key < parameter_count; ++key) {
     if (!model.find(key)) {
-      if (parameter_is_free[static_cast<std::size_t>(key)]) open += (open.empty() ? "" : " ") + parameter_key(key);
+      if (parameter_is_free[static_cast<std::size_t>(key)]) open.push_back(parameter_key(key));
       continue;
     }
     file.parameters[key] = cubics.coefficient(key, 0);
@@ -258,13 +251,12 @@ void describe_thermal(const ThermalModel& model, ParameterFile& file) {
         t.coefficient(key, order - 1) = cubics.coefficient(key, order),
                                    t.sigma(key, order - 1) = cubics.sigma(key, order);
   }
-  if (!open.empty()) file.add_further(std::string(undetermined_key), open);
+  if (!open.empty()) file.add_further(std::string(undetermined_key), join(open, " "));
   for (const ThermalParameter& p : model.parameters) {
-    row.clear();
+    std::vector<double> row;
     for (const ThermalParameter& other : model.parameters)
-      if (other.key <= p.key)
-        row += fmt::format("{}{:.9e}", row.empty() ? "" : " ", cubics.covariance(p.key, other.key));
-    file.add_further("quality.covariance." + parameter_key(p.key), row);
+      if (other.key <= p.key) row.push_back(cubics.covariance(p.key, other.key));
+    file.add_further("quality.covariance." + parameter_key(p.key), fmt::format("{:.9e}", fmt::join(row, " ")));
     if (p.key < 6) file.add_further("quality.turn_on_repeatability." + parameter_key(p.key), p.switch_on);
     if (const double worst = cubics.worst[p.key]; worst > cubics.sigma(p.key, 0))
       file.add_further("quality.temperature.not_held." + parameter_key(p.key), worst);

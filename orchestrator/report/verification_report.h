@@ -24,10 +24,9 @@ struct VerificationReport {
   std::vector<std::string> left_out;  // alignments in which more samples were lost
   NorthSeeking found;
   FeltSite felt;
-  bool noise_assumed = false;  // the parameter file has none
-  double false_fail = 0.0;     // chance that a good unit fails
-  double would_do_s =
-      0.0;  // undecided, noise explains what was found: how long an alignment would have to be; 0: decided
+  bool noise_assumed = false;    // the parameter file has none
+  double false_fail = 0.0;       // chance that a good unit fails
+  double would_do_s = 0.0;       // undecided, noise explains what was found: how long it would have to be; 0: decided
   bool level_undecided = false;  // the same of roll and pitch
   std::string damage;            // of the recording; empty: none
   double heading_limit_deg = 0.0, level_limit_deg = 0.0, guard_factor = 1.0;

@@ -2,6 +2,7 @@
 
 #include "imu_io/recordings/statistics_file.h"
 #include "tests/fleet/drawn_fleet.h"
+#include "tests/imu_io/recording_samples.h"
 #include "tests/test.h"
 
 namespace turncal {
@@ -55,16 +56,8 @@ TEST(UnitStatistics, OfSeveralRecordingsIsOfWhatTheyHaveInCommon) {
 
 StatisticsFile example() {
   StatisticsFile s;
+  s.file = test::make_parameter_file();
   s.file.unit_serial = "SN 1";
-  s.file.recording_hash = std::string(32, 'a');
-  s.file.model = "base";
-  s.file.method = "joint";
-  s.file.software_version = "1.0";
-  s.file.time_utc = "2026-01-31T12:00:00Z";
-  s.file.latitude_deg = 45.0;
-  s.file.gravity_mps2 = 9.8;
-  s.file.sample_period_s = 0.005;
-  s.file.accel_pulse_mps = 1e-3;
   s.file.add_further("record.station", "line 3");
   s.file.add_further("quality.covariance.N01", "1");
   s.statistics = statistics_of_one();

@@ -1,5 +1,7 @@
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -19,32 +21,29 @@ namespace turncal {
 
 namespace {
 
-bool needs_attitude(const std::string& name) { return name == "earth_rate" || name == "gyro_magnetic"; }
-
 Result<std::vector<EffectColumn>> columns_of(const ParameterFile& file, const std::string& file_name,
                                              const RecordingInfo& info, bool has_attitude, Eigen::VectorXd& values) {
   std::vector<EffectColumn> columns;
   std::vector<double> found;
   for (const EffectValue& effect : file.effects) {
-    const std::string key = "effect." + effect.name + "." + effect.component;
+    const auto refuse = [&](const std::string& why) {
+      return input_error(fmt::format("{}: 'effect.{}.{}' {}", file_name, effect.name, effect.component, why));
+    };
     const EffectEntry* entry = find_effect(effect.name);
-    if (entry == nullptr) return input_error(file_name + ": '" + key + "' is not an effect of the catalogue");
+    if (entry == nullptr) return refuse("is not an effect of the catalogue");
     if (effect.component == entry->variant) continue;
     const auto at = std::ranges::find(entry->components, effect.component);
-    if (at == entry->components.end())
-      return input_error(file_name + ": '" + key + "' is not a component of " + effect.name);
+    if (at == entry->components.end()) return refuse("is not a component of " + effect.name);
     if (entry->needs_temperature && !info.has_temperature)
-      return input_error(file_name + ": '" + key + "' depends on temperature, which the recording does not have");
-    if (needs_attitude(effect.name) && !has_attitude)
-      return input_error(file_name + ": '" + key +
-                         "' depends on the attitude, which a recording without table angles does not tell");
+      return refuse("depends on temperature, which the recording does not have");
+    if ((effect.name == "earth_rate" || effect.name == "gyro_magnetic") && !has_attitude)
+      return refuse("depends on the attitude, which a recording without table angles does not tell");
     EffectColumn column{entry, static_cast<int>(at - entry->components.begin()), 0.0};
     if (!entry->taus_s.empty()) {
       const auto tau = std::ranges::find_if(
           file.effects, [&](const EffectValue& e) { return e.name == effect.name && e.component == entry->variant; });
       if (tau == file.effects.end())
-        return input_error(file_name + ": missing key 'effect." + effect.name + "." + std::string(entry->variant) +
-                           "'");
+        return input_error(fmt::format("{}: missing key 'effect.{}.{}'", file_name, effect.name, entry->variant));
       column.tau_s = tau->value;
     }
     columns.push_back(column);
@@ -148,9 +147,6 @@ Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string
   const bool by_hand = without_table_angles(source.segments());
   Eigen::VectorXd values;
   const std::vector<EffectColumn> columns = TRY(columns_of(file, file_name, source.info(), !by_hand, values));
-  const auto nowhere = [&] {
-    return input_error(source.path() + ": has no segments, expected some to evaluate effects over");
-  };
   EffectModel model =
       make_effect_model(columns, {source.info().latitude_deg}, file.reference_temperature_c.value_or(0.0));
   model.values = values;
@@ -160,7 +156,8 @@ Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string
   }
   const LoadedRecording loaded = TRY(load_recording(source));
   const CompressedRecording& recording = loaded.data;
-  if (recording.blocks.empty()) return nowhere();
+  if (recording.blocks.empty())
+    return input_error(source.path() + ": has no segments, expected some to evaluate effects over");
 
   FilterSetup setup;
   setup.with_columns = false;
@@ -251,10 +248,7 @@ Result<NoiseModel> stored_noise(const ParameterFile& file, const std::string& fi
 
 Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std::string& file_name) {
   StoredCovariance stored;
-  if (!file.effects.empty()) {
-    stored.source = "effects";
-    return stored;
-  }
+  if (!file.effects.empty()) return StoredCovariance{.source = "effects"};
   ParameterVector sigma = ParameterVector::Zero();
   for (int k = 0; k < parameter_count; ++k) sigma[k] = file.sigma[static_cast<std::size_t>(k)].value_or(0.0);
   if (sigma.any()) {
@@ -350,8 +344,8 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
   IntegratedSamples found;
   std::optional<std::int64_t> last;  // taken
   // What rests all the time is jerked by no hand, whatever angles its table has.
-  const bool turns = std::any_of(source.segments().begin(), source.segments().end(),
-                                 [](const Segment& segment) { return segment.kind == SegmentKind::rotate; });
+  const bool turns =
+      std::ranges::find(source.segments(), SegmentKind::rotate, &Segment::kind) != source.segments().end();
   const bool on_table =
       reference == nullptr && !source.segments().empty() && (!turns || !without_table_angles(source.segments()));
   FaultySamples faulty(source.info(), source.segments(), on_table);
@@ -364,8 +358,7 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
       const ImuSample& sample = waiting[k];
       const ImuSample previous = std::exchange(before, sample), &after = waiting[std::min(k + 1, waiting.size() - 1)];
       if (sample.counter < begin || sample.counter >= end || (sample.flags & sample_flag_invalid) != 0) continue;
-      const Eigen::Vector3d gyro(sample.gyro[0], sample.gyro[1], sample.gyro[2]);
-      const Eigen::Vector3d accel(sample.accel[0], sample.accel[1], sample.accel[2]);
+      const auto gyro = Eigen::Vector3d::Map(sample.gyro.data()), accel = Eigen::Vector3d::Map(sample.accel.data());
       if (!gyro.allFinite() || !accel.allFinite())
         return input_error(source.path() + ": sample " + std::to_string(sample.counter) + ": expected finite numbers");
       if (const std::optional<std::size_t> channel = faulty.fault_of(previous, sample, after)) {

@@ -89,7 +89,6 @@ inline std::string gap_words(const SampleGap& gap) {
 
 inline constexpr double motion_interval_s = 0.1;  // or a sample, where that is longer
 
-// A parameter file made ready for the samples of a recording.
 // Parameters that follow the temperature (TemperaturePolynomials), and what the recording's was.
 struct TemperatureCourse {
   TemperaturePolynomials polynomials;
@@ -100,6 +99,7 @@ struct TemperatureCourse {
   bool leaves_range() const { return lowest_c < polynomials.low_c || highest_c > polynomials.high_c; }
 };
 
+// A parameter file made ready for the samples of a recording.
 struct SampleCalibration {
   SensorModel model;
   EffectTerms effects;

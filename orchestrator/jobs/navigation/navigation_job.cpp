@@ -183,14 +183,11 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
                        seconds(request.align_s + std::max(0.0, request.free_s.value_or(0.0))));
 
   NavigationReport report;
-  report.recording = request.recording;
-  report.reference = request.reference;
+  report.request = request;
   if (reference) report.reference_gap_s = reference->longest_in_motion_s();
   report.info = info;
-  report.align_s = request.align_s;
   if (source.damage().lost_data()) report.damage = describe(source.damage());
   report.faults = integrated.faults;
-  report.branches_asked = request.branches;
   report.without_segments = source.segments().empty();
   report.recording_hash = TRY(source.content_hash());
   for (const SampleGap& gap : integrated.gaps) {

@@ -4,16 +4,14 @@
 // the same recording from other starts, spread evenly over what is left when every one of them has its full length; each begins
 // where the unit next rests.
 //
-// What the effects that a diagnosis added are worth: a recording navigated freely without and with them, and without each.
-//
-// Before: the 24 parameters estimated alone; after: those of the extended model, with its effects taken off. What one effect is worth is
-// the radial rate of the distance between two tracks, with all effects and without that one. Noise is the same in both and
-// falls out. Parameters p and the other effects then are as they would have been estimated without it,
+// What the effects that a diagnosis added are worth: a recording navigated freely with the 24 parameters estimated alone, with those of the
+// extended model and its effects taken off, and without each effect. What one is worth is the radial rate of the distance between two
+// tracks, with all effects and without that one. Noise is the same in both and falls out. Parameters p and the other effects then are as
+// they would have been estimated without it,
 //   p' = p - P_pe P_ee^-1 e      (P the covariance of the joint estimate, e the effect's components; least squares with e = 0)
 // Units of the catalogue and of the parameter file throughout.
 #pragma once
 
-#include <optional>
 #include <string>
 
 #include "calib/evidence/diagnosis.h"
@@ -24,18 +22,6 @@
 #include "orchestrator/report/report.h"
 
 namespace turncal {
-
-struct NavigationRequest {
-  std::string recording;
-  std::string parameters;  // empty: the recording holds calibrated increments, as `turncal apply` writes them
-  std::string against;     // empty: none
-  std::string reference;   // where it truly was; empty: where it stands
-  double align_s = 300.0;
-  double from_s = 0.0;              // of the recording, from its first sample
-  std::optional<double> to_s;       // default: its end
-  std::optional<double> free_s;     // of each branch; default: an hour, or what the recording holds
-  int branches = default_branches;  // at most; as many as have different starts
-};
 
 // Errors: kind input for files that cannot be used, and for a recording that is too short or does not rest.
 Result<NavigationReport> navigate_recording(const NavigationRequest& request);

@@ -1,5 +1,7 @@
 #include "orchestrator/jobs/navigation/verification_job.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -42,8 +44,12 @@ Result<NorthReading> reading_of(std::span<const MotionInterval> dwell, double ta
   return reading;
 }
 
-UnitVerdict judge_figure(const NorthFigure& figure, double limit, double guard_factor) {
-  return judge_value(figure.value_deg, figure.sigma_deg, Limit{std::nullopt, limit}, guard_factor);
+// The worse of two.
+UnitVerdict judge_figures(const NorthFigure& one, const NorthFigure& other, double limit, double guard_factor) {
+  const auto judged = [&](const NorthFigure& figure) {
+    return judge_value(figure.value_deg, figure.sigma_deg, Limit{std::nullopt, limit}, guard_factor);
+  };
+  return std::max(judged(one), judged(other));
 }
 
 // Of a heading from a dwell so long, of the random walk of the level gyros alone.
@@ -57,10 +63,8 @@ void judge_north(const VerdictLimits& limits, const NoiseModel& noise, Verificat
   report.level_limit_deg = limits.level_deg;
   report.guard_factor = limits.guard_factor;
   const NorthSeeking& found = report.found;
-  report.heading = std::max(judge_figure(found.deviation[0], limits.heading_deg, limits.guard_factor),
-                            judge_figure(found.mean_heading, limits.heading_deg, limits.guard_factor));
-  report.level = std::max(judge_figure(found.deviation[1], limits.level_deg, limits.guard_factor),
-                          judge_figure(found.deviation[2], limits.level_deg, limits.guard_factor));
+  report.heading = judge_figures(found.deviation[0], found.mean_heading, limits.heading_deg, limits.guard_factor);
+  report.level = judge_figures(found.deviation[1], found.deviation[2], limits.level_deg, limits.guard_factor);
   report.false_fail = false_fail_probability(found, limits.heading_deg, limits.level_deg);
   // Above the limit, but no more than noise would be of a unit without a fault: nothing is said of its calibration.
   const double seen_deg = std::max(found.deviation[0].value_deg, found.mean_heading.value_deg);
@@ -94,8 +98,9 @@ Status check_north_seeking(const Segments& segments, int first_step, double samp
   int searches = 0, readings = 0;  // of the position
   const Segment* last = nullptr;
   const auto alone = [&] {
-    return input_error(where + ": step " + std::to_string(last->step) + ": one alignment at heading " +
-                       format_number(last->heading_deg) + ", expected two and more: one alone has no deviation");
+    return input_error(
+        fmt::format("{}: step {}: one alignment at heading {}, expected two and more: one alone has no deviation",
+                    where, last->step, format_number(last->heading_deg)));
   };
   for (const Segment& segment : segments) {
     if (!is_north_dwell(segment, first_step)) continue;
@@ -104,8 +109,8 @@ Status check_north_seeking(const Segments& segments, int first_step, double samp
       return input_error(at + "expected the table at pitch 0 and roll 0 to seek north");
     const double seconds = static_cast<double>(segment.end_sample - segment.start_sample) * sample_period_s;
     if (seconds < align_min_rest_s)
-      return input_error(at + "alignment: " + std::to_string(std::lround(seconds)) + " s at rest, expected at least " +
-                         std::to_string(static_cast<int>(align_min_rest_s)) + " s");
+      return input_error(fmt::format("{}alignment: {} s at rest, expected at least {:g} s", at, std::lround(seconds),
+                                     align_min_rest_s));
     if (segment.kind == SegmentKind::align) {
       ++searches;
       continue;
@@ -153,9 +158,9 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
       positions.emplace_back(segment.heading_deg, 0);
     if (const SampleGap* gap = long_gap_in(integrated.gaps, segment.start_sample, segment.end_sample)) {
       report.left_out.push_back(
-          "step " + std::to_string(segment.step) + ": " +
-          (reads ? "alignment at heading " + format_number(segment.heading_deg) : std::string("search for the zero")) +
-          ": " + gap_words(*gap));
+          fmt::format("step {}: {}: {}", segment.step,
+                      reads ? "alignment at heading " + format_number(segment.heading_deg) : "search for the zero",
+                      gap_words(*gap)));
       continue;
     }
     // Whole intervals inside the segment.
@@ -179,11 +184,11 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
   const auto few = std::ranges::find_if(positions, [](const auto& p) { return p.second < 2; });
   if (searches.empty() || few != positions.end())
     return Error{ErrorKind::unit_failed,
-                 request.recording + ": " + not_judged_words +
-                     (searches.empty() ? "no search for the zero"
-                                       : std::to_string(few->second) + " alignments at heading " +
-                                             format_number(few->first) + ", expected two and more") +
-                     " without lost samples; " + (report.left_out.empty() ? "" : report.left_out.front())};
+                 fmt::format("{}: {}{} without lost samples; {}", request.recording, not_judged_words,
+                             searches.empty() ? "no search for the zero"
+                                              : fmt::format("{} alignments at heading {}, expected two and more",
+                                                            few->second, format_number(few->first)),
+                             report.left_out.empty() ? "" : report.left_out.front())};
 
   report.info = info;
   report.recording_hash = TRY(source.content_hash());

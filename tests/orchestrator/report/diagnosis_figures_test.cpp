@@ -223,16 +223,5 @@ TEST(Gnuplot, SaysWhatIsWrongWithAScript) {
   EXPECT_TRUE((*two)[1].ends_with("</svg>"));
 }
 
-TEST(EmbeddableSvg, HasIdsAndLabelOfItsOwn) {
-  const std::string svg =
-      "<svg \n viewBox=\"0 0 8 8\"><title>t</title><g id=\"gnuplot_canvas\"><circle id='gpDot'/><use "
-      "xlink:href='#gpDot'/>"
-      "<text font-family=\"Sans\" font-size=\"13\">a</text></g></svg>";
-  EXPECT_EQ(embeddable_svg(svg, "time", "a < b", "50%"),
-            "<svg role=\"img\" aria-label=\"a &lt; b\" style=\"width:50%\" \n viewBox=\"0 0 8 8\"><g><circle "
-            "id='timegpDot'/><use "
-            "xlink:href='#timegpDot'/><text font-size=\"13\">a</text></g></svg>");
-}
-
 }  // namespace
 }  // namespace turncal

@@ -2,16 +2,11 @@
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/line/parameter_history.h"
 #include "orchestrator/line_report/shift_document.h"
+#include "tests/orchestrator/report/sample_diagnosis.h"
 #include "tests/test.h"
 
 namespace turncal {
 namespace {
-
-std::size_t count_of(const std::string& text, const std::string& what) {
-  std::size_t count = 0;
-  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + what.size())) ++count;
-  return count;
-}
 
 // --- Numbers and texts.
 

@@ -11,7 +11,7 @@ class AllanCommand : public RigUnit {};
 TEST_F(AllanCommand, SaysWhatTheRigLaid) {
   record("rest", "noise.gyro_random_walk_deg_per_rt_h = 0.05\nnoise.accel_random_walk_ug_per_rt_hz = 50\n",
          "step 1\n  initial H 30 P 0 R 0\n  align 10000\n  dwell 110000\n");
-  const ProgramResult said = ends({"allan", "rest", "--out", "noise", "--against", "rest"}, 0);
+  const ProgramResult said = ends("allan rest --out noise --against rest", 0);
   EXPECT_SAYS(said.out, "N random walk");
   EXPECT_SAYS(said.out, "gyroscope_noise_density");
   for (const char* file : {"allan.html", "allan.svg", "allan.csv", "imu.yaml"})
@@ -21,14 +21,14 @@ TEST_F(AllanCommand, SaysWhatTheRigLaid) {
   EXPECT_NEAR(value_of("gyroscope_noise_density"), 0.05 / 60.0 * 3.14159265 / 180.0, 1e-6);
   EXPECT_NEAR(value_of("accelerometer_noise_density"), 50.0 * 9.80665e-6, 1e-5);
   EXPECT_EQ(value_of("update_rate"), 200.0);
-  const ProgramResult json = ends({"allan", "rest", "--format", "json"}, 0);
+  const ProgramResult json = ends("allan rest --format json", 0);
   EXPECT_SAYS(json.out, "\"limit 95 %\"");
   ParameterFile file = truth_of("rest");
   keep(file, "silent.conf");
   expect_refused("allan rest --against silent.conf", "has no noise. keys");
   file.add_further("noise.angle_random_walk.x_deg_per_rt_h", 0.25);
   keep(file, "noisy.conf");
-  const ProgramResult beside = run({"allan", "rest", "--against", path("noisy.conf")});
+  const ProgramResult beside = run("allan rest --against noisy.conf");
   EXPECT_SAYS(beside.out, "x, file");
   EXPECT_SAYS(beside.out, "0.25");
 }
@@ -45,11 +45,11 @@ TEST_F(AllanCommand, RefusesWhatMovesAndWhatIsShort) {
         "time.column = t\ngravity_mps2 = 9.8\nunit_serial = A\n");
   rows(600, 0.5);
   write("turn.csv", csv);
-  expect_refused({"allan", "turn.csv", "--map", path("map.conf")}, "gyro x moves at 3");
+  expect_refused("allan turn.csv --map map.conf", "gyro x moves at 3");
   csv.resize(csv.find('\n') + 1);
   rows(50, 0.0);
   write("short.csv", csv);
-  expect_refused({"allan", "short.csv", "--map", path("map.conf")}, "expected at least 10 s");
+  expect_refused("allan short.csv --map map.conf", "expected at least 10 s");
 }
 
 }  // namespace

@@ -71,16 +71,16 @@ TEST_F(Apply, WritesTimeAndRates) {
                        k == 0 ? 0.005 * static_cast<double>(row) : increments[row * width + k] / 0.005);
   for (const char* out : {"r.npy", "r.mat"})
     ends({"apply", "rec", "--parameters", path("true.conf"), "--out", out, "--as", "rates"}, 0);
-  expect_refused({"apply", "rec", "--parameters", path("true.conf"), "--out", "r.tcr", "--as", "rates"}, "a counter");
+  expect_refused("apply rec --parameters true.conf --out r.tcr --as rates", "a counter");
 }
 
 // As messages of ROS: imported again they are the same samples, and so is the clock.
 TEST_F(Apply, WritesMessagesThatImportReads) {
   record("rec", std::string(without_noise), "step 1\n  initial H 30 P 0 R 0\n  align 5000\n  dwell 5000\n");
   keep(truth_of("rec"), "true.conf");
-  ends({"apply", "rec", "--parameters", path("true.conf"), "--out", "r.mcap", "--as", "rates"}, 0);
-  ends({"apply", "rec", "--parameters", path("true.conf"), "--out", "r.tcr"}, 0);
-  EXPECT_SAYS(ends({"import", "r.mcap", "--out", "back"}, 0).out, "10000 samples of 10000 rows, mean period 5 ms");
+  ends("apply rec --parameters true.conf --out r.mcap --as rates", 0);
+  ends("apply rec --parameters true.conf --out r.tcr", 0);
+  EXPECT_SAYS(ends("import r.mcap --out back", 0).out, "10000 samples of 10000 rows, mean period 5 ms");
   const std::vector<ImuSample> written = samples_of(path("r.tcr")), read = samples_of(path("back"));
   ASSERT_EQ(read.size(), written.size());
   for (std::size_t row = 0; row < read.size(); row += 7) {
@@ -91,9 +91,8 @@ TEST_F(Apply, WritesMessagesThatImportReads) {
       EXPECT_NEAR(read[row].accel[k], written[row].accel[k], 1e-12 * std::abs(written[row].accel[k]));
     }
   }
-  expect_refused({"apply", "rec", "--parameters", path("true.conf"), "--out", "i.mcap"}, "expected --as rates");
-  expect_refused({"apply", "rec", "--parameters", path("true.conf"), "--out", "i.mcap", "--as", "increments"},
-                 "expected --as rates");
+  expect_refused("apply rec --parameters true.conf --out i.mcap", "expected --as rates");
+  expect_refused("apply rec --parameters true.conf --out i.mcap --as increments", "expected --as rates");
 }
 
 // The same increments, whatever the form; as a recording they are one that can be navigated.
@@ -131,13 +130,13 @@ TEST_F(Apply, WritesARecordingOrAMatrix) {
 
 TEST_F(Apply, ExportWritesAMatrix) {
   record("rec", std::string(without_noise), "step 1\n  initial H 30 P 0 R 0\n  align 1000\n  dwell 1000\n");
-  ASSERT_EQ(run({"export", "rec", "--out", "e.npy"}).code, 0);
+  ASSERT_EQ(run("export rec --out e.npy").code, 0);
   ASSERT_TRUE(std::filesystem::is_regular_file(folder_ / "e.npy"));
-  ASSERT_EQ(run({"export", "rec", "--out", "e.mat"}).code, 0);
+  ASSERT_EQ(run("export rec --out e.mat").code, 0);
   std::filesystem::create_directory(folder_ / "folder.npy");
-  expect_refused({"export", "rec", "--out", "folder.npy"}, "folder.npy: expected a file name, found a folder");
+  expect_refused("export rec --out folder.npy", "folder.npy: expected a file name, found a folder");
   if (std::system("python3 -c 'import numpy' 2> /dev/null") != 0) GTEST_SKIP() << "numpy is not here";
-  ASSERT_EQ(run({"export", "rec", "--out", "text"}).code, 0);
+  ASSERT_EQ(run("export rec --out text").code, 0);
   write("compare.py",
         "import numpy\na = numpy.load('e.npy')\nb = numpy.loadtxt('text/imu.csv', delimiter=',', skiprows=1)\n"
         "assert a.dtype == numpy.float64 and a.shape == (b.shape[0], b.shape[1] + 1)\n"

@@ -1,6 +1,7 @@
 // `turncal convert`: what it writes and what it refuses.
 
 #include "imu_io/recordings/parameter_file.h"
+#include "tests/imu_io/recording_samples.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {
@@ -10,40 +11,28 @@ class Convert : public Program {
  protected:
   void SetUp() override {
     Program::SetUp();
-    ParameterFile file;
-    file.unit_serial = "SN7";
-    file.recording_hash = std::string(32, '0');
-    file.model = "base";
-    file.method = "joint";
-    file.software_version = "test";
-    file.time_utc = "2026-01-31T12:00:00Z";
-    file.latitude_deg = 29.53;
-    file.gravity_mps2 = 9.7914;
-    file.sample_period_s = 0.005;
-    file.accel_pulse_mps = 0.0005;
-    file.simulated = true;
-    ASSERT_OK(write_parameter_file(file, path("parameters.conf")));
+    ASSERT_OK(write_parameter_file(test::make_parameter_file(), path("parameters.conf")));
   }
 };
 
 TEST_F(Convert, WritesAllFormsOrNone) {
   for (int again = 0; again < 2; ++again)  // the second time over what is there
     EXPECT_EQ(run("convert parameters.conf --header c.h --binary c.bin --yaml c.yaml").code, 0);
-  expect_refused({"convert", "parameters.conf", "--header", "x.h", "--yaml", "nowhere/x.yaml"}, "nowhere/x.yaml");
+  expect_refused("convert parameters.conf --header x.h --yaml nowhere/x.yaml", "nowhere/x.yaml");
 }
 
 TEST_F(Convert, RefusesWhatItCannotUse) {
-  expect_refused({"convert", "parameters.conf"}, "expected --header, --binary or --yaml");
-  expect_refused({"convert", "nothing.conf", "--yaml", "c.yaml"}, "nothing.conf");
+  expect_refused("convert parameters.conf", "expected --header, --binary or --yaml");
+  expect_refused("convert nothing.conf --yaml c.yaml", "nothing.conf");
   const std::string before = file_text(folder_ / "parameters.conf");
   for (const char* form : {"--header", "--binary", "--yaml"})
     expect_refused({"convert", "parameters.conf", form, "parameters.conf"},
                    "expected another file than the parameter file");
   write("other.conf", "something = else\n");
-  expect_refused({"convert", "parameters.conf", "--yaml", "other.conf"}, "holds something else");
+  expect_refused("convert parameters.conf --yaml other.conf", "holds something else");
   EXPECT_EQ(file_text(folder_ / "parameters.conf"), before);
   expect_refused("convert parameters.conf --header c.h --yaml ./c.h", "--yaml ./c.h: expected another");
-  expect_refused({"convert", "parameters.conf", "--binary", "nowhere/c.bin"}, "nowhere/c.bin");
+  expect_refused("convert parameters.conf --binary nowhere/c.bin", "nowhere/c.bin");
 }
 
 }  // namespace

@@ -83,7 +83,7 @@ TEST_F(Navigate, WhatNoUnitGivesIsRefused) {
     if (counter >= 90000 && counter < 90100) cells[4] = "2147483647";
   });
   expect_refused(navigate("far"), "more than any unit can feel");
-  expect_refused({"navigate", "rest", "--out", "nav"}, "rest: it holds pulses: expected --parameters");
+  expect_refused("navigate rest --out nav", "rest: it holds pulses: expected --parameters");
 }
 
 TEST_F(Navigate, AGravityThatIsNotFeltIsSaid) {
@@ -92,10 +92,10 @@ TEST_F(Navigate, AGravityThatIsNotFeltIsSaid) {
     std::string conf = file_text(folder_ / "text/recording.conf");
     const std::size_t at = conf.find("gravity_mps2");
     write("text/recording.conf", conf.replace(at, conf.find('\n', at) - at, "gravity_mps2 = " + gravity));
-    const ProgramResult result = ends({"navigate", "text", "--parameters", path("true.conf"), "--out", "nav"}, 0);
+    const ProgramResult result = ends("navigate text --parameters true.conf --out nav", 0);
     return result.out;
   };
-  ASSERT_EQ(run({"export", "rest", "--out", "text"}).code, 0);
+  ASSERT_EQ(run("export rest --out text").code, 0);
   EXPECT_SAYS_NOT(navigated("9.7914"), "GRAVITY");
   EXPECT_SAYS_NOT(navigated("9.7834"), "GRAVITY");
   EXPECT_SAYS(navigated("9.78"), "GRAVITY         9.7914");
@@ -106,9 +106,9 @@ TEST_F(Navigate, AGravityThatIsNotFeltIsSaid) {
 // What `apply` left is navigated as it is.
 TEST_F(Navigate, CalibratedIncrementsNeedNoParameters) {
   record_rest_and_truth();
-  ASSERT_EQ(run({"apply", "rest", "--parameters", path("true.conf"), "--out", "applied.tcr"}).code, 0);
-  ASSERT_EQ(run({"navigate", "rest", "--parameters", path("true.conf"), "--out", "nav"}).code, 0);
-  ends({"navigate", "applied.tcr", "--out", "as_it_is"}, 0);
+  ASSERT_EQ(run("apply rest --parameters true.conf --out applied.tcr").code, 0);
+  ASSERT_EQ(run("navigate rest --parameters true.conf --out nav").code, 0);
+  ends("navigate applied.tcr --out as_it_is", 0);
   KeyValueFile one = result("nav/navigation.conf"), other = result("as_it_is/navigation.conf");
   // Nothing says any more that the increments were counted, so the alignment is weighed otherwise: a tenth of the heading's sigma, and
   // what that heading costs, g W cos L t^3 / 6 of 0.003 deg.
@@ -117,7 +117,7 @@ TEST_F(Navigate, CalibratedIncrementsNeedNoParameters) {
   EXPECT_NEAR(other.number("branch.1.north_m"), one.number("branch.1.north_m"), 30.0);
   expect_refused("apply rest --parameters true.conf --out rest.xyz",
                  "rest.xyz: expected a name that ends in one of .csv, .npy, .mat, .mcap, .tcr");
-  expect_refused({"export", "rest", "--out", "rest.csv"}, "rest.csv: expected a folder");
+  expect_refused("export rest --out rest.csv", "rest.csv: expected a folder");
   expect_refused("navigate rest --parameters true.conf --out x --branches 1e3", "--branches = 1e3: expected a number");
 }
 

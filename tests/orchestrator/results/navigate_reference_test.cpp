@@ -65,15 +65,8 @@ class NavigateReference : public RigUnit {
           "format = 1\nsample_period_s = 0.05\nlatitude_deg = 29.53\ngravity_mps2 = 9.7914\nunit_serial = SN7\n"
           "gyro_increment = rad\naccel_increment = mps\n");
     write("reference.csv", reference_);
-    ParameterFile file;
-    const RecordingInfo info = (*RecordingSource::open(path("drive")))->info();
-    describe_recording(info, file);
-    file.parameters = to_vector(start_parameters(info));
-    file.model = "base";
-    file.method = "joint";
-    file.recording_hash = std::string(32, '0');
-    file.software_version = "test";
-    file.time_utc = "2026-01-31T12:00:00Z";
+    ParameterFile file = file_of("drive");
+    file.parameters = to_vector(start_parameters((*RecordingSource::open(path("drive")))->info()));
     keep(file, "true.conf");
   }
   static double east(double t) { return 200.0 * ramp(t, 400, 500); }
@@ -95,7 +88,7 @@ TEST_F(NavigateReference, ErrorsAreThoseBesideIt) {
   EXPECT_LT(conf.number("drift.rms_nm_per_h"), 0.01);
   EXPECT_LT(conf.number("velocity_rms_mps"), 0.01);
   // Without it, all of the way is error.
-  ASSERT_EQ(run({"navigate", "drive", "--parameters", path("true.conf"), "--out", "nav"}).code, 0);
+  ASSERT_EQ(run("navigate drive --parameters true.conf --out nav").code, 0);
   EXPECT_GT(result("nav/navigation.conf").number("drift.rms_nm_per_h"), 100.0);
   // Its own track is a reference, too; without velocity and height the climb is not known: v_U x 2 W cos L east.
   std::string plain;
@@ -115,22 +108,20 @@ TEST_F(NavigateReference, RefusesOneThatCannotBe) {
   record_drive();
   expect_refused(beside("nothing.csv"), "nothing.csv");
   const std::string head = "time_s,latitude_deg,longitude_deg\n";
-  write("one.csv", head + "0,29.53,10\n");
-  expect_refused(beside("one.csv"), "one.csv: 1 rows: expected two and more");
-  write("back.csv", head + "0,29.53,10\n5,29.53,10\n4,29.53,10\n");
-  expect_refused(beside("back.csv"), "back.csv:4: time_s = '4': expected more than in the row before");
-  write("pole.csv", head + "0,29.53,10\n5,89,10\n");
-  expect_refused(beside("pole.csv"), "pole.csv:3: latitude_deg = '89': expected -85 to 85");
-  write("column.csv", "time_s,latitude_deg\n0,29.53\n5,29.53\n");
-  expect_refused(beside("column.csv"), "'longitude_deg'");
-  write("half.csv", "time_s,latitude_deg,longitude_deg,velocity_east_mps\n0,29.53,10,1\n5,29.53,10,1\n");
-  expect_refused(beside("half.csv"), "expected both or neither");
-  write("away.csv", head + "0,40,10\n2000,40,10\n");
-  expect_refused(beside("away.csv"), "begins at latitude 40 deg: expected the recording's, 29.53 deg");
-  write("short.csv", head + "0,29.53,10\n200,29.53,10\n");
-  expect_refused(beside("short.csv"), "200 s to navigate, expected more than 300 s");
-  write("moves.csv", head + "0,29.53,10\n2000,29.53,10.5\n");
-  expect_refused(beside("moves.csv"), "the reference stands nowhere for 300 s");
+  for (const auto& [text, words] : std::vector<std::pair<std::string, const char*>>{
+           {head + "0,29.53,10\n", "bad.csv: 1 rows: expected two and more"},
+           {head + "0,29.53,10\n5,29.53,10\n4,29.53,10\n",
+            "bad.csv:4: time_s = '4': expected more than in the row before"},
+           {head + "0,29.53,10\n5,89,10\n", "bad.csv:3: latitude_deg = '89': expected -85 to 85"},
+           {"time_s,latitude_deg\n0,29.53\n5,29.53\n", "'longitude_deg'"},
+           {"time_s,latitude_deg,longitude_deg,velocity_east_mps\n0,29.53,10,1\n5,29.53,10,1\n",
+            "expected both or neither"},
+           {head + "0,40,10\n2000,40,10\n", "begins at latitude 40 deg: expected the recording's, 29.53 deg"},
+           {head + "0,29.53,10\n200,29.53,10\n", "200 s to navigate, expected more than 300 s"},
+           {head + "0,29.53,10\n2000,29.53,10.5\n", "the reference stands nowhere for 300 s"}}) {
+    write("bad.csv", text);
+    expect_refused(beside("bad.csv"), words);
+  }
 }
 
 // ---- a model without one of its effects

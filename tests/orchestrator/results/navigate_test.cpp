@@ -49,7 +49,7 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
   EXPECT_EQ(run("navigate rest --parameters true.conf --against wrong.conf --out nav --for 1500 --branches 3").code, 0);
   EXPECT_EQ(file_text(folder_ / "nav/navigation.conf"), before);
   // Without the other file nothing of it is left.
-  EXPECT_EQ(run({"navigate", "rest", "--parameters", path("true.conf"), "--out", "nav", "--branches", "1"}).code, 0);
+  EXPECT_EQ(run("navigate rest --parameters true.conf --out nav --branches 1").code, 0);
   EXPECT_FALSE(std::filesystem::exists(folder_ / "nav/track_against.csv"));
 }
 
@@ -94,8 +94,7 @@ TEST_F(Navigate, SamplesLostInATurnAreCountedThere) {
   // From the rest before to the rest after it: 100 and 200 samples of them.
   const std::int64_t length = turn->end_sample - turn->start_sample;
   lose("rest", turn->start_sample - 100, length + 300, "turn");
-  const ProgramResult navigated =
-      ends({"navigate", "turn", "--parameters", path("true.conf"), "--out", "nav", "--for", "600"}, 0);
+  const ProgramResult navigated = ends("navigate turn --parameters true.conf --out nav --for 600", 0);
   KeyValueFile conf = result("nav/navigation.conf");
   EXPECT_EQ(conf.integer("filled_samples"), length + 300);
   EXPECT_EQ(conf.integer("filled_in_motion"), length);
@@ -120,11 +119,10 @@ TEST_F(Navigate, EffectsOfTheFileAreTakenOff) {
 
 TEST_F(Navigate, WithoutSegmentsEverythingCountsAsRest) {
   record_rest_and_truth();
-  ASSERT_EQ(run({"export", "rest", "--out", "text"}).code, 0);
+  ASSERT_EQ(run("export rest --out text").code, 0);
   const std::string segments = file_text(folder_ / "text/segments.csv");
   write("text/segments.csv", segments.substr(0, segments.find('\n') + 1));
-  const ProgramResult navigated =
-      ends({"navigate", "text", "--parameters", path("true.conf"), "--out", "nav", "--to", "900", "--align", "200"}, 0);
+  const ProgramResult navigated = ends("navigate text --parameters true.conf --out nav --to 900 --align 200", 0);
   EXPECT_SAYS(navigated.out, "no segments: everything counts as rest");
   EXPECT_EQ(result("nav/navigation.conf").number("branch.1.free_s"), 700.0);
 }
@@ -132,11 +130,11 @@ TEST_F(Navigate, WithoutSegmentsEverythingCountsAsRest) {
 TEST_F(Navigate, RefusesWhatItCannotUse) {
   record_rest_and_truth();
   const auto with = [](const Arguments& more) { return "navigate rest --parameters true.conf --out nav" + more; };
-  expect_refused({"navigate", "rest", "--out", "nav"}, "--parameters");
-  expect_refused({"navigate", "rest", "--parameters", "nothing.conf", "--out", "nav"}, "nothing.conf");
-  expect_refused({"navigate", "nothing", "--parameters", path("true.conf"), "--out", "nav"}, "nothing");
-  expect_refused({"navigate", "rest", "--parameters", path("true.conf"), "--out", "rest"}, "rest");
-  expect_refused({"navigate", "rest", "--parameters", path("true.conf"), "--out", path("true.conf")}, "true.conf");
+  expect_refused("navigate rest --out nav", "--parameters");
+  expect_refused("navigate rest --parameters nothing.conf --out nav", "nothing.conf");
+  expect_refused("navigate nothing --parameters true.conf --out nav", "nothing");
+  expect_refused("navigate rest --parameters true.conf --out rest", "rest");
+  expect_refused("navigate rest --parameters true.conf --out true.conf", "true.conf");
   expect_refused(with({"--align", "5000"}), "s to navigate, expected more than 5000 s");
   expect_refused(with({"--for", "5000"}), "s to navigate, expected more than 5300 s");
   expect_refused(with({"--from", "700", "--to", "600"}), "--to 600 s: expected more than --from, 700 s");
@@ -148,14 +146,14 @@ TEST_F(Navigate, RefusesWhatItCannotUse) {
   std::string other = file_text(folder_ / "true.conf");
   other.replace(other.find("n11"), 3, "n99");
   write("damaged.conf", other);
-  expect_refused({"navigate", "rest", "--parameters", path("damaged.conf"), "--out", "nav"}, "damaged.conf");
+  expect_refused("navigate rest --parameters damaged.conf --out nav", "damaged.conf");
 }
 
 // The unit's nose down: heading is not defined, and what is said of it says so.
 TEST_F(Navigate, NoseDownHasNoHeading) {
   record("down", without_noise, "step 1\n  initial H 0 P -90 R 0\n  align 60000\n  dwell 20000\n");
   write_truth("down", "true.conf");
-  ASSERT_EQ(run({"navigate", "down", "--parameters", path("true.conf"), "--out", "nav", "--branches", "1"}).code, 0);
+  ASSERT_EQ(run("navigate down --parameters true.conf --out nav --branches 1").code, 0);
   KeyValueFile conf = result("nav/navigation.conf");
   EXPECT_NEAR(conf.number("branch.1.pitch_deg"), -90.0, 0.1);
   EXPECT_GT(conf.number("branch.1.sigma.heading_deg"), 3.0);
@@ -167,16 +165,16 @@ TEST_F(Navigate, SaysWhatSpeaksAgainstTheFile) {
   ParameterFile file = truth_of("rest");
   file.add_further("quality.trusted", std::string("false"));
   keep(file, "doubtful.conf");
-  const ProgramResult navigated = ends({"navigate", "rest", "--parameters", path("doubtful.conf"), "--out", "nav"}, 0);
+  const ProgramResult navigated = ends("navigate rest --parameters doubtful.conf --out nav", 0);
   EXPECT_SAYS(navigated.out, "NOT TRUSTED");
   EXPECT_NEAR(result("nav/navigation.conf").number("felt_latitude_deg"), 29.53, 0.01);
   EXPECT_EQ(result("nav/navigation.conf").text("trusted"), "false");
   // The recording says another latitude than the one that the unit turns with.
-  ASSERT_EQ(run({"export", "rest", "--out", "text"}).code, 0);
+  ASSERT_EQ(run("export rest --out text").code, 0);
   std::string conf = file_text(folder_ / "text/recording.conf");
   conf.replace(conf.find("29.53"), 5, "39.53");
   write("text/recording.conf", conf);
-  const ProgramResult elsewhere = ends({"navigate", "text", "--parameters", path("doubtful.conf"), "--out", "away"}, 0);
+  const ProgramResult elsewhere = ends("navigate text --parameters doubtful.conf --out away", 0);
   EXPECT_SAYS(elsewhere.out, "LATITUDE        29.5");
   // Parameters are of increments over a period.
   file.sample_period_s = 0.0025;
@@ -227,19 +225,19 @@ TEST_F(Navigate, IsPredictedFromASequence) {
     const std::size_t at = text.find(name);
     return at == std::string::npos ? -1.0 : std::stod(text.substr(at + name.size()));
   };
-  const ProgramResult hour = ends({"predict", "--sequence", sequence, "--navigate", "1h"}, 0);
+  const ProgramResult hour = ends("predict --sequence " + sequence + " --navigate 1h", 0);
   // Angle random walk N over the alignment T: N / (W cos L sqrt(T)) = 0.0303 deg; velocity noise, and the calibration, add to it.
   EXPECT_GT(row(hour.out, "heading after alignment, deg"), 0.0303);
   EXPECT_LT(row(hour.out, "heading after alignment, deg"), 0.0303 * 1.2);
   EXPECT_GT(row(hour.out, "rms, NM/h"), row(hour.out, "from noise alone, NM/h"));
-  EXPECT_EQ(run({"predict", "--sequence", sequence, "--navigate", "60min"}).out, hour.out);
-  EXPECT_EQ(run({"predict", "--sequence", sequence, "--navigate", "3600"}).out, hour.out);
+  EXPECT_EQ(run("predict --sequence " + sequence + " --navigate 60min").out, hour.out);
+  EXPECT_EQ(run("predict --sequence " + sequence + " --navigate 3600").out, hour.out);
   // An alignment four times as long halves the heading's sigma from noise.
-  const ProgramResult longer = run({"predict", "--sequence", sequence, "--navigate", "1h", "--align", "1200"});
+  const ProgramResult longer = run("predict --sequence " + sequence + " --navigate 1h --align 1200");
   EXPECT_NEAR(row(longer.out, "heading after alignment, deg"), 0.5 * row(hour.out, "heading after alignment, deg"),
               0.004);
   for (const char* bad : {"0", "25h", "2d", "h", "nan", "-1h"})
-    expect_refused({"predict", "--sequence", sequence, "--navigate", bad}, "--navigate");
+    expect_refused("predict --sequence " + sequence + " --navigate " + bad, "--navigate");
 }
 
 }  // namespace

@@ -25,18 +25,23 @@ class RigUnit : public Program {
   void write_sequence(const std::string& name, const std::string& steps) {
     write(name, "format = 1\nname = of_test\nrate_degps = 10\nacceleration_degps2 = 20\n" + steps);
   }
-  ParameterFile truth_of(const std::string& recording) {
-    KeyValueFile truth = *KeyValueFile::parse(file_text(folder_ / recording / "truth.conf"), "truth.conf");
+  // A calibration of a recording, its parameters still open.
+  ParameterFile file_of(const std::string& recording) {
     ParameterFile file;
     describe_recording((*RecordingSource::open(path(recording)))->info(), file);
-    for (std::size_t k = 0; k < parameter_keys.size(); ++k)
-      file.parameters[static_cast<Eigen::Index>(k)] = truth.number(parameter_keys[k]);
     file.model = "base";
     file.method = "joint";
-    file.simulated = true;
     file.recording_hash = std::string(32, '0');
     file.software_version = "test";
     file.time_utc = "2026-01-31T12:00:00Z";
+    return file;
+  }
+  ParameterFile truth_of(const std::string& recording) {
+    KeyValueFile truth = result(recording + "/truth.conf");
+    ParameterFile file = file_of(recording);
+    for (std::size_t k = 0; k < parameter_keys.size(); ++k)
+      file.parameters[static_cast<Eigen::Index>(k)] = truth.number(parameter_keys[k]);
+    file.simulated = true;
     return file;
   }
   // `recording` as text in `out`, every sample as `change` leaves it: cells as in imu.csv; without cells it is lost.

@@ -68,15 +68,11 @@ TEST_F(Verify, SeeksNorthInFourHeadings) {
   EXPECT_TRUE(verdict == "pass" || verdict == "conditional_pass") << verdict;
   EXPECT_SAYS(verified.out, "[dry run] verdict         " + verdict);
   // Judged again from its recording: the same bytes.
-  ASSERT_EQ(run({"verify", "--recording", "v", "--parameters", path("true.conf"), "--out", "again", "--station",
-                 "paper.station"})
-                .code,
-            0);
+  ASSERT_EQ(run("verify --recording v --parameters true.conf --out again --station paper.station").code, 0);
   EXPECT_EQ(file_text(folder_ / "again/verification.conf"), file_text(folder_ / "v/verification.conf"));
   // A gyro bias of 0.02 deg/h is a heading error of 0.09 deg, the other way round at 180.
   write_parameters("wrong.conf", 0, 0.02);
-  ends({"verify", "--recording", "v", "--parameters", path("wrong.conf"), "--out", "w", "--station", "paper.station"},
-       20, "");
+  ends("verify --recording v --parameters wrong.conf --out w --station paper.station", 20, "");
   EXPECT_EQ(result("w/verification.conf").text("verdict.heading"), "fail");
   // The station's own limit, wide enough.
   write("wide.station", "format = 1\n" + std::string("site.latitude_deg = 29.53\nsite.gravity_mps2 = 9.7914\n"
@@ -87,16 +83,16 @@ TEST_F(Verify, SeeksNorthInFourHeadings) {
 TEST_F(Verify, RefusesWhatItCannotUse) {
   write_parameters("true.conf");
   const auto with = [](const Arguments& more) { return "verify --parameters true.conf --out v" + more; };
-  expect_refused({"verify"}, "--parameters is required");
-  expect_refused({"verify", "--parameters", path("true.conf")}, "--out is required");
+  expect_refused("verify", "--parameters is required");
+  expect_refused("verify --parameters true.conf", "--out is required");
   expect_refused(with({}), "--unit is required");
   expect_refused(with({"--dry-run", "--unit", "SN8"}), "SN8");
   expect_refused(with({"--dry-run", "--unit", "SN7", "--sequence", "nothing.seq"}), "nothing.seq");
   expect_refused(with({"--recording", "one", "--dry-run"}),
                  "--recording: expected only --parameters, --out, --station and --from-step");
   expect_refused(with({"--recording", "one"}), "alignment: 1 s at rest, expected at least 20 s");
-  expect_refused({"verify", "--references", "none.csv"}, "none.csv");
-  expect_refused({"verify", "--references", "none.csv", "--dry-run"}, "--references: expected no option but --out");
+  expect_refused("verify --references none.csv", "none.csv");
+  expect_refused("verify --references none.csv --dry-run", "--references: expected no option but --out");
   // A unit that lies on its side.
   const std::string side = "step 1\n  initial H 0 P 0 R 90\n  align 6000\n  dwell 6000\n  dwell 6000\n";
   record("side", good_rig, side);
@@ -122,15 +118,15 @@ TEST_F(Verify, RefusesWhatItCannotUse) {
   write("queue", "SN7\n");
   expect_refused(with({"--dry-run", "--unit", "SN7", "--station", path("north.station")}),
                  path("north.station") + ": site.latitude_deg = -88: " + north);
-  expect_refused({"run", "--dry-run", "--unit", "SN7", "--station", path("north.station"), "--out", "v"}, north);
-  expect_refused({"run", "--dry-run", "--unit", "SN7", "--rig", path("north.rig"), "--verify", "--out", "v"}, north);
-  expect_refused({"batch", "queue", "--dry-run", "--station", path("north.station"), "--out", "v"}, north);
-  expect_refused({"check", "--station", path("north.station"), "--sequence", fourteen_steps}, north);
+  expect_refused("run --dry-run --unit SN7 --station north.station --out v", north);
+  expect_refused("run --dry-run --unit SN7 --rig north.rig --verify --out v", north);
+  expect_refused("batch queue --dry-run --station north.station --out v", north);
+  expect_refused("check --station north.station --sequence " + fourteen_steps, north);
   // Somebody else works in the folder.
   std::filesystem::create_directory(folder_ / "busy");
   const Result<LockFile> lock = good(LockFile::acquire(path("busy/.lock")));
-  expect_refused({"verify", "--recording", "one", "--parameters", path("true.conf"), "--out", "busy"}, "in use by", 50);
-  expect_refused({"navigate", "one", "--parameters", path("true.conf"), "--out", "busy"}, "in use by", 50);
+  expect_refused("verify --recording one --parameters true.conf --out busy", "in use by", 50);
+  expect_refused("navigate one --parameters true.conf --out busy", "in use by", 50);
 }
 
 TEST_F(Verify, SaysWhatSpeaksAgainstTheFile) {
@@ -142,12 +138,11 @@ TEST_F(Verify, SaysWhatSpeaksAgainstTheFile) {
   EXPECT_EQ(result("v/verification.conf").text("trusted"), "false");
   // A recording of another latitude than the unit feels.
   write_parameters("true.conf");
-  ASSERT_EQ(run({"export", "v", "--out", "text"}).code, 0);
+  ASSERT_EQ(run("export v --out text").code, 0);
   std::string conf = file_text(folder_ / "text/recording.conf");
   conf.replace(conf.find("29.53"), 5, "39.53");
   write("text/recording.conf", conf);
-  const ProgramResult away =
-      ends({"verify", "--recording", "text", "--parameters", path("true.conf"), "--out", "away"}, 20);
+  const ProgramResult away = ends("verify --recording text --parameters true.conf --out away", 20);
   EXPECT_EQ(result("away/verification.conf").text("verdict.latitude"), "fail");
 }
 
@@ -163,7 +158,7 @@ TEST_F(Verify, LeavesOutWhatLostSamples) {
   ASSERT_EQ(middle.size(), 5U);
   const auto judge = [&](const std::string& recording) {
     std::filesystem::remove_all(folder_ / "judged");
-    return run({"verify", "--recording", recording, "--parameters", path("true.conf"), "--out", "judged"});
+    return run("verify --recording " + recording + " --parameters true.conf --out judged");
   };
   lose("v", middle[3], 1000, "lost");
   const ProgramResult left = judge("lost");
@@ -205,8 +200,7 @@ TEST_F(Verify, SaysThatTheRecordingIsDamaged) {
   bytes[5000] = static_cast<char>(~bytes[5000]);
   std::filesystem::create_directory(folder_ / "damaged");
   write("damaged/recording.tcr", bytes);
-  const ProgramResult judged =
-      run({"verify", "--recording", "damaged", "--parameters", path("true.conf"), "--out", "judged"});
+  const ProgramResult judged = run("verify --recording damaged --parameters true.conf --out judged");
   EXPECT_SAYS(judged.out, "1 damaged record");
   EXPECT_SAYS(result("judged/verification.conf").text("damage"), "1 damaged record");
   const ProgramResult navigated =
@@ -232,7 +226,7 @@ TEST_F(Verify, GoesOnWithItsOutcome) {
   run_struck(seeking("wrong.conf", "changed"), points / 2, "kill");
   std::filesystem::remove(folder_.string() + ".count");
   write_parameters("wrong.conf", 0, 0.3);
-  ends({"resume", "changed"}, 1, "wrong.conf: is not the parameter file that");
+  ends("resume changed", 1, "wrong.conf: is not the parameter file that");
 }
 
 // Behind the calibration, in the same walk of the table: what is calibrated is not changed by it, and its outcome is the unit's.
@@ -240,7 +234,7 @@ TEST_F(Verify, BehindTheCalibration) {
   const std::string station = station_head + "limit.heading_deg = 0.2\n";
   write("plain.station", station);
   write("verifying.station", station + "verify.run = true\nrecord.database = r.db\n");
-  ASSERT_EQ(run({"run", "--dry-run", "--unit", "SN7", "--station", path("plain.station"), "--out", "plain"}).code, 0);
+  ASSERT_EQ(run("run --dry-run --unit SN7 --station plain.station --out plain").code, 0);
   const auto into = [](const std::string& out) {
     return Arguments("run --dry-run --unit SN7 --station verifying.station --out " + out);
   };
@@ -255,7 +249,7 @@ TEST_F(Verify, BehindTheCalibration) {
   EXPECT_EQ(conf.text("recording_hash"), file.recording_hash);
   const std::string text = file_text(folder_ / "v/parameters.conf");
   EXPECT_SAYS(text, "verdict.verification = pass: heading 0.0");
-  EXPECT_SAYS(run({"journal", "v"}).out, "verification = pass: heading 0.0");
+  EXPECT_SAYS(run("journal v").out, "verification = pass: heading 0.0");
   EXPECT_SAYS(file_text(folder_ / "r.db"), "pass: heading 0.0");
   // The certificate takes the verification of this result, and of no other.
   const Arguments certify = "certificate v --station plain.station --specimen --out c.html";
@@ -268,7 +262,7 @@ TEST_F(Verify, BehindTheCalibration) {
   const std::string judged = file_text(folder_ / "v/verification.conf");
   for (const auto& [parameters, what] :
        {std::pair{"other.conf", "calibration"}, std::pair{"v/parameters.conf", "judgement"}}) {
-    run({"verify", "--recording", "v", "--from-step", "15", "--parameters", path(parameters), "--out", "v"});
+    run("verify --recording v --from-step 15 --out v --parameters" + Arguments(parameters));
     expect_refused(certify, std::string("v/verification.conf: is of another ") + what);
   }
   write("v/verification.conf", judged);
@@ -276,7 +270,7 @@ TEST_F(Verify, BehindTheCalibration) {
   const long points = count_points(into("count"));
   run_struck(into("killed"), points - points / 20, "kill");
   std::filesystem::remove(folder_.string() + ".count");
-  EXPECT_EQ(run({"resume", "killed"}).code, 0);
+  EXPECT_EQ(run("resume killed").code, 0);
   EXPECT_EQ(file_text(folder_ / "killed/parameters.conf"), text);
   EXPECT_EQ(file_text(folder_ / "killed/verification.conf"), file_text(folder_ / "v/verification.conf"));
   // The built-in station has the limit of its gyros: its units pass, and how near is said.
@@ -336,26 +330,24 @@ TEST_F(Verify, ReadingsOfReferences) {
                           "20.186751,0.009256,-0.017475,20.186751,0.009256,-0.017475\n"
                           "74.261759,0.017019,0.052811,74.262023,0.017211,0.052833\n"
                           "20.017897,0.012601,-0.013012,20.017913,0.012871,-0.014151\n");
-  ends({"verify", "--references", path("table3.csv"), "--out", "refs"}, 0);
+  ends("verify --references table3.csv --out refs", 0);
   KeyValueFile conf = result("refs/references.conf");
   EXPECT_NEAR(conf.number("error.2.heading_deg"), -0.000264, 1e-10);
   EXPECT_NEAR(conf.number("worst.pitch_deg"), 0.001139, 1e-10);
   EXPECT_EQ(conf.text("verdict.result"), "pass");
   write("off.csv", std::string(reference_head) + "20,0,0,20,0,0\n359.995,0,0,0.005,0,0\n");
-  const ProgramResult failed = ends({"verify", "--references", path("off.csv")}, 20);
+  const ProgramResult failed = ends("verify --references off.csv", 20);
   EXPECT_SAYS(failed.out, "-0.010000");
   write("edge.csv", std::string(reference_head) + "20,0,0,20,0,0\n100.3,0.06,0,100.291,0,0.06\n");
-  EXPECT_EQ(run({"verify", "--references", path("edge.csv")}).code, 0);
-  write("cut.csv", std::string(reference_head) + "20,0,0,20,0,0\n30,0,0,30,0,0.0");
-  expect_refused({"verify", "--references", path("cut.csv")}, "cut.csv: the last line has no end");
-  write("one.csv", std::string(reference_head) + "20,0,0,20,0,0\n");
-  expect_refused({"verify", "--references", path("one.csv")}, "1 rows, expected two and more");
-  write("word.csv", std::string(reference_head) + "20,0,0,20,0,0\n20,zero,0,20,0,0\n");
-  expect_refused({"verify", "--references", path("word.csv")}, "word.csv");
-  write("wide.csv", std::string(reference_head) + "20,0,0,20,0,0\n20,0,0,20,0,0,7\n");
-  expect_refused({"verify", "--references", path("wide.csv")}, "wide.csv:3: the row has 7 columns: expected 6");
-  write("far.csv", std::string(reference_head) + "20,0,0,20,0,0\n2000,0,0,20,0,0\n");
-  expect_refused({"verify", "--references", path("far.csv")}, "far.csv:3: expected angles from -360 to 360 deg");
+  EXPECT_EQ(run("verify --references edge.csv").code, 0);
+  for (const auto& [rows, words] : {std::pair{"30,0,0,30,0,0.0", "bad.csv: the last line has no end"},
+                                    {"", "1 rows, expected two and more"},
+                                    {"20,zero,0,20,0,0\n", "bad.csv"},
+                                    {"20,0,0,20,0,0,7\n", "bad.csv:3: the row has 7 columns: expected 6"},
+                                    {"2000,0,0,20,0,0\n", "bad.csv:3: expected angles from -360 to 360 deg"}}) {
+    write("bad.csv", std::string(reference_head) + "20,0,0,20,0,0\n" + rows);
+    expect_refused("verify --references bad.csv", words);
+  }
 }
 
 }  // namespace
