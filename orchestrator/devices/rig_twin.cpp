@@ -63,13 +63,6 @@ class GuardedImu : public ImuSource {
   Increment gyro_, accel_;
 };
 
-// What a drive's watchdog waits for is a program on this host. The rig's time is none for it: it stands still while a unit's line is not
-// read, and catches up in a leap.
-struct HostClock : Clock {
-  double now_s() const override { return monotonic_s(); }
-  double utc_s() const override { return 0.0; }
-};
-
 // A table that knows its zero is a rig that does.
 RigConfig as_the_table(RigConfig rig, const StationConfig& station) {
   if (station.table.map && station.table.map->home_by_encoder) rig.table.absolute_encoder = true;
@@ -86,10 +79,10 @@ RigTwin::~RigTwin() = default;
 Status RigTwin::open_table(const StationConfig& station, const TwinSettings& settings) {
   const std::string& given = settings.table;
   if (station.table.map) {
-    static const HostClock host;
+    // What the watchdog waits for is a program on this host: it counts the host's seconds, however fast the rig's pass.
     RegisterMap map = *station.table.map;
-    map.watchdog_s /= std::min(1.0, settings.speed_up);  // a slow rehearsal has a slow program
-    server_.reset(drives_ = new ModbusTwin(std::move(map), group_.table(), host));
+    map.watchdog_s *= std::max(1.0, settings.speed_up);
+    server_.reset(drives_ = new ModbusTwin(std::move(map), group_.table(), group_));
     TRY(drives_->power_on());
   } else {
     auto twin = std::make_unique<DialectTwin>(*station.table.dialect, group_.table());
