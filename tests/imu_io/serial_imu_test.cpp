@@ -124,14 +124,6 @@ TEST_F(SerialImuTest, AUnitThatWasSwitchedOffIsADeviceError) {
   EXPECT_EQ(samples[39].counter - samples[20].counter, 19);
 }
 
-TEST_F(SerialImuTest, IsHeldByOneAlone) {
-  SerialImu first(frame, settings), second(frame, settings);
-  ASSERT_OK(first.open());
-  ASSERT_TRUE(fails(second.open(), ErrorKind::device));
-  first.close();
-  ASSERT_OK(second.open());
-}
-
 TEST_F(SerialImuTest, WhatHadArrivedBeforeOpeningIsOld) {
   SerialImu imu(frame, settings);
   ASSERT_OK(imu.open());
