@@ -229,8 +229,7 @@ Calibration calibrate(std::span<const Recording> recordings, const CalibrateOpti
     raise(input_error("method '" + options.method + "': expected joint or closed-form"));
   const std::vector<LoadedRecording> loaded = load_all(recordings);
   CalibrationOutput output = value(calibrate_recordings(
-      loaded,
-      {.method = options.method, .time_utc = time_or_now(options.time_utc), .partial = options.partial}));
+      loaded, {.method = options.method, .time_utc = time_or_now(options.time_utc), .partial = options.partial}));
   add_measured_utc(loaded.front().data.info, output.file);
   Document report = calibration_document(output.file, output.notes, output.distrust, {});
   return {parameters_of(std::move(output.file)), std::move(output.notes), std::move(output.distrust),
