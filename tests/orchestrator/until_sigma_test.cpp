@@ -194,14 +194,26 @@ TEST_F(UntilSigma, IsRefusedWhereNothingSaysWhatIsEnough) {
 }
 
 TEST_F(UntilSigma, EndsTheSameAfterAKillAtAnyTime) {
-  const std::string station = write("mock.station", until_sigma_station);
-  const long points = count_points(begin("whole", station));
+  const std::string reference = write("reference/mock.station", until_sigma_station);
+  ASSERT_EQ(run(begin("reference/out", reference)).code, 0);
+  const std::string parameters = file_text(folder_ / "reference/out/parameters.conf");
+  const std::string recording = file_text(folder_ / "reference/out/recording.tcr");
+  const std::string station = write("count/mock.station", until_sigma_station);
+  const long points = count_points(begin("count/out", station));
   ASSERT_GT(points, 100);
   // Some on the way, and more of the last, when it is decided that nothing more comes.
   std::vector<long> struck;
   for (long point = 40; point < points - 40; point += points / 3) struck.push_back(point);
   for (long point = points - 40; point <= points; point += 8) struck.push_back(point);
-  expect_same_after_kills(begin("killed", station), "killed", struck, "whole");
+  for (const long point : struck) {
+    SCOPED_TRACE(point);
+    const std::string killed = write("killed/mock.station", until_sigma_station);
+    ASSERT_EQ(run_struck(begin("killed/out", killed), point, "kill").code, -1000 - SIGKILL);
+    ASSERT_EQ(run({"resume", "killed/out"}).code, 0);
+    ASSERT_EQ(file_text(folder_ / "killed/out/parameters.conf"), parameters);
+    ASSERT_EQ(file_text(folder_ / "killed/out/recording.tcr"), recording);
+    std::filesystem::remove_all(folder_ / "killed");
+  }
 }
 
 // Legs that are added to tell apart what the diagnosis cannot.
