@@ -1,41 +1,31 @@
-// `turncal calibrate RECORDING... --out DIR [--method ...]`: writes DIR/parameters.conf and report.html from any recording, or from several of one unit. A
-// truth.conf beside the first (as after a dry run) is compared with the result. Exit code 20, the file written, where the data speak
-// against its sigmas.
-//
-// `turncal diagnose RECORDING... [--holdout RECORDING]... --out DIR`: do the data hold an effect beyond the 24 parameters? Fits, scores
-// every effect of the catalogue, adds what stands the test on held-out data, and writes DIR/parameters.conf,
-// DIR/diagnosis.conf and DIR/report.html. Exit code 0 when the verdict is clean, 20 when it is not.
-//
-// `turncal recalibrate ARCHIVE --out STORE`: recalibrates every recording of an archive with this version, each once (recalibration.h), and what
-// changed against another version. Exit code 0 though some recordings failed: they are listed.
-//
-// `turncal fleet diagnose FROM`: what many units show together (calib/fleet/fleet_diagnosis.h). Exit code 20 where something is common to units
-// that no unit shows by itself, or is left unexplained.
+// `turncal calibrate`, `diagnose`, `recalibrate`, `fleet`, `allan`, `thermal`, `campaign`. Exit code 20 where results were written, and the
+// data speak against the sigmas of a calibration, a diagnosis is not clean, or a fleet shows what no unit shows by itself. recalibrate: 0
+// though some recordings failed: they are listed. A truth.conf beside the first recording is compared with the result.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <filesystem>
-#include <memory>
 #include <optional>
 #include <set>
 #include <thread>
-#include <vector>
 
 #include "imu_io/base/atomic_file.h"
-#include "imu_io/base/clock.h"
+#include "imu_io/base/console.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/number_table.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/dry_run_devices.h"
-#include "orchestrator/figures/report_format.h"
+#include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/fleet/fleet_members.h"
 #include "orchestrator/fleet/prior_history.h"
 #include "orchestrator/fleet/recalibration.h"
+#include "orchestrator/jobs/allan_job.h"
 #include "orchestrator/jobs/calibration_job.h"
-#include "orchestrator/jobs/command_context.h"
+#include "orchestrator/jobs/thermal_job.h"
 #include "orchestrator/records/output_folder.h"
+#include "orchestrator/report/allan_report.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/result_table.h"
 #include "orchestrator/station/version.h"
@@ -78,14 +68,12 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
     recordings.push_back(TRY(load_recording(path)));
   }
   OutputFolder folder = TRY(OutputFolder::prepare_results(options.out, recordings.front().data.info.unit_serial));
-  CalibrationRequest request;
-  request.method = options.method;
-  request.time_utc = format_utc(wall_utc_s());
   const bool with_prior = !options.prior.from.empty();
   if (with_prior && (recordings.size() > 1 || options.method != calibration_methods[0]))
     return input_error("--prior: expected one recording, and the method joint");
   if (!with_prior && !options.prior.part.empty()) return input_error("--part: expected --prior");
-  request.partial = options.partial || with_prior;
+  const CalibrationRequest request{
+      .method = options.method, .time_utc = format_utc(wall_utc_s()), .partial = options.partial || with_prior};
   CalibrationOutput output = TRY(calibrate_recordings(recordings, request));
   add_measured_utc(recordings.front().data.info, output.file);
   std::optional<StatisticsFile> statistics;  // for the fleet: of the data alone
@@ -103,10 +91,7 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
       calibration_document(output.file, output.notes, output.distrust, truth_beside(options.recordings.front()));
   TRY(write_file_atomically(folder.file(report_name), as_page(report).html));
   folder.keep();
-  if (!options.format.empty()) {
-    const std::string text = TRY(format_parameter_file(output.file));
-    context.out << key_values_as(options.format, text) << std::flush;
-  } else {
+  if (!printed_as(options.format, TRY(format_parameter_file(output.file)), context.out)) {
     if (options.verbose) context.out << as_text(report) << "\nparameters  " << file << '\n';
     say_end(report, folder, context.out);
   }
@@ -135,12 +120,6 @@ Result<std::vector<LoadedRecording>> load(const std::vector<std::string>& paths,
   return all;
 }
 
-std::vector<const LoadedRecording*> each_of(const std::vector<LoadedRecording>& recordings) {
-  std::vector<const LoadedRecording*> each;
-  for (const LoadedRecording& recording : recordings) each.push_back(&recording);
-  return each;
-}
-
 Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, const RecordingInfo& info) {
   if (!options.arw_deg_per_rt_h && !options.vrw_ug_per_rt_hz) {
     if (options.gyro_bias_instability_degph > 0.0 || options.accel_bias_instability_ug > 0.0)
@@ -150,11 +129,10 @@ Result<std::optional<NoiseModel>> noise_given(const DiagnoseOptions& options, co
   }
   if (!options.arw_deg_per_rt_h || !options.vrw_ug_per_rt_hz)
     return input_error("--arw and --vrw fix the noise together: expected both or neither");
-  NoiseModel noise;
-  noise.angle_random_walk.setConstant(*options.arw_deg_per_rt_h * radprs_per_degprh);
-  noise.velocity_random_walk.setConstant(*options.vrw_ug_per_rt_hz * mpsprs_per_ugprHz);
-  noise.gyro_bias_instability_radps = options.gyro_bias_instability_degph * radps_per_degph;
-  noise.accel_bias_instability_mps2 = options.accel_bias_instability_ug * 1e-6 * standard_gravity_mps2;
+  NoiseModel noise = noise_model({.arw_deg_per_rt_h = *options.arw_deg_per_rt_h,
+                                  .vrw_ug_per_rt_hz = *options.vrw_ug_per_rt_hz,
+                                  .gyro_bias_instability_degph = options.gyro_bias_instability_degph,
+                                  .accel_bias_instability_ug = options.accel_bias_instability_ug});
   if (info.gyro_increment == IncrementKind::pulses) noise.gyro_pulse_rad = nominal_gyro_rad(info);
   if (info.accel_increment == IncrementKind::pulses) noise.accel_pulse_mps = info.accel_pulse_mps;
   return std::optional(noise);
@@ -169,27 +147,19 @@ Status diagnose(const DiagnoseOptions& options, CommandContext& context) {
   const std::vector<LoadedRecording> fitted = TRY(load(options.recordings, phases));
   const std::vector<LoadedRecording> holdouts = TRY(load(options.holdouts, phases));
   const RecordingInfo& info = fitted.front().data.info;
-  std::optional<NoiseModel> noise = TRY(noise_given(options, info));
-  DiagnosisRequest request;
-  request.time_utc = format_utc(wall_utc_s());
-  request.holdouts = each_of(holdouts);
-  request.noise = noise;
-  request.samples = (options.holdouts.empty() ? options.recordings : options.holdouts).front();
-  request.phase = [&phases](const std::string& what) { phases.begin(what); };
+  const DiagnosisRequest request{.time_utc = format_utc(wall_utc_s()),
+                                 .holdouts = each_of(holdouts),
+                                 .noise = TRY(noise_given(options, info)),
+                                 .samples = (options.holdouts.empty() ? options.recordings : options.holdouts).front(),
+                                 .phase = [&phases](const std::string& what) { phases.begin(what); }};
   OutputFolder folder = TRY(OutputFolder::prepare_results(options.out, info.unit_serial));
   const DiagnosisOutput output = TRY(diagnose_recordings(each_of(fitted), request));
   const std::string plot_problem = TRY(write_diagnosis(folder.path(), output.files));
   folder.keep();
   phases.clear();
   if (output.diagnosis.verdict != Verdict::clean) context.exit_code = exit_code(ErrorKind::unit_failed);
-  if (!options.residuals.empty()) {
-    const std::vector<NumberColumn> columns = residual_columns(output.diagnosis);
-    TRY(write_columns(options.residuals, columns));
-  }
-  if (!options.format.empty()) {
-    context.out << key_values_as(options.format, output.files.conf) << std::flush;
-    return {};
-  }
+  if (!options.residuals.empty()) TRY(write_columns(options.residuals, residual_columns(output.diagnosis)));
+  if (printed_as(options.format, output.files.conf, context.out)) return {};
   const DiagnosisFiles& files = output.files;
   // Without a page the terminal is all there is.
   if (options.verbose || files.report.title.empty())
@@ -262,8 +232,8 @@ Status recalibrate_archive(const RecalibrateOptions& options, CommandContext& co
   if (!on_slurm && options.chunks > 0) return input_error("--chunks: expected --engine slurm");
   if (!options.chunk.empty()) {
     if (options.chunk[1] < 1 || options.chunk[0] < 0 || options.chunk[0] >= options.chunk[1])
-      return input_error("--chunk " + std::to_string(options.chunk[0]) + " " + std::to_string(options.chunk[1]) +
-                         ": expected K N with K from 0 to N - 1");
+      return input_error(
+          fmt::format("--chunk {} {}: expected K N with K from 0 to N - 1", options.chunk[0], options.chunk[1]));
     request.chunk = static_cast<int>(options.chunk[0]);
     request.chunks = static_cast<int>(options.chunk[1]);
   }
@@ -279,9 +249,10 @@ Status recalibrate_archive(const RecalibrateOptions& options, CommandContext& co
                       : recalibrate(archive, request, show);
   }
   if (!counts) return counts.error();
-  context.out << counts->done << " done, " << counts->there << " already done, " << counts->failed
-              << " cannot be calibrated, " << counts->unreadable << " cannot be read: " << options.store << '/'
-              << request.version << std::endl;
+  context.out << fmt::format("{} done, {} already done, {} cannot be calibrated, {} cannot be read: {}/{}\n",
+                             counts->done, counts->there, counts->failed, counts->unreadable, options.store,
+                             request.version)
+              << std::flush;
   if (options.against.empty()) return {};
   const VersionChanges changes = TRY(compare_versions(options.store, options.against, request.version));
   context.out << as_text(changes_document(changes));
@@ -320,19 +291,103 @@ Status diagnose(const FleetCommandOptions& options, CommandContext& context) {
   return {};
 }
 
+struct AllanOptions {
+  AllanRequest from;
+  std::string out, format;
+};
+
+// An earlier result in the folder is replaced, whole.
+Status write_result(const std::string& out, const AllanReport& report, const Document& document,
+                    CommandContext& context) {
+  OutputFolder folder = TRY(OutputFolder::prepare(out, {}));
+  const HtmlPage page = as_page(document);
+  std::vector<NamedText> files = {{folder.file("allan.html"), page.html},
+                                  {folder.file("allan.csv"), format_allan_points(report.result)},
+                                  {folder.file("imu.yaml"), format_imu_yaml(report.result, report.sample_s)}};
+  Figure figure = allan_figure(report.result, report.other ? &*report.other : nullptr);
+  for (Panel& panel : figure.panels) panel.legend = true;
+  const Result<std::string> drawn = standalone_svg(figure);
+  if (drawn) files.push_back({folder.file("allan.svg"), *drawn});
+  TRY(write_files_atomically(files));
+  folder.keep();
+  if (!page.plot_problem.empty()) context.warn("report without plots: " + page.plot_problem);
+  return {};
+}
+
+Status allan(const AllanOptions& options, CommandContext& context) {
+  if (!options.out.empty()) TRY(check_not_source(options.out, options.from.source));
+  const AllanReport report = TRY(allan_report(options.from));
+  const Document document = allan_document(report);
+  if (!options.out.empty()) TRY(write_result(options.out, report, document, context));
+  context.out << as(options.format, document) << std::flush;
+  return {};
+}
+
+struct ThermalCommandOptions {
+  ThermalRequest request;
+  std::string out, format;
+};
+
+Status write_thermal(const ThermalOutput& output, const std::string& out, const std::string& format,
+                     std::ostream& terminal) {
+  OutputFolder folder = TRY(OutputFolder::prepare_results(out, output.file.unit_serial));
+  const std::string conf = format_thermal(output.report);
+  const std::string parameters = TRY(format_parameter_file(output.file));
+  const Document document = thermal_document(output.report);
+  const HtmlPage page = as_page(document);
+  TRY(write_files_atomically({{folder.file(thermal_name), conf},
+                              {folder.file(thermal_page_name), page.html},
+                              {folder.file(parameters_name), parameters}}));
+  folder.keep();
+  if (printed_as(format, conf, terminal)) return {};
+  terminal << as_text(document);
+  if (!page.plot_problem.empty()) terminal << "page without plots: " << page.plot_problem << '\n';
+  terminal << "\nparameters  " << folder.file(parameters_name) << "\nthermal     " << folder.file(thermal_name)
+           << "\npage        " << folder.file(thermal_page_name) << std::endl;
+  return {};
+}
+
+Status thermal(const ThermalCommandOptions& options, CommandContext& context) {
+  ThermalRequest request = options.request;
+  for (const std::string& leg : request.legs) TRY(check_not_source(options.out, leg));
+  Phases phases(context, !options.format.empty());
+  request.time_utc = format_utc(wall_utc_s());
+  request.phase = [&phases](const std::string& what) { phases.begin(what); };
+  const ThermalOutput output = TRY(thermal_calibration(request));
+  phases.clear();
+  return write_thermal(output, options.out, options.format, context.out);
+}
+
+struct CampaignOptions {
+  std::string file, out, format;
+  bool plan = false;
+  RunRequest request;
+};
+
+Status campaign(const CampaignOptions& options, CommandContext& context) {
+  if (options.request.dry_run) context.tag = dry_run_tag;
+  const Campaign campaign = TRY(read_campaign(options.file));
+  if (options.plan) {
+    context.out << as(options.format, TRY(plan_campaign(campaign))) << std::flush;
+    return {};
+  }
+  if (options.out.empty()) return input_error("--out is required: the folder for the legs and the results (or --plan)");
+  const ThermalOutput output = TRY(run_campaign(campaign, options.request, options.out, context));
+  const LinePrefix marked(context.out, context.tag);
+  return write_thermal(output, options.out, options.format, context.out);
+}
+
 }  // namespace
 
 void add_calibrate_command(CommandLine& line) {
   const auto [command, options] =
       line.command<CalibrateOptions>("calibrate", "estimate the 24 parameters from a recording", calibrate);
-  command
-      .option("recording", options.recordings,
-              "recording: a folder (binary or text form) or a .tcr file; several of one unit")
-      .required();
-  command.option("--out", options.out, "folder for parameters.conf and report.html").required();
-  command.option("--method", options.method, "estimator")
-      .one_of(std::vector<std::string>(std::begin(calibration_methods), std::end(calibration_methods)))
-      .default_in_help();
+  command.option("recording", options.recordings, {is::required},
+                 "recording: a folder (binary or text form) or a .tcr file; several of one unit");
+  command.option("--out", options.out, {is::required}, "folder for parameters.conf and report.html");
+  command.option("--method", options.method,
+                 {is::one_of({std::begin(calibration_methods), std::end(calibration_methods)}), is::default_in_help},
+                 "estimator");
   command.format(options.format, "print parameters.conf in this form instead of text");
   command.flag("--partial", options.partial, "write a result even if some parameters are not determined");
   command.flag("--verbose", options.verbose, "print all 24 parameters and what the data lack");
@@ -345,49 +400,41 @@ void add_calibrate_command(CommandLine& line) {
 void add_diagnose_command(CommandLine& line) {
   const auto [command, options] = line.command<DiagnoseOptions>(
       "diagnose", "find, name and add effects beyond the 24 parameters; report the error before and after", diagnose);
-  command
-      .option("recording", options.recordings,
-              "recording: a folder (binary or text form) or a .tcr file; several of one unit")
-      .required();
-  command
-      .option("--holdout", options.holdouts,
-              "recording of the unit that is not used in the fit; repeat it for more; default: cross-validation over "
-              "recordings, or over dwells")
-      .one_word_each();
-  command.option("--out", options.out, "folder for parameters.conf, diagnosis.conf and report.html").required();
+  command.option("recording", options.recordings, {is::required},
+                 "recording: a folder (binary or text form) or a .tcr file; several of one unit");
+  command.option(
+      "--holdout", options.holdouts, {is::one_word_each},
+      "recording of the unit that is not used in the fit; repeat it for more; default: cross-validation over "
+      "recordings, or over dwells");
+  command.option("--out", options.out, {is::required}, "folder for parameters.conf, diagnosis.conf and report.html");
   command.flag("--verbose", options.verbose, "print the tables of the report, too");
   command.option("--residuals", options.residuals, "write the residuals to this file: .csv, .npy or .mat");
-  command.option("--format", options.format, "print diagnosis.conf in this form instead of text").one_of(data_formats);
-  command
-      .option("--arw", options.arw_deg_per_rt_h,
-              "angle random walk, deg/sqrt(h); fixes the noise instead of measuring it")
-      .positive();
-  command.option("--vrw", options.vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").positive();
-  command
-      .option("--gyro-bias-instability", options.gyro_bias_instability_degph,
-              "bias instability of the gyros, deg/h; with --arw and --vrw")
-      .not_negative();
-  command
-      .option("--accel-bias-instability", options.accel_bias_instability_ug,
-              "bias instability of the accelerometers, ug; with --arw and --vrw")
-      .not_negative();
+  command.option("--format", options.format, {is::one_of(data_formats)},
+                 "print diagnosis.conf in this form instead of text");
+  command.option("--arw", options.arw_deg_per_rt_h, {is::positive},
+                 "angle random walk, deg/sqrt(h); fixes the noise instead of measuring it");
+  command.option("--vrw", options.vrw_ug_per_rt_hz, {is::positive}, "velocity random walk, ug/sqrt(Hz)");
+  command.option("--gyro-bias-instability", options.gyro_bias_instability_degph, {is::not_negative},
+                 "bias instability of the gyros, deg/h; with --arw and --vrw");
+  command.option("--accel-bias-instability", options.accel_bias_instability_ug, {is::not_negative},
+                 "bias instability of the accelerometers, ug; with --arw and --vrw");
 }
 
 void add_recalibrate_command(CommandLine& line) {
   const auto [command, options] = line.command<RecalibrateOptions>(
       "recalibrate", "recalibrate every recording with this version", recalibrate_archive);
-  command.option("archive", options.archive, "a folder with recordings below it, a CSV list, or a results database")
-      .required();
-  command.option("--out", options.store, "store (a folder); results that exist are kept").required();
+  command.option("archive", options.archive, {is::required},
+                 "a folder with recordings below it, a CSV list, or a results database");
+  command.option("--out", options.store, {is::required}, "store (a folder); results that exist are kept");
   command.option("--against", options.against, "report what changed against this version of the store");
-  command.option("--as-version", options.version, "name of the version in the store").default_in_help();
-  command.option("--engine", options.engine, "where the work is done: on this machine, or as an array job of Slurm")
-      .one_of({"local", "slurm"})
-      .default_in_help();
-  command.option("--chunks", options.chunks, "tasks of the array job; default: one per 100 recordings").range(1, 1000);
-  command.option("--threads", options.threads, "recordings at a time; default: all cores, or one in a task of Slurm")
-      .range(1, 256);
-  command.option("--chunk", options.chunk, "K N: only every N-th recording from the K-th (0 to N - 1)").words(2);
+  command.option("--as-version", options.version, {is::default_in_help}, "name of the version in the store");
+  command.option("--engine", options.engine, {is::one_of({"local", "slurm"}), is::default_in_help},
+                 "where the work is done: on this machine, or as an array job of Slurm");
+  command.option("--chunks", options.chunks, {is::in(1, 1000)},
+                 "tasks of the array job; default: one per 100 recordings");
+  command.option("--threads", options.threads, {is::in(1, 256)},
+                 "recordings at a time; default: all cores, or one in a task of Slurm");
+  command.option("--chunk", options.chunk, {is::words(2)}, "K N: only every N-th recording from the K-th (0 to N - 1)");
   command.option("--outcome", options.outcome,
                  "file for the outcome of each recording (CSV); default: recordings.csv in the store");
   command.flag("--no-diagnosis", options.no_diagnosis, "calibrate only");
@@ -396,17 +443,54 @@ void add_recalibrate_command(CommandLine& line) {
 void add_fleet_command(CommandLine& line) {
   const auto [command, options] = line.command<FleetCommandOptions>(
       "fleet", "find what many units have in common: by station, lot, part or month", diagnose);
-  command.option("action", options.action, "diagnose").required().one_of({"diagnose"});
-  command
-      .option("from", options.from,
-              "a results database, a store of `turncal recalibrate`, or a folder with runs below it")
-      .required();
-  command.option("--by", options.by, "factor that units may share; repeat it for several")
-      .one_of(fleet_factors)
-      .one_word_each()
-      .default_in_help();
+  command.option("action", options.action, {is::required, is::one_of({"diagnose"})}, "diagnose");
+  command.option("from", options.from, {is::required},
+                 "a results database, a store of `turncal recalibrate`, or a folder with runs below it");
+  command.option("--by", options.by, {is::one_of(fleet_factors), is::one_word_each, is::default_in_help},
+                 "factor that units may share; repeat it for several");
   command.option("--page", options.page, "write a page (HTML) to this file");
   command.format(options.format, "print a table for other programs");
+}
+
+void add_allan_command(CommandLine& line) {
+  const auto [command, options] = line.command<AllanOptions>(
+      "allan", "report the noise of a unit at rest: Allan deviation and its coefficients", allan);
+  command.option("source", options.from.source, {is::required},
+                 "recording: a folder or a .tcr file; with --map a CSV, .npy or .mat file");
+  command.option("--map", options.from.map, "file that describes the columns (docs/import.md)");
+  command.option("--against", options.from.against, "second source, or a parameter file (.conf), to compare with");
+  command.option("--out", options.out, "folder for allan.html, allan.svg, allan.csv, imu.yaml");
+  command.format(options.format, "print the result in this form instead of text");
+}
+
+void add_thermal_command(CommandLine& line) {
+  const auto [command, options] = line.command<ThermalCommandOptions>(
+      "thermal", "parameters as functions of temperature, from calibrations at several temperatures", thermal);
+  command.option(
+      "leg", options.request.legs, {is::required},
+      "a recording, a parameter file, or the folder of a run or calibration; of one unit, two temperatures at "
+      "least");
+  command.option("--out", options.out, {is::required}, "folder for parameters.conf, thermal.conf and thermal.html");
+  command.option("--temperature", options.request.temperatures, {is::one_word_each},
+                 "LEG=VALUE, degrees C, for a leg without a thermometer; repeat it for more");
+  command.option("--reference", options.request.reference_c,
+                 "temperature of the 24 parameters, degrees C; default: the middle of the range");
+  command.format(options.format, "print thermal.conf in this form instead of text");
+}
+
+void add_campaign_command(CommandLine& line) {
+  const auto [command, options] = line.command<CampaignOptions>(
+      "campaign", "calibrate a unit at several temperatures, unattended, and over temperature", campaign);
+  RunRequest& request = options.request;
+  command.option("file", options.file, {is::required},
+                 "campaign: unit, station, temperatures, sequences (docs/thermal.md)");
+  command.option("--out", options.out, "folder for the legs and the results; the same folder continues what is there");
+  command.flag("--plan", options.plan, "print the legs, their times and the expected sigmas; nothing moves");
+  command.flag("--dry-run", request.dry_run, "simulate table, unit and chamber, in virtual time");
+  command.flag("--no-diagnosis", request.no_diagnosis, "skip the diagnosis of each leg");
+  add_record_options(command, request);
+  add_watch_options(command, request);
+  command.format(options.format, "print the plan, or thermal.conf, in this form");
 }
 
 }  // namespace turncal

@@ -1,8 +1,5 @@
-// `turncal predict`: what each sequence would determine and how well, before anything is run (calib/prediction/predict.h). A sequence that the
-// station cannot run is predicted all the same, with a note.
-//
-// `turncal design`: a sequence found for a time (orchestrator/jobs/design/sequence_design.h; docs/design.md), or the legs that tell
-// confounded effects apart (sequence_design.h).
+// `turncal predict` (calib/prediction/predict.h), also of a sequence that the station cannot run; `turncal design` (docs/design.md,
+// jobs/design/sequence_design.h).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,7 +9,6 @@
 
 #include "calib/prediction/predict.h"
 #include "imu_io/base/atomic_file.h"
-#include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/text_pieces.h"
@@ -24,7 +20,6 @@
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/report/result_table.h"
-#include "orchestrator/station/station_config.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -56,6 +51,11 @@ struct DesignOptions {
   int seed = 1;
 };
 
+Error too_much(const char* option, double value, double most, Axis axis) {
+  return input_error(fmt::format("{} {}: expected at most {}, what the table's {} axis may do", option,
+                                 format_number(value), format_number(most), to_string(axis)));
+}
+
 // Axes, rates and effects by their names; those that the table or the catalogue does not have are refused.
 Status choose(const DesignOptions& options, DesignTask& task) {
   if (!options.axes.empty()) task.turns = {};
@@ -79,13 +79,9 @@ Status choose(const DesignOptions& options, DesignTask& task) {
       task.acceleration_degps2 = std::min(task.acceleration_degps2, limits.max_acceleration_degps2);
     for (const double rate : task.rates_degps)
       if (!options.rates.empty() && rate > limits.max_rate_degps)
-        return input_error("--rate " + format_number(rate) + ": expected at most " +
-                           format_number(limits.max_rate_degps) + ", what the table's " + to_string(axis) +
-                           " axis may do");
+        return too_much("--rate", rate, limits.max_rate_degps, axis);
     if (task.acceleration_degps2 > limits.max_acceleration_degps2)
-      return input_error("--acceleration " + format_number(task.acceleration_degps2) + ": expected at most " +
-                         format_number(limits.max_acceleration_degps2) + ", what the table's " + to_string(axis) +
-                         " axis may do");
+      return too_much("--acceleration", task.acceleration_degps2, limits.max_acceleration_degps2, axis);
   }
   std::vector<std::string> known;
   for (const PredictedEffect& e : task.effect_aims) known.emplace_back(e.column.entry->name);
@@ -209,13 +205,13 @@ class Designer {
     const Diagnosis diagnosis = diagnose(loaded.data);
     const auto found = diagnosis.aliases.find(options_.separate);
     if (found == diagnosis.aliases.end() || found->second.empty()) {
-      std::string classes;
+      std::vector<std::string> classes;
       for (const auto& [name, others] : diagnosis.aliases)
-        if (!others.empty()) classes += (classes.empty() ? "" : ", ") + name;
-      return input_error(
-          "--separate " + options_.separate + ": expected an effect that " + options_.from +
-          " cannot tell from others: " +
-          (classes.empty() ? std::string("it has none, its diagnosis is ") + to_string(diagnosis.verdict) : classes));
+        if (!others.empty()) classes.push_back(name);
+      return input_error(fmt::format(
+          "--separate {}: expected an effect that {} cannot tell from others: {}", options_.separate, options_.from,
+          classes.empty() ? std::string("it has none, its diagnosis is ") + to_string(diagnosis.verdict)
+                          : join(classes)));
     }
     const Separation separation(loaded.data, diagnosis, options_.separate);
     task_.info = loaded.data.info;
@@ -335,59 +331,58 @@ void add_site_options(const Command& command, PlannedSite& site) {
   command.option("--station", site.station, "station configuration; default: the built-in rig station");
   command.option("--latitude", site.latitude_deg, "latitude, degrees; default: the station's");
   command.option("--gravity", site.gravity_mps2, "gravity, m/s^2; default: the station's");
-  command.option("--arw", site.arw_deg_per_rt_h, "angle random walk, deg/sqrt(h)").default_in_help();
-  command.option("--vrw", site.vrw_ug_per_rt_hz, "velocity random walk, ug/sqrt(Hz)").default_in_help();
-  command.option("--gyro-bias-instability", site.gyro_bias_instability_degph, "bias instability of the gyros, deg/h")
-      .default_in_help();
-  command
-      .option("--accel-bias-instability", site.accel_bias_instability_ug, "bias instability of the accelerometers, ug")
-      .default_in_help();
+  command.option("--arw", site.arw_deg_per_rt_h, {is::default_in_help}, "angle random walk, deg/sqrt(h)");
+  command.option("--vrw", site.vrw_ug_per_rt_hz, {is::default_in_help}, "velocity random walk, ug/sqrt(Hz)");
+  command.option("--gyro-bias-instability", site.gyro_bias_instability_degph, {is::default_in_help},
+                 "bias instability of the gyros, deg/h");
+  command.option("--accel-bias-instability", site.accel_bias_instability_ug, {is::default_in_help},
+                 "bias instability of the accelerometers, ug");
 }
 
 void add_predict_command(CommandLine& line) {
   const auto [command, options] = line.command<PredictCommandOptions>(
       "predict", "predict the sigma of each parameter after a sequence; nothing moves", run_predict);
   PredictRequest& request = options.request;
-  command.option("--sequence", request.sequences, "sequence file; several are compared side by side").required();
+  command.option("--sequence", request.sequences, {is::required}, "sequence file; several are compared side by side");
   add_site_options(command, request.site);
   command.flag("--effects", request.effects,
                "report the smallest effects that would be detected, and which are confounded");
-  command.option("--temperature-rise", request.temperature_rise_c, "temperature rise over the run, C, for --effects")
-      .default_in_help();
-  command.option("--temperature-tau", request.temperature_tau_s, "time constant of the temperature rise")
-      .time(1.0, 1e6)
-      .default_in_help();
-  command.option("--navigate", request.navigate_s, "predict the drift of free navigation after this time")
-      .time(1.0, 86400.0);
-  command.option("--align", request.align_s, "alignment before the navigation").time(20.0, 86400.0).default_in_help();
-  command.option("--format", options.format, "print the result in this form instead of text").one_of({"json"});
+  command.option("--temperature-rise", request.temperature_rise_c, {is::default_in_help},
+                 "temperature rise over the run, C, for --effects");
+  command.option("--temperature-tau", request.temperature_tau_s, {is::time(1.0, 1e6), is::default_in_help},
+                 "time constant of the temperature rise");
+  command.option("--navigate", request.navigate_s, {is::time(1.0, 86400.0)},
+                 "predict the drift of free navigation after this time");
+  command.option("--align", request.align_s, {is::time(20.0, 86400.0), is::default_in_help},
+                 "alignment before the navigation");
+  command.option("--format", options.format, {is::one_of({"json"})}, "print the result in this form instead of text");
 }
 
 void add_design_command(CommandLine& line) {
   const auto [command, options] =
       line.command<DesignOptions>("design", "find a sequence with small sigmas in a given time; nothing moves", design);
-  command.option("--time", options.time_s, "length of the run").time(1.0, 86400.0);
+  command.option("--time", options.time_s, {is::time(1.0, 86400.0)}, "length of the run");
   command.option("--sigma", options.sigma,
                  "in place of --time: a file of sigmas (N01 = 0.003); finds the shortest run that gives them");
   command.option("--separate", options.separate,
                  "an effect of a diagnosis: the shortest legs, at most --time (10min), that tell it from the effects "
                  "it is confounded with");
   command.option("--from", options.from, "recording or run with that diagnosis");
-  command.option("--out", options.out, "sequence file to write").required();
+  command.option("--out", options.out, {is::required}, "sequence file to write");
   add_site_options(command, options.site);
   command.option("--start", options.start, "sequence that the search starts from; default: the fourteen steps");
-  command.option("--aim", options.criterion, "minimise the mean of all sigmas, or the worst")
-      .one_of({"mean", "worst"})
-      .default_in_help();
+  command.option("--aim", options.criterion, {is::one_of({"mean", "worst"}), is::default_in_help},
+                 "minimise the mean of all sigmas, or the worst");
   command.option("--effects", options.task.effects, "effects of the catalogue that the sequence should show");
   command.option("--axes", options.axes, "axes that may turn: heading, pitch, roll; default: all");
   command.option("--rate", options.rates, "rates to choose from, deg/s; default: 10, or the axis limit");
-  command
-      .option("--acceleration", options.acceleration_degps2, "acceleration, deg/s^2; default: 20, or the table limit")
-      .positive();
-  command.option("--least-rest", options.task.least_rest_s, "shortest rest").time(2.0, 3600.0).default_in_help();
-  command.option("--seed", options.seed, "seed of the search").range(0, 1000000000).default_in_help();
-  command.option("--tries", options.task.tries, "number of candidate sequences").range(1, 1000000).default_in_help();
+  command.option("--acceleration", options.acceleration_degps2, {is::positive},
+                 "acceleration, deg/s^2; default: 20, or the table limit");
+  command.option("--least-rest", options.task.least_rest_s, {is::time(2.0, 3600.0), is::default_in_help},
+                 "shortest rest");
+  command.option("--seed", options.seed, {is::in(0, 1000000000), is::default_in_help}, "seed of the search");
+  command.option("--tries", options.task.tries, {is::in(1, 1000000), is::default_in_help},
+                 "number of candidate sequences");
 }
 
 }  // namespace turncal

@@ -1,15 +1,8 @@
-// `turncal history`: what is in the results database.
+// `turncal history`, `shift`, `records`: what is in the results database, and what keeps it and the folders of runs in order.
 //
-// `turncal shift DB`: yield, reasons, hours, control charts, stations and repeatability of a shift, a week or a month.
-//
-// `turncal records check|backup|copy|roles DB`: whether the results database is whole; a copy of it while others write; its rows, once each,
-// in another one; the roles of a server. `turncal records restore`: versions of the parameter file in use.
-//
-// `turncal records prune`: removes old recordings and keeps all that was made of them.
-//
-// A recording goes when all of this holds: its run has given its unit a verdict, and not `hold`; it was sealed more than so many days ago;
-// its unit has a newer one of a finished run; nobody works in the run's folder. Parameters, reports, journal and log stay, and the log says
-// what was removed. What cannot be read is left as it is, and is an error at the end.
+// `records prune`: a recording goes when its run has given its unit a verdict, and not `hold`, it was sealed more than so many days ago, its
+// unit has a newer one of a finished run, and nobody works in the run's folder. What is made of it stays, and the log says what was removed.
+// What cannot be read is left as it is, and is an error at the end.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -19,7 +12,6 @@
 #include <set>
 
 #include "imu_io/base/atomic_file.h"
-#include "imu_io/base/clock.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
@@ -31,8 +23,6 @@
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/report/document.h"
-#include "orchestrator/station/station_config.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -53,9 +43,10 @@ Status check_one_unit(const HistoryOptions& options, const Calibrations& all) {
   std::set<std::string> units;
   for (const StoredCalibration& c : all) units.insert(c.unit);
   if (units.size() <= 1 || options.together) return {};
-  return input_error(options.database + ": holds " + std::to_string(units.size()) +
-                     " units, whose control limits and Cpk would be mixed: expected --unit SERIAL, or --together to "
-                     "chart them together");
+  return input_error(fmt::format(
+      "{}: holds {} units, whose control limits and Cpk would be mixed: expected --unit SERIAL, or --together to "
+      "chart them together",
+      options.database, units.size()));
 }
 
 using namespace cell;
@@ -82,8 +73,8 @@ Result<Document> comparison(const Calibrations& all, const std::vector<std::int6
   }
   const auto& [a, b] = pair;
   if (a->unit != b->unit)
-    return input_error("--compare: " + std::to_string(ids[0]) + " is of unit '" + a->unit + "', " +
-                       std::to_string(ids[1]) + " of unit '" + b->unit + "': expected two of one unit");
+    return input_error(fmt::format("--compare: {} is of unit '{}', {} of unit '{}': expected two of one unit", ids[0],
+                                   a->unit, ids[1], b->unit));
   Document document{"", "Comparison of unit " + a->unit};
   document.text(fmt::format("unit {}: {} ({}) and {} ({})", a->unit, a->time_utc, a->verdict, b->time_utc, b->verdict));
   Table table{{name("parameter"), number("first"), number("second"), number("difference"), number("/ sigma")}};
@@ -137,8 +128,8 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
         std::erase_if(all, [&](const StoredCalibration& c) { return c.simulated != options.simulated; });
     if (all.empty() && others > 0)
       return input_error(
-          options.database + ": all " + std::to_string(others) + " calibrations are of " +
-          (options.simulated ? "real units: expected no --simulated" : "dry runs: expected --simulated"));
+          fmt::format("{}: all {} calibrations are of {}", options.database, others,
+                      options.simulated ? "real units: expected no --simulated" : "dry runs: expected --simulated"));
     TRY(check_one_unit(options, all));
   }
   if (!options.csv.empty()) {
@@ -296,9 +287,8 @@ std::string contents_of(const ResultsDatabase& database) {
   const auto calibrations = database.list({}, "N01");
   if (!attempts || !calibrations) return "";
   const int version = database.stored_version();
-  return std::to_string(attempts->size()) + " attempts, " + std::to_string(calibrations->size()) +
-         " calibrations, schema " + std::to_string(version) +
-         (version < database_version ? " (the next run makes " + std::to_string(database_version) + " of it)" : "");
+  return fmt::format("{} attempts, {} calibrations, schema {}{}", attempts->size(), calibrations->size(), version,
+                     version < database_version ? fmt::format(" (the next run makes {} of it)", database_version) : "");
 }
 
 Status backup(const DatabaseOptions& options, CommandContext& context) {
@@ -441,12 +431,12 @@ void add_filter_options(const Command& command, RecordFilter& filter) {
 void add_history_command(CommandLine& line) {
   const auto [command, options] =
       line.command<HistoryOptions>("history", "list, compare and export what is in the results database", show_history);
-  command.option("database", options.database, "the station's record.database").required();
+  command.option("database", options.database, {is::required}, "the station's record.database");
   add_filter_options(command, options.filter);
   command.option("--unit", options.filter.unit, "only this unit");
   command.option("--verdict", options.filter.verdict, "only this verdict or outcome: pass, hold, dropped, ...");
   command.flag("--attempts", options.attempts, "list every attempt, including those refused, aborted or failed");
-  command.option("--compare", options.compare, "compare two calibrations of one unit, by id").words(2);
+  command.option("--compare", options.compare, {is::words(2)}, "compare two calibrations of one unit, by id");
   command.flag("--control", options.control, "control limits and Cpk of every parameter over all calibrations");
   command.option("--parameter", options.parameter, "one parameter, calibration by calibration");
   command.option("--report", options.report, "write a page (HTML) with the control charts of every parameter");
@@ -460,11 +450,11 @@ void add_history_command(CommandLine& line) {
 void add_shift_command(CommandLine& line) {
   const auto [command, options] =
       line.command<ShiftOptions>("shift", "report a shift: yield, reasons, hours, control charts, stations", run_shift);
-  command.option("database", options.database, "the station's record.database").required();
+  command.option("database", options.database, {is::required}, "the station's record.database");
   add_filter_options(command, options.filter);
   command.flag("--simulated", options.simulated, "report dry runs, which are never mixed with real units");
   command.option("--out", options.out, "folder for the report: shift.html and its tables as CSV");
-  command.option("--format", options.format, "print the report in this form instead of text").one_of({"json"});
+  command.option("--format", options.format, {is::one_of({"json"})}, "print the report in this form instead of text");
   command.flag("--pdf", options.pdf, "with --out: also write shift.pdf (needs weasyprint)");
 }
 
@@ -474,28 +464,28 @@ void add_records_command(CommandLine& line) {
   const auto of_database = [&records](const char* name, const char* help,
                                       Status (*job)(const DatabaseOptions&, CommandContext&)) {
     const auto added = records.command<DatabaseOptions>(name, help, job);
-    added.first
-        .option("database", added.second.database,
-                "the station's record.database: a file, or postgresql://USER@HOST/NAME")
-        .required();
+    added.first.option("database", added.second.database, {is::required},
+                       "the station's record.database: a file, or postgresql://USER@HOST/NAME");
     return added;
   };
   of_database("check", "check that a results database is whole", check_database);
   const auto [backing_up, image] = of_database("backup", "back up a results database, also while it is used", backup);
-  backing_up.option("--out", image.out, "file for the backup").required();
+  backing_up.option("--out", image.out, {is::required}, "file for the backup");
   const auto [copying, rows] = of_database("copy", "copy the rows of a results database into another one", copy_rows);
-  copying.option("other", rows.other, "database that the rows are added to, each once").required();
+  copying.option("other", rows.other, {is::required}, "database that the rows are added to, each once");
   of_database("roles", "make the roles of a results database on a server", make_roles);
   const auto [restoring, version] = records.command<RestoreOptions>(
       "restore", "list the versions of a unit's parameter file, or bring one back into use", restore);
-  restoring.option("store", version.store, "the station's record.store").required();
-  restoring.option("--unit", version.unit, "serial number of the unit").required();
-  restoring.option("--version", version.version, "the version to bring back; without it they are listed").positive();
+  restoring.option("store", version.store, {is::required}, "the station's record.store");
+  restoring.option("--unit", version.unit, {is::required}, "serial number of the unit");
+  restoring.option("--version", version.version, {is::positive},
+                   "the version to bring back; without it they are listed");
   restoring.flag("--simulated", version.simulated, "of the dry runs");
   const auto [pruning, old] = records.command<PruneOptions>(
       "prune", "remove old recordings of finished units, but never a unit's last one or one that is on hold", prune);
-  pruning.option("folder", old.folder, "folder with the folders of runs").required();
-  pruning.option("--older-than", old.days, "age of the recording since it was sealed").time(1, 36500, "d").required();
+  pruning.option("folder", old.folder, {is::required}, "folder with the folders of runs");
+  pruning.option("--older-than", old.days, {is::time(1, 36500, "d"), is::required},
+                 "age of the recording since it was sealed");
   pruning.flag("--list", old.list, "only list what would be removed");
 }
 

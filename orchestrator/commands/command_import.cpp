@@ -1,25 +1,10 @@
-// `turncal segment RECORDING --out DIR`: finds the rests of data without a table, and writes the recording with segments static and
-// rotate, all angles 0; `turncal import --map MAP` reads such data from any CSV, .npy, .mat, HDF5 or ROS bag.
-//
-// `turncal import FILE` without one proposes a map (map_proposal.h) and goes on where nothing is in doubt; with --frame it reads raw bytes.
-//
-// `turncal import TEXTDIR --out DIR` and `turncal export RECORDING --out DIR`: between the text form of a recording and the
-// binary one; `--out FILE.npy` or `.mat` of export: its samples as a matrix. Nothing is overwritten, and a failure leaves nothing behind.
-//
-// `turncal apply RECORDING --parameters FILE --out FILE`: calibrated increments of every sample (calibrated_intervals.h), as CSV, .npy, .mat, MCAP or
-// a recording (.tcr), by the name of the file.
-// Refused: a wrong checksum, a missing key, parameters of another unit, simulated parameters on a real unit's recording.
-//
-// `turncal convert PARAMETERS --header FILE --binary FILE --yaml FILE`: a parameter file in other forms (docs/parameter-forms.md).
-//
-// `turncal navigate RECORDING --parameters FILE [--against FILE] --out DIR`: free inertial navigation with calibrated increments, and
-// what it is off by. Writes DIR/navigation.conf, DIR/track.csv (and DIR/track_against.csv) and DIR/navigation.svg.
+// Data in and out: `segment`, `import`, `export`, `apply`, `convert`, `navigate`. Nothing is overwritten by import and export, and a failure
+// leaves nothing behind. Refused by apply: a wrong checksum, a missing key, parameters of another unit, simulated ones on a real unit's
+// recording.
 #include <fmt/format.h>
 #include <algorithm>
 
 #include <filesystem>
-#include <functional>
-#include <memory>
 #include <optional>
 
 #include "calib/rests/rest_data.h"
@@ -39,7 +24,6 @@
 #include "imu_io/recordings/recording_writer.h"
 #include "imu_io/recordings/ros_bag.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/jobs/navigation/foreign_forms.h"
@@ -231,13 +215,12 @@ Status import_text(const TextOptions& options, CommandContext& context) {
     const std::string_view head = TRY(bytes.at(0, 1));
     TRY(check_text(head, options.source));
   }
-  if (!path_exists(options.source + "/recording.conf") && !path_exists(options.source + "/" + binary_recording_name))
-    return input_error(
-        options.source +
-        ": it is not known what this is: expected a table (CSV, .npy, .mat, HDF5), a ROS bag, a folder " +
-        "with a recording in text form, or raw bytes and --frame");
-  if (path_exists(options.source + "/" + binary_recording_name) && !path_exists(options.source + "/recording.conf"))
-    return input_error(options.source + ": this is a recording already: turncal export writes its text form");
+  if (!path_exists(options.source + "/recording.conf"))
+    return input_error(options.source +
+                       (path_exists(options.source + "/" + binary_recording_name)
+                            ? ": this is a recording already: turncal export writes its text form"
+                            : ": it is not known what this is: expected a table (CSV, .npy, .mat, HDF5), a ROS bag, a "
+                              "folder with a recording in text form, or raw bytes and --frame"));
   std::unique_ptr<RecordingSource> source = TRY(open_text_recording(options.source));
   TRY(check_not_source(options.out, options.source));
   OutputFolder folder = TRY(OutputFolder::prepare(options.out, {binary_recording_name}));
@@ -394,10 +377,7 @@ Status navigate(const NavigateOptions& options, CommandContext& context) {
     if (std::ranges::find_if(files, is_it) == files.end()) std::filesystem::remove(old, none);
   }
   folder.keep();
-  if (!options.format.empty()) {
-    context.out << key_values_as(options.format, files.front().content) << std::flush;
-    return {};
-  }
+  if (printed_as(options.format, files.front().content, context.out)) return {};
   context.out << as_text(navigation_document(report));
   if (!drawing) context.out << drawing.error().message << '\n';
   context.out << "navigation  " << conf << std::endl;
@@ -409,97 +389,88 @@ Status navigate(const NavigateOptions& options, CommandContext& context) {
 void add_segment_command(CommandLine& line) {
   const auto [command, options] = line.command<SegmentOptions>(
       "segment", "find the rests of a recording and write it with segments", segment_recording);
-  command.option("source", options.source, "recording: a folder or a .tcr file").required();
-  command.option("--out", options.out, "folder to write to; must not contain a recording yet").required();
-  command
-      .option("--threshold", options.threshold,
-              "ratio of variance to quiet variance at which a rest ends; default: chosen by the data")
-      .range(1.0, 1e12);
-  command.option("--min-rest", options.min_rest_s, "shortest rest").time(0.1, 3600.0).default_in_help();
+  command.option("source", options.source, {is::required}, "recording: a folder or a .tcr file");
+  command.option("--out", options.out, {is::required}, "folder to write to; must not contain a recording yet");
+  command.option("--threshold", options.threshold, {is::in(1.0, 1e12)},
+                 "ratio of variance to quiet variance at which a rest ends; default: chosen by the data");
+  command.option("--min-rest", options.min_rest_s, {is::time(0.1, 3600.0), is::default_in_help}, "shortest rest");
 }
 
 void add_import_command(CommandLine& line) {
   const auto [command, options] = line.command<TextOptions>(
       "import", "make a recording of a table of numbers, a ROS bag, raw bytes or the text form of a recording",
       import_text);
-  command
-      .option("source", options.source,
-              "CSV, .npy, .mat, HDF5, MCAP, .db3 or .bag file; with --frame a log of raw bytes; or a folder with "
-              "recording.conf")
-      .required();
-  command.option("--out", options.out, "folder to write to; must not contain a recording yet").required();
-  const Option map =
+  command.option("source", options.source, {is::required},
+                 "CSV, .npy, .mat, HDF5, MCAP, .db3 or .bag file; with --frame a log of raw bytes; or a folder with "
+                 "recording.conf");
+  command.option("--out", options.out, {is::required}, "folder to write to; must not contain a recording yet");
+  CLI::Option* const map =
       command.option("--map", options.map, "file that describes the columns (docs/import.md); default: a proposed one");
   command.option("--map-out", options.map_out, "write the proposed map to this file");
   command.option("--frame", options.frame, "frame description of raw bytes: a name, or a file (docs/imu-frames.md)");
   command.option("--topic", options.topic, "sensor_msgs/Imu topic of a bag that has several");
-  command.option("--accel", options.accel, "file of the accelerometers, if it is a separate one").needs(map);
+  needs(command.option("--accel", options.accel, "file of the accelerometers, if it is a separate one"), map);
   command.flag("--skip-bad-rows", options.skip_bad_rows, "skip defective rows, and report their number");
-  command.option("--gravity", options.gravity_mps2, "gravity of the site, m/s^2; default: the map's, or 9.80665")
-      .range(recorded_gravity_mps2.min, recorded_gravity_mps2.max);
-  command.option("--latitude", options.latitude_deg, "latitude of the site, degrees; default: the map's, or 0")
-      .range(-90.0, 90.0);
+  command.option("--gravity", options.gravity_mps2, {is::in(recorded_gravity_mps2.min, recorded_gravity_mps2.max)},
+                 "gravity of the site, m/s^2; default: the map's, or 9.80665");
+  command.option("--latitude", options.latitude_deg, {is::in(-90.0, 90.0)},
+                 "latitude of the site, degrees; default: the map's, or 0");
   command.option("--unit", options.unit, "serial number; default: the map's, or the name of the file");
 }
 
 void add_export_command(CommandLine& line) {
   const auto [command, options] = line.command<TextOptions>(
       "export", "write a recording in text form, or its samples as .npy or .mat", export_recording);
-  command.option("source", options.source, "recording: a folder or a .tcr file").required();
-  command
-      .option("--out", options.out,
-              "folder to write to, which must not contain a recording yet, or a .npy or .mat file")
-      .required();
+  command.option("source", options.source, {is::required}, "recording: a folder or a .tcr file");
+  command.option("--out", options.out, {is::required},
+                 "folder to write to, which must not contain a recording yet, or a .npy or .mat file");
 }
 
 void add_apply_command(CommandLine& line) {
   const auto [command, options] =
       line.command<ApplyOptions>("apply", "write the calibrated increments or rates of a recording", apply);
-  command.option("recording", options.recording, "a folder (binary or text form) or a .tcr file").required();
-  command.option("--parameters", options.parameters, "parameter file").required();
-  command
-      .option("--out", options.out,
-              "file to write: .csv, .npy, .mat, .mcap (rates) or .tcr (a recording); an existing file is replaced")
-      .required();
-  command.option("--as", options.as, "add the time, and write increments or rates (rad/s, m/s^2); not for .tcr")
-      .one_of({"rates", "increments"});
+  command.option("recording", options.recording, {is::required}, "a folder (binary or text form) or a .tcr file");
+  command.option("--parameters", options.parameters, {is::required}, "parameter file");
+  command.option("--out", options.out, {is::required},
+                 "file to write: .csv, .npy, .mat, .mcap (rates) or .tcr (a recording); an existing file is replaced");
+  command.option("--as", options.as, {is::one_of({"rates", "increments"})},
+                 "add the time, and write increments or rates (rad/s, m/s^2); not for .tcr");
 }
 
 void add_convert_command(CommandLine& line) {
   const auto [command, options] = line.command<ConvertOptions>(
       "convert", "convert a parameter file to a C header, a binary block, YAML or another program's form", convert);
-  command.option("parameters", options.parameters, "parameter file").required();
+  command.option("parameters", options.parameters, {is::required}, "parameter file");
   command.option("--header", options.header, "C header to write");
   command.option("--binary", options.binary, "binary block (with a checksum) to write");
   command.option("--yaml", options.yaml, "YAML file to write");
   std::vector<std::string> names;
   for (const ForeignForm& form : foreign_forms) names.emplace_back(form.name);
-  const Option out = command.option("--out", options.out, "file to write in the form that --form names");
-  const Option form = command.option("--form", options.form, "form of another program (docs/parameter-forms.md)");
-  form.one_of(names).needs(out);
-  out.needs(form);
+  CLI::Option* const out = command.option("--out", options.out, "file to write in the form that --form names");
+  CLI::Option* const form =
+      command.option("--form", options.form, {is::one_of(names)}, "form of another program (docs/parameter-forms.md)");
+  needs(form, out);
+  needs(out, form);
 }
 
 void add_navigate_command(CommandLine& line) {
   const auto [command, options] =
       line.command<NavigateOptions>("navigate", "navigate a recording freely and report its drift", navigate);
   NavigationRequest& request = options.request;
-  command.option("recording", request.recording, "a folder (binary or text form) or a .tcr file").required();
+  command.option("recording", request.recording, {is::required}, "a folder (binary or text form) or a .tcr file");
   command.option("--parameters", request.parameters, "parameter file; omit it for the output of `turncal apply`");
   command.option("--against", request.against, "second parameter file to compare with");
   command.option("--reference", request.reference,
                  "true track: a table of time_s, latitude_deg, longitude_deg (docs/navigation.md)");
-  command.option("--out", options.out, "folder for navigation.conf, track.csv, navigation.svg").required();
-  command.option("--align", request.align_s, "length of the alignment").time(20.0, 86400.0).default_in_help();
-  command.option("--from", request.from_s, "start, from the first sample")
-      .time(0.0, longest_recording_s)
-      .default_in_help();
-  command.option("--to", request.to_s, "end; default: the end of the recording").time(0.0, longest_recording_s);
-  command.option("--for", request.free_s, "length of each free navigation; default: an hour, or what there is")
-      .time(1.0, longest_recording_s);
-  command.option("--branches", request.branches, "number of starts, spread over the recording")
-      .range(1, 1000)
-      .default_in_help();
+  command.option("--out", options.out, {is::required}, "folder for navigation.conf, track.csv, navigation.svg");
+  command.option("--align", request.align_s, {is::time(20.0, 86400.0), is::default_in_help}, "length of the alignment");
+  command.option("--from", request.from_s, {is::time(0.0, longest_recording_s), is::default_in_help},
+                 "start, from the first sample");
+  command.option("--to", request.to_s, {is::time(0.0, longest_recording_s)}, "end; default: the end of the recording");
+  command.option("--for", request.free_s, {is::time(1.0, longest_recording_s)},
+                 "length of each free navigation; default: an hour, or what there is");
+  command.option("--branches", request.branches, {is::in(1, 1000), is::default_in_help},
+                 "number of starts, spread over the recording");
   command.format(options.format, "print navigation.conf in this form instead of text");
 }
 

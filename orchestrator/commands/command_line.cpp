@@ -1,4 +1,4 @@
-#include "orchestrator/commands/command_line.h"
+#include "orchestrator/commands/commands.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -167,53 +167,58 @@ Error misunderstood(const CLI::App& app, const std::string& why) {
 
 }  // namespace
 
-const Option& Option::required() const { return option_->required(), *this; }
-const Option& Option::positive() const {
-  return option_->check(number_that([](double x) { return x > 0.0; }, "a number above 0", "POSITIVE")), *this;
+namespace is {
+void required(CLI::Option& option) { option.required(); }
+void positive(CLI::Option& option) {
+  option.check(number_that([](double x) { return x > 0.0; }, "a number above 0", "POSITIVE"));
 }
-const Option& Option::not_negative() const {
-  return option_->check(number_that([](double x) { return x >= 0.0; }, "a number of 0 or more", "NONNEGATIVE")), *this;
+void not_negative(CLI::Option& option) {
+  option.check(number_that([](double x) { return x >= 0.0; }, "a number of 0 or more", "NONNEGATIVE"));
 }
-const Option& Option::range(int low, int high) const {
-  return option_->check(number_in(low, high, "a whole number")), *this;
+void one_word_each(CLI::Option& option) { option.allow_extra_args(false); }
+void default_in_help(CLI::Option& option) { option.capture_default_str(); }
+Condition words(int count) {
+  return [=](CLI::Option& option) { option.expected(count); };
 }
-const Option& Option::range(double low, double high) const {
-  return option_->check(number_in(low, high, "a number")), *this;
+Condition in(int low, int high) {
+  return [=](CLI::Option& option) { option.check(number_in(low, high, "a whole number")); };
 }
-const Option& Option::one_of(const std::vector<std::string>& values) const {
-  return option_->check(word_of(values)), *this;
+Condition in(double low, double high) {
+  return [=](CLI::Option& option) { option.check(number_in(low, high, "a number")); };
 }
-const Option& Option::time(double low, double high, const std::string& unit) const {
-  option_->type_name("TIME")->transform(time_in(low, high, unit));
-  const std::string bare = unit == "d" ? "days" : unit == "min" ? "minutes" : "seconds";
-  return option_->description(option_->get_description() + " (40min, 2h, 30d; a bare number: " + bare + ")"), *this;
+Condition one_of(const std::vector<std::string>& values) {
+  return [=](CLI::Option& option) { option.check(word_of(values)); };
 }
-const Option& Option::needs(const Option& other) const { return option_->needs(other.option_), *this; }
-const Option& Option::words(int count) const { return option_->expected(count), *this; }
-const Option& Option::one_word_each() const { return option_->allow_extra_args(false), *this; }
-const Option& Option::default_in_help() const { return option_->capture_default_str(), *this; }
+Condition time(double low, double high, const std::string& unit) {
+  return [=](CLI::Option& option) {
+    option.type_name("TIME")->transform(time_in(low, high, unit));
+    const std::string bare = unit == "d" ? "days" : unit == "min" ? "minutes" : "seconds";
+    option.description(option.get_description() + " (40min, 2h, 30d; a bare number: " + bare + ")");
+  };
+}
+}  // namespace is
+void needs(CLI::Option* option, CLI::Option* other) { option->needs(other); }
 
-template <class Value>
-Option Command::option(const std::string& name, Value& value, const std::string& help) const {
-  CLI::Option* const option = app_->add_option(name, value, help);
-  if constexpr (std::is_same_v<Value, std::string> || std::is_same_v<Value, std::vector<std::string>>)
-    option->check(some_text());
-  return Option(option);
+CLI::Option* Command::option(const std::string& name, const Place& place, const std::vector<Condition>& conditions,
+                             const std::string& help) const {
+  const auto add = [&](auto* value) {
+    CLI::Option* const option = app_->add_option(name, *value, help);
+    using Value = std::remove_pointer_t<decltype(value)>;
+    if constexpr (std::is_same_v<Value, std::string> || std::is_same_v<Value, std::vector<std::string>>)
+      option->check(some_text());
+    return option;
+  };
+  CLI::Option* const option = std::visit(add, place.value);
+  for (const Condition& condition : conditions) condition(*option);
+  return option;
 }
-template Option Command::option(const std::string&, std::string&, const std::string&) const;
-template Option Command::option(const std::string&, double&, const std::string&) const;
-template Option Command::option(const std::string&, std::optional<double>&, const std::string&) const;
-template Option Command::option(const std::string&, int&, const std::string&) const;
-template Option Command::option(const std::string&, std::size_t&, const std::string&) const;
-template Option Command::option(const std::string&, std::vector<std::string>&, const std::string&) const;
-template Option Command::option(const std::string&, std::vector<std::int64_t>&, const std::string&) const;
 
 void Command::flag(const std::string& name, bool& value, const std::string& help) const {
   app_->add_flag(name, value, help);
 }
 
 void Command::format(std::string& value, const std::string& help) const {
-  option("--format", value, help).one_of(data_formats);
+  option("--format", value, {is::one_of(data_formats)}, help);
 }
 
 CLI::App* CommandLine::add(const std::string& name, const std::string& help) {

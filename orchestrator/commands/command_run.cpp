@@ -1,17 +1,13 @@
-// `turncal run`: the whole main job. Checks everything, walks the sequence, calibrates, judges, writes the results.
-// `turncal run --continue`: a further recording of the same unit (continuing(), run_request.h). `turncal resume`: goes on with one that was interrupted. `turncal journal`: what happened. See run.h.
+// `turncal run`, `resume`, `journal` (jobs/run.h); `batch`, `queue`.
 //
-// `turncal batch`: calibrates the units of a queue one after the other, or several at once, unattended. `turncal queue`: shows and
-// changes it.
-//
-// A unit that fails, drops out while others go on, or is not the one on the table, does not stop the next; a fault of table, link or
-// disk, and the operator, by a pause too, stop the batch, and the same command goes on with the units that were interrupted.
+// A unit that fails, drops out while others go on, or is not the one on the table, does not stop the next of a batch; a fault of table, link
+// or disk, and the operator, by a pause too, stop it, and the same command goes on with the units that were interrupted.
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <algorithm>
 
 #include "imu_io/base/atomic_file.h"
-#include "imu_io/base/clock.h"
 #include "imu_io/base/console.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/posix_file.h"
@@ -19,7 +15,6 @@
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/operator_prompts.h"
 #include "orchestrator/devices/stop_signals.h"
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/unit_queue.h"
@@ -57,8 +52,7 @@ struct JournalOptions {
 Status print_journal(const JournalOptions& options, CommandContext& context) {
   const std::string path = options.folder + "/" + journal_name;
   if (!options.format.empty()) {
-    const DataTable table = TRY(journal_as_table(path));
-    context.out << table.as(options.format) << std::flush;
+    context.out << TRY(journal_as_table(path)).as(options.format) << std::flush;
     return {};
   }
   const std::string text = TRY(journal_as_text(path));
@@ -73,8 +67,6 @@ struct BatchOptions {
   std::size_t at_once = 1;
   RunRequest request;
 };
-
-std::string now_utc() { return format_utc(wall_utc_s()); }
 
 // A unit that is done again gets a folder of its own: NAME, NAME.2, NAME.3 ..., the first without a whole recording.
 std::string folder_for(const std::string& out, const std::string& unit, const UnitOutcome* before) {
@@ -91,11 +83,18 @@ struct Turn {
 };
 
 // Several units at once are a run in OUT/group.1, group.2, ...; the last of these may have been interrupted.
+std::string group_folder(const std::string& out, int number) { return fmt::format("{}/group.{}", out, number); }
+
+int last_group(const std::string& out) {
+  int last = 0;
+  while (path_exists(group_folder(out, last + 1))) ++last;
+  return last;
+}
+
 Result<std::optional<Turn>> interrupted_group(const std::string& out, const std::vector<std::string>& to_do,
                                               const std::vector<UnitOutcome>& outcomes) {
-  int last = 0;
-  while (path_exists(out + "/group." + std::to_string(last + 1))) ++last;
-  const std::string folder = out + "/group." + std::to_string(last);
+  const int last = last_group(out);
+  const std::string folder = group_folder(out, last);
   if (last == 0 || !path_exists(folder + "/" + journal_name)) return std::optional<Turn>();
   const JournalContents journal = TRY(read_journal(folder + "/" + journal_name));
   const bool over = is_over(journal);
@@ -114,13 +113,10 @@ Result<Turn> next_turn(const BatchOptions& options) {
   const std::optional<Turn> interrupted = TRY(interrupted_group(options.out, to_do, outcomes));
   if (interrupted) return *interrupted;
   Turn turn{next_units(queue, outcomes, options.at_once), ""};
-  if (turn.units.size() == 1) {
+  if (turn.units.size() == 1)
     turn.folder = folder_for(options.out, turn.units.front(), find_outcome(outcomes, turn.units.front()));
-  } else if (!turn.units.empty()) {
-    int next = 1;
-    while (path_exists(options.out + "/group." + std::to_string(next))) ++next;
-    turn.folder = options.out + "/group." + std::to_string(next);
-  }
+  else
+    turn.folder = group_folder(options.out, last_group(options.out) + 1);
   return turn;
 }
 
@@ -158,9 +154,9 @@ std::string another_sequence(const RunPlan& asked, const std::string& folder) {
   if (!journal || journal->begin_value("sequence_hash") == asked.hashes.sequence) return "";
   const std::string began = journal->begin_value("sequence");
   if (began == asked.request.sequence) return "";  // it was changed, which the run itself refuses
-  const auto called = [](const std::string& file) { return file.empty() ? std::string("the fourteen steps") : file; };
-  return "goes on with the sequence that it began with, " + called(began) + ", not with " +
-         called(asked.request.sequence);
+  const auto called = [](const std::string& file) { return file.empty() ? "the fourteen steps" : file; };
+  return fmt::format("goes on with the sequence that it began with, {}, not with {}", called(began),
+                     called(asked.request.sequence));
 }
 
 // One run, and what became of each of its units. `asked`: as for any unit of the batch.
@@ -198,7 +194,7 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
     std::string reason = unit.status ? "" : unit.status.error().message;
     const std::string head = "unit " + unit.serial + ": " + unit.outcome + ": ";
     if (reason.starts_with(head)) reason.erase(0, head.size());
-    TRY(record_outcome(options.queue, {unit.serial, unit.outcome, now_utc(), reason}));
+    TRY(record_outcome(options.queue, {unit.serial, unit.outcome, format_utc(wall_utc_s()), reason}));
     context.out << tag << "unit " << unit.serial << ": " << unit.outcome << (reason.empty() ? "" : ": " + reason)
                 << (path_exists(unit.folder) ? "; " + unit.folder : "") << std::endl;
   }
@@ -216,7 +212,7 @@ Result<bool> mount_units(const BatchOptions& options, const StationConfig& stati
     ::unlink(waited_for.c_str());
     if (!mounted) return mounted.error();
     if (!mounted->skipped) continue;
-    TRY(record_outcome(options.queue, {unit, "skipped", now_utc(), *mounted->skipped}));
+    TRY(record_outcome(options.queue, {unit, "skipped", format_utc(wall_utc_s()), *mounted->skipped}));
     context.out << tag << "unit " << unit << ": skipped: " << *mounted->skipped << std::endl;
     return false;
   }
@@ -230,8 +226,8 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
   const RunPlan prepared = TRY(plan_run(check));
   context.tag = tag_of(prepared);
   if (options.at_once > places(prepared))
-    return input_error("--at-once " + std::to_string(options.at_once) + ": expected at most " +
-                       std::to_string(places(prepared)) + ", the places on the table");
+    return input_error(
+        fmt::format("--at-once {}: expected at most {}, the places on the table", options.at_once, places(prepared)));
   TRY(check_sequence(prepared));
   const LockFile queue = TRY(hold_queue(options.queue));
   const std::string tag = context.tag + "[batch] ";
@@ -242,20 +238,20 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
         TRY(options.request.dry_run ? Result<bool>(true) : mount_units(options, prepared.station, turn, tag, context));
     if (!all) continue;
     TRY(run_turn(options, prepared, turn, tag, context));
-    if (StopSignals::any()) {  // asked for when the results were being made
+    if (StopSignals::any())  // asked for when the results were being made
       return Error{ErrorKind::interrupted,
                    "paused after unit " + join(turn.units) + "; the same command continues with the next"};
-    }
   }
   // Of the whole queue, whichever command did it.
   const Tally tally = TRY(tally_of(options.queue));
-  context.out << tag << "queue done: " << tally.passed << " passed, "
-              << (tally.unjudged > 0 ? std::to_string(tally.unjudged) + " without a verdict, " : "") << tally.not_passed
-              << " not passed" << std::endl;
+  const std::string unjudged = tally.unjudged > 0 ? fmt::format("{} without a verdict, ", tally.unjudged) : "";
+  context.out << fmt::format("{}queue done: {} passed, {}{} not passed\n", tag, tally.passed, unjudged,
+                             tally.not_passed)
+              << std::flush;
   if (tally.not_passed == 0) return {};
-  return Error{ErrorKind::unit_failed, std::to_string(tally.not_passed) + " of " +
-                                           std::to_string(tally.passed + tally.unjudged + tally.not_passed) +
-                                           " units did not pass; see turncal queue " + options.queue};
+  return Error{ErrorKind::unit_failed,
+               fmt::format("{} of {} units did not pass; see turncal queue {}", tally.not_passed,
+                           tally.passed + tally.unjudged + tally.not_passed, options.queue)};
 }
 
 struct QueueOptions {
@@ -303,8 +299,8 @@ void add_record_options(const Command& command, RunRequest& request) {
 void add_watch_options(const Command& command, RunRequest& request) {
   command.option("--listen", request.session.listen,
                  "serve a read-only status page at this address (127.0.0.1:8080; port 0: any free port)");
-  command.option("--pace", request.session.pace, "run a dry run at most this many times as fast as the wall clock")
-      .positive();
+  command.option("--pace", request.session.pace, {is::positive},
+                 "run a dry run at most this many times as fast as the wall clock");
   command.flag("--verbose", request.session.verbose, "print every transition, as in run.log");
 }
 
@@ -320,11 +316,10 @@ void add_run_options(const Command& command, RunRequest& request) {
   command.flag("--verify", request.verify, "seek north with the new parameters after the calibration");
   command.flag("--until-sigma", request.until_sigma,
                "end as soon as the station's stop.sigma.* and limit.* are met with certainty (docs/design.md)");
-  command
-      .option("--settle", request.settle_minutes,
-              "time that the run may add to tell confounded effects apart (docs/design.md); default: settle.minutes of "
-              "the station")
-      .time(0.0, 60.0, "min");
+  command.option(
+      "--settle", request.settle_minutes, {is::time(0.0, 60.0, "min")},
+      "time that the run may add to tell confounded effects apart (docs/design.md); default: settle.minutes of "
+      "the station");
   add_record_options(command, request);
   add_watch_options(command, request);
 }
@@ -334,10 +329,8 @@ void add_run_command(CommandLine& line) {
       "run", "run a calibration: move the table, record the unit, estimate its parameters", run);
   RunRequest& request = options.request;
   command.flag("--manual", request.manual, "turn the table by hand: the operator is told what to do (docs/tables.md)");
-  command
-      .option("--unit", request.units,
-              "serial number of the unit; repeat it for several units, in the order of the station's places")
-      .one_word_each();
+  command.option("--unit", request.units, {is::one_word_each},
+                 "serial number of the unit; repeat it for several units, in the order of the station's places");
   command.option("--out", options.folder, "folder for the results; must not contain a run yet");
   command.option("--continue", request.continues,
                  "folder of a run: record more of its unit and diagnose both together (docs/design.md); default of "
@@ -353,8 +346,9 @@ void add_resume_command(CommandLine& line) {
   const auto [command, options] =
       line.command<RunOptions>("resume", "resume an interrupted run after its last complete dwell", resume);
   RunRequest& moved = options.request;
-  command.option("folder", options.folder, "the run's folder").required();
-  command.option("--unit", moved.units, "serial number expected there; repeat it for several units").one_word_each();
+  command.option("folder", options.folder, {is::required}, "the run's folder");
+  command.option("--unit", moved.units, {is::one_word_each},
+                 "serial number expected there; repeat it for several units");
   command.option("--rig", moved.rig, "rig configuration, if it was moved");
   command.option("--sequence", moved.sequence, "sequence, if it was moved");
   command.option("--station", moved.station, "station configuration, if it was moved");
@@ -366,7 +360,7 @@ void add_resume_command(CommandLine& line) {
 void add_journal_command(CommandLine& line) {
   const auto [command, options] =
       line.command<JournalOptions>("journal", "print the journal of a run, one line a record", print_journal);
-  command.option("folder", options.folder, "the run's folder").required();
+  command.option("folder", options.folder, {is::required}, "the run's folder");
   command.format(options.format, "print every field of every record in this form");
 }
 
@@ -374,16 +368,16 @@ void add_batch_command(CommandLine& line) {
   const auto [command, options] =
       line.command<BatchOptions>("batch", "calibrate the units of a queue one after the other, unattended", run_batch);
   RunRequest& request = options.request;
-  command.option("queue", options.queue, "file with one serial number a line").required();
-  command.option("--out", options.out, "folder for the units' folders").required();
-  command.option("--at-once", options.at_once, "units on the table at the same time; default: 1").range(1, 16);
+  command.option("queue", options.queue, {is::required}, "file with one serial number a line");
+  command.option("--out", options.out, {is::required}, "folder for the units' folders");
+  command.option("--at-once", options.at_once, {is::in(1, 16)}, "units on the table at the same time; default: 1");
   add_run_options(command, request);
 }
 
 void add_queue_command(CommandLine& line) {
   const auto [command, options] =
       line.command<QueueOptions>("queue", "show or change the queue of a batch, also while it runs", show_queue);
-  command.option("queue", options.queue, "file with one serial number a line").required();
+  command.option("queue", options.queue, {is::required}, "file with one serial number a line");
   command.option("--add", options.change.add, "serial numbers to add at the end");
   command.option("--remove", options.change.remove, "serial numbers to remove");
   command.option("--again", options.change.again, "serial numbers to calibrate again");

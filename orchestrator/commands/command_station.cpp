@@ -1,11 +1,4 @@
-// `turncal commission`: is the table what its map or dialect says, and does the unit feel its axes as it should? (docs/twin.md)
-//
-// `turncal monitor`: looks at the station's table and unit, one line a second; moves nothing, and sees the drives off when it ends
-// (docs/twin.md).
-//
-// `turncal twin`: serves the rig outside, as the table and the unit that the station file describes, until a signal ends it (docs/twin.md).
-//
-// `turncal serve`: what several stations do, on a page of a process of its own, whether a run is going on or not.
+// `turncal check`; `commission`, `monitor` and `twin` (docs/twin.md); `serve`: a page of several stations, by a process of its own.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -13,9 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <iterator>
-#include <memory>
 #include <thread>
-#include <vector>
 
 #include "imu_io/base/console.h"
 #include "imu_io/base/format_number.h"
@@ -26,8 +17,6 @@
 #include "orchestrator/devices/live_devices.h"
 #include "orchestrator/devices/rig_twin.h"
 #include "orchestrator/devices/stop_signals.h"
-#include "orchestrator/figures/report_format.h"
-#include "orchestrator/jobs/command_context.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/jobs/run_request.h"
@@ -56,12 +45,6 @@ std::vector<std::string> guesses_of(const StationConfig& station, bool moving, b
 }
 
 namespace {
-
-std::string determines_text(const Step& step) {
-  std::string text;
-  for (const std::string& key : step.determines) text += (text.empty() ? "  determines " : " ") + key;
-  return text;
-}
 
 void print_item(const PlannedItem& item, std::ostream& out) {
   const std::string start = format_duration(item.start_s);
@@ -110,7 +93,8 @@ void print_plan(const Sequence& sequence, const StationConfig& station, const Pl
   for (const PlannedItem& item : plan.items) {
     if (item.step_index == shown_steps) {
       const Step& step = sequence.steps[shown_steps++];
-      out << "\nStep " << step.number << "  " << step.title << determines_text(step) << "\n";
+      out << fmt::format("\nStep {}  {}{}{}\n", step.number, step.title, step.determines.empty() ? "" : "  determines ",
+                         fmt::join(step.determines, " "));
     }
     print_item(item, out);
   }
@@ -122,6 +106,17 @@ std::string caution_of(const TableConfig& table) {
 }
 
 bool is_commissioned(const TableConfig& table) { return !table.described() || table.described()->commissioned; }
+
+// What decides what moves, or what heats, has to be more than a guess.
+Status check_guesses(const StationConfig& station, bool heating, bool accepted) {
+  const std::vector<std::string> guesses = guesses_of(station, !heating, heating);
+  if (guesses.empty() || accepted) return {};
+  const std::string more = !heating && guesses.size() > 1 ? fmt::format(", and {} more lines", guesses.size() - 1) : "";
+  return input_error(
+      fmt::format("{}{}: it decides what {}: expected a line checked against the {}'s manual, without its [guess], or "
+                  "--accept-guess (turncal check --explain shows what is sent)",
+                  guesses.front(), more, heating ? "heats" : "moves", heating ? "chamber" : "table"));
+}
 
 // What the station's files still lack: `blocks` keeps every run from it, `doubts` are for somebody to look at.
 struct Against {
@@ -161,27 +156,17 @@ std::string chamber_line(const ChamberConfig& chamber) {
                      described.verified_on_hardware ? "" : "; not verified on hardware");
 }
 
-void print_chamber(const StationConfig& station, std::ostream& out) {
+void print_devices(const StationConfig& station, std::ostream& out) {
+  const TableConfig& table = station.table;
+  if (const TableDescription* const described = table.described())
+    out << fmt::format(
+        "Table     {} ({})\nMove      shown from 0 to {:.10g} deg at {:.10g} deg/s and {:.10g} deg/s^2\n\n{}\n",
+        described->file, described->name, shown_move.position_deg, shown_move.rate_degps,
+        shown_move.acceleration_degps2, format_rows(table.map ? explain(*table.map) : explain(*table.dialect)));
+  else
+    out << "The table is not described by a map or a dialect: there is nothing to explain.\n";
   if (station.chamber)
     out << chamber_line(*station.chamber) << "\n\n" << format_rows(explain(station.chamber->described)) << "\n";
-}
-
-void print_table(const StationConfig& station, std::ostream& out) {
-  const TableConfig& table = station.table;
-  const TableDescription* const described = table.described();
-  if (described == nullptr) {
-    out << "The table is not described by a map or a dialect: there is nothing to explain.\n";
-    return;
-  }
-  out << fmt::format(
-      "Table     {} ({})\nMove      shown from 0 to {:.10g} deg at {:.10g} deg/s and {:.10g} deg/s^2\n\n{}\n",
-      described->file, described->name, shown_move.position_deg, shown_move.rate_degps, shown_move.acceleration_degps2,
-      format_rows(table.map ? explain(*table.map) : explain(*table.dialect)));
-}
-
-Status check(const CheckOptions& options, CommandContext& context) {
-  context.exit_code = run_check(options, context.out, context.err);
-  return {};
 }
 
 struct Options {
@@ -261,20 +246,13 @@ Status run_commission(const Options& options, CommandContext& context) {
   if (options.chamber && !station.chamber)
     return input_error("--chamber: station '" + station.name + "' has no chamber: expected chamber.file in its file");
   if (station.simulated()) context.tag = simulated_tag;
-  if (const auto guesses = options.chamber ? guesses_of(station, false, true) : std::vector<std::string>();
-      !guesses.empty() && !options.accept_guess)
-    return input_error(guesses.front() +
-                       ": it decides what heats: expected a line checked against the chamber's manual, without its "
-                       "[guess], or --accept-guess (turncal check --explain shows what is sent)");
-  if (options.chamber) return commission_chamber(station, context);
+  if (options.chamber) {
+    TRY(check_guesses(station, true, options.accept_guess));
+    return commission_chamber(station, context);
+  }
   if (station.table.driver == TableDriver::manual)
     return input_error("station '" + station.name + "': a table turned by hand has nothing to commission");
-  if (station.simulated()) context.tag = simulated_tag;
-  if (const std::vector<std::string> guesses = guesses_of(station, true); !guesses.empty() && !options.accept_guess)
-    return input_error(guesses.front() +
-                       (guesses.size() > 1 ? ", and " + std::to_string(guesses.size() - 1) + " more lines" : "") +
-                       ": it decides what moves: expected a line checked against the table's manual, without its "
-                       "[guess], or --accept-guess (turncal check --explain shows what is sent)");
+  TRY(check_guesses(station, false, options.accept_guess));
   const StopSignals signals;
   std::unique_ptr<LiveDevices> live = TRY(LiveDevices::make(station, StopSignals::requests(), context.out));
   const LinePrefix marked(context.out, context.tag);
@@ -455,40 +433,33 @@ Status serve(const ServeOptions& options, CommandContext& context) {
 
 }  // namespace
 
-int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err) {
-  const auto refuse = [&err](const Error& error) {
-    err << in_tone(err, Tone::bad, error_prefix) << error.message << "\n";
-    return exit_code(error.kind);
-  };
+Status run_check(const CheckOptions& options, CommandContext& context) {
+  std::ostream& out = context.out;
   const Result<StationConfig> station = read_station_config(options.station);
-  if (options.explain && station) {
-    print_table(*station, out);
-    print_chamber(*station, out);
-  }
+  if (options.explain && station) print_devices(*station, out);
   if (options.sequence.empty()) {
-    if (!station) return refuse(station.error());
-    if (!options.explain) return refuse(input_error("--sequence is required: the sequence file (or --explain alone)"));
+    if (!station) return station.error();
+    if (!options.explain) return input_error("--sequence is required: the sequence file (or --explain alone)");
     const Against found = against(*station);
     for (const std::vector<std::string>& lines : {found.blocks, found.doubts})
-      for (const std::string& line : lines) err << "warning: " << line << "\n";
-    return 0;
+      for (const std::string& line : lines) context.warn(line);
+    return {};
   }
   Result<Sequence> sequence = read_sequence(options.sequence);
   const Result<RecordingInfo> info = station ? info_of(*station) : Result<RecordingInfo>(RecordingInfo{});
   for (const Error* error :
-       {station ? nullptr : &station.error(), info ? nullptr : &info.error(), sequence ? nullptr : &sequence.error()}) {
-    if (error != nullptr) refuse(*error);
-  }
-  if (!station || !sequence || !info) return exit_code(ErrorKind::input);
+       {station ? nullptr : &station.error(), info ? nullptr : &info.error(), sequence ? nullptr : &sequence.error()})
+    if (error != nullptr) context.fail({ErrorKind::input, error->message});
+  if (!station || !sequence || !info) return {};
   // A station whose unit is the rig's is rehearsed with --dry-run; a real unit does not feel what a mock table does.
   if (station->table.driver == TableDriver::mock && station->imu_driver != ImuDriver::rig)
-    return refuse(check_real_devices(*station).error());
+    return check_real_devices(*station);
   Against found = against(*station);
   const PlanLimits limits = plan_limits(*station, info->sample_period_s);
   Plan plan = make_plan(*sequence, limits);
   const std::vector<std::string> keys = undetermined_by(*sequence, plan, *info);
   if ((station->verify_run || options.verify) && keys.empty()) {  // as a run does, but with --partial
-    if (const Result<int> from = append_north_seeking(*station, *sequence); !from) return refuse(from.error());
+    static_cast<void>(TRY(append_north_seeking(*station, *sequence)));
     plan = make_plan(*sequence, limits);
   }
   print_plan(*sequence, *station, plan, out);
@@ -508,8 +479,8 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
   const bool only_storage = plan.ok() && found.blocks.empty() && !refused.empty();
   found.blocks.insert(found.blocks.begin(), plan.violations.begin(), plan.violations.end());
   for (const Error& error : refused) found.blocks.push_back(error.message);
-  for (const std::string& line : found.blocks) refuse({ErrorKind::input, line});
-  for (const std::string& line : found.doubts) err << "warning: " << line << "\n";
+  for (const std::string& line : found.blocks) context.fail(input_error(line));
+  for (const std::string& line : found.doubts) context.warn(line);
   if (refused.empty()) out << "\nOutput folder, disk space, hooks and due dates are in order.\n";
   // The last lines stand by themselves: the plan above them is longer than a screen.
   const bool good = found.blocks.empty();
@@ -519,12 +490,13 @@ int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err)
               : "\nThe station can run this sequence with --partial or --capture-only; without, it is refused.\n");
   for (const std::string& line : found.blocks) out << "  " << line << "\n";
   for (const std::string& line : found.doubts) out << "  warning: " << line << "\n";
-  return good ? 0 : exit_code(only_storage ? refused.front().kind : ErrorKind::input);
+  if (only_storage) context.exit_code = exit_code(refused.front().kind);
+  return {};
 }
 
 void add_check_command(CommandLine& line) {
   const auto [command, options] =
-      line.command<CheckOptions>("check", "validate station and sequence, print the plan; nothing moves", check);
+      line.command<CheckOptions>("check", "validate station and sequence, print the plan; nothing moves", run_check);
   command.option("--station", options.station, "station configuration; default: the built-in rig station");
   command.option("--sequence", options.sequence, "sequence file; needed unless --explain is given");
   command.flag(
@@ -534,52 +506,50 @@ void add_check_command(CommandLine& line) {
   command.option("--override-due", options.overdue_reason,
                  "reason for using a table whose calibration is overdue, as for run");
   command.option("--out", options.out, "folder of the run: check that it can be written and has room");
-  command.option("--unit", options.units, "serial number of a unit").one_word_each();
+  command.option("--unit", options.units, {is::one_word_each}, "serial number of a unit");
 }
 
 void add_commission_command(CommandLine& line) {
   const auto [command, options] = line.command<Options>(
       "commission", "compare a table with known angles, then move each axis a little and check that the unit senses it",
       run_commission);
-  command.option("--station", options.station, "station configuration").required();
-  const Option heading = command.option("--heading", options.heading, "angle of the heading axis now, degrees; not 0");
-  const Option pitch = command.option("--pitch", options.pitch, "the same of the pitch axis");
-  const Option roll = command.option("--roll", options.roll, "the same of the roll axis");
-  heading.needs(pitch).needs(roll);
-  pitch.needs(heading);
-  roll.needs(heading);
+  command.option("--station", options.station, {is::required}, "station configuration");
+  CLI::Option* const heading =
+      command.option("--heading", options.heading, "angle of the heading axis now, degrees; not 0");
+  CLI::Option* const pitch = command.option("--pitch", options.pitch, "the same of the pitch axis");
+  CLI::Option* const roll = command.option("--roll", options.roll, "the same of the roll axis");
+  for (CLI::Option* const tilt : {pitch, roll}) {
+    needs(heading, tilt);
+    needs(tilt, heading);
+  }
   command.flag("--accept-guess", options.accept_guess,
                "go ahead although lines that decide what moves are marked as guesses");
   command.flag("--chamber", options.chamber, "try the chamber alone: 2 C both ways, then off; nothing turns");
-  command.option("--tolerance", options.tolerance_deg, "tolerance of these angles, degrees").positive();
-  command.option("--move", options.settings.move_deg, "travel of each axis, degrees").range(0.5, 30.0);
-  command.option("--pose", options.settings.pose_deg, "largest tilt of pitch and roll to compare gravity, degrees")
-      .range(30.0, 90.0);
-  command
-      .option("--gyro-pulse-arcsec", options.settings.gyro_pulse_arcsec,
-              "nominal weight of a gyro pulse, to check the scale of the gyros against the table")
-      .positive();
+  command.option("--tolerance", options.tolerance_deg, {is::positive}, "tolerance of these angles, degrees");
+  command.option("--move", options.settings.move_deg, {is::in(0.5, 30.0)}, "travel of each axis, degrees");
+  command.option("--pose", options.settings.pose_deg, {is::in(30.0, 90.0)},
+                 "largest tilt of pitch and roll to compare gravity, degrees");
+  command.option("--gyro-pulse-arcsec", options.settings.gyro_pulse_arcsec, {is::positive},
+                 "nominal weight of a gyro pulse, to check the scale of the gyros against the table");
 }
 
 void add_monitor_command(CommandLine& line) {
   const auto [command, options] = line.command<MonitorOptions>(
       "monitor", "show a station's table and unit, one line a second; nothing moves", run_monitor);
-  command.option("--station", options.station, "station configuration").required();
-  command.option("--seconds", options.seconds, "how long, in the station's time; default: until a signal")
-      .time(0.001, 1e9);
+  command.option("--station", options.station, {is::required}, "station configuration");
+  command.option("--seconds", options.seconds, {is::time(0.001, 1e9)},
+                 "how long, in the station's time; default: until a signal");
 }
 
 void add_twin_command(CommandLine& line) {
   const auto [command, options] = line.command<TwinCommandOptions>(
       "twin", "serve the simulated table and unit of a station on real lines", run_twin);
-  command.option("--station", options.station, "station configuration: its lines, map or dialect, and frame")
-      .required();
+  command.option("--station", options.station, {is::required},
+                 "station configuration: its lines, map or dialect, and frame");
   command.option("--rig", options.rig,
                  "rig configuration (docs/rig.md); default: rig.file of the station, or the built-in one");
-  command
-      .option("--speed-up", options.settings.speed_up,
-              "how many times faster than the wall clock; default: clock.speed_up")
-      .range(0.01, 1000.0);
+  command.option("--speed-up", options.settings.speed_up, {is::in(0.01, 1000.0)},
+                 "how many times faster than the wall clock; default: clock.speed_up");
   command.option("--table", options.settings.table,
                  "tcp:PORT (0: any free one), pty or pty:LINK; default: as the station says");
 }
@@ -587,8 +557,8 @@ void add_twin_command(CommandLine& line) {
 void add_serve_command(CommandLine& line) {
   const auto [command, options] = line.command<ServeOptions>(
       "serve", "serve a page that shows what the stations do and what waits for a person", serve);
-  command.option("stations", options.file, "file with the stations, their queues and folders").required();
-  command.option("--listen", options.listen, "address and port of the page").default_in_help();
+  command.option("stations", options.file, {is::required}, "file with the stations, their queues and folders");
+  command.option("--listen", options.listen, {is::default_in_help}, "address and port of the page");
 }
 
 }  // namespace turncal

@@ -1,29 +1,21 @@
-// `turncal verify`: north seeking on the table with a calibration (Wang (2020), 4.2), and `--references`: readings of references beside
-// those of the unit (4.3). The table is moved and the unit recorded as in a run (run.h), with verify.seq in place of the fourteen
-// steps; an interrupted one is taken up by `turncal resume DIR`; judged again by `turncal verify --recording DIR`.
-//
-// `turncal certificate RUN... --station FILE --out HTML [--pdf FILE] [--specimen]`: the paper that goes to the customer (docs/certificate.md);
-// `--check HTML`: whether one is unaltered.
+// `turncal verify`: north seeking on the table with a calibration (Wang (2020), 4.2), recorded as a run with verify.seq in place of the
+// fourteen steps, and `--references`: readings of references beside those of the unit (4.3). `turncal certificate` (docs/certificate.md).
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <string>
-#include <vector>
 
 #include "calib/types/status.h"
 #include "imu_io/base/atomic_file.h"
-#include "imu_io/base/clock.h"
 #include "imu_io/base/console.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/commands/commands.h"
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/certificate.h"
-#include "orchestrator/report/document.h"
-#include "orchestrator/station/station_config.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -65,8 +57,7 @@ Status verify_by_references(const VerifyOptions& options, CommandContext& contex
   const ReferenceReport report = TRY(verify_references(options.references));
   if (!options.folder.empty()) {
     OutputFolder folder = TRY(OutputFolder::prepare(options.folder, {}));
-    const std::string file = folder.file("references.conf");
-    TRY(write_file_atomically(file, format_references(report)));
+    TRY(write_file_atomically(folder.file("references.conf"), format_references(report)));
     folder.keep();
   }
   context.out << (options.format.empty() ? as_text(reference_document(report))
@@ -96,12 +87,10 @@ Status judge_again(const VerifyOptions& options, CommandContext& context) {
   const std::string conf = format_verification(report);
   TRY(write_file_atomically(file, conf));
   folder.keep();
-  if (options.format.empty()) {
+  if (!printed_as(options.format, conf, context.out)) {
     const LinePrefix marked(context.out,
                             report.info.simulated && context.tag.empty() ? std::string(simulated_tag) : context.tag);
     context.out << as_text(verification_document(report)) << "verification  " << file << std::endl;
-  } else {
-    context.out << key_values_as(options.format, conf) << std::flush;
   }
   return verification_status("unit " + report.info.unit_serial, report.verdict);
 }
@@ -142,10 +131,9 @@ Status add_verification(const std::string& folder, const ParameterFile& file, Ce
     return input_error(path + ": is of another " + what + " than " + parameters_name +
                        ": expected the verification of this result (turncal verify --recording judges it again)");
   };
-  const std::string calibration = TRY(calibration_hash(file));
   if (report.info.unit_serial != file.unit_serial) return other("unit");
   if (report.recording_hash != file.recording_hash) return other("recording");
-  if (report.calibration_hash != calibration) return other("calibration");
+  if (report.calibration_hash != TRY(calibration_hash(file))) return other("calibration");
   if (in_verdict != nullptr &&
       *in_verdict != std::string(to_string(report.verdict)) + ": " + verification_words(report))
     return other("judgement");
@@ -178,8 +166,8 @@ Result<std::string> make_certificate(const CertificateOptions& options) {
     const std::string text = TRY(read_whole_file(path));
     ParameterFile file = TRY(parse_parameter_file(text, path));
     if (!runs.empty() && file.unit_serial != runs.front().unit_serial)
-      return input_error(path + ": of unit " + file.unit_serial + ", expected " + runs.front().unit_serial +
-                         ": a certificate is of one unit");
+      return input_error(fmt::format("{}: of unit {}, expected {}: a certificate is of one unit", path,
+                                     file.unit_serial, runs.front().unit_serial));
     if (!runs.empty() && file.time_utc < runs.back().time_utc)
       return input_error(path + ": older than the run before it: expected the oldest first, the last one is certified");
     const std::string why = objection(file);
@@ -212,18 +200,14 @@ Result<std::string> make_certificate(const CertificateOptions& options) {
   return certificate_page(certificate);
 }
 
-Status check(const std::string& path, CommandContext& context) {
-  std::string page = TRY(read_whole_file(path));
-  const std::string hash = TRY(check_certificate(std::move(page), path));
-  context.out << path << ": unaltered, hash " << hash << '\n';
-  return {};
-}
-
 Status certify(const CertificateOptions& options, CommandContext& context) {
   if (!options.check.empty()) {
     if (!options.runs.empty() || !options.station.empty() || !options.html.empty() || !options.pdf.empty())
       return input_error("--check: expected no other option: it reads a certificate that was issued");
-    return check(options.check, context);
+    std::string page = TRY(read_whole_file(options.check));
+    const std::string hash = TRY(check_certificate(std::move(page), options.check));
+    context.out << options.check << ": unaltered, hash " << hash << '\n';
+    return {};
   }
   if (options.runs.empty() || options.station.empty() || options.html.empty())
     return input_error("expected the folder of a run, --station and --out; or --check alone");
@@ -257,10 +241,8 @@ void add_verify_command(CommandLine& line) {
   command.option("--rig", run.rig, "rig configuration (docs/rig.md); default: the built-in one");
   command.option("--sequence", run.sequence, "sequence in place of verify.seq: align sets the zero, dwell counts");
   command.option("--recording", options.recording, "judge an earlier recording; nothing moves");
-  command
-      .option("--from-step", options.first_step,
-              "with --recording: step at which the north seeking begins, after a calibration")
-      .range(0, 1'000'000);
+  command.option("--from-step", options.first_step, {is::in(0, 1'000'000)},
+                 "with --recording: step at which the north seeking begins, after a calibration");
   command.option("--references", options.references,
                  "CSV of readings: heading_deg, roll_deg, pitch_deg and the same with the prefix reference_");
   command.format(options.format, "with --recording or --references: print the result in this form instead of text");

@@ -1,17 +1,109 @@
-// The commands, in the order in which `turncal --help` lists them; main.cpp registers them. Those of one kind are one file.
+// The commands: `turncal COMMAND ...`, in the order in which `turncal --help` lists them; main.cpp registers them. Those of one kind are
+// one file. They declare their options with the classes below; what the parser (CLI11) makes of them is command_line.cpp's alone.
+//
+// Exit codes are those of calib/types/status.h; every error is one line on `err`. Nothing throws out of here.
 #pragma once
 
+#include <functional>
+#include <memory>
+#include <optional>
 #include <ostream>
 #include <string>
+#include <utility>
+#include <variant>
 #include <vector>
 
 #include "imu_io/base/clock.h"
-#include "orchestrator/commands/command_line.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/command_context.h"
+#include "orchestrator/report/document.h"
 #include "orchestrator/station/station_config.h"
 
+namespace CLI {
+class App;
+class Option;
+}  // namespace CLI
+
 namespace turncal {
+
+// What is expected of an option's value; one that breaks it is an input error.
+using Condition = std::function<void(CLI::Option&)>;
+namespace is {
+void required(CLI::Option& option);
+void positive(CLI::Option& option);
+void not_negative(CLI::Option& option);
+void one_word_each(CLI::Option& option);  // of a list: the option stands before every word of it
+void default_in_help(CLI::Option& option);
+Condition words(int count);       // of a list: just as many
+Condition in(int low, int high);  // both included
+Condition in(double low, double high);
+Condition one_of(const std::vector<std::string>& values);
+// A time with its unit (90s, 40min, 2h, 30d), from low to high; a bare number is in `unit`, and so are low, high and the value.
+Condition time(double low, double high, const std::string& unit = "s");
+}  // namespace is
+void needs(CLI::Option* option, CLI::Option* other);  // is given only beside it
+
+// What an option fills; it must live as long as the parser.
+struct Place {
+  template <class Value>
+  Place(Value& filled) : value(&filled) {}
+  std::variant<std::string*, double*, std::optional<double>*, int*, std::size_t*, std::vector<std::string>*,
+               std::vector<std::int64_t>*>
+      value;
+};
+
+class Command {
+ public:
+  explicit Command(CLI::App* app) : app_(app) {}
+
+  // A name without dashes is a word that stands by itself.
+  CLI::Option* option(const std::string& name, const Place& place, const std::vector<Condition>& conditions,
+                      const std::string& help) const;
+  CLI::Option* option(const std::string& name, const Place& place, const std::string& help) const {
+    return option(name, place, {}, help);
+  }
+  void flag(const std::string& name, bool& value, const std::string& help) const;
+  // --format, for what other programs read.
+  void format(std::string& value, const std::string& help) const;
+
+ private:
+  friend class CommandLine;
+  CLI::App* app_;
+};
+
+class CommandLine {
+ public:
+  CommandLine(CLI::App& app, CommandContext& context) : app_(app), context_(context) {}
+
+  // A command and its options, which `job` is given. An error of it is said and becomes the exit code.
+  template <class Options>
+  std::pair<Command, Options&> command(const std::string& name, const std::string& help,
+                                       Status (*job)(const Options&, CommandContext&)) {
+    const auto options = std::make_shared<Options>();
+    return {add(name, help, [job, options, &context = context_] { return job(*options, context); }), *options};
+  }
+  // A command that has only actions, each a command of what is returned: `turncal records check DB`.
+  CommandLine family(const std::string& name, const std::string& help);
+  void set_group(const std::string& group) { group_ = group; }  // of those that are added next, in --help
+
+ private:
+  Command add(const std::string& name, const std::string& help, std::function<Status()> job);
+  CLI::App* add(const std::string& name, const std::string& help);  // with its examples
+  CLI::App& app_;
+  CommandContext& context_;
+  std::string group_ = "Actions";
+};
+
+using AddCommand = void(CommandLine& line);  // adds one command
+// As `turncal --help` lists them.
+struct CommandGroup {
+  std::string name;
+  std::vector<AddCommand*> commands;
+};
+
+// `help X` is X --help. A name that a command had in the version before is answered with the new one, and works.
+int run_command_line(int argc, const char* const* argv, const std::vector<CommandGroup>& groups,
+                     CommandContext& context);
 
 AddCommand add_run_command, add_resume_command, add_campaign_command, add_check_command, add_commission_command,
     add_monitor_command, add_twin_command, add_verify_command, add_journal_command, add_import_command,
@@ -49,13 +141,19 @@ class Phases {
   double drawn_s_ = -1e9;
 };
 
+// A result in a form for programs, of the text of its file. False: none was asked for.
+inline bool printed_as(const std::string& format, const std::string& conf, std::ostream& out) {
+  if (!format.empty()) out << key_values_as(format, conf) << std::flush;
+  return !format.empty();
+}
+
 struct RunRequest;
 // Options that several commands have.
 void add_record_options(const Command& command, RunRequest& request);
 void add_watch_options(const Command& command, RunRequest& request);
 
 // `turncal check`: validates station and sequence before anything moves, and prints the plan. Exit code 0 when the station may run the
-// sequence; else 1 and one line for each problem on `err`. Nothing is written, opened or moved.
+// sequence; else 1 and one line for each problem. Nothing is written, opened or moved.
 struct CheckOptions {
   std::string station;   // file; empty: the built-in rig station
   std::string sequence;  // file
@@ -65,7 +163,7 @@ struct CheckOptions {
   bool verify = false;
   bool explain = false;  // explain the table, too; without a sequence, only that
 };
-int run_check(const CheckOptions& options, std::ostream& out, std::ostream& err);
+Status run_check(const CheckOptions& options, CommandContext& context);
 
 // "FILE:LINE: KEY is a guess" of each line of the table's file, and of the unit's frame, that is one; moving: of those alone that
 // decide what moves.

@@ -18,7 +18,6 @@
 #include "calib/rests/single_pose.h"
 #include "calib/statistics/clipping.h"
 #include "calib/statistics/data_screen.h"
-#include "calib/statistics/segmentation.h"
 #include "calib/statistics/unit_slip.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
@@ -68,6 +67,12 @@ bool overlap(const LoadedRecording& earlier, const LoadedRecording& later) {
 }
 
 }  // namespace
+
+std::vector<const LoadedRecording*> each_of(const std::vector<LoadedRecording>& recordings) {
+  std::vector<const LoadedRecording*> each;
+  for (const LoadedRecording& recording : recordings) each.push_back(&recording);
+  return each;
+}
 
 Result<Segmentation> find_rests(RecordingSource& source, const SegmentationOptions& options) {
   RestFinder finder(source.info(), options);
@@ -135,35 +140,37 @@ Result<LoadedRecording> load_recording(const std::string& path, const std::funct
 }
 
 Status check_data(const LoadedRecording& loaded) {
-  if (!loaded.dead_channel.empty()) return Error{ErrorKind::unit_failed, loaded.path + ": " + loaded.dead_channel};
-  if (const std::string wrong = loaded.by_hand ? "" : wrong_table_units(loaded.data); !wrong.empty())
-    return Error{ErrorKind::unit_failed, loaded.path + ": " + wrong};
+  std::string wrong = loaded.dead_channel;
+  if (wrong.empty() && !loaded.by_hand) wrong = wrong_table_units(loaded.data);
+  if (!wrong.empty()) return Error{ErrorKind::unit_failed, loaded.path + ": " + wrong};
   const std::vector<Block>& blocks = loaded.data.blocks;
   if (std::ranges::any_of(blocks, [](const Block& block) { return block.whole_second; })) return {};
   return input_error(loaded.path + ": not one whole second at rest: expected dwells to calibrate from");
 }
 
+namespace {
+
+// An error when two of them are the same, or they are not of one unit, recorded in one way, and all with table angles or all without.
 Status check_same_unit(const std::vector<const LoadedRecording*>& recordings) {
   const LoadedRecording& first = *recordings.front();
   const auto kind = [](IncrementKind k) { return std::string(k == IncrementKind::pulses ? "pulses" : "rad or mps"); };
   for (const LoadedRecording* one : recordings) {
     const RecordingInfo &info = one->data.info, &expected = first.data.info;
-    const auto refuse = [&](const std::string& key, const std::string& value, const std::string& instead) -> Status {
-      return input_error(one->path + ": " + key + " = '" + value + "': expected '" + instead + "', as in " +
-                         first.path);
+    const auto keys = [&](const RecordingInfo& of) -> std::vector<std::pair<std::string, std::string>> {
+      const bool pulses = expected.accel_increment == IncrementKind::pulses;
+      return {{"unit_serial", of.unit_serial},
+              {"gyro_increment", kind(of.gyro_increment)},
+              {"accel_increment", kind(of.accel_increment)},
+              {"accel_pulse_mps", pulses ? format_number(of.accel_pulse_mps) : ""},
+              {"simulated", of.simulated ? "true" : "false"}};
     };
-    if (info.unit_serial != expected.unit_serial) return refuse("unit_serial", info.unit_serial, expected.unit_serial);
-    if (info.gyro_increment != expected.gyro_increment)
-      return refuse("gyro_increment", kind(info.gyro_increment), kind(expected.gyro_increment));
-    if (info.accel_increment != expected.accel_increment)
-      return refuse("accel_increment", kind(info.accel_increment), kind(expected.accel_increment));
-    if (expected.accel_increment == IncrementKind::pulses && info.accel_pulse_mps != expected.accel_pulse_mps)
-      return refuse("accel_pulse_mps", format_number(info.accel_pulse_mps), format_number(expected.accel_pulse_mps));
-    if (info.simulated != expected.simulated)
-      return refuse("simulated", info.simulated ? "true" : "false", expected.simulated ? "true" : "false");
+    const auto found = keys(info), wanted = keys(expected);
+    if (const auto [is, instead] = std::ranges::mismatch(found, wanted); is != found.end())
+      return input_error(fmt::format("{}: {} = '{}': expected '{}', as in {}", one->path, is->first, is->second,
+                                     instead->second, first.path));
     if (one->by_hand != first.by_hand)
-      return input_error(one->path + ": expected a recording " + (first.by_hand ? "without" : "with") +
-                         " table angles, as " + first.path);
+      return input_error(fmt::format("{}: expected a recording {} table angles, as {}", one->path,
+                                     first.by_hand ? "without" : "with", first.path));
     // The rig's clock begins every dry run at the same time.
     const auto meanwhile = std::ranges::find_if(recordings, [&](const LoadedRecording* other) {
       return other != one && !info.simulated && overlap(*other, *one);
@@ -177,8 +184,6 @@ Status check_same_unit(const std::vector<const LoadedRecording*>& recordings) {
   }
   return {};
 }
-
-namespace {
 
 void note_data(const LoadedRecording& recording, std::vector<std::string>& notes) {
   if (const std::string damage = describe(recording.damage); !damage.empty()) notes.push_back(damage);
@@ -197,6 +202,12 @@ Status closed_form(const CompressedRecording& recording, CalibrationOutput& outp
   output.notes.push_back(
       fmt::format("closed form: settled after {} passes over {} samples", result.passes, recording.samples));
   return {};
+}
+
+// Where the unit is mounted another way than the table's axes.
+void note_mounting(const JointResult& result, std::vector<std::string>& notes) {
+  if (!result.start.mounting_text.empty())
+    notes.push_back("the unit is mounted " + result.start.mounting_text + " against the table's axes");
 }
 
 void note_joint(const JointResult& result, double sample_period_s, std::vector<std::string>& notes) {
@@ -237,6 +248,17 @@ std::string distrust_of(const CompressedRecording& recording, const JointResult&
   return wrong.empty() ? "" : "the model does not fit: " + wrong;
 }
 
+// Why a recording leaves parameters open, as "expected slower turns, ...": data that no model fits take the noise so high that it hides the
+// rest.
+std::string why_open(const CompressedRecording& recording, const JointResult& result) {
+  if (const std::string clipped = clipped_gyros(recording); !clipped.empty())
+    return "expected slower turns, " + clipped;
+  if (const std::string wrong = wrong_latitude(recording, result); !wrong.empty())
+    return "expected the site's latitude, " + wrong;
+  const std::string misfit = distrust_of(recording, result, true);
+  return misfit.empty() ? "expected the steps that do" : misfit;
+}
+
 Status joint(const CompressedRecording& recording, const CalibrationRequest& request, CalibrationOutput& output) {
   JointOptions options;
   options.candidates = latitude_columns();
@@ -267,10 +289,9 @@ Status rests_by_hand(const CompressedRecording& recording, bool partial, Calibra
   const RestFit fit = TRY(fit_rests(data, EffectModel{}));
   if (!fit.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + fit.message};
   if (!fit.undetermined.empty() && !partial) {
-    std::string keys;
-    for (const std::string& key : fit.undetermined) keys += " " + key;
-    return not_determined("these rests and rotations do not determine" + keys +
-                          ": expected more of them, about other axes");
+    return not_determined(
+        fmt::format("these rests and rotations do not determine {}: expected more of them, about other axes",
+                    fmt::join(fit.undetermined, " ")));
   }
   const std::string unjudged = why_not_tested(data, fit);
   if (!unjudged.empty() && !partial)
@@ -278,9 +299,8 @@ Status rests_by_hand(const CompressedRecording& recording, bool partial, Calibra
   describe_rest_fit(fit, as_joint(fit, {}, data), data, output.file);
   describe_trust(unjudged.empty(), output.file);
   if (!unjudged.empty()) output.notes.push_back(output.distrust = "not tested: " + unjudged);
-  output.notes.push_back(std::string(no_table_angles) + ": " + std::to_string(data.rests.size()) + " rests and " +
-                         std::to_string(data.legs.size()) + " rotations by hand, settled after " +
-                         std::to_string(fit.iterations) + " iterations");
+  output.notes.push_back(fmt::format("{}: {} rests and {} rotations by hand, settled after {} iterations",
+                                     no_table_angles, data.rests.size(), data.legs.size(), fit.iterations));
   output.notes.push_back("errors: " + plain(error_text(fit.errors)));
   output.notes.push_back("cross-validation: " + plain(error_text(fit.left_out)));
   for (std::size_t k = 0; k < data.legs.size(); ++k)
@@ -329,8 +349,8 @@ Status check_together(const Recordings& fitted, const Recordings& holdouts) {
       const double is = one->data.info.*value, expected = first.data.info.*value;
       const bool alike = value == &RecordingInfo::sample_period_s ? same_sample_period(is, expected) : is == expected;
       if (alike) return {};
-      return input_error(one->path + ": " + key + " = " + format_number(is) + ": expected " + format_number(expected) +
-                         ", as in " + first.path);
+      return input_error(fmt::format("{}: {} = {}: expected {}, as in {}", one->path, key, format_number(is),
+                                     format_number(expected), first.path));
     };
     TRY(same("sample_period_s", &RecordingInfo::sample_period_s));
     TRY(same("latitude_deg", &RecordingInfo::latitude_deg));
@@ -422,24 +442,10 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
 
 }  // namespace
 
-void note_mounting(const JointResult& result, std::vector<std::string>& notes) {
-  if (!result.start.mounting_text.empty())
-    notes.push_back("the unit is mounted " + result.start.mounting_text + " against the table's axes");
-}
-
 void add_measured_utc(const RecordingInfo& info, ParameterFile& file) {
   const std::string key = "record.measured_utc";
   if (info.started_utc_s && !find_further(file, key))
     file.add_further(key, format_utc(static_cast<double>(*info.started_utc_s)));
-}
-
-std::string why_open(const CompressedRecording& recording, const JointResult& result) {
-  if (const std::string clipped = clipped_gyros(recording); !clipped.empty())
-    return "expected slower turns, " + clipped;
-  if (const std::string wrong = wrong_latitude(recording, result); !wrong.empty())
-    return "expected the site's latitude, " + wrong;
-  const std::string misfit = distrust_of(recording, result, true);
-  return misfit.empty() ? "expected the steps that do" : misfit;
 }
 
 Error not_determined(const std::string& what) {
@@ -481,15 +487,13 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   if (recordings.size() == 1) return calibrate_recording(recordings.front(), request);
   if (request.method != calibration_methods[0])
     return input_error("--method " + request.method + ": expected joint where there are several recordings");
-  std::vector<const LoadedRecording*> all;
   std::vector<SwitchOn> switched_on;
   for (const LoadedRecording& recording : recordings) {
     if (recording.by_hand)
       return input_error(recording.path + ": " + no_table_angles + ": expected several recordings to be from a table");
-    all.push_back(&recording);
     switched_on.push_back({recording.hash, recording.data.info.started_utc_s});
   }
-  TRY(check_same_unit(all));
+  TRY(check_same_unit(each_of(recordings)));
   CalibrationOutput output;
   std::vector<CalibrationOutput> each = TRY(calibrate_each(recordings, request));
   std::vector<JointResult> estimates;

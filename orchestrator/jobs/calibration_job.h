@@ -37,6 +37,8 @@ struct LoadedRecording {
   std::string segmented;     // how, where it came without segments; empty: it came with its own
 };
 
+std::vector<const LoadedRecording*> each_of(const std::vector<LoadedRecording>& recordings);
+
 // The rests of data without a table (segmentation.h); an error where there are none.
 Result<Segmentation> find_rests(RecordingSource& source, const SegmentationOptions& options = {});
 
@@ -52,9 +54,6 @@ Result<LoadedRecording> load_recording(const std::string& path, const std::funct
 // plainly wrong, not one whole second at rest.
 Status check_data(const LoadedRecording& loaded);
 
-// An error when two of them are the same, or they are not of one unit, recorded in one way, and all with table angles or all without.
-Status check_same_unit(const std::vector<const LoadedRecording*>& recordings);
-
 // What --method may be; the first one is the default. joint: least squares over every static second, any sequence, with
 // standard deviations. closed-form: the fourteen steps of Wang (2020).
 inline constexpr const char* calibration_methods[] = {"joint", "closed-form"};
@@ -64,11 +63,11 @@ inline constexpr const char* rest_method = "rests";
 
 struct CalibrationRequest {
   std::string method = calibration_methods[0];
-  std::string time_utc;  // for the record
+  std::string time_utc = {};  // for the record
   // Accept parameters that the recording does not determine: `quality.undetermined`, and the file is not trusted.
   bool partial = false;
-  bool test_fit = true;             // by the lack-of-fit tests; false where a diagnosis follows, which makes them
-  std::optional<Parameters> known;  // from another recording of the unit (several_recordings.h, estimate_beside)
+  bool test_fit = true;                  // by the lack-of-fit tests; false where a diagnosis follows, which makes them
+  std::optional<Parameters> known = {};  // from another recording of the unit (several_recordings.h, estimate_beside)
 };
 
 struct CalibrationOutput {
@@ -81,15 +80,8 @@ struct CalibrationOutput {
       distrust;  // what speaks against its sigmas; quality.trusted is false without it where there is too little to judge
 };
 
-// Where the unit is mounted another way than the table's axes.
-void note_mounting(const JointResult& result, std::vector<std::string>& notes);
-
 // record.measured_utc, where the recording says it and the file does not.
 void add_measured_utc(const RecordingInfo& info, ParameterFile& file);
-
-// Why a recording leaves parameters open, as "expected slower turns, ...": data that no model fits take the noise so high that it hides the
-// rest.
-std::string why_open(const CompressedRecording& recording, const JointResult& result);
 
 // Parameters stay open: of the kind of the verdict not_tested, so that one outcome has one exit code.
 Error not_determined(const std::string& what);
@@ -107,12 +99,12 @@ std::optional<UnitStatistics> statistics_of(const std::vector<LoadedRecording>& 
                                             const CalibrationOutput& output);
 
 struct DiagnosisRequest {
-  std::string time_utc;  // for the record
+  std::string time_utc = {};  // for the record
   std::vector<const LoadedRecording*> holdouts = {};
-  std::optional<NoiseModel> noise;    // given, not measured
-  const JointResult* base = nullptr;  // the joint estimate of this recording, where there is one already
-  std::string samples;  // path of what is navigated for it, of the holdout where there is one; empty: nothing is
-  bool of_run = false;  // the verdict on the unit is the run's to say
+  std::optional<NoiseModel> noise = {};  // given, not measured
+  const JointResult* base = nullptr;     // the joint estimate of this recording, where there is one already
+  std::string samples = {};  // path of what is navigated for it, of the holdout where there is one; empty: nothing is
+  bool of_run = false;       // the verdict on the unit is the run's to say
   std::function<void(const std::string&)> phase = [](const std::string&) {};  // told what is going on
 };
 
@@ -125,8 +117,5 @@ struct DiagnosisOutput {
 // Errors: kind input for recordings that cannot be diagnosed (together), unit_failed when the base model does not settle.
 Result<DiagnosisOutput> diagnose_recordings(const std::vector<const LoadedRecording*>& recordings,
                                             const DiagnosisRequest& request);
-inline Result<DiagnosisOutput> diagnose_recording(const LoadedRecording& recording, const DiagnosisRequest& request) {
-  return diagnose_recordings({&recording}, request);
-}
 
 }  // namespace turncal

@@ -1,5 +1,7 @@
 #include "orchestrator/jobs/enough_watch.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 
@@ -7,7 +9,7 @@
 #include "calib/prediction/predict.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/figures/report_format.h"
-#include "orchestrator/jobs/design/settling.h"
+#include "orchestrator/jobs/design/sequence_design.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/watch/progress.h"
 
@@ -145,8 +147,7 @@ double EnoughWatch::settling_left_s() const {
 }
 
 KnownSoFar EnoughWatch::settle(const RunUnit& unit) {
-  KnownSoFar known;
-  known.unit = unit.serial;
+  KnownSoFar known{.unit = unit.serial};
   const Look so_far = look(unit, {});
   if (!so_far.output || !so_far.output->fit || so_far.loaded->recorded_s < least_diagnosed_s) return known;
   known.settling = find_settling({.recording = so_far.loaded->data,
@@ -180,9 +181,7 @@ EnoughWatch::Look EnoughWatch::look(const RunUnit& unit, const Segments& without
 
 bool EnoughWatch::disagrees(const Look& look) {
   if (!look.loaded || look.loaded->by_hand) return false;
-  CalibrationRequest in_part;  // a bad dwell may leave parameters open
-  in_part.partial = true;
-  in_part.test_fit = false;
+  const CalibrationRequest in_part{.time_utc = "", .partial = true, .test_fit = false};  // it may leave some open
   const Result<CalibrationOutput> partly = look.output ? look.output : calibrate_recording(*look.loaded, in_part);
   return partly.ok() && last_rest_disagrees(look.loaded->data, *partly->fit);
 }
@@ -199,8 +198,7 @@ Segments EnoughWatch::to_set_aside(const RunUnit& unit, const Segments& takes) c
 }
 
 KnownSoFar EnoughWatch::estimate(const RunUnit& unit, std::size_t done_items) {
-  KnownSoFar known;
-  known.unit = unit.serial;
+  KnownSoFar known{.unit = unit.serial};
   Look so_far = look(unit, {});
   if (!so_far.loaded) {
     known.why_not = so_far.loaded.error().message;
@@ -236,17 +234,14 @@ KnownSoFar EnoughWatch::estimate(const RunUnit& unit, std::size_t done_items) {
         "residual " + significant(output->fit->normalised_rms, 3) + ", limit.residual_max " + significant(*most, 3);
   else if (!is_trusted(output->file))
     known.why_not = output->distrust.empty() ? "too little data to test the fit" : output->distrust;
-  else if (const double s = so_far.loaded->recorded_s; s < least_diagnosed_s && diagnosed_at_end())
+  else if (const double s = so_far.loaded->recorded_s;
+           s < least_diagnosed_s && !run_.request.no_diagnosis && length_s(0, end_item_) >= least_diagnosed_s)
     known.why_not = "too short for a diagnosis, " + format_duration(s) + " of " + format_duration(least_diagnosed_s);
   if (worst && worst->needed > 0.0 && worst->ratio() > 1.0) {
     known.end = expected_end(known.sigmas, done_items, *output->fit, false);
     known.soonest = expected_end(known.sigmas, done_items, *output->fit, true);
   }
   return known;
-}
-
-bool EnoughWatch::diagnosed_at_end() const {
-  return !run_.request.no_diagnosis && length_s(0, end_item_) >= least_diagnosed_s;
 }
 
 double EnoughWatch::length_s(std::size_t from, std::size_t to) const {
@@ -288,9 +283,7 @@ JournalFields EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_
   if (units.empty()) return {};
   const KnownSoFar& least = least_known(units);
   const NeededSigma* const worst = least.worst();
-  const std::string after =
-      "after item " + std::to_string(next_item) + " of " + std::to_string(run_.plan.items.size()) + ": ";
-  std::string line = after;
+  std::string line = fmt::format("after item {} of {}: ", next_item, run_.plan.items.size());
   std::size_t set_aside = 0;
   for (const KnownSoFar& unit : units) {
     set_aside += unit.set_aside.size();
@@ -308,9 +301,9 @@ JournalFields EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_
     if (least.soonest) {
       const std::size_t last = least.end.value_or(end_item_ - 1);
       const bool range = last != *least.soonest;
-      line += "; expected after item " + std::to_string(*least.soonest + 1) +
-              (range ? " to " + std::to_string(last + 1) : "") + ", in " + in(*least.soonest) +
-              (range ? " to " + in(last) : "");
+      line +=
+          fmt::format("; expected after item {}{}, in {}{}", *least.soonest + 1,
+                      range ? fmt::format(" to {}", last + 1) : "", in(*least.soonest), range ? " to " + in(last) : "");
     } else if (worst && worst->ratio() > 1.0) {
       line += "; the run goes to its planned end";
     }

@@ -1,22 +1,18 @@
-// When does a run know enough? After every completed dwell the units are calibrated from what is recorded so far, by the same function
-// and from the same samples as at the end, and the run ends (or goes on to its north seeking) when for every unit
+// When does a run know enough? After every completed dwell the units are calibrated from what is recorded so far, by the same function and
+// from the same samples as at the end. The run ends (or goes on to its north seeking) when for every unit
 //   every parameter that the station names is known as well as it has to be (orchestrator/station/verdict.h),
-//   the residual is not above limit.residual_max, and
-//   the fit passes its lack-of-fit tests: data that disagree with the model are no reason to trust its sigmas sooner, and
-//   half an hour is recorded, where the whole plan would get a diagnosis: the end that comes sooner is no way round one.
+//   the residual is not above limit.residual_max, and the fit passes its lack-of-fit tests, and
+//   half an hour is recorded, where the whole plan would get a diagnosis.
 // A dwell that disagrees with all the others (calib/evidence/evidence.h) is made once more, dwell.max_repeats times. When the last take
-// agrees with all else, those that do not are set aside: they stay in the recording, marked, and no estimate uses them. When it
-// does not, all of them stay, and the run goes on, to its planned end at the latest. Where the end will be is predicted
-// (calib/prediction/predict.h): at the soonest where the plan has these sigmas with the noise as it is fitted, at the latest where what an
-// instability that cannot be excluded yet adds to them stays in proportion.
+// agrees with all else, those that do not are set aside: they stay in the recording, marked, and no estimate uses them. Else all stay, and
+// the run goes on. Its end is predicted (calib/prediction/predict.h): at the soonest with the noise as it is fitted, at the latest with what
+// an instability that cannot be excluded yet adds, in proportion.
 //
-// At the end of what is calibrated from, the same question is asked of the diagnosis: a unit in doubt (calib/evidence/diagnosis.h, doubt_of) gets
-// the shortest legs that are expected to tell what confounds (settling.h), within the minutes that are left of settling_allowed_s(). They become
-// part of the plan and of the one recording; at their end it is asked again. What was found is a record `settle`, durable before the plan
-// is changed, so a run that goes on after a kill walks the same legs.
+// At the end of what is calibrated from, a unit in doubt (calib/evidence/diagnosis.h, doubt_of) gets the shortest legs that are expected to
+// tell what confounds (find_settling), within what is left of settling_allowed_s(); at their end it is asked again. What was found is a
+// record `settle`, durable before the plan is changed: a run that goes on after a kill walks the same legs.
 //
-// The estimate runs beside the capture in a thread of its own and is waited for, so that the answer depends on the samples alone
-// and a run that was interrupted ends where it would have ended.
+// The estimate runs in a thread of its own and is waited for, so that the answer depends on the samples alone.
 #pragma once
 
 #include <deque>
@@ -39,13 +35,13 @@ namespace turncal {
 // What is known of a unit so far.
 struct KnownSoFar {
   std::string unit;
-  std::vector<NeededSigma> sigmas;   // empty: not determined yet
-  std::string why_not;               // to end; empty: enough is known
-  bool again = false;                // its last dwell disagrees with the rest, and may be repeated
-  Segments set_aside;                // takes of its last dwell that another stands in for
-  std::optional<Settling> settling;  // at the end of the plan: of what is in doubt
+  std::vector<NeededSigma> sigmas = {};   // empty: not determined yet
+  std::string why_not = {};               // to end; empty: enough is known
+  bool again = false;                     // its last dwell disagrees with the rest, and may be repeated
+  Segments set_aside = {};                // takes of its last dwell that another stands in for
+  std::optional<Settling> settling = {};  // at the end of the plan: of what is in doubt
   // Index of the item after which it is expected to be, as the sigmas are now and as the plan has them; empty: not by this plan.
-  std::optional<std::size_t> end, soonest;
+  std::optional<std::size_t> end = {}, soonest = {};
   const NeededSigma* worst() const;  // null: there is none
 };
 
@@ -81,7 +77,6 @@ class EnoughWatch {
   const ParameterVector& planned_sigmas(std::size_t items, const JointResult& fit);
   std::optional<std::size_t> expected_end(const std::vector<NeededSigma>& sigmas, std::size_t done_items,
                                           const JointResult& fit, bool soonest);
-  bool diagnosed_at_end() const;
   double length_s(std::size_t from, std::size_t to) const;  // of items of the plan
   JournalFields note(const std::vector<KnownSoFar>& units, std::size_t next_item, bool enough, bool again);
   void tell(const Settling& settling, const KnownSoFar& unit);

@@ -15,9 +15,8 @@ namespace turncal {
 
 // The options that both commands share.
 struct PlannedSite {
-  std::string station;  // file; empty: the built-in rig station
-  std::optional<double> latitude_deg;
-  std::optional<double> gravity_mps2;
+  std::string station = {};  // file; empty: the built-in rig station
+  std::optional<double> latitude_deg = {}, gravity_mps2 = {};
   double arw_deg_per_rt_h = 0.002;
   double vrw_ug_per_rt_hz = 8.0;
   double gyro_bias_instability_degph = 0.0;
@@ -33,7 +32,7 @@ struct PlannedUnit {
   Parameters parameters;
 };
 Result<PlannedUnit> planned_unit(const PlannedSite& site);
-NoiseModel noise_model(const PlannedSite& site);
+NoiseModel noise_model(const PlannedSite& site);  // without options: of a good laser-gyro unit
 Facts describe_premises(const PlannedSite& site, const RecordingInfo& info);
 
 struct PredictRequest {

@@ -1,5 +1,8 @@
 #include "orchestrator/jobs/preflight.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <climits>
 #include <cmath>
@@ -10,6 +13,7 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/posix_file.h"
+#include "orchestrator/jobs/prediction_job.h"
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
@@ -30,8 +34,8 @@ Status check_space(const Preflight& run) {
   const std::uintmax_t needed =
       run.units.size() * static_cast<std::uintmax_t>(run.plan.samples) * bytes_a_sample + bytes_beside;
   if (free >= needed) return {};
-  const auto megabytes = [](std::uintmax_t bytes) { return std::to_string(bytes >> 20) + " MiB"; };
-  return device_error(folder + ": " + megabytes(free) + " are free: expected " + megabytes(needed) + " for this run");
+  return device_error(
+      fmt::format("{}: {} MiB are free: expected {} MiB for this run", folder, free >> 20, needed >> 20));
 }
 
 Status check_names(const std::string& path) {
@@ -39,11 +43,11 @@ Status check_names(const std::string& path) {
   const std::filesystem::path whole = std::filesystem::absolute(path, error);
   for (const std::filesystem::path& part : whole)
     if (part.string().size() > NAME_MAX)
-      return input_error("'" + part.string() + "': " + std::to_string(part.string().size()) +
-                         " bytes: expected a name of at most " + std::to_string(NAME_MAX));
+      return input_error(
+          fmt::format("'{}': {} bytes: expected a name of at most {}", part.string(), part.string().size(), NAME_MAX));
   if (whole.string().size() + longest_file_name < PATH_MAX) return {};
-  return input_error(whole.string() + ": too long a path: expected at most " +
-                     std::to_string(PATH_MAX - longest_file_name) + " bytes");
+  return input_error(
+      fmt::format("{}: too long a path: expected at most {} bytes", whole.string(), PATH_MAX - longest_file_name));
 }
 
 // A driver believes no position beyond what its table's file calls plausible, and refuses to move there.
@@ -59,9 +63,9 @@ Status check_plausible(const StationConfig& station, const Plan& plan) {
     axis = item.axis;
   }
   if (farthest_deg <= table->plausible_deg) return {};
-  return input_error(table->file + ": plausible.angle_deg = " + format_number(table->plausible_deg) +
-                     ": expected at least " + format_number(farthest_deg) + ", as far as the sequence turns " +
-                     to_string(axis));
+  return input_error(fmt::format("{}: plausible.angle_deg = {}: expected at least {}, as far as the sequence turns {}",
+                                 table->file, format_number(table->plausible_deg), format_number(farthest_deg),
+                                 to_string(axis)));
 }
 
 // The registers of a map, or the sentences of a dialect, hold every move of the plan, and tell the axis to the tolerance.
@@ -73,8 +77,10 @@ Status check_moves(const StationConfig& station, const Plan& plan) {
     if (!map) break;
     const double count_deg = 1.0 / map->of(axis).units_per_degree;
     if (is_floating(map->of(axis).position.type) || 0.5 * count_deg <= station.motion.position_tolerance_deg) continue;
-    return input_error(table->file + ": axis." + to_string(axis) + ".counts_per_degree: a count is " +
-                       format_number(count_deg) + " deg: expected at most twice motion.position_tolerance_deg");
+    return input_error(
+        fmt::format("{}: axis.{}.counts_per_degree: a count is {} deg: expected at most twice "
+                    "motion.position_tolerance_deg",
+                    table->file, to_string(axis), format_number(count_deg)));
   }
   for (const PlannedItem& item : plan.items) {
     if (item.kind != SequenceItem::Kind::move) continue;
@@ -86,8 +92,8 @@ Status check_moves(const StationConfig& station, const Plan& plan) {
         map ? check_move(*map, item.axis, moves)
             : check_move(*station.table.dialect, item.axis, moves, station.motion.position_tolerance_deg);
     if (!fits)
-      return input_error(table->file + ": " + fits.error().message + ", for " + to_string(item.axis) + " to " +
-                         format_number(item.to_deg) + " deg at " + format_number(item.rate_degps) + " deg/s");
+      return input_error(fmt::format("{}: {}, for {} to {} deg at {} deg/s", table->file, fits.error().message,
+                                     to_string(item.axis), format_number(item.to_deg), format_number(item.rate_degps)));
   }
   return {};
 }
@@ -117,19 +123,19 @@ Status check_hook(const std::string& name, const std::string& command) {
   return input_error(name + " = '" + command + "': there is no command '" + program + "'");
 }
 
-// A table whose calibration is overdue is used only with a reason, which goes on record.
-// utc_s: now. An error of kind input after the day of table.calibration_due, unless there is a reason.
+// An error after the day of table.calibration_due, unless there is a reason, which goes on record.
 Status check_due(const StationConfig& station, double utc_s, const std::string& overdue_reason) {
   const std::string& due = station.table_calibration_due;
   const std::string today = format_utc(utc_s).substr(0, 10);
-  if (due.empty() || today <= due) return {};  // days as 2026-12-31 sort as they follow each other
-  if (!overdue_reason.empty()) return {};
-  return input_error("the calibration of table '" + station.table_id + "' was due on " + due + ", today is " + today +
-                     ": expected a calibrated table, or --override-due REASON, which goes on record");
+  // Days as 2026-12-31 sort as they follow each other.
+  if (due.empty() || today <= due || !overdue_reason.empty()) return {};
+  return input_error(
+      fmt::format("the calibration of table '{}' was due on {}, today is {}: expected a calibrated table, or "
+                  "--override-due REASON, which goes on record",
+                  station.table_id, due, today));
 }
 
 constexpr std::size_t most_predicted = 20000;  // items: some 10 s of a core
-constexpr double good_arw_deg_per_rt_h = 0.002, good_vrw_ug_per_rt_hz = 8.0;
 
 }  // namespace
 
@@ -172,8 +178,7 @@ PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan) {
 std::vector<std::string> undetermined_by(const Sequence& sequence, const Plan& plan, const RecordingInfo& info) {
   if (plan.items.size() > most_predicted) return {};
   PredictOptions options;
-  options.noise.angle_random_walk.setConstant(good_arw_deg_per_rt_h * radprs_per_degprh);
-  options.noise.velocity_random_walk.setConstant(good_vrw_ug_per_rt_hz * mpsprs_per_ugprHz);
+  options.noise = noise_model({});
   ParameterVector asked;
   for (int k = 0; k < parameter_count; ++k) asked[k] = parameter_is_free[static_cast<std::size_t>(k)] ? 1.0 : 0.0;
   return open_parameters(predict(info, planned_motion(sequence, plan), options), asked);
@@ -189,13 +194,9 @@ std::vector<std::string> open_parameters(const Prediction& prediction, const Par
 }
 
 std::string coverage_text(const std::vector<std::string>& keys) {
-  std::string text = "does not determine";
-  if (keys.size() == parameter_keys.size() - 3) {
-    text += " any parameter";
-  } else {
-    for (const std::string& key : keys) text += " " + key;
-  }
-  return text + ": expected steps that do (turncal predict)";
+  const bool all = keys.size() == parameter_keys.size() - 3;
+  return fmt::format("does not determine {}: expected steps that do (turncal predict)",
+                     all ? "any parameter" : fmt::format("{}", fmt::join(keys, " ")));
 }
 
 }  // namespace turncal

@@ -105,10 +105,10 @@ void note_outcome(const RunOutcome& outcome, Run& run) {
 }
 
 std::string outcomes_of(const Run& run) {
-  std::string text;
+  std::vector<std::string> outcomes;
   for (const RunUnit& unit : run.units)
-    text += (text.empty() ? "" : ", ") + (run.units.size() > 1 ? unit.serial + " " : "") + outcome_of(run, unit);
-  return text;
+    outcomes.push_back((run.units.size() > 1 ? unit.serial + " " : "") + outcome_of(run, unit));
+  return join(outcomes);
 }
 
 std::vector<std::string> verifications_of(const Run& run) {
@@ -338,10 +338,6 @@ RunEnd stopped(Run& run, const RunOutcome& outcome, bool goes_on, CommandContext
   return end;
 }
 
-}  // namespace
-
-namespace {
-
 void add_chamber(const RunPlan& run, RunDevices& devices) {
   if (!run.temperature_c()) return;
   const ChamberConfig& config = *run.station.chamber;
@@ -354,29 +350,21 @@ void add_chamber(const RunPlan& run, RunDevices& devices) {
       chamber, config, devices.live ? BackgroundQueue::By::thread : BackgroundQueue::By::caller);
 }
 
-Result<RunDevices> devices_of(const RunPlan& run, CommandContext& context) {
-  RunDevices run_devices;
-  if (context.quiet && (run.request.rehearsal() || run.station.table.driver == TableDriver::manual))
-    return input_error("--quiet: expected none with a table turned by hand: the operator has to be told what to do");
-  if (run.request.rehearsal()) {
-    run_devices.rehearsal = std::make_unique<RehearsalDevices>(run.rig, run.station, STDIN_FILENO, context.out);
-    run_devices.prompts = &run_devices.rehearsal->prompts();
-    return run_devices;
-  }
-  if (run.request.dry_run) {
-    run_devices.rig = std::make_unique<DryRunDevices>(run.rig, run.request.units.size());
-    return run_devices;
-  }
-  run_devices.live =
-      TRY(LiveDevices::make(run.station, StopSignals::requests(), context.out, run.request.units.size()));
-  run_devices.prompts = run_devices.live->prompts();
-  return run_devices;
-}
-
 }  // namespace
 
 Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context) {
-  RunDevices devices = TRY(devices_of(run, context));
+  RunDevices devices;
+  if (context.quiet && (run.request.rehearsal() || run.station.table.driver == TableDriver::manual))
+    return input_error("--quiet: expected none with a table turned by hand: the operator has to be told what to do");
+  if (run.request.rehearsal()) {
+    devices.rehearsal = std::make_unique<RehearsalDevices>(run.rig, run.station, STDIN_FILENO, context.out);
+    devices.prompts = &devices.rehearsal->prompts();
+  } else if (run.request.dry_run) {
+    devices.rig = std::make_unique<DryRunDevices>(run.rig, run.request.units.size());
+  } else {
+    devices.live = TRY(LiveDevices::make(run.station, StopSignals::requests(), context.out, run.request.units.size()));
+    devices.prompts = devices.live->prompts();
+  }
   add_chamber(run, devices);
   return devices;
 }
@@ -409,7 +397,7 @@ RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
       context.out << text << std::endl;
     }
   print_results(run, monotonic_s() - began_s, context.out);
-  return RunEnd::of_all(status_of(run));
+  return {status_of(run), true};
 }
 
 }  // namespace turncal

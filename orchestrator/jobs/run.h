@@ -83,27 +83,15 @@ Status status_of(const Run& run);
 // A row of the database; the caller says what became of it, and when.
 AttemptRecord attempt_record(const Run& run, const RunUnit& unit);
 
-// Recordings that were complete when the run was interrupted, one that had no time to be finished among them. False: they are
-// not, and the run has to go on with devices.
-Result<bool> sealed_recordings(const Run& run);
 // Whether recordings and journal hold what a run needs that goes on after its last dwell: an error says why not. Changes nothing.
 Status check_goes_on(const Run& run, const JournalContents& contents);
 // Reads every recording once, before it is sealed: what the journal keeps of its contents, by unit. An error when one is damaged.
 Result<std::vector<std::string>> read_recordings(Run& run);
-// Reads those that were sealed, with what the journal says of them. An error where one is damaged, or not what this run sealed.
-Status read_sealed_recordings(Run& run, const JournalContents& contents);
-// Of a run that is over: its parameter files are those it made; its recordings are there as they were sealed, or were pruned, and none
-// goes on.
-Status check_what_is_over(const Run& run, const JournalContents& contents);
 
 // What the run in `folder` recorded, and before it what that run continues: oldest first. An error when one is not as it was sealed.
 Result<std::vector<LoadedRecording>> recordings_up_to(const std::string& folder);
 
-// A run from beginning to end: `begin_run` in a new folder, `resume_run` where one was interrupted.
-//
-// The folder holds journal.tcj and run.log; there, or below it for each of several units, are recording.partial.tcr
-// (recording.tcr once sealed), parameters.conf, and after a dry run truth.conf. A run that failed before it moved the table leaves
-// nothing; one that failed later leaves its log and journal, and can be taken up.
+// A run that failed before it moved the table leaves nothing; one that failed later leaves its log and journal, and can be taken up.
 struct RunEnd {
   Status status;  // of the whole run: what the command returns
   struct Unit {
@@ -115,13 +103,8 @@ struct RunEnd {
   bool moved = false;       // the table was homed or sent somewhere: there is something to tell
   bool to_the_end = false;  // whatever became of single units, the table and the run are in order
 
-  RunEnd(Status how) : status(std::move(how)) {}
+  RunEnd(Status how, bool whole = false) : status(std::move(how)), to_the_end(whole) {}
   RunEnd(Error why) : status(std::move(why)) {}
-  static RunEnd of_all(Status how) {
-    RunEnd end(std::move(how));
-    end.to_the_end = true;
-    return end;
-  }
 };
 
 // Every unit that is left has its verdict: nothing to resume.
@@ -153,7 +136,7 @@ struct RunDevices {
 };
 Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context);
 
-// A session: watched (log, operator, status page), walked through, its results made, up to the verdicts. REQUIRES: journal and log of the run. Sets what is known of its units, and how they ended.
+// A session, up to the verdicts. REQUIRES: journal and log of the run. Sets what is known of its units, and how they ended.
 RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context);
 
 // From the sealed recording of a unit to what a run leaves behind: estimated, judged, and published in the order in which it becomes durable:
@@ -170,14 +153,13 @@ inline constexpr const char* diagnosis_folder = "diagnosis";
 // A recording of less says too little about what the 24 parameters lack: no diagnosis at the end of the run.
 inline constexpr double least_diagnosed_s = 1800.0;
 
-// Of every unit that is left. utc_s: when the recordings were sealed. A unit that cannot be calibrated leaves the others running: an error
-// when there is none that can be, or of the storage.
+// Of every unit that is left. utc_s: when the recordings were sealed. An error when no unit can be calibrated, or of the storage.
 Status make_results(Run& run, double utc_s, CommandContext& context);
 // Prints the results and sets the status of every unit that is left and was calibrated.
 void print_results(Run& run, double wall_s, std::ostream& out);
 
-// A disk that hangs for good would hold up whoever waits for it: the table was left, so the program says so and ends at once. `then`: the
-// command for when it answers again.
+// A disk that hangs for good would hold up whoever waits for it: the table was left, so the program says so and ends at once.
+// `then`: the command for when it answers again.
 [[noreturn]] void end_without_storage(const std::string& why, const std::string& path, const std::string& then,
                                       CommandContext& context);
 // Of what is written while no table moves: the same, where the disk hangs before this goes.

@@ -1,16 +1,22 @@
 #include "orchestrator/jobs/run.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <filesystem>
 
+#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/console.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/posix_file.h"
+#include "imu_io/recordings/recording_source.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/records/output_folder.h"
+#include "orchestrator/records/parameter_store.h"
 #include "orchestrator/station/hooks.h"
 #include "orchestrator/station/version.h"
 #include "orchestrator/watch/service_watch.h"
@@ -19,11 +25,249 @@ namespace turncal {
 
 namespace {
 
+std::string recording_of(const RunUnit& unit) { return unit.file(binary_recording_name); }
+std::string partial_of(const RunUnit& unit) { return unit.file(partial_recording_name); }
+
+// A recording that was finished but not yet renamed when the run was interrupted. Returns whether there is a sealed one.
+Result<bool> sealed_recording(const RunUnit& unit) {
+  if (path_exists(recording_of(unit))) return true;
+  if (!path_exists(partial_of(unit))) return false;
+  const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(partial_of(unit));
+  if (!source || !(*source)->damage().complete) return false;
+  TRY(rename_durably(partial_of(unit), recording_of(unit)));
+  return true;
+}
+
+Error damaged(const LoadedRecording& loaded) {
+  return device_error(loaded.path + ": the recording is damaged: " + describe(loaded.damage) +
+                      ": no results come of it, the unit has to be measured again");
+}
+
+// Every recording was synced whole before the first was finished: what is missing is the end mark.
+Status seal_like(const RunUnit& unit, const RunUnit& sealed) {
+  const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(recording_of(sealed)));
+  RecordingWriter writer = TRY(RecordingWriter::reopen(partial_of(unit), RecordingWriter::OpenSegment::drop));
+  if (writer.segments().size() != source->segments().size())
+    return input_error(fmt::format("{}: holds {} segments, expected {} as in {}", partial_of(unit),
+                                   writer.segments().size(), source->segments().size(), recording_of(sealed)));
+  TRY(writer.finish());
+  return rename_durably(partial_of(unit), recording_of(unit));
+}
+
+// Nothing when no parameters came of it.
+Status check_parameters(const RunUnit& unit, const JournalContents& contents) {
+  const JournalFields* const results = contents.results_of(unit.serial);
+  const std::string expected = results != nullptr ? value_of(*results, "parameters_hash") : "";
+  if (expected.empty()) return {};
+  const std::string path = unit.file(parameters_name);
+  const std::string found = hash_of_text(TRY(read_whole_file(path)));
+  if (found == expected) return {};
+  return device_error(
+      fmt::format("{}: is not the file that this run made: expected hash {}, found {}", path, expected, found));
+}
+
+// An error when it is damaged, or not the one that the run of this journal sealed for that unit: nothing may be made of it.
+Status check_sealed(const LoadedRecording& loaded, const JournalContents& contents, std::size_t unit) {
+  const RecordingDamage& damage = loaded.damage;
+  if (damage.lost_data() || !damage.complete || damage.torn_tail_bytes > 0) return damaged(loaded);
+  const std::string expected = unit < contents.hashes.size() ? contents.hashes[unit] : "";
+  if (expected.empty() || loaded.hash == expected) return {};
+  return device_error(fmt::format("{}: is not the recording that this run sealed: expected content hash {}, found {}",
+                                  loaded.path, expected, loaded.hash));
+}
+
+// Recordings that were complete when the run was interrupted, one that had no time to be finished among them. False: they are
+// not, and the run has to go on with devices.
+Result<bool> sealed_recordings(const Run& run) {
+  const RunUnit* sealed = nullptr;
+  std::vector<const RunUnit*> open;
+  for (const RunUnit& unit : run.units) {
+    if (unit.dropped) continue;
+    if (TRY(sealed_recording(unit)))
+      sealed = &unit;
+    else
+      open.push_back(&unit);
+  }
+  if (!sealed) return false;
+  for (const RunUnit* unit : open) TRY(seal_like(*unit, *sealed));
+  return true;
+}
+
+// Of a run that is over: its parameter files are those it made; its recordings are there as they were sealed, or were pruned, and none
+// goes on.
+Status check_what_is_over(const Run& run, const JournalContents& contents) {
+  const std::vector<RunUnit>& units = run.units;
+  for (std::size_t i = 0; i < units.size(); ++i) {
+    if (units[i].dropped) continue;
+    TRY(check_parameters(units[i], contents));
+    if (path_exists(partial_of(units[i])))
+      return input_error(fmt::format(
+          "{}: expected no recording that goes on beside {} of a run that is complete: one of them is of another run",
+          partial_of(units[i]), journal_name));
+    const std::string path = recording_of(units[i]);
+    if (path_exists(path)) {
+      const LoadedRecording loaded = TRY(load_recording(path));
+      TRY(check_sealed(loaded, contents, i));
+      continue;
+    }
+    const Result<std::string> log = read_whole_file(run.folder + "/" + log_name);
+    if (!log || log->find(removed_by_prune) == std::string::npos)
+      return input_error(fmt::format(
+          "{}: is missing, and {} does not say that it was pruned: expected the {} and the recording of one run", path,
+          log_name, journal_name));
+  }
+  return {};
+}
+
+// With what the journal says of them.
+Status read_sealed_recordings(Run& run, const JournalContents& contents) {
+  for (std::size_t i = 0; i < run.units.size(); ++i) {
+    RunUnit& unit = run.units[i];
+    if (unit.dropped) continue;
+    if (!contents.seal_utc_s || !contents.last_dwell)
+      return input_error(unit.folder + ": the recording is complete, but the journal knows nothing of it");
+    Result<LoadedRecording> loaded = load_recording(recording_of(unit), {}, {}, run.calibration_ends_before());
+    if (!loaded) return device_error(loaded.error().message + " (the recording was whole when it was sealed)");
+    const RecordingInfo& info = loaded->data.info;
+    if (info.simulated != run.simulated() || info.unit_serial != unit.serial)
+      return input_error(fmt::format("{}: the recording is of unit {} and {}, the journal is of another", unit.folder,
+                                     info.unit_serial, info.simulated ? "simulated" : "real"));
+    TRY(check_sealed(*loaded, contents, i));
+    unit.repeated_dwells = contents.last_dwell->repeated_dwells;
+    unit.lost_samples = contents.last_dwell->units[i].lost_samples;
+    unit.clock = i < contents.clocks.size() ? contents.clocks[i] : std::nullopt;
+    unit.recorded_s = loaded->recorded_s;
+    unit.recording = std::move(*loaded);
+  }
+  return {};
+}
+
+}  // namespace
+
+std::string_view tag_of(const RunPlan& run) {
+  if (run.request.dry_run) return dry_run_tag;
+  return run.simulated() ? simulated_tag : std::string_view();
+}
+
+std::string_view tag_of(const JournalContents& journal) {
+  if (journal.begin_value("simulated") != "true") return {};
+  return journal.begin_value("live") == "true" ? simulated_tag : dry_run_tag;
+}
+
+Run run_of(RunPlan plan, const std::string& folder) {
+  Run run{std::move(plan), folder, {}, 1, {}, {}, {}};
+  const std::vector<std::string>& serials = run.request.units;
+  const bool alone = serials.size() == 1;
+  for (std::size_t i = 0; i < serials.size(); ++i)
+    run.units.push_back({.serial = serials[i],
+                         .folder = alone ? folder : folder + "/" + name_of_unit(serials[i]),
+                         .rig = rig_of_unit(run.rig, i),
+                         .mark = alone ? JournalFields{} : JournalFields{{"unit", serials[i]}}});
+  return run;
+}
+
+std::string outcome_of(const Run& run, const RunUnit& unit) {
+  const bool measured = unit.recorded_s > 0.0;
+  const std::string verdict(to_string(unit.verdict.verdict));
+  if (unit.dropped) return unit.status.error().kind == ErrorKind::input && !measured ? "refused" : "dropped";
+  if (unit.status) return run.only_captures() ? "captured" : verdict;
+  const ErrorKind kind = unit.status.error().kind;
+  if (kind == ErrorKind::unit_failed && !is_accepted(unit.verdict.verdict)) return verdict;
+  if (kind == ErrorKind::unit_failed || (kind == ErrorKind::input && measured)) return "fail";
+  return kind == ErrorKind::input ? "refused" : "";
+}
+
+Status status_of(const Run& run) {
+  if (run.units.size() == 1) return run.units.front().status;
+  Error worst{ErrorKind::input, ""};
+  for (const RunUnit& unit : run.units) {
+    if (unit.status) continue;
+    const Error& error = unit.status.error();
+    const ErrorKind kind = unit.dropped ? ErrorKind::device : error.kind;
+    if (exit_code(kind) > exit_code(worst.kind)) worst.kind = kind;
+    const std::string name = "unit " + unit.serial;
+    const bool named = error.message.starts_with(name);
+    worst.message += (worst.message.empty() ? "" : "; ") + (named ? "" : name + ": ") + error.message;
+  }
+  return worst.message.empty() ? Status{} : worst;
+}
+
+AttemptRecord attempt_record(const Run& run, const RunUnit& unit) {
+  AttemptRecord attempt;
+  if (!unit.folder.empty()) attempt.folder = std::filesystem::absolute(unit.folder).lexically_normal().string();
+  // A run of several units has a folder for each.
+  if (!run.began_utc.empty()) attempt.run = run.began_utc + " " + attempt.folder;
+  attempt.unit = unit.serial;
+  attempt.began_utc = run.began_utc;
+  attempt.simulated = run.simulated();
+  attempt.station = run.station.name;
+  for (const RecordWord& record : record_words)
+    for (const Field& field : fields_of(attempt))
+      if (field.key == record.key) static_cast<void>(set_text(field, run.request.*record.word));
+  if (unit.output) {
+    attempt.temperature_min_c = unit.output->min_temperature_c;
+    attempt.temperature_max_c = unit.output->max_temperature_c;
+    if (const std::string* const residual = find_further(unit.output->file, "quality.normalised_rms"))
+      attempt.residual = parse_number(*residual);
+  }
+  attempt.diagnosis = unit.verdict.diagnosis;
+  if (unit.recorded_s > 0.0) attempt.recorded_s = unit.recorded_s;
+  attempt.sessions = run.sessions;
+  attempt.repeated_dwells = unit.repeated_dwells;
+  attempt.lost_samples = static_cast<std::int64_t>(unit.lost_samples);
+  return attempt;
+}
+
+Status check_goes_on(const Run& run, const JournalContents& contents) {
+  if (!contents.last_dwell) return {};
+  const std::string path = run.folder + "/" + journal_name;
+  const CompletedDwell& last = *contents.last_dwell;
+  if (last.item >= run.plan.items.size()) return input_error(path + ": names an item that the plan does not have");
+  if (last.units.size() != run.units.size()) return input_error(path + ": a dwell is not of all units of the run");
+  for (std::size_t i = 0; i < run.units.size(); ++i) {
+    const bool left_out = std::ranges::any_of(
+        contents.dropped, [i](const auto& dropped) { return dropped.unit == i && !dropped.after_last_dwell; });
+    if (left_out || path_exists(recording_of(run.units[i]))) continue;
+    TRY(RecordingWriter::check_reopens(partial_of(run.units[i]), last.units[i].next_sample, last.units[i].written));
+  }
+  return {};
+}
+
+Result<std::vector<std::string>> read_recordings(Run& run) {
+  std::vector<std::string> hashes;
+  for (RunUnit& unit : run.units) {
+    hashes.emplace_back();
+    if (unit.dropped) continue;
+    LoadedRecording loaded = TRY(load_recording(partial_of(unit), {}, {}, run.calibration_ends_before()));
+    if (loaded.damage.lost_data()) return damaged(loaded);
+    loaded.damage = {};  // the end mark is still to come
+    loaded.path = recording_of(unit);
+    hashes.back() = loaded.hash;
+    unit.recording = std::move(loaded);
+  }
+  return hashes;
+}
+
+Result<std::vector<LoadedRecording>> recordings_up_to(const std::string& folder) {
+  const JournalContents contents = TRY(read_journal(folder + "/" + journal_name));
+  std::vector<LoadedRecording> recordings;
+  if (const std::string& before = contents.begin_value("continues"); !before.empty())
+    recordings = TRY(recordings_up_to(before));
+  LoadedRecording loaded = TRY(load_recording(folder + "/" + binary_recording_name));
+  TRY(check_sealed(loaded, contents, 0));
+  recordings.push_back(std::move(loaded));
+  return recordings;
+}
+
+namespace {
+
+std::string and_more(std::size_t found, const char* where = "") {
+  return found > 1 ? fmt::format(" (and {} more{})", found - 1, where) : "";
+}
+
 Status check_plan(const Plan& plan) {
   if (plan.ok()) return {};
-  const std::size_t more = plan.violations.size() - 1;
-  return input_error(plan.violations.front() +
-                     (more > 0 ? " (and " + std::to_string(more) + " more; see turncal check)" : ""));
+  return input_error(plan.violations.front() + and_more(plan.violations.size(), "; see turncal check"));
 }
 
 // What the recording of a verification would say.
@@ -63,23 +307,21 @@ Status look_ahead(const RunPlan& run, const std::string& folder, double utc_s) {
                                               .simulated = run.simulated(),
                                               .overdue_reason = run.request.overdue_reason});
   if (found.empty()) return {};
-  const std::size_t more = found.size() - 1;
-  return Error{found.front().kind,
-               found.front().message + (more > 0 ? " (and " + std::to_string(more) + " more)" : "")};
+  return Error{found.front().kind, found.front().message + and_more(found.size())};
 }
 
 std::string first_line(const RunPlan& run) {
-  return std::string("turncal ") + software_version() + (run.request.units.size() > 1 ? ", units " : ", unit ") +
-         join(run.request.units) + ", station " + run.station.name + ", sequence " + run.sequence.name +
-         (run.request.dry_run ? ", rig seed " + std::to_string(run.rig.seed)
-          : run.simulated()   ? ", simulated devices"
-                              : "");
+  return fmt::format("turncal {}, {} {}, station {}, sequence {}{}", software_version(),
+                     run.request.units.size() > 1 ? "units" : "unit", join(run.request.units), run.station.name,
+                     run.sequence.name,
+                     run.request.dry_run ? fmt::format(", rig seed {}", run.rig.seed)
+                     : run.simulated()   ? ", simulated devices"
+                                         : "");
 }
 
 // In one word, whatever became of a unit.
 std::string attempt_outcome(const Run& run, const RunUnit& unit) {
-  const std::string outcome = outcome_of(run, unit);
-  if (!outcome.empty()) return outcome;
+  if (std::string outcome = outcome_of(run, unit); !outcome.empty()) return outcome;
   const ErrorKind kind = unit.status.error().kind;
   return kind == ErrorKind::aborted ? "aborted" : kind == ErrorKind::interrupted ? "interrupted" : "failed";
 }
@@ -172,7 +414,7 @@ RunEnd finish_sealed(Run& run, const JournalContents& contents, CommandContext& 
   TRY(read_sealed_recordings(run, contents));
   TRY(make_results(run, *contents.seal_utc_s, context));
   print_results(run, monotonic_s() - began_s, context.out);
-  return RunEnd::of_all(status_of(run));
+  return {status_of(run), true};
 }
 
 // Whoever had dropped out. late: also those after the last completed dwell, which a run that goes on takes back.
@@ -203,7 +445,7 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
     set_texts(verdict, fields_of(unit.verdict));
     unit.status = verdict_status(unit.serial, unit.verdict);
   }
-  return with_units(RunEnd::of_all(status_of(run)), run);
+  return with_units({status_of(run), true}, run);
 }
 
 // Where a run goes on that had completed a dwell; its simulated devices are put back there.

@@ -11,7 +11,6 @@
 #include "imu_io/base/format_number.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/statistics_file.h"
-#include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
 #include "orchestrator/records/parameter_store.h"
@@ -89,11 +88,8 @@ bool is_diagnosed(const Making& m) {
 
 Status estimate(Making& m) {
   if (m.run.request.capture_only) return {};
-  CalibrationRequest request;
-  request.time_utc = m.time_utc;
-  request.partial = m.run.request.partial;
-  request.test_fit = !is_diagnosed(m);
-  Result<CalibrationOutput> output = calibrate_recordings(m.recordings, request);
+  Result<CalibrationOutput> output = calibrate_recordings(
+      m.recordings, {.time_utc = m.time_utc, .partial = m.run.request.partial, .test_fit = !is_diagnosed(m)});
   // It was measured; what kept it from being calibrated is the unit's or its recording's, not of what was asked.
   if (!output)
     return Error{output.error().kind == ErrorKind::input ? ErrorKind::unit_failed : output.error().kind,
@@ -124,14 +120,12 @@ void describe_settling(Making& m) {
 void diagnose_unit(Making& m) {
   if (!is_diagnosed(m)) return;
   const bool alone = m.recordings.size() == 1;
-  DiagnosisRequest request;
-  request.time_utc = m.time_utc;
-  request.base = m.unit.output->fit && alone ? &*m.unit.output->fit : nullptr;
-  request.of_run = true;
-  request.samples = alone ? samples_of(m) : m.recordings.front().path;
-  std::vector<const LoadedRecording*> all;
-  for (const LoadedRecording& one : m.recordings) all.push_back(&one);
-  Result<DiagnosisOutput> output = diagnose_recordings(all, request);
+  Result<DiagnosisOutput> output =
+      diagnose_recordings(each_of(m.recordings), {.time_utc = m.time_utc,
+                                                  .noise = {},
+                                                  .base = m.unit.output->fit && alone ? &*m.unit.output->fit : nullptr,
+                                                  .samples = alone ? samples_of(m) : m.recordings.front().path,
+                                                  .of_run = true});
   m.diagnosis = output ? to_string(output->diagnosis.verdict) : "failed";
   m.finding = output ? finding_of(output->diagnosis) : output.error().message;
   if (output) m.unit.diagnosis = std::move(*output);
@@ -316,8 +310,7 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
     const Result<ParameterVector> truth = run.request.dry_run
                                               ? read_truth(unit.file(truth_name))
                                               : Result<ParameterVector>(input_error("a real unit has no known truth"));
-    out << '\n';
-    out << as_text(result_table(unit.output->file, truth ? std::optional(*truth) : std::nullopt)) << '\n';
+    out << '\n' << as_text(result_table(unit.output->file, truth ? std::optional(*truth) : std::nullopt)) << '\n';
     if (unit.diagnosis) out << as_text(unit.diagnosis->files.report, diagnosis_lines) << '\n';
     const VerdictReport& verdict = unit.verdict;
     for (const std::string& line : describe(verdict)) out << line << '\n';
@@ -330,8 +323,7 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
     if (unit.diagnosis) out << "report      " << unit.file(diagnosis_folder) << '/' << report_name << '\n';
   }
   if (unit.verification) {
-    out << '\n';
-    out << as_text(verification_document(*unit.verification));
+    out << '\n' << as_text(verification_document(*unit.verification));
     out << "verification  " << unit.file(verification_name) << '\n';
   }
   if (run.request.dry_run) out << "truth       " << unit.file(truth_name) << '\n';

@@ -228,11 +228,8 @@ Calibration calibrate(std::span<const Recording> recordings, const CalibrateOpti
   if (std::ranges::find(calibration_methods, options.method) == std::end(calibration_methods))
     raise(input_error("method '" + options.method + "': expected joint or closed-form"));
   const std::vector<LoadedRecording> loaded = load_all(recordings);
-  CalibrationRequest request;
-  request.method = options.method;
-  request.partial = options.partial;
-  request.time_utc = time_or_now(options.time_utc);
-  CalibrationOutput output = value(calibrate_recordings(loaded, request));
+  CalibrationOutput output = value(calibrate_recordings(
+      loaded, {.method = options.method, .time_utc = time_or_now(options.time_utc), .partial = options.partial}));
   add_measured_utc(loaded.front().data.info, output.file);
   Document report = calibration_document(output.file, output.notes, output.distrust, {});
   return {parameters_of(std::move(output.file)), std::move(output.notes), std::move(output.distrust),
@@ -242,17 +239,12 @@ Calibration calibrate(std::span<const Recording> recordings, const CalibrateOpti
 Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions& options) {
   if (recordings.empty()) raise(input_error("recordings: expected at least one"));
   const std::vector<LoadedRecording> fitted = load_all(recordings), holdouts = load_all(options.holdouts);
-  const auto pointers = [](const std::vector<LoadedRecording>& all) {
-    std::vector<const LoadedRecording*> each;
-    for (const LoadedRecording& one : all) each.push_back(&one);
-    return each;
-  };
   DiagnosisRequest request;
   request.time_utc = time_or_now(options.time_utc);
-  request.holdouts = pointers(holdouts);
+  request.holdouts = each_of(holdouts);
   const Recording& navigated = options.holdouts.empty() ? recordings.front() : options.holdouts.front();
   if (navigated.content().is_file) request.samples = navigated.content().name;
-  DiagnosisOutput output = value(diagnose_recordings(pointers(fitted), request));
+  DiagnosisOutput output = value(diagnose_recordings(each_of(fitted), request));
   Diagnosis result{.verdict = to_string(output.diagnosis.verdict),
                    .effects = std::move(output.diagnosis.effect_names),
                    .parameters = {},

@@ -22,16 +22,16 @@ struct Outcome {
 
 class Check : public Program {
  protected:
-  static Outcome check(const std::string& station, const std::string& sequence) {
-    std::ostringstream out;
-    std::ostringstream err;
-    Outcome outcome;
-    outcome.code = run_check({station, sequence}, out, err);
-    outcome.out = out.str();
+  static Outcome check(const CheckOptions& options) {
+    std::ostringstream out, err;
+    CommandContext context{.out = out, .err = err};
+    if (const Status status = run_check(options, context); !status) context.fail(status.error());
+    Outcome outcome{context.exit_code, out.str(), {}};
     for (const std::string& line : lines_of(err.str()))
       outcome.problems.push_back(line.starts_with(error_prefix) ? line.substr(std::string(error_prefix).size()) : line);
     return outcome;
   }
+  static Outcome check(const std::string& station, const std::string& sequence) { return check({station, sequence}); }
 };
 
 // A line of the plan with its blanks collapsed to one.
@@ -99,11 +99,10 @@ TEST_F(Check, PlansTheNorthSeekingBehindTheCalibration) {
   EXPECT_SAYS(outcome.problems[0], "heading goes to 270 deg, soft travel is -190 to 190 deg");
   const std::string verifying = write("wide.station", check_station + "verify.run = true\n");
   EXPECT_SAYS(check(verifying, sequence).out, "two searches");
-  std::ostringstream asked_for, err;
-  EXPECT_EQ(
-      run_check({.station = write("not.station", check_station), .sequence = sequence, .verify = true}, asked_for, err),
-      0);
-  EXPECT_SAYS(asked_for.str(), "two searches");
+  const Outcome asked_for =
+      check({.station = write("not.station", check_station), .sequence = sequence, .verify = true});
+  EXPECT_EQ(asked_for.code, 0);
+  EXPECT_SAYS(asked_for.out, "two searches");
   EXPECT_SAYS_NOT(check(verifying, write("my.seq", sequence_text)).out, "two searches");
 }
 
@@ -116,17 +115,17 @@ TEST_F(Check, ExplainsTheTableAndListsItsGuesses) {
   std::string described = check_station;
   described.replace(described.find("table.driver = mock"), 19, "table.driver = modbus\ntable.map = " + table);
   const std::string station = write("my.station", described);
-  std::ostringstream out, err;
-  EXPECT_EQ(run_check({.station = station, .sequence = "", .explain = true}, out, err), 0);
-  EXPECT_SAYS(out.str(), "unit 2, function 6, register 50 (0x0032)");
-  EXPECT_SAYS(err.str(), ": write.stop is a guess\n");
-  EXPECT_SAYS(err.str(), "commission needs --accept-guess");
+  const Outcome explained = check({.station = station, .sequence = "", .explain = true});
+  EXPECT_EQ(explained.code, 0);
+  EXPECT_SAYS(explained.out, "unit 2, function 6, register 50 (0x0032)");
+  EXPECT_TRUE(explained.problems.front().ends_with(": write.stop is a guess")) << explained.problems.front();
+  EXPECT_SAYS(explained.problems.back(), "commission needs --accept-guess");
   const Result<StationConfig> config = good(read_station_config(station));
   EXPECT_EQ(guesses_of(*config, false).size(), 2u);
   EXPECT_EQ(guesses_of(*config, true).size(), 1u);
-  std::ostringstream nothing, asked;
-  EXPECT_EQ(run_check({.station = station, .sequence = ""}, nothing, asked), 1);
-  EXPECT_SAYS(asked.str(), "--sequence is required");
+  const Outcome asked = check(station, "");
+  EXPECT_EQ(asked.code, 1);
+  EXPECT_SAYS(asked.problems.at(0), "--sequence is required");
 }
 
 TEST_F(Check, BadFilesAreBothNamedAndNothingIsPrinted) {
@@ -143,15 +142,13 @@ TEST_F(Check, BadFilesAreBothNamedAndNothingIsPrinted) {
 TEST_F(Check, TheRigFileOfTheStationIsReadToo) {
   const std::string sequence = write("my.seq", sequence_text);
   const std::string station = write("my.station", check_station + "rig.file = my.rig\n");
-  const Outcome missing = check(station, sequence);
-  EXPECT_EQ(missing.code, 1);
-  ASSERT_EQ(missing.problems.size(), 1U);
-  EXPECT_SAYS(missing.problems[0], "my.rig");
-  write("my.rig", "no.such.key = 1\n");
-  const Outcome bad = check(station, sequence);
-  EXPECT_EQ(bad.code, 1);
-  ASSERT_EQ(bad.problems.size(), 1U);
-  EXPECT_SAYS(bad.problems[0], "my.rig:1: key 'no.such.key'");
+  for (const char* said : {"my.rig", "my.rig:1: key 'no.such.key'"}) {
+    const Outcome refused = check(station, sequence);
+    EXPECT_EQ(refused.code, 1);
+    ASSERT_EQ(refused.problems.size(), 1U);
+    EXPECT_SAYS(refused.problems[0], said);
+    write("my.rig", "no.such.key = 1\n");
+  }
 }
 
 }  // namespace

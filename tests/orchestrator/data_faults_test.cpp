@@ -126,7 +126,7 @@ TEST(DataFaults, AChannelThatDoesNotLiveIsNamed) {
     ASSERT_FALSE(output.ok());
     EXPECT_EQ(output.error().kind, ErrorKind::unit_failed);
     EXPECT_SAYS(output.error().message, said);
-    const Result<DiagnosisOutput> diagnosis = diagnose_recording(changed.loaded, {});
+    const Result<DiagnosisOutput> diagnosis = diagnose_recordings({&changed.loaded}, {});
     ASSERT_FALSE(diagnosis.ok());
     EXPECT_EQ(diagnosis.error().kind, ErrorKind::unit_failed) << "one outcome, one code";
     EXPECT_EQ(diagnosis.error().message, output.error().message);

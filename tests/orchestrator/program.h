@@ -152,6 +152,19 @@ class Program : public testing::Test {
     return finish(pid);
   }
 
+  // Killed at each of these points and taken up: the exit code, parameters and recording of the run in `whole`.
+  void expect_same_after_kills(const Arguments& begin, const std::string& folder, const std::vector<long>& points,
+                               const std::string& whole, int code = 0) const {
+    for (const long point : points) {
+      SCOPED_TRACE(point);
+      ASSERT_EQ(run_struck(begin, point, "kill").code, -1000 - SIGKILL);
+      EXPECT_EQ(run({"resume", folder}).code, code);
+      for (const char* name : {"parameters.conf", "recording.tcr"})
+        EXPECT_EQ(file_text(folder_ / folder / name), file_text(folder_ / whole / name)) << name;
+      std::filesystem::remove_all(folder_ / folder);
+    }
+  }
+
   // How many calls run_struck can strike at.
   long count_points(const Arguments& arguments, int code = 0) const {
     EXPECT_EQ(run_struck(arguments, 0, "kill").code, code);

@@ -1,6 +1,7 @@
 // A run that ends when it knows enough: when, with what, and the same after every kill.
 #include "orchestrator/station/verdict.h"
 
+#include "calib/evidence/diagnosis.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/enough_watch.h"
 #include "tests/orchestrator/program.h"
@@ -93,15 +94,10 @@ TEST_F(UntilSigma, EndsAfterTheDwellAtWhichAllIsKnownAndNoSooner) {
 
   // What it stopped with is what comes of the recording, by the same numbers.
   ASSERT_EQ(run({"calibrate", "early/recording.tcr", "--out", "again"}).code, 0);
-  const auto lines_with = [&](const std::string& file, const std::string& key) {
-    std::string found;
-    for (const std::string& line : lines_of(file_text(folder_ / file)))
-      if (line.starts_with(key)) found += line + "\n";
-    return found;
-  };
-  for (const char* key : {"N0", "A0", "n", "a1", "a2", "a3", "sigma."})
-    EXPECT_EQ(lines_with("early/parameters.conf", key), lines_with("again/parameters.conf", key));
   const Result<ParameterFile> file = good(read_parameter_file(path("early/parameters.conf")));
+  const Result<ParameterFile> again = good(read_parameter_file(path("again/parameters.conf")));
+  EXPECT_EQ(file->parameters, again->parameters);
+  EXPECT_EQ(file->sigma, again->sigma);
   for (const std::size_t parameter : {6u, 10u}) {
     ASSERT_TRUE(parameter_keys[parameter] == "n11" || parameter_keys[parameter] == "n22");
     EXPECT_LE(*file->sigma[parameter], parameter == 6 ? 4.2e-7 : 3e-6);
@@ -154,16 +150,9 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
   EXPECT_SAYS(again.front(), "enough = false");
 
   // Killed where it was decided, and where the dwell was made: the same bytes.
-  const std::string recording = file_text(folder_ / "drifted/recording.tcr");
   const long points = count_points(begin("count", station), drifted.code);
-  for (const double part : {0.38, 0.40, 0.42}) {
-    SCOPED_TRACE(part);
-    const long point = std::lround(part * static_cast<double>(points));
-    ASSERT_EQ(run_struck(begin("killed", station), point, "kill").code, -1000 - SIGKILL);
-    EXPECT_EQ(run({"resume", "killed"}).code, drifted.code);
-    EXPECT_EQ(file_text(folder_ / "killed/recording.tcr"), recording);
-    std::filesystem::remove_all(folder_ / "killed");
-  }
+  expect_same_after_kills(begin("killed", station), "killed", {38 * points / 100, 40 * points / 100, 42 * points / 100},
+                          "drifted", drifted.code);
 }
 
 TEST_F(UntilSigma, DoesNotEndBeforeThereIsADiagnosisWhereTheWholeRunHasOne) {
@@ -225,6 +214,60 @@ TEST_F(UntilSigma, EndsTheSameAfterAKillAtAnyTime) {
     ASSERT_EQ(file_text(folder_ / "killed/out/recording.tcr"), recording);
     std::filesystem::remove_all(folder_ / "killed");
   }
+}
+
+// Legs that are added to tell apart what the diagnosis cannot.
+TEST(Doubt, IsAClassOfNamesOrABranchThatIsSaidWithoutOne) {
+  Diagnosis d;
+  d.verdict = Verdict::extended;
+  d.effect_names = {"gyro_warm_up", "accel_third_order"};
+  d.aliases = {{"gyro_warm_up", {}}, {"accel_third_order", {"accel_odd_quadratic"}}};
+  ASSERT_TRUE(doubt_of(d));
+  EXPECT_EQ(words_of(*doubt_of(d)), "accel_third_order or accel_odd_quadratic");
+  d.aliases["accel_third_order"].clear();
+  EXPECT_FALSE(doubt_of(d));
+  d.verdict = Verdict::unexplained;
+  d.statements.nodes = {{"accelerometer y", "bias", "force", "", 0.99},
+                        {"accelerometer y", "bias", "force", "accel_scale_asymmetry", 0.4},
+                        {"accelerometer y", "bias", "force", "accel_second_order", 0.6},
+                        {"gyro x", "bias", "time", "gyro_bias_drift", 0.3}};
+  ASSERT_TRUE(doubt_of(d));
+  EXPECT_EQ(words_of(*doubt_of(d)), "accel_second_order or accel_scale_asymmetry");
+  d.statements.nodes.front().probability = 0.9;  // not said
+  EXPECT_FALSE(doubt_of(d));
+  d.statements.nodes.front().probability = 0.99;
+  d.verdict = Verdict::noise_model;
+  EXPECT_FALSE(doubt_of(d));
+}
+
+class Settle : public Program {
+ protected:
+  Arguments begin(const std::string& out) const {
+    return {"run", "--dry-run", "--unit", "SN1", "--out", out, "--rig", "doubt.rig", "--settle", "10"};
+  }
+  void SetUp() override {
+    Program::SetUp();
+    write("doubt.rig", "seed = 4\nnoise.seed = 104\neffect.accel_third_order.y = -90\n");
+  }
+};
+
+TEST_F(Settle, AddsTheLegsOnceSaysWhatIsKnownAndIsTheSameAfterAKill) {
+  const ProgramResult whole = run(begin("whole"));
+  EXPECT_SAYS(whole.out, "in doubt: ");
+  EXPECT_SAYS(whole.out, "In doubt was ");
+  EXPECT_SAYS(whole.out, " of legs were added; it is ");
+  EXPECT_SAYS(file_text(folder_ / "whole/parameters.conf"), "record.settle.1 = ");
+  EXPECT_EQ(std::ranges::count_if(lines_of(run({"journal", "whole"}).out),
+                                  [](const std::string& line) { return line.find(" settle ") != std::string::npos; }),
+            1);
+  const long points = count_points(begin("count"), whole.code);
+  // While the legs are walked, and when everything is recorded.
+  expect_same_after_kills(begin("killed"), "killed", {points - 60, points - 4}, "whole", whole.code);
+}
+
+TEST_F(Settle, IsRefusedWhereNoDiagnosisIsMade) {
+  for (const char* option : {"--capture-only", "--partial", "--no-diagnosis"})
+    expect_refused(begin("out") + option, "--settle: expected a table that turns by itself");
 }
 
 }  // namespace

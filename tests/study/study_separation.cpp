@@ -14,7 +14,6 @@
 
 #include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/jobs/design/sequence_design.h"
-#include "orchestrator/jobs/design/settling.h"
 #include "orchestrator/jobs/preflight.h"
 #include "tests/rig_recorder.h"
 

@@ -5,9 +5,11 @@
 #include <random>
 #include <set>
 
+#include "calib/model/limits.h"
 #include "calib/prediction/design_bound.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/jobs/preflight.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 
@@ -21,19 +23,6 @@ constexpr int most_share = 12;
 constexpr double pose_step_deg = 30.0;  // of the poses that the bound looks at
 constexpr std::array<double, 7> turns_deg{90.0, 180.0, 360.0, 45.0, 135.0, 270.0, 30.0};
 
-// A walk without times: rests are shares of the time that the turns leave.
-struct SharedLeg {
-  Axis axis = Axis::heading;
-  double turn_deg = 0.0;
-  double rate_degps = 0.0;
-  int share = 1;
-};
-struct SharedWalk {
-  AxisTriple start_deg;
-  int first_share = 1;
-  std::vector<SharedLeg> legs;
-};
-
 std::vector<Axis> axes_of(const DesignTask& task) {
   std::vector<Axis> axes;
   for (const Axis axis : all_axes)
@@ -45,13 +34,14 @@ double rate_on(const DesignTask& task, Axis axis, double rate_degps) {
   return std::min(rate_degps, task.limits[axis].max_rate_degps);
 }
 
+// Walks that are changed here have no times: their rests are shares of the time that the turns leave. timed() gives them samples.
 class Search {
  public:
   explicit Search(const DesignTask& task) : task_(task), random_(task.seed), axes_(axes_of(task)) {}
 
   Result<Design> run(const std::function<bool(const DesignProgress&)>& progress) {
     if (axes_.empty()) return input_error("no axis may turn by a degree: expected one at least");
-    SharedWalk now = begin();
+    Walk now = begin();
     std::optional<double> cost = judge(now);
     while (!cost && !now.legs.empty()) {  // too long: fewer legs
       now.legs.pop_back();
@@ -60,7 +50,7 @@ class Search {
     const double least_deg = *std::ranges::min_element(turns_deg);
     for (std::size_t k = 0; !cost && k < axes_.size(); ++k) {
       now.legs = {leg_of(axes_[k], least_deg, *std::ranges::max_element(task_.rates_degps), 1)};
-      now.first_share = 1;
+      now.first_rest_samples = 1;
       if (now.start_deg[axes_[k]] + now.legs[0].turn_deg > travel_of(task_.limits[axes_[k]]).high_deg)
         now.legs[0].turn_deg *= -1.0;
       cost = judge(now);
@@ -71,10 +61,10 @@ class Search {
                          format_number(task_.time_s) + " s");
     Design design;
     design.start_cost = *cost;
-    SharedWalk best = now;
+    Walk best = now;
     double best_cost = *cost;
     for (int i = 0; i < task_.tries && !(task_.judged_by && best_cost <= 0.0); ++i) {
-      SharedWalk other = changed(now);
+      Walk other = changed(now);
       const std::optional<double> other_cost = judge(other);
       if (!other_cost) continue;
       const double left = 1.0 - static_cast<double>(i) / (0.7 * task_.tries);
@@ -98,20 +88,20 @@ class Search {
   std::size_t below(std::size_t n) { return static_cast<std::size_t>(random_() % n); }
 
   // The walk to start from: rests in units of its shortest, rates that are among those to choose from.
-  SharedWalk begin() const {
+  Walk begin() const {
     std::int64_t shortest = std::max<std::int64_t>(1, task_.start.first_rest_samples);
     for (const Leg& leg : task_.start.legs)
       if (leg.rest_samples > 0) shortest = std::min(shortest, leg.rest_samples);
     const auto share = [&](std::int64_t samples) {
-      return static_cast<int>(std::min<std::int64_t>((samples + shortest / 2) / shortest, most_share));
+      return std::min<std::int64_t>((samples + shortest / 2) / shortest, most_share);
     };
-    SharedWalk walk;
+    Walk walk;
     walk.start_deg = task_.start.start_deg;
-    walk.first_share = share(task_.start.first_rest_samples);
+    walk.first_rest_samples = share(task_.start.first_rest_samples);
     for (const Leg& leg : task_.start.legs) {
       if (std::ranges::find(axes_, leg.axis) == axes_.end()) continue;
       const bool offered = std::ranges::find(task_.rates_degps, leg.rate_degps) != task_.rates_degps.end();
-      const int least = !walk.legs.empty() && walk.legs.back().share == 0 ? 1 : 0;
+      const std::int64_t least = !walk.legs.empty() && walk.legs.back().rest_samples == 0 ? 1 : 0;
       walk.legs.push_back({leg.axis, leg.turn_deg,
                            offered ? leg.rate_degps : rate_on(task_, leg.axis, task_.rates_degps.front()),
                            std::max(least, share(leg.rest_samples))});
@@ -119,7 +109,7 @@ class Search {
     return walk;
   }
 
-  SharedLeg any_leg() {
+  Leg any_leg() {
     const double size_deg = turns_deg[below(turns_deg.size())];
     const Axis axis = axes_[below(axes_.size())];
     const double turn_deg = below(2) == 0 ? size_deg : -size_deg;
@@ -128,13 +118,13 @@ class Search {
   }
 
   // As far and as fast as the axis may, if that is less.
-  SharedLeg leg_of(Axis axis, double turn_deg, double rate_degps, int share) const {
+  Leg leg_of(Axis axis, double turn_deg, double rate_degps, int share) const {
     const double most_deg = travel_of(task_.limits[axis]).longest_turn_deg;
     return {axis, std::clamp(turn_deg, -most_deg, most_deg), rate_on(task_, axis, rate_degps), share};
   }
 
-  SharedWalk changed(SharedWalk walk) {
-    std::vector<SharedLeg>& legs = walk.legs;
+  Walk changed(Walk walk) {
+    std::vector<Leg>& legs = walk.legs;
     const std::size_t n = legs.size();
     const auto at = [&](std::size_t k) { return legs.begin() + static_cast<std::ptrdiff_t>(k); };
     switch (n == 0 ? 1 : below(8)) {
@@ -144,8 +134,8 @@ class Search {
       case 3: std::swap(legs[below(n)], legs[below(n)]); break;
       case 4: legs[below(n)].turn_deg *= -1.0; break;
       case 5: {  // there and back
-        const SharedLeg leg = any_leg();
-        SharedLeg back = leg;
+        const Leg leg = any_leg();
+        Leg back = leg;
         back.turn_deg *= -1.0;
         const std::size_t k = below(n + 1);
         legs.insert(at(k), {leg, back});
@@ -157,42 +147,40 @@ class Search {
         break;
       }
       default: {
-        int& share = below(n + 1) == 0 ? walk.first_share : legs[below(n)].share;
-        const int other =
+        std::int64_t& share = below(n + 1) == 0 ? walk.first_rest_samples : legs[below(n)].rest_samples;
+        const std::int64_t other =
             below(2) == 0 ? share + 1 + static_cast<int>(below(4)) : share - 1 - static_cast<int>(below(2));
-        share = std::clamp(other, 0, most_share);
+        share = std::clamp<std::int64_t>(other, 0, most_share);
       }
     }
     return walk;
   }
 
   // In samples of a unit of this period; nothing where the turns leave too little.
-  std::optional<Walk> timed(const SharedWalk& shared, double period_s) const {
+  std::optional<Walk> timed(Walk walk, double period_s) const {
     // Three turns with no rest among them: the bound knows of two.
-    for (std::size_t k = 1; k < shared.legs.size(); ++k)
-      if (shared.legs[k - 1].share == 0 && shared.legs[k].share == 0) return std::nullopt;
+    for (std::size_t k = 1; k < walk.legs.size(); ++k)
+      if (walk.legs[k - 1].rest_samples == 0 && walk.legs[k].rest_samples == 0) return std::nullopt;
     double left_s = task_.time_s;
-    int shares = std::max(1, shared.first_share);
+    walk.first_rest_samples = std::max<std::int64_t>(1, walk.first_rest_samples);
+    std::int64_t shares = walk.first_rest_samples;
     const double tick_s = std::max(period_s, task_.info.sample_period_s);
-    for (const SharedLeg& leg : shared.legs) {
+    for (const Leg& leg : walk.legs) {
       const double turn_s = move_duration_s(leg.turn_deg, leg.rate_degps, task_.acceleration_degps2);
       left_s -= std::ceil((turn_s + task_.limits.settle_s) / tick_s) * tick_s;
-      shares += leg.share;
+      shares += leg.rest_samples;
     }
-    const double unit_s = left_s / shares;
+    const double unit_s = left_s / static_cast<double>(shares);
     if (!(unit_s >= task_.least_rest_s)) return std::nullopt;
-    const auto samples = [&](int share) {
-      return static_cast<std::int64_t>(std::llround(std::floor(unit_s * share) / period_s));
+    const auto into_samples = [&](std::int64_t& share) {
+      share = std::llround(std::floor(unit_s * static_cast<double>(share)) / period_s);
     };
-    Walk walk;
-    walk.start_deg = shared.start_deg;
-    walk.first_rest_samples = samples(std::max(1, shared.first_share));
-    for (const SharedLeg& leg : shared.legs)
-      walk.legs.push_back({leg.axis, leg.turn_deg, leg.rate_degps, samples(leg.share)});
+    into_samples(walk.first_rest_samples);
+    for (Leg& leg : walk.legs) into_samples(leg.rest_samples);
     return walk;
   }
 
-  std::optional<double> judge(const SharedWalk& shared) {
+  std::optional<double> judge(const Walk& shared) {
     const std::optional<Walk> walk = timed(shared, judged_period_s);
     if (!walk) return std::nullopt;
     WalkHeader header;
@@ -253,6 +241,31 @@ double cost_of(const std::vector<AliasPair>& pairs) {
   double cost = 0.0;
   for (const AliasPair& pair : pairs) cost += std::max(0.0, std::log(separating_gain / std::max(pair.gain, 1e-9)));
   return cost;
+}
+
+constexpr int settling_tries = 300;
+constexpr double usual_acceleration_degps2 = 20.0;
+constexpr double from_pose_to_pose_s = 60.0;  // the way to the start of the legs, at most, as a first guess
+
+// Where the cable still lets every axis go: it counts what the plan has turned.
+PlanLimits within_cable(PlanLimits limits, const Plan& plan) {
+  for (const Axis axis : all_axes) {
+    AxisLimits& of = limits.axis[static_cast<std::size_t>(axis)];
+    if (of.wrap_deg <= 0.0) continue;
+    of.soft_min_deg = std::max(of.soft_min_deg, plan.travel_max_deg[axis] - of.wrap_deg);
+    of.soft_max_deg = std::min(of.soft_max_deg, plan.travel_min_deg[axis] + of.wrap_deg);
+  }
+  return limits;
+}
+
+// What the legs add to the plan. Nothing: the table may not run both.
+std::optional<double> added_s(const SettlingTask& task, const std::string& text) {
+  const Result<Sequence> legs = parse_sequence(text, "settling");
+  if (!legs) return std::nullopt;
+  Sequence both = task.sequence;
+  append_steps(*legs, both);
+  const Plan plan = make_plan(both, task.limits);
+  return plan.ok() ? std::optional(plan.station_s - task.plan.station_s) : std::nullopt;
 }
 
 }  // namespace
@@ -318,6 +331,50 @@ Result<ExtraLegs> find_extra_legs(const Separation& separation, DesignTask task,
     task.start = design->walk;
   }
   return legs;
+}
+
+std::optional<Settling> find_settling(const SettlingTask& task) {
+  DiagnosisOptions options;
+  options.base = &task.base;
+  Diagnosis diagnosis = diagnose(task.recording, options);
+  const std::optional<Doubt> doubt = doubt_of(diagnosis);
+  if (!doubt) return std::nullopt;
+  diagnosis.aliases[doubt->name] = doubt->others;
+  Settling found;
+  found.doubt = words_of(*doubt);
+  found.why_not = "no motion of this table in " + format_duration(task.left_s) + " was found that tells them apart";
+  const Separation separation(task.recording, diagnosis, doubt->name);
+  DesignTask design;
+  design.limits = within_cable(task.limits, task.plan);
+  design.info = task.recording.info;
+  design.rates_degps = {10.0, 20.0, 40.0};
+  design.acceleration_degps2 = usual_acceleration_degps2;
+  for (const AxisLimits& axis : design.limits.axis)
+    design.acceleration_degps2 = std::min(design.acceleration_degps2, axis.max_acceleration_degps2);
+  design.tries = settling_tries;
+  design.start = on_table(walk_of(task.sequence), design.limits);
+  for (double way_s = from_pose_to_pose_s; way_s < task.left_s; way_s *= 2.0) {
+    design.time_s = task.left_s - way_s;
+    const Result<ExtraLegs> legs = find_extra_legs(separation, design, [](double) {});
+    if (!legs || legs->after.empty()) return found;
+    const double least = std::ranges::min(legs->after, {}, &AliasPair::gain).gain;
+    if (least < SelectionLimits{}.bic_margin) return found;
+    WalkHeader header;
+    header.name = "settling";
+    header.comments = {"to tell apart: " + found.doubt};
+    header.rate_degps =
+        std::min(10.0, std::ranges::min(design.limits.axis, {}, &AxisLimits::max_rate_degps).max_rate_degps);
+    header.acceleration_degps2 = design.acceleration_degps2;
+    const std::string text = sequence_text(legs->walk, header);
+    const std::optional<double> s = added_s(task, text);
+    if (!s) return found;
+    if (*s > task.left_s) continue;
+    found.why_not.clear();
+    found.sequence = text;
+    found.added_s = *s;
+    return found;
+  }
+  return found;
 }
 
 }  // namespace turncal
