@@ -13,7 +13,7 @@
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/station/hooks.h"
 #include "orchestrator/station/version.h"
-#include "orchestrator/watch/service_watch.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 
