@@ -13,7 +13,7 @@
 
 #include "calib/model/parameters.h"
 #include "imu_io/base/format_number.h"
-#include "orchestrator/devices/felt_directions.h"
+#include "orchestrator/devices/first_step_check.h"
 #include "orchestrator/run/motion_watch.h"
 #include "turntable_drivers/table/table_state.h"
 
@@ -23,20 +23,6 @@ namespace {
 
 constexpr double homing_deadline_s = 300.0;
 constexpr double least_pose_deg = 30.0;  // a smaller one tells little of an accelerometer's sign
-constexpr const char* body_axis[3] = {"x", "y", "z"};
-
-struct Felt {
-  int axis;
-  int sign;
-};
-Felt felt(Axis axis) {
-  switch (axis) {
-    case Axis::heading: return {1, -1};
-    case Axis::pitch: return {2, 1};
-    case Axis::roll: return {0, 1};
-  }
-  return {0, 1};
-}
 
 class Trial {
  public:
@@ -54,27 +40,25 @@ class Trial {
     TRY(devices_.table.enable());
     TRY(devices_.table.home());
     return wait_until(homing_deadline_s, "the axes did not find their zero", [](const TableStatus& axes) {
-      return all_of(axes, [](const AxisStatus& a) { return a.homed && !a.moving; });
+      return std::ranges::all_of(axes, [](const AxisStatus& a) { return a.homed && !a.moving; });
     });
   }
   struct Turn {
-    double turned_deg = 0.0;      // by the encoder
-    std::array<double, 3> sum{};  // of the gyros, less their mean before it
+    double turned_deg = 0.0;  // by the encoder
+    Eigen::Vector3d sum;      // of the gyros, less their mean before it
   };
   Result<Turn> turn(Axis axis) {
     TRY(rest());
-    restart();
+    sums_ = {};
     TRY(rest());
-    const std::array<double, 3> at_rest = sum_;
-    const auto rest_samples = static_cast<double>(samples_);
-    if (samples_ == 0) return device_error("no samples from the unit");
-    restart();
+    if (sums_.samples == 0.0) return device_error("no samples from the unit");
+    const Eigen::Vector3d at_rest = sums_.gyro / sums_.samples;
+    sums_ = {};
     const double from_deg = TRY(position(axis));
     TRY(move(axis, settings_.move_deg, settings_.rate_degps / 2.0));
-    if (lost_) return device_error(std::string("samples of the unit were lost while ") + to_string(axis) + " turned");
+    if (sums_.lost) return device_error(fmt::format("samples of the unit were lost while {} turned", to_string(axis)));
     const double to_deg = TRY(position(axis));
-    Turn turned{to_deg - from_deg, sum_};
-    for (std::size_t i = 0; i < 3; ++i) turned.sum[i] -= at_rest[i] / rest_samples * static_cast<double>(samples_);
+    const Turn turned{to_deg - from_deg, sums_.gyro - at_rest * sums_.samples};
     TRY(move(axis, 0.0, settings_.rate_degps));
     return turned;
   }
@@ -82,26 +66,16 @@ class Trial {
   Result<Eigen::Vector3d> force_at(std::optional<Axis> axis, double to_deg) {
     const double rate_degps = axis ? std::min(settings_.pose_rate_degps, limits_of(*axis).max_rate_degps) : 0.0;
     TRY(axis ? move(*axis, to_deg, rate_degps) : rest());
-    restart();
+    sums_ = {};
     TRY(rest());
-    if (samples_ == 0) return device_error("no samples from the unit");
-    const Eigen::Vector3d mean = accel_ / static_cast<double>(samples_);
+    if (sums_.samples == 0.0) return device_error("no samples from the unit");
+    const Eigen::Vector3d mean = sums_.accel / sums_.samples;
     if (axis) TRY(move(*axis, 0.0, rate_degps));
     return mean;
   }
   const AxisLimits& limits_of(Axis axis) const { return station_.axis[index(axis)]; }
 
  private:
-  template <class Condition>
-  static bool all_of(const TableStatus& axes, Condition condition) {
-    return std::ranges::all_of(axes, condition);
-  }
-  void restart() {
-    sum_ = {};
-    accel_.setZero();
-    samples_ = 0;
-    lost_ = false;
-  }
   Result<TableStatus> read_table() {
     TableStatus axes;
     for (const Axis axis : all_axes) {
@@ -117,13 +91,11 @@ class Trial {
       const std::size_t got = TRY(devices_.imu.read(buffer_, std::min(seconds, station_.motion.poll_moving_s)));
       for (const ImuSample& sample : std::span(buffer_).first(got)) {
         felt_.add(sample);
-        lost_ = lost_ || (last_counter_ && sample.counter != *last_counter_ + 1);
+        sums_.lost = sums_.lost || (last_counter_ && sample.counter != *last_counter_ + 1);
         last_counter_ = sample.counter;
-        ++samples_;
-        for (std::size_t i = 0; i < 3; ++i) {
-          sum_[i] += sample.gyro[i];
-          accel_[static_cast<Eigen::Index>(i)] += sample.accel[i];
-        }
+        sums_.samples += 1.0;
+        sums_.gyro += Eigen::Vector3d::Map(sample.gyro.data());
+        sums_.accel += Eigen::Vector3d::Map(sample.accel.data());
       }
     }
     return {};
@@ -155,14 +127,10 @@ class Trial {
         const std::string trouble = trouble_of(axis, axes[index(axis)], held_deg_.has_value());
         if (!trouble.empty()) return device_error(trouble);
       }
-      if (held_deg_) {
-        const double tolerance_deg = station_.motion.position_tolerance_deg;
-        if (const auto stray = stray_axis(axes, *held_deg_, sent_, tolerance_deg, tolerance_deg))
-          return device_error(*stray);
-      }
-      if (!held_deg_) {
-        if (const auto lost = homing_.add(axes)) return device_error(*lost);
-      }
+      const double tolerance_deg = station_.motion.position_tolerance_deg;
+      const auto astray =
+          held_deg_ ? stray_axis(axes, *held_deg_, sent_, tolerance_deg, tolerance_deg) : homing_.add(axes);
+      if (astray) return device_error(*astray);
       if (over(axes)) return {};
       if (devices_.clock.now_s() > deadline_s) return device_error(late);
       TRY(read_for(station_.motion.poll_moving_s));
@@ -247,10 +215,12 @@ class Trial {
   const CommissioningSettings& settings_;
   const std::atomic<int>& stop_requests_;
   std::vector<ImuSample> buffer_;
-  std::array<double, 3> sum_{};
-  Eigen::Vector3d accel_ = Eigen::Vector3d::Zero();
-  std::int64_t samples_ = 0;
-  bool lost_ = false;
+  struct Sums {
+    Eigen::Vector3d gyro{0, 0, 0}, accel{0, 0, 0};
+    double samples = 0.0;
+    bool lost = false;
+  };
+  Sums sums_;
   std::optional<std::int64_t> last_counter_;
   std::optional<AxisTriple> held_deg_;  // none: homing, when any axis may turn
   HomingWatch homing_{station_.axis};
@@ -259,47 +229,39 @@ class Trial {
   std::optional<Move> sent_;
 };
 
-double to_rad(IncrementKind kind, const CommissioningSettings& settings) {
-  if (kind != IncrementKind::pulses) return 1.0;
-  return settings.gyro_pulse_arcsec * rad_per_arcsec;  // 0: not known
-}
-
-}  // namespace
-
-Status judge_turn(Axis axis, double turned_deg, const std::array<double, 3>& sum, IncrementKind kind,
+// What the sum of the gyros says about a turn of `axis` by turned_deg; the error names axis, expected and found.
+Status judge_turn(Axis axis, double turned_deg, const Eigen::Vector3d& sum, IncrementKind kind,
                   const CommissioningSettings& settings) {
-  const Felt expected = felt(axis);
-  const double size = std::hypot(sum[0], sum[1], sum[2]);
-  const double weight = to_rad(kind, settings);
-  const double along = expected.sign * sum[static_cast<std::size_t>(expected.axis)];
-  const bool points_there = size > 0.0 && along >= size * std::cos(settings.direction_deg * rad_per_deg);
-  const bool size_known = weight > 0.0;
-  const double felt_deg = size * weight / rad_per_deg;
+  const Eigen::Vector3d about = body_axis_of(axis, {});
+  const std::string expected = nearest_axis(about);  // "-y"
+  const bool pulses = kind == IncrementKind::pulses;
+  const double weight = pulses ? settings.gyro_pulse_arcsec * rad_per_arcsec : 1.0;  // 0: not known
+  const bool points_there = points_along(sum, about, settings.direction_deg), size_known = weight > 0.0;
+  const double felt_deg = sum.norm() * weight / rad_per_deg;
   const bool size_fits =
       !size_known || std::abs(felt_deg - std::abs(turned_deg)) <= settings.scale_tolerance * std::abs(turned_deg);
   if (points_there && size_fits) return {};
-  const double shown = size_known ? weight / rad_per_deg : 1.0;
+  const Eigen::Vector3d shown = sum * (size_known ? weight / rad_per_deg : 1.0);
+  const bool plus = expected[0] == '+';
   return input_error(fmt::format(
       "{} turned by {:+g} deg was felt as {:+.3f}, {:+.3f}, {:+.3f} {} about x, y, z: expected {} about {} alone ({})",
-      to_string(axis), settings.move_deg, sum[0] * shown, sum[1] * shown, sum[2] * shown, size_known ? "deg" : "pulses",
-      size_known          ? fmt::format("{:.6f} deg", expected.sign * turned_deg)
-      : expected.sign > 0 ? "plus"
-                          : "minus",
-      body_axis[expected.axis],
+      to_string(axis), settings.move_deg, shown.x(), shown.y(), shown.z(), size_known ? "deg" : "pulses",
+      size_known ? fmt::format("{:.6f} deg", plus ? turned_deg : -turned_deg)
+      : plus     ? "plus"
+                 : "minus",
+      expected[1],
       points_there ? "scale of the gyros, or counts of the table's axis, by more than 0.5 %"
                    : "sign of the table's axis, or axes and signs of the unit's frame"));
 }
-
-namespace {
 
 Status try_turns(Trial& trial, const CommissioningSettings& settings, IncrementKind kind, std::ostream& out) {
   for (const Axis axis : all_axes) {
     const Trial::Turn turned = TRY(trial.turn(axis));
     TRY(judge_turn(axis, turned.turned_deg, turned.sum, kind, settings));
-    const double size = std::hypot(turned.sum[0], turned.sum[1], turned.sum[2]);
+    const double size = turned.sum.norm();
     const bool pulses = kind == IncrementKind::pulses;
-    out << fmt::format("{:<7} {:+g} deg: felt about {}{}, {:.6g} {}", to_string(axis), settings.move_deg,
-                       felt(axis).sign > 0 ? "+" : "-", body_axis[felt(axis).axis],
+    out << fmt::format("{:<7} {:+g} deg: felt about {}, {:.6g} {}", to_string(axis), settings.move_deg,
+                       nearest_axis(body_axis_of(axis, {})),
                        pulses ? std::abs(turned.turned_deg) * 3600.0 / size : size / rad_per_deg,
                        pulses ? "arcsec a pulse" : "deg")
         << std::endl;
@@ -349,13 +311,8 @@ Status try_axes(const StationDevices& devices, const StationConfig& station, con
   return tried ? try_poses(trial, info, station.gravity_mps2, settings, out) : tried;
 }
 
-namespace {
-
-double known(double rate_degps) { return std::isfinite(rate_degps) ? rate_degps : 0.0; }
-
-}  // namespace
-
 void RateCheck::add(const AxisStatus& now) {
+  const auto known = [](double rate_degps) { return std::isfinite(rate_degps) ? rate_degps : 0.0; };
   summed_deg_ += 0.5 * (known(now.rate_degps) + known(last_.rate_degps)) * (now.time_s - last_.time_s);
   polls_ += now.position_deg != last_.position_deg ? 1 : 0;
   said_moving_ = said_moving_ || now.moving;

@@ -47,10 +47,6 @@ struct CommissioningSettings {
 Status try_axes(const StationDevices& devices, const StationConfig& station, const CommissioningSettings& settings,
                 const std::atomic<int>& stop_requests, std::ostream& out);
 
-// What the sum of the gyros says about a turn of `axis` by turned_deg; the error names axis, expected and found.
-Status judge_turn(Axis axis, double turned_deg, const std::array<double, 3>& sum, IncrementKind kind,
-                  const CommissioningSettings& settings);
-
 // Does an axis say how fast it turns? While it goes its way, what its rate sums up to must be what its position says, and it must say that
 // it moves: a stop is judged by both, and a register that is dead reads 0 of a table that turns. Plain arithmetic.
 //

@@ -66,11 +66,10 @@ Result<ParameterVector> read_truth(const std::string& path) {
 }
 
 StationDevices DryRunDevices::devices() {
-  return {table, imu, clock, [this](double seconds) { wait(seconds); }};
-}
-
-void DryRunDevices::wait(double seconds) {
-  group.pass_until(group.now_s() + std::max(seconds, rig.config().sample_period_s));
+  const auto wait = [this](double seconds) {  // time passes and nobody reads the unit
+    group.pass_until(group.now_s() + std::max(seconds, rig.config().sample_period_s));
+  };
+  return {table, imu, clock, wait};
 }
 
 Status DryRunDevices::put_back(std::span<const JournalCommand> commands, double until_s) {

@@ -8,8 +8,8 @@
 
 #include "calib/model/parameters.h"
 #include "calib/types/status.h"
+#include "orchestrator/devices/live_devices.h"
 #include "orchestrator/devices/operator_prompts.h"
-#include "orchestrator/devices/table_device.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/station/station_config.h"
@@ -40,9 +40,6 @@ class DryRunDevices {
   Turntable& table;
   ImuSource& imu;
   Clock& clock;
-
- private:
-  void wait(double seconds);  // time passes and nobody reads the unit
 };
 
 // The devices of a rehearsal: a run by hand on the rig (`run --manual --dry-run`). The angle that the operator types is where the rig is

@@ -4,6 +4,7 @@
 #include <ifaddrs.h>
 #include <netdb.h>
 #include <netinet/in.h>
+#include <poll.h>
 #include <sched.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
@@ -22,9 +23,102 @@
 #include <filesystem>
 #include <utility>
 
+#include "calib/model/parameters.h"
 #include "orchestrator/devices/stop_signals.h"
+#include "turntable_drivers/ascii/sentence_codec.h"
+#include "turntable_drivers/modbus/register_codec.h"
+#include "turntable_drivers/table/described_turntable.h"
+#include "turntable_drivers/table/table_stop.h"
 
 namespace turncal {
+
+Status TableDevice::leave() {
+  if (left_) return {};
+  left_ = true;
+  const auto wait = [](double seconds) { ::poll(nullptr, 0, static_cast<int>(1e3 * seconds)); };
+  return leave_off(limited_, {.now_s = monotonic_s, .wait = wait, .standing_rate_degps = standing_rate_degps_});
+}
+
+TableDevice::~TableDevice() {
+  // Whoever could be told of a failure has read of it where the run's own stop failed.
+  static_cast<void>(leave().ok());
+}
+
+Status TableDevice::commission(const AxisTriple& known_deg, double tolerance_deg) {
+  if (auto* described = dynamic_cast<DescribedTurntable*>(driver_.get()))
+    return described->commission(known_deg, tolerance_deg);
+  return input_error("this table has nothing to commission");
+}
+
+Result<std::unique_ptr<TableDevice>> make_table(const StationConfig& station, const TableContext& context) {
+  std::unique_ptr<Turntable> driver;
+  switch (station.table.driver) {
+    case TableDriver::mock:
+      return input_error("station '" + station.name +
+                         "': table.driver = mock has no table to turn: expected modbus, serial or manual");
+    case TableDriver::modbus:
+      assert(station.table.map);
+      driver = std::make_unique<DescribedTurntable>(*station.table.map, context.clock, context.stop_requests);
+      break;
+    case TableDriver::serial:
+      assert(station.table.dialect);
+      driver = std::make_unique<DescribedTurntable>(*station.table.dialect, context.clock, context.stop_requests);
+      break;
+    case TableDriver::manual:
+      assert(context.operator_output);
+      driver = std::make_unique<ManualTurntable>(station.table.manual, context.clock, context.operator_input,
+                                                 *context.operator_output, context.gravity);
+      break;
+  }
+  return std::make_unique<TableDevice>(std::move(driver), station.axis, station.motion.settle_rate_degps);
+}
+
+namespace {
+
+constexpr double half_s = 0.5;
+constexpr std::int64_t longest_gap = 2000;  // samples; behind a longer one nobody knows
+constexpr double still = 0.02;              // of the halves' mean
+
+}  // namespace
+
+GravityWatch::GravityWatch(ImuSource& source, double sample_period_s)
+    : FrontImu(source), half_samples_(std::max(1, static_cast<int>(std::lround(half_s / sample_period_s)))) {}
+
+Status GravityWatch::open() {
+  count_ = 0;
+  sum_.setZero();
+  last_.reset();
+  before_.reset();
+  counter_.reset();
+  RecordingInfo info;
+  describe(info);
+  deg_per_count_ = nominal_gyro_rad(info) / rad_per_deg;
+  return imu_.open();
+}
+
+Result<std::size_t> GravityWatch::read(std::span<ImuSample> out, double timeout_s) {
+  Result<std::size_t> got = imu_.read(out, timeout_s);
+  if (!got) return got;
+  for (const ImuSample& sample : out.first(*got)) {
+    const std::int64_t steps =
+        counter_ ? std::clamp<std::int64_t>(sample.counter - *counter_, 1, longest_gap) : std::int64_t{1};
+    counter_ = sample.counter;
+    sum_ += Eigen::Vector3d::Map(sample.accel.data());
+    for (std::size_t i = 0; i < 3; ++i) turned_[i] += deg_per_count_ * sample.gyro[i] * static_cast<double>(steps);
+    if (++count_ < half_samples_) continue;
+    before_ = std::exchange(last_, sum_ / half_samples_);
+    sum_.setZero();
+    count_ = 0;
+  }
+  return got;
+}
+
+std::optional<std::array<double, 3>> GravityWatch::mean() const {
+  if (!last_ || !before_) return {};
+  if (!((*last_ - *before_).norm() <= still * 0.5 * (*last_ + *before_).norm())) return {};
+  const Eigen::Vector3d mean = 0.5 * (*last_ + *before_);
+  return std::array{mean.x(), mean.y(), mean.z()};
+}
 
 namespace {
 
@@ -141,25 +235,14 @@ RealTime::~RealTime() {
 }
 
 std::string RealTime::text() const {
-  std::string text =
+  const std::string goes =
       first() ? "a run goes before other programs (SCHED_FIFO)"
-              : "a run does not go before other programs (SCHED_FIFO: " + std::string(std::strerror(scheduled_)) +
-                    "; limits.conf: rtprio 1)";
-  text += locked() ? ", its memory is locked"
-                   : ", its memory is not locked (mlockall: " + std::string(std::strerror(locked_)) +
-                         "; limits.conf: memlock unlimited)";
-  return text;
+              : fmt::format("a run does not go before other programs (SCHED_FIFO: {}; limits.conf: rtprio 1)",
+                            std::strerror(scheduled_));
+  return goes + (locked() ? ", its memory is locked"
+                          : fmt::format(", its memory is not locked (mlockall: {}; limits.conf: memlock unlimited)",
+                                        std::strerror(locked_)));
 }
-
-namespace {
-
-constexpr double first_turn_s = 60.0;  // until a person has shown how long one takes
-
-}  // namespace
-
-LiveClock::LiveClock(double speed_up) : speed_up_(speed_up), start_s_(monotonic_s()) {}
-
-double LiveClock::now_s() const { return speed_up_ * (monotonic_s() - start_s_); }
 
 double LiveClock::utc_s() const {
   timespec now{};
@@ -241,6 +324,7 @@ std::string LiveDevices::sag_since(const std::optional<TableStatus>& left) {
 OperatorPrompts* LiveDevices::prompts() {
   ManualTurntable* manual = table_->manual();
   if (!manual) return nullptr;
+  constexpr double first_turn_s = 60.0;  // until a person has shown how long one takes
   prompts_ = std::make_unique<OperatorPrompts>(*manual, first_turn_s);
   return prompts_.get();
 }

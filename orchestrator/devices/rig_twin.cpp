@@ -10,6 +10,7 @@
 #include "calib/model/parameters.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
+#include "orchestrator/devices/live_devices.h"
 #include "turntable_drivers/twins/chamber_twin.h"
 #include "turntable_drivers/twins/dialect_twin.h"
 #include "turntable_drivers/twins/modbus_twin.h"
@@ -23,26 +24,25 @@ constexpr double unit_patience_s = 5.0;  // of the host, for a station that is b
 constexpr int unit_pause_ms = 1;
 
 // The rig's pulses, or rad and m/s of their nominal weight where the station's unit sends those.
-class GuardedImu : public ImuSource {
+class GuardedImu : public FrontImu {
  public:
   GuardedImu(ImuSource& source, std::mutex& mutex, const FrameDescription& frame, const RigConfig& rig)
-      : source_(source), mutex_(mutex) {
+      : FrontImu(source), mutex_(mutex) {
     if (!frame.gyro().pulses) gyro_ = {IncrementKind::physical, rig.gyro_pulse_arcsec * rad_per_arcsec};
     if (!frame.accel().pulses) accel_ = {IncrementKind::physical, rig.accel_pulse_mps};
   }
   Status open() override {
     const std::lock_guard lock(mutex_);
-    return source_.open();
+    return imu_.open();
   }
-  Result<ImuIdentity> identify() override { return source_.identify(); }
   void describe(RecordingInfo& info) const override {
-    source_.describe(info);
+    imu_.describe(info);
     info.gyro_increment = gyro_.kind;
     info.accel_increment = accel_.kind;
   }
   Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
     const std::lock_guard lock(mutex_);
-    const Result<std::size_t> count = source_.read(out, timeout_s);
+    const Result<std::size_t> count = imu_.read(out, timeout_s);
     if (!count) return count;
     for (ImuSample& sample : out.first(*count)) {
       for (double& value : sample.gyro) value *= gyro_.weight;
@@ -50,15 +50,12 @@ class GuardedImu : public ImuSource {
     }
     return count;
   }
-  ImuLinkCounters counters() const override { return source_.counters(); }
-  void close() override { source_.close(); }
 
  private:
   struct Increment {
     IncrementKind kind = IncrementKind::pulses;
     double weight = 1.0;
   };
-  ImuSource& source_;
   std::mutex& mutex_;
   Increment gyro_, accel_;
 };

@@ -17,7 +17,7 @@
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/enough_watch.h"
 #include "orchestrator/run/station_run.h"
-#include "orchestrator/watch/service_watch.h"
+#include "orchestrator/watch/progress.h"
 #include "orchestrator/watch/status_page.h"
 #include "turntable_drivers/table/table_stop.h"
 

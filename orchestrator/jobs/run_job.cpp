@@ -19,7 +19,7 @@
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/station/hooks.h"
 #include "orchestrator/station/version.h"
-#include "orchestrator/watch/service_watch.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 

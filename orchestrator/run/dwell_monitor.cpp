@@ -32,18 +32,17 @@ struct Scatter {
 
 }  // namespace
 
+std::array<double, 6> mean_per_count(const RecordingInfo& info, std::int64_t samples) {
+  const double seconds = static_cast<double>(samples) * info.sample_period_s;
+  const double gyro_degps = nominal_gyro_rad(info) / rad_per_deg / seconds;
+  const double accel_mps2 = start_parameters(info).a(0, 0) * si_per_unit(info)[15] / seconds;
+  return {gyro_degps, gyro_degps, gyro_degps, accel_mps2, accel_mps2, accel_mps2};
+}
+
 DwellMonitor::DwellMonitor(const DwellConfig& config, const RecordingInfo& info)
     : config_(config), period_s_(info.sample_period_s) {
   window_samples_ = std::max<std::int64_t>(1, std::llround(config.stillness_window_s / info.sample_period_s));
-  const double window_s = static_cast<double>(window_samples_) * info.sample_period_s;
-  const Parameters start = start_parameters(info);
-  const ParameterVector si = si_per_unit(info);
-  const double rad_per_count = nominal_gyro_rad(info);
-  const double mps_per_count = start.a(0, 0) * si[15];
-  for (int i = 0; i < 3; ++i) {
-    unit_[static_cast<std::size_t>(i)] = rad_per_count / rad_per_deg / window_s;
-    unit_[static_cast<std::size_t>(3 + i)] = mps_per_count / window_s;
-  }
+  unit_ = mean_per_count(info, window_samples_);
   part_samples_ = std::max<std::int64_t>(1, window_samples_ / 10);
   pulses_[0] = info.gyro_increment == IncrementKind::pulses;
   pulses_[1] = info.accel_increment == IncrementKind::pulses;
@@ -58,48 +57,40 @@ void DwellMonitor::start(std::int64_t first_counter, std::int64_t samples) {
   first_counter_ = next_counter_ = first_counter;
   samples_ = samples;
   defect_.reset();
-  window_sum_ = {};
-  in_window_ = windows_ = 0;
-  origin_ = sum_ = square_ = lowest_ = highest_ = {};
+  in_window_ = windows_ = in_part_ = 0;
   of_ = {};
-  part_sum_ = {};
-  in_part_ = 0;
   parts_.clear();
   parts_.reserve(static_cast<std::size_t>(samples / part_samples_) + 1);
-  for (std::size_t i = 0; i < channels; ++i) count_[i] = std::numeric_limits<double>::infinity();
 }
 
 const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const ImuSample> samples) {
   for (const ImuSample& sample : samples) {
     if (defect_) break;
-    if (sample.counter != next_counter_) {
-      defect_ = Defect{ErrorKind::device, std::to_string(sample.counter - next_counter_) + " samples lost at sample " +
-                                              std::to_string(next_counter_)};
-      break;
-    }
-    if ((sample.flags & sample_flag_invalid) != 0) {
-      defect_ = Defect{ErrorKind::unit_failed,
-                       "the unit flagged its data as bad at sample " + std::to_string(sample.counter)};
-      break;
-    }
+    if (sample.counter != next_counter_)
+      defect_ = Defect{ErrorKind::device,
+                       fmt::format("{} samples lost at sample {}", sample.counter - next_counter_, next_counter_)};
+    else if ((sample.flags & sample_flag_invalid) != 0)
+      defect_ =
+          Defect{ErrorKind::unit_failed, fmt::format("the unit flagged its data as bad at sample {}", sample.counter)};
+    if (defect_) break;
     ++next_counter_;
     for (std::size_t i = 0; i < channels; ++i) {
       const double value = channel_of(sample, i);
-      window_sum_[i] += value;
       Channel& c = of_[i];
-      part_sum_[i] += value;
+      c.window_sum += value;
+      c.part_sum += value;
       if (c.now.samples == 0 || value != c.now.value) {
-        if (c.now.samples > 0) count_[i] = std::min(count_[i], std::abs(value - c.now.value));
+        if (c.now.samples > 0) c.step = std::min(c.step, std::abs(value - c.now.value));
         changes_ += c.now.samples > 0 ? 1 : 0;
         c.now = {value, sample.counter, 0};
       }
       if (++c.now.samples >= c.longest.samples) c.longest = c.now;
-      if (in_window_ == 0 || value < least_[i].value) least_[i] = {value, sample.counter, 0.0};
-      if (in_window_ == 0 || value > most_[i].value) most_[i] = {value, sample.counter, 0.0};
+      if (in_window_ == 0 || value < c.least.value) c.least = {value, sample.counter, 0.0};
+      if (in_window_ == 0 || value > c.most.value) c.most = {value, sample.counter, 0.0};
     }
     if (++in_part_ == part_samples_) {
-      parts_.push_back(part_sum_);
-      part_sum_ = {};
+      auto& part = parts_.emplace_back();
+      for (std::size_t i = 0; i < channels; ++i) part[i] = std::exchange(of_[i].part_sum, 0.0);
       in_part_ = 0;
     }
     if (++in_window_ == window_samples_) close_window();
@@ -109,53 +100,44 @@ const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const Imu
 }
 
 void DwellMonitor::close_window() {
+  const double size = static_cast<double>(in_window_);
   for (std::size_t i = 0; i < channels; ++i) {
-    const double mean = window_sum_[i] * unit_[i];
-    if (windows_ == 0) origin_[i] = mean;
-    const double d = mean - origin_[i];
-    sum_[i] += d;
-    square_[i] += d * d;
-    const double size = static_cast<double>(in_window_);
-    const double middle = window_sum_[i] / size;
-    Outlier outlier = most_[i].value - middle > middle - least_[i].value ? most_[i] : least_[i];
-    outlier.without = size > 1.0 ? (window_sum_[i] - outlier.value) * size / (size - 1.0) * unit_[i] - origin_[i] : d;
-    if (windows_ == 0 || d < lowest_[i]) in_lowest_[i] = outlier;
-    if (windows_ == 0 || d > highest_[i]) in_highest_[i] = outlier;
-    lowest_[i] = std::min(lowest_[i], d);
-    highest_[i] = std::max(highest_[i], d);
+    Channel& c = of_[i];
+    const double mean = c.window_sum * unit_[i], middle = c.window_sum / size;
+    if (windows_ == 0) c.origin = mean;
+    const double d = mean - c.origin;
+    c.sum += d;
+    c.square += d * d;
+    Outlier outlier = c.most.value - middle > middle - c.least.value ? c.most : c.least;
+    outlier.without = size > 1.0 ? (c.window_sum - outlier.value) * size / (size - 1.0) * unit_[i] - c.origin : d;
+    if (windows_ == 0 || d < c.lowest) c.in_lowest = outlier;
+    if (windows_ == 0 || d > c.highest) c.in_highest = outlier;
+    c.lowest = std::min(c.lowest, d);
+    c.highest = std::max(c.highest, d);
+    c.window_sum = 0.0;
   }
-  window_sum_ = {};
   in_window_ = 0;
   ++windows_;
   if (judge_dead() || defect_) return;
   const double count = static_cast<double>(windows_);
   for (std::size_t i = 0; i < channels; ++i) {
     const bool gyro = i < 3;
-    const double centre = sum_[i] / count;
-    const double deviation = std::sqrt(std::max(0.0, square_[i] / count - centre * centre));
-    const double peak = std::max(highest_[i] - centre, centre - lowest_[i]);
+    const double centre = of_[i].sum / count;
+    const double deviation = std::sqrt(std::max(0.0, of_[i].square / count - centre * centre));
+    const double peak = std::max(of_[i].highest - centre, centre - of_[i].lowest);
     const double max_deviation = gyro ? config_.max_gyro_std_degps : config_.max_accel_std_mps2;
     const double max_peak = gyro ? config_.max_gyro_peak_degps : config_.max_accel_peak_mps2;
+    if (peak <= max_peak && deviation <= max_deviation) continue;
+    const bool jumps = !(peak <= max_peak);
+    const std::string glitch = glitch_text(i, max_peak);
     const char* unit = gyro ? "deg/s" : "m/s^2";
-    const double at_s = count * config_.stillness_window_s;
-    if (!(peak <= max_peak) || !(deviation <= max_deviation)) {
-      if (const std::string glitch = glitch_text(i, max_peak); !glitch.empty()) {
-        defect_ = Defect{ErrorKind::device, glitch};
-        return;
-      }
-    }
-    if (!(peak <= max_peak)) {
-      defect_ = Defect{ErrorKind::device,
-                       fmt::format("not still: {} mean jumps by {:.4g} {} (limit {:.4g} {}) within {:.0f} s",
-                                   channel_names[i], peak, unit, max_peak, unit, at_s)};
-      return;
-    }
-    if (!(deviation <= max_deviation)) {
-      defect_ = Defect{ErrorKind::device,
-                       fmt::format("not still: {} means scatter by {:.4g} {} (limit {:.4g} {}) within {:.0f} s",
-                                   channel_names[i], deviation, unit, max_deviation, unit, at_s)};
-      return;
-    }
+    defect_ = Defect{ErrorKind::device,
+                     !glitch.empty() ? glitch
+                                     : fmt::format("not still: {} {} by {:.4g} {} (limit {:.4g} {}) within {:.0f} s",
+                                                   channel_names[i], jumps ? "mean jumps" : "means scatter",
+                                                   jumps ? peak : deviation, unit, jumps ? max_peak : max_deviation,
+                                                   unit, count * config_.stillness_window_s)};
+    return;
   }
 }
 
@@ -208,7 +190,7 @@ bool DwellMonitor::judge_dead() {
     const double mean = by_parts.mean() / part, off = std::abs(same.value - mean) * n;
     const double share = n / others;
     // Pulses of a running sum are off by their ends alone, numbers that are rounded by each of them.
-    const double rounding = pulses_[i / 3] ? (1.0 + share * share) / 6.0 : n * count_[i] * n * count_[i] / 12.0;
+    const double rounding = pulses_[i / 3] ? (1.0 + share * share) / 6.0 : n * of_[i].step * n * of_[i].step / 12.0;
     const double sigma = std::sqrt(variance * n * (1.0 + share) + rounding);
     if (off > 0.0) squares += off * off / (sigma * sigma);
     const bool is_off = off > most * sigma;
@@ -242,11 +224,11 @@ std::optional<DwellMonitor::Stretch> DwellMonitor::frozen_together() const {
 std::string DwellMonitor::glitch_text(std::size_t channel, double limit) const {
   if (windows_ < 2) return {};
   const double others = static_cast<double>(windows_ - 1);
-  const auto mean_of_others = [&](double d) { return (sum_[channel] - d) / others; };
-  const double low = lowest_[channel], high = highest_[channel];
-  const bool is_high = high - mean_of_others(high) > mean_of_others(low) - low;
-  const double d = is_high ? high : low;
-  const Outlier& outlier = is_high ? in_highest_[channel] : in_lowest_[channel];
+  const Channel& c = of_[channel];
+  const auto mean_of_others = [&](double d) { return (c.sum - d) / others; };
+  const bool is_high = c.highest - mean_of_others(c.highest) > mean_of_others(c.lowest) - c.lowest;
+  const double d = is_high ? c.highest : c.lowest;
+  const Outlier& outlier = is_high ? c.in_highest : c.in_lowest;
   const double with_it = std::abs(d - mean_of_others(d)), without = std::abs(outlier.without - mean_of_others(d));
   if (!(without <= limit && without < 0.1 * with_it)) return {};
   return glitch_of(channel, outlier.value, outlier.counter, period_s_) + ", and was still without it";

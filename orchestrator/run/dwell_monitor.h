@@ -23,6 +23,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -33,6 +34,9 @@
 #include "orchestrator/station/station_config.h"
 
 namespace turncal {
+
+// What a count in the sum over so many samples is of their mean, by the nominal scale: deg/s of the gyros, m/s^2 of the accelerometers.
+std::array<double, 6> mean_per_count(const RecordingInfo& info, std::int64_t samples);
 
 class DwellMonitor {
  public:
@@ -62,22 +66,6 @@ class DwellMonitor {
     std::int64_t counter = 0;
     double without = 0.0;
   };
-  DwellConfig config_;
-  std::array<double, channels> count_{};  // the least step from sample to sample in the dwell
-  bool pulses_[2] = {true, true};         // of gyros, accelerometers
-  std::array<double, channels> unit_{};   // deg/s or m/s^2 per count and window
-  std::int64_t window_samples_ = 200;
-  std::int64_t first_counter_ = 0;
-  std::int64_t samples_ = 0;
-  std::int64_t next_counter_ = 0;
-  std::optional<Defect> defect_;
-  // The running window, and what the closed ones sum up to; values relative to the first window of the dwell.
-  std::array<double, channels> window_sum_{};
-  std::int64_t in_window_ = 0;
-  std::int64_t windows_ = 0;
-  std::array<double, channels> origin_{}, sum_{}, square_{}, lowest_{}, highest_{};
-  std::array<Outlier, channels> least_{}, most_{};            // of the running window
-  std::array<Outlier, channels> in_lowest_{}, in_highest_{};  // of the windows with the lowest and the highest mean
   // Samples in a row in which a channel gave one number alone: those that go on, and the longest.
   struct Stretch {
     double value = 0.0;
@@ -85,15 +73,27 @@ class DwellMonitor {
   };
   struct Channel {
     Stretch now, longest;
+    double step = std::numeric_limits<double>::infinity();  // the least from sample to sample
+    // The running window, and what the closed ones sum up to; values relative to the first window of the dwell.
+    double window_sum = 0.0, part_sum = 0.0, origin = 0.0, sum = 0.0, square = 0.0, lowest = 0.0, highest = 0.0;
+    Outlier least, most;            // of the running window
+    Outlier in_lowest, in_highest;  // of the windows with the lowest and the highest mean
   };
   std::optional<Stretch> frozen_together() const;  // the longest stretches of all six, where they are one
-  std::array<Channel, channels> of_{};
-  std::vector<std::array<double, channels>> parts_;  // sums of the tenths of windows of the dwell
-  std::array<double, channels> part_sum_{};
-  std::int64_t part_samples_ = 20, in_part_ = 0;
-  std::int64_t changes_ = 0;  // of a channel, from one sample of the dwell to the next
-  double stillest_ = 0.0;     // changes per sample, the fewest of an earlier dwell
+
+  DwellConfig config_;
+  bool pulses_[2] = {true, true};        // of gyros, accelerometers
+  std::array<double, channels> unit_{};  // deg/s or m/s^2 per count and window
+  std::int64_t window_samples_ = 200, part_samples_ = 20;
   double period_s_ = 0.0;
+  double stillest_ = 0.0;  // changes per sample, the fewest of an earlier dwell
+  // Of the dwell.
+  std::int64_t first_counter_ = 0, samples_ = 0, next_counter_ = 0;
+  std::optional<Defect> defect_;
+  std::array<Channel, channels> of_{};
+  std::int64_t in_window_ = 0, windows_ = 0, in_part_ = 0;
+  std::vector<std::array<double, channels>> parts_;  // sums of the tenths of windows
+  std::int64_t changes_ = 0;                         // of a channel, from one sample to the next
 };
 
 }  // namespace turncal

@@ -1,7 +1,8 @@
 #include "orchestrator/run/motion_watch.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
-#include <cstdio>
 #include <utility>
 
 #include "calib/model/parameters.h"
@@ -15,26 +16,97 @@ namespace {
 constexpr double homing_begins_s = 20.0;  // after the command, or after another axis has found its zero
 constexpr double turns_degps = 0.01;
 
+constexpr int guard_polls = 3;
+
+// What counts as coming nearer: far less than any real move makes in stall_s, more than an encoder's flicker.
+constexpr double progress_deg = 2e-4;
+
 }  // namespace
+
+void ArrivalMonitor::start_move(const Move& move, double from_deg, double now_s) {
+  const double angle_deg = std::abs(move.target_deg - from_deg);
+  const double duration_s = move_duration_s(angle_deg, move.rate_degps, move.acceleration_degps2);
+  const double longest_s = angle_deg / move.rate_degps + 2.0 * move.rate_degps / move.acceleration_degps2;
+  at_ = {.move = move,
+         .from_deg = from_deg,
+         .started_s = now_s,
+         .expected_end_s = now_s + duration_s,
+         .deadline_s = now_s + longest_s + config_.deadline_margin_s,
+         .best_distance_deg = angle_deg,
+         .last_progress_s = now_s};
+}
+
+void ArrivalMonitor::settle_only(double now_s) {
+  at_ = {.started_s = now_s,
+         .expected_end_s = now_s,
+         .deadline_s = now_s + config_.settle_s + config_.deadline_margin_s,
+         .motion_seen = true,
+         .arrived_s = now_s};
+}
+
+bool ArrivalMonitor::holds(const TableStatus& status) const {
+  for (const AxisStatus& axis : status)
+    if (axis.moving || !(std::abs(axis.rate_degps) <= config_.settle_rate_degps)) return false;
+  if (!at_.move) return true;
+  const AxisStatus& axis = status[index(at_.move->axis)];
+  const bool armed = at_.motion_seen || at_.polls >= guard_polls;
+  return armed && axis.in_position &&
+         std::abs(axis.position_deg - at_.move->target_deg) <= config_.position_tolerance_deg;
+}
+
+std::optional<RunEvent> ArrivalMonitor::update(const TableStatus& status, double now_s) {
+  ++at_.polls;
+  if (at_.move) {
+    const AxisStatus& axis = status[index(at_.move->axis)];
+    at_.motion_seen = at_.motion_seen || axis.moving || std::abs(axis.rate_degps) > config_.settle_rate_degps ||
+                      std::abs(axis.position_deg - at_.from_deg) > config_.position_tolerance_deg;
+  }
+  if (holds(status)) {
+    if (!std::exchange(at_.arrived_s, at_.arrived_s.value_or(now_s))) return RunEvent::arrived;
+    const bool stood = now_s - *at_.arrived_s >= config_.settle_s - time_slack_s;
+    return stood ? std::optional(RunEvent::settled) : std::nullopt;
+  }
+  const bool was_settling = std::exchange(at_.arrived_s, std::nullopt).has_value();
+  if (now_s > at_.deadline_s + time_slack_s) return RunEvent::deadline;
+  if (!at_.move) {
+    at_.arrived_s = now_s;  // the settle time begins anew; the deadline does not
+    return std::nullopt;
+  }
+  if (was_settling) {
+    at_.last_progress_s = now_s;
+    return RunEvent::unsettled;
+  }
+  const double distance_deg = std::abs(status[index(at_.move->axis)].position_deg - at_.move->target_deg);
+  if (distance_deg < at_.best_distance_deg - progress_deg) {
+    at_.best_distance_deg = distance_deg;
+    at_.last_progress_s = now_s;
+  }
+  const bool outside = distance_deg > config_.position_tolerance_deg;
+  const bool stalls = outside && now_s - at_.last_progress_s >= config_.stall_s - time_slack_s;
+  return stalls ? std::optional(RunEvent::stall) : std::nullopt;
+}
+
+double ArrivalMonitor::moment_of_interest_s(double now_s) const {
+  if (at_.arrived_s) return *at_.arrived_s + config_.settle_s;
+  if (at_.expected_end_s > now_s + time_slack_s) return at_.expected_end_s;
+  return at_.deadline_s + 2.0 * time_slack_s;
+}
 
 std::optional<std::string> stray_axis(const TableStatus& axes, const AxisTriple& held_deg,
                                       const std::optional<Move>& move, double standing_deg,
                                       double position_tolerance_deg) {
   const double beyond_deg = least_runaway_deg(position_tolerance_deg);
   for (const Axis axis : all_axes) {
-    const double at_deg = axes[index(axis)].position_deg;
-    char text[160];
+    const double at_deg = axes[index(axis)].position_deg, from_deg = held_deg[axis];
     if (move && move->axis == axis) {
-      const double low = std::min(held_deg[axis], move->target_deg), high = std::max(held_deg[axis], move->target_deg);
-      if (at_deg >= low - beyond_deg && at_deg <= high + beyond_deg) continue;
-      std::snprintf(text, sizeof text, "%s runs away: at %.4f deg on the way from %.4f to %.4f deg", to_string(axis),
-                    at_deg, held_deg[axis], move->target_deg);
-    } else {
-      if (std::abs(at_deg - held_deg[axis]) <= standing_deg) continue;
-      std::snprintf(text, sizeof text, "%s moves although nothing sent it: from %.4f to %.4f deg", to_string(axis),
-                    held_deg[axis], at_deg);
+      const double low = std::min(from_deg, move->target_deg), high = std::max(from_deg, move->target_deg);
+      if (!(at_deg >= low - beyond_deg && at_deg <= high + beyond_deg))
+        return fmt::format("{} runs away: at {:.4f} deg on the way from {:.4f} to {:.4f} deg", to_string(axis), at_deg,
+                           from_deg, move->target_deg);
+    } else if (!(std::abs(at_deg - from_deg) <= standing_deg)) {
+      return fmt::format("{} moves although nothing sent it: from {:.4f} to {:.4f} deg", to_string(axis), from_deg,
+                         at_deg);
     }
-    return text;
   }
   return std::nullopt;
 }
@@ -118,18 +190,14 @@ double SpeedWatch::allowed_degps(Axis axis, const std::optional<Move>& sent, boo
 }
 
 std::string SpeedWatch::too_fast(Axis axis, double degps, const char* by, const std::optional<Move>& sent) const {
-  char text[240];
   const double most_degps = limits_[index(axis)].max_rate_degps;
-  if (sent && sent->axis == axis) {
-    const bool most_decides = most_degps < factor * sent->rate_degps;
-    std::snprintf(text, sizeof text, "%s turns at %.4g deg/s, %.3g times the %.4g deg/s that were sent%s (%s)",
-                  to_string(axis), degps, degps / sent->rate_degps, sent->rate_degps,
-                  most_decides ? (", above max_rate_degps, " + format_number(most_degps)).c_str() : "", by);
-  } else {
-    std::snprintf(text, sizeof text, "%s turns at %.4g deg/s (%s): expected at most %.4g deg/s", to_string(axis), degps,
-                  by, most_degps);
-  }
-  return text;
+  if (!sent || sent->axis != axis)
+    return fmt::format("{} turns at {:.4g} deg/s ({}): expected at most {:.4g} deg/s", to_string(axis), degps, by,
+                       most_degps);
+  const bool most_decides = most_degps < factor * sent->rate_degps;
+  return fmt::format("{} turns at {:.4g} deg/s, {:.3g} times the {:.4g} deg/s that were sent{} ({})", to_string(axis),
+                     degps, degps / sent->rate_degps, sent->rate_degps,
+                     most_decides ? ", above max_rate_degps, " + format_number(most_degps) : "", by);
 }
 
 void SpeedWatch::restart(const TableStatus& axes, double asked_s, double answered_s) {
@@ -181,22 +249,16 @@ std::optional<std::string> SpeedWatch::add_felt(const std::vector<const FeltRate
   }
   if (!rate_degps) return std::nullopt;
   const double allowed = sent ? allowed_degps(sent->axis, sent, false) : most_degps;
-  char text[240];
-  if (*rate_degps > allowed + felt_margin_degps(allowed)) {
-    if (!sent) {
-      std::snprintf(text, sizeof text,
-                    "the unit feels %.4g deg/s: expected at most %.4g deg/s, max_rate_degps; or the scale of its frame",
-                    *rate_degps, most_degps);
-      return text;
-    }
-    std::snprintf(text, sizeof text,
-                  "the unit feels %.4g deg/s, %.3g times the %.4g deg/s that %s was sent at, where the table reads "
-                  "%.4g deg/s: the scale of the table's angles or rates, or that of the unit's frame",
-                  *rate_degps, *rate_degps / sent->rate_degps, sent->rate_degps, to_string(sent->axis),
-                  axes[index(sent->axis)].rate_degps);
-    return text;
-  }
-  return std::nullopt;
+  if (!(*rate_degps > allowed + felt_margin_degps(allowed))) return std::nullopt;
+  if (!sent)
+    return fmt::format(
+        "the unit feels {:.4g} deg/s: expected at most {:.4g} deg/s, max_rate_degps; or the scale of its frame",
+        *rate_degps, most_degps);
+  return fmt::format(
+      "the unit feels {:.4g} deg/s, {:.3g} times the {:.4g} deg/s that {} was sent at, where the table reads {:.4g} "
+      "deg/s: the scale of the table's angles or rates, or that of the unit's frame",
+      *rate_degps, *rate_degps / sent->rate_degps, sent->rate_degps, to_string(sent->axis),
+      axes[index(sent->axis)].rate_degps);
 }
 
 std::optional<std::string> SpeedWatch::judge_turn(const std::vector<const FeltRate*>& felt, const Move& move,
@@ -206,24 +268,19 @@ std::optional<std::string> SpeedWatch::judge_turn(const std::vector<const FeltRa
     way_deg = std::min(way_deg.value_or(unit->least_way_deg()), unit->least_way_deg());
     if (unit->confirmed()) jump_degps = std::min(jump_degps.value_or(unit->jump_degps()), unit->jump_degps());
   }
-  char text[200];
-  if (way_deg.value_or(0.0) > std::abs(turned_deg) + way_margin_deg(turned_deg)) {
-    std::snprintf(text, sizeof text, "the unit felt that %s turned by %.4g deg, where the table read %.4g deg",
-                  to_string(move.axis), *way_deg, std::abs(turned_deg));
-    return text;
-  }
+  if (way_deg.value_or(0.0) > std::abs(turned_deg) + way_margin_deg(turned_deg))
+    return fmt::format("the unit felt that {} turned by {:.4g} deg, where the table read {:.4g} deg",
+                       to_string(move.axis), *way_deg, std::abs(turned_deg));
   if (jump_degps.value_or(0.0) <= jump_margin_degps(move.rate_degps)) return std::nullopt;
-  std::snprintf(text, sizeof text,
-                "%s was sped up or braked too quickly: its rate changed by %.3g deg/s more than it may at the %.4g "
-                "deg/s^2 that were sent, as the unit felt it",
-                to_string(move.axis), *jump_degps, move.acceleration_degps2);
-  return text;
+  return fmt::format(
+      "{} was sped up or braked too quickly: its rate changed by {:.3g} deg/s more than it may at the {:.4g} deg/s^2 "
+      "that were sent, as the unit felt it",
+      to_string(move.axis), *jump_degps, move.acceleration_degps2);
 }
 
 std::optional<std::string> HomingWatch::add(const TableStatus& axes) {
   const std::optional<TableStatus> before = std::exchange(before_, axes);
   if (!before) return std::nullopt;
-  char text[160];
   double passed_s = 0.0;
   bool any_turns = false;
   for (const Axis axis : all_axes) {
@@ -237,19 +294,16 @@ std::optional<std::string> HomingWatch::add(const TableStatus& axes) {
     any_turns = any_turns || axes[i].moving || std::max(by_rate_deg, moved_deg) > turns_degps * seconds;
     const double travel_deg = limits_[i].soft_max_deg - limits_[i].soft_min_deg;
     const double most_deg = std::min(2.0 * travel_deg, travel_deg + 360.0);
-    if (turned_deg_[axis] <= most_deg) continue;
-    std::snprintf(text, sizeof text, "%s does not find its zero: it has turned %.0f deg, its travel is %.0f deg",
-                  to_string(axis), turned_deg_[axis], travel_deg);
-    return text;
+    if (!(turned_deg_[axis] <= most_deg))
+      return fmt::format("{} does not find its zero: it has turned {:.0f} deg, its travel is {:.0f} deg",
+                         to_string(axis), turned_deg_[axis], travel_deg);
   }
   idle_s_ = any_turns ? 0.0 : idle_s_ + passed_s;
   for (const Axis axis : all_axes) {
     const AxisStatus& now = axes[index(axis)];
-    if (idle_s_ < homing_begins_s || now.homed) continue;
-    std::snprintf(text, sizeof text,
-                  "%s does not look for its zero: it stands at %.4f deg, and nothing has turned for %.0f s",
-                  to_string(axis), now.position_deg, idle_s_);
-    return text;
+    if (!(idle_s_ < homing_begins_s) && !now.homed)
+      return fmt::format("{} does not look for its zero: it stands at {:.4f} deg, and nothing has turned for {:.0f} s",
+                         to_string(axis), now.position_deg, idle_s_);
   }
   return std::nullopt;
 }

@@ -1,6 +1,7 @@
 // Does the table move as commanded? Pure functions of readings and of the unit's rates, for a run and for commissioning; both stop the table
 // at the first poll that shows that it does not.
 //
+//   ArrivalMonitor  when a move has arrived, and has settled
 //   stray_axis   an axis that nothing sent stays where it stood, the one that was sent on its way
 //   SpeedWatch   no axis turns faster than 1.2 times the rate that was sent, nor than its max_rate, by its rate, by its positions and by
 //                what the unit measures; nor is it accelerated by more than 1.2 times what was sent, nor turned further than it reads
@@ -17,11 +18,59 @@
 
 #include "calib/types/axis.h"
 #include "calib/types/recording_types.h"
+#include "orchestrator/run/run_state_machine.h"
+#include "orchestrator/station/station_config.h"
 #include "sequences/plan.h"
 #include "sequences/sequence.h"
 #include "turntable_drivers/table/turntable.h"
 
 namespace turncal {
+
+// Comparisons of times allow this much, so that 0.1 + 0.2 is not later than 0.3.
+inline constexpr double time_slack_s = 1e-6;
+
+// "Done" is not trusted: it can be set before the motion starts, flicker, come late, or be set after a stop. A move has arrived
+// when all of this holds:
+//   - motion was seen (position, rate or moving flag), or three polls have passed since the acknowledged command;
+//   - the axis says in position and not moving, and no axis moves;
+//   - abs(position - target) <= position_tolerance_deg; positions are cumulative, so whole turns are told apart;
+//   - abs(rate) <= settle_rate_degps;
+// and it has settled when that has held at every poll for settle_s. The whole has to be over by
+//   angle/rate + 2 rate/acceleration + deadline_margin_s,
+// and outside the tolerance the axis has to come nearer within each stall_s. Faults, limits and emergency stop are the caller's to see first.
+// Without a move, settle_only() waits until every axis has been at rest for settle_s, wherever it stands.
+class ArrivalMonitor {
+ public:
+  explicit ArrivalMonitor(const MotionConfig& config) : config_(config) {}
+
+  // The command was acknowledged at now_s, with the axis at from_deg.
+  void start_move(const Move& move, double from_deg, double now_s);
+  void settle_only(double now_s);
+
+  // One poll. arrived, unsettled, settled, stall, deadline, or nothing new.
+  std::optional<RunEvent> update(const TableStatus& status, double now_s);
+
+  // The best time of the next poll: the earliest moment at which the motion, or the settle time, can be over. Before that
+  // the poll interval decides.
+  double moment_of_interest_s(double now_s) const;
+  double allowed_s() const { return at_.deadline_s - at_.started_s; }  // for the whole, settling included
+  const std::optional<Move>& move() const { return at_.move; }
+  double from_deg() const { return at_.from_deg; }  // of the move's axis
+
+ private:
+  bool holds(const TableStatus& status) const;
+
+  MotionConfig config_;
+  struct Progress {
+    std::optional<Move> move{};  // empty: settle_only
+    double from_deg = 0.0, started_s = 0.0, expected_end_s = 0.0, deadline_s = 0.0;
+    double best_distance_deg = 0.0, last_progress_s = 0.0;
+    int polls = 0;
+    bool motion_seen = false;
+    std::optional<double> arrived_s{};
+  };
+  Progress at_;
+};
 
 // More than any overshoot of a move, or the slip of an axis that is knocked: beyond it no move corrects it.
 inline double least_runaway_deg(double position_tolerance_deg) { return std::max(1.0, position_tolerance_deg); }

@@ -151,4 +151,26 @@ class RunSink {
   virtual Status unit_fits() const { return {}; }
 };
 
+// A sink on the way to another one, which it passes everything on to.
+class PassingSink : public RunSink {
+ public:
+  explicit PassingSink(RunSink& sink) : sink_(sink) {}
+  Status start(const RecordingInfo& info) override { return sink_.start(info); }
+  Status resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) override {
+    return sink_.resume(info, end_sample, written);
+  }
+  Status begin_segment(const Segment& segment) override { return sink_.begin_segment(segment); }
+  Status add(std::span<const ImuSample> samples) override { return sink_.add(samples); }
+  Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override {
+    return sink_.end_segment(kind, end_sample, angles_deg);
+  }
+  Status sync() override { return sink_.sync(); }
+  std::optional<std::uint32_t> written() const override { return sink_.written(); }
+  Status finish() override { return sink_.finish(); }
+  Status unit_fits() const override { return sink_.unit_fits(); }
+
+ private:
+  RunSink& sink_;
+};
+
 }  // namespace turncal

@@ -27,36 +27,15 @@ constexpr std::array<std::string_view, run_action_count> action_names = {
     "watch_settling", "watch_moving", "close_move",      "begin_dwell", "close_dwell",  "discard_dwell", "discard_move",
     "finish_step",    "calibrate",    "stop_table",      "abort_table", "announce"};
 
-constexpr std::array<std::string_view, run_guard_count> guard_names = {"always",       "rest_due",        "no_rest_due",
-                                                                       "repeats_left", "no_repeats_left", "by_operator",
-                                                                       "by_error",     "by_interruption"};
-
 }  // namespace
 
-bool holds(RunGuard guard, const RunGuards& guards) {
-  switch (guard) {
-    case RunGuard::always: return true;
-    case RunGuard::rest_due: return guards.rest_due;
-    case RunGuard::no_rest_due: return !guards.rest_due;
-    case RunGuard::repeats_left: return guards.repeats_left;
-    case RunGuard::no_repeats_left: return !guards.repeats_left;
-    case RunGuard::by_operator: return guards.stop_cause == StopCause::by_operator;
-    case RunGuard::by_error: return guards.stop_cause == StopCause::error;
-    case RunGuard::by_interruption: return guards.stop_cause == StopCause::interruption;
-  }
-  return false;
-}
-
-Transition next(RunState state, RunEvent event, const RunGuards& guards) {
-  for (const TransitionRow& row : transition_table) {
-    if (row.event == event && row.from.contains(state) && holds(row.guard, guards)) {
+Transition next(RunState state, RunEvent event, GuardSet guards) {
+  for (const TransitionRow& row : transition_table)
+    if (row.event == event && row.from.contains(state) && guards.contains(row.guard))
       return {Transition::Outcome::taken, row.to, row.action};
-    }
-  }
-  for (const IgnoredRow& row : ignored_events) {
+  for (const IgnoredRow& row : ignored_events)
     if (row.in.contains(state) && row.events.contains(event))
       return {Transition::Outcome::ignored, state, RunAction::none};
-  }
   const bool drives_may_be_on =
       live_states.contains(state) || state == RunState::stopping || state == RunState::calibrating;
   if (drives_may_be_on) return {Transition::Outcome::unexpected, RunState::stopping, RunAction::stop_table};
@@ -66,7 +45,6 @@ Transition next(RunState state, RunEvent event, const RunGuards& guards) {
 std::string_view to_string(RunState state) { return state_names[static_cast<std::size_t>(state)]; }
 std::string_view to_string(RunEvent event) { return event_names[static_cast<std::size_t>(event)]; }
 std::string_view to_string(RunAction action) { return action_names[static_cast<std::size_t>(action)]; }
-std::string_view to_string(RunGuard guard) { return guard_names[static_cast<std::size_t>(guard)]; }
 
 std::string format_pause(const RunSnapshot& at) {
   std::string when;

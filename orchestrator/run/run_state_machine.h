@@ -111,17 +111,6 @@ enum class RunGuard {
   by_error,
   by_interruption
 };
-inline constexpr int run_guard_count = 8;
-
-// Why the table is being stopped.
-enum class StopCause { error, by_operator, interruption };
-
-// What the guards look at.
-struct RunGuards {
-  bool rest_due = false;
-  bool repeats_left = true;
-  StopCause stop_cause = StopCause::error;
-};
 
 // A set of states or events as bits, so that one row can say "from any of these".
 template <class Enum>
@@ -135,6 +124,13 @@ struct EnumSet {
 };
 using StateSet = EnumSet<RunState>;
 using EventSet = EnumSet<RunEvent>;
+using GuardSet = EnumSet<RunGuard>;
+
+// Those that hold. stop_cause: by_operator, by_error or by_interruption.
+constexpr GuardSet guards_of(bool rest_due, bool repeats_left, RunGuard stop_cause) {
+  return {RunGuard::always, rest_due ? RunGuard::rest_due : RunGuard::no_rest_due,
+          repeats_left ? RunGuard::repeats_left : RunGuard::no_repeats_left, stop_cause};
+}
 
 struct TransitionRow {
   StateSet from;
@@ -257,9 +253,8 @@ struct Transition {
 };
 
 // Unexpected: to `stopping` with stop_table where the drives may be on, else to `failed`.
-Transition next(RunState state, RunEvent event, const RunGuards& guards);
+Transition next(RunState state, RunEvent event, GuardSet guards);
 
-bool holds(RunGuard guard, const RunGuards& guards);
 constexpr bool is_final(RunState state) {
   return state == RunState::done || state == RunState::failed || state == RunState::aborted ||
          state == RunState::interrupted;
@@ -268,6 +263,5 @@ constexpr bool is_final(RunState state) {
 std::string_view to_string(RunState state);
 std::string_view to_string(RunEvent event);
 std::string_view to_string(RunAction action);
-std::string_view to_string(RunGuard guard);
 
 }  // namespace turncal

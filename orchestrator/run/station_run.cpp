@@ -1,7 +1,10 @@
-// The loop of a run. Its actions: station_table.cpp, station_items.cpp. What the table says is judged in station_watch.cpp, what the
-// units do in station_lanes.cpp.
+// The loop of a run, and what it shows of itself. Its actions: station_actions.cpp. What the table says and the units do is judged in
+// station_watch.cpp.
 #include "orchestrator/run/station_run.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <limits>
 #include <utility>
 
@@ -20,10 +23,10 @@ MotionConfig patient(MotionConfig motion, bool needs_operator) {
   return motion;
 }
 
-StopCause cause_of(RunEvent event) {
-  if (event == RunEvent::operator_stop) return StopCause::by_operator;
+RunGuard cause_of(RunEvent event) {
+  if (event == RunEvent::operator_stop) return RunGuard::by_operator;
   const bool interruption = event == RunEvent::pause_wanted || event == RunEvent::end_wanted;
-  return interruption ? StopCause::interruption : StopCause::error;
+  return interruption ? RunGuard::by_interruption : RunGuard::by_error;
 }
 
 }  // namespace
@@ -108,20 +111,17 @@ void StationRun::handle(RunEvent event) {
 }
 
 StationRun::MaybeEvent StationRun::take(RunEvent now) {
-  const RunGuards guards{.rest_due = rest_due_ || devices_.chamber,
-                         .repeats_left = any_living(
-                             [this](const UnitLane& lane) { return lane.repeats < job_.station.dwell.max_repeats; }),
-                         .stop_cause = stop_cause_};
-  const Transition transition = next(state_, now, guards);
+  const bool repeats_left =
+      any_living([this](const UnitLane& lane) { return lane.repeats < job_.station.dwell.max_repeats; });
+  const Transition transition = next(state_, now, guards_of(rest_due_ || devices_.chamber, repeats_left, stop_cause_));
   if (transition.outcome == Transition::Outcome::ignored) {
     detail_.clear();
     return std::nullopt;
   }
   const bool unexpected = transition.outcome == Transition::Outcome::unexpected;
-  if (unexpected) {
-    raise(now, ErrorKind::internal,
-          "event " + std::string(to_string(now)) + " was not expected in state " + std::string(to_string(state_)));
-  }
+  if (unexpected)
+    raise(now, {ErrorKind::internal,
+                fmt::format("event {} was not expected in state {}", to_string(now), to_string(state_))});
   TransitionRecord record{snapshot(), state_, now, transition.to, transition.action, unexpected, detail_};
   detail_.clear();
   // Whatever ends in a stop has an error to report, once; later reasons are consequences.
@@ -130,9 +130,9 @@ StationRun::MaybeEvent StationRun::take(RunEvent now) {
       const std::string reason = record.detail.empty() ? std::string(to_string(now)) : record.detail;
       first_error_ = Error{raised_kind_, place() + ": " + reason};
       stop_cause_ = cause_of(now);
-    } else if (now == RunEvent::operator_stop && stop_cause_ == StopCause::interruption) {
+    } else if (now == RunEvent::operator_stop && stop_cause_ == RunGuard::by_interruption) {
       first_error_ = Error{raised_kind_, place() + ": " + record.detail};
-      stop_cause_ = StopCause::by_operator;
+      stop_cause_ = RunGuard::by_operator;
     } else if (now == RunEvent::stopped_verified && !devices_.table.needs_operator()) {
       first_error_->message += "; " + how_it_rests(devices_.table);
     }
@@ -164,22 +164,30 @@ StationRun::MaybeEvent StationRun::take(RunEvent now) {
   return pending;
 }
 
-RunEvent StationRun::raise(RunEvent event, ErrorKind kind, const std::string& reason) {
-  raised_kind_ = kind;
-  detail_ = reason;
+RunEvent StationRun::raise(RunEvent event, const Error& why) {
+  raised_kind_ = why.kind;
+  detail_ = why.message;
   return event;
 }
 
+StationRun::MaybeEvent StationRun::fault_of(const std::optional<std::string>& said) {
+  return said ? MaybeEvent(raise(RunEvent::table_fault, *said)) : std::nullopt;
+}
+
 RunEvent StationRun::raise_table(RunEvent event, const Error& error, const std::string& before) {
-  if (state_ == RunState::stopping) return raise(event, error.kind, before + error.message);
-  if (error.kind == ErrorKind::interrupted) return raise(RunEvent::end_wanted, error.kind, error.message);
+  if (state_ == RunState::stopping) return raise(event, {error.kind, before + error.message});
+  if (error.kind == ErrorKind::interrupted) return raise(RunEvent::end_wanted, error);
   if (error.kind != ErrorKind::aborted) {
     // A configuration that has moved the table was in order: in mid-run a refusal is the device's.
     const bool in_mid_run = error.kind == ErrorKind::input && commanded_to_move_;
-    return raise(event, in_mid_run ? ErrorKind::device : error.kind, before + error.message);
+    return raise(event, {in_mid_run ? ErrorKind::device : error.kind, before + error.message});
   }
-  if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) ++stops_seen_;
+  if (asked_to_stop_anew()) ++stops_seen_;
   return raise_stop();
+}
+
+StationRun::MaybeEvent StationRun::taken(const Status& command, const std::string& what) {
+  return command ? std::nullopt : MaybeEvent(raise_table(RunEvent::table_fault, command.error(), what));
 }
 
 Error asked_to_stop(bool ended) {
@@ -190,26 +198,25 @@ Error asked_to_stop(bool ended) {
 RunEvent StationRun::raise_stop() {
   const int ends = hooks_.end_requests ? hooks_.end_requests->load() : 0;
   const bool ended = ends > 0 && hooks_.stop_requests && ends >= hooks_.stop_requests->load();
-  const Error why = asked_to_stop(ended);
-  return raise(ended ? RunEvent::end_wanted : RunEvent::operator_stop, why.kind, why.message);
+  return raise(ended ? RunEvent::end_wanted : RunEvent::operator_stop, asked_to_stop(ended));
 }
 
 StationRun::MaybeEvent StationRun::asked() {
-  if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) {
+  if (asked_to_stop_anew()) {
     ++stops_seen_;
     return raise_stop();
   }
   if (!pause_asked() || pause_told_) return std::nullopt;
   pause_told_ = true;
   // A table turned by hand stands when nobody turns it: who pauses while asked for a turn need not make it.
-  if (devices_.table.needs_operator() && (state_ == RunState::homing || state_ == RunState::moving))
-    return raise(RunEvent::end_wanted, ErrorKind::interrupted, "paused");
-  return raise(RunEvent::pause_wanted, ErrorKind::interrupted, format_pause(snapshot()));
+  if (devices_.table.needs_operator() && in({RunState::homing, RunState::moving}))
+    return raise(RunEvent::end_wanted, {ErrorKind::interrupted, "paused"});
+  return raise(RunEvent::pause_wanted, {ErrorKind::interrupted, format_pause(snapshot())});
 }
 
 RunEvent StationRun::pause() {
   pause_told_ = true;
-  return raise(RunEvent::pause_wanted, ErrorKind::interrupted, "paused");
+  return raise(RunEvent::pause_wanted, {ErrorKind::interrupted, "paused"});
 }
 
 StationRun::MaybeEvent StationRun::perform(RunAction action, RunEvent cause) {
@@ -246,8 +253,7 @@ RunEvent StationRun::not_stored() const {
 }
 
 StationRun::MaybeEvent StationRun::kept(const Status& status) {
-  if (status) return std::nullopt;
-  return raise(not_stored(), status.error().kind, status.error().message);
+  return status ? std::nullopt : MaybeEvent(raise(not_stored(), status.error()));
 }
 
 StationRun::MaybeEvent StationRun::keep(std::function<Status()> write) {
@@ -257,13 +263,18 @@ StationRun::MaybeEvent StationRun::keep(std::function<Status()> write) {
   return kept(written.status());
 }
 
+StationRun::MaybeEvent StationRun::journalled(std::function<Status(RunJournal&)> write) {
+  if (!hooks_.journal) return std::nullopt;
+  return keep([journal = hooks_.journal, write = std::move(write)] { return write(*journal); });
+}
+
 StationRun::MaybeEvent StationRun::look_at_storage() {
   if (state_ == RunState::stopping) return std::nullopt;
   if (const MaybeEvent hangs = kept(storage_.status())) return hangs;
   const double now_s = devices_.clock.now_s();
   if (check_ && check_->done())
     if (const MaybeEvent lost = kept(std::exchange(check_, std::nullopt)->status())) return lost;
-  if (!check_ && hooks_.check_kept && live_states.contains(state_) && now_s >= next_check_s_) {
+  if (!check_ && hooks_.check_kept && in(live_states) && now_s >= next_check_s_) {
     next_check_s_ = now_s + check_period_s;
     check_.emplace(storage_, hooks_.check_kept);
   }
@@ -272,14 +283,98 @@ StationRun::MaybeEvent StationRun::look_at_storage() {
 
 StationRun::MaybeEvent StationRun::look_around() {
   if (const MaybeEvent hangs = kept(storage_.status())) return hangs;
-  if (hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_) return asked();
+  if (asked_to_stop_anew()) return asked();
   receive_meanwhile();
   if (const MaybeEvent wrong = look_at_chamber()) return wrong;
-  if (!live_states.contains(state_) || devices_.clock.now_s() < next_poll_s_ - time_slack_s) return std::nullopt;
+  if (!in(live_states) || devices_.clock.now_s() < next_poll_s_ - time_slack_s) return std::nullopt;
   MaybeEvent event = read_table();
   if (!event) event = judge_motion();
   schedule_poll(devices_.clock.now_s());
   return event;
+}
+
+// ---- where it is, in words and numbers
+
+std::string StationRun::place() const {
+  std::string text = enabled_ ? fmt::format("step {} ({}/{}) ", job_.sequence.steps[step_].number, step_ + 1,
+                                            job_.sequence.steps.size())
+                              : "";
+  text += to_string(state_);
+  if (!angles_known_) return text;
+  if (in({RunState::moving, RunState::settling}) && arrival_.move()) {
+    const Move& move = *arrival_.move();
+    return text + fmt::format(", {} at {:.4f} deg, target {:.4f} deg", to_string(move.axis),
+                              status_[index(move.axis)].position_deg, move.target_deg);
+  }
+  return text + fmt::format(" at heading {:.4f} pitch {:.4f} roll {:.4f} deg", status_[0].position_deg,
+                            status_[1].position_deg, status_[2].position_deg);
+}
+
+RunSnapshot StationRun::snapshot() const {
+  RunSnapshot s;
+  s.time_s = devices_.clock.now_s() - started_s_;
+  s.utc_s = devices_.clock.utc_s();
+  s.state = state_;
+  s.step_count = job_.sequence.steps.size();
+  if (enabled_) {
+    s.step = job_.sequence.steps[step_].number;
+    s.step_place = step_ + 1;
+  }
+  s.table = unread_ ? state_unread(devices_.table) : state_of(status_, in({RunState::stopping, RunState::parking}));
+  for (Axis axis : all_axes) {
+    s.position_deg[axis] = status_[index(axis)].position_deg;
+    s.rate_degps[axis] = status_[index(axis)].rate_degps;
+  }
+  if (in({RunState::moving, RunState::settling}) && arrival_.move()) {
+    s.axis = arrival_.move()->axis;
+    s.target_deg = arrival_.move()->target_deg;
+  }
+  s.repeats = repeats_;
+  if (devices_.chamber) s.chamber = devices_.chamber->text();
+  std::int64_t dwell_left = 0;
+  for (const UnitLane& lane : lanes_) {
+    s.lost_samples += lane.lost_samples();
+    s.units.push_back(
+        {lane.serial(), lane.next_sample(), lane.lost_samples(), lane.alive() ? "" : lane.failure()->message});
+    if (lane.alive() && state_ == RunState::dwelling) dwell_left = std::max(dwell_left, lane.dwell_remaining());
+  }
+  double planned_s = job_.plan.station_s;
+  if (item_ < job_.plan.items.size()) {
+    const PlannedItem& item = job_.plan.items[item_];
+    planned_s = item.start_s;
+    if (state_ == RunState::dwelling) {
+      s.dwell_kind = item.dwell_kind;
+      s.phase_fraction = 1.0 - static_cast<double>(dwell_left) / static_cast<double>(item.samples);
+    } else if (item_running_ && in({RunState::moving, RunState::settling})) {
+      s.phase_fraction =
+          std::clamp((s.position_deg[item.axis] - item.from_deg) / (item.to_deg - item.from_deg) + 0.0, 0.0, 1.0);
+    }
+    planned_s += s.phase_fraction * item.duration_s;
+    if (state_ == RunState::dwelling || (state_ == RunState::moving && item_running_))
+      s.item_end_utc_s = s.utc_s + (1.0 - s.phase_fraction) * item.duration_s / job_.station.clock_speed_up;
+  }
+  s.run_fraction = job_.plan.station_s > 0.0 ? planned_s / job_.plan.station_s : 0.0;
+  s.eta_s = std::max(0.0, job_.plan.station_s - planned_s);
+  if (state_ == RunState::resting) {
+    const double now_s = devices_.clock.now_s();
+    const double chamber_s = devices_.chamber ? devices_.chamber->left_s(now_s) : 0.0;
+    const double rest_s =
+        devices_.chamber ? std::max(rest_until_s_, now_s + chamber_s) - rest_began_s_ : job_.station.resume_rest_s;
+    const double left_s = std::clamp(std::max(rest_until_s_ - now_s, chamber_s), 0.0, rest_s);
+    s.phase_fraction = rest_s > 0.0 ? 1.0 - left_s / rest_s : 1.0;
+    s.item_end_utc_s = s.utc_s + left_s / job_.station.clock_speed_up;
+    s.eta_s += left_s;
+  } else if (rest_due_ && !recording_ && in({RunState::connecting, RunState::homing})) {
+    s.eta_s += job_.station.resume_rest_s;
+  }
+  s.end_utc_s = s.utc_s + s.eta_s / job_.station.clock_speed_up;
+  for (std::size_t i = item_; i < job_.plan.items.size(); ++i)
+    s.moves_left += job_.plan.items[i].kind == SequenceItem::Kind::move;
+  return s;
+}
+
+void StationRun::tell_progress() {
+  if (hooks_.observer) hooks_.observer->on_progress(snapshot());
 }
 
 }  // namespace turncal

@@ -2,7 +2,7 @@
 //
 // The loop pumps the IMU (reading it is what makes time pass), polls the table, turns what it sees into events, looks the
 // transition up in run_state_machine, and carries the action out. It never blocks for a motion. Every decision is in the
-// transition table, the arrival rule in arrival_monitor, the rule for a dwell in dwell_monitor.
+// transition table, the arrival rule in motion_watch, the rule for a dwell in dwell_monitor.
 //
 // - The loop does no I/O that can block but the table's and the units' own. Journal and recordings are written by the storage queue's thread.
 //   What must be durable before something else happens is waited for in keep(), where the table is watched on, and a stop goes out, as
@@ -15,7 +15,6 @@
 //   That serves the start, a table that drifted, and a run that goes on after an interruption.
 // - Samples lost or flagged while the table turns are said in the log, and stay in the recording as they are. Once it has settled the
 //   table goes back to where the move began, all of that recorded as rotate, and the move is made again, dwell.max_repeats times.
-// - An axis that turns although nothing sent it, or the commanded one that runs beyond its way, is a fault at the first poll that shows it.
 // - While the table's answer is awaited the units are read: a slow table costs no samples.
 // - A run that goes on (StationJob::resume) begins after its last completed dwell: it homes (or, where no time has passed,
 //   verifies that the encoders are homed and stand where they did), rests for resume.rest_s, goes back to where that dwell stood,
@@ -56,7 +55,6 @@
 
 #include "calib/types/status.h"
 #include "imu_io/base/clock.h"
-#include "orchestrator/run/arrival_monitor.h"
 #include "orchestrator/run/background_queue.h"
 #include "orchestrator/run/chamber_watch.h"
 #include "orchestrator/run/motion_watch.h"
@@ -148,14 +146,19 @@ class StationRun {
   MaybeEvent take(RunEvent now);  // one; the event that its action raises
   MaybeEvent perform(RunAction action, RunEvent cause);
   // An event together with why: the first reason of a failing run is the one reported.
-  RunEvent raise(RunEvent event, ErrorKind kind, const std::string& reason);
+  RunEvent raise(RunEvent event, const Error& why);
+  RunEvent raise(RunEvent event, const std::string& reason) { return raise(event, device_error(reason)); }
+  MaybeEvent fault_of(const std::optional<std::string>& said);  // of the table; nothing was said: none
   // The table refused or failed. A driver that gave up because the operator asked for it, or is gone, is no fault of the table.
   RunEvent raise_table(RunEvent event, const Error& error, const std::string& before = "");
+  MaybeEvent taken(const Status& command, const std::string& what);  // by the table; "homing: "
   // Of one unit: it drops out, or the run fails with it where no other is left.
   MaybeEvent fail(UnitLane& lane, RunEvent event, const Error& error);
   // A step of the recording, in every living lane, waited for; `event` where it fails.
   MaybeEvent in_every_lane(RunEvent event, const std::function<UnitLane::Write(UnitLane&)>& step);
   RunEvent not_stored() const;  // the event of a recording or a journal that cannot be written, as the state has it
+  bool asked_to_stop_anew() const { return hooks_.stop_requests && hooks_.stop_requests->load() > stops_seen_; }
+  bool in(StateSet states) const { return states.contains(state_); }
   template <class Holds>
   bool any_living(Holds holds) const {
     return std::any_of(lanes_.begin(), lanes_.end(), [&](const UnitLane& lane) { return lane.alive() && holds(lane); });
@@ -173,8 +176,9 @@ class StationRun {
   MaybeEvent kept(const Status& status);  // of the journal or the recording
   // Hands a write to the queue and waits until it is done. An event: it failed, or something else came first.
   MaybeEvent keep(std::function<Status()> write);
-  MaybeEvent look_at_storage();  // it answers, and what was written is kept
-  MaybeEvent look_around();      // while that is waited for: stop requests, units, the table, the disk
+  MaybeEvent journalled(std::function<Status(RunJournal&)> write);  // likewise, where there is a journal
+  MaybeEvent look_at_storage();                                     // it answers, and what was written is kept
+  MaybeEvent look_around();  // while that is waited for: stop requests, units, the table, the disk
 
   MaybeEvent connect();
   MaybeEvent enable_and_home();
@@ -210,6 +214,7 @@ class StationRun {
   MaybeEvent read_table();                 // three tries; e-stop, faults and limits while live
   MaybeEvent judge(double now_s);
   MaybeEvent judge_dwell();
+  std::vector<const FeltRate*> felt() const;  // of each unit that is alive
   MaybeEvent judge_move();
   MaybeEvent judge_motion();  // axes that turn although nothing sent them, or faster than they were
   MaybeEvent judge_defect(UnitLane& lane, const DwellMonitor::Defect& defect);
@@ -242,7 +247,7 @@ class StationRun {
   std::optional<Error> first_error_;
   std::string detail_;  // of the event to be handled next
   ErrorKind raised_kind_ = ErrorKind::internal;
-  StopCause stop_cause_ = StopCause::error;
+  RunGuard stop_cause_ = RunGuard::by_error;
   bool pause_told_ = false;
   std::optional<TableStatus> left_;
   bool stop_failed_ = false;

@@ -114,6 +114,7 @@ class UnitLane {
   const RunSink& sink() const { return unit_.sink; }
 
   FeltRate& felt() { return *felt_; }  // REQUIRES connect()
+  const FeltRate& felt() const { return *felt_; }
 
   int repeats = 0;           // of the present dwell, that this unit or the table made necessary
   bool motion_lost = false;  // samples lost or flagged in the present move

@@ -1,4 +1,4 @@
-#include "orchestrator/service/alerts.h"
+#include "orchestrator/service/service_page.h"
 
 #include <fmt/format.h>
 

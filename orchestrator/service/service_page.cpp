@@ -3,9 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
-#include <map>
-#include <mutex>
-#include <set>
 #include <thread>
 
 #include "imu_io/base/clock.h"
@@ -14,8 +11,6 @@
 #include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_check.h"
 #include "orchestrator/records/journal.h"
-#include "orchestrator/run/background_queue.h"
-#include "orchestrator/service/alerts.h"
 #include "orchestrator/watch/page_server.h"
 #include "orchestrator/watch/progress.h"
 

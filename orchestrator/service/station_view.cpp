@@ -134,6 +134,10 @@ std::optional<Folder> newest_run(const std::string& runs) {
   return newest;
 }
 
+bool among(const std::vector<std::string>& units, const std::string& unit) {
+  return std::ranges::find(units, unit) != units.end();
+}
+
 // The median of the intervals between the last outcomes: what a unit takes, mounting and all.
 std::optional<double> interval_of(const std::vector<UnitOutcome>& outcomes) {
   std::vector<double> times, intervals;
@@ -281,9 +285,7 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
     if (read) journal = std::move(*read);
   }
   // A unit that was taken out of the queue is left for good.
-  const auto waits = [&view](const std::string& unit) {
-    return std::ranges::find(view.waiting, unit) != view.waiting.end();
-  };
+  const auto waits = [&view](const std::string& unit) { return among(view.waiting, unit); };
   const std::vector<std::string> begun = journal ? journal->units() : std::vector<std::string>();
   const bool left = journal && !run->process && !is_over(*journal) && std::ranges::any_of(begun, waits);
   view.process = run && run->process ? run->process : batch;
@@ -327,8 +329,7 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
     case StationState::unreadable: break;
   }
   // What comes after the units on the table.
-  std::erase_if(view.waiting,
-                [&view](const std::string& unit) { return std::ranges::find(view.units, unit) != view.units.end(); });
+  std::erase_if(view.waiting, [&view](const std::string& unit) { return among(view.units, unit); });
   if (view.process && is_suspended(*view.process))
     view.urgent("process " + std::to_string(*view.process) +
                 " is suspended (SIGSTOP): it neither runs nor receives a stop");
@@ -478,16 +479,10 @@ Status write_down(const ServedStation& station, const StationAction& wanted, con
 
 // The process is named by a descriptor before its lock is looked at again, so that its number cannot be another's by then.
 Status send_signal(const std::string& lock, pid_t process, int signal) {
-  const int fd = static_cast<int>(::syscall(SYS_pidfd_open, process, 0));
-  if (fd < 0) return device_error("the run has just ended");
-  Status status;
-  if (lock_holder(lock) != process)
-    status = device_error("the run has just ended");
-  else if (::syscall(SYS_pidfd_send_signal, fd, signal, nullptr, 0) != 0)
-    status = device_error("process " + std::to_string(process) +
-                          " cannot be told: " + std::generic_category().message(errno));
-  ::close(fd);
-  return status;
+  const Descriptor fd(static_cast<int>(::syscall(SYS_pidfd_open, process, 0)));
+  if (fd < 0 || lock_holder(lock) != process) return device_error("the run has just ended");
+  if (::syscall(SYS_pidfd_send_signal, static_cast<int>(fd), signal, nullptr, 0) == 0) return {};
+  return device_error(fmt::format("process {} cannot be told: {}", process, std::generic_category().message(errno)));
 }
 
 bool running(const StationView& view) {
@@ -508,7 +503,7 @@ Status check(const ServedStation& station, const StationAction& wanted, const St
   if (!is("mounted")) return {};
   if (station.mounted.empty())
     return input_error("station '" + station.name + "': the page has no station.N.mounted, and cannot tell the batch");
-  if (view.state != StationState::mounting || std::ranges::find(view.units, wanted.unit) == view.units.end())
+  if (view.state != StationState::mounting || !among(view.units, wanted.unit))
     return input_error("station '" + station.name + "' does not wait for unit " + wanted.unit + " to be mounted");
   return {};
 }

@@ -71,7 +71,7 @@ struct DwellConfig {
 // Minutes that a run may add to tell confounded effects apart (docs/design.md).
 inline constexpr NumberRange settling_minutes = zero_or(1.0, 60.0);
 
-// How the station reaches its table; orchestrator/devices/table_device.h makes it. table.simulated says that a twin answers: recordings are
+// How the station reaches its table; orchestrator/devices/live_devices.h makes it. table.simulated says that a twin answers: recordings are
 // marked and never make a production file.
 struct TableConfig {
   TableDriver driver = TableDriver::mock;

@@ -1,6 +1,8 @@
 #include "orchestrator/watch/progress.h"
 
 #include <poll.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <fmt/format.h>
@@ -9,8 +11,9 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
+#include <cstddef>
 #include <cstdlib>
+#include <cstring>
 
 #include "imu_io/base/clock.h"
 
@@ -26,21 +29,14 @@ std::string head_of(const RunSnapshot& at) {
 
 std::string format_transition(const TransitionRecord& record) {
   const RunSnapshot& at = record.at;
-  std::string text = head_of(at);
-  text += to_string(record.from);
-  if (record.to != record.from) {
-    text += " -> ";
-    text += to_string(record.to);
-  }
-  text += "  ";
-  text += to_string(record.event);
-  if (record.unexpected) text += " (unexpected)";
-  if (!record.detail.empty()) {
+  std::string text = head_of(at) + std::string(to_string(record.from));
+  if (record.to != record.from) text += fmt::format(" -> {}", to_string(record.to));
+  text += fmt::format("  {}{}", to_string(record.event), record.unexpected ? " (unexpected)" : "");
+  if (!record.detail.empty())
     text += ": " + record.detail;
-  } else if (at.axis) {
+  else if (at.axis)
     text += fmt::format(": {} at {:.4f} deg", to_string(*at.axis), at.position_deg[*at.axis]);
-  }
-  if (record.to == RunState::stopping || is_final(record.to)) text += std::string("; table ") + to_string(at.table);
+  if (record.to == RunState::stopping || is_final(record.to)) text += fmt::format("; table {}", to_string(at.table));
   return text;
 }
 
@@ -67,28 +63,18 @@ void RunLog::line(const std::string& text) {
   if (status_) status_ = file_.write_all(std::string_view(tag_ + text + "\n"));
 }
 
-namespace {
-
-constexpr double redraw_interval_s = 0.1;
-
-}  // namespace
-
 bool waits_for_operator(const RunSnapshot& s, bool by_hand) {
   return by_hand && (s.state == RunState::moving || s.state == RunState::homing);
 }
 
 std::string phase_words(const RunSnapshot& s, bool by_hand) {
-  if (s.state == RunState::dwelling && s.dwell_kind) {
-    std::string text = *s.dwell_kind == SegmentKind::align ? "align" : "dwell";
-    if (s.repeats > 0) text += " (repeat " + std::to_string(s.repeats) + ")";
-    return text;
-  }
+  if (s.state == RunState::dwelling && s.dwell_kind)
+    return (*s.dwell_kind == SegmentKind::align ? "align" : "dwell") +
+           (s.repeats > 0 ? fmt::format(" (repeat {})", s.repeats) : "");
   if (s.state == RunState::resting)
     return s.chamber.empty() ? "resting after the interruption" : "resting: " + s.chamber;
-  if (waits_for_operator(s, by_hand)) {
-    if (!s.axis) return "where the table stands";
-    return fmt::format("turn {} to {:.2f} deg", to_string(*s.axis), s.target_deg);
-  }
+  if (waits_for_operator(s, by_hand))
+    return s.axis ? fmt::format("turn {} to {:.2f} deg", to_string(*s.axis), s.target_deg) : "where the table stands";
   return std::string(to_string(s.state));
 }
 
@@ -116,14 +102,6 @@ bool stdout_takes_more() {
   return wait_ready(STDOUT_FILENO, POLLOUT, 0) != 0;  // a reader that is gone is an error at once, and no wait
 }
 
-ProgressPrinter::ProgressPrinter(std::ostream& out, int columns, bool transitions, std::function<double()> wall_s,
-                                 std::function<bool()> takes_more)
-    : out_(out),
-      columns_(columns),
-      transitions_(transitions),
-      wall_s_(std::move(wall_s)),
-      takes_more_(std::move(takes_more)) {}
-
 void ProgressPrinter::on_transition(const TransitionRecord& record) {
   if (!takes_more_() || !(transitions_ || record.event == RunEvent::pause_wanted)) return;
   clear();
@@ -137,6 +115,7 @@ void ProgressPrinter::on_dropout(const Dropout& dropout) {
 }
 
 void ProgressPrinter::on_progress(const RunSnapshot& snapshot) {
+  constexpr double redraw_interval_s = 0.1;
   if (columns_ == 0) return;
   const double now_s = wall_s_();
   if (now_s - drawn_s_ < redraw_interval_s || !takes_more_()) return;
@@ -180,6 +159,45 @@ std::string in_tone(std::ostream& out, Tone tone, std::string_view text) {
   constexpr std::array<const char*, 3> codes = {"\x1b[32m", "\x1b[33m", "\x1b[31m"};
   if (out.iword(colours) == 0) return std::string(text);
   return codes[static_cast<std::size_t>(tone)] + std::string(text) + "\x1b[0m";
+}
+
+ServiceWatch::ServiceWatch() {
+  const char* const name = std::getenv("NOTIFY_SOCKET");
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  const std::size_t length = name == nullptr ? 0 : std::strlen(name);
+  if (length < 2 || length >= sizeof address.sun_path) return;
+  std::memcpy(address.sun_path, name, length);
+  if (name[0] == '@') address.sun_path[0] = '\0';  // an abstract one
+  socket_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + length);
+  if (socket_ >= 0 && ::connect(socket_, reinterpret_cast<const sockaddr*>(&address), size) != 0)
+    socket_ = Descriptor();
+}
+
+void ServiceWatch::tell(const std::string& what) const {
+  if (socket_ >= 0) static_cast<void>(::send(socket_, what.data(), what.size(), MSG_NOSIGNAL));
+}
+
+void ServiceWatch::disarm() {
+  if (armed_) tell("WATCHDOG_USEC=0");
+  armed_ = false;
+}
+
+void ServiceWatch::on_transition(const TransitionRecord& record) {
+  if (record.to != RunState::calibrating && !is_final(record.to)) return;
+  disarm();
+  tell("STATUS=" + std::string(to_string(record.to)));
+}
+
+void ServiceWatch::on_progress(const RunSnapshot& snapshot) {
+  const double now_s = monotonic_s();
+  const bool unwatched = snapshot.state == RunState::calibrating || is_final(snapshot.state);
+  if (socket_ < 0 || unwatched || now_s - last_ping_s_ < 1.0) return;
+  last_ping_s_ = now_s;
+  if (!armed_) tell("WATCHDOG_USEC=" + std::to_string(watch_s) + "000000");
+  armed_ = true;
+  tell("WATCHDOG=1\nSTATUS=" + format_progress(snapshot));
 }
 
 }  // namespace turncal

@@ -11,7 +11,9 @@
 // A stream shows colours after allow_colour: a terminal of somebody who has not asked for none (https://no-color.org).
 #pragma once
 
+#include <cmath>
 #include <functional>
+#include <optional>
 #include <ostream>
 #include <string>
 #include <string_view>
@@ -56,7 +58,12 @@ class ProgressPrinter : public RunObserver {
   // takes_more: false while the stream would block; what is shown then is left out, since the run may not wait for it.
   ProgressPrinter(
       std::ostream& out, int columns, bool transitions, std::function<double()> wall_s,
-      std::function<bool()> takes_more = [] { return true; });
+      std::function<bool()> takes_more = [] { return true; })
+      : out_(out),
+        columns_(columns),
+        transitions_(transitions),
+        wall_s_(std::move(wall_s)),
+        takes_more_(std::move(takes_more)) {}
   ~ProgressPrinter() override { clear(); }
   void on_transition(const TransitionRecord& record) override;
   void on_dropout(const Dropout& dropout) override;
@@ -66,8 +73,7 @@ class ProgressPrinter : public RunObserver {
  private:
   std::ostream& out_;
   int columns_;
-  bool transitions_;
-  bool line_shown_ = false;
+  bool transitions_, line_shown_ = false;
   std::function<double()> wall_s_;
   std::function<bool()> takes_more_;
   double drawn_s_ = -1e9;
@@ -87,5 +93,51 @@ Tone tone_of(UnitVerdict verdict);
 
 void allow_colour(std::ostream& out, int descriptor);
 std::string in_tone(std::ostream& out, Tone tone, std::string_view text);  // as `out` may show it
+
+// For a run under systemd (or whoever set NOTIFY_SOCKET): says where it is (`systemctl status`), and is watched while the table may move.
+//
+// The protocol is sd_notify(3): datagrams of `KEY=value` lines to the socket that the variable names. As long as the run's loop goes on it
+// says so every second; a loop that is stuck for watch_s is ended by systemd (docs/package.md). Nothing is watched while the table
+// rests with its drives off: an estimate may take minutes. Without the variable this does nothing; what cannot be sent is not sent again.
+class ServiceWatch : public RunObserver {
+ public:
+  static constexpr int watch_s = 30;
+
+  ServiceWatch();
+  ~ServiceWatch() override { disarm(); }
+  ServiceWatch(const ServiceWatch&) = delete;
+  ServiceWatch& operator=(const ServiceWatch&) = delete;
+  void on_transition(const TransitionRecord& record) override;
+  void on_progress(const RunSnapshot& snapshot) override;
+
+ private:
+  void tell(const std::string& what) const;
+  void disarm();
+  Descriptor socket_;
+  bool armed_ = false;
+  double last_ping_s_ = -1e9;
+};
+
+// Notices that the civil clock was set while a run goes on: it should advance with the monotonic one, which all deadlines are measured on.
+//
+// A slow correction (NTP slews by 0.05 % at most) is no step. A machine that was suspended is one: its monotonic clock stood still.
+class ClockWatch : public RunObserver {
+ public:
+  static constexpr double step_s = 1.0;
+
+  // speed_up: station seconds a second of the civil clock. `on_step`: by how much it was set, + forward, and the snapshot after that.
+  ClockWatch(double speed_up, std::function<void(double by_s, const RunSnapshot& at)> on_step)
+      : speed_up_(speed_up), on_step_(std::move(on_step)) {}
+  void on_progress(const RunSnapshot& at) override {
+    const double offset_s = at.utc_s - at.time_s / speed_up_;
+    if (offset_s_ && std::abs(offset_s - *offset_s_) >= step_s) on_step_(offset_s - *offset_s_, at);
+    offset_s_ = offset_s;
+  }
+
+ private:
+  double speed_up_;
+  std::function<void(double, const RunSnapshot&)> on_step_;
+  std::optional<double> offset_s_;
+};
 
 }  // namespace turncal

@@ -5,9 +5,10 @@
 #include <cmath>
 #include <thread>
 
-#include "calib/model/parameters.h"
+#include "calib/statistics/data_screen.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
+#include "orchestrator/run/dwell_monitor.h"
 #include "orchestrator/station/number_text.h"
 
 namespace turncal {
@@ -53,14 +54,9 @@ void LiveStatus::on_progress(const RunSnapshot& snapshot) {
 
 void LiveStatus::begin(const RecordingInfo& info) {
   const std::lock_guard lock(mutex_);
-  const Parameters start = start_parameters(info);
-  const ParameterVector si = si_per_unit(info);
   second_samples_ = static_cast<std::size_t>(std::max(1.0, std::round(1.0 / info.sample_period_s)));
   const double second_s = static_cast<double>(second_samples_) * info.sample_period_s;
-  for (std::size_t i = 0; i < 3; ++i) {
-    per_count_[i] = nominal_gyro_rad(info) / rad_per_deg / second_s;
-    per_count_[3 + i] = start.a(0, 0) * si[15] / second_s;
-  }
+  per_count_ = mean_per_count(info, static_cast<std::int64_t>(second_samples_));
   pulse_[0] = info.gyro_increment == IncrementKind::pulses ? per_count_[0] * second_s * 3600.0 : 0.0;
   pulse_[1] = info.accel_increment == IncrementKind::pulses ? per_count_[3] * second_s * 1000.0 : 0.0;
 }
@@ -81,16 +77,11 @@ void LiveStatus::add(std::span<const ImuSample> samples) {
   temperature_c_ = samples.back().temperature_c;
   if (!dwelling_) return;
   for (const ImuSample& sample : samples) {
-    for (std::size_t i = 0; i < 3; ++i) {
-      sum_[i] += sample.gyro[i];
-      sum_[3 + i] += sample.accel[i];
-    }
+    for (std::size_t i = 0; i < 6; ++i) sum_[i] += channel_of(sample, i);
     if (++in_sum_ < second_samples_) continue;
-    Second second;
-    for (std::size_t i = 0; i < 6; ++i) second.mean[i] = sum_[i] * per_count_[i];
+    for (std::size_t i = 0; i < 6; ++i) sum_[i] *= per_count_[i];
     if (dwell_.size() == seconds_shown) dwell_.erase(dwell_.begin());
-    dwell_.push_back(second);
-    sum_ = {};
+    dwell_.push_back(std::exchange(sum_, {}));
     in_sum_ = 0;
   }
 }
@@ -202,8 +193,8 @@ std::string LiveStatus::json() const {
   for (std::size_t i = 0; i < 6; ++i) {
     std::vector<std::string> points;
     double sum = 0.0, square = 0.0;
-    for (const Second& second : dwell_) {
-      const double x = second.mean[i] - dwell_.front().mean[i];
+    for (const Channels& second : dwell_) {
+      const double x = second[i] - dwell_.front()[i];
       sum += x;
       square += x * x;
       points.push_back(json_number(x));

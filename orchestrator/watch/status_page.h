@@ -65,9 +65,7 @@ class LiveStatus : public RunObserver {
   };
   Headline headline() const;  // REQUIRES: the lock is held
 
-  struct Second {
-    std::array<double, 6> mean{};  // gyro x y z [deg/s], accelerometer x y z [m/s^2]
-  };
+  using Channels = std::array<double, 6>;  // gyro x y z, accelerometer x y z
   mutable std::mutex mutex_;
   const LiveRun run_;
   std::function<double()> wall_s_;
@@ -79,11 +77,11 @@ class LiveStatus : public RunObserver {
   Tone ended_as_ = Tone::bad;
   std::vector<std::string> verification_;
   std::vector<std::string> transitions_;  // the newest last
-  std::array<double, 6> per_count_{};     // of a sum over one second
+  Channels per_count_{};                  // of a sum over one second
   std::array<double, 2> pulse_{};         // of gyro [arcsec] and accelerometer [mm/s]; 0: the increments are no pulses
   std::size_t second_samples_ = 200;
-  std::vector<Second> dwell_;
-  std::array<double, 6> sum_{};
+  std::vector<Channels> dwell_;  // means of its seconds: deg/s, m/s^2
+  Channels sum_{};
   std::size_t in_sum_ = 0;
   bool dwelling_ = false;
   float temperature_c_ = 0.0F;
@@ -91,35 +89,27 @@ class LiveStatus : public RunObserver {
 };
 
 // A sink that shows the samples on their way to the recording.
-class LiveSink : public RunSink {
+class LiveSink : public PassingSink {
  public:
-  LiveSink(RunSink& sink, LiveStatus& status) : sink_(sink), status_(status) {}
+  LiveSink(RunSink& sink, LiveStatus& status) : PassingSink(sink), status_(status) {}
   Status start(const RecordingInfo& info) override {
     status_.begin(info);
-    return sink_.start(info);
+    return PassingSink::start(info);
   }
   Status resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) override {
     status_.begin(info);
-    return sink_.resume(info, end_sample, written);
+    return PassingSink::resume(info, end_sample, written);
   }
   Status begin_segment(const Segment& segment) override {
     status_.begin_segment(segment.kind);
-    return sink_.begin_segment(segment);
+    return PassingSink::begin_segment(segment);
   }
   Status add(std::span<const ImuSample> samples) override {
     status_.add(samples);
-    return sink_.add(samples);
+    return PassingSink::add(samples);
   }
-  Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override {
-    return sink_.end_segment(kind, end_sample, angles_deg);
-  }
-  Status sync() override { return sink_.sync(); }
-  Status finish() override { return sink_.finish(); }
-  std::optional<std::uint32_t> written() const override { return sink_.written(); }
-  Status unit_fits() const override { return sink_.unit_fits(); }
 
  private:
-  RunSink& sink_;
   LiveStatus& status_;
 };
 

@@ -23,12 +23,7 @@ ChamberConfig chamber_config() {
 }
 
 RigFault chamber_fault(RigFaultKind kind, double time_s, double duration_s = 0.0, double size = 0.0) {
-  RigFault fault;
-  fault.kind = kind;
-  fault.time_s = time_s;
-  fault.duration_s = duration_s;
-  fault.size = size;
-  return fault;
+  return {.kind = kind, .time_s = time_s, .duration_s = duration_s, .size = size};
 }
 
 // The rig's, and what it was told, in order.
@@ -46,31 +41,21 @@ class Noted : public RigChamber {
   std::vector<std::string>& told_;
 };
 
-class NotedTable : public LimitedTurntable {
- public:
-  NotedTable(Turntable& table, std::vector<std::string>& told) : LimitedTurntable(table, {}), told_(told) {}
-  Status stop_all() override {
-    told_.push_back("stop");
-    return LimitedTurntable::stop_all();
-  }
-
- private:
-  std::vector<std::string>& told_;
-};
-
 struct ChamberRun : RigStation {
   explicit ChamberRun(std::vector<RigFault> faults = {}) : RigStation(two_steps_text, rig_with(std::move(faults))) {
     station.chamber = chamber_config();
     temperature_c = 30.0;
+    table.on_stop = [this] {
+      told.push_back("stop");
+      return devices.table.stop_all();
+    };
   }
-  RunOutcome run() {
-    const StationDevices with = devices.devices();
-    return RigStation::run({table, with.imu, with.clock, with.wait, &keeper});
-  }
+  RunOutcome run() { return run_with(devices.imu); }
+  RunOutcome run_with(ImuSource& imu) { return TestRun::run({table, imu, clock, devices.devices().wait, &keeper}); }
   bool heats() const { return rig.chamber().on; }
 
   std::vector<std::string> told;
-  NotedTable table{devices.table, told};
+  FrontTable table{devices.table};
   Noted chamber{devices.group, told};
   ChamberKeeper keeper{chamber, chamber_config(), BackgroundQueue::By::caller};
 };
@@ -112,29 +97,28 @@ struct Scenario {
 };
 void PrintTo(const Scenario& one, std::ostream* out) { *out << one.name; }
 
-const Scenario scenarios[] = {
-    {"never_settles",
-     {chamber_fault(RigFaultKind::chamber_never_settles, 0.0, 0.0, 8.0)},
-     "has not settled at 30 C within chamber.settle_limit_s = 1200"},
-    {"sensor_dead", {chamber_fault(RigFaultKind::chamber_sensor_dead, 40.0)}, "dead?"},
-    {"door_open", {chamber_fault(RigFaultKind::chamber_door_open, 100.0)}, "its door is open"},
-    {"alarm", {chamber_fault(RigFaultKind::chamber_alarm, 270.0)}, "it shows an alarm"},
-    {"unit_too_warm",
-     {chamber_fault(RigFaultKind::chamber_overheats, 0.0, 0.0, 150.0)},
-     "above chamber.limit_unit_c = 60"},
-    {"link_lost_for_a_while", {chamber_fault(RigFaultKind::chamber_link_lost, 100.0, 20.0)}, "the link is lost"},
-    {"link_lost",
-     {chamber_fault(RigFaultKind::chamber_link_lost, 100.0)},
-     "THAT THE CHAMBER IS OFF COULD NOT BE VERIFIED: simulated chamber: the link is lost",
-     false},
-    {"off_is_taken_late",
-     {chamber_fault(RigFaultKind::chamber_door_open, 100.0), chamber_fault(RigFaultKind::chamber_stays_on, 0.0, 130.0)},
-     "its door is open"},
-    {"stays_on",
-     {chamber_fault(RigFaultKind::chamber_door_open, 100.0), chamber_fault(RigFaultKind::chamber_stays_on, 0.0)},
-     "COULD NOT BE VERIFIED: it was told, and reads on",
-     false},
-};
+std::vector<Scenario> scenarios() {
+  using enum RigFaultKind;
+  return {{"never_settles",
+           {chamber_fault(chamber_never_settles, 0.0, 0.0, 8.0)},
+           "has not settled at 30 C within chamber.settle_limit_s = 1200"},
+          {"sensor_dead", {chamber_fault(chamber_sensor_dead, 40.0)}, "dead?"},
+          {"door_open", {chamber_fault(chamber_door_open, 100.0)}, "its door is open"},
+          {"alarm", {chamber_fault(chamber_alarm, 270.0)}, "it shows an alarm"},
+          {"unit_too_warm", {chamber_fault(chamber_overheats, 0.0, 0.0, 150.0)}, "above chamber.limit_unit_c = 60"},
+          {"link_lost_for_a_while", {chamber_fault(chamber_link_lost, 100.0, 20.0)}, "the link is lost"},
+          {"link_lost",
+           {chamber_fault(chamber_link_lost, 100.0)},
+           "THAT THE CHAMBER IS OFF COULD NOT BE VERIFIED: simulated chamber: the link is lost",
+           false},
+          {"off_is_taken_late",
+           {chamber_fault(chamber_door_open, 100.0), chamber_fault(chamber_stays_on, 0.0, 130.0)},
+           "its door is open"},
+          {"stays_on",
+           {chamber_fault(chamber_door_open, 100.0), chamber_fault(chamber_stays_on, 0.0)},
+           "COULD NOT BE VERIFIED: it was told, and reads on",
+           false}};
+}
 
 class ChamberFaults : public testing::TestWithParam<Scenario> {};
 
@@ -154,20 +138,17 @@ TEST_P(ChamberFaults, StopTheTableThenTheHeaters) {
   EXPECT_LT(stop - s.told.begin(), off - s.told.begin()) << "the table first";
 }
 
-INSTANTIATE_TEST_SUITE_P(All, ChamberFaults, testing::ValuesIn(scenarios),
+INSTANTIATE_TEST_SUITE_P(All, ChamberFaults, testing::ValuesIn(scenarios()),
                          [](const auto& which) { return which.param.name; });
 
 TEST(ChamberRun, OneThatAKilledRunLeftOnGoesOffThoughNothingIsUsed) {
-  RigConfig config = default_rig_config();
-  config.unit_serial = "OTHER";
   ChamberRun s;
   s.rig.command_chamber(30.0, 3.0, true);
   struct Deaf : FrontImu {
     using FrontImu::FrontImu;
     Status open() override { return device_error("no such line"); }
   } deaf(s.devices.imu);
-  const RunOutcome outcome =
-      ended(s.RigStation::run({s.table, deaf, s.clock, s.devices.devices().wait, &s.keeper}), RunState::failed);
+  const RunOutcome outcome = ended(s.run_with(deaf), RunState::failed);
   EXPECT_SAYS(outcome.error.message, "no such line");
   EXPECT_FALSE(s.heats());
   EXPECT_TRUE(std::ranges::find(s.told, "stop") == s.told.end());
@@ -181,18 +162,11 @@ TEST(ChamberRun, ADoorThatIsOpenIsSaidBeforeAnythingMoves) {
 
 // Whatever is drawn: faults of chamber, table and unit, a stop, a pause, an end from outside.
 TEST(ChamberRun, WhateverIsDrawnTheHeaterIsOffAtTheEnd) {
-  const RigFaultKind kinds[] = {RigFaultKind::chamber_never_settles,
-                                RigFaultKind::chamber_sensor_dead,
-                                RigFaultKind::chamber_door_open,
-                                RigFaultKind::chamber_alarm,
-                                RigFaultKind::chamber_overheats,
-                                RigFaultKind::chamber_link_lost,
-                                RigFaultKind::chamber_stays_on,
-                                RigFaultKind::axis_fault,
-                                RigFaultKind::stuck_axis,
-                                RigFaultKind::link_lost,
-                                RigFaultKind::emergency_stop,
-                                RigFaultKind::imu_unplugged};
+  using enum RigFaultKind;
+  const RigFaultKind kinds[] = {
+      chamber_never_settles, chamber_sensor_dead, chamber_door_open, chamber_alarm, chamber_overheats,
+      chamber_link_lost,     chamber_stays_on,    axis_fault,        stuck_axis,    link_lost,
+      emergency_stop,        imu_unplugged};
   std::mt19937 drawn(20261128);
   const auto below = [&](int n) { return static_cast<int>(drawn() % static_cast<unsigned>(n)); };
   int heated = 0;
@@ -202,7 +176,7 @@ TEST(ChamberRun, WhateverIsDrawnTheHeaterIsOffAtTheEnd) {
     for (int i = below(4); i > 0; --i) {
       const RigFaultKind kind = kinds[below(12)];
       // Of the chamber's line and contactor together shorter than it may take to go off.
-      const bool passes = kind == RigFaultKind::chamber_link_lost || kind == RigFaultKind::chamber_stays_on;
+      const bool passes = kind == chamber_link_lost || kind == chamber_stays_on;
       faults.push_back(chamber_fault(kind, below(400), passes ? 1 + below(18) : 0.0, 5 + below(90)));
       what += std::string(", ") + to_string(kind) + " at " + std::to_string(faults.back().time_s);
     }

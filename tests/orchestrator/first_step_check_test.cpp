@@ -5,41 +5,28 @@
 #include <Eigen/Geometry>
 
 #include "calib/model/parameters.h"
-#include "orchestrator/devices/felt_directions.h"
 #include "tests/orchestrator/rig_station.h"
 
 namespace turncal {
 namespace {
 
 // Passes samples on with their channels changed: the unit as it would be.
-class ChangedUnit : public RunSink {
+class ChangedUnit : public PassingSink {
  public:
-  ChangedUnit(RunSink& sink, std::function<void(ImuSample&)> change, std::function<void(RecordingInfo&)> told)
-      : check_(sink), change_(std::move(change)), told_(std::move(told)) {}
+  ChangedUnit(RunSink& check, std::function<void(ImuSample&)> change, std::function<void(RecordingInfo&)> told)
+      : PassingSink(check), change_(std::move(change)), told_(std::move(told)) {}
   Status start(const RecordingInfo& info) override {
     RecordingInfo other = info;
     told_(other);
-    return check_.start(other);
+    return PassingSink::start(other);
   }
-  Status resume(const RecordingInfo& info, std::int64_t end, std::optional<std::uint32_t> written) override {
-    return check_.resume(info, end, written);
-  }
-  std::optional<std::uint32_t> written() const override { return check_.written(); }
-  Status begin_segment(const Segment& segment) override { return check_.begin_segment(segment); }
   Status add(std::span<const ImuSample> samples) override {
     std::vector<ImuSample> changed(samples.begin(), samples.end());
     for (ImuSample& sample : changed) change_(sample);
-    return check_.add(changed);
+    return PassingSink::add(changed);
   }
-  Status end_segment(SegmentKind kind, std::int64_t end, const AxisTriple& angles) override {
-    return check_.end_segment(kind, end, angles);
-  }
-  Status sync() override { return check_.sync(); }
-  Status finish() override { return check_.finish(); }
-  Status unit_fits() const override { return check_.unit_fits(); }
 
  private:
-  FirstStepCheck check_;
   std::function<void(ImuSample&)> change_;
   std::function<void(RecordingInfo&)> told_;
 };
@@ -62,13 +49,10 @@ FirstStepStop found_with(
     const std::function<void(RecordingInfo&)>& told = [](RecordingInfo&) {},
     const RigConfig& rig_config = default_rig_config()) {
   RigStation rig(first_step_text, rig_config);
-  ChangedUnit unit(rig.sink, change, told);
-  rig.devices.imu.describe(rig.info);
-  rig.plan = make_plan(rig.sequence, plan_limits(rig.station, rig.info.sample_period_s));
-  StationRun run(
-      rig.devices.devices(), {rig.sequence, rig.plan, rig.station, "SN1"}, unit,
-      {&rig.watcher, &rig.stop_requests, [] { return Status{}; }, nullptr, &rig.pause_requests, &rig.end_requests});
-  const RunOutcome outcome = run.run();
+  FirstStepCheck check(rig.sink);
+  ChangedUnit unit(check, change, told);
+  rig.into = &unit;
+  const RunOutcome outcome = rig.run();
   EXPECT_TRUE(rig.at_rest());
   return {outcome.state, outcome.state == RunState::done ? "" : outcome.error.message, rig.clock.now_s(),
           rig.watcher.saw(RunEvent::unit_wrong) && !rig.watcher.saw(RunEvent::storage_failed)};

@@ -3,11 +3,9 @@
 
 #include "imu_io/base/clock.h"
 #include "orchestrator/devices/live_devices.h"
-#include "orchestrator/devices/table_device.h"
 #include "orchestrator/jobs/command_context.h"
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/rig_station.h"
-#include "turntable_drivers/table/limited_turntable.h"
 
 namespace turncal {
 namespace {
@@ -16,40 +14,8 @@ const char* const short_text =
     "format = 1\nname = short\nrate_degps = 10\nacceleration_degps2 = 20\n"
     "step 1 \"there\"\n  initial H 0 P 0 R 0\n  align 1000\n  rotate P +90\n  dwell 1000\n";
 
-// The rig's table, with what a test puts before it.
-class FrontTable : public LimitedTurntable {
- public:
-  explicit FrontTable(Turntable& table) : LimitedTurntable(table, {}) {}
-  Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
-    if (on_move) return on_move(axis, position_deg);
-    return LimitedTurntable::move_absolute(axis, position_deg, rate_degps, acceleration_degps2);
-  }
-  Status stop_all() override {
-    ++stops;
-    return LimitedTurntable::stop_all();
-  }
-  Status clear_fault() override {
-    if (!stays_faulty) faulty = false;
-    return LimitedTurntable::clear_fault();
-  }
-  Result<AxisStatus> status(Axis axis) override {
-    if (on_status)
-      if (Status given = on_status(); !given) return given.error();
-    Result<AxisStatus> status = LimitedTurntable::status(axis);
-    if (status) status->fault = status->fault || faulty;
-    return status;
-  }
-  bool needs_operator() const override { return by_hand; }
-
-  std::function<Status(Axis, double)> on_move;
-  std::function<Status()> on_status;
-  bool by_hand = false, faulty = false, stays_faulty = false;
-  int stops = 0;
-};
-
 struct FrontStation : RigStation {
   explicit FrontStation(const std::string& text = short_text) : RigStation(text), table(devices.table) {}
-  RunOutcome run_in_front() { return run({table, devices.imu, devices.clock, devices.devices().wait}); }
   FrontTable table;
 };
 
@@ -61,7 +27,7 @@ TEST(LiveRun, DriverThatGivesUpOnTheOperatorsWordIsAStopNotALostLink) {
     if (s.stop_requests == 0 || s.table.stops > 0) return {};
     return Error{ErrorKind::aborted, "gave up waiting"};
   };
-  const RunOutcome outcome = ended(s.run_in_front(), RunState::aborted);
+  const RunOutcome outcome = ended(s.run_on(s.table), RunState::aborted);
   EXPECT_EQ(outcome.error.kind, ErrorKind::aborted);
   EXPECT_FALSE(s.watcher.saw(RunEvent::link_lost));
   EXPECT_EQ(s.watcher.count(RunEvent::operator_stop), 1) << "one request is one stop, not a stop and a fastest stop";
@@ -74,7 +40,7 @@ TEST(LiveRun, MoveThatTheOperatorCutsShortIsAStopToo) {
     s.stop_requests = 1;
     return Error{ErrorKind::aborted, "gave up waiting"};
   };
-  ended(s.run_in_front(), RunState::aborted);
+  ended(s.run_on(s.table), RunState::aborted);
   EXPECT_FALSE(s.watcher.saw(RunEvent::table_fault));
   EXPECT_EQ(s.watcher.count(RunEvent::operator_stop), 1);
 }
@@ -82,14 +48,12 @@ TEST(LiveRun, MoveThatTheOperatorCutsShortIsAStopToo) {
 // A drive that its watchdog, or a fault, stopped: the run that is taken up clears it, another one does not.
 TEST(LiveRun, OnlyARunTakenUpClearsAFault) {
   RigStation s(short_text, rig_with({table_fault(RigFaultKind::axis_fault, 9.0)}));
-  DwellJournal kept;
-  s.journal = &kept;
   EXPECT_EQ(exit_code(s.run().error.kind), 50);
-  ASSERT_EQ(kept.dwells.size(), 1u);
+  ASSERT_EQ(s.kept.dwells.size(), 1u);
   const RunOutcome another = s.run();
   EXPECT_EQ(exit_code(another.error.kind), 50);
   EXPECT_SAYS(another.error.message, "expected it cleared");
-  s.resume = ResumePoint{kept.dwells.back(), false};
+  s.resume = ResumePoint{s.kept.dwells.front(), false};
   s.station.resume_rest_s = 1.0;
   s.taken_up = true;
   s.watcher = Watcher();
@@ -100,8 +64,9 @@ TEST(LiveRun, OnlyARunTakenUpClearsAFault) {
 
 TEST(LiveRun, FaultThatStaysIsAFault) {
   FrontStation s;
-  s.taken_up = s.table.faulty = s.table.stays_faulty = true;  // the drive takes the request, and does nothing
-  const RunOutcome outcome = ended(s.run_in_front(), RunState::failed);
+  s.taken_up = true;
+  s.table.on_read = [](Axis, AxisStatus& now) { now.fault = true; };  // the drive takes the request, and does nothing
+  const RunOutcome outcome = ended(s.run_on(s.table), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_FALSE(s.watcher.saw(RunEvent::homed));
 }
@@ -121,7 +86,7 @@ TEST(LiveRun, PersonMayTakeLongerThanAnyMotor) {
       asked_s = -1.0;
       return s.devices.table.move_absolute(Axis::pitch, 90.0, 10.0, 20.0);
     };
-    const RunOutcome outcome = s.run_in_front();
+    const RunOutcome outcome = s.run_on(s.table);
     EXPECT_EQ(outcome.state, by_hand ? RunState::done : RunState::failed) << outcome.error.message;
     EXPECT_EQ(s.watcher.saw(RunEvent::stall), !by_hand);
   }

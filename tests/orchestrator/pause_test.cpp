@@ -11,29 +11,25 @@ namespace turncal {
 namespace {
 
 struct PausedStation : RigStation {
-  PausedStation() : RigStation(two_steps_text) { RigStation::journal = &kept; }
+  PausedStation() : RigStation(two_steps_text) {}
   bool drives_off() {
-    for (Axis axis : all_axes) {
+    return std::ranges::all_of(all_axes, [this](Axis axis) {
       const Result<AxisStatus> status = devices.table.status(axis);
-      if (!status || status->enabled) return false;
-    }
-    return true;
+      return status && !status->enabled;
+    });
   }
-  DwellJournal kept;
-};
-
-struct PauseCase {
-  double asked_s;
-  RunState in;
-  std::size_t dwells;
-  double safe_s;
 };
 
 TEST(Pause, WaitsForTheItemGoingOn) {
-  for (const PauseCase& c :
-       {PauseCase{0.5, RunState::homing, 0, 2.0}, PauseCase{4.0, RunState::dwelling, 1, 7.0},
-        PauseCase{9.0, RunState::moving, 1, 17.0}, PauseCase{16.8, RunState::settling, 1, 17.0},
-        PauseCase{20.0, RunState::dwelling, 2, 27.0}, PauseCase{30.0, RunState::moving, 2, 37.0}}) {
+  const struct {
+    double asked_s;
+    RunState in;
+    std::size_t dwells;
+    double safe_s;
+  } cases[] = {{0.5, RunState::homing, 0, 2.0},     {4.0, RunState::dwelling, 1, 7.0},
+               {9.0, RunState::moving, 1, 17.0},    {16.8, RunState::settling, 1, 17.0},
+               {20.0, RunState::dwelling, 2, 27.0}, {30.0, RunState::moving, 2, 37.0}};
+  for (const auto& c : cases) {
     SCOPED_TRACE(c.asked_s);
     PausedStation s;
     s.watcher.on_tick = [&](const RunSnapshot& at) {
@@ -49,8 +45,7 @@ TEST(Pause, WaitsForTheItemGoingOn) {
     EXPECT_EQ(s.watcher.count(RunEvent::pause_wanted), 2) << "told at once, and done at the safe point";
     EXPECT_FALSE(s.watcher.saw(RunEvent::operator_stop));
     const TransitionRecord& told =
-        *std::find_if(s.watcher.transitions.begin(), s.watcher.transitions.end(),
-                      [](const TransitionRecord& r) { return r.event == RunEvent::pause_wanted; });
+        *std::ranges::find(s.watcher.transitions, RunEvent::pause_wanted, &TransitionRecord::event);
     EXPECT_EQ(told.from, c.in);
     EXPECT_NEAR(told.at.time_s, c.asked_s, 0.6);
     if (c.in == RunState::dwelling) {
@@ -122,10 +117,7 @@ TEST(Pause, FurtherRequestsEscalate) {
     EXPECT_LT(s.clock.now_s(), 12.0) << "not at the end of the move";
     EXPECT_TRUE(s.at_rest());
     EXPECT_TRUE(s.drives_off());
-    int aborts = 0;
-    for (const TransitionRecord& record : s.watcher.transitions)
-      aborts += record.action == RunAction::abort_table ? 1 : 0;
-    EXPECT_EQ(aborts, c.second ? 1 : 0);
+    EXPECT_EQ(std::ranges::count(s.watcher.transitions, RunAction::abort_table, &TransitionRecord::action), c.second);
   }
 }
 
@@ -153,13 +145,11 @@ class Console : public std::streambuf {
  private:
   void look() {
     if (text.size() < 2) return;
-    const std::size_t start = text.rfind('\n', text.size() - 2) + 1;
-    const std::string line = text.substr(start);
-    if (signal != 0 && line.find(when) != std::string::npos) {
+    const std::string line = text.substr(text.rfind('\n', text.size() - 2) + 1);
+    if (signal != 0 && line.find(when) != std::string::npos)
       ::raise(std::exchange(signal, 0));
-    } else if (signal == 0 && second != 0 && line.find(then) != std::string::npos) {
+    else if (signal == 0 && second != 0 && line.find(then) != std::string::npos)
       ::raise(std::exchange(second, 0));
-    }
   }
 };
 

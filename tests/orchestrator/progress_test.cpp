@@ -7,7 +7,6 @@
 
 #include "imu_io/base/console.h"
 #include "imu_io/lines/unit_end.h"
-#include "orchestrator/watch/service_watch.h"
 
 namespace turncal {
 namespace {

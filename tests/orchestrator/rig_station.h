@@ -5,6 +5,7 @@
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/watch/progress.h"
 #include "tests/test.h"
+#include "turntable_drivers/table/limited_turntable.h"
 
 namespace turncal {
 
@@ -21,19 +22,11 @@ inline constexpr std::int64_t two_steps_samples = 1000 + 2000 + 2000 + 2000 + 10
 inline constexpr double homing_s = 2.0;  // two_steps_text begins then
 
 inline RigFault table_fault(RigFaultKind kind, double time_s, Axis axis = Axis::pitch) {
-  RigFault fault;
-  fault.kind = kind;
-  fault.time_s = time_s;
-  fault.axis = static_cast<int>(axis);
-  return fault;
+  return {.kind = kind, .time_s = time_s, .axis = static_cast<int>(axis)};
 }
 
 inline RigFault unit_fault(RigFaultKind kind, std::int64_t sample_of_recording, std::int64_t count = 1) {
-  RigFault fault;
-  fault.kind = kind;
-  fault.sample = sample_of_recording + static_cast<std::int64_t>(homing_s / 0.005);
-  fault.count = count;
-  return fault;
+  return {.kind = kind, .sample = sample_of_recording + static_cast<std::int64_t>(homing_s / 0.005), .count = count};
 }
 
 inline RigConfig rig_with(std::vector<RigFault> faults) {
@@ -49,19 +42,37 @@ inline RunOutcome ended(RunOutcome outcome, RunState state) {
   return outcome;
 }
 
-// Another unit in front of which a test puts something.
-class FrontImu : public ImuSource {
+// A table in front of which a test puts something: what is not set is passed on.
+class FrontTable : public LimitedTurntable {
  public:
-  explicit FrontImu(ImuSource& imu) : imu_(imu) {}
-  Status open() override { return imu_.open(); }
-  Result<ImuIdentity> identify() override { return imu_.identify(); }
-  void describe(RecordingInfo& info) const override { imu_.describe(info); }
-  Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override { return imu_.read(out, timeout_s); }
-  ImuLinkCounters counters() const override { return imu_.counters(); }
-  void close() override { imu_.close(); }
+  explicit FrontTable(Turntable& table) : LimitedTurntable(table, {}) {}
+  Status home() override { return on_home ? on_home() : LimitedTurntable::home(); }
+  Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
+    if (on_move) return on_move(axis, position_deg);
+    return LimitedTurntable::move_absolute(axis, position_deg, rate_degps, acceleration_degps2);
+  }
+  Status stop_all() override {
+    ++stops;
+    return on_stop ? on_stop() : LimitedTurntable::stop_all();
+  }
+  Status abort_all() override {
+    ++aborts;
+    return on_abort ? on_abort() : LimitedTurntable::abort_all();
+  }
+  Result<AxisStatus> status(Axis axis) override {
+    if (on_status)
+      if (Status given = on_status(); !given) return given.error();
+    Result<AxisStatus> status = LimitedTurntable::status(axis);
+    if (status && on_read) on_read(axis, *status);
+    return status;
+  }
+  bool needs_operator() const override { return by_hand; }
 
- protected:
-  ImuSource& imu_;
+  std::function<Status()> on_home, on_stop, on_abort, on_status;
+  std::function<Status(Axis, double)> on_move;
+  std::function<void(Axis, AxisStatus&)> on_read;
+  bool by_hand = false;
+  int stops = 0, aborts = 0;
 };
 
 // Counts what comes, keeps the segments; fails on demand.
@@ -148,9 +159,7 @@ class Watcher : public RunObserver {
   }
   bool saw(RunEvent event) const { return count(event) > 0; }
   int count(RunEvent event) const {
-    int n = 0;
-    for (const TransitionRecord& record : transitions) n += record.event == event ? 1 : 0;
-    return n;
+    return static_cast<int>(std::ranges::count(transitions, event, &TransitionRecord::event));
   }
   std::vector<TransitionRecord> transitions;
   std::vector<std::string> text;
@@ -159,67 +168,94 @@ class Watcher : public RunObserver {
   std::function<void(const RunSnapshot&)> on_tick;
 };
 
-// Keeps the completed dwells.
-class DwellJournal : public RunJournal {
+// Keeps what it is told. on_call: what becomes of each.
+class TestJournal : public RunJournal {
  public:
-  Status transition(const TransitionRecord&) override { return {}; }
-  Status home(double) override {
-    ++homings;
-    return {};
+  Status transition(const TransitionRecord& record) override {
+    if (on_transition) on_transition(record);
+    return called();
   }
-  Status move(const Move&, double) override { return {}; }
+  Status home(double time_s) override { return command({time_s, std::nullopt}); }
+  Status move(const Move& move, double time_s) override { return command({time_s, move}); }
   Status dwell(const CompletedDwell& dwell) override {
-    dwells.push_back(dwell);
-    return {};
+    Status kept = called();
+    if (kept) dwells.push_back(dwell);
+    return kept;
   }
-  Status dropout(const Dropout&) override { return {}; }
-  Status seal(double, const std::vector<std::string>&) override { return {}; }
+  Status dropout(const Dropout& dropout) override {
+    dropped.push_back(dropout.serial);
+    return called();
+  }
+  Status seal(double, const std::vector<std::string>&) override {
+    sealed = true;
+    return called();
+  }
+  std::vector<JournalCommand> commands;
   std::vector<CompletedDwell> dwells;
-  int homings = 0;
+  std::vector<std::string> dropped;  // serials
+  bool sealed = false;
+  std::function<Status()> on_call;
+  std::function<void(const TransitionRecord&)> on_transition;
+
+ private:
+  Status called() { return on_call ? on_call() : Status(); }
+  Status command(const JournalCommand& command) {
+    commands.push_back(command);
+    return called();
+  }
 };
 
-struct RigStation {
-  explicit RigStation(const std::string& sequence_text, RigConfig rig_config = default_rig_config())
-      : devices(rig_config), rig(devices.rig), clock(devices.clock), station(default_station_config()) {
-    Result<Sequence> parsed = parse_sequence(sequence_text, "test.seq");
-    EXPECT_TRUE(parsed.ok()) << (parsed.ok() ? "" : parsed.error().message);
-    if (parsed) sequence = std::move(*parsed);
-  }
+// A run whose recording and journal are in memory, on whatever devices.
+struct TestRun {
+  explicit TestRun(const std::string& sequence_text)
+      : sequence(expect_value(parse_sequence(sequence_text, "test.seq"))) {}
 
-  RunOutcome run() { return run(devices.devices()); }
-  // With other devices in the place of the rig's, or around them.
-  RunOutcome run(const StationDevices& with) {
+  RunOutcome run(const StationDevices& with) { return run(with, {{with.imu, *into, "SN1"}}); }
+  RunOutcome run(const StationDevices& with, const std::vector<StationUnit>& units) {
     with.imu.describe(info);
     plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
     EXPECT_TRUE(plan.ok()) << plan.violations.front();
     StationRun station_run(
-        with, {sequence, plan, station, "SN1", resume, taken_up, temperature_c}, sink,
-        {&watcher, &stop_requests, calibrate, journal, &pause_requests, &end_requests, {}, go_on_with});
+        with, {sequence, plan, station, units.front().serial, resume, taken_up, temperature_c}, units,
+        {&watcher, &stop_requests, calibrate, &kept, &pause_requests, &end_requests, {}, go_on_with});
     return station_run.run();
+  }
+
+  StationConfig station = default_station_config();
+  Sequence sequence;
+  RecordingInfo info;
+  Plan plan;
+  MemorySink sink;
+  RunSink* into = &sink;
+  TestJournal kept;
+  Watcher watcher;
+  std::atomic<int> stop_requests{0}, pause_requests{0}, end_requests{0};
+  std::function<Status()> calibrate;
+  decltype(StationHooks::go_on_with) go_on_with;
+  std::optional<ResumePoint> resume;
+  bool taken_up = false;
+  std::optional<double> temperature_c;
+};
+
+struct RigStation : TestRun {
+  explicit RigStation(const std::string& sequence_text, const RigConfig& rig_config = default_rig_config())
+      : TestRun(sequence_text), devices(rig_config), rig(devices.rig), clock(devices.clock) {}
+
+  RunOutcome run() { return run_with(devices.imu); }
+  RunOutcome run_on(Turntable& table) { return run_with(devices.imu, table); }
+  RunOutcome run_with(ImuSource& imu) { return run_with(imu, devices.table); }
+  RunOutcome run_with(ImuSource& imu, Turntable& table) {
+    return TestRun::run({table, imu, clock, devices.devices().wait});
   }
   // Every axis of the rig itself, not of what the table says.
   bool at_rest() const {
-    for (Axis axis : all_axes)
-      if (rig.axis(axis).rate_degps != 0.0 || rig.axis(axis).moving) return false;
-    return true;
+    return std::ranges::none_of(
+        all_axes, [this](Axis axis) { return rig.axis(axis).rate_degps != 0.0 || rig.axis(axis).moving; });
   }
 
   DryRunDevices devices;
   Rig& rig;
   Clock& clock;
-  StationConfig station;
-  Sequence sequence;
-  RecordingInfo info;
-  Plan plan;
-  MemorySink sink;
-  Watcher watcher;
-  std::atomic<int> stop_requests{0}, pause_requests{0}, end_requests{0};
-  std::function<Status()> calibrate;
-  RunJournal* journal = nullptr;
-  decltype(StationHooks::go_on_with) go_on_with;
-  std::optional<ResumePoint> resume;
-  bool taken_up = false;
-  std::optional<double> temperature_c;
 };
 
 }  // namespace turncal

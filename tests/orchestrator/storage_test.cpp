@@ -46,6 +46,14 @@ class Storage : public Program {
     ASSERT_TRUE(is_sealed_when_struck_at(after));
     ASSERT_FALSE(fs::exists(folder_ / folder / "out/parameters.conf"));
   }
+  // Somebody else holds the results database.
+  void hold_database(const char* statements) {
+    if (held_ == nullptr) ASSERT_EQ(sqlite3_open(path("results.db").c_str(), &held_), SQLITE_OK);
+    sqlite3_busy_timeout(held_, 10'000);  // the run begins by a row of its own
+    ASSERT_EQ(sqlite3_exec(held_, statements, nullptr, nullptr, nullptr), SQLITE_OK);
+  }
+  void let_go_of_database() { sqlite3_close(std::exchange(held_, nullptr)); }
+  sqlite3* held_ = nullptr;
 };
 
 TEST_F(Storage, NothingIsMadeOfASealedRecordingThatWasChanged) {
@@ -104,21 +112,18 @@ TEST_F(Storage, ALockedDatabaseStopsTheBatchAndTheUnitIsNotRefused) {
   write("queue", "SN1\nSN2\n");
   const Arguments batch = "batch queue --dry-run --out units --station s.station --sequence " + short_demo;
   station("s.station");
-  sqlite3* lock = nullptr;
-  ASSERT_EQ(sqlite3_open(path("results.db").c_str(), &lock), SQLITE_OK);
-  sqlite3_busy_timeout(lock, 10'000);  // the run begins by a row of its own
-  ASSERT_EQ(sqlite3_exec(lock, "CREATE TABLE other(x); BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
+  hold_database("CREATE TABLE other(x); BEGIN IMMEDIATE");
   const ProgramResult before = ends(batch, 50, "results.db: results database: ");
   EXPECT_FALSE(fs::exists(folder_ / "units/SN1/journal.tcj")) << "seen before anything moved";
   // Locked while the unit is measured.
-  sqlite3_exec(lock, "ROLLBACK", nullptr, nullptr, nullptr);
+  hold_database("ROLLBACK");
   const pid_t pid = start(batch);
   while (!fs::exists(folder_ / "units/SN1/journal.tcj")) ::usleep(1000);
-  ASSERT_EQ(sqlite3_exec(lock, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
+  hold_database("BEGIN IMMEDIATE");
   const ProgramResult during = finish(pid);
   EXPECT_EQ(during.code, 50) << during.err;
   EXPECT_EQ(outcomes_text(path("queue")), "");
-  sqlite3_close(lock);
+  let_go_of_database();
   ASSERT_EQ(run(batch).code, 0);
   EXPECT_EQ(outcomes_text(path("queue")), "SN1=not_judged SN2=not_judged ");
 }
@@ -132,15 +137,12 @@ TEST_F(Storage, ALockedDatabaseStopsTheBatchWhoseUnitFails) {
       "batch queue --dry-run --out units --station s.station --rig flagged.rig --pace 20 --sequence " + short_demo;
   const pid_t pid = start(batch);
   while (!fs::exists(folder_ / "units/SN1/recording.partial.tcr")) ::usleep(1000);
-  sqlite3* lock = nullptr;
-  ASSERT_EQ(sqlite3_open(path("results.db").c_str(), &lock), SQLITE_OK);
-  sqlite3_busy_timeout(lock, 10'000);
-  ASSERT_EQ(sqlite3_exec(lock, "BEGIN IMMEDIATE", nullptr, nullptr, nullptr), SQLITE_OK);
+  hold_database("BEGIN IMMEDIATE");
   const ProgramResult during = finish(pid);
   EXPECT_EQ(during.code, 50) << during.err;
   EXPECT_SAYS(during.err, "results database: ");
   EXPECT_EQ(outcomes_text(path("queue")), "");
-  sqlite3_close(lock);
+  let_go_of_database();
   ASSERT_EQ(run(batch).code, 20);
   EXPECT_EQ(outcomes_text(path("queue")), "SN1=fail SN2=fail ");
 }

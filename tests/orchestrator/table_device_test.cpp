@@ -1,6 +1,4 @@
 // The keys of the table in a station file, the shipped examples, and the table that is made of them.
-#include "orchestrator/devices/table_device.h"
-
 #include "orchestrator/devices/commissioning.h"
 #include "orchestrator/devices/live_devices.h"
 #include "tests/turntable_drivers/served_twin.h"

@@ -126,30 +126,19 @@ long counts_of(const std::string& link, int unit) {
 void run_a_sequence_on(RegisterMap map) {
   RealClock clock;
   DescribedTurntable driver(map, clock);
-  const Result<Sequence> sequence =
-      good(parse_sequence("format = 1\nname = short\nrate_degps = 40\nacceleration_degps2 = 100\n"
-                          "step 1\n  initial H 0 P 0 R 0\n  align 200\n  rotate P +20\n  dwell 200\n  rotate R -10\n",
-                          "test.seq"));
-  StationConfig station = default_station_config();
-  station.motion.settle_s = 0.1;
-  station.motion.poll_moving_s = 0.05;
-  station.dwell.stillness_window_s = 0.1;
+  TestRun run(
+      "format = 1\nname = short\nrate_degps = 40\nacceleration_degps2 = 100\n"
+      "step 1\n  initial H 0 P 0 R 0\n  align 200\n  rotate P +20\n  dwell 200\n  rotate R -10\n");
+  run.station.motion.settle_s = 0.1;
+  run.station.motion.poll_moving_s = 0.05;
+  run.station.dwell.stillness_window_s = 0.1;
   StillImu imu;
-  MemorySink sink;
-  Watcher watcher;
-  RecordingInfo info;
-  imu.describe(info);
-  const Plan plan = make_plan(*sequence, plan_limits(station, info.sample_period_s));
-  ASSERT_TRUE(plan.ok()) << plan.violations.front();
-  StationRun run({driver, imu, clock, [](double seconds) { ::usleep(static_cast<unsigned>(1e6 * seconds)); }},
-                 {*sequence, plan, station, "SN1"}, sink, {&watcher, nullptr, {}});
-  ended(run.run(), RunState::done);
+  const auto wait = [](double seconds) { ::usleep(static_cast<unsigned>(1e6 * seconds)); };
+  ended(run.run({driver, imu, clock, wait}), RunState::done);
   // 10000 counts a degree; pitch counts backwards, roll's zero is at 12.5 deg.
   EXPECT_NEAR(driver.status(Axis::pitch)->position_deg, 20.0, 1e-4);
   EXPECT_NEAR(driver.status(Axis::roll)->position_deg, -10.0, 1e-4);
-  int dwells = 0;
-  for (const Segment& segment : sink.segments) dwells += segment.kind == SegmentKind::still ? 1 : 0;
-  EXPECT_EQ(dwells, 1);
+  EXPECT_EQ(std::ranges::count(run.sink.segments, SegmentKind::still, &Segment::kind), 1);
 }
 
 const std::string script = std::string(TURNCAL_SOURCE_DIR) + "/tests/turntable_drivers/modbus/pymodbus_drive.py";

@@ -36,9 +36,11 @@ class LockedImu : public FrontImu {
   std::mutex& mutex_;
 };
 
-struct ModbusRun {
-  explicit ModbusRun(const RigConfig& rig_config = default_rig_config(), const std::string& pty_link = "")
-      : station(quick_map(pty_link.empty() ? "tcp" : "rtu"), rig_config, pty_link),
+struct ModbusRun : TestRun {
+  explicit ModbusRun(const RigConfig& rig_config = default_rig_config(), const std::string& pty_link = "",
+                     const std::string& text = sequence_text)
+      : TestRun(text),
+        station(quick_map(pty_link.empty() ? "tcp" : "rtu"), rig_config, pty_link),
         driver(station.described, station.clock, &stop_requests),
         limited(driver, {}) {}
   static RegisterMap quick_map(const char* kind) {
@@ -49,16 +51,10 @@ struct ModbusRun {
     return map;
   }
   RunOutcome run() {
-    Result<Sequence> sequence = parse_sequence(text, "test.seq");
-    EXPECT_TRUE(sequence.ok());
     RigImu rig_imu(station.rig);
     LockedImu imu(rig_imu, station.server.mutex);
-    RecordingInfo info;
-    imu.describe(info);
-    plan = make_plan(*sequence, plan_limits(config, info.sample_period_s));
-    StationRun run({limited, imu, station.clock, [this](double seconds) { station.pass(std::max(seconds, 0.005)); }},
-                   {*sequence, plan, config, "SN1"}, sink, {&watcher, &stop_requests, calibrate});
-    const RunOutcome outcome = run.run();
+    const RunOutcome outcome =
+        TestRun::run({limited, imu, station.clock, [this](double seconds) { station.pass(std::max(seconds, 0.005)); }});
     const std::lock_guard lock(station.server.mutex);
     for (const Axis axis : all_axes)
       EXPECT_EQ(station.rig.axis(axis).rate_degps, 0.0) << "the table moves on: " << outcome.error.message;
@@ -66,16 +62,10 @@ struct ModbusRun {
   }
   double rig_time_s() { return station.rig.time_s(); }
 
-  std::atomic<int> stop_requests{0};
   TwinStation station;
+  StationConfig& config = TestRun::station;
   DescribedTurntable driver;
   LimitedTurntable limited;
-  std::string text = sequence_text;
-  StationConfig config = default_station_config();
-  std::function<Status()> calibrate;
-  Plan plan;
-  MemorySink sink;
-  Watcher watcher;
 };
 
 }  // namespace turncal

@@ -48,6 +48,9 @@ class Units {
       }
     }
   }
+  void read_on() {  // for 0.1 s
+    for (int i = 0; i < 20; ++i, read_all()) ::usleep(5000);
+  }
   std::uint64_t lost() const {
     std::uint64_t all = 0;
     for (const auto& imu : imus) all += imu->counters().lost_samples;
@@ -97,10 +100,7 @@ void expect_nothing_lost(Table& table) {
   std::uint64_t lost_unread = 0;
   for (const bool read_meanwhile : {false, true}) {
     table.driver.set_meanwhile(read_meanwhile ? std::function<void()>([&] { units.read_all(); }) : nullptr);
-    for (int i = 0; i < 20; ++i) {  // what was lost before shows in the frames after it
-      ::usleep(5000);
-      units.read_all();
-    }
+    units.read_on();  // what was lost before shows in the frames after it
     const std::uint64_t before = units.lost();
     const double began_s = monotonic_s();
     for (int i = 0; i < 6; ++i) {  // 2.7 s and more: beyond what a pseudo-terminal holds
@@ -108,10 +108,7 @@ void expect_nothing_lost(Table& table) {
     }
     units.read_all();
     EXPECT_GT(monotonic_s() - began_s, 18 * answer_s) << "the table is slow";
-    for (int i = 0; i < 20; ++i) {
-      ::usleep(5000);
-      units.read_all();
-    }
+    units.read_on();
     if (read_meanwhile) {
       EXPECT_EQ(units.lost() - before, 0u);
     } else {
@@ -134,26 +131,25 @@ TEST(SlowTable, UnitsAreReadWhileADialectIsAwaited) {
   expect_nothing_lost(dialect);
 }
 
+struct HookedTable : FrontTable {
+  using FrontTable::FrontTable;
+  void set_meanwhile(std::function<void()> meanwhile) override { hook = std::move(meanwhile); }
+  std::function<void()> hook;
+};
+
 // A run lets its units be read by the driver, and takes the hook away when it is over.
 TEST(SlowTable, ARunReadsItsUnitsMeanwhile) {
-  struct Table : LimitedTurntable {
-    using LimitedTurntable::LimitedTurntable;
-    void set_meanwhile(std::function<void()> meanwhile) override { hook = std::move(meanwhile); }
-    Result<AxisStatus> status(Axis axis) override {
-      if (hook) {
-        ++hooked;
-        hook();
-      }
-      return LimitedTurntable::status(axis);
-    }
-    std::function<void()> hook;
-    int hooked = 0;
-  };
   RigStation s(two_steps_text);
-  const StationDevices devices = s.devices.devices();
-  Table table(devices.table, {});
-  ended(s.run({table, devices.imu, devices.clock, devices.wait}), RunState::done);
-  EXPECT_GT(table.hooked, 100);
+  HookedTable table(s.devices.table);
+  int hooked = 0;
+  table.on_status = [&] {
+    if (!table.hook) return Status();
+    ++hooked;
+    table.hook();
+    return Status();
+  };
+  ended(s.run_on(table), RunState::done);
+  EXPECT_GT(hooked, 100);
   EXPECT_FALSE(table.hook);
   EXPECT_EQ(s.sink.sample_count, two_steps_samples);
 }
@@ -181,27 +177,19 @@ class BufferedImu : public FrontImu {
 
 // Its answers take longer than a dwell may: the samples are there, and the unit is not called slow.
 TEST(SlowTable, ALateAnswerIsNotTheUnitsFault) {
-  struct Late : LimitedTurntable {
-    using LimitedTurntable::LimitedTurntable;
-    void set_meanwhile(std::function<void()> meanwhile) override { hook = std::move(meanwhile); }
-    Result<AxisStatus> status(Axis axis) override {
-      for (int i = 0; hook && lasts && i < 1000; ++i) {  // 10 s, a look away every 10 ms
-        imu->pass(0.01);
-        hook();
-      }
-      return LimitedTurntable::status(axis);
-    }
-    std::function<void()> hook;
-    BufferedImu* imu = nullptr;
-    bool lasts = false;
-  };
   RigStation s(two_steps_text);
-  const StationDevices devices = s.devices.devices();
-  BufferedImu imu(devices.imu);
-  Late table(devices.table, {});
-  table.imu = &imu;
-  s.watcher.on_tick = [&](const RunSnapshot& now) { table.lasts = now.state == RunState::dwelling; };
-  const RunOutcome outcome = ended(s.run({table, imu, devices.clock, devices.wait}), RunState::done);
+  BufferedImu imu(s.devices.imu);
+  HookedTable table(s.devices.table);
+  bool lasts = false;
+  table.on_status = [&] {
+    for (int i = 0; table.hook && lasts && i < 1000; ++i) {  // 10 s, a look away every 10 ms
+      imu.pass(0.01);
+      table.hook();
+    }
+    return Status();
+  };
+  s.watcher.on_tick = [&](const RunSnapshot& now) { lasts = now.state == RunState::dwelling; };
+  const RunOutcome outcome = ended(s.run_with(imu, table), RunState::done);
   EXPECT_EQ(outcome.units[0].lost_samples, 0u);
 }
 

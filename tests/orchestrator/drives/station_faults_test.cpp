@@ -94,48 +94,37 @@ std::vector<DriveFault> drive_faults() {
       plan.pieces[0].bytes = exception_reply(request, code, true);
     };
   };
+  const auto from_mid_move = [&](const std::function<void(std::vector<std::uint16_t>&)>& how) {
+    return from_moment(in_mid_move_s, how);
+  };
+  const auto no_answer = [](const ModbusRequest&, AnswerPlan& plan) { plan.pieces.clear(); };
+  // Every reading takes half a second of the wall clock: the stop is given up sooner.
+  const auto busy = [=](ModbusRun& s) {
+    s.config.motion.stall_s = 1.0;
+    s.config.motion.deadline_margin_s = 2.0;
+    reads(refused(6))(s);
+  };
+  const auto stays_further = [](auto& words) { words[1] = static_cast<std::uint16_t>(words[1] - 500); };
   const RigConfig plain = default_rig_config();
+  using enum RunEvent;
+  using Kind = RigFaultKind;
   return {
-      {"never_in_position",
-       pitch_with(RigFaultKind::never_in_position, 3.0),
-       {},
-       RunEvent::deadline,
-       "has not settled"},
-      {"position_frozen", plain, frozen, RunEvent::stall, "no progress"},
-      {"axis_stuck", pitch_with(RigFaultKind::stuck_axis, in_mid_move_s), {}, RunEvent::stall, "no progress"},
-      {"drive_fault",
-       pitch_with(RigFaultKind::axis_fault, in_mid_move_s),
-       {},
-       RunEvent::table_fault,
-       "alarm 38 (overload)"},
-      {"emergency_stop",
-       pitch_with(RigFaultKind::emergency_stop, in_mid_move_s),
-       {},
-       RunEvent::e_stop,
-       "emergency stop"},
-      {"limit", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] |= 0x20; }), RunEvent::table_fault,
-       "limit switch"},
-      {"local_mode", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] &= 0x7FFF; }), RunEvent::table_fault,
+      {"never_in_position", pitch_with(Kind::never_in_position, 3.0), {}, deadline, "has not settled"},
+      {"position_frozen", plain, frozen, stall, "no progress"},
+      {"axis_stuck", pitch_with(Kind::stuck_axis, in_mid_move_s), {}, stall, "no progress"},
+      {"drive_fault", pitch_with(Kind::axis_fault, in_mid_move_s), {}, RunEvent::table_fault, "alarm 38 (overload)"},
+      {"emergency_stop", pitch_with(Kind::emergency_stop, in_mid_move_s), {}, e_stop, "emergency stop"},
+      {"limit", plain, from_mid_move([](auto& words) { words[5] |= 0x20; }), RunEvent::table_fault, "limit switch"},
+      {"local_mode", plain, from_mid_move([](auto& words) { words[5] &= 0x7FFF; }), RunEvent::table_fault,
        "not in remote"},
-      {"drive_off", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] &= 0xFFFE; }), RunEvent::table_fault,
-       "is off"},
-      {"zero_lost", plain, from_moment(in_mid_move_s, [](auto& words) { words[5] &= 0xFFEF; }), RunEvent::table_fault,
+      {"drive_off", plain, from_mid_move([](auto& words) { words[5] &= 0xFFFE; }), RunEvent::table_fault, "is off"},
+      {"zero_lost", plain, from_mid_move([](auto& words) { words[5] &= 0xFFEF; }), RunEvent::table_fault,
        "lost its zero"},
-      {"words_swapped", plain, from_moment(in_mid_move_s, [](auto& words) { std::swap(words[0], words[1]); }),
-       RunEvent::table_fault, "not believed"},
-      {"overshoot_that_stays", plain,
-       from_moment(6.0, [](auto& words) { words[1] = static_cast<std::uint16_t>(words[1] - 500); }), RunEvent::stall,
-       "no progress"},
-      {"silent_in_mid_move", plain, reads([](const ModbusRequest&, AnswerPlan& plan) { plan.pieces.clear(); }),
-       RunEvent::link_lost, "no answer within"},
-      {"busy_for_ever", plain,
-       [=](ModbusRun& s) {
-         // Every reading takes half a second of the wall clock: the stop is given up sooner.
-         s.config.motion.stall_s = 1.0;
-         s.config.motion.deadline_margin_s = 2.0;
-         reads(refused(6))(s);
-       },
-       RunEvent::table_fault, "exception 6"},
+      {"words_swapped", plain, from_mid_move([](auto& words) { std::swap(words[0], words[1]); }), RunEvent::table_fault,
+       "not believed"},
+      {"overshoot_that_stays", plain, from_moment(6.0, stays_further), stall, "no progress"},
+      {"silent_in_mid_move", plain, reads(no_answer), link_lost, "no answer within"},
+      {"busy_for_ever", plain, busy, RunEvent::table_fault, "exception 6"},
       {"move_refused", plain, moves(refused(4)), RunEvent::table_fault, "exception 4"},
       {"move_refused_as_an_address", plain, moves(refused(2)), RunEvent::table_fault, "exception 2"},
       {"reading_refused_as_a_value", plain, reads(refused(3)), RunEvent::table_fault, "exception 3"},
@@ -189,9 +178,7 @@ TEST(StationFaults, OvershootThatComesBack) {
 
 // The table drifts during the dwell: it counts only when it is repeated.
 TEST(StationFaults, DriftAfterDone) {
-  RigConfig config = pitch_with(RigFaultKind::table_moved, 7.5);
-  config.faults[0].size = 0.05;
-  ModbusRun s(config);
+  ModbusRun s(rig_with({{.kind = RigFaultKind::table_moved, .time_s = 7.5, .axis = 1, .size = 0.05}}));
   const RunOutcome outcome = ended(s.run(), RunState::done);
   EXPECT_EQ(outcome.repeated_dwells, 1);
 }
@@ -199,10 +186,9 @@ TEST(StationFaults, DriftAfterDone) {
 // The heartbeat goes out with the polls, twice a second while the table rests: enough for a watchdog of 1 s.
 TEST(StationFaults, WatchdogDoesNotTripInALongDwellNorWhileCalibrating) {
   for (const bool often_enough : {true, false}) {
-    ModbusRun s;
-    s.text =
-        "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 10\nstep 1\n  initial H 0 P 0 R 0\n  align "
-        "200\n  dwell 24000\n";
+    ModbusRun s(default_rig_config(), "",
+                "format = 1\nname = long\nrate_degps = 10\nacceleration_degps2 = 10\nstep 1\n  initial H 0 P 0 R 0\n"
+                "  align 200\n  dwell 24000\n");
     if (!often_enough) s.config.motion.poll_idle_s = 1.3;  // what a station file may not ask for
     bool tripped = false;
     const auto look = [&] {

@@ -78,34 +78,20 @@ class StubTable : public Turntable {
 };
 
 // A live run's clock, waits and unit; the unit is on a line of which nothing comes.
-struct SilentStation {
-  SilentStation() {
-    Result<Pty> made = Pty::create();
-    EXPECT_TRUE(made.ok());
-    line = std::move(*made);
-    config = default_station_config();
-    config.motion.poll_idle_s = 10.0;  // nothing but the loop itself looks at the request
-    config.motion.deadline_margin_s = 2.0;
-    config.imu_timeout_s = 100.0;
+struct SilentStation : TestRun {
+  SilentStation() : TestRun(sequence_text), line(std::move(*good(Pty::create()))) {
+    station.motion.poll_idle_s = 10.0;  // nothing but the loop itself looks at the request
+    station.motion.deadline_margin_s = 2.0;
+    station.imu_timeout_s = 100.0;
   }
   RunOutcome run() {
     const FrameDescription frame = test::frame_named("laser_gyro");
     SerialImu imu(frame, {line.device(), "SN1"});
-    const Result<Sequence> sequence = parse_sequence(sequence_text, "test.seq");
-    RecordingInfo info;
-    imu.describe(info);
-    const Plan plan = make_plan(*sequence, plan_limits(config, info.sample_period_s));
     const LiveClock clock(1.0);
-    StationRun run({table, imu, clock, LiveDevices::wait_a_little}, {*sequence, plan, config, "SN1"}, sink,
-                   {&watcher, &stop_requests, {}});
-    return run.run();
+    return TestRun::run({table, imu, clock, LiveDevices::wait_a_little});
   }
-  std::atomic<int> stop_requests{0};
   Pty line;
-  StationConfig config;
   StubTable table;
-  MemorySink sink;
-  Watcher watcher;
 };
 
 TEST(StationStop, HomingWithASilentUnit) {
@@ -132,9 +118,9 @@ TEST(StationStop, HomingWithASilentUnit) {
 TEST(StationStop, BetweenAttemptsToReconnect) {
   expect_in_time([] {
     SilentStation s;
-    s.config.motion.poll_idle_s = 0.05;
-    s.config.motion.poll_moving_s = 0.5;
-    s.config.motion.deadline_margin_s = 1.0;
+    s.station.motion.poll_idle_s = 0.05;
+    s.station.motion.poll_moving_s = 0.5;
+    s.station.motion.deadline_margin_s = 1.0;
     std::thread stopper;
     double asked_s = 0.0, abort_s = 0.0;
     s.watcher.on_tick = [&](const RunSnapshot& now) {

@@ -1,7 +1,7 @@
 // The last word to every drive: off, read back, on every way out; and the fastest stop where nothing can be read.
 #include "turntable_drivers/table/table_stop.h"
 
-#include "orchestrator/devices/table_device.h"
+#include "orchestrator/devices/live_devices.h"
 #include "tests/orchestrator/drives/modbus_run.h"
 #include "tests/orchestrator/rig_station.h"
 #include "tests/turntable_drivers/level_drives.h"
@@ -241,9 +241,7 @@ void read_off_by(ModbusRun& s, double jump_deg, double from_s, double to_s) {
 
 // Somebody knocks against the table in a dwell: put right, and repeated. An encoder that loses count reads too far away for that.
 TEST(StrayAxis, ASlipInADwellIsPutRight) {
-  RigFault slip = table_fault(RigFaultKind::table_moved, 7.5, Axis::heading);
-  slip.size = 0.9;
-  ModbusRun s(rig_with({slip}));
+  ModbusRun s(rig_with({{.kind = RigFaultKind::table_moved, .time_s = 7.5, .size = 0.9}}));
   const RunOutcome outcome = ended(s.run(), RunState::done);
   EXPECT_EQ(outcome.repeated_dwells, 1);
 }

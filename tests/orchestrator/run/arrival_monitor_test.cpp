@@ -1,6 +1,5 @@
 // The arrival rule against axes that lie, one clause at a time.
-#include "orchestrator/run/arrival_monitor.h"
-
+#include "orchestrator/run/motion_watch.h"
 #include "tests/test.h"
 
 namespace turncal {

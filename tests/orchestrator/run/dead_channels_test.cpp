@@ -227,8 +227,7 @@ TEST(DeadChannels, ARunRepeatsTheDwell) {
       "format = 1\nname = frozen\nrate_degps = 30\nacceleration_degps2 = 60\nstep 1\n  initial H 0 P 0 R 0\n"
       "  align 2000\n  rotate P +90\n  dwell 12000\n  rotate P -90\n");
   FreezingImu imu(rig.devices.imu, 6000, 9000);
-  StationDevices devices = rig.devices.devices();
-  const RunOutcome outcome = ended(rig.run({devices.table, imu, devices.clock, devices.wait}), RunState::done);
+  const RunOutcome outcome = ended(rig.run_with(imu), RunState::done);
   EXPECT_EQ(outcome.repeated_dwells, 1);
   ASSERT_EQ(rig.watcher.count(RunEvent::dwell_bad), 1);
   for (const TransitionRecord& record : rig.watcher.transitions) {

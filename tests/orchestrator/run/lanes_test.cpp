@@ -26,39 +26,20 @@ class LateImu : public FrontImu {
   std::deque<ImuSample> under_way_;
 };
 
-class Dropouts : public DwellJournal {
- public:
-  Status dropout(const Dropout& dropout) override {
-    serials.push_back(dropout.serial);
-    return fails ? Status(device_error("journal: disk full (on demand)")) : Status{};
-  }
-  std::vector<std::string> serials;
-  bool fails = false;
-};
-
-struct Lanes : RigStation {
-  explicit Lanes(std::size_t units, RigConfig config = default_rig_config())
-      : RigStation(two_steps_text, config), devices_of_all(config, units), sinks(units) {
-    for (std::size_t i = 0; i < units; ++i) sources.push_back(&devices_of_all.group.imu(i));
-    journal = &dropouts;
+struct Lanes : TestRun {
+  explicit Lanes(std::size_t units, const RigConfig& config = default_rig_config())
+      : TestRun(two_steps_text), devices(config, units), sinks(units) {
+    for (std::size_t i = 0; i < units; ++i) sources.push_back(&devices.group.imu(i));
   }
   RunOutcome run_all() {
-    devices_of_all.imu.describe(info);
-    plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
     std::vector<StationUnit> lanes;
     for (std::size_t i = 0; i < sources.size(); ++i)
       lanes.push_back({*sources[i], sinks[i], "SN" + std::to_string(i + 1)});
-    StationRun station_run(devices_of_all.devices(), {sequence, plan, station, "", resume}, lanes,
-                           {&watcher, &stop_requests, calibrate, journal});
-    return station_run.run();
+    return run(devices.devices(), lanes);
   }
-  std::int64_t dwell_samples(std::size_t unit, std::size_t segment) const {
-    return sinks[unit].segments.at(segment).end_sample - sinks[unit].segments.at(segment).start_sample;
-  }
-  DryRunDevices devices_of_all;
+  DryRunDevices devices;
   std::vector<MemorySink> sinks;
   std::vector<ImuSource*> sources;
-  Dropouts dropouts;
 };
 
 RigConfig with_fault(RigFaultKind kind, std::int64_t sample_of_recording, std::int64_t count, int unit) {
@@ -77,13 +58,13 @@ TEST(Lanes, EveryUnitHasThePlansSegments) {
     EXPECT_TRUE(s.sinks[i].finished);
     EXPECT_EQ(s.sinks[i].info.unit_serial, "SN" + std::to_string(i + 1));
   }
-  ASSERT_EQ(s.dropouts.dwells.size(), 3u);
-  EXPECT_EQ(s.dropouts.dwells[1].units.size(), 3u) << "a dwell's record holds every unit";
+  ASSERT_EQ(s.kept.dwells.size(), 3u);
+  EXPECT_EQ(s.kept.dwells[1].units.size(), 3u) << "a dwell's record holds every unit";
 }
 
 TEST(Lanes, UnitsAFewSamplesApartHaveDwellsOfFullLength) {
   Lanes s(3);
-  LateImu second(s.devices_of_all.group.imu(1), 7), third(s.devices_of_all.group.imu(2), 3);
+  LateImu second(s.devices.group.imu(1), 7), third(s.devices.group.imu(2), 3);
   s.sources[1] = &second;
   s.sources[2] = &third;
   const RunOutcome outcome = ended(s.run_all(), RunState::done);
@@ -95,7 +76,7 @@ TEST(Lanes, UnitsAFewSamplesApartHaveDwellsOfFullLength) {
       EXPECT_EQ(segment.end_sample - segment.start_sample, expected) << "unit " << i;
     }
   }
-  EXPECT_TRUE(s.dropouts.serials.empty());
+  EXPECT_TRUE(s.kept.dropped.empty());
 }
 
 // A line that stalls during the move: what the unit sent while the table turned must not come into the dwell. A unit that is alone holds the
@@ -104,7 +85,7 @@ TEST(Lanes, ADwellWaitsForAUnitThatIsFarBehind) {
   for (const auto& [units, behind] : {std::pair<std::size_t, std::size_t>{2, 400}, {1, 1'000'000}}) {
     Lanes s(units);
     if (units == 1) s.station.imu_timeout_s = 20.0;
-    LateImu last(s.devices_of_all.group.imu(units - 1), 0);
+    LateImu last(s.devices.group.imu(units - 1), 0);
     s.sources.back() = &last;
     s.watcher.on_tick = [&, behind = behind](const RunSnapshot& at) {
       last.late = at.time_s > 10.0 && at.time_s < 19.0 ? behind : std::size_t{0};
@@ -112,7 +93,7 @@ TEST(Lanes, ADwellWaitsForAUnitThatIsFarBehind) {
     const RunOutcome outcome = ended(s.run_all(), RunState::done);
     EXPECT_EQ(outcome.repeated_dwells, 0);
     EXPECT_EQ(outcome.units.back().lost_samples, 0u);
-    EXPECT_TRUE(s.dropouts.serials.empty());
+    EXPECT_TRUE(s.kept.dropped.empty());
   }
 }
 
@@ -121,7 +102,7 @@ TEST(Lanes, DefectInTheFirstSamplesOfADwellLeavesTheOthersWhole) {
   for (const int bad : {1, 2}) {
     Lanes s(2, with_fault(RigFaultKind::invalid_sample, 3500, 1'000'000, bad));
     const RunOutcome outcome = ended(s.run_all(), RunState::done);
-    EXPECT_EQ(s.dropouts.serials, std::vector<std::string>{"SN" + std::to_string(bad)});
+    EXPECT_EQ(s.kept.dropped, std::vector<std::string>{"SN" + std::to_string(bad)});
     EXPECT_EQ(outcome.repeated_dwells, 2);
     const RunOutcome::Unit& good = outcome.units[bad == 1 ? 1 : 0];
     EXPECT_FALSE(good.dropped_out);
@@ -142,7 +123,7 @@ TEST(Lanes, RepeatsAreCountedForTheUnitThatNeedsThem) {
   Lanes s(2, config);
   const RunOutcome outcome = ended(s.run_all(), RunState::done);
   EXPECT_EQ(outcome.repeated_dwells, 4);
-  EXPECT_TRUE(s.dropouts.serials.empty()) << s.dropouts.serials.front();
+  EXPECT_TRUE(s.kept.dropped.empty()) << s.kept.dropped.front();
 }
 
 TEST(Lanes, ARecordingThatCannotBeWrittenIsOneUnitsFailure) {
@@ -157,7 +138,7 @@ TEST(Lanes, ARecordingThatCannotBeWrittenIsOneUnitsFailure) {
       const RunOutcome outcome = ended(s.run_all(), RunState::done);
       ASSERT_TRUE(outcome.units[unit].dropped_out);
       ASSERT_SAYS(outcome.units[unit].dropped_out->message, "disk full");
-      ASSERT_EQ(s.dropouts.serials, std::vector<std::string>{"SN" + std::to_string(unit + 1)});
+      ASSERT_EQ(s.kept.dropped, std::vector<std::string>{"SN" + std::to_string(unit + 1)});
       ASSERT_EQ(outcome.units[1 - unit].recorded_samples, two_steps_samples);
       ASSERT_EQ(s.sinks[1 - unit].sample_count, two_steps_samples);
       ASSERT_TRUE(s.sinks[1 - unit].finished);
@@ -169,7 +150,7 @@ TEST(Lanes, ARecordingThatCannotBeWrittenIsOneUnitsFailure) {
 TEST(Lanes, ADropoutThatCannotBeJournalledStopsTheRun) {
   Lanes s(2);
   s.sinks[1].fail_at_call = 5;
-  s.dropouts.fails = true;
+  s.kept.on_call = [&] { return s.kept.dropped.empty() ? Status() : device_error("journal: disk full (on demand)"); };
   const RunOutcome outcome = ended(s.run_all(), RunState::failed);
   EXPECT_SAYS(outcome.error.message, "journal: disk full");
 }
@@ -180,7 +161,7 @@ TEST(Lanes, AUnitThatHadDroppedOutIsNotOpened) {
   Lanes again(2);
   again.sinks = s.sinks;
   for (MemorySink& sink : again.sinks) sink.finished = false;
-  again.resume = ResumePoint{s.dropouts.dwells.front(), false, {true, false}};
+  again.resume = ResumePoint{s.kept.dwells.front(), false, {true, false}};
   again.station.resume_rest_s = 1.0;
   const int calls = again.sinks[0].calls;
   ended(again.run_all(), RunState::done);

@@ -24,6 +24,17 @@ std::int64_t feel(FeltRate& unit, std::int64_t first, std::int64_t count, std::s
 }
 constexpr double sample_rad_of(double degps) { return 0.005 * degps * rad_per_deg; }
 
+// Two turns of an axis that tell the unit's scale: what it makes of that rate, and how far they were.
+std::int64_t tell_scale(FeltRate& unit, std::int64_t first, std::int64_t samples, std::size_t axis, double felt_degps,
+                        double turned_deg) {
+  for (int turn = 0; turn < 2; ++turn) {
+    unit.begin_turn(1e9);
+    first = feel(unit, first, samples, axis, [&](std::int64_t) { return sample_rad_of(felt_degps); });
+    EXPECT_TRUE(unit.end_turn(turned_deg));
+  }
+  return first;
+}
+
 constexpr std::array<AxisLimits, 3> limits = {AxisLimits{}, AxisLimits{-10.0, 10.0}, AxisLimits{}};
 
 TableStatus at(double time_s, double heading_deg, double pitch_deg, double pitch_rate_degps = 0.0) {
@@ -256,11 +267,7 @@ TEST(SpeedWatch, LostSamplesOfAUnitAreNoJumpOfTheTable) {
     const auto turn_at = [&](double degps, int samples) {
       counter = feel(unit, counter, samples, 0, [degps](std::int64_t) { return sample_rad_of(degps); });
     };
-    for (int turn = 0; turn < 2; ++turn) {
-      unit.begin_turn(1e9);
-      turn_at(10.0, 400);
-      ASSERT_TRUE(unit.end_turn(20.0));
-    }
+    counter = tell_scale(unit, counter, 400, 0, 10.0, 20.0);
     turn_at(0.0, 400);
     const Move move{Axis::pitch, 90.0, 30.0, 60.0};
     unit.begin_turn(SpeedWatch::factor * move.acceleration_degps2);
@@ -283,15 +290,9 @@ TEST(SpeedWatch, AWayThatTheTableDoesNotReadIsFelt) {
     for (const double read_deg : {180.0, 90.0, -90.0, 70.0, 12.0}) {
       FeltRate unit(unit_in_rad());
       std::int64_t counter = 0;
-      const auto turn = [&](double degps, int samples) {
-        unit.begin_turn(SpeedWatch::factor * move.acceleration_degps2);
-        counter = feel(unit, counter, samples, 1, [degps](std::int64_t) { return sample_rad_of(1.3 * degps); });
-      };
-      for (int i = 0; i < turns_before; ++i) {
-        turn(10.0, 400);
-        ASSERT_TRUE(unit.end_turn(20.0));
-      }
-      turn(30.0, 600);
+      if (turns_before > 0) counter = tell_scale(unit, counter, 400, 1, 13.0, 20.0);
+      unit.begin_turn(SpeedWatch::factor * move.acceleration_degps2);
+      feel(unit, counter, 600, 1, [](std::int64_t) { return sample_rad_of(1.3 * 30.0); });
       unit.end_turn(read_deg);
       const auto said = SpeedWatch::judge_turn({&unit}, move, read_deg);
       EXPECT_EQ(said.has_value(), std::abs(read_deg) < (turns_before > 0 ? 80.0 : 60.0)) << read_deg;
@@ -317,13 +318,7 @@ TEST(SpeedWatch, AnAxisThatLooksForItsZeroKeepsToItsLargestRate) {
 // One unit that goes mad is its own trouble: the least of those on the table counts.
 TEST(SpeedWatch, OfSeveralUnitsTheLeastCounts) {
   FeltRate mad(unit_in_rad()), sane(unit_in_rad());
-  for (FeltRate* unit : {&mad, &sane}) {  // two turns of 10 deg have told their scale
-    for (const std::int64_t first : {-400, -200}) {
-      unit->begin_turn(1e9);
-      feel(*unit, first, 200, 0, [](std::int64_t) { return sample_rad_of(10.0); });
-      ASSERT_TRUE(unit->end_turn(10.0));
-    }
-  }
+  for (FeltRate* unit : {&mad, &sane}) tell_scale(*unit, -400, 200, 0, 10.0, 10.0);
   feel(sane, 0, 100, 0, [](std::int64_t) { return 0.0; });
   feel(mad, 0, 100, 0, [](std::int64_t) { return sample_rad_of(500.0); });
   const SpeedWatch speed(usual_limits, 1.0);

@@ -27,9 +27,8 @@ TEST(RunProperties, TransitionTable) {
     for (const int drawn : events) {
       const auto event = static_cast<RunEvent>(drawn % run_event_count);
       const int bits = drawn / run_event_count;
-      const RunGuards guards{.rest_due = (bits & 1) != 0,
-                             .repeats_left = (bits & 2) != 0,
-                             .stop_cause = static_cast<StopCause>(bits / 4 % 3)};
+      constexpr RunGuard causes[] = {RunGuard::by_error, RunGuard::by_operator, RunGuard::by_interruption};
+      const GuardSet guards = guards_of((bits & 1) != 0, (bits & 2) != 0, causes[bits / 4 % 3]);
       const Transition t = next(state, event, guards);
       if (is_final(state)) {
         RC_ASSERT(t.to == state);
@@ -76,48 +75,10 @@ TEST(RunProperties, TransitionTable) {
 
 struct Killed {};
 
-// In memory; dies or fails on demand.
-class MemoryJournal : public RunJournal {
- public:
-  Status transition(const TransitionRecord& record) override {
-    if (on_transition) on_transition(record);
-    return step();
-  }
-  Status home(double time_s) override {
-    commands.push_back({time_s, std::nullopt});
-    return step();
-  }
-  Status move(const Move& move, double time_s) override {
-    commands.push_back({time_s, move});
-    return step();
-  }
-  Status dwell(const CompletedDwell& dwell) override {
-    if (Status status = step(); !status) return status;
-    dwells.push_back(dwell);
-    return {};
-  }
-  Status dropout(const Dropout&) override { return step(); }
-  Status seal(double, const std::vector<std::string>&) override {
-    sealed = true;
-    return step();
-  }
-  Status step() {
-    ++calls;
-    if (calls == kill_at) throw Killed{};
-    if (calls == fail_at) return device_error("journal: disk full (on demand)");
-    return {};
-  }
-  std::vector<JournalCommand> commands;
-  std::vector<CompletedDwell> dwells;
-  std::function<void(const TransitionRecord&)> on_transition;
-  bool sealed = false;
-  int calls = 0, kill_at = -1, fail_at = -1;
-};
-
 // Looks at every command on its way to the table.
 class WatchedTable : public RigTable {
  public:
-  WatchedTable(Rig& rig, const MemoryJournal& journal) : RigTable(rig), rig_(rig), journal_(journal) {}
+  WatchedTable(Rig& rig, const TestJournal& journal) : RigTable(rig), rig_(rig), journal_(journal) {}
   Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
     for (Axis other : all_axes) two_moves = two_moves || rig_.axis(other).moving;
     const bool kept = !journal_.commands.empty() && journal_.commands.back().move &&
@@ -139,7 +100,7 @@ class WatchedTable : public RigTable {
 
  private:
   Rig& rig_;
-  const MemoryJournal& journal_;
+  const TestJournal& journal_;
 };
 
 const char* const tiny_text =
@@ -187,7 +148,12 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
     if (d.kind < fault_kinds) config.faults.push_back(fault_of(d, config.sample_period_s));
   if (const Status status = check(config); !status) return status.error().message;
   RigStation s(tiny_text, config);
-  MemoryJournal journal;
+  TestJournal& journal = s.kept;
+  int calls = 0, kill_at = -1, fail_at = -1;
+  journal.on_call = [&] {
+    if (++calls == kill_at) throw Killed{};
+    return calls == fail_at ? Status(device_error("journal: disk full (on demand)")) : Status();
+  };
   WatchedTable table(s.rig, journal);
   s.station.motion.settle_s = 0.1;
   s.station.motion.stall_s = 0.3;
@@ -198,9 +164,6 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
       1.0;  // windows of a few samples say little
   s.station.dwell.max_accel_std_mps2 = s.station.dwell.max_accel_peak_mps2 = 1.0;
   s.station.dwell.stillness_window_s = 0.1;
-  s.devices.imu.describe(s.info);
-  s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
-  s.journal = &journal;
   int stops_told = 0;
   bool late_stop = false;
   journal.on_transition = [&](const TransitionRecord& record) {
@@ -223,21 +186,18 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
     }
   };
   for (const Disturbance& d : disturbances) {
-    if (d.kind == fault_kinds + 1) journal.fail_at = 1 + d.moment / 3;
+    if (d.kind == fault_kinds + 1) fail_at = 1 + d.moment / 3;
     if (d.kind == fault_kinds + 2) s.sink.fail_at_call = 1 + d.moment / 3;
-    if (d.kind == fault_kinds + 3) journal.kill_at = 1 + d.moment / 3;
+    if (d.kind == fault_kinds + 3) kill_at = 1 + d.moment / 3;
   }
   for (int session = 1;; ++session) {
     if (session > 12) return "not done after 12 sessions";
     const std::vector<CompletedDwell> before = journal.dwells;
     const std::size_t transitions_before = s.watcher.transitions.size();
     const int connected_before = s.watcher.count(RunEvent::connected);
-    StationDevices devices = s.devices.devices();
-    StationRun run({table, devices.imu, devices.clock, devices.wait}, {s.sequence, s.plan, s.station, "SN1", s.resume},
-                   s.sink, {&s.watcher, &s.stop_requests, s.calibrate, &journal, &s.pause_requests, &s.end_requests});
     std::optional<RunOutcome> outcome;
     try {
-      outcome = run.run();
+      outcome = s.run_on(table);
     } catch (const Killed&) {
       ++tally.kills;
     }
@@ -270,16 +230,14 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
       if (outcome->state == RunState::interrupted && !verified) return "interrupted, and the table may turn";
       if (paused && s.pause_requests == 0) return "interrupted, and nobody asked for it";
       // The dwell that was going on when the pause was asked for is kept, unless it was bad.
-      const auto told =
-          std::find_if(s.watcher.transitions.begin() + static_cast<std::ptrdiff_t>(transitions_before),
-                       s.watcher.transitions.end(), [](const TransitionRecord& record) {
-                         return record.event == RunEvent::pause_wanted && record.from == RunState::dwelling;
-                       });
-      if (paused && told != s.watcher.transitions.end() && journal.dwells.size() == before.size() &&
-          std::none_of(told, s.watcher.transitions.end(),
-                       [](const TransitionRecord& record) { return record.event == RunEvent::dwell_bad; })) {
+      const auto session_events = std::span(s.watcher.transitions).subspan(transitions_before);
+      const auto told = std::ranges::find_if(session_events, [](const TransitionRecord& record) {
+        return record.event == RunEvent::pause_wanted && record.from == RunState::dwelling;
+      });
+      const bool was_bad = std::ranges::find(told, session_events.end(), RunEvent::dwell_bad,
+                                             &TransitionRecord::event) != session_events.end();
+      if (paused && told != session_events.end() && journal.dwells.size() == before.size() && !was_bad)
         return "paused, and the dwell that went on is lost";
-      }
       tally.pauses += paused ? 1 : 0;
       if (outcome->error.kind == ErrorKind::internal && outcome->state != RunState::done) return outcome->error.message;
       if (outcome->state == RunState::done) {
@@ -292,12 +250,12 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
     }
     // Somebody comes, clears the faults and starts it again. A sealed recording needs no devices (run_job.cpp).
     if (s.sink.finished) return "";
-    journal.kill_at = journal.fail_at = s.sink.fail_at_call = -1;
+    kill_at = fail_at = s.sink.fail_at_call = -1;
     s.stop_requests = s.pause_requests = s.end_requests = 0;
     s.watcher.on_tick = nullptr;
     s.rig.release_emergency_stop();
     s.rig.clear_faults();
-    devices.wait(1.0);
+    s.devices.devices().wait(1.0);
     if (journal.dwells.empty()) {
       s.sink = MemorySink();
     } else {

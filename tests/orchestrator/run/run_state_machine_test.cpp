@@ -6,29 +6,26 @@
 namespace turncal {
 namespace {
 
-std::vector<RunState> all_states() {
-  std::vector<RunState> states;
-  for (int i = 0; i < run_state_count; ++i) states.push_back(static_cast<RunState>(i));
-  return states;
-}
-std::vector<RunEvent> all_events() {
-  std::vector<RunEvent> events;
-  for (int i = 0; i < run_event_count; ++i) events.push_back(static_cast<RunEvent>(i));
-  return events;
-}
-std::vector<RunGuards> all_guards() {
-  std::vector<RunGuards> all;
-  for (const StopCause cause : {StopCause::error, StopCause::by_operator, StopCause::interruption}) {
-    for (int bits = 0; bits < 4; ++bits)
-      all.push_back({.rest_due = (bits & 2) != 0, .repeats_left = (bits & 1) != 0, .stop_cause = cause});
-  }
+template <class Enum>
+std::vector<Enum> all_of(int count) {
+  std::vector<Enum> all;
+  for (int i = 0; i < count; ++i) all.push_back(static_cast<Enum>(i));
   return all;
 }
+const std::vector<RunState> all_states = all_of<RunState>(run_state_count);
+const std::vector<RunEvent> all_events = all_of<RunEvent>(run_event_count);
+std::vector<GuardSet> all_guards() {
+  std::vector<GuardSet> all;
+  for (const RunGuard cause : {RunGuard::by_error, RunGuard::by_operator, RunGuard::by_interruption})
+    for (int bits = 0; bits < 4; ++bits) all.push_back(guards_of((bits & 2) != 0, (bits & 1) != 0, cause));
+  return all;
+}
+const GuardSet usual_guards = guards_of(false, true, RunGuard::by_error);
 
-int taken_rows(RunState state, RunEvent event, const RunGuards& guards) {
+int taken_rows(RunState state, RunEvent event, GuardSet guards) {
   int count = 0;
   for (const TransitionRow& row : transition_table)
-    if (row.from.contains(state) && row.event == event && holds(row.guard, guards)) ++count;
+    if (row.from.contains(state) && row.event == event && guards.contains(row.guard)) ++count;
   return count;
 }
 bool listed_ignored(RunState state, RunEvent event) {
@@ -38,22 +35,21 @@ bool listed_ignored(RunState state, RunEvent event) {
 }
 
 TEST(RunStateMachine, NamesAreCompleteAndDistinct) {
-  std::set<std::string_view> names;
-  for (RunState state : all_states()) names.insert(to_string(state));
-  EXPECT_EQ(names.size(), static_cast<std::size_t>(run_state_count));
-  names.clear();
-  for (RunEvent event : all_events()) names.insert(to_string(event));
-  EXPECT_EQ(names.size(), static_cast<std::size_t>(run_event_count));
-  names.clear();
-  for (int i = 0; i < run_action_count; ++i) names.insert(to_string(static_cast<RunAction>(i)));
-  EXPECT_EQ(names.size(), static_cast<std::size_t>(run_action_count));
+  const auto distinct = [](const auto& all) {
+    std::set<std::string_view> names;
+    for (const auto one : all) names.insert(to_string(one));
+    return static_cast<int>(names.size());
+  };
+  EXPECT_EQ(distinct(all_states), run_state_count);
+  EXPECT_EQ(distinct(all_events), run_event_count);
+  EXPECT_EQ(distinct(all_of<RunAction>(run_action_count)), run_action_count);
 }
 
 // For every pair and every combination of guards: exactly one row, or explicitly ignored, or unexpected; never two.
 TEST(RunStateMachine, EveryPairHasExactlyOneOutcome) {
-  for (RunState state : all_states()) {
-    for (RunEvent event : all_events()) {
-      for (const RunGuards& guards : all_guards()) {
+  for (RunState state : all_states) {
+    for (RunEvent event : all_events) {
+      for (const GuardSet guards : all_guards()) {
         const std::string where = std::string(to_string(state)) + " + " + std::string(to_string(event));
         const int rows = taken_rows(state, event, guards);
         const bool ignored = listed_ignored(state, event);
@@ -80,9 +76,9 @@ TEST(RunStateMachine, EveryPairHasExactlyOneOutcome) {
 // A guarded pair must be decided for either value of its guard: a dwell_bad that matches nothing would be lost.
 TEST(RunStateMachine, GuardsOfAPairCoverBothCases) {
   for (const TransitionRow& row : transition_table) {
-    for (RunState state : all_states()) {
+    for (RunState state : all_states) {
       if (!row.from.contains(state)) continue;
-      for (const RunGuards& guards : all_guards())
+      for (const GuardSet guards : all_guards())
         EXPECT_EQ(taken_rows(state, row.event, guards), 1) << to_string(state) << " + " << to_string(row.event);
     }
   }
@@ -93,20 +89,20 @@ TEST(RunStateMachine, EveryErrorStopsTheTable) {
   const std::vector<RunEvent> errors = {RunEvent::table_fault, RunEvent::e_stop,         RunEvent::link_lost,
                                         RunEvent::imu_lost,    RunEvent::storage_failed, RunEvent::operator_stop,
                                         RunEvent::end_wanted};
-  for (RunState state : all_states()) {
+  for (RunState state : all_states) {
     if (!live_states.contains(state)) continue;
     for (RunEvent event : errors) {
-      for (const RunGuards& guards : all_guards()) {
+      for (const GuardSet guards : all_guards()) {
         const Transition transition = next(state, event, guards);
         EXPECT_EQ(transition.to, RunState::stopping) << to_string(state) << " + " << to_string(event);
         EXPECT_EQ(transition.action, RunAction::stop_table) << to_string(state) << " + " << to_string(event);
       }
     }
     // An event nobody foresaw in this state is no exception.
-    EXPECT_EQ(next(state, RunEvent::calibration_ok, {}).to, RunState::stopping) << to_string(state);
+    EXPECT_EQ(next(state, RunEvent::calibration_ok, usual_guards).to, RunState::stopping) << to_string(state);
   }
-  for (RunEvent event : all_events()) {
-    for (const RunGuards& guards : all_guards()) {
+  for (RunEvent event : all_events) {
+    for (const GuardSet guards : all_guards()) {
       const RunState to = next(RunState::stopping, event, guards).to;
       EXPECT_TRUE(to == RunState::stopping || (is_final(to) && to != RunState::done)) << to_string(event);
     }
@@ -115,8 +111,8 @@ TEST(RunStateMachine, EveryErrorStopsTheTable) {
 
 // A pause never cuts an item short, and what it ends in is a stop that has to be verified.
 TEST(RunStateMachine, PauseWaitsForASafePoint) {
-  for (RunState state : all_states()) {
-    const Transition transition = next(state, RunEvent::pause_wanted, {});
+  for (RunState state : all_states) {
+    const Transition transition = next(state, RunEvent::pause_wanted, usual_guards);
     if (StateSet{RunState::resting, RunState::selecting, RunState::step_done}.contains(state)) {
       EXPECT_EQ(transition.to, RunState::stopping) << to_string(state);
       EXPECT_EQ(transition.action, RunAction::stop_table) << to_string(state);
@@ -125,8 +121,8 @@ TEST(RunStateMachine, PauseWaitsForASafePoint) {
       EXPECT_EQ(transition.action, RunAction::none) << to_string(state);
     }
   }
-  EXPECT_EQ(next(RunState::calibrating, RunEvent::pause_wanted, {}).outcome, Transition::Outcome::ignored);
-  const RunGuards interrupted{.stop_cause = StopCause::interruption};
+  EXPECT_EQ(next(RunState::calibrating, RunEvent::pause_wanted, usual_guards).outcome, Transition::Outcome::ignored);
+  const GuardSet interrupted = guards_of(false, true, RunGuard::by_interruption);
   EXPECT_EQ(next(RunState::stopping, RunEvent::stopped_verified, interrupted).to, RunState::interrupted);
   EXPECT_EQ(next(RunState::stopping, RunEvent::deadline, interrupted).to, RunState::failed);
 }
@@ -136,7 +132,7 @@ TEST(RunStateMachine, EveryStateIsReachable) {
   std::set<RunState> reached = {RunState::idle};
   for (int round = 0; round < run_state_count; ++round) {
     for (const TransitionRow& row : transition_table) {
-      for (RunState state : all_states())
+      for (RunState state : all_states)
         if (row.from.contains(state) && reached.count(state)) reached.insert(row.to);
     }
   }
@@ -144,31 +140,27 @@ TEST(RunStateMachine, EveryStateIsReachable) {
 }
 
 // What docs/state-machine.md has to say, in the order of the table.
-std::string names_of(StateSet set) {
+template <class Enum>
+std::string names_of(EnumSet<Enum> set, const std::vector<Enum>& all) {
   std::string text;
-  for (RunState state : all_states()) {
-    if (!set.contains(state)) continue;
-    if (!text.empty()) text += ", ";
-    text += to_string(state);
-  }
+  for (const Enum one : all)
+    if (set.contains(one)) text += (text.empty() ? "" : ", ") + std::string(to_string(one));
   return text;
 }
+std::string names_of(StateSet set) { return names_of(set, all_states); }
 std::string names_of(EventSet set) {
-  std::string text;
-  int count = 0;
-  for (RunEvent event : all_events()) {
-    if (!set.contains(event)) continue;
-    if (!text.empty()) text += ", ";
-    text += to_string(event);
-    ++count;
-  }
-  return count == run_event_count ? "every event" : text;
+  const std::string names = names_of(set, all_events);
+  return std::ranges::count(names, ',') + 1 == run_event_count ? "every event" : names;
 }
+
+// In the order of RunGuard.
+constexpr const char* guard_names[] = {
+    "", "rest_due", "no_rest_due", "repeats_left", "no_repeats_left", "by_operator", "by_error", "by_interruption"};
 
 std::vector<std::string> expected_document_lines() {
   std::vector<std::string> lines;
   for (const TransitionRow& row : transition_table) {
-    const std::string guard = row.guard == RunGuard::always ? "" : std::string(to_string(row.guard));
+    const std::string guard = guard_names[static_cast<std::size_t>(row.guard)];
     lines.push_back("| " + names_of(row.from) + " | " + std::string(to_string(row.event)) + " | " + guard + " | " +
                     std::string(to_string(row.to)) + " | " + std::string(to_string(row.action)) + " |");
   }
@@ -176,13 +168,14 @@ std::vector<std::string> expected_document_lines() {
     lines.push_back("| " + names_of(row.in) + " | " + names_of(row.events) + " | " + std::string(row.why) + " |");
   // The drawing has one arrow a row and state; errors of the live states are drawn from the frame around them.
   for (const TransitionRow& row : transition_table) {
-    const std::string guard = row.guard == RunGuard::always ? "" : " [" + std::string(to_string(row.guard)) + "]";
+    const std::string name = guard_names[static_cast<std::size_t>(row.guard)];
+    const std::string guard = name.empty() ? "" : " [" + name + "]";
     const std::string label = std::string(to_string(row.event)) + guard;
     if (row.from.bits == live_states.bits) {
       lines.push_back("live --> " + std::string(to_string(row.to)) + ": " + label);
       continue;
     }
-    for (RunState state : all_states()) {
+    for (RunState state : all_states) {
       if (!row.from.contains(state)) continue;
       lines.push_back(std::string(to_string(state)) + " --> " + std::string(to_string(row.to)) + ": " + label);
     }

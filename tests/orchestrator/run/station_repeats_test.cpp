@@ -30,16 +30,15 @@ TEST(StationRun, SampleLostInADwellRepeatsItWhole) {
 }
 
 RigFault moved_by(double time_s, double size_deg, bool hidden = false) {
-  RigFault fault = table_fault(RigFaultKind::table_moved, time_s);
-  fault.size = size_deg;
-  fault.hidden = hidden;
-  return fault;
+  return {.kind = RigFaultKind::table_moved, .time_s = time_s, .axis = 1, .size = size_deg, .hidden = hidden};
 }
-RigFault knock() {
-  RigFault fault = unit_fault(RigFaultKind::velocity_knock, 4000);
-  fault.axis = 0;
-  fault.size = 0.05;
-  return fault;
+const RigFault knock{.kind = RigFaultKind::velocity_knock, .sample = 4400, .size = 0.05};
+// As many as come before `end`, `step` samples apart.
+std::vector<RigFault> lost_over_and_over(std::int64_t first, std::int64_t end, std::int64_t step) {
+  std::vector<RigFault> faults;
+  for (std::int64_t sample = first; sample < end; sample += step)
+    faults.push_back(unit_fault(RigFaultKind::lost_sample, sample));
+  return faults;
 }
 
 // A dwell begins at sample 3000; every try ends at the poll after its defect, then 100 samples of settling.
@@ -54,7 +53,7 @@ TEST(StationRun, ADisturbedDwellIsRepeatedAndTheRunGoesOn) {
   const Disturbance disturbances[] = {
       {"flagged sample", {unit_fault(RigFaultKind::invalid_sample, 4999)}, 1, 2, "flagged its data"},
       {"lost in the alignment", {unit_fault(RigFaultKind::lost_sample, 10)}, 1, 2, "samples lost"},
-      {"knock", {knock()}, 1, 2, "accelerometer x"},
+      {"knock", {knock}, 1, 2, "accelerometer x"},
       {"moved by itself: back to 90 deg", {moved_by(21.0, 0.05)}, 1, 3, "pitch"},
       {"moved, and no encoder shows it: 0.05 deg/s in the means", {moved_by(21.0, 0.05, true)}, 1, 2, "gyro"},
       {"two repeats each of two dwells are no failure",
@@ -104,8 +103,6 @@ TEST(StationRun, MotionFromOneSideOfTheTargetToTheOther) {
 
 TEST(StationRun, ADwellThatIsNotBelievedIsMadeOnceMore) {
   RigStation s(two_steps_text);
-  DwellJournal journal;
-  s.journal = &journal;
   std::vector<std::size_t> asked;
   s.go_on_with = [&](std::size_t next_item) {
     asked.push_back(next_item);
@@ -114,24 +111,19 @@ TEST(StationRun, ADwellThatIsNotBelievedIsMadeOnceMore) {
   };
   ended(s.run(), RunState::done);
   EXPECT_EQ(asked, (std::vector<std::size_t>{1, 3, 3, 3, 5})) << "after each time that it is made";
-  std::vector<SegmentKind> kinds;
-  for (const Segment& segment : s.sink.segments) kinds.push_back(segment.kind);
-  EXPECT_EQ(std::ranges::count(kinds, SegmentKind::still), 3);
+  EXPECT_EQ(std::ranges::count(s.sink.segments, SegmentKind::still, &Segment::kind), 3);
   for (const Segment& segment : s.sink.segments)
     if (segment.kind == SegmentKind::still) {
       EXPECT_EQ(segment.end_sample - segment.start_sample, 2000);
       EXPECT_EQ(segment.pitch_deg, 90.0);
     }
-  ASSERT_EQ(journal.dwells.size(), 5U);
-  EXPECT_EQ(journal.dwells[1].item, journal.dwells[3].item);
+  ASSERT_EQ(s.kept.dwells.size(), 5U);
+  EXPECT_EQ(s.kept.dwells[1].item, s.kept.dwells[3].item);
   EXPECT_EQ(s.watcher.count(RunEvent::move_next), 2) << "the table stays where it is";
 }
 
 TEST(StationRun, TooManyRepeatsEndTheRun) {
-  std::vector<RigFault> faults;
-  for (std::int64_t sample = 3000; sample < 12000; sample += 300)
-    faults.push_back(unit_fault(RigFaultKind::lost_sample, sample));
-  RigStation s(two_steps_text, rig_with(faults));
+  RigStation s(two_steps_text, rig_with(lost_over_and_over(3000, 12000, 300)));
   const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_EQ(outcome.repeated_dwells, 2);  // dwell.max_repeats
@@ -174,10 +166,7 @@ TEST(StationRun, SamplesLostInAMoveRepeatIt) {
 }
 
 TEST(StationRun, AMoveThatKeepsLosingSamplesFails) {
-  std::vector<RigFault> faults;
-  for (std::int64_t sample = 1500; sample < 60000; sample += 1500)
-    faults.push_back(unit_fault(RigFaultKind::lost_sample, sample));
-  RigStation s(two_steps_text, rig_with(faults));
+  RigStation s(two_steps_text, rig_with(lost_over_and_over(1500, 60000, 1500)));
   const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_EQ(outcome.repeated_moves, s.station.dwell.max_repeats);
@@ -187,15 +176,13 @@ TEST(StationRun, AMoveThatKeepsLosingSamplesFails) {
 // Stopped while the table goes back, and taken up: the move is done once more, from where the last dwell stood.
 TEST(StationRun, AMoveThatIsRepeatedIsTakenUp) {
   RigStation s(two_steps_text, rig_with({unit_fault(RigFaultKind::lost_sample, 2000)}));
-  DwellJournal kept;
-  s.journal = &kept;
   s.station.resume_rest_s = 1.0;
   s.watcher.on_tick = [&](const RunSnapshot& at) {
     if (s.watcher.saw(RunEvent::move_bad) && at.state == RunState::moving) s.stop_requests = 1;
   };
   ASSERT_EQ(s.run().state, RunState::aborted);
-  ASSERT_EQ(kept.dwells.size(), 1u);
-  s.resume = ResumePoint{kept.dwells.back(), false};
+  ASSERT_EQ(s.kept.dwells.size(), 1u);
+  s.resume = ResumePoint{s.kept.dwells.back(), false};
   s.stop_requests = 0;
   s.watcher.on_tick = nullptr;
   const RunOutcome outcome = ended(s.run(), RunState::done);
@@ -236,8 +223,7 @@ TEST(StationRun, DuplicatesThatDifferRepeatTheDwell) {
   for (const bool in_move : {false, true}) {
     RigStation t(two_steps_text);
     TwoTongued imu(t.devices.imu, (in_move ? 1700 : 3500) + 400);
-    StationDevices devices = t.devices.devices();
-    const RunOutcome outcome = ended(t.run({devices.table, imu, devices.clock, devices.wait}), RunState::done);
+    const RunOutcome outcome = ended(t.run_with(imu), RunState::done);
     EXPECT_EQ(outcome.repeated_dwells, in_move ? 0 : 1);
     EXPECT_EQ(outcome.repeated_moves, in_move ? 1 : 0);
     EXPECT_EQ(outcome.units[0].duplicate_samples, 1U);

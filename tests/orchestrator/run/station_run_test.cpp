@@ -31,7 +31,7 @@ TEST(StationRun, UndisturbedRunIsThePlanToTheSample) {
   EXPECT_TRUE(calibrated);
   EXPECT_EQ(outcome.units[0].recorded_samples, two_steps_samples);
   EXPECT_EQ(s.sink.sample_count, two_steps_samples);
-  EXPECT_EQ(s.sink.syncs, 2);
+  EXPECT_EQ(s.sink.syncs, 3 + 2) << "after every dwell, and every step";
   expect_same(s.sink.segments, planned_segments(s.plan));
   EXPECT_TRUE(s.at_rest());
   EXPECT_EQ(s.sink.info.unit_serial, "SN1");
@@ -77,8 +77,7 @@ TEST(StationRun, GoesToTheStartPositionBeforeTheRecordingBegins) {
 // --- The unit, the disk, the operator.
 
 TEST(StationRun, SilentOrUnpluggedUnitIsLostAndTheTableStopped) {
-  RigFault silent = table_fault(RigFaultKind::imu_silent, 9.0);
-  silent.duration_s = 100.0;
+  const RigFault silent{.kind = RigFaultKind::imu_silent, .time_s = 9.0, .duration_s = 100.0};
   for (const auto& [fault, at_s] : {std::pair{silent, 9.0 + default_station_config().imu_timeout_s},
                                     {table_fault(RigFaultKind::imu_unplugged, 9.0), 9.5}}) {
     RigStation s(two_steps_text, rig_with({fault}));

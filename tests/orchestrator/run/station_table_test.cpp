@@ -3,7 +3,6 @@
 #include "orchestrator/jobs/command_context.h"
 #include "orchestrator/run/station_run.h"
 #include "tests/orchestrator/rig_station.h"
-#include "turntable_drivers/table/limited_turntable.h"
 
 namespace turncal {
 namespace {
@@ -39,10 +38,14 @@ TEST(StationRun, AFaultOfTheTableStopsItInTime) {
 }
 
 RigFault too_fast(double time_s, double rate_factor, double acceleration_factor) {
-  RigFault fault = table_fault(RigFaultKind::too_fast, time_s);
-  fault.rate_factor = rate_factor;
-  fault.acceleration_factor = acceleration_factor;
-  return fault;
+  return {.kind = RigFaultKind::too_fast,
+          .time_s = time_s,
+          .axis = 1,
+          .rate_factor = rate_factor,
+          .acceleration_factor = acceleration_factor};
+}
+RigFault link_lost_for(double seconds) {
+  return {.kind = RigFaultKind::link_lost, .time_s = 9.0, .duration_s = seconds};
 }
 
 // Where the drive tells its rate, and where it does not.
@@ -101,9 +104,7 @@ TEST(StationRun, ADriveThatGoesOffInHomingStopsTheRun) {
 }
 
 TEST(StationRun, LostTableLinkIsTriedAgainForTheStopOnly) {
-  RigFault lost = table_fault(RigFaultKind::link_lost, 9.0);
-  lost.duration_s = 2.0;
-  RigStation s(two_steps_text, rig_with({lost}));
+  RigStation s(two_steps_text, rig_with({link_lost_for(2.0)}));
   const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_TRUE(s.watcher.saw(RunEvent::link_lost));
@@ -123,29 +124,16 @@ TEST(StationRun, StopThatCannotBeVerifiedIsSaid) {
   EXPECT_EQ(outcome.error.message.find('\n'), std::string::npos);
 }
 
-// A table that acknowledges the braking stop and turns on gets the fastest one, long before it is given up.
-class UnbrakedTable : public LimitedTurntable {
- public:
-  explicit UnbrakedTable(Turntable& table) : LimitedTurntable(table, {}) {}
-  Status stop_all() override { return {}; }
-};
-
 // One that acknowledges the order to go off and stays on.
-class KeptOnTable : public LimitedTurntable {
- public:
-  explicit KeptOnTable(Turntable& table) : LimitedTurntable(table, {}) {}
-  Status abort_all() override { return {}; }
-};
-
 TEST(StationRun, DrivesThatStayOnAtTheEndAreSaidOnce) {
   RigStation s(two_steps_text);
-  const StationDevices devices = s.devices.devices();
-  KeptOnTable table(devices.table);
+  FrontTable table(s.devices.table);
+  table.on_abort = [] { return Status(); };
   double parks_s = 0.0;
   s.watcher.on_tick = [&](const RunSnapshot& at) {
     if (parks_s == 0.0 && at.state == RunState::parking) parks_s = at.time_s;
   };
-  const RunOutcome outcome = ended(s.run({table, devices.imu, devices.clock, devices.wait}), RunState::failed);
+  const RunOutcome outcome = ended(s.run_on(table), RunState::failed);
   EXPECT_TRUE(outcome.stop_failed);
   EXPECT_FALSE(s.sink.finished) << "nothing is made of it";
   EXPECT_SAYS(outcome.error.message, "did not switch off; THE STOP COULD NOT BE VERIFIED");
@@ -153,17 +141,18 @@ TEST(StationRun, DrivesThatStayOnAtTheEndAreSaidOnce) {
             2.0 * 10.0 / 20.0 + s.station.motion.stall_s + s.station.motion.deadline_margin_s + 1.0);
 }
 
+// A table that acknowledges the braking stop and turns on gets the fastest one, long before it is given up.
 TEST(StationRun, ATableThatDoesNotBrakeGetsTheFastestStop) {
   RigStation s(two_steps_text);
-  const StationDevices devices = s.devices.devices();
-  UnbrakedTable table(devices.table);
+  FrontTable table(s.devices.table);
+  table.on_stop = [] { return Status(); };
   double asked_s = 0.0;
   s.watcher.on_tick = [&](const RunSnapshot& at) {
     if (asked_s > 0.0 || at.state != RunState::moving) return;
     asked_s = at.time_s;
     ++s.stop_requests;
   };
-  ended(s.run({table, devices.imu, devices.clock, devices.wait}), RunState::aborted);
+  ended(s.run_on(table), RunState::aborted);
   EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified));
   EXPECT_TRUE(s.at_rest());
   EXPECT_LT(s.clock.now_s() - asked_s, 2.0 * 10.0 / 20.0 + s.station.motion.stall_s + 1.0)
@@ -172,12 +161,10 @@ TEST(StationRun, ATableThatDoesNotBrakeGetsTheFastestStop) {
 
 // Nor is one left to turn that takes the stop only when its link is back.
 TEST(StationRun, ATableThatDoesNotBrakeWhenItsLinkIsBackGetsTheFastestStop) {
-  RigFault lost = table_fault(RigFaultKind::link_lost, 9.0);
-  lost.duration_s = 1.0;
-  RigStation s(two_steps_text, rig_with({lost}));
-  const StationDevices devices = s.devices.devices();
-  UnbrakedTable table(devices.table);
-  const RunOutcome outcome = s.run({table, devices.imu, devices.clock, devices.wait});
+  RigStation s(two_steps_text, rig_with({link_lost_for(1.0)}));
+  FrontTable table(s.devices.table);
+  table.on_stop = [] { return Status(); };
+  const RunOutcome outcome = s.run_on(table);
   EXPECT_TRUE(s.watcher.saw(RunEvent::stopped_verified)) << outcome.error.message;
   EXPECT_TRUE(s.at_rest());
   EXPECT_LT(s.rig.axis(Axis::pitch).position_deg, 80.0) << "before its target";
@@ -185,27 +172,11 @@ TEST(StationRun, ATableThatDoesNotBrakeWhenItsLinkIsBackGetsTheFastestStop) {
 
 // Nothing is homed while an axis reads as turning: a run that is taken up at such a table ends, and leaves no drive on.
 TEST(StationRun, ATableThatDoesNotComeToRestIsNotHomed) {
-  struct Turning : LimitedTurntable {
-    using LimitedTurntable::LimitedTurntable;
-    Result<AxisStatus> status(Axis axis) override {
-      Result<AxisStatus> now = LimitedTurntable::status(axis);
-      if (now && axis == Axis::pitch) now->moving = true;
-      return now;
-    }
-    Status home() override {
-      ADD_FAILURE() << "homed";
-      return {};
-    }
-    Status abort_all() override {
-      ++aborts;
-      return LimitedTurntable::abort_all();
-    }
-    int aborts = 0;
-  };
   RigStation s(two_steps_text);
-  const StationDevices devices = s.devices.devices();
-  Turning table(devices.table, {});
-  const RunOutcome outcome = ended(s.run({table, devices.imu, devices.clock, devices.wait}), RunState::failed);
+  FrontTable table(s.devices.table);
+  table.on_read = [](Axis axis, AxisStatus& now) { now.moving = now.moving || axis == Axis::pitch; };
+  table.on_home = [] { return device_error("homed"); };
+  const RunOutcome outcome = ended(s.run_on(table), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 50);
   EXPECT_SAYS(outcome.error.message, "does not come to rest");
   EXPECT_GT(table.aborts, 1) << "the fastest stop goes out until the deadline";

@@ -4,7 +4,6 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/records/results_database.h"
-#include "orchestrator/service/alerts.h"
 #include "orchestrator/service/service_page.h"
 #include "orchestrator/service/station_view.h"
 #include "tests/orchestrator/program.h"
@@ -27,11 +26,15 @@ class Serve : public Program {
     std::filesystem::create_directories(path("runs"));
   }
   StationView look() const { return look_at(station_, *parse_utc("2026-01-02T00:00:00Z")); }
-  // Waits for a state; what was seen last.
+  // Looks until that is so, or for half a minute; what was seen last.
+  StationView look_until(const std::function<bool(const StationView&)>& so, int ms = 50) const {
+    StationView view = look();
+    for (int i = 0; i < 30'000 / ms && !so(view); ++i, view = look())
+      std::this_thread::sleep_for(std::chrono::milliseconds(ms));
+    return view;
+  }
   StationView wait_for(StationState state) const {
-    StationView view;
-    for (int i = 0; i < 600 && (view = look()).state != state; ++i)
-      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    StationView view = look_until([state](const StationView& now) { return now.state == state; });
     EXPECT_EQ(to_string(view.state), to_string(state)) << view.headline;
     return view;
   }
@@ -109,8 +112,7 @@ TEST_F(Serve, FollowsABatchAndPausesIt) {
   EXPECT_EQ(view.waiting, std::vector<std::string>{"SN2"});
   EXPECT_EQ(view.process, batch);
   // Homed, and on its way.
-  for (int i = 0; i < 400 && (view = look()).phase.find("step") == std::string::npos; ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  view = look_until([](const StationView& now) { return now.phase.find("step") != std::string::npos; });
   ASSERT_TRUE(view.fraction);
   EXPECT_GE(*view.fraction, 0.0);
   EXPECT_LT(*view.fraction, 1.0);
@@ -119,8 +121,7 @@ TEST_F(Serve, FollowsABatchAndPausesIt) {
   const Result<std::string> done = act(station_, {"pause", ""}, "ana", *parse_utc("2026-01-02T00:00:00Z"));
   EXPECT_TRUE(done) << done.error().message;
   // A second one would be a second Ctrl-C, which stops now.
-  for (int i = 0; i < 400 && !(view = look()).pausing && view.state == StationState::running; ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  look_until([](const StationView& now) { return now.pausing || now.state != StationState::running; }, 5);
   EXPECT_FALSE(act(station_, {"pause", ""}, "eve", 0.0));
   EXPECT_EQ(finish_batch(batch).code, 75);
   EXPECT_EQ(file_text(path("queue.actions")), "2026-01-02T00:00:00Z ana pause\n");
@@ -142,8 +143,7 @@ TEST_F(Serve, TellsABatchThatItsUnitIsMounted) {
                      "; until grep -qsxFe \"$TURNCAL_UNIT\" " + path("mounted") + "; do sleep 0.1; done\n"));
   const pid_t batch = start({"batch", path("queue"), "--station", path("live.station"), "--out", path("runs")});
   const StationView view = wait_for(StationState::mounting);
-  for (int i = 0; i < 400 && std::filesystem::exists(path("mounted")); ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  look_until([this](const StationView&) { return !std::filesystem::exists(path("mounted")); });
   EXPECT_EQ(view.headline, "waits for unit SN.1 to be mounted");
   EXPECT_EQ(view.for_a_person.front(), "mount unit SN.1");
   EXPECT_EQ(view.tone, Tone::attention);
@@ -294,9 +294,7 @@ TEST_F(Serve, ASuspendedProcessIsSaid) {
   const pid_t batch = start_batch("30");
   wait_for(StationState::running);
   ::kill(batch, SIGSTOP);
-  StationView view;
-  for (int i = 0; i < 100 && (view = look()).for_a_person.empty(); ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  const StationView view = look_until([](const StationView& now) { return !now.for_a_person.empty(); });
   EXPECT_EQ(view.tone, Tone::attention);
   ASSERT_FALSE(view.for_a_person.empty());
   EXPECT_SAYS(view.for_a_person.front(), "is suspended");
