@@ -1,5 +1,5 @@
 // `turncal predict` (calib/prediction/predict.h), also of a sequence that the station cannot run; `turncal design` (docs/design.md,
-// jobs/design/sequence_design.h).
+// orchestrator/jobs/design/sequence_design.h).
 #include <fmt/format.h>
 
 #include <algorithm>

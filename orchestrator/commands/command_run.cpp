@@ -1,5 +1,4 @@
-// `turncal run`, `resume`, `journal` (jobs/run.h); `batch`, `queue`.
-//
+// `turncal run`, `resume`, `journal` (orchestrator/jobs/run.h); `batch`, `queue`.
 // A unit that fails, drops out while others go on, or is not the one on the table, does not stop the next of a batch; a fault of table, link
 // or disk, and the operator, by a pause too, stop it, and the same command goes on with the units that were interrupted.
 #include <fmt/format.h>

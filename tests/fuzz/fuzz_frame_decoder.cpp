@@ -85,7 +85,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     fuzz::require(i == 0 || sample.counter >= samples[i - 1].counter);
     for (std::size_t k = 0; k < 3; ++k) {
       fuzz::require(std::isfinite(sample.gyro[k]) && std::isfinite(sample.accel[k]));
-      if (!frame.variants.front().gyro.pulses) continue;
+      if (!frame.gyro().pulses) continue;
       fuzz::require(std::abs(sample.gyro[k]) <= 2147483647.0 && sample.gyro[k] == std::nearbyint(sample.gyro[k]));
       fuzz::require(std::abs(sample.accel[k]) <= 2147483647.0 && sample.accel[k] == std::nearbyint(sample.accel[k]));
     }

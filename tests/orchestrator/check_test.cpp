@@ -118,7 +118,8 @@ TEST_F(Check, ExplainsTheTableAndListsItsGuesses) {
   const Outcome explained = check({.station = station, .sequence = "", .explain = true});
   EXPECT_EQ(explained.code, 0);
   EXPECT_SAYS(explained.out, "unit 2, function 6, register 50 (0x0032)");
-  EXPECT_TRUE(explained.problems.front().ends_with(": write.stop is a guess")) << explained.problems.front();
+  ASSERT_EQ(explained.problems.size(), 3U);
+  EXPECT_TRUE(explained.problems[1].ends_with(": write.stop is a guess")) << explained.problems[1];
   EXPECT_SAYS(explained.problems.back(), "commission needs --accept-guess");
   const Result<StationConfig> config = good(read_station_config(station));
   EXPECT_EQ(guesses_of(*config, false).size(), 2u);

@@ -13,7 +13,8 @@ constexpr double pi_half = 1.5707963267948966;
 // https://tf.nist.gov/general/pdf/2220.pdf; AllanTools tests the same values.
 TEST(Allan, PublishedSets) {
   const auto deviation = [](const std::vector<double>& cells, std::size_t point) {
-    RestCells rest{.ends = {cells.size()}};
+    RestCells rest;
+    rest.ends = {cells.size()};
     rest.mean.fill(cells);
     return allan_deviation(rest).axes[0].points.at(point).deviation;
   };

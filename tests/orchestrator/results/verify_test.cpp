@@ -68,7 +68,8 @@ TEST_F(Verify, SeeksNorthInFourHeadings) {
   EXPECT_TRUE(verdict == "pass" || verdict == "conditional_pass") << verdict;
   EXPECT_SAYS(verified.out, "[dry run] verdict         " + verdict);
   // Judged again from its recording: the same bytes.
-  ASSERT_EQ(run("verify --recording v --parameters true.conf --out again --station paper.station").code, 0);
+  ASSERT_EQ(run("verify --recording v --parameters " + path("true.conf") + " --out again --station paper.station").code,
+            0);
   EXPECT_EQ(file_text(folder_ / "again/verification.conf"), file_text(folder_ / "v/verification.conf"));
   // A gyro bias of 0.02 deg/h is a heading error of 0.09 deg, the other way round at 180.
   write_parameters("wrong.conf", 0, 0.02);
