@@ -7,8 +7,6 @@
 namespace turncal {
 namespace {
 
-constexpr double pi_half = 1.5707963267948966;
-
 // NIST Special Publication 1065 (Riley, 2008), 12.4: the set NBS14, and the 1000 numbers of n <- 16807 n mod 2147483647, n0 = 1234567890.
 // https://tf.nist.gov/general/pdf/2220.pdf; AllanTools tests the same values.
 TEST(Allan, PublishedSets) {
