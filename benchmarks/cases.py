@@ -1,4 +1,4 @@
-"""The twelve cases: what is drawn for each from its seed, its answer as text, its seal, its recording (docs/recording-format.md).
+"""The cases: what is drawn for each from its seed, its answer as text, its seal, its recording (docs/recording-format.md).
 
 An answer is drawn with Python's random.random() alone, which gives the same numbers in every version, and rounded to ten digits before it is
 hashed and before it is used: the seal holds on any machine. Noise is numpy's, and no two machines need have the same.
@@ -50,6 +50,9 @@ EFFECTS = {
     "accel_cross_coupling": (60, 120, PAIRS,
                              lambda m, c, v: (0, on(c[0], 1e-6 * v * m.f[:, "xyz".index(c[2])] * m.f[:, "xyz".index(c[3])] / G0))),
     "gyro_scale_asymmetry": (5, 10, "xyz", lambda m, c, v: (on(c, 1e-6 * v * np.abs(m.w[:, "xyz".index(c)])), 0)),
+    "gyro_wave_angle": (0.03, 0.06, [f"{i}_{p}" for i in "xyz" for p in ("cos", "sin")],
+                        lambda m, c, v: (on(c[0], unit.standing_wave(m.w[:, "xyz".index(c[0])], DT, v * RADPS_PER_DEGPH,
+                                                                     -np.pi / 8 if c[2:] == "cos" else np.pi / 4)), 0)),
     "accel_delay": (0.06, 0.2, ["tau"], lambda m, c, v: (0, 1e-3 * v * np.cross(m.w, m.f))),
 }
 
@@ -69,6 +72,7 @@ CASES = [
     ("cross-coupling of an accelerometer", "sequences/fourteen_step.seq", "navigation", ["accel_cross_coupling"], {}),
     ("two: gyro asymmetry, accelerometer delay", "sequences/fourteen_step.seq", "navigation",
      ["gyro_scale_asymmetry", "accel_delay"], {}),
+    ("hemispherical resonator, its wave", "sequences/extended.seq", "navigation", ["gyro_wave_angle"], {}),
 ]
 
 

@@ -6,6 +6,7 @@
 
 #include "calib/evidence/diagnosis.h"
 #include "calib/joint/score_algebra.h"
+#include "calib/statistics/linear_algebra.h"
 
 namespace turncal {
 namespace {
@@ -100,6 +101,18 @@ Prediction predict(const RecordingInfo& info, const PlannedMotion& motion, const
   prediction.undetermined = result.undetermined;
   if (options.effects) predict_effects(result, estimate.candidates, prediction);
   return prediction;
+}
+
+ParameterVector shrunk_by(const PlannedMotion& motion, const JointResult& fit, const RecordingInfo& info) {
+  JointOptions options;
+  options.start = fit.parameters, options.noise = fit.noise;
+  options.look_for_faults = false;
+  const CompressedRecording planned = planned_recording(info, motion, fit.parameters);
+  const Eigen::MatrixXd known = fit.last.information(fit.free, fit.free),
+                        both = known + joint_estimate(planned, options).last.information(fit.free, fit.free);
+  ParameterVector shrunk = ParameterVector::Ones();
+  shrunk(fit.free) = (balanced_inverse(both).diagonal().array() / balanced_inverse(known).diagonal().array()).sqrt();
+  return shrunk;
 }
 
 ExpectedDrift predicted_drift(const RecordingInfo& info, const Prediction& prediction, const PredictOptions& options,

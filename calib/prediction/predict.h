@@ -52,6 +52,9 @@ struct Prediction {
 
 Prediction predict(const RecordingInfo& info, const PlannedMotion& motion, const PredictOptions& options);
 
+// Of each of the 24, its sigma when a motion is recorded on in the same run over that by `fit` alone, with its noise; 1 where the fit leaves it open.
+ParameterVector shrunk_by(const PlannedMotion& motion, const JointResult& fit, const RecordingInfo& info);
+
 // start_parameters() with accelerometer biases of a few mg: an accelerometer that reads exactly no pulse at rest
 // would leave its quantisation error standing still for whole dwells, which no real one does.
 Parameters typical_unit(const RecordingInfo& info);

@@ -20,8 +20,9 @@ std::vector<int> counted(int from, std::size_t n) {
 
 }  // namespace
 
-Separation::Separation(const CompressedRecording& recording, const Diagnosis& diagnosis, const std::string& name)
-    : recording_(recording), diagnosis_(diagnosis), names_{name} {
+Separation::Separation(const CompressedRecording& recording, const Diagnosis& diagnosis, const std::string& name,
+                       bool same_run)
+    : same_run_(same_run), recording_(recording), diagnosis_(diagnosis), names_{name} {
   if (const auto aliases = diagnosis.aliases.find(name); aliases != diagnosis.aliases.end())
     names_.insert(names_.end(), aliases->second.begin(), aliases->second.end());
   std::vector<double> values;
@@ -96,7 +97,7 @@ std::vector<AliasPair> Separation::pairs(const PlannedMotion* motion, double sam
   const int own = parameter_count + static_cast<int>(all.size());  // then what the second recording has for itself
   std::vector<int> place = counted(0, own);
   int size = own;
-  for (int k = 0; k < biases; ++k) place[k] = size++;
+  for (int k = 0; k < biases && !same_run_; ++k) place[k] = size++;
   for (std::size_t k = 0; k < all.size(); ++k)
     if (all[k].entry->of_one_run) place[parameter_count + k] = size++;
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(size, size);
@@ -108,7 +109,7 @@ std::vector<AliasPair> Separation::pairs(const PlannedMotion* motion, double sam
 
   std::vector<int> base = free_parameters(), candidates = counted(first, columns_.size());
   for (int k = parameter_count; k < first; ++k) base.push_back(k);
-  for (int k = own; k < own + biases; ++k) base.push_back(k);
+  for (int k = own; k < own + biases && !same_run_; ++k) base.push_back(k);
   std::vector<std::vector<int>> groups = members_;  // into the candidates
   for (std::size_t k = 0; k < all.size(); ++k) {
     const int there = place[parameter_count + k];

@@ -3,6 +3,7 @@
 // One filter pass over the recording, and one over the ideal recording of the plan, give the information of [parameters, effects beside, every
 // component of the members]. Two recordings of one unit add:
 //   A = A_1 + A_2,   with six biases for each of them, and a column for each of an effect of one run (several_recordings.h)
+// What is recorded on in the same run has the same biases; how an attitude goes on, and an effect of the run, is left out: that is less than there is.
 // With what is not in question eliminated (score_algebra.h), member i of true value v_i would be told from member j by
 //   2 ln L = v_i^2 Q_ii (1 - R_i.j^2)          R_i.j: multiple correlation of i with the components of j
 // in the mean, with a scatter of twice its root. A name leaves the class when what it explains is less by 10 (name_aliases), and 30 are above
@@ -29,8 +30,9 @@ struct AliasPair {
 
 class Separation {
  public:
-  // `diagnosis` is of `recording`, `name` one of its effects. Both must outlive this.
-  Separation(const CompressedRecording& recording, const Diagnosis& diagnosis, const std::string& name);
+  // `diagnosis` is of `recording`, `name` one of its effects. Both must outlive this. same_run: the motions are recorded in the run of `recording`.
+  Separation(const CompressedRecording& recording, const Diagnosis& diagnosis, const std::string& name,
+             bool same_run = false);
 
   const std::vector<std::string>& members() const { return names_; }  // the chosen one first
   // Of the chosen one with each of the others, either being the truth, beside what the recording says already; motion at `sample_period_s`; nullptr: nothing more is recorded.
@@ -39,6 +41,7 @@ class Separation {
  private:
   Eigen::MatrixXd information_of(const PlannedMotion& motion, double sample_period_s) const;
 
+  const bool same_run_;
   const CompressedRecording& recording_;
   const Diagnosis& diagnosis_;
   std::vector<EffectColumn> beside_, columns_;  // as they follow the parameters

@@ -29,23 +29,29 @@ using BlockVector = Eigen::Matrix<double, thermal_columns, 1>;
 // not followed; pivot of a correlation matrix below which it is singular.
 constexpr double least_variance = 1e-6, branch_floor = -12.0, least_pivot = 1e-10;
 
-// The functions of temperature in t, -1 to 1 over the range: Legendre polynomials, and what spans the Gaussian process.
+// The functions of temperature in t, -1 to 1 over the range: Legendre polynomials, and what spans the Gaussian process beside them.
 class Functions {
  public:
   Functions(double low_c, double high_c) : mid_(0.5 * (low_c + high_c)), half_(0.5 * (high_c - low_c)) {
     for (Index k = 0; k < nodes; ++k) at_[k] = -1.0 + 2.0 * static_cast<double>(k) / (nodes - 1);
-    MatrixXd K(nodes, nodes);
-    for (Index k = 0; k < nodes; ++k) K.col(k) = kernel(at_[k]);
-    const SymmetricEigen eigen = symmetric_eigen(K);
+    Eigen::Matrix<double, nodes, nodes> K;
+    Eigen::Matrix<double, nodes, 4> P;
+    for (Index k = 0; k < nodes; ++k) K.col(k) = kernel(at_[k]), P.row(k) = polynomials(at_[k]);
+    const Eigen::Matrix<double, 4, nodes> to_cubic = (P.transpose() * P).llt().solve(P.transpose());
+    const Eigen::Matrix<double, nodes, nodes> beside = Eigen::Matrix<double, nodes, nodes>::Identity() - P * to_cubic;
+    const SymmetricEigen eigen = symmetric_eigen(beside * K * beside);
+    // Of unit variance in the mean over the range.
+    const double scale = std::sqrt(nodes / eigen.values.tail<smooth_count>().sum());
     for (Index a = 0; a < smooth_count; ++a)
-      to_smooth_.col(a) = eigen.vectors.col(nodes - 1 - a) / std::sqrt(eigen.values[nodes - 1 - a]);
+      to_smooth_.col(a) = beside * eigen.vectors.col(nodes - 1 - a) * (scale / std::sqrt(eigen.values[nodes - 1 - a]));
+    cubic_of_smooth_ = to_cubic * K * to_smooth_;
   }
   // Rate and direction are left at zero.
   Columns at(double temperature_c) const {
     const double t = (temperature_c - mid_) / half_;
     Columns row = Columns::Zero();
-    row.head<4>() << 1.0, t, 1.5 * t * t - 0.5, (2.5 * t * t - 1.5) * t;
-    row.tail<smooth_count>() = kernel(t).transpose() * to_smooth_;
+    row.head<4>() = polynomials(t);
+    row.tail<smooth_count>() = kernel(t).transpose() * to_smooth_ - row.head<4>() * cubic_of_smooth_;
     return row;
   }
   // Powers of T - reference from Legendre's: the value is the same.
@@ -62,6 +68,7 @@ class Functions {
  private:
   static constexpr Index nodes = 25;
   using Nodes = Eigen::Matrix<double, nodes, 1>;
+  static Eigen::RowVector4d polynomials(double t) { return {1.0, t, 1.5 * t * t - 0.5, (2.5 * t * t - 1.5) * t}; }
   Nodes kernel(double t) const {
     const double l = 2.0 * thermal_priors.length_of_range;
     return (-0.5 * ((at_.array() - t) / l).square()).exp();
@@ -69,6 +76,7 @@ class Functions {
   double mid_, half_;
   Nodes at_ = Nodes::Zero();
   Eigen::Matrix<double, nodes, smooth_count> to_smooth_ = Eigen::Matrix<double, nodes, smooth_count>::Zero();
+  Eigen::Matrix<double, 4, smooth_count> cubic_of_smooth_ = Eigen::Matrix<double, 4, smooth_count>::Zero();
 };
 
 Columns columns_of(const Functions& functions, double temperature_c, double rate, int direction) {
@@ -226,17 +234,17 @@ void Search::at_switch_on(int index) {
   const BlockVector column = P.col(0);
   P -= column * column.transpose() / P(0, 0);
   q -= column * (q[0] / column[0]);
-  const double most = thermal_priors.most_of_spread * cavity_.spread;
-  const auto sizes = [&](double own) {
+  const double spread = cavity_.spread, most = thermal_priors.most_of_spread * spread;
+  const auto sizes = [&](double own, double largest) {
     std::vector<double> all;
     double size = thermal_priors.smallest * own;
-    for (int k = 0; k < thermal_priors.sizes && (k == 0 || size <= most); ++k, size *= thermal_priors.factor)
+    for (int k = 0; k < thermal_priors.sizes && (k == 0 || size <= largest); ++k, size *= thermal_priors.factor)
       all.push_back(size * size);
     return all;
   };
   for (Index c = 0; c < 5; ++c) {
     const double own = P(c + 1, c + 1);
-    variances_[c] = own > least_pivot ? sizes(1.0 / std::sqrt(own)) : std::vector<double>{};
+    variances_[c] = own > least_pivot ? sizes(1.0 / std::sqrt(own), most) : std::vector<double>{};
   }
   const auto system_of = [](const auto& Q, const auto& s) {
     return System{Q.template block<5, 5>(1, 1), s.template segment<5>(1)};
@@ -252,9 +260,9 @@ void Search::at_switch_on(int index) {
   leaf.weight = log_weight;
   explore(system_of(P, q), 0, leaf, allowed_.order, polynomials);
   if (!allowed_.smooth) return;
-  // A function of its own, in the sigma of a mean of all legs, with a straight line or without.
-  double with_s[4] = {std::log(0.5 * shape[4] / all), std::log(0.5 * shape[4] / all), 0.0, 0.0};
-  const auto all_sizes = sizes(1.0 / std::sqrt(P_.back()(0, 0)));
+  // A function of its own, in the sigma of a mean of all legs, beside a cubic.
+  double with_s[4] = {-INFINITY, -INFINITY, -INFINITY, std::log(shape[4] / all)};
+  const auto all_sizes = sizes(1.0 / std::sqrt(P_.back()(0, 0)), spread);
   for (const double size : all_sizes) {
     Eigen::Matrix<double, smooth_count, smooth_count> inner = P.bottomRightCorner<smooth_count, smooth_count>();
     inner.diagonal().array() += 1.0 / size;
@@ -266,7 +274,7 @@ void Search::at_switch_on(int index) {
     leaf.weight = log_weight + 0.5 * b.dot(q.tail<smooth_count>()) - factor.matrixLLT().diagonal().array().log().sum() -
                   0.5 * static_cast<double>(smooth_count) * std::log(size) -
                   std::log(static_cast<double>(all_sizes.size()));
-    explore(system_of(rest, BlockVector(q - right.transpose() * b)), 0, leaf, 1, with_s);
+    explore(system_of(rest, BlockVector(q - right.transpose() * b)), 0, leaf, 3, with_s);
   }
 }
 
@@ -278,10 +286,11 @@ void Search::explore(const System& system, int next, Leaf leaf, int most_order, 
   best_ = std::max(best_, whole.weight);
   if (whole.weight > best_ + branch_floor) leaves_.push_back(whole);
   if (next == 5) return;
-  // No set of further columns gains more than the whole chi-square that they have.
+  // No set of further columns gains more than the whole chi-square that they have, and the odds of the best order.
   Eigen::Matrix<double, 5, 5> Q = system.Q;
   Q.diagonal().array() += least_pivot * (1.0 + Q.diagonal().maxCoeff());
-  const double most_gain = 0.5 * std::max(0.0, system.s.dot(Q.llt().solve(system.s)));
+  const double most_gain = 0.5 * std::max(0.0, system.s.dot(Q.llt().solve(system.s))) +
+                           *std::max_element(log_shape + leaf.order, log_shape + std::max(leaf.order, most_order) + 1);
   for (int c = next; c < 5; ++c) {
     const auto& sizes = variances_[c];
     if (c < 3 && (c != leaf.order || c >= most_order)) continue;
@@ -709,37 +718,15 @@ ThermalPoint evaluate(const ThermalModel& model, double temperature_c, double ra
   return point;
 }
 
-ThermalCubics thermal_cubics(const ThermalModel& model) {
-  constexpr Index points = 41;
+double off_its_cubic(const ThermalModel& model, std::size_t parameter) {
   const Functions functions(model.low_c, model.high_c);
-  MatrixXd powers(points, 4), smooth(points, smooth_count);
-  for (Index k = 0; k < points; ++k) {
-    const double t = model.low_c + (model.high_c - model.low_c) * static_cast<double>(k) / (points - 1);
-    const Columns row = powers_at(model, functions, t, 0.0, 0);
-    powers.row(k) = row.head<4>(), smooth.row(k) = row.tail<smooth_count>();
+  const auto s = model.coefficients.segment<smooth_count>(parameter * thermal_columns + thermal_smooth);
+  double worst = 0.0;
+  for (int k = 0; k <= 40; ++k) {
+    const double t = model.low_c + (model.high_c - model.low_c) * k / 40.0;
+    worst = std::max(worst, std::abs(functions.at(t).tail<smooth_count>().dot(s)));
   }
-  Eigen::Matrix<double, 4, smooth_count> nearest;
-  for (Index a = 0; a < smooth_count; ++a) nearest.col(a) = least_squares(powers, smooth.col(a)).x;
-  const MatrixXd left = smooth - powers * nearest;
-  Eigen::Matrix<double, 4, thermal_columns> R = Eigen::Matrix<double, 4, thermal_columns>::Zero();
-  R.leftCols<4>().setIdentity();
-  R.rightCols<smooth_count>() = nearest;
-  ThermalCubics cubics;
-  const Index count = model.parameters.size();
-  for (Index j = 0; j < count; ++j) {
-    const int key = model.parameters[j].key;
-    const auto g = model.coefficients.segment(j * thermal_columns, thermal_columns);
-    cubics.coefficient.row(key) = (R * g).transpose();
-    cubics.worst[key] = (left * g.tail<smooth_count>()).cwiseAbs().maxCoeff();
-    for (Index k = 0; k < count; ++k) {
-      const Eigen::Matrix4d C =
-          R * model.covariance.block(j * thermal_columns, k * thermal_columns, thermal_columns, thermal_columns) *
-          R.transpose();
-      cubics.covariance(key, model.parameters[k].key) = C(0, 0);
-      if (j == k) cubics.sigma.row(key) = C.diagonal().cwiseMax(0.0).cwiseSqrt().transpose();
-    }
-  }
-  return cubics;
+  return worst;
 }
 
 ThermalExpectation expected_thermal_sigmas(const std::vector<ThermalLeg>& legs) {

@@ -3,7 +3,8 @@
 // A leg is one calibration: values y_i with their full covariance C_i at temperature T_i, its mean rate of change r_i and the direction d_i from
 // which the temperature was approached. Of parameter p
 //   y_i,p = c_0 + sum_k c_k P_k(T_i) + d r_i + h d_i + s(T_i) + b_i + e_i,   e_i ~ N(0, C_i) over all parameters of the leg
-//   P_k   Legendre polynomials of the range, k up to 3; s: a Gaussian process, exp(-x^2 / 2 l^2), l = 0.35 of the range
+//   P_k   Legendre polynomials of the range, k up to 3
+//   s     what a Gaussian process, exp(-x^2 / 2 l^2), l = 0.35 of the range, has beside its nearest cubic: the P_k keep their meaning beside it
 //   b_i   of biases, one for each switch-on: N(0, t^2); scale factors and misalignments have none
 // A model says which orders, rate, hysteresis and s a parameter has, how large each is (a grid of prior sigmas) and t. Its evidence is that of
 // a linear Gaussian system (Harville 1977; Kass and Raftery 1995), c_0 flat, taken in term by term as in calib/evidence/posterior.h; what is
@@ -41,14 +42,14 @@ struct ThermalLeg {
 
 // All constants; docs/thermal.md gives the reason of each.
 struct ThermalPriors {
-  // Of no dependence, orders 1 to 3 and a smooth function: even odds that there is one, each further order half as likely.
-  std::array<double, 5> shape = {8.0 / 16, 4.0 / 16, 2.0 / 16, 1.0 / 16, 1.0 / 16};
+  // Of no dependence, orders 1 to 3 and a smooth function beside them: even odds that there is one, each further one half as likely.
+  std::array<double, 5> shape = {7.5 / 15, 4.0 / 15, 2.0 / 15, 1.0 / 15, 0.5 / 15};
   double per_effect =
       1.0 / 3.0;          // rate, hysteresis: expected number over all parameters (evidence: one in three recordings)
   double smallest = 2.0;  // prior sigma of a coefficient, in its own sigma; and so on by `factor`
   double factor = 4.0;
   int sizes = 6;
-  double most_of_spread = 10.0;   // no coefficient is larger, in the spread of the legs' values
+  double most_of_spread = 10.0;   // no coefficient is larger, in the spread of the legs' values; s: the spread itself
   double length_of_range = 0.35;  // of s
   double switch_on_smallest =
       0.4;  // of a leg's sigma; and so on by `switch_on_factor` up to twice the spread; or none at all
@@ -63,7 +64,7 @@ struct ThermalOptions {
 };
 
 // Columns of a parameter: powers 0 to 3 of T - T_ref, rate, hysteresis, and functions that span s.
-inline constexpr int thermal_rate = 4, thermal_hysteresis = 5, thermal_smooth = 6, thermal_columns = 12;
+inline constexpr int thermal_rate = 4, thermal_hysteresis = 5, thermal_smooth = 6, thermal_columns = 10;
 
 struct ThermalParameter {
   int key = 0;                    // of parameter_keys
@@ -114,16 +115,8 @@ struct ThermalPoint {
 };
 ThermalPoint evaluate(const ThermalModel& model, double temperature_c, double rate_c_per_h = 0.0, int direction = 0);
 
-// The powers alone, for whoever holds no more: of each parameter the cubic that is nearest to the average over models in the range (least squares),
-// which is the average itself unless s has a share.
-struct ThermalCubics {
-  Eigen::Matrix<double, parameter_count, 4> coefficient = Eigen::Matrix<double, parameter_count, 4>::Zero();
-  Eigen::Matrix<double, parameter_count, 4> sigma = Eigen::Matrix<double, parameter_count, 4>::Zero();
-  ParameterVector worst = ParameterVector::Zero();  // how far it is from the average, at most
-  Eigen::Matrix<double, parameter_count, parameter_count> covariance =
-      Eigen::Matrix<double, parameter_count, parameter_count>::Zero();  // of the constants
-};
-ThermalCubics thermal_cubics(const ThermalModel& model);
+// How far the curve of a parameter is from its coefficients 0 to 3, at most in the range. They are the nearest cubic (least squares).
+double off_its_cubic(const ThermalModel& model, std::size_t parameter);
 
 // What legs of these temperatures and covariances, whatever their values, would determine: least squares of one polynomial a parameter, of the
 // largest order that the temperatures allow (3 at most), all parameters jointly. Parameters that a leg does not determine are not there: sigma 0.

@@ -218,13 +218,14 @@ class Designer {
     task_.limits.sample_period_s = task_.info.sample_period_s;
     task_.time_s = time_s;
     const ExtraLegs legs = TRY(find_extra_legs(
-        separation, task_, [&](double longest_s) { says("looking for " + format_duration(longest_s)); }));
+        &separation, task_, [&](double longest_s) { says("looking for " + format_duration(longest_s)); }));
+    const std::vector<AliasPair> before = separation.pairs(nullptr, 0.0);
     std::string open;
     double least = separating_gain;
     for (std::size_t k = 0; k < legs.after.size(); ++k) {
       const AliasPair& pair = legs.after[k];
       context_.out << fmt::format("{} from {}: 2 ln L {:.1f}, with these legs {:.1f} ({:.0f} is enough)\n", pair.truth,
-                                  pair.other, legs.before[k].gain, pair.gain, separating_gain);
+                                  pair.other, before[k].gain, pair.gain, separating_gain);
       least = std::min(least, pair.gain);
       if (pair.gain < separating_gain && open.find(pair.other) == std::string::npos)
         open += (open.empty() ? "" : ", ") + pair.truth + " from " + pair.other;

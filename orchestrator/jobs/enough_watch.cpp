@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <limits>
+#include <tuple>
 
 #include "calib/evidence/evidence.h"
 #include "calib/prediction/predict.h"
@@ -17,14 +19,8 @@ namespace turncal {
 
 namespace {
 
-std::string ratio_text(const NeededSigma& sigma) {
-  return parameter_key(sigma.parameter) + ", " + significant(sigma.sigma, 3) + " where " +
-         significant(sigma.needed, 3) + " is enough";
-}
-
 const NeededSigma* worst_of(const std::vector<NeededSigma>& sigmas) {
-  const auto found = std::ranges::max_element(
-      sigmas, [](const NeededSigma& a, const NeededSigma& b) { return a.ratio() < b.ratio(); });
+  const auto found = std::ranges::max_element(sigmas, {}, &NeededSigma::ratio);
   return found == sigmas.end() ? nullptr : &*found;
 }
 
@@ -39,14 +35,10 @@ std::size_t first_item_of(const Run& run, bool of_legs) {
 
 // Of which least is known. REQUIRES one.
 const KnownSoFar& least_known(const std::vector<KnownSoFar>& units) {
-  const auto rank = [](const KnownSoFar& unit) {
+  return *std::ranges::max_element(units, {}, [](const KnownSoFar& unit) {
     const NeededSigma* const worst = unit.worst();
-    return worst ? worst->ratio() : std::numeric_limits<double>::infinity();
-  };
-  return *std::ranges::max_element(units, [&](const KnownSoFar& a, const KnownSoFar& b) {
-    if (a.again != b.again) return b.again;
-    if (a.why_not.empty() != b.why_not.empty()) return b.why_not.empty() < a.why_not.empty();
-    return rank(a) < rank(b);
+    return std::tuple(unit.again, !unit.why_not.empty(),
+                      worst ? worst->ratio() : std::numeric_limits<double>::infinity());
   });
 }
 
@@ -59,7 +51,7 @@ std::string not_reached(const Run& run, const RunUnit& unit) {
   const std::vector<NeededSigma> sigmas = needed_sigmas(unit.output->file, run.station.stop_sigma, run.station.limits);
   const NeededSigma* const worst = worst_of(sigmas);
   if (worst == nullptr || worst->needed == 0.0 || worst->ratio() <= 1.0) return "";
-  return "unit " + unit.serial + ": not enough at the planned end: " + ratio_text(*worst);
+  return "unit " + unit.serial + ": not enough at the planned end: " + words_of(*worst);
 }
 
 Segments takes_of_last(const Segments& segments, std::size_t dwells) {
@@ -101,10 +93,7 @@ Result<std::optional<std::size_t>> EnoughWatch::go_on_with(std::size_t next_item
   if (ending) {
     std::vector<Settling> settled;
     for (const KnownSoFar& known : units)
-      if (known.settling) {
-        settled.push_back(*known.settling);
-        tell(settled.back(), known);
-      }
+      if (known.settling) tell(settled.emplace_back(*known.settling), known);
     const auto write = [&journal = *run_.journal, settled]() -> Status {
       for (Settling one : settled) TRY(journal.append(JournalType::settle, texts_of(fields_of(one))));
       return {};
@@ -150,12 +139,16 @@ KnownSoFar EnoughWatch::settle(const RunUnit& unit) {
   KnownSoFar known{.unit = unit.serial};
   const Look so_far = look(unit, {});
   if (!so_far.output || !so_far.output->fit || so_far.loaded->recorded_s < least_diagnosed_s) return known;
+  std::vector<NeededSigma> needed;
+  if (run_.request.until_sigma)
+    needed = needed_sigmas(so_far.output->file, run_.station.stop_sigma, run_.station.limits);
   known.settling = find_settling({.recording = so_far.loaded->data,
                                   .base = *so_far.output->fit,
                                   .sequence = run_.sequence,
                                   .plan = run_.plan,
                                   .limits = plan_limits(run_.station, run_.sample_period_s()),
-                                  .left_s = settling_left_s()});
+                                  .left_s = settling_left_s(),
+                                  .needed = needed});
   if (known.settling) known.settling->unit = unit.serial;
   return known;
 }
@@ -163,7 +156,7 @@ KnownSoFar EnoughWatch::settle(const RunUnit& unit) {
 void EnoughWatch::tell(const Settling& settling, const KnownSoFar& unit) {
   tell_("in doubt" + (run_.units.size() > 1 ? " of unit " + unit.unit : "") + ": " + settling.doubt + "; " +
             (settling.sequence.empty() ? settling.why_not
-                                       : "goes on for " + format_duration(settling.added_s) + " to tell them apart"),
+                                       : "goes on for " + format_duration(settling.added_s) + " to settle it"),
         unit);
 }
 
@@ -228,7 +221,7 @@ KnownSoFar EnoughWatch::estimate(const RunUnit& unit, std::size_t done_items) {
   if (worst && worst->needed == 0.0)
     known.why_not = parameter_key(worst->parameter) + " is beyond its limit";
   else if (worst && worst->ratio() > 1.0)
-    known.why_not = ratio_text(*worst);
+    known.why_not = words_of(*worst);
   else if (const auto most = run_.station.limits.residual_max; most && output->fit->normalised_rms > *most)
     known.why_not =
         "residual " + significant(output->fit->normalised_rms, 3) + ", limit.residual_max " + significant(*most, 3);

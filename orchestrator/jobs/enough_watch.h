@@ -1,16 +1,15 @@
-// When does a run know enough? After every completed dwell the units are calibrated from what is recorded so far, by the same function and
-// from the same samples as at the end. The run ends (or goes on to its north seeking) when for every unit
-//   every parameter that the station names is known as well as it has to be (orchestrator/station/verdict.h),
-//   the residual is not above limit.residual_max, and the fit passes its lack-of-fit tests, and
-//   half an hour is recorded, where the whole plan would get a diagnosis.
+// One policy: a run goes on while what a minute more is expected to tell is worth it (docs/design.md). With --until-sigma the units are calibrated
+// after every completed dwell, by the same function and from the same samples as at the end; the rest of the plan is left out (but for its north seeking)
+// when every unit is known well enough, its fit passes its tests, and half an hour is recorded where the whole plan would get a diagnosis.
+//
 // A dwell that disagrees with all the others (calib/evidence/evidence.h) is made once more, dwell.max_repeats times. When the last take
 // agrees with all else, those that do not are set aside: they stay in the recording, marked, and no estimate uses them. Else all stay, and
 // the run goes on. Its end is predicted (calib/prediction/predict.h): at the soonest with the noise as it is fitted, at the latest with what
 // an instability that cannot be excluded yet adds, in proportion.
 //
-// At the end of what is calibrated from, a unit in doubt (calib/evidence/diagnosis.h, doubt_of) gets the shortest legs that are expected to
-// tell what confounds (find_settling), within what is left of settling_allowed_s(); at their end it is asked again. What was found is a
-// record `settle`, durable before the plan is changed: a run that goes on after a kill walks the same legs.
+// At the end of what is calibrated from, a unit in doubt, or not known well enough, gets the shortest legs that are expected to settle it
+// (find_settling), within what is left of settling_allowed_s(); at their end it is asked again. What was found is a record `settle`, durable
+// before the plan is changed: a run that goes on after a kill walks the same legs.
 //
 // The estimate runs in a thread of its own and is waited for, so that the answer depends on the samples alone.
 #pragma once

@@ -144,7 +144,7 @@ struct RunView {
             monotonic_s, stdout_takes_more),
         live({.unit = join(run.request.units),
               .station = run.station.name,
-              .sequence = run.sequence.name,
+              .sequence = run.sequence.name + run.request.session.whole,
               .folder = run.folder,
               .simulated = run.simulated(),
               .by_hand = prompts != nullptr,

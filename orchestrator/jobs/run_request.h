@@ -41,6 +41,7 @@ struct RunRequest {
   struct Session {
     std::string listen;    // where the status page listens; empty: none
     double pace = 0.0;     // how many times as fast as the wall clock a dry run may go; 0: as it can
+    std::string whole;     // of what the run is a part, beside its sequence on the page: "leg 2 of 9, ..."
     bool verbose = false;  // every transition on the terminal
     bool brief = false;    // neither transitions nor results on it: whoever began the run says how it ended
   } session;

@@ -364,26 +364,32 @@ Result<ThermalOutput> run_campaign(const Campaign& campaign, const RunRequest& a
     const std::string folder = fmt::format("{}/leg-{:02}", out, k + 1), journal = folder + "/" + journal_name;
     together.legs.push_back(folder);
     const bool begun = path_exists(journal);
-    if (begun && is_over(TRY(read_journal(journal))) && path_exists(folder + "/" + parameters_name)) continue;
-    RunRequest request;
-    if (!begun) {
+    RunRequest request = request_of(campaign, campaign.legs[k], asked);
+    if (begun) {
+      const JournalContents run = TRY(read_journal(journal));
+      const RunRequest was = request_of(run);
+      if (was.units != request.units || was.temperature_c != request.temperature_c || was.dry_run != request.dry_run)
+        return input_error(folder + ": is a run of another campaign, by unit or temperature: expected another --out");
+      if (is_over(run) && path_exists(folder + "/" + parameters_name)) continue;
+      request = {};
+    } else {
       TRY(prepare_leg(campaign, plans[k], k, folder));
-      request = request_of(campaign, campaign.legs[k], asked);
       if (asked.dry_run) request.rig = TRY(write_rig(rig, plans[k], k, folder));
     }
     request.session = asked.session;
     request.session.brief = !asked.session.verbose;
     double left_s = 0.0;
     for (std::size_t j = k; j < plans.size(); ++j) left_s += chamber_s(campaign, plans, j) + plans[j].plan.station_s;
+    request.session.whole = fmt::format("; leg {} of {}, the last one ends at about {}", k + 1, plans.size(),
+                                        format_utc(wall_utc_s() + left_s));
     context.out << fmt::format("{}[campaign] leg {} of {}, {} C, in {}; about {:.1f} h left\n", tag_of(plans[k]), k + 1,
                                plans.size(), format_number(campaign.legs[k].temperature_c), folder, left_s / 3600.0)
                 << std::flush;
     const RunEnd end = begun ? resume_run(folder, request, context) : begin_run(request, folder, context);
-    if (!end.to_the_end)
-      return Error{end.status.error().kind, fmt::format("leg {}: {}", k + 1, end.status.error().message)};
+    const std::string why = end.status ? "" : end.status.error().message;
+    if (!end.to_the_end) return Error{end.status.error().kind, fmt::format("leg {}: {}", k + 1, why)};
     if (!path_exists(folder + "/" + parameters_name))
-      return Error{ErrorKind::unit_failed, fmt::format("leg {}: no parameters came of it: {}", k + 1,
-                                                       end.status ? "" : end.status.error().message)};
+      return Error{ErrorKind::unit_failed, fmt::format("leg {}: no parameters came of it: {}", k + 1, why)};
     if (StopSignals::any())
       return Error{ErrorKind::interrupted, fmt::format("paused after leg {}; the same command goes on", k + 1)};
   }

@@ -233,32 +233,29 @@ Document thermal_document(const ThermalReport& report) {
 }
 
 void describe_thermal(const ThermalModel& model, ParameterFile& file) {
-  const ThermalCubics cubics = thermal_cubics(model);
   TemperaturePolynomials& t = file.temperature.emplace();
   t.reference_c = model.reference_c, t.low_c = model.low_c, t.high_c = model.high_c;
   file.reference_temperature_c = model.reference_c;
   file.sigma = {};
   std::vector<std::string> open;
-  for (int key = 0; key < parameter_count; ++key) {
-    if (!model.find(key)) {
-      if (parameter_is_free[static_cast<std::size_t>(key)]) open.push_back(parameter_key(key));
-      continue;
-    }
-    file.parameters[key] = cubics.coefficient(key, 0);
-    file.sigma[static_cast<std::size_t>(key)] = cubics.sigma(key, 0);
-    for (int order = 1; order <= 3; ++order)
-      if (cubics.coefficient(key, order) != 0.0)
-        t.coefficient(key, order - 1) = cubics.coefficient(key, order),
-                                   t.sigma(key, order - 1) = cubics.sigma(key, order);
-  }
+  for (int key = 0; key < parameter_count; ++key)
+    if (!model.find(key) && parameter_is_free[static_cast<std::size_t>(key)]) open.push_back(parameter_key(key));
   if (!open.empty()) file.add_further(std::string(undetermined_key), join(open, " "));
-  for (const ThermalParameter& p : model.parameters) {
-    std::vector<double> row;
-    for (const ThermalParameter& other : model.parameters)
-      if (other.key <= p.key) row.push_back(cubics.covariance(p.key, other.key));
+  for (std::size_t j = 0; j < model.parameters.size(); ++j) {
+    const ThermalParameter& p = model.parameters[j];
+    file.parameters[p.key] = model.coefficient(j, 0);
+    file.sigma[static_cast<std::size_t>(p.key)] = model.sigma(j, 0);
+    for (int order = 1; order <= 3; ++order)
+      if (model.coefficient(j, order) != 0.0)
+        t.coefficient(p.key, order - 1) = model.coefficient(j, order),
+                                     t.sigma(p.key, order - 1) = model.sigma(j, order);
+    std::vector<double> row;  // parameters are in the order of their keys
+    for (std::size_t k = 0; k <= j; ++k)
+      row.push_back(model.covariance(static_cast<Eigen::Index>(j) * thermal_columns,
+                                     static_cast<Eigen::Index>(k) * thermal_columns));
     file.add_further("quality.covariance." + parameter_key(p.key), fmt::format("{:.9e}", fmt::join(row, " ")));
     if (p.key < 6) file.add_further("quality.turn_on_repeatability." + parameter_key(p.key), p.switch_on);
-    if (const double worst = cubics.worst[p.key]; worst > cubics.sigma(p.key, 0))
+    if (const double worst = off_its_cubic(model, j); worst > model.sigma(j, 0))
       file.add_further("quality.temperature.not_held." + parameter_key(p.key), worst);
   }
 }

@@ -3,8 +3,11 @@
 
 #include "calib/evidence/diagnosis.h"
 #include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/jobs/design/sequence_design.h"
 #include "orchestrator/jobs/enough_watch.h"
+#include "orchestrator/jobs/preflight.h"
 #include "tests/orchestrator/program.h"
+#include "tests/rig_recorder.h"
 
 namespace turncal {
 namespace {
@@ -194,26 +197,15 @@ TEST_F(UntilSigma, IsRefusedWhereNothingSaysWhatIsEnough) {
 }
 
 TEST_F(UntilSigma, EndsTheSameAfterAKillAtAnyTime) {
-  const std::string reference = write("reference/mock.station", until_sigma_station);
-  ASSERT_EQ(run(begin("reference/out", reference)).code, 0);
-  const std::string parameters = file_text(folder_ / "reference/out/parameters.conf");
-  const std::string recording = file_text(folder_ / "reference/out/recording.tcr");
-  const std::string station = write("count/mock.station", until_sigma_station);
-  const long points = count_points(begin("count/out", station));
+  const std::string station = write("mock.station", until_sigma_station);
+  ends(begin("whole", station), 0);
+  const long points = count_points(begin("count", station));
   ASSERT_GT(points, 100);
   // Some on the way, and more of the last, when it is decided that nothing more comes.
   std::vector<long> struck;
   for (long point = 40; point < points - 40; point += points / 3) struck.push_back(point);
   for (long point = points - 40; point <= points; point += 8) struck.push_back(point);
-  for (const long point : struck) {
-    SCOPED_TRACE(point);
-    const std::string killed = write("killed/mock.station", until_sigma_station);
-    ASSERT_EQ(run_struck(begin("killed/out", killed), point, "kill").code, -1000 - SIGKILL);
-    ASSERT_EQ(run({"resume", "killed/out"}).code, 0);
-    ASSERT_EQ(file_text(folder_ / "killed/out/parameters.conf"), parameters);
-    ASSERT_EQ(file_text(folder_ / "killed/out/recording.tcr"), recording);
-    std::filesystem::remove_all(folder_ / "killed");
-  }
+  expect_same_after_kills(begin("killed", station), "killed", struck, "whole");
 }
 
 // Legs that are added to tell apart what the diagnosis cannot.
@@ -263,6 +255,18 @@ TEST_F(Settle, AddsTheLegsOnceSaysWhatIsKnownAndIsTheSameAfterAKill) {
   const long points = count_points(begin("count"), whole.code);
   // While the legs are walked, and when everything is recorded.
   expect_same_after_kills(begin("killed"), "killed", {points - 60, points - 4}, "whole", whole.code);
+}
+
+TEST(FindSettling, LegsBringASigmaThatIsNotYetEnough) {
+  Sequence sequence = must_read_sequence("forty_minutes.seq");
+  const PlanLimits limits = plan_limits(default_station_config(), default_rig_config().sample_period_s);
+  const CompressedRecording first = record_on_rig(sequence, default_rig_config()).recording;
+  const JointResult base = joint_estimate(first);
+  const NeededSigma n22{10, base.sigma[10], 0.93 * base.sigma[10]};
+  const auto found = find_settling({first, base, sequence, make_plan(sequence, limits), limits, 600.0, {n22}});
+  ASSERT_TRUE(found);
+  append_steps(must(parse_sequence(found->sequence, "settling")), sequence);
+  EXPECT_LE(joint_estimate(record_on_rig(sequence, default_rig_config()).recording).sigma[10], n22.needed);
 }
 
 TEST_F(Settle, IsRefusedWhereNoDiagnosisIsMade) {

@@ -6,7 +6,7 @@
 //
 //   study_separation --settle SEED CASES
 // Units drawn from a seed until so many are in doubt after the fourteen steps; each is settled as a station does it (docs/design.md), within
-// ten minutes and in the same recording. A line a unit, and the sums.
+// ten minutes, in rounds and in the same recording. A line a unit, and the sums.
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
@@ -42,20 +42,17 @@ int study(const std::string& key, double value, std::uint64_t seed) {
   *place = value;
   const Sequence sequence = must_read_sequence("fourteen_step.seq");
   const RigRecording first = record_on_rig(sequence, config);
-  const Diagnosis before = diagnose(first.recording);
+  Diagnosis before = diagnose(first.recording);
   std::printf("%s %llu %s %s", key.c_str(), static_cast<unsigned long long>(seed), to_string(before.verdict),
               class_of(before).c_str());
-  std::fflush(stdout);
   const std::string truth = key.substr(0, key.find('.'));
-  const auto in_class = std::find_if(before.effect_names.begin(), before.effect_names.end(), [&](const std::string& n) {
-    const auto aliases = before.aliases.find(n);
-    return aliases != before.aliases.end() && !aliases->second.empty();
-  });
-  if (in_class == before.effect_names.end()) {
+  const std::optional<Doubt> doubt = doubt_of(before);
+  if (!doubt) {
     std::printf(" no class\n");
     return 0;
   }
-  const Separation separation(first.recording, before, *in_class);
+  before.aliases[doubt->name] = doubt->others;
+  const Separation separation(first.recording, before, doubt->name);
   const StationConfig station = default_station_config();
   DesignTask task;
   task.limits = plan_limits(station, must(rig_of(station)).sample_period_s);
@@ -64,11 +61,7 @@ int study(const std::string& key, double value, std::uint64_t seed) {
   task.time_s = 600.0;
   task.tries = 600;
   task.start = walk_of(sequence);
-  const ExtraLegs legs = must(find_extra_legs(separation, task, [](double) {}));
-  for (std::size_t k = 0; k < legs.after.size(); ++k)
-    std::fprintf(stderr, "  %s from %s: 2 ln L %.1f -> %.1f, correlation %.4f -> %.4f\n", legs.after[k].truth.c_str(),
-                 legs.after[k].other.c_str(), legs.before[k].gain, legs.after[k].gain, legs.before[k].correlation,
-                 legs.after[k].correlation);
+  const ExtraLegs legs = must(find_extra_legs(&separation, task, [](double) {}));
   WalkHeader header;
   header.name = "extra";
   header.rate_degps = 10.0;
@@ -78,9 +71,8 @@ int study(const std::string& key, double value, std::uint64_t seed) {
   const RigRecording second = record_on_rig(extra, config);
   const Diagnosis after = diagnose(join_recordings({&first.recording, &second.recording}));
   const bool decided = after.effect_names == std::vector<std::string>{truth} && class_of(after) == truth;
-  std::printf(" %s %.0f s %s %s %s%s%s\n", legs.apart ? "apart" : "not apart", legs.time_s, to_string(after.verdict),
-              class_of(after).c_str(), decided ? "decided" : "open", decided ? "" : ": ",
-              decided ? "" : after.reason.c_str());
+  std::printf(" %s %.0f s %s %s %s: %s\n", legs.apart ? "apart" : "not apart", legs.time_s, to_string(after.verdict),
+              class_of(after).c_str(), decided ? "decided" : "open", after.reason.c_str());
   return 0;
 }
 
@@ -113,43 +105,43 @@ int settle(std::uint64_t seed, int cases) {
     const double value = uniform(drawn.least, drawn.most) * (random() % 2 == 0 ? 1.0 : -1.0);
     *find_effect(config.effects, key) = value;
     const std::string truth = key.substr(0, key.find('.'));
-    const RigRecording first = record_on_rig(sequence, config);
-    const JointResult base = joint_estimate(first.recording);
-    const auto began = std::chrono::steady_clock::now();
-    const std::optional<Settling> found = find_settling({.recording = first.recording,
-                                                         .base = base,
-                                                         .sequence = sequence,
-                                                         .plan = make_plan(sequence, limits),
-                                                         .limits = limits,
-                                                         .left_s = 600.0});
-    const double search_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
-    const auto name_of = [](const Diagnosis& d) { return std::string(to_string(d.verdict)) + " " + class_of(d); };
-    const auto names_another = [&](const Diagnosis& d) {  // alone
-      return d.verdict == Verdict::extended && !doubt_of(d) && d.effect_names != std::vector<std::string>{truth};
-    };
-    if (!found) {
-      ++clear;
-      const Diagnosis before = diagnose(first.recording);
-      clear_wrong += names_another(before) ? 1 : 0;
-      std::printf("%s %.1f: no doubt, %s\n", key.c_str(), value, name_of(before).c_str());
-      std::fflush(stdout);
-      continue;
+    Sequence whole = sequence;
+    RigRecording made = record_on_rig(whole, config);
+    double added_s = 0.0, search_s = 0.0;
+    std::string doubts_text, why_not;
+    for (double left_s = 600.0; left_s >= least_settling_s; left_s = 600.0 - added_s) {
+      const auto began = std::chrono::steady_clock::now();
+      const std::optional<Settling> found = find_settling({.recording = made.recording,
+                                                           .base = joint_estimate(made.recording),
+                                                           .sequence = whole,
+                                                           .plan = make_plan(whole, limits),
+                                                           .limits = limits,
+                                                           .left_s = left_s});
+      search_s += std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+      if (!found) break;
+      doubts_text += (doubts_text.empty() ? "" : ", then ") + found->doubt;
+      why_not = found->why_not;
+      if (found->sequence.empty()) break;
+      added_s += found->added_s;
+      append_steps(must(parse_sequence(found->sequence, "settling")), whole);
+      made = record_on_rig(whole, config);
     }
-    ++doubts;
-    std::string now = "not tried: " + found->why_not;
-    if (found->sequence.empty()) {
-      ++open;
-    } else {
-      longest_s = std::max(longest_s, found->added_s);
-      Sequence both = sequence;
-      append_steps(must(parse_sequence(found->sequence, "settling")), both);
-      const Diagnosis after = diagnose(record_on_rig(both, config).recording);
-      const bool decided = after.verdict == Verdict::extended && class_of(after) == truth;
-      ++(decided ? right : names_another(after) ? wrong : open);
-      now = (decided ? "decided: " : names_another(after) ? "WRONG: " : "open: ") + name_of(after);
-    }
-    std::printf("%s %.1f: in doubt %s; search %.0f s, legs %.0f s; %s\n", key.c_str(), value, found->doubt.c_str(),
-                search_s, found->added_s, now.c_str());
+    const Diagnosis after = diagnose(made.recording);
+    const bool decided = after.verdict == Verdict::extended && class_of(after) == truth;
+    const bool another = after.verdict == Verdict::extended && !doubt_of(after) && !decided;  // alone
+    const std::string name = std::string(to_string(after.verdict)) + " " + class_of(after);
+    ++(doubts_text.empty() ? clear : doubts);
+    longest_s = std::max(longest_s, added_s);
+    if (doubts_text.empty())
+      clear_wrong += another ? 1 : 0;
+    else
+      ++(decided ? right : another ? wrong : open);
+    std::printf("%s %.1f, noise %llu: in doubt %s; search %.0f s, legs %.0f s; %s: %s; %s\n", key.c_str(), value,
+                static_cast<unsigned long long>(*config.noise_seed), doubts_text.c_str(), search_s, added_s,
+                decided   ? "decided"
+                : another ? "WRONG"
+                          : "open",
+                name.c_str(), why_not.c_str());
     std::fflush(stdout);
   }
   std::printf("%d in doubt: %d decided, %d open, %d wrong; at most %.0f s; %d were not in doubt, %d of them wrong\n",

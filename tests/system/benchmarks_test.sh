@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # shellcheck disable=SC2015
-# benchmarks/run and benchmarks/score on the two shortest cases: the model agrees with closed forms, all twelve answers are the sealed ones, turncal
+# benchmarks/run and benchmarks/score on the two shortest cases: the model agrees with closed forms, all answers are the sealed ones, turncal
 # scores, a wrong parameter file scores worse, and an answer or a seal that was changed is refused.
 set -euo pipefail
 here=$(cd "$(dirname "$0")/../.." && pwd)
@@ -18,8 +18,8 @@ env -u IMU_TK -u PSINS "$here/benchmarks/run" --turncal "$program" --out out --c
 import json, sys
 sys.path.insert(0, sys.argv[1] + "/benchmarks")
 import cases
-assert len(cases.seals()) == len(cases.CASES) == 12
-for n in range(1, 13):
+assert len(cases.seals()) == len(cases.CASES) == 13
+for n in range(1, 14):
     assert cases.seals()[f"{n:02}"] == cases.seal(cases.draw(n)[0]), n
     assert cases.seal(cases.draw(n, 1)[0]) not in cases.seals().values()
 rows = {(r["case"], r["program"]): r for r in json.load(open("rows.json"))}

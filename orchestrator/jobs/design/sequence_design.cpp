@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 #include <set>
 
@@ -9,6 +10,7 @@
 #include "calib/prediction/design_bound.h"
 #include "imu_io/base/format_number.h"
 #include "orchestrator/jobs/preflight.h"
+#include "orchestrator/station/number_text.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -80,7 +82,6 @@ class Search {
     }
     design.walk = *timed(best, task_.info.sample_period_s);
     design.cost = best_cost;
-    design.judged = judged_;
     return design;
   }
 
@@ -193,15 +194,11 @@ class Search {
     limits.sample_period_s = judged_period_s;
     const Plan plan = make_plan(*sequence, limits);
     if (!plan.ok()) return std::nullopt;
-    if (task_.judged_by) {
-      ++judged_;
-      return task_.judged_by(planned_motion(*sequence, plan), judged_period_s);
-    }
+    if (task_.judged_by) return task_.judged_by(planned_motion(*sequence, plan), judged_period_s);
     RecordingInfo info = task_.info;
     info.sample_period_s = judged_period_s;
     PredictOptions options = task_.predict;
     options.effects = !task_.effects.empty();
-    ++judged_;
     return cost_of(predict(info, planned_motion(*sequence, plan), options));
   }
 
@@ -231,11 +228,9 @@ class Search {
   const DesignTask& task_;
   std::mt19937_64 random_;
   std::vector<Axis> axes_;
-  int judged_ = 0;
 };
 
 constexpr double shorter = 0.8;
-constexpr double least_s = 60.0;
 
 double cost_of(const std::vector<AliasPair>& pairs) {
   double cost = 0.0;
@@ -244,7 +239,6 @@ double cost_of(const std::vector<AliasPair>& pairs) {
 }
 
 constexpr int settling_tries = 300;
-constexpr double usual_acceleration_degps2 = 20.0;
 constexpr double from_pose_to_pose_s = 60.0;  // the way to the start of the legs, at most, as a first guess
 
 // Where the cable still lets every axis go: it counts what the plan has turned.
@@ -307,17 +301,17 @@ Result<Design> design_walk(const DesignTask& task, const std::function<bool(cons
   return Search(task).run(progress);
 }
 
-Result<ExtraLegs> find_extra_legs(const Separation& separation, DesignTask task,
+Result<ExtraLegs> find_extra_legs(const Separation* separation, DesignTask task,
                                   const std::function<void(double time_s)>& looking) {
   ExtraLegs legs;
-  legs.before = separation.pairs(nullptr, 0.0);
-  task.judged_by = [&](const PlannedMotion& motion, double period_s) {
-    const std::vector<AliasPair> pairs = separation.pairs(&motion, period_s);
-    const double cost = cost_of(pairs);
-    if (legs.after.empty() || (!legs.apart && cost < cost_of(legs.after)) || cost <= 0.0) legs.after = pairs;
+  double best = std::numeric_limits<double>::infinity();
+  task.judged_by = [&, further = task.judged_by](const PlannedMotion& motion, double period_s) {
+    const auto pairs = separation ? separation->pairs(&motion, period_s) : std::vector<AliasPair>{};
+    const double left = further ? further(motion, period_s) : 0.0, cost = cost_of(pairs) + left;
+    if (cost < best || cost <= 0.0) legs.after = pairs, legs.further = left, best = cost;
     return cost;
   };
-  for (; task.time_s >= least_s; task.time_s *= shorter) {
+  for (; task.time_s >= least_settling_s; task.time_s *= shorter) {
     looking(task.time_s);
     const Result<Design> design = design_walk(task, [](const DesignProgress&) { return true; });
     if (!design && !legs.apart) return design.error();
@@ -333,35 +327,55 @@ Result<ExtraLegs> find_extra_legs(const Separation& separation, DesignTask task,
   return legs;
 }
 
+std::string words_of(const NeededSigma& one) {
+  return parameter_key(one.parameter) + ", " + significant(one.sigma, 3) + " where " + significant(one.needed, 3) +
+         " is enough";
+}
+
 std::optional<Settling> find_settling(const SettlingTask& task) {
-  DiagnosisOptions options;
-  options.base = &task.base;
-  Diagnosis diagnosis = diagnose(task.recording, options);
+  Diagnosis diagnosis = diagnose(task.recording, {.estimate = {}, .base = &task.base});
   const std::optional<Doubt> doubt = doubt_of(diagnosis);
-  if (!doubt) return std::nullopt;
-  diagnosis.aliases[doubt->name] = doubt->others;
+  std::vector<NeededSigma> needed = task.needed;
+  std::erase_if(needed, [](const NeededSigma& one) { return one.ratio() <= 1.0 || one.needed == 0.0; });
+  if (!doubt && needed.empty()) return std::nullopt;
   Settling found;
-  found.doubt = words_of(*doubt);
-  found.why_not = "no motion of this table in " + format_duration(task.left_s) + " was found that tells them apart";
-  const Separation separation(task.recording, diagnosis, doubt->name);
+  found.why_not = "no motion of this table in " + format_duration(task.left_s) + " was found that settles it";
+  std::optional<Separation> separation;
+  if (doubt) {
+    found.doubt = words_of(*doubt);
+    diagnosis.aliases[doubt->name] = doubt->others;
+    separation.emplace(task.recording, diagnosis, doubt->name, true);
+  }
   DesignTask design;
+  if (!needed.empty()) {
+    found.doubt += (doubt ? ", and " : "") + words_of(*std::ranges::max_element(needed, {}, &NeededSigma::ratio));
+    design.judged_by = [&](const PlannedMotion& motion, double period_s) {
+      RecordingInfo info = task.recording.info;
+      info.sample_period_s = period_s;
+      const ParameterVector shrunk = shrunk_by(motion, task.base, info);
+      double cost = 0.0;
+      for (const NeededSigma& one : needed)
+        cost += std::max(0.0, std::log(one.ratio() * shrunk[static_cast<Eigen::Index>(one.parameter)]));
+      return cost;
+    };
+  }
   design.limits = within_cable(task.limits, task.plan);
   design.info = task.recording.info;
   design.rates_degps = {10.0, 20.0, 40.0};
-  design.acceleration_degps2 = usual_acceleration_degps2;
   for (const AxisLimits& axis : design.limits.axis)
     design.acceleration_degps2 = std::min(design.acceleration_degps2, axis.max_acceleration_degps2);
   design.tries = settling_tries;
   design.start = on_table(walk_of(task.sequence), design.limits);
   for (double way_s = from_pose_to_pose_s; way_s < task.left_s; way_s *= 2.0) {
     design.time_s = task.left_s - way_s;
-    const Result<ExtraLegs> legs = find_extra_legs(separation, design, [](double) {});
-    if (!legs || legs->after.empty()) return found;
-    const double least = std::ranges::min(legs->after, {}, &AliasPair::gain).gain;
-    if (least < SelectionLimits{}.bic_margin) return found;
+    const Result<ExtraLegs> legs = find_extra_legs(separation ? &*separation : nullptr, design, [](double) {});
+    if (!legs) return found;
+    const bool tells = !legs->after.empty() &&
+                       std::ranges::min(legs->after, {}, &AliasPair::gain).gain >= SelectionLimits{}.bic_margin;
+    if (!tells && (needed.empty() || legs->further > 0.0)) return found;
     WalkHeader header;
     header.name = "settling";
-    header.comments = {"to tell apart: " + found.doubt};
+    header.comments = {"to settle: " + found.doubt};
     header.rate_degps =
         std::min(10.0, std::ranges::min(design.limits.axis, {}, &AxisLimits::max_rate_degps).max_rate_degps);
     header.acceleration_degps2 = design.acceleration_degps2;

@@ -27,6 +27,7 @@
 #include "calib/prediction/predict.h"
 #include "calib/prediction/separation.h"
 #include "orchestrator/records/journal.h"
+#include "orchestrator/station/verdict.h"
 #include "sequences/plan.h"
 #include "sequences/walk.h"
 
@@ -64,7 +65,6 @@ struct Design {
   Walk walk;  // rests in samples of the unit
   double cost = 0.0;
   double start_cost = 0.0;
-  int judged = 0;  // walks that the table can run
 };
 
 // Errors (input): not even a rest fits into the time; no axis may turn. progress is called now and then and ends the search
@@ -82,20 +82,23 @@ std::optional<double> design_bound(const DesignTask& task);
 struct ExtraLegs {
   Walk walk;
   double time_s = 0.0;
-  std::vector<AliasPair> before, after;  // with what is recorded; with the walk, too
-  bool apart = false;                    // every pair is told apart
+  std::vector<AliasPair> after;  // with the walk, too
+  double further = 0.0;          // what is left of the cost that the task has beside the pairs
+  bool apart = false;            // every pair is told apart, and nothing further is left
 };
 
-// `task`: time_s is the longest that is allowed. Errors of design_walk().
-Result<ExtraLegs> find_extra_legs(const Separation& separation, DesignTask task,
+// `task`: time_s is the longest that is allowed; its judged_by, where it has one, is added to the cost. No separation: that alone. Errors of
+// design_walk().
+Result<ExtraLegs> find_extra_legs(const Separation* separation, DesignTask task,
                                   const std::function<void(double time_s)>& looking);
 
-// A station that settles its own doubts: what a run adds to its plan where its diagnosis cannot tell two effects apart. The legs are those of
-// `turncal design --separate`, in the poses that the plan leaves to the cable. They count when the pair that is told apart worst is expected
-// to gain 2 ln L of SelectionLimits::bic_margin within the time left, less the way to their start. The gain is that of a second recording
-// with biases of its own; within one recording it is larger. The same samples give the same legs. Not modelled: how long the search takes
-// (10 to 60 s, the table at rest and under watch meanwhile).
-inline constexpr double least_settling_s = 60.0;  // with less left nothing is looked for
+// What a run adds to its plan where a minute more is worth it (docs/design.md): its diagnosis cannot tell effects apart, or a parameter is not yet
+// known as well as it has to be. Beside the pairs the cost has the sum of max(0, ln(sigma expected / needed)). The legs keep to the poses that
+// the plan leaves to the cable, and count when the worst pair is expected to gain SelectionLimits::bic_margin, or every sigma to be enough.
+// The same samples give the same legs. Not modelled: how long the search takes (10 to 60 s, the table at rest and under watch meanwhile).
+inline constexpr double least_settling_s = 60.0;  // for less nothing is looked for
+
+std::string words_of(const NeededSigma& sigma);  // "n11, 4.5e-07 where 4.2e-07 is enough"
 
 struct SettlingTask {
   const CompressedRecording& recording;  // so far
@@ -104,9 +107,10 @@ struct SettlingTask {
   const Plan& plan;  // of it
   PlanLimits limits;
   double left_s = 0.0;
+  std::vector<NeededSigma> needed = {};
 };
 
-// Nothing: the diagnosis leaves no doubt. Without a sequence: nothing was found that would help, and why_not. The unit is not set.
+// Nothing: the diagnosis leaves no doubt, and every sigma is enough. Without a sequence: nothing was found that would help, and why_not. The unit is not set.
 std::optional<Settling> find_settling(const SettlingTask& task);
 
 }  // namespace turncal

@@ -63,6 +63,8 @@ TEST(Separation, PosesOffTheAxesTellSecondOrderFromAsymmetry) {
   EXPECT_LT(before, separating_gain);
   EXPECT_GE(with_axes, before * 0.999) << "a recording more takes nothing away";
   EXPECT_GT(with_others - before, with_axes - before);
+  const Separation same_run(found.made.recording, found.diagnosis, found.name, true);
+  EXPECT_GT(worst(same_run.pairs(&off, 0.05)), with_others) << "it has the same biases";
 }
 
 // The earth's rate and the time that a sample lasts are one number to whatever rests on the earth.
@@ -71,9 +73,8 @@ TEST(Separation, NoMotionTellsTheEarthRateFromTheSamplePeriod) {
   ASSERT_FALSE(found.name.empty()) << found.diagnosis.reason;
   const Separation separation(found.made.recording, found.diagnosis, found.name);
   const PlannedMotion motion = planned(
-      "  rotate H +45\n  dwell 1000\n  rotate P +45\n  dwell 1000\n  rotate R +90\n  dwell 1000\n  rotate H +90\n  "
-      "dwell "
-      "1000\n  rotate P -90\n  dwell 1000\n");
+      "  rotate H +45\n  dwell 1000\n  rotate P +45\n  dwell 1000\n  rotate R +90\n  dwell 1000\n"
+      "  rotate H +90\n  dwell 1000\n  rotate P -90\n  dwell 1000\n");
   EXPECT_EQ(separation.pairs(&motion, 0.05).size(), 2 * (separation.members().size() - 1))
       << "two aliases that are alike do not count";
   bool seen = false;

@@ -124,7 +124,8 @@ class CampaignProgram : public Program {
 
 TEST_F(CampaignProgram, LegsAreMadeOnceAndTakenTogether) {
   write("own.rig", "temperature.rise_c = 0\neffect.gyro_bias_temperature.x = 0.01\n");
-  campaign("temperatures_c = 10, 40, 25\nrig = own.rig\nleg.3.switch_on = true\n");
+  const std::string legs = "temperatures_c = 10, 40, 25\nrig = own.rig\nleg.3.switch_on = true\n";
+  campaign(legs);
   const std::string command = "campaign own.campaign --out all --dry-run --no-diagnosis";
   const ProgramResult first = run(command);
   ASSERT_EQ(first.code, 0) << first.err << first.out;
@@ -134,6 +135,9 @@ TEST_F(CampaignProgram, LegsAreMadeOnceAndTakenTogether) {
   const auto fitted = entries(file_text(path("all/parameters.conf")));
   EXPECT_NEAR(std::stod(fitted.at("temperature.N01.1")), 0.01, 5 * std::stod(fitted.at("sigma.temperature.N01.1")));
   EXPECT_GT(std::stod(fitted.at("temperature.N01.1")), 0.005);
+  campaign("temperatures_c = 10, 30, 25\nrig = own.rig\n");
+  expect_refused(command, "all/leg-02: is a run of another campaign, by unit or temperature: expected another --out");
+  campaign(legs);
   // Again: nothing is measured, the same comes out. What is not there is made, and that alone.
   EXPECT_EQ(run(command).out.find("[campaign]"), std::string::npos);
   std::filesystem::remove_all(path("all/leg-02"));
@@ -159,11 +163,9 @@ TEST_F(CampaignProgram, APlanSaysTimesAndSigmasAndMovesNothing) {
   expect_refused("campaign own.campaign --out all --dry-run", "70 C: expected at most chamber.limit_unit_c (60)");
   campaign("temperatures_c = 20, 30\nleg.3.switch_on = true\n");
   expect_refused("campaign own.campaign --plan", "leg.3.switch_on");
-  write("own.rig", "noise.seed = 1\n");
-  campaign("temperatures_c = 20, 30\nrig = own.rig\n");
+  write("own.rig", "noise.seed = 1\n"), campaign("temperatures_c = 20, 30\nrig = own.rig\n");
   expect_refused("campaign own.campaign --out all --dry-run", "each leg of a campaign has its own");
-  write("own.station", station_head);
-  campaign("temperatures_c = 20, 30\n");
+  write("own.station", station_head), campaign("temperatures_c = 20, 30\n");
   expect_refused("campaign own.campaign --plan", "has no chamber");
 }
 
