@@ -286,9 +286,8 @@ std::string contents_of(const ResultsDatabase& database) {
   const auto attempts = database.attempts({});
   const auto calibrations = database.list({}, "N01");
   if (!attempts || !calibrations) return "";
-  const int version = database.stored_version();
-  return fmt::format("{} attempts, {} calibrations, schema {}{}", attempts->size(), calibrations->size(), version,
-                     version < database_version ? fmt::format(" (the next run makes {} of it)", database_version) : "");
+  return fmt::format("{} attempts, {} calibrations, schema {}", attempts->size(), calibrations->size(),
+                     database_version);
 }
 
 Status backup(const DatabaseOptions& options, CommandContext& context) {

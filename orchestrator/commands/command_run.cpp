@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <map>
 
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/console.h"
@@ -119,24 +120,6 @@ Result<Turn> next_turn(const BatchOptions& options) {
   return turn;
 }
 
-struct Tally {
-  int passed = 0, unjudged = 0, not_passed = 0;
-};
-
-Result<Tally> tally_of(const std::string& path) {
-  const std::vector<std::string> queue = TRY(read_queue(path));
-  const std::vector<UnitOutcome> outcomes = TRY(read_outcomes(path));
-  Tally tally;
-  for (const std::string& unit : queue) {
-    const UnitOutcome* outcome = find_outcome(outcomes, unit);
-    if (!outcome) continue;
-    const auto is = [outcome](const char* word) { return outcome->outcome == word; };
-    const bool passed = is("pass") || is("conditional_pass"), unjudged = is("not_judged") || is("captured");
-    ++(passed ? tally.passed : unjudged ? tally.unjudged : tally.not_passed);
-  }
-  return tally;
-}
-
 // Nobody is there, and what stopped the batch came before there was a run that could tell.
 void tell_operator(const HookCommands& hooks, const Status& why, const Turn& turn, bool dry_run, std::ostream& out) {
   HookCall call{.event = "needs_operator",
@@ -242,15 +225,18 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
                    "paused after unit " + join(turn.units) + "; the same command continues with the next"};
   }
   // Of the whole queue, whichever command did it.
-  const Tally tally = TRY(tally_of(options.queue));
-  const std::string unjudged = tally.unjudged > 0 ? fmt::format("{} without a verdict, ", tally.unjudged) : "";
-  context.out << fmt::format("{}queue done: {} passed, {}{} not passed\n", tag, tally.passed, unjudged,
-                             tally.not_passed)
+  const std::vector<std::string> queue_done = TRY(read_queue(options.queue));
+  const std::vector<UnitOutcome> outcomes = TRY(read_outcomes(options.queue));
+  std::map<Standing, int> units;
+  for (const std::string& unit : queue_done) ++units[standing_of(find_outcome(outcomes, unit))];
+  const int passed = units[Standing::passed], unjudged = units[Standing::unjudged],
+            others = units[Standing::not_passed];
+  context.out << fmt::format("{}queue done: {} passed, {}{} not passed\n", tag, passed,
+                             unjudged > 0 ? fmt::format("{} without a verdict, ", unjudged) : "", others)
               << std::flush;
-  if (tally.not_passed == 0) return {};
-  return Error{ErrorKind::unit_failed,
-               fmt::format("{} of {} units did not pass; see turncal queue {}", tally.not_passed,
-                           tally.passed + tally.unjudged + tally.not_passed, options.queue)};
+  if (others == 0) return {};
+  return Error{ErrorKind::unit_failed, fmt::format("{} of {} units did not pass; see turncal queue {}", others,
+                                                   passed + unjudged + others, options.queue)};
 }
 
 struct QueueOptions {

@@ -9,13 +9,11 @@
 #include <optional>
 #include <ostream>
 #include <string>
-#include <string_view>
 
 #include "calib/types/status.h"
 #include "orchestrator/run/run_observer.h"
 #include "orchestrator/station/station_config.h"
 #include "orchestrator/watch/operator_screen.h"
-#include "orchestrator/watch/status_page.h"
 #include "turntable_drivers/manual/manual_turntable.h"
 
 namespace turncal {
@@ -46,23 +44,6 @@ class OperatorPrompts : public RunObserver {
   RunSnapshot at_;
   bool pause_comes_ = false, measured_ = false;
   std::function<void(const OperatorScreen&)> show_;
-};
-
-// Where the operator of a table turned by hand looks: the page, and the terminal where it takes a screen. Of another table nothing is shown.
-class OperatorView {
- public:
-  // prompts: null where nobody turns. screen: `out` is a terminal, and lines are not wanted. All must outlive the view.
-  OperatorView(OperatorPrompts* prompts, LiveStatus& live, std::ostream& out, std::string_view tag, bool screen);
-  ~OperatorView() { end(); }
-  OperatorView(const OperatorView&) = delete;
-  OperatorView& operator=(const OperatorView&) = delete;
-  bool on_terminal() const { return terminal_.has_value(); }
-  void end(bool done, const std::string& resume);  // what stays on the screen: done, or which folder is to be resumed
-  void end();                                      // what is printed next stands below
-
- private:
-  OperatorPrompts* prompts_;
-  std::optional<OperatorTerminal> terminal_;
 };
 
 // Before each unit of a live batch somebody or something has to mount it.

@@ -86,7 +86,7 @@ namespace fs = std::filesystem;
 Status in_database(const std::string& source, const std::string& name, const EachKeptFile& each) {
   const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(source));
   const bool statistics = name == statistics_name;
-  return database.each_calibration(statistics, [&](const KeptCalibration& row) {
+  return database.each_calibration(statistics, [&](const StoredCalibration& row) {
     const std::string where = source + ": row " + std::to_string(row.id);
     if (!statistics) return each(where, row.parameter_file);
     const auto* const bytes = reinterpret_cast<const char*>(row.statistics.data());

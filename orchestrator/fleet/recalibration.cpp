@@ -89,7 +89,7 @@ Result<std::vector<ArchiveEntry>> listed(const std::string& path) {
 Result<std::vector<ArchiveEntry>> in_rows(const std::string& name) {
   const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(name));
   std::vector<ArchiveEntry> entries;
-  TRY(database.each_calibration(false, [&](const KeptCalibration& row) {
+  TRY(database.each_calibration(false, [&](const StoredCalibration& row) {
     if (!row.folder.empty()) entries.push_back({row.folder, {}});
   }));
   return entries;

@@ -25,24 +25,6 @@ namespace turncal {
 
 namespace {
 
-// Feeds the run's log and what the operator sees from the same events.
-class Fanout : public RunObserver {
- public:
-  explicit Fanout(std::vector<RunObserver*> observers) : observers_(std::move(observers)) {}
-  void on_transition(const TransitionRecord& record) override {
-    for (RunObserver* observer : observers_) observer->on_transition(record);
-  }
-  void on_dropout(const Dropout& dropout) override {
-    for (RunObserver* observer : observers_) observer->on_dropout(dropout);
-  }
-  void on_progress(const RunSnapshot& snapshot) override {
-    for (RunObserver* observer : observers_) observer->on_progress(snapshot);
-  }
-
- private:
-  std::vector<RunObserver*> observers_;
-};
-
 // Holds virtual time back to `pace` times the wall clock.
 class PaceKeeper : public RunObserver {
  public:
@@ -98,9 +80,7 @@ void note_outcome(const RunOutcome& outcome, Run& run) {
     unit.recorded_s = static_cast<double>(end.recorded_samples) * run.sample_period_s();
     unit.repeated_dwells = outcome.repeated_dwells;
     unit.lost_samples = end.lost_samples;
-    if (!end.dropped_out || unit.dropped) continue;
-    unit.dropped = true;
-    unit.status = Error{end.dropped_out->kind, "unit " + unit.serial + " dropped out at " + end.dropped_out->message};
+    if (end.dropped_out && !unit.dropped) unit.drop(*end.dropped_out);
   }
 }
 
@@ -150,8 +130,25 @@ struct RunView {
               .by_hand = prompts != nullptr,
               .results = last_results(run)},
              monotonic_s),
-        operator_view(prompts, live, context.out, tag_of(run),
-                      context.out_is_terminal && !run.request.session.verbose) {}
+        asked(prompts) {
+    if (!prompts) return;
+    const bool screen = context.out_is_terminal && !run.request.session.verbose;
+    if (screen && ::isatty(STDIN_FILENO) == 1 && stdout_size().takes_screen()) {
+      // Past the stream: its prefix belongs to lines.
+      const auto write = [&out = context.out](const std::string& text) {
+        if (stdout_takes_more() && out.flush()) static_cast<void>(!::write(STDOUT_FILENO, text.data(), text.size()));
+      };
+      terminal.emplace(std::string(tag_of(run)), write, stdout_size(), wall_utc_s);
+    }
+    const auto show = [this](const OperatorScreen& now) {
+      live.show_operator(now);
+      if (terminal) terminal->show(now);
+    };
+    prompts->show_on(show, !terminal);
+  }
+  ~RunView() { leave_screen(); }
+  RunView(const RunView&) = delete;
+  RunView& operator=(const RunView&) = delete;
 
   Status open_page(const std::string& address) {
     if (address.empty()) return {};
@@ -160,15 +157,20 @@ struct RunView {
     if (const std::string warning = page->warning(); !warning.empty()) context.err << warning << std::endl;
     return {};
   }
-  void show_known(const std::string& line, const std::vector<LiveStatus::Known>& bars) {
+  void show_known(const std::string& line, const std::vector<NeededSigma>& known) {
     progress.clear();
-    if (!operator_view.on_terminal() && stdout_takes_more()) context.out << line << std::endl;
-    live.show_known(line, bars);
+    if (!terminal && stdout_takes_more()) context.out << line << std::endl;
+    live.show_known(line, known);
+  }
+  void leave_screen() {  // what is printed next stands below
+    if (asked) asked->show_on({}, true);
+    terminal.reset();
   }
   // resume: the folder to go on with; empty: none.
   void end(const Run& run, const RunOutcome& outcome, const std::string& resume) {
     const bool done = outcome.state == RunState::done;
-    operator_view.end(done, resume);
+    if (terminal) terminal->show(last_screen(done, resume, asked->texts()));
+    leave_screen();
     live.end(done                                     ? "Done: " + outcomes_of(run)
              : outcome.state == RunState::interrupted ? "Paused: " + outcome.error.message
                                                       : "The run is over: " + outcome.error.message,
@@ -180,7 +182,8 @@ struct RunView {
   const bool in_place;
   ProgressPrinter progress;
   LiveStatus live;
-  OperatorView operator_view;
+  OperatorPrompts* asked;                    // null: nobody turns the table
+  std::optional<OperatorTerminal> terminal;  // of whoever does, where it takes a screen
   std::unique_ptr<StatusPage> page;
 };
 
@@ -230,12 +233,10 @@ class Recorder {
   }
 
   StationHooks hooks() {
-    std::vector<RunObserver*> all{&log_, &shown_live_, &pace_, &clock_, &service_};
-    if (devices_.prompts) all.push_back(devices_.prompts);
-    if (!view_.operator_view.on_terminal()) all.push_back(&shown_progress_);
-    observers_.emplace(all);
     StationHooks hooks;
-    hooks.observer = &*observers_;
+    hooks.observers = {&log_, &shown_live_, &pace_, &clock_, &service_};
+    if (devices_.prompts) hooks.observers.push_back(devices_.prompts);
+    if (!view_.terminal) hooks.observers.push_back(&shown_progress_);
     hooks.stop_requests = &StopSignals::requests();
     hooks.pause_requests = &StopSignals::pauses();
     hooks.end_requests = &StopSignals::ends();
@@ -275,9 +276,7 @@ class Recorder {
 
   void tell_known(const std::string& line, const KnownSoFar& unit) {
     storage_.post([this, line] { run_.say(line); });
-    std::vector<LiveStatus::Known> bars;
-    for (const NeededSigma& one : unit.sigmas) bars.push_back({parameter_key(one.parameter), one.sigma, one.needed});
-    display_.post([this, line, bars = std::move(bars)] { view_.show_known(line, bars); });
+    display_.post([this, line, known = unit.sigmas] { view_.show_known(line, known); });
   }
 
   // In the order of construction: what a queue still does is of things that outlive it.
@@ -294,7 +293,6 @@ class Recorder {
   ServiceWatch service_;
   BackgroundObserver log_{*run_.log, storage_}, shown_live_{view_.live, display_},
       shown_progress_{view_.progress, display_};
-  std::optional<Fanout> observers_;
   EnoughWatch enough_;
   StationRun station_;
 };

@@ -58,6 +58,10 @@ struct RunUnit {
   VerdictReport verdict{};
 
   std::string file(const std::string& name) const { return folder + "/" + name; }
+  void drop(const Error& why) {
+    dropped = true;
+    status = Error{why.kind, dropout_words(serial, why)};
+  }
 };
 
 struct Run : RunPlan {
@@ -80,6 +84,9 @@ Run run_of(RunPlan plan, const std::string& folder);
 std::string outcome_of(const Run& run, const RunUnit& unit);
 // Of the whole run: success, or the worst kind and a line that names every unit that has something to say.
 Status status_of(const Run& run);
+// What is put on record of a unit, without what is empty: keys record.* of its parameter file, columns of its attempt. Nothing here may
+// depend on how often the run was interrupted: the file is the same for an uninterrupted one.
+KeyTexts facts_of(const Run& run, const RunUnit& unit);
 // A row of the database; the caller says what became of it, and when.
 AttemptRecord attempt_record(const Run& run, const RunUnit& unit);
 

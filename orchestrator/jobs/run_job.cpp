@@ -194,16 +194,12 @@ Status status_of(const Run& run) {
 
 AttemptRecord attempt_record(const Run& run, const RunUnit& unit) {
   AttemptRecord attempt;
+  set_texts(facts_of(run, unit), fields_of(attempt));
   if (!unit.folder.empty()) attempt.folder = std::filesystem::absolute(unit.folder).lexically_normal().string();
   // A run of several units has a folder for each.
   if (!run.began_utc.empty()) attempt.run = run.began_utc + " " + attempt.folder;
   attempt.unit = unit.serial;
-  attempt.began_utc = run.began_utc;
   attempt.simulated = run.simulated();
-  attempt.station = run.station.name;
-  for (const RecordWord& record : record_words)
-    for (const Field& field : fields_of(attempt))
-      if (field.key == record.key) static_cast<void>(set_text(field, run.request.*record.word));
   if (unit.output) {
     attempt.temperature_min_c = unit.output->min_temperature_c;
     attempt.temperature_max_c = unit.output->max_temperature_c;
@@ -213,8 +209,6 @@ AttemptRecord attempt_record(const Run& run, const RunUnit& unit) {
   attempt.diagnosis = unit.verdict.diagnosis;
   if (unit.recorded_s > 0.0) attempt.recorded_s = unit.recorded_s;
   attempt.sessions = run.sessions;
-  attempt.repeated_dwells = unit.repeated_dwells;
-  attempt.lost_samples = static_cast<std::int64_t>(unit.lost_samples);
   return attempt;
 }
 
@@ -425,9 +419,7 @@ void mark_dropped(const JournalContents& contents, bool late, std::vector<RunUni
   }
   for (const JournalContents::DroppedUnit& dropped : contents.dropped) {
     if (dropped.unit >= units.size() || (dropped.after_last_dwell && !late)) continue;
-    RunUnit& unit = units[dropped.unit];
-    unit.dropped = true;
-    unit.status = Error{dropped.why.kind, "unit " + unit.serial + " dropped out at " + dropped.why.message};
+    units[dropped.unit].drop(dropped.why);
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <sstream>
 
 #include "imu_io/base/atomic_file.h"
@@ -13,6 +14,7 @@
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
+#include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/report/result_table.h"
 #include "turntable_drivers/rig/rig.h"
@@ -32,34 +34,6 @@ struct Making {
   SqlBytes statistics = {};  // for the fleet
   KeyTexts settled = {};     // record.settle.1 and so on
 };
-
-// Nothing here may depend on how often the run was interrupted: the file is the same for an uninterrupted one.
-void add_record(const Run& run, const RunUnit& unit, ParameterFile& file) {
-  const auto clock = [&unit](double UnitClock::*part) {
-    return unit.clock ? format_number(*unit.clock.*part) : std::string();
-  };
-  const RunRequest& asked = run.request;
-  const KeyTexts facts = {{"part", asked.part},
-                          {"lot", asked.lot},
-                          {"revision", asked.revision},
-                          {"began_utc", run.began_utc},
-                          {"station", run.station.name},
-                          {"operator", asked.operator_name},
-                          {"ambient", asked.ambient},
-                          {"configuration_hash", run.hashes.station},
-                          {"sequence", run.sequence.name},
-                          {"sequence_hash", run.hashes.sequence},
-                          {"table_id", run.station.table_id},
-                          {"table_calibration_due", run.station.table_calibration_due},
-                          {"overdue_reason", asked.overdue_reason},
-                          {"ended_after_s", asked.until_sigma ? format_number(unit.recorded_s) : ""},
-                          {"repeated_dwells", format_number(unit.repeated_dwells)},
-                          {"lost_samples", format_number(unit.lost_samples)},
-                          {"clock_ppm", clock(&UnitClock::ppm)},
-                          {"clock_uncertainty_ppm", clock(&UnitClock::uncertainty_ppm)}};
-  for (const auto& [key, value] : facts)
-    if (!value.empty()) file.add_further("record." + key, value);
-}
 
 // "accel_second_order (31 sigma), gyro_bias_drift (7 sigma)"; what is wrong where no effect was added.
 std::string finding_of(const Diagnosis& d) {
@@ -171,7 +145,7 @@ void choose_file(Making& m) {
   else if (m.diagnosis != "not_made")  // the base model alone is not the whole truth
     for (auto& [key, value] : file.further)
       if (key == "quality.trusted") value = "false";
-  add_record(m.run, m.unit, file);
+  for (const auto& [key, value] : facts_of(m.run, m.unit)) file.add_further("record." + key, value);
   for (const auto& [key, value] : m.settled) file.add_further("record." + key, value);
 }
 
@@ -199,22 +173,8 @@ JournalFields marked(const Making& m, JournalFields fields) {
   return fields;
 }
 
-// The steps of publishing; each does nothing where there is nothing to be kept by it.
-
-Status write_truth(Making& m) {
-  if (!m.run.request.dry_run) return {};
-  const std::optional<double> reference_c = m.unit.output ? m.unit.output->mean_temperature_c : std::nullopt;
-  return write_file_atomically(m.unit.file(truth_name), format_truth(Rig(m.unit.rig), reference_c));
-}
-
-Status write_verification(Making& m) {
-  if (!m.unit.verification) return {};
-  return write_file_atomically(m.unit.file(verification_name), format_verification(*m.unit.verification));
-}
-
 // With how the verification ended.
 Status write_diagnosis_of(Making& m) {
-  if (!m.unit.diagnosis) return {};
   const std::string own = m.unit.file(diagnosis_folder);
   TRY(make_folder(own));
   DiagnosisFiles& files = m.unit.diagnosis->files;
@@ -223,12 +183,7 @@ Status write_diagnosis_of(Making& m) {
   return {};
 }
 
-Status write_parameters(Making& m) {
-  return m.unit.output ? write_parameter_file(m.unit.output->file, m.unit.file(parameters_name)) : Status{};
-}
-
 Status write_statistics_of(Making& m) {
-  if (!m.unit.output) return {};
   const std::optional<UnitStatistics> found = statistics_of(m.recordings, *m.unit.output);
   if (!found) return {};
   m.statistics = TRY(format_statistics({m.unit.output->file, *found}));
@@ -237,35 +192,44 @@ Status write_statistics_of(Making& m) {
 }
 
 Status journal_results(Making& m) {
-  if (!m.unit.output) return {};
   const std::string text = TRY(format_parameter_file(m.unit.output->file));
   return m.journal.append(JournalType::results, marked(m, {{"parameters_hash", hash_of_text(text)}}));
 }
 
 Status add_to_database(Making& m) {
   const std::string records = records_file(m.run.station);
-  if (!m.unit.output || records.empty()) return {};
+  if (records.empty()) return {};
   ResultsDatabase database = TRY(ResultsDatabase::open(records));
   AttemptRecord attempt = attempt_record(m.run, m.unit);
   attempt.time_utc = m.unit.output->file.time_utc;
   attempt.outcome = to_string(m.unit.verdict.verdict);
   attempt.reason = m.unit.verdict.reason;
-  return database.add(m.unit.output->file, m.unit.verdict, attempt, m.statistics);
+  return database.add(m.unit.output->file, attempt, m.statistics);
 }
 
-Status use_parameters(Making& m) {
-  const std::string& store = m.run.station.store;
-  if (!m.unit.output || store.empty() || m.run.request.partial || !is_accepted(m.unit.verdict.verdict)) return {};
-  return put_in_use(store, m.unit.output->file);
+Status journal_verdict(Making& m, VerdictReport verdict) {
+  return m.journal.append(JournalType::verdict, marked(m, texts_of(std::move(verdict))));
 }
 
-Status journal_verdict(Making& m) {
-  return m.journal.append(JournalType::verdict, marked(m, texts_of(m.unit.verdict)));
+// Each step may take its time with the storage.
+Status publish(Making& m, const std::function<Status(const std::function<Status()>&)>& keep) {
+  RunUnit& unit = m.unit;
+  if (unit.verification)
+    TRY(keep(
+        [&] { return write_file_atomically(unit.file(verification_name), format_verification(*unit.verification)); }));
+  if (unit.diagnosis) TRY(keep([&] { return write_diagnosis_of(m); }));
+  if (unit.output) {
+    const ParameterFile& file = unit.output->file;
+    TRY(keep([&] { return write_parameter_file(file, unit.file(parameters_name)); }));
+    TRY(keep([&] { return write_statistics_of(m); }));
+    TRY(keep([&] { return journal_results(m); }));
+    TRY(keep([&] { return add_to_database(m); }));
+    const std::string& store = m.run.station.store;
+    if (!store.empty() && !m.run.request.partial && is_accepted(unit.verdict.verdict))
+      TRY(keep([&] { return put_in_use(store, file); }));
+  }
+  return keep([&] { return journal_verdict(m, unit.verdict); });
 }
-
-constexpr Status (*publishing[])(Making&) = {write_verification,  write_diagnosis_of, write_parameters,
-                                             write_statistics_of, journal_results,    add_to_database,
-                                             use_parameters,      journal_verdict};
 
 Status make_unit(Run& run, RunUnit& unit, double utc_s, CommandContext& context) {
   unit.output = {};
@@ -280,23 +244,25 @@ Status make_unit(Run& run, RunUnit& unit, double utc_s, CommandContext& context)
   }
   making.recordings.push_back(*unit.recording);
   const Status estimated = estimate(making);
-  const auto keep = [&](Status (*step)(Making&)) {
+  const auto keep = [&](const std::function<Status()>& step) {
     const auto limit = limit_storage(unit.folder, "resume " + run.folder, context);
-    return stored(step(making));
+    return stored(step());
   };
-  TRY(keep(write_truth));
+  if (run.request.dry_run)
+    TRY(keep([&] {
+      const std::optional<double> reference_c = unit.output ? unit.output->mean_temperature_c : std::nullopt;
+      return write_file_atomically(unit.file(truth_name), format_truth(Rig(unit.rig), reference_c));
+    }));
   if (!estimated) {  // all of it is recorded: nothing that is done again would help
     VerdictReport failed;
     failed.verdict = UnitVerdict::fail;
     failed.reason = estimated.error().message;
     failed.diagnosis.clear();
-    const auto limit = limit_storage(run.folder, "resume " + run.folder, context);
-    const Status kept = making.journal.append(JournalType::verdict, marked(making, texts_of(failed)));
-    return kept ? estimated : stored(kept);
+    TRY(keep([&] { return journal_verdict(making, failed); }));
+    return estimated;
   }
   TRY(judge(making));
-  for (Status (*const step)(Making&) : publishing) TRY(keep(step));
-  return {};
+  return publish(making, keep);
 }
 
 void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream& printed) {
@@ -333,6 +299,33 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
 }
 
 }  // namespace
+
+KeyTexts facts_of(const Run& run, const RunUnit& unit) {
+  const auto clock = [&unit](double UnitClock::*part) {
+    return unit.clock ? format_number(*unit.clock.*part) : std::string();
+  };
+  const RunRequest& asked = run.request;
+  KeyTexts facts = {{"part", asked.part},
+                    {"lot", asked.lot},
+                    {"revision", asked.revision},
+                    {"began_utc", run.began_utc},
+                    {"station", run.station.name},
+                    {"operator", asked.operator_name},
+                    {"ambient", asked.ambient},
+                    {"configuration_hash", run.hashes.station},
+                    {"sequence", run.sequence.name},
+                    {"sequence_hash", run.hashes.sequence},
+                    {"table_id", run.station.table_id},
+                    {"table_calibration_due", run.station.table_calibration_due},
+                    {"overdue_reason", asked.overdue_reason},
+                    {"ended_after_s", asked.until_sigma ? format_number(unit.recorded_s) : ""},
+                    {"repeated_dwells", format_number(unit.repeated_dwells)},
+                    {"lost_samples", format_number(unit.lost_samples)},
+                    {"clock_ppm", clock(&UnitClock::ppm)},
+                    {"clock_uncertainty_ppm", clock(&UnitClock::uncertainty_ppm)}};
+  std::erase_if(facts, [](const auto& fact) { return fact.second.empty(); });
+  return facts;
+}
 
 void end_without_storage(const std::string& why, const std::string& path, const std::string& then,
                          CommandContext& context) {

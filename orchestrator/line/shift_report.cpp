@@ -16,13 +16,7 @@ constexpr double day_s = 86400.0;
 
 std::string words_of(const std::string& name, const RecordFilter& filter) {
   std::string text = name;
-  const std::pair<const char*, const std::string*> parts[] = {{"unit", &filter.unit},
-                                                              {"station", &filter.station},
-                                                              {"part", &filter.part},
-                                                              {"from", &filter.from},
-                                                              {"to", &filter.to}};
-  for (const auto& [word, value] : parts)
-    if (!value->empty()) text += std::string(", ") + word + " " + *value;
+  for (const auto& [word, value] : texts_of(filter)) text += ", " + word + " " + value;
   return text;
 }
 

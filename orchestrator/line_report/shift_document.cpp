@@ -485,45 +485,4 @@ Document unit_document(const UnitRecord& record) {
   return document;
 }
 
-DataTable calibrations_table(const std::vector<StoredCalibration>& all) {
-  std::vector<std::string> columns;
-  StoredCalibration named;
-  for (const Field& field : fields_of(named)) columns.push_back(field.key);
-  for (const std::string_view key : parameter_keys) {
-    columns.emplace_back(key);
-    columns.push_back("sigma." + std::string(key));
-  }
-  for (const std::string_view key : parameter_keys)
-    for (const char* what : {"min.", "max.", "verdict."}) columns.push_back(what + std::string(key));
-  DataTable table(std::move(columns));
-  for (StoredCalibration c : all) {
-    add_row(fields_of(c), table);
-    for (StoredValue& value : c.values) {
-      add_cell({"", &value.value}, table);
-      add_cell({"", &value.sigma}, table);
-    }
-    for (StoredValue& value : c.values) {
-      add_cell({"", &value.limit.min}, table);
-      add_cell({"", &value.limit.max}, table);
-      add_cell({"", &value.verdict}, table);
-    }
-  }
-  return table;
-}
-
-DataTable attempts_table(const std::vector<AttemptRecord>& all) {
-  const std::vector<std::string_view> words = split_words(
-      "id unit began_utc time_utc outcome reason station part revision operator ambient simulated temperature_min_c "
-      "temperature_max_c residual diagnosis recorded_s sessions repeated_dwells lost_samples calibration folder");
-  const std::vector<std::string> columns(words.begin(), words.end());
-  DataTable table(columns);
-  for (AttemptRecord attempt : all) {
-    Fields fields = fields_of(attempt);
-    fields.push_back({"id", &attempt.id});
-    table.begin_row();
-    for (const std::string& column : columns) add_cell(field_named(column, fields), table);
-  }
-  return table;
-}
-
 }  // namespace turncal

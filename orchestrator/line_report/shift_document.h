@@ -1,6 +1,6 @@
 // The report of a shift as a document, and its tables as CSV.
 //
-// What is in a results database: its control charts, each as a figure, and its rows as tables for other programs.
+// What is in a results database: its control charts, each as a figure.
 #pragma once
 
 #include <functional>
@@ -37,8 +37,5 @@ struct UnitRecord {
 };
 // Its runs, its parameters now and over time, its certificates. Real and simulated ones are not mixed: those of the newest count.
 Document unit_document(const UnitRecord& record);
-
-DataTable calibrations_table(const std::vector<StoredCalibration>& all);  // with their 24 values, sigmas, limits
-DataTable attempts_table(const std::vector<AttemptRecord>& all);
 
 }  // namespace turncal

@@ -1,5 +1,11 @@
 #include "orchestrator/records/database_rows.h"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "imu_io/base/text_pieces.h"
+
 namespace turncal {
 
 namespace {
@@ -40,17 +46,20 @@ CREATE TABLE schema_version(version BIGINT NOT NULL);
 INSERT INTO schema_version VALUES(4);
 )";
 
+// "$1, $2, $3" for (1, 3).
+std::string places(std::size_t first, std::size_t count) {
+  std::string text;
+  for (std::size_t i = 0; i < count; ++i) text += (i > 0 ? ", $" : "$") + std::to_string(first + i);
+  return text;
+}
+
 }  // namespace
 
 Result<int> version_of(SqlConnection& database) {
-  const bool versioned = TRY(database.has_table("schema_version"));
-  if (!versioned) {
-    const bool any = TRY(database.has_table("calibration"));
-    return any ? 1 : 0;
-  }
   int version = 0;
-  TRY(database.run("SELECT version FROM schema_version", {},
-                   [&](const SqlRow& row) { version = static_cast<int>(as_integer(row.front())); }));
+  if (TRY(database.has_table("schema_version")))
+    TRY(database.run("SELECT version FROM schema_version", {},
+                     [&](const SqlRow& row) { version = static_cast<int>(as_integer(row.front())); }));
   return version;
 }
 
@@ -64,21 +73,25 @@ Status make_tables(SqlConnection& database) {
   return database.run(sql);
 }
 
-std::string places(std::size_t first, std::size_t count) {
-  std::string text;
-  for (std::size_t i = 0; i < count; ++i) text += (i > 0 ? ", $" : "$") + std::to_string(first + i);
-  return text;
+std::vector<std::string> columns_in(const std::string& table) {
+  std::string_view text(schema);
+  const std::string head = "CREATE TABLE " + table + "(";
+  text.remove_prefix(text.find(head) + head.size());
+  std::vector<std::string> columns;
+  for (const std::string_view one : split(text.substr(0, text.find(");")), ',')) {
+    const std::string_view column = one.substr(one.find_first_not_of(" \n")), name = column.substr(0, column.find(' '));
+    // A constraint begins with a capital letter, and its columns have no type.
+    if (name.size() < column.size() && name != "id" && name.front() >= 'a') columns.emplace_back(name);
+  }
+  return columns;
 }
+
+std::string columns_of(const std::string& table) { return fmt::format("{}", fmt::join(columns_in(table), ", ")); }
 
 std::string columns_of(const Fields& fields) {
   std::string columns;
   for (const Field& field : fields) columns += (columns.empty() ? "" : ", ") + field.key;
   return columns;
-}
-
-std::string attempt_columns() {
-  AttemptRecord attempt;
-  return columns_of(fields_of(attempt));
 }
 
 SqlRow row_of(const Fields& fields) {
@@ -126,43 +139,37 @@ void take_row(const SqlRow& row, const Fields& fields) {
   }
 }
 
-Result<AddedRow> add_calibration_row(SqlConnection& database, const SqlRow& row, const std::vector<SqlRow>& values,
-                                     const SqlBytes& statistics) {
-  AddedRow added;
-  TRY(database.run(std::string("INSERT INTO calibration(") + calibration_columns + ") VALUES(" + places(1, row.size()) +
-                       ") ON CONFLICT(unit, recording_hash, method, content) DO NOTHING RETURNING id",
-                   row, [&](const SqlRow& inserted) {
-                     added = {as_integer(inserted.front()), true};
-                   }));
-  if (!added.is_new) {
-    constexpr std::size_t content = 15;
-    TRY(database.run(
-        "SELECT id FROM calibration WHERE unit = $1 AND method = $2 AND recording_hash = $3 AND content = $4",
-        {row[0], row[2], row[3], row[content]}, [&](const SqlRow& there) { added.id = as_integer(there.front()); }));
-    return added;
-  }
-  if (!values.empty()) {
-    std::string sql = std::string("INSERT INTO value(calibration, ") + value_columns + ") VALUES";
+Result<std::vector<std::int64_t>> insert(SqlConnection& database, const std::string& table,
+                                         const std::vector<SqlRow>& rows, const std::string& unique) {
+  constexpr std::size_t at_once = 24;  // of values: a calibration's
+  const std::string columns = columns_of(table);
+  std::vector<std::int64_t> ids;
+  for (std::size_t from = 0; from < rows.size(); from += at_once) {
+    std::string sql;
     SqlRow all;
-    for (const SqlRow& value : values) {
-      sql += (all.empty() ? "(" : ", (") + places(all.size() + 1, 1 + value.size()) + ")";
-      all.emplace_back(added.id);
-      all.insert(all.end(), value.begin(), value.end());
+    for (std::size_t i = from; i < std::min(rows.size(), from + at_once); ++i) {
+      sql += (all.empty() ? "INSERT INTO " + table + "(" + columns + ") VALUES(" : ", (") +
+             places(all.size() + 1, rows[i].size()) + ")";
+      all.insert(all.end(), rows[i].begin(), rows[i].end());
     }
-    TRY(database.run(sql, all));
+    if (!unique.empty()) sql += " ON CONFLICT(" + unique + ") DO NOTHING RETURNING id";
+    TRY(database.run(sql, all, [&ids](const SqlRow& row) { ids.push_back(as_integer(row.front())); }));
   }
-  if (!statistics.empty())
-    TRY(database.run("INSERT INTO statistics(calibration, contents) VALUES($1, $2)", {SqlValue(added.id), statistics}));
-  return added;
+  return ids;
 }
 
-Result<bool> add_attempt_row(SqlConnection& database, const std::string& key, SqlRow row) {
-  row.insert(row.begin(), key);
-  bool is_new = false;
-  TRY(database.run("INSERT INTO attempt_note(key, " + attempt_columns() + ") VALUES(" + places(1, row.size()) +
-                       ") ON CONFLICT(key) DO NOTHING RETURNING id",
-                   row, [&](const SqlRow&) { is_new = true; }));
-  return is_new;
+Result<AddedRow> add_calibration(SqlConnection& database, const SqlRow& row) {
+  const std::string unique = "unit, recording_hash, method, content";
+  const std::vector<std::int64_t> ids = TRY(insert(database, "calibration", {row}, unique));
+  if (!ids.empty()) return AddedRow{ids.front(), true};
+  SqlRow same;
+  const std::vector<std::string> columns = columns_in("calibration");
+  for (const std::string_view column : split(unique, ','))
+    same.push_back(row[static_cast<std::size_t>(std::ranges::find(columns, trimmed(column)) - columns.begin())]);
+  AddedRow there;
+  TRY(database.run("SELECT id FROM calibration WHERE (" + unique + ") = (" + places(1, same.size()) + ")", same,
+                   [&there](const SqlRow& found) { there.id = as_integer(found.front()); }));
+  return there;
 }
 
 std::string where(const std::string& verdict) {
@@ -170,6 +177,6 @@ std::string where(const std::string& verdict) {
          " = $4) AND time_utc >= $5 AND ($6 = '' OR substr(time_utc, 1, length($6)) <= $6)";
 }
 
-SqlRow values_of(const RecordFilter& f) { return {f.unit, f.station, f.part, f.verdict, f.from, f.to}; }
+SqlRow values_of(RecordFilter filter) { return row_of(fields_of(filter)); }
 
 }  // namespace turncal

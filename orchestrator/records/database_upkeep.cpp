@@ -6,6 +6,7 @@
 
 #include <cstring>
 #include <map>
+#include <set>
 
 #include "imu_io/base/posix_file.h"
 #include "orchestrator/records/database_rows.h"
@@ -14,45 +15,19 @@ namespace turncal {
 
 namespace {
 
-constexpr std::size_t rows_a_page = 100;
+using Page = std::vector<std::pair<std::int64_t, SqlRow>>;  // with their ids
 
-struct Page {
-  std::vector<std::int64_t> ids;
-  std::vector<SqlRow> rows;
-};
-
-// The next rows behind `last`, without their ids.
-Result<Page> page_of(SqlConnection& database, const std::string& columns, const std::string& table, std::int64_t last,
-                     std::int64_t end) {
+// The next rows behind `last`.
+Result<Page> page_of(SqlConnection& database, const std::string& table, std::int64_t last, std::int64_t end) {
   Page page;
-  TRY(database.run("SELECT id, " + columns + " FROM " + table + " WHERE id > $1 AND id <= $2 ORDER BY id LIMIT " +
-                       std::to_string(rows_a_page),
-                   {last, end}, [&](SqlRow row) {
-                     page.ids.push_back(as_integer(row.front()));
-                     row.erase(row.begin());
-                     page.rows.push_back(std::move(row));
-                   }));
-  return page;
-}
-
-Result<std::map<std::int64_t, std::vector<SqlRow>>> values_of_page(SqlConnection& database, const Page& page) {
-  std::map<std::int64_t, std::vector<SqlRow>> values;
   TRY(database.run(
-      std::string("SELECT calibration, ") + value_columns + " FROM value WHERE calibration >= $1 AND calibration <= $2",
-      {page.ids.front(), page.ids.back()}, [&](SqlRow row) {
-        const std::int64_t of = as_integer(row.front());
-        row.erase(row.begin());
-        values[of].push_back(std::move(row));
+      "SELECT " + columns_of(table) + ", id FROM " + table + " WHERE id > $1 AND id <= $2 ORDER BY id LIMIT 100",
+      {last, end}, [&](SqlRow row) {
+        const std::int64_t id = as_integer(row.back());
+        row.pop_back();
+        page.emplace_back(id, std::move(row));
       }));
-  return values;
-}
-
-Result<std::map<std::int64_t, SqlBytes>> statistics_of_page(SqlConnection& database, const Page& page) {
-  std::map<std::int64_t, SqlBytes> statistics;
-  TRY(database.run("SELECT calibration, contents FROM statistics WHERE calibration >= $1 AND calibration <= $2",
-                   {page.ids.front(), page.ids.back()},
-                   [&](const SqlRow& row) { statistics[as_integer(row[0])] = as_bytes(row[1]); }));
-  return statistics;
+  return page;
 }
 
 Result<std::int64_t> last_id(SqlConnection& database, const std::string& table) {
@@ -86,49 +61,56 @@ Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) 
   const std::int64_t last_calibration = TRY(last_id(from, "calibration"));
   CopiedRows copied;
   std::map<std::int64_t, std::int64_t> number_there;
-  for (std::int64_t last = 0; last < last_calibration;) {
-    const Page page = TRY(page_of(from, calibration_columns, "calibration", last, last_calibration));
-    if (page.ids.empty()) break;
-    std::map<std::int64_t, std::vector<SqlRow>> values = TRY(values_of_page(from, page));
-    std::map<std::int64_t, SqlBytes> statistics = TRY(statistics_of_page(from, page));
-    CopiedRows now;
+  for (std::int64_t last = 0;;) {
+    const Page page = TRY(page_of(from, "calibration", last, last_calibration));
+    if (page.empty()) break;
     const auto add = [&]() -> Status {
-      for (std::size_t i = 0; i < page.ids.size(); ++i) {
-        const AddedRow added = TRY(add_calibration_row(to, page.rows[i], values[page.ids[i]], statistics[page.ids[i]]));
-        number_there[page.ids[i]] = added.id;
-        now.calibrations += added.is_new;
+      std::set<std::int64_t> added;
+      for (const auto& [id, row] : page) {
+        const AddedRow there = TRY(add_calibration(to, row));
+        number_there[id] = there.id;
+        if (there.is_new) added.insert(id);
       }
+      for (const std::string table : {"value", "statistics"}) {
+        std::vector<SqlRow> rows;
+        TRY(from.run("SELECT " + columns_of(table) + " FROM " + table + " WHERE calibration > $1 AND calibration <= $2",
+                     {last, page.back().first}, [&](SqlRow row) {
+                       const std::int64_t id = as_integer(row.front());
+                       if (!added.contains(id)) return;
+                       row.front() = number_there[id];
+                       rows.push_back(std::move(row));
+                     }));
+        TRY(insert(to, table, rows));
+      }
+      copied.calibrations += std::ssize(added);
       return {};
     };
     TRY(in_transaction(to, add));
-    copied.calibrations += now.calibrations;
-    last = page.ids.back();
+    last = page.back().first;
   }
-  for (std::int64_t last = 0; last < last_attempt;) {
-    Page page = TRY(page_of(from, "key, " + attempt_columns(), "attempt_note", last, last_attempt));
-    if (page.ids.empty()) break;
-    last = page.ids.back();
-    // A row that has taken the number of one that is gone may name a calibration that was not looked at: another time.
-    std::erase_if(page.rows, [&](const SqlRow& row) {
-      return as_number(row.back()) && !number_there.contains(as_integer(row.back()));
-    });
-    CopiedRows now;
-    Status status = in_transaction(to, [&]() -> Status {
-      for (const SqlRow& row : page.rows) {
-        SqlRow there(row.begin() + 1, row.end());
-        if (as_number(there.back())) there.back() = number_there[as_integer(there.back())];
-        const bool is_new = TRY(add_attempt_row(to, as_text(row.front()), there));
-        now.attempts += is_new;
-      }
+  for (std::int64_t last = 0;;) {
+    Page page = TRY(page_of(from, "attempt_note", last, last_attempt));
+    if (page.empty()) break;
+    last = page.back().first;
+    std::vector<SqlRow> rows;
+    for (auto& [id, row] : page) {
+      SqlValue& calibration = row.back();
+      const auto there = number_there.find(as_integer(calibration));
+      // A row that has taken the number of one that is gone may name a calibration that was not looked at: another time.
+      if (as_number(calibration) && there == number_there.end()) continue;
+      if (as_number(calibration)) calibration = there->second;
+      rows.push_back(std::move(row));
+    }
+    const auto add = [&]() -> Status {
+      copied.attempts += std::ssize(TRY(insert(to, "attempt_note", rows, unique_attempt)));
       return {};
-    });
-    if (status && moves)
-      status = in_transaction(from, [&]() -> Status {
-        for (const SqlRow& row : page.rows) TRY(from.run("DELETE FROM attempt_note WHERE key = $1", {row.front()}));
-        return {};
-      });
-    TRY(status);
-    copied.attempts += now.attempts;
+    };
+    const auto take_away = [&]() -> Status {
+      for (const SqlRow& row : rows) TRY(from.run("DELETE FROM attempt_note WHERE key = $1", {row.front()}));
+      return {};
+    };
+    TRY(in_transaction(to, add));
+    if (moves) TRY(in_transaction(from, take_away));
   }
   if (!moves) return copied;
   // A calibration is added together with a row of its attempt: where that is gone, it is there.
@@ -153,15 +135,6 @@ Status ResultsDatabase::check_pages() const {
   };
   TRY(connection_->run("PRAGMA foreign_key_check", {}, say));
   return found.empty() ? Status{} : damaged(found);
-}
-
-Status ResultsDatabase::check() const {
-  if (connection_->sqlite()) TRY(check_pages());  // a server sees to that itself
-  const std::vector<StoredCalibration> calibrations = TRY(list({}, ""));
-  for (const StoredCalibration& c : calibrations)
-    if (!c.defect.empty()) return input_error(c.defect);
-  static_cast<void>(TRY(attempts({})));
-  return {};
 }
 
 Result<ResultsDatabase> ResultsDatabase::in_memory(const std::string& name) {

@@ -47,13 +47,16 @@ std::string unit_prefix(std::size_t unit) { return unit == 0 ? "" : "unit." + st
 
 struct JournalDropout {
   std::uint64_t place = 0;  // of the unit, from 1
-  std::string serial, kind, why;
+  std::string serial;
+  ErrorKind kind = ErrorKind::device;
+  std::string why;
   double time_s = 0.0, utc_s = 0.0;
 };
 Fields fields_of(JournalDropout& dropout) {
   return {{"unit", &dropout.place, at_least(1.0)},
           {"serial", &dropout.serial},
-          {"kind", &dropout.kind},
+          chosen("kind", dropout.kind, {"input", "unit_failed", "aborted", "device", "internal", "interrupted"},
+                 "a kind of error"),
           {"time_s", &dropout.time_s},
           {"utc_s", &dropout.utc_s},
           {"why", &dropout.why}};
@@ -214,13 +217,9 @@ Status JournalFile::move(const Move& move, double time_s) {
 Status JournalFile::dwell(const CompletedDwell& dwell) { return append(JournalType::dwell, texts_of(dwell)); }
 
 Status JournalFile::dropout(const Dropout& dropout) {
-  const ErrorKind kind = dropout.why.kind;
-  const char* const word = kind == ErrorKind::input         ? "input"
-                           : kind == ErrorKind::unit_failed ? "unit_failed"
-                                                            : "device";
   return append(JournalType::dropout,
-                texts_of(JournalDropout{dropout.unit + 1, dropout.serial, word, dropout.why.message, dropout.at.time_s,
-                                        dropout.at.utc_s}));
+                texts_of(JournalDropout{dropout.unit + 1, dropout.serial, dropout.why.kind, dropout.why.message,
+                                        dropout.at.time_s, dropout.at.utc_s}));
 }
 
 Status JournalFile::seal(double utc_s, const std::vector<std::string>& hashes) {
@@ -271,10 +270,7 @@ CompletedDwell read_dwell(KeyValueFile& file) {
 JournalContents::DroppedUnit read_dropout(KeyValueFile& file) {
   JournalDropout dropout;
   read_record(file, fields_of(dropout));
-  const ErrorKind kind = dropout.kind == "input"         ? ErrorKind::input
-                         : dropout.kind == "unit_failed" ? ErrorKind::unit_failed
-                                                         : ErrorKind::device;
-  return {dropout.place - 1, {kind, dropout.why}, true};
+  return {dropout.place - 1, {dropout.kind, dropout.why}, true};
 }
 
 JournalCommand read_command(KeyValueFile& file, bool moves) {

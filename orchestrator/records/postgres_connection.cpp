@@ -1,4 +1,5 @@
 // A results database on a server: PostgreSQL, over libpq without waiting calls, so that every wait has a deadline of ours.
+#include <fmt/format.h>
 #include <libpq-fe.h>
 #include <poll.h>
 
@@ -42,6 +43,18 @@ std::string as_utf8(std::string_view text) {
     text.remove_prefix(std::max<std::size_t>(length, 1));
   }
   return valid;
+}
+
+// Its text, as the type of its column reads it.
+std::string as_parameter(const SqlValue& value) {
+  if (const double* const number = std::get_if<double>(&value)) return format_number(*number);
+  if (const std::int64_t* const whole = std::get_if<std::int64_t>(&value)) return format_number(*whole);
+  if (const SqlBytes* const bytes = std::get_if<SqlBytes>(&value)) {
+    std::string text = "\\x";
+    for (const std::byte one : *bytes) text += fmt::format("{:02x}", std::to_integer<unsigned>(one));
+    return text;
+  }
+  return as_utf8(as_text(value));
 }
 
 // Of kind device: what may be mended by waiting, or by the server's administrator (resources, shutdown, conflict of two writers).
@@ -102,28 +115,14 @@ class PostgresConnection : public SqlConnection {
 
   Status run(const std::string& sql, const SqlRow& values, const std::function<void(SqlRow)>& each) override {
     if (!given_up_.empty()) return device_error(given_up_);
-    std::vector<std::string> texts(values.size());
-    std::vector<const char*> given(values.size(), nullptr);
-    std::vector<int> lengths(values.size(), 0), formats(values.size(), 0);
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      if (std::holds_alternative<std::monostate>(values[i])) continue;
-      if (const SqlBytes* const bytes = std::get_if<SqlBytes>(&values[i])) {
-        given[i] = bytes->empty() ? "" : reinterpret_cast<const char*>(bytes->data());
-        lengths[i] = static_cast<int>(bytes->size());
-        formats[i] = 1;
-        continue;
-      }
-      if (const double* const number = std::get_if<double>(&values[i]))
-        texts[i] = format_number(*number);
-      else if (const std::int64_t* const whole = std::get_if<std::int64_t>(&values[i]))
-        texts[i] = format_number(*whole);
-      else
-        texts[i] = as_utf8(as_text(values[i]));
-      given[i] = texts[i].c_str();
-    }
+    std::vector<std::string> texts;
+    for (const SqlValue& value : values) texts.push_back(as_parameter(value));
+    std::vector<const char*> given;
+    for (std::size_t i = 0; i < values.size(); ++i)
+      given.push_back(std::holds_alternative<std::monostate>(values[i]) ? nullptr : texts[i].c_str());
     const int sent = values.empty() ? PQsendQuery(handle_, sql.c_str())
                                     : PQsendQueryParams(handle_, sql.c_str(), static_cast<int>(values.size()), nullptr,
-                                                        given.data(), lengths.data(), formats.data(), 0);
+                                                        given.data(), nullptr, nullptr, 0);
     if (!sent) return failure(ErrorKind::device, sql, one_line(PQerrorMessage(handle_)));
     PQsetSingleRowMode(handle_);  // the memory of one row
     Status status;

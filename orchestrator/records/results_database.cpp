@@ -80,6 +80,21 @@ Fields fields_of(AttemptRecord& a) {
           {"calibration", &a.calibration}};
 }
 
+namespace {
+
+Fields with_id(AttemptRecord& attempt) {
+  Fields fields = fields_of(attempt);
+  fields.push_back({"id", &attempt.id});
+  return fields;
+}
+
+}  // namespace
+
+Fields fields_of(RecordFilter& f) {
+  return {{"unit", &f.unit},       {"station", &f.station}, {"part", &f.part},
+          {"verdict", &f.verdict}, {"from", &f.from},       {"to", &f.to}};
+}
+
 Status check(const RecordFilter& filter) {
   for (const auto& [option, text] : {std::pair{"--from", &filter.from}, std::pair{"--to", &filter.to}})
     if (!begins_a_time(*text))
@@ -96,15 +111,13 @@ Status check(const RecordFilter& filter) {
 }
 
 Status ResultsDatabase::check_known(const RecordFilter& filter) const {
-  const std::pair<std::string, const std::string*> words[] = {
-      {"unit", &filter.unit}, {"station", &filter.station}, {"part", &filter.part}};
-  for (const auto& [column, wanted] : words) {
-    if (wanted->empty()) continue;
+  for (const auto& [column, wanted] : texts_of(filter)) {
+    if (column != "unit" && column != "station" && column != "part") continue;
     std::vector<std::string> there;
     TRY(connection_->run("SELECT " + column + " FROM attempt UNION SELECT " + column + " FROM calibration ORDER BY 1",
                          {}, [&](const SqlRow& row) { there.push_back(as_text(row.front())); }));
     std::erase(there, "");
-    TRY(expect_one_of(column, *wanted, there));
+    TRY(expect_one_of(column, wanted, there));
   }
   return {};
 }
@@ -112,61 +125,79 @@ Status ResultsDatabase::check_known(const RecordFilter& filter) const {
 Status ResultsDatabase::note(AttemptRecord a) {
   SqlRow row = row_of(fields_of(a));
   if (a.run.empty()) row.front() = {};
-  static_cast<void>(TRY(add_attempt_row(*connection_, key_of(a, row), row)));
+  row.insert(row.begin(), key_of(a, row));
+  static_cast<void>(TRY(insert(*connection_, "attempt_note", {row}, unique_attempt)));
   return {};
 }
 
 Result<std::vector<AttemptRecord>> ResultsDatabase::attempts(const RecordFilter& filter) const {
   std::vector<AttemptRecord> found;
-  const auto take = [&](const SqlRow& row) {
-    AttemptRecord& attempt = found.emplace_back();
-    Fields fields = fields_of(attempt);
-    fields.push_back({"id", &attempt.id});
-    take_row(row, fields);
-  };
+  AttemptRecord named;
   TRY(connection_->run(
-      "SELECT " + attempt_columns() + ", id FROM attempt WHERE " + where("outcome") +
+      "SELECT " + columns_of(with_id(named)) + " FROM attempt WHERE " + where("outcome") +
           (filter.newest > 0 ? " ORDER BY time_utc DESC, id DESC LIMIT " + std::to_string(filter.newest)
                              : " ORDER BY time_utc, id"),
-      values_of(filter), take));
+      values_of(filter), [&](const SqlRow& row) { take_row(row, with_id(found.emplace_back())); }));
   if (filter.newest > 0) std::ranges::reverse(found);
   return found;
 }
 
 namespace {
 
-std::string record_value(const ParameterFile& file, std::string_view column) {
-  const std::string* const value = find_further(file, "record." + std::string(column));
-  return value ? *value : "";
+// The row of a parameter file: a column that is none of its facts is a key of its verdict or its record.
+SqlRow row_of(const ParameterFile& file, const std::string& text, int sessions, const std::string& folder) {
+  const std::string* const result = find_further(file, "verdict.result");
+  std::map<std::string, SqlValue> facts = {{"unit", file.unit_serial},
+                                           {"time_utc", file.time_utc},
+                                           {"method", file.method},
+                                           {"recording_hash", file.recording_hash},
+                                           {"software_version", file.software_version},
+                                           {"simulated", std::int64_t{file.simulated}},
+                                           {"verdict", result ? *result : "not_judged"},
+                                           {"sessions", std::int64_t{sessions}},
+                                           {"folder", folder},
+                                           {"parameter_file", text},
+                                           {"model", file.model},
+                                           {"content", hash_of_text(text)}};
+  for (const auto& [key, word] : file.further)
+    if (key.starts_with("verdict.") || key.starts_with("record.")) facts.emplace(key.substr(key.find('.') + 1), word);
+  facts.emplace("diagnosis", "not_made");
+  SqlRow row;
+  for (const std::string& column : columns_in("calibration")) row.push_back(facts.emplace(column, "").first->second);
+  return row;
 }
 
-// Which of a row's entries its parameter file, which has a checksum, does not have like that. Empty: none.
-std::string defect_of(const StoredCalibration& row, const std::string& text, const std::string& where) {
-  const Result<ParameterFile> file = parse_parameter_file(text, where + ", parameter file");
-  if (!file) return file.error().message;
-  const auto differs = [&where](std::string_view what) {
-    return where + ": " + std::string(what) + " is not that of the parameter file in the row";
-  };
-  const std::pair<const char*, bool> entries[] = {{"unit", row.unit == file->unit_serial},
-                                                  {"time_utc", row.time_utc == file->time_utc},
-                                                  {"recording_hash", row.recording_hash == file->recording_hash},
-                                                  {"simulated", row.simulated == file->simulated},
-                                                  {"station", row.station == record_value(*file, "station")},
-                                                  {"operator", row.operator_name == record_value(*file, "operator")}};
-  for (const auto& [name, same] : entries) {
-    if (!same) return differs(name);
+std::vector<StoredValue> values_in(const ParameterFile& file) {
+  std::vector<StoredValue> values;
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
+    const std::string key = parameter_key(i);
+    const std::optional<JudgedValue> judged = recorded_judgement(file, key);
+    values.push_back({key, file.parameters[static_cast<Eigen::Index>(i)], file.sigma[i],
+                      judged ? judged->limit : Limit{}, judged ? std::string(to_string(judged->verdict)) : ""});
   }
-  const std::string* const judged = find_further(*file, "verdict.result");
-  const std::string said = judged ? *judged : "not_judged";
-  if (said != row.verdict) return differs("verdict");
-  for (const StoredValue& value : row.values) {
-    const auto key = std::ranges::find(parameter_keys, value.key);
-    if (key == parameter_keys.end()) return differs(value.key);
-    const auto i = static_cast<std::size_t>(key - parameter_keys.begin());
-    if (value.value != file->parameters[static_cast<Eigen::Index>(i)] || value.sigma != file->sigma[i])
-      return differs(value.key);
+  return values;
+}
+
+std::string not_of_file(const std::string& where, const std::string& what) {
+  return where + ": " + what + " is not that of the parameter file in the row";
+}
+
+// Values and defect: the first of the columns that its parameter file, which has a checksum, does not have like that.
+void read_file(const SqlRow& row, const std::string& where, StoredCalibration& c) {
+  const Result<ParameterFile> file = parse_parameter_file(c.parameter_file, where + ", parameter file");
+  if (file) {
+    c.values = values_in(*file);
+    const SqlRow made = row_of(*file, c.parameter_file, c.sessions, c.folder);
+    const std::vector<std::string> columns = columns_in("calibration");
+    for (std::size_t i = columns.size(); i-- > 0;) {
+      // A file has only what can stand in one of its lines.
+      const bool unsaid = made[i] == SqlValue("") && (columns[i] == "reason" || columns[i] == "verification");
+      if (row[i] != made[i] && !unsaid) c.defect = not_of_file(where, columns[i]);
+    }
+  } else {
+    c.defect = file.error().message;
   }
-  return "";
+  if (!c.defect.empty()) c.verdict = "damaged";
 }
 
 }  // namespace
@@ -181,26 +212,25 @@ Fields fields_of(StoredCalibration& c) {
           {"simulated", &c.simulated},
           {"sessions", &c.sessions},
           {"recording_hash", &c.recording_hash},
-          {"folder", &c.folder}};
+          {"folder", &c.folder},
+          {"parameter_file", &c.parameter_file}};
 }
 
-Status ResultsDatabase::check_version() const {
+// Whether there are tables, of this version.
+Result<bool> ResultsDatabase::has_tables() const {
   const int version = TRY(version_of(*connection_));
-  if (version == 0 || version == database_version) return {};
+  if (version == 0 || version == database_version) return version != 0;
   return input_error(connection_->name() + ": results database: its schema has version " + std::to_string(version) +
                      ", expected " + std::to_string(database_version) + ": another turncal made it");
 }
 
-// An empty one gets its tables, whole or not at all; of stations that do so at once the second finds it done.
+// An empty one gets its tables, whole or not at all; of stations that do so at once the second finds it done. keep: false only tries.
 Status ResultsDatabase::make_tables(bool keep) const {
-  TRY(check_version());
-  const int version = TRY(version_of(*connection_));
-  if (keep && version == database_version) return {};
-  if (keep) return in_transaction(*connection_, [this] { return turncal::make_tables(*connection_); });
+  if (TRY(has_tables()) && keep) return {};
   TRY(connection_->begin());
   const Status status = turncal::make_tables(*connection_);
-  const Status undone = connection_->run("ROLLBACK");
-  return status ? undone : status;
+  const Status ended = connection_->run(status && keep ? "COMMIT" : "ROLLBACK");
+  return status ? ended : status;
 }
 
 Result<ResultsDatabase> ResultsDatabase::open(const std::string& name, const SqlPatience& patience) {
@@ -230,107 +260,119 @@ Result<ResultsDatabase> ResultsDatabase::open_to_read(const std::string& name, c
   std::shared_ptr<SqlConnection> connection =
       TRY(server ? connect_to_server(name, false, patience) : connect_to_file(name, SQLITE_OPEN_READONLY, patience));
   ResultsDatabase database(std::move(connection));
-  TRY(database.check_version());
-  const int version = TRY(version_of(*database.connection_));
-  database.stored_version_ = version;
-  if (version == database_version) return database;
+  if (TRY(database.has_tables())) return database;
   if (server)
     return input_error(name +
                        ": results database: holds no tables: expected one that a station or `turncal records "
                        "roles` has written to");
-  // Reading changes nothing: an empty one gets its tables in memory.
-  const std::string image = TRY(database.image());
-  ResultsDatabase copy = TRY(of_image(image, name));
-  copy.stored_version_ = database.stored_version_;
-  TRY(copy.make_tables(true));
-  return copy;
+  ResultsDatabase empty = TRY(in_memory(name));  // reading changes nothing
+  TRY(empty.make_tables(true));
+  return empty;
 }
 
-Status ResultsDatabase::add(const ParameterFile& file, const VerdictReport& verdict, AttemptRecord attempt,
-                            const SqlBytes& statistics) {
-  const std::string text = TRY(format_parameter_file(file));
-  SqlRow row = {file.unit_serial,
-                file.time_utc,
-                file.method,
-                file.recording_hash,
-                file.software_version,
-                std::int64_t{file.simulated},
-                std::string(to_string(verdict.verdict)),
-                verdict.rule,
-                std::int64_t{attempt.sessions},
-                attempt.folder,
-                text,
-                file.model,
-                verdict.diagnosis,
-                verdict.reason,
-                verdict.verification,
-                hash_of_text(text)};
-  const std::vector<std::string_view> columns = split(calibration_columns, ',');
-  for (std::size_t i = row.size(); i < columns.size(); ++i) row.emplace_back(record_value(file, columns[i]));
-  std::vector<SqlRow> values;
-  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
-    const std::string key(parameter_keys[i]);
-    const auto judged =
-        std::ranges::find_if(verdict.values, [&key](const JudgedValue& value) { return value.key == key; });
-    const bool is_judged = judged != verdict.values.end();
-    values.push_back({key, file.parameters[static_cast<Eigen::Index>(i)], as_value(file.sigma[i]),
-                      as_value(is_judged ? judged->limit.min : std::nullopt),
-                      as_value(is_judged ? judged->limit.max : std::nullopt),
-                      is_judged ? std::string(to_string(judged->verdict)) : ""});
-  }
+Status ResultsDatabase::add(const ParameterFile& file, AttemptRecord attempt, const SqlBytes& statistics) {
+  const SqlRow row = row_of(file, TRY(format_parameter_file(file)), attempt.sessions, attempt.folder);
   return in_transaction(*connection_, [&]() -> Status {
-    const AddedRow added = TRY(add_calibration_row(*connection_, row, values, statistics));
+    const AddedRow added = TRY(add_calibration(*connection_, row));
     attempt.calibration = added.id;
+    std::vector<SqlRow> values;
+    for (const StoredValue& v : values_in(file))
+      values.push_back(
+          {added.id, v.key, v.value, as_value(v.sigma), as_value(v.limit.min), as_value(v.limit.max), v.verdict});
+    if (added.is_new) TRY(insert(*connection_, "value", values));
+    if (added.is_new && !statistics.empty()) TRY(insert(*connection_, "statistics", {{added.id, statistics}}));
     return note(attempt);
   });
 }
 
-Status ResultsDatabase::each_calibration(bool with_statistics, const std::function<void(KeptCalibration)>& each) const {
+Status ResultsDatabase::each_calibration(bool with_statistics,
+                                         const std::function<void(const StoredCalibration&)>& each) const {
+  StoredCalibration named;
   const std::string asked = with_statistics ? ", contents" : "";
   const std::string join = with_statistics ? " LEFT JOIN statistics ON statistics.calibration = id" : "";
   return connection_->run(
-      "SELECT id, folder, parameter_file" + asked + " FROM newest_calibration" + join + " ORDER BY id", {},
+      "SELECT " + columns_of(fields_of(named)) + asked + " FROM newest_calibration" + join + " ORDER BY id", {},
       [&](const SqlRow& row) {
-        each({as_integer(row[0]), as_text(row[1]), as_text(row[2]), with_statistics ? as_bytes(row[3]) : SqlBytes()});
+        StoredCalibration one;
+        take_row(row, fields_of(one));
+        if (with_statistics) one.statistics = as_bytes(row.back());
+        each(one);
       });
 }
 
 Result<std::vector<StoredCalibration>> ResultsDatabase::list(const RecordFilter& filter, const std::string& key) const {
   std::vector<StoredCalibration> found;
-  std::vector<std::string> files;
-  std::map<std::int64_t, std::size_t> place;
   StoredCalibration named;
-  TRY(connection_->run("SELECT " + columns_of(fields_of(named)) + ", parameter_file FROM newest_calibration WHERE " +
-                           where("verdict") + " ORDER BY time_utc, id",
+  const Fields fields = fields_of(named);
+  TRY(connection_->run("SELECT " + columns_of(fields) + ", " + columns_of("calibration") +
+                           " FROM newest_calibration WHERE " + where("verdict") + " ORDER BY time_utc, id",
                        values_of(filter), [&](const SqlRow& row) {
-                         StoredCalibration& calibration = found.emplace_back();
-                         take_row(row, fields_of(calibration));
-                         files.push_back(as_text(row.back()));
-                         place[calibration.id] = found.size() - 1;
+                         StoredCalibration& c = found.emplace_back();
+                         take_row(row, fields_of(c));
+                         read_file({row.begin() + std::ssize(fields), row.end()},
+                                   connection_->name() + ": row " + std::to_string(c.id), c);
+                         if (!key.empty()) std::erase_if(c.values, [&](const StoredValue& v) { return v.key != key; });
                        }));
-  SqlRow wanted = values_of(filter);
-  wanted.emplace_back(key);
-  TRY(connection_->run(
-      "SELECT calibration, key, value, sigma, limit_min, limit_max, verdict FROM value WHERE calibration IN (SELECT id "
-      "FROM newest_calibration WHERE " +
-          where("verdict") + ") AND ($7 = '' OR key = $7)",
-      wanted, [&](const SqlRow& row) {
-        const auto of = place.find(as_integer(row[0]));
-        if (of == place.end()) return;  // added after the first question
-        found[of->second].values.push_back({as_text(row[1]),
-                                            as_number(row[2]).value_or(0.0),
-                                            as_number(row[3]),
-                                            {as_number(row[4]), as_number(row[5])},
-                                            as_text(row[6])});
-      }));
-  const auto rank = [](const StoredValue& value) { return std::ranges::find(parameter_keys, value.key); };
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    StoredCalibration& c = found[i];
-    std::ranges::sort(c.values, [&](const auto& a, const auto& b) { return rank(a) < rank(b); });
-    c.defect = defect_of(c, files[i], connection_->name() + ": row " + std::to_string(c.id));
-    if (!c.defect.empty()) c.verdict = "damaged";
-  }
   return found;
+}
+
+Status ResultsDatabase::check() const {
+  if (connection_->sqlite()) TRY(check_pages());  // a server sees to that itself
+  const std::vector<StoredCalibration> calibrations = TRY(list({}, ""));
+  std::map<std::int64_t, const StoredCalibration*> by_id;
+  for (const StoredCalibration& c : calibrations) {
+    if (!c.defect.empty()) return input_error(c.defect);
+    by_id[c.id] = &c;
+  }
+  std::string defect;
+  TRY(connection_->run("SELECT calibration, key, value, sigma FROM value", {}, [&](const SqlRow& row) {
+    const auto of = by_id.find(as_integer(row[0]));
+    const auto same = [&row](const StoredValue& v) {
+      return v.key == as_text(row[1]) && v.value == as_number(row[2]) && v.sigma == as_number(row[3]);
+    };
+    if (defect.empty() && of != by_id.end() && std::ranges::none_of(of->second->values, same))
+      defect = not_of_file(connection_->name() + ": row " + std::to_string(of->first), as_text(row[1]));
+  }));
+  static_cast<void>(TRY(attempts({})));
+  return defect.empty() ? Status{} : input_error(defect);
+}
+
+DataTable attempts_table(const std::vector<AttemptRecord>& all) {
+  const std::vector<std::string_view> words = split_words(
+      "id unit began_utc time_utc outcome reason station part revision operator ambient simulated temperature_min_c "
+      "temperature_max_c residual diagnosis recorded_s sessions repeated_dwells lost_samples calibration folder");
+  DataTable table({words.begin(), words.end()});
+  for (AttemptRecord attempt : all) {
+    const Fields fields = with_id(attempt);
+    table.begin_row();
+    for (const std::string_view word : words) add_cell(field_named(word, fields), table);
+  }
+  return table;
+}
+
+DataTable calibrations_table(const std::vector<StoredCalibration>& all) {
+  const auto exported = [](StoredCalibration& c) {
+    Fields fields = fields_of(c);
+    fields.pop_back();  // the parameter file
+    return fields;
+  };
+  std::vector<std::string> columns;
+  StoredCalibration named;
+  for (const Field& field : exported(named)) columns.push_back(field.key);
+  for (const std::string_view key : parameter_keys)
+    for (const char* what : {"", "sigma."}) columns.push_back(what + std::string(key));
+  for (const std::string_view key : parameter_keys)
+    for (const char* what : {"min.", "max.", "verdict."}) columns.push_back(what + std::string(key));
+  DataTable table(std::move(columns));
+  for (StoredCalibration c : all) {
+    add_row(exported(c), table);
+    for (StoredValue& v : c.values)
+      for (const Field& field : Fields{{"", &v.value}, {"", &v.sigma}}) add_cell(field, table);
+    for (StoredValue& v : c.values)
+      for (const Field& field : Fields{{"", &v.limit.min}, {"", &v.limit.max}, {"", &v.verdict}})
+        add_cell(field, table);
+  }
+  return table;
 }
 
 }  // namespace turncal

@@ -58,6 +58,7 @@ struct RecordFilter {
               to = {};  // times of the end, or their beginning: 2026-01-31 as `to` is the whole of that day, UTC
   int newest = 0;       // of attempts: at most so many, the newest; 0: all
 };
+Fields fields_of(RecordFilter& filter);  // the words
 
 // An input error unless from and to are the beginning of a time as 2026-01-31T12:00:00Z, from not after to, and
 // the verdict is a word that there is.
@@ -70,32 +71,31 @@ struct StoredValue {
   Limit limit;          // empty: not judged
   std::string verdict;  // empty: not judged
 };
-
+// A row of `calibration`, and what the parameter file in it says.
 struct StoredCalibration {
   std::int64_t id = 0;
   std::string unit, time_utc, station, operator_name, verdict, folder, recording_hash;
   bool simulated = false;
   int sessions = 1;
+  std::string parameter_file;       // the whole text
   std::vector<StoredValue> values;  // as asked for
-  // What of the row is not as in the parameter file that it holds; its verdict then reads "damaged". Empty: all is.
+  SqlBytes statistics;              // of statistics.tcs; empty: none, or not asked for
+  // What of the row is not as in its parameter file; its verdict then reads "damaged". Empty: all is.
   std::string defect;
 };
 
-// Columns of newest_calibration, in the order of a table for other programs.
+// Columns of newest_calibration, in the order of a table for other programs, and the parameter file.
 Fields fields_of(StoredCalibration& calibration);
-
-// What a row holds that can be worked on again.
-struct KeptCalibration {
-  std::int64_t id = 0;
-  std::string folder, parameter_file;  // the whole text
-  SqlBytes statistics;                 // of statistics.tcs; empty: none, or not asked for
-};
 
 // How many rows were not there before.
 struct CopiedRows {
   std::int64_t attempts = 0;  // rows of attempt_note
   std::int64_t calibrations = 0;
 };
+
+// Every column but the text of files, for other programs (docs/production.md); of calibrations with their 24 values, sigmas and limits.
+DataTable attempts_table(const std::vector<AttemptRecord>& all);
+DataTable calibrations_table(const std::vector<StoredCalibration>& all);
 
 class ResultsDatabase {
  public:
@@ -107,8 +107,7 @@ class ResultsDatabase {
 
   // On disk when they return. The attempt is that of the calibration.
   // statistics: the bytes of statistics.tcs; empty: there are none.
-  Status add(const ParameterFile& file, const VerdictReport& verdict, AttemptRecord attempt,
-             const SqlBytes& statistics = {});
+  Status add(const ParameterFile& file, AttemptRecord attempt, const SqlBytes& statistics = {});
   Status note(AttemptRecord attempt);
 
   // Oldest first. key: values of that parameter only ("" for all of them).
@@ -117,9 +116,8 @@ class ResultsDatabase {
   // An input error that says what there is, where no row at all has the unit, station or part that is asked for.
   Status check_known(const RecordFilter& filter) const;
   // The newest of each recording, one at a time.
-  Status each_calibration(bool with_statistics, const std::function<void(KeptCalibration)>& each) const;
+  Status each_calibration(bool with_statistics, const std::function<void(const StoredCalibration&)>& each) const;
 
-  int stored_version() const { return stored_version_; }  // of the schema of one that was opened to read
   Status check() const;  // an error that names the first defect of pages, references and rows
   // An SQLite file of what it is at one moment, while others write.
   Result<std::string> image() const;
@@ -133,11 +131,10 @@ class ResultsDatabase {
  private:
   explicit ResultsDatabase(std::shared_ptr<SqlConnection> connection) : connection_(std::move(connection)) {}
   static Result<ResultsDatabase> in_memory(const std::string& name);
-  Status check_version() const;
+  Result<bool> has_tables() const;
   Status make_tables(bool keep) const;
   Status check_pages() const;
   std::shared_ptr<SqlConnection> connection_;
-  int stored_version_ = 0;
 };
 
 // Where a station writes down its attempts: into its database or, where that is a server, first into a file of its own (the outbox), from

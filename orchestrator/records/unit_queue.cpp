@@ -86,13 +86,18 @@ const UnitOutcome* find_outcome(const std::vector<UnitOutcome>& outcomes, const 
   return found == outcomes.end() ? nullptr : &*found;
 }
 
+Standing standing_of(const UnitOutcome* outcome) {
+  const auto is = [outcome](const char* word) { return outcome->outcome == word; };
+  if (!outcome || is(again_outcome)) return Standing::waits;
+  if (is("not_judged") || is("captured")) return Standing::unjudged;
+  return is("pass") || is("conditional_pass") ? Standing::passed : Standing::not_passed;
+}
+
 std::vector<std::string> next_units(const std::vector<std::string>& queue, const std::vector<UnitOutcome>& outcomes,
                                     std::size_t most) {
   std::vector<std::string> units;
-  for (const std::string& unit : queue) {
-    const UnitOutcome* outcome = find_outcome(outcomes, unit);
-    if (units.size() < most && (!outcome || outcome->outcome == again_outcome)) units.push_back(unit);
-  }
+  for (const std::string& unit : queue)
+    if (units.size() < most && standing_of(find_outcome(outcomes, unit)) == Standing::waits) units.push_back(unit);
   return units;
 }
 

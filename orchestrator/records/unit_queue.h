@@ -27,7 +27,10 @@ Fields fields_of(UnitOutcome& outcome);
 
 Result<std::vector<std::string>> read_queue(const std::string& path);
 Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path);  // of QUEUE.state; none when it is not there
-const UnitOutcome* find_outcome(const std::vector<UnitOutcome>& outcomes, const std::string& unit);
+const UnitOutcome* find_outcome(const std::vector<UnitOutcome>& outcomes, const std::string& unit);  // null: none yet
+// What an outcome comes to; not_passed: somebody should look at the unit.
+enum class Standing { waits, passed, unjudged, not_passed };
+Standing standing_of(const UnitOutcome* outcome);
 // The first units of the queue, `most` at most, that have no outcome yet or are to be done again.
 std::vector<std::string> next_units(const std::vector<std::string>& queue, const std::vector<UnitOutcome>& outcomes,
                                     std::size_t most);

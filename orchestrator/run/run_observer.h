@@ -71,6 +71,9 @@ struct Dropout {
   Error why;  // "step 3 (3/14) dwelling at ...: ..."
   RunSnapshot at;
 };
+inline std::string dropout_words(const std::string& serial, const Error& why) {
+  return "unit " + serial + " dropped out at " + why.message;
+}
 
 class RunObserver {
  public:

@@ -149,7 +149,7 @@ StationRun::MaybeEvent StationRun::take(RunEvent now) {
   const bool stop = transition.action == RunAction::stop_table || transition.action == RunAction::abort_table;
   MaybeEvent pending;
   if (stop) pending = perform(transition.action, now);
-  if (hooks_.observer) hooks_.observer->on_transition(record);
+  for (RunObserver* const one : hooks_.observers) one->on_transition(record);
   if (changed && state_ == RunState::selecting) hold();
   const auto write = [journal = hooks_.journal, record = std::move(record)] {
     return journal ? journal->transition(record) : Status{};
@@ -374,7 +374,8 @@ RunSnapshot StationRun::snapshot() const {
 }
 
 void StationRun::tell_progress() {
-  if (hooks_.observer) hooks_.observer->on_progress(snapshot());
+  const RunSnapshot at = hooks_.observers.empty() ? RunSnapshot{} : snapshot();
+  for (RunObserver* const one : hooks_.observers) one->on_progress(at);
 }
 
 }  // namespace turncal

@@ -89,7 +89,7 @@ struct StationJob {
 };
 
 struct StationHooks {
-  RunObserver* observer = nullptr;                  // called in the loop: it must not block
+  std::vector<RunObserver*> observers;              // called in the loop: they must not block
   const std::atomic<int>* stop_requests = nullptr;  // counts the requests to stop now
   std::function<Status()> calibrate;                // after the recording is sealed; results must be durable on success
   RunJournal* journal = nullptr;

@@ -244,7 +244,7 @@ StationRun::MaybeEvent StationRun::fail(UnitLane& lane, RunEvent event, const Er
   const Error why{error.kind, place() + ": " + error.message};
   lane.drop(why);
   const Dropout dropout{static_cast<std::size_t>(&lane - lanes_.data()), lane.serial(), why, snapshot()};
-  if (hooks_.observer) hooks_.observer->on_dropout(dropout);
+  for (RunObserver* const one : hooks_.observers) one->on_dropout(dropout);
   return journalled([dropout](RunJournal& journal) { return journal.dropout(dropout); });
 }
 

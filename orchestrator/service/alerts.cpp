@@ -38,7 +38,7 @@ std::vector<Event> events_in(const std::vector<StationView>& stations, const std
   std::vector<Event> events;
   for (const StationView& v : stations) {
     for (const UnitOutcome& o : v.outcomes)
-      if (wants_a_look(o.outcome))
+      if (standing_of(&o) == Standing::not_passed)
         events.push_back({{"unit", o.unit, "", o.reason, o.outcome, v.simulated}, v.name, o.time_utc});
     const auto stands = [&](const char* event, const std::string& message) {
       events.push_back({{event, "", v.folder, message, "", v.simulated}, v.name, ""});

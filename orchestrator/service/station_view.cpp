@@ -142,7 +142,7 @@ bool among(const std::vector<std::string>& units, const std::string& unit) {
 std::optional<double> interval_of(const std::vector<UnitOutcome>& outcomes) {
   std::vector<double> times, intervals;
   for (const UnitOutcome& outcome : outcomes)
-    if (const std::optional<double> time = parse_utc(outcome.time_utc); time && outcome.outcome != "again")
+    if (const auto time = parse_utc(outcome.time_utc); time && standing_of(&outcome) != Standing::waits)
       times.push_back(*time);
   std::ranges::sort(times);
   for (std::size_t i = times.size() > looked_at ? times.size() - looked_at : 1; i < times.size(); ++i)
@@ -173,10 +173,11 @@ void show_queue(const std::vector<std::string>& queue, const std::vector<UnitOut
   std::size_t looks = 0;
   for (const std::string& unit : queue) {
     const UnitOutcome* outcome = find_outcome(outcomes, unit);
-    if (!outcome || outcome->outcome == "again") continue;
+    const Standing standing = standing_of(outcome);
+    if (standing == Standing::waits) continue;
     ++view.done;
-    view.passed += outcome->outcome == "pass" || outcome->outcome == "conditional_pass";
-    if (wants_a_look(outcome->outcome) && ++looks <= shown)
+    view.passed += standing == Standing::passed;
+    if (standing == Standing::not_passed && ++looks <= shown)
       view.for_a_person.push_back("unit " + unit + ": " + outcome->outcome +
                                   (outcome->reason.empty() ? "" : ": " + outcome->reason));
   }
@@ -255,11 +256,6 @@ StationView unreadable(const ServedStation& station, const Error& error) {
 }
 
 }  // namespace
-
-bool wants_a_look(const std::string& outcome) {
-  return outcome != "pass" && outcome != "conditional_pass" && outcome != "captured" && outcome != "not_judged" &&
-         outcome != "again";
-}
 
 std::string_view to_string(StationState state) {
   constexpr std::string_view words[] = {"running", "results", "mounting", "stopped", "idle", "unreadable"};

@@ -103,9 +103,6 @@ struct StationView {
   std::optional<double> silent_s;     // a run that goes on has written nothing for so long: 10 min or more
 };
 
-// Whether somebody should look at a unit with that outcome: it did not pass.
-bool wants_a_look(const std::string& outcome);
-
 // now_utc_s: by the clock of this machine.
 StationView look_at(const ServedStation& station, double now_utc_s);
 

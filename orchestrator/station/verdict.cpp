@@ -206,52 +206,50 @@ void add_verdict(const VerdictReport& report, ParameterFile& file) {
   for (const JudgedValue& judged : report.values) add("verdict." + judged.key, judgement_text(judged));
 }
 
+std::optional<JudgedValue> recorded_judgement(const ParameterFile& file, const std::string& key) {
+  const std::string* const text = find_further(file, "verdict." + key);
+  JudgedValue judged{.key = key, .value = std::nullopt, .limit = {}};
+  return text && read_judgement(*text, judged) ? std::optional(judged) : std::nullopt;
+}
+
 Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<double, parameter_count>& sigma) {
-  const auto recorded = [&file](const std::string& key) {
-    const std::string* const text = find_further(file, "verdict." + key);
-    return text ? *text : std::string();
+  const auto place = [](std::string_view key) {
+    return static_cast<std::size_t>(std::ranges::find(parameter_keys, key) - parameter_keys.begin());
   };
   VerdictReport report, worse;
-  report.verdict = verdict_from(recorded("result")).value_or(UnitVerdict::not_judged);
-  report.rule = recorded("rule");
-  report.reason = recorded("reason");
-  for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
-    const std::string key(parameter_keys[i]), text = recorded(key);
-    if (text.empty()) continue;
-    const double value = file.parameters[static_cast<Eigen::Index>(i)];
-    JudgedValue judged{.key = key, .value = value, .limit = {}};
-    if (!read_judgement(text, judged))
-      return input_error("key 'verdict." + key + "' = " + turncal::quoted(text) +
-                         ": expected a verdict, its limits and its guard band");
-    if (const double own = file.sigma[i].value_or(0.0); own > 0.0) {
-      const double guard_factor = judged.guard_band / (2.0 * own);
-      judged.guard_band = 2.0 * guard_factor * sigma[i];
-      const UnitVerdict again = judge_value(value, sigma[i], judged.limit, guard_factor);
-      if (again > judged.verdict) {
-        judged.verdict = again;
-        worse.values.push_back(judged);
-      }
-    }
-    report.verdict = std::max(report.verdict, judged.verdict);
-    report.values.push_back(std::move(judged));
-  }
-  // What was judged of sigmas and beside the parameters stands as it is.
+  const Fields words = fields_of(report);
   for (const auto& [name, text] : file.further) {
-    constexpr std::string_view words[] = {"result", "reason", "diagnosis", "rule", "verification"};
     if (!name.starts_with("verdict.")) continue;
     const std::string key = name.substr(8);
-    const auto same = [&key](std::string_view one) { return one == key; };
-    if (std::ranges::any_of(words, same) || std::ranges::any_of(parameter_keys, same)) continue;
-    JudgedValue judged{.key = key, .value = std::nullopt, .limit = {}};
-    if (!read_judgement(text, judged))
+    const auto word = std::ranges::find(words, key, &Field::key);
+    if (word != words.end()) {
+      static_cast<void>(set_text(*word, text));
+      continue;
+    }
+    std::optional<JudgedValue> judged = recorded_judgement(file, key);
+    if (!judged)
       return input_error("key 'verdict." + key + "' = " + turncal::quoted(text) +
                          ": expected a verdict, its limits and its guard band");
-    for (std::size_t i = 0; i < parameter_keys.size(); ++i)
-      if (key == "sigma." + parameter_key(i)) judged.value = file.sigma[i];
-    if (key == "residual") judged.value = residual_of(file);
-    report.verdict = std::max(report.verdict, judged.verdict);
-    report.values.push_back(std::move(judged));
+    // What was judged of sigmas and beside the parameters stands as it is.
+    if (key == "residual") judged->value = residual_of(file);
+    if (key.starts_with("sigma.") && place(key.substr(6)) < parameter_count)
+      judged->value = file.sigma[place(key.substr(6))];
+    if (const std::size_t i = place(key); i < parameter_count) {
+      const double value = file.parameters[static_cast<Eigen::Index>(i)];
+      judged->value = value;
+      if (const double own = file.sigma[i].value_or(0.0); own > 0.0) {
+        const double guard_factor = judged->guard_band / (2.0 * own);
+        judged->guard_band = 2.0 * guard_factor * sigma[i];
+        const UnitVerdict again = judge_value(value, sigma[i], judged->limit, guard_factor);
+        if (again > judged->verdict) {
+          judged->verdict = again;
+          worse.values.push_back(*judged);
+        }
+      }
+    }
+    report.values.push_back(std::move(*judged));
   }
+  for (const JudgedValue& judged : report.values) report.verdict = std::max(report.verdict, judged.verdict);
   if (const std::vector<std::string> lines = describe(worse); !lines.empty())
     report.reason += (report.reason.empty() ? "" : "; ") + and_more(words_of(worse.values.front()), lines.size());
   return report;

@@ -100,8 +100,10 @@ void judge_trust(const std::string& distrust, VerdictReport& report);
 // Takes a north seeking into the verdict; `figures`: what was found and the limits, in a few words.
 void judge_verification(UnitVerdict found, const std::string& figures, VerdictReport& report);
 void add_verdict(const VerdictReport& report, ParameterFile& file);
+// What add_verdict wrote of one key, without the value; empty: nothing, or not in its form.
+std::optional<JudgedValue> recorded_judgement(const ParameterFile& file, const std::string& key);
 // What add_verdict wrote, with the parameters judged again by these sigmas, which hold more than the estimate's own; the worse of both
-// counts. `values`: the parameters with a limit. An input error where a verdict.<parameter> is not of its form.
+// counts. `values`: those with a limit. An input error where a verdict.<parameter> is not of its form.
 Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<double, parameter_count>& sigma);
 // "limits -0.01 .. 0.01", "at most 0.008"
 std::string limits_words(const Limit& limit);

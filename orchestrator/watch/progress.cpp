@@ -41,7 +41,7 @@ std::string format_transition(const TransitionRecord& record) {
 }
 
 std::string format_dropout(const Dropout& dropout) {
-  return head_of(dropout.at) + "unit " + dropout.serial + " dropped out at " + dropout.why.message;
+  return head_of(dropout.at) + dropout_words(dropout.serial, dropout.why);
 }
 
 Result<RunLog> RunLog::create(const std::string& path, std::string tag) {

@@ -43,7 +43,7 @@ void LiveStatus::on_transition(const TransitionRecord& record) {
 
 void LiveStatus::on_dropout(const Dropout& dropout) {
   const std::lock_guard lock(mutex_);
-  last_error_ = "unit " + dropout.serial + " dropped out at " + dropout.why.message;
+  last_error_ = dropout_words(dropout.serial, dropout.why);
 }
 
 void LiveStatus::on_progress(const RunSnapshot& snapshot) {
@@ -86,7 +86,7 @@ void LiveStatus::add(std::span<const ImuSample> samples) {
   }
 }
 
-void LiveStatus::show_known(const std::string& text, std::vector<Known> known) {
+void LiveStatus::show_known(const std::string& text, std::vector<NeededSigma> known) {
   const std::lock_guard lock(mutex_);
   known_text_ = text;
   known_ = std::move(known);
@@ -173,11 +173,11 @@ std::string LiveStatus::json() const {
   o.text("ended", ended_);
   o.raw("operator", operator_ ? json_of(*operator_) : "null");
   o.text("known_text", known_text_);
-  for (const Known& one : known_) {
+  for (const NeededSigma& one : known_) {
     JsonObject bar;
-    bar.text("key", one.key);
-    const std::string unit = unit_text(quantity_unit(one.key));
-    bar.text("name", quantity_name(one.key) + (unit.empty() ? "" : ", " + unit));
+    const std::string key = parameter_key(one.parameter), unit = unit_text(quantity_unit(key));
+    bar.text("key", key);
+    bar.text("name", quantity_name(key) + (unit.empty() ? "" : ", " + unit));
     bar.number("sigma", one.sigma);
     bar.number("needed", one.needed);
     known.push_back(bar.end());

@@ -45,11 +45,7 @@ class LiveStatus : public RunObserver {
   void begin_segment(SegmentKind kind);
   void add(std::span<const ImuSample> samples);
   // How well the unit is known against how well it has to be; replaces what was shown.
-  struct Known {
-    std::string key;
-    double sigma = 0.0, needed = 0.0;
-  };
-  void show_known(const std::string& text, std::vector<Known> known);
+  void show_known(const std::string& text, std::vector<NeededSigma> known);
   void show_operator(const OperatorScreen& screen);  // of a table turned by hand
   // After the run: "Done: pass", "Paused: ...", or the error. `verification`: of each unit that was verified, its outcome.
   void end(const std::string& how, Tone tone, const std::vector<std::string>& verification = {});
@@ -72,7 +68,7 @@ class LiveStatus : public RunObserver {
   double heartbeat_s_ = 0.0;
   RunSnapshot snapshot_;
   std::string last_error_, pause_, ended_, known_text_;
-  std::vector<Known> known_;
+  std::vector<NeededSigma> known_;
   std::optional<OperatorScreen> operator_;
   Tone ended_as_ = Tone::bad;
   std::vector<std::string> verification_;

@@ -4,8 +4,6 @@
 #include <sqlite3.h>
 
 #include "imu_io/base/text_pieces.h"
-#include "orchestrator/line_report/shift_document.h"
-#include "orchestrator/records/database_rows.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {
@@ -98,8 +96,7 @@ TEST_F(Database, EveryAttemptHasARow) {
   const ProgramResult real = run({"shift", "results.db"});
   EXPECT_SAYS(real.out, "attempts of simulated units left out: 5");
   EXPECT_SAYS(real.out, "Use --simulated");
-  const ProgramResult simulated = run({"shift", "results.db", "--simulated"});
-  EXPECT_SAYS_NOT(simulated.out, "left out");
+  EXPECT_SAYS_NOT(run({"shift", "results.db", "--simulated"}).out, "left out");
 }
 
 TEST_F(Database, ARunThatGoesOnIsTheSameAttempt) {
@@ -182,6 +179,9 @@ TEST_F(Database, DamageIsFound) {
   sql("changed.db", "UPDATE value SET value = value + 1 WHERE key = 'N02'");
   expect_refused({"records", "check", "changed.db"}, "row 1: N02 is not that of the parameter file");
   expect_refused({"records", "backup", "changed.db", "--out", "copy.db"}, "row 1: N02");
+  fs::copy_file(path("results.db"), path("other.db"));
+  sql("other.db", "UPDATE calibration SET sequence_hash = 'another'");
+  expect_refused({"records", "check", "other.db"}, "row 1: sequence_hash is not that of the parameter file");
   fs::copy_file(path("results.db"), path("loose.db"));
   sql("loose.db", "UPDATE attempt_note SET calibration = 77 WHERE calibration IS NOT NULL");
   expect_refused({"records", "check", "loose.db"},

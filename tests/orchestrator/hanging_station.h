@@ -219,7 +219,7 @@ struct HangingStation {
   }
   RunOutcome run(RunObserver& observer) {
     StationHooks hooks;
-    hooks.observer = &observer;
+    hooks.observers = {&observer};
     hooks.stop_requests = &stop_requests;
     hooks.journal = &journal;
     hooks.storage = &storage;

@@ -217,7 +217,7 @@ struct TestRun {
     EXPECT_TRUE(plan.ok()) << plan.violations.front();
     StationRun station_run(
         with, {sequence, plan, station, units.front().serial, resume, taken_up, temperature_c}, units,
-        {&watcher, &stop_requests, calibrate, &kept, &pause_requests, &end_requests, {}, go_on_with});
+        {{&watcher}, &stop_requests, calibrate, &kept, &pause_requests, &end_requests, {}, go_on_with});
     return station_run.run();
   }
 

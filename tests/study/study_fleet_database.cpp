@@ -44,7 +44,7 @@ Status add(ResultsDatabase& database, const FleetMember& member, std::size_t num
   attempt.simulated = true;
   attempt.outcome = "pass";
   attempt.station = member.level.front();
-  return database.add(s.file, {}, attempt, *bytes);
+  return database.add(s.file, attempt, *bytes);
 }
 
 DrawnEffects has(const DrawnUnit& unit) {
