@@ -28,14 +28,7 @@ std::string wrong_accelerometer_unit(const RestData& data) {
   const SensorModel model = sensor_model(start_parameters(info), info);
   std::vector<double> norms;
   for (const Rest& rest : data.rests) norms.push_back((model.accel_scale * rest.whole.accel).norm());
-  const double norm = median(norms);
-  if (info.accel_increment == IncrementKind::pulses) return wrong_pulse_weight(norm / info.gravity_mps2, info);
-  const UnitSlip* const slip = slip_near(accel_slips(), norm / info.gravity_mps2);
-  constexpr double no_scale = 3.0;  // that an accelerometer's could be off by
-  if (slip == nullptr && norm < no_scale * info.gravity_mps2 && norm * no_scale > info.gravity_mps2) return {};
-  return fmt::format("gravity reads {:.3g} where {:.3g} m/s^2 is expected: the accelerometers look {}", norm,
-                     info.gravity_mps2,
-                     slip != nullptr ? slip->words : "to be something else, or of another unit or scale");
+  return wrong_gravity(median(norms) / info.gravity_mps2, info);
 }
 
 std::string wrong_gyro_unit(const RestData& data, double as_given) {

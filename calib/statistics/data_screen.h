@@ -16,9 +16,6 @@ namespace turncal {
 // Of the six channels of a sample, gyros first.
 inline constexpr std::array<const char*, 6> channel_names = {"gyro x",          "gyro y",          "gyro z",
                                                              "accelerometer x", "accelerometer y", "accelerometer z"};
-inline double channel_of(const ImuSample& sample, std::size_t channel) {
-  return channel < 3 ? sample.gyro[channel] : sample.accel[channel - 3];
-}
 
 using Channels = Eigen::Matrix<double, 6, 1>;  // gyro x y z, accelerometer x y z
 inline Channels channels_of(const ImuSample& sample) {

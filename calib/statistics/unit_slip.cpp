@@ -43,26 +43,20 @@ constexpr UnitSlip of_gyros[] = {
     {0.5, "too small by 2: the range, or the rate, is another"},
 };
 
-std::string found(const char* what, double ratio, const UnitSlip* slip) {
-  if (slip == nullptr) return {};
-  return fmt::format("{} {:.4g} times what is expected: {}", what, ratio, slip->words);
-}
-
 std::string wrong_accelerometers(const CompressedRecording& recording) {
   const SensorModel model = sensor_model(start_parameters(recording.info), recording.info);
   std::vector<double> ratios;
   for (const Block& block : recording.blocks)
     if (block.whole_second)
       ratios.push_back((model.accel_scale * block.accel).norm() / (block.duration_s * recording.info.gravity_mps2));
-  if (ratios.empty()) return {};
-  const double ratio = median(ratios);
-  if (recording.info.accel_increment == IncrementKind::pulses) return wrong_pulse_weight(ratio, recording.info);
-  return found("gravity reads", ratio, slip_near(accel_slips(), ratio));
+  return ratios.empty() ? std::string() : wrong_gravity(median(ratios), recording.info);
 }
 
 std::string wrong_gyros(const CompressedRecording& recording) {
   const double ratio = felt_of_commanded(recording);
-  return found("in the table's turns the gyros add up to", ratio, slip_near(gyro_slips(), ratio));
+  const UnitSlip* const slip = slip_near(gyro_slips(), ratio);
+  if (slip == nullptr) return {};
+  return fmt::format("in the table's turns the gyros add up to {:.4g} times what is expected: {}", ratio, slip->words);
 }
 
 }  // namespace
@@ -107,13 +101,21 @@ const UnitSlip* slip_near(std::span<const UnitSlip> slips, double ratio) {
   return nullptr;
 }
 
-std::string wrong_pulse_weight(double gravity_ratio, const RecordingInfo& info) {
-  constexpr double far =
-      1.8;  // no accelerometer's scale factor is off by as much, and a weight that is twice too large shows
-  if (gravity_ratio < far && gravity_ratio > 1.0 / far) return {};
-  return fmt::format(
-      "gravity reads {:.4g} times what is expected: accel_pulse_mps = {:g} is not what a pulse of this unit weighs",
-      gravity_ratio, info.accel_pulse_mps);
+std::string wrong_gravity(double ratio, const RecordingInfo& info) {
+  // No accelerometer's scale factor is off by as much, and a weight that is twice too large shows.
+  constexpr double far = 1.8;
+  const bool is_far = ratio >= far || ratio <= 1.0 / far;
+  if (info.accel_increment == IncrementKind::pulses)
+    return !is_far ? std::string()
+                   : fmt::format(
+                         "gravity reads {:.4g} times what is expected: accel_pulse_mps = {:g} is not what a "
+                         "pulse of this unit weighs",
+                         ratio, info.accel_pulse_mps);
+  const UnitSlip* const slip = slip_near(accel_slips(), ratio);
+  if (slip == nullptr && !is_far) return {};
+  return fmt::format("gravity reads {:.3g} where {:.3g} m/s^2 is expected: the accelerometers look {}",
+                     ratio * info.gravity_mps2, info.gravity_mps2,
+                     slip != nullptr ? slip->words : "to be something else, or of another unit or scale");
 }
 
 std::string wrong_axes(const Eigen::Matrix3d& n) {

@@ -35,8 +35,8 @@ inline constexpr double slip_nearness = 0.12;  // of the factor: raw sensors are
 // Empty: none is near.
 const UnitSlip* slip_near(std::span<const UnitSlip> slips, double ratio);
 
-// Of accelerometers that count pulses: gravity at rest over that of the site. Empty: it may be the scale factor's error.
-std::string wrong_pulse_weight(double gravity_ratio, const RecordingInfo& info);
+// Of gravity at rest over that of the site, by the nominal scale. Empty: it may be the scale factor's error.
+std::string wrong_gravity(double ratio, const RecordingInfo& info);
 
 // Of a recording with table angles: gravity at rest, by the median second, and, in physical units, what the gyros
 // add up to in the table's turns, by the median turn. One sentence; empty: nothing is plainly wrong.

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -24,6 +25,11 @@ struct ImuSample {
   std::uint32_t flags = 0;                                        // 0 good; bits below
 };
 inline constexpr std::uint32_t sample_flag_invalid = 1;  // the unit marked its data as bad
+// Of the six channels, gyros first.
+template <class Sample>
+auto& channel_of(Sample& sample, std::size_t channel) {
+  return channel < 3 ? sample.gyro[channel] : sample.accel[channel - 3];
+}
 
 enum class IncrementKind { pulses, physical };  // physical: rad for the gyros, m/s for the accelerometers
 

@@ -29,14 +29,11 @@ double cumulative_step(std::uint64_t now, std::uint64_t before, std::uint64_t mo
   return -static_cast<double>(modulus - up);
 }
 
-double& value_of(ImuSample& sample, std::size_t i) { return i < 3 ? sample.gyro[i] : sample.accel[i - 3]; }
-double value_of(const ImuSample& sample, std::size_t i) { return i < 3 ? sample.gyro[i] : sample.accel[i - 3]; }
-
 // The increments of gyro and accel and the flag for invalid ones. False: the numbers are impossible.
 bool read_values(const FrameVariant& variant, const std::byte* frame, const CumulativeBase& base, ImuSample& sample) {
   for (std::size_t i = 0; i < 6; ++i) {
     const FrameValue& from = variant.values[i];
-    double& value = value_of(sample, i);
+    double& value = channel_of(sample, i);
     if (from.cumulative) {
       const std::uint64_t now = from.field.bits_of(frame), down = from.down ? from.down->bits_of(frame) : 0;
       if (from.modulus != 0 && std::max(now, down) >= from.modulus) return false;
@@ -61,7 +58,7 @@ bool read_values(const FrameVariant& variant, const std::byte* frame, const Cumu
 // A recording holds what was read (an increment over a long gap may be beyond it).
 bool fits(const FrameVariant& variant, const ImuSample& sample) {
   for (std::size_t i = 0; i < 6; ++i)
-    if (variant.values[i].pulses && std::abs(value_of(sample, i)) > largest_pulses) return false;
+    if (variant.values[i].pulses && std::abs(channel_of(sample, i)) > largest_pulses) return false;
   return true;
 }
 
@@ -228,7 +225,7 @@ void FrameDecoder::decode(const ScannedFrame& scanned) {
         ++duplicates_;
         bool same = true;
         for (std::size_t i = 0; i < 6; ++i)
-          same = same && value_of(sample, i) == (variant.values[i].cumulative ? 0.0 : value_of(state_.last, i));
+          same = same && channel_of(sample, i) == (variant.values[i].cumulative ? 0.0 : channel_of(state_.last, i));
         if (same || !state_.has_last || waiting_) return;
         sample.counter = placed.counter;
         sample.temperature_c = state_.temperature_c;
@@ -435,10 +432,12 @@ Result<FrameLog> read_frame_log(const std::string& path, const FrameDescription&
   }
   const ScanCounters& scan = decoder.scan();
   const ImuLinkCounters link = decoder.counters();
+  const double wrap_s = tracker_of(frame).wrap_s();
+  const bool wraps = link.lost_samples > 0 && wrap_s > 0.0 && wrap_s < some_time.latest_s;
   log.summary = fmt::format(
-      "{} bytes, {} frames of {}, {} bad, {} bytes of none, {} samples lost, {} duplicates, {} strays, {} flagged",
-      size, scan.frames, frame.name, link.bad_frames, scan.skipped_bytes, link.lost_samples, link.duplicates,
-      decoder.strays(), decoder.invalid());
+      "{} bytes, {} frames of {}, {} bad, {} bytes of none, {} samples lost{}, {} duplicates, {} strays, {} flagged",
+      size, scan.frames, frame.name, link.bad_frames, scan.skipped_bytes, link.lost_samples,
+      wraps ? " (or more: the counter wraps)" : "", link.duplicates, decoder.strays(), decoder.invalid());
   if (log.samples.empty())
     return input_error(
         fmt::format("{}: no sample in it by the frame description {}: {}", path, frame.name, log.summary));

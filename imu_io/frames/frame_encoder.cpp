@@ -94,7 +94,7 @@ Status FrameEncoder::encode_variant(const FrameVariant& variant, const ImuSample
         fmt::format("{}: {} of {} does not fit the frame's field", frame_.name, what, format_number(value)));
   };
   for (std::size_t i = variant.has_gyro ? 0 : 3; i < (variant.has_accel ? 6U : 3U); ++i) {
-    const double value = i < 3 ? sample.gyro[i] : sample.accel[i - 3];
+    const double value = channel_of(sample, i);
     if (!put(variant.values[i], i, value, out.data()))
       return refuse(fmt::format("{} {}", i < 3 ? "gyro" : "accelerometer", "xyz"[i % 3]), value);
   }

@@ -24,8 +24,6 @@
 namespace turncal {
 namespace {
 
-constexpr std::size_t most_head = std::size_t{1} << 18;  // of a text, that a proposal looks at
-
 // ---- the map ----
 
 CsvTriad read_triad(KeyValueFile& file, const std::string& name, const std::vector<std::string_view>& units) {
@@ -136,7 +134,7 @@ class Importer {
     if (accel_source_ != nullptr) TRY(read_accel());
     if (rows_ < 10)
       return input_error(source_.file_name + ": expected at least 10 rows of data, found " + std::to_string(rows_));
-    make_intervals();
+    TRY(make_intervals());
     std::vector<double>().swap(times_);
     RecordingInfo& info = result_.info;
     info.started_utc_s = map_.started_utc_s ? map_.started_utc_s : source_.started_utc_s;
@@ -296,10 +294,15 @@ class Importer {
     });
   }
 
+  // Of the rows that are kept by now.
+  StampModel& stamps() {
+    if (!stamps_) stamps_ = fit_stamps(times_, map_.gap);
+    return *stamps_;
+  }
+
   void choose() {
     if (!timed() || map_.increments != CsvMap::Increments::chosen) return;
-    stamps_ = fit_stamps(times_, map_.gap);
-    const IncrementsChoice choice = choose_increments(times_, *stamps_);
+    const IncrementsChoice choice = choose_increments(times_, stamps());
     map_.increments = choice.even ? CsvMap::Increments::period : CsvMap::Increments::intervals;
     result_.chosen = fmt::format("time.increments = {}: {}", measured() ? "intervals" : "period", choice.reason);
   }
@@ -384,12 +387,12 @@ class Importer {
     return {};
   }
 
-  void make_intervals() {
+  Status make_intervals() {
     double& period = result_.info.sample_period_s;
     if (!timed()) {
       period = 1.0 / map_.rate_hz;
       for (const StampGap& gap : missing_) gaps_.push_back({gap.row, gap.periods + 1});
-      return;
+      return {};
     }
     std::vector<StampGap> found;
     if (measured()) {
@@ -398,8 +401,12 @@ class Importer {
       for (std::size_t k = 1; k < rows_; ++k)
         if (times_[k] - times_[k - 1] > map_.gap * usual) found.push_back({k, 2});
     } else {
-      if (!stamps_) stamps_ = fit_stamps(times_, map_.gap);
-      found = std::move(stamps_->gaps);
+      if (!stamps().sure)
+        return input_error(fmt::format(
+            "{}: the stamps scatter by {:.2g} of a period of {:.4g} s, and {} of {} rows come behind a gap: another "
+            "period explains them as well: expected time.increments = intervals, or rate_hz in place of time.column",
+            source_.file_name, stamps().scatter, stamps().period, stamps().gaps.size(), rows_));
+      found = std::move(stamps().gaps);
     }
     double sum = 0.0, squares = 0.0, count = 0.0;
     for (std::size_t k = 1, f = 0, m = 0; k < rows_; ++k) {
@@ -417,12 +424,13 @@ class Importer {
     }
     period = sum / count;
     result_.jitter_s = std::sqrt(std::max(0.0, squares / count - period * period));
-    if (!measured()) period = stamps_->period;
+    if (!measured()) period = stamps().period;
     if (measured())
       for (StampGap& gap : gaps_)
         gap.periods =
             std::max<std::int64_t>(gap.periods, std::llround((times_[gap.row] - times_[gap.row - 1]) / period));
     result_.gaps = static_cast<std::int64_t>(gaps_.size());
+    return {};
   }
 
   // Of clipped runs, on the numbers of the file, one row after the other.
@@ -559,45 +567,24 @@ Result<CsvMap> parse_csv_map(std::string_view text, const std::string& file_name
   return read_map(file);
 }
 
-namespace {
-
-ColumnSource columns_of(TableBytes bytes, const std::string& file_name) {
-  constexpr std::uint64_t least_row = 12;  // bytes, of six numbers
-  ColumnSource source;
-  source.file_name = file_name;
-  source.likely_rows = bytes.size / least_row;
-  source.read = [bytes = std::move(bytes), file_name](const std::vector<WantedColumn>& wanted,
-                                                      const TableFormat& format, const TableSink& sink) {
-    return read_number_table(bytes, file_name, wanted, format, sink);
-  };
-  return source;
-}
-
-}  // namespace
-
-ColumnSource columns_of_text(std::string content, const std::string& file_name) {
-  const auto held = std::make_shared<const std::string>(std::move(content));
-  TableBytes bytes = bytes_of_text(*held);
-  bytes.at = [held, at = bytes.at](std::uint64_t from, std::uint64_t least) { return at(from, least); };
-  ColumnSource source = columns_of(std::move(bytes), file_name);
-  source.head = held->substr(0, most_head);
-  return source;
-}
-
 Result<ColumnSource> open_columns(const std::string& path, const std::string& topic, bool skip_bad) {
   const FileKind kind = recognise_file(path);
   if (is_bag(kind)) return columns_of_bag(path, TRY(read_bag(path, topic, skip_bad)));
   if (!topic.empty()) return input_error(path + ": topic " + quoted(topic) + ": expected a ROS bag");
   TRY(expect_file(path, FileKind::csv));
+  constexpr std::uint64_t most_head = std::uint64_t{1} << 18, least_row = 12;  // bytes; a row of six numbers
   TableBytes bytes = TRY(bytes_of_file(path));
-  const std::string_view head = TRY(bytes.at(0, most_head));
-  const bool is_text = is_text_table(head);
-  std::string beginning(is_text ? head.substr(0, most_head) : std::string_view());
-  std::vector<std::string> names;
-  if (!is_text) names = TRY(column_names(bytes, path));
-  ColumnSource source = columns_of(std::move(bytes), path);
-  source.names = std::move(names);
-  if (is_text) source.head = std::move(beginning);
+  ColumnSource source;
+  source.file_name = path;
+  source.likely_rows = bytes.size / least_row;
+  if (const std::string_view head = TRY(bytes.at(0, most_head)); is_text_table(head))
+    source.head = head.substr(0, most_head);
+  else
+    source.names = TRY(column_names(bytes, path));
+  source.read = [bytes = std::move(bytes), path](const std::vector<WantedColumn>& wanted, const TableFormat& format,
+                                                 const TableSink& sink) {
+    return read_number_table(bytes, path, wanted, format, sink);
+  };
   return source;
 }
 

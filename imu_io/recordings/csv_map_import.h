@@ -8,12 +8,10 @@
 // Nothing is resampled. With `intervals` the measured interval goes into the increment, so that a turn keeps its size when the
 // sampling jitters; with `period` the mean interval does, which is right when the stamps jitter but the sensor does not (then intervals
 // would turn jitter of stamps into noise of the sensor: over a rest of 3 s 0.5 ms of it are 1.6 mm/s^2). With `period` stamps may even
-// go back a little; stamps.h has what a gap is then. A gyro that repeats one extreme number is found
+// go back a little. Where the map does not say, the stamps do, and what a gap is (stamps.h). A gyro that repeats one extreme number is found
 // clipped (clipping.h) before intervals blur that. The recording's sample_period_s is the mean interval, or the slope
-// of the stamps. The counter steps by
-// one a row, over a gap by as many periods as it lasts; a dropped row leaves its number out. Output: rad and m/s, body axes.
-//
-// Where the map does not say, the stamps do (stamps.h).
+// of the stamps. The counter steps by one a row, over a gap by as many periods as it lasts; a dropped row leaves its number out.
+// Output: rad and m/s, body axes.
 //
 // A row with the stamp and the numbers of the one before was written twice, and is a defect; not where a coarse sensor repeats itself at other
 // stamps as often.
@@ -95,9 +93,6 @@ struct ColumnSource {
 };
 // `topic`, `skip_bad`: of a bag (ros_bag.h).
 Result<ColumnSource> open_columns(const std::string& path, const std::string& topic = {}, bool skip_bad = false);
-
-// Of what is held as a text.
-ColumnSource columns_of_text(std::string content, const std::string& file_name);
 
 Result<CsvImport> import_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel = nullptr);
 Result<CsvImport> import_csv(const CsvMap& map, const std::string& path);

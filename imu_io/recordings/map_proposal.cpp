@@ -1,11 +1,13 @@
 #include "imu_io/recordings/map_proposal.h"
 
 #include <fmt/format.h>
+#include <Eigen/Geometry>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
+#include <span>
 
 #include "calib/model/parameters.h"
 #include "calib/statistics/distributions.h"
@@ -144,11 +146,11 @@ const std::vector<std::string_view> no_sensor = {"mag", "bias", "cov", "std", "f
 bool is_increment(std::string_view label) { return has_any(label, {"delta", "dtheta", "dang", "dvel", "^dv"}); }
 bool is_gyro(std::string_view label) {
   return !has_any(label, no_sensor) && has_any(label, {"gyr", "angular_vel", "angvel", "omega", "theta", "dang",
-                                                       "delta_ang", "deltaang", "rate", "^w", "^gx", "^g_"});
+                                                       "delta_ang", "deltaang", "rate", "^w", "^gx", "^g_", "^g1"});
 }
 bool is_accel(std::string_view label) {
-  return !has_any(label, no_sensor) &&
-         has_any(label, {"acc", "specific", "force", "^dv", "dvel", "delta_v", "deltav", "^a_", "^ax", "^f_", "^fx"});
+  return !has_any(label, no_sensor) && has_any(label, {"acc", "specific", "force", "^dv", "dvel", "delta_v", "deltav",
+                                                       "^a_", "^ax", "^a1", "^f_", "^fx", "^f1"});
 }
 
 // ---- what the numbers say ----
@@ -196,15 +198,16 @@ class Proposer {
   Proposer(const ColumnSource& source, const ImportSite& site) : source_(source), site_(site) {}
 
   Result<MapProposal> propose() {
-    if (!source_.topic.empty()) return of_bag();
-    for (const std::string& name : source_.names) layout_.columns.push_back({name, lower(name)});
+    for (const std::string& name : source_.names) {
+      const char* const unit = name.starts_with("angular")  ? " [rad/s]"
+                               : name.starts_with("linear") ? " [m/s^2]"
+                                                            : " [s]";
+      layout_.columns.push_back({name, lower(name) + (source_.topic.empty() ? "" : unit)});  // sensor_msgs/Imu has them
+    }
     if (source_.head) layout_ = TRY(look_at_text(*source_.head, source_.file_name));
     find_columns();
     if (!by_place_ && (triad_[gyro].empty() || triad_[accel].empty())) return columns_missing();
     TRY(read());
-    if (rows() < 10)
-      return input_error(fmt::format("{}: {} rows with a number in each column of the IMU: expected at least 10",
-                                     source_.file_name, rows()));
     if (by_place_) place();
     judge_time();
     judge_units();
@@ -222,18 +225,6 @@ class Proposer {
   template <class... Args>
   void doubt(fmt::format_string<Args...> words, Args&&... args) {
     doubts_.push_back(fmt::format(words, std::forward<Args>(args)...));
-  }
-
-  MapProposal of_bag() const {
-    std::string map =
-        fmt::format("{} for {}.\n", proposed_beginning, source_.note) +
-        "gyro.columns = angular_velocity.x, angular_velocity.y, angular_velocity.z\ngyro.unit = rad/s\n"
-        "accel.columns = linear_acceleration.x, linear_acceleration.y, linear_acceleration.z\naccel.unit = m/s^2\n"
-        "time.column = t\n";
-    if (quoted(source_.topic) == "'" + source_.topic + "'" && source_.topic.find('#') == std::string::npos)
-      map += "topic = " + source_.topic + "\n";
-    if (source_.names.back() == "temperature") map += "temperature.column = temperature\n";
-    return {map + site_lines(), {}};
   }
 
   void find_columns() {
@@ -257,7 +248,7 @@ class Proposer {
       const std::string& name = layout_.columns[k].label;
       if (std::ranges::find(taken, k) != taken.end()) continue;
       if (name == "t" || name.ends_with("/t") || name.ends_with(".t") || name.ends_with(":t") ||
-          has_any(name, {"time", "stamp", "tow", "second", "^t_", "^t ", "^t["}))
+          has_any(name, {"time", "stamp", "tow", "second", "^sec", "^t_", "^t ", "^t["}))
         time_ = k;
       if (has_any(name, {"temp"})) temperature_ = k;
     }
@@ -295,6 +286,9 @@ class Proposer {
       append_rows(table, block);
       return Status();
     }));
+    if (table.rows() < 10)
+      return input_error(fmt::format("{}: {} rows with a number in each column of the IMU: expected at least 10{}{}",
+                                     source_.file_name, table.rows(), table.bad_rows > 0 ? "; " : "", table.first_bad));
     values_.resize(layout_.columns.size());
     for (std::size_t k = 0; k < columns.size(); ++k) values_[columns[k]] = std::move(table.columns[k]);
     return {};
@@ -322,7 +316,10 @@ class Proposer {
                                    {"us", 1e-6, {"us", "micro"}},
                                    {"ms", 1e-3, {"ms", "milli"}},
                                    {"s", 1.0, {"_s", "[s", "(s", " s", "sec"}}};
-    const double interval = interval_ = fit_stamps(values_[*time_]).period;
+    const std::span<const double> times(values_[*time_]);
+    const StampModel stamps = fit_stamps(times.first(std::min<std::size_t>(times.size(), 1 << 15)));
+    const double interval = stamps.period;
+    jitter_ = stamps.scatter > even_scatter ? stamps.scatter * interval : 0.0;
     const Clock *said = nullptr, *seen = nullptr;
     for (const Clock& clock : clocks) {
       if (said == nullptr && has_any(layout_.columns[*time_].label, clock.words)) said = &clock;
@@ -355,7 +352,8 @@ class Proposer {
     const Unit* seen = gravity_in(accel, norm);
     const auto said_of = [&](Role role, const std::vector<Unit>& units, bool is_rate) {
       return find_unit(units, [&](const Unit& unit) {
-        return !by_place_ && unit.is_rate == is_rate && has_any(label(role), unit.words);
+        return !by_place_ && unit.is_rate == is_rate && has_any(label(role), unit.words) &&
+               !has_any(label(role), {"mrad", "urad", "mdeg", "mdps", "milli", "/min"});
       });
     };
     const Unit* said = said_of(accel, accel_units, !is_increment(label(accel)));
@@ -387,16 +385,6 @@ class Proposer {
     unit_[gyro] = said != nullptr ? said->name : seen != nullptr ? seen->name : rates ? "rad/s" : "rad";
   }
 
-  // Of the intervals that are no gaps.
-  double jitter() const {
-    const Numbers& t = values_[*time_];
-    const double usual = interval_;
-    double squares = 0.0, count = 1.0;
-    for (std::size_t k = 1; k < t.size(); ++k)
-      if (const double off = t[k] - t[k - 1] - usual; off < 0.5 * usual) squares += off * off, count += 1.0;
-    return std::sqrt(squares / count);
-  }
-
   std::string site_lines() const {
     const char* const standard =
         site_.gravity_mps2 == ImportSite{}.gravity_mps2 ? "  # the standard one: --gravity gives the site's" : "";
@@ -407,7 +395,9 @@ class Proposer {
   std::string text() const {
     std::string map = fmt::format("{} for {}: {} rows{}.\n", proposed_beginning, quoted(source_.file_name), rows(),
                                   period_s_ > 0.0 ? fmt::format(" at {:.6g} Hz", 1.0 / period_s_) : "");
-    if (time_) map += fmt::format("# Jitter: {:.2g} {} rms.\n", jitter(), time_unit_);
+    if (time_)
+      map +=
+          jitter_ > 0.0 ? fmt::format("# Jitter: {:.2g} {} rms.\n", jitter_, time_unit_) : "# The stamps are even.\n";
     for (const std::string& what : doubts_) map += "# In doubt: " + what + "\n";
     for (const Role role : {gyro, accel}) {
       const char* const name = role == gyro ? "gyro" : "accel";
@@ -422,6 +412,8 @@ class Proposer {
       if (has_any(label, {"[f]", "(f)", "fahr", "\u00b0f", "degf"}) || label.ends_with("_f"))
         map += "temperature.offset = 32\ntemperature.scale = 0.5555555555555556\n";
     }
+    if (const std::string& t = source_.topic; !t.empty() && quoted(t) == "'" + t + "'" && t.find('#') == t.npos)
+      map += "topic = " + source_.topic + "\n";
     const TableFormat& format = layout_.format;
     if (format.delimiter != ',')
       map += fmt::format("csv.delimiter = {}\n", format.delimiter == ';'    ? "semicolon"
@@ -439,7 +431,7 @@ class Proposer {
   std::array<std::vector<std::size_t>, 2> triad_;
   std::optional<std::size_t> time_, temperature_;
   bool by_place_ = false;
-  double interval_ = 0.0, period_s_ = 0.0;  // in the unit of the file
+  double jitter_ = 0.0, period_s_ = 0.0;  // of the stamps, in the unit of the file
   std::string_view time_unit_ = "s";
   std::array<std::string_view, 2> unit_;
   std::vector<std::string> doubts_;

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <future>
 #include <iterator>
 #include <limits>
 #include <memory>
@@ -34,15 +35,17 @@ class LineReader {
   // The next one, without its end, until the next call; false at the end of the file.
   Result<bool> next(std::string_view& line) {
     constexpr std::uint64_t usual = 1 << 12;
-    bool whole = left_.find('\n') != left_.npos;
-    for (std::uint64_t least = usual; !whole && left_.size() < bytes_.size - at_; least *= 2) {
+    std::size_t end = left_.find('\n');
+    for (std::uint64_t least = usual; end == left_.npos && left_.size() < bytes_.size - at_; least *= 2) {
       left_ = TRY(bytes_.at(at_, least));
-      whole = left_.find('\n') != left_.npos || left_.size() < least;
+      end = left_.find('\n');
+      if (left_.size() < least) break;
     }
     if (left_.empty()) return false;
-    at_ += left_.size();
-    line = next_line(left_);
-    at_ -= left_.size();
+    line = left_.substr(0, end);
+    left_.remove_prefix(std::min(left_.size(), line.size() + 1));
+    at_ += line.size() + 1;
+    if (line.ends_with('\r')) line.remove_suffix(1);
     return true;
   }
 
@@ -54,10 +57,28 @@ class LineReader {
 
 constexpr std::size_t block_rows = std::size_t{1} << 14;
 
+// Hands blocks over, each while the next one is read into an older one.
+class BlockHandler {
+ public:
+  explicit BlockHandler(const TableSink& sink) : sink_(sink) {}
+  Status add(NumberTable& block) {
+    TRY(finish());
+    std::swap(block, block_);
+    taken_ = std::async(std::launch::async, [this] { return sink_(block_); });
+    return {};
+  }
+  Status finish() { return taken_.valid() ? taken_.get() : Status(); }
+
+ private:
+  const TableSink& sink_;
+  NumberTable block_;
+  std::future<Status> taken_;
+};
+
 class CsvTable {
  public:
   CsvTable(const TableBytes& bytes, const std::string& file_name, const std::vector<WantedColumn>& wanted,
-           const TableFormat& format, const TableSink& sink)
+           const TableFormat& format, BlockHandler& sink)
       : bytes_(bytes), lines_(bytes), file_name_(file_name), wanted_(wanted), format_(format), sink_(sink) {}
 
   Status read() {
@@ -81,11 +102,13 @@ class CsvTable {
     header_cells_ = header.size();
     TRY(find_columns(header));
     row_.resize(wanted_.size());
-    table_.columns.resize(wanted_.size());
-    for (auto& column : table_.columns) column.reserve(block_rows);
+    TRY(end_block());
+    find_cells();
     for (std::int64_t position = 0; TRY(next_row(row));) {
-      if (trimmed(row).empty() || trimmed(row).starts_with('#') || is_remark(row)) continue;
-      if (Status status = read_row(row); !status) {
+      const bool plain = read_plain_row(row);
+      const std::string_view text = plain ? row : trimmed(row);
+      if (text.empty() || text.starts_with('#') || is_remark(row)) continue;
+      if (Status status = plain ? Status() : read_row(row); !status) {
         if (!format_.skip_bad_rows) return status.error();
         if (table_.bad_rows++ == 0) table_.first_bad = status.error().message;
       } else {
@@ -108,8 +131,9 @@ class CsvTable {
   }
 
   Status end_block() {
-    TRY(sink_(table_));
-    for (auto& column : table_.columns) column.clear();
+    TRY(sink_.add(table_));
+    table_.columns.resize(wanted_.size());
+    for (auto& column : table_.columns) column.clear(), column.reserve(block_rows);
     table_.position.clear();
     table_.line.clear();
     table_.bad_rows = 0;
@@ -141,6 +165,31 @@ class CsvTable {
       }
     }
     return {};
+  }
+
+  // Which wanted column each cell is, for rows of plain numbers.
+  void find_cells() {
+    if (format_.delimiter == ' ' || format_.decimal_comma || format_.whole_rows) return;
+    for (std::size_t k = 0; k < index_.size(); ++k) {
+      if (index_[k] == missing) continue;
+      cells_wanted_.resize(std::max(cells_wanted_.size(), index_[k] + 1), missing);
+      if (std::exchange(cells_wanted_[index_[k]], k) != missing) return cells_wanted_.clear();
+    }
+    if (by_name_) cells_wanted_.resize(header_cells_, missing);
+  }
+
+  // A row whose wanted cells are numbers and nothing else, as most are; false: read_row() has to look.
+  bool read_plain_row(std::string_view text) {
+    const char *at = text.data(), *const end = at + text.size();
+    for (std::size_t cell = 0; cell < cells_wanted_.size(); ++cell) {
+      if (cell > 0 && (at == end || *at++ != format_.delimiter)) return false;
+      if (const std::size_t k = cells_wanted_[cell]; k != missing)
+        at = std::from_chars(at, end, row_[k] = NAN).ptr;
+      else
+        at = std::find(at, end, format_.delimiter);
+    }
+    return !cells_wanted_.empty() && (at == end || (!by_name_ && *at == format_.delimiter)) &&
+           std::ranges::all_of(row_, [](double value) { return std::isfinite(value); });
   }
 
   Result<double> number(std::size_t column) const {
@@ -177,13 +226,13 @@ class CsvTable {
   const std::string& file_name_;
   const std::vector<WantedColumn>& wanted_;
   const TableFormat& format_;
-  const TableSink& sink_;
+  BlockHandler& sink_;
   std::int64_t line_ = 0;
   std::vector<std::string_view> cells_;
   std::size_t header_cells_ = 0;
   bool by_name_ = false;
   static constexpr std::size_t missing = static_cast<std::size_t>(-1);
-  std::vector<std::size_t> index_;  // of each wanted column
+  std::vector<std::size_t> index_, cells_wanted_;  // the cell of each wanted column, and the reverse
   std::vector<double> row_;
   NumberTable table_;
 };
@@ -763,13 +812,17 @@ TableBytes bytes_of_text(std::string_view text) {
 Status read_number_table(const TableBytes& bytes, const std::string& file_name, const std::vector<WantedColumn>& wanted,
                          const TableFormat& format, const TableSink& sink) {
   const FileKind form = form_of(TRY(bytes.at(0, 1)));
+  BlockHandler handler(sink);
   const auto check = [&](NumberTable block) -> Status {
-    return sink(TRY(checked(std::move(block), file_name, wanted, format.skip_bad_rows)));
+    NumberTable good = TRY(checked(std::move(block), file_name, wanted, format.skip_bad_rows));
+    return handler.add(good);
   };
-  if (form == FileKind::npy) return read_npy(bytes, file_name, wanted, check);
-  if (form == FileKind::mat) return check(TRY(read_mat(file_name, wanted)));
-  if (form == FileKind::hdf5) return check(TRY(read_hdf5(file_name, wanted)));
-  return CsvTable(bytes, file_name, wanted, format, sink).read();
+  Status read = form == FileKind::npy    ? read_npy(bytes, file_name, wanted, check)
+                : form == FileKind::mat  ? check(TRY(read_mat(file_name, wanted)))
+                : form == FileKind::hdf5 ? check(TRY(read_hdf5(file_name, wanted)))
+                                         : CsvTable(bytes, file_name, wanted, format, handler).read();
+  Status taken = handler.finish();  // of rows before
+  return taken ? read : taken;
 }
 
 void append_rows(NumberTable& table, const NumberTable& block) {

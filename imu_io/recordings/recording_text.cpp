@@ -71,67 +71,13 @@ constexpr std::span<const std::string_view> columns_of(bool has_temperature) {
 constexpr std::int64_t min_pulses = std::numeric_limits<std::int32_t>::min();
 constexpr std::int64_t max_pulses = std::numeric_limits<std::int32_t>::max();
 
-inline bool is_digit(char c) { return static_cast<unsigned char>(c - '0') <= 9; }
-
-// Up to 18 digits, which cannot overflow. Stops at the first byte that is no digit.
-inline bool plain_integer(const char*& at, std::int64_t& value) {
-  const char* p = at;
-  const bool negative = *p == '-';
-  if (negative) ++p;
-  const char* first = p;
-  std::int64_t magnitude = 0;
-  while (is_digit(*p) && p - first < 18) magnitude = magnitude * 10 + (*p++ - '0');
-  if (p == first || is_digit(*p)) return false;
-  value = negative ? -magnitude : magnitude;
-  at = p;
-  return true;
-}
-
-// [-]digits[.digits] with at most 9 digits: mantissa over a power of ten, one rounding to double, one to float. With so
-// few digits the value cannot lie so near the middle of two floats that the first rounding would decide the second.
-inline bool plain_decimal(const char*& at, float& value) {
-  static constexpr std::array<double, 10> powers = {1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9};
-  const char* p = at;
-  const bool negative = *p == '-';
-  if (negative) ++p;
-  if (!is_digit(*p)) return false;
-  std::int64_t mantissa = 0;
-  int digits = 0;
-  for (; is_digit(*p) && digits <= 9; ++p, ++digits) mantissa = mantissa * 10 + (*p - '0');
-  int decimals = 0;
-  if (*p == '.') {
-    ++p;
-    for (; is_digit(*p) && digits <= 9; ++p, ++digits, ++decimals) mantissa = mantissa * 10 + (*p - '0');
-    if (decimals == 0) return false;
-  }
-  if (digits > 9) return false;
-  const double magnitude = static_cast<double>(mantissa) / powers[static_cast<std::size_t>(decimals)];
-  value = static_cast<float>(negative ? -magnitude : magnitude);
-  at = p;
-  return true;
-}
-
 // A number that ends at a comma or a line end.
-inline bool plain_double(const char*& at, double& value) {
+template <class T>
+bool plain_number(const char*& at, T& value) {
   // 40 bytes hold every shortest form; the line end before them stops the parser earlier.
   const auto result = std::from_chars(at, at + 40, value);
-  if (result.ec != std::errc{} || !std::isfinite(value)) return false;
+  if (result.ec != std::errc{} || !std::isfinite(static_cast<double>(value))) return false;
   at = result.ptr;
-  return true;
-}
-
-inline bool plain_triple(const char*& at, IncrementKind kind, std::array<double, 3>& value, char last_end) {
-  for (int axis = 0; axis < 3; ++axis) {
-    if (kind == IncrementKind::pulses) {
-      std::int64_t pulses = 0;
-      if (!plain_integer(at, pulses) || pulses < min_pulses || pulses > max_pulses) return false;
-      value[static_cast<std::size_t>(axis)] = static_cast<double>(pulses);
-    } else if (!plain_double(at, value[static_cast<std::size_t>(axis)])) {
-      return false;
-    }
-    if (axis == 2 && last_end == '\n') return true;
-    if (*at++ != ',') return false;
-  }
   return true;
 }
 
@@ -406,12 +352,22 @@ Status write_binary(RecordingSource& source, const Segments& segments, const std
 
 bool ImuCsvParser::parse_plain(const char*& at, ImuSample& sample) const {
   const char* p = at;
-  if (!plain_integer(p, sample.counter) || *p++ != ',') return false;
-  if (!plain_triple(p, info_.gyro_increment, sample.gyro, ',')) return false;
-  if (!plain_triple(p, info_.accel_increment, sample.accel, info_.has_temperature ? ',' : '\n')) return false;
+  if (!plain_number(p, sample.counter)) return false;
+  for (std::size_t i = 0; i < 6; ++i) {
+    double& value = channel_of(sample, i);
+    std::int32_t pulses = 0;
+    if (*p++ != ',') return false;
+    if ((i < 3 ? info_.gyro_increment : info_.accel_increment) == IncrementKind::physical) {
+      if (!plain_number(p, value)) return false;
+    } else {
+      if (!plain_number(p, pulses)) return false;
+      value = pulses;
+    }
+  }
   sample.temperature_c = std::numeric_limits<float>::quiet_NaN();
+  if (info_.has_temperature && *p++ != ',') return false;
   const bool blank = *p == '\n' || *p == '\r';  // not measured at this sample
-  if (info_.has_temperature && !blank && !plain_decimal(p, sample.temperature_c)) return false;
+  if (info_.has_temperature && !blank && !plain_number(p, sample.temperature_c)) return false;
   if (*p == '\r') ++p;
   if (*p != '\n') return false;
   at = p + 1;

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <complex>
 #include <limits>
+#include <numbers>
 #include <numeric>
 
 #include "calib/statistics/distributions.h"
@@ -58,12 +60,13 @@ struct Fork {
   std::size_t before = 0;  // the one before it, from 1
 };
 
-// The most likely gaps: rows follow an even clock, and each may come some periods later than it would.
+// The most likely gaps: rows follow an even clock, and each may come some periods later than it would. `share`: of the rows that do.
 std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> times, double period, double scatter,
-                                                     double rare, double gap) {
+                                                     double share, double gap) {
   constexpr std::size_t most_tracks = 8;
   constexpr double never = 12.0, hopeless = 40.0, far = 32.0;
   const Loss loss(scatter);
+  const double stay = -std::log1p(-share), rare = -std::log(share), rate = 1.0 / period;
   std::vector<Fork> forks;
   std::vector<Track> tracks(2), next;
   // The first stamp may be a bad one.
@@ -81,24 +84,25 @@ std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> tim
       *same = track;
   };
   for (std::size_t k = 0; k < times.size(); ++k) {
-    const double ahead = (times[k] - times[0]) / period - static_cast<double>(k);
+    const double ahead = (times[k] - times[0]) * rate - static_cast<double>(k);
     const bool late = k > 0 && times[k] - times[k - 1] > (gap - 3.0 * scatter) * period;
     next.clear();
     if (const double off = tracks[0].off(ahead); tracks.size() == 1 && !late && loss(off) < loss.most) {  // as ever
-      tracks[0].cost += loss(off);
+      tracks[0].cost += stay + loss(off);
       tracks[0].follow(off, scatter);
       continue;
     }
     for (const Track& track : tracks) {
       const double off = track.off(ahead);
       Track stays = track;
-      stays.cost += loss(off);
+      stays.cost += stay + loss(off);
       stays.follow(off, scatter);
       join(stays);
       const auto leap = [&](double periods, bool anew) {
         Track leaps = track;
         leaps.missing += static_cast<std::int64_t>(periods);
         leaps.cost += rare + loss(off - periods) + (anew ? never : 0.0);
+        leaps.cost += std::log((periods + 1.0) * std::max(periods, 1.0));  // 1 / n(n + 1): of so many missing rows
         if (anew) leaps.begin_at(ahead - static_cast<double>(leaps.missing));
         leaps.follow(leaps.off(ahead), scatter);
         leaps.last_gap = forks.size() + 1;
@@ -127,8 +131,9 @@ std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> tim
 }
 
 // Of stamps in coarse steps no less than theirs.
+constexpr double coarse_scatter = 0.7;
 double least_scatter(std::span<const double> times, double period) {
-  return std::max(1e-3, 0.7 * resolution_of(times, period) / period);
+  return std::max(even_scatter, coarse_scatter * resolution_of(times, period) / period);
 }
 
 // The scatter along the gaps, and the period: least squares, with a beginning of its own behind a gap of no whole number of periods.
@@ -172,52 +177,20 @@ void measure(std::span<const double> times, double least, StampModel& model) {
   model.scatter = std::max(least, 1.48 * median(offs));
 }
 
-// Of a few windows: half a window, what stamps are off an even clock by.
-double window_scatter(std::span<const double> times, double period) {
-  const std::size_t width = std::min<std::size_t>(64, times.size());
-  std::vector<double> scatters, window(width);
-  for (std::size_t row = 0; row + width <= times.size(); row += std::max(width, times.size() / 256)) {
-    for (std::size_t k = 0; k < width; ++k) window[k] = (times[row + k] - times[row]) / period - static_cast<double>(k);
-    const double middle = median(window);
-    for (double& x : window) x = std::abs(x - middle);
-    scatters.push_back(1.48 * median(window));
-  }
-  return median(scatters);
-}
-
-StampModel fit(std::span<const double> times, double period, double scatter, double gap) {
-  const double least = least_scatter(times, period);
-  StampModel model{.period = period, .scatter = std::max(least, scatter), .gaps = {}};
-  double rare = 12.0;  // -log of how likely a gap is at a row
+StampModel fit(std::span<const double> times, const StampModel& start, double share, double gap) {
+  const double least = least_scatter(times, start.period);
+  StampModel model{.period = start.period, .scatter = std::max(least, start.scatter), .gaps = {}};
   for (int round = 0; round < 12; ++round) {
-    auto [gaps, cost] = likely_gaps(times, model.period, model.scatter, rare, gap);
+    auto [gaps, cost] = likely_gaps(times, model.period, model.scatter, std::clamp(share, 6e-6, 0.9), gap);
     model.cost = cost;
     const double before = model.scatter;
     const bool same = gaps.size() == model.gaps.size();
     std::swap(model.gaps, gaps);
     measure(times, least, model);
     if (same && std::abs(model.scatter - before) < 0.01 * before) break;
-    rare =
-        std::clamp(std::log(static_cast<double>(times.size()) / static_cast<double>(model.gaps.size() + 1)), 3.0, 12.0);
+    share = (static_cast<double>(model.gaps.size()) + 0.5) / (static_cast<double>(times.size()) + 1.0);
   }
   return model;
-}
-
-// The number of which most intervals are a multiple, as where rows are missing.
-double common_divisor(std::span<const double> times) {
-  const std::vector<double> intervals = intervals_of(times);
-  std::vector<double> sorted = intervals;
-  double period = median(sorted);
-  for (int round = 0; round < 5 && period > 0.0; ++round) {
-    double sum = 0.0, count = 0.0;
-    for (const double interval : intervals) {
-      const double periods = std::max(1.0, std::round(interval / period));
-      if (std::abs(interval / period - periods) > 0.4) continue;
-      sum += interval, count += periods;
-    }
-    period = count > 0.0 ? sum / count : 0.0;
-  }
-  return period;
 }
 
 // Slopes over parts of the record, where rows come in bursts: the lower ones have no gaps in them.
@@ -237,6 +210,35 @@ double low_slope(std::span<const double> times) {
   return value_at_rank(slopes, slopes.size() / 4);
 }
 
+// By the phases of the stamps, which agree in the true period whatever rows are missing: the mean over windows of |sum exp(2 pi i f t)|^2
+// is n + n (n - 1) exp(-4 pi^2 scatter^2) there, and n elsewhere (Rayleigh's test). Its multiples agree less, or as much without scatter.
+StampModel common_phase(std::span<const double> times, double slope) {
+  constexpr double least = 0.95, most = 4.5, steps = 4.0, as_high = 0.8;  // frequencies: of 1 / slope
+  const std::size_t width = std::min<std::size_t>(256, times.size());
+  const double step = 1.0 / (steps * static_cast<double>(width));
+  std::vector<double> power(static_cast<std::size_t>((most - least) / step));
+  std::vector<std::complex<double>> sums(power.size());
+  double windows = 0.0;
+  for (std::size_t row = 0; row + width <= times.size(); row += std::max(width, times.size() / 32), ++windows) {
+    std::ranges::fill(sums, 0.0);
+    for (std::size_t k = row; k < row + width; ++k) {
+      const double turn = 2.0 * std::numbers::pi * (times[k] - times[row]) / slope;
+      std::complex<double> phase = std::polar(1.0, least * turn);
+      const std::complex<double> by = std::polar(1.0, step * turn);
+      for (std::complex<double>& sum : sums) sum += phase, phase *= by;
+    }
+    for (std::size_t f = 0; f < sums.size(); ++f) power[f] += std::norm(sums[f]);
+  }
+  std::size_t best = 0;
+  for (const double highest = std::ranges::max(power); power[best] < as_high * highest;) ++best;
+  while (best + 1 < power.size() && power[best + 1] > power[best]) ++best;
+  const auto n = static_cast<double>(width);
+  const double agree = std::clamp((power[best] / (windows * n) - 1.0) / (n - 1.0), 1e-9, 1.0);
+  return {.period = slope / (least + step * static_cast<double>(best)),
+          .scatter = std::sqrt(-std::log(agree)) / (2.0 * std::numbers::pi),
+          .gaps = {}};
+}
+
 }  // namespace
 
 std::vector<double> intervals_of(std::span<const double> times, std::size_t most) {
@@ -248,17 +250,26 @@ std::vector<double> intervals_of(std::span<const double> times, std::size_t most
 
 StampModel fit_stamps(std::span<const double> times, double gap) {
   constexpr std::size_t enough = std::size_t{1} << 15;
+  constexpr double usual_scatter = 0.3, phases_agree = 0.32, is_known = 1e-3;
   StampModel best{.cost = std::numeric_limits<double>::infinity(), .gaps = {}};
   if (times.size() < 2) return best;
   const auto [least, most] = std::ranges::minmax(times);
-  if (!std::isfinite(most - least)) return best;
+  const double slope = low_slope(times);
+  if (!std::isfinite(most - least) || !(slope > 0.0)) return best;
   const std::span<const double> some = times.first(std::min(times.size(), enough));
-  for (const double period : {low_slope(times), common_divisor(some)}) {
-    if (!(period > 0.0)) continue;
-    StampModel model = fit(some, period, window_scatter(some, period), gap);
-    if (model.cost < best.cost) best = std::move(model);
+  best = fit(some, {.period = slope, .scatter = usual_scatter, .gaps = {}}, 0.0, gap);
+  if (!best.gaps.empty() || best.scatter > phases_agree) {
+    const StampModel start = common_phase(some, slope);
+    StampModel model = fit(some, start, 1.0 - start.period / slope, gap);
+    const double grid = coarse_scatter * resolution_of(some, slope);  // no reading is likelier than its cells
+    const auto cost = [&](const StampModel& m) {
+      return m.cost + static_cast<double>(some.size()) * std::max(0.0, std::log(grid / (m.scatter * m.period)));
+    };
+    if (cost(model) < cost(best)) best = std::move(model);
   }
-  if (best.period > 0.0 && some.size() < times.size()) best = fit(times, best.period, best.scatter, gap);
+  if (some.size() < times.size()) best = fit(times, best, static_cast<double>(best.gaps.size()) / enough, gap);
+  const double stretch = static_cast<double>(times.size()) / static_cast<double>(best.gaps.size());
+  best.sure = best.scatter < phases_agree || best.scatter * std::sqrt(12.0 / std::pow(stretch, 3)) < is_known;
   return best;
 }
 
@@ -305,6 +316,7 @@ IncrementsChoice choose_increments(std::span<const double> times_s, const StampM
   const std::string said =
       fmt::format("over {} rows the scatter of the stamps is {:.2g} times that over one", far, growth);
   if (growth > std::pow(static_cast<double>(far), 0.25)) return {false, said + ": it adds up, the intervals are real"};
+  if (!model.sure) return {true, "the period is in doubt"};
   if (change > std::max(2e-4, explained))
     return {false, fmt::format("the rate changes by {:.2g} % within the record", 100.0 * change)};
   if (growth == 0.0) return {true, "the stamps are even"};

@@ -9,6 +9,7 @@
 
 #include "calib/rests/rest_data.h"
 #include "calib/rests/rest_units.h"
+#include "calib/statistics/data_screen.h"
 #include "calib/statistics/segmentation.h"
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/data_text.h"
@@ -49,8 +50,7 @@ struct TextOptions {
 
 struct SegmentOptions {
   std::string source, out;
-  double min_rest_s = SegmentationOptions{}.min_rest_s;
-  std::optional<double> threshold;
+  SegmentationOptions how;
 };
 
 void print_segmentation(const Segmentation& found, const RecordingInfo& info, std::int64_t first, std::ostream& out) {
@@ -77,12 +77,15 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
   }
 }
 
-// What is plainly wrong with the units, where there are rests to tell it by.
+// What is plainly wrong with the units, where there are rests to tell it by. `read` has read the samples before.
 void warn_of_units(const RecordingInfo& info, const Segments& segments,
-                   const std::function<void(SegmentedFeed&)>& feed_samples, std::ostream& out) {
+                   const std::function<Status(const RecordingSource::Sink&)>& read, std::ostream& out) {
   Compressor compressor(info, rest_compression_options());
   SegmentedFeed feed(compressor, segments);
-  feed_samples(feed);
+  static_cast<void>(read([&](std::span<const ImuSample> samples) {
+    feed.add(samples);
+    return Status();
+  }));
   feed.finish();
   const CompressedRecording recording = compressor.take();
   if (const std::string wrong = wrong_units(make_rest_data(recording)); !wrong.empty())
@@ -94,23 +97,12 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   RecordingSource& source = *opened;
   TRY(check_not_source(options.out, options.source));
   OutputFolder folder = TRY(OutputFolder::prepare(options.out, {binary_recording_name}));
-  SegmentationOptions segmentation;
-  segmentation.min_rest_s = options.min_rest_s;
-  segmentation.threshold = options.threshold;
-  const Segmentation found = TRY(find_rests(source, segmentation));
+  const Segmentation found = TRY(find_rests(source, options.how));
   print_segmentation(found, source.info(), found.segments.front().start_sample, context.out);
   TRY(import_binary(source, found.segments, folder.file(binary_recording_name)));
   folder.keep();
   warn_of_units(
-      source.info(), found.segments,
-      [&](SegmentedFeed& feed) {
-        const Status again = source.read([&](std::span<const ImuSample> samples) {
-          feed.add(samples);
-          return Status();
-        });
-        (void)again;  // read once already
-      },
-      context.out);
+      source.info(), found.segments, [&](const RecordingSource::Sink& sink) { return source.read(sink); }, context.out);
   context.out << "written to " << folder.path() << ": " << found.segments.size() << " segments" << std::endl;
   return {};
 }
@@ -123,11 +115,19 @@ Status write_imported(const CsvImport& content, const std::string& out, const st
   context.out << "imported into " << folder.path() << ": " << line << std::endl;
   if (content.clipped > 0)
     context.out << content.clipped << " samples clipped: a gyro repeats its extreme value" << std::endl;
+  SpikeFinder finder(content.info);
+  std::vector<std::string> spikes;
+  for (const ImuSample& sample : content.samples)
+    if (const auto k = finder.spike_in(sample))
+      spikes.push_back(glitch_of(*k, channel_of(sample, *k), sample.counter, content.info.sample_period_s));
+  if (!spikes.empty())
+    context.out << spikes.size() << " samples that no unit can have felt, the first: " << spikes.front() << std::endl;
   if (content.bad_rows > 0)
     context.out << content.bad_rows << " bad rows skipped, the first: " << content.first_bad << std::endl;
   if (const Segmentation found = find_rests(content.info, content.samples); !found.segments.empty())
     warn_of_units(
-        content.info, found.segments, [&](SegmentedFeed& feed) { feed.add(content.samples); }, context.out);
+        content.info, found.segments, [&](const RecordingSource::Sink& sink) { return sink(content.samples); },
+        context.out);
   return {};
 }
 
@@ -198,9 +198,9 @@ Status say(RecordingSource& source, const char* what, const std::string& out, Co
 }
 
 Status finish(RecordingSource& source, OutputFolder& folder, const char* what, CommandContext& context) {
-  static_cast<void>(TRY(source.content_hash()));
+  TRY(say(source, what, folder.path(), context));
   folder.keep();
-  return say(source, what, folder.path(), context);
+  return {};
 }
 
 Status import_text(const TextOptions& options, CommandContext& context) {
@@ -264,8 +264,7 @@ SampleColumns calibrated_columns(const RecordingInfo& info, const std::string& a
                      const ImuSample& sample, std::span<double> row) mutable {
     first = std::min(first.value_or(sample.counter), sample.counter);
     row[0] = timed ? static_cast<double>(sample.counter - *first) * period_s : static_cast<double>(sample.counter);
-    for (std::size_t k = 0; k < 6; ++k)
-      row[k + 1] = (k < 3 ? sample.gyro[k] : sample.accel[k - 3]) / (rates ? period_s : 1.0);
+    for (std::size_t k = 0; k < 6; ++k) row[k + 1] = channel_of(sample, k) / (rates ? period_s : 1.0);
     if (warm) row[7] = static_cast<double>(sample.temperature_c);
   };
   return columns;
@@ -391,9 +390,9 @@ void add_segment_command(CommandLine& line) {
       "segment", "find the rests of a recording and write it with segments", segment_recording);
   command.option("source", options.source, {is::required}, "recording: a folder or a .tcr file");
   command.option("--out", options.out, {is::required}, "folder to write to; must not contain a recording yet");
-  command.option("--threshold", options.threshold, {is::in(1.0, 1e12)},
+  command.option("--threshold", options.how.threshold, {is::in(1.0, 1e12)},
                  "ratio of variance to quiet variance at which a rest ends; default: chosen by the data");
-  command.option("--min-rest", options.min_rest_s, {is::time(0.1, 3600.0), is::default_in_help}, "shortest rest");
+  command.option("--min-rest", options.how.min_rest_s, {is::time(0.1, 3600.0), is::default_in_help}, "shortest rest");
 }
 
 void add_import_command(CommandLine& line) {

@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <deque>
-#include <memory>
 #include <optional>
 
 #include "calib/statistics/data_screen.h"
+#include "calib/statistics/unit_slip.h"
 #include "imu_io/recordings/csv_map_import.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
@@ -23,6 +23,7 @@ constexpr double moves_radps = 0.02, moves_mps2 = 0.5;
 struct ReadRests {
   RestCells cells;
   std::vector<std::string> notes;
+  Eigen::Vector3d force_mps2 = Eigen::Vector3d::Zero();  // of a single rest
 };
 
 // The samples at rest, one after the other.
@@ -61,6 +62,10 @@ class RestReader {
   Result<ReadRests> take() {
     keep_all_but(0);
     ReadRests found{maker_.take(si_), {}};
+    if (found.cells.ends.size() == 1)
+      found.force_mps2 = total_.cwiseProduct(si_).tail<3>() / (taken_ * info_.sample_period_s);
+    const std::string wrong = wrong_gravity(found.force_mps2.norm() / info_.gravity_mps2, info_);
+    if (found.cells.ends.size() == 1 && !wrong.empty()) found.notes.push_back("units: " + wrong);
     if (left_out_ > 0)
       found.notes.push_back(fmt::format("{} samples left out: marked as bad, glitches, or beyond any unit", left_out_));
     const std::vector<double>& mean = found.cells.mean[0];
@@ -85,7 +90,7 @@ class RestReader {
       if (glitch != found_.rend() && glitch->sample == counter)
         ++left_out_;
       else
-        maker_.add(counter, increments);
+        maker_.add(counter, increments), total_ += increments, ++taken_;
     }
   }
 
@@ -132,7 +137,8 @@ class RestReader {
   GlitchFinder glitches_;
   std::vector<DataEvent> found_;
   std::deque<std::pair<std::int64_t, Channels>> waiting_;
-  Channels si_ = Channels::Zero();
+  Channels si_ = Channels::Zero(), total_ = si_;
+  double taken_ = 0.0;  // samples in it
   std::int64_t a_second_ = 1, left_out_ = 0;
   std::size_t index_ = 0;
   std::optional<std::int64_t> first_;
@@ -177,18 +183,13 @@ Result<AllanResult> deviation_of(const RestCells& cells, const std::string& path
 }
 
 Result<AllanReport> report_of(const ReadRests& rests, const std::string& source) {
-  AllanReport report{.source = source, .against = {}};
-  report.result = TRY(deviation_of(rests.cells, source));
-  report.sample_s = rests.cells.sample_s;
-  report.rests = rests.cells.ends.size();
-  report.notes = rests.notes;
-  for (std::size_t k = 0; k < 3 && report.rests == 1; ++k) {
-    double sum = 0.0, count = 0.0;
-    for (const double value : rests.cells.mean[k + 3])
-      if (!std::isnan(value)) sum += value, count += 1.0;
-    report.mean_force_mps2[k] = sum / count;
-  }
-  return report;
+  return AllanReport{.source = source,
+                     .against = {},
+                     .result = TRY(deviation_of(rests.cells, source)),
+                     .sample_s = rests.cells.sample_s,
+                     .rests = rests.cells.ends.size(),
+                     .mean_force_mps2 = rests.force_mps2,
+                     .notes = rests.notes};
 }
 
 }  // namespace

@@ -171,10 +171,8 @@ Recording Recording::with_rests(double min_rest_s) const {
   if (!(min_rest_s >= 0.1 && min_rest_s <= 3600.0))
     raise(input_error("min_rest_s = " + format_number(min_rest_s) + ": expected a number from 0.1 to 3600"));
   MemorySource source(*this);
-  SegmentationOptions options;
-  options.min_rest_s = min_rest_s;
   auto content = std::make_shared<Content>(*content_);
-  content->segments = each_as<Segment>(value(find_rests(source, options)).segments);
+  content->segments = each_as<Segment>(value(find_rests(source, {.min_rest_s = min_rest_s})).segments);
   content->is_file = false;
   return Recording(std::move(content));
 }

@@ -31,7 +31,7 @@ struct AllanReport {
   AllanResult result = {};
   double sample_s = 0.0;
   std::size_t rests = 0;
-  std::array<double, 3> mean_force_mps2{};
+  Eigen::Vector3d mean_force_mps2 = Eigen::Vector3d::Zero();
   std::vector<std::string> notes = {};
   std::optional<AllanResult> other = {};
   std::optional<NoiseModel> file = {};  // of a parameter file

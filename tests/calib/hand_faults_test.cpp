@@ -41,6 +41,7 @@ TEST(WrongUnits, AreSaidInPlainWordsAndNotFitted) {
   const Case cases[] = {{1.0, 1.0 / standard_gravity_mps2, "accelerometers look as if they were in g, not m/s^2"},
                         {1.0, standard_gravity_mps2, "accelerometers look as if they were in m/s^2, not g"},
                         {1.0, 2.0, "accelerometers look too large by 2"},
+                        {1.0, 2.5, "accelerometers look to be something else, or of another unit or scale"},
                         {1.0 / rad_per_deg, 1.0, "gyros look as if they were in deg/s, not rad/s"},
                         {rad_per_deg, 1.0, "gyros look as if they were in rad/s, not deg/s"},
                         {2.0, 1.0, "gyros look too large by 2"},

@@ -6,6 +6,7 @@
 #include "imu_io/recordings/csv_map_import.h"
 #include "imu_io/recordings/map_proposal.h"
 #include "input.h"
+#include "tests/imu_io/text_columns.h"
 
 namespace turncal {
 namespace {

@@ -2,6 +2,7 @@
 
 #include "calib/model/parameters.h"
 #include "calib/statistics/clipping.h"
+#include "tests/imu_io/text_columns.h"
 #include "tests/test.h"
 
 namespace turncal {
@@ -18,12 +19,12 @@ std::string rows(int count, double step = 0.01) {
   return text;
 }
 CsvImport must(const std::string& map_text, const std::string& csv) {
-  return expect_value(import_columns(expect_value(parse_csv_map(map_text, "m.map")), columns_of_text(csv, "d.csv")));
+  return expect_value(import_text(expect_value(parse_csv_map(map_text, "m.map")), csv));
 }
 std::string refusal(const std::string& map_text, const std::string& csv) {
   const Result<CsvMap> map = parse_csv_map(map_text, "m.map");
   if (!map) return map.error().message;
-  const Result<CsvImport> result = import_columns(*map, columns_of_text(csv, "d.csv"));
+  const Result<CsvImport> result = import_text(*map, csv);
   return result.ok() ? "" : result.error().message;
 }
 
@@ -132,10 +133,9 @@ TEST(ImportForms, BadRowsAreSkippedAndCounted) {
   std::string csv = "gx,gy,gz,ax,ay,az\n";
   for (int k = 0; k < 14; ++k) csv += k == 12 ? "oops,100,96,0.5,0,1\n" : "102,100,96,0.5,0,1\n";
   CsvMap map = map_of("rate_hz = 100\n");
-  EXPECT_FALSE(import_columns(map, columns_of_text(csv, "d.csv")).ok());
+  EXPECT_FALSE(import_text(map, csv).ok());
   map.format.skip_bad_rows = true;
-  const Result<CsvImport> c = import_columns(map, columns_of_text(csv, "d.csv"));
-  ASSERT_OK(c);
+  const Result<CsvImport> c = good(import_text(map, csv));
   EXPECT_EQ(c->bad_rows, 1);
   EXPECT_SAYS(c->first_bad, "d.csv:14: column 'gx' = 'oops'");
   ASSERT_EQ(c->samples.size(), 13u);
@@ -150,8 +150,7 @@ TEST(ImportForms, ARowsNumberIsLeftOutWhereTheClockWasSetBack) {
     for (int k = 0; k < 300; ++k) csv += std::to_string(0.01 * (k < 100 ? k : k - 50)) + ",102,100,96,0.5,0,1\n";
     CsvMap map = map_of("time.column = t\ntime.increments = " + std::string(how) + "\n");
     map.format.skip_bad_rows = true;
-    const Result<CsvImport> c = import_columns(map, columns_of_text(csv, "d.csv"));
-    ASSERT_OK(c);
+    const Result<CsvImport> c = good(import_text(map, csv));
     EXPECT_NEAR(static_cast<double>(c->bad_rows), 50.0, 6.0);
     EXPECT_EQ(c->samples.back().counter, 299);
   }
@@ -160,9 +159,8 @@ TEST(ImportForms, ARowsNumberIsLeftOutWhereTheClockWasSetBack) {
 TEST(ImportForms, QuotesAndDecimalCommas) {
   std::string csv = "\"gx\";\"gy\";\"gz\";ax;ay;az\n";
   for (int k = 0; k < 12; ++k) csv += "\"1,5\";-2,25;0;3e-1;1.5;+4,5E1\n";
-  const Result<CsvImport> c = import_columns(map_of("rate_hz = 100\ncsv.delimiter = semicolon\ncsv.decimal = comma\n"),
-                                             columns_of_text(csv, "d.csv"));
-  ASSERT_OK(c);
+  const Result<CsvImport> c =
+      good(import_text(map_of("rate_hz = 100\ncsv.delimiter = semicolon\ncsv.decimal = comma\n"), csv));
   EXPECT_NEAR(c->samples[3].gyro[0], (1.5 - 100.0) * rad_per_deg * 0.01, 1e-12);
   EXPECT_NEAR(c->samples[3].gyro[1], (-2.25 - 100.0) * rad_per_deg * 0.01, 1e-12);
   EXPECT_NEAR(c->samples[3].accel[2], 45.0 * 9.80665 * 0.01, 1e-12);
@@ -172,31 +170,10 @@ TEST(ImportForms, CommentedHeaderAndBlankTemperature) {
   std::string csv = "# gx, gy, gz, ax, ay, az, temp\n";
   for (int k = 0; k < 20; ++k)
     csv += std::string("102,100,96,0.5,0,1,") + (k % 5 == 0 ? "30" : "") + (k == 7 ? "\n# a remark\n" : "\n");
-  const Result<CsvImport> c =
-      import_columns(map_of("rate_hz = 100\ntemperature.column = temp\n"), columns_of_text(csv, "d.csv"));
-  ASSERT_OK(c);
+  const Result<CsvImport> c = good(import_text(map_of("rate_hz = 100\ntemperature.column = temp\n"), csv));
   ASSERT_EQ(c->samples.size(), 20u);
   EXPECT_EQ(c->samples[5].temperature_c, 30.0F);
   EXPECT_TRUE(std::isnan(c->samples[6].temperature_c));
-}
-
-// Stamps that come late by more than a period are no gap when those after them are not late.
-TEST(ImportForms, JitteredStampsAreNoGaps) {
-  std::string csv = "t,gx,gy,gz,ax,ay,az\n";
-  for (int k = 0; k < 100; ++k) {
-    if (k == 70) continue;                          // one row lost
-    const double late = k % 10 == 3 ? 0.018 : 0.0;  // later than the next one
-    csv += std::to_string(0.01 * k + late) + ",102,100,100,0,0,1\n";
-  }
-  const Result<CsvImport> c =
-      import_columns(map_of("time.column = t\ntime.increments = period\n"), columns_of_text(csv, "d.csv"));
-  ASSERT_OK(c);
-  EXPECT_EQ(c->gaps, 1);
-  EXPECT_EQ(c->samples.back().counter, 99);
-  EXPECT_NEAR(c->info.sample_period_s, 0.01, 1e-4);
-  // Measured intervals cannot be negative.
-  EXPECT_FALSE(
-      import_columns(map_of("time.column = t\ntime.increments = intervals\n"), columns_of_text(csv, "d.csv")).ok());
 }
 
 TEST(ImportForms, AccelerometersInAFileOfTheirOwn) {
@@ -214,13 +191,11 @@ TEST(ImportForms, AccelerometersInAFileOfTheirOwn) {
   const ColumnSource later = columns_of_text("t,ax,ay,az\n9000,0,0,1\n9001,0,0,1\n", "a.csv");
   EXPECT_TRUE(fails(import_columns(map, gyros, &later),
                     "a.csv: times of 9000 to 9001: expected some of those of g.csv, 0 to 0.49"));
-  const Result<CsvImport> joined = import_columns(map, gyros, &sames);
-  ASSERT_OK(joined);
+  const Result<CsvImport> joined = good(import_columns(map, gyros, &sames));
   ASSERT_EQ(joined->samples.size(), 50u);
   EXPECT_NEAR(joined->samples[9].accel[0], 0.5 * standard_gravity_mps2 * 0.01, 1e-9);
   // A ramp sampled at another rate: the velocity over the common time is kept. A number holds for the interval that it ends.
-  const Result<CsvImport> resampled = import_columns(map, gyros, &others);
-  ASSERT_OK(resampled);
+  const Result<CsvImport> resampled = good(import_columns(map, gyros, &others));
   EXPECT_EQ(resampled->samples.size(), 49u);  // the first row is before the accelerometers begin
   double velocity = 0.0;
   for (std::size_t k = 1; k < resampled->samples.size(); ++k) velocity += resampled->samples[k].accel[0];
@@ -242,8 +217,7 @@ TEST(ImportForms, ClippingIsFoundBesideMeasuredIntervals) {
     csv += std::to_string(t) + "," + std::to_string(100.0 + rate) + ",100,100,0,0,1\n";
     t += k % 2 == 0 ? 0.0099 : 0.0101;
   }
-  const Result<CsvImport> c = import_columns(map_of("time.column = t\n"), columns_of_text(csv, "d.csv"));
-  ASSERT_OK(c);
+  const Result<CsvImport> c = good(import_text(map_of("time.column = t\n"), csv));
   EXPECT_GT(c->clipped, 50);
 }
 

@@ -28,19 +28,19 @@ TEST(NumberTable, ReadsNumpyArraysOfEitherOrder) {
   const std::vector<double> rows = {1, 2, 3, 4, 5, 6};  // 3 x 2
   for (const bool column_major : {false, true}) {
     const std::vector<double> data = column_major ? std::vector<double>{1, 3, 5, 2, 4, 6} : rows;
-    const auto table = good(read_number_table(npy("<f8", column_major, "(3, 2)", bytes_of(data)), "a.npy",
-                                              {{"2", false}, {"1", false}}, {}));
+    const auto table =
+        good(read_number_table(npy("<f8", column_major, "(3, 2)", bytes_of(data)), "a.npy", {{"2"}, {"1"}}, {}));
     EXPECT_EQ(table->columns[0], (std::vector<double>{2, 4, 6}));
     EXPECT_EQ(table->columns[1], (std::vector<double>{1, 3, 5}));
   }
   const auto counts = good(read_number_table(npy("<i2", false, "(3,)", bytes_of(std::vector<std::int16_t>{-7, 0, 9})),
-                                             "a.npy", {{"1", false}}, {}));
+                                             "a.npy", {{"1"}}, {}));
   EXPECT_EQ(counts->columns[0], (std::vector<double>{-7, 0, 9}));
 }
 
 TEST(NumberTable, RefusesWhatIsNoArrayOfNumbers) {
   const auto refusal = [](const std::string& content, const std::string& column) {
-    const auto table = read_number_table(content, "a.npy", {{column, false}}, {});
+    const auto table = read_number_table(content, "a.npy", {{column}}, {});
     return table.ok() ? std::string() : table.error().message;
   };
   const std::string six = bytes_of(std::vector<double>{1, 2, 3, 4, 5, 6});
@@ -51,37 +51,14 @@ TEST(NumberTable, RefusesWhatIsNoArrayOfNumbers) {
   EXPECT_SAYS(refusal(std::string("\x93NUMPY\x01\x00\xFF\xFF", 10), "1"), "cut off");
 }
 
-TEST(NumberTable, ReadsMatlabVariables) {
-  TemporaryFolder folder;
-  const std::string file = folder.path() + "/imu.mat";
-  mat_t* mat = Mat_CreateVer(file.c_str(), nullptr, MAT_FT_MAT5);
-  ASSERT_NE(mat, nullptr);
-  const auto put = [&](const char* name, std::size_t rows, std::size_t columns, std::vector<double> values) {
-    std::size_t dims[2] = {rows, columns};
-    matvar_t* variable = Mat_VarCreate(name, MAT_C_DOUBLE, MAT_T_DOUBLE, 2, dims, values.data(), 0);
-    EXPECT_EQ(Mat_VarWrite(mat, variable, MAT_COMPRESSION_NONE), 0);
-    Mat_VarFree(variable);
-  };
-  put("t", 3, 1, {0.0, 0.1, 0.2});
-  put("gyro", 3, 2, {1, 2, 3, 4, 5, 6});  // column by column
-  put("wide", 2, 3, {1, 4, 2, 5, 3, 6});
-  Mat_Close(mat);
-  const auto table =
-      good(read_number_table("MATLAB 5.0", file, {{"t", false}, {"gyro:2", false}, {"wide:2", false}}, {}));
-  EXPECT_EQ(table->columns[0], (std::vector<double>{0.0, 0.1, 0.2}));
-  EXPECT_EQ(table->columns[1], (std::vector<double>{4, 5, 6}));
-  EXPECT_EQ(table->columns[2], (std::vector<double>{4, 5, 6}));
-  ASSERT_TRUE(fails(read_number_table("MATLAB 5.0", file, {{"speed", false}}, {}), "no variable 'speed'"));
-}
-
-// A struct in a struct, as imu.gyro and imu.meta.t; and a file of HDF5 (tests/imu_io/map_samples): chunks, deflate, both byte orders, a compound.
-TEST(NumberTable, ReadsNestedVariablesAndHdf5) {
+// A matrix of rows, a struct in a struct, as imu.gyro and imu.meta.t; and a file of HDF5 (tests/imu_io/map_samples): chunks, deflate, both byte orders, a compound.
+TEST(NumberTable, ReadsMatlabVariablesAndHdf5) {
   TemporaryFolder folder;
   const std::string file = folder / "nested.mat";
   mat_t* mat = Mat_CreateVer(file.c_str(), nullptr, MAT_FT_MAT5);
   ASSERT_NE(mat, nullptr);
-  double gyro[] = {1, 2, 3, 4, 5, 6}, t[] = {0.0, 0.1, 0.2};
-  std::size_t size[] = {3, 2}, one[] = {1, 1}, column[] = {3, 1};
+  double gyro[] = {1, 2, 3, 4, 5, 6}, t[] = {0.0, 0.1, 0.2}, both[] = {1, 4, 2, 5, 3, 6};
+  std::size_t size[] = {3, 2}, one[] = {1, 1}, column[] = {3, 1}, row[] = {2, 3};
   const char* fields[] = {"gyro", "meta"};
   const char* inner[] = {"t"};
   matvar_t* meta = Mat_VarCreateStruct("meta", 2, one, inner, 1);
@@ -89,14 +66,18 @@ TEST(NumberTable, ReadsNestedVariablesAndHdf5) {
   matvar_t* imu = Mat_VarCreateStruct("imu", 2, one, fields, 2);
   Mat_VarSetStructFieldByName(imu, "gyro", 0, Mat_VarCreate("gyro", MAT_C_DOUBLE, MAT_T_DOUBLE, 2, size, gyro, 0));
   Mat_VarSetStructFieldByName(imu, "meta", 0, meta);
-  Mat_VarWrite(mat, imu, MAT_COMPRESSION_ZLIB);
-  Mat_VarFree(imu);
+  matvar_t* wide = Mat_VarCreate("wide", MAT_C_DOUBLE, MAT_T_DOUBLE, 2, row, both, 0);
+  for (matvar_t* variable : {imu, wide}) {
+    EXPECT_EQ(Mat_VarWrite(mat, variable, MAT_COMPRESSION_ZLIB), 0);
+    Mat_VarFree(variable);
+  }
   Mat_Close(mat);
-  const auto table = good(read_number_table("MATLAB 5.0", file, {{"imu.gyro:2"}, {"imu.meta.t"}}, {}));
+  const auto table = good(read_number_table("MATLAB 5.0", file, {{"imu.gyro:2"}, {"imu.meta.t"}, {"wide:2"}}, {}));
   EXPECT_EQ(table->columns[0], (std::vector<double>{4, 5, 6}));
   EXPECT_EQ(table->columns[1], (std::vector<double>{0.0, 0.1, 0.2}));
+  EXPECT_EQ(table->columns[2], (std::vector<double>{4, 5, 6}));
   EXPECT_EQ(expect_value(column_names(bytes_of_text("MATLAB 5.0"), file)),
-            (std::vector<std::string>{"imu.gyro:1", "imu.gyro:2", "imu.meta.t"}));
+            (std::vector<std::string>{"imu.gyro:1", "imu.gyro:2", "imu.meta.t", "wide:1", "wide:2"}));
   EXPECT_TRUE(fails(read_number_table("MATLAB 5.0", file, {{"imu.nope"}}, {}), "no variable 'imu.nope' of numbers"));
   const std::string hdf5 = "\x89HDF\r\n\x1a\n", sample = TURNCAL_SOURCE_DIR "/tests/imu_io/map_samples/imu.h5";
   const auto imu5 = good(

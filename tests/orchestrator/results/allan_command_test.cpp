@@ -31,6 +31,9 @@ TEST_F(AllanCommand, SaysWhatTheRigLaid) {
   const ProgramResult beside = run("allan rest --against noisy.conf");
   EXPECT_SAYS(beside.out, "x, file");
   EXPECT_SAYS(beside.out, "0.25");
+  ends("export rest --out text", 0);
+  write("text/recording.conf", replaced(file_text(folder_ / "text/recording.conf"), "mps = 0.0", "mps = 0.1"));
+  EXPECT_SAYS(run("allan text").out, "units: gravity reads");
 }
 
 TEST_F(AllanCommand, RefusesWhatMovesAndWhatIsShort) {
@@ -50,6 +53,8 @@ TEST_F(AllanCommand, RefusesWhatMovesAndWhatIsShort) {
   rows(50, 0.0);
   write("short.csv", csv);
   expect_refused("allan short.csv --map map.conf", "expected at least 10 s");
+  write("flip.csv", replaced(csv, "\n1.5", "\n1.5,7e300,0,0,0,0,0\n1.5"));
+  EXPECT_SAYS(ends("import flip.csv --map map.conf --skip-bad-rows --out flip", 0).out, "gyro x gave");
 }
 
 }  // namespace
