@@ -384,8 +384,7 @@ Status ClosedFormLayout::check_way(const Leg& leg, const SensorModel& model) con
   for (std::size_t i = first_block_[leg.from + 1]; i < first_block_[leg.to + 1]; ++i)
     if (lost_in_motion(recording_, i, model))
       return input_error(
-          fmt::format("step {}: {} samples are missing near sample {}, in a rotation: the angle turned "
-                      "is lost",
+          fmt::format("step {}: {} samples are missing near sample {}, in a rotation: the angle turned is lost",
                       to.step, recording_.blocks[i].missing, recording_.blocks[i].start_sample));
   const LegMotion motion = navigate_leg(recording_, first_block_, leg, model);
   const double turned_deg = motion.turned_rad / rad_per_deg;
@@ -397,8 +396,7 @@ Status ClosedFormLayout::check_way(const Leg& leg, const SensorModel& model) con
   const Eigen::AngleAxisd apart(attitude_at(angles_of(to)).transpose() * motion.C_nb_arrived);
   if (!(apart.angle() / rad_per_deg < max_misfit_deg))
     return input_error(
-        fmt::format("{}the navigated attitude is {:.1f} deg from these angles; the segments do not fit "
-                    "the data",
+        fmt::format("{}the navigated attitude is {:.1f} deg from these angles; the segments do not fit the data",
                     place(to), apart.angle() / rad_per_deg));
   return {};
 }

@@ -363,16 +363,10 @@ class Diagnosing {
     }
     r.parameters = from_vector(values);
     if (!by_name || recordings_.parts.size() > 1) return;
-    Eigen::VectorXd taken_up = Eigen::VectorXd::Zero(p);
-    for (std::size_t k = 0; k < e.named.columns.size(); ++k) {
-      const auto column = static_cast<std::size_t>(e.named.columns[k]);
-      taken_up += average.shift[p + static_cast<Eigen::Index>(k)] *
-                  table.taken_up[table.basis_of_effect[column]].col(table.column_of_effect[column]);
-    }
     for (Eigen::Index i = 0; i < p; ++i) {
       const int column = e.columns[static_cast<std::size_t>(i)];
-      if (column < parameter_count && std::abs(taken_up[i]) > r.sigma[column] && r.sigma[column] > 0.0)
-        d_.without_effects[column] = values[column] + taken_up[i];
+      if (column < parameter_count && std::abs(average.taken_up[i]) > r.sigma[column] && r.sigma[column] > 0.0)
+        d_.without_effects[column] = values[column] + average.taken_up[i];
     }
   }
 

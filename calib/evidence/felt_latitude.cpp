@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
+#include <fmt/format.h>
 #include <Eigen/LU>
 
 #include "calib/joint/score_algebra.h"
@@ -86,11 +86,9 @@ std::string wrong_latitude(const CompressedRecording& recording, const JointResu
   const std::optional<FeltLatitude> felt = felt_latitude(recording, fit);
   const double stated_deg = recording.info.latitude_deg;
   if (!felt || !felt->speaks_against(stated_deg * rad_per_deg, latitude_limits.least_deg)) return "";
-  char text[200];
-  std::snprintf(text, sizeof text,
-                "the gyros feel the earth turn as at a latitude of %.3f +- %.3f deg, the recording says %.10g",
-                felt->latitude_rad / rad_per_deg, felt->sigma_rad / rad_per_deg, stated_deg);
-  return text;
+  return fmt::format(
+      "the gyros feel the earth turn as at a latitude of {:.3f} +- {:.3f} deg, the recording says {:.10g}",
+      felt->latitude_rad / rad_per_deg, felt->sigma_rad / rad_per_deg, stated_deg);
 }
 
 }  // namespace turncal

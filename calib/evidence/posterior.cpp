@@ -6,15 +6,16 @@
 #include <memory>
 #include <set>
 
-#include "calib/statistics/linear_algebra.h"
-
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/SparseCore>
 
 namespace turncal {
 namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
+using SparseMatrix = Eigen::SparseMatrix<double>;
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 constexpr std::size_t beam = 6, expansions = 6;
@@ -32,6 +33,7 @@ constexpr double strong = 10.0;
 // A formula that is off by such a part of itself is none; what is off by all of itself does not go with its driver.
 constexpr double formula_is_within = 0.3, driver_is_within = 1.0;
 constexpr Eigen::Index most_columns = 240;  // beside which a model still takes such columns in
+constexpr double columns_show = 0.99;       // of the information of all
 
 // The system beside a model.
 struct State {
@@ -51,26 +53,23 @@ struct Next {
   std::shared_ptr<const State> parent;
 };
 
-// Of columns with information A and score b, at each variance of their coefficients.
+// Of columns with information A and score b, at each variance v of their coefficients: A made tridiagonal once, 1 + v A = L D L' for each.
 VectorXd gains(const MatrixXd& A, const VectorXd& b, const VectorXd& variance) {
-  const Eigen::Index sizes = variance.size(), r = b.size();
-  VectorXd gain(sizes);
-  if (r <= few_columns) {  // more are dearer than a Cholesky factor for each size
-    const SymmetricEigen e = r == 1 ? SymmetricEigen{A.col(0), MatrixXd::Ones(1, 1)} : symmetric_eigen(A);
-    const VectorXd q = e.values.cwiseMax(0.0), y = (e.vectors.transpose() * b).cwiseAbs2();
-    for (Eigen::Index k = 0; k < sizes; ++k) {
-      const double v = variance[k];
-      gain[k] = 0.5 * (v * y.array() / (1.0 + v * q.array()) - (v * q.array()).log1p()).sum();
-    }
-    return gain;
-  }
-  for (Eigen::Index k = 0; k < sizes; ++k) {
+  const Eigen::Tridiagonalization<MatrixXd> of(A);
+  const VectorXd diagonal = of.diagonal(), beside = of.subDiagonal(), score = of.matrixQ().adjoint() * b;
+  VectorXd gain = VectorXd::Zero(variance.size());
+  for (Eigen::Index k = 0; k < variance.size(); ++k) {
     const double v = variance[k];
-    MatrixXd M = v * A;
-    M.diagonal().array() += 1.0;
-    const Eigen::LLT<MatrixXd> llt(M);
-    const VectorXd w = llt.matrixL().solve(b);
-    gain[k] = 0.5 * v * w.squaredNorm() - llt.matrixLLT().diagonal().array().log().sum();
+    double d = 1.0 + v * diagonal[0], y = score[0], log_det = std::log(d);
+    for (Eigen::Index i = 1;; ++i) {
+      gain[k] += 0.5 * v * y * y / d;
+      if (i == b.size()) break;
+      const double l = v * beside[i - 1] / d;
+      d = 1.0 + v * diagonal[i] - l * v * beside[i - 1];
+      y = score[i] - l * y;
+      log_det += std::log(d);
+    }
+    gain[k] -= 0.5 * log_det;
   }
   return gain;
 }
@@ -150,7 +149,7 @@ void take_in(const TermTable& table, MatrixXd y, const Eigen::LLT<MatrixXd>& M, 
 // What an error x may be off by, of each piece by itself: within the rest along its sensor's axis, by the turn before it in any direction, since
 // what varies in a turn is turned with the unit. It is in proportion to x there and, where its quantity has a unit, as much to the rms of x:
 // where a wrong shape is zero the right one need not be. Those that are seen best.
-MatrixXd by_piece(const PieceSystem& system, const VectorXd& x, const VectorXd& unit, Eigen::Index most) {
+SparseMatrix by_piece(const PieceSystem& system, const VectorXd& x, const VectorXd& unit, Eigen::Index most) {
   using OfPiece = Eigen::Matrix<double, piece_dims, 1>;
   struct Column {
     double information;
@@ -196,10 +195,18 @@ MatrixXd by_piece(const PieceSystem& system, const VectorXd& x, const VectorXd& 
   }
   std::sort(columns.begin(), columns.end(),
             [](const Column& a, const Column& b) { return a.information > b.information; });
-  while (!columns.empty() && (std::ssize(columns) > most || columns.back().information == 0.0)) columns.pop_back();
-  MatrixXd side_by_side = MatrixXd::Zero(x.size(), std::ssize(columns));
-  for (std::size_t k = 0; k < columns.size(); ++k)
-    side_by_side.col(static_cast<Eigen::Index>(k)).segment<piece_dims>(columns[k].first) = columns[k].of;
+  double left = 0.0;
+  for (const Column& column : columns) left += columns_show * column.information;
+  std::size_t count = 0;
+  while (count < columns.size() && static_cast<Eigen::Index>(count) < most && left > 0.0)
+    left -= columns[count++].information;
+  columns.resize(count);
+  SparseMatrix side_by_side(x.size(), std::ssize(columns));
+  for (Eigen::Index k = 0; k < side_by_side.cols(); ++k) {
+    const Column& column = columns[static_cast<std::size_t>(k)];
+    for (int d = 0; d < piece_dims; ++d)
+      if (column.of[d] != 0.0) side_by_side.insert(column.first + d, k) = column.of[d];
+  }
   return side_by_side;
 }
 VectorXd unit_of(const TermTable& table, const Term& term, Eigen::Index rows) {
@@ -226,9 +233,9 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
   const double explained = b.dot(mean);
   take_in(table, left_by(child, system, x), llt, b, child);
   if (!may_be_inexact(term) || explained < strong * strong || child.Y.cols() >= most_columns) return child;
-  const MatrixXd C =
+  const SparseMatrix C =
       by_piece(system, x * mean, unit_of(table, term, system.coordinates()), most_columns - child.Y.cols());
-  const MatrixXd y = left_by(child, system, C), A = C.transpose() * y;
+  const MatrixXd y = left_by(child, system, MatrixXd(C)), A = C.transpose() * y;
   const VectorXd s = C.transpose() * child.score;
   const VectorXd variance = Eigen::Map<const Eigen::ArrayXd>(inexactness.data(), inexactness.size()).square();
   const VectorXd gain = gains(A, s, variance);
@@ -522,7 +529,8 @@ class Coefficients {
 
  private:
   struct Part {
-    MatrixXd x, y, effect;
+    SparseMatrix x;
+    MatrixXd y, effect;
     VectorXd s;
     MatrixXd floor;  // of the coefficients' information
   };
@@ -576,13 +584,14 @@ class Coefficients {
     return all;
   }
 
-  void add_inexact(const VectorXd& x, const Term& term) {
+  void add_inexact(const VectorXd& mean, const Term& term) {
     Part part;
-    part.x = by_piece(system_, x, unit_of(table_, term, system_.coordinates()), most_columns);
-    part.y = system_.times(part.x);
-    part.s = part.x.transpose() * system_.scores();
-    part.floor = MatrixXd::Zero(part.x.cols(), part.x.cols());
-    const MatrixXd shift = system_.shift(part.x);
+    part.x = by_piece(system_, mean, unit_of(table_, term, system_.coordinates()), most_columns);
+    const MatrixXd x = part.x;
+    part.y = system_.times(x);
+    part.s = x.transpose() * system_.scores();
+    part.floor = MatrixXd::Zero(x.cols(), x.cols());
+    const MatrixXd shift = system_.shift(x);
     part.effect = MatrixXd::Zero(shift.rows() + static_cast<Eigen::Index>(named_.size()), shift.cols());
     part.effect.topRows(shift.rows()) = shift;
     parts_.push_back(std::move(part));
@@ -592,8 +601,9 @@ class Coefficients {
     if (!is_new) return found->second;
     const Term& term = table_.terms[static_cast<std::size_t>(number)];
     Part part;
-    part.x = coordinates_of(table_.bases[term.basis], term.L, system_.coordinates());
-    part.y = system_.times(part.x);
+    const MatrixXd x = coordinates_of(table_.bases[term.basis], term.L, system_.coordinates());
+    part.x = x.sparseView();
+    part.y = system_.times(x);
     part.s = term.L.transpose() * blocks_[term.basis].s;
     part.floor = term.L.transpose() * (system_.floor() * blocks_[term.basis].before).asDiagonal() * term.L;
     MatrixXd shift = blocks_[term.basis].shift;
@@ -638,7 +648,7 @@ class Coefficients {
 
   const MatrixXd& between(std::size_t i, std::size_t j) {
     MatrixXd& block = between_[{i, j}];
-    if (block.size() == 0) block.noalias() = parts_[i].x.transpose() * parts_[j].y;
+    if (block.size() == 0) block = parts_[i].x.transpose() * parts_[j].y;
     return block;
   }
 
@@ -699,6 +709,7 @@ AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const
         -table.taken_up[table.basis_of_effect[column]].col(table.column_of_effect[column]);
   }
   estimate.shift = beside * middle;
+  estimate.taken_up = (middle - estimate.shift).head(p);
   beside = beside * scale.asDiagonal();
   estimate.covariance = beside * covariance * beside.transpose();
   estimate.sigma = estimate.covariance.diagonal().cwiseSqrt();

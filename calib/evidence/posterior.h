@@ -74,6 +74,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& all, const Posterior& 
 struct AveragedEstimate {
   Eigen::VectorXd shift, sigma;
   Eigen::MatrixXd covariance;
+  Eigen::VectorXd taken_up;  // what a parameter, as it is over the whole recording, has of the named effects
 };
 AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const Posterior& posterior,
                                      const std::vector<int>& named);

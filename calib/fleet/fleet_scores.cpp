@@ -153,10 +153,11 @@ std::vector<ComponentData> FleetScores::sums(const Eigen::MatrixXd& weights) con
 Eigen::MatrixXd FleetScores::information() const {
   Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(effects_, effects_);
   for (std::size_t i = 0; i < members_.size(); ++i)
-    for (std::size_t a = 0; a < effects_; ++a)
-      for (std::size_t b = 0; b < effects_; ++b)
-        if (const int k = column(i, a), l = column(i, b); k >= 0 && l >= 0)
-          sum(a, b) += static_cast<double>(members_[i]->statistics.Q(k, l));
+    for (std::size_t a = 0; a < effects_; ++a) {
+      const int k = column(i, a);
+      for (std::size_t b = 0; k >= 0 && b < effects_; ++b)
+        if (const int l = column(i, b); l >= 0) sum(a, b) += static_cast<double>(members_[i]->statistics.Q(k, l));
+    }
   return sum;
 }
 

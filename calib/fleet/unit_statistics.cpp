@@ -1,6 +1,6 @@
 #include "calib/fleet/unit_statistics.h"
 
-#include <cstdio>
+#include <fmt/format.h>
 
 #include "calib/joint/score_algebra.h"
 #include "calib/joint/several_recordings.h"
@@ -10,9 +10,7 @@ namespace turncal {
 
 std::string column_key(const EffectColumn& column) {
   if (column.tau_s == 0.0) return column.key();
-  char text[40];
-  std::snprintf(text, sizeof text, " %.15g", column.tau_s);
-  return column.key() + " " + std::string(column.entry->variant) + text;
+  return fmt::format("{} {} {:.15g}", column.key(), column.entry->variant, column.tau_s);
 }
 
 UnitStatistics unit_statistics(const CompressedRecording& recording, const JointResult& estimate) {

@@ -68,8 +68,7 @@ double absurd_magnitude(const EffectEntry& entry, double duration_s) {
 std::span<const std::string_view> unobservable_quantities() {
   static constexpr std::array<std::string_view, 4> names = {
       "error of the local gravity entered for the site (it is the common accelerometer scale factor), and of the "
-      "sample period as far "
-      "as the earth's rate does not show it",
+      "sample period as far as the earth's rate does not show it",
       "arm from the table's centre to the unit's centre", "sag of the whole fixture",
       "error of the table's angles (they are not used as truth beyond the first heading)"};
   return names;

@@ -10,7 +10,7 @@
 namespace turncal {
 namespace {
 
-enum { phi = 0, dv = 3, dr = 5, gyro_bias = 7, accel_bias = 10 };
+enum { phi = 0, dv = 3, dr = 5, gyro_bias = 7, moved = gyro_bias, accel_bias = 10 };
 constexpr double step_s = 1.0;
 
 // North and east of a vector in n.
@@ -20,10 +20,11 @@ Eigen::Matrix<double, 2, 3> horizontal(const Eigen::Matrix3d& m) {
   return rows;
 }
 
-template <class Matrix>
-Matrix propagated(const DriftMatrix& F, double t, const Matrix& x) {
-  const Matrix first = t * (F * x);
-  return x + first + (0.5 * t) * (F * first);
+// lazyProduct: for matrices of this size a call of the general product costs more than it does.
+template <class Square, class Matrix>
+Matrix propagated(const Square& F, double t, const Matrix& x) {
+  const Matrix first = t * F.lazyProduct(x);
+  return x + first + (0.5 * t) * F.lazyProduct(first);
 }
 
 }  // namespace
@@ -75,7 +76,9 @@ void DriftCovariance::advance(const Eigen::Matrix3d& C_nb, const MotionInterval&
   if (counts_) {
     const Eigen::Vector3d gyro = counts_->counts_of_gyro * (interval.gyro_rad + T * counts_->gyro_bias_radps);
     const Eigen::Vector3d accel = counts_->counts_of_accel * (interval.accel_mps + T * counts_->accel_bias_mps2);
-    S_ = propagated(F_, T, S_);
+    // No parameter moves the states of the bias instability.
+    const Eigen::Matrix<double, moved, parameter_count> S = S_.topRows<moved>();
+    S_.topRows<moved>() = propagated(F_.topLeftCorner<moved, moved>(), T, S);
     const Eigen::Matrix<double, 2, 3> C_horizontal = horizontal(C_nb);
     // Order of parameter_keys: N0, A0, n by rows, a by rows.
     S_.block<3, 3>(phi, 0) += (T * radps_per_degph) * C_nb;

@@ -105,8 +105,7 @@ std::string wrong_vertical(const RestData& data, const Parameters& fitted) {
   if (!(std::abs(k) > surely * sigma) || std::abs(k + 2.0) > near_by * sigma) return {};
   return fmt::format(
       "the gyros at rest feel {:.2f} +- {:.2f} of the vertical earth rate of latitude {:.6g} deg: expected the "
-      "other sign of the "
-      "latitude, or accelerometers that read specific force (up at rest), not gravity",
+      "other sign of the latitude, or accelerometers that read specific force (up at rest), not gravity",
       1.0 + k, sigma, data.recording->info.latitude_deg);
 }
 

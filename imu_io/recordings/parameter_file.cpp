@@ -365,8 +365,7 @@ std::string format_parameter_header(const ParameterFile& file) {
            ? "accelerometer counts c of turncal_accel_pulse_mps:\n     velocity (m/s)  = a c turncal_accel_pulse_mps"
            : "accelerometer increments c in m/s (a a number):\n     velocity (m/s)  = a c") +
       " - A0 9.80665 T  (A0 in g)\n   Body axes: x front, y up, z right. sigma: one standard deviation in the unit of "
-      "the value, by rows; -1: "
-      "not estimated. */\n";
+      "the value, by rows; -1: not estimated. */\n";
   if (file.temperature)
     text +=
         "/* At the temperature t (C), limited to turncal_temperature_range_c, each number p of N0, A0, n and a is\n"

@@ -468,8 +468,7 @@ void add_thermal_command(CommandLine& line) {
       "thermal", "parameters as functions of temperature, from calibrations at several temperatures", thermal);
   command.option(
       "leg", options.request.legs, {is::required},
-      "a recording, a parameter file, or the folder of a run or calibration; of one unit, two temperatures at "
-      "least");
+      "a recording, a parameter file, or the folder of a run or calibration; of one unit, two temperatures at least");
   command.option("--out", options.out, {is::required}, "folder for parameters.conf, thermal.conf and thermal.html");
   command.option("--temperature", options.request.temperatures, {is::one_word_each},
                  "LEG=VALUE, degrees C, for a leg without a thermometer; repeat it for more");

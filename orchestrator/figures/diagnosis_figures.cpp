@@ -70,8 +70,7 @@ Figure time_figure(const Diagnosis& diagnosis) {
   figure.label = "Residual velocity against time, north, up and east";
   figure.caption =
       "The unit stands still in every second shown: any velocity is an error. It is navigated freely from the "
-      "beginning of the "
-      "last rotation on; every rotation starts a new branch, which is shown for two minutes.";
+      "beginning of the last rotation on; every rotation starts a new branch, which is shown for two minutes.";
   figure.panel_height = 185;
   figure.stacked = true;
   std::vector<std::pair<std::size_t, std::size_t>> parts = rests(diagnosis.residuals);

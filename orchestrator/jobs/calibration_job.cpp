@@ -369,7 +369,7 @@ void navigate_effects(const LoadedRecording& recording, const Diagnosis& diagnos
   const Segments& segments = navigated.data.segments;
   const double to_s =
       static_cast<double>(segments.back().end_sample - segments.front().start_sample) * info.sample_period_s;
-  Result<NavigationWorth> worth = worth_of_effects(diagnosis, context, request.samples, to_s);
+  Result<NavigationWorth> worth = worth_of_effects(diagnosis, context, request.samples, navigated.data, to_s);
   if (!worth) {
     context.notes.push_back("not navigated: " + worth.error().message);
     return;

@@ -55,8 +55,7 @@ std::string response(int code, const char* reason, const PageText& text) {
          "\r\nCache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nX-Frame-Options: "
          "DENY\r\nContent-Security-Policy: default-src 'none'; "
          "style-src 'unsafe-inline'; script-src 'unsafe-inline'; connect-src 'self'; img-src data:; form-action "
-         "'none'; base-uri "
-         "'none'\r\nConnection: close\r\n\r\n" +
+         "'none'; base-uri 'none'\r\nConnection: close\r\n\r\n" +
          text.body;
 }
 

@@ -148,8 +148,7 @@ std::array<DriveState, 4> drive_states(bool searches) {
                {enabled, in_position, homed, remote}, {fault, moving, limit_positive, limit_negative, emergency_stop}),
           with(enabled,
                "a status that can say of an axis that it moves: enabled, moving, homed and remote, without "
-               "in_position, fault, a limit "
-               "or emergency_stop",
+               "in_position, fault, a limit or emergency_stop",
                {enabled, moving, homed, remote}, {in_position, fault, limit_positive, limit_negative, emergency_stop}),
           with(enabled, "a status that can say of an axis that it is off and at rest: without enabled and moving", {},
                {enabled, moving}),

@@ -141,7 +141,8 @@ bool can_be(const MotionInterval& interval) {
 
 }  // namespace
 
-Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string& file_name, RecordingSource& source) {
+Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string& file_name, RecordingSource& source,
+                                    const CompressedRecording* given) {
   EffectTerms terms;
   if (file.effects.empty()) return terms;
   const bool by_hand = without_table_angles(source.segments());
@@ -154,8 +155,9 @@ Result<EffectTerms> EffectTerms::of(const ParameterFile& file, const std::string
     TRY(terms.of_motion_alone(source, file, model));
     return terms;
   }
-  const LoadedRecording loaded = TRY(load_recording(source));
-  const CompressedRecording& recording = loaded.data;
+  std::optional<LoadedRecording> loaded;
+  if (given == nullptr) loaded = TRY(load_recording(source));
+  const CompressedRecording& recording = given != nullptr ? *given : loaded->data;
   if (recording.blocks.empty())
     return input_error(source.path() + ": has no segments, expected some to evaluate effects over");
 
@@ -300,9 +302,9 @@ SampleCalibration::Increments SampleCalibration::of(const ImuSample& sample, dou
 }
 
 Result<SampleCalibration> SampleCalibration::make(const ParameterFile& file, const std::string& path,
-                                                  RecordingSource& source) {
+                                                  RecordingSource& source, const CompressedRecording* recording) {
   TRY(check_applicable(file, path, source.info()));
-  EffectTerms effects = TRY(EffectTerms::of(file, path, source));
+  EffectTerms effects = TRY(EffectTerms::of(file, path, source, recording));
   SampleCalibration made{sensor_model(from_vector(file.parameters), source.info()), std::move(effects)};
   if (!file.temperature) return made;
   constexpr double none = std::numeric_limits<double>::infinity();
@@ -321,9 +323,10 @@ Result<SampleCalibration> SampleCalibration::make(const ParameterFile& file, con
   return made;
 }
 
-Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source) {
+Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source,
+                                                 const CompressedRecording* recording) {
   const RecordingInfo& info = source.info();
-  SampleCalibration calibration = TRY(SampleCalibration::make(file, path, source));
+  SampleCalibration calibration = TRY(SampleCalibration::make(file, path, source, recording));
   const int samples = std::max(1, static_cast<int>(std::lround(motion_interval_s / info.sample_period_s)));
   return CalibratedIntervals{path, std::move(file), std::move(calibration),
                              IncrementIntegrator(info.sample_period_s, samples)};

@@ -26,9 +26,10 @@ namespace turncal {
 
 class EffectTerms {
  public:
-  // Reads the recording once. An error when an effect is unknown, needs a temperature that the recording lacks, or needs an
+  // Over the blocks of `recording`, or of the source, which is read once. An error when an effect is unknown, needs a temperature that the recording lacks, or needs an
   // attitude (earth rate, magnetic field) and the recording has no table angles.
-  static Result<EffectTerms> of(const ParameterFile& file, const std::string& file_name, RecordingSource& source);
+  static Result<EffectTerms> of(const ParameterFile& file, const std::string& file_name, RecordingSource& source,
+                                const CompressedRecording* recording);
 
   // For samples in counter order.
   struct Term {
@@ -111,7 +112,8 @@ struct SampleCalibration {
   // Effects beyond the 24 parameters are taken off as the estimate modelled them. For samples in counter order.
   Increments of(const ImuSample& sample, double period_s);
   // Errors: the file, or that it is not of this unit and kind of increments. `path`: how the file is called.
-  static Result<SampleCalibration> make(const ParameterFile& file, const std::string& path, RecordingSource& source);
+  static Result<SampleCalibration> make(const ParameterFile& file, const std::string& path, RecordingSource& source,
+                                        const CompressedRecording* recording = nullptr);
 };
 
 struct CalibratedIntervals {
@@ -122,7 +124,9 @@ struct CalibratedIntervals {
 };
 
 // Before any sample is read.
-Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source);
+// `recording`: of the source, where it has been loaded.
+Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source,
+                                                 const CompressedRecording* recording = nullptr);
 Result<CalibratedIntervals> calibrated_intervals(const std::string& path, RecordingSource& source);
 
 struct Stretch {  // s from the first sample

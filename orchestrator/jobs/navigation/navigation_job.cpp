@@ -300,7 +300,8 @@ ModelWithout model_without(const JointResult& extended, const Eigen::MatrixXd& P
 }
 
 Result<NavigationWorth> worth_of_effects(const Diagnosis& diagnosis, const DiagnosisContext& context,
-                                         const std::string& recording, std::optional<double> to_s) {
+                                         const std::string& recording, const CompressedRecording& blocks,
+                                         std::optional<double> to_s) {
   const ParameterFile after = diagnosis_parameters(diagnosis, context);
   ParameterFile before = after;
   before.parameters = to_vector(diagnosis.base.parameters);
@@ -312,7 +313,8 @@ Result<NavigationWorth> worth_of_effects(const Diagnosis& diagnosis, const Diagn
 
   std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(recording));
   std::vector<CalibratedIntervals> files;
-  for (ParameterFile& model : models) files.push_back(TRY(calibrated_intervals(std::move(model), recording, *source)));
+  for (ParameterFile& model : models)
+    files.push_back(TRY(calibrated_intervals(std::move(model), recording, *source, &blocks)));
   NavigationRequest request;
   request.recording = recording;
   request.to_s = to_s;

@@ -34,10 +34,11 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
 // Errors, kind input: file, line, and what was expected.
 Result<ReferenceTrack> read_reference(const std::string& path);
 
-// `recording`: the path of its samples; what lies after `to_s` is not navigated. Errors: those of navigate_recording().
+// `recording`: the path of its samples, `blocks`: of the same; what lies after `to_s` is not navigated. Errors: those of navigate_recording().
 // REQUIRES: effects were added.
 Result<NavigationWorth> worth_of_effects(const Diagnosis& diagnosis, const DiagnosisContext& context,
-                                         const std::string& recording, std::optional<double> to_s);
+                                         const std::string& recording, const CompressedRecording& blocks,
+                                         std::optional<double> to_s);
 
 // The extended model with one of its effects held at zero. `covariance`: that of the fit, not widened; its rows are extended.free.
 struct ModelWithout {
