@@ -425,7 +425,7 @@ void add_recalibrate_command(CommandLine& line) {
       "recalibrate", "recalibrate every recording with this version", recalibrate_archive);
   command.option("archive", options.archive, {is::required},
                  "a folder with recordings below it, a CSV list, or a results database");
-  command.option("--out", options.store, {is::required}, "store (a folder); results that exist are kept");
+  command.option("--out", options.store, {is::required}, "folder of the store; existing results are kept");
   command.option("--against", options.against, "report what changed against this version of the store");
   command.option("--as-version", options.version, {is::default_in_help}, "name of the version in the store");
   command.option("--engine", options.engine, {is::one_of({"local", "slurm"}), is::default_in_help},
@@ -465,7 +465,7 @@ void add_allan_command(CommandLine& line) {
 
 void add_thermal_command(CommandLine& line) {
   const auto [command, options] = line.command<ThermalCommandOptions>(
-      "thermal", "parameters as functions of temperature, from calibrations at several temperatures", thermal);
+      "thermal", "fit the parameters as functions of temperature, from calibrations at several temperatures", thermal);
   command.option(
       "leg", options.request.legs, {is::required},
       "a recording, a parameter file, or the folder of a run or calibration; of one unit, two temperatures at least");
@@ -479,7 +479,8 @@ void add_thermal_command(CommandLine& line) {
 
 void add_campaign_command(CommandLine& line) {
   const auto [command, options] = line.command<CampaignOptions>(
-      "campaign", "calibrate a unit at several temperatures, unattended, and over temperature", campaign);
+      "campaign", "calibrate a unit at several temperatures, unattended, and fit its parameters over temperature",
+      campaign);
   RunRequest& request = options.request;
   command.option("file", options.file, {is::required},
                  "campaign: unit, station, temperatures, sequences (docs/thermal.md)");

@@ -54,13 +54,9 @@ using namespace cell;
 Table calibration_list(const Calibrations& all) {
   Table table{{number("id"), name("unit"), text("time"), text("verdict"), text("folder")}};
   for (const StoredCalibration& c : all)
-    table.row({count(static_cast<std::size_t>(c.id)), name(c.unit), text(c.time_utc), text(c.verdict),
+    table.row({count(static_cast<std::size_t>(c.id)), name(c.unit), text(c.time_utc), word(c.verdict),
                text(c.folder + (c.simulated ? "  [simulated]" : ""))});
   return table;
-}
-
-Cell as(const char* format, std::optional<double> value) {
-  return value ? number(fmt::format(fmt::runtime(format), *value), *value) : number("-");
 }
 
 Result<Document> comparison(const Calibrations& all, const std::vector<std::int64_t>& ids) {
@@ -76,7 +72,8 @@ Result<Document> comparison(const Calibrations& all, const std::vector<std::int6
     return input_error(fmt::format("--compare: {} is of unit '{}', {} of unit '{}': expected two of one unit", ids[0],
                                    a->unit, ids[1], b->unit));
   Document document{"", "Comparison of unit " + a->unit};
-  document.text(fmt::format("unit {}: {} ({}) and {} ({})", a->unit, a->time_utc, a->verdict, b->time_utc, b->verdict));
+  document.text(fmt::format("unit {}: {} ({}) and {} ({})", a->unit, a->time_utc, in_words(a->verdict), b->time_utc,
+                            in_words(b->verdict)));
   Table table{{name("parameter"), number("first"), number("second"), number("difference"), number("/ sigma")}};
   for (const StoredValue& value : a->values) {
     const auto other = std::ranges::find_if(b->values, [&](const auto& v) { return v.key == value.key; });
@@ -95,23 +92,17 @@ Result<Document> parameter_document(const Calibrations& all, const std::string& 
     return input_error("--parameter '" + key + "': expected one of the 24 keys, N01 to a33" +
                        did_you_mean(key, {parameter_keys.begin(), parameter_keys.end()}));
   const ParameterHistory history = parameter_history(all, key);
-  const ControlChart& chart = history.chart;
+  const std::vector<std::size_t>& beyond = history.chart.outside;
   Document document{"", "Parameter " + key};
   Table table{{number("id"), name("unit"), text("time"), number(key), number("sigma"), text("control")}};
   for (std::size_t i = 0; i < history.values.size(); ++i) {
-    const bool outside = std::ranges::find(chart.outside, i) != chart.outside.end();
+    const bool outside = std::ranges::find(beyond, i) != beyond.end();
     table.row({count(static_cast<std::size_t>(history.of[i]->id)), name(history.of[i]->unit),
                text(history.of[i]->time_utc), with_sigma(history.values[i], history.sigmas[i].value_or(0.0)),
-               as("{:.1e}", history.sigmas[i]), text(outside ? "outside the control limits" : "")});
+               number(history.sigmas[i], 2), text(outside ? "outside the control limits" : "")});
   }
   document.add(std::move(table));
-  const auto said = [&](std::optional<double> value) {
-    return value ? value_with_sigma(*value, chart.sigma.value_or(0.0)) : "-";
-  };
-  document.text(fmt::format("{}: n {}, mean {}, control limits {} .. {}, limits {} .. {}, Cpk {}", key, chart.count,
-                            said(chart.mean), said(chart.lower), said(chart.upper),
-                            as("{:.8g}", history.limit.min).words, as("{:.8g}", history.limit.max).words,
-                            chart.cpk ? fmt::format("{:.2f}", chart.cpk->value) : "-"));
+  add_control_table({history}, document);
   return document;
 }
 
@@ -174,8 +165,8 @@ Status show_attempts(const HistoryOptions& options, const ResultsDatabase& datab
     const std::string temperature =
         a.temperature_min_c ? fmt::format("{:.1f} .. {:.1f}", *a.temperature_min_c, a.temperature_max_c.value_or(0.0))
                             : "-";
-    table.row({count(static_cast<std::size_t>(a.id)), name(a.unit), text(a.time_utc), text(a.outcome), text(a.station),
-               text(temperature), as("{:.3f}", a.residual),
+    table.row({count(static_cast<std::size_t>(a.id)), name(a.unit), text(a.time_utc), word(a.outcome), text(a.station),
+               text(temperature), number(a.residual, 4),
                text(shorten(a.reason, 200) + (a.simulated ? "  [simulated]" : ""))});
   }
   out << as_text(table);
@@ -447,8 +438,8 @@ void add_history_command(CommandLine& line) {
 }
 
 void add_shift_command(CommandLine& line) {
-  const auto [command, options] =
-      line.command<ShiftOptions>("shift", "report a shift: yield, reasons, hours, control charts, stations", run_shift);
+  const auto [command, options] = line.command<ShiftOptions>(
+      "shift", "report on a shift: yield, reasons, hours, control charts, stations", run_shift);
   command.option("database", options.database, {is::required}, "the station's record.database");
   add_filter_options(command, options.filter);
   command.flag("--simulated", options.simulated, "report dry runs, which are never mixed with real units");
@@ -459,7 +450,7 @@ void add_shift_command(CommandLine& line) {
 
 void add_records_command(CommandLine& line) {
   CommandLine records =
-      line.family("records", "look after what is kept: results database, parameter files in use, old recordings");
+      line.family("records", "maintain the results database, the parameter files in use and old recordings");
   const auto of_database = [&records](const char* name, const char* help,
                                       Status (*job)(const DatabaseOptions&, CommandContext&)) {
     const auto added = records.command<DatabaseOptions>(name, help, job);
@@ -479,7 +470,7 @@ void add_records_command(CommandLine& line) {
   restoring.option("--unit", version.unit, {is::required}, "serial number of the unit");
   restoring.option("--version", version.version, {is::positive},
                    "the version to bring back; without it they are listed");
-  restoring.flag("--simulated", version.simulated, "of the dry runs");
+  restoring.flag("--simulated", version.simulated, "use the parameter files of dry runs");
   const auto [pruning, old] = records.command<PruneOptions>(
       "prune", "remove old recordings of finished units, but never a unit's last one or one that is on hold", prune);
   pruning.option("folder", old.folder, {is::required}, "folder with the folders of runs");

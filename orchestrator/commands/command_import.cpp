@@ -362,24 +362,21 @@ Status navigate(const NavigateOptions& options, CommandContext& context) {
   const NavigationReport report = TRY(navigate_recording(options.request));
   const std::string conf = folder.file("navigation.conf");
   std::vector<NamedText> files = {{conf, format_navigation(report)}};
-  const Result<std::string> drawing = draw_navigation(report);
-  if (drawing) files.push_back({folder.file("navigation.svg"), *drawing});
+  const Document document = navigation_document(report);
+  const HtmlPage page = as_page(document);
+  files.push_back({folder.file("navigation.html"), page.html});
   for (const NavigatedFile& file : report.files) {
     const std::string name = file.prefix.empty() ? "track.csv" : "track_against.csv";
     files.push_back({folder.file(name), format_track(report, file)});
   }
   TRY(write_files_atomically(files));
-  for (const char* name : {"navigation.svg", "track_against.csv"}) {
-    const std::string old = folder.file(name);
-    const auto is_it = [&](const NamedText& file) { return file.path == old; };
-    std::error_code none;
-    if (std::ranges::find_if(files, is_it) == files.end()) std::filesystem::remove(old, none);
-  }
+  std::error_code none;
+  if (report.files.size() == 1) std::filesystem::remove(folder.file("track_against.csv"), none);
   folder.keep();
   if (printed_as(options.format, files.front().content, context.out)) return {};
-  context.out << as_text(navigation_document(report));
-  if (!drawing) context.out << drawing.error().message << '\n';
-  context.out << "navigation  " << conf << std::endl;
+  context.out << as_text(document);
+  if (!page.plot_problem.empty()) context.out << page.plot_problem << '\n';
+  context.out << "navigation  " << folder.file("navigation.html") << std::endl;
   return {};
 }
 
@@ -453,15 +450,15 @@ void add_convert_command(CommandLine& line) {
 }
 
 void add_navigate_command(CommandLine& line) {
-  const auto [command, options] =
-      line.command<NavigateOptions>("navigate", "navigate a recording freely and report its drift", navigate);
+  const auto [command, options] = line.command<NavigateOptions>(
+      "navigate", "run free inertial navigation on a recording and report its drift", navigate);
   NavigationRequest& request = options.request;
   command.option("recording", request.recording, {is::required}, "a folder (binary or text form) or a .tcr file");
   command.option("--parameters", request.parameters, "parameter file; omit it for the output of `turncal apply`");
   command.option("--against", request.against, "second parameter file to compare with");
   command.option("--reference", request.reference,
                  "true track: a table of time_s, latitude_deg, longitude_deg (docs/navigation.md)");
-  command.option("--out", options.out, {is::required}, "folder for navigation.conf, track.csv, navigation.svg");
+  command.option("--out", options.out, {is::required}, "folder for navigation.html, navigation.conf, track.csv");
   command.option("--align", request.align_s, {is::time(20.0, 86400.0), is::default_in_help}, "length of the alignment");
   command.option("--from", request.from_s, {is::time(0.0, longest_recording_s), is::default_in_help},
                  "start, from the first sample");

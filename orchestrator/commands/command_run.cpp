@@ -18,7 +18,9 @@
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/unit_queue.h"
+#include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/station/hooks.h"
+#include "orchestrator/station/number_text.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {
@@ -38,7 +40,13 @@ Status run(const RunOptions& options, CommandContext& context) {
   }
   if (options.request.units.empty()) return input_error("--unit is required: the serial number of the unit");
   if (options.folder.empty()) return input_error("--out is required: the folder for the results");
-  return begin_run(options.request, options.folder, context).status;
+  const Status done = begin_run(options.request, options.folder, context).status;
+  const std::string page = options.folder + "/" + diagnosis_folder + "/" + report_name;
+  if (done && options.request.dry_run && path_exists(page))
+    context.out << dry_run_tag << "open " << page << "\n"
+                << dry_run_tag << "next: turncal navigate " << options.folder << " --parameters " << options.folder
+                << "/parameters.conf --out " << options.folder << "-navigated\n";
+  return done;
 }
 
 Status resume(const RunOptions& options, CommandContext& context) {
@@ -174,10 +182,10 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
       continue;
     }
     std::string reason = unit.status ? "" : unit.status.error().message;
-    const std::string head = "unit " + unit.serial + ": " + unit.outcome + ": ";
+    const std::string shown = in_words(unit.outcome), head = "unit " + unit.serial + ": " + shown + ": ";
     if (reason.starts_with(head)) reason.erase(0, head.size());
     TRY(record_outcome(options.queue, {unit.serial, unit.outcome, format_utc(wall_utc_s()), reason}));
-    context.out << tag << "unit " << unit.serial << ": " << unit.outcome << (reason.empty() ? "" : ": " + reason)
+    context.out << tag << "unit " << unit.serial << ": " << shown << (reason.empty() ? "" : ": " + reason)
                 << (path_exists(unit.folder) ? "; " + unit.folder : "") << std::endl;
   }
   return stops;
@@ -265,7 +273,7 @@ Status show_queue(const QueueOptions& options, CommandContext& context) {
   }
   for (const std::string& unit : queue) {
     const UnitOutcome* outcome = find_outcome(outcomes, unit);
-    out << unit << "  " << (outcome ? outcome->outcome + " " + outcome->time_utc : "waits")
+    out << unit << "  " << (outcome ? in_words(outcome->outcome) + " " + outcome->time_utc : "waits")
         << (outcome && !outcome->reason.empty() ? ": " + outcome->reason : "") << '\n';
   }
   return {};
@@ -333,7 +341,7 @@ void add_resume_command(CommandLine& line) {
   RunRequest& moved = options.request;
   command.option("folder", options.folder, {is::required}, "the run's folder");
   command.option("--unit", moved.units, {is::one_word_each},
-                 "serial number expected there; repeat it for several units");
+                 "serial number expected on the table; repeat it for several units");
   command.option("--rig", moved.rig, "rig configuration, if it was moved");
   command.option("--sequence", moved.sequence, "sequence, if it was moved");
   command.option("--station", moved.station, "station configuration, if it was moved");

@@ -516,14 +516,14 @@ void add_commission_command(CommandLine& line) {
   command.option("--station", options.station, {is::required}, "station configuration");
   CLI::Option* const heading =
       command.option("--heading", options.heading, "angle of the heading axis now, degrees; not 0");
-  CLI::Option* const pitch = command.option("--pitch", options.pitch, "the same of the pitch axis");
-  CLI::Option* const roll = command.option("--roll", options.roll, "the same of the roll axis");
+  CLI::Option* const pitch = command.option("--pitch", options.pitch, "the same for the pitch axis");
+  CLI::Option* const roll = command.option("--roll", options.roll, "the same for the roll axis");
   for (CLI::Option* const tilt : {pitch, roll}) {
     needs(heading, tilt);
     needs(tilt, heading);
   }
   command.flag("--accept-guess", options.accept_guess,
-               "go ahead although lines that decide what moves are marked as guesses");
+               "proceed although lines that decide what moves are marked as guesses");
   command.flag("--chamber", options.chamber, "try the chamber alone: 2 C both ways, then off; nothing turns");
   command.option("--tolerance", options.tolerance_deg, {is::positive}, "tolerance of these angles, degrees");
   command.option("--move", options.settings.move_deg, {is::in(0.5, 30.0)}, "travel of each axis, degrees");
@@ -538,7 +538,7 @@ void add_monitor_command(CommandLine& line) {
       "monitor", "show a station's table and unit, one line a second; nothing moves", run_monitor);
   command.option("--station", options.station, {is::required}, "station configuration");
   command.option("--seconds", options.seconds, {is::time(0.001, 1e9)},
-                 "how long, in the station's time; default: until a signal");
+                 "duration in station time; default: until it is interrupted");
 }
 
 void add_twin_command(CommandLine& line) {
@@ -551,7 +551,7 @@ void add_twin_command(CommandLine& line) {
   command.option("--speed-up", options.settings.speed_up, {is::in(0.01, 1000.0)},
                  "how many times faster than the wall clock; default: clock.speed_up");
   command.option("--table", options.settings.table,
-                 "tcp:PORT (0: any free one), pty or pty:LINK; default: as the station says");
+                 "tcp:PORT (0: any free one), pty or pty:LINK; default: that of the station");
 }
 
 void add_serve_command(CommandLine& line) {

@@ -85,12 +85,13 @@ Status judge_again(const VerifyOptions& options, CommandContext& context) {
       TRY(verify_recording({options.recording, options.parameters, std::move(parameters), limits, options.first_step}));
   const std::string file = folder.file(verification_name);
   const std::string conf = format_verification(report);
-  TRY(write_file_atomically(file, conf));
+  TRY(write_verification(file, report));
   folder.keep();
   if (!printed_as(options.format, conf, context.out)) {
     const LinePrefix marked(context.out,
                             report.info.simulated && context.tag.empty() ? std::string(simulated_tag) : context.tag);
-    context.out << as_text(verification_document(report)) << "verification  " << file << std::endl;
+    context.out << as_text(verification_document(report)) << "verification  " << folder.file(verification_page)
+                << std::endl;
   }
   return verification_status("unit " + report.info.unit_serial, report.verdict);
 }
@@ -123,7 +124,7 @@ Status add_verification(const std::string& folder, const ParameterFile& file, Ce
   const std::string path = folder + "/" + verification_name;
   const std::string* const in_verdict = find_further(file, "verdict.verification");
   if (!path_exists(path)) {
-    if (in_verdict == nullptr || in_verdict->find(not_judged_words) != std::string::npos) return {};
+    if (in_verdict == nullptr || in_words(*in_verdict).find(not_judged_words) != std::string::npos) return {};
     return input_error(path + ": is not there, though the verdict of " + parameters_name + " has a verification");
   }
   VerificationReport report = TRY(read_verification(path));
@@ -234,7 +235,7 @@ void add_verify_command(CommandLine& line) {
   RunRequest& run = options.run;
   command.option("--parameters", options.parameters, "parameter file of the unit");
   command.option("--unit", options.unit, "serial number of the unit");
-  command.option("--out", options.folder, "folder for the recording and verification.conf");
+  command.option("--out", options.folder, "folder for the recording, verification.conf and verification.html");
   command.option("--station", run.station, "station configuration, with its limits; default: the built-in rig station");
   command.flag("--dry-run", run.dry_run, "simulate table and unit, in virtual time");
   command.flag("--manual", run.manual, "turn the table by hand");

@@ -65,12 +65,10 @@ std::vector<Series> before_after_series(bool with_after) {
 }
 
 Figure time_figure(const Diagnosis& diagnosis) {
-  Figure figure;
-  figure.id = "time";
-  figure.label = "Residual velocity against time, north, up and east";
-  figure.caption =
-      "The unit stands still in every second shown: any velocity is an error. It is navigated freely from the "
-      "beginning of the last rotation on; every rotation starts a new branch, which is shown for two minutes.";
+  Figure figure{
+      "time", "Residual velocity against time, north, up and east",
+      "The unit stands still in every second shown: any velocity is an error. It is navigated freely from "
+      "the beginning of the last rotation on; every rotation starts a new branch, which is shown for two minutes."};
   figure.panel_height = 185;
   figure.stacked = true;
   std::vector<std::pair<std::size_t, std::size_t>> parts = rests(diagnosis.residuals);
@@ -138,12 +136,10 @@ void mark_steps(const CompressedRecording& recording, Figure& figure) {
 }
 
 Figure allan_figure(const AllanResult& allan, const AllanResult* other) {
-  Figure figure;
-  figure.id = "allan";
-  figure.label = "Allan deviation of the six sensors with the fitted model";
-  figure.caption =
+  Figure figure{
+      "allan", "Allan deviation of the six sensors with the fitted model",
       "Markers: overlapping Allan deviation of all rests, with 68 % intervals. Lines: the terms of IEEE 952 that the "
-      "data show, where the noise is of this model.";
+      "data show, where the noise is of this model."};
   if (other != nullptr) figure.caption += " Open circles: what it is compared with.";
   figure.columns = 2;
   figure.panel_width = 480;

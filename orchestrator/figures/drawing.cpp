@@ -5,9 +5,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <utility>
 
-#include "orchestrator/figures/piped_program.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/station/child_program.h"
 
 namespace turncal {
 
@@ -72,13 +73,12 @@ void name_colours(std::string& text) {
 Result<std::vector<std::string>> run_gnuplot(std::string_view script, std::size_t drawings,
                                              const GnuplotOptions& options) {
   // Its standard input it reads a byte at a time, what a command gives it as a file: a third of the time of a report.
-  const Result<PipedOutput> drawn =
-      pipe_through({options.program, {"-d", "-e", "load '<cat'"}, "gnuplot-nox", options.deadline_s}, script);
+  const Result<ChildEnd> drawn =
+      pipe_through("gnuplot-nox", {options.program, "-d", "-e", "load '<cat'"}, script, options.deadline_s);
   if (!drawn) return failure(drawn.error().message);
   std::vector<std::string> result = split_drawings(drawn->output);
   if (result.size() != drawings)
-    return failure(fmt::format("{} drew {} of {} plots{}", options.program, result.size(), drawings,
-                               drawn->message.empty() ? "" : ": " + drawn->message));
+    return failure(fmt::format("{} drew {} of {} plots{}", options.program, result.size(), drawings, drawn->message()));
   return result;
 }
 
@@ -311,6 +311,14 @@ std::string gnuplot_text(const std::string& text) {
   return result + "'";
 }
 
+Figure small_panels(std::string id, std::string label, std::string caption) {
+  Figure figure{std::move(id), std::move(label), std::move(caption)};
+  figure.columns = 3;
+  figure.panel_width = 320;
+  figure.panel_height = 220;
+  return figure;
+}
+
 Drawing draw(const Figure& figure, bool whole) {
   const int columns = std::min<int>(figure.columns, std::max<int>(1, static_cast<int>(figure.panels.size())));
   const int rows = (static_cast<int>(figure.panels.size()) + columns - 1) / std::max(columns, 1);
@@ -320,8 +328,7 @@ Drawing draw(const Figure& figure, bool whole) {
   std::string& script = drawing.script;
   if (!apart) {
     script = gnuplot_terminal(width, figure.panel_height * std::max(rows, 1));
-    script += fmt::format("set multiplot layout {},{}{}\n", std::max(rows, 1), columns,
-                          figure.title.empty() ? "" : " title " + gnuplot_text(figure.title));
+    script += fmt::format("set multiplot layout {},{}\n", std::max(rows, 1), columns);
   }
   const std::string margins = stacked ? "set lmargin 9\nset rmargin 2\nset tmargin 0.7\n"
                                       : "set lmargin 9.5\nset rmargin 2.5\nset bmargin 3.2\n";

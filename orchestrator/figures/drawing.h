@@ -13,7 +13,7 @@
 
 namespace turncal {
 
-// gnuplot is a filter (piped_program.h), without the user's own settings, and killed at the deadline. Every `plot` or `multiplot` under
+// gnuplot is a filter (child_program.h), without the user's own settings, and killed at the deadline. Every `plot` or `multiplot` under
 // `set terminal svg` is one drawing, in the order of the script. Errors are one line, those of the filter or another number of plots than
 // expected: the report then has no plots.
 struct GnuplotOptions {
@@ -58,15 +58,16 @@ struct Panel {
 };
 
 struct Figure {
-  std::string id;          // letters and digits
-  std::string label;       // what it shows, for those who cannot see it
-  std::string caption;     // below it
-  std::string title = {};  // in it, above the panels: of one that stands alone
+  std::string id;       // letters and digits
+  std::string label;    // what it shows, for those who cannot see it
+  std::string caption;  // below it
   int columns = 1;
   bool stacked = false;                       // panels over one another that share their x axis
   int panel_width = 960, panel_height = 200;  // of one panel, in px of the page
-  std::vector<Panel> panels;
+  std::vector<Panel> panels = {};
 };
+
+Figure small_panels(std::string id, std::string label, std::string caption = "");  // three to a row
 
 // At most `limit` points that keep the outline: the smallest and the largest of each stretch. Breaks stay where they are as far
 // as there is room for them.

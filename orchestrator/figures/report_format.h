@@ -24,20 +24,12 @@ std::string signed_number(double value, int decimals);
 // 1:45:42
 std::string clock_time(double seconds);
 
-// A unit in which numbers up to `largest` are easy to read: value in SI times factor.
-struct DisplayUnit {
-  double factor = 1.0;
-  std::string unit;  // typographic
-};
+// For numbers up to `largest`, in SI.
 DisplayUnit velocity_unit(double largest_mps);
 DisplayUnit acceleration_unit(double largest_mps2);  // µg, mg, g
 DisplayUnit rate_unit(double largest_radps);         // °/h, °/s
 DisplayUnit angle_unit(double largest_rad);          // ″, mrad
 
 std::string join(const std::vector<std::string>& parts, std::string_view separator = ", ");
-// Lines of at most `width` characters, broken at blanks.
-std::vector<std::string> wrap(std::string_view text, std::size_t width);
-// At most `width` characters; what is cut is replaced by "...".
-std::string shorten(std::string_view text, std::size_t width);
 
 }  // namespace turncal

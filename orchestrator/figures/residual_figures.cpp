@@ -347,9 +347,7 @@ Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual
                      std::size_t number) {
   constexpr std::size_t most_panels = 3;
   const PlotAxes plot = plot_axes_of(effect);
-  Figure figure;
-  figure.id = "effect" + std::to_string(number);
-  figure.label = "Residual against what " + effect + " depends on";
+  Figure figure{"effect" + std::to_string(number), "Residual against what " + effect + " depends on", ""};
   if (&plot.x == &since_rotation) {
     figure.panels = since_rotation_panels(diagnosis);
     arrange(figure);
@@ -388,18 +386,14 @@ std::vector<Figure> unexplained_figures(const std::vector<DwellResidual>& dwells
   for (const Ordinate* y : {&as_accel, &as_gyro}) {
     const bool of_accel = y == &as_accel;
     const DisplayUnit unit = unit_of(*y, dwells);
-    Figure figure;
-    figure.id = of_accel ? "asAccel" : "asGyro";
-    figure.label = "Residual of each dwell as " + std::string(of_accel ? "accelerometer" : "gyro") +
-                   " error, against table angles, specific force, rate, temperature and time";
-    figure.caption =
+    Figure figure = small_panels(
+        of_accel ? "asAccel" : "asGyro",
+        "Residual of each dwell as " + std::string(of_accel ? "accelerometer" : "gyro") +
+            " error, against table angles, specific force, rate, temperature and time",
         of_accel ? "One point a dwell and axis: slope of the residual velocity along the axis, as an error of its "
                    "accelerometer."
                  : "One point a dwell and horizontal axis: curvature of the residual velocity, as an error of the "
-                   "gyro along it.";
-    figure.columns = 3;
-    figure.panel_width = 320;
-    figure.panel_height = 240;
+                   "gyro along it.");
     for (const auto& [x, first] : against) {
       Panel panel;
       panel.x_label = label_of(x, {0, first, -1});

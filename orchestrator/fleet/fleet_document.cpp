@@ -102,13 +102,10 @@ Figure figure_of(const FleetEffect& effect, const FleetSource& source, const std
                  const FleetDiagnosis& d, std::size_t place_in_list) {
   const auto place = std::ranges::find(factors, effect.factor.empty() ? factors.front() : effect.factor);
   const auto f = static_cast<std::size_t>(place - factors.begin());
-  Figure figure{.id = "effect" + std::to_string(place_in_list),
-                .label = effect.component + ", " + unit_of_component(effect.component),
-                .caption = "A point is a recording, over days since " + date_of(source.first_day) +
-                           "; the line is the effect that was found.",
-                .columns = 3,
-                .panel_width = 320,
-                .panels = {}};
+  Figure figure = small_panels("effect" + std::to_string(place_in_list),
+                               effect.component + ", " + unit_of_component(effect.component),
+                               "A point is a recording, over days since " + date_of(source.first_day) +
+                                   "; the line is the effect that was found.");
   double last = 0.0;
   std::vector<double> sizes;
   std::vector<std::vector<std::pair<double, double>>> points(d.levels[f].size());

@@ -12,8 +12,8 @@
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
-#include "orchestrator/figures/piped_program.h"
 #include "orchestrator/figures/report_format.h"
+#include "orchestrator/station/child_program.h"
 
 namespace turncal {
 
@@ -38,7 +38,8 @@ struct Job {
 };
 
 Result<std::string> ask_slurm(const std::string& program, std::vector<std::string> arguments) {
-  const Result<PipedOutput> said = pipe_through({program, std::move(arguments), "slurm-client", slurm_deadline_s}, "");
+  arguments.insert(arguments.begin(), program);
+  const Result<ChildEnd> said = pipe_through("slurm-client", std::move(arguments), "", slurm_deadline_s);
   if (!said) return device_error("engine slurm: " + said.error().message);
   return said->output;
 }

@@ -154,7 +154,8 @@ RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context);
 // Only then is a verdict printed. What cannot be written is a fault of the storage (kind device), whatever the reason. Every step can be done
 // again: a run that was interrupted in between repeats them all with the same bytes.
 inline constexpr const char* truth_name = "truth.conf";
-inline constexpr const char* verification_name = "verification.conf";
+inline constexpr const char* verification_name = "verification.conf";  // and beside it:
+inline constexpr const char* verification_page = "verification.html";
 inline constexpr const char* diagnosis_folder = "diagnosis";
 
 // A recording of less says too little about what the 24 parameters lack: no diagnosis at the end of the run.

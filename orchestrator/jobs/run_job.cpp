@@ -392,7 +392,7 @@ RunEnd conclude(RunEnd end, Run& run, CommandContext& context) {
     call.outcome = outcome_of(run, unit);
     if (unit.status && call.outcome == to_string(UnitVerdict::not_judged)) {  // nobody has said that it is good
       call.event = "needs_operator";
-      call.message = "unit " + call.unit + ": " + call.outcome + ": " + reason_of(run, unit.verdict);
+      call.message = "unit " + call.unit + ": " + in_words(call.outcome) + ": " + reason_of(run, unit.verdict);
     }
     call.dry_run = run.request.dry_run;
     if (Status status = run_hook(run.station.hooks, call); !status) run.say(status.error().message);

@@ -215,8 +215,7 @@ Status journal_verdict(Making& m, VerdictReport verdict) {
 Status publish(Making& m, const std::function<Status(const std::function<Status()>&)>& keep) {
   RunUnit& unit = m.unit;
   if (unit.verification)
-    TRY(keep(
-        [&] { return write_file_atomically(unit.file(verification_name), format_verification(*unit.verification)); }));
+    TRY(keep([&] { return write_verification(unit.file(verification_name), *unit.verification); }));
   if (unit.diagnosis) TRY(keep([&] { return write_diagnosis_of(m); }));
   if (unit.output) {
     const ParameterFile& file = unit.output->file;
@@ -281,7 +280,7 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
     const VerdictReport& verdict = unit.verdict;
     for (const std::string& line : describe(verdict)) out << line << '\n';
     const std::string why = reason_of(run, verdict);
-    const std::string word(to_string(verdict.verdict));
+    const std::string word = in_words(to_string(verdict.verdict));
     const bool judged = verdict.verdict != UnitVerdict::not_judged;
     out << "verdict     " << (judged ? in_tone(printed, tone_of(verdict.verdict), word) : word)
         << (why.empty() ? "" : ": ") << why << (verdict.rule.empty() ? "" : "  (" + verdict.rule + ")") << '\n';
@@ -290,7 +289,7 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
   }
   if (unit.verification) {
     out << '\n' << as_text(verification_document(*unit.verification));
-    out << "verification  " << unit.file(verification_name) << '\n';
+    out << "verification  " << unit.file(verification_page) << '\n';
   }
   if (run.request.dry_run) out << "truth       " << unit.file(truth_name) << '\n';
   out << "recording   " << unit.file(binary_recording_name) << "\nlog         " << run.folder << '/' << log_name
@@ -370,7 +369,7 @@ std::string reason_of(const RunPlan& run, const VerdictReport& verdict) {
 Status verdict_status(const std::string& unit, const VerdictReport& report) {
   if (is_accepted(report.verdict)) return {};
   return Error{ErrorKind::unit_failed,
-               "unit " + unit + ": " + std::string(to_string(report.verdict)) + ": " + report.reason};
+               "unit " + unit + ": " + in_words(to_string(report.verdict)) + ": " + report.reason};
 }
 
 void print_results(Run& run, double wall_s, std::ostream& out) {

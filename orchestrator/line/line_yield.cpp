@@ -8,6 +8,7 @@
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
+#include "orchestrator/station/number_text.h"
 #include "orchestrator/station/verdict.h"
 
 namespace turncal {
@@ -53,7 +54,7 @@ std::string reason_class(const AttemptRecord& attempt) {
     text += (text.empty() ? "" : " ") + std::string(word);
   }
   while (!text.empty() && std::string_view(",:( ").find(text.back()) != std::string_view::npos) text.pop_back();
-  return attempt.outcome + (text.empty() ? "" : ": " + text);
+  return in_words(attempt.outcome) + (text.empty() ? "" : ": " + text);
 }
 
 LineYield line_yield(const std::vector<AttemptRecord>& all, const std::set<std::int64_t>& chosen) {

@@ -7,6 +7,7 @@
 
 #include "calib/model/parameters.h"
 #include "calib/statistics/distributions.h"
+#include "orchestrator/station/number_text.h"
 
 namespace turncal {
 
@@ -83,6 +84,7 @@ ParameterHistory parameter_history(const std::vector<StoredCalibration>& all, st
   for (const StoredCalibration& c : all) {
     for (const StoredValue& value : c.values) {
       if (value.key != key) continue;
+      history.unit = parameter_unit(key, c.gyro_increment);
       history.of.push_back(&c);
       history.units.push_back(c.unit);
       history.times.push_back(c.time_utc);

@@ -1,4 +1,4 @@
-// One parameter over the calibrations of a results database, in the order of time, with its control chart.
+// Control charts: a quantity over the calibrations of a results database in the order of time, its limits, run rules and capability.
 #pragma once
 
 #include <algorithm>
@@ -76,7 +76,7 @@ struct ControlChart {
 ControlChart control_chart(std::span<const double> values, const Limit& limit);
 
 struct ChartedQuantity {
-  std::string key;
+  std::string key, unit;                  // of the values: deg/h, arcsec/pulse; -, or empty: none
   std::vector<std::string> units, times;  // of whom and when
   std::vector<double> values;
   std::vector<std::optional<double>> sigmas;

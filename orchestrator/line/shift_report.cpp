@@ -7,6 +7,7 @@
 
 #include "calib/statistics/distributions.h"
 #include "imu_io/base/clock.h"
+#include "orchestrator/station/number_text.h"
 
 namespace turncal {
 
@@ -24,6 +25,7 @@ ChartedQuantity charted(const std::string& key, const std::vector<AttemptRecord>
                         const std::function<std::optional<double>(const AttemptRecord&)>& value_of) {
   ChartedQuantity quantity;
   quantity.key = key;
+  quantity.unit = quantity_unit(key);
   for (const AttemptRecord& attempt : attempts) {
     const std::optional<double> value = value_of(attempt);
     if (!value || !attempt.calibration) continue;
@@ -62,14 +64,8 @@ std::vector<StationFigures> figures_of_stations(const std::vector<AttemptRecord>
   return list;
 }
 
-// Wilson and Hilferty 1931.
-double chi_square(double degrees, double z) {
-  const double part = 2.0 / (9.0 * degrees), root = 1.0 - part + z * std::sqrt(part);
-  return degrees * root * root * root;
-}
-
 struct Moments {
-  double mean = 0.0, variance_of_mean = 0.0;
+  double mean = 0.0, squares = 0.0, variance_of_mean = 0.0;  // squares: sum of (value - mean)^2
 };
 
 Moments moments(const std::vector<double>& values) {
@@ -77,7 +73,7 @@ Moments moments(const std::vector<double>& values) {
   const double mean = std::accumulate(values.begin(), values.end(), 0.0) / n;
   double squares = 0.0;
   for (const double value : values) squares += (value - mean) * (value - mean);
-  return {mean, squares / (n - 1.0) / n};
+  return {mean, squares, squares / (n - 1.0) / n};
 }
 
 struct AtStation {
@@ -96,18 +92,11 @@ std::optional<std::pair<double, double>> slope(const AtStation& at) {
   const std::size_t n = at.days.size();
   if (n < least_units) return std::nullopt;
   const Moments t = moments(at.days), y = moments(at.values);
-  double tt = 0.0, ty = 0.0, residual_square = 0.0;
-  for (std::size_t i = 0; i < n; ++i) {
-    tt += (at.days[i] - t.mean) * (at.days[i] - t.mean);
-    ty += (at.days[i] - t.mean) * (at.values[i] - y.mean);
-  }
-  if (std::sqrt(tt / static_cast<double>(n)) < 1.0) return std::nullopt;
-  const double k = ty / tt;
-  for (std::size_t i = 0; i < n; ++i) {
-    const double r = at.values[i] - y.mean - k * (at.days[i] - t.mean);
-    residual_square += r * r;
-  }
-  return std::pair(k, residual_square / static_cast<double>(n - 2) / tt);
+  if (std::sqrt(t.squares / static_cast<double>(n)) < 1.0) return std::nullopt;
+  double ty = 0.0;
+  for (std::size_t i = 0; i < n; ++i) ty += (at.days[i] - t.mean) * (at.values[i] - y.mean);
+  const double k = ty / t.squares, residual_square = std::max(0.0, y.squares - k * ty);
+  return std::pair(k, residual_square / static_cast<double>(n - 2) / t.squares);
 }
 
 std::optional<StationDifference> compare(const AtStation& a, const AtStation& b) {
@@ -224,9 +213,8 @@ std::vector<Repeatability> repeatability(const std::vector<StoredCalibration>& a
     const auto pairs = static_cast<double>(r.pairs);
     r.spread = std::sqrt(squares / pairs / 2.0);
     r.calibration_sigma = std::sqrt(variances / pairs);
-    r.low = r.spread * std::sqrt(pairs / chi_square(pairs, normal_95));
-    const double lower = chi_square(pairs, -normal_95);
-    r.high = lower > 0.0 ? r.spread * std::sqrt(pairs / lower) : HUGE_VAL;
+    r.low = r.spread * std::sqrt(pairs / chi_square_limit(0.025, pairs));
+    r.high = r.spread * std::sqrt(pairs / chi_square_limit(0.975, pairs));
     found.push_back(r);
   }
   return found;

@@ -17,7 +17,7 @@ namespace turncal {
 //   s_r = sqrt(mean d^2 / 2) over the differences d of pairs; its interval by chi-square of as many degrees as pairs, 95 %
 //
 // Turn-on: pairs at most three days apart, the unit having been switched off between them. Month to month: 20 to 45 days apart. Both
-// contain the uncertainty of the calibrations, which is listed beside them: the unit's own part is the difference of the squares.
+// contain the uncertainty of the calibrations, which is listed beside them.
 struct Repeatability {
   std::string key;
   std::size_t pairs = 0;

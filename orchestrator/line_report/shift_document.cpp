@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <set>
 
@@ -133,15 +134,19 @@ Table difference_table(const std::vector<StationDifference>& all) {
   return table;
 }
 
-// A page has room for the name and the unit of a quantity beside its key.
-void add_with_names(Table table, std::size_t key, Document& document) {
+// With the unit of each quantity beside its key, and on a page its name: `of` has them.
+void add_with_units(Table table, std::size_t key, const std::vector<ChartedQuantity>& of, Document& document) {
+  const auto insert = [&table, key](const char* head, const auto& words_of) {
+    const auto at = [key](std::vector<Cell>& cells) { return cells.begin() + static_cast<std::ptrdiff_t>(key + 1); };
+    table.head.insert(at(table.head), text(head));
+    for (Table::Row& row : table.rows) row.cells.insert(at(row.cells), text(words_of(row.cells[key].words)));
+  };
+  insert("its unit", [&of](const std::string& quantity) {
+    const auto at = std::ranges::find(of, quantity, &ChartedQuantity::key);
+    return at == of.end() ? "" : unit_text(at->unit);
+  });
   document.add(table, Scope::terminal);
-  const auto at = [key](std::vector<Cell>& cells) { return cells.begin() + static_cast<std::ptrdiff_t>(key + 1); };
-  table.head.insert(at(table.head), {text("meaning"), text("its unit")});
-  for (Table::Row& row : table.rows) {
-    const std::string& words = row.cells[key].words;
-    row.cells.insert(at(row.cells), {text(quantity_name(words)), text(unit_text(quantity_unit(words)))});
-  }
+  insert("meaning", quantity_name);
   document.add(std::move(table), Scope::page);
 }
 
@@ -159,7 +164,7 @@ Table attempt_table(const std::vector<AttemptRecord>& attempts,
                number("residual")}};
   for (std::size_t k = attempts.size(); k-- > 0;) {
     const AttemptRecord& a = attempts[k];
-    table.row({first(a), text(a.time_utc), text(a.outcome), wide(a.reason), text(a.station), fixed(hours_of(a), 2),
+    table.row({first(a), text(a.time_utc), word(a.outcome), wide(a.reason), text(a.station), fixed(hours_of(a), 2),
                number(a.residual)},
               kind_of(a) == AttemptKind::passed ? Emphasis::none : Emphasis::hit);
   }
@@ -176,7 +181,8 @@ void add_charts(const ShiftReport& report, Document& document) {
   const std::size_t left_out = signals.size() - std::min(signals.size(), most);
   if (left_out > 0) document.soft(fmt::format("The {} before these stand in signals.csv.", left_out), Scope::all);
   if (!signals.empty())
-    add_with_names(signal_table({signals.begin() + static_cast<std::ptrdiff_t>(left_out), signals.end()}), 2, document);
+    add_with_units(signal_table({signals.begin() + static_cast<std::ptrdiff_t>(left_out), signals.end()}), 2,
+                   report.charts, document);
   document.add(rule_table(), Scope::page);
 }
 
@@ -192,10 +198,10 @@ constexpr Group groups[] = {
     {"run", "The runs: residual (1: noise alone), temperature, time on the table", "residual temperature hours"},
     {"gyrobias", "Gyro bias", "N01 N02 N03"},
     {"accelbias", "Accelerometer bias", "A01 A02 A03"},
-    {"gyroscale", "Gyro scale factor (″/pulse; a ratio where the unit counts in rad)", "n11 n22 n33"},
-    {"gyromisalignment", "Gyro misalignments, as the scale factors", "n12 n13 n21 n23 n31 n32"},
-    {"accelscale", "Accelerometer scale factor, ratio to the nominal pulse", "a11 a22 a33"},
-    {"accelmisalignment", "Accelerometer misalignments, as the scale factors", "a12 a13 a23"}};
+    {"gyroscale", "Gyro scale factors", "n11 n22 n33"},
+    {"gyromisalignment", "Gyro misalignments", "n12 n13 n21 n23 n31 n32"},
+    {"accelscale", "Accelerometer scale factors", "a11 a22 a33"},
+    {"accelmisalignment", "Accelerometer misalignments", "a12 a13 a23"}};
 
 // Some of the calibrations by the day of their end or, where all are of one day, by its time.
 std::vector<std::pair<double, std::string>> names_of(const std::vector<std::string>& times) {
@@ -211,28 +217,21 @@ std::vector<std::pair<double, std::string>> names_of(const std::vector<std::stri
   return marks;
 }
 
-// What a chart shows of a value: (value - zero) * factor.
-struct ChartScale {
-  double zero = 0.0, factor = 1.0;
-  std::string unit;
-};
-// A scale factor that hardly moves is shown by how much it does.
-ChartScale scale_of(const ChartedQuantity& history) {
-  constexpr double hardly = 2e-3;
-  const ControlChart& chart = history.chart;
-  const std::string unit = quantity_unit(history.key);
-  const auto [low, high] = std::ranges::minmax(history.values);
-  const double span = high - low + history.largest_sigma();
-  if (unit.empty() && span > 0.0 && span < hardly * std::abs(chart.mean))
-    return {chart.mean, 1e6 / chart.mean, "ppm from " + significant(chart.mean, 7)};
-  return unit == "g" ? ChartScale{0.0, 1e6, "µg"} : ChartScale{0.0, 1.0, unit_text(unit)};
+// What is shown of a value: (value - first) * factor; of a scale factor how far it is from its mean. `all` has the scale factors.
+std::pair<double, DisplayUnit> scale_of(const ChartedQuantity& history, const std::vector<ChartedQuantity>& all) {
+  const std::string& key = history.key;
+  const auto of = std::ranges::find(all, std::string{key[0], key[2], key[2]}, &ChartedQuantity::key);
+  const double scale = of == all.end() || of->chart.mean == 0.0 ? 1.0 : of->chart.mean;
+  if (of == all.end() || of->key != key) return {0.0, error_unit(key, history.unit, scale)};
+  const bool spread = history.chart.sigma.value_or(0.0) > 0.01 * std::abs(scale);
+  return {scale,
+          spread ? DisplayUnit{100.0 / scale, "% from the mean"} : DisplayUnit{1e6 / scale, "ppm from the mean"}};
 }
 
-// Points run from 1.
-Panel control_panel(const ChartedQuantity& history) {
+Panel control_panel(const ChartedQuantity& history, const std::vector<ChartedQuantity>& all) {
   const ControlChart& chart = history.chart;
-  const ChartScale scale = scale_of(history);
-  const auto shown = [&scale](double value) { return (value - scale.zero) * scale.factor; };
+  const auto [zero, unit] = scale_of(history, all);
+  const auto shown = [from = zero, factor = unit.factor](double value) { return (value - from) * factor; };
   const double last = static_cast<double>(history.values.size()) + 0.5;
   const auto level = [&](std::optional<double> value) {
     return value ? Points{{0.5, shown(*value)}, {last, shown(*value)}} : Points{};
@@ -249,7 +248,7 @@ Panel control_panel(const ChartedQuantity& history) {
   }
   Panel panel{.title = quantity_name(history.key) + (chart.cpk ? ", Cpk " + significant(chart.cpk->value, 3) : ""),
               .x_label = "calibrations 1 to " + std::to_string(history.values.size()),
-              .y_label = scale.unit,
+              .y_label = unit.unit,
               .series = {},
               .marks = names_of(history.times),
               .named_x = true};
@@ -276,6 +275,10 @@ Cell index_cell(const std::optional<Capability>& index) {
                 index->value);
 }
 
+Cell as_given(const std::optional<double>& limit) {
+  return limit ? number(fmt::format("{:g}", *limit), *limit) : number("-");
+}
+
 Table control_table(const std::vector<ChartedQuantity>& quantities) {
   Table table{{name("quantity")}};
   for (const char* name : {"n", "mean", "s", "lower", "upper", "outside", "min", "max", "Cpk (95 %)", "Ppk (95 %)"})
@@ -286,11 +289,11 @@ Table control_table(const std::vector<ChartedQuantity>& quantities) {
     // Equal values and single ones have the digits of their own sigmas.
     const double s = chart.sigma.value_or(0.0) > 0.0 ? *chart.sigma : q.largest_sigma();
     const auto to_place = [s](const std::optional<double>& value) {
-      return value ? with_sigma(*value, s) : number("-");
+      return !value ? number("-") : s > 0.0 ? with_sigma(*value, s) : number(*value, 4);
     };
     const bool hit = !chart.outside.empty() || (chart.cpk && chart.cpk->value < 1.0);
     table.row({name(q.key), count(chart.count), to_place(chart.mean), number(chart.sigma, 2), to_place(chart.lower),
-               to_place(chart.upper), count(chart.outside.size()), number(q.limit.min, 5), number(q.limit.max, 5),
+               to_place(chart.upper), count(chart.outside.size()), as_given(q.limit.min), as_given(q.limit.max),
                index_cell(chart.cpk), index_cell(chart.ppk)},
               hit ? Table::Emphasis::hit : Table::Emphasis::none);
   }
@@ -329,7 +332,7 @@ Document shift_document(const ShiftReport& report) {
                       ? "There is only one station: nothing to compare."
                       : fmt::format("Too few units: expected {} at both stations, or at each.", least_units));
   } else {
-    add_with_names(difference_table(report.differences), 1, document);
+    add_with_units(difference_table(report.differences), 1, report.charts, document);
     document.soft(
         "Bold: beyond 3.04 sigma, which one of 21 parameters exceeds in 5 % of the reports of equal stations.");
   }
@@ -340,54 +343,53 @@ Document shift_document(const ShiftReport& report) {
     if (list->empty())
       document.text("No unit was calibrated twice at such an interval at one station.");
     else
-      add_with_names(repeatability_table(*list), 0, document);
+      add_with_units(repeatability_table(*list), 0, report.charts, document);
   }
   return document;
 }
 
 std::string shift_csv(const ShiftReport& report) {
   DataTable text({"table", "item", "quantity", "value"});
-  const auto add = [&text](const char* table, const std::string& item, const char* quantity, double value) {
-    text.begin_row();
-    for (const std::string_view word : {std::string_view(table), std::string_view(item), std::string_view(quantity)})
-      text.text(word);
-    text.number(value);
+  const auto add = [&text](const char* table, const std::string& item,
+                           std::initializer_list<std::pair<const char*, std::optional<double>>> quantities) {
+    for (const auto& [quantity, value] : quantities) {
+      if (!value) continue;
+      text.begin_row();
+      for (const std::string_view word : {std::string_view(table), std::string_view(item), std::string_view(quantity)})
+        text.text(word);
+      text.number(*value);
+    }
   };
   const auto yield = [&add](const std::string& station, const LineYield& y) {
-    for (const auto& [quantity, count] : {std::pair{"attempts", y.attempts},
-                                          {"units", y.units},
-                                          {"first_pass", y.first_pass.part},
-                                          {"first_pass_of", y.first_pass.all},
-                                          {"final_pass", y.final_pass.part},
-                                          {"final_pass_of", y.final_pass.all}})
-      add("yield", station, quantity, static_cast<double>(count));
-    add("yield", station, "hours", y.hours);
-    add("yield", station, "hours_lost", y.hours_lost);
+    add("yield", station,
+        {{"attempts", y.attempts},
+         {"units", y.units},
+         {"first_pass", y.first_pass.part},
+         {"first_pass_of", y.first_pass.all},
+         {"final_pass", y.final_pass.part},
+         {"final_pass_of", y.final_pass.all},
+         {"hours", y.hours},
+         {"hours_lost", y.hours_lost}});
+  };
+  const auto value_of = [](const std::optional<Capability>& index) {
+    return index ? std::optional(index->value) : std::nullopt;
   };
   yield("all", report.yield);
   for (const StationFigures& station : report.stations) yield(station.station, station.yield);
-  for (const LossReason& reason : report.yield.reasons)
-    add("reason", reason.reason, "attempts", static_cast<double>(reason.attempts));
-  for (const ChartedQuantity& q : report.charts) {
-    if (q.chart.count == 0) continue;
-    add("chart", q.key, "n", static_cast<double>(q.chart.count));
-    add("chart", q.key, "mean", q.chart.mean);
-    if (q.chart.sigma) add("chart", q.key, "s", *q.chart.sigma);
-    for (const auto& [name, index] : {std::pair{"cpk", &q.chart.cpk}, std::pair{"ppk", &q.chart.ppk}})
-      if (*index) add("chart", q.key, name, (*index)->value);
-  }
-  for (const auto& [name, list] : {std::pair{"turn_on", &report.turn_on}, std::pair{"month_to_month", &report.month}}) {
-    for (const Repeatability& r : *list) {
-      add(name, r.key, "pairs", static_cast<double>(r.pairs));
-      add(name, r.key, "s", r.spread);
-      add(name, r.key, "calibration_sigma", r.calibration_sigma);
-    }
-  }
-  for (const StationDifference& d : report.differences) {
-    const std::string item = d.b + " - " + d.a + " " + d.key;
-    add("stations", item, "difference", d.difference);
-    add("stations", item, "sigma", d.sigma);
-  }
+  for (const LossReason& reason : report.yield.reasons) add("reason", reason.reason, {{"attempts", reason.attempts}});
+  for (const ChartedQuantity& q : report.charts)
+    if (const ControlChart& chart = q.chart; chart.count > 0)
+      add("chart", q.key,
+          {{"n", chart.count},
+           {"mean", chart.mean},
+           {"s", chart.sigma},
+           {"cpk", value_of(chart.cpk)},
+           {"ppk", value_of(chart.ppk)}});
+  for (const auto& [name, list] : {std::pair{"turn_on", &report.turn_on}, std::pair{"month_to_month", &report.month}})
+    for (const Repeatability& r : *list)
+      add(name, r.key, {{"pairs", r.pairs}, {"s", r.spread}, {"calibration_sigma", r.calibration_sigma}});
+  for (const StationDifference& d : report.differences)
+    add("stations", d.b + " - " + d.a + " " + d.key, {{"difference", d.difference}, {"sigma", d.sigma}});
   return text.csv();
 }
 
@@ -405,22 +407,20 @@ std::string signals_csv(const ShiftReport& report) {
   return text.csv();
 }
 
+void add_control_table(const std::vector<ChartedQuantity>& quantities, Document& document) {
+  add_with_units(control_table(quantities), 0, quantities, document);
+}
+
 void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document& document) {
-  add_with_names(control_table(quantities), 0, document);
+  add_control_table(quantities, document);
   document.soft(
       "lower, upper: control limits; min, max: limits in force. Bold: a calibration outside the control limits, or Cpk "
       "below 1.");
   for (const Group& group : groups) {
-    Figure figure{.id = group.id,
-                  .label = group.title,
-                  .caption = "",
-                  .columns = 3,
-                  .panel_width = 320,
-                  .panel_height = 220,
-                  .panels = {}};
+    Figure figure = small_panels(group.id, group.title);
     for (const ChartedQuantity& quantity : quantities)
       if (group.keys.find(quantity.key) != std::string_view::npos && !quantity.values.empty())
-        figure.panels.push_back(control_panel(quantity));
+        figure.panels.push_back(control_panel(quantity, quantities));
     if (figure.panels.empty()) continue;
     document.add(Heading{3, "", figure.label}, Scope::page);
     document.figure(figure);
@@ -447,7 +447,7 @@ Document history_document(const std::vector<StoredCalibration>& all, const std::
   for (std::size_t i = 0; i < all.size(); ++i) {
     const StoredCalibration& c = all[i];
     table.row({count(i + 1), count(static_cast<std::size_t>(c.id)), unit_cell(c.unit, c.folder), text(c.time_utc),
-               text(c.verdict), text(c.operator_name), text(c.station)});
+               word(c.verdict), text(c.operator_name), text(c.station)});
   }
   document.add(std::move(table));
   return document;
@@ -464,8 +464,9 @@ Document unit_document(const UnitRecord& record) {
   if (simulated) document.add(Paragraph{"Simulated: no real unit.", "loud"});
   if (!attempts.empty()) {
     const AttemptRecord& last = attempts.back();
-    document.add(Paragraph{last.outcome + ": " + last.reason + (last.reason.empty() ? "the run of " : "; run of ") +
-                               last.time_utc + ", station " + last.station + ".",
+    document.add(Paragraph{in_words(last.outcome) + ": " + last.reason +
+                               (last.reason.empty() ? "the run of " : "; run of ") + last.time_utc + ", station " +
+                               last.station + ".",
                            kind_of(last) == AttemptKind::passed ? "verdict clean" : "verdict unexplained"});
   }
   document.section("runs", "Runs, the newest first");

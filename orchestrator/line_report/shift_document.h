@@ -1,6 +1,4 @@
-// The report of a shift as a document, and its tables as CSV.
-//
-// What is in a results database: its control charts, each as a figure.
+// Documents of what is in a results database: the report of a shift, control charts, all there is of a unit.
 #pragma once
 
 #include <functional>
@@ -19,9 +17,10 @@ Document shift_document(const ShiftReport& report);
 std::string shift_csv(const ShiftReport& report);  // table,item,quantity,value: what stands in the document's tables
 std::string signals_csv(const ShiftReport& report);
 
-// Control charts as figures: every point with its sigma, control limits, limits in force, and what the run rules say.
-// A table of mean, limits and capability of each quantity, then charts in groups of one unit each, three to a row. A quantity without
-// values has no row, and one in no group has no chart.
+// Mean, limits and capability, a row each; none of a quantity without values.
+void add_control_table(const std::vector<ChartedQuantity>& quantities, Document& document);
+// That table, and charts in groups of one unit, three to a row: every point with its sigma, the control limits, the limits in force, and
+// what the run rules say. A quantity in no group has no chart.
 void add_control_charts(const std::vector<ChartedQuantity>& quantities, Document& document);
 
 // Every parameter over the calibrations. `all`: oldest first, either real or simulated. `source`: where they come from, in words.

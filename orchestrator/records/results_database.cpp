@@ -187,6 +187,7 @@ void read_file(const SqlRow& row, const std::string& where, StoredCalibration& c
   const Result<ParameterFile> file = parse_parameter_file(c.parameter_file, where + ", parameter file");
   if (file) {
     c.values = values_in(*file);
+    c.gyro_increment = file->gyro_increment;
     const SqlRow made = row_of(*file, c.parameter_file, c.sessions, c.folder);
     const std::vector<std::string> columns = columns_in("calibration");
     for (std::size_t i = columns.size(); i-- > 0;) {

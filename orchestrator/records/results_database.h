@@ -1,9 +1,9 @@
-// The results of all runs in one database: an SQLite file, or a PostgreSQL server that many stations share (tables in database_rows.cpp;
-// docs/production.md, docs/fleet.md). A name that begins with postgresql:// is a server's, any other a file's.
+// The results of all runs in one database: an SQLite file, or a PostgreSQL server (a name that begins with postgresql://) that many stations
+// share. Tables are in database_rows.cpp; docs/production.md, docs/fleet.md.
 //
-// Rows are added and never changed. An attempt has a row from its beginning, and another when something becomes of it: the newest counts. A calibration is one row of
-// `calibration` and 24 of `value`, in one transaction that is on disk when add() returns, with the whole parameter file; of one recording, too, the newest counts. What is there already is
-// not added again.
+// Rows are added and never changed. An attempt has a row from its beginning, and another when something becomes of it: the newest counts. A
+// calibration is one row of `calibration` and 24 of `value`, added in one transaction with the whole parameter file, on disk when add()
+// returns; of one recording, too, the newest counts. What is there already is not added again.
 // An empty database gets its tables when it is written; one of another schema is refused.
 #pragma once
 
@@ -23,13 +23,11 @@
 
 namespace turncal {
 
-// An attempt to calibrate a unit as a row of the results database, whatever became of it; and which rows a reader wants.
-//
-// A run of several units is one attempt of each. Taken up again after an interruption it is the same attempt: its newest row counts.
-
-// While it goes on, and for ever where the power failed and nobody took it up again.
+// While an attempt goes on, and for ever where the power failed and nobody took it up again.
 inline constexpr const char* outcome_running = "running";
 
+// An attempt to calibrate a unit, whatever became of it. A run of several units is one attempt of each; resumed after an interruption it is
+// the same attempt, and its newest row counts.
 struct AttemptRecord {
   std::int64_t id = 0;
   std::string run;  // its beginning and folder, the same when it is taken up again; empty: refused before there was one
@@ -75,6 +73,7 @@ struct StoredValue {
 struct StoredCalibration {
   std::int64_t id = 0;
   std::string unit, time_utc, station, operator_name, verdict, folder, recording_hash;
+  IncrementKind gyro_increment = IncrementKind::pulses;  // as its parameter file says
   bool simulated = false;
   int sessions = 1;
   std::string parameter_file;       // the whole text

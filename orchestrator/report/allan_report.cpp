@@ -164,7 +164,7 @@ void add_ros_forms(const AllanReport& report, Document& document) {
     row(utils + "w of imu_utils", flicker, 0.664, unit, "0.664 B, a floor and not a walk");
   }
   document.add(std::move(table));
-  document.text(fmt::format("dt = {} s; root mean square of three axes{}", significant(dt, 9),
+  document.text(fmt::format("dt = {:.9g} s; root mean square of three axes{}", dt,
                             limits ? "; <: not seen on every axis, 95 % limit there" : ""));
 }
 
@@ -209,9 +209,9 @@ Cell allan_cell(const AllanFit& fit, bool gyro, std::size_t term) {
 Document allan_document(const AllanReport& report) {
   Document document{"Allan deviation of " + report.source, "Allan deviation of " + report.source};
   Facts facts;
-  facts.add("at rest", fmt::format("{} s in {} rest{}, the longest {} s; a sample in {} s",
-                                   significant(report.result.total_s, 6), report.rests, report.rests == 1 ? "" : "s",
-                                   significant(report.result.longest_s, 6), significant(report.sample_s, 9)));
+  facts.add("at rest",
+            fmt::format("{:.6g} s in {} rest{}, the longest {:.6g} s; a sample every {:.9g} s", report.result.total_s,
+                        report.rests, report.rests == 1 ? "" : "s", report.result.longest_s, report.sample_s));
   if (!report.against.empty()) facts.add("against", report.against);
   facts.add("<", "not seen in this record: 95 % upper limit");
   document.add(std::move(facts));

@@ -75,7 +75,7 @@ std::string judged_of(const Certificate& c, const std::string& key) {
   std::vector<std::string> words;
   for (const JudgedValue& one : c.conformity.values)
     if (one.key == key || one.key == "sigma." + key)
-      words.push_back((one.key == key ? "" : "sigma: ") + std::string(to_string(one.verdict)) + ", " +
+      words.push_back((one.key == key ? "" : "sigma: ") + in_words(to_string(one.verdict)) + ", " +
                       limits_words(one.limit));
   return words.empty() ? "-" : join(words, "; ");
 }
@@ -87,9 +87,7 @@ std::string judged_beside(const Certificate& c) {
     const bool of_parameter = std::ranges::any_of(parameter_keys, [&one](std::string_view key) {
       return one.key == key || one.key == "sigma." + std::string(key);
     });
-    if (!of_parameter)
-      words.push_back(one.key + " " + (one.value ? significant(*one.value, 4) : std::string("-")) + ": " +
-                      std::string(to_string(one.verdict)) + ", " + limits_words(one.limit));
+    if (!of_parameter) words.push_back(judged_words(one) + ": " + in_words(to_string(one.verdict)));
   }
   return join(words, "; ");
 }
@@ -154,7 +152,7 @@ std::string north_section(const VerificationReport& v) {
     std::vector<Cell> cells = {text(format_number(position.table_deg))};
     for (std::size_t a = 0; a < north_angle_names.size(); ++a)
       for (const double value : {position.mean_deg[a], position.deviation_deg[a]})
-        cells.push_back(with_sigma(value, 1e-4));
+        cells.push_back(with_sigma(value, position.noise_sigma_deg[a]));
     table.row(std::move(cells));
   }
   return section(
@@ -164,7 +162,7 @@ std::string north_section(const VerificationReport& v) {
               "Alignments of {} s; limits {} ° for the heading's deviation and mean, {} ° for roll and pitch: {}. The "
               "limit for roll and pitch applies to deviations, which an error common to all readings does not change.",
               format_number(v.align_s), format_number(v.heading_limit_deg), format_number(v.level_limit_deg),
-              to_string(v.verdict))}));
+              in_words(to_string(v.verdict)))}));
 }
 
 std::string without_hash(std::string text, const std::string& hash) {
@@ -258,8 +256,8 @@ std::string certificate_page(const Certificate& c) {
                {"temperature of the unit",
                 f.reference_temperature_c ? significant(*f.reference_temperature_c, 4) + " °C (mean)" : "not measured"},
                {"ambient", of_record(f, "record.ambient")},
-               {"latitude", significant(f.latitude_deg, 6) + "°"},
-               {"gravity", significant(f.gravity_mps2, 7) + " m/s²"}}) +
+               {"latitude", format_number(f.latitude_deg) + "°"},
+               {"gravity", format_number(f.gravity_mps2) + " m/s²"}}) +
           "</div>\n";
   body += fact_section(
       "Equipment and method",
@@ -287,8 +285,7 @@ std::string certificate_page(const Certificate& c) {
               effects_found(f)}));
   if (c.verification) body += north_section(*c.verification);
   const VerdictReport& conformity = c.conformity;
-  const std::string verdict =
-      conformity.verdict == UnitVerdict::not_judged ? "not judged" : std::string(to_string(conformity.verdict));
+  const std::string verdict = in_words(to_string(conformity.verdict));
   const std::string beside = judged_beside(c), twice = "verification " + verdict + ": ";
   std::string reason = conformity.reason;
   if (const std::size_t at = reason.find(twice); at != std::string::npos)
@@ -312,7 +309,7 @@ std::string certificate_page(const Certificate& c) {
                        "; specific force is traceable to it"},
        {"latitude", "value of the site, " + with_uncertainty(c.parties.latitude_uncertainty_deg, "°") +
                         "; rates are traceable to the Earth's rate, 15.041 °/h"},
-       {"time", "the unit's own sample clock, " + significant(1e3 * f.sample_period_s, 6) + " ms a sample; " +
+       {"time", "the unit's own sample clock, " + fmt::format("{:.9g} ms a sample; ", 1e3 * f.sample_period_s) +
                     (clock.empty() ? "not compared with another clock on record"
                                    : "against the station's clock " + clock + " ± " +
                                          of_record(f, "record.clock_uncertainty_ppm") + " ppm")},

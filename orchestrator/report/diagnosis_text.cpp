@@ -134,8 +134,7 @@ std::string effects_clause(const Diagnosis& d) {
 }
 
 std::string verdict_title(Verdict verdict) {
-  std::string title = to_string(verdict);
-  std::ranges::replace(title, '_', ' ');
+  std::string title = in_words(to_string(verdict));
   title.front() = static_cast<char>(title.front() - 'a' + 'A');
   return title;
 }

@@ -11,7 +11,7 @@
 #include "imu_io/base/atomic_file.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/text_pieces.h"
-#include "orchestrator/figures/piped_program.h"
+#include "orchestrator/station/child_program.h"
 #include "orchestrator/watch/page_server.h"
 
 namespace turncal {
@@ -24,6 +24,7 @@ namespace cell {
 Cell text(std::string_view words) { return {Cell::Kind::text, std::string(words)}; }
 Cell wide(std::string_view words) { return {Cell::Kind::wide, std::string(words)}; }
 Cell name(std::string_view words) { return {Cell::Kind::name, std::string(words)}; }
+Cell word(std::string_view of_file) { return {Cell::Kind::word, std::string(of_file)}; }
 Cell number(std::string_view words, double value) { return {Cell::Kind::number, std::string(words), value}; }
 Cell number(double value, int digits) { return number(significant(value, digits, Alphabet::typographic), value); }
 Cell number(const std::optional<double>& value, int digits) { return value ? number(*value, digits) : number("-"); }
@@ -47,14 +48,11 @@ constexpr std::size_t label_width = 16;  // of facts on the terminal
 
 bool is_drawn(const Cell& cell) { return cell.kind == Cell::Kind::bar || cell.kind == Cell::Kind::half; }
 
-// Characters, not bytes.
-std::size_t width_of(std::string_view text) {
-  return static_cast<std::size_t>(
-      std::ranges::count_if(text, [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; }));
-}
+// For people.
+std::string for_people(const Cell& cell) { return cell.kind == Cell::Kind::word ? in_words(cell.words) : cell.words; }
 
 std::string padded(const std::string& text, std::size_t width, bool right) {
-  const std::string blanks(width - std::min(width, width_of(text)), ' ');
+  const std::string blanks(width - std::min(width, columns_of(text)), ' ');
   return right ? blanks + text : text + blanks;
 }
 
@@ -90,12 +88,12 @@ class TextLines {
     for (const Cell& cell : table.head) rows[0].push_back(plain(cell.words));
     for (std::size_t k = 0; k < std::min(table.rows.size(), table.most); ++k) {
       rows.emplace_back();
-      for (const Cell& cell : table.rows[k].cells) rows.back().push_back(plain(cell.words));
+      for (const Cell& cell : table.rows[k].cells) rows.back().push_back(plain(for_people(cell)));
     }
     std::vector<std::size_t> widths(table.head.size(), 0);
     std::size_t all = 0;
     for (std::size_t c = 0; c < widths.size(); ++c) {
-      for (const auto& row : rows) widths[c] = std::max(widths[c], width_of(row[c]));
+      for (const auto& row : rows) widths[c] = std::max(widths[c], columns_of(row[c]));
       if (widths[c] > 0) all += widths[c] + apart;
     }
     for (std::size_t c = 0; c < widths.size(); ++c) {
@@ -135,10 +133,10 @@ std::string words_html(std::string_view words) {
 }
 
 std::string cell_html(const char* name, const Cell& cell) {
-  static constexpr std::array styles = {"", "w", "name", "n", "", "half"};
+  static constexpr std::array styles = {"", "w", "name", "n", "", "half", ""};
   constexpr double width_px = 150.0;
   constexpr std::size_t longest_line = 34;  // longer texts are broken, but not into columns of single words
-  std::string inner = html_escape(cell.words);
+  std::string inner = html_escape(for_people(cell));
   if (!cell.link.empty()) inner = fmt::format("<a href=\"{}\">{}</a>", html_escape(url_escape(cell.link)), inner);
   if (is_drawn(cell) && std::abs(cell.value) * width_px >= 1.0) {
     const bool half = cell.kind == Cell::Kind::half;
@@ -148,7 +146,7 @@ std::string cell_html(const char* name, const Cell& cell) {
                         length * width_px);
   }
   const std::string style = styles[static_cast<std::size_t>(cell.kind)];
-  const bool is_long = cell.kind <= Cell::Kind::name && width_of(cell.words) > longest_line;
+  const bool is_long = cell.kind <= Cell::Kind::name && columns_of(cell.words) > longest_line;
   return tag(name, is_long ? style + " long" : style, inner);
 }
 
@@ -265,21 +263,17 @@ std::map<std::string, std::string> unusual_characters(std::string_view text) {
 
 // Those that no font installed here has: they are blank in the PDF. Without fontconfig nothing is known of it.
 std::string without_font(const std::string& html) {
-  constexpr std::size_t most_asked = 200, most_said = 5;
+  constexpr std::size_t most_asked = 200;
   std::vector<std::string> missing;
   std::size_t asked = 0;
   for (const auto& [character, code] : unusual_characters(html)) {
     if (++asked > most_asked) break;
-    const Result<PipedOutput> fonts =
-        pipe_through({.name = "fc-list", .arguments = {":charset=" + code}, .package = "fontconfig"}, "");
+    const Result<ChildEnd> fonts = pipe_through("fontconfig", {"fc-list", ":charset=" + code}, "");
     if (!fonts) return "";
     if (fonts->output.empty()) missing.push_back(character + " (U+" + code + ")");
   }
   if (missing.empty()) return "";
-  const std::size_t said = std::min(missing.size(), most_said);
-  std::string words = join({missing.begin(), missing.begin() + static_cast<std::ptrdiff_t>(said)});
-  if (missing.size() > said) words += " and " + std::to_string(missing.size() - said) + " more";
-  return "no installed font has " + words +
+  return "no installed font has " + shorten(join(missing), 100) +
          ": blank in the PDF (the packages fonts-noto-cjk and fonts-noto-core have most)";
 }
 
@@ -421,11 +415,7 @@ std::string key_values_as(std::string_view format, std::string_view lines) {
 }
 
 Result<std::string> write_pdf(const std::string& html, const std::string& path) {
-  const Result<PipedOutput> pdf = pipe_through({.name = "weasyprint",
-                                                .arguments = {"--encoding", "utf-8", "-", "-"},
-                                                .package = "weasyprint",
-                                                .deadline_s = 120.0},
-                                               html);
+  const Result<ChildEnd> pdf = pipe_through("weasyprint", {"weasyprint", "--encoding", "utf-8", "-", "-"}, html, 120.0);
   if (!pdf) return device_error(path + ": " + pdf.error().message);
   if (!pdf->output.starts_with("%PDF-")) return device_error(path + ": weasyprint made no PDF");
   TRY(write_file_atomically(path, pdf->output));

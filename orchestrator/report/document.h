@@ -17,8 +17,9 @@
 namespace turncal {
 
 struct Cell {
-  // wide: may be broken or cut; name: of a thing; bar: 0 to 1 of its width; half: -1 to 1 from its middle.
-  enum class Kind { text, wide, name, number, bar, half };
+  // wide: may be broken or cut; name: of a thing; bar: 0 to 1 of its width; half: -1 to 1 from its middle; word: of a file, as
+  // conditional_pass, which JSON keeps.
+  enum class Kind { text, wide, name, number, bar, half, word };
   Kind kind = Kind::text;
   std::string words;
   double value = std::numeric_limits<double>::quiet_NaN();  // NaN: the words are all there is
@@ -29,6 +30,7 @@ namespace cell {
 Cell text(std::string_view words);
 Cell wide(std::string_view words);
 Cell name(std::string_view words);
+Cell word(std::string_view of_file);
 Cell number(std::string_view words, double value = std::numeric_limits<double>::quiet_NaN());  // words: as it is shown
 Cell number(double value, int digits = 3);                                                     // significant digits
 Cell number(const std::optional<double>& value, int digits = 3);                               // "-": there is none
@@ -118,7 +120,7 @@ struct HtmlPage {
 HtmlPage as_page(const Document& document, const GnuplotOptions& gnuplot = {});
 std::string html(const Content& content);  // of all but drawings
 
-// A page as PDF, by weasyprint within two minutes (piped_program.h). What there is to warn of, for people, in one line; empty: nothing.
+// A page as PDF, by weasyprint within two minutes (child_program.h). What there is to warn of, for people, in one line; empty: nothing.
 // An error leaves no file.
 Result<std::string> write_pdf(const std::string& html, const std::string& path);
 

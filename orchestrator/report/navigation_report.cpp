@@ -60,8 +60,13 @@ double east_mmps(const TrackPoint& p) { return 1000.0 * p.velocity_error_mps[1];
 double radial_m(const TrackPoint& p) { return p.moved_m.norm(); }
 double radial_nm(const TrackPoint& p) { return radial_m(p) / metres_per_nautical_mile; }
 
-// With three decimals: no 360.000.
-double printed_heading_deg(double heading_deg) { return heading_deg < 359.9995 ? heading_deg : 0.0; }
+// To the sigma's digits, from 0 on: no 360.000.
+Cell heading_cell(const FreeNavigation& n) {
+  const double heading_deg = angles_of(n.aligned.q_nb).heading_rad / rad_per_deg,
+               sigma_deg = n.heading_sigma_rad / rad_per_deg;
+  const Cell rounded = cell::with_sigma(heading_deg, sigma_deg);
+  return rounded.words.starts_with("360") ? cell::with_sigma(0.0, sigma_deg) : rounded;
+}
 
 }  // namespace
 
@@ -129,23 +134,19 @@ std::string format_track(const NavigationReport& report, const NavigatedFile& fi
   return text;
 }
 
-Result<std::string> draw_navigation(const NavigationReport& report, const GnuplotOptions& options) {
+Figure navigation_figure(const NavigationReport& report) {
   const bool moves = !report.request.reference.empty();
   Panel north, east, distance;
   north.title = moves ? "Velocity error north" : "Velocity north";
   east.title = moves ? "Velocity error east" : "Velocity east";
   distance.title = moves ? "Distance from the reference" : "Distance from the true position";
   double farthest_m = 0.0;
-  std::size_t starts = 0;
-  for (const NavigatedFile& file : report.files) {
-    starts = std::max(starts, file.branches.size());
+  for (const NavigatedFile& file : report.files)
     for (const NavigatedBranch& branch : file.branches)
       for (const TrackPoint& point : branch.navigation.track) farthest_m = std::max(farthest_m, radial_m(point));
-  }
   const bool near = farthest_m < metres_per_nautical_mile;
   north.y_label = east.y_label = "mm/s";
   distance.y_label = near ? "m" : "nautical miles (NM)";
-  north.legend = report.files.size() > 1 || starts > 1;
   distance.x_label = "minutes of free navigation (a Schuler period is 84.4)";
   for (auto file = report.files.rbegin(); file != report.files.rend(); ++file) {
     const bool against = !file->prefix.empty();
@@ -166,16 +167,11 @@ Result<std::string> draw_navigation(const NavigationReport& report, const Gnuplo
       add(distance, near ? radial_m : radial_nm);
     }
   }
-  Figure figure;
-  figure.id = "navigation";
-  figure.label = "Velocity and position error of free inertial navigation against time";
+  Figure figure{"navigation", "Velocity and position error of free inertial navigation against time", ""};
   figure.panel_width = 540;  // so that a telephone shows it in letters that can be read
   figure.panel_height = 220;
-  const DriftOverRuns& drift = report.files.front().drift;
-  figure.title = fmt::format("Unit {}: rms {} NM/h, 95 % within {} NM/h", report.info.unit_serial,
-                             significant(drift.rms_nm_per_h, 3), significant(drift.r95_nm_per_h, 3));
   figure.panels = {north, east, distance};
-  return standalone_svg(figure, options);
+  return figure;
 }
 
 // A turn with a tenth of g is off the straight line between two rows by 3 m.
@@ -183,7 +179,15 @@ constexpr double seldom_s = 5.0;
 
 Document navigation_document(const NavigationReport& report) {
   using namespace cell;
-  Document document{"", "Free navigation of " + report.request.recording};
+  const std::string heading = "Free navigation, unit " + report.info.unit_serial;
+  Document document{"turncal: " + heading, heading};
+  document.soft(fmt::format("Recording {} with content {}.", report.request.recording, report.recording_hash));
+  if (report.info.simulated) document.add(Paragraph{"Simulated data: no real unit navigated.", "loud"}, Scope::page);
+  const NavigatedFile& judged = report.files.front();
+  document.add(
+      Paragraph{"Drift: " + drift_words(judged.drift) + ".", judged.trusted ? "verdict clean" : "verdict unexplained"},
+      Scope::page);
+  document.figure(navigation_figure(report));
   if (report.without_segments && report.request.reference.empty())
     document.text("no segments: everything counts as rest");
   if (report.reference_gap_s > seldom_s)
@@ -204,9 +208,8 @@ Document navigation_document(const NavigationReport& report) {
     for (std::size_t k = 0; k < file.branches.size(); ++k) {
       const FreeNavigation& n = file.branches[k].navigation;
       const Eigen::Vector2d end = n.track.back().moved_m;
-      table.row({count(k + 1), fixed(file.branches[k].start_s, 1),
-                 fixed(printed_heading_deg(angles_of(n.aligned.q_nb).heading_rad / rad_per_deg), 3),
-                 fixed(n.heading_sigma_rad / rad_per_deg, 3), fixed(n.free_s, 0), fixed(end[0], 0), fixed(end[1], 0),
+      table.row({count(k + 1), fixed(file.branches[k].start_s, 1), heading_cell(n),
+                 number(n.heading_sigma_rad / rad_per_deg, 2), fixed(n.free_s, 0), fixed(end[0], 0), fixed(end[1], 0),
                  fixed(n.nm_per_h, 3)});
     }
     document.add(std::move(table));

@@ -1,4 +1,4 @@
-// The result of free navigation with a parameter file: as a file, as a track, as drawings, and for the terminal. What is asked for, too.
+// Free navigation with a parameter file: what is asked for, and its result as a file, a track, a drawing and a document.
 #pragma once
 
 #include <optional>
@@ -61,8 +61,7 @@ struct NavigationReport {
 std::string format_navigation(const NavigationReport& report);
 // branch,time_s,latitude_deg,...: a row a second of every branch.
 std::string format_track(const NavigationReport& report, const NavigatedFile& file);
-// Velocity and position errors against time, as one SVG.
-Result<std::string> draw_navigation(const NavigationReport& report, const GnuplotOptions& options = {});
+Figure navigation_figure(const NavigationReport& report);  // velocity and position errors against time
 Document navigation_document(const NavigationReport& report);
 
 }  // namespace turncal

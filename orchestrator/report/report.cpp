@@ -31,23 +31,14 @@ std::string key_text(const EffectColumn& column) {
 }
 Cell unit_of(const EffectColumn& column) { return text(unit_text(column.entry->unit)); }
 
-struct ParameterUnit {
-  double factor = 1.0;
-  std::string unit;
-};
-ParameterUnit page_unit(std::size_t k, const RecordingInfo& info) {
-  if (k < 3) return {1.0, "°/h"};
-  if (k < 6) return {1e6, "µg"};
-  if (k < 15 && info.gyro_increment == IncrementKind::pulses) return {1.0, "″/pulse"};
-  return {1.0, ""};
-}
-// Sigma of scale factors in ppm and of misalignments in arc-seconds.
+// Of scale factors and misalignments.
 std::string handy_sigma(std::size_t k, double sigma, const ParameterVector& values) {
   if (k < 6) return "";
-  const std::size_t i = (k - (k < 15 ? 6 : 15)) / 3;
-  const double scale = values[static_cast<Eigen::Index>((k < 15 ? 6 : 15) + 4 * i)];
-  return i == k % 3 ? significant(1e6 * sigma / scale, 2, typo) + " ppm"
-                    : significant(sigma / scale / rad_per_arcsec, 2, typo) + " ″";
+  const std::string_view key = parameter_keys[k];
+  const double scale =
+      values[static_cast<Eigen::Index>((k < 15 ? 6 : 15) + 4 * static_cast<std::size_t>(key[2] - '1'))];
+  const DisplayUnit unit = error_unit(key, "", scale);
+  return significant(unit.factor * sigma, 2, typo) + " " + unit.unit;
 }
 
 std::string combination_text(const Undetermined& u) {
@@ -72,11 +63,11 @@ void add_identity(const DiagnosisContext& context, Document& document) {
       high = std::max(high, static_cast<double>(block.temperature_c));
     }
   }
-  std::string line = fmt::format(
-      "Recording {}{}: {} samples, {}, of which {} at rest; latitude {}°, gravity {} m/s²", context.recording_path,
-      context.recording_hash.empty() ? "" : " (content " + context.recording_hash + ")", r.samples,
-      clock_time(static_cast<double>(r.samples) * r.info.sample_period_s), clock_time(still_s),
-      significant(r.info.latitude_deg, 6), significant(r.info.gravity_mps2, 7));
+  std::string line = fmt::format("Recording {}{}: {} samples, {}, of which {} at rest; latitude {}°, gravity {} m/s²",
+                                 context.recording_path,
+                                 context.recording_hash.empty() ? "" : " (content " + context.recording_hash + ")",
+                                 r.samples, clock_time(static_cast<double>(r.samples) * r.info.sample_period_s),
+                                 clock_time(still_s), r.info.latitude_deg, r.info.gravity_mps2);
   if (low <= high) line += fmt::format("; {} to {} °C", significant(low, 3), significant(high, 3));
   document.soft(line + ".");
   document.soft("Held-out data: " +
@@ -180,7 +171,7 @@ void add_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context,
                text("unit"), number("σ, rel."), number("change, σ"), half(0.0)}};
   for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
     const auto row = static_cast<Eigen::Index>(k);
-    const ParameterUnit unit = page_unit(k, context.recording.info);
+    const DisplayUnit unit = page_unit(parameter_unit(parameter_keys[k], context.recording.info.gyro_increment));
     const double sigma = diagnosis.extended.sigma[row];
     const Cell key = name(parameter_keys[k]), meaning = text(quantity_name(parameter_keys[k]));
     if (!parameter_is_free[k] || !(sigma > 0.0)) {

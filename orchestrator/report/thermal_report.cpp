@@ -18,17 +18,10 @@ using namespace cell;
 constexpr int curve_points = 41;
 constexpr std::array<const char*, 6> term_names = {"0", "1", "2", "3", "rate", "hysteresis"};
 
-// Errors of a parameter in the unit that people compare it in.
-struct ErrorUnit {
-  double factor;
-  const char* name;  // typographic
-};
-ErrorUnit error_unit(const ThermalReport& report, int key) {
-  if (key < 3) return {1.0, "°/h"};
-  if (key < 6) return {1e6, "µg"};
+DisplayUnit error_unit_of(const ThermalReport& report, int key) {
   const double nominal = key < 15 && report.gyro_increment == IncrementKind::pulses ? 0.932920 : 1.0;
-  const bool diagonal = (key - (key < 15 ? 6 : 15)) % 4 == 0;
-  return diagonal ? ErrorUnit{1e6 / nominal, "ppm"} : ErrorUnit{1.0 / nominal / rad_per_arcsec, "″"};
+  const std::string name = parameter_key(key);
+  return error_unit(name, parameter_unit(name, report.gyro_increment), nominal);
 }
 
 template <class Numbers>
@@ -73,13 +66,13 @@ Table error_table(const ThermalReport& report) {
   for (int kind = 0; kind < 6; ++kind) {
     Errors sum{};
     double count = 0.0;
-    const char* unit = "";
+    std::string unit;
     for (const ThermalParameter& p : report.model.parameters) {
       if (kind_of(p.key) != kind) continue;
-      const ErrorUnit of = error_unit(report, p.key);
+      const DisplayUnit of = error_unit_of(report, p.key);
       const Errors e = {p.error_before, p.error_after, p.error_expected, p.error_noise};
       for (std::size_t k = 0; k < 4; ++k) sum[k] += std::pow(of.factor * e[k], 2);
-      count += 1.0, unit = of.name;
+      count += 1.0, unit = of.unit;
     }
     for (double& s : sum) s = std::sqrt(s / count);
     if (count > 0.0)
@@ -94,7 +87,7 @@ Table error_table(const ThermalReport& report) {
 Figure figure_of(const ThermalReport& report, std::size_t j) {
   const ThermalModel& model = report.model;
   const ThermalParameter& p = model.parameters[j];
-  const ErrorUnit unit = error_unit(report, p.key);
+  const DisplayUnit unit = error_unit_of(report, p.key);
   const auto points = [](std::string label, Series::Style style, Colour colour) {
     return Series{std::move(label), style, colour, {}};
   };
@@ -122,17 +115,15 @@ Figure figure_of(const ThermalReport& report, std::size_t j) {
     (below ? off_up : off_down).points.emplace_back(leg.temperature_c, unit.factor * (leg.value[p.key] - model_value));
   }
   const std::string key = parameter_key(p.key);
-  Figure figure;
-  figure.id = "thermal" + key;
-  figure.label = key + " against temperature, and what the model leaves of each leg";
+  Figure figure{"thermal" + key, key + " against temperature, and what the model leaves of each leg", ""};
   figure.stacked = true;
   figure.panels.resize(2);
   figure.panels[0].title = key + ": " + what_is_said(p);
-  figure.panels[0].y_label = fmt::format("from that at {:.1f} °C, {}", model.reference_c, unit.name);
+  figure.panels[0].y_label = fmt::format("from that at {:.1f} °C, {}", model.reference_c, unit.unit);
   figure.panels[0].series = {middle, low, high, up, down};
   figure.panels[1].title = "residual";
   figure.panels[1].x_label = "temperature, °C";
-  figure.panels[1].y_label = unit.name;
+  figure.panels[1].y_label = unit.unit;
   figure.panels[1].series = {off_up, off_down, least, most};
   return figure;
 }
@@ -212,9 +203,9 @@ Document thermal_document(const ThermalReport& report) {
   Table table{{name("parameter"), number("switch-on, 1σ"), number("constant"), number("with temp."), text("unit"),
                wide("depends on temperature as")}};
   for (const ThermalParameter& p : model.parameters) {
-    const ErrorUnit unit = error_unit(report, p.key);
+    const DisplayUnit unit = error_unit_of(report, p.key);
     table.row({name(parameter_key(p.key)), p.key < 6 ? number(unit.factor * p.switch_on) : number("-"),
-               number(unit.factor * p.error_before), number(unit.factor * p.error_after), text(unit.name),
+               number(unit.factor * p.error_before), number(unit.factor * p.error_after), text(unit.unit),
                wide(what_is_said(p))});
   }
   document.add(std::move(table));

@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <utility>
 
 #include "calib/model/parameters.h"
+#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/crc.h"
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/key_value.h"
@@ -101,6 +103,8 @@ std::string nearness_words(const VerificationReport& report) {
          words("level", report.level_limit_deg, found.deviation[1], found.deviation[2]);
 }
 
+std::string figure_words(const NorthFigure& figure) { return value_with_sigma(figure.value_deg, figure.sigma_deg); }
+
 // Heading, roll and pitch, degrees. Sigmas of 0: not known.
 void add_angles(const std::string& name, const std::array<double, 3>& angles_deg, Table& table,
                 const std::array<double, 3>& sigmas_deg = {}) {
@@ -110,10 +114,46 @@ void add_angles(const std::string& name, const std::array<double, 3>& angles_deg
   table.row(std::move(row));
 }
 
+// Readings in the order in which they were made, with their sigmas from noise: headings less the table's angle, roll and pitch less the mean
+// of their position, as they are judged.
+Figure angle_figure(const VerificationReport& report) {
+  Figure figure =
+      small_panels("angles", "Headings less the angle of the table; roll and pitch less the mean of their position");
+  for (std::size_t a = 0; a < north_angle_names.size(); ++a) {
+    const double limit_deg = a == 0 ? report.heading_limit_deg : report.level_limit_deg;
+    Series readings{"one alignment", Series::Style::dot, Colour::after, {}},
+        bars{"one sigma of noise", Series::Style::line, Colour::after, {}};
+    double x = 0.0;
+    for (const NorthPosition& position : report.found.positions)
+      for (const NorthReading& reading : position.readings) {
+        const double from_deg = a == 0 ? position.table_deg : position.mean_deg[a];
+        const double error = near(reading.angle_deg[a] - from_deg, 0.0), sigma = position.noise_sigma_deg[a];
+        readings.points.emplace_back(++x, error);
+        for (const double end : {error - sigma, error + sigma, no_point}) bars.points.emplace_back(x, end);
+      }
+    Panel panel;
+    panel.title = std::string(north_angle_names[a]) + (a == 0 ? " less the table's" : " less its mean");
+    panel.x_label = "alignment";
+    panel.y_label = "°";
+    panel.series = {readings, bars};
+    for (const double limit : {-limit_deg, limit_deg})
+      panel.series.push_back(
+          {"limit of the deviation", Series::Style::dashed, Colour::before, {{0.5, limit}, {x + 0.5, limit}}});
+    figure.panels.push_back(std::move(panel));
+  }
+  return figure;
+}
+
 }  // namespace
 
+Status write_verification(const std::string& path, const VerificationReport& report) {
+  TRY(write_file_atomically(path, format_verification(report)));
+  return write_file_atomically(std::filesystem::path(path).replace_extension("html"),
+                               as_page(verification_document(report)).html);
+}
+
 std::string gravity_words(const FeltSite& felt, double of_recording_mps2) {
-  return fmt::format("{:.5f} m/s^2 estimated, the recording says {:.5f}", felt.gravity_mps2, of_recording_mps2);
+  return fmt::format("{:.5f} m/s² estimated, the recording says {:.10g}", felt.gravity_mps2, of_recording_mps2);
 }
 
 void add_faults(const std::vector<std::string>& faults, Document& document) {
@@ -123,9 +163,8 @@ void add_faults(const std::vector<std::string>& faults, Document& document) {
 }
 
 std::string latitude_words(const FeltSite& felt, double of_recording_deg) {
-  return fmt::format("{} estimated, the recording says {:.4f}",
-                     plain(quantity(felt.latitude_rad / rad_per_deg, felt.sigma_rad / rad_per_deg, "deg")),
-                     of_recording_deg);
+  return fmt::format("{} estimated, the recording says {:.10g}",
+                     quantity(felt.latitude_rad / rad_per_deg, felt.sigma_rad / rad_per_deg, "deg"), of_recording_deg);
 }
 
 std::string format_verification(VerificationReport report) {
@@ -154,29 +193,64 @@ Result<VerificationReport> read_verification(const std::string& path) {
 }
 
 std::string verification_words(const VerificationReport& report) {
-  std::string words =
-      fmt::format("heading {:.4f} deg (mean {:.4f}) of {:g}, roll {:.5f} and pitch {:.5f} of {:g}",
-                  report.found.deviation[0].value_deg, report.found.mean_heading.value_deg, report.heading_limit_deg,
-                  report.found.deviation[1].value_deg, report.found.deviation[2].value_deg, report.level_limit_deg);
+  std::string words = fmt::format("heading {} deg (mean {}) of {:g}, roll {} and pitch {} of {:g}",
+                                  figure_words(report.found.deviation[0]), figure_words(report.found.mean_heading),
+                                  report.heading_limit_deg, figure_words(report.found.deviation[1]),
+                                  figure_words(report.found.deviation[2]), report.level_limit_deg);
   if (const std::string undecided = undecided_words(report); !undecided.empty()) words += "; " + undecided;
   if (report.latitude == UnitVerdict::fail)
-    words += "; latitude " + latitude_words(report.felt, report.info.latitude_deg);
-  if (report.gravity == UnitVerdict::fail) words += "; gravity " + gravity_words(report.felt, report.info.gravity_mps2);
+    words += "; latitude " + plain(latitude_words(report.felt, report.info.latitude_deg));
+  if (report.gravity == UnitVerdict::fail)
+    words += "; gravity " + plain(gravity_words(report.felt, report.info.gravity_mps2));
   if (!report.trusted) words += "; parameters not trusted";
   return words;
 }
 
 Document verification_document(const VerificationReport& report) {
   const NorthSeeking& found = report.found;
-  Document document{"", "Verification of unit " + report.info.unit_serial};
+  const auto judged = [](const std::string& figures, UnitVerdict verdict) {
+    return figures + ": " + in_words(to_string(verdict));
+  };
+  const std::string heading = "Verification, unit " + report.info.unit_serial;
+  Document document{"turncal: " + heading, heading};
+  document.soft(
+      fmt::format("North seeking with {}; recording with content {}.", report.parameters, report.recording_hash));
+  if (report.info.simulated)
+    document.add(Paragraph{"Simulated data: this is no verification of a real unit.", "loud"}, Scope::page);
+  const std::string verdict = in_words(to_string(report.verdict)) + ": " + nearness_words(report);
+  std::string title = verdict + ".";
+  title.front() = static_cast<char>(title.front() - 'a' + 'A');
+  document.add(Paragraph{title, is_accepted(report.verdict) ? "verdict clean" : "verdict unexplained"}, Scope::page);
+  Facts facts;
+  facts.add("heading", judged(fmt::format("largest deviation {}, means differ from the table by {} (rms); limit {:g}",
+                                          quantity(found.deviation[0].value_deg, found.deviation[0].sigma_deg, "deg"),
+                                          quantity(found.mean_heading.value_deg, found.mean_heading.sigma_deg, "deg"),
+                                          report.heading_limit_deg),
+                              report.heading));
+  facts.add("level", judged(fmt::format("largest deviation of roll {}, of pitch {}; limit {:g}",
+                                        quantity(found.deviation[1].value_deg, found.deviation[1].sigma_deg, "deg"),
+                                        quantity(found.deviation[2].value_deg, found.deviation[2].sigma_deg, "deg"),
+                                        report.level_limit_deg),
+                            report.level));
+  facts.add("", "a tilt common to all readings (an accelerometer bias) is not visible");
+  facts.add("latitude", judged(latitude_words(report.felt, report.info.latitude_deg), report.latitude));
+  facts.add("gravity", judged(gravity_words(report.felt, report.info.gravity_mps2), report.gravity));
+  if (report.noise_assumed) facts.add("noise", assumed_noise_words);
+  facts.add("",
+            fmt::format("noise alone would exceed a limit in {:.1f} of 100 verifications", 100.0 * report.false_fail));
+  if (const std::string undecided = undecided_words(report); !undecided.empty()) facts.add("", undecided);
+  if (!report.trusted) facts.add("", not_trusted_words);
+  document.add(facts, Scope::page);
+  document.figure(angle_figure(report));
+  document.add(Heading{2, "readings", "Readings"}, Scope::page);
   if (!report.damage.empty()) document.text(report.damage);
   if (report.filled_samples > 0)
     document.text(fmt::format("{} samples lost or bad, filled in from their neighbours", report.filled_samples));
   add_faults(report.faults, document);
   for (const std::string& alignment : report.left_out) document.text("left out: " + alignment);
-  document.text(
-      fmt::format("Unit {}, alignments of {:.0f} s; the table's zero is at a heading of {:.4f} deg. Angles in deg:",
-                  report.info.unit_serial, report.align_s, found.zero_deg));
+  document.text(fmt::format(
+      "Unit {}, alignments of {:.0f} s; the table's zero is at a heading of {} deg. Angles in deg:",
+      report.info.unit_serial, report.align_s, value_with_sigma(found.zero_deg, found.mean_heading.sigma_deg)));
   for (const NorthPosition& position : found.positions) {
     Table table{{cell::text(fmt::format("table at {:.1f}", position.table_deg)), cell::number("heading"),
                  cell::number("roll"), cell::number("pitch")}};
@@ -187,27 +261,8 @@ Document verification_document(const VerificationReport& report) {
     add_angles("sigma, noise", position.noise_sigma_deg, table, position.noise_sigma_deg);
     document.add(std::move(table));
   }
-  Facts facts;
-  facts.add("heading", fmt::format("largest deviation {}, means differ from the table by {} (rms); limit {:g}: {}",
-                                   quantity(found.deviation[0].value_deg, found.deviation[0].sigma_deg, "deg"),
-                                   quantity(found.mean_heading.value_deg, found.mean_heading.sigma_deg, "deg"),
-                                   report.heading_limit_deg, to_string(report.heading)));
-  facts.add("level", fmt::format("largest deviation of roll {}, of pitch {}; limit {:g}: {}",
-                                 quantity(found.deviation[1].value_deg, found.deviation[1].sigma_deg, "deg"),
-                                 quantity(found.deviation[2].value_deg, found.deviation[2].sigma_deg, "deg"),
-                                 report.level_limit_deg, to_string(report.level)));
-  facts.add("", "a tilt common to all readings (an accelerometer bias) is not visible");
-  facts.add("latitude",
-            fmt::format("{}: {}", latitude_words(report.felt, report.info.latitude_deg), to_string(report.latitude)));
-  facts.add("gravity",
-            fmt::format("{}: {}", gravity_words(report.felt, report.info.gravity_mps2), to_string(report.gravity)));
-  if (report.noise_assumed) facts.add("noise", assumed_noise_words);
-  facts.add("",
-            fmt::format("noise alone would exceed a limit in {:.1f} of 100 verifications", 100.0 * report.false_fail));
-  if (const std::string undecided = undecided_words(report); !undecided.empty()) facts.add("", undecided);
-  if (!report.trusted) facts.add("", not_trusted_words);
-  facts.add("verdict", std::string(to_string(report.verdict)) + ": " + nearness_words(report));
-  document.add(std::move(facts));
+  facts.add("verdict", verdict);
+  document.add(std::move(facts), Scope::terminal);
   return document;
 }
 

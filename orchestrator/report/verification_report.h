@@ -1,4 +1,4 @@
-// The outcome of a verification as a file and as the tables of the paper.
+// The outcome of a verification: a file, the tables of the paper, and a page with what was found beside its limits.
 #pragma once
 
 #include <string>
@@ -38,6 +38,8 @@ struct VerificationReport {
 
 // verification.conf; the last line is a checksum (crc.h).
 std::string format_verification(VerificationReport report);
+// That file, and beside it the page: verification.html.
+Status write_verification(const std::string& path, const VerificationReport& report);
 // Reads what format_verification wrote, to the bit; every key has to be there and of its kind. `info`: only what the file contains.
 Result<VerificationReport> read_verification(const std::string& path);
 // The figures and their limits, for a verdict's reason.
@@ -47,7 +49,7 @@ std::string gravity_words(const FeltSite& felt, double of_recording_mps2);
 // Defects of the samples that were left out, one line each.
 void add_faults(const std::vector<std::string>& faults, Document& document);
 // Reason of a verification that lost too much data to be judged; it leaves no verification.conf.
-inline constexpr const char* not_judged_words = "verification: not_judged: ";
+inline constexpr const char* not_judged_words = "verification: not judged: ";
 inline constexpr const char* not_trusted_words =
     "NOT TRUSTED: the parameter file says that its sigmas cannot be believed";
 inline constexpr const char* assumed_noise_words =

@@ -1,14 +1,14 @@
-// The page of `turncal serve`: all stations, GET / and GET /status.json, GET /metrics for Prometheus; GET /unit/SERIAL and
-// GET /report/STATION/FOLDER/FILE for what there is of a unit and of a run. With a password file POST /act, too.
+// The pages of `turncal serve`: GET / and GET /status.json, all stations; GET /metrics, for Prometheus; GET /unit/SERIAL, all there is of a
+// unit; GET /report/STATION/FOLDER/FILE, a page of a run. With a password file also POST /act.
 //
-// A thread of its own looks at the stations once a second, so that what a client asks for is there already, and a slow disk holds up
-// nobody but that thread; the page shows how old the look is. Another reads the results database every ten seconds, if there is one. Pages of
-// units and runs are made by a third when they are asked for, and kept for ten seconds: whoever asks first is told to ask again. Posts are answered one after the other, at most one password in
-// between_passwords_s: guessing is slow. A name and password that were right once do not wait, nor does a stop: its password is looked at whatever
-// others do, so that by stops passwords can be tried as fast as crypt(5) hashes.
+// Three threads work ahead of the clients. One looks at the stations once a second, so that a slow disk holds up nobody else; the page shows
+// how old its look is. One reads the results database every ten seconds. One makes the pages of units and runs when they are asked for and
+// keeps them for ten seconds; whoever asks first is told to ask again.
 //
-// POST /act: Authorization: Basic, X-Turncal: 1, and a body of key = value lines: station, action, unit (station_view.h), values with %xx. Answers: 200 and what
-// was done; 401 name or password; 409 what cannot be done now, and why; 429 too soon.
+// POST /act has Authorization: Basic, X-Turncal: 1, and a body of key = value lines with %xx: station, action, unit (station_view.h). It answers
+// 200 with what was done, 401 for a wrong name or password, 409 with why it cannot be done now, 429 when asked too soon. Posts are answered
+// one after the other, with at most one new password in between_passwords_s. A stop never waits: by stops alone passwords can be tried as
+// fast as crypt(5) hashes.
 #pragma once
 
 #include <atomic>
@@ -44,15 +44,10 @@ class ServicePage {
   std::unique_ptr<State> state_;
 };
 
-// Alerts of `turncal serve` (docs/serve.md): a command is run with the event as JSON on its standard input, so that somebody hears of it
-// who does not look at the page.
-// Events: `unit`, of an outcome, and `stopped`, `unreadable`, `silent`, `yield`, of a station.
-//
-// All but `unit` are conditions: an event once they have stood for stands_s, and again when they have been over. An event is run once at
-// most: the record has its line on disk before the command is started, and is read when serve begins. What is there when a record
-// is begun is known, and no event.
-//
-// A thread of its own runs the commands, one after the other; each has alert.time_s. Whoever looks at stations waits for none of it.
+// Alerts (docs/serve.md): a command is run with the event as JSON on its standard input, by a thread of its own that nobody waits for. `unit` is
+// an outcome. The others, `stopped`, `unreadable`, `silent` and `yield`, are conditions: events once they have stood for stands_s, and again when
+// they have been over. An event is run once at most: its line in the record is on disk before the command is started, and the record is
+// read when serve begins. What is there when a record is begun is known, and no event.
 class Alerts {
  public:
   static constexpr double stands_s = 30.0;

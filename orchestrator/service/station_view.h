@@ -1,10 +1,8 @@
-// What a station does, as its files say it: queue, outcomes, the journal of the run, and who holds their locks. Nothing is locked,
-// written or asked of the run, so that looking on never holds it up. And what the stations of a results database did in the last 24 hours,
-// those on other machines too.
+// What a station does, as its files say it: queue, outcomes, the journal of the run, and who holds their locks. Nothing is locked, written or
+// asked of the run, so that looking on never holds it up. The states are those of docs/serve.md; the headline of an unreadable station
+// names the file. Times are by the clock of whoever looks; those of a run by its own, as its journal has them.
 //
-// The states are those of docs/serve.md; unreadable: the headline says which file.
-//
-// Times by the clock of whoever looks; those of a run by its own, as its journal has them.
+// Beside it: the configuration of `turncal serve`, what the stations of a results database did in the last 24 hours, and what an operator may do.
 #pragma once
 
 #include <sys/types.h>
@@ -22,16 +20,13 @@
 
 namespace turncal {
 
-// The stations that `turncal serve` shows, who may act on them, and who is told what happens: the keys of docs/serve.md.
-//
-// Relative names are those beside the file. HASH is as crypt(5) has it (`openssl passwd -6`, `mkpasswd`). The password file is read again at
-// every question, so that a name which is taken out is out at once; one that others than its owner and group can read is refused.
-
-// That it can be read, and that every line is a name and a hash.
+// The password file has lines NAME:HASH, with a hash of crypt(5) (`openssl passwd -6`). It is read at every question, so that a name that is
+// taken out is out at once; a file that others than its owner and group can read is refused.
 Status check_operators(const std::string& path);
 // The name in "Basic ..." (RFC 7617) when its password is right; an error when not, which does not say what was wrong.
 Result<std::string> authorised_operator(const std::string& path, std::string_view authorization);
 
+// The keys of docs/serve.md. Relative names are those beside the file.
 struct ServedStation {
   std::string name, queue, runs;
   std::string mounted;  // empty: a mounted unit is not announced by the page

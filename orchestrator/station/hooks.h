@@ -1,5 +1,4 @@
-// Commands of the station that are run when somebody or something should know: a unit is done, has failed its limits, or an
-// operator is needed. Given to /bin/sh with what happened in the environment:
+// Commands of the station, run when a unit is done, has failed its limits, or an operator is needed. /bin/sh gets them, and what happened:
 //
 //   TURNCAL_EVENT (done, fail, needs_operator, mount, switch_on)  TURNCAL_UNIT  TURNCAL_FOLDER  TURNCAL_MESSAGE  TURNCAL_DRY_RUN (true, false)
 //   TURNCAL_OUTCOME: the unit's outcome in one word (pass, hold, fail, dropped ...; empty: it has none)
@@ -39,8 +38,7 @@ struct HookCall {
 
 inline constexpr double hook_time_s = 60.0;
 
-// Which hook a finished run calls: done on success, fail when the unit failed, needs_operator otherwise. (And of a unit that nobody
-// judged: conclude() in orchestrator/jobs/run_job.cpp.)
+// Of a finished run: done on success, fail when the unit failed, otherwise needs_operator (also of a unit that nobody judged: run_job.cpp).
 HookCall call_for(const Status& outcome);
 
 // An error when it could not be run, did not end in time, or ended with another code than 0. An empty command is fine.

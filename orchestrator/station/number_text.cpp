@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <utility>
 
 #include "calib/model/parameters.h"
+#include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 namespace {
@@ -127,6 +129,77 @@ std::string unit_text(std::string_view unit) {
     result += unit[at++];
   }
   return result;
+}
+
+DisplayUnit page_unit(std::string_view unit) {
+  return unit == "g" ? DisplayUnit{1e6, "µg"} : DisplayUnit{1.0, unit == "-" ? "" : unit_text(unit)};
+}
+
+DisplayUnit error_unit(std::string_view key, std::string_view unit, double scale) {
+  if (key.size() != 3 || (key[0] != 'n' && key[0] != 'a')) return page_unit(unit);
+  return {1e6 / scale, key[1] == key[2] ? "ppm" : "µrad"};
+}
+
+std::string in_words(std::string_view word) {
+  std::string words(word);
+  std::ranges::replace(words, '_', ' ');
+  return words;
+}
+
+namespace {
+
+struct Glyph {
+  std::size_t bytes = 1, columns = 1;
+};
+
+Glyph first_glyph(std::string_view text) {
+  static constexpr std::pair<std::uint32_t, std::uint32_t> wide[] = {
+      {0x1100, 0x115F}, {0x2E80, 0xA4CF}, {0xAC00, 0xD7A3}, {0xF900, 0xFAFF},
+      {0xFE30, 0xFE6F}, {0xFF00, 0xFF60}, {0xFFE0, 0xFFE6}, {0x1F300, 0x3FFFD}};
+  std::uint32_t code = 0;
+  const std::size_t bytes = std::max<std::size_t>(1, utf8_character(text, &code));
+  const bool two =
+      std::ranges::any_of(wide, [code](auto range) { return code >= range.first && code <= range.second; });
+  return {bytes, two ? std::size_t{2} : std::size_t{1}};
+}
+
+// Bytes of the longest beginning that takes at most so many columns. breaks: it ends at a blank or behind a wide character, if it can.
+std::size_t beginning(std::string_view text, std::size_t columns, bool breaks) {
+  std::size_t at = 0, good = 0;
+  for (std::size_t used = 0; at < text.size();) {
+    const Glyph glyph = first_glyph(text.substr(at));
+    if (text[at] == ' ') good = at;
+    used += glyph.columns;
+    if (used > columns) return breaks && good > 0 ? good : at;
+    at += glyph.bytes;
+    if (glyph.columns == 2) good = at;
+  }
+  return at;
+}
+
+}  // namespace
+
+std::size_t columns_of(std::string_view text) {
+  std::size_t columns = 0;
+  for (; !text.empty(); text.remove_prefix(first_glyph(text).bytes)) columns += first_glyph(text).columns;
+  return columns;
+}
+
+std::vector<std::string> wrap(std::string_view text, std::size_t columns) {
+  std::vector<std::string> lines;
+  do {
+    std::string_view rest = trimmed(next_line(text));
+    do {
+      lines.emplace_back(rest.substr(0, beginning(rest, columns, true)));
+      rest = trimmed(rest.substr(lines.back().size()));
+    } while (!rest.empty());
+  } while (!text.empty());
+  return lines;
+}
+
+std::string shorten(std::string_view text, std::size_t columns) {
+  if (beginning(text, columns, false) == text.size()) return std::string(text);
+  return std::string(text.substr(0, beginning(text, columns - 3, false))) + "...";
 }
 
 }  // namespace turncal

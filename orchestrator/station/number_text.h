@@ -1,11 +1,13 @@
-// Numbers and quantities as people read them: digits that follow the sigma, and the 24 parameters by name and unit. Files have
-// format_number.h instead.
+// Numbers, quantities, words and lines as people read them: digits that follow the sigma, and the 24 parameters by name and unit. Files
+// have format_number.h instead.
 //
 // Text for people comes in two alphabets: plain (terminal: ug/g^2, +-) and typographic (HTML, UTF-8: µg/g², ±).
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace turncal {
 
@@ -34,5 +36,23 @@ std::string quantity_name(std::string_view key);
 std::string quantity_unit(std::string_view key);
 // "µg/g²" of the catalogue's ug/g^2.
 std::string unit_text(std::string_view unit);
+// A unit in which a number is easy to read, and the factor to it.
+struct DisplayUnit {
+  double factor = 1.0;
+  std::string unit;  // typographic; empty: none
+};
+// Of a value in that unit, on a page: g as µg.
+DisplayUnit page_unit(std::string_view unit);
+// How errors of a parameter are compared: ppm of a scale factor, µrad of a misalignment. scale: the scale factor of its sensor, n22 of n12.
+DisplayUnit error_unit(std::string_view key, std::string_view unit, double scale);
+// "conditional fail" of conditional_fail, a word of a file.
+std::string in_words(std::string_view word);
+
+// Columns that a text takes on a terminal: a Chinese, Japanese or Korean character has two (Unicode Standard Annex 11, wide).
+std::size_t columns_of(std::string_view text);
+// Lines of at most so many columns (2 or more), broken at blanks, behind a wide character, or within a word that is longer than a line.
+std::vector<std::string> wrap(std::string_view text, std::size_t columns);
+// At most so many columns, 3 or more; what is cut is replaced by "...".
+std::string shorten(std::string_view text, std::size_t columns);
 
 }  // namespace turncal

@@ -1,9 +1,8 @@
 // The station: site, table, IMU and the numbers that judge motion and dwells. Read from a text file
 // (orchestrator/stations/mock.station shows every key); the built-in rig station needs no file.
 //
-// Units as the suffix says: degrees, deg/s, deg/s^2, seconds, m/s^2. Every value has a default except format, those of
-// the site and the two drivers. An unknown key, a value out of range and options that contradict each other are errors
-// of one line that name file, line and key.
+// Units as the suffix says: degrees, deg/s, deg/s^2, seconds, m/s^2. Every value has a default except format, those of the site and the two
+// drivers. An unknown key, a value out of range and options that contradict each other are errors of one line that name file, line and key.
 #pragma once
 
 #include <array>

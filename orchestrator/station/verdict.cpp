@@ -32,19 +32,6 @@ std::string and_more(const std::string& line, std::size_t lines) {
   return lines > 1 ? line + " (and " + std::to_string(lines - 1) + " more)" : line;
 }
 
-// "gyro x bias (N01) 0.0634 deg/h, limits -0.3 .. 0.02, guard band 0.0041"
-std::string words_of(const JudgedValue& judged) {
-  const std::string name = quantity_name(judged.key), unit = quantity_unit(judged.key);
-  const std::string_view key = std::string_view(judged.key).substr(judged.key.starts_with("sigma.") ? 6 : 0);
-  const bool has_key = std::ranges::find(parameter_keys, key) != parameter_keys.end();
-  return name + (has_key ? " (" + std::string(key) + ") " : " ") +
-         (judged.value ? value_with_sigma(*judged.value,
-                                          judged.guard_band > 0.0 ? judged.guard_band : 0.01 * std::abs(*judged.value))
-                       : "not known") +
-         (unit.empty() ? ", " : " " + unit + ", ") + limits_words(judged.limit) +
-         (judged.guard_band > 0.0 ? ", guard band " + significant(judged.guard_band, 2) : "");
-}
-
 // "pass, limits -0.01 .. none, guard band 0.002"
 std::string judgement_text(const JudgedValue& judged) {
   return std::string(to_string(judged.verdict)) + ", limits " + number(judged.limit.min) + " .. " +
@@ -149,13 +136,12 @@ VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c,
     judge_into(report, "temperature_c.min", temperature_range_c.min, 0.0, limits.temperature_c, 0.0);
     judge_into(report, "temperature_c.max", temperature_range_c.max, 0.0, limits.temperature_c, 0.0);
   }
-  if (clock) {
+  if (clock)
     judge_into(report, "clock_ppm", clock->clock.ppm, clock->clock.uncertainty_ppm, {-clock->max_ppm, clock->max_ppm},
                limits.guard_factor);
-  }
   if (const std::vector<std::string> lines = describe(report); !lines.empty()) {
     const auto worst = std::ranges::find(report.values, report.verdict, &JudgedValue::verdict);
-    report.reason = and_more(words_of(*worst), lines.size());
+    report.reason = and_more(judged_words(*worst), lines.size());
   }
   return report;
 }
@@ -175,7 +161,7 @@ void judge_diagnosis(const std::string& diagnosis, const std::string& finding, c
   report.diagnosis = diagnosis;
   if (diagnosis == "clean" || diagnosis == "not_made") return;
   const UnitVerdict found = diagnosis == "extended" ? policy.extended : UnitVerdict::hold;
-  const std::string why = "diagnosis " + diagnosis + (finding.empty() ? "" : ": " + finding);
+  const std::string why = "diagnosis " + in_words(diagnosis) + (finding.empty() ? "" : ": " + finding);
   report.reason += (report.reason.empty() ? "" : "; ") + why;
   if (found != UnitVerdict::pass) report.verdict = std::max(report.verdict, found);
 }
@@ -190,7 +176,8 @@ void judge_verification(UnitVerdict found, const std::string& figures, VerdictRe
   report.verification = std::string(to_string(found)) + ": " + figures;
   report.verdict = std::max(report.verdict, found);
   if (found != UnitVerdict::pass)
-    report.reason += (report.reason.empty() ? "" : "; ") + ("verification " + report.verification);
+    report.reason +=
+        (report.reason.empty() ? "" : "; ") + ("verification " + in_words(to_string(found)) + ": " + figures);
 }
 
 void add_verdict(const VerdictReport& report, ParameterFile& file) {
@@ -251,8 +238,20 @@ Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<do
   }
   for (const JudgedValue& judged : report.values) report.verdict = std::max(report.verdict, judged.verdict);
   if (const std::vector<std::string> lines = describe(worse); !lines.empty())
-    report.reason += (report.reason.empty() ? "" : "; ") + and_more(words_of(worse.values.front()), lines.size());
+    report.reason += (report.reason.empty() ? "" : "; ") + and_more(judged_words(worse.values.front()), lines.size());
   return report;
+}
+
+std::string judged_words(const JudgedValue& judged) {
+  const std::string name = quantity_name(judged.key), unit = quantity_unit(judged.key);
+  const std::string_view key = std::string_view(judged.key).substr(judged.key.starts_with("sigma.") ? 6 : 0);
+  const bool has_key = std::ranges::find(parameter_keys, key) != parameter_keys.end();
+  return name + (has_key ? " (" + std::string(key) + ") " : " ") +
+         (judged.value ? value_with_sigma(*judged.value,
+                                          judged.guard_band > 0.0 ? judged.guard_band : 0.01 * std::abs(*judged.value))
+                       : "not known") +
+         (unit.empty() ? ", " : " " + unit + ", ") + limits_words(judged.limit) +
+         (judged.guard_band > 0.0 ? ", guard band " + significant(judged.guard_band, 2) : "");
 }
 
 std::string limits_words(const Limit& limit) {
@@ -264,7 +263,7 @@ std::vector<std::string> describe(const VerdictReport& report) {
   std::vector<std::string> lines;
   for (const JudgedValue& judged : report.values) {
     if (judged.verdict == UnitVerdict::pass) continue;
-    lines.push_back(words_of(judged) + ": " + std::string(to_string(judged.verdict)));
+    lines.push_back(judged_words(judged) + ": " + in_words(to_string(judged.verdict)));
   }
   return lines;
 }

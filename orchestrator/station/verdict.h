@@ -3,10 +3,10 @@
 //   U = 2 sigma, guard band w = guard_factor U, margin m = distance to the nearer limit, negative outside
 //   pass m >= w | conditional pass 0 <= m < w | conditional fail -w <= m < 0 | fail m < -w
 //
-// The unit's clock is judged beside them where it was measured (live, at the unit's own pace). What has no uncertainty (sigma itself, the residual, temperatures) is judged with w = 0. A parameter without a sigma can at
-// best pass conditionally, and a value that a limit asks for and that is missing fails. A unit's verdict is that of its worst
-// value, or of its diagnosis where that is worse: a residual beyond the 24 parameters holds the unit back. The rule, the reason and
-// every judged value go into the parameter file (`verdict.*`).
+// What has no uncertainty (sigma itself, the residual, temperatures) is judged with w = 0. The unit's clock is judged where a live run
+// measured it. A parameter without a sigma can at best pass conditionally, and a value that a limit asks for and that is missing fails. A
+// unit's verdict is that of its worst value, or of its diagnosis where that is worse: a residual beyond the 24 parameters holds the unit
+// back. The rule, the reason and every judged value go into the parameter file (`verdict.*`).
 #pragma once
 
 #include <array>
@@ -105,9 +105,11 @@ std::optional<JudgedValue> recorded_judgement(const ParameterFile& file, const s
 // What add_verdict wrote, with the parameters judged again by these sigmas, which hold more than the estimate's own; the worse of both
 // counts. `values`: those with a limit. An input error where a verdict.<parameter> is not of its form.
 Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<double, parameter_count>& sigma);
+// "gyro x bias (N01) 0.0634 deg/h, limits -0.3 .. 0.02, guard band 0.0041"
+std::string judged_words(const JudgedValue& judged);
 // "limits -0.01 .. 0.01", "at most 0.008"
 std::string limits_words(const Limit& limit);
-// "gyro x bias (N01) 0.0210 deg/h, limits -0.01 .. 0.01, guard band 0.0020: fail": one line a value that does not plainly pass.
+// The same with ": fail" or another verdict, a line for each value that does not plainly pass.
 std::vector<std::string> describe(const VerdictReport& report);
 
 // How well a unit has to be known before its run may end: `turncal run --until-sigma`.

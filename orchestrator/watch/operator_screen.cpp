@@ -13,7 +13,7 @@
 
 #include "imu_io/base/data_text.h"
 #include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
+#include "orchestrator/station/number_text.h"
 
 namespace turncal {
 
@@ -153,31 +153,11 @@ constexpr std::array<std::string_view, 14> dots = {
     "####..###..####", "####..####.####", "###..#..#..#..#", "####.#####.####", "####.####..####",
     "......###......", ".............#.", "..........#.#..", "....#.....#...."};
 
-// The columns of a text, and its first piece of at most so many: broken at a blank, or behind a wide character.
-std::string_view first_piece(std::string_view text, int columns) {
-  std::size_t at = 0, good = 0;
-  for (int used = 0; at < text.size();) {
-    const std::size_t bytes = std::max<std::size_t>(1, printable_character(text.substr(at)));
-    const bool wide = bytes >= 3 && static_cast<unsigned char>(text[at]) >= 0xE3;  // from U+3000
-    used += wide ? 2 : 1;
-    if (used > columns) return text.substr(0, good > 0 ? good : at);
-    if (text[at] == ' ') good = at;
-    at += bytes;
-    if (wide) good = at;
-  }
-  return text;
-}
-
-void wrap(std::vector<std::string>& lines, std::string_view text, int columns, std::string_view style = "") {
-  while (!text.empty()) {
-    std::string_view paragraph = next_line(text);
-    while (!paragraph.empty()) {
-      const std::string_view piece = first_piece(paragraph, columns);
-      lines.push_back(std::string(style) + std::string(piece) + std::string(style.empty() ? "" : plain));
-      paragraph.remove_prefix(piece.size());
-      paragraph = trimmed(paragraph);
-    }
-  }
+void add_lines(std::vector<std::string>& lines, std::string_view text, std::size_t columns,
+               std::string_view style = "") {
+  if (text.empty()) return;
+  for (const std::string& line : wrap(text, columns))
+    lines.push_back(std::string(style) + line + std::string(style.empty() ? "" : plain));
 }
 
 void draw_big(std::vector<std::string>& lines, const std::string& text) {
@@ -218,22 +198,22 @@ TerminalSize stdout_size() {
 }
 
 std::vector<std::string> drawn(const OperatorScreen& screen, const std::string& time, TerminalSize size) {
-  const int columns = size.columns - 1;
+  const auto columns = static_cast<std::size_t>(size.columns - 1);
   std::vector<std::string> lines;
-  wrap(lines, time + "   " + screen.step, columns);
-  wrap(lines, screen.left, columns);
+  add_lines(lines, time + "   " + screen.step, columns);
+  add_lines(lines, screen.left, columns);
   lines.emplace_back();
-  wrap(lines, screen.instruction, columns, screen.wants_hands() ? amber : bold);
+  add_lines(lines, screen.instruction, columns, screen.wants_hands() ? amber : bold);
   if (!screen.big.empty()) {
     lines.emplace_back();
     draw_big(lines, screen.big);
   }
   lines.emplace_back();
   if (!screen.answer.empty()) draw_table(lines, screen);
-  for (const std::string* text : {&screen.way, &screen.how}) wrap(lines, *text, columns);
-  wrap(lines, screen.note, columns, screen.task.wrong ? amber : bold);
-  wrap(lines, screen.answer, columns);
-  wrap(lines, screen.words, columns);
+  for (const std::string* text : {&screen.way, &screen.how}) add_lines(lines, *text, columns);
+  add_lines(lines, screen.note, columns, screen.task.wrong ? amber : bold);
+  add_lines(lines, screen.answer, columns);
+  add_lines(lines, screen.words, columns);
   const auto most = static_cast<std::size_t>(input_row - 1);
   if (lines.size() > most) lines.resize(most);
   return lines;
@@ -259,18 +239,13 @@ void OperatorTerminal::show(const OperatorScreen& screen) {
   std::vector<std::string> lines = drawn(screen, tag_ + local_time(utc_s_()), size_);
   const bool typed = !before_ || before_->answers != screen.task.answers;
   if (!typed && lines == lines_) return;
-  std::string out = !before_ ? "\x1b[2J"
-                    : typed  ? ""
-                             : "\x1b"
-                               "7";
+  std::string out = !before_ ? "\033[2J" : typed ? "" : "\0337";
   for (int row = 1; row < input_row; ++row) {
     out += "\x1b[" + std::to_string(row) + ";1H";
     if (static_cast<std::size_t>(row) <= lines.size()) out += lines[static_cast<std::size_t>(row) - 1];
     out += "\x1b[K";
   }
-  out += typed ? "\x1b[" + std::to_string(input_row) + ";1H\x1b[J> "
-               : "\x1b"
-                 "8";
+  out += typed ? "\033[" + std::to_string(input_row) + ";1H\033[J> " : "\0338";
   if (rings(screen)) out += "\a";
   write_(out);
   lines_ = std::move(lines);

@@ -1,5 +1,5 @@
-// What the operator of a table turned by hand sees: one instruction, the angle to set or the time that is left, what was wrong. Made of
-// what there is to do (manual_turntable.h) and of where the run is; terminal and page draw this and nothing else.
+// What the operator of a table turned by hand sees: one instruction, the angle to set or the time that is left, and what was wrong. It is
+// made from the task (manual_turntable.h) and the state of the run; terminal and page draw this and nothing else.
 //
 // On a terminal: a block from its upper left corner, redrawn in place, and below it the line that is typed in. What somebody is typing is left
 // alone until Enter. The bell rings when hands are wanted or an answer was not taken. A character of Chinese is two columns wide; nothing but

@@ -18,6 +18,7 @@
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/format_number.h"
+#include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "orchestrator/run/background_queue.h"
 
@@ -81,7 +82,7 @@ Result<PageAddress> parse_page_address(const std::string& text) {
 struct PageServer::State {
   // A socket and how far its one request is.
   struct Connection {
-    int fd = -1;
+    Descriptor fd;
     Deadline deadline;
     std::string request, answer;
     std::size_t sent = 0, drained = 0;
@@ -89,9 +90,6 @@ struct PageServer::State {
     bool all_sent() const { return answered() && sent == answer.size(); }
 
     Connection(int socket, double seconds) : fd(socket), deadline(seconds) {}
-    Connection(const Connection&) = delete;
-    Connection& operator=(const Connection&) = delete;
-    ~Connection() { ::close(fd); }
   };
 
   Pages pages;
@@ -100,20 +98,13 @@ struct PageServer::State {
   std::string host;  // as given, without brackets
   int port = 0;
   bool loopback = false;
-  int listener = -1;
-  int wake[2] = {-1, -1};
+  Descriptor listener, woken, wake;
   std::list<Connection> connections;  // the oldest first
   std::thread thread;
 
   ~State() {
-    if (thread.joinable()) {
-      ::close(wake[1]);  // the other end sees it
-      wake[1] = -1;
-      thread.join();
-    }
-    for (const int fd : {listener, wake[0], wake[1]}) {
-      if (fd >= 0) ::close(fd);
-    }
+    wake = Descriptor();  // the other end sees it
+    if (thread.joinable()) thread.join();
   }
 
   bool is_our_host(std::string_view given) const {
@@ -203,11 +194,10 @@ struct PageServer::State {
     c.request.append(buffer, static_cast<std::size_t>(got));
     const std::size_t end = c.request.find("\r\n\r\n");
     const std::size_t size = end == std::string::npos ? c.request.size() : end + 4;
-    if (size > limits.request_bytes) {
+    if (size > limits.request_bytes)
       c.answer = refusal(431, "Request Header Fields Too Large");
-    } else if (end != std::string::npos) {
+    else if (end != std::string::npos)
       c.answer = answer_to(c.request, size);
-    }
     return !c.answered() || send(c);
   }
 
@@ -240,7 +230,7 @@ struct PageServer::State {
 
   // False: the end.
   bool turn() {
-    std::vector<pollfd> watched = {{wake[0], POLLIN, 0}, {listener, POLLIN, 0}};
+    std::vector<pollfd> watched = {{woken, POLLIN, 0}, {listener, POLLIN, 0}};
     for (const Connection& c : connections)
       watched.push_back({c.fd, static_cast<short>(c.answered() && !c.all_sent() ? POLLOUT : POLLIN), 0});
     if (::poll(watched.data(), watched.size(), connections.empty() ? -1 : look_ms) < 0) return errno == EINTR;
@@ -281,9 +271,8 @@ struct PageServer::State {
     listener = ::socket(found->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
     const int yes = 1;  // not SO_REUSEPORT: a port that another program serves is refused
     if (listener < 0 || ::setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0 ||
-        ::bind(listener, found->ai_addr, found->ai_addrlen) != 0 || ::listen(listener, backlog) != 0) {
+        ::bind(listener, found->ai_addr, found->ai_addrlen) != 0 || ::listen(listener, backlog) != 0)
       return failed(std::generic_category().message(errno));
-    }
     sockaddr_storage bound{};
     socklen_t size = sizeof bound;
     ::getsockname(listener, reinterpret_cast<sockaddr*>(&bound), &size);
@@ -297,7 +286,10 @@ struct PageServer::State {
       loopback = (ntohl(v4.sin_addr.s_addr) >> 24) == 127;
     }
     host = at.host;
-    if (::pipe2(wake, O_CLOEXEC) != 0) return failed(std::generic_category().message(errno));
+    int ends[2] = {-1, -1};
+    if (::pipe2(ends, O_CLOEXEC) != 0) return failed(std::generic_category().message(errno));
+    woken = ends[0];
+    wake = ends[1];
     return {};
   }
 };

@@ -1,14 +1,12 @@
-// A run in words: one line a transition, with station time; the file run.log made of them; and what the operator sees of it.
+// A run in words: a line for each transition, with station time, on the terminal and in the file run.log.
 //
 //   2026-01-01T00:12:34Z     754.500 s  step 2/14  moving -> settling  arrived: roll at 360.0000 deg
 //
-// Times are the station's, so the log of a dry run is the same bytes every time. On a terminal there is one line, redrawn in place at most ten
-// times a second of wall time,
+// The log of a dry run is the same bytes every time, since times are the station's. A terminal shows one line, redrawn in place at most ten
+// times a second of wall time; ETA is the station time that the plan says is left:
 //   step 3/14  moving  pitch 123.45 -> 360.00 deg  34%  run  11%  ETA 1:23:45
-// where ETA is station time that the plan says is left. Elsewhere, and where they are asked for: one line a transition. Without those: what a
-// pause that was asked for waits for.
-//
-// A stream shows colours after allow_colour: a terminal of somebody who has not asked for none (https://no-color.org).
+// Transitions are printed where the output is no terminal, or where they are asked for. Colours are shown after allow_colour, on a terminal
+// of somebody who has not asked for none (https://no-color.org).
 #pragma once
 
 #include <cmath>
@@ -94,11 +92,9 @@ Tone tone_of(UnitVerdict verdict);
 void allow_colour(std::ostream& out, int descriptor);
 std::string in_tone(std::ostream& out, Tone tone, std::string_view text);  // as `out` may show it
 
-// For a run under systemd (or whoever set NOTIFY_SOCKET): says where it is (`systemctl status`), and is watched while the table may move.
-//
-// The protocol is sd_notify(3): datagrams of `KEY=value` lines to the socket that the variable names. As long as the run's loop goes on it
-// says so every second; a loop that is stuck for watch_s is ended by systemd (docs/package.md). Nothing is watched while the table
-// rests with its drives off: an estimate may take minutes. Without the variable this does nothing; what cannot be sent is not sent again.
+// For a run under systemd, or whoever set NOTIFY_SOCKET (sd_notify(3)); without that variable nothing is done. It says where the run is, and
+// while the table may move the run's loop says every second that it goes on: one that is stuck for watch_s is ended by systemd
+// (docs/package.md). Nothing is watched while the table rests with its drives off: an estimate may take minutes.
 class ServiceWatch : public RunObserver {
  public:
   static constexpr int watch_s = 30;
@@ -118,9 +114,8 @@ class ServiceWatch : public RunObserver {
   double last_ping_s_ = -1e9;
 };
 
-// Notices that the civil clock was set while a run goes on: it should advance with the monotonic one, which all deadlines are measured on.
-//
-// A slow correction (NTP slews by 0.05 % at most) is no step. A machine that was suspended is one: its monotonic clock stood still.
+// Notices that the civil clock was set while a run goes on: it should advance with the monotonic one, by which all deadlines are measured. A
+// slow correction (NTP slews by 0.05 % at most) is no step; a machine that was suspended is one, since its monotonic clock stood still.
 class ClockWatch : public RunObserver {
  public:
   static constexpr double step_s = 1.0;

@@ -21,9 +21,9 @@ TEST_F(Batch, DoesTheWholeQueue) {
   const ProgramResult result = ends(batch(), 0);
   EXPECT_EQ(outcomes(), "SN1=not_judged SN2=not_judged S/N 3=not_judged ");
   const std::string batch_tag = "[dry run] [batch] ";  // a line a unit; the rest is asked for
-  EXPECT_EQ(result.out, batch_tag + "unit SN1: not_judged; units/SN1\n" + batch_tag +
-                            "unit SN2: not_judged; units/SN2\n" + batch_tag +
-                            "unit S/N 3: not_judged; units/S%2fN%203\n" + batch_tag +
+  EXPECT_EQ(result.out, batch_tag + "unit SN1: not judged; units/SN1\n" + batch_tag +
+                            "unit SN2: not judged; units/SN2\n" + batch_tag +
+                            "unit S/N 3: not judged; units/S%2fN%203\n" + batch_tag +
                             "queue done: 0 passed, 3 without a verdict, 0 not passed\n");
   for (const char* name : {"SN1", "SN2", "S%2fN%203"})
     EXPECT_TRUE(fs::exists(folder_ / "units" / name / "parameters.conf")) << name;
@@ -125,7 +125,7 @@ TEST_F(Batch, AUnitThatNobodyJudgedIsNotCalledPassed) {
   const std::string hooks = "hook.done = echo done >> told\nhook.needs_operator = echo \"$TURNCAL_MESSAGE\" >> told\n";
   const ProgramResult unjudged = ends(batch({"--station", write("no_limits.station", station(hooks))}), 0);
   EXPECT_SAYS(unjudged.out, "queue done: 0 passed, 1 without a verdict, 0 not passed");
-  EXPECT_EQ(file_text(folder_ / "told"), "unit SN1: not_judged: the station has no limits\n");
+  EXPECT_EQ(file_text(folder_ / "told"), "unit SN1: not judged: the station has no limits\n");
   write("queue", "SN1\nSN2\n");
   const std::string judged = write("limits.station", station(hooks + "limit.residual_max = 10\n"));
   EXPECT_SAYS(run(batch({"--station", judged})).out, "queue done: 1 passed, 1 without a verdict, 0 not passed");
@@ -249,19 +249,23 @@ TEST_F(Mounting, OperatorMountsSkipsOrQuits) {
   EXPECT_SAYS(typed("quit\n").err, "unit SN1 is not mounted");
 }
 
-HookCommands hook_of(const std::string& done) {
-  HookCommands hooks;
-  hooks.done = done;
-  return hooks;
+Status command(const char* words, double time_s, const char* input) {
+  const HookCall call{.event = "unit", .unit = "", .folder = "", .message = "", .input = input};
+  return run_command("alert.command", words, call, time_s, {});
 }
 
 TEST(Hooks, AHookThatHangsIsKilledWithItsChildren) {
   const auto began = std::chrono::steady_clock::now();
-  const Status status = run_hook(hook_of("sleep 50 & sleep 50"), {"done", "", "", ""}, 0.2);
-  EXPECT_FALSE(status.ok());
+  EXPECT_FALSE(command("sleep 50 & sleep 50", 0.2, ""));
   EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(10));
   EXPECT_TRUE(run_hook({}, {"done", "", "", ""}).ok()) << "none is given";
-  EXPECT_FALSE(run_hook(hook_of("/no/such/program"), {"done", "", "", ""}).ok());
+  EXPECT_FALSE(command("/no/such/program", 1.0, ""));
+}
+
+TEST(Hooks, ACommandThatPrintsWithoutEndIsKilled) {
+  EXPECT_ERROR(command("echo no line >&2; yes", 20.0, "{}"),
+               "alert.command: printed more than 1024 KiB and was killed: no line");
+  EXPECT_ERROR(command("echo; echo no server >&2; exit 7", 20.0, "{}"), "alert.command: ended with code 7: no server");
 }
 
 }  // namespace

@@ -154,7 +154,7 @@ expect 0 'complete' run --dry-run --unit A --sequence short.seq --out a --captur
 # What a recording does not determine has one exit code, whoever finds it.
 expect 20 'does not determine' calibrate a --out q
 expect 20 '.' diagnose a --out q
-expect 0 'verdict *not_judged: estimated in part' run --dry-run --no-diagnosis --station station --unit P --sequence short.seq --out p --partial
+expect 0 'verdict *not judged: estimated in part' run --dry-run --no-diagnosis --station station --unit P --sequence short.seq --out p --partial
 grep -q '^a11 = ' p/parameters.conf || fail "no estimate"
 [ ! -e store/simulated/P ] || fail "an estimate in part was put in use"
 expect 0 'can run this sequence' check --sequence "$demo"

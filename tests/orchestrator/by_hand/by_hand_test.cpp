@@ -91,7 +91,8 @@ TEST_F(ByHand, QuestionSaysWhatWhereHowFarAndWhy) {
   ASSERT_NE(reason, std::string::npos) << session.out;
   EXPECT_LT(reason, turn);
   const std::string asked = session.out.substr(reason, 400);
-  for (const char* words : {" % done. Turns left: 1.", " to -90 deg, ", " deg backward (its angle falls); then type"})
+  for (const char* words :
+       {" % done. Turns left: 1.", " to -90 deg, ", " deg backward (its angle decreases); then type"})
     EXPECT_SAYS(asked, words);
 }
 
@@ -120,7 +121,7 @@ TEST_F(ByHand, AWholeTurnThatWasNotMadeIsAskedForAgain) {
               axis + " +360\n  dwell 1000\n  rotate " + axis + " -360\n  dwell 1000\n");
     int objections = 0, turns = 0;
     const Session session = operate(short_run(), [&](const std::string& line) -> std::optional<std::string> {
-      if (line.find("The gyros felt ") != std::string::npos) {
+      if (line.find("The gyros measured ") != std::string::npos) {
         ++objections;
         const bool first = objections == 1;
         EXPECT_SAYS(line, first ? "felt 0 deg of the 360 deg" : "felt 0 deg of the -360 deg");

@@ -1,6 +1,7 @@
 // What somebody at a table turned by hand is shown: made of what there is to do, drawn on a terminal, sent to the page.
 #include "orchestrator/watch/operator_screen.h"
 #include "orchestrator/devices/operator_prompts.h"
+#include "orchestrator/station/number_text.h"
 #include "tests/orchestrator/rig_station.h"
 
 namespace turncal {
@@ -42,7 +43,7 @@ TEST(OperatorScreen, OneInstructionTheAngleAndTheWay) {
   const OperatorScreen screen = screen_of(a_turn(), RunState::moving);
   EXPECT_EQ(screen.instruction, "Turn pitch to 360°");
   EXPECT_EQ(screen.big, "360");
-  EXPECT_EQ(screen.way, "359.98° forward (its angle grows): whole turns to make: 1");
+  EXPECT_EQ(screen.way, "359.98° forward (its angle increases); whole turns to make: 1");
   EXPECT_EQ(screen.step, "Step 3 of 14, 14 % done");
   EXPECT_EQ(screen.left, "Turns left: 46; until about " + local_time(1767229200.0));
   EXPECT_TRUE(screen.wants_hands());
@@ -50,7 +51,7 @@ TEST(OperatorScreen, OneInstructionTheAngleAndTheWay) {
       << "a rehearsal has no time of the wall";
   OperatorTask back = a_turn();
   back.target_deg = -90.0;
-  EXPECT_EQ(screen_of(back, RunState::moving).way, "90.02° backward (its angle falls)");
+  EXPECT_EQ(screen_of(back, RunState::moving).way, "90.02° backward (its angle decreases)");
   back.from_deg.reset();
   EXPECT_EQ(screen_of(back, RunState::moving).way, "") << "after a stop in mid-turn nobody knows";
 }
@@ -73,9 +74,9 @@ TEST(OperatorScreen, HandsOffForAsLongAsTheUnitIsMeasured) {
 TEST(OperatorScreen, TheLastOneSaysThatItIsOver) {
   EXPECT_EQ(all(drawn(last_screen(false, "out/r", OperatorTexts::of("de")), "02:41", usual)),
             "02:41   \n\n\x1b[1mDer Lauf ist beendet. Am Tisch ist nichts mehr zu tun.\x1b[0m\n\n"
-            "Was gemessen ist, bleibt erhalten. Später weiter mit: turncal resume out/r\n");
+            "Was gemessen ist, bleibt erhalten. Später fortsetzen mit: turncal resume out/r\n");
   EXPECT_EQ(last_screen(true, "", OperatorTexts::of("en")).instruction,
-            "All turns are made. Nothing is left to do at the table.");
+            "All turns are done. Nothing is left to do at the table.");
   EXPECT_EQ(last_screen(false, "", OperatorTexts::of("en")).how, "") << "nothing to go on with";
 }
 
@@ -93,27 +94,21 @@ TEST(OperatorScreen, ThePageGetsTheSame) {
 // In every language what there is to say fits a terminal of 80 by 24, above the line that is typed in.
 TEST(OperatorTerminal, EveryTaskFitsInEveryLanguage) {
   for (const char* language : {"en", "de", "zh"}) {
-    for (const OperatorTask::Kind kind :
-         {OperatorTask::Kind::nothing, OperatorTask::Kind::where, OperatorTask::Kind::turn, OperatorTask::Kind::compare,
-          OperatorTask::Kind::paused}) {
+    using enum OperatorTask::Kind;
+    for (const OperatorTask::Kind kind : {nothing, where, turn, compare, paused}) {
       OperatorTask task = a_turn();
       task.kind = kind;
       task.target_deg = -360.0;
       task.wrong = true;
       task.note = OperatorTexts::of(language).say(
           "wrong.gravity", {{"away", "90.4"}, {"axis", "roll"}, {"angle", "-90"}, {"most", "5"}});
-      const OperatorScreen screen = screen_of(task, RunState::moving, language);
-      const std::vector<std::string> lines = drawn(screen, "[dry run] 02:41", usual);
+      const std::vector<std::string> lines =
+          drawn(screen_of(task, RunState::moving, language), "[dry run] 02:41", usual);
       EXPECT_LT(lines.size(), 21u) << language << "\n" << all(lines) << "one that is cut off would be 21";
       for (std::string line : lines) {
         for (std::size_t escape; (escape = line.find('\x1b')) != std::string::npos;)
           line.erase(escape, line.find('m', escape) + 1 - escape);
-        int columns = 0;
-        for (const char c : line) {
-          const auto byte = static_cast<unsigned char>(c);
-          if ((byte & 0xC0) != 0x80) columns += byte >= 0xE3 ? 2 : 1;
-        }
-        EXPECT_LT(columns, 80) << language << ": " << line;
+        EXPECT_LT(columns_of(line), 80u) << language << ": " << line;
       }
     }
   }
@@ -136,11 +131,7 @@ TEST(OperatorTerminal, DrawsWhatChangedAndLeavesWhatIsTypedAlone) {
     utc_s = 60.0;
     terminal.show(screen_of(task, RunState::moving));
     ASSERT_EQ(written.size(), 2u) << "the clock has";
-    EXPECT_TRUE(written[1].starts_with("\x1b"
-                                       "7") &&
-                written[1].ends_with("\x1b"
-                                     "8"))
-        << "the cursor stays with the typing";
+    EXPECT_TRUE(written[1].starts_with("\0337") && written[1].ends_with("\0338")) << "the cursor stays with the typing";
     task.answers = 1;
     task.wrong = true;
     task.note = "359 is 1 deg away";

@@ -204,11 +204,9 @@ TEST(Gnuplot, FailsInOneLine) {
 
 TEST(Gnuplot, IsKilledAtTheDeadline) {
   const auto began = std::chrono::steady_clock::now();
-  const auto result = run_gnuplot("10\n", 1, {"/bin/cat", 0.2});  // fails at once: cat takes no such option
-  EXPECT_FALSE(result.ok());
   if (have_gnuplot()) {
     const auto stuck = run_gnuplot("set terminal svg\npause 30\nplot x\n", 1, {"gnuplot", 0.3});
-    EXPECT_ERROR(stuck, "no plots: gnuplot took longer than 0.300 s");
+    EXPECT_ERROR(stuck, "no plots: gnuplot did not end within its time and was killed");
   }
   EXPECT_LT(std::chrono::steady_clock::now() - began, std::chrono::seconds(10));
 }

@@ -27,9 +27,8 @@ TEST(Format, Numbers) {
   EXPECT_EQ(plus_minus(-12958.6, 5500.0), "-13000 ± 5500");
   EXPECT_EQ(value_with_sigma(2.0, 0.0), "2.00000");
   EXPECT_EQ(quantity(28.3456, 0.91, "ug/g^2"), "28.35 ± 0.91 µg/g²");
-  EXPECT_EQ(percent_change(4.0, 1.0), "-75 %");
-  EXPECT_EQ(percent_change(4.0, 4.1), "+2.5 %");
-  EXPECT_EQ(percent_change(4.0, 4.0), "0 %");
+  for (const auto& [after, words] : {std::pair{1.0, "-75 %"}, {4.1, "+2.5 %"}, {4.0, "0 %"}})
+    EXPECT_EQ(percent_change(4.0, after), words);
   EXPECT_EQ(percent_change(0.0, 4.0), "-");
   EXPECT_EQ(signed_number(-0.01, 1), "+0.0");
   EXPECT_EQ(clock_time(6342.0), "1:45:42");
@@ -43,7 +42,8 @@ TEST(Format, Texts) {
   EXPECT_EQ(unit_text("arcsec/g"), "″/g");
   EXPECT_EQ(wrap("one two three", 7), (std::vector<std::string>{"one two", "three"}));
   EXPECT_EQ(shorten("0123456789", 6), "012...");
-  EXPECT_EQ(shorten("0\u00e9456789", 5), "0...") << "no half of a character";
+  EXPECT_EQ(shorten("0\u00e9456789", 5), "0\u00e9...") << "columns, not bytes";
+  EXPECT_EQ(columns_of("SN0401\u6d4b\u8bd5"), 10u) << "a character of Chinese has two";
 }
 
 TEST(Document, IsPlainOnTheTerminal) {
@@ -81,8 +81,9 @@ Document sample_document() {
 }
 
 TEST(Document, OnTheTerminalHasColumnsThatFit) {
-  EXPECT_EQ(as_text(sample_document()), "First: 50 % of it.\n\nA part\nnoise           " + std::string(81, 'n') +
-                                            "...\n                " + std::string(60, 'm') +
+  EXPECT_EQ(as_text(sample_document()), "First: 50 % of it.\n\nA part\nnoise           " + std::string(84, 'n') +
+                                            "\n                " + std::string(36, 'n') + "\n                " +
+                                            std::string(60, 'm') +
                                             "\n                more\n"
                                             "unit   value, ug       z  why\n"
                                             "SN<1>      20.25       -  because\n"
@@ -145,12 +146,15 @@ TEST(HistoryPage, ChartsEveryParameterAndMarksWhatIsOutside) {
     const std::string page = as_page(history_document(ten_units(jumps ? 0.09 : 0.01), "results.db")).html;
     EXPECT_EQ(count_of(page, "<td class=\"name\">"), 31u);  // and ten units
     EXPECT_EQ(count_of(page, "<td>gyro x bias</td><td>°/h</td>"), 1u);
+    EXPECT_EQ(count_of(page, "<td>gyro x towards y</td><td>″/pulse</td>"), 1u);
     EXPECT_EQ(count_of(page, "<tr class=\"hit\">"), jumps ? 1u : 0u);
     EXPECT_SAYS(page, "SN&lt;3&gt;") << "serial numbers are text, not markup";
     if (page.find("This plot is missing") != std::string::npos) GTEST_SKIP() << "needs gnuplot";
     EXPECT_EQ(count_of(page, "<svg"), 21u) << "a drawing a chart, so that a phone has them below one another";
     EXPECT_EQ(count_of(page, "<text>01-09</text>"), 21u) << "the day of the last, below the axis";
     EXPECT_EQ(count_of(page, "outside the control limits</span>"), jumps ? 1u : 0u);
+    EXPECT_EQ(count_of(page, ">µrad<"), 9u) << "misalignments are angles";
+    EXPECT_EQ(count_of(page, ">% from the mean<"), 6u) << "scale factors are relative";
   }
 }
 

@@ -28,10 +28,9 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
   EXPECT_EQ(std::count(track.begin(), track.end(), '\n'), 1 + 3 * 1501);
   EXPECT_EQ(std::count(track.begin(), track.begin() + static_cast<std::ptrdiff_t>(track.find('\n')), ','), 10);
   EXPECT_TRUE(std::filesystem::exists(folder_ / "nav/track_against.csv"));
-  const std::string drawing = file_text(folder_ / "nav/navigation.svg");
-  EXPECT_SAYS(drawing, "<svg");
-  for (const char* name : {">first start<", ">compared with<"})  // the legend
-    EXPECT_SAYS(drawing, name);
+  const std::string page = file_text(folder_ / "nav/navigation.html");
+  for (const char* part : {"<b>Drift:</b> rms ", "<svg", "</i> first start<", "</i> compared with<"})
+    EXPECT_SAYS(page, part);
   // What docs/examples has for it reads the same rates.
   if (std::system("python3 -c 'import numpy' 2> /dev/null") == 0) {
     const std::string command = std::string("python3 ") + TURNCAL_SOURCE_DIR + "/docs/examples/read_track.py " +

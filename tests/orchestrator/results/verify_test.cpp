@@ -1,6 +1,7 @@
 // `turncal verify` as a program: north seeking on the rig, judged; readings of references; and what is refused.
 
 #include "imu_io/base/posix_file.h"
+#include "orchestrator/station/number_text.h"
 #include "tests/orchestrator/operator_session.h"
 #include "tests/orchestrator/results/rig_unit.h"
 
@@ -66,7 +67,8 @@ TEST_F(Verify, SeeksNorthInFourHeadings) {
   EXPECT_EQ(conf.number("limit.heading_deg"), 0.012);
   const std::string verdict = conf.text("verdict.result");
   EXPECT_TRUE(verdict == "pass" || verdict == "conditional_pass") << verdict;
-  EXPECT_SAYS(verified.out, "[dry run] verdict         " + verdict);
+  EXPECT_SAYS(verified.out, "[dry run] verdict         " + in_words(verdict));
+  EXPECT_SAYS(file_text(folder_ / "v/verification.html"), "Simulated data: this is no verification of a real unit.");
   // Judged again from its recording: the same bytes.
   ASSERT_EQ(run("verify --recording v --parameters " + path("true.conf") + " --out again --station paper.station").code,
             0);
@@ -186,7 +188,7 @@ TEST_F(Verify, LeavesOutWhatLostSamples) {
   const ProgramResult few = judge("few");
   EXPECT_EQ(few.code, 20) << few.err;
   EXPECT_EQ(few.err_lines(), 1) << few.err;
-  EXPECT_SAYS(few.err, "not_judged: 1 alignments at heading 0, expected two and more");
+  EXPECT_SAYS(few.err, "not judged: 1 alignments at heading 0, expected two and more");
   lose("v", middle[0], middle[1] - middle[0] + 1, "zero");
   const ProgramResult zero = judge("zero");
   EXPECT_EQ(zero.code, 20) << zero.err;

@@ -105,9 +105,10 @@ TEST_F(ManualTable, SaysAxisAngleWayAndReason) {
   ready(desk);
   desk.manual.set_reason("step 3 of 14");
   ASSERT_TRUE(desk.manual.move_absolute(Axis::pitch, -90.0, 10.0, 10.0).ok());
-  EXPECT_EQ(desk.said().find("\nstep 3 of 14\nTurn pitch from 0 to -90 deg, 90 deg backward (its angle falls); then "
-                             "type the angle reached ("),
-            0u);
+  EXPECT_EQ(
+      desk.said().find("\nstep 3 of 14\nTurn pitch from 0 to -90 deg, 90 deg backward (its angle decreases); then "
+                       "type the angle reached ("),
+      0u);
   EXPECT_TRUE(desk.manual.status(Axis::pitch)->moving);
   EXPECT_FALSE(desk.manual.status(Axis::pitch)->in_position);
   desk.type("-89.95");
