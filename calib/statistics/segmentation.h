@@ -37,7 +37,7 @@ struct SegmentationOptions {
   int window_cells = 5;
   double min_rest_s = 1.5;
   double guard_s = 0.3;
-  std::optional<double> threshold;  // on R, given and not looked for
+  std::optional<double> threshold = {};  // on R, given and not looked for
 };
 
 struct Segmentation {

@@ -17,6 +17,7 @@
 #include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/enough_watch.h"
 #include "orchestrator/run/station_run.h"
+#include "orchestrator/station/number_text.h"
 #include "orchestrator/watch/progress.h"
 #include "orchestrator/watch/status_page.h"
 #include "turntable_drivers/table/table_stop.h"
@@ -52,7 +53,7 @@ std::vector<std::string> last_results(const RunPlan& run) {
   std::erase_if(*all, [](const AttemptRecord& attempt) { return attempt.outcome == outcome_running; });
   for (std::size_t i = all->size() - std::min(all->size(), shown); i < all->size(); ++i) {
     const AttemptRecord& a = (*all)[i];
-    lines.push_back(a.time_utc + "  " + a.unit + "  " + a.outcome + (a.simulated ? "  [simulated]" : ""));
+    lines.push_back(a.time_utc + "  " + a.unit + "  " + in_words(a.outcome) + (a.simulated ? "  [simulated]" : ""));
   }
   if (!trouble.empty()) lines.push_back(trouble + "; new results are kept here and sent later");
   return lines;

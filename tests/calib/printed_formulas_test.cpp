@@ -118,8 +118,7 @@ TEST(PrintedFormulas, EachOneAgainstTheTruth) {
   const Parameters start = start_parameters(level.recording.info);
 
   std::printf(
-      "largest error in units of what is demanded (1.5e-7 of n and a, 1e-7 g, 0.0005 deg/h), after 3 and 10 "
-      "passes\n"
+      "largest error in units of what is demanded (1.5e-7 of n and a, 1e-7 g, 0.0005 deg/h), after 3 and 10 passes\n"
       "%-17s | %-19s | %-19s | %-19s\n",
       "", "printed, alone", "derived, alone", "printed, in its place");
   ClosedFormLayout level_layout(level.recording), tilted_layout(tilted.recording);

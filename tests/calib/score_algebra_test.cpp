@@ -10,6 +10,13 @@ namespace turncal {
 namespace {
 
 // Chi-square tables (Abramowitz and Stegun, table 26.8).
+// Whatever the processor's are: with them Eigen's products would round elsewhere on another machine.
+TEST(Products, AreCutByCachesOfFixedSizes) {
+  EXPECT_EQ(Eigen::l1CacheSize(), 32 * 1024);
+  EXPECT_EQ(Eigen::l2CacheSize(), 256 * 1024);
+  EXPECT_EQ(Eigen::l3CacheSize(), 2 * 1024 * 1024);
+}
+
 TEST(ChiSquare, TailMatchesPublishedTable) {
   EXPECT_NEAR(chi_square_tail(3.841459, 1), 0.05, 1e-7);
   EXPECT_NEAR(chi_square_tail(6.634897, 1), 0.01, 1e-8);

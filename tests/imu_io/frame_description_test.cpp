@@ -56,8 +56,7 @@ TEST(FrameDescription, OneLineForEachMistake) {
       {"sync = EB 90", "sync =", "key 'sync' = '': expected at least one byte"},
       {"sync = EB 90", "sync = EB 90\nsync.mask = FF", "key 'sync.mask' = 'FF': expected as many bytes as sync"},
       {"length = 36", "length = 35",
-       "key 'check.offset' = '34': expected a place inside the frame, after what the check covers and before the "
-       "tail"},
+       "key 'check.offset' = '34': expected a place inside the frame, after what the check covers and before the tail"},
       {"length = 36", "length = 2000", "key 'length' = '2000': expected a whole number between 2 and 1024"},
       {"sample_period_s = 0.005", "sample_period_s = 0",
        "key 'sample_period_s' = '0': expected a number between 1e-05 and 10"},

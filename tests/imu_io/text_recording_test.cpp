@@ -171,11 +171,9 @@ TEST_F(TextTest, CsvValueDefects) {
       {"1,0,1,-2,3,96,0,24.001", "x,0,1,-2,3,96,0,24.001",
        ":3: column sample = 'x': expected a whole number of at most 2^62 either way, the unit's counter"},
       {"24.001", "warm",
-       ":3: column temperature_c = 'warm': expected a number in degrees Celsius, or nothing when it was "
-       "not measured"},
+       ":3: column temperature_c = 'warm': expected a number in degrees Celsius, or nothing when it was not measured"},
       {"24.001", "NaN",
-       ":3: column temperature_c = 'NaN': expected a number in degrees Celsius, or nothing when it was "
-       "not measured"},
+       ":3: column temperature_c = 'NaN': expected a number in degrees Celsius, or nothing when it was not measured"},
       {"1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,96,0", ":3: 7 columns: expected 8"},
       {"1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,96,0,24.001,9", ":3: 9 columns: expected 8"},
       {"1,0,1,-2,3,96,0,24.001", "", ":3: 1 columns: expected 8"},

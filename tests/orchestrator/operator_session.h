@@ -78,7 +78,7 @@ class OperatedProgram : public Program {
     std::string word;
     Question asked;
     for (bool of_question = false; words >> word;) {
-      if (word == "Where" && words >> word >> asked.axis) return Question{asked.axis, 0.0, true};
+      if (word == "Where" && words >> word >> word >> asked.axis) return Question{asked.axis, 0.0, true};
       if (word == "Turn" && line.find("; then type the angle") != std::string::npos)
         of_question = static_cast<bool>(words >> asked.axis);
       if (of_question && word == "to" && words >> asked.target_deg) return asked;

@@ -6,6 +6,7 @@
 #include "orchestrator/records/journal.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
+#include "orchestrator/station/number_text.h"
 #include "orchestrator/watch/progress.h"
 #include "tests/orchestrator/program.h"
 #include "tests/orchestrator/queue_outcomes.h"
@@ -194,7 +195,7 @@ TEST_F(Production, HistoryIsOfTheUnitsThatAreAskedFor) {
   EXPECT_EQ(run("history results.db --compare 1 2").code, 1) << "two units";
   EXPECT_EQ(run("history results.db --compare 1 9").code, 1);
   EXPECT_SAYS_NOT(run("history results.db --control").out, "\nN01 ") << "simulated units among the real ones";
-  EXPECT_SAYS(run("history results.db --parameter N01 --simulated --together").out, "limits -1 .. 1");
+  EXPECT_SAYS(run("history results.db --parameter N01 --simulated --together").out, "-1    1");
   EXPECT_EQ(run("history results.db --parameter N99").code, 1);
   ASSERT_EQ(run("history results.db --csv all.csv").code, 0);
   EXPECT_EQ(run("history results.db --format csv").out, file_text(folder_ / "all.csv"));
@@ -244,7 +245,7 @@ TEST(Outcome, ADiagnosisHoldsAUnitBackAndNeverMakesItBetter) {
   for (const char* word : {"extended", "unexplained", "noise_model", "not_tested", "failed"}) {
     const VerdictReport report = judged(UnitVerdict::pass, word);
     EXPECT_EQ(report.verdict, UnitVerdict::hold) << word;
-    EXPECT_EQ(report.reason, std::string("diagnosis ") + word + ": what was found");
+    EXPECT_EQ(report.reason, "diagnosis " + in_words(word) + ": what was found");
     EXPECT_EQ(judged(UnitVerdict::fail, word).verdict, UnitVerdict::fail) << word;
   }
   EXPECT_EQ(judged(UnitVerdict::pass, "extended", {UnitVerdict::pass, true}).verdict, UnitVerdict::pass);

@@ -44,8 +44,7 @@ grep -q ",'@SUM(1)," all.csv || fail "a formula is in the CSV: $(head -c 300 all
 
 # Somebody changes a row: value, unit, verdict of the file kept with it.
 expect 0 'SN2' history results.db
-for change in "UPDATE value SET value = value * 1.001 WHERE calibration = 2 AND key = 'n11'" \
-              "UPDATE calibration SET unit = 'SN3' WHERE id = 2" "UPDATE calibration SET time_utc = '2027-01-01T00:00:00Z' WHERE id = 2" \
+for change in "UPDATE calibration SET unit = 'SN3' WHERE id = 2" "UPDATE calibration SET time_utc = '2027-01-01T00:00:00Z' WHERE id = 2" \
               "UPDATE calibration SET verdict = 'pass' WHERE id = 2" \
               "UPDATE calibration SET simulated = 0 WHERE id = 2" "UPDATE calibration SET operator = 'X' WHERE id = 2" \
               "UPDATE calibration SET parameter_file = replace(parameter_file, 'n11 = 0', 'n11 = 1') WHERE id = 2"; do
@@ -56,6 +55,13 @@ for change in "UPDATE value SET value = value * 1.001 WHERE calibration = 2 AND 
   expect 1 'row 2' history changed.db --csv changed.csv
   [ "$(wc -l < changed.csv)" = 2 ] || fail "a damaged row is in the CSV: $change"
 done
+
+# A value beside the file: what is shown is the file's, and the check says it.
+cp results.db changed.db
+python3 -c "import sqlite3; c = sqlite3.connect('changed.db'); c.execute(\"UPDATE value SET value = value * 1.001 WHERE calibration = 2 AND key = 'n11'\"); c.commit()"
+shown() { "$binary" history "$1" --parameter n11 --simulated; }
+[ "$(shown changed.db)" = "$(shown results.db)" ] || fail "history shows the changed value: $(shown changed.db)"
+expect 1 'row 2' records check changed.db
 
 # Serial numbers.
 expect 1 'printable characters' "${run[@]}" --unit $'SN\xC2\x9B31m' --out no

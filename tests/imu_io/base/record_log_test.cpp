@@ -55,10 +55,7 @@ TEST(RecordLog, WorkedExample) {
     hex += "0123456789abcdef"[std::to_integer<unsigned>(byte) & 15];
     hex += ' ';
   }
-  EXPECT_EQ(hex,
-            "89 54 43 52 05 00 00 00 47 05 00 00 08 00 00 00 "
-            "f2 c3 ef 10 "
-            "b0 5a 13 00 00 00 00 00 0a 22 6e 41 ");
+  EXPECT_EQ(hex, "89 54 43 52 05 00 00 00 47 05 00 00 08 00 00 00 f2 c3 ef 10 b0 5a 13 00 00 00 00 00 0a 22 6e 41 ");
 }
 
 TEST(RecordLog, RecordOfAnEarlierNumberIsNotTakenAgain) {

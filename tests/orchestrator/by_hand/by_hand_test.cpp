@@ -124,7 +124,7 @@ TEST_F(ByHand, AWholeTurnThatWasNotMadeIsAskedForAgain) {
       if (line.find("The gyros measured ") != std::string::npos) {
         ++objections;
         const bool first = objections == 1;
-        EXPECT_SAYS(line, first ? "felt 0 deg of the 360 deg" : "felt 0 deg of the -360 deg");
+        EXPECT_SAYS(line, first ? "measured 0 deg of the 360 deg" : "measured 0 deg of the -360 deg");
         EXPECT_SAYS(line, first ? " another 360 deg forward" : " another 360 deg backward");
         return objections == 1 ? "360,0" : "0,02";
       }

@@ -73,7 +73,7 @@ TEST(OperatorScreen, HandsOffForAsLongAsTheUnitIsMeasured) {
 
 TEST(OperatorScreen, TheLastOneSaysThatItIsOver) {
   EXPECT_EQ(all(drawn(last_screen(false, "out/r", OperatorTexts::of("de")), "02:41", usual)),
-            "02:41   \n\n\x1b[1mDer Lauf ist beendet. Am Tisch ist nichts mehr zu tun.\x1b[0m\n\n"
+            "02:41\n\n\x1b[1mDer Lauf ist beendet. Am Tisch ist nichts mehr zu tun.\x1b[0m\n\n"
             "Was gemessen ist, bleibt erhalten. Später fortsetzen mit: turncal resume out/r\n");
   EXPECT_EQ(last_screen(true, "", OperatorTexts::of("en")).instruction,
             "All turns are done. Nothing is left to do at the table.");

@@ -201,8 +201,7 @@ TEST_F(Server, AStationAddsAndNeverChangesAReaderReads) {
   }
   const std::string more =
       "INSERT INTO attempt_note(key, unit, began_utc, time_utc, outcome, simulated, sessions) VALUES('k', 'u', 't', "
-      "'t', "
-      "'o', 1, 1)";
+      "'t', 'o', 1, 1)";
   EXPECT_NE(psql(more, "", "2> /dev/null", "watcher"), 0);
   EXPECT_EQ(psql(more, "", "", "west"), 0);
   EXPECT_EQ(run({"history", address("watcher"), "--attempts"}).code, 0);

@@ -116,8 +116,7 @@ TEST(UnexplainedFigures, ShowAnglesForceRateTemperatureAndTime) {
     for (const Panel& panel : figure.panels) labels += panel.x_label + "|";
     EXPECT_EQ(labels,
               "heading, °|pitch, °|roll, °|specific force along x, g|specific force along y, g|specific force along z, "
-              "g|rate about "
-              "the axis before, °/s|temperature, °C|time, min|");
+              "g|rate about the axis before, °/s|temperature, °C|time, min|");
     for (const Panel& panel : figure.panels) EXPECT_EQ(panel.series.size(), 3u);
   }
 }

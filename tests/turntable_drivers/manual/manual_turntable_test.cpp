@@ -182,12 +182,12 @@ TEST_F(ManualTable, TheGyrosMustHaveFeltTheTurn) {
   felt[2] = -180.0;
   EXPECT_SAYS(answer("360"), "another 720 deg forward") << "the other way round";
   felt[2] = 180.0;
-  EXPECT_SAYS_NOT(answer("360"), "felt");
+  EXPECT_SAYS_NOT(answer("360"), "measured");
   EXPECT_FALSE(moving(Axis::pitch));
   // Now it is: two turns asked for and one made are told apart.
   ASSERT_TRUE(desk.manual.move_absolute(Axis::heading, -720.0, 10.0, 10.0).ok());
   felt[1] = 180.0;
-  EXPECT_SAYS(answer("0"), "felt -360 deg of the -720 deg");
+  EXPECT_SAYS(answer("0"), "measured -360 deg of the -720 deg");
   const OperatorTask task = desk.manual.task();
   EXPECT_TRUE(task.wrong && task.kind == OperatorTask::Kind::turn && task.axis == Axis::heading);
   EXPECT_SAYS(task.note, "another 360 deg backward");

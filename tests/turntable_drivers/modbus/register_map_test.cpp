@@ -93,8 +93,7 @@ TEST(RegisterMap, WritesThatWouldMoveUnderAnotherNameAreRefused) {
   EXPECT_EQ(map_error("", "write.setup = 0x200 u16 1\n"),
             "my.map:50: key 'write.setup' = '0x200 u16 1': expected no write of 1 (0x1) to register 512 (0x200) of "
             "axis.heading, which is write.enable: it would switch the drive on; write another value, without the bits "
-            "1 (0x1), or, if "
-            "it takes the numbers of commands and not bits, name it in write.codes");
+            "1 (0x1), or, if it takes the numbers of commands and not bits, name it in write.codes");
   map_refused("", "write.setup = 0x300 u16 1, 0x201 u16 1\n", "which is write.home");
   map_refused("", "write.setup = 0x216 u16 1\n", "which is write.move");
   const std::string stop = "write.stop = 0x202 u16 1, 0x202 u16 0", abort = "write.abort = 0x203 u16 1",
