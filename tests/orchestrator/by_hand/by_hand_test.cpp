@@ -245,7 +245,7 @@ TEST_F(ByHand, NoAnswerPausesWaitsWithoutSpinningAndLeaves) {
   const std::string log = file_text(folder_ / "r/run.log");
   const std::size_t unit = log.find(" s  step", log.rfind("Z  ", log.find("stopping -> interrupted")));
   ASSERT_NE(unit, std::string::npos) << log;
-  EXPECT_LT(std::atof(log.substr(unit - 11, 11).c_str()), 100.0);
+  EXPECT_LT(std::strtod(log.substr(unit - 11, 11).c_str(), nullptr), 100.0);
   expect_resumed_to_the_end();
 }
 
