@@ -36,7 +36,7 @@ class LineReader {
   Result<bool> next(std::string_view& line) {
     constexpr std::uint64_t usual = 1 << 12;
     std::size_t end = left_.find('\n');
-    for (std::uint64_t least = usual; end == left_.npos && left_.size() < bytes_.size - at_; least *= 2) {
+    for (std::uint64_t least = usual; end == left_.npos && at_ + left_.size() < bytes_.size; least *= 2) {
       left_ = TRY(bytes_.at(at_, least));
       end = left_.find('\n');
       if (left_.size() < least) break;

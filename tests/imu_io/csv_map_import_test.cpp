@@ -135,7 +135,7 @@ TEST(ImportForms, BadRowsAreSkippedAndCounted) {
   CsvMap map = map_of("rate_hz = 100\n");
   EXPECT_FALSE(import_text(map, csv).ok());
   map.format.skip_bad_rows = true;
-  const Result<CsvImport> c = good(import_text(map, csv));
+  const Result<CsvImport> c = good(import_text(map, csv.substr(0, csv.size() - 1)));  // the last line has no end
   EXPECT_EQ(c->bad_rows, 1);
   EXPECT_SAYS(c->first_bad, "d.csv:14: column 'gx' = 'oops'");
   ASSERT_EQ(c->samples.size(), 13u);
