@@ -1,7 +1,7 @@
 # Labels, by what a test's file uses: latency (measures how soon a stop goes out; run alone), realtime (lines, threads, deadlines of the wall
 # clock), rig (in the rig's time), unit. Scripts of tests/system are `system`, those with a twin on real lines realtime as well.
 # ctest -jN has N slots, four a core (scripts/test): a test that computes takes four of them, one that waits for lines and clocks two.
-set(uses_latency "stop_request|hanging_station")
+set(uses_latency "stop_request\\.h|hanging_station")
 set(uses_realtime "served_twin|served_chamber|table_contract|twin_station|dialect_station|level_drives|modbus_run|modbus_fault_station\
 |operator_session|imu_io/base/clock.h|<thread>|usleep|nanosleep|sleep_for")
 set(uses_rig "rig_station|rig_recorder|rig_unit|perfect_rig|turntable_drivers/rig/|TURNCAL_BINARY|tests/orchestrator/program.h")
