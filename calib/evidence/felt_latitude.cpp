@@ -87,7 +87,7 @@ std::string wrong_latitude(const CompressedRecording& recording, const JointResu
   const double stated_deg = recording.info.latitude_deg;
   if (!felt || !felt->speaks_against(stated_deg * rad_per_deg, latitude_limits.least_deg)) return "";
   return fmt::format(
-      "the gyros feel the earth turn as at a latitude of {:.3f} +- {:.3f} deg, the recording says {:.10g}",
+      "the gyros measure the Earth's rate of a latitude of {:.3f} +- {:.3f} deg, the recording says {:.10g}",
       felt->latitude_rad / rad_per_deg, felt->sigma_rad / rad_per_deg, stated_deg);
 }
 

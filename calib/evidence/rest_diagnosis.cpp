@@ -175,7 +175,7 @@ class DiagnosingRests {
     if (of_one_run || !holdout_gain(d_.holdout_before, d_.holdout_after).contradicted(GateLimits{}.contradiction))
       return;
     for (const EstimatedEffect& effect : effects) d_.gated_out.push_back(effect.column.key());
-    withdraw("held-out data speak against what was found", d_);
+    withdraw("held-out data contradict what was found", d_);
     r_.final = r_.base;
     r_.held_out_after = r_.held_out_before;
   }

@@ -50,7 +50,7 @@ constexpr KindRow kind_rows[] = {
     {FileKind::mat, "a MATLAB file", by_import, "MATLAB "},
     {FileKind::hdf5, "an HDF5 file", by_import, "\x89HDF\r\n\x1a\n"},
     {FileKind::csv, "a table of numbers (CSV)", by_import},
-    {FileKind::database, "an SQLite database", "turncal history, shift and database take one of results",
+    {FileKind::database, "an SQLite database", "turncal history, shift and records take a results database",
      "SQLite format 3\0"sv},
     {FileKind::json, "JSON", by_nothing},
     {FileKind::page, "a page to read", by_nothing, "%PDF"},

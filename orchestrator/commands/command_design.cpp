@@ -52,7 +52,7 @@ struct DesignOptions {
 };
 
 Error too_much(const char* option, double value, double most, Axis axis) {
-  return input_error(fmt::format("{} {}: expected at most {}, what the table's {} axis may do", option,
+  return input_error(fmt::format("{} {}: expected at most {}, the limit of the table's {} axis", option,
                                  format_number(value), format_number(most), to_string(axis)));
 }
 
@@ -121,7 +121,7 @@ Result<double> least_time_s(const DesignTask& task) {
     const double walk = k < 3 ? noise.angle_random_walk[k] : noise.velocity_random_walk[k - 3];
     const double needed_s = std::pow(walk / (task.aim[k] * si[k]), 2);
     if (needed_s > longest_design_s)
-      return input_error(fmt::format("{} = {:.3g} needs {:.3g} h with this noise: expected what 12 h can give",
+      return input_error(fmt::format("{} = {:.3g} needs {:.3g} h with this noise: expected a sigma that 12 h can give",
                                      parameter_key(k), task.aim[k], needed_s / 3600.0));
     least_s = std::max(least_s, needed_s);
   }
@@ -242,7 +242,7 @@ class Designer {
   // How far from the best; empty where a parameter that counts is open, or the turns leave it open.
   std::string bound_text(const Prediction& prediction) {
     if (!open_parameters(prediction, task_.aim).empty()) return {};
-    says("looking for what no walk can be better than");
+    says("computing the lower bound");
     if (!options_.sigma.empty()) task_.criterion = AimAt::worst;
     const std::optional<double> least = design_bound(task_);
     if (!least) return {};
@@ -255,7 +255,7 @@ class Designer {
       ++n;
     }
     const bool mean = task_.criterion == AimAt::mean;
-    return fmt::format("{} of sigma / aim {:.3f}; no walk of such turns with rests of {:.3g} s can be below {:.3f}",
+    return fmt::format("{} of sigma / aim {:.3f}; no sequence of such turns with rests of {:.3g} s can be below {:.3f}",
                        mean ? "Geometric mean" : "Largest", mean ? std::exp(sum / n) : worst, task_.least_rest_s,
                        std::exp(*least));
   }

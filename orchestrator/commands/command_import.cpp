@@ -219,7 +219,7 @@ Status import_text(const TextOptions& options, CommandContext& context) {
     return input_error(options.source +
                        (path_exists(options.source + "/" + binary_recording_name)
                             ? ": this is a recording already: turncal export writes its text form"
-                            : ": it is not known what this is: expected a table (CSV, .npy, .mat, HDF5), a ROS bag, a "
+                            : ": unknown kind of file: expected a table (CSV, .npy, .mat, HDF5), a ROS bag, a "
                               "folder with a recording in text form, or raw bytes and --frame"));
   std::unique_ptr<RecordingSource> source = TRY(open_text_recording(options.source));
   TRY(check_not_source(options.out, options.source));

@@ -38,7 +38,7 @@ bool measures(const VerifyOptions& o) {
 Status check_together(const VerifyOptions& o) {
   if (!o.references.empty()) {
     if (measures(o) || !o.parameters.empty() || !o.recording.empty() || !o.run.station.empty() || o.first_step != 0)
-      return input_error("--references: expected no option but --out: the readings say everything");
+      return input_error("--references: expected no option but --out: the file holds all readings");
     return {};
   }
   if (o.parameters.empty()) return input_error("--parameters is required: the calibration that is verified");
@@ -46,7 +46,7 @@ Status check_together(const VerifyOptions& o) {
   if (o.recording.empty() && o.unit.empty())
     return input_error("--unit is required (or --recording, of a verification that was recorded)");
   if (o.recording.empty() && !o.format.empty())
-    return input_error("--format: expected --recording or --references: a measurement reports while it runs");
+    return input_error("--format: expected --recording or --references: a measurement prints its progress");
   if (!o.recording.empty() && measures(o))
     return input_error(
         "--recording: expected only --parameters, --out, --station and --from-step: nothing is measured");
@@ -125,19 +125,19 @@ Status add_verification(const std::string& folder, const ParameterFile& file, Ce
   const std::string* const in_verdict = find_further(file, "verdict.verification");
   if (!path_exists(path)) {
     if (in_verdict == nullptr || in_words(*in_verdict).find(not_judged_words) != std::string::npos) return {};
-    return input_error(path + ": is not there, though the verdict of " + parameters_name + " has a verification");
+    return input_error(path + ": missing: the verdict of " + parameters_name + " quotes this verification");
   }
   VerificationReport report = TRY(read_verification(path));
-  const auto other = [&](const std::string& what) {
-    return input_error(path + ": is of another " + what + " than " + parameters_name +
-                       ": expected the verification of this result (turncal verify --recording judges it again)");
+  const auto agrees = [&](const std::string& what, const std::string& found, const std::string& expected) -> Status {
+    if (found == expected) return {};
+    return input_error(path + ": " + what + " '" + found + "': expected '" + expected + "', as in " + parameters_name);
   };
-  if (report.info.unit_serial != file.unit_serial) return other("unit");
-  if (report.recording_hash != file.recording_hash) return other("recording");
-  if (report.calibration_hash != TRY(calibration_hash(file))) return other("calibration");
-  if (in_verdict != nullptr &&
-      *in_verdict != std::string(to_string(report.verdict)) + ": " + verification_words(report))
-    return other("judgement");
+  TRY(agrees("unit", report.info.unit_serial, file.unit_serial));
+  TRY(agrees("recording", report.recording_hash, file.recording_hash));
+  const std::string calibration = TRY(calibration_hash(file));
+  TRY(agrees("calibration", report.calibration_hash, calibration));
+  if (in_verdict != nullptr)
+    TRY(agrees("result", std::string(to_string(report.verdict)) + ": " + verification_words(report), *in_verdict));
   certificate.verification = std::move(report);
   return {};
 }

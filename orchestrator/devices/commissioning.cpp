@@ -244,7 +244,7 @@ Status judge_turn(Axis axis, double turned_deg, const Eigen::Vector3d& sum, Incr
   const Eigen::Vector3d shown = sum * (size_known ? weight / rad_per_deg : 1.0);
   const bool plus = expected[0] == '+';
   return input_error(fmt::format(
-      "{} turned by {:+g} deg was felt as {:+.3f}, {:+.3f}, {:+.3f} {} about x, y, z: expected {} about {} alone ({})",
+      "{} turned by {:+g} deg: sensed {:+.3f}, {:+.3f}, {:+.3f} {} about x, y, z: expected {} about {} alone ({})",
       to_string(axis), settings.move_deg, shown.x(), shown.y(), shown.z(), size_known ? "deg" : "pulses",
       size_known ? fmt::format("{:.6f} deg", plus ? turned_deg : -turned_deg)
       : plus     ? "plus"
@@ -260,7 +260,7 @@ Status try_turns(Trial& trial, const CommissioningSettings& settings, IncrementK
     TRY(judge_turn(axis, turned.turned_deg, turned.sum, kind, settings));
     const double size = turned.sum.norm();
     const bool pulses = kind == IncrementKind::pulses;
-    out << fmt::format("{:<7} {:+g} deg: felt about {}, {:.6g} {}", to_string(axis), settings.move_deg,
+    out << fmt::format("{:<7} {:+g} deg: sensed about {}, {:.6g} {}", to_string(axis), settings.move_deg,
                        nearest_axis(body_axis_of(axis, {})),
                        pulses ? std::abs(turned.turned_deg) * 3600.0 / size : size / rad_per_deg,
                        pulses ? "arcsec a pulse" : "deg")

@@ -84,7 +84,7 @@ Status judge_force(const Eigen::Vector3d& force_mps2, const AxisTriple& angles_d
   Eigen::Index most = 0;
   up.cwiseAbs().maxCoeff(&most);
   if (!size_fits && std::abs(force_mps2[most]) < 0.1 * gravity_mps2 && std::abs(up[most]) > 0.5)
-    return device_error(sensed + "; accelerometer " + "xyz"[most] + " does not answer to gravity");
+    return device_error(sensed + "; accelerometer " + "xyz"[most] + " does not respond to gravity");
   if (!points_up && nearest_axis(force_mps2) != nearest_axis(up))
     return device_error(
         fmt::format("{}; the unit's {} is up instead of its {}: mounted another way, or axes and signs "
@@ -106,14 +106,14 @@ Status judge_felt(const Eigen::Vector3d& sum_deg, const AxisTriple& from_deg, co
   if (points_along(sum_deg, expected, limits.direction_deg)) return {};
   const std::string turned =
       fmt::format("the turn of {} by {} deg ", to_string(turn->first), format_number(turn->second));
-  if (sum_deg.norm() == 0.0) return device_error(turned + "was not felt by any gyro");
+  if (sum_deg.norm() == 0.0) return device_error(turned + "was not sensed by any gyro");
   if (sum_deg.norm() < 0.5 * std::abs(turn->second))
     return device_error(
-        fmt::format("{}was hardly felt ({} deg about x, y, z): expected {}: a dead gyro, or a unit that "
+        fmt::format("{}was hardly sensed ({} deg about x, y, z): expected {}: a dead gyro, or a unit that "
                     "does not ride on the table",
                     turned, triple_text(sum_deg), triple_text(expected)));
   return device_error(
-      fmt::format("{}was felt about {} ({}): expected about {}: mounted another way, signs of the table's "
+      fmt::format("{}was sensed about {} ({}): expected about {}: mounted another way, signs of the table's "
                   "axis, or axes and signs of the unit's frame",
                   turned, nearest_axis(sum_deg), triple_text(sum_deg), nearest_axis(expected)));
 }
@@ -156,7 +156,7 @@ std::string EarthRateCheck::add_rest(const Eigen::Vector3d& rate_radps, double s
   // Of the latitude; near a pole its sine tells little.
   const double sigma_deg = sigma / std::max(std::sqrt(1.0 - sine * sine), std::sqrt(sigma)) / rad_per_deg;
   return fmt::format(
-      "at rest the gyros feel the earth turn about the vertical at {:+.2f} deg/h of {:.2f}, as at a latitude of {:.1f} "
+      "at rest the gyros measure a vertical Earth rate of {:+.2f} deg/h, expected {:.2f}: that of a latitude of {:.1f} "
       "+- {:.1f} deg: site.latitude_deg is {:.10g} (north is positive), or axes and signs of the gyros",
       earth.y() / radps_per_degph, size / radps_per_degph, latitude_deg, sigma_deg, latitude_deg_);
 }

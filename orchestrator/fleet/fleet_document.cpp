@@ -181,7 +181,7 @@ Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, cons
     document.figure(figure);
   }
   for (std::size_t f = 0; f < factors.size() && !d.components.empty(); ++f) {
-    document.add(Heading{2, "by-" + factors[f], "By " + factors[f] + ", what is left"}, Scope::page);
+    document.add(Heading{2, "by-" + factors[f], "By " + factors[f] + ": remaining effects"}, Scope::page);
     document.add(level_table(d, f), Scope::page);
     document.soft("In brackets: the value in its own sigmas; of parameters, the difference from the other levels.");
   }

@@ -120,7 +120,7 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
     output.notes.push_back(line);
     return {};
   }
-  std::string shares = "prior: its share of what is known:";
+  std::string shares = "prior: its share of the information:";
   for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
     if (!parameter_is_free[k]) continue;
     const double share = effect.share[static_cast<Eigen::Index>(k)];

@@ -30,7 +30,7 @@
 namespace turncal {
 
 inline constexpr const char* log_name = "run.log";
-inline constexpr const char* removed_by_prune = " is removed by turncal prune";  // in the log
+inline constexpr const char* removed_by_prune = " is removed by turncal records prune";  // in the log
 // Before every line that a dry run prints or logs, so that none passes for a real one.
 inline constexpr std::string_view dry_run_tag = "[dry run] ";
 inline constexpr std::string_view simulated_tag = "[simulated] ";  // the same of a live run with a twin

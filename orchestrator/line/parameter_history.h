@@ -32,7 +32,7 @@ inline constexpr std::array<RunRule, 8> run_rules = {{
     {"one point beyond 3 sigma", 1, 0.00270},                                // 2 (1 - Phi(3))
     {"nine in a row on one side of the mean", 9, 0.00391},                   // 2 / 2^9
     {"six in a row rising, or falling", 6, 0.00278},                         // 2 / 6!
-    {"fourteen in a row up and down by turns", 14, 0.00457},                 // 2 E_14 / 14!, E_14 = 199360981
+    {"fourteen in a row, alternating up and down", 14, 0.00457},             // 2 E_14 / 14!, E_14 = 199360981
     {"two of three beyond 2 sigma on one side", 3, 0.00306},                 // 2 (3 p^2 - 2 p^3), p = 1 - Phi(2)
     {"four of five beyond 1 sigma on one side", 5, 0.00553},                 // 2 (5 p^4 - 4 p^5), p = 1 - Phi(1)
     {"fifteen in a row within 1 sigma", 15, 0.00326},                        // (1 - 2 p)^15

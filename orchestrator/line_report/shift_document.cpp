@@ -44,7 +44,7 @@ std::string yield_text(const LineYield& yield) {
                                  share(yield.first_pass, true).words, share(yield.final_pass, false).words,
                                  yield.attempts, yield.hours);
   if (yield.hours_lost > 0.0) text += fmt::format(", {:.1f} h of them without a good unit", yield.hours_lost);
-  if (yield.running > 0) text += fmt::format("; {} going on, or never ended", yield.running);
+  if (yield.running > 0) text += fmt::format("; {} still running or never ended", yield.running);
   return text + ".";
 }
 
@@ -81,7 +81,7 @@ Table yield_table(const ShiftReport& report) {
 }
 
 Table pareto_table(const LineYield& yield) {
-  Table table{{wide("reason"), number("attempts"), bar(0.0), number("share"), number("cumulated"), number("hours"),
+  Table table{{wide("reason"), number("attempts"), bar(0.0), number("share"), number("cumulative"), number("hours"),
                name("last unit")}};
   const auto most = static_cast<double>(yield.reasons.front().attempts);
   for (const LossReason& reason : yield.reasons)
@@ -92,12 +92,12 @@ Table pareto_table(const LineYield& yield) {
 }
 
 Table signal_table(const std::vector<ChartSignal>& signals) {
-  Table table{{text("time"), name("unit"), name("chart"), number("point"), number("value"), number("rule"),
-               text("what was seen")}};
+  Table table{
+      {number("time"), name("unit"), name("chart"), number("point"), number("value"), number("rule"), text("pattern")}};
   table.most = 20;
   for (const ChartSignal& s : signals) {
     const std::size_t i = s.signal.point;
-    table.row({text(s.chart->times[i]), name(s.chart->units[i]), name(s.chart->key), count(i + 1),
+    table.row({number(s.chart->times[i]), name(s.chart->units[i]), name(s.chart->key), count(i + 1),
                number(s.chart->values[i], 7), count(s.signal.rule), text(run_rules[s.signal.rule - 1].words)},
               s.signal.rule == 1 ? Emphasis::hit : Emphasis::none);
   }
@@ -105,15 +105,15 @@ Table signal_table(const std::vector<ChartSignal>& signals) {
 }
 
 Table rule_table() {
-  Table table{{number("rule"), text("a signal"), number("false alarms per 1000 points")}};
+  Table table{{number("rule"), text("signal"), number("false alarms per 1000 points")}};
   for (std::size_t i = 0; i < run_rules.size(); ++i)
     table.row({count(i + 1), text(run_rules[i].words), number(1000.0 * run_rules[i].false_alarm)});
   return table;
 }
 
 Table repeatability_table(const std::vector<Repeatability>& all) {
-  Table table{{name("parameter"), number("pairs"), number("s"), text("95 %"), number("from the calibration"),
-               number("from the unit")}};
+  Table table{{name("parameter"), number("pairs"), number("s"), text("95 %"), number("due to calibration"),
+               number("due to the unit")}};
   for (const Repeatability& r : all)
     table.row({name(r.key), count(r.pairs), number(r.spread), text(number(r.low).words + " .. " + number(r.high).words),
                number(r.calibration_sigma), number(r.of_unit())});
@@ -141,7 +141,7 @@ void add_with_units(Table table, std::size_t key, const std::vector<ChartedQuant
     table.head.insert(at(table.head), text(head));
     for (Table::Row& row : table.rows) row.cells.insert(at(row.cells), text(words_of(row.cells[key].words)));
   };
-  insert("its unit", [&of](const std::string& quantity) {
+  insert("units", [&of](const std::string& quantity) {
     const auto at = std::ranges::find(of, quantity, &ChartedQuantity::key);
     return at == of.end() ? "" : unit_text(at->unit);
   });
@@ -160,11 +160,11 @@ Cell unit_cell(const std::string& unit, const std::string& folder) {
 // The newest first.
 Table attempt_table(const std::vector<AttemptRecord>& attempts,
                     const std::function<Cell(const AttemptRecord&)>& first) {
-  Table table{{name("unit"), text("time"), text("outcome"), wide("reason"), text("station"), number("hours"),
+  Table table{{name("unit"), number("time"), text("outcome"), wide("reason"), text("station"), number("hours"),
                number("residual")}};
   for (std::size_t k = attempts.size(); k-- > 0;) {
     const AttemptRecord& a = attempts[k];
-    table.row({first(a), text(a.time_utc), word(a.outcome), wide(a.reason), text(a.station), fixed(hours_of(a), 2),
+    table.row({first(a), number(a.time_utc), word(a.outcome), wide(a.reason), text(a.station), fixed(hours_of(a), 2),
                number(a.residual)},
               kind_of(a) == AttemptKind::passed ? Emphasis::none : Emphasis::hit);
   }
@@ -228,6 +228,10 @@ std::pair<double, DisplayUnit> scale_of(const ChartedQuantity& history, const st
           spread ? DisplayUnit{100.0 / scale, "% from the mean"} : DisplayUnit{1e6 / scale, "ppm from the mean"}};
 }
 
+std::string index_text(const Capability& index, double value) {
+  return value_with_sigma(value, 0.25 * (index.high - index.low));  // of a 95 % interval
+}
+
 Panel control_panel(const ChartedQuantity& history, const std::vector<ChartedQuantity>& all) {
   const ControlChart& chart = history.chart;
   const auto [zero, unit] = scale_of(history, all);
@@ -246,12 +250,13 @@ Panel control_panel(const ChartedQuantity& history, const std::vector<ChartedQua
     if (const std::optional<double>& sigma = history.sigmas[i])
       for (const double end : {shown(value - *sigma), shown(value + *sigma), no_point}) bars.emplace_back(x, end);
   }
-  Panel panel{.title = quantity_name(history.key) + (chart.cpk ? ", Cpk " + significant(chart.cpk->value, 3) : ""),
-              .x_label = "calibrations 1 to " + std::to_string(history.values.size()),
-              .y_label = unit.unit,
-              .series = {},
-              .marks = names_of(history.times),
-              .named_x = true};
+  Panel panel{
+      .title = quantity_name(history.key) + (chart.cpk ? ", Cpk " + index_text(*chart.cpk, chart.cpk->value) : ""),
+      .x_label = "calibrations 1 to " + std::to_string(history.values.size()),
+      .y_label = unit.unit,
+      .series = {},
+      .marks = names_of(history.times),
+      .named_x = true};
   using Style = ::turncal::Series::Style;
   const auto add = [&panel](const char* label, Style style, Colour colour, Points points) {
     if (!points.empty()) panel.series.push_back({label, style, colour, std::move(points)});
@@ -261,7 +266,7 @@ Panel control_panel(const ChartedQuantity& history, const std::vector<ChartedQua
   add("outside the control limits", Style::square, Colour::before, std::move(outside));
   add("run rules 2 to 8", Style::triangle, Colour::x, std::move(runs));
   add("mean", Style::line, Colour::neutral, level(chart.mean));
-  add("control limits: mean ± 3 s of the moving range", Style::dashed, Colour::neutral, level(chart.lower));
+  add("control limits: mean ± 3 sigma (moving range)", Style::dashed, Colour::neutral, level(chart.lower));
   add("", Style::dashed, Colour::neutral, level(chart.upper));
   add("limit in force", Style::line, Colour::before, level(history.limit.min));
   add("limit in force", Style::line, Colour::before, level(history.limit.max));
@@ -270,8 +275,8 @@ Panel control_panel(const ChartedQuantity& history, const std::vector<ChartedQua
 
 Cell index_cell(const std::optional<Capability>& index) {
   if (!index) return number("-");
-  return number(fmt::format("{} ({} .. {})", significant(index->value, 3), significant(index->low, 2),
-                            significant(index->high, 2)),
+  return number(fmt::format("{} ({} .. {})", index_text(*index, index->value), index_text(*index, index->low),
+                            index_text(*index, index->high)),
                 index->value);
 }
 
@@ -319,17 +324,17 @@ Document shift_document(const ShiftReport& report) {
   document.add(yield_table(report));
   document.section("reasons", "Why attempts did not pass");
   if (report.yield.reasons.empty())
-    document.text("Every attempt that was judged passed.");
+    document.text("All judged attempts passed.");
   else
     document.add(pareto_table(report.yield));
-  document.add(Heading{2, "units", "Units, the newest first"}, Scope::page);
+  document.add(Heading{2, "units", "Units, newest first"}, Scope::page);
   document.add(attempt_table(report.attempts, [](const AttemptRecord& a) { return unit_cell(a.unit, a.folder); }),
                Scope::page);
   if (!report.calibrations.empty()) add_charts(report, document);
-  document.section("stations", "Stations against each other");
+  document.section("stations", "Stations compared");
   if (report.differences.empty()) {
     document.text(report.stations.size() < 2
-                      ? "There is only one station: nothing to compare."
+                      ? "There is only one station, so there is nothing to compare."
                       : fmt::format("Too few units: expected {} at both stations, or at each.", least_units));
   } else {
     add_with_units(difference_table(report.differences), 1, report.charts, document);
@@ -442,11 +447,11 @@ Document history_document(const std::vector<StoredCalibration>& all, const std::
   document.section("control", "Parameters");
   add_control_charts(histories, document);
   document.section("calibrations", "Calibrations");
-  Table table{{number("calibration"), number("id"), name("unit"), text("time"), text("verdict"), text("operator"),
+  Table table{{number("calibration"), number("id"), name("unit"), number("time"), text("verdict"), text("operator"),
                text("station")}};
   for (std::size_t i = 0; i < all.size(); ++i) {
     const StoredCalibration& c = all[i];
-    table.row({count(i + 1), count(static_cast<std::size_t>(c.id)), unit_cell(c.unit, c.folder), text(c.time_utc),
+    table.row({count(i + 1), count(static_cast<std::size_t>(c.id)), unit_cell(c.unit, c.folder), number(c.time_utc),
                word(c.verdict), text(c.operator_name), text(c.station)});
   }
   document.add(std::move(table));
@@ -464,12 +469,11 @@ Document unit_document(const UnitRecord& record) {
   if (simulated) document.add(Paragraph{"Simulated: no real unit.", "loud"});
   if (!attempts.empty()) {
     const AttemptRecord& last = attempts.back();
-    document.add(Paragraph{in_words(last.outcome) + ": " + last.reason +
-                               (last.reason.empty() ? "the run of " : "; run of ") + last.time_utc + ", station " +
-                               last.station + ".",
+    document.add(Paragraph{fmt::format("{}: {}{}run of {}, station {}.", in_words(last.outcome), last.reason,
+                                       last.reason.empty() ? "" : "; ", last.time_utc, last.station),
                            kind_of(last) == AttemptKind::passed ? "verdict clean" : "verdict unexplained"});
   }
-  document.section("runs", "Runs, the newest first");
+  document.section("runs", "Runs, newest first");
   const auto linked_to = [&record](const AttemptRecord& a, const std::string& what, const char* otherwise) {
     const std::string link = record.link(a.folder, what + ".html");
     return link.empty() ? text(otherwise) : linked(text(what), link);

@@ -55,6 +55,7 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
   if (!d.reason.empty()) lines.comment("reason: " + d.reason);
   lines.text("verdict", to_string(d.verdict));
   lines.flag("quality.trusted", d.trusted);
+  lines.text("reason", plain(brief_reason(d)));
   lines.text("effects", join(d.effect_names));
   if (d.statements.tested) {
     lines.number("missing.probability", d.statements.anything);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <cstdint>
 #include <map>
@@ -164,6 +165,7 @@ struct Html {
   std::string operator()(const Paragraph& paragraph) const {
     const bool note = paragraph.style == "note", verdict = paragraph.style.starts_with("verdict");
     std::string words = words_html((note ? "Note: " : "") + paragraph.words);
+    if (verdict) words.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(words.front())));
     const std::size_t colon = words.find(':') + 1;  // 0: there is none
     if ((verdict || paragraph.style == "lead") && colon > 0)
       words = tag("b", "", words.substr(0, colon)) + words.substr(colon);

@@ -147,7 +147,7 @@ Figure navigation_figure(const NavigationReport& report) {
   const bool near = farthest_m < metres_per_nautical_mile;
   north.y_label = east.y_label = "mm/s";
   distance.y_label = near ? "m" : "nautical miles (NM)";
-  distance.x_label = "minutes of free navigation (a Schuler period is 84.4)";
+  north.x_label = east.x_label = distance.x_label = "minutes of free navigation";
   for (auto file = report.files.rbegin(); file != report.files.rend(); ++file) {
     const bool against = !file->prefix.empty();
     const Colour colour = against ? Colour::before : Colour::after;
@@ -167,9 +167,8 @@ Figure navigation_figure(const NavigationReport& report) {
       add(distance, near ? radial_m : radial_nm);
     }
   }
-  Figure figure{"navigation", "Velocity and position error of free inertial navigation against time", ""};
-  figure.panel_width = 540;  // so that a telephone shows it in letters that can be read
-  figure.panel_height = 220;
+  Figure figure = small_panels("navigation", "Velocity and position error of free inertial navigation against time",
+                               "Over longer times the velocities oscillate with the Schuler period of 84.4 minutes.");
   figure.panels = {north, east, distance};
   return figure;
 }
@@ -208,9 +207,10 @@ Document navigation_document(const NavigationReport& report) {
     for (std::size_t k = 0; k < file.branches.size(); ++k) {
       const FreeNavigation& n = file.branches[k].navigation;
       const Eigen::Vector2d end = n.track.back().moved_m;
+      const double spread_m = file.drift.rms_nm_per_h * metres_per_nautical_mile * n.free_s / 3600.0;
       table.row({count(k + 1), fixed(file.branches[k].start_s, 1), heading_cell(n),
-                 number(n.heading_sigma_rad / rad_per_deg, 2), fixed(n.free_s, 0), fixed(end[0], 0), fixed(end[1], 0),
-                 fixed(n.nm_per_h, 3)});
+                 number(n.heading_sigma_rad / rad_per_deg, 2), fixed(n.free_s, 0), with_sigma(end[0], spread_m),
+                 with_sigma(end[1], spread_m), fixed(n.nm_per_h, 3)});
     }
     document.add(std::move(table));
     Facts facts;

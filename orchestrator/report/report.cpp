@@ -207,8 +207,7 @@ void add_noise(const Diagnosis& diagnosis, const DiagnosisContext& context, Docu
   const JointResult& r = diagnosis.extended;
   const NoiseModel& noise = r.noise;
   constexpr double micro_g = 1e-6 * standard_gravity_mps2;
-  Table table{{text("sensor"), number("random walk used"), text("its unit"), number("Allan: N"), number("Q"),
-               number("B"), number("K")}};
+  Table table{{text("sensor"), number("random walk used"), number("Allan: N"), number("Q"), number("B"), number("K")}};
   for (std::size_t k = 0; k < 6; ++k) {
     const bool gyro = k < 3;
     const auto axis = static_cast<Eigen::Index>(k % 3);
@@ -219,10 +218,8 @@ void add_noise(const Diagnosis& diagnosis, const DiagnosisContext& context, Docu
             ? (gyro ? r.noise_fit->sigma_angle_random_walk : r.noise_fit->sigma_velocity_random_walk)[axis] / walk
             : 0.0;
     const AllanFit& f = r.allan.axes[k].fit;
-    const std::string walk_unit = gyro ? "°/√h" : "µg/√Hz";
     std::vector<Cell> row = {text(std::string(gyro ? "gyro " : "accelerometer ") + body_names[k % 3]),
-                             with_sigma(used, sigma),
-                             text((sigma > 0.0 ? "± " + value_with_sigma(sigma, sigma, typo) + " " : "") + walk_unit)};
+                             number(plus_minus(used, sigma, typo) + (gyro ? " °/√h" : " µg/√Hz"), used)};
     for (const std::size_t term : {1U, 0U, 2U, 3U}) {
       row.push_back(allan_cell(f, gyro, term));
       if (f.made) row.back().words += std::string(" ") + allan_unit(gyro, term).shown;
@@ -378,7 +375,7 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
   parts.residual_intro = "The residual of each dwell against what it may depend on:";
   if (diagnosis.candidates.empty()) parts.not_scored = "No scores were computed.";
   parts.score_caption =
-      "Scores beside the 24 parameters alone. A strong effect lifts the scores of those that resemble it; the table of "
+      "Scores with only the 24 parameters in the model. A strong effect raises those of similar effects; the table of "
       "probabilities below weighs them together.";
   parts.noise_line = noise_line(diagnosis.extended, context.noise_given);
   parts.noise.scope = Scope::page;

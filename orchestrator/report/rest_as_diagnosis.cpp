@@ -216,7 +216,7 @@ Document document_of(const RestDiagnosis& r, const RestData& data, const Diagnos
   parts.nothing_shown = "No single rest shows the residual.";
   parts.residual_intro = "The residual of each rest against what it may depend on:";
   if (!r.not_tested.empty()) parts.not_scored = "No effect was looked for: " + r.not_tested + ".";
-  parts.score_caption = "Scores beside the 21 parameters alone.";
+  parts.score_caption = "Scores with only the 21 parameters in the model.";
   parts.noise_line = noise_line(r);
   parts.noise.add(Paragraph{parts.noise_line + "."}, Scope::page);
   parts.reading = how_to_read_rests;

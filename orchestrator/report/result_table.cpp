@@ -85,21 +85,20 @@ void add_confusions(const NamedPrediction& column, Document& document) {
 }  // namespace
 
 Table result_table(const ParameterFile& file, const std::optional<ParameterVector>& truth) {
-  Table table{{name("name"), text("unit"), number("estimate"), number("truth"), number("error"), number("sigma"),
+  Table table{{name("name"), wide("meaning"), text("unit"), number("estimate"), number("truth"), number("sigma"),
                number("error/sigma")}};
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     const auto at = static_cast<Eigen::Index>(i);
     const double estimate = file.parameters[at], sigma = file.sigma[i].value_or(0.0);
-    const double true_value = truth ? (*truth)[at] : 0.0, error = estimate - true_value;
-    table.row({name(parameter_keys[i]), text(parameter_unit(parameter_keys[i], file.gyro_increment)),
-               with_sigma(estimate, sigma), with_sigma(true_value, sigma),
-               sigma > 0.0 ? with_sigma(error, sigma) : number(error, 3),
-               sigma > 0.0 ? number(fmt::format("{:.1e}", sigma), sigma) : number("-"),
-               sigma > 0.0 ? number(fmt::format("{:+.2f}", error / sigma), error / sigma) : number("-")});
+    const double true_value = truth ? (*truth)[at] : 0.0, error = (estimate - true_value) / sigma;
+    table.row({name(parameter_keys[i]), wide(quantity_name(parameter_keys[i])),
+               text(unit_text(parameter_unit(parameter_keys[i], file.gyro_increment))), with_sigma(estimate, sigma),
+               with_sigma(true_value, sigma), sigma > 0.0 ? number(sigma, 2) : number("-"),
+               sigma > 0.0 ? number(fmt::format("{:+.2f}", error), error) : number("-")});
   }
   if (!truth) {
     table.drop(6);
-    table.drop(3, 2);
+    table.drop(4);
   }
   return table;
 }
@@ -216,7 +215,7 @@ std::string describe(const Undetermined& direction) {
 }
 
 Table sigma_table(const std::vector<NamedPrediction>& columns, const RecordingInfo& info) {
-  Table table{{name("sigma"), text("unit")}};
+  Table table{{name("sigma"), wide("of"), text("unit")}};
   for (std::size_t c = 0; c < columns.size(); ++c) {
     table.head.push_back(number(columns[c].name));
     if (c > 0) table.head.push_back(number("ratio"));
@@ -225,7 +224,8 @@ Table sigma_table(const std::vector<NamedPrediction>& columns, const RecordingIn
   for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
     if (!parameter_is_free[k]) continue;
     const auto at = static_cast<Eigen::Index>(k);
-    std::vector<Cell> row = {name(parameter_keys[k]), text(parameter_unit(parameter_keys[k], info.gyro_increment))};
+    std::vector<Cell> row = {name(parameter_keys[k]), wide(quantity_name(parameter_keys[k])),
+                             text(unit_text(parameter_unit(parameter_keys[k], info.gyro_increment)))};
     for (std::size_t c = 0; c < columns.size(); ++c) {
       const Prediction& p = columns[c].prediction;
       row.push_back(p.determined[k] ? number(p.sigma[at]) : number("-"));

@@ -54,7 +54,7 @@ using Errors = std::array<double, 4>;
 
 Table error_table(const ThermalReport& report) {
   Table table{{text("left-out temperatures, rms"), text("unit"), number("constant"), number("with temperature"),
-               number("as expected"), number("a leg itself")}};
+               number("as expected"), number("the leg's own sigma")}};
   const auto kind_of = [](int key) {
     if (key < 6) return key / 3;
     const bool gyro = key < 15, diagonal = (key - (gyro ? 6 : 15)) % 4 == 0;
@@ -120,10 +120,9 @@ Figure figure_of(const ThermalReport& report, std::size_t j) {
   figure.panels.resize(2);
   figure.panels[0].title = key + ": " + what_is_said(p);
   figure.panels[0].y_label = fmt::format("from that at {:.1f} °C, {}", model.reference_c, unit.unit);
-  figure.panels[0].series = {middle, low, high, up, down};
-  figure.panels[1].title = "residual";
+  figure.panels[0].series = {up, down, middle, low, high};
   figure.panels[1].x_label = "temperature, °C";
-  figure.panels[1].y_label = unit.unit;
+  figure.panels[1].y_label = "residual, " + std::string(unit.unit);
   figure.panels[1].series = {off_up, off_down, least, most};
   return figure;
 }
@@ -197,7 +196,7 @@ Document thermal_document(const ThermalReport& report) {
                             report.legs.size(), model.temperatures, model.low_c, model.high_c, model.reference_c));
   for (const std::string& note : report.notes) document.add(Paragraph{note, "note"});
   for (const std::string& note : model.notes) document.add(Paragraph{note, "note"});
-  document.section("errors", "What it is worth");
+  document.section("errors", "Error of the model");
   document.add(error_table(report));
   document.section("parameters", "Parameters");
   Table table{{name("parameter"), number("switch-on, 1σ"), number("constant"), number("with temp."), text("unit"),

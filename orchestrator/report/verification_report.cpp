@@ -118,11 +118,11 @@ void add_angles(const std::string& name, const std::array<double, 3>& angles_deg
 // of their position, as they are judged.
 Figure angle_figure(const VerificationReport& report) {
   Figure figure =
-      small_panels("angles", "Headings less the angle of the table; roll and pitch less the mean of their position");
+      small_panels("angles", "Headings minus the angle of the table; roll and pitch minus the mean of their position");
   for (std::size_t a = 0; a < north_angle_names.size(); ++a) {
     const double limit_deg = a == 0 ? report.heading_limit_deg : report.level_limit_deg;
     Series readings{"one alignment", Series::Style::dot, Colour::after, {}},
-        bars{"one sigma of noise", Series::Style::line, Colour::after, {}};
+        bars{"one sigma (noise)", Series::Style::line, Colour::after, {}};
     double x = 0.0;
     for (const NorthPosition& position : report.found.positions)
       for (const NorthReading& reading : position.readings) {
@@ -132,13 +132,12 @@ Figure angle_figure(const VerificationReport& report) {
         for (const double end : {error - sigma, error + sigma, no_point}) bars.points.emplace_back(x, end);
       }
     Panel panel;
-    panel.title = std::string(north_angle_names[a]) + (a == 0 ? " less the table's" : " less its mean");
+    panel.title = std::string(north_angle_names[a]) + (a == 0 ? " minus the table's" : " minus its mean");
     panel.x_label = "alignment";
-    panel.y_label = "°";
+    panel.y_label = "difference, °";
     panel.series = {readings, bars};
     for (const double limit : {-limit_deg, limit_deg})
-      panel.series.push_back(
-          {"limit of the deviation", Series::Style::dashed, Colour::before, {{0.5, limit}, {x + 0.5, limit}}});
+      panel.series.push_back({"limit", Series::Style::dashed, Colour::before, {{0.5, limit}, {x + 0.5, limit}}});
     figure.panels.push_back(std::move(panel));
   }
   return figure;
@@ -218,9 +217,8 @@ Document verification_document(const VerificationReport& report) {
   if (report.info.simulated)
     document.add(Paragraph{"Simulated data: this is no verification of a real unit.", "loud"}, Scope::page);
   const std::string verdict = in_words(to_string(report.verdict)) + ": " + nearness_words(report);
-  std::string title = verdict + ".";
-  title.front() = static_cast<char>(title.front() - 'a' + 'A');
-  document.add(Paragraph{title, is_accepted(report.verdict) ? "verdict clean" : "verdict unexplained"}, Scope::page);
+  document.add(Paragraph{verdict + ".", is_accepted(report.verdict) ? "verdict clean" : "verdict unexplained"},
+               Scope::page);
   Facts facts;
   facts.add("heading", judged(fmt::format("largest deviation {}, means differ from the table by {} (rms); limit {:g}",
                                           quantity(found.deviation[0].value_deg, found.deviation[0].sigma_deg, "deg"),
@@ -236,8 +234,8 @@ Document verification_document(const VerificationReport& report) {
   facts.add("latitude", judged(latitude_words(report.felt, report.info.latitude_deg), report.latitude));
   facts.add("gravity", judged(gravity_words(report.felt, report.info.gravity_mps2), report.gravity));
   if (report.noise_assumed) facts.add("noise", assumed_noise_words);
-  facts.add("",
-            fmt::format("noise alone would exceed a limit in {:.1f} of 100 verifications", 100.0 * report.false_fail));
+  facts.add("", fmt::format("noise alone would exceed a limit in {} of 100 verifications",
+                            report.false_fail < 1e-3 ? "less than 0.1" : with_decimals(100.0 * report.false_fail, 1)));
   if (const std::string undecided = undecided_words(report); !undecided.empty()) facts.add("", undecided);
   if (!report.trusted) facts.add("", not_trusted_words);
   document.add(facts, Scope::page);

@@ -251,7 +251,7 @@ StationView unreadable(const ServedStation& station, const Error& error) {
   view.name = station.name;
   view.state = StationState::unreadable;
   view.tone = Tone::bad;
-  view.headline = error.message;
+  view.headline = "the queue or the run cannot be read: " + error.message;
   return view;
 }
 
@@ -303,19 +303,19 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
       view.units.empty() ? "" : (view.units.size() > 1 ? "units " : "unit ") + join(view.units);
   switch (view.state) {
     case StationState::running:
-      view.headline = of_units + ", " + (view.pausing ? "a pause is asked for: " : "") + view.phase;
+      view.headline = of_units + ", " + (view.pausing ? "a pause was requested: " : "") + view.phase;
       break;
-    case StationState::results: view.headline = of_units + ": recorded, results are being made"; break;
+    case StationState::results: view.headline = of_units + ": recorded, results are being computed"; break;
     case StationState::mounting:
       view.units = unit_to_mount(station.queue, view.waiting);
       view.headline =
-          view.units.empty() ? "the queue is done" : "waits for unit " + view.units.front() + " to be mounted";
+          view.units.empty() ? "the queue is done" : "waiting for unit " + view.units.front() + " to be mounted";
       if (!view.units.empty()) view.urgent("mount unit " + view.units.front());
       break;
     case StationState::stopped:
       view.headline = left && journal->pause_asked ? of_units + " is paused: " + view.phase
-                      : left                       ? of_units + " was left in the middle: " + view.phase
-                             : fmt::format("no batch is running, and units wait: {}", view.waiting.size());
+                      : left                       ? of_units + " was left unfinished: " + view.phase
+                             : fmt::format("no batch is running; units in the queue: {}", view.waiting.size());
       view.urgent(left ? "start the batch again: it continues with " + of_units : "start the batch");
       break;
     case StationState::idle:
@@ -489,9 +489,9 @@ bool running(const StationView& view) {
 Status check(const ServedStation& station, const StationAction& wanted, const StationView& view) {
   const auto is = [&wanted](const char* word) { return wanted.action == word; };
   if (is("pause") && running(view) && view.pausing)  // a second Ctrl-C would stop it now
-    return input_error("station '" + station.name + "': a pause is asked for already");
+    return input_error("station '" + station.name + "': a pause was requested already");
   if (is("pause") || is("stop"))
-    return running(view) ? Status() : Status(input_error("station '" + station.name + "': no run is going on"));
+    return running(view) ? Status() : Status(input_error("station '" + station.name + "': no run is in progress"));
   if (!is("add") && !is("remove") && !is("again") && !is("mounted"))
     return input_error("action " + turncal::quoted(wanted.action) +
                        ": expected add, remove, again, mounted, pause or stop");

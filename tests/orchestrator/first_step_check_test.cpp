@@ -88,13 +88,13 @@ TEST(FirstStep, SignsAndAxesOfTheGyros) {
   using Change = std::function<void(ImuSample&)>;
   for (const auto& [change, says] : {
            std::pair<Change, const char*>{[](ImuSample& s) { s.gyro[2] = -s.gyro[2]; },
-                                          "the turn of pitch by 90 deg was felt about -z"},
-           {[](ImuSample& s) { s.gyro[0] = -s.gyro[0]; }, "the turn of roll by 90 deg was felt about -x"},
-           {[](ImuSample& s) { std::swap(s.gyro[0], s.gyro[2]); }, "felt about +x"},
+                                          "the turn of pitch by 90 deg was sensed about -z"},
+           {[](ImuSample& s) { s.gyro[0] = -s.gyro[0]; }, "the turn of roll by 90 deg was sensed about -x"},
+           {[](ImuSample& s) { std::swap(s.gyro[0], s.gyro[2]); }, "sensed about +x"},
            {[](ImuSample& s) {  // a unit that lies beside the table
               if (std::abs(s.gyro[2]) > 20.0) s.gyro[2] = static_cast<double>(s.counter % 50 == 0);
             },
-            "the turn of pitch by 90 deg was hardly felt"},
+            "the turn of pitch by 90 deg was hardly sensed"},
        })
     EXPECT_SAYS(found_with(change).why, says);
   // These the earth's rate shows first, in the first rest.
@@ -164,7 +164,7 @@ TEST(FirstStep, ARestThatContradictsEndsTheLookAtTheLatitude) {
     }
     return wrong;
   };
-  EXPECT_SAYS(says(false), "as at a latitude of 51.6");
+  EXPECT_SAYS(says(false), "that of a latitude of 51.6");
   EXPECT_EQ(says(true), "");
 }
 
@@ -250,8 +250,8 @@ TEST(FirstStep, DeadSensors) {
       // A turn or gravity may tell before.
       const bool earlier = found.why.find("the accelerometers sense") != std::string::npos ||
                            found.why.find("was not felt") != std::string::npos ||
-                           found.why.find("was hardly felt") != std::string::npos ||
-                           found.why.find("was felt about") != std::string::npos;
+                           found.why.find("was hardly sensed") != std::string::npos ||
+                           found.why.find("was sensed about") != std::string::npos;
       EXPECT_TRUE(named || earlier) << found.why;
     }
   }

@@ -206,7 +206,7 @@ TEST_F(Page, ABrowserShowsTheRunAndThatItDied) {
   EXPECT_TRUE(drawn);
   ::kill(pid, SIGKILL);
   finish(pid);
-  EXPECT_TRUE(browser.shows("has not answered since", 15.0)) << browser.seen();
+  EXPECT_TRUE(browser.shows("No answer from the program since", 15.0)) << browser.seen();
   EXPECT_TRUE(browser.shows("how it ended is in out/run.log", 1.0)) << browser.seen();
 }
 

@@ -246,7 +246,7 @@ TEST_F(Storage, OnlyOldRecordingsOfFinishedUnitsAreRemovedAndNeverTheLast) {
   write("all/first/journal.tcj", journal);
   EXPECT_EQ(prune("1").code, 0);
   EXPECT_EQ(recordings(), (std::set<std::string>{"last", "other", "held", "again"}));
-  EXPECT_SAYS(file_text(folder_ / "all/first/run.log"), "recording.tcr is removed by turncal prune\n");
+  EXPECT_SAYS(file_text(folder_ / "all/first/run.log"), "recording.tcr is removed by turncal records prune\n");
   EXPECT_TRUE(fs::exists(folder_ / "all/first/parameters.conf"));
   EXPECT_SAYS(run({"resume", "all/first"}).out, "nothing to resume");
   EXPECT_EQ(prune("1").out, "0 of 4 recordings removed, 0.0 MB\n");

@@ -88,7 +88,7 @@ refused 'in doubt: gyro.unit: the header does not say it' import "$samples/kf_gi
 sed -i 's/^gyro.unit.*/gyro.unit = rad/' proposed.map
 good import "$samples/kf_gins.txt" --map proposed.map --out known
 grep -q 'imported into known: 60 samples .*; time.increments = period: ' said.out || fail "what was imported is not said: $(cat said.out)"
-refused 'it is not known what this is' import said.out --out b
+refused 'unknown kind of file' import said.out --out b
 refused 'this is a recording already' import known --out b
 refused "topic '/imu': expected a ROS bag" import "$samples/euroc.csv" --topic /imu --out b
 refused 'no sample in it by the frame description stim300' import "$samples/imu.h5" --frame stim300 --out b

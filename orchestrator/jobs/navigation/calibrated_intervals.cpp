@@ -411,13 +411,13 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
   if (!status) return status.error();
   if (last && !(gyro_lives && accel_lives))
     return input_error(source.path() + ": the " + (gyro_lives ? "accelerometers" : "gyros") +
-                       " gave nothing but zeros: expected a unit that feels the Earth turn and weighs something");
+                       " gave only zeros: expected a unit that senses the Earth's rate and gravity");
   for (const CalibratedIntervals& file : files) {
     const std::vector<MotionInterval>& intervals = file.integrator.intervals();
     const auto wrong = std::ranges::find_if_not(intervals, can_be);
     if (wrong == intervals.end()) continue;
     const std::int64_t at = found.first_sample + (wrong - intervals.begin()) * file.integrator.samples_per_interval();
-    return input_error(source.path() + ": from sample " + std::to_string(at) + " on: more than any unit can feel");
+    return input_error(source.path() + ": from sample " + std::to_string(at) + " on: beyond the range of any unit");
   }
   return found;
 }

@@ -110,7 +110,7 @@ Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const
   }
   result.drift = drift_over_runs(rates);
   if (!std::isfinite(result.drift.rms_nm_per_h))
-    return input_error("it drifts beyond all numbers: expected the increments of a unit at rest");
+    return input_error("the drift overflows: expected the increments of a unit at rest");
   result.velocity_rms_mps = std::sqrt(squares / static_cast<double>(branches.size()));
   return result;
 }
@@ -218,7 +218,7 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
     return input_error(request.recording + ": " +
                        (report.lost.empty()
                             ? reference
-                                  ? "the reference stands nowhere for " + seconds(request.align_s) +
+                                  ? "the reference is nowhere at rest for " + seconds(request.align_s) +
                                         ", which the alignment takes: expected a longer stop, or a shorter --align"
                                   : "the unit rests nowhere for " + seconds(align_min_rest_s) + " of " +
                                         seconds(request.align_s) + " of alignment: expected a longer --align"

@@ -106,7 +106,7 @@ TEST(DiagnosisFile, KeepsEveryKeyWhenThereIsNothingToSay) {
             "# turncal diagnosis: which effect the 24 parameters lack, and the error before and after it was added\n"
             "# reason: first line second line\n"
             "verdict = unexplained\n"
-            "quality.trusted = false\n"
+            "quality.trusted = false\nreason = a residual is left that no effect of the catalogue explains\n"
             "effects =\n"
             "undetectable =\n"
             "error.before =\n"

@@ -302,13 +302,13 @@ TEST_F(CertificateTest, TheVerificationOfThisResult) {
     change(other);
     refused(format_verification(other), words);
   };
-  refused_report([](VerificationReport& r) { r.info.unit_serial = "ZZ"; }, "is of another unit than parameters.conf");
-  refused_report([](VerificationReport& r) { r.recording_hash = "1"; }, "is of another recording");
-  refused_report([](VerificationReport& r) { r.calibration_hash = "1"; }, "is of another calibration");
-  refused_report([](VerificationReport& r) { r.heading_limit_deg = 1.0; }, "is of another judgement");
-  refused_report([](VerificationReport& r) { r.verdict = UnitVerdict::hold; }, "is of another judgement");
+  refused_report([](VerificationReport& r) { r.info.unit_serial = "ZZ"; }, "unit 'ZZ': expected '");
+  refused_report([](VerificationReport& r) { r.recording_hash = "1"; }, "recording '1': expected '");
+  refused_report([](VerificationReport& r) { r.calibration_hash = "1"; }, "calibration '1': expected '");
+  refused_report([](VerificationReport& r) { r.heading_limit_deg = 1.0; }, "result '");
+  refused_report([](VerificationReport& r) { r.verdict = UnitVerdict::hold; }, "result '");
   std::filesystem::remove(folder_ / "a/verification.conf");
-  expect_refused(certify({"a"}), "a/verification.conf: is not there, though");
+  expect_refused(certify({"a"}), "a/verification.conf: missing: the verdict of parameters.conf quotes");
 }
 
 TEST_F(CertificateTest, NoneWithoutWhatHasToStandOnIt) {

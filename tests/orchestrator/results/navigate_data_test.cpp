@@ -77,12 +77,12 @@ TEST_F(Navigate, WhatNoUnitGivesIsRefused) {
     retell("rest", "dead", [first = first](std::int64_t, std::vector<std::string>& cells) {
       for (std::size_t k = first; k < first + 3; ++k) cells[k] = "0";
     });
-    expect_refused(navigate("dead"), std::string("the ") + name + " gave nothing but zeros");
+    expect_refused(navigate("dead"), std::string("the ") + name + " gave only zeros");
   }
   retell("rest", "far", [](std::int64_t counter, std::vector<std::string>& cells) {
     if (counter >= 90000 && counter < 90100) cells[4] = "2147483647";
   });
-  expect_refused(navigate("far"), "more than any unit can feel");
+  expect_refused(navigate("far"), "beyond the range of any unit");
   expect_refused("navigate rest --out nav", "rest: it holds pulses: expected --parameters");
 }
 

@@ -118,7 +118,7 @@ TEST_F(NavigateReference, RefusesOneThatCannotBe) {
             "expected both or neither"},
            {head + "0,40,10\n2000,40,10\n", "begins at latitude 40 deg: expected the recording's, 29.53 deg"},
            {head + "0,29.53,10\n200,29.53,10\n", "200 s to navigate, expected more than 300 s"},
-           {head + "0,29.53,10\n2000,29.53,10.5\n", "the reference stands nowhere for 300 s"}}) {
+           {head + "0,29.53,10\n2000,29.53,10.5\n", "the reference is nowhere at rest for 300 s"}}) {
     write("bad.csv", text);
     expect_refused(beside("bad.csv"), words);
   }

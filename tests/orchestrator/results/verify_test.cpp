@@ -264,9 +264,9 @@ TEST_F(Verify, BehindTheCalibration) {
   keep(other, "other.conf");
   const std::string judged = file_text(folder_ / "v/verification.conf");
   for (const auto& [parameters, what] :
-       {std::pair{"other.conf", "calibration"}, std::pair{"v/parameters.conf", "judgement"}}) {
+       {std::pair{"other.conf", "calibration"}, std::pair{"v/parameters.conf", "result"}}) {
     run("verify --recording v --from-step 15 --out v --parameters" + Arguments(parameters));
-    expect_refused(certify, std::string("v/verification.conf: is of another ") + what);
+    expect_refused(certify, std::string("v/verification.conf: ") + what);
   }
   write("v/verification.conf", judged);
   // Interrupted in the north seeking: the same file.

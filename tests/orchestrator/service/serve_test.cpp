@@ -144,13 +144,13 @@ TEST_F(Serve, TellsABatchThatItsUnitIsMounted) {
   const pid_t batch = start({"batch", path("queue"), "--station", path("live.station"), "--out", path("runs")});
   const StationView view = wait_for(StationState::mounting);
   look_until([this](const StationView&) { return !std::filesystem::exists(path("mounted")); });
-  EXPECT_EQ(view.headline, "waits for unit SN.1 to be mounted");
+  EXPECT_EQ(view.headline, "waiting for unit SN.1 to be mounted");
   EXPECT_EQ(view.for_a_person.front(), "mount unit SN.1");
   EXPECT_EQ(view.tone, Tone::attention);
   EXPECT_FALSE(act(station_, {"mounted", "SN2"}, "ana", 0.0));  // not that one
   // Whatever becomes of the queue, the page shows the unit that is waited for.
   write("queue", "SN0\nSN.1\n");
-  EXPECT_EQ(look().headline, "waits for unit SN.1 to be mounted");
+  EXPECT_EQ(look().headline, "waiting for unit SN.1 to be mounted");
   EXPECT_FALSE(act(station_, {"mounted", "SN0"}, "ana", 0.0));
   write("queue", "SN.1\n");
   const Result<std::string> done = act(station_, {"mounted", "SN.1"}, "ana", 0.0);
@@ -250,7 +250,7 @@ TEST_F(Serve, LeadsToTheReportOfAUnit) {
     }
   };
   const std::string page = get("/unit/SN2");
-  EXPECT_SAYS(page, "<b>fail:</b> gyro x bias (N01) 0.0634 deg/h");
+  EXPECT_SAYS(page, "<b>Fail:</b> gyro x bias (N01) 0.0634 deg/h");
   EXPECT_SAYS(page, "<a href=\"/report/1/SN2/report.html\">report</a>");
   EXPECT_SAYS(get("/unit/SN%2F1"), "No run of this unit is on record.");
   EXPECT_EQ(get("/report/1/SN2/report.html"), "the report");
