@@ -14,9 +14,6 @@
 namespace turncal {
 namespace {
 
-// Names carry what is missing where it is more likely than not that nothing else is.
-constexpr double carried_by_names = 0.5;
-
 // Are all parameters determined that are estimated at all?
 bool whole(const JointResult& fit) {
   for (std::size_t k = 0; k < parameter_count; ++k)
@@ -114,7 +111,10 @@ void say_contradiction(const SeveralRecordings& apart, Diagnosis& d) {
 
 std::vector<EffectColumn> named_columns(const Evidence& e) {
   std::vector<EffectColumn> columns;
-  if (e.statements.anything < said_from || e.named.probability < carried_by_names) return columns;
+  // A formula that is said is fitted though something else seems to be missing: the noise of a fit without it is not that of one with it.
+  const bool said = std::ranges::any_of(
+      e.statements.nodes, [](const auto& node) { return !node.formula.empty() && node.probability >= said_from; });
+  if (e.statements.anything < said_from || !(said || e.named.probability >= carried_by_names)) return columns;
   for (std::size_t k = 0; k < e.named.columns.size(); ++k) {
     columns.push_back(e.at_each_noise.front().table->effects[static_cast<std::size_t>(e.named.columns[k])]);
     if (e.named.tau_s[k] > 0.0) columns.back().tau_s = e.named.tau_s[k];

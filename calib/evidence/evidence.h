@@ -59,8 +59,11 @@ void conclude(Posterior posterior, const std::vector<EstimatedEffect>& effects, 
 // Of a fit without effects: what is missing from it, or what its omnibus finds; empty: nothing.
 std::string what_speaks_against(const CompressedRecording& recording, const JointResult& fit);
 
-// Fits with the names that the evidence has, until it has the same about the fit with them; empty: it never does. `fit` takes names, fits and
-// weighs anew; false: they cannot be fitted.
+// Names carry what is missing where it is more likely than not that nothing else is.
+inline constexpr double carried_by_names = 0.5;
+
+// Fits with the names that the evidence has, until it has the same about the fit with them; empty: it never does, or they do not carry what is
+// missing. `fit` takes names, fits and weighs anew; false: they cannot be fitted.
 template <class Names, class Fit>
 std::vector<EffectColumn> fit_by_names(const Evidence& evidence, Names names_of, Fit fit) {
   std::vector<EffectColumn> named, more = names_of(evidence);
@@ -69,7 +72,7 @@ std::vector<EffectColumn> fit_by_names(const Evidence& evidence, Names names_of,
     named = std::move(more);
     more = names_of(evidence);
   }
-  return same() ? named : std::vector<EffectColumn>{};
+  return same() && evidence.named.probability >= carried_by_names ? named : std::vector<EffectColumn>{};
 }
 
 // Of a rest that is compared with all the others, in runs of some hundred of them: one clean run in ten thousand has such a one.

@@ -77,7 +77,12 @@ std::optional<FeltLatitude> felt_latitude(const CompressedRecording& recording, 
     latitude += v.dot(felt->information * (felt->rate - rate_at(latitude))) / weight;
   }
   if (!(std::abs(latitude) <= 0.5 * pi)) return {};
-  return FeltLatitude{latitude, 1.0 / std::sqrt(weight)};
+  const auto misfit = [&](double at) -> double {
+    return (felt->rate - rate_at(at)).dot(felt->information * (felt->rate - rate_at(at)));
+  };
+  const double stated = recording.info.latitude_deg * rad_per_deg, off = std::abs(latitude - stated);
+  const double sigma = 1.0 / std::sqrt(weight), gain = std::max(misfit(stated) - misfit(latitude), 1e-12);
+  return FeltLatitude{latitude, off > sigma ? std::max(sigma, off / std::sqrt(gain)) : sigma};
 }
 
 std::string wrong_latitude(const CompressedRecording& recording, const JointResult& fit) {

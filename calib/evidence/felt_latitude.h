@@ -1,6 +1,7 @@
 // Does the earth turn as the recording's latitude says? From a joint estimate whose last pass had the columns of the earth's rate beside its
 // own: one step gives the error of that rate x = (north, up) and its information Q. At a latitude L the rate is w(L) = w_ie (cos L, sin L), so
 //   L = argmin r' Q r,  r = x - w(L) + w(stated);   sigma^2 = 1 / v' Q v,  v = dw / dL
+// and no less than (L - stated)^2 / (r' Q r at the stated one - at L): latitudes that mirror each other have one rate north.
 // Q is that of the fitted noise. What a bias instability too small to be kept may add (noise_fit.h) widens the gyros' biases, and what rests
 // tell of the earth's rate as much: Q is divided by the largest of the three factors.
 // The fourteen steps tell it to one to three arc minutes (1 sigma). A latitude that is many degrees off looks like so much bias instability

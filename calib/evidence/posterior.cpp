@@ -10,6 +10,8 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/SparseCore>
 
+#include "calib/evidence/evidence.h"
+
 namespace turncal {
 namespace {
 
@@ -390,7 +392,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   using Branch = std::pair<std::string, std::string>;
   const auto branch = [&](const Term& t) { return Branch{t.what.sensor, t.what.quantity}; };
   std::map<Branch, double> any, by_name;
-  std::map<std::vector<std::string>, double> sets;  // of keys
+  std::map<std::vector<std::string>, double> sets, beside_patterns;  // of keys
   std::map<std::string, int> column_of;
   std::map<std::string, std::pair<double, double>> log_tau;
   const auto term_of = [&](const WeighedModel& m, const ModelTerm& t) -> const Term& {
@@ -439,9 +441,11 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
     something += m.probability;
     if (stands) result.probability += m.probability;
     std::sort(keys.begin(), keys.end());
-    if (!keys.empty() && !patterns) sets[keys] += m.probability;
+    if (!keys.empty()) (patterns ? beside_patterns : sets)[keys] += m.probability;
   }
   if (something > 0.0) result.probability /= something;
+  if (result.probability < carried_by_names)
+    for (const auto& [keys, probability] : beside_patterns) sets[keys] += probability;
   if (sets.empty()) return result;
   auto best =
       std::max_element(sets.begin(), sets.end(), [](const auto& a, const auto& b) { return a.second < b.second; });

@@ -22,7 +22,6 @@ using Eigen::VectorXd;
 
 constexpr Index smooth_count = thermal_columns - thermal_smooth;
 using Columns = Eigen::Matrix<double, 1, thermal_columns>;
-using Block = Eigen::Matrix<double, thermal_columns, thermal_columns>;
 using BlockVector = Eigen::Matrix<double, thermal_columns, 1>;
 
 // Numerical floors. Prior variance of what no model has, in a leg's variance; log of the weight beside the best model below which a branch is
@@ -34,11 +33,10 @@ class Functions {
  public:
   Functions(double low_c, double high_c) : mid_(0.5 * (low_c + high_c)), half_(0.5 * (high_c - low_c)) {
     for (Index k = 0; k < nodes; ++k) at_[k] = -1.0 + 2.0 * static_cast<double>(k) / (nodes - 1);
-    Eigen::Matrix<double, nodes, nodes> K;
-    Eigen::Matrix<double, nodes, 4> P;
+    MatrixXd K(nodes, nodes), P(nodes, 4);
     for (Index k = 0; k < nodes; ++k) K.col(k) = kernel(at_[k]), P.row(k) = polynomials(at_[k]);
-    const Eigen::Matrix<double, 4, nodes> to_cubic = (P.transpose() * P).llt().solve(P.transpose());
-    const Eigen::Matrix<double, nodes, nodes> beside = Eigen::Matrix<double, nodes, nodes>::Identity() - P * to_cubic;
+    const MatrixXd to_cubic = solve_symmetric(P.transpose() * P, MatrixXd(P.transpose()));
+    const MatrixXd beside = MatrixXd::Identity(nodes, nodes) - P * to_cubic;
     const SymmetricEigen eigen = symmetric_eigen(beside * K * beside);
     // Of unit variance in the mean over the range.
     const double scale = std::sqrt(nodes / eigen.values.tail<smooth_count>().sum());
@@ -55,9 +53,9 @@ class Functions {
     return row;
   }
   // Powers of T - reference from Legendre's: the value is the same.
-  Block to_powers(double reference_c) const {
+  MatrixXd to_powers(double reference_c) const {
     const double s = 1.0 / half_, o = (reference_c - mid_) / half_;  // t = o + s x
-    Block B = Block::Identity();
+    MatrixXd B = MatrixXd::Identity(thermal_columns, thermal_columns);
     B.topLeftCorner<4, 4>() << 1.0, o, 1.5 * o * o - 0.5, (2.5 * o * o - 1.5) * o,  //
         0.0, s, 3.0 * o * s, (7.5 * o * o - 1.5) * s,                               //
         0.0, 0.0, 1.5 * s * s, 7.5 * o * s * s,                                     //
@@ -67,16 +65,14 @@ class Functions {
 
  private:
   static constexpr Index nodes = 25;
-  using Nodes = Eigen::Matrix<double, nodes, 1>;
   static Eigen::RowVector4d polynomials(double t) { return {1.0, t, 1.5 * t * t - 0.5, (2.5 * t * t - 1.5) * t}; }
-  Nodes kernel(double t) const {
+  VectorXd kernel(double t) const {
     const double l = 2.0 * thermal_priors.length_of_range;
     return (-0.5 * ((at_.array() - t) / l).square()).exp();
   }
   double mid_, half_;
-  Nodes at_ = Nodes::Zero();
-  Eigen::Matrix<double, nodes, smooth_count> to_smooth_ = Eigen::Matrix<double, nodes, smooth_count>::Zero();
-  Eigen::Matrix<double, 4, smooth_count> cubic_of_smooth_ = Eigen::Matrix<double, 4, smooth_count>::Zero();
+  VectorXd at_ = VectorXd::Zero(nodes);
+  MatrixXd to_smooth_ = MatrixXd::Zero(nodes, smooth_count), cubic_of_smooth_;
 };
 
 Columns columns_of(const Functions& functions, double temperature_c, double rate, int direction) {
@@ -153,12 +149,34 @@ struct System {
   Eigen::Matrix<double, 5, 1> s;
 };
 
-double take_in(System& system, int c, double variance) {
+// By what half the chi-square falls with this column and its prior precision.
+double take_in(System& system, int c, double precision) {
   const Eigen::Matrix<double, 5, 1> column = system.Q.col(c);
-  const double k = 1.0 / (column[c] + 1.0 / variance), s = system.s[c];
+  const double k = 1.0 / (column[c] + precision), s = system.s[c];
   system.Q.noalias() -= k * column * column.transpose();
   system.s -= k * s * column;
-  return 0.5 * k * s * s - 0.5 * std::log1p(variance * column[c]);
+  return 0.5 * k * s * s;
+}
+
+// Precision and vector of some unknowns, and the logarithm of their evidence.
+struct Weighed {
+  MatrixXd P;
+  VectorXd q;
+  double log_weight = 0.0;
+};
+
+// The last `count` unknowns, of this prior variance each, integrated over.
+Weighed without_last(const Weighed& all, Index count, double variance) {
+  const Index n = all.P.rows() - count;
+  MatrixXd inner = all.P.bottomRightCorner(count, count);
+  inner.diagonal().array() += 1.0 / variance;
+  double log_determinant = 0.0;
+  const VectorXd b = solve_symmetric(inner, VectorXd(all.q.tail(count)), log_determinant);
+  const MatrixXd right = all.P.bottomLeftCorner(count, n);
+  return {all.P.topLeftCorner(n, n) - right.transpose() * solve_symmetric(inner, right),
+          all.q.head(n) - right.transpose() * b,
+          all.log_weight + 0.5 * b.dot(all.q.tail(count)) -
+              0.5 * (log_determinant + static_cast<double>(count) * std::log(variance))};
 }
 
 struct Leaf {
@@ -169,15 +187,13 @@ struct Leaf {
 };
 
 // What the legs and the other parameters say of one: precision and vector of its coefficients, and then of its switch-ons.
-struct Cavity {
-  MatrixXd P;
-  VectorXd q;
+struct Cavity : Weighed {
   double spread = 0.0;  // of the legs' values
 };
 
 struct Average {
   BlockVector mean = BlockVector::Zero();
-  Block covariance = Block::Zero();
+  MatrixXd covariance;
   BlockVector prior = BlockVector::Zero();  // mean prior variances
   double switch_on = 0.0;                   // mean variance
   std::array<double, 4> order{};
@@ -201,80 +217,56 @@ class Search {
 
   const Cavity& cavity_;
   const Allowed& allowed_;
-  std::vector<double> switch_on_;  // sigmas
-  std::vector<Block> P_;           // of each
-  std::vector<BlockVector> q_;
+  std::vector<double> switch_on_;                 // sigmas
+  std::vector<Weighed> coefficients_;             // of each
   std::array<std::vector<double>, 5> variances_;  // of each column
   std::vector<Leaf> leaves_;
   double best_ = -std::numeric_limits<double>::infinity();
 };
 
 void Search::at_switch_on(int index) {
-  constexpr Index n = thermal_columns;
-  const Index ons = cavity_.P.rows() - n;
   const double variance = switch_on_[index] * switch_on_[index];
-  Block P = cavity_.P.topLeftCorner(n, n);
-  BlockVector q = cavity_.q.head(n);
-  double log_weight = 0.0;
-  if (variance > 0.0) {
-    MatrixXd inner = cavity_.P.bottomRightCorner(ons, ons);
-    inner.diagonal().array() += 1.0 / variance;
-    double log_determinant = 0.0;
-    const VectorXd b = solve_symmetric(inner, VectorXd(cavity_.q.tail(ons)), log_determinant);
-    const MatrixXd right = cavity_.P.bottomLeftCorner(ons, n);
-    P -= right.transpose() * solve_symmetric(inner, right);
-    q -= right.transpose() * b;
-    log_weight =
-        0.5 * b.dot(cavity_.q.tail(ons)) - 0.5 * (log_determinant + static_cast<double>(ons) * std::log(variance));
-  }
-  P_.push_back(P), q_.push_back(q);
+  Weighed all = cavity_;
+  if (variance > 0.0) all = without_last(all, all.P.rows() - thermal_columns, variance);
+  coefficients_.push_back({all.P.topLeftCorner<thermal_columns, thermal_columns>(), all.q.head<thermal_columns>(),
+                           all.log_weight - std::log(static_cast<double>(switch_on_.size()))});
+  all = coefficients_.back();
   // The constant is flat: eliminated.
-  log_weight +=
-      0.5 * q[0] * q[0] / P(0, 0) - 0.5 * std::log(P(0, 0)) - std::log(static_cast<double>(switch_on_.size()));
-  const BlockVector column = P.col(0);
-  P -= column * column.transpose() / P(0, 0);
-  q -= column * (q[0] / column[0]);
+  const BlockVector column = all.P.col(0);
+  all.log_weight += 0.5 * all.q[0] * all.q[0] / column[0] - 0.5 * std::log(column[0]);
+  all.P -= column * column.transpose() / column[0];
+  all.q -= column * (all.q[0] / column[0]);
   const double spread = cavity_.spread, most = thermal_priors.most_of_spread * spread;
   const auto sizes = [&](double own, double largest) {
-    std::vector<double> all;
+    std::vector<double> grid;
     double size = thermal_priors.smallest * own;
     for (int k = 0; k < thermal_priors.sizes && (k == 0 || size <= largest); ++k, size *= thermal_priors.factor)
-      all.push_back(size * size);
-    return all;
+      grid.push_back(size * size);
+    return grid;
   };
   for (Index c = 0; c < 5; ++c) {
-    const double own = P(c + 1, c + 1);
+    const double own = all.P(c + 1, c + 1);
     variances_[c] = own > least_pivot ? sizes(1.0 / std::sqrt(own), most) : std::vector<double>{};
   }
-  const auto system_of = [](const auto& Q, const auto& s) {
-    return System{Q.template block<5, 5>(1, 1), s.template segment<5>(1)};
-  };
+  const auto system_of = [](const Weighed& of) { return System{of.P.block<5, 5>(1, 1), of.q.segment<5>(1)}; };
   Leaf leaf;
   leaf.switch_on = index;
   const std::array<double, 5>& shape = thermal_priors.shape;
-  double all = 0.0;
-  for (int k = 0; k <= allowed_.order; ++k) all += shape[k];
-  if (allowed_.smooth) all += shape[4];
+  double odds = allowed_.smooth ? shape[4] : 0.0;
+  for (int k = 0; k <= allowed_.order; ++k) odds += shape[k];
   double polynomials[4];
-  for (std::size_t k = 0; k < 4; ++k) polynomials[k] = std::log(shape[k] / all);
-  leaf.weight = log_weight;
-  explore(system_of(P, q), 0, leaf, allowed_.order, polynomials);
+  for (std::size_t k = 0; k < 4; ++k) polynomials[k] = std::log(shape[k] / odds);
+  leaf.weight = all.log_weight;
+  explore(system_of(all), 0, leaf, allowed_.order, polynomials);
   if (!allowed_.smooth) return;
   // A function of its own, in the sigma of a mean of all legs, beside a cubic.
-  double with_s[4] = {-INFINITY, -INFINITY, -INFINITY, std::log(shape[4] / all)};
-  const auto all_sizes = sizes(1.0 / std::sqrt(P_.back()(0, 0)), spread);
+  double with_s[4] = {-INFINITY, -INFINITY, -INFINITY, std::log(shape[4] / odds)};
+  const auto all_sizes = sizes(1.0 / std::sqrt(coefficients_.back().P(0, 0)), spread);
   for (const double size : all_sizes) {
-    Eigen::Matrix<double, smooth_count, smooth_count> inner = P.bottomRightCorner<smooth_count, smooth_count>();
-    inner.diagonal().array() += 1.0 / size;
-    const Eigen::LLT<Eigen::Matrix<double, smooth_count, smooth_count>> factor(inner);
-    const Eigen::Matrix<double, smooth_count, 1> b = factor.solve(q.tail<smooth_count>());
-    const Eigen::Matrix<double, smooth_count, thermal_columns> right = P.bottomRows<smooth_count>();
-    const Block rest = P - right.transpose() * factor.solve(right);
+    const Weighed rest = without_last(all, smooth_count, size);
     leaf.smooth = size;
-    leaf.weight = log_weight + 0.5 * b.dot(q.tail<smooth_count>()) - factor.matrixLLT().diagonal().array().log().sum() -
-                  0.5 * static_cast<double>(smooth_count) * std::log(size) -
-                  std::log(static_cast<double>(all_sizes.size()));
-    explore(system_of(rest, BlockVector(q - right.transpose() * b)), 0, leaf, 3, with_s);
+    leaf.weight = rest.log_weight - std::log(static_cast<double>(all_sizes.size()));
+    explore(system_of(rest), 0, leaf, 3, with_s);
   }
 }
 
@@ -287,23 +279,22 @@ void Search::explore(const System& system, int next, Leaf leaf, int most_order, 
   if (whole.weight > best_ + branch_floor) leaves_.push_back(whole);
   if (next == 5) return;
   // No set of further columns gains more than the whole chi-square that they have, and the odds of the best order.
-  Eigen::Matrix<double, 5, 5> Q = system.Q;
-  Q.diagonal().array() += least_pivot * (1.0 + Q.diagonal().maxCoeff());
-  const double most_gain = 0.5 * std::max(0.0, system.s.dot(Q.llt().solve(system.s))) +
-                           *std::max_element(log_shape + leaf.order, log_shape + std::max(leaf.order, most_order) + 1);
+  System rest = system;
+  const double floor = least_pivot * (1.0 + system.Q.diagonal().maxCoeff());
+  double most_gain = *std::max_element(log_shape + leaf.order, log_shape + std::max(leaf.order, most_order) + 1);
+  for (int c = 0; c < 5; ++c) most_gain += take_in(rest, c, floor);
   for (int c = next; c < 5; ++c) {
     const auto& sizes = variances_[c];
     if (c < 3 && (c != leaf.order || c >= most_order)) continue;
     if ((c == 3 && !allowed_.rate) || (c == 4 && !allowed_.hysteresis)) continue;
     const double prior = -std::log(static_cast<double>(sizes.size()));
     for (const double variance : sizes) {
-      if (leaf.weight + prior + most_gain - 0.5 * std::log1p(variance * system.Q(c, c)) +
-              allowed_.log_effect[c >= 3 || has_rate ? 1 : 0] <
-          best_ + branch_floor)
+      const double price = prior - 0.5 * std::log1p(variance * system.Q(c, c));
+      if (leaf.weight + price + most_gain + allowed_.log_effect[c >= 3 || has_rate ? 1 : 0] < best_ + branch_floor)
         continue;
       System child = system;
       Leaf longer = leaf;
-      longer.weight += prior + take_in(child, c, variance);
+      longer.weight += price + take_in(child, c, 1.0 / variance);
       longer.variance[c] = variance;
       if (c < 3) longer.order = c + 1;
       explore(child, c + 1, longer, most_order, log_shape);
@@ -316,7 +307,7 @@ Average Search::average() {
   std::erase_if(leaves_, [&](const Leaf& leaf) { return leaf.weight < best_ + branch_floor; });
   for (Leaf& leaf : leaves_) sum += leaf.weight = std::exp(leaf.weight - best_);
   Average result;
-  Block second = Block::Zero();
+  MatrixXd second = MatrixXd::Zero(thermal_columns, thermal_columns);
   for (Leaf& leaf : leaves_) {
     leaf.weight /= sum;
     BlockVector prior = BlockVector::Zero();
@@ -334,10 +325,11 @@ Average Search::average() {
     // Coefficients z of unit prior variance, so that those that are not there are no case of their own; the constant is flat.
     BlockVector root = prior.cwiseSqrt();
     root[0] = 1.0;
-    Block inner = root.asDiagonal() * P_[leaf.switch_on] * root.asDiagonal();
+    const Weighed& of = coefficients_[leaf.switch_on];
+    MatrixXd inner = root.asDiagonal() * of.P * root.asDiagonal();
     inner.diagonal().tail<thermal_columns - 1>().array() += 1.0;
-    const Block C = root.asDiagonal() * Block(inner.llt().solve(Block::Identity())) * root.asDiagonal();
-    const BlockVector mean = C * q_[leaf.switch_on];
+    const MatrixXd C = root.asDiagonal() * solve_symmetric(inner, MatrixXd(root.asDiagonal()));
+    const BlockVector mean = C * of.q;
     result.mean += leaf.weight * mean;
     second += leaf.weight * (C + mean * mean.transpose());
   }
@@ -410,15 +402,8 @@ VectorXd prior_precision(const Joint& joint, const std::vector<Average>& average
   return precision;
 }
 
-MatrixXd posterior_covariance(const Joint& joint, const VectorXd& precision) {
-  MatrixXd A = joint.H;
-  A.diagonal() += precision;
-  const VectorXd scale = A.diagonal().cwiseSqrt().cwiseInverse();
-  return scale.asDiagonal() * inverse(scale.asDiagonal() * A * scale.asDiagonal()) * scale.asDiagonal();
-}
-
 // L of L L', positive definite but for rounding.
-Block lower_root(Block A) {
+MatrixXd lower_root(MatrixXd A) {
   A.diagonal().array() += 0.01 * least_variance;
   return A.llt().matrixL();
 }
@@ -443,7 +428,7 @@ Fit fit(const std::vector<LegData>& legs, const Setting& setting, const std::vec
   constexpr int rounds = 3;
   for (int round = before ? rounds - 1 : 0; round < rounds; ++round) {
     const VectorXd precision = prior_precision(joint, result.averages);
-    const MatrixXd M = posterior_covariance(joint, precision);
+    const MatrixXd M = balanced_inverse(joint.H + MatrixXd(precision.asDiagonal()));
     const VectorXd m = M * joint.b;
     for (std::size_t j = 0; j < count; ++j) {
       const std::vector<Index>& rows = joint.rows[j];
@@ -456,19 +441,17 @@ Fit fit(const std::vector<LegData>& legs, const Setting& setting, const std::vec
       result.averages[j] = Search(cavity, allowed, is_bias(setting.keys[j])).average();
     }
   }
-  const MatrixXd M = posterior_covariance(joint, prior_precision(joint, result.averages));
+  const MatrixXd M = balanced_inverse(joint.H + MatrixXd(prior_precision(joint, result.averages).asDiagonal()));
   const Index of_columns = count * thermal_columns;
   result.covariance = M.topLeftCorner(of_columns, of_columns);
   result.mean.resize(of_columns);
   for (std::size_t j = 0; j < count; ++j) {
     const Index first = j * thermal_columns;
-    const Block joint_root = lower_root(M.block(first, first, thermal_columns, thermal_columns));
-    const Block own = lower_root(result.averages[j].covariance);
-    const Block T = joint_root.transpose().triangularView<Eigen::Upper>().solve(Block(own.transpose())).transpose();
-    result.covariance.middleRows(first, thermal_columns) =
-        (T * result.covariance.middleRows(first, thermal_columns)).eval();
-    result.covariance.middleCols(first, thermal_columns) =
-        (result.covariance.middleCols(first, thermal_columns) * T.transpose()).eval();
+    const MatrixXd joint_root = lower_root(M.block(first, first, thermal_columns, thermal_columns));
+    const MatrixXd T = lower_root(result.averages[j].covariance) * inverse(joint_root);
+    MatrixXd& C = result.covariance;
+    C.middleRows(first, thermal_columns) = (T * C.middleRows(first, thermal_columns)).eval();
+    C.middleCols(first, thermal_columns) = (C.middleCols(first, thermal_columns) * T.transpose()).eval();
     result.mean.segment(first, thermal_columns) = result.averages[j].mean;
   }
   return result;
@@ -523,12 +506,12 @@ LegData data_of(const ThermalLeg& leg, const Setting& setting) {
 
 // Coefficients in file units per power of T - reference.
 void hand_out(const Fit& fit, const Setting& setting, ThermalModel& model) {
-  Block B = setting.functions.to_powers(model.reference_c);
+  MatrixXd B = setting.functions.to_powers(model.reference_c);
   B(thermal_rate, thermal_rate) = 1.0 / setting.rate_unit;
   model.coefficients = fit.mean;
   model.covariance = fit.covariance;
   for (std::size_t j = 0; j < setting.keys.size(); ++j) {
-    const Block out = B * setting.scale[setting.keys[j]];
+    const MatrixXd out = B * setting.scale[setting.keys[j]];
     const Index first = j * thermal_columns;
     auto of_j = model.coefficients.segment(first, thermal_columns);
     of_j = (out * of_j).eval();
@@ -741,13 +724,13 @@ ThermalExpectation expected_thermal_sigmas(const std::vector<ThermalLeg>& legs) 
   for (const ThermalLeg& leg : legs) {
     std::vector<Index> rows;
     for (const int key : keys) rows.push_back(std::ranges::find(leg.free, key) - leg.free.begin());
-    const MatrixXd of_leg = MatrixXd(leg.covariance(rows, rows)).llt().solve(MatrixXd::Identity(n, n));
+    const MatrixXd of_leg = balanced_inverse(leg.covariance(rows, rows));
     const double t = (leg.temperature_c - expected.reference_c) / half;
     for (Index a = 0; a < orders; ++a)
       for (Index b = 0; b < orders; ++b)
         information.block(a * n, b * n, n, n) += std::pow(t, static_cast<double>(a + b)) * of_leg;
   }
-  const VectorXd variance = information.llt().solve(MatrixXd::Identity(orders * n, orders * n)).diagonal();
+  const VectorXd variance = balanced_inverse(information).diagonal();
   for (Index a = 0; a < orders; ++a) {
     expected.sigma.push_back(ParameterVector::Zero());
     for (Index i = 0; i < n; ++i)

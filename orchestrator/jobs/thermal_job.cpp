@@ -246,7 +246,7 @@ Result<std::string> write_rig(const std::string& text, const RunPlan& plan, std:
 RunRequest request_of(const Campaign& campaign, const CampaignLeg& leg, const RunRequest& asked) {
   RunRequest request = asked;
   request.units = {campaign.unit};
-  request.station = campaign.site.station;
+  request.station = leg.station.empty() ? campaign.site.station : leg.station;
   request.rig = campaign.rig;
   request.sequence = leg.sequence;
   request.temperature_c = leg.temperature_c;
@@ -277,11 +277,11 @@ Result<std::vector<RunPlan>> plan_legs(const Campaign& campaign, const RunReques
   return plans;
 }
 
-// From the leg before; what the first one begins with is not known.
+// From the leg before, until the air is within the band; what the first one begins with is not known.
 double chamber_s(const Campaign& campaign, const std::vector<RunPlan>& plans, std::size_t leg) {
   const ChamberConfig& chamber = *plans[leg].station.chamber;
-  const double way_c = campaign.legs[leg].temperature_c - campaign.legs[leg > 0 ? leg - 1 : 0].temperature_c;
-  return 60.0 * std::abs(way_c) / chamber.described.limits.ramp_c_per_min + chamber.settle_s;
+  const double way_c = std::abs(campaign.legs[leg].temperature_c - campaign.legs[leg > 0 ? leg - 1 : 0].temperature_c);
+  return 60.0 * std::max(0.0, way_c - chamber.band_c) / chamber.described.limits.ramp_c_per_min + chamber.settle_s;
 }
 
 // A leg that says no more than what its sequence is expected to determine.
@@ -340,7 +340,8 @@ Result<Campaign> read_campaign(const std::string& path) {
   int switched = 1;
   for (const double c : file.numbers("temperatures_c")) {
     const std::string key = fmt::format("leg.{}.", campaign.legs.size() + 1);
-    CampaignLeg leg{c, beside(file.text_or(key + "sequence", sequence)), file.boolean_or(key + "switch_on", false)};
+    CampaignLeg leg{c, beside(file.text_or(key + "sequence", sequence)), beside(file.text_or(key + "station", "")),
+                    file.boolean_or(key + "switch_on", false)};
     leg.switch_on_number = switched += leg.switch_on ? 1 : 0;
     campaign.legs.push_back(leg);
     low = std::min(low, c), high = std::max(high, c);

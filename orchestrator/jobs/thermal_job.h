@@ -36,10 +36,11 @@ Result<ThermalOutput> thermal_calibration(const ThermalRequest& request);
 //
 // What is there is not done again: the same command goes on after a pause, a fault or a kill, in the leg that was interrupted. The unit is switched by
 // hook.switch_on of the station; without one the campaign pauses for it. Every leg ends with the chamber off, as any run does.
-// Not modelled: a dry run switches nothing on, so all its legs have one turn-on bias; dwells while the chamber is on its way.
+// Not modelled: a dry run switches nothing on, so all its legs have one turn-on bias.
 struct CampaignLeg {
   double temperature_c = 0.0;
   std::string sequence;  // file; empty: the fourteen steps
+  std::string station;   // file; empty: the campaign's
   bool switch_on = false;
   int switch_on_number = 1;  // legs of one number had one switch-on
 };

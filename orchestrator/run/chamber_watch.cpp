@@ -51,17 +51,17 @@ std::string ChamberWatch::add(const ChamberStatus& now, std::optional<double> un
     settled_ = settled_ || now_s - std::max(*in_band_s_, unit_since_s_) >= config_.settle_s - 1e-6;
   }
   if (!settled_ && now_s > began_s_ + config_.settle_limit_s)
-    return fmt::format("it has not settled at {} C within chamber.settle_limit_s = {}: it reads {} C{}",
-                       format_number(target_c_), format_number(config_.settle_limit_s), format_number(now.actual_c),
+    return fmt::format("it has not settled at {} C within chamber.settle_limit_s = {}: it reads {:.1f} C{}",
+                       format_number(target_c_), format_number(config_.settle_limit_s), now.actual_c,
                        in_band && unit_c ? fmt::format(", and the unit {:.1f} C", *unit_c) : "");
   if (in_band) return "";
   if (!out_of_band_s_) out_of_band_s_ = now_s;
   in_band_s_.reset();
   if (now_s - changed_s_ > dead_s + 180.0 * limits_.grain_c / ramp_c_per_min_)
-    return fmt::format("its sensor has read {} C for {:.0f} s, and it should be on its way to {} C: dead?",
-                       format_number(now.actual_c), now_s - changed_s_, format_number(target_c_));
+    return fmt::format("its sensor has read {:.1f} C for {:.0f} s, and it should be on its way to {} C: dead?",
+                       now.actual_c, now_s - changed_s_, format_number(target_c_));
   if (settled_ && now_s - *out_of_band_s_ > config_.settle_s)
-    return fmt::format("it had settled at {} C and reads {} C", format_number(target_c_), format_number(now.actual_c));
+    return fmt::format("it had settled at {} C and reads {:.1f} C", format_number(target_c_), now.actual_c);
   return "";
 }
 

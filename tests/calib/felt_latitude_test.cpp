@@ -60,5 +60,28 @@ TEST(FeltLatitude, IsTheTrueOneWhereBiasesStayOpen) {
   }
 }
 
+// A latitude and its mirror have the same rate north. Where the rate up is hardly felt (a MEMS gyro's bias instability in ten minutes), the
+// mirror may be the nearer one, and the sigma there, which the rate north gives, is small.
+TEST(FeltLatitude, ItsMirrorIsNoReasonWhereOnlyTheRateNorthIsFelt) {
+  CompressedRecording recording;
+  recording.info.latitude_deg = 57.7;
+  JointResult fit;
+  fit.converged = true;
+  fit.free = free_parameters();
+  const auto size = static_cast<Eigen::Index>(fit.free.size());
+  fit.covariance = Eigen::MatrixXd::Identity(size, size);
+  fit.unseen_instability = Eigen::MatrixXd::Zero(size, size);
+  fit.last.information = Eigen::MatrixXd::Identity(parameter_count + 2, parameter_count + 2);
+  fit.last.gradient = Eigen::VectorXd::Zero(parameter_count + 2);
+  const auto felt = [&](double sigma_up_degph) {
+    const Eigen::Vector2d information(1.0, 1.0 / (sigma_up_degph * sigma_up_degph)), off(0.3, -25.0);
+    fit.last.information.diagonal().tail<2>() = information;
+    fit.last.gradient.tail<2>() = -information.cwiseProduct(off);
+    return wrong_latitude(recording, fit);
+  };
+  EXPECT_EQ(felt(12.0), "");
+  EXPECT_SAYS(felt(1.0), "as at a latitude of -5");
+}
+
 }  // namespace
 }  // namespace turncal

@@ -117,9 +117,10 @@ class Page : public Program {
  protected:
   // A dry run slow enough to look at; returns its page's address.
   std::string start_run(const std::string& out, const std::string& pace, pid_t& pid) const {
-    pid = start({"run", "--dry-run", "--unit", "SN-7", "--out", out, "--sequence",
-                 std::string(TURNCAL_SOURCE_DIR) + "/sequences/short_demo.seq", "--listen", "127.0.0.1:0", "--pace",
-                 pace});
+    return start_page(dry_run(out, {"--pace", pace}, "SN-7"), pid);
+  }
+  std::string start_page(const Arguments& arguments, pid_t& pid) const {
+    pid = start(arguments + "--listen 127.0.0.1:0");
     for (int i = 0; i < 1000; ++i) {
       const std::string said = file_text(folder_.string() + ".out");
       const std::size_t at = said.find("status page "), end = said.find('\n', at);
@@ -180,6 +181,34 @@ TEST_F(Page, ServesStatusAndLetsNothingBeWritten) {
   ::kill(pid, SIGTERM);
   EXPECT_EQ(finish(pid).code, 75);
   expect_refused({"run", "--dry-run", "--unit", "SN8", "--out", "other", "--listen", "here"}, "expected ADDRESS:PORT");
+}
+
+TEST_F(Page, OfACampaignSaysTheLegAndWhenTheLastOneEnds) {
+  write("own.chamber",
+        "format = 1\nname = own\nlink.kind = rig\nlimits.low_c = -40\nlimits.high_c = 85\nlimits.ramp_c_per_min = 3\n");
+  write("own.station", station_head + "chamber.file = own.chamber\nchamber.limit_unit_c = 60\nchamber.settle_s = 60\n");
+  write("own.campaign",
+        "format = 1\nunit = SN1\nstation = own.station\nsequence = " + short_demo + "\ntemperatures_c = 10, 55, 25\n");
+  const std::string plan = run("campaign own.campaign --plan --format json").out, key = "\"ends after, h\":";
+  const std::size_t last = plan.rfind(key);
+  ASSERT_NE(last, std::string::npos) << plan;
+  const double hours = std::stod(plan.substr(last + key.size()));
+  EXPECT_GT(hours, 0.8);
+  const double begin_s = wall_utc_s();
+  pid_t pid = -1;
+  const std::string url = start_page("campaign own.campaign --out all --dry-run --no-diagnosis --pace 10", pid);
+  ASSERT_FALSE(url.empty());
+  httplib::Client client(url.substr(0, url.size() - 1));
+  const auto status = client.Get("/status.json");
+  ASSERT_TRUE(status);
+  const std::string said = "; leg 1 of 3, the last one ends at about ";
+  const std::size_t at = status->body.find(said);
+  ASSERT_NE(at, std::string::npos) << status->body;
+  const auto end_s = parse_utc(status->body.substr(at + said.size(), std::string_view("2026-01-01T00:00:00Z").size()));
+  ASSERT_TRUE(end_s);
+  EXPECT_NEAR(*end_s - begin_s, 3600.0 * hours, 60.0) << "what it takes to begin";
+  ::kill(pid, SIGTERM);
+  EXPECT_EQ(finish(pid).code, 75);
 }
 
 TEST_F(Page, ABrowserShowsTheRunAndThatItDied) {

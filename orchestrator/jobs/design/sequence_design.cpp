@@ -238,7 +238,7 @@ double cost_of(const std::vector<AliasPair>& pairs) {
   return cost;
 }
 
-constexpr int settling_tries = 300;
+constexpr int settling_tries = 1500;
 constexpr double from_pose_to_pose_s = 60.0;  // the way to the start of the legs, at most, as a first guess
 
 // Where the cable still lets every axis go: it counts what the plan has turned.
@@ -370,9 +370,11 @@ std::optional<Settling> find_settling(const SettlingTask& task) {
     design.time_s = task.left_s - way_s;
     const Result<ExtraLegs> legs = find_extra_legs(separation ? &*separation : nullptr, design, [](double) {});
     if (!legs) return found;
-    const bool tells = !legs->after.empty() &&
-                       std::ranges::min(legs->after, {}, &AliasPair::gain).gain >= SelectionLimits{}.bic_margin;
-    if (!tells && (needed.empty() || legs->further > 0.0)) return found;
+    const double gain = legs->after.empty() ? 0.0 : std::ranges::min(legs->after, {}, &AliasPair::gain).gain;
+    if (gain < SelectionLimits{}.bic_margin && (needed.empty() || legs->further > 0.0)) {
+      if (doubt) found.why_not += ": 2 ln L " + significant(gain, 2) + " is expected, and 10 has to be";
+      return found;
+    }
     WalkHeader header;
     header.name = "settling";
     header.comments = {"to settle: " + found.doubt};

@@ -148,6 +148,30 @@ TEST_F(CampaignProgram, LegsAreMadeOnceAndTakenTogether) {
   EXPECT_EQ(entries(file_text(path("all/parameters.conf"))).at("temperature.N01.1"), fitted.at("temperature.N01.1"));
 }
 
+// Legs with a station of their own, that measure while the chamber goes its slow way: they bound the rate term, which the rig's unit has not.
+TEST_F(CampaignProgram, LegsOnARampBoundWhatGoesWithTheRate) {
+  write("own.rig", "temperature.rise_c = 0\neffect.gyro_bias_temperature.x = 0.01\n");
+  write(
+      "slow.chamber",
+      "format = 1\nname = slow\nlink.kind = rig\nlimits.low_c = -40\nlimits.high_c = 85\nlimits.ramp_c_per_min = 1\n");
+  write("ramp.station", station_head +
+                            "chamber.file = slow.chamber\nchamber.limit_unit_c = 60\nchamber.settle_s = 1\n" +
+                            "chamber.band_c = 20\n");
+  std::string legs = "temperatures_c = 25, 43, 8, 26, 42, 9\nrig = own.rig\n";
+  for (const char* const leg : {"2", "3", "5", "6"}) legs += std::string("leg.") + leg + ".station = ramp.station\n";
+  campaign(legs);
+  const ProgramResult made = run("campaign own.campaign --out all --dry-run --no-diagnosis");
+  ASSERT_EQ(made.code, 0) << made.err << made.out;
+  const auto conf = entries(file_text(path("all/thermal.conf")));
+  const auto number = [&](const std::string& key) { return std::stod(conf.at(key)); };
+  EXPECT_GT(number("leg.2.rate_c_per_h"), 30.0);
+  EXPECT_LT(number("leg.3.rate_c_per_h"), -30.0);
+  EXPECT_LT(number("probability.N01.rate"), 0.95);
+  EXPECT_LT(number("sigma.N01.rate"), 0.001);
+  EXPECT_NEAR(number("coefficient.N01.rate"), 0.0, 5.0 * number("sigma.N01.rate"));
+  EXPECT_NEAR(number("coefficient.N01.1"), 0.01, 5.0 * number("sigma.N01.1"));
+}
+
 TEST_F(CampaignProgram, APlanSaysTimesAndSigmasAndMovesNothing) {
   campaign("temperatures_c = -20, 0, 20, 40, 10\n");
   const std::set<std::string> before = everything();

@@ -58,7 +58,7 @@ TEST(ChamberWatch, WaitsForTheUnitThatFollowsTheAir) {
   Watched drifts;
   for (s = 0.0; s <= 1000.0; s += 10.0) ASSERT_EQ(drifts.at(s, 40.0, 40.0, true, 20.0 + s / 50.0), "");
   EXPECT_SAYS(drifts.at(1001.0, 40.0, 40.0, true, 40.0),
-              "it has not settled at 40 C within chamber.settle_limit_s = 1000: it reads 40 C, and the unit 40.0 C");
+              "it has not settled at 40 C within chamber.settle_limit_s = 1000: it reads 40.0 C, and the unit 40.0 C");
 }
 
 TEST(ChamberWatch, EachFaultIsSaid) {
@@ -75,7 +75,7 @@ TEST(ChamberWatch, EachFaultIsSaid) {
   Watched dead;
   EXPECT_EQ(dead.at(1.0, 25.0), "");
   EXPECT_EQ(dead.at(180.0, 25.0), "");
-  EXPECT_SAYS(dead.at(195.0, 25.0), "its sensor has read 25 C for 194 s");
+  EXPECT_SAYS(dead.at(195.0, 25.0), "its sensor has read 25.0 C for 194 s");
   Watched still;
   for (double s = 1.0; s < 3000.0; s += 10.0) EXPECT_EQ(still.at(s, 40.0), "") << "the same within the band is well";
   Watched never;
