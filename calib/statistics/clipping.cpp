@@ -67,9 +67,16 @@ std::vector<DataEvent> ClippingFinder::finish() {
   for (std::size_t axis = 0; axis < 3; ++axis)
     for (Side& side : sides_[axis]) {
       close(side);
-      std::int64_t at = 0;
-      for (const DataEvent& run : side.runs) at += run.count;
-      if (at < clipping_limits.fewest || !(side.extreme > clipping_limits.least_steps * step_[axis])) continue;
+      std::int64_t at = 0, end = 0;
+      std::size_t flickers = 0;
+      for (const DataEvent& run : side.runs) {
+        if (at > 0 && run.sample - end < clipping_limits.shortest_run) ++flickers;
+        at += run.count;
+        end = run.sample + run.count;
+      }
+      if (2 * flickers > side.runs.size() || at < clipping_limits.fewest ||
+          !(side.extreme > clipping_limits.least_steps * step_[axis]))
+        continue;
       const std::size_t top = bin_of(side.extreme);
       const double band = static_cast<double>(side.histogram[top]) + static_cast<double>(side.histogram[top - 1]);
       if (static_cast<double>(at) < clipping_limits.of_band * band) continue;

@@ -3,12 +3,14 @@
 // A clipped turn piles its samples up at one value. A channel and sense is clipped when its extreme value
 //   - comes several times in a row, and several times in such runs,
 //   - makes up at least half of all samples within about 1 % of it,
-//   - is many of the smallest steps the channel makes (ClippingLimits in limits.h).
+//   - is many of the smallest steps the channel makes (ClippingLimits in limits.h),
+//   - and stands: a constant rate that is counted in steps flickers between two of them, so that most of its runs follow one another within
+//     two samples.
 //
 // A file reader that sees the numbers themselves flags samples that are clipped (gyro_clipped_flag); such are found too.
 //
-// One pass; memory: 0.8 MB and the runs. For units turned by hand: at the constant rate of a table a coarse gyro repeats one value for
-// as long as it turns. There the turn itself tells (clipped_turns): the sums of its blocks repeat one value, and it is short of what was
+// One pass; memory: 0.8 MB and the runs. For units turned by hand: at the constant rate of a table a coarse gyro may stand, too.
+// There the turn itself tells (clipped_turns): the sums of its blocks repeat one value, and it is short of what was
 // commanded. Not modelled: a sensor that wraps around, or that rings at the end of its range.
 #pragma once
 

@@ -102,8 +102,8 @@ const UnitSlip* slip_near(std::span<const UnitSlip> slips, double ratio) {
 }
 
 std::string wrong_gravity(double ratio, const RecordingInfo& info) {
-  // No accelerometer's scale factor is off by as much, and a weight that is twice too large shows.
-  constexpr double far = 1.8;
+  // A rough sensor's scale factor is off by a quarter, no more; a pulse's nominal weight may be, and one that is twice too large shows.
+  const double far = info.accel_increment == IncrementKind::pulses ? 1.8 : 1.28;
   const bool is_far = ratio >= far || ratio <= 1.0 / far;
   if (info.accel_increment == IncrementKind::pulses)
     return !is_far ? std::string()

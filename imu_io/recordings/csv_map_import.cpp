@@ -17,7 +17,6 @@
 #include "imu_io/base/posix_file.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/recording_check.h"
-#include "imu_io/recordings/recording_writer.h"
 #include "imu_io/recordings/ros_bag.h"
 #include "imu_io/recordings/stamps.h"
 
@@ -48,8 +47,8 @@ CsvTriad read_triad(KeyValueFile& file, const std::string& name, const std::vect
 
 Result<CsvMap> read_map(KeyValueFile& file) {
   CsvMap map;
-  map.gyro = read_triad(file, "gyro", {"rad/s", "deg/s", "deg/h", "rad", "deg", "arcsec"});
-  map.accel = read_triad(file, "accel", {"m/s^2", "g", "mg", "m/s"});
+  map.gyro = read_triad(file, "gyro", {"rad/s", "deg/s", "deg/h", "mrad/s", "mdeg/s", "rad", "deg", "arcsec"});
+  map.accel = read_triad(file, "accel", {"m/s^2", "cm/s^2", "g", "mg", "m/s"});
   const std::string delimiter = file.one_of_or("csv.delimiter", "comma", {"comma", "semicolon", "tab", "space"});
   map.format.delimiter = delimiter == "semicolon" ? ';' : delimiter == "tab" ? '\t' : delimiter == "space" ? ' ' : ',';
   map.format.decimal_comma = file.one_of_or("csv.decimal", "point", {"point", "comma"}) == "comma";
@@ -103,29 +102,22 @@ Eigen::Vector3d three_of(const NumberTable& table, std::size_t row, std::size_t 
   return {table.columns[first][row], table.columns[first + step][row], table.columns[first + 2 * step][row]};
 }
 
-// Rows that are left out, by their places; what they are asked for goes from the first row on.
-class Sieve {
- public:
-  explicit Sieve(std::vector<std::size_t> out) : out_(std::move(out)) {}
-  bool next_passes() {
-    const bool is_out = at_ < out_.size() && out_[at_] == row_;
-    if (is_out) ++at_;
-    ++row_;
-    return !is_out;
-  }
-
- private:
-  std::vector<std::size_t> out_;
-  std::size_t row_ = 0, at_ = 0;
-};
-
 // Twice through the rows: for the stamps, and for the samples.
 class Importer {
  public:
   Importer(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel)
       : map_(map), source_(source), accel_source_(accel) {}
 
-  Result<CsvImport> run(const ImportBegin& begin, const RecordingSource::Sink& sink) {
+  Result<CsvImport> run(const ImportBegin& begin, const RecordingSource::Sink& sink, bool early) {
+    begin_ = begin;
+    sink_ = sink;
+    early_ = early && accel_source_ == nullptr && map_.gyro.is_rate && map_.accel.is_rate;
+    RecordingInfo& info = result_.info;
+    info.latitude_deg = map_.latitude_deg;
+    info.gravity_mps2 = map_.gravity_mps2;
+    info.unit_serial = map_.unit_serial;
+    info.gyro_increment = info.accel_increment = IncrementKind::physical;
+    info.started_utc_s = map_.started_utc_s ? map_.started_utc_s : source_.started_utc_s;
     TRY(want_columns());
     TRY(scan());
     TRY(leave_out_doubles());
@@ -136,16 +128,9 @@ class Importer {
       return input_error(source_.file_name + ": expected at least 10 rows of data, found " + std::to_string(rows_));
     TRY(make_intervals());
     std::vector<double>().swap(times_);
-    RecordingInfo& info = result_.info;
-    info.started_utc_s = map_.started_utc_s ? map_.started_utc_s : source_.started_utc_s;
-    info.latitude_deg = map_.latitude_deg;
-    info.gravity_mps2 = map_.gravity_mps2;
-    info.unit_serial = map_.unit_serial;
-    info.gyro_increment = info.accel_increment = IncrementKind::physical;
     result_.rows = static_cast<std::int64_t>(rows_) + result_.bad_rows;
     TRY(check_info(info, source_.file_name));
-    begin(result_);
-    TRY(make_samples(sink));
+    TRY(make_samples());
     return std::move(result_);
   }
 
@@ -173,19 +158,19 @@ class Importer {
     return {};
   }
 
-  // `visit`: of every row that the sieves let through; its number among them, from 0, and the row.
+  // `visit`: of every row that is not left out; its number among them, from 0, and the row.
   template <class Visit>
   Status each_row(Visit visit) {
-    std::vector<Sieve> sieves = sieves_;
     std::size_t kept = 0;
     Row row;
     const std::size_t step = accel_source_ == nullptr ? 2 : 1;
     return source_.read(wanted_, map_.format, [&](const NumberTable& block) -> Status {
       if (!scanned_) count_bad(block);
+      if (early_ && early_period_s_ == 0.0 && block.rows() > 0) begin_early(block);
       // Stamps are numbers of 1.7e15 us: seconds of them would be rounded.
       if (timed() && !first_stamp_ && block.rows() > 0) first_stamp_ = block.columns[time_].front();
       for (std::size_t k = 0; k < block.rows(); ++k, ++row.number) {
-        if (!std::ranges::all_of(sieves, &Sieve::next_passes)) continue;
+        if (scanned_ && out_[static_cast<std::size_t>(row.number)]) continue;
         row.gyro = three_of(block, k, 0, step);
         if (step == 2) row.accel = three_of(block, k, 1, step);
         if (timed()) row.time = (block.columns[time_][k] - *first_stamp_) * map_.time_unit_s;
@@ -219,9 +204,10 @@ class Importer {
       result_.info.has_temperature = result_.info.has_temperature || !std::isnan(row.temperature);
       before = row;
       rows_ = k + 1;
-      return {};
+      return early_ ? add_sample(row, row.accel, sample.counter, 0, early_period_s_) : Status();
     }));
     clipped_ = finder.finish();
+    out_.resize(rows_);
     scanned_ = true;
     return {};
   }
@@ -252,28 +238,26 @@ class Importer {
   // `leaves`: (row, rows kept before) -> Result<bool>; `numbered`: the unit had a sample there, and its number is left out.
   template <class Leaves>
   Status sieve(bool numbered, Leaves leaves) {
-    std::vector<std::size_t> out;
     std::vector<StampGap> missing;
     std::size_t kept = 0;
     std::int64_t skipped = 0;
-    for (std::size_t k = 0, at = 0; k < rows_; ++k) {
+    for (std::size_t row = 0, k = 0, at = 0; row < out_.size(); ++row) {
+      if (out_[row]) continue;
       if (at < missing_.size() && missing_[at].row == k) skipped += missing_[at++].periods;
-      if (TRY(leaves(k, kept))) {
-        out.push_back(k);
+      if (out_[row] = TRY(leaves(k, kept)); out_[row]) {
         skipped += numbered ? 1 : 0;
-        continue;
+      } else {
+        if (skipped > 0 && kept > 0) missing.push_back({kept, skipped});
+        skipped = 0;
+        if (timed()) times_[kept] = times_[k];
+        ++kept;
       }
-      if (skipped > 0 && kept > 0) missing.push_back({kept, skipped});
-      skipped = 0;
-      if (timed()) times_[kept] = times_[k];
-      ++kept;
+      ++k;
     }
     missing_ = std::move(missing);
+    if (kept < rows_) stamps_.reset();
     rows_ = kept;
     if (timed()) times_.resize(kept);
-    if (out.empty()) return {};
-    sieves_.emplace_back(std::move(out));
-    stamps_.reset();
     return {};
   }
 
@@ -446,58 +430,82 @@ class Importer {
     return flags;
   }
 
-  Status make_samples(const RecordingSource::Sink& sink) {
-    const double period = result_.info.sample_period_s;
+  // Of a row: the sample that it becomes, unless it is dropped.
+  Status add_sample(const Row& row, const Eigen::Vector3d& accel, std::int64_t counter, std::uint32_t flags,
+                    double dt) {
     const auto saturated = [](const CsvTriad& triad, double x) {
       return x <= triad.range_low || x >= triad.range_high;
     };
-    const auto increment = [](const CsvTriad& triad, const Eigen::Vector3d& numbers, std::size_t body, double dt) {
+    const auto increment = [dt](const CsvTriad& triad, const Eigen::Vector3d& numbers, std::size_t body) {
       const auto from = static_cast<std::size_t>(triad.axes.from[body]);
       return triad.axes.sign[body] * (numbers[triad.axes.from[body]] - triad.offset[from]) * triad.scale[from] *
              (triad.is_rate ? dt : 1.0);
     };
-    std::vector<ImuSample> samples;
-    constexpr std::size_t enough = 4096;
-    std::int64_t counter = 0;
-    std::size_t at = 0, written = 0;
-    double before_s = 0.0;
-    const auto hand_over = [&]() -> Status {
-      if (samples.empty()) return {};
-      written += samples.size();
-      TRY(sink(samples));
-      samples.clear();
-      return {};
-    };
-    TRY(each_row([&](std::size_t k, const Row& row) -> Status {
-      const bool is_gap = at < gaps_.size() && gaps_[at].row == k;
-      counter += k == 0 ? 0 : is_gap ? gaps_[at++].periods : 1;
-      const Eigen::Vector3d& accel = accel_.empty() ? row.accel : accel_[k];
-      const bool is_measured = timed() && measured() && k > 0 && !is_gap;
-      const double dt = is_measured ? row.time - before_s : period;
-      before_s = row.time;
-      std::uint32_t flags = clipping_of(row.number);
-      if (flags != 0) ++result_.clipped;
-      bool full = false;
-      for (std::size_t axis = 0; axis < 3; ++axis)
-        if (saturated(map_.gyro, row.gyro[map_.gyro.axes.from[axis]])) {
-          flags |= gyro_clipped_flag(static_cast<int>(axis));
-          full = true;
-        }
-      const bool dropped = std::any_of(accel.begin(), accel.end(), [&](double x) { return saturated(map_.accel, x); });
-      if (full || dropped) ++result_.saturated;
-      if (dropped) return {};
-      ImuSample& sample = samples.emplace_back();
-      sample.counter = counter;
-      sample.flags = flags == 0 ? 0 : flags | sample_flag_invalid;  // whoever knows no axis sets its turn aside too
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        sample.gyro[axis] = increment(map_.gyro, row.gyro, axis, dt);
-        sample.accel[axis] = increment(map_.accel, accel, axis, dt);
+    bool full = false;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      if (saturated(map_.gyro, row.gyro[map_.gyro.axes.from[axis]])) {
+        flags |= gyro_clipped_flag(static_cast<int>(axis));
+        full = true;
       }
-      sample.temperature_c = static_cast<float>(row.temperature);
-      return samples.size() < enough ? Status() : hand_over();
-    }));
+    const bool dropped = std::any_of(accel.begin(), accel.end(), [&](double x) { return saturated(map_.accel, x); });
+    if (full || dropped) ++result_.saturated;
+    if (dropped) return {};
+    ImuSample& sample = samples_.emplace_back();
+    sample.counter = counter;
+    sample.flags = flags == 0 ? 0 : flags | sample_flag_invalid;  // whoever knows no axis sets its turn aside too
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      sample.gyro[axis] = increment(map_.gyro, row.gyro, axis);
+      sample.accel[axis] = increment(map_.accel, accel, axis);
+    }
+    sample.temperature_c = static_cast<float>(row.temperature);
+    constexpr std::size_t enough = 4096;
+    return samples_.size() < enough ? Status() : hand_over();
+  }
+
+  Status hand_over() {
+    written_ += samples_.size();
+    if (!samples_.empty()) TRY(sink_(samples_));
+    samples_.clear();
+    return {};
+  }
+
+  // With the period of the first rows, as if no row were missing, bad or clipped.
+  void begin_early(const NumberTable& block) {
+    early_period_s_ = timed() ? fit_stamps(block.columns[time_]).period * map_.time_unit_s : 1.0 / map_.rate_hz;
+    result_.info.sample_period_s = early_period_s_;
+    early_ = check_info(result_.info, source_.file_name).ok();
+    if (early_) begin_(result_);
+  }
+  bool early_was_right() const {
+    constexpr double near = 1e-3;
+    return early_ && !measured() && rows_ == out_.size() && gaps_.empty() && clipped_.empty() &&
+           std::abs(result_.info.sample_period_s / early_period_s_ - 1.0) < near;
+  }
+
+  Status make_samples() {
+    if (!early_was_right()) {
+      early_ = false;
+      samples_.clear();
+      written_ = 0;
+      result_.saturated = 0;
+      begin_(result_);
+      const double period = result_.info.sample_period_s;
+      std::int64_t counter = 0;
+      std::size_t at = 0;
+      double before_s = 0.0;
+      TRY(each_row([&](std::size_t k, const Row& row) -> Status {
+        const bool is_gap = at < gaps_.size() && gaps_[at].row == k;
+        counter += k == 0 ? 0 : is_gap ? gaps_[at++].periods : 1;
+        const bool is_measured = timed() && measured() && k > 0 && !is_gap;
+        const double dt = is_measured ? row.time - before_s : period;
+        before_s = row.time;
+        const std::uint32_t flags = clipping_of(row.number);
+        if (flags != 0) ++result_.clipped;
+        return add_sample(row, accel_.empty() ? row.accel : accel_[k], counter, flags, dt);
+      }));
+    }
     TRY(hand_over());
-    return written > 0
+    return written_ > 0
                ? Status()
                : input_error(source_.file_name + ": every row is saturated; look at gyro.range and accel.range");
   }
@@ -509,14 +517,20 @@ class Importer {
   std::size_t time_ = 0, temperature_ = 0;  // places in it
   std::optional<double> first_stamp_;       // in the unit of the map
   bool scanned_ = false;
+  ImportBegin begin_;
+  RecordingSource::Sink sink_;
+  bool early_ = false;  // samples are made while rows are scanned
+  double early_period_s_ = 0.0;
+  std::vector<ImuSample> samples_;  // not handed over yet
+  std::size_t written_ = 0;
   std::size_t rows_ = 0;  // that are kept
   std::vector<double> times_;
   std::vector<StampGap> missing_;  // samples before a row that the file has not, or not whole
   std::vector<std::size_t> doubles_;
   double same_stamps_ = 0.0, repeats_ = 0.0;  // rows with the stamp of the one before, and with its numbers at another
   std::int64_t first_double_ = 0;             // line
-  std::vector<Sieve> sieves_;
-  std::vector<Eigen::Vector3d> accel_;  // of a file of their own
+  std::vector<bool> out_;                     // of each row, whether it is left out
+  std::vector<Eigen::Vector3d> accel_;        // of a file of their own
   std::optional<StampModel> stamps_;
   std::vector<StampGap> gaps_;  // periods before a row, where they are more than one
   std::vector<DataEvent> clipped_;
@@ -589,8 +603,8 @@ Result<ColumnSource> open_columns(const std::string& path, const std::string& to
 }
 
 Result<CsvImport> stream_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel,
-                                 const ImportBegin& begin, const RecordingSource::Sink& sink) {
-  return Importer(map, source, accel).run(begin, sink);
+                                 const ImportBegin& begin, const RecordingSource::Sink& sink, bool early) {
+  return Importer(map, source, accel).run(begin, sink, early);
 }
 
 Result<CsvImport> import_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel) {
@@ -608,12 +622,6 @@ Result<CsvImport> import_columns(const CsvMap& map, const ColumnSource& source, 
 Result<CsvImport> import_csv(const CsvMap& map, const std::string& path) {
   const ColumnSource source = TRY(open_columns(path, map.topic, map.format.skip_bad_rows));
   return import_columns(map, source);
-}
-
-Status write_recording(const CsvImport& content, const std::string& path) {
-  RecordingWriter writer = TRY(RecordingWriter::create(path, content.info));
-  TRY(writer.add(content.samples));
-  return writer.finish();
 }
 
 }  // namespace turncal

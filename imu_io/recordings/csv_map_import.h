@@ -97,13 +97,11 @@ Result<ColumnSource> open_columns(const std::string& path, const std::string& to
 Result<CsvImport> import_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel = nullptr);
 Result<CsvImport> import_csv(const CsvMap& map, const std::string& path);
 
-// The same, read twice, in memory for the stamps, and later for nothing. `begin` is told what is known before the first sample; what is returned
-// has no samples.
+// The same, in memory for the stamps and later for nothing. `begin` is told what is known before the first sample; what is returned
+// has no samples. Rows are read twice, for the stamps and for the samples; with `early` once, where that is enough: samples of rates come as if no
+// row were missing, bad or clipped, with the period of the first rows. Where that was wrong `begin` is called again, and they come anew.
 using ImportBegin = std::function<void(const CsvImport& found)>;
 Result<CsvImport> stream_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel,
-                                 const ImportBegin& begin, const RecordingSource::Sink& sink);
-
-// Writes `content` as a binary recording without segments, whole or not at all; `path` must not exist.
-Status write_recording(const CsvImport& content, const std::string& path);
+                                 const ImportBegin& begin, const RecordingSource::Sink& sink, bool early = false);
 
 }  // namespace turncal

@@ -9,8 +9,10 @@
 #include <optional>
 #include <span>
 
+#include "calib/model/attitude.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/distributions.h"
+#include "calib/statistics/unit_slip.h"
 #include "imu_io/base/format_number.h"
 #include "imu_io/base/text_pieces.h"
 #include "imu_io/recordings/stamps.h"
@@ -101,11 +103,11 @@ Result<Layout> look_at_text(std::string_view text, const std::string& file_name)
   return layout;
 }
 
-// Every three columns whose labels differ in x, y and z alone; where there are none, in 1, 2 and 3.
+// Every three columns whose labels differ in x, y and z alone; of the others, in 1, 2 and 3.
 std::vector<Triad> triads_of(const std::vector<Candidate>& columns) {
   std::vector<Triad> triads;
   for (const std::string_view letters : {"xyz", "123"})
-    for (std::size_t i = 0; i < columns.size() && (letters == "xyz" || triads.empty() || triads.back()[0] < i); ++i)
+    for (std::size_t i = 0; i < columns.size(); ++i)
       for (std::size_t at = 0; (at = columns[i].label.find(letters[0], at)) != std::string::npos; ++at) {
         Triad triad{i, i, i};
         std::string label = columns[i].label;
@@ -113,7 +115,11 @@ std::vector<Triad> triads_of(const std::vector<Candidate>& columns) {
           label[at] = letters[k];
           triad[k] = static_cast<std::size_t>(std::ranges::find(columns, label, &Candidate::label) - columns.begin());
         }
-        if (std::max(triad[1], triad[2]) < columns.size()) triads.push_back(triad);
+        const auto has_one = [&](const Triad& other) {
+          return std::ranges::any_of(triad, [&](std::size_t k) { return std::ranges::find(other, k) != other.end(); });
+        };
+        if (std::max(triad[1], triad[2]) < columns.size() && std::ranges::none_of(triads, has_one))
+          triads.push_back(triad);
       }
   return triads;
 }
@@ -127,11 +133,14 @@ struct Unit {
 constexpr double degph = rad_per_deg / 3600.0;
 const std::vector<Unit> gyro_units = {{"deg/h", degph, true, {"deg/h", "degph", "dph"}},
                                       {"arcsec", degph, false, {"arcsec"}},
+                                      {"mrad/s", 1e-3, true, {"mrad"}},
+                                      {"mdeg/s", 1e-3 * rad_per_deg, true, {"mdps", "mdeg"}},
                                       {"rad/s", 1.0, true, {"rad"}},
                                       {"rad", 1.0, false, {"rad"}},
                                       {"deg/s", rad_per_deg, true, {"deg", "dps"}},
                                       {"deg", rad_per_deg, false, {"deg"}}};
-const std::vector<Unit> accel_units = {{"m/s^2", 1.0, true, {"m/s^2", "m/s2", "mps2", "m s^-2", "m.s^-2"}},
+const std::vector<Unit> accel_units = {{"cm/s^2", 1e-2, true, {"cm/s^2", "cm/s2", "cmps2", "(gal", "[gal"}},
+                                       {"m/s^2", 1.0, true, {"m/s^2", "m/s2", "mps2", "m s^-2", "m.s^-2"}},
                                        {"m/s", 1.0, false, {"m/s", "mps"}},
                                        {"mg", 9.80665e-3, true, {"_mg", "[mg", "(mg"}},
                                        {"g", 9.80665, true, {"_g", "[g", "(g"}}};
@@ -145,12 +154,13 @@ const Unit* find_unit(const std::vector<Unit>& units, Is is) {
 const std::vector<std::string_view> no_sensor = {"mag", "bias", "cov", "std", "free"};
 bool is_increment(std::string_view label) { return has_any(label, {"delta", "dtheta", "dang", "dvel", "^dv"}); }
 bool is_gyro(std::string_view label) {
-  return !has_any(label, no_sensor) && has_any(label, {"gyr", "angular_vel", "angvel", "omega", "theta", "dang",
-                                                       "delta_ang", "deltaang", "rate", "^w", "^gx", "^g_", "^g1"});
+  return !has_any(label, no_sensor) &&
+         has_any(label, {"gyr", "angular_vel", "angvel", "omega", "theta", "dang", "delta_ang", "deltaang", "ang_vel",
+                         "rate", "^w", "^gx", "^g_", "^g1"});
 }
 bool is_accel(std::string_view label) {
   return !has_any(label, no_sensor) && has_any(label, {"acc", "specific", "force", "^dv", "dvel", "delta_v", "deltav",
-                                                       "^a_", "^ax", "^a1", "^f_", "^fx", "^f1"});
+                                                       "^a_", "^ax", "^a1", "^f_", "^fx", "^f1", "^f:", "^a:"});
 }
 
 // ---- what the numbers say ----
@@ -161,7 +171,8 @@ Numbers norms_of(const std::array<const Numbers*, 3>& triad) {
   return norms;
 }
 
-// By what factor gyro numbers become radians a second, where the unit turns enough to tell; negative: they turn the other way.
+// By what factor gyro numbers become radians a second, where the unit turns enough to tell; negative: gravity follows them better where they are of
+// other axes or signs, and leaves less than half.
 std::optional<double> gyro_scale(const std::array<const Numbers*, 3>& gyro, const std::array<const Numbers*, 3>& accel,
                                  double usual, double period_s) {
   if (!(period_s > 0.0)) return {};
@@ -172,23 +183,36 @@ std::optional<double> gyro_scale(const std::array<const Numbers*, 3>& gyro, cons
       for (std::size_t k = from; k < from + width; ++k) sum[static_cast<Eigen::Index>(axis)] += (*triad[axis])[k];
     return Eigen::Vector3d(sum / static_cast<double>(width));
   };
-  double both = 0.0, turned = 0.0, moved = 0.0;
-  int steps = 0;
+  struct Step {
+    Eigen::Vector3d change, up, turn;
+  };
+  std::vector<Step> steps;
+  double moved = 0.0;
   for (std::size_t k = 0; k + 2 * width <= accel[0]->size(); k += width) {
     const Eigen::Vector3d before = mean(accel, k), after = mean(accel, k + width);
     if (std::abs(before.norm() / usual - 1.0) > 0.1 || std::abs(after.norm() / usual - 1.0) > 0.1) continue;
     const Eigen::Vector3d change = after.normalized() - before.normalized();
     if (change.norm() < 0.02 || change.norm() > 0.5) continue;
-    const Eigen::Vector3d turn =
-        -(mean(gyro, k + width / 2) * static_cast<double>(width) * period_s).cross((before + after).normalized());
-    both += change.dot(turn);
-    turned += turn.squaredNorm();
+    steps.push_back(
+        {change, (before + after).normalized(), mean(gyro, k + width / 2) * static_cast<double>(width) * period_s});
     moved += change.squaredNorm();
-    ++steps;
   }
-  constexpr int fewest = 5;
-  if (steps < fewest || turned == 0.0 || both * both < 0.5 * turned * moved) return {};
-  return both / turned;
+  constexpr std::size_t fewest = 5, fewest_of_48 = 12;
+  double least = 0.5, scale = 0.0;
+  for (const Eigen::Matrix3d& axes : signed_axes()) {
+    double both = 0.0, turned = 0.0;
+    for (const Step& step : steps) {
+      const Eigen::Vector3d turn = -(axes * step.turn).cross(step.up);
+      both += step.change.dot(turn);
+      turned += turn.squaredNorm();
+    }
+    const bool own = axes.isIdentity();
+    const double left = 1.0 - both * both / (turned * moved);
+    if (steps.size() < (own ? fewest : fewest_of_48) || !(both > 0.0 && left < 0.5)) continue;
+    if (const double weighed = own ? 0.5 * left : left; weighed < least)
+      least = weighed, scale = (own ? 1.0 : -1.0) * both / turned;
+  }
+  return scale == 0.0 ? std::nullopt : std::optional(scale);
 }
 
 // ---- put together ----
@@ -211,6 +235,7 @@ class Proposer {
     if (by_place_) place();
     judge_time();
     judge_units();
+    judge_life();
     return MapProposal{text(), doubts_};
   }
 
@@ -248,7 +273,8 @@ class Proposer {
       const std::string& name = layout_.columns[k].label;
       if (std::ranges::find(taken, k) != taken.end()) continue;
       if (name == "t" || name.ends_with("/t") || name.ends_with(".t") || name.ends_with(":t") ||
-          has_any(name, {"time", "stamp", "tow", "second", "^sec", "^t_", "^t ", "^t["}))
+          has_any(name,
+                  {"time", "stamp", "tow", "epoch", "clock", "elapsed", "^t(", "second", "^sec", "^t_", "^t ", "^t["}))
         time_ = k;
       if (has_any(name, {"temp"})) temperature_ = k;
     }
@@ -323,10 +349,10 @@ class Proposer {
     const Clock *said = nullptr, *seen = nullptr;
     for (const Clock& clock : clocks) {
       if (said == nullptr && has_any(layout_.columns[*time_].label, clock.words)) said = &clock;
-      if (interval * clock.second > 1.9e-4 && interval * clock.second < 5.1e-2) seen = &clock;
+      if (interval * clock.second > 1.9e-4 && interval * clock.second < 0.17) seen = &clock;
     }
     if (said == nullptr && seen == nullptr)
-      doubt("time.column {}: {:.4g} from row to row is no rate of 20 to 5000 Hz in s, ms, us or ns",
+      doubt("time.column {}: {:.4g} from row to row is no rate of 6 to 5000 Hz in s, ms, us or ns",
             quoted(reference(*time_)), interval);
     else if (said != nullptr && seen != nullptr && said != seen)
       doubt("time.unit: the header says {}, which is {:.4g} Hz; in {} it is {:.4g} Hz", said->name,
@@ -336,35 +362,49 @@ class Proposer {
     period_s_ = interval * clock.second;
   }
 
-  // The unit in which the numbers are mostly gravity.
-  const Unit* gravity_in(Role role, double& norm) const {
+  // The units in which the numbers are mostly gravity.
+  std::vector<const Unit*> gravity_in(Role role, double& norm) const {
     Numbers norms = norms_of(numbers(role));
     norm = median(norms);
-    return find_unit(accel_units, [&](const Unit& unit) {
-      return std::abs(norm * unit.si / (unit.is_rate ? 1.0 : period_s_) / 9.80665 - 1.0) < 0.1;
-    });
+    std::vector<const Unit*> found;
+    for (const Unit& unit : accel_units)
+      if (std::abs(norm * unit.si / (unit.is_rate ? 1.0 : period_s_) / 9.80665 - 1.0) < slip_nearness)
+        found.push_back(&unit);
+    return found;
   }
 
   void judge_units() {
     double norm = 0.0;
-    if (by_place_ && gravity_in(accel, norm) == nullptr && gravity_in(gyro, norm) != nullptr)
+    if (by_place_ && gravity_in(accel, norm).empty() && !gravity_in(gyro, norm).empty())
       std::swap(triad_[gyro], triad_[accel]);
-    const Unit* seen = gravity_in(accel, norm);
+    const std::vector<const Unit*> gravities = gravity_in(accel, norm);
+    const Unit* seen = gravities.empty() ? nullptr : gravities.front();
     const auto said_of = [&](Role role, const std::vector<Unit>& units, bool is_rate) {
       return find_unit(units, [&](const Unit& unit) {
         return !by_place_ && unit.is_rate == is_rate && has_any(label(role), unit.words) &&
-               !has_any(label(role), {"mrad", "urad", "mdeg", "mdps", "milli", "/min"});
+               !has_any(label(role), {"urad", "milli", "/min"});
       });
     };
     const Unit* said = said_of(accel, accel_units, !is_increment(label(accel)));
+    if (std::ranges::find(gravities, said) != gravities.end()) seen = said;
     if (seen == nullptr)
       doubt(
-          "accel.unit: the norm of {:.4g} is gravity in none of m/s^2, g, mg and m/s: a scale is missing, or these are "
-          "no accelerometers",
+          "accel.unit: the norm of {:.4g} is within 12 % of gravity in none of m/s^2, cm/s^2, g, mg and m/s: a scale "
+          "is "
+          "missing, or these are no accelerometers",
           norm);
+    else if (said == nullptr && gravities.size() > 1)
+      doubt("accel.unit: the norm of {:.4g} is gravity in {} and in {}", norm, seen->name, gravities[1]->name);
     else if (said != nullptr && said != seen)
       doubt("accel.unit: the header says {}, the norm of {:.4g} is gravity in {}", said->name, norm, seen->name);
     unit_[accel] = said != nullptr ? said->name : seen != nullptr ? seen->name : "m/s^2";
+    Numbers norms = norms_of(numbers(accel));
+    for (std::size_t quarter = 0; quarter < 4; ++quarter) {
+      const auto part = std::span(norms).subspan(quarter * (norms.size() / 4), norms.size() / 4);
+      if (const double here = median(part); std::abs(here / norm - 1.0) > 0.28)
+        doubt("accel.columns: the norm is {:.4g} in all, and {:.4g} in the {}. quarter of the record", norm, here,
+              quarter + 1);
+    }
     const bool rates = seen != nullptr ? seen->is_rate : !is_increment(label(gyro));
     const std::optional<double> scale = gyro_scale(numbers(gyro), numbers(accel), norm, period_s_);
     seen = find_unit(gyro_units, [&](const Unit& unit) {
@@ -375,14 +415,22 @@ class Proposer {
     if (said == nullptr && !scale)
       doubt("gyro.unit: the header does not say it, and the unit does not turn enough to tell");
     else if (scale && (seen == nullptr || (said != nullptr && said != seen)))
-      doubt("gyro.unit: gravity turns as if a number were {:.3g} rad/s{}{}", *scale,
+      doubt("gyro.unit: gravity turns as if a number were {:.3g} rad/s{}{}", std::abs(*scale),
             seen == nullptr ? "" : fmt::format(", which is {}", seen->name),
             said == nullptr ? "" : fmt::format("; the header says {}", said->name));
     if (scale && *scale < 0.0)
-      doubt(
-          "gyro.axes, accel.axes: gravity turns against the gyros: axes or signs are others, or the accelerometers "
-          "read gravity and not specific force");
+      doubt("gyro.axes, accel.axes: gravity turns against the gyros: axes or signs are others");
     unit_[gyro] = said != nullptr ? said->name : seen != nullptr ? seen->name : rates ? "rad/s" : "rad";
+  }
+
+  // A gyro that reads 0 throughout is not connected, where another one reads something.
+  void judge_life() {
+    const auto is_dead = [&](std::size_t column) {
+      return std::ranges::count(values_[column], 0.0) == std::ssize(values_[column]);
+    };
+    if (std::ranges::all_of(triad_[gyro], is_dead)) return;
+    for (const std::size_t column : triad_[gyro])
+      if (is_dead(column)) doubt("gyro.columns: {} is 0 throughout", quoted(reference(column)));
   }
 
   std::string site_lines() const {

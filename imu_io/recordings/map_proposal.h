@@ -5,7 +5,7 @@
 //               other two triads gravity tells which is the accelerometers'.
 //   units       by the header ("[rad s^-1]", "_degps"), and by the numbers: the norm of the accelerometers is mostly gravity's; where the unit
 //               turns, du/dt = -w x u of gravity's direction u in the body frame gives the gyros' scale as a regression.
-//   time        s, ms, us or ns by the header, else the one in which the rate lies between 20 and 5000 Hz.
+//   time        s, ms, us or ns by the header, else the one in which the rate lies between 6 and 5000 Hz.
 //
 // What header and numbers do not agree on, or do not say, is in doubt. Not told: axes (as they are named), gravity and latitude of the
 // site, scale factors of raw counts, what a rate was filtered with.

@@ -106,19 +106,21 @@ class CsvTable {
     find_cells();
     for (std::int64_t position = 0; TRY(next_row(row));) {
       const bool plain = read_plain_row(row);
-      const std::string_view text = plain ? row : trimmed(row);
-      if (text.empty() || text.starts_with('#') || is_remark(row)) continue;
+      if (const std::string_view text = plain ? row : trimmed(row);
+          !plain && (text.empty() || text.starts_with('#') || is_remark(row)))
+        continue;
       if (Status status = plain ? Status() : read_row(row); !status) {
         if (!format_.skip_bad_rows) return status.error();
         if (table_.bad_rows++ == 0) table_.first_bad = status.error().message;
       } else {
-        table_.position.push_back(position);
-        table_.line.push_back(line_);
+        table_.position[used_] = position;
+        table_.line[used_] = line_;
         for (std::size_t k = 0; k < row_.size(); ++k)
-          if (index_[k] != missing) table_.columns[k].push_back(row_[k]);
+          if (index_[k] != missing) table_.columns[k][used_] = row_[k];
+        ++used_;
       }
       ++position;
-      if (table_.rows() == block_rows) TRY(end_block());
+      if (used_ == block_rows) TRY(end_block());
     }
     return end_block();
   }
@@ -131,12 +133,17 @@ class CsvTable {
   }
 
   Status end_block() {
+    const auto resize = [&](std::size_t rows) {
+      table_.columns.resize(wanted_.size());
+      for (std::size_t k = 0; k < wanted_.size(); ++k) table_.columns[k].resize(index_[k] == missing ? 0 : rows);
+      table_.position.resize(rows);
+      table_.line.resize(rows);
+    };
+    resize(used_);
     TRY(sink_.add(table_));
-    table_.columns.resize(wanted_.size());
-    for (auto& column : table_.columns) column.clear(), column.reserve(block_rows);
-    table_.position.clear();
-    table_.line.clear();
+    resize(block_rows);
     table_.bad_rows = 0;
+    used_ = 0;
     return {};
   }
 
@@ -234,7 +241,8 @@ class CsvTable {
   static constexpr std::size_t missing = static_cast<std::size_t>(-1);
   std::vector<std::size_t> index_, cells_wanted_;  // the cell of each wanted column, and the reverse
   std::vector<double> row_;
-  NumberTable table_;
+  NumberTable table_;  // `used_` rows of it
+  std::size_t used_ = 0;
 };
 
 // ---- .npy (numpy.lib.format, versions 1 to 3) and .mat (libmatio) ----
@@ -749,22 +757,6 @@ Status write_table(const std::string& path, const RowTable& table) {
   return status;
 }
 
-// `rows`: how many samples there are, unless it is CSV.
-Status write_samples(RecordingSource& source, const SampleColumns& columns, std::size_t rows, const std::string& path) {
-  if (rows == 0 && names_matrix(path)) return input_error(source.path() + ": not one sample: expected some to write");
-  std::vector<double> row(columns.names.size());
-  const auto each_row = [&](const RowSink& sink) {
-    return source.read([&](std::span<const ImuSample> samples) -> Status {
-      for (const ImuSample& sample : samples) {
-        columns.fill(sample, row);
-        TRY(sink(row));
-      }
-      return {};
-    });
-  };
-  return write_table(path, {columns.names, rows, each_row});
-}
-
 }  // namespace
 
 Status check_text(std::string_view head, const std::string& file_name) {
@@ -877,16 +869,25 @@ Status write_sample_columns(RecordingSource& source, const SampleColumns& column
       rows += samples.size();
       return Status();
     }));
-  return write_samples(source, columns, rows, path);
+  if (rows == 0 && names_matrix(path)) return input_error(source.path() + ": not one sample: expected some to write");
+  std::vector<double> row(columns.names.size());
+  const auto each_row = [&](const RowSink& sink) {
+    return source.read([&](std::span<const ImuSample> samples) -> Status {
+      for (const ImuSample& sample : samples) {
+        columns.fill(sample, row);
+        TRY(sink(row));
+      }
+      return {};
+    });
+  };
+  return write_table(path, {columns.names, rows, each_row});
 }
 
 Status write_recording_columns(RecordingSource& source, const std::string& path) {
   const bool has_temperature = source.info().has_temperature;
   bool flagged = false;
-  std::size_t rows = 0;
   TRY(check_replaceable(path, path.ends_with(".mat") ? std::string_view(mat_header) : npy_magic));
   TRY(source.read([&](std::span<const ImuSample> samples) {
-    rows += samples.size();
     for (const ImuSample& sample : samples) flagged = flagged || sample.flags != 0;
     return Status();
   }));
@@ -906,7 +907,7 @@ Status write_recording_columns(RecordingSource& source, const std::string& path)
     if (has_temperature) row[8] = static_cast<double>(sample.temperature_c);
     if (flagged) row.back() = static_cast<double>(sample.flags);
   };
-  return write_samples(source, columns, rows, path);
+  return write_sample_columns(source, columns, path);
 }
 
 }  // namespace turncal

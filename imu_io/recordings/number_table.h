@@ -101,8 +101,8 @@ struct SampleColumns {
 // A row a sample, as CSV, .npy or .mat by the name of the file.
 Status write_sample_columns(RecordingSource& source, const SampleColumns& columns, const std::string& path);
 
-// A row a sample: sample, segment (its number from 1; 0: none), gyro_x to accel_z, and where they are, temperature_c and flags. .npy in two
-// passes, in memory that does not grow; .mat in a pass for each column and one more, with a column in memory.
+// A row a sample: sample, segment (its number from 1; 0: none), gyro_x to accel_z, and where they are, temperature_c and flags. .npy in three
+// passes, in memory that does not grow; .mat in a pass for each column and two more, with a column in memory.
 Status write_recording_columns(RecordingSource& source, const std::string& path);
 
 }  // namespace turncal

@@ -24,9 +24,12 @@ constexpr InertialUnit inertial_units[] = {{"rad", 1.0, false},
                                            {"rad/s", 1.0, true},
                                            {"deg/s", rad_per_deg, true},
                                            {"deg/h", radps_per_degph, true},
+                                           {"mrad/s", 1e-3, true},
+                                           {"mdeg/s", 1e-3 * rad_per_deg, true},
                                            {"m/s", 1.0, false},
                                            {"ft/s", 0.3048, false},
                                            {"m/s^2", 1.0, true},
+                                           {"cm/s^2", 1e-2, true},
                                            {"g", standard_gravity_mps2, true},
                                            {"mg", 1e-3 * standard_gravity_mps2, true}};
 

@@ -44,7 +44,8 @@ class Track {
   // A mean over the rows so far, later over the last ones; one stamp does not draw it far.
   void follow(double off, double scatter) {
     rows += 1.0;
-    level += std::clamp(off, -3.0 * scatter, 3.0 * scatter) / std::min(rows, std::max(32.0, 64.0 * scatter * scatter));
+    const double gain = 1.0 / std::min(rows, std::max(32.0, 64.0 * scatter * scatter));
+    level += gain * std::clamp(off, -3.0 * scatter, 3.0 * scatter);
   }
 };
 

@@ -77,9 +77,9 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
   }
 }
 
-// What is plainly wrong with the units, where there are rests to tell it by. `read` has read the samples before.
-void warn_of_units(const RecordingInfo& info, const Segments& segments,
-                   const std::function<Status(const RecordingSource::Sink&)>& read, std::ostream& out) {
+// What is plainly wrong with the units, where there are rests to tell it by; empty: nothing. `read` has read the samples before.
+std::string wrong_units_of(const RecordingInfo& info, const Segments& segments,
+                           const std::function<Status(const RecordingSource::Sink&)>& read) {
   Compressor compressor(info, rest_compression_options());
   SegmentedFeed feed(compressor, segments);
   static_cast<void>(read([&](std::span<const ImuSample> samples) {
@@ -88,8 +88,7 @@ void warn_of_units(const RecordingInfo& info, const Segments& segments,
   }));
   feed.finish();
   const CompressedRecording recording = compressor.take();
-  if (const std::string wrong = wrong_units(make_rest_data(recording)); !wrong.empty())
-    out << "units: " << wrong << std::endl;
+  return wrong_units(make_rest_data(recording));
 }
 
 Status segment_recording(const SegmentOptions& options, CommandContext& context) {
@@ -101,16 +100,26 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   print_segmentation(found, source.info(), found.segments.front().start_sample, context.out);
   TRY(import_binary(source, found.segments, folder.file(binary_recording_name)));
   folder.keep();
-  warn_of_units(
-      source.info(), found.segments, [&](const RecordingSource::Sink& sink) { return source.read(sink); }, context.out);
+  if (const std::string wrong = wrong_units_of(source.info(), found.segments,
+                                               [&](const RecordingSource::Sink& sink) { return source.read(sink); });
+      !wrong.empty())
+    context.out << "units: " << wrong << std::endl;
   context.out << "written to " << folder.path() << ": " << found.segments.size() << " segments" << std::endl;
   return {};
 }
 
-Status write_imported(const CsvImport& content, const std::string& out, const std::string& line,
+// `where`: what says the units.
+Status write_imported(const CsvImport& content, const std::string& out, const std::string& line, const char* where,
                       CommandContext& context) {
+  if (const Segmentation found = find_rests(content.info, content.samples); !found.segments.empty())
+    if (const std::string wrong = wrong_units_of(
+            content.info, found.segments, [&](const RecordingSource::Sink& sink) { return sink(content.samples); });
+        !wrong.empty())
+      return input_error(fmt::format("units: {}: expected others, another scale or other axes in {}", wrong, where));
   OutputFolder folder = TRY(OutputFolder::prepare(out, {binary_recording_name}));
-  TRY(write_recording(content, folder.file(binary_recording_name)));
+  RecordingWriter writer = TRY(RecordingWriter::create(folder.file(binary_recording_name), content.info));
+  TRY(writer.add(content.samples));
+  TRY(writer.finish());
   folder.keep();
   context.out << "imported into " << folder.path() << ": " << line << std::endl;
   if (content.clipped > 0)
@@ -124,10 +133,6 @@ Status write_imported(const CsvImport& content, const std::string& out, const st
     context.out << spikes.size() << " samples that no unit can have felt, the first: " << spikes.front() << std::endl;
   if (content.bad_rows > 0)
     context.out << content.bad_rows << " bad rows skipped, the first: " << content.first_bad << std::endl;
-  if (const Segmentation found = find_rests(content.info, content.samples); !found.segments.empty())
-    warn_of_units(
-        content.info, found.segments, [&](const RecordingSource::Sink& sink) { return sink(content.samples); },
-        context.out);
   return {};
 }
 
@@ -152,7 +157,7 @@ Status import_frames(const TextOptions& from, CommandContext& context) {
   std::string line = fmt::format("{} samples; {}", content.samples.size(), log.summary);
   if (!from.gravity_mps2)
     line += fmt::format("; gravity_mps2 = {}, the standard value: --gravity gives the site's", site.gravity_mps2);
-  return write_imported(content, from.out, line, context);
+  return write_imported(content, from.out, line, "the frame description", context);
 }
 
 // The map that is given, or the one proposed; where that is in doubt, an error after it was printed and written.
@@ -187,7 +192,7 @@ Status import_table(const TextOptions& from, CommandContext& context) {
                   content.saturated, content.gaps);
   for (const std::string& more : {source.note, content.chosen})
     if (!more.empty()) line += "; " + more;
-  return write_imported(content, from.out, line, context);
+  return write_imported(content, from.out, line, "the map", context);
 }
 
 Status say(RecordingSource& source, const char* what, const std::string& out, CommandContext& context) {

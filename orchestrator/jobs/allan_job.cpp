@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "calib/statistics/data_screen.h"
+#include "calib/statistics/distributions.h"
 #include "calib/statistics/unit_slip.h"
 #include "imu_io/recordings/csv_map_import.h"
 #include "imu_io/recordings/parameter_file.h"
@@ -59,13 +60,20 @@ class RestReader {
     return {};
   }
 
-  Result<ReadRests> take() {
+  // `period_s`: as all of the recording has it.
+  Result<ReadRests> take(double period_s) {
     keep_all_but(0);
     ReadRests found{maker_.take(si_), {}};
+    found.cells.cell_s *= period_s / info_.sample_period_s;
+    found.cells.sample_s = period_s;
     if (found.cells.ends.size() == 1)
       found.force_mps2 = total_.cwiseProduct(si_).tail<3>() / (taken_ * info_.sample_period_s);
-    const std::string wrong = wrong_gravity(found.force_mps2.norm() / info_.gravity_mps2, info_);
-    if (found.cells.ends.size() == 1 && !wrong.empty()) found.notes.push_back("units: " + wrong);
+    std::vector<double> norms;
+    for (std::size_t k = 0; k < found.cells.mean[0].size(); ++k)
+      if (!std::isnan(found.cells.mean[3][k]))
+        norms.push_back(std::hypot(found.cells.mean[3][k], found.cells.mean[4][k], found.cells.mean[5][k]));
+    const std::string wrong = norms.empty() ? "" : wrong_gravity(median(norms) / info_.gravity_mps2, info_);
+    if (!wrong.empty()) found.notes.push_back("units: " + wrong);
     if (left_out_ > 0)
       found.notes.push_back(fmt::format("{} samples left out: marked as bad, glitches, or beyond any unit", left_out_));
     const std::vector<double>& mean = found.cells.mean[0];
@@ -150,7 +158,7 @@ class RestReader {
 Result<ReadRests> read_rests(RecordingSource& source, const std::string& name) {
   RestReader reader(source.info(), source.segments(), name);
   TRY(source.read([&](std::span<const ImuSample> samples) { return reader.add(samples); }));
-  Result<ReadRests> found = reader.take();
+  Result<ReadRests> found = reader.take(source.info().sample_period_s);
   if (const std::string damage = describe(source.damage()); found && !damage.empty()) found->notes.push_back(damage);
   return found;
 }
@@ -164,8 +172,8 @@ Result<ReadRests> read_rests(const std::string& path, const std::string& map_fil
   std::optional<RestReader> reader;
   const CsvImport table = TRY(stream_columns(
       map, source, nullptr, [&](const CsvImport& begun) { reader.emplace(begun.info, Segments(), path); },
-      [&](std::span<const ImuSample> samples) { return reader->add(samples); }));
-  Result<ReadRests> found = reader->take();
+      [&](std::span<const ImuSample> samples) { return reader->add(samples); }, true));
+  Result<ReadRests> found = reader->take(table.info.sample_period_s);
   if (found && table.jitter_s > 0.01 * table.info.sample_period_s)
     found->notes.push_back(
         fmt::format("time stamps jitter by {:.2g} ms rms: the mean period is used", 1e3 * table.jitter_s));

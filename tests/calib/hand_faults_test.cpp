@@ -41,6 +41,8 @@ TEST(WrongUnits, AreSaidInPlainWordsAndNotFitted) {
   const Case cases[] = {{1.0, 1.0 / standard_gravity_mps2, "accelerometers look as if they were in g, not m/s^2"},
                         {1.0, standard_gravity_mps2, "accelerometers look as if they were in m/s^2, not g"},
                         {1.0, 2.0, "accelerometers look too large by 2"},
+                        {1.0, 1.3, "accelerometers look to be something else, or of another unit or scale"},
+                        {1.0, 0.75, "accelerometers look to be something else, or of another unit or scale"},
                         {1.0, 2.5, "accelerometers look to be something else, or of another unit or scale"},
                         {1.0 / rad_per_deg, 1.0, "gyros look as if they were in deg/s, not rad/s"},
                         {rad_per_deg, 1.0, "gyros look as if they were in rad/s, not deg/s"},
@@ -178,6 +180,24 @@ TEST(Clipping, IsNamedAndItsTurnsAreSetAside) {
   EXPECT_GE(aside, 3);
   const RestDiagnosis d = diagnosis_of(hand);
   EXPECT_TRUE(d.diagnosis.extended.effects.empty());
+}
+
+// A table's constant rate, counted in steps: 193.9 of them a sample, 194 or 193 at a time. The same cut at 150 stands.
+TEST(Clipping, AConstantRateFlickersBetweenTwoSteps) {
+  for (const double range : {1e9, 150.0}) {
+    ClippingFinder finder;
+    double angle = 0.0;
+    for (std::int64_t k = 0; k < 20000; ++k) {
+      const double rate = 193.9 * std::clamp(std::abs(static_cast<double>(k % 4000) - 2000.0) / 200.0 - 4.0, 0.0, 1.0);
+      const double before = std::floor(angle);
+      angle += rate;
+      ImuSample sample;
+      sample.counter = k;
+      sample.gyro[0] = 1e-5 * std::min(range, std::floor(angle) - before);
+      finder.add(sample);
+    }
+    EXPECT_EQ(finder.finish().empty(), range > 1e6) << range;
+  }
 }
 
 TEST(SinglePose, GivesNoiseWarmUpAndTemperatureCoefficient) {

@@ -46,6 +46,39 @@ TEST(CsvMapImport, UnitsOffsetsScalesAxes) {
   EXPECT_TRUE(c.info.has_temperature);
 }
 
+// Rows are read once where nothing is missing, and what comes early is what comes late, but for the period of the first rows.
+TEST(CsvMapImport, SamplesComeEarlyWhereTheRowsAreWhole) {
+  const std::string even = rows(20000);
+  const std::string line = "\n" + std::to_string(5.0 + 15000 * 0.01) + ",";
+  const struct {
+    std::string csv;
+    int times;                                                // the rows are read
+  } cases[] = {{even, 1}, {replaced(even, line, "\n#"), 2}};  // a row is missing
+  for (const auto& [csv, times] : cases) {
+    const CsvMap map = expect_value(parse_csv_map(base_map + "time.column = t\ntime.increments = period\n", "m.map"));
+    const CsvImport late = expect_value(import_text(map, csv));
+    ColumnSource source = columns_of_text(csv, "d.csv");
+    int reads = 0, begun = 0;
+    source.read = [&, read = source.read](const auto&... all) { return ++reads, read(all...); };
+    std::vector<ImuSample> samples;
+    const CsvImport early = expect_value(stream_columns(
+        map, source, nullptr, [&](const CsvImport&) { ++begun, samples.clear(); },
+        [&](std::span<const ImuSample> some) {
+          samples.insert(samples.end(), some.begin(), some.end());
+          return Status();
+        },
+        true));
+    EXPECT_EQ(reads, times);
+    EXPECT_EQ(begun, times);
+    EXPECT_EQ(early.info.sample_period_s, late.info.sample_period_s);
+    ASSERT_EQ(samples.size(), late.samples.size());
+    for (std::size_t k = 0; k < samples.size(); ++k) {
+      ASSERT_EQ(samples[k].counter, late.samples[k].counter);
+      ASSERT_NEAR(samples[k].gyro[0], late.samples[k].gyro[0], 1e-9 * late.samples[k].gyro[0]);
+    }
+  }
+}
+
 TEST(CsvMapImport, MeasuredIntervalsOrTheMeanOne) {
   std::string csv = "t,gx,gy,gz,ax,ay,az\n";
   double t = 0.0;

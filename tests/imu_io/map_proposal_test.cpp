@@ -110,11 +110,18 @@ TEST(MapProposal, UnitsAreSeenOrInDoubt) {
       {bare, deg, g, 1, true, 1, "accel.unit = g\n", ""},
       {bare, deg, 1, 1, true, 1, "gyro.unit = deg/s\n", ""},
       {bare, deg, 1, 1e-3, true, 1, "time.unit = ms\n", ""},
-      {bare, deg, 1e-3 * g, 1e-6, true, 1, "time.unit = us\n", ""},
+      {bare, deg, 1, 1e-6, true, 1, "time.unit = us\n", ""},
+      {bare, deg, 1e-3 * g, 1, true, 1, "", "the norm of 999.3 is gravity in cm/s^2 and in mg"},
+      {"t,gx,gy,gz,ax [mg],ay [mg],az [mg]", deg, 1e-3 * g, 1, true, 1, "accel.unit = mg\n", ""},
+      {"t,gx,gy,gz,ax [cm/s^2],ay [cm/s^2],az [cm/s^2]", 1, 1e-2, 1, true, 1, "accel.unit = cm/s^2\n", ""},
+      {bare, 1e-3, 1, 1, true, 1, "gyro.unit = mrad/s\n", ""},
+      {"elapsed,gyro1,gyro2,gyro3,ax,ay,az", 1, 1, 1, true, 1, "gyro.columns = gyro1, gyro2, gyro3\n", ""},
       {bare, deg / 3600, 1, 1, true, 1, "gyro.unit = deg/h\n", ""},
       {bare, 1, 1, 1, false, 1, "", "gyro.unit: the header does not say it"},
-      {"t,gx_mdps,gy_mdps,gz_mdps,ax,ay,az", 1, 1, 1, false, 1, "", "gyro.unit: the header does not say it"},
+      {"t,gx_mdps,gy_mdps,gz_mdps,ax,ay,az", 1, 1, 1, false, 1, "gyro.unit = mdeg/s\n", ""},
+      {bare, 1, 1.2, 1, true, 1, "", "is within 12 % of gravity in none of"},
       {bare, 1, 1, 1, true, -1, "", "gravity turns against the gyros"},
+      {"t,gy,gx,gz,ax,ay,az", 1, 1, 1, true, 1, "", "gravity turns against the gyros"},
       {bare, 1, 0.004, 1, true, 1, "", "gravity in none of"},
       {"t_ms,gx,gy,gz,ax,ay,az", 1, 1, 1, true, 1, "", "the header says ms, which is 1e+05 Hz; in s it is 100 Hz"},
       {"time [s],gyr_x_degps,gyr_y_degps,gyr_z_degps,acc_x [m/s^2],acc_y [m/s^2],acc_z [m/s^2]", deg, 1, 1, false, 1,
@@ -132,6 +139,17 @@ TEST(MapProposal, UnitsAreSeenOrInDoubt) {
     EXPECT_SAYS(proposal->text, c.says);
     EXPECT_OK(parse_csv_map(proposal->text, "proposed"));
   }
+  std::string dead;
+  const std::string rows = table(bare, 1, 1, 1, true);
+  for (std::string_view left = rows; !left.empty();) {
+    auto cells = split(next_line(left), ',');
+    if (!dead.empty()) cells[3] = "0";
+    for (const std::string_view cell : cells)
+      dead += std::string(&cell == &cells.front() ? "" : ",") + std::string(cell);
+    dead += "\n";
+  }
+  std::ofstream(folder / "dead.csv") << dead;
+  EXPECT_SAYS(propose(folder / "dead.csv")->text, "# In doubt: gyro.columns: 'gz' is 0 throughout");
   std::ofstream(folder / "x.csv") << table("t,mx,my,mz,qx,qy,qz", 1, 1, 1, true);
   EXPECT_TRUE(
       fails(propose(folder / "x.csv"),

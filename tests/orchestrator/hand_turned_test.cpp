@@ -148,6 +148,18 @@ TEST_F(HandTurned, WrongUnitsAreSaidAndNothingIsWritten) {
   expect_refused({"calibrate", "in_g", "--out", "calibrated"}, "look as if they were in g", 20);
   const ProgramResult segmented_again = run({"segment", "in_g", "--out", "segmented"});
   EXPECT_SAYS(segmented_again.out, "units: gravity reads 0.998 where 9.81");
+  EXPECT_SAYS(run("allan segmented").out, "units: gravity reads 0.99");
+  const std::string map =
+      "rate_hz = 100\ngyro.columns = gyro_x, gyro_y, gyro_z\ngyro.unit = rad\naccel.columns = accel_x, accel_y, "
+      "accel_z\naccel.unit = m/s\ngravity_mps2 = 9.81\nunit_serial = hand\n";
+  for (const char* scale : {"0.75", "1", "1.3"}) {
+    write("scaled.map", map + "accel.scale = " + scale + "\n");
+    if (std::string_view(scale) == "1")
+      ends("import right/imu.csv --map scaled.map --out imported", 0);
+    else
+      expect_refused("import right/imu.csv --map scaled.map --out scaled", "units: gravity reads");
+  }
+  EXPECT_FALSE(std::filesystem::exists(path("scaled")));
 }
 
 // docs/measured.md, story 1.
