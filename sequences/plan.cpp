@@ -6,7 +6,7 @@
 #include <cassert>
 #include <cmath>
 
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 
@@ -56,7 +56,7 @@ class Planner {
 
   // One line a cause: the same axis going to the same place at forty moves is one.
   void refuse(int line, const Step& step, const std::string& what) {
-    const auto known = std::find_if(causes_.begin(), causes_.end(), [&](const Cause& c) { return c.what == what; });
+    const auto known = std::ranges::find_if(causes_, [&](const Cause& c) { return c.what == what; });
     const std::string& file = step.file.empty() ? sequence_.file : step.file;
     if (known != causes_.end())
       ++known->further;

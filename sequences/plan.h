@@ -19,7 +19,6 @@
 #include <vector>
 
 #include "calib/types/axis.h"
-#include "calib/types/axis_limits.h"
 #include "calib/types/recording_types.h"
 #include "sequences/sequence.h"
 

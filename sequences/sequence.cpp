@@ -12,9 +12,8 @@
 
 #include "calib/model/parameters.h"
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/posix_file.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 
@@ -35,7 +34,7 @@ constexpr double largest_rate = 100'000.0;
 double rounded_deg(double angle_deg) { return std::round(angle_deg * 1e9) / 1e9 + 0.0; }  // + 0.0: no negative zero
 
 bool is_name(std::string_view text) {
-  return !text.empty() && std::all_of(text.begin(), text.end(), [](char c) {
+  return !text.empty() && std::ranges::all_of(text, [](char c) {
     return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-' || c == '.';
   });
 }
@@ -223,7 +222,7 @@ class Parser {
         return wrong(key,
                      "one of the 21 parameters that are estimated (N01 to N03, A01 to A03, n11 to n33, "
                      "a11 to a33 without a21, a31, a32)");
-      if (std::find(step.determines.begin(), step.determines.end(), key.text) != step.determines.end())
+      if (std::ranges::find(step.determines, key.text) != step.determines.end())
         return wrong(key, "each parameter once");
       step.determines.emplace_back(key.text);
     } while (peek().kind != Token::Kind::end);

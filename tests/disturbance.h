@@ -5,7 +5,6 @@
 // its sums change by gyro_time = t/2 gyro and sculling = gyro accel' / 2, and its coning not at all.
 #pragma once
 
-#include <cmath>
 #include <functional>
 #include <vector>
 

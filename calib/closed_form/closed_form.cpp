@@ -148,7 +148,7 @@ constexpr double angle_tolerance_deg = 1e-3;  // of commanded angles
 bool same_angle(double one_deg, double other_deg) { return std::abs(one_deg - other_deg) < angle_tolerance_deg; }
 
 bool same_up_to_whole_turns(const AxisTriple& one, const AxisTriple& other) {
-  return std::all_of(all_axes.begin(), all_axes.end(), [&](Axis axis) {
+  return std::ranges::all_of(all_axes, [&](Axis axis) {
     return std::abs(std::remainder(one[axis] - other[axis], 360.0)) < angle_tolerance_deg;
   });
 }
@@ -203,9 +203,8 @@ Result<Leg> find_leg(const Segments& segments, int step, const LegSpec& spec) {
     if (segments[k].step != step || segments[k].kind == SegmentKind::rotate) continue;
     if (from && segments[k].kind == SegmentKind::still) {
       const AxisTriple before = angles_of(segments[*from]), after = angles_of(segments[k]);
-      const bool turned_so = std::all_of(all_axes.begin(), all_axes.end(), [&](Axis axis) {
-        return same_angle(after[axis] - before[axis], spec.turn_deg[axis]);
-      });
+      const bool turned_so = std::ranges::all_of(
+          all_axes, [&](Axis axis) { return same_angle(after[axis] - before[axis], spec.turn_deg[axis]); });
       if (turned_so && same_up_to_whole_turns(before, spec.from_deg)) {
         Leg leg{*from, k, 0.0, Eigen::Vector3d::Zero()};
         for (const Axis axis : all_axes) {
@@ -315,7 +314,7 @@ Status ClosedFormLayout::find() {
   TRY(check_site(recording_));
   const Segments& segments = recording_.segments;
   for (int step = 1; step <= closed_form_steps; ++step)
-    if (std::none_of(segments.begin(), segments.end(), [&](const Segment& s) { return s.step == step; }))
+    if (std::ranges::none_of(segments, [&](const Segment& s) { return s.step == step; }))
       return input_error(
           fmt::format("step {} is missing: the closed form needs steps 1 to {}", step, closed_form_steps));
   for (const VerticalSpec& spec : verticals) verticals_.push_back(TRY(find_static(segments, spec)));

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "calib/evidence/evidence.h"
 #include "calib/evidence/felt_latitude.h"
@@ -54,13 +53,12 @@ std::string misfit_of_noise(const JointResult& fit, const Omnibus& omnibus) {
 std::vector<std::string> strongest_first(const JointResult& fit) {
   std::vector<EstimatedEffect> effects = fit.effects;
   std::erase_if(effects, [](const EstimatedEffect& e) { return is_turn_on(e.column); });
-  std::sort(effects.begin(), effects.end(), [](const EstimatedEffect& a, const EstimatedEffect& b) {
+  std::ranges::sort(effects, [](const EstimatedEffect& a, const EstimatedEffect& b) {
     return std::abs(a.value) * b.sigma > std::abs(b.value) * a.sigma;
   });
   std::vector<std::string> names;
   for (const EstimatedEffect& e : effects)
-    if (std::find(names.begin(), names.end(), e.column.entry->name) == names.end())
-      names.emplace_back(e.column.entry->name);
+    if (std::ranges::find(names, e.column.entry->name) == names.end()) names.emplace_back(e.column.entry->name);
   return names;
 }
 
@@ -157,16 +155,16 @@ void list_candidates(const Evidence& e, double duration_s, Diagnosis& d) {
       c.visible = c.detectable <= absurd_magnitude(*column.entry, duration_s);
     }
     // Of variants with different time constants the best one stands for the component.
-    const auto known = std::find_if(d.candidates.begin(), d.candidates.end(),
-                                    [&](const CandidateScore& o) { return o.column.key() == column.key(); });
+    const auto known =
+        std::ranges::find_if(d.candidates, [&](const CandidateScore& o) { return o.column.key() == column.key(); });
     if (known == d.candidates.end())
       d.candidates.push_back(c);
     else if (c.visible && (!known->visible || std::abs(c.z) > std::abs(known->z)))
       *known = c;
   }
   for (const EffectEntry& entry : effect_catalogue())
-    if (std::none_of(d.candidates.begin(), d.candidates.end(),
-                     [&](const CandidateScore& c) { return c.column.entry == &entry && c.visible; }))
+    if (std::ranges::none_of(d.candidates,
+                             [&](const CandidateScore& c) { return c.column.entry == &entry && c.visible; }))
       d.undetectable.emplace_back(entry.name);
 }
 
@@ -336,14 +334,14 @@ class Diagnosing {
     std::vector<Eigen::Index> place;  // of r.free in the average
     const auto p = static_cast<Eigen::Index>(e.columns.size());
     for (const int column : r.free) {
-      const auto at = std::find(e.columns.begin(), e.columns.end(), column);
+      const auto at = std::ranges::find(e.columns, column);
       if (at != e.columns.end()) {
         place.push_back(at - e.columns.begin());
         continue;
       }
       const std::string key = r.effects[static_cast<std::size_t>(column - parameter_count)].column.key();
-      const auto of = std::find_if(e.named.columns.begin(), e.named.columns.end(),
-                                   [&](int c) { return table.effects[static_cast<std::size_t>(c)].key() == key; });
+      const auto of = std::ranges::find_if(
+          e.named.columns, [&](int c) { return table.effects[static_cast<std::size_t>(c)].key() == key; });
       if (of == e.named.columns.end()) return;
       place.push_back(p + (of - e.named.columns.begin()));
     }
@@ -399,15 +397,14 @@ class Diagnosing {
     const auto too_large = [&](const CompressedRecording* holdout) {
       return error_beyond_sigmas(*holdout, d_.extended, noise) > GateLimits{}.highest_error;
     };
-    if (!d_.trusted || std::none_of(options_.holdouts.begin(), options_.holdouts.end(), too_large)) return;
+    if (!d_.trusted || std::ranges::none_of(options_.holdouts, too_large)) return;
     withdraw("the error on held-out data is larger than noise and the sigmas explain", d_);
   }
 
   // A latitude that is far off goes into the noise, and the gyros' biases stay open; or it is a rate of the earth that is another.
   void look_at_latitude() {
-    const bool of_latitude =
-        (!d_.trusted && !d_.base.undetermined.empty()) ||
-        std::find(d_.effect_names.begin(), d_.effect_names.end(), "earth_rate") != d_.effect_names.end();
+    const bool of_latitude = (!d_.trusted && !d_.base.undetermined.empty()) ||
+                             std::ranges::find(d_.effect_names, "earth_rate") != d_.effect_names.end();
     if (!of_latitude || recordings_.parts.size() != 1) return;
     if (const std::string wrong = wrong_latitude(recording_, d_.base); !wrong.empty())
       d_.reason = wrong + "; " + d_.reason;

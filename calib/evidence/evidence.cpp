@@ -2,12 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <cmath>
 
 #include "calib/evidence/holdout.h"
 #include "calib/joint/several_recordings.h"
-#include "calib/statistics/distributions.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {
@@ -58,7 +57,7 @@ void put_back(const Values& effects, const std::vector<Values>& held_out, const 
   Eigen::VectorXd x = Eigen::VectorXd::Zero(system.coordinates());
   for (std::size_t e = 0; e < effects.size(); ++e) {
     const EstimatedEffect& effect = effects[e];
-    const auto found = std::find_if(table.effects.begin(), table.effects.end(), [&](const EffectColumn& c) {
+    const auto found = std::ranges::find_if(table.effects, [&](const EffectColumn& c) {
       return c.key() == effect.column.key() && c.tau_s == effect.column.tau_s;
     });
     const auto at = static_cast<std::size_t>(found - table.effects.begin());
@@ -81,7 +80,7 @@ void conclude(Posterior posterior, const std::vector<EstimatedEffect>& effects, 
   result.statements = statements_of(result.at_each_noise, result.posterior);
   std::vector<std::string> fitted;
   for (const EstimatedEffect& effect : effects) fitted.push_back(effect.column.key());
-  std::sort(fitted.begin(), fitted.end());
+  std::ranges::sort(fitted);
   result.named = named_effects(result.at_each_noise, result.posterior, fitted);
 }
 

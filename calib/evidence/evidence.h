@@ -41,7 +41,7 @@ struct Evidence {
 Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings = 1,
                         const std::vector<const CompressedRecording*>& held_out = {});
 
-// For both kinds of recordings (rest_evidence.h). `effects`: of the fit, but for those of turn-on.
+// For both kinds of recordings (rest_diagnosis.h). `effects`: of the fit, but for those of turn-on.
 // What one unit of each column adds to the readings of every cell: the mean over its blocks.
 std::vector<Readings> readings_of(const EffectModel& effects, const Pieces& pieces,
                                   const std::vector<BlockState>& states);

@@ -8,7 +8,7 @@
 #include "calib/joint/joint_estimate.h"
 #include "calib/joint/noise_fit.h"
 #include "calib/model/limits.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {
@@ -54,7 +54,7 @@ std::vector<int> own_columns(const JointResult& result) {
 
 // Directions that are open in a fit of the other recordings, and need not be known: what is of this one alone.
 std::size_t open_without(int recording, const JointResult& result) {
-  const auto own = std::count_if(result.effects.begin(), result.effects.end(), [&](const EstimatedEffect& e) {
+  const auto own = std::ranges::count_if(result.effects, [&](const EstimatedEffect& e) {
     return !is_turn_on(e.column) && e.column.recording == recording;
   });
   return 6 + static_cast<std::size_t>(own);
@@ -140,7 +140,7 @@ double error_beyond_sigmas(const CompressedRecording& holdout, const JointResult
   const std::vector<int> own = own_columns(result);
   std::vector<int> common, place;  // columns, and where they stand in the covariance
   for (std::size_t k = 0; k < result.free.size(); ++k)
-    if (std::find(own.begin(), own.end(), result.free[k]) == own.end()) {
+    if (std::ranges::find(own, result.free[k]) == own.end()) {
       common.push_back(result.free[k]);
       place.push_back(static_cast<int>(k));
     }

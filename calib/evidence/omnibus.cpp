@@ -10,9 +10,7 @@
 #include "calib/evidence/holdout.h"
 #include "calib/evidence/posterior.h"
 #include "calib/joint/linear_motion.h"
-#include "calib/model/limits.h"
-#include "calib/statistics/distributions.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {
@@ -37,8 +35,8 @@ bool beats(double counts, int samples, double pulse, double limit) {
 }  // namespace
 
 const OmnibusTest* Omnibus::worst() const {
-  const auto least = std::min_element(tests.begin(), tests.end(),
-                                      [](const OmnibusTest& a, const OmnibusTest& b) { return a.log10_p < b.log10_p; });
+  const auto least =
+      std::ranges::min_element(tests, [](const OmnibusTest& a, const OmnibusTest& b) { return a.log10_p < b.log10_p; });
   return least == tests.end() ? nullptr : &*least;
 }
 

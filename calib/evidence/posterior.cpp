@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <memory>
 #include <set>
 
@@ -195,8 +194,7 @@ SparseMatrix by_piece(const PieceSystem& system, const VectorXd& x, const Vector
       add(size(part, all.segment<3>(from).norm(), one.segment<3>(from).norm()) * OfPiece::Unit(d));
     }
   }
-  std::sort(columns.begin(), columns.end(),
-            [](const Column& a, const Column& b) { return a.information > b.information; });
+  std::ranges::sort(columns, [](const Column& a, const Column& b) { return a.information > b.information; });
   double left = 0.0;
   for (const Column& column : columns) left += columns_show * column.information;
   std::size_t count = 0;
@@ -275,7 +273,7 @@ LogWeights weigh_models(const UnderNoise& under) {
       for (std::size_t t = 0; t < table.terms.size(); ++t) {
         const Term& term = table.terms[t];
         const auto same = [&](const ModelTerm& m) { return static_cast<std::size_t>(m.term) == t; };
-        if (std::any_of(state->terms.begin(), state->terms.end(), same)) continue;
+        if (std::ranges::any_of(state->terms, same)) continue;
         const Sizes sizes = sizes_of(term, *state, best - negligible - state->log_weight);
         const VectorXd gain = sizes.explained + sizes.log_prior;
         Eigen::Index top = 0;
@@ -291,10 +289,10 @@ LogWeights weigh_models(const UnderNoise& under) {
         }
       }
       const auto heavier = [](const Next& a, const Next& b) { return a.log_weight > b.log_weight; };
-      std::sort(of_state.begin(), of_state.end(), heavier);
+      std::ranges::sort(of_state, heavier);
       of_state.resize(std::min(of_state.size(), expansions));
       next.insert(next.end(), of_state.begin(), of_state.end());
-      std::sort(next.begin(), next.end(), heavier);
+      std::ranges::sort(next, heavier);
     }
     if (next.empty() || depth + 1 == deepest || next.front().log_weight < best - ends_below) break;
     best = std::max(best, next.front().log_weight);
@@ -329,8 +327,7 @@ Posterior posterior_of(const std::vector<LogWeights>& at_each_noise) {
   std::erase_if(models, [&](const WeighedModel& m) { return m.probability < least_probability * sum; });
   for (const WeighedModel& m : models) kept += m.probability;
   for (WeighedModel& m : models) m.probability /= kept;
-  std::sort(models.begin(), models.end(),
-            [](const WeighedModel& a, const WeighedModel& b) { return a.probability > b.probability; });
+  std::ranges::sort(models, [](const WeighedModel& a, const WeighedModel& b) { return a.probability > b.probability; });
   return result;
 }
 
@@ -378,7 +375,7 @@ Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& 
     }
     listed.emplace_back(path, node);
   }
-  std::sort(listed.begin(), listed.end());
+  std::ranges::sort(listed);
   for (const auto& [path, node] : listed)
     all.nodes.push_back({node[0], node[1], node[2], node[3], std::min(nodes[node], 1.0)});
   all.anything = std::min(all.anything, 1.0);
@@ -428,8 +425,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
       for (const int c : term.columns) {
         const EffectColumn& column = table.effects[static_cast<std::size_t>(c)];
         const std::string key = column.key();
-        stands =
-            stands && std::find(keys.begin(), keys.end(), key) == keys.end();  // two time constants of one are no name
+        stands = stands && std::ranges::find(keys, key) == keys.end();  // two time constants of one are no name
         keys.push_back(key);
         column_of[key] = c;
         if (!(column.tau_s > 0.0)) continue;
@@ -440,15 +436,14 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
     if (!missing) continue;
     something += m.probability;
     if (stands) result.probability += m.probability;
-    std::sort(keys.begin(), keys.end());
+    std::ranges::sort(keys);
     if (!keys.empty()) (patterns ? beside_patterns : sets)[keys] += m.probability;
   }
   if (something > 0.0) result.probability /= something;
   if (result.probability < carried_by_names)
     for (const auto& [keys, probability] : beside_patterns) sets[keys] += probability;
   if (sets.empty()) return result;
-  auto best =
-      std::max_element(sets.begin(), sets.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
+  auto best = std::ranges::max_element(sets, [](const auto& a, const auto& b) { return a.second < b.second; });
   for (auto set = sets.begin(); set != sets.end(); ++set)
     if (set->first == fitted && set->second > as_good * best->second) best = set;
   std::set<std::string> once;
@@ -617,7 +612,7 @@ class Coefficients {
     part.effect.topRows(p) = shift * term.L;
     for (const int c : term.columns) {
       const EffectColumn& column = table_.effects[static_cast<std::size_t>(c)];
-      const auto at = std::find(named_.begin(), named_.end(), column.key());
+      const auto at = std::ranges::find(named_, column.key());
       if (at != named_.end())
         part.effect.row(p + (at - named_.begin())) = term.L.row(table_.column_of_effect[static_cast<std::size_t>(c)]);
     }

@@ -1,4 +1,4 @@
-// Diagnosis of hand-turned data: the course and the verdicts of diagnosis.h, on the observations of rests and turns (rest_evidence.h).
+// Diagnosis of hand-turned data: the course and the verdicts of diagnosis.h, on the observations of rests and turns.
 //
 // Effects that rests cannot show are listed, not weighed: those with no trace at rest or in gravity's direction after a turn (size effect,
 // delay), those that need the heading (magnetic, earth rate), and those that no sensor has as large as they would have to be (absurd_magnitude).
@@ -7,6 +7,12 @@
 // however often they are taken), so that what is left out is predicted far worse than fitted. Gravity's norm is the accelerometers' alone: where
 // only it depends on individual rests, effects of the gyros are weighed, and none of the accelerometers. Units that are plainly
 // wrong (rest_units.h) are not fitted at all. Where a kind of observation stays above most_over_white, nothing is trusted.
+//
+// What a fit leaves to be explained (evidence.h) comes from the observations of rests and turns (rest_system.h). Cells are the first second
+// of a rest, its middle and its last second, and parts of the turn before it. A unit of a reading in a cell changes the observations by a
+// column of the rest model's own Jacobian; coordinates are the observations over their sigmas. What is another value in every rest is the
+// floor of a kind (rest_model.h) and no term. A missing effect raises the floors it touches, so models are weighed with those of the 21
+// parameters alone, and with those that the most probable model leaves.
 //
 // Verdict: not_tested when nothing was, or when the gyros' part is clean and the accelerometers were not tested.
 #pragma once

@@ -16,8 +16,8 @@ std::vector<Statement> Statements::said() const {
   std::vector<Statement> said;
   for (const Statement& a : nodes) {
     if (a.probability < said_from) continue;
-    const bool deepest = std::none_of(nodes.begin(), nodes.end(),
-                                      [&](const Statement& b) { return b.probability >= said_from && is_below(a, b); });
+    const bool deepest =
+        std::ranges::none_of(nodes, [&](const Statement& b) { return b.probability >= said_from && is_below(a, b); });
     if (deepest) said.push_back(a);
   }
   return said;
@@ -41,7 +41,7 @@ std::string sentence(const Statement& s) {
       {"force", "depends on the specific force"},
       {"rate", "depends on the rate of rotation"},
       {"field", "depends on the direction of north or up"}};
-  const auto found = std::find_if(drivers.begin(), drivers.end(), [&](const auto& d) { return d.first == s.driver; });
+  const auto found = std::ranges::find_if(drivers, [&](const auto& d) { return d.first == s.driver; });
   return fmt::format("{} {} ({})", of, found == drivers.end() ? "is not as modelled" : found->second,
                      words_of_probability(s.probability));
 }

@@ -6,8 +6,7 @@
 #include <map>
 
 #include "calib/model/attitude.h"
-#include "calib/model/parameters.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 #include <Eigen/QR>
 
@@ -460,7 +459,7 @@ class Table {
  private:
   bool by_hand() const { return !pieces_.responses.empty(); }
   static bool is_zero(const Weights& weights) {
-    return std::all_of(weights.parts.begin(), weights.parts.end(), [](const auto& part) { return part.rows == 0; });
+    return std::ranges::all_of(weights.parts, [](const auto& part) { return part.rows == 0; });
   }
   // Of `columns`, of which a piece has `mine` from first(piece) on: readings(cell number, cell), 6 x mine.
   template <class First, class ReadingsOf>

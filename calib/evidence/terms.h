@@ -1,7 +1,7 @@
 // Everything that may be missing from the model, as one table of terms.
 //
 // A term is one thing: a sensor's quantity, what drives it, and its shape. Its columns are B = basis L, its coefficients z ~ N(0, v 1) with a
-// prior over the size sqrt(v). A basis is a set of functions on the cells (pieces.h); terms that share one differ in L alone.
+// prior over the size sqrt(v). A basis is a set of functions on the cells (piece_system.h); terms that share one differ in L alone.
 //   effect    a component of the catalogue (effects.h), each with every time constant; or a row of components of one sensor
 //   pattern   a quantity of a sensor times a function that has no formula: harmonics 1 to 4 of a table angle (size 1/h), two waves of a
 //             component of force or rate, decays after a turn; or any function that is constant over an epoch, z = L'' z'' with
@@ -12,12 +12,11 @@
 #pragma once
 
 #include <memory>
-#include <string>
 #include <vector>
 
 #include "calib/evidence/piece_system.h"
 #include "calib/evidence/statement.h"
-#include "calib/model/noise_model.h"
+#include "calib/model/parameters.h"
 
 namespace turncal {
 

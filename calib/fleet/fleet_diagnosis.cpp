@@ -6,8 +6,7 @@
 
 #include "calib/fleet/fleet_scores.h"
 #include "calib/model/limits.h"
-#include "calib/statistics/distributions.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {
@@ -114,7 +113,7 @@ std::vector<std::string> rivals_of(const FleetScores& scores, const std::vector<
       std::string text = same ? scores.components()[c] : name;
       if (!here && h.factor < 0) text += " of all";
       if (!here && h.factor >= 0) text += " of " + factors[h.factor] + " " + scores.levels(h.factor)[h.level];
-      if (std::find(rivals.begin(), rivals.end(), text) == rivals.end()) rivals.push_back(text);
+      if (std::ranges::find(rivals, text) == rivals.end()) rivals.push_back(text);
     }
   }
   return rivals;
@@ -147,7 +146,7 @@ std::vector<Selected> select_common(FleetScores& scores, const std::vector<std::
     for (std::size_t c = 0; c < components; ++c)
       best.push_back(best_of(scores, hypotheses, c, static_cast<int>(factors.size())));
     const auto strongest = [&](auto member, std::size_t tests) {
-      Found found = *std::min_element(best.begin(), best.end(), [&](const BestOf& a, const BestOf& b) {
+      Found found = *std::ranges::min_element(best, [&](const BestOf& a, const BestOf& b) {
         return (a.*member).log10_p < (b.*member).log10_p;
       }).*member;
       found.log10_p += std::log10(static_cast<double>(tests));
@@ -260,8 +259,8 @@ Explanation search(FleetScores& scores, const std::vector<std::string>& factors,
 // What an explanation takes off chi-square, less what each part of it would have to take off to be believed by itself. Parameters
 // have no chi-square, and what they do follows the effects: they do not count.
 double worth(const Explanation& e, const FleetScores& scores, const FleetDiagnosis& d) {
-  const auto effects = std::count_if(e.chosen.begin(), e.chosen.end(),
-                                     [&](const Selected& s) { return !scores.is_parameter(s.found.component); });
+  const auto effects =
+      std::ranges::count_if(e.chosen, [&](const Selected& s) { return !scores.is_parameter(s.found.component); });
   return scores.explained() - static_cast<double>(e.units.size()) * unit_limit(scores) -
          static_cast<double>(effects) * chi_square_1_limit(fleet_limits.false_alarm / static_cast<double>(d.tests));
 }

@@ -1,7 +1,7 @@
 // What a fleet shows that no single unit can: effects common to all, to a station, to a lot, and units that stand out.
 //
 // Every recording left its scores of all effects (unit_statistics.h). For one component, y = s / Q with variance 1 / Q, and what units have of it
-// scatters besides (component_model.h). With N recordings a common effect of 1 / sqrt(N) of what one recording shows is seen.
+// scatters besides (fleet_scores.h). With N recordings a common effect of 1 / sqrt(N) of what one recording shows is seen.
 //
 // 1. Forward selection over component x (all, each level of each factor): z = beta / sigma of a generalised least squares fit, sigma_b^2 by
 //    restricted likelihood beside all levels of that factor, and what units change by from recording to recording. p by Student's t with the units' degrees of freedom, times the number of tests (Bonferroni).
@@ -18,7 +18,6 @@
 // Not modelled: interactions of factors; units that change; effects that are common and multiply another.
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 

@@ -6,8 +6,7 @@
 
 #include "calib/joint/several_recordings.h"
 #include "calib/model/limits.h"
-#include "calib/statistics/distributions.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {
@@ -43,7 +42,7 @@ Gaussian of_fleet(const std::vector<const EarlierCalibration*>& units, const std
 }  // namespace
 
 std::optional<FleetPrior> fleet_prior(std::vector<EarlierCalibration> history, const std::string& unit) {
-  std::stable_sort(history.begin(), history.end(), [](const EarlierCalibration& a, const EarlierCalibration& b) {
+  std::ranges::stable_sort(history, [](const EarlierCalibration& a, const EarlierCalibration& b) {
     return std::tie(a.unit, a.time_utc) < std::tie(b.unit, b.time_utc);
   });
   const std::vector<int> free = free_parameters();

@@ -4,7 +4,7 @@
 
 #include "calib/joint/score_algebra.h"
 #include "calib/joint/several_recordings.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 

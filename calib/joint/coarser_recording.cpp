@@ -1,7 +1,6 @@
 #include "calib/joint/joint_filter.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace turncal {
 namespace {

@@ -4,12 +4,11 @@
 #include <cmath>
 #include <limits>
 #include <tuple>
-#include <vector>
 
 #include "calib/joint/several_recordings.h"
 #include "calib/model/limits.h"
 #include "calib/statistics/clipping.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 #include "calib/statistics/unit_slip.h"
 
 namespace turncal {
@@ -354,8 +353,7 @@ class JointRun {
     } else if (!r.noise.has_bias_instability()) {
       const Eigen::MatrixXd& from = options_.faults_of->unseen_instability;
       const auto turn_ons = 6 * static_cast<int>(options_.begins.size());
-      const auto base =
-          std::count_if(subset_.begin(), subset_.end(), [&](int k) { return k < parameter_count + turn_ons; });
+      const auto base = std::ranges::count_if(subset_, [&](int k) { return k < parameter_count + turn_ons; });
       const Eigen::Index both = std::min<Eigen::Index>(from.rows(), base);
       r.unseen_instability.topLeftCorner(both, both) = from.topLeftCorner(both, both);
     }
@@ -381,8 +379,8 @@ class JointRun {
         u.combination.emplace_back(k < parameter_count ? parameter_key(k) : options_.effects[k - parameter_count].key(),
                                    weight);
       }
-      std::sort(u.combination.begin(), u.combination.end(),
-                [](const auto& a, const auto& b) { return std::abs(a.second) > std::abs(b.second); });
+      std::ranges::sort(u.combination,
+                        [](const auto& a, const auto& b) { return std::abs(a.second) > std::abs(b.second); });
       r.undetermined.push_back(std::move(u));
     }
     for (std::size_t i = 0; i < subset_.size(); ++i) {

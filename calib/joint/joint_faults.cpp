@@ -7,7 +7,7 @@
 
 #include "calib/model/limits.h"
 #include "calib/statistics/clipping.h"
-#include "calib/statistics/distributions.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {
@@ -35,7 +35,7 @@ constexpr char filled_in[] = "filled in between the samples beside it";
 // Of many short gaps one line.
 void gather_filled(std::vector<Fault>& faults) {
   const auto is_filled = [](const Fault& f) { return f.action == filled_in; };
-  const auto first = std::find_if(faults.begin(), faults.end(), is_filled);
+  const auto first = std::ranges::find_if(faults, is_filled);
   const auto gaps = std::count_if(first, faults.end(), is_filled);
   if (gaps <= fault_limits.most_listed) return;
   Fault all = *first;

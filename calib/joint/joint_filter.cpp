@@ -7,7 +7,7 @@
 #include <Eigen/Cholesky>
 
 #include "calib/joint/linear_motion.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {

@@ -20,7 +20,7 @@
 #include <Eigen/Core>
 
 #include "calib/model/effects.h"
-#include "calib/model/noise_model.h"
+#include "calib/model/parameters.h"
 #include "calib/statistics/block_motion.h"
 
 namespace turncal {

@@ -9,7 +9,7 @@
 
 #include "calib/model/attitude.h"
 #include "calib/model/limits.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {

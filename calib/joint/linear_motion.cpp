@@ -1,7 +1,5 @@
 #include "calib/joint/linear_motion.h"
 
-#include <cmath>
-
 #include "calib/model/attitude.h"
 
 namespace turncal {

@@ -14,16 +14,13 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "calib/joint/joint_filter.h"
-#include "calib/model/attitude.h"
-#include "calib/model/noise_model.h"
+#include "calib/model/parameters.h"
 #include "calib/statistics/block_motion.h"
 
 namespace turncal {

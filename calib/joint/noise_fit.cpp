@@ -8,7 +8,7 @@
 
 #include "calib/joint/linear_motion.h"
 #include "calib/model/limits.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 
@@ -142,7 +142,7 @@ Derivatives together(const Derivatives& d, const std::vector<Group>& groups, con
   MatrixXd in = MatrixXd::Zero(d.gradient.size(), larger.size());
   for (std::size_t k = 0; k < groups.size(); ++k)
     for (std::size_t l = 0; l < larger.size(); ++l)
-      if (std::find(larger[l].begin(), larger[l].end(), groups[k][0]) != larger[l].end()) in(k, l) = 1.0;
+      if (std::ranges::find(larger[l], groups[k][0]) != larger[l].end()) in(k, l) = 1.0;
   return {in.transpose() * d.gradient, in.transpose() * d.information * in};
 }
 
@@ -356,8 +356,8 @@ Eigen::VectorXd pull_of_noise(const CompressedRecording& recording, const Parame
   constexpr double negligible = 0.01;  // of a sigma
   constexpr std::array<int, 6> scales = {6, 10, 14, 15, 19, 23};
   const ParameterVector values = to_vector(parameters);
-  const double all = static_cast<double>(
-      std::count_if(recording.blocks.begin(), recording.blocks.end(), [](const Block& b) { return b.whole_second; }));
+  const double all =
+      static_cast<double>(std::ranges::count_if(recording.blocks, [](const Block& b) { return b.whole_second; }));
   Eigen::VectorXd pull = Eigen::VectorXd::Zero(parameter_count);
   std::optional<double> log_determinant;
   const auto pass = [&](const NoiseModel& noise) {
@@ -367,7 +367,7 @@ Eigen::VectorXd pull_of_noise(const CompressedRecording& recording, const Parame
     return run_filter(recording, parameters, effects, setup).log_determinant;
   };
   for (std::size_t k = 0; k < scales.size(); ++k) {
-    const auto found = std::find(free.begin(), free.end(), scales[k]);
+    const auto found = std::ranges::find(free, scales[k]);
     if (found == free.end()) continue;
     const auto row = found - free.begin();
     const double sigma = std::sqrt(covariance(row, row));

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "calib/model/limits.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {

@@ -9,7 +9,6 @@
 
 #include <Eigen/Core>
 
-#include "calib/model/noise_model.h"
 #include "calib/model/parameters.h"
 
 namespace turncal {

@@ -2,11 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "calib/model/limits.h"
-#include "calib/statistics/distributions.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {
@@ -223,7 +221,7 @@ JoinedRecordings join_recordings(const std::vector<const CompressedRecording*>& 
 
 bool is_turn_on(const EffectColumn& column) {
   const std::vector<EffectEntry>& all = turn_on_entries();
-  return std::any_of(all.begin(), all.end(), [&](const EffectEntry& e) { return &e == column.entry; });
+  return std::ranges::any_of(all, [&](const EffectEntry& e) { return &e == column.entry; });
 }
 
 bool is_gyro_turn_on(const EffectColumn& column) { return column.entry == &turn_on_entries().front(); }
@@ -261,7 +259,7 @@ OfEachRecording leave_what_is_common(JointResult& e, std::size_t recordings, Eig
     const EstimatedEffect& effect = e.effects[column - parameter_count];
     if (is_turn_on(effect.column)) {
       const int bias = effect.column.component + (is_gyro_turn_on(effect.column) ? 0 : 3);
-      const auto row = std::find(free.begin(), free.end(), bias) - free.begin();
+      const auto row = std::ranges::find(free, bias) - free.begin();
       if (row < static_cast<std::ptrdiff_t>(free.size())) unit(row, i) = 1.0 / static_cast<double>(n);
       biases(6 * effect.column.recording + bias, i) = 1.0;
       values[6 * effect.column.recording + bias] += effect.value;

@@ -8,7 +8,6 @@
 #include <fmt/format.h>
 
 #include "calib/model/attitude.h"
-#include "calib/navigation/mechanisation.h"
 
 namespace turncal {
 namespace {

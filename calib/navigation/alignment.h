@@ -13,7 +13,6 @@
 
 #include <array>
 #include <span>
-#include <string>
 
 #include "calib/model/limits.h"
 #include "calib/navigation/drift.h"

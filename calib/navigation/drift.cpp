@@ -5,7 +5,6 @@
 #include <Eigen/LU>
 
 #include "calib/model/attitude.h"
-#include "calib/navigation/mechanisation.h"
 
 namespace turncal {
 namespace {

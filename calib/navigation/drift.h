@@ -16,12 +16,10 @@
 // lever arms.
 #pragma once
 
-#include <array>
 #include <optional>
 
 #include <Eigen/Core>
 
-#include "calib/model/noise_model.h"
 #include "calib/model/parameters.h"
 #include "calib/navigation/mechanisation.h"
 

@@ -7,7 +7,6 @@
 
 #include "calib/model/attitude.h"
 #include "calib/model/parameters.h"
-#include "calib/navigation/mechanisation.h"
 
 namespace turncal {
 

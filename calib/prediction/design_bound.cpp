@@ -7,6 +7,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "calib/model/attitude.h"
 #include "calib/prediction/planned_motion.h"
 
 namespace turncal {
@@ -274,7 +275,7 @@ class Dual {
     active_.resize(used);
     share_.resize(used);
     for (auto k = order.begin(); k != order.begin() + most; ++k) {
-      if (std::find(active_.begin(), active_.end(), *k) != active_.end()) continue;
+      if (std::ranges::find(active_, *k) != active_.end()) continue;
       active_.push_back(*k);
       share_.push_back(0.3 / static_cast<double>(used + added));
     }

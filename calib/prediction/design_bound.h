@@ -18,7 +18,6 @@
 #include <optional>
 #include <vector>
 
-#include "calib/model/noise_model.h"
 #include "calib/model/parameters.h"
 
 namespace turncal {

@@ -12,13 +12,9 @@
 // Not modelled: table errors, quantisation of the counts, noise, effects, repeated dwells.
 #pragma once
 
-#include <cstdint>
 #include <optional>
 #include <vector>
 
-#include <Eigen/Core>
-
-#include "calib/model/attitude.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/compression.h"
 #include "calib/types/axis.h"

@@ -6,7 +6,7 @@
 
 #include "calib/evidence/diagnosis.h"
 #include "calib/joint/score_algebra.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {

@@ -10,7 +10,7 @@
 #include "calib/model/limits.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/clipping.h"
-#include "calib/statistics/distributions.h"
+#include "calib/statistics/numerics.h"
 #include "calib/statistics/segmentation.h"
 
 namespace turncal {

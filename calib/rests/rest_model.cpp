@@ -3,13 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include <Eigen/Cholesky>
 
 #include "calib/model/limits.h"
-#include "calib/rests/rest_system.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {
@@ -264,8 +262,8 @@ double rest_misfit_rad(const RestData& data, double gyro_factor) {
 }
 
 double rest_misfit_rad(const RestData& data, const Eigen::Matrix3d& gyro_map) {
-  const double usable = static_cast<double>(
-      std::count_if(data.legs.begin(), data.legs.end(), [](const RestLeg& leg) { return leg.fault.empty(); }));
+  const double usable =
+      static_cast<double>(std::ranges::count_if(data.legs, [](const RestLeg& leg) { return leg.fault.empty(); }));
   return std::sqrt(direction_misfit(data, CoarseStart(data).with_map(gyro_map)) / std::max(1.0, usable));
 }
 

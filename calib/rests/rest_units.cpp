@@ -8,11 +8,9 @@
 
 #include "calib/model/attitude.h"
 #include "calib/model/limits.h"
-#include "calib/model/parameters.h"
 #include "calib/rests/rest_model.h"
 #include "calib/rests/rest_system.h"
-#include "calib/statistics/distributions.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 #include "calib/statistics/unit_slip.h"
 
 namespace turncal {
@@ -63,8 +61,7 @@ std::string wrong_gyro_axes(const RestData& data, double as_given) {
 }
 
 std::string wrong_gyros(const RestData& data) {
-  if (std::count_if(data.legs.begin(), data.legs.end(), [](const RestLeg& leg) { return leg.fault.empty(); }) < 3)
-    return {};
+  if (std::ranges::count_if(data.legs, [](const RestLeg& leg) { return leg.fault.empty(); }) < 3) return {};
   const double as_given = rest_misfit_rad(data, 1.0);
   if (!(as_given > rest_limits.least_misfit_rad)) return {};
   const std::string unit = wrong_gyro_unit(data, as_given);

@@ -5,7 +5,7 @@
 
 #include "calib/model/effects.h"
 #include "calib/model/limits.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {

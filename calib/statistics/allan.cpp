@@ -10,8 +10,7 @@
 
 #include <unsupported/Eigen/FFT>
 
-#include "calib/statistics/distributions.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {
@@ -449,7 +448,7 @@ double allan_variance(const AllanFit& fit, double tau_s) {
 double equivalent_degrees(const AllanFit& fit, double tau, double cell_s, const std::vector<double>& spans) {
   const Squares c = squares_of(fit);
   const double total = std::accumulate(spans.begin(), spans.end(), 0.0);
-  const double longest = *std::max_element(spans.begin(), spans.end());
+  const double longest = *std::ranges::max_element(spans);
   const auto pairs = [&](double lag) {
     double sum = 0.0;
     for (const double span : spans) sum += std::max(0.0, span - lag);

@@ -82,7 +82,7 @@ std::vector<DataEvent> ClippingFinder::finish() {
       if (static_cast<double>(at) < clipping_limits.of_band * band) continue;
       result.insert(result.end(), side.runs.begin(), side.runs.end());
     }
-  std::sort(result.begin(), result.end(), [](const DataEvent& a, const DataEvent& b) { return a.sample < b.sample; });
+  std::ranges::sort(result, [](const DataEvent& a, const DataEvent& b) { return a.sample < b.sample; });
   return result;
 }
 
@@ -153,7 +153,7 @@ std::vector<DataEvent> clipped_turns(const CompressedRecording& recording) {
   for (int axis = 0; axis < 3; ++axis) {
     int segment = -1;
     for (std::size_t k = 0; k < blocks.size(); ++k) {
-      const bool clipped = turns(k) && std::any_of(suspects.begin(), suspects.end(), [&](const Suspect& s) {
+      const bool clipped = turns(k) && std::ranges::any_of(suspects, [&](const Suspect& s) {
                              return s.axis == axis && std::abs(std::abs(mean(blocks[k], axis)) - s.end) <= same * s.end;
                            });
       if (!clipped) continue;
@@ -163,7 +163,7 @@ std::vector<DataEvent> clipped_turns(const CompressedRecording& recording) {
       events.back().count = blocks[k].start_sample + blocks[k].samples - events.back().sample;
     }
   }
-  std::sort(events.begin(), events.end(), [](const DataEvent& a, const DataEvent& b) { return a.sample < b.sample; });
+  std::ranges::sort(events, [](const DataEvent& a, const DataEvent& b) { return a.sample < b.sample; });
   return events;
 }
 

@@ -9,7 +9,7 @@
 #include "calib/model/limits.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/clipping.h"
-#include "calib/statistics/distributions.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 
@@ -360,8 +360,8 @@ void SegmentedFeed::add(std::span<const ImuSample> samples) {
       open_ = true;
     }
     // Duplicates keep their counter, so the border is searched in the chunk rather than computed.
-    const auto border = std::find_if(samples.begin(), samples.end(),
-                                     [&](const ImuSample& s) { return s.counter >= segment.end_sample; });
+    const auto border =
+        std::ranges::find_if(samples, [&](const ImuSample& s) { return s.counter >= segment.end_sample; });
     const std::size_t count = static_cast<std::size_t>(border - samples.begin());
     compressor_.add(samples.first(count));
     samples = samples.subspan(count);

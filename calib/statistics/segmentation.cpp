@@ -1,14 +1,12 @@
 #include "calib/statistics/segmentation.h"
 
 #include <algorithm>
-#include <cmath>
-#include <vector>
 
 #include <fmt/format.h>
 
 #include "calib/model/limits.h"
 #include "calib/statistics/data_screen.h"
-#include "calib/statistics/distributions.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 
@@ -278,8 +276,8 @@ Segmentation find_rests(const RecordingInfo& info, std::span<const ImuSample> sa
 }
 
 bool without_table_angles(const Segments& segments) {
-  return std::all_of(segments.begin(), segments.end(),
-                     [](const Segment& s) { return s.heading_deg == 0.0 && s.pitch_deg == 0.0 && s.roll_deg == 0.0; });
+  return std::ranges::all_of(
+      segments, [](const Segment& s) { return s.heading_deg == 0.0 && s.pitch_deg == 0.0 && s.roll_deg == 0.0; });
 }
 
 StillPart longest_still(std::span<const SixChannels> pieces, const SixChannels& noise, double outlier) {

@@ -3,7 +3,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <vector>
 
 #include <fmt/format.h>
 #include <Eigen/Geometry>
@@ -11,7 +10,7 @@
 
 #include "calib/model/attitude.h"
 #include "calib/model/parameters.h"
-#include "calib/statistics/distributions.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {

@@ -10,8 +10,7 @@
 #include <set>
 
 #include "calib/evidence/statement.h"
-#include "calib/statistics/distributions.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {

@@ -5,8 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 namespace {

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <vector>
 
-#include "imu_io/base/posix_file.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 namespace {

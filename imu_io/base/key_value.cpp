@@ -6,9 +6,8 @@
 #include <cctype>
 #include <cmath>
 
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/posix_file.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 namespace {
@@ -89,18 +88,18 @@ Result<KeyValueFile> KeyValueFile::parse(std::string_view text, std::string file
     if (line.empty()) continue;
     for (std::string_view left = line; !left.empty();) {
       const std::size_t length = left.front() == '\t' ? 1 : printable_character(left);
-      if (length == 0) return defect(quoted(line) + ": expected printable text in UTF-8");
+      if (length == 0) return defect(turncal::quoted(line) + ": expected printable text in UTF-8");
       left.remove_prefix(length);
     }
     const std::size_t equals = line.find('=');
-    if (equals == std::string_view::npos) return defect(quoted(line) + ": expected key = value");
+    if (equals == std::string_view::npos) return defect(turncal::quoted(line) + ": expected key = value");
     const std::string key(trimmed(line.substr(0, equals)));
     if (!is_key(key))
-      return defect("key " + quoted(key) + ": expected letters, digits, '_' and '-', parts joined by '.'");
+      return defect("key " + turncal::quoted(key) + ": expected letters, digits, '_' and '-', parts joined by '.'");
     const auto [place, is_new] = file.index_.emplace(key, file.entries_.size());
     if (!is_new)
-      return defect(
-          fmt::format("key {} again: it is already in line {}", quoted(key), file.entries_[place->second].line));
+      return defect(fmt::format("key {} again: it is already in line {}", turncal::quoted(key),
+                                file.entries_[place->second].line));
     file.entries_.push_back({key, std::string(trimmed(line.substr(equals + 1))), line_number, std::string(comment)});
   }
   if (file.entries_.empty()) return input_error(file.file_name_ + ": empty file: expected key = value lines");
@@ -168,7 +167,7 @@ Error KeyValueFile::error_at(std::string_view key, std::string_view expected) co
   if (entry == nullptr)
     return input_error(fmt::format("{}: key '{}' is missing: expected {}", file_name_, key, expected));
   return input_error(fmt::format("{}:{}: key '{}' = {}: expected {}", file_name_, entry->line, entry->key,
-                                 quoted(entry->value), expected));
+                                 turncal::quoted(entry->value), expected));
 }
 
 void KeyValueFile::reject(std::string_view key, std::string_view expected) { remember(error_at(key, expected)); }
@@ -181,7 +180,8 @@ Status KeyValueFile::check_all_used() const {
     if (entry.used) continue;
     const std::string meant = did_you_mean(entry.key, first_defect_ ? std::vector<std::string>{missing_} : not_there_);
     if (first_defect_ && meant.empty()) continue;
-    return input_error(fmt::format("{}:{}: key {} is unknown{}", file_name_, entry.line, quoted(entry.key), meant));
+    return input_error(
+        fmt::format("{}:{}: key {} is unknown{}", file_name_, entry.line, turncal::quoted(entry.key), meant));
   }
   return status();
 }
@@ -228,7 +228,7 @@ bool KeyValueFile::boolean_or(std::string_view key, bool otherwise) {
 std::string KeyValueFile::one_of(std::string_view key, std::initializer_list<std::string_view> choices) {
   const Entry* entry = require(key, joined(choices));
   if (entry == nullptr) return {};
-  if (std::find(choices.begin(), choices.end(), entry->value) != choices.end()) return entry->value;
+  if (std::ranges::find(choices, entry->value) != choices.end()) return entry->value;
   reject(key, joined(choices));
   return {};
 }
@@ -257,7 +257,7 @@ std::vector<std::string> KeyValueFile::list(std::string_view key) {
   const Entry* entry = require(key, "names separated by commas");
   if (entry == nullptr) return {};
   const auto parts = split_at_commas(entry->value);
-  if (std::find(parts.begin(), parts.end(), "") == parts.end()) return {parts.begin(), parts.end()};
+  if (std::ranges::find(parts, "") == parts.end()) return {parts.begin(), parts.end()};
   reject(key, "names separated by commas, none empty");
   return {};
 }
@@ -268,7 +268,7 @@ std::size_t KeyTable::place_of(const std::string& key, std::size_t place,
                                std::initializer_list<std::string_view> names) {
   const std::string name = file_.one_of_or(key, names.begin()[place], names);
   // A defect leaves no name; the caller may go on with any value.
-  const auto at = std::find(names.begin(), names.end(), name);
+  const auto at = std::ranges::find(names, name);
   return at == names.end() ? place : static_cast<std::size_t>(at - names.begin());
 }
 

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "calib/types/status.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 
 namespace turncal {
 

@@ -9,8 +9,7 @@
 
 #include "calib/model/parameters.h"
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_check.h"
 
 namespace turncal {
@@ -515,7 +514,7 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
   frame.sync_mask = read_bytes(file, "sync.mask");
   if (!file.has("sync.mask")) frame.sync_mask.assign(frame.sync.size(), std::byte{0xFF});
   if (frame.sync_mask.size() != frame.sync.size()) file.reject("sync.mask", "as many bytes as sync");
-  if (std::all_of(frame.sync_mask.begin(), frame.sync_mask.end(), [](std::byte b) { return b == std::byte{0}; }))
+  if (std::ranges::all_of(frame.sync_mask, [](std::byte b) { return b == std::byte{0}; }))
     file.reject("sync.mask", "at least one bit: without any every byte begins a frame");
   frame.tail = read_bytes(file, "tail");
   if (file.has("id.offset")) frame.id = read_field(file, "id", "u8");
@@ -539,7 +538,7 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
   file.set_scope("");
   const std::vector<FrameVariant>& all = frame.variants;
   if (all.empty()) return file.error_at("variants", "names separated by commas");  // refused already, as an empty list
-  frame.split = std::any_of(all.begin(), all.end(), [](const FrameVariant& v) { return !(v.has_gyro && v.has_accel); });
+  frame.split = std::ranges::any_of(all, [](const FrameVariant& v) { return !(v.has_gyro && v.has_accel); });
   if (frame.split) {
     if (!(all.size() == 2 && !all[0].has_accel && !all[1].has_gyro)) {
       file.reject("variants", "two: the first carries = gyro, the second carries = accel");
@@ -566,7 +565,7 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
 }  // namespace
 
 bool FrameDescription::has_temperature() const {
-  return std::any_of(variants.begin(), variants.end(), [](const FrameVariant& v) { return v.temperature.has_value(); });
+  return std::ranges::any_of(variants, [](const FrameVariant& v) { return v.temperature.has_value(); });
 }
 
 void FrameDescription::describe(RecordingInfo& info) const {

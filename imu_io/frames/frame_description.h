@@ -23,7 +23,6 @@
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
 #include "imu_io/base/key_value.h"
-#include "imu_io/frames/byte_stuffing.h"
 #include "imu_io/frames/frame_field.h"
 #include "imu_io/lines/serial_port.h"
 

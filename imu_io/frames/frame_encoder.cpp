@@ -7,7 +7,7 @@
 #include <cmath>
 #include <optional>
 
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 namespace {
@@ -79,7 +79,7 @@ bool FrameEncoder::put(const FrameValue& element, std::size_t i, double value, s
 }
 
 Status FrameEncoder::encode_variant(const FrameVariant& variant, const ImuSample& sample, std::span<std::byte> out) {
-  std::fill(out.begin(), out.end(), std::byte{0});
+  std::ranges::fill(out, std::byte{0});
   if (variant.multiplexer && variant.temperature && variant.temperature->when)
     variant.multiplexer->put_bits(out.data(), *variant.temperature->when);
   for (const FrameStatus& status : variant.status) {
@@ -115,8 +115,8 @@ Status FrameEncoder::encode_variant(const FrameVariant& variant, const ImuSample
     frame_.length->put_bits(out.data(), static_cast<std::uint64_t>(raw));
   }
   // Last, so that nothing above can spoil what the search goes by.
-  std::copy(frame_.sync.begin(), frame_.sync.end(), out.begin());
-  std::copy(frame_.tail.begin(), frame_.tail.end(), out.end() - static_cast<std::ptrdiff_t>(frame_.tail.size()));
+  std::ranges::copy(frame_.sync, out.begin());
+  std::ranges::copy(frame_.tail, out.end() - static_cast<std::ptrdiff_t>(frame_.tail.size()));
   if (frame_.check.kind != CheckKind::none) {
     const std::size_t place = check_offset(frame_.check, out.size());
     frame_.check.field.put_bits_at(out.data() + place, frame_check_value(frame_.check, crc_, out));

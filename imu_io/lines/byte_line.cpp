@@ -9,7 +9,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 namespace {

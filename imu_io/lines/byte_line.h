@@ -20,7 +20,7 @@
 #include <vector>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 #include "imu_io/lines/serial_port.h"
 
 namespace turncal {

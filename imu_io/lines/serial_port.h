@@ -17,8 +17,8 @@
 #include <string_view>
 
 #include "calib/types/status.h"
+#include "imu_io/base/files.h"
 #include "imu_io/base/key_value.h"
-#include "imu_io/base/posix_file.h"
 
 namespace turncal {
 

@@ -15,7 +15,7 @@
 #include <utility>
 
 #include "calib/types/status.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 
 namespace turncal {
 

@@ -208,7 +208,7 @@ Result<RecordingInfo> parse_info(std::span<const std::byte> payload) {
   reader(flags[0], flags[1], flags[2], flags[3]);
   info.unit_serial = reader.get_text();
   if (reader.good() && !reader.at_end()) info.started_utc_s = reader.get<std::int64_t>();
-  if (!reader.at_end() || std::any_of(flags.begin(), flags.end(), [](std::uint8_t flag) { return flag > 1; }))
+  if (!reader.at_end() || std::ranges::any_of(flags, [](std::uint8_t flag) { return flag > 1; }))
     return input_error("its first record makes no sense");
   info.gyro_increment = static_cast<IncrementKind>(flags[0]);
   info.accel_increment = static_cast<IncrementKind>(flags[1]);
@@ -332,10 +332,9 @@ void decode_samples(const SampleChunk& chunk, const RecordingInfo& info, std::ve
         is_last ? chunk.count : load_bytes<std::uint32_t>(chunk.gaps.data() + place + gap_bytes);
     for (std::uint32_t i = index; i < until; ++i) out[i].counter = counter++;
   }
-  for (std::size_t place = 0; place < chunk.flags.size(); place += flag_bytes) {
+  for (std::size_t place = 0; place < chunk.flags.size(); place += flag_bytes)
     out[load_bytes<std::uint32_t>(chunk.flags.data() + place)].flags =
         load_bytes<std::uint32_t>(chunk.flags.data() + place + 4);
-  }
   decode_triples(chunk.gyro, info.gyro_increment, &ImuSample::gyro, out);
   decode_triples(chunk.accel, info.accel_increment, &ImuSample::accel, out);
 }

@@ -12,7 +12,7 @@
 
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 #include "imu_io/base/record_log.h"
 #include "imu_io/recordings/recording_source.h"
 

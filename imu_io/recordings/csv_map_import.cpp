@@ -10,12 +10,11 @@
 #include <fmt/format.h>
 
 #include "calib/statistics/clipping.h"
-#include "calib/statistics/distributions.h"
+#include "calib/statistics/numerics.h"
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/files.h"
 #include "imu_io/base/key_value.h"
-#include "imu_io/base/posix_file.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/ros_bag.h"
 #include "imu_io/recordings/stamps.h"
@@ -29,7 +28,7 @@ CsvTriad read_triad(KeyValueFile& file, const std::string& name, const std::vect
   CsvTriad triad;
   const std::vector<std::string> columns = file.list(name + ".columns");
   if (columns.size() == 3)
-    std::copy(columns.begin(), columns.end(), triad.columns.begin());
+    std::ranges::copy(columns, triad.columns.begin());
   else
     file.reject(name + ".columns", "three columns, by name or number");
   const InertialUnit* const unit = read_unit(file, name + ".unit", units);
@@ -447,7 +446,7 @@ class Importer {
         flags |= gyro_clipped_flag(static_cast<int>(axis));
         full = true;
       }
-    const bool dropped = std::any_of(accel.begin(), accel.end(), [&](double x) { return saturated(map_.accel, x); });
+    const bool dropped = std::ranges::any_of(accel, [&](double x) { return saturated(map_.accel, x); });
     if (full || dropped) ++result_.saturated;
     if (dropped) return {};
     ImuSample& sample = samples_.emplace_back();

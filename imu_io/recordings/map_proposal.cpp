@@ -11,10 +11,9 @@
 
 #include "calib/model/attitude.h"
 #include "calib/model/parameters.h"
-#include "calib/statistics/distributions.h"
+#include "calib/statistics/numerics.h"
 #include "calib/statistics/unit_slip.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/stamps.h"
 
 namespace turncal {

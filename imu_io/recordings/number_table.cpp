@@ -14,12 +14,10 @@
 #include <memory>
 #include <numeric>
 
-#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/posix_file.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 namespace {
@@ -84,10 +82,9 @@ class CsvTable {
   Status read() {
     const std::string_view head = TRY(bytes_.at(0, 1 << 12));
     TRY(check_text(head, file_name_));
-    if (head.find_first_not_of("\xEF\xBB\xBF \t\r\n") == std::string_view::npos) {
+    if (head.find_first_not_of("\xEF\xBB\xBF \t\r\n") == std::string_view::npos)
       return input_error(file_name_ + ": empty file: expected " +
                          (format_.header_lines > 0 ? "a header and " : std::string()) + "rows of numbers");
-    }
     std::vector<std::string> header;
     std::string_view row;
     for (int k = 0; k < format_.header_lines; ++k) {
@@ -155,7 +152,7 @@ class CsvTable {
 
   Status find_columns(const std::vector<std::string>& header) {
     for (const WantedColumn& column : wanted_) {
-      const auto at = std::find(header.begin(), header.end(), column.name);
+      const auto at = std::ranges::find(header, column.name);
       if (at != header.end() && std::find(at + 1, header.end(), column.name) != header.end())
         return defect("column " + quoted(column.name) + " twice: expected one of that name");
       if (at != header.end()) {
@@ -727,7 +724,7 @@ Status write_mat_variables(const std::string& path, const std::string& temporary
   values.reserve(table.rows);
   for (std::size_t k = 0; k < table.names.size(); ++k) {
     std::string name = table.names[k];
-    std::replace(name.begin(), name.end(), '.', '_');
+    std::ranges::replace(name, '.', '_');
     values.clear();
     TRY(table.each_row([&](std::span<const double> row) {
       values.push_back(row[k]);
@@ -857,8 +854,7 @@ Status write_columns(const std::string& path, const std::vector<NumberColumn>& f
 }
 
 Status check_ending(std::string_view path, std::initializer_list<std::string_view> endings) {
-  if (std::any_of(endings.begin(), endings.end(), [&](std::string_view ending) { return path.ends_with(ending); }))
-    return {};
+  if (std::ranges::any_of(endings, [&](std::string_view ending) { return path.ends_with(ending); })) return {};
   return input_error(fmt::format("{}: expected a name that ends in one of {}", path, fmt::join(endings, ", ")));
 }
 

@@ -8,8 +8,7 @@
 
 #include "calib/model/parameters.h"
 #include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 namespace {
@@ -46,7 +45,7 @@ void read_increments(KeyValueFile& file, IncrementKind& gyro, IncrementKind& acc
 
 const InertialUnit* read_unit(KeyValueFile& file, const std::string& key, const std::vector<std::string_view>& names) {
   const std::string name = file.text(key);
-  if (std::find(names.begin(), names.end(), name) == names.end()) {
+  if (std::ranges::find(names, name) == names.end()) {
     file.reject(key, fmt::format("one of {}", fmt::join(names, ", ")));
     return nullptr;
   }

@@ -13,7 +13,7 @@
 #include "calib/statistics/clipping.h"
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 #include "imu_io/recordings/binary_layout.h"
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"

@@ -110,8 +110,8 @@ Status RecordingWriter::check_reopens(const std::string& path, std::int64_t end_
                                       std::optional<std::uint32_t> written) {
   PosixFile file = TRY(PosixFile::open_to_read(path));
   const RecordingScan scan = TRY(scan_recording(file, end_sample));
-  const bool ends_there = std::any_of(scan.segments.begin(), scan.segments.end(),
-                                      [end_sample](const Segment& one) { return one.end_sample == end_sample; });
+  const bool ends_there =
+      std::ranges::any_of(scan.segments, [end_sample](const Segment& one) { return one.end_sample == end_sample; });
   RecordingWriter kept(std::move(file), {.info = scan.info});
   TRY(kept.hash_file(scan.closed_end));
   const bool damaged = scan.damage.lost_data();

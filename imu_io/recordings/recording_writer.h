@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "calib/types/axis.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 #include "imu_io/recordings/binary_layout.h"
 
 struct XXH32_state_s;

@@ -16,11 +16,10 @@
 #include <numeric>
 #include <span>
 
-#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/posix_file.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 namespace {

@@ -10,7 +10,7 @@
 #include <numbers>
 #include <numeric>
 
-#include "calib/statistics/distributions.h"
+#include "calib/statistics/numerics.h"
 
 namespace turncal {
 namespace {

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 namespace {

@@ -9,10 +9,86 @@
 #include <utility>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
+
+namespace {
+
+constexpr double block_s = 1.0;
+constexpr std::size_t most_points = 512;
+constexpr std::size_t recent_blocks = 3;
+constexpr double judged_after_s = 10.0;
+
+}  // namespace
+
+ArrivalFit::ArrivalFit() {
+  hull_.reserve(most_points + 1);
+  recent_.reserve(recent_blocks);
+}
+
+void ArrivalFit::restart() { *this = ArrivalFit(); }
+
+void ArrivalFit::add(double unit_s, double host_s) {
+  const Point point{unit_s, host_s - unit_s};
+  if (line_) largest_delay_s_ = std::max(largest_delay_s_, point.late_s - (line_->offset_s + line_->skew * unit_s));
+  if (have_block_ && unit_s - block_start_s_ >= block_s) close_block();
+  if (!have_block_) {
+    if (blocks_ == 0) first_unit_s_ = unit_s;
+    have_block_ = true;
+    block_start_s_ = unit_s;
+    block_ = point;
+  } else if (point.late_s < block_.late_s) {
+    block_ = point;
+  }
+}
+
+void ArrivalFit::close_block() {
+  have_block_ = false;
+  // Against what was known before it; then it joins the hull.
+  if (line_ = estimate(); line_ && line_->span_s < judged_after_s) line_.reset();
+  if (line_) {
+    if (recent_.size() == recent_blocks) recent_.erase(recent_.begin());
+    recent_.push_back(block_.late_s - (line_->offset_s + line_->skew * block_.unit_s));
+    square_sum_ += recent_.back() * recent_.back();
+    ++squares_;
+    if (recent_.size() == recent_blocks) persistent_delay_s_ = *std::ranges::min_element(recent_);
+  }
+  const auto turns_right = [](const Point& a, const Point& b, const Point& c) {
+    return (b.late_s - a.late_s) * (c.unit_s - a.unit_s) >= (c.late_s - a.late_s) * (b.unit_s - a.unit_s);
+  };
+  while (hull_.size() >= 2 && turns_right(hull_[hull_.size() - 2], hull_.back(), block_)) hull_.pop_back();
+  hull_.push_back(block_);
+  sum_unit_s_ += block_.unit_s;
+  ++blocks_;
+  if (hull_.size() > most_points) {
+    // Every other inner corner goes; the hull stays on or above what it was.
+    std::size_t kept = 1;
+    for (std::size_t i = 2; i < hull_.size(); i += 2) hull_[kept++] = hull_[i];
+    if (hull_.size() % 2 == 0) hull_[kept++] = hull_.back();
+    hull_.resize(kept);
+  }
+}
+
+std::optional<ArrivalEstimate> ArrivalFit::estimate() const {
+  if (hull_.size() < 2 || blocks_ < 2) return {};
+  const double mean = sum_unit_s_ / static_cast<double>(blocks_);
+  std::size_t right = 1;
+  while (right + 1 < hull_.size() && hull_[right].unit_s < mean) ++right;
+  const Point& a = hull_[right - 1];
+  const Point& b = hull_[right];
+  ArrivalEstimate result;
+  result.skew = (b.late_s - a.late_s) / (b.unit_s - a.unit_s);
+  result.offset_s = a.late_s - result.skew * a.unit_s;
+  result.span_s = hull_.back().unit_s - first_unit_s_;
+  if (squares_ > 0) result.skew_uncertainty = std::sqrt(square_sum_ / static_cast<double>(squares_)) / result.span_s;
+  result.largest_delay_s = largest_delay_s_;
+  return result;
+}
+
+// ---- the unit ----
+
 namespace {
 
 constexpr double slice_s = 0.02;  // at most so long is one wait
@@ -184,10 +260,9 @@ Status SerialImu::judge_arrivals() const {
   }
   TRY(judge_clock(fit_, settings_.clock_max_ppm));
   const double late_s = fit_.persistent_delay_s();
-  if (late_s > std::max(0.5 * decoder_.wrap_s(), least_lateness_s)) {
+  if (late_s > std::max(0.5 * decoder_.wrap_s(), least_lateness_s))
     return device_error("samples come " + format_number(late_s) +
                         " s later than before: more were lost than the unit's counter can tell");
-  }
   return {};
 }
 
@@ -200,10 +275,9 @@ Result<std::size_t> SerialImu::read(std::span<ImuSample> out, double timeout_s) 
       if (Status status = judge_arrivals(); !status) return lost(status.error().message);
       return count;
     }
-    if (restarted_) {
+    if (restarted_)
       return lost(decoder_.restart_reason() + " after sample " + std::to_string(last_counter_) +
                   ": it was switched off or reset, or samples were lost while its line was behind");
-    }
     const auto received = receive(deadline.left_s());
     if (!received) {
       const Error& error = received.error();
@@ -219,11 +293,10 @@ Result<SerialImuConfig> read_serial_imu_config(KeyValueFile& file) {
   config.settings.device = file.text("imu.device");
   const std::string& device = config.settings.device;
   const std::optional<LineAddress> line = parse_line(device);
-  if (!line && !device.empty()) {
+  if (!line && !device.empty())
     file.reject(
         "imu.device",
         "a serial device such as /dev/serial/by-id/..., tcp:HOST:PORT, udp:PORT, udp:ADDRESS:PORT or udp_to:HOST:PORT");
-  }
   std::string name = file.text("imu.frame");
   KeyTable keys(file);
   keys.text("imu.unit_serial", config.settings.unit_serial);

@@ -9,17 +9,16 @@
 #include <set>
 #include <thread>
 
-#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/console.h"
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/number_table.h"
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/fleet/fleet_members.h"
-#include "orchestrator/fleet/prior_history.h"
 #include "orchestrator/fleet/recalibration.h"
 #include "orchestrator/jobs/allan_job.h"
 #include "orchestrator/jobs/calibration_job.h"

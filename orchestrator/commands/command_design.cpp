@@ -8,10 +8,9 @@
 #include <filesystem>
 
 #include "calib/prediction/predict.h"
-#include "imu_io/base/atomic_file.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/files.h"
 #include "imu_io/base/key_value.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/jobs/calibration_job.h"

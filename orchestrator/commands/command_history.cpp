@@ -11,8 +11,8 @@
 #include <map>
 #include <set>
 
-#include "imu_io/base/atomic_file.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/run.h"

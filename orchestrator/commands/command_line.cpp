@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdint>
 #include <exception>
 #include <optional>
 #include <type_traits>
@@ -15,8 +14,7 @@
 #include <CLI/CLI.hpp>
 
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {

@@ -7,10 +7,9 @@
 #include <algorithm>
 #include <map>
 
-#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/console.h"
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/operator_prompts.h"
@@ -19,7 +18,7 @@
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/unit_queue.h"
 #include "orchestrator/report/diagnosis_file.h"
-#include "orchestrator/station/hooks.h"
+#include "orchestrator/station/child_program.h"
 #include "orchestrator/station/number_text.h"
 #include "orchestrator/watch/progress.h"
 

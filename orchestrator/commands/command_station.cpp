@@ -9,8 +9,7 @@
 #include <thread>
 
 #include "imu_io/base/console.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/commissioning.h"
 #include "orchestrator/devices/dry_run_devices.h"

@@ -5,10 +5,9 @@
 #include <algorithm>
 
 #include "calib/types/status.h"
-#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/console.h"
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/commands/commands.h"

@@ -14,9 +14,9 @@
 #include <vector>
 
 #include "imu_io/base/clock.h"
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/command_context.h"
 #include "orchestrator/report/document.h"
+#include "orchestrator/station/number_text.h"
 #include "orchestrator/station/station_config.h"
 
 namespace CLI {

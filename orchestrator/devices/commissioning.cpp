@@ -12,7 +12,7 @@
 #include <Eigen/Core>
 
 #include "calib/model/parameters.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/devices/first_step_check.h"
 #include "orchestrator/run/motion_watch.h"
 #include "turntable_drivers/table/table_state.h"

@@ -19,7 +19,6 @@
 
 #include <atomic>
 #include <ostream>
-#include <string>
 
 #include "calib/types/axis.h"
 #include "calib/types/status.h"

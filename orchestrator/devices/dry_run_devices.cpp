@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/base/text.h"
 #include "turntable_drivers/rig/rig.h"
 #include "turntable_drivers/twins/rig_chamber.h"
 
@@ -29,10 +29,9 @@ Result<RigConfig> rig_of(const StationConfig& station, const std::string& file) 
   const double period_s = rig.sample_period_s;
   Result<RigConfig> read = read_rig_config(path, rig);
   if (!read) return read;
-  if (station.imu && std::abs(read->sample_period_s / period_s - 1.0) > same_period) {
+  if (station.imu && std::abs(read->sample_period_s / period_s - 1.0) > same_period)
     return input_error(path + ": sample_period_s = " + format_number(read->sample_period_s) + ": expected " +
                        format_number(period_s) + ", as frame " + station.imu->frame.name + " of the station has it");
-  }
   if (read->quantisation == RigQuantisation::off)
     return input_error(path + ": quantisation = off: expected floor or round: a unit counts whole pulses");
   return read;

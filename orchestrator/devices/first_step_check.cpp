@@ -9,7 +9,7 @@
 
 #include "calib/model/attitude.h"
 #include "calib/statistics/unit_slip.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 #include "imu_io/units/serial_imu.h"
 #include "orchestrator/devices/operator_prompts.h"
 #include "orchestrator/run/station_run.h"

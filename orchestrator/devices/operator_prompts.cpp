@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_check.h"
 #include "orchestrator/devices/stop_signals.h"
 

@@ -48,7 +48,7 @@ class OperatorPrompts : public RunObserver {
 
 // Before each unit of a live batch somebody or something has to mount it.
 //
-//   hook.mount is set       it is run (orchestrator/station/hooks.h: TURNCAL_EVENT = mount) for at most hook.mount_time_s; code 0: mounted
+//   hook.mount is set       it is run (orchestrator/station/child_program.h: TURNCAL_EVENT = mount) for at most hook.mount_time_s; code 0: mounted
 //   input is a terminal     the operator is asked: Enter when it is mounted, `skip REASON`, `quit`
 //   neither                 hook.needs_operator is called, and the batch ends
 //

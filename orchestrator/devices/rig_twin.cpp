@@ -9,7 +9,7 @@
 
 #include "calib/model/parameters.h"
 #include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/devices/live_devices.h"
 #include "turntable_drivers/twins/chamber_twin.h"
 #include "turntable_drivers/twins/dialect_twin.h"

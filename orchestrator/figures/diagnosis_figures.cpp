@@ -4,13 +4,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
-#include <limits>
 
 #include "calib/model/effects.h"
-#include "calib/statistics/distributions.h"
-#include "imu_io/base/format_number.h"
-#include "orchestrator/figures/report_format.h"
+#include "calib/statistics/numerics.h"
+#include "imu_io/base/text.h"
+#include "orchestrator/station/number_text.h"
 
 namespace turncal {
 namespace {

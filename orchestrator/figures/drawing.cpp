@@ -5,10 +5,9 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <utility>
 
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/station/child_program.h"
+#include "orchestrator/station/number_text.h"
 
 namespace turncal {
 

@@ -5,12 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "calib/evidence/holdout.h"
 #include "calib/model/attitude.h"
-#include "calib/statistics/linear_algebra.h"
-#include "orchestrator/figures/report_format.h"
+#include "calib/statistics/numerics.h"
+#include "orchestrator/station/number_text.h"
 
 namespace turncal {
 

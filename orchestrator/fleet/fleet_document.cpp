@@ -115,7 +115,7 @@ Figure figure_of(const FleetEffect& effect, const FleetSource& source, const std
     const auto k = column - m.statistics.columns.begin();
     const double Q = static_cast<double>(m.statistics.Q(k, k));
     if (!(Q > 0.0)) continue;
-    const auto level = std::find(d.levels[f].begin(), d.levels[f].end(), m.level[f]) - d.levels[f].begin();
+    const auto level = std::ranges::find(d.levels[f], m.level[f]) - d.levels[f].begin();
     points[static_cast<std::size_t>(level)].emplace_back(m.day, m.statistics.s[k] / Q);
     sizes.push_back(std::abs(m.statistics.s[k] / Q));
     last = std::max(last, m.day);

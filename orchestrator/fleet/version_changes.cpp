@@ -7,9 +7,9 @@
 #include <filesystem>
 #include <set>
 
-#include "calib/statistics/distributions.h"
+#include "calib/statistics/numerics.h"
+#include "imu_io/base/files.h"
 #include "imu_io/base/key_value.h"
-#include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/report/diagnosis_file.h"

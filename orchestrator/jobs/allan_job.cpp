@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "calib/statistics/data_screen.h"
-#include "calib/statistics/distributions.h"
+#include "calib/statistics/numerics.h"
 #include "calib/statistics/unit_slip.h"
 #include "imu_io/recordings/csv_map_import.h"
 #include "imu_io/recordings/parameter_file.h"

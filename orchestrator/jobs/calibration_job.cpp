@@ -20,7 +20,7 @@
 #include "calib/statistics/data_screen.h"
 #include "calib/statistics/unit_slip.h"
 #include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/jobs/navigation/navigation_job.h"
 #include "orchestrator/report/result_table.h"

@@ -9,10 +9,10 @@
 
 #include "calib/evidence/evidence.h"
 #include "calib/prediction/predict.h"
-#include "imu_io/base/format_number.h"
-#include "orchestrator/figures/report_format.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/jobs/design/sequence_design.h"
 #include "orchestrator/jobs/preflight.h"
+#include "orchestrator/station/number_text.h"
 #include "orchestrator/watch/progress.h"
 
 namespace turncal {

@@ -8,8 +8,8 @@
 
 #include "calib/navigation/alignment.h"
 #include "calib/prediction/predict.h"
-#include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/jobs/run_request.h"

@@ -10,9 +10,9 @@
 #include <filesystem>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/files.h"
 #include "imu_io/base/key_value.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/jobs/prediction_job.h"
 #include "orchestrator/jobs/run_request.h"
 #include "orchestrator/records/parameter_store.h"

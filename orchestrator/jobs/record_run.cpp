@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdlib>
 #include <deque>
 #include <thread>
 
@@ -14,7 +13,6 @@
 #include "orchestrator/devices/first_step_check.h"
 #include "orchestrator/devices/operator_prompts.h"
 #include "orchestrator/devices/stop_signals.h"
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/enough_watch.h"
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/station/number_text.h"

@@ -5,19 +5,18 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/console.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/devices/stop_signals.h"
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/parameter_store.h"
-#include "orchestrator/station/hooks.h"
+#include "orchestrator/station/child_program.h"
+#include "orchestrator/station/number_text.h"
 #include "orchestrator/station/version.h"
 #include "orchestrator/watch/progress.h"
 

@@ -11,9 +11,8 @@
 
 #include "calib/navigation/alignment.h"
 #include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/posix_file.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_writer.h"

@@ -10,18 +10,17 @@
 
 #include "calib/prediction/predict.h"
 #include "calib/statistics/data_screen.h"
-#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/files.h"
 #include "imu_io/base/key_value.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/records/output_folder.h"
-#include "orchestrator/station/hooks.h"
+#include "orchestrator/station/child_program.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {

@@ -11,8 +11,7 @@
 #include <span>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/csv_map_import.h"
 #include "orchestrator/jobs/allan_job.h"
 #include "orchestrator/jobs/calibration_job.h"

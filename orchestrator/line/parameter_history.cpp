@@ -1,12 +1,11 @@
 #include "orchestrator/line/parameter_history.h"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
 #include "calib/model/parameters.h"
-#include "calib/statistics/distributions.h"
+#include "calib/statistics/numerics.h"
 #include "orchestrator/station/number_text.h"
 
 namespace turncal {

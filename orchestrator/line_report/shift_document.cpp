@@ -8,7 +8,6 @@
 #include <set>
 
 #include "calib/model/parameters.h"
-#include "imu_io/base/text_pieces.h"
 
 namespace turncal {
 

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 

@@ -8,7 +8,7 @@
 #include <map>
 #include <set>
 
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 #include "orchestrator/records/database_rows.h"
 
 namespace turncal {

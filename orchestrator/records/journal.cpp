@@ -6,13 +6,11 @@
 #include <cmath>
 #include <functional>
 
-#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/record_log.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 
@@ -70,10 +68,9 @@ Status scan_journal(const PosixFile& file, RecordScanner& scanner, const std::fu
     if (!more) break;
     TRY(take(record));
   }
-  if (scanner.records_dropped() > 0) {
+  if (scanner.records_dropped() > 0)
     return input_error(file.path() + ": " + std::to_string(scanner.records_dropped()) +
                        " records are damaged: this journal cannot be relied on");
-  }
   if (scanner.next_number() == 0) return input_error(file.path() + ": expected a journal of turncal");
   return {};
 }

@@ -14,7 +14,7 @@
 
 #include "calib/types/status.h"
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/run/run_observer.h"
 #include "orchestrator/station/fields.h"

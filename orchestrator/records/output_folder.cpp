@@ -3,7 +3,6 @@
 #include <filesystem>
 #include <system_error>
 
-#include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/records/journal.h"

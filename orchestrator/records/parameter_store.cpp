@@ -5,9 +5,8 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "imu_io/base/atomic_file.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 
@@ -77,10 +76,9 @@ Status restore_version(const std::string& store, const std::string& unit, int ve
   if (!path_exists(path)) return no_version(path, store, unit, simulated);
   const LockFile lock = TRY(LockFile::acquire(folder + "/.lock", LockFile::change_s));
   const ParameterFile file = TRY(read_parameter_file(path));
-  if (file.unit_serial != unit || file.simulated != simulated) {
+  if (file.unit_serial != unit || file.simulated != simulated)
     return input_error(path + ": is of unit '" + file.unit_serial + "'" + (file.simulated ? " and simulated" : "") +
                        ": expected unit '" + unit + "'");
-  }
   const std::string text = TRY(read_whole_file(path));
   return write_file_atomically(folder + "/" + in_use_name, text);
 }

@@ -8,8 +8,7 @@
 #include <cmath>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/records/sql_connection.h"
 #include "orchestrator/station/station_config.h"
 

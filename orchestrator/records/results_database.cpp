@@ -9,9 +9,8 @@
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/posix_file.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/records/database_rows.h"
 
@@ -102,8 +101,7 @@ Status check(const RecordFilter& filter) {
                          ": expected a date or a time as 2026-01-31 or 2026-01-31T12:00:00Z");
   std::vector<std::string> verdicts = {"captured",    "dropped", "refused",      "aborted",
                                        "interrupted", "failed",  outcome_running};
-  for (int v = 0; v <= static_cast<int>(UnitVerdict::fail); ++v)
-    verdicts.emplace_back(to_string(static_cast<UnitVerdict>(v)));
+  verdicts.insert(verdicts.end(), enum_words<UnitVerdict>.begin(), enum_words<UnitVerdict>.end());
   TRY(expect_one_of("verdict", filter.verdict, verdicts));
   if (!filter.to.empty() && filter.from.substr(0, filter.to.size()) > filter.to)
     return input_error("--from " + turncal::quoted(filter.from) + ": is after --to " + turncal::quoted(filter.to));

@@ -2,9 +2,7 @@
 
 #include <algorithm>
 
-#include "imu_io/base/atomic_file.h"
-#include "imu_io/base/posix_file.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_check.h"
 
 namespace turncal {
@@ -72,10 +70,9 @@ Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path) {
       line.resize(mark);
     }
     const std::size_t time = line.find(' '), unit = time == std::string::npos ? time : line.find(' ', time + 1);
-    if (unit == std::string::npos || unit + 1 >= line.size()) {
+    if (unit == std::string::npos || unit + 1 >= line.size())
       return input_error(state + ":" + std::to_string(number) + ": " + turncal::quoted(line) +
                          ": expected outcome, time and serial number");
-    }
     outcomes.push_back({line.substr(unit + 1), line.substr(0, time), line.substr(time + 1, unit - time - 1), reason});
   }
   return outcomes;

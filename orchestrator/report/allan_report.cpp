@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "calib/statistics/data_screen.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/figures/diagnosis_figures.h"
 
 namespace turncal {

@@ -3,12 +3,11 @@
 // The document of `turncal allan` is docs/allan.md's. The units of a coefficient are here alone; whoever prints one asks for its cell.
 #pragma once
 
-#include <array>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "calib/model/noise_model.h"
+#include "calib/model/parameters.h"
 #include "calib/statistics/allan.h"
 #include "orchestrator/report/document.h"
 

@@ -7,7 +7,7 @@
 
 #include "calib/model/effects.h"
 #include "calib/navigation/north_seeking.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_source.h"
 #include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/report/document.h"

@@ -6,12 +6,12 @@
 #include <cmath>
 #include <filesystem>
 
-#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/format_number.h"
-#include "orchestrator/figures/report_format.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/records/output_folder.h"
+#include "orchestrator/station/number_text.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {

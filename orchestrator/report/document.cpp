@@ -9,9 +9,9 @@
 #include <cstdint>
 #include <map>
 
-#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/station/child_program.h"
 #include "orchestrator/watch/page_server.h"
 

@@ -12,7 +12,7 @@
 
 #include "calib/types/status.h"
 #include "orchestrator/figures/drawing.h"
-#include "orchestrator/figures/report_format.h"
+#include "orchestrator/station/number_text.h"
 
 namespace turncal {
 

@@ -5,7 +5,7 @@
 #include "calib/model/parameters.h"
 #include "calib/navigation/mechanisation.h"
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/report/verification_report.h"
 
 namespace turncal {

@@ -6,8 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/station/version.h"
+#include "orchestrator/watch/progress.h"
 
 namespace turncal {
 

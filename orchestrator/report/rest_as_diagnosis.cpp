@@ -4,10 +4,9 @@
 
 #include <cmath>
 
-#include "calib/joint/score_algebra.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/figures/diagnosis_figures.h"
-#include "orchestrator/figures/report_format.h"
+#include "orchestrator/station/number_text.h"
 
 namespace turncal {
 

@@ -8,10 +8,9 @@
 #include <set>
 #include <span>
 
-#include "calib/model/noise_model.h"
 #include "calib/navigation/free_navigation.h"
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/report/allan_report.h"
 #include "orchestrator/report/report.h"
 

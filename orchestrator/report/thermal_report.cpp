@@ -8,7 +8,7 @@
 
 #include "calib/evidence/statement.h"
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 namespace {

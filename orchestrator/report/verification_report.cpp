@@ -7,11 +7,10 @@
 #include <utility>
 
 #include "calib/model/parameters.h"
-#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/crc.h"
 #include "imu_io/base/data_text.h"
+#include "imu_io/base/files.h"
 #include "imu_io/base/key_value.h"
-#include "imu_io/base/posix_file.h"
 #include "orchestrator/station/fields.h"
 
 namespace turncal {

@@ -8,7 +8,7 @@
 #include <exception>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "calib/model/parameters.h"
-#include "calib/statistics/distributions.h"
-#include "imu_io/base/format_number.h"
+#include "calib/statistics/numerics.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 

@@ -12,8 +12,6 @@
 // A run that goes on after an interruption walks the same table, from `idle`, with its cursor after the last completed dwell.
 #pragma once
 
-#include <array>
-#include <cstddef>
 #include <cstdint>
 #include <initializer_list>
 #include <span>

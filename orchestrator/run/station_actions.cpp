@@ -4,10 +4,9 @@
 
 #include <algorithm>
 #include <cassert>
-#include <functional>
 #include <limits>
 
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/run/station_run.h"
 
 namespace turncal {

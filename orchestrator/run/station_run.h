@@ -161,7 +161,7 @@ class StationRun {
   bool in(StateSet states) const { return states.contains(state_); }
   template <class Holds>
   bool any_living(Holds holds) const {
-    return std::any_of(lanes_.begin(), lanes_.end(), [&](const UnitLane& lane) { return lane.alive() && holds(lane); });
+    return std::ranges::any_of(lanes_, [&](const UnitLane& lane) { return lane.alive() && holds(lane); });
   }
   std::string named(const UnitLane& lane, const std::string& text) const;  // "unit SN2: ..." where there are several
 

@@ -1,7 +1,6 @@
 #include "orchestrator/run/unit_lane.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace turncal {
 
@@ -52,10 +51,9 @@ Result<std::string> UnitLane::connect(const StationConfig& station, bool table_s
   TRY(unit_.imu.open());
   open_ = true;
   const ImuIdentity imu = TRY(unit_.imu.identify());
-  if (!imu.unit_serial.empty() && imu.unit_serial != unit_.serial) {
+  if (!imu.unit_serial.empty() && imu.unit_serial != unit_.serial)
     return input_error("the unit on the table says it is '" + imu.unit_serial + "', but this run is for '" +
                        unit_.serial + "'");
-  }
   unit_.imu.describe(info_);
   info_.latitude_deg = station.latitude_deg;
   info_.gravity_mps2 = station.gravity_mps2;

@@ -4,10 +4,10 @@
 
 #include <filesystem>
 
-#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
-#include "imu_io/base/text_pieces.h"
-#include "orchestrator/figures/report_format.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
+#include "orchestrator/station/number_text.h"
 
 namespace turncal {
 

@@ -7,9 +7,9 @@
 #include <map>
 #include <memory>
 
+#include "imu_io/base/files.h"
 #include "imu_io/base/key_value.h"
-#include "imu_io/base/posix_file.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/station/station_config.h"
 
 namespace turncal {

@@ -7,8 +7,8 @@
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
+#include "imu_io/base/files.h"
 #include "imu_io/base/key_value.h"
-#include "imu_io/base/posix_file.h"
 #include "imu_io/recordings/recording_check.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/watch/page_server.h"

@@ -22,7 +22,7 @@
 #include "calib/types/status.h"
 #include "orchestrator/run/background_queue.h"
 #include "orchestrator/service/station_view.h"
-#include "orchestrator/station/hooks.h"
+#include "orchestrator/station/child_program.h"
 
 namespace turncal {
 

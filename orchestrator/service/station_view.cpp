@@ -12,22 +12,18 @@
 #include <fstream>
 #include <map>
 #include <system_error>
-#include <tuple>
 #include <utility>
 
-#include "calib/statistics/distributions.h"
-#include "imu_io/base/atomic_file.h"
+#include "calib/statistics/numerics.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/posix_file.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/files.h"
 #include "imu_io/recordings/recording_check.h"
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/jobs/run.h"
-#include "orchestrator/line/line_yield.h"
+#include "orchestrator/line/shift_report.h"
 #include "orchestrator/line_report/shift_document.h"
 #include "orchestrator/records/journal.h"
+#include "orchestrator/station/number_text.h"
 
 namespace turncal {
 
@@ -256,11 +252,6 @@ StationView unreadable(const ServedStation& station, const Error& error) {
 }
 
 }  // namespace
-
-std::string_view to_string(StationState state) {
-  constexpr std::string_view words[] = {"running", "results", "mounting", "stopped", "idle", "unreadable"};
-  return words[static_cast<std::size_t>(state)];
-}
 
 StationView look_at(const ServedStation& station, double now_utc_s) {
   const Result<std::vector<std::string>> queue = read_queue(station.queue);

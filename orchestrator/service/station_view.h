@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "calib/types/status.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/records/unit_queue.h"
 #include "orchestrator/report/document.h"
@@ -48,7 +49,7 @@ struct ServiceConfig {
 
 Result<ServiceConfig> read_service_config(const std::string& path);
 
-// Of the attempts that say something of their unit (orchestrator/line/line_yield.h); others are in `attempts` alone. Simulated ones are counted
+// Of the attempts that say something of their unit (orchestrator/line/shift_report.h); others are in `attempts` alone. Simulated ones are counted
 // apart. A database that cannot be read is said; whoever asks goes on.
 struct StationResults {
   std::string station;
@@ -72,7 +73,9 @@ ResultsView look_at_results(const std::string& database, double now_utc_s);
 std::string json_of(const ResultsView& view);
 
 enum class StationState { running, results, mounting, stopped, idle, unreadable };
-std::string_view to_string(StationState state);
+template <>
+inline constexpr auto enum_words<StationState> = std::to_array({"running", "results", "mounting", "stopped", "idle",
+                                                                "unreadable"});
 
 struct StationView {
   std::string name;

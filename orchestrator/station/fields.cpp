@@ -1,10 +1,8 @@
 #include "orchestrator/station/fields.h"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 

@@ -1,5 +1,5 @@
 // Numbers, quantities, words and lines as people read them: digits that follow the sigma, and the 24 parameters by name and unit. Files
-// have format_number.h instead.
+// have imu_io/base/text.h instead.
 //
 // Text for people comes in two alphabets: plain (terminal: ug/g^2, +-) and typographic (HTML, UTF-8: µg/g², ±).
 #pragma once
@@ -54,5 +54,30 @@ std::size_t columns_of(std::string_view text);
 std::vector<std::string> wrap(std::string_view text, std::size_t columns);
 // At most so many columns, 3 or more; what is cut is replaced by "...".
 std::string shorten(std::string_view text, std::size_t columns);
+
+// ---- texts ----
+
+// Texts as people read them, for the report and the terminal; numbers and units: number_text.h.
+
+// & < > " ' replaced; control characters become blanks; bytes that are not UTF-8 become '?'.
+std::string html_escape(std::string_view text);
+
+// A path as a link has it: what is neither letter, digit nor one of "-._~/:" as %XX.
+std::string url_escape(std::string_view path);
+
+// Three decimals: numbers near 1 that are compared with one another.
+std::string ratio(double value);
+// "-69 %", "+3 %", "0 %"; "-" when there is nothing to compare.
+std::string percent_change(double before, double after);
+// "+12.3", always with its sign.
+std::string signed_number(double value, int decimals);
+
+// For numbers up to `largest`, in SI.
+DisplayUnit velocity_unit(double largest_mps);
+DisplayUnit acceleration_unit(double largest_mps2);  // µg, mg, g
+DisplayUnit rate_unit(double largest_radps);         // °/h, °/s
+DisplayUnit angle_unit(double largest_rad);          // ″, mrad
+
+std::string join(const std::vector<std::string>& parts, std::string_view separator = ", ");
 
 }  // namespace turncal

@@ -7,8 +7,8 @@
 #include <limits>
 
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 
@@ -220,16 +220,14 @@ void reject_table_contradictions(KeyValueFile& file, const StationConfig& statio
     }
   }
   // What the operator may type has to count as arrived.
-  if (table.driver == TableDriver::manual && station.motion.position_tolerance_deg < table.manual.tolerance_deg) {
+  if (table.driver == TableDriver::manual && station.motion.position_tolerance_deg < table.manual.tolerance_deg)
     contradiction(file, "motion.position_tolerance_deg", station.motion.position_tolerance_deg, "not below",
                   "table.tolerance_deg", table.manual.tolerance_deg);
-  }
   // Heartbeats go out with the polls: the drive would stop in the first dwell.
-  if (table.map && table.map->heartbeat_address && 2.0 * station.motion.poll_idle_s > table.map->watchdog_s) {
+  if (table.map && table.map->heartbeat_address && 2.0 * station.motion.poll_idle_s > table.map->watchdog_s)
     file.reject(file.has("motion.poll_idle_s") ? "motion.poll_idle_s" : "table.map",
                 "motion.poll_idle_s (" + format_number(station.motion.poll_idle_s) +
                     ") at most half of heartbeat.watchdog_s of the map (" + format_number(table.map->watchdog_s) + ")");
-  }
 }
 
 // Time that runs faster is for twins only, and for all of the station alike.

@@ -13,7 +13,7 @@
 
 #include "calib/types/status.h"
 #include "imu_io/units/serial_imu.h"
-#include "orchestrator/station/hooks.h"
+#include "orchestrator/station/child_program.h"
 #include "orchestrator/station/verdict.h"
 #include "sequences/plan.h"
 #include "turntable_drivers/ascii/dialect.h"

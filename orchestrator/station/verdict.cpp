@@ -4,17 +4,13 @@
 #include <cmath>
 #include <limits>
 
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/key_value.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_check.h"
 #include "orchestrator/station/number_text.h"
 
 namespace turncal {
 
 namespace {
-
-constexpr std::string_view names[] = {"not_judged", "pass", "conditional_pass", "hold", "conditional_fail", "fail"};
 
 std::string number(std::optional<double> value) { return value ? format_number(*value) : "none"; }
 
@@ -40,7 +36,7 @@ std::string judgement_text(const JudgedValue& judged) {
 
 bool read_judgement(const std::string& text, JudgedValue& judged) {
   const std::vector<std::string_view> parts = split(text, ',');
-  const std::optional<UnitVerdict> verdict = verdict_from(parts[0]);
+  const std::optional<UnitVerdict> verdict = enum_from<UnitVerdict>(parts[0]);
   constexpr std::string_view before_limits = "limits ", between_limits = " .. ", before_band = "guard band ";
   if (parts.size() != 3 || !verdict || !parts[1].starts_with(before_limits) || !parts[2].starts_with(before_band))
     return false;
@@ -61,15 +57,8 @@ std::optional<double> residual_of(const ParameterFile& file) {
 
 }  // namespace
 
-std::string_view to_string(UnitVerdict verdict) { return names[static_cast<std::size_t>(verdict)]; }
-
-std::optional<UnitVerdict> verdict_from(std::string_view word) {
-  const auto at = std::ranges::find(names, word);
-  return at == std::end(names) ? std::nullopt : std::optional(static_cast<UnitVerdict>(at - std::begin(names)));
-}
-
 Field verdict_field(const std::string& key, UnitVerdict& verdict) {
-  return chosen(key, verdict, {std::begin(names), std::end(names)}, "a verdict");
+  return chosen(key, verdict, {enum_words<UnitVerdict>.begin(), enum_words<UnitVerdict>.end()}, "a verdict");
 }
 
 Fields fields_of(VerdictReport& report) {

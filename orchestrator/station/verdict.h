@@ -17,6 +17,7 @@
 
 #include "calib/model/parameters.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "orchestrator/station/fields.h"
 
@@ -44,9 +45,10 @@ VerdictLimits read_limits(KeyValueFile& file);
 
 // From good to bad. hold: somebody has to decide; until then its parameters are not put in use.
 enum class UnitVerdict { not_judged, pass, conditional_pass, hold, conditional_fail, fail };
-std::string_view to_string(UnitVerdict verdict);
+template <>
+inline constexpr auto enum_words<UnitVerdict> = std::to_array({"not_judged", "pass", "conditional_pass", "hold",
+                                                               "conditional_fail", "fail"});
 Field verdict_field(const std::string& key, UnitVerdict& verdict);
-std::optional<UnitVerdict> verdict_from(std::string_view word);
 constexpr bool is_accepted(UnitVerdict verdict) { return verdict <= UnitVerdict::conditional_pass; }
 
 struct JudgedValue {

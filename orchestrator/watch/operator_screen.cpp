@@ -7,12 +7,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <ctime>
 #include <string_view>
 
 #include "imu_io/base/data_text.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/station/number_text.h"
 
 namespace turncal {

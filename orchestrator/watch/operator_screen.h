@@ -14,7 +14,6 @@
 
 #include "orchestrator/run/run_observer.h"
 #include "turntable_drivers/manual/manual_turntable.h"
-#include "turntable_drivers/manual/operator_texts.h"
 
 namespace turncal {
 

@@ -17,9 +17,8 @@
 #include <vector>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/posix_file.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/run/background_queue.h"
 
 namespace turncal {

@@ -10,7 +10,6 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <cmath>
 #include <cstddef>
 #include <cstdlib>
 #include <cstring>
@@ -83,6 +82,8 @@ std::string format_duration(double seconds) {
   return fmt::format("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60);
 }
 
+std::string clock_time(double seconds) { return std::isfinite(seconds) ? format_duration(seconds) : "-"; }
+
 std::string format_progress(const RunSnapshot& s) {
   const AxisTriple& at = s.position_deg;
   const std::string angles =
@@ -143,8 +144,6 @@ std::string_view variable(const char* name) {
 }
 
 }  // namespace
-
-const char* to_string(Tone tone) { return tone == Tone::good ? "good" : tone == Tone::attention ? "attention" : "bad"; }
 
 Tone tone_of(UnitVerdict verdict) {
   if (!is_accepted(verdict)) return Tone::bad;

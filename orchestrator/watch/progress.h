@@ -17,7 +17,8 @@
 #include <string_view>
 
 #include "calib/types/status.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/run/run_observer.h"
 #include "orchestrator/station/verdict.h"
 
@@ -82,11 +83,13 @@ std::string phase_words(const RunSnapshot& snapshot, bool by_hand);
 bool waits_for_operator(const RunSnapshot& snapshot, bool by_hand);
 std::string format_progress(const RunSnapshot& snapshot);
 std::string format_duration(double seconds);  // 1:23:45
+std::string clock_time(double seconds);       // the same; "-": not finite
 double wall_utc_s();                          // seconds since 1970-01-01 UTC
 bool stdout_takes_more();                     // false: a pipe nobody reads, a terminal that was stopped
 
 enum class Tone { good, attention, bad };  // green, amber, red
-const char* to_string(Tone tone);
+template <>
+inline constexpr auto enum_words<Tone> = std::to_array({"good", "attention", "bad"});
 Tone tone_of(UnitVerdict verdict);
 
 void allow_colour(std::ostream& out, int descriptor);

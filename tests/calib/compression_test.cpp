@@ -111,8 +111,8 @@ RC_GTEST_PROP(Compression, SumsAreThoseOfTheDefinition, ()) {
   for (std::int64_t at = 20; at + 200 < count; at += 200)
     if (*rc::gen::arbitrary<bool>()) lost.emplace_back(at + *rc::gen::inRange(0, 60), *rc::gen::inRange(6, 60));
   std::erase_if(samples, [&](const ImuSample& s) {
-    return std::any_of(lost.begin(), lost.end(),
-                       [&](const auto& gap) { return s.counter >= gap.first && s.counter < gap.first + gap.second; });
+    return std::ranges::any_of(
+        lost, [&](const auto& gap) { return s.counter >= gap.first && s.counter < gap.first + gap.second; });
   });
   std::vector<ImuSample> fed = samples;
   const auto twice = *rc::gen::inRange<std::size_t>(1, samples.size());

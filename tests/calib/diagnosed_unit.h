@@ -51,11 +51,8 @@ inline double worst_sigmas(const Diagnosis& d, const Parameters& truth) {
 
 // Found, or not told from what was found.
 inline bool in_class(const Diagnosis& d, const std::string& name) {
-  const auto has = [&](const std::vector<std::string>& names) {
-    return std::find(names.begin(), names.end(), name) != names.end();
-  };
-  return has(d.effect_names) ||
-         std::any_of(d.aliases.begin(), d.aliases.end(), [&](const auto& alias) { return has(alias.second); });
+  const auto has = [&](const std::vector<std::string>& names) { return std::ranges::find(names, name) != names.end(); };
+  return has(d.effect_names) || std::ranges::any_of(d.aliases, [&](const auto& alias) { return has(alias.second); });
 }
 
 }  // namespace turncal

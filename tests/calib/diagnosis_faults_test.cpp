@@ -231,7 +231,7 @@ TEST(DiagnosisFaults, SmoothLockInIsNotTheEarthRate) {
     }
     return added;
   });
-  EXPECT_EQ(std::count(d.effect_names.begin(), d.effect_names.end(), "earth_rate"), 0) << told(d);
+  EXPECT_EQ(std::ranges::count(d.effect_names, "earth_rate"), 0) << told(d);
   if (d.trusted) {
     EXPECT_LT(worst_sigmas(d, clean().truth), 4.5) << told(d);
   }

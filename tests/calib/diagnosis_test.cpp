@@ -18,8 +18,8 @@ TEST(Diagnosis, NothingIsFoundWhereNothingIs) {
   EXPECT_EQ(d.error_before, d.error_after);
   EXPECT_EQ(d.holdout_source, "second recording");
   // It says what it would have caught: the second-order term near the 5 x 0.9 ug/g^2 of the independent check values.
-  const auto k2 = std::find_if(d.candidates.begin(), d.candidates.end(),
-                               [](const CandidateScore& c) { return c.column.key() == "accel_second_order.x"; });
+  const auto k2 = std::ranges::find_if(
+      d.candidates, [](const CandidateScore& c) { return c.column.key() == "accel_second_order.x"; });
   ASSERT_NE(k2, d.candidates.end());
   EXPECT_NEAR(k2->detectable, 5.0 * 0.97, 5.0 * 0.97 * 0.25);
 }
@@ -52,8 +52,8 @@ TEST(Diagnosis, AliasClassIsNamedAndASecondRecordingTells) {
   ASSERT_EQ(alone.effect_names.size(), 1u);
   std::vector<std::string> names = alone.aliases.at(alone.effect_names[0]);
   names.push_back(alone.effect_names[0]);
-  EXPECT_NE(std::find(names.begin(), names.end(), "accel_second_order"), names.end());
-  EXPECT_NE(std::find(names.begin(), names.end(), "accel_scale_asymmetry"), names.end());
+  EXPECT_NE(std::ranges::find(names, "accel_second_order"), names.end());
+  EXPECT_NE(std::ranges::find(names, "accel_scale_asymmetry"), names.end());
   EXPECT_FALSE(alone.separate_by.at(alone.effect_names[0]).empty());
   const Diagnosis both = diagnose_with_holdout(made);
   EXPECT_EQ(both.verdict, Verdict::extended) << both.reason;

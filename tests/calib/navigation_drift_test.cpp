@@ -275,8 +275,7 @@ TEST(NavigationError, RatesOfKnownRuns) {
   for (double& r : radial) r = std::hypot(normal(random), normal(random));
   const DriftOverRuns drift = drift_over_runs(radial);
   const auto share = [&](double limit) {
-    return static_cast<double>(std::count_if(radial.begin(), radial.end(), [&](double r) { return r <= limit; })) /
-           20000.0;
+    return static_cast<double>(std::ranges::count_if(radial, [&](double r) { return r <= limit; })) / 20000.0;
   };
   EXPECT_NEAR(share(drift.cep_nm_per_h), 0.5, 0.012);
   EXPECT_NEAR(share(drift.r95_nm_per_h), 0.95, 0.006);

@@ -78,7 +78,7 @@ Parameters with_keys(const Parameters& into, const Parameters& from, const std::
   ParameterVector v = to_vector(into);
   const ParameterVector source = to_vector(from);
   for (const std::string& key : keys) {
-    const auto k = std::find(parameter_keys.begin(), parameter_keys.end(), key) - parameter_keys.begin();
+    const auto k = std::ranges::find(parameter_keys, key) - parameter_keys.begin();
     v[k] = source[k];
   }
   return from_vector(v);

@@ -167,7 +167,7 @@ TEST(RestModel, NamesWhatIsNotDetermined) {
   const auto p = prepare({.fixed_axis = Eigen::Vector3d::UnitX()});
   const Result<RestFit> fit = good(fit_rests(p->data, EffectModel{}));
   const auto named = [&](const char* key) {
-    return std::find(fit->undetermined.begin(), fit->undetermined.end(), key) != fit->undetermined.end();
+    return std::ranges::find(fit->undetermined, key) != fit->undetermined.end();
   };
   for (const char* key : {"n12", "n13", "a11", "A01"}) EXPECT_TRUE(named(key)) << key;
   for (const char* key : {"n11", "a23", "A02", "N02"}) EXPECT_FALSE(named(key)) << key;

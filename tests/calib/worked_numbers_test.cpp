@@ -12,7 +12,7 @@ namespace {
 // What the fourteen steps measure with nominal parameters when the unit's own `key` is off by `error`.
 std::vector<StepMeasurement> measure(const std::string& key, double error) {
   RigConfig config = noise_free(perfect_rig_config());
-  const auto place = std::find(parameter_keys.begin(), parameter_keys.end(), key);
+  const auto place = std::ranges::find(parameter_keys, key);
   EXPECT_NE(place, parameter_keys.end()) << key;
   const auto index = static_cast<std::size_t>(place - parameter_keys.begin());
   config.truth[index] = to_vector(Parameters{})[index] + error;
@@ -57,7 +57,7 @@ TEST_P(WorkedNumbers, TheRigShowsTheVelocityComputedByHand) {
   Parameters corrected;
   correct_parameters(m, corrected);
   const ParameterVector change = to_vector(corrected) - to_vector(Parameters{});
-  const auto index = std::find(parameter_keys.begin(), parameter_keys.end(), w.key) - parameter_keys.begin();
+  const auto index = std::ranges::find(parameter_keys, w.key) - parameter_keys.begin();
   EXPECT_NEAR(change[index], w.error, 0.01 * std::abs(w.error));
 }
 

@@ -25,7 +25,7 @@
 #include <thread>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_encoder.h"
 #include "imu_io/lines/unit_end.h"
@@ -102,8 +102,7 @@ std::string without_keys(const std::string& path, const std::vector<std::string>
   std::istringstream file(text_of(path));
   std::string text, line;
   while (std::getline(file, line)) {
-    if (std::none_of(keys.begin(), keys.end(), [&](const std::string& key) { return line.starts_with(key); }))
-      text += line + '\n';
+    if (std::ranges::none_of(keys, [&](const std::string& key) { return line.starts_with(key); })) text += line + '\n';
   }
   return text;
 }
@@ -405,8 +404,7 @@ const char* binary() {
 }
 
 const Fault* pc_fault(const std::vector<Fault>& faults) {
-  const auto at =
-      std::find_if(faults.begin(), faults.end(), [](const Fault& fault) { return fault.of == FaultClass::pc; });
+  const auto at = std::ranges::find_if(faults, [](const Fault& fault) { return fault.of == FaultClass::pc; });
   return at == faults.end() ? nullptr : &*at;
 }
 
@@ -644,8 +642,8 @@ void judge_motion(const Setting& setting, DrawnStation& station, Verdict& verdic
   for (auto& excess : motion.now) {
     if (excess) motion.over.push_back(*excess);
   }
-  const bool disturbed = std::any_of(setting.faults.begin(), setting.faults.end(),
-                                     [](const Fault& fault) { return fault.of == FaultClass::answers; });
+  const bool disturbed =
+      std::ranges::any_of(setting.faults, [](const Fault& fault) { return fault.of == FaultClass::answers; });
   // A poll, what a busy machine takes, and of a line that does not answer three tries.
   const TrueMotion::Excess* worst = nullptr;
   double longest_s = 0.0, allowed_s = 0.0;
@@ -685,14 +683,14 @@ void run_one(const Setting& setting, const fs::path& folder, std::ostream& repor
   if (!setting.calibrates) arguments.push_back("--capture-only");
   const pid_t pid = start_program(folder, "run", arguments, pc);
   station.start();
-  const bool slow = std::any_of(setting.faults.begin(), setting.faults.end(),
-                                [](const Fault& fault) { return fault.of == FaultClass::answers; });
+  const bool slow =
+      std::ranges::any_of(setting.faults, [](const Fault& fault) { return fault.of == FaultClass::answers; });
   const double patience = setting.length_s / speed_up + (slow ? 3.0 : 1.0) * patience_s;
   const Outcome outcome = await(station, pid, folder, "run", pc, patience);
   Verdict verdict;
   const double ended_s = std::max(station.now_s(), speed_up * outcome.wall_s);
-  const bool touched = std::any_of(setting.faults.begin(), setting.faults.end(),
-                                   [&](const Fault& fault) { return fault.begin_s <= ended_s; });
+  const bool touched =
+      std::ranges::any_of(setting.faults, [&](const Fault& fault) { return fault.begin_s <= ended_s; });
   judge_outcome(setting, station, folder / "out", outcome, touched, verdict);
   if (!outcome.hung) judge_end(station, folder / "out", outcome, verdict);
   judge_motion(setting, station, verdict);
@@ -723,8 +721,7 @@ void run_one(const Setting& setting, const fs::path& folder, std::ostream& repor
     return what.starts_with("rule 1") || what.starts_with("rule 5");
   };
   const bool violated = !verdict.violations.empty();
-  const bool stalled = violated && stall_s > 0.4 * answer_s &&
-                       std::all_of(verdict.violations.begin(), verdict.violations.end(), of_answers);
+  const bool stalled = violated && stall_s > 0.4 * answer_s && std::ranges::all_of(verdict.violations, of_answers);
   report << (stalled ? "stalled" : violated ? "violated" : verdict.ended) << '\n';
   if (stalled) report << "  not judged: the machine stood still for " << number("%.2f s", stall_s) << '\n';
   report << "  seed " << setting.seed << ": " << (setting.calibrates ? "calibrates" : "captures") << ", "
@@ -767,7 +764,7 @@ int run_all(const Options& options) {
     std::vector<std::string> names;
     for (const Fault& fault : setting.faults) {
       const std::string name(fault_classes[static_cast<std::size_t>(fault.of)]);
-      if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+      if (std::ranges::find(names, name) == names.end()) names.push_back(name);
     }
     if (names.empty()) names.push_back("none");
     names.push_back("all");

@@ -81,9 +81,8 @@ class MisbehavingTable : public Turntable {
       if (fault.manner != "runaway" || !fault.active(now_s())) continue;
       bool& begun = runaways_begun_[static_cast<std::size_t>(&fault - faults_.data())];
       const auto axis = static_cast<Axis>(fault.axis);
-      if (!begun) {
+      if (!begun)
         group_.rig(0).command_move(axis, group_.rig(0).axis(axis).position_deg + fault.size, fault.other_size, 20.0);
-      }
       begun = true;
     }
     for (std::size_t i = 0; i < late_.size();) {
@@ -331,9 +330,7 @@ class MisbehavingUnit {
     for (std::size_t i = 0; i < 6; ++i) {
       if (how == "frozen" || (how == "one frozen" && i == which)) channel(sample, i) = channel(*state.before, i);
     }
-    if (how == "axes swapped") {
-      std::swap(channel(sample, triad + which % 3), channel(sample, triad + (which + 1) % 3));
-    }
+    if (how == "axes swapped") std::swap(channel(sample, triad + which % 3), channel(sample, triad + (which + 1) % 3));
     if (how == "sign reversed") channel(sample, which) = -channel(sample, which);
     if (how == "saturated") {
       // A gravity, or 10 deg/s, of the laser_gyro frame in pulses of a sample.

@@ -42,7 +42,7 @@ TEST_F(Archive, DoesEachRecordingOnceAndSaysWhatBecameOfIt) {
   EXPECT_EQ(first.code, 0) << first.err;
   EXPECT_SAYS(first.out, "2 done, 1 already done, 0 cannot be calibrated, 2 cannot be read");
   const std::string table = file_text(path("store/old/recordings.csv"));
-  EXPECT_EQ(std::count(table.begin(), table.end(), '\n'), 1 + 5) << table;
+  EXPECT_EQ(std::ranges::count(table, '\n'), 1 + 5) << table;
   EXPECT_SAYS(table, "\ndone," + path("archive/SN1") + ",");
   EXPECT_SAYS(table, "\nthere," + path("archive/copy") + ",");
   EXPECT_SAYS(table, "\nunreadable," + path("archive/empty.tcr") + ",,");

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "calib/fleet/fleet_diagnosis.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 #include "tests/rig_recorder.h"
 
 namespace turncal {

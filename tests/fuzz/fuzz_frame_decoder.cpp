@@ -32,8 +32,8 @@ void put_right(const FrameDescription& frame, std::vector<std::byte>& bytes) {
   const Crc crc(frame.check.crc);
   for (std::size_t at = 0; at + variant.length <= bytes.size(); at += variant.length) {
     const auto one = std::span(bytes).subspan(at, variant.length);
-    std::copy(frame.sync.begin(), frame.sync.end(), one.begin());
-    std::copy(frame.tail.begin(), frame.tail.end(), one.end() - static_cast<std::ptrdiff_t>(frame.tail.size()));
+    std::ranges::copy(frame.sync, one.begin());
+    std::ranges::copy(frame.tail, one.end() - static_cast<std::ptrdiff_t>(frame.tail.size()));
     if (frame.id) frame.id->put_bits(one.data(), variant.id);
     if (frame.length) {
       const auto raw = (static_cast<std::int64_t>(variant.length) - frame.length_add) / frame.length_scale;

@@ -24,7 +24,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (!encoder.encode(sample, bytes)) break;
     const auto room = decoder.space();
     fuzz::require(room.size() >= bytes.size());
-    std::copy(bytes.begin(), bytes.end(), room.begin());
+    std::ranges::copy(bytes, room.begin());
     decoder.added(bytes.size(), {0.0, 1.0});
     while (decoder.next(sample) == FrameDecoder::Next::sample) {
     }

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "input.h"
 #include "turntable_drivers/ascii/dialect.h"
 #include "turntable_drivers/modbus/modbus_frame.h"

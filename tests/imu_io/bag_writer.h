@@ -23,7 +23,7 @@ struct BagMessage {
 template <class T>
 std::string raw(T value, bool big = false) {
   std::string bytes(reinterpret_cast<const char*>(&value), sizeof value);
-  if (big) std::reverse(bytes.begin(), bytes.end());
+  if (big) std::ranges::reverse(bytes);
   return bytes;
 }
 inline std::string text(const std::string& value, bool big = false) {

@@ -105,7 +105,7 @@ void decode(benchmark::State& state) {
       must(encoder.encode(samples[i], std::span(bytes).subspan(i * encoder.length(), encoder.length())));
     state.ResumeTiming();
     const auto room = decoder.space();
-    std::copy(bytes.begin(), bytes.end(), room.begin());
+    std::ranges::copy(bytes, room.begin());
     decoder.added(bytes.size(), {0.0, 1e6});
     ImuSample sample;
     while (decoder.next(sample) == FrameDecoder::Next::sample) ++decoded;

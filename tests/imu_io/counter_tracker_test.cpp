@@ -1,7 +1,7 @@
 #include "imu_io/frames/counter_tracker.h"
 
 #include "frame_streams.h"
-#include "imu_io/units/arrival_fit.h"
+#include "imu_io/units/serial_imu.h"
 #include "tests/test.h"
 
 namespace turncal {

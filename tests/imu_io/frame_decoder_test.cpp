@@ -5,6 +5,7 @@
 #include "tests/test.h"
 
 #include "frame_streams.h"
+#include "tests/imu_io/frame_streams.h"
 
 namespace turncal {
 namespace {
@@ -170,8 +171,8 @@ std::vector<std::string> draw_layout() {
 
 // laser_gyro with these lines, and without those of its check that another one does not have.
 FrameDescription laid_out(std::vector<std::string> lines) {
-  const bool crc = std::find(lines.begin(), lines.end(), "check = crc") != lines.end();
-  const bool none = std::find(lines.begin(), lines.end(), "check = none") != lines.end();
+  const bool crc = std::ranges::find(lines, "check = crc") != lines.end();
+  const bool none = std::ranges::find(lines, "check = none") != lines.end();
   std::string text = unmarked(builtin_frame_text("laser_gyro"));
   const auto erase = [&text](const std::string& key) {
     for (std::size_t at; (at = text.find("\n" + key)) != std::string::npos;)
@@ -311,6 +312,48 @@ TEST(FrameEncoder, RefusesWhatDoesNotFit) {
   sample.gyro[1] = 100.0;
   Bytes bytes(encoder.length());
   EXPECT_ERROR(encoder.encode(sample, bytes), "stim300: gyro y of 100 does not fit the frame's field");
+}
+
+// ---- frame log ----
+
+using namespace test;
+
+std::string log_of(const FrameDescription& frame, const std::vector<ImuSample>& samples) {
+  FrameEncoder encoder(frame);
+  std::vector<std::byte> bytes;
+  for (const ImuSample& sample : samples) EXPECT_OK(encoder.append(sample, bytes));
+  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
+}
+
+TEST(FrameLog, SamplesGapsAndNoise) {
+  TemporaryFolder folder;
+  const FrameDescription frame = frame_named("laser_gyro");
+  std::vector<ImuSample> samples = pulse_samples(3000);
+  samples.erase(samples.begin() + 700, samples.begin() + 720);
+  std::string bytes = "rubbish" + log_of(frame, samples);
+  bytes.insert(7 + 36 * 1000, "more");
+  bytes[7 + 36 * 2000 + 10] ^= 1;
+  write_file(folder / "log.bin", bytes);
+  const Result<FrameLog> log = good(read_frame_log(folder / "log.bin", frame));
+  ASSERT_EQ(log->samples.size(), 2979u);
+  EXPECT_EQ(log->samples[699].counter, 699);
+  EXPECT_EQ(log->samples[700].counter, 720);
+  EXPECT_EQ(log->samples[700].gyro, samples[700].gyro);
+  EXPECT_SAYS(log->summary, "2979 frames of laser_gyro, ");
+  EXPECT_SAYS(log->summary, "21 samples lost");
+}
+
+TEST(FrameLog, Defects) {
+  TemporaryFolder folder;
+  const FrameDescription frame = frame_named("laser_gyro");
+  const std::string bytes = log_of(frame, pulse_samples(500, 1, 1000));
+  write_file(folder / "twice.bin", bytes + bytes);
+  EXPECT_TRUE(
+      fails(read_frame_log(folder / "twice.bin", frame), "after 500 samples: the unit's counter started again"));
+  EXPECT_TRUE(fails(read_frame_log(folder / "twice.bin", frame_named("stim300")),
+                    "no sample in it by the frame description stim300"));
+  write_file(folder / "empty.bin", "");
+  EXPECT_TRUE(fails(read_frame_log(folder / "empty.bin", frame), "no sample in it"));
 }
 
 }  // namespace

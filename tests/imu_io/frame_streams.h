@@ -5,7 +5,7 @@
 
 #include <regex>
 
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "imu_io/frames/frame_decoder.h"
 #include "imu_io/frames/frame_description.h"
 #include "imu_io/frames/frame_encoder.h"
@@ -31,8 +31,7 @@ inline FrameDescription frame_with(const std::string& name, const std::vector<st
   const auto key_of = [](std::string_view line) { return line.substr(0, line.find(' ')); };
   while (!rest.empty()) {
     const std::string_view line = next_line(rest);
-    const bool replaced =
-        std::any_of(lines.begin(), lines.end(), [&](const std::string& l) { return key_of(l) == key_of(line); });
+    const bool replaced = std::ranges::any_of(lines, [&](const std::string& l) { return key_of(l) == key_of(line); });
     if (!replaced) text += std::string(line) + "\n";
   }
   for (const std::string& line : lines) text += line + "\n";

@@ -1,6 +1,6 @@
 // Every fault of the list for IMUs, injected, and what becomes of it. The rule under test: no sample comes out that was not sent,
 // what is missing is counted, and what cannot go on is an error of kind device.
-// Faults of the capture file (full disk, kill -9, torn tail, second writer) stand in recording_writer_test, recording_damage_test
+// Faults of the capture file (full disk, kill -9, torn tail, second writer) stand in recording_writer_test
 // and atomic_file_test; hang-up, silence and reopening on a line in serial_imu_test.
 #include "frame_streams.h"
 #include "tests/test.h"

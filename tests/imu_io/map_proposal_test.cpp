@@ -3,7 +3,7 @@
 #include "imu_io/recordings/stamps.h"
 
 #include <fmt/format.h>
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "tests/imu_io/bag_writer.h"
 #include "tests/imu_io/text_columns.h"
 #include "tests/test.h"

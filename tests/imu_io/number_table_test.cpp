@@ -2,7 +2,7 @@
 #include <matio.h>
 #include "tests/test.h"
 
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 #include "imu_io/recordings/number_table.h"
 
 namespace turncal {

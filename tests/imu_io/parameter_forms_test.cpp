@@ -3,7 +3,7 @@
 
 #include "imu_io/base/bytes.h"
 #include "imu_io/base/crc.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "recording_samples.h"
 #include "tests/test.h"
 

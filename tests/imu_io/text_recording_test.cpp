@@ -328,8 +328,8 @@ TEST_F(TextTest, EveryChangeOfContentChangesTheHash) {
   change(csv_path, csv, "24.001", "");
   write_file(folder / "flags.csv", "sample,flags\n4,1\n");
   hashes.push_back(hash());
-  std::sort(hashes.begin(), hashes.end());
-  EXPECT_EQ(std::adjacent_find(hashes.begin(), hashes.end()), hashes.end());
+  std::ranges::sort(hashes);
+  EXPECT_EQ(std::ranges::adjacent_find(hashes), hashes.end());
 }
 
 // The fast row parser against the slow one on text that is nearly a row.

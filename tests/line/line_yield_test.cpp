@@ -1,8 +1,7 @@
 // Yield, reasons, repeatability and stations, on rows made for them.
-#include "orchestrator/line/line_yield.h"
+#include "orchestrator/line/shift_report.h"
 
 #include "imu_io/base/clock.h"
-#include "orchestrator/line/shift_report.h"
 #include "tests/test.h"
 
 namespace turncal {

@@ -1,7 +1,7 @@
 // A lot of simulated units through batch and shift report: what the report says against what was laid on.
 
 #include "imu_io/base/clock.h"
-#include "orchestrator/line/line_yield.h"
+#include "orchestrator/line/shift_report.h"
 #include "orchestrator/records/results_database.h"
 #include "tests/orchestrator/program.h"
 #include "turntable_drivers/rig/rig_config.h"

@@ -3,7 +3,7 @@
 
 #include <sqlite3.h>
 
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "tests/orchestrator/program.h"
 
 namespace turncal {
@@ -48,7 +48,7 @@ TEST_F(Database, EveryAttemptHasARow) {
   const std::vector<AttemptRecord> all = attempts();
   ASSERT_EQ(all.size(), 5u);
   const auto of = [&all](const std::string& unit) {
-    return *std::find_if(all.begin(), all.end(), [&](const AttemptRecord& a) { return a.unit == unit; });
+    return *std::ranges::find_if(all, [&](const AttemptRecord& a) { return a.unit == unit; });
   };
   EXPECT_EQ(of("SN1").outcome, "pass");
   EXPECT_EQ(of("SN1").part + of("SN1").operator_name + of("SN1").revision + of("SN1").station, "RLGA. TurnerCeast");

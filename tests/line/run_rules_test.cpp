@@ -72,7 +72,7 @@ TEST(RunRules, FalseAlarmsAreAsOftenAsStated) {
     const double error = std::sqrt(expected * static_cast<double>(rule.stretch));
     EXPECT_NEAR(count[i], expected, 5.0 * error + 0.005 * expected) << "rule " << i + 1;  // stated to three digits
   }
-  const auto all = static_cast<double>(std::count(any.begin(), any.end(), 1)) / points;
+  const auto all = static_cast<double>(std::ranges::count(any, 1)) / points;
   EXPECT_NEAR(all, 0.0256, 0.0005) << "of any rule, as docs/line.md says";
 }
 

@@ -4,7 +4,7 @@
 
 #include "imu_io/lines/unit_end.h"
 #include "orchestrator/records/unit_queue.h"
-#include "orchestrator/station/hooks.h"
+#include "orchestrator/station/child_program.h"
 
 namespace turncal {
 namespace {

@@ -73,7 +73,7 @@ TEST_F(Run, FileSizeLimitIsADeviceErrorAndStopsTheTable) {
   ASSERT_EQ(std::system(command.c_str()), 0);
   EXPECT_EQ(file_text(folder_ / "code"), "50\n");
   const std::string said = file_text(folder_ / "err");
-  EXPECT_EQ(std::count(said.begin(), said.end(), '\n'), 1) << said;
+  EXPECT_EQ(std::ranges::count(said, '\n'), 1) << said;
   EXPECT_SAYS(said, "File too large");
   EXPECT_SAYS(file_text(folder_ / "out/run.log"), "stopped_verified");
 }

@@ -65,7 +65,7 @@ TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
   EXPECT_EQ(without.code, 20);
   EXPECT_EQ(without.err, "");
   EXPECT_SAYS(without.out, last);
-  EXPECT_LE(std::count(without.out.begin(), without.out.end(), '\n'), 8) << without.out;
+  EXPECT_LE(std::ranges::count(without.out, '\n'), 8) << without.out;
   EXPECT_SAYS(without.out, "report without plots: no plots: gnuplot is not installed");
   EXPECT_EQ(entries(file_text(path("out/diagnosis.conf"))), conf);
   EXPECT_SAYS_NOT(file_text(path("out/report.html")), "<svg");

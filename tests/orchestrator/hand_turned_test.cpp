@@ -1,6 +1,6 @@
 // `turncal import --map`, `segment`, `calibrate` and `diagnose` on units turned by hand, as black boxes: a synthetic unit, and
 // the measured data of ../shared with the figures of docs/measured.md.
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_text.h"
 #include "tests/calib/hand_rotations.h"
@@ -93,7 +93,7 @@ TEST_F(HandTurned, DiagnosesAndWritesTheThreeFiles) {
   EXPECT_GE(parameters->effects.size(), 2u);
   const std::string table =
       result.out.substr(result.out.find("verdict"), result.out.find("\n\ndiagnosis") - result.out.find("verdict"));
-  EXPECT_LE(std::count(table.begin(), table.end(), '\n') + 1, 30) << table;
+  EXPECT_LE(std::ranges::count(table, '\n') + 1, 30) << table;
 }
 
 TEST_F(HandTurned, ASecondRecordingIsTheGateAndTheErrorIsThere) {

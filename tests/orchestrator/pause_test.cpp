@@ -227,7 +227,7 @@ TEST_F(PausedRun, GoesOnToTheSameBytes) {
     ASSERT_EQ(console_.second, 0) << "never came";
     if (c.code != 0) {
       const std::string error = err_.str(), said = c.code == 75 ? error : console_.text;
-      EXPECT_EQ(std::count(error.begin(), error.end(), '\n'), 1) << error;
+      EXPECT_EQ(std::ranges::count(error, '\n'), 1) << error;
       EXPECT_SAYS(said, "turncal resume " + folder_ / name);
       const std::string log = file_text(folder_ / name + "/run.log");
       EXPECT_SAYS(log,

@@ -64,7 +64,7 @@ struct ProgramResult {
   int code = -1;
   std::string out;
   std::string err;
-  long err_lines() const { return std::count(err.begin(), err.end(), '\n'); }
+  long err_lines() const { return std::ranges::count(err, '\n'); }
 };
 
 class Program : public testing::Test {
@@ -73,7 +73,7 @@ class Program : public testing::Test {
     // In memory where there is such a file system: runs sync hundreds of times.
     const bool in_memory = ::access("/dev/shm", W_OK) == 0;
     std::string name = testing::UnitTest::GetInstance()->current_test_info()->name();
-    std::replace(name.begin(), name.end(), '/', '_');
+    std::ranges::replace(name, '/', '_');
     folder_ = (in_memory ? std::filesystem::path("/dev/shm") : std::filesystem::temp_directory_path()) /
               ("turncal_program_" + std::to_string(::getpid()) + "_" + name);
     std::filesystem::remove_all(folder_);

@@ -55,7 +55,7 @@ TEST(Progress, TerminalLineIsRedrawnTenTimesASecondAtMost) {
     progress.on_transition(record);
   }
   const std::string text = out.str();
-  const auto redraws = std::count(text.begin(), text.end(), '\r');
+  const auto redraws = std::ranges::count(text, '\r');
   EXPECT_GE(redraws, 18);
   EXPECT_LE(redraws, 20);
   EXPECT_SAYS(text, "\rstep 2/14  moving  roll 123.46 -> 360.00\x1b[K") << "cut to 40 columns";

@@ -8,9 +8,8 @@
 
 #include <climits>
 
-#include "imu_io/base/atomic_file.h"
 #include "imu_io/base/clock.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/records/results_database.h"

@@ -125,10 +125,9 @@ TEST(Verdict, TheClockIsJudgedWithTheValues) {
   EXPECT_EQ(far.verdict, UnitVerdict::fail);
   EXPECT_SAYS(far.reason, "clock of the unit -300.0 ppm, limits -200 .. 200");
   add_verdict(judged(-150.0, 2.0), file);
-  EXPECT_NE(
-      std::find(file.further.begin(), file.further.end(),
-                std::pair<std::string, std::string>("verdict.clock_ppm", "pass, limits -200 .. 200, guard band 4")),
-      file.further.end());
+  EXPECT_NE(std::ranges::find(file.further, std::pair<std::string, std::string>(
+                                                "verdict.clock_ppm", "pass, limits -200 .. 200, guard band 4")),
+            file.further.end());
 }
 
 TEST_F(Production, VerdictIsExitCodeAndRecord) {
@@ -179,8 +178,7 @@ TEST_F(Production, AnOverdueTableIsRefusedUnlessOverridden) {
   const std::string journal = run({"journal", "late"}).out;
   EXPECT_SAYS(journal, "overdue_reason = half a run is no use");
   EXPECT_EQ(journal.find("[dry run] "), 0u);
-  EXPECT_EQ(std::count(journal.begin(), journal.end(), '\n'), std::count(journal.begin(), journal.end(), '['))
-      << journal;
+  EXPECT_EQ(std::ranges::count(journal, '\n'), std::ranges::count(journal, '[')) << journal;
   EXPECT_EQ(run({"resume", "late"}).code, 50) << "the reason was given";
   EXPECT_EQ(dry_run("bad", "table.calibration_due = 31.12.2026\n").code, 1);
 }
@@ -213,7 +211,7 @@ TEST_F(Production, VersionsAreKeptAndOneIsBroughtBack) {
   expect_refused({"records", "restore", "store", "--unit", "SN1", "--version", "1"}, "but simulated ones: --simulated");
   expect_refused({"records", "restore", "store", "--unit", "SN7"}, "no such version of unit 'SN7'");
   const ProgramResult list = ends({"records", "restore", "store", "--unit", "SN1", "--simulated"}, 0);
-  EXPECT_EQ(std::count(list.out.begin(), list.out.end(), '\n'), 2);
+  EXPECT_EQ(std::ranges::count(list.out, '\n'), 2);
   const ProgramResult back = ends({"records", "restore", "store", "--unit", "SN1", "--simulated", "--version", "1"}, 0);
   EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "one/parameters.conf"));
   EXPECT_EQ(file_text(store / "versions/0002.conf"), file_text(folder_ / "two/parameters.conf"));

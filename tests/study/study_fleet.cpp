@@ -17,7 +17,6 @@
 #include <cstring>
 #include <numeric>
 #include <random>
-#include <set>
 
 #include "calib/fleet/fleet_diagnosis.h"
 #include "orchestrator/fleet/fleet_members.h"
@@ -58,7 +57,7 @@ FleetMember made(const Study& study, std::uint64_t seed, std::size_t i, const st
   std::shuffle(order.begin(), order.end(), random);
   m.statistics = study.dealt[order[i]].statistics;
   const auto& columns = m.statistics.columns;
-  if (const auto at = std::find(columns.begin(), columns.end(), effect); at != columns.end()) {
+  if (const auto at = std::ranges::find(columns, effect); at != columns.end()) {
     const auto k = at - columns.begin();
     m.statistics.s += m.statistics.Q.col(k).cast<double>() * value;
     m.statistics.value -= m.statistics.moves.col(k).cast<double>() * value;
@@ -91,8 +90,7 @@ void judge(std::uint64_t seed, const char* scenario, const std::string& key, dou
       continue;
     }
     here = true;
-    named =
-        named || e.component.starts_with(name) || std::find(e.rivals.begin(), e.rivals.end(), name) != e.rivals.end();
+    named = named || e.component.starts_with(name) || std::ranges::find(e.rivals, name) != e.rivals.end();
     if (e.shape == FleetShape::constant || std::isfinite(begin)) continue;
     begin = e.begin_day - drift.begin_day;
     inside = e.begin_low <= drift.begin_day && drift.begin_day <= e.begin_high;

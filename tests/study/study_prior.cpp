@@ -118,13 +118,13 @@ int main(int argc, char** argv) {
       noise_error[how] += std::pow(std::log(e[how].noise.angle_random_walk[0] / now.angle_random_walk), 2);
 
     const int at = now.estimate.free[std::uniform_int_distribution<std::size_t>(0, 20)(random)];
-    const auto row = std::find(now.estimate.free.begin(), now.estimate.free.end(), at) - now.estimate.free.begin();
+    const auto row = std::ranges::find(now.estimate.free, at) - now.estimate.free.begin();
     const double size = std::uniform_real_distribution<>(6.0, 20.0)(random) * (random() % 2 == 0 ? 1.0 : -1.0) *
                         std::sqrt(now.estimate.covariance(row, row) + of_unit->covariance(at, at));
     const Made later = made(*brief, first * 1000 + u, 2, at, size);
     JointResult changed = with_noise(later, *of_unit);
     const std::vector<int> found = use_prior(*of_unit, changed).changed;
-    named += std::find(found.begin(), found.end(), at) != found.end();
+    named += std::ranges::find(found, at) != found.end();
     alone_named += found == std::vector<int>{at};
   }
   for (const auto& [name, s] : squares)

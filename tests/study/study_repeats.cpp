@@ -10,10 +10,10 @@
 #include <cstdio>
 #include <map>
 
-#include "calib/fleet/component_model.h"
+#include "calib/fleet/fleet_scores.h"
 #include "calib/model/effects.h"
 #include "calib/rests/rest_model.h"
-#include "calib/statistics/distributions.h"
+#include "calib/statistics/numerics.h"
 #include "orchestrator/jobs/calibration_job.h"
 
 namespace turncal {

@@ -13,7 +13,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <map>
@@ -146,7 +145,7 @@ struct Spread {
   }
   std::string text() {
     if (ms.empty()) return "            -             ";
-    std::sort(ms.begin(), ms.end());
+    std::ranges::sort(ms);
     char line[80];
     std::snprintf(line, sizeof line, "%6zu %7.2f %7.2f %7.2f", ms.size(), ms[ms.size() / 2],
                   ms[static_cast<std::size_t>(0.999 * static_cast<double>(ms.size() - 1))], ms.back());

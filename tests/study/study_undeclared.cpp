@@ -264,7 +264,7 @@ std::array<double, 3> draw_field(double latitude_deg, std::uint64_t seed) {
 }
 
 Unit draw_unit(Random& r, std::uint64_t seed, const std::string& grade, bool rig_temperature) {
-  const auto named = std::find_if(grades.begin(), grades.end(), [&](const Grade& g) { return g.name == grade; });
+  const auto named = std::ranges::find_if(grades, [&](const Grade& g) { return g.name == grade; });
   const auto drawn = static_cast<std::size_t>(std::max(0, one_of(r, 4) - 1));
   Unit u{named != grades.end() ? *named : grades[drawn], default_rig_config(), one_of(r, 10) < 3, {}};
   RigConfig& c = u.config;
@@ -417,7 +417,7 @@ double z_of_both(const Clean& clean, const Clean& held, const Disturbance& colum
 }
 
 bool is_usual(const Clean& clean, const Grade& grade, double size, const Effect& effect) {
-  return std::all_of(clean.moments.begin(), clean.moments.end(), [&](const Moment& m) {
+  return std::ranges::all_of(clean.moments, [&](const Moment& m) {
     const AddedReading a = times(size, effect.column)(m);
     return (!effect.part || std::abs(size * effect.part(m)) < 1e-6 * grade.most_ug) &&
            a.gyro_radps.cwiseAbs().maxCoeff() < grade.most_degph * radps_per_degph &&
@@ -455,7 +455,7 @@ Said said_by(const Diagnosis& d) {
     return a.sensor == b.sensor && deeper > 0;
   };
   for (Node& n : said.nodes)
-    n.deepest = n.probability >= 0.95 && std::none_of(said.nodes.begin(), said.nodes.end(), [&](const Node& other) {
+    n.deepest = n.probability >= 0.95 && std::ranges::none_of(said.nodes, [&](const Node& other) {
                   return other.probability >= 0.95 && is_below(other, n);
                 });
   return said;
@@ -532,14 +532,13 @@ void judge(std::vector<Node>& nodes, const Clean& clean, const Effect& truth) {
   constexpr double same = 0.97;
   std::vector<EffectColumn> named;
   for (Node& n : nodes) {
-    const bool driven = std::count(truth.drivers.begin(), truth.drivers.end(), n.driver) > 0;
+    const bool driven = std::ranges::count(truth.drivers, n.driver) > 0;
     // statement.h: what goes with the force is a bias of an accelerometer, what goes with the rate a scale factor of a gyro.
     const auto goes_with = [&](const char* driver) {
-      return std::count(truth.drivers.begin(), truth.drivers.end(), driver) > 0 &&
-             (n.driver.empty() || n.driver == driver);
+      return std::ranges::count(truth.drivers, driver) > 0 && (n.driver.empty() || n.driver == driver);
     };
     const char* input = n.sensor.starts_with("gyro") ? "rate" : "force";
-    const bool of_input = std::count(truth.drivers.begin(), truth.drivers.end(), input) > 0;
+    const bool of_input = std::ranges::count(truth.drivers, input) > 0;
     // A bias that goes with the input and something else is a scale factor or direction that goes with that.
     const bool same_thing =
         (n.quantity == (n.sensor.starts_with("gyro") ? "scale factor" : "bias") && goes_with(input)) ||
@@ -664,8 +663,8 @@ void run(const std::string& kind, std::uint64_t seed, const std::map<std::string
         unit.grade.name, unit.unsteady, e.z, std::abs(size) * ideal.z_of_one, said.anything, to_string(d.verdict),
         d.trusted, text_of(said.nodes), seconds, text_of(errors.error(free).cwiseQuotient(sigma)),
         text_of(sigma.cwiseQuotient(ideal.sigma)), text_of(ideal.error.cwiseQuotient(ideal.sigma)), text_of(touched));
-    std::replace(line.begin(), line.end(), ' ', '_');
-    std::replace(line.begin(), line.end(), '|', ' ');
+    std::ranges::replace(line, ' ', '_');
+    std::ranges::replace(line, '|', ' ');
     std::puts(line.c_str());
     std::fflush(stdout);
   }

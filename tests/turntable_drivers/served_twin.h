@@ -6,7 +6,7 @@
 #include "tests/test.h"
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
 #include "tests/turntable_drivers/serving.h"
 #include "turntable_drivers/ascii/sentence_codec.h"

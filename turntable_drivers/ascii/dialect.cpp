@@ -3,21 +3,143 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
+#include <span>
 
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
-namespace {
 
-std::optional<DriveBit> drive_bit(std::string_view name) {
-  for (const DriveBit bit : all_drive_bits) {
-    if (name == to_string(bit)) return bit;
+std::optional<SentenceTemplate> SentenceTemplate::parse(std::string_view text) {
+  SentenceTemplate result;
+  result.text_ = text;
+  while (!text.empty()) {
+    if (text.front() == '}') return {};
+    if (text.front() != '{') {
+      const std::size_t end = text.find_first_of("{}");
+      result.pieces_.push_back({std::string(text.substr(0, end)), ""});
+      text.remove_prefix(end == std::string_view::npos ? text.size() : end);
+      continue;
+    }
+    const std::size_t close = text.find_first_of("{}", 1);
+    if (close == std::string_view::npos || text[close] != '}' || close == 1) return {};
+    if (!result.pieces_.empty() && !result.pieces_.back().name.empty() && result.pieces_.back().width == 0) return {};
+    Piece piece{"", std::string(text.substr(1, close - 1))};
+    if (const std::size_t colon = piece.name.find(':'); colon != std::string::npos) {
+      const std::optional<int> width = parse_integer<int>(std::string_view(piece.name).substr(colon + 1));
+      if (!width || *width < 1 || *width > 64 || colon == 0) return {};
+      piece.width = static_cast<std::size_t>(*width);
+      piece.name.resize(colon);
+    }
+    result.pieces_.push_back(std::move(piece));
+    text.remove_prefix(close + 1);
   }
-  return {};
+  return result;
 }
+
+std::string SentenceTemplate::fill(const std::function<std::string(const std::string&)>& value) const {
+  std::string text;
+  for (const Piece& piece : pieces_) {
+    std::string filled = piece.name.empty() ? piece.literal : value(piece.name);
+    if (filled.size() < piece.width) {
+      const bool sign = filled.starts_with('-') || filled.starts_with('+');
+      const bool number =
+          filled.size() > (sign ? 1U : 0U) && std::isdigit(static_cast<unsigned char>(filled[sign])) != 0;
+      filled.insert(number && sign ? 1 : 0, piece.width - filled.size(), number ? '0' : ' ');
+    }
+    text += filled;
+  }
+  return text;
+}
+
+std::optional<std::map<std::string, std::string>> SentenceTemplate::match(std::string_view sentence) const {
+  std::map<std::string, std::string> values;
+  for (std::size_t i = 0; i < pieces_.size(); ++i) {
+    const Piece& piece = pieces_[i];
+    if (piece.name.empty()) {
+      if (!sentence.starts_with(piece.literal)) return {};
+      sentence.remove_prefix(piece.literal.size());
+      continue;
+    }
+    const bool last = i + 1 == pieces_.size();
+    if (piece.width > sentence.size()) return {};
+    const std::size_t end = piece.width > 0 ? piece.width
+                            : last          ? sentence.size()
+                                            : sentence.find(pieces_[i + 1].literal, piece.name == "*" ? 0 : 1);
+    if (end == std::string_view::npos) return {};
+    std::string_view value = sentence.substr(0, end);
+    if (piece.width > 0) value = trimmed(value);
+    if (piece.name != "*") {
+      if (value.empty() || value.find_first_of(", \t\n") != std::string_view::npos) return {};
+      values[piece.name] = value;
+    }
+    sentence.remove_prefix(end);
+  }
+  if (!sentence.empty()) return {};
+  return values;
+}
+
+int SentenceTemplate::lines() const { return 1 + static_cast<int>(std::ranges::count(text_, '\n')); }
+
+bool SentenceTemplate::has(std::string_view name) const {
+  for (const Piece& piece : pieces_) {
+    if (piece.name == name) return true;
+  }
+  return false;
+}
+
+std::vector<std::string> SentenceTemplate::names() const {
+  std::vector<std::string> result;
+  for (const Piece& piece : pieces_) {
+    if (!piece.name.empty()) result.push_back(piece.name);
+  }
+  return result;
+}
+
+std::size_t SentenceTemplate::width_of(std::string_view name) const {
+  const auto place = std::ranges::find_if(pieces_, [&](const Piece& piece) { return piece.name == name; });
+  return place == pieces_.end() ? 0 : place->width;
+}
+
+std::string check_digits(std::string_view body, SentenceCheck check, const CrcParameters& crc) {
+  constexpr const char* digits = "0123456789ABCDEF";
+  if (check == SentenceCheck::crc16) {
+    const unsigned sum = Crc(crc)(std::as_bytes(std::span(body.data(), body.size())));
+    return {digits[sum >> 12 & 15], digits[sum >> 8 & 15], digits[sum >> 4 & 15], digits[sum & 15]};
+  }
+  unsigned value = 0;
+  for (const char c : body) {
+    const auto byte = static_cast<unsigned char>(c);
+    value = check == SentenceCheck::sum8 ? value + byte : value ^ byte;
+  }
+  return {digits[value >> 4 & 15], digits[value & 15]};
+}
+
+std::optional<std::string> unescaped(std::string_view text) {
+  std::string result;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] != '\\') {
+      result += text[i];
+      continue;
+    }
+    if (++i == text.size()) return {};
+    switch (text[i]) {
+      case 'r': result += '\r'; break;
+      case 'n': result += '\n'; break;
+      case 't': result += '\t'; break;
+      case '\\': result += '\\'; break;
+      default: return {};
+    }
+  }
+  return result;
+}
+
+// ---- the dialect ----
+
+namespace {
 
 bool placeholder_is_known(const std::string& name) {
   const Asked asked = asked_by(name, Axis::heading);
@@ -61,10 +183,10 @@ std::uint32_t crc_number(KeyValueFile& file, const std::string& key, std::option
 }
 
 bool names_axis(const DialectSteps& steps) {
-  return std::any_of(steps.exchanges.begin(), steps.exchanges.end(), [](const Exchange& exchange) {
+  return std::ranges::any_of(steps.exchanges, [](const Exchange& exchange) {
     const auto names = exchange.send.names();
-    return std::any_of(names.begin(), names.end(),
-                       [](const std::string& name) { return name == "axis" || name.ends_with(".heading"); });
+    return std::ranges::any_of(names,
+                               [](const std::string& name) { return name == "axis" || name.ends_with(".heading"); });
   });
 }
 
@@ -86,9 +208,8 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
     const bool is_stop = operation == TableOperation::stop || operation == TableOperation::abort;
     for (std::size_t k = 0; is_stop && k < steps.exchanges.size(); ++k) {
       const auto& expect = steps.exchanges[k].expect;
-      if (expect && expect->lines() > 1) {
+      if (expect && expect->lines() > 1)
         file.reject(name + "." + std::to_string(k + 1) + ".expect", "an answer of one line: a stop waits for no more");
-      }
     }
     if (needed && steps.exchanges.empty()) file.text(name + ".1");  // the defect: it is missing
     const bool commands_axis = operation == TableOperation::enable || operation == TableOperation::home ||
@@ -99,10 +220,10 @@ void read_steps(KeyValueFile& file, Dialect& dialect) {
   }
   const auto asks_for = [&](MoveQuantity quantity) {
     const std::vector<Exchange>& move = dialect.of(TableOperation::move).exchanges;
-    return std::any_of(move.begin(), move.end(), [&](const Exchange& exchange) {
+    return std::ranges::any_of(move, [&](const Exchange& exchange) {
       const auto names = exchange.send.names();
-      return std::any_of(names.begin(), names.end(),
-                         [&](const std::string& name) { return asked_by(name, Axis::heading).number == quantity; });
+      return std::ranges::any_of(
+          names, [&](const std::string& name) { return asked_by(name, Axis::heading).number == quantity; });
     });
   };
   const bool position = asks_for(MoveQuantity::position), distance = asks_for(MoveQuantity::distance);
@@ -126,7 +247,7 @@ void read_status(KeyValueFile& file, DialectStatus& status) {
     std::vector<DriveBit> flags;
     for (const std::string& name : file.list(key)) {
       if (name == "none") continue;
-      const auto bit = drive_bit(name);
+      const auto bit = enum_from<DriveBit>(name);
       if (!bit) {
         file.reject(key,
                     "none, or some of enabled, in_position, fault, moving, homed, limit_positive, limit_negative, "
@@ -156,9 +277,8 @@ void read_status(KeyValueFile& file, DialectStatus& status) {
       for (const DriveBit bit : flag_list("status.active_low")) status.active_low[index(bit)] = true;
     }
   }
-  if (!status.reports(DriveBit::in_position)) {
+  if (!status.reports(DriveBit::in_position))
     file.reject("status.kind", "a code or a bit for in_position: what does not say that it has arrived never has");
-  }
 }
 
 Result<Dialect> dialect_from(KeyValueFile& file) {
@@ -185,10 +305,9 @@ Result<Dialect> dialect_from(KeyValueFile& file) {
     return {};
   };
   const auto [abort, number] = last_command(TableOperation::abort);
-  if (dialect.can_switch_off && number > 0 && abort == last_command(TableOperation::stop).first) {
+  if (dialect.can_switch_off && number > 0 && abort == last_command(TableOperation::stop).first)
     file.reject("abort." + std::to_string(number),
                 "a sentence that switches the drives off, unlike that of stop; or switch_off = false where none does");
-  }
   if (file.has("error.texts")) dialect.errors = file.list("error.texts");
   read_status(file, dialect.status);
   TRY(file.check_all_used());
@@ -258,9 +377,8 @@ std::string frame_of(const DialectLink& link, const std::string& body) {
 
 bool DialectStatus::reports(DriveBit bit) const {
   if (by_bits) return mask[index(bit)] != 0;
-  return std::any_of(codes.begin(), codes.end(), [bit](const auto& code) {
-    return std::find(code.second.begin(), code.second.end(), bit) != code.second.end();
-  });
+  return std::ranges::any_of(
+      codes, [bit](const auto& code) { return std::ranges::find(code.second, bit) != code.second.end(); });
 }
 
 Result<Dialect> read_dialect(const std::string& path) {
@@ -275,9 +393,8 @@ Result<Dialect> parse_dialect(const std::string& text, const std::string& file_n
 }
 
 std::string caution_of(const Dialect& dialect) {
-  if (!dialect.can_switch_off) {
+  if (!dialect.can_switch_off)
     return "switch_off = false: its drives stay on after every run, with nobody to watch them";
-  }
   if (dialect.status.reports(DriveBit::enabled)) return "";
   return "its status does not tell whether a drive is on: that they are off is what was commanded, not what was read";
 }
@@ -296,7 +413,7 @@ AxisReading flags_of(const DialectStatus& status, const std::string& word) {
     } else if (status.by_bits) {
       result.flags[at] = ((result.raw & status.mask[at]) != 0) != status.active_low[at];
     } else {
-      result.flags[at] = std::find(code->second.begin(), code->second.end(), bit) != code->second.end();
+      result.flags[at] = std::ranges::find(code->second, bit) != code->second.end();
     }
   }
   return result;
@@ -307,7 +424,7 @@ AxisReading flags_of(const DialectStatus& status, const std::string& word) {
 Asked asked_by(const std::string& name, Axis addressed) {
   std::string_view quantity = name;
   const Axis axis = take_axis(quantity).value_or(addressed);
-  return {quantity_of(quantity), quantity == "status", axis};
+  return {enum_from<MoveQuantity>(quantity), quantity == "status", axis};
 }
 
 namespace {

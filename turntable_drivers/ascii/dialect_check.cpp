@@ -5,7 +5,7 @@
 #include <cctype>
 #include <iterator>
 
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "turntable_drivers/ascii/dialect.h"
 
 namespace turncal {
@@ -14,7 +14,7 @@ namespace {
 bool agrees(const DialectStatus& status, const std::vector<DriveBit>& code, const DriveState& state) {
   for (const DriveBit bit : all_drive_bits) {
     if (!status.reports(bit) || !state[bit]) continue;
-    if ((std::find(code.begin(), code.end(), bit) != code.end()) != *state[bit]) return false;
+    if ((std::ranges::find(code, bit) != code.end()) != *state[bit]) return false;
   }
   return true;
 }
@@ -38,8 +38,7 @@ void check_status(KeyValueFile& file, const DialectStatus& status) {
         file.reject(std::string("status.bit.") + to_string(*bit), state.expected);
       continue;
     }
-    if (std::none_of(status.codes.begin(), status.codes.end(),
-                     [&](const auto& code) { return agrees(status, code.second, state); }))
+    if (std::ranges::none_of(status.codes, [&](const auto& code) { return agrees(status, code.second, state); }))
       file.reject("status.kind", state.expected);
   }
 }
@@ -166,7 +165,7 @@ std::vector<std::string> triggers_of(const Dialect& dialect, TableOperation oper
     const std::vector<std::string> commands = commands_of(exchange, axis_name);
     if (exchange.send.text().find('?') == std::string::npos) last = commands;
     if (operation != TableOperation::move) continue;
-    std::copy_if(commands.begin(), commands.end(), std::back_inserter(triggers), goes_somewhere);
+    std::ranges::copy_if(commands, std::back_inserter(triggers), goes_somewhere);
   }
   triggers.insert(triggers.end(), last.begin(), last.end());
   return triggers;
@@ -221,7 +220,7 @@ void check_dialect(KeyValueFile& file, const Dialect& dialect) {
 
 bool moves_all(const Dialect& dialect) {
   const std::vector<Exchange>& move = dialect.of(TableOperation::move).exchanges;
-  return std::any_of(move.begin(), move.end(), [](const Exchange& exchange) {
+  return std::ranges::any_of(move, [](const Exchange& exchange) {
     return exchange.send.has("position.roll") || exchange.send.has("distance.roll");
   });
 }

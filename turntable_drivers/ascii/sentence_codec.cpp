@@ -4,7 +4,7 @@
 
 #include <map>
 
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 
@@ -109,9 +109,8 @@ class SentenceCodec : public TableCodec {
     for (const std::string& text : dialect_.errors) {
       if (answer->find(text) != std::string::npos) return device_error("the device says '" + visible(*answer) + "'");
     }
-    if (!expect) {
+    if (!expect)
       return answer->empty() ? Judgement() : device_error("answer '" + visible(*answer) + "': expected none");
-    }
     const std::optional<Values> values = expect->match(*answer);
     if (!values)
       return device_error(fmt::format("answer '{}': expected '{}'", visible(*answer), visible(expect->text())));

@@ -5,8 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 
@@ -38,7 +37,7 @@ RegisterField register_field(KeyValueFile& file, const std::string& key) {
   const std::string text = file.text(key);
   const auto words = split_words(text);
   const auto address = words.size() == 2 ? parse_whole<int>(words[0]) : std::nullopt;
-  const auto type = words.size() == 2 ? word_type_of(words[1]) : std::nullopt;
+  const auto type = words.size() == 2 ? enum_from<WordType>(words[1]) : std::nullopt;
   const bool good = address && type && *address >= 0 && *address + register_count(*type) <= 65536;
   if (!good && !text.empty()) file.reject(key, "ADDRESS TYPE, the type one of u16 s16 u32 s32 f32 f64");
   return good ? RegisterField{*address, *type} : RegisterField{};

@@ -4,18 +4,78 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cassert>
 #include <cctype>
 #include <cerrno>
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <numbers>
 
-#include "imu_io/base/clock.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/key_value.h"
+#include "imu_io/base/text.h"
 #include "turntable_drivers/table/table_description.h"
 
 namespace turncal {
+
+extern const std::string_view operator_texts_en, operator_texts_de, operator_texts_zh;
+
+OperatorTexts::OperatorTexts(std::string_view language) {
+  const std::string_view text = language == "de"   ? operator_texts_de
+                                : language == "zh" ? operator_texts_zh
+                                                   : operator_texts_en;
+  Result<KeyValueFile> file = KeyValueFile::parse(text, std::string(language) + ".conf");
+  assert(file.ok());
+  for (const std::string& key : file->keys()) texts_[key] = file->text(key);
+}
+
+const OperatorTexts& OperatorTexts::of(std::string_view language) {
+  static const OperatorTexts english("en"), german("de"), chinese("zh");
+  return language == "de" ? german : language == "zh" ? chinese : english;
+}
+
+std::string OperatorTexts::say(std::string_view key, Places places) const {
+  const auto found = texts_.find(key);
+  assert(found != texts_.end());
+  if (found == texts_.end()) return std::string(key);
+  std::string said;
+  std::string_view left = found->second;
+  for (std::size_t open; (open = left.find('{')) != std::string_view::npos;) {
+    const std::size_t shut = std::min(left.find('}', open), left.size() - 1);
+    const std::string_view name = left.substr(open + 1, shut - open - 1);
+    const auto place = std::ranges::find_if(places, [name](const auto& one) { return one.first == name; });
+    assert(place != places.end());
+    said += left.substr(0, open);
+    if (place != places.end()) said += place->second;
+    left.remove_prefix(shut + 1);
+  }
+  return said += left;
+}
+
+std::string OperatorTexts::number(std::string text) const {
+  if (const std::size_t point = text.find('.'); point != std::string::npos) text.replace(point, 1, say("number.point"));
+  return text;
+}
+
+std::string OperatorTexts::shown(double angle_deg) const {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.4g", std::abs(angle_deg) < 1e-9 ? 0.0 : angle_deg);
+  return number(text);
+}
+
+std::string OperatorTexts::exact(double angle_deg) const { return number(format_number(angle_deg)); }
+
+bool OperatorTexts::means(const std::string& typed, std::string_view english) const {
+  return typed == english || typed == say("word." + std::string(english)) ||
+         (english != "abort" && first_letter(typed, english));
+}
+
+bool OperatorTexts::first_letter(const std::string& typed, std::string_view english) const {
+  const std::string own = say("word." + std::string(english));
+  return typed == english.substr(0, 1) || typed == own.substr(0, printable_character(own));
+}
+
+// ---- the table ----
 
 ManualTurntable::ManualTurntable(ManualSettings settings, const Clock& clock, int input, std::ostream& out,
                                  GravitySense sense)
@@ -156,8 +216,7 @@ Result<AxisStatus> ManualTurntable::status(Axis axis) {
   const Hand& hand = hands_[index(axis)];
   AxisStatus report;
   report.position_deg = hand.position_deg;
-  report.moving =
-      std::any_of(queue_.begin(), queue_.end(), [axis](const Wanted& wanted) { return wanted.axis == axis; });
+  report.moving = std::ranges::any_of(queue_, [axis](const Wanted& wanted) { return wanted.axis == axis; });
   report.rate_degps = report.moving ? std::numeric_limits<double>::quiet_NaN() : 0.0;
   report.enabled = report.drive_on = enabled_;
   report.homed = hand.homed;

@@ -112,7 +112,7 @@ struct Written {
 };
 
 bool released_by(const std::vector<Written>& before, const Written& now) {
-  return now.value == 0.0 && std::any_of(before.begin(), before.end(), [&](const Written& earlier) {
+  return now.value == 0.0 && std::ranges::any_of(before, [&](const Written& earlier) {
            return earlier.place == now.place && earlier.value != 0.0;
          });
 }
@@ -139,8 +139,7 @@ std::vector<Written> sent_by(const RegisterMap& map, TableOperation operation, A
       }
       int at = first;
       for (const std::uint16_t word : words->span()) {
-        const bool is_code =
-            std::count(map.code_registers.begin(), map.code_registers.end(), step.address + at - now.place.second) > 0;
+        const bool is_code = std::ranges::count(map.code_registers, step.address + at - now.place.second) > 0;
         Written one{
             {now.place.first, at++}, static_cast<double>(word), {word}, 1, false, number, false, is_code, now.of_table};
         one.release = released_by(all, one);
@@ -168,8 +167,7 @@ std::vector<Written> triggers_of(const std::vector<Written>& list, TableOperatio
   if (operation == TableOperation::enable) return last;
   std::vector<Written> found;
   for (const Written& written : list) {
-    const bool there =
-        std::any_of(last.begin(), last.end(), [&](const Written& l) { return l.place == written.place; });
+    const bool there = std::ranges::any_of(last, [&](const Written& l) { return l.place == written.place; });
     if (there && (written.value != 0.0 || last.size() == 1)) found.push_back(written);
   }
   return found;
@@ -217,9 +215,8 @@ bool differ(const std::vector<Written>& one, const std::vector<Written>& other, 
   for (const Written& a : one) {
     if (a.place == trigger || !a.value) continue;
     const auto same_place = [&](const Written& b) { return b.place == a.place; };
-    if (std::none_of(other.begin(), other.end(), same_place)) continue;
-    if (std::none_of(other.begin(), other.end(),
-                     [&](const Written& b) { return same_place(b) && b.words == a.words; })) {
+    if (std::ranges::none_of(other, same_place)) continue;
+    if (std::ranges::none_of(other, [&](const Written& b) { return same_place(b) && b.words == a.words; })) {
       return true;
     }
   }
@@ -340,8 +337,7 @@ std::optional<Clash> stops_another(const RegisterMap& map, Axis axis, Axis other
     const auto writes_to = [&](Axis whose, const Written& place) {
       for (const TableOperation list : all_operations) {
         const std::vector<Written> sent = sent_by(map, list, whose);
-        if (std::any_of(sent.begin(), sent.end(), [&](const Written& w) { return !w.of_table && overlaps(w, place); }))
-          return true;
+        if (std::ranges::any_of(sent, [&](const Written& w) { return !w.of_table && overlaps(w, place); })) return true;
       }
       return false;
     };
@@ -405,7 +401,7 @@ std::optional<Clash> write_clash(const RegisterMap& map) {
 bool stop_holds_enable(const RegisterMap& map) {
   const std::vector<Written> stop = sent_by(map, TableOperation::stop, Axis::heading);
   const auto triggers = triggers_of(map, TableOperation::enable, Axis::heading);
-  return std::any_of(triggers.begin(), triggers.end(), [&](const Trigger& trigger) {
+  return std::ranges::any_of(triggers, [&](const Trigger& trigger) {
     const Written* const left = left_in(stop, trigger.written.place);
     return left != nullptr && does(*left, trigger);
   });

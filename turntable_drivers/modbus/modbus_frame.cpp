@@ -3,7 +3,6 @@
 #include <bit>
 #include <cassert>
 #include <cmath>
-#include <iterator>
 
 #include "imu_io/base/crc.h"
 
@@ -12,24 +11,14 @@ namespace {
 
 std::uint16_t bytes_swapped(std::uint16_t word) { return static_cast<std::uint16_t>(word << 8 | word >> 8); }
 
-struct TypeRow {
-  std::string_view name;
+struct Span {
   double min, max;
 };
-constexpr TypeRow types[] = {  // by WordType
-    {"u16", 0.0, 65535.0},      {"s16", -32768.0, 32767.0},
-    {"u32", 0.0, 4294967295.0}, {"s32", -2147483648.0, 2147483647.0},
-    {"f32", -3.0e38, 3.0e38},   {"f64", -1.0e300, 1.0e300}};
+constexpr Span spans[] = {  // by WordType
+    {0.0, 65535.0},    {-32768.0, 32767.0}, {0.0, 4294967295.0}, {-2147483648.0, 2147483647.0},
+    {-3.0e38, 3.0e38}, {-1.0e300, 1.0e300}};
 
 }  // namespace
-
-std::optional<WordType> word_type_of(std::string_view name) {
-  for (std::size_t i = 0; i < std::size(types); ++i)
-    if (types[i].name == name) return static_cast<WordType>(i);
-  return {};
-}
-
-std::string_view to_string(WordType type) { return types[static_cast<std::size_t>(type)].name; }
 
 double decode_words(std::span<const std::uint16_t> registers, WordType type, WordLayout layout) {
   const auto count = static_cast<std::size_t>(register_count(type));
@@ -52,7 +41,7 @@ double decode_words(std::span<const std::uint16_t> registers, WordType type, Wor
 
 std::optional<Words> encode_words(double value, WordType type, WordLayout layout) {
   const double wanted = is_floating(type) ? value : std::round(value);
-  const TypeRow& range = types[static_cast<std::size_t>(type)];
+  const Span& range = spans[static_cast<std::size_t>(type)];
   if (!(wanted >= range.min && wanted <= range.max)) return {};
   // Through 64 bits, so that negative numbers keep their two's complement.
   const std::uint64_t all = type == WordType::f64   ? std::bit_cast<std::uint64_t>(wanted)

@@ -19,6 +19,8 @@
 #include <string_view>
 #include <vector>
 
+#include "imu_io/base/text.h"
+
 namespace turncal {
 
 enum class WordType { u16, s16, u32, s32, f32, f64 };
@@ -26,9 +28,8 @@ constexpr int register_count(WordType type) {
   return type == WordType::u16 || type == WordType::s16 ? 1 : type == WordType::f64 ? 4 : 2;
 }
 constexpr bool is_floating(WordType type) { return type == WordType::f32 || type == WordType::f64; }
-// "u16" ... "f64"
-std::optional<WordType> word_type_of(std::string_view name);
-std::string_view to_string(WordType type);
+template <>
+inline constexpr auto enum_words<WordType> = std::to_array({"u16", "s16", "u32", "s32", "f32", "f64"});
 
 struct WordLayout {
   bool high_word_first = true;

@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "turntable_drivers/modbus/modbus_frame.h"
 
 namespace turncal {

@@ -7,9 +7,7 @@
 #include <cmath>
 
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/key_value.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 namespace {
@@ -20,7 +18,7 @@ constexpr double longest_stop_pause_s = 0.05;   // all waits of a stop together
 // TYPE VALUE
 std::optional<WriteOperand> operand_of(std::string_view text) {
   const auto words = split_words(text);
-  const std::optional<WordType> type = words.size() == 2 ? word_type_of(words[0]) : std::nullopt;
+  const std::optional<WordType> type = words.size() == 2 ? enum_from<WordType>(words[0]) : std::nullopt;
   if (!type) return {};
   WriteOperand operand;
   operand.type = *type;
@@ -34,7 +32,7 @@ std::optional<WriteOperand> operand_of(std::string_view text) {
   } else {
     operand.kind = WriteOperand::Kind::quantity;
     operand.of_axis = take_axis(value);
-    const std::optional<MoveQuantity> quantity = quantity_of(value);
+    const std::optional<MoveQuantity> quantity = enum_from<MoveQuantity>(value);
     if (!quantity) return {};
     operand.quantity = *quantity;
   }
@@ -120,17 +118,15 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
   read_block(first, "status");
   if (file.has("status2.address")) {
     read_block(second, "status2");
-    if (std::abs(second.count - first.count) < 3) {
+    if (std::abs(second.count - first.count) < 3)
       file.reject("status2.count", "at least 3 more or less than status.count: every request has its own length");
-    }
   }
   const auto inside = [&](const std::string& key, int address, int length) {
     const auto within = [&](const StatusBlock& block) {
       return block.holds(address) && address + length <= block.address + block.count;
     };
-    if (!within(first) && !within(second)) {
+    if (!within(first) && !within(second))
       file.reject(key, "an address inside the status block (status.address, status.count, status2.*)");
-    }
   };
   keys.chosen("status.scope", first.of_table, {"axis", "table"});
   if (second.count > 0) keys.chosen("status2.scope", second.of_table, {"axis", "table"});
@@ -148,8 +144,9 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
     const auto block_field = [&](const std::string& prefix) {
       RegisterField result;
       result.address = static_cast<int>(hex_or_decimal(file, key(prefix + ".address"), 0, 65535));
-      result.type = word_type_of(file.one_of_or(prefix + ".type", "s32", {"u16", "s16", "u32", "s32", "f32", "f64"}))
-                        .value_or(WordType::s32);
+      result.type =
+          enum_from<WordType>(file.one_of_or(prefix + ".type", "s32", {"u16", "s16", "u32", "s32", "f32", "f64"}))
+              .value_or(WordType::s32);
       inside(key(prefix + ".address"), result.address, register_count(result.type));
       return result;
     };
@@ -176,9 +173,8 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
       bool pulse = false;
       keys.chosen(key(prefix + ".kind"), pulse, {"level", "pulse"});
       if (bit_of == DriveBit::in_position) axis.arrives_in_a_pulse = pulse;
-      if (pulse && bit_of != DriveBit::in_position) {
+      if (pulse && bit_of != DriveBit::in_position)
         file.reject(key(prefix + ".kind"), "level: only in_position can be a pulse");
-      }
       axis.bits[index(bit_of)] = bit;
     }
   }
@@ -215,12 +211,10 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
   }
   const std::vector<WriteOperand> move = operands_of(map.list(TableOperation::move));
   const auto asks_for = [&](MoveQuantity quantity) {
-    return std::any_of(move.begin(), move.end(),
-                       [=](const WriteOperand& operand) { return operand.asks_for(quantity); });
+    return std::ranges::any_of(move, [=](const WriteOperand& operand) { return operand.asks_for(quantity); });
   };
-  if (map.once(TableOperation::stop) != map.once(TableOperation::abort)) {
+  if (map.once(TableOperation::stop) != map.once(TableOperation::abort))
     file.reject("write.stop.scope", "the same scope as write.abort: an axis that is off is sent that instead");
-  }
   const bool of_all = map.once(TableOperation::move);
   for (const WriteOperand& operand : move) {
     if (operand.kind == Kind::constant) continue;
@@ -228,13 +222,11 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
       file.reject("write.move",
                   "position.heading, rate.pitch and the like with write.move.scope = table, else without an axis");
   }
-  if (asks_for(MoveQuantity::position) == asks_for(MoveQuantity::distance) || !asks_for(MoveQuantity::rate)) {
+  if (asks_for(MoveQuantity::position) == asks_for(MoveQuantity::distance) || !asks_for(MoveQuantity::rate))
     file.reject("write.move", "either position or distance in it, and rate");
-  }
   for (const MapAxis& axis : map.axis) {
-    if (axis.modulo_deg > 0.0 && asks_for(MoveQuantity::position)) {
+    if (axis.modulo_deg > 0.0 && asks_for(MoveQuantity::position))
       file.reject("write.move", "distance: with modulo_deg a position does not say how many turns to go");
-    }
   }
   KeyTable keys(file);
   if (map.can_switch_off && !map.list(TableOperation::stop).empty() &&
@@ -250,10 +242,9 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
       file.reject("heartbeat.values", "at least one number");
     keys.number("heartbeat.period_s", map.heartbeat_period_s, between(0.001, 60.0));
     keys.number("heartbeat.watchdog_s", map.watchdog_s, between(0.01, 600.0));
-    if (map.watchdog_s < 2.0 * map.heartbeat_period_s) {
+    if (map.watchdog_s < 2.0 * map.heartbeat_period_s)
       file.reject(file.has("heartbeat.watchdog_s") ? "heartbeat.watchdog_s" : "heartbeat.period_s",
                   "heartbeat.watchdog_s at least twice heartbeat.period_s");
-    }
   }
 }
 
@@ -306,7 +297,7 @@ int StatusBit::shift() const { return std::countr_zero(mask); }
 
 bool StatusBit::is_set(std::uint16_t word) const {
   if (codes.empty()) return ((word & mask) != 0) == active_high;
-  return std::find(codes.begin(), codes.end(), (word & mask) >> shift()) != codes.end();
+  return std::ranges::find(codes, (word & mask) >> shift()) != codes.end();
 }
 
 Result<RegisterMap> read_register_map(const std::string& path) {

@@ -1,17 +1,12 @@
 #include "turntable_drivers/rig/rig.h"
 
 #include <algorithm>
-#include <array>
 #include <cassert>
 #include <cmath>
-#include <cstdint>
 #include <limits>
 #include <optional>
-#include <vector>
 
-#include "calib/types/recording_types.h"
 #include "turntable_drivers/rig/rig_axes.h"
-#include "turntable_drivers/rig/rig_config.h"
 #include "turntable_drivers/rig/rig_geometry.h"
 #include "turntable_drivers/rig/rig_math.h"
 #include "turntable_drivers/rig/rig_sensors.h"
@@ -151,7 +146,7 @@ SiteVectors site_vectors(const RigConfig& config) {
   site.specific_force = Vector3d(0.0, config.site.gravity_mps2, 0.0);
   const Triple& field = config.site.magnetic_field_gauss;
   const Nine& magnetic = config.effects.gyro_magnetic;
-  const bool senses_field = std::any_of(magnetic.begin(), magnetic.end(), [](double m) { return m != 0.0; });
+  const bool senses_field = std::ranges::any_of(magnetic, [](double m) { return m != 0.0; });
   site.field = senses_field ? Vector3d(field[0], field[1], field[2]) : Vector3d(0.0, 0.0, 0.0);
   site.earth_error = radps_per_degph * Vector3d(config.effects.earth_rate[0], config.effects.earth_rate[1], 0.0);
   return site;
@@ -212,7 +207,7 @@ RigState::RigState(const RigConfig& given)
       unit_faults.push_back(fault);
     }
   }
-  std::stable_sort(events.begin(), events.end(), [](const Event& a, const Event& b) { return a.sample < b.sample; });
+  std::ranges::stable_sort(events, [](const Event& a, const Event& b) { return a.sample < b.sample; });
 }
 
 void RigState::apply_event(const RigFault& fault) {

@@ -3,7 +3,6 @@
 #include <cmath>
 
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/format_number.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/recordings/recording_check.h"
 #include "turntable_drivers/rig/rig_config.h"
@@ -20,15 +19,6 @@ constexpr double last_utc_s = 253402300799.0;  // the end of the year 9999
 constexpr std::int64_t most_counter = max_counter / 2;
 
 const std::initializer_list<std::string_view> table_axes = {"heading", "pitch", "roll"};  // as Axis
-
-// In the order of RigFaultKind.
-constexpr std::array<std::string_view, 21> fault_names = {
-    "lost_sample",         "duplicated_sample", "gyro_glitch",    "velocity_knock",    "invalid_sample",
-    "imu_silent",          "imu_unplugged",     "table_moved",    "too_fast",          "never_in_position",
-    "stuck_axis",          "axis_fault",        "emergency_stop", "link_lost",         "chamber_never_settles",
-    "chamber_sensor_dead", "chamber_door_open", "chamber_alarm",  "chamber_overheats", "chamber_link_lost",
-    "chamber_stays_on"};
-static_assert(fault_names.size() == static_cast<std::size_t>(RigFaultKind::chamber_stays_on) + 1);
 
 void read_sensor_axis(KeyTable& keys, const std::string& key, int& axis) { keys.chosen(key, axis, {"x", "y", "z"}); }
 
@@ -49,17 +39,15 @@ void read_general(KeyTable& keys, RigConfig& config) {
   keys.number("gyro_pulse_arcsec", config.gyro_pulse_arcsec, above_zero);
   keys.number("accel_pulse_mps", config.accel_pulse_mps, above_zero);
   keys.chosen("quantisation", config.quantisation, {"floor", "round", "off"});
-  for (std::size_t i = 0; i < config.truth.size(); ++i) {
+  for (std::size_t i = 0; i < config.truth.size(); ++i)
     keys.number(std::string("truth.") + rig_truth_keys[i], config.truth[i]);
-  }
 
   keys.number("site.latitude_deg", config.site.latitude_deg, between(-90.0, 90.0));
   keys.number("site.gravity_mps2", config.site.gravity_mps2, above_zero);
   keys.number("site.earth_rate_radps", config.site.earth_rate_radps);
   const char* const directions[] = {"north", "up", "east"};
-  for (std::size_t i = 0; i < 3; ++i) {
+  for (std::size_t i = 0; i < 3; ++i)
     keys.number(std::string("site.magnetic_") + directions[i] + "_gauss", config.site.magnetic_field_gauss[i]);
-  }
   RigNoise& noise = config.noise;
   keys.number("noise.gyro_random_walk_deg_per_rt_h", noise.gyro_random_walk_deg_per_rt_h, zero_or_more);
   keys.number("noise.accel_random_walk_ug_per_rt_hz", noise.accel_random_walk_ug_per_rt_hz, zero_or_more);
@@ -84,9 +72,8 @@ void read_table_errors(KeyTable& keys, RigTableErrors& errors) {
   keys.number("table_error.heading_pitch_arcmin", errors.heading_pitch_arcmin);
   keys.number("table_error.pitch_roll_arcmin", errors.pitch_roll_arcmin);
   const char* const body[] = {"x", "y", "z"};
-  for (std::size_t i = 0; i < 3; ++i) {
+  for (std::size_t i = 0; i < 3; ++i)
     keys.number(std::string("table_error.mounting_") + body[i] + "_arcmin", errors.mounting_arcmin[i]);
-  }
   for (Axis axis : all_axes) {
     const std::size_t i = index(axis);
     const std::string prefix = std::string("table_error.") + to_string(axis) + ".";
@@ -151,16 +138,12 @@ void read_outside(KeyTable& keys, RigOutsideEffects& outside) {
 // Only the keys that mean something for the kind are asked for, so that the others are unknown keys.
 void read_fault(KeyValueFile& file, const std::string& prefix, RigFault& fault) {
   KeyTable keys(file, any_size);
-  const auto name = std::find(fault_names.begin(), fault_names.end(), file.text(prefix + "kind"));
-  if (name == fault_names.end()) {
-    file.reject(prefix + "kind", "a kind of fault of docs/rig.md, such as lost_sample");
-    return;
-  }
+  const std::optional<RigFaultKind> named = enum_from<RigFaultKind>(file.text(prefix + "kind"));
+  if (!named) return file.reject(prefix + "kind", "a kind of fault of docs/rig.md, such as lost_sample");
   using enum RigFaultKind;
-  const auto kind = static_cast<RigFaultKind>(name - fault_names.begin());
-  fault.kind = kind;
+  const RigFaultKind kind = fault.kind = *named;
   const auto is_any = [kind](std::initializer_list<RigFaultKind> kinds) {
-    return std::find(kinds.begin(), kinds.end(), kind) != kinds.end();
+    return std::ranges::find(kinds, kind) != kinds.end();
   };
   const auto key = [&prefix](const char* which) { return prefix + which; };
   const bool by_sample = concerns_unit(kind) && !is_any({imu_silent, imu_unplugged});
@@ -214,13 +197,10 @@ Status check_truth(const RigConfig& config) {
   for (std::size_t first : {std::size_t{6}, std::size_t{15}}) {
     const double nominal = first == 6 ? config.gyro_pulse_arcsec : 1.0;
     std::array<double, 9> m;
-    for (std::size_t i = 0; i < 9; ++i) {
-      m[i] = config.truth[first + i].value_or(i % 4 == 0 ? nominal : 0.0) / nominal;
-    }
-    if (!(std::abs(determinant(m)) > 0.1)) {
+    for (std::size_t i = 0; i < 9; ++i) m[i] = config.truth[first + i].value_or(i % 4 == 0 ? nominal : 0.0) / nominal;
+    if (!(std::abs(determinant(m)) > 0.1))
       return input_error(std::string("rig: truth.") + (first == 6 ? "n" : "a") +
                          ": the matrix is singular or nearly so: expected a diagonal near its nominal value");
-    }
   }
   return {};
 }
@@ -242,8 +222,6 @@ Result<RigConfig> config_from(KeyValueFile& file, RigConfig config) {
 }  // namespace
 
 bool concerns_unit(RigFaultKind kind) { return kind <= RigFaultKind::imu_unplugged; }
-
-const char* to_string(RigFaultKind kind) { return fault_names[static_cast<std::size_t>(kind)].data(); }
 
 const std::array<const char*, 24> rig_truth_keys = {"N01", "N02", "N03", "A01", "A02", "A03", "n11", "n12",
                                                     "n13", "n21", "n22", "n23", "n31", "n32", "n33", "a11",

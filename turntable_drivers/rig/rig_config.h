@@ -9,11 +9,11 @@
 #include <cstdint>
 #include <optional>
 #include <string>
-#include <string_view>
 #include <vector>
 
 #include "calib/types/axis.h"
 #include "calib/types/status.h"
+#include "imu_io/base/text.h"
 #include "turntable_drivers/rig/rig_effects.h"
 
 namespace turncal {
@@ -130,8 +130,14 @@ enum class RigFaultKind {
   chamber_stays_on    // it takes the command to go off, and stays on
 };
 
-const char* to_string(RigFaultKind kind);  // "lost_sample" and so on
-bool concerns_unit(RigFaultKind kind);     // else the table
+template <>
+inline constexpr auto enum_words<RigFaultKind> = std::to_array(
+    {"lost_sample",         "duplicated_sample", "gyro_glitch",    "velocity_knock",    "invalid_sample",
+     "imu_silent",          "imu_unplugged",     "table_moved",    "too_fast",          "never_in_position",
+     "stuck_axis",          "axis_fault",        "emergency_stop", "link_lost",         "chamber_never_settles",
+     "chamber_sensor_dead", "chamber_door_open", "chamber_alarm",  "chamber_overheats", "chamber_link_lost",
+     "chamber_stays_on"});
+bool concerns_unit(RigFaultKind kind);  // else the table
 
 struct RigFault {
   RigFaultKind kind = RigFaultKind::lost_sample;
@@ -162,7 +168,9 @@ enum class LotFault {
   noisy,            // six times the random walk of the gyros
   unsettled         // at about every second turn-on an accelerometer jumps by 500 ug in mid-run
 };
-const char* to_string(LotFault fault);
+template <>
+inline constexpr auto enum_words<LotFault> = std::to_array({"none", "gyro_bias", "accel_nonlinear", "g_sensitive",
+                                                            "noisy", "unsettled"});
 
 struct RigLot {
   std::optional<std::uint64_t> seed;  // not set: the unit has nothing to do with its serial number

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 
@@ -102,18 +102,15 @@ Status RigTable::move_absolute(Axis axis, double position_deg, double rate_degps
   if (homing_[i]) return axis_error(axis, "homing is under way");
   if (!homed_[i]) return axis_error(axis, "not homed");
   if (rig_.axis(axis).moving) return axis_error(axis, "a motion is under way: expected it finished or stopped");
-  if (!(position_deg >= table.limit_min_deg[i] && position_deg <= table.limit_max_deg[i])) {
+  if (!(position_deg >= table.limit_min_deg[i] && position_deg <= table.limit_max_deg[i]))
     return axis_error(axis, "move to " + number(position_deg) + " deg: expected " + number(table.limit_min_deg[i]) +
                                 " to " + number(table.limit_max_deg[i]) + " deg");
-  }
-  if (!(rate_degps > 0.0 && rate_degps <= table.max_rate_degps[i])) {
+  if (!(rate_degps > 0.0 && rate_degps <= table.max_rate_degps[i]))
     return axis_error(axis, "rate " + number(rate_degps) + " deg/s: expected above 0 and at most " +
                                 number(table.max_rate_degps[i]) + " deg/s");
-  }
-  if (!(acceleration_degps2 > 0.0 && acceleration_degps2 <= table.max_acceleration_degps2[i])) {
+  if (!(acceleration_degps2 > 0.0 && acceleration_degps2 <= table.max_acceleration_degps2[i]))
     return axis_error(axis, "acceleration " + number(acceleration_degps2) + " deg/s^2: expected above 0 and at most " +
                                 number(table.max_acceleration_degps2[i]) + " deg/s^2");
-  }
   for (Rig* rig : rigs_) rig->command_move(axis, position_deg, rate_degps, acceleration_degps2);
   return {};
 }
@@ -153,9 +150,8 @@ bool RigTable::in_position(Axis axis, const Rig::AxisState& state) const {
     case InPositionFlag::stale: return arrived || now_s - state.started_s < table.in_position_time_s;
     case InPositionFlag::late: return arrived && now_s - state.stopped_s >= table.in_position_time_s;
     case InPositionFlag::flicker:
-      if (std::abs(now_s - state.stopped_s) < table.in_position_time_s) {
+      if (std::abs(now_s - state.stopped_s) < table.in_position_time_s)
         return static_cast<std::int64_t>(std::floor(now_s / 0.05 + 1e-6)) % 2 != 0;
-      }
       return arrived;
   }
   return false;
@@ -168,9 +164,8 @@ Result<AxisStatus> RigTable::status(Axis axis) {
   const Rig::AxisState state = rig_.axis(axis);
   AxisStatus report;
   report.position_deg = state.position_deg;
-  if (table.encoder_resolution_deg > 0.0) {
+  if (table.encoder_resolution_deg > 0.0)
     report.position_deg = std::round(state.position_deg / table.encoder_resolution_deg) * table.encoder_resolution_deg;
-  }
   report.rate_degps = state.rate_degps;
   report.rate_told = true;
   report.enabled = report.drive_on = enabled_[i];

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <deque>
+#include <optional>
 
 namespace turncal {
 
@@ -87,10 +89,9 @@ void RigGroup::bring_up(Member& member) {
     const std::int64_t behind = now - member.rig.samples_passed();
     const std::size_t came = member.rig.advance_time(std::min<std::int64_t>(behind, passing.size()), passing);
     const std::size_t room = group_buffer_samples - std::min(group_buffer_samples, member.waiting.size());
-    if (member.is_open && !member.lost_at_s) {
+    if (member.is_open && !member.lost_at_s)
       member.waiting.insert(member.waiting.end(), passing.begin(),
                             passing.begin() + static_cast<std::ptrdiff_t>(std::min(came, room)));
-    }
   }
 }
 

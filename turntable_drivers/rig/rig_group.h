@@ -8,9 +8,7 @@
 // One thread.
 #pragma once
 
-#include <deque>
 #include <memory>
-#include <optional>
 #include <vector>
 
 #include "imu_io/base/clock.h"

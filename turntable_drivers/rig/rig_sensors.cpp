@@ -75,9 +75,7 @@ Reading SensorEffects::standing(const BodyMotion& motion, const std::array<TrueA
                          (e.gyro_scale_asymmetry[k] + e.gyro_rate_nonlinearity[k] * w[i] / reference_rate_radps);
     }
   }
-  if (has_matrix_gyro_) {
-    reading.gyro += g_sensitivity_ * f_g + magnetic_ * motion.field_b + (flexure_ * f_g).cross(w);
-  }
+  if (has_matrix_gyro_) reading.gyro += g_sensitivity_ * f_g + magnetic_ * motion.field_b + (flexure_ * f_g).cross(w);
   const auto& periodic = outside_.gyro_angle_periodic;
   if (periodic.size_degph != 0.0) {
     // sin(order * angle + phase) by angle addition: only the sine and cosine of the axis are at hand.

@@ -157,11 +157,6 @@ LotFault fault_of(const RigLot& lot, std::uint64_t seed) {
 
 }  // namespace
 
-const char* to_string(LotFault fault) {
-  constexpr const char* names[] = {"none", "gyro_bias", "accel_nonlinear", "g_sensitive", "noisy", "unsettled"};
-  return names[static_cast<std::size_t>(fault)];
-}
-
 RigConfig rig_of_lot(RigConfig config, const std::string& serial) {
   if (!config.lot.seed) return config;
   RigLot& lot = config.lot;

@@ -2,9 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 namespace {
@@ -274,8 +272,7 @@ Status DescribedTurntable::halt(bool off) {
       !codec_->once(off ? TableOperation::abort : TableOperation::stop) && !codec_->once(TableOperation::abort);
   const auto is_off = [&](Axis axis) {
     const auto read_off = [](const AxisMemory& memory) { return memory.drive_on == false; };
-    return commanded_off_ ||
-           (one ? read_off(memory_[index(axis)]) : std::all_of(memory_.begin(), memory_.end(), read_off));
+    return commanded_off_ || (one ? read_off(memory_[index(axis)]) : std::ranges::all_of(memory_, read_off));
   };
   const auto operation_of = [&](Axis axis) {
     return off || is_off(axis) ? TableOperation::abort : TableOperation::stop;

@@ -14,8 +14,8 @@
 #include <array>
 #include <optional>
 
-#include "calib/types/axis_limits.h"
-#include "imu_io/base/format_number.h"
+#include "calib/types/axis.h"
+#include "imu_io/base/text.h"
 #include "turntable_drivers/table/turntable.h"
 
 namespace turncal {

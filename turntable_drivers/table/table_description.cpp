@@ -3,11 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <initializer_list>
-
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/key_value.h"
 
 namespace turncal {
 
@@ -61,18 +57,6 @@ void read_axis_scale(KeyValueFile& file, Axis axis, AxisScale& scale, const std:
   scale.acceleration_scale = file.number_or(prefix + "acceleration_scale", scale.units_per_degree, range);
 }
 
-const char* to_string(MoveQuantity quantity) {
-  constexpr std::array<const char*, 4> names = {"position", "distance", "rate", "acceleration"};
-  return names[static_cast<std::size_t>(quantity)];
-}
-
-std::optional<MoveQuantity> quantity_of(std::string_view name) {
-  for (const MoveQuantity quantity :
-       {MoveQuantity::position, MoveQuantity::distance, MoveQuantity::rate, MoveQuantity::acceleration})
-    if (name == to_string(quantity)) return quantity;
-  return {};
-}
-
 std::optional<Axis> take_axis(std::string_view& name) {
   for (const Axis axis : all_axes) {
     const std::string suffix = std::string(".") + to_string(axis);
@@ -108,23 +92,10 @@ std::string scale_text(const AxisScale& scale, MoveQuantity quantity, bool told)
                          : per(scale.acceleration_scale, "deg/s^2");
 }
 
-const char* to_string(TableOperation operation) {
-  constexpr std::array<const char*, table_operation_count + 1> names = {
-      "setup", "identify", "enable", "home", "move", "status", "stop", "abort", "clear_fault", "heartbeat"};
-  return names[index(operation)];
-}
-
 const char* harm_of(TableOperation starts) {
   return starts == TableOperation::enable ? "switch the drive on"
          : starts == TableOperation::home ? "start a homing"
                                           : "start a motion";
-}
-
-const char* to_string(DriveBit bit) {
-  constexpr std::array<const char*, drive_bit_count> names = {"enabled",        "in_position",    "fault",
-                                                              "moving",         "homed",          "limit_positive",
-                                                              "limit_negative", "emergency_stop", "remote"};
-  return names[index(bit)];
 }
 
 std::array<DriveState, 4> drive_states(bool searches) {

@@ -12,6 +12,7 @@
 
 #include "calib/types/axis.h"
 #include "imu_io/base/key_value.h"
+#include "imu_io/base/text.h"
 #include "imu_io/lines/serial_port.h"
 
 namespace turncal {
@@ -25,7 +26,10 @@ inline constexpr TableOperation all_operations[] = {
     TableOperation::setup, TableOperation::identify, TableOperation::enable,
     TableOperation::home,  TableOperation::move,     TableOperation::status,
     TableOperation::stop,  TableOperation::abort,    TableOperation::clear_fault};
-const char* to_string(TableOperation operation);
+template <>
+inline constexpr auto enum_words<TableOperation> = std::to_array({"setup", "identify", "enable", "home", "move",
+                                                                  "status", "stop", "abort", "clear_fault",
+                                                                  "heartbeat"});
 // Operations that start something, what that is, and those that must not.
 inline constexpr TableOperation starting_operations[] = {TableOperation::enable, TableOperation::home,
                                                          TableOperation::move};
@@ -52,8 +56,8 @@ using Moves = std::array<MoveNumbers, 3>;  // by Axis
 
 // One of them, as a map or a dialect asks for it: "position", or of a certain axis "rate.pitch".
 enum class MoveQuantity { position, distance, rate, acceleration };
-const char* to_string(MoveQuantity quantity);
-std::optional<MoveQuantity> quantity_of(std::string_view name);
+template <>
+inline constexpr auto enum_words<MoveQuantity> = std::to_array({"position", "distance", "rate", "acceleration"});
 // Takes the axis off the end of such a name; empty: it names none.
 std::optional<Axis> take_axis(std::string_view& name);
 
@@ -125,12 +129,17 @@ enum class DriveBit {
   emergency_stop,
   remote
 };
-inline constexpr int drive_bit_count = 9;
+template <>
+inline constexpr auto enum_words<DriveBit> = std::to_array({"enabled", "in_position", "fault", "moving", "homed",
+                                                            "limit_positive", "limit_negative", "emergency_stop",
+                                                            "remote"});
+inline constexpr std::size_t drive_bit_count = enum_words<DriveBit>.size();
 constexpr std::size_t index(DriveBit bit) { return static_cast<std::size_t>(bit); }
-inline constexpr DriveBit all_drive_bits[] = {
-    DriveBit::enabled,        DriveBit::in_position,    DriveBit::fault,          DriveBit::moving, DriveBit::homed,
-    DriveBit::limit_positive, DriveBit::limit_negative, DriveBit::emergency_stop, DriveBit::remote};
-const char* to_string(DriveBit bit);
+inline constexpr auto all_drive_bits = [] {
+  std::array<DriveBit, drive_bit_count> all{};
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<DriveBit>(i);
+  return all;
+}();
 
 struct DriveState {
   DriveBit bit;          // what it is about

@@ -6,6 +6,7 @@
 #include <span>
 #include <string>
 
+#include "imu_io/base/text.h"
 #include "turntable_drivers/table/turntable.h"
 
 namespace turncal {
@@ -13,6 +14,9 @@ namespace turncal {
 // From the best to the worst: a table is what its worst axis is. settling: at rest, but not where it was sent. emergency_stop: a person
 // has to release it, clear the drives and begin anew; no command here does.
 enum class TableState { idle, settling, moving, stopping, not_ready, fault, emergency_stop, link_lost };
+template <>
+inline constexpr auto enum_words<TableState> = std::to_array({"idle", "settling", "moving", "stopping", "not ready",
+                                                              "FAULT", "E-STOP", "link lost"});
 
 constexpr TableState state_of(const AxisStatus& axis, bool stopping = false) {
   if (axis.emergency_stop) return TableState::emergency_stop;
@@ -48,12 +52,6 @@ inline std::string trouble_of(Axis axis, const AxisStatus& read, bool in_use) {
 // Of a table whose status() failed just now.
 inline TableState state_unread(const Turntable& table) {
   return table.answers() ? TableState::fault : TableState::link_lost;
-}
-
-constexpr const char* to_string(TableState state) {
-  constexpr const char* names[] = {"idle",      "settling", "moving", "stopping",
-                                   "not ready", "FAULT",    "E-STOP", "link lost"};
-  return names[static_cast<std::size_t>(state)];
 }
 
 }  // namespace turncal

@@ -10,7 +10,7 @@ constexpr double longest_reconnect_wait_s = 5.0;
 constexpr double same_place_deg = 0.01;  // an encoder's last digits do not stand still
 
 bool drives_on(const TableStatus& axes) {
-  return std::any_of(axes.begin(), axes.end(), [](const AxisStatus& axis) { return axis.drive_on; });
+  return std::ranges::any_of(axes, [](const AxisStatus& axis) { return axis.drive_on; });
 }
 
 }  // namespace

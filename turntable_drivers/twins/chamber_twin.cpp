@@ -2,8 +2,7 @@
 
 #include <algorithm>
 
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 

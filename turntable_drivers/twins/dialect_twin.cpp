@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 
 namespace turncal {
 namespace {
@@ -31,7 +31,7 @@ std::string word_of(const DialectStatus& status, const DriveFlags& flags) {
     const int score = likeness(flags, [&, &named = named](std::size_t i) -> std::optional<bool> {
       const auto bit = static_cast<DriveBit>(i);
       if (!status.reports(bit)) return {};
-      return std::find(named.begin(), named.end(), bit) != named.end();
+      return std::ranges::find(named, bit) != named.end();
     });
     if (score <= best_score) continue;
     best_score = score;
@@ -76,8 +76,7 @@ std::optional<std::string> DialectTwin::answer_of(TableOperation operation, std:
   for (const auto& [name, value] : values) pending[name] = value;
   Axis axis = Axis::heading;
   if (const auto named = pending.find("axis"); named != pending.end()) {
-    const auto place =
-        std::find_if(all_axes.begin(), all_axes.end(), [&](Axis a) { return dialect_.of(a).name == named->second; });
+    const auto place = std::ranges::find_if(all_axes, [&](Axis a) { return dialect_.of(a).name == named->second; });
     if (place == all_axes.end()) return refusal();
     axis = *place;
   }

@@ -13,11 +13,10 @@ std::uint16_t code_of(const MapAxis& axis, const StatusBit& first, const DriveFl
     return bit && !bit->codes.empty() && bit->address == first.address && bit->mask == first.mask;
   };
   const auto says = [](const StatusBit& bit, std::uint16_t code) {
-    return std::find(bit.codes.begin(), bit.codes.end(), code) != bit.codes.end();
+    return std::ranges::find(bit.codes, code) != bit.codes.end();
   };
   std::vector<std::uint16_t> candidates{0};  // the first that no list has
-  while (std::any_of(axis.bits.begin(), axis.bits.end(),
-                     [&](const auto& bit) { return alike(bit) && says(*bit, candidates[0]); }))
+  while (std::ranges::any_of(axis.bits, [&](const auto& bit) { return alike(bit) && says(*bit, candidates[0]); }))
     ++candidates[0];
   for (const auto& bit : axis.bits) {
     if (alike(bit)) candidates.insert(candidates.end(), bit->codes.begin(), bit->codes.end());
@@ -27,8 +26,7 @@ std::uint16_t code_of(const MapAxis& axis, const StatusBit& first, const DriveFl
       return alike(axis.bits[i]) ? std::optional(says(*axis.bits[i], code)) : std::nullopt;
     });
   };
-  const auto best =
-      std::max_element(candidates.begin(), candidates.end(), [&](auto a, auto b) { return score_of(a) < score_of(b); });
+  const auto best = std::ranges::max_element(candidates, [&](auto a, auto b) { return score_of(a) < score_of(b); });
   return static_cast<std::uint16_t>(*best << first.shift());
 }
 
@@ -163,7 +161,7 @@ bool ModbusTwin::beats(const ModbusRequest& request, Axis axis) {
   if (!map_.heartbeat_address || request.count != 1 || request.address != map_.heartbeat_at(axis)) return false;
   const std::uint16_t value = request.values.front();
   const auto& known = map_.heartbeat_values;
-  const bool good = known.empty() || (std::find(known.begin(), known.end(), value) != known.end() &&
+  const bool good = known.empty() || (std::ranges::find(known, value) != known.end() &&
                                       (known.size() == 1 || heartbeat_value_[index(axis)] != value));
   heartbeat_value_[index(axis)] = value;
   if (good) heartbeat_s_[index(axis)] = clock_.now_s();
@@ -239,8 +237,7 @@ std::optional<AnswerPlan> ModbusTwin::next_answer(std::vector<std::uint8_t>& byt
   const bool header = tcp() && !map_.link.rtu_frames;
   const std::optional<ModbusRequest> request = next_request(bytes, header);
   if (!request) return {};
-  const bool ours =
-      std::any_of(map_.axis.begin(), map_.axis.end(), [&](const MapAxis& axis) { return axis.unit == request->unit; });
+  const bool ours = std::ranges::any_of(map_.axis, [&](const MapAxis& axis) { return axis.unit == request->unit; });
   if (!ours) return AnswerPlan();  // another drive on the bus: silence
   const Answer answer = [&] {
     const std::lock_guard lock(mutex);

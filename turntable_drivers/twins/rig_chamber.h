@@ -55,9 +55,7 @@ inline RehearsedTable rehearsed_table(Rig& rig) {
   return {[&rig](Axis axis, double angle_deg, double rate_degps, double acceleration_degps2) {
             rig.command_move(axis, angle_deg, rate_degps, acceleration_degps2);
           },
-          [&rig] {
-            return std::any_of(all_axes.begin(), all_axes.end(), [&rig](Axis axis) { return rig.axis(axis).moving; });
-          },
+          [&rig] { return std::ranges::any_of(all_axes, [&rig](Axis axis) { return rig.axis(axis).moving; }); },
           [&rig] { rig.stop(); }};
 }
 

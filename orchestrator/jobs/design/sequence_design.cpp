@@ -8,7 +8,7 @@
 
 #include "calib/model/limits.h"
 #include "calib/prediction/design_bound.h"
-#include "imu_io/base/format_number.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/station/number_text.h"
 #include "orchestrator/watch/progress.h"

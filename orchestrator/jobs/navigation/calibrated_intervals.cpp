@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "calib/joint/joint_estimate.h"
@@ -13,8 +12,7 @@
 #include "calib/statistics/compression.h"
 #include "calib/statistics/data_screen.h"
 #include "calib/statistics/segmentation.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/jobs/calibration_job.h"
 
 namespace turncal {

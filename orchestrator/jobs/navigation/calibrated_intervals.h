@@ -13,7 +13,6 @@
 #include <vector>
 
 #include "calib/joint/joint_filter.h"
-#include "calib/model/noise_model.h"
 #include "calib/model/parameters.h"
 #include "calib/navigation/drift.h"
 #include "calib/navigation/free_navigation.h"

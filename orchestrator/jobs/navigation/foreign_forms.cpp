@@ -7,10 +7,10 @@
 #include <cmath>
 #include <limits>
 
-#include "calib/model/noise_model.h"
-#include "imu_io/base/format_number.h"
-#include "orchestrator/figures/report_format.h"
+#include "calib/model/parameters.h"
+#include "imu_io/base/text.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
+#include "orchestrator/station/number_text.h"
 
 namespace turncal {
 

@@ -5,10 +5,10 @@
 
 #include "calib/model/parameters.h"
 #include "calib/navigation/alignment.h"
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/number_table.h"
 #include "orchestrator/report/diagnosis_file.h"
 

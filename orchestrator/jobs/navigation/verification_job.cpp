@@ -7,8 +7,8 @@
 
 #include "calib/navigation/alignment.h"
 #include "imu_io/base/file_kind.h"
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/number_table.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/statistics/linear_algebra.h"
+#include "calib/statistics/numerics.h"
 #include "calib/thermal/thermal_model.h"
 #include "tests/rig_recorder.h"
 

@@ -1,8 +1,7 @@
 // JSON and CSV of one table, numbers as text, and words that were mistyped.
 #include "imu_io/base/data_text.h"
 
-#include "imu_io/base/format_number.h"
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "tests/test.h"
 
 namespace turncal {

@@ -173,7 +173,7 @@ TEST_F(LastWord, FastestStopGoesOutWhenNothingCanBeRead) {
   for (const int unit : {1, 2, 3}) {
     const LevelDrive drive = drives.drive(unit);
     EXPECT_EQ(drive.rate, 0.0);
-    EXPECT_GE(std::count(drive.words.begin(), drive.words.end(), 0), 2) << unit;
+    EXPECT_GE(std::ranges::count(drive.words, 0), 2) << unit;
   }
   drives.reads_answered = true;
 }

@@ -169,10 +169,10 @@ TEST(Outline, KeepsExtremesAndBreaksWithinTheLimit) {
   const auto thin = outline(points, 3000);
   EXPECT_LE(thin.size(), 3000u);
   EXPECT_GT(thin.size(), 1500u);
-  EXPECT_EQ(std::count(thin.begin(), thin.end(), std::pair(54321.0, 7.0)), 1);
-  EXPECT_EQ(std::count(thin.begin(), thin.end(), std::pair(12345.0, -7.0)), 1);
-  EXPECT_EQ(std::count_if(thin.begin(), thin.end(), [](const auto& p) { return std::isnan(p.second); }), 1);
-  EXPECT_TRUE(std::is_sorted(thin.begin(), thin.end(), [](const auto& a, const auto& b) { return a.first < b.first; }));
+  EXPECT_EQ(std::ranges::count(thin, std::pair(54321.0, 7.0)), 1);
+  EXPECT_EQ(std::ranges::count(thin, std::pair(12345.0, -7.0)), 1);
+  EXPECT_EQ(std::ranges::count_if(thin, [](const auto& p) { return std::isnan(p.second); }), 1);
+  EXPECT_TRUE(std::ranges::is_sorted(thin, [](const auto& a, const auto& b) { return a.first < b.first; }));
   EXPECT_EQ(outline(points, 200000).size(), points.size());
 }
 

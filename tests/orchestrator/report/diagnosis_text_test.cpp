@@ -10,7 +10,7 @@ namespace {
 
 std::size_t characters(const std::string& utf8) {
   return static_cast<std::size_t>(
-      std::count_if(utf8.begin(), utf8.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
+      std::ranges::count_if(utf8, [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
 }
 
 TEST(VerdictSentence, SaysWhatIsLeftWithNumbers) {

@@ -1,7 +1,8 @@
 // A document and its renderings; the control charts, as one that has everything.
-#include "orchestrator/figures/report_format.h"
 #include "orchestrator/line/parameter_history.h"
 #include "orchestrator/line_report/shift_document.h"
+#include "orchestrator/station/number_text.h"
+#include "orchestrator/watch/progress.h"
 #include "tests/orchestrator/report/sample_diagnosis.h"
 #include "tests/test.h"
 

@@ -125,7 +125,7 @@ TEST(Report, SaysSoWhenThereIsNoGnuplot) {
   EXPECT_EQ(file_text(folder / "diagnosis.conf"), format_diagnosis(sample.diagnosis));
   ASSERT_OK(read_parameter_file(folder / "parameters.conf"));
   std::vector<std::string> names = folder.names();
-  std::sort(names.begin(), names.end());
+  std::ranges::sort(names);
   EXPECT_EQ(names, (std::vector<std::string>{"diagnosis.conf", "parameters.conf", "report.html"}));
 }
 

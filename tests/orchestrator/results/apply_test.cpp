@@ -1,6 +1,8 @@
 // `turncal apply` with effects beyond the 24 parameters.
 
+#include "imu_io/recordings/parameter_file.h"
 #include "tests/imu_io/recording_samples.h"
+#include "tests/orchestrator/program.h"
 #include "tests/orchestrator/results/rig_unit.h"
 
 namespace turncal {
@@ -63,7 +65,7 @@ TEST_F(Apply, WritesTimeAndRates) {
   const auto [other_head, increments] = rows("increments");
   EXPECT_TRUE(head.starts_with("time_s,rate_x_radps,rate_y_radps,rate_z_radps,force_x_mps2")) << head;
   EXPECT_TRUE(other_head.starts_with("time_s,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps")) << other_head;
-  const auto width = static_cast<std::size_t>(std::count(head.begin(), head.end(), ',') + 1);
+  const auto width = static_cast<std::size_t>(std::ranges::count(head, ',') + 1);
   ASSERT_EQ(rates.size(), 10000 * width);
   for (std::size_t row = 0; row < 10000; row += 999)
     for (std::size_t k = 0; k < 7; ++k)
@@ -144,6 +146,38 @@ TEST_F(Apply, ExportWritesAMatrix) {
         "assert numpy.allclose(a[:, 8], b[:, 7], atol=1e-3)\n"
         "assert set(a[:, 1]) == set(range(1, int(a[:, 1].max()) + 1))\n");
   EXPECT_EQ(std::system(("cd " + folder_.string() + " && python3 compare.py").c_str()), 0);
+}
+
+// ---- convert ----
+
+// `turncal convert`: what it writes and what it refuses.
+
+class Convert : public Program {
+ protected:
+  void SetUp() override {
+    Program::SetUp();
+    ASSERT_OK(write_parameter_file(test::make_parameter_file(), path("parameters.conf")));
+  }
+};
+
+TEST_F(Convert, WritesAllFormsOrNone) {
+  for (int again = 0; again < 2; ++again)  // the second time over what is there
+    EXPECT_EQ(run("convert parameters.conf --header c.h --binary c.bin --yaml c.yaml").code, 0);
+  expect_refused("convert parameters.conf --header x.h --yaml nowhere/x.yaml", "nowhere/x.yaml");
+}
+
+TEST_F(Convert, RefusesWhatItCannotUse) {
+  expect_refused("convert parameters.conf", "expected --header, --binary or --yaml");
+  expect_refused("convert nothing.conf --yaml c.yaml", "nothing.conf");
+  const std::string before = file_text(folder_ / "parameters.conf");
+  for (const char* form : {"--header", "--binary", "--yaml"})
+    expect_refused({"convert", "parameters.conf", form, "parameters.conf"},
+                   "expected another file than the parameter file");
+  write("other.conf", "something = else\n");
+  expect_refused("convert parameters.conf --yaml other.conf", "holds something else");
+  EXPECT_EQ(file_text(folder_ / "parameters.conf"), before);
+  expect_refused("convert parameters.conf --header c.h --yaml ./c.h", "--yaml ./c.h: expected another");
+  expect_refused("convert parameters.conf --binary nowhere/c.bin", "nowhere/c.bin");
 }
 
 }  // namespace

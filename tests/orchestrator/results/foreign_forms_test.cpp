@@ -7,7 +7,7 @@
 
 #include <Eigen/LU>
 
-#include "calib/model/noise_model.h"
+#include "calib/model/parameters.h"
 
 namespace turncal {
 namespace {

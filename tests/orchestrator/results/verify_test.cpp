@@ -1,6 +1,6 @@
 // `turncal verify` as a program: north seeking on the rig, judged; readings of references; and what is refused.
 
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 #include "orchestrator/station/number_text.h"
 #include "tests/orchestrator/operator_session.h"
 #include "tests/orchestrator/results/rig_unit.h"

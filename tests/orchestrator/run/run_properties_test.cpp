@@ -209,7 +209,7 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
     std::set<std::size_t> items;
     for (const CompletedDwell& dwell : journal.dwells) {
       if (!items.insert(dwell.item).second) return "a completed dwell was done again";
-      const bool recorded = std::any_of(s.sink.segments.begin(), s.sink.segments.end(), [&](const Segment& segment) {
+      const bool recorded = std::ranges::any_of(s.sink.segments, [&](const Segment& segment) {
         return segment.end_sample == dwell.units[0].next_sample &&
                segment.kind == s.plan.items[dwell.item].dwell_kind &&
                segment.end_sample - segment.start_sample == s.plan.items[dwell.item].samples;

@@ -2,7 +2,7 @@
 #include <thread>
 
 #include "imu_io/base/clock.h"
-#include "imu_io/base/posix_file.h"
+#include "imu_io/base/files.h"
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/service/service_page.h"
 #include "orchestrator/service/station_view.h"

@@ -1,7 +1,7 @@
 // The table turned by hand, with an operator made of a pipe: the contract, and every way of answering.
 #include "turntable_drivers/manual/manual_turntable.h"
 
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "tests/turntable_drivers/table_contract.h"
 #include "turntable_drivers/twins/rig_chamber.h"
 

@@ -1,7 +1,7 @@
 // The languages of the operator: each says everything that English says, with the same places, and nothing is there that nobody says.
-#include "turntable_drivers/manual/operator_texts.h"
+#include "turntable_drivers/manual/manual_turntable.h"
 
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 #include "tests/test.h"
 
 namespace turncal {

@@ -181,7 +181,7 @@ TEST(RigConfig, TheDocumentHasEveryKeyOfTheReader) {
   int found = 0;
   for (auto at = std::sregex_iterator(reader.begin(), reader.end(), literal); at != std::sregex_iterator(); ++at) {
     std::string piece = (*at)[1];
-    if (std::find(rig_truth_keys.begin(), rig_truth_keys.end(), piece) != rig_truth_keys.end()) continue;
+    if (std::ranges::find(rig_truth_keys, piece) != rig_truth_keys.end()) continue;
     while (!piece.empty() && (piece.back() == '.' || piece.back() == '_')) piece.pop_back();
     EXPECT_SAYS(document, piece) << piece;
     ++found;

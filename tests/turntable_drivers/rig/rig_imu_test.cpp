@@ -3,6 +3,8 @@
 
 #include "tests/test.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
+#include "turntable_drivers/rig/rig.h"
+#include "turntable_drivers/rig/rig_sensors.h"
 
 namespace turncal {
 namespace {
@@ -121,6 +123,131 @@ TEST(RigImuFaults, GlitchKnockAndInvalidFlag) {
     EXPECT_NEAR(samples[i].accel[0], i == 3 ? -100.0 : 0.0, 1e-9) << i;
     EXPECT_EQ(samples[i].flags, i == 4 || i == 5 ? sample_flag_invalid : 0u) << i;
     EXPECT_NEAR(samples[i].accel[1], 97.914, 1e-9) << i;
+  }
+}
+
+// ---- rig noise ----
+
+// The rig's noise has the sizes that its configuration states.
+
+using rig_model::NoiseSize;
+using rig_model::TriadNoise;
+
+// Overlapping Allan variance at m samples of the integral of one channel, averaged.
+double allan_variance(const std::vector<double>& integral, std::size_t m, double period_s) {
+  double sum = 0.0;
+  const std::size_t count = integral.size() - 2 * m;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double d = integral[i + 2 * m] - 2.0 * integral[i + m] + integral[i];
+    sum += d * d;
+  }
+  const double tau = static_cast<double>(m) * period_s;
+  return sum / static_cast<double>(count) / (2.0 * tau * tau);
+}
+
+// Flicker through the whole rig, in its units: B = 0.01 deg/h and 5 ug, nothing else on; sums of pulses at rest. The
+// floor of the Allan deviation is 0.664 B. White noise: Allan.CoefficientsOverSeeds.
+TEST(RigNoise, FlickerOfTheRigIsInItsUnits) {
+  std::array<double, 2> variance{};
+  constexpr int seeds = 12;
+  for (int seed = 0; seed < seeds; ++seed) {
+    RigConfig config = perfect_rig_config();
+    config.seed = static_cast<std::uint64_t>(seed);
+    config.noise.gyro_bias_instability_degph = 0.01;
+    config.noise.accel_bias_instability_ug = 5.0;
+    Rig rig(config);
+    constexpr std::size_t samples = 400000;  // 2000 s
+    std::array<std::vector<double>, 6> integral;
+    for (auto& channel : integral) channel.assign(samples + 1, 0.0);
+    for (std::size_t i = 0; i < samples; ++i) {
+      const ImuSample sample = next_sample(rig);
+      for (std::size_t k = 0; k < 3; ++k) {
+        integral[k][i + 1] = integral[k][i] + sample.gyro[k] * 0.932920;                      // arcsec: deg/h times s
+        integral[3 + k][i + 1] = integral[3 + k][i] + sample.accel[k] * 0.0005 / 9.80665e-6;  // ug s
+      }
+    }
+    for (std::size_t k = 0; k < 6; ++k) variance[k / 3] += allan_variance(integral[k], 4000, 0.005) / (3.0 * seeds);
+  }
+  EXPECT_NEAR(std::sqrt(variance[0]) / 0.01, 0.664, 0.05);
+  EXPECT_NEAR(std::sqrt(variance[1]) / 5.0, 0.664, 0.05);
+}
+
+// Rate random walk: the bias after t has sigma K sqrt(t). 3 * 300 values after 900 s give it to 2.4 %.
+TEST(RigNoise, RateRandomWalk) {
+  NoiseSize size;
+  size.rate_walk = 0.2;
+  double square = 0.0;
+  for (int seed = 0; seed < 300; ++seed) {
+    TriadNoise noise(size, 0.05, static_cast<std::uint64_t>(seed), 1);
+    std::array<double, 3> increment{};
+    for (int i = 0; i < 18000; ++i) noise.add(increment);
+    for (double bias : noise.bias()) square += bias * bias / 900.0;
+  }
+  EXPECT_NEAR(std::sqrt(square) / (0.2 * 30.0), 1.0, 0.08);
+}
+
+TEST(RigNoise, SwitchingOneSourceOffLeavesTheOthers) {
+  RigConfig all = perfect_rig_config();
+  all.noise = default_rig_config().noise;
+  RigConfig gyro_quiet = all;
+  gyro_quiet.noise.gyro_random_walk_deg_per_rt_h = gyro_quiet.noise.gyro_bias_instability_degph = 0.0;
+  Rig a(all), b(gyro_quiet);
+  for (int i = 0; i < 1000; ++i) EXPECT_EQ(next_sample(a).accel, next_sample(b).accel);
+}
+
+std::uint64_t digest(const RigConfig& config) {
+  Rig rig(config);
+  std::uint64_t hash = 14695981039346656037ULL;  // FNV-1a
+  const auto take = [&](const void* data, std::size_t size) {
+    const auto* bytes = static_cast<const unsigned char*>(data);
+    for (std::size_t i = 0; i < size; ++i) hash = (hash ^ bytes[i]) * 1099511628211ULL;
+  };
+  std::vector<ImuSample> samples(3000);
+  for (int round = 0; round < 20; ++round) {
+    rig.command_move(Axis::pitch, round % 2 == 0 ? 90.0 : 0.0, 10.0, 10.0);
+    rig.command_move(Axis::heading, round * 17.0, 12.0, 9.0);
+    rig.advance(samples);
+    for (const ImuSample& sample : samples) {
+      take(&sample.counter, sizeof sample.counter);
+      take(sample.gyro.data(), sizeof sample.gyro);
+      take(sample.accel.data(), sizeof sample.accel);
+      take(&sample.temperature_c, sizeof sample.temperature_c);
+    }
+  }
+  return hash;
+}
+
+// The same bytes on every machine and with every optimisation: real-valued pulses show the last bit of every sum. If
+// the model is changed on purpose, put the new number here.
+TEST(RigDeterminism, SameSeedSameBytes) {
+  RigConfig config = default_rig_config();
+  for (const std::string& key : rig_effect_keys()) *find_effect(config.effects, key) = 0.01;
+  config.noise.gyro_rate_random_walk_degph_per_rt_h = 0.001;
+  config.table_errors.creep_arcsec = {1.0, 2.0, 3.0};
+  config.quantisation = RigQuantisation::off;
+  EXPECT_EQ(digest(config), digest(config));
+  EXPECT_EQ(digest(config), 6576257072502615593ULL);
+  RigConfig other = config;
+  other.noise_seed = 2;
+  EXPECT_NE(digest(config), digest(other));
+}
+
+// Samples do not depend on how they are fetched.
+TEST(RigDeterminism, BatchesDoNotMatter) {
+  Rig one(default_rig_config()), many(default_rig_config());
+  one.command_move(Axis::roll, 10.0, 10.0, 10.0);
+  many.command_move(Axis::roll, 10.0, 10.0, 10.0);
+  std::vector<ImuSample> a(997), b(997);
+  one.advance(a);
+  for (std::size_t done = 0; done < b.size();) {
+    const std::size_t size = std::min<std::size_t>(1 + done % 7, b.size() - done);
+    many.advance(std::span(b).subspan(done, size));
+    done += size;
+  }
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    EXPECT_EQ(a[i].gyro, b[i].gyro);
+    EXPECT_EQ(a[i].accel, b[i].accel);
+    EXPECT_EQ(a[i].counter, b[i].counter);
   }
 }
 

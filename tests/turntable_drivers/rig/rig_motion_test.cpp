@@ -1,4 +1,4 @@
-// The trapezoid of one axis, signs of geometry, random numbers. That rates are derivatives: rig_navigation_test.cpp.
+// The trapezoid of one axis, signs of geometry, random numbers. That rates are derivatives: rig_rest_test.cpp.
 #include "turntable_drivers/rig/rig_axes.h"
 
 #include "tests/test.h"

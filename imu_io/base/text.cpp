@@ -1,9 +1,6 @@
-#include "imu_io/base/text_pieces.h"
+#include "imu_io/base/text.h"
 
 #include <algorithm>
-#include <array>
-
-#include "imu_io/base/format_number.h"
 
 namespace turncal {
 
