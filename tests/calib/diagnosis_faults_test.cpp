@@ -308,7 +308,7 @@ TEST(DiagnosisFaults, ALatitudeOfTheOtherHemisphereIsSaid) {
   recording.info.latitude_deg = -recording.info.latitude_deg;
   const Diagnosis d = diagnose(recording, {});
   EXPECT_FALSE(d.trusted) << told(d);
-  EXPECT_SAYS(d.reason, "as at a latitude of");
+  EXPECT_SAYS(d.reason, "of a latitude of");
   EXPECT_EQ(d.effect_names, std::vector<std::string>{"earth_rate"}) << told(d);
 }
 

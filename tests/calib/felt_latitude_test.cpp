@@ -80,7 +80,7 @@ TEST(FeltLatitude, ItsMirrorIsNoReasonWhereOnlyTheRateNorthIsFelt) {
     return wrong_latitude(recording, fit);
   };
   EXPECT_EQ(felt(12.0), "");
-  EXPECT_SAYS(felt(1.0), "as at a latitude of -5");
+  EXPECT_SAYS(felt(1.0), "of a latitude of -5");
 }
 
 }  // namespace

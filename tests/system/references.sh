@@ -97,7 +97,7 @@ awk -v work="$work" -v with_program="${program:+1}" '
     return 0
   }
   # Descriptions that a document lets its reader make, and keys with such an ending.
-  function of_reader(token) { return token ~ /^(my|x|k|FILE|NAME|forty|twenty|extra|rehearsal|table|imu|record)[.][a-z]+$/ }
+  function of_reader(token) { return token ~ /^(my|x|k|FILE|NAME|forty|twenty|extra|rehearsal|table|imu|record|leg[.][0-9N])[.][a-z]+$/ }
   function foreign(token) { return token ~ /^(sys|linux|asm|Eigen)\// || token ~ /^(time|unistd|fcntl|termios|math|modbus|sqlite3|libpq-fe|httplib)[.]h$/ }
   function look_at_words(text,    token, i, n) {
     gsub(/[a-z]+:\/\/[^ )>"]+/, " ", text)
