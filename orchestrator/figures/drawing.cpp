@@ -329,18 +329,16 @@ Drawing draw(const Figure& figure, bool whole) {
     script = gnuplot_terminal(width, figure.panel_height * std::max(rows, 1));
     script += fmt::format("set multiplot layout {},{}\n", std::max(rows, 1), columns);
   }
-  const std::string margins = stacked ? "set lmargin 9\nset rmargin 2\nset tmargin 0.7\n"
-                                      : "set lmargin 9.5\nset rmargin 2.5\nset bmargin 3.2\n";
+  const std::string margins =
+      stacked ? "set lmargin 9\nset rmargin 2\n" : "set lmargin 9.5\nset rmargin 2.5\nset bmargin 3.2\n";
   for (std::size_t k = 0; k < figure.panels.size(); ++k) {
     if (apart) {
       script += gnuplot_terminal(figure.panel_width, figure.panel_height);
       drawing.parts.push_back(figure.label + ": " + figure.panels[k].title + figure.panels[k].y_label);
     }
     if (apart || k == 0) script += margins;
-    if (stacked)
-      script += figure.panels[k].x_label.empty() ? "set bmargin 1.6\n" : "set bmargin 3.2\n";
-    else
-      script += figure.panels[k].title.empty() ? "set tmargin 0.7\n" : "set tmargin 1.8\n";
+    if (stacked) script += figure.panels[k].x_label.empty() ? "set bmargin 1.6\n" : "set bmargin 3.2\n";
+    script += figure.panels[k].title.empty() ? "set tmargin 0.7\n" : "set tmargin 1.8\n";
     append_panel(figure.panels[k], figure.id + "p" + std::to_string(k), figure.panel_width, script);
   }
   if (!apart) script += "unset multiplot\n";
