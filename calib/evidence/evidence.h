@@ -59,9 +59,6 @@ void conclude(Posterior posterior, const std::vector<EstimatedEffect>& effects, 
 // Of a fit without effects: what is missing from it, or what its omnibus finds; empty: nothing.
 std::string what_speaks_against(const CompressedRecording& recording, const JointResult& fit);
 
-// Names carry what is missing where it is more likely than not that nothing else is.
-inline constexpr double carried_by_names = 0.5;
-
 // Fits with the names that the evidence has, until it has the same about the fit with them; empty: it never does, or they do not carry what is
 // missing. `fit` takes names, fits and weighs anew; false: they cannot be fitted.
 template <class Names, class Fit>

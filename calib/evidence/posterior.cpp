@@ -9,8 +9,6 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/SparseCore>
 
-#include "calib/evidence/evidence.h"
-
 namespace turncal {
 namespace {
 

@@ -56,6 +56,9 @@ struct Explained {
 };
 Explained explained_by(const UnderNoise& under, const WeighedModel& model);
 
+// Names carry what is missing where it is more likely than not that nothing else is.
+inline constexpr double carried_by_names = 0.5;
+
 // Columns of effects (TermTable::effects) that stand for all that is missing, and what the recording cannot tell from them.
 struct NamedEffects {
   std::vector<int> columns;

@@ -101,8 +101,8 @@ const UnitSlip* slip_near(std::span<const UnitSlip> slips, double ratio) {
 }
 
 std::string wrong_gravity(double ratio, const RecordingInfo& info) {
-  // A rough sensor's scale factor is off by a quarter, no more; a pulse's nominal weight may be, and one that is twice too large shows.
-  const double far = info.accel_increment == IncrementKind::pulses ? 1.8 : 1.28;
+  // A pulse's nominal weight may be off by more than a scale factor; one that is twice too large shows.
+  const double far = info.accel_increment == IncrementKind::pulses ? 1.8 : 1.0 + roughest_scale;
   const bool is_far = ratio >= far || ratio <= 1.0 / far;
   if (info.accel_increment == IncrementKind::pulses)
     return !is_far ? std::string()

@@ -31,7 +31,8 @@ struct UnitSlip {
 };
 std::span<const UnitSlip> accel_slips();
 std::span<const UnitSlip> gyro_slips();
-inline constexpr double slip_nearness = 0.12;  // of the factor: raw sensors are off by less
+inline constexpr double slip_nearness = 0.12;   // of the factor: raw sensors are off by less
+inline constexpr double roughest_scale = 0.28;  // a rough sensor's scale factor is off by a quarter, no more
 // Empty: none is near.
 const UnitSlip* slip_near(std::span<const UnitSlip> slips, double ratio);
 

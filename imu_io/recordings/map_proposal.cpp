@@ -389,8 +389,7 @@ class Proposer {
     if (seen == nullptr)
       doubt(
           "accel.unit: the norm of {:.4g} is within 12 % of gravity in none of m/s^2, cm/s^2, g, mg and m/s: a scale "
-          "is "
-          "missing, or these are no accelerometers",
+          "is missing, or these are no accelerometers",
           norm);
     else if (said == nullptr && gravities.size() > 1)
       doubt("accel.unit: the norm of {:.4g} is gravity in {} and in {}", norm, seen->name, gravities[1]->name);
@@ -400,7 +399,7 @@ class Proposer {
     Numbers norms = norms_of(numbers(accel));
     for (std::size_t quarter = 0; quarter < 4; ++quarter) {
       const auto part = std::span(norms).subspan(quarter * (norms.size() / 4), norms.size() / 4);
-      if (const double here = median(part); std::abs(here / norm - 1.0) > 0.28)
+      if (const double here = median(part); std::abs(here / norm - 1.0) > roughest_scale)
         doubt("accel.columns: the norm is {:.4g} in all, and {:.4g} in the {}. quarter of the record", norm, here,
               quarter + 1);
     }
