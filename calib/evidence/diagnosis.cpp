@@ -123,6 +123,7 @@ std::vector<EffectColumn> named_columns(const Evidence& e) {
 void withdraw(const std::string& reason, Diagnosis& d) {
   d.verdict = Verdict::unexplained;
   d.trusted = false;
+  d.hangs_on_name.clear();
   d.unexplained_pattern = words_of(d.statements);
   d.reason = reason;
   d.extended = d.base;
@@ -288,7 +289,9 @@ class Diagnosing {
     d_.statements = e.statements;
     d_.omnibus = e.omnibus;
     test_innovations(recording_, fit, d_.omnibus);
-    if (const std::string misfit = misfit_of_noise(fit, d_.omnibus); !misfit.empty()) {
+    const std::string misfit = misfit_of_noise(fit, d_.omnibus);
+    // What is missing and is not in the fit makes a fitted noise too large, and correlated: then it is said.
+    if (!misfit.empty() && (options_.estimate.noise || e.statements.anything < said_from)) {
       d_.verdict = Verdict::noise_model;
       d_.reason =
           misfit + (options_.estimate.noise ? " (the noise was given, not measured)" : "") + ": no claim on effects";
@@ -296,12 +299,12 @@ class Diagnosing {
       return;
     }
     d_.verdict = e.statements.anything < said_from ? Verdict::clean
-                 : by_name                         ? Verdict::extended
+                 : by_name && misfit.empty()       ? Verdict::extended
                                                    : Verdict::unexplained;
     d_.extended = by_name ? fit : d_.base;
     d_.fitted_covariance = d_.extended.covariance;
     hand_out(e, by_name, fit);
-    d_.reason = reason_of(e.statements);
+    d_.reason = reason_of(e.statements) + (misfit.empty() ? "" : "; " + misfit);
     if (noise_is_of_pulses(d_.omnibus)) d_.reason += "; the accelerometers' pulses hide whether their noise is white";
     const OmnibusTest* worst = d_.omnibus.worst();
     if (!d_.omnibus.passed()) {
@@ -317,7 +320,8 @@ class Diagnosing {
       d_.verdict = Verdict::not_tested;
       d_.reason = "the recording does not determine all of the parameters";
     }
-    d_.trusted = (d_.verdict == Verdict::clean || d_.verdict == Verdict::extended) && whole(d_.extended);
+    d_.trusted = (d_.verdict == Verdict::clean || d_.verdict == Verdict::extended) && whole(d_.extended) &&
+                 d_.hangs_on_name.empty();
   }
 
   // The averages, about `fit`, in the place of the extended model's own. What is not determined stays as it is.
@@ -346,6 +350,7 @@ class Diagnosing {
       place.push_back(p + (of - e.named.columns.begin()));
     }
     r.covariance = Eigen::MatrixXd(average.covariance(place, place)) + r.unseen_instability;
+    d_.hangs_on_name = hangs_on_a_name(average, e.columns);
     for (std::size_t i = 0; i < r.free.size(); ++i) {
       const int column = r.free[i];
       const auto k = static_cast<Eigen::Index>(i);

@@ -82,6 +82,7 @@ struct Diagnosis {
   std::vector<std::string> undetectable;
   std::vector<std::string> gated_out;            // found, and held-out data speak against it
   bool trusted = false;                          // what is missing is known, and nothing speaks against the model
+  std::string hangs_on_name;                     // why it is not, where a parameter does (posterior.h)
   Statements statements;                         // what is missing, with probabilities
   Omnibus omnibus;                               // of the final model
   std::string unexplained_pattern;               // what the unexplained residual looks like

@@ -64,9 +64,10 @@ void put_back(const Values& effects, const std::vector<Values>& held_out, const 
     const Weights& basis = table.bases[table.basis_of_effect[at]];
     for (Eigen::Index k = 0; piece_dims * k < x.size(); ++k) {
       const Weights::Part& part = basis.parts[static_cast<std::size_t>(k)];
-      const auto recording = static_cast<std::size_t>(part.first / part.of.cols());  // from 1 on: one that is held out
+      const auto recording = static_cast<std::size_t>(part.first / part.of.rows());  // from 1 on: one that is held out
       const double value = recording == 0 ? effect.value : held_out[recording - 1][e].value;
-      x.segment<piece_dims>(piece_dims * k) += value * part.of.col(table.column_of_effect[at]);
+      for (std::size_t i = 0; i < part.rows.size(); ++i)
+        x[piece_dims * k + part.rows[i]] += value * part.of(table.column_of_effect[at], static_cast<Eigen::Index>(i));
     }
   }
   system.put_back(x);

@@ -184,13 +184,6 @@ using Columns = Eigen::Matrix<double, Eigen::Dynamic, 3>;
 
 constexpr double rounding = 1e-9;  // of what the parameters leave of a column
 
-std::vector<int> rows_of(const Weights::Part& part) {
-  std::vector<int> rows;
-  for (int d = 0; d < piece_dims; ++d)
-    if (part.rows >> d & 1U) rows.push_back(d);
-  return rows;
-}
-
 double log_determinant(const MatrixXd& A) {
   double log_det = 0.0;
   solve_symmetric(A, VectorXd(VectorXd::Zero(A.rows())), log_det);
@@ -265,9 +258,11 @@ class BackwardStep {
 
 }  // namespace
 
-void Weights::add(Part part) {
+void Weights::add(Eigen::Index first, const MatrixXd& coordinates) {
+  Part part = {first, {}, {}};
   for (int d = 0; d < piece_dims; ++d)
-    if ((part.of.row(d).array() != 0.0).any()) part.rows |= 1U << d;
+    if ((coordinates.row(d).array() != 0.0).any()) part.rows.push_back(d);
+  part.of = coordinates(part.rows, Eigen::all).transpose();
   parts.push_back(std::move(part));
 }
 
@@ -275,11 +270,10 @@ Weights Weights::of_rows(const MatrixXd& rows) {
   Weights weights;
   weights.columns = rows.cols();
   for (Eigen::Index first = 0; first < rows.rows(); first += piece_dims) {
-    Part part;
-    part.of.setZero(piece_dims, rows.cols());
+    MatrixXd piece = MatrixXd::Zero(piece_dims, rows.cols());
     const Eigen::Index count = std::min<Eigen::Index>(piece_dims, rows.rows() - first);
-    part.of.topRows(count) = rows.middleRows(first, count);
-    weights.add(std::move(part));
+    piece.topRows(count) = rows.middleRows(first, count);
+    weights.add(0, piece);
   }
   return weights;
 }
@@ -446,9 +440,9 @@ VectorXd PieceSystem::score(const Weights& weights) const {
   VectorXd s = VectorXd::Zero(weights.columns);
   for (std::size_t a = links_.size(); a-- > 0;) {
     const Weights::Part& part = weights.parts[a];
-    if (part.of.cols() == 0) continue;
-    const MatrixXd W = part.of.transpose();
-    s.segment(part.first, W.rows()).noalias() += W * s_.segment<piece_dims>(piece_dims * static_cast<Eigen::Index>(a));
+    for (std::size_t i = 0; i < part.rows.size(); ++i)
+      s.segment(part.first, part.of.rows()) +=
+          s_[piece_dims * static_cast<Eigen::Index>(a) + part.rows[i]] * part.of.col(static_cast<Eigen::Index>(i));
   }
   return s;
 }
@@ -466,29 +460,30 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
   }
   MatrixXd cross = MatrixXd::Zero(R_.cols(), all);
   // Side by side, products of many columns cost little more than those of one. Transposed: a row a column.
-  MatrixXd later = MatrixXd::Zero(all, states_), next(all, states_), from_later(all, piece_dims), W;
-  VectorXd WI;
+  MatrixXd later = MatrixXd::Zero(all, states_), next(all, states_);
+  VectorXd WI, from_later;
   for (std::size_t a = links_.size(); a-- > 0;) {
     const Link& link = links_[a];
     const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(a);
-    from_later.noalias() = later * link.E;
     next.noalias() = later * link.M;
     Eigen::Index at = 0;
     for (std::size_t k = 0; k < weights.size(); at += columns(k), ++k) {
       const Weights::Part& part = weights[k].parts[a];
-      const Eigen::Index n = columns(k), m = part.of.cols();
-      if (n == 0 || m == 0) continue;
-      W = part.of.transpose();
+      const MatrixXd& W = part.of;
+      const Eigen::Index n = columns(k), m = W.rows();
+      if (n == 0) continue;
       auto mine = result[k].Q.middleCols(part.first, m);
-      const auto rows = rows_of(part);
-      for (const int d : rows) {
-        WI = 0.5 * link.I(d, d) * W.col(d);
-        for (const int e : rows)
-          if (e != d) WI += 0.5 * link.I(e, d) * W.col(e);
-        mine.middleRows(part.first, m).noalias() += WI * W.col(d).transpose();
-        mine.noalias() += from_later.col(d).segment(at, n) * W.col(d).transpose();
-        next.middleRows(at + part.first, m).noalias() += W.col(d) * link.G.col(d).transpose();
-        cross.middleCols(at + part.first, m).noalias() += R_.row(row + d).transpose() * W.col(d).transpose();
+      for (std::size_t i = 0; i < part.rows.size(); ++i) {
+        const int d = part.rows[i];
+        const auto w = W.col(static_cast<Eigen::Index>(i));
+        WI = 0.5 * link.I(d, d) * w;
+        for (std::size_t j = 0; j < part.rows.size(); ++j)
+          if (j != i) WI += 0.5 * link.I(part.rows[j], d) * W.col(static_cast<Eigen::Index>(j));
+        mine.middleRows(part.first, m).noalias() += WI * w.transpose();
+        from_later.noalias() = later.middleRows(at, n) * link.E.col(d);
+        mine.noalias() += from_later * w.transpose();
+        next.middleRows(at + part.first, m).noalias() += w * link.G.col(d).transpose();
+        cross.middleCols(at + part.first, m).noalias() += R_.row(row + d).transpose() * w.transpose();
       }
     }
     later.swap(next);
@@ -516,26 +511,36 @@ PieceSystem::OfPiece PieceSystem::of_piece(std::size_t piece) const {
 
 MatrixXd PieceSystem::times(const MatrixXd& x) const {
   const Eigen::Index k = x.cols();
-  MatrixXd y(x.rows(), k);
-  MatrixXd later = MatrixXd::Zero(states_, k), earlier = later, next(states_, k);
+  MatrixXd y = MatrixXd::Zero(x.rows(), k), later = MatrixXd::Zero(states_, k), earlier = later, next(states_, k);
+  MatrixXd Rx = MatrixXd::Zero(R_.cols(), k);
+  const auto row = [](std::size_t a) { return piece_dims * static_cast<Eigen::Index>(a); };
+  const auto not_zero = [&](std::size_t a) {  // columns in a piece: of what is of one piece few are
+    const auto all = x.middleRows<piece_dims>(row(a));
+    Eigen::Index from = 0, to = k;
+    while (from < to && all.col(from).isZero(0.0)) ++from;
+    while (to > from && all.col(to - 1).isZero(0.0)) --to;
+    return Eigen::seq(from, to - 1);
+  };
   for (std::size_t a = links_.size(); a-- > 0;) {
     const Link& link = links_[a];
-    const auto row = piece_dims * static_cast<Eigen::Index>(a);
-    y.middleRows<piece_dims>(row).noalias() = link.I * x.middleRows<piece_dims>(row);
-    y.middleRows<piece_dims>(row).noalias() += link.E.transpose() * later;
+    const auto columns = not_zero(a);
+    const MatrixXd mine = x.middleRows<piece_dims>(row(a))(Eigen::all, columns);
+    y.middleRows<piece_dims>(row(a)).noalias() = link.E.transpose() * later;
+    y.middleRows<piece_dims>(row(a))(Eigen::all, columns) += link.I * mine;
     next.noalias() = link.M.transpose() * later;
-    next.noalias() += link.G * x.middleRows<piece_dims>(row);
+    next(Eigen::all, columns) += link.G * mine;
+    Rx(Eigen::all, columns) += R_.middleRows<piece_dims>(row(a)).transpose() * mine;
     later.swap(next);
   }
   for (std::size_t a = 0; a < links_.size(); ++a) {
     const Link& link = links_[a];
-    const auto row = piece_dims * static_cast<Eigen::Index>(a);
-    y.middleRows<piece_dims>(row).noalias() += link.G.transpose() * earlier;
+    const auto columns = not_zero(a);
+    y.middleRows<piece_dims>(row(a)).noalias() += link.G.transpose() * earlier;
     next.noalias() = link.M * earlier;
-    next.noalias() += link.E * x.middleRows<piece_dims>(row);
+    next(Eigen::all, columns) += link.E * x.middleRows<piece_dims>(row(a))(Eigen::all, columns);
     earlier.swap(next);
   }
-  y.noalias() -= R_ * (A_inverse_ * (R_.transpose() * x));
+  y.noalias() -= R_ * (A_inverse_ * Rx);
   return y;
 }
 

@@ -75,16 +75,17 @@ Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<F
 
 inline constexpr int piece_dims = 12;
 
-// Columns of coordinates: of a piece those from `first` on, piece_dims rows.
+// Columns of coordinates: of a piece those from `first` on.
 struct Weights {
   Eigen::Index columns = 0;
   struct Part {
     Eigen::Index first = 0;
-    Eigen::Matrix<double, piece_dims, Eigen::Dynamic> of;
-    unsigned rows = 0;  // a bit for each row that is not zero: one sensor's are few
+    std::vector<int> rows;  // coordinates that are not zero: one sensor's are few
+    Eigen::MatrixXd of;     // columns x rows
   };
   std::vector<Part> parts;  // of each piece
-  void add(Part part);
+  // `coordinates`: piece_dims x columns.
+  void add(Eigen::Index first, const Eigen::MatrixXd& coordinates);
   // Coordinates are the rows, cut into pieces.
   static Weights of_rows(const Eigen::MatrixXd& rows);
 };

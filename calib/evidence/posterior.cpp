@@ -5,6 +5,8 @@
 #include <memory>
 #include <set>
 
+#include <fmt/format.h>
+
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/SparseCore>
@@ -15,7 +17,6 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using SparseMatrix = Eigen::SparseMatrix<double>;
-using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 constexpr std::size_t beam = 6, expansions = 6;
 constexpr double named_share = 0.3;  // of a branch, that its names carry: a pattern in their place may be one of them
@@ -102,26 +103,40 @@ MatrixXd coordinates_of(const Weights& weights, const MatrixXd& L, Eigen::Index 
   MatrixXd x = MatrixXd::Zero(rows, L.cols());
   for (std::size_t k = 0; k < static_cast<std::size_t>(rows / piece_dims); ++k) {
     const Weights::Part& part = weights.parts[k];
-    if (part.of.cols() > 0)
-      x.middleRows<piece_dims>(piece_dims * static_cast<Eigen::Index>(k)).noalias() =
-          part.of * L.middleRows(part.first, part.of.cols());
+    for (std::size_t i = 0; i < part.rows.size(); ++i)
+      x.row(piece_dims * static_cast<Eigen::Index>(k) + part.rows[i]).noalias() =
+          part.of.col(static_cast<Eigen::Index>(i)).transpose() * L.middleRows(part.first, part.of.rows());
   }
   return x;
 }
 
-// weights' y
-MatrixXd product(const Weights& weights, const RowMajor& y) {
-  RowMajor u = RowMajor::Zero(weights.columns, y.cols());
-  for (std::size_t k = 0; k < weights.parts.size(); ++k) {
-    const Weights::Part& part = weights.parts[k];
-    for (int d = 0; d < piece_dims; ++d) {
-      if (!(part.rows >> d & 1U)) continue;
-      const auto row = y.row(piece_dims * static_cast<Eigen::Index>(k) + d);
-      for (Eigen::Index j = 0; j < part.of.cols(); ++j) u.row(part.first + j) += part.of(d, j) * row;
+// y weights, with a column of y for each coordinate. What weights are not zero at is gathered; of one sensor's it is the same.
+struct Product {
+  const MatrixXd& y;
+  std::vector<Eigen::Index> gathered_at = {};
+  MatrixXd gathered = {};
+  MatrixXd operator()(const Weights& weights) {
+    std::vector<Eigen::Index> at;
+    for (std::size_t k = 0; k < weights.parts.size(); ++k)
+      for (const int d : weights.parts[k].rows) at.push_back(piece_dims * static_cast<Eigen::Index>(k) + d);
+    if (at != gathered_at) gathered = y(Eigen::all, at);
+    gathered_at = std::move(at);
+    const bool whole =
+        std::ranges::all_of(weights.parts, [&](const auto& p) { return p.of.rows() == weights.columns; });
+    MatrixXd u = MatrixXd::Zero(y.rows(), weights.columns), side_by_side(weights.columns, whole ? gathered.cols() : 0);
+    Eigen::Index first = 0;
+    for (const Weights::Part& part : weights.parts) {
+      const Eigen::Index rows = part.of.cols();
+      if (whole)
+        side_by_side.middleCols(first, rows) = part.of;
+      else
+        u.middleCols(part.first, part.of.rows()).noalias() += gathered.middleCols(first, rows) * part.of.transpose();
+      first += rows;
     }
+    if (whole) u.noalias() = gathered * side_by_side.transpose();
+    return u;
   }
-  return u;
-}
+};
 
 // Q|h x
 MatrixXd left_by(const State& state, const PieceSystem& system, const MatrixXd& x) {
@@ -131,17 +146,20 @@ MatrixXd left_by(const State& state, const PieceSystem& system, const MatrixXd& 
 }
 
 // What comes of taking in columns x, with y = Q|h x, M = x'y + 1/v and b = x's|h.
-void take_in(const TermTable& table, MatrixXd y, const Eigen::LLT<MatrixXd>& M, const VectorXd& b, State& state) {
+void take_in(const TermTable& table, const MatrixXd& y, const Eigen::LLT<MatrixXd>& M, const VectorXd& b,
+             State& state) {
   const VectorXd w = M.matrixL().solve(b);
-  y = M.matrixL().solve(MatrixXd(y.transpose())).transpose();
+  const MatrixXd by_coordinate = M.matrixL().solve(y.transpose());
   state.Y.conservativeResize(y.rows(), state.Y.cols() + y.cols());
-  state.Y.rightCols(y.cols()) = y;
-  state.score.noalias() -= y * w;
-  const RowMajor rows = y;
+  state.Y.rightCols(y.cols()) = by_coordinate.transpose();
+  state.score.noalias() -= by_coordinate.transpose() * w;
+  Product product{by_coordinate};
   for (std::size_t g = 0; g < table.bases.size(); ++g) {
-    const MatrixXd u = product(table.bases[g], rows);
-    state.Q[g].noalias() -= u * u.transpose();
-    state.s[g].noalias() -= u * w;
+    const MatrixXd u = product(table.bases[g]);
+    MatrixXd& Q = state.Q[g];
+    Q.selfadjointView<Eigen::Lower>().rankUpdate(u.transpose(), -1.0);
+    Q.triangularView<Eigen::StrictlyUpper>() = Q.transpose();
+    state.s[g].noalias() -= u.transpose() * w;
   }
 }
 
@@ -199,6 +217,7 @@ SparseMatrix by_piece(const PieceSystem& system, const VectorXd& x, const Vector
   while (count < columns.size() && static_cast<Eigen::Index>(count) < most && left > 0.0)
     left -= columns[count++].information;
   columns.resize(count);
+  std::ranges::stable_sort(columns, {}, &Column::first);  // for PieceSystem::times()
   SparseMatrix side_by_side(x.size(), std::ssize(columns));
   for (Eigen::Index k = 0; k < side_by_side.cols(); ++k) {
     const Column& column = columns[static_cast<std::size_t>(k)];
@@ -471,21 +490,26 @@ struct OfModel {
   MatrixXd covariance;
 };
 
-// What a number is with probability `p`, in a mixture of normal distributions.
+// How likely a number is below x, in a mixture of normal distributions.
+double below(const std::vector<OfModel>& models, Eigen::Index i, double x) {
+  double sum = 0.0, all = 0.0;
+  for (const OfModel& m : models) {
+    sum += m.probability * 0.5 * std::erfc((m.mean[i] - x) / std::sqrt(2.0 * m.covariance(i, i)));
+    all += m.probability;
+  }
+  return sum / all;
+}
+// What it is with probability `p`.
 double quantile(const std::vector<OfModel>& models, Eigen::Index i, double p) {
-  double low = 1e300, high = -1e300, all = 0.0;
+  double low = 1e300, high = -1e300;
   for (const OfModel& m : models) {
     const double sigma = std::sqrt(m.covariance(i, i));
     low = std::min(low, m.mean[i] - 8.0 * sigma);
     high = std::max(high, m.mean[i] + 8.0 * sigma);
-    all += m.probability;
   }
   for (int k = 0; k < 40; ++k) {
     const double x = 0.5 * (low + high);
-    double below = 0.0;
-    for (const OfModel& m : models)
-      below += m.probability * 0.5 * std::erfc((m.mean[i] - x) / std::sqrt(2.0 * m.covariance(i, i)));
-    (below < p * all ? low : high) = x;
+    (below(models, i, x) < p ? low : high) = x;
   }
   return 0.5 * (low + high);
 }
@@ -668,14 +692,24 @@ AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const
                                      const std::vector<int>& named) {
   const TermTable& table = *under.front().table;
   const Eigen::Index p = under.front().system->covariance().rows(), n = p + static_cast<Eigen::Index>(named.size());
+  // In a model a parameter is what it is over the whole recording; where the named effects are zero it is less by what it has of them there,
+  // which is nothing in a model without them.
+  MatrixXd beside = MatrixXd::Identity(n, n);
+  for (std::size_t k = 0; k < named.size(); ++k) {
+    const auto column = static_cast<std::size_t>(named[k]);
+    beside.col(p + static_cast<Eigen::Index>(k)).head(p) =
+        -table.taken_up[table.basis_of_effect[column]].col(table.column_of_effect[column]);
+  }
   std::vector<Coefficients> coefficients;
   for (const UnderNoise& one : under) coefficients.emplace_back(one, named);
-  std::vector<OfModel> all, with_names;
+  std::vector<OfModel> whole, all, with_names;
   double kept = 0.0;
   for (const WeighedModel& m : posterior.models) {
     if (kept > averaged_share || all.size() == most_averaged) break;
     kept += m.probability;
-    all.push_back(coefficients[m.noise].evaluate(m));
+    whole.push_back(coefficients[m.noise].evaluate(m));
+    const OfModel& of = whole.back();
+    all.push_back({of.probability, beside * of.mean, beside * of.covariance * beside.transpose()});
     if (coefficients[m.noise].holds_names(m)) with_names.push_back(all.back());
   }
   if (with_names.empty()) with_names = all;
@@ -691,26 +725,35 @@ AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const
   for (const OfModel& m : with_names)
     covariance += m.probability / weight * (m.covariance + (m.mean - mean) * (m.mean - mean).transpose());
   constexpr double one_sigma = 0.15865525393145707;
-  VectorXd middle(n), scale(n);
+  estimate.shift.resize(n);
+  estimate.sigma.resize(n);
+  estimate.taken_up.resize(p);
+  estimate.far_off.resize(p);
   for (Eigen::Index i = 0; i < n; ++i) {
     const std::vector<OfModel>& of = i < p ? all : with_names;
-    middle[i] = quantile(of, i, 0.5);
-    scale[i] = 0.5 * (quantile(of, i, 1.0 - one_sigma) - quantile(of, i, one_sigma)) /
-               std::sqrt(std::max(covariance(i, i), 1e-300));
+    estimate.shift[i] = quantile(of, i, 0.5);
+    estimate.sigma[i] = 0.5 * (quantile(of, i, 1.0 - one_sigma) - quantile(of, i, one_sigma));
+    if (i >= p) continue;
+    estimate.taken_up[i] = quantile(whole, i, 0.5) - estimate.shift[i];
+    const double far = far_sigmas * estimate.sigma[i];
+    estimate.far_off[i] = 1.0 - below(all, i, estimate.shift[i] + far) + below(all, i, estimate.shift[i] - far);
   }
-  // So far a parameter is what it is over the whole recording, in every model. Beside a named effect it is less by what it has of it.
-  MatrixXd beside = MatrixXd::Identity(n, n);
-  for (std::size_t k = 0; k < named.size(); ++k) {
-    const auto column = static_cast<std::size_t>(named[k]);
-    beside.col(p + static_cast<Eigen::Index>(k)).head(p) =
-        -table.taken_up[table.basis_of_effect[column]].col(table.column_of_effect[column]);
-  }
-  estimate.shift = beside * middle;
-  estimate.taken_up = (middle - estimate.shift).head(p);
-  beside = beside * scale.asDiagonal();
-  estimate.covariance = beside * covariance * beside.transpose();
-  estimate.sigma = estimate.covariance.diagonal().cwiseSqrt();
+  const VectorXd scale = estimate.sigma.cwiseQuotient(covariance.diagonal().cwiseMax(1e-300).cwiseSqrt());
+  estimate.covariance = scale.asDiagonal() * covariance * scale.asDiagonal();
   return estimate;
+}
+
+std::string hangs_on_a_name(const AveragedEstimate& estimate, const std::vector<int>& columns) {
+  std::string words;
+  double most = 1.0 - said_from;
+  for (std::size_t k = 0; k < columns.size(); ++k) {
+    const double far_off = estimate.far_off[static_cast<Eigen::Index>(k)];
+    if (columns[k] >= parameter_count || !(far_off > most)) continue;
+    most = far_off;
+    words = fmt::format("{} is off by more than {} sigma with a probability of {}", parameter_key(columns[k]),
+                        far_sigmas, words_of_probability(far_off));
+  }
+  return words;
 }
 
 }  // namespace turncal

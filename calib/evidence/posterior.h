@@ -71,14 +71,18 @@ struct NamedEffects {
 NamedEffects named_effects(const std::vector<UnderNoise>& all, const Posterior& posterior,
                            const std::vector<std::string>& fitted = {});
 
-// Of the parameters, from the fit, and after them the values of `named` columns. What a parameter is over the whole recording is the same thing
-// in all models: of that, and of the named values, the median and half of the central 68 % of the mixture are taken, and its correlations; from
-// these follow the parameters where the named effects are zero.
+// Of the parameters where the named effects are zero, from the fit, and after them the values of `named` columns. Of the mixture over the models
+// the median and half of the central 68 % are taken, and the correlations. In a model without a named effect the parameter is what it is over the
+// whole recording: with a name that is in doubt it hangs on the name, and its sigma says so. Values are those of models with all names.
 struct AveragedEstimate {
   Eigen::VectorXd shift, sigma;
   Eigen::MatrixXd covariance;
   Eigen::VectorXd taken_up;  // what a parameter, as it is over the whole recording, has of the named effects
+  Eigen::VectorXd far_off;   // of each parameter: the probability that it is off by more than far_sigmas
 };
+inline constexpr double far_sigmas = 4.5;
+// "a33 is off by more than 4.5 sigma with a probability of 0.06"; empty: no parameter is, with 95 % and more. `columns`: of the averages.
+std::string hangs_on_a_name(const AveragedEstimate& estimate, const std::vector<int>& columns);
 AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const Posterior& posterior,
                                      const std::vector<int>& named);
 

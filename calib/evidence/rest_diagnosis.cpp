@@ -333,14 +333,15 @@ class DiagnosingRests {
       d_.reason = "no effect of the accelerometers was looked for: " + r_.accel_not_tested + "; " + d_.reason;
       if (d_.verdict == Verdict::clean) d_.verdict = Verdict::not_tested;
     }
-    d_.trusted =
-        to_white && r_.accel_not_tested.empty() && (d_.verdict == Verdict::clean || d_.verdict == Verdict::extended);
+    d_.trusted = to_white && r_.accel_not_tested.empty() && d_.hangs_on_name.empty() &&
+                 (d_.verdict == Verdict::clean || d_.verdict == Verdict::extended);
   }
 
   // The averages, about `fit`, in the place of the final model's own.
   void hand_out(const Evidence& e, const RestFit& fit, std::vector<EstimatedEffect>& effects) {
     const AveragedEstimate average =
         average_over_models(e.at_each_noise, e.posterior, effects.empty() ? std::vector<int>{} : e.named.columns);
+    d_.hangs_on_name = hangs_on_a_name(average, e.columns);
     ParameterVector values = to_vector(fit.parameters);
     Eigen::Index k = 0;
     for (const int column : e.columns) {

@@ -165,8 +165,7 @@ std::vector<Functions> all_functions(const Pieces& pieces) {
 }
 
 // Adds what a cell's readings (6 x m) do to the coordinates of its piece.
-void place(const ErrorCell& cell, const Readings& readings,
-           Eigen::Ref<Eigen::Matrix<double, piece_dims, Eigen::Dynamic>> to) {
+void place(const ErrorCell& cell, const Readings& readings, MatrixXd& to) {
   if (!cell.turns) {
     to.topRows<6>() += readings;
     return;
@@ -459,7 +458,7 @@ class Table {
  private:
   bool by_hand() const { return !pieces_.responses.empty(); }
   static bool is_zero(const Weights& weights) {
-    return std::ranges::all_of(weights.parts, [](const auto& part) { return part.rows == 0; });
+    return std::ranges::all_of(weights.parts, [](const auto& part) { return part.rows.empty(); });
   }
   // Of `columns`, of which a piece has `mine` from first(piece) on: readings(cell number, cell), 6 x mine.
   template <class First, class ReadingsOf>
@@ -470,18 +469,17 @@ class Table {
     if (by_hand()) rows.setZero(pieces_.responses.front().rows(), columns);
     TakenUp::Sums sums(static_cast<std::size_t>(columns), Eigen::Matrix<double, 4, 6>::Zero());
     for (std::size_t k = 0; k < pieces_.pieces.size(); ++k) {
-      Weights::Part part;
-      part.first = first(k);
-      part.of.setZero(piece_dims, mine);
+      const Eigen::Index begin = first(k);
+      MatrixXd piece = MatrixXd::Zero(piece_dims, mine);
       each_cell(pieces_, k, [&](std::size_t c, const ErrorCell& cell) {
         const Readings readings = readings_of(c, cell);
         if (!by_hand())
-          place(cell, readings, part.of);
+          place(cell, readings, piece);
         else
-          rows.middleCols(part.first, mine) += pieces_.responses[c] * readings;
-        if (c < pieces_.fitted_cells) TakenUp::add(cell, readings, part.first, sums);
+          rows.middleCols(begin, mine) += pieces_.responses[c] * readings;
+        if (c < pieces_.fitted_cells) TakenUp::add(cell, readings, begin, sums);
       });
-      if (!by_hand()) weights.add(std::move(part));
+      if (!by_hand()) weights.add(begin, piece);
     }
     table_.bases.push_back(by_hand() ? Weights::of_rows(rows) : std::move(weights));
     table_.taken_up.push_back(taken_up_.as_parameters(sums));

@@ -75,18 +75,10 @@ void DriftCovariance::advance(const Eigen::Matrix3d& C_nb, const MotionInterval&
   if (counts_) {
     const Eigen::Vector3d gyro = counts_->counts_of_gyro * (interval.gyro_rad + T * counts_->gyro_bias_radps);
     const Eigen::Vector3d accel = counts_->counts_of_accel * (interval.accel_mps + T * counts_->accel_bias_mps2);
-    // No parameter moves the states of the bias instability.
-    const Eigen::Matrix<double, moved, parameter_count> S = S_.topRows<moved>();
-    S_.topRows<moved>() = propagated(F_.topLeftCorner<moved, moved>(), T, S);
-    const Eigen::Matrix<double, 2, 3> C_horizontal = horizontal(C_nb);
-    // Order of parameter_keys: N0, A0, n by rows, a by rows.
-    S_.block<3, 3>(phi, 0) += (T * radps_per_degph) * C_nb;
-    S_.block<2, 3>(dv, 3) -= (T * standard_gravity_mps2) * C_horizontal;
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) {
-        S_.col(6 + 3 * i + j).segment<3>(phi) -= (gyro[j] * counts_->rad_per_unit) * C_nb.col(i);
-        S_.col(15 + 3 * i + j).segment<2>(dv) += (accel[j] * counts_->mps_per_unit) * C_horizontal.col(i);
-      }
+    for (int i = 0; i < 3; ++i) {
+      pending_turns_.middleCols<3>(3 * i) -= C_nb.col(i) * (counts_->rad_per_unit * gyro).transpose();
+      pending_pushes_.middleCols<3>(3 * i) += C_nb.col(i) * (counts_->mps_per_unit * accel).transpose();
+    }
   }
   pending_s_ += T;
   pending_C_ += T * C_nb;
@@ -105,6 +97,21 @@ void DriftCovariance::settle() {
   DriftMatrix F = F_;
   F.block<3, 3>(phi, gyro_bias) = -pending_C_ / pending_s_;
   F.block<2, 3>(dv, accel_bias) = horizontal(pending_C_) / pending_s_;
+  if (counts_) {
+    // No parameter moves the states of the bias instability. Order of parameter_keys: N0, A0, n by rows, a by rows.
+    using Moved = Eigen::Matrix<double, moved, parameter_count>;
+    Moved input = Moved::Zero();
+    input.block<3, 3>(phi, 0) = radps_per_degph * pending_C_;
+    input.block<2, 3>(dv, 3) = -standard_gravity_mps2 * horizontal(pending_C_);
+    input.block<3, 9>(phi, 6) = pending_turns_;
+    input.block<1, 9>(dv, 15) = pending_pushes_.row(0);
+    input.block<1, 9>(dv + 1, 15) = pending_pushes_.row(2);
+    const Eigen::Matrix<double, moved, moved> F_moved = F_.topLeftCorner<moved, moved>();
+    const Moved S = S_.topRows<moved>();
+    S_.topRows<moved>() = propagated(F_moved, pending_s_, S) + input + (0.5 * pending_s_) * F_moved.lazyProduct(input);
+    pending_turns_.setZero();
+    pending_pushes_.setZero();
+  }
   P_ = propagated(F, pending_s_, P_);
   P_.transposeInPlace();
   P_ = propagated(F, pending_s_, P_);

@@ -70,16 +70,18 @@ class DriftCovariance {
   }
 
  private:
-  void settle();  // P up to now
+  void settle();  // up to now
 
   NoiseModel noise_;
   std::optional<CountsModel> counts_;
   DriftMatrix F_;
   DriftMatrix P_ = DriftMatrix::Zero();
   DriftSensitivity S_ = DriftSensitivity::Zero();
-  // P goes on a second at a time.
+  // P and S go on a second at a time.
   double pending_s_ = 0.0;
-  Eigen::Matrix3d pending_C_ = Eigen::Matrix3d::Zero();     // time integral of C_nb
+  Eigen::Matrix3d pending_C_ = Eigen::Matrix3d::Zero();  // time integral of C_nb
+  // Of C counts': what a unit of n by rows turns the attitude by, of a changes the velocity by, n frame.
+  Eigen::Matrix<double, 3, 9> pending_turns_ = Eigen::Matrix<double, 3, 9>::Zero(), pending_pushes_ = pending_turns_;
   Eigen::Matrix3d pending_gyro_ = Eigen::Matrix3d::Zero();  // of C diag(noise^2) C'
   Eigen::Matrix3d pending_accel_ = Eigen::Matrix3d::Zero();
 };

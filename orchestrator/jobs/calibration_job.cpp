@@ -282,23 +282,32 @@ Status joint(const CompressedRecording& recording, const CalibrationRequest& req
   return {};
 }
 
-Status rests_by_hand(const CompressedRecording& recording, bool partial, CalibrationOutput& output) {
+Status rests_by_hand(const CompressedRecording& recording, const CalibrationRequest& request,
+                     CalibrationOutput& output) {
   const RestData data = make_rest_data(recording);
   output.notes.insert(output.notes.end(), data.notes.begin(), data.notes.end());
   if (const std::string wrong = wrong_units(data); !wrong.empty()) return Error{ErrorKind::unit_failed, wrong};
   const RestFit fit = TRY(fit_rests(data, EffectModel{}));
   if (!fit.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + fit.message};
-  if (!fit.undetermined.empty() && !partial) {
+  if (!fit.undetermined.empty() && !request.partial) {
     return not_determined(
         fmt::format("these rests and rotations do not determine {}: expected more of them, about other axes",
                     fmt::join(fit.undetermined, " ")));
   }
   const std::string unjudged = why_not_tested(data, fit);
-  if (!unjudged.empty() && !partial)
+  if (!unjudged.empty() && !request.partial)
     return not_determined("not tested: the data determine nothing to be judged: " + unjudged);
   describe_rest_fit(fit, as_joint(fit, {}, data), data, output.file);
-  describe_trust(unjudged.empty(), output.file);
-  if (!unjudged.empty()) output.notes.push_back(output.distrust = "not tested: " + unjudged);
+  if (!unjudged.empty()) {
+    output.notes.push_back(output.distrust = "not tested: " + unjudged);
+  } else if (request.test_fit) {
+    const Diagnosis diagnosis = TRY(diagnose_rests(data, nullptr)).diagnosis;
+    if (diagnosis.verdict != Verdict::clean) {
+      output.distrust = "the model does not fit: " + diagnosis.reason;
+      output.notes.push_back("NOT TRUSTED: " + output.distrust + " (turncal diagnose says more)");
+    }
+  }
+  describe_trust(output.distrust.empty(), output.file);
   output.notes.push_back(fmt::format("{}: {} rests and {} rotations by hand, settled after {} iterations",
                                      no_table_angles, data.rests.size(), data.legs.size(), fit.iterations));
   output.notes.push_back("errors: " + plain(error_text(fit.errors)));
@@ -468,7 +477,7 @@ Result<CalibrationOutput> calibrate_recording(const LoadedRecording& loaded, con
   const bool by_hand = loaded.by_hand;
   if (closed && by_hand)
     return input_error(loaded.path + ": " + no_table_angles + ": expected the fourteen steps for --method closed-form");
-  if (Status status = by_hand  ? rests_by_hand(recording, request.partial, output)
+  if (Status status = by_hand  ? rests_by_hand(recording, request, output)
                       : closed ? closed_form(recording, output)
                                : joint(recording, request, output);
       !status) {

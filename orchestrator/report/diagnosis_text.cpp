@@ -144,19 +144,27 @@ Facts verdict_facts(const std::string& verdict, bool trusted, const std::string&
 }
 
 std::string brief_reason(const Diagnosis& d) {
+  const std::string distrust = d.hangs_on_name.empty() ? "" : "; " + d.hangs_on_name;
   if (d.verdict == Verdict::extended) {
     std::vector<std::string> effects;
-    for (const std::string& name : d.effect_names) effects.push_back(describe_effect(d, name, 1, false));
-    return "added: " + join(effects, "; ");
+    for (const std::string& name : d.effect_names) {
+      double probability = 0.0;
+      for (const Statement& s : d.statements.nodes)
+        if (s.formula == name) probability = std::max(probability, s.probability);
+      effects.push_back(describe_effect(d, name, 1, false));
+      if (probability > 0.0) effects.back() += ", probability " + words_of_probability(probability);
+    }
+    return "added: " + join(effects, "; ") + distrust;
   }
   if (d.verdict == Verdict::noise_model) return "the assumed noise does not fit the data";
   if (d.verdict == Verdict::unexplained)
-    return "a residual is left that no effect of the catalogue explains" +
-           (d.unexplained_pattern.empty() ? "" : ": " + clause(d.unexplained_pattern));
+    return (d.unexplained_pattern.empty() ? "" : clause(d.unexplained_pattern) + ": ") +
+           "effects of the catalogue do not explain all of the residual";
   if (d.verdict == Verdict::not_tested) return clause(d.reason);
-  return "the parameters explain the data" + (d.statements.tested ? "; probability that something is missing: " +
-                                                                        words_of_probability(d.statements.anything)
-                                                                  : "");
+  return "the parameters explain the data" +
+         (d.statements.tested
+              ? "; probability that something is missing: " + words_of_probability(d.statements.anything) + distrust
+              : "");
 }
 
 std::string verdict_sentence(const Diagnosis& d) {
@@ -165,7 +173,7 @@ std::string verdict_sentence(const Diagnosis& d) {
     case Verdict::clean: return title + clean_sentence(d) + ".";
     case Verdict::extended: return title + effects_clause(d) + "; " + error_clause(d) + alias_clause(d) + ".";
     case Verdict::unexplained:
-      return title + "a residual is left that is not noise and that no effect of the catalogue explains (" +
+      return title + "a residual is left that is not noise and that effects of the catalogue do not explain (" +
              remaining_clause(d) + ")" +
              (d.unexplained_pattern.empty() ? "" : "; it looks like: " + clause(d.unexplained_pattern)) +
              (has_after(d) ? "; beside it " + effects_clause(d) : "; no effect is named") +

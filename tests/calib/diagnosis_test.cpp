@@ -1,5 +1,6 @@
 // The diagnosis on rig recordings whose effect it is not told, and on the recordings of another simulator. The whole
 // acceptance table is a study (scripts/study-undeclared, docs/diagnosis-study.md); these are the fast cases.
+#include "calib/evidence/posterior.h"
 #include "tests/calib/diagnosed_unit.h"
 
 namespace turncal {
@@ -94,6 +95,14 @@ TEST(Diagnosis, NoiseGivenThreeTimesTooSmallIsANoiseModelVerdict) {
   const Diagnosis d = diagnose_with_holdout(make(config), options);
   EXPECT_EQ(d.verdict, Verdict::noise_model);
   EXPECT_TRUE(d.effect_names.empty());
+}
+
+TEST(Diagnosis, AParameterThatHangsOnANameIsSaid) {
+  AveragedEstimate estimate;
+  estimate.far_off = Eigen::Vector3d(0.03, 0.06, 0.02);
+  EXPECT_EQ(hangs_on_a_name(estimate, {0, 3, 4}), "A01 is off by more than 4.5 sigma with a probability of 0.06");
+  estimate.far_off[1] = 0.04;
+  EXPECT_EQ(hangs_on_a_name(estimate, {0, 3, 4}), "");
 }
 
 // Pulses of 20 mm/s beat for seconds in nearly every dwell: what that makes of the innovations says nothing of the unit.

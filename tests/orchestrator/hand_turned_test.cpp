@@ -94,6 +94,8 @@ TEST_F(HandTurned, DiagnosesAndWritesTheThreeFiles) {
   const std::string table =
       result.out.substr(result.out.find("verdict"), result.out.find("\n\ndiagnosis") - result.out.find("verdict"));
   EXPECT_LE(std::ranges::count(table, '\n') + 1, 30) << table;
+  run({"calibrate", "rec", "--out", "parameters"});
+  EXPECT_SAYS(file_text(path("parameters/parameters.conf")), "quality.trusted = false");
 }
 
 TEST_F(HandTurned, ASecondRecordingIsTheGateAndTheErrorIsThere) {
@@ -117,6 +119,7 @@ TEST_F(HandTurned, ACleanUnitIsClean) {
   EXPECT_EQ(conf("out").at("effects"), "");
   const ProgramResult calibrated = ends({"calibrate", "rec", "--out", "parameters", "--verbose"}, 0);
   EXPECT_SAYS(calibrated.out, "20 rests and 19 rotations by hand");
+  EXPECT_SAYS(file_text(path("parameters/parameters.conf")), "quality.trusted = true");
   EXPECT_EQ(run({"apply", "rec", "--parameters", "parameters/parameters.conf", "--out", "applied.csv"}).code, 0);
 }
 

@@ -16,9 +16,9 @@ std::size_t characters(const std::string& utf8) {
 TEST(VerdictSentence, SaysWhatIsLeftWithNumbers) {
   const Sample unexplained = unexplained_sample();
   const std::string text = plain(verdict_sentence(unexplained.diagnosis));
-  EXPECT_TRUE(
-      text.starts_with("Unexplained: a residual is left that is not noise and that no effect of the catalogue explains "
-                       "(rms normalised residual 1.300 against 1 for noise alone"))
+  EXPECT_TRUE(text.starts_with(
+      "Unexplained: a residual is left that is not noise and that effects of the catalogue do not explain "
+      "(rms normalised residual 1.300 against 1 for noise alone"))
       << text;
   EXPECT_TRUE(
       text.ends_with("it looks like: the bias of gyro x changes with time (0.99): gyro_bias_drift 0.40; no effect is "
@@ -106,7 +106,7 @@ TEST(DiagnosisFile, KeepsEveryKeyWhenThereIsNothingToSay) {
             "# turncal diagnosis: which effect the 24 parameters lack, and the error before and after it was added\n"
             "# reason: first line second line\n"
             "verdict = unexplained\n"
-            "quality.trusted = false\nreason = a residual is left that no effect of the catalogue explains\n"
+            "quality.trusted = false\nreason = effects of the catalogue do not explain all of the residual\n"
             "effects =\n"
             "undetectable =\n"
             "error.before =\n"
