@@ -182,4 +182,13 @@ void ChannelLife::turned(double angle_deg) {
   told_ = last_;
 }
 
+std::string ChannelLife::without_change() const {
+  std::vector<std::string> found;
+  for (std::size_t i = 0; last_ > first_ && i < 6; ++i)
+    if (channels_[i].since == first_)
+      found.push_back(
+          fmt::format("{} gave the same value, {:.6g}, in all samples", channel_names[i], channels_[i].value));
+  return fmt::format("{}", fmt::join(found, "; "));
+}
+
 }  // namespace turncal

@@ -112,6 +112,8 @@ class ChannelLife {
   void turned(double angle_deg);
   // What was found first, in one line; empty: nothing.
   const std::string& defect() const { return defect_; }
+  // The channels that gave one value in all samples, in one line; empty: none. Of a unit that was turned these are dead.
+  std::string without_change() const;
 
  private:
   struct Channel {

@@ -268,13 +268,6 @@ Segmentation RestFinder::finish() {
   return result;
 }
 
-Segmentation find_rests(const RecordingInfo& info, std::span<const ImuSample> samples,
-                        const SegmentationOptions& options) {
-  RestFinder finder(info, options);
-  finder.add(samples);
-  return finder.finish();
-}
-
 bool without_table_angles(const Segments& segments) {
   return std::ranges::all_of(
       segments, [](const Segment& s) { return s.heading_deg == 0.0 && s.pitch_deg == 0.0 && s.roll_deg == 0.0; });

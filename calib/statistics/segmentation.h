@@ -100,9 +100,6 @@ class RestFinder {
   std::vector<Cell> cells_;
 };
 
-Segmentation find_rests(const RecordingInfo& info, std::span<const ImuSample> samples,
-                        const SegmentationOptions& options = {});
-
 // No segment has a commanded angle: nothing is known of the attitudes but what the sensors say (rest_model.h).
 bool without_table_angles(const Segments& segments);
 

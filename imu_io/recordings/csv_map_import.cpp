@@ -93,24 +93,24 @@ struct Row {
   double time = 0.0;
   Eigen::Vector3d gyro = Eigen::Vector3d::Zero(), accel = gyro;
   double temperature = std::numeric_limits<double>::quiet_NaN();
-  std::int64_t position = 0, line = 0;  // in the file
-  std::int64_t number = 0;              // of those that were read
+  std::int64_t line = 0;  // in the file
 };
+
+// Whoever knows no axis sets its turn aside too.
+void mark_clipped(ImuSample& sample, int axis) { sample.flags |= gyro_clipped_flag(axis) | sample_flag_invalid; }
 
 Eigen::Vector3d three_of(const NumberTable& table, std::size_t row, std::size_t first, std::size_t step) {
   return {table.columns[first][row], table.columns[first + step][row], table.columns[first + 2 * step][row]};
 }
 
-// Twice through the rows: for the stamps, and for the samples.
+// Twice through the rows: for the stamps, and for the samples; once more for rows that were written twice, where stamps repeat.
 class Importer {
  public:
   Importer(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel)
       : map_(map), source_(source), accel_source_(accel) {}
 
-  Result<CsvImport> run(const ImportBegin& begin, const RecordingSource::Sink& sink, bool early) {
-    begin_ = begin;
+  Result<CsvImport> run(const ImportBegin& begin, const RecordingSource::Sink& sink) {
     sink_ = sink;
-    early_ = early && accel_source_ == nullptr && map_.gyro.is_rate && map_.accel.is_rate;
     RecordingInfo& info = result_.info;
     info.latitude_deg = map_.latitude_deg;
     info.gravity_mps2 = map_.gravity_mps2;
@@ -129,6 +129,7 @@ class Importer {
     std::vector<double>().swap(times_);
     result_.rows = static_cast<std::int64_t>(rows_) + result_.bad_rows;
     TRY(check_info(info, source_.file_name));
+    begin(result_);
     TRY(make_samples());
     return std::move(result_);
   }
@@ -157,25 +158,23 @@ class Importer {
     return {};
   }
 
+  // In seconds since the first.
+  double time_of(double stamp) const { return (stamp - *first_stamp_) * map_.time_unit_s; }
+
   // `visit`: of every row that is not left out; its number among them, from 0, and the row.
   template <class Visit>
   Status each_row(Visit visit) {
-    std::size_t kept = 0;
+    std::size_t number = 0, kept = 0;
     Row row;
     const std::size_t step = accel_source_ == nullptr ? 2 : 1;
     return source_.read(wanted_, map_.format, [&](const NumberTable& block) -> Status {
-      if (!scanned_) count_bad(block);
-      if (early_ && early_period_s_ == 0.0 && block.rows() > 0) begin_early(block);
-      // Stamps are numbers of 1.7e15 us: seconds of them would be rounded.
-      if (timed() && !first_stamp_ && block.rows() > 0) first_stamp_ = block.columns[time_].front();
-      for (std::size_t k = 0; k < block.rows(); ++k, ++row.number) {
-        if (scanned_ && out_[static_cast<std::size_t>(row.number)]) continue;
+      for (std::size_t k = 0; k < block.rows(); ++k) {
+        if (out_[number++]) continue;
         row.gyro = three_of(block, k, 0, step);
         if (step == 2) row.accel = three_of(block, k, 1, step);
-        if (timed()) row.time = (block.columns[time_][k] - *first_stamp_) * map_.time_unit_s;
+        if (timed()) row.time = time_of(block.columns[time_][k]);
         if (temperature_ < wanted_.size())
           row.temperature = (block.columns[temperature_][k] - map_.temperature_offset) * map_.temperature_scale;
-        row.position = block.position[k];
         row.line = block.line[k];
         TRY(visit(kept++, row));
       }
@@ -183,44 +182,31 @@ class Importer {
     });
   }
 
+  // The stamps alone: a bad row ends the import later, unless such are left out.
   Status scan() {
     constexpr std::uint64_t most_reserved = std::uint64_t{1} << 26;
     if (timed()) times_.reserve(std::min(source_.likely_rows, most_reserved));
-    ClippingFinder
-        finder;  // on the numbers of the file, where a clipped gyro repeats itself whatever the intervals are
-    Row before;
-    TRY(each_row([&](std::size_t k, const Row& row) -> Status {
-      if (timed()) times_.push_back(row.time);
-      if (k > 0 && row.position > before.position + 1) missing_.push_back({k, row.position - before.position - 1});
-      if (k > 0 && timed()) compare(k, row, before);
-      ImuSample sample;
-      sample.counter = static_cast<std::int64_t>(k);
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        const int from = map_.gyro.axes.from[axis];
-        sample.gyro[axis] = row.gyro[from] - map_.gyro.offset[static_cast<std::size_t>(from)];
+    const std::size_t stamp = timed() ? time_ : 0;
+    const bool all = map_.format.skip_bad_rows;
+    TableFormat format = map_.format;
+    format.only_wanted = !all;
+    std::int64_t position = -1;
+    TRY(source_.read(all ? wanted_ : std::vector{wanted_[stamp]}, format, [&](const NumberTable& block) {
+      count_bad(block);
+      for (std::size_t k = 0; k < block.rows(); ++k, ++rows_) {
+        if (rows_ > 0 && block.position[k] > position + 1)
+          missing_.push_back({rows_, block.position[k] - position - 1});
+        position = block.position[k];
+        if (!timed()) continue;
+        // Stamps are numbers of 1.7e15 us: seconds of them would be rounded.
+        const double time = block.columns[all ? stamp : 0][k];
+        if (!first_stamp_) first_stamp_ = time;
+        times_.push_back(time_of(time));
       }
-      finder.add(sample);
-      result_.info.has_temperature = result_.info.has_temperature || !std::isnan(row.temperature);
-      before = row;
-      rows_ = k + 1;
-      return early_ ? add_sample(row, row.accel, sample.counter, 0, early_period_s_) : Status();
+      return Status();
     }));
-    clipped_ = finder.finish();
     out_.resize(rows_);
-    scanned_ = true;
     return {};
-  }
-
-  void compare(std::size_t k, const Row& row, const Row& before) {
-    const bool same_time = row.time == before.time;
-    if (same_time) same_stamps_ += 1.0;
-    if (row.gyro != before.gyro || row.accel != before.accel) return;
-    if (!same_time) {
-      repeats_ += 1.0;
-    } else {
-      if (doubles_.empty()) first_double_ = row.line;
-      doubles_.push_back(k);
-    }
   }
 
   void count_bad(const NumberTable& table) {
@@ -263,14 +249,32 @@ class Importer {
   // Rows that were written twice: the stamp and the numbers of the row before. A coarse sensor at rest, whose stamps are coarse too, has such
   // rows of its own; it repeats its numbers at other stamps as often.
   Status leave_out_doubles() {
-    const auto doubles = static_cast<double>(doubles_.size()), all = static_cast<double>(rows_);
-    if (doubles * (all - 1.0 - same_stamps_) <= 2.0 * repeats_ * same_stamps_) return {};
+    constexpr std::size_t few = 10;  // are read at any rate: what is wrong with them is said before that they are few
+    if (rows_ >= few && std::ranges::adjacent_find(times_) == times_.end()) return {};
+    std::vector<std::size_t> doubles;
+    double same_stamps = 0.0, repeats = 0.0;  // rows with the stamp of the one before, and with its numbers at another
+    std::int64_t first = 0;                   // line
+    Row before;
+    TRY(each_row([&](std::size_t k, const Row& row) {
+      const bool same_time = timed() && k > 0 && row.time == before.time;
+      const bool same_numbers = k > 0 && row.gyro == before.gyro && row.accel == before.accel;
+      same_stamps += same_time ? 1.0 : 0.0;
+      repeats += same_numbers && !same_time ? 1.0 : 0.0;
+      if (same_numbers && same_time) {
+        if (doubles.empty()) first = row.line;
+        doubles.push_back(k);
+      }
+      before = row;
+      return Status();
+    }));
+    const auto count = static_cast<double>(doubles.size()), all = static_cast<double>(rows_);
+    if (count * (all - 1.0 - same_stamps) <= 2.0 * repeats * same_stamps) return {};
     const Error error = input_error(fmt::format(
         "{}:{}: the row before again, time and numbers, as {} of {} rows: expected each row once; --skip-bad-rows "
         "leaves them out",
-        source_.file_name, first_double_, doubles, rows_));
+        source_.file_name, first, doubles.size(), rows_));
     return sieve(false, [&, at = std::size_t{0}](std::size_t k, std::size_t) mutable -> Result<bool> {
-      if (at == doubles_.size() || doubles_[at] != k) return false;
+      if (at == doubles.size() || doubles[at] != k) return false;
       ++at;
       TRY(leave_out(error));
       return true;
@@ -416,22 +420,8 @@ class Importer {
     return {};
   }
 
-  // Of clipped runs, on the numbers of the file, one row after the other.
-  std::uint32_t clipping_of(std::int64_t row) {
-    std::uint32_t flags = 0;
-    for (; next_run_ < clipped_.size() && clipped_[next_run_].sample <= row; ++next_run_) {
-      const DataEvent& run = clipped_[next_run_];
-      std::int64_t& end = clipped_until_[static_cast<std::size_t>(run.axis)];
-      end = std::max(end, run.sample + run.count);
-    }
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      if (row < clipped_until_[axis]) flags |= gyro_clipped_flag(static_cast<int>(axis));
-    return flags;
-  }
-
   // Of a row: the sample that it becomes, unless it is dropped.
-  Status add_sample(const Row& row, const Eigen::Vector3d& accel, std::int64_t counter, std::uint32_t flags,
-                    double dt) {
+  Status add_sample(const Row& row, const Eigen::Vector3d& accel, std::int64_t counter, double dt) {
     const auto saturated = [](const CsvTriad& triad, double x) {
       return x <= triad.range_low || x >= triad.range_high;
     };
@@ -440,23 +430,26 @@ class Importer {
       return triad.axes.sign[body] * (numbers[triad.axes.from[body]] - triad.offset[from]) * triad.scale[from] *
              (triad.is_rate ? dt : 1.0);
     };
-    bool full = false;
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      if (saturated(map_.gyro, row.gyro[map_.gyro.axes.from[axis]])) {
-        flags |= gyro_clipped_flag(static_cast<int>(axis));
-        full = true;
-      }
+    ImuSample sample;
+    sample.counter = static_cast<std::int64_t>(written_ + samples_.size());
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const int from = map_.gyro.axes.from[axis];
+      sample.gyro[axis] = row.gyro[from] - map_.gyro.offset[static_cast<std::size_t>(from)];
+    }
     const bool dropped = std::ranges::any_of(accel, [&](double x) { return saturated(map_.accel, x); });
-    if (full || dropped) ++result_.saturated;
+    if (!dropped) clipping_.add(sample);
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      if (saturated(map_.gyro, row.gyro[map_.gyro.axes.from[axis]])) mark_clipped(sample, static_cast<int>(axis));
+    if (sample.flags != 0 || dropped) ++result_.saturated;
     if (dropped) return {};
-    ImuSample& sample = samples_.emplace_back();
     sample.counter = counter;
-    sample.flags = flags == 0 ? 0 : flags | sample_flag_invalid;  // whoever knows no axis sets its turn aside too
     for (std::size_t axis = 0; axis < 3; ++axis) {
       sample.gyro[axis] = increment(map_.gyro, row.gyro, axis);
       sample.accel[axis] = increment(map_.accel, accel, axis);
     }
     sample.temperature_c = static_cast<float>(row.temperature);
+    result_.info.has_temperature = result_.info.has_temperature || !std::isnan(row.temperature);
+    samples_.push_back(sample);
     constexpr std::size_t enough = 4096;
     return samples_.size() < enough ? Status() : hand_over();
   }
@@ -468,41 +461,20 @@ class Importer {
     return {};
   }
 
-  // With the period of the first rows, as if no row were missing, bad or clipped.
-  void begin_early(const NumberTable& block) {
-    early_period_s_ = timed() ? fit_stamps(block.columns[time_]).period * map_.time_unit_s : 1.0 / map_.rate_hz;
-    result_.info.sample_period_s = early_period_s_;
-    early_ = check_info(result_.info, source_.file_name).ok();
-    if (early_) begin_(result_);
-  }
-  bool early_was_right() const {
-    constexpr double near = 1e-3;
-    return early_ && !measured() && rows_ == out_.size() && gaps_.empty() && clipped_.empty() &&
-           std::abs(result_.info.sample_period_s / early_period_s_ - 1.0) < near;
-  }
-
   Status make_samples() {
-    if (!early_was_right()) {
-      early_ = false;
-      samples_.clear();
-      written_ = 0;
-      result_.saturated = 0;
-      begin_(result_);
-      const double period = result_.info.sample_period_s;
-      std::int64_t counter = 0;
-      std::size_t at = 0;
-      double before_s = 0.0;
-      TRY(each_row([&](std::size_t k, const Row& row) -> Status {
-        const bool is_gap = at < gaps_.size() && gaps_[at].row == k;
-        counter += k == 0 ? 0 : is_gap ? gaps_[at++].periods : 1;
-        const bool is_measured = timed() && measured() && k > 0 && !is_gap;
-        const double dt = is_measured ? row.time - before_s : period;
-        before_s = row.time;
-        const std::uint32_t flags = clipping_of(row.number);
-        if (flags != 0) ++result_.clipped;
-        return add_sample(row, accel_.empty() ? row.accel : accel_[k], counter, flags, dt);
-      }));
-    }
+    const double period = result_.info.sample_period_s;
+    std::int64_t counter = 0;
+    std::size_t at = 0;
+    double before_s = 0.0;
+    TRY(each_row([&](std::size_t k, const Row& row) -> Status {
+      const bool is_gap = at < gaps_.size() && gaps_[at].row == k;
+      counter += k == 0 ? 0 : is_gap ? gaps_[at++].periods : 1;
+      const bool is_measured = timed() && measured() && k > 0 && !is_gap;
+      const double dt = is_measured ? row.time - before_s : period;
+      before_s = row.time;
+      return add_sample(row, accel_.empty() ? row.accel : accel_[k], counter, dt);
+    }));
+    result_.clipped_runs = clipping_.finish();
     TRY(hand_over());
     return written_ > 0
                ? Status()
@@ -515,26 +487,17 @@ class Importer {
   std::vector<WantedColumn> wanted_;
   std::size_t time_ = 0, temperature_ = 0;  // places in it
   std::optional<double> first_stamp_;       // in the unit of the map
-  bool scanned_ = false;
-  ImportBegin begin_;
   RecordingSource::Sink sink_;
-  bool early_ = false;  // samples are made while rows are scanned
-  double early_period_s_ = 0.0;
   std::vector<ImuSample> samples_;  // not handed over yet
   std::size_t written_ = 0;
   std::size_t rows_ = 0;  // that are kept
   std::vector<double> times_;
-  std::vector<StampGap> missing_;  // samples before a row that the file has not, or not whole
-  std::vector<std::size_t> doubles_;
-  double same_stamps_ = 0.0, repeats_ = 0.0;  // rows with the stamp of the one before, and with its numbers at another
-  std::int64_t first_double_ = 0;             // line
-  std::vector<bool> out_;                     // of each row, whether it is left out
-  std::vector<Eigen::Vector3d> accel_;        // of a file of their own
+  std::vector<StampGap> missing_;       // samples before a row that the file has not, or not whole
+  std::vector<bool> out_;               // of each row that was read, whether it is left out
+  std::vector<Eigen::Vector3d> accel_;  // of a file of their own
   std::optional<StampModel> stamps_;
   std::vector<StampGap> gaps_;  // periods before a row, where they are more than one
-  std::vector<DataEvent> clipped_;
-  std::size_t next_run_ = 0;
-  std::array<std::int64_t, 3> clipped_until_{};
+  ClippingFinder clipping_;     // on the numbers of the file, which repeat themselves whatever the intervals are
   CsvImport result_;
 };
 
@@ -602,8 +565,8 @@ Result<ColumnSource> open_columns(const std::string& path, const std::string& to
 }
 
 Result<CsvImport> stream_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel,
-                                 const ImportBegin& begin, const RecordingSource::Sink& sink, bool early) {
-  return Importer(map, source, accel).run(begin, sink, early);
+                                 const ImportBegin& begin, const RecordingSource::Sink& sink) {
+  return Importer(map, source, accel).run(begin, sink);
 }
 
 Result<CsvImport> import_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel) {
@@ -614,6 +577,12 @@ Result<CsvImport> import_columns(const CsvMap& map, const ColumnSource& source, 
         all.insert(all.end(), samples.begin(), samples.end());
         return Status();
       }));
+  for (const DataEvent& run : content.clipped_runs)
+    for (std::int64_t k = run.sample; k < run.sample + run.count; ++k) {
+      ImuSample& sample = all[static_cast<std::size_t>(k)];
+      content.clipped += sample.flags == 0 ? 1 : 0;
+      mark_clipped(sample, run.axis);
+    }
   content.samples = std::move(all);
   return content;
 }

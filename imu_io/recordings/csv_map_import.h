@@ -27,6 +27,7 @@
 #include <string_view>
 #include <vector>
 
+#include "calib/statistics/data_screen.h"
 #include "calib/types/axis.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
@@ -71,10 +72,11 @@ struct CsvImport {
   RecordingInfo info;
   std::vector<ImuSample> samples;
   std::int64_t rows = 0;
-  std::int64_t saturated = 0;  // rows at the end of a range
-  std::int64_t clipped = 0;    // samples found to repeat a gyro's extreme number
-  std::int64_t bad_rows = 0;   // left out
-  std::string first_bad;       // what was wrong with the first
+  std::int64_t saturated = 0;           // rows at the end of a range
+  std::vector<DataEvent> clipped_runs;  // of samples, from 0, that are found to repeat a gyro's extreme number
+  std::int64_t clipped = 0;             // of `samples`, where these are marked
+  std::int64_t bad_rows = 0;            // left out
+  std::string first_bad;                // what was wrong with the first
   std::int64_t gaps = 0;
   double jitter_s = 0.0;  // rms of the intervals about their mean, gaps left out
   std::string chosen;     // "time.increments = period: ...", where the stamps said it
@@ -97,11 +99,10 @@ Result<ColumnSource> open_columns(const std::string& path, const std::string& to
 Result<CsvImport> import_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel = nullptr);
 Result<CsvImport> import_csv(const CsvMap& map, const std::string& path);
 
-// The same, in memory for the stamps and later for nothing. `begin` is told what is known before the first sample; what is returned
-// has no samples. Rows are read twice, for the stamps and for the samples; with `early` once, where that is enough: samples of rates come as if no
-// row were missing, bad or clipped, with the period of the first rows. Where that was wrong `begin` is called again, and they come anew.
+// The same, in memory for the stamps and later for nothing; clipped samples are not marked. Rows are read twice, for the stamps and for the
+// samples. `begin` is told what is known before the first sample; what is returned has no samples.
 using ImportBegin = std::function<void(const CsvImport& found)>;
 Result<CsvImport> stream_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel,
-                                 const ImportBegin& begin, const RecordingSource::Sink& sink, bool early = false);
+                                 const ImportBegin& begin, const RecordingSource::Sink& sink);
 
 }  // namespace turncal

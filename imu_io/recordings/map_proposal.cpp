@@ -97,7 +97,9 @@ Result<Layout> look_at_text(std::string_view text, const std::string& file_name)
     const bool plain = !units_below && !names[k].empty() && names[k].find_first_of(",#=") == names[k].npos &&
                        std::ranges::count(names, names[k]) == 1;
     const std::string label = std::string(names[k]) + (units_below ? " " + std::string(header(1)[k]) : "");
-    layout.columns.push_back({plain ? std::string(names[k]) : std::to_string(k + 1), lower(label)});
+    // What is empty in the row with the most numbers, a logger names and does not have.
+    layout.columns.push_back(
+        {plain ? std::string(names[k]) : std::to_string(k + 1), row[k].empty() ? "" : lower(label)});
   }
   return layout;
 }

@@ -73,6 +73,30 @@ class BlockHandler {
   std::future<Status> taken_;
 };
 
+// As std::from_chars: where the number at `at` ends; there is none where that is `at` itself. Fifteen digits and a power of ten up to
+// 10^15 are doubles, and their quotient is rounded once (Clinger, 1990).
+const char* read_number(const char* at, const char* end, double& value) {
+  static constexpr double sign[] = {1.0, -1.0};
+  static constexpr double powers[] = {1e0, 1e1, 1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
+                                      1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15};
+  const bool negative = at != end && *at == '-';
+  const char *p = at + negative, *const first = p;
+  std::uint64_t digits = 0;
+  const auto read_digits = [&] {
+    for (; p != end && *p >= '0' && *p <= '9'; ++p) digits = 10 * digits + static_cast<std::uint64_t>(*p - '0');
+  };
+  read_digits();
+  std::ptrdiff_t count = p - first, decimals = 0;
+  if (p != end && *p == '.') {
+    const char* const point = ++p;
+    read_digits();
+    count += decimals = p - point;
+  }
+  if (count == 0 || count > 15 || (p != end && (*p == 'e' || *p == 'E'))) return std::from_chars(at, end, value).ptr;
+  value = sign[negative] * static_cast<double>(digits) / powers[decimals];
+  return p;
+}
+
 class CsvTable {
  public:
   CsvTable(const TableBytes& bytes, const std::string& file_name, const std::vector<WantedColumn>& wanted,
@@ -156,7 +180,7 @@ class CsvTable {
       if (at != header.end() && std::find(at + 1, header.end(), column.name) != header.end())
         return defect("column " + quoted(column.name) + " twice: expected one of that name");
       if (at != header.end()) {
-        by_name_ = true;
+        counted_ = !format_.only_wanted;
         index_.push_back(static_cast<std::size_t>(at - header.begin()));
       } else if (const auto index = parse_integer<std::int64_t>(column.name); index && *index >= 1 && *index <= 10000) {
         index_.push_back(static_cast<std::size_t>(*index - 1));
@@ -179,7 +203,7 @@ class CsvTable {
       cells_wanted_.resize(std::max(cells_wanted_.size(), index_[k] + 1), missing);
       if (std::exchange(cells_wanted_[index_[k]], k) != missing) return cells_wanted_.clear();
     }
-    if (by_name_) cells_wanted_.resize(header_cells_, missing);
+    if (counted_) cells_wanted_.resize(header_cells_, missing);
   }
 
   // A row whose wanted cells are numbers and nothing else, as most are; false: read_row() has to look.
@@ -188,11 +212,11 @@ class CsvTable {
     for (std::size_t cell = 0; cell < cells_wanted_.size(); ++cell) {
       if (cell > 0 && (at == end || *at++ != format_.delimiter)) return false;
       if (const std::size_t k = cells_wanted_[cell]; k != missing)
-        at = std::from_chars(at, end, row_[k] = NAN).ptr;
+        at = read_number(at, end, row_[k] = NAN);
       else
         at = std::find(at, end, format_.delimiter);
     }
-    return !cells_wanted_.empty() && (at == end || (!by_name_ && *at == format_.delimiter)) &&
+    return !cells_wanted_.empty() && (at == end || (!counted_ && *at == format_.delimiter)) &&
            std::ranges::all_of(row_, [](double value) { return std::isfinite(value); });
   }
 
@@ -214,8 +238,8 @@ class CsvTable {
     if (format_.whole_rows && cells_.size() != header_cells_)
       return defect(fmt::format("the row has {} columns: expected {}", cells_.size(), header_cells_));
     // A cell more, and the names are others' than they say.
-    while (by_name_ && cells_.size() > header_cells_ && cells_.back().empty()) cells_.pop_back();
-    if (by_name_ && cells_.size() > header_cells_)
+    while (counted_ && cells_.size() > header_cells_ && cells_.back().empty()) cells_.pop_back();
+    if (counted_ && cells_.size() > header_cells_)
       return defect(
           fmt::format("the row has {} columns: expected {}, as the header has names", cells_.size(), header_cells_));
     for (std::size_t k = 0; k < wanted_.size(); ++k) {
@@ -234,7 +258,7 @@ class CsvTable {
   std::int64_t line_ = 0;
   std::vector<std::string_view> cells_;
   std::size_t header_cells_ = 0;
-  bool by_name_ = false;
+  bool counted_ = false;  // a row has no more cells than the header has names
   static constexpr std::size_t missing = static_cast<std::size_t>(-1);
   std::vector<std::size_t> index_, cells_wanted_;  // the cell of each wanted column, and the reverse
   std::vector<double> row_;

@@ -26,6 +26,7 @@ struct TableFormat {
   int header_lines = 1;        // the last of them has the names
   bool skip_bad_rows = false;  // a row with a defect is left out and counted, and is no error
   bool whole_rows = false;     // a row with more or fewer cells than the header has names is a defect
+  bool only_wanted = false;    // what stands behind the last wanted cell of a row is not looked at
 };
 
 struct WantedColumn {

@@ -27,6 +27,14 @@ double resolution_of(std::span<const double> times, double period) {
   return least < period ? least : 0.0;
 }
 
+// -log of how likely a stamp is that is so far off: normal, and a few anywhere within some periods.
+struct Loss {
+  explicit Loss(double s) : scatter(s) {}
+  double scatter, most = 4.6 + std::log(4.0 / scatter), half_weight = 0.5 / (scatter * scatter);
+  double memory = std::max(32.0, 64.0 * scatter * scatter), least_gain = 1.0 / memory;  // of a track, in rows
+  double operator()(double off) const { return std::min(half_weight * off * off, most); }
+};
+
 // One reading of the stamps up to a row: what was missing, and where an even clock stands. In periods.
 class Track {
  public:
@@ -37,23 +45,13 @@ class Track {
   double rows = 0.0;  // since it began
 
   void begin_at(double ahead) { level = ahead, rows = 0.0; }
-  double off(double ahead) const {
-    constexpr double longest = 1e9;
-    return std::clamp(ahead - static_cast<double>(missing) - level, -longest, longest);
-  }
+  double off(double ahead) const { return ahead - static_cast<double>(missing) - level; }
   // A mean over the rows so far, later over the last ones; one stamp does not draw it far.
-  void follow(double off, double scatter) {
+  void follow(double off, const Loss& loss) {
     rows += 1.0;
-    const double gain = 1.0 / std::min(rows, std::max(32.0, 64.0 * scatter * scatter));
-    level += gain * std::clamp(off, -3.0 * scatter, 3.0 * scatter);
+    const double gain = rows < loss.memory ? 1.0 / rows : loss.least_gain;
+    level += gain * std::clamp(off, -3.0 * loss.scatter, 3.0 * loss.scatter);
   }
-};
-
-// -log of how likely a stamp is that is so far off: normal, and a few anywhere within some periods.
-struct Loss {
-  double scatter, most;
-  explicit Loss(double s) : scatter(s), most(4.6 + std::log(4.0 / s)) {}
-  double operator()(double off) const { return std::min(0.5 * off * off / (scatter * scatter), most); }
 };
 
 struct Fork {
@@ -65,7 +63,7 @@ struct Fork {
 std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> times, double period, double scatter,
                                                      double share, double gap) {
   constexpr std::size_t most_tracks = 8;
-  constexpr double never = 12.0, hopeless = 40.0, far = 32.0;
+  constexpr double never = 12.0, hopeless = 40.0, far = 32.0, longest = 1e9;
   const Loss loss(scatter);
   const double stay = -std::log1p(-share), rare = -std::log(share), rate = 1.0 / period;
   std::vector<Fork> forks;
@@ -90,14 +88,14 @@ std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> tim
     next.clear();
     if (const double off = tracks[0].off(ahead); tracks.size() == 1 && !late && loss(off) < loss.most) {  // as ever
       tracks[0].cost += stay + loss(off);
-      tracks[0].follow(off, scatter);
+      tracks[0].follow(off, loss);
       continue;
     }
     for (const Track& track : tracks) {
-      const double off = track.off(ahead);
+      const double off = std::clamp(track.off(ahead), -longest, longest);
       Track stays = track;
       stays.cost += stay + loss(off);
-      stays.follow(off, scatter);
+      stays.follow(off, loss);
       join(stays);
       const auto leap = [&](double periods, bool anew) {
         Track leaps = track;
@@ -105,7 +103,7 @@ std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> tim
         leaps.cost += rare + loss(off - periods) + (anew ? never : 0.0);
         leaps.cost += std::log((periods + 1.0) * std::max(periods, 1.0));  // 1 / n(n + 1): of so many missing rows
         if (anew) leaps.begin_at(ahead - static_cast<double>(leaps.missing));
-        leaps.follow(leaps.off(ahead), scatter);
+        leaps.follow(leaps.off(ahead), loss);
         leaps.last_gap = forks.size() + 1;
         forks.push_back({{k, static_cast<std::int64_t>(periods) + 1, anew}, track.last_gap});
         join(leaps);
@@ -150,10 +148,11 @@ void measure(std::span<const double> times, double least, StampModel& model) {
     squares += s[2] - s[1] * s[1] / s[0];
   };
   const Loss loss(model.scatter);
+  const double rate = 1.0 / model.period;
   Track track;
   std::int64_t counter = 0;
-  for (std::size_t k = 0, at = 0; k < times.size(); ++k, ++counter) {
-    const double ahead = (times[k] - times[0]) / model.period - static_cast<double>(k);
+  for (std::size_t k = 0, at = 0, taken = 0; k < times.size(); ++k, ++counter) {
+    const double ahead = (times[k] - times[0]) * rate - static_cast<double>(k);
     bool begins = k == 0;
     if (at < model.gaps.size() && model.gaps[at].row == k) {
       track.missing += model.gaps[at].periods - 1;
@@ -166,8 +165,8 @@ void measure(std::span<const double> times, double least, StampModel& model) {
       s = {}, origin = counter, first = times[k];
     }
     const double off = track.off(ahead);
-    track.follow(off, model.scatter);
-    if (k % stride == 0) offs.push_back(std::abs(off));
+    track.follow(off, loss);
+    if (k == taken) offs.push_back(std::abs(off)), taken += stride;
     if (loss(off) >= loss.most) continue;
     const auto m = static_cast<double>(counter - origin);
     const double y = times[k] - first - m * model.period;

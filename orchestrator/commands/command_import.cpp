@@ -77,12 +77,11 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
   }
 }
 
-// What is plainly wrong with the units, where there are rests to tell it by; empty: nothing. `read` has read the samples before.
-std::string wrong_units_of(const RecordingInfo& info, const Segments& segments,
-                           const std::function<Status(const RecordingSource::Sink&)>& read) {
-  Compressor compressor(info, rest_compression_options());
+// What is plainly wrong with the units, where there are rests to tell it by; empty: nothing.
+std::string wrong_units_of(RecordingSource& source, const Segments& segments) {
+  Compressor compressor(source.info(), rest_compression_options());
   SegmentedFeed feed(compressor, segments);
-  static_cast<void>(read([&](std::span<const ImuSample> samples) {
+  static_cast<void>(source.read([&](std::span<const ImuSample> samples) {
     feed.add(samples);
     return Status();
   }));
@@ -100,37 +99,48 @@ Status segment_recording(const SegmentOptions& options, CommandContext& context)
   print_segmentation(found, source.info(), found.segments.front().start_sample, context.out);
   TRY(import_binary(source, found.segments, folder.file(binary_recording_name)));
   folder.keep();
-  if (const std::string wrong = wrong_units_of(source.info(), found.segments,
-                                               [&](const RecordingSource::Sink& sink) { return source.read(sink); });
-      !wrong.empty())
+  if (const std::string wrong = wrong_units_of(source, found.segments); !wrong.empty())
     context.out << "units: " << wrong << std::endl;
   context.out << "written to " << folder.path() << ": " << found.segments.size() << " segments" << std::endl;
+  return {};
+}
+
+// What the samples of a recording that was imported say, wherever they came from.
+Status say_of_samples(RecordingSource& source, CommandContext& context) {
+  ChannelLife life(source.info());
+  SpikeFinder finder(source.info());
+  std::vector<std::string> spikes;
+  TRY(source.read([&](std::span<const ImuSample> samples) {
+    for (const ImuSample& sample : samples) {
+      life.add(sample);
+      if (const auto k = finder.spike_in(sample))
+        spikes.push_back(glitch_of(*k, channel_of(sample, *k), sample.counter, source.info().sample_period_s));
+    }
+    return Status();
+  }));
+  if (!spikes.empty())
+    context.out << spikes.size() << " samples that no unit can have felt, the first: " << spikes.front() << std::endl;
+  if (const std::string dead = life.without_change(); !dead.empty())
+    context.out << dead << ": is it connected?" << std::endl;
   return {};
 }
 
 // `where`: what says the units.
 Status write_imported(const CsvImport& content, const std::string& out, const std::string& line, const char* where,
                       CommandContext& context) {
-  if (const Segmentation found = find_rests(content.info, content.samples); !found.segments.empty())
-    if (const std::string wrong = wrong_units_of(
-            content.info, found.segments, [&](const RecordingSource::Sink& sink) { return sink(content.samples); });
-        !wrong.empty())
-      return input_error(fmt::format("units: {}: expected others, another scale or other axes in {}", wrong, where));
   OutputFolder folder = TRY(OutputFolder::prepare(out, {binary_recording_name}));
   RecordingWriter writer = TRY(RecordingWriter::create(folder.file(binary_recording_name), content.info));
   TRY(writer.add(content.samples));
   TRY(writer.finish());
+  const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(folder.file(binary_recording_name)));
+  if (const Result<Segmentation> found = find_rests(*source))
+    if (const std::string wrong = wrong_units_of(*source, found->segments); !wrong.empty())
+      return input_error(fmt::format("units: {}: expected others, another scale or other axes in {}", wrong, where));
   folder.keep();
   context.out << "imported into " << folder.path() << ": " << line << std::endl;
   if (content.clipped > 0)
     context.out << content.clipped << " samples clipped: a gyro repeats its extreme value" << std::endl;
-  SpikeFinder finder(content.info);
-  std::vector<std::string> spikes;
-  for (const ImuSample& sample : content.samples)
-    if (const auto k = finder.spike_in(sample))
-      spikes.push_back(glitch_of(*k, channel_of(sample, *k), sample.counter, content.info.sample_period_s));
-  if (!spikes.empty())
-    context.out << spikes.size() << " samples that no unit can have felt, the first: " << spikes.front() << std::endl;
+  TRY(say_of_samples(*source, context));
   if (content.bad_rows > 0)
     context.out << content.bad_rows << " bad rows skipped, the first: " << content.first_bad << std::endl;
   return {};
@@ -230,7 +240,9 @@ Status import_text(const TextOptions& options, CommandContext& context) {
   TRY(check_not_source(options.out, options.source));
   OutputFolder folder = TRY(OutputFolder::prepare(options.out, {binary_recording_name}));
   TRY(import_binary(*source, folder.file(binary_recording_name)));
-  return finish(*source, folder, "imported into", context);
+  TRY(finish(*source, folder, "imported into", context));
+  source = TRY(RecordingSource::open(folder.file(binary_recording_name)));
+  return say_of_samples(*source, context);
 }
 
 Status export_recording(const TextOptions& options, CommandContext& context) {

@@ -60,12 +60,9 @@ class RestReader {
     return {};
   }
 
-  // `period_s`: as all of the recording has it.
-  Result<ReadRests> take(double period_s) {
+  Result<ReadRests> take() {
     keep_all_but(0);
     ReadRests found{maker_.take(si_), {}};
-    found.cells.cell_s *= period_s / info_.sample_period_s;
-    found.cells.sample_s = period_s;
     if (found.cells.ends.size() == 1)
       found.force_mps2 = total_.cwiseProduct(si_).tail<3>() / (taken_ * info_.sample_period_s);
     std::vector<double> norms;
@@ -158,7 +155,7 @@ class RestReader {
 Result<ReadRests> read_rests(RecordingSource& source, const std::string& name) {
   RestReader reader(source.info(), source.segments(), name);
   TRY(source.read([&](std::span<const ImuSample> samples) { return reader.add(samples); }));
-  Result<ReadRests> found = reader.take(source.info().sample_period_s);
+  Result<ReadRests> found = reader.take();
   if (const std::string damage = describe(source.damage()); found && !damage.empty()) found->notes.push_back(damage);
   return found;
 }
@@ -172,8 +169,8 @@ Result<ReadRests> read_rests(const std::string& path, const std::string& map_fil
   std::optional<RestReader> reader;
   const CsvImport table = TRY(stream_columns(
       map, source, nullptr, [&](const CsvImport& begun) { reader.emplace(begun.info, Segments(), path); },
-      [&](std::span<const ImuSample> samples) { return reader->add(samples); }, true));
-  Result<ReadRests> found = reader->take(table.info.sample_period_s);
+      [&](std::span<const ImuSample> samples) { return reader->add(samples); }));
+  Result<ReadRests> found = reader->take();
   if (found && table.jitter_s > 0.01 * table.info.sample_period_s)
     found->notes.push_back(
         fmt::format("time stamps jitter by {:.2g} ms rms: the mean period is used", 1e3 * table.jitter_s));

@@ -40,9 +40,9 @@ class TableLife {
       life_.add(sample);
     }
   }
-  const std::string& finish() {
+  std::string finish() {
     while (index_ < segments_.size()) end_segment();
-    return life_.defect();
+    return without_table_angles(segments_) && segments_.size() > 1 ? life_.without_change() : life_.defect();
   }
 
  private:
@@ -118,7 +118,7 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
       samples = samples.first(samples.size() - 1);
     if (samples.empty()) return Status{};
     feed.add(samples);
-    if (!loaded.by_hand) life.add(samples);
+    life.add(samples);
     if (clipping)
       for (const ImuSample& sample : samples) clipping->add(sample);
     count += static_cast<std::int64_t>(samples.size());

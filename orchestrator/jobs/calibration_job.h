@@ -33,7 +33,7 @@ struct LoadedRecording {
   std::string hash;          // of the contents (RecordingSource::content_hash)
   double recorded_s = 0.0;   // of all its segments
   bool by_hand = false;      // no table angles
-  std::string dead_channel;  // data_screen.h, of a recording with table angles
+  std::string dead_channel;  // data_screen.h
   std::string segmented;     // how, where it came without segments; empty: it came with its own
 };
 

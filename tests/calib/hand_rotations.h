@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "calib/model/parameters.h"
+#include "calib/statistics/segmentation.h"
 #include "calib/types/recording_types.h"
 
 namespace turncal {
@@ -22,6 +23,13 @@ struct HandData {
   std::vector<ImuSample> samples;
   Parameters truth;
 };
+
+inline Segmentation find_rests(const RecordingInfo& info, std::span<const ImuSample> samples,
+                               const SegmentationOptions& options = {}) {
+  RestFinder finder(info, options);
+  finder.add(samples);
+  return finder.finish();
+}
 
 struct HandPlan {
   int rests = 20;

@@ -70,6 +70,8 @@ TEST(MapProposal, ReadsTheSamplesWithoutAMap) {
     ASSERT_OK(map) << proposal->text;
     expect_sample_motion(import_csv(*map, samples + file), 0.01, 1e-6, file);
   }
+  // Columns that the logger names and leaves empty are none: the time is not GpsToW.
+  EXPECT_SAYS(expect_value(propose(samples + "vectornav.csv")).text, "time.column = TimeStartup\ntime.unit = ns\n");
 }
 
 // A table of 400 rows that turns or does not, in the given units.

@@ -2,7 +2,11 @@
 #include <matio.h>
 #include "tests/test.h"
 
+#include <bit>
+#include <random>
+
 #include "imu_io/base/files.h"
+#include "imu_io/base/text.h"
 #include "imu_io/recordings/number_table.h"
 
 namespace turncal {
@@ -36,6 +40,31 @@ TEST(NumberTable, ReadsNumpyArraysOfEitherOrder) {
   const auto counts = good(read_number_table(npy("<i2", false, "(3,)", bytes_of(std::vector<std::int16_t>{-7, 0, 9})),
                                              "a.npy", {{"1"}}, {}));
   EXPECT_EQ(counts->columns[0], (std::vector<double>{-7, 0, 9}));
+}
+
+// Decimal numbers of 1 to 20 digits, with and without sign, point and exponent, are those of the standard library to the last bit.
+TEST(NumberTable, NumbersOfATextAreRoundedOnce) {
+  std::mt19937 random(7);
+  const auto below = [&](unsigned n) { return static_cast<unsigned>(random() % n); };
+  std::string text = "x\n-0.0\n.5\n5.\n-.25\n0\n9007199254740993\n0.1234567890123456\n999999999999999\n";
+  for (int k = 0; k < 20000; ++k) {
+    std::string number = below(2) == 0 ? "-" : "";
+    const unsigned digits = 1 + below(20), point = below(2 * digits);
+    for (unsigned d = 0; d < digits; ++d)
+      number += (d == point ? "." : "") + std::string(1, static_cast<char>('0' + below(10)));
+    if (below(8) == 0) number += "e" + std::to_string(static_cast<int>(below(40)) - 20);
+    text += number + "\n";
+  }
+  const auto table = good(read_number_table(text, "a.csv", {{"x"}}, {}));
+  std::string_view left = text;
+  next_line(left);
+  for (const double value : table->columns[0]) {
+    const std::string_view line = next_line(left);
+    double expected = NAN;
+    std::from_chars(line.data(), line.data() + line.size(), expected);
+    ASSERT_EQ(std::bit_cast<std::uint64_t>(value), std::bit_cast<std::uint64_t>(expected)) << line;
+  }
+  EXPECT_TRUE(left.empty());
 }
 
 TEST(NumberTable, RefusesWhatIsNoArrayOfNumbers) {

@@ -1,5 +1,7 @@
 // `turncal import --map`, `segment`, `calibrate` and `diagnose` on units turned by hand, as black boxes: a synthetic unit, and
 // the measured data of ../shared with the figures of docs/measured.md.
+#include <fmt/format.h>
+
 #include "imu_io/base/text.h"
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_text.h"
@@ -69,6 +71,30 @@ class HandTurned : public Program {
     return result;
   }
 };
+
+// A gyro that gives one value, with a map that is not in doubt, by bytes or in text: every way in says it, and nothing is calibrated from it.
+TEST_F(HandTurned, ADeadGyroIsSaid) {
+  synthetic("rec", {});
+  std::string text, csv = "gx,gy,gz,ax,ay,az\n";
+  for (const std::string& line : lines_of(file_text(path("rec/imu.csv")))) {
+    std::vector<std::string> cells = lines_of(line, ',');
+    if (cells.size() == 7 && cells[0] != "sample") {
+      cells[2] = "0";
+      csv += fmt::format("{}\n", fmt::join(cells.begin() + 1, cells.end(), ","));
+    }
+    text += fmt::format("{}\n", fmt::join(cells, ","));
+  }
+  write("rec/imu.csv", text);
+  write("log.csv", csv);
+  write("map.conf",
+        "gyro.columns = gx, gy, gz\ngyro.unit = rad\naccel.columns = ax, ay, az\naccel.unit = m/s\nrate_hz = 100\n"
+        "gravity_mps2 = 9.81\nunit_serial = hand\n");
+  const std::string said = "gyro y gave the same value, 0, in all samples";
+  EXPECT_SAYS(ends("import rec --out binary", 0).out, said);
+  EXPECT_SAYS(ends("import log.csv --map map.conf --out table", 0).out, said);
+  for (const char* recording : {"rec", "binary", "table"})
+    EXPECT_SAYS(ends(std::string("calibrate ") + recording + " --out out", 20).err, said);
+}
 
 TEST_F(HandTurned, DiagnosesAndWritesTheThreeFiles) {
   synthetic("rec", with_g_sensitivity(3));

@@ -30,6 +30,7 @@
 #include "calib/statistics/segmentation.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "tests/calib/compress.h"
+#include "tests/calib/hand_rotations.h"
 #include "tests/study/hand_unit.h"
 
 namespace turncal {

@@ -5,7 +5,6 @@
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "calib/model/parameters.h"
 #include "imu_io/base/text.h"
@@ -75,9 +74,10 @@ struct LowerTriangular {
 // Continuous densities; the random walk that drives the Gauss-Markov process of the file's bias instability.
 std::string densities(const ForeignCalibration& of, const std::string& indent) {
   std::string text;
-  const double drive = std::sqrt(2.0 / of.correlation_s);
-  for (const auto& [triad, walk, bias] : {std::tuple{"accelerometer", &of.vrw, of.accel_instability_mps2},
-                                          std::tuple{"gyroscope", &of.arw, of.gyro_instability_radps}}) {
+  const double drive = std::sqrt(2.0 / of.noise.bias_correlation_s);
+  for (const auto& [triad, walk, bias] :
+       {std::tuple{"accelerometer", &of.noise.velocity_random_walk, of.noise.accel_bias_instability_mps2},
+        std::tuple{"gyroscope", &of.noise.angle_random_walk, of.noise.gyro_bias_instability_radps}}) {
     text += fmt::format("{}{}_noise_density: {}\n", indent, triad, format_number(walk->norm() / std::sqrt(3.0)));
     text += bias > 0.0 ? fmt::format("{}{}_random_walk: {}\n", indent, triad, format_number(bias * drive))
                        : fmt::format(
@@ -183,25 +183,27 @@ std::string kf_gins(const ForeignCalibration& of) {
          yaml_list("initaccscale", P.cwiseAbs() * scale_a * 1e6, "ppm") +
          yaml_list("initbgstd", sigma(0, 1, 1.0), "deg/h, sigma of the calibration") +
          yaml_list("initbastd", sigma(3, 1, standard_gravity_mps2 / milli_gal), "mGal") + "imunoise:\n" +
-         yaml_list("  arw", turned(of.arw / radprs_per_degprh), "deg/sqrt(hr)") +
-         yaml_list("  vrw", turned(of.vrw * 60.0), "m/s/sqrt(hr)") +
-         yaml_list("  gbstd", Vector3d::Constant(of.gyro_instability_radps / radps_per_degph), "deg/hr") +
-         yaml_list("  abstd", Vector3d::Constant(of.accel_instability_mps2 / milli_gal), "mGal") +
+         yaml_list("  arw", turned(of.noise.angle_random_walk / radprs_per_degprh), "deg/sqrt(hr)") +
+         yaml_list("  vrw", turned(of.noise.velocity_random_walk * 60.0), "m/s/sqrt(hr)") +
+         yaml_list("  gbstd", Vector3d::Constant(of.noise.gyro_bias_instability_radps / radps_per_degph), "deg/hr") +
+         yaml_list("  abstd", Vector3d::Constant(of.noise.accel_bias_instability_mps2 / milli_gal), "mGal") +
          yaml_list("  gsstd", sigma(6, 4, 1e6 / of.file.parameters[6]), "ppm") +
          yaml_list("  asstd", sigma(15, 4, 1e6), "ppm") +
-         fmt::format("  corrtime: {}  # hr\n", format_number(of.correlation_s / 3600.0));
+         fmt::format("  corrtime: {}  # hr\n", format_number(of.noise.bias_correlation_s / 3600.0));
 }
 
 std::string ros(const ForeignCalibration& of) {
-  const auto diagonal = [&](const char* key, const Vector3d& density) {
-    const Vector3d v = density.cwiseAbs2() / of.file.sample_period_s;
+  const auto diagonal = [&](const char* key, const Vector3d& density, double pulse) {
+    const double dt = of.file.sample_period_s;
+    const Vector3d v = (density.cwiseAbs2() / dt).array() + pulse * pulse / (6.0 * dt * dt);
     return fmt::format("{}: [{}, 0, 0, 0, {}, 0, 0, 0, {}]\n", key, format_number(v[0]), format_number(v[1]),
                        format_number(v[2]));
   };
   return not_held(of, "#", "all but the noise of a sample; turncal apply --as rates calibrates the samples") +
-         "# sensor_msgs/Imu, by rows; axes b: x front, y up, z right; N^2 / dt, (rad/s)^2 and (m/s^2)^2\n"
+         "# sensor_msgs/Imu, by rows; axes b: x front, y up, z right; N^2 / dt + (pulse / dt)^2 / 6, SI\n"
          "orientation_covariance: [-1, 0, 0, 0, 0, 0, 0, 0, 0]\n" +
-         diagonal("angular_velocity_covariance", of.arw) + diagonal("linear_acceleration_covariance", of.vrw);
+         diagonal("angular_velocity_covariance", of.noise.angle_random_walk, of.noise.gyro_pulse_rad) +
+         diagonal("linear_acceleration_covariance", of.noise.velocity_random_walk, of.noise.accel_pulse_mps);
 }
 
 // What is taken off the raw reading of gyros and accelerometers, front, right, down: (rad/s, m/s^2).
@@ -315,20 +317,13 @@ Result<ForeignCalibration> foreign_calibration(const ParameterFile& file, const 
   info.accel_pulse_mps = file.accel_pulse_mps;
   const SensorModel model = sensor_model(from_vector(file.parameters), info);
   const double pulse = file.accel_increment == IncrementKind::pulses ? file.accel_pulse_mps : 1.0;
-  const NoiseModel noise = TRY(stored_noise(file, path));
-  const Vector3d unknown = Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
-  const bool known = has_noise(file);
   return ForeignCalibration{file,
                             path,
                             model.gyro_scale / nominal_gyro_rad(info),
                             model.accel_scale / pulse,
                             model.gyro_bias_radps,
                             model.accel_bias_mps2,
-                            known ? noise.angle_random_walk : unknown,
-                            known ? noise.velocity_random_walk : unknown,
-                            noise.gyro_bias_instability_radps,
-                            noise.accel_bias_instability_mps2,
-                            noise.bias_correlation_s};
+                            TRY(stored_noise(file, path))};
 }
 
 Result<std::string> write_foreign_form(const ParameterFile& file, const std::string& path, const std::string& form) {

@@ -18,9 +18,7 @@ struct ForeignCalibration {
   std::string path;
   Eigen::Matrix3d gyro, accel;  // S
   Eigen::Vector3d gyro_bias_radps, accel_bias_mps2;
-  Eigen::Vector3d arw, vrw;                                           // rad/sqrt(s), m/s/sqrt(s); NaN: not in the file
-  double gyro_instability_radps = 0.0, accel_instability_mps2 = 0.0;  // 0: none was seen
-  double correlation_s = 0.0;
+  NoiseModel noise;
 };
 // An error when the file's noise keys cannot be read.
 Result<ForeignCalibration> foreign_calibration(const ParameterFile& file, const std::string& path);

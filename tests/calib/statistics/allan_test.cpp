@@ -23,6 +23,32 @@ TEST(Allan, PublishedSets) {
   for (std::int64_t n = 1234567890; thousand.size() < 1000; n = 16807 * n % 2147483647)
     thousand.push_back(static_cast<double>(n) / 2147483647.0);
   EXPECT_NEAR(deviation(thousand, 0), 2.922319e-1, 5e-8);
+  // oadev of AllanTools 2024.06 (599dc9e) on the same numbers, tau = 1 2 3 4 6 8 ... 256.
+  const std::vector<double> of_allantools = {
+      0.29223187810675916,  0.20101604217093852, 0.16444561335420452, 0.14479130721843778,
+      0.12252027573907326,  0.10570385007869997, 0.07931447673439188, 0.06191477841874486,
+      0.051583608901444304, 0.04808214262128163, 0.04043447882665714, 0.03623721298570471,
+      0.033078847704691716, 0.02767385582069447, 0.01740922858955826, 0.010282217639032731};
+  for (std::size_t k = 0; k < of_allantools.size(); ++k)
+    EXPECT_NEAR(deviation(thousand, k) / of_allantools[k], 1.0, 1e-10) << k;
+}
+
+// Of one power law: edf_greenhall of AllanTools 2024.06 (599dc9e; Greenhall and Riley, 2003), Allan variance, overlapping, 1025 phases.
+// From 16 cells on: of one cell of white noise it has 801, and the sum over d_k is 682, as Howe's formula above.
+TEST(Allan, DegreesOfFreedomOfAllanTools) {
+  const struct {
+    double m, q, n, b, k;
+  } rows[] = {
+      {16, 514.953, 88.492, 73.059, 57.8}, {64, 478.886, 21.801, 16.984, 13.313}, {256, 354.914, 4.003, 3.003, 2.239}};
+  for (const auto& [m, q, n, b, k] : rows) {
+    const double expected[] = {q, n, b, k};
+    for (std::size_t term = 0; term < 4; ++term) {
+      AllanFit fit;
+      fit.terms[term].value = 2.0;
+      EXPECT_NEAR(equivalent_degrees(fit, m, 1.0, {1025.0 - 2.0 * m}) / expected[term], 1.0, 0.06)
+          << allan_letters[term] << " m = " << m;
+    }
+  }
 }
 
 // Of one power law: the approximations of SP 1065, table 5 (Howe, Allan and Barnes, 1981), which are good to some per cent; n phases.

@@ -88,7 +88,8 @@ TEST(ForeignForms, EachGivesTheSameSample) {
         same(C_i_b.transpose() * (C.transpose() * Mg.inverse() * (raw_w - triple(text, "bias of the raw gyros"))), w,
              form);
         same(C_i_b.transpose() * (Ma.inverse() * (raw_f - triple(text, "bias of the raw accelerometers"))), f, form);
-        EXPECT_NEAR(read(text, "gyroscope_noise_density", 1, 1)(0), of.arw.norm() / std::sqrt(3.0), 1e-15);
+        EXPECT_NEAR(read(text, "gyroscope_noise_density", 1, 1)(0), of.noise.angle_random_walk.norm() / std::sqrt(3.0),
+                    1e-15);
       }
       const std::string psins = text_of("psins");
       same(rfu.transpose() * (read(psins, "Kg", 3, 3) * (rfu * raw_w) - triple(psins, "eb ") * radps_per_degph), w,
@@ -96,7 +97,8 @@ TEST(ForeignForms, EachGivesTheSameSample) {
       same(rfu.transpose() * (read(psins, "Ka ", 3, 3) * (rfu * raw_f) - triple(psins, "db ") * mpsprs_per_ugprHz), f,
            "psins");
       const std::string ros = text_of("ros");
-      EXPECT_NEAR(read(ros, "angular_velocity_covariance", 3, 3)(1, 1), of.arw[1] * of.arw[1] / 0.005, 1e-18);
+      EXPECT_NEAR(read(ros, "angular_velocity_covariance", 3, 3)(1, 1),
+                  of.noise.angle_random_walk[1] * of.noise.angle_random_walk[1] / 0.005, 1e-18);
       if (!diagonal) continue;  // what follows holds no misalignment
       const std::string gins = text_of("kf_gins");
       const auto by_axis = [&](const Vector3d& raw, const char* bias, double unit, const char* scale) {
@@ -121,6 +123,42 @@ TEST(ForeignForms, EachGivesTheSameSample) {
       const Vector3d without_bias = frd.transpose() * (frd * raw_w - parameter("GYRO0_OFF"));
       same(p.n / nominal * without_bias, w, "px4 gyros, their scale factors beside it");
     }
+}
+
+// Samples of a unit of the file, counted or not, and calibrated, scatter about the truth by the covariances of the message. Sampling error: 1 %.
+TEST(ForeignForms, RosCovariancesAreTheScatterOfSamples) {
+  for (const IncrementKind kind : {IncrementKind::physical, IncrementKind::pulses}) {
+    ParameterFile file = made(kind, true);
+    if (kind == IncrementKind::pulses) file.add_further("noise.gyro_pulse_arcsec", 0.932920);
+    const ForeignCalibration of = *foreign_calibration(file, "p.conf");
+    const std::string ros = *write_foreign_form(file, "p.conf", "ros");
+    EXPECT_EQ(read(ros, "orientation_covariance", 1, 1)(0), -1.0);  // REP 145: there is no orientation
+    std::mt19937_64 random(3);
+    std::normal_distribution<double> normal;
+    constexpr int samples = 20000;
+    const double dt = file.sample_period_s;
+    for (const bool gyro : {true, false}) {
+      const Matrix3d covariance =
+          read(ros, gyro ? "angular_velocity_covariance" : "linear_acceleration_covariance", 3, 3);
+      const Matrix3d S = gyro ? of.gyro : of.accel;
+      const Vector3d bias = gyro ? of.gyro_bias_radps : of.accel_bias_mps2,
+                     density = gyro ? of.noise.angle_random_walk : of.noise.velocity_random_walk;
+      const double pulse = gyro ? of.noise.gyro_pulse_rad : of.noise.accel_pulse_mps;
+      Vector3d squares = Vector3d::Zero(), angle = squares, counted = squares;
+      for (int k = 0; k < samples; ++k) {
+        const Vector3d truth = Vector3d::NullaryExpr([&] { return 0.3 * normal(random); });
+        const Vector3d noise =
+            Vector3d::NullaryExpr([&] { return normal(random); }).cwiseProduct(density) / std::sqrt(dt);
+        angle += S.inverse() * (truth + noise + bias) * dt;
+        const Vector3d now = pulse > 0.0 ? Vector3d((angle / pulse).array().floor() * pulse) : angle;
+        squares += (S * (now - counted) / dt - bias - truth).cwiseAbs2();
+        counted = now;
+      }
+      EXPECT_EQ(Matrix3d(covariance.diagonal().asDiagonal()), covariance);
+      for (Eigen::Index axis = 0; axis < 3; ++axis)
+        EXPECT_NEAR(squares[axis] / samples / covariance(axis, axis), 1.0, 0.1) << gyro << axis;
+    }
+  }
 }
 
 // As the two autopilots take temperature off: the readings of a unit at other temperatures are those of the file there, beside its scale factors.
