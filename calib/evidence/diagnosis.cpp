@@ -411,8 +411,8 @@ class Diagnosing {
     const bool of_latitude = (!d_.trusted && !d_.base.undetermined.empty()) ||
                              std::ranges::find(d_.effect_names, "earth_rate") != d_.effect_names.end();
     if (!of_latitude || recordings_.parts.size() != 1) return;
-    if (const std::string wrong = wrong_latitude(recording_, d_.base); !wrong.empty())
-      d_.reason = wrong + "; " + d_.reason;
+    if (d_.latitude = wrong_latitude(recording_, d_.base); !d_.latitude.empty())
+      d_.reason = d_.latitude + "; " + d_.reason;
   }
 
   const JoinedRecordings& recordings_;

@@ -85,6 +85,7 @@ struct Diagnosis {
   std::string hangs_on_name;                     // why it is not, where a parameter does (posterior.h)
   Statements statements;                         // what is missing, with probabilities
   Omnibus omnibus;                               // of the final model
+  std::string latitude;                          // that the gyros feel, where it is another (felt_latitude.h)
   std::string unexplained_pattern;               // what the unexplained residual looks like
   double error_before = 0.0, error_after = 0.0;  // rms normalised residual, both with the noise of the final model
   HoldoutError holdout_before, holdout_after;

@@ -144,7 +144,8 @@ Facts verdict_facts(const std::string& verdict, bool trusted, const std::string&
 }
 
 std::string brief_reason(const Diagnosis& d) {
-  const std::string distrust = d.hangs_on_name.empty() ? "" : "; " + d.hangs_on_name;
+  const std::string distrust = d.hangs_on_name.empty() ? "" : "; " + d.hangs_on_name,
+                    latitude = d.latitude.empty() ? "" : d.latitude + "; ";
   if (d.verdict == Verdict::extended) {
     std::vector<std::string> effects;
     for (const std::string& name : d.effect_names) {
@@ -154,14 +155,14 @@ std::string brief_reason(const Diagnosis& d) {
       effects.push_back(describe_effect(d, name, 1, false));
       if (probability > 0.0) effects.back() += ", probability " + words_of_probability(probability);
     }
-    return "added: " + join(effects, "; ") + distrust;
+    return latitude + "added: " + join(effects, "; ") + distrust;
   }
-  if (d.verdict == Verdict::noise_model) return "the assumed noise does not fit the data";
+  if (d.verdict == Verdict::noise_model) return latitude + "the assumed noise does not fit the data";
   if (d.verdict == Verdict::unexplained)
-    return (d.unexplained_pattern.empty() ? "" : clause(d.unexplained_pattern) + ": ") +
+    return latitude + (d.unexplained_pattern.empty() ? "" : clause(d.unexplained_pattern) + ": ") +
            "effects of the catalogue do not explain all of the residual";
   if (d.verdict == Verdict::not_tested) return clause(d.reason);
-  return "the parameters explain the data" +
+  return latitude + "the parameters explain the data" +
          (d.statements.tested
               ? "; probability that something is missing: " + words_of_probability(d.statements.anything) + distrust
               : "");
