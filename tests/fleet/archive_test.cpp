@@ -10,9 +10,7 @@ class Archive : public Program {
   void SetUp() override {
     Program::SetUp();
     for (const char* unit : {"SN1", "SN2"})
-      ends({"run", "--dry-run", "--unit", unit, "--no-diagnosis", "--out", path(std::string("archive/") + unit),
-            "--sequence", TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"},
-           0);
+      ends(dry_run(std::string("archive/") + unit, "--no-diagnosis --quiet", unit), 0);
     std::filesystem::create_directories(path("archive/copy"));
     std::filesystem::copy_file(path("archive/SN1/recording.tcr"), path("archive/copy/recording.tcr"));
     write("archive/empty.tcr", "");
@@ -128,10 +126,10 @@ TEST_F(Archive, RefusesWhatItDoesNotUnderstand) {
 TEST_F(Archive, IsAPrior) {
   std::filesystem::create_directories(path("earlier"));
   for (int k = 0; k < 11; ++k)
-    ends({"run", "--dry-run", "--unit", "SN" + std::to_string(20 + k), "--rig",
-          write("unit.rig", "seed = " + std::to_string(20 + k) + "\n"), "--no-diagnosis", "--station", station(),
-          "--out", path("earlier/" + std::to_string(k)), "--sequence",
-          TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"},
+    ends(dry_run("earlier/" + std::to_string(k),
+                 {"--rig", write("unit.rig", "seed = " + std::to_string(20 + k) + "\n"), "--no-diagnosis", "--station",
+                  station(), "--quiet"},
+                 "SN" + std::to_string(20 + k)),
          0);
   const ProgramResult result = ends("calibrate earlier/3 --prior earlier --out earlier/with --verbose", 0);
   EXPECT_SAYS(result.out, "prior: 10 other units, 0 earlier calibrations of this one");
@@ -164,11 +162,11 @@ TEST_F(Archive, IsAFleet) {
 // The rows of a station's database: its recordings are an archive, and what they hold is a fleet, the same as in the files.
 TEST_F(Archive, IsAResultsDatabase) {
   for (const char* unit : {"SN3", "SN4"})
-    ASSERT_EQ(run({"run", "--dry-run", "--unit", unit, "--lot", std::string("lot ") + unit, "--part", "P7",
-                   "--no-diagnosis", "--out", path(std::string("runs/") + unit), "--station", station(), "--sequence",
-                   TURNCAL_SOURCE_DIR "/sequences/forty_minutes.seq", "--quiet"})
-                  .code,
-              0);
+    ends(dry_run(
+             std::string("runs/") + unit,
+             {"--lot", std::string("lot ") + unit, "--part", "P7", "--no-diagnosis", "--station", station(), "--quiet"},
+             unit),
+         0);
   const ProgramResult of_files = run("fleet diagnose runs --format csv");
   const ProgramResult of_rows = ends("fleet diagnose results.db --format csv", of_files.code);
   EXPECT_EQ(of_rows.out, of_files.out);

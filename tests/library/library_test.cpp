@@ -32,7 +32,9 @@ class Library : public testing::Test {
     folder = new fs::path(fs::temp_directory_path() / ("turncal-library-" + std::to_string(getpid())));
     fs::create_directories(*folder);
     std::ofstream(*folder / "k2.rig") << "effect.accel_second_order.x = 60\n";
-    ASSERT_EQ(program("run --dry-run --quiet --capture-only --unit LIB --rig k2.rig --out run"), "");
+    ASSERT_EQ(program("run --dry-run --quiet --capture-only --unit LIB --rig k2.rig --out run --sequence " + sequences +
+                      "short_demo.seq"),
+              "");
   }
   static void TearDownTestSuite() {
     fs::remove_all(*folder);
@@ -119,7 +121,9 @@ TEST_F(Library, AnErrorIsTheLineAndTheCodeOfTheProgram) {
     }
   };
   std::ofstream(path("no.conf")) << "N01 = 1\n";
-  program("run --dry-run --quiet --capture-only --unit OTHER --sequence " + sequences + "verify.seq --out other");
+  std::ofstream(path("level.seq")) << "format = 1\nname = level\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1\n"
+                                      "  initial H 0 P 0 R 0\n  align 4000\n  dwell 4000\n";
+  program("run --dry-run --quiet --capture-only --unit OTHER --sequence level.seq --out other");
   program("calibrate run --out of_run");
   fs::current_path(*folder);
   const Recording other = Recording::load("other");

@@ -79,7 +79,10 @@ class Program : public testing::Test {
     std::filesystem::remove_all(folder_);
     std::filesystem::create_directories(folder_);
   }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
+  void TearDown() override {
+    std::filesystem::remove_all(folder_);
+    std::filesystem::remove(folder_.string() + ".count");
+  }
 
   std::string path(const std::string& name) const { return (folder_ / name).string(); }
   std::string write(const std::string& name, const std::string& text) const {
@@ -152,24 +155,50 @@ class Program : public testing::Test {
     return finish(pid);
   }
 
-  // Killed at each of these points and taken up: the exit code, parameters and recording of the run in `whole`.
-  void expect_same_after_kills(const Arguments& begin, const std::string& folder, const std::vector<long>& points,
+  // With a copy of the folder as it is left by a kill (k) or a power cut (p) at each of these calls: FOLDER.12, and FOLDER.12/said.
+  ProgramResult run_copied(const Arguments& arguments, const std::string& folder,
+                           const std::map<long, char>& points) const {
+    std::string copies;
+    for (const auto& [point, how] : points) copies += " " + std::to_string(point) + how;
+    ::setenv("TURNCAL_FAULT_FOLDER", (std::filesystem::canonical(folder_) / folder).c_str(), 1);
+    ::setenv("TURNCAL_FAULT_COPIES", copies.c_str(), 1);
+    const ProgramResult result = run_struck(arguments, 0, "");
+    for (const char* name : {"TURNCAL_FAULT_FOLDER", "TURNCAL_FAULT_COPIES"}) ::unsetenv(name);
+    return result;
+  }
+  // The copy in the folder's place; false: there is none.
+  bool take_copy(const std::string& folder, long point) const {
+    const std::filesystem::path copy = path(folder + "." + std::to_string(point));
+    if (!std::filesystem::exists(copy)) return false;
+    std::filesystem::remove_all(folder_ / folder);
+    std::filesystem::rename(copy, folder_ / folder);
+    return true;
+  }
+  // Killed at each of these points and taken up: the exit code, parameters and recording of the run in `whole`. `out`: where it records.
+  void expect_same_after_kills(const Arguments& begin, const std::string& out, const std::vector<long>& points,
                                const std::string& whole, int code = 0) const {
+    const std::string folder = out.substr(0, out.find('/'));
+    std::map<long, char> kills;
+    for (const long point : points) kills[point] = 'k';
+    ASSERT_EQ(run_copied(begin, folder, kills).code, code);
     for (const long point : points) {
       SCOPED_TRACE(point);
-      ASSERT_EQ(run_struck(begin, point, "kill").code, -1000 - SIGKILL);
-      EXPECT_EQ(run({"resume", folder}).code, code);
+      ASSERT_TRUE(take_copy(folder, point));
+      EXPECT_EQ(run({"resume", out}).code, code);
       for (const char* name : {"parameters.conf", "recording.tcr"})
-        EXPECT_EQ(file_text(folder_ / folder / name), file_text(folder_ / whole / name)) << name;
-      std::filesystem::remove_all(folder_ / folder);
+        EXPECT_EQ(file_text(folder_ / out / name), file_text(folder_ / whole / name)) << name;
     }
   }
 
-  // How many calls run_struck can strike at.
+  // And how many calls run_struck can strike at.
+  ProgramResult run_counted(const Arguments& arguments, long& points) const {
+    const ProgramResult result = run_struck(arguments, 0, "");
+    points = std::stol(file_text(folder_.string() + ".count"));
+    return result;
+  }
   long count_points(const Arguments& arguments, int code = 0) const {
-    EXPECT_EQ(run_struck(arguments, 0, "kill").code, code);
-    const long points = std::stol(file_text(folder_.string() + ".count"));
-    std::filesystem::remove(folder_.string() + ".count");
+    long points = 0;
+    EXPECT_EQ(run_counted(arguments, points).code, code);
     return points;
   }
 

@@ -16,24 +16,29 @@ const std::string station_text = station_head +
                                  "motion.settle_s = 0.5\nlimit.residual_max = 2\nlimit.N01.sigma_max = 1\n"
                                  "record.database = results.db\nrecord.store = store\n";
 
+// The four steps that determine everything hold every kind of write that fourteen hold.
+const bool long_tests = std::getenv("TURNCAL_LONG_TESTS") != nullptr;
+
 class Resume : public Program {
  protected:
   void SetUp() override {
     Program::SetUp();
-    reference_station_ = write("reference/mock.station", station_text);
+    const std::string station = write("reference/mock.station", station_text);
     const std::string whole = file_text(short_demo);
-    sequence_ = whole_run() ? short_demo : write("four_steps.seq", whole.substr(0, whole.find("step 5")));
-    ASSERT_EQ(run(begin("reference/out", reference_station_)).code, 0);
+    sequence_ = long_tests ? short_demo : write("four_steps.seq", whole.substr(0, whole.find("step 5")));
+    ASSERT_EQ(run_struck(begin("reference/out", station), 0, "").code, 0);
+    long unsynced = -1;
+    std::istringstream(file_text(folder_.string() + ".count")) >> points_ >> unsynced;
+    EXPECT_EQ(unsynced, 0) << "something was done while a record of the journal was not on disk";
+    ASSERT_GT(points_, long_tests ? 1000 : 250);
     for (const char* name : {"parameters.conf", "recording.tcr", "truth.conf"}) {
       reference_[name] = file_text(folder_ / "reference/out" / name);
       ASSERT_FALSE(reference_[name].empty()) << name;
     }
     reference_dwells_ = dwells(folder_ / "reference/out");
-    ASSERT_GE(reference_dwells_.size(), whole_run() ? 51u : 15u);
+    ASSERT_GE(reference_dwells_.size(), long_tests ? 51u : 15u);
   }
 
-  // The four steps that determine everything hold every kind of write that fourteen hold.
-  virtual bool whole_run() const { return true; }
   Arguments begin(const std::string& out, const std::string& station) const {
     return {"run", "--dry-run", "--unit", "SN1", "--out", out, "--sequence", sequence_, "--station", station};
   }
@@ -48,20 +53,10 @@ class Resume : public Program {
     return items;
   }
 
-  long count_points() const {
-    const std::string station = write("count/mock.station", station_text);
-    EXPECT_EQ(run_struck(begin("count/out", station), 0, "kill").code, 0);
-    long points = 0, unsynced = -1;
-    std::istringstream(file_text(folder_.string() + ".count")) >> points >> unsynced;
-    EXPECT_EQ(unsynced, 0) << "something was done while a record of the journal was not on disk";
-    fs::remove(folder_.string() + ".count");
-    return points;
-  }
-
   // Resumes (or begins anew where nothing was begun) and compares everything with the run that was not interrupted.
-  void expect_same_end(const std::string& folder, const std::string& station, const ProgramResult& first) const {
+  void expect_same_end(const std::string& folder, const std::string& station, const std::string& said) const {
     const fs::path out = folder_ / folder / "out";
-    const bool said_pass = first.out.find("verdict     pass") != std::string::npos;
+    const bool said_pass = said.find("verdict     pass") != std::string::npos;
     const std::vector<int> before = dwells(out);
     const bool begun = fs::exists(out / journal_name);
     if (begun) {
@@ -85,44 +80,37 @@ class Resume : public Program {
     ASSERT_FALSE(fs::exists(folder_ / folder / "store/SN1")) << "a production file from simulated data";
   }
 
-  void strike_at(long point, const char* mode, int expected_code) const {
-    SCOPED_TRACE(std::string(mode) + " at call " + std::to_string(point));
-    const std::string folder = "struck";
-    const std::string station = write(folder + "/mock.station", station_text);
-    const ProgramResult first = run_struck(begin(folder + "/out", station), point, mode);
-    ASSERT_EQ(first.code, expected_code) << first.err;
-    expect_same_end(folder, station, first);
-    fs::remove_all(folder_ / folder);
-  }
-  // Every twelfth call from `first` on, a kill and a power cut in turn; TURNCAL_LONG_TESTS: both at each, of fourteen steps.
+  // Every twelfth call from `first` on, as a kill and as a power cut in turn; TURNCAL_LONG_TESTS: both at each.
   void strike_at_every_twelfth(long first) const {
-    const long points = count_points();
-    ASSERT_GT(points, whole_run() ? 1000 : 250);
-    const bool both = std::getenv("TURNCAL_LONG_TESTS") != nullptr;
-    for (long point = first; point <= points && !HasFatalFailure(); point += 12) {
-      const bool kill = point / 12 % 2 == 0;
-      if (kill || both) strike_at(point, "kill", -1000 - SIGKILL);
-      if (!kill || both) strike_at(point, "power", -1000 - SIGKILL);
+    for (const std::string ways : long_tests ? std::vector{"k", "p"} : std::vector{"kp"}) {
+      const std::string station = write("struck/mock.station", station_text);
+      std::map<long, char> points;
+      for (long point = first; point <= points_; point += 12) points[point] = ways[point / 12 % ways.size()];
+      ASSERT_EQ(run_copied(begin("struck/out", station), "struck", points).code, 0);
+      for (const auto& [point, how] : points) {
+        SCOPED_TRACE(std::to_string(point) + how);
+        ASSERT_TRUE(take_copy("struck", point));
+        expect_same_end("struck", station, file_text(folder_ / "struck/said"));
+        if (HasFatalFailure()) return;
+      }
+      fs::remove_all(folder_ / "struck");
     }
   }
 
   int copies_ = 0;
   std::string sequence_;
-  std::string reference_station_;
+  long points_ = 0;
   std::map<std::string, std::string> reference_;
   std::vector<int> reference_dwells_;
 };
 
 // Twelve tests, so that they can run side by side.
-class ResumeStruck : public Resume, public testing::WithParamInterface<int> {
-  bool whole_run() const override { return std::getenv("TURNCAL_LONG_TESTS") != nullptr; }
-};
+class ResumeStruck : public Resume, public testing::WithParamInterface<int> {};
 TEST_P(ResumeStruck, AtEveryWriteAndSync) { strike_at_every_twelfth(GetParam()); }
 INSTANTIATE_TEST_SUITE_P(First, ResumeStruck, testing::Range(1, 13));
 
 TEST_F(Resume, DiskFullAtAnyWriteStopsTheRunAndItGoesOn) {
-  const long points = count_points();
-  for (long point = 1; point <= points && !HasFatalFailure(); point += 29) {
+  for (long point = 1; point <= points_ && !HasFatalFailure(); point += 13) {
     SCOPED_TRACE("full from call " + std::to_string(point));
     const std::string station = write("full/mock.station", station_text);
     const ProgramResult first = run_struck(begin("full/out", station), point, "full");
@@ -135,14 +123,14 @@ TEST_F(Resume, DiskFullAtAnyWriteStopsTheRunAndItGoesOn) {
           first.err.find("No space left") != std::string::npos || first.err.find("disk is full") != std::string::npos;
       ASSERT_TRUE(named) << first.err;
     }
-    expect_same_end("full", station, first);
+    expect_same_end("full", station, first.out);
     fs::remove_all(folder_ / "full");
   }
 }
 
 TEST_F(Resume, RefusesWhatIsNotTheSameRun) {
   const std::string station = write("part/mock.station", station_text);
-  ASSERT_EQ(run_struck(begin("part/out", station), 700, "kill").code, -1000 - SIGKILL);
+  ASSERT_EQ(run_struck(begin("part/out", station), points_ / 2, "kill").code, -1000 - SIGKILL);
   const std::vector<std::string> resume = {"resume", "part/out"};
   const auto with = [&](const char* option, const std::string& value) {
     return std::vector<std::string>{"resume", "part/out", option, value};
@@ -163,7 +151,7 @@ TEST_F(Resume, RefusesWhatIsNotTheSameRun) {
 
 TEST_F(Resume, RefusesADamagedJournalAndARunThatGoesOn) {
   const std::string station = write("part/mock.station", station_text);
-  ASSERT_EQ(run_struck(begin("part/out", station), 700, "kill").code, -1000 - SIGKILL);
+  ASSERT_EQ(run_struck(begin("part/out", station), points_ / 2, "kill").code, -1000 - SIGKILL);
   const fs::path path = folder_ / "part/out" / journal_name;
   const std::string whole = file_text(path);
   {
@@ -179,8 +167,7 @@ TEST_F(Resume, RefusesADamagedJournalAndARunThatGoesOn) {
   expect_refused({"resume", "part/out"}, "expected a journal");
   write("part/out/journal.tcj", whole);
   EXPECT_EQ(run({"resume", "part/out"}).code, 0);
-  EXPECT_EQ(run({"resume", "part/out"}).code, 0);
-  EXPECT_EQ(run({"resume", "part/out"}).out.find("complete, verdict pass") != std::string::npos, true);
+  EXPECT_SAYS(ends({"resume", "part/out"}, 0).out, "complete, verdict pass");
 }
 
 // Devices of another kind than those the recording was made with.

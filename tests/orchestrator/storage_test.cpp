@@ -31,18 +31,10 @@ class Storage : public Program {
   }
   // A run that was killed when its recording was sealed and nothing had been made of it yet.
   void make_sealed(const std::string& folder) {
-    const long points = count_points(begin("counted/out", station("counted/s.station")));
-    const auto is_sealed_when_struck_at = [&](long point) {
-      fs::remove_all(folder_ / folder);
-      run_struck(begin(folder + "/out", station(folder + "/s.station")), point, "kill");
-      return fs::exists(folder_ / folder / "out/recording.tcr");
-    };
-    long before = 1, after = points;
-    while (after - before > 1) {
-      const long middle = (before + after) / 2;
-      (is_sealed_when_struck_at(middle) ? after : before) = middle;
-    }
-    ASSERT_TRUE(is_sealed_when_struck_at(after));
+    ::setenv("TURNCAL_FAULT_RENAMED", "/recording.tcr", 1);
+    run_struck(begin(folder + "/out", station(folder + "/s.station")), 0, "");
+    ::unsetenv("TURNCAL_FAULT_RENAMED");
+    ASSERT_TRUE(fs::exists(folder_ / folder / "out/recording.tcr"));
     ASSERT_FALSE(fs::exists(folder_ / folder / "out/parameters.conf"));
   }
   // Somebody else holds the results database.

@@ -159,11 +159,11 @@ TEST_F(TableProgram, MonitorSaysThatItCouldNotReadTheTableAtLast) {
 
 // A signal cuts the reading of the moment short: that is no fault of the line, and nothing is said of it.
 TEST_F(TableProgram, MonitorThatIsToldToEndDoesNotCallTheLineLost) {
-  for (int i = 0; i < 10; ++i) {
+  for (int i = 0; i < 5; ++i) {
     const pid_t pid = start({"monitor", "--station", "level.station"});
     const auto reads = [this] { return file_text(folder_.string() + ".out").find("not ready") != std::string::npos; };
     for (int k = 0; k < 2000 && !reads(); ++k) ::usleep(10'000);
-    ::usleep(300'000 + 70'000 * i);
+    ::usleep(300'000 + 140'000 * i);
     ::kill(pid, SIGTERM);
     const ProgramResult result = finish(pid);
     EXPECT_EQ(result.code, 0) << result.err;

@@ -129,7 +129,8 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
   asked.replace(asked.find("3e-6"), 4, "4.5e-7");
   write("drift.rig", rig);
   const std::string station = write("mock.station", asked);
-  const ProgramResult drifted = run(begin("drifted", station));
+  long points = 0;
+  const ProgramResult drifted = run_counted(begin("drifted", station), points);
   EXPECT_SAYS(drifted.out,
               "after item 41 of 106: this dwell, or the turn before it, disagrees with the others: it is repeated");
   std::vector<std::string> again;
@@ -153,7 +154,6 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
   EXPECT_SAYS(again.front(), "enough = false");
 
   // Killed where it was decided, and where the dwell was made: the same bytes.
-  const long points = count_points(begin("count", station), drifted.code);
   expect_same_after_kills(begin("killed", station), "killed", {38 * points / 100, 40 * points / 100, 42 * points / 100},
                           "drifted", drifted.code);
 }
@@ -199,15 +199,11 @@ TEST_F(UntilSigma, IsRefusedWhereNothingSaysWhatIsEnough) {
 TEST_F(UntilSigma, EndsTheSameAfterAKillAtAnyTime) {
   // Each with a store of its own: what is there already changes the number of calls.
   const auto fresh = [&](std::string a) { return begin(a + "/o", write(a + "/s.station", until_sigma_station)); };
-  ends(fresh("whole"), 0);
-  const long points = count_points(fresh("count"));
+  const long points = count_points(fresh("whole"));
   ASSERT_GT(points, 100);
   std::vector<long> struck = {40, 40 + points / 3, 40 + 2 * points / 3};  // and when no more is to come
   for (long point = points - 40; point <= points; point += 8) struck.push_back(point);
-  for (const long point : struck) {
-    expect_same_after_kills(fresh("killed"), "killed/o", {point}, "whole/o");
-    std::filesystem::remove_all(folder_ / "killed");
-  }
+  expect_same_after_kills(fresh("killed"), "killed/o", struck, "whole/o");
 }
 
 // Legs that are added to tell apart what the diagnosis cannot.
@@ -237,7 +233,7 @@ TEST(Doubt, IsAClassOfNamesOrABranchThatIsSaidWithoutOne) {
 class Settle : public Program {
  protected:
   Arguments begin(const std::string& out) const {
-    return {"run", "--dry-run", "--unit", "SN1", "--out", out, "--rig", "doubt.rig", "--settle", "10"};
+    return {"run", "--dry-run", "--unit", "SN1", "--out", out, "--rig", "doubt.rig", "--settle", "5"};
   }
   void SetUp() override {
     Program::SetUp();
@@ -246,7 +242,8 @@ class Settle : public Program {
 };
 
 TEST_F(Settle, AddsTheLegsOnceSaysWhatIsKnownAndIsTheSameAfterAKill) {
-  const ProgramResult whole = run(begin("whole"));
+  long points = 0;
+  const ProgramResult whole = run_counted(begin("whole"), points);
   EXPECT_SAYS(whole.out, "in doubt: ");
   EXPECT_SAYS(whole.out, "In doubt was ");
   EXPECT_SAYS(whole.out, " of legs were added; it is ");
@@ -254,7 +251,6 @@ TEST_F(Settle, AddsTheLegsOnceSaysWhatIsKnownAndIsTheSameAfterAKill) {
   EXPECT_EQ(std::ranges::count_if(lines_of(run({"journal", "whole"}).out),
                                   [](const std::string& line) { return line.find(" settle ") != std::string::npos; }),
             1);
-  const long points = count_points(begin("count"), whole.code);
   // While the legs are walked, and when everything is recorded.
   expect_same_after_kills(begin("killed"), "killed", {points - 60, points - 4}, "whole", whole.code);
 }

@@ -24,7 +24,7 @@ def program(*arguments):
 
 def setUpModule():
     os.chdir(FOLDER)
-    ran = program("run", "--dry-run", "--quiet", "--capture-only", "--unit", "PY", "--sequence", ROOT / "sequences/forty_minutes.seq", "--out", "run")
+    ran = program("run", "--dry-run", "--quiet", "--capture-only", "--unit", "PY", "--sequence", ROOT / "sequences/short_demo.seq", "--out", "run")
     assert ran.returncode == 0, ran.stderr
 
 

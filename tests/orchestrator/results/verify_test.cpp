@@ -214,8 +214,7 @@ TEST_F(Verify, SaysThatTheRecordingIsDamaged) {
 // Killed anywhere and taken up again: the same outcome, exit code and file.
 TEST_F(Verify, GoesOnWithItsOutcome) {
   write_parameters("wrong.conf", 0, 0.1);
-  const ProgramResult whole = ends(seeking("wrong.conf", "whole"), 20);
-  const long points = count_points(seeking("wrong.conf", "count"), 20);
+  const long points = count_points(seeking("wrong.conf", "whole"), 20);
   for (const long point : {points / 3, 2 * points / 3, points - 12, points - 4, points - 1}) {
     const std::string out = "killed" + std::to_string(point);
     run_struck(seeking("wrong.conf", out), point, "kill");
@@ -227,7 +226,6 @@ TEST_F(Verify, GoesOnWithItsOutcome) {
   // The file that is verified has to be the one that was begun with.
   write_parameters("wrong.conf", 0, 0.2);
   run_struck(seeking("wrong.conf", "changed"), points / 2, "kill");
-  std::filesystem::remove(folder_.string() + ".count");
   write_parameters("wrong.conf", 0, 0.3);
   ends("resume changed", 1, "wrong.conf: is not the parameter file that");
 }
@@ -241,7 +239,7 @@ TEST_F(Verify, BehindTheCalibration) {
   const auto into = [](const std::string& out) {
     return Arguments("run --dry-run --unit SN7 --station verifying.station --out " + out);
   };
-  ends(into("v"), 0);
+  const long points = count_points(into("v"));
   const ParameterFile plain = *read_parameter_file(path("plain/parameters.conf"));
   const ParameterFile file = *read_parameter_file(path("v/parameters.conf"));
   EXPECT_EQ(file.parameters, plain.parameters);
@@ -270,9 +268,7 @@ TEST_F(Verify, BehindTheCalibration) {
   }
   write("v/verification.conf", judged);
   // Interrupted in the north seeking: the same file.
-  const long points = count_points(into("count"));
   run_struck(into("killed"), points - points / 20, "kill");
-  std::filesystem::remove(folder_.string() + ".count");
   EXPECT_EQ(run("resume killed").code, 0);
   EXPECT_EQ(file_text(folder_ / "killed/parameters.conf"), text);
   EXPECT_EQ(file_text(folder_ / "killed/verification.conf"), file_text(folder_ / "v/verification.conf"));

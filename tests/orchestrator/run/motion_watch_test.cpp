@@ -190,7 +190,7 @@ struct DrawnMove {
 TEST(SpeedWatch, OfThousandsOfHealthyMovesNoneIsSaid) {
   std::mt19937_64 random(1);
   const auto draw = [&](double from, double to) { return std::uniform_real_distribution(from, to)(random); };
-  for (int i = 0; i < 5000; ++i) {
+  for (int i = 0; i < 2000; ++i) {
     DrawnMove drawn;
     drawn.move.rate_degps = std::exp(draw(std::log(0.5), std::log(90.0)));
     drawn.move.acceleration_degps2 = drawn.move.rate_degps * draw(0.5, 5.0);
