@@ -138,7 +138,6 @@ std::string reason_of(const Statements& s) {
 }
 
 void list_candidates(const Evidence& e, double duration_s, Diagnosis& d) {
-  constexpr double caught_at = 5.0;  // sigmas
   static const UnderNoise none = {nullptr, std::make_shared<TermTable>(), {}};
   const UnderNoise& under = e.at_each_noise.empty() ? none : e.at_each_noise.front();
   const TermTable& table = *under.table;
@@ -152,7 +151,7 @@ void list_candidates(const Evidence& e, double duration_s, Diagnosis& d) {
       c.value = block.s[at] / Q;
       c.sigma = 1.0 / std::sqrt(Q);
       c.z = c.value / c.sigma;
-      c.detectable = caught_at * c.sigma;
+      c.detectable = SelectionLimits{}.caught_at * c.sigma;
       c.visible = c.detectable <= absurd_magnitude(*column.entry, duration_s);
     }
     // Of variants with different time constants the best one stands for the component.

@@ -59,8 +59,7 @@ class HoldoutGate {
   static HoldoutGate dwells_in_turn(const CompressedRecording& recording, Refit refit);
   // "second recording", "3 other recordings", "cross-validation over recordings", "cross-validation over dwells"
   const std::string& source() const { return source_; }
-  // With the noise of the result, or with a given one so that two models are measured with the same rule.
-  HoldoutError error(const JointResult& result) const { return error(result, result.noise); }
+  // With a noise that is given, so that two models are measured with the same rule.
   HoldoutError error(const JointResult& result, const NoiseModel& noise) const;
 
  private:
