@@ -91,7 +91,6 @@ class CoarseStart {
     }
     return p;
   }
-  Parameters with_factor(double factor) const { return with_map(factor * Eigen::Matrix3d::Identity()); }
 
  private:
   Parameters start_;
@@ -235,30 +234,29 @@ Result<Parameters> coarse_rest_parameters(const RestData& data) {
     return input_error(
         "calibration with unknown angles wants at least 4 rests and 3 rotations without lost samples; found " +
         std::to_string(data.rests.size()) + " and " + std::to_string(usable));
+  const Matrix3d as_given = Matrix3d::Identity();
+  constexpr double satisfied_rad = 0.1;  // Gauss-Newton finds the rest of the way
+  const bool far = rest_misfit_rad(data, as_given) > satisfied_rad;
+  return CoarseStart(data).with_map(as_given * (far ? best_rest_factor(data, as_given) : 1.0));
+}
+
+double best_rest_factor(const RestData& data, const Eigen::Matrix3d& gyro_map) {
   const CoarseStart start(data);
-  // Coarse steps over a factor of two either way, then finer around the best.
   double best = 1.0;
-  double best_misfit = direction_misfit(data, start.with_factor(1.0));
-  const double satisfied = static_cast<double>(usable) * 0.1 * 0.1;  // rad^2: Gauss-Newton finds the rest of the way
-  if (best_misfit > satisfied) {
-    for (double step : {0.05, 0.01}) {
-      const double centre = best;
-      const int reach = step > 0.02 ? 14 : 5;
-      for (int k = -reach; k <= reach; ++k) {
-        const double factor = centre * std::exp(k * step);
-        const double misfit = direction_misfit(data, start.with_factor(factor));
-        if (misfit < best_misfit) {
-          best_misfit = misfit;
-          best = factor;
-        }
+  double best_misfit = direction_misfit(data, start.with_map(gyro_map));
+  for (double step : {0.05, 0.01}) {
+    const double centre = best;
+    const int reach = step > 0.02 ? 14 : 5;
+    for (int k = -reach; k <= reach; ++k) {
+      const double factor = centre * std::exp(k * step);
+      const double misfit = direction_misfit(data, start.with_map(factor * gyro_map));
+      if (misfit < best_misfit) {
+        best_misfit = misfit;
+        best = factor;
       }
     }
   }
-  return start.with_factor(best);
-}
-
-double rest_misfit_rad(const RestData& data, double gyro_factor) {
-  return rest_misfit_rad(data, gyro_factor * Eigen::Matrix3d::Identity());
+  return best;
 }
 
 double rest_misfit_rad(const RestData& data, const Eigen::Matrix3d& gyro_map) {

@@ -33,11 +33,11 @@ namespace turncal {
 // rest to rest.
 Result<Parameters> coarse_rest_parameters(const RestData& data);
 
-// Angle by which gravity's direction is missed after a turn, rms over the legs without a fault, with the coarse accelerometers and the
-// nominal gyro scale times `gyro_factor`.
-double rest_misfit_rad(const RestData& data, double gyro_factor);
-// The same of gyros that are connected otherwise: rate = gyro_map * nominal scale * reading.
+// Angle by which gravity's direction is missed after a turn, rms over the legs without a fault, with the coarse accelerometers and
+// rate = gyro_map * nominal scale * reading.
 double rest_misfit_rad(const RestData& data, const Eigen::Matrix3d& gyro_map);
+// The factor on `gyro_map`, within two either way and to 1 %, at which it is least.
+double best_rest_factor(const RestData& data, const Eigen::Matrix3d& gyro_map);
 
 // Of each kind: m/s^2, rad, rad/s.
 using RestFloors = Eigen::Array<double, rest_kind_count, 1>;

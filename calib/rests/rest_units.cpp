@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include <fmt/format.h>
@@ -20,52 +21,37 @@ namespace {
 constexpr double surely = 5.0, near_by = 3.0;
 constexpr Eigen::Index fewest_rows = 30;
 
-std::string wrong_accelerometer_unit(const RestData& data) {
-  if (data.rests.empty()) return {};
-  const RecordingInfo& info = data.recording->info;
-  const SensorModel model = sensor_model(start_parameters(info), info);
-  std::vector<double> norms;
-  for (const Rest& rest : data.rests) norms.push_back((model.accel_scale * rest.whole.accel).norm());
-  return wrong_gravity(median(norms) / info.gravity_mps2, info);
-}
-
-std::string wrong_gyro_unit(const RestData& data, double as_given) {
-  const UnitSlip* best = nullptr;
-  double best_misfit = as_given;
-  for (const UnitSlip& slip : gyro_slips())
-    if (const double misfit = rest_misfit_rad(data, 1.0 / slip.factor); misfit < best_misfit) {
-      best = &slip;
-      best_misfit = misfit;
-    }
-  // A factor between, which is a scale and no slip, explains the turns as well: then nothing is said.
-  if (best == nullptr || best_misfit > rest_limits.of_misfit * as_given) return {};
-  if (rest_misfit_rad(data, (1.0 - slip_nearness) / best->factor) < best_misfit ||
-      rest_misfit_rad(data, (1.0 + slip_nearness) / best->factor) < best_misfit)
-    return {};
-  return fmt::format(
-      "gravity's direction after a turn is off by {:.2g} rad as given and by {:.2g} rad with the rates divided by "
-      "{:.3g}: the gyros look {}",
-      as_given, best_misfit, best->factor, best->words);
-}
-
-// The best of the 48 ways to connect three gyros, forwards or reversed: a fit from the nominal scale does not come back from another. A reversed
-// accelerometer makes the body's frame left-handed, and two gyros turn the other way in it.
-std::string wrong_gyro_axes(const RestData& data, double as_given) {
-  Eigen::Matrix3d best = Eigen::Matrix3d::Identity();
-  double best_misfit = rest_limits.of_misfit * as_given;
-  for (const Eigen::Matrix3d& map : signed_axes())
-    if (const double misfit = rest_misfit_rad(data, map); misfit < best_misfit) best = map, best_misfit = misfit;
-  std::string wrong = wrong_axes(best);
-  if (!wrong.empty() && best.determinant() > 0.0) wrong += "; or one accelerometer is reversed, or two are exchanged";
-  return wrong;
-}
-
+// What carries gravity from rest to rest, where the gyros as given do not: any factor, and any of the 48 ways to connect them. Short turns suggest
+// one; where they cannot, the factors between two units, or none. A reversed accelerometer makes the body's frame left-handed, and two gyros turn the
+// other way in it.
 std::string wrong_gyros(const RestData& data) {
   if (std::ranges::count_if(data.legs, [](const RestLeg& leg) { return leg.fault.empty(); }) < 3) return {};
-  const double as_given = rest_misfit_rad(data, 1.0);
+  const double as_given = rest_misfit_rad(data, Eigen::Matrix3d::Identity());
   if (!(as_given > rest_limits.least_misfit_rad)) return {};
-  const std::string unit = wrong_gyro_unit(data, as_given);
-  return unit.empty() ? wrong_gyro_axes(data, as_given) : unit;
+  std::vector<Eigen::Matrix3d> maps = signed_axes();
+  for (const UnitSlip& slip : gyro_slips()) maps.emplace_back(Eigen::Matrix3d::Identity() / slip.factor);
+  const RecordingInfo& info = data.recording->info;
+  const SensorModel model = sensor_model(start_parameters(info), info);
+  const std::vector<Block>& blocks = data.recording->blocks;
+  const auto row = [&](std::size_t k) {
+    return MotionSums{blocks[k].duration_s, model.gyro_scale * blocks[k].gyro, model.accel_scale * blocks[k].accel};
+  };
+  if (const std::optional<GyroMap> found = gyro_map(blocks.size(), row)) maps.emplace_back(found->factor * found->axes);
+  const auto misfit = [&](const Eigen::Matrix3d& map) { return rest_misfit_rad(data, map); };
+  Eigen::Matrix3d best = *std::ranges::min_element(maps, {}, misfit);
+  best *= best_rest_factor(data, best);
+  const double best_misfit = misfit(best);
+  if (best_misfit > std::min(rest_limits.least_misfit_rad, rest_limits.of_misfit * as_given)) return {};
+  const double factor = std::cbrt(std::abs(best.determinant()));
+  std::string wrong = wrong_axes(best / factor);
+  if (!wrong.empty() && best.determinant() > 0.0) wrong += "; or one accelerometer is reversed, or two are exchanged";
+  if (std::abs(std::log(factor)) < std::log1p(roughest_scale)) return wrong;
+  const UnitSlip* const slip = slip_near(gyro_slips(), 1.0 / factor);
+  return wrong + fmt::format(
+                     "{}gravity's direction after a turn is off by {:.2g} rad as given and by {:.2g} rad with the "
+                     "rates divided by {:.3g}: the gyros look {}",
+                     wrong.empty() ? "" : "; ", as_given, best_misfit, 1.0 / factor,
+                     slip != nullptr ? slip->words : "to be of another unit or scale");
 }
 
 }  // namespace
@@ -107,7 +93,7 @@ std::string wrong_vertical(const RestData& data, const Parameters& fitted) {
 }
 
 std::string wrong_units(const RestData& data) {
-  std::string both = wrong_accelerometer_unit(data);
+  std::string both = wrong_accelerometers(*data.recording);
   // Gravity's direction does not depend on the accelerometers' common scale.
   const std::string gyro = wrong_gyros(data);
   if (!both.empty() && !gyro.empty()) both += "; ";

@@ -1,9 +1,8 @@
 // Units that are plainly wrong, said in plain words.
 //
 // Gravity at rest, by the nominal scale, against that of the site: a ratio near 1/9.80665 is g taken for m/s^2, and so on. Turns: the
-// common factor on the gyros' scale at which gravity is carried best from rest to rest; near 57.3 or 1/57.3 degrees and radians were
-// exchanged, near 2 or 1/2 the rate or a range was. Any factor could be fitted as a scale factor; such a one is a slip, and its
-// parameters would not be those of the unit.
+// common factor on the gyros' scale at which gravity is carried best from rest to rest, beyond roughest_scale. Any factor could be fitted as
+// a scale factor; such a one is a slip, and its parameters would not be those of the unit.
 #pragma once
 
 #include <string>

@@ -42,15 +42,6 @@ constexpr UnitSlip of_gyros[] = {
     {0.5, "too small by 2: the range, or the rate, is another"},
 };
 
-std::string wrong_accelerometers(const CompressedRecording& recording) {
-  const SensorModel model = sensor_model(start_parameters(recording.info), recording.info);
-  std::vector<double> ratios;
-  for (const Block& block : recording.blocks)
-    if (block.whole_second)
-      ratios.push_back((model.accel_scale * block.accel).norm() / (block.duration_s * recording.info.gravity_mps2));
-  return ratios.empty() ? std::string() : wrong_gravity(median(ratios), recording.info);
-}
-
 std::string wrong_gyros(const CompressedRecording& recording) {
   const double ratio = felt_of_commanded(recording);
   const UnitSlip* const slip = slip_near(gyro_slips(), ratio);
@@ -115,6 +106,65 @@ std::string wrong_gravity(double ratio, const RecordingInfo& info) {
   return fmt::format("gravity reads {:.3g} where {:.3g} m/s^2 is expected: the accelerometers look {}",
                      ratio * info.gravity_mps2, info.gravity_mps2,
                      slip != nullptr ? slip->words : "to be something else, or of another unit or scale");
+}
+
+std::optional<GyroMap> gyro_map(std::size_t rows, const std::function<MotionSums(std::size_t)>& row) {
+  const auto plus = [](const MotionSums& a, const MotionSums& b, double sign) {
+    return MotionSums{a.duration_s + sign * b.duration_s, a.gyro + sign * b.gyro, a.accel + sign * b.accel};
+  };
+  constexpr double piece_s = 0.05;
+  std::vector<MotionSums> until{1};  // from the first row to the end of each piece
+  MotionSums now;
+  for (std::size_t k = 0; k < rows; ++k) {
+    now = plus(now, row(k), 1.0);
+    if (now.duration_s - until.back().duration_s >= piece_s) until.push_back(now);
+  }
+  const auto force = [](const MotionSums& sums) { return sums.accel.norm() / sums.duration_s; };
+  const auto between = [&](std::size_t from, std::size_t to) { return plus(until[to], until[from], -1.0); };
+  std::vector<double> forces;
+  for (std::size_t k = 1; k < until.size(); ++k) forces.push_back(force(between(k - 1, k)));
+  const double usual = forces.empty() ? 0.0 : median(forces);
+  struct Step {
+    Eigen::Vector3d change, up, turn;
+  };
+  std::optional<GyroMap> best;
+  double least = 0.5;
+  for (const std::size_t width : {2, 4, 8}) {
+    std::vector<Step> steps;
+    double moved = 0.0;
+    for (std::size_t k = 0; k + 2 * width < until.size(); k += width) {
+      const MotionSums before = between(k, k + width), after = between(k + width, k + 2 * width);
+      if (std::max(std::abs(force(before) / usual - 1.0), std::abs(force(after) / usual - 1.0)) > 0.1) continue;
+      const Eigen::Vector3d from = before.accel.normalized(), to = after.accel.normalized(), change = to - from;
+      if (change.norm() < 0.02 || change.norm() > 0.5) continue;
+      steps.push_back({change, (from + to).normalized(), between(k + width / 2, k + 3 * width / 2).gyro});
+      moved += change.squaredNorm();
+    }
+    constexpr std::size_t fewest = 5, fewest_of_48 = 12;
+    for (const Eigen::Matrix3d& axes : signed_axes()) {
+      double both = 0.0, turned = 0.0;
+      for (const Step& step : steps) {
+        const Eigen::Vector3d turn = -(axes * step.turn).cross(step.up);
+        both += step.change.dot(turn);
+        turned += turn.squaredNorm();
+      }
+      const bool own = axes.isIdentity();
+      const double left = 1.0 - both * both / (turned * moved), weighed = own ? 0.5 * left : left;
+      if (steps.size() < (own ? fewest : fewest_of_48) || !(both > 0.0 && left < 0.5 && weighed < least)) continue;
+      least = weighed;
+      best = GyroMap{axes, both / turned};
+    }
+  }
+  return best;
+}
+
+std::string wrong_accelerometers(const CompressedRecording& recording) {
+  const SensorModel model = sensor_model(start_parameters(recording.info), recording.info);
+  std::vector<double> ratios;
+  for (const Block& block : recording.blocks)
+    if (block.whole_second)
+      ratios.push_back((model.accel_scale * block.accel).norm() / (block.duration_s * recording.info.gravity_mps2));
+  return ratios.empty() ? std::string() : wrong_gravity(median(ratios), recording.info);
 }
 
 std::string wrong_axes(const Eigen::Matrix3d& n) {

@@ -2,6 +2,8 @@
 // otherwise: what carries one direction of gravity into the next is not their rate but that of another axis, or the reverse.
 #pragma once
 
+#include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -38,10 +40,27 @@ const UnitSlip* slip_near(std::span<const UnitSlip> slips, double ratio);
 
 // Of gravity at rest over that of the site, by the nominal scale. Empty: it may be the scale factor's error.
 std::string wrong_gravity(double ratio, const RecordingInfo& info);
+// The same by the median second at rest.
+std::string wrong_accelerometers(const CompressedRecording& recording);
 
 // Of a recording with table angles: gravity at rest, by the median second, and, in physical units, what the gyros
 // add up to in the table's turns, by the median turn. One sentence; empty: nothing is plainly wrong.
 std::string wrong_table_units(const CompressedRecording& recording);
+
+// The rate is factor * axes * reading.
+struct GyroMap {
+  Eigen::Matrix3d axes;  // signed_axes()
+  double factor;
+};
+// Of rows that lie behind each other: what they add up to.
+struct MotionSums {
+  double duration_s = 0.0;
+  Eigen::Vector3d gyro = Eigen::Vector3d::Zero(), accel = Eigen::Vector3d::Zero();
+};
+// What gravity's direction u in the body frame says of the gyros, whatever their unit: while the unit accelerates little, du/dt = -w x u. From
+// a tenth of a second to the next, or two or four, the change of u is regressed on what the gyros add up to, for each of the 48 ways to connect
+// them; others than the gyros' own have to leave less than half of what these do. Empty: the unit turns too little.
+std::optional<GyroMap> gyro_map(std::size_t rows, const std::function<MotionSums(std::size_t)>& row);
 
 // Of rate = n * reading, n over the nominal scale: which gyro reads which axis, where that is not its own; empty: each its own.
 std::string wrong_axes(const Eigen::Matrix3d& n);

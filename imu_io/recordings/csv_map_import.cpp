@@ -123,11 +123,13 @@ class Importer {
     choose();
     TRY(order_rows());
     if (accel_source_ != nullptr) TRY(read_accel());
-    if (rows_ < 10)
+    if (rows_ < 10) {
+      TRY(each_row([](std::size_t, const Row&) { return Status(); }));  // it says which column is missing
       return input_error(source_.file_name + ": expected at least 10 rows of data, found " + std::to_string(rows_));
+    }
     TRY(make_intervals());
     std::vector<double>().swap(times_);
-    result_.rows = static_cast<std::int64_t>(rows_) + result_.bad_rows;
+    result_.rows = static_cast<std::int64_t>(rows_) + result_.bad_rows + result_.without_accel;
     TRY(check_info(info, source_.file_name));
     begin(result_);
     TRY(make_samples());
@@ -352,24 +354,40 @@ class Importer {
                                      source_.file_name));
     for (std::size_t k = 1; k < n; ++k)
       if (!(time[k] > time[k - 1])) return goes_back(source, table.line[k], map_.accel_time_column, time[k]);
-    if (n > 0 && rows_ > 0 && (time.back() < times_.front() || time.front() > times_.back()))
-      return input_error(fmt::format("{}: times of {} to {}: expected some of those of {}, {} to {}", source.file_name,
-                                     in_file(time.front()), in_file(time.back()), source_.file_name,
-                                     in_file(times_.front()), in_file(times_.back())));
+    const auto common =
+        std::ranges::count_if(time, [&](double t) { return rows_ > 0 && t >= times_.front() && t <= times_.back(); });
+    if (common < 10)
+      return input_error(fmt::format("{}: {} of {} rows are in the time of {}: expected 10 or more, in the same unit",
+                                     source.file_name, common, n, source_.file_name));
+    // Nothing is known in an interval of which rows are missing.
+    std::vector<bool> lost(n);
+    for (const StampGap& gap : missing) lost[gap.row] = true;
+    for (const StampGap& gap : fit_stamps(time, map_.gap).gaps) lost[gap.row] = true;
+    const double period = stamps().period;
+    const auto interval_of = [&](auto first_row) {
+      return std::min(static_cast<std::size_t>(first_row - time.begin()), n - 1);
+    };
+    const std::size_t all = rows_;
     TRY(sieve(true, [&](std::size_t k, std::size_t) -> Result<bool> {
-      return n < 2 || times_[k] < time.front() || times_[k] > time.back();
-    }));
-    // The integral at the gyros' stamps; a number says the mean over the interval that it ends.
-    const bool rate = map_.accel.is_rate;
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero(), before = sum;
-    for (std::size_t k = 0, at = 1; k < rows_; ++k) {
       const double t = times_[k];
-      for (; at < n && time[at] <= t; ++at) sum += numbers(at) * (rate ? time[at] - time[at - 1] : 1.0);
-      Eigen::Vector3d here = sum;
-      if (at < n) here += numbers(at) * (rate ? t - time[at - 1] : (t - time[at - 1]) / (time[at] - time[at - 1]));
-      accel_.push_back(k == 0 ? numbers(std::min(at, n - 1))
-                              : Eigen::Vector3d((here - before) / (rate ? t - times_[k - 1] : 1.0)));
-      before = here;
+      return t < time.front() || t > time.back() || lost[interval_of(std::ranges::lower_bound(time, t))] ||
+             lost[interval_of(std::ranges::upper_bound(time, t - period))];
+    }));
+    result_.without_accel = static_cast<std::int64_t>(all - rows_);
+    // The integral, from one of the gyros' stamps to the next, behind a gap over a period; a number says the mean over the interval that it ends.
+    const bool rate = map_.accel.is_rate;
+    for (std::size_t k = 0; k < rows_; ++k) {
+      const double t = times_[k], since = k == 0 || t - times_[k - 1] > map_.gap * period ? t - period : times_[k - 1];
+      Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+      double covered = 0.0;
+      for (std::size_t at = std::max<std::size_t>(1, interval_of(std::ranges::upper_bound(time, since)));
+           at < n && time[at - 1] < t; ++at) {
+        const double part = std::min(t, time[at]) - std::max(since, time[at - 1]);
+        sum += numbers(at) * (rate ? part : part / (time[at] - time[at - 1]));
+        covered += part;
+      }
+      accel_.push_back(covered > 0.0 ? Eigen::Vector3d(sum * ((rate ? 1.0 : t - since) / covered))
+                                     : numbers(interval_of(std::ranges::lower_bound(time, t))));
     }
     return {};
   }

@@ -2,7 +2,8 @@
 // columns are.
 //
 // The accelerometers may come in a file of their own. Where its stamps are those of the gyros its rows are taken as they are; else its
-// integral is interpolated at the gyros' stamps, so that no velocity is lost or made. Rows outside the time that both have are left out.
+// integral is interpolated at the gyros' stamps, so that no velocity is lost or made. Rows at a time that the other has not, or lacks rows of, are
+// left out.
 //
 // A rate becomes an increment by its interval, the time since the row before: a rate is taken as the mean over the interval it ends.
 // Nothing is resampled. With `intervals` the measured interval goes into the increment, so that a turn keeps its size when the
@@ -72,6 +73,7 @@ struct CsvImport {
   RecordingInfo info;
   std::vector<ImuSample> samples;
   std::int64_t rows = 0;
+  std::int64_t without_accel = 0;       // of them, left out: the accelerometers' file has none there
   std::int64_t saturated = 0;           // rows at the end of a range
   std::vector<DataEvent> clipped_runs;  // of samples, from 0, that are found to repeat a gyro's extreme number
   std::int64_t clipped = 0;             // of `samples`, where these are marked

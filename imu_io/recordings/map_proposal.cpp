@@ -1,7 +1,6 @@
 #include "imu_io/recordings/map_proposal.h"
 
 #include <fmt/format.h>
-#include <Eigen/Geometry>
 
 #include <algorithm>
 #include <array>
@@ -9,7 +8,6 @@
 #include <optional>
 #include <span>
 
-#include "calib/model/attitude.h"
 #include "calib/model/parameters.h"
 #include "calib/statistics/numerics.h"
 #include "calib/statistics/unit_slip.h"
@@ -104,10 +102,10 @@ Result<Layout> look_at_text(std::string_view text, const std::string& file_name)
   return layout;
 }
 
-// Every three columns whose labels differ in x, y and z alone; of the others, in 1, 2 and 3.
+// Every three columns whose labels differ in x, y and z alone; of the others, in 1, 2 and 3, or 0, 1 and 2.
 std::vector<Triad> triads_of(const std::vector<Candidate>& columns) {
   std::vector<Triad> triads;
-  for (const std::string_view letters : {"xyz", "123"})
+  for (const std::string_view letters : {"xyz", "123", "012"})
     for (std::size_t i = 0; i < columns.size(); ++i)
       for (std::size_t at = 0; (at = columns[i].label.find(letters[0], at)) != std::string::npos; ++at) {
         Triad triad{i, i, i};
@@ -172,50 +170,6 @@ Numbers norms_of(const std::array<const Numbers*, 3>& triad) {
   return norms;
 }
 
-// By what factor gyro numbers become radians a second, where the unit turns enough to tell; negative: gravity follows them better where they are of
-// other axes or signs, and leaves less than half.
-std::optional<double> gyro_scale(const std::array<const Numbers*, 3>& gyro, const std::array<const Numbers*, 3>& accel,
-                                 double usual, double period_s) {
-  if (!(period_s > 0.0)) return {};
-  const auto width = static_cast<std::size_t>(std::clamp(0.2 / period_s, 1.0, 1000.0));
-  const auto mean = [&](const std::array<const Numbers*, 3>& triad, std::size_t from) {
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      for (std::size_t k = from; k < from + width; ++k) sum[static_cast<Eigen::Index>(axis)] += (*triad[axis])[k];
-    return Eigen::Vector3d(sum / static_cast<double>(width));
-  };
-  struct Step {
-    Eigen::Vector3d change, up, turn;
-  };
-  std::vector<Step> steps;
-  double moved = 0.0;
-  for (std::size_t k = 0; k + 2 * width <= accel[0]->size(); k += width) {
-    const Eigen::Vector3d before = mean(accel, k), after = mean(accel, k + width);
-    if (std::abs(before.norm() / usual - 1.0) > 0.1 || std::abs(after.norm() / usual - 1.0) > 0.1) continue;
-    const Eigen::Vector3d change = after.normalized() - before.normalized();
-    if (change.norm() < 0.02 || change.norm() > 0.5) continue;
-    steps.push_back(
-        {change, (before + after).normalized(), mean(gyro, k + width / 2) * static_cast<double>(width) * period_s});
-    moved += change.squaredNorm();
-  }
-  constexpr std::size_t fewest = 5, fewest_of_48 = 12;
-  double least = 0.5, scale = 0.0;
-  for (const Eigen::Matrix3d& axes : signed_axes()) {
-    double both = 0.0, turned = 0.0;
-    for (const Step& step : steps) {
-      const Eigen::Vector3d turn = -(axes * step.turn).cross(step.up);
-      both += step.change.dot(turn);
-      turned += turn.squaredNorm();
-    }
-    const bool own = axes.isIdentity();
-    const double left = 1.0 - both * both / (turned * moved);
-    if (steps.size() < (own ? fewest : fewest_of_48) || !(both > 0.0 && left < 0.5)) continue;
-    if (const double weighed = own ? 0.5 * left : left; weighed < least)
-      least = weighed, scale = (own ? 1.0 : -1.0) * both / turned;
-  }
-  return scale == 0.0 ? std::nullopt : std::optional(scale);
-}
-
 // ---- put together ----
 
 class Proposer {
@@ -273,11 +227,13 @@ class Proposer {
     for (std::size_t k = layout_.columns.size(); k-- > 0;) {
       const std::string& name = layout_.columns[k].label;
       if (std::ranges::find(taken, k) != taken.end()) continue;
+      const bool warm = has_any(name, {"temp", "^t_c", "degc", "celsius"});
+      if (warm) temperature_ = k;
+      if (warm) continue;
       if (name == "t" || name.ends_with("/t") || name.ends_with(".t") || name.ends_with(":t") ||
           has_any(name,
                   {"time", "stamp", "tow", "epoch", "clock", "elapsed", "^t(", "second", "^sec", "^t_", "^t ", "^t["}))
         time_ = k;
-      if (has_any(name, {"temp"})) temperature_ = k;
     }
     // A matrix of nothing else.
     const std::string& front = layout_.columns.empty() ? std::string() : reference(0);
@@ -339,9 +295,9 @@ class Proposer {
       double second;
       std::vector<std::string_view> words;
     };
-    static const Clock clocks[] = {{"ns", 1e-9, {"ns", "nano"}},
-                                   {"us", 1e-6, {"us", "micro"}},
-                                   {"ms", 1e-3, {"ms", "milli"}},
+    static const Clock clocks[] = {{"ns", 1e-9, {"_ns", "[ns", "(ns", " ns", "timens", "nano"}},
+                                   {"us", 1e-6, {"_us", "[us", "(us", " us", "timeus", "micro"}},
+                                   {"ms", 1e-3, {"_ms", "[ms", "(ms", " ms", "timems", "milli"}},
                                    {"s", 1.0, {"_s", "[s", "(s", " s", "sec"}}};
     const std::span<const double> times(values_[*time_]);
     const StampModel stamps = fit_stamps(times.first(std::min<std::size_t>(times.size(), 1 << 15)));
@@ -406,19 +362,25 @@ class Proposer {
               quarter + 1);
     }
     const bool rates = seen != nullptr ? seen->is_rate : !is_increment(label(gyro));
-    const std::optional<double> scale = gyro_scale(numbers(gyro), numbers(accel), norm, period_s_);
+    const std::optional<GyroMap> turns = gyro_map(period_s_ > 0.0 ? rows() : 0, [&](std::size_t k) {
+      const std::array w = numbers(gyro), f = numbers(accel);
+      return MotionSums{period_s_, period_s_ * Eigen::Vector3d((*w[0])[k], (*w[1])[k], (*w[2])[k]),
+                        period_s_ * Eigen::Vector3d((*f[0])[k], (*f[1])[k], (*f[2])[k])};
+    });
     seen = find_unit(gyro_units, [&](const Unit& unit) {
-      return scale && unit.is_rate == rates &&
-             std::abs(std::log(std::abs(*scale) * (rates ? 1.0 : period_s_) / unit.si)) < std::log(1.5);
+      return turns && unit.is_rate == rates &&
+             std::abs(std::log(turns->factor * (rates ? 1.0 : period_s_) / unit.si)) < std::log(1.5);
     });
     said = said_of(gyro, gyro_units, rates);
-    if (said == nullptr && !scale)
-      doubt("gyro.unit: the header does not say it, and the unit does not turn enough to tell");
-    else if (scale && (seen == nullptr || (said != nullptr && said != seen)))
-      doubt("gyro.unit: gravity turns as if a number were {:.3g} rad/s{}{}", std::abs(*scale),
+    const bool says_rate = has_any(label(gyro), {"/s", "ps", "s^-1", "s-1", "_s", " s", "/h", "ph"});
+    if (!turns && (said == nullptr || (rates && !says_rate)))
+      doubt("gyro.unit: the header {}, and the unit does not turn enough to tell",
+            said == nullptr ? "does not say it" : "says no rate");
+    else if (turns && (seen == nullptr || (said != nullptr && said != seen)))
+      doubt("gyro.unit: gravity turns as if a number were {:.3g} rad/s{}{}", turns->factor,
             seen == nullptr ? "" : fmt::format(", which is {}", seen->name),
             said == nullptr ? "" : fmt::format("; the header says {}", said->name));
-    if (scale && *scale < 0.0)
+    if (turns && !turns->axes.isIdentity())
       doubt("gyro.axes, accel.axes: gravity turns against the gyros: axes or signs are others");
     unit_[gyro] = said != nullptr ? said->name : seen != nullptr ? seen->name : rates ? "rad/s" : "rad";
   }

@@ -1,6 +1,6 @@
 // A map for a table that comes without one: by what its header says, and by what its numbers can only be.
 //
-//   columns     three names that differ in x, y, z (or 1, 2, 3) alone are a triad; "gyr", "omega", "w", "dtheta" ... are gyros, "acc",
+//   columns     three names that differ in x, y, z (or 1, 2, 3; 0, 1, 2) alone are a triad; "gyr", "omega", "w", "dtheta" ... are gyros, "acc",
 //               "specific force", "dv" ... accelerometers. Seven columns without names: the one that only grows is the time, and of the
 //               other two triads gravity tells which is the accelerometers'.
 //   units       by the header ("[rad s^-1]", "_degps"), and by the numbers: the norm of the accelerometers is mostly gravity's; where the unit

@@ -41,14 +41,17 @@ class LineReader {
     }
     if (left_.empty()) return false;
     line = left_.substr(0, end);
+    has_end_ = end != left_.npos;
     left_.remove_prefix(std::min(left_.size(), line.size() + 1));
     at_ += line.size() + 1;
     if (line.ends_with('\r')) line.remove_suffix(1);
     return true;
   }
+  bool has_end() const { return has_end_; }  // the line that came last
 
  private:
   const TableBytes& bytes_;
+  bool has_end_ = true;
   std::uint64_t at_ = 0;  // where what is left begins
   std::string_view left_;
 };
@@ -130,8 +133,10 @@ class CsvTable {
       if (const std::string_view text = plain ? row : trimmed(row);
           !plain && (text.empty() || text.starts_with('#') || is_remark(row)))
         continue;
-      if (Status status = plain ? Status() : read_row(row); !status) {
-        if (!format_.skip_bad_rows) return status.error();
+      // Part of a number is a number, too.
+      const Status whole = lines_.has_end() ? Status() : defect("the last line has no end: it may be cut off");
+      if (Status status = !whole ? whole : plain ? Status() : read_row(row); !status) {
+        if (!format_.skip_bad_rows && (whole || format_.whole_rows)) return status.error();
         if (table_.bad_rows++ == 0) table_.first_bad = status.error().message;
       } else {
         table_.position[used_] = position;
@@ -485,7 +490,8 @@ Result<MatFile> open_mat(const std::string& file_name) {
 MatrixView view_mat(const matvar_t& variable) {
   MatrixView view;
   if (!view.set_type([&](const ItemType& t) { return t.mat == variable.data_type; }) || variable.rank != 2 ||
-      variable.isComplex != 0 || variable.class_type == MAT_C_STRUCT || variable.class_type == MAT_C_CELL)
+      variable.isComplex != 0 || variable.class_type < MAT_C_DOUBLE || variable.class_type > MAT_C_UINT64 ||
+      variable.nbytes / view.type->bytes < variable.dims[0] * variable.dims[1])
     return {};
   view.rows = std::max(variable.dims[0], variable.dims[1]);
   view.columns = std::min(variable.dims[0], variable.dims[1]);
@@ -542,6 +548,7 @@ Result<std::vector<std::string>> mat_columns(const std::string& file_name) {
   for (;;) {
     const MatVariable variable(Mat_VarReadNext(file.get()), Mat_VarFree);
     if (!variable) return names;
+    if (variable->name == nullptr) return input_error(file_name + ": a variable without a name: the file is damaged");
     list_variable(variable->name, *variable, names);
   }
 }
@@ -882,19 +889,22 @@ Status check_ending(std::string_view path, std::initializer_list<std::string_vie
   return input_error(fmt::format("{}: expected a name that ends in one of {}", path, fmt::join(endings, ", ")));
 }
 
-Status write_sample_columns(RecordingSource& source, const SampleColumns& columns, const std::string& path) {
+Status write_sample_columns(RecordingSource& source, SampleColumns columns, const std::string& path) {
   std::size_t rows = 0;
-  if (names_matrix(path))
-    TRY(source.read([&](std::span<const ImuSample> samples) {
-      rows += samples.size();
-      return Status();
-    }));
+  bool flagged = false;
+  TRY(source.read([&](std::span<const ImuSample> samples) {
+    rows += samples.size();
+    for (const ImuSample& sample : samples) flagged = flagged || sample.flags != 0;
+    return Status();
+  }));
+  if (flagged) columns.names.emplace_back("flags");
   if (rows == 0 && names_matrix(path)) return input_error(source.path() + ": not one sample: expected some to write");
   std::vector<double> row(columns.names.size());
   const auto each_row = [&](const RowSink& sink) {
     return source.read([&](std::span<const ImuSample> samples) -> Status {
       for (const ImuSample& sample : samples) {
         columns.fill(sample, row);
+        if (flagged) row.back() = static_cast<double>(sample.flags);
         TRY(sink(row));
       }
       return {};
@@ -905,15 +915,9 @@ Status write_sample_columns(RecordingSource& source, const SampleColumns& column
 
 Status write_recording_columns(RecordingSource& source, const std::string& path) {
   const bool has_temperature = source.info().has_temperature;
-  bool flagged = false;
   TRY(check_replaceable(path, path.ends_with(".mat") ? std::string_view(mat_header) : npy_magic));
-  TRY(source.read([&](std::span<const ImuSample> samples) {
-    for (const ImuSample& sample : samples) flagged = flagged || sample.flags != 0;
-    return Status();
-  }));
   SampleColumns columns{{"sample", "segment", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"}, {}};
   if (has_temperature) columns.names.emplace_back("temperature_c");
-  if (flagged) columns.names.emplace_back("flags");
   const Segments& segments = source.segments();
   std::size_t segment = 0;
   columns.fill = [&](const ImuSample& sample, std::span<double> row) {
@@ -925,7 +929,6 @@ Status write_recording_columns(RecordingSource& source, const std::string& path)
     std::ranges::copy(sample.gyro, row.begin() + 2);
     std::ranges::copy(sample.accel, row.begin() + 5);
     if (has_temperature) row[8] = static_cast<double>(sample.temperature_c);
-    if (flagged) row.back() = static_cast<double>(sample.flags);
   };
   return write_sample_columns(source, columns, path);
 }

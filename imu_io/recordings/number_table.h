@@ -4,7 +4,8 @@
 // header a column is its number, from 1. A .npy file holds one array, one or two dimensions, of any integer or floating type:
 // columns by number. A .mat file (up to version 7.2; 7.3 where libmatio was built for it) holds variables: `name` is a vector,
 // `name:2` the second column of a matrix (its second row where it has fewer rows than columns), `s.name:2` one in a struct. An HDF5 file
-// holds datasets: `group/name`, `group/name:2`, and `name:field` of a compound. In text a line that begins with `//` is a remark, too.
+// holds datasets: `group/name`, `group/name:2`, and `name:field` of a compound. In text a line that begins with `//` is a remark, too; a last line without an end may be cut off inside
+// its last number: it is left out and counted.
 #pragma once
 
 #include <cstdint>
@@ -25,8 +26,9 @@ struct TableFormat {
   bool decimal_comma = false;  // 1,5 is a number, too
   int header_lines = 1;        // the last of them has the names
   bool skip_bad_rows = false;  // a row with a defect is left out and counted, and is no error
-  bool whole_rows = false;     // a row with more or fewer cells than the header has names is a defect
-  bool only_wanted = false;    // what stands behind the last wanted cell of a row is not looked at
+  // A row with more or fewer cells than the header has names is a defect, as is a last line without an end.
+  bool whole_rows = false;
+  bool only_wanted = false;  // what stands behind the last wanted cell of a row is not looked at
 };
 
 struct WantedColumn {
@@ -99,8 +101,8 @@ struct SampleColumns {
   std::vector<std::string> names;
   std::function<void(const ImuSample& sample, std::span<double> row)> fill;
 };
-// A row a sample, as CSV, .npy or .mat by the name of the file.
-Status write_sample_columns(RecordingSource& source, const SampleColumns& columns, const std::string& path);
+// A row a sample, as CSV, .npy or .mat by the name of the file; where a sample has flags, with a column of them.
+Status write_sample_columns(RecordingSource& source, SampleColumns columns, const std::string& path);
 
 // A row a sample: sample, segment (its number from 1; 0: none), gyro_x to accel_z, and where they are, temperature_c and flags. .npy in three
 // passes, in memory that does not grow; .mat in a pass for each column and two more, with a column in memory.

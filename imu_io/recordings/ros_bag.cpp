@@ -800,6 +800,7 @@ Status write_imu_mcap(RecordingSource& source, const SampleColumns& columns, con
       const std::int64_t ns = start_ns + std::llround(1e9 * row[0]);
       if (warm && std::isfinite(row[7])) TRY(writer.add(1, ns, std::array{row[7], 0.0}));
       for (std::size_t k = 0; k < 6; ++k) numbers[imu_places[k]] = row[k + 1];
+      for (const std::size_t triad : {1, 2}) numbers[covariance_places[triad]] = sample.flags == 0 ? 0.0 : -1.0;
       TRY(writer.add(0, ns, numbers));
     }
     return {};

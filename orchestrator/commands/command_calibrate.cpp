@@ -318,7 +318,8 @@ Status allan(const AllanOptions& options, CommandContext& context) {
   const AllanReport report = TRY(allan_report(options.from));
   const Document document = allan_document(report);
   if (!options.out.empty()) TRY(write_result(options.out, report, document, context));
-  context.out << as(options.format, document) << std::flush;
+  context.out << (options.format == "csv" ? format_allan_points(report.result) : as(options.format, document))
+              << std::flush;
   return {};
 }
 
@@ -367,6 +368,7 @@ Status campaign(const CampaignOptions& options, CommandContext& context) {
   if (options.request.dry_run) context.tag = dry_run_tag;
   const Campaign campaign = TRY(read_campaign(options.file));
   if (options.plan) {
+    if (options.format == "csv") return input_error("--format csv: expected json with --plan, which is no table");
     context.out << as(options.format, TRY(plan_campaign(campaign))) << std::flush;
     return {};
   }
@@ -459,7 +461,7 @@ void add_allan_command(CommandLine& line) {
   command.option("--map", options.from.map, "file that describes the columns (docs/import.md)");
   command.option("--against", options.from.against, "second source, or a parameter file (.conf), to compare with");
   command.option("--out", options.out, "folder for allan.html, allan.svg, allan.csv, imu.yaml");
-  command.format(options.format, "print the result in this form instead of text");
+  command.format(options.format, "print the result, or as csv its points, in this form instead of text");
 }
 
 void add_thermal_command(CommandLine& line) {

@@ -174,6 +174,7 @@ Result<ReadRests> read_rests(const std::string& path, const std::string& map_fil
   if (found && table.jitter_s > 0.01 * table.info.sample_period_s)
     found->notes.push_back(
         fmt::format("time stamps jitter by {:.2g} ms rms: the mean period is used", 1e3 * table.jitter_s));
+  if (found && table.bad_rows > 0) found->notes.push_back(table.first_bad);
   return found;
 }
 

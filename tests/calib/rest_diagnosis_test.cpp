@@ -363,7 +363,13 @@ TEST(WrongUnits, AreSaidInPlainWordsAndNotFitted) {
                         {1.0 / rad_per_deg, 1.0, "gyros look as if they were in deg/s, not rad/s"},
                         {rad_per_deg, 1.0, "gyros look as if they were in rad/s, not deg/s"},
                         {2.0, 1.0, "gyros look too large by 2"},
-                        {0.5, 1.0, "gyros look too small by 2"}};
+                        {0.5, 1.0, "gyros look too small by 2"},
+                        {1e-3, 1.0, "divided by 0.00"},
+                        {1.7e-5, 1.0, "divided by 1."},
+                        {0.7, 1.0, "gyros look to be of another unit or scale"},
+                        {1.4, 1.0, "gyros look to be of another unit or scale"},
+                        {100.0, 1.0, "gyros look to be of another unit or scale"},
+                        {3600.0 / rad_per_deg, 1.0, "gyros look to be of another unit or scale"}};
   for (const Case& c : cases) {
     HandData hand = make_hand_data({.seed = 3});
     scale(hand, c.gyro, c.accel);
@@ -372,6 +378,16 @@ TEST(WrongUnits, AreSaidInPlainWordsAndNotFitted) {
     EXPECT_FALSE(d.base.converged) << c.words;
     EXPECT_NE(d.not_tested.find(c.words), std::string::npos) << c.words << ": " << d.not_tested;
   }
+}
+
+// Axes and unit at once.
+TEST(WrongUnits, AreSaidBesideWrongAxes) {
+  HandData hand = make_hand_data({.seed = 5});
+  scale(hand, 1e3, 1.0);
+  for (ImuSample& sample : hand.samples) std::swap(sample.gyro[0], sample.gyro[1]);
+  const std::string wrong = diagnosis_of(hand).not_tested;
+  EXPECT_SAYS(wrong, "the rate about x is what gyro y reads");
+  EXPECT_SAYS(wrong, "the gyros look to be of another unit or scale");
 }
 
 TEST(WrongUnits, ARoughSensorHasNone) {

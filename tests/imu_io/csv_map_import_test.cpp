@@ -55,8 +55,8 @@ TEST(CsvMapImport, RowsAreReadForTheStampsAndForTheSamples) {
     std::vector<std::size_t> columns;  // of each time that the rows are read
     std::int64_t counter;              // of the last sample
   } cases[] = {{even, {1, 7}, 19999},
-               {replaced(even, at(15000), "\n#"), {1, 7}, 19999},     // a row is missing
-               {replaced(even, at(100), at(99)), {1, 7, 7}, 19999}};  // a late one's stamp repeats
+               {replaced(even, at(15000), "\n#"), {1, 7}, 19999},                   // a row is missing
+               {replaced(even, at(100) + "102", at(99) + "9"), {1, 7, 7}, 19999}};  // a late one's stamp repeats
   for (const auto& [csv, columns, counter] : cases) {
     const CsvMap map = expect_value(parse_csv_map(base_map + "time.column = t\ntime.increments = period\n", "m.map"));
     ColumnSource source = columns_of_text(csv, "d.csv");
@@ -170,11 +170,16 @@ TEST(ImportForms, BadRowsAreSkippedAndCounted) {
   CsvMap map = map_of("rate_hz = 100\n");
   EXPECT_FALSE(import_text(map, csv).ok());
   map.format.skip_bad_rows = true;
-  const Result<CsvImport> c = good(import_text(map, csv.substr(0, csv.size() - 1)));  // the last line has no end
+  const Result<CsvImport> c = good(import_text(map, csv));
   EXPECT_EQ(c->bad_rows, 1);
   EXPECT_SAYS(c->first_bad, "d.csv:14: column 'gx' = 'oops'");
   ASSERT_EQ(c->samples.size(), 13u);
   EXPECT_EQ(c->samples.back().counter, 13);  // its number is left out
+  map.format.skip_bad_rows = false;
+  const Result<CsvImport> cut = good(import_text(map, replaced(csv, "oops", "102").substr(0, csv.size() - 2)));
+  EXPECT_EQ(cut->bad_rows, 1);
+  EXPECT_EQ(cut->samples.size(), 13u);
+  EXPECT_SAYS(cut->first_bad, "d.csv:15: the last line has no end");
 }
 
 // The sampling went on while the clock was behind.
@@ -225,7 +230,7 @@ TEST(ImportForms, AccelerometersInAFileOfTheirOwn) {
                      sames = columns_of_text(same, "a.csv");
   const ColumnSource later = columns_of_text("t,ax,ay,az\n9000,0,0,1\n9001,0,0,1\n", "a.csv");
   EXPECT_TRUE(fails(import_columns(map, gyros, &later),
-                    "a.csv: times of 9000 to 9001: expected some of those of g.csv, 0 to 0.49"));
+                    "a.csv: 0 of 2 rows are in the time of g.csv: expected 10 or more, in the same unit"));
   const Result<CsvImport> joined = good(import_columns(map, gyros, &sames));
   ASSERT_EQ(joined->samples.size(), 50u);
   EXPECT_NEAR(joined->samples[9].accel[0], 0.5 * standard_gravity_mps2 * 0.01, 1e-9);
@@ -241,6 +246,28 @@ TEST(ImportForms, AccelerometersInAFileOfTheirOwn) {
     if (to > from) expected += 0.02 * k * (to - from);
   }
   EXPECT_NEAR(velocity, expected * standard_gravity_mps2, 1e-6);
+}
+
+// Where the second file lacks rows nothing is made up, and the gyros' rows there are left out and counted.
+TEST(ImportForms, GapsInTheAccelerometersOfTheirOwn) {
+  std::string gyro = "t,gx,gy,gz\n", gap = "t,ax,ay,az\n", ms = gap;
+  for (int k = 0; k < 3000; ++k) {
+    const double t = 0.01 * k;
+    gyro += fmt::format("{:.4f},102,100,96\n", t);
+    if (k <= 1000 || k > 1500) gap += fmt::format("{:.4f},{},0,1\n", t, k < 1200 ? 0.5 : 2.5);
+    ms += fmt::format("{},0.5,0,1\n", 10 * k);
+  }
+  const ColumnSource gyros = columns_of_text(gyro, "g.csv"), gaps = columns_of_text(gap, "a.csv"),
+                     others = columns_of_text(ms, "ms.csv");
+  const Result<CsvImport> joined = good(import_columns(map_of("time.column = t\n"), gyros, &gaps));
+  EXPECT_NEAR(static_cast<double>(joined->without_accel), 500.0, 2.0);
+  EXPECT_EQ(joined->rows, 3000);
+  EXPECT_EQ(std::ssize(joined->samples) + joined->without_accel, 3000);
+  EXPECT_EQ(joined->gaps, 1);
+  for (const ImuSample& sample : joined->samples)
+    EXPECT_NEAR(sample.accel[0], (sample.counter < 1200 ? 0.5 : 2.5) * standard_gravity_mps2 * 0.01, 1e-6);
+  EXPECT_TRUE(fails(import_columns(map_of("time.column = t\n"), gyros, &others),
+                    "ms.csv: 3 of 3000 rows are in the time of g.csv: expected 10 or more, in the same unit"));
 }
 
 // A gyro that stands at its extreme value is found on the numbers, whatever the intervals are.

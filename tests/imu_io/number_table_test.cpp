@@ -128,6 +128,26 @@ TEST(NumberTable, ReadsMatlabVariablesAndHdf5) {
   }
 }
 
+// Of a sparse matrix the numbers lie elsewhere.
+TEST(NumberTable, ASparseMatrixIsRefused) {
+  TemporaryFolder folder;
+  const std::string path = folder / "sparse.mat";
+  mat_t* const file = Mat_CreateVer(path.c_str(), nullptr, MAT_FT_MAT5);
+  double values[] = {1.0, 2.0};
+  std::uint32_t rows[] = {0, 1}, columns[] = {0, 1, 2};
+  mat_sparse_t content{};
+  content.nzmax = content.nir = content.ndata = 2;
+  content.njc = 3;
+  content.ir = rows, content.jc = columns, content.data = values;
+  std::size_t size[2] = {2, 2};
+  matvar_t* const variable = Mat_VarCreate("s", MAT_C_SPARSE, MAT_T_DOUBLE, 2, size, &content, MAT_F_DONT_COPY_DATA);
+  Mat_VarWrite(file, variable, MAT_COMPRESSION_NONE);
+  Mat_VarFree(variable);
+  Mat_Close(file);
+  EXPECT_TRUE(fails(read_number_table("MATLAB ", path, {{"s:1"}}, {}), "expected a real matrix"));
+  EXPECT_TRUE(expect_value(column_names(bytes_of_text("MATLAB 5.0"), path)).empty());
+}
+
 // Of a .mat file every byte counts: one that is missing, and, where it is compressed, one that is changed.
 TEST(NumberTable, MatlabFilesAreWholeOrRefused) {
   TemporaryFolder folder;
@@ -161,6 +181,17 @@ TEST(NumberTable, MatlabFilesAreWholeOrRefused) {
       EXPECT_TRUE(!table.ok() || table->columns == right.columns) << at;
     }
   }
+}
+
+// A number that is cut off is another number.
+TEST(NumberTable, ALastLineWithoutAnEndIsLeftOut) {
+  const std::string text = "a,b\n1,1.5e-2\n2,1.5";
+  const auto table = good(read_number_table(text, "d.csv", {{"a"}, {"b"}}, {}));
+  EXPECT_EQ(table->columns[1], std::vector<double>{0.015});
+  EXPECT_EQ(table->bad_rows, 1);
+  EXPECT_SAYS(table->first_bad, "d.csv:3: the last line has no end");
+  EXPECT_EQ(good(read_number_table(text + "\n", "d.csv", {{"a"}}, {}))->rows(), 2u);
+  EXPECT_TRUE(fails(read_number_table(text, "d.csv", {{"a"}}, {.whole_rows = true}), "d.csv:3: the last line"));
 }
 
 // A name is of the cell that stands below it: not where a row has more cells than there are names.

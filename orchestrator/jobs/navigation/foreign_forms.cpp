@@ -62,14 +62,34 @@ std::pair<Matrix3d, Matrix3d> lower_times_rotation(const Matrix3d& X) {
   return {R.transpose() * sign.asDiagonal(), sign.asDiagonal() * Matrix3d(qr.householderQ()).transpose()};
 }
 
-// Kalibr's model: raw = M C v + bias, M lower triangular, and for the accelerometers C = 1: its axes i are b turned by C_i_b.
+double effect_of(const ForeignCalibration& of, const std::string& name, const std::string& component) {
+  for (const EffectValue& effect : of.file.effects)
+    if (effect.name == name && effect.component == component) return effect.value;
+  return 0.0;
+}
+
+Matrix3d nine_of(const ForeignCalibration& of, const std::string& name, const std::string& between) {
+  Matrix3d M;
+  for (Eigen::Index i = 0; i < 3; ++i)
+    for (Eigen::Index j = 0; j < 3; ++j) M(i, j) = effect_of(of, name, "xyz"[i] + between + "xyz"[j]);
+  return M;
+}
+
+// Kalibr's model: raw = M C v + bias, M lower triangular, and for the accelerometers C = 1: its axes i are b turned by C_i_b. gyro_of_f f_i is what
+// raw_w has of the specific force: S_g raw_w = w_b + N0 + G f_b.
 struct LowerTriangular {
-  Matrix3d accel_M, C_i_b, gyro_M, C_gyro_i;
+  Matrix3d accel_M, C_i_b, gyro_M, C_gyro_i, gyro_of_f;
   explicit LowerTriangular(const ForeignCalibration& of) {
     std::tie(accel_M, C_i_b) = lower_times_rotation(of.accel.inverse());
     std::tie(gyro_M, C_gyro_i) = lower_times_rotation(of.gyro.inverse() * C_i_b.transpose());
+    const Matrix3d G = nine_of(of, "gyro_g_sensitivity", "") * radps_per_degph / standard_gravity_mps2;
+    gyro_of_f = of.gyro.inverse() * G * C_i_b.transpose();
   }
 };
+
+std::string not_seen(const std::string& key) {
+  return "# " + key + ": not seen in the calibration; `turncal allan` of a long rest has it or its limit\n";
+}
 
 // Continuous densities; the random walk that drives the Gauss-Markov process of the file's bias instability.
 std::string densities(const ForeignCalibration& of, const std::string& indent) {
@@ -80,10 +100,7 @@ std::string densities(const ForeignCalibration& of, const std::string& indent) {
         std::tuple{"gyroscope", &of.noise.angle_random_walk, of.noise.gyro_bias_instability_radps}}) {
     text += fmt::format("{}{}_noise_density: {}\n", indent, triad, format_number(walk->norm() / std::sqrt(3.0)));
     text += bias > 0.0 ? fmt::format("{}{}_random_walk: {}\n", indent, triad, format_number(bias * drive))
-                       : fmt::format(
-                             "{}# {}_random_walk: not seen in the calibration; `turncal allan` of a long rest "
-                             "has it or its limit\n",
-                             indent, triad);
+                       : indent + not_seen(fmt::format("{}_random_walk", triad));
   }
   return text + fmt::format("{}rostopic: /imu0\n{}update_rate: {}\n", indent, indent,
                             format_number(std::round(1e3 / of.file.sample_period_s) / 1e3));
@@ -97,32 +114,27 @@ std::string biases(const ForeignCalibration& of, const Matrix3d& accel_turn, con
 
 std::string kalibr(const ForeignCalibration& of) {
   const LowerTriangular model(of);
-  return not_held(of, "#", "biases (estimated by Kalibr; here as comments)") +
-         "# raw_f = M f_i + bias, raw_w = M C_gyro_i w_i + A f_i + bias; f_i = C_i_b f_b, b: x front, y up, z right\n"
+  return not_held(of, "#", "biases (estimated by Kalibr; here as comments)", {"gyro_g_sensitivity"}) +
+         "# raw_f = M f_i + bias, raw_w = M C_gyro_i w_i + A C_gyro_i f_i + bias; f_i = C_i_b f_b, b: x front, y up, z "
+         "right\n"
          "imu0:\n  model: scale-misalignment\n" +
          densities(of, "  ") + "  accelerometers:\n" + yaml_rows("M", model.accel_M, "    ") + "  gyroscopes:\n" +
-         yaml_rows("M", model.gyro_M, "    ") + yaml_rows("A", Matrix3d::Zero(), "    ") +
+         yaml_rows("M", model.gyro_M, "    ") + yaml_rows("A", model.gyro_of_f * model.C_gyro_i.transpose(), "    ") +
          yaml_rows("C_gyro_i", model.C_gyro_i, "    ") + "  # of turncal, for whoever goes back to b\n" +
          yaml_rows("C_i_b", model.C_i_b, "  ") + biases(of, of.accel.inverse(), of.gyro.inverse(), "  ");
 }
 
 std::string open_vins(const ForeignCalibration& of) {
   const LowerTriangular model(of);
-  return "%YAML:1.0\n" + not_held(of, "#", "biases (estimated by OpenVINS; here as comments)") +
+  return "%YAML:1.0\n" + not_held(of, "#", "biases (estimated by OpenVINS; here as comments)", {"gyro_g_sensitivity"}) +
          "# raw_w = Tw R_IMUtoGYRO w_i + Tg f_i + bias, raw_f = Ta f_i + bias; f_i = C_i_b f_b, b: x front, y up, z "
          "right\n"
          "imu0:\n" +
          densities(of, "  ") + "  model: \"kalibr\"\n" + yaml_rows("Tw", model.gyro_M, "  ") +
          yaml_rows("R_IMUtoGYRO", model.C_gyro_i, "  ") + yaml_rows("Ta", model.accel_M, "  ") +
-         yaml_rows("R_IMUtoACC", Matrix3d::Identity(), "  ") + yaml_rows("Tg", Matrix3d::Zero(), "  ") +
+         yaml_rows("R_IMUtoACC", Matrix3d::Identity(), "  ") + yaml_rows("Tg", model.gyro_of_f, "  ") +
          "  # of turncal, for whoever goes back to b\n" + yaml_rows("C_i_b", model.C_i_b, "  ") +
          biases(of, of.accel.inverse(), of.gyro.inverse(), "  ");
-}
-
-double effect_of(const ForeignCalibration& of, const std::string& name, const std::string& component) {
-  for (const EffectValue& effect : of.file.effects)
-    if (effect.name == name && effect.component == component) return effect.value;
-  return 0.0;
 }
 
 std::string psins(const ForeignCalibration& of) {
@@ -131,10 +143,7 @@ std::string psins(const ForeignCalibration& of) {
     return Vector3d(P * Vector3d(effect_of(of, name, "x"), effect_of(of, name, "y"), effect_of(of, name, "z")));
   };
   const auto nine = [&](const std::string& name, const std::string& between) {
-    Matrix3d M;
-    for (Eigen::Index i = 0; i < 3; ++i)
-      for (Eigen::Index j = 0; j < 3; ++j) M(i, j) = effect_of(of, name, "xyz"[i] + between + "xyz"[j]);
-    return Matrix3d(P * M * P.transpose());
+    return Matrix3d(P * nine_of(of, name, between) * P.transpose());
   };
   const auto matrix = [](const char* name, const Matrix3d& M, const char* unit) {
     std::string text = fmt::format("{} = [\n", name);
@@ -172,6 +181,9 @@ std::string kf_gins(const ForeignCalibration& of) {
       of_axis[k] = of.file.sigma[first + step * static_cast<std::size_t>(k)].value_or(0.0) * unit;
     return turned(of_axis);
   };
+  const auto instability = [](const std::string& key, double value, const char* unit) {
+    return "  " + (value > 0.0 ? yaml_list(key, Vector3d::Constant(value), unit) : not_seen(key));
+  };
   const Vector3d scale_g = scale_errors(of.gyro), scale_a = scale_errors(of.accel);
   return not_held(of, "#", "misalignment (n_ij, a_ij)") +
          "# axes front, right, down; v = (raw - bias) / (1 + scale)\n" +
@@ -185,8 +197,8 @@ std::string kf_gins(const ForeignCalibration& of) {
          yaml_list("initbastd", sigma(3, 1, standard_gravity_mps2 / milli_gal), "mGal") + "imunoise:\n" +
          yaml_list("  arw", turned(of.noise.angle_random_walk / radprs_per_degprh), "deg/sqrt(hr)") +
          yaml_list("  vrw", turned(of.noise.velocity_random_walk * 60.0), "m/s/sqrt(hr)") +
-         yaml_list("  gbstd", Vector3d::Constant(of.noise.gyro_bias_instability_radps / radps_per_degph), "deg/hr") +
-         yaml_list("  abstd", Vector3d::Constant(of.noise.accel_bias_instability_mps2 / milli_gal), "mGal") +
+         instability("gbstd", of.noise.gyro_bias_instability_radps / radps_per_degph, "deg/hr") +
+         instability("abstd", of.noise.accel_bias_instability_mps2 / milli_gal, "mGal") +
          yaml_list("  gsstd", sigma(6, 4, 1e6 / of.file.parameters[6]), "ppm") +
          yaml_list("  asstd", sigma(15, 4, 1e6), "ppm") +
          fmt::format("  corrtime: {}  # hr\n", format_number(of.noise.bias_correlation_s / 3600.0));

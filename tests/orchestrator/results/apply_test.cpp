@@ -130,6 +130,28 @@ TEST_F(Apply, WritesARecordingOrAMatrix) {
   EXPECT_EQ(rows, table.size());
 }
 
+// Samples that are marked as bad stay marked, in each form; to ROS a bad one is not measured.
+TEST_F(Apply, KeepsFlags) {
+  record("rec", std::string(without_noise), "step 1\n  initial H 30 P 0 R 0\n  align 1000\n  dwell 1000\n");
+  keep(truth_of("rec"), "true.conf");
+  const auto source = good(RecordingSource::open(path("rec")));
+  std::vector<ImuSample> samples = samples_of(path("rec"));
+  samples[100].flags = samples[101].flags = sample_flag_invalid;
+  auto writer = good(RecordingWriter::create(path("marked.tcr"), (*source)->info()));
+  ASSERT_OK(writer->add(samples));
+  ASSERT_OK(writer->finish());
+  for (const std::string as : {"rates", "increments"}) {
+    ends({"apply", "marked.tcr", "--parameters", path("true.conf"), "--out", as + ".csv", "--as", as}, 0);
+    const auto [head, rows] = csv(as);
+    EXPECT_TRUE(head.ends_with(",flags")) << head;
+    for (const std::size_t row : {99, 100, 101, 102})
+      EXPECT_EQ(rows[row].ends_with(",1"), row == 100 || row == 101) << rows[row];
+  }
+  ends("apply marked.tcr --parameters true.conf --out m.mcap --as rates", 0);
+  expect_refused("import m.mcap --out back", "is not measured, says its covariance");
+  EXPECT_SAYS(ends("import m.mcap --out back --skip-bad-rows", 0).out, "2 bad rows skipped");
+}
+
 TEST_F(Apply, ExportWritesAMatrix) {
   record("rec", std::string(without_noise), "step 1\n  initial H 30 P 0 R 0\n  align 1000\n  dwell 1000\n");
   ASSERT_EQ(run("export rec --out e.npy").code, 0);

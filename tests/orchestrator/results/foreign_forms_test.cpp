@@ -125,6 +125,39 @@ TEST(ForeignForms, EachGivesTheSameSample) {
     }
 }
 
+// What the gyros read of the force, in Kalibr's frame of the gyros and in OpenVINS' of the unit: the raw reading of both is the unit's.
+TEST(ForeignForms, HoldGSensitivity) {
+  ParameterFile file = made(IncrementKind::physical, false);
+  Matrix3d G;
+  for (int k = 0; k < 9; ++k) {
+    G(k / 3, k % 3) = 300.0 - 70.0 * k;
+    file.effects.push_back({"gyro_g_sensitivity", std::string{"xyz"[k / 3], "xyz"[k % 3]}, G(k / 3, k % 3), 1.0});
+  }
+  const Parameters p = from_vector(file.parameters);
+  const Vector3d w(0.4, -0.2, 0.9), f(2.0, 9.0, -3.0);
+  const Vector3d raw = p.n.inverse() * (w + (p.N0_degph + G * f / standard_gravity_mps2) * radps_per_degph);
+  for (const bool kalibr : {true, false}) {
+    const std::string text = *write_foreign_form(file, "p.conf", kalibr ? "kalibr" : "open_vins");
+    EXPECT_SAYS(text, "not held: biases (estimated by ");
+    EXPECT_EQ(text.find("gyro_g_sensitivity"), std::string::npos);
+    const Matrix3d C_i_b = read(text, "C_i_b:", 3, 3), C = read(text, kalibr ? "C_gyro_i:" : "R_IMUtoGYRO:", 3, 3),
+                   M = read(text.substr(kalibr ? text.find("gyroscopes:") : 0), kalibr ? "M:" : "Tw:", 3, 3),
+                   A = read(text, kalibr ? "A:" : "Tg:", 3, 3);
+    const Vector3d w_i = C_i_b * w, f_i = C_i_b * f, bias = triple(text, "bias of the raw gyros");
+    const Vector3d reads = M * C * w_i + A * (kalibr ? Vector3d(C * f_i) : f_i) + bias;
+    EXPECT_LT((reads - raw).norm(), 1e-12) << text;
+  }
+}
+
+// A bias instability of 0 is none that was seen.
+TEST(ForeignForms, NothingSeenIsNotZero) {
+  ParameterFile file = made(IncrementKind::physical, true);
+  file.further.pop_back();
+  file.further.pop_back();
+  const std::string gins = *write_foreign_form(file, "p.conf", "kf_gins");
+  for (const char* key : {"gbstd", "abstd"}) EXPECT_SAYS(gins, std::string("  # ") + key + ": not seen");
+}
+
 // Samples of a unit of the file, counted or not, and calibrated, scatter about the truth by the covariances of the message. Sampling error: 1 %.
 TEST(ForeignForms, RosCovariancesAreTheScatterOfSamples) {
   for (const IncrementKind kind : {IncrementKind::physical, IncrementKind::pulses}) {

@@ -339,7 +339,7 @@ TEST_F(Verify, ReadingsOfReferences) {
   EXPECT_SAYS(failed.out, "-0.010000");
   write("edge.csv", std::string(reference_head) + "20,0,0,20,0,0\n100.3,0.06,0,100.291,0,0.06\n");
   EXPECT_EQ(run("verify --references edge.csv").code, 0);
-  for (const auto& [rows, words] : {std::pair{"30,0,0,30,0,0.0", "bad.csv: the last line has no end"},
+  for (const auto& [rows, words] : {std::pair{"30,0,0,30,0,0.0", "bad.csv:3: the last line has no end"},
                                     {"", "1 rows, expected two and more"},
                                     {"20,zero,0,20,0,0\n", "bad.csv"},
                                     {"20,0,0,20,0,0,7\n", "bad.csv:3: the row has 7 columns: expected 6"},
