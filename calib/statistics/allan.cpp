@@ -158,6 +158,17 @@ std::size_t quick_length(std::size_t n) {
   return n;
 }
 
+// Power of white noise in a rest whose gaps hold the means of what is around them: less where nothing was measured, and more of slow changes, since
+// those means repeat what they are made of. `angle`: of a cell.
+double white_power(const Rest& rest, double angle) {
+  if (rest.gaps.empty()) return 1.0;
+  const auto mean_over = [](double a) { return std::sin(a) / a; };
+  const double there = 1.0 - rest.filled, share = rest.filled / there;
+  const double gap = rest.filled * static_cast<double>(rest.rate.size()) / static_cast<double>(rest.gaps.size());
+  const double repeated = 1.0 + share * mean_over(5.5 * gap * angle);
+  return there * repeated * repeated + 0.1 * share * std::pow(mean_over(0.5 * gap * angle), 2);
+}
+
 void add_power(const Rest& rest, double cell_s, double above_hz, double up_to_hz, Bins& bins) {
   const std::size_t n = quick_length(rest.rate.size());
   if (n < 4) return;
@@ -176,8 +187,8 @@ void add_power(const Rest& rest, double cell_s, double above_hz, double up_to_hz
     bin.xx += power;
     bin.xg += x[j] * std::sqrt(T) * g;
     bin.gg += g * g;
-    // Q: the ends of a rest are not the cells' own; N: less where nothing was measured.
-    bin.unit += Squares((4.0 * s * s + 4.0 / count * c * c) / T, 1.0 - rest.filled, 1.0 / (2.0 * pi * hz),
+    // Q: the ends of a rest are not the cells' own.
+    bin.unit += Squares((4.0 * s * s + 4.0 / count * c * c) / T, white_power(rest, angle), 1.0 / (2.0 * pi * hz),
                         T * T * (1.0 / (4.0 * s * s) - 1.0 / 6.0));
   }
 }

@@ -414,10 +414,12 @@ class Importer {
       found = std::move(stamps().gaps);
     }
     double sum = 0.0, squares = 0.0, count = 0.0;
+    std::int64_t periods = 0;
     for (std::size_t k = 1, f = 0, m = 0; k < rows_; ++k) {
       std::int64_t steps = 1;
       if (f < found.size() && found[f].row == k) steps = found[f++].periods;
       if (m < missing_.size() && missing_[m].row == k) steps = std::max(steps, missing_[m++].periods + 1);
+      periods += steps;
       if (steps > 1) {
         gaps_.push_back({k, steps});
         continue;
@@ -429,7 +431,17 @@ class Importer {
     }
     period = sum / count;
     result_.jitter_s = std::sqrt(std::max(0.0, squares / count - period * period));
-    if (!measured()) period = stamps().period;
+    if (!measured()) {
+      period = stamps().period;
+      constexpr double late = 16.0,
+                       drift = 2e-4;  // of the first or the last stamp, in periods; as in choose_increments
+      const double passed = times_.back() - times_.front(), counted = static_cast<double>(periods) * period;
+      if (std::abs(counted - passed) > (late + 4.0 * stamps().scatter) * period + drift * passed)
+        return input_error(
+            fmt::format("{}: {:.6g} s by the stamps, and {:.6g} s by rows and gaps: expected "
+                        "time.increments = intervals, or rate_hz in place of time.column",
+                        source_.file_name, passed, counted));
+    }
     if (measured())
       for (StampGap& gap : gaps_)
         gap.periods =

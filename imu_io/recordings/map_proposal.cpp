@@ -30,13 +30,21 @@ struct Layout {
   std::string unnamed;  // why the columns have no names, where there is a header
 };
 
-// A word that begins with ^ has to be the beginning, of the text or of what it names in a group, a struct or a compound.
+bool is_letter(char c) { return c >= 'a' && c <= 'z'; }
+
+// A word that begins with ^ has to be the beginning, of the text or of what it names in a group, a struct or a compound; after one that ends with $
+// there is no letter.
 bool has_any(std::string_view text, const std::vector<std::string_view>& words) {
   const std::size_t parent = text.substr(0, std::min(text.size(), text.find_first_of(" [("))).find_last_of("/.:");
   const std::string_view name = text.substr(parent == text.npos ? 0 : parent + 1);
   return std::ranges::any_of(words, [&](std::string_view word) {
-    return word.starts_with('^') ? text.starts_with(word.substr(1)) || name.starts_with(word.substr(1))
-                                 : text.find(word) != text.npos;
+    if (word.starts_with('^')) return text.starts_with(word.substr(1)) || name.starts_with(word.substr(1));
+    const bool ends = word.ends_with('$');
+    if (ends) word.remove_suffix(1);
+    for (std::size_t at = 0; (at = text.find(word, at)) != text.npos; at += word.size())
+      if (const std::string_view rest = text.substr(at + word.size()); !ends || rest.empty() || !is_letter(rest[0]))
+        return true;
+    return false;
   });
 }
 
@@ -191,6 +199,7 @@ class Proposer {
     judge_time();
     judge_units();
     judge_life();
+    judge_doubles();
     return MapProposal{text(), doubts_};
   }
 
@@ -224,6 +233,11 @@ class Proposer {
       if (!others[role].empty())
         doubt("which {}: {} or {}", role == gyro ? "gyros" : "accelerometers", quoted(label(role)),
               fmt::join(others[role], ", "));
+    for (const Role role : {gyro, accel})
+      if (!triad_[role].empty())
+        if (const auto alike = std::ranges::count(layout_.columns, label(role), &Candidate::label); alike > 1)
+          doubt("which {}: {} columns are named {}", role == gyro ? "gyros" : "accelerometers", alike,
+                quoted(label(role)));
     for (std::size_t k = layout_.columns.size(); k-- > 0;) {
       const std::string& name = layout_.columns[k].label;
       if (std::ranges::find(taken, k) != taken.end()) continue;
@@ -295,10 +309,10 @@ class Proposer {
       double second;
       std::vector<std::string_view> words;
     };
-    static const Clock clocks[] = {{"ns", 1e-9, {"_ns", "[ns", "(ns", " ns", "timens", "nano"}},
-                                   {"us", 1e-6, {"_us", "[us", "(us", " us", "timeus", "micro"}},
-                                   {"ms", 1e-3, {"_ms", "[ms", "(ms", " ms", "timems", "milli"}},
-                                   {"s", 1.0, {"_s", "[s", "(s", " s", "sec"}}};
+    static const Clock clocks[] = {{"ns", 1e-9, {"ns$", "nsec", "nano"}},
+                                   {"us", 1e-6, {"us$", "usec", "micro"}},
+                                   {"ms", 1e-3, {"ms$", "msec", "milli"}},
+                                   {"s", 1.0, {"_s$", "[s$", "(s$", " s$", "sec"}}};
     const std::span<const double> times(values_[*time_]);
     const StampModel stamps = fit_stamps(times.first(std::min<std::size_t>(times.size(), 1 << 15)));
     const double interval = stamps.period;
@@ -316,6 +330,7 @@ class Proposer {
             1.0 / (interval * said->second), seen->name, 1.0 / (interval * seen->second));
     const Clock& clock = said != nullptr ? *said : seen != nullptr ? *seen : clocks[3];
     time_unit_ = clock.name;
+    time_guessed_ = said == nullptr && seen != nullptr;
     period_s_ = interval * clock.second;
   }
 
@@ -367,6 +382,9 @@ class Proposer {
       return MotionSums{period_s_, period_s_ * Eigen::Vector3d((*w[0])[k], (*w[1])[k], (*w[2])[k]),
                         period_s_ * Eigen::Vector3d((*f[0])[k], (*f[1])[k], (*f[2])[k])};
     });
+    if (time_guessed_ && !turns)
+      doubt("time.unit: the header does not say it, and the unit does not turn enough to tell; in {} it is {:.4g} Hz",
+            time_unit_, 1.0 / period_s_);
     seen = find_unit(gyro_units, [&](const Unit& unit) {
       return turns && unit.is_rate == rates &&
              std::abs(std::log(turns->factor * (rates ? 1.0 : period_s_) / unit.si)) < std::log(1.5);
@@ -393,6 +411,25 @@ class Proposer {
     if (std::ranges::all_of(triad_[gyro], is_dead)) return;
     for (const std::size_t column : triad_[gyro])
       if (is_dead(column)) doubt("gyro.columns: {} is 0 throughout", quoted(reference(column)));
+  }
+
+  // Rows with the stamp of the row before are another unit's where they differ from it, and the next row from them, the other way round.
+  void judge_doubles() {
+    constexpr double chance = 8.0, fewest = 20.0;
+    if (!time_) return;
+    const Numbers& time = values_[*time_];
+    for (const Role role : {gyro, accel})
+      for (const Numbers* x : numbers(role)) {
+        double n = 0.0, sum = 0.0, squares = 0.0;
+        for (std::size_t k = 1; k + 1 < time.size(); ++k) {
+          if (time[k] != time[k - 1] || time[k + 1] == time[k]) continue;
+          const double bend = 2.0 * (*x)[k] - (*x)[k - 1] - (*x)[k + 1];
+          n += 1.0, sum += bend, squares += bend * bend;
+        }
+        if (n >= fewest && sum * sum > chance * chance * (squares - sum * sum / n))
+          return doubt(
+              "time.column: {:g} rows have the stamp of the row before, and are another unit's by their numbers", n);
+      }
   }
 
   std::string site_lines() const {
@@ -440,7 +477,7 @@ class Proposer {
   std::vector<Numbers> values_;  // of each column that is looked at
   std::array<std::vector<std::size_t>, 2> triad_;
   std::optional<std::size_t> time_, temperature_;
-  bool by_place_ = false;
+  bool by_place_ = false, time_guessed_ = false;
   double jitter_ = 0.0, period_s_ = 0.0;  // of the stamps, in the unit of the file
   std::string_view time_unit_ = "s";
   std::array<std::string_view, 2> unit_;

@@ -1,16 +1,16 @@
 // What the stamps of rows say: how long the period is, where rows are missing, and whether the sampling or the stamps jitter.
 //
-// Row k comes at t0 + P (k + missing) + e: P the period, missing a whole number that only grows, e of each row by itself, normal with a few
-// outliers. The clock may be set: t0 then begins anew. Of all ways to read the stamps so the most likely is taken (Viterbi, 1967;
-// eight are kept), where a gap is as rare as the last reading found it, of n rows with 1 / n(n + 1), and a clock that is set rarer. t0 follows slow
-// changes of the clock: a mean over the last 32 rows, more where stamps scatter by more than a period. P is the slope of least squares,
-// the scatter the median of what is left; both and the gaps are found in turn until they stay. The search begins twice: where P is that of the
-// steepest part of the record without gaps (rows that come in bursts), and where the phases of all stamps agree (rows that are lost);
-// the likelihood decides. Stamps in coarse steps scatter by seven tenths of a step at least.
+// Row k comes at t0 + P (k + missing) + e, written in steps: P the period, missing a whole number that only grows, e of each row by itself,
+// normal with a few outliers. A clock that begins anew (the logger stopped and started again) has another t0; time that passed meanwhile
+// passed, so that the periods of all rows last as long as the stamps say. Of all ways to read the stamps so the most likely is taken (Viterbi,
+// 1967; eight are kept), where a gap is as rare as the last reading found it, of n rows with 1 / n(n + 1), and a new t0 rarer. Along each of them a Kalman
+// filter follows phase and rate of the clock; what it is told is that the stamp's step holds the time, so that a stamp in coarse steps
+// that no row contradicts costs nothing, and rows that fit without a gap need none. The scatter of e is the most likely one, P the slope of least
+// squares along the gaps. The search begins at the steepest part of the record without gaps (rows that come in bursts), and at the periods in
+// which the phases of all stamps agree (rows that are lost); the likelihood decides.
 //
-// P is sure where the phases tell it (a scatter below 0.32), or the n rows from one gap to the next do: to scatter sqrt(12 / n^3), below 0.1 %.
-// Else another P may explain the stamps as well. Of 1000 drawn records (up to 60 % lost, a scatter up to 0.7) 88 are in doubt, 31 of them right,
-// and none was wrong and sure.
+// P is sure where no other one is nearly as likely, and the phases tell it (their mean is above 0.13), or the n rows from one gap to the next
+// do: to scatter sqrt(12 / n^3), below 0.1 %.
 // Period or intervals: let p be what the stamps are ahead of an even clock. If every stamp is off by itself (a late
 // interrupt, a host that was busy, rounding), the scatter of p[k + 2m] - 2 p[k + m] + p[k] is the same for every m; if every interval is what it says,
 // it grows with the root of m. Up to the geometric mean of both, over 32 rows, the sampling is even; and so it is, too, for a sensor that was truly read
@@ -28,7 +28,7 @@
 
 namespace turncal {
 
-// A row that comes so many periods after the one before. `anew`: and the clock was set, or stood for no whole number of them.
+// A row that comes so many periods after the one before. `anew`: and no whole number of them, or the clock was set.
 struct StampGap {
   std::size_t row = 0;
   std::int64_t periods = 0;

@@ -120,7 +120,8 @@ TEST(MapProposal, UnitsAreSeenOrInDoubt) {
       {"elapsed,gyro1,gyro2,gyro3,ax,ay,az", 1, 1, 1, true, 1, "gyro.columns = gyro1, gyro2, gyro3\n", ""},
       {bare, deg / 3600, 1, 1, true, 1, "gyro.unit = deg/h\n", ""},
       {bare, 1, 1, 1, false, 1, "", "gyro.unit: the header does not say it"},
-      {"t,gx_mdps,gy_mdps,gz_mdps,ax,ay,az", 1, 1, 1, false, 1, "gyro.unit = mdeg/s\n", ""},
+      {"t_s,gx_mdps,gy_mdps,gz_mdps,ax,ay,az", 1, 1, 1, false, 1, "gyro.unit = mdeg/s\n", ""},
+      {"sensor_time,gx_mdps,gy_mdps,gz_mdps,ax,ay,az", 1, 1, 1, false, 1, "", "time.unit: the header does not say it"},
       {bare, 1, 1.2, 1, true, 1, "", "is within 12 % of gravity in none of"},
       {bare, 1, 1, 1, true, -1, "", "gravity turns against the gyros"},
       {"t,gy,gx,gz,ax,ay,az", 1, 1, 1, true, 1, "", "gravity turns against the gyros"},
@@ -418,6 +419,26 @@ TEST(Increments, LossesAreCountedOrInDoubt) {
     EXPECT_LE(wrong, rows / (jitter > 0.15 ? 100 : 500));
   }
   EXPECT_LE(in_doubt, 17);
+}
+
+// A logger that stops and starts again, at any phase, with stamps in steps that are no part of the period: the periods of all rows last as long as the
+// stamps say.
+TEST(Increments, PausesLastAsLongAsTheStampsSay) {
+  for (const double rate_hz : {200.0, 800.0, 833.0, 238.0})
+    for (const double step_s : {1e-7, 1e-3})
+      for (const double pause_s : {0.0, 3.0037, 95.3017, 3600.002}) {
+        SCOPED_TRACE(fmt::format("{} Hz, {} s, pause of {} s", rate_hz, step_s, pause_s));
+        std::vector<double> times;
+        for (int row = 0; row < 4000; ++row)
+          times.push_back(std::floor((0.3 + row / rate_hz + (row < 1700 ? 0.0 : pause_s)) / step_s) * step_s);
+        const StampModel model = fit_stamps(times);
+        EXPECT_TRUE(model.sure && choose_increments(times, model).even);
+        EXPECT_NEAR(model.period * rate_hz, 1.0, 1e-4);
+        double periods = 3999.0;
+        for (const StampGap& gap : model.gaps) periods += static_cast<double>(gap.periods - 1);
+        EXPECT_NEAR(periods, (times.back() - times.front()) / model.period, 1.5);
+        EXPECT_EQ(model.gaps.size(), pause_s > 0.0 ? 1u : 0u);
+      }
 }
 
 // Written twice, or measured twice: a coarse sensor at rest repeats its numbers, and coarse stamps themselves.
