@@ -18,7 +18,7 @@ constexpr double sample_slack = 1e-6;
 constexpr double shortest_dwell_s = 1.0;
 
 std::int64_t whole_samples(double duration_s, double period_s) {
-  return static_cast<std::int64_t>(std::ceil(duration_s / period_s - sample_slack));
+  return std::int64_t(std::ceil(duration_s / period_s - sample_slack));
 }
 
 // For messages: six decimals at most.
@@ -64,7 +64,7 @@ class Planner {
       causes_.push_back({fmt::format("{}:{}: step {}: ", file, line, step.number), what});
   }
 
-  double seconds(std::int64_t samples) const { return static_cast<double>(samples) * limits_.sample_period_s; }
+  double seconds(std::int64_t samples) const { return double(samples) * limits_.sample_period_s; }
 
   void add_item(std::size_t step_index, std::size_t item_index) {
     const Step& step = sequence_.steps[step_index];

@@ -28,7 +28,7 @@ struct PlanLimits {
   std::array<AxisLimits, 3> axis{};  // indexed by Axis
   double settle_s = 1.0;
   double sample_period_s = 0.005;
-  const AxisLimits& operator[](Axis which) const { return axis[static_cast<std::size_t>(which)]; }
+  const AxisLimits& operator[](Axis which) const { return axis[std::size_t(which)]; }
 };
 
 // One item of the sequence with its place in time. Fields of the other kind are left at their defaults.

@@ -103,7 +103,7 @@ class Parser {
 
  private:
   Error problem(int line, int column, std::string_view what) const {
-    return input_error(fmt::format("{}:{}:{}: {}", file_, line, column, what));
+    return input_error("{}:{}:{}: {}", file_, line, column, what);
   }
   Error wrong(const Token& found, std::string_view expected) const {
     return problem(line_, found.column, fmt::format("found {}, expected {}", shown(found), expected));
@@ -115,7 +115,7 @@ class Parser {
     std::size_t at = 0;
     while (at < line.size() && line[at] != '#') {
       const char c = line[at];
-      const int column = static_cast<int>(at) + 1;
+      const int column = int(at) + 1;
       if (is_blank(c)) {
         ++at;
       } else if (c == '=') {
@@ -132,7 +132,7 @@ class Parser {
         tokens_.push_back({Token::Kind::word, line.substr(begin, at - begin), column});
       }
     }
-    tokens_.push_back({Token::Kind::end, {}, static_cast<int>(at) + 1});
+    tokens_.push_back({Token::Kind::end, {}, int(at) + 1});
     return {};
   }
 
@@ -204,7 +204,7 @@ class Parser {
                        ? "a step number of 1 to 9999"
                        : fmt::format("a step number above {}, that of the step before, and at most 9999", previous));
     Step step;
-    step.number = static_cast<int>(*value);
+    step.number = int(*value);
     step.line = line_;
     if (peek().kind == Token::Kind::title) step.title = next().text;
     has_initial_ = false;

@@ -50,7 +50,7 @@ void each_moment(const CompressedRecording& recording, const Parameters& truth, 
   const SensorModel model = sensor_model(truth, recording.info);
   const double period = recording.info.sample_period_s;
   const auto start_s = [&](const Block& b) {
-    return static_cast<double>(b.start_sample - recording.blocks.front().start_sample) * period;
+    return double(b.start_sample - recording.blocks.front().start_sample) * period;
   };
   const double length = start_s(recording.blocks.back()) + recording.blocks.back().duration_s;
   double rest_began = -1e9;
@@ -61,7 +61,7 @@ void each_moment(const CompressedRecording& recording, const Parameters& truth, 
   for (std::size_t k = 0; k < recording.blocks.size(); ++k) {
     const Block& b = recording.blocks[k];
     const double angle = (model.gyro_scale * b.gyro - model.gyro_bias_radps * b.duration_s).norm();
-    double& all = in_all[static_cast<std::size_t>(b.segment)];
+    double& all = in_all[std::size_t(b.segment)];
     turned[k] = all + 0.5 * angle;
     all += angle;
   }
@@ -82,7 +82,7 @@ void each_moment(const CompressedRecording& recording, const Parameters& truth, 
     m.since_turn_s = rotating ? 1e9 : m.time_s - rest_began;
     m.rate_radps = model.gyro_scale * block.gyro / block.duration_s - model.gyro_bias_radps;
     m.force_g = (model.accel_scale * block.accel / block.duration_s - model.accel_bias_mps2) / 9.80665;
-    const double part = rotating ? turned[k] / in_all[static_cast<std::size_t>(block.segment)] : 1.0;
+    const double part = rotating ? turned[k] / in_all[std::size_t(block.segment)] : 1.0;
     const Eigen::Vector3d before(from.heading_deg, from.pitch_deg, from.roll_deg),
         after(segment.heading_deg, segment.pitch_deg, segment.roll_deg);
     m.table_rad = pi / 180.0 * (before + part * (after - before));

@@ -95,7 +95,7 @@ inline const Sequence& fourteen_steps() {
 
 inline Parameters rig_truth(const Rig& rig) {
   ParameterVector v;
-  for (int i = 0; i < parameter_count; ++i) v[i] = rig.truth()[static_cast<std::size_t>(i)];
+  for (int i = 0; i < parameter_count; ++i) v[i] = rig.truth()[std::size_t(i)];
   return from_vector(v);
 }
 
@@ -133,7 +133,7 @@ inline RigRecording record_on_rig(const Sequence& sequence, RigConfig config, co
       std::span<ImuSample> got(chunk.data(), count);
       if (options.alter) options.alter(got);
       if (options.lost)
-        got = got.first(static_cast<std::size_t>(std::remove_if(got.begin(), got.end(), options.lost) - got.begin()));
+        got = got.first(std::size_t(std::remove_if(got.begin(), got.end(), options.lost) - got.begin()));
       compressor.add(got);
       if (options.writer != nullptr) must(options.writer->add(got));
       samples -= now;

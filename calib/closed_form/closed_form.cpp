@@ -77,7 +77,7 @@ bool lost_in_motion(const CompressedRecording& recording, std::size_t index, con
 // A block at rest from which samples are missing, as if they had come: everything is even over the block.
 Block stretched(const Block& block) {
   Block full = block;
-  const double factor = static_cast<double>(block.samples + block.missing) / block.samples;
+  const double factor = double(block.samples + block.missing) / block.samples;
   full.gyro *= factor;
   full.accel *= factor;
   full.gyro_time = 0.5 * block.duration_s * full.gyro;
@@ -178,12 +178,11 @@ LegMotion navigate_leg(const CompressedRecording& recording, const std::vector<s
 
 Status check_site(const CompressedRecording& recording) {
   const RecordingInfo& info = recording.info;
-  if (!(info.gravity_mps2 > 0.0))
-    return input_error(fmt::format("gravity_mps2 = {:.4f}: expected more than 0", info.gravity_mps2));
+  if (!(info.gravity_mps2 > 0.0)) return input_error("gravity_mps2 = {:.4f}: expected more than 0", info.gravity_mps2);
   if (!(std::abs(info.latitude_deg) <= 90.0))
-    return input_error(fmt::format("latitude_deg = {:.4f}: expected -90 to 90", info.latitude_deg));
+    return input_error("latitude_deg = {:.4f}: expected -90 to 90", info.latitude_deg);
   if (!(info.sample_period_s > 0.0))
-    return input_error(fmt::format("sample_period_s = {:.6f}: expected more than 0", info.sample_period_s));
+    return input_error("sample_period_s = {:.6f}: expected more than 0", info.sample_period_s);
   if (recording.blocks.empty()) return input_error("the recording has no samples in its segments");
   return {};
 }
@@ -193,8 +192,8 @@ Result<std::size_t> find_static(const Segments& segments, const VerticalSpec& sp
     if (segments[k].step == spec.step && segments[k].kind == SegmentKind::still &&
         same_up_to_whole_turns(angles_of(segments[k]), spec.at_deg))
       return k;
-  return input_error(fmt::format("step {} never sees the {} axis vertical ({}): expected a dwell at {}", spec.step,
-                                 "xyz"[spec.body_axis], spec.up ? "up" : "down", describe(spec.at_deg)));
+  return input_error("step {} never sees the {} axis vertical ({}): expected a dwell at {}", spec.step,
+                     "xyz"[spec.body_axis], spec.up ? "up" : "down", describe(spec.at_deg));
 }
 
 Result<Leg> find_leg(const Segments& segments, int step, const LegSpec& spec) {
@@ -217,8 +216,8 @@ Result<Leg> find_leg(const Segments& segments, int step, const LegSpec& spec) {
     }
     from = k;
   }
-  return input_error(fmt::format("step {}: expected a dwell after a turn by {} that starts at rest at {}", step,
-                                 describe(spec.turn_deg), describe(spec.from_deg)));
+  return input_error("step {}: expected a dwell after a turn by {} that starts at rest at {}", step,
+                     describe(spec.turn_deg), describe(spec.from_deg));
 }
 
 // The specific force along a body axis that stands vertical but for a small tilt: the two others see the tilt, so the
@@ -315,8 +314,7 @@ Status ClosedFormLayout::find() {
   const Segments& segments = recording_.segments;
   for (int step = 1; step <= closed_form_steps; ++step)
     if (std::ranges::none_of(segments, [&](const Segment& s) { return s.step == step; }))
-      return input_error(
-          fmt::format("step {} is missing: the closed form needs steps 1 to {}", step, closed_form_steps));
+      return input_error("step {} is missing: the closed form needs steps 1 to {}", step, closed_form_steps);
   for (const VerticalSpec& spec : verticals) verticals_.push_back(TRY(find_static(segments, spec)));
   legs_.resize(closed_form_steps + 1);
   for (int step = 2; step <= closed_form_steps; ++step)
@@ -361,20 +359,20 @@ Status ClosedFormLayout::check_static(std::size_t k, const SensorModel& model) c
     turned += model.gyro_scale * block.gyro - model.gyro_bias_radps * block.duration_s;
   }
   if (!(length_s >= min_dwell_s))
-    return input_error(fmt::format("{}a dwell of {:.3f} s is too short, expected at least {:.0f} s", place(segment),
-                                   length_s, min_dwell_s));
+    return input_error("{}a dwell of {:.3f} s is too short, expected at least {:.0f} s", place(segment), length_s,
+                       min_dwell_s);
   const Eigen::Matrix3d C_nb = attitude_at(angles_of(segment));
   turned -= C_nb.transpose() * earth_rate_n(recording_.info.latitude_deg) * length_s;
   const double turned_deg = turned.norm() / rad_per_deg;
   if (!(turned_deg < max_misfit_deg))
-    return input_error(fmt::format("{}the unit turned by {:.1f} deg, expected rest", place(segment), turned_deg));
+    return input_error("{}the unit turned by {:.1f} deg, expected rest", place(segment), turned_deg);
   const Eigen::Vector3d f_n = C_nb * mean_specific_force(recording_, first_block_, k, model);
   const double tilt_deg = std::atan2(std::hypot(f_n.x(), f_n.z()), f_n.y()) / rad_per_deg;
   if (!(f_n.norm() > 0.5 * recording_.info.gravity_mps2) || !(tilt_deg < max_misfit_deg))
     return input_error(
-        fmt::format("{}the accelerometers feel {:.3f} m/s^2, {:.1f} deg from the vertical of these "
-                    "angles; the segments do not fit the data",
-                    place(segment), f_n.norm(), tilt_deg));
+        "{}the accelerometers feel {:.3f} m/s^2, {:.1f} deg from the vertical of these "
+        "angles; the segments do not fit the data",
+        place(segment), f_n.norm(), tilt_deg);
   return {};
 }
 
@@ -382,21 +380,19 @@ Status ClosedFormLayout::check_way(const Leg& leg, const SensorModel& model) con
   const Segment& to = recording_.segments[leg.to];
   for (std::size_t i = first_block_[leg.from + 1]; i < first_block_[leg.to + 1]; ++i)
     if (lost_in_motion(recording_, i, model))
-      return input_error(
-          fmt::format("step {}: {} samples are missing near sample {}, in a rotation: the angle turned is lost",
-                      to.step, recording_.blocks[i].missing, recording_.blocks[i].start_sample));
+      return input_error("step {}: {} samples are missing near sample {}, in a rotation: the angle turned is lost",
+                         to.step, recording_.blocks[i].missing, recording_.blocks[i].start_sample);
   const LegMotion motion = navigate_leg(recording_, first_block_, leg, model);
   const double turned_deg = motion.turned_rad / rad_per_deg;
   if (!(std::abs(turned_deg - leg.turn_deg) < max_misfit_deg))
     return input_error(
-        fmt::format("{}the gyros felt a turn of {:.1f} deg on the way, {:.0f} were commanded; the "
-                    "segments do not fit the data",
-                    place(to), turned_deg, leg.turn_deg));
+        "{}the gyros felt a turn of {:.1f} deg on the way, {:.0f} were commanded; the "
+        "segments do not fit the data",
+        place(to), turned_deg, leg.turn_deg);
   const Eigen::AngleAxisd apart(attitude_at(angles_of(to)).transpose() * motion.C_nb_arrived);
   if (!(apart.angle() / rad_per_deg < max_misfit_deg))
-    return input_error(
-        fmt::format("{}the navigated attitude is {:.1f} deg from these angles; the segments do not fit the data",
-                    place(to), apart.angle() / rad_per_deg));
+    return input_error("{}the navigated attitude is {:.1f} deg from these angles; the segments do not fit the data",
+                       place(to), apart.angle() / rad_per_deg);
   return {};
 }
 

@@ -72,7 +72,7 @@ void collect_residuals(const CompressedRecording& recording, Diagnosis& d) {
   const FilterResult before = run(d.base);
   const FilterResult after = d.effect_names.empty() ? before : run(d.extended);
   const auto rms = [](const FilterResult& r) {
-    return std::sqrt(r.chi_square / static_cast<double>(std::max<std::int64_t>(r.observations, 1)));
+    return std::sqrt(r.chi_square / double(std::max<std::int64_t>(r.observations, 1)));
   };
   d.error_before = rms(before);
   d.error_after = rms(after);
@@ -114,7 +114,7 @@ std::vector<EffectColumn> named_columns(const Evidence& e) {
       e.statements.nodes, [](const auto& node) { return !node.formula.empty() && node.probability >= said_from; });
   if (e.statements.anything < said_from || !(said || e.named.probability >= carried_by_names)) return columns;
   for (std::size_t k = 0; k < e.named.columns.size(); ++k) {
-    columns.push_back(e.at_each_noise.front().table->effects[static_cast<std::size_t>(e.named.columns[k])]);
+    columns.push_back(e.at_each_noise.front().table->effects[std::size_t(e.named.columns[k])]);
     if (e.named.tau_s[k] > 0.0) columns.back().tau_s = e.named.tau_s[k];
   }
   return columns;
@@ -260,7 +260,7 @@ class Diagnosing {
   }
 
   Evidence weigh(const JointResult& fit) const {
-    return weigh_evidence(recording_, fit, static_cast<int>(recordings_.parts.size()), options_.holdouts);
+    return weigh_evidence(recording_, fit, int(recordings_.parts.size()), options_.holdouts);
   }
 
   // Of `effects` beside those of turn-on; values of the latter begin where `from` has them.
@@ -273,9 +273,9 @@ class Diagnosing {
     if (from == nullptr) return o;
     o.start = from->parameters;
     o.start_noise = from->noise;
-    o.start_effects.setZero(static_cast<Eigen::Index>(o.effects.size()));
+    o.start_effects.setZero(Eigen::Index(o.effects.size()));
     for (std::size_t k = 0; k < recordings_.turn_ons.size(); ++k)
-      o.start_effects[static_cast<Eigen::Index>(k)] = from->effects[k].value;
+      o.start_effects[Eigen::Index(k)] = from->effects[k].value;
     return o;
   }
   JointResult fit_with(const std::vector<EffectColumn>& effects, const JointResult& from) const {
@@ -332,19 +332,19 @@ class Diagnosing {
     JointResult& r = d_.extended;
     const ParameterVector about = to_vector(fit.parameters);
     ParameterVector values = to_vector(r.parameters);
-    const bool all = r.free.size() == static_cast<std::size_t>(average.shift.size()) && r.undetermined.empty();
+    const bool all = r.free.size() == std::size_t(average.shift.size()) && r.undetermined.empty();
     if (!all) return;
     std::vector<Eigen::Index> place;  // of r.free in the average
-    const auto p = static_cast<Eigen::Index>(e.columns.size());
+    const auto p = Eigen::Index(e.columns.size());
     for (const int column : r.free) {
       const auto at = std::ranges::find(e.columns, column);
       if (at != e.columns.end()) {
         place.push_back(at - e.columns.begin());
         continue;
       }
-      const std::string key = r.effects[static_cast<std::size_t>(column - parameter_count)].column.key();
-      const auto of = std::ranges::find_if(
-          e.named.columns, [&](int c) { return table.effects[static_cast<std::size_t>(c)].key() == key; });
+      const std::string key = r.effects[std::size_t(column - parameter_count)].column.key();
+      const auto of =
+          std::ranges::find_if(e.named.columns, [&](int c) { return table.effects[std::size_t(c)].key() == key; });
       if (of == e.named.columns.end()) return;
       place.push_back(p + (of - e.named.columns.begin()));
     }
@@ -352,21 +352,21 @@ class Diagnosing {
     d_.hangs_on_name = hangs_on_a_name(average, e.columns);
     for (std::size_t i = 0; i < r.free.size(); ++i) {
       const int column = r.free[i];
-      const auto k = static_cast<Eigen::Index>(i);
+      const auto k = Eigen::Index(i);
       const double sigma = std::sqrt(r.covariance(k, k)), shift = average.shift[place[i]];
       if (column < parameter_count) {
         values[column] = about[column] + shift;
         if (r.sigma[column] > 0.0) r.sigma[column] = sigma;
         continue;
       }
-      EstimatedEffect& effect = r.effects[static_cast<std::size_t>(column - parameter_count)];
+      EstimatedEffect& effect = r.effects[std::size_t(column - parameter_count)];
       effect.value = place[i] < p ? effect.value + shift : shift;
       effect.sigma = sigma;
     }
     r.parameters = from_vector(values);
     if (!by_name || recordings_.parts.size() > 1) return;
     for (Eigen::Index i = 0; i < p; ++i) {
-      const int column = e.columns[static_cast<std::size_t>(i)];
+      const int column = e.columns[std::size_t(i)];
       if (column < parameter_count && std::abs(average.taken_up[i]) > r.sigma[column] && r.sigma[column] > 0.0)
         d_.without_effects[column] = values[column] + average.taken_up[i];
     }

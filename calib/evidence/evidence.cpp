@@ -12,9 +12,9 @@ namespace turncal {
 namespace {
 
 Eigen::VectorXd pull_on(const JointResult& fit, const std::vector<int>& columns) {
-  Eigen::VectorXd pull = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(columns.size()));
+  Eigen::VectorXd pull = Eigen::VectorXd::Zero(Eigen::Index(columns.size()));
   for (std::size_t k = 0; k < columns.size(); ++k)
-    if (columns[k] < fit.noise_pull.size()) pull[static_cast<Eigen::Index>(k)] = fit.noise_pull[columns[k]];
+    if (columns[k] < fit.noise_pull.size()) pull[Eigen::Index(k)] = fit.noise_pull[columns[k]];
   return pull;
 }
 
@@ -30,7 +30,7 @@ std::vector<Readings> readings_of(const EffectModel& effects, const Pieces& piec
     if (states[k].duration_s <= 0.0) continue;
     effects.regressors(states[k], one);
     if (pieces.cell_of_block[k] < 0) continue;
-    const auto c = static_cast<std::size_t>(pieces.cell_of_block[k]);
+    const auto c = std::size_t(pieces.cell_of_block[k]);
     const double part = states[k].duration_s / pieces.cells[c].at.duration_s;
     readings[c].topRows<3>() += part * one.gyro;
     readings[c].bottomRows<3>() += part * one.accel;
@@ -60,14 +60,14 @@ void put_back(const Values& effects, const std::vector<Values>& held_out, const 
     const auto found = std::ranges::find_if(table.effects, [&](const EffectColumn& c) {
       return c.key() == effect.column.key() && c.tau_s == effect.column.tau_s;
     });
-    const auto at = static_cast<std::size_t>(found - table.effects.begin());
+    const auto at = std::size_t(found - table.effects.begin());
     const Weights& basis = table.bases[table.basis_of_effect[at]];
     for (Eigen::Index k = 0; piece_dims * k < x.size(); ++k) {
-      const Weights::Part& part = basis.parts[static_cast<std::size_t>(k)];
-      const auto recording = static_cast<std::size_t>(part.first / part.of.rows());  // from 1 on: one that is held out
+      const Weights::Part& part = basis.parts[std::size_t(k)];
+      const auto recording = std::size_t(part.first / part.of.rows());  // from 1 on: one that is held out
       const double value = recording == 0 ? effect.value : held_out[recording - 1][e].value;
       for (std::size_t i = 0; i < part.rows.size(); ++i)
-        x[piece_dims * k + part.rows[i]] += value * part.of(table.column_of_effect[at], static_cast<Eigen::Index>(i));
+        x[piece_dims * k + part.rows[i]] += value * part.of(table.column_of_effect[at], Eigen::Index(i));
     }
   }
   system.put_back(x);
@@ -92,7 +92,7 @@ PiecewiseView view_in_pieces(const CompressedRecording& recording, const JointRe
   PiecewiseView view;
   view.recording = coarser(recording, coarseness_of_scores, setup);
   for (const int column : fit.free)
-    if (column < parameter_count || is_turn_on(fit.effects[static_cast<std::size_t>(column - parameter_count)].column))
+    if (column < parameter_count || is_turn_on(fit.effects[std::size_t(column - parameter_count)].column))
       view.columns.push_back(column);
   // The pass tells the state of every block: one column more, that is nothing, looks on.
   EffectModel of_fit = effect_model_of(fit, recording.info.latitude_deg), looks_on = of_fit;
@@ -151,7 +151,7 @@ void of_the_fit_alone(Evidence& e) {
     for (const std::size_t basis : under.table->basis_of_effect) wanted[basis] = 1;
     for (const WeighedModel& m : e.posterior.models)
       for (const ModelTerm& t : m.terms)
-        if (m.noise == n) wanted[under.table->terms[static_cast<std::size_t>(t.term)].basis] = 1;
+        if (m.noise == n) wanted[under.table->terms[std::size_t(t.term)].basis] = 1;
     under.blocks = under.system->blocks(under.table->bases, wanted);
   }
 }
@@ -172,12 +172,12 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
     Together all = {*view.system, view.pieces, readings(view), {}};
     std::vector<Eigen::Index> own;
     for (std::size_t k = 0; k < view.columns.size(); ++k)
-      if (view.columns[k] < 6) own.push_back(static_cast<Eigen::Index>(k));
+      if (view.columns[k] < 6) own.push_back(Eigen::Index(k));
     for (std::size_t k = 0; k < others.size(); ++k) {
       const PiecewiseView other = view_in_pieces(*held_out[k], others[k], less_unstable(others[k].setup.noise, part));
       if (!other.system) continue;
       all.system = PieceSystem(all.system, *other.system, own);
-      append(other.pieces, recordings + static_cast<int>(all.taken_off.size()), all.pieces);
+      append(other.pieces, recordings + int(all.taken_off.size()), all.pieces);
       const std::vector<Readings> more = readings(other);
       all.readings.insert(all.readings.end(), more.begin(), more.end());
       all.taken_off.push_back(without_turn_ons(others[k].effects));

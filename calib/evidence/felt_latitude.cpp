@@ -42,7 +42,7 @@ std::optional<FeltRate> with_free_rate(CompressedRecording recording) {
 double widened_by_unseen_instability(const JointResult& fit) {
   double most = 1.0;
   for (std::size_t i = 0; i < fit.free.size(); ++i) {
-    const auto k = static_cast<Eigen::Index>(i);
+    const auto k = Eigen::Index(i);
     if (fit.free[i] < 3)
       most = std::max(most, fit.covariance(k, k) / (fit.covariance(k, k) - fit.unseen_instability(k, k)));
   }
@@ -50,7 +50,7 @@ double widened_by_unseen_instability(const JointResult& fit) {
 }
 
 std::optional<FeltRate> felt_rate(const CompressedRecording& recording, const JointResult& fit) {
-  const int north = parameter_count + static_cast<int>(fit.effects.size());
+  const int north = parameter_count + int(fit.effects.size());
   if (!fit.converged || !fit.undetermined.empty() || fit.last.information.rows() != north + 2)
     return with_free_rate(recording);
   const Scores scores = eliminate(fit.last.information, fit.last.gradient, fit.free, {north, north + 1});

@@ -48,7 +48,7 @@ void add(const CompressedRecording& recording, const std::vector<Innovation>& in
 std::vector<int> own_columns(const JointResult& result) {
   std::vector<int> own = {0, 1, 2, 3, 4, 5};
   for (std::size_t k = 0; k < result.effects.size(); ++k)
-    if (result.effects[k].column.entry->of_one_run) own.push_back(parameter_count + static_cast<int>(k));
+    if (result.effects[k].column.entry->of_one_run) own.push_back(parameter_count + int(k));
   return own;
 }
 
@@ -57,7 +57,7 @@ std::size_t open_without(int recording, const JointResult& result) {
   const auto own = std::ranges::count_if(result.effects, [&](const EstimatedEffect& e) {
     return !is_turn_on(e.column) && e.column.recording == recording;
   });
-  return 6 + static_cast<std::size_t>(own);
+  return 6 + std::size_t(own);
 }
 
 }  // namespace
@@ -79,8 +79,7 @@ EffectModel effect_model_of(const JointResult& result, double latitude_deg, cons
   for (const EstimatedEffect& e : result.effects) columns.push_back(e.column);
   columns.insert(columns.end(), more.begin(), more.end());
   EffectModel model = make_effect_model(columns, {latitude_deg}, result.reference_temperature_c);
-  for (std::size_t k = 0; k < result.effects.size(); ++k)
-    model.values[static_cast<Eigen::Index>(k)] = result.effects[k].value;
+  for (std::size_t k = 0; k < result.effects.size(); ++k) model.values[Eigen::Index(k)] = result.effects[k].value;
   return model;
 }
 
@@ -116,11 +115,11 @@ JointResult model_on_holdout(const CompressedRecording& holdout, const JointResu
     if (!step.allFinite()) break;
     ParameterVector values = to_vector(model.parameters);
     for (std::size_t i = 0; i < own.size(); ++i) {
-      const double by = step[static_cast<Eigen::Index>(i)];
+      const double by = step[Eigen::Index(i)];
       if (own[i] < parameter_count)
         values[own[i]] += by;
       else
-        model.effects[static_cast<std::size_t>(own[i] - parameter_count)].value += by;
+        model.effects[std::size_t(own[i] - parameter_count)].value += by;
     }
     model.parameters = from_vector(values);
     // Attitude is linear in the heading to its square: an angular minute of the first look would already show at the turns.
@@ -142,13 +141,13 @@ double error_beyond_sigmas(const CompressedRecording& holdout, const JointResult
   for (std::size_t k = 0; k < result.free.size(); ++k)
     if (std::ranges::find(own, result.free[k]) == own.end()) {
       common.push_back(result.free[k]);
-      place.push_back(static_cast<int>(k));
+      place.push_back(int(k));
     }
   Eigen::MatrixXd A = pass.information;
   A(common, common) += balanced_inverse(result.covariance(place, place));
   const SubsetSolution given_way = solve_subset(A, pass.gradient, result.free, result.ranges);
   const double chi_square = pass.chi_square + given_way.step.dot(Eigen::VectorXd(pass.gradient(result.free)));
-  return std::sqrt(chi_square / static_cast<double>(std::max<std::int64_t>(pass.observations, 1)));
+  return std::sqrt(chi_square / double(std::max<std::int64_t>(pass.observations, 1)));
 }
 
 HoldoutGate HoldoutGate::holdouts(const std::vector<const CompressedRecording*>& recordings) {
@@ -167,9 +166,8 @@ HoldoutGate HoldoutGate::recordings_in_turn(const JoinedRecordings& recordings, 
   borders.push_back(recordings.data.blocks.size());
   for (std::size_t k = 0; k < recordings.parts.size(); ++k) {
     std::vector<char> left_out(recordings.data.blocks.size(), 0);
-    std::fill(left_out.begin() + static_cast<std::ptrdiff_t>(borders[k]),
-              left_out.begin() + static_cast<std::ptrdiff_t>(borders[k + 1]), 1);
-    gate.parts_.push_back({recordings.parts[k], std::move(left_out), static_cast<int>(k)});
+    std::fill(left_out.begin() + std::ptrdiff_t(borders[k]), left_out.begin() + std::ptrdiff_t(borders[k + 1]), 1);
+    gate.parts_.push_back({recordings.parts[k], std::move(left_out), int(k)});
   }
   return gate;
 }
@@ -185,7 +183,7 @@ HoldoutGate HoldoutGate::dwells_in_turn(const CompressedRecording& recording, Re
     if (recording.segments[segment].kind != SegmentKind::still) continue;
     int dwell = 0;
     for (int k = 0; k < segment; ++k) dwell += recording.segments[k].kind == SegmentKind::still;
-    gate.parts_[static_cast<std::size_t>(dwell % fold_count)].left_out[b] = 1;
+    gate.parts_[std::size_t(dwell % fold_count)].left_out[b] = 1;
   }
   return gate;
 }
@@ -210,8 +208,7 @@ HoldoutError HoldoutGate::error(const JointResult& result, const NoiseModel& noi
     add(recording, in_the_fit ? pass.left_out : pass.innovations, says_nothing, sums);
   }
   HoldoutError error = sums.error;
-  error.normalised_rms =
-      std::sqrt(error.chi_square / static_cast<double>(std::max<std::int64_t>(error.observations, 1)));
+  error.normalised_rms = std::sqrt(error.chi_square / double(std::max<std::int64_t>(error.observations, 1)));
   error.velocity_rms_mps = std::sqrt(sums.velocity_square / std::max(sums.velocity_count, 1.0));
   return error;
 }

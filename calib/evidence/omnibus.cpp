@@ -41,7 +41,7 @@ const OmnibusTest* Omnibus::worst() const {
 }
 
 double Omnibus::log10_limit() const {
-  return std::log10(limits.family_wise / static_cast<double>(std::max<std::size_t>(1, tests.size())));
+  return std::log10(limits.family_wise / double(std::max<std::size_t>(1, tests.size())));
 }
 
 void add_test(OmnibusTest test, Omnibus& result) {
@@ -83,7 +83,7 @@ void test_pieces(const CompressedRecording& recording, const Pieces& pieces, con
       const Piece& piece = pieces.pieces[k];
       if (look.turns_only ? !piece.after_turn : piece.end_s - piece.begin_s < shortest_tested_s) continue;
       const PieceSystem::OfPiece of = under.system->of_piece(k);
-      const auto Y = explained.Y.middleRows<6>(piece_dims * static_cast<Eigen::Index>(k) + look.first);
+      const auto Y = explained.Y.middleRows<6>(piece_dims * Eigen::Index(k) + look.first);
       const MatrixXd Q = of.Q.block<6, 6>(look.first, look.first) - Y * Y.transpose();
       const VectorXd s = of.s.segment<6>(look.first) - Y * explained.w;
       const RankedChiSquare ranked = ranked_chi_square(Q, s, of.before.segment<6>(look.first), limits.rank_floor);
@@ -95,7 +95,7 @@ void test_pieces(const CompressedRecording& recording, const Pieces& pieces, con
       worst = {
           look.family,
           fmt::format("{} at {:.0f} s (step {})", look.what, piece.begin_s, recording.segments[piece.segment].step),
-          ranked.chi_square, static_cast<double>(ranked.rank)};
+          ranked.chi_square, double(ranked.rank)};
     }
     worst.tries = tries;
     add_test(std::move(worst), result);
@@ -125,22 +125,22 @@ void test_innovations(const CompressedRecording& recording, const JointResult& f
       quiet_square += v[axis] * v[axis];
       v[axis] = std::clamp(v[axis], -noise_limits.outlier, noise_limits.outlier);
     }
-    taking_part += static_cast<double>((v.array() != 0.0).count());
+    taking_part += double((v.array() != 0.0).count());
     square += v.squaredNorm();
     u.push_back(v);
     blocks.push_back(step.block);
   }
   VectorXd sum = VectorXd::Zero(lags), pairs = VectorXd::Zero(lags);
   for (std::size_t i = 0; i < u.size(); ++i)
-    for (std::size_t lag = 1; lag <= static_cast<std::size_t>(lags) && lag <= i; ++lag) {
+    for (std::size_t lag = 1; lag <= std::size_t(lags) && lag <= i; ++lag) {
       if (blocks[i] - blocks[i - lag] != lag) continue;
       const Vector3d product = u[i].cwiseProduct(u[i - lag]);
-      const Eigen::Index k = static_cast<Eigen::Index>(lag) - 1;
+      const Eigen::Index k = Eigen::Index(lag) - 1;
       sum[k] += product.sum();
-      pairs[k] += static_cast<double>((product.array() != 0.0).count());
+      pairs[k] += double((product.array() != 0.0).count());
     }
   square /= std::max(1.0, taking_part);
-  if (!u.empty()) result.beating_part = 1.0 - taking_part / (3.0 * static_cast<double>(u.size()));
+  if (!u.empty()) result.beating_part = 1.0 - taking_part / (3.0 * double(u.size()));
   // Fewer pairs reach the limit of the correlation by chance.
   const double enough = std::pow(noise_limits.of_chance / noise_limits.correlation, 2);
   if (taking_part > enough) result.innovation_level = quiet_square / taking_part;

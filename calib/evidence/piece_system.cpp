@@ -48,9 +48,9 @@ void divide(ErrorCell& cell) {
 BlockState with_table_angle(const CompressedRecording& recording, const Block& block, BlockState state) {
   const Segment& to = recording.segments[block.segment];
   const Segment& from = recording.segments[block.segment > 0 ? block.segment - 1 : 0];
-  const double length = static_cast<double>(std::max<std::int64_t>(1, to.end_sample - to.start_sample));
+  const double length = double(std::max<std::int64_t>(1, to.end_sample - to.start_sample));
   const double part =
-      std::clamp((static_cast<double>(block.start_sample - to.start_sample) + 0.5 * block.samples) / length, 0.0, 1.0);
+      std::clamp((double(block.start_sample - to.start_sample) + 0.5 * block.samples) / length, 0.0, 1.0);
   const Vector3d before(from.heading_deg, from.pitch_deg, from.roll_deg),
       after(to.heading_deg, to.pitch_deg, to.roll_deg);
   state.table_rad = rad_per_deg * (before + part * (after - before));
@@ -76,7 +76,7 @@ void append(const Pieces& more, int recording, Pieces& all) {
 
 void average_cells(const std::vector<BlockState>& states, Pieces& pieces) {
   for (std::size_t k = 0; k < states.size(); ++k)
-    if (pieces.cell_of_block[k] >= 0) add(states[k], pieces.cells[static_cast<std::size_t>(pieces.cell_of_block[k])]);
+    if (pieces.cell_of_block[k] >= 0) add(states[k], pieces.cells[std::size_t(pieces.cell_of_block[k])]);
   for (ErrorCell& cell : pieces.cells) divide(cell);
   pieces.fitted_cells = pieces.cells.size();
 }
@@ -117,7 +117,7 @@ Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<F
       turn_blocks.emplace_back(index, turn.size() - 1);
       continue;
     }
-    const double begin = static_cast<double>(block.start_sample - recording.blocks.front().start_sample) * period;
+    const double begin = double(block.start_sample - recording.blocks.front().start_sample) * period;
     const bool after_turn = !at_rest;
     const bool begins = after_turn || result.pieces.back().segment != block.segment || steps[k].begins_chain;
     if (after_turn) {
@@ -143,7 +143,7 @@ Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<F
       piece.begin_s = begin;
       piece.first_cell = result.cells.size();
       if (piece.after_turn) {
-        for (const auto& [of, part] : turn_blocks) result.cell_of_block[of] = static_cast<int>(piece.first_cell + part);
+        for (const auto& [of, part] : turn_blocks) result.cell_of_block[of] = int(piece.first_cell + part);
         for (ErrorCell& part : turn) {
           divide(part);
           part.epoch = epoch;
@@ -161,7 +161,7 @@ Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<F
     at_rest = true;
     result.pieces.back().last_step = k;
     result.pieces.back().end_s = begin + block.duration_s;
-    result.cell_of_block[index] = static_cast<int>(result.cells.size()) - 1;
+    result.cell_of_block[index] = int(result.cells.size()) - 1;
     // At rest the unit turns with the earth: what the gyros measure has noise, which the velocities to be explained share.
     BlockState still = state;
     still.w_b = state.C_nb.transpose() * earth_rate_n(recording.info.latitude_deg);
@@ -284,7 +284,7 @@ PieceSystem::PieceSystem(const MatrixXd& derivatives, const VectorXd& residuals,
   A_ = derivatives.transpose() * derivatives;
   gradient_ = derivatives.transpose() * residuals;
   misfit_ = residuals.squaredNorm() + log_variance;
-  links_.resize(static_cast<std::size_t>((residuals.size() + piece_dims - 1) / piece_dims));
+  links_.resize(std::size_t((residuals.size() + piece_dims - 1) / piece_dims));
   for (Link& link : links_) {
     link.I.setIdentity();
     link.E.setZero(states_, piece_dims);
@@ -307,9 +307,9 @@ PieceSystem::PieceSystem(const CompressedRecording& recording, const FilterResul
         return step.observed && step.K.bottomRows<6>().squaredNorm() > 0.0;
       }))
     states_ = 12;
-  const auto n = static_cast<Eigen::Index>(pieces.pieces.size());
+  const auto n = Eigen::Index(pieces.pieces.size());
   s_.setZero(piece_dims * n);
-  R_.setZero(s_.size(), static_cast<Eigen::Index>(columns.size()));
+  R_.setZero(s_.size(), Eigen::Index(columns.size()));
   links_.resize(pieces.pieces.size());
   run(pass, recording, columns, pieces.pieces);
   eliminate_parameters();
@@ -322,8 +322,8 @@ PieceSystem::PieceSystem(const PieceSystem& first, const PieceSystem& second, co
       floor_(first.floor_),
       links_(first.links_) {
   const Eigen::Index p = first.A_.rows(), all = p + std::ssize(own), n = first.s_.size(), m = second.s_.size();
-  Eigen::VectorXi place = Eigen::VectorXi::LinSpaced(second.A_.rows(), 0, static_cast<int>(second.A_.rows()) - 1);
-  for (std::size_t k = 0; k < own.size(); ++k) place[own[k]] = static_cast<int>(p) + static_cast<int>(k);
+  Eigen::VectorXi place = Eigen::VectorXi::LinSpaced(second.A_.rows(), 0, int(second.A_.rows()) - 1);
+  for (std::size_t k = 0; k < own.size(); ++k) place[own[k]] = int(p) + int(k);
   A_.setZero(all, all);
   A_.topLeftCorner(p, p) = first.A_;
   A_(place, place) += second.A_;
@@ -356,7 +356,7 @@ void PieceSystem::run(const FilterResult& pass, const CompressedRecording& recor
                       const std::vector<Piece>& pieces) {
   const int states = states_;
   const int Z = states + 6;  // state, then the biases within the piece
-  const int p = static_cast<int>(columns.size());
+  const int p = int(columns.size());
   MatrixXd carried = MatrixXd::Zero(Z + p + 1, Z);
   const auto T = [&] { return carried.topRows(Z); };
   const auto R = [&] { return carried.middleRows(Z, p); };
@@ -405,7 +405,7 @@ void PieceSystem::run(const FilterResult& pass, const CompressedRecording& recor
     if (step.observed) {
       const Eigen::Matrix<double, 3, Eigen::Dynamic> SH = step.S_inverse * back.H();
       I.noalias() += back.H().transpose() * SH;
-      for (int c = 0; c < p; ++c) N.row(c) = step.N.row(columns[static_cast<std::size_t>(c)]);
+      for (int c = 0; c < p; ++c) N.row(c) = step.N.row(columns[std::size_t(c)]);
       N.row(p) = step.nu.transpose();
       carried.bottomRows(p + 1).noalias() += N * SH;
     }
@@ -413,7 +413,7 @@ void PieceSystem::run(const FilterResult& pass, const CompressedRecording& recor
       if (step.begins_chain) forget(step);
       continue;
     }
-    const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(piece);
+    const Eigen::Index row = piece_dims * Eigen::Index(piece);
     s_.segment<piece_dims>(row) = r()(mine).transpose();
     R_.middleRows<piece_dims>(row) = R()(Eigen::all, mine).transpose();
     Link& link = links_[piece];
@@ -442,7 +442,7 @@ VectorXd PieceSystem::score(const Weights& weights) const {
     const Weights::Part& part = weights.parts[a];
     for (std::size_t i = 0; i < part.rows.size(); ++i)
       s.segment(part.first, part.of.rows()) +=
-          s_[piece_dims * static_cast<Eigen::Index>(a) + part.rows[i]] * part.of.col(static_cast<Eigen::Index>(i));
+          s_[piece_dims * Eigen::Index(a) + part.rows[i]] * part.of.col(Eigen::Index(i));
   }
   return s;
 }
@@ -464,7 +464,7 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
   VectorXd WI, from_later;
   for (std::size_t a = links_.size(); a-- > 0;) {
     const Link& link = links_[a];
-    const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(a);
+    const Eigen::Index row = piece_dims * Eigen::Index(a);
     next.noalias() = later * link.M;
     Eigen::Index at = 0;
     for (std::size_t k = 0; k < weights.size(); at += columns(k), ++k) {
@@ -475,10 +475,10 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
       auto mine = result[k].Q.middleCols(part.first, m);
       for (std::size_t i = 0; i < part.rows.size(); ++i) {
         const int d = part.rows[i];
-        const auto w = W.col(static_cast<Eigen::Index>(i));
+        const auto w = W.col(Eigen::Index(i));
         WI = 0.5 * link.I(d, d) * w;
         for (std::size_t j = 0; j < part.rows.size(); ++j)
-          if (j != i) WI += 0.5 * link.I(part.rows[j], d) * W.col(static_cast<Eigen::Index>(j));
+          if (j != i) WI += 0.5 * link.I(part.rows[j], d) * W.col(Eigen::Index(j));
         mine.middleRows(part.first, m).noalias() += WI * w.transpose();
         from_later.noalias() = later.middleRows(at, n) * link.E.col(d);
         mine.noalias() += from_later * w.transpose();
@@ -503,7 +503,7 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
 }
 
 PieceSystem::OfPiece PieceSystem::of_piece(std::size_t piece) const {
-  const Eigen::Index row = piece_dims * static_cast<Eigen::Index>(piece);
+  const Eigen::Index row = piece_dims * Eigen::Index(piece);
   const auto R = R_.middleRows<piece_dims>(row);
   const auto& I = links_[piece].I;
   return {I - R * A_inverse_ * R.transpose(), s_.segment<piece_dims>(row), I.diagonal()};
@@ -513,7 +513,7 @@ MatrixXd PieceSystem::times(const MatrixXd& x) const {
   const Eigen::Index k = x.cols();
   MatrixXd y = MatrixXd::Zero(x.rows(), k), later = MatrixXd::Zero(states_, k), earlier = later, next(states_, k);
   MatrixXd Rx = MatrixXd::Zero(R_.cols(), k);
-  const auto row = [](std::size_t a) { return piece_dims * static_cast<Eigen::Index>(a); };
+  const auto row = [](std::size_t a) { return piece_dims * Eigen::Index(a); };
   const auto not_zero = [&](std::size_t a) {  // columns in a piece: of what is of one piece few are
     const auto all = x.middleRows<piece_dims>(row(a));
     Eigen::Index from = 0, to = k;

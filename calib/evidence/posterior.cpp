@@ -81,7 +81,7 @@ struct Sizes {
 };
 Sizes sizes_of(const Term& term, const State& state, double enough) {
   Sizes sizes;
-  const int all = static_cast<int>(term.variance.size());
+  const int all = int(term.variance.size());
   for (int k = 0; k < all; k += term.stride) sizes.at.push_back(k);
   const MatrixXd QL = state.Q[term.basis] * term.L, A = term.L.transpose() * QL;
   const VectorXd b = term.L.transpose() * state.s[term.basis];
@@ -90,7 +90,7 @@ Sizes sizes_of(const Term& term, const State& state, double enough) {
   if (term.stride == 1) return sizes;
   Eigen::Index top = 0;
   if (!((sizes.explained + sizes.log_prior).maxCoeff(&top) > enough)) return sizes;
-  const int middle = sizes.at[static_cast<std::size_t>(top)];
+  const int middle = sizes.at[std::size_t(top)];
   sizes.at.clear();
   for (int k = std::max(0, middle - term.stride + 1); k < std::min(all, middle + term.stride); ++k)
     sizes.at.push_back(k);
@@ -101,11 +101,11 @@ Sizes sizes_of(const Term& term, const State& state, double enough) {
 
 MatrixXd coordinates_of(const Weights& weights, const MatrixXd& L, Eigen::Index rows) {
   MatrixXd x = MatrixXd::Zero(rows, L.cols());
-  for (std::size_t k = 0; k < static_cast<std::size_t>(rows / piece_dims); ++k) {
+  for (std::size_t k = 0; k < std::size_t(rows / piece_dims); ++k) {
     const Weights::Part& part = weights.parts[k];
     for (std::size_t i = 0; i < part.rows.size(); ++i)
-      x.row(piece_dims * static_cast<Eigen::Index>(k) + part.rows[i]).noalias() =
-          part.of.col(static_cast<Eigen::Index>(i)).transpose() * L.middleRows(part.first, part.of.rows());
+      x.row(piece_dims * Eigen::Index(k) + part.rows[i]).noalias() =
+          part.of.col(Eigen::Index(i)).transpose() * L.middleRows(part.first, part.of.rows());
   }
   return x;
 }
@@ -118,7 +118,7 @@ struct Product {
   MatrixXd operator()(const Weights& weights) {
     std::vector<Eigen::Index> at;
     for (std::size_t k = 0; k < weights.parts.size(); ++k)
-      for (const int d : weights.parts[k].rows) at.push_back(piece_dims * static_cast<Eigen::Index>(k) + d);
+      for (const int d : weights.parts[k].rows) at.push_back(piece_dims * Eigen::Index(k) + d);
     if (at != gathered_at) gathered = y(Eigen::all, at);
     gathered_at = std::move(at);
     const bool whole =
@@ -180,7 +180,7 @@ SparseMatrix by_piece(const PieceSystem& system, const VectorXd& x, const Vector
   };
   std::array<Part, 3> parts = {Part{0, 6}, Part{6, 3}, Part{9, 3}};
   for (Eigen::Index first = 0; first < unit.size(); first += piece_dims) {
-    const OfPiece seen = system.of_piece(static_cast<std::size_t>(first / piece_dims)).before;
+    const OfPiece seen = system.of_piece(std::size_t(first / piece_dims)).before;
     for (Part& p : parts) {
       const auto u = unit.segment(first + p.at, p.wide).cwiseAbs2();
       const double information = u.dot(seen.segment(p.at, p.wide));
@@ -197,7 +197,7 @@ SparseMatrix by_piece(const PieceSystem& system, const VectorXd& x, const Vector
     const OfPiece all = x.segment<piece_dims>(first),
                   one = unit.size() == 0 ? all : OfPiece(unit.segment<piece_dims>(first));
     if (all.isZero(0.0) && one.isZero(0.0)) continue;
-    const OfPiece seen = system.of_piece(static_cast<std::size_t>(first / piece_dims)).before;
+    const OfPiece seen = system.of_piece(std::size_t(first / piece_dims)).before;
     const auto add = [&](const OfPiece& of) { columns.push_back({of.cwiseAbs2().dot(seen), first, of}); };
     OfPiece rest = OfPiece::Zero();
     const OfPiece& along = one.head<6>().isZero(0.0) ? all : one;
@@ -214,13 +214,12 @@ SparseMatrix by_piece(const PieceSystem& system, const VectorXd& x, const Vector
   double left = 0.0;
   for (const Column& column : columns) left += columns_show * column.information;
   std::size_t count = 0;
-  while (count < columns.size() && static_cast<Eigen::Index>(count) < most && left > 0.0)
-    left -= columns[count++].information;
+  while (count < columns.size() && Eigen::Index(count) < most && left > 0.0) left -= columns[count++].information;
   columns.resize(count);
   std::ranges::stable_sort(columns, {}, &Column::first);  // for PieceSystem::times()
   SparseMatrix side_by_side(x.size(), std::ssize(columns));
   for (Eigen::Index k = 0; k < side_by_side.cols(); ++k) {
-    const Column& column = columns[static_cast<std::size_t>(k)];
+    const Column& column = columns[std::size_t(k)];
     for (int d = 0; d < piece_dims; ++d)
       if (column.of[d] != 0.0) side_by_side.insert(column.first + d, k) = column.of[d];
   }
@@ -228,7 +227,7 @@ SparseMatrix by_piece(const PieceSystem& system, const VectorXd& x, const Vector
 }
 VectorXd unit_of(const TermTable& table, const Term& term, Eigen::Index rows) {
   if (term.unit < 0) return {};
-  const Weights& basis = table.bases[static_cast<std::size_t>(term.unit)];
+  const Weights& basis = table.bases[std::size_t(term.unit)];
   return coordinates_of(basis, MatrixXd::Ones(basis.columns, 1), rows);
 }
 
@@ -238,7 +237,7 @@ bool may_be_inexact(const Term& term) {
 }
 
 State with_term(const PieceSystem& system, const TermTable& table, const Next& next) {
-  const Term& term = table.terms[static_cast<std::size_t>(next.last.term)];
+  const Term& term = table.terms[std::size_t(next.last.term)];
   State child = *next.parent;
   child.terms = next.terms;
   child.log_weight = next.log_weight;
@@ -260,7 +259,7 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
   const double top = gain.maxCoeff(&best);
   child.log_weight += top + std::log((gain.array() - top).exp().mean());
   for (ModelTerm& t : child.terms)
-    if (t == next.last) t.inexact = static_cast<int>(best);
+    if (t == next.last) t.inexact = int(best);
   if (best == 0) return child;
   M = A;
   M.diagonal().array() += 1.0 / variance[best];
@@ -289,7 +288,7 @@ LogWeights weigh_models(const UnderNoise& under) {
       std::vector<Next> of_state;
       for (std::size_t t = 0; t < table.terms.size(); ++t) {
         const Term& term = table.terms[t];
-        const auto same = [&](const ModelTerm& m) { return static_cast<std::size_t>(m.term) == t; };
+        const auto same = [&](const ModelTerm& m) { return std::size_t(m.term) == t; };
         if (std::ranges::any_of(state->terms, same)) continue;
         const Sizes sizes = sizes_of(term, *state, best - negligible - state->log_weight);
         const VectorXd gain = sizes.explained + sizes.log_prior;
@@ -298,7 +297,7 @@ LogWeights weigh_models(const UnderNoise& under) {
         for (Eigen::Index k = 0; k < gain.size(); ++k) {
           const double log_weight = state->log_weight + gain[k];
           if (!(log_weight > best - negligible)) continue;
-          Next one = {log_weight, state->terms, {static_cast<int>(t), sizes.at[static_cast<std::size_t>(k)]}, state};
+          Next one = {log_weight, state->terms, {int(t), sizes.at[std::size_t(k)]}, state};
           one.terms.push_back(one.last);
           std::sort(one.terms.begin(), one.terms.end());
           seen.emplace(one.terms, log_weight);
@@ -352,10 +351,10 @@ namespace {
 
 // Is a term that is off by so much of itself in every piece still its formula, and still driven by its driver?
 bool is_formula(const Term& term, const ModelTerm& t) {
-  return term.kind == TermKind::effect && inexactness[static_cast<std::size_t>(t.inexact)] < formula_is_within;
+  return term.kind == TermKind::effect && inexactness[std::size_t(t.inexact)] < formula_is_within;
 }
 bool has_driver(const Term& term, const ModelTerm& t) {
-  return term.unit < 0 || inexactness[static_cast<std::size_t>(t.inexact)] < driver_is_within;
+  return term.unit < 0 || inexactness[std::size_t(t.inexact)] < driver_is_within;
 }
 
 }  // namespace
@@ -368,7 +367,7 @@ Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& 
   for (const WeighedModel& m : posterior.models) {
     std::set<Node> mine;
     for (const ModelTerm& t : m.terms) {
-      const Term& term = under[m.noise].table->terms[static_cast<std::size_t>(t.term)];
+      const Term& term = under[m.noise].table->terms[std::size_t(t.term)];
       if (term.kind == TermKind::noise) continue;
       const Statement& w = term.what;
       mine.insert({w.sensor, "", "", ""});
@@ -410,7 +409,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   std::map<std::string, int> column_of;
   std::map<std::string, std::pair<double, double>> log_tau;
   const auto term_of = [&](const WeighedModel& m, const ModelTerm& t) -> const Term& {
-    return under[m.noise].table->terms[static_cast<std::size_t>(t.term)];
+    return under[m.noise].table->terms[std::size_t(t.term)];
   };
   for (const WeighedModel& m : posterior.models) {
     std::set<Branch> mine, named;
@@ -440,7 +439,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
         continue;
       }
       for (const int c : term.columns) {
-        const EffectColumn& column = table.effects[static_cast<std::size_t>(c)];
+        const EffectColumn& column = table.effects[std::size_t(c)];
         const std::string key = column.key();
         stands = stands && std::ranges::find(keys, key) == keys.end();  // two time constants of one are no name
         keys.push_back(key);
@@ -468,7 +467,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
     if (!once.insert(key).second) continue;
     result.columns.push_back(column_of[key]);
     result.tau_s.push_back(log_tau.count(key) ? std::exp(log_tau[key].first / log_tau[key].second) : 0.0);
-    result.instead[std::string(table.effects[static_cast<std::size_t>(column_of[key])].entry->name)];
+    result.instead[std::string(table.effects[std::size_t(column_of[key])].entry->name)];
   }
   for (const WeighedModel& m : posterior.models) {
     std::set<std::string> formulas;
@@ -519,10 +518,10 @@ class Coefficients {
  public:
   Coefficients(const UnderNoise& under, const std::vector<int>& named)
       : system_(*under.system), table_(*under.table), blocks_(under.blocks) {
-    for (const int c : named) named_.push_back(table_.effects[static_cast<std::size_t>(c)].key());
+    for (const int c : named) named_.push_back(table_.effects[std::size_t(c)].key());
   }
   OfModel evaluate(const WeighedModel& model) {
-    const Eigen::Index p = system_.covariance().rows(), n = p + static_cast<Eigen::Index>(named_.size());
+    const Eigen::Index p = system_.covariance().rows(), n = p + Eigen::Index(named_.size());
     OfModel result = {model.probability, VectorXd::Zero(n), MatrixXd::Zero(n, n)};
     result.mean.head(p) = system_.fit_shift();
     result.covariance.topLeftCorner(p, p) = system_.covariance();
@@ -543,8 +542,7 @@ class Coefficients {
   bool holds_names(const WeighedModel& model) const {
     std::set<std::string> held;
     for (const ModelTerm& t : model.terms)
-      for (const int c : table_.terms[static_cast<std::size_t>(t.term)].columns)
-        held.insert(table_.effects[static_cast<std::size_t>(c)].key());
+      for (const int c : table_.terms[std::size_t(t.term)].columns) held.insert(table_.effects[std::size_t(c)].key());
     return std::ranges::all_of(named_, [&](const std::string& name) { return held.contains(name); });
   }
 
@@ -569,7 +567,7 @@ class Coefficients {
   Solution solve(const WeighedModel& model) {
     Solution of;
     for (const ModelTerm& t : model.terms)
-      of.columns.push_back({place_of(t.term), table_.terms[static_cast<std::size_t>(t.term)].variance[t.size]});
+      of.columns.push_back({place_of(t.term), table_.terms[std::size_t(t.term)].variance[t.size]});
     const auto terms = of.columns.size();
     const auto decompose = [&] { of.llt.compute(system_of(of.columns, of.s)); };
     decompose();
@@ -582,10 +580,9 @@ class Coefficients {
         const auto [found, is_new] = places_.emplace(t, parts_.size());
         if (is_new) {
           if (mean.size() == 0) mean = of.llt.solve(of.s);
-          add_inexact(parts_[of.columns[k].part].x * mean.segment(first, wide),
-                      table_.terms[static_cast<std::size_t>(t.term)]);
+          add_inexact(parts_[of.columns[k].part].x * mean.segment(first, wide), table_.terms[std::size_t(t.term)]);
         }
-        of.columns.push_back({found->second, std::pow(inexactness[static_cast<std::size_t>(t.inexact)], 2)});
+        of.columns.push_back({found->second, std::pow(inexactness[std::size_t(t.inexact)], 2)});
       }
       first += wide;
     }
@@ -613,14 +610,14 @@ class Coefficients {
     part.s = x.transpose() * system_.scores();
     part.floor = MatrixXd::Zero(x.cols(), x.cols());
     const MatrixXd shift = system_.shift(x);
-    part.effect = MatrixXd::Zero(shift.rows() + static_cast<Eigen::Index>(named_.size()), shift.cols());
+    part.effect = MatrixXd::Zero(shift.rows() + Eigen::Index(named_.size()), shift.cols());
     part.effect.topRows(shift.rows()) = shift;
     parts_.push_back(std::move(part));
   }
   std::size_t place_of(int number) {
     const auto [found, is_new] = places_.emplace(ModelTerm{number, -1, 0}, parts_.size());
     if (!is_new) return found->second;
-    const Term& term = table_.terms[static_cast<std::size_t>(number)];
+    const Term& term = table_.terms[std::size_t(number)];
     Part part;
     const MatrixXd x = coordinates_of(table_.bases[term.basis], term.L, system_.coordinates());
     part.x = x.sparseView();
@@ -630,13 +627,13 @@ class Coefficients {
     MatrixXd shift = blocks_[term.basis].shift;
     if (term.about_mean) shift += table_.taken_up[term.basis];
     const Eigen::Index p = shift.rows();
-    part.effect = MatrixXd::Zero(p + static_cast<Eigen::Index>(named_.size()), term.L.cols());
+    part.effect = MatrixXd::Zero(p + Eigen::Index(named_.size()), term.L.cols());
     part.effect.topRows(p) = shift * term.L;
     for (const int c : term.columns) {
-      const EffectColumn& column = table_.effects[static_cast<std::size_t>(c)];
+      const EffectColumn& column = table_.effects[std::size_t(c)];
       const auto at = std::ranges::find(named_, column.key());
       if (at != named_.end())
-        part.effect.row(p + (at - named_.begin())) = term.L.row(table_.column_of_effect[static_cast<std::size_t>(c)]);
+        part.effect.row(p + (at - named_.begin())) = term.L.row(table_.column_of_effect[std::size_t(c)]);
     }
     parts_.push_back(std::move(part));
     return parts_.size() - 1;
@@ -691,13 +688,13 @@ Explained explained_by(const UnderNoise& under, const WeighedModel& model) {
 AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const Posterior& posterior,
                                      const std::vector<int>& named) {
   const TermTable& table = *under.front().table;
-  const Eigen::Index p = under.front().system->covariance().rows(), n = p + static_cast<Eigen::Index>(named.size());
+  const Eigen::Index p = under.front().system->covariance().rows(), n = p + Eigen::Index(named.size());
   // In a model a parameter is what it is over the whole recording; where the named effects are zero it is less by what it has of them there,
   // which is nothing in a model without them.
   MatrixXd beside = MatrixXd::Identity(n, n);
   for (std::size_t k = 0; k < named.size(); ++k) {
-    const auto column = static_cast<std::size_t>(named[k]);
-    beside.col(p + static_cast<Eigen::Index>(k)).head(p) =
+    const auto column = std::size_t(named[k]);
+    beside.col(p + Eigen::Index(k)).head(p) =
         -table.taken_up[table.basis_of_effect[column]].col(table.column_of_effect[column]);
   }
   std::vector<Coefficients> coefficients;
@@ -747,7 +744,7 @@ std::string hangs_on_a_name(const AveragedEstimate& estimate, const std::vector<
   std::string words;
   double most = 1.0 - said_from;
   for (std::size_t k = 0; k < columns.size(); ++k) {
-    const double far_off = estimate.far_off[static_cast<Eigen::Index>(k)];
+    const double far_off = estimate.far_off[Eigen::Index(k)];
     if (columns[k] >= parameter_count || !(far_off > most)) continue;
     most = far_off;
     words = fmt::format("{} is off by more than {} sigma with a probability of {}", parameter_key(columns[k]),

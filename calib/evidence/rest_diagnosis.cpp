@@ -37,9 +37,9 @@ Pieces cells_of(const RestData& data, const SensorModel& model) {
     if (first >= end) return;
     pieces.cells.emplace_back();
     pieces.cells.back().turns = turns;
-    pieces.cells.back().epoch = static_cast<int>(pieces.pieces.size());
-    std::fill(pieces.cell_of_block.begin() + static_cast<std::ptrdiff_t>(first),
-              pieces.cell_of_block.begin() + static_cast<std::ptrdiff_t>(end), std::ssize(pieces.cells) - 1);
+    pieces.cells.back().epoch = int(pieces.pieces.size());
+    std::fill(pieces.cell_of_block.begin() + std::ptrdiff_t(first), pieces.cell_of_block.begin() + std::ptrdiff_t(end),
+              std::ssize(pieces.cells) - 1);
   };
   for (std::size_t k = 0; k < data.rests.size(); ++k) {
     Piece piece;
@@ -63,7 +63,7 @@ Pieces cells_of(const RestData& data, const SensorModel& model) {
     piece.rest_cell = pieces.cells.size() - 1;
     pieces.pieces.push_back(piece);
   }
-  pieces.epochs = static_cast<int>(pieces.pieces.size());
+  pieces.epochs = int(pieces.pieces.size());
   return pieces;
 }
 
@@ -73,7 +73,7 @@ EffectModel with_readings(const CompressedRecording& recording, EffectModel mode
   std::vector<double> middles;
   for (const Block& block : recording.blocks) middles.push_back(recording.middle_s(block));
   const Index own = model.columns, all = own + 6 * static_cast<Index>(pieces.cells.size());
-  model.columns = static_cast<int>(all);
+  model.columns = int(all);
   model.values.conservativeResize(all);
   model.values.tail(all - own).setZero();
   model.regressors = [inner = model.regressors, own, &pieces, &states, middles, last = Index{own}](
@@ -81,7 +81,7 @@ EffectModel with_readings(const CompressedRecording& recording, EffectModel mode
     if (own > 0) inner(s, out);
     out.gyro.middleCols(last, std::min<Index>(6, out.gyro.cols() - last)).setZero();
     out.accel.middleCols(last, std::min<Index>(6, out.accel.cols() - last)).setZero();
-    const auto block = static_cast<std::size_t>(std::ranges::lower_bound(middles, s.time_s) - middles.begin());
+    const auto block = std::size_t(std::ranges::lower_bound(middles, s.time_s) - middles.begin());
     states[block] = s;
     last = own + 6 * static_cast<Index>(pieces.cell_of_block[block]);
     out.gyro.middleCols<3>(last).setIdentity();
@@ -115,7 +115,7 @@ RestFloors floors_beside(const RestSystem& system, const RestFloors& floors, con
   RestSystem beside = system;
   beside.residual = left.cwiseQuotient(rest_weights(system, floors));
   std::array<double, rest_kind_count> freedom{};
-  for (Index k = 0; k < rows; ++k) freedom[index(system.kind[static_cast<std::size_t>(k)])] += redundant[k];
+  for (Index k = 0; k < rows; ++k) freedom[index(system.kind[std::size_t(k)])] += redundant[k];
   return estimate_floors(beside, freedom);
 }
 
@@ -235,7 +235,7 @@ double probability_of(const Statements& statements, const Statement& node) {
 
 double root_mean_square(const VectorXd& residual, const VectorXd& weights) {
   const Eigen::ArrayXd normalised = residual.cwiseProduct(weights);
-  const auto count = static_cast<double>((!normalised.isNaN()).count());
+  const auto count = double((!normalised.isNaN()).count());
   return count > 0.0 ? std::sqrt(normalised.isNaN().select(0.0, normalised).square().sum() / count) : 0.0;
 }
 
@@ -361,8 +361,7 @@ class DiagnosingRests {
     errors = rest_errors(system, system.residual);
     const VectorXd normalised = rest_weights(system, r_.final.floors).cwiseProduct(system.residual);
     constexpr double none = std::numeric_limits<double>::quiet_NaN();
-    HoldoutError error{
-        normalised.norm() / std::sqrt(static_cast<double>(normalised.size())), none, none, normalised.size(), {}};
+    HoldoutError error{normalised.norm() / std::sqrt(double(normalised.size())), none, none, normalised.size(), {}};
     for (Eigen::Index k = 0; k < normalised.size(); ++k) error.normalised.emplace_back(normalised[k], 0.0, 0.0);
     return error;
   }
@@ -405,7 +404,7 @@ JointResult as_joint(const RestFit& fit, const std::vector<EstimatedEffect>& eff
   r.parameters = fit.parameters;
   for (int k = 0; k < parameter_count; ++k) {
     const double sigma = fit.sigma[k];
-    r.determined[static_cast<std::size_t>(k)] = sigma > 0.0;
+    r.determined[std::size_t(k)] = sigma > 0.0;
     r.sigma[k] = sigma > 0.0 ? sigma : 0.0;
   }
   r.effects = effects;

@@ -103,11 +103,11 @@ Kernel all_of(Driver driver, Eigen::Index count, double size = 1.0) {
 }
 // All of a series, whose functions are pairs, or, as likely, one pair.
 std::vector<Kernel> series(Driver driver, Eigen::Index count) {
-  std::vector<Kernel> all = {all_of(driver, count, 1.0 / std::sqrt(0.5 * static_cast<double>(count)))};
+  std::vector<Kernel> all = {all_of(driver, count, 1.0 / std::sqrt(0.5 * double(count)))};
   for (Eigen::Index k = 0; k < count; k += 2) {
     MatrixXd pair = MatrixXd::Zero(count, 2);
     pair.middleRows<2>(k).setIdentity();
-    all.push_back({driver, pair, 2.0 / static_cast<double>(count)});
+    all.push_back({driver, pair, 2.0 / double(count)});
   }
   return all;
 }
@@ -155,9 +155,9 @@ std::vector<Functions> all_functions(const Pieces& pieces) {
                  1,
                  nullptr,
                  [decay](const ErrorCell& c, Eigen::Ref<VectorXd> v) {
-                   for (Eigen::Index k = 0; k < v.size(); ++k) v[k] = decay(c, decays_s[static_cast<std::size_t>(k)]);
+                   for (Eigen::Index k = 0; k < v.size(); ++k) v[k] = decay(c, decays_s[std::size_t(k)]);
                  },
-                 {all_of(Driver::turns, decays, 1.0 / std::sqrt(0.5 * static_cast<double>(decays)))}});
+                 {all_of(Driver::turns, decays, 1.0 / std::sqrt(0.5 * double(decays)))}});
   // What a turn leaves behind may go with what turned, with the pose, with anything.
   all.push_back(of_epochs(pieces.epochs, {all_of(Driver::turns, pieces.epochs)}));
   all.back().write = [decay](const ErrorCell& c, Eigen::Ref<VectorXd> v) { v[0] = decay(c, decays_s[1]); };
@@ -200,13 +200,13 @@ class TakenUp {
     const Eigen::Vector4d g = cell.at.duration_s * regressors(cell, true),
                           a = cell.at.duration_s * regressors(cell, false);
     for (Eigen::Index k = 0; k < readings.cols(); ++k) {
-      auto& sum = sums[static_cast<std::size_t>(first + k)];
+      auto& sum = sums[std::size_t(first + k)];
       sum.leftCols<3>() += g * readings.col(k).head<3>().transpose();
       sum.rightCols<3>() += a * readings.col(k).tail<3>().transpose();
     }
   }
   MatrixXd as_parameters(const Sums& sums) const {
-    MatrixXd all(static_cast<Eigen::Index>(columns_.size()), static_cast<Eigen::Index>(sums.size()));
+    MatrixXd all(Eigen::Index(columns_.size()), Eigen::Index(sums.size()));
     for (std::size_t k = 0; k < sums.size(); ++k) {
       const Eigen::Matrix<double, 4, 3> gyro = gyro_ * sums[k].leftCols<3>(), accel = accel_ * sums[k].rightCols<3>();
       Parameters change;
@@ -220,8 +220,7 @@ class TakenUp {
       change.a += turn * fit_.a;
       const ParameterVector vector = to_vector(change);
       for (std::size_t i = 0; i < columns_.size(); ++i)
-        all(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) =
-            columns_[i] < parameter_count ? vector[columns_[i]] : 0.0;
+        all(Eigen::Index(i), Eigen::Index(k)) = columns_[i] < parameter_count ? vector[columns_[i]] : 0.0;
     }
     return all;
   }
@@ -249,7 +248,7 @@ MatrixXd factor(const MatrixXd& K, double floor, Eigen::Index most = 1000) {
   Eigen::Index from = std::max<Eigen::Index>(0, e.values.size() - most);
   while (from < e.values.size() - 1 && e.values[from] < floor * largest) ++from;
   const Eigen::Index rank = e.values.size() - from;
-  const double norm = std::sqrt(K.trace() / static_cast<double>(K.rows()));
+  const double norm = std::sqrt(K.trace() / double(K.rows()));
   return e.vectors.rightCols(rank) * (e.values.tail(rank).cwiseMax(0.0).cwiseSqrt() / norm).asDiagonal();
 }
 
@@ -307,7 +306,7 @@ Functions steps_of(const Epochs& e) {
   for (Eigen::Index j = 1; j < e.fitted; ++j) {
     MatrixXd step = MatrixXd::Zero(n, 1);
     for (Eigen::Index i = j; i < e.fitted && e.recording[i] == e.recording[j]; ++i) step(i, 0) = 1.0;
-    f.kernels.push_back({Driver::time, step, 1.0 / static_cast<double>(e.fitted)});
+    f.kernels.push_back({Driver::time, step, 1.0 / double(e.fitted)});
   }
   return f;
 }
@@ -316,7 +315,7 @@ Functions steps_of(const Epochs& e) {
 // by the same covariance (Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), 8.1). Goes with time: of each recording by itself.
 Functions smooth_of(Driver driver, double from, double to, double part, int recordings) {
   const double length = part * (to - from);
-  const VectorXd grid = VectorXd::LinSpaced(static_cast<Eigen::Index>(std::ceil(2.0 / part)) + 1, from, to);
+  const VectorXd grid = VectorXd::LinSpaced(Eigen::Index(std::ceil(2.0 / part)) + 1, from, to);
   const SymmetricEigen e = symmetric_eigen(smooth(grid, length));
   const Eigen::Index count = (e.values.array() > 1e-4 * e.values.maxCoeff()).count();
   const MatrixXd weights = e.vectors.rightCols(count) * e.values.tail(count).cwiseSqrt().cwiseInverse().asDiagonal();
@@ -356,7 +355,7 @@ void pattern_prior(double share, double kind, double smaller, Term& term) {
   term.variance.resize(n);
   term.log_prior.resize(n);
   for (Eigen::Index k = 0; k < n; ++k) {
-    const double size = smallest_pattern * std::pow(pattern_step, static_cast<double>(k) / term.stride);
+    const double size = smallest_pattern * std::pow(pattern_step, double(k) / term.stride);
     term.variance[k] = std::pow(size * smaller, 2);
     term.log_prior[k] = size / (1.0 + size * size);
   }
@@ -392,7 +391,7 @@ class Table {
       for (const Functions& f : functions) {
         if (f.kernels.front().driver == Driver::angle && by_hand()) continue;
         const std::size_t basis = add_basis({channel}, f);
-        if (f.kernels.front().driver == Driver::unknown && !by_hand()) unit = static_cast<int>(basis);
+        if (f.kernels.front().driver == Driver::unknown && !by_hand()) unit = int(basis);
         if (by_hand() && is_zero(table_.bases[basis])) continue;
         for (const Kernel& kernel : f.kernels) {
           // Another value in every rest is the floor of hand-turned data.
@@ -430,7 +429,7 @@ class Table {
       while (end < effects.size() && effects[end].entry == effects[begin].entry &&
              effects[end].tau_s == effects[begin].tau_s && effects[end].recording == effects[begin].recording)
         ++end;
-      const auto wide = static_cast<Eigen::Index>(end - begin);
+      const auto wide = Eigen::Index(end - begin);
       const bool own = effects[begin].entry->of_one_run;  // a recording that is held out has another value
       const std::size_t basis = add_basis(
           own ? wide * (1 + held_out_) : wide, wide,
@@ -438,12 +437,10 @@ class Table {
             const std::size_t cell = pieces_.pieces[k].rest_cell;
             return own && cell >= pieces_.fitted_cells ? wide * (pieces_.cells[cell].at.recording - fitted_ + 1) : 0;
           },
-          [&](std::size_t c, const ErrorCell&) {
-            return Readings(readings[c].middleCols(static_cast<Eigen::Index>(begin), wide));
-          });
+          [&](std::size_t c, const ErrorCell&) { return Readings(readings[c].middleCols(Eigen::Index(begin), wide)); });
       for (std::size_t k = begin; k < end; ++k) {
         table_.basis_of_effect[k] = basis;
-        table_.column_of_effect[k] = static_cast<int>(k - begin);
+        table_.column_of_effect[k] = int(k - begin);
       }
     }
   }
@@ -467,7 +464,7 @@ class Table {
     weights.columns = columns;
     MatrixXd rows;
     if (by_hand()) rows.setZero(pieces_.responses.front().rows(), columns);
-    TakenUp::Sums sums(static_cast<std::size_t>(columns), Eigen::Matrix<double, 4, 6>::Zero());
+    TakenUp::Sums sums(std::size_t(columns), Eigen::Matrix<double, 4, 6>::Zero());
     for (std::size_t k = 0; k < pieces_.pieces.size(); ++k) {
       const Eigen::Index begin = first(k);
       MatrixXd piece = MatrixXd::Zero(piece_dims, mine);
@@ -498,7 +495,7 @@ class Table {
 
   // Side by side: column = function * channels + channel.
   std::size_t add_basis(const std::vector<Channel>& channels, const Functions& f) {
-    const auto wide = static_cast<Eigen::Index>(channels.size());
+    const auto wide = Eigen::Index(channels.size());
     VectorXd value = VectorXd::Ones(f.count);
     const auto first = [&](std::size_t k) {
       return f.block_of ? f.block_of(pieces_.cells[pieces_.pieces[k].rest_cell]) * f.count * wide : 0;
@@ -507,7 +504,7 @@ class Table {
       if (f.write) f.write(cell, value);
       Readings readings(6, f.count * wide);
       for (Eigen::Index c = 0; c < wide; ++c) {
-        const Reading one = reading_of(channels[static_cast<std::size_t>(c)], cell);
+        const Reading one = reading_of(channels[std::size_t(c)], cell);
         for (Eigen::Index j = 0; j < f.count; ++j) readings.col(j * wide + c) = one * value[j];
       }
       return readings;
@@ -520,7 +517,7 @@ class Table {
     for (const Channel& c : all_channels(grades_))
       if (c.sensor == sensor && c.quantity == Quantity::bias) channels.push_back(c);
     const std::size_t basis = add_basis(channels, of_epochs(pieces_.epochs));
-    const auto wide = static_cast<Eigen::Index>(channels.size());
+    const auto wide = Eigen::Index(channels.size());
     // Flicker noise: processes of all correlation times, with as much in each. Its mean is the bias; of a walk the bias is that over the
     // recording.
     const MatrixXd d = differences(epochs_.time_s);
@@ -534,7 +531,7 @@ class Table {
       term.what.sensor = std::string(to_string(sensor)) + "s";
       term.basis = basis;
       term.L = side_by_side(factor(K, 3e-3, wander_rank * (1 + held_out_)), wide);
-      pattern_prior(1.0 / static_cast<double>(kernels.size()), prior_wander, 0.1, term);
+      pattern_prior(1.0 / double(kernels.size()), prior_wander, 0.1, term);
       table_.terms.push_back(std::move(term));
     }
   }
@@ -550,18 +547,18 @@ class Table {
     std::map<std::pair<std::size_t, int>, std::vector<int>> rows;  // of a basis, by sensor
     for (std::size_t k = 0; k < table.effects.size(); ++k) {
       const EffectEntry& entry = *table.effects[k].entry;
-      const double variants = static_cast<double>(std::max<std::size_t>(1, entry.taus_s.size()));
+      const double variants = double(std::max<std::size_t>(1, entry.taus_s.size()));
       if (!is_seen(under, k)) continue;
-      groups.push_back({{static_cast<int>(k)}, entry.share / variants});
-      rows[{table.basis_of_effect[k], axis_of(table.effects[k])}].push_back(static_cast<int>(k));
+      groups.push_back({{int(k)}, entry.share / variants});
+      rows[{table.basis_of_effect[k], axis_of(table.effects[k])}].push_back(int(k));
     }
     for (const auto& [of, columns] : rows)
       if (of.second >= 0 && columns.size() > 1)
-        groups.push_back({columns, table.effects[static_cast<std::size_t>(columns.front())].entry->share});
+        groups.push_back({columns, table.effects[std::size_t(columns.front())].entry->share});
     for (const Group& g : groups) all += g.share;
     for (const Group& g : groups) {
-      const EffectColumn& first = table.effects[static_cast<std::size_t>(g.columns.front())];
-      const std::size_t basis = table.basis_of_effect[static_cast<std::size_t>(g.columns.front())];
+      const EffectColumn& first = table.effects[std::size_t(g.columns.front())];
+      const std::size_t basis = table.basis_of_effect[std::size_t(g.columns.front())];
       const PieceSystem::Block& block = under.blocks[basis];
       Term term;
       term.kind = TermKind::effect;
@@ -576,27 +573,25 @@ class Table {
       term.L = MatrixXd::Zero(all_of, many * (all_of / wide));
       double widest = 0.0;
       for (Eigen::Index j = 0; j < many; ++j) {
-        const int at = table.column_of_effect[static_cast<std::size_t>(g.columns[static_cast<std::size_t>(j)])];
+        const int at = table.column_of_effect[std::size_t(g.columns[std::size_t(j)])];
         const double sigma = 1.0 / std::sqrt(block.Q(at, at));
         for (Eigen::Index of = 0; of < all_of / wide; ++of) term.L(of * wide + at, of * many + j) = sigma;
         widest = std::max(widest, sigma);
       }
       const double cap = largest_size * usual_of(*first.entry) / widest;
-      const auto n = static_cast<Eigen::Index>(effect_sizes.size());
+      const auto n = Eigen::Index(effect_sizes.size());
       term.variance.resize(n);
-      for (Eigen::Index k = 0; k < n; ++k)
-        term.variance[k] = std::pow(std::min(effect_sizes[static_cast<std::size_t>(k)], cap), 2);
-      term.log_prior.setConstant(n, std::log(prior_effects * g.share / all / static_cast<double>(n)));
+      for (Eigen::Index k = 0; k < n; ++k) term.variance[k] = std::pow(std::min(effect_sizes[std::size_t(k)], cap), 2);
+      term.log_prior.setConstant(n, std::log(prior_effects * g.share / all / double(n)));
       table.terms.push_back(std::move(term));
     }
   }
 
   static int axis_of(const EffectColumn& c) {
-    const std::string_view component = c.entry->components[static_cast<std::size_t>(c.component)];
+    const std::string_view component = c.entry->components[std::size_t(c.component)];
     const std::size_t axis = std::string_view("xyz").find(component.front());
-    return c.entry->sensor == Sensor::earth_rate || axis == std::string_view::npos || component == "period"
-               ? -1
-               : static_cast<int>(axis);
+    return c.entry->sensor == Sensor::earth_rate || axis == std::string_view::npos || component == "period" ? -1
+                                                                                                            : int(axis);
   }
   // In the unit of the effect; of a drift in a short run what adds up to it there.
   double usual_of(const EffectEntry& entry) const {

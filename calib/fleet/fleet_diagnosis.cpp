@@ -143,13 +143,12 @@ std::vector<Selected> select_common(FleetScores& scores, const std::vector<std::
   const double limit = std::log10(0.5 * fleet_limits.false_alarm);
   while (std::ssize(chosen) < fleet_limits.most_effects) {
     std::vector<BestOf> best;
-    for (std::size_t c = 0; c < components; ++c)
-      best.push_back(best_of(scores, hypotheses, c, static_cast<int>(factors.size())));
+    for (std::size_t c = 0; c < components; ++c) best.push_back(best_of(scores, hypotheses, c, int(factors.size())));
     const auto strongest = [&](auto member, std::size_t tests) {
       Found found = *std::ranges::min_element(best, [&](const BestOf& a, const BestOf& b) {
         return (a.*member).log10_p < (b.*member).log10_p;
       }).*member;
-      found.log10_p += std::log10(static_cast<double>(tests));
+      found.log10_p += std::log10(double(tests));
       return found;
     };
     const Found constant = strongest(&BestOf::constant, constants);
@@ -209,7 +208,7 @@ std::vector<Deviation> worst_deviations(const FleetScores& scores) {
 }
 
 double unit_limit(const FleetScores& scores) {
-  return chi_square_1_limit(fleet_limits.unit_false_alarm / static_cast<double>(scores.size() * scores.effects()));
+  return chi_square_1_limit(fleet_limits.unit_false_alarm / double(scores.size() * scores.effects()));
 }
 
 std::vector<Deviation> set_units_aside(FleetScores& scores) {
@@ -261,8 +260,8 @@ Explanation search(FleetScores& scores, const std::vector<std::string>& factors,
 double worth(const Explanation& e, const FleetScores& scores, const FleetDiagnosis& d) {
   const auto effects =
       std::ranges::count_if(e.chosen, [&](const Selected& s) { return !scores.is_parameter(s.found.component); });
-  return scores.explained() - static_cast<double>(e.units.size()) * unit_limit(scores) -
-         static_cast<double>(effects) * chi_square_1_limit(fleet_limits.false_alarm / static_cast<double>(d.tests));
+  return scores.explained() - double(e.units.size()) * unit_limit(scores) -
+         double(effects) * chi_square_1_limit(fleet_limits.false_alarm / double(d.tests));
 }
 
 void summarise(const FleetScores& scores, int count, FleetDiagnosis& d) {
@@ -295,7 +294,7 @@ void test_what_is_left(const FleetScores& scores, const std::vector<std::string>
   const Eigen::Index directions = (eigen.values.array() > fleet_limits.open_direction).count();
   const std::vector<ComponentData> sums = scores.sums(scale.asDiagonal() * eigen.vectors.rightCols(directions));
   double tries = 0.0;
-  for (const std::vector<std::string>& levels : d.levels) tries += static_cast<double>(levels.size());
+  for (const std::vector<std::string>& levels : d.levels) tries += double(levels.size());
   for (int f = 0; f < std::ssize(factors); ++f) {
     const Eigen::MatrixXd X = level_columns(scores, f);
     Eigen::ArrayXd square = Eigen::ArrayXd::Zero(X.cols()), degrees = square;
@@ -320,7 +319,7 @@ void test_what_is_left(const FleetScores& scores, const std::vector<std::string>
 
 const char* to_string(FleetShape shape) {
   static constexpr const char* names[] = {"constant", "step", "ramp"};
-  return names[static_cast<std::size_t>(shape)];
+  return names[std::size_t(shape)];
 }
 
 FleetDiagnosis diagnose_fleet(const std::vector<FleetMember>& members, const FleetOptions& options) {
@@ -345,7 +344,7 @@ FleetDiagnosis diagnose_fleet(const std::vector<FleetMember>& members, const Fle
   }
   for (const Deviation& w : best.units)
     d.units.push_back({w.estimate, scores.given(w.member), scores.components()[w.component]});
-  if (options.summary) summarise(scores, static_cast<int>(factors.size()), d);
+  if (options.summary) summarise(scores, int(factors.size()), d);
   test_what_is_left(scores, factors, d);
   return d;
 }

@@ -28,14 +28,14 @@ Gaussian of_fleet(const std::vector<const EarlierCalibration*>& units, const std
   for (Eigen::Index u = 0; u < count; ++u) values.row(u) = units[u]->value(free).transpose();
   const Eigen::VectorXd mean = values.colwise().mean();
   values.rowwise() -= mean.transpose();
-  const double n = static_cast<double>(count);
+  const double n = double(count);
   Eigen::MatrixXd S = values.transpose() * values / (n - 1.0);
   Eigen::VectorXd errors = Eigen::VectorXd::Zero(d);
   for (const EarlierCalibration* unit : units) errors += Eigen::VectorXd(unit->covariance.diagonal()(free)) / n;
   S.diagonal() = S.diagonal().cwiseMax(errors);  // they are in it
   const bool whole = count >= 3 * d;
   if (!whole) S = Eigen::MatrixXd(S.diagonal().asDiagonal());
-  const double estimated = whole ? static_cast<double>(d) : 1.0;
+  const double estimated = whole ? double(d) : 1.0;
   return {mean, S * (1.0 + 1.0 / n) * (n - 1.0) / (n - estimated - 2.0)};
 }
 
@@ -74,7 +74,7 @@ std::optional<FleetPrior> fleet_prior(std::vector<EarlierCalibration> history, c
                             said = balanced_inverse(Eigen::MatrixXd(e->covariance(free, free)));
       now.covariance = balanced_inverse(before + said);
       now.mean = now.covariance * (before * now.mean + said * Eigen::VectorXd(e->value(free)));
-      now.covariance.diagonal() += (change / static_cast<double>(prior.pairs)).cwiseMax(0.0);
+      now.covariance.diagonal() += (change / double(prior.pairs)).cwiseMax(0.0);
       ++prior.own;
     }
   prior.mean(free) = now.mean;
@@ -87,7 +87,7 @@ PriorEffect use_prior(const FleetPrior& prior, JointResult& e, double false_alar
   PriorEffect effect;
   const Eigen::Index count = e.free.size();
   const ParameterVector at = to_vector(e.parameters);
-  const double limit = chi_square_1_limit(false_alarm / static_cast<double>(count));
+  const double limit = chi_square_1_limit(false_alarm / double(count));
   for (Eigen::Index i = 0; i < count; ++i) {
     const int k = e.free[i];
     if (!e.determined[k]) continue;
@@ -117,7 +117,7 @@ PriorEffect use_prior(const FleetPrior& prior, JointResult& e, double false_alar
 
 std::optional<NoiseClass> noise_class(const std::vector<NoiseModel>& units) {
   if (units.size() < fleet_limits.least_prior_units) return std::nullopt;
-  const auto count = static_cast<double>(units.size());
+  const auto count = double(units.size());
   NoiseClass of_part;
   of_part.units = units.size();
   for (const int which : {0, 1}) {

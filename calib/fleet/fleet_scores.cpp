@@ -252,7 +252,7 @@ FleetScores::FleetScores(const std::vector<FleetMember>& members, std::size_t fa
     s_.push_back(u.s);
     value_.push_back(u.value);
     for (const std::string& key : u.columns)
-      if (place.emplace(key, static_cast<int>(components_.size())).second) components_.push_back(key);
+      if (place.emplace(key, int(components_.size())).second) components_.push_back(key);
     layout_.push_back(layouts.emplace(u.columns, layouts.size()).first->second);
   }
   effects_ = components_.size();
@@ -267,7 +267,7 @@ FleetScores::FleetScores(const std::vector<FleetMember>& members, std::size_t fa
     for (const FleetMember* m : members_) places[m->level[f]];
     levels_.emplace_back();
     for (auto& [name, level] : places) {
-      level = static_cast<int>(levels_[f].size());
+      level = int(levels_[f].size());
       levels_[f].push_back(name);
     }
     level_of_.emplace_back();
@@ -295,7 +295,7 @@ ComponentData FleetScores::data(std::size_t component) const {
       d.y[i] = value_[i][k];
       d.v[i] = u.sigma[k] * u.sigma[k];
     } else if (u.Q(k, k) > 0.0F) {
-      d.v[i] = 1.0 / static_cast<double>(u.Q(k, k));
+      d.v[i] = 1.0 / double(u.Q(k, k));
       d.y[i] = s_[i][k] * d.v[i];
     }
   }
@@ -332,7 +332,7 @@ Eigen::MatrixXd FleetScores::information() const {
     for (std::size_t a = 0; a < effects_; ++a) {
       const int k = column(i, a);
       for (std::size_t b = 0; k >= 0 && b < effects_; ++b)
-        if (const int l = column(i, b); l >= 0) sum(a, b) += static_cast<double>(members_[i]->statistics.Q(k, l));
+        if (const int l = column(i, b); l >= 0) sum(a, b) += double(members_[i]->statistics.Q(k, l));
     }
   return sum;
 }
@@ -345,7 +345,7 @@ void FleetScores::subtract(std::size_t member, std::size_t component, double val
     return;
   }
   const UnitStatistics& u = members_[member]->statistics;
-  explained_ += value * (2.0 * s_[member][k] - value * static_cast<double>(u.Q(k, k)));
+  explained_ += value * (2.0 * s_[member][k] - value * double(u.Q(k, k)));
   s_[member] -= u.Q.col(k).cast<double>() * value;
   value_[member] += u.moves.col(k).cast<double>() * value;
 }
@@ -367,7 +367,7 @@ Hypotheses all_hypotheses(const FleetScores& scores, const std::vector<std::stri
   Hypotheses h;
   h.constant.list.push_back({});
   for (int f = 0; f < std::ssize(factors); ++f) {
-    const int count = static_cast<int>(scores.levels(f).size());
+    const int count = int(scores.levels(f).size());
     for (int level = 0; level < count; ++level) {
       if (count > 1) h.constant.list.push_back({f, level, FleetShape::constant, 0.0});
       if (factors[f] == "month") continue;
@@ -387,7 +387,7 @@ Component::Component(ComponentData the_data, const Eigen::MatrixXd& beside, bool
     : data(std::move(the_data)), from_others(others), weights(data, 0.0) {
   const Eigen::MatrixXd X = used(data, beside);
   data.v.array() += recording_variance(data);
-  degrees = units_of(data) - static_cast<double>(X.cols());
+  degrees = units_of(data) - double(X.cols());
   if (X.cols() > 0 && degrees >= 1.0) weights = UnitWeights(data, unit_variance(data, X));
 }
 

@@ -17,7 +17,7 @@ UnitStatistics unit_statistics(const CompressedRecording& recording, const Joint
   const std::vector<EffectColumn> candidates = catalogue_columns(recording.info);
   std::vector<EffectColumn> columns;
   for (const EstimatedEffect& effect : estimate.effects) columns.push_back(effect.column);
-  const int first = parameter_count + static_cast<int>(columns.size());  // candidate
+  const int first = parameter_count + int(columns.size());  // candidate
   columns.insert(columns.end(), candidates.begin(), candidates.end());
   EffectModel model = make_effect_model(columns, {recording.info.latitude_deg}, estimate.reference_temperature_c);
   for (std::size_t k = 0; k < estimate.effects.size(); ++k) model.values[k] = estimate.effects[k].value;
@@ -33,7 +33,7 @@ UnitStatistics unit_statistics(const CompressedRecording& recording, const Joint
   for (int k = 0; k < parameter_count; ++k)
     if (estimate.determined[k] && parameter_is_free[k]) base.push_back(k);
   for (int k = parameter_count; k < first; ++k) base.push_back(k);
-  for (int k = 0; k < static_cast<int>(candidates.size()); ++k) added.push_back(first + k);
+  for (int k = 0; k < int(candidates.size()); ++k) added.push_back(first + k);
   const Scores scores = eliminate(pass.information, pass.gradient, base, added);
   const Eigen::MatrixXd moved =
       -solve_symmetric(Eigen::MatrixXd(pass.information(base, base)), Eigen::MatrixXd(pass.information(base, added)));
@@ -44,7 +44,7 @@ UnitStatistics unit_statistics(const CompressedRecording& recording, const Joint
     u.moves.row(base[row]) = moved.row(row).cast<float>();
   for (Eigen::Index k = 0; k < u.s.size(); ++k) {
     u.columns.push_back(column_key(candidates[k]));
-    if (is_visible(scores, static_cast<int>(k))) continue;
+    if (is_visible(scores, int(k))) continue;
     u.s[k] = 0.0;
     u.Q.row(k).setZero();
     u.Q.col(k).setZero();

@@ -50,8 +50,8 @@ class Merger {
   // Blocks at rest are all as long: as many before and after it as seconds to the turns.
   double longest_at(std::size_t first) const {
     const double block_s = blocks_[first].duration_s;
-    const double since = static_cast<double>(first - rest_begin_) * block_s;
-    const double left = static_cast<double>(rest_end_ - first) * block_s;
+    const double since = double(first - rest_begin_) * block_s;
+    const double left = double(rest_end_ - first) * block_s;
     return std::clamp(std::min(since, 0.5 * left), block_s, std::max(coarseness_.rest_s, block_s));
   }
 

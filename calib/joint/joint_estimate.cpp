@@ -34,7 +34,7 @@ constexpr Coarseness for_noise = {8.0, 0.0};
 constexpr Coarseness for_noise_of_trials = {20.0, 0.0};
 
 double chi_square_an_observation(const FilterResult& pass) {
-  return pass.chi_square / static_cast<double>(std::max<std::int64_t>(pass.observations, 1));
+  return pass.chi_square / double(std::max<std::int64_t>(pass.observations, 1));
 }
 
 class JointRun {
@@ -152,8 +152,8 @@ class JointRun {
     std::size_t begin = 0;
     Eigen::Vector3d first = Eigen::Vector3d::Zero();
     for (std::size_t k = 0; k < ends.size(); begin = ends[k++]) {
-      part.blocks.assign(recording_.blocks.begin() + static_cast<std::ptrdiff_t>(begin),
-                         recording_.blocks.begin() + static_cast<std::ptrdiff_t>(ends[k]));
+      part.blocks.assign(recording_.blocks.begin() + std::ptrdiff_t(begin),
+                         recording_.blocks.begin() + std::ptrdiff_t(ends[k]));
       const JointStart start = joint_start(part, result_.parameters);
       if (!start.error.empty()) return;
       if (k == 0) first = start.N0_degph;
@@ -162,7 +162,7 @@ class JointRun {
       result_.parameters.N0_degph = first;
       for (int column = 0; column < effects_.columns; ++column) {
         const EffectColumn& turn_on = options_.effects[column];
-        if (is_gyro_turn_on(turn_on) && turn_on.recording == static_cast<int>(k))
+        if (is_gyro_turn_on(turn_on) && turn_on.recording == int(k))
           effects_.values[column] = beside[turn_on.component];
       }
     }
@@ -352,7 +352,7 @@ class JointRun {
       r.unseen_instability = r.noise_fit->unseen_instability;
     } else if (!r.noise.has_bias_instability()) {
       const Eigen::MatrixXd& from = options_.faults_of->unseen_instability;
-      const auto turn_ons = 6 * static_cast<int>(options_.begins.size());
+      const auto turn_ons = 6 * int(options_.begins.size());
       const auto base = std::ranges::count_if(subset_, [&](int k) { return k < parameter_count + turn_ons; });
       const Eigen::Index both = std::min<Eigen::Index>(from.rows(), base);
       r.unseen_instability.topLeftCorner(both, both) = from.topLeftCorner(both, both);
@@ -438,7 +438,7 @@ Whiteness test_whiteness(const std::vector<Innovation>& innovations) {
         w.autocorrelation[lag - 1] += value(i).dot(value(i - lag));
   }
   w.autocorrelation /= square;
-  const double values = 3.0 * static_cast<double>(innovations.size());
+  const double values = 3.0 * double(innovations.size());
   w.level = raw / values;
   const double worst = w.autocorrelation.cwiseAbs().maxCoeff();
   const double limit = std::max(limits.white_correlation, limits.of_chance / std::sqrt(values));

@@ -25,7 +25,7 @@ std::string glitch_text(const DataEvent& event) {
 std::size_t block_of(const CompressedRecording& recording, std::int64_t sample) {
   const auto after = std::upper_bound(recording.blocks.begin(), recording.blocks.end(), sample,
                                       [](std::int64_t s, const Block& b) { return s < b.start_sample; });
-  return after == recording.blocks.begin() ? 0 : static_cast<std::size_t>(after - recording.blocks.begin()) - 1;
+  return after == recording.blocks.begin() ? 0 : std::size_t(after - recording.blocks.begin()) - 1;
 }
 
 constexpr double nothing_known_rad = 1.0;
@@ -58,7 +58,7 @@ int segment_of_gap(const CompressedRecording& recording, std::int64_t first, std
     if (segment.end_sample <= first || segment.start_sample > last) continue;
     if (found >= 0 && (segment.kind == SegmentKind::rotate || recording.segments[found].kind == SegmentKind::rotate))
       return -1;
-    found = static_cast<int>(k);
+    found = int(k);
   }
   return found;
 }
@@ -72,8 +72,7 @@ double fill_sigma_rad(const CompressedRecording& recording, std::size_t gap, dou
   };
   // Where a turn begins or ends the rate on one side says nothing.
   if (!usable(gap + 1) || !usable(gap - 1)) return nothing_known_rad;
-  const std::size_t window =
-      std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(lost_s / blocks[gap + 1].duration_s)));
+  const std::size_t window = std::max<std::size_t>(1, std::size_t(std::ceil(lost_s / blocks[gap + 1].duration_s)));
   const double si = nominal_gyro_rad(recording.info);
   const auto rate = [&](std::size_t k) -> Eigen::Vector3d { return blocks[k].gyro / blocks[k].duration_s; };
   double largest = 0.0;
@@ -130,7 +129,7 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
                           : fmt::format("gap of {} sample(s) in the unit's counter", event.count);
       const int segment = segment_of_gap(recording, fault.first_sample, fault.last_sample);
       rotating = segment < 0 || recording.segments[segment].kind == SegmentKind::rotate;
-      const double lost_s = static_cast<double>(event.count) * recording.info.sample_period_s;
+      const double lost_s = double(event.count) * recording.info.sample_period_s;
       if (segment >= 0) cut.attitude_sigma_rad = fill_sigma_rad(recording, fault.block, lost_s);
     } else if (event.axis == set_aside_axis) {
       fault.what = "rest that disagreed with all the others and was made again";
@@ -179,8 +178,8 @@ bool cut_worst_fault(const CompressedRecording& recording, const std::vector<Inn
       after_rotation.push_back(i.normalised.squaredNorm());
   double usual = 0.0;
   if (after_rotation.size() >= 10) {
-    const double share = fault_limits.usual_share * static_cast<double>(after_rotation.size());
-    usual = value_at_rank(after_rotation, static_cast<std::size_t>(share));
+    const double share = fault_limits.usual_share * double(after_rotation.size());
+    usual = value_at_rank(after_rotation, std::size_t(share));
   }
   const double limit = std::max(fault_limits.chi_square, fault_limits.of_usual * usual);
   const Innovation* worst = nullptr;

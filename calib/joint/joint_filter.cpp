@@ -328,7 +328,7 @@ std::vector<FilterResult> run_filter(const CompressedRecording& recording, const
 FilterResult run_filter(const std::vector<LinearInterval>& intervals, const FilterSetup& setup,
                         const std::vector<double>& source_weights) {
   const Eigen::Index columns = setup.with_columns && !intervals.empty() ? intervals.front().B_psi.rows() : 0;
-  AnyFilter filter = filter_of(setup, source_weights, static_cast<int>(columns));
+  AnyFilter filter = filter_of(setup, source_weights, int(columns));
   const auto pass = [&](auto& f) {
     for (const LinearInterval& interval : intervals) f.step(interval);
     return f.take();

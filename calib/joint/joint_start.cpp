@@ -128,7 +128,7 @@ JointStart joint_start(const CompressedRecording& recording, const Parameters& p
     residual +=
         rests[k].t *
         (rests[k].rate - x.head<3>() - attitudes[k].transpose() * Vector3d(x[3], earth.y(), x[4])).squaredNorm();
-  const double freedom = 3.0 * static_cast<double>(rests.size()) - 5.0;
+  const double freedom = 3.0 * double(rests.size()) - 5.0;
   if (!separated || freedom < 4.0 || !(earth.x() > 0.0)) return start;
   const double sigma = std::sqrt(residual / freedom * covariance.diagonal().tail<2>().maxCoeff());
   const double found = std::hypot(x[3], x[4]), part = start_limits.of_earth_rate * earth.x();

@@ -265,9 +265,9 @@ void LinearMotion::rest(LinearInterval& interval) {
   was_still_ = true;
   const double t = interval.t = block.duration_s;
   interval.filled = filled_in(block);
-  interval.time_s = static_cast<double>(block.start_sample - recording_.blocks.front().start_sample) *
-                        recording_.info.sample_period_s +
-                    0.5 * block.samples * recording_.info.sample_period_s;
+  interval.time_s =
+      double(block.start_sample - recording_.blocks.front().start_sample) * recording_.info.sample_period_s +
+      0.5 * block.samples * recording_.info.sample_period_s;
   const StepTurn turned = step_turn(motion, t);
   const VelocityStep move = velocity_step(C_nb_, motion, earth_, gravity_, t);
   const AttitudeStep linear = attitude_step(linear_C_nb_, turned);

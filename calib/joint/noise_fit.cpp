@@ -356,8 +356,7 @@ Eigen::VectorXd pull_of_noise(const CompressedRecording& recording, const Parame
   constexpr double negligible = 0.01;  // of a sigma
   constexpr std::array<int, 6> scales = {6, 10, 14, 15, 19, 23};
   const ParameterVector values = to_vector(parameters);
-  const double all =
-      static_cast<double>(std::ranges::count_if(recording.blocks, [](const Block& b) { return b.whole_second; }));
+  const double all = double(std::ranges::count_if(recording.blocks, [](const Block& b) { return b.whole_second; }));
   Eigen::VectorXd pull = Eigen::VectorXd::Zero(parameter_count);
   std::optional<double> log_determinant;
   const auto pass = [&](const NoiseModel& noise) {

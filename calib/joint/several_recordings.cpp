@@ -14,7 +14,7 @@ constexpr int biases = 6;
 // Where the column of a recording stands among all: those of the first, then six biases of every further one.
 int place(int column, std::size_t recording) {
   if (column >= biases || recording == 0) return column;
-  return parameter_count + biases * static_cast<int>(recording - 1) + column;
+  return parameter_count + biases * int(recording - 1) + column;
 }
 
 struct Whole {
@@ -83,7 +83,7 @@ const std::vector<EffectEntry>& turn_on_entries() {
 
 void append(const CompressedRecording& part, CompressedRecording& data) {
   const std::int64_t later = data.segments.back().end_sample - part.segments.front().start_sample;
-  const auto segments = static_cast<std::int32_t>(data.segments.size());
+  const auto segments = std::int32_t(data.segments.size());
   for (Segment segment : part.segments) {
     segment.start_sample += later;
     segment.end_sample += later;
@@ -98,7 +98,7 @@ void append(const CompressedRecording& part, CompressedRecording& data) {
     event.sample += later;
     data.events.push_back(event);
   }
-  const double before = static_cast<double>(data.samples), added = static_cast<double>(part.samples);
+  const double before = double(data.samples), added = double(part.samples);
   data.mean_temperature_c = (before * data.mean_temperature_c + added * part.mean_temperature_c) / (before + added);
   data.samples += part.samples;
   data.info.has_temperature = data.info.has_temperature && part.info.has_temperature;
@@ -129,7 +129,7 @@ JointResult estimate_beside(const CompressedRecording& recording, const Paramete
 TurnOns turn_ons_of(const Eigen::VectorXd& values, const Eigen::MatrixXd& covariance) {
   TurnOns result;
   const Eigen::Index count = values.size() / biases;
-  const double n = static_cast<double>(count);
+  const double n = double(count);
   for (Eigen::Index k = 0; k < count; ++k) {
     result.biases.emplace_back(values.segment<biases>(biases * k));
     result.sigma.emplace_back(covariance.diagonal().segment<biases>(biases * k).cwiseMax(0.0).cwiseSqrt());
@@ -145,11 +145,10 @@ TurnOns turn_ons_of(const Eigen::VectorXd& values, const Eigen::MatrixXd& covari
 
 Fall fall_of(const Quadratic& q, const Eigen::VectorXd& ranges) {
   std::vector<int> known;
-  for (int k = 0; k < static_cast<int>(q.c.size()); ++k)
+  for (int k = 0; k < int(q.c.size()); ++k)
     if (q.A(k, k) > 0.0) known.push_back(k);
   const SubsetSolution solution = solve_subset(q.A, q.c, known, ranges);
-  return {-solution.step.dot(Eigen::VectorXd(q.c(known))),
-          static_cast<int>(known.size()) - static_cast<int>(solution.undetermined.cols())};
+  return {-solution.step.dot(Eigen::VectorXd(q.c(known))), int(known.size()) - int(solution.undetermined.cols())};
 }
 
 Fall disagreement(const std::vector<Quadratic>& parts, const Eigen::VectorXd& ranges) {
@@ -172,7 +171,7 @@ SeveralRecordings combine_recordings(const std::vector<JointResult>& estimates) 
   covariance(w.subset, w.subset) = solution.covariance;
 
   SeveralRecordings result;
-  const double n = static_cast<double>(estimates.size());
+  const double n = double(estimates.size());
   const Fall apart = disagreement(w.parts, w.ranges);
   result.disagreement = apart.chi_square;
   result.degrees = apart.degrees;
@@ -214,7 +213,7 @@ JoinedRecordings join_recordings(const std::vector<const CompressedRecording*>& 
     joined.begins.push_back(joined.data.blocks.size());
     append(*parts[k], joined.data);
     for (const EffectEntry& entry : turn_on_entries())
-      for (int axis = 0; axis < 3; ++axis) joined.turn_ons.push_back({&entry, axis, 0.0, static_cast<int>(k)});
+      for (int axis = 0; axis < 3; ++axis) joined.turn_ons.push_back({&entry, axis, 0.0, int(k)});
   }
   return joined;
 }
@@ -260,14 +259,14 @@ OfEachRecording leave_what_is_common(JointResult& e, std::size_t recordings, Eig
     if (is_turn_on(effect.column)) {
       const int bias = effect.column.component + (is_gyro_turn_on(effect.column) ? 0 : 3);
       const auto row = std::ranges::find(free, bias) - free.begin();
-      if (row < static_cast<std::ptrdiff_t>(free.size())) unit(row, i) = 1.0 / static_cast<double>(n);
+      if (row < std::ptrdiff_t(free.size())) unit(row, i) = 1.0 / double(n);
       biases(6 * effect.column.recording + bias, i) = 1.0;
       values[6 * effect.column.recording + bias] += effect.value;
     } else if (effect.column.recording > 0) {
       each.effects.push_back(effect);
     } else {
       unit(free.size(), i) = 1.0;
-      free.push_back(parameter_count + static_cast<int>(common.size()));
+      free.push_back(parameter_count + int(common.size()));
       common.push_back(effect);
     }
   }
@@ -277,7 +276,7 @@ OfEachRecording leave_what_is_common(JointResult& e, std::size_t recordings, Eig
   const auto of_unit = [&](const Eigen::MatrixXd& covariance) {
     Eigen::MatrixXd result = unit * covariance * unit.transpose();
     for (std::size_t i = 0; i < free.size(); ++i)
-      if (free[i] < 6) result(i, i) += std::pow(turn_ons.repeatability[free[i]], 2) / static_cast<double>(n);
+      if (free[i] < 6) result(i, i) += std::pow(turn_ons.repeatability[free[i]], 2) / double(n);
     return result;
   };
   for (Eigen::MatrixXd* covariance : {&e.covariance, also})

@@ -42,14 +42,14 @@ class History {
 }  // namespace
 
 std::string_view to_string(Sensor sensor) {
-  return std::array<std::string_view, 3>{"gyro", "accelerometer", "earth rate"}[static_cast<std::size_t>(sensor)];
+  return std::array<std::string_view, 3>{"gyro", "accelerometer", "earth rate"}[std::size_t(sensor)];
 }
 std::string_view to_string(Quantity quantity) {
-  return std::array<std::string_view, 3>{"bias", "scale factor", "direction"}[static_cast<std::size_t>(quantity)];
+  return std::array<std::string_view, 3>{"bias", "scale factor", "direction"}[std::size_t(quantity)];
 }
 std::string_view to_string(Driver driver) {
   static constexpr std::string_view names[] = {"time", "temperature", "turns", "angle", "force", "rate", "field", ""};
-  return names[static_cast<std::size_t>(driver)];
+  return names[std::size_t(driver)];
 }
 
 const EffectEntry* find_effect(std::string_view name) {
@@ -86,7 +86,7 @@ std::vector<EffectColumn> catalogue_columns(const RecordingInfo& info, int recor
     const std::vector<double> taus = entry.taus_s.empty() ? std::vector<double>{0.0} : entry.taus_s;
     for (int of = 0; of < (entry.of_one_run ? recordings : 1); ++of)
       for (const double tau : taus)
-        for (int k = 0; k < static_cast<int>(entry.components.size()); ++k)
+        for (int k = 0; k < int(entry.components.size()); ++k)
           columns.push_back({&entry, k, tau, entry.of_one_run ? of : -1});
   }
   return columns;
@@ -103,7 +103,7 @@ EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Si
     History history = {};
   };
   std::vector<Part> parts;
-  for (int k = 0; k < static_cast<int>(columns.size()); ++k) {
+  for (int k = 0; k < int(columns.size()); ++k) {
     const EffectColumn& column = columns[k];
     if (parts.empty() || parts.back().entry != column.entry || parts.back().tau_s != column.tau_s ||
         parts.back().recording != column.recording)
@@ -111,7 +111,7 @@ EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Si
     parts.back().pick.emplace_back(column.component, k);
   }
   EffectModel model;
-  model.columns = static_cast<int>(columns.size());
+  model.columns = int(columns.size());
   model.values = Eigen::VectorXd::Zero(model.columns);
   model.reference_temperature_c = reference_temperature_c;
   Eigen::Matrix3Xd gyro = Eigen::Matrix3Xd::Zero(3, most_components);
@@ -120,7 +120,7 @@ EffectModel make_effect_model(const std::vector<EffectColumn>& columns, const Si
     BlockState s = at;
     for (Part& part : parts) {
       part.history.follow(s, part.tau_s);
-      const int count = static_cast<int>(part.entry->components.size());
+      const int count = int(part.entry->components.size());
       gyro.leftCols(count).setZero();
       accel.leftCols(count).setZero();
       if (part.recording < 0 || part.recording == s.recording)

@@ -35,7 +35,7 @@ inline constexpr std::array<std::string_view, parameter_count> parameter_keys = 
     "n31", "n32", "n33", "a11", "a12", "a13", "a21", "a22", "a23", "a31", "a32", "a33"};
 template <class Index>
 std::string parameter_key(Index k) {
-  return std::string(parameter_keys[static_cast<std::size_t>(k)]);
+  return std::string(parameter_keys[std::size_t(k)]);
 }
 inline constexpr std::array<bool, parameter_count> parameter_is_free = {
     true, true, true, true, true, true, true,  true, true, true,  true,  true,

@@ -71,9 +71,9 @@ double heading_sigma_of_data(double sigma_rad) {
 
 Status check_navigation_latitude(double latitude_deg) {
   if (std::abs(latitude_deg) <= max_navigation_latitude_deg) return {};
-  return input_error(fmt::format(
+  return input_error(
       "latitude_deg = {:.10g}: expected at most {:.10g} deg north or south to tell north by the Earth's rate",
-      latitude_deg, max_navigation_latitude_deg));
+      latitude_deg, max_navigation_latitude_deg);
 }
 
 Result<Alignment> align(std::span<const MotionInterval> window, const DriftCovariance::Site& site,
@@ -82,8 +82,7 @@ Result<Alignment> align(std::span<const MotionInterval> window, const DriftCovar
   double rest_s = 0.0;
   for (const MotionInterval& interval : window) rest_s += interval.at_rest ? interval.duration_s : 0.0;
   if (rest_s < align_min_rest_s - 1e-6)
-    return input_error(
-        fmt::format("alignment: {} s at rest, expected at least {:.0f} s", std::lround(rest_s), align_min_rest_s));
+    return input_error("alignment: {} s at rest, expected at least {:.0f} s", std::lround(rest_s), align_min_rest_s);
   NavigationState start;
   start.q_nb = coarse_alignment(window, site);
   start.latitude_rad = site.latitude_rad;

@@ -85,7 +85,7 @@ void DriftCovariance::advance(const Eigen::Matrix3d& C_nb, const MotionInterval&
   pending_gyro_ += T * C_nb * noise_.angle_random_walk.cwiseAbs2().asDiagonal() * C_nb.transpose();
   pending_accel_ += T * C_nb * noise_.velocity_random_walk.cwiseAbs2().asDiagonal() * C_nb.transpose();
   if (interval.missing > 0) {  // as the mean of its neighbours: what counting left of it is not known
-    const double squares = static_cast<double>(interval.missing) * interval.missing / 12.0;
+    const double squares = double(interval.missing) * interval.missing / 12.0;
     pending_gyro_.diagonal().array() += squares * noise_.gyro_pulse_rad * noise_.gyro_pulse_rad;
     pending_accel_.diagonal().array() += squares * noise_.accel_pulse_mps * noise_.accel_pulse_mps;
   }

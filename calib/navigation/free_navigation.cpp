@@ -38,15 +38,14 @@ MotionInterval resting(const Eigen::Matrix3d& C_nb, const DriftCovariance::Site&
 Result<FreeNavigation> navigate_freely(std::span<const MotionInterval> stretch, const FreeNavigationSetup& setup) {
   if (stretch.empty()) return input_error("nothing to navigate: the stretch is empty");
   const double interval_s = stretch.front().duration_s;
-  const auto align_intervals = static_cast<std::size_t>(std::lround(setup.align_s / interval_s));
+  const auto align_intervals = std::size_t(std::lround(setup.align_s / interval_s));
   if (stretch.size() <= align_intervals)
-    return input_error(fmt::format("alignment: the stretch has {} s, expected more than the {} s of the alignment",
-                                   std::lround(static_cast<double>(stretch.size()) * interval_s),
-                                   std::lround(setup.align_s)));
+    return input_error("alignment: the stretch has {} s, expected more than the {} s of the alignment",
+                       std::lround(double(stretch.size()) * interval_s), std::lround(setup.align_s));
   // Where it should be, so many intervals after the alignment.
   const auto truth_at = [&](std::size_t intervals) {
     if (setup.reference == nullptr) return ReferencePoint{.latitude_rad = setup.site.latitude_rad};
-    return setup.reference->at(setup.start_s + static_cast<double>(align_intervals + intervals) * interval_s);
+    return setup.reference->at(setup.start_s + double(align_intervals + intervals) * interval_s);
   };
   const ReferencePoint begin = truth_at(0);
   DriftCovariance::Site site{begin.latitude_rad, setup.site.gravity_mps2};
@@ -68,14 +67,14 @@ Result<FreeNavigation> navigate_freely(std::span<const MotionInterval> stretch, 
   result.align_sigma_rad = attitude_sigma(at_start);
   result.heading_sigma_rad = angle_sigmas(at_start.topLeftCorner<3, 3>(), result.aligned.q_nb)[0];
   const std::span<const MotionInterval> free = stretch.subspan(align_intervals);
-  const auto every = std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(track_step_s / interval_s)));
+  const auto every = std::max<std::size_t>(1, std::size_t(std::lround(track_step_s / interval_s)));
   result.track.reserve(free.size() / every + 2);
   Navigator navigator(alignment.state, site.gravity_mps2, true);
   RadialErrorRate rate;
   double squares = 0.0;
   const auto note = [&](std::size_t intervals) {
     const NavigationState& state = navigator.state();
-    const double t = static_cast<double>(intervals) * interval_s;
+    const double t = double(intervals) * interval_s;
     const ReferencePoint truth = truth_at(intervals);
     const Eigen::Vector2d moved = displacement_m(state, truth.latitude_rad, truth.longitude_rad);
     const Eigen::Vector2d velocity(state.velocity_n_mps[0], state.velocity_n_mps[2]);
@@ -98,9 +97,9 @@ Result<FreeNavigation> navigate_freely(std::span<const MotionInterval> stretch, 
     }
     if ((k + 1) % every == 0 || k + 1 == free.size()) note(k + 1);
   }
-  result.free_s = static_cast<double>(free.size()) * interval_s;
+  result.free_s = double(free.size()) * interval_s;
   result.nm_per_h = rate.nm_per_h();
-  result.velocity_rms_mps = std::sqrt(squares / static_cast<double>(result.track.size()));
+  result.velocity_rms_mps = std::sqrt(squares / double(result.track.size()));
   if (setup.expected) result.end_covariance_m2 = position_block(drift.covariance(setup.parameter_covariance));
   return result;
 }
@@ -125,8 +124,8 @@ ExpectedDrift expected_drift(const FreeNavigationSetup& setup, double heading_ra
     drift.advance(C_nb, interval);
     if (k % every != 0 && k != end) continue;
     const DriftMatrix covariance = drift.covariance(setup.parameter_covariance);
-    result.points.push_back({static_cast<double>(k) * rest_interval_s, position_block(covariance),
-                             position_block(drift.noise_covariance())});
+    result.points.push_back(
+        {double(k) * rest_interval_s, position_block(covariance), position_block(drift.noise_covariance())});
   }
   return result;
 }
@@ -142,7 +141,7 @@ DriftOverRuns drift_over_runs(std::span<const double> rates_nm_per_h) {
   if (rates_nm_per_h.empty()) return {};
   double squares = 0.0;
   for (const double rate : rates_nm_per_h) squares += rate * rate;
-  const double rms = std::sqrt(squares / static_cast<double>(rates_nm_per_h.size()));
+  const double rms = std::sqrt(squares / double(rates_nm_per_h.size()));
   return {rms, std::sqrt(std::log(2.0)) * rms, std::sqrt(std::log(20.0)) * rms};
 }
 

@@ -60,9 +60,7 @@ Eigen::Quaterniond quaternion_of(const Eigen::Vector3d& rotation_rad) {
   return {c, s * rotation_rad[0], s * rotation_rad[1], s * rotation_rad[2]};
 }
 
-void IncrementIntegrator::reserve(std::int64_t samples) {
-  intervals_.reserve(static_cast<std::size_t>(samples / samples_ + 1));
-}
+void IncrementIntegrator::reserve(std::int64_t samples) { intervals_.reserve(std::size_t(samples / samples_ + 1)); }
 
 void IncrementIntegrator::add(std::int64_t counter, const Eigen::Vector3d& gyro_rad, const Eigen::Vector3d& accel_mps,
                               bool at_rest, bool gap_at_rest) {

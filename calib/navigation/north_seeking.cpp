@@ -21,7 +21,7 @@ void summarise(NorthPosition& position) {
     const Spread spread = spread_of(angles);
     position.mean_deg[a] = spread.mean;
     position.deviation_deg[a] = spread.deviation;
-    position.noise_sigma_deg[a] = std::sqrt(squares / static_cast<double>(position.readings.size()));
+    position.noise_sigma_deg[a] = std::sqrt(squares / double(position.readings.size()));
   }
 }
 
@@ -34,8 +34,8 @@ double mean_variance(const NorthPosition& position, std::size_t searches) {
     noise += own;
     calibration += std::max(0.0, reading.total_sigma_deg[0] * reading.total_sigma_deg[0] - own);
   }
-  const auto n = static_cast<double>(position.readings.size());
-  return noise / n * (1.0 / n + 1.0 / static_cast<double>(searches)) + 2.0 * calibration / n;
+  const auto n = double(position.readings.size());
+  return noise / n * (1.0 / n + 1.0 / double(searches)) + 2.0 * calibration / n;
 }
 
 }  // namespace
@@ -43,7 +43,7 @@ double mean_variance(const NorthPosition& position, std::size_t searches) {
 double near(double angle_deg, double near_deg) { return near_deg + std::remainder(angle_deg - near_deg, 360.0); }
 
 Spread spread_of(std::span<const double> values) {
-  const auto n = static_cast<double>(values.size());
+  const auto n = double(values.size());
   double sum = 0.0, squares = 0.0;
   for (const double x : values) sum += x;
   const double mean = sum / n;
@@ -57,7 +57,7 @@ NorthSeeking seek_north(std::span<const NorthReading> searches, std::span<const 
   double sum = 0.0;
   const double first = searches.front().angle_deg[0] - searches.front().table_deg;
   for (const NorthReading& search : searches) sum += near(search.angle_deg[0] - search.table_deg, first);
-  result.zero_deg = near(sum / static_cast<double>(searches.size()), 0.0);
+  result.zero_deg = near(sum / double(searches.size()), 0.0);
 
   for (const NorthReading& reading : readings) {
     if (result.positions.empty() || std::abs(result.positions.back().table_deg - reading.table_deg) > same_angle_deg) {
@@ -74,7 +74,7 @@ NorthSeeking seek_north(std::span<const NorthReading> searches, std::span<const 
   double squares = 0.0, variance = 0.0;
   for (NorthPosition& position : result.positions) {
     summarise(position);
-    const auto n = static_cast<double>(position.readings.size());
+    const auto n = double(position.readings.size());
     for (std::size_t a = 0; a < 3; ++a) {
       if (position.deviation_deg[a] < result.deviation[a].value_deg) continue;
       // A sample standard deviation of n readings scatters by sigma / sqrt(2 (n - 1)).
@@ -83,7 +83,7 @@ NorthSeeking seek_north(std::span<const NorthReading> searches, std::span<const 
     squares += std::pow(position.mean_deg[0] - position.table_deg, 2);
     variance += mean_variance(position, result.searches);
   }
-  const auto count = static_cast<double>(result.positions.size());
+  const auto count = double(result.positions.size());
   result.mean_heading = {std::sqrt(squares / count), std::sqrt(variance / count)};
   return result;
 }
@@ -93,18 +93,18 @@ double false_fail_probability(const NorthSeeking& found, double heading_limit_de
   // Sum of squares of the means: independent parts of noise a each, and that of the zero, z, in all of them.
   double trace = 0.0, of_squares = 0.0, zero = 0.0;
   for (const NorthPosition& position : found.positions) {
-    const auto n = static_cast<double>(position.readings.size());
+    const auto n = double(position.readings.size());
     for (std::size_t a = 0; a < 3; ++a) {
       const double limit = a == 0 ? heading_limit_deg : level_limit_deg;
       const double variance = std::pow(position.noise_sigma_deg[a], 2);
       if (variance > 0.0) passes *= 1.0 - chi_square_tail((n - 1.0) * limit * limit / variance, n - 1.0);
     }
     const double own = std::pow(position.noise_sigma_deg[0], 2) / n;
-    zero = std::pow(position.noise_sigma_deg[0], 2) / static_cast<double>(found.searches);
+    zero = std::pow(position.noise_sigma_deg[0], 2) / double(found.searches);
     trace += own + zero;
     of_squares += own * own + 2.0 * own * zero;
   }
-  const auto count = static_cast<double>(found.positions.size());
+  const auto count = double(found.positions.size());
   of_squares += count * count * zero * zero;
   if (trace > 0.0)
     passes *= 1.0 - chi_square_tail(count * heading_limit_deg * heading_limit_deg * trace / of_squares,
@@ -139,7 +139,7 @@ ReferenceComparison compare_references(std::span<const ReferenceRow> rows) {
     }
     result.error_deg.push_back(error);
   }
-  for (double& rms : result.rms_deg) rms = std::sqrt(rms / static_cast<double>(rows.size() - 1));
+  for (double& rms : result.rms_deg) rms = std::sqrt(rms / double(rows.size() - 1));
   return result;
 }
 

@@ -154,7 +154,7 @@ class Candidates {
     Rows24 felt = Rows24::Zero(), v = Rows24::Zero();
     double angle_rad = 0.0;
     for (std::size_t k = 0; k < nodes; ++k) {
-      const double end_s = std::min((static_cast<double>(k) + 1.0) * dt, moving_s);
+      const double end_s = std::min((double(k) + 1.0) * dt, moving_s);
       const double end_rad = trapezoid_angle_deg(turn_deg, rate_degps, task_.acceleration_degps2, end_s) * rad_per_deg;
       const Eigen::Matrix3d C_middle = after(0.5 * (angle_rad + end_rad));
       const Rows24 wrong = dt * turned_wrong(C_middle, u * ((end_rad - angle_rad) / dt));
@@ -172,7 +172,7 @@ class Candidates {
     const double part = in_turn / (sides * in_turn + in_rest);
     const double begins = before_s > 0.0 ? part : 0.0, in_turns = 1.0 - sides * part;
     for (std::size_t k = 0; k < nodes; ++k)
-      v += dt * tilted(first + (begins + in_turns * (static_cast<double>(k) + 0.5) / nodes) * psi - until[k]);
+      v += dt * tilted(first + (begins + in_turns * (double(k) + 0.5) / nodes) * psi - until[k]);
     const double per_root_s = 1.0 / std::sqrt(t + before_s + after_s);
     if (before_s > 0.0) put_rest(C, part * psi, 0.5 * part * psi, before_s, per_root_s);
     if (after_s > 0.0) put_rest(C_after, part * psi, -0.5 * part * psi, after_s, per_root_s);
@@ -214,7 +214,7 @@ class Dual {
     weight_ /= weight_.sum();
     const int every = std::max(1, candidates.count() / 300);
     for (int k = 0; k < candidates.count(); k += every) active_.push_back(k);
-    share_.assign(active_.size(), 1.0 / static_cast<double>(active_.size()));
+    share_.assign(active_.size(), 1.0 / double(active_.size()));
   }
 
   double improve(int rounds) {
@@ -277,7 +277,7 @@ class Dual {
     for (auto k = order.begin(); k != order.begin() + most; ++k) {
       if (std::ranges::find(active_, *k) != active_.end()) continue;
       active_.push_back(*k);
-      share_.push_back(0.3 / static_cast<double>(used + added));
+      share_.push_back(0.3 / double(used + added));
     }
     normalise();
   }

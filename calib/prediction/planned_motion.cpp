@@ -53,9 +53,9 @@ class Unit {
     flush();
     chunk_.fill(sense(dtheta_b, dv_b));
     while (samples > 0) {
-      filled_ = static_cast<std::size_t>(std::min<std::int64_t>(samples, static_cast<std::int64_t>(chunk_.size())));
+      filled_ = std::size_t(std::min<std::int64_t>(samples, std::int64_t(chunk_.size())));
       for (ImuSample& sample : std::span(chunk_).first(filled_)) stamp(sample);
-      samples -= static_cast<std::int64_t>(filled_);
+      samples -= std::int64_t(filled_);
       flush();
     }
   }
@@ -76,9 +76,9 @@ class Unit {
   void stamp(ImuSample& sample) {
     sample.counter = counter_++;
     if (!temperature_) return;
-    const double t = static_cast<double>(sample.counter) * period_s_;
+    const double t = double(sample.counter) * period_s_;
     sample.temperature_c =
-        static_cast<float>(temperature_->start_c + temperature_->rise_c * (1.0 - std::exp(-t / temperature_->tau_s)));
+        float(temperature_->start_c + temperature_->rise_c * (1.0 - std::exp(-t / temperature_->tau_s)));
   }
   void flush() {
     compressor_.add(std::span(chunk_).first(filled_));
@@ -133,7 +133,7 @@ CompressedRecording planned_recording(const RecordingInfo& info_given, const Pla
     if (move) {
       assert(item.from_deg == at_deg[item.axis] && item.rate_degps > 0.0 && item.acceleration_degps2 > 0.0);
       const double duration = trapezoid_duration_s(angle_deg, item.rate_degps, item.acceleration_degps2);
-      moving = std::min(item.samples, static_cast<std::int64_t>(std::ceil(duration / dt)));
+      moving = std::min(item.samples, std::int64_t(std::ceil(duration / dt)));
     }
     const Vector3d u = move ? axis_b(item.axis, at_deg) : Vector3d::UnitX();
     if (move) at_deg[item.axis] = item.to_deg;
@@ -155,7 +155,7 @@ CompressedRecording planned_recording(const RecordingInfo& info_given, const Pla
     const double gauss = 0.5 / std::sqrt(3.0);
     double before = 0.0;
     for (std::int64_t k = 0; k < moving; ++k) {
-      const double middle = (static_cast<double>(k) + 0.5) * dt;
+      const double middle = (double(k) + 0.5) * dt;
       const double first = theta(middle - gauss * dt);
       const double second = theta(middle + gauss * dt);
       const double after = theta(middle + 0.5 * dt);

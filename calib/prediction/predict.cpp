@@ -22,7 +22,7 @@ struct Group {
 };
 std::vector<Group> groups_of(const std::vector<EffectColumn>& columns) {
   std::vector<Group> groups;
-  for (int k = 0; k < static_cast<int>(columns.size()); ++k) {
+  for (int k = 0; k < int(columns.size()); ++k) {
     const EffectColumn& column = columns[k];
     if (groups.empty() || groups.back().name != column.entry->name || groups.back().tau_s != column.tau_s)
       groups.push_back({column.entry->name, column.tau_s, {}, {}});

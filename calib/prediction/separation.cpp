@@ -43,7 +43,7 @@ Separation::Separation(const CompressedRecording& recording, const Diagnosis& di
     if (std::ranges::find(names_, column.entry->name) != names_.end()) all.push_back(column);
   options.candidates = all;
   const JointResult fit = joint_estimate(recording, options);
-  const int first = parameter_count + static_cast<int>(beside_.size());
+  const int first = parameter_count + int(beside_.size());
   const Scores scores =
       eliminate(fit.last.information, fit.last.gradient, fit.free, counted(first, options.candidates.size()));
 
@@ -52,18 +52,18 @@ Separation::Separation(const CompressedRecording& recording, const Diagnosis& di
   for (const std::string& member : names_) {
     int best = -1;
     const auto z_square = [&](int k) { return scores.s[k] * scores.s[k] / scores.Q(k, k); };
-    for (int k = 0; k < static_cast<int>(all.size()); ++k)
+    for (int k = 0; k < int(all.size()); ++k)
       if (all[k].entry->name == member && is_visible(scores, k) && (best < 0 || z_square(k) > z_square(best))) best = k;
     const EffectColumn* const strongest = best < 0 ? nullptr : &all[best];
     members_.emplace_back();
     strongest_.push_back(-1);
     values_.push_back(
         best < 0 ? 0.0 : std::abs(scores.s[best] / scores.Q(best, best)) - 1.0 / std::sqrt(scores.Q(best, best)));
-    for (int k = 0; k < static_cast<int>(all.size()); ++k) {
+    for (int k = 0; k < int(all.size()); ++k) {
       const EffectColumn& column = all[k];
       if (strongest == nullptr || column.entry != strongest->entry || column.tau_s != strongest->tau_s) continue;
-      if (k == best) strongest_.back() = static_cast<int>(columns_.size());
-      members_.back().push_back(static_cast<int>(columns_.size()));
+      if (k == best) strongest_.back() = int(columns_.size());
+      members_.back().push_back(int(columns_.size()));
       columns_.push_back(column);
       kept.push_back(first + k);
     }
@@ -92,8 +92,8 @@ Eigen::MatrixXd Separation::information_of(const PlannedMotion& motion, double s
 std::vector<AliasPair> Separation::pairs(const PlannedMotion* motion, double sample_period_s) const {
   std::vector<EffectColumn> all = beside_;
   all.insert(all.end(), columns_.begin(), columns_.end());
-  const int first = parameter_count + static_cast<int>(beside_.size());
-  const int own = parameter_count + static_cast<int>(all.size());  // then what the second recording has for itself
+  const int first = parameter_count + int(beside_.size());
+  const int own = parameter_count + int(all.size());  // then what the second recording has for itself
   std::vector<int> place = counted(0, own);
   int size = own;
   for (int k = 0; k < biases && !same_run_; ++k) place[k] = size++;
@@ -118,8 +118,7 @@ std::vector<AliasPair> Separation::pairs(const PlannedMotion* motion, double sam
       continue;
     }
     for (std::vector<int>& group : groups)
-      if (std::ranges::find(group, static_cast<int>(k - beside_.size())) != group.end())
-        group.push_back(static_cast<int>(candidates.size()));
+      if (std::ranges::find(group, int(k - beside_.size())) != group.end()) group.push_back(int(candidates.size()));
     candidates.push_back(there);
   }
   const Scores scores = eliminate(information, Eigen::VectorXd::Zero(size), base, candidates);

@@ -47,8 +47,7 @@ Rest make_rest(const CompressedRecording& recording, std::size_t first, std::siz
     length += recording.blocks[before - 1].samples * period;
   rest.first_edge = mean_of(recording, first, after);
   rest.last_edge = mean_of(recording, before, end);
-  rest.start_s =
-      static_cast<double>(recording.blocks[first].start_sample - recording.blocks.front().start_sample) * period;
+  rest.start_s = double(recording.blocks[first].start_sample - recording.blocks.front().start_sample) * period;
   // Between the middles of the edges: the whole less half of each.
   const RestMean& a = rest.first_edge;
   const RestMean& b = rest.last_edge;
@@ -109,7 +108,7 @@ SixChannels white_variance(const CompressedRecording& recording, std::span<const
 // Cuts `run` to what stands still; false when it is no rest. `white`: of all rests.
 bool verify(const CompressedRecording& recording, const SixChannels& white, Run& run, std::vector<std::string>& notes) {
   const auto seconds = [&](std::size_t block) {
-    return static_cast<double>(recording.blocks[block].start_sample - recording.blocks.front().start_sample) *
+    return double(recording.blocks[block].start_sample - recording.blocks.front().start_sample) *
            recording.info.sample_period_s;
   };
   const auto say = [&](const char* what, double number) {

@@ -151,7 +151,7 @@ double estimate_floor(const RestSystem& system, RestKind kind, double freedom) {
   };
   if (!(excess(0.0) > 0.0)) return 0.0;
   double low = 0.0;
-  double high = std::sqrt(largest * static_cast<double>(system.residual.size()) / freedom);
+  double high = std::sqrt(largest * double(system.residual.size()) / freedom);
   for (int k = 0; k < 60; ++k) {
     const double middle = 0.5 * (low + high);
     (excess(middle) > 0.0 ? low : high) = middle;
@@ -260,8 +260,7 @@ double best_rest_factor(const RestData& data, const Eigen::Matrix3d& gyro_map) {
 }
 
 double rest_misfit_rad(const RestData& data, const Eigen::Matrix3d& gyro_map) {
-  const double usable =
-      static_cast<double>(std::ranges::count_if(data.legs, [](const RestLeg& leg) { return leg.fault.empty(); }));
+  const double usable = double(std::ranges::count_if(data.legs, [](const RestLeg& leg) { return leg.fault.empty(); }));
   return std::sqrt(direction_misfit(data, CoarseStart(data).with_map(gyro_map)) / std::max(1.0, usable));
 }
 

@@ -78,7 +78,7 @@ class Builder {
     rows_(row_count(), p_) = residual;
     system_.white_variance[row_count()] = white_variance;
     system_.kind.push_back(kind);
-    system_.owner.push_back(static_cast<int>(owner));
+    system_.owner.push_back(int(owner));
   }
 
   BlockState block_state(const Block& block) const {

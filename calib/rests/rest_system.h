@@ -28,7 +28,7 @@ inline constexpr int rest_parameter_count = 21;
 
 enum class RestKind : char { norm = 0, direction = 1, gyro = 2 };
 inline constexpr int rest_kind_count = 3;
-constexpr std::size_t index(RestKind kind) { return static_cast<std::size_t>(kind); }
+constexpr std::size_t index(RestKind kind) { return std::size_t(kind); }
 const char* to_string(RestKind kind);
 
 struct RestSystem {

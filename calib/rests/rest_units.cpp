@@ -84,7 +84,7 @@ std::string wrong_vertical(const RestData& data, const Parameters& fitted) {
   const double information = c.squaredNorm();
   if (!(information > 0.0)) return {};
   const double k = c.dot(r) / information;
-  const double sigma = std::sqrt((r - k * c).squaredNorm() / (static_cast<double>(count - 4) * information));
+  const double sigma = std::sqrt((r - k * c).squaredNorm() / (double(count - 4) * information));
   if (!(std::abs(k) > surely * sigma) || std::abs(k + 2.0) > near_by * sigma) return {};
   return fmt::format(
       "the gyros at rest feel {:.2f} +- {:.2f} of the vertical earth rate of latitude {:.6g} deg: expected the "

@@ -40,7 +40,7 @@ Series batches(const CompressedRecording& recording) {
     series.time_s[at] += recording.middle_s(block);
     series.reading.row(at).head<3>() += (model.gyro_scale * block.gyro / block.duration_s).transpose();
     series.reading.row(at).tail<3>() += (model.accel_scale * block.accel / block.duration_s).transpose();
-    temperature[at] += static_cast<double>(block.temperature_c);
+    temperature[at] += double(block.temperature_c);
     members[at] += 1.0;
   }
   series.time_s.array() /= members.array();
@@ -64,13 +64,12 @@ Fit fit(const VectorXd& y, const std::vector<VectorXd>& columns) {
   A.col(0).setOnes();
   for (Index k = 1; k < p; ++k) A.col(k) = columns[k - 1];
   const VectorXd x = least_squares(A, y).x;
-  const double variance = (y - A * x).squaredNorm() / static_cast<double>(n - p);
+  const double variance = (y - A * x).squaredNorm() / double(n - p);
   const MatrixXd information = A.transpose() * A;
   Fit result;
   result.value = x.tail(p - 1);
   result.sigma = (inverse(information).diagonal().tail(p - 1) * variance).cwiseSqrt();
-  result.bic = static_cast<double>(n) * std::log(std::max(variance, 1e-300)) +
-               static_cast<double>(p) * std::log(static_cast<double>(n));
+  result.bic = double(n) * std::log(std::max(variance, 1e-300)) + double(p) * std::log(double(n));
   return result;
 }
 

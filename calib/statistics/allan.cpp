@@ -58,7 +58,7 @@ Rest make_rest(std::span<const double> mean, double cell_s) {
   for (const double value : mean)
     if (there(value)) sum += value, count += 1.0;
   if (n == 0) return rest;
-  rest.filled = 1.0 - count / static_cast<double>(n);
+  rest.filled = 1.0 - count / double(n);
   for (double& value : rest.rate) value -= sum / count;
   const auto changes = [&](double value) { return std::abs(value) > 1e-12 * std::abs(sum / count); };
   if (std::ranges::none_of(rest.rate, changes)) return {};
@@ -91,7 +91,7 @@ double squares_of(const Rest& rest, std::size_t m, double& count) {
       return Eigen::Map<const VectorXd>(&rest.theta[k], static_cast<Index>(to - from));
     };
     sum += (at(from + 2 * m) - 2.0 * at(from + m) + at(from)).squaredNorm();
-    count += static_cast<double>(to - from);
+    count += double(to - from);
   };
   for (const auto& [begin, past] : rest.gaps) {
     if (10 * (past - begin) <= m) continue;
@@ -141,8 +141,8 @@ std::vector<double> cosine_transform(std::span<const double> y) {
   fft.fwd(half, order);
   for (std::size_t k = 1; k < n; ++k) {
     const std::complex<double> value = k < half.size() ? half[k] : std::conj(half[n - k]);
-    const double phase = -pi * static_cast<double>(k) / (2.0 * static_cast<double>(n));
-    x[k] = std::sqrt(2.0 / static_cast<double>(n)) * (std::polar(1.0, phase) * value).real();
+    const double phase = -pi * double(k) / (2.0 * double(n));
+    x[k] = std::sqrt(2.0 / double(n)) * (std::polar(1.0, phase) * value).real();
   }
   return x;
 }
@@ -164,7 +164,7 @@ double white_power(const Rest& rest, double angle) {
   if (rest.gaps.empty()) return 1.0;
   const auto mean_over = [](double a) { return std::sin(a) / a; };
   const double there = 1.0 - rest.filled, share = rest.filled / there;
-  const double gap = rest.filled * static_cast<double>(rest.rate.size()) / static_cast<double>(rest.gaps.size());
+  const double gap = rest.filled * double(rest.rate.size()) / double(rest.gaps.size());
   const double repeated = 1.0 + share * mean_over(5.5 * gap * angle);
   return there * repeated * repeated + 0.1 * share * std::pow(mean_over(0.5 * gap * angle), 2);
 }
@@ -172,13 +172,13 @@ double white_power(const Rest& rest, double angle) {
 void add_power(const Rest& rest, double cell_s, double above_hz, double up_to_hz, Bins& bins) {
   const std::size_t n = quick_length(rest.rate.size());
   if (n < 4) return;
-  const double count = static_cast<double>(n), T = cell_s;
+  const double count = double(n), T = cell_s;
   const std::vector<double> x = cosine_transform(std::span(rest.rate).first(n));
   for (std::size_t j = 1; j < n; ++j) {
-    const double angle = pi * static_cast<double>(j) / count;  // a cell
+    const double angle = pi * double(j) / count;  // a cell
     const double hz = angle / (2.0 * pi * T);
     if (hz <= above_hz || hz > up_to_hz) continue;
-    Bin& bin = bins[static_cast<int>(std::floor(8.0 * std::log2(hz)))];
+    Bin& bin = bins[int(std::floor(8.0 * std::log2(hz)))];
     const double c = std::cos(angle / 2.0), s = std::sin(angle / 2.0);
     const double g = j % 2 == 1 ? -std::sqrt(2.0 / count) * T * std::sqrt(T) * c / (2.0 * s * s) : 0.0;
     const double power = x[j] * x[j] * T;
@@ -231,7 +231,7 @@ Fitted maximise(const Spectrum& p, Index bins, unsigned set, const Squares& from
   result.set = set;
   std::vector<Index> active;
   for (Index k = 0; k < 4; ++k)
-    if ((set >> static_cast<unsigned>(k) & 1U) != 0) active.push_back(k);
+    if ((set >> unsigned(k) & 1U) != 0) active.push_back(k);
   const Index terms = active.size();
   if (bins < terms + 2) return result;
   const Eigen::MatrixXd A = p.unit.topRows(bins).matrix()(Eigen::all, active);
@@ -243,7 +243,7 @@ Fitted maximise(const Spectrum& p, Index bins, unsigned set, const Squares& from
     c[k] = std::numeric_limits<double>::infinity();
     for (Index b = 0; b < bins; ++b)
       if (p.n[b] > 2.0 || bins < 12) c[k] = std::min(c[k], p.xx[b] / p.n[b] / A(b, k));
-    c[k] = std::max(c[k] / static_cast<double>(terms), std::numeric_limits<double>::min());
+    c[k] = std::max(c[k] / double(terms), std::numeric_limits<double>::min());
   }
   ArrayXd lambda, S;
   double h = 0.0;
@@ -422,7 +422,7 @@ AllanAxis analyse(const RestCells& cells, std::size_t axis) {
     std::size_t longest = 0;
     for (const Rest& rest : of) longest = std::max(longest, rest.rate.size());
     for (const std::size_t m : multiples(longest / 3)) {
-      AllanPoint point{static_cast<double>(m) * cell_s};
+      AllanPoint point{double(m) * cell_s};
       if (point.tau_s < from_s || point.tau_s >= to_s) continue;
       double sum = 0.0, count = 0.0;
       std::vector<double> spans;
@@ -474,7 +474,7 @@ double equivalent_degrees(const AllanFit& fit, double tau, double cell_s, const 
   }
   constexpr std::array of_q = {6.0, -4.0, 1.0};
   for (std::size_t k = 0; k < of_q.size() && c[0] > 0.0; ++k) {
-    const double lag = static_cast<double>(k) * tau, q = c[0] * of_q[k], weight = cell_s * pairs(lag);
+    const double lag = double(k) * tau, q = c[0] * of_q[k], weight = cell_s * pairs(lag);
     squares += weight * q * (2.0 * covariance_of_differences(c, tau, lag) + q);
     sum += weight * q;
   }
@@ -508,7 +508,7 @@ void RestCellMaker::add(std::int64_t counter, const Channels& increments) {
     last_ = counter - 1;
   }
   last_ = counter;
-  const std::int64_t cell = (counter - *first_) / static_cast<std::int64_t>(a_cell_);
+  const std::int64_t cell = (counter - *first_) / std::int64_t(a_cell_);
   while (cell_ < cell) close_cell();
   sum_ += increments;
   ++count_;
@@ -518,8 +518,7 @@ void RestCellMaker::add(std::int64_t counter, const Channels& increments) {
 void RestCellMaker::close_cell() {
   const bool there = 2 * count_ >= a_cell_;
   for (std::size_t axis = 0; axis < 6; ++axis)
-    cells_.mean[axis].push_back(there ? sum_[axis] / static_cast<double>(count_)
-                                      : std::numeric_limits<double>::quiet_NaN());
+    cells_.mean[axis].push_back(there ? sum_[axis] / double(count_) : std::numeric_limits<double>::quiet_NaN());
   sum_.setZero();
   count_ = 0;
   ++cell_;
@@ -554,7 +553,7 @@ void RestCellMaker::halve() {
 
 RestCells RestCellMaker::take(const Channels& si) {
   begin_rest();
-  cells_.cell_s = static_cast<double>(a_cell_) * cells_.sample_s;
+  cells_.cell_s = double(a_cell_) * cells_.sample_s;
   for (std::size_t axis = 0; axis < 6; ++axis) {
     const double scale = si[axis];
     for (auto* mean : {&cells_.mean[axis], &cells_.first[axis]})
@@ -567,7 +566,7 @@ AllanResult allan_deviation(const RestCells& cells) {
   AllanResult result;
   std::size_t from = 0;
   for (const std::size_t end : cells.ends) {
-    const double length = static_cast<double>(end - from) * cells.cell_s;
+    const double length = double(end - from) * cells.cell_s;
     result.total_s += length;
     result.longest_s = std::max(result.longest_s, length);
     from = end;
@@ -581,7 +580,7 @@ AllanResult allan_deviation(const CompressedRecording& recording, const Paramete
   RestCells cells;
   const auto close = [&] {
     const std::size_t from = cells.ends.empty() ? 0 : cells.ends.back(), end = cells.mean[0].size();
-    const bool long_enough = static_cast<double>(end - from + 1) * cells.cell_s > min_dwell_s;
+    const bool long_enough = double(end - from + 1) * cells.cell_s > min_dwell_s;
     if (long_enough && end > from) cells.ends.push_back(end);
     if (!long_enough)
       for (auto& mean : cells.mean) mean.resize(from);

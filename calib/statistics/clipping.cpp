@@ -16,7 +16,7 @@ namespace {
 constexpr double same = 1e-9;  // relative: rounding of a constant times an interval
 
 // Seven bits of the mantissa: bins of 1/128 of the value.
-std::size_t bin_of(double magnitude) { return std::bit_cast<std::uint32_t>(static_cast<float>(magnitude)) >> 16; }
+std::size_t bin_of(double magnitude) { return std::bit_cast<std::uint32_t>(float(magnitude)) >> 16; }
 
 }  // namespace
 
@@ -41,18 +41,17 @@ void ClippingFinder::add(const ImuSample& sample) {
     if (magnitude > side.extreme * (1.0 + same)) {
       side.extreme = magnitude;
       side.runs.clear();
-      side.current = {DataEvent::Kind::invalid, sample.counter, 1, static_cast<int>(axis), x};
+      side.current = {DataEvent::Kind::invalid, sample.counter, 1, int(axis), x};
     } else if (magnitude >= side.extreme * (1.0 - same) && magnitude > 0.0) {
-      if (side.current.count == 0)
-        side.current = {DataEvent::Kind::invalid, sample.counter, 0, static_cast<int>(axis), x};
+      if (side.current.count == 0) side.current = {DataEvent::Kind::invalid, sample.counter, 0, int(axis), x};
       ++side.current.count;
     } else {
       close(side);
     }
-    if ((sample.flags & gyro_clipped_flag(static_cast<int>(axis))) != 0) {
-      const bool goes_on = !flagged_.empty() && flagged_.back().axis == static_cast<int>(axis) &&
+    if ((sample.flags & gyro_clipped_flag(int(axis))) != 0) {
+      const bool goes_on = !flagged_.empty() && flagged_.back().axis == int(axis) &&
                            flagged_.back().sample + flagged_.back().count == sample.counter;
-      if (!goes_on) flagged_.push_back({DataEvent::Kind::invalid, sample.counter, 0, static_cast<int>(axis), x});
+      if (!goes_on) flagged_.push_back({DataEvent::Kind::invalid, sample.counter, 0, int(axis), x});
       ++flagged_.back().count;
     }
     const double change = std::abs(x - last_[axis]);
@@ -78,8 +77,8 @@ std::vector<DataEvent> ClippingFinder::finish() {
           !(side.extreme > clipping_limits.least_steps * step_[axis]))
         continue;
       const std::size_t top = bin_of(side.extreme);
-      const double band = static_cast<double>(side.histogram[top]) + static_cast<double>(side.histogram[top - 1]);
-      if (static_cast<double>(at) < clipping_limits.of_band * band) continue;
+      const double band = double(side.histogram[top]) + double(side.histogram[top - 1]);
+      if (double(at) < clipping_limits.of_band * band) continue;
       result.insert(result.end(), side.runs.begin(), side.runs.end());
     }
   std::ranges::sort(result, [](const DataEvent& a, const DataEvent& b) { return a.sample < b.sample; });
@@ -113,7 +112,7 @@ double repeated(const CompressedRecording& recording, const TableTurn& turn, int
     blocks = goes_on ? blocks + 1 : 0;
     if (blocks > 1) longest = std::max(longest, run);
   }
-  const bool most = static_cast<double>(longest) >= clipping_limits.of_band * static_cast<double>(near);
+  const bool most = double(longest) >= clipping_limits.of_band * double(near);
   return longest >= clipping_limits.fewest && most ? extreme : 0.0;
 }
 

@@ -72,7 +72,7 @@ void note_set_aside(std::int64_t counter, const Segment& segment, std::vector<Da
 void fill_temperature(std::vector<Block>& blocks) {
   const auto measured = [&](std::size_t k) { return !std::isnan(blocks[k].temperature_c); };
   const auto middle = [&](std::size_t k) {
-    return static_cast<double>(blocks[k].start_sample) + 0.5 * (blocks[k].samples + blocks[k].missing);
+    return double(blocks[k].start_sample) + 0.5 * (blocks[k].samples + blocks[k].missing);
   };
   std::size_t before = blocks.size();  // none yet
   for (std::size_t k = 0; k < blocks.size(); ++k) {
@@ -90,8 +90,8 @@ void fill_temperature(std::vector<Block>& blocks) {
         blocks[k].temperature_c = blocks[before].temperature_c;
       } else {
         const double part = (middle(k) - middle(before)) / (middle(after) - middle(before));
-        blocks[k].temperature_c = static_cast<float>((1.0 - part) * static_cast<double>(blocks[before].temperature_c) +
-                                                     part * static_cast<double>(blocks[after].temperature_c));
+        blocks[k].temperature_c =
+            float((1.0 - part) * double(blocks[before].temperature_c) + part * double(blocks[after].temperature_c));
       }
     }
     before = after;
@@ -119,7 +119,7 @@ void add_temperature_rates(CompressedRecording& recording) {
       right += t * (blocks[i].temperature_c - blocks[k].temperature_c) * Eigen::Vector3d(1.0, u, u2);
     }
     const Eigen::Matrix3d normal{{m[0], m[1], m[2]}, {m[1], m[2], m[3]}, {m[2], m[3], m[4]}};
-    blocks[k].temperature_rate_c_per_h = static_cast<float>(normal.ldlt().solve(right)[1] / half_s * 3600.0);
+    blocks[k].temperature_rate_c_per_h = float(normal.ldlt().solve(right)[1] / half_s * 3600.0);
   }
 }
 
@@ -132,9 +132,9 @@ void take_temperature(const Block& block, double reference_c, BlockState& state)
 
 Block merge(const Block& a, const Block& b) {
   Block m = a;
-  const double total = static_cast<double>(a.samples + b.samples);
+  const double total = double(a.samples + b.samples);
   const auto mean = [&](float of_a, float of_b) {
-    return static_cast<float>((static_cast<double>(of_a) * a.samples + static_cast<double>(of_b) * b.samples) / total);
+    return float((double(of_a) * a.samples + double(of_b) * b.samples) / total);
   };
   m.samples += b.samples;
   m.missing += b.missing;
@@ -158,7 +158,7 @@ Block merge(const Block& a, const Block& b) {
 Compressor::Compressor(const RecordingInfo& info, const CompressionOptions& options)
     : options_(options), spikes_(info), filler_(info), glitches_(info, options.glitch) {
   recording_.info = info;
-  static_block_samples_ = std::max(1, static_cast<int>(std::lround(options.static_block_s / info.sample_period_s)));
+  static_block_samples_ = std::max(1, int(std::lround(options.static_block_s / info.sample_period_s)));
   static_counts_ = options.static_angle_rad / nominal_gyro_rad(info);
   rotation_counts_ = options.block_angle_rad / nominal_gyro_rad(info);
   square_of_even_rate_ = 11.0 / 60.0 * std::pow(nominal_gyro_rad(info), 2);
@@ -179,12 +179,12 @@ void Compressor::end_segment(SegmentKind final_kind, std::int64_t end_sample) {
   segment.end_sample = end_sample;
   if (segment.kind != final_kind) {
     // A dwell that did not count: nobody vouches for rest, so no block of it is a static second.
-    const int index = static_cast<int>(recording_.segments.size()) - 1;
+    const int index = int(recording_.segments.size()) - 1;
     for (auto block = recording_.blocks.rbegin(); block != recording_.blocks.rend() && block->segment == index; ++block)
       block->whole_second = false;
     segment.kind = final_kind;
   } else if (final_kind != SegmentKind::rotate && options_.leaves_out_turning) {
-    const std::int32_t index = static_cast<std::int32_t>(recording_.segments.size()) - 1;
+    const std::int32_t index = std::int32_t(recording_.segments.size()) - 1;
     auto first = recording_.blocks.end();
     while (first != recording_.blocks.begin() && std::prev(first)->segment == index) --first;
     leave_out_turning(recording_.info, std::span(first, recording_.blocks.end()));
@@ -211,7 +211,7 @@ void Compressor::add_one(const ImuSample& sample) {
   for (auto e = recording_.events.rbegin(); filled && e != recording_.events.rend() && e->sample >= next_counter_; ++e)
     e->filled = true;
   left_out_ = 0;
-  const auto missing = filled ? 0 : static_cast<std::int32_t>(std::min<std::int64_t>(gap, 1 << 20));
+  const auto missing = filled ? 0 : std::int32_t(std::min<std::int64_t>(gap, 1 << 20));
   if ((sample.flags & sample_flag_invalid) != 0)
     recording_.events.push_back({DataEvent::Kind::invalid, sample.counter, 1, -1, 0.0});
   if ((sample.flags & sample_flag_set_aside) != 0)
@@ -234,7 +234,7 @@ void Compressor::add_one(const ImuSample& sample) {
 void Compressor::open_block(std::int64_t counter, std::int32_t missing) {
   if (block_.samples == 0) {
     block_.start_sample = counter - missing;
-    block_.segment = static_cast<std::int32_t>(recording_.segments.size()) - 1;
+    block_.segment = std::int32_t(recording_.segments.size()) - 1;
   }
   block_.missing += missing;
 }
@@ -253,7 +253,7 @@ void Compressor::add_sums(const Eigen::Vector3d& alpha, const Eigen::Vector3d& b
       add_to_closed_block(alpha, beta);
   }
   have_previous_ = true;
-  const double s = (static_cast<double>(b.samples + b.missing) + 0.5) * recording_.info.sample_period_s;
+  const double s = (double(b.samples + b.missing) + 0.5) * recording_.info.sample_period_s;
   const Eigen::Vector3d before = within * previous_gyro_;
   b.coning += (b.gyro + 2.0 * before).cross(alpha);
   b.sculling += (b.gyro + 0.5 * alpha + before) * beta.transpose() - (within * alpha) * previous_accel_.transpose();
@@ -287,7 +287,7 @@ bool Compressor::fill(const ImuSample& next, std::int64_t gap) {
   if (gap > fault_limits.most_filled || !filler_.can_fill()) return false;
   const bool at_rest = recording_.segments.back().kind != SegmentKind::rotate;
   const GapFill between = filler_.fill(next, gap, at_rest, glitches_.mean_square());
-  const Eigen::Matrix<float, 6, 1> variance = (between.variance / static_cast<double>(gap)).cast<float>();
+  const Eigen::Matrix<float, 6, 1> variance = (between.variance / double(gap)).cast<float>();
   Channels x = between.first;
   for (int k = 0; k < gap; ++k, x += between.step) {
     open_block(next_counter_ + k, 0);
@@ -303,8 +303,7 @@ bool Compressor::leave_out(const ImuSample& sample) {
   const std::optional<std::size_t> channel = spikes_.spike_in(sample);
   if (!channel) return false;
   const auto kind = *channel < 3 ? DataEvent::Kind::gyro_glitch : DataEvent::Kind::accel_glitch;
-  recording_.events.push_back(
-      {kind, sample.counter, 1, static_cast<int>(*channel % 3), channel_of(sample, *channel), true});
+  recording_.events.push_back({kind, sample.counter, 1, int(*channel % 3), channel_of(sample, *channel), true});
   ++left_out_;
   return true;
 }
@@ -327,12 +326,11 @@ void Compressor::add_temperature(const ImuSample& sample) {
 
 void Compressor::close_block() {
   if (block_.samples == 0) return;
-  block_.duration_s = static_cast<double>(block_.samples + block_.missing) * recording_.info.sample_period_s;
+  block_.duration_s = double(block_.samples + block_.missing) * recording_.info.sample_period_s;
   block_.whole_second = recording_.segments.back().kind != SegmentKind::rotate && block_.missing == 0 &&
                         block_.samples >= static_block_samples_;
-  const auto measured = static_cast<double>(block_.temperature_c);
-  block_.temperature_c =
-      measured > 0.0 ? static_cast<float>(temperature_sum_ / measured) : std::numeric_limits<float>::quiet_NaN();
+  const auto measured = double(block_.temperature_c);
+  block_.temperature_c = measured > 0.0 ? float(temperature_sum_ / measured) : std::numeric_limits<float>::quiet_NaN();
   Block* const last = recording_.blocks.empty() ? nullptr : &recording_.blocks.back();
   const double most_counts = steady_angle_rad / nominal_gyro_rad(recording_.info);
   if (last != nullptr && recording_.segments.back().kind == SegmentKind::rotate && last->segment == block_.segment &&
@@ -350,7 +348,7 @@ CompressedRecording Compressor::take() {
   fill_temperature(recording_.blocks);
   add_temperature_rates(recording_);
   if (temperature_count_ == 0) recording_.info.has_temperature = false;
-  recording_.mean_temperature_c = temperature_count_ > 0 ? temperature_total_ / static_cast<double>(temperature_count_)
+  recording_.mean_temperature_c = temperature_count_ > 0 ? temperature_total_ / double(temperature_count_)
                                                          : std::numeric_limits<double>::quiet_NaN();
   return std::move(recording_);
 }
@@ -365,7 +363,7 @@ void SegmentedFeed::add(std::span<const ImuSample> samples) {
     // Duplicates keep their counter, so the border is searched in the chunk rather than computed.
     const auto border =
         std::ranges::find_if(samples, [&](const ImuSample& s) { return s.counter >= segment.end_sample; });
-    const std::size_t count = static_cast<std::size_t>(border - samples.begin());
+    const std::size_t count = std::size_t(border - samples.begin());
     compressor_.add(samples.first(count));
     samples = samples.subspan(count);
     if (samples.empty()) return;
@@ -381,20 +379,20 @@ void SegmentedFeed::finish() {
 }
 
 GapFill GapFiller::fill(const ImuSample& next, std::int64_t lost, bool at_rest, const Channels& mean_square) const {
-  const auto n = static_cast<double>(lost);
+  const auto n = double(lost);
   Channels first, step, variance;
   if (at_rest && seen_ >= memory) {
     Channels square = Channels::Zero();
     first.setZero();
-    for (const Channels& sample : samples_) first += sample / static_cast<double>(memory);
-    for (const Channels& sample : samples_) square += (sample - first).cwiseAbs2() / static_cast<double>(memory - 1);
+    for (const Channels& sample : samples_) first += sample / double(memory);
+    for (const Channels& sample : samples_) square += (sample - first).cwiseAbs2() / double(memory - 1);
     step.setZero();
     for (int k = 0; k < 6; ++k) {
       const double part = n * first[k] - std::floor(n * first[k]);
       constexpr double of_rounding = 1.0 / 6.0;  // of two ends that noise puts anywhere
       variance[k] = n * square[k];
       if (counted_[k / 3]) variance[k] = std::min(variance[k], std::max(part * (1.0 - part), of_rounding));
-      variance[k] += n * n * square[k] / static_cast<double>(memory);
+      variance[k] += n * n * square[k] / double(memory);
     }
   } else {
     constexpr double corner = 20.0;  // one in 300 of white noise, whose changes of slope are 7/3 of D

@@ -105,8 +105,7 @@ struct CompressedRecording {
   bool rotates(const Block& block) const { return segments[block.segment].kind == SegmentKind::rotate; }
   // Of the middle of a block, from the first sample of block `from`.
   double middle_s(const Block& block, std::size_t from = 0) const {
-    return static_cast<double>(block.start_sample - blocks[from].start_sample) * info.sample_period_s +
-           0.5 * block.duration_s;
+    return double(block.start_sample - blocks[from].start_sample) * info.sample_period_s + 0.5 * block.duration_s;
   }
 };
 

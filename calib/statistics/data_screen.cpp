@@ -34,7 +34,7 @@ constexpr double whole = 0.9;
 
 std::string glitch_of(std::size_t channel, double value, std::int64_t counter, double sample_period_s) {
   return fmt::format("glitch: {} gave {:.10g} in sample {} ({:.3f} s)", channel_names[channel], value, counter,
-                     static_cast<double>(counter) * sample_period_s);
+                     double(counter) * sample_period_s);
 }
 
 SpikeFinder::SpikeFinder(const RecordingInfo& info) {
@@ -72,7 +72,7 @@ std::optional<std::size_t> SpikeFinder::spike_in(const ImuSample& sample) {
 const char* to_string(DataEvent::Kind kind) {
   static constexpr const char* names[] = {
       "gap", "duplicate", "invalid", "gyro glitch", "accelerometer glitch", "impossible temperature"};
-  return names[static_cast<std::size_t>(kind)];
+  return names[std::size_t(kind)];
 }
 
 GlitchFinder::GlitchFinder(const RecordingInfo& info, const GlitchLimits& limits)
@@ -140,8 +140,7 @@ void GlitchFinder::drop_corners(std::vector<DataEvent>& events) const {
       if (std::abs(d.sample - (e.sample + 1)) <= behind) sum += d.value[channel], ++found;
     return found == 2 * behind + 1 && std::abs(sum) >= 0.5 * std::abs(e.size);
   };
-  events.erase(std::remove_if(events.begin() + static_cast<std::ptrdiff_t>(unconfirmed_), events.end(), is_corner),
-               events.end());
+  events.erase(std::remove_if(events.begin() + std::ptrdiff_t(unconfirmed_), events.end(), is_corner), events.end());
 }
 
 ChannelLife::ChannelLife(const RecordingInfo& info)
@@ -170,13 +169,13 @@ void ChannelLife::turned(double angle_deg) {
     Channel& channel = channels_[i];
     if (channel.since > told_ || says_nothing_of(i, angle_deg)) continue;
     channel.turned_deg += std::abs(angle_deg);
-    const double lasted_s = static_cast<double>(last_ - channel.since) * sample_period_s_;
+    const double lasted_s = double(last_ - channel.since) * sample_period_s_;
     if (!defect_.empty() || channel.turned_deg < circle_deg || lasted_s < least_s) continue;
     defect_ = fmt::format(
         "{} is {}: from sample {} on ({:.1f} s) it gave the same value, {:.6g}, for {:.0f} s in which the table "
         "turned the unit by {:.0f} deg",
         channel_names[i], channel.since == first_ ? "dead" : "stuck", channel.since,
-        static_cast<double>(channel.since - first_) * sample_period_s_, channel.value, lasted_s, channel.turned_deg);
+        double(channel.since - first_) * sample_period_s_, channel.value, lasted_s, channel.turned_deg);
   }
   for (Channel& channel : channels_) channel.sum = 0.0;
   told_ = last_;

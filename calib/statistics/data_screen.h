@@ -43,8 +43,7 @@ class SpikeFinder {
 // A thermometer inside a unit shows no more and no less than this; NaN (not measured) is fine.
 inline constexpr double least_temperature_c = -100.0, most_temperature_c = 200.0;
 inline bool temperature_can_be(float temperature_c) {
-  return !(static_cast<double>(temperature_c) < least_temperature_c ||
-           static_cast<double>(temperature_c) > most_temperature_c);
+  return !(double(temperature_c) < least_temperature_c || double(temperature_c) > most_temperature_c);
 }
 
 // What is wrong with the samples, as it is listed.

@@ -25,7 +25,7 @@ double f_tail(double f, double numerator, double denominator);
 // What stands at a place of some numbers once they are in order. Rearranges them.
 inline double value_at_rank(std::span<double> values, std::size_t place) {
   assert(place < values.size());
-  const auto at = values.begin() + static_cast<std::ptrdiff_t>(place);
+  const auto at = values.begin() + std::ptrdiff_t(place);
   std::nth_element(values.begin(), at, values.end());
   return *at;
 }

@@ -14,7 +14,7 @@ namespace {
 
 double quantile(std::vector<double> values, double part) {
   if (values.empty()) return 0.0;
-  return value_at_rank(values, static_cast<std::size_t>(part * static_cast<double>(values.size() - 1)));
+  return value_at_rank(values, std::size_t(part * double(values.size() - 1)));
 }
 
 }  // namespace
@@ -22,7 +22,7 @@ double quantile(std::vector<double> values, double part) {
 RestFinder::RestFinder(const RecordingInfo& info, const SegmentationOptions& options)
     : options_(options),
       period_s_(info.sample_period_s),
-      cell_samples_(std::max(4, static_cast<int>(std::lround(options.cell_s / info.sample_period_s)))) {}
+      cell_samples_(std::max(4, int(std::lround(options.cell_s / info.sample_period_s)))) {}
 
 void RestFinder::add(std::span<const ImuSample> samples) {
   for (const ImuSample& sample : samples) {
@@ -52,7 +52,7 @@ void RestFinder::add(std::span<const ImuSample> samples) {
 }
 
 std::vector<RestFinder::Window> RestFinder::window_variances() const {
-  const std::size_t width = static_cast<std::size_t>(options_.window_cells);
+  const std::size_t width = std::size_t(options_.window_cells);
   std::vector<Window> windows(cells_.size() < width ? 0 : cells_.size() - width + 1);
   for (std::size_t k = 0; k < windows.size(); ++k) {
     SixChannels sum = SixChannels::Zero();
@@ -77,7 +77,7 @@ std::vector<RestFinder::Window> RestFinder::window_variances() const {
 
 double RestFinder::noise_limit() const {
   // The variance of n samples on three axes has relative deviation sqrt(2 / 3n); noise passes 4.3 of them once in 10^5.
-  const double n = static_cast<double>(options_.window_cells * cell_samples_);
+  const double n = double(options_.window_cells * cell_samples_);
   return std::max(2.0, 1.0 + 4.3 * std::sqrt(2.0 / (3.0 * n)));
 }
 
@@ -100,7 +100,7 @@ void RestFinder::choose_threshold(const std::vector<double>& ratios, Segmentatio
     const double at = first + k * step;
     std::vector<Run> runs = runs_below(ratios, std::pow(10.0, at));
     drop_short(runs);
-    const int count = static_cast<int>(runs.size());
+    const int count = int(runs.size());
     if (count != count_before) {
       judge(at, count_before);
       begin = at;
@@ -130,7 +130,7 @@ void RestFinder::drop_short(std::vector<Run>& runs) const {
 }
 
 std::vector<RestFinder::Run> RestFinder::runs_below(const std::vector<double>& ratios, double threshold) const {
-  const std::size_t width = static_cast<std::size_t>(options_.window_cells);
+  const std::size_t width = std::size_t(options_.window_cells);
   std::vector<Run> runs;
   bool inside = false;
   std::size_t first = 0;
@@ -181,18 +181,18 @@ void RestFinder::drop_slow_turns(std::vector<Run>& runs, Segmentation& result) c
     const double limit = segmentation_limits.slow_turn_sigmas * 1.4826 * quantile(off, 0.5) + result.quiet_gyro;
     const std::size_t before = runs.size();
     std::erase_if(runs, [&](const Run& run) { return std::abs(mean_gyro(run)[axis] - middle) > limit; });
-    result.slow_turns += static_cast<int>(before - runs.size());
+    result.slow_turns += int(before - runs.size());
   }
 }
 
 void RestFinder::cut_to_still(std::vector<Run>& runs, Segmentation& result) const {
   SixChannels noise;
   noise << Eigen::Array3d::Constant(result.quiet_gyro), Eigen::Array3d::Constant(result.quiet_accel);
-  noise /= std::sqrt(static_cast<double>(cell_samples_));
+  noise /= std::sqrt(double(cell_samples_));
   // Rests that tremble (held by hand) are rests all the same: they do so by this variance ratio at least, or fewer would be found.
   noise *= std::sqrt(std::max(1.0, result.plateau_begin));
   // The guard is cut off later: what moves in it is no reason to cut more, and a cut keeps its distance for it.
-  const auto spared = static_cast<std::size_t>(samples_in(options_.guard_s) / cell_samples_);
+  const auto spared = std::size_t(samples_in(options_.guard_s) / cell_samples_);
   std::vector<SixChannels> means;
   for (Run& run : runs) {
     const std::size_t first = run.first == 0 ? 0 : std::min(run.first + spared, run.end);
@@ -251,7 +251,7 @@ Segmentation RestFinder::finish() {
   const std::size_t found = runs.size();
   cut_to_still(runs, result);
   drop_short(runs);
-  result.moving = static_cast<int>(found - runs.size());
+  result.moving = int(found - runs.size());
   const std::int64_t guard = samples_in(options_.guard_s);
   std::int64_t at = cells_.front().start;
   const auto append = [&](SegmentKind kind, std::int64_t from, std::int64_t to) {
@@ -290,7 +290,7 @@ StillPart longest_still(std::span<const SixChannels> pieces, const SixChannels& 
     const std::size_t to = std::min(k + 2, n);
     SixChannels mean = SixChannels::Zero();
     for (std::size_t j = from; j < to; ++j) mean += pieces[j];
-    mean /= static_cast<double>(to - from);
+    mean /= double(to - from);
     if (((mean - centre).abs() > limit).any()) {
       now = {k + 1, k + 1};
       continue;

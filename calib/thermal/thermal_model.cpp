@@ -31,7 +31,7 @@ constexpr double least_variance = 1e-6, branch_floor = -12.0, least_pivot = 1e-1
 class Functions {
  public:
   Functions(double low_c, double high_c) : mid_(0.5 * (low_c + high_c)), half_(0.5 * (high_c - low_c)) {
-    for (Index k = 0; k < nodes; ++k) at_[k] = -1.0 + 2.0 * static_cast<double>(k) / (nodes - 1);
+    for (Index k = 0; k < nodes; ++k) at_[k] = -1.0 + 2.0 * double(k) / (nodes - 1);
     MatrixXd K(nodes, nodes), P(nodes, 4);
     for (Index k = 0; k < nodes; ++k) K.col(k) = kernel(at_[k]), P.row(k) = polynomials(at_[k]);
     const MatrixXd to_cubic = solve_symmetric(P.transpose() * P, MatrixXd(P.transpose()));
@@ -134,8 +134,8 @@ Allowed allowed_by(const std::vector<LegData>& legs, std::size_t keys) {
   a.hysteresis = from(1.0) && from(-1.0);
   std::set<int> switch_ons;
   for (const LegData& leg : legs) switch_ons.insert(leg.switch_on);
-  a.switch_ons = static_cast<int>(switch_ons.size());
-  const double p = thermal_priors.per_effect / static_cast<double>(2 * keys);
+  a.switch_ons = int(switch_ons.size());
+  const double p = thermal_priors.per_effect / double(2 * keys);
   a.log_effect[0] = std::log(1.0 - p), a.log_effect[1] = std::log(p);
   return a;
 }
@@ -172,10 +172,10 @@ Weighed without_last(const Weighed& all, Index count, double variance) {
   double log_determinant = 0.0;
   const VectorXd b = solve_symmetric(inner, VectorXd(all.q.tail(count)), log_determinant);
   const MatrixXd right = all.P.bottomLeftCorner(count, n);
-  return {all.P.topLeftCorner(n, n) - right.transpose() * solve_symmetric(inner, right),
-          all.q.head(n) - right.transpose() * b,
-          all.log_weight + 0.5 * b.dot(all.q.tail(count)) -
-              0.5 * (log_determinant + static_cast<double>(count) * std::log(variance))};
+  return {
+      all.P.topLeftCorner(n, n) - right.transpose() * solve_symmetric(inner, right),
+      all.q.head(n) - right.transpose() * b,
+      all.log_weight + 0.5 * b.dot(all.q.tail(count)) - 0.5 * (log_determinant + double(count) * std::log(variance))};
 }
 
 struct Leaf {
@@ -206,7 +206,7 @@ class Search {
     if (bias && allowed.switch_ons > 1)
       for (double t = thermal_priors.switch_on_smallest; t < 2.0 * cavity.spread; t *= thermal_priors.switch_on_factor)
         switch_on_.push_back(t);
-    for (std::size_t k = 0; k < switch_on_.size(); ++k) at_switch_on(static_cast<int>(k));
+    for (std::size_t k = 0; k < switch_on_.size(); ++k) at_switch_on(int(k));
   }
   Average average();
 
@@ -228,7 +228,7 @@ void Search::at_switch_on(int index) {
   Weighed all = cavity_;
   if (variance > 0.0) all = without_last(all, all.P.rows() - thermal_columns, variance);
   coefficients_.push_back({all.P.topLeftCorner<thermal_columns, thermal_columns>(), all.q.head<thermal_columns>(),
-                           all.log_weight - std::log(static_cast<double>(switch_on_.size()))});
+                           all.log_weight - std::log(double(switch_on_.size()))});
   all = coefficients_.back();
   // The constant is flat: eliminated.
   const BlockVector column = all.P.col(0);
@@ -264,7 +264,7 @@ void Search::at_switch_on(int index) {
   for (const double size : all_sizes) {
     const Weighed rest = without_last(all, smooth_count, size);
     leaf.smooth = size;
-    leaf.weight = rest.log_weight - std::log(static_cast<double>(all_sizes.size()));
+    leaf.weight = rest.log_weight - std::log(double(all_sizes.size()));
     explore(system_of(rest), 0, leaf, 3, with_s);
   }
 }
@@ -286,7 +286,7 @@ void Search::explore(const System& system, int next, Leaf leaf, int most_order, 
     const auto& sizes = variances_[c];
     if (c < 3 && (c != leaf.order || c >= most_order)) continue;
     if ((c == 3 && !allowed_.rate) || (c == 4 && !allowed_.hysteresis)) continue;
-    const double prior = -std::log(static_cast<double>(sizes.size()));
+    const double prior = -std::log(double(sizes.size()));
     for (const double variance : sizes) {
       const double price = prior - 0.5 * std::log1p(variance * system.Q(c, c));
       if (leaf.weight + price + most_gain + allowed_.log_effect[c >= 3 || has_rate ? 1 : 0] < best_ + branch_floor)
@@ -603,7 +603,7 @@ void hold_out(const std::vector<ThermalLeg>& legs, const std::vector<LegData>& d
     }
     first = end;
   }
-  if (!model.holdout.leg.empty()) model.holdout.noise /= static_cast<double>(model.holdout.leg.size());
+  if (!model.holdout.leg.empty()) model.holdout.noise /= double(model.holdout.leg.size());
   for (ThermalParameter& p : model.parameters) {
     if (counts[p.key] == 0.0) continue;
     const auto rms = [&](const ParameterVector& of) { return std::sqrt(of[p.key] / counts[p.key]); };
@@ -643,14 +643,12 @@ Result<ThermalModel> fit_thermal_model(const std::vector<ThermalLeg>& legs, cons
   ThermalModel model;
   model.low_c = coldest->temperature_c, model.high_c = hottest->temperature_c;
   if (model.high_c - model.low_c <= thermal_priors.same_temperature_c)
-    return input_error(fmt::format("{} leg{} at {:.2f} C: expected legs at two temperatures at least, {} C apart",
-                                   legs.size(), legs.size() == 1 ? "" : "s", model.low_c,
-                                   thermal_priors.same_temperature_c));
+    return input_error("{} leg{} at {:.2f} C: expected legs at two temperatures at least, {} C apart", legs.size(),
+                       legs.size() == 1 ? "" : "s", model.low_c, thermal_priors.same_temperature_c);
   model.reference_c = options.reference_c.value_or(0.5 * (model.low_c + model.high_c));
   if (!(model.reference_c >= model.low_c && model.reference_c <= model.high_c))
-    return input_error(
-        fmt::format("reference temperature {} C: expected one in the range of the legs, {:.2f} to {:.2f} C",
-                    model.reference_c, model.low_c, model.high_c));
+    return input_error("reference temperature {} C: expected one in the range of the legs, {:.2f} to {:.2f} C",
+                       model.reference_c, model.low_c, model.high_c);
   Setting setting(model.low_c, model.high_c);
   for (const ThermalLeg& leg : legs) setting.rate_unit = std::max(setting.rate_unit, std::abs(leg.rate_c_per_h));
   if (setting.rate_unit == 0.0) setting.rate_unit = 1.0;
@@ -665,7 +663,7 @@ Result<ThermalModel> fit_thermal_model(const std::vector<ThermalLeg>& legs, cons
     }
     if (sigmas.empty()) continue;
     setting.keys.push_back(key);
-    setting.centre[key] = sum / static_cast<double>(sigmas.size());
+    setting.centre[key] = sum / double(sigmas.size());
     if (sigmas.size() < legs.size())
       model.notes.push_back(
           fmt::format("{} is determined by {} of {} legs", parameter_key(key), sigmas.size(), legs.size()));
@@ -726,14 +724,13 @@ ThermalExpectation expected_thermal_sigmas(const std::vector<ThermalLeg>& legs) 
     const MatrixXd of_leg = balanced_inverse(leg.covariance(rows, rows));
     const double t = (leg.temperature_c - expected.reference_c) / half;
     for (Index a = 0; a < orders; ++a)
-      for (Index b = 0; b < orders; ++b)
-        information.block(a * n, b * n, n, n) += std::pow(t, static_cast<double>(a + b)) * of_leg;
+      for (Index b = 0; b < orders; ++b) information.block(a * n, b * n, n, n) += std::pow(t, double(a + b)) * of_leg;
   }
   const VectorXd variance = balanced_inverse(information).diagonal();
   for (Index a = 0; a < orders; ++a) {
     expected.sigma.push_back(ParameterVector::Zero());
     for (Index i = 0; i < n; ++i)
-      expected.sigma.back()[keys[i]] = std::sqrt(variance[a * n + i]) / std::pow(half, static_cast<double>(a));
+      expected.sigma.back()[keys[i]] = std::sqrt(variance[a * n + i]) / std::pow(half, double(a));
   }
   return expected;
 }

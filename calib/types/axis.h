@@ -16,7 +16,7 @@ constexpr const char* to_string(Axis axis) {
   return axis == Axis::heading ? "heading" : axis == Axis::pitch ? "pitch" : "roll";
 }
 
-constexpr std::size_t index(Axis axis) { return static_cast<std::size_t>(axis); }
+constexpr std::size_t index(Axis axis) { return std::size_t(axis); }
 
 // One number an axis, indexed by Axis: degrees, deg/s or deg/s^2, as the name says.
 struct AxisTriple {
@@ -51,7 +51,7 @@ inline std::optional<AxisOrder> axis_order(std::string_view text) {
     if (letter.starts_with('-') || letter.starts_with('+')) letter.remove_prefix(1);
     const std::size_t from = letter.size() == 1 ? std::string_view("xyz").find(letter[0]) : std::string_view::npos;
     if (from == std::string_view::npos || used[from]) return {};
-    order.from[k] = static_cast<int>(from);
+    order.from[k] = int(from);
     used[from] = true;
   }
   return order;

@@ -12,6 +12,8 @@
 #include <utility>
 #include <variant>
 
+#include <fmt/core.h>
+
 namespace turncal {
 
 enum class ErrorKind {
@@ -29,6 +31,10 @@ struct Error {
 };
 
 inline Error input_error(std::string message) { return {ErrorKind::input, std::move(message)}; }
+template <class First, class... More>  // as fmt::format
+Error input_error(fmt::format_string<First, More...> text, First&& first, More&&... more) {
+  return {ErrorKind::input, fmt::format(text, std::forward<First>(first), std::forward<More>(more)...)};
+}
 inline Error device_error(std::string message) { return {ErrorKind::device, std::move(message)}; }
 
 class [[nodiscard]] Status {

@@ -31,7 +31,7 @@ inline void append_bytes(std::vector<std::byte>& out, std::string_view text) {
 
 // A text after its length (u32).
 inline void append_text(std::vector<std::byte>& out, std::string_view text) {
-  append_bytes(out, static_cast<std::uint32_t>(text.size()));
+  append_bytes(out, std::uint32_t(text.size()));
   append_bytes(out, text);
 }
 
@@ -72,8 +72,8 @@ class ByteReader {
       good_ = false;
       return {};
     }
-    const auto result = data_.first(static_cast<std::size_t>(count));
-    data_ = data_.subspan(static_cast<std::size_t>(count));
+    const auto result = data_.first(std::size_t(count));
+    data_ = data_.subspan(std::size_t(count));
     return result;
   }
   // As append_text() writes it.

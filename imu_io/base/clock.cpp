@@ -36,7 +36,7 @@ std::optional<double> parse_utc(const std::string& text) {
   std::tm parts{};
   const char* const end = ::strptime(text.c_str(), "%Y-%m-%dT%H:%M:%SZ", &parts);
   if (!end || *end != '\0') return std::nullopt;
-  const auto utc_s = static_cast<double>(timegm(&parts));
+  const auto utc_s = double(timegm(&parts));
   return format_utc(utc_s) == text ? std::optional(utc_s) : std::nullopt;
 }
 

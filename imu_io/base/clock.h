@@ -29,7 +29,7 @@ std::optional<double> parse_utc(const std::string& text);
 inline double monotonic_s() {
   timespec now{};
   ::clock_gettime(CLOCK_MONOTONIC, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+  return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
 }
 
 // What poll() tells of one descriptor; 0: nothing in that time; -1: an error. Where RLIMIT_NOFILE is 0, and poll() refuses any, by select().
@@ -41,7 +41,7 @@ class Deadline {
   double left_s() const { return std::max(end_s_ - monotonic_s(), 0.0); }
   bool passed() const { return left_s() <= 0.0; }
   // For poll(): rounded up, so that a wait does not turn into a busy loop at its end; at most an hour.
-  int left_ms() const { return static_cast<int>(std::min(std::ceil(1e3 * left_s()), 3.6e6)); }
+  int left_ms() const { return int(std::min(std::ceil(1e3 * left_s()), 3.6e6)); }
 
  private:
   double end_s_;

@@ -48,7 +48,7 @@ Console::int_type Console::overflow(int_type c) {
 
 std::streamsize Console::xsputn(const char* text, std::streamsize size) {
   const std::lock_guard lock(mutex_);
-  const std::string_view all(text, static_cast<std::size_t>(size));
+  const std::string_view all(text, std::size_t(size));
   keep(all);
   const bool due = kept_.size() >= enough || (line_wise_ && all.find('\n') != std::string_view::npos);
   return !due || print() ? size : 0;
@@ -88,7 +88,7 @@ bool Console::print() {
     const std::size_t size = own_ >= 0 ? kept_.size() - done : std::min(kept_.size() - done, piece);
     const ssize_t written = ::write(to, kept_.data() + done, size);
     if (written >= 0)
-      done += static_cast<std::size_t>(written);
+      done += std::size_t(written);
     else if (errno != EAGAIN && errno != EINTR)
       failed_ = true;
   }
@@ -106,7 +106,7 @@ bool Console::waits_for_room() {
   int ready = 0;
   do {
     const double left_s = limit_s - (monotonic_s() - began_s);
-    ready = wait_ready(to, POLLOUT, limited ? static_cast<int>(1000.0 * std::max(0.0, left_s)) : -1);
+    ready = wait_ready(to, POLLOUT, limited ? int(1000.0 * std::max(0.0, left_s)) : -1);
   } while (ready < 0 && errno == EINTR);
   if (!Unhindered::now()) waited_s_ += limited ? monotonic_s() - began_s : 0.0;
   return ready > 0;

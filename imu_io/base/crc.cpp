@@ -27,13 +27,13 @@ std::string checksum_line(std::string_view text) { return fmt::format("{}{:08x}\
 __attribute__((target("sse4.2"))) std::uint32_t crc32c_sse42(std::span<const std::byte> data, std::uint32_t before) {
   const std::byte* p = data.data();
   std::size_t n = data.size();
-  std::uint64_t crc = static_cast<std::uint32_t>(~before);
+  std::uint64_t crc = std::uint32_t(~before);
   for (; n >= 8; n -= 8, p += 8) {
     std::uint64_t word = 0;
     std::memcpy(&word, p, 8);
     crc = _mm_crc32_u64(crc, word);
   }
-  std::uint32_t crc32 = static_cast<std::uint32_t>(crc);
+  std::uint32_t crc32 = std::uint32_t(crc);
   for (; n > 0; --n, ++p) crc32 = _mm_crc32_u8(crc32, std::to_integer<std::uint8_t>(*p));
   return ~crc32;
 }

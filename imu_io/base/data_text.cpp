@@ -31,7 +31,7 @@ std::string quoted_json(std::string_view text) {
     } else if (c == '"' || c == '\\') {
       result += std::string("\\") + c;
     } else if (static_cast<unsigned char>(c) < 0x20 || c == '<') {  // '<': also safe inside a script of a page
-      result += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
+      result += fmt::format("\\u{:04x}", unsigned(c));
     } else {
       result += text.substr(0, length);
     }

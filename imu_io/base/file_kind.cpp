@@ -58,7 +58,7 @@ constexpr KindRow kind_rows[] = {
 };
 constexpr std::string_view also_compressed[] = {"\x1f\x8b", "\x04\x22\x4D\x18", "BZh", "PK\x03\x04", "\xFD\x37zXZ"};
 
-const KindRow& row_of(FileKind kind) { return kind_rows[static_cast<std::size_t>(kind)]; }
+const KindRow& row_of(FileKind kind) { return kind_rows[std::size_t(kind)]; }
 
 // The keys of `key = value` text, up to the steps of a sequence; none when a line is something else.
 std::vector<std::string_view> keys_of(std::string_view text) {
@@ -79,7 +79,7 @@ bool has_row_of_numbers(std::string_view text) {
   const auto is_number = [](std::string_view cell) { return device_number(cell, true).has_value(); };
   std::vector<std::string_view> cells;
   const auto is_row = [&] {
-    const auto numbers = static_cast<std::size_t>(std::ranges::count_if(cells, is_number));
+    const auto numbers = std::size_t(std::ranges::count_if(cells, is_number));
     return numbers >= 3 && 2 * numbers >= cells.size();
   };
   for (int line = 0; line < 100 && !text.empty(); ++line) {
@@ -133,8 +133,8 @@ FileKind recognise_file(const std::string& path) {
 Status expect_file(const std::string& path, FileKind wanted) {
   const FileKind kind = recognise_file(path);
   if (kind == FileKind::unknown || kind == wanted || (is_table(wanted) && is_table(kind))) return {};
-  return input_error(fmt::format("{}: this is {}, expected {}; {}", path, row_of(kind).what, row_of(wanted).what,
-                                 fmt::format(fmt::runtime(row_of(kind).taken), path)));
+  return input_error("{}: this is {}, expected {}; {}", path, row_of(kind).what, row_of(wanted).what,
+                     fmt::format(fmt::runtime(row_of(kind).taken), path));
 }
 
 }  // namespace turncal

@@ -113,7 +113,7 @@ Result<PosixFile> PosixFile::open_to_change(const std::string& path) {
 Result<std::uint64_t> PosixFile::size() const {
   struct stat facts {};
   if (::fstat(fd_, &facts) != 0) return failure("cannot look at");
-  return static_cast<std::uint64_t>(facts.st_size);
+  return std::uint64_t(facts.st_size);
 }
 
 Result<std::size_t> PosixFile::read_at(std::uint64_t offset, std::span<std::byte> out) const {
@@ -123,7 +123,7 @@ Result<std::size_t> PosixFile::read_at(std::uint64_t offset, std::span<std::byte
         [&] { return ::pread(fd_, out.data() + done, out.size() - done, static_cast<off_t>(offset + done)); });
     if (n < 0) return failure("cannot read");
     if (n == 0) break;
-    done += static_cast<std::size_t>(n);
+    done += std::size_t(n);
   }
   return done;
 }
@@ -133,8 +133,8 @@ Status PosixFile::write_all(std::span<const std::byte> data) {
   while (!data.empty()) {
     const ssize_t n = repeat_interrupted([&] { return ::write(fd_, data.data(), data.size()); });
     if (n < 0) return failure("cannot write");
-    data = data.subspan(static_cast<std::size_t>(n));
-    end_ += static_cast<std::uint64_t>(n);
+    data = data.subspan(std::size_t(n));
+    end_ += std::uint64_t(n);
   }
   return {};
 }
@@ -186,7 +186,7 @@ Status PosixFile::check_kept() const {
                         ": expected the folder of a run to stay");
   struct stat facts {};
   if (::fstat(fd_, &facts) != 0) return failure("cannot look at");
-  if (!S_ISREG(facts.st_mode) || static_cast<std::uint64_t>(facts.st_size) == end_) return {};
+  if (!S_ISREG(facts.st_mode) || std::uint64_t(facts.st_size) == end_) return {};
   return device_error(fmt::format("{}: somebody else has changed it: it is {} bytes long where {} were written", path_,
                                   facts.st_size, end_));
 }
@@ -213,8 +213,8 @@ Result<std::span<const std::byte>> FileWindow::at(std::uint64_t offset, std::uin
 Result<std::string> read_whole_file(const std::string& path, std::size_t max_bytes) {
   const PosixFile file = TRY(PosixFile::open_to_read(path));
   const std::uint64_t size = TRY(file.size());
-  if (size > max_bytes) return input_error(fmt::format("{}: {} bytes: expected at most {}", path, size, max_bytes));
-  std::string text(static_cast<std::size_t>(size), '\0');
+  if (size > max_bytes) return input_error("{}: {} bytes: expected at most {}", path, size, max_bytes);
+  std::string text(std::size_t(size), '\0');
   text.resize(TRY(file.read_at(0, std::as_writable_bytes(std::span(text.data(), text.size())))));
   return text;
 }
@@ -342,7 +342,7 @@ Status check_replaceable(const std::string& path, std::string_view beginning) {
   std::ifstream file(path, std::ios::binary);
   std::string found(beginning.size(), '\0');
   file.read(found.data(), static_cast<std::streamsize>(found.size()));
-  found.resize(static_cast<std::size_t>(file.gcount()));
+  found.resize(std::size_t(file.gcount()));
   if (found.empty() || found == beginning) return {};
   return input_error(path +
                      ": holds something else than would be written: expected another name, or a file of the same kind");

@@ -73,7 +73,7 @@ Result<KeyValueFile> KeyValueFile::parse(std::string_view text, std::string file
   file.file_name_ = std::move(file_name);
   int line_number = 0;
   const auto defect = [&](const std::string& what) {
-    return input_error(fmt::format("{}:{}: {}", file.file_name_, line_number, what));
+    return input_error("{}:{}: {}", file.file_name_, line_number, what);
   };
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);  // byte order mark of some editors
   while (!text.empty()) {
@@ -123,7 +123,7 @@ std::string KeyValueFile::name_of(std::string_view key) const {
 KeyValueFile::Entry* KeyValueFile::use(std::string_view key) {
   const Entry* found = find(key);
   if (found == nullptr) return nullptr;
-  Entry& entry = entries_[static_cast<std::size_t>(found - entries_.data())];
+  Entry& entry = entries_[std::size_t(found - entries_.data())];
   entry.used = true;
   return &entry;
 }
@@ -164,10 +164,9 @@ std::string KeyValueFile::comment_of(std::string_view key) const {
 
 Error KeyValueFile::error_at(std::string_view key, std::string_view expected) const {
   const Entry* entry = find(key);
-  if (entry == nullptr)
-    return input_error(fmt::format("{}: key '{}' is missing: expected {}", file_name_, key, expected));
-  return input_error(fmt::format("{}:{}: key '{}' = {}: expected {}", file_name_, entry->line, entry->key,
-                                 turncal::quoted(entry->value), expected));
+  if (entry == nullptr) return input_error("{}: key '{}' is missing: expected {}", file_name_, key, expected);
+  return input_error("{}:{}: key '{}' = {}: expected {}", file_name_, entry->line, entry->key,
+                     turncal::quoted(entry->value), expected);
 }
 
 void KeyValueFile::reject(std::string_view key, std::string_view expected) { remember(error_at(key, expected)); }
@@ -180,8 +179,7 @@ Status KeyValueFile::check_all_used() const {
     if (entry.used) continue;
     const std::string meant = did_you_mean(entry.key, first_defect_ ? std::vector<std::string>{missing_} : not_there_);
     if (first_defect_ && meant.empty()) continue;
-    return input_error(
-        fmt::format("{}:{}: key {} is unknown{}", file_name_, entry.line, turncal::quoted(entry.key), meant));
+    return input_error("{}:{}: key {} is unknown{}", file_name_, entry.line, turncal::quoted(entry.key), meant);
   }
   return status();
 }
@@ -269,7 +267,7 @@ std::size_t KeyTable::place_of(const std::string& key, std::size_t place,
   const std::string name = file_.one_of_or(key, names.begin()[place], names);
   // A defect leaves no name; the caller may go on with any value.
   const auto at = std::ranges::find(names, name);
-  return at == names.end() ? place : static_cast<std::size_t>(at - names.begin());
+  return at == names.end() ? place : std::size_t(at - names.begin());
 }
 
 std::vector<LineSource> read_line_sources(KeyValueFile& file) {

@@ -149,15 +149,14 @@ class KeyTable {
   void number(const std::string& key, std::optional<double>& value) { number(key, value, usual_); }
   template <class Whole>
   void whole(const std::string& key, Whole& value, Whole min, Whole max) {
-    value = static_cast<Whole>(file_.integer_or(key, static_cast<std::int64_t>(value), static_cast<std::int64_t>(min),
-                                                static_cast<std::int64_t>(max)));
+    value = static_cast<Whole>(file_.integer_or(key, std::int64_t(value), std::int64_t(min), std::int64_t(max)));
   }
   void flag(const std::string& key, bool& value) { value = file_.boolean_or(key, value); }
   void text(const std::string& key, std::string& value) { value = file_.text_or(key, value); }
   // The value is the place of the name: enumerators in the order of `names`, false and true.
   template <class Value>
   void chosen(const std::string& key, Value& value, std::initializer_list<std::string_view> names) {
-    value = static_cast<Value>(place_of(key, static_cast<std::size_t>(value), names));
+    value = static_cast<Value>(place_of(key, std::size_t(value), names));
   }
 
   KeyValueFile& file() const { return file_; }

@@ -22,7 +22,7 @@ std::size_t begin_record(std::vector<std::byte>& out, std::uint32_t magic, std::
 void end_record(std::vector<std::byte>& out, std::size_t begun_at) {
   const std::size_t length = out.size() - begun_at - record_header_bytes;
   assert(length <= max_record_payload_bytes);
-  const auto length32 = static_cast<std::uint32_t>(length);
+  const auto length32 = std::uint32_t(length);
   std::byte* header = out.data() + begun_at;
   std::memcpy(header + 12, &length32, 4);
   const std::uint32_t header_crc = crc32c(std::span<const std::byte>(header, checked_header_bytes));
@@ -37,7 +37,7 @@ Result<std::uint64_t> RecordScanner::find_magic(std::uint64_t offset) {
   while (offset + 4 <= window_.end()) {
     const std::span<const std::byte> bytes = TRY(window_.at(offset, 4));
     const auto found = std::search(bytes.begin(), bytes.end(), std::begin(pattern), std::end(pattern));
-    if (found != bytes.end()) return offset + static_cast<std::uint64_t>(found - bytes.begin());
+    if (found != bytes.end()) return offset + std::uint64_t(found - bytes.begin());
     if (bytes.size() < 4) break;
     offset += bytes.size() - 3;  // the magic may straddle two blocks
   }

@@ -44,7 +44,7 @@ void split_cells(std::string_view row, char separator, std::vector<std::string_v
 
 std::size_t utf8_character(std::string_view text, std::uint32_t* code) {
   if (text.empty()) return 0;
-  const auto byte = [&text](std::size_t i) { return static_cast<std::uint32_t>(static_cast<unsigned char>(text[i])); };
+  const auto byte = [&text](std::size_t i) { return std::uint32_t(static_cast<unsigned char>(text[i])); };
   const std::uint32_t first = byte(0);
   const std::size_t length = first < 0x80 ? 1 : first >= 0xF0 ? 4 : first >= 0xE0 ? 3 : 2;
   if ((first >= 0x80 && first < 0xC2) || first > 0xF4 || text.size() < length) return 0;

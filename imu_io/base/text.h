@@ -34,7 +34,7 @@ requires(std::integral<T> || std::floating_point<T>) std::string_view format_num
   } else {
     result = std::to_chars(begin, end, value);
   }
-  return {buffer.data(), static_cast<std::size_t>(result.ptr - buffer.data())};
+  return {buffer.data(), std::size_t(result.ptr - buffer.data())};
 }
 
 template <class T>
@@ -117,7 +117,7 @@ concept Worded = !enum_words<Enum>.empty();
 
 template <Worded Enum>
 constexpr const char* to_string(Enum one) {
-  return enum_words<Enum>[static_cast<std::size_t>(one)];
+  return enum_words<Enum>[std::size_t(one)];
 }
 template <Worded Enum>
 std::optional<Enum> enum_from(std::string_view word) {

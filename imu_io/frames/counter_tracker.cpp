@@ -23,7 +23,7 @@ double CounterTracker::slack_s(double elapsed_s) const {
 
 PlacedCounter CounterTracker::place(double raw, const Arrival& arrival) const {
   if (!(raw >= 0.0 && raw < modulus_)) return {};
-  if (!has_last_) return {CounterOutcome::first, static_cast<std::int64_t>(std::nearbyint(raw / step_)), 0};
+  if (!has_last_) return {CounterOutcome::first, std::int64_t(std::nearbyint(raw / step_)), 0};
   double steps = (raw - last_raw_) / step_;
   if (steps < -off_grid) steps += modulus_ / step_;
   double n = std::nearbyint(steps);
@@ -43,11 +43,11 @@ PlacedCounter CounterTracker::place(double raw, const Arrival& arrival) const {
     n = std::clamp(std::round(0.5 * (least_s + most_s) / period_s_), 2.0, most_samples);
   else if (!believable)
     return {};
-  const auto ahead = static_cast<std::int64_t>(n);
+  const auto ahead = std::int64_t(n);
   const CounterOutcome outcome = ahead == 0   ? CounterOutcome::duplicate
                                  : ahead == 1 ? CounterOutcome::next
                                               : CounterOutcome::gap;
-  return {outcome, last_counter_ + ahead, ahead, static_cast<std::int64_t>(shortest), least_s - shortest * period_s_};
+  return {outcome, last_counter_ + ahead, ahead, std::int64_t(shortest), least_s - shortest * period_s_};
 }
 
 PlacedCounter CounterTracker::place_uncounted(double frames_skipped, const Arrival& arrival) const {
@@ -59,7 +59,7 @@ PlacedCounter CounterTracker::place_uncounted(double frames_skipped, const Arriv
     n = std::min(std::round(least_s / period_s_), most_samples);
   // After the link was down something is missing.
   if (rejoining_) n = std::max(n, 2.0);
-  const auto ahead = static_cast<std::int64_t>(n);
+  const auto ahead = std::int64_t(n);
   return {ahead == 1 ? CounterOutcome::next : CounterOutcome::gap, last_counter_ + ahead, ahead};
 }
 

@@ -50,7 +50,7 @@ class CounterTracker {
   // So many samples more were lost before the last one.
   void shift(std::int64_t samples) { last_counter_ += samples; }
 
-  std::int64_t wrap_samples() const { return static_cast<std::int64_t>(wrap_); }
+  std::int64_t wrap_samples() const { return std::int64_t(wrap_); }
   // By how much a sample may be late for other reasons than a loss.
   double slack_s(double elapsed_s) const;
   double latest_arrival_s() const { return last_arrival_.latest_s; }

@@ -77,9 +77,9 @@ FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> remaining, 
     if (remaining.size() < frame_.length->end()) return Verdict::more;
     const std::uint64_t raw = frame_.length->bits_of(remaining.data());
     if (raw > longest_frame) return Verdict::bad;
-    const std::int64_t says = static_cast<std::int64_t>(raw) * frame_.length_scale + frame_.length_add;
-    if (says < 1 || says > static_cast<std::int64_t>(longest_frame)) return Verdict::bad;
-    length = static_cast<std::size_t>(says);
+    const std::int64_t says = std::int64_t(raw) * frame_.length_scale + frame_.length_add;
+    if (says < 1 || says > std::int64_t(longest_frame)) return Verdict::bad;
+    length = std::size_t(says);
     if (known != nullptr && known->length != length) return Verdict::bad;
     if (known == nullptr) {
       // Only a check at the end can be found in a frame of unknown layout, and only a strong one is believed alone.
@@ -93,8 +93,8 @@ FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> remaining, 
   }
   if (remaining.size() < length) return Verdict::more;
   const auto frame = remaining.first(length);
-  if (!frame_.tail.empty() && !std::equal(frame_.tail.begin(), frame_.tail.end(),
-                                          frame.end() - static_cast<std::ptrdiff_t>(frame_.tail.size())))
+  if (!frame_.tail.empty() &&
+      !std::equal(frame_.tail.begin(), frame_.tail.end(), frame.end() - std::ptrdiff_t(frame_.tail.size())))
     return Verdict::bad;
   if (!check_good(frame)) return Verdict::bad;
   if (known == nullptr) return Verdict::other;
@@ -103,7 +103,7 @@ FrameScanner::Verdict FrameScanner::judge(std::span<const std::byte> remaining, 
     if (!sync_at(after)) return Verdict::bad;
     if (after.size() < frame_.sync.size()) return Verdict::more;
   }
-  variant = static_cast<std::size_t>(known - frame_.variants.data());
+  variant = std::size_t(known - frame_.variants.data());
   return Verdict::good;
 }
 
@@ -159,10 +159,10 @@ constexpr double largest_pulses = 2147483647.0;  // what a recording holds
 
 // (now - before) modulo the modulus, as the nearest to 0.
 double cumulative_step(std::uint64_t now, std::uint64_t before, std::uint64_t modulus) {
-  if (modulus == 0) return static_cast<double>(static_cast<std::int64_t>(now - before));
+  if (modulus == 0) return double(std::int64_t(now - before));
   const std::uint64_t up = now >= before ? now - before : modulus - (before - now);
-  if (up <= modulus / 2) return static_cast<double>(up);
-  return -static_cast<double>(modulus - up);
+  if (up <= modulus / 2) return double(up);
+  return -double(modulus - up);
 }
 
 // The increments of gyro and accel and the flag for invalid ones. False: the numbers are impossible.
@@ -212,7 +212,7 @@ std::optional<float> temperature_c(const FrameVariant& variant, const std::byte*
   if (!from || (from->when && variant.multiplexer->bits_of(frame) != *from->when)) return {};
   double sum = 0.0;
   for (const FrameField& field : from->places) sum += field.number(frame);
-  const auto value = static_cast<float>((sum / static_cast<double>(from->places.size()) - from->zero) * from->scale);
+  const auto value = float((sum / double(from->places.size()) - from->zero) * from->scale);
   return std::isfinite(value) ? value : std::numeric_limits<float>::quiet_NaN();
 }
 
@@ -345,8 +345,7 @@ void FrameDecoder::decode(const ScannedFrame& scanned) {
         if (placed.shortest == 1) placed.outcome = CounterOutcome::next;
       }
     } else {
-      placed = state_.tracker.place_uncounted(
-          static_cast<double>(scanned.skipped_before) / static_cast<double>(variant.length), arrival_);
+      placed = state_.tracker.place_uncounted(double(scanned.skipped_before) / double(variant.length), arrival_);
     }
     const bool follows = placed.outcome == CounterOutcome::next && (variant.counter || scanned.skipped_before == 0);
     if (waiting_ && !follows) {
@@ -384,7 +383,7 @@ void FrameDecoder::decode(const ScannedFrame& scanned) {
         begin_hold(placed, raw);
         placed.counter = state_.tracker.last_counter() + placed.ahead;
       } else if (state_.hold.active && placed.outcome == CounterOutcome::gap &&
-                 placed.late_s < -0.5 * period_s_ * static_cast<double>(placed.ahead)) {
+                 placed.late_s < -0.5 * period_s_ * double(placed.ahead)) {
         state_.hold.jump = placed.counter;  // in the backlog itself: what held it back ran over there
       }
     }
@@ -415,7 +414,7 @@ void FrameDecoder::believe(const PlacedCounter& placed, double raw, const FrameV
   state_.tracker.accept(placed, raw, arrival_);
   const bool no_base =
       any_cumulative_ && (!state_.base.known || placed.outcome != CounterOutcome::next || !fits(variant, sample));
-  if (placed.ahead > 1) state_.lost += static_cast<std::uint64_t>(placed.ahead - 1);
+  if (placed.ahead > 1) state_.lost += std::uint64_t(placed.ahead - 1);
   if (no_base && placed.outcome != CounterOutcome::first) ++state_.lost;
   if (any_cumulative_) keep(variant, frame, state_.base);
   state_.temperature_c = temperature_c(variant, frame).value_or(state_.temperature_c);
@@ -512,7 +511,7 @@ void FrameDecoder::idle(double now_s) {
 // Of the last held sample, if nothing was lost.
 double FrameDecoder::held_late_s() const {
   const Hold& hold = state_.hold;
-  return hold.last_s - hold.from_s - period_s_ * static_cast<double>(state_.tracker.last_counter() - hold.from_counter);
+  return hold.last_s - hold.from_s - period_s_ * double(state_.tracker.last_counter() - hold.from_counter);
 }
 
 std::int64_t FrameDecoder::wraps_in(double late_s) const {
@@ -521,7 +520,7 @@ std::int64_t FrameDecoder::wraps_in(double late_s) const {
 
 bool FrameDecoder::is_whole_wraps(double late_s) const {
   const double wrap_s = state_.tracker.wrap_s();
-  const double off_s = std::abs(late_s - static_cast<double>(wraps_in(late_s)) * wrap_s);
+  const double off_s = std::abs(late_s - double(wraps_in(late_s)) * wrap_s);
   return off_s <= std::min(0.25 * wrap_s, off_time_s + 2e-4 * (state_.hold.last_s - state_.hold.from_s));
 }
 
@@ -540,7 +539,7 @@ void FrameDecoder::release(std::int64_t wraps) {
   if (waiting_ && waiting_sample_.counter >= state_.hold.jump) waiting_sample_.counter += lost;
   if (lost > 0) {
     state_.tracker.shift(lost);
-    state_.lost += static_cast<std::uint64_t>(lost);
+    state_.lost += std::uint64_t(lost);
   }
   state_.hold.active = false;
   ready_free_ = ready_.size();
@@ -562,9 +561,9 @@ Result<FrameLog> read_frame_log(const std::string& path, const FrameDescription&
     while ((next = decoder.next(sample)) == FrameDecoder::Next::sample)
       if (log.samples.empty() || sample.counter > log.samples.back().counter) log.samples.push_back(sample);
     if (next == FrameDecoder::Next::restarted)
-      return input_error(fmt::format(
+      return input_error(
           "{}: near byte {}, after {} samples: {} and its biases may be others: expected the log of one session", path,
-          at, log.samples.size(), decoder.restart_reason()));
+          at, log.samples.size(), decoder.restart_reason());
   }
   const ScanCounters& scan = decoder.scan();
   const ImuLinkCounters link = decoder.counters();
@@ -575,8 +574,7 @@ Result<FrameLog> read_frame_log(const std::string& path, const FrameDescription&
       size, scan.frames, frame.name, link.bad_frames, scan.skipped_bytes, link.lost_samples,
       wraps ? " (or more: the counter wraps)" : "", link.duplicates, decoder.strays(), decoder.invalid());
   if (log.samples.empty())
-    return input_error(
-        fmt::format("{}: no sample in it by the frame description {}: {}", path, frame.name, log.summary));
+    return input_error("{}: no sample in it by the frame description {}: {}", path, frame.name, log.summary);
   return log;
 }
 

@@ -79,7 +79,7 @@ FieldForm read_form(KeyValueFile& file, const std::string& prefix, std::string_v
 // The offsets that stand at `key`, of numbers of this form: one or as many as are wanted (0: any number); the others follow the only one given.
 std::vector<FrameField> read_places(KeyValueFile& file, const std::string& key, const FieldForm& form,
                                     std::size_t wanted) {
-  const std::vector<double> offsets = file.numbers(key, 0, between(0.0, static_cast<double>(longest_frame - 1)));
+  const std::vector<double> offsets = file.numbers(key, 0, between(0.0, double(longest_frame - 1)));
   std::vector<FrameField> result;
   const auto whole = [](double x) { return x >= 0.0 && x == std::floor(x); };
   if (!std::ranges::all_of(offsets, whole) || offsets.empty() || offsets.size() > 16 ||
@@ -87,7 +87,7 @@ std::vector<FrameField> read_places(KeyValueFile& file, const std::string& key, 
     file.reject(key, wanted > 1 ? fmt::format("1 or {} whole byte offsets", wanted) : "a whole byte offset");
     return std::vector(std::max<std::size_t>(wanted, 1), FrameField(0, form));
   }
-  for (const double offset : offsets) result.emplace_back(static_cast<std::size_t>(offset), form);
+  for (const double offset : offsets) result.emplace_back(std::size_t(offset), form);
   while (result.size() < wanted) result.emplace_back(result.back().end(), form);
   return result;
 }
@@ -140,7 +140,7 @@ void read_triad(KeyValueFile& file, const std::string& prefix, const std::vector
   }
   read_range(file, prefix + ".range", value.low, value.high, "lowest, highest");
   for (std::size_t k = 0; k < 3; ++k) {
-    const auto from = static_cast<std::size_t>(axes.from[k]);
+    const auto from = std::size_t(axes.from[k]);
     values[k] = value;
     values[k].field = fields[from];
     if (!down.empty()) values[k].down = down[from];
@@ -187,8 +187,7 @@ FrameScalar read_temperature(KeyValueFile& file, bool multiplexed) {
 FrameVariant read_variant(KeyValueFile& file, const std::string& name, const FrameDescription& frame) {
   FrameVariant variant;
   variant.name = name;
-  variant.length = static_cast<std::size_t>(
-      std::max<std::int64_t>(file.integer("length", 2, static_cast<std::int64_t>(longest_frame)), 0));
+  variant.length = std::size_t(std::max<std::int64_t>(file.integer("length", 2, std::int64_t(longest_frame)), 0));
   if (frame.id) variant.id = read_bits(file, "id.value", std::nullopt);
   int carries = 0;
   chosen(file, "carries", carries, {"both", "gyro", "accel"});
@@ -239,14 +238,14 @@ ByteStuffing read_stuffing(KeyValueFile& file, const FrameDescription& frame) {
 }
 
 void read_crc(KeyValueFile& file, CrcParameters& crc) {
-  int width = static_cast<int>(file.integer("crc.width", 8, 32));
+  int width = int(file.integer("crc.width", 8, 32));
   if (width % 8 != 0) file.reject("crc.width", "8, 16, 24 or 32");
   width = std::clamp(width / 8 * 8, 8, 32);
   const std::uint64_t most = (std::uint64_t{1} << width) - 1;
   const auto within = [&](const char* key, std::optional<std::uint64_t> otherwise) {
     const std::uint64_t value = read_bits(file, key, otherwise);
     if (value > most) file.reject(key, fmt::format("at most {} bits", width));
-    return static_cast<std::uint32_t>(value & most);
+    return std::uint32_t(value & most);
   };
   crc.width = width;
   crc.polynomial = within("crc.polynomial", std::nullopt);
@@ -277,7 +276,7 @@ FrameCheck read_check(KeyValueFile& file) {
   if (check.kind == CheckKind::fletcher) {
     const std::int64_t most = check.of_words ? 65536 : 256;
     const std::int64_t modulus = file.integer_or("check.modulus", most - 1, most - 1, most);
-    check.modulus = static_cast<std::uint32_t>(std::clamp(modulus, most - 1, most));
+    check.modulus = std::uint32_t(std::clamp(modulus, most - 1, most));
   } else if (check.kind != CheckKind::crc) {
     if (check.kind == CheckKind::sum && form.bytes > 1) chosen(file, "check.of", check.of_words, {"bytes", "words"});
     if (check.kind == CheckKind::sum) chosen(file, "check.carry", check.end_around, {"dropped", "end_around"});
@@ -285,13 +284,13 @@ FrameCheck read_check(KeyValueFile& file) {
   }
   check.words_big_endian = form.big_endian;
   if (check.of_words) chosen(file, "check.word_order", check.words_big_endian, {"little", "big"});
-  constexpr auto far = static_cast<std::int64_t>(longest_frame);
+  constexpr auto far = std::int64_t(longest_frame);
   const std::int64_t offset = file.integer("check.offset", -far, far);
   check.from_end = offset < 0;
-  check.field = FrameField(static_cast<std::size_t>(std::abs(offset)), form);
-  check.start = static_cast<std::size_t>(file.integer_or("check.start", 0, 0, far));
-  check.gap = static_cast<std::size_t>(file.integer_or("check.gap", 0, 0, far));
-  check.pad = static_cast<std::size_t>(file.integer_or("check.pad", 1, 1, 64));
+  check.field = FrameField(std::size_t(std::abs(offset)), form);
+  check.start = std::size_t(file.integer_or("check.start", 0, 0, far));
+  check.gap = std::size_t(file.integer_or("check.gap", 0, 0, far));
+  check.pad = std::size_t(file.integer_or("check.pad", 1, 1, 64));
   return check;
 }
 
@@ -325,7 +324,7 @@ Taken taken_by(std::string key, const FrameField& field, std::uint64_t used = al
 
 Taken taken_by(std::string key, std::size_t offset, const std::vector<std::byte>& mask) {
   Taken taken{std::move(key), offset + mask.size()};
-  std::ranges::copy(mask, taken.bits.begin() + static_cast<std::ptrdiff_t>(offset));
+  std::ranges::copy(mask, taken.bits.begin() + std::ptrdiff_t(offset));
   return taken;
 }
 
@@ -366,8 +365,7 @@ void check_places(KeyValueFile& file, const FrameDescription& frame, const Frame
   const FrameCheck& check = frame.check;
   if (check.kind != CheckKind::none) {
     const std::size_t place = check_offset(check, variant.length);
-    if (place + static_cast<std::size_t>(check.bytes()) + frame.tail.size() > variant.length ||
-        check.start + check.gap >= place)
+    if (place + std::size_t(check.bytes()) + frame.tail.size() > variant.length || check.start + check.gap >= place)
       file.reject("check.offset", "a place inside the frame, after what the check covers and before the tail");
     else if (check.of_words && check.pad % 2 != 0 && (place - check.gap - check.start) % 2 != 0)
       file.reject("check.offset", "a whole number of 16-bit words covered, or check.pad = 2");
@@ -406,8 +404,8 @@ void check_overlaps(KeyValueFile& file, const FrameDescription& frame, const Fra
   for (std::size_t i = 1; i < beside.size(); ++i)
     if (beside[i].key != "id.offset") check_apart(beside[i], beside[0]);
   if (frame.check.kind == CheckKind::none) return;
-  const Taken check = taken_by("check.offset", check_offset(frame.check, variant.length),
-                               whole(static_cast<std::size_t>(frame.check.bytes())));
+  const Taken check =
+      taken_by("check.offset", check_offset(frame.check, variant.length), whole(std::size_t(frame.check.bytes())));
   for (const std::vector<Taken>* const all : {&data, &beside})
     for (const Taken& other : *all) check_apart(check, other);
 }
@@ -427,9 +425,9 @@ void check_values(KeyValueFile& file, const FrameDescription& frame, const Frame
     if ((status.good & ~judged) != 0) file.reject("status.good", "a number of status.bits alone");
   }
   if (!frame.length) return;
-  const std::int64_t said = static_cast<std::int64_t>(variant.length) - frame.length_add;
+  const std::int64_t said = std::int64_t(variant.length) - frame.length_add;
   if (said < 0 || said % frame.length_scale != 0 ||
-      static_cast<std::uint64_t>(said / frame.length_scale) > frame.length->largest_bits())
+      std::uint64_t(said / frame.length_scale) > frame.length->largest_bits())
     file.reject("length", "a length that the field at length.offset can say: field x length.scale + length.add");
 }
 
@@ -442,7 +440,7 @@ std::optional<double> full_scale(const FrameValue& value) {
   if (value.field.type() == NumberType::floating) return {};
   if (value.field.type() != NumberType::unsigned_integer) low = -(high = std::ldexp(1.0, bits - 1));
   if (value.cumulative || value.down) {
-    const double turn = value.modulus != 0 ? static_cast<double>(value.modulus) : std::ldexp(1.0, bits);
+    const double turn = value.modulus != 0 ? double(value.modulus) : std::ldexp(1.0, bits);
     low = -(high = 0.5 * turn);
   }
   return std::max(std::abs(low - value.zero), std::abs(high - value.zero));

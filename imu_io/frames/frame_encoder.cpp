@@ -61,11 +61,11 @@ bool FrameEncoder::put(const FrameValue& element, std::size_t i, double value, s
   if (element.cumulative) {
     left_[i] = exact - whole;
     const std::uint64_t modulus = element.modulus;
-    if (!(std::abs(whole) < (modulus != 0 ? 0.5 * static_cast<double>(modulus) : 0x1p62))) return false;
-    const auto step = static_cast<std::int64_t>(whole);
+    if (!(std::abs(whole) < (modulus != 0 ? 0.5 * double(modulus) : 0x1p62))) return false;
+    const auto step = std::int64_t(whole);
     std::uint64_t& turned = total_[down && step < 0 ? 6 + i : i];
     const std::int64_t by = down ? std::abs(step) : step;
-    turned += static_cast<std::uint64_t>(by);
+    turned += std::uint64_t(by);
     if (modulus != 0 && turned >= modulus) turned = by >= 0 ? turned - modulus : turned + modulus;
     field.put_bits(out, total_[i]);
     if (down) down->put_bits(out, total_[6 + i]);
@@ -90,8 +90,7 @@ Status FrameEncoder::encode_variant(const FrameVariant& variant, const ImuSample
     field.put_bits(out.data(), field.bits_of(out.data()) | (invalid ? status.good ^ lowest : status.good));
   }
   const auto refuse = [&](const std::string& what, auto value) {
-    return input_error(
-        fmt::format("{}: {} of {} does not fit the frame's field", frame_.name, what, format_number(value)));
+    return input_error("{}: {} of {} does not fit the frame's field", frame_.name, what, format_number(value));
   };
   for (std::size_t i = variant.has_gyro ? 0 : 3; i < (variant.has_accel ? 6U : 3U); ++i) {
     const double value = channel_of(sample, i);
@@ -100,23 +99,23 @@ Status FrameEncoder::encode_variant(const FrameVariant& variant, const ImuSample
   }
   if (variant.temperature && std::isfinite(sample.temperature_c)) {
     const FrameScalar& scalar = *variant.temperature;
-    const double raw = static_cast<double>(sample.temperature_c) / scalar.scale + scalar.zero;
+    const double raw = double(sample.temperature_c) / scalar.scale + scalar.zero;
     for (const FrameField& place : scalar.places)
       if (!place.put_number(out.data(), raw)) return refuse("temperature", sample.temperature_c);
   }
   if (variant.counter) {
     const FrameCounter& counter = *variant.counter;
-    const double raw = modulo(static_cast<double>(sample.counter) * counter.step, counter.modulus);
+    const double raw = modulo(double(sample.counter) * counter.step, counter.modulus);
     counter.field.put_number(out.data(), raw);
   }
   if (frame_.id) frame_.id->put_bits(out.data(), variant.id);
   if (frame_.length) {
-    const std::int64_t raw = (static_cast<std::int64_t>(variant.length) - frame_.length_add) / frame_.length_scale;
-    frame_.length->put_bits(out.data(), static_cast<std::uint64_t>(raw));
+    const std::int64_t raw = (std::int64_t(variant.length) - frame_.length_add) / frame_.length_scale;
+    frame_.length->put_bits(out.data(), std::uint64_t(raw));
   }
   // Last, so that nothing above can spoil what the search goes by.
   std::ranges::copy(frame_.sync, out.begin());
-  std::ranges::copy(frame_.tail, out.end() - static_cast<std::ptrdiff_t>(frame_.tail.size()));
+  std::ranges::copy(frame_.tail, out.end() - std::ptrdiff_t(frame_.tail.size()));
   if (frame_.check.kind != CheckKind::none) {
     const std::size_t place = check_offset(frame_.check, out.size());
     frame_.check.field.put_bits_at(out.data() + place, frame_check_value(frame_.check, crc_, out));

@@ -11,9 +11,9 @@ void append_cobs(std::span<const std::byte> contents, std::vector<std::byte>& ou
   constexpr std::size_t longest_group = 254;
   for (;;) {
     const auto zero = std::ranges::find(contents, std::byte{0});
-    const std::size_t length = std::min(static_cast<std::size_t>(zero - contents.begin()), longest_group);
+    const std::size_t length = std::min(std::size_t(zero - contents.begin()), longest_group);
     out.push_back(static_cast<std::byte>(length + 1));
-    out.insert(out.end(), contents.begin(), contents.begin() + static_cast<std::ptrdiff_t>(length));
+    out.insert(out.end(), contents.begin(), contents.begin() + std::ptrdiff_t(length));
     const bool at_zero = length < contents.size() && contents[length] == std::byte{0} && length < longest_group;
     contents = contents.subspan(length + (at_zero ? 1 : 0));
     if (contents.empty() && !at_zero) return;
@@ -30,7 +30,7 @@ std::size_t Unstuffer::unstuff(std::byte* data, std::size_t count) {
   if (stuffing_.kind == StuffingKind::cobs) {
     std::byte* end = data;
     for (std::size_t i = 1; i <= count; ++i) end = decode_cobs(data[i], end);
-    return static_cast<std::size_t>(end - data);
+    return std::size_t(end - data);
   }
   const std::byte marker = stuffing_.kind == StuffingKind::slip ? slip_escape : stuffing_.byte;
   std::byte* to = data;
@@ -55,7 +55,7 @@ std::size_t Unstuffer::unstuff(std::byte* data, std::size_t count) {
         break;
     }
   }
-  return static_cast<std::size_t>(to - data);
+  return std::size_t(to - data);
 }
 
 void Unstuffer::restart() {
@@ -87,16 +87,16 @@ std::byte* Unstuffer::decode_cobs(std::byte now, std::byte* to) {
 void append_stuffed(const ByteStuffing& stuffing, std::span<const std::byte> frame, std::size_t sync, std::size_t tail,
                     std::vector<std::byte>& out) {
   if (stuffing.kind == StuffingKind::cobs) {
-    out.insert(out.end(), frame.begin(), frame.begin() + static_cast<std::ptrdiff_t>(sync));
+    out.insert(out.end(), frame.begin(), frame.begin() + std::ptrdiff_t(sync));
     append_cobs(frame.subspan(sync), out);
     return;
   }
   for (std::size_t i = 0; i < frame.size(); ++i) {
     const std::byte byte = frame[i];
     const bool inside = i >= sync && i + tail < frame.size();
-    const bool marks = std::find(frame.begin(), frame.begin() + static_cast<std::ptrdiff_t>(sync), byte) !=
-                           frame.begin() + static_cast<std::ptrdiff_t>(sync) ||
-                       std::find(frame.end() - static_cast<std::ptrdiff_t>(tail), frame.end(), byte) != frame.end();
+    const bool marks =
+        std::find(frame.begin(), frame.begin() + std::ptrdiff_t(sync), byte) != frame.begin() + std::ptrdiff_t(sync) ||
+        std::find(frame.end() - std::ptrdiff_t(tail), frame.end(), byte) != frame.end();
     if (!inside || stuffing.kind == StuffingKind::none) {
       out.push_back(byte);
     } else if (stuffing.kind == StuffingKind::repeat) {
@@ -136,7 +136,7 @@ std::uint32_t sum(const FrameCheck& check, std::span<const std::byte> covered) {
   for_each_part(check, covered, [&](std::uint32_t part) { total += part; });
   const int bits = 8 * check.bytes();
   while (check.end_around && total >> bits != 0) total = (total & ((std::uint64_t{1} << bits) - 1)) + (total >> bits);
-  return static_cast<std::uint32_t>(total);
+  return std::uint32_t(total);
 }
 
 std::uint32_t fletcher(const FrameCheck& check, std::span<const std::byte> covered) {

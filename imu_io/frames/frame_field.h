@@ -88,7 +88,7 @@ class FrameField {
   std::size_t offset() const { return offset_; }
   const FieldForm& form() const { return form_; }
   void shift(std::size_t bytes) { offset_ += bytes; }
-  std::size_t bytes() const { return static_cast<std::size_t>(form_.bytes); }
+  std::size_t bytes() const { return std::size_t(form_.bytes); }
   std::size_t end() const { return offset_ + bytes(); }
   // 2^bits - 1: the values that fit.
   std::uint64_t largest_bits() const { return used_; }
@@ -106,21 +106,21 @@ class FrameField {
   double number(const std::byte* frame) const { return number_from(bits_of(frame)); }
   double number_from(std::uint64_t value) const {
     switch (form_.type) {
-      case NumberType::unsigned_integer: return static_cast<double>(value);
-      case NumberType::signed_integer: return static_cast<double>(signed_from(value));
+      case NumberType::unsigned_integer: return double(value);
+      case NumberType::signed_integer: return double(signed_from(value));
       case NumberType::sign_magnitude: {
         const std::uint64_t sign = std::uint64_t{1} << (bits_ - 1);
-        const auto magnitude = static_cast<double>(value & (sign - 1));
+        const auto magnitude = double(value & (sign - 1));
         return (value & sign) != 0 ? -magnitude : magnitude;
       }
       case NumberType::floating: break;
     }
-    if (form_.bytes == 4) return static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(value)));
+    if (form_.bytes == 4) return double(std::bit_cast<float>(std::uint32_t(value)));
     return std::bit_cast<double>(value);
   }
   std::int64_t signed_from(std::uint64_t value) const {
     const std::uint64_t sign = std::uint64_t{1} << (bits_ - 1);
-    return static_cast<std::int64_t>((value ^ sign) - sign);
+    return std::int64_t((value ^ sign) - sign);
   }
 
   // Leaves the bits outside the mask as they are; what does not fit is cut off.
@@ -146,7 +146,7 @@ class FrameField {
 inline bool FrameField::put_number(std::byte* frame, double value) const {
   if (form_.type == NumberType::floating) {
     if (form_.bytes == 4)
-      put_bits(frame, std::bit_cast<std::uint32_t>(static_cast<float>(value)));
+      put_bits(frame, std::bit_cast<std::uint32_t>(float(value)));
     else
       put_bits(frame, std::bit_cast<std::uint64_t>(value));
     return true;
@@ -156,15 +156,14 @@ inline bool FrameField::put_number(std::byte* frame, double value) const {
     const double end_of_magnitude = std::ldexp(1.0, bits_ - 1);
     if (!(std::abs(whole) < end_of_magnitude)) return false;
     const auto sign = whole < 0.0 ? std::uint64_t{1} << (bits_ - 1) : 0;
-    put_bits(frame, sign | static_cast<std::uint64_t>(std::abs(whole)));
+    put_bits(frame, sign | std::uint64_t(std::abs(whole)));
     return true;
   }
   const bool is_signed = form_.type == NumberType::signed_integer;
   const double low = is_signed ? -std::ldexp(1.0, bits_ - 1) : 0.0;
   const double end = std::ldexp(1.0, is_signed ? bits_ - 1 : bits_);
   if (!(whole >= low && whole < end)) return false;
-  put_bits(frame, is_signed ? static_cast<std::uint64_t>(static_cast<std::int64_t>(whole))
-                            : static_cast<std::uint64_t>(whole));
+  put_bits(frame, is_signed ? std::uint64_t(std::int64_t(whole)) : std::uint64_t(whole));
   return true;
 }
 

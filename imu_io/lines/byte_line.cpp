@@ -136,7 +136,7 @@ Status ByteLine::open_udp(const LineAddress& address) {
   }
   sockaddr_in here{};
   here.sin_family = AF_INET;
-  here.sin_port = htons(static_cast<std::uint16_t>(address.port));
+  here.sin_port = htons(std::uint16_t(address.port));
   if (!address.host.empty()) ::inet_pton(AF_INET, address.host.c_str(), &here.sin_addr);
   if (::bind(socket_, reinterpret_cast<const sockaddr*>(&here), sizeof here) == 0) return {};
   return errno == EADDRINUSE ? device_error(device_ + ": in use by another process")
@@ -148,7 +148,7 @@ Result<std::size_t> ByteLine::receive(std::span<std::byte> out) {
   if (kind_ == LineKind::tcp) {
     const ssize_t n = ::recv(socket_, out.data(), out.size(), 0);
     if (n == 0) return device_error(device_ + ": the other end hung up");
-    if (n > 0) return static_cast<std::size_t>(n);
+    if (n > 0) return std::size_t(n);
     if (errno == EAGAIN || errno == EINTR) return std::size_t{0};
     return line_error(device_, "cannot read", errno);
   }
@@ -162,13 +162,13 @@ Result<std::size_t> ByteLine::receive(std::span<std::byte> out) {
     const int number = errno;
     if (n > 0 && !sender_) sender_ = from;
     const bool ours = n > 0 && from.sin_addr.s_addr == sender_->sin_addr.s_addr && from.sin_port == sender_->sin_port;
-    datagram_.resize(ours ? static_cast<std::size_t>(n) : 0);
+    datagram_.resize(ours ? std::size_t(n) : 0);
     // Refused: nobody is there yet, or not any more, which is silence.
     if (n < 0 && number != EAGAIN && number != EINTR && number != ECONNREFUSED)
       return line_error(device_, "cannot read", number);
   }
   const std::size_t n = std::min(out.size(), datagram_.size() - given_);
-  std::copy_n(datagram_.begin() + static_cast<std::ptrdiff_t>(given_), n, out.begin());
+  std::copy_n(datagram_.begin() + std::ptrdiff_t(given_), n, out.begin());
   given_ += n;
   return n;
 }

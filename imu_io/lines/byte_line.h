@@ -96,7 +96,7 @@ int write_until(const Deadline& deadline, int descriptor, std::span<const std::b
   while (!data.empty()) {
     const ssize_t n = write(data);
     if (n > 0) {
-      data = data.subspan(static_cast<std::size_t>(n));
+      data = data.subspan(std::size_t(n));
       continue;
     }
     if (n < 0 && errno != EAGAIN && errno != EINTR) return errno;

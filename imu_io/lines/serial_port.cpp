@@ -96,7 +96,7 @@ Result<std::size_t> SerialPort::read(std::span<std::byte> out, double timeout_s)
   if (out.empty()) return std::size_t{0};
   return read_until(device_, Deadline(timeout_s), fd_, [&]() -> Result<std::size_t> {
     const ssize_t n = ::read(fd_, out.data(), out.size());
-    if (n > 0) return static_cast<std::size_t>(n);
+    if (n > 0) return std::size_t(n);
     if (n == 0 || is_unplugged(errno)) return device_error(device_ + ": unplugged");
     if (errno != EINTR && errno != EAGAIN) return line_error(device_, "cannot read", errno);
     return std::size_t{0};
@@ -126,7 +126,7 @@ Status SerialPort::discard_input() {
 std::optional<LineErrors> SerialPort::line_errors() const {
   struct serial_icounter_struct counts {};
   if (fd_ < 0 || ::ioctl(fd_, TIOCGICOUNT, &counts) != 0) return {};
-  const auto of = [](int n) { return static_cast<std::uint64_t>(static_cast<std::uint32_t>(n)); };
+  const auto of = [](int n) { return std::uint64_t(std::uint32_t(n)); };
   return LineErrors{of(counts.overrun) + of(counts.buf_overrun), of(counts.frame), of(counts.parity)};
 }
 

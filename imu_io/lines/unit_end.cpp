@@ -91,7 +91,7 @@ class NetworkEnd : public UnitEnd {
     const ssize_t n = ::recvfrom(fd, out.data(), out.size(), 0, reinterpret_cast<sockaddr*>(&from), &size);
     if (is_tcp() && (n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR))) station_ = Descriptor();
     if (address_.asks && n > 0) asker_ = from;
-    return static_cast<std::size_t>(std::max<ssize_t>(n, 0));
+    return std::size_t(std::max<ssize_t>(n, 0));
   }
 
  private:
@@ -170,7 +170,7 @@ Result<std::size_t> Pty::read(std::span<std::byte> out, double timeout_s) {
   const Deadline deadline(timeout_s);
   for (;;) {
     const ssize_t n = fd_ >= 0 ? ::read(fd_, out.data(), out.size()) : 0;
-    if (n > 0) return static_cast<std::size_t>(n);
+    if (n > 0) return std::size_t(n);
     if (n < 0 && errno != EAGAIN && errno != EINTR && errno != EIO)
       return line_error(pseudo_terminal, "cannot read", errno);
     if (!has_peer()) {

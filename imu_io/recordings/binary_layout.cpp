@@ -156,21 +156,21 @@ class BinaryRecording final : public RecordingSource {
     std::uint64_t count = 0;
     std::int64_t last_counter = 0;
     for (Record record; TRY(scanner.next(record));) {
-      if (record.type != static_cast<std::uint32_t>(RecordType::samples)) continue;
+      if (record.type != std::uint32_t(RecordType::samples)) continue;
       const auto chunk = parse_samples(record.payload, info_);
       if (!chunk || (count > 0 && chunk->first_counter <= last_counter)) continue;  // counted when it was opened
       last_counter = chunk->last_counter;
       count += chunk->count;
       decode_samples(*chunk, info_, samples);
       if (!all_finite(samples, info_)) {
-        return input_error(fmt::format("{}: samples {} to {}: expected finite numbers", path_, chunk->first_counter,
-                                       chunk->last_counter));
+        return input_error("{}: samples {} to {}: expected finite numbers", path_, chunk->first_counter,
+                           chunk->last_counter);
       }
       TRY(sink(samples));
     }
     if (count != sample_count_) {
-      return input_error(fmt::format("{}: {} samples where there were {}: the file was changed while it was read",
-                                     path_, count, sample_count_));
+      return input_error("{}: {} samples where there were {}: the file was changed while it was read", path_, count,
+                         sample_count_);
     }
     return {};
   }
@@ -186,7 +186,7 @@ void append_info_fields(std::vector<std::byte>& out, const RecordingInfo& info) 
   info_numbers(ByteWriter{out}, info);
   for (const bool flag : {info.gyro_increment == IncrementKind::physical,
                           info.accel_increment == IncrementKind::physical, info.has_temperature, info.simulated})
-    append_bytes(out, static_cast<std::uint8_t>(flag ? 1 : 0));
+    append_bytes(out, std::uint8_t(flag ? 1 : 0));
   append_text(out, info.unit_serial);
 }
 
@@ -200,8 +200,7 @@ Result<RecordingInfo> parse_info(std::span<const std::byte> payload) {
   ByteReader reader(payload);
   const auto version = reader.get<std::uint32_t>();
   if (!reader.good()) return input_error("its first record is too short");
-  if (version != recording_version)
-    return input_error(fmt::format("recording format {}: expected {}", version, recording_version));
+  if (version != recording_version) return input_error("recording format {}: expected {}", version, recording_version);
   RecordingInfo info;
   info_numbers(reader, info);
   std::array<std::uint8_t, 4> flags{};
@@ -219,8 +218,8 @@ Result<RecordingInfo> parse_info(std::span<const std::byte> payload) {
 }
 
 void append_segment(std::vector<std::byte>& out, const Segment& segment) {
-  append_bytes(out, static_cast<std::int32_t>(segment.step));
-  append_bytes(out, static_cast<std::uint32_t>(segment.kind));
+  append_bytes(out, std::int32_t(segment.step));
+  append_bytes(out, std::uint32_t(segment.kind));
   place_fields(ByteWriter{out}, segment);
 }
 
@@ -230,8 +229,7 @@ std::optional<Segment> parse_segment(std::span<const std::byte> payload) {
   segment.step = reader.get<std::int32_t>();
   const auto kind = reader.get<std::uint32_t>();
   place_fields(reader, segment);
-  if (!reader.at_end() || kind > static_cast<std::uint32_t>(SegmentKind::rotate) || !has_finite_angles(segment))
-    return {};
+  if (!reader.at_end() || kind > std::uint32_t(SegmentKind::rotate) || !has_finite_angles(segment)) return {};
   segment.kind = static_cast<SegmentKind>(kind);
   return segment;
 }
@@ -239,7 +237,7 @@ std::optional<Segment> parse_segment(std::span<const std::byte> payload) {
 const char* check_sample(const ImuSample& sample, const RecordingInfo& info) {
   constexpr std::int32_t least = std::numeric_limits<std::int32_t>::min(),
                          most = std::numeric_limits<std::int32_t>::max();
-  const auto whole = [](double x) { return x >= least && x <= most && x == static_cast<std::int32_t>(x); };
+  const auto whole = [](double x) { return x >= least && x <= most && x == std::int32_t(x); };
   const auto good = [&](const std::array<double, 3>& v, IncrementKind kind) {
     if (kind == IncrementKind::pulses) return whole(v[0]) && whole(v[1]) && whole(v[2]);
     return std::isfinite(v[0]) && std::isfinite(v[1]) && std::isfinite(v[2]);
@@ -263,14 +261,14 @@ void append_samples(std::vector<std::byte>& out, std::span<const ImuSample> samp
     if (samples[i].counter != samples[i - 1].counter + 1) ++gaps;
     if (samples[i].flags != 0) ++flagged;
   }
-  ByteWriter{out}(samples[0].counter, static_cast<std::uint32_t>(samples.size()), gaps, flagged);
+  ByteWriter{out}(samples[0].counter, std::uint32_t(samples.size()), gaps, flagged);
   for (std::size_t i = 1; gaps > 0 && i < samples.size(); ++i) {
     if (samples[i].counter == samples[i - 1].counter + 1) continue;
-    ByteWriter{out}(static_cast<std::uint32_t>(i), samples[i].counter);
+    ByteWriter{out}(std::uint32_t(i), samples[i].counter);
   }
   for (std::size_t i = 0; flagged > 0 && i < samples.size(); ++i) {
     if (samples[i].flags == 0) continue;
-    ByteWriter{out}(static_cast<std::uint32_t>(i), samples[i].flags);
+    ByteWriter{out}(std::uint32_t(i), samples[i].flags);
   }
   append_triples(out, samples, info.gyro_increment, &ImuSample::gyro);
   append_triples(out, samples, info.accel_increment, &ImuSample::accel);

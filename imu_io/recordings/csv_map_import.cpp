@@ -53,7 +53,7 @@ Result<CsvMap> read_map(KeyValueFile& file) {
   map.format.decimal_comma = file.one_of_or("csv.decimal", "point", {"point", "comma"}) == "comma";
   if (map.format.decimal_comma && map.format.delimiter == ',')
     file.reject("csv.decimal", "point where csv.delimiter is comma");
-  map.format.header_lines = static_cast<int>(file.integer_or("csv.header_lines", 1, 0, 1000));
+  map.format.header_lines = int(file.integer_or("csv.header_lines", 1, 0, 1000));
   map.time_column = file.text_or("time.column", "");
   map.accel_time_column = file.text_or("accel.time.column", map.time_column);
   if (const auto step_s = parse_number(file.text_or("time.unit", "s")); step_s && *step_s > 0.0) {
@@ -129,7 +129,7 @@ class Importer {
     }
     TRY(make_intervals());
     std::vector<double>().swap(times_);
-    result_.rows = static_cast<std::int64_t>(rows_) + result_.bad_rows + result_.without_accel;
+    result_.rows = std::int64_t(rows_) + result_.bad_rows + result_.without_accel;
     TRY(check_info(info, source_.file_name));
     begin(result_);
     TRY(make_samples());
@@ -269,12 +269,12 @@ class Importer {
       before = row;
       return Status();
     }));
-    const auto count = static_cast<double>(doubles.size()), all = static_cast<double>(rows_);
+    const auto count = double(doubles.size()), all = double(rows_);
     if (count * (all - 1.0 - same_stamps) <= 2.0 * repeats * same_stamps) return {};
-    const Error error = input_error(fmt::format(
+    const Error error = input_error(
         "{}:{}: the row before again, time and numbers, as {} of {} rows: expected each row once; --skip-bad-rows "
         "leaves them out",
-        source_.file_name, first, doubles.size(), rows_));
+        source_.file_name, first, doubles.size(), rows_);
     return sieve(false, [&, at = std::size_t{0}](std::size_t k, std::size_t) mutable -> Result<bool> {
       if (at == doubles.size() || doubles[at] != k) return false;
       ++at;
@@ -318,8 +318,8 @@ class Importer {
   }
 
   Error goes_back(const ColumnSource& source, std::int64_t line, const std::string& column, double time_s) const {
-    return input_error(fmt::format("{}:{}: column {} = '{}': expected a time after that of the row before",
-                                   source.file_name, line, quoted(column), in_file(time_s)));
+    return input_error("{}:{}: column {} = '{}': expected a time after that of the row before", source.file_name, line,
+                       quoted(column), in_file(time_s));
   }
 
   std::string in_file(double time_s) const { return format_number(*first_stamp_ + time_s / map_.time_unit_s); }
@@ -350,30 +350,28 @@ class Importer {
       return {};
     }
     if (!timed())
-      return input_error(fmt::format("{}: {} rows: expected {}, as in {}, or time.column", source.file_name, n, rows_,
-                                     source_.file_name));
+      return input_error("{}: {} rows: expected {}, as in {}, or time.column", source.file_name, n, rows_,
+                         source_.file_name);
     for (std::size_t k = 1; k < n; ++k)
       if (!(time[k] > time[k - 1])) return goes_back(source, table.line[k], map_.accel_time_column, time[k]);
     const auto common =
         std::ranges::count_if(time, [&](double t) { return rows_ > 0 && t >= times_.front() && t <= times_.back(); });
     if (common < 10)
-      return input_error(fmt::format("{}: {} of {} rows are in the time of {}: expected 10 or more, in the same unit",
-                                     source.file_name, common, n, source_.file_name));
+      return input_error("{}: {} of {} rows are in the time of {}: expected 10 or more, in the same unit",
+                         source.file_name, common, n, source_.file_name);
     // Nothing is known in an interval of which rows are missing.
     std::vector<bool> lost(n);
     for (const StampGap& gap : missing) lost[gap.row] = true;
     for (const StampGap& gap : fit_stamps(time, map_.gap).gaps) lost[gap.row] = true;
     const double period = stamps().period;
-    const auto interval_of = [&](auto first_row) {
-      return std::min(static_cast<std::size_t>(first_row - time.begin()), n - 1);
-    };
+    const auto interval_of = [&](auto first_row) { return std::min(std::size_t(first_row - time.begin()), n - 1); };
     const std::size_t all = rows_;
     TRY(sieve(true, [&](std::size_t k, std::size_t) -> Result<bool> {
       const double t = times_[k];
       return t < time.front() || t > time.back() || lost[interval_of(std::ranges::lower_bound(time, t))] ||
              lost[interval_of(std::ranges::upper_bound(time, t - period))];
     }));
-    result_.without_accel = static_cast<std::int64_t>(all - rows_);
+    result_.without_accel = std::int64_t(all - rows_);
     // The integral, from one of the gyros' stamps to the next, behind a gap over a period; a number says the mean over the interval that it ends.
     const bool rate = map_.accel.is_rate;
     for (std::size_t k = 0; k < rows_; ++k) {
@@ -407,10 +405,10 @@ class Importer {
         if (times_[k] - times_[k - 1] > map_.gap * usual) found.push_back({k, 2});
     } else {
       if (!stamps().sure)
-        return input_error(fmt::format(
+        return input_error(
             "{}: the stamps scatter by {:.2g} of a period of {:.4g} s, and {} of {} rows come behind a gap: another "
             "period explains them as well: expected time.increments = intervals, or rate_hz in place of time.column",
-            source_.file_name, stamps().scatter, stamps().period, stamps().gaps.size(), rows_));
+            source_.file_name, stamps().scatter, stamps().period, stamps().gaps.size(), rows_);
       found = std::move(stamps().gaps);
     }
     double sum = 0.0, squares = 0.0, count = 0.0;
@@ -435,18 +433,18 @@ class Importer {
       period = stamps().period;
       constexpr double late = 16.0,
                        drift = 2e-4;  // of the first or the last stamp, in periods; as in choose_increments
-      const double passed = times_.back() - times_.front(), counted = static_cast<double>(periods) * period;
+      const double passed = times_.back() - times_.front(), counted = double(periods) * period;
       if (std::abs(counted - passed) > (late + 4.0 * stamps().scatter) * period + drift * passed)
         return input_error(
-            fmt::format("{}: {:.6g} s by the stamps, and {:.6g} s by rows and gaps: expected "
-                        "time.increments = intervals, or rate_hz in place of time.column",
-                        source_.file_name, passed, counted));
+            "{}: {:.6g} s by the stamps, and {:.6g} s by rows and gaps: expected "
+            "time.increments = intervals, or rate_hz in place of time.column",
+            source_.file_name, passed, counted);
     }
     if (measured())
       for (StampGap& gap : gaps_)
         gap.periods =
             std::max<std::int64_t>(gap.periods, std::llround((times_[gap.row] - times_[gap.row - 1]) / period));
-    result_.gaps = static_cast<std::int64_t>(gaps_.size());
+    result_.gaps = std::int64_t(gaps_.size());
     return {};
   }
 
@@ -456,20 +454,20 @@ class Importer {
       return x <= triad.range_low || x >= triad.range_high;
     };
     const auto increment = [dt](const CsvTriad& triad, const Eigen::Vector3d& numbers, std::size_t body) {
-      const auto from = static_cast<std::size_t>(triad.axes.from[body]);
+      const auto from = std::size_t(triad.axes.from[body]);
       return triad.axes.sign[body] * (numbers[triad.axes.from[body]] - triad.offset[from]) * triad.scale[from] *
              (triad.is_rate ? dt : 1.0);
     };
     ImuSample sample;
-    sample.counter = static_cast<std::int64_t>(written_ + samples_.size());
+    sample.counter = std::int64_t(written_ + samples_.size());
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const int from = map_.gyro.axes.from[axis];
-      sample.gyro[axis] = row.gyro[from] - map_.gyro.offset[static_cast<std::size_t>(from)];
+      sample.gyro[axis] = row.gyro[from] - map_.gyro.offset[std::size_t(from)];
     }
     const bool dropped = std::ranges::any_of(accel, [&](double x) { return saturated(map_.accel, x); });
     if (!dropped) clipping_.add(sample);
     for (std::size_t axis = 0; axis < 3; ++axis)
-      if (saturated(map_.gyro, row.gyro[map_.gyro.axes.from[axis]])) mark_clipped(sample, static_cast<int>(axis));
+      if (saturated(map_.gyro, row.gyro[map_.gyro.axes.from[axis]])) mark_clipped(sample, int(axis));
     if (sample.flags != 0 || dropped) ++result_.saturated;
     if (dropped) return {};
     sample.counter = counter;
@@ -477,7 +475,7 @@ class Importer {
       sample.gyro[axis] = increment(map_.gyro, row.gyro, axis);
       sample.accel[axis] = increment(map_.accel, accel, axis);
     }
-    sample.temperature_c = static_cast<float>(row.temperature);
+    sample.temperature_c = float(row.temperature);
     result_.info.has_temperature = result_.info.has_temperature || !std::isnan(row.temperature);
     samples_.push_back(sample);
     constexpr std::size_t enough = 4096;
@@ -547,8 +545,7 @@ ColumnSource columns_of_bag(const std::string& path, BagImu bag) {
     for (const WantedColumn& column : wanted) {
       const auto at = std::ranges::find(bag->columns, column.name, &NumberColumn::name);
       if (at == bag->columns.end())
-        return input_error(
-            fmt::format("{}: no column {}: it has {}", name, quoted(column.name), fmt::join(names, ", ")));
+        return input_error("{}: no column {}: it has {}", name, quoted(column.name), fmt::join(names, ", "));
       table.columns.push_back(at->values);
     }
     table.position = table.line = bag->message;
@@ -602,14 +599,14 @@ Result<CsvImport> stream_columns(const CsvMap& map, const ColumnSource& source, 
 Result<CsvImport> import_columns(const CsvMap& map, const ColumnSource& source, const ColumnSource* accel) {
   std::vector<ImuSample> all;
   CsvImport content = TRY(stream_columns(
-      map, source, accel, [&](const CsvImport& found) { all.reserve(static_cast<std::size_t>(found.rows)); },
+      map, source, accel, [&](const CsvImport& found) { all.reserve(std::size_t(found.rows)); },
       [&](std::span<const ImuSample> samples) {
         all.insert(all.end(), samples.begin(), samples.end());
         return Status();
       }));
   for (const DataEvent& run : content.clipped_runs)
     for (std::int64_t k = run.sample; k < run.sample + run.count; ++k) {
-      ImuSample& sample = all[static_cast<std::size_t>(k)];
+      ImuSample& sample = all[std::size_t(k)];
       content.clipped += sample.flags == 0 ? 1 : 0;
       mark_clipped(sample, run.axis);
     }

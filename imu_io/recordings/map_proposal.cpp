@@ -49,7 +49,7 @@ bool has_any(std::string_view text, const std::vector<std::string_view>& words) 
 }
 
 std::string lower(std::string text) {
-  for (char& c : text) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c;
+  for (char& c : text) c = c >= 'A' && c <= 'Z' ? char(c + 32) : c;
   return text;
 }
 
@@ -76,10 +76,10 @@ Result<Layout> look_at_text(std::string_view text, const std::string& file_name)
         const auto numbers = std::ranges::count_if(cells_of(lines[k], delimiter), is_number);
         if (numbers <= most) continue;
         most = numbers;
-        layout.format = {.delimiter = delimiter, .decimal_comma = comma, .header_lines = static_cast<int>(k)};
+        layout.format = {.delimiter = delimiter, .decimal_comma = comma, .header_lines = int(k)};
       }
   if (most < fewest) return input_error(file_name + ": no row of six numbers or more: expected a table of an IMU");
-  const auto first = static_cast<std::size_t>(layout.format.header_lines);
+  const auto first = std::size_t(layout.format.header_lines);
   const auto used = [](std::vector<std::string_view> cells) {
     while (!cells.empty() && cells.back().empty()) cells.pop_back();
     return cells;
@@ -120,7 +120,7 @@ std::vector<Triad> triads_of(const std::vector<Candidate>& columns) {
         std::string label = columns[i].label;
         for (std::size_t k = 1; k < 3; ++k) {
           label[at] = letters[k];
-          triad[k] = static_cast<std::size_t>(std::ranges::find(columns, label, &Candidate::label) - columns.begin());
+          triad[k] = std::size_t(std::ranges::find(columns, label, &Candidate::label) - columns.begin());
         }
         const auto has_one = [&](const Triad& other) {
           return std::ranges::any_of(triad, [&](std::size_t k) { return std::ranges::find(other, k) != other.end(); });
@@ -264,10 +264,9 @@ class Proposer {
     for (const Candidate& column : layout_.columns)
       names.push_back(quoted(column.label.empty() ? column.reference : column.label));
     names.resize(std::min<std::size_t>(names.size(), 20));
-    return input_error(
-        fmt::format("{}: no three columns are plainly those of the {}: expected --map with their names; it has {}",
-                    source_.file_name, triad_[gyro].empty() ? "gyros" : "accelerometers",
-                    names.empty() ? "none" : fmt::format("{}{}", fmt::join(names, ", "), layout_.unnamed)));
+    return input_error("{}: no three columns are plainly those of the {}: expected --map with their names; it has {}",
+                       source_.file_name, triad_[gyro].empty() ? "gyros" : "accelerometers",
+                       names.empty() ? "none" : fmt::format("{}{}", fmt::join(names, ", "), layout_.unnamed));
   }
 
   Status read() {
@@ -284,8 +283,8 @@ class Proposer {
       return Status();
     }));
     if (table.rows() < 10)
-      return input_error(fmt::format("{}: {} rows with a number in each column of the IMU: expected at least 10{}{}",
-                                     source_.file_name, table.rows(), table.bad_rows > 0 ? "; " : "", table.first_bad));
+      return input_error("{}: {} rows with a number in each column of the IMU: expected at least 10{}{}",
+                         source_.file_name, table.rows(), table.bad_rows > 0 ? "; " : "", table.first_bad);
     values_.resize(layout_.columns.size());
     for (std::size_t k = 0; k < columns.size(); ++k) values_[columns[k]] = std::move(table.columns[k]);
     return {};

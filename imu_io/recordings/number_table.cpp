@@ -86,7 +86,7 @@ const char* read_number(const char* at, const char* end, double& value) {
   const char *p = at + negative, *const first = p;
   std::uint64_t digits = 0;
   const auto read_digits = [&] {
-    for (; p != end && *p >= '0' && *p <= '9'; ++p) digits = 10 * digits + static_cast<std::uint64_t>(*p - '0');
+    for (; p != end && *p >= '0' && *p <= '9'; ++p) digits = 10 * digits + std::uint64_t(*p - '0');
   };
   read_digits();
   std::ptrdiff_t count = p - first, decimals = 0;
@@ -96,7 +96,7 @@ const char* read_number(const char* at, const char* end, double& value) {
     count += decimals = p - point;
   }
   if (count == 0 || count > 15 || (p != end && (*p == 'e' || *p == 'E'))) return std::from_chars(at, end, value).ptr;
-  value = sign[negative] * static_cast<double>(digits) / powers[decimals];
+  value = sign[negative] * double(digits) / powers[decimals];
   return p;
 }
 
@@ -186,9 +186,9 @@ class CsvTable {
         return defect("column " + quoted(column.name) + " twice: expected one of that name");
       if (at != header.end()) {
         counted_ = !format_.only_wanted;
-        index_.push_back(static_cast<std::size_t>(at - header.begin()));
+        index_.push_back(std::size_t(at - header.begin()));
       } else if (const auto index = parse_integer<std::int64_t>(column.name); index && *index >= 1 && *index <= 10000) {
-        index_.push_back(static_cast<std::size_t>(*index - 1));
+        index_.push_back(std::size_t(*index - 1));
       } else if (column.may_be_missing) {
         index_.push_back(missing);
       } else {
@@ -264,7 +264,7 @@ class CsvTable {
   std::vector<std::string_view> cells_;
   std::size_t header_cells_ = 0;
   bool counted_ = false;  // a row has no more cells than the header has names
-  static constexpr std::size_t missing = static_cast<std::size_t>(-1);
+  static constexpr std::size_t missing = std::size_t(-1);
   std::vector<std::size_t> index_, cells_wanted_;  // the cell of each wanted column, and the reverse
   std::vector<double> row_;
   NumberTable table_;  // `used_` rows of it
@@ -282,7 +282,7 @@ struct ItemType {
 template <class T>
 constexpr ItemType item_type(std::string_view npy, matio_types mat) {
   return {npy, mat, sizeof(T), [](const std::byte* from, std::size_t step, std::span<double> out) {
-            for (double& value : out) value = static_cast<double>(load_bytes<T>(from)), from += step;
+            for (double& value : out) value = double(load_bytes<T>(from)), from += step;
           }};
 }
 constexpr ItemType item_types[] = {
@@ -366,7 +366,7 @@ Result<NpyArray> open_npy(const TableBytes& file, const std::string& file_name) 
   const std::string_view content = TRY(file.at(0, longest_header));
   if (content.size() < 12) return refuse("the header of the .npy file is cut off");
   const auto* bytes = reinterpret_cast<const std::byte*>(content.data());
-  const bool long_header = static_cast<int>(content[6]) > 1;
+  const bool long_header = int(content[6]) > 1;
   const std::size_t length = long_header ? load_bytes<std::uint32_t>(bytes + 8) : load_bytes<std::uint16_t>(bytes + 8);
   const std::size_t begin = long_header ? 12 : 10;
   if (length > content.size() - begin) return refuse("the header of the .npy file is cut off");
@@ -382,8 +382,7 @@ Result<NpyArray> open_npy(const TableBytes& file, const std::string& file_name) 
   std::vector<std::size_t> sizes;
   if (shape.starts_with('(') && shape.find(')') != std::string_view::npos)
     for (const std::string_view part : split(shape.substr(1, shape.find(')') - 1), ','))
-      if (const auto size = parse_integer<std::int64_t>(part); size && *size >= 0)
-        sizes.push_back(static_cast<std::size_t>(*size));
+      if (const auto size = parse_integer<std::int64_t>(part); size && *size >= 0) sizes.push_back(std::size_t(*size));
   if (sizes.empty() || sizes.size() > 2)
     return refuse("shape " + quoted(shape.substr(0, shape.find(')') + 1)) +
                   ": expected one or two dimensions, rows first");
@@ -417,13 +416,13 @@ Status read_npy(const TableBytes& file, const std::string& file_name, const std:
     const auto read_column = [&](const WantedColumn& column) -> Result<std::vector<double>> {
       const auto place = place_among(view.columns, column.name);
       if (!place)
-        return input_error(fmt::format("{}: no column {}: expected a number from 1 to {}, a .npy array has no names",
-                                       file_name, quoted(column.name), view.columns));
+        return input_error("{}: no column {}: expected a number from 1 to {}, a .npy array has no names", file_name,
+                           quoted(column.name), view.columns);
       if (!view.column_major) return block.column(*place);
       TRY(load((*place * view.rows + row) * item, rows * item));
       return MatrixView{.rows = rows, .columns = 1, .data = block.data, .type = view.type}.column(0);
     };
-    NumberTable table = TRY(read_arrays(file_name, wanted, read_column, static_cast<std::int64_t>(row)));
+    NumberTable table = TRY(read_arrays(file_name, wanted, read_column, std::int64_t(row)));
     TRY(take(std::move(table)));
   }
   return {};
@@ -464,9 +463,7 @@ Status check_mat(const std::string& file_name) {
   };
   constexpr std::uint32_t matrix = 14, compressed = 15;
   for (std::uint64_t at = header; at < size;) {
-    const auto damaged = [&](const char* what) {
-      return input_error(fmt::format("{}: byte {}: {}", file_name, at, what));
-    };
+    const auto damaged = [&](const char* what) { return input_error("{}: byte {}: {}", file_name, at, what); };
     if (size - at < tag) return damaged("the .mat file is cut off");
     const std::span<const std::byte> head = TRY(window.at(at, tag));
     const std::uint32_t type = number(head.data()), length = number(head.data() + 4);
@@ -603,7 +600,7 @@ Result<std::vector<double>> read_hdf5_column(hid_t file, const std::string& file
   const int member = compound ? H5Tget_member_index(type, part.c_str()) : 0;
   const auto column = place_among(shape.columns, part);
   if (shape.rows == 0 || member < 0 ||
-      !is_number(compound ? H5Tget_member_class(type, static_cast<unsigned>(member)) : H5Tget_class(type)))
+      !is_number(compound ? H5Tget_member_class(type, unsigned(member)) : H5Tget_class(type)))
     return refuse("expected numbers in one or two dimensions");
   if (!compound && !column) return refuse("expected a column from 1 to " + std::to_string(shape.columns));
   // What a file of this size can hold: deflate makes at most a thousandth.
@@ -642,9 +639,8 @@ herr_t list_hdf5_object(hid_t file, const char* name, const H5O_info_t* info, vo
   auto& list = *static_cast<std::vector<std::string>*>(names);
   if (is_number(H5Tget_class(type))) list_columns(name, shape.rows, shape.columns, list);
   for (int k = 0; H5Tget_class(type) == H5T_COMPOUND && k < H5Tget_nmembers(type); ++k) {
-    char* const member = H5Tget_member_name(type, static_cast<unsigned>(k));
-    if (is_number(H5Tget_member_class(type, static_cast<unsigned>(k))))
-      list.push_back(fmt::format("{}:{}", name, member));
+    char* const member = H5Tget_member_name(type, unsigned(k));
+    if (is_number(H5Tget_member_class(type, unsigned(k)))) list.push_back(fmt::format("{}:{}", name, member));
     H5free_memory(member);
   }
   return 0;
@@ -672,9 +668,8 @@ Result<NumberTable> checked(NumberTable table, const std::string& file_name, con
     std::size_t bad = 0;
     while (bad < wanted.size() && !is_bad(bad)) ++bad;
     if (bad < wanted.size()) {
-      Error error =
-          input_error(fmt::format("{}: row {}: column {} = '{}': expected a finite number", file_name, table.line[row],
-                                  quoted(wanted[bad].name), format_number(table.columns[bad][row])));
+      Error error = input_error("{}: row {}: column {} = '{}': expected a finite number", file_name, table.line[row],
+                                quoted(wanted[bad].name), format_number(table.columns[bad][row]));
       if (!skip_bad) return error;
       if (table.bad_rows++ == 0) table.first_bad = error.message;
       continue;
@@ -697,7 +692,7 @@ std::string npy_header(std::size_t rows, std::size_t fields) {
   constexpr std::size_t prefix = 10, block = 64;  // the data begin on a multiple of it
   text.resize((prefix + text.size() + 1 + block - 1) / block * block - prefix - 1, ' ');
   text += '\n';
-  const char version_and_size[] = {1, 0, static_cast<char>(text.size() & 0xff), static_cast<char>(text.size() >> 8)};
+  const char version_and_size[] = {1, 0, char(text.size() & 0xff), char(text.size() >> 8)};
   return std::string(npy_magic).append(version_and_size, sizeof version_and_size) + text;
 }
 
@@ -886,7 +881,7 @@ Status write_columns(const std::string& path, const std::vector<NumberColumn>& f
 
 Status check_ending(std::string_view path, std::initializer_list<std::string_view> endings) {
   if (std::ranges::any_of(endings, [&](std::string_view ending) { return path.ends_with(ending); })) return {};
-  return input_error(fmt::format("{}: expected a name that ends in one of {}", path, fmt::join(endings, ", ")));
+  return input_error("{}: expected a name that ends in one of {}", path, fmt::join(endings, ", "));
 }
 
 Status write_sample_columns(RecordingSource& source, SampleColumns columns, const std::string& path) {
@@ -904,7 +899,7 @@ Status write_sample_columns(RecordingSource& source, SampleColumns columns, cons
     return source.read([&](std::span<const ImuSample> samples) -> Status {
       for (const ImuSample& sample : samples) {
         columns.fill(sample, row);
-        if (flagged) row.back() = static_cast<double>(sample.flags);
+        if (flagged) row.back() = double(sample.flags);
         TRY(sink(row));
       }
       return {};
@@ -924,11 +919,11 @@ Status write_recording_columns(RecordingSource& source, const std::string& path)
     if (segment > 0 && sample.counter < segments[segment - 1].end_sample) segment = 0;  // another pass
     while (segment < segments.size() && sample.counter >= segments[segment].end_sample) ++segment;
     const bool inside = segment < segments.size() && sample.counter >= segments[segment].start_sample;
-    row[0] = static_cast<double>(sample.counter);
-    row[1] = inside ? static_cast<double>(segment + 1) : 0.0;
+    row[0] = double(sample.counter);
+    row[1] = inside ? double(segment + 1) : 0.0;
     std::ranges::copy(sample.gyro, row.begin() + 2);
     std::ranges::copy(sample.accel, row.begin() + 5);
-    if (has_temperature) row[8] = static_cast<double>(sample.temperature_c);
+    if (has_temperature) row[8] = double(sample.temperature_c);
   };
   return write_sample_columns(source, columns, path);
 }

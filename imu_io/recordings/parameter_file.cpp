@@ -217,7 +217,7 @@ void describe_recording(const RecordingInfo& info, ParameterFile& file) {
 Result<std::string> format_parameter_file(const ParameterFile& file) {
   Lines lines;
   for (std::size_t i = 0; i < parameter_keys.size(); ++i)
-    lines.number(std::string(parameter_keys[i]), file.parameters[static_cast<Eigen::Index>(i)]);
+    lines.number(std::string(parameter_keys[i]), file.parameters[Eigen::Index(i)]);
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) lines.sigma(std::string(parameter_keys[i]), file.sigma[i]);
   if (file.reference_temperature_c) lines.number("reference_temperature_c", *file.reference_temperature_c);
   if (file.temperature) write_temperature(*file.temperature, lines);
@@ -259,7 +259,7 @@ Result<ParameterFile> parse_parameter_file(std::string_view text, const std::str
   KeyValueFile input = TRY(KeyValueFile::parse(above, file_name));
   ParameterFile file;
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
-    file.parameters[static_cast<Eigen::Index>(i)] = input.number(parameter_keys[i]);
+    file.parameters[Eigen::Index(i)] = input.number(parameter_keys[i]);
     file.sigma[i] = input.number_if("sigma." + std::string(parameter_keys[i]), not_negative);
   }
   file.reference_temperature_c = input.number_if("reference_temperature_c");
@@ -308,8 +308,7 @@ bool is_trusted(const ParameterFile& file) {
 
 Status check_applicable(const ParameterFile& file, const std::string& file_name, const RecordingInfo& info) {
   const auto refuse = [&](const std::string& key, const std::string& value, const std::string& expected) {
-    return input_error(
-        fmt::format("{}: key '{}' = '{}': expected {}, as in the recording", file_name, key, value, expected));
+    return input_error("{}: key '{}' = '{}': expected {}, as in the recording", file_name, key, value, expected);
   };
   if (file.unit_serial != info.unit_serial)
     return refuse("unit_serial", file.unit_serial, "'" + info.unit_serial + "'");
@@ -335,14 +334,14 @@ std::string format_parameter_block(const ParameterFile& file) {
   append_bytes(out, block_version);
   for (const bool flag : {file.gyro_increment == IncrementKind::pulses, file.accel_increment == IncrementKind::pulses,
                           file.simulated, is_trusted(file)})
-    append_bytes(out, static_cast<std::uint8_t>(flag ? 1 : 0));
+    append_bytes(out, std::uint8_t(flag ? 1 : 0));
   for (const double value : {file.sample_period_s, file.accel_pulse_mps, file.latitude_deg, file.gravity_mps2,
                              file.reference_temperature_c.value_or(not_a_number)})
     append_bytes(out, value);
   for (const double value : file.parameters) append_bytes(out, value);
   for (const std::optional<double>& value : file.sigma) append_bytes(out, value.value_or(not_a_number));
   append_text(out, file.unit_serial);
-  append_bytes(out, static_cast<std::uint32_t>(file.effects.size()));
+  append_bytes(out, std::uint32_t(file.effects.size()));
   for (const EffectValue& effect : file.effects) {
     append_text(out, effect.name + "." + effect.component);
     append_bytes(out, effect.value);
@@ -428,10 +427,10 @@ std::string format_parameter_yaml(const ParameterFile& file) {
   line("accel_increment", accel_increment_name(file.accel_increment));
   if (file.reference_temperature_c) line("reference_temperature_c", literal(*file.reference_temperature_c));
   text += "parameters:\n";
-  for (std::size_t k = 0; k < static_cast<std::size_t>(parameter_count); ++k)
-    line("  " + std::string(parameter_keys[k]), literal(file.parameters[static_cast<Eigen::Index>(k)]));
+  for (std::size_t k = 0; k < std::size_t(parameter_count); ++k)
+    line("  " + std::string(parameter_keys[k]), literal(file.parameters[Eigen::Index(k)]));
   text += "sigma:\n";
-  for (std::size_t k = 0; k < static_cast<std::size_t>(parameter_count); ++k)
+  for (std::size_t k = 0; k < std::size_t(parameter_count); ++k)
     line("  " + std::string(parameter_keys[k]), file.sigma[k] ? literal(*file.sigma[k]) : "null");
   if (file.temperature) {
     const TemperaturePolynomials& t = *file.temperature;

@@ -85,7 +85,7 @@ std::optional<std::int64_t> started_utc(KeyValueFile& file) {
   if (text.empty()) return std::nullopt;
   const std::optional<double> utc_s = parse_utc(text);
   if (!utc_s) file.reject("started_utc", "a time as 2026-01-31T12:00:00Z");
-  return utc_s ? std::optional(static_cast<std::int64_t>(*utc_s)) : std::nullopt;
+  return utc_s ? std::optional(std::int64_t(*utc_s)) : std::nullopt;
 }
 
 bool is_plain_text(const std::string& text) {
@@ -121,7 +121,7 @@ Status check_info(const RecordingInfo& info, const std::string& where) {
                  {"accel_pulse_mps", info.accel_pulse_mps, pulse}};
   for (const auto& [name, value, range] : numbers)
     if (!range.contains(value)) return defect(where, name, format_number(value), describe(range));
-  if (info.started_utc_s && !civil_time_s.contains(static_cast<double>(*info.started_utc_s)))
+  if (info.started_utc_s && !civil_time_s.contains(double(*info.started_utc_s)))
     return defect(where, "started_utc", std::to_string(*info.started_utc_s) + " s", "a time from 1970 to 9999");
   return check_serial(info.unit_serial, where + ": unit_serial");
 }

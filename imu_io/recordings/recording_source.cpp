@@ -38,11 +38,10 @@ HashState hash_of(const RecordingInfo& info, const Segments& segments) {
   std::vector<std::byte> bytes;
   append_bytes(bytes, std::string_view("turncal recording 1\n"));
   append_info_fields(bytes, info);
-  append_bytes(bytes, static_cast<std::uint64_t>(segments.size()));
+  append_bytes(bytes, std::uint64_t(segments.size()));
   for (const Segment& segment : segments)
-    ByteWriter{bytes}(static_cast<std::int64_t>(segment.step), static_cast<std::uint8_t>(segment.kind),
-                      segment.start_sample, segment.end_sample, segment.heading_deg, segment.pitch_deg,
-                      segment.roll_deg);
+    ByteWriter{bytes}(std::int64_t(segment.step), std::uint8_t(segment.kind), segment.start_sample, segment.end_sample,
+                      segment.heading_deg, segment.pitch_deg, segment.roll_deg);
   HashState state(XXH3_createState(), XXH3_freeState);
   XXH3_128bits_reset(state.get());
   XXH3_128bits_update(state.get(), bytes.data(), bytes.size());

@@ -44,11 +44,10 @@ class CsvRow {
   std::string where() const { return at_line(file_, line_); }
   Status check_count() const {  // as many cells as names
     if (cells_.size() == names_.size()) return {};
-    return input_error(fmt::format("{}: {} columns: expected {}", where(), cells_.size(), names_.size()));
+    return input_error("{}: {} columns: expected {}", where(), cells_.size(), names_.size());
   }
   Error defect(std::size_t column, std::string_view expected) const {
-    return input_error(
-        fmt::format("{}: column {} = {}: expected {}", where(), names_[column], quoted(cells_[column]), expected));
+    return input_error("{}: column {} = {}: expected {}", where(), names_[column], quoted(cells_[column]), expected);
   }
 
  private:
@@ -74,7 +73,7 @@ template <class T>
 bool plain_number(const char*& at, T& value) {
   // 40 bytes hold every shortest form; the line end before them stops the parser earlier.
   const auto result = std::from_chars(at, at + 40, value);
-  if (result.ec != std::errc{} || !std::isfinite(static_cast<double>(value))) return false;
+  if (result.ec != std::errc{} || !std::isfinite(double(value))) return false;
   at = result.ptr;
   return true;
 }
@@ -124,7 +123,7 @@ Status read_table(const std::string& path, std::string_view header, Take take) {
   std::vector<std::string_view> rows;
   while (had_end && !text.empty()) rows.push_back(next_line(text, &had_end));
   std::int64_t line = 1;
-  if (!had_end) return cut_off(path, static_cast<std::int64_t>(rows.size()) + line);
+  if (!had_end) return cut_off(path, std::int64_t(rows.size()) + line);
   for (const std::string_view row : rows) TRY(take(CsvRow(row, path, ++line, names)));
   return {};
 }
@@ -179,7 +178,7 @@ class TextRecording final : public RecordingSource {
     TRY(read_header(window));
     TRY(read_ends(window, first, last));
     return check_segments(segments_, first.counter, last.counter,
-                          [&](std::size_t i) { return at_line(segments_path_, static_cast<std::int64_t>(i) + 2); });
+                          [&](std::size_t i) { return at_line(segments_path_, std::int64_t(i) + 2); });
   }
 
  private:
@@ -243,7 +242,7 @@ class TextRecording final : public RecordingSource {
   }
 
   Error too_long(std::int64_t line) const {
-    return input_error(fmt::format("{}:{}: line longer than {} bytes", csv_path_, line, longest_row));
+    return input_error("{}:{}: line longer than {} bytes", csv_path_, line, longest_row);
   }
 
   static Result<std::int64_t> count_lines(FileWindow& window) {
@@ -263,7 +262,7 @@ class TextRecording final : public RecordingSource {
     block.reserve(samples_in_block);
     auto flagged = flagged_.begin();
     const auto not_there = [&] {
-      return input_error(fmt::format("{}/{}: sample {} is not in imu.csv", path_, flags_csv_name, flagged->counter));
+      return input_error("{}/{}: sample {} is not in imu.csv", path_, flags_csv_name, flagged->counter);
     };
     std::int64_t line = 1, last_counter = std::numeric_limits<std::int64_t>::min();
     for (std::uint64_t offset = rows_begin_; offset < window.end();) {
@@ -277,13 +276,13 @@ class TextRecording final : public RecordingSource {
         ++line;
         ImuSample& sample = block.emplace_back();
         if (!parser.parse_plain(at, sample)) {
-          std::string_view left(at, static_cast<std::size_t>(end - at));
+          std::string_view left(at, std::size_t(end - at));
           TRY(parser.parse(next_line(left), line, sample));
           at = left.data();
         }
         if (sample.counter <= last_counter)
-          return input_error(fmt::format("{}:{}: column sample = '{}': expected more than {} in the line before",
-                                         csv_path_, line, sample.counter, last_counter));
+          return input_error("{}:{}: column sample = '{}': expected more than {} in the line before", csv_path_, line,
+                             sample.counter, last_counter);
         last_counter = sample.counter;
         if (flagged != flagged_.end() && flagged->counter <= sample.counter) {
           if (flagged->counter < sample.counter) return not_there();
@@ -319,7 +318,7 @@ std::string conf_text(const RecordingInfo& info) {
   conf.text("accel_increment", accel_increment_name(info.accel_increment));
   if (info.accel_increment == IncrementKind::pulses || info.accel_pulse_mps != 0.0)
     conf.number("accel_pulse_mps", info.accel_pulse_mps);
-  if (info.started_utc_s) conf.text("started_utc", format_utc(static_cast<double>(*info.started_utc_s)));
+  if (info.started_utc_s) conf.text("started_utc", format_utc(double(*info.started_utc_s)));
   if (info.simulated) conf.flag("simulated", true);
   return conf.take();
 }
@@ -387,8 +386,8 @@ Status ImuCsvParser::parse(std::string_view text, std::int64_t line, ImuSample& 
       if (!value) return row.defect(i, is_gyro ? "a number, rad" : "a number, m/s");
       place = *value;
     } else {
-      const bool whole = value && *value == std::floor(*value) && *value >= static_cast<double>(min_pulses) &&
-                         *value <= static_cast<double>(max_pulses);
+      const bool whole =
+          value && *value == std::floor(*value) && *value >= double(min_pulses) && *value <= double(max_pulses);
       if (!whole) return row.defect(i, "a whole number of pulses within 32 bits");
       place = *value + 0.0;  // no negative zero among pulses
     }
@@ -408,8 +407,7 @@ void append_imu_row(std::string& out, const ImuSample& sample, const RecordingIn
   const auto append_triple = [&](const std::array<double, 3>& value, IncrementKind kind) {
     for (const double x : value) {
       out += ',';
-      out += kind == IncrementKind::pulses ? format_number(static_cast<std::int32_t>(x), buffer)
-                                           : format_number(x, buffer);
+      out += kind == IncrementKind::pulses ? format_number(std::int32_t(x), buffer) : format_number(x, buffer);
     }
   };
   append_triple(sample.gyro, info.gyro_increment);
@@ -419,10 +417,10 @@ void append_imu_row(std::string& out, const ImuSample& sample, const RecordingIn
     const float t = sample.temperature_c;
     if (!std::isnan(t)) {
       // Three decimals when they say it exactly, which is what sensors give; else the shortest form.
-      const double thousandths = std::round(static_cast<double>(t) * 1000.0);
-      if (std::abs(thousandths) < 8e6 && static_cast<float>(thousandths / 1000.0) == t) {
+      const double thousandths = std::round(double(t) * 1000.0);
+      if (std::abs(thousandths) < 8e6 && float(thousandths / 1000.0) == t) {
         if (std::signbit(t)) out += '-';
-        const auto magnitude = static_cast<std::int64_t>(std::abs(thousandths));
+        const auto magnitude = std::int64_t(std::abs(thousandths));
         out += format_number(magnitude / 1000, buffer);
         out += '.';
         out += format_number(1000 + magnitude % 1000, buffer).substr(1);
@@ -440,7 +438,7 @@ Result<std::unique_ptr<RecordingSource>> open_text_recording(const std::string& 
   return std::unique_ptr<RecordingSource>(std::move(recording));
 }
 
-std::string_view to_string(SegmentKind kind) { return kind_names[static_cast<std::size_t>(kind)]; }
+std::string_view to_string(SegmentKind kind) { return kind_names[std::size_t(kind)]; }
 const char* gyro_increment_name(IncrementKind kind) { return kind == IncrementKind::pulses ? "pulses" : "rad"; }
 const char* accel_increment_name(IncrementKind kind) { return kind == IncrementKind::pulses ? "pulses" : "mps"; }
 

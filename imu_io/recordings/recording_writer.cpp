@@ -50,8 +50,7 @@ Status RecordingWriter::check_usable() const {
 template <class AppendPayload>
 Status RecordingWriter::write_record(RecordType type, AppendPayload append_payload) {
   bytes_.clear();
-  const std::size_t begun =
-      begin_record(bytes_, recording_magic, static_cast<std::uint32_t>(type), held_.next_number++);
+  const std::size_t begun = begin_record(bytes_, recording_magic, std::uint32_t(type), held_.next_number++);
   append_payload(bytes_);
   end_record(bytes_, begun);
   Status status = file_.write_all(bytes_);

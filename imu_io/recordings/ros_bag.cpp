@@ -159,8 +159,8 @@ class Collector {
     if (times.front() > year_2000) result_.started_utc_s = times.front() / second;
     NumberColumn t{"t", std::vector<double>(times.size())};
     // Stamps of a damaged bag may be anywhere: unsigned numbers may wrap.
-    const auto since_first = [first = static_cast<std::uint64_t>(times.front())](std::int64_t time) {
-      return 1e-9 * static_cast<double>(static_cast<std::int64_t>(static_cast<std::uint64_t>(time) - first));
+    const auto since_first = [first = std::uint64_t(times.front())](std::int64_t time) {
+      return 1e-9 * double(std::int64_t(std::uint64_t(time) - first));
     };
     std::ranges::transform(times, t.values.begin(), since_first);
     result_.columns.push_back(std::move(t));
@@ -409,7 +409,7 @@ class McapReader : public RecordReader {
     const auto id = reader.get<std::uint16_t>();
     if (op == mcap::message) {
       reader.get<std::uint32_t>();  // sequence
-      const auto recorded_ns = static_cast<std::int64_t>(reader.get<std::uint64_t>());
+      const auto recorded_ns = std::int64_t(reader.get<std::uint64_t>());
       reader.get<std::uint64_t>();  // publish_time
       const auto at = channels_.find(id);
       if (!reader.good() || at == channels_.end())
@@ -507,7 +507,7 @@ class Rosbag1Reader : public RecordReader {
     const auto at = connections_.find(id.value_or(0));
     if (!id || !time || at == connections_.end())
       return damaged("a message without time, or of a connection that is not there");
-    return collector_.take(*at->second, static_cast<std::int64_t>((*time & 0xffffffff) * second + (*time >> 32)), data);
+    return collector_.take(*at->second, std::int64_t((*time & 0xffffffff) * second + (*time >> 32)), data);
   }
 
   Status take_chunk(ByteSpan header, ByteSpan data) {
@@ -542,7 +542,7 @@ class Rosbag2Reader {
     if (collector_.skips_bad())
       sqlite3_db_config(handle, SQLITE_DBCONFIG_WRITABLE_SCHEMA, 1, nullptr);          // opens what is cut off
     sqlite3_exec(handle, "PRAGMA mmap_size = 2147418112", nullptr, nullptr, nullptr);  // half the time
-    sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, static_cast<int>(most_bytes));
+    sqlite3_limit(handle, SQLITE_LIMIT_LENGTH, int(most_bytes));
     TRY(each("SELECT id, name, type, serialization_format FROM topics", [&](sqlite3_stmt* row) {
       const Encoding encoding = text_of(blob(row, 3)) == "cdr" ? Encoding::cdr : Encoding::other;
       topics_[sqlite3_column_int64(row, 0)] = &collector_.topic(text_of(blob(row, 1)), text_of(blob(row, 2)), encoding);
@@ -558,12 +558,11 @@ class Rosbag2Reader {
 
  private:
   Error refusal() const {
-    return input_error(
-        fmt::format("{}: cannot read it as a rosbag2 database: {}", path_, sqlite3_errmsg(database_.get())));
+    return input_error("{}: cannot read it as a rosbag2 database: {}", path_, sqlite3_errmsg(database_.get()));
   }
   static ByteSpan blob(sqlite3_stmt* row, int column) {
     const void* const data = sqlite3_column_blob(row, column);
-    return {static_cast<const std::byte*>(data), static_cast<std::size_t>(sqlite3_column_bytes(row, column))};
+    return {static_cast<const std::byte*>(data), std::size_t(sqlite3_column_bytes(row, column))};
   }
 
   template <class Take>
@@ -626,7 +625,7 @@ void append_field(Bytes& out, std::string_view text) { append_text(out, text); }
 void append_field(Bytes& out, const Bytes& bytes) { out.insert(out.end(), bytes.begin(), bytes.end()); }
 template <class... Fields>
 void append_record(Bytes& out, mcap::Op op, const Fields&... fields) {
-  append_bytes(out, static_cast<std::uint8_t>(op));
+  append_bytes(out, std::uint8_t(op));
   const std::size_t at = out.size();
   append_bytes(out, std::uint64_t{0});
   (append_field(out, fields), ...);
@@ -638,8 +637,8 @@ void append_record(Bytes& out, mcap::Op op, const Fields&... fields) {
 Bytes message_of(std::int64_t stamp_ns, std::span<const double> numbers) {
   constexpr std::size_t encapsulation = 4;
   Bytes out{std::byte{0}, std::byte{1}, std::byte{0}, std::byte{0}};
-  append_bytes(out, static_cast<std::int32_t>(stamp_ns / second));
-  append_bytes(out, static_cast<std::uint32_t>(stamp_ns % second));
+  append_bytes(out, std::int32_t(stamp_ns / second));
+  append_bytes(out, std::uint32_t(stamp_ns % second));
   append_text(out, std::string_view("imu\0", 4));
   out.resize(encapsulation + aligned(out.size() - encapsulation, sizeof(double)));
   for (const double number : numbers) append_bytes(out, number);
@@ -678,13 +677,12 @@ class McapWriter {
   }
 
   Status add(std::uint16_t topic, std::int64_t ns, std::span<const double> numbers) {
-    last_ = static_cast<std::uint64_t>(ns);
+    last_ = std::uint64_t(ns);
     if (chunk_.empty()) first_ = last_;
     if (!begin_) begin_ = last_;
     append_bytes(index_[topic], last_);
     append_bytes(index_[topic], std::uint64_t{chunk_.size()});
-    append_record(chunk_, mcap::message, topic, static_cast<std::uint32_t>(counts_[topic]++), last_, last_,
-                  message_of(ns, numbers));
+    append_record(chunk_, mcap::message, topic, std::uint32_t(counts_[topic]++), last_, last_, message_of(ns, numbers));
     constexpr std::size_t enough = std::size_t{1} << 20;
     return chunk_.size() < enough ? Status() : end_chunk();
   }
@@ -701,9 +699,9 @@ class McapWriter {
       append_bytes(counts, topic);
       append_bytes(counts, counts_[topic]);
     }
-    const auto topics = static_cast<std::uint32_t>(counts_.size());
-    append_record(out_, mcap::statistics, all, static_cast<std::uint16_t>(topics), topics, std::uint32_t{0},
-                  std::uint32_t{0}, chunks_, begin_.value_or(0), last_, length_of(counts), counts);
+    const auto topics = std::uint32_t(counts_.size());
+    append_record(out_, mcap::statistics, all, std::uint16_t(topics), topics, std::uint32_t{0}, std::uint32_t{0},
+                  chunks_, begin_.value_or(0), last_, length_of(counts), counts);
     append_field(out_, chunk_indexes_);
     append_record(out_, mcap::footer, summary, std::uint64_t{0}, std::uint32_t{0});
     append_bytes(out_, mcap::magic);
@@ -711,12 +709,12 @@ class McapWriter {
   }
 
  private:
-  static std::uint32_t length_of(const Bytes& list) { return static_cast<std::uint32_t>(list.size()); }
+  static std::uint32_t length_of(const Bytes& list) { return std::uint32_t(list.size()); }
 
   void append_topics() {
     for (std::uint16_t topic = 0; topic < counts_.size(); ++topic) {
       const WrittenTopic& row = written_topics[topic];
-      const auto schema = static_cast<std::uint16_t>(topic + 1);  // 0 says that there is none
+      const auto schema = std::uint16_t(topic + 1);  // 0 says that there is none
       append_record(out_, mcap::schema, schema, row.type, std::string_view("ros2msg"),
                     std::string_view(definition_of(row)));
       append_record(out_, mcap::channel, topic, schema, row.name, std::string_view("cdr"), std::uint32_t{0});
@@ -727,8 +725,7 @@ class McapWriter {
     Bytes packed(ZSTD_compressBound(chunk_.size()));
     packed.resize(ZSTD_compress(packed.data(), packed.size(), chunk_.data(), chunk_.size(), ZSTD_CLEVEL_DEFAULT));
     const std::uint64_t at = written_ + out_.size();
-    const auto crc =
-        static_cast<std::uint32_t>(crc32_z(0, reinterpret_cast<const Bytef*>(chunk_.data()), chunk_.size()));
+    const auto crc = std::uint32_t(crc32_z(0, reinterpret_cast<const Bytef*>(chunk_.data()), chunk_.size()));
     append_record(out_, mcap::chunk, first_, last_, std::uint64_t{chunk_.size()}, crc, std::string_view("zstd"),
                   std::uint64_t{packed.size()}, packed);
     const std::uint64_t end = written_ + out_.size();

@@ -64,7 +64,7 @@ class Track {
   std::size_t last_gap = 0;  // its place in the list of gaps, from 1
 
   void begin_at(double ahead, const Noise& noise) {
-    level_ = ahead - static_cast<double>(missing);
+    level_ = ahead - double(missing);
     v_ = noise.start, cross_ = 0.0;
   }
   double level() const { return level_; }
@@ -75,7 +75,7 @@ class Track {
     cross_ += w_;
     w_ += wander * wander;
   }
-  double off(double ahead) const { return ahead - static_cast<double>(missing) - level_; }
+  double off(double ahead) const { return ahead - double(missing) - level_; }
   // -log of how likely the stamp is, and what it says of the clock.
   double follow(double off, const Noise& noise) {
     const double variance = v_ + noise.scatter * noise.scatter, sigma = std::sqrt(variance);
@@ -126,7 +126,7 @@ std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> tim
   // The first stamp may be a bad one.
   std::vector<double> first;
   for (std::size_t k = 0; k < std::min<std::size_t>(16, times.size()); ++k)
-    first.push_back((times[k] - times[0]) * rate - static_cast<double>(k));
+    first.push_back((times[k] - times[0]) * rate - double(k));
   tracks[0].begin_at(0.0, noise);
   tracks[1].begin_at(median(first), noise);
   const auto join = [&](const Track& track) {
@@ -140,7 +140,7 @@ std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> tim
       *same = track;
   };
   for (std::size_t k = 0; k < times.size(); ++k) {
-    const double ahead = (times[k] - times[0]) * rate - static_cast<double>(k);
+    const double ahead = (times[k] - times[0]) * rate - double(k);
     const bool late = k > 0 && times[k] - times[k - 1] > late_from;
     if (k > 0)
       for (Track& track : tracks) track.predict(noise);
@@ -164,7 +164,7 @@ std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> tim
       join(stays);
       const auto leap = [&](double periods, bool anew) {
         Track leaps = track;
-        leaps.missing += static_cast<std::int64_t>(periods);
+        leaps.missing += std::int64_t(periods);
         leaps.cost += rare + std::log(periods + 1.0);
         if (anew) {
           leaps.carried += off - periods;
@@ -174,7 +174,7 @@ std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> tim
           leaps.cost += std::log(std::max(periods, 1.0)) + leaps.follow(off - periods, noise);  // 1 / n(n + 1)
         }
         leaps.last_gap = forks.size() + 1;
-        forks.push_back({{k, static_cast<std::int64_t>(periods) + 1, anew}, track.last_gap});
+        forks.push_back({{k, std::int64_t(periods) + 1, anew}, track.last_gap});
         join(leaps);
       };
       const bool lost = cost >= noise.most;
@@ -224,7 +224,7 @@ double slope_along(std::span<const double> times, const StampModel& model, const
   std::int64_t counter = 0;
   int astray = 0;  // rows on end
   for (std::size_t k = 0, at = 0; k < times.size(); ++k, ++counter) {
-    const double ahead = (times[k] - times[0]) * rate - static_cast<double>(k);
+    const double ahead = (times[k] - times[0]) * rate - double(k);
     bool begins = k == 0 || astray > most_astray;
     if (at < model.gaps.size() && model.gaps[at].row == k) {
       track.missing += model.gaps[at].periods - 1;
@@ -241,7 +241,7 @@ double slope_along(std::span<const double> times, const StampModel& model, const
     const bool lost = track.follow(off, noise) >= noise.most && std::abs(off) > 1.0 + noise.half + 8.0 * noise.scatter;
     astray = lost ? astray + 1 : 0;
     if (lost) continue;
-    const auto m = static_cast<double>(counter - origin);
+    const auto m = double(counter - origin);
     const double y = times[k] - first - m * model.period;
     s[0] += 1.0, s[1] += m, s[2] += m * m, s[3] += y, s[4] += m * y;
   }
@@ -260,14 +260,14 @@ StampModel reading(std::span<const double> times, StampModel model, double step,
 }
 
 double share_of(const StampModel& model, std::span<const double> times) {
-  return (static_cast<double>(model.gaps.size()) + 0.5) / (static_cast<double>(times.size()) + 1.0);
+  return (double(model.gaps.size()) + 0.5) / (double(times.size()) + 1.0);
 }
 
 // The scatter is the likeliest one, by halves. A smaller one gains a row no more than its logarithm: whoever cannot come below `limit` is left.
 StampModel fit(std::span<const double> times, const StampModel& start, double step, double gap, double share,
                double limit) {
   const auto read = [&](const StampModel& from, double likely) {
-    const double gain = static_cast<double>(times.size()) * std::log(from.scatter / even_scatter);
+    const double gain = double(times.size()) * std::log(from.scatter / even_scatter);
     return reading(times, from, step, gap, likely, limit + gain);
   };
   StampModel best = read(start, share);
@@ -289,10 +289,10 @@ double low_slope(std::span<const double> times) {
   const std::size_t width = std::min<std::size_t>(512, times.size());
   std::vector<double> slopes;
   for (std::size_t row = 0; row + width <= times.size(); row += std::max(width, times.size() / 256)) {
-    const double middle = 0.5 * static_cast<double>(width - 1);
+    const double middle = 0.5 * double(width - 1);
     double both = 0.0, squares = 0.0;
     for (std::size_t k = 0; k < width; ++k) {
-      const double m = static_cast<double>(k) - middle;
+      const double m = double(k) - middle;
       both += m * (times[row + k] - times[row]);
       squares += m * m;
     }
@@ -307,8 +307,8 @@ std::vector<double> common_phases(std::span<const double> times, double slope) {
   constexpr double least = 0.95, most = 4.5, steps = 4.0;  // frequencies: of 1 / slope
   constexpr std::size_t most_found = 6;
   const std::size_t width = std::min<std::size_t>(256, times.size());
-  const double step = 1.0 / (steps * static_cast<double>(width));
-  std::vector<double> power(static_cast<std::size_t>((most - least) / step));
+  const double step = 1.0 / (steps * double(width));
+  std::vector<double> power(std::size_t((most - least) / step));
   std::vector<std::complex<double>> sums(power.size());
   for (std::size_t row = 0; row + width <= times.size(); row += std::max(width, times.size() / 16)) {
     std::ranges::fill(sums, 0.0);
@@ -325,7 +325,7 @@ std::vector<double> common_phases(std::span<const double> times, double slope) {
     const double here = power[f], before = here - power[f - 1], after = here - power[f + 1];
     if (before <= 0.0 || after < 0.0) continue;
     const double between = 0.5 * (before - after) / (before + after);
-    peaks.emplace_back(-here, slope / (least + step * (static_cast<double>(f) + between)));
+    peaks.emplace_back(-here, slope / (least + step * (double(f) + between)));
   }
   std::ranges::sort(peaks);
   peaks.resize(std::min(peaks.size(), most_found));
@@ -352,7 +352,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
   const double slope = low_slope(times);
   if (!std::isfinite(most - least) || !(slope > 0.0)) return best;
   const std::span<const double> some = times.first(std::min(times.size(), enough));
-  const double grid = resolution_of(times, slope), rows = static_cast<double>(some.size());
+  const double grid = resolution_of(times, slope), rows = double(some.size());
   const double steps_cost = 20.0 + std::log(rows);  // of a model that has them
   std::vector<StampModel> readings;
   double step = 0.0;
@@ -380,7 +380,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
       model = reading(times, model, of, gap, share_of(model, round > 0 ? times : some),
                       std::numeric_limits<double>::infinity());
       const double found = std::exchange(model.period, period);
-      if (std::abs(found - period) * static_cast<double>(times.size()) < 0.005 * period) break;
+      if (std::abs(found - period) * double(times.size()) < 0.005 * period) break;
       model.period = found;
     }
     return model;
@@ -392,7 +392,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
     StampModel other = of_all(start, grid);
     if (other.cost + steps_cost < best.cost) best = std::move(other), step = grid;
   }
-  const double stretch = static_cast<double>(times.size()) / static_cast<double>(best.gaps.size());
+  const double stretch = double(times.size()) / double(best.gaps.size());
   const double cell = step / best.period * std::numbers::pi;
   const double agree = std::exp(-2.0 * std::pow(std::numbers::pi * best.scatter, 2)) *
                        (cell > 0.0 ? std::max(0.0, std::sin(std::min(cell, std::numbers::pi)) / cell) : 1.0);
@@ -411,8 +411,7 @@ IncrementsChoice choose_increments(std::span<const double> times_s, const StampM
   for (std::size_t k = 1, at = 0; k < n; ++k) {
     const StampGap gap = at < model.gaps.size() && model.gaps[at].row == k ? model.gaps[at++] : StampGap{k, 1, false};
     ahead[k] = ahead[k - 1];
-    if (!gap.anew || gap.periods == 1)
-      ahead[k] += times_s[k] - times_s[k - 1] - static_cast<double>(gap.periods) * period;
+    if (!gap.anew || gap.periods == 1) ahead[k] += times_s[k] - times_s[k - 1] - double(gap.periods) * period;
   }
   // Rms without the largest hundredth: knocks of the host, gaps that were not whole periods.
   const auto scatter = [&](std::size_t m) {
@@ -421,10 +420,10 @@ IncrementsChoice choose_increments(std::span<const double> times_s, const StampM
       const double bend = ahead[k] - 2.0 * ahead[k - m] + ahead[k - 2 * m];
       squares.push_back(bend * bend);
     }
-    const auto largest = squares.end() - static_cast<std::ptrdiff_t>(squares.size() / 100 + 1);
+    const auto largest = squares.end() - std::ptrdiff_t(squares.size() / 100 + 1);
     std::nth_element(squares.begin(), largest, squares.end());
     squares.erase(largest, squares.end());
-    return std::sqrt(std::accumulate(squares.begin(), squares.end(), 0.0) / static_cast<double>(squares.size()));
+    return std::sqrt(std::accumulate(squares.begin(), squares.end(), 0.0) / double(squares.size()));
   };
   const std::size_t far = std::min<std::size_t>(n / 8, 32);
   const double jitter = scatter(1) / std::sqrt(6.0);  // of a stamp, if each is off by itself
@@ -432,7 +431,7 @@ IncrementsChoice choose_increments(std::span<const double> times_s, const StampM
   const double growth = jitter > 1e-9 * period ? scatter(far) / std::max(scatter(1), resolution) : 0.0;
   // Of the rate from a sixteenth to the next, by the means of both.
   const std::size_t length = n / parts;
-  const auto rows = static_cast<double>(length);
+  const auto rows = double(length);
   std::vector<double> means, rates;
   for (std::size_t part = 0; part < parts; ++part) {
     const std::span<const double> rows_of = std::span(ahead).subspan(part * length, length);
@@ -443,11 +442,11 @@ IncrementsChoice choose_increments(std::span<const double> times_s, const StampM
   const double change = rates[parts - 3] - rates[1];
   const double paused =
       std::ranges::any_of(model.gaps, &StampGap::anew) ? jitter : 0.0;  // what the stamps around are off
-  const double spread = std::max(jitter, scatter(far) / std::sqrt(6.0)) * std::sqrt(static_cast<double>(far) / rows);
+  const double spread = std::max(jitter, scatter(far) / std::sqrt(6.0)) * std::sqrt(double(far) / rows);
   const double explained = (6.0 * (spread + paused) + 2.0 * resolution) / (rows * period);
   const std::string said =
       fmt::format("over {} rows the scatter of the stamps is {:.2g} times that over one", far, growth);
-  if (growth > std::pow(static_cast<double>(far), 0.25)) return {false, said + ": it adds up, the intervals are real"};
+  if (growth > std::pow(double(far), 0.25)) return {false, said + ": it adds up, the intervals are real"};
   if (!model.sure) return {true, "the period is in doubt"};
   if (change > std::max(2e-4, explained))
     return {false, fmt::format("the rate changes by {:.2g} % within the record", 100.0 * change)};

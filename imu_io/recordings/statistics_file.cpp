@@ -21,7 +21,7 @@ constexpr std::uint32_t version = 1;
 constexpr Eigen::Index most_columns = 2000;  // of a file that is not damaged: the catalogue has some two hundred
 
 void append_three(std::vector<std::byte>& out, std::uint32_t bits) {
-  for (int k = 0; k < 3; ++k) append_bytes(out, static_cast<std::uint8_t>(bits >> (8 * k)));
+  for (int k = 0; k < 3; ++k) append_bytes(out, std::uint8_t(bits >> (8 * k)));
 }
 
 // Three bytes, of the four of a float the upper ones: 16 bits of mantissa.
@@ -30,7 +30,7 @@ void append_short(std::vector<std::byte>& out, float value) {
 }
 std::uint32_t get_three(ByteReader& reader) {
   std::uint32_t bits = 0;
-  for (int k = 0; k < 3; ++k) bits |= static_cast<std::uint32_t>(reader.get<std::uint8_t>()) << (8 * k);
+  for (int k = 0; k < 3; ++k) bits |= std::uint32_t(reader.get<std::uint8_t>()) << (8 * k);
   return bits;
 }
 float get_short(ByteReader& reader) { return std::bit_cast<float>(get_three(reader) << 8); }
@@ -38,13 +38,12 @@ float get_short(ByteReader& reader) { return std::bit_cast<float>(get_three(read
 // A correlation in three bytes, to 1.2e-7.
 constexpr double correlation_steps = 8388607.0;
 void append_correlation(std::vector<std::byte>& out, double value) {
-  const auto bits = static_cast<std::uint32_t>(
-      static_cast<std::int32_t>(std::lround(std::clamp(value, -1.0, 1.0) * correlation_steps)));
+  const auto bits = std::uint32_t(std::int32_t(std::lround(std::clamp(value, -1.0, 1.0) * correlation_steps)));
   append_three(out, bits);
 }
 double get_correlation(ByteReader& reader) {
-  const auto bits = static_cast<std::int32_t>(get_three(reader) << 8);
-  return static_cast<double>(bits >> 8) / correlation_steps;
+  const auto bits = std::int32_t(get_three(reader) << 8);
+  return double(bits >> 8) / correlation_steps;
 }
 
 }  // namespace
@@ -68,20 +67,19 @@ Result<std::vector<std::byte>> format_statistics(const StatisticsFile& s) {
   for (Eigen::Index k = 0; k < u.s.size(); ++k) {
     if (!(u.Q(k, k) > 0.0F)) continue;
     seen.push_back(k);
-    names += u.columns[static_cast<std::size_t>(k)] + "\n";
+    names += u.columns[std::size_t(k)] + "\n";
   }
   append_text(out, names);
   for (const Eigen::Index k : seen) append_bytes(out, u.s[k]);
-  for (const Eigen::Index k : seen) append_bytes(out, static_cast<double>(u.Q(k, k)));
+  for (const Eigen::Index k : seen) append_bytes(out, double(u.Q(k, k)));
   for (std::size_t column = 0; column < seen.size(); ++column)
     for (std::size_t row = 0; row < column; ++row) {
       const Eigen::Index a = seen[row], b = seen[column];
-      append_correlation(out, static_cast<double>(u.Q(a, b)) /
-                                  std::sqrt(static_cast<double>(u.Q(a, a)) * static_cast<double>(u.Q(b, b))));
+      append_correlation(out, double(u.Q(a, b)) / std::sqrt(double(u.Q(a, a)) * double(u.Q(b, b))));
     }
   for (const Eigen::Index k : seen)
     for (Eigen::Index row = 0; row < parameter_count; ++row)
-      if (parameter_is_free[static_cast<std::size_t>(row)]) append_short(out, u.moves(row, k));
+      if (parameter_is_free[std::size_t(row)]) append_short(out, u.moves(row, k));
   append_bytes(out, crc32c(std::span<const std::byte>(out)));
   return out;
 }
@@ -99,7 +97,7 @@ Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const 
     return input_error(file_name + ": wrong checksum: damaged or cut off");
   ByteReader reader(checked.subspan(magic.size()));
   if (const auto found = reader.get<std::uint32_t>(); found != version)
-    return input_error(fmt::format("{}: version {}: expected {}", file_name, found, version));
+    return input_error("{}: version {}: expected {}", file_name, found, version);
   const ParameterFile file = TRY(parse_parameter_file(reader.get_text(), file_name));
   StatisticsFile s{file, {}};
   UnitStatistics& u = s.statistics;
@@ -114,9 +112,9 @@ Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const 
   u.level = number();
   const std::string names = reader.get_text();
   for (std::string_view remaining = names; !remaining.empty();) u.columns.emplace_back(next_line(remaining));
-  const auto columns = static_cast<Eigen::Index>(u.columns.size());
+  const auto columns = Eigen::Index(u.columns.size());
   if (columns > most_columns)
-    return input_error(fmt::format("{}: {} columns: expected at most {}", file_name, columns, most_columns));
+    return input_error("{}: {} columns: expected at most {}", file_name, columns, most_columns);
   u.s.resize(columns);
   for (double& value : u.s) value = number();
   Eigen::VectorXd diagonal(columns);
@@ -128,11 +126,11 @@ Result<StatisticsFile> parse_statistics(std::span<const std::byte> bytes, const 
   for (Eigen::Index column = 0; column < columns; ++column)
     for (Eigen::Index row = 0; row < column; ++row)
       u.Q(column, row) = u.Q(row, column) =
-          static_cast<float>(get_correlation(reader) * std::sqrt(diagonal[row] * diagonal[column]));
+          float(get_correlation(reader) * std::sqrt(diagonal[row] * diagonal[column]));
   u.moves = Eigen::MatrixXf::Zero(parameter_count, columns);
   for (Eigen::Index column = 0; column < columns; ++column)
     for (Eigen::Index row = 0; row < parameter_count; ++row)
-      if (parameter_is_free[static_cast<std::size_t>(row)]) u.moves(row, column) = get_short(reader);
+      if (parameter_is_free[std::size_t(row)]) u.moves(row, column) = get_short(reader);
   finite = finite && u.moves.allFinite();
   if (!reader.at_end()) return input_error(file_name + ": expected the end after the last number");
   if (!finite) return input_error(file_name + ": a number that is not finite");

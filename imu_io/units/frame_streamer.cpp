@@ -66,26 +66,24 @@ Status FrameStreamer::answer_requests() {
   if (frame_.request.empty()) return {};
   std::array<std::byte, 256> chunk;
   const std::size_t n = TRY(line_.read(chunk, 0.0));
-  asked_.insert(asked_.end(), chunk.begin(), chunk.begin() + static_cast<std::ptrdiff_t>(n));
+  asked_.insert(asked_.end(), chunk.begin(), chunk.begin() + std::ptrdiff_t(n));
   for (;;) {
     const auto at = std::search(asked_.begin(), asked_.end(), frame_.request.begin(), frame_.request.end());
     if (at == asked_.end()) break;
-    asked_.erase(asked_.begin(), at + static_cast<std::ptrdiff_t>(frame_.request.size()));
+    asked_.erase(asked_.begin(), at + std::ptrdiff_t(frame_.request.size()));
     if (!bytes_.empty()) send(1);
   }
   if (asked_.size() > frame_.request.size())
-    asked_.erase(asked_.begin(), asked_.end() - static_cast<std::ptrdiff_t>(frame_.request.size()));
+    asked_.erase(asked_.begin(), asked_.end() - std::ptrdiff_t(frame_.request.size()));
   return {};
 }
 
 Result<std::size_t> FrameStreamer::pump(double now_s) {
   const double due = std::floor((now_s - start_s_) * speedup_ / frame_.sample_period_s + 1e-6);
   std::size_t passed = 0;
-  while (static_cast<double>(steps_) < due) {
-    const auto count =
-        static_cast<std::size_t>(std::min(due - static_cast<double>(steps_), static_cast<double>(batch)));
-    const auto got =
-        source_.read(std::span(samples_).first(count), static_cast<double>(count) * frame_.sample_period_s);
+  while (double(steps_) < due) {
+    const auto count = std::size_t(std::min(due - double(steps_), double(batch)));
+    const auto got = source_.read(std::span(samples_).first(count), double(count) * frame_.sample_period_s);
     if (!got) return got.error();
     steps_ += count;
     passed += count;

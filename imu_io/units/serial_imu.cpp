@@ -73,7 +73,7 @@ void ArrivalFit::close_block() {
 
 std::optional<ArrivalEstimate> ArrivalFit::estimate() const {
   if (hull_.size() < 2 || blocks_ < 2) return {};
-  const double mean = sum_unit_s_ / static_cast<double>(blocks_);
+  const double mean = sum_unit_s_ / double(blocks_);
   std::size_t right = 1;
   while (right + 1 < hull_.size() && hull_[right].unit_s < mean) ++right;
   const Point& a = hull_[right - 1];
@@ -82,7 +82,7 @@ std::optional<ArrivalEstimate> ArrivalFit::estimate() const {
   result.skew = (b.late_s - a.late_s) / (b.unit_s - a.unit_s);
   result.offset_s = a.late_s - result.skew * a.unit_s;
   result.span_s = hull_.back().unit_s - first_unit_s_;
-  if (squares_ > 0) result.skew_uncertainty = std::sqrt(square_sum_ / static_cast<double>(squares_)) / result.span_s;
+  if (squares_ > 0) result.skew_uncertainty = std::sqrt(square_sum_ / double(squares_)) / result.span_s;
   result.largest_delay_s = largest_delay_s_;
   return result;
 }
@@ -113,8 +113,8 @@ void check_baud(KeyValueFile& file, const FrameDescription& frame) {
   std::size_t bytes = frame.split ? 0 : frame.variants.front().length;
   for (const FrameVariant& variant : frame.variants)
     bytes = frame.split ? bytes + variant.length : std::min(bytes, variant.length);
-  const double needed = static_cast<double>(bits) * static_cast<double>(bytes) / frame.sample_period_s;
-  if (needed > static_cast<double>(serial.baud))
+  const double needed = double(bits) * double(bytes) / frame.sample_period_s;
+  if (needed > double(serial.baud))
     file.reject(
         file.has("imu.baud") ? "imu.baud" : "imu.frame",
         fmt::format("a line of at least {} baud, for {} bytes each {} s; it has {}", format_number(std::ceil(needed)),
@@ -192,7 +192,7 @@ std::size_t SerialImu::read_decoded(std::span<ImuSample> out) {
     restarted_ = next == FrameDecoder::Next::restarted;
     // All that came is used up: the last sample is the one that came last.
     if (count > 0) {
-      const double unit_s = static_cast<double>(out[count - 1].counter) * frame_.sample_period_s;
+      const double unit_s = double(out[count - 1].counter) * frame_.sample_period_s;
       fit_.add(unit_s, decoder_.arrival().latest_s);
     }
     break;

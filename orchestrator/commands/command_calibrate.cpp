@@ -196,8 +196,8 @@ class CountPrinter {
     shown_ = c.finished();
     waiting_ = c.waiting;
     const double spent_s = monotonic_s() - began_s_;
-    const double worked = static_cast<double>(c.done + c.failed + c.unreadable);
-    const double left_s = worked > 0.0 ? spent_s / worked * static_cast<double>(c.entries - c.finished()) : 0.0;
+    const double worked = double(c.done + c.failed + c.unreadable);
+    const double left_s = worked > 0.0 ? spent_s / worked * double(c.entries - c.finished()) : 0.0;
     std::string line = fmt::format("{} of {} recordings, {} already done, {} failed", c.finished(), c.entries, c.there,
                                    c.failed + c.unreadable);
     if (worked > 0.0 && left_s > 0.0)
@@ -231,14 +231,13 @@ Status recalibrate_archive(const RecalibrateOptions& options, CommandContext& co
   if (!on_slurm && options.chunks > 0) return input_error("--chunks: expected --engine slurm");
   if (!options.chunk.empty()) {
     if (options.chunk[1] < 1 || options.chunk[0] < 0 || options.chunk[0] >= options.chunk[1])
-      return input_error(
-          fmt::format("--chunk {} {}: expected K N with K from 0 to N - 1", options.chunk[0], options.chunk[1]));
-    request.chunk = static_cast<int>(options.chunk[0]);
-    request.chunks = static_cast<int>(options.chunk[1]);
+      return input_error("--chunk {} {}: expected K N with K from 0 to N - 1", options.chunk[0], options.chunk[1]);
+    request.chunk = int(options.chunk[0]);
+    request.chunks = int(options.chunk[1]);
   }
   request.threads = options.threads > 0 ? options.threads
                     : on_slurm          ? 1
-                                        : static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+                                        : int(std::max(1U, std::thread::hardware_concurrency()));
   const std::vector<ArchiveEntry> archive = TRY(read_archive(options.archive));
   Result<RecalibrationCounts> counts = RecalibrationCounts{};
   {

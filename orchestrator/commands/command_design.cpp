@@ -51,8 +51,8 @@ struct DesignOptions {
 };
 
 Error too_much(const char* option, double value, double most, Axis axis) {
-  return input_error(fmt::format("{} {}: expected at most {}, the limit of the table's {} axis", option,
-                                 format_number(value), format_number(most), to_string(axis)));
+  return input_error("{} {}: expected at most {}, the limit of the table's {} axis", option, format_number(value),
+                     format_number(most), to_string(axis));
 }
 
 // Axes, rates and effects by their names; those that the table or the catalogue does not have are refused.
@@ -104,7 +104,7 @@ Status read_aims(const std::string& path, DesignTask& task) {
   KeyValueFile file = TRY(KeyValueFile::read(path));
   task.aim.setZero();
   for (int k = 0; k < parameter_count; ++k)
-    if (parameter_is_free[static_cast<std::size_t>(k)]) task.aim[k] = file.number_or(parameter_key(k), 0.0, positive);
+    if (parameter_is_free[std::size_t(k)]) task.aim[k] = file.number_or(parameter_key(k), 0.0, positive);
   TRY(file.check_all_used());
   if (task.aim.maxCoeff() <= 0.0) return input_error(path + ": expected a line like N01 = 0.003");
   return {};
@@ -120,8 +120,8 @@ Result<double> least_time_s(const DesignTask& task) {
     const double walk = k < 3 ? noise.angle_random_walk[k] : noise.velocity_random_walk[k - 3];
     const double needed_s = std::pow(walk / (task.aim[k] * si[k]), 2);
     if (needed_s > longest_design_s)
-      return input_error(fmt::format("{} = {:.3g} needs {:.3g} h with this noise: expected a sigma that 12 h can give",
-                                     parameter_key(k), task.aim[k], needed_s / 3600.0));
+      return input_error("{} = {:.3g} needs {:.3g} h with this noise: expected a sigma that 12 h can give",
+                         parameter_key(k), task.aim[k], needed_s / 3600.0);
     least_s = std::max(least_s, needed_s);
   }
   return least_s;
@@ -129,8 +129,7 @@ Result<double> least_time_s(const DesignTask& task) {
 
 bool reaches(const Prediction& prediction, const ParameterVector& aim) {
   for (int k = 0; k < parameter_count; ++k)
-    if (aim[k] > 0.0 && !(prediction.determined[static_cast<std::size_t>(k)] && prediction.sigma[k] <= aim[k]))
-      return false;
+    if (aim[k] > 0.0 && !(prediction.determined[std::size_t(k)] && prediction.sigma[k] <= aim[k])) return false;
   return true;
 }
 
@@ -207,10 +206,10 @@ class Designer {
       std::vector<std::string> classes;
       for (const auto& [name, others] : diagnosis.aliases)
         if (!others.empty()) classes.push_back(name);
-      return input_error(fmt::format(
-          "--separate {}: expected an effect that {} cannot tell from others: {}", options_.separate, options_.from,
-          classes.empty() ? std::string("it has none, its diagnosis is ") + to_string(diagnosis.verdict)
-                          : join(classes)));
+      return input_error("--separate {}: expected an effect that {} cannot tell from others: {}", options_.separate,
+                         options_.from,
+                         classes.empty() ? std::string("it has none, its diagnosis is ") + to_string(diagnosis.verdict)
+                                         : join(classes));
     }
     const Separation separation(loaded.data, diagnosis, options_.separate);
     task_.info = loaded.data.info;
@@ -278,13 +277,12 @@ class Designer {
     task_.predict.noise = noise_model(options_.site);
     task_.predict.unit = unit.parameters;
     task_.predict.effects = !task_.effects.empty();
-    task_.seed = static_cast<std::uint64_t>(options_.seed);
+    task_.seed = std::uint64_t(options_.seed);
     task_.criterion = options_.criterion == "worst" ? AimAt::worst : AimAt::mean;
     columns_.push_back(predicted(reference));
     task_.aim = columns_.front().prediction.sigma;
     for (int k = 0; k < parameter_count; ++k)
-      if (const std::optional<double> most = unit.station.limits.sigma_max[static_cast<std::size_t>(k)])
-        task_.aim[k] = *most;
+      if (const std::optional<double> most = unit.station.limits.sigma_max[std::size_t(k)]) task_.aim[k] = *most;
     task_.effect_aims = columns_.front().prediction.effects;
     task_.start = on_table(walk_of(start), task_.limits);
     return choose(options_, task_);

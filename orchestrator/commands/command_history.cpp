@@ -43,10 +43,10 @@ Status check_one_unit(const HistoryOptions& options, const Calibrations& all) {
   std::set<std::string> units;
   for (const StoredCalibration& c : all) units.insert(c.unit);
   if (units.size() <= 1 || options.together) return {};
-  return input_error(fmt::format(
+  return input_error(
       "{}: holds {} units, whose control limits and Cpk would be mixed: expected --unit SERIAL, or --together to "
       "chart them together",
-      options.database, units.size()));
+      options.database, units.size());
 }
 
 using namespace cell;
@@ -54,7 +54,7 @@ using namespace cell;
 Table calibration_list(const Calibrations& all) {
   Table table{{number("id"), name("unit"), text("time"), text("verdict"), text("folder")}};
   for (const StoredCalibration& c : all)
-    table.row({count(static_cast<std::size_t>(c.id)), name(c.unit), text(c.time_utc), word(c.verdict),
+    table.row({count(std::size_t(c.id)), name(c.unit), text(c.time_utc), word(c.verdict),
                text(c.folder + (c.simulated ? "  [simulated]" : ""))});
   return table;
 }
@@ -69,8 +69,8 @@ Result<Document> comparison(const Calibrations& all, const std::vector<std::int6
   }
   const auto& [a, b] = pair;
   if (a->unit != b->unit)
-    return input_error(fmt::format("--compare: {} is of unit '{}', {} of unit '{}': expected two of one unit", ids[0],
-                                   a->unit, ids[1], b->unit));
+    return input_error("--compare: {} is of unit '{}', {} of unit '{}': expected two of one unit", ids[0], a->unit,
+                       ids[1], b->unit);
   Document document{"", "Comparison of unit " + a->unit};
   document.text(fmt::format("unit {}: {} ({}) and {} ({})", a->unit, a->time_utc, in_words(a->verdict), b->time_utc,
                             in_words(b->verdict)));
@@ -97,9 +97,9 @@ Result<Document> parameter_document(const Calibrations& all, const std::string& 
   Table table{{number("id"), name("unit"), text("time"), number(key), number("sigma"), text("control")}};
   for (std::size_t i = 0; i < history.values.size(); ++i) {
     const bool outside = std::ranges::find(beyond, i) != beyond.end();
-    table.row({count(static_cast<std::size_t>(history.of[i]->id)), name(history.of[i]->unit),
-               text(history.of[i]->time_utc), with_sigma(history.values[i], history.sigmas[i].value_or(0.0)),
-               number(history.sigmas[i], 2), text(outside ? "outside the control limits" : "")});
+    table.row({count(std::size_t(history.of[i]->id)), name(history.of[i]->unit), text(history.of[i]->time_utc),
+               with_sigma(history.values[i], history.sigmas[i].value_or(0.0)), number(history.sigmas[i], 2),
+               text(outside ? "outside the control limits" : "")});
   }
   document.add(std::move(table));
   add_control_table({history}, document);
@@ -118,9 +118,8 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
     const std::size_t others =
         std::erase_if(all, [&](const StoredCalibration& c) { return c.simulated != options.simulated; });
     if (all.empty() && others > 0)
-      return input_error(
-          fmt::format("{}: all {} calibrations are of {}", options.database, others,
-                      options.simulated ? "real units: expected no --simulated" : "dry runs: expected --simulated"));
+      return input_error("{}: all {} calibrations are of {}", options.database, others,
+                         options.simulated ? "real units: expected no --simulated" : "dry runs: expected --simulated");
     TRY(check_one_unit(options, all));
   }
   if (!options.csv.empty()) {
@@ -165,7 +164,7 @@ Status show_attempts(const HistoryOptions& options, const ResultsDatabase& datab
     const std::string temperature =
         a.temperature_min_c ? fmt::format("{:.1f} .. {:.1f}", *a.temperature_min_c, a.temperature_max_c.value_or(0.0))
                             : "-";
-    table.row({count(static_cast<std::size_t>(a.id)), name(a.unit), text(a.time_utc), word(a.outcome), text(a.station),
+    table.row({count(std::size_t(a.id)), name(a.unit), text(a.time_utc), word(a.outcome), text(a.station),
                text(temperature), number(a.residual, 4),
                text(shorten(a.reason, 200) + (a.simulated ? "  [simulated]" : ""))});
   }
@@ -366,7 +365,7 @@ Status remove(const OldRecording& recording) {
   return error ? Status(storage_error(recording.path, "cannot be removed", error.value())) : Status();
 }
 
-std::string megabytes(std::uintmax_t bytes) { return fmt::format("{:.1f} MB", 1e-6 * static_cast<double>(bytes)); }
+std::string megabytes(std::uintmax_t bytes) { return fmt::format("{:.1f} MB", 1e-6 * double(bytes)); }
 
 Status prune(const PruneOptions& options, CommandContext& context) {
   std::ostream& out = context.out;

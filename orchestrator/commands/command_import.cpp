@@ -70,10 +70,10 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
   out << "rest      from s        to s    length s\n";
   for (const Segment& s : found.segments) {
     if (s.kind != SegmentKind::still) continue;
-    const double from_s = static_cast<double>(s.start_sample - first) * period;
-    const double to_s = static_cast<double>(s.end_sample - first) * period;
+    const double from_s = double(s.start_sample - first) * period;
+    const double to_s = double(s.end_sample - first) * period;
     out << fmt::format("{:4}  {:10.2f}  {:10.2f}  {:10.2f}\n", ++number, from_s, to_s,
-                       static_cast<double>(s.end_sample - s.start_sample) * period);
+                       double(s.end_sample - s.start_sample) * period);
   }
 }
 
@@ -135,7 +135,7 @@ Status write_imported(const CsvImport& content, const std::string& out, const st
   const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(folder.file(binary_recording_name)));
   if (const Result<Segmentation> found = find_rests(*source))
     if (const std::string wrong = wrong_units_of(*source, found->segments); !wrong.empty())
-      return input_error(fmt::format("units: {}: expected others, another scale or other axes in {}", wrong, where));
+      return input_error("units: {}: expected others, another scale or other axes in {}", wrong, where);
   folder.keep();
   context.out << "imported into " << folder.path() << ": " << line << std::endl;
   if (content.clipped > 0)
@@ -181,8 +181,8 @@ Result<CsvMap> map_for(const TextOptions& from, const ColumnSource& source, Comm
   }
   if (!proposal.doubts.empty())
     return input_error(
-        fmt::format("{}: in doubt: {}: expected a --map that says which (--map-out FILE writes this one, to be edited)",
-                    from.source, fmt::join(proposal.doubts, "; ")));
+        "{}: in doubt: {}: expected a --map that says which (--map-out FILE writes this one, to be edited)",
+        from.source, fmt::join(proposal.doubts, "; "));
   return parse_csv_map(proposal.text, "proposed map");
 }
 
@@ -283,9 +283,9 @@ SampleColumns calibrated_columns(const RecordingInfo& info, const std::string& a
   columns.fill = [=, period_s = info.sample_period_s, first = std::optional<std::int64_t>()](
                      const ImuSample& sample, std::span<double> row) mutable {
     first = std::min(first.value_or(sample.counter), sample.counter);
-    row[0] = timed ? static_cast<double>(sample.counter - *first) * period_s : static_cast<double>(sample.counter);
+    row[0] = timed ? double(sample.counter - *first) * period_s : double(sample.counter);
     for (std::size_t k = 0; k < 6; ++k) row[k + 1] = channel_of(sample, k) / (rates ? period_s : 1.0);
-    if (warm) row[7] = static_cast<double>(sample.temperature_c);
+    if (warm) row[7] = double(sample.temperature_c);
   };
   return columns;
 }

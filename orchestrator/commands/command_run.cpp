@@ -215,8 +215,7 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
   const RunPlan prepared = TRY(plan_run(check));
   context.tag = tag_of(prepared);
   if (options.at_once > places(prepared))
-    return input_error(
-        fmt::format("--at-once {}: expected at most {}, the places on the table", options.at_once, places(prepared)));
+    return input_error("--at-once {}: expected at most {}, the places on the table", options.at_once, places(prepared));
   TRY(check_sequence(prepared));
   const LockFile queue = TRY(hold_queue(options.queue));
   const std::string tag = context.tag + "[batch] ";

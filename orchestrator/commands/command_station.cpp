@@ -79,7 +79,7 @@ Result<RecordingInfo> info_of(const StationConfig& station) {
 }
 
 void print_plan(const Sequence& sequence, const StationConfig& station, const Plan& plan, std::ostream& out) {
-  const double period_s = plan.samples > 0 ? plan.station_s / static_cast<double>(plan.samples) : 0.0;
+  const double period_s = plan.samples > 0 ? plan.station_s / double(plan.samples) : 0.0;
   out << "Sequence  " << sequence.file << " (" << sequence.name << ", " << sequence.steps.size() << " steps)\n";
   out << "Station   " << (station.file.empty() ? "built in" : station.file) << " (" << station.name << ")\n";
   const AxisTriple& start_deg = sequence.start_deg;
@@ -112,9 +112,9 @@ Status check_guesses(const StationConfig& station, bool heating, bool accepted) 
   if (guesses.empty() || accepted) return {};
   const std::string more = !heating && guesses.size() > 1 ? fmt::format(", and {} more lines", guesses.size() - 1) : "";
   return input_error(
-      fmt::format("{}{}: it decides what {}: expected a line checked against the {}'s manual, without its [guess], or "
-                  "--accept-guess (turncal check --explain shows what is sent)",
-                  guesses.front(), more, heating ? "heats" : "moves", heating ? "chamber" : "table"));
+      "{}{}: it decides what {}: expected a line checked against the {}'s manual, without its [guess], or "
+      "--accept-guess (turncal check --explain shows what is sent)",
+      guesses.front(), more, heating ? "heats" : "moves", heating ? "chamber" : "table");
 }
 
 // What the station's files still lack: `blocks` keeps every run from it, `doubts` are for somebody to look at.
@@ -323,9 +323,9 @@ std::string table_text(Turntable& table) {
 std::string unit_text(const Second& second, const RecordingInfo& info, double seconds) {
   if (second.samples == 0) return "no samples";
   const double weight = info.accel_increment == IncrementKind::pulses ? info.accel_pulse_mps : 1.0;
-  const double per_s = weight / (static_cast<double>(second.samples) * info.sample_period_s);
+  const double per_s = weight / (double(second.samples) * info.sample_period_s);
   return fmt::format("{:.1f} samples/s, {} gaps ({} lost), {} flagged, |f| {:.4f} m/s^2",
-                     static_cast<double>(second.samples) / seconds, second.gaps, second.lost, second.flagged,
+                     double(second.samples) / seconds, second.gaps, second.lost, second.flagged,
                      per_s * std::hypot(second.accel[0], second.accel[1], second.accel[2])) +
          (info.has_temperature ? fmt::format(", {:.2f} C", second.temperature_c) : "");
 }

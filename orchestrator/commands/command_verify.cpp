@@ -166,8 +166,8 @@ Result<std::string> make_certificate(const CertificateOptions& options) {
     const std::string text = TRY(read_whole_file(path));
     ParameterFile file = TRY(parse_parameter_file(text, path));
     if (!runs.empty() && file.unit_serial != runs.front().unit_serial)
-      return input_error(fmt::format("{}: of unit {}, expected {}: a certificate is of one unit", path,
-                                     file.unit_serial, runs.front().unit_serial));
+      return input_error("{}: of unit {}, expected {}: a certificate is of one unit", path, file.unit_serial,
+                         runs.front().unit_serial);
     if (!runs.empty() && file.time_utc < runs.back().time_utc)
       return input_error(path + ": older than the run before it: expected the oldest first, the last one is certified");
     const std::string why = objection(file);

@@ -126,7 +126,7 @@ class Phases {
     const double now_s = monotonic_s();
     if (now_s - drawn_s_ < 0.1) return;
     drawn_s_ = now_s;
-    show("  " + significant(1e-6 * static_cast<double>(count), 3) + " million samples");
+    show("  " + significant(1e-6 * double(count), 3) + " million samples");
   }
   void clear() { show("", ""); }
 

@@ -145,9 +145,9 @@ class Trial {
     const TableConfig& table = station_.table;
     if (!table.described()) return input_error(said);
     const double scale = table.map ? table.map->of(axis).rate_scale : table.dialect->of(axis).rate_scale;
-    return input_error(fmt::format("{}: axis.{}.rate_scale in {} is {}, expected {}", said, to_string(axis),
-                                   table.described()->file, format_number(scale),
-                                   factor ? fmt::format("about {:.3g}", scale / *factor) : "less"));
+    return input_error("{}: axis.{}.rate_scale in {} is {}, expected {}", said, to_string(axis),
+                       table.described()->file, format_number(scale),
+                       factor ? fmt::format("about {:.3g}", scale / *factor) : "less");
   }
   // An axis that turns at another rate than it was sent: by how much, as the unit felt it, or by its way and time where the unit's scale is
   // not known.
@@ -243,7 +243,7 @@ Status judge_turn(Axis axis, double turned_deg, const Eigen::Vector3d& sum, Incr
   if (points_there && size_fits) return {};
   const Eigen::Vector3d shown = sum * (size_known ? weight / rad_per_deg : 1.0);
   const bool plus = expected[0] == '+';
-  return input_error(fmt::format(
+  return input_error(
       "{} turned by {:+g} deg: sensed {:+.3f}, {:+.3f}, {:+.3f} {} about x, y, z: expected {} about {} alone ({})",
       to_string(axis), settings.move_deg, shown.x(), shown.y(), shown.z(), size_known ? "deg" : "pulses",
       size_known ? fmt::format("{:.6f} deg", plus ? turned_deg : -turned_deg)
@@ -251,7 +251,7 @@ Status judge_turn(Axis axis, double turned_deg, const Eigen::Vector3d& sum, Incr
                  : "minus",
       expected[1],
       points_there ? "scale of the gyros, or counts of the table's axis, by more than 0.5 %"
-                   : "sign of the table's axis, or axes and signs of the unit's frame"));
+                   : "sign of the table's axis, or axes and signs of the unit's frame");
 }
 
 Status try_turns(Trial& trial, const CommissioningSettings& settings, IncrementKind kind, std::ostream& out) {

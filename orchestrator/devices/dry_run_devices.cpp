@@ -58,8 +58,7 @@ std::string format_truth(const Rig& rig, std::optional<double> reference_c) {
 Result<ParameterVector> read_truth(const std::string& path) {
   KeyValueFile file = TRY(KeyValueFile::read(path));
   ParameterVector truth;
-  for (std::size_t i = 0; i < parameter_keys.size(); ++i)
-    truth[static_cast<Eigen::Index>(i)] = file.number(parameter_keys[i]);
+  for (std::size_t i = 0; i < parameter_keys.size(); ++i) truth[Eigen::Index(i)] = file.number(parameter_keys[i]);
   TRY(file.status());
   return truth;
 }

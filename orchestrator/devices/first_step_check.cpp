@@ -201,7 +201,7 @@ Status FirstStepCheck::add(std::span<const ImuSample> samples) {
     ++sums_.samples;
     sums_.stretch += gyro;
     ++sums_.stretch_samples;
-    if (static_cast<double>(sums_.stretch_samples) * info_.sample_period_s >= stretch_s) end_stretch();
+    if (double(sums_.stretch_samples) * info_.sample_period_s >= stretch_s) end_stretch();
     if (temperature_can_be(sample.temperature_c)) continue;
     ++sums_.impossible_temperatures;
     sums_.temperature_c = sample.temperature_c;
@@ -211,11 +211,11 @@ Status FirstStepCheck::add(std::span<const ImuSample> samples) {
 
 void FirstStepCheck::end_stretch() {
   // Of whole ones: the last may be shorter.
-  if (static_cast<double>(sums_.stretch_samples) * info_.sample_period_s >= stretch_s) {
+  if (double(sums_.stretch_samples) * info_.sample_period_s >= stretch_s) {
     ++sums_.stretches;
-    sums_.stretch_squares += (sums_.stretch / static_cast<double>(sums_.stretch_samples)).cwiseAbs2();
+    sums_.stretch_squares += (sums_.stretch / double(sums_.stretch_samples)).cwiseAbs2();
   }
-  if (rest_gyro_) sums_.way += (sums_.stretch - *rest_gyro_ * static_cast<double>(sums_.stretch_samples)).norm();
+  if (rest_gyro_) sums_.way += (sums_.stretch - *rest_gyro_ * double(sums_.stretch_samples)).norm();
   sums_.stretch.setZero();
   sums_.stretch_samples = 0;
 }
@@ -240,7 +240,7 @@ Status FirstStepCheck::judge_life(const AxisTriple& angles_deg) {
 
 Status FirstStepCheck::judge_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) {
   if (sums_.samples == 0) return {};
-  const auto n = static_cast<double>(sums_.samples);
+  const auto n = double(sums_.samples);
   const SensorModel model = sensor_model(start_parameters(info_), info_);
   if (kind != SegmentKind::rotate) return judge_rest(model, angles_deg, n);
   const bool whole = sums_.samples == end_sample - sums_.start_sample;

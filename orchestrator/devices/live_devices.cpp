@@ -33,7 +33,7 @@ namespace turncal {
 Status TableDevice::leave() {
   if (left_) return {};
   left_ = true;
-  const auto wait = [](double seconds) { ::poll(nullptr, 0, static_cast<int>(1e3 * seconds)); };
+  const auto wait = [](double seconds) { ::poll(nullptr, 0, int(1e3 * seconds)); };
   return leave_off(limited_, {.now_s = monotonic_s, .wait = wait, .standing_rate_degps = standing_rate_degps_});
 }
 
@@ -80,7 +80,7 @@ constexpr double still = 0.02;              // of the halves' mean
 }  // namespace
 
 GravityWatch::GravityWatch(ImuSource& source, double sample_period_s)
-    : FrontImu(source), half_samples_(std::max(1, static_cast<int>(std::lround(half_s / sample_period_s)))) {}
+    : FrontImu(source), half_samples_(std::max(1, int(std::lround(half_s / sample_period_s)))) {}
 
 Status GravityWatch::open() {
   count_ = 0;
@@ -102,7 +102,7 @@ Result<std::size_t> GravityWatch::read(std::span<ImuSample> out, double timeout_
         counter_ ? std::clamp<std::int64_t>(sample.counter - *counter_, 1, longest_gap) : std::int64_t{1};
     counter_ = sample.counter;
     sum_ += Eigen::Vector3d::Map(sample.accel.data());
-    for (std::size_t i = 0; i < 3; ++i) turned_[i] += deg_per_count_ * sample.gyro[i] * static_cast<double>(steps);
+    for (std::size_t i = 0; i < 3; ++i) turned_[i] += deg_per_count_ * sample.gyro[i] * double(steps);
     if (++count_ < half_samples_) continue;
     before_ = std::exchange(last_, sum_ / half_samples_);
     sum_.setZero();
@@ -245,7 +245,7 @@ std::string RealTime::text() const {
 double LiveClock::utc_s() const {
   timespec now{};
   ::clock_gettime(CLOCK_REALTIME, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+  return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
 }
 
 LiveDevices::LiveDevices(const StationConfig& station, std::size_t units, StationLock lock)
@@ -279,7 +279,7 @@ StationDevices LiveDevices::devices() {
 void LiveDevices::wait_a_little(double wall_s) {
   constexpr double longest_s = 0.02;
   timespec pause{};
-  pause.tv_nsec = static_cast<long>(1e9 * std::clamp(wall_s, 0.0, longest_s));
+  pause.tv_nsec = long(1e9 * std::clamp(wall_s, 0.0, longest_s));
   ::nanosleep(&pause, nullptr);
 }
 

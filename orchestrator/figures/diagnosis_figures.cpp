@@ -22,7 +22,7 @@ double frame_limit(const Panel& panel, bool& cut) {
     for (const auto& [x, y] : series.points)
       if (std::isfinite(x) && std::isfinite(y)) sizes.push_back(std::abs(y));
   if (sizes.empty()) return 0.0;
-  const auto place = sizes.begin() + static_cast<std::ptrdiff_t>(0.97 * static_cast<double>(sizes.size() - 1));
+  const auto place = sizes.begin() + std::ptrdiff_t(0.97 * double(sizes.size() - 1));
   std::nth_element(sizes.begin(), place, sizes.end());
   const double limit = 3.0 * *place;
   if (*std::max_element(place, sizes.end()) <= limit || limit <= 0.0) return 0.0;
@@ -85,7 +85,7 @@ Figure time_figure(const Diagnosis& diagnosis) {
   bool cut = false;
   for (int axis = 0; axis < 3; ++axis) {
     Panel panel;
-    panel.y_label = std::string(n_names[static_cast<std::size_t>(axis)]) + ", " + unit.unit;
+    panel.y_label = std::string(n_names[std::size_t(axis)]) + ", " + unit.unit;
     if (axis == 2) panel.x_label = "time, h";
     panel.series = before_after_series(has_after(diagnosis));
     for (std::size_t s = 0; s < panel.series.size(); ++s) {
@@ -121,9 +121,8 @@ void mark_steps(const CompressedRecording& recording, Figure& figure) {
   for (const Segment& segment : recording.segments) {
     if (segment.step == step) continue;
     step = segment.step;
-    marks.emplace_back(
-        static_cast<double>(segment.start_sample - first_sample) * recording.info.sample_period_s / unit_s,
-        std::to_string(step));
+    marks.emplace_back(double(segment.start_sample - first_sample) * recording.info.sample_period_s / unit_s,
+                       std::to_string(step));
   }
   if (marks.size() < 2) return;
   for (Panel& panel : figure.panels) {
@@ -180,7 +179,7 @@ Figure allan_figure(const AllanResult& allan, const AllanResult* other) {
 
 double family_threshold_z(const Diagnosis& diagnosis, double false_alarm) {
   const auto visible = std::ranges::count_if(diagnosis.candidates, [](const CandidateScore& c) { return c.visible; });
-  return std::sqrt(chi_square_1_limit(false_alarm / static_cast<double>(std::max<std::ptrdiff_t>(visible, 1))));
+  return std::sqrt(chi_square_1_limit(false_alarm / double(std::max<std::ptrdiff_t>(visible, 1))));
 }
 
 std::vector<ScoreBar> score_bars(const Diagnosis& diagnosis, double threshold_z) {
@@ -222,7 +221,7 @@ Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z) {
   drawing.legend = {{"#0072B2", "■", "added to the model"},
                     {"#B87A00", "■", "above the threshold, not added"},
                     {"#808080", "■", "below the threshold"}};
-  const int rows = static_cast<int>(bars.size());
+  const int rows = int(bars.size());
   double largest = 2.0 * threshold_z;
   for (const ScoreBar& bar : bars) largest = std::max(largest, bar.z);
   std::vector<std::string> ticks, names;
@@ -235,7 +234,7 @@ Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z) {
   }
   std::string boxes, labels, dots;
   for (int k = 0; k < rows; ++k) {
-    const ScoreBar& bar = bars[static_cast<std::size_t>(k)];
+    const ScoreBar& bar = bars[std::size_t(k)];
     const int colour = bar.role == ScoreBar::Role::added   ? 0x0072B2
                        : bar.role == ScoreBar::Role::above ? 0xB87A00
                                                            : 0x808080;

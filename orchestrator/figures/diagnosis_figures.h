@@ -17,7 +17,7 @@
 namespace turncal {
 
 inline std::string component_name(const EffectColumn& column) {
-  return std::string(column.entry->components[static_cast<std::size_t>(column.component)]);
+  return std::string(column.entry->components[std::size_t(column.component)]);
 }
 inline double z_of(const EstimatedEffect& e) { return e.sigma > 0.0 ? std::abs(e.value) / e.sigma : 0.0; }
 // The components of an effect that were estimated, in their order; and the strongest first.

@@ -106,7 +106,7 @@ std::string embeddable_svg(std::string_view svg, std::string_view id, std::strin
 }
 
 constexpr const char* html_colours[] = {"#D55E00", "#0072B2", "#0072B2", "#D55E00", "#009E73", "#808080"};
-const char* html_colour(Colour colour) { return html_colours[static_cast<std::size_t>(colour)]; }
+const char* html_colour(Colour colour) { return html_colours[std::size_t(colour)]; }
 
 struct StyleRow {
   const char *gnuplot, *glyph;
@@ -114,7 +114,7 @@ struct StyleRow {
 constexpr StyleRow style_rows[] = {
     {"lines lw 1.4", "—"},       {"lines dt 2 lw 1.4", "┄"},  {"points pt 6 ps 0.75 lw 1.5", "○"},
     {"points pt 7 ps 0.5", "●"}, {"points pt 9 ps 0.6", "▲"}, {"points pt 5 ps 0.45", "■"}};
-const StyleRow& style_of(const Series& series) { return style_rows[static_cast<std::size_t>(series.style)]; }
+const StyleRow& style_of(const Series& series) { return style_rows[std::size_t(series.style)]; }
 
 bool is_known(const std::pair<double, double>& point) {
   return std::isfinite(point.first) && std::isfinite(point.second);
@@ -240,7 +240,7 @@ void append_marks(const Panel& panel, int width, std::string& script) {
 }
 
 void append_panel(const Panel& panel, const std::string& id, int width, std::string& script) {
-  const auto title_width = static_cast<std::size_t>(width) / 7;  // characters: none is cut by the frame
+  const auto title_width = std::size_t(width) / 7;  // characters: none is cut by the frame
   std::string plot;
   for (std::size_t s = 0; s < panel.series.size(); ++s) {
     if (!has_points(panel.series[s])) continue;
@@ -319,8 +319,8 @@ Figure small_panels(std::string id, std::string label, std::string caption) {
 }
 
 Drawing draw(const Figure& figure, bool whole) {
-  const int columns = std::min<int>(figure.columns, std::max<int>(1, static_cast<int>(figure.panels.size())));
-  const int rows = (static_cast<int>(figure.panels.size()) + columns - 1) / std::max(columns, 1);
+  const int columns = std::min<int>(figure.columns, std::max<int>(1, int(figure.panels.size())));
+  const int rows = (int(figure.panels.size()) + columns - 1) / std::max(columns, 1);
   const bool stacked = figure.stacked, apart = columns > 1 && !whole;
   const int width = figure.panel_width * (apart ? 1 : columns);
   Drawing drawing{figure.id, figure.label, {}, width, {}, legend_of(figure), figure.caption};

@@ -24,7 +24,7 @@ double within_180(double angle_deg) { return std::remainder(angle_deg, 360.0); }
 void add_motion(const CompressedRecording& recording, const SensorModel& model, std::size_t end, DwellResidual& dwell) {
   for (std::size_t k = std::min(end, recording.blocks.size()); k-- > 0;) {
     const Block& block = recording.blocks[k];
-    if (recording.segments[static_cast<std::size_t>(block.segment)].kind != SegmentKind::rotate) {
+    if (recording.segments[std::size_t(block.segment)].kind != SegmentKind::rotate) {
       if (block.whole_second) return;
       continue;
     }
@@ -34,13 +34,13 @@ void add_motion(const CompressedRecording& recording, const SensorModel& model, 
 
 DwellResidual::Side fit_side(const std::vector<ResidualPoint>& points, std::size_t first, std::size_t last, bool after,
                              const Eigen::Matrix3d& C_nb, double gravity_mps2) {
-  const auto rows = static_cast<Eigen::Index>(last - first);
+  const auto rows = Eigen::Index(last - first);
   Eigen::MatrixX3d shape(rows, 3);
   Eigen::MatrixX3d v(rows, 3);
   const double start_s = points[first].time_s;
   const double middle_s = 0.5 * (points[last - 1].time_s - start_s);
   for (Eigen::Index i = 0; i < rows; ++i) {
-    const ResidualPoint& p = points[first + static_cast<std::size_t>(i)];
+    const ResidualPoint& p = points[first + std::size_t(i)];
     const double t = p.time_s - start_s;
     shape.row(i) << 1.0, t, 0.5 * t * (t - 2.0 * middle_s);  // the slope is that of the middle
     v.row(i) = (after ? p.velocity_after_mps : p.velocity_before_mps).transpose();
@@ -88,8 +88,8 @@ std::vector<DwellResidual> dwell_residuals(const Diagnosis& diagnosis, const Com
     while (last > first && points[last - 1].time_s - points[first].time_s > fit_window_s) --last;
     if (last - first < fewest_seconds) continue;
     const ResidualPoint& p = points[first];
-    if (p.segment < 0 || static_cast<std::size_t>(p.segment) >= recording.segments.size()) continue;
-    const Segment& segment = recording.segments[static_cast<std::size_t>(p.segment)];
+    if (p.segment < 0 || std::size_t(p.segment) >= recording.segments.size()) continue;
+    const Segment& segment = recording.segments[std::size_t(p.segment)];
     DwellResidual d;
     d.segment = p.segment;
     d.step = segment.step;
@@ -101,9 +101,9 @@ std::vector<DwellResidual> dwell_residuals(const Diagnosis& diagnosis, const Com
       f += points[i].f_b_mps2;
       temperature += points[i].temperature_c;
     }
-    f /= static_cast<double>(last - first);
+    f /= double(last - first);
     d.f_b_g = f / standard_gravity_mps2;
-    d.temperature_c = recording.info.has_temperature ? temperature / static_cast<double>(last - first) : no_point;
+    d.temperature_c = recording.info.has_temperature ? temperature / double(last - first) : no_point;
     const Eigen::Matrix3d C_nb =
         level(attitude_from_angles(segment.heading_deg * rad_per_deg, segment.pitch_deg * rad_per_deg,
                                    segment.roll_deg * rad_per_deg),
@@ -267,7 +267,7 @@ DisplayUnit unit_of(const Ordinate& y, const std::vector<DwellResidual>& dwells)
   return y.unit(largest);
 }
 
-const char* name_of(int axis) { return body_names[static_cast<std::size_t>(std::clamp(axis, 0, 2))]; }
+const char* name_of(int axis) { return body_names[std::size_t(std::clamp(axis, 0, 2))]; }
 std::string label_of(const Abscissa& x, const ComponentAxes& axes) {
   return fmt::format(fmt::runtime(x.label), name_of(axes.sensor), name_of(axes.first), name_of(axes.second));
 }
@@ -288,8 +288,8 @@ std::vector<Panel> since_rotation_panels(const Diagnosis& diagnosis) {
   std::array<double, seconds> count{};
   for (auto& s : sum) s.fill(Vector3d::Zero());
   for (const ResidualPoint& p : diagnosis.residuals) {
-    if (!(p.since_rotation_s >= 0.0) || p.since_rotation_s >= static_cast<double>(seconds)) continue;
-    const auto k = static_cast<std::size_t>(p.since_rotation_s);
+    if (!(p.since_rotation_s >= 0.0) || p.since_rotation_s >= double(seconds)) continue;
+    const auto k = std::size_t(p.since_rotation_s);
     sum[k][0] += p.velocity_before_mps.cwiseAbs2();
     sum[k][1] += p.velocity_after_mps.cwiseAbs2();
     count[k] += 1.0;
@@ -301,15 +301,14 @@ std::vector<Panel> since_rotation_panels(const Diagnosis& diagnosis) {
   std::vector<Panel> panels;
   for (int axis = 0; axis < 3; ++axis) {
     Panel panel;
-    panel.title = n_names[static_cast<std::size_t>(axis)];
+    panel.title = n_names[std::size_t(axis)];
     panel.x_label = "time since rotation, s";
     panel.y_label = "rms velocity, " + unit.unit;
     panel.series = before_after_series(has_after(diagnosis));
     for (std::size_t s = 0; s < panel.series.size(); ++s)
       for (std::size_t k = 0; k < seconds; ++k)
         if (count[k] > 0.0)
-          panel.series[s].points.emplace_back(static_cast<double>(k) + 0.5,
-                                              std::sqrt(sum[k][s][axis] / count[k]) * unit.factor);
+          panel.series[s].points.emplace_back(double(k) + 0.5, std::sqrt(sum[k][s][axis] / count[k]) * unit.factor);
     panels.push_back(std::move(panel));
   }
   return panels;
@@ -320,8 +319,8 @@ Panel dwell_panel(const std::vector<DwellResidual>& dwells, const PlotAxes& plot
   const DisplayUnit unit = unit_of(plot.y, dwells);
   Panel panel;
   panel.x_label = label_of(plot.x, axes);
-  panel.y_label = fmt::format(fmt::runtime(plot.y.label), name_of(axes.sensor), unit.unit,
-                              n_names[static_cast<std::size_t>(axes.sensor)]);
+  panel.y_label =
+      fmt::format(fmt::runtime(plot.y.label), name_of(axes.sensor), unit.unit, n_names[std::size_t(axes.sensor)]);
   panel.angle = plot.x.angle;
   panel.series = before_after_series(with_after);
   for (Series& series : panel.series) {
@@ -335,7 +334,7 @@ Panel dwell_panel(const std::vector<DwellResidual>& dwells, const PlotAxes& plot
 
 // One row of up to three panels; a single one takes half of the width.
 void arrange(Figure& figure) {
-  figure.columns = static_cast<int>(std::max<std::size_t>(1, figure.panels.size()));
+  figure.columns = int(std::max<std::size_t>(1, figure.panels.size()));
   figure.panel_width = figure.columns < 3 ? 480 : 320;
   figure.panel_height = 270;
 }
@@ -399,7 +398,7 @@ std::vector<Figure> unexplained_figures(const std::vector<DwellResidual>& dwells
       panel.angle = x.angle;
       panel.y_label = (of_accel ? "accelerometer, " : "gyro, ") + unit.unit;
       for (int axis = 0; axis < 3; ++axis) {
-        Series& series = panel.series.emplace_back(axis_series(static_cast<std::size_t>(axis)));
+        Series& series = panel.series.emplace_back(axis_series(std::size_t(axis)));
         add_points(dwells, &DwellResidual::before, x, *y, {axis, first, -1}, unit.factor, series);
       }
       if (!panel.empty()) figure.panels.push_back(std::move(panel));

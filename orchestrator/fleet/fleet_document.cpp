@@ -101,7 +101,7 @@ Table level_table(const FleetDiagnosis& d, std::size_t factor) {
 Figure figure_of(const FleetEffect& effect, const FleetSource& source, const std::vector<std::string>& factors,
                  const FleetDiagnosis& d, std::size_t place_in_list) {
   const auto place = std::ranges::find(factors, effect.factor.empty() ? factors.front() : effect.factor);
-  const auto f = static_cast<std::size_t>(place - factors.begin());
+  const auto f = std::size_t(place - factors.begin());
   Figure figure = small_panels("effect" + std::to_string(place_in_list),
                                effect.component + ", " + unit_of_component(effect.component),
                                "A point is a recording, over days since " + date_of(source.first_day) +
@@ -113,10 +113,10 @@ Figure figure_of(const FleetEffect& effect, const FleetSource& source, const std
     const auto column = std::ranges::find(m.statistics.columns, effect.component);
     if (column == m.statistics.columns.end() || !std::isfinite(m.day)) continue;
     const auto k = column - m.statistics.columns.begin();
-    const double Q = static_cast<double>(m.statistics.Q(k, k));
+    const double Q = double(m.statistics.Q(k, k));
     if (!(Q > 0.0)) continue;
     const auto level = std::ranges::find(d.levels[f], m.level[f]) - d.levels[f].begin();
-    points[static_cast<std::size_t>(level)].emplace_back(m.day, m.statistics.s[k] / Q);
+    points[std::size_t(level)].emplace_back(m.day, m.statistics.s[k] / Q);
     sizes.push_back(std::abs(m.statistics.s[k] / Q));
     last = std::max(last, m.day);
   }
@@ -214,7 +214,7 @@ DataTable table_of(const FleetDiagnosis& d, const FleetSource& source) {
   for (const FleetEffect& e : d.effects) {
     begin(e.factor.empty() ? "all" : e.factor, e.level, e.component, e.shape, e.value, e.sigma, e.z);
     for (const double day : {e.begin_day, e.begin_low, e.begin_high}) date(e, day);
-    table.count(static_cast<std::int64_t>(e.recordings));
+    table.count(std::int64_t(e.recordings));
     table.text(join(e.rivals, "; "));
   }
   for (const OutstandingUnit& u : d.units) {

@@ -196,9 +196,9 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
       TRY(read_history(source, recording.hash, recording.data.info.simulated));
   const std::optional<FleetPrior> prior = fleet_prior(history, unit);
   if (!prior)
-    return input_error(fmt::format("{}: expected trusted calibrations of {} other units{}, found {} calibrations",
-                                   source.from, fleet_limits.least_prior_units,
-                                   source.part.empty() ? "" : " of part " + source.part, history.size()));
+    return input_error("{}: expected trusted calibrations of {} other units{}, found {} calibrations", source.from,
+                       fleet_limits.least_prior_units, source.part.empty() ? "" : " of part " + source.part,
+                       history.size());
   if (!output.fit) return input_error(recording.path + ": a prior: expected a recording with table angles");
   if (!output.fit->undetermined.empty()) {  // its own fit has ended anywhere along what it leaves open
     CalibrationRequest beside = request;
@@ -213,8 +213,8 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
     return key.first.starts_with("noise.") || (key.first.starts_with("quality.") && key.first != "quality.trusted");
   });
   describe_estimate(*output.fit, recording.data, false, file);
-  file.add_further(source_key, static_cast<double>(prior->units));
-  file.add_further("quality.prior.calibrations_of_unit", static_cast<double>(prior->own));
+  file.add_further(source_key, double(prior->units));
+  file.add_further("quality.prior.calibrations_of_unit", double(prior->own));
   if (noise) describe_noise(*noise, file, output.notes);
   if (!effect.changed.empty()) {
     const std::string keys = keys_of(effect.changed);
@@ -230,7 +230,7 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
   std::string shares = "prior: its share of the information:";
   for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
     if (!parameter_is_free[k]) continue;
-    const double share = effect.share[static_cast<Eigen::Index>(k)];
+    const double share = effect.share[Eigen::Index(k)];
     file.add_further(fmt::format("quality.prior.share.{}", parameter_keys[k]), share);
     shares += fmt::format(" {} {:.0f} %", parameter_keys[k], 100.0 * share);
   }

@@ -271,7 +271,7 @@ Result<RecalibrationCounts> recalibrate(const std::vector<ArchiveEntry>& archive
   if (Status status = make_folder(root); !status) return device_error(status.error().message);
   std::vector<const ArchiveEntry*> mine;
   for (std::size_t k = 0; k < archive.size(); ++k)
-    if (static_cast<int>(k % static_cast<std::size_t>(request.chunks)) == request.chunk) mine.push_back(&archive[k]);
+    if (int(k % std::size_t(request.chunks)) == request.chunk) mine.push_back(&archive[k]);
 
   RecalibrationCounts counts;
   counts.entries = mine.size();

@@ -52,7 +52,7 @@ Status submit(Job& job, const std::vector<int>& chunks) {
     arguments.push_back(word);
   arguments.insert(arguments.end(), job.command.begin(), job.command.end());
   const std::string id = TRY(ask_slurm("sbatch", std::move(arguments)));
-  for (const int k : chunks) ++job.attempts[static_cast<std::size_t>(k)];
+  for (const int k : chunks) ++job.attempts[std::size_t(k)];
   return {};
 }
 
@@ -78,7 +78,7 @@ Result<Queue> queue_of(const Job& job) {
     if (!chunk || blank == std::string_view::npos) continue;
     std::string words(line.substr(blank + 1));
     if (words.ends_with(" None")) words.resize(words.size() - 5);
-    queue.state[static_cast<int>(*chunk)] = words;
+    queue.state[int(*chunk)] = words;
   }
   return queue;
 }
@@ -128,12 +128,12 @@ Status collect(const Job& job, const RecalibrationRequest& request) {
 Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>& archive,
                                                  const RecalibrationRequest& request, const SlurmOptions& options,
                                                  const RecalibrationProgress& progress) {
-  const std::size_t wanted = options.chunks > 0 ? static_cast<std::size_t>(options.chunks)
+  const std::size_t wanted = options.chunks > 0 ? std::size_t(options.chunks)
                                                 : std::min(archive.size() / recordings_of_a_chunk + 1, most_chunks);
   const std::size_t chunks = std::min(wanted, archive.size());
   Job job = TRY(prepare(archive, request, chunks));
   std::vector<int> open;
-  for (std::size_t k = 0; k < chunks; ++k) open.push_back(static_cast<int>(k));
+  for (std::size_t k = 0; k < chunks; ++k) open.push_back(int(k));
   if (Status status = submit(job, open); !status) {
     std::error_code error;
     fs::remove_all(job.folder, error);
@@ -149,7 +149,7 @@ Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>
     const Result<Queue> queue = queue_of(job);  // before the files: what has left the queue has written its file
     std::vector<int> still, missing;
     for (const int k : open) {
-      const Result<std::string> text = read_whole_file(file_of(job, static_cast<std::size_t>(k), ".csv"));
+      const Result<std::string> text = read_whole_file(file_of(job, std::size_t(k), ".csv"));
       if (text)
         count_outcomes(*text, counts);
       else if (still.push_back(k); queue && !queue->state.contains(k))
@@ -161,7 +161,7 @@ Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>
     std::set_intersection(missing.begin(), missing.end(), gone.begin(), gone.end(), std::back_inserter(again));
     gone = missing;
     std::erase_if(again, [&](int k) {
-      if (job.attempts[static_cast<std::size_t>(k)] < options.most_attempts) return false;
+      if (job.attempts[std::size_t(k)] < options.most_attempts) return false;
       failed.push_back(k);
       std::erase(open, k);
       return true;
@@ -180,7 +180,7 @@ Result<RecalibrationCounts> recalibrate_on_slurm(const std::vector<ArchiveEntry>
     fs::remove_all(job.folder, error);
     return counts;
   }
-  const auto first = static_cast<std::size_t>(failed.front());
+  const auto first = std::size_t(failed.front());
   const std::string log = file_of(job, first, ".log");
   return device_error(fmt::format("{} of {} chunks failed {} times; {}: {}", failed.size(), chunks,
                                   options.most_attempts, log, last_line(log)));

@@ -63,7 +63,7 @@ Result<VersionChanges> compare_versions(const std::string& store, const std::str
     const ParameterFile after = TRY(read_parameter_file(new_path));
     for (std::size_t k = 0; k < all.size(); ++k) {
       if (!before.sigma[k] || !after.sigma[k] || !(*after.sigma[k] > 0.0) || !(*before.sigma[k] > 0.0)) continue;
-      const auto at = static_cast<Eigen::Index>(k);
+      const auto at = Eigen::Index(k);
       const double change = (after.parameters[at] - before.parameters[at]) / *after.sigma[k];
       ParameterChange& c = all[k];
       ++c.recordings;
@@ -82,8 +82,8 @@ Result<VersionChanges> compare_versions(const std::string& store, const std::str
     ParameterChange& c = all[k];
     if (c.recordings == 0) continue;
     c.key = parameter_keys[k];
-    c.mean /= static_cast<double>(c.recordings);
-    c.rms = std::sqrt(c.rms / static_cast<double>(c.recordings));
+    c.mean /= double(c.recordings);
+    c.rms = std::sqrt(c.rms / double(c.recordings));
     c.sigma_ratio = median(ratios[k]);
     changes.parameters.push_back(std::move(c));
   }

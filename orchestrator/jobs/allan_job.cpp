@@ -74,12 +74,11 @@ class RestReader {
     if (left_out_ > 0)
       found.notes.push_back(fmt::format("{} samples left out: marked as bad, glitches, or beyond any unit", left_out_));
     const std::vector<double>& mean = found.cells.mean[0];
-    const auto cells = static_cast<double>(mean.size());
-    const auto lost = static_cast<double>(std::ranges::count_if(mean, [](double v) { return std::isnan(v); }));
+    const auto cells = double(mean.size());
+    const auto lost = double(std::ranges::count_if(mean, [](double v) { return std::isnan(v); }));
     constexpr double least_s = 10.0;
     if (cells * found.cells.cell_s < least_s)
-      return input_error(
-          fmt::format("{}: {:.3g} s at rest: expected at least {:g} s", path_, cells * found.cells.cell_s, least_s));
+      return input_error("{}: {:.3g} s at rest: expected at least {:g} s", path_, cells * found.cells.cell_s, least_s);
     if (lost > 0.0) found.notes.push_back(fmt::format("gaps: {:.2g} % of the time at rest", 100.0 * lost / cells));
     return found;
   }
@@ -120,17 +119,15 @@ class RestReader {
     if (!first_) first_ = counter;
     sum_ += increments;
     if (++summed_ < a_second_) return {};
-    const Channels mean = sum_.cwiseProduct(si_) / (static_cast<double>(summed_) * info_.sample_period_s);
+    const Channels mean = sum_.cwiseProduct(si_) / (double(summed_) * info_.sample_period_s);
     sum_.setZero();
     summed_ = 0;
     if (!first_mean_) first_mean_ = mean;
     const Channels moved = (mean - *first_mean_).cwiseAbs();
     for (Eigen::Index k = 0; k < 6; ++k)
       if (!(moved[k] < (k < 3 ? moves_radps : moves_mps2)))
-        return input_error(
-            fmt::format("{}: {} moves at {:.1f} s: expected a unit at rest; `turncal segment` finds rests", path_,
-                        channel_names[static_cast<std::size_t>(k)],
-                        static_cast<double>(counter - *first_) * info_.sample_period_s));
+        return input_error("{}: {} moves at {:.1f} s: expected a unit at rest; `turncal segment` finds rests", path_,
+                           channel_names[std::size_t(k)], double(counter - *first_) * info_.sample_period_s);
     return {};
   }
 
@@ -182,9 +179,8 @@ Result<AllanResult> deviation_of(const RestCells& cells, const std::string& path
   AllanResult result = allan_deviation(cells);
   for (std::size_t axis = 0; axis < 6; ++axis)
     if (result.axes[axis].points.empty())
-      return input_error(
-          fmt::format("{}: {} reads {:g} throughout: expected a channel that is connected and shows noise", path,
-                      channel_names[axis], cells.mean[axis].front()));
+      return input_error("{}: {} reads {:g} throughout: expected a channel that is connected and shows noise", path,
+                         channel_names[axis], cells.mean[axis].front());
   return result;
 }
 

@@ -63,7 +63,7 @@ class TableLife {
 bool overlap(const LoadedRecording& earlier, const LoadedRecording& later) {
   const auto &from = earlier.data.info.started_utc_s, &at = later.data.info.started_utc_s;
   constexpr double whole_seconds = 2.0;  // both times are
-  return from && at && *from <= *at && static_cast<double>(*at - *from) < earlier.recorded_s - whole_seconds;
+  return from && at && *from <= *at && double(*at - *from) < earlier.recorded_s - whole_seconds;
 }
 
 }  // namespace
@@ -104,7 +104,7 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
                         blocks.value_or(loaded.by_hand ? rest_compression_options() : CompressionOptions{}));
   std::optional<ClippingFinder> clipping;
   if (loaded.by_hand) clipping.emplace();
-  loaded.recorded_s = static_cast<double>(segments.back().end_sample) * source.info().sample_period_s;
+  loaded.recorded_s = double(segments.back().end_sample) * source.info().sample_period_s;
   if (before_step > 0)
     segments.erase(std::ranges::find_if(segments, [&](const Segment& segment) { return segment.step >= before_step; }),
                    segments.end());
@@ -121,7 +121,7 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
     life.add(samples);
     if (clipping)
       for (const ImuSample& sample : samples) clipping->add(sample);
-    count += static_cast<std::int64_t>(samples.size());
+    count += std::int64_t(samples.size());
     if (progress) progress(count);
     return Status{};
   }));
@@ -166,18 +166,18 @@ Status check_same_unit(const std::vector<const LoadedRecording*>& recordings) {
     };
     const auto found = keys(info), wanted = keys(expected);
     if (const auto [is, instead] = std::ranges::mismatch(found, wanted); is != found.end())
-      return input_error(fmt::format("{}: {} = '{}': expected '{}', as in {}", one->path, is->first, is->second,
-                                     instead->second, first.path));
+      return input_error("{}: {} = '{}': expected '{}', as in {}", one->path, is->first, is->second, instead->second,
+                         first.path);
     if (one->by_hand != first.by_hand)
-      return input_error(fmt::format("{}: expected a recording {} table angles, as {}", one->path,
-                                     first.by_hand ? "without" : "with", first.path));
+      return input_error("{}: expected a recording {} table angles, as {}", one->path,
+                         first.by_hand ? "without" : "with", first.path);
     // The rig's clock begins every dry run at the same time.
     const auto meanwhile = std::ranges::find_if(recordings, [&](const LoadedRecording* other) {
       return other != one && !info.simulated && overlap(*other, *one);
     });
     if (meanwhile != recordings.end())
-      return input_error(one->path + ": started_utc = " + format_utc(static_cast<double>(*info.started_utc_s)) +
-                         ", while " + (*meanwhile)->path + " was being recorded: expected one unit, at one time");
+      return input_error(one->path + ": started_utc = " + format_utc(double(*info.started_utc_s)) + ", while " +
+                         (*meanwhile)->path + " was being recorded: expected one unit, at one time");
     const auto same = [&](const LoadedRecording* other) { return other != one && other->hash == one->hash; };
     if (std::ranges::any_of(recordings, same))
       return input_error(one->path + ": is given twice: expected recordings that differ");
@@ -218,7 +218,7 @@ void note_joint(const JointResult& result, double sample_period_s, std::vector<s
   note_mounting(result, notes);
   for (const Fault& fault : result.faults)
     notes.push_back(fmt::format("fault: {} at sample {} ({:.3f} s): {}", fault.what, fault.first_sample,
-                                static_cast<double>(fault.first_sample) * sample_period_s, fault.action));
+                                double(fault.first_sample) * sample_period_s, fault.action));
   for (const Undetermined& direction : result.undetermined) {
     if (direction.combination.empty()) continue;
     std::string line = "not determined by this recording:";
@@ -334,7 +334,7 @@ Result<std::vector<CalibrationOutput>> calibrate_each(const std::vector<LoadedRe
       each[k] = calibrate_recording(recordings[k], request);
       if (each[k])
         each[k]->notes.push_back("determines too little by itself: its biases beside the parameters of " +
-                                 recordings[static_cast<std::size_t>(known - each.begin())].path);
+                                 recordings[std::size_t(known - each.begin())].path);
     }
     if (!each[k]) return each[k].error();
     outputs.push_back(std::move(*each[k]));
@@ -358,8 +358,8 @@ Status check_together(const Recordings& fitted, const Recordings& holdouts) {
       const double is = one->data.info.*value, expected = first.data.info.*value;
       const bool alike = value == &RecordingInfo::sample_period_s ? same_sample_period(is, expected) : is == expected;
       if (alike) return {};
-      return input_error(fmt::format("{}: {} = {}: expected {}, as in {}", one->path, key, format_number(is),
-                                     format_number(expected), first.path));
+      return input_error("{}: {} = {}: expected {}, as in {}", one->path, key, format_number(is),
+                         format_number(expected), first.path);
     };
     TRY(same("sample_period_s", &RecordingInfo::sample_period_s));
     TRY(same("latitude_deg", &RecordingInfo::latitude_deg));
@@ -376,8 +376,7 @@ void navigate_effects(const LoadedRecording& recording, const Diagnosis& diagnos
   const LoadedRecording& navigated = request.holdouts.empty() ? recording : *request.holdouts.front();
   const RecordingInfo& info = navigated.data.info;
   const Segments& segments = navigated.data.segments;
-  const double to_s =
-      static_cast<double>(segments.back().end_sample - segments.front().start_sample) * info.sample_period_s;
+  const double to_s = double(segments.back().end_sample - segments.front().start_sample) * info.sample_period_s;
   Result<NavigationWorth> worth = worth_of_effects(diagnosis, context, request.samples, navigated.data, to_s);
   if (!worth) {
     context.notes.push_back("not navigated: " + worth.error().message);
@@ -453,8 +452,7 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
 
 void add_measured_utc(const RecordingInfo& info, ParameterFile& file) {
   const std::string key = "record.measured_utc";
-  if (info.started_utc_s && !find_further(file, key))
-    file.add_further(key, format_utc(static_cast<double>(*info.started_utc_s)));
+  if (info.started_utc_s && !find_further(file, key)) file.add_further(key, format_utc(double(*info.started_utc_s)));
 }
 
 Error not_determined(const std::string& what) {

@@ -30,7 +30,7 @@ std::size_t first_item_of(const Run& run, bool of_legs) {
     return (run.verify_from > 0 && item.step >= run.verify_from) ||
            (of_legs && run.sequence.steps[item.step_index].file == settling_name);
   });
-  return static_cast<std::size_t>(found - run.plan.items.begin());
+  return std::size_t(found - run.plan.items.begin());
 }
 
 // Of which least is known. REQUIRES one.
@@ -63,7 +63,7 @@ Segments takes_of_last(const Segments& segments, std::size_t dwells) {
   Segments takes;  // in the last pose; a run that was taken up settles again between them
   for (auto at = segments.rbegin(); at != segments.rend() && same_pose(*at); ++at)
     if (at->kind != SegmentKind::rotate) takes.insert(takes.begin(), *at);
-  takes.erase(takes.begin(), takes.begin() + static_cast<std::ptrdiff_t>(std::min(takes.size(), dwells - 1)));
+  takes.erase(takes.begin(), takes.begin() + std::ptrdiff_t(std::min(takes.size(), dwells - 1)));
   return takes;
 }
 
@@ -263,7 +263,7 @@ std::optional<std::size_t> EnoughWatch::expected_end(const std::vector<NeededSig
   const auto enough_at = [&](std::size_t items) {
     const ParameterVector& then = planned_sigmas(items, fit);
     return std::ranges::all_of(sigmas, [&](const NeededSigma& one) {
-      const auto k = static_cast<Eigen::Index>(one.parameter);
+      const auto k = Eigen::Index(one.parameter);
       return now(k) > 0.0 && then(k) * (soonest ? std::min(1.0, one.sigma / now(k)) : one.sigma / now(k)) <= one.needed;
     });
   };
@@ -305,7 +305,7 @@ JournalFields EnoughWatch::note(const std::vector<KnownSoFar>& units, std::size_
   return {{"item", std::to_string(next_item - 1)},
           {"enough", enough ? "true" : "false"},
           {"again", again ? "true" : "false"},
-          {"set_aside", format_number(static_cast<double>(set_aside))},
+          {"set_aside", format_number(double(set_aside))},
           {"unit", units.size() > 1 ? least.unit : ""},
           {"worst", worst ? parameter_key(worst->parameter) : ""},
           {"sigma", worst ? format_number(worst->sigma) : ""},

@@ -22,9 +22,9 @@ namespace {
 Status check_option(const char* option, double value, double min, double max, bool min_excluded = false) {
   const bool good = (min_excluded ? value > min : value >= min) && value <= max;  // false for NaN
   if (good) return {};
-  return input_error(fmt::format(fmt::runtime(min_excluded ? "{} = {}: expected a number above {} and not above {}"
-                                                           : "{} = {}: expected a number from {} to {}"),
-                                 option, format_number(value), format_number(min), format_number(max)));
+  return input_error(fmt::runtime(min_excluded ? "{} = {}: expected a number above {} and not above {}"
+                                               : "{} = {}: expected a number from {} to {}"),
+                     option, format_number(value), format_number(min), format_number(max));
 }
 
 Status check_request(const PredictRequest& r) {

@@ -43,11 +43,10 @@ Status check_names(const std::string& path) {
   const std::filesystem::path whole = std::filesystem::absolute(path, error);
   for (const std::filesystem::path& part : whole)
     if (part.string().size() > NAME_MAX)
-      return input_error(
-          fmt::format("'{}': {} bytes: expected a name of at most {}", part.string(), part.string().size(), NAME_MAX));
+      return input_error("'{}': {} bytes: expected a name of at most {}", part.string(), part.string().size(),
+                         NAME_MAX);
   if (whole.string().size() + longest_file_name < PATH_MAX) return {};
-  return input_error(
-      fmt::format("{}: too long a path: expected at most {} bytes", whole.string(), PATH_MAX - longest_file_name));
+  return input_error("{}: too long a path: expected at most {} bytes", whole.string(), PATH_MAX - longest_file_name);
 }
 
 // A driver believes no position beyond what its table's file calls plausible, and refuses to move there.
@@ -63,9 +62,8 @@ Status check_plausible(const StationConfig& station, const Plan& plan) {
     axis = item.axis;
   }
   if (farthest_deg <= table->plausible_deg) return {};
-  return input_error(fmt::format("{}: plausible.angle_deg = {}: expected at least {}, as far as the sequence turns {}",
-                                 table->file, format_number(table->plausible_deg), format_number(farthest_deg),
-                                 to_string(axis)));
+  return input_error("{}: plausible.angle_deg = {}: expected at least {}, as far as the sequence turns {}", table->file,
+                     format_number(table->plausible_deg), format_number(farthest_deg), to_string(axis));
 }
 
 // The registers of a map, or the sentences of a dialect, hold every move of the plan, and tell the axis to the tolerance.
@@ -78,9 +76,9 @@ Status check_moves(const StationConfig& station, const Plan& plan) {
     const double count_deg = 1.0 / map->of(axis).units_per_degree;
     if (is_floating(map->of(axis).position.type) || 0.5 * count_deg <= station.motion.position_tolerance_deg) continue;
     return input_error(
-        fmt::format("{}: axis.{}.counts_per_degree: a count is {} deg: expected at most twice "
-                    "motion.position_tolerance_deg",
-                    table->file, to_string(axis), format_number(count_deg)));
+        "{}: axis.{}.counts_per_degree: a count is {} deg: expected at most twice "
+        "motion.position_tolerance_deg",
+        table->file, to_string(axis), format_number(count_deg));
   }
   for (const PlannedItem& item : plan.items) {
     if (item.kind != SequenceItem::Kind::move) continue;
@@ -92,8 +90,8 @@ Status check_moves(const StationConfig& station, const Plan& plan) {
         map ? check_move(*map, item.axis, moves)
             : check_move(*station.table.dialect, item.axis, moves, station.motion.position_tolerance_deg);
     if (!fits)
-      return input_error(fmt::format("{}: {}, for {} to {} deg at {} deg/s", table->file, fits.error().message,
-                                     to_string(item.axis), format_number(item.to_deg), format_number(item.rate_degps)));
+      return input_error("{}: {}, for {} to {} deg at {} deg/s", table->file, fits.error().message,
+                         to_string(item.axis), format_number(item.to_deg), format_number(item.rate_degps));
   }
   return {};
 }
@@ -105,7 +103,7 @@ std::string unreadable(const std::string& command) {
   FILE* const shell = ::popen(("exec /bin/sh -n -c " + quoted + "' 2>&1").c_str(), "r");
   if (shell == nullptr) return "";
   std::string said;
-  for (int c = std::fgetc(shell); c != EOF; c = std::fgetc(shell)) said += static_cast<char>(c);
+  for (int c = std::fgetc(shell); c != EOF; c = std::fgetc(shell)) said += char(c);
   if (::pclose(shell) == 0) return "";
   return said.substr(0, said.find('\n'));
 }
@@ -130,9 +128,9 @@ Status check_due(const StationConfig& station, double utc_s, const std::string& 
   // Days as 2026-12-31 sort as they follow each other.
   if (due.empty() || today <= due || !overdue_reason.empty()) return {};
   return input_error(
-      fmt::format("the calibration of table '{}' was due on {}, today is {}: expected a calibrated table, or "
-                  "--override-due REASON, which goes on record",
-                  station.table_id, due, today));
+      "the calibration of table '{}' was due on {}, today is {}: expected a calibrated table, or "
+      "--override-due REASON, which goes on record",
+      station.table_id, due, today);
 }
 
 constexpr std::size_t most_predicted = 20000;  // items: some 10 s of a core
@@ -180,7 +178,7 @@ std::vector<std::string> undetermined_by(const Sequence& sequence, const Plan& p
   PredictOptions options;
   options.noise = noise_model({});
   ParameterVector asked;
-  for (int k = 0; k < parameter_count; ++k) asked[k] = parameter_is_free[static_cast<std::size_t>(k)] ? 1.0 : 0.0;
+  for (int k = 0; k < parameter_count; ++k) asked[k] = parameter_is_free[std::size_t(k)] ? 1.0 : 0.0;
   return open_parameters(predict(info, planned_motion(sequence, plan), options), asked);
 }
 
@@ -188,7 +186,7 @@ std::vector<std::string> open_parameters(const Prediction& prediction, const Par
   std::vector<std::string> keys;
   for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
     const bool determined = prediction.valid && prediction.determined[k];
-    if (asked[static_cast<Eigen::Index>(k)] > 0.0 && !determined) keys.emplace_back(parameter_keys[k]);
+    if (asked[Eigen::Index(k)] > 0.0 && !determined) keys.emplace_back(parameter_keys[k]);
   }
   return keys;
 }

@@ -76,7 +76,7 @@ void note_outcome(const RunOutcome& outcome, Run& run) {
   for (std::size_t i = 0; i < run.units.size(); ++i) {
     const RunOutcome::Unit& end = outcome.units[i];
     RunUnit& unit = run.units[i];
-    unit.recorded_s = static_cast<double>(end.recorded_samples) * run.sample_period_s();
+    unit.recorded_s = double(end.recorded_samples) * run.sample_period_s();
     unit.repeated_dwells = outcome.repeated_dwells;
     unit.lost_samples = end.lost_samples;
     if (end.dropped_out && !unit.dropped) unit.drop(*end.dropped_out);
@@ -117,7 +117,7 @@ struct RunView {
         // A line redrawn in place would run over the operator's answers.
         in_place(context.out_is_terminal && !prompts),
         progress(
-            context.out, in_place ? context.terminal_columns - static_cast<int>(tag_of(run).size()) : 0,
+            context.out, in_place ? context.terminal_columns - int(tag_of(run).size()) : 0,
             // A dry run is over in seconds; whoever turns the table has other things to read.
             run.request.session.verbose || !(in_place || run.request.dry_run || prompts || run.request.session.brief),
             monotonic_s, stdout_takes_more),

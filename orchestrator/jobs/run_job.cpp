@@ -47,8 +47,8 @@ Status seal_like(const RunUnit& unit, const RunUnit& sealed) {
   const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(recording_of(sealed)));
   RecordingWriter writer = TRY(RecordingWriter::reopen(partial_of(unit), RecordingWriter::OpenSegment::drop));
   if (writer.segments().size() != source->segments().size())
-    return input_error(fmt::format("{}: holds {} segments, expected {} as in {}", partial_of(unit),
-                                   writer.segments().size(), source->segments().size(), recording_of(sealed)));
+    return input_error("{}: holds {} segments, expected {} as in {}", partial_of(unit), writer.segments().size(),
+                       source->segments().size(), recording_of(sealed));
   TRY(writer.finish());
   return rename_durably(partial_of(unit), recording_of(unit));
 }
@@ -100,9 +100,9 @@ Status check_what_is_over(const Run& run, const JournalContents& contents) {
     if (units[i].dropped) continue;
     TRY(check_parameters(units[i], contents));
     if (path_exists(partial_of(units[i])))
-      return input_error(fmt::format(
+      return input_error(
           "{}: expected no recording that goes on beside {} of a run that is complete: one of them is of another run",
-          partial_of(units[i]), journal_name));
+          partial_of(units[i]), journal_name);
     const std::string path = recording_of(units[i]);
     if (path_exists(path)) {
       const LoadedRecording loaded = TRY(load_recording(path));
@@ -111,9 +111,9 @@ Status check_what_is_over(const Run& run, const JournalContents& contents) {
     }
     const Result<std::string> log = read_whole_file(run.folder + "/" + log_name);
     if (!log || log->find(removed_by_prune) == std::string::npos)
-      return input_error(fmt::format(
+      return input_error(
           "{}: is missing, and {} does not say that it was pruned: expected the {} and the recording of one run", path,
-          log_name, journal_name));
+          log_name, journal_name);
   }
   return {};
 }
@@ -129,8 +129,8 @@ Status read_sealed_recordings(Run& run, const JournalContents& contents) {
     if (!loaded) return device_error(loaded.error().message + " (the recording was whole when it was sealed)");
     const RecordingInfo& info = loaded->data.info;
     if (info.simulated != run.simulated() || info.unit_serial != unit.serial)
-      return input_error(fmt::format("{}: the recording is of unit {} and {}, the journal is of another", unit.folder,
-                                     info.unit_serial, info.simulated ? "simulated" : "real"));
+      return input_error("{}: the recording is of unit {} and {}, the journal is of another", unit.folder,
+                         info.unit_serial, info.simulated ? "simulated" : "real");
     TRY(check_sealed(*loaded, contents, i));
     unit.repeated_dwells = contents.last_dwell->repeated_dwells;
     unit.lost_samples = contents.last_dwell->units[i].lost_samples;

@@ -52,8 +52,7 @@ Status check_words(const RunRequest& request) {
   for (const RecordWord& record : record_words) {
     const std::string& word = request.*record.word;
     if (!word.empty() && !is_plain_text(word))
-      return input_error(
-          fmt::format("{} {}: expected printable characters without '#'", record.option, turncal::quoted(word)));
+      return input_error("{} {}: expected printable characters without '#'", record.option, turncal::quoted(word));
   }
   return {};
 }
@@ -76,8 +75,8 @@ Status check_chamber(const RunPlan& run) {
   const auto& chamber = run.station.chamber;
   if (run.request.temperature_c) {
     if (!chamber)
-      return input_error(fmt::format("--temperature: station '{}' has no chamber: expected chamber.file in its file",
-                                     run.station.name));
+      return input_error("--temperature: station '{}' has no chamber: expected chamber.file in its file",
+                         run.station.name);
     if (const Status fits = check_temperature(*chamber, *run.request.temperature_c); !fits)
       return input_error("--temperature: " + fits.error().message);
   }
@@ -142,9 +141,8 @@ Status turn_on_again(RunPlan& run) {
   if (run.request.continues.empty()) return {};
   const JournalContents before = TRY(read_journal(run.request.continues + "/" + journal_name));
   if (before.begin_value("rig_hash") != run.hashes.rig)
-    return input_error(fmt::format("{}: is not the rig of the run in {}",
-                                   run.request.rig.empty() ? "the built-in rig" : run.request.rig,
-                                   run.request.continues));
+    return input_error("{}: is not the rig of the run in {}",
+                       run.request.rig.empty() ? "the built-in rig" : run.request.rig, run.request.continues);
   run.rig.unit_seed = run.rig.unit_seed.value_or(run.rig.seed);
   run.rig.noise_seed = run.rig.noise_seed.value_or(run.rig.seed);
   constexpr std::uint64_t another = 1000003;
@@ -163,8 +161,8 @@ Status turn_on_again(RunPlan& run) {
 Status turn_on_of_lot(RunPlan& run) {
   if (!run.rig.lot.seed) return {};
   if (run.request.units.size() > 1)
-    return input_error(
-        fmt::format("{}: lot.seed: expected one unit at a time, found {}", run.request.rig, run.request.units.size()));
+    return input_error("{}: lot.seed: expected one unit at a time, found {}", run.request.rig,
+                       run.request.units.size());
   const std::optional<double> began_s = parse_utc(run.began_utc);
   run.rig.start_utc_s = TRY(began_s ? Result<double>(*began_s) : next_beginning(run.station, run.rig));
   run.rig = rig_of_lot(run.rig, run.unit());
@@ -249,12 +247,12 @@ Status check_real_devices(const StationConfig& station) {
                        ": link.kind = rig: expected a chamber on a line, or --dry-run to rehearse");
   const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
   if (!mock && !rig) return {};
-  return input_error(fmt::format(
+  return input_error(
       "station '{}' has {}", station.name,
       mock && rig ? "only mock devices (table.driver = mock, imu.driver = rig): nothing real would move; turncal run "
                     "--dry-run rehearses"
       : mock      ? "a mock table (table.driver = mock): expected table and unit both real, or --dry-run to rehearse"
-                  : "a mock unit (imu.driver = rig): expected table and unit both real, or --dry-run to rehearse"));
+                  : "a mock unit (imu.driver = rig): expected table and unit both real, or --dry-run to rehearse");
 }
 
 Result<int> append_north_seeking(const StationConfig& station, Sequence& sequence) {
@@ -277,16 +275,15 @@ Result<RunPlan> plan_run(const RunRequest& request) {
   run.station = TRY(station_from(wanted.station, station_text, request.station));
   if (wanted.manual) turn_by_hand(run.station);
   if (wanted.rehearsal() && wanted.units.size() > 1)
-    return input_error(
-        fmt::format("--manual --dry-run with {} units: expected one, a rehearsal has one rig", wanted.units.size()));
+    return input_error("--manual --dry-run with {} units: expected one, a rehearsal has one rig", wanted.units.size());
   run.hashes.station = hash_of_text(station_text);
 
   TRY(wanted.dry_run ? prepare_rig(run) : check_live(run));
   TRY(check_chamber(run));
   if (wanted.units.size() > places(run))
-    return input_error(fmt::format(
+    return input_error(
         "--unit: {} units: expected at most {}{}", wanted.units.size(), places(run),
-        wanted.dry_run ? " in a dry run" : ", as station '" + run.station.name + "' has places (imu.2.device ...)"));
+        wanted.dry_run ? " in a dry run" : ", as station '" + run.station.name + "' has places (imu.2.device ...)");
 
   const std::string sequence_text =
       TRY(wanted.sequence == builtin_verify_name ? Result<std::string>(std::string(builtin_verify_text))
@@ -343,8 +340,8 @@ RunRequest request_of(const JournalContents& journal) { return beginning_of(jour
 Result<RunRequest> request_again(const JournalContents& journal, const RunRequest& now) {
   RunRequest request = request_of(journal);
   if (!now.units.empty() && now.units != request.units) {
-    return input_error(fmt::format("--unit '{}': expected '{}', whose run this is", fmt::join(now.units, "', '"),
-                                   fmt::join(request.units, "', '")));
+    return input_error("--unit '{}': expected '{}', whose run this is", fmt::join(now.units, "', '"),
+                       fmt::join(request.units, "', '"));
   }
   for (std::string RunRequest::*file : {&RunRequest::station, &RunRequest::sequence, &RunRequest::rig})
     if (!(now.*file).empty()) request.*file = now.*file;
@@ -364,20 +361,19 @@ Result<RunRequest> continuing(const RunRequest& asked) {
                                       {"--partial", asked.partial},
                                       {"--capture-only", asked.capture_only}})
     if (given)
-      return input_error(fmt::format(
+      return input_error(
           "{}: expected no such option beside --continue, which goes on with the unit and the station of {}", option,
-          asked.continues));
+          asked.continues);
   if (asked.sequence.empty()) return input_error("--continue: expected --sequence, what is to be recorded");
   const std::string journal = asked.continues + "/" + journal_name;
   if (!path_exists(journal))
     return input_error(asked.continues + ": holds no " + journal_name + ": expected the folder of a run");
   RunRequest request = request_of(TRY(read_journal(journal)));
   if (request.units.size() != 1)
-    return input_error(
-        fmt::format("{}: is a run of {} units: expected a run of one", asked.continues, request.units.size()));
+    return input_error("{}: is a run of {} units: expected a run of one", asked.continues, request.units.size());
   if (!path_exists(asked.continues + "/" + binary_recording_name))
-    return input_error(fmt::format("{}: holds no {}: expected a run that has recorded all (turncal resume)",
-                                   asked.continues, binary_recording_name));
+    return input_error("{}: holds no {}: expected a run that has recorded all (turncal resume)", asked.continues,
+                       binary_recording_name);
   if (asked.dry_run && !request.dry_run)
     return input_error("--dry-run: expected none, " + asked.continues + " is a run of a real unit");
   request.continues = std::filesystem::absolute(asked.continues).lexically_normal().string();
@@ -406,9 +402,9 @@ Status check_unchanged(const RunPlan& run, const JournalContents& journal) {
       {"parameter file", &FileHashes::verified, request.verified}};
   for (const auto& [what, hash, path] : files)
     if (began.*hash != run.hashes.*hash)
-      return input_error(fmt::format("{}: is not the {} that the run began with: expected hash {}, found {}",
-                                     path.empty() ? std::string("the built-in ") + what : path, what, began.*hash,
-                                     run.hashes.*hash));
+      return input_error("{}: is not the {} that the run began with: expected hash {}, found {}",
+                         path.empty() ? std::string("the built-in ") + what : path, what, began.*hash,
+                         run.hashes.*hash);
   return {};
 }
 

@@ -55,7 +55,7 @@ std::string samples_of(const Making& m) {
 bool is_diagnosed(const Making& m) {
   double recorded_s = 0.0;
   for (const LoadedRecording& one : m.recordings)
-    recorded_s += static_cast<double>(one.data.samples) * one.data.info.sample_period_s;
+    recorded_s += double(one.data.samples) * one.data.info.sample_period_s;
   return !m.run.request.no_diagnosis && !m.run.request.partial && recorded_s >= least_diagnosed_s;
 }
 
@@ -131,7 +131,7 @@ void widen_by_alias(const Diagnosis& diagnosis, ParameterFile& file) {
   describe_alias(diagnosis, file);
   for (std::size_t k = 0; k < parameter_keys.size(); ++k)
     if (find_further(file, alias_key_prefix + parameter_key(k)))
-      file.sigma[k] = diagnosis.extended.sigma[static_cast<Eigen::Index>(k)];
+      file.sigma[k] = diagnosis.extended.sigma[Eigen::Index(k)];
 }
 
 // The file that the unit is to load.

@@ -46,8 +46,8 @@ Status follow_thermometer(RecordingSource& source, ThermalLeg& leg) {
     for (const ImuSample& sample : samples) {
       if (!std::isfinite(sample.temperature_c) || !temperature_can_be(sample.temperature_c)) continue;
       if (!first) first = sample.counter;
-      const double h = static_cast<double>(sample.counter - *first) * source.info().sample_period_s / 3600.0,
-                   c = static_cast<double>(sample.temperature_c);
+      const double h = double(sample.counter - *first) * source.info().sample_period_s / 3600.0,
+                   c = double(sample.temperature_c);
       n += 1.0, t += h, T += c, tt += h * h, tT += h * c;
     }
     return Status{};
@@ -64,7 +64,7 @@ Status read_leg_conf(const std::string& path, LegFile& leg) {
   leg.leg.temperature_c =
       file.number_or("temperature_c", leg.leg.temperature_c, between(least_temperature_c, most_temperature_c));
   leg.leg.rate_c_per_h = file.number_or("rate_c_per_h", leg.leg.rate_c_per_h);
-  leg.leg.switch_on = static_cast<int>(file.integer_or("switch_on", leg.leg.switch_on, 0, 1'000'000));
+  leg.leg.switch_on = int(file.integer_or("switch_on", leg.leg.switch_on, 0, 1'000'000));
   if (file.has("direction")) {
     const std::string direction = file.one_of("direction", {"up", "down", "unknown"});
     leg.direction = direction == "up" ? 1 : direction == "down" ? -1 : 0;
@@ -149,8 +149,8 @@ Status check_together(const std::vector<LegFile>& legs) {
   for (std::size_t k = 1; k < legs.size(); ++k) {
     const ParameterFile& file = legs[k].file;
     if (file.unit_serial != first.unit_serial)
-      return input_error(fmt::format("{}: is of unit '{}': expected '{}', as {}", legs[k].path, file.unit_serial,
-                                     first.unit_serial, legs.front().path));
+      return input_error("{}: is of unit '{}': expected '{}', as {}", legs[k].path, file.unit_serial, first.unit_serial,
+                         legs.front().path);
     if (file.gyro_increment != first.gyro_increment || file.accel_increment != first.accel_increment ||
         file.accel_pulse_mps != first.accel_pulse_mps || file.simulated != first.simulated)
       return input_error(legs[k].path + ": has other increments than " + legs.front().path +
@@ -175,7 +175,7 @@ void put_in_order(std::vector<LegFile>& legs) {
   }
   std::map<int, int> numbers;
   for (LegFile& leg : legs)
-    leg.leg.switch_on = numbers.try_emplace(leg.leg.switch_on, static_cast<int>(numbers.size()) + 1).first->second;
+    leg.leg.switch_on = numbers.try_emplace(leg.leg.switch_on, int(numbers.size()) + 1).first->second;
 }
 
 // What parameters that are off by this, rms, are worth in an hour at rest.
@@ -196,7 +196,7 @@ double miles(const ParameterFile& file, const ParameterCovariance& off) {
 
 ParameterCovariance mean_square(const std::vector<ParameterVector>& all) {
   ParameterCovariance sum = ParameterCovariance::Zero();
-  for (const ParameterVector& one : all) sum += one * one.transpose() / static_cast<double>(all.size());
+  for (const ParameterVector& one : all) sum += one * one.transpose() / double(all.size());
   return sum;
 }
 
@@ -235,7 +235,7 @@ Result<std::string> text_of_rig(const Campaign& campaign, const RunPlan& plan) {
 
 Result<std::string> write_rig(const std::string& text, const RunPlan& plan, std::size_t leg,
                               const std::string& folder) {
-  const double later_s = 6.0 * 3600.0 * static_cast<double>(leg);
+  const double later_s = 6.0 * 3600.0 * double(leg);
   const std::string path = folder + "/leg.rig";
   TRY(write_file_atomically(path, fmt::format("{}\nnoise.seed = {}\nstart_utc_s = {}\n", text, 1000003 * (leg + 1),
                                               format_number(plan.rig.start_utc_s + later_s))));
@@ -289,9 +289,9 @@ ThermalLeg expected_leg(double temperature_c, const Prediction& prediction) {
   leg.temperature_c = temperature_c;
   std::vector<Eigen::Index> rows;
   for (std::size_t i = 0; i < prediction.free.size(); ++i) {
-    if (!prediction.determined[static_cast<std::size_t>(prediction.free[i])]) continue;
+    if (!prediction.determined[std::size_t(prediction.free[i])]) continue;
     leg.free.push_back(prediction.free[i]);
-    rows.push_back(static_cast<Eigen::Index>(i));
+    rows.push_back(Eigen::Index(i));
   }
   leg.covariance = prediction.covariance(rows, rows);
   return leg;
@@ -307,7 +307,7 @@ Result<ThermalOutput> thermal_calibration(const ThermalRequest& request) {
     if (std::ranges::none_of(request.legs, [&](const std::string& leg) { return given.starts_with(leg + "="); }))
       return input_error("--temperature " + given + ": expected LEG=VALUE, LEG one of the legs");
   for (const std::string& path : request.legs)
-    legs.push_back(TRY(read_leg(path, static_cast<int>(legs.size()) + 1, request, report.notes)));
+    legs.push_back(TRY(read_leg(path, int(legs.size()) + 1, request, report.notes)));
   TRY(check_together(legs));
   put_in_order(legs);
   for (const LegFile& leg : legs) report.legs.push_back(leg.leg);
@@ -440,11 +440,10 @@ Result<Document> plan_campaign(const Campaign& campaign) {
     sigmas.head.push_back(
         cell::number(order == 0 ? "constant" : fmt::format(fmt::runtime(order > 1 ? "per C^{}" : "per C"), order)));
   for (std::size_t key = 0; key < parameter_keys.size(); ++key) {
-    if (!(expected.sigma.front()[static_cast<Eigen::Index>(key)] > 0.0)) continue;
+    if (!(expected.sigma.front()[Eigen::Index(key)] > 0.0)) continue;
     std::vector<Cell> row = {cell::name(parameter_keys[key]),
                              cell::text(parameter_unit(parameter_keys[key], unit.info.gyro_increment))};
-    for (const ParameterVector& sigma : expected.sigma)
-      row.push_back(cell::number(sigma[static_cast<Eigen::Index>(key)]));
+    for (const ParameterVector& sigma : expected.sigma) row.push_back(cell::number(sigma[Eigen::Index(key)]));
     sigmas.row(std::move(row));
   }
   document.add(std::move(sigmas));

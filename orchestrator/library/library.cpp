@@ -285,7 +285,7 @@ Prediction predict(const std::vector<std::string>& sequence_files, const Predict
     const NamedPrediction& column = found.columns[c];
     SequencePrediction one{column.name, column.station_s, column.prediction.static_s, {}, found.refused[c]};
     for (std::size_t k = 0; k < one.sigma.size(); ++k)
-      one.sigma[k] = column.prediction.determined[k] ? column.prediction.sigma[static_cast<Eigen::Index>(k)]
+      one.sigma[k] = column.prediction.determined[k] ? column.prediction.sigma[Eigen::Index(k)]
                                                      : std::numeric_limits<double>::quiet_NaN();
     sequences.push_back(std::move(one));
   }

@@ -107,7 +107,7 @@ ControlChart control_chart(std::span<const double> values, const Limit& limit) {
   ControlChart chart;
   chart.count = values.size();
   if (values.empty()) return chart;
-  const auto count = static_cast<double>(values.size());
+  const auto count = double(values.size());
   chart.mean = std::accumulate(values.begin(), values.end(), 0.0) / count;
   if (values.size() < 2) return chart;
   double ranges = 0.0, squares = 0.0;

@@ -26,7 +26,7 @@ bool is_figure(std::string_view word) {
 
 std::pair<double, double> Share::interval() const {
   if (all == 0) return {0.0, 1.0};
-  const auto n = static_cast<double>(all);
+  const auto n = double(all);
   const double z2 = normal_95 * normal_95, middle = (value() + z2 / (2.0 * n)) / (1.0 + z2 / n);
   const double half = normal_95 / (1.0 + z2 / n) * std::sqrt(value() * (1.0 - value()) / n + z2 / (4.0 * n * n));
   return {std::max(0.0, middle - half), std::min(1.0, middle + half)};
@@ -116,7 +116,7 @@ LineYield line_yield(const std::vector<AttemptRecord>& all, const std::set<std::
                            [](const LossReason& a, const LossReason& b) { return a.attempts > b.attempts; });
   double cumulated = 0.0;
   for (LossReason& reason : line.reasons) {
-    reason.share = static_cast<double>(reason.attempts) / static_cast<double>(lost);
+    reason.share = double(reason.attempts) / double(lost);
     reason.cumulated = cumulated += reason.share;
   }
   return line;
@@ -171,7 +171,7 @@ std::vector<StationFigures> figures_of_stations(const std::vector<AttemptRecord>
   std::vector<StationFigures> list;
   for (auto& [name, figures] : stations) {
     figures.yield = line_yield(all, ids_of(chosen, name));
-    if (figures.calibrated > 0) figures.mean_residual /= static_cast<double>(figures.calibrated);
+    if (figures.calibrated > 0) figures.mean_residual /= double(figures.calibrated);
     list.push_back(figures);
   }
   return list;
@@ -182,7 +182,7 @@ struct Moments {
 };
 
 Moments moments(const std::vector<double>& values) {
-  const auto n = static_cast<double>(values.size());
+  const auto n = double(values.size());
   const double mean = std::accumulate(values.begin(), values.end(), 0.0) / n;
   double squares = 0.0;
   for (const double value : values) squares += (value - mean) * (value - mean);
@@ -205,11 +205,11 @@ std::optional<std::pair<double, double>> slope(const AtStation& at) {
   const std::size_t n = at.days.size();
   if (n < least_units) return std::nullopt;
   const Moments t = moments(at.days), y = moments(at.values);
-  if (std::sqrt(t.squares / static_cast<double>(n)) < 1.0) return std::nullopt;
+  if (std::sqrt(t.squares / double(n)) < 1.0) return std::nullopt;
   double ty = 0.0;
   for (std::size_t i = 0; i < n; ++i) ty += (at.days[i] - t.mean) * (at.values[i] - y.mean);
   const double k = ty / t.squares, residual_square = std::max(0.0, y.squares - k * ty);
-  return std::pair(k, residual_square / static_cast<double>(n - 2) / t.squares);
+  return std::pair(k, residual_square / double(n - 2) / t.squares);
 }
 
 std::optional<StationDifference> compare(const AtStation& a, const AtStation& b) {
@@ -323,7 +323,7 @@ std::vector<Repeatability> repeatability(const std::vector<StoredCalibration>& a
       last->second = i;
     }
     if (r.pairs == 0) continue;
-    const auto pairs = static_cast<double>(r.pairs);
+    const auto pairs = double(r.pairs);
     r.spread = std::sqrt(squares / pairs / 2.0);
     r.calibration_sigma = std::sqrt(variances / pairs);
     r.low = r.spread * std::sqrt(pairs / chi_square_limit(0.025, pairs));

@@ -28,7 +28,7 @@ namespace turncal {
 
 struct Share {
   std::size_t part = 0, all = 0;
-  double value() const { return all > 0 ? static_cast<double>(part) / static_cast<double>(all) : 0.0; }
+  double value() const { return all > 0 ? double(part) / double(all) : 0.0; }
   std::pair<double, double> interval() const;
 };
 

@@ -55,7 +55,7 @@ std::string signals_text(const ShiftReport& report, std::size_t signals) {
     points += chart.chart.signals.size();
     for (const RunRule& rule : run_rules)
       if (chart.chart.count >= rule.stretch)
-        expected += rule.false_alarm * static_cast<double>(chart.chart.count - rule.stretch + 1);
+        expected += rule.false_alarm * double(chart.chart.count - rule.stretch + 1);
   }
   return fmt::format(
       "{} signals, at {} points. By chance alone about {:.0f} points would give one: look for several charts or rules "
@@ -68,7 +68,7 @@ Table yield_table(const ShiftReport& report) {
                number("final yield"), number("hours"), number("lost"), number("hours per good unit"),
                number("mean residual")}};
   const auto row = [&table](const std::string& station, const LineYield& y, const StationFigures* of) {
-    const auto good = static_cast<double>(y.final_pass.part);
+    const auto good = double(y.final_pass.part);
     table.row({name(station), count(y.attempts), count(y.units), share(y.first_pass, true), share(y.final_pass, false),
                fixed(y.hours, 1), fixed(y.hours_lost, 1), good > 0.0 ? fixed(y.hours / good, 2) : number("-"),
                of && of->calibrated > 0 ? fixed(of->mean_residual, 3) : number("-")},
@@ -82,9 +82,9 @@ Table yield_table(const ShiftReport& report) {
 Table pareto_table(const LineYield& yield) {
   Table table{{wide("reason"), number("attempts"), bar(0.0), number("share"), number("cumulative"), number("hours"),
                name("last unit")}};
-  const auto most = static_cast<double>(yield.reasons.front().attempts);
+  const auto most = double(yield.reasons.front().attempts);
   for (const LossReason& reason : yield.reasons)
-    table.row({wide(reason.reason), count(reason.attempts), bar(static_cast<double>(reason.attempts) / most),
+    table.row({wide(reason.reason), count(reason.attempts), bar(double(reason.attempts) / most),
                number(percent(reason.share), reason.share), number(percent(reason.cumulated), reason.cumulated),
                fixed(reason.hours, 1), name(reason.last_unit)});
   return table;
@@ -136,7 +136,7 @@ Table difference_table(const std::vector<StationDifference>& all) {
 // With the unit of each quantity beside its key, and on a page its name: `of` has them.
 void add_with_units(Table table, std::size_t key, const std::vector<ChartedQuantity>& of, Document& document) {
   const auto insert = [&table, key](const char* head, const auto& words_of) {
-    const auto at = [key](std::vector<Cell>& cells) { return cells.begin() + static_cast<std::ptrdiff_t>(key + 1); };
+    const auto at = [key](std::vector<Cell>& cells) { return cells.begin() + std::ptrdiff_t(key + 1); };
     table.head.insert(at(table.head), text(head));
     for (Table::Row& row : table.rows) row.cells.insert(at(row.cells), text(words_of(row.cells[key].words)));
   };
@@ -180,8 +180,8 @@ void add_charts(const ShiftReport& report, Document& document) {
   const std::size_t left_out = signals.size() - std::min(signals.size(), most);
   if (left_out > 0) document.soft(fmt::format("The {} before these stand in signals.csv.", left_out), Scope::all);
   if (!signals.empty())
-    add_with_units(signal_table({signals.begin() + static_cast<std::ptrdiff_t>(left_out), signals.end()}), 2,
-                   report.charts, document);
+    add_with_units(signal_table({signals.begin() + std::ptrdiff_t(left_out), signals.end()}), 2, report.charts,
+                   document);
   document.add(rule_table(), Scope::page);
 }
 
@@ -210,8 +210,7 @@ std::vector<std::pair<double, std::string>> names_of(const std::vector<std::stri
   const std::size_t count = std::min(names, times.size());
   for (std::size_t k = 0; k < count; ++k) {
     const std::size_t i = count < 2 ? 0 : k * (times.size() - 1) / (count - 1);
-    if (times[i].size() > hour)
-      marks.emplace_back(static_cast<double>(i + 1), times[i].substr(one_day ? hour : day, length));
+    if (times[i].size() > hour) marks.emplace_back(double(i + 1), times[i].substr(one_day ? hour : day, length));
   }
   return marks;
 }
@@ -235,7 +234,7 @@ Panel control_panel(const ChartedQuantity& history, const std::vector<ChartedQua
   const ControlChart& chart = history.chart;
   const auto [zero, unit] = scale_of(history, all);
   const auto shown = [from = zero, factor = unit.factor](double value) { return (value - from) * factor; };
-  const double last = static_cast<double>(history.values.size()) + 0.5;
+  const double last = double(history.values.size()) + 0.5;
   const auto level = [&](std::optional<double> value) {
     return value ? Points{{0.5, shown(*value)}, {last, shown(*value)}} : Points{};
   };
@@ -243,7 +242,7 @@ Panel control_panel(const ChartedQuantity& history, const std::vector<ChartedQua
   for (const RunSignal& signal : chart.signals) signalled.insert(signal.point);
   Points inside, outside, runs, bars;
   for (std::size_t i = 0; i < history.values.size(); ++i) {
-    const double x = static_cast<double>(i + 1), value = history.values[i];
+    const double x = double(i + 1), value = history.values[i];
     const bool out = std::ranges::find(chart.outside, i) != chart.outside.end();
     (out ? outside : signalled.contains(i) ? runs : inside).emplace_back(x, shown(value));
     if (const std::optional<double>& sigma = history.sigmas[i])
@@ -403,7 +402,7 @@ std::string signals_csv(const ShiftReport& report) {
     const std::size_t i = s.signal.point;
     text.begin_row();
     for (const std::string* word : {&s.chart->times[i], &s.chart->units[i], &s.chart->key}) text.text(*word);
-    text.count(static_cast<std::int64_t>(i) + 1);
+    text.count(std::int64_t(i) + 1);
     text.number(s.chart->values[i]);
     text.count(s.signal.rule);
     text.text(run_rules[s.signal.rule - 1].words);
@@ -450,8 +449,8 @@ Document history_document(const std::vector<StoredCalibration>& all, const std::
                text("station")}};
   for (std::size_t i = 0; i < all.size(); ++i) {
     const StoredCalibration& c = all[i];
-    table.row({count(i + 1), count(static_cast<std::size_t>(c.id)), unit_cell(c.unit, c.folder), number(c.time_utc),
-               word(c.verdict), text(c.operator_name), text(c.station)});
+    table.row({count(i + 1), count(std::size_t(c.id)), unit_cell(c.unit, c.folder), number(c.time_utc), word(c.verdict),
+               text(c.operator_name), text(c.station)});
   }
   document.add(std::move(table));
   return document;

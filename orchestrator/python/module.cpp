@@ -95,15 +95,15 @@ PYBIND11_MODULE(_turncal, m) {
            [](const Recording& r) {
              const RecordingInfo i = r.info();
              return py::make_tuple(i.sample_period_s, i.latitude_deg, i.gravity_mps2, i.unit_serial,
-                                   static_cast<int>(i.gyro_increment), static_cast<int>(i.accel_increment),
-                                   i.accel_pulse_mps, i.has_temperature, i.started_utc_s, i.simulated);
+                                   int(i.gyro_increment), int(i.accel_increment), i.accel_pulse_mps, i.has_temperature,
+                                   i.started_utc_s, i.simulated);
            })
       .def("segments",
            [](const Recording& r) {
              py::list all;
              for (const Segment& s : r.segments())
-               all.append(py::make_tuple(s.step, static_cast<int>(s.kind), s.start_sample, s.end_sample, s.heading_deg,
-                                         s.pitch_deg, s.roll_deg));
+               all.append(py::make_tuple(s.step, int(s.kind), s.start_sample, s.end_sample, s.heading_deg, s.pitch_deg,
+                                         s.roll_deg));
              return all;
            })
       .def_property_readonly("counter", field<std::int64_t>(offsetof(Sample, counter)))

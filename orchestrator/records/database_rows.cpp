@@ -59,7 +59,7 @@ Result<int> version_of(SqlConnection& database) {
   int version = 0;
   if (TRY(database.has_table("schema_version")))
     TRY(database.run("SELECT version FROM schema_version", {},
-                     [&](const SqlRow& row) { version = static_cast<int>(as_integer(row.front())); }));
+                     [&](const SqlRow& row) { version = int(as_integer(row.front())); }));
   return version;
 }
 
@@ -107,7 +107,7 @@ SqlRow row_of(const Fields& fields) {
           else if constexpr (std::is_same_v<Place, std::optional<double>*>)
             return as_value(*value);
           else if constexpr (std::is_integral_v<std::remove_pointer_t<Place>>)
-            return static_cast<std::int64_t>(*value);
+            return std::int64_t(*value);
           else
             return *value ? SqlValue(std::int64_t{**value}) : SqlValue();
         },
@@ -165,7 +165,7 @@ Result<AddedRow> add_calibration(SqlConnection& database, const SqlRow& row) {
   SqlRow same;
   const std::vector<std::string> columns = columns_in("calibration");
   for (const std::string_view column : split(unique, ','))
-    same.push_back(row[static_cast<std::size_t>(std::ranges::find(columns, trimmed(column)) - columns.begin())]);
+    same.push_back(row[std::size_t(std::ranges::find(columns, trimmed(column)) - columns.begin())]);
   AddedRow there;
   TRY(database.run("SELECT id FROM calibration WHERE (" + unique + ") = (" + places(1, same.size()) + ")", same,
                    [&there](const SqlRow& found) { there.id = as_integer(found.front()); }));

@@ -162,7 +162,7 @@ Result<std::string> ResultsDatabase::image() const {
   if (size == 0) return std::string();  // a file of no bytes is an empty database
   if (!bytes)
     return device_error(name + ": results database: there is no memory for its " + std::to_string(size) + " bytes");
-  return std::string(reinterpret_cast<const char*>(bytes.get()), static_cast<std::size_t>(size));
+  return std::string(reinterpret_cast<const char*>(bytes.get()), std::size_t(size));
 }
 
 Result<ResultsDatabase> ResultsDatabase::of_image(const std::string& image, const std::string& path) {

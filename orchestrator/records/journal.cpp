@@ -76,7 +76,7 @@ Status scan_journal(const PosixFile& file, RecordScanner& scanner, const std::fu
 }
 
 void append_record(std::vector<std::byte>& out, JournalType type, std::uint32_t number, const JournalFields& fields) {
-  const std::size_t begun = begin_record(out, journal_magic, static_cast<std::uint32_t>(type), number);
+  const std::size_t begun = begin_record(out, journal_magic, std::uint32_t(type), number);
   for (const auto& [key, value] : fields) {
     if (!value.empty()) append_bytes(out, std::string_view(key + " = " + escaped_value(value) + "\n"));
   }
@@ -96,7 +96,7 @@ const JournalFields* newest_of(const JournalContents& journal, const std::vector
 }  // namespace
 
 std::string_view to_string(JournalType type) {
-  const auto index = static_cast<std::size_t>(type) - 1;
+  const auto index = std::size_t(type) - 1;
   return index < type_names.size() ? type_names[index] : "unknown";
 }
 
@@ -105,7 +105,7 @@ std::string unescaped_value(std::string_view text) {
   std::string result;
   for (std::size_t i = 0; i < text.size(); ++i) {
     if (text[i] == '%' && i + 2 < text.size()) {
-      result += static_cast<char>(digit(text[i + 1]) * 16 + digit(text[i + 2]));
+      result += char(digit(text[i + 1]) * 16 + digit(text[i + 2]));
       i += 2;
     } else {
       result += text[i];

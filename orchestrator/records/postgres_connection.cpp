@@ -120,8 +120,8 @@ class PostgresConnection : public SqlConnection {
     for (std::size_t i = 0; i < values.size(); ++i)
       given.push_back(std::holds_alternative<std::monostate>(values[i]) ? nullptr : texts[i].c_str());
     const int sent = values.empty() ? PQsendQuery(handle_, sql.c_str())
-                                    : PQsendQueryParams(handle_, sql.c_str(), static_cast<int>(values.size()), nullptr,
-                                                        given.data(), nullptr, nullptr, 0);
+                                    : PQsendQueryParams(handle_, sql.c_str(), int(values.size()), nullptr, given.data(),
+                                                        nullptr, nullptr, 0);
     if (!sent) return failure(ErrorKind::device, sql, one_line(PQerrorMessage(handle_)));
     PQsetSingleRowMode(handle_);  // the memory of one row
     Status status;
@@ -157,7 +157,7 @@ class PostgresConnection : public SqlConnection {
     while (true) {
       const double left_s = std::max(0.0, until_s - monotonic_s());
       pollfd one{PQsocket(handle_), events, 0};
-      const int count = ::poll(&one, 1, static_cast<int>(std::ceil(1000.0 * std::min(left_s, 1e6))));
+      const int count = ::poll(&one, 1, int(std::ceil(1000.0 * std::min(left_s, 1e6))));
       if (count > 0) return true;
       if (count == 0 || errno != EINTR) return false;
     }

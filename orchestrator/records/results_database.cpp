@@ -170,8 +170,8 @@ std::vector<StoredValue> values_in(const ParameterFile& file) {
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     const std::string key = parameter_key(i);
     const std::optional<JudgedValue> judged = recorded_judgement(file, key);
-    values.push_back({key, file.parameters[static_cast<Eigen::Index>(i)], file.sigma[i],
-                      judged ? judged->limit : Limit{}, judged ? std::string(to_string(judged->verdict)) : ""});
+    values.push_back({key, file.parameters[Eigen::Index(i)], file.sigma[i], judged ? judged->limit : Limit{},
+                      judged ? std::string(to_string(judged->verdict)) : ""});
   }
   return values;
 }

@@ -24,7 +24,7 @@ std::int64_t as_integer(const SqlValue& value) {
 
 std::optional<double> as_number(const SqlValue& value) {
   if (const double* const number = std::get_if<double>(&value)) return *number;
-  if (const std::int64_t* const whole = std::get_if<std::int64_t>(&value)) return static_cast<double>(*whole);
+  if (const std::int64_t* const whole = std::get_if<std::int64_t>(&value)) return double(*whole);
   return std::nullopt;
 }
 
@@ -141,7 +141,7 @@ Result<std::shared_ptr<SqlConnection>> connect_to_file(const std::string& path, 
                                                        const SqlPatience& patience) {
   Result<std::shared_ptr<SqlConnection>> file = opened(path, path, flags);
   // Another station may write.
-  if (file) sqlite3_busy_timeout((*file)->sqlite(), static_cast<int>(1000.0 * patience.wait_s));
+  if (file) sqlite3_busy_timeout((*file)->sqlite(), int(1000.0 * patience.wait_s));
   return file;
 }
 

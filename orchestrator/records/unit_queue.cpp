@@ -128,7 +128,7 @@ Status change_queue(const std::string& path, const QueueChange& change) {
   }
   for (std::size_t i = 0; i < change.add.size(); ++i) {
     const std::string& unit = change.add[i];
-    const bool twice = holds({change.add.begin(), change.add.begin() + static_cast<std::ptrdiff_t>(i)}, unit);
+    const bool twice = holds({change.add.begin(), change.add.begin() + std::ptrdiff_t(i)}, unit);
     if (twice || (holds(units, unit) && !holds(change.remove, unit)))
       return input_error(path + ": holds unit '" + unit + "' already");
     TRY(check_serial(unit, "--add"));

@@ -115,9 +115,9 @@ Table result_table(const Certificate& c) {
     const double expanded = u.expanded();
     const std::string unit = unit_text(parameter_unit(key, c.file.gyro_increment));
     table.row({name(key), text(quantity_name(key)), text(unit == "-" ? "1" : unit),
-               with_sigma(c.file.parameters[static_cast<Eigen::Index>(i)], expanded), number(expanded, 2),
-               number(u.estimate, 2), number(u.alias, 2), number(u.gravity, 2), number(u.latitude, 2),
-               number(u.repeatability, 2), text(judged_of(c, key))});
+               with_sigma(c.file.parameters[Eigen::Index(i)], expanded), number(expanded, 2), number(u.estimate, 2),
+               number(u.alias, 2), number(u.gravity, 2), number(u.latitude, 2), number(u.repeatability, 2),
+               text(judged_of(c, key))});
   }
   return table;
 }
@@ -181,7 +181,7 @@ double UncertaintyBudget::expanded() const {
 
 UncertaintyBudget budget_of(const std::vector<ParameterFile>& runs, std::size_t parameter, const Parties& parties) {
   const ParameterFile& file = runs.back();
-  const auto at = static_cast<Eigen::Index>(parameter);
+  const auto at = Eigen::Index(parameter);
   const double value = file.parameters[at];
   UncertaintyBudget budget;
   const double sigma = file.sigma[parameter].value_or(0.0);

@@ -33,16 +33,13 @@ std::vector<std::string> by_strength(const JointResult& result) {
 
 // A row a parameter: its covariances with those before it in the order of the file, its variance last.
 void describe_covariance(const JointResult& result, ParameterFile& file) {
-  const auto left_out = [&result](int key) {
-    return key >= parameter_count || !result.determined[static_cast<std::size_t>(key)];
-  };
-  if (result.covariance.rows() < static_cast<Eigen::Index>(result.free.size())) return;
+  const auto left_out = [&result](int key) { return key >= parameter_count || !result.determined[std::size_t(key)]; };
+  if (result.covariance.rows() < Eigen::Index(result.free.size())) return;
   for (std::size_t i = 0; i < result.free.size(); ++i) {
     if (left_out(result.free[i])) continue;
     std::vector<double> row;
     for (std::size_t j = 0; j <= i; ++j)
-      if (!left_out(result.free[j]))
-        row.push_back(result.covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)));
+      if (!left_out(result.free[j])) row.push_back(result.covariance(Eigen::Index(i), Eigen::Index(j)));
     file.add_further("quality.covariance." + parameter_key(result.free[i]), fmt::format("{:.9e}", fmt::join(row, " ")));
   }
 }
@@ -124,7 +121,7 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
 void describe_model(const JointResult& result, const CompressedRecording& recording, ParameterFile& file) {
   file.parameters = to_vector(result.parameters);
   for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
-    const double sigma = result.sigma[static_cast<Eigen::Index>(k)];
+    const double sigma = result.sigma[Eigen::Index(k)];
     file.sigma[k] = sigma > 0.0 ? std::optional(sigma) : std::nullopt;
   }
   if (std::isfinite(recording.mean_temperature_c)) file.reference_temperature_c = result.reference_temperature_c;
@@ -178,7 +175,7 @@ void describe_estimate(const JointResult& result, const CompressedRecording& rec
   file.add_further("quality.normalised_rms", result.normalised_rms);
   file.add_further("quality.innovation_level", result.whiteness.level);
   file.add_further("quality.innovations_white", std::string(result.whiteness.white ? "true" : "false"));
-  file.add_further("quality.faults", static_cast<double>(result.faults.size()));
+  file.add_further("quality.faults", double(result.faults.size()));
   for (std::size_t k = 0; k < result.faults.size(); ++k) {
     const Fault& fault = result.faults[k];
     file.add_further(fmt::format("quality.fault.{}", k + 1), fmt::format("samples {} to {}: {}; {}", fault.first_sample,
@@ -186,16 +183,15 @@ void describe_estimate(const JointResult& result, const CompressedRecording& rec
   }
   describe_covariance(result, file);
   if (!result.undetermined.empty())
-    file.add_further("quality.undetermined_directions", static_cast<double>(result.undetermined.size()));
+    file.add_further("quality.undetermined_directions", double(result.undetermined.size()));
 }
 
 void describe_turn_ons(const TurnOns& turn_ons, const std::vector<SwitchOn>& switched_on, ParameterFile& file) {
-  file.add_further("record.recordings", static_cast<double>(switched_on.size()));
+  file.add_further("record.recordings", double(switched_on.size()));
   for (std::size_t k = 0; k < switched_on.size(); ++k) {
     const std::string begin = "record.recording." + std::to_string(k + 1) + ".";
     file.add_further(begin + "hash", switched_on[k].hash);
-    if (const auto& at = switched_on[k].started_utc_s)
-      file.add_further(begin + "started_utc", format_utc(static_cast<double>(*at)));
+    if (const auto& at = switched_on[k].started_utc_s) file.add_further(begin + "started_utc", format_utc(double(*at)));
     for (int column = 0; column < 6; ++column) {
       const std::string key = parameter_key(column);
       file.add_further(begin + key, turn_ons.biases[k][column]);
@@ -221,7 +217,7 @@ void describe_alias(const Diagnosis& d, ParameterFile& file) {
   if (!d.trusted || d.fitted_covariance.rows() != d.extended.covariance.rows()) return;
   for (std::size_t i = 0; i < d.extended.free.size(); ++i) {
     const int key = d.extended.free[i];
-    const auto at = static_cast<Eigen::Index>(i);
+    const auto at = Eigen::Index(i);
     const double all = d.extended.covariance(at, at), spread = all - d.fitted_covariance(at, at);
     if (key >= parameter_count || !(spread > 1e-9 * all)) continue;
     file.add_further(alias_key_prefix + parameter_key(key), std::sqrt(spread));

@@ -111,7 +111,7 @@ std::string largest_changes(const Diagnosis& d) {
 // Share of the energy beyond noise: (chi-square - observations) / observations, not below 0.
 double excess_energy(const HoldoutError& error) {
   if (error.observations <= 0) return nan;
-  return std::max(0.0, error.chi_square / static_cast<double>(error.observations) - 1.0);
+  return std::max(0.0, error.chi_square / double(error.observations) - 1.0);
 }
 
 }  // namespace
@@ -135,7 +135,7 @@ std::string effects_clause(const Diagnosis& d) {
 
 std::string verdict_title(Verdict verdict) {
   std::string title = in_words(to_string(verdict));
-  title.front() = static_cast<char>(title.front() - 'a' + 'A');
+  title.front() = char(title.front() - 'a' + 'A');
   return title;
 }
 

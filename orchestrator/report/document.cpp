@@ -30,7 +30,7 @@ Cell number(std::string_view words, double value) { return {Cell::Kind::number, 
 Cell number(double value, int digits) { return number(significant(value, digits, Alphabet::typographic), value); }
 Cell number(const std::optional<double>& value, int digits) { return value ? number(*value, digits) : number("-"); }
 Cell fixed(double value, int decimals) { return number(with_decimals(value, decimals), value); }
-Cell count(std::size_t value) { return number(std::to_string(value), static_cast<double>(value)); }
+Cell count(std::size_t value) { return number(std::to_string(value), double(value)); }
 Cell with_sigma(double value, double sigma) {
   return number(value_with_sigma(value, sigma, Alphabet::typographic), value);
 }
@@ -146,7 +146,7 @@ std::string cell_html(const char* name, const Cell& cell) {
     inner = fmt::format("<span class=\"bar\" style=\"margin-left:{:.0f}px;width:{:.0f}px\"></span>", from * width_px,
                         length * width_px);
   }
-  const std::string style = styles[static_cast<std::size_t>(cell.kind)];
+  const std::string style = styles[std::size_t(cell.kind)];
   const bool is_long = cell.kind <= Cell::Kind::name && columns_of(cell.words) > longest_line;
   return tag(name, is_long ? style + " long" : style, inner);
 }
@@ -165,7 +165,7 @@ struct Html {
   std::string operator()(const Paragraph& paragraph) const {
     const bool note = paragraph.style == "note", verdict = paragraph.style.starts_with("verdict");
     std::string words = words_html((note ? "Note: " : "") + paragraph.words);
-    if (verdict) words.front() = static_cast<char>(std::toupper(static_cast<unsigned char>(words.front())));
+    if (verdict) words.front() = char(std::toupper(static_cast<unsigned char>(words.front())));
     const std::size_t colon = words.find(':') + 1;  // 0: there is none
     if ((verdict || paragraph.style == "lead") && colon > 0)
       words = tag("b", "", words.substr(0, colon)) + words.substr(colon);
@@ -185,8 +185,7 @@ struct Html {
   std::string operator()(const Table& table) const {
     static constexpr std::array emphases = {"", "hit", "dim"};
     std::string rows;
-    for (const Table::Row& row : table.rows)
-      rows += row_html("td", row.cells, emphases[static_cast<std::size_t>(row.emphasis)]);
+    for (const Table::Row& row : table.rows) rows += row_html("td", row.cells, emphases[std::size_t(row.emphasis)]);
     const std::string inner =
         fmt::format("\n<thead>{}</thead>\n<tbody>\n{}</tbody>\n", row_html("th", table.head, ""), rows);
     return tag("div", "wide", tag("table", table.style, inner)) + "\n";
@@ -283,8 +282,8 @@ std::string without_font(const std::string& html) {
 
 void Table::drop(std::size_t first, std::size_t count) {
   const auto from = [&](std::vector<Cell>& cells) {
-    const auto at = cells.begin() + static_cast<std::ptrdiff_t>(first);
-    cells.erase(at, at + static_cast<std::ptrdiff_t>(count));
+    const auto at = cells.begin() + std::ptrdiff_t(first);
+    cells.erase(at, at + std::ptrdiff_t(count));
   };
   from(head);
   for (Row& row : rows) from(row.cells);
@@ -309,7 +308,7 @@ std::string plain(std::string_view text) {
         return std::ranges::find_if(superscripts, [text](auto s) { return text.starts_with(s); });
       };
       for (auto digit = next(); digit != superscripts.end(); digit = next()) {
-        exponent = 10 * exponent + static_cast<int>(digit - superscripts.begin());
+        exponent = 10 * exponent + int(digit - superscripts.begin());
         text.remove_prefix(digit->size());
       }
       result += fmt::format("e{:+03d}", negative ? -exponent : exponent);

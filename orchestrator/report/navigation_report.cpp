@@ -85,8 +85,8 @@ std::string format_navigation(const NavigationReport& report) {
   }
   lines.number("align_s", report.request.align_s);
   if (!report.damage.empty()) lines.text("damage", report.damage);
-  lines.number("filled_samples", static_cast<double>(report.filled_samples));
-  lines.number("filled_in_motion", static_cast<double>(report.filled_in_motion));
+  lines.number("filled_samples", double(report.filled_samples));
+  lines.number("filled_in_motion", double(report.filled_in_motion));
   for (const auto& [key, texts] : {std::pair{"fault", &report.faults}, std::pair{"lost", &report.lost}})
     for (std::size_t k = 0; k < texts->size(); ++k) lines.text(fmt::format("{}.{}", key, k + 1), (*texts)[k]);
   for (const NavigatedFile& file : report.files) {
@@ -103,7 +103,7 @@ std::string format_navigation(const NavigationReport& report) {
       lines.text(file.prefix + "expected.from", file.covariance_source);
       describe_drift(file.prefix + "expected.", *file.expected, lines);
     }
-    lines.number(file.prefix + "branches", static_cast<double>(file.branches.size()));
+    lines.number(file.prefix + "branches", double(file.branches.size()));
     for (std::size_t k = 0; k < file.branches.size(); ++k)
       describe_branch(fmt::format("{}branch.{}.", file.prefix, k + 1), file.branches[k], lines);
   }
@@ -214,7 +214,7 @@ Document navigation_document(const NavigationReport& report) {
     }
     document.add(std::move(table));
     Facts facts;
-    if (file.branches.size() + report.lost.size() < static_cast<std::size_t>(report.request.branches) &&
+    if (file.branches.size() + report.lost.size() < std::size_t(report.request.branches) &&
         report.request.branches != default_branches)
       facts.add("starts", fmt::format("{} of the {} asked for: the recording is too short for more",
                                       file.branches.size(), report.request.branches));

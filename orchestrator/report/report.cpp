@@ -36,8 +36,7 @@ Cell unit_of(const EffectColumn& column) { return text(unit_text(column.entry->u
 std::string handy_sigma(std::size_t k, double sigma, const ParameterVector& values) {
   if (k < 6) return "";
   const std::string_view key = parameter_keys[k];
-  const double scale =
-      values[static_cast<Eigen::Index>((k < 15 ? 6 : 15) + 4 * static_cast<std::size_t>(key[2] - '1'))];
+  const double scale = values[Eigen::Index((k < 15 ? 6 : 15) + 4 * std::size_t(key[2] - '1'))];
   const DisplayUnit unit = error_unit(key, "", scale);
   return significant(unit.factor * sigma, 2, typo) + " " + unit.unit;
 }
@@ -60,15 +59,15 @@ void add_identity(const DiagnosisContext& context, Document& document) {
   for (const Block& block : r.blocks) {
     if (block.whole_second) still_s += block.duration_s;
     if (!std::isnan(block.temperature_c)) {
-      low = std::min(low, static_cast<double>(block.temperature_c));
-      high = std::max(high, static_cast<double>(block.temperature_c));
+      low = std::min(low, double(block.temperature_c));
+      high = std::max(high, double(block.temperature_c));
     }
   }
   std::string line = fmt::format("Recording {}{}: {} samples, {}, of which {} at rest; latitude {}°, gravity {} m/s²",
                                  context.recording_path,
                                  context.recording_hash.empty() ? "" : " (content " + context.recording_hash + ")",
-                                 r.samples, clock_time(static_cast<double>(r.samples) * r.info.sample_period_s),
-                                 clock_time(still_s), r.info.latitude_deg, r.info.gravity_mps2);
+                                 r.samples, clock_time(double(r.samples) * r.info.sample_period_s), clock_time(still_s),
+                                 r.info.latitude_deg, r.info.gravity_mps2);
   if (low <= high) line += fmt::format("; {} to {} °C", significant(low, 3), significant(high, 3));
   document.soft(line + ".");
   document.soft("Held-out data: " +
@@ -171,7 +170,7 @@ void add_parameters(const Diagnosis& diagnosis, const DiagnosisContext& context,
   Table table{{name("parameter"), text("meaning"), number("before"), number(both ? "after" : "value"), number("σ"),
                text("unit"), number("σ, rel."), number("change, σ"), half(0.0)}};
   for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
-    const auto row = static_cast<Eigen::Index>(k);
+    const auto row = Eigen::Index(k);
     const DisplayUnit unit = page_unit(parameter_unit(parameter_keys[k], context.recording.info.gyro_increment));
     const double sigma = diagnosis.extended.sigma[row];
     const Cell key = name(parameter_keys[k]), meaning = text(quantity_name(parameter_keys[k]));
@@ -211,7 +210,7 @@ void add_noise(const Diagnosis& diagnosis, const DiagnosisContext& context, Docu
   Table table{{text("sensor"), number("random walk used"), number("Allan: N"), number("Q"), number("B"), number("K")}};
   for (std::size_t k = 0; k < 6; ++k) {
     const bool gyro = k < 3;
-    const auto axis = static_cast<Eigen::Index>(k % 3);
+    const auto axis = Eigen::Index(k % 3);
     const double walk = gyro ? radprs_per_degprh : mpsprs_per_ugprHz;
     const double used = (gyro ? noise.angle_random_walk : noise.velocity_random_walk)[axis] / walk;
     const double sigma =
@@ -261,8 +260,8 @@ void add_faults(const Diagnosis& diagnosis, const DiagnosisContext& context, Doc
     const Fault& f = faults[k];
     table.row({number(std::to_string(f.first_sample) +
                       (f.last_sample > f.first_sample ? " to " + std::to_string(f.last_sample) : "")),
-               number(static_cast<double>(f.first_sample - start) * context.recording.info.sample_period_s, 5),
-               wide(f.what), wide(f.action)});
+               number(double(f.first_sample - start) * context.recording.info.sample_period_s, 5), wide(f.what),
+               wide(f.action)});
   }
   table.most = 3;
   document.add(std::move(table), Scope::all);

@@ -32,7 +32,7 @@ std::string change_text(const RestDiagnosis& r) {
 std::string remainder_text(const RestDiagnosis& r) {
   std::vector<std::string> parts;
   for (const RestKind kind : {RestKind::direction, RestKind::gyro, RestKind::norm}) {
-    const double ratio = r.final.white_ratio[static_cast<std::size_t>(kind)];
+    const double ratio = r.final.white_ratio[std::size_t(kind)];
     if (ratio > 2.0) parts.push_back(std::string(to_string(kind)) + " (" + significant(ratio, 2) + " times)");
   }
   return parts.empty() ? "nothing exceeds twice the white noise" : "above the white noise: " + join(parts);
@@ -68,8 +68,8 @@ Rows rows_of(const RestSystem& system, std::size_t rests) {
   rows.direction.assign(rests, Eigen::Vector2d::Constant(no_point));
   std::vector<int> gyros(rests, 0), directions(rests, 0);
   for (Eigen::Index k = 0; k < system.residual.size(); ++k) {
-    const auto at = static_cast<std::size_t>(k);
-    const auto owner = static_cast<std::size_t>(system.owner[at]);
+    const auto at = std::size_t(k);
+    const auto owner = std::size_t(system.owner[at]);
     switch (system.kind[at]) {
       case RestKind::norm: rows.norm[owner] = system.residual[k]; break;
       case RestKind::gyro: rows.gyro[owner][gyros[owner]++] = system.residual[k]; break;
@@ -111,7 +111,7 @@ std::vector<ErrorRow> error_rows(const RestDiagnosis& r) {
 
 std::string noise_line(const RestDiagnosis& r) {
   const NoiseModel& n = r.diagnosis.extended.noise;
-  const auto times = [&](RestKind kind) { return significant(r.final.white_ratio[static_cast<std::size_t>(kind)], 2); };
+  const auto times = [&](RestKind kind) { return significant(r.final.white_ratio[std::size_t(kind)], 2); };
   return fmt::format(
       "white, measured in the rests: gyros {} °/√h, accelerometers {} µg/√Hz; residual over it: direction {}, gyros "
       "{}, norm {}",
@@ -139,9 +139,8 @@ std::vector<DwellResidual> rest_residuals(const RestDiagnosis& r, const RestData
     double temperature = 0.0;
     for (std::size_t b = rest.whole.first_block; b < rest.whole.end_block; ++b)
       temperature += recording.blocks[b].temperature_c;
-    d.temperature_c = recording.info.has_temperature
-                          ? temperature / static_cast<double>(rest.whole.end_block - rest.whole.first_block)
-                          : no_point;
+    d.temperature_c =
+        recording.info.has_temperature ? temperature / double(rest.whole.end_block - rest.whole.first_block) : no_point;
     if (k > 0)
       for (std::size_t b = data.legs[k - 1].first_block; b < data.legs[k - 1].end_block; ++b)
         d.add_turn(recording.blocks[b], model);
@@ -240,7 +239,7 @@ void describe_rest_fit(const RestFit& fit, const JointResult& joint, const RestD
   };
   errors("fitted", fit.errors);
   errors("left_out", fit.left_out);
-  file.add_further("quality.rests", static_cast<double>(data.rests.size()));
+  file.add_further("quality.rests", double(data.rests.size()));
 }
 
 DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& r, const RestData& data, const DiagnosisContext& context) {

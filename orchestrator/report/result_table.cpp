@@ -87,7 +87,7 @@ Table result_table(const ParameterFile& file, const std::optional<ParameterVecto
   Table table{{name("name"), wide("meaning"), text("unit"), number("estimate"), number("truth"), number("sigma"),
                number("error/sigma")}};
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
-    const auto at = static_cast<Eigen::Index>(i);
+    const auto at = Eigen::Index(i);
     const double estimate = file.parameters[at], sigma = file.sigma[i].value_or(0.0);
     const double true_value = truth ? (*truth)[at] : 0.0, error = (estimate - true_value) / sigma;
     table.row({name(parameter_keys[i]), wide(quantity_name(parameter_keys[i])),
@@ -189,11 +189,10 @@ std::vector<NumberColumn> residual_columns(const Diagnosis& diagnosis) {
   const auto add_each = [&](const std::string& name, const std::array<const char*, 3>& axes, const std::string& unit,
                             Eigen::Vector3d ResidualPoint::*vector) {
     for (std::size_t k = 0; k < 3; ++k)
-      add(name + axes[k] + unit,
-          [vector, k](const ResidualPoint& point) { return (point.*vector)[static_cast<Eigen::Index>(k)]; });
+      add(name + axes[k] + unit, [vector, k](const ResidualPoint& point) { return (point.*vector)[Eigen::Index(k)]; });
   };
   add("time_s", [](const ResidualPoint& point) { return point.time_s; });
-  add("segment", [](const ResidualPoint& point) { return static_cast<double>(point.segment + 1); });
+  add("segment", [](const ResidualPoint& point) { return double(point.segment + 1); });
   add("since_rotation_s", [](const ResidualPoint& point) {
     const bool turned = point.since_rotation_s <= point.time_s;
     return turned ? point.since_rotation_s : std::numeric_limits<double>::quiet_NaN();
@@ -222,7 +221,7 @@ Table sigma_table(const std::vector<NamedPrediction>& columns, const RecordingIn
   const Prediction& first = columns.front().prediction;
   for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
     if (!parameter_is_free[k]) continue;
-    const auto at = static_cast<Eigen::Index>(k);
+    const auto at = Eigen::Index(k);
     std::vector<Cell> row = {name(parameter_keys[k]), wide(quantity_name(parameter_keys[k])),
                              text(unit_text(parameter_unit(parameter_keys[k], info.gyro_increment)))};
     for (std::size_t c = 0; c < columns.size(); ++c) {

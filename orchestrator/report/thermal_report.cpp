@@ -76,8 +76,8 @@ Table error_table(const ThermalReport& report) {
     }
     for (double& s : sum) s = std::sqrt(s / count);
     if (count > 0.0)
-      table.row({text(kinds[static_cast<std::size_t>(kind)]), text(unit), number(sum[0]), number(sum[1]),
-                 number(sum[2]), number(sum[3])});
+      table.row(
+          {text(kinds[std::size_t(kind)]), text(unit), number(sum[0]), number(sum[1]), number(sum[2]), number(sum[3])});
   }
   table.row({text("free navigation at rest, 1 h"), text("NM/h"), number(report.before_nm_per_h),
              number(report.after_nm_per_h), number("-"), number(report.noise_nm_per_h)});
@@ -155,12 +155,12 @@ std::string format_thermal(const ThermalReport& report) {
   for (std::size_t j = 0; j < model.parameters.size(); ++j) {
     const ThermalParameter& p = model.parameters[j];
     const std::string begin = parameter_key(p.key) + ".";
-    for (int c = 0; c < static_cast<int>(term_names.size()); ++c) {
+    for (int c = 0; c < int(term_names.size()); ++c) {
       if (c > 0 && model.coefficient(j, c) == 0.0) continue;
-      const std::string name = begin + term_names[static_cast<std::size_t>(c)];
+      const std::string name = begin + term_names[std::size_t(c)];
       lines.number("coefficient." + name, model.coefficient(j, c));
       lines.number("sigma." + name, model.sigma(j, c));
-      rows.emplace_back(static_cast<Eigen::Index>(j) * thermal_columns + c, name);
+      rows.emplace_back(Eigen::Index(j) * thermal_columns + c, name);
     }
     lines.text("probability." + begin + "order", list_of(p.order));
     lines.number("probability." + begin + "smooth", p.smooth);
@@ -229,20 +229,19 @@ void describe_thermal(const ThermalModel& model, ParameterFile& file) {
   file.sigma = {};
   std::vector<std::string> open;
   for (int key = 0; key < parameter_count; ++key)
-    if (!model.find(key) && parameter_is_free[static_cast<std::size_t>(key)]) open.push_back(parameter_key(key));
+    if (!model.find(key) && parameter_is_free[std::size_t(key)]) open.push_back(parameter_key(key));
   if (!open.empty()) file.add_further(std::string(undetermined_key), join(open, " "));
   for (std::size_t j = 0; j < model.parameters.size(); ++j) {
     const ThermalParameter& p = model.parameters[j];
     file.parameters[p.key] = model.coefficient(j, 0);
-    file.sigma[static_cast<std::size_t>(p.key)] = model.sigma(j, 0);
+    file.sigma[std::size_t(p.key)] = model.sigma(j, 0);
     for (int order = 1; order <= 3; ++order)
       if (model.coefficient(j, order) != 0.0)
         t.coefficient(p.key, order - 1) = model.coefficient(j, order),
                                      t.sigma(p.key, order - 1) = model.sigma(j, order);
     std::vector<double> row;  // parameters are in the order of their keys
     for (std::size_t k = 0; k <= j; ++k)
-      row.push_back(model.covariance(static_cast<Eigen::Index>(j) * thermal_columns,
-                                     static_cast<Eigen::Index>(k) * thermal_columns));
+      row.push_back(model.covariance(Eigen::Index(j) * thermal_columns, Eigen::Index(k) * thermal_columns));
     file.add_further("quality.covariance." + parameter_key(p.key), fmt::format("{:.9e}", fmt::join(row, " ")));
     if (p.key < 6) file.add_further("quality.turn_on_repeatability." + parameter_key(p.key), p.switch_on);
     if (const double worst = off_its_cubic(model, j); worst > model.sigma(j, 0))

@@ -20,9 +20,9 @@ struct Scatter {
     squares += (value - first) * (value - first);
     ++count;
   }
-  double mean() const { return first + sum / static_cast<double>(count); }
+  double mean() const { return first + sum / double(count); }
   double variance() const {
-    const double n = static_cast<double>(count);
+    const double n = double(count);
     return std::max(0.0, squares - sum * sum / n) / (n - 1.0);
   }
   double first = 0.0, sum = 0.0, squares = 0.0;
@@ -32,7 +32,7 @@ struct Scatter {
 }  // namespace
 
 std::array<double, 6> mean_per_count(const RecordingInfo& info, std::int64_t samples) {
-  const double seconds = static_cast<double>(samples) * info.sample_period_s;
+  const double seconds = double(samples) * info.sample_period_s;
   const double gyro_degps = nominal_gyro_rad(info) / rad_per_deg / seconds;
   const double accel_mps2 = start_parameters(info).a(0, 0) * si_per_unit(info)[15] / seconds;
   return {gyro_degps, gyro_degps, gyro_degps, accel_mps2, accel_mps2, accel_mps2};
@@ -49,7 +49,7 @@ DwellMonitor::DwellMonitor(const DwellConfig& config, const RecordingInfo& info)
 
 void DwellMonitor::start(std::int64_t first_counter, std::int64_t samples) {
   if (samples_ > 0 && complete() && !defect_) {
-    const double of_last = static_cast<double>(changes_) / static_cast<double>(samples_);
+    const double of_last = double(changes_) / double(samples_);
     stillest_ = stillest_ > 0.0 ? std::min(stillest_, of_last) : of_last;
   }
   changes_ = 0;
@@ -59,7 +59,7 @@ void DwellMonitor::start(std::int64_t first_counter, std::int64_t samples) {
   in_window_ = windows_ = in_part_ = 0;
   of_ = {};
   parts_.clear();
-  parts_.reserve(static_cast<std::size_t>(samples / part_samples_) + 1);
+  parts_.reserve(std::size_t(samples / part_samples_) + 1);
 }
 
 const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const ImuSample> samples) {
@@ -99,7 +99,7 @@ const std::optional<DwellMonitor::Defect>& DwellMonitor::add(std::span<const Imu
 }
 
 void DwellMonitor::close_window() {
-  const double size = static_cast<double>(in_window_);
+  const double size = double(in_window_);
   for (std::size_t i = 0; i < channels; ++i) {
     Channel& c = of_[i];
     const double mean = c.window_sum * unit_[i], middle = c.window_sum / size;
@@ -118,7 +118,7 @@ void DwellMonitor::close_window() {
   in_window_ = 0;
   ++windows_;
   if (judge_dead() || defect_) return;
-  const double count = static_cast<double>(windows_);
+  const double count = double(windows_);
   for (std::size_t i = 0; i < channels; ++i) {
     const bool gyro = i < 3;
     const double centre = of_[i].sum / count;
@@ -143,23 +143,22 @@ void DwellMonitor::close_window() {
 bool DwellMonitor::judge_dead() {
   constexpr double sigmas = 8.0, shortest_s = 0.9, longest_s = 30.0, most_changes = 100.0;
   constexpr std::size_t fewest = 10, tenths = 10;
-  const double part = static_cast<double>(part_samples_);
+  const double part = double(part_samples_);
   const std::optional<Stretch> together = frozen_together();
   bool more_will_tell = false;
   const auto frozen = [&] {
     return fmt::format("all six channels gave the same in {} samples, {} to {} ({:.3f} s)", together->samples,
-                       together->first, together->first + together->samples - 1,
-                       static_cast<double>(together->samples) * period_s_);
+                       together->first, together->first + together->samples - 1, double(together->samples) * period_s_);
   };
   double squares = 0.0, most = sigmas;
   for (std::size_t i = 0; i < channels; ++i) {
     const Stretch& same = of_[i].longest;
-    const double same_s = static_cast<double>(same.samples) * period_s_;
+    const double same_s = double(same.samples) * period_s_;
     if (same_s < shortest_s) continue;
     const std::int64_t end = same.first + same.samples;
     const bool goes_on = end == next_counter_ && same_s < longest_s && !complete();
-    const auto first_touched = static_cast<std::size_t>((same.first - first_counter_) / part_samples_);
-    const auto last_touched = static_cast<std::size_t>((end - 1 - first_counter_) / part_samples_);
+    const auto first_touched = std::size_t((same.first - first_counter_) / part_samples_);
+    const auto last_touched = std::size_t((end - 1 - first_counter_) / part_samples_);
     Scatter by_parts, by_windows;
     double window = 0.0;
     std::size_t in_window = 0;
@@ -177,15 +176,15 @@ bool DwellMonitor::judge_dead() {
       in_window = 0;
     }
     if (by_parts.count < fewest) {
-      const bool too_long = together && static_cast<double>(together->samples) * stillest_ > most_changes;
+      const bool too_long = together && double(together->samples) * stillest_ > most_changes;
       more_will_tell = more_will_tell || (together && end != next_counter_) || (too_long && goes_on);
       if (too_long && !goes_on) defect_ = Defect{ErrorKind::device, frozen()};
       continue;
     }
     const double variance = by_windows.count >= fewest  // of a sample
-                                ? by_windows.variance() / (part * static_cast<double>(tenths))
+                                ? by_windows.variance() / (part * double(tenths))
                                 : by_parts.variance() / part;
-    const double n = static_cast<double>(same.samples), others = part * static_cast<double>(by_parts.count);
+    const double n = double(same.samples), others = part * double(by_parts.count);
     const double mean = by_parts.mean() / part, off = std::abs(same.value - mean) * n;
     const double share = n / others;
     // Pulses of a running sum are off by their ends alone, numbers that are rounded by each of them.
@@ -222,7 +221,7 @@ std::optional<DwellMonitor::Stretch> DwellMonitor::frozen_together() const {
 // Of the window that is further from the mean of the others: how far it is without its outlier.
 std::string DwellMonitor::glitch_text(std::size_t channel, double limit) const {
   if (windows_ < 2) return {};
-  const double others = static_cast<double>(windows_ - 1);
+  const double others = double(windows_ - 1);
   const Channel& c = of_[channel];
   const auto mean_of_others = [&](double d) { return (c.sum - d) / others; };
   const bool is_high = c.highest - mean_of_others(c.highest) > mean_of_others(c.lowest) - c.lowest;

@@ -130,7 +130,7 @@ void FeltRate::add(const ImuSample& sample) {
 }
 
 void FeltRate::close_block() {
-  const double block_s = static_cast<double>(block_samples_) * period_s_;
+  const double block_s = double(block_samples_) * period_s_;
   const double turned_deg = degrees_per_count_ * std::hypot(sum_[0], sum_[1], sum_[2]);
   sum_ = {};
   in_block_ = 0;

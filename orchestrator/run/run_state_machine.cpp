@@ -42,9 +42,9 @@ Transition next(RunState state, RunEvent event, GuardSet guards) {
   return {Transition::Outcome::unexpected, RunState::failed, RunAction::announce};
 }
 
-std::string_view to_string(RunState state) { return state_names[static_cast<std::size_t>(state)]; }
-std::string_view to_string(RunEvent event) { return event_names[static_cast<std::size_t>(event)]; }
-std::string_view to_string(RunAction action) { return action_names[static_cast<std::size_t>(action)]; }
+std::string_view to_string(RunState state) { return state_names[std::size_t(state)]; }
+std::string_view to_string(RunEvent event) { return event_names[std::size_t(event)]; }
+std::string_view to_string(RunAction action) { return action_names[std::size_t(action)]; }
 
 std::string format_pause(const RunSnapshot& at) {
   std::string when;

@@ -115,10 +115,10 @@ template <class Enum>
 struct EnumSet {
   std::uint64_t bits = 0;
   constexpr EnumSet(std::initializer_list<Enum> members) {
-    for (Enum member : members) bits |= std::uint64_t{1} << static_cast<unsigned>(member);
+    for (Enum member : members) bits |= std::uint64_t{1} << unsigned(member);
   }
   constexpr EnumSet(Enum member) : EnumSet({member}) {}
-  constexpr bool contains(Enum member) const { return (bits >> static_cast<unsigned>(member) & 1u) != 0; }
+  constexpr bool contains(Enum member) const { return (bits >> unsigned(member) & 1u) != 0; }
 };
 using StateSet = EnumSet<RunState>;
 using EventSet = EnumSet<RunEvent>;

@@ -281,7 +281,7 @@ StationRun::MaybeEvent StationRun::begin_dwell() {
   for (UnitLane& lane : lanes_) {
     if (!lane.alive()) continue;
     lane.begin_dwell(item.samples);
-    dwell_s = static_cast<double>(item.samples) * lane.sample_period_s();
+    dwell_s = double(item.samples) * lane.sample_period_s();
   }
   phase_deadline_s_ = devices_.clock.now_s() + 1.1 * dwell_s + job_.station.motion.deadline_margin_s;
   return std::nullopt;

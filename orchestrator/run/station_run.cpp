@@ -343,7 +343,7 @@ RunSnapshot StationRun::snapshot() const {
     planned_s = item.start_s;
     if (state_ == RunState::dwelling) {
       s.dwell_kind = item.dwell_kind;
-      s.phase_fraction = 1.0 - static_cast<double>(dwell_left) / static_cast<double>(item.samples);
+      s.phase_fraction = 1.0 - double(dwell_left) / double(item.samples);
     } else if (item_running_ && in({RunState::moving, RunState::settling})) {
       s.phase_fraction =
           std::clamp((s.position_deg[item.axis] - item.from_deg) / (item.to_deg - item.from_deg) + 0.0, 0.0, 1.0);

@@ -243,7 +243,7 @@ StationRun::MaybeEvent StationRun::fail(UnitLane& lane, RunEvent event, const Er
     return raise(event, {lanes_.size() > 1 ? ErrorKind::device : error.kind, named(lane, error.message)});
   const Error why{error.kind, place() + ": " + error.message};
   lane.drop(why);
-  const Dropout dropout{static_cast<std::size_t>(&lane - lanes_.data()), lane.serial(), why, snapshot()};
+  const Dropout dropout{std::size_t(&lane - lanes_.data()), lane.serial(), why, snapshot()};
   for (RunObserver* const one : hooks_.observers) one->on_dropout(dropout);
   return journalled([dropout](RunJournal& journal) { return journal.dropout(dropout); });
 }
@@ -299,11 +299,11 @@ StationRun::MaybeEvent StationRun::pump() {
   }
   // A poll that is due comes first; what has arrived meanwhile waits in the source.
   if (wanted_s < time_slack_s) return std::nullopt;
-  auto count = static_cast<std::size_t>(std::max(1.0, std::ceil((wanted_s - time_slack_s) / period_s)));
-  if (state_ == RunState::dwelling) count = std::min(count, static_cast<std::size_t>(lead_lane->dwell_remaining()));
+  auto count = std::size_t(std::max(1.0, std::ceil((wanted_s - time_slack_s) / period_s)));
+  if (state_ == RunState::dwelling) count = std::min(count, std::size_t(lead_lane->dwell_remaining()));
   count = std::clamp<std::size_t>(count, 1, read_samples);
   // Half a period more, so that rounding cannot cost a sample.
-  const Result<std::size_t> got = lead_lane->receive(count, (static_cast<double>(count) + 0.5) * period_s);
+  const Result<std::size_t> got = lead_lane->receive(count, (double(count) + 0.5) * period_s);
   if (!got) return fail(*lead_lane, RunEvent::imu_lost, got.error());
   if (*got > 0) lead_lane->heard(devices_.clock.now_s());
   for (UnitLane& lane : lanes_) {
@@ -352,7 +352,7 @@ bool StationRun::apart() const {
     period_s = lane.sample_period_s();
   }
   const double allowed = std::max(late_s / period_s, 2.0);
-  return least <= most && static_cast<double>(most - least) > allowed;
+  return least <= most && double(most - least) > allowed;
 }
 
 StationRun::MaybeEvent StationRun::record_all() {

@@ -125,7 +125,7 @@ void UnitLane::receive_meanwhile(double now_s) {
 Result<UnitLane::Recorded> UnitLane::record(bool dwelling, BackgroundQueue& storage) {
   Recorded recorded;
   std::size_t count = waiting_.size();
-  if (dwelling) count = std::min(count, static_cast<std::size_t>(std::max<std::int64_t>(dwell_->remaining(), 0)));
+  if (dwelling) count = std::min(count, std::size_t(std::max<std::int64_t>(dwell_->remaining(), 0)));
   if (!segment_) waiting_.clear();
   if (!segment_) conflict_.reset();
   if (waiting_.empty() || count == 0) return recorded;
@@ -147,7 +147,7 @@ Result<UnitLane::Recorded> UnitLane::record(bool dwelling, BackgroundQueue& stor
     if (channel && glitch.empty())
       glitch = glitch_of(*channel, channel_of(sample, *channel), sample.counter, info_.sample_period_s);
   }
-  const auto lost = static_cast<std::uint64_t>(samples.back().counter + 1 - next_sample_) - samples.size();
+  const auto lost = std::uint64_t(samples.back().counter + 1 - next_sample_) - samples.size();
   lost_samples_ += lost;
   recorded.gap = lost != 0;
   next_sample_ = samples.back().counter + 1;
@@ -171,7 +171,7 @@ Result<UnitLane::Recorded> UnitLane::record(bool dwelling, BackgroundQueue& stor
     recorded.flagged = true;
     conflict_.reset();
   }
-  waiting_.erase(waiting_.begin(), waiting_.begin() + static_cast<std::ptrdiff_t>(count));
+  waiting_.erase(waiting_.begin(), waiting_.begin() + std::ptrdiff_t(count));
   return recorded;
 }
 
@@ -179,7 +179,7 @@ void UnitLane::begin_segment(const Segment& segment) {
   segment_ = segment;
   segment_->start_sample = segment_->end_sample = next_sample_;
   segment_written_ = false;
-  came_before_ = next_sample_ + static_cast<std::int64_t>(waiting_.size());
+  came_before_ = next_sample_ + std::int64_t(waiting_.size());
 }
 
 UnitLane::Write UnitLane::end_segment(SegmentKind kind, const AxisTriple& angles_deg) {

@@ -98,7 +98,7 @@ class UnitLane {
   bool dwell_complete() const { return dwell_->complete(); }
   std::int64_t dwell_remaining() const { return dwell_->remaining(); }
   // With what waits to be taken: it came while the table's answer was awaited.
-  bool dwell_received() const { return static_cast<std::int64_t>(waiting_.size()) >= dwell_remaining(); }
+  bool dwell_received() const { return std::int64_t(waiting_.size()) >= dwell_remaining(); }
   // "; 812 bad frames came: ...": why no sample may have come of what did; empty: nothing did.
   std::string came_instead() const;
   Write sync() const {

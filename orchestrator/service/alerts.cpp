@@ -49,8 +49,7 @@ std::vector<Event> events_in(const std::vector<StationView>& stations, const std
   }
   if (!results || !results->until_utc.empty() || !least_yield) return events;
   for (const StationResults& s : results->stations)
-    if (s.judged >= Alerts::least_judged &&
-        static_cast<double>(s.passed) < *least_yield * static_cast<double>(s.judged))
+    if (s.judged >= Alerts::least_judged && double(s.passed) < *least_yield * double(s.judged))
       events.push_back({{"yield", "", "",
                          fmt::format("{} of {} passed in the last 24 hours, expected {:.0f} %", s.passed, s.judged,
                                      *least_yield * 100.0),
@@ -66,7 +65,7 @@ std::set<std::string> known_in(std::string_view record) {
   while (!record.empty()) {
     const std::vector<std::string_view> words = split(next_line(record), ' ');
     if (words.size() < 3) continue;
-    const std::string key(words[2].data(), static_cast<std::size_t>(words.back().end() - words[2].begin()));
+    const std::string key(words[2].data(), std::size_t(words.back().end() - words[2].begin()));
     if (words[1] == "known" || words[1] == "told") known.insert(key);
     if (words[1] == "over") known.erase(key);
   }

@@ -60,11 +60,11 @@ std::optional<std::string> from_base64(std::string_view text) {
     const std::string_view alphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     const std::size_t value = alphabet.find(c);
     if (value == std::string_view::npos) return {};
-    bits = (bits << 6U) | static_cast<unsigned>(value);
+    bits = (bits << 6U) | unsigned(value);
     held += 6;
     if (held < 8) continue;
     held -= 8;
-    bytes += static_cast<char>((bits >> held) & 0xffU);
+    bytes += char((bits >> held) & 0xffU);
   }
   return bytes;
 }
@@ -75,8 +75,7 @@ bool is_password(const std::string& password, const std::string& hash) {
   if (hashed == nullptr || hashed[0] == '*') return false;
   const std::string_view found(hashed);
   unsigned difference = found.size() == hash.size() ? 0U : 1U;
-  for (std::size_t i = 0; i < found.size() && i < hash.size(); ++i)
-    difference |= static_cast<unsigned>(found[i] ^ hash[i]);
+  for (std::size_t i = 0; i < found.size() && i < hash.size(); ++i) difference |= unsigned(found[i] ^ hash[i]);
   return difference == 0;
 }
 

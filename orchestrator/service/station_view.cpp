@@ -327,7 +327,7 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
   if (view.process && view.unit_s && !view.simulated) {  // a dry run has a clock of its own
     const double this_end_s =
         view.run_end_utc_s.value_or(now_utc_s + (view.state == StationState::mounting ? *view.unit_s : 0.0));
-    view.queue_end_utc_s = this_end_s + *view.unit_s * static_cast<double>(view.waiting.size());
+    view.queue_end_utc_s = this_end_s + *view.unit_s * double(view.waiting.size());
   }
   return view;
 }
@@ -351,12 +351,12 @@ std::string json_of(const StationView& view) {
   o.text("queue_end_utc", time(view.queue_end_utc_s));
   o.number("unit_s", view.unit_s);
   o.text("known", view.known);
-  o.number("waiting_count", static_cast<double>(view.waiting.size()));
-  o.texts("waiting", {view.waiting.begin(),
-                      view.waiting.begin() + static_cast<std::ptrdiff_t>(std::min(view.waiting.size(), shown))});
+  o.number("waiting_count", double(view.waiting.size()));
+  o.texts("waiting",
+          {view.waiting.begin(), view.waiting.begin() + std::ptrdiff_t(std::min(view.waiting.size(), shown))});
   o.texts("for_a_person", view.for_a_person);
-  o.number("done", static_cast<double>(view.done));
-  o.number("passed", static_cast<double>(view.passed));
+  o.number("done", double(view.done));
+  o.number("passed", double(view.passed));
   std::vector<std::string> outcomes;
   for (UnitOutcome outcome : view.outcomes) outcomes.push_back(json_of(fields_of(outcome)));
   o.list("outcomes", outcomes);
@@ -376,7 +376,7 @@ std::string metrics_of(const std::vector<StationView>& stations, const ResultsVi
     for (const auto& [name, value] : std::initializer_list<std::pair<const char*, std::optional<double>>>{
              {"station_readable", v.state != StationState::unreadable},
              {"station_running", v.state == StationState::running},
-             {"station_tone", static_cast<int>(v.tone)},
+             {"station_tone", int(v.tone)},
              {"station_waits", v.for_a_person.size()},
              {"queue_waiting", v.waiting.size()},
              {"queue_done", v.done},
@@ -389,7 +389,7 @@ std::string metrics_of(const std::vector<StationView>& stations, const ResultsVi
   for (const StationResults& s : results.until_utc.empty() ? results.stations : std::vector<StationResults>())
     for (const auto& [name, count] :
          {std::pair{"day_attempts", s.attempts}, std::pair{"day_judged", s.judged}, std::pair{"day_passed", s.passed}})
-      add(name, s.station, s.simulated ? ",simulated=\"true\"" : ",simulated=\"false\"", static_cast<double>(count));
+      add(name, s.station, s.simulated ? ",simulated=\"true\"" : ",simulated=\"false\"", double(count));
   std::string text =
       fmt::format("# TYPE turncal_{0} gauge\nturncal_{0} {1}\n", "look_timestamp_seconds", format_number(now_utc_s));
   for (const auto& [name, of] : lines) text += "# TYPE turncal_" + name + " gauge\n" + of;
@@ -466,9 +466,9 @@ Status write_down(const ServedStation& station, const StationAction& wanted, con
 
 // The process is named by a descriptor before its lock is looked at again, so that its number cannot be another's by then.
 Status send_signal(const std::string& lock, pid_t process, int signal) {
-  const Descriptor fd(static_cast<int>(::syscall(SYS_pidfd_open, process, 0)));
+  const Descriptor fd(int(::syscall(SYS_pidfd_open, process, 0)));
   if (fd < 0 || lock_holder(lock) != process) return device_error("the run has just ended");
-  if (::syscall(SYS_pidfd_send_signal, static_cast<int>(fd), signal, nullptr, 0) == 0) return {};
+  if (::syscall(SYS_pidfd_send_signal, int(fd), signal, nullptr, 0) == 0) return {};
   return device_error(fmt::format("process {} cannot be told: {}", process, std::generic_category().message(errno)));
 }
 

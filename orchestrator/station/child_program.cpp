@@ -31,7 +31,7 @@ Result<Descriptor> file_with(std::string_view text) {
   while (file >= 0 && !text.empty()) {
     const ssize_t written = ::write(file, text.data(), text.size());
     if (written > 0)
-      text.remove_prefix(static_cast<std::size_t>(written));
+      text.remove_prefix(std::size_t(written));
     else if (written == 0 || errno != EINTR)
       break;
   }
@@ -45,7 +45,7 @@ Result<std::string> text_in(const Descriptor& file) {  // from its beginning, wh
 }
 bool is_longer(const Descriptor& file, std::size_t bytes) {
   struct stat facts {};
-  return file >= 0 && ::fstat(file, &facts) == 0 && static_cast<std::size_t>(facts.st_size) > bytes;
+  return file >= 0 && ::fstat(file, &facts) == 0 && std::size_t(facts.st_size) > bytes;
 }
 
 std::vector<char*> pointers_to(std::vector<std::string>& texts) {
@@ -65,7 +65,7 @@ int spawn(const ChildProgram& program, const std::array<const Descriptor*, 3>& f
   posix_spawn_file_actions_init(&actions);
   posix_spawnattr_init(&how);
   for (std::size_t k = 0; k < files.size(); ++k)
-    if (*files[k] >= 0) posix_spawn_file_actions_adddup2(&actions, *files[k], static_cast<int>(k));
+    if (*files[k] >= 0) posix_spawn_file_actions_adddup2(&actions, *files[k], int(k));
   sigset_t signals;
   sigemptyset(&signals);
   posix_spawnattr_setsigmask(&how, &signals);

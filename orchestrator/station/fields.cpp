@@ -38,7 +38,7 @@ bool set_value(const Field& field, std::string_view text, Value& value) {
   } else if constexpr (std::is_integral_v<Value>) {
     const std::optional<Value> number = parse_integer<Value>(text);
     if (number) value = *number;
-    return number && field.range.contains(static_cast<double>(*number));
+    return number && field.range.contains(double(*number));
   } else {
     typename Value::value_type number{};
     const bool good = set_value(field, text, number);
@@ -106,7 +106,7 @@ bool set_text(const Field& field, std::string_view text) {
   if (const Choice* const choice = std::get_if<Choice>(&field.value)) {
     const auto at = std::ranges::find(choice->words, text);
     if (at == choice->words.end()) return false;
-    choice->set(static_cast<std::size_t>(at - choice->words.begin()));
+    choice->set(std::size_t(at - choice->words.begin()));
     return true;
   }
   return std::visit(

@@ -100,7 +100,7 @@ std::string quantity_name(std::string_view key) {
     return std::string(at->name);
   if (!is_parameter(key)) return std::string(key);
   const bool gyro = key[0] == 'N' || key[0] == 'n';
-  const auto axis = [key](std::size_t at) { return std::string(1, static_cast<char>('x' + key[at] - '1')); };
+  const auto axis = [key](std::size_t at) { return std::string(1, char('x' + key[at] - '1')); };
   const std::string sensor = gyro ? "gyro " : "accelerometer ";
   if (key[1] == '0') return sensor + axis(2) + " bias";
   return sensor + axis(1) + (key[1] == key[2] ? " scale factor" : " towards " + axis(2));

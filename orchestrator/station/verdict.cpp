@@ -116,8 +116,7 @@ VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c,
   report.rule = "ILAC-G8:09/2019 4.2.3, U = 2 sigma, guard band " + format_number(limits.guard_factor) + " U";
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     const std::string key(parameter_keys[i]);
-    judge_into(report, key, file.parameters[static_cast<Eigen::Index>(i)], file.sigma[i], limits.parameter[i],
-               limits.guard_factor);
+    judge_into(report, key, file.parameters[Eigen::Index(i)], file.sigma[i], limits.parameter[i], limits.guard_factor);
     judge_into(report, "sigma." + key, file.sigma[i], 0.0, {std::nullopt, limits.sigma_max[i]}, 0.0);
   }
   judge_into(report, "residual", residual_of(file), 0.0, {std::nullopt, limits.residual_max}, 0.0);
@@ -190,7 +189,7 @@ std::optional<JudgedValue> recorded_judgement(const ParameterFile& file, const s
 
 Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<double, parameter_count>& sigma) {
   const auto place = [](std::string_view key) {
-    return static_cast<std::size_t>(std::ranges::find(parameter_keys, key) - parameter_keys.begin());
+    return std::size_t(std::ranges::find(parameter_keys, key) - parameter_keys.begin());
   };
   VerdictReport report, worse;
   const Fields words = fields_of(report);
@@ -211,7 +210,7 @@ Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<do
     if (key.starts_with("sigma.") && place(key.substr(6)) < parameter_count)
       judged->value = file.sigma[place(key.substr(6))];
     if (const std::size_t i = place(key); i < parameter_count) {
-      const double value = file.parameters[static_cast<Eigen::Index>(i)];
+      const double value = file.parameters[Eigen::Index(i)];
       judged->value = value;
       if (const double own = file.sigma[i].value_or(0.0); own > 0.0) {
         const double guard_factor = judged->guard_band / (2.0 * own);
@@ -291,7 +290,7 @@ std::vector<NeededSigma> needed_sigmas(const ParameterFile& file, const StopSigm
   std::vector<NeededSigma> sigmas;
   for (std::size_t i = 0; i < parameter_count; ++i) {
     if (!parameter_is_free[i]) continue;
-    const double value = file.parameters(static_cast<Eigen::Index>(i));
+    const double value = file.parameters(Eigen::Index(i));
     const double needed = std::min({stop[i].value_or(infinite), limits.sigma_max[i].value_or(infinite),
                                     clear_of(limits.parameter[i], limits.guard_factor, value)});
     if (needed < infinite) sigmas.push_back({i, file.sigma[i].value_or(infinite), needed});

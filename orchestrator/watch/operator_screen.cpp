@@ -96,7 +96,7 @@ OperatorScreen operator_screen(const OperatorTask& task, const RunSnapshot& at, 
       const double way_deg = task.target_deg - *task.from_deg;
       const std::string sense = texts.say(way_deg < 0.0 ? "sense.backward" : "sense.forward");
       // What a dial cannot show: that it is a whole turn, or more.
-      const auto turns = static_cast<int>((std::abs(way_deg) + 1.0) / 360.0);
+      const auto turns = int((std::abs(way_deg) + 1.0) / 360.0);
       const std::string way = texts.exact(hundredths(std::abs(way_deg)));
       screen.way = turns > 0 ? texts.say("screen.whole_turns",
                                          {{"way", way}, {"sense", sense}, {"turns", std::to_string(turns)}})
@@ -120,7 +120,7 @@ OperatorScreen operator_screen(const OperatorTask& task, const RunSnapshot& at, 
 std::string json_of(const OperatorScreen& screen) {
   constexpr const char* kinds[] = {"nothing", "where", "turn", "compare", "paused"};
   JsonObject o;
-  o.text("kind", kinds[static_cast<std::size_t>(screen.task.kind)]);
+  o.text("kind", kinds[std::size_t(screen.task.kind)]);
   o.flag("wants_hands", screen.wants_hands());
   o.text("instruction", screen.instruction);
   o.text("big", screen.big);
@@ -131,7 +131,7 @@ std::string json_of(const OperatorScreen& screen) {
   o.flag("wrong", screen.task.wrong);
   o.text("step", screen.step);
   o.text("left", screen.left);
-  o.number("axis", static_cast<double>(index(screen.task.axis)));
+  o.number("axis", double(index(screen.task.axis)));
   o.texts("axes", {screen.axes.begin(), screen.axes.end()});
   o.number("from_deg", screen.task.from_deg);
   o.number("target_deg", screen.task.target_deg);
@@ -197,7 +197,7 @@ TerminalSize stdout_size() {
 }
 
 std::vector<std::string> drawn(const OperatorScreen& screen, const std::string& time, TerminalSize size) {
-  const auto columns = static_cast<std::size_t>(size.columns - 1);
+  const auto columns = std::size_t(size.columns - 1);
   std::vector<std::string> lines;
   add_lines(lines, time + "   " + screen.step, columns);
   add_lines(lines, screen.left, columns);
@@ -213,7 +213,7 @@ std::vector<std::string> drawn(const OperatorScreen& screen, const std::string& 
   add_lines(lines, screen.note, columns, screen.task.wrong ? amber : bold);
   add_lines(lines, screen.answer, columns);
   add_lines(lines, screen.words, columns);
-  const auto most = static_cast<std::size_t>(input_row - 1);
+  const auto most = std::size_t(input_row - 1);
   if (lines.size() > most) lines.resize(most);
   return lines;
 }
@@ -241,7 +241,7 @@ void OperatorTerminal::show(const OperatorScreen& screen) {
   std::string out = !before_ ? "\033[2J" : typed ? "" : "\0337";
   for (int row = 1; row < input_row; ++row) {
     out += "\x1b[" + std::to_string(row) + ";1H";
-    if (static_cast<std::size_t>(row) <= lines.size()) out += lines[static_cast<std::size_t>(row) - 1];
+    if (std::size_t(row) <= lines.size()) out += lines[std::size_t(row) - 1];
     out += "\x1b[K";
   }
   out += typed ? "\033[" + std::to_string(input_row) + ";1H\033[J> " : "\0338";

@@ -34,7 +34,7 @@ constexpr std::size_t drained_bytes = std::size_t{1} << 20;
 
 std::string lower(std::string_view text) {
   std::string result(text);
-  for (char& c : result) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  for (char& c : result) c = char(std::tolower(static_cast<unsigned char>(c)));
   return result;
 }
 
@@ -187,10 +187,10 @@ struct PageServer::State {
     if (got < 0) return errno == EAGAIN || errno == EINTR;
     if (got == 0) return false;
     if (c.answered()) {  // what still comes is thrown away, so that the answer is not lost to a reset
-      c.drained += static_cast<std::size_t>(got);
+      c.drained += std::size_t(got);
       return c.drained < drained_bytes;
     }
-    c.request.append(buffer, static_cast<std::size_t>(got));
+    c.request.append(buffer, std::size_t(got));
     const std::size_t end = c.request.find("\r\n\r\n");
     const std::size_t size = end == std::string::npos ? c.request.size() : end + 4;
     if (size > limits.request_bytes)
@@ -204,7 +204,7 @@ struct PageServer::State {
     while (!c.all_sent()) {
       const ssize_t put = ::send(c.fd, c.answer.data() + c.sent, c.answer.size() - c.sent, MSG_DONTWAIT | MSG_NOSIGNAL);
       if (put < 0) return errno == EAGAIN || errno == EINTR;
-      c.sent += static_cast<std::size_t>(put);
+      c.sent += std::size_t(put);
     }
     ::shutdown(c.fd, SHUT_WR);
     return true;  // until the other end has closed, or its time is over

@@ -124,7 +124,7 @@ void ProgressPrinter::on_progress(const RunSnapshot& snapshot) {
   line_shown_ = true;
   // A line that wraps could not be redrawn in place.
   std::string line = format_progress(snapshot);
-  line.resize(std::min(line.size(), static_cast<std::size_t>(columns_ - 1)));
+  line.resize(std::min(line.size(), std::size_t(columns_ - 1)));
   out_ << '\r' << line << "\x1b[K" << std::flush;
 }
 
@@ -157,7 +157,7 @@ void allow_colour(std::ostream& out, int descriptor) {
 std::string in_tone(std::ostream& out, Tone tone, std::string_view text) {
   constexpr std::array<const char*, 3> codes = {"\x1b[32m", "\x1b[33m", "\x1b[31m"};
   if (out.iword(colours) == 0) return std::string(text);
-  return codes[static_cast<std::size_t>(tone)] + std::string(text) + "\x1b[0m";
+  return codes[std::size_t(tone)] + std::string(text) + "\x1b[0m";
 }
 
 ServiceWatch::ServiceWatch() {

@@ -54,9 +54,9 @@ void LiveStatus::on_progress(const RunSnapshot& snapshot) {
 
 void LiveStatus::begin(const RecordingInfo& info) {
   const std::lock_guard lock(mutex_);
-  second_samples_ = static_cast<std::size_t>(std::max(1.0, std::round(1.0 / info.sample_period_s)));
-  const double second_s = static_cast<double>(second_samples_) * info.sample_period_s;
-  per_count_ = mean_per_count(info, static_cast<std::int64_t>(second_samples_));
+  second_samples_ = std::size_t(std::max(1.0, std::round(1.0 / info.sample_period_s)));
+  const double second_s = double(second_samples_) * info.sample_period_s;
+  per_count_ = mean_per_count(info, std::int64_t(second_samples_));
   pulse_[0] = info.gyro_increment == IncrementKind::pulses ? per_count_[0] * second_s * 3600.0 : 0.0;
   pulse_[1] = info.accel_increment == IncrementKind::pulses ? per_count_[3] * second_s * 1000.0 : 0.0;
 }
@@ -141,8 +141,8 @@ std::string LiveStatus::json() const {
   o.text("folder", run_.folder);
   o.flag("simulated", run_.simulated);
   o.number("step", s.step);
-  o.number("step_place", static_cast<double>(s.step_place));
-  o.number("step_count", static_cast<double>(s.step_count));
+  o.number("step_place", double(s.step_place));
+  o.number("step_count", double(s.step_count));
   o.text("phase", phase_words(s, run_.by_hand));
   o.number("phase_fraction", s.phase_fraction);
   o.number("run_fraction", s.run_fraction);
@@ -152,21 +152,21 @@ std::string LiveStatus::json() const {
   o.number("eta_s", s.eta_s);
   // What a person takes for a turn is in no plan.
   o.text("eta_utc", s.end_utc_s > 0.0 && !run_.by_hand ? format_utc(s.end_utc_s) : "");
-  o.number("moves_left", static_cast<double>(s.moves_left));
+  o.number("moves_left", double(s.moves_left));
   o.text("time_utc", s.utc_s > 0.0 ? format_utc(s.utc_s) : "");
   o.number("repeats", s.repeats);
-  o.number("lost_samples", static_cast<double>(s.lost_samples));
+  o.number("lost_samples", double(s.lost_samples));
   std::vector<std::string> units, known;
   for (const UnitSnapshot& unit : s.units) {
     JsonObject one;
     one.text("serial", unit.serial);
-    one.number("samples", static_cast<double>(unit.recorded_samples));
-    one.number("lost_samples", static_cast<double>(unit.lost_samples));
+    one.number("samples", double(unit.recorded_samples));
+    one.number("lost_samples", double(unit.lost_samples));
     one.text("dropped_out", unit.dropped_out);
     units.push_back(one.end());
   }
   o.list("units", units);
-  o.raw("temperature_c", has_temperature_ ? json_number(static_cast<double>(temperature_c_)) : "null");
+  o.raw("temperature_c", has_temperature_ ? json_number(double(temperature_c_)) : "null");
   o.number("heartbeat_age_s", wall_s_() - heartbeat_s_);
   o.text("last_error", last_error_);
   o.text("pause", pause_);
@@ -200,7 +200,7 @@ std::string LiveStatus::json() const {
       points.push_back(json_number(x));
     }
     series.push_back(json_list(points));
-    const auto n = static_cast<double>(dwell_.size());
+    const auto n = double(dwell_.size());
     if (n > 1.0)
       stillness[i / 3] = std::max(stillness[i / 3], std::sqrt(std::max(0.0, (square - sum * sum / n) / (n - 1.0))));
   }

@@ -23,10 +23,10 @@ std::vector<ImuSample> turning_samples() {
   std::vector<ImuSample> samples(200000);
   for (std::size_t i = 0; i < samples.size(); ++i) {
     ImuSample& s = samples[i];
-    const double angle = static_cast<double>(i) * 0.005 * 10.0 * std::numbers::pi / 180.0;
-    s.counter = static_cast<std::int64_t>(i);
-    s.gyro = {193.0, static_cast<double>(i % 3) - 1.0, static_cast<double>(i % 2)};
-    s.accel = {static_cast<double>(i % 2), std::round(98.0 * std::cos(angle)), std::round(98.0 * std::sin(angle))};
+    const double angle = double(i) * 0.005 * 10.0 * std::numbers::pi / 180.0;
+    s.counter = std::int64_t(i);
+    s.gyro = {193.0, double(i % 3) - 1.0, double(i % 2)};
+    s.accel = {double(i % 2), std::round(98.0 * std::cos(angle)), std::round(98.0 * std::sin(angle))};
     s.temperature_c = 25.0F;
   }
   return samples;
@@ -42,16 +42,16 @@ void compression(benchmark::State& state, SegmentKind kind) {
   const std::span<const ImuSample> input = still.empty() ? samples : still;
   Segment segment;
   segment.kind = kind;
-  segment.end_sample = static_cast<std::int64_t>(input.size());
+  segment.end_sample = std::int64_t(input.size());
   RecordingInfo info;
   info.has_temperature = true;
   for (auto _ : state) {
     const CompressedRecording recording = compress(info, {segment}, input);
     benchmark::DoNotOptimize(recording.blocks.data());
   }
-  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(input.size()));
+  state.SetItemsProcessed(state.iterations() * std::int64_t(input.size()));
   state.counters["a_sample"] = benchmark::Counter(
-      static_cast<double>(input.size()), benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+      double(input.size()), benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 BENCHMARK_CAPTURE(compression, static_seconds, SegmentKind::still)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(compression, rotations, SegmentKind::rotate)->Unit(benchmark::kMillisecond);
@@ -64,7 +64,7 @@ void closed_form(benchmark::State& state) {
     passes = result.ok() ? result->passes : 0;
   }
   state.counters["passes"] = passes;
-  state.counters["blocks"] = static_cast<double>(made.recording.blocks.size());
+  state.counters["blocks"] = double(made.recording.blocks.size());
 }
 BENCHMARK(closed_form)->Unit(benchmark::kMillisecond);
 
@@ -73,7 +73,7 @@ void block_evaluation(benchmark::State& state) {
   const SensorModel model = sensor_model(made.truth, made.recording.info);
   for (auto _ : state)
     for (const Block& block : made.recording.blocks) benchmark::DoNotOptimize(evaluate(block, model, 0.005));
-  state.SetItemsProcessed(state.iterations() * static_cast<std::int64_t>(made.recording.blocks.size()));
+  state.SetItemsProcessed(state.iterations() * std::int64_t(made.recording.blocks.size()));
 }
 BENCHMARK(block_evaluation)->Unit(benchmark::kMillisecond);
 

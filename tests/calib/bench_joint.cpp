@@ -45,7 +45,7 @@ const RigRecording& recording_of(int hours) {
 }
 
 void estimate(benchmark::State& state, bool candidates) {
-  const RigRecording& made = recording_of(static_cast<int>(state.range(0)));
+  const RigRecording& made = recording_of(int(state.range(0)));
   JointOptions options;
   if (candidates) options.candidates = catalogue_columns(made.recording.info);
   int iterations = 0;
@@ -55,10 +55,10 @@ void estimate(benchmark::State& state, bool candidates) {
     iterations = result.iterations;
     benchmark::DoNotOptimize(result.covariance.data());
   }
-  const double samples = static_cast<double>(made.recording.samples);
+  const double samples = double(made.recording.samples);
   state.counters["samples"] = samples;
   state.counters["passes"] = iterations;
-  state.counters["MB_of_statistics"] = static_cast<double>(made.recording.blocks.size() * sizeof(Block)) / 1e6;
+  state.counters["MB_of_statistics"] = double(made.recording.blocks.size() * sizeof(Block)) / 1e6;
   state.counters["a_sample"] =
       benchmark::Counter(samples, benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }

@@ -39,7 +39,7 @@ Matrix3d turn_by(const Vector3d& s) {
 // Midpoint rule with exact rotations: error of a step h is (h w)^2 of its increment over 24, below 1e-10 here.
 Motion integrate(const VectorFunction& w, const VectorFunction& f, double duration_s) {
   const double h = 5e-5;
-  const int steps = static_cast<int>(std::lround(duration_s / h));
+  const int steps = int(std::lround(duration_s / h));
   Motion m;
   for (int i = 0; i < steps; ++i) {
     const double t = (i + 0.5) * h;
@@ -78,14 +78,14 @@ CompressedRecording compress_as(SegmentKind kind, const std::vector<ImuSample>& 
                                 const CompressionOptions& options = {}) {
   Segment segment;
   segment.kind = kind;
-  segment.end_sample = static_cast<std::int64_t>(samples.size());
+  segment.end_sample = std::int64_t(samples.size());
   return compress(pulses_info(), {segment}, samples, options);
 }
 
 // One block over all samples.
 Block one_block(const std::vector<ImuSample>& samples) {
   CompressionOptions options;
-  options.block_samples = static_cast<int>(samples.size());
+  options.block_samples = int(samples.size());
   options.block_angle_rad = 10.0;
   const CompressedRecording r = compress_as(SegmentKind::rotate, samples, options);
   EXPECT_EQ(r.blocks.size(), 1u);
@@ -169,8 +169,7 @@ TEST(Evaluate, BlocksOfAWholeTurnAddUp) {
   };
   const VectorFunction w = [=](double t) -> Vector3d { return speed(t) * axis; };
   const VectorFunction f = gravity_seen_turning(axis, angle);
-  const CompressedRecording r =
-      compress_as(SegmentKind::rotate, counts(w, f, static_cast<int>(std::lround(total_s / dt)), model));
+  const CompressedRecording r = compress_as(SegmentKind::rotate, counts(w, f, int(std::lround(total_s / dt)), model));
   Matrix3d C = Matrix3d::Identity();
   Vector3d v = Vector3d::Zero();
   for (const Block& block : r.blocks) {

@@ -71,7 +71,7 @@ TEST(ClosedForm, ARepeatedDwellIsPartOfTheWay) {
   config.table_errors = {};
   config.table_errors.random_arcmin = 0.0;
   const RigRecording plain = record_on_rig(sequence, config);
-  const auto dwells = static_cast<int>(
+  const auto dwells = int(
       std::ranges::count_if(plain.recording.segments, [](const Segment& s) { return s.kind != SegmentKind::rotate; }));
   for (const int which : {7, 21, dwells - 1}) {  // after a turn in step 2, in the middle, the 60 s of step 14
     RigRecorderOptions options;
@@ -92,7 +92,7 @@ TEST(ClosedForm, SaysHowItConverged) {
   const ClosedFormResult result = calibrated(recording);
   EXPECT_TRUE(result.converged);
   EXPECT_LE(result.passes, 7);
-  ASSERT_EQ(result.corrections.size(), static_cast<std::size_t>(result.passes));
+  ASSERT_EQ(result.corrections.size(), std::size_t(result.passes));
   for (std::size_t k = 1; k < result.corrections.size(); ++k)
     EXPECT_LT(result.corrections[k].accel_matrix, 0.1 * result.corrections[k - 1].accel_matrix) << k;
   EXPECT_TRUE(result.message.starts_with("converged in ")) << result.message;

@@ -21,10 +21,10 @@ std::vector<ImuSample> quiet_samples(std::size_t count, unsigned seed = 7) {
   std::mt19937 random(seed);
   std::vector<ImuSample> samples(count);
   for (std::size_t i = 0; i < count; ++i) {
-    samples[i].counter = static_cast<std::int64_t>(i);
+    samples[i].counter = std::int64_t(i);
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      samples[i].gyro[axis] = static_cast<double>(random() % 3) - 1.0 + (axis == 1 ? 14.0 : 0.0);
-      samples[i].accel[axis] = static_cast<double>(random() % 3) - 1.0 + (axis == 1 ? 96.0 : 0.0);
+      samples[i].gyro[axis] = double(random() % 3) - 1.0 + (axis == 1 ? 14.0 : 0.0);
+      samples[i].accel[axis] = double(random() % 3) - 1.0 + (axis == 1 ? 96.0 : 0.0);
     }
   }
   return samples;
@@ -34,7 +34,7 @@ std::vector<ImuSample> quiet_samples(std::size_t count, unsigned seed = 7) {
 std::vector<ImuSample> turning_samples(std::size_t count) {
   std::vector<ImuSample> samples = quiet_samples(count, 8);
   for (std::size_t i = 0; i < count; ++i) {
-    const double t = static_cast<double>(i) * dt;
+    const double t = double(i) * dt;
     samples[i].gyro[0] += std::round(180.0 * std::sin(3.0 * t));
     samples[i].gyro[1] += std::round(120.0 * std::cos(2.0 * t));
     samples[i].gyro[2] += std::round(90.0 * t);
@@ -62,7 +62,7 @@ Block naive(const std::vector<ImuSample>& all, std::size_t begin, std::size_t en
   Vector3d theta = Vector3d::Zero();
   for (std::size_t i = begin; i < end; ++i) {
     const Vector3d alpha = gyro_of(all[i]), beta = accel_of(all[i]);
-    const double middle_s = (static_cast<double>(all[i].counter - start) + 0.5) * dt;
+    const double middle_s = (double(all[i].counter - start) + 0.5) * dt;
     const double k = 1.0 + 11.0 / 60.0 * (rad * alpha).squaredNorm();
     b.gyro += alpha;
     b.accel += beta;
@@ -74,8 +74,8 @@ Block naive(const std::vector<ImuSample>& all, std::size_t begin, std::size_t en
     if (adjacent(i)) b.coning += k * cross(i) / 12.0, b.sculling += k * outer(i) / 24.0;
     theta += alpha;
   }
-  b.samples = static_cast<std::int32_t>(end - begin);
-  b.duration_s = static_cast<double>(all[end - 1].counter + 1 - start) * dt;
+  b.samples = std::int32_t(end - begin);
+  b.duration_s = double(all[end - 1].counter + 1 - start) * dt;
   return b;
 }
 
@@ -117,7 +117,7 @@ RC_GTEST_PROP(Compression, SumsAreThoseOfTheDefinition, ()) {
   std::vector<ImuSample> fed = samples;
   const auto twice = *rc::gen::inRange<std::size_t>(1, samples.size());
   const bool has_twice = *rc::gen::arbitrary<bool>();
-  if (has_twice) fed.insert(fed.begin() + static_cast<std::ptrdiff_t>(twice), fed[twice - 1]);
+  if (has_twice) fed.insert(fed.begin() + std::ptrdiff_t(twice), fed[twice - 1]);
 
   CompressionOptions options;
   options.glitch.counts_min = INFINITY;
@@ -166,14 +166,14 @@ RC_GTEST_PROP(Compression, SumsAreThoseOfTheDefinition, ()) {
 TEST(Compression, ASteadyTurnHasLongBlocks) {
   std::vector<ImuSample> samples = quiet_samples(2000);
   for (std::size_t i = 0; i < samples.size(); ++i) {
-    samples[i].gyro[0] = i < 200 ? std::round(0.965 * static_cast<double>(i)) : 193.0;
+    samples[i].gyro[0] = i < 200 ? std::round(0.965 * double(i)) : 193.0;
     samples[i].gyro[1] = samples[i].gyro[2] = 0.0;
   }
   const CompressedRecording r = compress(pulses_info(), {segment(SegmentKind::rotate, 0, 2000)}, samples);
   std::size_t begin = 0, longest_of_rise = 0, shortest_of_turn = samples.size();
   for (const Block& block : r.blocks) {
-    const std::size_t length = static_cast<std::size_t>(block.samples), end = begin + length;
-    expect_same_sums(block, naive(samples, begin, end, static_cast<std::int64_t>(begin)));
+    const std::size_t length = std::size_t(block.samples), end = begin + length;
+    expect_same_sums(block, naive(samples, begin, end, std::int64_t(begin)));
     EXPECT_LT(block.gyro.norm(), 11055.1);  // 0.05 rad
     if (end < 200) longest_of_rise = std::max(longest_of_rise, length);
     if (begin > 250 && end < 2000) shortest_of_turn = std::min(shortest_of_turn, length);
@@ -294,15 +294,14 @@ TEST(CompressionEvents, TheCornersOfATrapezoidAreNoGlitches) {
       return sum;
     };
     std::vector<ImuSample> samples = quiet_samples(4000, 7);
-    for (std::size_t i = 0; i < samples.size(); ++i)
-      samples[i].gyro[1] += angle(static_cast<double>(i) + 1.0) - angle(static_cast<double>(i));
+    for (std::size_t i = 0; i < samples.size(); ++i) samples[i].gyro[1] += angle(double(i) + 1.0) - angle(double(i));
     const Segments segments = {segment(SegmentKind::rotate, 0, 4000)};
     EXPECT_TRUE(compress(pulses_info(), segments, samples).events.empty()) << turn;
-    const auto place = static_cast<std::size_t>(between(1010.0, 1390.0));
+    const auto place = std::size_t(between(1010.0, 1390.0));
     samples[place].gyro[1] += 1.0 * std::abs(slope) + 100.0;
     const CompressedRecording r = compress(pulses_info(), segments, samples);
     ASSERT_EQ(r.events.size(), 1u) << turn;
-    EXPECT_EQ(r.events[0].sample, static_cast<std::int64_t>(place));
+    EXPECT_EQ(r.events[0].sample, std::int64_t(place));
   }
 }
 
@@ -310,10 +309,9 @@ TEST(CompressionEvents, TheCornersOfATrapezoidAreNoGlitches) {
 TEST(CompressionEvents, AGapInATurnIsNoGlitch) {
   for (const std::size_t border : {4000u, 1850u}) {  // the turn ends in the gap, too
     std::vector<ImuSample> samples = quiet_samples(4000, 9);
-    for (std::size_t i = 0; i < samples.size(); ++i)
-      samples[i].accel[0] += 2.0 * static_cast<double>(std::min(i, border));
+    for (std::size_t i = 0; i < samples.size(); ++i) samples[i].accel[0] += 2.0 * double(std::min(i, border));
     samples.erase(samples.begin() + 1800, samples.begin() + 1900);
-    const auto at = static_cast<std::int64_t>(border);
+    const auto at = std::int64_t(border);
     const CompressedRecording r =
         compress(pulses_info(), {segment(SegmentKind::rotate, 0, at), segment(SegmentKind::still, at, 4000)}, samples);
     ASSERT_EQ(r.events.size(), 1u) << border;

@@ -24,7 +24,7 @@ inline Made make(RigConfig config, const std::function<void(RigConfig&)>& before
   static const Sequence second = must_read_sequence("holdout.seq");
   RigRecording first = record_on_rig(sequence, config);
   config.noise_seed = config.noise_seed.value_or(config.seed) + 1000000;
-  for (std::size_t k = 0; k < 24; ++k) config.truth[k] = to_vector(first.truth)[static_cast<int>(k)];
+  for (std::size_t k = 0; k < 24; ++k) config.truth[k] = to_vector(first.truth)[int(k)];
   if (before_holdout) before_holdout(config);
   return {std::move(first.recording), record_on_rig(second, config).recording, first.truth};
 }

@@ -80,7 +80,7 @@ TEST(DiagnosisFaults, ScatterOfScaleFromTurnToTurnIsNotClean) {
   const Diagnosis d = diagnose_with(clean(), [](const DisturbedMoment& m) {
     AddedReading added;
     for (int axis = 0; axis < 3; ++axis) {
-      std::mt19937_64 own(static_cast<std::uint64_t>(3 * m.turn + axis));
+      std::mt19937_64 own(std::uint64_t(3 * m.turn + axis));
       added.gyro_radps[axis] = 6e-6 * std::normal_distribution<double>()(own) * m.rate_radps[axis];
     }
     return added;
@@ -93,7 +93,7 @@ TEST(DiagnosisFaults, ScatterOfScaleFromTurnToTurnIsNotClean) {
 // Of the scale factor of one gyro, another number in each turn.
 Disturbance scattered(int axis, double size, std::uint64_t seed) {
   return on_gyro(axis, [=](const DisturbedMoment& m) {
-    std::mt19937_64 own(seed + static_cast<std::uint64_t>(m.turn));
+    std::mt19937_64 own(seed + std::uint64_t(m.turn));
     own.discard(3);
     return size * std::normal_distribution<double>()(own) * m.rate_radps[axis];
   });
@@ -129,7 +129,7 @@ TEST(DiagnosisFaults, ScatterOfTwoTurnsIsNotTrustedFarFromTheTruth) {
 TEST(DiagnosisFaults, NoisierHoldoutIsJudgedByItsOwnNoise) {
   Made made = clean();
   RigConfig config = unit(31);
-  for (std::size_t k = 0; k < 24; ++k) config.truth[k] = to_vector(made.truth)[static_cast<int>(k)];
+  for (std::size_t k = 0; k < 24; ++k) config.truth[k] = to_vector(made.truth)[int(k)];
   config.noise_seed = 4711;
   config.noise.gyro_random_walk_deg_per_rt_h *= 5.0;
   config.noise.accel_random_walk_ug_per_rt_hz *= 5.0;
@@ -158,8 +158,8 @@ TEST(DiagnosisFaults, HoldoutOfAnotherSwitchOnIsCleanHoweverFarItsBiasesAre) {
 TEST(DiagnosisFaults, BiasWithATableAngleGetsNoName) {
   std::mt19937_64 random(20261123);
   for (int k = 0; k < 6; ++k) {
-    const int axis = static_cast<int>(random() % 3), table = static_cast<int>(random() % 3);
-    const double order = 2.0 + static_cast<double>(random() % 3);
+    const int axis = int(random() % 3), table = int(random() % 3);
+    const double order = 2.0 + double(random() % 3);
     const double phase = std::uniform_real_distribution<double>(0.0, 2.0 * pi)(random);
     const double size = std::uniform_real_distribution<double>(10.0, 40.0)(random);
     const bool gyro = k % 2 == 0;

@@ -15,7 +15,7 @@ TEST(FeltLatitude, IsTheTrueOneWhateverIsTold) {
   double chi_square[2] = {};
   for (int draw = 0; draw < 8; ++draw) {
     RigConfig config = default_rig_config();
-    config.seed = 40 + static_cast<std::uint64_t>(draw);
+    config.seed = 40 + std::uint64_t(draw);
     config.site.latitude_deg = -70.0 + 18.0 * draw;
     CompressedRecording recording = record_on_rig(sequence, config).recording;
     for (const bool wrong : {false, true}) {
@@ -68,7 +68,7 @@ TEST(FeltLatitude, ItsMirrorIsNoReasonWhereOnlyTheRateNorthIsFelt) {
   JointResult fit;
   fit.converged = true;
   fit.free = free_parameters();
-  const auto size = static_cast<Eigen::Index>(fit.free.size());
+  const auto size = Eigen::Index(fit.free.size());
   fit.covariance = Eigen::MatrixXd::Identity(size, size);
   fit.unseen_instability = Eigen::MatrixXd::Zero(size, size);
   fit.last.information = Eigen::MatrixXd::Identity(parameter_count + 2, parameter_count + 2);

@@ -82,7 +82,7 @@ inline HandData make_hand_data(const HandPlan& plan) {
 
   const auto emit = [&](const Eigen::Vector3d& turn, const Eigen::Vector3d& f) {
     const Eigen::Vector3d w = turn + C_nb.transpose() * earth;
-    const double t = (static_cast<double>(data.samples.size()) + 0.5) * period_s;
+    const double t = (double(data.samples.size()) + 0.5) * period_s;
     Eigen::Vector3d extra_w = Eigen::Vector3d::Zero();
     Eigen::Vector3d extra_f = Eigen::Vector3d::Zero();
     if (plan.effect) plan.effect(w, f, t, extra_w, extra_f);
@@ -91,10 +91,10 @@ inline HandData make_hand_data(const HandPlan& plan) {
     const Eigen::Vector3d gyro = n_inverse * (w + extra_w + gyro_bias) + noise_w * plan.gyro_noise_radps;
     const Eigen::Vector3d accel = a_inverse * (f + extra_f + accel_bias) + noise_f * plan.accel_noise_mps2;
     ImuSample sample;
-    sample.counter = static_cast<std::int64_t>(data.samples.size());
+    sample.counter = std::int64_t(data.samples.size());
     for (std::size_t k = 0; k < 3; ++k) {
-      sample.gyro[k] = gyro[static_cast<int>(k)] * period_s;
-      sample.accel[k] = accel[static_cast<int>(k)] * period_s * plan.scale_accel;
+      sample.gyro[k] = gyro[int(k)] * period_s;
+      sample.accel[k] = accel[int(k)] * period_s * plan.scale_accel;
     }
     data.samples.push_back(sample);
   };
@@ -103,17 +103,17 @@ inline HandData make_hand_data(const HandPlan& plan) {
   };
 
   for (int rest = 0; rest < plan.rests; ++rest) {
-    auto from = static_cast<std::int64_t>(data.samples.size());
+    auto from = std::int64_t(data.samples.size());
     for (int k = 0; k < std::lround(plan.rest_s / period_s); ++k) emit(Eigen::Vector3d::Zero(), C_nb.transpose() * up);
     segment(SegmentKind::still, from);
     if (rest + 1 == plan.rests) break;
-    from = static_cast<std::int64_t>(data.samples.size());
+    from = std::int64_t(data.samples.size());
     const Eigen::Vector3d any(normal(random), normal(random), normal(random));
     const Eigen::Vector3d axis = (plan.fixed_axis.norm() > 0.0 ? plan.fixed_axis : any).normalized();
     const double angle = 2.0 + 0.8 * uniform(random);
-    const int count = static_cast<int>(std::lround(plan.turn_s / period_s));
+    const int count = int(std::lround(plan.turn_s / period_s));
     const auto profile = [&](int k) {  // smooth from 0 to angle
-      const double x = static_cast<double>(k) / count;
+      const double x = double(k) / count;
       return angle * x * x * x * (10.0 - 15.0 * x + 6.0 * x * x);
     };
     const Eigen::Matrix3d start = C_nb;

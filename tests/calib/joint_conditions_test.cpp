@@ -43,7 +43,7 @@ TEST(JointConditions, AGapCostsWhatItsTurnKnewAndNoMore) {
   const auto& blocks = usual_run().recording.blocks;
   const auto in_turn =
       std::ranges::find_if(blocks, [&](const Block& b) { return b.start_sample >= turn.start_sample + 100; });
-  without_turn.setup.breaks = {{static_cast<std::size_t>(in_turn - blocks.begin()), 1.0, 1.0}};
+  without_turn.setup.breaks = {{std::size_t(in_turn - blocks.begin()), 1.0, 1.0}};
   JointOptions aside;
   aside.faults_of = &without_turn;
   aside.noise = clean_estimate().noise;
@@ -468,7 +468,7 @@ TEST(BadDataNone, EveryTurnThatClipsIsSetAside) {
     const CompressedRecording made =
         record_on_rig(must_read_sequence("holdout.seq"), eleventh_unit(), options).recording;
     const std::vector<DataEvent> events = clipped_turns(made);
-    for (const DataEvent& event : events) EXPECT_EQ(event.axis, static_cast<int>(axis)) << event.sample;
+    for (const DataEvent& event : events) EXPECT_EQ(event.axis, int(axis)) << event.sample;
     for (const Segment& s : made.segments) {
       const auto within = [&](std::int64_t sample) { return s.start_sample <= sample && sample < s.end_sample; };
       const bool is = std::ranges::count_if(clipped, within) > 40;  // two blocks of a turn

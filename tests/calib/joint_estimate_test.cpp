@@ -26,7 +26,7 @@ TEST(JointEstimate, ErrorsAreWhatSigmaSays) {
   double sum = 0.0;
   constexpr int runs = 12;
   for (int seed = 1; seed <= runs; ++seed) {
-    const RigRecording made = run_of(static_cast<std::uint64_t>(seed));
+    const RigRecording made = run_of(std::uint64_t(seed));
     const JointResult r = joint_estimate(made.recording);
     ASSERT_TRUE(r.converged) << r.message;
     ASSERT_EQ(r.free.size(), 21u);
@@ -209,7 +209,7 @@ std::vector<LinearInterval> random_intervals(std::mt19937_64& random, int column
     i.begins_recording = k == 9;
     i.still = k % 3 != 2;
     i.observed = i.still && k != 4;
-    i.t = 0.5 + 0.1 * static_cast<double>(k);
+    i.t = 0.5 + 0.1 * double(k);
     i.cut_psi = k == 6 ? 1e-3 : 0.0;
     i.cut_v = k == 6 ? 0.1 : 0.0;
     i.jump_psi = M(3, 1, 1e-3), i.jump_v = M(3, 1, 0.1), i.v_start.setZero();

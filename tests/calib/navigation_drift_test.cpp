@@ -48,7 +48,7 @@ Samples samples_of(const Quaterniond& start_q_nb, const std::vector<Phase>& phas
       return Vector3d(attitude(t_of_phase, t_of_sample).conjugate() * up);
     };
     for (long k = 0; k < n; ++k) {
-      const double t = static_cast<double>(k) * dt;
+      const double t = double(k) * dt;
       const Eigen::AngleAxisd turn(attitude(t, 0.0).conjugate() * attitude(t + dt, dt));
       samples.gyro.push_back(turn.axis() * turn.angle());
       samples.accel.push_back(dt / 6.0 * (force(t, 0.0) + 4.0 * force(t + 0.5 * dt, 0.5 * dt) + force(t + dt, dt)));
@@ -62,12 +62,12 @@ Samples samples_of(const Quaterniond& start_q_nb, const std::vector<Phase>& phas
 
 std::vector<MotionInterval> integrated(const Samples& samples, const Parameters& wrong) {
   IncrementIntegrator integrator(dt, samples_per_interval);
-  integrator.reserve(static_cast<std::int64_t>(samples.gyro.size()));
+  integrator.reserve(std::int64_t(samples.gyro.size()));
   const Vector3d gyro_bias = wrong.N0_degph * radps_per_degph * dt;
   const Vector3d accel_bias = wrong.A0_g * standard_gravity_mps2 * dt;
   for (std::size_t k = 0; k < samples.gyro.size(); ++k)
-    integrator.add(static_cast<std::int64_t>(k), wrong.n * samples.gyro[k] - gyro_bias,
-                   wrong.a * samples.accel[k] - accel_bias, samples.at_rest[k] != 0);
+    integrator.add(std::int64_t(k), wrong.n * samples.gyro[k] - gyro_bias, wrong.a * samples.accel[k] - accel_bias,
+                   samples.at_rest[k] != 0);
   return integrator.intervals();
 }
 
@@ -275,7 +275,7 @@ TEST(NavigationError, RatesOfKnownRuns) {
   for (double& r : radial) r = std::hypot(normal(random), normal(random));
   const DriftOverRuns drift = drift_over_runs(radial);
   const auto share = [&](double limit) {
-    return static_cast<double>(std::ranges::count_if(radial, [&](double r) { return r <= limit; })) / 20000.0;
+    return double(std::ranges::count_if(radial, [&](double r) { return r <= limit; })) / 20000.0;
   };
   EXPECT_NEAR(share(drift.cep_nm_per_h), 0.5, 0.012);
   EXPECT_NEAR(share(drift.r95_nm_per_h), 0.95, 0.006);

@@ -124,11 +124,11 @@ TEST(NavigationNorth, GoodUnitsFailAsOftenAsIsSaid) {
     said = false_fail_probability(found, limit, limit);
     sigma = found.mean_heading.sigma_deg;
   }
-  const double share = static_cast<double>(failed) / runs;
+  const double share = double(failed) / runs;
   const double scatter = std::sqrt(share * (1.0 - share) / runs);
   EXPECT_NEAR(said, share,
               4.0 * scatter + 0.1 * share);  // the tenth: what the two means leave of independence and of Satterthwaite
-  EXPECT_LT(static_cast<double>(of_heading) / runs, 0.03);
+  EXPECT_LT(double(of_heading) / runs, 0.03);
   EXPECT_NEAR(std::sqrt(squares / runs) / sigma, 1.0, 0.02);
 }
 

@@ -38,8 +38,7 @@ Prediction predict_rig(const Sequence& sequence, PredictOptions options = {}) {
 // Steps `first` to `last` of the method.
 Sequence steps_of_the_method(std::size_t first, std::size_t last) {
   Sequence sequence = must_read_sequence("fourteen_step.seq");
-  sequence.steps = {sequence.steps.begin() + static_cast<std::ptrdiff_t>(first - 1),
-                    sequence.steps.begin() + static_cast<std::ptrdiff_t>(last)};
+  sequence.steps = {sequence.steps.begin() + std::ptrdiff_t(first - 1), sequence.steps.begin() + std::ptrdiff_t(last)};
   sequence.start_deg = sequence.steps.front().initial_deg;
   std::erase_if(sequence.steps.front().items, [](const SequenceItem& item) { return item.positioning; });
   return sequence;
@@ -123,7 +122,7 @@ TEST(Predict, IsTheErrorThatRunsOnTheRigMake) {
   double squares = 0.0;
   double nees = 0.0;
   for (int run = 0; run < runs; ++run) {
-    const RigRecording made = record_on_rig(sequence, rig_with_walks_only(1000 + static_cast<std::uint64_t>(run)));
+    const RigRecording made = record_on_rig(sequence, rig_with_walks_only(1000 + std::uint64_t(run)));
     JointOptions options;
     options.noise = noise_of_rig();
     const JointResult estimate = joint_estimate(made.recording, options);
@@ -210,7 +209,7 @@ TEST(Predict, ASigmaThatIsPrintedHoldsWhateverTheUndeterminedIs) {
     const Eigen::MatrixXd inverse = (balance.asDiagonal() * A * balance.asDiagonal()).inverse();
     for (std::size_t i = 0; i < r.free.size(); ++i) {
       const auto row = i;
-      const auto k = static_cast<std::size_t>(r.free[i]);
+      const auto k = std::size_t(r.free[i]);
       const double whole = std::sqrt(inverse(row, row)) * balance[row];
       if (r.determined[k]) {
         EXPECT_LT(whole, 1.13 * r.sigma[r.free[i]]) << parameter_keys[k] << " after step " << last;

@@ -24,16 +24,16 @@ inline Agreement compare_rests(const Segments& a, const Segments& b, double samp
   for (const Segment& y : b)
     if (y.kind != SegmentKind::rotate) {
       ++result.rests_b;
-      total_b += static_cast<double>(y.end_sample - y.start_sample) * sample_period_s;
+      total_b += double(y.end_sample - y.start_sample) * sample_period_s;
     }
   for (const Segment& x : a) {
     if (x.kind == SegmentKind::rotate) continue;
     ++result.rests_a;
-    total_a += static_cast<double>(x.end_sample - x.start_sample) * sample_period_s;
+    total_a += double(x.end_sample - x.start_sample) * sample_period_s;
     double common = 0.0;
     for (const Segment& y : b)
       if (y.kind != SegmentKind::rotate)
-        common += static_cast<double>(std::max<std::int64_t>(
+        common += double(std::max<std::int64_t>(
                       0, std::min(x.end_sample, y.end_sample) - std::max(x.start_sample, y.start_sample))) *
                   sample_period_s;
     result.matched += common > 0.0 ? 1 : 0;

@@ -293,7 +293,7 @@ TEST(Measured, TheControlShowsNoGSensitivity) {
     const std::string name = "mpu9150_mikoff/imu" + std::to_string(imu);
     const CsvImport content = import(map_named("mpu9150_mikoff"), name + ".csv");
     const Segmentation found = find_rests(content.info, content.samples);
-    const Segments list = supplied(name + "_static.csv", static_cast<std::int64_t>(content.samples.size()));
+    const Segments list = supplied(name + "_static.csv", std::int64_t(content.samples.size()));
     // On the list's rests a pattern is said of unit 0 (docs/hand-data.md), and no name.
     EXPECT_TRUE(names(diagnose_with(content, list)).empty()) << imu;
     const RestDiagnosis r = diagnose_with(content, found.segments);
@@ -447,8 +447,8 @@ TEST(Segmentation, AUnitThatSwingsNeverRests) {
   HandData hand = make_hand_data({.rests = 2});
   hand.samples.resize(6000);
   for (std::size_t k = 0; k < hand.samples.size(); ++k) {
-    const double t = static_cast<double>(k) * 0.01;
-    hand.samples[k].counter = static_cast<std::int64_t>(k);
+    const double t = double(k) * 0.01;
+    hand.samples[k].counter = std::int64_t(k);
     const double noise = 1e-5 * std::sin(1e4 * t * t);
     hand.samples[k].gyro = {0.01 * std::sin(3.0 * t) + noise, 0.008 * std::cos(2.1 * t) - noise, 0.005 * std::sin(t)};
     hand.samples[k].accel = {0.0981 * std::sin(std::cos(3.0 * t)), 0.0981 * std::cos(std::cos(3.0 * t)), noise};
@@ -467,7 +467,7 @@ TEST(Segmentation, ThresholdsStayNearTheNoise) {
     if (s.kind == SegmentKind::rotate) continue;
     const double size = 0.0002 * std::pow(100.0, (rest++ % 20) / 19.0) * 3.0;
     for (std::int64_t k = s.start_sample + 250; k < s.start_sample + 350; ++k)
-      hand.samples[k].gyro[0] += size * std::sin(0.0628 * static_cast<double>(k - s.start_sample - 250)) * 0.01;
+      hand.samples[k].gyro[0] += size * std::sin(0.0628 * double(k - s.start_sample - 250)) * 0.01;
   }
   const Segmentation found = find_rests(hand.info, hand.samples);
   EXPECT_LT(found.threshold, 3.2 * segmentation_limits.most_tremor);
@@ -520,7 +520,7 @@ TEST(Clipping, AConstantRateFlickersBetweenTwoSteps) {
     ClippingFinder finder;
     double angle = 0.0;
     for (std::int64_t k = 0; k < 20000; ++k) {
-      const double rate = 193.9 * std::clamp(std::abs(static_cast<double>(k % 4000) - 2000.0) / 200.0 - 4.0, 0.0, 1.0);
+      const double rate = 193.9 * std::clamp(std::abs(double(k % 4000) - 2000.0) / 200.0 - 4.0, 0.0, 1.0);
       const double before = std::floor(angle);
       angle += rate;
       ImuSample sample;
@@ -544,11 +544,11 @@ TEST(SinglePose, GivesNoiseWarmUpAndTemperatureCoefficient) {
   std::vector<ImuSample> samples(180000);
   const double dt = info.sample_period_s;
   for (std::size_t k = 0; k < samples.size(); ++k) {
-    const double t = static_cast<double>(k) * dt;
+    const double t = double(k) * dt;
     const double temperature = 25.0 + 3.0 * std::sin(t / 150.0);
     ImuSample& s = samples[k];
-    s.counter = static_cast<std::int64_t>(k);
-    s.temperature_c = static_cast<float>(temperature);
+    s.counter = std::int64_t(k);
+    s.temperature_c = float(temperature);
     for (std::size_t axis = 0; axis < 3; ++axis) {
       s.gyro[axis] = 0.002 * normal(random) * dt;
       s.accel[axis] = 0.01 * normal(random) * dt;
@@ -558,7 +558,7 @@ TEST(SinglePose, GivesNoiseWarmUpAndTemperatureCoefficient) {
     s.accel[1] += 9.81 * dt;
   }
   Segment whole;
-  whole.end_sample = static_cast<std::int64_t>(samples.size());
+  whole.end_sample = std::int64_t(samples.size());
   const Result<SinglePose> pose = good(analyse_single_pose(compress(info, {whole}, samples)));
   // White noise of 0.002 rad/s a sample at 100 Hz is 2e-4 rad/s/sqrt(Hz).
   EXPECT_NEAR(pose->noise.axes[2].fit.random_walk().value, 2e-4, 1e-5);

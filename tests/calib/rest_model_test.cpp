@@ -12,7 +12,7 @@ namespace {
 EffectModel model_of(const char* name) {
   std::vector<EffectColumn> columns;
   const EffectEntry* entry = find_effect(name);
-  for (int k = 0; k < static_cast<int>(entry->components.size()); ++k) columns.push_back({entry, k, 0.0});
+  for (int k = 0; k < int(entry->components.size()); ++k) columns.push_back({entry, k, 0.0});
   return make_effect_model(columns, Site{}, 0.0);
 }
 
@@ -98,7 +98,7 @@ TEST(RestModel, TakesTheHorizontalEarthRateOff) {
     const RestFit fit = fitted(*p);
     ASSERT_TRUE(fit.converged) << fit.message;
     for (const RestKind kind : {RestKind::gyro, RestKind::direction})
-      EXPECT_LT(fit.white_ratio[static_cast<std::size_t>(kind)], 1.4) << seed;
+      EXPECT_LT(fit.white_ratio[std::size_t(kind)], 1.4) << seed;
     EXPECT_EQ(wrong_vertical(p->data, fit.parameters), "");
     errors.add(fit, p->hand.truth);
   }
@@ -149,7 +149,7 @@ TEST(RestModel, LeftOutErrorIsThatOfARefitWithoutTheRows) {
   // Leave leg 4 out by hand: one Gauss-Newton step without its two rows.
   std::vector<Eigen::Index> kept, left;
   for (Eigen::Index k = 0; k < system.residual.size(); ++k) {
-    const auto row = static_cast<std::size_t>(k);
+    const auto row = std::size_t(k);
     (system.kind[row] == RestKind::direction && system.owner[row] == 4 ? left : kept).push_back(k);
   }
   ASSERT_EQ(left.size(), 2u);

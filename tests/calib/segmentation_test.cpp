@@ -20,7 +20,7 @@ TEST(Segmentation, FindsEveryRestOfASyntheticRun) {
   EXPECT_LT(found.threshold, found.plateau_end);
   // Contiguous over all samples.
   EXPECT_EQ(found.segments.front().start_sample, 0);
-  EXPECT_EQ(found.segments.back().end_sample, static_cast<std::int64_t>(hand.samples.size()));
+  EXPECT_EQ(found.segments.back().end_sample, std::int64_t(hand.samples.size()));
   for (std::size_t k = 1; k < found.segments.size(); ++k)
     EXPECT_EQ(found.segments[k].start_sample, found.segments[k - 1].end_sample);
   EXPECT_TRUE(without_table_angles(found.segments));

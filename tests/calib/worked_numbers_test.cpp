@@ -14,7 +14,7 @@ std::vector<StepMeasurement> measure(const std::string& key, double error) {
   RigConfig config = noise_free(perfect_rig_config());
   const auto place = std::ranges::find(parameter_keys, key);
   EXPECT_NE(place, parameter_keys.end()) << key;
-  const auto index = static_cast<std::size_t>(place - parameter_keys.begin());
+  const auto index = std::size_t(place - parameter_keys.begin());
   config.truth[index] = to_vector(Parameters{})[index] + error;
   static const Sequence sequence = must_read_sequence("fourteen_step.seq");
   const CompressedRecording recording = record_on_rig(sequence, config).recording;

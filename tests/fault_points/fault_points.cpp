@@ -64,7 +64,7 @@ double number(const char* name) {
 double clock_s(clockid_t clock) {
   timespec now{};
   syscall(SYS_clock_gettime, clock, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+  return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
 }
 const double started_s = clock_s(CLOCK_MONOTONIC);
 // Seconds until what lasts for a time is over; 0: it does not hold now.
@@ -77,9 +77,8 @@ double holds_s() {
 }
 void hang() {
   for (double left_s = holds_s(); left_s > 0.0; left_s = holds_s()) {
-    const timespec pause{
-        left_s > 1e6 ? 1000000 : static_cast<time_t>(left_s),
-        static_cast<long>(1e9 * (left_s > 1e6 ? 0.0 : left_s - static_cast<double>(static_cast<time_t>(left_s))))};
+    const timespec pause{left_s > 1e6 ? 1000000 : static_cast<time_t>(left_s),
+                         long(1e9 * (left_s > 1e6 ? 0.0 : left_s - double(static_cast<time_t>(left_s))))};
     nanosleep(&pause, nullptr);
   }
 }
@@ -197,7 +196,7 @@ bool withheld(int fd, bool is_sync) {
 extern "C" {
 
 int clock_gettime(clockid_t clock, timespec* now) {
-  const int result = static_cast<int>(syscall(SYS_clock_gettime, clock, now));
+  const int result = int(syscall(SYS_clock_gettime, clock, now));
   static const bool steps = mode_is("clock");
   if (result == 0 && clock == CLOCK_REALTIME && steps && holds_s() > 0.0)
     now->tv_sec += static_cast<time_t>(number("TURNCAL_FAULT_STEP_S"));

@@ -17,12 +17,10 @@ namespace turncal {
 class Draw {
  public:
   explicit Draw(std::uint64_t seed) : random_(seed) {}
-  double uniform(double low, double high) {
-    return low + (high - low) * static_cast<double>(random_() >> 11) * 0x1p-53;
-  }
+  double uniform(double low, double high) { return low + (high - low) * double(random_() >> 11) * 0x1p-53; }
   double log_uniform(double low, double high) { return std::exp(uniform(std::log(low), std::log(high))); }
   bool chance(double p) { return uniform(0.0, 1.0) < p; }
-  std::size_t pick(std::size_t count) { return static_cast<std::size_t>(random_() % count); }
+  std::size_t pick(std::size_t count) { return std::size_t(random_() % count); }
   double sign() { return chance(0.5) ? 1.0 : -1.0; }
 
  private:
@@ -44,12 +42,12 @@ struct Fault {
   double begin_s = 0.0, end_s = std::numeric_limits<double>::infinity();
 
   bool active(double time_s) const { return time_s >= begin_s && time_s < end_s; }
-  bool of_axis(std::size_t i) const { return axis == 3 || axis == static_cast<int>(i); }
+  bool of_axis(std::size_t i) const { return axis == 3 || axis == int(i); }
   std::string text() const {
     char buffer[200];
     std::snprintf(buffer, sizeof buffer, "%s %s axis %d size %.4g %.4g which %d%s, %.2f to %.2f s",
-                  std::string(fault_classes[static_cast<std::size_t>(of)]).c_str(), std::string(manner).c_str(), axis,
-                  size, other_size, which, by_drive ? " by the drive" : "", begin_s, end_s);
+                  std::string(fault_classes[std::size_t(of)]).c_str(), std::string(manner).c_str(), axis, size,
+                  other_size, which, by_drive ? " by the drive" : "", begin_s, end_s);
     return buffer;
   }
 };
@@ -60,7 +58,7 @@ inline Fault draw_fault(Draw& draw, FaultClass of, double length_s) {
   fault.of = of;
   if (!draw.chance(0.15)) fault.begin_s = draw.uniform(0.0, length_s);
   if (!draw.chance(0.4)) fault.end_s = fault.begin_s + draw.log_uniform(0.05, 2.0 * length_s);
-  fault.axis = draw.chance(0.5) ? 3 : static_cast<int>(draw.pick(3));
+  fault.axis = draw.chance(0.5) ? 3 : int(draw.pick(3));
   const auto manner = [&]<std::size_t n>(const std::array<std::string_view, n>& among) {
     fault.manner = among[draw.pick(n)];
     return fault.manner;
@@ -75,7 +73,7 @@ inline Fault draw_fault(Draw& draw, FaultClass of, double length_s) {
       if (how == "alias") fault.size = 360.0 * draw.sign() * (draw.chance(0.8) ? 1.0 : 2.0);
       if (how == "quantised") fault.size = draw.log_uniform(1e-4, 10.0);
       if (how == "drift") fault.size = draw.sign() * draw.log_uniform(1e-4, 5.0);
-      if (how == "frozen") fault.which = static_cast<int>(draw.pick(2));  // 1: the rate reads 0 as well
+      if (how == "frozen") fault.which = int(draw.pick(2));  // 1: the rate reads 0 as well
       if (how == "offset") fault.size = draw.sign() * draw.log_uniform(1e-3, 180.0);
       if (how == "scaled") fault.size = draw.chance(0.1) ? -1.0 : 1.0 + draw.sign() * draw.log_uniform(1e-4, 0.9);
       break;
@@ -84,7 +82,7 @@ inline Fault draw_fault(Draw& draw, FaultClass of, double length_s) {
       constexpr std::array<std::string_view, 2> among = {"factors", "runaway"};
       if (draw.chance(0.3)) {
         fault.manner = among[1];
-        fault.axis = static_cast<int>(draw.pick(3));
+        fault.axis = int(draw.pick(3));
         fault.size = draw.sign() * draw.log_uniform(0.01, 3000.0);
         fault.other_size = draw.log_uniform(0.001, 100.0);
       } else {
@@ -97,7 +95,7 @@ inline Fault draw_fault(Draw& draw, FaultClass of, double length_s) {
     case FaultClass::status: {
       constexpr std::array<std::string_view, 5> among = {"early", "late", "stuck on", "stuck off", "flickering"};
       const std::string_view how = manner(among);
-      fault.which = static_cast<int>(draw.pick(how == "early" ? 2 : 7));
+      fault.which = int(draw.pick(how == "early" ? 2 : 7));
       fault.size = how == "flickering" ? draw.log_uniform(0.02, 20.0) : draw.log_uniform(0.1, 120.0);
       fault.other_size = draw.uniform(0.05, 0.95);  // share of the time in which a flickering bit is wrong
       break;
@@ -105,7 +103,7 @@ inline Fault draw_fault(Draw& draw, FaultClass of, double length_s) {
     case FaultClass::orders: {
       constexpr std::array<std::string_view, 3> among = {"ignored", "refused", "late"};
       manner(among);
-      fault.which = static_cast<int>(draw.pick(5));
+      fault.which = int(draw.pick(5));
       fault.size = draw.log_uniform(0.1, 60.0);
       break;
     }
@@ -116,7 +114,7 @@ inline Fault draw_fault(Draw& draw, FaultClass of, double length_s) {
       manner(among);
       fault.size = draw.log_uniform(0.003, 1.5);                                 // seconds of the wall: of a link
       fault.other_size = draw.chance(0.4) ? 1.0 : draw.log_uniform(0.002, 1.0);  // share of the answers
-      fault.which = static_cast<int>(draw.pick(1000));
+      fault.which = int(draw.pick(1000));
       break;
     }
     case FaultClass::unit: {
@@ -125,7 +123,7 @@ inline Fault draw_fault(Draw& draw, FaultClass of, double length_s) {
           "axes swapped", "sign reversed", "saturated", "glitches",   "lost samples",
           "lost, hidden", "damaged bytes", "silence",   "hang-up",    "invalid"};
       const std::string_view how = manner(among);
-      fault.which = static_cast<int>(draw.pick(6));  // gyro x to accelerometer z
+      fault.which = int(draw.pick(6));  // gyro x to accelerometer z
       if (how == "sample rate") fault.size = 1.0 + draw.sign() * draw.log_uniform(1e-4, 0.5);
       if (how == "counter reset") fault.size = draw.chance(0.5) ? 0.0 : std::floor(draw.log_uniform(1.0, 4e9));
       if (how == "another unit") fault.size = draw.uniform(1.0, 1e6);

@@ -73,7 +73,7 @@ Setting draw_setting(std::uint64_t seed, int only) {
   Setting setting;
   setting.seed = seed;
   setting.calibrates = draw.chance(0.5);
-  setting.table = static_cast<int>(draw.pick(tables.size()));
+  setting.table = int(draw.pick(tables.size()));
   setting.length_s = setting.calibrates ? 420.0 : 400.0;
   for (double& angle : setting.power_on_deg) angle = draw.uniform(-20.0, 20.0);
   setting.faults = draw_faults(draw, setting.length_s, only);
@@ -132,7 +132,7 @@ std::string table_text(const Setting& setting) {
                                                    "turntable_drivers/ascii/dialects/three_axis_dollar.dialect",
                                                    "turntable_drivers/ascii/dialects/newport_esp30x.dialect"};
   const std::string kind = setting.tcp() ? "tcp" : setting.modbus() ? "rtu" : "serial";
-  return without_keys(source + "/" + files[static_cast<std::size_t>(setting.table)],
+  return without_keys(source + "/" + files[std::size_t(setting.table)],
                       {"commissioned", "link.kind", "link.parity", "plausible", "link.address", "heartbeat.period_s",
                        "heartbeat.watchdog_s"}) +
          // Of the rig's seconds: this twin's clock is the rig's.
@@ -212,16 +212,15 @@ class DrawnStation {
       begun_s_ = last_pump_s_ = now_s;
     }
     if (now_s - last_pump_s_ > 0.02) stalls.push_back({(now_s - *begun_s_) * speed_up, now_s - last_pump_s_});
-    const auto due = static_cast<std::int64_t>((now_s - *begun_s_) * speed_up / period_s);
+    const auto due = std::int64_t((now_s - *begun_s_) * speed_up / period_s);
     std::array<ImuSample, 32> samples;
     while (passed_ < due) {
-      const auto count = static_cast<std::size_t>(std::min<std::int64_t>(due - passed_, samples.size()));
-      passed_ += static_cast<std::int64_t>(count);
+      const auto count = std::size_t(std::min<std::int64_t>(due - passed_, samples.size()));
+      passed_ += std::int64_t(count);
       std::vector<ImuSample> made;
       {
         const std::lock_guard lock(server_->mutex);
-        const Result<std::size_t> got =
-            group_.imu(0).read(std::span(samples).first(count), static_cast<double>(count) * period_s);
+        const Result<std::size_t> got = group_.imu(0).read(std::span(samples).first(count), double(count) * period_s);
         if (!got) fail(got.error().message);
         table_->pass();
         made = unit_->send(std::span(samples).first(*got));
@@ -235,7 +234,7 @@ class DrawnStation {
     faults_.clear();
     if (imu_line_.end() == nullptr) imu_line_.plug();
   }
-  double now_s() const { return static_cast<double>(passed_) * period_s; }
+  double now_s() const { return double(passed_) * period_s; }
   MisbehavingTable& table() { return *table_; }
   Rig& rig() { return group_.rig(0); }
   std::mutex& mutex() { return server_->mutex; }
@@ -297,29 +296,27 @@ class DrawnStation {
       if (plan.pieces.empty()) break;
       std::vector<std::uint8_t>& bytes = plan.pieces[0].bytes;
       const std::string_view how = fault.manner;
-      const auto place = bytes.empty() ? 0 : static_cast<std::size_t>(fault.which) % bytes.size();
-      const std::array<std::uint8_t, 4> junk = {0x5a, static_cast<std::uint8_t>(fault.which), '7', '\r'};
+      const auto place = bytes.empty() ? 0 : std::size_t(fault.which) % bytes.size();
+      const std::array<std::uint8_t, 4> junk = {0x5a, std::uint8_t(fault.which), '7', '\r'};
       if (how == "late") plan.pieces[0].delay_s = fault.size;
       if (how == "doubled") plan.pieces.push_back({good, 0.1 * fault.size});
       if (how == "cut") bytes.resize(place);
       if (how == "split") {
-        plan.pieces.push_back({{bytes.begin() + static_cast<std::ptrdiff_t>(place), bytes.end()}, 0.1 * fault.size});
+        plan.pieces.push_back({{bytes.begin() + std::ptrdiff_t(place), bytes.end()}, 0.1 * fault.size});
         plan.pieces[0].bytes.resize(place);
       }
       if (how == "junk before" && (checked || setting_.modbus())) bytes.insert(bytes.begin(), junk.begin(), junk.end());
       if (how == "junk after") bytes.insert(bytes.end(), junk.begin(), junk.end());
-      if (how == "flipped bit" && checked && !bytes.empty())
-        bytes[place] ^= static_cast<std::uint8_t>(1 << fault.which % 8);
+      if (how == "flipped bit" && checked && !bytes.empty()) bytes[place] ^= std::uint8_t(1 << fault.which % 8);
       if (how == "foreign") {
         if (request != nullptr && fault.which % 3 == 0) {
           // Another unit's, under a good check: the number of its unit is in it.
           ModbusRequest other = *request;
           other.unit = 1 + other.unit % 3;
-          bytes = read_reply(other,
-                             std::vector<std::uint16_t>(static_cast<std::size_t>(std::clamp(other.count, 1, 120)), 7),
+          bytes = read_reply(other, std::vector<std::uint16_t>(std::size_t(std::clamp(other.count, 1, 120)), 7),
                              setting_.tcp());
         } else if (request != nullptr && fault.which % 3 == 1 && setting_.tcp()) {
-          bytes[1] = static_cast<std::uint8_t>(bytes[1] + 1 + fault.which % 200);  // another transaction
+          bytes[1] = std::uint8_t(bytes[1] + 1 + fault.which % 200);  // another transaction
         } else if (!before_.empty()) {
           bytes = before_;
         }
@@ -327,7 +324,7 @@ class DrawnStation {
       if (how == "exception") {
         static constexpr std::array<int, 8> codes = {1, 2, 3, 4, 5, 6, 10, 11};
         if (request != nullptr) {
-          bytes = exception_reply(*request, codes[static_cast<std::size_t>(fault.which) % 8], setting_.tcp());
+          bytes = exception_reply(*request, codes[std::size_t(fault.which) % 8], setting_.tcp());
         } else if (setting_.table == 2) {
           bytes = {'E', 'R', 'R', '\n'};
         }
@@ -355,7 +352,7 @@ class DrawnStation {
     std::vector<std::byte> bytes;
     for (const ImuSample& sample : samples) {
       ImuSample whole = sample;
-      whole.counter = static_cast<std::int64_t>(static_cast<std::uint32_t>(sample.counter));
+      whole.counter = std::int64_t(std::uint32_t(sample.counter));
       if (!encoder_.append(whole, bytes)) fail("a sample does not fit the frame");
       sent.push_back({whole, now_s()});
     }
@@ -442,7 +439,7 @@ std::size_t virtual_bytes(pid_t pid) {
   std::ifstream file("/proc/" + std::to_string(pid) + "/statm");
   std::size_t pages = 0;
   file >> pages;
-  return pages * static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+  return pages * std::size_t(::sysconf(_SC_PAGESIZE));
 }
 
 // What is short from the beginning of the fault to its end.
@@ -452,7 +449,7 @@ void limit(pid_t pid, const Fault& fault, bool begins) {
                                                               : RLIMIT_FSIZE;
   rlimit had{};
   if (::prlimit(pid, resource, nullptr, &had) != 0) return;
-  const double base = fault.manner == "memory short" ? static_cast<double>(virtual_bytes(pid)) : 0.0;
+  const double base = fault.manner == "memory short" ? double(virtual_bytes(pid)) : 0.0;
   had.rlim_cur = begins ? static_cast<rlim_t>(base + fault.size) : had.rlim_max;
   ::prlimit(pid, resource, &had, nullptr);
 }
@@ -504,7 +501,7 @@ void judge_parameters(DrawnStation& station, const fs::path& out, Verdict& verdi
   if (!file) return verdict.add(1, "code 0, but " + file.error().message);
   const std::array<double, 24> truth = station.rig().truth_at_reference(file->reference_temperature_c.value_or(24.0));
   for (int i = 0; i < parameter_count; ++i) {
-    const auto at = static_cast<std::size_t>(i);
+    const auto at = std::size_t(i);
     if (!file->sigma[at]) continue;
     const double off = (file->parameters[i] - truth[at]) / *file->sigma[at];
     if (std::abs(off) > 5.0)
@@ -528,7 +525,7 @@ std::optional<std::size_t> place_in(const std::vector<DrawnStation::Sent>& sent,
       std::search(sent.begin(), sent.end(), rest.begin(), rest.end(),
                   [](const DrawnStation::Sent& one, const ImuSample& other) { return same(one.sample, other); });
   if (at == sent.end()) return {};
-  return static_cast<std::size_t>(at - sent.begin());
+  return std::size_t(at - sent.begin());
 }
 
 void judge_recording(const Setting& setting, DrawnStation& station, const fs::path& out, Verdict& verdict) {
@@ -556,7 +553,7 @@ void judge_recording(const Setting& setting, DrawnStation& station, const fs::pa
     const auto rest = rest_of(samples, segment);
     const std::string of_rest =
         "the rest of samples " + std::to_string(segment.start_sample) + " to " + std::to_string(segment.end_sample);
-    if (rest.size() != static_cast<std::size_t>(segment.end_sample - segment.start_sample))
+    if (rest.size() != std::size_t(segment.end_sample - segment.start_sample))
       return verdict.add(1, "code 0, and " + of_rest + " has " + std::to_string(rest.size()) + " samples");
     const std::optional<std::size_t> sent_at = place_in(station.sent, rest);
     if (!sent_at) return verdict.add(1, "code 0, and " + of_rest + " was never sent so");
@@ -725,7 +722,7 @@ void run_one(const Setting& setting, const fs::path& folder, std::ostream& repor
   report << (stalled ? "stalled" : violated ? "violated" : verdict.ended) << '\n';
   if (stalled) report << "  not judged: the machine stood still for " << number("%.2f s", stall_s) << '\n';
   report << "  seed " << setting.seed << ": " << (setting.calibrates ? "calibrates" : "captures") << ", "
-         << tables[static_cast<std::size_t>(setting.table)] << "; code " << outcome.code << " after "
+         << tables[std::size_t(setting.table)] << "; code " << outcome.code << " after "
          << number("%.1f s", outcome.wall_s) << '\n';
   for (const Fault& fault : setting.faults) report << "    drawn: " << fault.text() << '\n';
   for (const std::string& what : verdict.violations) report << "    " << what << '\n';
@@ -763,7 +760,7 @@ int run_all(const Options& options) {
     const Setting setting = draw_setting(seed, options.only);
     std::vector<std::string> names;
     for (const Fault& fault : setting.faults) {
-      const std::string name(fault_classes[static_cast<std::size_t>(fault.of)]);
+      const std::string name(fault_classes[std::size_t(fault.of)]);
       if (std::ranges::find(names, name) == names.end()) names.push_back(name);
     }
     if (names.empty()) names.push_back("none");
@@ -833,7 +830,7 @@ int main(int count, char** values) {
     } else if (words[i] == "--jobs" && number().value_or(0) > 0) {
       options.jobs = *number(), ++i;
     } else if (words[i] == "--only" && known) {
-      options.only = static_cast<int>(place - turncal::fault_classes.begin()), ++i;
+      options.only = int(place - turncal::fault_classes.begin()), ++i;
     } else {
       std::cerr << "drawn_faults --runs N --seed S --jobs J [--only CLASS] [--keep] [--verbose]\nclasses:";
       for (const std::string_view name : turncal::fault_classes) std::cerr << ' ' << name;

@@ -55,7 +55,7 @@ struct TrueMotion {
   std::size_t place(double time_s) const {
     const auto at = std::lower_bound(moments.begin(), moments.end(), time_s,
                                      [](const Moment& moment, double t) { return moment.time_s < t; });
-    return static_cast<std::size_t>(at - moments.begin());
+    return std::size_t(at - moments.begin());
   }
   const Moment& at(double time_s) const { return moments[std::min(place(time_s), moments.size() - 1)]; }
 };
@@ -79,7 +79,7 @@ class MisbehavingTable : public Turntable {
     judge(moment);
     for (const Fault& fault : faults_) {
       if (fault.manner != "runaway" || !fault.active(now_s())) continue;
-      bool& begun = runaways_begun_[static_cast<std::size_t>(&fault - faults_.data())];
+      bool& begun = runaways_begun_[std::size_t(&fault - faults_.data())];
       const auto axis = static_cast<Axis>(fault.axis);
       if (!begun)
         group_.rig(0).command_move(axis, group_.rig(0).axis(axis).position_deg + fault.size, fault.other_size, 20.0);
@@ -91,7 +91,7 @@ class MisbehavingTable : public Turntable {
         continue;
       }
       (void)late_[i].second().ok();
-      late_.erase(late_.begin() + static_cast<std::ptrdiff_t>(i));
+      late_.erase(late_.begin() + std::ptrdiff_t(i));
     }
   }
 
@@ -118,7 +118,7 @@ class MisbehavingTable : public Turntable {
     return carry_out(2, all_axes_, [this] { return table_.abort_all(); });
   }
   Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
-    return carry_out(0, static_cast<int>(axis), [=, this] {
+    return carry_out(0, int(axis), [=, this] {
       const double target_deg = by_drive(axis, position_deg);
       if (Status status = table_.move_absolute(axis, target_deg, rate_degps, acceleration_degps2); !status)
         return status;
@@ -156,7 +156,7 @@ class MisbehavingTable : public Turntable {
   Status carry_out(int order, int axis, const std::function<Status()>& what) {
     for (const Fault& fault : faults_) {
       if (fault.of != FaultClass::orders || fault.which != order || !fault.active(now_s())) continue;
-      if (axis != all_axes_ && !fault.of_axis(static_cast<std::size_t>(axis))) continue;
+      if (axis != all_axes_ && !fault.of_axis(std::size_t(axis))) continue;
       takes_orders = false;
       if (fault.manner == "refused") return device_error("refused, as drawn");
       if (fault.manner == "late") late_.emplace_back(now_s() + fault.size, what);
@@ -243,7 +243,7 @@ class MisbehavingTable : public Turntable {
       if (!excess) {
         excess.emplace();
         excess->began_s = moment.time_s;
-        excess->axis = static_cast<int>(i);
+        excess->axis = int(i);
       }
       excess->until_s = moment.time_s;
       if (std::abs(moment.rate_degps[i]) > std::abs(excess->rate_degps)) excess->rate_degps = moment.rate_degps[i];
@@ -281,7 +281,7 @@ class MisbehavingUnit {
   std::vector<ImuSample> send(std::span<const ImuSample> felt) {
     std::vector<ImuSample> sent;
     for (const ImuSample& sample : felt) {
-      const double time_s = static_cast<double>(sample.counter) * period_s_;
+      const double time_s = double(sample.counter) * period_s_;
       std::vector<ImuSample> made = {sample};
       for (std::size_t f = 0; f < faults_.size(); ++f) {
         const Fault& fault = faults_[f];
@@ -316,7 +316,7 @@ class MisbehavingUnit {
   }
 
   void change(const Fault& fault, State& state, ImuSample sample, std::vector<ImuSample>& out) {
-    const auto which = static_cast<std::size_t>(fault.which);
+    const auto which = std::size_t(fault.which);
     const std::size_t triad = which < 3 ? 0 : 3;
     const std::string_view how = fault.manner;
     const bool first = !state.begun;
@@ -325,7 +325,7 @@ class MisbehavingUnit {
     if (how == "silence" || how == "hang-up") return;
     if (how == "invalid") sample.flags |= sample_flag_invalid;
     if (how == "counter reset" && first) {
-      counter_shift_ = static_cast<std::int64_t>(fault.size) - sample.counter;
+      counter_shift_ = std::int64_t(fault.size) - sample.counter;
     }
     for (std::size_t i = 0; i < 6; ++i) {
       if (how == "frozen" || (how == "one frozen" && i == which)) channel(sample, i) = channel(*state.before, i);
@@ -344,7 +344,7 @@ class MisbehavingUnit {
       return;
     }
     if (how == "another unit") {
-      Draw other(static_cast<std::uint64_t>(fault.size));
+      Draw other(std::uint64_t(fault.size));
       std::array<double, 6> exact;
       for (std::size_t i = 0; i < 6; ++i) {
         const double scale = other.uniform(-1.0, 1.0) * (i < 3 ? 3e-4 : 0.03), bias = other.uniform(-1.0, 1.0);
@@ -368,9 +368,9 @@ class MisbehavingUnit {
         out.push_back(part);
       }
       for (std::size_t i = 0; i < 6; ++i) state.exact[i] += left * channel(sample, i);
-      const auto made = static_cast<std::int64_t>(out.size() - before);
+      const auto made = std::int64_t(out.size() - before);
       counter_shift_ += made - 1;
-      for (std::int64_t k = 0; k < made; ++k) out[before + static_cast<std::size_t>(k)].counter += k - (made - 1);
+      for (std::int64_t k = 0; k < made; ++k) out[before + std::size_t(k)].counter += k - (made - 1);
       return;
     }
     out.push_back(sample);

@@ -57,7 +57,7 @@ TEST_F(Archive, DoesEachRecordingOnceAndSaysWhatBecameOfIt) {
 TEST_F(Archive, DamagedCopiesAreNamedAndNotCounted) {
   std::string bytes = file_text(path("archive/SN1/recording.tcr"));
   write("archive/cut.tcr", bytes.substr(0, bytes.size() / 2));
-  bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 0x10);
+  bytes[bytes.size() / 2] = char(bytes[bytes.size() / 2] ^ 0x10);
   write("archive/flipped.tcr", bytes);
   const ProgramResult result = recalibrate("--out store --as-version v");
   EXPECT_SAYS(result.out, "2 done, 1 already done, 0 cannot be calibrated, 4 cannot be read");

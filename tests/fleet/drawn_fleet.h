@@ -25,14 +25,14 @@ inline const UnitStatistics& statistics_of_one() {
 
 inline int column_of(const UnitStatistics& u, const std::string& key) {
   for (std::size_t k = 0; k < u.columns.size(); ++k)
-    if (u.columns[k] == key) return static_cast<int>(k);
+    if (u.columns[k] == key) return int(k);
   return -1;
 }
 
 inline double sigma_of(const std::string& key) {
   const UnitStatistics& u = statistics_of_one();
   const int k = column_of(u, key);
-  return 1.0 / std::sqrt(static_cast<double>(u.Q(k, k)));
+  return 1.0 / std::sqrt(double(u.Q(k, k)));
 }
 
 struct DrawnUnit {
@@ -58,7 +58,7 @@ inline std::vector<FleetMember> drawn_fleet(std::uint64_t seed, std::size_t unit
     FleetMember m;
     m.unit = "U" + std::to_string(1000 + i);
     m.level = {"S" + std::to_string(1 + i % stations)};
-    m.day = 182.0 * static_cast<double>(i) / static_cast<double>(units);
+    m.day = 182.0 * double(i) / double(units);
     m.statistics = one;
     m.statistics.s = root * Eigen::VectorXd::NullaryExpr(root.cols(), [&] { return normal(random); });
     for (int k = 0; k < parameter_count; ++k) m.statistics.value[k] += normal(random) * 30.0 * one.sigma[k];

@@ -23,7 +23,7 @@ std::string drawn_column(std::mt19937_64& random) {
   const UnitStatistics& one = statistics_of_one();
   for (;;) {
     const auto k = std::uniform_int_distribution<Eigen::Index>(0, one.Q.rows() - 1)(random);
-    if (one.Q(k, k) > 0.0F) return one.columns[static_cast<std::size_t>(k)];
+    if (one.Q(k, k) > 0.0F) return one.columns[std::size_t(k)];
   }
 }
 
@@ -33,7 +33,7 @@ TEST(FleetDiagnosis, FindsNothingInACleanFleet) {
     const FleetDiagnosis d = diagnose(seed, [](const DrawnUnit&) { return DrawnEffects{}; });
     found += !d.effects.empty();
     unexplained += !d.explained();
-    outstanding += static_cast<int>(d.units.size());
+    outstanding += int(d.units.size());
   }
   EXPECT_LE(found, 1);
   EXPECT_LE(outstanding, 2);
@@ -159,9 +159,9 @@ ComponentData drawn(std::uint64_t seed, int units, int each, const std::vector<i
   for (int u = 0; u < units; ++u) {
     const double own = unit_sigma * normal(random);
     for (int k = 0; k < each; ++k) {
-      const int s = station_of[static_cast<std::size_t>(u) % station_of.size()];
+      const int s = station_of[std::size_t(u) % station_of.size()];
       d.y[u * each + k] =
-          own + (station_of.size() > 1 ? at_station[static_cast<std::size_t>(s)] : 0.0) + noise_sigma * normal(random);
+          own + (station_of.size() > 1 ? at_station[std::size_t(s)] : 0.0) + noise_sigma * normal(random);
       d.unit.push_back(u);
       station.push_back(s);
     }
@@ -211,13 +211,13 @@ TEST(ComponentModel, RecordingsOfOneUnitAreNotIndependent) {
 TEST(ComponentModel, ProductIsThatOfTheInverse) {
   std::vector<int> station;
   ComponentData d = drawn(3, 5, 3, {0}, station);
-  for (Eigen::Index i = 0; i < d.v.size(); ++i) d.v[i] = 0.5 + 0.1 * static_cast<double>(i);
+  for (Eigen::Index i = 0; i < d.v.size(); ++i) d.v[i] = 0.5 + 0.1 * double(i);
   d.v[4] = std::numeric_limits<double>::infinity();
   Eigen::MatrixXd V = d.v.asDiagonal();
   V(4, 4) = 1e12;
   for (Eigen::Index i = 0; i < V.rows(); ++i)
     for (Eigen::Index j = 0; j < V.cols(); ++j)
-      if (d.unit[static_cast<std::size_t>(i)] == d.unit[static_cast<std::size_t>(j)]) V(i, j) += 4.0;
+      if (d.unit[std::size_t(i)] == d.unit[std::size_t(j)]) V(i, j) += 4.0;
   const Eigen::MatrixXd X = Eigen::MatrixXd::Random(15, 3);
   const Eigen::MatrixXd expected = X.transpose() * inverse(V) * X;
   const UnitWeights weights(d, 4.0);
@@ -267,7 +267,7 @@ TEST(UnitStatistics, RefitsAsTheEstimateDoes) {
                         expected = to_vector(whole.parameters);
   for (int p = 0; p < parameter_count; ++p)
     if (whole.sigma[p] > 0.0) {
-      EXPECT_NEAR(refitted[p], expected[p], 0.1 * whole.sigma[p]) << parameter_keys[static_cast<std::size_t>(p)];
+      EXPECT_NEAR(refitted[p], expected[p], 0.1 * whole.sigma[p]) << parameter_keys[std::size_t(p)];
     }
 }
 
@@ -340,7 +340,7 @@ struct Fleet {
   ParameterVector drawn(double size) {
     ParameterVector v = ParameterVector::Zero();
     for (int k = 0; k < parameter_count; ++k)
-      if (parameter_is_free[static_cast<std::size_t>(k)]) v[k] = size * normal(random);
+      if (parameter_is_free[std::size_t(k)]) v[k] = size * normal(random);
     return v;
   }
   EarlierCalibration calibrated(int unit, int time, const ParameterVector& truth) {
@@ -366,9 +366,9 @@ struct Fleet {
     JointResult e;
     e.converged = true;
     for (int k = 0; k < parameter_count; ++k) {
-      if (!parameter_is_free[static_cast<std::size_t>(k)]) continue;
+      if (!parameter_is_free[std::size_t(k)]) continue;
       e.free.push_back(k);
-      e.determined[static_cast<std::size_t>(k)] = true;
+      e.determined[std::size_t(k)] = true;
     }
     e.parameters = from_vector(truth + drawn(estimate_sigma));
     e.covariance = estimate_sigma * estimate_sigma * Eigen::MatrixXd::Identity(21, 21);
@@ -405,7 +405,7 @@ TEST(FleetPrior, CombinedEstimateKeepsToItsSigmasAndIsBetter) {
 TEST(FleetPrior, NamesWhatHasChangedAndIsThenNotUsed) {
   int alarms = 0, found = 0;
   for (int seed = 1; seed <= 100; ++seed) {
-    Fleet fleet(static_cast<std::uint64_t>(1000 + seed));
+    Fleet fleet(std::uint64_t(1000 + seed));
     ParameterVector truth;
     const std::optional<FleetPrior> prior = fleet_prior(fleet.history(80, truth), "U1000");
     JointResult same = fleet.estimate(truth, 0.5);

@@ -58,7 +58,7 @@ TEST(NoiseClass, HalvesTheErrorOfWhatARecordingMeasures) {
 TEST(NoiseClass, NamesARecordingThatIsLouderAndLeavesItsNoise) {
   int named = 0;
   for (int seed = 1; seed <= 100; ++seed) {
-    Part part(static_cast<std::uint64_t>(1000 + seed));
+    Part part(std::uint64_t(1000 + seed));
     const std::optional<NoiseClass> of_part = noise_class(part.units(50));
     const NoiseFit fit = part.measured(2.0, 25.0);  // 1.6 in the logarithm: 7 sigma
     const NoiseOfClass noise = noise_of_class(*of_part, fit);

@@ -53,7 +53,7 @@ class OnSlurm : public Program {
       serials.insert(text.substr(text.find("unit_serial"), 20));
     }
     EXPECT_EQ(folders, slurm_units);
-    EXPECT_EQ(serials.size(), static_cast<std::size_t>(slurm_units));
+    EXPECT_EQ(serials.size(), std::size_t(slurm_units));
     const std::string table = file_text(path(store) + "/v/recordings.csv");
     EXPECT_EQ(std::ranges::count(table, '\n'), 1 + slurm_units + 1) << table;
     EXPECT_SAYS(table, "\nunreadable," + archive_ + "/broken.tcr,");

@@ -33,11 +33,11 @@ void put_right(const FrameDescription& frame, std::vector<std::byte>& bytes) {
   for (std::size_t at = 0; at + variant.length <= bytes.size(); at += variant.length) {
     const auto one = std::span(bytes).subspan(at, variant.length);
     std::ranges::copy(frame.sync, one.begin());
-    std::ranges::copy(frame.tail, one.end() - static_cast<std::ptrdiff_t>(frame.tail.size()));
+    std::ranges::copy(frame.tail, one.end() - std::ptrdiff_t(frame.tail.size()));
     if (frame.id) frame.id->put_bits(one.data(), variant.id);
     if (frame.length) {
-      const auto raw = (static_cast<std::int64_t>(variant.length) - frame.length_add) / frame.length_scale;
-      frame.length->put_bits(one.data(), static_cast<std::uint64_t>(raw));
+      const auto raw = (std::int64_t(variant.length) - frame.length_add) / frame.length_scale;
+      frame.length->put_bits(one.data(), std::uint64_t(raw));
     }
     if (frame.check.kind == CheckKind::none) continue;
     frame.check.field.put_bits_at(one.data() + check_offset(frame.check, one.size()),

@@ -70,10 +70,10 @@ void requests(fuzz::Input& input) {
       (void)exception_reply(*request, 3, tcp);
     } else if (request->function == 3 || request->function == 4) {
       fuzz::require(request->count >= 1 && request->count <= 125);
-      (void)read_reply(*request, std::vector<std::uint16_t>(static_cast<std::size_t>(request->count)), tcp);
+      (void)read_reply(*request, std::vector<std::uint16_t>(std::size_t(request->count)), tcp);
     } else {
       if (request->function == 6 || request->function == 16)
-        fuzz::require(request->values.size() == static_cast<std::size_t>(request->count));
+        fuzz::require(request->values.size() == std::size_t(request->count));
       (void)write_reply(*request, tcp);
     }
   }

@@ -46,13 +46,13 @@ std::string recording(bool own_info, bool sealed) {
   std::string loose;
   std::uint32_t number = 0;
   const auto put = [&](RecordType type, const std::vector<std::byte>& payload) {
-    const auto kind = static_cast<std::uint32_t>(type);
+    const auto kind = std::uint32_t(type);
     const std::size_t at = begin_record(file, recording_magic, kind, number++);
     file.insert(file.end(), payload.begin(), payload.end());
     end_record(file, at);
-    loose += static_cast<char>(kind);
-    loose += static_cast<char>(payload.size() & 0xFFU);
-    loose += static_cast<char>(payload.size() >> 8);
+    loose += char(kind);
+    loose += char(payload.size() & 0xFFU);
+    loose += char(payload.size() >> 8);
     loose += text_of(payload);
   };
   RecordingInfo info;
@@ -66,7 +66,7 @@ std::string recording(bool own_info, bool sealed) {
     put(RecordType::info, payload);
   }
   std::vector<ImuSample> samples(5);
-  for (std::size_t i = 0; i < samples.size(); ++i) samples[i].counter = static_cast<std::int64_t>(i < 3 ? i : i + 2);
+  for (std::size_t i = 0; i < samples.size(); ++i) samples[i].counter = std::int64_t(i < 3 ? i : i + 2);
   samples[1].flags = 1;
   Segment segment;
   segment.step = 1;
@@ -97,7 +97,7 @@ int main(int count, char** arguments) {
     fuzz::require(frame.ok());
     for (const char how : {0, 1, 3})
       write(folder + "/fuzz_frame_decoder/" + std::string(name) + std::to_string(how),
-            std::string{static_cast<char>(index), how} + frames_of(*frame));
+            std::string{char(index), how} + frames_of(*frame));
     ++index;
   }
   for (const bool skip_bad : {false, true}) {

@@ -27,7 +27,7 @@ std::string raw(T value, bool big = false) {
   return bytes;
 }
 inline std::string text(const std::string& value, bool big = false) {
-  return raw(static_cast<std::uint32_t>(value.size()), big) + value;
+  return raw(std::uint32_t(value.size()), big) + value;
 }
 
 enum class Wire { cdr, cdr_big, xcdr2, ros1 };
@@ -36,8 +36,7 @@ enum class Wire { cdr, cdr_big, xcdr2, ros1 };
 inline std::string message_of(std::int64_t ns, const std::vector<double>& numbers, Wire wire) {
   const bool big = wire == Wire::cdr_big;
   std::string body = wire == Wire::ros1 ? raw(std::uint32_t{7}) : "";
-  body += raw(static_cast<std::int32_t>(ns / 1'000'000'000), big) +
-          raw(static_cast<std::uint32_t>(ns % 1'000'000'000), big);
+  body += raw(std::int32_t(ns / 1'000'000'000), big) + raw(std::uint32_t(ns % 1'000'000'000), big);
   body += text(wire == Wire::ros1 ? "imu" : std::string("imu\0", 4), big);
   const std::size_t align = wire == Wire::ros1 ? 1 : wire == Wire::xcdr2 ? 4 : 8;
   while (body.size() % align != 0) body += '\0';
@@ -70,7 +69,7 @@ inline std::string packed(const std::string& data, const std::string& compressio
 }
 
 inline std::string mcap_record(int op, const std::string& content) {
-  return std::string(1, static_cast<char>(op)) + raw(std::uint64_t{content.size()}) + content;
+  return std::string(1, char(op)) + raw(std::uint64_t{content.size()}) + content;
 }
 // compression: "none" writes messages outside of chunks.
 inline std::string mcap(const std::vector<BagTopic>& topics, const std::string& compression,
@@ -79,8 +78,7 @@ inline std::string mcap(const std::vector<BagTopic>& topics, const std::string& 
   std::string pending;
   const auto flush = [&] {
     const std::string in = packed(pending, compression);
-    const auto crc = static_cast<std::uint32_t>(
-        crc32(0, reinterpret_cast<const Bytef*>(pending.data()), static_cast<unsigned>(pending.size())));
+    const auto crc = std::uint32_t(crc32(0, reinterpret_cast<const Bytef*>(pending.data()), unsigned(pending.size())));
     if (compression == "none")
       file += pending;
     else
@@ -124,7 +122,7 @@ inline void db3(const std::string& path, const std::vector<BagTopic>& topics, co
       const std::string data = packed(message, compression);
       sqlite3_bind_int(row, 1, id);
       sqlite3_bind_int64(row, 2, ns);
-      sqlite3_bind_blob(row, 3, data.data(), static_cast<int>(data.size()), SQLITE_TRANSIENT);
+      sqlite3_bind_blob(row, 3, data.data(), int(data.size()), SQLITE_TRANSIENT);
       sqlite3_step(row);
       sqlite3_reset(row);
     }
@@ -143,12 +141,11 @@ inline std::string bag1(const BagTopic& topic, const std::string& compression) {
   const std::string conn = "conn=" + raw(std::uint32_t{3});
   std::string inner = record({"op=\x07", conn, "topic=" + topic.name}, text("type=sensor_msgs/Imu") + text("md5sum=x"));
   for (const auto& [ns, message] : topic.messages) {
-    const std::string time =
-        raw(static_cast<std::uint32_t>(ns / 1'000'000'000)) + raw(static_cast<std::uint32_t>(ns % 1'000'000'000));
+    const std::string time = raw(std::uint32_t(ns / 1'000'000'000)) + raw(std::uint32_t(ns % 1'000'000'000));
     inner += record({"op=\x02", conn, "time=" + time}, message);
   }
   return "#ROSBAG V2.0\n" + record({"op=\x03", "chunk_count=" + raw(std::uint32_t{1})}, std::string(100, ' ')) +
-         record({"op=\x05", "compression=" + compression, "size=" + raw(static_cast<std::uint32_t>(inner.size()))},
+         record({"op=\x05", "compression=" + compression, "size=" + raw(std::uint32_t(inner.size()))},
                 packed(inner, compression));
 }
 

@@ -43,11 +43,11 @@ struct Files {
     require(writer ? Status() : Status(writer.error()));
     std::vector<ImuSample> samples(static_cast<std::size_t>(sample_count));
     for (std::int64_t i = 0; i < sample_count; ++i) {
-      ImuSample& sample = samples[static_cast<std::size_t>(i)];
+      ImuSample& sample = samples[std::size_t(i)];
       sample.counter = i;
-      sample.gyro = {static_cast<double>(i % 3 - 1), static_cast<double>(i % 50000), -static_cast<double>(i % 7)};
-      sample.accel = {static_cast<double>(i % 5 - 2), 96.0, static_cast<double>(i % 2)};
-      sample.temperature_c = static_cast<float>(24.0 + static_cast<double>(i / 230) / 1000.0);
+      sample.gyro = {double(i % 3 - 1), double(i % 50000), -double(i % 7)};
+      sample.accel = {double(i % 5 - 2), 96.0, double(i % 2)};
+      sample.temperature_c = float(24.0 + double(i / 230) / 1000.0);
     }
     require(writer->add(samples));
     require(writer->finish());
@@ -64,7 +64,7 @@ Files& files() {
 
 void report(benchmark::State& state) {
   state.counters["a_sample"] = benchmark::Counter(
-      static_cast<double>(sample_count), benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
+      double(sample_count), benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 
 void read_recording(benchmark::State& state, const std::string& path) {

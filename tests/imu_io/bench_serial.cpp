@@ -35,7 +35,7 @@ void must(const Status& status) {
 double thread_cpu_s() {
   timespec now{};
   ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+  return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
 }
 
 // The station's frame at another period and length.
@@ -75,11 +75,11 @@ void capture(benchmark::State& state, double rate_hz, int length, double seconds
     const double took = monotonic_s() - began;
     sender.join();
     state.counters["core_%"] = 100.0 * used / took;
-    state.counters["us_a_sample"] = 1e6 * used / static_cast<double>(received);
-    state.counters["sent"] = static_cast<double>(streamer.frames_sent());
-    state.counters["missing"] = static_cast<double>(streamer.frames_sent()) - static_cast<double>(received);
+    state.counters["us_a_sample"] = 1e6 * used / double(received);
+    state.counters["sent"] = double(streamer.frames_sent());
+    state.counters["missing"] = double(streamer.frames_sent()) - double(received);
     const ImuLinkCounters counters = imu.counters();
-    state.counters["bad"] = static_cast<double>(counters.bad_frames + counters.lost_samples + counters.duplicates);
+    state.counters["bad"] = double(counters.bad_frames + counters.lost_samples + counters.duplicates);
     if (received != streamer.frames_sent() || streamer.batches_dropped() != 0) state.SkipWithError("samples were lost");
   }
 }
@@ -110,8 +110,8 @@ void decode(benchmark::State& state) {
     ImuSample sample;
     while (decoder.next(sample) == FrameDecoder::Next::sample) ++decoded;
   }
-  state.SetItemsProcessed(static_cast<std::int64_t>(decoded));
-  state.SetBytesProcessed(static_cast<std::int64_t>(decoded * encoder.length()));
+  state.SetItemsProcessed(std::int64_t(decoded));
+  state.SetBytesProcessed(std::int64_t(decoded * encoder.length()));
 }
 BENCHMARK(decode);
 

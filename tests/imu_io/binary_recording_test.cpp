@@ -30,11 +30,11 @@ AnyRecording draw_recording() {
   drawn.info.latitude_deg = below(180) - 90 + 1.0 / 3.0;
   drawn.info.sample_period_s = 1.0 / (1 + below(2000));
   if (below(2) == 0) drawn.info.started_utc_s = 1769860800 + below(1000000);
-  const auto count = static_cast<std::size_t>(10 + below(4000));
+  const auto count = std::size_t(10 + below(4000));
   const std::int64_t first = below(2) == 0 ? below(100) - 50 : std::int64_t{1} << (31 + below(20));
-  drawn.samples = make_samples(drawn.info, count, first, static_cast<unsigned>(below(1000)));
+  drawn.samples = make_samples(drawn.info, count, first, unsigned(below(1000)));
   std::int64_t start = first;
-  for (std::size_t at = 1; at < count; at += static_cast<std::size_t>(1 + below(1000))) {
+  for (std::size_t at = 1; at < count; at += std::size_t(1 + below(1000))) {
     const std::int64_t end = drawn.samples[at].counter;
     drawn.segments.push_back(make_segment(below(9), static_cast<SegmentKind>(below(3)), start, end, below(720) - 360,
                                           1e-9 * below(9), below(2) == 0 ? -0.0 : 1.0 / 3.0));
@@ -136,7 +136,7 @@ TEST(BinaryRecording, EveryNaNMeansNotMeasured) {
 TEST(BinaryRecording, SamplesPayloadIsCheckedInItself) {
   const RecordingInfo info = make_info();
   std::vector<ImuSample> samples(10);
-  for (int i = 0; i < 10; ++i) samples[static_cast<std::size_t>(i)].counter = i < 4 ? i : i < 7 ? i + 10 : i + 20;
+  for (int i = 0; i < 10; ++i) samples[std::size_t(i)].counter = i < 4 ? i : i < 7 ? i + 10 : i + 20;
   samples[5].flags = 3;
   std::vector<std::byte> good;
   append_samples(good, samples, info);

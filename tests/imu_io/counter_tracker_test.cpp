@@ -162,7 +162,7 @@ class NarrowCounter : public testing::TestWithParam<Narrow> {
   void expect_all(std::int64_t count) const {
     EXPECT_FALSE(line.restarted) << line.decoder.restart_reason();
     EXPECT_EQ(line.decoder.counters().lost_samples, 0U);
-    ASSERT_EQ(line.samples.size(), static_cast<std::size_t>(count));
+    ASSERT_EQ(line.samples.size(), std::size_t(count));
     EXPECT_EQ(line.samples.back().counter - line.samples.front().counter, count - 1);
   }
   FrameDescription frame;
@@ -198,11 +198,11 @@ TEST_P(NarrowCounter, ABacklogThatDrainsSlowlyLosesNothing) {
 TEST_P(NarrowCounter, SamplesLostInASilenceAreCounted) {
   const std::int64_t lost = 3 * GetParam().modulus + 40;
   line.feed_frames(frame, numbered(7, 200));
-  line.time_s += frame.sample_period_s * static_cast<double>(lost);
+  line.time_s += frame.sample_period_s * double(lost);
   line.feed_frames(frame, numbered(207 + lost, periods(1.0)));
   EXPECT_FALSE(line.restarted) << line.decoder.restart_reason();
-  EXPECT_EQ(line.decoder.counters().lost_samples, static_cast<std::uint64_t>(lost));
-  ASSERT_EQ(line.samples.size(), 200 + static_cast<std::size_t>(periods(1.0)));
+  EXPECT_EQ(line.decoder.counters().lost_samples, std::uint64_t(lost));
+  ASSERT_EQ(line.samples.size(), 200 + std::size_t(periods(1.0)));
   EXPECT_EQ(line.samples.back().counter - line.samples.front().counter, 199 + lost + periods(1.0));
 }
 

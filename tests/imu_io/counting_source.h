@@ -17,7 +17,7 @@ class CountingSource : public ImuSource {
   Result<ImuIdentity> identify() override { return ImuIdentity{}; }
   void describe(RecordingInfo& info) const override { frame_.describe(info); }
   Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
-    const auto n = std::min(out.size(), static_cast<std::size_t>(timeout_s / frame_.sample_period_s + 0.5));
+    const auto n = std::min(out.size(), std::size_t(timeout_s / frame_.sample_period_s + 0.5));
     for (std::size_t i = 0; i < n; ++i) out[i] = sample(next_++);
     return n;
   }
@@ -26,7 +26,7 @@ class CountingSource : public ImuSource {
   static ImuSample sample(std::int64_t counter) {
     ImuSample result;
     result.counter = counter;
-    const auto n = static_cast<double>(counter);
+    const auto n = double(counter);
     result.gyro = {n, -n, 3.0 * n};
     result.accel = {2.0 * n, 1.0, -n};
     result.temperature_c = 25.0F;

@@ -77,7 +77,7 @@ TEST(CsvMapImport, RowsAreReadForTheStampsAndForTheSamples) {
     EXPECT_EQ(begun, 1);
     ASSERT_FALSE(samples.empty());
     EXPECT_EQ(samples.back().counter, counter);
-    EXPECT_EQ(samples.size(), static_cast<std::size_t>(streamed.rows));
+    EXPECT_EQ(samples.size(), std::size_t(streamed.rows));
   }
 }
 
@@ -191,7 +191,7 @@ TEST(ImportForms, ARowsNumberIsLeftOutWhereTheClockWasSetBack) {
     CsvMap map = map_of("time.column = t\ntime.increments = " + std::string(how) + "\n");
     map.format.skip_bad_rows = true;
     const Result<CsvImport> c = good(import_text(map, csv));
-    EXPECT_NEAR(static_cast<double>(c->bad_rows), 50.0, 6.0);
+    EXPECT_NEAR(double(c->bad_rows), 50.0, 6.0);
     EXPECT_EQ(c->samples.back().counter, 299);
   }
 }
@@ -260,7 +260,7 @@ TEST(ImportForms, GapsInTheAccelerometersOfTheirOwn) {
   const ColumnSource gyros = columns_of_text(gyro, "g.csv"), gaps = columns_of_text(gap, "a.csv"),
                      others = columns_of_text(ms, "ms.csv");
   const Result<CsvImport> joined = good(import_columns(map_of("time.column = t\n"), gyros, &gaps));
-  EXPECT_NEAR(static_cast<double>(joined->without_accel), 500.0, 2.0);
+  EXPECT_NEAR(double(joined->without_accel), 500.0, 2.0);
   EXPECT_EQ(joined->rows, 3000);
   EXPECT_EQ(std::ssize(joined->samples) + joined->without_accel, 3000);
   EXPECT_EQ(joined->gaps, 1);

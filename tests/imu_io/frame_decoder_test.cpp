@@ -196,14 +196,14 @@ TEST(FrameDecoder, GivesBackWhatWasEncodedInAnyLayout) {
     const FrameDescription frame = laid_out(draw_layout());
     const FrameValue& gyro = frame.gyro();
     const int bits = std::min(gyro.field.bits(), 32) - 1;
-    std::vector<ImuSample> sent = pulse_samples(60, static_cast<unsigned>(below(1000)));
+    std::vector<ImuSample> sent = pulse_samples(60, unsigned(below(1000)));
     for (std::size_t i = 0; i < sent.size(); ++i) {
       for (double& g : sent[i].gyro) g = std::trunc(g / std::ldexp(1.0, 32 - bits));  // half the width, either sign
       sent[i].flags = i % 7 == 0 ? sample_flag_invalid : 0;
       if (i % 5 == 0) sent[i].accel[i % 3] = i % 2 == 0 ? 0x7E7D7E10 : 0x10C00D00;  // full of what has to be stuffed
     }
     Line line(frame);
-    if (const auto piece = static_cast<std::size_t>(below(300)); piece == 0)
+    if (const auto piece = std::size_t(below(300)); piece == 0)
       line.feed_frames(frame, sent);
     else
       line.feed_pieces(on_the_line(frame, sent), piece);
@@ -217,7 +217,7 @@ TEST(FrameDecoder, GivesBackWhatWasEncodedInAnyLayout) {
 
     if (frame.stuffing.kind != StuffingKind::none || frame.check.weak()) return;
     Bytes stream = encode_all(frame, sent);
-    stream[static_cast<std::size_t>(30 * 120 + below(120))] ^= static_cast<std::byte>(1 + below(255));
+    stream[std::size_t(30 * 120 + below(120))] ^= static_cast<std::byte>(1 + below(255));
     Line hit(frame);
     hit.feed_paced(stream, 120);
     // Of a cumulative field the row after a gap would hold two periods.

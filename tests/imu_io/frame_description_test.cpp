@@ -22,7 +22,7 @@ TEST(FrameDescription, EveryShippedOneIsReadAndKnownByName) {
     EXPECT_EQ(builtin_frame_text(name), file_text(file));
     ASSERT_OK(find_frame(file));
     // 10 bits a byte: the line carries the frames, with a tenth to spare.
-    const double bits = 10.0 * static_cast<double>(frame->variants[0].length) / frame->sample_period_s;
+    const double bits = 10.0 * double(frame->variants[0].length) / frame->sample_period_s;
     EXPECT_LT(bits * 1.1, frame->line.baud) << name;
   }
 }
@@ -249,13 +249,13 @@ FrameCheck check_of(CheckKind kind, int bytes) {
   FieldForm form;
   form.bytes = bytes;
   check.from_end = true;
-  check.field = FrameField(static_cast<std::size_t>(bytes), form);
+  check.field = FrameField(std::size_t(bytes), form);
   return check;
 }
 
 std::uint32_t value_over(FrameCheck check, Bytes covered) {
   const std::size_t n = covered.size();
-  covered.resize(n + static_cast<std::size_t>(check.bytes()));
+  covered.resize(n + std::size_t(check.bytes()));
   return frame_check_value(check, Crc(check.crc), covered);
 }
 
@@ -332,7 +332,7 @@ TEST(FrameForms, StuffedAsTheStandardsSay) {
       for (std::size_t at = 0; at < out.size(); at += piece) {
         const std::size_t n = std::min(piece, out.size() - at);
         Bytes room(n + 1);
-        std::copy_n(out.begin() + static_cast<std::ptrdiff_t>(at), n, room.begin() + 1);
+        std::copy_n(out.begin() + std::ptrdiff_t(at), n, room.begin() + 1);
         room.resize(unstuffer.unstuff(room.data(), n));
         plain.insert(plain.end(), room.begin(), room.end());
       }
@@ -373,14 +373,14 @@ TEST(FrameForms, StuffedStreamsLoseNothingButWhatIsHit) {
     const FrameDescription frame = frame_with("laser_gyro", keys);
     auto sent = pulse_samples(300);
     for (std::size_t i = 0; i < sent.size(); ++i)  // full of what has to be stuffed
-      sent[i].gyro[i % 3] = static_cast<double>(static_cast<std::int32_t>(i % 2 == 0 ? 0x7E7D7E10 : 0x10C0DB10));
+      sent[i].gyro[i % 3] = double(std::int32_t(i % 2 == 0 ? 0x7E7D7E10 : 0x10C0DB10));
     const Bytes stream = on_the_line(frame, sent);
     EXPECT_GE(stream.size(), 37 * sent.size()) << keys[0];
     for (const std::size_t piece : {1U, 2U, 3U, 37U, 1000U, 100000U})
       EXPECT_EQ(expect_only_sent(decoded(frame, stream, piece), sent), 0U) << keys[0] << " in pieces of " << piece;
     for (std::size_t at = 2000; at < 2100; ++at) {
       Bytes shorter = stream;
-      shorter.erase(shorter.begin() + static_cast<std::ptrdiff_t>(at));
+      shorter.erase(shorter.begin() + std::ptrdiff_t(at));
       EXPECT_LE(expect_only_sent(decoded(frame, shorter, 100), sent), 2U) << keys[0] << ", byte " << at << " lost";
     }
   }
@@ -453,7 +453,7 @@ TEST(FrameForms, SignOf24BitsAndWrapOfCumulativeFields) {
                                 "accel.type = i24", "accel.offset = 18, 21, 24"});
   std::vector<ImuSample> sent = numbered(0, 200);
   for (std::size_t i = 0; i < sent.size(); ++i) {
-    sent[i].gyro = {8388607.0, -8388607.0, static_cast<double>(i)};  // wraps every second frame, either way
+    sent[i].gyro = {8388607.0, -8388607.0, double(i)};  // wraps every second frame, either way
     sent[i].accel = {8388607.0, -8388608.0, -1.0};
   }
   Line line(frame);

@@ -16,7 +16,7 @@ using Bytes = std::vector<std::byte>;
 
 inline Bytes from_hex(std::string_view hex) {
   Bytes bytes;
-  const auto digit = [](char c) { return static_cast<unsigned>(c <= '9' ? c - '0' : c - 'A' + 10); };
+  const auto digit = [](char c) { return unsigned(c <= '9' ? c - '0' : c - 'A' + 10); };
   for (std::size_t i = 0; i + 1 < hex.size(); i += 2)
     bytes.push_back(static_cast<std::byte>(digit(hex[i]) << 4 | digit(hex[i + 1])));
   return bytes;
@@ -52,15 +52,15 @@ inline std::vector<ImuSample> pulse_samples(std::size_t count, unsigned seed = 1
   std::vector<ImuSample> samples(count);
   for (std::size_t i = 0; i < count; ++i) {
     ImuSample& sample = samples[i];
-    sample.counter = first + static_cast<std::int64_t>(i);
+    sample.counter = first + std::int64_t(i);
     for (std::size_t k = 0; k < 3; ++k) {
-      const int down = static_cast<int>(random() % 32);
-      sample.gyro[k] = static_cast<double>(static_cast<std::int32_t>(random()) >> down);
-      sample.accel[k] = static_cast<double>(static_cast<std::int32_t>(random()) >> down);
+      const int down = int(random() % 32);
+      sample.gyro[k] = double(std::int32_t(random()) >> down);
+      sample.accel[k] = double(std::int32_t(random()) >> down);
       sample.gyro[k] = std::max(sample.gyro[k], -2147483647.0);
       sample.accel[k] = std::max(sample.accel[k], -2147483647.0);
     }
-    sample.temperature_c = static_cast<float>(0.01 * static_cast<double>(static_cast<int>(random() % 8000) - 2000));
+    sample.temperature_c = float(0.01 * double(int(random() % 8000) - 2000));
   }
   return samples;
 }
@@ -69,7 +69,7 @@ inline std::vector<ImuSample> pulse_samples(std::size_t count, unsigned seed = 1
 inline std::vector<ImuSample> numbered(std::int64_t first, std::int64_t count, float temperature_c = 25.0F) {
   std::vector<ImuSample> samples(static_cast<std::size_t>(count));
   for (std::size_t i = 0; i < samples.size(); ++i) {
-    samples[i].counter = first + static_cast<std::int64_t>(i);
+    samples[i].counter = first + std::int64_t(i);
     samples[i].temperature_c = temperature_c;
   }
   return samples;

@@ -54,7 +54,7 @@ DamageResult damaged(const FrameDescription& frame, Damage damage, unsigned seed
   result.counters = line.decoder.counters();
   EXPECT_FALSE(line.restarted);
   // All that is missing between first and last is known to be missing.
-  const auto held = static_cast<std::size_t>(sent.back().counter - line.samples.back().counter);
+  const auto held = std::size_t(sent.back().counter - line.samples.back().counter);
   EXPECT_EQ(result.counters.lost_samples, result.missing - held);
   return result;
 }
@@ -65,7 +65,7 @@ TEST(ImuFaults, DroppedInsertedAndFlippedBytesCostTheFramesTheyHit) {
       const DamageResult result = damaged(gyro_frame(), damage, seed, 10);
       EXPECT_GT(result.accidents, 300U);
       // An insertion between two frames costs none, a burst over a border two.
-      EXPECT_LE(result.missing, result.accidents + result.accidents / 10) << static_cast<int>(damage);
+      EXPECT_LE(result.missing, result.accidents + result.accidents / 10) << int(damage);
       EXPECT_GE(result.counters.bad_frames, result.accidents * 9 / 10);
       EXPECT_GE(result.counters.resyncs, result.accidents * 9 / 10);
     }
@@ -80,7 +80,7 @@ TEST(ImuFaults, AnEightBitSumIsHelpedByCounterAndNextSync) {
     for (unsigned seed = 1; seed <= 10; ++seed) {
       const DamageResult result = damaged(frame, damage, seed, 10);
       // The frame before an accident is not believed either when the sync after it was hit, nor one alone between two gaps.
-      EXPECT_LE(result.missing, 2 * result.accidents) << static_cast<int>(damage);
+      EXPECT_LE(result.missing, 2 * result.accidents) << int(damage);
     }
   }
 }
@@ -212,12 +212,12 @@ TEST(ImuFaults, GapBeyondWhatTheCounterCanTell) {
   for (int i = 0; i < 200; ++i) {
     ImuSample sample;
     sample.accel[2] = 9.8 * 0.002;
-    std::int64_t jump = 1 + static_cast<std::int64_t>(random() % 10000);
+    std::int64_t jump = 1 + std::int64_t(random() % 10000);
     if ((counter + jump) % 64 == 0) ++jump;  // a counter that begins at 0 after a silence is a unit that was reset
     counter += jump;
     sample.counter = counter;
-    line.time_s += 0.002 * static_cast<double>(jump - 1);
-    const double late = 0.001 * static_cast<double>(random() % 17);
+    line.time_s += 0.002 * double(jump - 1);
+    const double late = 0.001 * double(random() % 17);
     line.time_s += late;
     line.feed_frames(frame, {sample});
     line.time_s -= late;
@@ -229,7 +229,7 @@ TEST(ImuFaults, GapBeyondWhatTheCounterCanTell) {
   same();
   same();
   for (std::size_t i = 1; i < 200; ++i) {
-    again += 1 + static_cast<std::int64_t>(same() % 10000);
+    again += 1 + std::int64_t(same() % 10000);
     if (again % 64 == 0) ++again;
     same();
     ASSERT_EQ(line.samples[i].counter, again) << i;

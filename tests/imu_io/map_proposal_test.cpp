@@ -291,7 +291,7 @@ TEST(Increments, ByTheStamps) {
           ++all;
           const bool is_wrong = choice_of(stamps(kind, seed, rows, jitter_s)).even != expected;
           wrong += is_wrong ? 1 : 0;
-          if (is_wrong) which += fmt::format("{} {} {}; ", static_cast<int>(kind), rows, jitter_s);
+          if (is_wrong) which += fmt::format("{} {} {}; ", int(kind), rows, jitter_s);
         }
   EXPECT_LE(wrong, all / 100) << which << "of " << all;  // records of 120 rows have 7 independent spans of 16
   EXPECT_FALSE(choice_of(stamps(Stamps::stepping, 1, 3000, 0.0)).even);
@@ -318,7 +318,7 @@ TEST(Increments, WhatTheyAreWorth) {
   const auto noise = [](const CsvImport& content) {
     double sum = 0.0;
     for (const ImuSample& sample : content.samples) sum += std::pow(sample.accel[2] - 0.098, 2);
-    return std::sqrt(sum / static_cast<double>(content.samples.size()));
+    return std::sqrt(sum / double(content.samples.size()));
   };
   EXPECT_SAYS(even.chosen, "time.increments = period");
   EXPECT_LT(noise(even), 1e-4);        // what the mean period is off by
@@ -388,7 +388,7 @@ TEST(Increments, LossesAreCountedOrInDoubt) {
   for (int run = 0; run < 120; ++run) {
     const bool of_five = run % 10 == 0;  // two gaps within six rows
     const double lost = of_five ? 0.0 : 0.6 * part(random) * part(random), jitter = 0.7 * part(random) * part(random);
-    const int rows = static_cast<int>(500.0 * std::pow(12.0, part(random)));
+    const int rows = int(500.0 * std::pow(12.0, part(random)));
     std::bernoulli_distribution is_lost(lost);
     std::vector<double> times;
     std::vector<std::int64_t> numbers;
@@ -435,7 +435,7 @@ TEST(Increments, PausesLastAsLongAsTheStampsSay) {
         EXPECT_TRUE(model.sure && choose_increments(times, model).even);
         EXPECT_NEAR(model.period * rate_hz, 1.0, 1e-4);
         double periods = 3999.0;
-        for (const StampGap& gap : model.gaps) periods += static_cast<double>(gap.periods - 1);
+        for (const StampGap& gap : model.gaps) periods += double(gap.periods - 1);
         EXPECT_NEAR(periods, (times.back() - times.front()) / model.period, 1.5);
         EXPECT_EQ(model.gaps.size(), pause_s > 0.0 ? 1u : 0u);
       }

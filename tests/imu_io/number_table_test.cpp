@@ -19,8 +19,8 @@ std::string npy(const std::string& type, bool column_major, const std::string& s
   while ((10 + header.size() + 1) % 64 != 0) header += ' ';
   header += '\n';
   std::string text("\x93NUMPY\x01\x00", 8);
-  text += static_cast<char>(header.size() & 0xFF);
-  text += static_cast<char>(header.size() >> 8);
+  text += char(header.size() & 0xFF);
+  text += char(header.size() >> 8);
   return text + header + data;
 }
 template <class T>
@@ -45,14 +45,13 @@ TEST(NumberTable, ReadsNumpyArraysOfEitherOrder) {
 // Decimal numbers of 1 to 20 digits, with and without sign, point and exponent, are those of the standard library to the last bit.
 TEST(NumberTable, NumbersOfATextAreRoundedOnce) {
   std::mt19937 random(7);
-  const auto below = [&](unsigned n) { return static_cast<unsigned>(random() % n); };
+  const auto below = [&](unsigned n) { return unsigned(random() % n); };
   std::string text = "x\n-0.0\n.5\n5.\n-.25\n0\n9007199254740993\n0.1234567890123456\n999999999999999\n";
   for (int k = 0; k < 20000; ++k) {
     std::string number = below(2) == 0 ? "-" : "";
     const unsigned digits = 1 + below(20), point = below(2 * digits);
-    for (unsigned d = 0; d < digits; ++d)
-      number += (d == point ? "." : "") + std::string(1, static_cast<char>('0' + below(10)));
-    if (below(8) == 0) number += "e" + std::to_string(static_cast<int>(below(40)) - 20);
+    for (unsigned d = 0; d < digits; ++d) number += (d == point ? "." : "") + std::string(1, char('0' + below(10)));
+    if (below(8) == 0) number += "e" + std::to_string(int(below(40)) - 20);
     text += number + "\n";
   }
   const auto table = good(read_number_table(text, "a.csv", {{"x"}}, {}));
@@ -176,7 +175,7 @@ TEST(NumberTable, MatlabFilesAreWholeOrRefused) {
       EXPECT_TRUE(fails(read(whole.substr(0, size)), "the .mat file is cut off")) << size;
     for (std::size_t at = 150; compression == MAT_COMPRESSION_ZLIB && at < whole.size(); at += 1 + at % 97) {
       std::string changed = whole;
-      changed[at] = static_cast<char>(changed[at] ^ 8);
+      changed[at] = char(changed[at] ^ 8);
       const Result<NumberTable> table = read(changed);  // a bit that only fills up says nothing
       EXPECT_TRUE(!table.ok() || table->columns == right.columns) << at;
     }
@@ -267,7 +266,7 @@ TEST(NumberTable, BlocksAreTheTable) {
   std::string text = "a,b,c\n";
   for (std::size_t k = 0; k < 70000; ++k)
     for (std::size_t c = 0; c < 3; ++c) {
-      rows.push_back(static_cast<double>(k * 10 + c));
+      rows.push_back(double(k * 10 + c));
       columns[c * 70000 + k] = rows.back();
       text += std::to_string(k * 10 + c) + (c < 2 ? "," : "\n");
     }
@@ -280,9 +279,9 @@ TEST(NumberTable, BlocksAreTheTable) {
       std::size_t row = 0, blocks = 0;
       EXPECT_OK(read_number_table(bytes, "t", {{"3"}, {"1"}}, {}, [&](const NumberTable& block) {
         for (std::size_t k = 0; k < block.rows(); ++k, ++row) {
-          EXPECT_EQ(block.columns[0][k], static_cast<double>(row * 10 + 2));
-          EXPECT_EQ(block.columns[1][k], static_cast<double>(row * 10));
-          EXPECT_EQ(block.position[k], static_cast<std::int64_t>(row));
+          EXPECT_EQ(block.columns[0][k], double(row * 10 + 2));
+          EXPECT_EQ(block.columns[1][k], double(row * 10));
+          EXPECT_EQ(block.position[k], std::int64_t(row));
         }
         ++blocks;
         return Status();

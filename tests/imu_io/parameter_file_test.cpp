@@ -47,7 +47,7 @@ TEST(ParameterFile, ReadingAndWritingAgainGivesTheSameBytes) {
       if (random() % 2 == 0) sigma = std::abs(any_double());
     }
     file.effects.clear();
-    for (int i = 0; i < static_cast<int>(random() % 5); ++i) {
+    for (int i = 0; i < int(random() % 5); ++i) {
       file.effects.push_back({"effect_" + std::to_string(i), "x_rx", any_double(), {}});
       if (random() % 2 == 0) file.effects.back().sigma = std::abs(any_double());
     }
@@ -94,7 +94,7 @@ TEST(ParameterFile, EveryFlippedBitAndEveryCutIsRefused) {
     ASSERT_FALSE(parse_parameter_file(text.substr(0, place), "p.conf").ok()) << place;
     for (int bit = 0; bit < 8; ++bit) {
       std::string damaged = text;
-      damaged[place] = static_cast<char>(damaged[place] ^ (1 << bit));
+      damaged[place] = char(damaged[place] ^ (1 << bit));
       ASSERT_FALSE(parse_parameter_file(damaged, "p.conf").ok()) << place << " " << bit;
     }
   }

@@ -80,7 +80,7 @@ TEST(ParameterForms, YamlHasEveryParameter) {
     const std::string key = "\n  " + std::string(parameter_keys[k]) + ": ";
     const std::size_t at = yaml.find(key);
     ASSERT_NE(at, std::string::npos);
-    EXPECT_EQ(std::stod(yaml.substr(at + key.size())), file.parameters[static_cast<Eigen::Index>(k)]);
+    EXPECT_EQ(std::stod(yaml.substr(at + key.size())), file.parameters[Eigen::Index(k)]);
   }
   EXPECT_SAYS(yaml, "\n  a21: null\n");
   EXPECT_SAYS(yaml, "\ntrusted: false\n");

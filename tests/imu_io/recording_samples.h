@@ -34,14 +34,14 @@ inline std::vector<ImuSample> make_samples(const RecordingInfo& info, std::size_
     if (i % 97 == 96) counter += 3;
     sample.counter = counter++;
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      const auto pulses = [&] { return static_cast<double>(static_cast<std::int32_t>(random())); };
+      const auto pulses = [&] { return double(std::int32_t(random())); };
       sample.gyro[axis] = info.gyro_increment == IncrementKind::pulses ? pulses() : 1e-5 * normal(random);
       sample.accel[axis] = info.accel_increment == IncrementKind::pulses ? pulses() : 0.05 * normal(random);
     }
     if (info.gyro_increment == IncrementKind::physical && i % 7 == 0) sample.gyro[1] = -0.0;
-    if (info.has_temperature && i % 13 != 12) sample.temperature_c = static_cast<float>(24.0 + 3.0 * normal(random));
+    if (info.has_temperature && i % 13 != 12) sample.temperature_c = float(24.0 + 3.0 * normal(random));
     if (info.has_temperature && i % 13 == 5) sample.temperature_c = -0.0F;
-    if (i % 31 == 30) sample.flags = sample_flag_invalid + static_cast<std::uint32_t>(i);
+    if (i % 31 == 30) sample.flags = sample_flag_invalid + std::uint32_t(i);
   }
   return samples;
 }
@@ -56,7 +56,7 @@ inline ParameterFile make_parameter_file() {
   file.software_version = "0.1.0";
   file.time_utc = "2026-01-31T12:00:00Z";
   for (std::size_t i = 0; i < parameter_keys.size(); ++i)
-    if (parameter_is_free[i]) file.sigma[i] = 1e-7 * static_cast<double>(i + 1);
+    if (parameter_is_free[i]) file.sigma[i] = 1e-7 * double(i + 1);
   file.effects = {{"accel_size_effect", "x_rx", 12.5, 0.25}, {"gyro_warm_up", "tau_s", 600.0, {}}};
   return file;
 }

@@ -130,7 +130,7 @@ TEST_F(WriterTest, FullDiskIsReportedAndWhatWasWrittenCanBeRead) {
   const auto read = read_all(*source);
   ASSERT_EQ(read.size() % RecordingWriter::block_samples, 0U);
   ASSERT_GT(read.size(), 4000U);
-  expect_same(read, {samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(read.size())});
+  expect_same(read, {samples.begin(), samples.begin() + std::ptrdiff_t(read.size())});
   EXPECT_GT(source->damage().torn_tail_bytes, 0U);
 }
 
@@ -240,7 +240,7 @@ TEST_F(ReopenTest, KilledProcessKeepsWhatWasSynced) {
   const auto source = opened(path);
   const auto read = read_all(*source);
   EXPECT_GE(read.size(), synced);
-  expect_same(read, {many.begin(), many.begin() + static_cast<std::ptrdiff_t>(read.size())});
+  expect_same(read, {many.begin(), many.begin() + std::ptrdiff_t(read.size())});
   EXPECT_FALSE(source->damage().lost_data());
   auto writer = good(RecordingWriter::reopen(path, RecordingWriter::OpenSegment::keep));
   EXPECT_EQ(writer->sample_count(), read.size());
@@ -322,8 +322,7 @@ struct DamageTest : testing::Test {
       Segment planned = segment;
       if (planned.kind == SegmentKind::rotate) planned.kind = SegmentKind::still;
       ASSERT_OK(writer->begin_segment(planned));
-      for (auto i = static_cast<std::size_t>(segment.start_sample); i < static_cast<std::size_t>(segment.end_sample);
-           i += chunk) {
+      for (auto i = std::size_t(segment.start_sample); i < std::size_t(segment.end_sample); i += chunk) {
         ASSERT_OK(writer->add(std::span(samples).subspan(i, chunk)));
         ASSERT_OK(writer->sync());
       }
@@ -366,7 +365,7 @@ struct DamageTest : testing::Test {
     return opened(path);
   }
   std::vector<ImuSample> first(std::size_t count) const {
-    return {samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(count)};
+    return {samples.begin(), samples.begin() + std::ptrdiff_t(count)};
   }
 
   // Every sample read is one that was written, in order.
@@ -451,7 +450,7 @@ TEST_F(DamageTest, EveryFlippedBitCostsAtMostOneRecord) {
     for (int bit = 0; bit < 8; ++bit) {
       SCOPED_TRACE(testing::Message() << "byte " << place << " bit " << bit);
       std::string damaged = content;
-      damaged[place] = static_cast<char>(damaged[place] ^ (1 << bit));
+      damaged[place] = char(damaged[place] ^ (1 << bit));
       write_file(path, damaged);
       const auto source = opened(path);
       const auto read = read_all(*source);
@@ -535,7 +534,7 @@ TEST_F(DamageTest, NothingAfterTheEndMarkIsRead) {
   auto told = parts();
   told.push_back(told[2]);
   told.back().number = told.back().number + 100;
-  told.push_back({static_cast<std::uint32_t>(RecordType::samples), 200, {}});
+  told.push_back({std::uint32_t(RecordType::samples), 200, {}});
   append_samples(told.back().payload, make_samples(info, 5, 5000), info);
   write_parts(told);
   const auto source = opened(path);
@@ -548,8 +547,8 @@ TEST_F(DamageTest, NothingAfterTheEndMarkIsRead) {
 
 TEST_F(DamageTest, BothFirstRecordsDestroyedIsAnError) {
   std::string damaged = content;
-  damaged[30] = static_cast<char>(damaged[30] ^ 1);
-  damaged[130] = static_cast<char>(damaged[130] ^ 1);
+  damaged[30] = char(damaged[30] ^ 1);
+  damaged[130] = char(damaged[130] ^ 1);
   write_file(path, damaged);
   EXPECT_ERROR(RecordingSource::open(path),
                path + ": not a recording of this program, or its first records are destroyed");

@@ -41,7 +41,7 @@ void expect_motion(const Result<BagImu>& bag, const std::string& where) {
   ASSERT_GE(bag->columns.size(), 7u);
   ASSERT_EQ(bag->columns[0].values.size(), 250u);
   for (int k : {0, 1, 249}) {
-    const auto row = static_cast<std::size_t>(k);
+    const auto row = std::size_t(k);
     EXPECT_NEAR(bag->columns[0].values[row], 0.005 * k, 1e-12);
     EXPECT_EQ(bag->columns[1].values[row], 0.1 * k);
     EXPECT_EQ(bag->columns[3].values[row], 1e-9);

@@ -52,7 +52,7 @@ struct SerialImuTest : testing::Test {
       const auto n = imu.read(block, 0.03);
       if (!n) return n.error();
       if (*n == 0) return {};
-      samples.insert(samples.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*n));
+      samples.insert(samples.end(), block.begin(), block.begin() + std::ptrdiff_t(*n));
     }
   }
   void expect_true_samples() const {
@@ -123,7 +123,7 @@ TEST_F(SerialImuTest, AUnitThatWasSwitchedOffIsADeviceError) {
   ASSERT_OK(drain(imu));
   ASSERT_EQ(samples.size(), 40U);
   EXPECT_GT(samples[20].counter, 50020);
-  EXPECT_LT(samples[20].counter, 50020 + static_cast<std::int64_t>((monotonic_s() - before_s + 1.0) / 0.005));
+  EXPECT_LT(samples[20].counter, 50020 + std::int64_t((monotonic_s() - before_s + 1.0) / 0.005));
   EXPECT_EQ(samples[39].counter - samples[20].counter, 19);
 }
 
@@ -151,13 +151,13 @@ TEST_F(SerialImuTest, ASilenceOfMoreThanAWrapIsMeasured) {
   ASSERT_OK(drain(imu));
   const double silent_from_s = monotonic_s() - 0.03;  // drain() waited
   while (monotonic_s() - silent_from_s < 0.7) ASSERT_OK(drain(imu));
-  auto missing = static_cast<std::int64_t>((monotonic_s() - silent_from_s) / 0.005);
+  auto missing = std::int64_t((monotonic_s() - silent_from_s) / 0.005);
   if ((10 + missing) % 64 == 0) ++missing;  // a counter that begins at 0 after a silence is a unit that was reset
   send(10 + missing, 3);                    // more at once no unit would have yet
   for (int i = 0; i < 6; ++i) ASSERT_OK(drain(imu));  // until the line has been quiet for 0.1 s
   ASSERT_EQ(samples.size(), 13U);
   EXPECT_EQ(samples[10].counter, 10 + missing);
-  EXPECT_EQ(imu.counters().lost_samples, static_cast<std::uint64_t>(missing));
+  EXPECT_EQ(imu.counters().lost_samples, std::uint64_t(missing));
 }
 
 TEST_F(SerialImuTest, AReaderThatWasAwayForMoreThanAWrapLosesNothing) {
@@ -230,14 +230,14 @@ TEST_F(SerialImuTest, StreamedFramesComeAtTheUnitsPace) {
   const Deadline deadline(0.7);
   while (!deadline.passed()) {
     const auto n = good(imu.read(block, 0.05));
-    samples.insert(samples.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*n));
+    samples.insert(samples.end(), block.begin(), block.begin() + std::ptrdiff_t(*n));
   }
   unit.join();
   ASSERT_OK(sent);
   EXPECT_EQ(streamer.batches_dropped(), 0U);
   ASSERT_EQ(samples.size(), streamer.frames_sent());
   EXPECT_GT(samples.size(), 1500U);
-  EXPECT_LE(static_cast<double>(samples.size()), (monotonic_s() - began_s) * 4000.0);
+  EXPECT_LE(double(samples.size()), (monotonic_s() - began_s) * 4000.0);
   EXPECT_EQ(imu.counters().lost_samples, 0U);
   EXPECT_EQ(imu.counters().bad_frames, 0U);
   expect_true_samples();
@@ -301,24 +301,23 @@ TEST_P(TwinForms, WhatTheTwinSpeaksIsUnderstood) {
   for (const Deadline deadline(10.0); !deadline.passed();) {
     const bool last = ended;
     const auto n = good(imu.read(block, 0.05));
-    received.insert(received.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*n));
+    received.insert(received.end(), block.begin(), block.begin() + std::ptrdiff_t(*n));
     if (last && *n == 0) break;
   }
   sender.join();
   ASSERT_OK(sent);
   const double made_samples = 100.0 * GetParam().speedup;
-  ASSERT_GT(static_cast<double>(received.size()),
-            made_samples * (asked ? 0.2 : 0.6) / (GetParam().speedup > 1.0 ? 3.0 : 1.0));
+  ASSERT_GT(double(received.size()), made_samples * (asked ? 0.2 : 0.6) / (GetParam().speedup > 1.0 ? 3.0 : 1.0));
   Rig same(default_rig_config());
-  std::vector<ImuSample> made(static_cast<std::size_t>(received.back().counter) + 1);
+  std::vector<ImuSample> made(std::size_t(received.back().counter) + 1);
   same.advance(made);
   for (const ImuSample& sample : received) {
-    ASSERT_EQ(sample.gyro, made[static_cast<std::size_t>(sample.counter)].gyro) << sample.counter;
-    ASSERT_EQ(sample.accel, made[static_cast<std::size_t>(sample.counter)].accel) << sample.counter;
+    ASSERT_EQ(sample.gyro, made[std::size_t(sample.counter)].gyro) << sample.counter;
+    ASSERT_EQ(sample.accel, made[std::size_t(sample.counter)].accel) << sample.counter;
     // The frame has 0.01 C.
-    ASSERT_NEAR(sample.temperature_c, made[static_cast<std::size_t>(sample.counter)].temperature_c, 0.0051);
+    ASSERT_NEAR(sample.temperature_c, made[std::size_t(sample.counter)].temperature_c, 0.0051);
   }
-  const auto span = static_cast<std::size_t>(received.back().counter - received.front().counter) + 1;
+  const auto span = std::size_t(received.back().counter - received.front().counter) + 1;
   EXPECT_TRUE(asked || received.size() == span) << "lost on the way";
   EXPECT_TRUE(asked || received.size() == streamer.frames_sent());
 }

@@ -48,7 +48,7 @@ TEST(SerialPort, CarriesEveryByteUnchanged) {
   auto pty = good(Pty::create());
   auto port = good(SerialPort::open(on(*pty, 230400)));
   std::string all;
-  for (int i = 0; i < 256; ++i) all += static_cast<char>(i);
+  for (int i = 0; i < 256; ++i) all += char(i);
   ASSERT_TRUE(pty->write_all(all, 1.0).ok());
   std::string got;
   for (int i = 0; i < 100 && got.size() < all.size(); ++i) got += read_text(*port);
@@ -165,7 +165,7 @@ std::vector<ImuSample> drained(SerialImu& imu, Status& status) {
     const auto n = imu.read(block, 0.03);
     if (!n) return status = n.error(), samples;
     if (*n == 0) return samples;
-    samples.insert(samples.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*n));
+    samples.insert(samples.end(), block.begin(), block.begin() + std::ptrdiff_t(*n));
   }
 }
 
@@ -273,20 +273,20 @@ TEST(NetworkImu, AUnitThatAnswersRequestsIsAskedAllTheWhile) {
   for (const double end_s = monotonic_s() + 1.0; monotonic_s() < end_s;) {
     std::array<ImuSample, 64> block;
     const auto n = good(imu.read(block, 0.02));
-    got.insert(got.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*n));
+    got.insert(got.end(), block.begin(), block.begin() + std::ptrdiff_t(*n));
   }
   // Samples of the time when nobody read are there. How many the line loses is the machine's affair: a sanitized build on a busy one
   // answers late, and what was not asked for in time is counted as lost.
   ASSERT_FALSE(got.empty());
-  const auto first = static_cast<std::size_t>(got.front().counter);
+  const auto first = std::size_t(got.front().counter);
   const auto unread =
-      std::ranges::count_if(got, [&](const ImuSample& s) { return static_cast<std::size_t>(s.counter) < first + 60; });
+      std::ranges::count_if(got, [&](const ImuSample& s) { return std::size_t(s.counter) < first + 60; });
   EXPECT_GT(unread, 20) << "of the 60 that it had while nobody read";
   for (std::size_t i = 0; i < got.size(); ++i) {
-    EXPECT_EQ(got[i].gyro[0], static_cast<double>(got[i].counter));
+    EXPECT_EQ(got[i].gyro[0], double(got[i].counter));
     EXPECT_TRUE(i == 0 || got[i].counter > got[i - 1].counter);
   }
-  EXPECT_LE(static_cast<std::size_t>(got.back().counter) - first + 1, got.size() + imu.counters().lost_samples)
+  EXPECT_LE(std::size_t(got.back().counter) - first + 1, got.size() + imu.counters().lost_samples)
       << "each is there or counted";
   EXPECT_GT(imu.counters().duplicates, 0U) << "it is asked more often than it has samples";
   imu.close();

@@ -368,8 +368,8 @@ TEST(ImuCsvRow, TemperaturesComeBackBitForBit) {
   std::mt19937 random(6);
   for (int round = 0; round < 200000; ++round) {
     ImuSample sample;
-    sample.temperature_c = round % 2 == 0 ? std::bit_cast<float>(static_cast<std::uint32_t>(random()))
-                                          : static_cast<float>(static_cast<int>(random() % 200000) - 50000) / 1000.0F;
+    sample.temperature_c = round % 2 == 0 ? std::bit_cast<float>(std::uint32_t(random()))
+                                          : float(int(random() % 200000) - 50000) / 1000.0F;
     if (!std::isfinite(sample.temperature_c)) continue;
     std::string row;
     append_imu_row(row, sample, info);

@@ -11,12 +11,12 @@ class Line {
  public:
   Line& attempt(const std::string& unit, const std::string& outcome, const std::string& reason = "") {
     AttemptRecord a;
-    a.id = static_cast<std::int64_t>(all.size()) + 1;
+    a.id = std::int64_t(all.size()) + 1;
     a.unit = unit;
     a.outcome = outcome;
     a.reason = reason;
-    a.began_utc = format_utc(7200.0 * static_cast<double>(all.size()));
-    a.time_utc = format_utc(7200.0 * static_cast<double>(all.size()) + 5400.0);
+    a.began_utc = format_utc(7200.0 * double(all.size()));
+    a.time_utc = format_utc(7200.0 * double(all.size()) + 5400.0);
     all.push_back(a);
     return *this;
   }

@@ -90,7 +90,7 @@ TEST_F(Rehearsal, TheReportSaysWhatWasLaidOn) {
     return database.ok() ? *database->attempts(filter) : std::vector<AttemptRecord>();
   };
   const std::vector<AttemptRecord> first = rows({});
-  ASSERT_EQ(first.size(), static_cast<std::size_t>(units));
+  ASSERT_EQ(first.size(), std::size_t(units));
   std::set<std::string> kinds;
   std::size_t good = 0;
   std::vector<std::string> again = {"queue", "queue", "--again"};

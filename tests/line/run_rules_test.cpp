@@ -69,10 +69,10 @@ TEST(RunRules, FalseAlarmsAreAsOftenAsStated) {
   for (std::size_t i = 0; i < run_rules.size(); ++i) {
     const RunRule& rule = run_rules[i];
     const double expected = rule.false_alarm * points;
-    const double error = std::sqrt(expected * static_cast<double>(rule.stretch));
+    const double error = std::sqrt(expected * double(rule.stretch));
     EXPECT_NEAR(count[i], expected, 5.0 * error + 0.005 * expected) << "rule " << i + 1;  // stated to three digits
   }
-  const auto all = static_cast<double>(std::ranges::count(any, 1)) / points;
+  const auto all = double(std::ranges::count(any, 1)) / points;
   EXPECT_NEAR(all, 0.0256, 0.0005) << "of any rule, as docs/line.md says";
 }
 

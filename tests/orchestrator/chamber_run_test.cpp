@@ -168,7 +168,7 @@ TEST(ChamberRun, WhateverIsDrawnTheHeaterIsOffAtTheEnd) {
       chamber_link_lost,     chamber_stays_on,    axis_fault,        stuck_axis,    link_lost,
       emergency_stop,        imu_unplugged};
   std::mt19937 drawn(20261128);
-  const auto below = [&](int n) { return static_cast<int>(drawn() % static_cast<unsigned>(n)); };
+  const auto below = [&](int n) { return int(drawn() % unsigned(n)); };
   int heated = 0;
   for (int run = 0; run < 60; ++run) {
     std::vector<RigFault> faults;

@@ -107,7 +107,7 @@ TEST_F(Run, OutputThatIsNotReadDoesNotHoldItUp) {
   for (bool ended = false; !ended;) {
     ended = ::waitpid(pid, &status, WNOHANG) == pid;
     char piece[4096];
-    for (ssize_t n = 0; (n = ::read(reader, piece, sizeof piece)) > 0;) said.append(piece, static_cast<std::size_t>(n));
+    for (ssize_t n = 0; (n = ::read(reader, piece, sizeof piece)) > 0;) said.append(piece, std::size_t(n));
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   ::close(reader);

@@ -76,14 +76,14 @@ TEST(DataFaults, ASpikeCostsItsSecondAndIsNamed) {
     Recorded r = recorded();
     const std::size_t at = random() % r.samples.size(), i = random() % 6;
     // From what no unit can feel to the largest number there is.
-    const double size = std::exp2(17.0 + 14.0 * static_cast<double>(random() % 1000) / 1000.0);
+    const double size = std::exp2(17.0 + 14.0 * double(random() % 1000) / 1000.0);
     channel(r.samples[at], i) = (random() % 2 == 0 ? 1.0 : -1.0) * std::floor(size);
     const Result<CalibrationOutput> output = calibrate_recording(Changed(r).loaded, {});
     const std::string what = std::string(channel_names[i]) + " at sample " + std::to_string(at);
     ASSERT_TRUE(output.ok()) << what << ": " << output.error().message;
     for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
       if (!plain->file.sigma[k]) continue;
-      const auto p = static_cast<Eigen::Index>(k);
+      const auto p = Eigen::Index(k);
       EXPECT_LT(std::abs(output->file.parameters[p] - plain->file.parameters[p]), *plain->file.sigma[k])
           << what << ": " << parameter_keys[k];
       EXPECT_LT(*output->file.sigma[k], 1.3 * *plain->file.sigma[k]) << what << ": " << parameter_keys[k];

@@ -13,7 +13,7 @@ namespace {
 
 double any_double() {
   const std::int64_t digits = *rc::gen::inRange<std::int64_t>(-1'000'000'000, 1'000'000'000);
-  return static_cast<double>(digits) * std::pow(10.0, *rc::gen::inRange(-12, 6));
+  return double(digits) * std::pow(10.0, *rc::gen::inRange(-12, 6));
 }
 
 std::string any_text() { return *rc::gen::container<std::string>(rc::gen::inRange(' ', '~')); }

@@ -92,7 +92,7 @@ TEST(FirstStep, SignsAndAxesOfTheGyros) {
            {[](ImuSample& s) { s.gyro[0] = -s.gyro[0]; }, "the turn of roll by 90 deg was sensed about -x"},
            {[](ImuSample& s) { std::swap(s.gyro[0], s.gyro[2]); }, "sensed about +x"},
            {[](ImuSample& s) {  // a unit that lies beside the table
-              if (std::abs(s.gyro[2]) > 20.0) s.gyro[2] = static_cast<double>(s.counter % 50 == 0);
+              if (std::abs(s.gyro[2]) > 20.0) s.gyro[2] = double(s.counter % 50 == 0);
             },
             "the turn of pitch by 90 deg was hardly sensed"},
        })
@@ -120,7 +120,7 @@ TEST(FirstStep, AnotherLatitude) {
   std::uniform_real_distribution<double> anywhere(-75.0, 75.0), off(8.0, 30.0);
   for (int draw = 0; draw < 20; ++draw) {
     RigConfig config = default_rig_config();
-    config.seed = 100 + static_cast<std::uint64_t>(draw);
+    config.seed = 100 + std::uint64_t(draw);
     config.site.latitude_deg = anywhere(random);
     const double at_deg = config.site.latitude_deg, by_deg = at_deg > 0.0 ? -off(random) : off(random);
     for (const double told_deg : {at_deg, at_deg + by_deg}) {
@@ -270,7 +270,7 @@ TEST(FirstStep, AGyroThatPointsWestIsNotStuck) {
       static std::int64_t counter = 0;
       ImuSample s;
       s.counter = counter++;
-      for (std::size_t i = 0; i < 3; ++i) s.accel[i] = static_cast<double>((k + static_cast<int>(i)) % 3);
+      for (std::size_t i = 0; i < 3; ++i) s.accel[i] = double((k + int(i)) % 3);
       s.gyro[about] = counts + (k % 2 == 0 ? 0.5 : -0.5);
       s.gyro[(about + 1) % 3] = k % 7 == 0 ? 1.0 : 0.0;
       life.add(s);
@@ -293,7 +293,7 @@ TEST(FirstStep, AnAccelerometerAtRestIsNotStuck) {
   ChannelLife life(info);
   std::int64_t counter = 0;
   const auto pass = [&](double seconds, bool moves) {
-    for (int k = 0; k < static_cast<int>(seconds / info.sample_period_s); ++k) {
+    for (int k = 0; k < int(seconds / info.sample_period_s); ++k) {
       ImuSample s;
       s.counter = counter++;
       for (std::size_t i = 0; i < 3; ++i) s.gyro[i] = s.accel[i] = k % 2 == 0 ? 1.0 : 2.0;

@@ -20,7 +20,7 @@ namespace turncal {
 inline constexpr double speed_up = 100.0;
 
 inline void pause_ms(double ms) {
-  timespec t{static_cast<time_t>(ms / 1e3), static_cast<long>(1e6 * std::fmod(ms, 1e3))};
+  timespec t{static_cast<time_t>(ms / 1e3), long(1e6 * std::fmod(ms, 1e3))};
   ::nanosleep(&t, nullptr);
 }
 
@@ -132,15 +132,15 @@ class DrawnUnit : public ImuSource {
     info.simulated = true;
   }
   Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
-    const std::int64_t wanted = next_ + static_cast<std::int64_t>(out.size());
-    const double wait_s = std::min(timeout_s, static_cast<double>(wanted - due()) * period_s);
+    const std::int64_t wanted = next_ + std::int64_t(out.size());
+    const double wait_s = std::min(timeout_s, double(wanted - due()) * period_s);
     if (timeout_s > 0.0 && wait_s > 0.0) pause_ms(1e3 * wait_s / speed_up);
     std::size_t got = 0;
     for (; got < out.size() && next_ < due(); ++got) {
       out[got] = {};
       out[got].counter = next_++;
-      out[got].gyro[0] = static_cast<double>(next_ % 2);
-      out[got].accel[2] = 49.0 + static_cast<double>(next_ % 2);
+      out[got].gyro[0] = double(next_ % 2);
+      out[got].accel[2] = 49.0 + double(next_ % 2);
     }
     return got;
   }
@@ -149,7 +149,7 @@ class DrawnUnit : public ImuSource {
 
  private:
   static constexpr double period_s = 0.005;
-  std::int64_t due() const { return static_cast<std::int64_t>(clock_.now_s() / period_s); }
+  std::int64_t due() const { return std::int64_t(clock_.now_s() / period_s); }
   const Clock& clock_;
   std::int64_t next_ = 0;
 };
@@ -174,7 +174,7 @@ class HangingSink : public RunSink {
   Status begin_segment(const Segment&) override { return write(); }
   Status add(std::span<const ImuSample> samples) override {
     for (const ImuSample& sample : samples)
-      missing += static_cast<std::size_t>(sample.counter - std::exchange(next, sample.counter + 1));
+      missing += std::size_t(sample.counter - std::exchange(next, sample.counter + 1));
     return write();
   }
   Status end_segment(SegmentKind, std::int64_t, const AxisTriple&) override { return write(); }

@@ -92,7 +92,7 @@ TEST_F(Journal, AFlippedBitIsNeverReadAsSomethingElse) {
   const std::string text = *journal_as_text(path());
   for (std::size_t i = 0; i < whole.size(); ++i) {
     std::string bad = whole;
-    bad[i] = static_cast<char>(bad[i] ^ (1 << (i % 8)));
+    bad[i] = char(bad[i] ^ (1 << (i % 8)));
     std::ofstream(path(), std::ios::binary | std::ios::trunc) << bad;
     const Result<JournalContents> contents = read_journal(path());
     if (!contents) continue;  // damage in the middle

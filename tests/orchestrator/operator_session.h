@@ -44,7 +44,7 @@ class OperatedProgram : public Program {
       char chunk[4096];
       const ssize_t got = ::read(out[0], chunk, sizeof chunk);
       if (got <= 0) break;
-      session.out.append(chunk, static_cast<std::size_t>(got));
+      session.out.append(chunk, std::size_t(got));
       for (std::size_t end; (end = session.out.find('\n', taken)) != std::string::npos; taken = end + 1) {
         const std::optional<std::string> reply = answer(session.out.substr(taken, end - taken));
         if (!reply || in[1] < 0) continue;

@@ -133,7 +133,7 @@ class Console : public std::streambuf {
 
  protected:
   int_type overflow(int_type c) override {
-    text += static_cast<char>(c);
+    text += char(c);
     if (c == '\n') look();
     return c;
   }
@@ -169,7 +169,7 @@ class PausedRun : public testing::Test {
     std::vector<const char*> argv = {"turncal"};
     for (const std::string& argument : arguments) argv.push_back(argument.c_str());
     argv.push_back("--verbose");  // the console waits for transitions
-    return run_command_line(static_cast<int>(argv.size()), argv.data(),
+    return run_command_line(int(argv.size()), argv.data(),
                             {{"Station", {add_run_command, add_resume_command, add_batch_command}}}, context);
   }
   int run(const std::string& name) {

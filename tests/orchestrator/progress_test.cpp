@@ -134,7 +134,7 @@ TEST(Progress, SystemdWatchesWhileTheTableMayMove) {
   const auto heard = [socket] {
     std::array<char, 512> text{};
     const ssize_t got = ::recv(socket, text.data(), text.size(), 0);
-    return std::string(text.data(), got > 0 ? static_cast<std::size_t>(got) : 0);
+    return std::string(text.data(), got > 0 ? std::size_t(got) : 0);
   };
   ::setenv("NOTIFY_SOCKET", name.c_str(), 1);
   {

@@ -22,11 +22,11 @@ inline constexpr std::int64_t two_steps_samples = 1000 + 2000 + 2000 + 2000 + 10
 inline constexpr double homing_s = 2.0;  // two_steps_text begins then
 
 inline RigFault table_fault(RigFaultKind kind, double time_s, Axis axis = Axis::pitch) {
-  return {.kind = kind, .time_s = time_s, .axis = static_cast<int>(axis)};
+  return {.kind = kind, .time_s = time_s, .axis = int(axis)};
 }
 
 inline RigFault unit_fault(RigFaultKind kind, std::int64_t sample_of_recording, std::int64_t count = 1) {
-  return {.kind = kind, .sample = sample_of_recording + static_cast<std::int64_t>(homing_s / 0.005), .count = count};
+  return {.kind = kind, .sample = sample_of_recording + std::int64_t(homing_s / 0.005), .count = count};
 }
 
 inline RigConfig rig_with(std::vector<RigFault> faults) {
@@ -108,7 +108,7 @@ class MemorySink : public RunSink {
       EXPECT_GT(sample.counter, last_counter);
       last_counter = sample.counter;
     }
-    sample_count += static_cast<std::int64_t>(samples.size());
+    sample_count += std::int64_t(samples.size());
     return step();
   }
   Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override {
@@ -158,9 +158,7 @@ class Watcher : public RunObserver {
     if (on_tick) on_tick(snapshot);
   }
   bool saw(RunEvent event) const { return count(event) > 0; }
-  int count(RunEvent event) const {
-    return static_cast<int>(std::ranges::count(transitions, event, &TransitionRecord::event));
-  }
+  int count(RunEvent event) const { return int(std::ranges::count(transitions, event, &TransitionRecord::event)); }
   std::vector<TransitionRecord> transitions;
   std::vector<std::string> text;
   RunSnapshot last;

@@ -43,8 +43,7 @@ TEST(SequenceDesign, IsBetterThanItsStartAndCanBeRun) {
   const Plan plan = make_plan(*sequence, task.limits);
   EXPECT_TRUE(plan.ok());
   EXPECT_LE(plan.station_s, task.time_s);
-  EXPECT_GT(plan.station_s, task.time_s - static_cast<double>(design->walk.legs.size()) - 2.0)
-      << "no time is left over";
+  EXPECT_GT(plan.station_s, task.time_s - double(design->walk.legs.size()) - 2.0) << "no time is left over";
   for (const PlannedItem& item : plan.items) {
     if (item.kind != SequenceItem::Kind::dwell) continue;
     EXPECT_GE(item.duration_s, task.least_rest_s);

@@ -104,7 +104,7 @@ class Browser {
       char buffer[65536];
       const ssize_t n = ::read(from_, buffer, sizeof buffer);
       if (n <= 0) return "";
-      received_.append(buffer, static_cast<std::size_t>(n));
+      received_.append(buffer, std::size_t(n));
     }
   }
 

@@ -63,7 +63,7 @@ TEST_F(Storage, NothingIsMadeOfASealedRecordingThatWasChanged) {
     switch (i % 6) {
       case 0: {
         char& byte = bytes[at(bytes.size())];
-        byte = static_cast<char>(byte ^ (1 << at(8)));
+        byte = char(byte ^ (1 << at(8)));
         break;
       }
       case 1: bytes.resize(at(bytes.size())); break;

@@ -14,7 +14,7 @@ namespace {
 
 ParameterFile file_with(std::size_t parameter, double value, double sigma) {
   ParameterFile file;
-  file.parameters(static_cast<Eigen::Index>(parameter)) = value;
+  file.parameters(Eigen::Index(parameter)) = value;
   file.sigma[parameter] = sigma;
   return file;
 }

@@ -115,8 +115,8 @@ TEST(FourteenStep, IsTheTableOfTheMethod) {
       {13, "align 12000 dwell 120000 "},
       {14, "heading -90> align 12000 dwell 120000 "}};
   for (const auto& [number, items] : expected) {
-    EXPECT_EQ(sequence.steps[static_cast<std::size_t>(number - 1)].number, number);
-    EXPECT_EQ(text_of(sequence.steps[static_cast<std::size_t>(number - 1)]), items) << "step " << number;
+    EXPECT_EQ(sequence.steps[std::size_t(number - 1)].number, number);
+    EXPECT_EQ(text_of(sequence.steps[std::size_t(number - 1)]), items) << "step " << number;
   }
   EXPECT_EQ(sequence.steps[3].initial_deg, (AxisTriple{{-90.0, 0.0, -90.0}}));
   std::set<std::string> determined;

@@ -86,7 +86,7 @@ class HandUnitMaker {
 
   // Adds a step of the motion that is meant; the tremor comes on top.
   void add_pose(const Eigen::Matrix3d& C, const Vector3d& at, double loud) {
-    const double t = h * static_cast<double>(poses_.size());
+    const double t = h * double(poses_.size());
     Vector3d turned = Vector3d::Zero(), shifted = Vector3d::Zero();
     for (const Wave& wave : turns_) turned += wave.size * std::sin(wave.rate * t + wave.phase);
     for (const Wave& wave : shifts_) shifted += wave.size * std::sin(wave.rate * t + wave.phase);
@@ -103,7 +103,7 @@ class HandUnitMaker {
   }
 
   void move() {
-    unit_.rests = static_cast<int>(uniform(12.0, 41.0));
+    unit_.rests = int(uniform(12.0, 41.0));
     const double longest_s = log_uniform(4.0, 30.0);
     Eigen::Matrix3d C = exp(normal());
     Vector3d at = Vector3d::Zero();
@@ -111,7 +111,7 @@ class HandUnitMaker {
       const double rest_s = uniform(0.5 * longest_s, longest_s), settling_s = uniform(1.0, 5.0);
       const Vector3d creep = plan_.tremor * creep_rad * normal();
       const Eigen::Matrix3d down = C;
-      const auto count = static_cast<int>(rest_s / h);
+      const auto count = int(rest_s / h);
       for (int i = 0; i < count; ++i) {
         C = down * exp(creep * (1.0 - std::exp(-i * h / settling_s)));
         add_pose(C, at, 1.0);
@@ -127,9 +127,9 @@ class HandUnitMaker {
     const Vector3d there = plan_.tremor * 0.2 * normal(), lever = plan_.tremor * 0.1 * normal();
     const Eigen::Matrix3d from = C;
     const Vector3d pivot = at - C * lever;
-    const auto count = static_cast<int>(uniform(2.0, 5.0) / h);
+    const auto count = int(uniform(2.0, 5.0) / h);
     for (int i = 1; i <= count; ++i) {
-      const double x = static_cast<double>(i) / count;
+      const double x = double(i) / count;
       C = from * exp(smooth(1.4 * x) * first) * exp(smooth(1.4 * x - 0.4) * second);
       at = pivot + C * lever + smooth(x) * there;
       const double loud = 1.0 + (held - 1.0) * (smooth(5.0 * x) - smooth(5.0 * x - 4.0));
@@ -155,10 +155,10 @@ class HandUnitMaker {
         p.n.inverse() * (turned + p.N0_degph * (M_PI / 180.0 / 3600.0) * sample_s) + gyro_noise_ * normal();
     const Vector3d accel = p.a.inverse() * (pushed + p.A0_g * 9.80665 * sample_s) + accel_noise_ * normal();
     ImuSample sample;
-    sample.counter = static_cast<std::int64_t>(unit_.samples.size());
+    sample.counter = std::int64_t(unit_.samples.size());
     for (std::size_t k = 0; k < 3; ++k) {
-      sample.gyro[k] = gyro[static_cast<Eigen::Index>(k)];
-      sample.accel[k] = accel[static_cast<Eigen::Index>(k)];
+      sample.gyro[k] = gyro[Eigen::Index(k)];
+      sample.accel[k] = accel[Eigen::Index(k)];
     }
     unit_.samples.push_back(sample);
   }

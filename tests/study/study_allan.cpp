@@ -18,7 +18,7 @@ struct Tally {
 };
 
 int run(char** words, int count) {
-  const auto samples = static_cast<std::int64_t>(std::atof(words[1]));
+  const auto samples = std::int64_t(std::atof(words[1]));
   const double period_s = std::atof(words[2]);
   AllanFit laid;
   for (std::size_t k = 0; k < allan_terms; ++k) laid.terms[k].value = std::atof(words[3 + k]);
@@ -31,7 +31,7 @@ int run(char** words, int count) {
     std::mt19937_64 random(static_cast<std::uint64_t>(seed));
     std::normal_distribution<double> normal;
     for (int rest = 0; rest < rests; ++rest) {
-      const auto stream = static_cast<std::uint64_t>(seed * rests + rest);
+      const auto stream = std::uint64_t(seed * rests + rest);
       std::array<rig_model::TriadNoise, 2> noise = {rig_model::TriadNoise(size, period_s, stream, 0),
                                                     rig_model::TriadNoise(size, period_s, stream, 1)};
       Channels before = Channels::Zero();
@@ -39,12 +39,12 @@ int run(char** words, int count) {
         Channels increments, now;
         for (Eigen::Index triad = 0; triad < 2; ++triad) {
           std::array<double, 3> three{};
-          noise[static_cast<std::size_t>(triad)].add(three);
+          noise[std::size_t(triad)].add(three);
           increments.segment<3>(3 * triad) = Eigen::Vector3d::Map(three.data());
         }
         for (double& value : now) value = laid.terms[0].value * normal(random);
         increments += now - before;
-        increments.array() += laid.terms[4].value * static_cast<double>(k) * period_s * period_s;
+        increments.array() += laid.terms[4].value * double(k) * period_s * period_s;
         before = now;
         maker.add(k, increments);
       }

@@ -45,7 +45,7 @@ FleetMember made(const Study& study, std::uint64_t seed, std::size_t i, const st
   FleetMember m;
   m.unit = "U" + std::to_string(10000 + i);
   m.level = {"S" + std::to_string(1 + i % study.stations)};
-  m.day = days * static_cast<double>(i) / static_cast<double>(study.units);
+  m.day = days * double(i) / double(study.units);
   if (study.dealt.empty()) {
     const RigRecording recorded = record_on_rig(study.sequence, config);
     m.statistics = unit_statistics(recorded.recording, joint_estimate(recorded.recording));
@@ -70,9 +70,9 @@ std::vector<std::pair<std::string, double>> seen(const UnitStatistics& u) {
   std::vector<std::pair<std::string, double>> all;
   RigConfig config = default_rig_config();
   for (std::size_t k = 0; k < u.columns.size(); ++k) {
-    const auto at = static_cast<Eigen::Index>(k);
+    const auto at = Eigen::Index(k);
     if (u.Q(at, at) > 0.0F && find_effect(config.effects, u.columns[k]))
-      all.emplace_back(u.columns[k], 1.0 / std::sqrt(static_cast<double>(u.Q(at, at))));
+      all.emplace_back(u.columns[k], 1.0 / std::sqrt(double(u.Q(at, at))));
   }
   return all;
 }
@@ -187,8 +187,7 @@ int main(int argc, char** argv) {
     study.dealt = std::move(source->members);
     study.units = study.dealt.size();
   }
-  const auto first = static_cast<std::uint64_t>(std::strtoll(argv[1], nullptr, 10));
-  for (std::uint64_t k = 0; k < static_cast<std::uint64_t>(std::strtoll(argv[2], nullptr, 10)); ++k)
-    run(study, first + k);
+  const auto first = std::uint64_t(std::strtoll(argv[1], nullptr, 10));
+  for (std::uint64_t k = 0; k < std::uint64_t(std::strtoll(argv[2], nullptr, 10)); ++k) run(study, first + k);
   return 0;
 }

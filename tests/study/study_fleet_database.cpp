@@ -31,7 +31,7 @@ Status add(ResultsDatabase& database, const FleetMember& member, std::size_t num
   s.file.simulated = true;
   s.file.parameters = member.statistics.value;
   for (int k = 0; k < parameter_count; ++k)
-    if (member.statistics.sigma[k] > 0.0) s.file.sigma[static_cast<std::size_t>(k)] = member.statistics.sigma[k];
+    if (member.statistics.sigma[k] > 0.0) s.file.sigma[std::size_t(k)] = member.statistics.sigma[k];
   s.file.add_further("record.station", member.level.front());
   s.file.add_further("record.lot", std::to_string(number / 500));
   s.file.add_further("record.part", std::string("P7"));

@@ -63,7 +63,7 @@ CompressedRecording with_angles(const RestData& data, const Parameters& paramete
       C *= rotation_exp(evaluate(recording.blocks[next], model, recording.info.sample_period_s).rotation);
     next = rest.whole.end_block;
     C = level(C, force(rest));
-    Segment& segment = recording.segments[static_cast<std::size_t>(recording.blocks[rest.whole.first_block].segment)];
+    Segment& segment = recording.segments[std::size_t(recording.blocks[rest.whole.first_block].segment)];
     segment.heading_deg = std::atan2(C(2, 0), C(0, 0)) / rad_per_deg;
     segment.pitch_deg = std::asin(C(1, 0)) / rad_per_deg;
     segment.roll_deg = std::atan2(-C(1, 2), C(1, 1)) / rad_per_deg;
@@ -91,12 +91,11 @@ Fitted fit_joint(Engine engine, const RestData& data, const RestFit& from, const
   fitted.ok = r.converged;
   fitted.message = r.message;
   fitted.parameters = r.parameters;
-  fitted.effects.resize(static_cast<Eigen::Index>(r.effects.size()));
-  for (std::size_t k = 0; k < r.effects.size(); ++k) fitted.effects[static_cast<Eigen::Index>(k)] = r.effects[k].value;
+  fitted.effects.resize(Eigen::Index(r.effects.size()));
+  for (std::size_t k = 0; k < r.effects.size(); ++k) fitted.effects[Eigen::Index(k)] = r.effects[k].value;
   fitted.sigma = r.sigma;
   for (int k = 0; k < parameter_count; ++k)
-    if (parameter_is_free[static_cast<std::size_t>(k)] && !r.determined[static_cast<std::size_t>(k)])
-      fitted.sigma[k] = std::nan("");
+    if (parameter_is_free[std::size_t(k)] && !r.determined[std::size_t(k)]) fitted.sigma[k] = std::nan("");
   fitted.level = r.whiteness.level;
   return fitted;
 }
@@ -156,7 +155,7 @@ void run_drawn(const HandUnitPlan& plan) {
 // The rests from `first` to `end` left out, and the legs that touch them.
 RestData without(const RestData& data, std::size_t first, std::size_t end) {
   RestData rest = data;
-  const auto at = [](auto& list, std::size_t k) { return list.begin() + static_cast<std::ptrdiff_t>(k); };
+  const auto at = [](auto& list, std::size_t k) { return list.begin() + std::ptrdiff_t(k); };
   rest.rests.erase(at(rest.rests, first), at(rest.rests, end));
   rest.legs.erase(at(rest.legs, first > 0 ? first - 1 : 0), at(rest.legs, std::min(end, data.legs.size())));
   if (first > 0 && end < data.rests.size()) {
@@ -177,8 +176,8 @@ RestErrors errors_of(const RestData& data, const Fitted& fit, EffectModel effect
   const RestSystem system = make_rest_system(data, fit.parameters, effects, false);
   Eigen::VectorXd residual = system.residual;
   for (Eigen::Index k = 0; k < residual.size(); ++k) {
-    const auto owner = static_cast<std::size_t>(system.owner[static_cast<std::size_t>(k)]);
-    const bool leg = system.kind[static_cast<std::size_t>(k)] == RestKind::direction;
+    const auto owner = std::size_t(system.owner[std::size_t(k)]);
+    const bool leg = system.kind[std::size_t(k)] == RestKind::direction;
     if (owner < first || owner + (leg ? 1 : 0) >= end) residual[k] = std::nan("");
   }
   return rest_errors(system, residual);
@@ -229,7 +228,7 @@ std::vector<EffectColumn> columns_named(std::string names) {
   for (char* name = std::strtok(names.data(), ","); name; name = std::strtok(nullptr, ","))
     if (const EffectEntry* entry = find_effect(name))
       for (std::size_t c = 0; c < entry->components.size(); ++c)
-        columns.push_back({.entry = entry, .component = static_cast<int>(c)});
+        columns.push_back({.entry = entry, .component = int(c)});
   return columns;
 }
 
@@ -241,7 +240,7 @@ int main(int argc, char** argv) {
   if (argc > 3 && std::strcmp(argv[1], "--measured") == 0) {
     for (int k = 3; k < argc; ++k) run_measured(columns_named(argv[2]), argv[k]);
   } else if (argc == 5) {
-    const unsigned first = static_cast<unsigned>(std::atoi(argv[1])), count = static_cast<unsigned>(std::atoi(argv[2]));
+    const unsigned first = unsigned(std::atoi(argv[1])), count = unsigned(std::atoi(argv[2]));
     for (unsigned seed = first; seed < first + count; ++seed)
       run_drawn({std::strtod(argv[3], nullptr), std::strtod(argv[4], nullptr), seed});
   } else {

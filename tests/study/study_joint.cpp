@@ -38,9 +38,9 @@ void run(std::uint64_t seed, RigConfig config, const Sequence& sequence, JointOp
     options.start_noise->bias_correlation_s = correlation_s;
   }
   const JointResult r = joint_estimate(made.recording, options);
-  Eigen::VectorXd error(static_cast<Eigen::Index>(r.free.size()));
+  Eigen::VectorXd error(Eigen::Index(r.free.size()));
   const ParameterVector difference = to_vector(r.parameters) - to_vector(made.truth);
-  for (std::size_t i = 0; i < r.free.size(); ++i) error[static_cast<Eigen::Index>(i)] = difference[r.free[i]];
+  for (std::size_t i = 0; i < r.free.size(); ++i) error[Eigen::Index(i)] = difference[r.free[i]];
   const Eigen::VectorXd scale = r.covariance.diagonal().cwiseSqrt();
   const Eigen::MatrixXd correlation =
       scale.cwiseInverse().asDiagonal() * r.covariance * scale.cwiseInverse().asDiagonal();

@@ -98,8 +98,8 @@ int main(int argc, char** argv) {
   const Eigen::Matrix2d predicted = drift.points.back().covariance_m2;
   std::printf("predicted %.1f %.1f %.4f %.5f %.0f\n", std::sqrt(predicted(0, 0)), std::sqrt(predicted(1, 1)),
               expected_nm_per_h(predicted, free_s), drift.align_sigma_rad[1] / rad_per_deg, free_s);
-  const auto first = static_cast<std::uint64_t>(std::strtoll(argv[1], nullptr, 10));
-  for (std::uint64_t k = 0; k < static_cast<std::uint64_t>(std::strtoll(argv[2], nullptr, 10)); ++k)
+  const auto first = std::uint64_t(std::strtoll(argv[1], nullptr, 10));
+  for (std::uint64_t k = 0; k < std::uint64_t(std::strtoll(argv[2], nullptr, 10)); ++k)
     run(first + k, sequence, free_s, predicted);
   return 0;
 }

@@ -43,13 +43,13 @@ Made made(const Sequence& sequence, std::uint64_t unit, std::uint64_t time, int 
   for (std::size_t k = 0; k < 6; ++k)
     config.truth[k] = whole[k] + normal(random) * (k < 3 ? turn_on_gyro_degph : turn_on_accel_g);
   if (change != 0.0)
-    config.truth[static_cast<std::size_t>(changed)] =
-        config.truth[static_cast<std::size_t>(changed)].value_or(whole[static_cast<std::size_t>(changed)]) + change;
+    config.truth[std::size_t(changed)] =
+        config.truth[std::size_t(changed)].value_or(whole[std::size_t(changed)]) + change;
   Made result;
   result.angle_random_walk = config.noise.gyro_random_walk_deg_per_rt_h * radprs_per_degprh;
   result.recording = record_on_rig(sequence, config).recording;
   const std::array<double, 24> truth = rig_model::draw_truth(config);
-  for (int k = 0; k < parameter_count; ++k) result.truth[k] = truth[static_cast<std::size_t>(k)];
+  for (int k = 0; k < parameter_count; ++k) result.truth[k] = truth[std::size_t(k)];
   result.estimate = joint_estimate(result.recording);
   return result;
 }
@@ -71,9 +71,9 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: study_prior SEED COUNT SEQUENCE [UNITS]\n");
     return 1;
   }
-  const auto first = static_cast<std::uint64_t>(std::strtoll(argv[1], nullptr, 10)),
-             count = static_cast<std::uint64_t>(std::strtoll(argv[2], nullptr, 10));
-  const std::uint64_t units = argc > 4 ? static_cast<std::uint64_t>(std::strtoll(argv[4], nullptr, 10)) : 100;
+  const auto first = std::uint64_t(std::strtoll(argv[1], nullptr, 10)),
+             count = std::uint64_t(std::strtoll(argv[2], nullptr, 10));
+  const std::uint64_t units = argc > 4 ? std::uint64_t(std::strtoll(argv[4], nullptr, 10)) : 100;
   const Sequence whole = must_read_sequence("forty_minutes.seq");
   const Result<Sequence> brief = read_sequence(argv[3]);
   if (!brief) {
@@ -130,14 +130,14 @@ int main(int argc, char** argv) {
   for (const auto& [name, s] : squares)
     std::printf("%s: error falls by %.2f (noise of the part), %.2f (new unit), %.2f (calibrated twice before)\n",
                 name.c_str(), std::sqrt(s[0] / s[1]), std::sqrt(s[0] / s[2]), std::sqrt(s[0] / s[3]));
-  const double all = 21.0 * static_cast<double>(count);
+  const double all = 21.0 * double(count);
   const auto of = static_cast<unsigned long long>(count);
   std::printf("error^2 / sigma^2: %.2f alone, %.2f with the part's noise, %.2f new, %.2f with history\n", nees[0] / all,
               nees[1] / all, nees[2] / all, nees[3] / all);
   std::printf(
       "sigma with the part's noise / without: %.3f; angle random walk, rms error: %.1f %% and %.1f %% without\n",
-      smaller / all, 100.0 * std::sqrt(noise_error[1] / static_cast<double>(count)),
-      100.0 * std::sqrt(noise_error[0] / static_cast<double>(count)));
+      smaller / all, 100.0 * std::sqrt(noise_error[1] / double(count)),
+      100.0 * std::sqrt(noise_error[0] / double(count)));
   std::printf(
       "not used %d (new) and %d (history) of %llu, noise not used %d; changed units: named %d, it alone %d of %llu\n",
       not_used[0], not_used[1], of, noise_changed, named, alone_named, of);

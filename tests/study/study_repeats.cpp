@@ -26,7 +26,7 @@ using ByUnit = std::map<std::string, std::vector<std::vector<One>>>;  // of each
 
 void judge(const char* model, const EffectEntry& effect, const ByUnit& by_unit) {
   const auto components = effect.components.size();
-  const double tests = static_cast<double>(by_unit.size() * components);
+  const double tests = double(by_unit.size() * components);
   for (std::size_t c = 0; c < components; ++c) {
     const std::string key = std::string(effect.name) + "." + std::string(effect.components[c]);
     ComponentData data;
@@ -38,15 +38,15 @@ void judge(const char* model, const EffectEntry& effect, const ByUnit& by_unit) 
         y.push_back(one.value), v.push_back(one.sigma * one.sigma);
         of.push_back(level);
         data.unit.push_back(
-            static_cast<int>(data.unit.size()));  // nothing in common: what scatters does from recording to recording
+            int(data.unit.size()));  // nothing in common: what scatters does from recording to recording
       }
       ++level;
     }
-    const auto count = static_cast<Eigen::Index>(y.size());
+    const auto count = Eigen::Index(y.size());
     data.y = Eigen::Map<Eigen::VectorXd>(y.data(), count);
     data.v = Eigen::Map<Eigen::VectorXd>(v.data(), count);
     Eigen::MatrixXd X = Eigen::MatrixXd::Zero(count, level);
-    for (Eigen::Index i = 0; i < count; ++i) X(i, of[static_cast<std::size_t>(i)]) = 1.0;
+    for (Eigen::Index i = 0; i < count; ++i) X(i, of[std::size_t(i)]) = 1.0;
     const double scatter = unit_variance(data, X);
     const UnitWeights weights(data, scatter);
     const Eigen::VectorXd information = weights.diagonal(X), score = weights.product(X, data.y);
@@ -59,7 +59,7 @@ void judge(const char* model, const EffectEntry& effect, const ByUnit& by_unit) 
         shown += shows;
         against += shows && one.value * b < 0.0;
       }
-      const double p = f_tail(t * t, 1.0, static_cast<double>(count - X.cols())) * tests;
+      const double p = f_tail(t * t, 1.0, double(count - X.cols())) * tests;
       std::printf("%s %s %s %zu %.1f %.1f %.1f %d %d %d\n", model, unit.c_str(), key.c_str(), all[c].size(), b,
                   1.0 / std::sqrt(information[level]), t, shown, against, p < 0.01);
       ++level;
@@ -71,7 +71,7 @@ void judge(const char* model, const EffectEntry& effect, const ByUnit& by_unit) 
 std::vector<EffectColumn> columns_of(const EffectEntry& effect, double tau_s = 0.0) {
   std::vector<EffectColumn> columns;
   for (std::size_t c = 0; c < effect.components.size(); ++c)
-    columns.push_back({.entry = &effect, .component = static_cast<int>(c), .tau_s = tau_s});
+    columns.push_back({.entry = &effect, .component = int(c), .tau_s = tau_s});
   return columns;
 }
 
@@ -98,7 +98,7 @@ int run(const EffectEntry& effect, char** paths, int count) {
       std::vector<std::vector<One>>& all = by_unit[recording->data.info.unit_serial];
       all.resize(effect.components.size());
       for (std::size_t c = 0; c < all.size(); ++c) {
-        const auto at = static_cast<Eigen::Index>(c);
+        const auto at = Eigen::Index(c);
         const One one{fit->effect_values[at], fit->sigma[parameter_count + at]};
         if (one.sigma > 0.0) all[c].push_back(one);
       }

@@ -78,7 +78,7 @@ const Row rows[] = {
     {"scatter", 4.0, 8.0,
      [](int axis, double size, double, Random& r) -> Disturbance {
        return [=, seed = r()](const DisturbedMoment& m) {
-         Random own(seed + static_cast<std::uint64_t>(m.turn));
+         Random own(seed + std::uint64_t(m.turn));
          own.discard(3);
          return gyro(axis, 1e-6 * size * std::normal_distribution<double>()(own) * m.rate_radps[axis]);
        };
@@ -100,8 +100,9 @@ const Row rows[] = {
      }},
     {"accel_with_pitch", 5.0, 25.0,
      [](int axis, double size, double, Random& r) -> Disturbance {
-       return [=, phase = uniform(r, 0.0, 2.0 * pi), order = 2.0 + static_cast<double>(r() % 3)](
-                  const DisturbedMoment& m) { return accel(axis, size * std::sin(order * m.table_rad[1] + phase)); };
+       return [=, phase = uniform(r, 0.0, 2.0 * pi), order = 2.0 + double(r() % 3)](const DisturbedMoment& m) {
+         return accel(axis, size * std::sin(order * m.table_rad[1] + phase));
+       };
      }},
     {"odd_quadratic", 40.0, 80.0,
      [](int axis, double size, double, Random&) -> Disturbance {
@@ -110,12 +111,12 @@ const Row rows[] = {
 };
 
 void run(std::uint64_t seed, const Row& row) {
-  Random r(seed * 1000003u + static_cast<std::uint64_t>(&row - rows));
+  Random r(seed * 1000003u + std::uint64_t(&row - rows));
   RigConfig config = default_rig_config();
   config.seed = 50000 + seed;
   config.noise_seed = 900000 + seed;
   config.noise.gyro_bias_instability_degph = config.noise.accel_bias_instability_ug = 0.0;
-  const int axis = static_cast<int>(r() % 3);
+  const int axis = int(r() % 3);
   const double size = uniform(r, row.smallest, row.largest) * (r() % 2 == 0 ? 1.0 : -1.0);
   const double tau_s = std::exp(uniform(r, std::log(90.0), std::log(600.0)));
   const bool in_rig = std::strcmp(row.name, "second_order_and_turn_on") == 0;
@@ -125,7 +126,7 @@ void run(std::uint64_t seed, const Row& row) {
   again.noise_seed = 1200000 + seed;
   const ParameterVector truth = to_vector(made.truth);
   for (int k = 0; in_rig && k < 6; ++k)
-    again.truth[static_cast<std::size_t>(k)] = truth[k] + uniform(r, -1.0, 1.0) * (k < 3 ? 0.03 : 30e-6);
+    again.truth[std::size_t(k)] = truth[k] + uniform(r, -1.0, 1.0) * (k < 3 ? 0.03 : 30e-6);
   RigRecording held = record_on_rig(must_read_sequence("holdout.seq"), again);
   ParameterVector settled = truth;
   if (row.draw != nullptr) {
@@ -160,8 +161,8 @@ void run(std::uint64_t seed, const Row& row) {
   const double worst_settled = beyond(settled).cwiseAbs().maxCoeff(&at_settled);
   std::printf("%llu %s.%c %.1f %s %d %s %.2f %s %.2f %s\n", static_cast<unsigned long long>(seed), row.name,
               "xyz"[axis], size, to_string(d.verdict), d.trusted, names.empty() ? "-" : names.c_str(), worst,
-              std::string(parameter_keys[static_cast<std::size_t>(at)]).c_str(), worst_settled,
-              std::string(parameter_keys[static_cast<std::size_t>(at_settled)]).c_str());
+              std::string(parameter_keys[std::size_t(at)]).c_str(), worst_settled,
+              std::string(parameter_keys[std::size_t(at_settled)]).c_str());
   std::fflush(stdout);
 }
 

@@ -88,9 +88,7 @@ constexpr Drawn confounded[] = {{"accel_second_order.", 10.0, 40.0},
 
 int settle(std::uint64_t seed, int cases) {
   std::mt19937_64 random(seed);
-  const auto uniform = [&](double from, double to) {
-    return from + (to - from) * static_cast<double>(random() >> 11) * 0x1p-53;
-  };
+  const auto uniform = [&](double from, double to) { return from + (to - from) * double(random() >> 11) * 0x1p-53; };
   const Sequence sequence = must_read_sequence("fourteen_step.seq");
   const StationConfig station = default_station_config();
   const PlanLimits limits = plan_limits(station, default_rig_config().sample_period_s);

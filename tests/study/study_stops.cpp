@@ -148,7 +148,7 @@ struct Spread {
     std::ranges::sort(ms);
     char line[80];
     std::snprintf(line, sizeof line, "%6zu %7.2f %7.2f %7.2f", ms.size(), ms[ms.size() / 2],
-                  ms[static_cast<std::size_t>(0.999 * static_cast<double>(ms.size() - 1))], ms.back());
+                  ms[std::size_t(0.999 * double(ms.size() - 1))], ms.back());
     return line;
   }
 };

@@ -16,8 +16,8 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: study_thermal SEED_FIRST SEED_COUNT\n");
     return 1;
   }
-  const auto first = static_cast<std::uint64_t>(std::strtoll(argv[1], nullptr, 10)),
-             count = static_cast<std::uint64_t>(std::strtoll(argv[2], nullptr, 10));
+  const auto first = std::uint64_t(std::strtoll(argv[1], nullptr, 10)),
+             count = std::uint64_t(std::strtoll(argv[2], nullptr, 10));
   struct Case {
     const char* name;
     DrawnThermal drawn;

@@ -90,13 +90,12 @@ Shape of_time(Random& r) {
   const auto f = smooth(r, false);
   const double tau = log_uniform(r, 30.0, 4000.0), omega = 2.0 * pi / log_uniform(r, 30.0, 2.0 * usual_run_s),
                phase = uniform(r, 0.0, 2.0 * pi);
-  const auto walk = normals(r, static_cast<int>(longest_run_s / 10.0), true);
+  const auto walk = normals(r, int(longest_run_s / 10.0), true);
   const int kind = one_of(r, 6);
   if (kind == 0) return {{"time"}, "smooth", [=](const Moment& m) { return f(2.0 * m.time_s / usual_run_s - 1.0); }};
   if (kind == 1) return {{"time"}, "sine", [=](const Moment& m) { return std::sin(omega * m.time_s + phase); }};
   if (kind == 2) return {{"time"}, "exponential", [=](const Moment& m) { return std::exp(-m.time_s / tau); }};
-  if (kind == 3)
-    return {{"time"}, "walk", [=](const Moment& m) { return walk[static_cast<std::size_t>(m.time_s / 10.0)]; }};
+  if (kind == 3) return {{"time"}, "walk", [=](const Moment& m) { return walk[std::size_t(m.time_s / 10.0)]; }};
   const bool telegraph = kind == 4;
   const double every_s = telegraph ? log_uniform(r, 100.0, 1500.0) : 3000.0;
   std::vector<std::pair<double, double>> steps;
@@ -114,7 +113,7 @@ Shape of_turns(Random& r) {
   const double tau = log_uniform(r, 3.0, 600.0);
   if (kind == 2) return {{"turns"}, "decay", [=](const Moment& m) { return std::exp(-m.since_turn_s / tau); }};
   const auto values = normals(r, 1000, kind == 1);
-  const Number at = [=](const Moment& m) { return values[static_cast<std::size_t>(m.turn)]; };
+  const Number at = [=](const Moment& m) { return values[std::size_t(m.turn)]; };
   return kind == 0 ? Shape{{"turns"}, "scatter", at} : Shape{{"turns", "time"}, "turn_walk", at};
 }
 
@@ -141,7 +140,7 @@ const Strings quantities = {"bias", "scale factor", "direction"};
 Disturbance on(std::size_t sensor, int from, const Number& number) {
   return [=](const Moment& m) {
     AddedReading added;
-    const auto axis = static_cast<Eigen::Index>(sensor % 3);
+    const auto axis = Eigen::Index(sensor % 3);
     if (sensor < 3) added.gyro_radps[axis] = number(m) * (from < 0 ? 1.0 : m.rate_radps[from]);
     if (sensor >= 3) added.accel_mps2[axis] = number(m) * standard_gravity_mps2 * (from < 0 ? 1.0 : m.force_g[from]);
     return added;
@@ -151,7 +150,7 @@ Disturbance on(std::size_t sensor, int from, const Number& number) {
 std::size_t block_at(const CompressedRecording& recording, double time_s) {
   const auto next = std::upper_bound(recording.blocks.begin(), recording.blocks.end(), time_s + 1e-6,
                                      [&](double t, const Block& b) { return t < recording.middle_s(b); });
-  return static_cast<std::size_t>(next - recording.blocks.begin()) - 1;
+  return std::size_t(next - recording.blocks.begin()) - 1;
 }
 Disturbance times(double size, const Disturbance& one) {
   return [=](const Moment& m) {
@@ -177,8 +176,8 @@ Effect draw_any(Random& r) {
     shape.name += "*" + other.name;
     shape.at = [a = shape.at, b = other.at](const Moment& m) { return a(m) * b(m); };
   }
-  const auto sensor = static_cast<std::size_t>(one_of(r, 6)), quantity = static_cast<std::size_t>(one_of(r, 3));
-  const int axis = static_cast<int>(sensor % 3), other = (axis + 1 + one_of(r, 2)) % 3;
+  const auto sensor = std::size_t(one_of(r, 6)), quantity = std::size_t(one_of(r, 3));
+  const int axis = int(sensor % 3), other = (axis + 1 + one_of(r, 2)) % 3;
   Effect e;
   e.sensor = sensors[sensor];
   e.quantity = quantities[quantity];
@@ -191,7 +190,7 @@ Effect draw_any(Random& r) {
 
 std::string sensor_of(const EffectColumn& column) {
   const std::string name(column.entry->name);
-  const char axis = column.entry->components[static_cast<std::size_t>(column.component)].front();
+  const char axis = column.entry->components[std::size_t(column.component)].front();
   if (name == "earth_rate" || name == "sample_period") return "earth rate";
   return (name.starts_with("gyro") ? "gyro" : "accelerometer") +
          (axis >= 'x' && axis <= 'z' ? std::string(" ") + axis : "");
@@ -220,7 +219,7 @@ Effect draw_of_catalogue(Random& r, const RigEffects& rig, const CompressedRecor
                          const JointResult& fit) {
   const Strings keys = rig_effect_keys();
   Effect e;
-  e.what = e.key = keys[static_cast<std::size_t>(one_of(r, static_cast<int>(keys.size())))];
+  e.what = e.key = keys[std::size_t(one_of(r, int(keys.size())))];
   for (EffectColumn c : catalogue_columns(recording.info)) {
     if (c.key() != e.key) continue;
     if (c.tau_s > 0.0)
@@ -265,7 +264,7 @@ std::array<double, 3> draw_field(double latitude_deg, std::uint64_t seed) {
 
 Unit draw_unit(Random& r, std::uint64_t seed, const std::string& grade, bool rig_temperature) {
   const auto named = std::ranges::find_if(grades, [&](const Grade& g) { return g.name == grade; });
-  const auto drawn = static_cast<std::size_t>(std::max(0, one_of(r, 4) - 1));
+  const auto drawn = std::size_t(std::max(0, one_of(r, 4) - 1));
   Unit u{named != grades.end() ? *named : grades[drawn], default_rig_config(), one_of(r, 10) < 3, {}};
   RigConfig& c = u.config;
   c.seed = 20000 + seed;
@@ -273,7 +272,7 @@ Unit draw_unit(Random& r, std::uint64_t seed, const std::string& grade, bool rig
   c.table_errors.random_arcmin = uniform(r, 0.5, 10.0);
   c.site.latitude_deg = uniform(r, -65.0, 65.0);
   c.site.magnetic_field_gauss = draw_field(c.site.latitude_deg, seed);
-  c.sample_period_s = std::array<double, 4>{0.005, 0.005, 0.01, 0.0025}[static_cast<std::size_t>(one_of(r, 4))];
+  c.sample_period_s = std::array<double, 4>{0.005, 0.005, 0.01, 0.0025}[std::size_t(one_of(r, 4))];
   c.accel_pulse_mps = u.grade.accel_pulse_mps;
   for (std::size_t k = 0; k < 3; ++k) c.truth[k] = u.grade.bias_degph * normal(r);
   RigNoise& noise = c.noise;
@@ -302,8 +301,8 @@ void give_temperature(RigRecording& made, const Number& temperature_c) {
   double sum = 0.0, time_s = 0.0;
   each_moment(made.recording, made.truth, [&](std::size_t k, const Moment& m) {
     Block& b = made.recording.blocks[k];
-    b.temperature_c = static_cast<float>(1e-3 * std::round(1e3 * temperature_c(m)));
-    sum += b.duration_s * static_cast<double>(b.temperature_c);
+    b.temperature_c = float(1e-3 * std::round(1e3 * temperature_c(m)));
+    sum += b.duration_s * double(b.temperature_c);
     time_s += b.duration_s;
   });
   made.recording.mean_temperature_c = sum / time_s;
@@ -361,12 +360,12 @@ FilterResult pass_with(const Clean& clean, const std::vector<EffectColumn>& cata
                        const std::vector<Disturbance>& others) {
   EffectModel model =
       make_effect_model(catalogue, {clean.recording.info.latitude_deg}, clean.recording.mean_temperature_c);
-  model.columns += static_cast<int>(others.size());
+  model.columns += int(others.size());
   model.values = Eigen::VectorXd::Zero(model.columns);
   model.regressors = [&, of_catalogue = model.regressors](const BlockState& s, EffectRegressors& out) {
     of_catalogue(s, out);
     const Moment& moment = clean.moments[block_at(clean.recording, s.time_s)];
-    Eigen::Index column = out.gyro.cols() - static_cast<Eigen::Index>(others.size());
+    Eigen::Index column = out.gyro.cols() - Eigen::Index(others.size());
     for (const Disturbance& other : others) {
       const AddedReading added = other(moment);
       out.gyro.col(column) = added.gyro_radps;
@@ -481,10 +480,10 @@ std::vector<std::vector<Number>> curves_of(const std::string& driver, int axis) 
   for (int i = 0; i < 3; ++i) {
     if (driver == "angle")
       for (int k = 0; k < 6; ++k)
-        all[static_cast<std::size_t>(i)].push_back(
+        all[std::size_t(i)].push_back(
             [=](const Moment& m) { return std::cos((1 + k / 2) * m.table_rad[i] - k % 2 * 0.5 * pi); });
     for (int k = 1; k <= 4 && (driver == "force" || driver == "rate"); ++k)
-      all[static_cast<std::size_t>(i)].push_back([=, force = driver == "force"](const Moment& m) {
+      all[std::size_t(i)].push_back([=, force = driver == "force"](const Moment& m) {
         const double x = force ? m.force_g[i] : m.rate_radps[i] / usual_rate_radps;
         return k == 4 ? std::abs(x) : std::pow(x, k);
       });
@@ -501,7 +500,7 @@ double correlation(const Clean& clean, const Effect& truth, const std::vector<Ef
   std::vector<int> columns, group;
   for (int k = parameter_count; k < pass.gradient.size(); ++k) columns.push_back(k);
   const Scores scores = eliminate(pass.information, pass.gradient, free_parameters(), columns);
-  const int last = static_cast<int>(columns.size()) - 1;
+  const int last = int(columns.size()) - 1;
   for (int k = 0; k < last; ++k)
     if (scores.kept[k] > 1e-7) group.push_back(k);
   return group.empty() ? 0.0 : multiple_correlation(scores, last, group);
@@ -513,7 +512,7 @@ double correlation(const Clean& clean, const Effect& truth, const Node& n) {
   for (const char* driver : {"time", "temperature", "turns", "angle", "force", "rate"})
     for (std::size_t s = 0; s < sensors.size(); ++s)
       for (int from = -1; from < 3; ++from) {
-        const int axis = static_cast<int>(s % 3);
+        const int axis = int(s % 3);
         const std::string& quantity = quantities[from < 0 ? 0 : from == axis ? 1 : 2];
         if (!sensors[s].starts_with(n.sensor) || (!n.quantity.empty() && n.quantity != quantity) ||
             (!n.driver.empty() && n.driver != driver))

@@ -99,12 +99,12 @@ inline ErrorsOverRecording errors_over_recording(const JointResult& r, const Com
   ErrorsOverRecording result;
   result.error = to_vector(r.parameters) - to_vector(truth);
   for (Eigen::Index i = 0; i < columns; ++i) {
-    const int column = r.free[static_cast<std::size_t>(i)];
+    const int column = r.free[std::size_t(i)];
     if (column < parameter_count) {
       map(column, i) = 1.0;
       continue;
     }
-    const EstimatedEffect& effect = r.effects[static_cast<std::size_t>(column - parameter_count)];
+    const EstimatedEffect& effect = r.effects[std::size_t(column - parameter_count)];
     const std::vector<AddedReading> readings = readings_of(effect.column, r, recording);
     const auto added = [&](std::size_t k, const DisturbedMoment&) { return readings[k]; };
     map.col(i) = as_parameters(taken_up(added, recording, truth), r.parameters);

@@ -12,8 +12,8 @@ using namespace turncal;
 constexpr std::size_t batch = 2000;
 
 void per_sample(benchmark::State& state) {
-  state.counters["s/sample"] = benchmark::Counter(static_cast<double>(state.iterations()) * batch,
-                                                  benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
+  state.counters["s/sample"] =
+      benchmark::Counter(double(state.iterations()) * batch, benchmark::Counter::kIsRate | benchmark::Counter::kInvert);
 }
 
 void rest(benchmark::State& state) {

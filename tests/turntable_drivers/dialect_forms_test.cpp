@@ -419,7 +419,7 @@ TEST(DialectFaults, FiveSecondsOfSilence) {
   EXPECT_FALSE(silent.passed()) << "given up at its own deadline";
   EXPECT_TRUE(fails(s.driver.status(Axis::roll), "link lost"));
   EXPECT_TRUE(s.driver.stop_all().ok()) << "but a stop goes out";
-  ::usleep(static_cast<unsigned>(1e6 * silent.left_s()));
+  ::usleep(unsigned(1e6 * silent.left_s()));
   s.station.pass(2.0);
   EXPECT_EQ(s.station.fastest_axis_degps(), 0.0);
   EXPECT_FALSE(s.driver.status(Axis::roll).ok()) << "it does not come back by itself";

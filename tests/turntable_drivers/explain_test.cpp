@@ -54,7 +54,7 @@ TEST(Explain, HeartbeatOffsetAndPolarity) {
   const Result<RegisterMap> read = good(read_register_map(TURNCAL_SOURCE_DIR "/orchestrator/stations/twin.map"));
   RegisterMap map = *read;
   map.axis[1].address_offset = 0x100;
-  map.axis[1].bits[static_cast<std::size_t>(DriveBit::fault)]->active_high = false;
+  map.axis[1].bits[std::size_t(DriveBit::fault)]->active_high = false;
   const std::vector<TableRow> rows = explain(map);
   EXPECT_SAYS(rows_of(rows, "heartbeat", "pitch"), "register 320 (0x0140)|u16, another number each time, every 2 s");
   EXPECT_SAYS(rows_of(rows, "status", "pitch"), "register 272 (0x0110)|fault: mask 0x0010, clear|");

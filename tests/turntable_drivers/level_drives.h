@@ -86,16 +86,15 @@ class LevelDrives : public LineServer {
         drive.told_s = drive.at_s;
         drive.told = drive.position;
       }
-      const auto position = static_cast<std::uint32_t>(static_cast<std::int32_t>(drive.told));
-      const auto rate = static_cast<std::uint32_t>(static_cast<std::int32_t>(rate_reads_zero ? 0.0 : drive.rate));
+      const auto position = std::uint32_t(std::int32_t(drive.told));
+      const auto rate = std::uint32_t(std::int32_t(rate_reads_zero ? 0.0 : drive.rate));
       const bool on = (drive.control & 1) != 0 && !on_reads_zero,
                  moves = drive.rate != 0.0 && !rate_reads_zero && !moving_never_said;
-      const std::uint16_t status = static_cast<std::uint16_t>((on ? 1 : 0) | (moves ? 8 : 2) | (drive.homed ? 16 : 0));
-      std::vector<std::uint16_t> block = {static_cast<std::uint16_t>(position >> 16),
-                                          static_cast<std::uint16_t>(position), static_cast<std::uint16_t>(rate >> 16),
-                                          static_cast<std::uint16_t>(rate), status};
+      const std::uint16_t status = std::uint16_t((on ? 1 : 0) | (moves ? 8 : 2) | (drive.homed ? 16 : 0));
+      std::vector<std::uint16_t> block = {std::uint16_t(position >> 16), std::uint16_t(position),
+                                          std::uint16_t(rate >> 16), std::uint16_t(rate), status};
       if (words_swapped) std::swap(block[0], block[1]);
-      block.resize(static_cast<std::size_t>(request->count));
+      block.resize(std::size_t(request->count));
       plan.pieces.push_back(
           {exception != 0 ? exception_reply(*request, exception, true) : read_reply(*request, block, true), answer_s});
       return plan;
@@ -108,10 +107,8 @@ class LevelDrives : public LineServer {
         drive.write_control(request->values[0]);
       }
     } else if (request->address == 0x20) {
-      drive.target =
-          static_cast<std::int32_t>(static_cast<std::uint32_t>(request->values[0]) << 16 | request->values[1]);
-      drive.commanded_rate =
-          static_cast<double>(static_cast<std::uint32_t>(request->values[2]) << 16 | request->values[3]);
+      drive.target = std::int32_t(std::uint32_t(request->values[0]) << 16 | request->values[1]);
+      drive.commanded_rate = double(std::uint32_t(request->values[2]) << 16 | request->values[3]);
     }
     plan.pieces.push_back({write_reply(*request, true), 0.0});
     return plan;

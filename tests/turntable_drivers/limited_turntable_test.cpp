@@ -92,7 +92,7 @@ constexpr const char* names[] = {"three_axis_dollar", "acutronic_acl", "newport_
 
 template <Which which, bool tcp>
 struct DialectFactory : DescribedFactory<DialectStation> {
-  DialectFactory() : DescribedFactory(shipped_dialect(names[static_cast<int>(which)], tcp)) {}
+  DialectFactory() : DescribedFactory(shipped_dialect(names[int(which)], tcp)) {}
 };
 using Dollar = DialectFactory<Which::dollar, false>;
 using Acutronic = DialectFactory<Which::acutronic, true>;

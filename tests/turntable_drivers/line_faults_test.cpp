@@ -18,7 +18,7 @@ struct LineFault {
 std::function<void(AnswerPlan&, Line)> cut_at(std::ptrdiff_t at, double delay_s) {
   return [=](AnswerPlan& plan, Line) {
     const Frame tail(bytes_of(plan).begin() + at, bytes_of(plan).end());
-    bytes_of(plan).resize(static_cast<std::size_t>(at));
+    bytes_of(plan).resize(std::size_t(at));
     plan.pieces.push_back({tail, delay_s});
   };
 }

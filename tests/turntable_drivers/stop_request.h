@@ -18,7 +18,7 @@ inline void expect_in_time(const std::function<double()>& once) {
   for (int i = 0; i < 3 && best_s > limit_s && !testing::Test::HasFatalFailure(); ++i)
     best_s = std::min(best_s, once());
   EXPECT_LT(best_s, limit_s);
-  testing::Test::RecordProperty("ms", static_cast<int>(std::ceil(1e3 * best_s)));
+  testing::Test::RecordProperty("ms", int(std::ceil(1e3 * best_s)));
 }
 
 // Somebody who asks for a stop while something else goes on.
@@ -26,7 +26,7 @@ class Request {
  public:
   explicit Request(std::atomic<int>& requests)
       : thread_([this, &requests] {
-          ::usleep(static_cast<unsigned>(1e6 * into_the_wait_s));
+          ::usleep(unsigned(1e6 * into_the_wait_s));
           asked_s_ = monotonic_s();
           ++requests;
         }) {}

@@ -63,7 +63,7 @@ std::vector<ModbusState> modbus_states() {
       {"chatter", "link.quiet_s = 2\n",
        of_readings([](auto&, AnswerPlan& plan) { plan.pieces[0].bytes.insert(plan.pieces[0].bytes.end(), 40, 0x55); })},
       {"drive_busy", "", of_readings([](const ModbusRequest& request, AnswerPlan& plan) {
-         const bool tcp = plan.pieces[0].bytes.size() != 5u + 2u * static_cast<unsigned>(request.count);
+         const bool tcp = plan.pieces[0].bytes.size() != 5u + 2u * unsigned(request.count);
          plan.pieces[0].bytes = exception_reply(request, 6, tcp);
        })},
       {"slow_drive", "", [](auto&, AnswerPlan& plan) { plan.pieces[0].delay_s = 0.02; }},

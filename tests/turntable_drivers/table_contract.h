@@ -123,7 +123,7 @@ TYPED_TEST_P(TableContract, MoveIsSeenAndArrives) {
     EXPECT_TRUE(this->wait_for([&] { return std::abs(this->status(axis).rate_degps) <= 0.01; }, 0.2))
         << to_string(axis);
     for (Axis other : all_axes) {
-      const bool has_moved = static_cast<int>(other) <= static_cast<int>(axis);
+      const bool has_moved = int(other) <= int(axis);
       EXPECT_NEAR(this->position(other), has_moved ? 30.0 : 0.0, TypeParam::tolerance_deg) << to_string(other);
     }
   }

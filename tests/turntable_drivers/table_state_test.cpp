@@ -176,9 +176,9 @@ TEST(DialectFile, StatusWords) {
   DialectStatus bits;
   bits.by_bits = true;
   bits.base = 16;
-  bits.mask[static_cast<std::size_t>(DriveBit::in_position)] = 0x80;
-  bits.mask[static_cast<std::size_t>(DriveBit::fault)] = 0x8000;
-  bits.mask[static_cast<std::size_t>(DriveBit::moving)] = 1;
+  bits.mask[std::size_t(DriveBit::in_position)] = 0x80;
+  bits.mask[std::size_t(DriveBit::fault)] = 0x8000;
+  bits.mask[std::size_t(DriveBit::moving)] = 1;
   EXPECT_TRUE(*flags_of(bits, "80")[DriveBit::in_position]);
   EXPECT_TRUE(*flags_of(bits, "8080")[DriveBit::fault]);
   EXPECT_FALSE(flags_of(bits, "80")[DriveBit::homed].has_value());

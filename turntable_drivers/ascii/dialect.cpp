@@ -31,7 +31,7 @@ std::optional<SentenceTemplate> SentenceTemplate::parse(std::string_view text) {
     if (const std::size_t colon = piece.name.find(':'); colon != std::string::npos) {
       const std::optional<int> width = parse_integer<int>(std::string_view(piece.name).substr(colon + 1));
       if (!width || *width < 1 || *width > 64 || colon == 0) return {};
-      piece.width = static_cast<std::size_t>(*width);
+      piece.width = std::size_t(*width);
       piece.name.resize(colon);
     }
     result.pieces_.push_back(std::move(piece));
@@ -82,7 +82,7 @@ std::optional<std::map<std::string, std::string>> SentenceTemplate::match(std::s
   return values;
 }
 
-int SentenceTemplate::lines() const { return 1 + static_cast<int>(std::ranges::count(text_, '\n')); }
+int SentenceTemplate::lines() const { return 1 + int(std::ranges::count(text_, '\n')); }
 
 bool SentenceTemplate::has(std::string_view name) const {
   for (const Piece& piece : pieces_) {
@@ -500,11 +500,11 @@ Status check_move(const Dialect& dialect, Axis axis, const Moves& moves, double 
   for (const Exchange& exchange : dialect.of(TableOperation::status).exchanges) {
     for (const std::string& name : exchange.expect ? exchange.expect->names() : std::vector<std::string>()) {
       const Asked asked = asked_by(name, axis);
-      const auto width = static_cast<int>(exchange.expect->width_of(name));
+      const auto width = int(exchange.expect->width_of(name));
       if (asked.number != MoveQuantity::position || asked.axis != axis || width == 0) continue;
       const DialectAxis& circle = dialect.of(axis);
       const double units = circle.modulo_deg > 0.0 ? circle.modulo_deg * scale : units_of(dialect, asked, moves);
-      const int whole = static_cast<int>(fixed(units, 0, dialect.plus).size());
+      const int whole = int(fixed(units, 0, dialect.plus).size());
       const int decimals = std::max(0, width - whole - 1);  // at most
       if (whole > width || !(0.5 * grain(decimals) <= tolerance_deg * scale))
         return input_error("{" + name + ":" + std::to_string(width) + "} in an answer to status cannot show " +

@@ -132,7 +132,7 @@ std::string plain(std::string_view command) {
       continue;
     }
     if (c == ',' && !text.empty() && text.back() == ' ') text.pop_back();
-    text += static_cast<char>(std::toupper(c));
+    text += char(std::toupper(c));
   }
   return text;
 }

@@ -15,12 +15,11 @@ const std::array<const char*, chamber_item_count> chamber_keys = {"read.actual",
 
 Status check_set_point(const ChamberLimits& limits, double temperature_c, double ramp_c_per_min) {
   if (!(temperature_c >= limits.low_c && temperature_c <= limits.high_c))
-    return input_error(fmt::format("a set point of {} C: expected {} to {} C, the chamber's limits",
-                                   format_number(temperature_c), format_number(limits.low_c),
-                                   format_number(limits.high_c)));
+    return input_error("a set point of {} C: expected {} to {} C, the chamber's limits", format_number(temperature_c),
+                       format_number(limits.low_c), format_number(limits.high_c));
   if (!(ramp_c_per_min > 0.0 && ramp_c_per_min <= limits.ramp_c_per_min))
-    return input_error(fmt::format("a ramp of {} C/min: expected at most {}, the chamber's limit",
-                                   format_number(ramp_c_per_min), format_number(limits.ramp_c_per_min)));
+    return input_error("a ramp of {} C/min: expected at most {}, the chamber's limit", format_number(ramp_c_per_min),
+                       format_number(limits.ramp_c_per_min));
   return {};
 }
 
@@ -312,7 +311,7 @@ Result<std::string> DescribedChamber::read(ChamberItem item) {
   TRY(exchange(item, read_body(chamber_.unit, chamber_.read_function, entry.field.address, count), true));
   const double value = decode_words(codec_->registers, entry.field.type, chamber_.layout);
   if (!is_flag(item)) return format_number(value);
-  const auto bits = static_cast<unsigned>(static_cast<std::int64_t>(value)) & entry.mask;
+  const auto bits = unsigned(std::int64_t(value)) & entry.mask;
   return std::to_string(bits >> std::countr_zero(entry.mask));
 }
 

@@ -24,7 +24,7 @@ namespace turncal {
 
 enum class ChamberItem { actual, set_point, on, door, alarm, tell_set_point, tell_ramp, switch_on, switch_off };
 inline constexpr int chamber_item_count = 9;
-constexpr std::size_t index(ChamberItem item) { return static_cast<std::size_t>(item); }
+constexpr std::size_t index(ChamberItem item) { return std::size_t(item); }
 extern const std::array<const char*, chamber_item_count> chamber_keys;  // "read.actual" ... "write.off"
 constexpr bool is_command(ChamberItem item) { return item >= ChamberItem::switch_on; }
 constexpr bool is_read(ChamberItem item) { return item <= ChamberItem::alarm; }

@@ -244,7 +244,7 @@ std::optional<double> typed_number(std::string text) {
       {"\uff0c", ","}, {"\uff0e", "."}, {"\u3002", "."}, {"\uff0d", "-"}, {"\u2212", "-"}, {"\uff0b", "+"}};
   for (const auto& [typed, meant] : spellings) replace_all(text, typed, meant);
   for (int digit = 0; digit <= 9; ++digit)
-    replace_all(text, std::string("\xef\xbc") + static_cast<char>('\x90' + digit), std::to_string(digit));
+    replace_all(text, std::string("\xef\xbc") + char('\x90' + digit), std::to_string(digit));
   for (const std::string_view degrees : {"\u00b0", "\u5ea6"})
     if (text.ends_with(degrees)) text.resize(text.size() - degrees.size());
   if (const std::size_t comma = text.find(','); comma != std::string::npos && text.find('.') == std::string::npos)
@@ -316,7 +316,7 @@ bool ManualTurntable::read_input(bool wait) {
     input_ended_ = true;
     return false;
   }
-  typed_.append(chunk, static_cast<std::size_t>(got));
+  typed_.append(chunk, std::size_t(got));
   return true;
 }
 
@@ -352,8 +352,7 @@ void ManualTurntable::answer(const std::string& line) {
   const std::size_t blank = line.find(' ');
   std::string word = line.substr(0, blank);
   const std::string argument(blank == std::string::npos ? "" : trimmed(std::string_view(line).substr(blank)));
-  std::transform(word.begin(), word.end(), word.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::transform(word.begin(), word.end(), word.begin(), [](unsigned char c) { return char(std::tolower(c)); });
   replace_all(word, "\u00dc", "\u00fc");
   const auto is = [&](const char* english) { return texts_.means(word, english); };
   if (is("abort")) {

@@ -16,7 +16,7 @@ bool can_say(const MapAxis& axis, int address, const DriveState& state) {
     for (const DriveBit which : all_drive_bits) {
       const std::optional<StatusBit>& bit = axis.bit(which);
       if (!bit || bit->address != address || !state[which]) continue;
-      says = says && bit->is_set(static_cast<std::uint16_t>(word)) == *state[which];
+      says = says && bit->is_set(std::uint16_t(word)) == *state[which];
     }
     if (says) return true;
   }
@@ -79,7 +79,7 @@ void check_addresses(KeyValueFile& file, const RegisterMap& map) {
     int last = 0;
     for (const StatusBlock& block : map.blocks())
       if (!block.of_table) last = std::max(last, block.address + block.count);
-    last += static_cast<int>(index(which));
+    last += int(index(which));
     if (map.heartbeat_address && !map.heartbeat_of_table) last = std::max(last, *map.heartbeat_address + 1);
     for (const TableOperation operation : all_operations) {
       for (const WriteStep& step : map.list(operation))
@@ -140,8 +140,7 @@ std::vector<Written> sent_by(const RegisterMap& map, TableOperation operation, A
       int at = first;
       for (const std::uint16_t word : words->span()) {
         const bool is_code = std::ranges::count(map.code_registers, step.address + at - now.place.second) > 0;
-        Written one{
-            {now.place.first, at++}, static_cast<double>(word), {word}, 1, false, number, false, is_code, now.of_table};
+        Written one{{now.place.first, at++}, double(word), {word}, 1, false, number, false, is_code, now.of_table};
         one.release = released_by(all, one);
         all.push_back(std::move(one));
       }

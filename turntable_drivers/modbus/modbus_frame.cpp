@@ -9,7 +9,7 @@
 namespace turncal {
 namespace {
 
-std::uint16_t bytes_swapped(std::uint16_t word) { return static_cast<std::uint16_t>(word << 8 | word >> 8); }
+std::uint16_t bytes_swapped(std::uint16_t word) { return std::uint16_t(word << 8 | word >> 8); }
 
 struct Span {
   double min, max;
@@ -21,7 +21,7 @@ constexpr Span spans[] = {  // by WordType
 }  // namespace
 
 double decode_words(std::span<const std::uint16_t> registers, WordType type, WordLayout layout) {
-  const auto count = static_cast<std::size_t>(register_count(type));
+  const auto count = std::size_t(register_count(type));
   assert(registers.size() >= count);
   std::uint64_t all = 0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -30,10 +30,10 @@ double decode_words(std::span<const std::uint16_t> registers, WordType type, Wor
   }
   switch (type) {
     case WordType::u16:
-    case WordType::u32: return static_cast<double>(all);
+    case WordType::u32: return double(all);
     case WordType::s16: return static_cast<std::int16_t>(all);
-    case WordType::s32: return static_cast<std::int32_t>(all);
-    case WordType::f32: return static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(all)));
+    case WordType::s32: return std::int32_t(all);
+    case WordType::f32: return double(std::bit_cast<float>(std::uint32_t(all)));
     case WordType::f64: break;
   }
   return std::bit_cast<double>(all);
@@ -41,18 +41,18 @@ double decode_words(std::span<const std::uint16_t> registers, WordType type, Wor
 
 std::optional<Words> encode_words(double value, WordType type, WordLayout layout) {
   const double wanted = is_floating(type) ? value : std::round(value);
-  const Span& range = spans[static_cast<std::size_t>(type)];
+  const Span& range = spans[std::size_t(type)];
   if (!(wanted >= range.min && wanted <= range.max)) return {};
   // Through 64 bits, so that negative numbers keep their two's complement.
   const std::uint64_t all = type == WordType::f64   ? std::bit_cast<std::uint64_t>(wanted)
-                            : type == WordType::f32 ? std::bit_cast<std::uint32_t>(static_cast<float>(wanted))
-                                                    : static_cast<std::uint64_t>(static_cast<std::int64_t>(wanted));
+                            : type == WordType::f32 ? std::bit_cast<std::uint32_t>(float(wanted))
+                                                    : std::uint64_t(std::int64_t(wanted));
   Words words;
   words.count = register_count(type);
   for (int i = 0; i < words.count; ++i) {
-    const auto word = static_cast<std::uint16_t>(all >> (16 * i));
+    const auto word = std::uint16_t(all >> (16 * i));
     const int place = layout.high_word_first ? words.count - 1 - i : i;
-    words.value[static_cast<std::size_t>(place)] = layout.swap_bytes ? bytes_swapped(word) : word;
+    words.value[std::size_t(place)] = layout.swap_bytes ? bytes_swapped(word) : word;
   }
   return words;
 }
@@ -62,16 +62,16 @@ std::optional<Words> encode_words(double value, WordType type, WordLayout layout
 namespace {
 
 void append_word(std::string& bytes, int word) {
-  bytes += static_cast<char>(word >> 8);
-  bytes += static_cast<char>(word);
+  bytes += char(word >> 8);
+  bytes += char(word);
 }
 
 std::uint16_t modbus_crc(std::string_view bytes) {
   static const Crc crc({16, 0x8005, 0xFFFF, true, true, 0});
-  return static_cast<std::uint16_t>(crc(std::as_bytes(std::span(bytes))));
+  return std::uint16_t(crc(std::as_bytes(std::span(bytes))));
 }
 
-std::string begun(int unit, int function) { return {static_cast<char>(unit), static_cast<char>(function)}; }
+std::string begun(int unit, int function) { return {char(unit), char(function)}; }
 
 Frame reply(const ModbusRequest& request, const std::string& body, bool tcp) {
   const std::string frame = framed(body, tcp ? std::optional(request.transaction) : std::nullopt);
@@ -102,7 +102,7 @@ ModbusRequest parsed(std::string_view body) {
   request.count = word_at(body, 4);
   request.well_formed = request.count >= 1 && request.count <= 125 && request.address + request.count <= 65536;
   if (request.function == 16) {
-    const auto bytes = static_cast<std::size_t>(2 * request.count);
+    const auto bytes = std::size_t(2 * request.count);
     request.well_formed =
         request.well_formed && body.size() == 7 + bytes && static_cast<unsigned char>(body[6]) == bytes;
     if (request.well_formed) {
@@ -125,8 +125,8 @@ std::string write_body(int unit, int function, int address, std::span<const std:
   std::string body = begun(unit, function);
   append_word(body, address);
   if (function == 16) {
-    append_word(body, static_cast<int>(values.size()));
-    body += static_cast<char>(2 * values.size());
+    append_word(body, int(values.size()));
+    body += char(2 * values.size());
   }
   for (const std::uint16_t value : values) append_word(body, value);
   return body;
@@ -137,20 +137,18 @@ std::string framed(std::string_view body, std::optional<std::uint16_t> transacti
   if (transaction) {
     append_word(frame, *transaction);
     append_word(frame, 0);
-    append_word(frame, static_cast<int>(body.size()));
+    append_word(frame, int(body.size()));
     return frame.append(body);
   }
   const std::uint16_t crc = modbus_crc(body);
   frame = body;
-  frame += static_cast<char>(crc);
-  frame += static_cast<char>(crc >> 8);
+  frame += char(crc);
+  frame += char(crc >> 8);
   return frame;
 }
 
 std::optional<ModbusRequest> next_request(Frame& bytes, bool tcp) {
-  const auto drop = [&bytes](std::size_t n) {
-    bytes.erase(bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n));
-  };
+  const auto drop = [&bytes](std::size_t n) { bytes.erase(bytes.begin(), bytes.begin() + std::ptrdiff_t(n)); };
   const std::string all(bytes.begin(), bytes.end());
   if (tcp) {
     if (all.size() < tcp_header + 2) return {};
@@ -177,7 +175,7 @@ std::optional<ModbusRequest> next_request(Frame& bytes, bool tcp) {
 
 Frame read_reply(const ModbusRequest& request, std::span<const std::uint16_t> values, bool tcp) {
   std::string body = begun(request.unit, request.function);
-  body += static_cast<char>(2 * values.size());
+  body += char(2 * values.size());
   for (const std::uint16_t value : values) append_word(body, value);
   return reply(request, body, tcp);
 }
@@ -191,7 +189,7 @@ Frame write_reply(const ModbusRequest& request, bool tcp) {
 
 Frame exception_reply(const ModbusRequest& request, int exception, bool tcp) {
   std::string body = begun(request.unit, request.function | 0x80);
-  body += static_cast<char>(exception);
+  body += char(exception);
   return reply(request, body, tcp);
 }
 

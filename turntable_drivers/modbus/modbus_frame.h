@@ -39,7 +39,7 @@ struct WordLayout {
 struct Words {
   std::array<std::uint16_t, 4> value{};
   int count = 0;
-  std::span<const std::uint16_t> span() const { return {value.data(), static_cast<std::size_t>(count)}; }
+  std::span<const std::uint16_t> span() const { return {value.data(), std::size_t(count)}; }
 };
 
 // REQUIRES: at least register_count(type) registers. NaN and infinity come back as they are.
@@ -53,8 +53,7 @@ std::optional<Words> encode_words(double value, WordType type, WordLayout layout
 inline constexpr std::size_t tcp_header = 6;  // before the unit
 
 inline std::uint16_t word_at(std::string_view bytes, std::size_t at) {
-  return static_cast<std::uint16_t>(static_cast<unsigned char>(bytes[at]) << 8 |
-                                    static_cast<unsigned char>(bytes[at + 1]));
+  return std::uint16_t(static_cast<unsigned char>(bytes[at]) << 8 | static_cast<unsigned char>(bytes[at + 1]));
 }
 
 // Unit and PDU of a request.

@@ -56,7 +56,7 @@ std::string ModbusFraming::framed(const std::string& body) {
 bool ModbusFraming::is_of_earlier(const std::string& frame) const {
   const std::size_t size = tcp_header + word_at(frame, 4);
   return word_at(frame, 2) == 0 && size > tcp_header && size <= longest_frame &&
-         static_cast<std::uint16_t>(transaction_ - word_at(frame, 0)) < most_repeated;
+         std::uint16_t(transaction_ - word_at(frame, 0)) < most_repeated;
 }
 
 std::optional<std::size_t> ModbusFraming::reply_end(const TableRequest& request, std::string& heard,
@@ -81,10 +81,10 @@ std::optional<std::size_t> ModbusFraming::reply_end(const TableRequest& request,
   }
   const char function = request.body[1];
   if (heard.size() < 3) return {};
-  const std::size_t size = heard[1] == static_cast<char>(function | 0x80) ? 5
-                           : heard[1] != function                         ? heard.size()
-                           : is_read(function)                            ? 5U + static_cast<unsigned char>(heard[2])
-                                                                          : 8;
+  const std::size_t size = heard[1] == char(function | 0x80) ? 5
+                           : heard[1] != function            ? heard.size()
+                           : is_read(function)               ? 5U + static_cast<unsigned char>(heard[2])
+                                                             : 8;
   return heard.size() < size ? std::nullopt : std::optional(size);
 }
 
@@ -103,7 +103,7 @@ Judgement ModbusFraming::judge(const TableRequest& request, const std::string& r
   if (body.size() < 3) return garbled("rubbish");
   const char function = request.body[1];
   if (body[0] != request.body[0]) return garbled(fmt::format("unit {} answered", static_cast<unsigned char>(body[0])));
-  const bool is_exception = body[1] == static_cast<char>(function | 0x80) && body.size() == 3;
+  const bool is_exception = body[1] == char(function | 0x80) && body.size() == 3;
   if (!is_exception) {
     if (body[1] != function) return garbled("the reply to another function");
     const std::size_t bytes = 2U * word_at(request.body, 4);  // of a reading
@@ -161,14 +161,12 @@ class RegisterCodec : public TableCodec {
     if (operation == TableOperation::status) {
       const StatusBlock& block = map_.blocks()[step];
       // Longer by the axis, so that no two requests have the same length; what is beyond is thrown away.
-      request.body = read_body(place.unit, map_.status_function, block.read_at(place),
-                               block.count + static_cast<int>(index(axis)));
+      request.body = read_body(place.unit, map_.status_function, block.read_at(place), block.count + int(index(axis)));
     } else if (operation == TableOperation::heartbeat) {
       // Another value each time, so that a drive can tell it from one that is stuck.
       const std::size_t beats = beats_[index(axis)];
       const std::vector<std::uint16_t>& values = map_.heartbeat_values;
-      const std::uint16_t value =
-          values.empty() ? static_cast<std::uint16_t>(1 + beats % 0xFFFF) : values[beats % values.size()];
+      const std::uint16_t value = values.empty() ? std::uint16_t(1 + beats % 0xFFFF) : values[beats % values.size()];
       request.body = write_body(place.unit, map_.write_function, map_.heartbeat_at(axis), std::span(&value, 1));
     } else {
       const WriteStep& write = map_.list(operation)[step];
@@ -193,7 +191,7 @@ class RegisterCodec : public TableCodec {
     if (request.operation != TableOperation::status) return {};
     for (const StatusBlock& block : map_.blocks())
       if (block.read_at(map_.of(request.axis)) == word_at(request.body, 2) &&
-          registers.size() == static_cast<std::size_t>(block.count) + index(request.axis))
+          registers.size() == std::size_t(block.count) + index(request.axis))
         take(request.axis, block, registers, *reading);
     return {};
   }
@@ -237,7 +235,7 @@ class RegisterCodec : public TableCodec {
   void take(Axis axis, const StatusBlock& block, const std::vector<std::uint16_t>& registers, AxisReading& reading) {
     const MapAxis& scale = map_.of(axis);
     const auto words_from = [&](int address) {
-      return std::span(registers).subspan(static_cast<std::size_t>(address - block.address));
+      return std::span(registers).subspan(std::size_t(address - block.address));
     };
     const auto number = [&](const RegisterField& field) {
       return decode_words(words_from(field.address), field.type, map_.layout);
@@ -258,7 +256,7 @@ class RegisterCodec : public TableCodec {
     if (!scale.alarm || !block.holds(scale.alarm->address)) return;
     const double code = number(*scale.alarm);
     if (code == 0.0) return;
-    const auto text = map_.alarm_text.find(static_cast<long>(code));
+    const auto text = map_.alarm_text.find(long(code));
     reading.text = "alarm " + format_number(code) + (text != map_.alarm_text.end() ? " (" + text->second + ")" : "");
   }
 

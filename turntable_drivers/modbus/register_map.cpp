@@ -24,7 +24,7 @@ std::optional<WriteOperand> operand_of(std::string_view text) {
   operand.type = *type;
   std::string_view value = words[1];
   if (const auto number = parse_whole<long>(value)) {
-    operand.constant = static_cast<double>(*number);
+    operand.constant = double(*number);
   } else if (const auto real = parse_number(value)) {
     operand.constant = *real;
   } else if (value == "axis") {
@@ -58,7 +58,7 @@ std::vector<std::uint16_t> words_in(KeyValueFile& file, const std::string& key, 
   for (const std::string& text : file.has(key) ? file.list(key) : std::vector<std::string>()) {
     const auto value = parse_whole<long>(text);
     if (!value || *value < 0 || *value > most) file.reject(key, expected);
-    words.push_back(static_cast<std::uint16_t>(value.value_or(0)));
+    words.push_back(std::uint16_t(value.value_or(0)));
   }
   return words;
 }
@@ -99,10 +99,10 @@ void read_axes(KeyValueFile& file, RegisterMap& map) {
   for (const Axis which : all_axes) {
     MapAxis& axis = map.axis[index(which)];
     const std::string prefix = fmt::format("axis.{}.", to_string(which));
-    axis.unit = static_cast<int>(file.integer(prefix + "unit", 1, 247));
-    axis.address_offset = static_cast<int>(hex_or_decimal(file, prefix + "address_offset", 0, 65535, 0));
+    axis.unit = int(file.integer(prefix + "unit", 1, 247));
+    axis.address_offset = int(hex_or_decimal(file, prefix + "address_offset", 0, 65535, 0));
     read_axis_scale(file, which, axis, "counts_per_degree", false);
-    axis.code = static_cast<int>(file.integer_or(prefix + "code", static_cast<int>(which) + 1, 0, 65535));
+    axis.code = int(file.integer_or(prefix + "code", int(which) + 1, 0, 65535));
   }
 }
 
@@ -110,8 +110,8 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
   KeyTable keys(file);
   keys.whole("status.function", map.status_function, 3, 4);
   const auto read_block = [&](StatusBlock& block, const std::string& name) {
-    block.address = static_cast<int>(hex_or_decimal(file, name + ".address", 0, 65535));
-    block.count = static_cast<int>(file.integer(name + ".count", 1, longest_block));
+    block.address = int(hex_or_decimal(file, name + ".address", 0, 65535));
+    block.count = int(file.integer(name + ".count", 1, longest_block));
   };
   StatusBlock& first = map.status[0];
   StatusBlock& second = map.status[1];
@@ -143,7 +143,7 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
     const auto has = [&](const std::string& name) { return file.has(key(name)); };
     const auto block_field = [&](const std::string& prefix) {
       RegisterField result;
-      result.address = static_cast<int>(hex_or_decimal(file, key(prefix + ".address"), 0, 65535));
+      result.address = int(hex_or_decimal(file, key(prefix + ".address"), 0, 65535));
       result.type =
           enum_from<WordType>(file.one_of_or(prefix + ".type", "s32", {"u16", "s16", "u32", "s32", "f32", "f64"}))
               .value_or(WordType::s32);
@@ -158,16 +158,16 @@ void read_status_block(KeyValueFile& file, RegisterMap& map) {
       const bool required = bit_of == DriveBit::enabled || bit_of == DriveBit::in_position || bit_of == DriveBit::fault;
       if (!required && !has(prefix + ".address")) continue;
       StatusBit bit;
-      bit.address = static_cast<int>(hex_or_decimal(file, key(prefix + ".address"), 0, 65535));
+      bit.address = int(hex_or_decimal(file, key(prefix + ".address"), 0, 65535));
       inside(key(prefix + ".address"), bit.address, 1);
       if (has(prefix + ".codes")) {
-        bit.mask = static_cast<std::uint16_t>(hex_or_decimal(file, key(prefix + ".mask"), 1, 65535, 0xFFFF));
+        bit.mask = std::uint16_t(hex_or_decimal(file, key(prefix + ".mask"), 1, 65535, 0xFFFF));
         const int most = bit.mask >> bit.shift();
         bit.codes = words_in(file, key(prefix + ".codes"), most,
                              fmt::format("numbers from 0 to {}, what the mask leaves", most));
         if (bit.codes.empty()) file.reject(key(prefix + ".codes"), "at least one number");
       } else {
-        bit.mask = static_cast<std::uint16_t>(hex_or_decimal(file, key(prefix + ".mask"), 1, 65535));
+        bit.mask = std::uint16_t(hex_or_decimal(file, key(prefix + ".mask"), 1, 65535));
         bit.active_high = file.one_of_or(key(prefix + ".active"), "high", {"high", "low"}) == "high";
       }
       bool pulse = false;
@@ -235,7 +235,7 @@ void read_writes(KeyValueFile& file, RegisterMap& map) {
                 "writes that switch the drive off, unlike write.stop; or switch_off = false where none does");
   }
   if (file.has("heartbeat.address")) {
-    map.heartbeat_address = static_cast<int>(hex_or_decimal(file, "heartbeat.address", 0, 65535));
+    map.heartbeat_address = int(hex_or_decimal(file, "heartbeat.address", 0, 65535));
     map.heartbeat_of_table = file.one_of_or("heartbeat.scope", "axis", {"axis", "table"}) == "table";
     map.heartbeat_values = words_in(file, "heartbeat.values", 0xFFFF, "numbers from 0 to 65535");
     if (file.has("heartbeat.values") && map.heartbeat_values.empty())
@@ -339,7 +339,7 @@ std::optional<WriteStep> parse_write_step(std::string_view text) {
   if (words.empty()) return {};
   const auto address = parse_whole<long>(words[0]);
   if (!address || *address < 0 || *address > 65535) return {};
-  step.address = static_cast<int>(*address);
+  step.address = int(*address);
   for (const std::string_view part : split(text.substr(words[0].size()), '+')) {
     const auto operand = operand_of(part);
     if (!operand) return {};
@@ -364,15 +364,15 @@ Result<Words> words_of(const RegisterMap& map, const WriteOperand& operand, int 
                    is_told_coarsely(decode_words(encoded->span(), operand.type, map.layout), value)))
     return *encoded;
   return input_error(
-      fmt::format("the drive cannot be told {} in register {}{}: expected another type than {}, or another axis.{}.{}",
-                  format_number(value), at, encoded ? " to 5 %" : "", to_string(operand.type), to_string(which), key));
+      "the drive cannot be told {} in register {}{}: expected another type than {}, or another axis.{}.{}",
+      format_number(value), at, encoded ? " to 5 %" : "", to_string(operand.type), to_string(which), key);
 }
 
 Result<std::vector<std::uint16_t>> words_of(const RegisterMap& map, const WriteStep& step, Axis axis,
                                             const Moves& moves) {
   std::vector<std::uint16_t> words;
   for (const WriteOperand& operand : step.operands) {
-    const Words some = TRY(words_of(map, operand, step.address + static_cast<int>(words.size()), axis, moves));
+    const Words some = TRY(words_of(map, operand, step.address + int(words.size()), axis, moves));
     words.insert(words.end(), some.span().begin(), some.span().end());
   }
   return words;
@@ -432,7 +432,7 @@ void explain_writes(const RegisterMap& map, TableOperation operation, const std:
         continue;
       }
       const int first = map.address_of(step, operation, axis);
-      const auto count = static_cast<std::size_t>(step.length());
+      const auto count = std::size_t(step.length());
       const int function = count > 1 ? 16 : map.write_function;
       const std::string answer = function == 6 ? "the same" : request(map.unit_of(operation, axis), 16, first, count);
       int at = 0;
@@ -471,7 +471,7 @@ void explain_status(const RegisterMap& map, std::vector<TableRow>& rows) {
       return of_axis.empty() ? source_of(map, key) : of_axis;
     };
     for (const StatusBlock& block : map.blocks()) {
-      const std::size_t asked = static_cast<std::size_t>(block.count) + index(axis);
+      const std::size_t asked = std::size_t(block.count) + index(axis);
       rows.push_back({"status", whose, request(scale.unit, map.status_function, block.read_at(scale), asked), "",
                       std::to_string(2 * asked) + " bytes",
                       source(&block == &map.status[0] ? "status.address" : "status2.address")});

@@ -96,7 +96,7 @@ struct RigState {
   std::array<TrueAxis, 3> true_axes(double offset_s) const {
     return {axes[0].truth(k, offset_s), axes[1].truth(k, offset_s), axes[2].truth(k, offset_s)};
   }
-  double time_s() const { return static_cast<double>(k) * period_s; }
+  double time_s() const { return double(k) * period_s; }
   double temperature_at(double time_s) const {
     if (config.temperature.rise_c == 0.0) return config.temperature.start_c + climate.of_unit_c();
     return config.temperature.start_c + climate.of_unit_c() +
@@ -195,12 +195,12 @@ RigState::RigState(const RigConfig& given)
   }
   for (const RigFault& fault : config.faults) {
     if (is_table_event(fault.kind)) {
-      events.push_back({static_cast<std::int64_t>(std::ceil(fault.time_s / period_s - 1e-9)), fault});
+      events.push_back({std::int64_t(std::ceil(fault.time_s / period_s - 1e-9)), fault});
     } else if (fault.kind == RigFaultKind::imu_silent) {
       RigFault silence = fault;
       silence.kind = RigFaultKind::lost_sample;
-      silence.sample = static_cast<std::int64_t>(std::ceil(fault.time_s / period_s - 1e-9));
-      silence.count = static_cast<std::int64_t>(std::ceil(fault.duration_s / period_s - 1e-9));
+      silence.sample = std::int64_t(std::ceil(fault.time_s / period_s - 1e-9));
+      silence.count = std::int64_t(std::ceil(fault.duration_s / period_s - 1e-9));
       silence.hidden = false;
       unit_faults.push_back(silence);
     } else if (concerns_unit(fault.kind)) {
@@ -211,7 +211,7 @@ RigState::RigState(const RigConfig& given)
 }
 
 void RigState::apply_event(const RigFault& fault) {
-  const std::size_t i = static_cast<std::size_t>(fault.axis);
+  const std::size_t i = std::size_t(fault.axis);
   switch (fault.kind) {
     case RigFaultKind::table_moved: axes[i].slip(k, fault.size, fault.rate_degps, fault.hidden); break;
     case RigFaultKind::stuck_axis:
@@ -260,7 +260,7 @@ void RigState::integrate_motion(std::array<double, 3>& gyro, std::array<double, 
   std::size_t count = 1;
   for (const RigAxis& axis : axes) count += axis.corners(k, std::span(corners).subspan(count, RigAxis::max_corners));
   corners[count++] = period_s;
-  if (count > 2) std::sort(corners.begin() + 1, corners.begin() + static_cast<std::ptrdiff_t>(count - 1));
+  if (count > 2) std::sort(corners.begin() + 1, corners.begin() + std::ptrdiff_t(count - 1));
 
   Vector3d gyro_sum = Vector3d::Zero(), accel_sum = Vector3d::Zero();
   BodyMotion motion;
@@ -314,7 +314,7 @@ bool RigState::step(ImuSample& sample) {
   sample.flags = 0;
   for (const RigFault& fault : unit_faults) {
     if (k < fault.sample || k >= fault.sample + fault.count) continue;
-    const std::size_t i = static_cast<std::size_t>(fault.axis);
+    const std::size_t i = std::size_t(fault.axis);
     switch (fault.kind) {
       case RigFaultKind::lost_sample:
         lost = true;
@@ -330,7 +330,7 @@ bool RigState::step(ImuSample& sample) {
   sample.gyro = gyro_counter.count(gyro);
   sample.accel = accel_counter.count(accel);
   const double temperature_c = temperature_at(time_s() + 0.5 * period_s);
-  sample.temperature_c = static_cast<float>(floor_of(temperature_c * 1000.0 + 0.5) / 1000.0);
+  sample.temperature_c = float(floor_of(temperature_c * 1000.0 + 0.5) / 1000.0);
   sample.counter = config.first_counter + k + counter_shift;
   ++k;
   if (lost) {
@@ -356,7 +356,7 @@ using namespace rig_model;
 namespace {
 
 bool in_force(const RigFault& fault, Axis axis, double now_s) {
-  return fault.axis == static_cast<int>(axis) && fault.in_force(now_s);
+  return fault.axis == int(axis) && fault.in_force(now_s);
 }
 
 }  // namespace

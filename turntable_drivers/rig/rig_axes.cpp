@@ -86,7 +86,7 @@ double RigAxis::creep_at(double since_s) const {
 
 void RigAxis::note_end(const Leg& leg) {
   if (leg.profile.duration_s() <= 0.0) return;
-  const double end_s = static_cast<double>(leg.start) * period_s_ + leg.profile.duration_s();
+  const double end_s = double(leg.start) * period_s_ + leg.profile.duration_s();
   if (end_s > motion_end_s_) motion_end_s_ = end_s;
 }
 
@@ -97,7 +97,7 @@ void RigAxis::replace_command(std::int64_t k, const AxisProfile& profile) {
   }
   if (profile.duration_s() > 0.0 || running(command_, k)) {
     // A motion that is replaced ends with the one that replaces it.
-    motion_end_s_ = static_cast<double>(k) * period_s_ + profile.duration_s();
+    motion_end_s_ = double(k) * period_s_ + profile.duration_s();
     command_end_s_ = motion_end_s_;
   }
   command_ = {profile, k};

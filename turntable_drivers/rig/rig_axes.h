@@ -90,7 +90,7 @@ class RigAxis {
     AxisProfile profile;
     std::int64_t start = 0;
   };
-  double elapsed_s(const Leg& leg, std::int64_t k) const { return static_cast<double>(k - leg.start) * period_s_; }
+  double elapsed_s(const Leg& leg, std::int64_t k) const { return double(k - leg.start) * period_s_; }
   bool running(const Leg& leg, std::int64_t k) const { return elapsed_s(leg, k) < leg.profile.duration_s(); }
   void replace_command(std::int64_t k, const AxisProfile& profile);
   void note_end(const Leg& leg);

@@ -24,7 +24,7 @@ void read_sensor_axis(KeyTable& keys, const std::string& key, int& axis) { keys.
 
 template <class Seed>
 void read_seed(KeyValueFile& file, const std::string& key, Seed& seed) {
-  if (file.has(key)) seed = static_cast<std::uint64_t>(file.integer(key, 0));
+  if (file.has(key)) seed = std::uint64_t(file.integer(key, 0));
 }
 
 void read_general(KeyTable& keys, RigConfig& config) {
@@ -231,11 +231,10 @@ RigConfig default_rig_config() { return {}; }
 
 RigConfig rig_of_unit(const RigConfig& config, std::size_t unit) {
   RigConfig own = config;
-  std::erase_if(own.faults, [unit](const RigFault& fault) {
-    return concerns_unit(fault.kind) && fault.unit != static_cast<int>(unit) + 1;
-  });
+  std::erase_if(own.faults,
+                [unit](const RigFault& fault) { return concerns_unit(fault.kind) && fault.unit != int(unit) + 1; });
   if (unit == 0) return own;
-  const std::uint64_t apart = static_cast<std::uint64_t>(unit) * 0xA0761D6478BD642FULL;  // odd: no two units the same
+  const std::uint64_t apart = std::uint64_t(unit) * 0xA0761D6478BD642FULL;  // odd: no two units the same
   own.unit_seed = config.unit_seed.value_or(config.seed) ^ apart;
   own.noise_seed = config.noise_seed.value_or(config.seed) ^ apart;
   own.unit_serial.clear();

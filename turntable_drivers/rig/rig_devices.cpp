@@ -151,7 +151,7 @@ bool RigTable::in_position(Axis axis, const Rig::AxisState& state) const {
     case InPositionFlag::late: return arrived && now_s - state.stopped_s >= table.in_position_time_s;
     case InPositionFlag::flicker:
       if (std::abs(now_s - state.stopped_s) < table.in_position_time_s)
-        return static_cast<std::int64_t>(std::floor(now_s / 0.05 + 1e-6)) % 2 != 0;
+        return std::int64_t(std::floor(now_s / 0.05 + 1e-6)) % 2 != 0;
       return arrived;
   }
   return false;
@@ -214,8 +214,8 @@ Result<std::size_t> RigImu::read(std::span<ImuSample> out, double timeout_s) {
   }
   // The small addend: 0.1 s of 5 ms samples are 20, whatever the division rounds to.
   const double wanted = std::floor(timeout_s / rig_.config().sample_period_s + 1e-6);
-  const double room = static_cast<double>(out.size());
-  const std::int64_t samples = wanted > 0.0 ? static_cast<std::int64_t>(std::min(wanted, room)) : 0;
+  const double room = double(out.size());
+  const std::int64_t samples = wanted > 0.0 ? std::int64_t(std::min(wanted, room)) : 0;
   const std::size_t delivered = rig_.advance_time(samples, out);
   counters_.samples += delivered;
   for (const ImuSample& sample : out.first(delivered)) {
@@ -224,7 +224,7 @@ Result<std::size_t> RigImu::read(std::span<ImuSample> out, double timeout_s) {
       if (ahead <= 0) {
         ++counters_.duplicates;
       } else {
-        counters_.lost_samples += static_cast<std::uint64_t>(ahead - 1);
+        counters_.lost_samples += std::uint64_t(ahead - 1);
       }
     }
     have_counter_ = true;

@@ -42,16 +42,16 @@ Result<std::size_t> RigGroup::Member::read(std::span<ImuSample> out, double time
   group.bring_up(*this);
   const std::size_t ready = std::min(out.size(), waiting.size());
   std::copy_n(waiting.begin(), ready, out.begin());
-  waiting.erase(waiting.begin(), waiting.begin() + static_cast<std::ptrdiff_t>(ready));
-  const auto wanted = static_cast<std::int64_t>(std::floor(timeout_s / group.period_s_ + 1e-6));
+  waiting.erase(waiting.begin(), waiting.begin() + std::ptrdiff_t(ready));
+  const auto wanted = std::int64_t(std::floor(timeout_s / group.period_s_ + 1e-6));
   const std::int64_t waited = rig.samples_passed() - seen;
-  seen = rig.samples_passed() - static_cast<std::int64_t>(waiting.size());
+  seen = rig.samples_passed() - std::int64_t(waiting.size());
   if (ready == out.size() || (ready > 0 && (lost_at_s || rig.imu_unplugged()))) return ready;
   if (lost_at_s) {
     is_open = false;
     return device_error("simulated unit: the link was lost at " + std::to_string(*lost_at_s) + " s of rig time");
   }
-  const double left_s = static_cast<double>(std::max<std::int64_t>(wanted - waited, 0)) * group.period_s_;
+  const double left_s = double(std::max<std::int64_t>(wanted - waited, 0)) * group.period_s_;
   const Result<std::size_t> got = imu.read(out.subspan(ready), left_s);
   if (!got) return got;
   seen = rig.samples_passed();
@@ -91,7 +91,7 @@ void RigGroup::bring_up(Member& member) {
     const std::size_t room = group_buffer_samples - std::min(group_buffer_samples, member.waiting.size());
     if (member.is_open && !member.lost_at_s)
       member.waiting.insert(member.waiting.end(), passing.begin(),
-                            passing.begin() + static_cast<std::ptrdiff_t>(std::min(came, room)));
+                            passing.begin() + std::ptrdiff_t(std::min(came, room)));
   }
 }
 
@@ -104,7 +104,7 @@ void RigGroup::pass_until(double time_s) {
   for (const auto& member : members_) {
     Rig& rig = member->rig;
     for (;;) {
-      const auto left = static_cast<std::int64_t>(std::llround((time_s - rig.time_s()) / period_s_));
+      const auto left = std::int64_t(std::llround((time_s - rig.time_s()) / period_s_));
       if (left <= 0) break;
       // An unplugged unit holds the rig's time; its source stays closed all the same.
       if (rig.imu_unplugged()) rig.plug_imu();

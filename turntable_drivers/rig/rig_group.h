@@ -33,7 +33,7 @@ class RigGroup : public Clock {
   ImuSource& imu(std::size_t unit);
   Turntable& table() { return *table_; }
 
-  double now_s() const override { return static_cast<double>(samples_passed()) * period_s_; }
+  double now_s() const override { return double(samples_passed()) * period_s_; }
   double utc_s() const override;
   void bring_up_all();             // every rig to the group's time
   void pass_until(double time_s);  // nobody reads a unit meanwhile: what they send is lost

@@ -73,7 +73,7 @@ double exp_of(double x) {
   p = p * r + 1.0 / 6.0;
   p = p * r + 0.5;
   p = p * r * r + r;  // exp(r) - 1
-  return std::ldexp(1.0 + p, static_cast<int>(k));
+  return std::ldexp(1.0 + p, int(k));
 }
 
 double log_of(double x) {
@@ -143,7 +143,7 @@ double RandomStream::normal_slow(std::size_t layer, double z) {
     if (low + uniform() * (high - low) < exp_of(-0.5 * z * z)) return z;
     const std::uint64_t bits = next();
     layer = bits & 255;
-    z = static_cast<double>(static_cast<std::int64_t>(bits) >> 11) * 0x1p-52 * tables_->x[layer];
+    z = double(std::int64_t(bits) >> 11) * 0x1p-52 * tables_->x[layer];
   }
 }
 

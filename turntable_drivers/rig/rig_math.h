@@ -22,7 +22,7 @@ double log_of(double x);               // REQUIRES: x > 0, normal
 
 // Nearest integer not above x, as std::floor but inline. REQUIRES: abs(x) < 2^62
 inline double floor_of(double x) {
-  const double truncated = static_cast<double>(static_cast<long long>(x));
+  const double truncated = double(static_cast<long long>(x));
   return truncated > x ? truncated - 1.0 : truncated;
 }
 
@@ -47,13 +47,13 @@ class RandomStream {
     state_[3] = rotate(state_[3], 45);
     return result;
   }
-  double uniform() { return (static_cast<double>(next() >> 11) + 0.5) * 0x1p-53; }  // open interval (0, 1)
+  double uniform() { return (double(next() >> 11) + 0.5) * 0x1p-53; }  // open interval (0, 1)
   double uniform(double low, double high) { return low + (high - low) * uniform(); }
   // Mean 0, variance 1. Layer from the low 8 bits, abscissa from the high 53: they do not overlap.
   double normal() {
     const std::uint64_t bits = next();
     const std::size_t layer = bits & 255;
-    const double z = static_cast<double>(static_cast<std::int64_t>(bits) >> 11) * 0x1p-52 * tables_->x[layer];
+    const double z = double(std::int64_t(bits) >> 11) * 0x1p-52 * tables_->x[layer];
     const double size = z < 0.0 ? -z : z;
     if (size < tables_->x[layer + 1]) return z;
     return normal_slow(layer, z);

@@ -53,7 +53,7 @@ Reading SensorEffects::standing(const BodyMotion& motion, const std::array<TrueA
   Reading reading{w + motion.earth_error_b, motion.force_b};
   if (has_standing_accel_) {
     for (int i = 0; i < 3; ++i) {
-      const std::size_t k = static_cast<std::size_t>(i);
+      const std::size_t k = std::size_t(i);
       const double f = f_g[i], size = std::abs(f);
       reading.accel[i] += mps2_per_ug * (e.accel_second_order[k] * f * f + e.accel_scale_asymmetry[k] * size +
                                          e.accel_odd_quadratic[k] * f * size + e.accel_third_order[k] * f * f * f);
@@ -69,7 +69,7 @@ Reading SensorEffects::standing(const BodyMotion& motion, const std::array<TrueA
   }
   if (has_standing_gyro_) {
     for (int i = 0; i < 3; ++i) {
-      const std::size_t k = static_cast<std::size_t>(i);
+      const std::size_t k = std::size_t(i);
       constexpr double reference_rate_radps = 10.0 * pi / 180.0;
       reading.gyro[i] += 1e-6 * std::abs(w[i]) *
                          (e.gyro_scale_asymmetry[k] + e.gyro_rate_nonlinearity[k] * w[i] / reference_rate_radps);
@@ -80,7 +80,7 @@ Reading SensorEffects::standing(const BodyMotion& motion, const std::array<TrueA
   if (periodic.size_degph != 0.0) {
     // sin(order * angle + phase) by angle addition: only the sine and cosine of the axis are at hand.
     SinCos sum = sin_cos_deg(periodic.phase_deg);
-    const SinCos& angle = axes[static_cast<std::size_t>(periodic.table_axis)].angle;
+    const SinCos& angle = axes[std::size_t(periodic.table_axis)].angle;
     for (int i = 0; i < periodic.order; ++i) {
       sum = {sum.sin * angle.cos + sum.cos * angle.sin, sum.cos * angle.cos - sum.sin * angle.sin};
     }
@@ -99,7 +99,7 @@ void SensorEffects::add_running(const BodyMotion& motion, const RigMoment& momen
                                 ? exp_of(-moment.since_motion_s / e.post_rotation_relaxation_tau_s)
                                 : 0.0;
   for (int i = 0; i < 3; ++i) {
-    const std::size_t k = static_cast<std::size_t>(i);
+    const std::size_t k = std::size_t(i);
     reading.accel[i] += mps2_per_ug * (e.accel_bias_temperature[k] * warmer_c + e.accel_bias_drift[k] * time_h) +
                         1e-6 * motion.force_b[i] *
                             (e.accel_scale_temperature[k] * warmer_c + e.post_rotation_relaxation[k] * relaxation);
@@ -128,8 +128,8 @@ PulseCounter::PulseCounter(const Matrix3d& scale, const Vector3d& bias, double p
   const Matrix3d inverse = scale.inverse();
   const Vector3d offset = inverse * bias * period_s;
   for (int i = 0; i < 3; ++i) {
-    offset_[static_cast<std::size_t>(i)] = offset[i];
-    for (int j = 0; j < 3; ++j) inverse_[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)] = inverse(i, j);
+    offset_[std::size_t(i)] = offset[i];
+    for (int j = 0; j < 3; ++j) inverse_[std::size_t(i)][std::size_t(j)] = inverse(i, j);
   }
 }
 
@@ -162,24 +162,23 @@ TriadNoise::TriadNoise(const NoiseSize& size, double period_s, std::uint64_t see
   std::vector<double> constants_s;
   for (double tau_s = size.flicker_longest_s; tau_s > 0.125; tau_s /= ratio) constants_s.push_back(tau_s);
   if (size.flicker > 0.0 && !constants_s.empty()) {
-    grid_ = std::max<std::int64_t>(1, static_cast<std::int64_t>(constants_s.back() / 16.0 / period_s));
+    grid_ = std::max<std::int64_t>(1, std::int64_t(constants_s.back() / 16.0 / period_s));
     const double sigma = size.flicker * std::sqrt(log_of(ratio) / pi);
     std::int64_t every = grid_;
     for (std::size_t i = constants_s.size(); i-- > 0;) {  // fastest first
       Markov process;
       process.every = every;
-      process.decay = exp_of(-static_cast<double>(every) * period_s / constants_s[i]);
+      process.decay = exp_of(-double(every) * period_s / constants_s[i]);
       process.kick = sigma * std::sqrt(1.0 - process.decay * process.decay);
       for (double& value : process.value) value = sigma * flicker_.normal();
       processes_.push_back(process);
-      every *= static_cast<std::int64_t>(ratio);
+      every *= std::int64_t(ratio);
     }
   } else {
-    grid_ = std::max<std::int64_t>(1, static_cast<std::int64_t>(0.1 / period_s));
+    grid_ = std::max<std::int64_t>(1, std::int64_t(0.1 / period_s));
   }
-  walk_every_ =
-      grid_ * std::max<std::int64_t>(1, static_cast<std::int64_t>(0.1 / (static_cast<double>(grid_) * period_s)));
-  walk_kick_ = size.rate_walk * std::sqrt(static_cast<double>(walk_every_) * period_s);
+  walk_every_ = grid_ * std::max<std::int64_t>(1, std::int64_t(0.1 / (double(grid_) * period_s)));
+  walk_kick_ = size.rate_walk * std::sqrt(double(walk_every_) * period_s);
 }
 
 void TriadNoise::update_bias() {

@@ -140,7 +140,7 @@ void lay_on(LotFault fault, std::size_t axis, double when_s, RigConfig& config) 
     case LotFault::g_sensitive: config.effects.gyro_g_sensitivity[3 * axis + (axis + 1) % 3] = 0.08; break;
     case LotFault::noisy: config.noise.gyro_random_walk_deg_per_rt_h *= 6.0; break;
     case LotFault::unsettled:
-      config.outside.accel_bias_step.axis = static_cast<int>(axis);
+      config.outside.accel_bias_step.axis = int(axis);
       config.outside.accel_bias_step.time_s = when_s;
       config.outside.accel_bias_step.size = 500.0;
       break;
@@ -152,7 +152,7 @@ LotFault fault_of(const RigLot& lot, std::uint64_t seed) {
   RandomStream random(seed, fault_stream);
   if (random.uniform() >= lot.faulty) return LotFault::none;
   constexpr double kinds = 5.0;
-  return static_cast<LotFault>(1 + static_cast<int>(kinds * random.uniform()));
+  return static_cast<LotFault>(1 + int(kinds * random.uniform()));
 }
 
 }  // namespace
@@ -161,13 +161,13 @@ RigConfig rig_of_lot(RigConfig config, const std::string& serial) {
   if (!config.lot.seed) return config;
   RigLot& lot = config.lot;
   const std::uint64_t seed = unit_seed(lot, serial);
-  const auto turn_on_seed = seed ^ (static_cast<std::uint64_t>(config.start_utc_s) * 0xD1B54A32D192ED03ULL);
+  const auto turn_on_seed = seed ^ (std::uint64_t(config.start_utc_s) * 0xD1B54A32D192ED03ULL);
   config.unit_seed = seed;
   config.noise_seed = turn_on_seed;
   const std::array<double, 24> drawn = rig_model::draw_truth(config);
   RandomStream turn_on(turn_on_seed, turn_on_stream);
-  const auto days = std::min(longest_walk_days,
-                             static_cast<std::int64_t>(std::max(0.0, (config.start_utc_s - lot_made_utc_s) / day_s)));
+  const auto days =
+      std::min(longest_walk_days, std::int64_t(std::max(0.0, (config.start_utc_s - lot_made_utc_s) / day_s)));
   for (std::size_t i = 0; i < 6; ++i) {
     const bool gyro = i < 3;
     double walked = 0.0;
@@ -178,7 +178,7 @@ RigConfig rig_of_lot(RigConfig config, const std::string& serial) {
     config.truth[i] = drawn[i] + step * turn_on.normal() + month / std::sqrt(month_days) * walked;
   }
   RandomStream place(seed, place_stream);
-  const auto axis = static_cast<std::size_t>(3.0 * place.uniform());
+  const auto axis = std::size_t(3.0 * place.uniform());
   constexpr double earliest_s = 1500.0, latest_s = 4500.0;
   const bool now = turn_on.uniform() < 0.5;
   lot.fault = fault_of(lot, seed);

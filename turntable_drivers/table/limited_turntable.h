@@ -38,13 +38,13 @@ class LimitedTurntable : public Turntable {
   Status move_absolute(Axis axis, double position_deg, double rate_degps, double acceleration_degps2) override {
     const AxisLimits& limit = limits_[index(axis)];
     const auto refused = [axis](const std::string& what, double value, const char* unit, double most) {
-      return input_error(fmt::format("motion limits: {}: {} {} {}: expected at most {} {}", to_string(axis), what,
-                                     format_number(value), unit, format_number(most), unit));
+      return input_error("motion limits: {}: {} {} {}: expected at most {} {}", to_string(axis), what,
+                         format_number(value), unit, format_number(most), unit);
     };
     if (!(position_deg >= limit.soft_min_deg && position_deg <= limit.soft_max_deg))
-      return input_error(fmt::format("motion limits: {}: move to {} deg: expected {} to {} deg", to_string(axis),
-                                     format_number(position_deg), format_number(limit.soft_min_deg),
-                                     format_number(limit.soft_max_deg)));
+      return input_error("motion limits: {}: move to {} deg: expected {} to {} deg", to_string(axis),
+                         format_number(position_deg), format_number(limit.soft_min_deg),
+                         format_number(limit.soft_max_deg));
     if (!(rate_degps <= limit.max_rate_degps)) return refused("rate", rate_degps, "deg/s", limit.max_rate_degps);
     if (!(acceleration_degps2 <= limit.max_acceleration_degps2))
       return refused("acceleration", acceleration_degps2, "deg/s^2", limit.max_acceleration_degps2);

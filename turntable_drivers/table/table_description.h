@@ -21,7 +21,7 @@ namespace turncal {
 // setup `prepare`.
 enum class TableOperation { setup, identify, enable, home, move, status, stop, abort, clear_fault, heartbeat };
 inline constexpr int table_operation_count = 9;  // heartbeat aside, which is no list of steps
-constexpr std::size_t index(TableOperation operation) { return static_cast<std::size_t>(operation); }
+constexpr std::size_t index(TableOperation operation) { return std::size_t(operation); }
 inline constexpr TableOperation all_operations[] = {
     TableOperation::setup, TableOperation::identify, TableOperation::enable,
     TableOperation::home,  TableOperation::move,     TableOperation::status,
@@ -134,7 +134,7 @@ inline constexpr auto enum_words<DriveBit> = std::to_array({"enabled", "in_posit
                                                             "limit_positive", "limit_negative", "emergency_stop",
                                                             "remote"});
 inline constexpr std::size_t drive_bit_count = enum_words<DriveBit>.size();
-constexpr std::size_t index(DriveBit bit) { return static_cast<std::size_t>(bit); }
+constexpr std::size_t index(DriveBit bit) { return std::size_t(bit); }
 inline constexpr auto all_drive_bits = [] {
   std::array<DriveBit, drive_bit_count> all{};
   for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<DriveBit>(i);

@@ -63,11 +63,11 @@ Result<bool> TableLine::receive(double wait_s) {
     if (!n) close();
     count = TRY(n);
   } else {
-    if (wait_ready(descriptor_, POLLIN, static_cast<int>(1e3 * wait_s)) <= 0) return false;
+    if (wait_ready(descriptor_, POLLIN, int(1e3 * wait_s)) <= 0) return false;
     const ssize_t n = ::recv(descriptor_, chunk.data(), chunk.size(), MSG_DONTWAIT);
     if (n < 0 && (errno == EAGAIN || errno == EINTR)) return false;
     if (n <= 0) return hang_up("the other end hung up");
-    count = static_cast<std::size_t>(n);
+    count = std::size_t(n);
   }
   heard_.append(chunk.data(), count);
   return count > 0;
@@ -121,7 +121,7 @@ Result<std::string> TableLine::await(const TableRequest& request, const LineCode
       const double awaited_s = at_once ? stop_ack_s : settings_.reply_timeout_s;
       return trouble(failure(frames && !heard_.empty()
                                  ? "the reply broke off"
-                                 : fmt::format("no answer within {} ms{}", static_cast<int>(1e3 * awaited_s),
+                                 : fmt::format("no answer within {} ms{}", int(1e3 * awaited_s),
                                                heard_.empty() ? "" : ", only '" + visible(heard_) + "'")));
     }
     if (!at_once) stop_.look_away();

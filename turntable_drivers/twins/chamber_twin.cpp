@@ -32,7 +32,7 @@ std::optional<AnswerPlan> ChamberTwin::next_registers(std::vector<std::uint8_t>&
   reads_ = request->function == described_.read_function;
   bool known = false;
   Status done;
-  std::vector<std::uint16_t> values(static_cast<std::size_t>(request->count));
+  std::vector<std::uint16_t> values(std::size_t(request->count));
   const Result<ChamberStatus> now = chamber_.status();
   if (!now) done = now.error();
   for (std::size_t i = 0; i < described_.entries.size() && request->well_formed; ++i) {
@@ -48,11 +48,11 @@ std::optional<AnswerPlan> ChamberTwin::next_registers(std::vector<std::uint8_t>&
       if (is_flag(item) && value != 0.0) {
         const double word =
             entry->true_values.empty() ? 1.0 : parse_whole<std::uint16_t>(entry->true_values[0]).value_or(1);
-        value = word * static_cast<double>(entry->mask & -entry->mask);
+        value = word * double(entry->mask & -entry->mask);
       }
       if (const auto words = encode_words(value, field.type, described_.layout))
         for (int k = 0; k < count; ++k)  // several flags may share a register
-          values[static_cast<std::size_t>(at + k)] |= words->value[static_cast<std::size_t>(k)];
+          values[std::size_t(at + k)] |= words->value[std::size_t(k)];
     } else if (is_command(item)) {
       const auto same = [&](const WriteStep& step) {
         return step.address == request->address && words_of(described_, step) == request->values;

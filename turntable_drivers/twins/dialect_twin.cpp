@@ -54,7 +54,7 @@ std::optional<std::string> DialectTwin::answer(const std::string& body) {
   bool known = false;
   for (const TableOperation operation : search_order) {
     const std::vector<Exchange>& exchanges = dialect_.of(operation).exchanges;
-    std::size_t& progress = progress_[static_cast<std::size_t>(operation)];
+    std::size_t& progress = progress_[std::size_t(operation)];
     for (std::size_t i = 0; i < exchanges.size(); ++i) {
       if (i != 0 && i != progress) continue;
       const std::optional<Values> values = exchanges[i].send.match(body);
@@ -71,7 +71,7 @@ std::optional<std::string> DialectTwin::answer(const std::string& body) {
 }
 
 std::optional<std::string> DialectTwin::answer_of(TableOperation operation, std::size_t step, const Values& values) {
-  Values& pending = pending_[static_cast<std::size_t>(operation)];
+  Values& pending = pending_[std::size_t(operation)];
   if (step == 0) pending.clear();
   for (const auto& [name, value] : values) pending[name] = value;
   Axis axis = Axis::heading;
@@ -130,7 +130,7 @@ std::optional<AnswerPlan> answer_sentence(
   const auto end = std::search(bytes.begin(), bytes.end(), link.terminator_out.begin(), link.terminator_out.end());
   if (end == bytes.end()) return {};
   const std::string frame(bytes.begin(), end);
-  bytes.erase(bytes.begin(), end + static_cast<std::ptrdiff_t>(link.terminator_out.size()));
+  bytes.erase(bytes.begin(), end + std::ptrdiff_t(link.terminator_out.size()));
   AnswerPlan plan;
   const Result<std::string> body = body_of(link, frame);
   if (!body) return plan;

@@ -18,7 +18,7 @@ namespace {
 Error failure(const std::string& what) { return device_error("twin: " + what + ": " + std::strerror(errno)); }
 
 void nap(double seconds) {
-  if (seconds > 0.0) ::poll(nullptr, 0, static_cast<int>(1e3 * seconds));
+  if (seconds > 0.0) ::poll(nullptr, 0, int(1e3 * seconds));
 }
 
 }  // namespace
@@ -35,7 +35,7 @@ Status LineServer::listen_tcp(int port, bool every_address) {
   ::setsockopt(listener_, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
   sockaddr_in address{};
   address.sin_family = AF_INET;
-  address.sin_port = htons(static_cast<std::uint16_t>(port));
+  address.sin_port = htons(std::uint16_t(port));
   address.sin_addr.s_addr = htonl(every_address ? INADDR_ANY : INADDR_LOOPBACK);
   socklen_t length = sizeof address;
   if (::bind(listener_, reinterpret_cast<sockaddr*>(&address), length) != 0 || ::listen(listener_, 4) != 0 ||
@@ -96,7 +96,7 @@ void LineServer::run_once(double timeout_s) {
   std::vector<pollfd> waiting;
   if (tcp()) waiting.push_back({listener_, POLLIN, 0});
   for (const Client& client : clients_) waiting.push_back({client.descriptor, POLLIN, 0});
-  ::poll(waiting.data(), waiting.size(), static_cast<int>(1e3 * timeout_s));
+  ::poll(waiting.data(), waiting.size(), int(1e3 * timeout_s));
   const std::size_t first = tcp() ? 1 : 0;
   const bool idle_pty =
       !tcp() && !waiting.empty() && (waiting[0].revents & POLLIN) == 0 && (waiting[0].revents & POLLHUP) != 0;

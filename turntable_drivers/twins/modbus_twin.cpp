@@ -27,14 +27,14 @@ std::uint16_t code_of(const MapAxis& axis, const StatusBit& first, const DriveFl
     });
   };
   const auto best = std::ranges::max_element(candidates, [&](auto a, auto b) { return score_of(a) < score_of(b); });
-  return static_cast<std::uint16_t>(*best << first.shift());
+  return std::uint16_t(*best << first.shift());
 }
 
 // A drive that has lost its master shows the alarm that says so; one that the map has no text for, where none does.
 double watchdog_alarm(const std::map<long, std::string>& texts) {
   for (const auto& [code, text] : texts)
-    if (text.find("communication") != std::string::npos) return static_cast<double>(code);
-  return texts.empty() ? 1.0 : static_cast<double>(texts.rbegin()->first + 1);
+    if (text.find("communication") != std::string::npos) return double(code);
+  return texts.empty() ? 1.0 : double(texts.rbegin()->first + 1);
 }
 
 constexpr int addressed = 3;  // of Operands: the axis that is written to
@@ -70,13 +70,13 @@ ModbusTwin::Answer ModbusTwin::handle(const ModbusRequest& request) {
 
 // A block as the axis has it; where several axes have the same place, each puts what is its own into it.
 std::optional<std::vector<std::uint16_t>> ModbusTwin::registers_of(const StatusBlock& block, Axis axis) {
-  std::vector<std::uint16_t> registers(static_cast<std::size_t>(block.count));
+  std::vector<std::uint16_t> registers(std::size_t(block.count));
   for (const Axis which : all_axes) {
     const MapAxis& scale = map_.of(which);
     if (scale.unit != map_.of(axis).unit || block.read_at(scale) != block.read_at(map_.of(axis))) continue;
     const Result<AxisStatus> now = table_.status(which);
     if (!now) return {};
-    const auto place = [&](int address) { return static_cast<std::size_t>(address - block.address); };
+    const auto place = [&](int address) { return std::size_t(address - block.address); };
     const auto put = [&](const RegisterField& field, double value) {
       const std::optional<Words> words = encode_words(value, field.type, map_.layout);
       if (!words || !block.holds(field.address)) return;
@@ -90,18 +90,18 @@ std::optional<std::vector<std::uint16_t>> ModbusTwin::registers_of(const StatusB
     put(scale.position, counts);
     if (scale.rate) put(*scale.rate, scale.sign * scale.measured_rate_scale * now->rate_degps);
     DriveFlags state = flags_of(*now);
-    bool& fault = state[static_cast<std::size_t>(DriveBit::fault)];
+    bool& fault = state[std::size_t(DriveBit::fault)];
     fault = fault || tripped_[index(which)];
     if (scale.alarm && fault)
       put(*scale.alarm, tripped_[index(which)]    ? watchdog_alarm(map_.alarm_text)
                         : map_.alarm_text.empty() ? 1.0
-                                                  : static_cast<double>(map_.alarm_text.begin()->first));
+                                                  : double(map_.alarm_text.begin()->first));
     for (std::size_t i = 0; i < scale.bits.size(); ++i) {
       const std::optional<StatusBit>& bit = scale.bits[i];
       if (!bit || !block.holds(bit->address)) continue;
       std::uint16_t& word = registers[place(bit->address)];
       if (!bit->codes.empty()) {
-        word = static_cast<std::uint16_t>((word & ~bit->mask) | code_of(scale, *bit, state));
+        word = std::uint16_t((word & ~bit->mask) | code_of(scale, *bit, state));
       } else if (state[i] == bit->active_high) {
         word |= bit->mask;
       }
@@ -120,7 +120,7 @@ ModbusTwin::Answer ModbusTwin::read(const ModbusRequest& request) {
       if (request.address < first || request.address + request.count > first + block.count + 2) continue;
       auto registers = registers_of(block, axis);
       if (!registers) return {device_failure, {}};
-      registers->resize(static_cast<std::size_t>(block.count + 2));
+      registers->resize(std::size_t(block.count + 2));
       const auto begin = registers->begin() + request.address - first;
       return {0, {begin, begin + request.count}};
     }
@@ -143,10 +143,10 @@ bool ModbusTwin::matches(const WriteStep& step, TableOperation operation, Axis a
   std::size_t at = 0;
   for (const WriteOperand& operand : step.operands) {
     const double value = decode_words(std::span(request.values).subspan(at), operand.type, map_.layout);
-    at += static_cast<std::size_t>(register_count(operand.type));
+    at += std::size_t(register_count(operand.type));
     const bool is_code = operand.kind == WriteOperand::Kind::axis;
     if (operand.kind == WriteOperand::Kind::quantity) {
-      operands[{operand.quantity, operand.of_axis ? static_cast<int>(*operand.of_axis) : addressed}] = value;
+      operands[{operand.quantity, operand.of_axis ? int(*operand.of_axis) : addressed}] = value;
       continue;
     }
     const double expected = is_code ? map_.of(operand.of_axis.value_or(axis)).code : operand.constant;
@@ -183,7 +183,7 @@ ModbusTwin::Answer ModbusTwin::write(const ModbusRequest& request) {
         if (!step.operands.empty()) list.push_back(step);
       }
       if (list.empty() || (map_.once(operation) && axis != Axis::heading)) continue;
-      Progress& progress = progress_[index(axis)][static_cast<std::size_t>(i)];
+      Progress& progress = progress_[index(axis)][std::size_t(i)];
       Operands operands = progress.operands;
       if (!matches(list[progress.step], operation, axis, request, operands)) {
         operands.clear();
@@ -206,7 +206,7 @@ ModbusTwin::Answer ModbusTwin::write(const ModbusRequest& request) {
   }
   if (!known) return {illegal_address, {}};
   for (std::size_t i = 0; i < request.values.size(); ++i) {
-    written_[{request.unit, request.address + static_cast<int>(i)}] = request.values[i];
+    written_[{request.unit, request.address + int(i)}] = request.values[i];
   }
   return answer;
 }
@@ -227,7 +227,7 @@ Status ModbusTwin::carry_out(Axis axis, TableOperation operation, const Operands
     const MapAxis& scale = map_.of(which);
     Told told;
     for (const auto& [operand, value] : operands)
-      if (operand.second == (of_table ? static_cast<int>(which) : addressed)) told.take(operand.first, value, scale);
+      if (operand.second == (of_table ? int(which) : addressed)) told.take(operand.first, value, scale);
     TRY(table_.move(which, scale, told, of_table, 2.0 / scale.units_per_degree));
   }
   return {};

@@ -69,7 +69,7 @@ class Search {
       Walk other = changed(now);
       const std::optional<double> other_cost = judge(other);
       if (!other_cost) continue;
-      const double left = 1.0 - static_cast<double>(i) / (0.7 * task_.tries);
+      const double left = 1.0 - double(i) / (0.7 * task_.tries);
       if (*other_cost < *cost + first_threshold * std::max(0.0, left)) {
         now = std::move(other);
         cost = other_cost;
@@ -86,7 +86,7 @@ class Search {
   }
 
  private:
-  std::size_t below(std::size_t n) { return static_cast<std::size_t>(random_() % n); }
+  std::size_t below(std::size_t n) { return std::size_t(random_() % n); }
 
   // The walk to start from: rests in units of its shortest, rates that are among those to choose from.
   Walk begin() const {
@@ -115,7 +115,7 @@ class Search {
     const Axis axis = axes_[below(axes_.size())];
     const double turn_deg = below(2) == 0 ? size_deg : -size_deg;
     const double rate_degps = task_.rates_degps[below(task_.rates_degps.size())];
-    return leg_of(axis, turn_deg, rate_degps, 1 + static_cast<int>(below(3)));
+    return leg_of(axis, turn_deg, rate_degps, 1 + int(below(3)));
   }
 
   // As far and as fast as the axis may, if that is less.
@@ -127,7 +127,7 @@ class Search {
   Walk changed(Walk walk) {
     std::vector<Leg>& legs = walk.legs;
     const std::size_t n = legs.size();
-    const auto at = [&](std::size_t k) { return legs.begin() + static_cast<std::ptrdiff_t>(k); };
+    const auto at = [&](std::size_t k) { return legs.begin() + std::ptrdiff_t(k); };
     switch (n == 0 ? 1 : below(8)) {
       case 0: legs[below(n)] = any_leg(); break;
       case 1: legs.insert(at(below(n + 1)), any_leg()); break;
@@ -149,8 +149,7 @@ class Search {
       }
       default: {
         std::int64_t& share = below(n + 1) == 0 ? walk.first_rest_samples : legs[below(n)].rest_samples;
-        const std::int64_t other =
-            below(2) == 0 ? share + 1 + static_cast<int>(below(4)) : share - 1 - static_cast<int>(below(2));
+        const std::int64_t other = below(2) == 0 ? share + 1 + int(below(4)) : share - 1 - int(below(2));
         share = std::clamp<std::int64_t>(other, 0, most_share);
       }
     }
@@ -171,10 +170,10 @@ class Search {
       left_s -= std::ceil((turn_s + task_.limits.settle_s) / tick_s) * tick_s;
       shares += leg.rest_samples;
     }
-    const double unit_s = left_s / static_cast<double>(shares);
+    const double unit_s = left_s / double(shares);
     if (!(unit_s >= task_.least_rest_s)) return std::nullopt;
     const auto into_samples = [&](std::int64_t& share) {
-      share = std::llround(std::floor(unit_s * static_cast<double>(share)) / period_s);
+      share = std::llround(std::floor(unit_s * double(share)) / period_s);
     };
     into_samples(walk.first_rest_samples);
     for (Leg& leg : walk.legs) into_samples(leg.rest_samples);
@@ -212,8 +211,7 @@ class Search {
     };
     for (int k = 0; k < parameter_count; ++k) {
       if (task_.aim[k] <= 0.0) continue;
-      const bool known =
-          prediction.valid && prediction.determined[static_cast<std::size_t>(k)] && prediction.sigma[k] > 0.0;
+      const bool known = prediction.valid && prediction.determined[std::size_t(k)] && prediction.sigma[k] > 0.0;
       add(known ? std::log(prediction.sigma[k] / task_.aim[k]) : undetermined_cost);
     }
     for (std::size_t k = 0; k < prediction.effects.size() && k < task_.effect_aims.size(); ++k) {
@@ -244,7 +242,7 @@ constexpr double from_pose_to_pose_s = 60.0;  // the way to the start of the leg
 // Where the cable still lets every axis go: it counts what the plan has turned.
 PlanLimits within_cable(PlanLimits limits, const Plan& plan) {
   for (const Axis axis : all_axes) {
-    AxisLimits& of = limits.axis[static_cast<std::size_t>(axis)];
+    AxisLimits& of = limits.axis[std::size_t(axis)];
     if (of.wrap_deg <= 0.0) continue;
     of.soft_min_deg = std::max(of.soft_min_deg, plan.travel_max_deg[axis] - of.wrap_deg);
     of.soft_max_deg = std::min(of.soft_max_deg, plan.travel_min_deg[axis] + of.wrap_deg);
@@ -355,7 +353,7 @@ std::optional<Settling> find_settling(const SettlingTask& task) {
       const ParameterVector shrunk = shrunk_by(motion, task.base, info);
       double cost = 0.0;
       for (const NeededSigma& one : needed)
-        cost += std::max(0.0, std::log(one.ratio() * shrunk[static_cast<Eigen::Index>(one.parameter)]));
+        cost += std::max(0.0, std::log(one.ratio() * shrunk[Eigen::Index(one.parameter)]));
       return cost;
     };
   }

@@ -25,7 +25,7 @@ Result<std::vector<EffectColumn>> columns_of(const ParameterFile& file, const st
   std::vector<double> found;
   for (const EffectValue& effect : file.effects) {
     const auto refuse = [&](const std::string& why) {
-      return input_error(fmt::format("{}: 'effect.{}.{}' {}", file_name, effect.name, effect.component, why));
+      return input_error("{}: 'effect.{}.{}' {}", file_name, effect.name, effect.component, why);
     };
     const EffectEntry* entry = find_effect(effect.name);
     if (entry == nullptr) return refuse("is not an effect of the catalogue");
@@ -36,18 +36,18 @@ Result<std::vector<EffectColumn>> columns_of(const ParameterFile& file, const st
       return refuse("depends on temperature, which the recording does not have");
     if ((effect.name == "earth_rate" || effect.name == "gyro_magnetic") && !has_attitude)
       return refuse("depends on the attitude, which a recording without table angles does not tell");
-    EffectColumn column{entry, static_cast<int>(at - entry->components.begin()), 0.0};
+    EffectColumn column{entry, int(at - entry->components.begin()), 0.0};
     if (!entry->taus_s.empty()) {
       const auto tau = std::ranges::find_if(
           file.effects, [&](const EffectValue& e) { return e.name == effect.name && e.component == entry->variant; });
       if (tau == file.effects.end())
-        return input_error(fmt::format("{}: missing key 'effect.{}.{}'", file_name, effect.name, entry->variant));
+        return input_error("{}: missing key 'effect.{}.{}'", file_name, effect.name, entry->variant);
       column.tau_s = tau->value;
     }
     columns.push_back(column);
     found.push_back(effect.value);
   }
-  values = Eigen::Map<Eigen::VectorXd>(found.data(), static_cast<Eigen::Index>(found.size()));
+  values = Eigen::Map<Eigen::VectorXd>(found.data(), Eigen::Index(found.size()));
   return columns;
 }
 
@@ -110,11 +110,11 @@ class FaultySamples {
   std::optional<std::size_t> fault_of(const ImuSample& before, const ImuSample& sample, const ImuSample& after) {
     const std::int64_t counter = sample.counter;
     const std::vector<DataEvent>& events = compressor_.recording().events;
-    while (next_ < events.size() && events[next_].sample + static_cast<std::int64_t>(settled_after) < counter) ++next_;
+    while (next_ < events.size() && events[next_].sample + std::int64_t(settled_after) < counter) ++next_;
     for (std::size_t k = next_; k < events.size(); ++k) {
       const bool gyro = events[k].kind == DataEvent::Kind::gyro_glitch;
       if (events[k].sample != counter || !(gyro || events[k].kind == DataEvent::Kind::accel_glitch)) continue;
-      const auto channel = static_cast<std::size_t>(events[k].axis + (gyro ? 0 : 3));
+      const auto channel = std::size_t(events[k].axis + (gyro ? 0 : 3));
       const double step = channel_of(after, channel) - channel_of(before, channel);
       if (events[k].left_out || std::abs(step) < std::abs(events[k].size)) return channel;
     }
@@ -250,7 +250,7 @@ Result<StoredCovariance> stored_covariance(const ParameterFile& file, const std:
   StoredCovariance stored;
   if (!file.effects.empty()) return StoredCovariance{.source = "effects"};
   ParameterVector sigma = ParameterVector::Zero();
-  for (int k = 0; k < parameter_count; ++k) sigma[k] = file.sigma[static_cast<std::size_t>(k)].value_or(0.0);
+  for (int k = 0; k < parameter_count; ++k) sigma[k] = file.sigma[std::size_t(k)].value_or(0.0);
   if (sigma.any()) {
     stored.source = "sigmas";
     stored.covariance = sigma.cwiseAbs2().asDiagonal();
@@ -288,9 +288,8 @@ SampleCalibration::Increments SampleCalibration::of(const ImuSample& sample, dou
   if (temperature && std::isfinite(sample.temperature_c) && temperature_can_be(sample.temperature_c) &&
       !(std::abs(sample.temperature_c - temperature->now_c) < 0.01F)) {
     temperature->now_c = sample.temperature_c;
-    model = sensor_model(
-        from_vector(temperature->polynomials.at(temperature->reference, static_cast<double>(sample.temperature_c))),
-        temperature->info);
+    model = sensor_model(from_vector(temperature->polynomials.at(temperature->reference, double(sample.temperature_c))),
+                         temperature->info);
   }
   const EffectTerms::Term& effect = effects.at(sample.counter);
   return {model.gyro_scale * Eigen::Vector3d::Map(sample.gyro.data()) -
@@ -325,7 +324,7 @@ Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::
                                                  const CompressedRecording* recording) {
   const RecordingInfo& info = source.info();
   SampleCalibration calibration = TRY(SampleCalibration::make(file, path, source, recording));
-  const int samples = std::max(1, static_cast<int>(std::lround(motion_interval_s / info.sample_period_s)));
+  const int samples = std::max(1, int(std::lround(motion_interval_s / info.sample_period_s)));
   return CalibratedIntervals{path, std::move(file), std::move(calibration),
                              IncrementIntegrator(info.sample_period_s, samples)};
 }
@@ -374,12 +373,12 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
       SampleGap gap{expected};
       if (sample.counter > expected)
         gap = {expected, sample.counter - expected, rest.moving_in(expected, sample.counter)};
-      lost_s += static_cast<double>(gap.samples) * period_s;
+      lost_s += double(gap.samples) * period_s;
       if (lost_s > most_lost_s)
         return input_error(source.path() + ": " + gap_words(gap) + ": expected a recording that lost less than a day");
       if (gap.samples > 0) found.gaps.push_back(gap);
       last = std::max(last.value_or(sample.counter), sample.counter);
-      const double time_s = static_cast<double>(sample.counter - *first) * period_s;
+      const double time_s = double(sample.counter - *first) * period_s;
       const bool at_rest = rest.at(sample.counter) && (reference == nullptr || reference->stands_at(time_s)),
                  gap_at_rest = gap.is_short() && gap.in_motion == 0;
       for (CalibratedIntervals& file : files) {
@@ -402,7 +401,7 @@ Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Str
     waiting.insert(waiting.end(), block.begin(), block.end());
     const std::size_t settled = waiting.size() - std::min(waiting.size(), FaultySamples::settled_after);
     Status taken = take(settled);
-    waiting.erase(waiting.begin(), waiting.begin() + static_cast<std::ptrdiff_t>(settled));
+    waiting.erase(waiting.begin(), waiting.begin() + std::ptrdiff_t(settled));
     return taken;
   });
   if (status) status = take(waiting.size());

@@ -177,8 +177,7 @@ std::string kf_gins(const ForeignCalibration& of) {
   const auto turned = [&](const Vector3d& v) { return Vector3d((P * v).cwiseAbs()); };
   const auto sigma = [&](std::size_t first, std::size_t step, double unit) {
     Vector3d of_axis;
-    for (Eigen::Index k = 0; k < 3; ++k)
-      of_axis[k] = of.file.sigma[first + step * static_cast<std::size_t>(k)].value_or(0.0) * unit;
+    for (Eigen::Index k = 0; k < 3; ++k) of_axis[k] = of.file.sigma[first + step * std::size_t(k)].value_or(0.0) * unit;
     return turned(of_axis);
   };
   const auto instability = [](const std::string& key, double value, const char* unit) {
@@ -234,7 +233,7 @@ Eigen::Matrix<double, 6, 3> offset_cubics(const ForeignCalibration& of, double a
   constexpr Eigen::Index points = 21;
   Eigen::MatrixXd powers(points, 4), values(points, 6);
   for (Eigen::Index k = 0; k < points; ++k) {
-    const double at = t.low_c + (t.high_c - t.low_c) * static_cast<double>(k) / (points - 1), x = at - about_c;
+    const double at = t.low_c + (t.high_c - t.low_c) * double(k) / (points - 1), x = at - about_c;
     ParameterFile there = of.file;
     there.parameters = t.at(of.file.parameters, at);
     powers.row(k) << 1.0, x, x * x, x * x * x;

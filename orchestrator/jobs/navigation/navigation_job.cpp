@@ -38,7 +38,7 @@ std::vector<std::size_t> starts_of(const std::vector<MotionInterval>& intervals,
     return rested[std::min(at + needs.window, intervals.size())] - rested[at] >= needs.least;
   };
   for (int k = 0; k < branches; ++k) {
-    std::size_t at = branches > 1 ? last * static_cast<std::size_t>(k) / static_cast<std::size_t>(branches - 1) : 0;
+    std::size_t at = branches > 1 ? last * std::size_t(k) / std::size_t(branches - 1) : 0;
     while (at < last && !(intervals[at].at_rest && enough(at))) ++at;
     if (enough(at) && (starts.empty() || at > starts.back())) starts.push_back(at);
   }
@@ -94,7 +94,7 @@ Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const
   for (const auto& [start, length] : branches) {
     setup.expected = reference == nullptr && start == branches.front().start;
     NavigatedBranch branch;
-    branch.start_s = from_s + static_cast<double>(start) * intervals.front().duration_s;
+    branch.start_s = from_s + double(start) * intervals.front().duration_s;
     setup.start_s = branch.start_s;
     Result<FreeNavigation> navigation = navigate_freely(std::span(intervals).subspan(start, length), setup);
     if (!navigation)
@@ -111,7 +111,7 @@ Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const
   result.drift = drift_over_runs(rates);
   if (!std::isfinite(result.drift.rms_nm_per_h))
     return input_error("the drift overflows: expected the increments of a unit at rest");
-  result.velocity_rms_mps = std::sqrt(squares / static_cast<double>(branches.size()));
+  result.velocity_rms_mps = std::sqrt(squares / double(branches.size()));
   return result;
 }
 
@@ -175,9 +175,9 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
   const IntegratedSamples integrated = TRY(integrate_recording(source, stretch, files, beside));
   const std::vector<MotionInterval>& intervals = files.front().integrator.intervals();
   const double interval = info.sample_period_s * std::max(1.0, std::round(motion_interval_s / info.sample_period_s));
-  const double available_s = static_cast<double>(intervals.size()) * interval;
+  const double available_s = double(intervals.size()) * interval;
   const double wanted_s = request.free_s.value_or(std::min(default_free_s, available_s - request.align_s));
-  const auto length = static_cast<std::size_t>(std::max(0L, std::lround((request.align_s + wanted_s) / interval)));
+  const auto length = std::size_t(std::max(0L, std::lround((request.align_s + wanted_s) / interval)));
   if (available_s <= request.align_s || length > intervals.size())
     return input_error(request.recording + ": " + seconds(available_s) + " to navigate, expected more than " +
                        seconds(request.align_s + std::max(0.0, request.free_s.value_or(0.0))));
@@ -194,21 +194,21 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
     report.filled_samples += gap.samples;
     report.filled_in_motion += gap.in_motion;
   }
-  const auto samples_each = static_cast<std::int64_t>(files.front().integrator.samples_per_interval());
+  const auto samples_each = std::int64_t(files.front().integrator.samples_per_interval());
   const auto counter_of = [&](std::size_t index) {
-    return integrated.first_sample + samples_each * static_cast<std::int64_t>(index);
+    return integrated.first_sample + samples_each * std::int64_t(index);
   };
   std::vector<Branch> branches;
-  const auto window = static_cast<std::size_t>(std::max(1L, std::lround(request.align_s / interval)));
-  const auto least = static_cast<std::size_t>(std::ceil(align_min_rest_s / interval - 1e-6));
+  const auto window = std::size_t(std::max(1L, std::lround(request.align_s / interval)));
+  const auto least = std::size_t(std::ceil(align_min_rest_s / interval - 1e-6));
   const AlignmentNeeds needs{window, reference ? window : std::min(window, least)};
   for (const std::size_t start : starts_of(intervals, length, request.branches, needs)) {
     Branch branch{start, length};
     if (const SampleGap* gap = long_gap_in(integrated.gaps, counter_of(start), counter_of(start + length))) {
       const std::int64_t before = std::max(std::int64_t{0}, gap->first - counter_of(start)) / samples_each;
-      branch.length = static_cast<std::size_t>(before);
-      const bool kept = static_cast<double>(before) * interval >= request.align_s + 0.5 * wanted_s;
-      report.lost.push_back("branch from " + seconds(stretch.from_s + static_cast<double>(start) * interval) +
+      branch.length = std::size_t(before);
+      const bool kept = double(before) * interval >= request.align_s + 0.5 * wanted_s;
+      report.lost.push_back("branch from " + seconds(stretch.from_s + double(start) * interval) +
                             (kept ? " ends early: " : " left out: ") + gap_words(*gap));
       if (!kept) continue;
     }
@@ -277,25 +277,24 @@ ModelWithout model_without(const JointResult& extended, const Eigen::MatrixXd& P
   for (std::size_t i = 0; i < extended.free.size(); ++i) {
     const int key = extended.free[i] - parameter_count;
     if (key < 0) continue;
-    const EffectEntry* entry = extended.effects[static_cast<std::size_t>(key)].column.entry;
-    if (entry != nullptr && entry->name == name) rows.push_back(static_cast<Eigen::Index>(i));
+    const EffectEntry* entry = extended.effects[std::size_t(key)].column.entry;
+    if (entry != nullptr && entry->name == name) rows.push_back(Eigen::Index(i));
   }
-  const auto held = static_cast<Eigen::Index>(rows.size());
+  const auto held = Eigen::Index(rows.size());
   Eigen::VectorXd values(held);
   for (Eigen::Index k = 0; k < held; ++k)
-    values[k] =
-        model.effects[static_cast<std::size_t>(extended.free[static_cast<std::size_t>(rows[k])] - parameter_count)];
+    values[k] = model.effects[std::size_t(extended.free[std::size_t(rows[k])] - parameter_count)];
   const Eigen::VectorXd change = P(Eigen::all, rows) * solve_symmetric(P(rows, rows), values);
   for (std::size_t i = 0; i < extended.free.size(); ++i) {
     const int key = extended.free[i];
-    const double by = change[static_cast<Eigen::Index>(i)];
+    const double by = change[Eigen::Index(i)];
     if (key < parameter_count)
       model.parameters[key] -= by;
     else
-      model.effects[static_cast<std::size_t>(key - parameter_count)] -= by;
+      model.effects[std::size_t(key - parameter_count)] -= by;
   }
   for (const Eigen::Index row : rows)  // to the bit
-    model.effects[static_cast<std::size_t>(extended.free[static_cast<std::size_t>(row)] - parameter_count)] = 0.0;
+    model.effects[std::size_t(extended.free[std::size_t(row)] - parameter_count)] = 0.0;
   return model;
 }
 

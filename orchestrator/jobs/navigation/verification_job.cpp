@@ -98,19 +98,18 @@ Status check_north_seeking(const Segments& segments, int first_step, double samp
   int searches = 0, readings = 0;  // of the position
   const Segment* last = nullptr;
   const auto alone = [&] {
-    return input_error(
-        fmt::format("{}: step {}: one alignment at heading {}, expected two and more: one alone has no deviation",
-                    where, last->step, format_number(last->heading_deg)));
+    return input_error("{}: step {}: one alignment at heading {}, expected two and more: one alone has no deviation",
+                       where, last->step, format_number(last->heading_deg));
   };
   for (const Segment& segment : segments) {
     if (!is_north_dwell(segment, first_step)) continue;
     const std::string at = where + ": step " + std::to_string(segment.step) + ": ";
     if (std::remainder(segment.pitch_deg, 360.0) != 0.0 || std::remainder(segment.roll_deg, 360.0) != 0.0)
       return input_error(at + "expected the table at pitch 0 and roll 0 to seek north");
-    const double seconds = static_cast<double>(segment.end_sample - segment.start_sample) * sample_period_s;
+    const double seconds = double(segment.end_sample - segment.start_sample) * sample_period_s;
     if (seconds < align_min_rest_s)
-      return input_error(fmt::format("{}alignment: {} s at rest, expected at least {:g} s", at, std::lround(seconds),
-                                     align_min_rest_s));
+      return input_error("{}alignment: {} s at rest, expected at least {:g} s", at, std::lround(seconds),
+                         align_min_rest_s);
     if (segment.kind == SegmentKind::align) {
       ++searches;
       continue;
@@ -164,16 +163,16 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
       continue;
     }
     // Whole intervals inside the segment.
-    const double samples_each = static_cast<double>(files.front().integrator.samples_per_interval());
+    const double samples_each = double(files.front().integrator.samples_per_interval());
     const auto place = [&](std::int64_t sample) {
-      return static_cast<double>(std::max(std::int64_t{0}, sample - integrated.first_sample)) / samples_each;
+      return double(std::max(std::int64_t{0}, sample - integrated.first_sample)) / samples_each;
     };
-    const auto begin = static_cast<std::size_t>(std::ceil(place(segment.start_sample)));
-    const auto end = std::min(intervals.size(), static_cast<std::size_t>(place(segment.end_sample)));
+    const auto begin = std::size_t(std::ceil(place(segment.start_sample)));
+    const auto end = std::min(intervals.size(), std::size_t(place(segment.end_sample)));
     const std::string where = request.recording + ": step " + std::to_string(segment.step) + ": ";
     if (begin >= end) return input_error(where + "no samples");
     const std::span<const MotionInterval> dwell = std::span(intervals).subspan(begin, end - begin);
-    shortest_s = std::min(shortest_s, static_cast<double>(dwell.size()) * dwell.front().duration_s);
+    shortest_s = std::min(shortest_s, double(dwell.size()) * dwell.front().duration_s);
     rests.insert(rests.end(), dwell.begin(), dwell.end());
     const Result<NorthReading> reading =
         reading_of(dwell, segment.heading_deg, site, noise, counts, covariance.covariance);

@@ -28,7 +28,7 @@ class TURNCAL_API Error : public std::runtime_error {
   Error(ErrorKind kind, const std::string& line) : std::runtime_error(line), kind_(kind) {}
   ~Error() override;
   ErrorKind kind() const { return kind_; }
-  int exit_code() const { return static_cast<int>(kind_); }
+  int exit_code() const { return int(kind_); }
 
  private:
   ErrorKind kind_;

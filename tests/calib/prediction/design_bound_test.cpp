@@ -65,8 +65,7 @@ TEST(DesignBound, NoWalkIsBetter) {
     std::string text =
         "format = 1\nname = walk\nrate_degps = 20\nacceleration_degps2 = 20\nstep 1 \"all\"\n initial H 0 P 0 R 0\n "
         "align 2000\n";
-    for (int k = 0; k < 24; ++k)
-      text += turns[walk < 4 ? static_cast<std::size_t>(walk) : static_cast<std::size_t>(k % 4)];
+    for (int k = 0; k < 24; ++k) text += turns[walk < 4 ? std::size_t(walk) : std::size_t(k % 4)];
     const Sequence sequence = must(parse_sequence(text, "walk"));
     PlanLimits limits;
     limits.settle_s = 1.0;
@@ -80,7 +79,7 @@ TEST(DesignBound, NoWalkIsBetter) {
     const auto never_better = [&](const ParameterVector& aim, const std::string& of) {
       task.aim = aim;
       double mean = 0.0;
-      const auto counted = static_cast<double>((aim.array() > 0.0).count());
+      const auto counted = double((aim.array() > 0.0).count());
       for (int k = 0; k < parameter_count; ++k)
         if (aim[k] > 0.0) mean += std::log(prediction.sigma[k] / aim[k]) / counted;
       const std::optional<double> bound = least_log_sigma(task);

@@ -21,7 +21,7 @@ TEST(Allan, PublishedSets) {
   EXPECT_NEAR(deviation(nbs14, 1), 85.95287, 5e-6);
   std::vector<double> thousand;
   for (std::int64_t n = 1234567890; thousand.size() < 1000; n = 16807 * n % 2147483647)
-    thousand.push_back(static_cast<double>(n) / 2147483647.0);
+    thousand.push_back(double(n) / 2147483647.0);
   EXPECT_NEAR(deviation(thousand, 0), 2.922319e-1, 5e-8);
   // oadev of AllanTools 2024.06 (599dc9e) on the same numbers, tau = 1 2 3 4 6 8 ... 256.
   const std::vector<double> of_allantools = {
@@ -90,8 +90,8 @@ TEST(Allan, CoefficientsOverSeeds) {
       std::array<double, 3> triad{};
       noise.add(triad);
       Channels increments = Channels::Zero();
-      for (Eigen::Index axis = 0; axis < 3; ++axis) increments[axis] = triad[static_cast<std::size_t>(axis)];
-      maker.add(static_cast<std::int64_t>(k), increments);
+      for (Eigen::Index axis = 0; axis < 3; ++axis) increments[axis] = triad[std::size_t(axis)];
+      maker.add(std::int64_t(k), increments);
     }
     const AllanResult result = allan_deviation(maker.take(Channels::Ones()));
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -130,8 +130,7 @@ TEST(Allan, LongRecordWithGaps) {
     noise.add(triad);
     if (k % 1000 == 500 || (k > 1'200'000 && k < 1'204'000)) continue;
     Channels increments = Channels::Zero();
-    for (Eigen::Index axis = 0; axis < 6; ++axis)
-      increments[axis] = triad[static_cast<std::size_t>(axis) % 3] + 9.81 * period_s;
+    for (Eigen::Index axis = 0; axis < 6; ++axis) increments[axis] = triad[std::size_t(axis) % 3] + 9.81 * period_s;
     maker.add(k, increments);
   }
   const RestCells cells = maker.take(Channels::Ones());

@@ -22,7 +22,7 @@ TEST(Clipping, RunsOfTheExtremeValueAreFound) {
     found += run.count;
     EXPECT_NEAR(std::abs(run.size), limit, 1e-15);
   }
-  EXPECT_GT(found, 0.9 * static_cast<double>(clipped));  // runs of one or two are not counted
+  EXPECT_GT(found, 0.9 * double(clipped));  // runs of one or two are not counted
   EXPECT_LE(found, clipped);
 }
 
@@ -63,12 +63,11 @@ TEST(Temperature, BlanksAreInterpolatedAndNotZero) {
   HandData hand = make_hand_data({});
   hand.info.has_temperature = true;
   const auto truth = [](double sample) { return 20.0 + 0.001 * sample; };
-  for (std::size_t k = 0; k < hand.samples.size(); k += 50)
-    hand.samples[k].temperature_c = static_cast<float>(truth(static_cast<double>(k)));
+  for (std::size_t k = 0; k < hand.samples.size(); k += 50) hand.samples[k].temperature_c = float(truth(double(k)));
   const CompressedRecording recording = compress(hand.info, hand.segments, hand.samples);
-  EXPECT_NEAR(recording.mean_temperature_c, truth(0.5 * static_cast<double>(hand.samples.size())), 0.05);
+  EXPECT_NEAR(recording.mean_temperature_c, truth(0.5 * double(hand.samples.size())), 0.05);
   for (const Block& block : recording.blocks)  // a reading lies up to half a block, 50 samples, from its middle
-    EXPECT_NEAR(block.temperature_c, truth(static_cast<double>(block.start_sample) + 0.5 * block.samples), 0.06);
+    EXPECT_NEAR(block.temperature_c, truth(double(block.start_sample) + 0.5 * block.samples), 0.06);
   for (ImuSample& sample : hand.samples) sample.temperature_c = NAN;
   EXPECT_FALSE(compress(hand.info, hand.segments, hand.samples).info.has_temperature);
 }

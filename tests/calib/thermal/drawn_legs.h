@@ -26,7 +26,7 @@ inline const LegNoise& leg_noise() {
     const SymmetricEigen eigen = symmetric_eigen(e.covariance);
     n.root = eigen.vectors * eigen.values.cwiseMax(0.0).cwiseSqrt().asDiagonal();
     for (std::size_t k = 0; k < e.free.size(); ++k)
-      n.sigma[e.free[k]] = std::sqrt(e.covariance(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(k)));
+      n.sigma[e.free[k]] = std::sqrt(e.covariance(Eigen::Index(k), Eigen::Index(k)));
     return n;
   }();
   return noise;
@@ -56,7 +56,7 @@ struct DrawnUnit {
     const double t = 2.0 * (temperature_c - r * lag_h - low_c) / (high_c - low_c) - 1.0;
     ParameterVector p = leg_noise().value;
     for (int k = 0; k < parameter_count; ++k) {
-      const auto& a = c[static_cast<std::size_t>(k)];
+      const auto& a = c[std::size_t(k)];
       p[k] += ((a[3] * t + a[2]) * t + a[1]) * t + a[0] + wave[k] * std::sin(wave_radians * t) + rate[k] * r +
               hysteresis[k] * direction;
     }
@@ -85,9 +85,8 @@ inline DrawnCampaign drawn_campaign(std::uint64_t seed, const DrawnThermal& d) {
   for (const int k : noise.free) {
     const double u = uniform(random);
     const int order = d.size == 0.0 ? 0 : u < 0.3 ? 0 : u < 0.6 ? 1 : u < 0.8 ? 2 : 3;
-    unit.order[static_cast<std::size_t>(k)] = order;
-    for (int n = 1; n <= order; ++n)
-      unit.c[static_cast<std::size_t>(k)][static_cast<std::size_t>(n)] = sized(d.size) * noise.sigma[k];
+    unit.order[std::size_t(k)] = order;
+    for (int n = 1; n <= order; ++n) unit.c[std::size_t(k)][std::size_t(n)] = sized(d.size) * noise.sigma[k];
     if (uniform(random) < d.effects)
       unit.rate[k] = (uniform(random) < 0.5 ? -1.0 : 1.0) * d.effect_size * noise.sigma[k] / 4.0;
     if (uniform(random) < d.effects)
@@ -99,7 +98,7 @@ inline DrawnCampaign drawn_campaign(std::uint64_t seed, const DrawnThermal& d) {
                    unit.at(temperature_c, rate, direction), noise.covariance, noise.free};
     const Eigen::VectorXd e =
         noise.root * Eigen::VectorXd::NullaryExpr(noise.root.cols(), [&] { return normal(random); });
-    for (std::size_t k = 0; k < noise.free.size(); ++k) leg.value[noise.free[k]] += e[static_cast<Eigen::Index>(k)];
+    for (std::size_t k = 0; k < noise.free.size(); ++k) leg.value[noise.free[k]] += e[Eigen::Index(k)];
     for (int k = 0; k < 6; ++k) leg.value[k] += normal(random) * d.switch_on * noise.sigma[k];
     return leg;
   };
@@ -138,18 +137,18 @@ struct ThermalScore {
       const Eigen::VectorXd scale = leg_noise().sigma(leg.free).cwiseInverse();
       const Eigen::MatrixXd C = scale.asDiagonal() * point.covariance(leg.free, leg.free) * scale.asDiagonal();
       const Eigen::VectorXd x = scale.cwiseProduct(e(leg.free));
-      of_nees += x.dot(solve_symmetric(C, x)) / static_cast<double>(leg.free.size());
+      of_nees += x.dot(solve_symmetric(C, x)) / double(leg.free.size());
       for (const int k : leg.free) {
         const double own = square(leg_noise().sigma[k]) * (k < 6 ? 1.0 + square(d.switch_on) : 1.0);
         held_out += square(point.value[k] - leg.value[k]) / own;
         noise += 1.0;
       }
     }
-    nees += of_nees / static_cast<double>(made.held_out.size());
+    nees += of_nees / double(made.held_out.size());
     const double half = 0.5 * (made.unit.high_c - made.unit.low_c);
     for (std::size_t j = 0; j < model.parameters.size(); ++j) {
       const ThermalParameter& p = model.parameters[j];
-      const auto k = static_cast<std::size_t>(p.key);
+      const auto k = std::size_t(p.key);
       const bool has_wave = made.unit.wave[p.key] != 0.0;
       const bool lags = made.unit.lag_h != 0.0 && made.unit.order[k] > 0;
       const int order = made.unit.order[k];
@@ -163,7 +162,7 @@ struct ThermalScore {
       if (has_wave || lags) continue;
       for (int n = 1; n <= std::min(p.said_order(), order); ++n) {
         // About the middle of the range, where the powers of t are those of T - T_ref.
-        const double truth = made.unit.c[k][static_cast<std::size_t>(n)] / std::pow(half, n);
+        const double truth = made.unit.c[k][std::size_t(n)] / std::pow(half, n);
         coefficients += square((model.coefficient(j, n) - truth) / model.sigma(j, n));
         said_coefficients += 1.0;
       }

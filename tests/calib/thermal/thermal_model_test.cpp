@@ -13,7 +13,7 @@ namespace {
 
 ThermalScore score_of(const DrawnThermal& drawn, std::uint64_t first, int campaigns) {
   ThermalScore score;
-  for (std::uint64_t seed = first; seed < first + static_cast<std::uint64_t>(campaigns); ++seed) {
+  for (std::uint64_t seed = first; seed < first + std::uint64_t(campaigns); ++seed) {
     const DrawnCampaign made = drawn_campaign(seed, drawn);
     const Result<ThermalModel> model = fit_thermal_model(made.legs, {.reference_c = 10.0, .hold_out = false});
     EXPECT_OK(model);
@@ -91,7 +91,7 @@ TEST(Thermal, ParametersThatSomeLegsDoNotDetermine) {
   const auto forget = [](ThermalLeg& leg, int key) {
     std::vector<int> keep;
     for (std::size_t k = 0; k < leg.free.size(); ++k)
-      if (leg.free[k] != key) keep.push_back(static_cast<int>(k));
+      if (leg.free[k] != key) keep.push_back(int(k));
     leg.covariance = Eigen::MatrixXd(leg.covariance(keep, keep));
     std::erase(leg.free, key);
     leg.value[key] = std::nan("");

@@ -24,7 +24,7 @@ class FullPipe : public testing::Test {
   std::string all_read() const {
     std::string text(8192, '\0');
     const ssize_t size = ::read(ends_[0], text.data(), text.size());
-    text.resize(size > 0 ? static_cast<std::size_t>(size) : 0);
+    text.resize(size > 0 ? std::size_t(size) : 0);
     return text;
   }
   int ends_[2] = {-1, -1};

@@ -70,7 +70,7 @@ TEST(RecordLog, FindsTheNextRecordAfterGarbageOfAnyLength) {
   const std::string garbage(std::size_t{1} << 20, '\x89');
   for (int difference = -40; difference <= 40; ++difference) {
     std::string between = garbage;
-    between.resize(static_cast<std::size_t>(static_cast<int>(garbage.size()) + difference), 'T');
+    between.resize(std::size_t(int(garbage.size()) + difference), 'T');
     const auto result = scanned(record(0, "a") + between + record(1, "b"));
     ASSERT_EQ(result.payloads, (std::vector<std::string>{"a", "b"})) << difference;
     ASSERT_EQ(result.bytes_dropped, between.size());
@@ -119,8 +119,8 @@ TEST(Crc32c, PublishedCheckValues) {
   EXPECT_EQ(crc32c(std::string_view("123456789")), 0xE3069283U);
   EXPECT_EQ(crc32c(bytes(32, [](std::size_t) { return 0; })), 0x8A9136AAU);
   EXPECT_EQ(crc32c(bytes(32, [](std::size_t) { return 0xFF; })), 0x62A8AB43U);
-  EXPECT_EQ(crc32c(bytes(32, [](std::size_t i) { return static_cast<int>(i); })), 0x46DD794EU);
-  EXPECT_EQ(crc32c(bytes(32, [](std::size_t i) { return static_cast<int>(31 - i); })), 0x113FDB5CU);
+  EXPECT_EQ(crc32c(bytes(32, [](std::size_t i) { return int(i); })), 0x46DD794EU);
+  EXPECT_EQ(crc32c(bytes(32, [](std::size_t i) { return int(31 - i); })), 0x113FDB5CU);
   EXPECT_EQ(crc32c(std::string_view("")), 0U);
 }
 

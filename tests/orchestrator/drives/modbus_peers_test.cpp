@@ -92,7 +92,7 @@ class StillImu : public ImuSource {
     const Deadline deadline(timeout_s);
     std::size_t count = 0;
     while (count < out.size() && !deadline.passed()) {
-      const double due_s = began_s_ + period_s * static_cast<double>(next_ + 1);
+      const double due_s = began_s_ + period_s * double(next_ + 1);
       if (monotonic_s() < due_s) {
         if (count > 0) break;
         ::usleep(500);
@@ -133,7 +133,7 @@ void run_a_sequence_on(RegisterMap map) {
   run.station.motion.poll_moving_s = 0.05;
   run.station.dwell.stillness_window_s = 0.1;
   StillImu imu;
-  const auto wait = [](double seconds) { ::usleep(static_cast<unsigned>(1e6 * seconds)); };
+  const auto wait = [](double seconds) { ::usleep(unsigned(1e6 * seconds)); };
   ended(run.run({driver, imu, clock, wait}), RunState::done);
   // 10000 counts a degree; pitch counts backwards, roll's zero is at 12.5 deg.
   EXPECT_NEAR(driver.status(Axis::pitch)->position_deg, 20.0, 1e-4);

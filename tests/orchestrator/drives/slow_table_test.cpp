@@ -69,7 +69,7 @@ class Units {
     std::vector<std::byte> bytes(encoder.length());
     const double began_s = monotonic_s();
     for (std::int64_t next = 0; !ended_;) {
-      const auto due = static_cast<std::int64_t>((monotonic_s() - began_s) * 1000.0);
+      const auto due = std::int64_t((monotonic_s() - began_s) * 1000.0);
       for (; next < due; ++next) {
         ImuSample sample;
         sample.counter = next;
@@ -161,13 +161,13 @@ class BufferedImu : public FrontImu {
   void pass(double seconds) {
     std::array<ImuSample, 64> block;
     const Result<std::size_t> got = imu_.read(block, seconds);
-    if (got) buffer_.insert(buffer_.end(), block.begin(), block.begin() + static_cast<std::ptrdiff_t>(*got));
+    if (got) buffer_.insert(buffer_.end(), block.begin(), block.begin() + std::ptrdiff_t(*got));
   }
   Result<std::size_t> read(std::span<ImuSample> out, double timeout_s) override {
     if (buffer_.empty()) return timeout_s > 0.0 ? imu_.read(out, timeout_s) : Result<std::size_t>(std::size_t{0});
     const std::size_t count = std::min(out.size(), buffer_.size());
     std::copy_n(buffer_.begin(), count, out.begin());
-    buffer_.erase(buffer_.begin(), buffer_.begin() + static_cast<std::ptrdiff_t>(count));
+    buffer_.erase(buffer_.begin(), buffer_.begin() + std::ptrdiff_t(count));
     return count;
   }
 

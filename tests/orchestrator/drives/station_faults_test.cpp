@@ -18,8 +18,7 @@ std::function<void(const ModbusRequest&, AnswerPlan&)> in_block(
     if (request.function != 3 || request.unit != 2) return;
     std::vector<std::uint16_t> words;
     const Frame& bytes = plan.pieces[0].bytes;
-    for (std::size_t i = 9; i + 1 < bytes.size(); i += 2)
-      words.push_back(static_cast<std::uint16_t>(bytes[i] << 8 | bytes[i + 1]));
+    for (std::size_t i = 9; i + 1 < bytes.size(); i += 2) words.push_back(std::uint16_t(bytes[i] << 8 | bytes[i + 1]));
     how(words);
     plan.pieces[0].bytes = read_reply(request, words, true);
   };
@@ -39,7 +38,7 @@ TEST(StationFaults, InPositionLies) {
     config.table.in_position = flag;
     ModbusRun s(config);
     const RunOutcome outcome = s.run();
-    ASSERT_EQ(outcome.state, RunState::done) << static_cast<int>(flag) << ": " << outcome.error.message;
+    ASSERT_EQ(outcome.state, RunState::done) << int(flag) << ": " << outcome.error.message;
     ASSERT_EQ(s.sink.segments.size(), 4u);
     EXPECT_EQ(s.sink.segments[2].end_sample - s.sink.segments[2].start_sample, 400) << "the dwell";
     EXPECT_GE(s.sink.segments[2].start_sample, 200 + 700) << "not before the table stood";
@@ -104,7 +103,7 @@ std::vector<DriveFault> drive_faults() {
     s.config.motion.deadline_margin_s = 2.0;
     reads(refused(6))(s);
   };
-  const auto stays_further = [](auto& words) { words[1] = static_cast<std::uint16_t>(words[1] - 500); };
+  const auto stays_further = [](auto& words) { words[1] = std::uint16_t(words[1] - 500); };
   const RigConfig plain = default_rig_config();
   using enum RunEvent;
   using Kind = RigFaultKind;
@@ -169,8 +168,7 @@ TEST(StationFaults, AnIllegalAddressIsTheMapsUntilSomethingMoves) {
 TEST(StationFaults, OvershootThatComesBack) {
   ModbusRun s;
   s.station.disturb(in_block([&s](std::vector<std::uint16_t>& words) {
-    if (s.rig_time_s() > 6.0 && s.rig_time_s() < 6.6)
-      words[1] = static_cast<std::uint16_t>(words[1] - 500);  // 0.05 deg further
+    if (s.rig_time_s() > 6.0 && s.rig_time_s() < 6.6) words[1] = std::uint16_t(words[1] - 500);  // 0.05 deg further
   }));
   ended(s.run(), RunState::done);
   EXPECT_GE(s.sink.segments[2].start_sample, 200 + 720);

@@ -34,7 +34,7 @@ struct LastWord : testing::Test {
   }
   static StopTime within(double brake_s, double deadline_s) {
     return {.now_s = monotonic_s,
-            .wait = [](double seconds) { ::usleep(static_cast<unsigned>(1e6 * seconds)); },
+            .wait = [](double seconds) { ::usleep(unsigned(1e6 * seconds)); },
             .brake_s = brake_s,
             .deadline_s = deadline_s};
   }
@@ -234,8 +234,8 @@ void read_off_by(ModbusRun& s, double jump_deg, double from_s, double to_s) {
     std::vector<std::uint8_t>& bytes = plan.pieces[0].bytes;
     std::uint32_t counts = 0;
     for (std::size_t i = 9; i < 13; ++i) counts = counts << 8 | bytes[i];
-    counts += static_cast<std::uint32_t>(static_cast<std::int32_t>(1e4 * jump_deg));
-    for (std::size_t i = 13; i-- > 9; counts >>= 8) bytes[i] = static_cast<std::uint8_t>(counts);
+    counts += std::uint32_t(std::int32_t(1e4 * jump_deg));
+    for (std::size_t i = 13; i-- > 9; counts >>= 8) bytes[i] = std::uint8_t(counts);
   });
 }
 

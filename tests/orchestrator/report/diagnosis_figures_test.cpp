@@ -14,7 +14,7 @@ TEST(DwellResiduals, FindTheErrorsOfTheSensorsInTheirOwnAxes) {
   ASSERT_EQ(dwells.size(), 7u);  // the first rest has no rotation before it
   for (std::size_t k = 0; k < dwells.size(); ++k) {
     const DwellResidual& d = dwells[k];
-    const double pitch = std::remainder(90.0 * static_cast<double>(k + 1), 360.0);
+    const double pitch = std::remainder(90.0 * double(k + 1), 360.0);
     EXPECT_NEAR(d.table_deg[0], -90.0, 1e-9);
     EXPECT_NEAR(std::remainder(d.table_deg[1] - pitch, 360.0), 0.0, 1e-9);
     EXPECT_NEAR(d.turned_rad.z(), 90.0 * rad_per_deg, 1e-9);  // 9 s at 10 deg/s
@@ -40,7 +40,7 @@ TEST(DwellResiduals, SeeTheTiltThatARotationLeft) {
   Sample sample = make_sample(no_error, no_error);
   const Eigen::Vector3d tilt_b(0.0, 0.0, 5.0 * rad_per_arcsec);
   for (ResidualPoint& p : sample.diagnosis.residuals) {
-    const Segment& s = sample.recording.segments[static_cast<std::size_t>(p.segment)];
+    const Segment& s = sample.recording.segments[std::size_t(p.segment)];
     const Eigen::Matrix3d C_nb = attitude_from_angles(s.heading_deg * rad_per_deg, s.pitch_deg * rad_per_deg, 0.0);
     const double t =
         p.time_s - std::floor((p.time_s) / (sample_rest_s + sample_turn_s)) * (sample_rest_s + sample_turn_s);
@@ -77,7 +77,7 @@ TEST(EffectFigure, ShowsEveryEffectOfTheCatalogueAgainstWhatItDependsOn) {
     const std::string name(entry.name);
     sample.diagnosis.effect_names = {name};
     sample.diagnosis.extended.effects.clear();
-    for (int k = 0; k < static_cast<int>(entry.components.size()); ++k)
+    for (int k = 0; k < int(entry.components.size()); ++k)
       sample.diagnosis.extended.effects.push_back(estimated(name.c_str(), k, 10.0 - k, 1.0));
     const Figure figure = effect_figure(sample.diagnosis, dwell_residuals(sample.diagnosis, sample.recording), name, 0);
     ASSERT_FALSE(figure.panels.empty()) << name;
@@ -125,7 +125,7 @@ TEST(TimeFigure, KeepsFaultsFromFlatteningTheRest) {
   Sample sample = clean_sample();
   for (std::size_t i = 0; i < sample.diagnosis.residuals.size(); ++i) {
     ResidualPoint& p = sample.diagnosis.residuals[i];
-    p.velocity_before_mps = p.velocity_after_mps = Eigen::Vector3d::Constant(1e-3 * std::sin(static_cast<double>(i)));
+    p.velocity_before_mps = p.velocity_after_mps = Eigen::Vector3d::Constant(1e-3 * std::sin(double(i)));
   }
   EXPECT_EQ(time_figure(sample.diagnosis).panels[0].y_limit, 0.0);
   for (std::size_t i = 100; i < 105; ++i) sample.diagnosis.residuals[i].velocity_before_mps.x() = 0.5;

@@ -9,7 +9,7 @@ namespace turncal {
 namespace {
 
 std::size_t characters(const std::string& utf8) {
-  return static_cast<std::size_t>(
+  return std::size_t(
       std::ranges::count_if(utf8, [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; }));
 }
 
@@ -73,7 +73,7 @@ TEST(TerminalTable, StaysWithinThirtyLinesOfAHundredColumns) {
   for (const EffectEntry& entry : effect_catalogue()) {
     const std::string name(entry.name);
     if (name != "accel_second_order") d.effect_names.push_back(name);
-    for (int k = 0; k < static_cast<int>(entry.components.size()); ++k)
+    for (int k = 0; k < int(entry.components.size()); ++k)
       d.extended.effects.push_back(estimated(name.c_str(), k, 1e5, 0.1));
     for (const EffectEntry& other : effect_catalogue()) d.aliases[name].push_back(std::string(other.name));
     d.separate_by[name] = std::string(entry.seen_by);

@@ -72,9 +72,9 @@ inline Sample make_sample(SampleErrorOf before, SampleErrorOf after, int rests =
     Block block;
     block.start_sample = counter;
     block.samples = 200;
-    block.segment = static_cast<std::int32_t>(sample.recording.segments.size()) - 1;
+    block.segment = std::int32_t(sample.recording.segments.size()) - 1;
     block.whole_second = rest;
-    block.temperature_c = static_cast<float>(24.0 + time_s / 600.0);
+    block.temperature_c = float(24.0 + time_s / 600.0);
     block.duration_s = 1.0;
     counter += 200;
     time_s += 1.0;
@@ -117,7 +117,7 @@ inline Sample make_sample(SampleErrorOf before, SampleErrorOf after, int rests =
   base.message = "converged";
   for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
     base.determined[k] = parameter_is_free[k];
-    base.sigma[static_cast<Eigen::Index>(k)] = parameter_is_free[k] ? (k < 3 ? 0.002 : 3e-7) : 0.0;
+    base.sigma[Eigen::Index(k)] = parameter_is_free[k] ? (k < 3 ? 0.002 : 3e-7) : 0.0;
   }
   base.noise.angle_random_walk.setConstant(0.002 * radprs_per_degprh);
   base.noise.velocity_random_walk.setConstant(8.0 * mpsprs_per_ugprHz);
@@ -139,7 +139,7 @@ inline Sample make_sample(SampleErrorOf before, SampleErrorOf after, int rests =
   d.holdout_before = d.holdout_after = {0.998, 0.0015, 99.6, 100};
   d.holdout_source = "second recording";
   for (const EffectEntry& entry : effect_catalogue())
-    for (int k = 0; k < static_cast<int>(entry.components.size()); ++k) {
+    for (int k = 0; k < int(entry.components.size()); ++k) {
       const double sigma = 0.5 + 0.1 * k;
       const double tau_s = entry.taus_s.empty() ? 0.0 : entry.taus_s.front();
       d.candidates.push_back({{&entry, k, tau_s}, sigma * (0.5 + 0.2 * k), sigma, 0.5 + 0.2 * k, 5.0 * sigma, true});

@@ -33,9 +33,7 @@ TEST_F(Apply, TakesEffectsOff) {
     std::vector<double> x;
     for (const std::string& row : csv(name).second) x.push_back(std::stod(lines_of(row, ',')[4]));
     const auto mean = [&](std::size_t first) {
-      return std::accumulate(x.begin() + static_cast<std::ptrdiff_t>(first),
-                             x.begin() + static_cast<std::ptrdiff_t>(first + 3000), 0.0) /
-             3000.0;
+      return std::accumulate(x.begin() + std::ptrdiff_t(first), x.begin() + std::ptrdiff_t(first + 3000), 0.0) / 3000.0;
     };
     return 0.5 * (mean(500) + mean(x.size() - 3500)) / 0.005 / 9.80665e-6;
   };
@@ -65,12 +63,11 @@ TEST_F(Apply, WritesTimeAndRates) {
   const auto [other_head, increments] = rows("increments");
   EXPECT_TRUE(head.starts_with("time_s,rate_x_radps,rate_y_radps,rate_z_radps,force_x_mps2")) << head;
   EXPECT_TRUE(other_head.starts_with("time_s,dtheta_x_rad,dtheta_y_rad,dtheta_z_rad,dv_x_mps")) << other_head;
-  const auto width = static_cast<std::size_t>(std::ranges::count(head, ',') + 1);
+  const auto width = std::size_t(std::ranges::count(head, ',') + 1);
   ASSERT_EQ(rates.size(), 10000 * width);
   for (std::size_t row = 0; row < 10000; row += 999)
     for (std::size_t k = 0; k < 7; ++k)
-      EXPECT_DOUBLE_EQ(rates[row * width + k],
-                       k == 0 ? 0.005 * static_cast<double>(row) : increments[row * width + k] / 0.005);
+      EXPECT_DOUBLE_EQ(rates[row * width + k], k == 0 ? 0.005 * double(row) : increments[row * width + k] / 0.005);
   for (const char* out : {"r.npy", "r.mat"})
     ends({"apply", "rec", "--parameters", path("true.conf"), "--out", out, "--as", "rates"}, 0);
   expect_refused("apply rec --parameters true.conf --out r.tcr --as rates", "a counter");

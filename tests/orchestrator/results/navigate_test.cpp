@@ -29,7 +29,7 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
   // A row a second and branch, and the start.
   const std::string track = file_text(folder_ / "nav/track.csv");
   EXPECT_EQ(std::ranges::count(track, '\n'), 1 + 3 * 1501);
-  EXPECT_EQ(std::count(track.begin(), track.begin() + static_cast<std::ptrdiff_t>(track.find('\n')), ','), 10);
+  EXPECT_EQ(std::count(track.begin(), track.begin() + std::ptrdiff_t(track.find('\n')), ','), 10);
   EXPECT_TRUE(std::filesystem::exists(folder_ / "nav/track_against.csv"));
   const std::string page = file_text(folder_ / "nav/navigation.html");
   for (const char* part : {"<b>Drift:</b> rms ", "<svg", "</i> first start<", "</i> compared with<"})
@@ -188,7 +188,7 @@ TEST_F(Navigate, SaysWhatSpeaksAgainstTheFile) {
 TEST_F(Navigate, ExpectsOfAFileWithEffectsWhatItCanKnow) {
   record_rest("rest");
   ParameterFile file = truth_of("rest");
-  for (int k = 0; k < 3; ++k) file.sigma[static_cast<std::size_t>(k)] = 0.2;
+  for (int k = 0; k < 3; ++k) file.sigma[std::size_t(k)] = 0.2;
   keep(file, "base.conf");
   file.effects.push_back({"gyro_bias_drift", "x", 0.0, 0.2});
   file.model = "extended";
@@ -252,7 +252,7 @@ TEST_F(Navigate, SamplesThatCannotBeAreSetAside) {
     const ProgramResult navigated =
         ends({"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--branches", "1"}, 0);
     KeyValueFile conf = result("nav/navigation.conf");
-    EXPECT_EQ(conf.integer("filled_samples"), static_cast<std::int64_t>(faults)) << recording;
+    EXPECT_EQ(conf.integer("filled_samples"), std::int64_t(faults)) << recording;
     EXPECT_EQ(conf.keys_with_prefix("fault.").size(), faults) << recording;
     EXPECT_SAYS(navigated.out, words);
     return conf.number("drift.rms_nm_per_h");

@@ -40,7 +40,7 @@ class RigUnit : public Program {
     KeyValueFile truth = result(recording + "/truth.conf");
     ParameterFile file = file_of(recording);
     for (std::size_t k = 0; k < parameter_keys.size(); ++k)
-      file.parameters[static_cast<Eigen::Index>(k)] = truth.number(parameter_keys[k]);
+      file.parameters[Eigen::Index(k)] = truth.number(parameter_keys[k]);
     file.simulated = true;
     return file;
   }

@@ -23,16 +23,16 @@ class ThermalCommand : public RigUnit {
     file.parameters[0] -= 0.004 * x;
     file.parameters[19] += 1e-6 * x + 4e-8 * x * x;
     for (int k = 0; k < parameter_count; ++k) {
-      if (!parameter_is_free[static_cast<std::size_t>(k)]) continue;
+      if (!parameter_is_free[std::size_t(k)]) continue;
       const double sigma = k < 3 ? 2e-3 : 3e-7;
       file.parameters[k] += sigma * normal(random);
-      file.sigma[static_cast<std::size_t>(k)] = sigma;
+      file.sigma[std::size_t(k)] = sigma;
     }
     for (std::size_t i = 0; i < free_parameters().size(); ++i) {
       std::string row;
       for (std::size_t j = 0; j <= i; ++j)
         row += fmt::format("{}{}", j == 0 ? "" : " ",
-                           i == j ? std::pow(*file.sigma[static_cast<std::size_t>(free_parameters()[i])], 2) : 0.0);
+                           i == j ? std::pow(*file.sigma[std::size_t(free_parameters()[i])], 2) : 0.0);
       file.add_further("quality.covariance." + parameter_key(free_parameters()[i]), row);
     }
     file.add_further("quality.trusted", std::string("true"));

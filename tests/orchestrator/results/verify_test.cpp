@@ -200,7 +200,7 @@ TEST_F(Verify, SaysThatTheRecordingIsDamaged) {
   write_parameters("true.conf");
   record("v", good_rig, "step 1\n  initial H 0 P 0 R 0\n  align 6000\n  align 6000\n  dwell 6000\n  dwell 6000\n");
   std::string bytes = file_text(folder_ / "v/recording.tcr");
-  bytes[5000] = static_cast<char>(~bytes[5000]);
+  bytes[5000] = char(~bytes[5000]);
   std::filesystem::create_directory(folder_ / "damaged");
   write("damaged/recording.tcr", bytes);
   const ProgramResult judged = run("verify --recording damaged --parameters true.conf --out judged");

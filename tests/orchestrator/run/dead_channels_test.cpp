@@ -14,10 +14,10 @@ std::vector<ImuSample> dwell(std::mt19937_64& random, std::int64_t first, std::i
   std::poisson_distribution<int> few(0.05), many(98.0);
   std::vector<ImuSample> samples(static_cast<std::size_t>(count));
   for (std::int64_t k = 0; k < count; ++k) {
-    ImuSample& s = samples[static_cast<std::size_t>(k)];
+    ImuSample& s = samples[std::size_t(k)];
     for (double& x : s.gyro) x = few(random);
     for (double& x : s.accel) x = many(random);
-    if (k >= from && k < to && k > 0) s = samples[static_cast<std::size_t>(k - 1)];
+    if (k >= from && k < to && k > 0) s = samples[std::size_t(k - 1)];
     s.counter = first + k;
   }
   return samples;
@@ -25,7 +25,7 @@ std::vector<ImuSample> dwell(std::mt19937_64& random, std::int64_t first, std::i
 
 // What a dwell monitor says of a dwell, with room for what is not still in coarse units.
 std::string dwell_defect(DwellMonitor& monitor, const std::vector<ImuSample>& samples) {
-  monitor.start(samples.front().counter, static_cast<std::int64_t>(samples.size()));
+  monitor.start(samples.front().counter, std::int64_t(samples.size()));
   std::optional<DwellMonitor::Defect> defect;
   for (std::size_t k = 0; k < samples.size() && !defect; k += 100)
     defect = monitor.add(std::span(samples).subspan(k, 100));
@@ -49,8 +49,8 @@ TEST(DeadChannels, AllSixFrozenAreNamedWithTheVerySamples) {
   std::mt19937_64 random(6);
   DwellMonitor monitor = patient_monitor();
   for (int draw = 0; draw < 60; ++draw) {
-    const auto length = static_cast<std::int64_t>(500 + random() % 4000);
-    const auto from = draw == 0 ? 1 : draw == 1 ? 20000 - length : static_cast<std::int64_t>(1 + random() % 15000);
+    const auto length = std::int64_t(500 + random() % 4000);
+    const auto from = draw == 0 ? 1 : draw == 1 ? 20000 - length : std::int64_t(1 + random() % 15000);
     const std::vector<ImuSample> samples = dwell(random, 7000, 20000, from, from + length);
     const std::string text = dwell_defect(monitor, samples);
     const std::string named = std::to_string(7000 + from - 1) + " to " + std::to_string(7000 + from + length - 1);
@@ -80,7 +80,7 @@ TEST(DeadChannels, AUnitThatIsUsedToItIsNotFrozen) {
   std::vector<ImuSample> coarse(20000);
   for (int i = 0; i < 20; ++i) {
     for (std::size_t k = 0; k < coarse.size(); ++k) {
-      coarse[k].counter = static_cast<std::int64_t>(k);
+      coarse[k].counter = std::int64_t(k);
       coarse[k].accel[1] = flickers(random) ? 1.0 : 0.0;
     }
     EXPECT_EQ(dwell_defect(monitor, coarse), "");
@@ -88,7 +88,7 @@ TEST(DeadChannels, AUnitThatIsUsedToItIsNotFrozen) {
   // Without any noise: dwells of different lengths, each one number.
   for (const std::size_t count : {200U, 20000U, 400U, 120000U, 12000U}) {
     std::vector<ImuSample> silent(count);
-    for (std::size_t k = 0; k < count; ++k) silent[k].counter = static_cast<std::int64_t>(k);
+    for (std::size_t k = 0; k < count; ++k) silent[k].counter = std::int64_t(k);
     EXPECT_EQ(dwell_defect(monitor, silent), "") << count;
   }
 }
@@ -116,7 +116,7 @@ std::vector<std::vector<ImuSample>> clean_unit(std::uint64_t seed) {
   pass(5.0);
   std::vector<std::vector<ImuSample>> dwells;
   for (int i = 0; i < 6; ++i) {
-    const double to_deg = i % 2 == 0 ? 90.0 * static_cast<double>(random() % 4) : draw(0.0, 360.0);
+    const double to_deg = i % 2 == 0 ? 90.0 * double(random() % 4) : draw(0.0, 360.0);
     const Axis axis = all_axes[random() % 3];
     EXPECT_TRUE(table.move_absolute(axis, to_deg, 50.0, 100.0).ok());
     pass(12.0);
@@ -135,7 +135,7 @@ TEST(DeadChannels, OfHundredsOfDwellsOfCleanUnitsNoneIsFrozen) {
       ASSERT_EQ(dwell_defect(monitor, one), "") << "unit " << seed;
       ++dwells;
       for (std::size_t from = 0; from < one.size(); from += 1000) {  // and of 5 s
-        const auto piece = one.begin() + static_cast<std::ptrdiff_t>(from);
+        const auto piece = one.begin() + std::ptrdiff_t(from);
         ASSERT_EQ(dwell_defect(monitor, {piece, piece + 1000}), "") << "unit " << seed << " from " << from;
       }
     }
@@ -159,7 +159,7 @@ TEST(DeadChannels, AGyroThatReadsZeroForSecondsIsNoticed) {
         squares += counts * counts;
       }
       const double mean = sum / 100.0, sigma = std::sqrt(std::max(0.0, squares / 100.0 - mean * mean));
-      const double windows = static_cast<double>(length) / 200.0;
+      const double windows = double(length) / 200.0;
       for (std::size_t k = from; k < from + length; ++k) last[k].gyro[channel] = 0.0;
       const std::string text = dwell_defect(monitor, last);
       wrong += !text.empty() && !text.starts_with(channel_names[channel]) ? 1 : 0;
@@ -185,7 +185,7 @@ TEST(DeadChannels, AGyroThatReadsZeroInAShortDwellIsNoticed) {
     const std::size_t from = random() % (count - length), channel = random() % 3;
     std::vector<ImuSample> samples(count);
     for (std::size_t k = 0; k < count; ++k) {
-      samples[k].counter = static_cast<std::int64_t>(k);
+      samples[k].counter = std::int64_t(k);
       for (double& x : samples[k].gyro) x = 1e-9 * std::round(1e9 * (7e-7 + 1e-7 * noise(random)));
       for (double& x : samples[k].accel) x = 1e-6 * std::round(1e6 * (0.05 + 1e-5 * noise(random)));
     }

@@ -15,9 +15,9 @@ RecordingInfo info() {
 std::vector<ImuSample> at_rest(std::int64_t first, std::int64_t count) {
   std::vector<ImuSample> samples(static_cast<std::size_t>(count));
   for (std::int64_t i = 0; i < count; ++i) {
-    ImuSample& s = samples[static_cast<std::size_t>(i)];
+    ImuSample& s = samples[std::size_t(i)];
     s.counter = first + i;
-    s.gyro = {std::floor(0.0224 * static_cast<double>(i + 1)) - std::floor(0.0224 * static_cast<double>(i)), 0.0, 0.0};
+    s.gyro = {std::floor(0.0224 * double(i + 1)) - std::floor(0.0224 * double(i)), 0.0, 0.0};
     s.accel = {0.0, 97.9, 0.0};
   }
   return samples;
@@ -44,7 +44,7 @@ TEST(DwellMonitor, CountsByTheCounter) {
 TEST(DwellMonitor, EveryLostSampleIsSeen) {
   for (const std::size_t lost : {0U, 1U, 777U, 1998U}) {
     std::vector<ImuSample> samples = at_rest(500, 2000);
-    samples.erase(samples.begin() + static_cast<std::ptrdiff_t>(lost));
+    samples.erase(samples.begin() + std::ptrdiff_t(lost));
     EXPECT_EQ(verdict(samples), "1 samples lost at sample " + std::to_string(500 + lost));
   }
 }

@@ -136,7 +136,7 @@ TEST(BackgroundQueue, DoesItsJobsInOrderAndTellsWhenItIsFullOrStuck) {
     hook.hangs = true;
     queue.post([&] { hook.pass(); });
     std::size_t taken = 1;
-    while (queue.post([&done, taken] { done.push_back(static_cast<int>(taken)); })) ++taken;
+    while (queue.post([&done, taken] { done.push_back(int(taken)); })) ++taken;
     EXPECT_EQ(taken, BackgroundQueue::capacity);
     EXPECT_FALSE(queue.drain());
     EXPECT_TRUE(queue.stuck());
@@ -147,7 +147,7 @@ TEST(BackgroundQueue, DoesItsJobsInOrderAndTellsWhenItIsFullOrStuck) {
     queue.post([&] { done.push_back(-1); });
   }
   ASSERT_EQ(done.size(), BackgroundQueue::capacity);
-  for (std::size_t i = 0; i + 1 < done.size(); ++i) ASSERT_EQ(done[i], static_cast<int>(i) + 1);
+  for (std::size_t i = 0; i + 1 < done.size(); ++i) ASSERT_EQ(done[i], int(i) + 1);
   EXPECT_EQ(done.back(), -1);  // what is posted last is done before the queue goes
 }
 

@@ -17,10 +17,10 @@ class LateImu : public FrontImu {
     std::vector<ImuSample> fresh(out.size());
     const Result<std::size_t> got = imu_.read(fresh, timeout_s);
     if (!got) return got;
-    under_way_.insert(under_way_.end(), fresh.begin(), fresh.begin() + static_cast<std::ptrdiff_t>(*got));
+    under_way_.insert(under_way_.end(), fresh.begin(), fresh.begin() + std::ptrdiff_t(*got));
     const std::size_t arrived = std::min(out.size(), under_way_.size() - std::min(late, under_way_.size()));
     std::copy_n(under_way_.begin(), arrived, out.begin());
-    under_way_.erase(under_way_.begin(), under_way_.begin() + static_cast<std::ptrdiff_t>(arrived));
+    under_way_.erase(under_way_.begin(), under_way_.begin() + std::ptrdiff_t(arrived));
     return arrived;
   }
   std::size_t late;
@@ -110,8 +110,8 @@ TEST(Lanes, DefectInTheFirstSamplesOfADwellLeavesTheOthersWhole) {
     const RunOutcome::Unit& good = outcome.units[bad == 1 ? 1 : 0];
     EXPECT_FALSE(good.dropped_out);
     EXPECT_EQ(good.lost_samples, 0u);
-    EXPECT_TRUE(outcome.units[static_cast<std::size_t>(bad - 1)].dropped_out);
-    EXPECT_EQ(outcome.units[static_cast<std::size_t>(bad - 1)].dropped_out->kind, ErrorKind::unit_failed);
+    EXPECT_TRUE(outcome.units[std::size_t(bad - 1)].dropped_out);
+    EXPECT_EQ(outcome.units[std::size_t(bad - 1)].dropped_out->kind, ErrorKind::unit_failed);
   }
 }
 
@@ -209,8 +209,8 @@ TEST(Places, ContradictionsNameTheKey) {
 
 std::string line_of(const Segment& s) {
   std::ostringstream text;
-  text << s.step << ' ' << static_cast<int>(s.kind) << ' ' << s.start_sample << ' ' << s.end_sample << ' '
-       << s.heading_deg << ' ' << s.pitch_deg << ' ' << s.roll_deg;
+  text << s.step << ' ' << int(s.kind) << ' ' << s.start_sample << ' ' << s.end_sample << ' ' << s.heading_deg << ' '
+       << s.pitch_deg << ' ' << s.roll_deg;
   return text.str();
 }
 void expect_same(const Segments& found, const Segments& expected) {

@@ -143,8 +143,8 @@ struct DrawnMove {
     unit.emplace(unit_in_rad());
     std::int64_t samples = 0;
     const auto feel_until = [&](double t) {
-      for (; felt && 0.005 * static_cast<double>(samples) - 4.0 < t; ++samples) {
-        const double now = 0.005 * static_cast<double>(samples) - 4.0;
+      for (; felt && 0.005 * double(samples) - 4.0 < t; ++samples) {
+        const double now = 0.005 * double(samples) - 4.0;
         ImuSample sample;
         sample.counter = samples;
         sample.gyro[1] = gyro_scale * (at_deg(now + 0.005) - at_deg(now)) * rad_per_deg;
@@ -431,7 +431,7 @@ TableStatus with_pitch(double position_deg, double rate_degps, bool moving, bool
     axis.moving = false;
     axis.in_position = true;
   }
-  AxisStatus& pitch = status[static_cast<std::size_t>(Axis::pitch)];
+  AxisStatus& pitch = status[std::size_t(Axis::pitch)];
   pitch.position_deg = position_deg;
   pitch.rate_degps = rate_degps;
   pitch.moving = moving;

@@ -115,19 +115,19 @@ struct Disturbance {
   int axis = 0;
 };
 std::ostream& operator<<(std::ostream& out, const Disturbance& d) {
-  constexpr int faults = static_cast<int>(RigFaultKind::link_lost) + 1;
+  constexpr int faults = int(RigFaultKind::link_lost) + 1;
   const char* const others[] = {"operator stops", "journal fails", "disk fails", "killed", "paused", "ended"};
   return out << (d.kind < faults ? to_string(static_cast<RigFaultKind>(d.kind)) : others[d.kind - faults]) << " at "
              << d.moment << " axis " << d.axis;
 }
-constexpr int fault_kinds = static_cast<int>(RigFaultKind::link_lost) + 1;
+constexpr int fault_kinds = int(RigFaultKind::link_lost) + 1;
 constexpr int disturbance_kinds = fault_kinds + 6;
 
 RigFault fault_of(const Disturbance& d, double period_s) {
   RigFault fault;
   fault.kind = static_cast<RigFaultKind>(d.kind);
   fault.time_s = 0.1 * d.moment;
-  fault.sample = static_cast<std::int64_t>(fault.time_s / period_s);
+  fault.sample = std::int64_t(fault.time_s / period_s);
   fault.duration_s = 0.5;
   fault.axis = d.axis;
   fault.count = 3;

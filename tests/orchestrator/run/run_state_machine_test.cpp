@@ -38,7 +38,7 @@ TEST(RunStateMachine, NamesAreCompleteAndDistinct) {
   const auto distinct = [](const auto& all) {
     std::set<std::string_view> names;
     for (const auto one : all) names.insert(to_string(one));
-    return static_cast<int>(names.size());
+    return int(names.size());
   };
   EXPECT_EQ(distinct(all_states), run_state_count);
   EXPECT_EQ(distinct(all_events), run_event_count);
@@ -136,7 +136,7 @@ TEST(RunStateMachine, EveryStateIsReachable) {
         if (row.from.contains(state) && reached.count(state)) reached.insert(row.to);
     }
   }
-  EXPECT_EQ(reached.size(), static_cast<std::size_t>(run_state_count));
+  EXPECT_EQ(reached.size(), std::size_t(run_state_count));
 }
 
 // What docs/state-machine.md has to say, in the order of the table.
@@ -160,7 +160,7 @@ constexpr const char* guard_names[] = {
 std::vector<std::string> expected_document_lines() {
   std::vector<std::string> lines;
   for (const TransitionRow& row : transition_table) {
-    const std::string guard = guard_names[static_cast<std::size_t>(row.guard)];
+    const std::string guard = guard_names[std::size_t(row.guard)];
     lines.push_back("| " + names_of(row.from) + " | " + std::string(to_string(row.event)) + " | " + guard + " | " +
                     std::string(to_string(row.to)) + " | " + std::string(to_string(row.action)) + " |");
   }
@@ -168,7 +168,7 @@ std::vector<std::string> expected_document_lines() {
     lines.push_back("| " + names_of(row.in) + " | " + names_of(row.events) + " | " + std::string(row.why) + " |");
   // The drawing has one arrow a row and state; errors of the live states are drawn from the frame around them.
   for (const TransitionRow& row : transition_table) {
-    const std::string name = guard_names[static_cast<std::size_t>(row.guard)];
+    const std::string name = guard_names[std::size_t(row.guard)];
     const std::string guard = name.empty() ? "" : " [" + name + "]";
     const std::string label = std::string(to_string(row.event)) + guard;
     if (row.from.bits == live_states.bits) {

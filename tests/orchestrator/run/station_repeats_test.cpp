@@ -269,8 +269,7 @@ struct GapStation : RigStation {
     const std::array<double, 24> truth = rig.truth_at_reference(output->mean_temperature_c.value_or(24.0));
     for (std::size_t i = 0; i < truth.size(); ++i) {
       if (!output->file.sigma[i]) continue;
-      EXPECT_LT(std::abs(output->file.parameters[static_cast<Eigen::Index>(i)] - truth[i]),
-                5.0 * *output->file.sigma[i])
+      EXPECT_LT(std::abs(output->file.parameters[Eigen::Index(i)] - truth[i]), 5.0 * *output->file.sigma[i])
           << parameter_keys[i];
     }
   }

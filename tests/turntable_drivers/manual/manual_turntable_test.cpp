@@ -332,7 +332,7 @@ TEST_F(ManualTable, HomingTakesTheAnglesReadOff) {
   for (const Axis axis : all_axes) {
     const AxisStatus status = *desk.manual.status(axis);
     EXPECT_TRUE(status.homed && status.in_position && !status.moving);
-    EXPECT_EQ(status.position_deg, expected[static_cast<int>(axis)]);
+    EXPECT_EQ(status.position_deg, expected[int(axis)]);
   }
 }
 
@@ -342,9 +342,7 @@ TEST_F(ManualTable, RehearsalTurnsTheRigToTheTypedAngle) {
   Desk desk;
   desk.manual.rehearse_on(rehearsed_table(rig));
   std::vector<ImuSample> samples(4000);
-  const auto pass = [&](double seconds) {
-    rig.advance(std::span(samples).first(static_cast<std::size_t>(200 * seconds)));
-  };
+  const auto pass = [&](double seconds) { rig.advance(std::span(samples).first(std::size_t(200 * seconds))); };
   ASSERT_TRUE(desk.manual.connect().ok());
   EXPECT_TRUE(desk.manual.identify()->simulated);
   ASSERT_TRUE(desk.manual.enable().ok());

@@ -65,8 +65,7 @@ TEST(ModbusFaults, AnotherUnitsAnswerIsRefused) {
     if (!is_read(request) || replies++ > 0) return;
     ModbusRequest other = request;
     other.unit = 2;
-    plan.pieces[0].bytes =
-        read_reply(other, std::vector<std::uint16_t>(static_cast<std::size_t>(request.count), 7), false);
+    plan.pieces[0].bytes = read_reply(other, std::vector<std::uint16_t>(std::size_t(request.count), 7), false);
   });
   EXPECT_EQ(s.expect_truth(3), 9);
   EXPECT_GT(replies, 9) << "it was asked again";

@@ -25,7 +25,7 @@ inline ImuSample next_sample(Rig& rig) {
   return sample;
 }
 inline void pass_time(Rig& rig, double seconds) {
-  std::vector<ImuSample> samples(static_cast<std::size_t>(std::lround(seconds / rig.config().sample_period_s)));
+  std::vector<ImuSample> samples(std::size_t(std::lround(seconds / rig.config().sample_period_s)));
   if (!samples.empty()) rig.advance(samples);
 }
 

@@ -87,7 +87,7 @@ fault.4.duration_s = 34
   EXPECT_TRUE(config->faults[0].hidden);
   EXPECT_EQ(config->faults[1].axis, 1);
   EXPECT_EQ(config->faults[1].size, 0.05);
-  EXPECT_EQ(config->faults[2].axis, static_cast<int>(Axis::pitch));
+  EXPECT_EQ(config->faults[2].axis, int(Axis::pitch));
   EXPECT_EQ(config->faults[2].time_s, 350.5);
   EXPECT_EQ(config->faults[2].rate_degps, 0.2);
   EXPECT_EQ(config->faults[3].duration_s, 34.0);

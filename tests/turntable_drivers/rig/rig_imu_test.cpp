@@ -91,7 +91,7 @@ TEST(RigImuFaults, HiddenLossLeavesNoGap) {
   Source s(with_fault({.kind = RigFaultKind::lost_sample, .sample = 5, .hidden = true}));
   const auto samples = s.read(100, 0.05);
   ASSERT_EQ(samples.size(), 9u);
-  for (std::size_t i = 0; i < samples.size(); ++i) EXPECT_EQ(samples[i].counter, 1000 + static_cast<std::int64_t>(i));
+  for (std::size_t i = 0; i < samples.size(); ++i) EXPECT_EQ(samples[i].counter, 1000 + std::int64_t(i));
   EXPECT_EQ(s.imu.counters().lost_samples, 0u);
 }
 
@@ -141,8 +141,8 @@ double allan_variance(const std::vector<double>& integral, std::size_t m, double
     const double d = integral[i + 2 * m] - 2.0 * integral[i + m] + integral[i];
     sum += d * d;
   }
-  const double tau = static_cast<double>(m) * period_s;
-  return sum / static_cast<double>(count) / (2.0 * tau * tau);
+  const double tau = double(m) * period_s;
+  return sum / double(count) / (2.0 * tau * tau);
 }
 
 // Flicker through the whole rig, in its units: B = 0.01 deg/h and 5 ug, nothing else on; sums of pulses at rest. The
@@ -152,7 +152,7 @@ TEST(RigNoise, FlickerOfTheRigIsInItsUnits) {
   constexpr int seeds = 12;
   for (int seed = 0; seed < seeds; ++seed) {
     RigConfig config = perfect_rig_config();
-    config.seed = static_cast<std::uint64_t>(seed);
+    config.seed = std::uint64_t(seed);
     config.noise.gyro_bias_instability_degph = 0.01;
     config.noise.accel_bias_instability_ug = 5.0;
     Rig rig(config);
@@ -178,7 +178,7 @@ TEST(RigNoise, RateRandomWalk) {
   size.rate_walk = 0.2;
   double square = 0.0;
   for (int seed = 0; seed < 300; ++seed) {
-    TriadNoise noise(size, 0.05, static_cast<std::uint64_t>(seed), 1);
+    TriadNoise noise(size, 0.05, std::uint64_t(seed), 1);
     std::array<double, 3> increment{};
     for (int i = 0; i < 18000; ++i) noise.add(increment);
     for (double bias : noise.bias()) square += bias * bias / 900.0;

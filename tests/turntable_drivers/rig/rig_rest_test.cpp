@@ -213,14 +213,14 @@ void step(Navigator& navigator, const ImuSample& sample) {
 }
 
 void run(Rig& rig, Navigator& navigator, double seconds) {
-  const auto samples = static_cast<int>(std::lround(seconds / rig.config().sample_period_s));
+  const auto samples = int(std::lround(seconds / rig.config().sample_period_s));
   for (int i = 0; i < samples; ++i) step(navigator, next_sample(rig));
 }
 
 Matrix3d attitude(const Rig& rig) {
   const std::array<double, 9> rows = rig.attitude_nb();
   Matrix3d c;
-  for (std::size_t i = 0; i < 9; ++i) c(static_cast<int>(i / 3), static_cast<int>(i % 3)) = rows[i];
+  for (std::size_t i = 0; i < 9; ++i) c(int(i / 3), int(i % 3)) = rows[i];
   return c;
 }
 
@@ -317,7 +317,7 @@ TEST(RigAgainstAnotherSimulator, SameUnitSameMotionSamePulses) {
   }));
   const Segments& segments = (*recording)->segments();
   ASSERT_EQ(segments.size(), 106u);
-  ASSERT_EQ(theirs.size(), static_cast<std::size_t>(segments.back().end_sample) + 1);
+  ASSERT_EQ(theirs.size(), std::size_t(segments.back().end_sample) + 1);
 
   Rig rig(config);
   std::array<double, 3> before_deg{};
@@ -329,7 +329,7 @@ TEST(RigAgainstAnotherSimulator, SameUnitSameMotionSamePulses) {
       if (angles_deg[i] != before_deg[i]) rig.command_move(axis, angles_deg[i], 10.0, 10.0);
     }
     before_deg = angles_deg;
-    samples.resize(static_cast<std::size_t>(segment.end_sample - segment.start_sample));
+    samples.resize(std::size_t(segment.end_sample - segment.start_sample));
     rig.advance(samples);
     for (Axis axis : all_axes) EXPECT_FALSE(rig.axis(axis).moving);
     std::array<double, 6> ours{};
@@ -339,10 +339,10 @@ TEST(RigAgainstAnotherSimulator, SameUnitSameMotionSamePulses) {
         ours[3 + k] += sample.accel[k];
       }
     }
-    const double seconds = 0.005 * static_cast<double>(samples.size());
+    const double seconds = 0.005 * double(samples.size());
     for (std::size_t k = 0; k < 6; ++k) {
-      const double difference = theirs[static_cast<std::size_t>(segment.end_sample)][k] -
-                                theirs[static_cast<std::size_t>(segment.start_sample)][k] - ours[k];
+      const double difference =
+          theirs[std::size_t(segment.end_sample)][k] - theirs[std::size_t(segment.start_sample)][k] - ours[k];
       const std::string where = "samples " + std::to_string(segment.start_sample) + " on, column " + std::to_string(k);
       if (k >= 3) {
         EXPECT_NEAR(difference * 0.0005 / seconds, 0.0, 0.03) << where;  // m/s^2: 10 arc minutes of g

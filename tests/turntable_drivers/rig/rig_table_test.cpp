@@ -34,7 +34,7 @@ struct Station {
 
 RigConfig with_fault(RigFaultKind kind, double time_s, Axis axis = Axis::heading) {
   RigConfig config = default_rig_config();
-  config.faults.push_back({.kind = kind, .time_s = time_s, .axis = static_cast<int>(axis)});
+  config.faults.push_back({.kind = kind, .time_s = time_s, .axis = int(axis)});
   return config;
 }
 
