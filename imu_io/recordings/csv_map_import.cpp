@@ -416,8 +416,8 @@ class Importer {
     for (std::size_t k = 1, f = 0, m = 0; k < rows_; ++k) {
       std::int64_t steps = 1;
       if (f < found.size() && found[f].row == k) steps = found[f++].periods;
+      periods += steps;  // as the stamps say
       if (m < missing_.size() && missing_[m].row == k) steps = std::max(steps, missing_[m++].periods + 1);
-      periods += steps;
       if (steps > 1) {
         gaps_.push_back({k, steps});
         continue;

@@ -54,7 +54,7 @@ TEST_F(Diagnose, FindsTheDelayThatTheRigWasGivenAndSaysWhatItDid) {
   // The terminal gets the same, short; its last lines are those of a terminal that did not ask for more.
   const std::string last = "verdict         Extended; parameters trusted\nreason          added: accel_delay, tau 0.3";
   EXPECT_SAYS(result.out, last);
-  EXPECT_TRUE(result.out.ends_with(" sigma)\nopen out/report.html\n")) << result.out;
+  EXPECT_TRUE(result.out.ends_with(" sigma), probability more than 0.99\nopen out/report.html\n")) << result.out;
 
   // Again, without gnuplot: another report, the same answer, the same exit code.
   const char* const old_path = std::getenv("PATH");

@@ -84,7 +84,7 @@ refused 'this is a parameter file, expected a recording of turncal; turncal conv
 refused 'this is a table of numbers (CSV), expected a recording of turncal; turncal import ' navigate "$samples/euroc.csv" --out b
 refused 'this is the journal of a run, expected a sequence; turncal journal and resume take its folder' predict --sequence a/journal.tcj
 refused 'expected a recording of turncal; --station of run' journal "$stations/mock.station"
-refused 'in doubt: gyro.unit: the header does not say it' import "$samples/kf_gins.txt" --out b --map-out proposed.map
+refused 'the unit does not turn enough to tell; in s it is 100 Hz; gyro.unit: the header does not say it' import "$samples/kf_gins.txt" --out b --map-out proposed.map
 sed -i 's/^gyro.unit.*/gyro.unit = rad/' proposed.map
 good import "$samples/kf_gins.txt" --map proposed.map --out known
 grep -q 'imported into known: 60 samples .*; time.increments = period: ' said.out || fail "what was imported is not said: $(cat said.out)"
