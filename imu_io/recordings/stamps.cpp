@@ -334,6 +334,20 @@ std::vector<double> common_phases(std::span<const double> times, double slope) {
   return periods;
 }
 
+// Of rows that all keep within a quarter of a period of one straight line, so that none is missing; else 0.
+double even_period(std::span<const double> times) {
+  const double n = double(times.size()), middle = 0.5 * (n - 1.0);
+  double sum = 0.0, both = 0.0;
+  for (std::size_t k = 0; k < times.size(); ++k) {
+    sum += times[k] - times[0];
+    both += (double(k) - middle) * (times[k] - times[0]);
+  }
+  const double period = both * 12.0 / (n * (n * n - 1.0)), begins = times[0] + sum / n - middle * period;
+  for (std::size_t k = 0; k < times.size(); ++k)
+    if (!(std::abs(times[k] - begins - double(k) * period) < 0.25 * period)) return 0.0;
+  return period;
+}
+
 }  // namespace
 
 std::vector<double> intervals_of(std::span<const double> times, std::size_t most) {
@@ -387,7 +401,10 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
   };
   const auto slips = [](const StampGap& g) { return g.anew && g.periods == 1; };
   const StampModel start = best;
-  best = of_all(start, step);
+  if (const double even = even_period(times); best.gaps.empty() && gap >= 1.5 && even > 0.0)
+    best.period = even;
+  else
+    best = of_all(start, step);
   if (step == 0.0 && grid > 0.0 && some.size() < times.size() && std::ranges::any_of(best.gaps, slips)) {
     StampModel other = of_all(start, grid);
     if (other.cost + steps_cost < best.cost) best = std::move(other), step = grid;
