@@ -15,9 +15,6 @@ namespace turncal {
 
 namespace {
 
-constexpr double most_within =
-    0.05;  // k / 24 of a radian a sample, beyond which the series does not hold (gyros of another unit)
-
 // In a segment called at rest the unit may still turn (a table that settles, a hand that lets go late). What turns faster
 // than this against the median of its segment is no rest, nor are the blocks before and after it.
 constexpr double turning_radps = 0.003;
@@ -100,8 +97,8 @@ void fill_temperature(std::vector<Block>& blocks) {
 
 // dT/dt in the middle of each block: of the quadratic that is nearest to the temperatures of two minutes about it (Savitzky and Golay, Anal. Chem.
 // 36 (1964) 1627), at either end of the recording of those of the first and last so many seconds.
-constexpr double half_s = 60.0;
 void add_temperature_rates(CompressedRecording& recording) {
+  constexpr double half_s = 60.0;
   std::vector<Block>& blocks = recording.blocks;
   if (blocks.size() < 3 || std::isnan(blocks.front().temperature_c)) return;
   std::vector<double> middle_s;
@@ -246,9 +243,9 @@ void Compressor::add_sums(const Eigen::Vector3d& alpha, const Eigen::Vector3d& b
   // What this sample and the one before it tell of the motion within both.
   double within = 0.0;
   if (goes_on) {
-    within = std::min(within_sample(alpha), most_within);
+    within = within_sample(alpha);
     if (b.samples > 0)
-      within += std::min(within_sample(previous_gyro_), most_within);
+      within += within_sample(previous_gyro_);
     else
       add_to_closed_block(alpha, beta);
   }
@@ -276,7 +273,7 @@ void Compressor::close_full_block() {
 
 // What this sample tells of the motion within the one before it, in a block that is closed.
 void Compressor::add_to_closed_block(const Eigen::Vector3d& alpha, const Eigen::Vector3d& beta) {
-  const double within = std::min(within_sample(previous_gyro_), most_within);
+  const double within = within_sample(previous_gyro_);
   Block& before = recording_.blocks.back();
   before.coning += 2.0 * within * previous_gyro_.cross(alpha);
   before.sculling += within * (previous_gyro_ * beta.transpose() - alpha * previous_accel_.transpose());

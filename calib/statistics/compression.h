@@ -21,6 +21,7 @@
 // temperature that cannot be counts as not measured.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <span>
@@ -134,8 +135,9 @@ class Compressor {
   void close_block();
   void add_one(const ImuSample& sample);
   void add_to_closed_block(const Eigen::Vector3d& alpha, const Eigen::Vector3d& beta);
-  double within_sample(const Eigen::Vector3d& alpha) const {  // k / 24
-    return (1.0 + square_of_even_rate_ * alpha.squaredNorm()) / 24.0;
+  // k / 24; no more than of a radian a sample, beyond which the series does not hold (gyros of another unit).
+  double within_sample(const Eigen::Vector3d& alpha) const {
+    return std::min((1.0 + square_of_even_rate_ * alpha.squaredNorm()) / 24.0, 0.05);
   }
   void open_block(std::int64_t counter, std::int32_t missing);
   void add_sums(const Eigen::Vector3d& alpha, const Eigen::Vector3d& beta, bool behind_a_gap);

@@ -431,10 +431,9 @@ class Importer {
     result_.jitter_s = std::sqrt(std::max(0.0, squares / count - period * period));
     if (!measured()) {
       period = stamps().period;
-      constexpr double late = 16.0,
-                       drift = 2e-4;  // of the first or the last stamp, in periods; as in choose_increments
+      constexpr double late = 16.0;  // periods, of the first or the last stamp
       const double passed = times_.back() - times_.front(), counted = double(periods) * period;
-      if (std::abs(counted - passed) > (late + 4.0 * stamps().scatter) * period + drift * passed)
+      if (std::abs(counted - passed) > (late + 4.0 * stamps().scatter) * period + steady_rate * passed)
         return input_error(
             "{}: {:.6g} s by the stamps, and {:.6g} s by rows and gaps: expected "
             "time.increments = intervals, or rate_hz in place of time.column",

@@ -4,8 +4,8 @@
 // header a column is its number, from 1. A .npy file holds one array, one or two dimensions, of any integer or floating type:
 // columns by number. A .mat file (up to version 7.2; 7.3 where libmatio was built for it) holds variables: `name` is a vector,
 // `name:2` the second column of a matrix (its second row where it has fewer rows than columns), `s.name:2` one in a struct. An HDF5 file
-// holds datasets: `group/name`, `group/name:2`, and `name:field` of a compound. In text a line that begins with `//` is a remark, too; a last line without an end may be cut off inside
-// its last number: it is left out and counted.
+// holds datasets: `group/name`, `group/name:2`, and `name:field` of a compound. In text a line that begins with `//` is a remark, too; a last
+// line without an end may be cut off inside its last number: it is left out and counted.
 #pragma once
 
 #include <cstdint>

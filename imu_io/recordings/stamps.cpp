@@ -284,19 +284,20 @@ StampModel fit(std::span<const double> times, const StampModel& start, double st
   return best;
 }
 
+// Of least squares, over the rows.
+double slope_of(std::span<const double> times) {
+  const double n = double(times.size()), middle = 0.5 * (n - 1.0);
+  double both = 0.0;
+  for (std::size_t k = 0; k < times.size(); ++k) both += (double(k) - middle) * (times[k] - times[0]);
+  return both / (n * (n * n - 1.0) / 12.0);
+}
+
 // Slopes over parts of the record, where rows come in bursts: the lower ones have no gaps in them.
 double low_slope(std::span<const double> times) {
   const std::size_t width = std::min<std::size_t>(512, times.size());
   std::vector<double> slopes;
   for (std::size_t row = 0; row + width <= times.size(); row += std::max(width, times.size() / 256)) {
-    const double middle = 0.5 * double(width - 1);
-    double both = 0.0, squares = 0.0;
-    for (std::size_t k = 0; k < width; ++k) {
-      const double m = double(k) - middle;
-      both += m * (times[row + k] - times[row]);
-      squares += m * m;
-    }
-    slopes.push_back(both / squares);
+    slopes.push_back(slope_of(times.subspan(row, width)));
   }
   return value_at_rank(slopes, slopes.size() / 4);
 }
@@ -336,13 +337,10 @@ std::vector<double> common_phases(std::span<const double> times, double slope) {
 
 // Of rows that all keep within a quarter of a period of one straight line, so that none is missing; else 0.
 double even_period(std::span<const double> times) {
-  const double n = double(times.size()), middle = 0.5 * (n - 1.0);
-  double sum = 0.0, both = 0.0;
-  for (std::size_t k = 0; k < times.size(); ++k) {
-    sum += times[k] - times[0];
-    both += (double(k) - middle) * (times[k] - times[0]);
-  }
-  const double period = both * 12.0 / (n * (n * n - 1.0)), begins = times[0] + sum / n - middle * period;
+  const double n = double(times.size()), period = slope_of(times);
+  double sum = 0.0;
+  for (const double time : times) sum += time - times[0];
+  const double begins = times[0] + sum / n - 0.5 * (n - 1.0) * period;
   for (std::size_t k = 0; k < times.size(); ++k)
     if (!(std::abs(times[k] - begins - double(k) * period) < 0.25 * period)) return 0.0;
   return period;
@@ -401,7 +399,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
   };
   const auto slips = [](const StampGap& g) { return g.anew && g.periods == 1; };
   const StampModel start = best;
-  if (const double even = even_period(times); best.gaps.empty() && gap >= 1.5 && even > 0.0)
+  if (const double even = best.gaps.empty() && gap >= 1.5 ? even_period(times) : 0.0; even > 0.0)
     best.period = even;
   else
     best = of_all(start, step);
@@ -465,7 +463,7 @@ IncrementsChoice choose_increments(std::span<const double> times_s, const StampM
       fmt::format("over {} rows the scatter of the stamps is {:.2g} times that over one", far, growth);
   if (growth > std::pow(double(far), 0.25)) return {false, said + ": it adds up, the intervals are real"};
   if (!model.sure) return {true, "the period is in doubt"};
-  if (change > std::max(2e-4, explained))
+  if (change > std::max(steady_rate, explained))
     return {false, fmt::format("the rate changes by {:.2g} % within the record", 100.0 * change)};
   if (growth == 0.0) return {true, "the stamps are even"};
   return {true, said + ": it does not add up, the sampling is even and the stamps jitter"};

@@ -44,6 +44,7 @@ struct StampModel {
   bool sure = true;            // of the period
   std::vector<StampGap> gaps;  // in order
 };
+inline constexpr double steady_rate = 2e-4;  // change of a rate that is a clock's, not the sampling's
 // `gap`: an interval of fewer periods, less what stamps scatter by, is none.
 StampModel fit_stamps(std::span<const double> times, double gap = 1.5);
 

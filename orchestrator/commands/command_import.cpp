@@ -200,10 +200,9 @@ Status import_table(const TextOptions& from, CommandContext& context) {
       fmt::format("{} samples of {} rows, mean period {:.6g} ms, jitter {:.3g} ms rms, {} saturated rows, {} gaps",
                   content.samples.size(), content.rows, 1e3 * content.info.sample_period_s, 1e3 * content.jitter_s,
                   content.saturated, content.gaps);
-  const std::string unpaired =
-      content.without_accel > 0 ? fmt::format("{} rows left out, where {} has none", content.without_accel, from.accel)
-                                : "";
-  for (const std::string& more : {unpaired, source.note, content.chosen})
+  if (content.without_accel > 0)
+    line += fmt::format("; {} rows left out, where {} has none", content.without_accel, from.accel);
+  for (const std::string& more : {source.note, content.chosen})
     if (!more.empty()) line += "; " + more;
   return write_imported(content, from.out, line, "the map", context);
 }

@@ -287,7 +287,12 @@ Status rests_by_hand(const CompressedRecording& recording, const CalibrationRequ
   const RestData data = make_rest_data(recording);
   output.notes.insert(output.notes.end(), data.notes.begin(), data.notes.end());
   if (const std::string wrong = wrong_units(data); !wrong.empty()) return Error{ErrorKind::unit_failed, wrong};
-  const RestFit fit = TRY(fit_rests(data, EffectModel{}));
+  RestDiagnosis judged;
+  if (request.test_fit)
+    judged = TRY(diagnose_rests(data));
+  else
+    judged.base = TRY(fit_rests(data, EffectModel{}));
+  const RestFit& fit = judged.base;
   if (!fit.converged) return Error{ErrorKind::unit_failed, "the calibration does not settle: " + fit.message};
   if (!fit.undetermined.empty() && !request.partial) {
     return not_determined(
@@ -300,12 +305,9 @@ Status rests_by_hand(const CompressedRecording& recording, const CalibrationRequ
   describe_rest_fit(fit, as_joint(fit, {}, data), data, output.file);
   if (!unjudged.empty()) {
     output.notes.push_back(output.distrust = "not tested: " + unjudged);
-  } else if (request.test_fit) {
-    const Diagnosis diagnosis = TRY(diagnose_rests(data, nullptr)).diagnosis;
-    if (diagnosis.verdict != Verdict::clean) {
-      output.distrust = "the model does not fit: " + diagnosis.reason;
-      output.notes.push_back("NOT TRUSTED: " + output.distrust + " (turncal diagnose says more)");
-    }
+  } else if (request.test_fit && judged.diagnosis.verdict != Verdict::clean) {
+    output.distrust = "the model does not fit: " + judged.diagnosis.reason;
+    output.notes.push_back("NOT TRUSTED: " + output.distrust + " (turncal diagnose says more)");
   }
   describe_trust(output.distrust.empty(), output.file);
   output.notes.push_back(fmt::format("{}: {} rests and {} rotations by hand, settled after {} iterations",

@@ -162,10 +162,8 @@ std::string brief_reason(const Diagnosis& d) {
     return latitude + (d.unexplained_pattern.empty() ? "" : clause(d.unexplained_pattern) + ": ") +
            "effects of the catalogue do not explain all of the residual";
   if (d.verdict == Verdict::not_tested) return clause(d.reason);
-  return latitude + "the parameters explain the data" +
-         (d.statements.tested
-              ? "; probability that something is missing: " + words_of_probability(d.statements.anything) + distrust
-              : "");
+  const std::string missing = "; probability that something is missing: " + words_of_probability(d.statements.anything);
+  return latitude + "the parameters explain the data" + (d.statements.tested ? missing : "") + distrust;
 }
 
 std::string verdict_sentence(const Diagnosis& d) {
