@@ -6,7 +6,6 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
-#include <ranges>
 
 namespace turncal {
 
@@ -244,8 +243,11 @@ Facts diagnosis_facts(const Diagnosis& d, const DiagnosisContext& context, const
   facts.rows.emplace_back("noise", noise);
   if (!d.undetectable.empty()) facts.rows.emplace_back("not visible", join(d.undetectable));
   std::vector<std::string> undetermined;
-  for (const Undetermined& u : d.extended.undetermined)
-    undetermined.push_back(fmt::format("{}", fmt::join(u.combination | std::views::keys, "&")));
+  for (const Undetermined& u : d.extended.undetermined) {
+    std::vector<std::string> names;
+    for (const auto& [name, weight] : u.combination) names.push_back(name);
+    undetermined.push_back(join(names, "&"));
+  }
   if (!undetermined.empty()) facts.rows.emplace_back("undetermined", join(undetermined));
   return facts;
 }
