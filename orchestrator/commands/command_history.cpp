@@ -18,7 +18,6 @@
 #include "orchestrator/jobs/run.h"
 #include "orchestrator/line/parameter_history.h"
 #include "orchestrator/line_report/shift_document.h"
-#include "orchestrator/records/database_rows.h"
 #include "orchestrator/records/journal.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/parameter_store.h"

@@ -1,22 +1,160 @@
 #include "orchestrator/records/results_database.h"
 
+#include <fmt/format.h>
 #include <sqlite3.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
+#include <cstring>
 #include <map>
+#include <set>
 
 #include "imu_io/base/clock.h"
 #include "imu_io/base/file_kind.h"
 #include "imu_io/base/files.h"
 #include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_source.h"
-#include "orchestrator/records/database_rows.h"
 
 namespace turncal {
 
 namespace {
+
+// Columns of calibration from station on come from the parameter file's record.* keys of the same name; content is the hash of that file.
+// run: as AttemptRecord has it; NULL: there was none. Nothing is ever changed: what is newer is another row, and the views show the newest.
+constexpr const char* schema = R"(
+CREATE TABLE calibration(
+  id @ID, unit TEXT NOT NULL, time_utc TEXT NOT NULL, method TEXT NOT NULL, recording_hash TEXT NOT NULL,
+  software_version TEXT, simulated BIGINT NOT NULL, verdict TEXT NOT NULL, rule TEXT, sessions BIGINT, folder TEXT,
+  parameter_file TEXT NOT NULL, model TEXT, diagnosis TEXT, reason TEXT, verification TEXT, content TEXT NOT NULL,
+  station TEXT, operator TEXT, part TEXT, revision TEXT, ambient TEXT, configuration_hash TEXT, sequence TEXT,
+  sequence_hash TEXT, table_id TEXT, table_calibration_due TEXT, overdue_reason TEXT, repeated_dwells TEXT,
+  lost_samples TEXT, UNIQUE(unit, recording_hash, method, content));
+CREATE TABLE value(
+  calibration BIGINT NOT NULL REFERENCES calibration(id) ON DELETE CASCADE, key TEXT NOT NULL,
+  value DOUBLE PRECISION NOT NULL, sigma DOUBLE PRECISION, limit_min DOUBLE PRECISION, limit_max DOUBLE PRECISION,
+  verdict TEXT, PRIMARY KEY(calibration, key));
+CREATE TABLE attempt_note(
+  id @ID, key TEXT NOT NULL UNIQUE, run TEXT, unit TEXT NOT NULL, began_utc TEXT NOT NULL, time_utc TEXT NOT NULL,
+  outcome TEXT NOT NULL, reason TEXT, simulated BIGINT NOT NULL, station TEXT, operator TEXT, part TEXT, revision TEXT,
+  ambient TEXT, temperature_min_c DOUBLE PRECISION, temperature_max_c DOUBLE PRECISION, residual DOUBLE PRECISION,
+  diagnosis TEXT, recorded_s DOUBLE PRECISION, sessions BIGINT NOT NULL, repeated_dwells BIGINT, lost_samples BIGINT,
+  folder TEXT, calibration BIGINT REFERENCES calibration(id));
+CREATE INDEX attempt_note_run ON attempt_note(run, unit);
+CREATE INDEX attempt_note_time ON attempt_note(time_utc);
+CREATE INDEX attempt_note_calibration ON attempt_note(calibration);
+CREATE VIEW attempt AS SELECT * FROM attempt_note AS note WHERE NOT EXISTS(
+  SELECT 1 FROM attempt_note AS later
+  WHERE later.run = note.run AND later.unit = note.unit AND later.station = note.station AND later.id > note.id);
+CREATE VIEW newest_calibration AS SELECT * FROM calibration AS one WHERE NOT EXISTS(
+  SELECT 1 FROM calibration AS later
+  WHERE later.unit = one.unit AND later.recording_hash = one.recording_hash AND later.method = one.method
+    AND later.id > one.id);
+CREATE TABLE statistics(
+  calibration BIGINT PRIMARY KEY REFERENCES calibration(id) ON DELETE CASCADE, contents BYTEA NOT NULL);
+CREATE TABLE schema_version(version BIGINT NOT NULL);
+INSERT INTO schema_version VALUES(4);
+)";
+
+// "$1, $2, $3" for (1, 3).
+std::string places(std::size_t first, std::size_t count) {
+  std::string text;
+  for (std::size_t i = 0; i < count; ++i) text += (i > 0 ? ", $" : "$") + std::to_string(first + i);
+  return text;
+}
+
+// 0: a database without tables.
+Result<int> version_of(SqlConnection& database) {
+  int version = 0;
+  if (TRY(database.has_table("schema_version")))
+    TRY(database.run("SELECT version FROM schema_version", {},
+                     [&](const SqlRow& row) { version = int(as_integer(row.front())); }));
+  return version;
+}
+
+// In a database without tables, inside the caller's transaction; nothing elsewhere.
+Status make_tables_in(SqlConnection& database) {
+  TRY(database.hold_schema());
+  const int version = TRY(version_of(database));
+  if (version != 0) return {};
+  std::string sql = schema;
+  for (std::size_t at = sql.find("@ID"); at != std::string::npos; at = sql.find("@ID"))
+    sql.replace(at, 3, database.identity());
+  return database.run(sql);
+}
+
+// All but id, in the order of the schema.
+std::vector<std::string> columns_in(const std::string& table) {
+  std::string_view text(schema);
+  const std::string head = "CREATE TABLE " + table + "(";
+  text.remove_prefix(text.find(head) + head.size());
+  std::vector<std::string> columns;
+  for (const std::string_view one : split(text.substr(0, text.find(");")), ',')) {
+    const std::string_view column = one.substr(one.find_first_not_of(" \n")), name = column.substr(0, column.find(' '));
+    // A constraint begins with a capital letter, and its columns have no type.
+    if (name.size() < column.size() && name != "id" && name.front() >= 'a') columns.emplace_back(name);
+  }
+  return columns;
+}
+
+std::string column_list(const std::string& table) { return fmt::format("{}", fmt::join(columns_in(table), ", ")); }
+
+std::string column_list(const Fields& fields) {
+  std::string columns;
+  for (const Field& field : fields) columns += (columns.empty() ? "" : ", ") + field.key;
+  return columns;
+}
+
+// Inside the caller's transaction. unique: columns that no two rows share, of a table with ids: a row that is there already is left as it
+// is. The ids of the new rows.
+Result<std::vector<std::int64_t>> insert(SqlConnection& database, const std::string& table,
+                                         const std::vector<SqlRow>& rows, const std::string& unique = "") {
+  constexpr std::size_t at_once = 24;  // of values: a calibration's
+  const std::string columns = column_list(table);
+  std::vector<std::int64_t> ids;
+  for (std::size_t from = 0; from < rows.size(); from += at_once) {
+    std::string sql;
+    SqlRow all;
+    for (std::size_t i = from; i < std::min(rows.size(), from + at_once); ++i) {
+      sql += (all.empty() ? "INSERT INTO " + table + "(" + columns + ") VALUES(" : ", (") +
+             places(all.size() + 1, rows[i].size()) + ")";
+      all.insert(all.end(), rows[i].begin(), rows[i].end());
+    }
+    if (!unique.empty()) sql += " ON CONFLICT(" + unique + ") DO NOTHING RETURNING id";
+    TRY(database.run(sql, all, [&ids](const SqlRow& row) { ids.push_back(as_integer(row.front())); }));
+  }
+  return ids;
+}
+
+struct AddedRow {
+  std::int64_t id = 0;
+  bool is_new = false;  // false: it was there
+};
+
+// A row of calibration.
+Result<AddedRow> add_calibration(SqlConnection& database, const SqlRow& row) {
+  const std::string unique = "unit, recording_hash, method, content";
+  const std::vector<std::int64_t> ids = TRY(insert(database, "calibration", {row}, unique));
+  if (!ids.empty()) return AddedRow{ids.front(), true};
+  SqlRow same;
+  const std::vector<std::string> columns = columns_in("calibration");
+  for (const std::string_view column : split(unique, ','))
+    same.push_back(row[std::size_t(std::ranges::find(columns, trimmed(column)) - columns.begin())]);
+  AddedRow there;
+  TRY(database.run("SELECT id FROM calibration WHERE (" + unique + ") = (" + places(1, same.size()) + ")", same,
+                   [&there](const SqlRow& found) { there.id = as_integer(found.front()); }));
+  return there;
+}
+
+// Which rows a filter lets through, with parameters $1 to $6. verdict: what the column of the verdict is called.
+std::string where(const std::string& verdict) {
+  return "($1 = '' OR unit = $1) AND ($2 = '' OR station = $2) AND ($3 = '' OR part = $3) AND ($4 = '' OR " + verdict +
+         " = $4) AND time_utc >= $5 AND ($6 = '' OR substr(time_utc, 1, length($6)) <= $6)";
+}
+
+SqlRow values_of(RecordFilter filter) { return row_of(fields_of(filter)); }
+
+constexpr const char* unique_attempt = "key";  // of attempt_note: the same for the same row, wherever it comes from
 
 // Of a day that there is.
 bool begins_a_time(const std::string& text) {
@@ -52,95 +190,11 @@ Status expect_one_of(const std::string& option, const std::string& word, const s
                      (there.empty() ? "none" : "one of " + some) + (there.size() > shown ? ", ..." : ""));
 }
 
-}  // namespace
-
-Fields fields_of(AttemptRecord& a) {
-  return {{"run", &a.run},
-          {"unit", &a.unit},
-          {"began_utc", &a.began_utc},
-          {"time_utc", &a.time_utc},
-          {"outcome", &a.outcome},
-          {"reason", &a.reason},
-          {"simulated", &a.simulated},
-          {"station", &a.station},
-          {"operator", &a.operator_name},
-          {"part", &a.part},
-          {"revision", &a.revision},
-          {"ambient", &a.ambient},
-          {"temperature_min_c", &a.temperature_min_c},
-          {"temperature_max_c", &a.temperature_max_c},
-          {"residual", &a.residual},
-          {"diagnosis", &a.diagnosis},
-          {"recorded_s", &a.recorded_s},
-          {"sessions", &a.sessions},
-          {"repeated_dwells", &a.repeated_dwells},
-          {"lost_samples", &a.lost_samples},
-          {"folder", &a.folder},
-          {"calibration", &a.calibration}};
-}
-
-namespace {
-
 Fields with_id(AttemptRecord& attempt) {
   Fields fields = fields_of(attempt);
   fields.push_back({"id", &attempt.id});
   return fields;
 }
-
-}  // namespace
-
-Fields fields_of(RecordFilter& f) {
-  return {{"unit", &f.unit},       {"station", &f.station}, {"part", &f.part},
-          {"verdict", &f.verdict}, {"from", &f.from},       {"to", &f.to}};
-}
-
-Status check(const RecordFilter& filter) {
-  for (const auto& [option, text] : {std::pair{"--from", &filter.from}, std::pair{"--to", &filter.to}})
-    if (!begins_a_time(*text))
-      return input_error(std::string(option) + " " + turncal::quoted(*text) +
-                         ": expected a date or a time as 2026-01-31 or 2026-01-31T12:00:00Z");
-  std::vector<std::string> verdicts = {"captured",    "dropped", "refused",      "aborted",
-                                       "interrupted", "failed",  outcome_running};
-  verdicts.insert(verdicts.end(), enum_words<UnitVerdict>.begin(), enum_words<UnitVerdict>.end());
-  TRY(expect_one_of("verdict", filter.verdict, verdicts));
-  if (!filter.to.empty() && filter.from.substr(0, filter.to.size()) > filter.to)
-    return input_error("--from " + turncal::quoted(filter.from) + ": is after --to " + turncal::quoted(filter.to));
-  return {};
-}
-
-Status ResultsDatabase::check_known(const RecordFilter& filter) const {
-  for (const auto& [column, wanted] : texts_of(filter)) {
-    if (column != "unit" && column != "station" && column != "part") continue;
-    std::vector<std::string> there;
-    TRY(connection_->run("SELECT " + column + " FROM attempt UNION SELECT " + column + " FROM calibration ORDER BY 1",
-                         {}, [&](const SqlRow& row) { there.push_back(as_text(row.front())); }));
-    std::erase(there, "");
-    TRY(expect_one_of(column, wanted, there));
-  }
-  return {};
-}
-
-Status ResultsDatabase::note(AttemptRecord a) {
-  SqlRow row = row_of(fields_of(a));
-  if (a.run.empty()) row.front() = {};
-  row.insert(row.begin(), key_of(a, row));
-  static_cast<void>(TRY(insert(*connection_, "attempt_note", {row}, unique_attempt)));
-  return {};
-}
-
-Result<std::vector<AttemptRecord>> ResultsDatabase::attempts(const RecordFilter& filter) const {
-  std::vector<AttemptRecord> found;
-  AttemptRecord named;
-  TRY(connection_->run(
-      "SELECT " + columns_of(with_id(named)) + " FROM attempt WHERE " + where("outcome") +
-          (filter.newest > 0 ? " ORDER BY time_utc DESC, id DESC LIMIT " + std::to_string(filter.newest)
-                             : " ORDER BY time_utc, id"),
-      values_of(filter), [&](const SqlRow& row) { take_row(row, with_id(found.emplace_back())); }));
-  if (filter.newest > 0) std::ranges::reverse(found);
-  return found;
-}
-
-namespace {
 
 // The row of a parameter file: a column that is none of its facts is a key of its verdict or its record.
 SqlRow row_of(const ParameterFile& file, const std::string& text, int sessions, const std::string& folder) {
@@ -199,7 +253,115 @@ void read_file(const SqlRow& row, const std::string& where, StoredCalibration& c
   if (!c.defect.empty()) c.verdict = "damaged";
 }
 
+using Page = std::vector<std::pair<std::int64_t, SqlRow>>;  // with their ids
+
+// The next rows behind `last`.
+Result<Page> page_of(SqlConnection& database, const std::string& table, std::int64_t last, std::int64_t end) {
+  Page page;
+  TRY(database.run(
+      "SELECT " + column_list(table) + ", id FROM " + table + " WHERE id > $1 AND id <= $2 ORDER BY id LIMIT 100",
+      {last, end}, [&](SqlRow row) {
+        const std::int64_t id = as_integer(row.back());
+        row.pop_back();
+        page.emplace_back(id, std::move(row));
+      }));
+  return page;
+}
+
+Result<std::int64_t> last_id(SqlConnection& database, const std::string& table) {
+  std::int64_t last = 0;
+  TRY(database.run("SELECT max(id) FROM " + table, {}, [&](const SqlRow& row) { last = as_integer(row.front()); }));
+  return last;
+}
+
+constexpr const char* roles = R"(
+DO $$ BEGIN
+  IF NOT EXISTS (SELECT 1 FROM pg_roles WHERE rolname = 'turncal_station') THEN CREATE ROLE turncal_station; END IF;
+  IF NOT EXISTS (SELECT 1 FROM pg_roles WHERE rolname = 'turncal_reader') THEN CREATE ROLE turncal_reader; END IF;
+END $$;
+REVOKE ALL ON calibration, value, statistics, attempt_note, schema_version, attempt, newest_calibration FROM PUBLIC;
+GRANT SELECT ON calibration, value, statistics, attempt_note, schema_version, attempt, newest_calibration
+  TO turncal_station, turncal_reader;
+GRANT INSERT ON calibration, value, statistics, attempt_note TO turncal_station;
+)";
+
 }  // namespace
+
+Fields fields_of(AttemptRecord& a) {
+  return {{"run", &a.run},
+          {"unit", &a.unit},
+          {"began_utc", &a.began_utc},
+          {"time_utc", &a.time_utc},
+          {"outcome", &a.outcome},
+          {"reason", &a.reason},
+          {"simulated", &a.simulated},
+          {"station", &a.station},
+          {"operator", &a.operator_name},
+          {"part", &a.part},
+          {"revision", &a.revision},
+          {"ambient", &a.ambient},
+          {"temperature_min_c", &a.temperature_min_c},
+          {"temperature_max_c", &a.temperature_max_c},
+          {"residual", &a.residual},
+          {"diagnosis", &a.diagnosis},
+          {"recorded_s", &a.recorded_s},
+          {"sessions", &a.sessions},
+          {"repeated_dwells", &a.repeated_dwells},
+          {"lost_samples", &a.lost_samples},
+          {"folder", &a.folder},
+          {"calibration", &a.calibration}};
+}
+
+Fields fields_of(RecordFilter& f) {
+  return {{"unit", &f.unit},       {"station", &f.station}, {"part", &f.part},
+          {"verdict", &f.verdict}, {"from", &f.from},       {"to", &f.to}};
+}
+
+Status check(const RecordFilter& filter) {
+  for (const auto& [option, text] : {std::pair{"--from", &filter.from}, std::pair{"--to", &filter.to}})
+    if (!begins_a_time(*text))
+      return input_error(std::string(option) + " " + turncal::quoted(*text) +
+                         ": expected a date or a time as 2026-01-31 or 2026-01-31T12:00:00Z");
+  std::vector<std::string> verdicts = {"captured",    "dropped", "refused",      "aborted",
+                                       "interrupted", "failed",  outcome_running};
+  verdicts.insert(verdicts.end(), enum_words<UnitVerdict>.begin(), enum_words<UnitVerdict>.end());
+  TRY(expect_one_of("verdict", filter.verdict, verdicts));
+  if (!filter.to.empty() && filter.from.substr(0, filter.to.size()) > filter.to)
+    return input_error("--from " + turncal::quoted(filter.from) + ": is after --to " + turncal::quoted(filter.to));
+  return {};
+}
+
+Status ResultsDatabase::check_known(const RecordFilter& filter) const {
+  for (const auto& [column, wanted] : texts_of(filter)) {
+    if (column != "unit" && column != "station" && column != "part") continue;
+    std::vector<std::string> there;
+    TRY(connection_->run("SELECT " + column + " FROM attempt UNION SELECT " + column + " FROM calibration ORDER BY 1",
+                         {}, [&](const SqlRow& row) { there.push_back(as_text(row.front())); }));
+    std::erase(there, "");
+    TRY(expect_one_of(column, wanted, there));
+  }
+  return {};
+}
+
+Status ResultsDatabase::note(AttemptRecord a) {
+  SqlRow row = row_of(fields_of(a));
+  if (a.run.empty()) row.front() = {};
+  row.insert(row.begin(), key_of(a, row));
+  static_cast<void>(TRY(insert(*connection_, "attempt_note", {row}, unique_attempt)));
+  return {};
+}
+
+Result<std::vector<AttemptRecord>> ResultsDatabase::attempts(const RecordFilter& filter) const {
+  std::vector<AttemptRecord> found;
+  AttemptRecord named;
+  TRY(connection_->run(
+      "SELECT " + column_list(with_id(named)) + " FROM attempt WHERE " + where("outcome") +
+          (filter.newest > 0 ? " ORDER BY time_utc DESC, id DESC LIMIT " + std::to_string(filter.newest)
+                             : " ORDER BY time_utc, id"),
+      values_of(filter), [&](const SqlRow& row) { take_row(row, with_id(found.emplace_back())); }));
+  if (filter.newest > 0) std::ranges::reverse(found);
+  return found;
+}
 
 Fields fields_of(StoredCalibration& c) {
   return {{"id", &c.id},
@@ -227,7 +389,7 @@ Result<bool> ResultsDatabase::has_tables() const {
 Status ResultsDatabase::make_tables(bool keep) const {
   if (TRY(has_tables()) && keep) return {};
   TRY(connection_->begin());
-  const Status status = turncal::make_tables(*connection_);
+  const Status status = make_tables_in(*connection_);
   const Status ended = connection_->run(status && keep ? "COMMIT" : "ROLLBACK");
   return status ? ended : status;
 }
@@ -290,7 +452,7 @@ Status ResultsDatabase::each_calibration(bool with_statistics,
   const std::string asked = with_statistics ? ", contents" : "";
   const std::string join = with_statistics ? " LEFT JOIN statistics ON statistics.calibration = id" : "";
   return connection_->run(
-      "SELECT " + columns_of(fields_of(named)) + asked + " FROM newest_calibration" + join + " ORDER BY id", {},
+      "SELECT " + column_list(fields_of(named)) + asked + " FROM newest_calibration" + join + " ORDER BY id", {},
       [&](const SqlRow& row) {
         StoredCalibration one;
         take_row(row, fields_of(one));
@@ -303,7 +465,7 @@ Result<std::vector<StoredCalibration>> ResultsDatabase::list(const RecordFilter&
   std::vector<StoredCalibration> found;
   StoredCalibration named;
   const Fields fields = fields_of(named);
-  TRY(connection_->run("SELECT " + columns_of(fields) + ", " + columns_of("calibration") +
+  TRY(connection_->run("SELECT " + column_list(fields) + ", " + column_list("calibration") +
                            " FROM newest_calibration WHERE " + where("verdict") + " ORDER BY time_utc, id",
                        values_of(filter), [&](const SqlRow& row) {
                          StoredCalibration& c = found.emplace_back();
@@ -372,6 +534,190 @@ DataTable calibrations_table(const std::vector<StoredCalibration>& all) {
         add_cell(field, table);
   }
   return table;
+}
+
+// ---- upkeep: its check, its image for a backup, copies of its rows, and the roles of a server
+
+Status ResultsDatabase::make_roles() {
+  return in_transaction(*connection_, [this] { return connection_->run(roles); });
+}
+
+// Rows of attempts up to the last one that is there now: their calibrations were added before them.
+Result<CopiedRows> ResultsDatabase::copy_to(ResultsDatabase& other, bool moves) const {
+  SqlConnection& from = *connection_;
+  SqlConnection& to = *other.connection_;
+  const std::int64_t last_attempt = TRY(last_id(from, "attempt_note"));
+  const std::int64_t last_calibration = TRY(last_id(from, "calibration"));
+  CopiedRows copied;
+  std::map<std::int64_t, std::int64_t> number_there;
+  for (std::int64_t last = 0;;) {
+    const Page page = TRY(page_of(from, "calibration", last, last_calibration));
+    if (page.empty()) break;
+    const auto add = [&]() -> Status {
+      std::set<std::int64_t> added;
+      for (const auto& [id, row] : page) {
+        const AddedRow there = TRY(add_calibration(to, row));
+        number_there[id] = there.id;
+        if (there.is_new) added.insert(id);
+      }
+      for (const std::string table : {"value", "statistics"}) {
+        std::vector<SqlRow> rows;
+        TRY(from.run(
+            "SELECT " + column_list(table) + " FROM " + table + " WHERE calibration > $1 AND calibration <= $2",
+            {last, page.back().first}, [&](SqlRow row) {
+              const std::int64_t id = as_integer(row.front());
+              if (!added.contains(id)) return;
+              row.front() = number_there[id];
+              rows.push_back(std::move(row));
+            }));
+        TRY(insert(to, table, rows));
+      }
+      copied.calibrations += std::ssize(added);
+      return {};
+    };
+    TRY(in_transaction(to, add));
+    last = page.back().first;
+  }
+  for (std::int64_t last = 0;;) {
+    Page page = TRY(page_of(from, "attempt_note", last, last_attempt));
+    if (page.empty()) break;
+    last = page.back().first;
+    std::vector<SqlRow> rows;
+    for (auto& [id, row] : page) {
+      SqlValue& calibration = row.back();
+      const auto there = number_there.find(as_integer(calibration));
+      // A row that has taken the number of one that is gone may name a calibration that was not looked at: another time.
+      if (as_number(calibration) && there == number_there.end()) continue;
+      if (as_number(calibration)) calibration = there->second;
+      rows.push_back(std::move(row));
+    }
+    const auto add = [&]() -> Status {
+      copied.attempts += std::ssize(TRY(insert(to, "attempt_note", rows, unique_attempt)));
+      return {};
+    };
+    const auto take_away = [&]() -> Status {
+      for (const SqlRow& row : rows) TRY(from.run("DELETE FROM attempt_note WHERE key = $1", {row.front()}));
+      return {};
+    };
+    TRY(in_transaction(to, add));
+    if (moves) TRY(in_transaction(from, take_away));
+  }
+  if (!moves) return copied;
+  // A calibration is added together with a row of its attempt: where that is gone, it is there.
+  TRY(
+      from.run("DELETE FROM calibration WHERE NOT EXISTS (SELECT 1 FROM attempt_note WHERE attempt_note.calibration = "
+               "calibration.id)"));
+  return copied;
+}
+
+Status ResultsDatabase::check_pages() const {
+  const auto damaged = [this](const std::string& what) {
+    return input_error(connection_->name() + ": results database: damaged: " + what);
+  };
+  std::string found;
+  TRY(connection_->run("PRAGMA integrity_check(1)", {}, [&](const SqlRow& row) { found = as_text(row[0]); }));
+  if (found != "ok") return damaged(found);
+  found.clear();
+  const auto say = [&](const SqlRow& row) {
+    if (found.empty())
+      found = "row " + std::to_string(as_integer(row[1])) + " of " + as_text(row[0]) + " names a row of " +
+              as_text(row[2]) + " that is not there";
+  };
+  TRY(connection_->run("PRAGMA foreign_key_check", {}, say));
+  return found.empty() ? Status{} : damaged(found);
+}
+
+Result<ResultsDatabase> ResultsDatabase::in_memory(const std::string& name) {
+  std::shared_ptr<SqlConnection> connection = TRY(connect_to_memory(name));
+  return ResultsDatabase(std::move(connection));
+}
+
+Result<std::string> ResultsDatabase::image() const {
+  const std::string& name = connection_->name();
+  if (!connection_->sqlite()) {  // the rows of a server, as a file
+    ResultsDatabase copy = TRY(in_memory(name));
+    TRY(copy.make_tables(true));
+    const Status copied = in_transaction(*connection_, [&]() -> Status {  // of one moment
+      const Result<CopiedRows> rows = copy_to(copy);
+      return rows ? Status{} : rows.error();
+    });
+    return copied ? copy.image() : Result<std::string>(copied.error());
+  }
+  sqlite3_int64 size = 0;
+  // As one that is read: what is being written is waited for, as with any other statement.
+  TRY(connection_->run("BEGIN; SELECT count(*) FROM sqlite_master"));
+  const std::unique_ptr<unsigned char, void (*)(void*)> bytes(
+      sqlite3_serialize(connection_->sqlite(), "main", &size, 0), sqlite3_free);
+  TRY(connection_->run("COMMIT"));
+  if (size == 0) return std::string();  // a file of no bytes is an empty database
+  if (!bytes)
+    return device_error(name + ": results database: there is no memory for its " + std::to_string(size) + " bytes");
+  return std::string(reinterpret_cast<const char*>(bytes.get()), std::size_t(size));
+}
+
+Result<ResultsDatabase> ResultsDatabase::of_image(const std::string& image, const std::string& path) {
+  Result<ResultsDatabase> database = in_memory(path);
+  if (!database || image.empty()) return database;
+  sqlite3* const handle = database->connection_->sqlite();
+  auto* const bytes = static_cast<unsigned char*>(sqlite3_malloc64(image.size()));
+  if (!bytes)
+    return device_error(path + ": results database: there is no memory for its " + std::to_string(image.size()) +
+                        " bytes");
+  std::memcpy(bytes, image.data(), image.size());
+  const auto size = static_cast<sqlite3_int64>(image.size());
+  if (sqlite3_deserialize(handle, "main", bytes, size, size,
+                          SQLITE_DESERIALIZE_FREEONCLOSE | SQLITE_DESERIALIZE_RESIZEABLE) != SQLITE_OK)
+    return device_error(path + ": results database: cannot read: " + sqlite3_errmsg(handle));
+  return database;
+}
+
+constexpr SqlPatience short_patience{.wait_s = 3.0, .all_s = longest_wait_s};
+
+std::string records_file(const StationConfig& station) {
+  return names_a_server(station.database) ? station.outbox : station.database;
+}
+
+std::string send_records(const StationConfig& station) {
+  if (!names_a_server(station.database) || !path_exists(station.outbox)) return "";
+  const Result<ResultsDatabase> kept = ResultsDatabase::open(station.outbox);
+  if (!kept) return kept.error().message;
+  const auto waiting = kept->attempts({});
+  if (!waiting) return waiting.error().message;
+  if (waiting->empty()) return "";
+  Result<ResultsDatabase> server = ResultsDatabase::open(station.database, short_patience);
+  const Result<CopiedRows> sent = server ? kept->copy_to(*server, true) : Result<CopiedRows>(server.error());
+  if (sent) return "";
+  const auto left = kept->attempts({});
+  const std::size_t count = left ? left->size() : waiting->size();
+  return sent.error().message + "; " + std::to_string(count) + (count == 1 ? " attempt is" : " attempts are") +
+         " kept in " + station.outbox + " and sent later";
+}
+
+std::string server_trouble(const StationConfig& station) {
+  if (!names_a_server(station.database)) return "";
+  const Result<ResultsDatabase> server = ResultsDatabase::open_to_read(station.database, short_patience);
+  return server ? "" : server.error().message;
+}
+
+Result<std::vector<AttemptRecord>> recorded_attempts(const StationConfig& station, const RecordFilter& filter,
+                                                     std::string& trouble) {
+  std::vector<AttemptRecord> all;
+  const auto take = [&](const std::string& name) -> Status {
+    const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(name, short_patience));
+    const std::vector<AttemptRecord> some = TRY(database.attempts(filter));
+    all.insert(all.end(), some.begin(), some.end());
+    return {};
+  };
+  trouble.clear();
+  const std::string file = records_file(station);
+  if (!file.empty() && path_exists(file)) TRY(take(file));
+  if (!names_a_server(station.database)) return all;
+  // What waits here is newer than what the server has of this station, and says that the server was away a moment ago.
+  if (!all.empty())
+    trouble = station.database + ": results database: not all of it: " + station.outbox + " keeps rows for it";
+  else if (Status status = take(station.database); !status)
+    trouble = status.error().message;
+  return all;
 }
 
 }  // namespace turncal

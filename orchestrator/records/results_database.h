@@ -1,5 +1,5 @@
 // The results of all runs in one database: an SQLite file, or a PostgreSQL server (a name that begins with postgresql://) that many stations
-// share. Tables are in database_rows.cpp; docs/production.md, docs/fleet.md.
+// share; docs/production.md, docs/fleet.md.
 //
 // Rows are added and never changed. An attempt has a row from its beginning, and another when something becomes of it: the newest counts. A
 // calibration is one row of `calibration` and 24 of `value`, added in one transaction with the whole parameter file, on disk when add()
@@ -22,6 +22,8 @@
 #include "orchestrator/station/verdict.h"
 
 namespace turncal {
+
+inline constexpr int database_version = 4;
 
 // While an attempt goes on, and for ever where the power failed and nobody took it up again.
 inline constexpr const char* outcome_running = "running";

@@ -1,9 +1,19 @@
-// A results database in a file: SQLite.
+// SQLite: a results database in a file. PostgreSQL: one on a server, over libpq without waiting calls, so that every wait has a deadline of ours.
 #include "orchestrator/records/sql_connection.h"
 
+#include <fmt/format.h>
+#include <libpq-fe.h>
+#include <poll.h>
 #include <sqlite3.h>
 
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
 #include <cstring>
+
+#include "imu_io/base/clock.h"
+#include "imu_io/base/text.h"
+#include "orchestrator/station/station_config.h"
 
 namespace turncal {
 
@@ -29,6 +39,51 @@ std::optional<double> as_number(const SqlValue& value) {
 }
 
 SqlValue as_value(const std::optional<double>& value) { return value ? SqlValue(*value) : SqlValue(); }
+
+SqlRow row_of(const Fields& fields) {
+  SqlRow row;
+  for (const Field& field : fields)
+    row.push_back(std::visit(
+        [&field](const auto& value) -> SqlValue {
+          using Place = std::decay_t<decltype(value)>;
+          if constexpr (std::is_same_v<Place, Choice>)
+            return text_of(field);
+          else if constexpr (std::is_same_v<Place, std::string*> || std::is_same_v<Place, double*>)
+            return *value;
+          else if constexpr (std::is_same_v<Place, std::optional<double>*>)
+            return as_value(*value);
+          else if constexpr (std::is_integral_v<std::remove_pointer_t<Place>>)
+            return std::int64_t(*value);
+          else
+            return *value ? SqlValue(std::int64_t{**value}) : SqlValue();
+        },
+        field.value));
+  return row;
+}
+
+void take_row(const SqlRow& row, const Fields& fields) {
+  for (std::size_t i = 0; i < fields.size(); ++i) {
+    const SqlValue& from = row[i];
+    const std::optional<double> number = as_number(from);
+    std::visit(
+        [&](const auto& value) {
+          using Place = std::decay_t<decltype(value)>;
+          if constexpr (std::is_same_v<Place, Choice>)
+            static_cast<void>(set_text(fields[i], as_text(from)));
+          else if constexpr (std::is_same_v<Place, std::string*>)
+            *value = as_text(from);
+          else if constexpr (std::is_same_v<Place, double*>)
+            *value = number.value_or(0.0);
+          else if constexpr (std::is_same_v<Place, std::optional<double>*>)
+            *value = number;
+          else if constexpr (std::is_integral_v<std::remove_pointer_t<Place>>)
+            *value = static_cast<std::remove_pointer_t<Place>>(as_integer(from));
+          else if (number)
+            *value = static_cast<typename std::remove_pointer_t<Place>::value_type>(as_integer(from));
+        },
+        fields[i].value);
+  }
+}
 
 Error SqlConnection::failure(ErrorKind kind, const std::string& sql, const std::string& why) const {
   const bool reads = sql.starts_with("SELECT") || sql.starts_with("PRAGMA");
@@ -135,6 +190,179 @@ Result<std::shared_ptr<SqlConnection>> opened(const std::string& path, const std
   return std::shared_ptr<SqlConnection>(connection);
 }
 
+constexpr double answer_s = 60.0;  // of a server that is there, to one statement
+
+// What libpq says in several lines, in one.
+std::string one_line(const char* said) {
+  std::string text(said ? said : "");
+  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.pop_back();
+  std::string line;
+  for (const char c : text) {
+    if (c == '\n')
+      line += "; ";
+    else if (c != '\t')
+      line += c;
+  }
+  return line;
+}
+
+// A server takes nothing else.
+std::string as_utf8(std::string_view text) {
+  std::string valid;
+  while (!text.empty()) {
+    const bool plain = static_cast<unsigned char>(text.front()) < 0x80 && text.front() != '\0';
+    const std::size_t length = plain ? 1 : printable_character(text);
+    valid += length > 0 ? std::string(text.substr(0, length)) : "?";
+    text.remove_prefix(std::max<std::size_t>(length, 1));
+  }
+  return valid;
+}
+
+// Its text, as the type of its column reads it.
+std::string as_parameter(const SqlValue& value) {
+  if (const double* const number = std::get_if<double>(&value)) return format_number(*number);
+  if (const std::int64_t* const whole = std::get_if<std::int64_t>(&value)) return format_number(*whole);
+  if (const SqlBytes* const bytes = std::get_if<SqlBytes>(&value)) {
+    std::string text = "\\x";
+    for (const std::byte one : *bytes) text += fmt::format("{:02x}", std::to_integer<unsigned>(one));
+    return text;
+  }
+  return as_utf8(as_text(value));
+}
+
+// Of kind device: what may be mended by waiting, or by the server's administrator (resources, shutdown, conflict of two writers).
+ErrorKind kind_of(const char* state) {
+  const std::string_view which = std::string_view(state ? state : "08").substr(0, 2);
+  const bool ours = which == "42" || which == "22" || which == "23" || which == "25";
+  return ours ? ErrorKind::input : ErrorKind::device;
+}
+
+SqlValue cell_of(const PGresult* rows, int row, int column) {
+  if (PQgetisnull(rows, row, column)) return {};
+  const char* const text = PQgetvalue(rows, row, column);
+  constexpr Oid int8 = 20, int2 = 21, int4 = 23, bytea = 17, float4 = 700, float8 = 701;  // of its catalogue pg_type
+  switch (PQftype(rows, column)) {
+    case int8:
+    case int4:
+    case int2: return parse_integer(text).value_or(0);
+    case float4:
+    case float8: {
+      const std::optional<double> number = parse_number(text);
+      return number ? SqlValue(*number) : SqlValue();
+    }
+    case bytea: {
+      std::size_t size = 0;
+      const std::unique_ptr<unsigned char, void (*)(void*)> bytes(
+          PQunescapeBytea(reinterpret_cast<const unsigned char*>(text), &size), PQfreemem);
+      const auto* const first = reinterpret_cast<const std::byte*>(bytes.get());
+      return bytes ? SqlBytes(first, first + size) : SqlBytes();
+    }
+    default: return std::string(text);
+  }
+}
+
+class PostgresConnection : public SqlConnection {
+ public:
+  PostgresConnection(const std::string& name, const SqlPatience& patience)
+      : SqlConnection(name), until_s_(monotonic_s() + patience.all_s), connect_s_(patience.wait_s) {}
+  ~PostgresConnection() override { PQfinish(handle_); }
+
+  Status open() {
+    const char* const words[] = {"dbname", "application_name", "client_encoding", "connect_timeout", nullptr};
+    const char* const values[] = {name().c_str(), "turncal", "UTF8", "0", nullptr};  // the deadline is ours
+    const double until_s = std::min(until_s_, monotonic_s() + connect_s_);
+    handle_ = PQconnectStartParams(words, values, 1);
+    if (!handle_) return device_error(name() + ": results database: cannot open: there is no memory");
+    PQsetNoticeProcessor(
+        handle_, [](void*, const char*) {}, nullptr);
+    PostgresPollingStatusType next = PGRES_POLLING_WRITING;
+    while (PQstatus(handle_) != CONNECTION_BAD && next != PGRES_POLLING_OK && next != PGRES_POLLING_FAILED) {
+      if (!ready(next == PGRES_POLLING_READING ? POLLIN : POLLOUT, until_s))
+        return gave_up("", connect_s_, "there is no connection");
+      next = PQconnectPoll(handle_);
+    }
+    if (PQstatus(handle_) != CONNECTION_OK) return failure(ErrorKind::device, "", one_line(PQerrorMessage(handle_)));
+    PQsetnonblocking(handle_, 1);
+    return {};
+  }
+
+  Status run(const std::string& sql, const SqlRow& values, const std::function<void(SqlRow)>& each) override {
+    if (!given_up_.empty()) return device_error(given_up_);
+    std::vector<std::string> texts;
+    for (const SqlValue& value : values) texts.push_back(as_parameter(value));
+    std::vector<const char*> given;
+    for (std::size_t i = 0; i < values.size(); ++i)
+      given.push_back(std::holds_alternative<std::monostate>(values[i]) ? nullptr : texts[i].c_str());
+    const int sent = values.empty() ? PQsendQuery(handle_, sql.c_str())
+                                    : PQsendQueryParams(handle_, sql.c_str(), int(values.size()), nullptr, given.data(),
+                                                        nullptr, nullptr, 0);
+    if (!sent) return failure(ErrorKind::device, sql, one_line(PQerrorMessage(handle_)));
+    PQsetSingleRowMode(handle_);  // the memory of one row
+    Status status;
+    while (true) {
+      TRY(answer(sql));
+      const std::unique_ptr<PGresult, void (*)(PGresult*)> result(PQgetResult(handle_), PQclear);
+      if (!result) return status;
+      const ExecStatusType code = PQresultStatus(result.get());
+      if (code == PGRES_FATAL_ERROR && status) {
+        const char* const why = PQresultErrorField(result.get(), PG_DIAG_MESSAGE_PRIMARY);
+        status = failure(kind_of(PQresultErrorField(result.get(), PG_DIAG_SQLSTATE)), sql,
+                         one_line(why ? why : PQresultErrorMessage(result.get())));
+      }
+      for (int row = 0; each && code == PGRES_SINGLE_TUPLE && row < PQntuples(result.get()); ++row) {
+        SqlRow values_of_row;
+        for (int i = 0; i < PQnfields(result.get()); ++i) values_of_row.push_back(cell_of(result.get(), row, i));
+        each(std::move(values_of_row));
+      }
+    }
+  }
+  Status begin() override { return run("BEGIN", {}, {}); }
+  Status hold_schema() override { return run("SELECT pg_advisory_xact_lock(7467)", {}, {}); }
+  Result<bool> has_table(const std::string& table) override {
+    bool there = false;
+    TRY(run("SELECT to_regclass($1) IS NOT NULL", {table},
+            [&](const SqlRow& row) { there = as_text(row.front()) == "t"; }));
+    return there;
+  }
+  const char* identity() const override { return "BIGINT GENERATED BY DEFAULT AS IDENTITY PRIMARY KEY"; }
+
+ private:
+  bool ready(short events, double until_s) const {
+    while (true) {
+      const double left_s = std::max(0.0, until_s - monotonic_s());
+      pollfd one{PQsocket(handle_), events, 0};
+      const int count = ::poll(&one, 1, int(std::ceil(1000.0 * std::min(left_s, 1e6))));
+      if (count > 0) return true;
+      if (count == 0 || errno != EINTR) return false;
+    }
+  }
+  Error gave_up(const std::string& sql, double limit_s, const std::string& what) {
+    const double waited_s = std::min(limit_s, std::max(0.0, until_s_ - began_s_));
+    const Error error = failure(ErrorKind::device, sql, what + " within " + format_number(std::round(waited_s)) + " s");
+    given_up_ = error.message;
+    return error;
+  }
+  // Until the next result can be taken without waiting.
+  Status answer(const std::string& sql) {
+    const double until_s = std::min(until_s_, monotonic_s() + answer_s);
+    while (true) {
+      const int unsent = PQflush(handle_);
+      if (unsent <= 0 && !PQisBusy(handle_)) return {};
+      if (!ready(static_cast<short>(unsent > 0 ? POLLIN | POLLOUT : POLLIN), until_s))
+        return gave_up(sql, answer_s, "there is no answer");
+      if (!PQconsumeInput(handle_)) {
+        given_up_ = failure(ErrorKind::device, sql, one_line(PQerrorMessage(handle_))).message;
+        return device_error(given_up_);
+      }
+    }
+  }
+
+  PGconn* handle_ = nullptr;
+  double began_s_ = monotonic_s();
+  double until_s_, connect_s_;
+  std::string given_up_;  // why nothing more is said
+};
+
 }  // namespace
 
 Result<std::shared_ptr<SqlConnection>> connect_to_file(const std::string& path, int flags,
@@ -147,6 +375,21 @@ Result<std::shared_ptr<SqlConnection>> connect_to_file(const std::string& path, 
 
 Result<std::shared_ptr<SqlConnection>> connect_to_memory(const std::string& name) {
   return opened(":memory:", name, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE);
+}
+
+// ---- PostgreSQL
+
+Result<std::shared_ptr<SqlConnection>> connect_to_server(const std::string& name, bool writes,
+                                                         const SqlPatience& patience) {
+  TRY(check_database_name(name));
+  const auto connection = std::make_shared<PostgresConnection>(name, patience);
+  TRY(connection->open());
+  if (!writes) {
+    const char* const sees_one_moment =
+        "SET SESSION CHARACTERISTICS AS TRANSACTION READ ONLY, ISOLATION LEVEL REPEATABLE READ";
+    TRY(connection->run(sees_one_moment, {}, {}));
+  }
+  return std::shared_ptr<SqlConnection>(connection);
 }
 
 }  // namespace turncal

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "calib/types/status.h"
+#include "orchestrator/station/fields.h"
 
 struct sqlite3;
 
@@ -29,6 +30,8 @@ SqlBytes as_bytes(const SqlValue& value);    // none: empty
 std::int64_t as_integer(const SqlValue& value);
 std::optional<double> as_number(const SqlValue& value);
 SqlValue as_value(const std::optional<double>& value);
+SqlRow row_of(const Fields& fields);
+void take_row(const SqlRow& row, const Fields& fields);  // the columns of the row are those of the fields
 
 struct SqlPatience {
   double wait_s = 10.0;  // with a lock of an SQLite file; to connect to a server
