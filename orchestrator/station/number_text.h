@@ -55,10 +55,6 @@ std::vector<std::string> wrap(std::string_view text, std::size_t columns);
 // At most so many columns, 3 or more; what is cut is replaced by "...".
 std::string shorten(std::string_view text, std::size_t columns);
 
-// ---- texts ----
-
-// Texts as people read them, for the report and the terminal; numbers and units: number_text.h.
-
 // & < > " ' replaced; control characters become blanks; bytes that are not UTF-8 become '?'.
 std::string html_escape(std::string_view text);
 

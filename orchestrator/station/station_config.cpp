@@ -51,15 +51,13 @@ constexpr NumberRange winding = zero_or(1.0, 1e6);
 constexpr NumberRange fine{1e-6, 1.0};  // deg or deg/s: below it no encoder shows anything
 constexpr NumberRange stillness{1e-9, 100.0};
 
-// `described`: the key of the file that it is from, unless table.address says it. None yet: whoever opens the line says so.
-void check_address(KeyValueFile& file, const std::string& described, const TableLinkSettings& link) {
-  const std::string& address = link.address;
-  const bool tcp = link.tcp;
-  const bool good = address.empty() || (tcp ? parse_line("tcp:" + address).has_value() : address.starts_with('/'));
-  if (!good)
-    file.reject(file.has("table.address") ? "table.address" : described,
-                "a table at " + std::string(tcp ? "HOST:PORT" : "a serial device, /dev/serial/by-id/...") +
-                    ", not at " + address);
+// device: "table" or "chamber"; `described`: the key of the file that its address is from, unless DEVICE.address says it.
+void check_address(KeyValueFile& file, const std::string& device, const std::string& described,
+                   const TableLinkSettings& link) {
+  if (link.tcp ? parse_line("tcp:" + link.address).has_value() : link.address.starts_with('/')) return;
+  file.reject(file.has(device + ".address") ? device + ".address" : described,
+              "a " + device + " at " + (link.tcp ? "HOST:PORT" : "a serial device, /dev/serial/by-id/...") +
+                  ", not at " + link.address);
 }
 
 // Defects of a map or dialect come with their own file and line; those of this file stay with it, as with all its keys.
@@ -88,7 +86,7 @@ Status read_table(KeyValueFile& file, TableConfig& table) {
   if (path.empty()) return {};
   const auto take = [&](auto& description) {
     if (!address.empty()) description.link.address = address;
-    check_address(file, described, description.link);
+    if (!description.link.address.empty()) check_address(file, "table", described, description.link);
     description.simulated = table.simulated;
   };
   if (modbus)
@@ -108,12 +106,8 @@ Status read_chamber_keys(KeyValueFile& file, StationConfig& station) {
   std::string address;
   keys.text("chamber.address", address);
   if (!address.empty()) chamber.described.reach(address);
-  const TableLinkSettings& link = chamber.described.link();
-  const bool is_rig = chamber.described.language == ChamberDescription::Language::rig;
-  if (!is_rig && !(link.tcp ? parse_line("tcp:" + link.address).has_value() : link.address.starts_with('/')))
-    file.reject(file.has("chamber.address") ? "chamber.address" : "chamber.file",
-                "a chamber at " + std::string(link.tcp ? "HOST:PORT" : "a serial device, /dev/serial/by-id/...") +
-                    ", not at " + link.address);
+  if (chamber.described.language != ChamberDescription::Language::rig)
+    check_address(file, "chamber", "chamber.file", chamber.described.link());
   chamber.limit_unit_c = file.number("chamber.limit_unit_c", between(-200.0, 300.0));
   keys.number("chamber.temperature_c", chamber.temperature_c, between(-200.0, 300.0));
   keys.number("chamber.band_c", chamber.band_c, between(0.01, 20.0));
