@@ -1,5 +1,4 @@
 #include <fcntl.h>
-#include <sys/ioctl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -9,14 +8,10 @@
 #include "imu_io/base/console.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/jobs/command_context.h"
+#include "orchestrator/watch/operator_screen.h"
 #include "orchestrator/watch/progress.h"
 
 namespace {
-
-int terminal_columns() {
-  winsize size{};
-  return ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
-}
 
 // A descriptor of 0 to 2 that was closed would be given to the first file that is opened, and what is printed would go into it.
 bool open_closed_descriptors() {
@@ -36,10 +31,11 @@ int main(int argc, char** argv) {
   const turncal::Console out(std::cout, STDOUT_FILENO), err(std::cerr, STDERR_FILENO);
   turncal::allow_colour(std::cout, STDOUT_FILENO);
   turncal::allow_colour(std::cerr, STDERR_FILENO);
+  const int columns = turncal::stdout_size().columns;
   turncal::CommandContext context{.out = std::cout,
                                   .err = std::cerr,
                                   .out_is_terminal = isatty(STDOUT_FILENO) == 1,
-                                  .terminal_columns = terminal_columns()};
+                                  .terminal_columns = columns > 0 ? columns : 80};
   return turncal::run_command_line(
       argc, argv,
       {

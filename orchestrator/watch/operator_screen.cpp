@@ -30,6 +30,52 @@ std::string hands_off_words(RunState state) {
   }
 }
 
+constexpr int input_row = 22;
+constexpr std::string_view bold = "\x1b[1m", reverse = "\x1b[7m", amber = "\x1b[1;33m", plain = "\x1b[0m";
+
+// Three dots by five, row by row.
+constexpr std::string_view glyphs = "0123456789-.,:";
+constexpr std::array<std::string_view, 14> dots = {
+    "####.##.##.####", ".#.##..#..#.###", "###..#####..###", "###..####..####", "#.##.####..#..#",
+    "####..###..####", "####..####.####", "###..#..#..#..#", "####.#####.####", "####.####..####",
+    "......###......", ".............#.", "..........#.#..", "....#.....#...."};
+
+void add_lines(std::vector<std::string>& lines, std::string_view text, std::size_t columns,
+               std::string_view style = "") {
+  if (text.empty()) return;
+  for (const std::string& line : wrap(text, columns))
+    lines.push_back(std::string(style) + line + std::string(style.empty() ? "" : plain));
+}
+
+void draw_big(std::vector<std::string>& lines, const std::string& text) {
+  for (std::size_t row = 0; row < 5; ++row) {
+    std::string line = "  ";
+    for (const char c : text) {
+      const std::size_t glyph = glyphs.find(c);
+      if (glyph == std::string_view::npos) continue;
+      for (std::size_t column = 0; column < 3; ++column)
+        line += dots[glyph][3 * row + column] == '#' ? std::string(reverse) + "  " + std::string(plain) : "  ";
+      line += "  ";
+    }
+    lines.push_back(line);
+  }
+}
+
+// The axes from the outer to the inner, and the way along the numbers of the dial: larger ones stand to the right.
+void draw_table(std::vector<std::string>& lines, const OperatorScreen& screen) {
+  const OperatorTask& task = screen.task;
+  std::string axes = "  ";
+  for (const Axis axis : all_axes) {
+    const std::string& name = screen.axes[index(axis)];
+    axes += "( " + (axis == task.axis ? std::string(reverse) + " " + name + " " + std::string(plain) : name) + " ";
+  }
+  lines.push_back(axes + ") ) )");
+  if (task.kind != OperatorTask::Kind::turn || !task.from_deg) return;
+  const std::string way(24, '=');
+  lines.push_back(task.target_deg < *task.from_deg ? "  [" + screen.big + "] <" + way + "o " + screen.from
+                                                   : "  " + screen.from + " o" + way + "> [" + screen.big + "]");
+}
+
 }  // namespace
 
 std::string local_time(double utc_s) {
@@ -139,56 +185,6 @@ std::string json_of(const OperatorScreen& screen) {
   o.text("silent", screen.silent);
   return o.end();
 }
-
-namespace {
-
-constexpr int input_row = 22;
-constexpr std::string_view bold = "\x1b[1m", reverse = "\x1b[7m", amber = "\x1b[1;33m", plain = "\x1b[0m";
-
-// Three dots by five, row by row.
-constexpr std::string_view glyphs = "0123456789-.,:";
-constexpr std::array<std::string_view, 14> dots = {
-    "####.##.##.####", ".#.##..#..#.###", "###..#####..###", "###..####..####", "#.##.####..#..#",
-    "####..###..####", "####..####.####", "###..#..#..#..#", "####.#####.####", "####.####..####",
-    "......###......", ".............#.", "..........#.#..", "....#.....#...."};
-
-void add_lines(std::vector<std::string>& lines, std::string_view text, std::size_t columns,
-               std::string_view style = "") {
-  if (text.empty()) return;
-  for (const std::string& line : wrap(text, columns))
-    lines.push_back(std::string(style) + line + std::string(style.empty() ? "" : plain));
-}
-
-void draw_big(std::vector<std::string>& lines, const std::string& text) {
-  for (std::size_t row = 0; row < 5; ++row) {
-    std::string line = "  ";
-    for (const char c : text) {
-      const std::size_t glyph = glyphs.find(c);
-      if (glyph == std::string_view::npos) continue;
-      for (std::size_t column = 0; column < 3; ++column)
-        line += dots[glyph][3 * row + column] == '#' ? std::string(reverse) + "  " + std::string(plain) : "  ";
-      line += "  ";
-    }
-    lines.push_back(line);
-  }
-}
-
-// The axes from the outer to the inner, and the way along the numbers of the dial: larger ones stand to the right.
-void draw_table(std::vector<std::string>& lines, const OperatorScreen& screen) {
-  const OperatorTask& task = screen.task;
-  std::string axes = "  ";
-  for (const Axis axis : all_axes) {
-    const std::string& name = screen.axes[index(axis)];
-    axes += "( " + (axis == task.axis ? std::string(reverse) + " " + name + " " + std::string(plain) : name) + " ";
-  }
-  lines.push_back(axes + ") ) )");
-  if (task.kind != OperatorTask::Kind::turn || !task.from_deg) return;
-  const std::string way(24, '=');
-  lines.push_back(task.target_deg < *task.from_deg ? "  [" + screen.big + "] <" + way + "o " + screen.from
-                                                   : "  " + screen.from + " o" + way + "> [" + screen.big + "]");
-}
-
-}  // namespace
 
 TerminalSize stdout_size() {
   winsize size{};

@@ -24,6 +24,13 @@ std::string head_of(const RunSnapshot& at) {
   return fmt::format("{} {:11.3f} s  step {}/{}  ", format_utc(at.utc_s), at.time_s, at.step_place, at.step_count);
 }
 
+const int colours = std::ios_base::xalloc();
+
+std::string_view variable(const char* name) {
+  const char* const value = std::getenv(name);
+  return value == nullptr ? "" : value;
+}
+
 }  // namespace
 
 std::string format_transition(const TransitionRecord& record) {
@@ -133,17 +140,6 @@ void ProgressPrinter::clear() {
   line_shown_ = false;
   out_ << "\x1b[2K\r" << std::flush;
 }
-
-namespace {
-
-const int colours = std::ios_base::xalloc();
-
-std::string_view variable(const char* name) {
-  const char* const value = std::getenv(name);
-  return value == nullptr ? "" : value;
-}
-
-}  // namespace
 
 Tone tone_of(UnitVerdict verdict) {
   if (!is_accepted(verdict)) return Tone::bad;
