@@ -147,12 +147,12 @@ Status diagnose(const DiagnoseOptions& options, CommandContext& context) {
   const std::vector<LoadedRecording> holdouts = TRY(load(options.holdouts, phases));
   const RecordingInfo& info = fitted.front().data.info;
   const DiagnosisRequest request{.time_utc = format_utc(wall_utc_s()),
-                                 .holdouts = each_of(holdouts),
+                                 .holdouts = holdouts,
                                  .noise = TRY(noise_given(options, info)),
                                  .samples = (options.holdouts.empty() ? options.recordings : options.holdouts).front(),
                                  .phase = [&phases](const std::string& what) { phases.begin(what); }};
   OutputFolder folder = TRY(OutputFolder::prepare_results(options.out, info.unit_serial));
-  const DiagnosisOutput output = TRY(diagnose_recordings(each_of(fitted), request));
+  const DiagnosisOutput output = TRY(diagnose_recordings(fitted, request));
   const std::string plot_problem = TRY(write_diagnosis(folder.path(), output.files));
   folder.keep();
   phases.clear();

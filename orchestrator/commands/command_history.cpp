@@ -340,7 +340,7 @@ Status add_recordings(const std::string& run, std::vector<OldRecording>& found) 
   for (const std::string& unit : units) {
     const std::string folder = units.size() > 1 ? run + "/" + name_of_unit(unit) : run;
     const std::string path = folder + "/" + binary_recording_name;
-    const JournalFields* const verdict = journal.verdict_of(unit);
+    const JournalFields* const verdict = journal.newest(journal.verdicts, unit);
     if (!verdict || !journal.seal_utc_s || !path_exists(path)) continue;
     const std::pair<std::string, std::string> hold("result", to_string(UnitVerdict::hold));
     found.push_back({.unit = unit,

@@ -466,13 +466,12 @@ Status run_check(const CheckOptions& options, CommandContext& context) {
   if (!station->simulated() && station->table.driver != TableDriver::manual)
     out << "Computer  " << RealTime().text() << "\n";
   if (!keys.empty()) out << "\nThis sequence " << coverage_text(keys) << ".\n";
-  const std::vector<Error> refused = preflight({.station = *station,
-                                                .plan = plan,
-                                                .folder = options.out,
-                                                .units = options.units,
-                                                .utc_s = wall_utc_s(),
-                                                .simulated = station->simulated(),
-                                                .overdue_reason = options.overdue_reason});
+  RunPlan run;
+  run.request.units = options.units;
+  run.request.overdue_reason = options.overdue_reason;
+  run.station = *station;
+  run.plan = plan;
+  const std::vector<Error> refused = preflight(run, options.out, wall_utc_s());
   if (const std::string trouble = server_trouble(*station); !trouble.empty())
     found.doubts.push_back(trouble + "; a run would keep its rows in " + station->outbox + " and send them later");
   const bool only_storage = plan.ok() && found.blocks.empty() && !refused.empty();

@@ -174,10 +174,7 @@ class Trial {
                     felt_degps && !slow ? "as the unit felt it" : "by its positions"),
         factor);
   }
-  Result<double> position(Axis axis) {
-    const Result<AxisStatus> status = devices_.table.status(axis);
-    return status ? Result<double>(status->position_deg) : Result<double>(status.error());
-  }
+  Result<double> position(Axis axis) { return TRY(devices_.table.status(axis)).position_deg; }
   // There, and a rest.
   Status move(Axis axis, double to_deg, double rate_degps) {
     const TableStatus before = TRY(read_table());

@@ -67,13 +67,14 @@ StationDevices DryRunDevices::devices() {
   const auto wait = [this](double seconds) {  // time passes and nobody reads the unit
     group.pass_until(group.now_s() + std::max(seconds, rig.config().sample_period_s));
   };
-  return {table, imu, clock, wait};
+  return by_hand_ ? StationDevices{by_hand_->limited, by_hand_->watched, clock, wait}
+                  : StationDevices{table, imu, clock, wait};
 }
 
-Status DryRunDevices::put_back(std::span<const JournalCommand> commands, double until_s) {
+Status DryRunDevices::put_back(std::span<const TableCommand> commands, double until_s) {
   TRY(table.connect());
   TRY(table.enable());
-  for (const JournalCommand& command : commands) {
+  for (const TableCommand& command : by_hand_ ? std::span<const TableCommand>() : commands) {
     group.pass_until(command.time_s);
     TRY(command.move ? table.move_absolute(command.move->axis, command.move->target_deg, command.move->rate_degps,
                                            command.move->acceleration_degps2)
@@ -84,16 +85,17 @@ Status DryRunDevices::put_back(std::span<const JournalCommand> commands, double 
   return status ? Status{} : Status{status.error()};
 }
 
-RehearsalDevices::RehearsalDevices(const RigConfig& config, const StationConfig& station, int input, std::ostream& out)
-    : rig_(config),
-      watched_(rig_.imu, config.sample_period_s),
-      manual_(station.table.manual, rig_.clock, input, out, [this] { return watched_.mean(); }),
-      limited_(manual_, station.axis),
-      prompts_(manual_) {
-  manual_.rehearse_on(rehearsed_table(rig_.rig));
-  manual_.feel_turns([this] { return watched_.turned_deg(); });
+DryRunDevices::ByHand::ByHand(DryRunDevices& rig, const StationConfig& station, int input, std::ostream& out)
+    : watched(rig.imu, rig.rig.config().sample_period_s),
+      manual(station.table.manual, rig.clock, input, out, [this] { return watched.mean(); }),
+      limited(manual, station.axis),
+      prompts(manual) {
+  manual.rehearse_on(rehearsed_table(rig.rig));
+  manual.feel_turns([this] { return watched.turned_deg(); });
 }
 
-StationDevices RehearsalDevices::devices() { return {limited_, watched_, rig_.clock, rig_.devices().wait}; }
+void DryRunDevices::rehearse(const StationConfig& station, int input, std::ostream& out) {
+  by_hand_ = std::make_unique<ByHand>(*this, station, input, out);
+}
 
 }  // namespace turncal

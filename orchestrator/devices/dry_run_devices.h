@@ -1,6 +1,12 @@
 // The devices of a dry run: rigs in lockstep behind one table, an IMU for each unit, and the clock, so that station time is virtual.
+//
+// In a rehearsal, a run by hand on the rig (`run --manual --dry-run`), the angle that the operator types is where the rig is turned to, its
+// unit feels it, and gravity is compared as in a live run. Time is the rig's, and stands still while somebody thinks. A rehearsal that is
+// taken up again is a rig of its own: at the time of the last completed dwell (so that noise and temperature go on), at 0 on all axes. It is
+// asked for, rests, and goes on as a live run does.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <ostream>
 #include <span>
@@ -17,6 +23,7 @@
 #include "turntable_drivers/rig/rig_config.h"
 #include "turntable_drivers/rig/rig_group.h"
 #include "turntable_drivers/table/limited_turntable.h"
+#include "turntable_drivers/twins/rig_chamber.h"
 
 namespace turncal {
 
@@ -27,44 +34,51 @@ class DryRunDevices {
   DryRunDevices(const DryRunDevices&) = delete;
   DryRunDevices& operator=(const DryRunDevices&) = delete;
 
+  // From here on an operator turns the table, who answers through the file descriptor `input`. The stream must outlive the devices.
+  void rehearse(const StationConfig& station, int input, std::ostream& out);
+  OperatorPrompts* prompts() { return by_hand_ ? &by_hand_->prompts : nullptr; }
+
   // Valid as long as this object.
   StationDevices devices();
 
   // For a run that goes on: brings fresh rigs to the moment `until_s` of a run that gave these commands at these times. All
   // that a rig is (angles, noise, temperature, faults) follows from its configuration, the commands and the samples passed,
-  // so the next sample is the one that the interrupted run would have seen. An error when the table refuses a command.
-  Status put_back(std::span<const JournalCommand> commands, double until_s);
+  // so the next sample is the one that the interrupted run would have seen. Of a rehearsal time alone passes. An error when the table
+  // refuses a command.
+  Status put_back(std::span<const TableCommand> commands, double until_s);
 
   RigGroup group;
   Rig& rig;  // of the first unit
   Turntable& table;
   ImuSource& imu;
   Clock& clock;
-};
-
-// The devices of a rehearsal: a run by hand on the rig (`run --manual --dry-run`). The angle that the operator types is where the rig is
-// turned to, its unit feels it, and gravity is compared as in a live run. Time is the rig's, and stands still while somebody thinks.
-//
-// A rehearsal that is taken up again is a rig of its own: at the time of the last completed dwell (so that noise and temperature go
-// on), at 0 on all axes. It is asked for, rests, and goes on as a live run does.
-class RehearsalDevices {
- public:
-  // `input`: file descriptor of the answers. The stream must outlive the devices.
-  RehearsalDevices(const RigConfig& config, const StationConfig& station, int input, std::ostream& out);
-  RehearsalDevices(const RehearsalDevices&) = delete;
-  RehearsalDevices& operator=(const RehearsalDevices&) = delete;
-
-  StationDevices devices();  // valid as long as this object
-  Status pass_until(double time_s) { return rig_.put_back({}, time_s); }
-  OperatorPrompts& prompts() { return prompts_; }
-  RigGroup& group() { return rig_.group; }
 
  private:
-  DryRunDevices rig_;
-  GravityWatch watched_;
-  ManualTurntable manual_;
-  LimitedTurntable limited_;
-  OperatorPrompts prompts_;
+  struct ByHand {
+    ByHand(DryRunDevices& rig, const StationConfig& station, int input, std::ostream& out);
+    GravityWatch watched;
+    ManualTurntable manual;
+    LimitedTurntable limited;
+    OperatorPrompts prompts;
+  };
+  std::unique_ptr<ByHand> by_hand_;  // of a rehearsal
+};
+
+// The devices of a session: rigs in their own time, or the station's real devices.
+struct RunDevices {
+  std::unique_ptr<DryRunDevices> rig;
+  std::unique_ptr<LiveDevices> live;
+  OperatorPrompts* prompts = nullptr;       // of a table turned by hand
+  std::unique_ptr<RigChamber> rig_chamber;  // of a dry run
+  std::unique_ptr<ChamberKeeper> chamber;   // of a run that has a temperature
+  StationDevices devices() {
+    StationDevices all = rig ? rig->devices() : live->devices();
+    all.chamber = chamber.get();
+    return all;
+  }
+  ImuSource& imu(std::size_t unit) {
+    return live ? live->imu(unit) : unit == 0 ? rig->devices().imu : rig->group.imu(unit);
+  }
 };
 
 // The rig that stands in for a station's table and units: in a dry run, in the twin, and where a plan is looked at for a station

@@ -168,10 +168,9 @@ void FirstStepCheck::begin(const RecordingInfo& info) {
   turned_to_deg_.reset();
 }
 
-Status FirstStepCheck::resume(const RecordingInfo& info, std::int64_t end_sample,
-                              std::optional<std::uint32_t> written) {
+Status FirstStepCheck::resume(const RecordingInfo& info, std::int64_t, std::optional<std::uint32_t>) {
   begin(info);
-  return PassingSink::resume(info, end_sample, written);
+  return {};
 }
 
 Status FirstStepCheck::start(const RecordingInfo& info) {
@@ -181,14 +180,14 @@ Status FirstStepCheck::start(const RecordingInfo& info) {
   before_deg_.reset();
   rest_gyro_.reset();
   earth_.emplace(info.latitude_deg);
-  return PassingSink::start(info);
+  return {};
 }
 
 Status FirstStepCheck::begin_segment(const Segment& segment) {
   if (step_ && segment.step != *step_) active_ = false;
   step_ = segment.step;
   sums_ = {.start_sample = segment.start_sample};
-  return PassingSink::begin_segment(segment);
+  return {};
 }
 
 Status FirstStepCheck::add(std::span<const ImuSample> samples) {
@@ -206,7 +205,7 @@ Status FirstStepCheck::add(std::span<const ImuSample> samples) {
     ++sums_.impossible_temperatures;
     sums_.temperature_c = sample.temperature_c;
   }
-  return PassingSink::add(samples);
+  return {};
 }
 
 void FirstStepCheck::end_stretch() {
@@ -221,7 +220,6 @@ void FirstStepCheck::end_stretch() {
 }
 
 Status FirstStepCheck::end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) {
-  TRY(PassingSink::end_segment(kind, end_sample, angles_deg));
   if (!found_) return {};
   found_ = judge_life(angles_deg);
   if (found_ && active_) found_ = judge_segment(kind, end_sample, angles_deg);

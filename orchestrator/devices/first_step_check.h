@@ -1,11 +1,11 @@
 // What a run checks of the unit in its first step, so that it stops there and not at the calibration: is it mounted as the
 // sequence supposes, do axes and signs fit, does the earth turn the right way, does every sensor live.
 //
-// A sink on the way to the recording; what it finds is told by unit_fits(), as an error of kind device: somebody has to look. At rest the
-// specific force must point up, a turn must be measured about the body axis that follows from the table's angles, and the earth must
-// turn as at the station's latitude (EarthRateCheck); neither sensor may be off by a factor that two units differ by; pulses of the
-// gyros must be of a weight from which a calibration finds it; and the temperature, where there is one, must be one that can be. Coarse on
-// purpose: what a calibration estimates (biases, scale factors, misalignments) is not judged.
+// What it finds is told by unit_fits(), as an error of kind device: somebody has to look. At rest the specific force must point up, a turn
+// must be measured about the body axis that follows from the table's angles, and the earth must turn as at the station's latitude
+// (EarthRateCheck); neither sensor may be off by a factor that two units differ by; pulses of the gyros must be of a weight from which a
+// calibration finds it; and the temperature, where there is one, must be one that can be. Coarse on purpose: what a calibration estimates
+// (biases, scale factors, misalignments) is not judged.
 //
 // A person may turn another axis first and back again: from a move whose path in the gyros is much longer than their sum nothing
 // is concluded.
@@ -82,10 +82,8 @@ class EarthRateCheck {
   bool contradictory_ = false;
 };
 
-class FirstStepCheck : public PassingSink {
+class FirstStepCheck : public RunSink {
  public:
-  using PassingSink::PassingSink;
-
   Status start(const RecordingInfo& info) override;
   Status resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) override;
   Status begin_segment(const Segment& segment) override;

@@ -77,49 +77,6 @@ constexpr double half_s = 0.5;
 constexpr std::int64_t longest_gap = 2000;  // samples; behind a longer one nobody knows
 constexpr double still = 0.02;              // of the halves' mean
 
-}  // namespace
-
-GravityWatch::GravityWatch(ImuSource& source, double sample_period_s)
-    : FrontImu(source), half_samples_(std::max(1, int(std::lround(half_s / sample_period_s)))) {}
-
-Status GravityWatch::open() {
-  count_ = 0;
-  sum_.setZero();
-  last_.reset();
-  before_.reset();
-  counter_.reset();
-  RecordingInfo info;
-  describe(info);
-  deg_per_count_ = nominal_gyro_rad(info) / rad_per_deg;
-  return imu_.open();
-}
-
-Result<std::size_t> GravityWatch::read(std::span<ImuSample> out, double timeout_s) {
-  Result<std::size_t> got = imu_.read(out, timeout_s);
-  if (!got) return got;
-  for (const ImuSample& sample : out.first(*got)) {
-    const std::int64_t steps =
-        counter_ ? std::clamp<std::int64_t>(sample.counter - *counter_, 1, longest_gap) : std::int64_t{1};
-    counter_ = sample.counter;
-    sum_ += Eigen::Vector3d::Map(sample.accel.data());
-    for (std::size_t i = 0; i < 3; ++i) turned_[i] += deg_per_count_ * sample.gyro[i] * double(steps);
-    if (++count_ < half_samples_) continue;
-    before_ = std::exchange(last_, sum_ / half_samples_);
-    sum_.setZero();
-    count_ = 0;
-  }
-  return got;
-}
-
-std::optional<std::array<double, 3>> GravityWatch::mean() const {
-  if (!last_ || !before_) return {};
-  if (!((*last_ - *before_).norm() <= still * 0.5 * (*last_ + *before_).norm())) return {};
-  const Eigen::Vector3d mean = 0.5 * (*last_ + *before_);
-  return std::array{mean.x(), mean.y(), mean.z()};
-}
-
-namespace {
-
 const std::string& lock_folder() {
   static const std::string folder = ::access("/run/lock", W_OK) == 0 ? "/run/lock" : "/tmp";
   return folder;
@@ -181,33 +138,6 @@ std::string one_name_of(const std::string& device) {
   return error ? device : (folder / name.filename()).string();
 }
 
-}  // namespace
-
-std::string lock_path_of(const std::string& device) {
-  std::string name = one_name_of(device);
-  for (char& c : name) {
-    if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '.' && c != '-') c = '_';
-  }
-  return lock_folder() + "/turncal-" + name + ".lock";
-}
-
-Result<StationLock> StationLock::acquire(const StationConfig& station) {
-  std::vector<std::string> devices;
-  if (const TableLinkSettings* const link = station.table.link()) devices.push_back(link->address);
-  if (station.chamber) devices.push_back(station.chamber->described.link().address);
-  for (std::size_t place = 0; place < station.imu_places(); ++place)
-    devices.push_back(station.imu_settings(place).device);
-  StationLock lock;
-  for (const std::string& device : devices) {
-    Result<LockFile> taken = LockFile::acquire(lock_path_of(device));
-    if (!taken) return device_error(device + ": " + taken.error().message);
-    lock.locks_.push_back(std::move(*taken));
-  }
-  return lock;
-}
-
-namespace {
-
 int go_first() {
   sched_param lowest{};
   lowest.sched_priority = ::sched_get_priority_min(SCHED_FIFO);
@@ -223,6 +153,68 @@ int lock_memory() {
 }
 
 }  // namespace
+
+GravityWatch::GravityWatch(ImuSource& source, double sample_period_s)
+    : FrontImu(source), half_samples_(std::max(1, int(std::lround(half_s / sample_period_s)))) {}
+
+Status GravityWatch::open() {
+  count_ = 0;
+  sum_.setZero();
+  last_.reset();
+  before_.reset();
+  counter_.reset();
+  RecordingInfo info;
+  describe(info);
+  deg_per_count_ = nominal_gyro_rad(info) / rad_per_deg;
+  return imu_.open();
+}
+
+Result<std::size_t> GravityWatch::read(std::span<ImuSample> out, double timeout_s) {
+  Result<std::size_t> got = imu_.read(out, timeout_s);
+  if (!got) return got;
+  for (const ImuSample& sample : out.first(*got)) {
+    const std::int64_t steps =
+        counter_ ? std::clamp<std::int64_t>(sample.counter - *counter_, 1, longest_gap) : std::int64_t{1};
+    counter_ = sample.counter;
+    sum_ += Eigen::Vector3d::Map(sample.accel.data());
+    for (std::size_t i = 0; i < 3; ++i) turned_[i] += deg_per_count_ * sample.gyro[i] * double(steps);
+    if (++count_ < half_samples_) continue;
+    before_ = std::exchange(last_, sum_ / half_samples_);
+    sum_.setZero();
+    count_ = 0;
+  }
+  return got;
+}
+
+std::optional<std::array<double, 3>> GravityWatch::mean() const {
+  if (!last_ || !before_) return {};
+  if (!((*last_ - *before_).norm() <= still * 0.5 * (*last_ + *before_).norm())) return {};
+  const Eigen::Vector3d mean = 0.5 * (*last_ + *before_);
+  return std::array{mean.x(), mean.y(), mean.z()};
+}
+
+std::string lock_path_of(const std::string& device) {
+  std::string name = one_name_of(device);
+  for (char& c : name) {
+    if (std::isalnum(static_cast<unsigned char>(c)) == 0 && c != '.' && c != '-') c = '_';
+  }
+  return lock_folder() + "/turncal-" + name + ".lock";
+}
+
+Result<std::vector<LockFile>> lock_devices(const StationConfig& station) {
+  std::vector<std::string> devices;
+  if (const TableLinkSettings* const link = station.table.link()) devices.push_back(link->address);
+  if (station.chamber) devices.push_back(station.chamber->described.link().address);
+  for (std::size_t place = 0; place < station.imu_places(); ++place)
+    devices.push_back(station.imu_settings(place).device);
+  std::vector<LockFile> locks;
+  for (const std::string& device : devices) {
+    Result<LockFile> taken = LockFile::acquire(lock_path_of(device));
+    if (!taken) return device_error(device + ": " + taken.error().message);
+    locks.push_back(std::move(*taken));
+  }
+  return locks;
+}
 
 RealTime::RealTime() : scheduled_(go_first()), locked_(lock_memory()) {}
 
@@ -242,14 +234,8 @@ std::string RealTime::text() const {
                                         std::strerror(locked_)));
 }
 
-double LiveClock::utc_s() const {
-  timespec now{};
-  ::clock_gettime(CLOCK_REALTIME, &now);
-  return double(now.tv_sec) + 1e-9 * double(now.tv_nsec);
-}
-
-LiveDevices::LiveDevices(const StationConfig& station, std::size_t units, StationLock lock)
-    : lock_(std::move(lock)),
+LiveDevices::LiveDevices(const StationConfig& station, std::size_t units, std::vector<LockFile> locks)
+    : locks_(std::move(locks)),
       speed_up_(station.clock_speed_up),
       clock_(speed_up_),
       imu_(station.imu->frame, station.imu->settings),
@@ -262,8 +248,8 @@ Result<std::unique_ptr<LiveDevices>> LiveDevices::make(const StationConfig& stat
                                                        const std::atomic<int>& stop_requests, std::ostream& out,
                                                        std::size_t units) {
   assert(station.imu);
-  StationLock lock = TRY(StationLock::acquire(station));
-  std::unique_ptr<LiveDevices> live(new LiveDevices(station, units, std::move(lock)));
+  std::vector<LockFile> locks = TRY(lock_devices(station));
+  std::unique_ptr<LiveDevices> live(new LiveDevices(station, units, std::move(locks)));
   if (station.chamber) live->chamber_ = std::make_unique<DescribedChamber>(station.chamber->described);
   const GravityWatch& watched = live->watched_;
   live->table_ = TRY(

@@ -21,6 +21,7 @@
 #include "orchestrator/devices/operator_prompts.h"
 #include "orchestrator/run/station_run.h"
 #include "orchestrator/station/station_config.h"
+#include "orchestrator/watch/progress.h"
 #include "turntable_drivers/chamber/described_chamber.h"
 #include "turntable_drivers/manual/manual_turntable.h"
 #include "turntable_drivers/table/limited_turntable.h"
@@ -116,14 +117,8 @@ class GravityWatch : public FrontImu {
 //
 // A lock file of this machine for each device, below /run/lock: another machine at the same table is not seen. The name of a table's host is
 // that of its address; all addresses by which this machine reaches itself are one.
-class StationLock {
- public:
-  // Error: kind device, names the device and who holds it.
-  static Result<StationLock> acquire(const StationConfig& station);
-
- private:
-  std::vector<LockFile> locks_;
-};
+// Error: kind device, names the device and who holds it.
+Result<std::vector<LockFile>> lock_devices(const StationConfig& station);
 
 // The lock file of a device: a path or HOST:PORT.
 std::string lock_path_of(const std::string& device);
@@ -152,7 +147,7 @@ class LiveClock : public Clock {
  public:
   explicit LiveClock(double speed_up) : speed_up_(speed_up) {}
   double now_s() const override { return speed_up_ * (monotonic_s() - start_s_); }  // since construction
-  double utc_s() const override;                                                    // CLOCK_REALTIME, never sped up
+  double utc_s() const override { return wall_utc_s(); }                            // never sped up
 
  private:
   double speed_up_, start_s_ = monotonic_s();
@@ -194,9 +189,9 @@ class LiveDevices {
   OperatorPrompts* prompts();
 
  private:
-  LiveDevices(const StationConfig& station, std::size_t units, StationLock lock);
+  LiveDevices(const StationConfig& station, std::size_t units, std::vector<LockFile> locks);
 
-  StationLock lock_;  // outlives the devices
+  std::vector<LockFile> locks_;  // outlive the devices
   std::optional<RealTime> real_time_{std::in_place};
   double speed_up_;
   bool left_off_ = false;

@@ -173,7 +173,7 @@ Result<std::vector<NamedText>> files_of(const ArchiveEntry& entry, const LoadedR
     DiagnosisRequest diagnosis;
     diagnosis.time_utc = request.time_utc;
     diagnosis.base = output.fit ? &*output.fit : nullptr;
-    const DiagnosisOutput found = TRY(diagnose_recordings({&recording}, diagnosis));
+    const DiagnosisOutput found = TRY(diagnose_recordings({&recording, 1}, diagnosis));
     files.push_back({diagnosis_name, found.files.conf});
     for (auto& [key, value] : output.file.further)
       if (key == "quality.trusted" && !found.diagnosis.trusted) value = "false";

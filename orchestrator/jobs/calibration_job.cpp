@@ -66,93 +66,14 @@ bool overlap(const LoadedRecording& earlier, const LoadedRecording& later) {
   return from && at && *from <= *at && double(*at - *from) < earlier.recorded_s - whole_seconds;
 }
 
-}  // namespace
-
-std::vector<const LoadedRecording*> each_of(const std::vector<LoadedRecording>& recordings) {
-  std::vector<const LoadedRecording*> each;
-  for (const LoadedRecording& recording : recordings) each.push_back(&recording);
-  return each;
-}
-
-Result<Segmentation> find_rests(RecordingSource& source, const SegmentationOptions& options) {
-  RestFinder finder(source.info(), options);
-  TRY(source.read([&](std::span<const ImuSample> samples) {
-    finder.add(samples);
-    return Status();
-  }));
-  Segmentation found = finder.finish();
-  if (!found.segments.empty()) return found;
-  return input_error(source.path() + ": no rest found: " +
-                     (options.threshold ? "no stretch of " + format_number(options.min_rest_s) +
-                                              " s stays below the threshold " + format_number(*options.threshold)
-                                        : found.reason));
-}
-
-Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress,
-                                       const std::optional<CompressionOptions>& blocks, int before_step) {
-  LoadedRecording loaded;
-  Segments segments = source.segments();
-  if (segments.empty()) {
-    segments = TRY(find_rests(source)).segments;
-    loaded.segmented = fmt::format("came without segments: {} rests found (turncal segment lists and tunes them)",
-                                   std::ranges::count(segments, SegmentKind::still, &Segment::kind));
-  }
-  loaded.path = source.path();
-  loaded.damage = source.damage();
-  loaded.by_hand = without_table_angles(segments);
-  Compressor compressor(source.info(),
-                        blocks.value_or(loaded.by_hand ? rest_compression_options() : CompressionOptions{}));
-  std::optional<ClippingFinder> clipping;
-  if (loaded.by_hand) clipping.emplace();
-  loaded.recorded_s = double(segments.back().end_sample) * source.info().sample_period_s;
-  if (before_step > 0)
-    segments.erase(std::ranges::find_if(segments, [&](const Segment& segment) { return segment.step >= before_step; }),
-                   segments.end());
-  if (segments.empty())
-    return input_error(source.path() + ": nothing was recorded before step " + std::to_string(before_step));
-  SegmentedFeed feed(compressor, segments);
-  TableLife life(source.info(), segments);
-  std::int64_t count = 0;
-  TRY(source.read([&](std::span<const ImuSample> samples) {
-    while (before_step > 0 && !samples.empty() && samples.back().counter >= segments.back().end_sample)
-      samples = samples.first(samples.size() - 1);
-    if (samples.empty()) return Status{};
-    feed.add(samples);
-    life.add(samples);
-    if (clipping)
-      for (const ImuSample& sample : samples) clipping->add(sample);
-    count += std::int64_t(samples.size());
-    if (progress) progress(count);
-    return Status{};
-  }));
-  feed.finish();
-  loaded.data = compressor.take();
-  if (clipping) clipping->note(loaded.data.events);
-  loaded.dead_channel = life.finish();
-  loaded.hash = TRY(source.content_hash());  // falls out of read()
-  return loaded;
-}
-
-Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress,
-                                       const std::optional<CompressionOptions>& blocks, int before_step) {
-  const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(path));
-  return load_recording(*source, progress, blocks, before_step);
-}
-
-Status check_data(const LoadedRecording& loaded) {
-  std::string wrong = loaded.dead_channel;
-  if (wrong.empty() && !loaded.by_hand) wrong = wrong_table_units(loaded.data);
-  if (!wrong.empty()) return Error{ErrorKind::unit_failed, loaded.path + ": " + wrong};
-  const std::vector<Block>& blocks = loaded.data.blocks;
-  if (std::ranges::any_of(blocks, [](const Block& block) { return block.whole_second; })) return {};
-  return input_error(loaded.path + ": not one whole second at rest: expected dwells to calibrate from");
-}
-
-namespace {
+using Recordings = std::span<const LoadedRecording>;
 
 // An error when two of them are the same, or they are not of one unit, recorded in one way, and all with table angles or all without.
-Status check_same_unit(const std::vector<const LoadedRecording*>& recordings) {
-  const LoadedRecording& first = *recordings.front();
+Status check_same_unit(Recordings some, Recordings further = {}) {
+  std::vector<const LoadedRecording*> recordings;
+  for (const Recordings& these : {some, further})
+    for (const LoadedRecording& one : these) recordings.push_back(&one);
+  const LoadedRecording& first = some.front();
   const auto kind = [](IncrementKind k) { return std::string(k == IncrementKind::pulses ? "pulses" : "rad or mps"); };
   for (const LoadedRecording* one : recordings) {
     const RecordingInfo &info = one->data.info, &expected = first.data.info;
@@ -344,30 +265,27 @@ Result<std::vector<CalibrationOutput>> calibrate_each(const std::vector<LoadedRe
   return outputs;
 }
 
-using Recordings = std::vector<const LoadedRecording*>;
-
 // All of one unit, and those to be fitted together of one place and one rate.
-Status check_together(const Recordings& fitted, const Recordings& holdouts) {
-  Recordings all = fitted;
-  all.insert(all.end(), holdouts.begin(), holdouts.end());
-  TRY(check_same_unit(all));
-  const LoadedRecording& first = *fitted.front();
+Status check_together(Recordings fitted, Recordings holdouts) {
+  TRY(check_same_unit(fitted, holdouts));
+  const LoadedRecording& first = fitted.front();
   const bool several = fitted.size() > 1 || holdouts.size() > 1;
   if (several && first.by_hand)
     return input_error(first.path + ": " + no_table_angles + ": expected one recording, and one holdout at most");
-  for (const LoadedRecording* one : fitted) {
+  for (const LoadedRecording& one : fitted) {
     const auto same = [&](const char* key, double RecordingInfo::*value) -> Status {
-      const double is = one->data.info.*value, expected = first.data.info.*value;
+      const double is = one.data.info.*value, expected = first.data.info.*value;
       const bool alike = value == &RecordingInfo::sample_period_s ? same_sample_period(is, expected) : is == expected;
       if (alike) return {};
-      return input_error("{}: {} = {}: expected {}, as in {}", one->path, key, format_number(is),
+      return input_error("{}: {} = {}: expected {}, as in {}", one.path, key, format_number(is),
                          format_number(expected), first.path);
     };
     TRY(same("sample_period_s", &RecordingInfo::sample_period_s));
     TRY(same("latitude_deg", &RecordingInfo::latitude_deg));
     TRY(same("gravity_mps2", &RecordingInfo::gravity_mps2));
   }
-  for (const LoadedRecording* one : all) TRY(check_data(*one));
+  for (const Recordings& these : {fitted, holdouts})
+    for (const LoadedRecording& one : these) TRY(check_data(one));
   return {};
 }
 
@@ -375,7 +293,7 @@ Status check_together(const Recordings& fitted, const Recordings& holdouts) {
 void navigate_effects(const LoadedRecording& recording, const Diagnosis& diagnosis, const DiagnosisRequest& request,
                       DiagnosisContext& context) {
   request.phase("navigating with and without the added effects");
-  const LoadedRecording& navigated = request.holdouts.empty() ? recording : *request.holdouts.front();
+  const LoadedRecording& navigated = request.holdouts.empty() ? recording : request.holdouts.front();
   const RecordingInfo& info = navigated.data.info;
   const Segments& segments = navigated.data.segments;
   const double to_s = double(segments.back().end_sample - segments.front().start_sample) * info.sample_period_s;
@@ -388,13 +306,13 @@ void navigate_effects(const LoadedRecording& recording, const Diagnosis& diagnos
   context.worth->source = request.holdouts.empty() ? "fitted recording" : "second recording";
 }
 
-Result<DiagnosisOutput> of_table(const Recordings& recordings, const JoinedRecordings& joined,
-                                 const DiagnosisRequest& request, DiagnosisContext& context) {
-  const LoadedRecording& recording = *recordings.front();
+Result<DiagnosisOutput> of_table(Recordings recordings, const JoinedRecordings& joined, const DiagnosisRequest& request,
+                                 DiagnosisContext& context) {
+  const LoadedRecording& recording = recordings.front();
   DiagnosisOptions settings;
   settings.estimate.noise = request.noise;
   settings.base = request.noise ? nullptr : request.base;
-  for (const LoadedRecording* holdout : request.holdouts) settings.holdouts.push_back(&holdout->data);
+  for (const LoadedRecording& holdout : request.holdouts) settings.holdouts.push_back(&holdout.data);
   request.phase("diagnosing: fit, missing effects, held-out data");
   Diagnosis diagnosis = diagnose(joined, settings);
   const std::string open = undetermined_parameters(diagnosis.extended);
@@ -435,9 +353,9 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
   if (data.rests.size() == 1) return of_single_pose(recording, context);
   std::optional<RestData> other;
   if (!request.holdouts.empty()) {
-    other = make_rest_data(request.holdouts.front()->data);
+    other = make_rest_data(request.holdouts.front().data);
     if (other->legs.empty())
-      return input_error(request.holdouts.front()->path + ": holds no rotation between two rests");
+      return input_error(request.holdouts.front().path + ": holds no rotation between two rests");
   }
   request.phase("diagnosing: fit, missing effects, cross-validation");
   Result<RestDiagnosis> result = diagnose_rests(data, other ? &*other : nullptr);
@@ -451,6 +369,80 @@ Result<DiagnosisOutput> of_hand_turned(const LoadedRecording& recording, const D
 }
 
 }  // namespace
+
+Result<Segmentation> find_rests(RecordingSource& source, const SegmentationOptions& options) {
+  RestFinder finder(source.info(), options);
+  TRY(source.read([&](std::span<const ImuSample> samples) {
+    finder.add(samples);
+    return Status();
+  }));
+  Segmentation found = finder.finish();
+  if (!found.segments.empty()) return found;
+  return input_error(source.path() + ": no rest found: " +
+                     (options.threshold ? "no stretch of " + format_number(options.min_rest_s) +
+                                              " s stays below the threshold " + format_number(*options.threshold)
+                                        : found.reason));
+}
+
+Result<LoadedRecording> load_recording(RecordingSource& source, const std::function<void(std::int64_t)>& progress,
+                                       const std::optional<CompressionOptions>& blocks, int before_step) {
+  LoadedRecording loaded;
+  Segments segments = source.segments();
+  if (segments.empty()) {
+    segments = TRY(find_rests(source)).segments;
+    loaded.segmented = fmt::format("came without segments: {} rests found (turncal segment lists and tunes them)",
+                                   std::ranges::count(segments, SegmentKind::still, &Segment::kind));
+  }
+  loaded.path = source.path();
+  loaded.damage = source.damage();
+  loaded.by_hand = without_table_angles(segments);
+  Compressor compressor(source.info(),
+                        blocks.value_or(loaded.by_hand ? rest_compression_options() : CompressionOptions{}));
+  std::optional<ClippingFinder> clipping;
+  if (loaded.by_hand) clipping.emplace();
+  loaded.recorded_s = double(segments.back().end_sample) * source.info().sample_period_s;
+  if (before_step > 0)
+    segments.erase(std::ranges::find_if(segments, [&](const Segment& segment) { return segment.step >= before_step; }),
+                   segments.end());
+  if (segments.empty())
+    return input_error(source.path() + ": nothing was recorded before step " + std::to_string(before_step));
+  SegmentedFeed feed(compressor, segments);
+  TableLife life(source.info(), segments);
+  std::int64_t count = 0;
+  TRY(source.read([&](std::span<const ImuSample> samples) {
+    while (before_step > 0 && !samples.empty() && samples.back().counter >= segments.back().end_sample)
+      samples = samples.first(samples.size() - 1);
+    if (samples.empty()) return Status{};
+    feed.add(samples);
+    life.add(samples);
+    if (clipping)
+      for (const ImuSample& sample : samples) clipping->add(sample);
+    count += std::int64_t(samples.size());
+    if (progress) progress(count);
+    return Status{};
+  }));
+  feed.finish();
+  loaded.data = compressor.take();
+  if (clipping) clipping->note(loaded.data.events);
+  loaded.dead_channel = life.finish();
+  loaded.hash = TRY(source.content_hash());  // falls out of read()
+  return loaded;
+}
+
+Result<LoadedRecording> load_recording(const std::string& path, const std::function<void(std::int64_t)>& progress,
+                                       const std::optional<CompressionOptions>& blocks, int before_step) {
+  const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(path));
+  return load_recording(*source, progress, blocks, before_step);
+}
+
+Status check_data(const LoadedRecording& loaded) {
+  std::string wrong = loaded.dead_channel;
+  if (wrong.empty() && !loaded.by_hand) wrong = wrong_table_units(loaded.data);
+  if (!wrong.empty()) return Error{ErrorKind::unit_failed, loaded.path + ": " + wrong};
+  const std::vector<Block>& blocks = loaded.data.blocks;
+  if (std::ranges::any_of(blocks, [](const Block& block) { return block.whole_second; })) return {};
+  return input_error(loaded.path + ": not one whole second at rest: expected dwells to calibrate from");
+}
 
 void add_measured_utc(const RecordingInfo& info, ParameterFile& file) {
   const std::string key = "record.measured_utc";
@@ -502,7 +494,7 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
       return input_error(recording.path + ": " + no_table_angles + ": expected several recordings to be from a table");
     switched_on.push_back({recording.hash, recording.data.info.started_utc_s});
   }
-  TRY(check_same_unit(each_of(recordings)));
+  TRY(check_same_unit(recordings));
   CalibrationOutput output;
   std::vector<CalibrationOutput> each = TRY(calibrate_each(recordings, request));
   std::vector<JointResult> estimates;
@@ -548,27 +540,27 @@ std::optional<UnitStatistics> statistics_of(const std::vector<LoadedRecording>& 
   return unit_statistics(all);
 }
 
-Result<DiagnosisOutput> diagnose_recordings(const Recordings& recordings, const DiagnosisRequest& request) {
+Result<DiagnosisOutput> diagnose_recordings(Recordings recordings, const DiagnosisRequest& request) {
   TRY(check_together(recordings, request.holdouts));
-  const LoadedRecording& first = *recordings.front();
+  const LoadedRecording& first = recordings.front();
   std::vector<const CompressedRecording*> parts;
-  for (const LoadedRecording* recording : recordings) parts.push_back(&recording->data);
+  for (const LoadedRecording& recording : recordings) parts.push_back(&recording.data);
   const JoinedRecordings joined = join_recordings(parts);
   DiagnosisContext context(joined.data);
   context.recording_hash = first.hash;
   context.time_utc = request.time_utc;
   context.of_run = request.of_run;
-  for (const LoadedRecording* recording : recordings) {
-    context.recording_path += (context.recording_path.empty() ? "" : ", ") + recording->path;
-    context.switched_on.push_back({recording->hash, recording->data.info.started_utc_s});
+  for (const LoadedRecording& recording : recordings) {
+    context.recording_path += (context.recording_path.empty() ? "" : ", ") + recording.path;
+    context.switched_on.push_back({recording.hash, recording.data.info.started_utc_s});
   }
-  for (const LoadedRecording* holdout : request.holdouts)
-    context.holdout_path += (context.holdout_path.empty() ? "" : ", ") + holdout->path;
-  for (const Recordings& all : {recordings, request.holdouts})
-    for (const LoadedRecording* loaded : all) {
-      const std::string damage = describe(loaded->damage);
-      if (!damage.empty()) context.notes.push_back(loaded->path + ": " + damage);
-      if (!loaded->segmented.empty()) context.notes.push_back(loaded->path + ": " + loaded->segmented);
+  for (const LoadedRecording& holdout : request.holdouts)
+    context.holdout_path += (context.holdout_path.empty() ? "" : ", ") + holdout.path;
+  for (const Recordings& these : {recordings, request.holdouts})
+    for (const LoadedRecording& loaded : these) {
+      const std::string damage = describe(loaded.damage);
+      if (!damage.empty()) context.notes.push_back(loaded.path + ": " + damage);
+      if (!loaded.segmented.empty()) context.notes.push_back(loaded.path + ": " + loaded.segmented);
     }
   return first.by_hand ? of_hand_turned(first, request, context) : of_table(recordings, joined, request, context);
 }

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -36,8 +37,6 @@ struct LoadedRecording {
   std::string dead_channel;  // data_screen.h
   std::string segmented;     // how, where it came without segments; empty: it came with its own
 };
-
-std::vector<const LoadedRecording*> each_of(const std::vector<LoadedRecording>& recordings);
 
 // The rests of data without a table (segmentation.h); an error where there are none.
 Result<Segmentation> find_rests(RecordingSource& source, const SegmentationOptions& options = {});
@@ -100,7 +99,7 @@ std::optional<UnitStatistics> statistics_of(const std::vector<LoadedRecording>& 
 
 struct DiagnosisRequest {
   std::string time_utc = {};  // for the record
-  std::vector<const LoadedRecording*> holdouts = {};
+  std::span<const LoadedRecording> holdouts = {};
   std::optional<NoiseModel> noise = {};  // given, not measured
   const JointResult* base = nullptr;     // the joint estimate of this recording, where there is one already
   std::string samples = {};  // path of what is navigated for it, of the holdout where there is one; empty: nothing is
@@ -115,7 +114,7 @@ struct DiagnosisOutput {
 
 // Of one recording, or of several of one unit (calib/joint/several_recordings.h), which are of a table then.
 // Errors: kind input for recordings that cannot be diagnosed (together), unit_failed when the base model does not settle.
-Result<DiagnosisOutput> diagnose_recordings(const std::vector<const LoadedRecording*>& recordings,
+Result<DiagnosisOutput> diagnose_recordings(std::span<const LoadedRecording> recordings,
                                             const DiagnosisRequest& request);
 
 }  // namespace turncal

@@ -14,7 +14,6 @@
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/text.h"
 #include "orchestrator/jobs/prediction_job.h"
-#include "orchestrator/jobs/run_request.h"
 #include "orchestrator/records/parameter_store.h"
 #include "orchestrator/records/results_database.h"
 
@@ -26,13 +25,13 @@ constexpr std::uintmax_t bytes_a_sample = 64;       // at most, of a binary reco
 constexpr std::uintmax_t bytes_beside = 64u << 20;  // journal, log, report, database
 constexpr std::size_t longest_file_name = 60;       // of what is made in a folder: ".recording.partial.tcr.12345.0.tmp"
 
-Status check_space(const Preflight& run) {
+Status check_space(const RunPlan& run, const std::string& path) {
   std::error_code error;
-  const std::string folder = existing_folder_of(run.folder);
+  const std::string folder = existing_folder_of(path);
   const std::uintmax_t free = std::filesystem::space(folder, error).available;
   if (error) return device_error(folder + ": its free space cannot be read: " + error.message());
   const std::uintmax_t needed =
-      run.units.size() * static_cast<std::uintmax_t>(run.plan.samples) * bytes_a_sample + bytes_beside;
+      run.request.units.size() * static_cast<std::uintmax_t>(run.plan.samples) * bytes_a_sample + bytes_beside;
   if (free >= needed) return {};
   return device_error(
       fmt::format("{}: {} MiB are free: expected {} MiB for this run", folder, free >> 20, needed >> 20));
@@ -98,14 +97,12 @@ Status check_moves(const StationConfig& station, const Plan& plan) {
 
 // What the shell says of a command that it cannot read; empty: it can. Nothing is run.
 std::string unreadable(const std::string& command) {
-  std::string quoted = "'";
-  for (const char c : command) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  FILE* const shell = ::popen(("exec /bin/sh -n -c " + quoted + "' 2>&1").c_str(), "r");
-  if (shell == nullptr) return "";
-  std::string said;
-  for (int c = std::fgetc(shell); c != EOF; c = std::fgetc(shell)) said += char(c);
-  if (::pclose(shell) == 0) return "";
-  return said.substr(0, said.find('\n'));
+  const Result<ChildEnd> end = run_child({.words = {"/bin/sh", "-n", "-c", command},
+                                          .package = "",
+                                          .environment = {"LC_ALL=C.UTF-8"},
+                                          .replaced = "LC_",
+                                          .most_printed = std::size_t{1} << 16U});
+  return !end || end->good() ? "" : end->errors.substr(0, end->errors.find('\n'));
 }
 
 // Whether the shell can read it, and the program that it begins with. What is more than a plain word is judged when the hook runs.
@@ -137,31 +134,32 @@ constexpr std::size_t most_predicted = 20000;  // items: some 10 s of a core
 
 }  // namespace
 
-std::vector<Error> preflight(const Preflight& run) {
+std::vector<Error> preflight(const RunPlan& run, const std::string& folder, double utc_s) {
   std::vector<Error> errors;
   const auto add = [&errors](const Status& status) {
     if (!status) errors.push_back(status.error());
   };
   const StationConfig& station = run.station;
-  add(check_due(station, run.utc_s, run.overdue_reason));
+  const std::vector<std::string>& units = run.request.units;
+  add(check_due(station, utc_s, run.request.overdue_reason));
   if (station.table.driver != TableDriver::manual) {
     add(check_plausible(station, run.plan));
     add(check_moves(station, run.plan));
   }
-  if (!run.folder.empty()) {
-    add(check_folder_writable(run.folder));
-    add(check_space(run));
-    for (const std::string& unit : run.units)
-      add(check_names(run.units.size() > 1 ? run.folder + "/" + name_of_unit(unit) : run.folder));
+  if (!folder.empty()) {
+    add(check_folder_writable(folder));
+    add(check_space(run, folder));
+    for (const std::string& unit : units)
+      add(check_names(units.size() > 1 ? folder + "/" + name_of_unit(unit) : folder));
   }
   if (const std::string records = records_file(station); !records.empty())
     add(ResultsDatabase::check_writable(records));  // a server may be away: then they are kept here
   if (!station.store.empty()) {
     add(check_folder_writable(station.store));
-    for (const std::string& unit : run.units) {
-      const std::string folder = unit_folder(station.store, unit, run.simulated);
-      add(check_names(folder + "/versions"));
-      if (path_exists(folder)) add(check_folder_writable(folder));
+    for (const std::string& unit : units) {
+      const std::string kept = unit_folder(station.store, unit, run.simulated());
+      add(check_names(kept + "/versions"));
+      if (path_exists(kept)) add(check_folder_writable(kept));
     }
   }
   for (const auto& [event, command] : hook_events)

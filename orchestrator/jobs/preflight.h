@@ -15,23 +15,13 @@
 #include "calib/prediction/predict.h"
 #include "calib/types/recording_types.h"
 #include "calib/types/status.h"
-#include "orchestrator/station/station_config.h"
-#include "sequences/plan.h"
+#include "orchestrator/jobs/run_request.h"
 
 namespace turncal {
 
-struct Preflight {
-  const StationConfig& station;
-  const Plan& plan;
-  std::string folder = {};              // of the run; empty: not looked at
-  std::vector<std::string> units = {};  // serial numbers
-  double utc_s = 0.0;                   // now
-  bool simulated = false;
-  std::string overdue_reason = {};  // why a table whose calibration is overdue is used all the same
-};
-
-// Kind device for what the storage cannot do, input for what has to be written otherwise.
-std::vector<Error> preflight(const Preflight& run);
+// Kind device for what the storage cannot do, input for what has to be written otherwise. folder: of the run; empty: not looked at. Of `run`
+// station, plan, units and the reason for an overdue table are looked at. utc_s: now.
+std::vector<Error> preflight(const RunPlan& run, const std::string& folder, double utc_s);
 
 // A plan as the pure functions of calib take it.
 PlannedMotion planned_motion(const Sequence& sequence, const Plan& plan);

@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "imu_io/base/clock.h"
+#include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/devices/first_step_check.h"
 #include "orchestrator/devices/operator_prompts.h"
 #include "orchestrator/devices/stop_signals.h"
@@ -60,13 +61,11 @@ std::vector<std::string> last_results(const RunPlan& run) {
 // Of every unit, rounded to what can be known; kept with it, too.
 std::vector<std::optional<UnitClock>> clocks_of(const LiveDevices& devices, std::vector<RunUnit>& units) {
   std::vector<std::optional<UnitClock>> clocks;
+  const auto rounded_ppm = [](double part) { return std::round(1e8 * part) / 100.0; };
   for (std::size_t i = 0; i < units.size(); ++i) {
-    clocks.emplace_back();
-    if (const auto clock = devices.unit_clock(i)) {
-      const auto rounded_ppm = [](double part) { return std::round(1e8 * part) / 100.0; };
-      clocks.back() = {rounded_ppm(-clock->skew), rounded_ppm(clock->skew_uncertainty)};
-    }
-    units[i].clock = clocks.back();
+    if (const auto clock = devices.unit_clock(i))
+      units[i].clock = {rounded_ppm(-clock->skew), rounded_ppm(clock->skew_uncertainty)};
+    clocks.push_back(units[i].clock);
   }
   return clocks;
 }
@@ -76,7 +75,7 @@ void note_outcome(const RunOutcome& outcome, Run& run) {
   for (std::size_t i = 0; i < run.units.size(); ++i) {
     const RunOutcome::Unit& end = outcome.units[i];
     RunUnit& unit = run.units[i];
-    unit.recorded_s = double(end.recorded_samples) * run.sample_period_s();
+    unit.recorded_s = double(end.next_sample) * run.sample_period_s();
     unit.repeated_dwells = outcome.repeated_dwells;
     unit.lost_samples = end.lost_samples;
     if (end.dropped_out && !unit.dropped) unit.drop(*end.dropped_out);
@@ -152,8 +151,11 @@ struct RunView {
   Status open_page(const std::string& address) {
     if (address.empty()) return {};
     page = TRY(StatusPage::open(address, live));
-    context.out << "status page " << page->url() << std::endl;
-    if (const std::string warning = page->warning(); !warning.empty()) context.err << warning << std::endl;
+    const std::string url = page->server().url();
+    context.out << "status page " << url << std::endl;
+    if (!page->server().loopback())
+      context.err << "warning: everybody who reaches " << url
+                  << " can read the status page: it has no access control and is not encrypted" << std::endl;
     return {};
   }
   void show_known(const std::string& line, const std::vector<NeededSigma>& known) {
@@ -184,116 +186,6 @@ struct RunView {
   OperatorPrompts* asked;                    // null: nobody turns the table
   std::optional<OperatorTerminal> terminal;  // of whoever does, where it takes a screen
   std::unique_ptr<StatusPage> page;
-};
-
-// Walks through the plan, with all that listens to the walk. What the loop hands out is written and shown beside it; of a simulation, whose
-// time stands still meanwhile, within it.
-class Recorder {
- public:
-  Recorder(Run& run, RunDevices& devices, RunView& view)
-      : run_(run),
-        devices_(devices),
-        view_(view),
-        storage_(devices.live ? BackgroundQueue::By::thread : BackgroundQueue::By::caller),
-        display_(devices.live ? BackgroundQueue::By::thread : BackgroundQueue::By::caller),
-        clock_(devices.live ? run.station.clock_speed_up : 1.0,
-               [this](double by_s, const RunSnapshot& at) { note_clock(by_s, at); }),
-        enough_(run, recordings_, storage_,
-                [this](const std::string& line, const KnownSoFar& unit) { tell_known(line, unit); }),
-        station_(devices.devices(),
-                 {run.sequence, run.plan, run.station, run.units.front().serial, run.resume, run.sessions > 1,
-                  run.temperature_c()},
-                 make_lanes(), hooks()) {}
-
-  RunOutcome walk() {
-    std::optional<StorageLimit> limit;
-    if (!devices_.live)
-      limit.emplace([this] { return storage_.stuck(); },
-                    [this] {
-                      end_without_storage(storage_.status().error().message, run_.folder, "resume " + run_.folder,
-                                          view_.context);
-                    });
-    const RunOutcome outcome = station_.run();
-    display_.drain();
-    return outcome;
-  }
-
- private:
-  std::vector<StationUnit> make_lanes() {
-    for (const RunUnit& unit : run_.units) recordings_.emplace_back(unit.folder);
-    for (RecordingSink& recording : recordings_) checks_.emplace_back(recording);
-    shown_.emplace(checks_.front(), view_.live);  // the page plots the first unit
-    std::vector<StationUnit> lanes;
-    for (std::size_t i = 0; i < run_.units.size(); ++i) {
-      RunSink& sink = i == 0 ? static_cast<RunSink&>(*shown_) : checks_[i];
-      lanes.push_back({devices_.imu(i), sink, run_.units[i].serial});
-    }
-    return lanes;
-  }
-
-  StationHooks hooks() {
-    StationHooks hooks;
-    hooks.observers = {&log_, &shown_live_, &pace_, &clock_, &service_};
-    if (devices_.prompts) hooks.observers.push_back(devices_.prompts);
-    if (!view_.terminal) hooks.observers.push_back(&shown_progress_);
-    hooks.stop_requests = &StopSignals::requests();
-    hooks.pause_requests = &StopSignals::pauses();
-    hooks.end_requests = &StopSignals::ends();
-    hooks.journal = &*run_.journal;
-    hooks.check_kept = [this] {
-      const Status journal = run_.journal->check_kept();
-      return journal ? run_.log->check_kept() : journal;
-    };
-    hooks.storage = &storage_;
-    hooks.content_hashes = [this] { return content_hashes(); };
-    hooks.calibrate = [this] {
-      note_outcome(station_.outcome(), run_);
-      return make_results(run_, devices_.devices().clock.utc_s(), view_.context);
-    };
-    if (run_.request.until_sigma || settling_allowed_s(run_) > 0.0)
-      hooks.go_on_with = [this](std::size_t next_item) {
-        note_outcome(station_.outcome(), run_);
-        return enough_.go_on_with(next_item);
-      };
-    return hooks;
-  }
-
-  Result<std::vector<std::string>> content_hashes() {
-    if (devices_.live) devices_.live->end_real_time();
-    note_outcome(station_.outcome(), run_);
-    if (devices_.live) run_.journal->note_clocks(clocks_of(*devices_.live, run_.units));
-    return read_recordings(run_);
-  }
-
-  void note_clock(double by_s, const RunSnapshot& at) {
-    storage_.post([this, by_s, at] {
-      run_.say(fmt::format("the clock was set by {:+.3f} s, to {}", by_s, format_utc(at.utc_s)));
-      // A journal that cannot be written refuses the next record, too, and that stops the run.
-      if (Status kept = run_.journal->clock_set(by_s, at); !kept) run_.say(kept.error().message);
-    });
-  }
-
-  void tell_known(const std::string& line, const KnownSoFar& unit) {
-    storage_.post([this, line] { run_.say(line); });
-    display_.post([this, line, known = unit.sigmas] { view_.show_known(line, known); });
-  }
-
-  // In the order of construction: what a queue still does is of things that outlive it.
-  Run& run_;
-  RunDevices& devices_;
-  RunView& view_;
-  PaceKeeper pace_{run_.request.session.pace};
-  std::deque<RecordingSink> recordings_;
-  std::deque<FirstStepCheck> checks_;
-  std::optional<LiveSink> shown_;
-  const StopSignals signals_{FirstInterrupt::pauses};
-  BackgroundQueue storage_, display_;
-  ClockWatch clock_;
-  ServiceWatch service_;
-  BackgroundObserver log_{*run_.log, storage_}, shown_live_{view_.live, display_},
-      shown_progress_{view_.progress, display_};
-  EnoughWatch enough_;
-  StationRun station_;
 };
 
 // How table and units were left, for the log.
@@ -335,43 +227,9 @@ RunEnd stopped(Run& run, const RunOutcome& outcome, bool goes_on, CommandContext
   return end;
 }
 
-void add_chamber(const RunPlan& run, RunDevices& devices) {
-  if (!run.temperature_c()) return;
-  const ChamberConfig& config = *run.station.chamber;
-  if (!devices.live) {
-    RigGroup& group = devices.rig ? devices.rig->group : devices.rehearsal->group();
-    devices.rig_chamber = std::make_unique<RigChamber>(group, config.described.limits);
-  }
-  Chamber& chamber = devices.live ? static_cast<Chamber&>(*devices.live->chamber()) : *devices.rig_chamber;
-  devices.chamber = std::make_unique<ChamberKeeper>(
-      chamber, config, devices.live ? BackgroundQueue::By::thread : BackgroundQueue::By::caller);
-}
-
-}  // namespace
-
-Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context) {
-  RunDevices devices;
-  if (context.quiet && (run.request.rehearsal() || run.station.table.driver == TableDriver::manual))
-    return input_error("--quiet: expected none with a table turned by hand: the operator has to be told what to do");
-  if (run.request.rehearsal()) {
-    devices.rehearsal = std::make_unique<RehearsalDevices>(run.rig, run.station, STDIN_FILENO, context.out);
-    devices.prompts = &devices.rehearsal->prompts();
-  } else if (run.request.dry_run) {
-    devices.rig = std::make_unique<DryRunDevices>(run.rig, run.request.units.size());
-  } else {
-    devices.live = TRY(LiveDevices::make(run.station, StopSignals::requests(), context.out, run.request.units.size()));
-    devices.prompts = devices.live->prompts();
-  }
-  add_chamber(run, devices);
-  return devices;
-}
-
-RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
-  const double began_s = monotonic_s();
-  RunView view(run, devices.prompts, context);
-  TRY(view.open_page(run.request.session.listen));
-  Recorder recorder(run, devices, view);
-  const RunOutcome outcome = recorder.walk();
+// What came of the walk, on the terminal, on the page and in the log.
+RunEnd told(Run& run, const RunOutcome& outcome, RunDevices& devices, RunView& view, double began_s) {
+  CommandContext& context = view.context;
   if (outcome.stop_failed && devices.live) devices.live->give_table_up();
   if (outcome.storage_hangs) end_without_storage(outcome.error.message, run.folder, "resume " + run.folder, context);
   log_how_left(run, outcome, devices, context);
@@ -395,6 +253,106 @@ RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
     }
   print_results(run, monotonic_s() - began_s, context.out);
   return {status_of(run), true};
+}
+
+void add_chamber(const RunPlan& run, RunDevices& devices) {
+  if (!run.temperature_c()) return;
+  const ChamberConfig& config = *run.station.chamber;
+  if (!devices.live) devices.rig_chamber = std::make_unique<RigChamber>(devices.rig->group, config.described.limits);
+  Chamber& chamber = devices.live ? static_cast<Chamber&>(*devices.live->chamber()) : *devices.rig_chamber;
+  devices.chamber = std::make_unique<ChamberKeeper>(
+      chamber, config, devices.live ? BackgroundQueue::By::thread : BackgroundQueue::By::caller);
+}
+
+}  // namespace
+
+Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context) {
+  RunDevices devices;
+  if (context.quiet && (run.request.rehearsal() || run.station.table.driver == TableDriver::manual))
+    return input_error("--quiet: expected none with a table turned by hand: the operator has to be told what to do");
+  if (run.request.dry_run) {
+    devices.rig = std::make_unique<DryRunDevices>(run.rig, run.request.units.size());
+    if (run.request.manual) devices.rig->rehearse(run.station, STDIN_FILENO, context.out);
+    devices.prompts = devices.rig->prompts();
+  } else {
+    devices.live = TRY(LiveDevices::make(run.station, StopSignals::requests(), context.out, run.request.units.size()));
+    devices.prompts = devices.live->prompts();
+  }
+  add_chamber(run, devices);
+  return devices;
+}
+
+RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
+  const double began_s = monotonic_s();
+  RunView view(run, devices.prompts, context);
+  TRY(view.open_page(run.request.session.listen));
+  const StopSignals signals{FirstInterrupt::pauses};
+  std::deque<RecordingSink> recordings;
+  std::deque<FirstStepCheck> checks;
+  std::vector<StationUnit> units;
+  for (std::size_t i = 0; i < run.units.size(); ++i) {
+    RecordingSink& recording = recordings.emplace_back(run.units[i].folder);
+    units.push_back({devices.imu(i), {&recording, &checks.emplace_back()}, run.units[i].serial});
+  }
+  units.front().sinks.push_back(&view.live);  // the page plots the first unit
+
+  // Behind all that they write to: what a queue still does is of things that outlive it.
+  const auto by = devices.live ? BackgroundQueue::By::thread : BackgroundQueue::By::caller;
+  BackgroundQueue storage(by), display(by);
+  BackgroundObserver log(*run.log, storage), page(view.live, display), progress(view.progress, display);
+  PaceKeeper pace(run.request.session.pace);
+  ServiceWatch service;
+  ClockWatch clock(devices.live ? run.station.clock_speed_up : 1.0, [&](double by_s, const RunSnapshot& at) {
+    storage.post([&run, by_s, at] {
+      run.say(fmt::format("the clock was set by {:+.3f} s, to {}", by_s, format_utc(at.utc_s)));
+      // A journal that cannot be written refuses the next record, too, and that stops the run.
+      if (Status kept = run.journal->clock_set(by_s, at); !kept) run.say(kept.error().message);
+    });
+  });
+  EnoughWatch enough(run, recordings, storage, [&](const std::string& line, const KnownSoFar& unit) {
+    storage.post([&run, line] { run.say(line); });
+    display.post([&view, line, known = unit.sigmas] { view.show_known(line, known); });
+  });
+
+  StationHooks hooks;
+  hooks.observers = {&log, &page, &pace, &clock, &service};
+  if (devices.prompts) hooks.observers.push_back(devices.prompts);
+  if (!view.terminal) hooks.observers.push_back(&progress);
+  hooks.stop_requests = &StopSignals::requests();
+  hooks.pause_requests = &StopSignals::pauses();
+  hooks.end_requests = &StopSignals::ends();
+  hooks.journal = &*run.journal;
+  hooks.check_kept = [&] {
+    const Status journal = run.journal->check_kept();
+    return journal ? run.log->check_kept() : journal;
+  };
+  hooks.storage = &storage;
+  hooks.content_hashes = [&](const RunOutcome& so_far) {
+    if (devices.live) devices.live->end_real_time();
+    note_outcome(so_far, run);
+    if (devices.live) run.journal->note_clocks(clocks_of(*devices.live, run.units));
+    return read_recordings(run);
+  };
+  hooks.calibrate = [&](const RunOutcome& so_far) {
+    note_outcome(so_far, run);
+    return make_results(run, devices.devices().clock.utc_s(), view.context);
+  };
+  if (run.request.until_sigma || settling_allowed_s(run) > 0.0)
+    hooks.go_on_with = [&](std::size_t next_item, const RunOutcome& so_far) {
+      note_outcome(so_far, run);
+      return enough.go_on_with(next_item);
+    };
+  std::optional<StorageLimit> limit;
+  if (!devices.live)
+    limit.emplace([&] { return storage.stuck(); },
+                  [&] {
+                    end_without_storage(storage.status().error().message, run.folder, "resume " + run.folder,
+                                        view.context);
+                  });
+  const StationJob job{run.sequence, run.plan, run.station, run.resume, run.sessions > 1, run.temperature_c()};
+  const RunOutcome outcome = StationRun(devices.devices(), job, units, hooks).run();
+  display.drain();
+  return told(run, outcome, devices, view, began_s);
 }
 
 }  // namespace turncal

@@ -15,8 +15,6 @@
 #include <string_view>
 #include <vector>
 
-#include "orchestrator/devices/dry_run_devices.h"
-#include "orchestrator/devices/live_devices.h"
 #include "orchestrator/jobs/calibration_job.h"
 #include "orchestrator/jobs/command_context.h"
 #include "orchestrator/jobs/run_request.h"
@@ -25,7 +23,6 @@
 #include "orchestrator/report/verification_report.h"
 #include "orchestrator/run/background_queue.h"
 #include "orchestrator/watch/progress.h"
-#include "turntable_drivers/twins/rig_chamber.h"
 
 namespace turncal {
 
@@ -40,8 +37,7 @@ std::string_view tag_of(const JournalContents& journal);
 // A unit's part of a run.
 struct RunUnit {
   std::string serial, folder;
-  RigConfig rig;       // of a dry run
-  JournalFields mark;  // "unit", of a run of several: which unit a record of the journal is about
+  RigConfig rig;  // of a dry run
   bool dropped = false;
   Status status{};  // how it ended
 
@@ -117,8 +113,9 @@ struct RunEnd {
 // Every unit that is left has its verdict: nothing to resume.
 bool is_over(const JournalContents& journal);
 
-// That the station can run the sequence, and that what it is for can come of it. Part of begin_run; a batch asks before its first unit.
-Status check_sequence(const RunPlan& run);
+// That the station can run the sequence, and that what it is for can come of it; `otherwise`: what can be done instead. Part of begin_run; a
+// batch asks before its first unit.
+Status check_sequence(const RunPlan& run, const std::string& otherwise = "");
 
 RunEnd begin_run(const RunRequest& request, const std::string& folder, CommandContext& context);
 
@@ -126,21 +123,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder, CommandCo
 // The devices must be the same kind (simulated or not), the units and every hash those of the journal.
 RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandContext& context);
 
-// The devices of a session: rigs in their own time, a rig turned by an operator, or the station's real devices.
-struct RunDevices {
-  std::unique_ptr<DryRunDevices> rig;
-  std::unique_ptr<RehearsalDevices> rehearsal;
-  std::unique_ptr<LiveDevices> live;
-  OperatorPrompts* prompts = nullptr;       // of a table turned by hand
-  std::unique_ptr<RigChamber> rig_chamber;  // of a dry run
-  std::unique_ptr<ChamberKeeper> chamber;   // of a run that has a temperature
-  StationDevices devices() {
-    StationDevices all = rig ? rig->devices() : rehearsal ? rehearsal->devices() : live->devices();
-    all.chamber = chamber.get();
-    return all;
-  }
-  ImuSource& imu(std::size_t unit) { return rig ? rig->group.imu(unit) : rehearsal ? devices().imu : live->imu(unit); }
-};
+struct RunDevices;  // dry_run_devices.h
 Result<RunDevices> make_devices(const RunPlan& run, CommandContext& context);
 
 // A session, up to the verdicts. REQUIRES: journal and log of the run. Sets what is known of its units, and how they ended.

@@ -10,6 +10,7 @@
 #include "imu_io/base/files.h"
 #include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_source.h"
+#include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
 #include "orchestrator/jobs/preflight.h"
@@ -55,7 +56,7 @@ Status seal_like(const RunUnit& unit, const RunUnit& sealed) {
 
 // Nothing when no parameters came of it.
 Status check_parameters(const RunUnit& unit, const JournalContents& contents) {
-  const JournalFields* const results = contents.results_of(unit.serial);
+  const JournalFields* const results = contents.newest(contents.results, unit.serial);
   const std::string expected = results != nullptr ? value_of(*results, "parameters_hash") : "";
   if (expected.empty()) return {};
   const std::string path = unit.file(parameters_name);
@@ -141,119 +142,6 @@ Status read_sealed_recordings(Run& run, const JournalContents& contents) {
   return {};
 }
 
-}  // namespace
-
-std::string_view tag_of(const RunPlan& run) {
-  if (run.request.dry_run) return dry_run_tag;
-  return run.simulated() ? simulated_tag : std::string_view();
-}
-
-std::string_view tag_of(const JournalContents& journal) {
-  if (journal.begin_value("simulated") != "true") return {};
-  return journal.begin_value("live") == "true" ? simulated_tag : dry_run_tag;
-}
-
-Run run_of(RunPlan plan, const std::string& folder) {
-  Run run{std::move(plan), folder, {}, 1, {}, {}, {}};
-  const std::vector<std::string>& serials = run.request.units;
-  const bool alone = serials.size() == 1;
-  for (std::size_t i = 0; i < serials.size(); ++i)
-    run.units.push_back({.serial = serials[i],
-                         .folder = alone ? folder : folder + "/" + name_of_unit(serials[i]),
-                         .rig = rig_of_unit(run.rig, i),
-                         .mark = alone ? JournalFields{} : JournalFields{{"unit", serials[i]}}});
-  return run;
-}
-
-std::string outcome_of(const Run& run, const RunUnit& unit) {
-  const bool measured = unit.recorded_s > 0.0;
-  const std::string verdict(to_string(unit.verdict.verdict));
-  if (unit.dropped) return unit.status.error().kind == ErrorKind::input && !measured ? "refused" : "dropped";
-  if (unit.status) return run.only_captures() ? "captured" : verdict;
-  const ErrorKind kind = unit.status.error().kind;
-  if (kind == ErrorKind::unit_failed && !is_accepted(unit.verdict.verdict)) return verdict;
-  if (kind == ErrorKind::unit_failed || (kind == ErrorKind::input && measured)) return "fail";
-  return kind == ErrorKind::input ? "refused" : "";
-}
-
-Status status_of(const Run& run) {
-  if (run.units.size() == 1) return run.units.front().status;
-  Error worst{ErrorKind::input, ""};
-  for (const RunUnit& unit : run.units) {
-    if (unit.status) continue;
-    const Error& error = unit.status.error();
-    const ErrorKind kind = unit.dropped ? ErrorKind::device : error.kind;
-    if (exit_code(kind) > exit_code(worst.kind)) worst.kind = kind;
-    const std::string name = "unit " + unit.serial;
-    const bool named = error.message.starts_with(name);
-    worst.message += (worst.message.empty() ? "" : "; ") + (named ? "" : name + ": ") + error.message;
-  }
-  return worst.message.empty() ? Status{} : worst;
-}
-
-AttemptRecord attempt_record(const Run& run, const RunUnit& unit) {
-  AttemptRecord attempt;
-  set_texts(facts_of(run, unit), fields_of(attempt));
-  if (!unit.folder.empty()) attempt.folder = std::filesystem::absolute(unit.folder).lexically_normal().string();
-  // A run of several units has a folder for each.
-  if (!run.began_utc.empty()) attempt.run = run.began_utc + " " + attempt.folder;
-  attempt.unit = unit.serial;
-  attempt.simulated = run.simulated();
-  if (unit.output) {
-    attempt.temperature_min_c = unit.output->min_temperature_c;
-    attempt.temperature_max_c = unit.output->max_temperature_c;
-    if (const std::string* const residual = find_further(unit.output->file, "quality.normalised_rms"))
-      attempt.residual = parse_number(*residual);
-  }
-  attempt.diagnosis = unit.verdict.diagnosis;
-  if (unit.recorded_s > 0.0) attempt.recorded_s = unit.recorded_s;
-  attempt.sessions = run.sessions;
-  return attempt;
-}
-
-Status check_goes_on(const Run& run, const JournalContents& contents) {
-  if (!contents.last_dwell) return {};
-  const std::string path = run.folder + "/" + journal_name;
-  const CompletedDwell& last = *contents.last_dwell;
-  if (last.item >= run.plan.items.size()) return input_error(path + ": names an item that the plan does not have");
-  if (last.units.size() != run.units.size()) return input_error(path + ": a dwell is not of all units of the run");
-  for (std::size_t i = 0; i < run.units.size(); ++i) {
-    const bool left_out = std::ranges::any_of(
-        contents.dropped, [i](const auto& dropped) { return dropped.unit == i && !dropped.after_last_dwell; });
-    if (left_out || path_exists(recording_of(run.units[i]))) continue;
-    TRY(RecordingWriter::check_reopens(partial_of(run.units[i]), last.units[i].next_sample, last.units[i].written));
-  }
-  return {};
-}
-
-Result<std::vector<std::string>> read_recordings(Run& run) {
-  std::vector<std::string> hashes;
-  for (RunUnit& unit : run.units) {
-    hashes.emplace_back();
-    if (unit.dropped) continue;
-    LoadedRecording loaded = TRY(load_recording(partial_of(unit), {}, {}, run.calibration_ends_before()));
-    if (loaded.damage.lost_data()) return damaged(loaded);
-    loaded.damage = {};  // the end mark is still to come
-    loaded.path = recording_of(unit);
-    hashes.back() = loaded.hash;
-    unit.recording = std::move(loaded);
-  }
-  return hashes;
-}
-
-Result<std::vector<LoadedRecording>> recordings_up_to(const std::string& folder) {
-  const JournalContents contents = TRY(read_journal(folder + "/" + journal_name));
-  std::vector<LoadedRecording> recordings;
-  if (const std::string& before = contents.begin_value("continues"); !before.empty())
-    recordings = TRY(recordings_up_to(before));
-  LoadedRecording loaded = TRY(load_recording(folder + "/" + binary_recording_name));
-  TRY(check_sealed(loaded, contents, 0));
-  recordings.push_back(std::move(loaded));
-  return recordings;
-}
-
-namespace {
-
 std::string and_more(std::size_t found, const char* where = "") {
   return found > 1 ? fmt::format(" (and {} more{})", found - 1, where) : "";
 }
@@ -263,42 +151,10 @@ Status check_plan(const Plan& plan) {
   return input_error(plan.violations.front() + and_more(plan.violations.size(), "; see turncal check"));
 }
 
-// What the recording of a verification would say.
-RecordingInfo verified_info(const RunPlan& run) {
-  RecordingInfo info = planned_info(run);
-  info.unit_serial = run.unit();
-  info.simulated = run.simulated();
-  return info;
-}
-
-// What could not be calibrated at the end is said before anything moves.
-Status check_sequence(const RunPlan& run, const std::string& otherwise) {
-  TRY(check_plan(run.plan));
-  if (run.request.verify) {
-    if (run.verified) TRY(check_applicable(*run.verified, run.request.verified, verified_info(run)));
-    const Segments planned = planned_segments(run.plan);
-    TRY(check_north_seeking(planned, run.verify_from, run.sample_period_s(), run.sequence.file));
-  }
-  if (run.request.capture_only || run.request.partial || !run.request.continues.empty()) return {};
-  Sequence calibrating = run.sequence;
-  if (run.verify_from > 0)
-    std::erase_if(calibrating.steps, [&](const Step& step) { return step.number >= run.verify_from; });
-  const Plan plan = make_plan(calibrating, plan_limits(run.station, run.sample_period_s()));
-  const std::vector<std::string> keys = undetermined_by(calibrating, plan, planned_info(run));
-  if (keys.empty()) return {};
-  return input_error("sequence " + run.sequence.name + " " + coverage_text(keys) + otherwise);
-}
-
 Status look_ahead(const RunPlan& run, const std::string& folder, double utc_s) {
   if (!run.request.continues.empty())
     if (const auto earlier = recordings_up_to(run.request.continues); !earlier) return earlier.error();
-  const std::vector<Error> found = preflight({.station = run.station,
-                                              .plan = run.plan,
-                                              .folder = folder,
-                                              .units = run.request.units,
-                                              .utc_s = utc_s,
-                                              .simulated = run.simulated(),
-                                              .overdue_reason = run.request.overdue_reason});
+  const std::vector<Error> found = preflight(run, folder, utc_s);
   if (found.empty()) return {};
   return Error{found.front().kind, found.front().message + and_more(found.size())};
 }
@@ -310,13 +166,6 @@ std::string first_line(const RunPlan& run) {
                      run.request.dry_run ? fmt::format(", rig seed {}", run.rig.seed)
                      : run.simulated()   ? ", simulated devices"
                                          : "");
-}
-
-// In one word, whatever became of a unit.
-std::string attempt_outcome(const Run& run, const RunUnit& unit) {
-  if (std::string outcome = outcome_of(run, unit); !outcome.empty()) return outcome;
-  const ErrorKind kind = unit.status.error().kind;
-  return kind == ErrorKind::aborted ? "aborted" : kind == ErrorKind::interrupted ? "interrupted" : "failed";
 }
 
 Status note_attempt(const Run& run, const RunUnit& unit, const std::string& outcome, const Status& why, double utc_s) {
@@ -359,8 +208,13 @@ Error refused(const RunPlan& plan, const Error& why, CommandContext& context) {
 // What became of units that have no calibration: the others were noted with theirs.
 Status note_outcomes(const Run& run) {
   for (const RunUnit& unit : run.units) {
-    if (unit.ended_utc_s <= 0.0 || (unit.output && !outcome_of(run, unit).empty())) continue;
-    TRY(note_attempt(run, unit, attempt_outcome(run, unit), unit.status, unit.ended_utc_s));
+    std::string outcome = outcome_of(run, unit);
+    if (unit.ended_utc_s <= 0.0 || (unit.output && !outcome.empty())) continue;
+    if (outcome.empty()) {
+      const ErrorKind kind = unit.status.error().kind;
+      outcome = kind == ErrorKind::aborted ? "aborted" : kind == ErrorKind::interrupted ? "interrupted" : "failed";
+    }
+    TRY(note_attempt(run, unit, outcome, unit.status, unit.ended_utc_s));
   }
   return {};
 }
@@ -417,8 +271,8 @@ void mark_dropped(const JournalContents& contents, bool late, std::vector<RunUni
     unit.status = {};
   }
   for (const JournalContents::DroppedUnit& dropped : contents.dropped) {
-    if (dropped.unit >= units.size() || (dropped.after_last_dwell && !late)) continue;
-    units[dropped.unit].drop(dropped.why);
+    if (dropped.place > units.size() || (dropped.after_last_dwell && !late)) continue;
+    units[dropped.place - 1].drop(dropped.why);
   }
 }
 
@@ -430,7 +284,7 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
   TRY(check_what_is_over(run, contents));
   for (RunUnit& unit : run.units) {
     if (unit.dropped) continue;
-    const JournalFields& verdict = *contents.verdict_of(unit.serial);
+    const JournalFields& verdict = *contents.newest(contents.verdicts, unit.serial);
     out << "The run of unit " << unit.serial << " is complete, verdict " << value_of(verdict, "result")
         << ": nothing to resume." << std::endl;
     set_texts(verdict, fields_of(unit.verdict));
@@ -443,26 +297,149 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
 Result<ResumePoint> resume_point(const Run& run, const JournalContents& contents, RunDevices& devices) {
   const CompletedDwell& last = *contents.last_dwell;
   // What the chamber did to the unit is not in the journal's commands: it is brought there again, and time passes.
-  ResumePoint point{last, devices.rig != nullptr && !devices.chamber};
+  ResumePoint point{last, devices.rig && !devices.prompts && !devices.chamber};
   for (const RunUnit& unit : run.units) point.dropped.push_back(unit.dropped);
   if (devices.rig) TRY(devices.rig->put_back(contents.commands, last.time_s));
-  if (devices.rehearsal) TRY(devices.rehearsal->pass_until(last.time_s));
   return point;
 }
 
 }  // namespace
 
+std::string_view tag_of(const RunPlan& run) {
+  if (run.request.dry_run) return dry_run_tag;
+  return run.simulated() ? simulated_tag : std::string_view();
+}
+
+std::string_view tag_of(const JournalContents& journal) {
+  if (journal.begin_value("simulated") != "true") return {};
+  return journal.begin_value("live") == "true" ? simulated_tag : dry_run_tag;
+}
+
+Run run_of(RunPlan plan, const std::string& folder) {
+  Run run{std::move(plan), folder, {}, 1, {}, {}, {}};
+  const std::vector<std::string>& serials = run.request.units;
+  const bool alone = serials.size() == 1;
+  for (std::size_t i = 0; i < serials.size(); ++i)
+    run.units.push_back({.serial = serials[i],
+                         .folder = alone ? folder : folder + "/" + name_of_unit(serials[i]),
+                         .rig = rig_of_unit(run.rig, i)});
+  return run;
+}
+
+std::string outcome_of(const Run& run, const RunUnit& unit) {
+  const bool measured = unit.recorded_s > 0.0;
+  const std::string verdict(to_string(unit.verdict.verdict));
+  if (unit.dropped) return unit.status.error().kind == ErrorKind::input && !measured ? "refused" : "dropped";
+  if (unit.status) return run.only_captures() ? "captured" : verdict;
+  const ErrorKind kind = unit.status.error().kind;
+  if (kind == ErrorKind::unit_failed && !is_accepted(unit.verdict.verdict)) return verdict;
+  if (kind == ErrorKind::unit_failed || (kind == ErrorKind::input && measured)) return "fail";
+  return kind == ErrorKind::input ? "refused" : "";
+}
+
+Status status_of(const Run& run) {
+  if (run.units.size() == 1) return run.units.front().status;
+  Error worst{ErrorKind::input, ""};
+  for (const RunUnit& unit : run.units) {
+    if (unit.status) continue;
+    const Error& error = unit.status.error();
+    const ErrorKind kind = unit.dropped ? ErrorKind::device : error.kind;
+    if (exit_code(kind) > exit_code(worst.kind)) worst.kind = kind;
+    const std::string name = "unit " + unit.serial;
+    const bool named = error.message.starts_with(name);
+    worst.message += (worst.message.empty() ? "" : "; ") + (named ? "" : name + ": ") + error.message;
+  }
+  return worst.message.empty() ? Status{} : worst;
+}
+
+AttemptRecord attempt_record(const Run& run, const RunUnit& unit) {
+  AttemptRecord attempt;
+  set_texts(facts_of(run, unit), fields_of(attempt));
+  if (!unit.folder.empty()) attempt.folder = std::filesystem::absolute(unit.folder).lexically_normal().string();
+  // A run of several units has a folder for each.
+  if (!run.request.began_utc.empty()) attempt.run = run.request.began_utc + " " + attempt.folder;
+  attempt.unit = unit.serial;
+  attempt.simulated = run.simulated();
+  if (unit.output) {
+    attempt.temperature_min_c = unit.output->min_temperature_c;
+    attempt.temperature_max_c = unit.output->max_temperature_c;
+    attempt.residual = residual_of(unit.output->file);
+  }
+  attempt.diagnosis = unit.verdict.diagnosis;
+  if (unit.recorded_s > 0.0) attempt.recorded_s = unit.recorded_s;
+  attempt.sessions = run.sessions;
+  return attempt;
+}
+
+Status check_goes_on(const Run& run, const JournalContents& contents) {
+  if (!contents.last_dwell) return {};
+  const std::string path = run.folder + "/" + journal_name;
+  const CompletedDwell& last = *contents.last_dwell;
+  if (last.item >= run.plan.items.size()) return input_error(path + ": names an item that the plan does not have");
+  if (last.units.size() != run.units.size()) return input_error(path + ": a dwell is not of all units of the run");
+  for (std::size_t i = 0; i < run.units.size(); ++i) {
+    const bool left_out = std::ranges::any_of(
+        contents.dropped, [i](const auto& dropped) { return dropped.place == i + 1 && !dropped.after_last_dwell; });
+    if (left_out || path_exists(recording_of(run.units[i]))) continue;
+    TRY(RecordingWriter::check_reopens(partial_of(run.units[i]), last.units[i].next_sample, last.units[i].written));
+  }
+  return {};
+}
+
+Result<std::vector<std::string>> read_recordings(Run& run) {
+  std::vector<std::string> hashes;
+  for (RunUnit& unit : run.units) {
+    hashes.emplace_back();
+    if (unit.dropped) continue;
+    LoadedRecording loaded = TRY(load_recording(partial_of(unit), {}, {}, run.calibration_ends_before()));
+    if (loaded.damage.lost_data()) return damaged(loaded);
+    loaded.damage = {};  // the end mark is still to come
+    loaded.path = recording_of(unit);
+    hashes.back() = loaded.hash;
+    unit.recording = std::move(loaded);
+  }
+  return hashes;
+}
+
+Result<std::vector<LoadedRecording>> recordings_up_to(const std::string& folder) {
+  const JournalContents contents = TRY(read_journal(folder + "/" + journal_name));
+  std::vector<LoadedRecording> recordings;
+  if (const std::string& before = contents.begin_value("continues"); !before.empty())
+    recordings = TRY(recordings_up_to(before));
+  LoadedRecording loaded = TRY(load_recording(folder + "/" + binary_recording_name));
+  TRY(check_sealed(loaded, contents, 0));
+  recordings.push_back(std::move(loaded));
+  return recordings;
+}
+
 bool is_over(const JournalContents& journal) {
   if (journal.verdicts.empty()) return false;
   const std::vector<std::string> units = journal.units();
   for (std::size_t i = 0; i < units.size(); ++i) {
-    const bool dropped = std::ranges::any_of(journal.dropped, [i](const auto& gone) { return gone.unit == i; });
-    if (!dropped && !journal.verdict_of(units[i])) return false;
+    const bool dropped = std::ranges::any_of(journal.dropped, [i](const auto& gone) { return gone.place == i + 1; });
+    if (!dropped && !journal.newest(journal.verdicts, units[i])) return false;
   }
   return true;
 }
 
-Status check_sequence(const RunPlan& run) { return check_sequence(run, ""); }
+Status check_sequence(const RunPlan& run, const std::string& otherwise) {
+  TRY(check_plan(run.plan));
+  RecordingInfo info = planned_info(run);
+  if (run.request.verify) {
+    info.unit_serial = run.unit();
+    info.simulated = run.simulated();
+    if (run.verified) TRY(check_applicable(*run.verified, run.request.verified, info));
+    TRY(check_north_seeking(planned_segments(run.plan), run.verify_from, run.sample_period_s(), run.sequence.file));
+  }
+  if (run.request.capture_only || run.request.partial || !run.request.continues.empty()) return {};
+  Sequence calibrating = run.sequence;
+  if (run.verify_from > 0)
+    std::erase_if(calibrating.steps, [&](const Step& step) { return step.number >= run.verify_from; });
+  const Plan plan = make_plan(calibrating, plan_limits(run.station, run.sample_period_s()));
+  const std::vector<std::string> keys = undetermined_by(calibrating, plan, info);
+  if (keys.empty()) return {};
+  return input_error("sequence " + run.sequence.name + " " + coverage_text(keys) + otherwise);
+}
 
 RunEnd begin_run(const RunRequest& request, const std::string& folder_path, CommandContext& context) {
   if (request.dry_run) context.tag = dry_run_tag;
@@ -482,7 +459,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
       folder_path,
       {binary_recording_name, partial_recording_name, parameters_name, truth_name, log_name, journal_name});
   if (!folder) return refused(plan, folder.error(), context);
-  plan.began_utc = format_utc(utc_s);
+  plan.request.began_utc = format_utc(utc_s);
   Run run = run_of(std::move(plan), folder->path());
   std::vector<OutputFolder> unit_folders;
   for (std::size_t i = 0; run.units.size() > 1 && i < run.units.size(); ++i)

@@ -63,13 +63,6 @@ Status check_seeks_north(const StationConfig& station) {
   return input_error(station.file + ": site." + status.error().message);
 }
 
-// A live run needs devices that are there.
-Status check_live(const RunPlan& run) {
-  if (!run.request.rig.empty()) return input_error("--rig describes a simulated table and unit: it needs --dry-run");
-  if (run.request.session.pace > 0.0) return input_error("--pace slows virtual time down: it needs --dry-run");
-  return check_real_devices(run.station);
-}
-
 // A chamber that a run would switch on.
 Status check_chamber(const RunPlan& run) {
   const auto& chamber = run.station.chamber;
@@ -163,7 +156,7 @@ Status turn_on_of_lot(RunPlan& run) {
   if (run.request.units.size() > 1)
     return input_error("{}: lot.seed: expected one unit at a time, found {}", run.request.rig,
                        run.request.units.size());
-  const std::optional<double> began_s = parse_utc(run.began_utc);
+  const std::optional<double> began_s = parse_utc(run.request.began_utc);
   run.rig.start_utc_s = TRY(began_s ? Result<double>(*began_s) : next_beginning(run.station, run.rig));
   run.rig = rig_of_lot(run.rig, run.unit());
   return {};
@@ -267,7 +260,6 @@ Result<RunPlan> plan_run(const RunRequest& request) {
   if (request.capture_only && request.partial) return input_error("--capture-only and --partial: expected one of them");
   RunPlan run;
   run.request = request;
-  run.began_utc = request.began_utc;
   RunRequest& wanted = run.request;
   TRY(check_words(wanted));
 
@@ -278,7 +270,11 @@ Result<RunPlan> plan_run(const RunRequest& request) {
     return input_error("--manual --dry-run with {} units: expected one, a rehearsal has one rig", wanted.units.size());
   run.hashes.station = hash_of_text(station_text);
 
-  TRY(wanted.dry_run ? prepare_rig(run) : check_live(run));
+  if (!wanted.dry_run && !wanted.rig.empty())
+    return input_error("--rig describes a simulated table and unit: it needs --dry-run");
+  if (!wanted.dry_run && wanted.session.pace > 0.0)
+    return input_error("--pace slows virtual time down: it needs --dry-run");
+  TRY(wanted.dry_run ? prepare_rig(run) : check_real_devices(run.station));
   TRY(check_chamber(run));
   if (wanted.units.size() > places(run))
     return input_error(
@@ -326,7 +322,6 @@ Status lengthen(RunPlan& run, const Settling& settling) {
 }
 
 JournalFields begin_fields(RunPlan run) {
-  run.request.began_utc = run.began_utc;
   JournalFields fields = {
       {"format", "1"}, {"software_version", software_version()}, {"simulated", run.simulated() ? "true" : "false"}};
   const JournalFields asked = texts_of(fields_of(run.request, run.hashes));
@@ -368,27 +363,24 @@ Result<RunRequest> continuing(const RunRequest& asked) {
   const std::string journal = asked.continues + "/" + journal_name;
   if (!path_exists(journal))
     return input_error(asked.continues + ": holds no " + journal_name + ": expected the folder of a run");
-  RunRequest request = request_of(TRY(read_journal(journal)));
-  if (request.units.size() != 1)
-    return input_error("{}: is a run of {} units: expected a run of one", asked.continues, request.units.size());
+  const RunRequest before = request_of(TRY(read_journal(journal)));
+  if (before.units.size() != 1)
+    return input_error("{}: is a run of {} units: expected a run of one", asked.continues, before.units.size());
   if (!path_exists(asked.continues + "/" + binary_recording_name))
     return input_error("{}: holds no {}: expected a run that has recorded all (turncal resume)", asked.continues,
                        binary_recording_name);
-  if (asked.dry_run && !request.dry_run)
+  if (asked.dry_run && !before.dry_run)
     return input_error("--dry-run: expected none, " + asked.continues + " is a run of a real unit");
+  RunRequest request = asked;
   request.continues = std::filesystem::absolute(asked.continues).lexically_normal().string();
-  request.sequence = asked.sequence;
-  request.began_utc.clear();
-  request.verified.clear();
-  request.verify = request.until_sigma = request.partial = request.capture_only = false;
-  request.settle_minutes.reset();
-  request.settled.clear();
-  request.no_diagnosis = asked.no_diagnosis;
-  request.manual = request.manual || asked.manual;
-  if (asked.temperature_c) request.temperature_c = asked.temperature_c;
+  request.dry_run = before.dry_run;
+  request.manual = before.manual || asked.manual;
+  request.units = before.units;
+  request.station = before.station;
+  request.rig = before.rig;
+  if (!asked.temperature_c) request.temperature_c = before.temperature_c;
   for (const RecordWord& record : record_words)
-    if (!(asked.*record.word).empty()) request.*record.word = asked.*record.word;
-  request.session = asked.session;
+    if ((asked.*record.word).empty()) request.*record.word = before.*record.word;
   return request;
 }
 

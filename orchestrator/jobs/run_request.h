@@ -28,8 +28,8 @@ struct RunRequest {
   std::string continues;                 // folder of the run that this one continues; empty: none
   std::string verified;                  // the parameter file that is verified; empty: what the run estimates
   std::vector<std::string> units;        // serial numbers, by place on the table
-  std::string began_utc;                 // of the journal of a run that goes on
-  std::vector<Settling> settled;         // the same
+  std::string began_utc;                 // empty: it has not begun
+  std::vector<Settling> settled;         // what a run that goes on has done about its doubts
   std::string rig;                       // files, made absolute by plan_run(); empty: the built-in one
   std::string sequence;
   std::string station;
@@ -78,7 +78,6 @@ struct RunPlan {
   int verify_from = 0;  // number of the step where the north seeking begins; 0: none
   std::optional<ParameterFile> verified;
   FileHashes hashes;
-  std::string began_utc;                                             // set when the run begins, or that of the journal
   const std::string& unit() const { return request.units.front(); }  // of a run of one
   // The step where what is calibrated from ends; 0: with the recording.
   int calibration_ends_before() const { return request.capture_only ? 0 : verify_from; }

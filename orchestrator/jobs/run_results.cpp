@@ -11,6 +11,7 @@
 #include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/statistics_file.h"
+#include "orchestrator/devices/dry_run_devices.h"
 #include "orchestrator/jobs/navigation/verification_job.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/records/parameter_store.h"
@@ -24,14 +25,12 @@ namespace {
 
 // What is going on for one unit.
 struct Making {
-  const Run& run;
+  Run& run;
   RunUnit& unit;
-  JournalFile& journal;
   std::string time_utc;
   std::vector<LoadedRecording> recordings;  // of the unit: this one is the last of them
   std::string diagnosis = "not_made", finding = {};
-  SqlBytes statistics = {};  // for the fleet
-  KeyTexts settled = {};     // record.settle.1 and so on
+  KeyTexts settled = {};  // record.settle.1 and so on
 };
 
 // "accel_second_order (31 sigma), gyro_bias_drift (7 sigma)"; what is wrong where no effect was added.
@@ -94,11 +93,11 @@ void diagnose_unit(Making& m) {
   if (!is_diagnosed(m)) return;
   const bool alone = m.recordings.size() == 1;
   Result<DiagnosisOutput> output =
-      diagnose_recordings(each_of(m.recordings), {.time_utc = m.time_utc,
-                                                  .noise = {},
-                                                  .base = m.unit.output->fit && alone ? &*m.unit.output->fit : nullptr,
-                                                  .samples = alone ? samples_of(m) : m.recordings.front().path,
-                                                  .of_run = true});
+      diagnose_recordings(m.recordings, {.time_utc = m.time_utc,
+                                         .noise = {},
+                                         .base = m.unit.output->fit && alone ? &*m.unit.output->fit : nullptr,
+                                         .samples = alone ? samples_of(m) : m.recordings.front().path,
+                                         .of_run = true});
   m.diagnosis = output ? to_string(output->diagnosis.verdict) : "failed";
   m.finding = output ? finding_of(output->diagnosis) : output.error().message;
   if (output) m.unit.diagnosis = std::move(*output);
@@ -167,66 +166,58 @@ Status judge(Making& m) {
   return {};
 }
 
-JournalFields marked(const Making& m, JournalFields fields) {
-  fields.insert(fields.end(), m.unit.mark.begin(), m.unit.mark.end());
-  return fields;
+// A record of the journal about a unit; of a run of several it says which.
+Status note(Making& m, JournalType type, JournalFields fields) {
+  if (m.run.units.size() > 1) fields.emplace_back("unit", m.unit.serial);
+  return m.run.journal->append(type, fields);
 }
 
-// With how the verification ended.
-Status write_diagnosis_of(Making& m) {
-  const std::string own = m.unit.file(diagnosis_folder);
-  TRY(make_folder(own));
-  DiagnosisFiles& files = m.unit.diagnosis->files;
-  if (const std::string& found = m.unit.verdict.verification; !found.empty()) say_verification(found, files.report);
-  TRY(write_diagnosis(own, files));
-  return {};
-}
-
-Status write_statistics_of(Making& m) {
-  const std::optional<UnitStatistics> found = statistics_of(m.recordings, *m.unit.output);
-  if (!found) return {};
-  m.statistics = TRY(format_statistics({m.unit.output->file, *found}));
-  return write_file_atomically(m.unit.file(statistics_name),
-                               {reinterpret_cast<const char*>(m.statistics.data()), m.statistics.size()});
-}
-
-Status journal_results(Making& m) {
-  const std::string text = TRY(format_parameter_file(m.unit.output->file));
-  return m.journal.append(JournalType::results, marked(m, {{"parameters_hash", hash_of_text(text)}}));
-}
-
-Status add_to_database(Making& m) {
-  const std::string records = records_file(m.run.station);
-  if (records.empty()) return {};
-  ResultsDatabase database = TRY(ResultsDatabase::open(records));
-  AttemptRecord attempt = attempt_record(m.run, m.unit);
-  attempt.time_utc = m.unit.output->file.time_utc;
-  attempt.outcome = to_string(m.unit.verdict.verdict);
-  attempt.reason = m.unit.verdict.reason;
-  return database.add(m.unit.output->file, attempt, m.statistics);
-}
-
-Status journal_verdict(Making& m, VerdictReport verdict) {
-  return m.journal.append(JournalType::verdict, marked(m, texts_of(std::move(verdict))));
-}
-
-// Each step may take its time with the storage.
+// What becomes durable, in this order. Each step may take its time with the storage.
 Status publish(Making& m, const std::function<Status(const std::function<Status()>&)>& keep) {
+  const StationConfig& station = m.run.station;
   RunUnit& unit = m.unit;
+  const auto write_report = [&]() -> Status {
+    const std::string& verified = unit.verdict.verification;  // how that ended
+    if (!verified.empty()) say_verification(verified, unit.diagnosis->files.report);
+    TRY(make_folder(unit.file(diagnosis_folder)));
+    TRY(write_diagnosis(unit.file(diagnosis_folder), unit.diagnosis->files));
+    return {};
+  };
   if (unit.verification)
     TRY(keep([&] { return write_verification(unit.file(verification_name), *unit.verification); }));
-  if (unit.diagnosis) TRY(keep([&] { return write_diagnosis_of(m); }));
+  if (unit.diagnosis) TRY(keep(write_report));
   if (unit.output) {
     const ParameterFile& file = unit.output->file;
     TRY(keep([&] { return write_parameter_file(file, unit.file(parameters_name)); }));
-    TRY(keep([&] { return write_statistics_of(m); }));
-    TRY(keep([&] { return journal_results(m); }));
-    TRY(keep([&] { return add_to_database(m); }));
-    const std::string& store = m.run.station.store;
-    if (!store.empty() && !m.run.request.partial && is_accepted(unit.verdict.verdict))
-      TRY(keep([&] { return put_in_use(store, file); }));
+    SqlBytes statistics;  // for the fleet
+    const auto write_statistics = [&]() -> Status {
+      const std::optional<UnitStatistics> found = statistics_of(m.recordings, *unit.output);
+      if (!found) return {};
+      statistics = TRY(format_statistics({file, *found}));
+      return write_file_atomically(unit.file(statistics_name),
+                                   {reinterpret_cast<const char*>(statistics.data()), statistics.size()});
+    };
+    TRY(keep(write_statistics));
+    const auto note_parameters = [&]() -> Status {
+      const std::string text = TRY(format_parameter_file(file));
+      return note(m, JournalType::results, {{"parameters_hash", hash_of_text(text)}});
+    };
+    TRY(keep(note_parameters));
+    const auto add_to_database = [&]() -> Status {
+      const std::string records = records_file(station);
+      if (records.empty()) return {};
+      ResultsDatabase database = TRY(ResultsDatabase::open(records));
+      AttemptRecord attempt = attempt_record(m.run, unit);
+      attempt.time_utc = file.time_utc;
+      attempt.outcome = to_string(unit.verdict.verdict);
+      attempt.reason = unit.verdict.reason;
+      return database.add(file, attempt, statistics);
+    };
+    TRY(keep(add_to_database));
+    if (!station.store.empty() && !m.run.request.partial && is_accepted(unit.verdict.verdict))
+      TRY(keep([&] { return put_in_use(station.store, file); }));
   }
-  return keep([&] { return journal_verdict(m, unit.verdict); });
+  return keep([&] { return note(m, JournalType::verdict, texts_of(unit.verdict)); });
 }
 
 Status make_unit(Run& run, RunUnit& unit, double utc_s, CommandContext& context) {
@@ -234,7 +225,7 @@ Status make_unit(Run& run, RunUnit& unit, double utc_s, CommandContext& context)
   unit.diagnosis = {};
   unit.verification = {};
   unit.verdict = {};
-  Making making{run, unit, *run.journal, format_utc(utc_s), {}};
+  Making making{run, unit, format_utc(utc_s), {}};
   if (!run.request.continues.empty()) {
     Result<std::vector<LoadedRecording>> earlier = recordings_up_to(run.request.continues);
     if (!earlier) return device_error(earlier.error().message);
@@ -256,7 +247,7 @@ Status make_unit(Run& run, RunUnit& unit, double utc_s, CommandContext& context)
     failed.verdict = UnitVerdict::fail;
     failed.reason = estimated.error().message;
     failed.diagnosis.clear();
-    TRY(keep([&] { return journal_verdict(making, failed); }));
+    TRY(keep([&] { return note(making, JournalType::verdict, texts_of(failed)); }));
     return estimated;
   }
   TRY(judge(making));
@@ -277,7 +268,7 @@ void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream
     out << '\n' << as_text(result_table(unit.output->file, truth ? std::optional(*truth) : std::nullopt)) << '\n';
     if (unit.diagnosis) out << as_text(unit.diagnosis->files.report, diagnosis_lines) << '\n';
     const VerdictReport& verdict = unit.verdict;
-    for (const std::string& line : describe(verdict)) out << line << '\n';
+    for (const std::string& line : judged_lines(verdict)) out << line << '\n';
     const std::string why = reason_of(run, verdict);
     const std::string word = in_words(to_string(verdict.verdict));
     const bool judged = verdict.verdict != UnitVerdict::not_judged;
@@ -306,7 +297,7 @@ KeyTexts facts_of(const Run& run, const RunUnit& unit) {
   KeyTexts facts = {{"part", asked.part},
                     {"lot", asked.lot},
                     {"revision", asked.revision},
-                    {"began_utc", run.began_utc},
+                    {"began_utc", asked.began_utc},
                     {"station", run.station.name},
                     {"operator", asked.operator_name},
                     {"ambient", asked.ambient},

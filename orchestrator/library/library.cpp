@@ -238,10 +238,10 @@ Diagnosis diagnose(std::span<const Recording> recordings, const DiagnoseOptions&
   const std::vector<LoadedRecording> fitted = load_all(recordings), holdouts = load_all(options.holdouts);
   DiagnosisRequest request;
   request.time_utc = time_or_now(options.time_utc);
-  request.holdouts = each_of(holdouts);
+  request.holdouts = holdouts;
   const Recording& navigated = options.holdouts.empty() ? recordings.front() : options.holdouts.front();
   if (navigated.content().is_file) request.samples = navigated.content().name;
-  DiagnosisOutput output = value(diagnose_recordings(each_of(fitted), request));
+  DiagnosisOutput output = value(diagnose_recordings(fitted, request));
   Diagnosis result{.verdict = to_string(output.diagnosis.verdict),
                    .effects = std::move(output.diagnosis.effect_names),
                    .parameters = {},

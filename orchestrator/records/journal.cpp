@@ -43,23 +43,6 @@ std::string_view text_of(const Record& record) {
 // The keys of the first unit have no prefix; the others' are unit.2.next_sample and so on.
 std::string unit_prefix(std::size_t unit) { return unit == 0 ? "" : "unit." + std::to_string(unit + 1) + "."; }
 
-struct JournalDropout {
-  std::uint64_t place = 0;  // of the unit, from 1
-  std::string serial;
-  ErrorKind kind = ErrorKind::device;
-  std::string why;
-  double time_s = 0.0, utc_s = 0.0;
-};
-Fields fields_of(JournalDropout& dropout) {
-  return {{"unit", &dropout.place, at_least(1.0)},
-          {"serial", &dropout.serial},
-          chosen("kind", dropout.kind, {"input", "unit_failed", "aborted", "device", "internal", "interrupted"},
-                 "a kind of error"),
-          {"time_s", &dropout.time_s},
-          {"utc_s", &dropout.utc_s},
-          {"why", &dropout.why}};
-}
-
 // Calls `take` for every record; the scanner then says where the good part ends.
 Status scan_journal(const PosixFile& file, RecordScanner& scanner, const std::function<Status(const Record&)>& take) {
   Record record;
@@ -83,14 +66,46 @@ void append_record(std::vector<std::byte>& out, JournalType type, std::uint32_t 
   end_record(out, begun);
 }
 
-// The newest record of a unit; null: none yet.
-const JournalFields* newest_of(const JournalContents& journal, const std::vector<JournalFields>& records,
-                               const std::string& unit) {
-  const bool alone = journal.units().size() == 1;
-  const JournalFields* last = nullptr;
-  for (const JournalFields& record : records)
-    if (alone || value_of(record, "unit") == unit) last = &record;
-  return last;
+JournalFields fields_of(KeyValueFile& file) {
+  JournalFields fields;
+  for (const std::string& key : file.keys()) fields.emplace_back(key, unescaped_value(file.text(key)));
+  return fields;
+}
+
+// Texts are escaped; one that is empty is not written.
+void read_record(KeyValueFile& file, const Fields& fields) {
+  for (const Field& field : fields) {
+    std::string* const* const text = std::get_if<std::string*>(&field.value);
+    if (text == nullptr)
+      read_fields(file, {field});
+    else
+      **text = unescaped_value(file.text_or(field.key, ""));
+  }
+}
+
+CompletedDwell read_dwell(KeyValueFile& file) {
+  CompletedDwell dwell;
+  dwell.units.resize(1);
+  while (file.has(unit_prefix(dwell.units.size()) + "next_sample")) dwell.units.emplace_back();
+  read_record(file, fields_of(dwell));
+  return dwell;
+}
+
+// Bytes at the end that are no record.
+Result<std::uint64_t> scan_file(const std::string& path, const std::function<Status(const Record&)>& take) {
+  TRY(expect_file(folder_of(path), FileKind::recording));  // of the run: a folder, or what somebody gave for one
+  PosixFile file = TRY(PosixFile::open_to_read(path));
+  const std::uint64_t size = TRY(file.size());
+  RecordScanner scanner(file, size, journal_magic);
+  TRY(scan_journal(file, scanner, take));
+  return scanner.tail_bytes();
+}
+
+bool same(const RecordingInfo& a, const RecordingInfo& b) {
+  return a.sample_period_s == b.sample_period_s && a.latitude_deg == b.latitude_deg &&
+         a.gravity_mps2 == b.gravity_mps2 && a.unit_serial == b.unit_serial && a.gyro_increment == b.gyro_increment &&
+         a.accel_increment == b.accel_increment && a.accel_pulse_mps == b.accel_pulse_mps &&
+         a.has_temperature == b.has_temperature && a.simulated == b.simulated;
 }
 
 }  // namespace
@@ -114,6 +129,16 @@ std::string unescaped_value(std::string_view text) {
   return result;
 }
 
+Fields fields_of(Dropout& dropout) {
+  return {{"unit", &dropout.place, at_least(1.0)},
+          {"serial", &dropout.serial},
+          chosen("kind", dropout.why.kind, {"input", "unit_failed", "aborted", "device", "internal", "interrupted"},
+                 "a kind of error"),
+          {"time_s", &dropout.at.time_s},
+          {"utc_s", &dropout.at.utc_s},
+          {"why", &dropout.why.message}};
+}
+
 Fields fields_of(Settling& settling) {
   return {{"unit", &settling.unit},
           {"doubt", &settling.doubt},
@@ -122,7 +147,7 @@ Fields fields_of(Settling& settling) {
           {"sequence", &settling.sequence}};
 }
 
-Fields fields_of(JournalCommand& command) {
+Fields fields_of(TableCommand& command) {
   Fields fields = {{"time_s", &command.time_s}};
   if (!command.move) return fields;
   Move& move = *command.move;
@@ -195,29 +220,23 @@ Status JournalFile::transition(const TransitionRecord& record) {
   return append(JournalType::transition, {{"time_s", format_number(at.time_s)},
                                           {"utc_s", format_number(at.utc_s)},
                                           {"step", std::to_string(at.step)},
-                                          {"from", std::string(to_string(record.from))},
-                                          {"event", std::string(to_string(record.event))},
-                                          {"to", std::string(to_string(record.to))},
-                                          {"action", std::string(to_string(record.action))},
+                                          {"from", to_string(record.from)},
+                                          {"event", to_string(record.event)},
+                                          {"to", to_string(record.to)},
+                                          {"action", to_string(record.action)},
                                           {"heading_deg", format_number(at.position_deg[Axis::heading])},
                                           {"pitch_deg", format_number(at.position_deg[Axis::pitch])},
                                           {"roll_deg", format_number(at.position_deg[Axis::roll])},
                                           {"detail", record.detail}});
 }
 
-Status JournalFile::home(double time_s) { return append(JournalType::home, texts_of(JournalCommand{time_s, {}})); }
-
-Status JournalFile::move(const Move& move, double time_s) {
-  return append(JournalType::move, texts_of(JournalCommand{time_s, move}));
+Status JournalFile::command(const TableCommand& command) {
+  return append(command.move ? JournalType::move : JournalType::home, texts_of(command));
 }
 
 Status JournalFile::dwell(const CompletedDwell& dwell) { return append(JournalType::dwell, texts_of(dwell)); }
 
-Status JournalFile::dropout(const Dropout& dropout) {
-  return append(JournalType::dropout,
-                texts_of(JournalDropout{dropout.unit + 1, dropout.serial, dropout.why.kind, dropout.why.message,
-                                        dropout.at.time_s, dropout.at.utc_s}));
-}
+Status JournalFile::dropout(const Dropout& dropout) { return append(JournalType::dropout, texts_of(dropout)); }
 
 Status JournalFile::seal(double utc_s, const std::vector<std::string>& hashes) {
   JournalFields fields = {{"utc_s", format_number(utc_s)}};
@@ -237,63 +256,12 @@ Status JournalFile::clock_set(double by_s, const RunSnapshot& at) {
                                      {"by_s", format_number(std::round(by_s * 1e3) / 1e3)}});
 }
 
-namespace {
-
-JournalFields fields_of(KeyValueFile& file) {
-  JournalFields fields;
-  for (const std::string& key : file.keys()) fields.emplace_back(key, unescaped_value(file.text(key)));
-  return fields;
-}
-
-// Texts are escaped; one that is empty is not written.
-void read_record(KeyValueFile& file, const Fields& fields) {
-  for (const Field& field : fields) {
-    std::string* const* const text = std::get_if<std::string*>(&field.value);
-    if (text == nullptr)
-      read_fields(file, {field});
-    else
-      **text = unescaped_value(file.text_or(field.key, ""));
-  }
-}
-
-CompletedDwell read_dwell(KeyValueFile& file) {
-  CompletedDwell dwell;
-  dwell.units.resize(1);
-  while (file.has(unit_prefix(dwell.units.size()) + "next_sample")) dwell.units.emplace_back();
-  read_record(file, fields_of(dwell));
-  return dwell;
-}
-
-JournalContents::DroppedUnit read_dropout(KeyValueFile& file) {
-  JournalDropout dropout;
-  read_record(file, fields_of(dropout));
-  return {dropout.place - 1, {dropout.kind, dropout.why}, true};
-}
-
-JournalCommand read_command(KeyValueFile& file, bool moves) {
-  JournalCommand command;
-  if (moves) command.move.emplace();
-  read_record(file, fields_of(command));
-  return command;
-}
-
-// Bytes at the end that are no record.
-Result<std::uint64_t> scan_file(const std::string& path, const std::function<Status(const Record&)>& take) {
-  TRY(expect_file(folder_of(path), FileKind::recording));  // of the run: a folder, or what somebody gave for one
-  PosixFile file = TRY(PosixFile::open_to_read(path));
-  const std::uint64_t size = TRY(file.size());
-  RecordScanner scanner(file, size, journal_magic);
-  TRY(scan_journal(file, scanner, take));
-  return scanner.tail_bytes();
-}
-
-}  // namespace
-
-const JournalFields* JournalContents::results_of(const std::string& unit) const {
-  return newest_of(*this, results, unit);
-}
-const JournalFields* JournalContents::verdict_of(const std::string& unit) const {
-  return newest_of(*this, verdicts, unit);
+const JournalFields* JournalContents::newest(const std::vector<JournalFields>& records, const std::string& unit) const {
+  const bool alone = units().size() == 1;
+  const JournalFields* last = nullptr;
+  for (const JournalFields& record : records)
+    if (alone || value_of(record, "unit") == unit) last = &record;
+  return last;
 }
 
 std::vector<std::string> JournalContents::units() const {
@@ -313,8 +281,10 @@ Result<JournalContents> read_journal(const std::string& path) {
       return input_error(path + ": expected `begin` first, and once");
     switch (type) {
       case JournalType::begin: contents.begin = fields_of(fields); break;
-      case JournalType::home: contents.commands.push_back(read_command(fields, false)); break;
-      case JournalType::move: contents.commands.push_back(read_command(fields, true)); break;
+      case JournalType::home: read_record(fields, fields_of(contents.commands.emplace_back())); break;
+      case JournalType::move:
+        read_record(fields, fields_of(contents.commands.emplace_back(TableCommand{0.0, Move{}})));
+        break;
       case JournalType::dwell:
         contents.last_dwell = read_dwell(fields);
         commands_kept = contents.commands.size();
@@ -342,7 +312,7 @@ Result<JournalContents> read_journal(const std::string& path) {
         }
         break;
       case JournalType::verdict: contents.verdicts.push_back(fields_of(fields)); break;
-      case JournalType::dropout: contents.dropped.push_back(read_dropout(fields)); break;
+      case JournalType::dropout: read_record(fields, fields_of(contents.dropped.emplace_back())); break;
       case JournalType::settle: read_record(fields, fields_of(contents.settled.emplace_back())); break;
       case JournalType::estimate: contents.estimate = fields_of(fields); break;  // found again from the samples
       case JournalType::transition:
@@ -396,17 +366,6 @@ Status RecordingSink::start(const RecordingInfo& info) {
   writer_.emplace(std::move(writer));
   return {};
 }
-
-namespace {
-
-bool same(const RecordingInfo& a, const RecordingInfo& b) {
-  return a.sample_period_s == b.sample_period_s && a.latitude_deg == b.latitude_deg &&
-         a.gravity_mps2 == b.gravity_mps2 && a.unit_serial == b.unit_serial && a.gyro_increment == b.gyro_increment &&
-         a.accel_increment == b.accel_increment && a.accel_pulse_mps == b.accel_pulse_mps &&
-         a.has_temperature == b.has_temperature && a.simulated == b.simulated;
-}
-
-}  // namespace
 
 Status RecordingSink::resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) {
   const std::string path = folder_ + "/" + partial_recording_name;

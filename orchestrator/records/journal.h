@@ -45,12 +45,8 @@ using JournalFields = KeyTexts;  // an empty value is left out of the record
 
 std::string unescaped_value(std::string_view text);  // of a record: %XX as the character
 
-// A command to the table, on the station's clock. No move: home.
-struct JournalCommand {
-  double time_s = 0.0;
-  std::optional<Move> move;
-};
-Fields fields_of(JournalCommand& command);
+Fields fields_of(TableCommand& command);
+Fields fields_of(Dropout& dropout);
 // Of a dwell that is read: for as many units as it has been given room for.
 Fields fields_of(CompletedDwell& dwell);
 
@@ -64,8 +60,7 @@ class JournalFile : public RunJournal {
   Status append(JournalType type, const JournalFields& fields);
 
   Status transition(const TransitionRecord& record) override;
-  Status home(double time_s) override;
-  Status move(const Move& move, double time_s) override;
+  Status command(const TableCommand& command) override;
   Status dwell(const CompletedDwell& dwell) override;
   Status dropout(const Dropout& dropout) override;
   Status seal(double utc_s, const std::vector<std::string>& hashes) override;
@@ -95,7 +90,7 @@ Fields fields_of(Settling& settling);
 struct JournalContents {
   JournalFields begin;
   std::optional<CompletedDwell> last_dwell;
-  std::vector<JournalCommand> commands;          // up to last_dwell, without those of attempts that were taken back
+  std::vector<TableCommand> commands;            // up to last_dwell, without those of attempts that were taken back
   std::optional<double> seal_utc_s;              // of the last attempt to seal
   std::vector<std::string> hashes;               // the same: of the recordings' contents, by unit; empty: none was kept
   std::vector<std::optional<UnitClock>> clocks;  // the same
@@ -104,16 +99,14 @@ struct JournalContents {
   std::vector<JournalFields> results, verdicts;  // one a unit, as they came
   JournalFields transition, estimate;            // the newest
   bool pause_asked = false;                      // since it was begun or taken up again
-  struct DroppedUnit {
-    std::size_t unit = 0;
-    Error why;
-    bool after_last_dwell = false;  // taken back with all that came after it, unless the recordings are sealed
+  struct DroppedUnit : Dropout {
+    bool after_last_dwell = true;  // taken back with all that came after it, unless the recordings are sealed
   };
   std::vector<DroppedUnit> dropped;
 
-  std::vector<std::string> units() const;                          // their serial numbers
-  const JournalFields* results_of(const std::string& unit) const;  // the newest; null: none yet
-  const JournalFields* verdict_of(const std::string& unit) const;  // the same
+  std::vector<std::string> units() const;  // their serial numbers
+  // Of `results` or `verdicts`, of a unit; null: none yet.
+  const JournalFields* newest(const std::vector<JournalFields>& records, const std::string& unit) const;
 
   const std::string& begin_value(std::string_view key) const { return value_of(begin, key); }  // "" when missing
 };

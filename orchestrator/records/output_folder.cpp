@@ -79,19 +79,10 @@ Status OutputFolder::make_missing() {
   return {};
 }
 
-OutputFolder::OutputFolder(OutputFolder&& other) noexcept
-    : path_(std::move(other.path_)),
-      names_(std::move(other.names_)),
-      created_(std::move(other.created_)),
-      lock_(std::move(other.lock_)),
-      active_(std::exchange(other.active_, false)) {}
-
 OutputFolder::~OutputFolder() {
-  if (!active_) return;
   std::error_code ignored;
   for (const std::string& name : names_) fs::remove(fs::path(path_) / name, ignored);
   lock_.reset();
-  // Only folders made here, and only when nobody else put something in.
   for (auto it = created_.rbegin(); it != created_.rend(); ++it) fs::remove(*it, ignored);
 }
 

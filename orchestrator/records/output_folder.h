@@ -27,22 +27,24 @@ class OutputFolder {
   // For what is estimated of a recording of `unit`: an earlier result of the unit is replaced; an error when the folder holds a run, or
   // parameters of another unit.
   static Result<OutputFolder> prepare_results(const std::string& path, const std::string& unit);
-  OutputFolder(OutputFolder&& other) noexcept;
+  OutputFolder(OutputFolder&& other) noexcept = default;
   OutputFolder& operator=(OutputFolder&&) = delete;
   ~OutputFolder();  // removes what was made, unless keep() was called
 
   const std::string& path() const { return path_; }
   std::string file(const std::string& name) const { return path_ + "/" + name; }
-  void keep() { active_ = false; }
+  void keep() {
+    names_.clear();
+    created_.clear();
+  }
 
  private:
   OutputFolder(std::string path, std::vector<std::string> names) : path_(std::move(path)), names_(std::move(names)) {}
   Status make_missing();
   std::string path_;
-  std::vector<std::string> names_;
-  std::vector<std::string> created_;  // folders, outermost first
+  std::vector<std::string> names_;    // what is removed again
+  std::vector<std::string> created_;  // folders, outermost first; the same, where nobody else put something in
   std::optional<LockFile> lock_;
-  bool active_ = true;
 };
 
 // An error when `out` is the folder of `source` (a folder, or a file in it): what is written would stand beside what it is made of, and

@@ -66,7 +66,7 @@ struct TransitionRecord {
 
 // A unit that is no longer part of the run: gone, silent, refused, or its recording cannot be written.
 struct Dropout {
-  std::size_t unit = 0;  // place in the run, from 0
+  std::uint64_t place = 0;  // in the run, from 1
   std::string serial;
   Error why;  // "step 3 (3/14) dwelling at ...: ..."
   RunSnapshot at;
@@ -88,6 +88,12 @@ class RunObserver {
 // unit that drops out when it does, the end of the recording before it is sealed.
 //
 // An error from any of these stops the run like a disk that is full. On disk: journal.h.
+
+// A command to the table, on the station's clock. No move: home.
+struct TableCommand {
+  double time_s = 0.0;
+  std::optional<Move> move;
+};
 
 // Where the recording of one unit stood.
 struct RecordingPoint {
@@ -123,15 +129,14 @@ class RunJournal {
  public:
   virtual ~RunJournal() = default;
   virtual Status transition(const TransitionRecord& record) = 0;
-  virtual Status home(double time_s) = 0;
-  virtual Status move(const Move& move, double time_s) = 0;
+  virtual Status command(const TableCommand& command) = 0;
   virtual Status dwell(const CompletedDwell& dwell) = 0;
   virtual Status dropout(const Dropout& dropout) = 0;
   // The recordings are about to be finished. hashes: of their contents, by unit; empty for one that dropped out.
   virtual Status seal(double utc_s, const std::vector<std::string>& hashes) = 0;
 };
 
-// Where a run puts what it captures: the recording on disk, or a test's memory.
+// Who is given what a run captures of a unit: its recording on disk, the check of its first step, the page; in a test a memory.
 //
 // Calls come in this order: start (or resume), then begin_segment / add... / end_segment over and over, sync after every step, and finish.
 // Counters count from 0 at the first sample of the recording. Any error ends the run.
@@ -141,39 +146,20 @@ class RunSink {
   virtual Status start(const RecordingInfo& info) = 0;
   // Instead of start: goes on after the segment that ended at end_sample; whatever came after it is dropped. An error when
   // the recording there is not of the same unit, site and kind, or, where `written` is given, not what written() said then.
-  virtual Status resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) = 0;
+  virtual Status resume(const RecordingInfo& info, std::int64_t /*end_sample*/,
+                        std::optional<std::uint32_t> /*written*/) {
+    return start(info);
+  }
   virtual Status begin_segment(const Segment& segment) = 0;  // end_sample is not yet known
   virtual Status add(std::span<const ImuSample> samples) = 0;
   // The final kind: a dwell that does not count is closed as rotate.
-  virtual Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) = 0;
-  virtual Status sync() = 0;
+  virtual Status end_segment(SegmentKind, std::int64_t /*end_sample*/, const AxisTriple& /*angles_deg*/) { return {}; }
+  virtual Status sync() { return {}; }
   // A hash of all that was kept so far; nothing where nothing is kept.
-  virtual std::optional<std::uint32_t> written() const = 0;
-  virtual Status finish() = 0;  // complete and durable
-  // What was found wrong with the unit itself, not with storing; asked when a segment has ended. A recording judges nothing.
+  virtual std::optional<std::uint32_t> written() const { return {}; }
+  virtual Status finish() { return {}; }  // complete and durable
+  // What was found wrong with the unit itself, not with storing; asked when a segment has ended.
   virtual Status unit_fits() const { return {}; }
-};
-
-// A sink on the way to another one, which it passes everything on to.
-class PassingSink : public RunSink {
- public:
-  explicit PassingSink(RunSink& sink) : sink_(sink) {}
-  Status start(const RecordingInfo& info) override { return sink_.start(info); }
-  Status resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) override {
-    return sink_.resume(info, end_sample, written);
-  }
-  Status begin_segment(const Segment& segment) override { return sink_.begin_segment(segment); }
-  Status add(std::span<const ImuSample> samples) override { return sink_.add(samples); }
-  Status end_segment(SegmentKind kind, std::int64_t end_sample, const AxisTriple& angles_deg) override {
-    return sink_.end_segment(kind, end_sample, angles_deg);
-  }
-  Status sync() override { return sink_.sync(); }
-  std::optional<std::uint32_t> written() const override { return sink_.written(); }
-  Status finish() override { return sink_.finish(); }
-  Status unit_fits() const override { return sink_.unit_fits(); }
-
- private:
-  RunSink& sink_;
 };
 
 }  // namespace turncal

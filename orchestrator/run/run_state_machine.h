@@ -17,6 +17,8 @@
 #include <span>
 #include <string_view>
 
+#include "imu_io/base/text.h"
+
 namespace turncal {
 
 enum class RunState {
@@ -37,7 +39,11 @@ enum class RunState {
   aborted,     // by the operator
   interrupted  // paused, or told to end from outside: can be resumed
 };
-inline constexpr int run_state_count = 16;
+template <>
+inline constexpr auto enum_words<RunState> = std::to_array({"idle", "connecting", "homing", "resting", "selecting",
+                                                            "moving", "settling", "dwelling", "step_done", "parking",
+                                                            "calibrating", "stopping", "done", "failed", "aborted",
+                                                            "interrupted"});
 
 enum class RunEvent {
   start,
@@ -74,7 +80,17 @@ enum class RunEvent {
   operator_stop,     // the operator: stop now
   end_wanted         // from outside (SIGTERM, SIGHUP): stop now, nobody gives the run up
 };
-inline constexpr int run_event_count = 33;
+template <>
+inline constexpr auto enum_words<RunEvent> =
+    std::to_array({"start",          "connected",      "connect_failed",     "homed",
+                   "rest_over",      "back_in_place",  "move_next",          "dwell_next",
+                   "step_complete",  "step_next",      "sequence_complete",  "arrived",
+                   "unsettled",      "settled",        "dwell_complete",     "dwell_bad",
+                   "move_bad",       "calibration_ok", "calibration_failed", "stopped_verified",
+                   "stall",          "deadline",       "table_fault",        "e_stop",
+                   "link_lost",      "chamber_fault",  "imu_lost",           "motion_data_lost",
+                   "storage_failed", "unit_wrong",     "pause_wanted",       "operator_stop",
+                   "end_wanted"});
 
 enum class RunAction {
   none,
@@ -97,7 +113,11 @@ enum class RunAction {
   abort_table,    // fastest stop, drives off
   announce        // say how it ended
 };
-inline constexpr int run_action_count = 19;
+template <>
+inline constexpr auto enum_words<RunAction> =
+    std::to_array({"none", "connect", "enable_and_home", "begin_rest", "settle_again", "select_next", "issue_move",
+                   "watch_settling", "watch_moving", "close_move", "begin_dwell", "close_dwell", "discard_dwell",
+                   "discard_move", "finish_step", "calibrate", "stop_table", "abort_table", "announce"});
 
 enum class RunGuard {
   always,
@@ -251,15 +271,22 @@ struct Transition {
 };
 
 // Unexpected: to `stopping` with stop_table where the drives may be on, else to `failed`.
-Transition next(RunState state, RunEvent event, GuardSet guards);
+constexpr Transition next(RunState state, RunEvent event, GuardSet guards) {
+  for (const TransitionRow& row : transition_table)
+    if (row.event == event && row.from.contains(state) && guards.contains(row.guard))
+      return {Transition::Outcome::taken, row.to, row.action};
+  for (const IgnoredRow& row : ignored_events)
+    if (row.in.contains(state) && row.events.contains(event))
+      return {Transition::Outcome::ignored, state, RunAction::none};
+  const bool drives_may_be_on =
+      live_states.contains(state) || state == RunState::stopping || state == RunState::calibrating;
+  if (drives_may_be_on) return {Transition::Outcome::unexpected, RunState::stopping, RunAction::stop_table};
+  return {Transition::Outcome::unexpected, RunState::failed, RunAction::announce};
+}
 
 constexpr bool is_final(RunState state) {
   return state == RunState::done || state == RunState::failed || state == RunState::aborted ||
          state == RunState::interrupted;
 }
-
-std::string_view to_string(RunState state);
-std::string_view to_string(RunEvent event);
-std::string_view to_string(RunAction action);
 
 }  // namespace turncal

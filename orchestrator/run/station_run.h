@@ -82,29 +82,9 @@ struct StationJob {
   const Sequence& sequence;
   const Plan& plan;
   const StationConfig& station;
-  std::string unit_serial;                           // of a run of one unit
   std::optional<ResumePoint> resume = std::nullopt;  // the sinks then hold everything up to there
   bool taken_up = false;  // somebody goes on with an interrupted run: a fault that a drive still shows is cleared
   std::optional<double> temperature_c = std::nullopt;  // of the chamber, where there is one
-};
-
-struct StationHooks {
-  std::vector<RunObserver*> observers;              // called in the loop: they must not block
-  const std::atomic<int>* stop_requests = nullptr;  // counts the requests to stop now
-  std::function<Status()> calibrate;                // after the recording is sealed; results must be durable on success
-  RunJournal* journal = nullptr;
-  const std::atomic<int>* pause_requests = nullptr;  // above 0: stop at the next safe point
-  const std::atomic<int>* end_requests = nullptr;    // those of stop_requests that the operator did not make
-  // Of the contents of the recordings, by unit, when nothing more comes: what the journal keeps before they are sealed.
-  std::function<Result<std::vector<std::string>>()> content_hashes = nullptr;
-  // Asked after every completed dwell, again and again until it answers: which item comes next. next_item is the one that the plan
-  // has there; a later one leaves out what lies between, items.size() ends the run, an earlier one repeats the dwell. Before it answers it
-  // may put further steps behind those of sequence and plan. Samples are read and the table is watched between two calls.
-  std::function<Result<std::optional<std::size_t>>(std::size_t next_item)> go_on_with = nullptr;
-  // Whether what is written beside the recordings is still where and as it was written; asked by the queue every second.
-  std::function<Status()> check_kept = nullptr;
-  // Writes journal and recordings, in the order of what happens. Null: within the loop, for simulated time. Journal and sinks outlive it.
-  BackgroundQueue* storage = nullptr;
 };
 
 struct RunOutcome {
@@ -117,13 +97,30 @@ struct RunOutcome {
   bool stop_failed = false;         // could not be verified in its time: the table may move, its drives may be on
   bool storage_hangs =
       false;  // what was handed to the queue is not all done: journal and recordings must not be touched
-  struct Unit {
-    std::int64_t recorded_samples = 0;    // periods, lost ones included
-    std::uint64_t lost_samples = 0;       // by the unit's counter, from the first recorded sample on
-    std::uint64_t duplicate_samples = 0;  // dropped
-    std::optional<Error> dropped_out;     // before the end
+  struct Unit : RecordingPoint {       // where its recording ends
+    std::optional<Error> dropped_out;  // before the end
   };
   std::vector<Unit> units;  // as given
+};
+
+struct StationHooks {
+  std::vector<RunObserver*> observers;              // called in the loop: they must not block
+  const std::atomic<int>* stop_requests = nullptr;  // counts the requests to stop now
+  // After the recording is sealed; results must be durable on success. RunOutcome, here and below: how far the run has come.
+  std::function<Status(const RunOutcome&)> calibrate;
+  RunJournal* journal = nullptr;
+  const std::atomic<int>* pause_requests = nullptr;  // above 0: stop at the next safe point
+  const std::atomic<int>* end_requests = nullptr;    // those of stop_requests that the operator did not make
+  // Of the contents of the recordings, by unit, when nothing more comes: what the journal keeps before they are sealed.
+  std::function<Result<std::vector<std::string>>(const RunOutcome&)> content_hashes = nullptr;
+  // Asked after every completed dwell, again and again until it answers: which item comes next. next_item is the one that the plan
+  // has there; a later one leaves out what lies between, items.size() ends the run, an earlier one repeats the dwell. Before it answers it
+  // may put further steps behind those of sequence and plan. Samples are read and the table is watched between two calls.
+  std::function<Result<std::optional<std::size_t>>(std::size_t next_item, const RunOutcome&)> go_on_with = nullptr;
+  // Whether what is written beside the recordings is still where and as it was written; asked by the queue every second.
+  std::function<Status()> check_kept = nullptr;
+  // Writes journal and recordings, in the order of what happens. Null: within the loop, for simulated time. Journal and sinks outlive it.
+  BackgroundQueue* storage = nullptr;
 };
 
 // Why something was given up: told to end from outside, or stopped by the operator.
@@ -132,13 +129,10 @@ Error asked_to_stop(bool ended);
 class StationRun {
  public:
   StationRun(StationDevices devices, StationJob job, const std::vector<StationUnit>& units, StationHooks hooks);
-  StationRun(const StationDevices& devices, const StationJob& job, RunSink& sink,
-             const StationHooks& hooks)  // of one unit
-      : StationRun(devices, job, {StationUnit{devices.imu, sink, job.unit_serial}}, hooks) {}
   RunOutcome run();
-  RunOutcome outcome() const;  // so far
 
  private:
+  RunOutcome outcome() const;  // so far
   using MaybeEvent = std::optional<RunEvent>;
 
   // One event, and those that its action raises.
@@ -172,7 +166,6 @@ class StationRun {
 
   void resume_at(const ResumePoint& resume);
   bool table_stands() const;              // every axis, by the last status read
-  bool stands_as_left() const;            // homed, and where the completed dwell was
   MaybeEvent kept(const Status& status);  // of the journal or the recording
   // Hands a write to the queue and waits until it is done. An event: it failed, or something else came first.
   MaybeEvent keep(std::function<Status()> write);
@@ -200,7 +193,6 @@ class StationRun {
   MaybeEvent stop_table();
   // What a braking stop may take: twice the ramp of the plan's fastest move, and motion.stall_s.
   double brake_s() const;
-  MaybeEvent abort_table();
 
   void receive_meanwhile();  // what the units send while the table's answer is awaited
   MaybeEvent pump();         // reads the IMU until the next poll is due
@@ -242,18 +234,14 @@ class StationRun {
   std::vector<UnitLane> lanes_;
 
   RunState state_ = RunState::idle;
-  int repeated_dwells_ = 0;
-  int repeated_moves_ = 0;
+  RunOutcome outcome_;  // so far, but for its state, its error and its units
   std::optional<Error> first_error_;
   std::string detail_;  // of the event to be handled next
   ErrorKind raised_kind_ = ErrorKind::internal;
   RunGuard stop_cause_ = RunGuard::by_error;
   bool pause_told_ = false;
-  std::optional<TableStatus> left_;
-  bool stop_failed_ = false;
   bool home_sent_ = false;
   std::optional<HomingWatch> homing_;
-  bool commanded_to_move_ = false;  // homing or a move was sent
   bool fault_left_ = false;
   bool enabled_ = false;
   int stops_seen_ = 0;

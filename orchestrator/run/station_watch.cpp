@@ -182,7 +182,7 @@ StationRun::MaybeEvent StationRun::judge_dwell() {
 
 StationRun::MaybeEvent StationRun::judge_stop(double now_s) {
   if (stop_.look(unread_ ? nullptr : &status_, now_s)) {
-    left_ = status_;
+    outcome_.left = status_;
     if (chamber_rests()) return RunEvent::stopped_verified;
     if (now_s <= chamber_until_s_) return std::nullopt;
     return raise(RunEvent::deadline, "the chamber did not switch off");
@@ -243,7 +243,7 @@ StationRun::MaybeEvent StationRun::fail(UnitLane& lane, RunEvent event, const Er
     return raise(event, {lanes_.size() > 1 ? ErrorKind::device : error.kind, named(lane, error.message)});
   const Error why{error.kind, place() + ": " + error.message};
   lane.drop(why);
-  const Dropout dropout{std::size_t(&lane - lanes_.data()), lane.serial(), why, snapshot()};
+  const Dropout dropout{std::uint64_t(&lane - lanes_.data() + 1), lane.serial(), why, snapshot()};
   for (RunObserver* const one : hooks_.observers) one->on_dropout(dropout);
   return journalled([dropout](RunJournal& journal) { return journal.dropout(dropout); });
 }

@@ -35,15 +35,13 @@ RecordingPoint UnitLane::point() const {
           .duplicate_samples = duplicate_samples_};
 }
 
-UnitLane::Write UnitLane::stored(Write write) const {
-  return [stored = stored_, write = std::move(write)] {
-    if (stored->failed) return stored->status;
-    const Status status = write();
-    if (!status) {
-      stored->status = status;
-      stored->failed = true;
+UnitLane::Write UnitLane::stored(std::function<Status(RunSink&)> write) const {
+  return [stored = stored_, sinks = unit_.sinks, write = std::move(write)] {
+    for (std::size_t i = 0; i < sinks.size() && !stored->failed; ++i) {
+      stored->status = write(*sinks[i]);
+      if (!stored->status) stored->failed = true;
     }
-    return status;
+    return stored->status;
   };
 }
 
@@ -68,7 +66,7 @@ Result<std::string> UnitLane::connect(const StationConfig& station, bool table_s
 }
 
 UnitLane::Write UnitLane::begin_recording(bool resumed) const {
-  return stored([&sink = unit_.sink, info = info_, next_sample = next_sample_, written = resumed_written_, resumed] {
+  return stored([info = info_, next_sample = next_sample_, written = resumed_written_, resumed](RunSink& sink) {
     return resumed ? sink.resume(info, next_sample, written) : sink.start(info);
   });
 }
@@ -151,7 +149,7 @@ Result<UnitLane::Recorded> UnitLane::record(bool dwelling, BackgroundQueue& stor
   lost_samples_ += lost;
   recorded.gap = lost != 0;
   next_sample_ = samples.back().counter + 1;
-  const auto write = [&sink = unit_.sink, begun, copy = std::vector(samples.begin(), samples.end())] {
+  const auto write = [begun, copy = std::vector(samples.begin(), samples.end())](RunSink& sink) {
     const Status status = begun ? sink.begin_segment(*begun) : Status{};
     return status ? sink.add(copy) : status;
   };
@@ -186,7 +184,7 @@ UnitLane::Write UnitLane::end_segment(SegmentKind kind, const AxisTriple& angles
   const bool written = segment_ && segment_written_;
   segment_.reset();
   if (!written) return {};
-  return stored([&sink = unit_.sink, kind, end_sample = next_sample_, angles_deg] {
+  return stored([kind, end_sample = next_sample_, angles_deg](RunSink& sink) {
     return sink.end_segment(kind, end_sample, angles_deg);
   });
 }

@@ -37,13 +37,13 @@ namespace turncal {
 
 struct StationUnit {
   ImuSource& imu;
-  RunSink& sink;
-  std::string serial;  // as asked for; a unit that tells another one is refused
+  std::vector<RunSink*> sinks;  // are told in this order; the first keeps the recording
+  std::string serial;           // as asked for; a unit that tells another one is refused
 };
 
 class UnitLane {
  public:
-  using Write = std::function<Status()>;  // refers to the sink alone, not to the lane
+  using Write = std::function<Status()>;  // refers to the sinks alone, not to the lane
   explicit UnitLane(StationUnit unit) : unit_(std::move(unit)) {}
 
   const std::string& serial() const { return unit_.serial; }
@@ -101,16 +101,15 @@ class UnitLane {
   bool dwell_received() const { return std::int64_t(waiting_.size()) >= dwell_remaining(); }
   // "; 812 bad frames came: ...": why no sample may have come of what did; empty: nothing did.
   std::string came_instead() const;
-  Write sync() const {
-    return stored([&sink = unit_.sink] { return sink.sync(); });
-  }
-  Write finish() const {
-    return stored([&sink = unit_.sink] { return sink.finish(); });
-  }
+  Write sync() const { return stored(&RunSink::sync); }
+  Write finish() const { return stored(&RunSink::finish); }
   Write fits() const {
-    return [&sink = unit_.sink] { return sink.unit_fits(); };
+    return [sinks = unit_.sinks]() -> Status {
+      for (const RunSink* sink : sinks) TRY(sink->unit_fits());
+      return {};
+    };
   }
-  const RunSink& sink() const { return unit_.sink; }
+  const RunSink& recording() const { return *unit_.sinks.front(); }
 
   FeltRate& felt() { return *felt_; }  // REQUIRES connect()
   const FeltRate& felt() const { return *felt_; }
@@ -124,7 +123,7 @@ class UnitLane {
     std::atomic<bool> failed{false};
     Status status;  // written before `failed`
   };
-  Write stored(Write write) const;
+  Write stored(std::function<Status(RunSink&)> write) const;  // by each sink
 
   StationUnit unit_;
   std::shared_ptr<Stored> stored_ = std::make_shared<Stored>();

@@ -12,6 +12,13 @@ namespace turncal {
 
 namespace {
 
+constexpr double infinite = std::numeric_limits<double>::infinity();
+
+// Distance to the nearer limit, negative outside.
+double margin_to(const Limit& limit, double value) {
+  return std::min(limit.min ? value - *limit.min : infinite, limit.max ? *limit.max - value : infinite);
+}
+
 std::string number(std::optional<double> value) { return value ? format_number(*value) : "none"; }
 
 void judge_into(VerdictReport& report, std::string key, std::optional<double> value, std::optional<double> sigma,
@@ -50,12 +57,20 @@ bool read_judgement(const std::string& text, JudgedValue& judged) {
   return judgement_text(judged) == text;
 }
 
+// The sigma at which the guard band ends at the nearer limit.
+double clear_of(const Limit& limit, double guard_factor, double value) {
+  if (!limit.min && !limit.max) return infinite;
+  const double margin = margin_to(limit, value);
+  if (margin < 0.0) return 0.0;
+  return guard_factor > 0.0 ? margin / (2.0 * guard_factor) : infinite;
+}
+
+}  // namespace
+
 std::optional<double> residual_of(const ParameterFile& file) {
   const std::string* const value = find_further(file, "quality.normalised_rms");
   return value ? parse_number(*value) : std::nullopt;
 }
-
-}  // namespace
 
 Field verdict_field(const std::string& key, UnitVerdict& verdict) {
   return chosen(key, verdict, {enum_words<UnitVerdict>.begin(), enum_words<UnitVerdict>.end()}, "a verdict");
@@ -99,9 +114,8 @@ VerdictLimits read_limits(KeyValueFile& file) {
 }
 
 UnitVerdict judge_value(double value, std::optional<double> sigma, const Limit& limit, double guard_factor) {
-  constexpr double far = std::numeric_limits<double>::infinity();
   if (!std::isfinite(value) || (sigma && !std::isfinite(*sigma))) return UnitVerdict::fail;
-  const double margin = std::min(limit.min ? value - *limit.min : far, limit.max ? *limit.max - value : far);
+  const double margin = margin_to(limit, value);
   if (!sigma) return margin >= 0.0 ? UnitVerdict::conditional_pass : UnitVerdict::fail;
   const double guard_band = 2.0 * guard_factor * *sigma;
   if (margin >= guard_band) return UnitVerdict::pass;
@@ -127,7 +141,7 @@ VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c,
   if (clock)
     judge_into(report, "clock_ppm", clock->clock.ppm, clock->clock.uncertainty_ppm, {-clock->max_ppm, clock->max_ppm},
                limits.guard_factor);
-  if (const std::vector<std::string> lines = describe(report); !lines.empty()) {
+  if (const std::vector<std::string> lines = judged_lines(report); !lines.empty()) {
     const auto worst = std::ranges::find(report.values, report.verdict, &JudgedValue::verdict);
     report.reason = and_more(judged_words(*worst), lines.size());
   }
@@ -225,7 +239,7 @@ Result<VerdictReport> judge_again(const ParameterFile& file, const std::array<do
     report.values.push_back(std::move(*judged));
   }
   for (const JudgedValue& judged : report.values) report.verdict = std::max(report.verdict, judged.verdict);
-  if (const std::vector<std::string> lines = describe(worse); !lines.empty())
+  if (const std::vector<std::string> lines = judged_lines(worse); !lines.empty())
     report.reason += (report.reason.empty() ? "" : "; ") + and_more(judged_words(worse.values.front()), lines.size());
   return report;
 }
@@ -247,7 +261,7 @@ std::string limits_words(const Limit& limit) {
   return limit.min ? "at least " + number(limit.min) : "at most " + number(limit.max);
 }
 
-std::vector<std::string> describe(const VerdictReport& report) {
+std::vector<std::string> judged_lines(const VerdictReport& report) {
   std::vector<std::string> lines;
   for (const JudgedValue& judged : report.values) {
     if (judged.verdict == UnitVerdict::pass) continue;
@@ -255,20 +269,6 @@ std::vector<std::string> describe(const VerdictReport& report) {
   }
   return lines;
 }
-
-namespace {
-
-constexpr double infinite = std::numeric_limits<double>::infinity();
-
-// The sigma at which the guard band ends at the nearer limit.
-double clear_of(const Limit& limit, double guard_factor, double value) {
-  if (!limit.min && !limit.max) return infinite;
-  const double margin = std::min(limit.min ? value - *limit.min : infinite, limit.max ? *limit.max - value : infinite);
-  if (margin < 0.0) return 0.0;
-  return guard_factor > 0.0 ? margin / (2.0 * guard_factor) : infinite;
-}
-
-}  // namespace
 
 StopSigmas read_stop_sigmas(KeyValueFile& file) {
   StopSigmas stop{};

@@ -75,6 +75,8 @@ struct VerdictReport {
   std::vector<JudgedValue> values;     // those with a limit
 };
 
+std::optional<double> residual_of(const ParameterFile& file);  // empty: the method tells none
+
 // As a record of the journal has it; the values are not in it.
 Fields fields_of(VerdictReport& report);
 
@@ -112,7 +114,7 @@ std::string judged_words(const JudgedValue& judged);
 // "limits -0.01 .. 0.01", "at most 0.008"
 std::string limits_words(const Limit& limit);
 // The same with ": fail" or another verdict, a line for each value that does not plainly pass.
-std::vector<std::string> describe(const VerdictReport& report);
+std::vector<std::string> judged_lines(const VerdictReport& report);
 
 // How well a unit has to be known before its run may end: `turncal run --until-sigma`.
 //

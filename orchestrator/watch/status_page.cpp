@@ -52,30 +52,32 @@ void LiveStatus::on_progress(const RunSnapshot& snapshot) {
   heartbeat_s_ = wall_s_();
 }
 
-void LiveStatus::begin(const RecordingInfo& info) {
+Status LiveStatus::start(const RecordingInfo& info) {
   const std::lock_guard lock(mutex_);
   second_samples_ = std::size_t(std::max(1.0, std::round(1.0 / info.sample_period_s)));
   const double second_s = double(second_samples_) * info.sample_period_s;
   per_count_ = mean_per_count(info, std::int64_t(second_samples_));
   pulse_[0] = info.gyro_increment == IncrementKind::pulses ? per_count_[0] * second_s * 3600.0 : 0.0;
   pulse_[1] = info.accel_increment == IncrementKind::pulses ? per_count_[3] * second_s * 1000.0 : 0.0;
+  return {};
 }
 
-void LiveStatus::begin_segment(SegmentKind kind) {
+Status LiveStatus::begin_segment(const Segment& segment) {
   const std::lock_guard lock(mutex_);
-  dwelling_ = kind != SegmentKind::rotate;
-  if (!dwelling_) return;
-  dwell_.clear();
-  sum_ = {};
-  in_sum_ = 0;
+  dwelling_ = segment.kind != SegmentKind::rotate;
+  if (dwelling_) {
+    dwell_.clear();
+    sum_ = {};
+    in_sum_ = 0;
+  }
+  return {};
 }
 
-void LiveStatus::add(std::span<const ImuSample> samples) {
+Status LiveStatus::add(std::span<const ImuSample> samples) {
   const std::lock_guard lock(mutex_);
-  if (samples.empty()) return;
   has_temperature_ = !std::isnan(samples.back().temperature_c);
   temperature_c_ = samples.back().temperature_c;
-  if (!dwelling_) return;
+  if (!dwelling_) return {};
   for (const ImuSample& sample : samples) {
     for (std::size_t i = 0; i < 6; ++i) sum_[i] += channel_of(sample, i);
     if (++in_sum_ < second_samples_) continue;
@@ -84,6 +86,7 @@ void LiveStatus::add(std::span<const ImuSample> samples) {
     dwell_.push_back(std::exchange(sum_, {}));
     in_sum_ = 0;
   }
+  return {};
 }
 
 void LiveStatus::show_known(const std::string& text, std::vector<NeededSigma> known) {
@@ -219,14 +222,6 @@ void StatusPage::say_goodbye() {
   const long polls = polls_;
   while (polls_ == polls && monotonic_s() - began_s < 3.0) std::this_thread::sleep_for(std::chrono::milliseconds(20));
   std::this_thread::sleep_for(std::chrono::milliseconds(100));  // the answer is on its way
-}
-
-std::string StatusPage::url() const { return server_->url(); }
-
-std::string StatusPage::warning() const {
-  if (server_->loopback()) return "";
-  return "warning: everybody who reaches " + url() +
-         " can read the status page: it has no access control and is not encrypted";
 }
 
 std::optional<PageText> StatusPage::page(std::string_view path) {

@@ -33,7 +33,7 @@ struct LiveRun {
   std::vector<std::string> results = {};  // of earlier runs, shown as they are
 };
 
-class LiveStatus : public RunObserver {
+class LiveStatus : public RunObserver, public RunSink {
  public:
   // wall_s: seconds on a steady clock, for the age of the heartbeat.
   LiveStatus(LiveRun run, std::function<double()> wall_s);
@@ -41,9 +41,9 @@ class LiveStatus : public RunObserver {
   void on_transition(const TransitionRecord& record) override;
   void on_dropout(const Dropout& dropout) override;
   void on_progress(const RunSnapshot& snapshot) override;
-  void begin(const RecordingInfo& info);
-  void begin_segment(SegmentKind kind);
-  void add(std::span<const ImuSample> samples);
+  Status start(const RecordingInfo& info) override;
+  Status begin_segment(const Segment& segment) override;
+  Status add(std::span<const ImuSample> samples) override;
   // How well the unit is known against how well it has to be; replaces what was shown.
   void show_known(const std::string& text, std::vector<NeededSigma> known);
   void show_operator(const OperatorScreen& screen);  // of a table turned by hand
@@ -84,38 +84,12 @@ class LiveStatus : public RunObserver {
   bool has_temperature_ = false;
 };
 
-// A sink that shows the samples on their way to the recording.
-class LiveSink : public PassingSink {
- public:
-  LiveSink(RunSink& sink, LiveStatus& status) : PassingSink(sink), status_(status) {}
-  Status start(const RecordingInfo& info) override {
-    status_.begin(info);
-    return PassingSink::start(info);
-  }
-  Status resume(const RecordingInfo& info, std::int64_t end_sample, std::optional<std::uint32_t> written) override {
-    status_.begin(info);
-    return PassingSink::resume(info, end_sample, written);
-  }
-  Status begin_segment(const Segment& segment) override {
-    status_.begin_segment(segment.kind);
-    return PassingSink::begin_segment(segment);
-  }
-  Status add(std::span<const ImuSample> samples) override {
-    status_.add(samples);
-    return PassingSink::add(samples);
-  }
-
- private:
-  LiveStatus& status_;
-};
-
 class StatusPage {
  public:
   // "127.0.0.1:8080", "[::1]:8080"; port 0: any free one. The view must outlive the page.
   static Result<std::unique_ptr<StatusPage>> open(const std::string& address, const LiveStatus& run);
 
-  std::string url() const;
-  std::string warning() const;  // of an address that others reach; else empty
+  const PageServer& server() const { return *server_; }
   // After LiveStatus::end: lets whoever is looking hear of it, for 3 s at most; nobody looking: at once.
   void say_goodbye();
 

@@ -65,7 +65,7 @@ TEST(ChamberRun, RecordsAtTheTemperatureAndIsOffBeforeAnythingIsCalibrated) {
   bool off_by_then = false;
   std::string at_rest;
   double eta_s = 0.0;
-  s.calibrate = [&]() -> Status {
+  s.calibrate = [&](const RunOutcome&) -> Status {
     off_by_then = !s.heats();
     return {};
   };

@@ -23,7 +23,7 @@ const Recorded& recorded() {
     s.devices.imu.describe(s.info);
     s.plan = make_plan(s.sequence, plan_limits(s.station, s.info.sample_period_s));
     RecordingSink sink(folder.path());
-    StationRun run(s.devices.devices(), {s.sequence, s.plan, s.station, "SN1"}, sink, {});
+    StationRun run(s.devices.devices(), {s.sequence, s.plan, s.station}, {{s.devices.imu, {&sink}, "SN1"}}, {});
     EXPECT_EQ(run.run().state, RunState::done);
     const auto source = RecordingSource::open(sink.path());
     Recorded r{(*source)->info(), (*source)->segments(), {}};
@@ -126,7 +126,7 @@ TEST(DataFaults, AChannelThatDoesNotLiveIsNamed) {
     ASSERT_FALSE(output.ok());
     EXPECT_EQ(output.error().kind, ErrorKind::unit_failed);
     EXPECT_SAYS(output.error().message, said);
-    const Result<DiagnosisOutput> diagnosis = diagnose_recordings({&changed.loaded}, {});
+    const Result<DiagnosisOutput> diagnosis = diagnose_recordings({&changed.loaded, 1}, {});
     ASSERT_FALSE(diagnosis.ok());
     EXPECT_EQ(diagnosis.error().kind, ErrorKind::unit_failed) << "one outcome, one code";
     EXPECT_EQ(diagnosis.error().message, output.error().message);

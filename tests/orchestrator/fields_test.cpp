@@ -3,8 +3,8 @@
 
 #include <rapidcheck.h>
 
-#include "orchestrator/records/database_rows.h"
 #include "orchestrator/records/journal.h"
+#include "orchestrator/records/sql_connection.h"
 #include "orchestrator/report/verification_report.h"
 #include "tests/orchestrator/program.h"
 
@@ -60,14 +60,14 @@ TEST(Fields, AJournalSaysWhatWasWritten) {
     CompletedDwell dwell;
     dwell.units.resize(*rc::gen::inRange<std::size_t>(1, 4));
     draw(fields_of(dwell));
-    JournalCommand command{0.0, Move{}};
+    TableCommand command{0.0, Move{}};
     draw(fields_of(command));
     command.move->rate_degps += 1.0;
     command.move->acceleration_degps2 += 1.0;
     VerdictReport verdict, read;
     draw(fields_of(verdict));
     Result<JournalFile> journal = JournalFile::create(path, {{"unit", "SN1"}});
-    RC_ASSERT(journal.ok() && journal->move(*command.move, command.time_s).ok() && journal->dwell(dwell).ok() &&
+    RC_ASSERT(journal.ok() && journal->command(command).ok() && journal->dwell(dwell).ok() &&
               journal->append(JournalType::verdict, texts_of(verdict)).ok());
     const Result<JournalContents> contents = read_journal(path);
     RC_ASSERT(contents.ok() && contents->last_dwell && contents->commands.size() == 1u);

@@ -1,5 +1,5 @@
-// What a run finds wrong with the unit on the table in its first step, on the rig: the sink in between is given a unit mounted another
-// way, with another sign, or with a dead channel.
+// What a run finds wrong with the unit on the table in its first step, on the rig: the check is given a unit mounted another way, with
+// another sign, or with a dead channel.
 #include "orchestrator/devices/first_step_check.h"
 
 #include <Eigen/Geometry>
@@ -10,20 +10,20 @@
 namespace turncal {
 namespace {
 
-// Passes samples on with their channels changed: the unit as it would be.
-class ChangedUnit : public PassingSink {
+// Given samples with their channels changed: the unit as it would be.
+class ChangedUnit : public FirstStepCheck {
  public:
-  ChangedUnit(RunSink& check, std::function<void(ImuSample&)> change, std::function<void(RecordingInfo&)> told)
-      : PassingSink(check), change_(std::move(change)), told_(std::move(told)) {}
+  ChangedUnit(std::function<void(ImuSample&)> change, std::function<void(RecordingInfo&)> told)
+      : change_(std::move(change)), told_(std::move(told)) {}
   Status start(const RecordingInfo& info) override {
     RecordingInfo other = info;
     told_(other);
-    return PassingSink::start(other);
+    return FirstStepCheck::start(other);
   }
   Status add(std::span<const ImuSample> samples) override {
     std::vector<ImuSample> changed(samples.begin(), samples.end());
     for (ImuSample& sample : changed) change_(sample);
-    return PassingSink::add(changed);
+    return FirstStepCheck::add(changed);
   }
 
  private:
@@ -49,9 +49,8 @@ FirstStepStop found_with(
     const std::function<void(RecordingInfo&)>& told = [](RecordingInfo&) {},
     const RigConfig& rig_config = default_rig_config()) {
   RigStation rig(first_step_text, rig_config);
-  FirstStepCheck check(rig.sink);
-  ChangedUnit unit(check, change, told);
-  rig.into = &unit;
+  ChangedUnit unit(change, told);
+  rig.sinks.push_back(&unit);
   const RunOutcome outcome = rig.run();
   EXPECT_TRUE(rig.at_rest());
   return {outcome.state, outcome.state == RunState::done ? "" : outcome.error.message, rig.clock.now_s(),

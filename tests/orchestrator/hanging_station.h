@@ -179,7 +179,6 @@ class HangingSink : public RunSink {
   }
   Status end_segment(SegmentKind, std::int64_t, const AxisTriple&) override { return write(); }
   Status sync() override { return write(); }
-  std::optional<std::uint32_t> written() const override { return {}; }
   Status finish() override { return write(); }
 
   std::int64_t next = 0;
@@ -197,8 +196,7 @@ class HangingJournal : public RunJournal {
  public:
   explicit HangingJournal(const Hook& disk) : disk_(disk) {}
   Status transition(const TransitionRecord&) override { return write(); }
-  Status home(double) override { return write(); }
-  Status move(const Move&, double) override { return write(); }
+  Status command(const TableCommand&) override { return write(); }
   Status dwell(const CompletedDwell&) override { return write(); }
   Status dropout(const Dropout&) override { return write(); }
   Status seal(double, const std::vector<std::string>&) override { return write(); }
@@ -224,8 +222,8 @@ struct HangingStation {
     hooks.journal = &journal;
     hooks.storage = &storage;
     const Plan planned = plan();
-    StationRun station_run({table, unit, clock, LiveDevices::wait_a_little}, {sequence, planned, station, "SN1"}, sink,
-                           hooks);
+    StationRun station_run({table, unit, clock, LiveDevices::wait_a_little}, {sequence, planned, station},
+                           {{unit, {&sink}, "SN1"}}, hooks);
     return station_run.run();
   }
   Plan plan() const {

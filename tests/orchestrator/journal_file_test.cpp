@@ -12,12 +12,12 @@ class Journal : public testing::Test {
   void write_some() const {
     Result<JournalFile> journal =
         good(JournalFile::create(path(), {{"unit", "SN 7"}, {"station", " 100% # \n odd "}, {"rig", ""}}));
-    ASSERT_TRUE(journal->home(0.5).ok());
-    ASSERT_TRUE(journal->move({Axis::pitch, 90.0, 10.0, 20.0}, 1.25).ok());
+    ASSERT_TRUE(journal->command({0.5, {}}).ok());
+    ASSERT_TRUE(journal->command({1.25, Move{Axis::pitch, 90.0, 10.0, 20.0}}).ok());
     ASSERT_TRUE(journal->dwell(one_).ok());
-    ASSERT_TRUE(journal->move({Axis::roll, -720.125, 0.1, 1e-3}, 3.0).ok());
+    ASSERT_TRUE(journal->command({3.0, Move{Axis::roll, -720.125, 0.1, 1e-3}}).ok());
     ASSERT_TRUE(journal->append(JournalType::resume, {{"what", "x"}}).ok());
-    ASSERT_TRUE(journal->move({Axis::heading, 1.0, 2.0, 3.0}, 4.0).ok());
+    ASSERT_TRUE(journal->command({4.0, Move{Axis::heading, 1.0, 2.0, 3.0}}).ok());
     ASSERT_TRUE(journal->dwell(two_).ok());
     journal->note_clocks({UnitClock{-12.34, 0.05}});
     ASSERT_TRUE(journal->seal(1767225600.25, {"00ff"}).ok());

@@ -83,7 +83,6 @@ class MemorySink : public RunSink {
     return step();
   }
   // Keeps what ended at or before end_sample, as the recording on disk does.
-  std::optional<std::uint32_t> written() const override { return {}; }
   Status resume(const RecordingInfo& info_in, std::int64_t end_sample, std::optional<std::uint32_t>) override {
     EXPECT_EQ(info_in.unit_serial, info.unit_serial);
     open = false;
@@ -173,8 +172,10 @@ class TestJournal : public RunJournal {
     if (on_transition) on_transition(record);
     return called();
   }
-  Status home(double time_s) override { return command({time_s, std::nullopt}); }
-  Status move(const Move& move, double time_s) override { return command({time_s, move}); }
+  Status command(const TableCommand& command) override {
+    commands.push_back(command);
+    return called();
+  }
   Status dwell(const CompletedDwell& dwell) override {
     Status kept = called();
     if (kept) dwells.push_back(dwell);
@@ -188,7 +189,7 @@ class TestJournal : public RunJournal {
     sealed = true;
     return called();
   }
-  std::vector<JournalCommand> commands;
+  std::vector<TableCommand> commands;
   std::vector<CompletedDwell> dwells;
   std::vector<std::string> dropped;  // serials
   bool sealed = false;
@@ -197,10 +198,6 @@ class TestJournal : public RunJournal {
 
  private:
   Status called() { return on_call ? on_call() : Status(); }
-  Status command(const JournalCommand& command) {
-    commands.push_back(command);
-    return called();
-  }
 };
 
 // A run whose recording and journal are in memory, on whatever devices.
@@ -208,13 +205,13 @@ struct TestRun {
   explicit TestRun(const std::string& sequence_text)
       : sequence(expect_value(parse_sequence(sequence_text, "test.seq"))) {}
 
-  RunOutcome run(const StationDevices& with) { return run(with, {{with.imu, *into, "SN1"}}); }
+  RunOutcome run(const StationDevices& with) { return run(with, {{with.imu, sinks, "SN1"}}); }
   RunOutcome run(const StationDevices& with, const std::vector<StationUnit>& units) {
     with.imu.describe(info);
     plan = make_plan(sequence, plan_limits(station, info.sample_period_s));
     EXPECT_TRUE(plan.ok()) << plan.violations.front();
     StationRun station_run(
-        with, {sequence, plan, station, units.front().serial, resume, taken_up, temperature_c}, units,
+        with, {sequence, plan, station, resume, taken_up, temperature_c}, units,
         {{&watcher}, &stop_requests, calibrate, &kept, &pause_requests, &end_requests, {}, go_on_with});
     return station_run.run();
   }
@@ -224,11 +221,11 @@ struct TestRun {
   RecordingInfo info;
   Plan plan;
   MemorySink sink;
-  RunSink* into = &sink;
+  std::vector<RunSink*> sinks = {&sink};
   TestJournal kept;
   Watcher watcher;
   std::atomic<int> stop_requests{0}, pause_requests{0}, end_requests{0};
-  std::function<Status()> calibrate;
+  decltype(StationHooks::calibrate) calibrate;
   decltype(StationHooks::go_on_with) go_on_with;
   std::optional<ResumePoint> resume;
   bool taken_up = false;

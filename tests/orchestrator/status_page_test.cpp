@@ -364,19 +364,18 @@ TEST(LiveStatus, TheDwellSecondBySecond) {
   info.sample_period_s = 0.5;
   info.gyro_increment = IncrementKind::physical;
   info.accel_increment = IncrementKind::physical;
-  status.begin(info);
-  status.begin_segment(SegmentKind::still);
+  EXPECT_TRUE(status.start(info) && status.begin_segment({.kind = SegmentKind::still}));
   std::vector<ImuSample> samples(6);
   for (std::size_t i = 0; i < samples.size(); ++i) {
     samples[i].gyro[0] = i < 4 ? 0.0 : 0.01;  // rad in half a second
     samples[i].accel[1] = 4.9;
   }
-  status.add(samples);
+  EXPECT_TRUE(status.add(samples));
   const std::string json = status.json();
   EXPECT_SAYS(json, "\"dwell\":[[0,0,1.1459");  // 0.02 rad/s
   EXPECT_SAYS(json, "\"temperature_c\":null");
   EXPECT_SAYS(json, "\"still_gyro_degps\":0.66159");  // 1.1459 / sqrt 3
-  status.begin_segment(SegmentKind::align);
+  EXPECT_TRUE(status.begin_segment({.kind = SegmentKind::align}));
   EXPECT_SAYS(status.json(), "\"dwell\":[[],[],[],[],[],[]]");
 }
 

@@ -144,21 +144,20 @@ TEST_F(Storage, WhatWouldStopARunIsSaidBeforeItBegins) {
   expect_refused(begin("r", station("a.station", "hook.done = no_such_program_of_ours --now\n")),
                  "there is no command 'no_such_program_of_ours'");
   expect_refused(begin(std::string(300, 'x'), station("a.station")), "at most 255");
-  StationConfig none = default_station_config();
-  const auto first = [&](const Preflight& run) {
-    const std::vector<Error> found = preflight(run);
-    return found.empty() ? Error{ErrorKind::internal, "nothing"} : found.front();
-  };
-  Plan long_one;
-  long_one.samples = LLONG_MAX / 128;
-  const Error full = first({.station = none, .plan = long_one, .folder = path("r"), .units = {"SN1"}});
-  EXPECT_EQ(full.kind, ErrorKind::device);
-  EXPECT_SAYS(full.message, "MiB are free: expected");
-  none.table_calibration_due = "2026-01-01";
-  const Plan plan;
-  EXPECT_EQ(first({.station = none, .plan = plan, .utc_s = 1767312000.0}).kind, ErrorKind::input);  // 2026-01-02
-  EXPECT_EQ(first({.station = none, .plan = plan, .utc_s = 1767312000.0, .overdue_reason = "x"}).kind,
-            ErrorKind::internal);
+  RunPlan run;
+  run.station = default_station_config();
+  run.request.units = {"SN1"};
+  run.plan.samples = LLONG_MAX / 128;
+  const std::vector<Error> full = preflight(run, path("r"), 0.0);
+  ASSERT_EQ(full.size(), 1u);
+  EXPECT_EQ(full.front().kind, ErrorKind::device);
+  EXPECT_SAYS(full.front().message, "MiB are free: expected");
+  run.station.table_calibration_due = "2026-01-01";
+  constexpr double next_day_s = 1767312000.0;
+  ASSERT_EQ(preflight(run, "", next_day_s).size(), 1u);
+  EXPECT_EQ(preflight(run, "", next_day_s).front().kind, ErrorKind::input);
+  run.request.overdue_reason = "x";
+  EXPECT_TRUE(preflight(run, "", next_day_s).empty());
 }
 
 TEST(StorageError, IsADeviceErrorUnlessTheNameIsWrong) {

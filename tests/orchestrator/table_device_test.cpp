@@ -35,12 +35,12 @@ TEST(StationLock, ANumberThatIsGivenOutAgainIsAnotherDevice) {
     return station;
   };
   std::filesystem::create_symlink("/dev/null", folder / "first");
-  const Result<StationLock> first = good(StationLock::acquire(station_at("first")));
+  const Result<std::vector<LockFile>> first = good(lock_devices(station_at("first")));
   std::filesystem::remove(folder / "first");
   std::filesystem::create_symlink("/dev/null", folder / "second");
-  const Result<StationLock> second = StationLock::acquire(station_at("second"));
+  const Result<std::vector<LockFile>> second = lock_devices(station_at("second"));
   EXPECT_TRUE(second.ok()) << second.error().message;
-  EXPECT_FALSE(StationLock::acquire(station_at("first")).ok()) << "the name is still held";
+  EXPECT_FALSE(lock_devices(station_at("first")).ok()) << "the name is still held";
 
   std::filesystem::create_directory_symlink(folder / ".", folder / "here");
   EXPECT_EQ(lock_path_of(folder / "here/second"), lock_path_of(folder / "second"))

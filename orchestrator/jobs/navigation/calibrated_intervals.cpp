@@ -329,11 +329,6 @@ Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::
                              IncrementIntegrator(info.sample_period_s, samples)};
 }
 
-Result<CalibratedIntervals> calibrated_intervals(const std::string& path, RecordingSource& source) {
-  ParameterFile file = TRY(read_parameter_file(path));
-  return calibrated_intervals(std::move(file), path, source);
-}
-
 Result<IntegratedSamples> integrate_recording(RecordingSource& source, const Stretch& stretch,
                                               std::vector<CalibratedIntervals>& files,
                                               const ReferenceTrack* reference) {

@@ -126,7 +126,6 @@ struct CalibratedIntervals {
 // `recording`: of the source, where it has been loaded.
 Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source,
                                                  const CompressedRecording* recording = nullptr);
-Result<CalibratedIntervals> calibrated_intervals(const std::string& path, RecordingSource& source);
 
 struct Stretch {  // s from the first sample
   double from_s = 0.0;

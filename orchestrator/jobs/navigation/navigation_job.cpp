@@ -150,7 +150,8 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request) {
   }
   for (const std::string& path : {request.parameters, request.against}) {
     if (path.empty()) continue;
-    files.push_back(TRY(calibrated_intervals(path, *opened)));
+    ParameterFile file = TRY(read_parameter_file(path));
+    files.push_back(TRY(calibrated_intervals(std::move(file), path, *opened)));
   }
   return navigate_recording(request, *opened, std::move(files));
 }

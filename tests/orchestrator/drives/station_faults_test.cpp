@@ -27,7 +27,7 @@ std::function<void(const ModbusRequest&, AnswerPlan&)> in_block(
 TEST(StationFaults, UndisturbedRunIsThePlan) {
   ModbusRun s;
   const RunOutcome outcome = ended(s.run(), RunState::done);
-  EXPECT_EQ(outcome.units[0].recorded_samples, s.plan.samples);
+  EXPECT_EQ(outcome.units[0].next_sample, s.plan.samples);
 }
 
 // A flag that lies: the run goes through, for arrival is more than the flag; and no dwell is taken while the table turns.
@@ -196,7 +196,7 @@ TEST(StationFaults, WatchdogDoesNotTripInALongDwellNorWhileCalibrating) {
     };
     s.watcher.on_tick = [&](const RunSnapshot&) { look(); };
     bool calibrated = false;
-    s.calibrate = [&]() -> Status {
+    s.calibrate = [&](const RunOutcome&) -> Status {
       s.station.pass(600.0);  // nobody talks to the drives, which are off
       look();
       calibrated = true;

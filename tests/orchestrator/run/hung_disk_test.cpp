@@ -67,7 +67,7 @@ TEST_P(HungDisk, ThatAnswersAgainCostsNoSample) {
   EXPECT_EQ(outcome.state, RunState::done) << outcome.error.message;
   EXPECT_FALSE(outcome.storage_hangs);
   EXPECT_EQ(s.sink.missing, 0u);
-  EXPECT_EQ(s.sink.next, outcome.units.front().recorded_samples);
+  EXPECT_EQ(s.sink.next, outcome.units.front().next_sample);
 }
 TEST_P(HungDisk, ThatHasNoMemoryToWriteIsAFaultLikeAnother) {
   WallStation s(10.0);

@@ -37,7 +37,7 @@ struct Lanes : TestRun {
   RunOutcome run_all() {
     std::vector<StationUnit> lanes;
     for (std::size_t i = 0; i < sources.size(); ++i)
-      lanes.push_back({*sources[i], sinks[i], "SN" + std::to_string(i + 1)});
+      lanes.push_back({*sources[i], {&sinks[i]}, "SN" + std::to_string(i + 1)});
     return run(devices.devices(), lanes);
   }
   DryRunDevices devices;
@@ -56,7 +56,7 @@ TEST(Lanes, EveryUnitHasThePlansSegments) {
   const RunOutcome outcome = ended(s.run_all(), RunState::done);
   ASSERT_EQ(outcome.units.size(), 3u);
   for (std::size_t i = 0; i < 3; ++i) {
-    EXPECT_EQ(outcome.units[i].recorded_samples, two_steps_samples);
+    EXPECT_EQ(outcome.units[i].next_sample, two_steps_samples);
     EXPECT_EQ(s.sinks[i].sample_count, two_steps_samples);
     EXPECT_TRUE(s.sinks[i].finished);
     EXPECT_EQ(s.sinks[i].info.unit_serial, "SN" + std::to_string(i + 1));
@@ -142,7 +142,7 @@ TEST(Lanes, ARecordingThatCannotBeWrittenIsOneUnitsFailure) {
       ASSERT_TRUE(outcome.units[unit].dropped_out);
       ASSERT_SAYS(outcome.units[unit].dropped_out->message, "disk full");
       ASSERT_EQ(s.kept.dropped, std::vector<std::string>{"SN" + std::to_string(unit + 1)});
-      ASSERT_EQ(outcome.units[1 - unit].recorded_samples, two_steps_samples);
+      ASSERT_EQ(outcome.units[1 - unit].next_sample, two_steps_samples);
       ASSERT_EQ(s.sinks[1 - unit].sample_count, two_steps_samples);
       ASSERT_TRUE(s.sinks[1 - unit].finished);
       ASSERT_FALSE(s.sinks[unit].finished && call < calls);
@@ -221,14 +221,14 @@ void expect_same(const Segments& found, const Segments& expected) {
 TEST(StationRun, UndisturbedRunIsThePlanToTheSample) {
   RigStation s(two_steps_text);
   bool calibrated = false;
-  s.calibrate = [&]() -> Status {
+  s.calibrate = [&](const RunOutcome&) -> Status {
     calibrated = true;
     EXPECT_TRUE(s.sink.finished) << "calibrated before the recording was sealed";
     return {};
   };
   const RunOutcome outcome = ended(s.run(), RunState::done);
   EXPECT_TRUE(calibrated);
-  EXPECT_EQ(outcome.units[0].recorded_samples, two_steps_samples);
+  EXPECT_EQ(outcome.units[0].next_sample, two_steps_samples);
   EXPECT_EQ(s.sink.sample_count, two_steps_samples);
   EXPECT_EQ(s.sink.syncs, 3 + 2) << "after every dwell, and every step";
   expect_same(s.sink.segments, planned_segments(s.plan));
@@ -245,7 +245,7 @@ TEST(StationRun, FourteenStepsAreTheIndependentRecordingsSegments) {
   if (!std::filesystem::exists(recording)) GTEST_SKIP() << recording << " is not here";
   RigStation s(file_text(std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq"));
   const RunOutcome outcome = ended(s.run(), RunState::done);
-  EXPECT_EQ(outcome.units[0].recorded_samples, 1268400);  // 6342 s
+  EXPECT_EQ(outcome.units[0].next_sample, 1268400);  // 6342 s
   expect_same(s.sink.segments, planned_segments(s.plan));
   expect_same(s.sink.segments, (*good(RecordingSource::open(recording)))->segments());
 }
@@ -318,7 +318,7 @@ TEST(StationRun, EveryFailureOfTheDiskStopsTheRun) {
 
 TEST(StationRun, FailedCalibrationIsNoSuccess) {
   RigStation s(two_steps_text);
-  s.calibrate = []() -> Status { return Error{ErrorKind::unit_failed, "does not settle"}; };
+  s.calibrate = [](const RunOutcome&) -> Status { return Error{ErrorKind::unit_failed, "does not settle"}; };
   const RunOutcome outcome = ended(s.run(), RunState::failed);
   EXPECT_EQ(exit_code(outcome.error.kind), 20);
   EXPECT_TRUE(s.sink.finished);

@@ -20,13 +20,14 @@ void check_ten_thousand(const char* what, Testable testable) {
 
 TEST(RunProperties, TransitionTable) {
   check_ten_thousand("the table never leaves two moves outstanding, a stop unverified, or a result not durable", [] {
-    const auto events = *rc::gen::container<std::vector<int>>(
-        rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, run_event_count * 12)));
+    constexpr int event_count = int(enum_words<RunEvent>.size());
+    const auto events =
+        *rc::gen::container<std::vector<int>>(rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, event_count * 12)));
     RunState state = RunState::idle;
     bool move_outstanding = false, stop_outstanding = false, sealed = false, results_durable = false;
     for (const int drawn : events) {
-      const auto event = static_cast<RunEvent>(drawn % run_event_count);
-      const int bits = drawn / run_event_count;
+      const auto event = static_cast<RunEvent>(drawn % event_count);
+      const int bits = drawn / event_count;
       constexpr RunGuard causes[] = {RunGuard::by_error, RunGuard::by_operator, RunGuard::by_interruption};
       const GuardSet guards = guards_of((bits & 1) != 0, (bits & 2) != 0, causes[bits / 4 % 3]);
       const Transition t = next(state, event, guards);
@@ -172,7 +173,7 @@ std::string run_with(const std::vector<Disturbance>& disturbances, Tally& tally)
     stops_told = table.stops;
   };
   bool results_durable = false;
-  s.calibrate = [&]() -> Status {
+  s.calibrate = [&](const RunOutcome&) -> Status {
     if (!s.sink.finished || !journal.sealed) return Error{ErrorKind::internal, "calibrated before it was sealed"};
     results_durable = true;
     return {};

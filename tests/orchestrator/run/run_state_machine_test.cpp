@@ -7,13 +7,13 @@ namespace turncal {
 namespace {
 
 template <class Enum>
-std::vector<Enum> all_of(int count) {
+std::vector<Enum> all_of() {
   std::vector<Enum> all;
-  for (int i = 0; i < count; ++i) all.push_back(static_cast<Enum>(i));
+  for (std::size_t i = 0; i < enum_words<Enum>.size(); ++i) all.push_back(static_cast<Enum>(i));
   return all;
 }
-const std::vector<RunState> all_states = all_of<RunState>(run_state_count);
-const std::vector<RunEvent> all_events = all_of<RunEvent>(run_event_count);
+const std::vector<RunState> all_states = all_of<RunState>();
+const std::vector<RunEvent> all_events = all_of<RunEvent>();
 std::vector<GuardSet> all_guards() {
   std::vector<GuardSet> all;
   for (const RunGuard cause : {RunGuard::by_error, RunGuard::by_operator, RunGuard::by_interruption})
@@ -38,11 +38,11 @@ TEST(RunStateMachine, NamesAreCompleteAndDistinct) {
   const auto distinct = [](const auto& all) {
     std::set<std::string_view> names;
     for (const auto one : all) names.insert(to_string(one));
-    return int(names.size());
+    return names.size();
   };
-  EXPECT_EQ(distinct(all_states), run_state_count);
-  EXPECT_EQ(distinct(all_events), run_event_count);
-  EXPECT_EQ(distinct(all_of<RunAction>(run_action_count)), run_action_count);
+  EXPECT_EQ(distinct(all_states), std::size_t(RunState::interrupted) + 1);
+  EXPECT_EQ(distinct(all_events), std::size_t(RunEvent::end_wanted) + 1);
+  EXPECT_EQ(distinct(all_of<RunAction>()), std::size_t(RunAction::announce) + 1);
 }
 
 // For every pair and every combination of guards: exactly one row, or explicitly ignored, or unexpected; never two.
@@ -130,13 +130,13 @@ TEST(RunStateMachine, PauseWaitsForASafePoint) {
 // Every state can be reached from idle, and a final one from every state.
 TEST(RunStateMachine, EveryStateIsReachable) {
   std::set<RunState> reached = {RunState::idle};
-  for (int round = 0; round < run_state_count; ++round) {
+  for (int round = 0; round < int(all_states.size()); ++round) {
     for (const TransitionRow& row : transition_table) {
       for (RunState state : all_states)
         if (row.from.contains(state) && reached.count(state)) reached.insert(row.to);
     }
   }
-  EXPECT_EQ(reached.size(), std::size_t(run_state_count));
+  EXPECT_EQ(reached.size(), all_states.size());
 }
 
 // What docs/state-machine.md has to say, in the order of the table.
@@ -150,7 +150,7 @@ std::string names_of(EnumSet<Enum> set, const std::vector<Enum>& all) {
 std::string names_of(StateSet set) { return names_of(set, all_states); }
 std::string names_of(EventSet set) {
   const std::string names = names_of(set, all_events);
-  return std::ranges::count(names, ',') + 1 == run_event_count ? "every event" : names;
+  return std::ranges::count(names, ',') + 1 == std::ssize(all_events) ? "every event" : names;
 }
 
 // In the order of RunGuard.

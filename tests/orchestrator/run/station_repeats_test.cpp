@@ -107,7 +107,7 @@ TEST(StationRun, MotionFromOneSideOfTheTargetToTheOther) {
 TEST(StationRun, ADwellThatIsNotBelievedIsMadeOnceMore) {
   RigStation s(two_steps_text);
   std::vector<std::size_t> asked;
-  s.go_on_with = [&](std::size_t next_item) {
+  s.go_on_with = [&](std::size_t next_item, const RunOutcome&) {
     asked.push_back(next_item);
     const bool again = next_item == 3 && std::ranges::count(asked, 3U) < 3;
     return Result<std::optional<std::size_t>>(again ? next_item - 1 : next_item);
@@ -246,7 +246,7 @@ struct GapStation : RigStation {
   }
   RunOutcome session() {
     RecordingSink on_disk(folder.path());
-    into = &on_disk;
+    sinks = {&on_disk};
     return run();
   }
   // Stopped at stop_s of the session, after a dwell at least, and left alone for away_s.
@@ -286,7 +286,7 @@ TEST_P(Gap, RestsSettlesAndIsCutThere) {
   for (const double stop_s : {9.0, 60.0, 130.0}) ASSERT_NO_FATAL_FAILURE(s.interrupted_session(stop_s, GetParam()));
   const double began_s = s.clock.now_s();
   const RunOutcome outcome = ended(s.session(), RunState::done);
-  EXPECT_EQ(std::ranges::count(s.kept.commands, false, [](const JournalCommand& c) { return c.move.has_value(); }), 4);
+  EXPECT_EQ(std::ranges::count(s.kept.commands, false, [](const TableCommand& c) { return c.move.has_value(); }), 4);
   EXPECT_TRUE(s.watcher.saw(RunEvent::rest_over));
   EXPECT_GT(s.clock.now_s() - began_s, 30.0);
   EXPECT_EQ(outcome.units[0].lost_samples, 0u) << "the gap is no loss of the link";
