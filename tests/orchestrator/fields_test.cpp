@@ -4,7 +4,7 @@
 #include <rapidcheck.h>
 
 #include "orchestrator/records/journal.h"
-#include "orchestrator/records/sql_connection.h"
+#include "orchestrator/records/results_database.h"
 #include "orchestrator/report/verification_report.h"
 #include "tests/orchestrator/program.h"
 
