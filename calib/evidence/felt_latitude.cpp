@@ -96,4 +96,15 @@ std::string wrong_latitude(const CompressedRecording& recording, const JointResu
       felt->latitude_rad / rad_per_deg, felt->sigma_rad / rad_per_deg, stated_deg);
 }
 
+EffectColumn vertical_earth_rate() { return latitude_columns().back(); }
+
+std::string latitude_of_vertical(double stated_deg, double more_degph, double sigma_degph) {
+  const double whole = earth_rate_radps / radps_per_degph, up = rate_at(stated_deg * rad_per_deg).y() + more_degph;
+  std::string words =
+      fmt::format("the gyros at rest measure {:.3f} +- {:.3f} deg/h about the vertical", up, sigma_degph);
+  if (std::abs(up) < whole)
+    words += fmt::format(", the Earth's rate at a latitude of {:.3f} deg", std::asin(up / whole) / rad_per_deg);
+  return words + fmt::format(", the recording says {:.10g}", stated_deg);
+}
+
 }  // namespace turncal

@@ -29,4 +29,9 @@ std::optional<FeltLatitude> felt_latitude(const CompressedRecording& recording, 
 // diagnosis finds the same as the effect earth_rate, or nothing that it could name.
 std::string wrong_latitude(const CompressedRecording& recording, const JointResult& fit);
 
+// Of hand-turned data, whose heading is open: the part of the Earth's rate about the vertical, deg/h beyond that of the latitude that is stated, and
+// what a value of it says.
+EffectColumn vertical_earth_rate();
+std::string latitude_of_vertical(double stated_deg, double more_degph, double sigma_degph);
+
 }  // namespace turncal

@@ -20,7 +20,7 @@ using SparseMatrix = Eigen::SparseMatrix<double>;
 
 constexpr std::size_t beam = 6, expansions = 6;
 constexpr double named_share = 0.3;  // of a branch, that its names carry: a pattern in their place may be one of them
-constexpr double as_good = 0.3;      // of the best set of names, that one that is fitted already has
+constexpr double as_good = 0.3;      // of another name's probability: that of one that is fitted already and stays
 constexpr double averaged_share = 0.995;  // of the probability, or so many models
 constexpr std::size_t most_averaged = 200;
 constexpr int deepest = 8;  // terms of a model at most
@@ -405,7 +405,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   using Branch = std::pair<std::string, std::string>;
   const auto branch = [&](const Term& t) { return Branch{t.what.sensor, t.what.quantity}; };
   std::map<Branch, double> any, by_name;
-  std::map<std::vector<std::string>, double> sets, beside_patterns;  // of keys
+  std::vector<std::pair<std::set<std::string>, double>> held;  // keys of each model, and its probability
   std::map<std::string, int> column_of;
   std::map<std::string, std::pair<double, double>> log_tau;
   const auto term_of = [&](const WeighedModel& m, const ModelTerm& t) -> const Term& {
@@ -424,9 +424,9 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   NamedEffects result;
   double something = 0.0;
   for (const WeighedModel& m : posterior.models) {
-    std::vector<std::string> keys;
+    std::set<std::string> keys;
     std::set<Branch> mine;
-    bool missing = false, stands = true, patterns = false;
+    bool missing = false, stands = true;
     for (const ModelTerm& t : m.terms)
       if (is_formula(term_of(m, t), t)) mine.insert(branch(term_of(m, t)));
     for (const ModelTerm& t : m.terms) {
@@ -434,15 +434,13 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
       if (term.kind == TermKind::noise) continue;
       missing = true;
       if (!is_formula(term, t)) {
-        patterns = true;
         stands = stands && mine.count(branch(term)) == 0 && by_name[branch(term)] > named_share * any[branch(term)];
         continue;
       }
       for (const int c : term.columns) {
         const EffectColumn& column = table.effects[std::size_t(c)];
         const std::string key = column.key();
-        stands = stands && std::ranges::find(keys, key) == keys.end();  // two time constants of one are no name
-        keys.push_back(key);
+        stands = keys.insert(key).second && stands;  // two time constants of one are no name
         column_of[key] = c;
         if (!(column.tau_s > 0.0)) continue;
         log_tau[key].first += m.probability * std::log(column.tau_s);
@@ -452,19 +450,25 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
     if (!missing) continue;
     something += m.probability;
     if (stands) result.probability += m.probability;
-    std::ranges::sort(keys);
-    if (!keys.empty()) (patterns ? beside_patterns : sets)[keys] += m.probability;
+    if (!keys.empty()) held.emplace_back(std::move(keys), m.probability);
   }
   if (something > 0.0) result.probability /= something;
-  if (result.probability < carried_by_names)
-    for (const auto& [keys, probability] : beside_patterns) sets[keys] += probability;
-  if (sets.empty()) return result;
-  auto best = std::ranges::max_element(sets, [](const auto& a, const auto& b) { return a.second < b.second; });
-  for (auto set = sets.begin(); set != sets.end(); ++set)
-    if (set->first == fitted && set->second > as_good * best->second) best = set;
-  std::set<std::string> once;
-  for (const std::string& key : best->first) {
-    if (!once.insert(key).second) continue;
+  // The most probable name, and then, one by one, what is more likely than not beside those.
+  std::set<std::string> names;
+  for (;;) {
+    std::map<std::string, double> beside;
+    double all = 0.0;
+    for (const auto& [keys, probability] : held) {
+      if (!std::ranges::includes(keys, names)) continue;
+      all += probability;
+      for (const std::string& key : keys)
+        if (names.count(key) == 0) beside[key] += probability / (std::ranges::count(fitted, key) > 0 ? as_good : 1.0);
+    }
+    const auto best = std::ranges::max_element(beside, {}, [](const auto& one) { return one.second; });
+    if (best == beside.end() || (!names.empty() && best->second < 0.5 * all)) break;
+    names.insert(best->first);
+  }
+  for (const std::string& key : names) {
     result.columns.push_back(column_of[key]);
     result.tau_s.push_back(log_tau.count(key) ? std::exp(log_tau[key].first / log_tau[key].second) : 0.0);
     result.instead[std::string(table.effects[std::size_t(column_of[key])].entry->name)];

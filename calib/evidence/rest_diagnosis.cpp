@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "calib/evidence/evidence.h"
+#include "calib/evidence/felt_latitude.h"
 #include "calib/evidence/holdout.h"
 #include "calib/model/parameters.h"
 #include "calib/rests/rest_units.h"
@@ -150,8 +151,9 @@ Evidence weigh_rests(const RestData& data, const RestFit& fit, const std::vector
                      const RestFloors& without, bool accelerometers) {
   const CompressedRecording& recording = *data.recording;
   std::vector<EffectColumn> catalogue = catalogue_columns(recording.info);
-  std::erase_if(catalogue,
-                [](const EffectColumn& c) { return c.entry->driver == Driver::field; });  // the heading is open
+  // The heading is open: of what goes with directions of the Earth its rate about the vertical alone is felt.
+  std::erase_if(catalogue, [](const EffectColumn& c) { return c.entry->driver == Driver::field; });
+  catalogue.push_back(vertical_earth_rate());
   catalogue = columns_beside(effects, std::move(catalogue));
   const EffectModel of_fit = rest_effects(data, effects);
   PiecewiseView first;
@@ -268,6 +270,7 @@ class DiagnosingRests {
     judge(evidence, fit, named);
     ask_held_out_data();
     list_names(evidence, d_);
+    look_at_latitude();
   }
 
   // What is reported of base and final, judged or not.
@@ -380,6 +383,14 @@ class DiagnosingRests {
     withdraw("held-out data contradict what was found", d_);
     r_.final = r_.base;
     r_.held_out_after = r_.held_out_before;
+  }
+
+  void look_at_latitude() {
+    for (const EstimatedEffect& effect : d_.extended.effects) {
+      if (effect.column.key() != vertical_earth_rate().key()) continue;
+      d_.latitude = latitude_of_vertical(data_.recording->info.latitude_deg, effect.value, effect.sigma);
+      d_.reason = d_.latitude + "; " + d_.reason;
+    }
   }
 
   const RestData& data_;

@@ -41,7 +41,7 @@ TEST(RestDiagnosis, NothingIsFoundWhereNothingIs) {
     const RestDiagnosis d = diagnose_hand({.seed = seed});
     alarms += d.diagnosis.verdict == Verdict::clean ? 0 : 1;
     EXPECT_TRUE(d.diagnosis.extended.effects.empty());
-    for (const char* unseen : {"gyro_magnetic", "earth_rate", "sample_period", "accel_delay", "accel_size_effect"})
+    for (const char* unseen : {"gyro_magnetic", "sample_period", "accel_delay", "accel_size_effect"})
       EXPECT_EQ(std::ranges::count(d.diagnosis.undetectable, unseen), 1) << unseen;
   }
   EXPECT_LE(alarms, 1);
@@ -66,6 +66,24 @@ TEST(RestDiagnosis, GSensitivityIsFoundNamedAndMeasured) {
   EXPECT_LT(r.final.left_out.direction_rms_rad, 0.5 * r.base.left_out.direction_rms_rad);
   EXPECT_LT(d.holdout_after.normalised_rms, 0.6 * d.holdout_before.normalised_rms);
   EXPECT_EQ(d.statements.said().size(), 3u) << d.reason;
+}
+
+// The Earth's rate about the vertical reads like three equal terms of g-sensitivity.
+TEST(RestDiagnosis, AWrongLatitudeIsSaid) {
+  const double whole = earth_rate_radps / radps_per_degph;
+  for (const double stated_deg : {50.0, 0.0, 40.0}) {
+    HandData hand = make_hand_data(
+        {.rests = 24, .gyro_noise_radps = 2e-5, .accel_noise_mps2 = 0.002, .seed = 11, .latitude_deg = 50.0});
+    hand.info.latitude_deg = stated_deg;
+    const CompressedRecording recording = compress(hand.info, hand.segments, hand.samples, rest_compression_options());
+    const Diagnosis d = good(diagnose_rests(make_rest_data(recording)))->diagnosis;
+    EXPECT_EQ(d.latitude.empty(), stated_deg == 50.0) << d.reason;
+    for (const EstimatedEffect& e : d.extended.effects) {
+      EXPECT_EQ(e.column.key(), "earth_rate.up");
+      const double more = whole * (std::sin(50.0 * rad_per_deg) - std::sin(stated_deg * rad_per_deg));
+      EXPECT_NEAR(e.value, more, 4.0 * e.sigma);
+    }
+  }
 }
 
 TEST(RestDiagnosis, DriftIsNotTakenForGSensitivity) {
