@@ -45,8 +45,9 @@ struct RigClimate {
       wanted_c += (room_c - wanted_c) * dt_s / tau_off_s;
     air_rate += dt_s * (w * w * (wanted_c + (on ? more_c : 0.0) - air_c) - 2.0 * z * w * air_rate);
     air_c += dt_s * air_rate;
-    unit_c += dt_s * (air_c - unit_c) / tau_unit_s;
+    unit_c += dt_s * unit_rate();
   }
+  double unit_rate() const { return (air_c - unit_c) / tau_unit_s; }   // C/s
   double of_unit_c() const { return active ? unit_c - room_c : 0.0; }  // beyond what it is without a chamber
 };
 
@@ -102,6 +103,10 @@ struct RigState {
     return config.temperature.start_c + climate.of_unit_c() +
            config.temperature.rise_c * (1.0 - exp_of(-time_s / config.temperature.tau_s));
   }
+  double c_per_h_at(double time_s) const {
+    const RigTemperature& own = config.temperature;
+    return 3600.0 * (climate.unit_rate() + own.rise_c / own.tau_s * exp_of(-time_s / own.tau_s));
+  }
   double since_motion_s(double time_s) const {
     double end_s = axes[0].motion_end_s();
     for (const RigAxis& axis : axes) end_s = std::max(end_s, axis.motion_end_s());
@@ -109,7 +114,7 @@ struct RigState {
   }
   RigMoment moment_at(double offset_s) const {
     const double t = time_s() + offset_s;
-    return {t, temperature_at(t), since_motion_s(t)};
+    return {t, temperature_at(t), c_per_h_at(t), since_motion_s(t)};
   }
 
   const RigFault* fault_in_force(RigFaultKind kind) const {

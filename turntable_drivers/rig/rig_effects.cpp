@@ -39,7 +39,9 @@ std::vector<Group> groups(RigEffects& e) {
           {"gyro_magnetic", e.gyro_magnetic, pairs},
           {"earth_rate", e.earth_rate, north_up},
           {"post_rotation_relaxation", e.post_rotation_relaxation, xyz},
-          {"gyro_accel_flexure", e.gyro_accel_flexure, pairs}};
+          {"gyro_accel_flexure", e.gyro_accel_flexure, pairs},
+          {"gyro_bias_temperature_rate", e.gyro_bias_temperature_rate, xyz},
+          {"accel_bias_temperature_rate", e.accel_bias_temperature_rate, xyz}};
 }
 
 std::string key_of(const Group& group, std::size_t i) { return std::string(group.name) + "." + group.components[i]; }

@@ -17,12 +17,14 @@
 //   accel_bias_temperature c   + c 1e-6 g0 (T - T_ref)              ug/C
 //   accel_scale_temperature c  + c 1e-6 (T - T_ref) f_i             ppm/C
 //   accel_bias_drift c         + c 1e-6 g0 t                        ug/h     t [h] from the rig's first sample
+//   accel_bias_temperature_rate c  + c 1e-6 g0 dT/dt                ug/(C/h)
 //   gyro_g_sensitivity G       + G f                                deg/h/g  row: gyro, column: component of f
 //   gyro_scale_asymmetry c     + c 1e-6 abs(w_i)                    ppm
 //   gyro_rate_nonlinearity c   + c 1e-6 abs(w_i) w_i / (10 deg/s)   ppm at 10 deg/s
 //   gyro_bias_temperature c    + c (T - T_ref)                      deg/h/C
 //   gyro_scale_temperature c   + c 1e-6 (T - T_ref) w_i             ppm/C
 //   gyro_bias_drift c          + c t                                deg/h/h  t [h] from the rig's first sample
+//   gyro_bias_temperature_rate c   + c dT/dt                        deg/h/(C/h)
 //   gyro_warm_up c             + c exp(-t/tau_s)                    deg/h
 //   gyro_magnetic M            + M B_b                              deg/h/G  B_b the site's field in body axes
 //   earth_rate                 + C_bn (north, up, 0)                deg/h    more earth rate than stated
@@ -70,6 +72,8 @@ struct RigEffects {
   Triple post_rotation_relaxation{};
   double post_rotation_relaxation_tau_s = 5.0;
   Nine gyro_accel_flexure{};
+  Triple gyro_bias_temperature_rate{};
+  Triple accel_bias_temperature_rate{};
 };
 
 // "accel_second_order.x" and so on, every coefficient of the catalogue in its order (tau_s is not a coefficient).

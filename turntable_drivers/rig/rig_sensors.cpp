@@ -41,7 +41,8 @@ SensorEffects::SensorEffects(const RigConfig& config)
   has_matrix_gyro_ = any(e.gyro_g_sensitivity) || any(e.gyro_magnetic) || any(e.gyro_accel_flexure);
   has_running_ = any(e.accel_bias_temperature) || any(e.accel_scale_temperature) || any(e.accel_bias_drift) ||
                  any(e.gyro_bias_temperature) || any(e.gyro_scale_temperature) || any(e.gyro_bias_drift) ||
-                 any(e.gyro_warm_up) || any(e.post_rotation_relaxation) || outside_.gyro_bias_step.size != 0.0 ||
+                 any(e.gyro_warm_up) || any(e.post_rotation_relaxation) || any(e.gyro_bias_temperature_rate) ||
+                 any(e.accel_bias_temperature_rate) || outside_.gyro_bias_step.size != 0.0 ||
                  outside_.accel_bias_step.size != 0.0 || outside_.accel_time_periodic.size_ug != 0.0;
 }
 
@@ -100,12 +101,14 @@ void SensorEffects::add_running(const BodyMotion& motion, const RigMoment& momen
                                 : 0.0;
   for (int i = 0; i < 3; ++i) {
     const std::size_t k = std::size_t(i);
-    reading.accel[i] += mps2_per_ug * (e.accel_bias_temperature[k] * warmer_c + e.accel_bias_drift[k] * time_h) +
+    reading.accel[i] += mps2_per_ug * (e.accel_bias_temperature[k] * warmer_c + e.accel_bias_drift[k] * time_h +
+                                       e.accel_bias_temperature_rate[k] * moment.c_per_h) +
                         1e-6 * motion.force_b[i] *
                             (e.accel_scale_temperature[k] * warmer_c + e.post_rotation_relaxation[k] * relaxation);
-    reading.gyro[i] += radps_per_degph * (e.gyro_bias_temperature[k] * warmer_c + e.gyro_bias_drift[k] * time_h +
-                                          e.gyro_warm_up[k] * warm_up) +
-                       1e-6 * motion.rate_ib_b[i] * e.gyro_scale_temperature[k] * warmer_c;
+    reading.gyro[i] +=
+        radps_per_degph * (e.gyro_bias_temperature[k] * warmer_c + e.gyro_bias_drift[k] * time_h +
+                           e.gyro_warm_up[k] * warm_up + e.gyro_bias_temperature_rate[k] * moment.c_per_h) +
+        1e-6 * motion.rate_ib_b[i] * e.gyro_scale_temperature[k] * warmer_c;
   }
   const auto& gyro_step = outside_.gyro_bias_step;
   if (moment.time_s >= gyro_step.time_s) reading.gyro[gyro_step.axis] += radps_per_degph * gyro_step.size;

@@ -28,7 +28,7 @@ struct Reading {          // rates that the calibrated sensors read
 
 struct RigMoment {  // what the running effects depend on
   double time_s = 0.0;
-  double temperature_c = 0.0;
+  double temperature_c = 0.0, c_per_h = 0.0;
   double since_motion_s = -1.0;  // since the end of the last table motion; negative: none yet, or moving
 };
 

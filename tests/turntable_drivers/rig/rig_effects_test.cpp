@@ -123,8 +123,32 @@ INSTANTIATE_TEST_SUITE_P(
       return name + (tested.param.pitch_deg < 0 ? "_nose_down" : "_nose_up");
     });
 
+// The unit warms up by 6 (1 - exp(-t/2400)) C: at 360.0025 s by 9 exp(-0.15) C/h. On a chamber's ramp the thermometer's own steps say the rate.
+TEST(RigEffects, OfTheTemperaturesRate) {
+  RigConfig without = base_config(30);
+  without.temperature.rise_c = 6.0;
+  RigConfig with = without;
+  *find_effect(with.effects, "gyro_bias_temperature_rate.y") = 0.01;
+  *find_effect(with.effects, "accel_bias_temperature_rate.z") = 2.0;
+  const double warming = 9.0 * std::exp(-360.0025 / 2400.0);
+  expect_near(difference(with, without, [](Rig& rig) { pass(rig, 72000); }), {0, 0.01 * warming, 0},
+              {0, 0, 2.0 * warming});
+  without.temperature.rise_c = with.temperature.rise_c = 0.0;
+  double before_c = 0.0, after_c = 0.0;
+  const Reading on_ramp = difference(with, without, [&](Rig& rig) {
+    rig.command_chamber(60.0, 1.0, true);
+    pass(rig, 120000);
+    before_c = rig.temperature_c();
+    pass(rig, 200);
+    after_c = rig.temperature_c();
+  });
+  const double rising = 3600.0 * (after_c - before_c);
+  EXPECT_GT(rising, 30.0);
+  expect_near(on_ramp, {0, 0.01 * rising, 0}, {0, 0, 2.0 * rising}, 2e-3);
+}
+
 TEST(RigEffects, EveryKeyOfTheCatalogueExists) {
-  EXPECT_EQ(rig_effect_keys().size(), 14u * 3u + 5u * 9u + 1u + 2u);
+  EXPECT_EQ(rig_effect_keys().size(), 16u * 3u + 5u * 9u + 1u + 2u);
   RigEffects effects;
   for (const std::string& key : rig_effect_keys()) EXPECT_NE(find_effect(effects, key), nullptr) << key;
   EXPECT_EQ(find_effect(effects, "accel_second_order.w"), nullptr);
