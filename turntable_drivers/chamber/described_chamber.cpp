@@ -48,7 +48,9 @@ WriteList command_list(KeyValueFile& file, const std::string& key, const WordLay
     const auto step = parse_write_step(trimmed(text));
     const bool good =
         step && !step->operands.empty() && std::ranges::all_of(step->operands, [&](const WriteOperand& operand) {
-          return operand.kind == WriteOperand::Kind::constant && encode_words(operand.constant, operand.type, layout);
+          const bool whole = is_floating(operand.type) || operand.constant == std::round(operand.constant);
+          return operand.kind == WriteOperand::Kind::constant && whole &&
+                 encode_words(operand.constant, operand.type, layout);
         });
     if (!good) file.reject(key, "steps 'ADDRESS TYPE NUMBER', separated by commas; wrong is " + quoted(text));
     if (good) list.push_back(*step);
@@ -79,6 +81,7 @@ ChamberEntry read_entry(KeyValueFile& file, ChamberItem item, const ChamberDescr
   if (chamber.by_registers()) {
     if (is_command(item)) {
       entry.writes = command_list(file, key, chamber.layout);
+      if (entry.writes.empty()) file.reject(key, "steps ADDRESS TYPE NUMBER, one at least");
       return entry;
     }
     entry.field = register_field(file, key);
@@ -106,8 +109,12 @@ void reject_clashes(KeyValueFile& file, const ChamberDescription& chamber) {
                         ? std::ranges::any_of(off->writes, [&](const auto& step) { return step == on->writes.back(); })
                         : on->send.text() == off->send.text();
   if (same) file.reject("write.off", "other words than those with which write.on ends");
-  const double grain = chamber.limits.grain_c;
-  if (!(grain <= 0.5)) file.reject("write.set_point", "a scale that tells a set point to 0.5 C");
+  if (!(chamber.limits.grain_c <= 0.5))
+    file.reject("write.set_point", "scales of read.actual, read.set_point and write.set_point that tell 0.5 C");
+  const ChamberEntry& told = *chamber.of(ChamberItem::tell_set_point);
+  for (const double c : {chamber.limits.low_c, chamber.limits.high_c})
+    if (chamber.by_registers() && !encode_words(told.scale * c, told.field.type, chamber.layout))
+      file.reject("write.set_point", "a type that holds limits.low_c and limits.high_c times its scale");
 }
 
 Result<ChamberDescription> chamber_from(KeyValueFile& file) {
@@ -150,7 +157,8 @@ Result<ChamberDescription> chamber_from(KeyValueFile& file) {
     if (!chamber.by_registers()) return std::pow(10.0, -chamber.decimals) / entry.scale;
     return is_floating(entry.field.type) ? 1e-3 : 1.0 / entry.scale;
   };
-  chamber.limits.grain_c = std::max(grain_of(ChamberItem::set_point), grain_of(ChamberItem::tell_set_point));
+  chamber.limits.grain_c = std::max(
+      {grain_of(ChamberItem::actual), grain_of(ChamberItem::set_point), grain_of(ChamberItem::tell_set_point)});
   reject_clashes(file, chamber);
   TRY(file.status());
   return chamber;
