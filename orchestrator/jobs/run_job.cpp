@@ -293,6 +293,16 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
   return with_units({status_of(run), true}, run);
 }
 
+// A rig's time stands where the last dwell ended: what ended the run would strike again. Whoever resumes has repaired it.
+void repair(const JournalContents& contents, RigConfig& rig) {
+  for (const auto& [failed_utc_s, dwell_utc_s] : contents.failed)
+    std::erase_if(rig.faults, [&](const RigFault& fault) {
+      const double utc_s = rig.start_utc_s + fault.time_s;
+      const bool since_dwell = utc_s >= dwell_utc_s || fault.kind >= RigFaultKind::chamber_never_settles;
+      return !concerns_unit(fault.kind) && since_dwell && utc_s <= failed_utc_s;
+    });
+}
+
 // Where a run goes on that had completed a dwell; its simulated devices are put back there.
 Result<ResumePoint> resume_point(const Run& run, const JournalContents& contents, RunDevices& devices) {
   const CompletedDwell& last = *contents.last_dwell;
@@ -506,6 +516,7 @@ RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandConte
   mark_dropped(contents, false, run.units);
   TRY(check_plan(run.plan));
   TRY(check_goes_on(run, contents));
+  repair(contents, run.rig);
   RunDevices devices = TRY(make_devices(run, context));
   std::string what = "no dwell was complete: starts again from the beginning";
   if (contents.last_dwell) {

@@ -98,7 +98,9 @@ struct JournalContents {
   std::vector<Settling> settled;                 // as they came
   std::vector<JournalFields> results, verdicts;  // one a unit, as they came
   JournalFields transition, estimate;            // the newest
-  bool pause_asked = false;                      // since it was begun or taken up again
+  // When it ended with a fault, and when its last dwell had been complete then, UTC.
+  std::vector<std::pair<double, double>> failed;
+  bool pause_asked = false;  // since it was begun or taken up again
   struct DroppedUnit : Dropout {
     bool after_last_dwell = true;  // taken back with all that came after it, unless the recordings are sealed
   };

@@ -224,6 +224,10 @@ TEST_F(ChamberProgram, ARunAtATemperature) {
   EXPECT_EQ(door.code, 50);
   EXPECT_SAYS(door.err, "its door is open");
   EXPECT_SAYS(door.out, "turncal resume");
+  // The door is shut again.
+  const auto shut = run("resume door");
+  EXPECT_EQ(shut.code, 0) << shut.err;
+  EXPECT_SAYS(run("journal door --format csv").out, "chamber_fault");
 }
 
 }  // namespace
