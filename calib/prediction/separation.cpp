@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "calib/joint/score_algebra.h"
+#include "calib/model/limits.h"
 
 namespace turncal {
 namespace {
@@ -87,6 +88,10 @@ Eigen::MatrixXd Separation::information_of(const PlannedMotion& motion, double s
   options.reference_temperature_c = diagnosis_.base.reference_temperature_c;
   options.look_for_faults = false;
   return joint_estimate(planned, options).last.information;
+}
+
+double chance_to_tell(double gain) {
+  return 0.5 * std::erfc((SelectionLimits{}.bic_margin - gain) / std::sqrt(8.0 * std::max(gain, 1e-9)));
 }
 
 std::vector<AliasPair> Separation::pairs(const PlannedMotion* motion, double sample_period_s) const {

@@ -21,6 +21,8 @@
 namespace turncal {
 
 inline constexpr double separating_gain = 30.0;
+// That a name leaves the class where this 2 ln L is expected.
+double chance_to_tell(double gain);
 
 struct AliasPair {
   std::string truth, other;  // names of effects

@@ -230,6 +230,14 @@ TEST(Doubt, IsAClassOfNamesOrABranchThatIsSaidWithoutOne) {
   EXPECT_FALSE(doubt_of(d));
 }
 
+// 2 ln L scatters by twice its root about what is expected.
+TEST(ChanceToTell, IsThatOfAGainAbove10) {
+  EXPECT_NEAR(chance_to_tell(10.0), 0.5, 1e-12);
+  EXPECT_NEAR(chance_to_tell(4.65), 0.1074, 1e-3);  // (10 - 4.65) / (2 sqrt(4.65)) = 1.2405 sigma
+  EXPECT_NEAR(chance_to_tell(30.0), 0.966, 1e-3);
+  EXPECT_LT(chance_to_tell(0.0), 1e-12);
+}
+
 class Settle : public Program {
  protected:
   Arguments begin(const std::string& out) const {

@@ -369,8 +369,8 @@ std::optional<Settling> find_settling(const SettlingTask& task) {
     const Result<ExtraLegs> legs = find_extra_legs(separation ? &*separation : nullptr, design, [](double) {});
     if (!legs) return found;
     const double gain = legs->after.empty() ? 0.0 : std::ranges::min(legs->after, {}, &AliasPair::gain).gain;
-    if (gain < SelectionLimits{}.bic_margin && (needed.empty() || legs->further > 0.0)) {
-      if (doubt) found.why_not += ": 2 ln L " + significant(gain, 2) + " is expected, and 10 has to be";
+    if (chance_to_tell(gain) < worth_a_try && (needed.empty() || legs->further > 0.0)) {
+      if (doubt) found.why_not += ": 2 ln L " + significant(gain, 2) + " is expected, and 10 tells";
       return found;
     }
     WalkHeader header;

@@ -94,9 +94,10 @@ Result<ExtraLegs> find_extra_legs(const Separation* separation, DesignTask task,
 
 // What a run adds to its plan where a minute more is worth it (docs/design.md): its diagnosis cannot tell effects apart, or a parameter is not yet
 // known as well as it has to be. Beside the pairs the cost has the sum of max(0, ln(sigma expected / needed)). The legs keep to the poses that
-// the plan leaves to the cable, and count when the worst pair is expected to gain SelectionLimits::bic_margin, or every sigma to be enough.
+// the plan leaves to the cable, and are worth it when the worst pair is told with a chance of worth_a_try, or every sigma is expected to be enough.
 // The same samples give the same legs. Not modelled: how long the search takes (10 to 60 s, the table at rest and under watch meanwhile).
 inline constexpr double least_settling_s = 60.0;  // for less nothing is looked for
+inline constexpr double worth_a_try = 0.1;
 
 std::string words_of(const NeededSigma& sigma);  // "n11, 4.5e-07 where 4.2e-07 is enough"
 
