@@ -19,7 +19,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr Index smooth_count = thermal_columns - thermal_smooth;
+constexpr Index terms = thermal_smooth - 1, smooth_count = thermal_columns - thermal_smooth;  // without the constant
 using Columns = Eigen::Matrix<double, 1, thermal_columns>;
 using BlockVector = Eigen::Matrix<double, thermal_columns, 1>;
 
@@ -43,11 +43,10 @@ class Functions {
       to_smooth_.col(a) = beside * eigen.vectors.col(nodes - 1 - a) * (scale / std::sqrt(eigen.values[nodes - 1 - a]));
     cubic_of_smooth_ = to_cubic * K * to_smooth_;
   }
-  // Rate and direction are left at zero.
-  Columns at(double temperature_c) const {
+  Columns at(double temperature_c, double rate = 0.0, int direction = 0) const {
     const double t = (temperature_c - mid_) / half_;
-    Columns row = Columns::Zero();
-    row.head<4>() = polynomials(t);
+    Columns row;
+    row.head<thermal_smooth>() << polynomials(t), rate, direction, direction * (1.0 - t * t);
     row.tail<smooth_count>() = kernel(t).transpose() * to_smooth_ - row.head<4>() * cubic_of_smooth_;
     return row;
   }
@@ -74,20 +73,13 @@ class Functions {
   MatrixXd to_smooth_ = MatrixXd::Zero(nodes, smooth_count), cubic_of_smooth_;
 };
 
-Columns columns_of(const Functions& functions, double temperature_c, double rate, int direction) {
-  Columns row = functions.at(temperature_c);
-  row[thermal_rate] = rate;
-  row[thermal_hysteresis] = direction;
-  return row;
-}
-
 bool is_bias(int key) { return key < 6; }
 
 // All that is the same for every fit of these legs and of parts of them. Values in the sigma of a leg, about `centre`.
 struct Setting {
   explicit Setting(double low_c, double high_c) : functions(low_c, high_c) {}
   Functions functions;
-  double rate_unit = 0.0;  // C/h: the largest of all legs
+  double rate_unit = 0.0;  // C/h: the largest of all legs; infinite where all have one
   std::vector<int> keys;
   ParameterVector scale = ParameterVector::Ones(), centre = ParameterVector::Zero();
 };
@@ -106,7 +98,7 @@ struct Allowed {
   int temperatures = 0, order = 0;
   bool smooth = false, rate = false, hysteresis = false;
   int switch_ons = 0;
-  double log_effect[2] = {0.0, 0.0};  // of rate or hysteresis: not there, there
+  double log_odds = 0.0;  // of rate, hysteresis, loop
 };
 
 template <class Leg>
@@ -135,22 +127,22 @@ Allowed allowed_by(const std::vector<LegData>& legs, std::size_t keys) {
   std::set<int> switch_ons;
   for (const LegData& leg : legs) switch_ons.insert(leg.switch_on);
   a.switch_ons = int(switch_ons.size());
-  const double p = thermal_priors.per_effect / double(2 * keys);
-  a.log_effect[0] = std::log(1.0 - p), a.log_effect[1] = std::log(p);
+  const double p = thermal_priors.per_effect / double(3 * keys);
+  a.log_odds = std::log(p / (1.0 - p));
   return a;
 }
 
 // ---- models of one parameter ----
 
-// About orders 1 to 3, rate, hysteresis: Q and s of the evidence, everything else taken in.
+// About orders 1 to 3, rate, hysteresis, loop: Q and s of the evidence, everything else taken in.
 struct System {
-  Eigen::Matrix<double, 5, 5> Q;
-  Eigen::Matrix<double, 5, 1> s;
+  Eigen::Matrix<double, terms, terms> Q;
+  Eigen::Matrix<double, terms, 1> s;
 };
 
 // By what half the chi-square falls with this column and its prior precision.
 double take_in(System& system, int c, double precision) {
-  const Eigen::Matrix<double, 5, 1> column = system.Q.col(c);
+  const Eigen::Matrix<double, terms, 1> column = system.Q.col(c);
   const double k = 1.0 / (column[c] + precision), s = system.s[c];
   system.Q.noalias() -= k * column * column.transpose();
   system.s -= k * s * column;
@@ -179,10 +171,10 @@ Weighed without_last(const Weighed& all, Index count, double variance) {
 }
 
 struct Leaf {
-  double weight = 0.0;               // logarithm, then probability
-  std::array<double, 5> variance{};  // 0: not in the model
+  double weight = 0.0;                   // logarithm, then probability
+  std::array<double, terms> variance{};  // 0: not in the model
   double smooth = 0.0;
-  int order = 0, switch_on = 0;  // of the grid
+  int order = 0, effects = 0, switch_on = 0;  // the last of the grid
 };
 
 // What the legs and the other parameters say of one: precision and vector of its coefficients, and then of its switch-ons.
@@ -212,13 +204,13 @@ class Search {
 
  private:
   void at_switch_on(int index);
-  void explore(const System& system, int next, Leaf leaf, int most_order, double log_shape[4]);
+  void explore(const System& system, int next, Leaf leaf, const double log_shape[4]);
 
   const Cavity& cavity_;
   const Allowed& allowed_;
-  std::vector<double> switch_on_;                 // sigmas
-  std::vector<Weighed> coefficients_;             // of each
-  std::array<std::vector<double>, 5> variances_;  // of each column
+  std::vector<double> switch_on_;                     // sigmas
+  std::vector<Weighed> coefficients_;                 // of each
+  std::array<std::vector<double>, terms> variances_;  // of each column
   std::vector<Leaf> leaves_;
   double best_ = -std::numeric_limits<double>::infinity();
 };
@@ -243,11 +235,14 @@ void Search::at_switch_on(int index) {
       grid.push_back(size * size);
     return grid;
   };
-  for (Index c = 0; c < 5; ++c) {
+  for (Index c = 0; c < terms; ++c) {
     const double own = all.P(c + 1, c + 1);
-    variances_[c] = own > least_pivot ? sizes(1.0 / std::sqrt(own), most) : std::vector<double>{};
+    const bool told = c < 3 ? c < allowed_.order : c == 3 ? allowed_.rate : allowed_.hysteresis;
+    variances_[c] = told && own > least_pivot ? sizes(1.0 / std::sqrt(own), most) : std::vector<double>{};
   }
-  const auto system_of = [](const Weighed& of) { return System{of.P.block<5, 5>(1, 1), of.q.segment<5>(1)}; };
+  const auto system_of = [](const Weighed& of) {
+    return System{of.P.block<terms, terms>(1, 1), of.q.segment<terms>(1)};
+  };
   Leaf leaf;
   leaf.switch_on = index;
   const std::array<double, 5>& shape = thermal_priors.shape;
@@ -256,47 +251,46 @@ void Search::at_switch_on(int index) {
   double polynomials[4];
   for (std::size_t k = 0; k < 4; ++k) polynomials[k] = std::log(shape[k] / odds);
   leaf.weight = all.log_weight;
-  explore(system_of(all), 0, leaf, allowed_.order, polynomials);
+  explore(system_of(all), 0, leaf, polynomials);
   if (!allowed_.smooth) return;
   // A function of its own, in the sigma of a mean of all legs, beside a cubic.
   double with_s[4] = {-INFINITY, -INFINITY, -INFINITY, std::log(shape[4] / odds)};
-  const auto all_sizes = sizes(1.0 / std::sqrt(coefficients_.back().P(0, 0)), spread);
+  // What has no mean spreads over twice its rms at least.
+  const auto all_sizes = sizes(1.0 / std::sqrt(coefficients_.back().P(0, 0)), 0.5 * spread);
   for (const double size : all_sizes) {
     const Weighed rest = without_last(all, smooth_count, size);
     leaf.smooth = size;
     leaf.weight = rest.log_weight - std::log(double(all_sizes.size()));
-    explore(system_of(rest), 0, leaf, 3, with_s);
+    explore(system_of(rest), 0, leaf, with_s);
   }
 }
 
-void Search::explore(const System& system, int next, Leaf leaf, int most_order, double log_shape[4]) {
-  const bool has_rate = leaf.variance[3] > 0.0, has_hysteresis = leaf.variance[4] > 0.0;
+void Search::explore(const System& system, int next, Leaf leaf, const double log_shape[4]) {
   Leaf whole = leaf;
-  whole.weight +=
-      log_shape[leaf.order] + allowed_.log_effect[has_rate ? 1 : 0] + allowed_.log_effect[has_hysteresis ? 1 : 0];
+  whole.weight += log_shape[leaf.order] + leaf.effects * allowed_.log_odds;
   best_ = std::max(best_, whole.weight);
   if (whole.weight > best_ + branch_floor) leaves_.push_back(whole);
-  if (next == 5) return;
+  if (next == terms) return;
   // No set of further columns gains more than the whole chi-square that they have, and the odds of the best order.
   System rest = system;
   const double floor = least_pivot * (1.0 + system.Q.diagonal().maxCoeff());
-  double most_gain = *std::max_element(log_shape + leaf.order, log_shape + std::max(leaf.order, most_order) + 1);
-  for (int c = 0; c < 5; ++c) most_gain += take_in(rest, c, floor);
-  for (int c = next; c < 5; ++c) {
+  double most_gain = *std::max_element(log_shape + leaf.order, log_shape + allowed_.order + 1);
+  for (int c = next; c < terms; ++c)
+    if (!variances_[c].empty()) most_gain += take_in(rest, c, floor);
+  for (int c = next; c < terms; ++c) {
     const auto& sizes = variances_[c];
-    if (c < 3 && (c != leaf.order || c >= most_order)) continue;
-    if ((c == 3 && !allowed_.rate) || (c == 4 && !allowed_.hysteresis)) continue;
+    if (sizes.empty() || (c < 3 && c != leaf.order)) continue;
     const double prior = -std::log(double(sizes.size()));
     for (const double variance : sizes) {
       const double price = prior - 0.5 * std::log1p(variance * system.Q(c, c));
-      if (leaf.weight + price + most_gain + allowed_.log_effect[c >= 3 || has_rate ? 1 : 0] < best_ + branch_floor)
-        continue;
-      System child = system;
       Leaf longer = leaf;
+      if (c >= 3) ++longer.effects;
+      if (leaf.weight + price + most_gain + longer.effects * allowed_.log_odds < best_ + branch_floor) continue;
+      System child = system;
       longer.weight += price + take_in(child, c, 1.0 / variance);
       longer.variance[c] = variance;
       if (c < 3) longer.order = c + 1;
-      explore(child, c + 1, longer, most_order, log_shape);
+      explore(child, c + 1, longer, log_shape);
     }
   }
 }
@@ -310,7 +304,7 @@ Average Search::average() {
   for (Leaf& leaf : leaves_) {
     leaf.weight /= sum;
     BlockVector prior = BlockVector::Zero();
-    prior.segment<5>(1) = Eigen::Map<const Eigen::Matrix<double, 5, 1>>(leaf.variance.data());
+    prior.segment<terms>(1) = Eigen::Map<const Eigen::Matrix<double, terms, 1>>(leaf.variance.data());
     prior.tail<smooth_count>().setConstant(leaf.smooth);
     result.prior += leaf.weight * prior;
     const double t = switch_on_[leaf.switch_on];
@@ -320,7 +314,7 @@ Average Search::average() {
     else
       result.order[leaf.order] += leaf.weight;
     if (leaf.variance[3] > 0.0) result.rate += leaf.weight;
-    if (leaf.variance[4] > 0.0) result.hysteresis += leaf.weight;
+    if (leaf.variance[4] > 0.0 || leaf.variance[5] > 0.0) result.hysteresis += leaf.weight;
     // Coefficients z of unit prior variance, so that those that are not there are no case of their own; the constant is flat.
     BlockVector root = prior.cwiseSqrt();
     root[0] = 1.0;
@@ -420,7 +414,7 @@ Fit fit(const std::vector<LegData>& legs, const Setting& setting, const std::vec
     for (std::size_t j = 0; j < count; ++j) {
       const double spread = spread_of(legs, j);
       result.averages[j].prior.segment<3>(1).setConstant(spread * spread);
-      result.averages[j].prior.segment<2>(4).setOnes();
+      result.averages[j].prior.segment<3>(4).setOnes();
       result.averages[j].switch_on = is_bias(setting.keys[j]) ? 1.0 : 0.0;
     }
   }
@@ -485,7 +479,7 @@ Status check(const ThermalLeg& leg) {
 
 LegData data_of(const ThermalLeg& leg, const Setting& setting) {
   LegData data;
-  data.columns = columns_of(setting.functions, leg.temperature_c, leg.rate_c_per_h / setting.rate_unit, leg.direction);
+  data.columns = setting.functions.at(leg.temperature_c, leg.rate_c_per_h / setting.rate_unit, leg.direction);
   data.switch_on = leg.switch_on;
   data.temperature_c = leg.temperature_c;
   const Index count = setting.keys.size();
@@ -532,7 +526,7 @@ void hand_out(const Fit& fit, const Setting& setting, ThermalModel& model) {
 // Coefficients as powers, but rate, hysteresis and s as they are.
 Columns powers_at(const ThermalModel& model, const Functions& functions, double temperature_c, double rate,
                   int direction) {
-  Columns row = columns_of(functions, temperature_c, rate, direction);
+  Columns row = functions.at(temperature_c, rate, direction);
   const double x = temperature_c - model.reference_c;
   row.head<4>() << 1.0, x, x * x, x * x * x;
   return row;
@@ -592,8 +586,11 @@ void hold_out(const std::vector<ThermalLeg>& legs, const std::vector<LegData>& d
           before[key] += off_before[key] * off_before[key];
           after[key] += off_after[key] * off_after[key];
           noise[key] += own(key, key);
-          expected[key] += own(key, key) + point.covariance(key, key);
+          const double variance = own(key, key) + point.covariance(key, key);
+          expected[key] += variance;
           counts[key] += 1.0;
+          if (const double z = std::abs(off_after[key]) / std::sqrt(variance); z > model.holdout.worst_z)
+            model.holdout.worst_z = z, model.holdout.worst_leg = leg.name, model.holdout.worst_key = key;
         }
         model.holdout.leg.push_back(leg.name);
         model.holdout.before.push_back(off_before);
@@ -650,8 +647,10 @@ Result<ThermalModel> fit_thermal_model(const std::vector<ThermalLeg>& legs, cons
     return input_error("reference temperature {} C: expected one in the range of the legs, {:.2f} to {:.2f} C",
                        model.reference_c, model.low_c, model.high_c);
   Setting setting(model.low_c, model.high_c);
-  for (const ThermalLeg& leg : legs) setting.rate_unit = std::max(setting.rate_unit, std::abs(leg.rate_c_per_h));
-  if (setting.rate_unit == 0.0) setting.rate_unit = 1.0;
+  const auto [slowest, fastest] = std::ranges::minmax(legs, {}, &ThermalLeg::rate_c_per_h);
+  setting.rate_unit = fastest.rate_c_per_h - slowest.rate_c_per_h > thermal_priors.same_rate_c_per_h
+                          ? std::max(fastest.rate_c_per_h, -slowest.rate_c_per_h)
+                          : std::numeric_limits<double>::infinity();
   for (int key = 0; key < parameter_count; ++key) {
     std::vector<double> sigmas;
     double sum = 0.0;

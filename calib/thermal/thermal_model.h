@@ -2,7 +2,8 @@
 //
 // A leg is one calibration: values y_i with their full covariance C_i at temperature T_i, its mean rate of change r_i and the direction d_i from
 // which the temperature was approached. Of parameter p
-//   y_i,p = c_0 + sum_k c_k P_k(T_i) + d r_i + h d_i + s(T_i) + b_i + e_i,   e_i ~ N(0, C_i) over all parameters of the leg
+//   y_i,p = c_0 + sum_k c_k P_k(T_i) + a r_i + (h + l (1 - u_i^2)) d_i + s(T_i) + b_i + e_i,   e_i ~ N(0, C_i) over all parameters of the leg
+//   u     T over the range, -1 to 1: h goes with the direction alone, l is a loop that closes at the ends
 //   P_k   Legendre polynomials of the range, k up to 3
 //   s     what a Gaussian process, exp(-x^2 / 2 l^2), l = 0.35 of the range, has beside its nearest cubic: the P_k keep their meaning beside it
 //   b_i   of biases, one for each switch-on: N(0, t^2); scale factors and misalignments have none
@@ -45,16 +46,18 @@ struct ThermalPriors {
   // Of no dependence, orders 1 to 3 and a smooth function beside them: even odds that there is one, each further one half as likely.
   std::array<double, 5> shape = {7.5 / 15, 4.0 / 15, 2.0 / 15, 1.0 / 15, 0.5 / 15};
   double per_effect =
-      1.0 / 3.0;          // rate, hysteresis: expected number over all parameters (evidence: one in three recordings)
+      1.0 / 3.0;  // rate, hysteresis, loop: expected number over all parameters (evidence: one in three recordings)
   double smallest = 2.0;  // prior sigma of a coefficient, in its own sigma; and so on by `factor`
   double factor = 4.0;
   int sizes = 6;
-  double most_of_spread = 10.0;   // no coefficient is larger, in the spread of the legs' values; s: the spread itself
+  double most_of_spread = 10.0;   // no coefficient is larger, in the spread of the legs' values; s: half of the spread
   double length_of_range = 0.35;  // of s
   double switch_on_smallest =
       0.4;  // of a leg's sigma; and so on by `switch_on_factor` up to twice the spread; or none at all
   double switch_on_factor = 1.6;
   double same_temperature_c = 0.5;  // legs that differ by less are at one temperature
+  double same_rate_c_per_h = 1.0;   // the same of a rate
+  double disagrees_z = 6.0;         // a leg, with the others
 };
 inline constexpr ThermalPriors thermal_priors;
 
@@ -63,8 +66,9 @@ struct ThermalOptions {
   bool hold_out = true;                    // leave each temperature out in turn
 };
 
-// Columns of a parameter: powers 0 to 3 of T - T_ref, rate, hysteresis, and functions that span s.
-inline constexpr int thermal_rate = 4, thermal_hysteresis = 5, thermal_smooth = 6, thermal_columns = 10;
+// Columns of a parameter: powers 0 to 3 of T - T_ref, rate, hysteresis, loop, and functions that span s.
+inline constexpr int thermal_rate = 4, thermal_hysteresis = 5, thermal_loop = 6, thermal_smooth = 7,
+                     thermal_columns = 11;
 
 struct ThermalParameter {
   int key = 0;                    // of parameter_keys
@@ -85,6 +89,10 @@ struct ThermalHoldout {
   std::vector<ParameterVector> before, after;
   Eigen::Matrix<double, parameter_count, parameter_count> noise =
       Eigen::Matrix<double, parameter_count, parameter_count>::Zero();  // mean covariance of legs and switch-ons
+  // The largest error in its own sigma: of which leg and parameter.
+  double worst_z = 0.0;
+  std::string worst_leg;
+  int worst_key = 0;
 };
 
 struct ThermalModel {

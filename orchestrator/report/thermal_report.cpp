@@ -16,7 +16,7 @@ namespace {
 using namespace cell;
 
 constexpr int curve_points = 41;
-constexpr std::array<const char*, 6> term_names = {"0", "1", "2", "3", "rate", "hysteresis"};
+constexpr std::array<const char*, 7> term_names = {"0", "1", "2", "3", "rate", "hysteresis", "loop"};
 
 DisplayUnit error_unit_of(const ThermalReport& report, int key) {
   const double nominal = key < 15 && report.gyro_increment == IncrementKind::pulses ? 0.932920 : 1.0;
@@ -92,10 +92,12 @@ Figure figure_of(const ThermalReport& report, std::size_t j) {
     return Series{std::move(label), style, colour, {}};
   };
   Series middle = points("average over models", Series::Style::line, Colour::after),
-         low = points("", Series::Style::dashed, Colour::after), high = low,
+         low = points("two sigma", Series::Style::dashed, Colour::after),
+         high = points("", Series::Style::dashed, Colour::after),
          up = points("legs, from below", Series::Style::triangle, Colour::before),
          down = points("legs, from above", Series::Style::open_circle, Colour::before), off_up = up, off_down = down,
-         least = points("", Series::Style::dashed, Colour::neutral), most = least;
+         least = points("two sigma of a leg", Series::Style::dashed, Colour::neutral),
+         most = points("", Series::Style::dashed, Colour::neutral);
   const double reference = model.coefficient(j, 0);
   for (int k = 0; k < curve_points; ++k) {
     const double t = temperature_at(model, k);
@@ -196,6 +198,14 @@ Document thermal_document(const ThermalReport& report) {
                             report.legs.size(), model.temperatures, model.low_c, model.high_c, model.reference_c));
   for (const std::string& note : report.notes) document.add(Paragraph{note, "note"});
   for (const std::string& note : model.notes) document.add(Paragraph{note, "note"});
+  std::string lags;
+  for (std::size_t j = 0; j < model.parameters.size(); ++j)
+    if (const ThermalParameter& p = model.parameters[j]; p.rate >= said_from && p.said_order() > 0)
+      lags += fmt::format("{} {} {:.2g} h", lags.empty() ? "" : ",", parameter_key(p.key),
+                          -model.coefficient(j, thermal_rate) / model.coefficient(j, 1));
+  if (!lags.empty())
+    document.add(
+        Paragraph{"what goes with the rate may be a lag, of the thermometer or within the leg:" + lags, "note"});
   document.section("errors", "Error of the model");
   document.add(error_table(report));
   document.section("parameters", "Parameters");

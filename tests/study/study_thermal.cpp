@@ -1,6 +1,6 @@
 // What parameters as functions of temperature are worth (docs/thermal.md): units drawn as tests/calib/thermal/drawn_legs.h has them.
 //
-//   study_thermal SEED_FIRST SEED_COUNT
+//   study_thermal SEED_FIRST SEED_COUNT [WORDS OF A CASE]
 // A row a case: normalised errors squared of values and of coefficients that are said, terms there, said and wrong, error of held-out legs
 // over their noise, estimated to true switch-on sigma, seconds a campaign.
 #include <chrono>
@@ -13,7 +13,7 @@
 int main(int argc, char** argv) {
   using namespace turncal;
   if (argc < 3) {
-    std::fprintf(stderr, "usage: study_thermal SEED_FIRST SEED_COUNT\n");
+    std::fprintf(stderr, "usage: study_thermal SEED_FIRST SEED_COUNT [WORDS OF A CASE]\n");
     return 1;
   }
   const auto first = std::uint64_t(std::strtoll(argv[1], nullptr, 10)),
@@ -28,14 +28,18 @@ int main(int argc, char** argv) {
       {"orders 0 to 3, 9 up and 8 down", {.size = 20.0}},
       {"the same, 9 up", {.size = 20.0, .down = false}},
       {"the same, 5 up and 4 down", {.size = 20.0, .temperatures = 5}},
+      {"5 up and 4 down, a wave in one of 30",
+       {.size = 20.0, .wave = 4.0, .wave_share = 1.0 / 30.0, .temperatures = 5}},
       {"orders, switch-on 10 sigma", {.size = 20.0, .switch_on = 10.0}},
       {"orders, rate and hysteresis, switch-on", {.size = 20.0, .effects = 0.2, .switch_on = 3.0}},
+      {"orders, rate and loops that close", {.size = 20.0, .effects = 0.2, .loop = true}},
       {"orders, thermometer lags 0.2 h", {.size = 20.0, .lag_h = 0.2}},
       {"a wave that is no polynomial", {.size = 20.0, .wave = 4.0}},
   };
   std::printf("%-40s %6s %6s  %17s %17s %17s %8s %9s %6s\n", "case", "values", "coeff", "orders", "rate", "hysteresis",
               "held out", "switch-on", "s");
   for (const Case& c : cases) {
+    if (argc > 3 && std::string_view(c.name).find(argv[3]) == std::string_view::npos) continue;
     ThermalScore score;
     double seconds = 0.0;
     for (std::uint64_t seed = first; seed < first + count; ++seed) {

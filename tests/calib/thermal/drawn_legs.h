@@ -37,9 +37,11 @@ struct DrawnThermal {
   double size = 0.0;     // of each order of a parameter that has it: log-uniform from 0.1 to 10 times this; 0: none has
   double effects = 0.0;  // share of the parameters with a rate term, and with hysteresis
   double effect_size = 20.0;
-  double lag_h = 0.0;      // the sensors are that far behind the thermometer
-  double switch_on = 0.0;  // of biases
-  double wave = 0.0;       // no polynomial: sin of this many radians over half of the range
+  bool loop = false;        // the hysteresis closes at the ends
+  double lag_h = 0.0;       // the sensors are that far behind the thermometer
+  double switch_on = 0.0;   // of biases
+  double wave = 0.0;        // no polynomial: sin of this many radians over half of the range
+  double wave_share = 0.3;  // of the parameters
   int temperatures = 9;
   bool down = true;  // and back, without the hottest
 };
@@ -52,13 +54,14 @@ struct DrawnUnit {
   ParameterVector rate = ParameterVector::Zero(), hysteresis = rate, wave = rate;  // a C/h; half the difference
   double wave_radians = 0.0;
   double lag_h = 0.0;
+  bool loop = false;
   ParameterVector at(double temperature_c, double r = 0.0, int direction = 0) const {
     const double t = 2.0 * (temperature_c - r * lag_h - low_c) / (high_c - low_c) - 1.0;
     ParameterVector p = leg_noise().value;
     for (int k = 0; k < parameter_count; ++k) {
       const auto& a = c[std::size_t(k)];
       p[k] += ((a[3] * t + a[2]) * t + a[1]) * t + a[0] + wave[k] * std::sin(wave_radians * t) + rate[k] * r +
-              hysteresis[k] * direction;
+              hysteresis[k] * direction * (loop ? 1.0 - t * t : 1.0);
     }
     return p;
   }
@@ -77,7 +80,7 @@ inline DrawnCampaign drawn_campaign(std::uint64_t seed, const DrawnThermal& d) {
   const LegNoise& noise = leg_noise();
   DrawnCampaign made;
   DrawnUnit& unit = made.unit;
-  unit.lag_h = d.lag_h;
+  unit.lag_h = d.lag_h, unit.loop = d.loop;
   unit.wave_radians = d.wave;
   const auto sized = [&](double size) {
     return size * std::pow(10.0, 2.0 * uniform(random) - 1.0) * (uniform(random) < 0.5 ? -1.0 : 1.0);
@@ -91,7 +94,7 @@ inline DrawnCampaign drawn_campaign(std::uint64_t seed, const DrawnThermal& d) {
       unit.rate[k] = (uniform(random) < 0.5 ? -1.0 : 1.0) * d.effect_size * noise.sigma[k] / 4.0;
     if (uniform(random) < d.effects)
       unit.hysteresis[k] = (uniform(random) < 0.5 ? -1.0 : 1.0) * d.effect_size * noise.sigma[k];
-    if (d.wave > 0.0 && uniform(random) < 0.3) unit.wave[k] = sized(d.size) * noise.sigma[k];
+    if (d.wave > 0.0 && uniform(random) < d.wave_share) unit.wave[k] = sized(d.size) * noise.sigma[k];
   }
   const auto leg_at = [&](double temperature_c, double rate, int direction, int number) {
     ThermalLeg leg{"leg " + std::to_string(number),         temperature_c,    rate,      direction, number,

@@ -36,6 +36,30 @@ TEST(Thermal, OrdersRateHysteresisAndSwitchOnOverSeeds) {
   EXPECT_NEAR(std::sqrt(score.switch_on / score.campaigns), 1.0, 0.25);
 }
 
+// A hysteresis that closes at the ends of the range is none that is the same everywhere, and none of the rate.
+TEST(Thermal, LoopsThatClose) {
+  const ThermalScore score = score_of({.size = 20.0, .effects = 0.2, .loop = true}, 8000, 6);
+  EXPECT_NEAR(score.nees / score.campaigns, 1.0, 0.3);
+  EXPECT_EQ(score.wrong[1] + score.wrong[2], 0);
+  EXPECT_GT(score.said[2], 0.9 * score.there[2]);
+}
+
+// Legs that settled have one rate: what is left of it is no cause. One that disagrees with the others is named.
+TEST(Thermal, ALegThatDisagreesAndRatesThatAreNone) {
+  DrawnCampaign made = drawn_campaign(9, {.size = 20.0});
+  for (ThermalLeg& leg : made.legs) leg.rate_c_per_h = 0.3 * leg.direction;
+  const Result<ThermalModel> agree = fit_thermal_model(made.legs);
+  ASSERT_OK(agree);
+  EXPECT_LT(agree->holdout.worst_z, thermal_priors.disagrees_z);
+  for (const ThermalParameter& p : agree->parameters) EXPECT_EQ(p.rate, 0.0);
+  made.legs[6].value[14] += 20.0 * leg_noise().sigma[14];
+  const Result<ThermalModel> off = fit_thermal_model(made.legs);
+  ASSERT_OK(off);
+  EXPECT_GT(off->holdout.worst_z, thermal_priors.disagrees_z);
+  EXPECT_EQ(off->holdout.worst_leg, made.legs[6].name);
+  EXPECT_EQ(off->holdout.worst_key, 14);
+}
+
 TEST(Thermal, NothingIsClaimedOfAUnitThatDoesNotChange) {
   const ThermalScore score = score_of({}, 6000, 10);
   EXPECT_LE(score.said[0] + score.said[1] + score.said[2], 3);  // of 10 x 21 x 5
