@@ -488,7 +488,8 @@ void add_campaign_command(CommandLine& line) {
   command.flag("--plan", options.plan, "print the legs, their times and the expected sigmas; nothing moves");
   command.flag("--dry-run", request.dry_run, "simulate table, unit and chamber, in virtual time");
   command.flag("--no-diagnosis", request.no_diagnosis, "skip the diagnosis of each leg");
-  command.flag("--until-sigma", request.until_sigma, "end a leg as soon as it knows enough (as run does)");
+  command.flag("--until-sigma", request.until_sigma,
+               "end a leg, and the campaign, as soon as enough is known (as run does)");
   add_record_options(command, request);
   add_watch_options(command, request);
   command.format(options.format, "print the plan, or thermal.conf, in this form");

@@ -40,13 +40,21 @@ constexpr double longest_extra_legs_s = 600.0;
 constexpr double usual_acceleration_degps2 = 20.0;                     // where the table may
 constexpr std::string_view first_words = "# Found by turncal design";  // of the file
 
+// What units of a kind have beside the 24 parameters (docs/effect-components.md names the sources), and the rise of temperature that shows it.
+struct Grade {
+  std::string_view name, effects;
+  double rise_c;
+};
+constexpr Grade grades[] = {{"fog", "gyro_bias_temperature_rate gyro_bias_temperature_lag gyro_scale_temperature", 8.0},
+                            {"hrg", "gyro_wave_angle", 0.0}};
+
 struct DesignOptions {
   PlannedSite site;
   DesignTask task;      // least_rest_s, effects and tries of it
   double time_s = 0.0;  // 0: not given
-  std::string sigma, separate, from, start, out, criterion = "mean";
+  std::string sigma, separate, from, start, out, grade, criterion = "mean";
   std::vector<std::string> axes, rates;
-  std::optional<double> acceleration_degps2;
+  std::optional<double> acceleration_degps2, temperature_rise_c;
   int seed = 1;
 };
 
@@ -86,8 +94,10 @@ Status choose(const DesignOptions& options, DesignTask& task) {
   for (const PredictedEffect& e : task.effect_aims) known.emplace_back(e.column.entry->name);
   for (const std::string& name : task.effects)
     if (std::ranges::find(known, name) == known.end())
-      return input_error("--effects " + name + ": expected an effect of the catalogue (docs/effect-components.md)" +
-                         did_you_mean(name, known));
+      return input_error("--effects " + name + ": expected " +
+                         (find_effect(name)
+                              ? "--temperature-rise beside it, which shows it"
+                              : "an effect of the catalogue (docs/effect-components.md)" + did_you_mean(name, known)));
   return {};
 }
 
@@ -140,6 +150,14 @@ class Designer {
 
   Status run() {
     TRY(check_site(options_.site));
+    double rise_c = 0.0;
+    for (const Grade& grade : grades) {
+      if (grade.name != options_.grade) continue;
+      for (const auto& effect : split_words(grade.effects)) task_.effects.emplace_back(effect);
+      rise_c = grade.rise_c;
+    }
+    if (rise_c = options_.temperature_rise_c.value_or(rise_c); rise_c != 0.0)
+      task_.predict.temperature = TemperatureProfile{.rise_c = rise_c};
     if (!options_.separate.empty() && (!options_.sigma.empty() || !task_.effects.empty()))
       return input_error("--separate: expected neither --sigma nor --effects beside it");
     if (options_.separate.empty() != options_.from.empty())
@@ -372,6 +390,10 @@ void add_design_command(CommandLine& line) {
   command.option("--aim", options.criterion, {is::one_of({"mean", "worst"}), is::default_in_help},
                  "minimise the mean of all sigmas, or the worst");
   command.option("--effects", options.task.effects, "effects of the catalogue that the sequence should show");
+  command.option("--grade", options.grade, {is::one_of({"fog", "hrg"})},
+                 "show what fibre-optic or hemispherical resonator gyros have (docs/effect-components.md)");
+  command.option("--temperature-rise", options.temperature_rise_c,
+                 "temperature rise over the run, C, for --effects; default: 0, with --grade fog 8");
   command.option("--axes", options.axes, "axes that may turn: heading, pitch, roll; default: all");
   command.option("--rate", options.rates, "rates to choose from, deg/s; default: 10, or the axis limit");
   command.option("--acceleration", options.acceleration_degps2, {is::positive},
