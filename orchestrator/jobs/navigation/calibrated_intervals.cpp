@@ -304,18 +304,32 @@ Result<SampleCalibration> SampleCalibration::make(const ParameterFile& file, con
   EffectTerms effects = TRY(EffectTerms::of(file, path, source, recording));
   SampleCalibration made{sensor_model(from_vector(file.parameters), source.info()), std::move(effects)};
   if (!file.temperature) return made;
-  constexpr double none = std::numeric_limits<double>::infinity();
+  constexpr double none = std::numeric_limits<double>::infinity(), longest_silence_s = 60.0;
   double lowest_c = none, highest_c = -none;
+  std::optional<double> first_c;
+  std::int64_t silent = 0, longest = 0;
   TRY(source.read([&](std::span<const ImuSample> samples) {
     for (const ImuSample& sample : samples)
-      if (std::isfinite(sample.temperature_c) && temperature_can_be(sample.temperature_c))
-        lowest_c = std::min<double>(lowest_c, sample.temperature_c),
+      if (std::isfinite(sample.temperature_c) && temperature_can_be(sample.temperature_c)) {
+        lowest_c = std::min<double>(lowest_c, sample.temperature_c);
         highest_c = std::max<double>(highest_c, sample.temperature_c);
+        if (!first_c) first_c = double(sample.temperature_c);
+        silent = 0;
+      } else {
+        longest = std::max(longest, ++silent);
+      }
     return Status{};
   }));
   if (lowest_c > highest_c)
     return input_error(path + ": its parameters depend on temperature (temperature.reference_c), which " +
                        source.path() + " does not have");
+  if (const double s = double(longest) * source.info().sample_period_s; s > longest_silence_s)
+    return input_error(
+        "{}: its parameters depend on temperature, and {} has none for {:.0f} s: expected a reading in "
+        "every {:.0f} s",
+        path, source.path(), s, longest_silence_s);
+  // Until the first reading, as at it; between readings, as at the last.
+  made.model = sensor_model(from_vector(file.temperature->at(file.parameters, *first_c)), source.info());
   made.temperature = TemperatureCourse{*file.temperature, file.parameters, source.info(), lowest_c, highest_c};
   return made;
 }
