@@ -5,8 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <limits>
 #include <map>
+#include <set>
+#include <tuple>
 
 #include "calib/prediction/predict.h"
 #include "calib/statistics/data_screen.h"
@@ -17,10 +20,12 @@
 #include "imu_io/base/text.h"
 #include "orchestrator/devices/stop_signals.h"
 #include "orchestrator/jobs/calibration_job.h"
+#include "orchestrator/jobs/design/sequence_design.h"
 #include "orchestrator/jobs/navigation/calibrated_intervals.h"
 #include "orchestrator/jobs/preflight.h"
 #include "orchestrator/records/output_folder.h"
 #include "orchestrator/station/child_program.h"
+#include "orchestrator/station/verdict.h"
 #include "orchestrator/station/version.h"
 
 namespace turncal {
@@ -272,8 +277,49 @@ Status prepare_leg(const Campaign& campaign, const RunPlan& plan, std::size_t nu
 // Everything that would stop a later leg is said before the first.
 Result<std::vector<RunPlan>> plan_legs(const Campaign& campaign, const RunRequest& asked) {
   std::vector<RunPlan> plans;
-  for (const CampaignLeg& leg : campaign.legs) plans.push_back(TRY(plan_run(request_of(campaign, leg, asked))));
+  for (const CampaignLeg& leg : campaign.legs) {
+    Result<RunPlan> plan = plan_run(request_of(campaign, leg, asked));
+    const std::string option = "--temperature: ";  // a run's; here it is of the file
+    if (!plan && plan.error().message.starts_with(option))
+      return input_error("{}: key 'temperatures_c', leg {}: {}", campaign.file, plans.size() + 1,
+                         plan.error().message.substr(option.size()));
+    plans.push_back(TRY(std::move(plan)));
+    TRY(check_sequence(plans.back()));
+  }
   return plans;
+}
+
+// What the first `count` legs can tell apart. Where it is what all of them can, those to come make sigmas smaller, and nothing else.
+auto reach_of(const Campaign& campaign, std::size_t count) {
+  constexpr std::size_t all_shapes = 5,
+                        repeats = 2;  // temperatures for every shape, switch-ons that tell how they repeat
+  std::set<double> temperatures;
+  std::set<int> switch_ons;
+  std::set<std::pair<std::string, bool>> ways;  // a station with a ramp of its own, up or down
+  for (std::size_t k = 0; k < count; ++k) {
+    const CampaignLeg& leg = campaign.legs[k];
+    temperatures.insert(leg.temperature_c);
+    switch_ons.insert(leg.switch_on_number);
+    if (k > 0) ways.emplace(leg.station, leg.temperature_c > campaign.legs[k - 1].temperature_c);
+  }
+  return std::tuple(*temperatures.begin(), *temperatures.rbegin(), std::min(temperatures.size(), all_shapes),
+                    std::min(switch_ons.size(), repeats), ways);
+}
+
+// Of which least is known at a temperature of the campaign. Nothing: the station says of none what is enough.
+std::optional<NeededSigma> least_known(const Campaign& campaign, const ThermalModel& model,
+                                       const StationConfig& station) {
+  std::vector<NeededSigma> all;
+  for (const CampaignLeg& leg : campaign.legs) {
+    const ThermalPoint point = evaluate(model, leg.temperature_c);
+    ParameterFile there;
+    there.parameters = point.value;
+    for (const ThermalParameter& p : model.parameters)
+      there.sigma[std::size_t(p.key)] = std::sqrt(point.covariance(p.key, p.key));
+    std::ranges::copy(needed_sigmas(there, station.stop_sigma, station.limits), std::back_inserter(all));
+  }
+  const auto worst = std::ranges::max_element(all, {}, &NeededSigma::ratio);
+  return worst == all.end() ? std::nullopt : std::optional(*worst);
 }
 
 // From the leg before, until the air is within the band; what the first one begins with is not known.
@@ -318,6 +364,14 @@ Result<ThermalOutput> thermal_calibration(const ThermalRequest& request) {
   report.gyro_increment = output.file.gyro_increment;
   report.simulated = output.file.simulated;
   const ThermalHoldout& held_out = report.model.holdout;
+  if (held_out.worst_z > thermal_priors.disagrees_z) {
+    report.notes.push_back(
+        fmt::format("{}: {} is {:.1f} sigma from what the other temperatures expect: the sigmas are "
+                    "not trusted, unless this leg is wrong and left out",
+                    held_out.worst_leg, parameter_key(held_out.worst_key), held_out.worst_z));
+    for (auto& [key, value] : output.file.further)
+      if (key == "quality.trusted") value = "false";
+  }
   report.before_nm_per_h = miles(output.file, mean_square(held_out.before));
   report.after_nm_per_h = miles(output.file, mean_square(held_out.after));
   report.noise_nm_per_h = miles(output.file, held_out.noise);
@@ -327,7 +381,7 @@ Result<ThermalOutput> thermal_calibration(const ThermalRequest& request) {
 Result<Campaign> read_campaign(const std::string& path) {
   KeyValueFile file = TRY(KeyValueFile::read(path));
   const auto beside = [&](const std::string& name) { return name.empty() ? name : file.beside(name); };
-  Campaign campaign;
+  Campaign campaign{.file = path};
   file.integer("format", 1, 1);
   campaign.unit = file.text("unit");
   campaign.site.station = beside(file.text("station"));
@@ -354,16 +408,33 @@ Result<Campaign> read_campaign(const std::string& path) {
 Result<ThermalOutput> run_campaign(const Campaign& campaign, const RunRequest& asked, const std::string& out,
                                    CommandContext& context) {
   const std::vector<RunPlan> plans = TRY(plan_legs(campaign, asked));
-  for (const RunPlan& plan : plans) TRY(check_sequence(plan));
   const std::string rig = asked.dry_run ? TRY(text_of_rig(campaign, plans.front())) : "";
   TRY(make_folder(out));
   const LockFile held = TRY(hold_folder(out));
 
   ThermalRequest together;
+  together.time_utc = format_utc(wall_utc_s());
+  const auto enough_after = [&](std::size_t legs, double left_s, ThermalOutput& known) {
+    const auto least = least_known(campaign, known.report.model, plans.front().station);
+    const bool enough = least && least->ratio() <= 1.0 && is_trusted(known.file);
+    const std::string what = fmt::format(
+        "after leg {} of {}: {}", legs, plans.size(),
+        enough ? fmt::format("enough is known at every temperature; {:.1f} h are left out", left_s / 3600.0)
+               : "not yet enough: " + (least && least->ratio() > 1.0 ? words_of(*least) : "a leg is not trusted"));
+    context.out << tag_of(plans.front()) << "[campaign] " << what << '\n' << std::flush;
+    known.report.notes.push_back(what);
+    return enough;
+  };
   for (std::size_t k = 0; k < campaign.legs.size(); ++k) {
     const std::string folder = fmt::format("{}/leg-{:02}", out, k + 1), journal = folder + "/" + journal_name;
-    together.legs.push_back(folder);
     const bool begun = path_exists(journal);
+    double left_s = 0.0;
+    for (std::size_t j = k; j < plans.size(); ++j) left_s += chamber_s(campaign, plans, j) + plans[j].plan.station_s;
+    if (asked.until_sigma && !begun && k > 0 && reach_of(campaign, k) == reach_of(campaign, plans.size())) {
+      ThermalOutput known = TRY(thermal_calibration(together));
+      if (enough_after(k, left_s, known)) return known;
+    }
+    together.legs.push_back(folder);
     RunRequest request = request_of(campaign, campaign.legs[k], asked);
     if (begun) {
       const JournalContents run = TRY(read_journal(journal));
@@ -378,8 +449,6 @@ Result<ThermalOutput> run_campaign(const Campaign& campaign, const RunRequest& a
     }
     request.session = asked.session;
     request.session.brief = !asked.session.verbose;
-    double left_s = 0.0;
-    for (std::size_t j = k; j < plans.size(); ++j) left_s += chamber_s(campaign, plans, j) + plans[j].plan.station_s;
     request.session.whole = fmt::format("; leg {} of {}, the last one ends at about {}", k + 1, plans.size(),
                                         format_utc(wall_utc_s() + left_s));
     context.out << fmt::format("{}[campaign] leg {} of {}, {} C, in {}; about {:.1f} h left\n", tag_of(plans[k]), k + 1,
@@ -394,7 +463,9 @@ Result<ThermalOutput> run_campaign(const Campaign& campaign, const RunRequest& a
       return Error{ErrorKind::interrupted, fmt::format("paused after leg {}; the same command goes on", k + 1)};
   }
   together.time_utc = format_utc(wall_utc_s());
-  return thermal_calibration(together);
+  ThermalOutput known = TRY(thermal_calibration(together));
+  if (asked.until_sigma) enough_after(plans.size(), 0.0, known);
+  return known;
 }
 
 Result<Document> plan_campaign(const Campaign& campaign) {

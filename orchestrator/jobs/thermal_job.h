@@ -46,9 +46,9 @@ struct CampaignLeg {
 };
 
 struct Campaign {
-  std::string unit, rig;
-  PlannedSite site;  // the station, and the noise of the plan
-  std::vector<CampaignLeg> legs;
+  std::string file, unit = {}, rig = {};
+  PlannedSite site = {};  // the station, and the noise of the plan
+  std::vector<CampaignLeg> legs = {};
 };
 Result<Campaign> read_campaign(const std::string& path);
 

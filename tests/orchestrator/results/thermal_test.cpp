@@ -46,7 +46,7 @@ class ThermalCommand : public RigUnit {
 
 TEST_F(ThermalCommand, FromLegsToAFileThatFollowsTheTemperature) {
   record("rec", std::string(without_noise) + "temperature.start_c = 40\ntemperature.rise_c = 0\n",
-         "step 1\n  initial H 0 P 0 R 0\n  align 4000\n  dwell 4000\n");
+         "step 1\n  initial H 0 P 0 R 0\n  align 4000\n  dwell 16000\n");
   std::string legs;
   const double temperatures[] = {-20.0, 0.0, 20.0, 40.0, 60.0, 50.0, 30.0, 10.0, -10.0};
   for (int k = 0; k < 9; ++k)
@@ -102,6 +102,14 @@ TEST_F(ThermalCommand, FromLegsToAFileThatFollowsTheTemperature) {
   keep(narrow, "narrow.conf");
   EXPECT_SAYS(ends("apply rec --parameters narrow.conf --out narrow.csv", 0).out,
               "OUTSIDE THE RANGE of -20.00 to 30.00 C");
+  // A thermometer that falls silent for more than a minute is no thermometer.
+  ends("export rec --out text", 0);
+  std::vector<std::string> rows = lines_of(file_text(folder_ / "text/imu.csv"));
+  std::string silent;
+  for (std::size_t k = 0; k < rows.size(); ++k)
+    silent += (k > 100 && k < 100 + 14000 ? rows[k].substr(0, rows[k].rfind(',') + 1) : rows[k]) + "\n";
+  write("text/imu.csv", silent);
+  EXPECT_SAYS(run("apply text --parameters warm/parameters.conf --out silent.csv").err, "has none for ");
 }
 
 // ---- campaigns: the legs are made first ----
@@ -148,28 +156,56 @@ TEST_F(CampaignProgram, LegsAreMadeOnceAndTakenTogether) {
   EXPECT_EQ(entries(file_text(path("all/parameters.conf"))).at("temperature.N01.1"), fitted.at("temperature.N01.1"));
 }
 
-// Legs with a station of their own, that measure while the chamber goes its slow way: they bound the rate term, which the rig's unit has not.
-TEST_F(CampaignProgram, LegsOnARampBoundWhatGoesWithTheRate) {
-  write("own.rig", "temperature.rise_c = 0\neffect.gyro_bias_temperature.x = 0.01\n");
+// Legs with a station of their own, that measure while the chamber goes its slow way: they find the rate term, and bound that of the others.
+TEST_F(CampaignProgram, LegsOnARampFindWhatGoesWithTheRate) {
+  write("own.rig",
+        "temperature.rise_c = 0\neffect.gyro_bias_temperature.x = 0.01\n"
+        "effect.gyro_bias_temperature_rate.x = 0.02\n");
   write(
       "slow.chamber",
       "format = 1\nname = slow\nlink.kind = rig\nlimits.low_c = -40\nlimits.high_c = 85\nlimits.ramp_c_per_min = 1\n");
   write("ramp.station", station_head +
                             "chamber.file = slow.chamber\nchamber.limit_unit_c = 60\nchamber.settle_s = 1\n" +
                             "chamber.band_c = 20\n");
-  std::string legs = "temperatures_c = 25, 43, 8, 26, 42, 9\nrig = own.rig\n";
-  for (const char* const leg : {"2", "3", "5", "6"}) legs += std::string("leg.") + leg + ".station = ramp.station\n";
+  std::string legs = "temperatures_c = 10, 18, 26, 34, 26, 18, 43, 5, 42, 6\nrig = own.rig\n";
+  for (const char* const leg : {"7", "8", "9", "10"}) legs += std::string("leg.") + leg + ".station = ramp.station\n";
   campaign(legs);
   const ProgramResult made = run("campaign own.campaign --out all --dry-run --no-diagnosis");
   ASSERT_EQ(made.code, 0) << made.err << made.out;
   const auto conf = entries(file_text(path("all/thermal.conf")));
   const auto number = [&](const std::string& key) { return std::stod(conf.at(key)); };
-  EXPECT_GT(number("leg.2.rate_c_per_h"), 30.0);
-  EXPECT_LT(number("leg.3.rate_c_per_h"), -30.0);
-  EXPECT_LT(number("probability.N01.rate"), 0.95);
-  EXPECT_LT(number("sigma.N01.rate"), 0.001);
-  EXPECT_NEAR(number("coefficient.N01.rate"), 0.0, 5.0 * number("sigma.N01.rate"));
+  EXPECT_GT(number("leg.7.rate_c_per_h"), 30.0);
+  EXPECT_LT(number("leg.8.rate_c_per_h"), -30.0);
+  EXPECT_GT(number("probability.N01.rate"), 0.95);
+  EXPECT_LT(number("probability.N02.rate"), 0.95);
+  EXPECT_LT(number("sigma.N01.rate"), 0.004);
+  EXPECT_NEAR(number("coefficient.N01.rate"), 0.02, 4.0 * number("sigma.N01.rate"));
   EXPECT_NEAR(number("coefficient.N01.1"), 0.01, 5.0 * number("sigma.N01.1"));
+}
+
+// With --until-sigma the legs that are left when everything can be told, and well enough, are not made; and the same when it is asked again.
+TEST_F(CampaignProgram, LegsThatNobodyNeedsAreLeftOut) {
+  const auto asked = [&](double degph) {
+    write("own.station", station_head +
+                             "chamber.file = own.chamber\nchamber.limit_unit_c = 60\nchamber.settle_s = 60\n" +
+                             fmt::format("stop.sigma.N01 = {}\n", degph));
+    campaign("temperatures_c = 10, 40, 25, 10, 25, 10\nleg.4.switch_on = true\n");
+  };
+  asked(1.0);
+  const Arguments command = "campaign own.campaign --out all --dry-run --no-diagnosis --until-sigma --format json";
+  const ProgramResult first = run(command);
+  ASSERT_EQ(first.code, 0) << first.err << first.out;
+  EXPECT_TRUE(std::filesystem::exists(path("all/leg-04"))) << "the first after another switch-on";
+  EXPECT_FALSE(std::filesystem::exists(path("all/leg-05")));
+  EXPECT_SAYS(file_text(path("all/thermal.html")), "after leg 4 of 6: enough is known at every temperature;");
+  const std::string fitted = file_text(path("all/thermal.conf"));
+  EXPECT_EQ(run(command).code, 0);
+  EXPECT_EQ(file_text(path("all/thermal.conf")), fitted);
+  asked(1e-5);
+  const ProgramResult more = run(command);
+  EXPECT_EQ(more.code, 0) << more.err;
+  EXPECT_SAYS(more.out, "after leg 5 of 6: not yet enough: N01, ");
+  EXPECT_TRUE(std::filesystem::exists(path("all/leg-06")));
 }
 
 TEST_F(CampaignProgram, APlanSaysTimesAndSigmasAndMovesNothing) {
