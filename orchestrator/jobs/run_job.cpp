@@ -295,11 +295,11 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
 
 // A rig's time stands where the last dwell ended: what ended the run would strike again. Whoever resumes has repaired it.
 void repair(const JournalContents& contents, RigConfig& rig) {
-  for (const auto& [failed_utc_s, dwell_utc_s] : contents.failed)
+  for (const auto& at : contents.failed)
     std::erase_if(rig.faults, [&](const RigFault& fault) {
       const double utc_s = rig.start_utc_s + fault.time_s;
-      const bool since_dwell = utc_s >= dwell_utc_s || fault.kind >= RigFaultKind::chamber_never_settles;
-      return !concerns_unit(fault.kind) && since_dwell && utc_s <= failed_utc_s;
+      const bool since_dwell = utc_s >= at.last_dwell_utc_s || fault.kind >= RigFaultKind::chamber_never_settles;
+      return !concerns_unit(fault.kind) && since_dwell && utc_s <= at.utc_s;
     });
 }
 

@@ -319,7 +319,7 @@ Result<JournalContents> read_journal(const std::string& path) {
         contents.transition = fields_of(fields);
         contents.pause_asked |= value_of(contents.transition, "event") == to_string(RunEvent::pause_wanted);
         if (value_of(contents.transition, "to") == to_string(RunState::failed))
-          contents.failed.emplace_back(fields.number("utc_s"), contents.last_dwell ? contents.last_dwell->utc_s : 0.0);
+          contents.failed.push_back({fields.number("utc_s"), contents.last_dwell ? contents.last_dwell->utc_s : 0.0});
         break;
       case JournalType::results: contents.results.push_back(fields_of(fields)); break;
       case JournalType::clock: break;

@@ -98,9 +98,11 @@ struct JournalContents {
   std::vector<Settling> settled;                 // as they came
   std::vector<JournalFields> results, verdicts;  // one a unit, as they came
   JournalFields transition, estimate;            // the newest
-  // When it ended with a fault, and when its last dwell had been complete then, UTC.
-  std::vector<std::pair<double, double>> failed;
-  bool pause_asked = false;  // since it was begun or taken up again
+  struct Failed {
+    double utc_s, last_dwell_utc_s;  // 0: none was complete
+  };
+  std::vector<Failed> failed;  // each time it ended with a fault
+  bool pause_asked = false;    // since it was begun or taken up again
   struct DroppedUnit : Dropout {
     bool after_last_dwell = true;  // taken back with all that came after it, unless the recordings are sealed
   };
