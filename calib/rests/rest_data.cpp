@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <span>
 
 #include <fmt/format.h>
@@ -105,20 +106,23 @@ SixChannels white_variance(const CompressedRecording& recording, std::span<const
   return variance;
 }
 
+// What is said of rests: where each begins, with its figure.
+using RestRemarks = std::map<std::string, std::vector<std::string>>;
+
 // Cuts `run` to what stands still; false when it is no rest. `white`: of all rests.
-bool verify(const CompressedRecording& recording, const SixChannels& white, Run& run, std::vector<std::string>& notes) {
+bool verify(const CompressedRecording& recording, const SixChannels& white, Run& run, RestRemarks& remarks) {
   const auto seconds = [&](std::size_t block) {
     return double(recording.blocks[block].start_sample - recording.blocks.front().start_sample) *
            recording.info.sample_period_s;
   };
   const auto say = [&](const char* what, double number) {
-    notes.push_back(fmt::format("rest at {:.1f} s {} {:.3g}", seconds(run.first), what, number));
+    remarks[what].push_back(fmt::format("at {:.1f} s ({:.3g})", seconds(run.first), number));
   };
   const SixChannels own = white_variance(recording, {&run, 1}, 3);
   const double tremor = std::max(own.head<3>().sum() / std::max(white.head<3>().sum(), 1e-300),
                                  own.tail<3>().sum() / std::max(white.tail<3>().sum(), 1e-300));
   if ((white > 0.0).all() && tremor > segmentation_limits.most_tremor) {
-    say("set aside: the unit moves there, its variance over that of the other rests is", tremor);
+    say("set aside because the unit moves there (variance over that of the other rests)", tremor);
     return false;
   }
   std::vector<SixChannels> means;
@@ -131,11 +135,11 @@ bool verify(const CompressedRecording& recording, const SixChannels& white, Run&
   if (part.end - part.first == means.size()) return true;
   const Run cut{run.first + part.first, run.first + part.end};
   if (part.end - part.first < rest_limits.fewest_still) {
-    say("set aside: the unit moves there; seconds of it that are still:",
+    say("set aside because the unit moves there (seconds that are still)",
         part.end > part.first ? seconds(cut.end - 1) - seconds(cut.first) : 0.0);
     return false;
   }
-  say("cut to where the unit stands still; seconds cut:",
+  say("cut to where the unit stands still (seconds cut)",
       seconds(run.end - 1) - seconds(run.first) - seconds(cut.end - 1) + seconds(cut.first));
   run = cut;
   return true;
@@ -162,7 +166,14 @@ RestData make_rest_data(const CompressedRecording& recording, double edge_s) {
     runs.back().end = k + 1;
   }
   const SixChannels white = white_variance(recording, runs, 10);
-  std::erase_if(runs, [&](Run& run) { return !verify(recording, white, run, data.notes); });
+  RestRemarks remarks;
+  std::erase_if(runs, [&](Run& run) { return !verify(recording, white, run, remarks); });
+  for (const auto& [what, rests] : remarks) {
+    const std::ptrdiff_t all = std::ssize(rests), told = std::min<std::ptrdiff_t>(all, 8);
+    data.notes.push_back(fmt::format("{} rests {}: {}{}", all, what,
+                                     fmt::join(rests.begin(), rests.begin() + told, ", "),
+                                     told < all ? fmt::format(", and {} more", all - told) : ""));
+  }
   for (const Run& run : runs) {
     if (!data.rests.empty()) {
       RestLeg leg;

@@ -60,7 +60,7 @@ struct RestData {
   // in increments per sqrt(s). Zero when there are fewer than ten differences.
   Eigen::Vector3d gyro_white = Eigen::Vector3d::Zero();
   Eigen::Vector3d accel_white = Eigen::Vector3d::Zero();
-  std::vector<std::string> notes;  // rests that were cut or set aside, one sentence each
+  std::vector<std::string> notes;  // rests that were cut or set aside: a sentence for all of a kind
 };
 
 RestData make_rest_data(const CompressedRecording& recording, double edge_s = 1.0);

@@ -232,7 +232,7 @@ Result<Parameters> coarse_rest_parameters(const RestData& data) {
   for (const RestLeg& leg : data.legs) usable += leg.fault.empty() ? 1 : 0;
   if (data.rests.size() < 4 || usable < 3)
     return input_error(
-        "calibration with unknown angles wants at least 4 rests and 3 rotations without lost samples; found " +
+        "without table angles a calibration needs 4 rests and 3 rotations without lost samples at least; found " +
         std::to_string(data.rests.size()) + " and " + std::to_string(usable));
   const Matrix3d as_given = Matrix3d::Identity();
   constexpr double satisfied_rad = 0.1;  // Gauss-Newton finds the rest of the way

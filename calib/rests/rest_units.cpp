@@ -56,40 +56,46 @@ std::string wrong_gyros(const RestData& data) {
 
 }  // namespace
 
-// The gyro rows at rest are r = k c - db, c = w_ie sin(latitude) u as it is taken off, db an error of the biases. k = 0 as it should be, -2 with the
-// other sign.
+// The gyro rows at rest are r = c (sin L - sin L_stated) - db, db an error of the biases and -c what a vertical earth rate changes: alike on all
+// three gyros, which tells it from their sensitivity to gravity.
 std::string wrong_vertical(const RestData& data, const Parameters& fitted) {
-  CompressedRecording other_side{data.recording->info, {}, data.recording->blocks, {}, 0, 0.0};
-  other_side.info.latitude_deg = -other_side.info.latitude_deg;
+  const double stated_deg = data.recording->info.latitude_deg, stated = std::sin(stated_deg * rad_per_deg),
+               pole = stated_deg < 0.0 ? 1.0 : -1.0;
+  CompressedRecording at_pole{data.recording->info, {}, data.recording->blocks, {}, 0, 0.0};
+  at_pole.info.latitude_deg = 90.0 * pole;
   RestData other = data;
-  other.recording = &other_side;
+  other.recording = &at_pole;
   const RestSystem as_given = make_rest_system(data, fitted, EffectModel{}, true);
-  const RestSystem reversed = make_rest_system(other, fitted, EffectModel{}, false);
-  std::vector<Eigen::Index> rows;
+  const RestSystem elsewhere = make_rest_system(other, fitted, EffectModel{}, false);
+  std::vector<Eigen::Index> rows;  // x, y, z of each rest
   for (std::size_t k = 0; k < as_given.kind.size(); ++k)
     if (as_given.kind[k] == RestKind::gyro) rows.push_back(k);
   const Eigen::Index count = rows.size();
   if (count < fewest_rows) return {};
-  Eigen::MatrixXd of_bias(count, 3);  // the columns of N0 come first
-  Eigen::VectorXd r(count), c(count);
+  Eigen::MatrixXd of_bias(count, 3), c = Eigen::MatrixXd::Zero(count, 3);  // the columns of N0 come first
+  Eigen::VectorXd r(count);
   for (Eigen::Index k = 0; k < count; ++k) {
-    const Eigen::Index row = rows[k];
-    of_bias.row(k) = as_given.jacobian.row(row).head(3);
-    r[k] = as_given.residual[row];
-    c[k] = 0.5 * (reversed.residual[row] - r[k]);
+    of_bias.row(k) = as_given.jacobian.row(rows[k]).head(3);
+    r[k] = as_given.residual[rows[k]];
+    c(k, k % 3) = (r[k] - elsewhere.residual[rows[k]]) / (pole - stated);
   }
   const Eigen::MatrixXd B = column_space(of_bias);
   r -= B * (B.transpose() * r);
   c -= B * (B.transpose() * c);
-  const double information = c.squaredNorm();
-  if (!(information > 0.0)) return {};
-  const double k = c.dot(r) / information;
-  const double sigma = std::sqrt((r - k * c).squaredNorm() / (double(count - 4) * information));
-  if (!(std::abs(k) > surely * sigma) || std::abs(k + 2.0) > near_by * sigma) return {};
+  const Eigen::Array3d information = c.colwise().squaredNorm();
+  if (!(information > 0.0).all()) return {};
+  const Eigen::Array3d each = (c.transpose() * r).array() / information;
+  const double off = (information * each).sum() / information.sum();
+  const double variance = (r - c * each.matrix()).squaredNorm() / double(count - 6);
+  const double sigma = std::sqrt(variance / information.sum());
+  const bool alike = (information * (each - off).square()).sum() < surely * surely * variance;
+  if (!(std::abs(off) > surely * sigma) || !alike || std::abs(stated + off) > 1.0 + near_by * sigma) return {};
   return fmt::format(
-      "the gyros at rest feel {:.2f} +- {:.2f} of the vertical earth rate of latitude {:.6g} deg: expected the "
-      "other sign of the latitude, or accelerometers that read specific force (up at rest), not gravity",
-      1.0 + k, sigma, data.recording->info.latitude_deg);
+      "expected the latitude of the site{}: the gyros at rest measure another vertical earth rate than that of "
+      "latitude "
+      "{:.6g} deg, {:.2g} sigma off",
+      stated * (stated + off) < 0.0 ? ", or accelerometers that read specific force (up at rest), not gravity" : "",
+      stated_deg, std::abs(off) / sigma);
 }
 
 std::string wrong_units(const RestData& data) {

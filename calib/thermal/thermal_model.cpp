@@ -674,15 +674,16 @@ Result<ThermalModel> fit_thermal_model(const std::vector<ThermalLeg>& legs, cons
   model.temperatures = allowed.temperatures, model.most_order = allowed.order;
   if (allowed.order < 3)
     model.notes.push_back(
-        fmt::format("{} temperatures: no order above {} can be told", allowed.temperatures, allowed.order));
+        fmt::format("{} temperatures determine no order above {}", allowed.temperatures, allowed.order));
   if (!allowed.smooth)
     model.notes.push_back(
-        fmt::format("{} temperatures: a function that is no polynomial needs 5", allowed.temperatures));
+        fmt::format("{} temperatures: only polynomials are tried, other functions need 5", allowed.temperatures));
   if (!allowed.rate)
-    model.notes.emplace_back("all legs have one rate of temperature: what depends on it cannot be told");
+    model.notes.emplace_back("all legs have the same rate of temperature: its effects are not determined");
   if (!allowed.hysteresis)
-    model.notes.emplace_back("no temperature was approached from both sides: hysteresis cannot be told");
-  if (allowed.switch_ons < 2) model.notes.emplace_back("one switch-on: how the biases repeat cannot be told");
+    model.notes.emplace_back("no temperature was approached from both sides: hysteresis is not determined");
+  if (allowed.switch_ons < 2)
+    model.notes.emplace_back("one switch-on: the turn-on repeatability of the biases is not determined");
   const Fit whole = fit(data, setting, nullptr);
   hand_out(whole, setting, model);
   if (options.hold_out) hold_out(legs, data, setting, whole, model);

@@ -344,8 +344,7 @@ Status check_replaceable(const std::string& path, std::string_view beginning) {
   file.read(found.data(), static_cast<std::streamsize>(found.size()));
   found.resize(std::size_t(file.gcount()));
   if (found.empty() || found == beginning) return {};
-  return input_error(path +
-                     ": holds something else than would be written: expected another name, or a file of the same kind");
+  return input_error(path + ": is a file of another kind, and is not replaced: expected another name");
 }
 
 Result<AtomicFile> AtomicFile::create(const std::string& path) {

@@ -208,7 +208,7 @@ Result<RecordingInfo> parse_info(std::span<const std::byte> payload) {
   info.unit_serial = reader.get_text();
   if (reader.good() && !reader.at_end()) info.started_utc_s = reader.get<std::int64_t>();
   if (!reader.at_end() || std::ranges::any_of(flags, [](std::uint8_t flag) { return flag > 1; }))
-    return input_error("its first record makes no sense");
+    return input_error("its first record is not valid");
   info.gyro_increment = static_cast<IncrementKind>(flags[0]);
   info.accel_increment = static_cast<IncrementKind>(flags[1]);
   info.has_temperature = flags[2] == 1;

@@ -272,7 +272,7 @@ class Importer {
     const auto count = double(doubles.size()), all = double(rows_);
     if (count * (all - 1.0 - same_stamps) <= 2.0 * repeats * same_stamps) return {};
     const Error error = input_error(
-        "{}:{}: the row before again, time and numbers, as {} of {} rows: expected each row once; --skip-bad-rows "
+        "{}:{}: repeats the row before, time and numbers, as {} of {} rows do: expected each row once; --skip-bad-rows "
         "leaves them out",
         source_.file_name, first, doubles.size(), rows_);
     return sieve(false, [&, at = std::size_t{0}](std::size_t k, std::size_t) mutable -> Result<bool> {
@@ -357,8 +357,9 @@ class Importer {
     const auto common =
         std::ranges::count_if(time, [&](double t) { return rows_ > 0 && t >= times_.front() && t <= times_.back(); });
     if (common < 10)
-      return input_error("{}: {} of {} rows are in the time of {}: expected 10 or more, in the same unit",
-                         source.file_name, common, n, source_.file_name);
+      return input_error(
+          "{}: {} of {} rows fall into the time of {}: expected at least 10, with times in the same unit",
+          source.file_name, common, n, source_.file_name);
     // Nothing is known in an interval of which rows are missing.
     std::vector<bool> lost(n);
     for (const StampGap& gap : missing) lost[gap.row] = true;

@@ -264,9 +264,10 @@ class Proposer {
     for (const Candidate& column : layout_.columns)
       names.push_back(quoted(column.label.empty() ? column.reference : column.label));
     names.resize(std::min<std::size_t>(names.size(), 20));
-    return input_error("{}: no three columns are plainly those of the {}: expected --map with their names; it has {}",
-                       source_.file_name, triad_[gyro].empty() ? "gyros" : "accelerometers",
-                       names.empty() ? "none" : fmt::format("{}{}", fmt::join(names, ", "), layout_.unnamed));
+    return input_error(
+        "{}: no three columns can be recognised as the {}: expected --map with their names; the columns are {}",
+        source_.file_name, triad_[gyro].empty() ? "gyros" : "accelerometers",
+        names.empty() ? "none" : fmt::format("{}{}", fmt::join(names, ", "), layout_.unnamed));
   }
 
   Status read() {

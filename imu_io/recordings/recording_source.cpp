@@ -61,8 +61,9 @@ Result<std::unique_ptr<RecordingSource>> RecordingSource::open(const std::string
   if (path_exists(binary)) return open_binary_recording(binary);
   if (path_exists(path + "/recording.conf")) return open_text_recording(path);
   if (path_exists(path + "/" + partial_recording_name))
-    return input_error(path + ": holds a run that was interrupted: turncal resume takes it up");
-  return input_error(path + ": neither " + binary_recording_name + " nor recording.conf in it: expected a recording");
+    return input_error(path + ": holds a run that was interrupted: turncal resume continues it");
+  return input_error(path + ": contains neither " + binary_recording_name +
+                     " nor recording.conf: expected a recording");
 }
 
 void RecordingSource::set_aside(const Segment& rest) {

@@ -55,9 +55,7 @@ std::optional<ParameterVector> truth_beside(const std::string& recording) {
 
 // The last lines of a calibration or a diagnosis.
 void say_end(const Document& report, const OutputFolder& folder, std::ostream& out) {
-  out << as_brief_text(report);
-  if (!report.title.empty()) out << "open " << folder.file(report_name) << '\n';
-  out << std::flush;
+  out << as_brief_text(report) << "open " << folder.file(report_name) << std::endl;
 }
 
 Status calibrate(const CalibrateOptions& options, CommandContext& context) {
@@ -160,11 +158,9 @@ Status diagnose(const DiagnoseOptions& options, CommandContext& context) {
   if (!options.residuals.empty()) TRY(write_columns(options.residuals, residual_columns(output.diagnosis)));
   if (printed_as(options.format, output.files.conf, context.out)) return {};
   const DiagnosisFiles& files = output.files;
-  // Without a page the terminal is all there is.
-  if (options.verbose || files.report.title.empty())
+  if (options.verbose) {
     context.out << '\n'
                 << as_text(files.report, diagnosis_lines) << "\ndiagnosis   " << folder.file(diagnosis_name) << '\n';
-  if (options.verbose) {
     if (files.parameters) context.out << "parameters  " << folder.file(parameters_name) << '\n';
     context.out << significant(monotonic_s() - began_s, 2) << " s\n";
   }
@@ -443,7 +439,8 @@ void add_recalibrate_command(CommandLine& line) {
 void add_fleet_command(CommandLine& line) {
   const auto [command, options] = line.command<FleetCommandOptions>(
       "fleet", "find what many units have in common: by station, lot, part or month", diagnose);
-  command.option("action", options.action, {is::required, is::one_of({"diagnose"})}, "diagnose");
+  command.option("action", options.action, {is::required, is::one_of({"diagnose"})},
+                 "diagnose; the report of a line is that of `turncal shift`");
   command.option("from", options.from, {is::required},
                  "a results database, a store of `turncal recalibrate`, or a folder with runs below it");
   command.option("--by", options.by, {is::one_of(fleet_factors), is::one_word_each, is::default_in_help},

@@ -159,7 +159,7 @@ class Designer {
     if (rise_c = options_.temperature_rise_c.value_or(rise_c); rise_c != 0.0)
       task_.predict.temperature = TemperatureProfile{.rise_c = rise_c};
     if (!options_.separate.empty() && (!options_.sigma.empty() || !task_.effects.empty()))
-      return input_error("--separate: expected neither --sigma nor --effects beside it");
+      return input_error("--separate: expected neither --sigma nor --effects with it");
     if (options_.separate.empty() != options_.from.empty())
       return input_error("--separate, --from: expected both, an effect and the recording that it was found in");
     if (options_.separate.empty() && (options_.time_s > 0.0) == !options_.sigma.empty())

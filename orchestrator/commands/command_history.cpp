@@ -180,7 +180,7 @@ Status show_history(const HistoryOptions& options, CommandContext& context) {
   if (options.attempts &&
       (!options.compare.empty() || !options.report.empty() || !options.parameter.empty() || options.control))
     return input_error(
-        "--attempts: expected no --compare, --report, --parameter or --control, which are of calibrations");
+        "--attempts: expected no --compare, --report, --parameter or --control, which list calibrations");
   TRY(check(options.filter));
   const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
   TRY(database.check_known(options.filter));
@@ -230,6 +230,7 @@ struct ShiftOptions {
   std::string database, out, format;
   RecordFilter filter;
   bool simulated = false, pdf = false;
+  double target_percent = 0.0;
 };
 
 // An earlier report in the folder is replaced, and nothing else.
@@ -254,9 +255,10 @@ Status write_shift(const ShiftOptions& options, const ShiftReport& report, const
 
 Status run_shift(const ShiftOptions& options, CommandContext& context) {
   std::ostream& out = context.out;
-  if (options.pdf && options.out.empty()) return input_error("--pdf: expected --out DIR, where it is to go");
+  if (options.pdf && options.out.empty()) return input_error("--pdf: expected --out DIR, the folder for shift.pdf");
   const ResultsDatabase database = TRY(ResultsDatabase::open_to_read(options.database));
-  const ShiftReport report = TRY(shift_report(database, options.database, options.filter, options.simulated));
+  ShiftReport report = TRY(shift_report(database, options.database, options.filter, options.simulated));
+  report.target = 0.01 * options.target_percent;
   const Document document = shift_document(report);
   out << as(options.format, document);
   if (options.out.empty()) return {};
@@ -441,6 +443,8 @@ void add_shift_command(CommandLine& line) {
   command.option("database", options.database, {is::required}, "the station's record.database");
   add_filter_options(command, options.filter);
   command.flag("--simulated", options.simulated, "report dry runs, which are never mixed with real units");
+  command.option("--target", options.target_percent, {is::in(0.0, 100.0)},
+                 "first-pass yield that is wanted, in per cent: a line in the chart of the yield over time");
   command.option("--out", options.out, "folder for the report: shift.html and its tables as CSV");
   command.option("--format", options.format, {is::one_of({"json"})}, "print the report in this form instead of text");
   command.flag("--pdf", options.pdf, "with --out: also write shift.pdf (needs weasyprint)");

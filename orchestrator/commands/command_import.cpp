@@ -154,6 +154,15 @@ ImportSite site_of(const TextOptions& from) {
   return site;
 }
 
+// What neither a file nor an option says of the site; a map says it.
+std::string assumed_of(const TextOptions& from) {
+  const ImportSite site = site_of(from);
+  std::string text;
+  if (!from.gravity_mps2) text += fmt::format("; gravity {} m/s^2 is assumed (--gravity)", site.gravity_mps2);
+  if (!from.latitude_deg) text += fmt::format("; latitude {} deg is assumed (--latitude)", site.latitude_deg);
+  return from.map.empty() ? text : "";
+}
+
 Status import_frames(const TextOptions& from, CommandContext& context) {
   const FrameDescription frame = TRY(find_frame(from.frame));
   FrameLog log = TRY(read_frame_log(from.source, frame));
@@ -164,9 +173,7 @@ Status import_frames(const TextOptions& from, CommandContext& context) {
   content.info.latitude_deg = site.latitude_deg;
   content.info.unit_serial = site.unit_serial;
   content.samples = std::move(log.samples);
-  std::string line = fmt::format("{} samples; {}", content.samples.size(), log.summary);
-  if (!from.gravity_mps2)
-    line += fmt::format("; gravity_mps2 = {}, the standard value: --gravity gives the site's", site.gravity_mps2);
+  const std::string line = fmt::format("{} samples; {}{}", content.samples.size(), log.summary, assumed_of(from));
   return write_imported(content, from.out, line, "the frame description", context);
 }
 
@@ -204,7 +211,7 @@ Status import_table(const TextOptions& from, CommandContext& context) {
     line += fmt::format("; {} rows left out, where {} has none", content.without_accel, from.accel);
   for (const std::string& more : {source.note, content.chosen})
     if (!more.empty()) line += "; " + more;
-  return write_imported(content, from.out, line, "the map", context);
+  return write_imported(content, from.out, line + assumed_of(from), "the map", context);
 }
 
 Status say(RecordingSource& source, const char* what, const std::string& out, CommandContext& context) {

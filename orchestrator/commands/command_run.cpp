@@ -155,6 +155,7 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
   RunRequest request = options.request;
   request.units = turn.units;
   request.session.brief = !request.session.verbose;
+  request.session.part = true;
   if (!request.session.brief) context.out << tag << name << " in " << turn.folder << std::endl;
   RunRequest resumed;
   resumed.session = request.session;
@@ -190,6 +191,12 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
   return stops;
 }
 
+// A run that somebody resumed to its end: nothing is left to measure.
+bool is_complete(const std::string& folder) {
+  const Result<JournalContents> journal = read_journal(folder + "/" + journal_name);
+  return journal && is_over(*journal);
+}
+
 // False: one was skipped, and the turn is another.
 Result<bool> mount_units(const BatchOptions& options, const StationConfig& station, const Turn& turn,
                          const std::string& tag, CommandContext& context) {
@@ -222,8 +229,9 @@ Status run_batch(const BatchOptions& options, CommandContext& context) {
   for (;;) {
     const Turn turn = TRY(next_turn(options));
     if (turn.units.empty()) break;
-    const bool all =
-        TRY(options.request.dry_run ? Result<bool>(true) : mount_units(options, prepared.station, turn, tag, context));
+    const bool all = TRY(options.request.dry_run || is_complete(turn.folder)
+                             ? Result<bool>(true)
+                             : mount_units(options, prepared.station, turn, tag, context));
     if (!all) continue;
     TRY(run_turn(options, prepared, turn, tag, context));
     if (StopSignals::any())  // asked for when the results were being made

@@ -125,18 +125,10 @@ struct Against {
 Against against(const StationConfig& station) {
   Against found;
   const TableConfig& table = station.table;
-  const auto unset = [&found](const std::string& key, const std::string& value) {
-    if (value.find("SET-ME") != std::string::npos)
-      found.blocks.push_back(key + " = " + turncal::quoted(value) + ": expected the name of this station's line");
-  };
-  if (table.link()) unset("table.address", table.link()->address);
-  if (station.imu) unset("imu.device", station.imu->settings.device);
-  if (const auto& chamber = station.chamber) {
-    unset("chamber.address", chamber->described.link().address);
-    if (!chamber->described.commissioned)
-      found.blocks.push_back(
-          "the chamber is not commissioned: turncal commission --chamber comes before the first run with it");
-  }
+  found.blocks = unset_lines(station);
+  if (station.chamber && !station.chamber->described.commissioned)
+    found.blocks.push_back(
+        "the chamber is not commissioned: turncal commission --chamber comes before the first run with it");
   if (!is_commissioned(table))
     found.blocks.push_back("the table is not commissioned: turncal commission comes before the first run");
   if (const std::string caution = caution_of(table); !caution.empty()) found.doubts.push_back("table: " + caution);
@@ -479,7 +471,8 @@ Status run_check(const CheckOptions& options, CommandContext& context) {
   for (const Error& error : refused) found.blocks.push_back(error.message);
   for (const std::string& line : found.blocks) context.fail(input_error(line));
   for (const std::string& line : found.doubts) context.warn(line);
-  if (refused.empty()) out << "\nOutput folder, disk space, hooks and due dates are in order.\n";
+  if (refused.empty())
+    out << (options.out.empty() ? "\nHooks" : "\nOutput folder, disk space, hooks") << " and due dates are in order.\n";
   // The last lines stand by themselves: the plan above them is longer than a screen.
   const bool good = found.blocks.empty();
   out << (!good ? "\nThe station cannot run this sequence:\n"

@@ -37,7 +37,7 @@ bool measures(const VerifyOptions& o) {
 Status check_together(const VerifyOptions& o) {
   if (!o.references.empty()) {
     if (measures(o) || !o.parameters.empty() || !o.recording.empty() || !o.run.station.empty() || o.first_step != 0)
-      return input_error("--references: expected no option but --out: the file holds all readings");
+      return input_error("--references: expected no option but --out and --format: the file holds all readings");
     return {};
   }
   if (o.parameters.empty()) return input_error("--parameters is required: the calibration that is verified");
@@ -170,6 +170,10 @@ Result<std::string> make_certificate(const CertificateOptions& options) {
                          runs.front().unit_serial);
     if (!runs.empty() && file.time_utc < runs.back().time_utc)
       return input_error(path + ": older than the run before it: expected the oldest first, the last one is certified");
+    if (file.latitude_deg != station.latitude_deg || file.gravity_mps2 != station.gravity_mps2)
+      return input_error("{}: latitude {} deg and gravity {} m/s^2: expected those of {}, {} and {}", path,
+                         file.latitude_deg, file.gravity_mps2, options.station, station.latitude_deg,
+                         station.gravity_mps2);
     const std::string why = objection(file);
     if (!why.empty() && !options.specimen)
       return Error{ErrorKind::unit_failed, path + ": no certificate: " + why + " (--specimen makes a specimen)"};

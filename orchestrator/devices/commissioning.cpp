@@ -321,7 +321,7 @@ Status RateCheck::judge(Axis axis, double tolerance) const {
   const bool rate_fits = std::abs(summed_deg_ - turned_deg) <= tolerance * std::abs(turned_deg);
   if (polls_ < fewest_polls || (rate_fits && said_moving_)) return {};
   const std::string turned = fmt::format("{} turned by {:+.3f} deg ", to_string(axis), turned_deg);
-  if (rate_fits) return input_error(turned + "and never said so: expected a bit or code of moving");
+  if (rate_fits) return input_error(turned + "and its status never showed it: expected a bit or code of moving");
   return input_error(turned + fmt::format("while its rate summed up to {:+.3f} deg: expected a rate that says how fast "
                                           "it turns (its register or field, scale and sign)",
                                           summed_deg_));

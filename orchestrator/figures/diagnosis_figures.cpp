@@ -182,91 +182,18 @@ double family_threshold_z(const Diagnosis& diagnosis, double false_alarm) {
   return std::sqrt(chi_square_1_limit(false_alarm / double(std::max<std::ptrdiff_t>(visible, 1))));
 }
 
-std::vector<ScoreBar> score_bars(const Diagnosis& diagnosis, double threshold_z) {
-  std::vector<ScoreBar> bars;
+std::vector<const CandidateScore*> strongest_candidates(const Diagnosis& diagnosis) {
+  std::vector<const CandidateScore*> found;
   for (const EffectEntry& entry : effect_catalogue()) {
-    ScoreBar bar;
-    bar.name = entry.name;
-    bool listed = false;
-    for (const CandidateScore& c : diagnosis.candidates) {
-      if (c.column.entry == nullptr || c.column.entry->name != entry.name) continue;
-      listed = true;
-      if (!c.visible || !std::isfinite(c.z)) continue;
-      bar.components.push_back(std::abs(c.z));
-      if (bar.strongest == nullptr || std::abs(c.z) >= bar.z) bar.strongest = &c;
-      bar.z = std::abs(bar.strongest->z);
-    }
-    const bool visible = bar.strongest != nullptr;
-    const bool added = std::ranges::find(diagnosis.effect_names, entry.name) != diagnosis.effect_names.end();
-    using Role = ScoreBar::Role;
-    bar.role = !visible ? Role::invisible : added ? Role::added : bar.z > threshold_z ? Role::above : Role::below;
-    bar.remark = visible
-                     ? significant(bar.z, bar.z < 10.0 ? 2 : 3) + "  (" + component_name(bar.strongest->column) + ")"
-                 : listed                  ? "cannot be seen in this recording"
-                 : entry.needs_temperature ? "needs a recorded temperature"
-                                           : "not tested";
-    bars.push_back(std::move(bar));
+    const CandidateScore* best = nullptr;
+    for (const CandidateScore& c : diagnosis.candidates)
+      if (c.column.entry != nullptr && c.column.entry->name == entry.name && c.visible && std::isfinite(c.z) &&
+          (best == nullptr || std::abs(c.z) >= std::abs(best->z)))
+        best = &c;
+    if (best != nullptr) found.push_back(best);
   }
-  std::ranges::stable_sort(bars, [](const ScoreBar& a, const ScoreBar& b) {
-    const bool a_seen = a.role != ScoreBar::Role::invisible;
-    const bool b_seen = b.role != ScoreBar::Role::invisible;
-    return a_seen != b_seen ? a_seen : a.z > b.z;
-  });
-  return bars;
-}
-
-Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z) {
-  // The axis is the square root of |z|: small scores stay apart and large ones on the page.
-  Drawing drawing{"scores", "Score of every effect of the catalogue against the threshold", {}, 960};
-  drawing.legend = {{"#0072B2", "■", "added to the model"},
-                    {"#B87A00", "■", "above the threshold, not added"},
-                    {"#808080", "■", "below the threshold"}};
-  const int rows = int(bars.size());
-  double largest = 2.0 * threshold_z;
-  for (const ScoreBar& bar : bars) largest = std::max(largest, bar.z);
-  std::vector<std::string> ticks, names;
-  for (const double tick :
-       {0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 1e4, 2e4, 5e4}) {
-    if (tick > largest) break;
-    // ticks that would crowd the left end of a long axis are left out
-    if (tick == 0.0 || tick >= largest / 150.0)
-      ticks.push_back(gnuplot_text(format_number(tick)) + " " + significant(std::sqrt(tick), 7));
-  }
-  std::string boxes, labels, dots;
-  for (int k = 0; k < rows; ++k) {
-    const ScoreBar& bar = bars[std::size_t(k)];
-    const int colour = bar.role == ScoreBar::Role::added   ? 0x0072B2
-                       : bar.role == ScoreBar::Role::above ? 0xB87A00
-                                                           : 0x808080;
-    const double right = std::sqrt(bar.z);
-    names.push_back(fmt::format("{} {}", gnuplot_text(bar.name), k));
-    boxes += fmt::format("{} {} 0 {} {} {} {}\n", significant(0.5 * right, 7), k, significant(right, 7),
-                         significant(k - 0.36, 6), significant(k + 0.36, 6), colour);
-    labels += fmt::format("set label {} {} at graph 1.03, first {} left textcolor rgb '{}'\n", k + 2,
-                          gnuplot_text(bar.remark), k, drawing_ink);
-    for (const double z : bar.components)
-      if (z < bar.z) dots += fmt::format("{} {}\n", significant(std::sqrt(z), 7), k);
-  }
-  const std::string x = significant(std::sqrt(threshold_z), 7);
-  drawing.script =
-      gnuplot_terminal(960, 24 * rows + 80) +
-      fmt::format(
-          "set lmargin 30\nset rmargin 26\nset tmargin 2.2\nset bmargin 3.4\nunset grid\nset border 1\n"
-          "set yrange [{}:-1]\nset xrange [0:{}]\n"
-          "set xlabel 'score |z| of the strongest component (square-root scale); dots: the other "
-          "components'\nset xtics ({})\nset ytics scale 0 ({})\n",
-          rows, significant(std::sqrt(largest) * 1.04, 6), join(ticks), join(names)) +
-      fmt::format(
-          "set arrow 1 from {0},-0.8 to {0},{1} nohead front dt 2 lw 1.5 lc rgb '{2}'\n"
-          "set label 1 {3} at {0},-1.25 center textcolor rgb '{2}'\n",
-          x, significant(rows - 0.4, 6), drawing_ink,
-          gnuplot_text("family-wise threshold " + significant(threshold_z, 2))) +
-      "$bars << EOD\n" + boxes + "EOD\n" + labels + "$dots << EOD\n" + dots +
-      "EOD\nset style fill solid 1.0 noborder\n"
-      "plot $bars using 1:2:3:4:5:6:7 with boxxyerror lc rgb variable notitle" +
-      (dots.empty() ? "" : fmt::format(", $dots using 1:2 with points pt 7 ps 0.3 lc rgb '{}' notitle", drawing_ink)) +
-      "\n";
-  return drawing;
+  std::ranges::stable_sort(found, [](auto* a, auto* b) { return std::abs(a->z) > std::abs(b->z); });
+  return found;
 }
 
 }  // namespace turncal

@@ -83,20 +83,9 @@ Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual
 // error, once as a gyro error.
 std::vector<Figure> unexplained_figures(const std::vector<DwellResidual>& dwells);
 
-// One row of the score chart.
-struct ScoreBar {
-  std::string name;
-  std::string remark;              // in the column at the right
-  double z = 0.0;                  // of the strongest component
-  std::vector<double> components;  // |z| of all of them
-  enum class Role { added, above, below, invisible } role = Role::below;
-  const CandidateScore* strongest = nullptr;  // null: invisible
-};
-// By effect, strongest first; invisible ones last.
-std::vector<ScoreBar> score_bars(const Diagnosis& diagnosis, double threshold_z);
+// Of each effect that the recording can show, the component with the largest |z|; the strongest effect first.
+std::vector<const CandidateScore*> strongest_candidates(const Diagnosis& diagnosis);
 // |z| that chance reaches in false_alarm of all recordings, over all visible candidates together.
 double family_threshold_z(const Diagnosis& diagnosis, double false_alarm);
-
-Drawing draw_scores(const std::vector<ScoreBar>& bars, double threshold_z);
 
 }  // namespace turncal

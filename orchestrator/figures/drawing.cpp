@@ -83,6 +83,12 @@ Result<std::vector<std::string>> run_gnuplot(std::string_view script, std::size_
 
 namespace {
 
+// What gnuplot has a script show under the pointer becomes a title, which needs none.
+void show_titles(std::string& text) {
+  replace_all(text, "<g onmousemove=\"gnuplot_svg.showHypertext(evt,'", "<g><title>");
+  replace_all(text, "')\" onmouseout=\"gnuplot_svg.hideHypertext()\">", "</title>");
+}
+
 // One drawing for an HTML page: the <svg> element, ids made unique by `id`, `label` (plain text) for readers that cannot see it, `width` as
 // CSS has it ("50%").
 std::string embeddable_svg(std::string_view svg, std::string_view id, std::string_view label, std::string_view width) {
@@ -92,6 +98,7 @@ std::string embeddable_svg(std::string_view svg, std::string_view id, std::strin
   remove_all(text, " id=\"gnuplot_canvas", "\"");
   remove_all(text, "<title>", "</title>");
   remove_all(text, "<desc>", "</desc>");
+  show_titles(text);
   remove_all(text, " font-family=\"", "\"");
   name_colours(text);
   const std::string prefix(id);
@@ -153,6 +160,23 @@ std::vector<std::pair<double, double>> outline(const std::vector<std::pair<doubl
 
 namespace {
 
+std::string gnuplot_terminal(int width, int height) {
+  return fmt::format(
+      "reset session\nset encoding utf8\nset terminal svg size {},{} dynamic noenhanced font 'Sans,13' background rgb "
+      "'white'\nset border 3 lw 1 lc rgb '#333333'\nset grid lw 0.7 lc rgb '#D9D9D9'\n"
+      "set tics nomirror scale 0.6 textcolor rgb '#333333'\nset clip two\nunset key\n",
+      width, height);
+}
+
+std::string gnuplot_text(const std::string& text) {
+  std::string result = "'";
+  for (const char c : text) {
+    if (c == '\'') result += '\'';
+    if (c != '\n') result += c;
+  }
+  return result + "'";
+}
+
 void append_data(const std::string& name, const Series& series, std::string& script) {
   script += name + " << EOD\n";
   bool broken = true;  // a block does not begin with a break
@@ -166,6 +190,33 @@ void append_data(const std::string& name, const Series& series, std::string& scr
     broken = !known;
   }
   script += "EOD\n";
+}
+
+// "SN0402: 0.0152 deg/h" or "temperature, °C: 23.4; residual, deg/h: 0.0152".
+std::string tip_of(const Panel& panel, const Series& series, std::size_t k) {
+  const std::string y = significant(series.points[k].second, 4, Alphabet::typographic);
+  if (!series.names.empty()) return series.names[k] + ": " + y + " " + panel.y_label;
+  const std::string x =
+      panel.x_label.empty() ? "" : panel.x_label + ": " + significant(series.points[k].first, 4) + "; ";
+  return x + panel.y_label + ": " + y;
+}
+
+// A target for the pointer over each marker; none where there are too many to point at.
+std::string append_tips(const Panel& panel, const std::string& id, std::string& script) {
+  constexpr std::size_t most = 400;
+  std::string targets;
+  std::size_t count = 0;
+  for (const Series& series : panel.series)
+    for (std::size_t k = 0; series.style >= Series::Style::open_circle && k < series.points.size(); ++k) {
+      if (!is_known(series.points[k])) continue;
+      std::string tip = tip_of(panel, series, k);
+      std::ranges::replace(tip, '"', '\'');
+      targets += fmt::format("{:.7g} {:.7g} \"{}\"\n", series.points[k].first, series.points[k].second, tip);
+      ++count;
+    }
+  if (count == 0 || count > most) return "";
+  script += fmt::format("${}t << EOD\n{}EOD\n", id, targets);
+  return fmt::format(", ${}t using 1:2:3 with labels hypertext point pt 7 ps 1.4 lc rgb '#FF000000' notitle", id);
 }
 
 struct Range {
@@ -251,7 +302,7 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
                         style_of(series).gnuplot, html_colour(series.colour),
                         panel.legend && !series.label.empty() ? " title " + gnuplot_text(series.label) : " notitle");
   }
-  if (plot.empty()) plot = "plot NaN notitle";
+  plot = plot.empty() ? "plot NaN notitle" : plot + append_tips(panel, id, script);
   script += panel.legend ? "set key outside above right horizontal samplen 2\n" : "unset key\n";
   script += panel.title.empty() ? "unset title\n"
                                 : "set title " + gnuplot_text(shorten(panel.title, title_width)) +
@@ -285,30 +336,13 @@ std::vector<Drawing::Key> legend_of(const Figure& figure) {
   for (const Panel& panel : figure.panels)
     for (const Series& series : panel.series) {
       const auto same = [&](const Drawing::Key& key) { return key.label == series.label; };
-      if (!series.label.empty() && std::ranges::none_of(legend, same))
+      if (!series.label.empty() && has_points(series) && std::ranges::none_of(legend, same))
         legend.push_back({html_colour(series.colour), style_of(series).glyph, series.label});
     }
   return legend;
 }
 
 }  // namespace
-
-std::string gnuplot_terminal(int width, int height) {
-  return fmt::format(
-      "reset session\nset encoding utf8\nset terminal svg size {},{} dynamic noenhanced font 'Sans,13' background rgb "
-      "'white'\nset border 3 lw 1 lc rgb '{}'\nset grid lw 0.7 lc rgb '#D9D9D9'\n"
-      "set tics nomirror scale 0.6 textcolor rgb '{}'\nset clip two\nunset key\n",
-      width, height, drawing_ink, drawing_ink);
-}
-
-std::string gnuplot_text(const std::string& text) {
-  std::string result = "'";
-  for (const char c : text) {
-    if (c == '\'') result += '\'';
-    if (c != '\n') result += c;
-  }
-  return result + "'";
-}
 
 Figure small_panels(std::string id, std::string label, std::string caption) {
   Figure figure{std::move(id), std::move(label), std::move(caption)};
@@ -330,7 +364,7 @@ Drawing draw(const Figure& figure, bool whole) {
     script += fmt::format("set multiplot layout {},{}\n", std::max(rows, 1), columns);
   }
   const std::string margins =
-      stacked ? "set lmargin 9\nset rmargin 2\n" : "set lmargin 9.5\nset rmargin 2.5\nset bmargin 3.2\n";
+      stacked ? "set lmargin 10\nset rmargin 2\n" : "set lmargin\nset rmargin 2.5\nset bmargin 3.2\n";
   for (std::size_t k = 0; k < figure.panels.size(); ++k) {
     if (apart) {
       script += gnuplot_terminal(figure.panel_width, figure.panel_height);

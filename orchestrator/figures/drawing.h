@@ -40,6 +40,7 @@ struct Series {
   Style style = Style::line;
   Colour colour = Colour::before;
   std::vector<std::pair<double, double>> points;  // NaN in either breaks a line
+  std::vector<std::string> names = {};            // of the points, for the pointer; empty: their x is said
 };
 
 struct Panel {
@@ -73,7 +74,7 @@ Figure small_panels(std::string id, std::string label, std::string caption = "")
 // as there is room for them.
 std::vector<std::pair<double, double>> outline(const std::vector<std::pair<double, double>>& points, std::size_t limit);
 
-// A drawing: a Figure, or the score chart.
+// A figure as gnuplot is given it.
 struct Drawing {
   struct Key {
     const char *colour, *glyph;
@@ -89,11 +90,6 @@ struct Drawing {
 };
 // Panels beside one another are drawings of their own, so that a narrow page can put them below one another; whole: they stay one.
 Drawing draw(const Figure& figure, bool whole = false);
-
-// Pieces of a script: where a drawing begins, and a text in single quotes (only our own labels and catalogue names come here).
-inline constexpr const char* drawing_ink = "#333333";
-std::string gnuplot_terminal(int width, int height);
-std::string gnuplot_text(const std::string& text);
 
 // All of them by one gnuplot, embeddable, in order.
 Result<std::vector<std::string>> render(const std::vector<Drawing>& drawings, const GnuplotOptions& options);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "calib/model/effects.h"
 
@@ -159,11 +160,13 @@ Document fleet_document(const FleetDiagnosis& d, const FleetSource& source, cons
   Document document{"turncal: fleet", "Fleet"};
   document.soft(head_text(d, source, factors), Scope::all);
   for (const std::string& line : source.skipped) document.soft("left out: " + line, Scope::all);
+  std::set<std::string> outstanding;
+  for (const OutstandingUnit& u : d.units) outstanding.insert(source.members[u.member].unit);
   const bool clean = d.effects.empty() && d.units.empty() && d.explained();
   document.add(
       Paragraph{clean ? fmt::format("Clean: no common effect found in {} tests, and no unit stands out.", d.tests)
-                      : fmt::format("Found: {} effects common to several units; {} units stand out.", d.effects.size(),
-                                    d.units.size()),
+                      : fmt::format("Found: effects common to several units: {}; units that stand out: {}.",
+                                    d.effects.size(), outstanding.size()),
                 clean ? "verdict clean" : "verdict extended"},
       Scope::page);
   document.section("common", "Common to several units");

@@ -156,7 +156,7 @@ void describe_noise(const NoiseOfClass& noise, ParameterFile& file, std::vector<
                   100.0 * noise.share[0], 100.0 * noise.share[1]));
   for (const int k : noise.changed)
     notes.push_back(
-        fmt::format("prior: NOT USED for the {}: it is unlike the others' by {:.1f} sigma", words[k], noise.z[k]));
+        fmt::format("prior: NOT USED for the {}: it differs from the others' by {:.1f} sigma", words[k], noise.z[k]));
 }
 
 Result<std::vector<EarlierCalibration>> read_history(const PriorSource& source, const std::string& recording_hash,
@@ -221,7 +221,7 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
     file.add_further("quality.prior.not_used", keys);
     std::string line =
         std::string("prior: NOT USED: ") +
-        (prior->own > 0 ? "the unit has changed since its last calibration:" : "the unit is unlike the others:");
+        (prior->own > 0 ? "the unit has changed since its last calibration:" : "the unit differs from the others:");
     for (const int k : effect.changed)
       line += fmt::format(" {} by {:.1f} sigma", parameter_key(k), effect.from_prior[k]);
     output.notes.push_back(line);

@@ -112,7 +112,7 @@ void note_data(const LoadedRecording& recording, std::vector<std::string>& notes
   std::map<DataEvent::Kind, std::int64_t> counts;
   for (const DataEvent& event : recording.data.events)
     if (event.axis != set_aside_axis) counts[event.kind] += event.count;
-  for (const auto& [kind, count] : counts) notes.push_back("data: " + std::to_string(count) + " x " + to_string(kind));
+  for (const auto& [kind, count] : counts) notes.push_back(fmt::format("data: {}: {}", to_string(kind), count));
 }
 
 Status closed_form(const CompressedRecording& recording, CalibrationOutput& output) {
@@ -197,8 +197,7 @@ Status joint(const CompressedRecording& recording, const CalibrationRequest& req
   output.distrust = distrust_of(recording, result, request.test_fit);
   describe_trust(result.whiteness.level > 0.0 && output.distrust.empty(), output.file);
   note_joint(result, recording.info.sample_period_s, output.notes);
-  if (!output.distrust.empty())
-    output.notes.push_back("NOT TRUSTED: " + output.distrust + " (turncal diagnose says more)");
+
   output.fit = std::move(result);
   return {};
 }
@@ -224,21 +223,21 @@ Status rests_by_hand(const CompressedRecording& recording, const CalibrationRequ
   if (!unjudged.empty() && !request.partial)
     return not_determined("not tested: the data determine nothing to be judged: " + unjudged);
   describe_rest_fit(fit, as_joint(fit, {}, data), data, output.file);
-  if (!unjudged.empty()) {
-    output.notes.push_back(output.distrust = "not tested: " + unjudged);
-  } else if (request.test_fit && judged.diagnosis.verdict != Verdict::clean) {
+  if (!unjudged.empty())
+    output.distrust = "not tested: " + unjudged;
+  else if (request.test_fit && judged.diagnosis.verdict != Verdict::clean)
     output.distrust = "the model does not fit: " + judged.diagnosis.reason;
-    output.notes.push_back("NOT TRUSTED: " + output.distrust + " (turncal diagnose says more)");
-  }
+
   describe_trust(output.distrust.empty(), output.file);
   output.notes.push_back(fmt::format("{}: {} rests and {} rotations by hand, settled after {} iterations",
                                      no_table_angles, data.rests.size(), data.legs.size(), fit.iterations));
   output.notes.push_back("errors: " + plain(error_text(fit.errors)));
   output.notes.push_back("cross-validation: " + plain(error_text(fit.left_out)));
+  std::vector<std::string> set_aside;
   for (std::size_t k = 0; k < data.legs.size(); ++k)
-    if (!data.legs[k].fault.empty())
-      output.notes.push_back("rotation " + std::to_string(k + 1) + " set aside: " + data.legs[k].fault);
-  for (const std::string& key : fit.undetermined) output.notes.push_back("not determined by this recording: " + key);
+    if (!data.legs[k].fault.empty()) set_aside.push_back(fmt::format("{} ({})", k + 1, data.legs[k].fault));
+  if (!set_aside.empty()) output.notes.push_back("rotations set aside: " + join(set_aside));
+  if (!fit.undetermined.empty()) output.notes.push_back("not determined by this recording: " + join(fit.undetermined));
   return {};
 }
 
@@ -256,7 +255,7 @@ Result<std::vector<CalibrationOutput>> calibrate_each(const std::vector<LoadedRe
     if (request.known && !whole(each[k])) {
       each[k] = calibrate_recording(recordings[k], request);
       if (each[k])
-        each[k]->notes.push_back("determines too little by itself: its biases beside the parameters of " +
+        each[k]->notes.push_back("determines too little by itself: its biases are estimated with the parameters of " +
                                  recordings[std::size_t(known - each.begin())].path);
     }
     if (!each[k]) return each[k].error();
@@ -338,9 +337,14 @@ Result<DiagnosisOutput> of_single_pose(const LoadedRecording& recording, const D
   if (!pose) return input_error(recording.path + ": " + pose.error().message);
   DiagnosisOutput output;
   output.diagnosis.verdict = Verdict::not_tested;
+  output.diagnosis.reason =
+      fmt::format("one pose of {} s determines no scale factor and no bias; it gives noise and slow changes",
+                  significant(pose->duration_s, 4));
+  Document& report = output.files.report =
+      begin_document(output.diagnosis, context, verdict_sentence(output.diagnosis));
+  report.add(pose_facts(*pose));
+  report.figure(allan_figure(pose->noise));
   output.files.conf = format_pose(*pose);
-  for (const std::string& note : context.notes) output.files.report.add(Paragraph{note, "note"});
-  output.files.report.add(pose_facts(*pose));
   return output;
 }
 
@@ -390,8 +394,9 @@ Result<LoadedRecording> load_recording(RecordingSource& source, const std::funct
   Segments segments = source.segments();
   if (segments.empty()) {
     segments = TRY(find_rests(source)).segments;
-    loaded.segmented = fmt::format("came without segments: {} rests found (turncal segment lists and tunes them)",
-                                   std::ranges::count(segments, SegmentKind::still, &Segment::kind));
+    loaded.segmented =
+        fmt::format("the recording came without segments: {} rests were found (turncal segment lists them)",
+                    std::ranges::count(segments, SegmentKind::still, &Segment::kind));
   }
   loaded.path = source.path();
   loaded.damage = source.damage();

@@ -217,10 +217,12 @@ RunEnd stopped(Run& run, const RunOutcome& outcome, bool goes_on, CommandContext
     else
       unit.status = outcome.error;
   }
+  const std::string how =
+      run.request.session.part ? "the same command continues" : "resume with: turncal resume " + run.folder;
   if (goes_on && outcome.state == RunState::interrupted)
-    whole.message += "; resume with: turncal resume " + run.folder;
+    whole.message += "; " + how;
   else if (goes_on)
-    context.out << "what is recorded is kept; resume with: turncal resume " << run.folder << std::endl;
+    context.out << "what is recorded is kept; " << how << std::endl;
   RunEnd end(whole);
   end.moved = outcome.moved;
   end.to_the_end = outcome.error.kind == ErrorKind::unit_failed;  // what failed is the unit

@@ -102,7 +102,7 @@ Status check_what_is_over(const Run& run, const JournalContents& contents) {
     TRY(check_parameters(units[i], contents));
     if (path_exists(partial_of(units[i])))
       return input_error(
-          "{}: expected no recording that goes on beside {} of a run that is complete: one of them is of another run",
+          "{}: an unfinished recording beside {} of a complete run: one of the two belongs to another run",
           partial_of(units[i]), journal_name);
     const std::string path = recording_of(units[i]);
     if (path_exists(path)) {
@@ -125,7 +125,7 @@ Status read_sealed_recordings(Run& run, const JournalContents& contents) {
     RunUnit& unit = run.units[i];
     if (unit.dropped) continue;
     if (!contents.seal_utc_s || !contents.last_dwell)
-      return input_error(unit.folder + ": the recording is complete, but the journal knows nothing of it");
+      return input_error(unit.folder + ": the recording is complete, but the journal does not say so");
     Result<LoadedRecording> loaded = load_recording(recording_of(unit), {}, {}, run.calibration_ends_before());
     if (!loaded) return device_error(loaded.error().message + " (the recording was whole when it was sealed)");
     const RecordingInfo& info = loaded->data.info;
@@ -285,7 +285,7 @@ RunEnd say_over(const JournalContents& contents, const std::string& folder, std:
   for (RunUnit& unit : run.units) {
     if (unit.dropped) continue;
     const JournalFields& verdict = *contents.newest(contents.verdicts, unit.serial);
-    out << "The run of unit " << unit.serial << " is complete, verdict " << value_of(verdict, "result")
+    out << "The run of unit " << unit.serial << " is complete, verdict " << in_words(value_of(verdict, "result"))
         << ": nothing to resume." << std::endl;
     set_texts(verdict, fields_of(unit.verdict));
     unit.status = verdict_status(unit.serial, unit.verdict);
@@ -386,7 +386,8 @@ Status check_goes_on(const Run& run, const JournalContents& contents) {
   const std::string path = run.folder + "/" + journal_name;
   const CompletedDwell& last = *contents.last_dwell;
   if (last.item >= run.plan.items.size()) return input_error(path + ": names an item that the plan does not have");
-  if (last.units.size() != run.units.size()) return input_error(path + ": a dwell is not of all units of the run");
+  if (last.units.size() != run.units.size())
+    return input_error(path + ": a dwell does not contain all units of the run");
   for (std::size_t i = 0; i < run.units.size(); ++i) {
     const bool left_out = std::ranges::any_of(
         contents.dropped, [i](const auto& dropped) { return dropped.place == i + 1 && !dropped.after_last_dwell; });

@@ -89,7 +89,7 @@ void turn_by_hand(StationConfig& station) {
 Status prepare_verification(RunPlan& run) {
   RunRequest& wanted = run.request;
   if (wanted.verify && wanted.verified.empty() && (wanted.capture_only || wanted.partial))
-    return input_error("--verify: expected neither --capture-only nor --partial: nothing would come of them to verify");
+    return input_error("--verify: expected neither --capture-only nor --partial, which give no result to verify");
   wanted.verify =
       wanted.verify || (run.station.verify_run && !wanted.capture_only && !wanted.partial && wanted.continues.empty());
   if (!wanted.verify) return {};
@@ -234,7 +234,21 @@ RecordingInfo planned_info(const RunPlan& run) {
   return planned_info(run.station, run.request.dry_run ? &run.rig : nullptr);
 }
 
+std::vector<std::string> unset_lines(const StationConfig& station) {
+  std::vector<std::string> unset;
+  const auto look = [&unset](const char* key, const std::string& value) {
+    if (value.find("SET-ME") != std::string::npos)
+      unset.push_back(fmt::format("{} = {}: expected the name of this station's line", key, turncal::quoted(value)));
+  };
+  if (station.table.link()) look("table.address", station.table.link()->address);
+  if (station.imu) look("imu.device", station.imu->settings.device);
+  if (station.chamber) look("chamber.address", station.chamber->described.link().address);
+  return unset;
+}
+
 Status check_real_devices(const StationConfig& station) {
+  if (const std::vector<std::string> unset = unset_lines(station); !unset.empty())
+    return input_error(station.file + ": " + unset.front());
   if (station.chamber && station.chamber->described.language == ChamberDescription::Language::rig)
     return input_error(station.chamber->described.file +
                        ": link.kind = rig: expected a chamber on a line, or --dry-run to rehearse");
@@ -359,7 +373,7 @@ Result<RunRequest> continuing(const RunRequest& asked) {
       return input_error(
           "{}: expected no such option beside --continue, which goes on with the unit and the station of {}", option,
           asked.continues);
-  if (asked.sequence.empty()) return input_error("--continue: expected --sequence, what is to be recorded");
+  if (asked.sequence.empty()) return input_error("--continue: expected --sequence, the sequence to record");
   const std::string journal = asked.continues + "/" + journal_name;
   if (!path_exists(journal))
     return input_error(asked.continues + ": holds no " + journal_name + ": expected the folder of a run");
@@ -367,8 +381,8 @@ Result<RunRequest> continuing(const RunRequest& asked) {
   if (before.units.size() != 1)
     return input_error("{}: is a run of {} units: expected a run of one", asked.continues, before.units.size());
   if (!path_exists(asked.continues + "/" + binary_recording_name))
-    return input_error("{}: holds no {}: expected a run that has recorded all (turncal resume)", asked.continues,
-                       binary_recording_name);
+    return input_error("{}: holds no {}: expected a run whose recording is complete (turncal resume completes it)",
+                       asked.continues, binary_recording_name);
   if (asked.dry_run && !before.dry_run)
     return input_error("--dry-run: expected none, " + asked.continues + " is a run of a real unit");
   RunRequest request = asked;

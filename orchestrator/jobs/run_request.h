@@ -44,6 +44,7 @@ struct RunRequest {
     std::string whole;     // of what the run is a part, beside its sequence on the page: "leg 2 of 9, ..."
     bool verbose = false;  // every transition on the terminal
     bool brief = false;    // neither transitions nor results on it: whoever began the run says how it ended
+    bool part = false;     // of a batch or a campaign, whose command continues it
   } session;
   bool rehearsal() const { return dry_run && manual; }
 };
@@ -107,6 +108,7 @@ RecordingInfo planned_info(const RunPlan& run);
 
 // An error unless table and unit are both ones that a live command can open.
 Status check_real_devices(const StationConfig& station);
+std::vector<std::string> unset_lines(const StationConfig& station);  // that a shipped file leaves as SET-ME
 
 // verify.seq after a calibration, and the number of its first step. An error where the latitude lets no gyro tell north.
 Result<int> append_north_seeking(const StationConfig& station, Sequence& sequence);

@@ -257,7 +257,7 @@ Status make_unit(Run& run, RunUnit& unit, double utc_s, CommandContext& context)
 void print_unit(const Run& run, const RunUnit& unit, double wall_s, std::ostream& printed) {
   std::ostringstream out;
   out << fmt::format(
-      "{} complete: {} recorded ({:.10g} s of station time) in {:.1f} s; {} dwells repeated, {} samples lost.\n",
+      "{} complete: {} recorded ({:.10g} s of station time) in {:.1f} s; dwells repeated: {}, samples lost: {}.\n",
       run.request.dry_run ? "Dry run" : "Run", format_duration(unit.recorded_s), unit.recorded_s, wall_s,
       unit.repeated_dwells, unit.lost_samples);
   if (unit.output) {

@@ -159,7 +159,7 @@ Status check_together(const std::vector<LegFile>& legs) {
     if (file.gyro_increment != first.gyro_increment || file.accel_increment != first.accel_increment ||
         file.accel_pulse_mps != first.accel_pulse_mps || file.simulated != first.simulated)
       return input_error(legs[k].path + ": has other increments than " + legs.front().path +
-                         ", or one is simulated: expected legs alike");
+                         ", or only one of them is simulated: expected legs of one kind");
     for (std::size_t j = 0; j < k; ++j)
       if (legs[j].file.recording_hash == file.recording_hash)
         return input_error(legs[k].path + ": is the recording of " + legs[j].path + " again: expected each once");
@@ -449,6 +449,7 @@ Result<ThermalOutput> run_campaign(const Campaign& campaign, const RunRequest& a
     }
     request.session = asked.session;
     request.session.brief = !asked.session.verbose;
+    request.session.part = true;
     request.session.whole = fmt::format("; leg {} of {}, the last one ends at about {}", k + 1, plans.size(),
                                         format_utc(wall_utc_s() + left_s));
     context.out << fmt::format("{}[campaign] leg {} of {}, {} C, in {}; about {:.1f} h left\n", tag_of(plans[k]), k + 1,
@@ -458,9 +459,9 @@ Result<ThermalOutput> run_campaign(const Campaign& campaign, const RunRequest& a
     const std::string why = end.status ? "" : end.status.error().message;
     if (!end.to_the_end) return Error{end.status.error().kind, fmt::format("leg {}: {}", k + 1, why)};
     if (!path_exists(folder + "/" + parameters_name))
-      return Error{ErrorKind::unit_failed, fmt::format("leg {}: no parameters came of it: {}", k + 1, why)};
+      return Error{ErrorKind::unit_failed, fmt::format("leg {} gave no parameters: {}", k + 1, why)};
     if (StopSignals::any())
-      return Error{ErrorKind::interrupted, fmt::format("paused after leg {}; the same command goes on", k + 1)};
+      return Error{ErrorKind::interrupted, fmt::format("paused after leg {}; the same command continues", k + 1)};
   }
   together.time_utc = format_utc(wall_utc_s());
   ThermalOutput known = TRY(thermal_calibration(together));

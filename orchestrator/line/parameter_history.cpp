@@ -103,6 +103,8 @@ std::vector<std::string_view> free_parameter_keys() {
   return keys;
 }
 
+constexpr std::size_t fewest_for_capability = 5;  // the interval of fewer says nothing
+
 ControlChart control_chart(std::span<const double> values, const Limit& limit) {
   ControlChart chart;
   chart.count = values.size();
@@ -122,8 +124,10 @@ ControlChart control_chart(std::span<const double> values, const Limit& limit) {
   chart.overall = overall;
   chart.lower = chart.mean - 3.0 * sigma;
   chart.upper = chart.mean + 3.0 * sigma;
-  chart.cpk = capability(chart.mean, sigma, count, efficiency * (count - 1.0), limit);
-  chart.ppk = capability(chart.mean, overall, count, count - 1.0, limit);
+  if (values.size() >= fewest_for_capability) {
+    chart.cpk = capability(chart.mean, sigma, count, efficiency * (count - 1.0), limit);
+    chart.ppk = capability(chart.mean, overall, count, count - 1.0, limit);
+  }
   if (!(sigma > 0.0)) return chart;
   std::vector<double> z;
   for (const double value : values) z.push_back((value - chart.mean) / sigma);

@@ -151,30 +151,35 @@ ChartedQuantity charted(const std::string& key, const std::vector<AttemptRecord>
   return quantity;
 }
 
-std::set<std::int64_t> ids_of(const std::vector<AttemptRecord>& attempts, const std::string& station = "") {
-  std::set<std::int64_t> ids;
-  for (const AttemptRecord& attempt : attempts)
-    if (station.empty() || attempt.station == station) ids.insert(attempt.id);
-  return ids;
-}
-
-std::vector<StationFigures> figures_of_stations(const std::vector<AttemptRecord>& all,
-                                                const std::vector<AttemptRecord>& chosen) {
-  std::map<std::string, StationFigures> stations;
+std::vector<YieldOf> yields_by(const std::vector<AttemptRecord>& all, const std::vector<AttemptRecord>& chosen,
+                               const std::function<std::string(const AttemptRecord&)>& name_of) {
+  std::map<std::string, YieldOf> parts;
+  std::map<std::string, std::set<std::int64_t>> ids;
   for (const AttemptRecord& attempt : chosen) {
-    StationFigures& figures = stations[attempt.station];
-    figures.station = attempt.station;
+    const std::string name = name_of(attempt);
+    ids[name].insert(attempt.id);
+    YieldOf& part = parts[name];
+    part.name = name;
     if (!attempt.residual) continue;
-    figures.mean_residual += *attempt.residual;
-    ++figures.calibrated;
+    part.mean_residual += *attempt.residual;
+    ++part.calibrated;
   }
-  std::vector<StationFigures> list;
-  for (auto& [name, figures] : stations) {
-    figures.yield = line_yield(all, ids_of(chosen, name));
-    if (figures.calibrated > 0) figures.mean_residual /= double(figures.calibrated);
-    list.push_back(figures);
+  std::vector<YieldOf> list;
+  for (auto& [name, part] : parts) {
+    part.yield = line_yield(all, ids[name]);
+    if (part.calibrated > 0) part.mean_residual /= double(part.calibrated);
+    list.push_back(part);
   }
   return list;
+}
+
+std::vector<YieldOf> yield_over_time(const std::vector<AttemptRecord>& all, const std::vector<AttemptRecord>& chosen) {
+  constexpr std::size_t most = 31, month = 7, day = 10, hour = 13;
+  const auto of = [&](std::size_t length) {
+    return yields_by(all, chosen, [length](const AttemptRecord& a) { return a.time_utc.substr(0, length); });
+  };
+  std::vector<YieldOf> days = of(day);
+  return days.size() < 2 ? of(hour) : days.size() > most ? of(month) : days;
 }
 
 struct Moments {
@@ -262,8 +267,11 @@ Result<ShiftReport> shift_report(const ResultsDatabase& database, const std::str
   report.damaged = std::erase_if(calibrations, [](const StoredCalibration& c) { return !c.defect.empty(); });
   report.attempts = std::move(chosen);
   report.calibrations = std::move(calibrations);
-  report.yield = line_yield(all, ids_of(report.attempts));
-  report.stations = figures_of_stations(all, report.attempts);
+  std::set<std::int64_t> ids;
+  for (const AttemptRecord& attempt : report.attempts) ids.insert(attempt.id);
+  report.yield = line_yield(all, ids);
+  report.stations = yields_by(all, report.attempts, [](const AttemptRecord& attempt) { return attempt.station; });
+  report.periods = yield_over_time(all, report.attempts);
   report.charts.push_back(charted("residual", report.attempts, [](const AttemptRecord& a) { return a.residual; }));
   report.charts.push_back(
       charted("temperature", report.attempts, [](const AttemptRecord& a) { return a.temperature_max_c; }));

@@ -102,8 +102,9 @@ inline constexpr std::size_t least_units = 5;  // at both, or at each
 // Of every pair of stations and every parameter that is estimated; none where there are too few units.
 std::vector<StationDifference> station_differences(const std::vector<StoredCalibration>& all);
 
-struct StationFigures {
-  std::string station;
+// Of a station, or of a period.
+struct YieldOf {
+  std::string name;
   LineYield yield;
   double mean_residual = 0.0;  // of calibrations
   std::size_t calibrated = 0;
@@ -118,7 +119,10 @@ struct ShiftReport {
   std::vector<StoredCalibration> calibrations;
   std::size_t damaged = 0;  // rows left out
   LineYield yield;
-  std::vector<StationFigures> stations;
+  std::vector<YieldOf> stations;
+  std::vector<YieldOf>
+      periods;          // 2026-01-31; hours, 2026-01-31T06, of a single day; months, 2026-01, of more than 31 days
+  double target = 0.0;  // first-pass yield that is wanted; 0: none
   std::vector<ChartedQuantity> charts;  // residual, temperature, hours, then the parameters
   std::vector<Repeatability> turn_on, month;
   std::vector<StationDifference> differences;

@@ -38,12 +38,13 @@ std::string head_text(const ShiftReport& report) {
   return text;
 }
 
-std::string yield_text(const LineYield& yield) {
+std::string yield_text(const LineYield& yield, double target, bool reached) {
   std::string text = fmt::format("First pass {}, final yield {}; {} attempts, {:.1f} h on the table",
                                  share(yield.first_pass, true).words, share(yield.final_pass, false).words,
                                  yield.attempts, yield.hours);
   if (yield.hours_lost > 0.0) text += fmt::format(", {:.1f} h of them without a good unit", yield.hours_lost);
   if (yield.running > 0) text += fmt::format("; {} still running or never ended", yield.running);
+  if (target > 0.0) text += fmt::format("; target {}: {}", percent(target), reached ? "reached" : "missed");
   return text + ".";
 }
 
@@ -58,25 +59,49 @@ std::string signals_text(const ShiftReport& report, std::size_t signals) {
         expected += rule.false_alarm * double(chart.chart.count - rule.stretch + 1);
   }
   return fmt::format(
-      "{} signals, at {} points. By chance alone about {:.0f} points would give one: look for several charts or rules "
+      "Signals: {}, at {} points. By chance alone about {:.0f} points would give one: look for several charts or rules "
       "that signal at the same time.",
       signals, points, expected);
 }
 
-Table yield_table(const ShiftReport& report) {
-  Table table{{text("station"), number("attempts"), number("units"), number("first pass yield (95 %)"),
-               number("final yield"), number("hours"), number("lost"), number("hours per good unit"),
-               number("mean residual")}};
-  const auto row = [&table](const std::string& station, const LineYield& y, const StationFigures* of) {
+// all: a last row of them together.
+Table yield_table(const char* of, std::vector<YieldOf> parts, const LineYield* all) {
+  Table table{{text(of), number("attempts"), number("units"), number("first pass yield (95 %)"), number("final yield"),
+               number("hours"), number("lost"), number("hours per good unit"), number("mean residual")}};
+  if (all != nullptr) parts.push_back({"all", *all});
+  for (const auto& [name, y, residual, calibrated] : parts) {
     const auto good = double(y.final_pass.part);
-    table.row({name(station), count(y.attempts), count(y.units), share(y.first_pass, true), share(y.final_pass, false),
-               fixed(y.hours, 1), fixed(y.hours_lost, 1), good > 0.0 ? fixed(y.hours / good, 2) : number("-"),
-               of && of->calibrated > 0 ? fixed(of->mean_residual, 3) : number("-")},
-              of ? Emphasis::none : Emphasis::hit);
-  };
-  for (const StationFigures& station : report.stations) row(station.station, station.yield, &station);
-  if (report.stations.size() != 1) row("all", report.yield, nullptr);
+    table.row({cell::name(name), count(y.attempts), count(y.units), share(y.first_pass, true),
+               share(y.final_pass, false), fixed(y.hours, 1), fixed(y.hours_lost, 1),
+               good > 0.0 ? fixed(y.hours / good, 2) : number("-"), calibrated > 0 ? fixed(residual, 3) : number("-")},
+              all != nullptr && &name == &parts.back().name ? Emphasis::hit : Emphasis::none);
+  }
   return table;
+}
+
+Figure yield_figure(const ShiftReport& report) {
+  constexpr std::size_t names = 14, month = 7, day = 10;
+  const double last = double(report.periods.size()) + 0.5, target = 100.0 * report.target;
+  Series first{"first-pass yield", Series::Style::dot, Colour::after, {}},
+      interval{"95 % interval", Series::Style::line, Colour::after, {}},
+      wanted{"target", Series::Style::dashed, Colour::before, {{0.5, target}, {last, target}}};
+  Panel panel{.title = "", .x_label = "", .y_label = "%", .series = {}, .marks = {}, .named_x = true};
+  for (std::size_t k = 0; k < report.periods.size(); ++k) {
+    const std::string& period = report.periods[k].name;
+    const Share& share = report.periods[k].yield.first_pass;
+    const auto x = double(k + 1);
+    const std::string shown =
+        period.size() > day ? period.substr(day + 1) + " h" : period.substr(period.size() > month ? 5 : 0);
+    if (k % (1 + report.periods.size() / names) == 0) panel.marks.emplace_back(x, shown);
+    if (share.all == 0) continue;
+    const auto [low, high] = share.interval();
+    first.points.emplace_back(x, 100.0 * share.value());
+    first.names.push_back(fmt::format("{}, {} of {}", period, share.part, share.all));
+    for (const double end : {100.0 * low, 100.0 * high, no_point}) interval.points.emplace_back(x, end);
+  }
+  panel.series = {first, interval};
+  if (target > 0.0) panel.series.push_back(wanted);
+  return {.id = "yield", .label = "First-pass yield over time", .caption = "", .panels = {panel}};
 }
 
 Table pareto_table(const LineYield& yield) {
@@ -97,7 +122,8 @@ Table signal_table(const std::vector<ChartSignal>& signals) {
   for (const ChartSignal& s : signals) {
     const std::size_t i = s.signal.point;
     table.row({number(s.chart->times[i]), name(s.chart->units[i]), name(s.chart->key), count(i + 1),
-               number(s.chart->values[i], 7), count(s.signal.rule), text(run_rules[s.signal.rule - 1].words)},
+               with_sigma(s.chart->values[i], s.chart->chart.sigma.value_or(0.0)), count(s.signal.rule),
+               text(run_rules[s.signal.rule - 1].words)},
               s.signal.rule == 1 ? Emphasis::hit : Emphasis::none);
   }
   return table;
@@ -210,7 +236,8 @@ std::vector<std::pair<double, std::string>> names_of(const std::vector<std::stri
   const std::size_t count = std::min(names, times.size());
   for (std::size_t k = 0; k < count; ++k) {
     const std::size_t i = count < 2 ? 0 : k * (times.size() - 1) / (count - 1);
-    if (times[i].size() > hour) marks.emplace_back(double(i + 1), times[i].substr(one_day ? hour : day, length));
+    const std::string name = times[i].size() > hour ? times[i].substr(one_day ? hour : day, length) : "";
+    if (!name.empty() && (marks.empty() || marks.back().second != name)) marks.emplace_back(double(i + 1), name);
   }
   return marks;
 }
@@ -240,11 +267,17 @@ Panel control_panel(const ChartedQuantity& history, const std::vector<ChartedQua
   };
   std::set<std::size_t> signalled;
   for (const RunSignal& signal : chart.signals) signalled.insert(signal.point);
-  Points inside, outside, runs, bars;
+  using Style = Series::Style;
+  Series inside{"one calibration", Style::dot, Colour::after, {}},
+      outside{"outside the control limits", Style::square, Colour::before, {}},
+      runs{"run rules 2 to 8", Style::triangle, Colour::x, {}};
+  Points bars;
   for (std::size_t i = 0; i < history.values.size(); ++i) {
     const double x = double(i + 1), value = history.values[i];
     const bool out = std::ranges::find(chart.outside, i) != chart.outside.end();
-    (out ? outside : signalled.contains(i) ? runs : inside).emplace_back(x, shown(value));
+    Series& curve = out ? outside : signalled.contains(i) ? runs : inside;
+    curve.points.emplace_back(x, shown(value));
+    curve.names.push_back(history.units[i] + ", " + history.times[i]);
     if (const std::optional<double>& sigma = history.sigmas[i])
       for (const double end : {shown(value - *sigma), shown(value + *sigma), no_point}) bars.emplace_back(x, end);
   }
@@ -255,19 +288,15 @@ Panel control_panel(const ChartedQuantity& history, const std::vector<ChartedQua
       .series = {},
       .marks = names_of(history.times),
       .named_x = true};
-  using Style = ::turncal::Series::Style;
-  const auto add = [&panel](const char* label, Style style, Colour colour, Points points) {
-    if (!points.empty()) panel.series.push_back({label, style, colour, std::move(points)});
-  };
-  add("one calibration", Style::dot, Colour::after, std::move(inside));
-  add("one sigma", Style::line, Colour::after, std::move(bars));
-  add("outside the control limits", Style::square, Colour::before, std::move(outside));
-  add("run rules 2 to 8", Style::triangle, Colour::x, std::move(runs));
-  add("mean", Style::line, Colour::neutral, level(chart.mean));
-  add("control limits: mean ± 3 sigma (moving range)", Style::dashed, Colour::neutral, level(chart.lower));
-  add("", Style::dashed, Colour::neutral, level(chart.upper));
-  add("limit in force", Style::line, Colour::before, level(history.limit.min));
-  add("limit in force", Style::line, Colour::before, level(history.limit.max));
+  panel.series = {inside,
+                  {"one sigma", Style::line, Colour::after, bars},
+                  outside,
+                  runs,
+                  {"mean", Style::line, Colour::neutral, level(chart.mean)},
+                  {"control limits: mean ± 3 sigma (moving range)", Style::dashed, Colour::neutral, level(chart.lower)},
+                  {"", Style::dashed, Colour::neutral, level(chart.upper)},
+                  {"limit in force", Style::line, Colour::before, level(history.limit.min)},
+                  {"limit in force", Style::line, Colour::before, level(history.limit.max)}};
   return panel;
 }
 
@@ -308,8 +337,9 @@ Table control_table(const std::vector<ChartedQuantity>& quantities) {
 Document shift_document(const ShiftReport& report) {
   Document document{"turncal: shift report of " + report.source, "Shift report"};
   document.soft(head_text(report), Scope::all);
-  document.add(
-      Paragraph{yield_text(report.yield), report.yield.reasons.empty() ? "verdict clean" : "verdict extended"});
+  const bool reached = report.yield.first_pass.value() >= report.target;
+  const char* const style = !reached ? "unexplained" : report.yield.reasons.empty() ? "clean" : "extended";
+  document.add(Paragraph{yield_text(report.yield, report.target, reached), std::string("verdict ") + style});
   if (report.attempts.empty()) {
     document.text("No attempt is on record.");
     if (report.of_the_other_kind > 0)
@@ -319,7 +349,12 @@ Document shift_document(const ShiftReport& report) {
     return document;
   }
   document.section("yield", "Yield and hours");
-  document.add(yield_table(report));
+  document.add(yield_table("station", report.stations, report.stations.size() == 1 ? nullptr : &report.yield));
+  if (report.periods.size() > 1) {
+    document.subsection("Over time");
+    document.figure(yield_figure(report));
+    document.add(yield_table("period, UTC", report.periods, nullptr));
+  }
   document.section("reasons", "Why attempts did not pass");
   if (report.yield.reasons.empty())
     document.text("All judged attempts passed.");
@@ -363,8 +398,8 @@ std::string shift_csv(const ShiftReport& report) {
       text.number(*value);
     }
   };
-  const auto yield = [&add](const std::string& station, const LineYield& y) {
-    add("yield", station,
+  const auto yield = [&add](const char* table, const std::string& of, const LineYield& y) {
+    add(table, of,
         {{"attempts", y.attempts},
          {"units", y.units},
          {"first_pass", y.first_pass.part},
@@ -377,8 +412,9 @@ std::string shift_csv(const ShiftReport& report) {
   const auto value_of = [](const std::optional<Capability>& index) {
     return index ? std::optional(index->value) : std::nullopt;
   };
-  yield("all", report.yield);
-  for (const StationFigures& station : report.stations) yield(station.station, station.yield);
+  yield("yield", "all", report.yield);
+  for (const YieldOf& station : report.stations) yield("yield", station.name, station.yield);
+  for (const YieldOf& period : report.periods) yield("yield_over_time", period.name, period.yield);
   for (const LossReason& reason : report.yield.reasons) add("reason", reason.reason, {{"attempts", reason.attempts}});
   for (const ChartedQuantity& q : report.charts)
     if (const ControlChart& chart = q.chart; chart.count > 0)

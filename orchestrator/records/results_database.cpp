@@ -651,7 +651,7 @@ Result<std::string> ResultsDatabase::image() const {
   TRY(connection_->run("COMMIT"));
   if (size == 0) return std::string();  // a file of no bytes is an empty database
   if (!bytes)
-    return device_error(name + ": results database: there is no memory for its " + std::to_string(size) + " bytes");
+    return device_error(name + ": results database: not enough memory for its " + std::to_string(size) + " bytes");
   return std::string(reinterpret_cast<const char*>(bytes.get()), std::size_t(size));
 }
 
@@ -661,7 +661,7 @@ Result<ResultsDatabase> ResultsDatabase::of_image(const std::string& image, cons
   sqlite3* const handle = database->connection_->sqlite();
   auto* const bytes = static_cast<unsigned char*>(sqlite3_malloc64(image.size()));
   if (!bytes)
-    return device_error(path + ": results database: there is no memory for its " + std::to_string(image.size()) +
+    return device_error(path + ": results database: not enough memory for its " + std::to_string(image.size()) +
                         " bytes");
   std::memcpy(bytes, image.data(), image.size());
   const auto size = static_cast<sqlite3_int64>(image.size());

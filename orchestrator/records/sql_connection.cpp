@@ -272,7 +272,7 @@ class PostgresConnection : public SqlConnection {
     const char* const values[] = {name().c_str(), "turncal", "UTF8", "0", nullptr};  // the deadline is ours
     const double until_s = std::min(until_s_, monotonic_s() + connect_s_);
     handle_ = PQconnectStartParams(words, values, 1);
-    if (!handle_) return device_error(name() + ": results database: cannot open: there is no memory");
+    if (!handle_) return device_error(name() + ": results database: cannot open: not enough memory");
     PQsetNoticeProcessor(
         handle_, [](void*, const char*) {}, nullptr);
     PostgresPollingStatusType next = PGRES_POLLING_WRITING;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "imu_io/base/clock.h"
 #include "imu_io/base/text.h"
 #include "imu_io/recordings/recording_check.h"
 
@@ -70,9 +71,9 @@ Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path) {
       line.resize(mark);
     }
     const std::size_t time = line.find(' '), unit = time == std::string::npos ? time : line.find(' ', time + 1);
-    if (unit == std::string::npos || unit + 1 >= line.size())
+    if (unit == std::string::npos || unit + 1 >= line.size() || !parse_utc(line.substr(time + 1, unit - time - 1)))
       return input_error(state + ":" + std::to_string(number) + ": " + turncal::quoted(line) +
-                         ": expected outcome, time and serial number");
+                         ": expected outcome, time (2026-01-31T12:00:00Z) and serial number");
     outcomes.push_back({line.substr(unit + 1), line.substr(0, time), line.substr(time + 1, unit - time - 1), reason});
   }
   return outcomes;
@@ -139,7 +140,7 @@ Status change_queue(const std::string& path, const QueueChange& change) {
     for (const std::string& unit : change.again) {
       if (!find_outcome(outcomes, unit)) return input_error(path + ": unit '" + unit + "' has no outcome yet");
       for (UnitOutcome& outcome : outcomes) {
-        if (outcome.unit == unit) outcome.outcome = again_outcome;
+        if (outcome.unit == unit) outcome = {unit, again_outcome, outcome.time_utc, ""};
       }
     }
     TRY(write_outcomes(path, outcomes));

@@ -134,7 +134,7 @@ void add_coefficients(const AllanReport& report, bool gyro, Document& document) 
     row.resize(table.head.size(), number("-"));
     table.row(std::move(row));
   };
-  of_lowest("lowest deviation / 0.664", allan_unit(gyro, 2).shown,
+  of_lowest("lowest dev. / 0.664", allan_unit(gyro, 2).shown,
             [&](const AllanAxis& axis) { return number(floor_of(axis) / allan_unit(gyro, 2).si); });
   of_lowest("at τ", "s", [](const AllanAxis& axis) { return number(axis.lowest()->tau_s); });
   document.add(std::move(table));

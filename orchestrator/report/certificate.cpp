@@ -280,8 +280,9 @@ std::string certificate_page(const Certificate& c) {
               "normal distribution. u combines the columns to the right of U (standard uncertainties)" +
               (left_out.empty() ? "" : "; no uncertainty is stated or added for: " + left_out) +
               ". The table's angles are not taken as truth and add nothing; the given heading enters in second order. "
-              "Confounding: the spread over effects that the recording cannot tell from a parameter or each other, and "
-              "over those that were nearly found; -: no diagnosis was made. Effects beyond the parameters: " +
+              "Confounding: the spread over effects that the recording cannot tell from a parameter or from each "
+              "other, and "
+              "over those that may be missing (a dash where no diagnosis was made). Effects beyond the parameters: " +
               effects_found(f)}));
   if (c.verification) body += north_section(*c.verification);
   const VerdictReport& conformity = c.conformity;

@@ -49,10 +49,10 @@ void describe_covariance(const JointResult& result, ParameterFile& file) {
 std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationWorth>& worth) {
   KeyValues lines;
   lines.comment("turncal diagnosis: which effect the 24 parameters lack, and the error before and after it was added");
-  if (!d.reason.empty()) lines.comment("reason: " + d.reason);
   lines.text("verdict", to_string(d.verdict));
   lines.flag("quality.trusted", d.trusted);
   lines.text("reason", plain(brief_reason(d)));
+  lines.text("statement", d.reason);
   lines.text("effects", join(d.effect_names));
   if (d.statements.tested) {
     lines.number("missing.probability", d.statements.anything);
@@ -263,7 +263,7 @@ Result<std::string> write_diagnosis(const std::string& folder, const DiagnosisFi
     std::filesystem::remove(file, error);
     return error ? Status(device_error(file + ": cannot remove: " + error.message())) : Status();
   };
-  const HtmlPage page = files.report.title.empty() ? HtmlPage{} : as_page(files.report, gnuplot);
+  const HtmlPage page = as_page(files.report, gnuplot);
   TRY(write(report_name, page.html));
   TRY(write(diagnosis_name, files.conf));
   TRY(write(parameters_name, parameters));

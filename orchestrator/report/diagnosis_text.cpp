@@ -50,16 +50,13 @@ std::string error_clause(const Diagnosis& d) {
          ratio(d.holdout_before.normalised_rms) + " to " + ratio(d.holdout_after.normalised_rms);
 }
 
-// Null: nothing was scored.
-const CandidateScore* strongest_candidate(const Diagnosis& d) { return score_bars(d, 0.0).front().strongest; }
-
 std::string clean_sentence(const Diagnosis& d) {
   std::string text = "the 24 parameters explain the data to the noise";
   if (d.statements.tested)
     text += "; the probability that something is missing is " + words_of_probability(d.statements.anything);
-  if (const CandidateScore* best = strongest_candidate(d))
+  if (const auto scores = strongest_candidates(d); !scores.empty())
     text += fmt::format("; the strongest of {} candidates, {}, scores {} sigma", d.candidates.size(),
-                        best->column.key(), significant(std::abs(best->z), 2));
+                        scores.front()->column.key(), significant(std::abs(scores.front()->z), 2));
   if (known(d.holdout_before))
     text += "; on " + holdout_name(d) + " the velocity error is " + in_mm(d.holdout_before.velocity_rms_mps) +
             " mm/s rms and the normalised residual " + ratio(d.holdout_before.normalised_rms);
@@ -84,9 +81,9 @@ std::string clause(std::string text) {
 
 std::string strongest_scores(const Diagnosis& d, double threshold) {
   std::vector<std::string> parts;
-  for (const ScoreBar& bar : score_bars(d, threshold)) {
-    if (bar.role == ScoreBar::Role::invisible || parts.size() == 4) break;
-    parts.push_back(bar.name + " " + significant(bar.z, 2));
+  for (const CandidateScore* best : strongest_candidates(d)) {
+    if (parts.size() == 4) break;
+    parts.push_back(std::string(best->column.entry->name) + " " + significant(std::abs(best->z), 2));
   }
   return join(parts) + " (threshold " + significant(threshold, 2) + ")";
 }
@@ -237,7 +234,7 @@ std::string noise_line(const JointResult& r, bool given) {
 
 Facts diagnosis_facts(const Diagnosis& d, const DiagnosisContext& context, const std::string& noise) {
   Facts facts;
-  if (strongest_candidate(d) != nullptr)
+  if (!strongest_candidates(d).empty())
     facts.rows.emplace_back("scores", strongest_scores(d, family_threshold_z(d, context.false_alarm)));
   if (has_after(d)) facts.rows.emplace_back("moved most", largest_changes(d));
   facts.rows.emplace_back("noise", noise);

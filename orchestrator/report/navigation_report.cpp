@@ -62,8 +62,10 @@ double radial_nm(const TrackPoint& p) { return radial_m(p) / metres_per_nautical
 
 // To the sigma's digits, from 0 on: no 360.000.
 Cell heading_cell(const FreeNavigation& n) {
-  const double heading_deg = angles_of(n.aligned.q_nb).heading_rad / rad_per_deg,
-               sigma_deg = n.heading_sigma_rad / rad_per_deg;
+  constexpr double steepest_deg = 80.0;
+  const AttitudeAngles angles = angles_of(n.aligned.q_nb);
+  const double heading_deg = angles.heading_rad / rad_per_deg, sigma_deg = n.heading_sigma_rad / rad_per_deg;
+  if (std::abs(angles.pitch_rad) > steepest_deg * rad_per_deg) return cell::number("x vertical");
   const Cell rounded = cell::with_sigma(heading_deg, sigma_deg);
   return rounded.words.starts_with("360") ? cell::with_sigma(0.0, sigma_deg) : rounded;
 }
@@ -183,9 +185,10 @@ Document navigation_document(const NavigationReport& report) {
   document.soft(fmt::format("Recording {} with content {}.", report.request.recording, report.recording_hash));
   if (report.info.simulated) document.add(Paragraph{"Simulated data: no real unit navigated.", "loud"}, Scope::page);
   const NavigatedFile& judged = report.files.front();
-  document.add(
-      Paragraph{"Drift: " + drift_words(judged.drift) + ".", judged.trusted ? "verdict clean" : "verdict unexplained"},
-      Scope::page);
+  const std::string expected = judged.expected ? "; expected: " + drift_words(*judged.expected) : "";
+  document.add(Paragraph{"Drift: " + drift_words(judged.drift) + expected + ".",
+                         judged.trusted ? "verdict" : "verdict unexplained"},
+               Scope::page);
   document.figure(navigation_figure(report));
   if (report.without_segments && report.request.reference.empty())
     document.text("no segments: everything counts as rest");
@@ -202,8 +205,8 @@ Document navigation_document(const NavigationReport& report) {
   for (const NavigatedFile& file : report.files) {
     const std::string which = file.prefix.empty() ? "parameters" : "against";
     document.section(which, which + "  " + file.path);
-    Table table{{number("branch"), number("aligned from s"), number("heading deg"), number("sigma"), number("free s"),
-                 number("north m"), number("east m"), number("NM/h")}};
+    Table table{{number("branch"), number("alignment from s"), number("heading after it, deg"), number("sigma"),
+                 number("free s"), number("north m"), number("east m"), number("NM/h")}};
     for (std::size_t k = 0; k < file.branches.size(); ++k) {
       const FreeNavigation& n = file.branches[k].navigation;
       const Eigen::Vector2d end = n.track.back().moved_m;

@@ -69,12 +69,8 @@ void add_identity(const DiagnosisContext& context, Document& document) {
                                  r.samples, clock_time(double(r.samples) * r.info.sample_period_s), clock_time(still_s),
                                  r.info.latitude_deg, r.info.gravity_mps2);
   if (low <= high) line += fmt::format("; {} to {} °C", significant(low, 3), significant(high, 3));
+  if (!context.holdout_path.empty()) line += "; held-out data: " + context.holdout_path;
   document.soft(line + ".");
-  document.soft("Held-out data: " +
-                (!context.holdout_path.empty() ? context.holdout_path
-                 : context.hand_turned         ? "cross-validation over rests and rotations of the same recording"
-                                               : "cross-validation over dwells of the same recording") +
-                ".");
   if (r.info.simulated)
     document.add(Paragraph{"Simulated data: these are not the parameters of a real unit.", "loud"}, Scope::page);
   for (const std::string& note : context.notes) document.add(Paragraph{note, "note"});
@@ -128,33 +124,17 @@ void add_effects(const Diagnosis& diagnosis, const DiagnosisContext& context, Do
 }
 
 Table score_table(const Diagnosis& diagnosis, double threshold_z) {
-  Table table{{name("effect"), name("strongest"), number("value alone"), number("σ"), text("unit"), number("|z|"),
-               number("detectable")}};
-  for (const ScoreBar& row : score_bars(diagnosis, threshold_z)) {
-    if (row.strongest == nullptr) continue;
-    const CandidateScore& best = *row.strongest;
-    table.row({name(row.name), name(component_text(best.column)), with_sigma(best.value, best.sigma),
-               with_sigma(best.sigma, best.sigma), unit_of(best.column), number(std::abs(best.z)),
-               number(best.detectable, 2)},
-              row.role == ScoreBar::Role::below ? Emphasis::none : Emphasis::hit);
-  }
-  return table;
-}
-
-Table component_table(const Diagnosis& diagnosis, double threshold_z) {
-  Table table{
-      {name("component"), number("value alone"), number("σ"), text("unit"), number("z"), number("detectable (5 σ)")}};
-  for (const CandidateScore& c : diagnosis.candidates) {
-    if (c.column.entry == nullptr) continue;
-    if (!c.visible) {
-      table.row(
-          {name(key_text(c.column)), number("not visible"), number("-"), unit_of(c.column), number("-"), number("-")},
-          Emphasis::dim);
-      continue;
-    }
-    table.row({name(key_text(c.column)), with_sigma(c.value, c.sigma), with_sigma(c.sigma, c.sigma), unit_of(c.column),
-               number(signed_number(c.z, 1), c.z), number(c.detectable, 2)},
-              std::abs(c.z) > threshold_z ? Emphasis::hit : Emphasis::none);
+  Table table{{name("effect"), name("strongest"), number("value alone"), number("σ"), text("unit"),
+               number("detectable"), number("|z|"), bar(0.0), text("")}};
+  const std::vector<const CandidateScore*> rows = strongest_candidates(diagnosis);
+  for (const CandidateScore* best : rows) {
+    const std::string_view effect = best->column.entry->name;
+    const bool added = std::ranges::find(diagnosis.effect_names, effect) != diagnosis.effect_names.end();
+    const double z = std::abs(best->z);
+    table.row({name(effect), name(component_text(best->column)), with_sigma(best->value, best->sigma),
+               with_sigma(best->sigma, best->sigma), unit_of(best->column), number(best->detectable, 2), number(z),
+               bar(std::sqrt(z / std::abs(rows.front()->z))), text(added ? "added" : "")},
+              added || z > threshold_z ? Emphasis::hit : Emphasis::none);
   }
   return table;
 }
@@ -365,7 +345,8 @@ void say_settled(const std::string& words, Document& document) { say_below_verdi
 Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context) {
   DiagnosisParts parts;
   parts.sentence = verdict_sentence(diagnosis);
-  parts.reason = diagnosis.verdict == Verdict::extended ? "" : diagnosis.reason;
+  if (diagnosis.verdict == Verdict::unexplained || diagnosis.verdict == Verdict::noise_model)
+    parts.statement = diagnosis.reason;
   parts.errors = error_rows(diagnosis, context);
   parts.time_title = "Residual velocity against time";
   parts.no_time = "There are no static seconds after a rotation to show.";
@@ -385,16 +366,21 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
   return diagnosis_document(diagnosis, context, std::move(parts));
 }
 
-Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context, DiagnosisParts parts) {
-  const double threshold_z = family_threshold_z(diagnosis, context.false_alarm);
+Document begin_document(const Diagnosis& diagnosis, const DiagnosisContext& context, const std::string& sentence) {
   const std::string& unit = context.recording.info.unit_serial;
   Document document{"turncal diagnosis, unit " + unit, "Calibration diagnosis, unit " + unit};
   add_identity(context, document);
-  document.add(Paragraph{parts.sentence, "verdict " + std::string(to_string(diagnosis.verdict))}, Scope::page);
+  document.add(Paragraph{sentence, "verdict " + std::string(to_string(diagnosis.verdict))}, Scope::page);
   document.add(verdict_facts(verdict_title(diagnosis.verdict), diagnosis.trusted, brief_reason(diagnosis)),
                Scope::brief);
-  document.add(Facts{{{context.of_run ? "diagnosis" : "verdict", parts.sentence}}}, Scope::terminal);
-  if (!parts.reason.empty()) document.soft("Reason: " + parts.reason + ".");
+  document.add(Facts{{{context.of_run ? "diagnosis" : "verdict", sentence}}}, Scope::terminal);
+  return document;
+}
+
+Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context, DiagnosisParts parts) {
+  const double threshold_z = family_threshold_z(diagnosis, context.false_alarm);
+  Document document = begin_document(diagnosis, context, parts.sentence);
+  if (!parts.statement.empty()) document.soft("Statement: " + parts.statement + ".");
   const bool both = has_after(diagnosis);
   document.add(Heading{2, "error", both ? "Error before and after" : "Error"}, Scope::page);
   add_errors(diagnosis, parts.errors, document);
@@ -436,10 +422,9 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
   document.section("scores", "Every candidate of the catalogue");
   const bool scored = parts.not_scored.empty();
   if (scored) {
-    Drawing scores = draw_scores(score_bars(diagnosis, threshold_z), threshold_z);
-    scores.caption = parts.score_caption;
-    document.add(std::move(scores));
     document.add(score_table(diagnosis, threshold_z));
+    document.soft(parts.score_caption + " Bold: above the family-wise threshold, " + significant(threshold_z, 2) +
+                  "; bars: the square root of |z|, the strongest component of each effect.");
   } else {
     document.text(parts.not_scored);
   }
@@ -459,10 +444,6 @@ Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& 
   add_statements(diagnosis.statements, document);
   document.section("reading", "How to read this");
   document.add(list_of(parts.reading));
-  if (scored) {
-    document.section("components", "Appendix: every component");
-    document.add(component_table(diagnosis, threshold_z));
-  }
   document.soft("turncal " + std::string(software_version()) + ", " + context.time_utc);
   return document;
 }

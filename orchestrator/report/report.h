@@ -79,6 +79,8 @@ std::string noise_line(const JointResult& estimate, bool given);
 std::string effects_clause(const Diagnosis& diagnosis);
 std::string alias_clause(const Diagnosis& diagnosis);
 
+// What was diagnosed, and the verdict: all there is where nothing could be fitted. sentence: the verdict with numbers.
+Document begin_document(const Diagnosis& diagnosis, const DiagnosisContext& context, const std::string& sentence);
 Document diagnosis_document(const Diagnosis& diagnosis, const DiagnosisContext& context);
 // How the verification of a run ended, below the verdict.
 void say_verification(const std::string& words, Document& document);
@@ -87,7 +89,7 @@ void say_settled(const std::string& words, Document& document);
 
 // What differs between the report of a table's recording and of hand-turned data (rest_as_diagnosis.cpp).
 struct DiagnosisParts {
-  std::string sentence, reason;  // the verdict
+  std::string sentence, statement;  // the verdict
   std::vector<ErrorRow> errors;
   std::string time_title, no_time;
   Figure time;

@@ -244,13 +244,8 @@ void describe_rest_fit(const RestFit& fit, const JointResult& joint, const RestD
 
 DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& r, const RestData& data, const DiagnosisContext& context) {
   const Diagnosis& d = r.diagnosis;
-  DiagnosisFiles files{{}, format_diagnosis(d), std::nullopt};
-  if (!r.base.converged) {  // not fitted: nothing to report but why
-    for (const std::string& note : context.notes) files.report.add(Paragraph{note, "note"});
-    files.report.add(Facts{{{"verdict", verdict_sentence(d)}}}, Scope::terminal);
-    files.report.add(verdict_facts(verdict_title(d.verdict), false, brief_reason(d)), Scope::brief);
-    return files;
-  }
+  DiagnosisFiles files{begin_document(d, context, verdict_sentence(d)), format_diagnosis(d), std::nullopt};
+  if (!r.base.converged) return files;  // not fitted: nothing to report but why
   const std::vector<ErrorRow> errors = error_rows(r);
   for (const ErrorRow& row : errors)
     if (!row.normalised)

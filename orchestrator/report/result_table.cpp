@@ -76,8 +76,9 @@ void add_confusions(const NamedPrediction& column, Document& document) {
       aliases[std::string(effect.column.entry->name)].insert("other components of the same effect");
     for (const std::string& alias : effect.aliases) aliases[std::string(effect.column.entry->name)].insert(alias);
   }
-  document.text(column.name + ": " + (aliases.empty() ? "no effect is imitated by another" : "imitated by others (~)"));
-  for (const auto& [name, others] : aliases) document.text("  " + name + " by " + join({others.begin(), others.end()}));
+  document.text(column.name + ": " + (aliases.empty() ? "no confounded effects" : "confounded effects (~)"));
+  for (const auto& [name, others] : aliases)
+    document.text("  " + name + " with " + join({others.begin(), others.end()}));
   document.text(column.name + ": not detectable (-): " + (unseen.empty() ? "none" : join(unseen)));
 }
 
@@ -105,11 +106,12 @@ Table result_table(const ParameterFile& file, const std::optional<ParameterVecto
 Document calibration_document(const ParameterFile& file, const std::vector<std::string>& notes,
                               const std::string& distrust, const std::optional<ParameterVector>& truth) {
   Document document{"turncal calibration, unit " + file.unit_serial, "Calibration, unit " + file.unit_serial};
-  document.soft("Recording with content " + file.recording_hash + "; method " + file.method + ".");
+  document.soft(fmt::format("Recording with content {}; method {}; latitude {}°, gravity {} m/s².", file.recording_hash,
+                            file.method, file.latitude_deg, file.gravity_mps2));
   if (file.simulated)
     document.add(Paragraph{"Simulated data: these are not the parameters of a real unit.", "loud"}, Scope::page);
   const std::string* const open = find_further(file, undetermined_key);
-  const std::string reason = !distrust.empty()  ? distrust
+  const std::string reason = !distrust.empty()  ? distrust + " (turncal diagnose says more)"
                              : open != nullptr  ? "not determined: " + *open
                              : is_trusted(file) ? "nothing contradicts the fit; turncal diagnose tests it further"
                                                 : "too little data to judge the fit";
@@ -138,10 +140,6 @@ void add_predicted_drift(const std::vector<std::pair<std::string, ExpectedDrift>
 
 Facts pose_facts(const SinglePose& pose) {
   Facts facts;
-  facts.add("verdict",
-            fmt::format(
-                "Not tested: one pose of {} s determines no scale factor and no bias; it gives noise and slow changes:",
-                significant(pose.duration_s, 4)));
   for (std::size_t channel = 0; channel < 6; ++channel) {
     std::vector<std::string> terms;
     for (std::size_t term = 0; term < allan_terms; ++term)

@@ -120,7 +120,7 @@ Figure figure_of(const ThermalReport& report, std::size_t j) {
   Figure figure{"thermal" + key, key + " against temperature, and what the model leaves of each leg", ""};
   figure.stacked = true;
   figure.panels.resize(2);
-  figure.panels[0].title = key + ": " + what_is_said(p);
+  figure.panels[0].title = key + ", " + quantity_name(key) + ": " + what_is_said(p);
   figure.panels[0].y_label = fmt::format("from that at {:.1f} °C, {}", model.reference_c, unit.unit);
   figure.panels[0].series = {up, down, middle, low, high};
   figure.panels[1].x_label = "temperature, °C";
@@ -194,7 +194,7 @@ Document thermal_document(const ThermalReport& report) {
   const ThermalModel& model = report.model;
   Document document{"Temperature of " + report.unit, "Parameters as functions of temperature, unit " + report.unit};
   if (report.simulated) document.add(Paragraph{"SIMULATED: a dry run, or a twin.", "loud"});
-  document.text(fmt::format("{} legs at {} temperatures, {:.1f} to {:.1f} °C, parameters at {:.1f} °C.",
+  document.text(fmt::format("Legs: {}, at {} temperatures, {:.1f} to {:.1f} °C, parameters at {:.1f} °C.",
                             report.legs.size(), model.temperatures, model.low_c, model.high_c, model.reference_c));
   for (const std::string& note : report.notes) document.add(Paragraph{note, "note"});
   for (const std::string& note : model.notes) document.add(Paragraph{note, "note"});
@@ -209,11 +209,12 @@ Document thermal_document(const ThermalReport& report) {
   document.section("errors", "Error of the model");
   document.add(error_table(report));
   document.section("parameters", "Parameters");
-  Table table{{name("parameter"), number("switch-on, 1σ"), number("constant"), number("with temp."), text("unit"),
-               wide("depends on temperature as")}};
+  Table table{{name("parameter"), text("meaning"), number("switch-on, 1σ"), number("constant"), number("with temp."),
+               text("unit"), wide("depends on temperature as")}};
   for (const ThermalParameter& p : model.parameters) {
     const DisplayUnit unit = error_unit_of(report, p.key);
-    table.row({name(parameter_key(p.key)), p.key < 6 ? number(unit.factor * p.switch_on) : number("-"),
+    const std::string key = parameter_key(p.key);
+    table.row({name(key), text(quantity_name(key)), p.key < 6 ? number(unit.factor * p.switch_on) : number("-"),
                number(unit.factor * p.error_before), number(unit.factor * p.error_after), text(unit.unit),
                wide(what_is_said(p))});
   }

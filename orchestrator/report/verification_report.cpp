@@ -99,7 +99,9 @@ std::string nearness_words(const VerificationReport& report) {
   };
   const NorthSeeking& found = report.found;
   return words("heading", report.heading_limit_deg, found.deviation[0], found.mean_heading) + ", " +
-         words("level", report.level_limit_deg, found.deviation[1], found.deviation[2]);
+         words("level", report.level_limit_deg, found.deviation[1], found.deviation[2]) +
+         (report.latitude == UnitVerdict::fail ? ", latitude fails" : "") +
+         (report.gravity == UnitVerdict::fail ? ", gravity fails" : "");
 }
 
 std::string figure_words(const NorthFigure& figure) { return value_with_sigma(figure.value_deg, figure.sigma_deg); }
@@ -136,7 +138,10 @@ Figure angle_figure(const VerificationReport& report) {
     panel.y_label = "difference, °";
     panel.series = {readings, bars};
     for (const double limit : {-limit_deg, limit_deg})
-      panel.series.push_back({"limit", Series::Style::dashed, Colour::before, {{0.5, limit}, {x + 0.5, limit}}});
+      panel.series.push_back({"limit of the standard deviation in a position",
+                              Series::Style::dashed,
+                              Colour::before,
+                              {{0.5, limit}, {x + 0.5, limit}}});
     figure.panels.push_back(std::move(panel));
   }
   return figure;

@@ -72,7 +72,7 @@ bool BackgroundQueue::stuck() const {
 }
 
 Status BackgroundQueue::status() const {
-  if (threw_) return device_error("what was to be written could not be: " + thrown_);
+  if (threw_) return device_error("could not be written: " + thrown_);
   if (stuck()) return device_error("the disk has not answered for " + format_number(limit_s_) + " s");
   return {};
 }

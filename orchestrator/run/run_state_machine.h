@@ -15,9 +15,11 @@
 #include <cstdint>
 #include <initializer_list>
 #include <span>
+#include <string>
 #include <string_view>
 
 #include "imu_io/base/text.h"
+#include "orchestrator/station/number_text.h"
 
 namespace turncal {
 
@@ -287,6 +289,11 @@ constexpr Transition next(RunState state, RunEvent event, GuardSet guards) {
 constexpr bool is_final(RunState state) {
   return state == RunState::done || state == RunState::failed || state == RunState::aborted ||
          state == RunState::interrupted;
+}
+
+// For people: "at rest" between two items.
+inline std::string state_words(std::string_view state) {
+  return state == "selecting" || state == "step_done" ? "at rest" : in_words(state);
 }
 
 }  // namespace turncal

@@ -632,7 +632,7 @@ std::string StationRun::place() const {
   std::string text = enabled_ ? fmt::format("step {} ({}/{}) ", job_.sequence.steps[step_].number, step_ + 1,
                                             job_.sequence.steps.size())
                               : "";
-  text += to_string(state_);
+  text += state_words(to_string(state_));
   if (!angles_known_) return text;
   if (in({RunState::moving, RunState::settling}) && arrival_.move()) {
     const Move& move = *arrival_.move();

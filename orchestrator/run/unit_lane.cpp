@@ -50,7 +50,7 @@ Result<std::string> UnitLane::connect(const StationConfig& station, bool table_s
   open_ = true;
   const ImuIdentity imu = TRY(unit_.imu.identify());
   if (!imu.unit_serial.empty() && imu.unit_serial != unit_.serial)
-    return input_error("the unit on the table says it is '" + imu.unit_serial + "', but this run is for '" +
+    return input_error("the unit on the table reports serial number '" + imu.unit_serial + "', but this run is for '" +
                        unit_.serial + "'");
   unit_.imu.describe(info_);
   info_.latitude_deg = station.latitude_deg;

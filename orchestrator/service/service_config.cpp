@@ -46,7 +46,7 @@ Result<std::map<std::string, std::string>> read_operators(const std::string& pat
       return input_error(path + ":" + std::to_string(number) +
                          ": expected NAME:HASH with a hash of crypt(5), as $6$...");
     if (!hashes.emplace(name, line.substr(colon + 1)).second)
-      return input_error(path + ":" + std::to_string(number) + ": " + turncal::quoted(name) + " is there already");
+      return input_error(path + ":" + std::to_string(number) + ": " + turncal::quoted(name) + " is listed twice");
   }
   if (hashes.empty()) return input_error(path + ": names nobody: expected a line NAME:HASH for each operator");
   return hashes;

@@ -147,13 +147,12 @@ std::optional<double> interval_of(const std::vector<UnitOutcome>& outcomes) {
   return median(intervals);
 }
 
-// As the batch says it; else the next, of one that has not said it yet.
-std::vector<std::string> unit_to_mount(const std::string& queue, const std::vector<std::string>& waiting) {
-  if (const Result<std::string> text = read_whole_file(mounting_file(queue), 1024)) {
-    std::string_view remaining = *text;
-    if (const std::string_view unit = next_line(remaining); !unit.empty()) return {std::string(unit)};
-  }
-  return {waiting.begin(), waiting.begin() + (waiting.empty() ? 0 : 1)};
+// As the batch says it; none: it waits for no mounting.
+std::vector<std::string> unit_to_mount(const std::string& queue) {
+  const Result<std::string> text = read_whole_file(mounting_file(queue), 1024);
+  std::string_view remaining = text ? std::string_view(*text) : "";
+  const std::string_view unit = next_line(remaining);
+  return unit.empty() ? std::vector<std::string>() : std::vector{std::string(unit)};
 }
 
 // By proc(5), as one that is hung by a debugger or SIGSTOP is.
@@ -206,7 +205,7 @@ std::string words_of(const JournalFields& transition) {
   std::string words = step.empty() || step == "0" ? "" : "step " + step + ": ";
   if (state == "moving") return words + (detail.empty() ? "moving" : detail);
   if (state == "dwelling") return words + "at rest" + (detail.empty() ? "" : " (" + detail + ")");
-  return words + state + (detail.empty() ? "" : ": " + detail);
+  return words + state_words(state) + (detail.empty() ? "" : ": " + detail);
 }
 
 void show_run(const JournalContents& journal, double now_utc_s, StationView& view) {
@@ -277,11 +276,12 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
   const bool left = journal && !run->process && !is_over(*journal) && std::ranges::any_of(begun, waits);
   view.process = run && run->process ? run->process : batch;
   view.simulated = journal && journal->begin_value("simulated") == "true";
+  const std::vector<std::string> to_mount = unit_to_mount(station.queue);
   if (run && run->process) {
     view.state = journal && journal->seal_utc_s ? StationState::results : StationState::running;
     view.folder = run->path;
   } else if (batch) {
-    view.state = StationState::mounting;
+    view.state = to_mount.empty() ? StationState::results : StationState::mounting;
   } else {
     view.state = left || !view.waiting.empty() ? StationState::stopped : StationState::idle;
   }
@@ -296,12 +296,13 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
     case StationState::running:
       view.headline = of_units + ", " + (view.pausing ? "a pause was requested: " : "") + view.phase;
       break;
-    case StationState::results: view.headline = of_units + ": recorded, results are being computed"; break;
+    case StationState::results:
+      view.headline = run && run->process ? of_units + ": recorded, results are being computed" : "between two units";
+      break;
     case StationState::mounting:
-      view.units = unit_to_mount(station.queue, view.waiting);
-      view.headline =
-          view.units.empty() ? "the queue is done" : "waiting for unit " + view.units.front() + " to be mounted";
-      if (!view.units.empty()) view.urgent("mount unit " + view.units.front());
+      view.units = to_mount;
+      view.headline = "waiting for unit " + to_mount.front() + " to be mounted";
+      view.urgent("mount unit " + to_mount.front());
       break;
     case StationState::stopped:
       view.headline = left && journal->pause_asked ? of_units + " is paused: " + view.phase

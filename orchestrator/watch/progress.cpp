@@ -81,7 +81,7 @@ std::string phase_words(const RunSnapshot& s, bool by_hand) {
     return s.chamber.empty() ? "resting after the interruption" : "resting: " + s.chamber;
   if (waits_for_operator(s, by_hand))
     return s.axis ? fmt::format("turn {} to {:.2f} deg", to_string(*s.axis), s.target_deg) : "where the table stands";
-  return std::string(to_string(s.state));
+  return state_words(to_string(s.state));
 }
 
 std::string format_duration(double seconds) {
@@ -96,9 +96,9 @@ std::string format_progress(const RunSnapshot& s) {
   const std::string angles =
       s.axis ? fmt::format("{} {:.2f} -> {:.2f} deg", to_string(*s.axis), at[*s.axis], s.target_deg)
              : fmt::format("H {:.2f} P {:.2f} R {:.2f} deg", at[Axis::heading], at[Axis::pitch], at[Axis::roll]);
-  return fmt::format("step {}/{}  {}  {} {:3.0f}%  run {:3.0f}%  ETA {}", s.step_place, s.step_count,
-                     phase_words(s, false), angles, 100.0 * s.phase_fraction, 100.0 * s.run_fraction,
-                     format_duration(s.eta_s)) +
+  // A narrow terminal cuts the end.
+  return fmt::format("{:3.0f}%, {} left  step {}/{}  {} {:3.0f}%  {}", 100.0 * s.run_fraction, format_duration(s.eta_s),
+                     s.step_place, s.step_count, phase_words(s, false), 100.0 * s.phase_fraction, angles) +
          (s.chamber.empty() || s.state == RunState::resting ? "" : "  " + s.chamber);
 }
 

@@ -171,7 +171,7 @@ TEST(BinaryRecording, OpeningWhatIsNotOne) {
   TemporaryFolder folder;
   EXPECT_ERROR(RecordingSource::open(folder / "no"), (folder / "no") + ": cannot open: No such file or directory");
   EXPECT_ERROR(RecordingSource::open(folder.path()),
-               folder.path() + ": neither recording.tcr nor recording.conf in it: expected a recording");
+               folder.path() + ": contains neither recording.tcr nor recording.conf: expected a recording");
   write_file(folder / "a.tcr", "");
   EXPECT_ERROR(RecordingSource::open(folder / "a.tcr"), (folder / "a.tcr") + ": empty file: expected a recording");
   write_file(folder / "a.tcr", std::string(100000, 'x'));

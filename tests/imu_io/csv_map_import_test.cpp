@@ -229,8 +229,9 @@ TEST(ImportForms, AccelerometersInAFileOfTheirOwn) {
   const ColumnSource gyros = columns_of_text(gyro, "g.csv"), others = columns_of_text(other, "a.csv"),
                      sames = columns_of_text(same, "a.csv");
   const ColumnSource later = columns_of_text("t,ax,ay,az\n9000,0,0,1\n9001,0,0,1\n", "a.csv");
-  EXPECT_TRUE(fails(import_columns(map, gyros, &later),
-                    "a.csv: 0 of 2 rows are in the time of g.csv: expected 10 or more, in the same unit"));
+  EXPECT_TRUE(
+      fails(import_columns(map, gyros, &later),
+            "a.csv: 0 of 2 rows fall into the time of g.csv: expected at least 10, with times in the same unit"));
   const Result<CsvImport> joined = good(import_columns(map, gyros, &sames));
   ASSERT_EQ(joined->samples.size(), 50u);
   EXPECT_NEAR(joined->samples[9].accel[0], 0.5 * standard_gravity_mps2 * 0.01, 1e-9);
@@ -266,8 +267,9 @@ TEST(ImportForms, GapsInTheAccelerometersOfTheirOwn) {
   EXPECT_EQ(joined->gaps, 1);
   for (const ImuSample& sample : joined->samples)
     EXPECT_NEAR(sample.accel[0], (sample.counter < 1200 ? 0.5 : 2.5) * standard_gravity_mps2 * 0.01, 1e-6);
-  EXPECT_TRUE(fails(import_columns(map_of("time.column = t\n"), gyros, &others),
-                    "ms.csv: 3 of 3000 rows are in the time of g.csv: expected 10 or more, in the same unit"));
+  EXPECT_TRUE(
+      fails(import_columns(map_of("time.column = t\n"), gyros, &others),
+            "ms.csv: 3 of 3000 rows fall into the time of g.csv: expected at least 10, with times in the same unit"));
 }
 
 // A gyro that stands at its extreme value is found on the numbers, whatever the intervals are.

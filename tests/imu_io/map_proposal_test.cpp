@@ -154,9 +154,9 @@ TEST(MapProposal, UnitsAreSeenOrInDoubt) {
   std::ofstream(folder / "dead.csv") << dead;
   EXPECT_SAYS(propose(folder / "dead.csv")->text, "# In doubt: gyro.columns: 'gz' is 0 throughout");
   std::ofstream(folder / "x.csv") << table("t,mx,my,mz,qx,qy,qz", 1, 1, 1, true);
-  EXPECT_TRUE(
-      fails(propose(folder / "x.csv"),
-            "no three columns are plainly those of the gyros: expected --map with their names; it has 't', 'mx'"));
+  EXPECT_TRUE(fails(
+      propose(folder / "x.csv"),
+      "no three columns can be recognised as the gyros: expected --map with their names; the columns are 't', 'mx'"));
   std::ofstream(folder / "y.csv") << "nothing but words\n";
   EXPECT_TRUE(fails(propose(folder / "y.csv"), "no row of six numbers"));
   std::ofstream(folder / "z.csv") << table("t,gx,gy,gz,gyro2_x,gyro2_y,gyro2_z", 1, 1, 1, true);
@@ -458,9 +458,9 @@ TEST(Increments, DoubledRowsAreSaid) {
   };
   constexpr double fine = 1e-9, coarse = 1.5;  // counts
   for (const int doubled : {1, 10, 1000}) {
-    EXPECT_TRUE(fails(
-        import(5e-4, fine, doubled, nullptr),
-        fmt::format("d.csv:1002: the row before again, time and numbers, as {} of {} rows", doubled, 2000 + doubled)));
+    EXPECT_TRUE(fails(import(5e-4, fine, doubled, nullptr),
+                      fmt::format("d.csv:1002: repeats the row before, time and numbers, as {} of {} rows do", doubled,
+                                  2000 + doubled)));
     const CsvImport once = expect_value(import(5e-4, fine, doubled, "skip"));
     EXPECT_EQ(once.samples.size(), 2000u);
     EXPECT_EQ(once.samples.back().counter, 1999);

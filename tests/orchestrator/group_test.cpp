@@ -117,7 +117,7 @@ TEST_F(Group, WhoDropsOutIsNamedAndWhoIsLeftGoesOn) {
              true},
         Case{"another",
              "unit_serial = SN9\n",
-             {"unit SN1 dropped out at connecting: the unit on the table says it is 'SN9'"},
+             {"unit SN1 dropped out at connecting: the unit on the table reports serial number 'SN9'"},
              false,
              true},
         Case{"all_gone",
@@ -149,8 +149,8 @@ TEST_F(Group, SamplesLostAtRestRepeatTheDwellForAll) {
   const std::string rig =
       write("lost.rig", "fault.1.kind = lost_sample\nfault.1.sample = 1700\nfault.1.count = 2\nfault.1.unit = 2\n");
   const ProgramResult result = ends(dry_run({"SN1", "SN2"}, "out", {"--rig", rig}), 0);
-  EXPECT_SAYS(result.out, "1 dwells repeated, 0 samples lost");
-  EXPECT_SAYS(result.out, "1 dwells repeated, 2 samples lost");
+  EXPECT_SAYS(result.out, "dwells repeated: 1, samples lost: 0");
+  EXPECT_SAYS(result.out, "dwells repeated: 1, samples lost: 2");
   EXPECT_SAYS(bytes("out/SN1/parameters.conf"), "record.repeated_dwells = 1");
   // As if it had been the only unit.
   ASSERT_EQ(run(dry_run({"SN2"}, "alone",
@@ -179,8 +179,7 @@ TEST_F(Group, AUnitThatDoesNotKeepItsLimitsFailsAlone) {
   for (const char* unit : {"SN1", "SN2", "SN3"}) EXPECT_SAYS(history.out, unit);
   // Not into its own source, nor over any other file but an earlier table or page.
   for (const char* option : {"--csv", "--report"}) {
-    expect_refused({"history", "r.db", option, "r.db", "--simulated", "--together"},
-                   "holds something else than would be written");
+    expect_refused({"history", "r.db", option, "r.db", "--simulated", "--together"}, "is a file of another kind");
     const std::string write_it = std::string("history r.db --simulated --together ") + option + " table" + option;
     ASSERT_EQ(run(write_it).code, 0);
     EXPECT_EQ(run(write_it).code, 0);

@@ -153,8 +153,8 @@ TEST_F(HandTurned, RefusesWhatItCannotUse) {
   HandPlan plan;
   plan.rests = 3;
   synthetic("few", plan);
-  expect_refused({"diagnose", "few", "--out", "out"}, "wants at least 4 rests");
-  expect_refused({"calibrate", "few", "--out", "out"}, "wants at least 4 rests");
+  expect_refused({"diagnose", "few", "--out", "out"}, "a calibration needs 4 rests");
+  expect_refused({"calibrate", "few", "--out", "out"}, "a calibration needs 4 rests");
   plan.rests = 12;
   synthetic("rec", plan);
   expect_refused("calibrate rec --method closed-form --out out", "all table angles are 0, as of a unit turned by hand");

@@ -29,7 +29,7 @@ RunSnapshot moving() {
 }
 
 TEST(Progress, LineSaysStepPhaseAngleTargetAndEta) {
-  EXPECT_EQ(format_progress(moving()), "step 2/14  moving  roll 123.46 -> 360.00 deg  34%  run  11%  ETA 1:23:45");
+  EXPECT_EQ(format_progress(moving()), " 11%, 1:23:45 left  step 2/14  moving  34%  roll 123.46 -> 360.00 deg");
 }
 
 TEST(Progress, DwellSaysItsKindAndRepeat) {
@@ -37,7 +37,7 @@ TEST(Progress, DwellSaysItsKindAndRepeat) {
   s.state = RunState::dwelling;
   s.dwell_kind = SegmentKind::align;
   s.axis.reset();
-  EXPECT_EQ(format_progress(s), "step 2/14  align  H 0.00 P 0.00 R 123.46 deg  34%  run  11%  ETA 1:23:45");
+  EXPECT_EQ(format_progress(s), " 11%, 1:23:45 left  step 2/14  align  34%  H 0.00 P 0.00 R 123.46 deg");
   s.dwell_kind = SegmentKind::still;
   s.repeats = 1;
   EXPECT_SAYS(format_progress(s), "dwell (repeat 1)");

@@ -87,7 +87,7 @@ TEST(SequenceDesign, IsFoundForATableThatCannotDoTheFourteenSteps) {
 TEST(SequenceDesign, SaysWhatCannotBe) {
   DesignTask task = task_of(1500.0);
   task.turns = {};
-  EXPECT_EQ(design_walk(task, go_on).error().message, "no axis may turn by a degree: expected one at least");
+  EXPECT_EQ(design_walk(task, go_on).error().message, "no axis may turn by a degree: expected at least one that may");
   task.turns = {true, true, true};
   task.time_s = 5.0;
   EXPECT_SAYS(design_walk(task, go_on).error().message, "not even one turn of 30 deg");

@@ -139,7 +139,7 @@ TEST(RateCheck, ADeadRateOrMovingBitIsNamed) {
     EXPECT_TRUE(fails(judged(scale, true), ErrorKind::input, "pitch turned by +5.000 deg while its rate summed up to"))
         << scale;
   }
-  EXPECT_TRUE(fails(judged(1.0, false), "never said so"));
+  EXPECT_TRUE(fails(judged(1.0, false), "its status never showed it"));
 }
 
 }  // namespace

@@ -466,7 +466,7 @@ Status check_sentences(const Dialect& dialect, Axis axis, const Moves& moves) {
   for (const Exchange& exchange : dialect.of(TableOperation::move).exchanges) {
     const std::string body = filled(dialect, exchange.send, axis, moves);
     const auto cannot = [&](const std::string& expected) {
-      return input_error("the device cannot be told '" + visible(body) + "': expected " + expected);
+      return input_error("the device cannot take '" + visible(body) + "': expected " + expected);
     };
     if (!exchange.send.match(body)) return cannot("numbers that fit '" + exchange.send.text() + "'");
     for (const std::string& name : exchange.send.names()) {

@@ -363,9 +363,8 @@ Result<Words> words_of(const RegisterMap& map, const WriteOperand& operand, int 
   if (encoded && !((of_rate || of_acceleration) &&
                    is_told_coarsely(decode_words(encoded->span(), operand.type, map.layout), value)))
     return *encoded;
-  return input_error(
-      "the drive cannot be told {} in register {}{}: expected another type than {}, or another axis.{}.{}",
-      format_number(value), at, encoded ? " to 5 %" : "", to_string(operand.type), to_string(which), key);
+  return input_error("register {} cannot hold {}{}: expected another type than {}, or another axis.{}.{}", at,
+                     format_number(value), encoded ? " to 5 %" : "", to_string(operand.type), to_string(which), key);
 }
 
 Result<std::vector<std::uint16_t>> words_of(const RegisterMap& map, const WriteStep& step, Axis axis,

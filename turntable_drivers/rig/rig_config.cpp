@@ -206,6 +206,7 @@ Status check_truth(const RigConfig& config) {
 }
 
 Result<RigConfig> config_from(KeyValueFile& file, RigConfig config) {
+  file.integer_or("format", 1, 1, 1);
   KeyTable keys(file, any_size);
   read_general(keys, config);
   read_table_errors(keys, config.table_errors);

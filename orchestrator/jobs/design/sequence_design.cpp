@@ -42,7 +42,7 @@ class Search {
   explicit Search(const DesignTask& task) : task_(task), random_(task.seed), axes_(axes_of(task)) {}
 
   Result<Design> run(const std::function<bool(const DesignProgress&)>& progress) {
-    if (axes_.empty()) return input_error("no axis may turn by a degree: expected one at least");
+    if (axes_.empty()) return input_error("no axis may turn by a degree: expected at least one that may");
     Walk now = begin();
     std::optional<double> cost = judge(now);
     while (!cost && !now.legs.empty()) {  // too long: fewer legs

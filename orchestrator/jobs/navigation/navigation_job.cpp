@@ -221,7 +221,7 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
                             ? reference
                                   ? "the reference is nowhere at rest for " + seconds(request.align_s) +
                                         ", which the alignment takes: expected a longer stop, or a shorter --align"
-                                  : "the unit rests nowhere for " + seconds(align_min_rest_s) + " of " +
+                                  : "nowhere does the unit rest for " + seconds(align_min_rest_s) + " of " +
                                         seconds(request.align_s) + " of alignment: expected a longer --align"
                             : report.lost.front() + "; expected a branch that does not go over more than " +
                                   std::to_string(most_filled_samples) + " lost samples"));
@@ -245,7 +245,7 @@ Result<ReferenceTrack> read_reference(const std::string& path) {
                                                    {.name = "velocity_north_mps", .may_be_missing = true},
                                                    {.name = "velocity_east_mps", .may_be_missing = true}},
                                                   TableFormat{.whole_rows = true}));
-  if (table.rows() < 2) return input_error(path + ": " + std::to_string(table.rows()) + " rows: expected two and more");
+  if (table.rows() < 2) return input_error(path + ": " + std::to_string(table.rows()) + " rows: expected at least two");
   const auto& c = table.columns;
   const bool with_velocity = !c[4].empty() && !c[5].empty();
   if (c[4].empty() != c[5].empty())

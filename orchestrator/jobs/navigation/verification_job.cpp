@@ -98,7 +98,7 @@ Status check_north_seeking(const Segments& segments, int first_step, double samp
   int searches = 0, readings = 0;  // of the position
   const Segment* last = nullptr;
   const auto alone = [&] {
-    return input_error("{}: step {}: one alignment at heading {}, expected two and more: one alone has no deviation",
+    return input_error("{}: step {}: one alignment at heading {}, expected at least two: one alone has no deviation",
                        where, last->step, format_number(last->heading_deg));
   };
   for (const Segment& segment : segments) {
@@ -185,7 +185,7 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
     return Error{ErrorKind::unit_failed,
                  fmt::format("{}: {}{} without lost samples; {}", request.recording, not_judged_words,
                              searches.empty() ? "no search for the zero"
-                                              : fmt::format("{} alignments at heading {}, expected two and more",
+                                              : fmt::format("{} alignments at heading {}, expected at least two",
                                                             few->second, format_number(few->first)),
                              report.left_out.empty() ? "" : report.left_out.front())};
 
@@ -210,7 +210,7 @@ Result<ReferenceReport> verify_references(const std::string& csv) {
   const NumberTable table = TRY(read_number_table(content, csv, wanted, TableFormat{.whole_rows = true}));
   if (table.rows() < 2)
     return input_error(csv + ": " + std::to_string(table.rows()) +
-                       " rows, expected two and more: the first binds the references to the unit");
+                       " rows, expected at least two: the first relates the references to the unit");
   std::vector<ReferenceRow> rows(table.rows());
   for (std::size_t row = 0; row < rows.size(); ++row)
     for (std::size_t a = 0; a < 3; ++a) {

@@ -164,7 +164,7 @@ TEST(Thermal, FaultyLegsAreRefusedByName) {
   });
   ASSERT_OK(two);
   EXPECT_EQ(two->most_order, 1);
-  EXPECT_SAYS(two->notes.front(), "2 temperatures: no order above 1");
+  EXPECT_SAYS(two->notes.front(), "2 temperatures determine no order above 1");
 }
 
 // The rig at five temperatures, each a switch-on with noise of its own: gyro and accelerometer bias and scale factor that depend on it. What the

@@ -176,19 +176,17 @@ TEST(Outline, KeepsExtremesAndBreaksWithinTheLimit) {
   EXPECT_EQ(outline(points, 200000).size(), points.size());
 }
 
-TEST(ScoreBars, AreSortedAndCoverTheWholeCatalogue) {
+TEST(Scores, AreOfWhatTheRecordingCanShowTheStrongestFirst) {
   const Sample sample = extended_sample();
-  const double threshold = family_threshold_z(sample.diagnosis, 0.005);
-  EXPECT_NEAR(threshold, 4.138, 0.002);  // 0.5 % over 143 visible components, two-sided
-  const std::vector<ScoreBar> bars = score_bars(sample.diagnosis, threshold);
-  ASSERT_EQ(bars.size(), effect_catalogue().size());
-  EXPECT_EQ(bars.front().name, "accel_second_order");
-  EXPECT_EQ(bars.front().role, ScoreBar::Role::added);
-  EXPECT_EQ(bars.front().remark, "27.0  (x)");
-  EXPECT_EQ(bars.back().name, "accel_size_effect");
-  EXPECT_EQ(bars.back().role, ScoreBar::Role::invisible);
-  EXPECT_EQ(bars.back().remark, "cannot be seen in this recording");
-  for (std::size_t k = 2; k < bars.size(); ++k) EXPECT_GE(bars[k - 1].z, bars[k].z);
+  // 0.5 % over 143 visible components, two-sided
+  EXPECT_NEAR(family_threshold_z(sample.diagnosis, 0.005), 4.138, 0.002);
+  const std::vector<const CandidateScore*> scores = strongest_candidates(sample.diagnosis);
+  EXPECT_EQ(scores.front()->column.key(), "accel_second_order.x");
+  EXPECT_NEAR(scores.front()->z, 27.0, 0.05);
+  for (std::size_t k = 1; k < scores.size(); ++k) {
+    EXPECT_GE(std::abs(scores[k - 1]->z), std::abs(scores[k]->z));
+    EXPECT_NE(scores[k]->column.entry->name, "accel_size_effect");  // the sample does not show it
+  }
 }
 
 TEST(Gnuplot, FailsInOneLine) {

@@ -104,9 +104,9 @@ TEST(DiagnosisFile, KeepsEveryKeyWhenThereIsNothingToSay) {
   empty.error_before = empty.error_after = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(format_diagnosis(empty),
             "# turncal diagnosis: which effect the 24 parameters lack, and the error before and after it was added\n"
-            "# reason: first line second line\n"
             "verdict = unexplained\n"
             "quality.trusted = false\nreason = effects of the catalogue do not explain all of the residual\n"
+            "statement = first line second line\n"
             "effects =\n"
             "undetectable =\n"
             "error.before =\n"

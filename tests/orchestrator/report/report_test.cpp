@@ -15,7 +15,7 @@ namespace {
 const GnuplotOptions no_gnuplot = {.program = "/nonexistent/gnuplot"};
 
 const char* const section_ids[] = {"error",  "time",   "scores",    "parameters", "allan",
-                                   "limits", "faults", "selection", "reading",    "components"};
+                                   "limits", "faults", "selection", "reading"};
 
 void expect_sections_in_order(const std::string& html) {
   std::size_t at = html.find("class=\"verdict");

@@ -295,7 +295,7 @@ TEST_F(Navigate, NoRestAndNoDayIsMadeUp) {
                  "200000000 samples lost from sample 90001 on: expected a recording that lost less than a day");
   retell("rest", "turning", [](std::int64_t, std::vector<std::string>& cells) { cells[3] = "96"; });  // 5 deg/s about z
   expect_refused("navigate turning --parameters true.conf --out nav",
-                 "the unit rests nowhere for 20 s of 300 s of alignment");
+                 "nowhere does the unit rest for 20 s of 300 s of alignment");
 }
 
 // A branch begins where an alignment can be made, so that one near a turn does not spoil the others.
@@ -465,7 +465,7 @@ TEST_F(NavigateReference, RefusesOneThatCannotBe) {
   expect_refused(beside("nothing.csv"), "nothing.csv");
   const std::string head = "time_s,latitude_deg,longitude_deg\n";
   for (const auto& [text, words] : std::vector<std::pair<std::string, const char*>>{
-           {head + "0,29.53,10\n", "bad.csv: 1 rows: expected two and more"},
+           {head + "0,29.53,10\n", "bad.csv: 1 rows: expected at least two"},
            {head + "0,29.53,10\n5,29.53,10\n4,29.53,10\n",
             "bad.csv:4: time_s = '4': expected more than in the row before"},
            {head + "0,29.53,10\n5,89,10\n", "bad.csv:3: latitude_deg = '89': expected -85 to 85"},

@@ -188,7 +188,7 @@ TEST_F(Verify, LeavesOutWhatLostSamples) {
   const ProgramResult few = judge("few");
   EXPECT_EQ(few.code, 20) << few.err;
   EXPECT_EQ(few.err_lines(), 1) << few.err;
-  EXPECT_SAYS(few.err, "not judged: 1 alignments at heading 0, expected two and more");
+  EXPECT_SAYS(few.err, "not judged: 1 alignments at heading 0, expected at least two");
   lose("v", middle[0], middle[1] - middle[0] + 1, "zero");
   const ProgramResult zero = judge("zero");
   EXPECT_EQ(zero.code, 20) << zero.err;
@@ -340,7 +340,7 @@ TEST_F(Verify, ReadingsOfReferences) {
   write("edge.csv", std::string(reference_head) + "20,0,0,20,0,0\n100.3,0.06,0,100.291,0,0.06\n");
   EXPECT_EQ(run("verify --references edge.csv").code, 0);
   for (const auto& [rows, words] : {std::pair{"30,0,0,30,0,0.0", "bad.csv:3: the last line has no end"},
-                                    {"", "1 rows, expected two and more"},
+                                    {"", "1 rows, expected at least two"},
                                     {"20,zero,0,20,0,0\n", "bad.csv"},
                                     {"20,0,0,20,0,0,7\n", "bad.csv:3: the row has 7 columns: expected 6"},
                                     {"2000,0,0,20,0,0\n", "bad.csv:3: expected angles from -360 to 360 deg"}}) {

@@ -160,18 +160,18 @@ TEST(RegisterMap, AMoveThatTheRegistersCannotHoldIsSaid) {
   EXPECT_EQ(said_of(counts, counts, 540.0, 100.0), "fits");
   const std::string rate = counts + "\naxis.heading.rate_scale = ";
   EXPECT_SAYS(said_of(counts, "axis.heading.counts_per_degree = 1e9", 90.0, 1.0),
-              ": write.move: the drive cannot be told 90000000000 in register 528: expected another type than s32, "
+              ": write.move: register 528 cannot hold 90000000000: expected another type than s32, "
               "or another axis.heading.counts_per_degree");
   // The rate stands behind the position, in the register after its two.
   EXPECT_SAYS(said_of(counts, rate + "1e9", 90.0, 30.0),
-              "told 30000000000 in register 530: expected another type than u32, or another axis.heading.rate");
+              "register 530 cannot hold 30000000000: expected another type than u32, or another axis.heading.rate");
   // 30 deg/s would be 1.5, and is 2 to the drive: a third too fast.
-  EXPECT_SAYS(said_of(counts, rate + "0.05", 90.0, 30.0), "told 1.5 in register 530 to 5 %: expected another");
+  EXPECT_SAYS(said_of(counts, rate + "0.05", 90.0, 30.0), "register 530 cannot hold 1.5 to 5 %: expected another");
   EXPECT_EQ(said_of(counts, rate + "0.35", 90.0, 30.0), "fits") << "10.5 is told as 11";
-  EXPECT_SAYS(said_of(counts, rate + "1e-4", 90.0, 1.0), "cannot be told");
-  EXPECT_SAYS(said_of(counts, counts + "\naxis.heading.acceleration_scale = 1e-3", 90.0, 1.0), "cannot be told 0.01");
-  EXPECT_SAYS(said_of(move, "s32 position + u16 rate", 90.0, 10.0), "cannot be told 100000");
-  EXPECT_SAYS(said_of(move, "u16 position + u32 rate", 7.0, 1.0), "cannot be told 70000");
+  EXPECT_SAYS(said_of(counts, rate + "1e-4", 90.0, 1.0), "cannot hold");
+  EXPECT_SAYS(said_of(counts, counts + "\naxis.heading.acceleration_scale = 1e-3", 90.0, 1.0), "cannot hold 0.01");
+  EXPECT_SAYS(said_of(move, "s32 position + u16 rate", 90.0, 10.0), "cannot hold 100000");
+  EXPECT_SAYS(said_of(move, "u16 position + u32 rate", 7.0, 1.0), "cannot hold 70000");
   EXPECT_SAYS(said_of("position.address = 0x100", "position.address = 0x100\nposition.type = u16", 7.0, 1.0),
               "cannot read 70000");
 }
