@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <span>
 
 #include "calib/evidence/holdout.h"
 #include "calib/joint/several_recordings.h"
@@ -62,18 +63,17 @@ void put_back(const Values& effects, const std::vector<Values>& held_out, const 
     });
     const auto at = std::size_t(found - table.effects.begin());
     const Weights& basis = table.bases[table.basis_of_effect[at]];
-    for (Eigen::Index k = 0; piece_dims * k < x.size(); ++k) {
-      const Weights::Part& part = basis.parts[std::size_t(k)];
-      const auto recording = std::size_t(part.first / part.of.rows());  // from 1 on: one that is held out
+    for (std::size_t i = 0; i < basis.rows_of(x.size()); ++i) {
+      const auto recording = std::size_t(basis.first[i] / basis.mine);  // from 1 on: one that is held out
       const double value = recording == 0 ? effect.value : held_out[recording - 1][e].value;
-      for (std::size_t i = 0; i < part.rows.size(); ++i)
-        x[piece_dims * k + part.rows[i]] += value * part.of(table.column_of_effect[at], Eigen::Index(i));
+      x[basis.rows[i]] += value * basis.of()(table.column_of_effect[at], Eigen::Index(i));
     }
   }
   system.put_back(x);
 }
 void score_again(UnderNoise& under) {
-  for (std::size_t k = 0; k < under.blocks.size(); ++k) under.blocks[k].s = under.system->score(under.table->bases[k]);
+  for (std::size_t k = 0; k < under.blocks.size(); ++k)
+    under.blocks[k].s = under.table->bases[k].products(under.system->scores().transpose()).transpose();
 }
 
 void conclude(Posterior posterior, const std::vector<EstimatedEffect>& effects, Evidence& result) {
@@ -149,7 +149,7 @@ void of_the_fit_alone(Evidence& e) {
     UnderNoise& under = e.at_each_noise[n];
     std::vector<char> wanted(under.table->bases.size(), 0);
     for (const std::size_t basis : under.table->basis_of_effect) wanted[basis] = 1;
-    for (const WeighedModel& m : e.posterior.models)
+    for (const WeighedModel& m : std::span(e.posterior.models).first(averaged_models(e.posterior)))
       for (const ModelTerm& t : m.terms)
         if (m.noise == n) wanted[under.table->terms[std::size_t(t.term)].basis] = 1;
     under.blocks = under.system->blocks(under.table->bases, wanted);
@@ -169,7 +169,9 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
   std::vector<JointResult> others;
   for (const CompressedRecording* other : held_out) others.push_back(model_on_holdout(*other, fit, fit.noise));
   const auto join = [&](const PiecewiseView& view, double part) {
-    Together all = {*view.system, view.pieces, readings(view), {}};
+    const bool tells_terms = part == 1.0;  // they are the same at each noise
+    Together all = {*view.system, view.pieces, {}, {}};
+    if (tells_terms) all.readings = readings(view);
     std::vector<Eigen::Index> own;
     for (std::size_t k = 0; k < view.columns.size(); ++k)
       if (view.columns[k] < 6) own.push_back(Eigen::Index(k));
@@ -178,7 +180,7 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
       if (!other.system) continue;
       all.system = PieceSystem(all.system, *other.system, own);
       append(other.pieces, recordings + int(all.taken_off.size()), all.pieces);
-      const std::vector<Readings> more = readings(other);
+      const std::vector<Readings> more = tells_terms ? readings(other) : std::vector<Readings>{};
       all.readings.insert(all.readings.end(), more.begin(), more.end());
       all.taken_off.push_back(without_turn_ons(others[k].effects));
     }

@@ -258,24 +258,48 @@ class BackwardStep {
 
 }  // namespace
 
-void Weights::add(Eigen::Index first, const MatrixXd& coordinates) {
-  Part part = {first, {}, {}};
-  for (int d = 0; d < piece_dims; ++d)
-    if ((coordinates.row(d).array() != 0.0).any()) part.rows.push_back(d);
-  part.of = coordinates(part.rows, Eigen::all).transpose();
-  parts.push_back(std::move(part));
+void Weights::add(Eigen::Index first_column, const MatrixXd& coordinates) {
+  for (int d = 0; d < piece_dims; ++d) {
+    const auto column = coordinates.col(d);
+    if ((column.array() == 0.0).all()) continue;
+    rows.push_back(piece_dims * (std::ssize(begin) - 1) + d);
+    first.push_back(first_column);
+    values.insert(values.end(), column.data(), column.data() + mine);
+  }
+  begin.push_back(rows.size());
 }
 
 Weights Weights::of_rows(const MatrixXd& rows) {
   Weights weights;
-  weights.columns = rows.cols();
-  for (Eigen::Index first = 0; first < rows.rows(); first += piece_dims) {
-    MatrixXd piece = MatrixXd::Zero(piece_dims, rows.cols());
-    const Eigen::Index count = std::min<Eigen::Index>(piece_dims, rows.rows() - first);
-    piece.topRows(count) = rows.middleRows(first, count);
+  weights.columns = weights.mine = rows.cols();
+  MatrixXd piece(rows.cols(), piece_dims);
+  for (Eigen::Index at = 0; at < rows.rows(); at += piece_dims) {
+    const Eigen::Index count = std::min<Eigen::Index>(piece_dims, rows.rows() - at);
+    piece.setZero();
+    piece.leftCols(count) = rows.middleRows(at, count).transpose();
     weights.add(0, piece);
   }
   return weights;
+}
+
+MatrixXd Weights::times(const MatrixXd& L, Eigen::Index coordinates) const {
+  MatrixXd x = MatrixXd::Zero(coordinates, L.cols());
+  for (std::size_t i = 0; i < rows_of(coordinates); ++i)
+    x.row(rows[i]).noalias() = of().col(Eigen::Index(i)).transpose() * L.middleRows(first[i], mine);
+  return x;
+}
+
+MatrixXd Weights::products(const MatrixXd& y) const {
+  const auto count = Eigen::Index(rows_of(y.cols()));
+  const MatrixXd mine_of_y = y(Eigen::all, Eigen::Map<const Eigen::Matrix<Eigen::Index, -1, 1>>(rows.data(), count));
+  if (mine == columns) return mine_of_y * of().leftCols(count).transpose();
+  MatrixXd all = MatrixXd::Zero(y.rows(), columns);
+  for (Eigen::Index i = 0, end; i < count; i = end) {  // coordinates that share their columns
+    for (end = i + 1; end < count && first[std::size_t(end)] == first[std::size_t(i)];) ++end;
+    all.middleCols(first[std::size_t(i)], mine).noalias() +=
+        mine_of_y.middleCols(i, end - i) * of().middleCols(i, end - i).transpose();
+  }
+  return all;
 }
 
 // An observation is as wrong as its coordinate, and the residual is prediction less observation.
@@ -436,17 +460,6 @@ void PieceSystem::put_back(const VectorXd& x) {
   fit_shift_ -= A_inverse_ * (R_.transpose() * x);
 }
 
-VectorXd PieceSystem::score(const Weights& weights) const {
-  VectorXd s = VectorXd::Zero(weights.columns);
-  for (std::size_t a = links_.size(); a-- > 0;) {
-    const Weights::Part& part = weights.parts[a];
-    for (std::size_t i = 0; i < part.rows.size(); ++i)
-      s.segment(part.first, part.of.rows()) +=
-          s_[piece_dims * Eigen::Index(a) + part.rows[i]] * part.of.col(Eigen::Index(i));
-  }
-  return s;
-}
-
 std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& weights,
                                                     const std::vector<char>& wanted) const {
   const auto columns = [&](std::size_t k) { return wanted.empty() || wanted[k] ? weights[k].columns : 0; };
@@ -456,42 +469,40 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
     all += columns(k);
     // With itself, and half of what it has with later pieces.
     result[k].Q.setZero(columns(k), columns(k));
-    if (columns(k) > 0) result[k].s = score(weights[k]);
+    if (columns(k) > 0) result[k].s = weights[k].products(s_.transpose()).transpose();
   }
-  MatrixXd cross = MatrixXd::Zero(R_.cols(), all);
   // Side by side, products of many columns cost little more than those of one. Transposed: a row a column.
   MatrixXd later = MatrixXd::Zero(all, states_), next(all, states_);
-  VectorXd WI, from_later;
+  VectorXd from_later;
   for (std::size_t a = links_.size(); a-- > 0;) {
     const Link& link = links_[a];
     const Eigen::Index row = piece_dims * Eigen::Index(a);
     next.noalias() = later * link.M;
     Eigen::Index at = 0;
     for (std::size_t k = 0; k < weights.size(); at += columns(k), ++k) {
-      const Weights::Part& part = weights[k].parts[a];
-      const MatrixXd& W = part.of;
-      const Eigen::Index n = columns(k), m = W.rows();
+      const Eigen::Index n = columns(k), m = weights[k].mine;
       if (n == 0) continue;
-      auto mine = result[k].Q.middleCols(part.first, m);
-      for (std::size_t i = 0; i < part.rows.size(); ++i) {
-        const int d = part.rows[i];
-        const auto w = W.col(Eigen::Index(i));
-        WI = 0.5 * link.I(d, d) * w;
-        for (std::size_t j = 0; j < part.rows.size(); ++j)
-          if (j != i) WI += 0.5 * link.I(part.rows[j], d) * W.col(Eigen::Index(j));
-        mine.middleRows(part.first, m).noalias() += WI * w.transpose();
+      const std::size_t begin = weights[k].begin[a], end = weights[k].begin[a + 1];
+      for (std::size_t i = begin; i < end; ++i) {
+        const Eigen::Index d = weights[k].rows[i] - row, first = weights[k].first[i];
+        const auto w = weights[k].of().col(Eigen::Index(i));
+        auto mine = result[k].Q.middleCols(first, m);
+        for (std::size_t j = begin; j <= i; ++j)
+          mine.middleRows(weights[k].first[j], m).noalias() +=
+              ((j < i ? 1.0 : 0.5) * link.I(weights[k].rows[j] - row, d) * weights[k].of().col(Eigen::Index(j))) *
+              w.transpose();
         from_later.noalias() = later.middleRows(at, n) * link.E.col(d);
         mine.noalias() += from_later * w.transpose();
-        next.middleRows(at + part.first, m).noalias() += w * link.G.col(d).transpose();
-        cross.middleCols(at + part.first, m).noalias() += R_.row(row + d).transpose() * w.transpose();
+        next.middleRows(at + first, m).noalias() += w * link.G.col(d).transpose();
       }
     }
     later.swap(next);
   }
-  Eigen::Index at = 0;
-  for (std::size_t k = 0; k < weights.size(); at += columns(k), ++k) {
+  const MatrixXd by_coordinate = R_.transpose();
+  for (std::size_t k = 0; k < weights.size(); ++k) {
     Block& block = result[k];
-    const auto by_parameters = cross.middleCols(at, columns(k));
+    if (columns(k) == 0) continue;
+    const MatrixXd by_parameters = weights[k].products(by_coordinate);
     block.shift = A_inverse_ * by_parameters;
     block.Q = (block.Q + block.Q.transpose()).eval();
     block.before = block.Q.diagonal();
@@ -511,36 +522,23 @@ PieceSystem::OfPiece PieceSystem::of_piece(std::size_t piece) const {
 
 MatrixXd PieceSystem::times(const MatrixXd& x) const {
   const Eigen::Index k = x.cols();
-  MatrixXd y = MatrixXd::Zero(x.rows(), k), later = MatrixXd::Zero(states_, k), earlier = later, next(states_, k);
-  MatrixXd Rx = MatrixXd::Zero(R_.cols(), k);
-  const auto row = [](std::size_t a) { return piece_dims * Eigen::Index(a); };
-  const auto not_zero = [&](std::size_t a) {  // columns in a piece: of what is of one piece few are
-    const auto all = x.middleRows<piece_dims>(row(a));
-    Eigen::Index from = 0, to = k;
-    while (from < to && all.col(from).isZero(0.0)) ++from;
-    while (to > from && all.col(to - 1).isZero(0.0)) --to;
-    return Eigen::seq(from, to - 1);
+  MatrixXd y(x.rows(), k), later = MatrixXd::Zero(states_, k), earlier = later, next(states_, k);
+  const auto of = [](auto& all, std::size_t a) {
+    return all.template middleRows<piece_dims>(piece_dims * Eigen::Index(a));
   };
   for (std::size_t a = links_.size(); a-- > 0;) {
     const Link& link = links_[a];
-    const auto columns = not_zero(a);
-    const MatrixXd mine = x.middleRows<piece_dims>(row(a))(Eigen::all, columns);
-    y.middleRows<piece_dims>(row(a)).noalias() = link.E.transpose() * later;
-    y.middleRows<piece_dims>(row(a))(Eigen::all, columns) += link.I * mine;
-    next.noalias() = link.M.transpose() * later;
-    next(Eigen::all, columns) += link.G * mine;
-    Rx(Eigen::all, columns) += R_.middleRows<piece_dims>(row(a)).transpose() * mine;
+    of(y, a) = link.I * of(x, a) + link.E.transpose() * later;
+    next = link.G * of(x, a) + link.M.transpose() * later;
     later.swap(next);
   }
   for (std::size_t a = 0; a < links_.size(); ++a) {
     const Link& link = links_[a];
-    const auto columns = not_zero(a);
-    y.middleRows<piece_dims>(row(a)).noalias() += link.G.transpose() * earlier;
-    next.noalias() = link.M * earlier;
-    next(Eigen::all, columns) += link.E * x.middleRows<piece_dims>(row(a))(Eigen::all, columns);
+    of(y, a) += link.G.transpose() * earlier;
+    next = link.E * of(x, a) + link.M * earlier;
     earlier.swap(next);
   }
-  y.noalias() -= R_ * (A_inverse_ * Rx);
+  y.noalias() -= R_ * (A_inverse_ * (R_.transpose() * x));
   return y;
 }
 

@@ -75,19 +75,21 @@ Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<F
 
 inline constexpr int piece_dims = 12;
 
-// Columns of coordinates: of a piece those from `first` on.
+// Columns of coordinates. A coordinate has `mine` of them, from its `first` on; those that are zero in all are left out: one sensor's are few.
 struct Weights {
-  Eigen::Index columns = 0;
-  struct Part {
-    Eigen::Index first = 0;
-    std::vector<int> rows;  // coordinates that are not zero: one sensor's are few
-    Eigen::MatrixXd of;     // columns x rows
-  };
-  std::vector<Part> parts;  // of each piece
-  // `coordinates`: piece_dims x columns.
-  void add(Eigen::Index first, const Eigen::MatrixXd& coordinates);
+  Eigen::Index columns = 0, mine = 0;
+  std::vector<Eigen::Index> rows, first;  // coordinates, rising
+  std::vector<std::size_t> begin = {0};   // of each piece, in `rows`; and the end
+  std::vector<double> values;
+  Eigen::Map<const Eigen::MatrixXd> of() const { return {values.data(), mine, std::ssize(rows)}; }  // mine x rows
+  // The next piece; `coordinates`: mine x piece_dims.
+  void add(Eigen::Index first_column, const Eigen::MatrixXd& coordinates);
   // Coordinates are the rows, cut into pieces.
   static Weights of_rows(const Eigen::MatrixXd& rows);
+  // Of the coordinates that come first: the rows times L, and y, which has a column for each, times the rows.
+  Eigen::MatrixXd times(const Eigen::MatrixXd& L, Eigen::Index coordinates) const;
+  Eigen::MatrixXd products(const Eigen::MatrixXd& y) const;
+  std::size_t rows_of(Eigen::Index coordinates) const { return begin[std::size_t(coordinates / piece_dims)]; }
 };
 
 class PieceSystem {
@@ -105,7 +107,7 @@ class PieceSystem {
   PieceSystem(const PieceSystem& first, const PieceSystem& second, const std::vector<Eigen::Index>& own);
 
   // Of each by itself: Q, s, and what one of each moves the parameters by. Columns are made of noisy readings, which pulls the parameters by
-  // so many sigma; what the parameters leave of a column is known no better than to its square (floor()), which Q contains.
+  // so many sigma; what the parameters leave of a column is known no better than to its square (floor_), which Q contains.
   struct Block {
     Eigen::MatrixXd Q;
     Eigen::VectorXd s;
@@ -114,15 +116,14 @@ class PieceSystem {
   };
   // `wanted`, of each; empty: all. Of the others nothing is in the result.
   std::vector<Block> blocks(const std::vector<Weights>& weights, const std::vector<char>& wanted = {}) const;
-  Eigen::VectorXd score(const Weights& weights) const;  // Block::s, which put_back() changes
-  const Eigen::VectorXd& scores() const { return s_; }  // of the coordinates
-  double floor() const { return floor_; }
+  const Eigen::VectorXd& scores() const { return s_; }  // of the coordinates; put_back() changes them
   // Of one piece.
   struct OfPiece {
     Eigen::Matrix<double, piece_dims, piece_dims> Q;
     Eigen::Matrix<double, piece_dims, 1> s, before;
   };
   OfPiece of_piece(std::size_t piece) const;
+  Eigen::Matrix<double, piece_dims, 1> before(std::size_t piece) const { return links_[piece].I.diagonal(); }
   // Q x, all coordinates.
   Eigen::MatrixXd times(const Eigen::MatrixXd& x) const;
   // The pass had errors `x` taken off: from here on they are in the data, as linearised.

@@ -53,25 +53,43 @@ struct Next {
   std::shared_ptr<const State> parent;
 };
 
-// Of columns with information A and score b, at each variance v of their coefficients: A made tridiagonal once, 1 + v A = L D L' for each.
-VectorXd gains(const MatrixXd& A, const VectorXd& b, const VectorXd& variance) {
-  const Eigen::Tridiagonalization<MatrixXd> of(A);
-  const VectorXd diagonal = of.diagonal(), beside = of.subDiagonal(), score = of.matrixQ().adjoint() * b;
-  VectorXd gain = VectorXd::Zero(variance.size());
-  for (Eigen::Index k = 0; k < variance.size(); ++k) {
-    const double v = variance[k];
-    double d = 1.0 + v * diagonal[0], y = score[0], log_det = std::log(d);
-    for (Eigen::Index i = 1;; ++i) {
-      gain[k] += 0.5 * v * y * y / d;
-      if (i == b.size()) break;
-      const double l = v * beside[i - 1] / d;
-      d = 1.0 + v * diagonal[i] - l * v * beside[i - 1];
-      y = score[i] - l * y;
-      log_det += std::log(d);
-    }
-    gain[k] -= 0.5 * log_det;
+// Columns with information A and score b, turned so that A is tridiagonal: 1 + v A = L D L' for any variance v of their coefficients.
+struct Turned {
+  VectorXd diagonal, beside, score;
+  Turned(const MatrixXd& A, const VectorXd& b) : diagonal(A.diagonal()), score(b) {
+    if (b.size() == 1) return;
+    const Eigen::Tridiagonalization<MatrixXd> of(A);
+    diagonal = of.diagonal();
+    beside = of.subDiagonal();
+    score = of.matrixQ().adjoint() * b;
   }
-  return gain;
+  VectorXd gains(const VectorXd& variance) const {
+    VectorXd gain = VectorXd::Zero(variance.size());
+    for (Eigen::Index k = 0; k < variance.size(); ++k) {
+      const double v = variance[k];
+      double d = 1.0 + v * diagonal[0], y = score[0], log_det = std::log(d);
+      for (Eigen::Index i = 1;; ++i) {
+        gain[k] += 0.5 * v * y * y / d;
+        if (i == score.size()) break;
+        const double l = v * beside[i - 1] / d;
+        d = 1.0 + v * diagonal[i] - l * v * beside[i - 1];
+        y = score[i] - l * y;
+        log_det += std::log(d);
+      }
+      gain[k] -= 0.5 * log_det;
+    }
+    return gain;
+  }
+};
+// Of a term. Its columns are the basis itself, or most of them use a run of it.
+Turned turned(const Term& term, const MatrixXd& Q, const VectorXd& s) {
+  if (term.scale > 0.0) return {term.scale * term.scale * Q, term.scale * s};
+  Eigen::Index from = 0, to = term.L.rows();
+  while (from + 1 < to && term.L.row(from).isZero(0.0)) ++from;
+  while (to > from + 1 && term.L.row(to - 1).isZero(0.0)) --to;
+  const auto L = term.L.middleRows(from, to - from);
+  const MatrixXd QL = Q.block(from, from, to - from, to - from) * L;
+  return {L.transpose() * QL, L.transpose() * s.segment(from, to - from)};
 }
 
 // Sizes of a term that are worth looking at: those of the coarse grid, and where the best of them explains enough all of the fine one about it.
@@ -83,9 +101,8 @@ Sizes sizes_of(const Term& term, const State& state, double enough) {
   Sizes sizes;
   const int all = int(term.variance.size());
   for (int k = 0; k < all; k += term.stride) sizes.at.push_back(k);
-  const MatrixXd QL = state.Q[term.basis] * term.L, A = term.L.transpose() * QL;
-  const VectorXd b = term.L.transpose() * state.s[term.basis];
-  sizes.explained = gains(A, b, term.variance(sizes.at));
+  const Turned columns = turned(term, state.Q[term.basis], state.s[term.basis]);
+  sizes.explained = columns.gains(term.variance(sizes.at));
   sizes.log_prior = VectorXd(term.log_prior(sizes.at)).array() + std::log(term.stride);
   if (term.stride == 1) return sizes;
   Eigen::Index top = 0;
@@ -94,49 +111,10 @@ Sizes sizes_of(const Term& term, const State& state, double enough) {
   sizes.at.clear();
   for (int k = std::max(0, middle - term.stride + 1); k < std::min(all, middle + term.stride); ++k)
     sizes.at.push_back(k);
-  sizes.explained = gains(A, b, term.variance(sizes.at));
+  sizes.explained = columns.gains(term.variance(sizes.at));
   sizes.log_prior = term.log_prior(sizes.at);
   return sizes;
 }
-
-MatrixXd coordinates_of(const Weights& weights, const MatrixXd& L, Eigen::Index rows) {
-  MatrixXd x = MatrixXd::Zero(rows, L.cols());
-  for (std::size_t k = 0; k < std::size_t(rows / piece_dims); ++k) {
-    const Weights::Part& part = weights.parts[k];
-    for (std::size_t i = 0; i < part.rows.size(); ++i)
-      x.row(piece_dims * Eigen::Index(k) + part.rows[i]).noalias() =
-          part.of.col(Eigen::Index(i)).transpose() * L.middleRows(part.first, part.of.rows());
-  }
-  return x;
-}
-
-// y weights, with a column of y for each coordinate. What weights are not zero at is gathered; of one sensor's it is the same.
-struct Product {
-  const MatrixXd& y;
-  std::vector<Eigen::Index> gathered_at = {};
-  MatrixXd gathered = {};
-  MatrixXd operator()(const Weights& weights) {
-    std::vector<Eigen::Index> at;
-    for (std::size_t k = 0; k < weights.parts.size(); ++k)
-      for (const int d : weights.parts[k].rows) at.push_back(piece_dims * Eigen::Index(k) + d);
-    if (at != gathered_at) gathered = y(Eigen::all, at);
-    gathered_at = std::move(at);
-    const bool whole =
-        std::ranges::all_of(weights.parts, [&](const auto& p) { return p.of.rows() == weights.columns; });
-    MatrixXd u = MatrixXd::Zero(y.rows(), weights.columns), side_by_side(weights.columns, whole ? gathered.cols() : 0);
-    Eigen::Index first = 0;
-    for (const Weights::Part& part : weights.parts) {
-      const Eigen::Index rows = part.of.cols();
-      if (whole)
-        side_by_side.middleCols(first, rows) = part.of;
-      else
-        u.middleCols(part.first, part.of.rows()).noalias() += gathered.middleCols(first, rows) * part.of.transpose();
-      first += rows;
-    }
-    if (whole) u.noalias() = gathered * side_by_side.transpose();
-    return u;
-  }
-};
 
 // Q|h x
 MatrixXd left_by(const State& state, const PieceSystem& system, const MatrixXd& x) {
@@ -153,9 +131,8 @@ void take_in(const TermTable& table, const MatrixXd& y, const Eigen::LLT<MatrixX
   state.Y.conservativeResize(y.rows(), state.Y.cols() + y.cols());
   state.Y.rightCols(y.cols()) = by_coordinate.transpose();
   state.score.noalias() -= by_coordinate.transpose() * w;
-  Product product{by_coordinate};
   for (std::size_t g = 0; g < table.bases.size(); ++g) {
-    const MatrixXd u = product(table.bases[g]);
+    const MatrixXd u = table.bases[g].products(by_coordinate);
     MatrixXd& Q = state.Q[g];
     Q.selfadjointView<Eigen::Lower>().rankUpdate(u.transpose(), -1.0);
     Q.triangularView<Eigen::StrictlyUpper>() = Q.transpose();
@@ -166,7 +143,7 @@ void take_in(const TermTable& table, const MatrixXd& y, const Eigen::LLT<MatrixX
 // What an error x may be off by, of each piece by itself: within the rest along its sensor's axis, by the turn before it in any direction, since
 // what varies in a turn is turned with the unit. It is in proportion to x there and, where its quantity has a unit, as much to the rms of x:
 // where a wrong shape is zero the right one need not be. Those that are seen best.
-SparseMatrix by_piece(const PieceSystem& system, const VectorXd& x, const VectorXd& unit, Eigen::Index most) {
+Weights by_piece(const PieceSystem& system, const VectorXd& x, const VectorXd& unit, Eigen::Index most) {
   using OfPiece = Eigen::Matrix<double, piece_dims, 1>;
   struct Column {
     double information;
@@ -180,7 +157,7 @@ SparseMatrix by_piece(const PieceSystem& system, const VectorXd& x, const Vector
   };
   std::array<Part, 3> parts = {Part{0, 6}, Part{6, 3}, Part{9, 3}};
   for (Eigen::Index first = 0; first < unit.size(); first += piece_dims) {
-    const OfPiece seen = system.of_piece(std::size_t(first / piece_dims)).before;
+    const OfPiece seen = system.before(std::size_t(first / piece_dims));
     for (Part& p : parts) {
       const auto u = unit.segment(first + p.at, p.wide).cwiseAbs2();
       const double information = u.dot(seen.segment(p.at, p.wide));
@@ -197,7 +174,7 @@ SparseMatrix by_piece(const PieceSystem& system, const VectorXd& x, const Vector
     const OfPiece all = x.segment<piece_dims>(first),
                   one = unit.size() == 0 ? all : OfPiece(unit.segment<piece_dims>(first));
     if (all.isZero(0.0) && one.isZero(0.0)) continue;
-    const OfPiece seen = system.of_piece(std::size_t(first / piece_dims)).before;
+    const OfPiece seen = system.before(std::size_t(first / piece_dims));
     const auto add = [&](const OfPiece& of) { columns.push_back({of.cwiseAbs2().dot(seen), first, of}); };
     OfPiece rest = OfPiece::Zero();
     const OfPiece& along = one.head<6>().isZero(0.0) ? all : one;
@@ -216,19 +193,26 @@ SparseMatrix by_piece(const PieceSystem& system, const VectorXd& x, const Vector
   std::size_t count = 0;
   while (count < columns.size() && Eigen::Index(count) < most && left > 0.0) left -= columns[count++].information;
   columns.resize(count);
-  std::ranges::stable_sort(columns, {}, &Column::first);  // for PieceSystem::times()
-  SparseMatrix side_by_side(x.size(), std::ssize(columns));
-  for (Eigen::Index k = 0; k < side_by_side.cols(); ++k) {
-    const Column& column = columns[std::size_t(k)];
-    for (int d = 0; d < piece_dims; ++d)
-      if (column.of[d] != 0.0) side_by_side.insert(column.first + d, k) = column.of[d];
+  std::ranges::stable_sort(columns, {}, &Column::first);
+  Weights side_by_side;
+  side_by_side.columns = std::ssize(columns);
+  side_by_side.mine = 1;
+  for (std::size_t k = 0; k < columns.size(); ++k) {
+    side_by_side.begin.resize(std::size_t(columns[k].first / piece_dims) + 1, side_by_side.rows.size());
+    for (int d = 0; d < piece_dims; ++d) {
+      if (columns[k].of[d] == 0.0) continue;
+      side_by_side.rows.push_back(columns[k].first + d);
+      side_by_side.first.push_back(Eigen::Index(k));
+      side_by_side.values.push_back(columns[k].of[d]);
+    }
   }
+  side_by_side.begin.resize(std::size_t(x.size() / piece_dims) + 1, side_by_side.rows.size());
   return side_by_side;
 }
-VectorXd unit_of(const TermTable& table, const Term& term, Eigen::Index rows) {
+VectorXd unit_of(const TermTable& table, const Term& term, Eigen::Index coordinates) {
   if (term.unit < 0) return {};
   const Weights& basis = table.bases[std::size_t(term.unit)];
-  return coordinates_of(basis, MatrixXd::Ones(basis.columns, 1), rows);
+  return basis.times(MatrixXd::Ones(basis.columns, 1), coordinates);
 }
 
 // Hand-turned data have no units (Term::unit): there patterns alone may be inexact, each piece in proportion to itself.
@@ -241,7 +225,7 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
   State child = *next.parent;
   child.terms = next.terms;
   child.log_weight = next.log_weight;
-  const MatrixXd x = coordinates_of(table.bases[term.basis], term.L, system.coordinates());
+  const MatrixXd x = table.bases[term.basis].times(term.L, system.coordinates());
   MatrixXd M = term.L.transpose() * child.Q[term.basis] * term.L;
   M.diagonal().array() += 1.0 / term.variance[next.last.size];
   const Eigen::LLT<MatrixXd> llt(M);
@@ -249,12 +233,13 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
   const double explained = b.dot(mean);
   take_in(table, left_by(child, system, x), llt, b, child);
   if (!may_be_inexact(term) || explained < strong * strong || child.Y.cols() >= most_columns) return child;
-  const SparseMatrix C =
+  const Weights C =
       by_piece(system, x * mean, unit_of(table, term, system.coordinates()), most_columns - child.Y.cols());
-  const MatrixXd y = left_by(child, system, MatrixXd(C)), A = C.transpose() * y;
-  const VectorXd s = C.transpose() * child.score;
+  const MatrixXd taken = C.products(child.Y.transpose());
+  const MatrixXd A = system.blocks({C}).front().Q - taken.transpose() * taken;
+  const VectorXd s = C.products(child.score.transpose()).transpose();
   const VectorXd variance = Eigen::Map<const Eigen::ArrayXd>(inexactness.data(), inexactness.size()).square();
-  const VectorXd gain = gains(A, s, variance);
+  const VectorXd gain = Turned(A, s).gains(variance);
   Eigen::Index best = 0;
   const double top = gain.maxCoeff(&best);
   child.log_weight += top + std::log((gain.array() - top).exp().mean());
@@ -263,6 +248,7 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
   if (best == 0) return child;
   M = A;
   M.diagonal().array() += 1.0 / variance[best];
+  const MatrixXd y = left_by(child, system, C.times(MatrixXd::Identity(C.columns, C.columns), system.coordinates()));
   take_in(table, y, Eigen::LLT<MatrixXd>(M), s, child);
   return child;
 }
@@ -345,6 +331,14 @@ Posterior posterior_of(const std::vector<LogWeights>& at_each_noise) {
   for (WeighedModel& m : models) m.probability /= kept;
   std::ranges::sort(models, [](const WeighedModel& a, const WeighedModel& b) { return a.probability > b.probability; });
   return result;
+}
+
+std::size_t averaged_models(const Posterior& posterior) {
+  double kept = 0.0;
+  std::size_t count = 0;
+  for (; count < std::min(posterior.models.size(), most_averaged) && kept <= averaged_share; ++count)
+    kept += posterior.models[count].probability;
+  return count;
 }
 
 namespace {
@@ -540,6 +534,7 @@ class Coefficients {
   Explained explain(const WeighedModel& model) {
     if (model.terms.empty()) return {MatrixXd(system_.coordinates(), 0), VectorXd::Zero(0)};
     const Solution of = solve(model);
+    for (const Column& c : of.columns) y_of(parts_[c.part]);
     const MatrixXd y = beside(of.columns, &Part::y, system_.coordinates());
     return {of.llt.matrixL().solve(y.transpose()).transpose(), of.llt.matrixL().solve(of.s)};
   }
@@ -553,9 +548,9 @@ class Coefficients {
  private:
   struct Part {
     SparseMatrix x;
-    MatrixXd y, effect;
+    MatrixXd y, effect;  // y: only where it is asked for
     VectorXd s;
-    MatrixXd floor;  // of the coefficients' information
+    MatrixXd information;
   };
   struct Column {
     std::size_t part;
@@ -608,11 +603,11 @@ class Coefficients {
 
   void add_inexact(const VectorXd& mean, const Term& term) {
     Part part;
-    part.x = by_piece(system_, mean, unit_of(table_, term, system_.coordinates()), most_columns);
-    const MatrixXd x = part.x;
-    part.y = system_.times(x);
-    part.s = x.transpose() * system_.scores();
-    part.floor = MatrixXd::Zero(x.cols(), x.cols());
+    const Weights C = by_piece(system_, mean, unit_of(table_, term, system_.coordinates()), most_columns);
+    const MatrixXd x = C.times(MatrixXd::Identity(C.columns, C.columns), system_.coordinates());
+    part.x = x.sparseView();
+    part.s = C.products(system_.scores().transpose()).transpose();
+    part.information = system_.blocks({C}).front().Q;
     const MatrixXd shift = system_.shift(x);
     part.effect = MatrixXd::Zero(shift.rows() + Eigen::Index(named_.size()), shift.cols());
     part.effect.topRows(shift.rows()) = shift;
@@ -623,11 +618,9 @@ class Coefficients {
     if (!is_new) return found->second;
     const Term& term = table_.terms[std::size_t(number)];
     Part part;
-    const MatrixXd x = coordinates_of(table_.bases[term.basis], term.L, system_.coordinates());
-    part.x = x.sparseView();
-    part.y = system_.times(x);
+    part.x = table_.bases[term.basis].times(term.L, system_.coordinates()).sparseView();
     part.s = term.L.transpose() * blocks_[term.basis].s;
-    part.floor = term.L.transpose() * (system_.floor() * blocks_[term.basis].before).asDiagonal() * term.L;
+    part.information = term.L.transpose() * blocks_[term.basis].Q * term.L;
     MatrixXd shift = blocks_[term.basis].shift;
     if (term.about_mean) shift += table_.taken_up[term.basis];
     const Eigen::Index p = shift.rows();
@@ -661,16 +654,20 @@ class Coefficients {
         column += block.cols();
       }
       M.diagonal().segment(row, m).array() += 1.0 / columns[i].variance;
-      M.block(row, row, m, m) += part.floor;
       s.segment(row, m) = part.s;
       row += m;
     }
     return M;
   }
 
+  const MatrixXd& y_of(Part& part) {
+    if (part.y.size() == 0) part.y = system_.times(part.x);
+    return part.y;
+  }
   const MatrixXd& between(std::size_t i, std::size_t j) {
+    if (i == j) return parts_[i].information;
     MatrixXd& block = between_[{i, j}];
-    if (block.size() == 0) block = parts_[i].x.transpose() * parts_[j].y;
+    if (block.size() == 0) block = parts_[i].x.transpose() * y_of(parts_[j]);
     return block;
   }
 
@@ -704,10 +701,8 @@ AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const
   std::vector<Coefficients> coefficients;
   for (const UnderNoise& one : under) coefficients.emplace_back(one, named);
   std::vector<OfModel> whole, all, with_names;
-  double kept = 0.0;
-  for (const WeighedModel& m : posterior.models) {
-    if (kept > averaged_share || all.size() == most_averaged) break;
-    kept += m.probability;
+  for (std::size_t k = 0; k < averaged_models(posterior); ++k) {
+    const WeighedModel& m = posterior.models[k];
     whole.push_back(coefficients[m.noise].evaluate(m));
     const OfModel& of = whole.back();
     all.push_back({of.probability, beside * of.mean, beside * of.covariance * beside.transpose()});

@@ -47,6 +47,8 @@ struct Posterior {
 using LogWeights = std::map<std::vector<ModelTerm>, double>;
 LogWeights weigh_models(const UnderNoise& under);
 Posterior posterior_of(const std::vector<LogWeights>& at_each_noise);
+// So many of the most probable ones are averaged over.
+std::size_t averaged_models(const Posterior& posterior);
 Statements statements_of(const std::vector<UnderNoise>& all, const Posterior& posterior);
 
 // What a model leaves of the system: Q|h = Q - Y Y', s|h = s - Y w.

@@ -17,7 +17,6 @@ using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-using Reading = Eigen::Matrix<double, 6, 1>;
 
 // Prior odds of something of a kind.
 constexpr double prior_effects = 0.7, prior_patterns = 0.7, prior_wander = 0.5;
@@ -40,7 +39,7 @@ Grades grades_of(const NoiseModel& noise) {
           std::max(1.0, noise.velocity_random_walk.mean() / mpsprs_per_ugprHz / navigation_vrw)};
 }
 
-// One quantity of one sensor: what one usual unit of it reads in a cell.
+// One quantity of one sensor.
 struct Channel {
   Sensor sensor;
   Quantity quantity;
@@ -48,12 +47,11 @@ struct Channel {
   int from;  // direction: of which axis it takes a part
   double unit;
 };
-Reading reading_of(const Channel& c, const ErrorCell& cell) {
-  Reading r = Reading::Zero();
-  const bool gyro = c.sensor == Sensor::gyro;
-  const Vector3d& input = gyro ? cell.at.w_b : cell.at.f_b;
-  r[(gyro ? 0 : 3) + c.axis] = c.unit * (c.quantity == Quantity::bias ? 1.0 : input[c.from]);
-  return r;
+// Of the readings of a cell, gyros x y z and accelerometers x y z: which, and how much.
+int reading_of(const Channel& c) { return (c.sensor == Sensor::gyro ? 0 : 3) + c.axis; }
+double size_of(const Channel& c, const ErrorCell& cell) {
+  const Vector3d& input = c.sensor == Sensor::gyro ? cell.at.w_b : cell.at.f_b;
+  return c.unit * (c.quantity == Quantity::bias ? 1.0 : input[c.from]);
 }
 
 std::vector<Channel> all_channels(const Grades& grades) {
@@ -77,6 +75,7 @@ struct Kernel {
   Driver driver;
   MatrixXd L;
   double share = 1.0;
+  double scale = 0.0;  // L = scale 1
 };
 
 // Functions of a cell. They come in blocks of `count`, of which a cell has one.
@@ -85,6 +84,7 @@ struct Functions {
   std::function<Eigen::Index(const ErrorCell&)> block_of;             // none: of a single one
   std::function<void(const ErrorCell&, Eigen::Ref<VectorXd>)> write;  // the values of its block; none: 1
   std::vector<Kernel> kernels;
+  MatrixXd values = {};  // of each cell
 };
 
 constexpr int harmonics = 4, waves = 3;
@@ -99,7 +99,7 @@ Functions of_epochs(Eigen::Index epochs, std::vector<Kernel> kernels = {}) {
 }
 
 Kernel all_of(Driver driver, Eigen::Index count, double size = 1.0) {
-  return {driver, size * MatrixXd::Identity(count, count), 1.0};
+  return {driver, size * MatrixXd::Identity(count, count), 1.0, size};
 }
 // All of a series, whose functions are pairs, or, as likely, one pair.
 std::vector<Kernel> series(Driver driver, Eigen::Index count) {
@@ -164,14 +164,17 @@ std::vector<Functions> all_functions(const Pieces& pieces) {
   return all;
 }
 
-// Adds what a cell's readings (6 x m) do to the coordinates of its piece.
-void place(const ErrorCell& cell, const Readings& readings, MatrixXd& to) {
+// Adds what so much of a reading, of each column, does to the coordinates of the cell's piece (columns x piece_dims).
+void place(const ErrorCell& cell, int reading, const VectorXd& size, MatrixXd& to) {
   if (!cell.turns) {
-    to.topRows<6>() += readings;
+    to.col(reading) += size;
     return;
   }
-  to.middleRows<3>(6) += cell.pushed * readings.topRows<3>();
-  to.middleRows<3>(9) += cell.fallen * readings.topRows<3>() + cell.pushed * readings.bottomRows<3>();
+  const int axis = reading % 3;
+  for (int d = 0; d < 3; ++d) {
+    if (reading < 3) to.col(6 + d) += cell.pushed(d, axis) * size;
+    to.col(9 + d) += (reading < 3 ? cell.fallen : cell.pushed)(d, axis) * size;
+  }
 }
 
 template <class Visit>  // of every cell of a piece
@@ -196,14 +199,9 @@ class TakenUp {
   }
   // Sums over the cells; a column's are 4 x 6, by sensor.
   using Sums = std::vector<Eigen::Matrix<double, 4, 6>>;
-  static void add(const ErrorCell& cell, const Readings& readings, Eigen::Index first, Sums& sums) {
-    const Eigen::Vector4d g = cell.at.duration_s * regressors(cell, true),
-                          a = cell.at.duration_s * regressors(cell, false);
-    for (Eigen::Index k = 0; k < readings.cols(); ++k) {
-      auto& sum = sums[std::size_t(first + k)];
-      sum.leftCols<3>() += g * readings.col(k).head<3>().transpose();
-      sum.rightCols<3>() += a * readings.col(k).tail<3>().transpose();
-    }
+  static void add(const ErrorCell& cell, int reading, const VectorXd& size, Eigen::Index first, Sums& sums) {
+    const Eigen::Vector4d x = cell.at.duration_s * regressors(cell, reading < 3);
+    for (Eigen::Index k = 0; k < size.size(); ++k) sums[std::size_t(first + k)].col(reading) += size[k] * x;
   }
   MatrixXd as_parameters(const Sums& sums) const {
     MatrixXd all(Eigen::Index(columns_.size()), Eigen::Index(sums.size()));
@@ -385,6 +383,7 @@ class Table {
   void add_patterns() {
     std::vector<Functions> functions = all_functions(pieces_);
     if (pieces_.epochs >= fewest_epochs) add_of_time(functions);
+    for (Functions& f : functions) evaluate(f);
     for (const Channel& channel : all_channels(grades_)) {
       const std::size_t first = table_.terms.size();
       int unit = -1;
@@ -392,7 +391,7 @@ class Table {
         if (f.kernels.front().driver == Driver::angle && by_hand()) continue;
         const std::size_t basis = add_basis({channel}, f);
         if (f.kernels.front().driver == Driver::unknown && !by_hand()) unit = int(basis);
-        if (by_hand() && is_zero(table_.bases[basis])) continue;
+        if (by_hand() && table_.bases[basis].rows.empty()) continue;
         for (const Kernel& kernel : f.kernels) {
           // Another value in every rest is the floor of hand-turned data.
           if (by_hand() && kernel.driver == Driver::unknown) continue;
@@ -403,6 +402,7 @@ class Table {
                        std::string(to_string(kernel.driver)), "", 0.0};
           term.basis = basis;
           term.L = kernel.L;
+          term.scale = kernel.scale;
           shares_.push_back(kernel.share);
           table_.terms.push_back(std::move(term));
         }
@@ -437,7 +437,12 @@ class Table {
             const std::size_t cell = pieces_.pieces[k].rest_cell;
             return own && cell >= pieces_.fitted_cells ? wide * (pieces_.cells[cell].at.recording - fitted_ + 1) : 0;
           },
-          [&](std::size_t c, const ErrorCell&) { return Readings(readings[c].middleCols(Eigen::Index(begin), wide)); });
+          [&](std::size_t c, const ErrorCell&, const auto& add) {
+            for (int reading = 0; reading < 6; ++reading) {
+              const VectorXd size = readings[c].row(reading).segment(Eigen::Index(begin), wide);
+              if (!size.isZero(0.0)) add(reading, size);
+            }
+          });
       for (std::size_t k = begin; k < end; ++k) {
         table_.basis_of_effect[k] = basis;
         table_.column_of_effect[k] = int(k - begin);
@@ -454,33 +459,37 @@ class Table {
 
  private:
   bool by_hand() const { return !pieces_.responses.empty(); }
-  static bool is_zero(const Weights& weights) {
-    return std::ranges::all_of(weights.parts, [](const auto& part) { return part.rows.empty(); });
-  }
-  // Of `columns`, of which a piece has `mine` from first(piece) on: readings(cell number, cell), 6 x mine.
-  template <class First, class ReadingsOf>
-  std::size_t add_basis(Eigen::Index columns, Eigen::Index mine, First first, ReadingsOf readings_of) {
+  // Of `columns`, of which a piece has `mine` from first(piece) on. each(cell number, cell, add) adds its readings: add(reading, of each of mine).
+  template <class First, class Each>
+  std::size_t add_basis(Eigen::Index columns, Eigen::Index mine, First first, Each each) {
     Weights weights;
     weights.columns = columns;
-    MatrixXd rows;
+    weights.mine = mine;
+    MatrixXd rows, piece(mine, piece_dims);
     if (by_hand()) rows.setZero(pieces_.responses.front().rows(), columns);
     TakenUp::Sums sums(std::size_t(columns), Eigen::Matrix<double, 4, 6>::Zero());
     for (std::size_t k = 0; k < pieces_.pieces.size(); ++k) {
       const Eigen::Index begin = first(k);
-      MatrixXd piece = MatrixXd::Zero(piece_dims, mine);
+      piece.setZero();
       each_cell(pieces_, k, [&](std::size_t c, const ErrorCell& cell) {
-        const Readings readings = readings_of(c, cell);
-        if (!by_hand())
-          place(cell, readings, piece);
-        else
-          rows.middleCols(begin, mine) += pieces_.responses[c] * readings;
-        if (c < pieces_.fitted_cells) TakenUp::add(cell, readings, begin, sums);
+        each(c, cell, [&](int reading, const VectorXd& size) {
+          if (by_hand())
+            rows.middleCols(begin, mine).noalias() += pieces_.responses[c].col(reading) * size.transpose();
+          else
+            place(cell, reading, size, piece);
+          if (c < pieces_.fitted_cells) TakenUp::add(cell, reading, size, begin, sums);
+        });
       });
       if (!by_hand()) weights.add(begin, piece);
     }
     table_.bases.push_back(by_hand() ? Weights::of_rows(rows) : std::move(weights));
     table_.taken_up.push_back(taken_up_.as_parameters(sums));
     return table_.bases.size() - 1;
+  }
+  void evaluate(Functions& f) const {
+    f.values.setOnes(f.count, std::ssize(pieces_.cells));
+    for (Eigen::Index c = 0; f.write && c < f.values.cols(); ++c)
+      f.write(pieces_.cells[std::size_t(c)], f.values.col(c));
   }
   void add_of_time(std::vector<Functions>& functions) const {
     functions.push_back(steps_of(epochs_));
@@ -496,19 +505,19 @@ class Table {
   // Side by side: column = function * channels + channel.
   std::size_t add_basis(const std::vector<Channel>& channels, const Functions& f) {
     const auto wide = Eigen::Index(channels.size());
-    VectorXd value = VectorXd::Ones(f.count);
+    VectorXd size = VectorXd::Zero(f.count * wide);
     const auto first = [&](std::size_t k) {
       return f.block_of ? f.block_of(pieces_.cells[pieces_.pieces[k].rest_cell]) * f.count * wide : 0;
     };
-    return add_basis(f.blocks * f.count * wide, f.count * wide, first, [&](std::size_t, const ErrorCell& cell) {
-      if (f.write) f.write(cell, value);
-      Readings readings(6, f.count * wide);
-      for (Eigen::Index c = 0; c < wide; ++c) {
-        const Reading one = reading_of(channels[std::size_t(c)], cell);
-        for (Eigen::Index j = 0; j < f.count; ++j) readings.col(j * wide + c) = one * value[j];
-      }
-      return readings;
-    });
+    return add_basis(f.blocks * f.count * wide, f.count * wide, first,
+                     [&](std::size_t number, const ErrorCell& cell, const auto& add) {
+                       for (std::size_t c = 0; c < channels.size(); ++c) {
+                         size.setZero();
+                         size(Eigen::seqN(Eigen::Index(c), f.count, wide)) =
+                             size_of(channels[c], cell) * f.values.col(Eigen::Index(number));
+                         add(reading_of(channels[c]), size);
+                       }
+                     });
   }
 
   // The same for the three axes, each with a course of its own.
@@ -516,7 +525,9 @@ class Table {
     std::vector<Channel> channels;
     for (const Channel& c : all_channels(grades_))
       if (c.sensor == sensor && c.quantity == Quantity::bias) channels.push_back(c);
-    const std::size_t basis = add_basis(channels, of_epochs(pieces_.epochs));
+    Functions each = of_epochs(pieces_.epochs);
+    evaluate(each);
+    const std::size_t basis = add_basis(channels, each);
     const auto wide = Eigen::Index(channels.size());
     // Flicker noise: processes of all correlation times, with as much in each. Its mean is the bias; of a walk the bias is that over the
     // recording.

@@ -30,6 +30,7 @@ struct Term {
   Statement what;  // its node; of noise: empty but for the sensor
   std::size_t basis = 0;
   Eigen::MatrixXd L;
+  double scale = 0.0;                   // L = scale 1; 0: it is another
   Eigen::VectorXd variance, log_prior;  // of each size
   int stride = 1;                       // every so many of them make a coarse grid
   bool about_mean = true;               // what biases and matrices take up of it over the recording is theirs

@@ -14,14 +14,13 @@ constexpr double max_linear_rad = 0.02;
 // force is g (1 - tilt^2 / 2), which is not linear: 5e-7 of it.
 constexpr double max_tilt_rad = 0.001;
 
-// A turn (rad) and a push (m/s) that the sensors read but the unit did not make, off the motion over a block.
-void subtract(const Vector3d& turn, const Vector3d& push, BlockMotion& m) {
+}  // namespace
+
+void take_off(const Vector3d& turn, const Vector3d& push, BlockMotion& m) {
   m.velocity -= push + 0.5 * (turn.cross(m.velocity) + m.rotation.cross(push));
   m.mean_velocity -= 0.5 * push + turn.cross(m.mean_velocity) / 3.0;
   m.rotation -= turn;
 }
-
-}  // namespace
 
 WalkNoise walk_noise(const NoiseModel& noise) {
   return {noise.angle_random_walk.cwiseAbs2(), noise.velocity_random_walk.cwiseAbs2()};
@@ -123,7 +122,7 @@ void LinearMotion::fill_gap(std::size_t index, BlockMotion& motion) const {
     force += model_.accel_scale * side.accel / side.duration_s;
     ++sides;
   }
-  if (sides > 0) subtract(-rate / sides * lost, -force / sides * lost, motion);
+  if (sides > 0) take_off(-rate / sides * lost, -force / sides * lost, motion);
 }
 
 void LinearMotion::effects_on(std::size_t index, BlockMotion& motion) {
@@ -162,7 +161,7 @@ void LinearMotion::effects_on(std::size_t index, BlockMotion& motion) {
   const Vector3d turn = regressors_.gyro * effects_.values * t;
   const Vector3d push = regressors_.accel * effects_.values * t;
   if (setup_.keep_taken_off) taken_off.push_back({turn, push});
-  subtract(turn, push, motion);
+  take_off(turn, push, motion);
 }
 
 BlockMotion LinearMotion::block_motion(std::size_t index) {

@@ -118,6 +118,9 @@ struct WalkNoise {
 };
 WalkNoise walk_noise(const NoiseModel& noise);
 
+// A turn (rad) and a push (m/s) that the sensors read but the unit did not make, off the motion over a block.
+void take_off(const Eigen::Vector3d& turn, const Eigen::Vector3d& push, BlockMotion& motion);
+
 // One row a parameter, so that all of them move through a 3x3 product together.
 using Columns = Eigen::Matrix<double, Eigen::Dynamic, 3>;
 

@@ -37,17 +37,22 @@ MotionInterval resting(const Eigen::Matrix3d& C_nb, const DriftCovariance::Site&
 
 Result<FreeNavigation> navigate_freely(std::span<const MotionInterval> stretch, const FreeNavigationSetup& setup) {
   if (stretch.empty()) return input_error("nothing to navigate: the stretch is empty");
-  const double interval_s = stretch.front().duration_s;
-  const auto align_intervals = std::size_t(std::lround(setup.align_s / interval_s));
+  Elapsed time, free_time;
+  std::size_t align_intervals = 0;
+  for (; align_intervals < stretch.size(); ++align_intervals) {
+    const double duration_s = stretch[align_intervals].duration_s;
+    if (time.now_s() >= setup.align_s - 0.5 * duration_s) break;
+    time.add(duration_s);
+  }
   if (stretch.size() <= align_intervals)
     return input_error("alignment: the stretch has {} s, expected more than the {} s of the alignment",
-                       std::lround(double(stretch.size()) * interval_s), std::lround(setup.align_s));
-  // Where it should be, so many intervals after the alignment.
-  const auto truth_at = [&](std::size_t intervals) {
+                       std::lround(time.now_s()), std::lround(setup.align_s));
+  // Where it should be by now.
+  const auto truth = [&] {
     if (setup.reference == nullptr) return ReferencePoint{.latitude_rad = setup.site.latitude_rad};
-    return setup.reference->at(setup.start_s + double(align_intervals + intervals) * interval_s);
+    return setup.reference->at(setup.start_s + time.now_s());
   };
-  const ReferencePoint begin = truth_at(0);
+  const ReferencePoint begin = truth();
   DriftCovariance::Site site{begin.latitude_rad, setup.site.gravity_mps2};
   if (setup.reference != nullptr) {
     const ReferencePoint first = setup.reference->at(setup.reference->begins_s());
@@ -67,26 +72,26 @@ Result<FreeNavigation> navigate_freely(std::span<const MotionInterval> stretch, 
   result.align_sigma_rad = attitude_sigma(at_start);
   result.heading_sigma_rad = angle_sigmas(at_start.topLeftCorner<3, 3>(), result.aligned.q_nb)[0];
   const std::span<const MotionInterval> free = stretch.subspan(align_intervals);
-  const auto every = std::max<std::size_t>(1, std::size_t(std::lround(track_step_s / interval_s)));
-  result.track.reserve(free.size() / every + 2);
   Navigator navigator(alignment.state, site.gravity_mps2, true);
   RadialErrorRate rate;
   double squares = 0.0;
-  const auto note = [&](std::size_t intervals) {
+  const auto note = [&] {
     const NavigationState& state = navigator.state();
-    const double t = double(intervals) * interval_s;
-    const ReferencePoint truth = truth_at(intervals);
-    const Eigen::Vector2d moved = displacement_m(state, truth.latitude_rad, truth.longitude_rad);
+    const double t = free_time.now_s();
+    const ReferencePoint there = truth();
+    const Eigen::Vector2d moved = displacement_m(state, there.latitude_rad, there.longitude_rad);
     const Eigen::Vector2d velocity(state.velocity_n_mps[0], state.velocity_n_mps[2]);
-    result.track.push_back({t, state, moved, velocity - truth.velocity_mps});
+    result.track.push_back({t, state, moved, velocity - there.velocity_mps});
     rate.add(t, moved.norm());
-    squares += (velocity - truth.velocity_mps).squaredNorm();
+    squares += (velocity - there.velocity_mps).squaredNorm();
   };
-  note(0);
+  note();
   for (std::size_t k = 0; k < free.size(); ++k) {
     const Eigen::Quaterniond before = navigator.state().q_nb;
-    if (setup.reference != nullptr)
-      navigator.set_climb((truth_at(k + 1).height_m - navigator.state().height_m) / interval_s);
+    const double duration_s = free[k].duration_s;
+    time.add(duration_s);
+    free_time.add(duration_s);
+    if (setup.reference != nullptr) navigator.set_climb((truth().height_m - navigator.state().height_m) / duration_s);
     navigator.advance(free[k]);
     if (setup.expected) {
       // Half way: the mean of two quaternions that are close, to second order of the angle between them.
@@ -95,9 +100,10 @@ Result<FreeNavigation> navigate_freely(std::span<const MotionInterval> stretch, 
       const Eigen::Quaterniond middle(Eigen::Vector4d(before.coeffs() + side * after.coeffs()).normalized());
       drift.advance(middle.toRotationMatrix(), free[k]);
     }
-    if ((k + 1) % every == 0 || k + 1 == free.size()) note(k + 1);
+    const double since_s = free_time.now_s() - result.track.back().time_s;
+    if (since_s >= track_step_s - 0.5 * duration_s || k + 1 == free.size()) note();
   }
-  result.free_s = double(free.size()) * interval_s;
+  result.free_s = free_time.now_s();
   result.nm_per_h = rate.nm_per_h();
   result.velocity_rms_mps = std::sqrt(squares / double(result.track.size()));
   if (setup.expected) result.end_covariance_m2 = position_block(drift.covariance(setup.parameter_covariance));

@@ -82,6 +82,17 @@ struct MotionInterval {
   int missing = 0;       // samples that were filled in
 };
 
+// The sum of durations: of those that are alike it is their number times one, and rounding does not add up.
+struct Elapsed {
+  double begin_s = 0.0, each_s = 0.0;
+  std::int64_t count = 0;
+  double now_s() const { return begin_s + double(count) * each_s; }
+  void add(double duration_s) {
+    if (duration_s != each_s) *this = {now_s(), duration_s};
+    ++count;
+  }
+};
+
 // Rotation vector into quaternion, by series below 0.1 rad (next term 1e-13 of the angle).
 Eigen::Quaterniond quaternion_of(const Eigen::Vector3d& rotation_rad);
 

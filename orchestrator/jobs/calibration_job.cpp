@@ -293,10 +293,7 @@ void navigate_effects(const LoadedRecording& recording, const Diagnosis& diagnos
                       DiagnosisContext& context) {
   request.phase("navigating with and without the added effects");
   const LoadedRecording& navigated = request.holdouts.empty() ? recording : request.holdouts.front();
-  const RecordingInfo& info = navigated.data.info;
-  const Segments& segments = navigated.data.segments;
-  const double to_s = double(segments.back().end_sample - segments.front().start_sample) * info.sample_period_s;
-  Result<NavigationWorth> worth = worth_of_effects(diagnosis, context, request.samples, navigated.data, to_s);
+  Result<NavigationWorth> worth = worth_of_effects(diagnosis, context, request.samples, navigated.data);
   if (!worth) {
     context.notes.push_back("not navigated: " + worth.error().message);
     return;

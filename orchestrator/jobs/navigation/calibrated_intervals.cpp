@@ -334,10 +334,9 @@ Result<SampleCalibration> SampleCalibration::make(const ParameterFile& file, con
   return made;
 }
 
-Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source,
-                                                 const CompressedRecording* recording) {
+Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source) {
   const RecordingInfo& info = source.info();
-  SampleCalibration calibration = TRY(SampleCalibration::make(file, path, source, recording));
+  SampleCalibration calibration = TRY(SampleCalibration::make(file, path, source));
   const int samples = std::max(1, int(std::lround(motion_interval_s / info.sample_period_s)));
   return CalibratedIntervals{path, std::move(file), std::move(calibration),
                              IncrementIntegrator(info.sample_period_s, samples)};

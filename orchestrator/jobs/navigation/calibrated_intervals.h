@@ -110,7 +110,8 @@ struct SampleCalibration {
   //   dtheta = n counts_gyro - N0 dt,   dv = a counts_accel - A0 dt,   dt the sample period
   // Effects beyond the 24 parameters are taken off as the estimate modelled them. For samples in counter order.
   Increments of(const ImuSample& sample, double period_s);
-  // Errors: the file, or that it is not of this unit and kind of increments. `path`: how the file is called.
+  // Errors: the file, or that it is not of this unit and kind of increments. `path`: how the file is called. `recording`: of the source, where
+  // it has been loaded.
   static Result<SampleCalibration> make(const ParameterFile& file, const std::string& path, RecordingSource& source,
                                         const CompressedRecording* recording = nullptr);
 };
@@ -123,9 +124,7 @@ struct CalibratedIntervals {
 };
 
 // Before any sample is read.
-// `recording`: of the source, where it has been loaded.
-Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source,
-                                                 const CompressedRecording* recording = nullptr);
+Result<CalibratedIntervals> calibrated_intervals(ParameterFile file, const std::string& path, RecordingSource& source);
 
 struct Stretch {  // s from the first sample
   double from_s = 0.0;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/joint/linear_motion.h"
 #include "calib/model/parameters.h"
 #include "calib/navigation/alignment.h"
 #include "calib/statistics/numerics.h"
@@ -22,27 +23,37 @@ struct Branch {  // intervals
   std::size_t start = 0, length = 0;
 };
 
-// First intervals of the branches: each the next rest from which on an alignment over `window` intervals rests for `least` of them; all of
-// it, where a reference says when the unit stands. The last one, with no room to wait, may begin in a turn.
+// Each begins at the next rest from which on an alignment over `window_s` rests for `least_s` of them; all of it, where a reference says when
+// the unit stands. The last one, with no room to wait, may begin in a turn.
 struct AlignmentNeeds {
-  std::size_t window = 1, least = 1;  // intervals
+  double window_s = 0.0, least_s = 0.0;
 };
-std::vector<std::size_t> starts_of(const std::vector<MotionInterval>& intervals, std::size_t length, int branches,
-                                   const AlignmentNeeds& needs) {
-  std::vector<std::size_t> starts;
-  if (intervals.size() < length) return starts;
-  const std::size_t last = intervals.size() - length;
-  std::vector<std::size_t> rested(intervals.size() + 1, 0);
-  for (std::size_t k = 0; k < intervals.size(); ++k) rested[k + 1] = rested[k] + intervals[k].at_rest;
-  const auto enough = [&](std::size_t at) {
-    return rested[std::min(at + needs.window, intervals.size())] - rested[at] >= needs.least;
-  };
-  for (int k = 0; k < branches; ++k) {
-    std::size_t at = branches > 1 ? last * std::size_t(k) / std::size_t(branches - 1) : 0;
-    while (at < last && !(intervals[at].at_rest && enough(at))) ++at;
-    if (enough(at) && (starts.empty() || at > starts.back())) starts.push_back(at);
+std::vector<Branch> branches_of(const std::vector<MotionInterval>& intervals, double length_s, int most,
+                                const AlignmentNeeds& needs) {
+  constexpr double tiny_s = 1e-6;
+  std::vector<double> begin_s = {0.0}, rested_s = {0.0};
+  Elapsed time;
+  for (const MotionInterval& interval : intervals) {
+    time.add(interval.duration_s);
+    begin_s.push_back(time.now_s());
+    rested_s.push_back(rested_s.back() + (interval.at_rest ? interval.duration_s : 0.0));
   }
-  return starts;
+  const auto at_time = [&](double s) {
+    return std::size_t(std::ranges::upper_bound(begin_s, s + tiny_s) - begin_s.begin()) - 1;
+  };
+  const auto enough = [&](std::size_t at) {
+    return rested_s[at_time(begin_s[at] + needs.window_s)] - rested_s[at] >= needs.least_s - tiny_s;
+  };
+  std::vector<Branch> found;
+  const double last_s = begin_s.back() - length_s;
+  for (int k = 0; k < most && last_s > -tiny_s; ++k) {
+    const std::size_t last = at_time(last_s);
+    std::size_t at = most > 1 ? at_time(last_s * k / (most - 1)) : 0;
+    while (at < last && !(intervals[at].at_rest && enough(at))) ++at;
+    if (enough(at) && (found.empty() || at > found.back().start))
+      found.push_back({at, at_time(begin_s[at] + length_s) - at});
+  }
+  return found;
 }
 
 // The recording's latitude and gravity hold where the reference begins.
@@ -67,28 +78,29 @@ Result<ParameterFile> as_it_is(const RecordingInfo& info) {
 
 std::string seconds(double s) { return std::to_string(std::llround(s)) + " s"; }
 
-Result<NavigatedFile> navigate_file(const CalibratedIntervals& calibrated, const RecordingInfo& info, double align_s,
-                                    const std::vector<Branch>& branches, double from_s, const std::string& prefix,
-                                    const ReferenceTrack* reference) {
-  const NoiseModel noise = TRY(stored_noise(calibrated.file, calibrated.path));
-  const StoredCovariance covariance = TRY(stored_covariance(calibrated.file, calibrated.path));
+// `path`: of the parameter file.
+Result<NavigatedFile> navigate_file(const ParameterFile& file, const std::string& path,
+                                    const std::vector<MotionInterval>& intervals, const RecordingInfo& info,
+                                    double align_s, const std::vector<Branch>& branches, double from_s,
+                                    const std::string& prefix, const ReferenceTrack* reference) {
+  const NoiseModel noise = TRY(stored_noise(file, path));
+  const StoredCovariance covariance = TRY(stored_covariance(file, path));
   FreeNavigationSetup setup;
   setup.site = {info.latitude_deg * rad_per_deg, info.gravity_mps2};
   setup.noise = noise;
-  setup.counts = counts_model(from_vector(calibrated.file.parameters), info);
+  if (!covariance.covariance.isZero(0.0)) setup.counts = counts_model(from_vector(file.parameters), info);
   setup.parameter_covariance = covariance.covariance;
   setup.align_s = align_s;
   setup.reference = reference;
 
   NavigatedFile result;
   result.prefix = prefix;
-  result.path = calibrated.path;
-  result.model = calibrated.file.model;
+  result.path = path;
+  result.model = file.model;
   result.covariance_source = covariance.source;
-  result.trusted = is_trusted(calibrated.file);
-  result.noise_assumed = !has_noise(calibrated.file);
-  result.felt = felt_site(calibrated.integrator.intervals(), noise, covariance.covariance);
-  const std::vector<MotionInterval>& intervals = calibrated.integrator.intervals();
+  result.trusted = is_trusted(file);
+  result.noise_assumed = !has_noise(file);
+  result.felt = felt_site(intervals, noise, covariance.covariance);
   std::vector<double> rates;
   double squares = 0.0;
   for (const auto& [start, length] : branches) {
@@ -126,6 +138,27 @@ ParameterFile file_of(const ModelWithout& model, const JointResult& extended, Pa
   return file;
 }
 
+// The motion over each block, which holds it for any parameters: the longest stretch that lost no samples.
+std::vector<MotionInterval> intervals_of(const CompressedRecording& recording, SampleCalibration& calibration) {
+  const SensorModel& model = calibration.model;
+  std::vector<MotionInterval> longest, intervals;
+  for (const Block& block : recording.blocks) {
+    const double t = block.duration_s;
+    BlockMotion motion = evaluate(block, model, recording.info.sample_period_s);
+    const EffectTerms::Term& term = calibration.effects.at(block.start_sample);
+    take_off(t * term.rate_radps, t * term.force_mps2, motion);
+    if (block.missing > most_filled_samples) {
+      if (intervals.size() > longest.size()) longest = std::move(intervals);
+      intervals.clear();
+      continue;
+    }
+    intervals.push_back({quaternion_of(motion.rotation), motion.velocity, motion.rotation,
+                         model.accel_scale * block.accel - t * (model.accel_bias_mps2 + term.force_mps2), t,
+                         !recording.rotates(block), block.missing});
+  }
+  return intervals.size() > longest.size() ? intervals : longest;
+}
+
 // Rms over the branches, of the distance between two tracks of the same time.
 double rate_between(const NavigatedFile& one, const NavigatedFile& other) {
   std::vector<double> rates;
@@ -153,11 +186,7 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request) {
     ParameterFile file = TRY(read_parameter_file(path));
     files.push_back(TRY(calibrated_intervals(std::move(file), path, *opened)));
   }
-  return navigate_recording(request, *opened, std::move(files));
-}
-
-Result<NavigationReport> navigate_recording(const NavigationRequest& request, RecordingSource& source,
-                                            std::vector<CalibratedIntervals> files) {
+  RecordingSource& source = *opened;
   if (request.to_s && *request.to_s <= request.from_s)
     return input_error("--to " + seconds(*request.to_s) + ": expected more than --from, " + seconds(request.from_s));
   const RecordingInfo info = source.info();
@@ -200,11 +229,10 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
     return integrated.first_sample + samples_each * std::int64_t(index);
   };
   std::vector<Branch> branches;
-  const auto window = std::size_t(std::max(1L, std::lround(request.align_s / interval)));
-  const auto least = std::size_t(std::ceil(align_min_rest_s / interval - 1e-6));
-  const AlignmentNeeds needs{window, reference ? window : std::min(window, least)};
-  for (const std::size_t start : starts_of(intervals, length, request.branches, needs)) {
-    Branch branch{start, length};
+  const double window_s = interval * double(std::max(1L, std::lround(request.align_s / interval)));
+  const AlignmentNeeds needs{window_s, reference ? window_s : std::min(window_s, align_min_rest_s)};
+  for (Branch branch : branches_of(intervals, double(length) * interval, request.branches, needs)) {
+    const std::size_t start = branch.start;
     if (const SampleGap* gap = long_gap_in(integrated.gaps, counter_of(start), counter_of(start + length))) {
       const std::int64_t before = std::max(std::int64_t{0}, gap->first - counter_of(start)) / samples_each;
       branch.length = std::size_t(before);
@@ -227,7 +255,8 @@ Result<NavigationReport> navigate_recording(const NavigationRequest& request, Re
                                   std::to_string(most_filled_samples) + " lost samples"));
   for (std::size_t k = 0; k < files.size(); ++k) {
     Result<NavigatedFile> file =
-        navigate_file(files[k], info, request.align_s, branches, stretch.from_s, k == 0 ? "" : "against.", beside);
+        navigate_file(files[k].file, files[k].path, files[k].integrator.intervals(), info, request.align_s, branches,
+                      stretch.from_s, k == 0 ? "" : "against.", beside);
     if (!file) return Error{file.error().kind, request.recording + ": " + file.error().message};
     report.files.push_back(std::move(*file));
   }
@@ -300,8 +329,7 @@ ModelWithout model_without(const JointResult& extended, const Eigen::MatrixXd& P
 }
 
 Result<NavigationWorth> worth_of_effects(const Diagnosis& diagnosis, const DiagnosisContext& context,
-                                         const std::string& recording, const CompressedRecording& blocks,
-                                         std::optional<double> to_s) {
+                                         const std::string& recording, const CompressedRecording& blocks) {
   const ParameterFile after = diagnosis_parameters(diagnosis, context);
   ParameterFile before = after;
   before.parameters = to_vector(diagnosis.base.parameters);
@@ -311,23 +339,32 @@ Result<NavigationWorth> worth_of_effects(const Diagnosis& diagnosis, const Diagn
     models.push_back(
         file_of(model_without(diagnosis.extended, diagnosis.fitted_covariance, effect), diagnosis.extended, after));
 
-  std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(recording));
-  std::vector<CalibratedIntervals> files;
-  for (ParameterFile& model : models)
-    files.push_back(TRY(calibrated_intervals(std::move(model), recording, *source, &blocks)));
-  NavigationRequest request;
-  request.recording = recording;
-  request.to_s = to_s;
-  const NavigationReport report = TRY(navigate_recording(request, *source, std::move(files)));
-  const NavigatedFile& with_all = report.files[0];
+  const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(recording));
+  const double align_s = NavigationRequest{}.align_s;
+  std::vector<Branch> branches;
+  std::vector<NavigatedFile> files;
+  for (const ParameterFile& model : models) {
+    SampleCalibration calibration = TRY(SampleCalibration::make(model, recording, *source, &blocks));
+    const std::vector<MotionInterval> intervals = intervals_of(blocks, calibration);
+    Elapsed all;
+    for (const MotionInterval& interval : intervals) all.add(interval.duration_s);
+    const double free_s = std::min(default_free_s, all.now_s() - align_s);
+    if (files.empty() && free_s > 0.0)
+      branches = branches_of(intervals, align_s + free_s, default_branches, {align_s, align_min_rest_s});
+    if (branches.empty())
+      return input_error(recording + ": expected more than " + seconds(align_s) +
+                         " without lost samples, at rest first");
+    files.push_back(TRY(navigate_file(model, recording, intervals, blocks.info, align_s, branches, 0.0, "", nullptr)));
+  }
+  const NavigatedFile& with_all = files[0];
   NavigationWorth worth;
   worth.branches = with_all.branches.size();
   worth.free_s = with_all.branches.front().navigation.free_s;
-  worth.before = report.files[1].drift.rms_nm_per_h;
+  worth.before = files[1].drift.rms_nm_per_h;
   worth.after = with_all.drift.rms_nm_per_h;
   worth.noise = with_all.expected ? with_all.expected->rms_nm_per_h : 0.0;
   for (std::size_t k = 0; k < diagnosis.effect_names.size(); ++k)
-    worth.effects.emplace_back(diagnosis.effect_names[k], rate_between(with_all, report.files[k + 2]));
+    worth.effects.emplace_back(diagnosis.effect_names[k], rate_between(with_all, files[k + 2]));
   return worth;
 }
 

@@ -25,20 +25,16 @@ namespace turncal {
 
 // Errors: kind input for files that cannot be used, and for a recording that is too short or does not rest.
 Result<NavigationReport> navigate_recording(const NavigationRequest& request);
-// The same with files that are at hand, of that recording; the report has one for each. The paths of the request are not read.
-Result<NavigationReport> navigate_recording(const NavigationRequest& request, RecordingSource& source,
-                                            std::vector<CalibratedIntervals> files);
 
 // The reference of `turncal navigate`: a table with the columns time_s, latitude_deg, longitude_deg and, where they are known, height_m,
 // velocity_north_mps and velocity_east_mps. Text (CSV) or .mat; the names are those of track.csv.
 // Errors, kind input: file, line, and what was expected.
 Result<ReferenceTrack> read_reference(const std::string& path);
 
-// `recording`: the path of its samples, `blocks`: of the same; what lies after `to_s` is not navigated. Errors: those of navigate_recording().
+// On the blocks of a recording, `recording` its path. Errors: it is too short, or rests nowhere.
 // REQUIRES: effects were added.
 Result<NavigationWorth> worth_of_effects(const Diagnosis& diagnosis, const DiagnosisContext& context,
-                                         const std::string& recording, const CompressedRecording& blocks,
-                                         std::optional<double> to_s);
+                                         const std::string& recording, const CompressedRecording& blocks);
 
 // The extended model with one of its effects held at zero. `covariance`: that of the fit, not widened; its rows are extended.free.
 struct ModelWithout {
