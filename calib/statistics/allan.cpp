@@ -40,6 +40,9 @@ Squares squares_of(const AllanFit& fit) {
 
 // ---- one rest of one channel ----
 
+// A gap holds the mean of so many times its length on either side.
+constexpr std::size_t lengths_around = 5;
+
 struct Rest {
   std::vector<double> rate;  // less its mean, gaps filled
   std::vector<double> theta;
@@ -66,7 +69,7 @@ Rest make_rest(std::span<const double> mean, double cell_s) {
     if (there(rest.rate[k])) continue;
     std::size_t end = k;
     while (!there(rest.rate[end])) ++end;
-    const std::size_t around = 5 * (end - k);
+    const std::size_t around = lengths_around * (end - k);
     double near = 0.0, found = 0.0;
     for (std::size_t j = k - std::min(k, around); j < std::min(n, end + around); ++j)
       if (there(rest.rate[j])) near += rest.rate[j], found += 1.0;
@@ -158,15 +161,19 @@ std::size_t quick_length(std::size_t n) {
   return n;
 }
 
-// Power of white noise in a rest whose gaps hold the means of what is around them: less where nothing was measured, and more of slow changes, since
-// those means repeat what they are made of. `angle`: of a cell.
+// Power of white noise in a rest whose gaps of g cells hold the mean of 5 g on either side, over that of one without gaps. A cell x_j that was
+// measured is there with exp(i j a), and in each gap near it with a tenth of D(g) exp(i c a), c the gap's middle, D(n) the mean of exp(i k a) over n
+// cells; over gaps that lie at random (Poisson) the mean of these is share D(g) (11 D(11 g) - D(g)) / 10, their variance share D(g)^2 / 10 a cell.
+// `angle`: a of a cell.
 double white_power(const Rest& rest, double angle) {
   if (rest.gaps.empty()) return 1.0;
-  const auto mean_over = [](double a) { return std::sin(a) / a; };
+  constexpr double around = 2.0 * lengths_around;
   const double there = 1.0 - rest.filled, share = rest.filled / there;
   const double gap = rest.filled * double(rest.rate.size()) / double(rest.gaps.size());
-  const double repeated = 1.0 + share * mean_over(5.5 * gap * angle);
-  return there * repeated * repeated + 0.1 * share * std::pow(mean_over(0.5 * gap * angle), 2);
+  const auto mean_over = [&](double cells) { return std::sin(0.5 * cells * angle) / (0.5 * cells * angle); };
+  const double inside = mean_over(gap), both = mean_over((around + 1.0) * gap);
+  const double repeated = 1.0 + share * inside * ((around + 1.0) * both - inside) / around;
+  return there * repeated * repeated + share * inside * inside / around;
 }
 
 void add_power(const Rest& rest, double cell_s, double above_hz, double up_to_hz, Bins& bins) {
@@ -321,9 +328,12 @@ const Fitted& best_of(const std::vector<Fitted>& all, unsigned without = 0) {
   return *best;
 }
 
-// Mean square of what is left, in units of what chance leaves.
-double misfit_of(const Spectrum& p, Index bins, const Fitted& fit) {
-  if (!std::isfinite(fit.value)) return std::numeric_limits<double>::infinity();
+// Mean square of what is left, in units of what chance leaves, and what chance exceeds in one of a thousand records.
+struct Misfit {
+  double mean = std::numeric_limits<double>::infinity(), limit = 1.0;
+};
+Misfit misfit_of(const Spectrum& p, Index bins, const Fitted& fit) {
+  if (!std::isfinite(fit.value)) return {};
   const ArrayXd lambda = (p.unit.topRows(bins).matrix() * fit.squares.matrix()).array();
   double sum = 0.0, count = 0.0, power = 0.0, n = 0.0;  // the lowest bins together, until they are 8 coefficients
   for (Index b = 0; b < bins; ++b) {
@@ -335,7 +345,8 @@ double misfit_of(const Spectrum& p, Index bins, const Fitted& fit) {
     count += 1.0;
     power = n = 0.0;
   }
-  return count > 0.0 ? sum / count : 1.0;
+  if (count == 0.0) return {.mean = 1.0, .limit = 1.0};
+  return {.mean = sum / count, .limit = chi_square_limit(1e-3, count) / count};
 }
 
 // The largest square with which -2 ln L is still within 2.71 of its minimum (95 %, one-sided).
@@ -356,21 +367,22 @@ double limit_of(const Spectrum& p, Index bins, const Fitted& best, Index term) {
 }
 
 AllanFit fit_of(const Spectrum& p) {
-  constexpr double fits = 1.5;
   AllanFit fit;
   if (p.hz.size() < 4) return fit;
   Index bins = p.hz.size();
   std::vector<Fitted> all = all_choices(p, bins);
-  fit.misfit = misfit_of(p, bins, best_of(all));
+  Misfit misfit = misfit_of(p, bins, best_of(all));
   // Four octaves are left at least: counting in pulses may give lines down to a hertz.
-  for (double top = 0.5 * p.hz[bins - 1]; fit.misfit > fits && top > 16.0 * p.hz[0]; top *= 0.5) {
+  for (double top = 0.5 * p.hz[bins - 1]; misfit.mean > misfit.limit && top > 16.0 * p.hz[0]; top *= 0.5) {
     std::vector<Fitted> tried = all_choices(p, p.bins(top));
-    const double misfit = misfit_of(p, p.bins(top), best_of(tried));
-    if (!(misfit < fit.misfit)) continue;
+    const Misfit left = misfit_of(p, p.bins(top), best_of(tried));
+    if (!(left.mean < misfit.mean)) continue;
     all = std::move(tried);
     bins = p.bins(top);
-    fit.misfit = misfit;
+    misfit = left;
   }
+  fit.misfit = misfit.mean;
+  fit.fits = misfit.mean <= misfit.limit;
   const Fitted& best = best_of(all);
   fit.made = std::isfinite(best.value);
   if (!fit.made) return fit;

@@ -68,6 +68,7 @@ struct AllanFit {
   double highest_hz = 0.0;  // what is faster is not of this model, or not in the data
   bool cut = false;         // the data have faster ones
   double misfit = 1.0;      // mean square of what is left over what chance leaves; above 1 it widens the sigmas
+  bool fits = true;         // chance leaves as much in one of a thousand records
   bool made = false;
 };
 // Allan variance of the model.

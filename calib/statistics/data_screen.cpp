@@ -15,7 +15,6 @@ constexpr double beyond_all_before = 8.0;
 constexpr int longest_spike = 5;
 
 constexpr double nominal_gyro_pulse_rad = 0.932920 * rad_per_arcsec;  // of one count, before anything is measured
-constexpr double most_radps2 = 7.0;                                   // what a table accelerates by
 constexpr double nominal_accel_pulse_mps = 0.0005;                    // where the increments are not counted
 constexpr std::uint64_t settled = 50;                                 // samples until the rms is known
 constexpr double memory = 0.01;                                       // weight of one sample in it
@@ -75,10 +74,15 @@ const char* to_string(DataEvent::Kind kind) {
   return names[std::size_t(kind)];
 }
 
+GlitchLimits GlitchLimits::at_rest(const RecordingInfo& info) {
+  const bool counts = info.gyro_increment == IncrementKind::pulses || info.accel_increment == IncrementKind::pulses;
+  return {.counts_min = counts ? GlitchLimits{}.counts_min : 0.0, .most_radps2 = 0.0, .steps_min = 4.0};
+}
+
 GlitchFinder::GlitchFinder(const RecordingInfo& info, const GlitchLimits& limits)
-    : square_ratio_(limits.ratio * limits.ratio) {
+    : square_ratio_(limits.ratio * limits.ratio), steps_min_(limits.steps_min) {
   const double pulse_mps = info.accel_increment == IncrementKind::pulses ? 1.0 : nominal_accel_pulse_mps;
-  const double turn_rad = 0.5 * most_radps2 * info.sample_period_s * info.sample_period_s;
+  const double turn_rad = 0.5 * limits.most_radps2 * info.sample_period_s * info.sample_period_s;
   const double gyro_rad = std::max(limits.counts_min * nominal_gyro_pulse_rad, turn_rad);
   least_square_.head<3>().setConstant(std::pow(gyro_rad / nominal_gyro_rad(info), 2));
   least_square_.tail<3>().setConstant(std::pow(limits.counts_min * pulse_mps, 2));
@@ -92,7 +96,12 @@ void GlitchFinder::add(const ImuSample& sample, std::vector<DataEvent>& events) 
     const Channels difference = last_ - 0.5 * (now + before_last_);
     differences_[seen_ % kept] = {sample.counter, difference};
     const Channels square = difference.cwiseAbs2();
-    const Channels limit = (square_ratio_ * mean_square_).cwiseMax(least_square_);
+    Channels limit = (square_ratio_ * mean_square_).cwiseMax(least_square_);
+    if (steps_min_ > 0.0) {
+      const Channels change = (now - last_).cwiseAbs();
+      step_ = (change.array() > 0.0).select(step_.cwiseMin(change), step_);
+      limit = limit.cwiseMax((steps_min_ * step_).cwiseAbs2());
+    }
     if (seen_ > settled && (square.array() > limit.array()).any())
       suspect(sample, difference, square, limit, events);
     else

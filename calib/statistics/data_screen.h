@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -61,11 +62,15 @@ const char* to_string(DataEvent::Kind kind);
 struct GlitchLimits {
   double ratio = 12.0;       // of the rms second difference
   double counts_min = 20.0;  // nominal pulses
+  double most_radps2 = 7.0;  // what a table accelerates by
+  // Of a unit at rest, which nothing accelerates: no pulses where none are counted, but so many of the steps in which numbers are written.
+  double steps_min = 0.0;
+  static GlitchLimits at_rest(const RecordingInfo& info);
 };
 
 // Single samples that stand out from their neighbours. With d_k = x_(k-1) - (x_k + x_(k-2)) / 2 of one channel sample k-1 is suspected when
 // |d_k| is above ratio times the running rms of d (memory of 100 samples) and above a least value: so many nominal pulses, and of gyros what
-// a table of 7 rad/s^2 does. A glitch of g gives d = -g/2, g, -g/2 with sum 0; where a table begins or ends to accelerate the sum is as large
+// a table of 7 rad/s^2 does; of a unit at rest as many steps. A glitch of g gives d = -g/2, g, -g/2 with sum 0; where a table begins or ends to accelerate the sum is as large
 // as d. So a suspect stays when |sum of d, two before to two behind| < |d| / 2, or where that is not known yet.
 // Not modelled: glitches closer than three samples to each other are one; a glitch in the very corner of a motion is taken for it.
 class GlitchFinder {
@@ -89,8 +94,11 @@ class GlitchFinder {
   void drop_corners(std::vector<DataEvent>& events) const;
 
   double square_ratio_;
-  Channels least_square_;                    // below this nothing is a glitch
-  Channels mean_square_ = Channels::Zero();  // of d
+  double steps_min_;
+  Channels least_square_;  // below this nothing is a glitch
+  Channels step_ =
+      Channels::Constant(std::numeric_limits<double>::infinity());  // the least change from one sample to the next
+  Channels mean_square_ = Channels::Zero();                         // of d
   Channels last_ = Channels::Zero(), before_last_ = Channels::Zero();
   std::array<Difference, kept> differences_;  // of sample n at n mod kept
   std::uint64_t seen_ = 0;

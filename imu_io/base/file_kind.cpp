@@ -27,6 +27,8 @@ constexpr std::string_view by_nothing = "no command takes it";
 constexpr KindRow kind_rows[] = {
     {FileKind::recording, "a recording of turncal", "turncal calibrate, diagnose, apply, navigate and export take it",
      "\x89TCR"},
+    {FileKind::recording_part, "a part of a recording", "turncal calibrate, diagnose, apply and export take its folder",
+     "", "format", "gyro_increment"},
     {FileKind::journal, "the journal of a run", "turncal journal and resume take its folder", "\x89TCJ"},
     {FileKind::statistics, "statistics of a calibration", "turncal fleet takes the store that it is in", "TCST"},
     {FileKind::parameters, "a parameter file", "turncal convert and --parameters of apply, navigate and verify take it",
@@ -124,8 +126,9 @@ FileKind recognise_file(const std::string& path) {
   if (!file) return FileKind::unknown;
   std::string head(std::size_t{1} << 16, '\0');
   const Result<std::size_t> size = file->read_at(0, std::as_writable_bytes(std::span(head)));
-  const bool whole = size.ok() && *size < head.size();
-  head.resize(size.ok() ? *size : 0);
+  const bool whole = size && *size < head.size();
+  if (!size) return FileKind::unknown;
+  head.resize(*size);
   if (const std::size_t last = head.rfind('\n'); !whole && last != head.npos) head.resize(last + 1);
   return recognise_content(head);
 }

@@ -15,7 +15,8 @@
 namespace turncal {
 
 enum class FileKind {
-  recording,  // .tcr, or a folder with one or with its text form
+  recording,       // .tcr, or a folder with one or with its text form
+  recording_part,  // of a text form
   journal,
   statistics,
   parameters,

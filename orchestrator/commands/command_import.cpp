@@ -237,6 +237,7 @@ Status import_text(const TextOptions& options, CommandContext& context) {
     TRY(expect_file(options.source, FileKind::csv));
     const TableBytes bytes = TRY(bytes_of_file(options.source));
     const std::string_view head = TRY(bytes.at(0, 1));
+    if (head.empty()) return input_error(options.source + ": empty file: expected a table or a recording");
     TRY(check_text(head, options.source));
   }
   if (!path_exists(options.source + "/recording.conf"))
@@ -314,7 +315,7 @@ Status apply(const ApplyOptions& options, CommandContext& context) {
     return input_error(options.out + ": a sensor_msgs/Imu has rates, no increments: expected --as rates");
   if (!options.as.empty() && options.out.ends_with(".tcr"))
     return input_error(options.out +
-                       ": a recording has increments and a counter: expected .csv, .npy or .mat with --as");
+                       ": a recording has increments and a counter: expected .csv, .npy, .mat or .mcap with --as");
   const ParameterFile parameters = TRY(read_parameter_file(options.parameters));
   std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(options.recording));
   SampleCalibration calibration = TRY(SampleCalibration::make(parameters, options.parameters, *source));

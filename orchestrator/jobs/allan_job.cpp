@@ -36,7 +36,7 @@ class RestReader {
         path_(std::move(path)),
         maker_(info.sample_period_s),
         spikes_(info),
-        glitches_(info, {}) {
+        glitches_(info, GlitchLimits::at_rest(info)) {
     const SensorModel model = sensor_model(start_parameters(info), info);
     si_ << model.gyro_scale.diagonal(), model.accel_scale.diagonal();
     si_ = si_.cwiseAbs();
@@ -45,7 +45,7 @@ class RestReader {
 
   Status add(std::span<const ImuSample> samples) {
     for (const ImuSample& sample : samples) {
-      if (!at_rest(sample.counter)) continue;
+      if (!TRY(at_rest(sample.counter))) continue;
       const Channels increments = channels_of(sample);
       if (sample.flags != 0 || !increments.allFinite() || spikes_.spike_in(sample)) {
         ++left_out_;
@@ -54,14 +54,13 @@ class RestReader {
       if (waiting_.empty()) glitches_.forget_neighbours(sample);
       glitches_.add(sample, found_);
       waiting_.emplace_back(sample.counter, increments);
-      keep_all_but(known_after);
-      if (segments_.empty()) TRY(check_still(sample.counter, increments));
+      TRY(keep_all_but(known_after));
     }
     return {};
   }
 
   Result<ReadRests> take() {
-    keep_all_but(0);
+    TRY(keep_all_but(0));
     ReadRests found{maker_.take(si_), {}};
     if (found.cells.ends.size() == 1)
       found.force_mps2 = total_.cwiseProduct(si_).tail<3>() / (taken_ * info_.sample_period_s);
@@ -86,19 +85,22 @@ class RestReader {
  private:
   static constexpr std::size_t known_after = 6;  // samples, whether one was a glitch
 
-  void keep_all_but(std::size_t last) {
+  Status keep_all_but(std::size_t last) {
     for (; waiting_.size() > last; waiting_.pop_front()) {
       const auto& [counter, increments] = waiting_.front();
       auto glitch = found_.rbegin();
       while (glitch != found_.rend() && glitch->sample > counter) ++glitch;
-      if (glitch != found_.rend() && glitch->sample == counter)
+      if (glitch != found_.rend() && glitch->sample == counter) {
         ++left_out_;
-      else
-        maker_.add(counter, increments), total_ += increments, ++taken_;
+        continue;
+      }
+      maker_.add(counter, increments), total_ += increments, ++taken_;
+      if (segments_.empty()) TRY(check_still(counter, increments));
     }
+    return {};
   }
 
-  bool at_rest(std::int64_t counter) {
+  Result<bool> at_rest(std::int64_t counter) {
     if (segments_.empty()) return true;
     while (index_ < segments_.size() && counter >= segments_[index_].end_sample) {
       const Segment& past = segments_[index_++];
@@ -108,7 +110,7 @@ class RestReader {
                         past.end_sample == next.start_sample && past.heading_deg == next.heading_deg &&
                         past.pitch_deg == next.pitch_deg && past.roll_deg == next.roll_deg;
       if (same) continue;
-      keep_all_but(0);
+      TRY(keep_all_but(0));
       maker_.begin_rest();
     }
     return index_ < segments_.size() && counter >= segments_[index_].start_sample &&

@@ -72,7 +72,7 @@ void add_notes(const AllanReport& report, Document& document) {
           fmt::format("above {} Hz the noise is not of this model (a filter, vibration, counting in pulses) and is "
                       "left out of the fit",
                       significant(fit.highest_hz, 2)));
-    if (fit.misfit > 1.5)
+    if (!fit.fits)
       say(fmt::format("the model does not fit: the residual is {} times that of chance; the sigmas are widened by it",
                       significant(fit.misfit, 2)));
     for (std::size_t term = 0; term < allan_terms; ++term) {
@@ -154,8 +154,9 @@ void add_ros_forms(const AllanReport& report, Document& document) {
     const auto row = [&](const std::string& key, const OfTriad& of, double factor, const std::string& in,
                          const char* formula) {
       limits = limits || of.limit;
-      table.row({name(key), number((of.limit ? "< " : "") + significant(of.value * factor, 4), of.value * factor),
-                 text(in), wide(formula)});
+      const std::string shown = significant(of.value * factor, 4);
+      table.row(
+          {name(key), of.limit ? number("< " + shown) : number(shown, of.value * factor), text(in), wide(formula)});
     };
     row(kalibr + "noise_density", white, 1.0, unit + "/√Hz", "N");
     row(kalibr + "random_walk", walk, 1.0, (gyro ? "rad/s²/√Hz" : "m/s³/√Hz"), "K");

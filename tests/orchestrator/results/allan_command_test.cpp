@@ -1,5 +1,7 @@
 // `turncal allan` as a program.
 
+#include <random>
+
 #include "tests/orchestrator/results/rig_unit.h"
 
 namespace turncal {
@@ -55,6 +57,26 @@ TEST_F(AllanCommand, RefusesWhatMovesAndWhatIsShort) {
   expect_refused("allan short.csv --map map.conf", "expected at least 10 s");
   write("flip.csv", replaced(csv, "\n1.5", "\n1.5,7e300,0,0,0,0,0\n1.5"));
   EXPECT_SAYS(ends("import flip.csv --map map.conf --skip-bad-rows --out flip", 0).out, "gyro x gave");
+}
+
+// Whatever its size, down to 28 sigma of a sample. A limit is no number to read as one.
+TEST_F(AllanCommand, OneWildSampleIsLeftOut) {
+  write("map.conf",
+        "gyro.columns = 1, 2, 3\ngyro.unit = rad/s\naccel.columns = 4, 5, 6\naccel.unit = m/s^2\nrate_hz = 50\n"
+        "csv.header_lines = 0\ngravity_mps2 = 9.8\nunit_serial = A\n");
+  for (const double wild_radps : {0.02, 1.0, 50.0}) {
+    SCOPED_TRACE(wild_radps);
+    std::mt19937 random(4);
+    std::normal_distribution<double> gyro(0.0, 7e-4), accel(0.0, 7e-3);
+    std::string csv;
+    for (int k = 0; k < 3000; ++k)
+      csv += fmt::format("{},{},{},{},{},{}\n", gyro(random) + (k == 1500 ? wild_radps : 0.0), gyro(random),
+                         gyro(random), accel(random), accel(random), 9.8 + accel(random));
+    write("wild.csv", csv);
+    const ProgramResult json = ends("allan wild.csv --map map.conf --format json", 0);
+    EXPECT_SAYS(json.out, "1 samples left out");
+    EXPECT_SAYS(json.out, "\"gyroscope_random_walk\",\"value\":\"< ");
+  }
 }
 
 }  // namespace
