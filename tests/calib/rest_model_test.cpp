@@ -179,7 +179,7 @@ TEST(RestModel, NamesWhatIsNotDetermined) {
   const auto few = prepare({.rests = 3});
   const Result<RestFit> none = fit_rests(few->data, EffectModel{});
   ASSERT_FALSE(none.ok());
-  EXPECT_NE(none.error().message.find("at least 4 rests"), std::string::npos);
+  EXPECT_NE(none.error().message.find("needs 4 rests"), std::string::npos);
 }
 
 TEST(RestModel, LegWithLostSamplesIsSetAside) {
