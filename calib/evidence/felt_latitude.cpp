@@ -99,12 +99,13 @@ std::string wrong_latitude(const CompressedRecording& recording, const JointResu
 EffectColumn vertical_earth_rate() { return latitude_columns().back(); }
 
 std::string latitude_of_vertical(double stated_deg, double more_degph, double sigma_degph) {
-  const double whole = earth_rate_radps / radps_per_degph, up = rate_at(stated_deg * rad_per_deg).y() + more_degph;
+  const double whole = rate_at(0.5 * pi).y(), stated = rate_at(stated_deg * rad_per_deg).y(), up = stated + more_degph;
   std::string words =
       fmt::format("the gyros at rest measure {:.3f} +- {:.3f} deg/h about the vertical", up, sigma_degph);
   if (std::abs(up) < whole)
-    words += fmt::format(", the Earth's rate at a latitude of {:.3f} deg", std::asin(up / whole) / rad_per_deg);
-  return words + fmt::format(", the recording says {:.10g}", stated_deg);
+    words += fmt::format(", as at a latitude of {:.3f} deg", std::asin(up / whole) / rad_per_deg);
+  words += fmt::format(", the recording says {:.10g}", stated_deg);
+  return words + (up * stated < 0.0 ? ", or the accelerometers read gravity and not specific force" : "");
 }
 
 }  // namespace turncal

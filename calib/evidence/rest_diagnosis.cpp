@@ -452,7 +452,6 @@ std::string why_not_tested(const RestData& data, const RestFit& base) {
   }
   // A reversed accelerometer makes the body's frame left-handed, and two gyros turn the other way in it.
   if (why.empty()) why = wrong_axes(base.parameters.n / start_parameters(data.recording->info).n(0, 0));
-  if (why.empty()) why = wrong_vertical(data, base.parameters);
   if (!why.empty()) return why;
   return hangs_on_single_rests(RestKind::direction, base.left_out.direction_rms_rad, base.errors.direction_rms_rad);
 }

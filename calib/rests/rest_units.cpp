@@ -18,8 +18,6 @@ namespace turncal {
 namespace {
 
 // So many sigma from no error at all (by chance once in 10^6), and from the other sign.
-constexpr double surely = 5.0, near_by = 3.0;
-constexpr Eigen::Index fewest_rows = 30;
 
 // What carries gravity from rest to rest, where the gyros as given do not: any factor, and any of the 48 ways to connect them. Short turns suggest
 // one; where they cannot, the factors between two units, or none. A reversed accelerometer makes the body's frame left-handed, and two gyros turn the
@@ -55,48 +53,6 @@ std::string wrong_gyros(const RestData& data) {
 }
 
 }  // namespace
-
-// The gyro rows at rest are r = c (sin L - sin L_stated) - db, db an error of the biases and -c what a vertical earth rate changes: alike on all
-// three gyros, which tells it from their sensitivity to gravity.
-std::string wrong_vertical(const RestData& data, const Parameters& fitted) {
-  const double stated_deg = data.recording->info.latitude_deg, stated = std::sin(stated_deg * rad_per_deg),
-               pole = stated_deg < 0.0 ? 1.0 : -1.0;
-  CompressedRecording at_pole{data.recording->info, {}, data.recording->blocks, {}, 0, 0.0};
-  at_pole.info.latitude_deg = 90.0 * pole;
-  RestData other = data;
-  other.recording = &at_pole;
-  const RestSystem as_given = make_rest_system(data, fitted, EffectModel{}, true);
-  const RestSystem elsewhere = make_rest_system(other, fitted, EffectModel{}, false);
-  std::vector<Eigen::Index> rows;  // x, y, z of each rest
-  for (std::size_t k = 0; k < as_given.kind.size(); ++k)
-    if (as_given.kind[k] == RestKind::gyro) rows.push_back(k);
-  const Eigen::Index count = rows.size();
-  if (count < fewest_rows) return {};
-  Eigen::MatrixXd of_bias(count, 3), c = Eigen::MatrixXd::Zero(count, 3);  // the columns of N0 come first
-  Eigen::VectorXd r(count);
-  for (Eigen::Index k = 0; k < count; ++k) {
-    of_bias.row(k) = as_given.jacobian.row(rows[k]).head(3);
-    r[k] = as_given.residual[rows[k]];
-    c(k, k % 3) = (r[k] - elsewhere.residual[rows[k]]) / (pole - stated);
-  }
-  const Eigen::MatrixXd B = column_space(of_bias);
-  r -= B * (B.transpose() * r);
-  c -= B * (B.transpose() * c);
-  const Eigen::Array3d information = c.colwise().squaredNorm();
-  if (!(information > 0.0).all()) return {};
-  const Eigen::Array3d each = (c.transpose() * r).array() / information;
-  const double off = (information * each).sum() / information.sum();
-  const double variance = (r - c * each.matrix()).squaredNorm() / double(count - 6);
-  const double sigma = std::sqrt(variance / information.sum());
-  const bool alike = (information * (each - off).square()).sum() < surely * surely * variance;
-  if (!(std::abs(off) > surely * sigma) || !alike || std::abs(stated + off) > 1.0 + near_by * sigma) return {};
-  return fmt::format(
-      "expected the latitude of the site{}: the gyros at rest measure another vertical earth rate than that of "
-      "latitude "
-      "{:.6g} deg, {:.2g} sigma off",
-      stated * (stated + off) < 0.0 ? ", or accelerometers that read specific force (up at rest), not gravity" : "",
-      stated_deg, std::abs(off) / sigma);
-}
 
 std::string wrong_units(const RestData& data) {
   std::string both = wrong_accelerometers(*data.recording);

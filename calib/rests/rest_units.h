@@ -15,7 +15,5 @@ namespace turncal {
 // One sentence; empty: nothing is plainly wrong, or there is nothing to judge by. Of the accelerometers' unit, the gyros' unit, and gyros that read
 // another axis, or the reverse.
 std::string wrong_units(const RestData& data);
-// The vertical earth rate at rest is that of another latitude; or of the other sign, as with accelerometers that read gravity.
-std::string wrong_vertical(const RestData& data, const Parameters& fitted);
 
 }  // namespace turncal

@@ -68,22 +68,28 @@ TEST(RestDiagnosis, GSensitivityIsFoundNamedAndMeasured) {
   EXPECT_EQ(d.statements.said().size(), 3u) << d.reason;
 }
 
-// The Earth's rate about the vertical reads like three equal terms of g-sensitivity.
+// The Earth's rate about the vertical reads like three equal terms of g-sensitivity. Accelerometers that read gravity turn it round.
 TEST(RestDiagnosis, AWrongLatitudeIsSaid) {
-  const double whole = earth_rate_radps / radps_per_degph;
-  for (const double stated_deg : {50.0, 0.0, 40.0}) {
+  const auto diagnose_at = [](double stated_deg, bool reversed) {
     HandData hand = make_hand_data(
         {.rests = 24, .gyro_noise_radps = 2e-5, .accel_noise_mps2 = 0.002, .seed = 11, .latitude_deg = 50.0});
     hand.info.latitude_deg = stated_deg;
+    for (ImuSample& s : hand.samples)
+      for (double& f : s.accel) f = reversed ? -f : f;
     const CompressedRecording recording = compress(hand.info, hand.segments, hand.samples, rest_compression_options());
-    const Diagnosis d = good(diagnose_rests(make_rest_data(recording)))->diagnosis;
-    EXPECT_EQ(d.latitude.empty(), stated_deg == 50.0) << d.reason;
-    for (const EstimatedEffect& e : d.extended.effects) {
-      EXPECT_EQ(e.column.key(), "earth_rate.up");
-      const double more = whole * (std::sin(50.0 * rad_per_deg) - std::sin(stated_deg * rad_per_deg));
-      EXPECT_NEAR(e.value, more, 4.0 * e.sigma);
-    }
+    return good(diagnose_rests(make_rest_data(recording)))->diagnosis;
+  };
+  EXPECT_EQ(diagnose_at(50.0, false).latitude, "");
+  for (const double stated_deg : {0.0, 40.0, -50.0}) {
+    const Diagnosis d = diagnose_at(stated_deg, false);
+    ASSERT_EQ(d.extended.effects.size(), 1u) << d.reason;
+    const EstimatedEffect& e = d.extended.effects.front();
+    EXPECT_EQ(e.column.key(), "earth_rate.up");
+    const double more = std::sin(50.0 * rad_per_deg) - std::sin(stated_deg * rad_per_deg);
+    EXPECT_NEAR(e.value, earth_rate_radps / radps_per_degph * more, 4.0 * e.sigma);
+    EXPECT_SAYS(d.latitude, "about the vertical");
   }
+  EXPECT_SAYS(diagnose_at(50.0, true).latitude, "or the accelerometers read gravity");
 }
 
 TEST(RestDiagnosis, DriftIsNotTakenForGSensitivity) {

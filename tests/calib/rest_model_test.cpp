@@ -99,33 +99,9 @@ TEST(RestModel, TakesTheHorizontalEarthRateOff) {
     ASSERT_TRUE(fit.converged) << fit.message;
     for (const RestKind kind : {RestKind::gyro, RestKind::direction})
       EXPECT_LT(fit.white_ratio[std::size_t(kind)], 1.4) << seed;
-    EXPECT_EQ(wrong_vertical(p->data, fit.parameters), "");
     errors.add(fit, p->hand.truth);
   }
   EXPECT_NEAR(errors.mean_square(), 1.0, 0.45);
-}
-
-// The latitude has the wrong sign, or was not given; all accelerometers read gravity. Of a unit too noisy to feel it nothing is said.
-TEST(RestModel, SaysWhenTheVerticalEarthRateIsThatOfAnotherLatitude) {
-  for (const double latitude : {45.0, -35.0}) {
-    for (const bool accelerometers : {false, true}) {
-      HandData hand = make_hand_data({.gyro_noise_radps = 1e-4, .accel_noise_mps2 = 0.002, .latitude_deg = latitude});
-      if (accelerometers)
-        for (ImuSample& s : hand.samples)
-          for (double& f : s.accel) f = -f;
-      else
-        hand.info.latitude_deg = -latitude;
-      const auto p = prepare(hand);
-      EXPECT_SAYS(wrong_vertical(p->data, fitted(*p).parameters),
-                  "expected the latitude of the site, or accelerometers");
-    }
-  }
-  const auto forgotten = prepare({.gyro_noise_radps = 1e-4, .accel_noise_mps2 = 0.002, .latitude_deg = 50.0});
-  forgotten->recording.info.latitude_deg = 0.0;
-  EXPECT_SAYS(wrong_vertical(forgotten->data, fitted(*forgotten).parameters), "expected the latitude of the site: the");
-  const auto noisy = prepare({.latitude_deg = 45.0});
-  noisy->recording.info.latitude_deg = -45.0;
-  EXPECT_EQ(wrong_vertical(noisy->data, fitted(*noisy).parameters), "");
 }
 
 TEST(RestModel, StartsFarFromTheTruth) {
