@@ -342,7 +342,7 @@ std::vector<double> common_phases(std::span<const double> times, double slope, d
       if (const double at = std::round((times[row + k] - times[row]) / bin); at >= 0.0 && at < double(length))
         marks[std::size_t(at)] += 1.0 - std::cos(2.0 * std::numbers::pi * (double(k) + 0.5) / double(width));
     fft.fwd(sums, marks);
-    for (std::size_t f = 0; f < std::min(power.size(), sums.size()); ++f) power[f] += std::norm(sums[f]);
+    for (std::size_t f = 0; f < power.size(); ++f) power[f] += std::norm(sums[f]);
   }
   std::vector<std::pair<double, double>> peaks;  // - power, frequency
   if (step > 0.0) peaks.emplace_back(-power[0], 0.0);
@@ -389,7 +389,7 @@ std::vector<double> beats(std::span<const double> times, double step) {
       folded.assign(cells, 0);
       for (const double mark : marks) {
         const double turns = mark * each;
-        ++folded[std::min(cells - 1, std::size_t((turns - std::floor(turns)) * double(cells)))];
+        ++folded[std::size_t((turns - std::floor(turns)) * double(cells))];
       }
       int most = 0;
       for (std::size_t k = 0; k < cells; ++k)
