@@ -318,10 +318,8 @@ class Importer {
   }
 
   Error goes_back(const ColumnSource& source, std::int64_t line, const std::string& column, double time_s) const {
-    return input_error(
-        "{}:{}: column {} = '{}': expected a time after that of the row before; of a counter that wraps or a clock "
-        "that was set back, import the parts one by one",
-        source.file_name, line, quoted(column), in_file(time_s));
+    return input_error("{}:{}: column {} = '{}': expected a time after that of the row before", source.file_name, line,
+                       quoted(column), in_file(time_s));
   }
 
   std::string in_file(double time_s) const { return format_number(*first_stamp_ + time_s / map_.time_unit_s); }
@@ -402,17 +400,10 @@ class Importer {
     }
     std::vector<StampGap> found;
     if (measured()) {
-      // Usual is what the rows around have: the rate may change.
-      constexpr std::size_t block = 32;
-      std::vector<double> intervals = intervals_of(times_, times_.size()), usual;
-      for (std::size_t at = 0; at == 0 || at + block <= intervals.size(); at += block)
-        usual.push_back(median(std::span(intervals).subspan(at, std::min(block, intervals.size() - at))));
-      for (std::size_t k = 1; k < rows_; ++k) {
-        const std::size_t here = std::min((k - 1) / block, usual.size() - 1);
-        const double longest =
-            std::max({usual[here], usual[here - (here > 0 ? 1 : 0)], usual[std::min(here + 1, usual.size() - 1)]});
-        if (times_[k] - times_[k - 1] > map_.gap * longest) found.push_back({k, 2});
-      }
+      std::vector<double> intervals = intervals_of(times_, times_.size());
+      const double usual = median(intervals);
+      for (std::size_t k = 1; k < rows_; ++k)
+        if (times_[k] - times_[k - 1] > map_.gap * usual) found.push_back({k, 2});
     } else {
       if (!stamps().sure)
         return input_error(

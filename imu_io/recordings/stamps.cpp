@@ -11,8 +11,6 @@
 #include <numeric>
 #include <utility>
 
-#include <unsupported/Eigen/FFT>
-
 #include "calib/statistics/numerics.h"
 
 namespace turncal {
@@ -45,8 +43,8 @@ double resolution_of(std::span<const double> times, double period) {
 
 // How stamps follow their clock. In periods.
 struct Noise {
-  Noise(double s, double cell) : scatter(s), half(0.5 * cell) {}
-  double scatter, half;                                      // normal; half of the cell that a stamp tells
+  Noise(double s, double step) : scatter(s), half(0.5 * std::max(step, 10.0 * even_scatter)) {}
+  double scatter, half;                                      // normal; half of the step in which stamps are written
   double memory = std::max(32.0, 64.0 * scatter * scatter);  // of the clock's phase, in rows
   double walk = scatter * scatter / (memory * memory);       // of the phase, a row
   double start = scatter * scatter + half * half / 3.0;      // variance of a stamp
@@ -69,18 +67,7 @@ class Track {
     level_ = ahead - double(missing);
     v_ = noise.start, cross_ = 0.0;
   }
-  // From the row before on, with another rate.
-  void turn_to(double ahead, const Noise& noise) {
-    rate_ += off(ahead);
-    begin_at(ahead, noise);
-    cross_ = v_, w_ = 2.0 * v_;
-  }
-  void skip(double periods) {
-    missing += std::int64_t(periods);
-    level_ += periods * rate_;
-  }
   double level() const { return level_; }
-  double rate() const { return rate_; }
   double spread() const { return std::sqrt(v_); }
   void predict(const Noise& noise) {
     level_ += rate_;
@@ -130,11 +117,8 @@ struct Fork {
 // The most likely gaps: rows follow an even clock, and each may come some periods later than it would. `share`: of the rows that do.
 std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> times, double period, const Noise& noise,
                                                      double share, double gap, double limit) {
-  constexpr std::size_t most_tracks = 16;
+  constexpr std::size_t most_tracks = 8;
   constexpr double rarer = 5.0, rarest = 40.0, hopeless = 60.0, far = 32.0, longest = 1e15;
-  // Rates that a clock may turn to, in periods a row; among the first rows that is another period.
-  constexpr double slowest = 0.1, fastest = 10.0;
-  constexpr std::size_t settled = 16;
   const double stay = -std::log1p(-share), rare = -std::log(share), rate = 1.0 / period;
   const double late_from = (gap - 3.0 * noise.scatter - 2.0 * noise.half) * period;
   std::vector<Fork> forks;
@@ -148,7 +132,6 @@ std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> tim
   const auto join = [&](const Track& track) {
     const auto same = std::ranges::find_if(next, [&](const Track& other) {
       return other.missing == track.missing && std::abs(other.level() - track.level()) < noise.scatter &&
-             std::abs(other.rate() - track.rate()) < 0.01 &&
              std::max(other.spread(), track.spread()) < 2.0 * std::min(other.spread(), track.spread());
     });
     if (same == next.end())
@@ -181,31 +164,22 @@ std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> tim
       join(stays);
       const auto leap = [&](double periods, bool anew) {
         Track leaps = track;
-        leaps.skip(periods);
+        leaps.missing += std::int64_t(periods);
         leaps.cost += rare + std::log(periods + 1.0);
         if (anew) {
           leaps.carried += off - periods;
           leaps.begin_at(ahead, noise);
           leaps.cost += (periods > 0.0 ? rarer : rarest) + noise.anywhere;
         } else {
-          leaps.cost += std::log(std::max(periods, 1.0)) + leaps.follow(leaps.off(ahead), noise);  // 1 / n(n + 1)
+          leaps.cost += std::log(std::max(periods, 1.0)) + leaps.follow(off - periods, noise);  // 1 / n(n + 1)
         }
         leaps.last_gap = forks.size() + 1;
-        forks.push_back({{k, std::int64_t(periods) + 1, anew, false}, track.last_gap});
+        forks.push_back({{k, std::int64_t(periods) + 1, anew}, track.last_gap});
         join(leaps);
       };
       const bool lost = cost >= noise.most;
       // A leap ahead is time that passed.
       if (lost) leap(off < 0.5 + noise.half ? 0.0 : std::max(0.0, std::round(off + track.carried)), true);
-      if (const double turn = 1.0 + track.rate() + off;
-          k >= settled && (lost || late) && turn > slowest && turn < fastest) {
-        Track turns = track;
-        turns.turn_to(ahead, noise);
-        turns.cost += rare + rarest + noise.anywhere;
-        turns.last_gap = forks.size() + 1;
-        forks.push_back({{k, 1, false, true}, track.last_gap});
-        join(turns);
-      }
       if (!late || off < 0.5) continue;
       // Where stamps scatter by many periods it may be any of as many.
       const double around = std::min(noise.half + 3.0 * std::hypot(noise.scatter, track.spread()), far);
@@ -223,6 +197,14 @@ std::pair<std::vector<StampGap>, double> likely_gaps(std::span<const double> tim
   std::vector<StampGap> gaps;
   for (std::size_t at = tracks.front().last_gap; at > 0; at = forks[at - 1].before) gaps.push_back(forks[at - 1].gap);
   std::ranges::reverse(gaps);
+  // A clock that began anew did so where the time passed, not at the row that agrees with the next one.
+  for (std::size_t k = 0; k < gaps.size(); ++k) {
+    StampGap& g = gaps[k];
+    const std::size_t least = k > 0 ? gaps[k - 1].row + 3 : 2;
+    while (g.anew && g.periods > 1 && g.row >= least &&
+           times[g.row] - times[g.row - 1] < times[g.row - 1] - times[g.row - 2] - period)
+      --g.row;
+  }
   return {std::move(gaps), tracks.front().cost};
 }
 
@@ -245,9 +227,8 @@ double slope_along(std::span<const double> times, const StampModel& model, const
     const double ahead = (times[k] - times[0]) * rate - double(k);
     bool begins = k == 0 || astray > most_astray;
     if (at < model.gaps.size() && model.gaps[at].row == k) {
-      track.skip(double(model.gaps[at].periods - 1));
+      track.missing += model.gaps[at].periods - 1;
       counter += model.gaps[at].periods - 1;
-      if (model.gaps[at].turns) break;
       begins = model.gaps[at++].anew || begins;
     }
     if (k > 0) track.predict(noise);
@@ -269,9 +250,9 @@ double slope_along(std::span<const double> times, const StampModel& model, const
 }
 
 // The likeliest reading with that scatter, from this one on: the period follows from the gaps, and they from it.
-StampModel reading(std::span<const double> times, StampModel model, double cell, double gap, double share,
+StampModel reading(std::span<const double> times, StampModel model, double step, double gap, double share,
                    double limit) {
-  const Noise noise(model.scatter, cell / model.period);
+  const Noise noise(model.scatter, step / model.period);
   std::tie(model.gaps, model.cost) = likely_gaps(times, model.period, noise, std::clamp(share, 1e-5, 0.9), gap, limit);
   if (!std::isfinite(model.cost)) return model;
   model.period = slope_along(times, model, noise);
@@ -283,11 +264,11 @@ double share_of(const StampModel& model, std::span<const double> times) {
 }
 
 // The scatter is the likeliest one, by halves. A smaller one gains a row no more than its logarithm: whoever cannot come below `limit` is left.
-StampModel fit(std::span<const double> times, const StampModel& start, double cell, double gap, double share,
+StampModel fit(std::span<const double> times, const StampModel& start, double step, double gap, double share,
                double limit) {
   const auto read = [&](const StampModel& from, double likely) {
     const double gain = double(times.size()) * std::log(from.scatter / even_scatter);
-    return reading(times, from, cell, gap, likely, limit + gain);
+    return reading(times, from, step, gap, likely, limit + gain);
   };
   StampModel best = read(start, share);
   best = read(best, share_of(best, times));
@@ -313,7 +294,7 @@ double slope_of(std::span<const double> times) {
 
 // Slopes over parts of the record, where rows come in bursts: the lower ones have no gaps in them.
 double low_slope(std::span<const double> times) {
-  const std::size_t width = std::clamp<std::size_t>(times.size() / 8, std::min<std::size_t>(64, times.size()), 512);
+  const std::size_t width = std::min<std::size_t>(512, times.size());
   std::vector<double> slopes;
   for (std::size_t row = 0; row + width <= times.size(); row += std::max(width, times.size() / 256)) {
     slopes.push_back(slope_of(times.subspan(row, width)));
@@ -321,110 +302,37 @@ double low_slope(std::span<const double> times) {
   return value_at_rank(slopes, slopes.size() / 4);
 }
 
-// Periods by the phases of the stamps, which agree in the true one whatever rows are missing: the mean over windows (Hann) of
-// |sum exp(2 pi i f t)|^2. Its multiples agree too, and the frequencies of stamps in steps repeat with 1 / step, mirrored: one that is found may be
-// any of these.
-std::vector<double> common_phases(std::span<const double> times, double slope, double step) {
-  constexpr double least = 0.95, most = 4.5, finest = 1.0 / 16.0;  // frequencies: of 1 / slope
-  constexpr std::size_t most_found = 6, most_each = 4;
-  const std::size_t width = std::min<std::size_t>(512, times.size());
-  const double bin = std::max(step, finest * slope);
-  std::size_t length = 64;
-  while (double(length) * bin < 2.0 * double(width) * slope) length *= 2;
-  const double end = std::min(most / slope, 0.5 / bin), line = 1.0 / (double(length) * bin);
-  std::vector<double> power(std::size_t(end / line) + 2), marks(length);
-  Eigen::FFT<double> fft;
-  fft.SetFlag(Eigen::FFT<double>::HalfSpectrum);
-  std::vector<std::complex<double>> sums;
-  for (std::size_t row = 0; row + width <= times.size(); row += (width + 1) / 2) {
-    std::ranges::fill(marks, 0.0);
-    for (std::size_t k = 0; k < width; ++k)
-      if (const double at = std::round((times[row + k] - times[row]) / bin); at >= 0.0 && at < double(length))
-        marks[std::size_t(at)] += 1.0 - std::cos(2.0 * std::numbers::pi * (double(k) + 0.5) / double(width));
-    fft.fwd(sums, marks);
-    for (std::size_t f = 0; f < power.size(); ++f) power[f] += std::norm(sums[f]);
+// Periods by the phases of the stamps, which agree in the true one whatever rows are missing: the mean over windows of |sum exp(2 pi i f t)|^2
+// is n + n (n - 1) exp(-4 pi^2 scatter^2) there, and n elsewhere (Rayleigh's test); its multiples, and those of coarse steps, agree too.
+std::vector<double> common_phases(std::span<const double> times, double slope) {
+  constexpr double least = 0.95, most = 4.5, steps = 4.0;  // frequencies: of 1 / slope
+  constexpr std::size_t most_found = 6;
+  const std::size_t width = std::min<std::size_t>(256, times.size());
+  const double step = 1.0 / (steps * double(width));
+  std::vector<double> power(std::size_t((most - least) / step));
+  std::vector<std::complex<double>> sums(power.size());
+  for (std::size_t row = 0; row + width <= times.size(); row += std::max(width, times.size() / 16)) {
+    std::ranges::fill(sums, 0.0);
+    for (std::size_t k = row; k < row + width; ++k) {
+      const double turn = 2.0 * std::numbers::pi * (times[k] - times[row]) / slope;
+      std::complex<double> phase = std::polar(1.0, least * turn);
+      const std::complex<double> by = std::polar(1.0, step * turn);
+      for (std::complex<double>& sum : sums) sum += phase, phase *= by;
+    }
+    for (std::size_t f = 0; f < sums.size(); ++f) power[f] += std::norm(sums[f]);
   }
-  std::vector<std::pair<double, double>> peaks;  // - power, frequency
-  if (step > 0.0) peaks.emplace_back(-power[0], 0.0);
+  std::vector<std::pair<double, double>> peaks;  // - power, period
   for (std::size_t f = 1; f + 1 < power.size(); ++f) {
     const double here = power[f], before = here - power[f - 1], after = here - power[f + 1];
     if (before <= 0.0 || after < 0.0) continue;
-    peaks.emplace_back(-here, line * (double(f) + 0.5 * (before - after) / (before + after)));
+    const double between = 0.5 * (before - after) / (before + after);
+    peaks.emplace_back(-here, slope / (least + step * (double(f) + between)));
   }
   std::ranges::sort(peaks);
+  peaks.resize(std::min(peaks.size(), most_found));
   std::vector<double> periods;
-  std::size_t found = 0;
-  for (const auto& peak : peaks) {
-    std::size_t each = 0;
-    for (double alias = 0.0; alias - peak.second < most / slope && each < most_each; alias += 1.0 / step) {
-      for (const double f : {alias - peak.second, alias + peak.second})
-        if (f > least / slope && f < most / slope && (periods.empty() || periods.back() != 1.0 / f))
-          periods.push_back(1.0 / f), ++each;
-    }
-    if (each > 0 && ++found == most_found) break;
-  }
+  for (const auto& peak : peaks) periods.push_back(peak.second);
   return periods;
-}
-
-// Periods near to a step, which phases do not tell: the clock and the stamps fall apart by a step once in 1 / |step / period - 1| steps, which a step
-// without a row is then, or one with two. The period whose beat has most of these.
-std::vector<double> beats(std::span<const double> times, double step) {
-  constexpr double longest = 64.0, slowest = 1e-3, fastest = 0.2, convincing = 10.0;
-  std::vector<double> periods;
-  for (const bool two : {false, true}) {
-    std::vector<double> marks;
-    double end = 0.0;
-    for (std::size_t k = 1; k < times.size(); ++k) {
-      const double steps = std::round((times[k] - times[k - 1]) / step);
-      if (steps < 0.0 || steps > longest) continue;  // a pause, which is cut out
-      for (double empty = 1.0; !two && empty < steps; empty += 1.0) marks.push_back(end + empty);
-      if (two && steps == 0.0) marks.push_back(end);
-      end += steps;
-    }
-    const double share = double(marks.size()) / end;
-    double best = convincing, beat = 0.0;
-    std::vector<int> folded;
-    for (double each = slowest; each < std::min(share, fastest); each *= 1.0 + 0.25 / end) {
-      const auto cells = std::size_t(2.0 / each);
-      folded.assign(cells, 0);
-      for (const double mark : marks) {
-        const double turns = mark * each;
-        ++folded[std::size_t((turns - std::floor(turns)) * double(cells))];
-      }
-      int most = 0;
-      for (std::size_t k = 0; k < cells; ++k)
-        most = std::max(most, folded[k] + folded[(k + 1) % cells] + folded[(k + 2) % cells]);
-      const double of = 1.5 * each * end, hit = std::min(1.0, double(most) / of);
-      const double gain =
-          of * (hit * std::log(hit / share) + (hit < 1.0 ? (1.0 - hit) * std::log((1.0 - hit) / (1.0 - share)) : 0.0));
-      if (hit > share && gain > best) best = gain, beat = each;
-    }
-    if (beat > 0.0) periods.push_back(step / (two ? 1.0 + beat : 1.0 - beat));
-  }
-  return periods;
-}
-
-// -log of how likely the intervals are if each is what it says, about one or more usual ones: no clock sums them up.
-double cost_of_intervals(std::span<const double> times, double cell) {
-  std::vector<double> intervals = intervals_of(times, times.size());
-  std::vector<double> sorted = intervals;
-  const double usual = median(sorted);
-  if (!(usual > 0.0)) return std::numeric_limits<double>::infinity();
-  for (double& x : sorted) x = std::abs(x / usual - 1.0);
-  const Noise noise(std::max(even_scatter, 1.4826 * median(sorted)), cell / usual);
-  double cost = 0.0, gaps = 0.5;
-  for (const double interval : intervals) {
-    const auto price = [&](double n) {
-      const double off = std::abs(interval / usual - n), to_unit = std::numbers::sqrt2 / 2 / noise.scatter;
-      const double share = 0.5 * (std::erfc((off - noise.half) * to_unit) - std::erfc((off + noise.half) * to_unit));
-      return 2.0 * std::log(n) - std::log(share);
-    };
-    const double n = std::max(1.0, std::round(interval / usual));
-    cost += std::min({price(1.0), price(n), noise.most + std::log(n)});
-    gaps += n > 1.0 ? 1.0 : 0.0;
-  }
-  const double all = double(times.size()), share = gaps / all;
-  return cost - gaps * std::log(share) - (all - gaps) * std::log1p(-share);
 }
 
 // Of rows that all keep within a quarter of a period of one straight line, so that none is missing; else 0.
@@ -458,14 +366,12 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
   const std::span<const double> some = times.first(std::min(times.size(), enough));
   const double grid = resolution_of(times, slope), rows = double(some.size());
   const double steps_cost = 20.0 + std::log(rows);  // of a model that has them
-  // Of all periods alike, so that a longer one makes no stamp more likely.
-  const auto cell_of = [&](double of) { return std::max(of, 10.0 * even_scatter * slope); };
   std::vector<StampModel> readings;
   double step = 0.0;
   const auto consider = [&](double period) {
     for (const double of : {0.0, grid}) {
-      StampModel model = fit(some, {.period = period, .scatter = usual_scatter, .gaps = {}}, cell_of(of), gap,
-                             std::clamp(1.0 - period / slope, 0.0, 1.0), best.cost + margin);
+      StampModel model = fit(some, {.period = period, .scatter = usual_scatter, .gaps = {}}, of, gap,
+                             1.0 - period / slope, best.cost + margin);
       if (of > 0.0) model.cost += steps_cost;
       if (model.cost < best.cost) best = model, step = of;
       readings.push_back(std::move(model));
@@ -473,22 +379,8 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
     }
   };
   consider(slope);
-  if (!(best.gaps.empty() && best.scatter < 2.0 * even_scatter)) {
-    // Those that explain the first rows nearly as well as any are tried with all.
-    std::vector<std::pair<double, double>> likely;  // cost, period
-    const std::span<const double> few = some.first(std::min<std::size_t>(some.size(), 512));
-    for (const double period : common_phases(some, slope, grid))
-      likely.emplace_back(fit(few, {.period = period, .scatter = usual_scatter, .gaps = {}}, cell_of(grid), gap,
-                              std::max(0.0, 1.0 - period / slope), std::numeric_limits<double>::infinity())
-                              .cost,
-                          period);
-    std::ranges::sort(likely);
-    for (std::size_t k = 0; k < std::min<std::size_t>(8, likely.size()) && likely[k].first < likely[0].first + 50.0;
-         ++k)
-      consider(likely[k].second);
-    if (grid > 0.2 * slope && grid < 1.1 * slope)
-      for (const double period : beats(some.first(std::min<std::size_t>(some.size(), 2048)), grid)) consider(period);
-  }
+  if (!(best.gaps.empty() && best.scatter < 2.0 * even_scatter))
+    for (const double period : common_phases(some, slope)) consider(period);
   const bool doubtful = std::ranges::any_of(readings, [&](const StampModel& other) {
     return std::abs(other.period / best.period - 1.0) > std::max(3.0 / rows, is_known) &&
            other.cost < best.cost + margin;
@@ -497,7 +389,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
   const auto of_all = [&](StampModel model, double of) {
     for (int round = 0; round < 6; ++round) {
       const double period = model.period;
-      model = reading(times, model, cell_of(of), gap, share_of(model, round > 0 ? times : some),
+      model = reading(times, model, of, gap, share_of(model, round > 0 ? times : some),
                       std::numeric_limits<double>::infinity());
       const double found = std::exchange(model.period, period);
       if (std::abs(found - period) * double(times.size()) < 0.005 * period) break;
@@ -506,7 +398,6 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
     return model;
   };
   const auto slips = [](const StampGap& g) { return g.anew && g.periods == 1; };
-  best.adds_up = cost_of_intervals(some, cell_of(step)) < best.cost - margin - 0.05 * rows;
   const StampModel start = best;
   if (const double even = best.gaps.empty() && gap >= 1.5 ? even_period(times) : 0.0; even > 0.0)
     best.period = even;
@@ -519,10 +410,9 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
   const double stretch = double(times.size()) / double(best.gaps.size());
   const double cell = step / best.period * std::numbers::pi;
   const double agree = std::exp(-2.0 * std::pow(std::numbers::pi * best.scatter, 2)) *
-                       (cell > 0.0 ? std::abs(std::sin(cell)) / cell : 1.0);
+                       (cell > 0.0 ? std::max(0.0, std::sin(std::min(cell, std::numbers::pi)) / cell) : 1.0);
   const double all = std::hypot(best.scatter, step / best.period / std::sqrt(12.0));
-  best.sure = !doubtful &&
-              (agree > (step > 0.0 ? 0.07 : phases_agree) || all * std::sqrt(12.0 / std::pow(stretch, 3)) < is_known);
+  best.sure = !doubtful && (agree > phases_agree || all * std::sqrt(12.0 / std::pow(stretch, 3)) < is_known);
   return best;
 }
 
@@ -534,7 +424,7 @@ IncrementsChoice choose_increments(std::span<const double> times_s, const StampM
   const double period = model.period;
   std::vector<double> ahead(n, 0.0);
   for (std::size_t k = 1, at = 0; k < n; ++k) {
-    const StampGap gap = at < model.gaps.size() && model.gaps[at].row == k ? model.gaps[at++] : StampGap{k, 1};
+    const StampGap gap = at < model.gaps.size() && model.gaps[at].row == k ? model.gaps[at++] : StampGap{k, 1, false};
     ahead[k] = ahead[k - 1];
     if (!gap.anew || gap.periods == 1) ahead[k] += times_s[k] - times_s[k - 1] - double(gap.periods) * period;
   }
@@ -571,9 +461,6 @@ IncrementsChoice choose_increments(std::span<const double> times_s, const StampM
   const double explained = (6.0 * (spread + paused) + 2.0 * resolution) / (rows * period);
   const std::string said =
       fmt::format("over {} rows the scatter of the stamps is {:.2g} times that over one", far, growth);
-  if (const auto turn = std::ranges::find_if(model.gaps, &StampGap::turns); turn != model.gaps.end())
-    return {false, fmt::format("the rate changes at the {}. row", turn->row + 1)};
-  if (model.adds_up) return {false, "no even clock explains the stamps as well as intervals that vary each by itself"};
   if (growth > std::pow(double(far), 0.25)) return {false, said + ": it adds up, the intervals are real"};
   if (!model.sure) return {true, "the period is in doubt"};
   if (change > std::max(steady_rate, explained))

@@ -3,23 +3,20 @@
 // Row k comes at t0 + P (k + missing) + e, written in steps: P the period, missing a whole number that only grows, e of each row by itself,
 // normal with a few outliers. A clock that begins anew (the logger stopped and started again) has another t0; time that passed meanwhile
 // passed, so that the periods of all rows last as long as the stamps say. Of all ways to read the stamps so the most likely is taken (Viterbi,
-// 1967; sixteen are kept), where a gap is as rare as the last reading found it, of n rows with 1 / n(n + 1), and a new t0, or another P from a row on,
-// rarer. Along each of them a Kalman
+// 1967; eight are kept), where a gap is as rare as the last reading found it, of n rows with 1 / n(n + 1), and a new t0 rarer. Along each of them a Kalman
 // filter follows phase and rate of the clock; what it is told is that the stamp's step holds the time, so that a stamp in coarse steps
 // that no row contradicts costs nothing, and rows that fit without a gap need none. The scatter of e is the most likely one, P the slope of least
-// squares along the gaps. The search begins at the steepest part of the record without gaps (rows that come in bursts), at the periods in
-// which the phases of all stamps agree (rows that are lost), and at those whose beat with the step of the stamps shows in the steps without a row,
-// or with two (a period near to the step, whose phases do not agree); the likelihood decides.
+// squares along the gaps. The search begins at the steepest part of the record without gaps (rows that come in bursts), and at the periods in
+// which the phases of all stamps agree (rows that are lost); the likelihood decides.
 //
-// P is sure where no other one is nearly as likely, and the phases tell it (their mean is above 0.13; of stamps in steps, which err less, 0.07), or the n rows from one gap to the next
+// P is sure where no other one is nearly as likely, and the phases tell it (their mean is above 0.13), or the n rows from one gap to the next
 // do: to scatter sqrt(12 / n^3), below 0.1 %.
 // Period or intervals: let p be what the stamps are ahead of an even clock. If every stamp is off by itself (a late
 // interrupt, a host that was busy, rounding), the scatter of p[k + 2m] - 2 p[k + m] + p[k] is the same for every m; if every interval is what it says,
 // it grows with the root of m. Up to the geometric mean of both, over 32 rows, the sampling is even; and so it is, too, for a sensor that was truly read
 // at those times, since what one interval has too much the next has too little. Beyond it, or where the rate changes by more than 200 ppm
 // (six times what the jitter explains, and twice the steps in which the stamps are written) from one sixteenth of the record to the next, the
-// intervals are real; and so they are where the clock turns to another rate in the most likely reading, or where intervals that vary each by
-// itself are likelier than it. A scatter below those steps is theirs. Not looked for: an even sensor behind a host's clock that is itself in steps. Not told apart: where
+// intervals are real. A scatter below those steps is theirs. Not looked for: an even sensor behind a host's clock that is itself in steps. Not told apart: where
 // within a burst rows are missing.
 #pragma once
 
@@ -36,7 +33,6 @@ struct StampGap {
   std::size_t row = 0;
   std::int64_t periods = 0;
   bool anew = false;
-  bool turns = false;  // to another rate
   bool operator==(const StampGap&) const = default;
 };
 
@@ -46,7 +42,6 @@ struct StampModel {
   double scatter = 0.0;        // of a stamp, in periods
   double cost = 0.0;           // -log of the likelihood
   bool sure = true;            // of the period
-  bool adds_up = false;        // no clock: intervals that vary each by itself are likelier
   std::vector<StampGap> gaps;  // in order
 };
 inline constexpr double steady_rate = 2e-4;  // change of a rate that is a clock's, not the sampling's

@@ -441,47 +441,6 @@ TEST(Increments, PausesLastAsLongAsTheStampsSay) {
       }
 }
 
-// Steps near to the period, whose own phases are stronger than the period's: the period is right or in doubt, whatever is lost, and whether the record
-// is short and has a pause.
-TEST(Increments, AStepIsNoPeriod) {
-  std::mt19937 random(11);
-  std::bernoulli_distribution lost(0.2);
-  int in_doubt = 0;
-  for (const double step : {0.82, 0.88, 0.9, 0.94, 0.98, 1.02, 1.1, 1.4})
-    for (const bool is_short : {false, true}) {
-      SCOPED_TRACE(fmt::format("steps of {}, {}", step, is_short ? "a pause" : "a fifth lost"));
-      std::vector<double> times;
-      for (int row = 0, k = 0; row < (is_short ? 400 : 3000); ++row, ++k) {
-        while (!is_short && lost(random)) ++k;
-        times.push_back(0.01 * step * std::floor((k + (is_short && row > 170 ? 731.3 : 0.3)) / step));
-      }
-      const StampModel model = fit_stamps(times);
-      in_doubt += model.sure ? 0 : 1;
-      EXPECT_TRUE(!model.sure || std::abs(model.period - 0.01) < 1e-5) << model.period;
-    }
-  EXPECT_LE(in_doubt, 6);
-}
-
-// A sensor that goes on at another rate, and a loop that samples when it can: the intervals are what they say, and the angle is what was turned.
-TEST(Increments, OtherRatesAreIntervals) {
-  std::mt19937 random(12);
-  std::normal_distribution<double> noise;
-  for (const double rate : {0.5, 0.8, 0.9, 1.2, 1.25, 1.5, 2.0, 3.0, 1.0}) {
-    SCOPED_TRACE(fmt::format("intervals of {}", rate));
-    std::string csv;
-    double time = 0.0;
-    for (int row = 0; row < 1000; ++row) {
-      if (row > 0) time += 0.01 * (rate == 1.0 ? std::max(0.1, 1.0 + 0.2 * noise(random)) : row < 500 ? 1.0 : rate);
-      csv += fmt::format("{:.9f},1,0,0,0,0,9.8\n", time);
-    }
-    const CsvImport import = expect_value(import_text(numbered_map(), csv));
-    EXPECT_SAYS(import.chosen, "time.increments = intervals");
-    double angle = 0.0;
-    for (const ImuSample& sample : import.samples) angle += sample.gyro[0];
-    EXPECT_NEAR(angle / time, 1.0, 0.005);
-  }
-}
-
 // Written twice, or measured twice: a coarse sensor at rest repeats its numbers, and coarse stamps themselves.
 TEST(Increments, DoubledRowsAreSaid) {
   const auto import = [](double stamp_s, double count, int doubled, const char* skip) {
