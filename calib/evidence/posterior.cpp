@@ -401,6 +401,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   std::map<Branch, double> any, by_name;
   std::vector<std::pair<std::set<std::string>, double>> held;  // keys of each model, and its probability
   std::map<std::string, int> column_of;
+  std::map<std::string, Branch> branch_of;
   std::map<std::string, std::pair<double, double>> log_tau;
   const auto term_of = [&](const WeighedModel& m, const ModelTerm& t) -> const Term& {
     return under[m.noise].table->terms[std::size_t(t.term)];
@@ -436,6 +437,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
         const std::string key = column.key();
         stands = keys.insert(key).second && stands;  // two time constants of one are no name
         column_of[key] = c;
+        branch_of[key] = branch(term);
         if (!(column.tau_s > 0.0)) continue;
         log_tau[key].first += m.probability * std::log(column.tau_s);
         log_tau[key].second += m.probability;
@@ -447,20 +449,29 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
     if (!keys.empty()) held.emplace_back(std::move(keys), m.probability);
   }
   if (something > 0.0) result.probability /= something;
-  // The most probable name, and then, one by one, what is more likely than not beside those.
+  // What has a name that is more likely than not beside those before it, the most probable first: its most probable name.
   std::set<std::string> names;
   for (;;) {
+    std::map<Branch, double> with;
     std::map<std::string, double> beside;
     double all = 0.0;
     for (const auto& [keys, probability] : held) {
       if (!std::ranges::includes(keys, names)) continue;
       all += probability;
-      for (const std::string& key : keys)
-        if (names.count(key) == 0) beside[key] += probability / (std::ranges::count(fitted, key) > 0 ? as_good : 1.0);
+      std::map<Branch, double> mine;
+      for (const std::string& key : keys) {
+        if (names.count(key) > 0) continue;
+        const double weight = probability / (std::ranges::count(fitted, key) > 0 ? as_good : 1.0);
+        beside[key] += weight;
+        mine[branch_of[key]] = std::max(mine[branch_of[key]], weight);
+      }
+      for (const auto& [of, weight] : mine) with[of] += weight;
     }
-    const auto best = std::ranges::max_element(beside, {}, [](const auto& one) { return one.second; });
-    if (best == beside.end() || (!names.empty() && best->second < 0.5 * all)) break;
-    names.insert(best->first);
+    const auto likelier = [](const auto& a, const auto& b) { return a.second < b.second; };
+    const auto best = std::ranges::max_element(with, likelier);
+    if (best == with.end() || (!names.empty() && best->second < 0.5 * all)) break;
+    std::erase_if(beside, [&](const auto& one) { return branch_of[one.first] != best->first; });
+    names.insert(std::ranges::max_element(beside, likelier)->first);
   }
   for (const std::string& key : names) {
     result.columns.push_back(column_of[key]);
