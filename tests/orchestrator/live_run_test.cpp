@@ -156,7 +156,7 @@ TEST_F(LiveProgram, DevicesThatAreNotThereLeaveNothingBehind) {
   expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r", "--pace", "2"}, "--pace");
   expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r", "--rig", "x"}, "--rig");
   expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r"}, "127.0.0.1:1", 50);
-  expect_refused({"run", "--station", folder + "modbus.station", "--unit", "U", "--out", "r"}, "mock unit");
+  expect_refused({"run", "--station", folder + "modbus.station", "--unit", "U", "--out", "r"}, "SET-ME");
   expect_refused({"twin", "--station", folder + "mock.station"}, "table.driver = modbus or serial");
   expect_refused({"twin", "--station", folder + "twin.station", "--table", "tcp:x"}, "tcp:PORT");
 }
