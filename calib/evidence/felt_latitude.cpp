@@ -100,12 +100,12 @@ EffectColumn vertical_earth_rate() { return latitude_columns().back(); }
 
 std::string latitude_of_vertical(double stated_deg, double more_degph, double sigma_degph) {
   const double whole = rate_at(0.5 * pi).y(), stated = rate_at(stated_deg * rad_per_deg).y(), up = stated + more_degph;
-  std::string words =
-      fmt::format("the gyros at rest measure {:.3f} +- {:.3f} deg/h about the vertical", up, sigma_degph);
-  if (std::abs(up) < whole)
-    words += fmt::format(", as at a latitude of {:.3f} deg", std::asin(up / whole) / rad_per_deg);
-  words += fmt::format(", the recording says {:.10g}", stated_deg);
-  return words + (up * stated < 0.0 ? ", or the accelerometers read gravity and not specific force" : "");
+  const std::string felt = std::abs(up) < whole
+                               ? fmt::format("a latitude of {:.2f} deg", std::asin(up / whole) / rad_per_deg)
+                               : "more than the Earth's rate";
+  return fmt::format(
+      "the gyros measure {}, the recording says {:.10g}{}; about the vertical {:.3f} +- {:.3f} deg/h", felt, stated_deg,
+      up * stated < 0.0 ? " (or the accelerometers read gravity and not specific force)" : "", up, sigma_degph);
 }
 
 }  // namespace turncal

@@ -88,7 +88,9 @@ refused 'the unit does not turn enough to tell; in s it is 100 Hz; gyro.unit: th
 sed -i 's/^gyro.unit.*/gyro.unit = rad/' proposed.map
 good import "$samples/kf_gins.txt" --map proposed.map --out known
 grep -q 'imported into known: 60 samples .*; time.increments = period: ' said.out || fail "what was imported is not said: $(cat said.out)"
-refused 'unknown kind of file' import said.out --out b
+refused 'empty file: expected a table or a recording' import said.out --out b  # which what is said goes to
+echo 'no table and no recording' > letter.txt
+refused 'unknown kind of file' import letter.txt --out b
 refused 'this is a recording already' import known --out b
 refused "topic '/imu': expected a ROS bag" import "$samples/euroc.csv" --topic /imu --out b
 refused 'no sample in it by the frame description stim300' import "$samples/imu.h5" --frame stim300 --out b

@@ -103,7 +103,8 @@ TEST_F(Verify, RefusesWhatItCannotUse) {
   // Sequences that cannot be judged are refused before anything moves.
   for (const auto& [steps, message] :
        {std::pair<std::string, const char*>{side, "expected the table at pitch 0 and roll 0"},
-        {"step 1\n  initial H 0 P 0 R 0\n  align 6000\n  dwell 6000\n", "one alignment at heading 0, expected at least two"},
+        {"step 1\n  initial H 0 P 0 R 0\n  align 6000\n  dwell 6000\n",
+         "one alignment at heading 0, expected at least two"},
         {"step 1\n  initial H 0 P 0 R 0\n  align 6000\n  dwell 6000\n  dwell 6000\n  rotate H +90\n  dwell 6000\n"
          "  rotate H +90\n  dwell 6000\n  dwell 6000\n",
          "one alignment at heading 90, expected at least two"},
