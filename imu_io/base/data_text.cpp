@@ -102,14 +102,16 @@ std::string DataTable::json_object() const {
   return text + "\n}\n";
 }
 
-void KeyValues::comment(std::string_view words) {
-  lines_ += "# ";
-  for (const char c : words) lines_ += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
-  lines_ += '\n';
+void KeyValues::add_line(std::string line) {
+  for (char& c : line)
+    if (static_cast<unsigned char>(c) < 0x20) c = ' ';
+  lines_ += line + "\n";
 }
 
+void KeyValues::comment(std::string_view words) { add_line("# " + std::string(words)); }
+
 void KeyValues::text(std::string_view key, std::string_view value) {
-  lines_ += fmt::format("{} ={}{}\n", key, value.empty() ? "" : " ", value);
+  add_line(fmt::format("{} ={}{}", key, value.empty() ? "" : " ", value));
 }
 
 void KeyValues::number(std::string_view key, double value) {

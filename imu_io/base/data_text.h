@@ -59,17 +59,18 @@ class DataTable {
   std::vector<std::string> columns_;
   std::vector<std::vector<Cell>> rows_;
 };
-// Lines `key = value`, as key_value.h reads them.
+// Lines `key = value`, as key_value.h reads them, each of one line whatever is in the words.
 class KeyValues {
  public:
   explicit KeyValues(std::string_view title = {}) : lines_(title) {}
-  void comment(std::string_view words);  // in one line
+  void comment(std::string_view words);
   void text(std::string_view key, std::string_view value);
   void number(std::string_view key, double value);  // no value where it is not finite
   void flag(std::string_view key, bool value) { text(key, value ? "true" : "false"); }
   std::string take() { return std::move(lines_); }
 
  private:
+  void add_line(std::string line);
   std::string lines_;
 };
 

@@ -223,7 +223,7 @@ TEST_F(Resume, AJournalOfAnotherRunIsNoEnd) {
   copy("recording.tcr", "foreign");
   EXPECT_EQ(run({"resume", "foreign"}).code, run({"resume", "reference/out"}).code);
   write(std::string("foreign/") + partial_recording_name, "of a run that goes on");
-  expect_refused({"resume", "foreign"}, "one of them is of another run");
+  expect_refused({"resume", "foreign"}, "one of the two belongs to another run");
 }
 
 }  // namespace

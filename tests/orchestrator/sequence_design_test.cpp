@@ -149,7 +149,7 @@ TEST_F(DesignCommand, RefusesWhatCannotBe) {
   expect_refused({"design", "--sigma", "hours.conf", "--out", "x.seq"}, "N01 = 0.0005 needs 16 h with this noise");
   expect_refused({"design", "--out", "x.seq"}, "expected --time or --sigma");
   expect_refused({"design", "--time", "1h", "--sigma", "want.conf", "--out", "x.seq"}, "expected --time or --sigma");
-  expect_refused({"design", "--time", "1h", "--out", "other.txt"}, "holds something else");
+  expect_refused({"design", "--time", "1h", "--out", "other.txt"}, "is a file of another kind");
   expect_refused({"design", "--time", "1h", "--axes", "yaw", "--out", "x.seq"}, "expected heading, pitch or roll");
   expect_refused({"design", "--time", "1h", "--rate", "500", "--out", "x.seq"}, "expected at most 100");
   expect_refused({"design", "--time", "1h", "--out", "missing/x.seq"}, "missing/x.seq: ");

@@ -79,7 +79,7 @@ TEST(Report, IsCompleteForEveryVerdict) {
     EXPECT_EQ(html.find("<h2 id=\"residual\">") != std::string::npos, nameless);
     if (!plots) continue;
     EXPECT_EQ(report.plot_problem, "");
-    EXPECT_EQ(count_of(html, "<svg"), named ? 6u : nameless ? 22u : 4u) << "a drawing a panel";
+    EXPECT_EQ(count_of(html, "<svg"), named ? 5u : nameless ? 21u : 3u) << "a drawing a panel";
     std::set<std::string> ids;
     const std::regex id("[ \n]id=['\"]([^'\"]+)['\"]");
     for (std::sregex_iterator i(html.begin(), html.end(), id), end; i != end; ++i)
@@ -121,7 +121,7 @@ TEST(Report, SaysSoWhenThereIsNoGnuplot) {
   expect_sections_in_order(html);
   expect_balanced(html);
   EXPECT_EQ(count_of(html, "<svg"), 0u);
-  EXPECT_EQ(count_of(html, "This plot is missing"), 4u);
+  EXPECT_EQ(count_of(html, "This plot is missing"), 3u);
   EXPECT_EQ(file_text(folder / "diagnosis.conf"), format_diagnosis(sample.diagnosis));
   ASSERT_OK(read_parameter_file(folder / "parameters.conf"));
   std::vector<std::string> names = folder.names();

@@ -75,7 +75,7 @@ TEST_F(AllanCommand, OneWildSampleIsLeftOut) {
     write("wild.csv", csv);
     const ProgramResult json = ends("allan wild.csv --map map.conf --format json", 0);
     EXPECT_SAYS(json.out, "1 samples left out");
-    EXPECT_SAYS(json.out, "\"gyroscope_random_walk\",\"value\":\"< ");
+    EXPECT_SAYS(json.out, "\"gyroscope_random_walk\",\"value\":\"\\u003c ");
   }
 }
 

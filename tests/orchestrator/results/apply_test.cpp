@@ -193,7 +193,7 @@ TEST_F(Convert, RefusesWhatItCannotUse) {
     expect_refused({"convert", "parameters.conf", form, "parameters.conf"},
                    "expected another file than the parameter file");
   write("other.conf", "something = else\n");
-  expect_refused("convert parameters.conf --yaml other.conf", "holds something else");
+  expect_refused("convert parameters.conf --yaml other.conf", "is a file of another kind");
   EXPECT_EQ(file_text(folder_ / "parameters.conf"), before);
   expect_refused("convert parameters.conf --header c.h --yaml ./c.h", "--yaml ./c.h: expected another");
   expect_refused("convert parameters.conf --binary nowhere/c.bin", "nowhere/c.bin");

@@ -71,7 +71,7 @@ TEST_F(ThermalCommand, FromLegsToAFileThatFollowsTheTemperature) {
   write("leg4/leg.conf", "temperature_c = 60\ndirection = up\nrate_c_per_h = 0\n");
 
   const ProgramResult made = ends("thermal" + Arguments(legs) + "--out warm --reference 20", 0);
-  EXPECT_SAYS(made.out, "9 legs at 9 temperatures, -20.0 to 60.0 C, parameters at 20.0 C");
+  EXPECT_SAYS(made.out, "Legs: 9, at 9 temperatures, -20.0 to 60.0 C, parameters at 20.0 C");
   const auto conf = entries(file_text(folder_ / "warm/thermal.conf"));
   const ParameterFile warm = *read_parameter_file(path("warm/parameters.conf"));
   ASSERT_TRUE(warm.temperature);
