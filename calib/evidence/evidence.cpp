@@ -81,7 +81,6 @@ void conclude(Posterior posterior, const std::vector<EstimatedEffect>& effects, 
   result.statements = statements_of(result.at_each_noise, result.posterior);
   std::vector<std::string> fitted;
   for (const EstimatedEffect& effect : effects) fitted.push_back(effect.column.key());
-  std::ranges::sort(fitted);
   result.named = named_effects(result.at_each_noise, result.posterior, fitted);
 }
 

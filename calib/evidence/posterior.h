@@ -69,7 +69,7 @@ struct NamedEffects {
   // Of the name of each effect: other formulas that models without it hold, with the probability of those.
   std::map<std::string, std::map<std::string, double>> instead;
 };
-// `fitted`: keys of a set that is taken where another one is hardly more probable.
+// `fitted`: keys that stay where another one is hardly more probable.
 NamedEffects named_effects(const std::vector<UnderNoise>& all, const Posterior& posterior,
                            const std::vector<std::string>& fitted = {});
 

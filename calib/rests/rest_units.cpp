@@ -10,14 +10,10 @@
 #include "calib/model/attitude.h"
 #include "calib/model/limits.h"
 #include "calib/rests/rest_model.h"
-#include "calib/rests/rest_system.h"
-#include "calib/statistics/numerics.h"
 #include "calib/statistics/unit_slip.h"
 
 namespace turncal {
 namespace {
-
-// So many sigma from no error at all (by chance once in 10^6), and from the other sign.
 
 // What carries gravity from rest to rest, where the gyros as given do not: any factor, and any of the 48 ways to connect them. Short turns suggest
 // one; where they cannot, the factors between two units, or none. A reversed accelerometer makes the body's frame left-handed, and two gyros turn the

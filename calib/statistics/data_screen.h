@@ -70,8 +70,9 @@ struct GlitchLimits {
 
 // Single samples that stand out from their neighbours. With d_k = x_(k-1) - (x_k + x_(k-2)) / 2 of one channel sample k-1 is suspected when
 // |d_k| is above ratio times the running rms of d (memory of 100 samples) and above a least value: so many nominal pulses, and of gyros what
-// a table of 7 rad/s^2 does; of a unit at rest as many steps. A glitch of g gives d = -g/2, g, -g/2 with sum 0; where a table begins or ends to accelerate the sum is as large
-// as d. So a suspect stays when |sum of d, two before to two behind| < |d| / 2, or where that is not known yet.
+// a table of 7 rad/s^2 does; of a unit at rest as many steps. A glitch of g gives d = -g/2, g, -g/2 with sum 0; where a table begins or
+// ends to accelerate the sum is as large as d. So a suspect stays when |sum of d, two before to two behind| < |d| / 2, or where that is not
+// known yet.
 // Not modelled: glitches closer than three samples to each other are one; a glitch in the very corner of a motion is taken for it.
 class GlitchFinder {
  public:

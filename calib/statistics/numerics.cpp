@@ -75,11 +75,6 @@ LeastSquares least_squares(const MatrixXd& A, const VectorXd& b, double threshol
   return {qr.solve(b), qr.rank()};
 }
 
-MatrixXd column_space(const MatrixXd& A) {
-  const Eigen::ColPivHouseholderQR<MatrixXd> qr(A);
-  return MatrixXd(qr.householderQ()).leftCols(qr.rank());
-}
-
 void add_moments(const Eigen::Ref<const MatrixXd>& rows, MatrixXd& moments) {
   const Eigen::Index last = rows.rows() - 1;
   moments.topLeftCorner(last, last).selfadjointView<Eigen::Lower>().rankUpdate(rows.topRows(last));

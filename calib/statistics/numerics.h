@@ -67,7 +67,5 @@ struct LeastSquares {
 LeastSquares least_squares(const Eigen::MatrixXd& A, const Eigen::VectorXd& b, double threshold = 0.0);
 // moments += [N; nu] [N; nu]', of which the lower triangle is kept: `rows` are N and, last, nu.
 void add_moments(const Eigen::Ref<const Eigen::MatrixXd>& rows, Eigen::MatrixXd& moments);
-// Orthonormal columns that span those of A.
-Eigen::MatrixXd column_space(const Eigen::MatrixXd& A);
 
 }  // namespace turncal

@@ -126,8 +126,8 @@ FileKind recognise_file(const std::string& path) {
   if (!file) return FileKind::unknown;
   std::string head(std::size_t{1} << 16, '\0');
   const Result<std::size_t> size = file->read_at(0, std::as_writable_bytes(std::span(head)));
-  const bool whole = size && *size < head.size();
   if (!size) return FileKind::unknown;
+  const bool whole = *size < head.size();
   head.resize(*size);
   if (const std::size_t last = head.rfind('\n'); !whole && last != head.npos) head.resize(last + 1);
   return recognise_content(head);

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 #include <span>
-#include <type_traits>
 #include <utility>
 
 #include <fmt/format.h>
@@ -69,32 +68,9 @@ constexpr std::span<const std::string_view> columns_of(bool has_temperature) {
 constexpr std::int64_t min_pulses = std::numeric_limits<std::int32_t>::min();
 constexpr std::int64_t max_pulses = std::numeric_limits<std::int32_t>::max();
 
-// Of so few digits that both sides of the fraction are exact, and their quotient is the nearest there is (Clinger, PLDI 1990).
-template <class T>
-bool few_digits(const char*& at, T& value) {
-  constexpr std::ptrdiff_t most = sizeof(T) == 4 ? 7 : 9;
-  const char* const begin = at + (*at == '-');
-  const char* p = begin;
-  std::int64_t digits = 0, scale = 0;  // 0: no point yet
-  for (; p < begin + most; ++p) {
-    if (const unsigned digit = unsigned(*p) - '0'; digit < 10)
-      digits = 10 * digits + digit, scale *= 10;
-    else if (std::is_floating_point_v<T> && *p == '.' && scale == 0 && p > begin)
-      scale = 1;
-    else
-      break;
-  }
-  if (p == begin || (*p != ',' && *p != '\n' && *p != '\r') || (digits == 0 && begin > at)) return false;
-  value = scale > 1 ? T(digits) / T(scale) : T(digits);
-  if (begin > at) value = -value;
-  at = p;
-  return true;
-}
-
 // A number that ends at a comma or a line end.
 template <class T>
 bool plain_number(const char*& at, T& value) {
-  if (few_digits(at, value)) return true;
   // 40 bytes hold every shortest form; the line end before them stops the parser earlier.
   const auto result = std::from_chars(at, at + 40, value);
   if (result.ec != std::errc{} || !std::isfinite(double(value))) return false;

@@ -291,9 +291,9 @@ constexpr bool is_final(RunState state) {
          state == RunState::interrupted;
 }
 
-// For people: "at rest" between two items.
-inline std::string state_words(std::string_view state) {
-  return state == "selecting" || state == "step_done" ? "at rest" : in_words(state);
+inline std::string state_words(std::string_view state) {  // for people: "at rest" between two items
+  return state == to_string(RunState::selecting) || state == to_string(RunState::step_done) ? "at rest"
+                                                                                            : in_words(state);
 }
 
 }  // namespace turncal

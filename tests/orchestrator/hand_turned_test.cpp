@@ -64,9 +64,9 @@ class HandTurned : public Program {
   // "# cross-validation: gyros at rest rms: 0.0711 before, 0.0194 after, deg/s"
   BeforeAfter figure(const std::string& folder, const std::string& what) const {
     BeforeAfter result;
-    for (const std::string& line : lines_of(file_text(path(folder + "/diagnosis.conf"))))
+    for (std::string word; const std::string& line : lines_of(file_text(path(folder + "/diagnosis.conf"))))
       if (line.starts_with("# " + what + ": "))
-        std::sscanf(line.c_str() + what.size() + 4, "%lf before, %lf after", &result.before, &result.after);
+        std::istringstream(line.substr(what.size() + 4)) >> result.before >> word >> result.after;
     EXPECT_TRUE(std::isfinite(result.before)) << what;
     return result;
   }

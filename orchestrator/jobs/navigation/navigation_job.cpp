@@ -143,15 +143,15 @@ std::vector<MotionInterval> intervals_of(const CompressedRecording& recording, S
   const SensorModel& model = calibration.model;
   std::vector<MotionInterval> longest, intervals;
   for (const Block& block : recording.blocks) {
-    const double t = block.duration_s;
-    BlockMotion motion = evaluate(block, model, recording.info.sample_period_s);
-    const EffectTerms::Term& term = calibration.effects.at(block.start_sample);
-    take_off(t * term.rate_radps, t * term.force_mps2, motion);
     if (block.missing > most_filled_samples) {
       if (intervals.size() > longest.size()) longest = std::move(intervals);
       intervals.clear();
       continue;
     }
+    const double t = block.duration_s;
+    BlockMotion motion = evaluate(block, model, recording.info.sample_period_s);
+    const EffectTerms::Term& term = calibration.effects.at(block.start_sample);
+    take_off(t * term.rate_radps, t * term.force_mps2, motion);
     intervals.push_back({quaternion_of(motion.rotation), motion.velocity, motion.rotation,
                          model.accel_scale * block.accel - t * (model.accel_bias_mps2 + term.force_mps2), t,
                          !recording.rotates(block), block.missing});
