@@ -222,6 +222,10 @@ std::string what_speaks_against(const CompressedRecording& recording, const Join
   std::erase_if(fit.free, [&](int c) { return c < parameter_count && !estimate.determined[c]; });
   Evidence evidence = weigh_evidence(recording, fit);
   if (evidence.statements.anything >= said_from) return words_of(evidence.statements);
+  if (!evidence.at_each_noise.empty()) {
+    const AveragedEstimate average = average_over_models(evidence.at_each_noise, evidence.posterior, {});
+    if (std::string off = hangs_on_a_name(average, evidence.columns); !off.empty()) return off;
+  }
   test_innovations(recording, fit, evidence.omnibus);
   if (evidence.omnibus.passed()) return {};
   const OmnibusTest& worst = *evidence.omnibus.worst();

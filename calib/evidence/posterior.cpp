@@ -242,9 +242,13 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
   const VectorXd gain = Turned(A, s).gains(variance);
   Eigen::Index best = 0;
   const double top = gain.maxCoeff(&best);
-  child.log_weight += top + std::log((gain.array() - top).exp().mean());
+  const Eigen::ArrayXd odds = (gain.array() - top).exp();
+  child.log_weight += top + std::log(odds.mean());
+  const auto within = [&](double limit) {
+    return odds.head(std::ranges::lower_bound(inexactness, limit) - inexactness.begin()).sum() / odds.sum();
+  };
   for (ModelTerm& t : child.terms)
-    if (t == next.last) t.inexact = int(best);
+    if (t == next.last) t = {t.term, t.size, int(best), within(formula_is_within), within(driver_is_within)};
   if (best == 0) return child;
   M = A;
   M.diagonal().array() += 1.0 / variance[best];
@@ -344,12 +348,7 @@ std::size_t averaged_models(const Posterior& posterior) {
 namespace {
 
 // Is a term that is off by so much of itself in every piece still its formula, and still driven by its driver?
-bool is_formula(const Term& term, const ModelTerm& t) {
-  return term.kind == TermKind::effect && inexactness[std::size_t(t.inexact)] < formula_is_within;
-}
-bool has_driver(const Term& term, const ModelTerm& t) {
-  return term.unit < 0 || inexactness[std::size_t(t.inexact)] < driver_is_within;
-}
+bool is_formula(const Term& term, const ModelTerm& t) { return term.kind == TermKind::effect && t.formula >= 0.5; }
 
 }  // namespace
 
@@ -359,18 +358,21 @@ Statements statements_of(const std::vector<UnderNoise>& under, const Posterior& 
   using Node = std::array<std::string, 4>;  // sensor, quantity, driver, formula; empty: not said
   std::map<Node, double> nodes;
   for (const WeighedModel& m : posterior.models) {
-    std::set<Node> mine;
+    std::map<Node, double> mine;  // how likely no term of it says so
+    const auto says = [&](const Node& node, double probability) {
+      mine.emplace(node, 1.0).first->second *= 1.0 - probability;
+    };
     for (const ModelTerm& t : m.terms) {
       const Term& term = under[m.noise].table->terms[std::size_t(t.term)];
       if (term.kind == TermKind::noise) continue;
       const Statement& w = term.what;
-      mine.insert({w.sensor, "", "", ""});
-      mine.insert({w.sensor, w.quantity, "", ""});
-      if (has_driver(term, t)) mine.insert({w.sensor, w.quantity, w.driver, ""});
-      if (is_formula(term, t)) mine.insert({w.sensor, w.quantity, w.driver, w.formula});
+      says({w.sensor, "", "", ""}, 1.0);
+      says({w.sensor, w.quantity, "", ""}, 1.0);
+      says({w.sensor, w.quantity, w.driver, ""}, term.unit < 0 ? 1.0 : t.driver);
+      if (term.kind == TermKind::effect) says({w.sensor, w.quantity, w.driver, w.formula}, t.formula);
     }
     if (!mine.empty()) all.anything += m.probability;
-    for (const auto& node : mine) nodes[node] += m.probability;
+    for (const auto& [node, not_said] : mine) nodes[node] += m.probability * (1.0 - not_said);
   }
   // As a tree: what is below a node follows it, the more probable first.
   using Path = std::vector<std::pair<double, std::string>>;

@@ -10,7 +10,8 @@
 // No shape is exact, and where a term is strong what it leaves would pass for further things. So what it does in each piece may be off by a
 // part of itself, independently: beside x = B L z (its mean) stand the columns C = [c_1 0 ..; 0 c_2 ..], c_k the unit of its quantity times
 // the rms of what x is there and over all pieces, with coefficients ~ N(0, inexactness^2 1), of which a grid has equal odds. An effect that is
-// off by 0.3 of itself and more is not its formula, and what is off by all of itself does not go with its driver: so much is not said.
+// off by 0.3 of itself and more is not its formula, and what is off by all of itself does not go with its driver: how likely that is goes into
+// what is said.
 #pragma once
 
 #include <array>
@@ -22,12 +23,16 @@
 
 namespace turncal {
 
-inline constexpr std::array<double, 5> inexactness = {0.0, 0.03, 0.1, 0.3, 1.0};
+inline constexpr std::array<double, 6> inexactness = {0.0, 0.03, 0.1, 0.3, 1.0, 3.0};
 
 struct ModelTerm {
   int term = 0, size = 0;
-  int inexact = 0;  // of `inexactness`
-  friend bool operator==(const ModelTerm&, const ModelTerm&) = default;
+  int inexact = 0;  // of `inexactness`: the most probable
+  // How likely it is exact enough to be its formula, and to go with its driver at all.
+  double formula = 1.0, driver = 1.0;
+  friend bool operator==(const ModelTerm& a, const ModelTerm& b) {
+    return std::tie(a.term, a.size, a.inexact) == std::tie(b.term, b.size, b.inexact);
+  }
   friend bool operator<(const ModelTerm& a, const ModelTerm& b) {
     return std::tie(a.term, a.size, a.inexact) < std::tie(b.term, b.size, b.inexact);
   }

@@ -44,6 +44,7 @@ Pieces cells_of(const RestData& data, const SensorModel& model) {
   };
   for (std::size_t k = 0; k < data.rests.size(); ++k) {
     Piece piece;
+    piece.turn = int(k);
     piece.first_cell = pieces.cells.size();
     if (k > 0) {
       const RestLeg& leg = data.legs[k - 1];

@@ -93,6 +93,40 @@ constexpr std::array<double, 2> smooth_parts = {0.3, 0.1};  // of the range
 constexpr double least_range_c = 0.3;
 constexpr int fewest_epochs = 4;
 
+struct Epochs {
+  VectorXd time_s, temperature_c;
+  Eigen::VectorXi recording, turn;  // turn: after how many, those of recordings before it included
+  Eigen::Index fitted = 0;          // those behind them are held out
+  Eigen::Index turns() const { return turn.size() > 0 ? turn[turn.size() - 1] + 1 : 0; }
+  // What goes with time is of each recording by itself.
+  MatrixXd in_each(MatrixXd K) const {
+    for (Eigen::Index i = 0; i < K.rows(); ++i)
+      for (Eigen::Index j = 0; j < K.cols(); ++j)
+        if (recording[i] != recording[j]) K(i, j) = 0.0;
+    return K;
+  }
+};
+Epochs epochs_of(const Pieces& pieces) {
+  Epochs e = {VectorXd::Zero(pieces.epochs), VectorXd::Zero(pieces.epochs), Eigen::VectorXi::Zero(pieces.epochs),
+              Eigen::VectorXi::Zero(pieces.epochs)};
+  VectorXd weight = VectorXd::Zero(pieces.epochs);
+  for (const ErrorCell& cell : pieces.cells) {
+    e.time_s[cell.epoch] += cell.at.duration_s * cell.at.time_s;
+    e.temperature_c[cell.epoch] += cell.at.duration_s * cell.at.temperature_c;
+    weight[cell.epoch] += cell.at.duration_s;
+    e.recording[cell.epoch] = cell.at.recording;
+  }
+  int turn = 0;
+  for (std::size_t k = 0; k < pieces.pieces.size(); ++k) {
+    if (k > 0 && pieces.pieces[k].turn != pieces.pieces[k - 1].turn) ++turn;
+    e.turn[pieces.cells[pieces.pieces[k].rest_cell].epoch] = turn;
+  }
+  if (pieces.fitted_cells > 0) e.fitted = pieces.cells[pieces.fitted_cells - 1].epoch + 1;
+  e.time_s = e.time_s.cwiseQuotient(weight.cwiseMax(1e-9));
+  e.temperature_c = e.temperature_c.cwiseQuotient(weight.cwiseMax(1e-9));
+  return e;
+}
+
 // One of each epoch, 1 in its cells.
 Functions of_epochs(Eigen::Index epochs, std::vector<Kernel> kernels = {}) {
   return {1, epochs, [](const ErrorCell& c) { return c.epoch; }, nullptr, std::move(kernels)};
@@ -100,6 +134,14 @@ Functions of_epochs(Eigen::Index epochs, std::vector<Kernel> kernels = {}) {
 
 Kernel all_of(Driver driver, Eigen::Index count, double size = 1.0) {
   return {driver, size * MatrixXd::Identity(count, count), 1.0, size};
+}
+// One of each turn and the rest after it.
+Functions of_turns(const Epochs& e, Driver driver) {
+  return {1,
+          e.turns(),
+          [turn = e.turn](const ErrorCell& c) { return turn[c.epoch]; },
+          nullptr,
+          {all_of(driver, e.turns())}};
 }
 // All of a series, whose functions are pairs, or, as likely, one pair.
 std::vector<Kernel> series(Driver driver, Eigen::Index count) {
@@ -112,7 +154,7 @@ std::vector<Kernel> series(Driver driver, Eigen::Index count) {
   return all;
 }
 
-std::vector<Functions> all_functions(const Pieces& pieces) {
+std::vector<Functions> all_functions(const Pieces& pieces, const Epochs& epochs) {
   std::vector<Functions> all;
   Vector3d fastest = Vector3d::Constant(1e-2);
   for (const ErrorCell& cell : pieces.cells) fastest = fastest.cwiseMax(cell.at.w_b.cwiseAbs());
@@ -159,8 +201,12 @@ std::vector<Functions> all_functions(const Pieces& pieces) {
                  },
                  {all_of(Driver::turns, decays, 1.0 / std::sqrt(0.5 * double(decays)))}});
   // What a turn leaves behind may go with what turned, with the pose, with anything.
-  all.push_back(of_epochs(pieces.epochs, {all_of(Driver::turns, pieces.epochs)}));
+  all.push_back(of_turns(epochs, Driver::turns));
   all.back().write = [decay](const ErrorCell& c, Eigen::Ref<VectorXd> v) { v[0] = decay(c, decays_s[1]); };
+  if (!pieces.responses.empty()) return all;
+  // So may what is there while it turns; of hand-turned data that is their floor.
+  all.push_back(of_turns(epochs, Driver::rate));
+  all.back().write = [](const ErrorCell& c, Eigen::Ref<VectorXd> v) { v[0] = c.turns ? 1.0 : 0.0; };
   return all;
 }
 
@@ -250,33 +296,6 @@ MatrixXd factor(const MatrixXd& K, double floor, Eigen::Index most = 1000) {
   return e.vectors.rightCols(rank) * (e.values.tail(rank).cwiseMax(0.0).cwiseSqrt() / norm).asDiagonal();
 }
 
-struct Epochs {
-  VectorXd time_s, temperature_c;
-  Eigen::VectorXi recording;
-  Eigen::Index fitted = 0;  // those behind them are held out
-  // What goes with time is of each recording by itself.
-  MatrixXd in_each(MatrixXd K) const {
-    for (Eigen::Index i = 0; i < K.rows(); ++i)
-      for (Eigen::Index j = 0; j < K.cols(); ++j)
-        if (recording[i] != recording[j]) K(i, j) = 0.0;
-    return K;
-  }
-};
-Epochs epochs_of(const Pieces& pieces) {
-  Epochs e = {VectorXd::Zero(pieces.epochs), VectorXd::Zero(pieces.epochs), Eigen::VectorXi::Zero(pieces.epochs), 0};
-  VectorXd weight = VectorXd::Zero(pieces.epochs);
-  for (const ErrorCell& cell : pieces.cells) {
-    e.time_s[cell.epoch] += cell.at.duration_s * cell.at.time_s;
-    e.temperature_c[cell.epoch] += cell.at.duration_s * cell.at.temperature_c;
-    weight[cell.epoch] += cell.at.duration_s;
-    e.recording[cell.epoch] = cell.at.recording;
-  }
-  if (pieces.fitted_cells > 0) e.fitted = pieces.cells[pieces.fitted_cells - 1].epoch + 1;
-  e.time_s = e.time_s.cwiseQuotient(weight.cwiseMax(1e-9));
-  e.temperature_c = e.temperature_c.cwiseQuotient(weight.cwiseMax(1e-9));
-  return e;
-}
-
 MatrixXd differences(const VectorXd& x) {
   MatrixXd d(x.size(), x.size());
   for (Eigen::Index i = 0; i < x.size(); ++i) d.col(i) = (x.array() - x[i]).abs();
@@ -289,23 +308,29 @@ MatrixXd walk(const VectorXd& x) {
     for (Eigen::Index j = 0; j < x.size(); ++j) K(i, j) = std::min(x[i], x[j]);
   return K;
 }
-VectorXd numbers_of(const Epochs& e) {  // 1, 2 ... in each recording
-  VectorXd number = VectorXd::Ones(e.recording.size());
+VectorXd numbers_of(const Epochs& e, const Eigen::VectorXi& of) {  // from 1 on in each recording
+  VectorXd number = VectorXd::Ones(of.size());
   for (Eigen::Index i = 1; i < number.size(); ++i)
-    if (e.recording[i] == e.recording[i - 1]) number[i] = number[i - 1] + 1.0;
+    if (e.recording[i] == e.recording[i - 1]) number[i] = number[i - 1] + of[i] - of[i - 1];
   return number;
 }
 
-// Constant over an epoch: another value each, a walk, a step before one of them.
+// Constant over an epoch: another value each, a walk, a step before one of them; constant from turn to turn: another value after each, a walk.
 Functions steps_of(const Epochs& e) {
   const Eigen::Index n = e.time_s.size();
-  Functions f =
-      of_epochs(n, {all_of(Driver::unknown, n), {Driver::time, factor(e.in_each(walk(numbers_of(e))), 1e-3)}});
+  Functions f = of_epochs(
+      n, {all_of(Driver::unknown, n),
+          {Driver::time, factor(e.in_each(walk(numbers_of(e, Eigen::VectorXi::LinSpaced(n, 0, int(n) - 1)))), 1e-3)}});
   for (Eigen::Index j = 1; j < e.fitted; ++j) {
     MatrixXd step = MatrixXd::Zero(n, 1);
     for (Eigen::Index i = j; i < e.fitted && e.recording[i] == e.recording[j]; ++i) step(i, 0) = 1.0;
     f.kernels.push_back({Driver::time, step, 1.0 / double(e.fitted)});
   }
+  if (e.turns() == n) return f;
+  MatrixXd turns = MatrixXd::Zero(n, e.turns());
+  for (Eigen::Index i = 0; i < n; ++i) turns(i, e.turn[i]) = 1.0;
+  f.kernels.push_back({Driver::turns, turns});
+  f.kernels.push_back({Driver::turns, factor(e.in_each(walk(numbers_of(e, e.turn))), 1e-3)});
   return f;
 }
 
@@ -381,7 +406,7 @@ class Table {
   }
 
   void add_patterns() {
-    std::vector<Functions> functions = all_functions(pieces_);
+    std::vector<Functions> functions = all_functions(pieces_, epochs_);
     if (pieces_.epochs >= fewest_epochs) add_of_time(functions);
     for (Functions& f : functions) evaluate(f);
     for (const Channel& channel : all_channels(grades_)) {

@@ -3,9 +3,10 @@
 // A term is one thing: a sensor's quantity, what drives it, and its shape. Its columns are B = basis L, its coefficients z ~ N(0, v 1) with a
 // prior over the size sqrt(v). A basis is a set of functions on the cells (piece_system.h); terms that share one differ in L alone.
 //   effect    a component of the catalogue (effects.h), each with every time constant; or a row of components of one sensor
-//   pattern   a quantity of a sensor times a function that has no formula: harmonics 1 to 4 of a table angle (size 1/h), two waves of a
-//             component of force or rate, decays after a turn; or any function that is constant over an epoch, z = L'' z'' with
-//             L'' L''' a kernel: another value each (whatever drives it), a walk, smooth in time or temperature, one step
+//   pattern   a quantity of a sensor times a function that has no formula: harmonics 1 to 4 of a table angle (size 1/h), three waves of a
+//             component of force or rate, decays after a turn, another value while it turns each time; or any function that is constant over
+//             an epoch, z = L'' z'' with L'' L''' a kernel: another value each (whatever drives it), a walk, smooth in time or temperature, one
+//             step, another value after each turn, a walk from turn to turn
 //   noise     a wander of the three biases of a kind: it widens sigmas and is no missing effect
 // Sizes: a grid of about a factor of three; of effects 2 to 1000 of their own sigma, capped at what no sensor has; of patterns and noise
 // half-Cauchy about what data sheets give for that quantity and grade.
