@@ -399,13 +399,13 @@ class Importer {
       return {};
     }
     std::vector<StampGap> found;
-    if (measured()) {
+    if (measured() && (result_.chosen.empty() || !stamps().adds_up)) {
       std::vector<double> intervals = intervals_of(times_, times_.size());
       const double usual = median(intervals);
       for (std::size_t k = 1; k < rows_; ++k)
         if (times_[k] - times_[k - 1] > map_.gap * usual) found.push_back({k, 2});
     } else {
-      if (!stamps().sure)
+      if (!measured() && !stamps().sure)
         return input_error(
             "{}: the stamps scatter by {:.2g} of a period of {:.4g} s, and {} of {} rows come behind a gap: another "
             "period explains them as well: expected time.increments = intervals, or rate_hz in place of time.column",
@@ -432,9 +432,8 @@ class Importer {
     result_.jitter_s = std::sqrt(std::max(0.0, squares / count - period * period));
     if (!measured()) {
       period = stamps().period;
-      constexpr double late = 16.0;  // periods, of the first or the last stamp
       const double passed = times_.back() - times_.front(), counted = double(periods) * period;
-      if (std::abs(counted - passed) > (late + 4.0 * stamps().scatter) * period + steady_rate * passed)
+      if (std::abs(counted - passed) > (16.0 + 4.0 * stamps().scatter) * period + steady_rate * passed)
         return input_error(
             "{}: {:.6g} s by the stamps, and {:.6g} s by rows and gaps: expected "
             "time.increments = intervals, or rate_hz in place of time.column",

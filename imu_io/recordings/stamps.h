@@ -1,23 +1,20 @@
 // What the stamps of rows say: how long the period is, where rows are missing, and whether the sampling or the stamps jitter.
 //
-// Row k comes at t0 + P (k + missing) + e, written in steps: P the period, missing a whole number that only grows, e of each row by itself,
-// normal with a few outliers. A clock that begins anew (the logger stopped and started again) has another t0; time that passed meanwhile
-// passed, so that the periods of all rows last as long as the stamps say. Of all ways to read the stamps so the most likely is taken (Viterbi,
-// 1967; eight are kept), where a gap is as rare as the last reading found it, of n rows with 1 / n(n + 1), and a new t0 rarer. Along each of them a Kalman
-// filter follows phase and rate of the clock; what it is told is that the stamp's step holds the time, so that a stamp in coarse steps
-// that no row contradicts costs nothing, and rows that fit without a gap need none. The scatter of e is the most likely one, P the slope of least
-// squares along the gaps. The search begins at the steepest part of the record without gaps (rows that come in bursts), and at the periods in
-// which the phases of all stamps agree (rows that are lost); the likelihood decides.
+// Row k comes at t0 + P (k + missing) + e, written in steps: P the period, missing a whole number that only grows, e of each row by itself, normal
+// with a few outliers. A clock that begins anew has another t0; time that passed meanwhile passed, so that the periods of all rows last as long as
+// the stamps say. Of all ways to read the stamps so the most likely is taken (Viterbi, 1967; eight are kept), where a gap is as rare as the last
+// reading found it, of n rows with 1 / n(n + 1), and a new t0 rarer. Along each a Kalman filter follows phase and rate of the clock; what it is told
+// is that the stamp's step holds the time, so that a stamp in coarse steps that no row contradicts costs nothing. The scatter of e is the most likely
+// one, P the slope of least squares along the gaps. The search begins at the steepest part without gaps (rows that come in bursts), at the periods in
+// which all phases agree (rows that are lost), and at those whose beat with the step of the stamps shows in the steps without a row.
 //
-// P is sure where no other one is nearly as likely, and the phases tell it (their mean is above 0.13), or the n rows from one gap to the next
-// do: to scatter sqrt(12 / n^3), below 0.1 %.
-// Period or intervals: let p be what the stamps are ahead of an even clock. If every stamp is off by itself (a late
-// interrupt, a host that was busy, rounding), the scatter of p[k + 2m] - 2 p[k + m] + p[k] is the same for every m; if every interval is what it says,
-// it grows with the root of m. Up to the geometric mean of both, over 32 rows, the sampling is even; and so it is, too, for a sensor that was truly read
-// at those times, since what one interval has too much the next has too little. Beyond it, or where the rate changes by more than 200 ppm
-// (six times what the jitter explains, and twice the steps in which the stamps are written) from one sixteenth of the record to the next, the
-// intervals are real. A scatter below those steps is theirs. Not looked for: an even sensor behind a host's clock that is itself in steps. Not told apart: where
-// within a burst rows are missing.
+// P is sure where no other one is nearly as likely, at most 60 % of the rows come behind a gap, and either the step is shorter and the phases of e
+// agree (exp(-2 (pi e)^2) above 0.13), or the n rows between two gaps tell it: to scatter sqrt(12 / n^3), below 0.1 %. Where there are gaps another
+// clock is tried: every interval is off by itself, and the rate wanders. If it is likelier with fewer gaps the intervals are real, or P is in doubt.
+// Where it is not: let p be what the stamps are ahead of an even clock. If every stamp is off by itself (late, rounded), the scatter of p[k + 2m] - 2
+// p[k + m] + p[k] is the same for every m; if every interval is what it says, it grows with the root of m. Up to the geometric mean of both over 32
+// rows the sampling is even. Beyond it, or where the rate changes by more than 200 ppm from one sixteenth of the record to the next, the intervals
+// are real. Not looked for: an even sensor behind a host's clock that is itself in steps. Not told apart: where within a burst rows are missing.
 #pragma once
 
 #include <cstddef>
@@ -42,6 +39,7 @@ struct StampModel {
   double scatter = 0.0;        // of a stamp, in periods
   double cost = 0.0;           // -log of the likelihood
   bool sure = true;            // of the period
+  bool adds_up = false;        // no even clock: the intervals are real
   std::vector<StampGap> gaps;  // in order
 };
 inline constexpr double steady_rate = 2e-4;  // change of a rate that is a clock's, not the sampling's
