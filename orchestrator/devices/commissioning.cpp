@@ -78,10 +78,7 @@ class Trial {
  private:
   Result<TableStatus> read_table() {
     TableStatus axes;
-    for (const Axis axis : all_axes) {
-      AxisStatus status = TRY(devices_.table.status(axis));
-      axes[index(axis)] = std::move(status);
-    }
+    for (const Axis axis : all_axes) axes[index(axis)] = TRY(devices_.table.status(axis));
     return axes;
   }
   Status read_for(double seconds) {
@@ -110,9 +107,8 @@ class Trial {
   }
   // From here on every axis stays where it was read, but for the one that is sent.
   void hold(const TableStatus& axes, const std::optional<Move>& sent) {
-    AxisTriple at_deg;
-    for (const Axis axis : all_axes) at_deg[axis] = axes[index(axis)].position_deg;
-    held_deg_ = at_deg;
+    held_deg_.emplace();
+    for (const Axis axis : all_axes) (*held_deg_)[axis] = axes[index(axis)].position_deg;
     sent_ = sent;
   }
   Status wait_until(double seconds, const std::string& late, const std::function<bool(const TableStatus&)>& over) {

@@ -281,26 +281,30 @@ Status LiveDevices::leave_table(Status done, const std::string& how_left) {
 
 std::string LiveDevices::sag_since(const std::optional<TableStatus>& left) {
   constexpr double least_s = 2.5, same_place_deg = 0.01;  // 0.005 deg/s
-  constexpr int readings = 5;  // an encoder that flickers reads the same place in one of them
   std::string text;
   if (table_->manual() || !table_->table().can_switch_off()) return text;
+  TableStatus before;
   for (const Axis axis : all_axes) {
     const Result<AxisStatus> then = left ? (*left)[index(axis)] : table_->table().status(axis);
     if (!then) return text;
-    while (clock_.now_s() - then->time_s < least_s)
-      wait_a_little((least_s - (clock_.now_s() - then->time_s)) / speed_up_);
+    before[index(axis)] = *then;
+  }
+  for (const Axis axis : all_axes) {
+    const AxisStatus& then = before[index(axis)];
+    while (clock_.now_s() - then.time_s < least_s)
+      wait_a_little((least_s - (clock_.now_s() - then.time_s)) / speed_up_);
     std::optional<AxisStatus> nearest;
-    for (int i = 0; i < readings; ++i) {
+    for (int i = 0; i < 5; ++i) {  // an encoder that flickers reads the same place in one of them
       const Result<AxisStatus> now = table_->table().status(axis);
       if (!now) return text;
-      const auto off_deg = [&](const AxisStatus& at) { return std::abs(at.position_deg - then->position_deg); };
+      const auto off_deg = [&](const AxisStatus& at) { return std::abs(at.position_deg - then.position_deg); };
       if (!nearest || off_deg(*now) < off_deg(*nearest)) nearest = *now;
       if (off_deg(*nearest) <= same_place_deg) break;
     }
-    if (!(std::abs(nearest->position_deg - then->position_deg) > same_place_deg)) continue;
+    if (!(std::abs(nearest->position_deg - then.position_deg) > same_place_deg)) continue;
     text +=
         fmt::format("{}{} turns with its drive off: from {:.4f} to {:.4f} deg in {:.1f} s", text.empty() ? "" : "; ",
-                    to_string(axis), then->position_deg, nearest->position_deg, nearest->time_s - then->time_s);
+                    to_string(axis), then.position_deg, nearest->position_deg, nearest->time_s - then.time_s);
   }
   return text;
 }
