@@ -45,7 +45,7 @@ TEST(FeltLatitude, IsTheTrueOneWhereBiasesStayOpen) {
   JointOptions options;
   options.candidates = latitude_columns();
   const double other_hemisphere = -2.0 * config.site.latitude_deg;
-  for (const double off_deg : {-5.0, 5.0, -15.0, 15.0, -40.0, 40.0, other_hemisphere}) {
+  for (const double off_deg : {-5.0, 15.0, -40.0, other_hemisphere}) {
     recording.info.latitude_deg = config.site.latitude_deg + off_deg;
     const JointResult fit = joint_estimate(recording, options);
     const std::optional<FeltLatitude> felt = felt_latitude(recording, fit);

@@ -111,7 +111,9 @@ struct JoinedUnit {
   Parameters truth;
 };
 
-JoinedUnit joined_unit(std::uint64_t seed) {
+const JoinedUnit& joined_unit(std::uint64_t seed) {
+  static std::map<std::uint64_t, JoinedUnit> units;
+  if (const auto known = units.find(seed); known != units.end()) return known->second;
   RigConfig config = default_rig_config();
   config.seed = seed;
   config.noise_seed = 700 + seed;
@@ -122,7 +124,8 @@ JoinedUnit joined_unit(std::uint64_t seed) {
   RigRecording holdout = record_on_rig(must_read_sequence("holdout.seq"), config);
   disturb(second.recording, second.truth, [](const DisturbedMoment&) { return turn_on(1.0); });
   disturb(holdout.recording, second.truth, [](const DisturbedMoment&) { return turn_on(-1.0); });
-  return {std::move(first.recording), std::move(second.recording), std::move(holdout.recording), first.truth};
+  return units[seed] = {std::move(first.recording), std::move(second.recording), std::move(holdout.recording),
+                        first.truth};
 }
 
 Diagnosis diagnose_both(const JoinedUnit& made, const std::vector<const CompressedRecording*>& holdouts = {}) {

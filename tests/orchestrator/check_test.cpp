@@ -129,17 +129,6 @@ TEST_F(Check, ExplainsTheTableAndListsItsGuesses) {
   EXPECT_SAYS(asked.problems.at(0), "--sequence is required");
 }
 
-TEST_F(Check, BadFilesAreBothNamedAndNothingIsPrinted) {
-  const std::string station = write("my.station", check_station + "motion.speed = 1\n");
-  const std::string sequence = write("my.seq", "");
-  const Outcome outcome = check(station, sequence);
-  EXPECT_EQ(outcome.code, 1);
-  ASSERT_EQ(outcome.problems.size(), 2U);
-  EXPECT_SAYS(outcome.problems[0], station + ":8: key 'motion.speed'");
-  EXPECT_SAYS(outcome.problems[1], sequence + ":1:1: found an empty file");
-  EXPECT_EQ(outcome.out, "");
-}
-
 TEST_F(Check, TheRigFileOfTheStationIsReadToo) {
   const std::string sequence = write("my.seq", sequence_text);
   const std::string station = write("my.station", check_station + "rig.file = my.rig\n");

@@ -216,24 +216,23 @@ class GroupResume : public Group {
  protected:
   void SetUp() override {
     Group::SetUp();
-    const std::string whole = file_text(short_demo);
-    sequence_ = write("three_steps.seq", whole.substr(0, whole.find("step 4")));
+    sequence_ = first_steps("4");
   }
   std::vector<std::string> begin(const std::string& out, const std::string& rig) const {
     return {"run",   "--dry-run", "--capture-only", "--unit", "SN1",        "--unit", "SN2", "--unit", "SN3",
             "--out", out,         "--rig",          rig,      "--sequence", sequence_};
   }
-  // Killed, cut off from power, or out of disk at every seventh call, and taken up again: the recordings of an uninterrupted run.
+  // Killed, cut off from power, or out of disk at every thirteenth call, and taken up again: the recordings of an uninterrupted run.
   void strike_everywhere(const std::string& rig, int code) const {
     const long points = count_points(begin("good", rig), code);
     ASSERT_GT(points, 150);
-    const auto how = [](long point) { return "fpk"[point / 7 % 3]; };  // full, power, kill
+    const auto how = [](long point) { return "fpk"[point / 13 % 3]; };  // full, power, kill
     std::map<long, char> copies;
-    for (long point = 1; point <= points; point += 7)
+    for (long point = 1; point <= points; point += 13)
       if (how(point) != 'f') copies[point] = how(point);
     ASSERT_EQ(run_copied(begin("out", rig), "out", copies).code, code);
     int taken_up = 0;
-    for (long point = 1; point <= points && !HasFatalFailure(); point += 7) {
+    for (long point = 1; point <= points && !HasFatalFailure(); point += 13) {
       SCOPED_TRACE(how(point) + std::string(" at call ") + std::to_string(point));
       fs::remove_all(folder_ / "out");
       if (how(point) == 'f')
@@ -302,7 +301,9 @@ TEST_F(GroupBatch, AUnitThatDropsOutDoesNotStopTheNext) {
 
 TEST_F(GroupBatch, SurvivesKills) {
   write("queue", "SN1\nSN2\nSN3\nSN4\nSN5\n");
-  kill_until_done(batch(), 100'000, 133'000);
+  Arguments command = batch();
+  std::ranges::replace(command, short_demo, first_steps("5"));
+  kill_until_done(command, 50'000, 61'000);
   EXPECT_EQ(outcomes(), "SN1=not_judged SN2=not_judged SN3=not_judged SN4=not_judged SN5=not_judged ");
   EXPECT_FALSE(there("units/group.3")) << "an interrupted group was not gone on with";
   for (const char* name : {"group.1/SN1", "group.1/SN2", "group.2/SN3", "group.2/SN4", "SN5"})

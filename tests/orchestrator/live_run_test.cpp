@@ -1,5 +1,5 @@
 // What a live run needs besides the rig: a driver that gives up on the operator's word, a person who turns the table, keys of the
-// station, gravity. The whole over real lines: tests/system/over_the_wire_test.sh.
+// station, gravity. The whole over real lines: tests/system/two_units_over_the_wire_test.sh.
 
 #include "imu_io/base/clock.h"
 #include "orchestrator/devices/live_devices.h"

@@ -143,6 +143,11 @@ class Program : public testing::Test {
   static Arguments dry_run(const std::string& out, const Arguments& more = {}, const std::string& unit = "SN1") {
     return Arguments{"run", "--dry-run", "--unit", unit, "--out", out, "--sequence", short_demo} + more;
   }
+  // Of the short sequence the steps before `step`. Those before 5 determine everything, with every kind of write that fourteen have.
+  std::string first_steps(const std::string& step) const {
+    const std::string whole = file_text(short_demo);
+    return write("first_steps.seq", whole.substr(0, whole.find("step " + step)));
+  }
   // With the library in front that strikes at call `point` (0: counts them into FOLDER.count); mode: kill, power or full.
   ProgramResult run_struck(const Arguments& arguments, long point, const char* mode) const {
     ::setenv("LD_PRELOAD", TURNCAL_FAULT_POINTS, 1);

@@ -16,27 +16,23 @@ const std::string station_text = station_head +
                                  "motion.settle_s = 0.5\nlimit.residual_max = 2\nlimit.N01.sigma_max = 1\n"
                                  "record.database = results.db\nrecord.store = store\n";
 
-// The four steps that determine everything hold every kind of write that fourteen hold.
-const bool long_tests = std::getenv("TURNCAL_LONG_TESTS") != nullptr;
-
 class Resume : public Program {
  protected:
   void SetUp() override {
     Program::SetUp();
     const std::string station = write("reference/mock.station", station_text);
-    const std::string whole = file_text(short_demo);
-    sequence_ = long_tests ? short_demo : write("four_steps.seq", whole.substr(0, whole.find("step 5")));
+    sequence_ = first_steps("5");
     ASSERT_EQ(run_struck(begin("reference/out", station), 0, "").code, 0);
     long unsynced = -1;
     std::istringstream(file_text(folder_.string() + ".count")) >> points_ >> unsynced;
     EXPECT_EQ(unsynced, 0) << "something was done while a record of the journal was not on disk";
-    ASSERT_GT(points_, long_tests ? 1000 : 250);
+    ASSERT_GT(points_, 250);
     for (const char* name : {"parameters.conf", "recording.tcr", "truth.conf"}) {
       reference_[name] = file_text(folder_ / "reference/out" / name);
       ASSERT_FALSE(reference_[name].empty()) << name;
     }
     reference_dwells_ = dwells(folder_ / "reference/out");
-    ASSERT_GE(reference_dwells_.size(), long_tests ? 51u : 15u);
+    ASSERT_EQ(reference_dwells_.size(), 15u);
   }
 
   Arguments begin(const std::string& out, const std::string& station) const {
@@ -80,23 +76,6 @@ class Resume : public Program {
     ASSERT_FALSE(fs::exists(folder_ / folder / "store/SN1")) << "a production file from simulated data";
   }
 
-  // Every twelfth call from `first` on, as a kill and as a power cut in turn; TURNCAL_LONG_TESTS: both at each.
-  void strike_at_every_twelfth(long first) const {
-    for (const std::string ways : long_tests ? std::vector{"k", "p"} : std::vector{"kp"}) {
-      const std::string station = write("struck/mock.station", station_text);
-      std::map<long, char> points;
-      for (long point = first; point <= points_; point += 12) points[point] = ways[point / 12 % ways.size()];
-      ASSERT_EQ(run_copied(begin("struck/out", station), "struck", points).code, 0);
-      for (const auto& [point, how] : points) {
-        SCOPED_TRACE(std::to_string(point) + how);
-        ASSERT_TRUE(take_copy("struck", point));
-        expect_same_end("struck", station, file_text(folder_ / "struck/said"));
-        if (HasFatalFailure()) return;
-      }
-      fs::remove_all(folder_ / "struck");
-    }
-  }
-
   int copies_ = 0;
   std::string sequence_;
   long points_ = 0;
@@ -104,10 +83,23 @@ class Resume : public Program {
   std::vector<int> reference_dwells_;
 };
 
-// Twelve tests, so that they can run side by side.
-class ResumeStruck : public Resume, public testing::WithParamInterface<int> {};
-TEST_P(ResumeStruck, AtEveryWriteAndSync) { strike_at_every_twelfth(GetParam()); }
-INSTANTIATE_TEST_SUITE_P(First, ResumeStruck, testing::Range(1, 13));
+// At every call, as a kill and as a power cut in turn; copies of a twelfth of them at a time.
+TEST_F(Resume, AfterAKillOrAPowerCutAtAnyWriteOrSync) {
+  const std::string station = write("struck/mock.station", station_text);
+  for (long first = 1; first <= 12; ++first) {
+    std::map<long, char> points;
+    for (long point = first; point <= points_; point += 12) points[point] = "kp"[point / 12 % 2];
+    ASSERT_EQ(run_copied(begin("struck/out", station), "struck", points).code, 0);
+    for (const auto& [point, how] : points) {
+      SCOPED_TRACE(std::to_string(point) + how);
+      ASSERT_TRUE(take_copy("struck", point));
+      expect_same_end("struck", station, file_text(folder_ / "struck/said"));
+      if (HasFatalFailure()) return;
+    }
+    fs::remove_all(folder_ / "struck");
+    write("struck/mock.station", station_text);
+  }
+}
 
 TEST_F(Resume, DiskFullAtAnyWriteStopsTheRunAndItGoesOn) {
   for (long point = 1; point <= points_ && !HasFatalFailure(); point += 13) {

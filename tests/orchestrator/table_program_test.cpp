@@ -64,7 +64,7 @@ TEST_P(TableProgramToldToEnd, CommissionSaysSoAndThatTheTableRests) {
   EXPECT_SAYS(result.err, "the table rests, its drives are off");
   EXPECT_TRUE(drives.all_off());
 }
-INSTANTIATE_TEST_SUITE_P(By, TableProgramToldToEnd, testing::Values(SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGINT),
+INSTANTIATE_TEST_SUITE_P(By, TableProgramToldToEnd, testing::Values(SIGTERM, SIGINT),
                          [](const auto& which) { return std::string("SIG") + sigabbrev_np(which.param); });
 
 // A process that is stopped cannot watch a table that turns.

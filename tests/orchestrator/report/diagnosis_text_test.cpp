@@ -118,15 +118,6 @@ TEST(DiagnosisFile, KeepsEveryKeyWhenThereIsNothingToSay) {
             "holdout.source =\n");
 }
 
-TEST(DiagnosisFile, HasAWordForEveryVerdict) {
-  Sample sample = clean_sample();
-  const char* verdicts[] = {"clean", "extended", "unexplained", "noise_model"};
-  for (int k = 0; k < 4; ++k) {
-    sample.diagnosis.verdict = static_cast<Verdict>(k);
-    EXPECT_SAYS(format_diagnosis(sample.diagnosis), std::string("\nverdict = ") + verdicts[k] + "\n");
-  }
-}
-
 TEST(DiagnosisParameters, HoldEffectsStrongestFirstNoiseAndVerdict) {
   Sample sample = extended_sample();
   sample.recording.info.unit_serial = "SN7";

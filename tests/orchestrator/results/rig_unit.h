@@ -14,13 +14,17 @@ inline constexpr const char* without_noise =
 
 class RigUnit : public Program {
  protected:
-  // Unit SN7 through `steps` of a sequence, into the folder `out`.
+  // Unit SN7 through `steps` of a sequence, into the folder `out`; once for all tests.
   void record(const std::string& out, const std::string& rig, const std::string& steps) {
     write(out + ".rig", rig);
     write_sequence(out + ".seq", steps);
-    ends({"run", "--dry-run", "--unit", "SN7", "--out", out, "--capture-only", "--rig", path(out + ".rig"),
-          "--sequence", path(out + ".seq")},
-         0);
+    static std::map<std::string, TemporaryFolder> recorded;
+    const auto [made, first] = recorded.try_emplace(rig + steps);
+    if (first)
+      ends("run --dry-run --capture-only --unit SN7 --rig " + out + ".rig --sequence " + out + ".seq --out " +
+               (made->second / "run"),
+           0);
+    std::filesystem::copy(made->second / "run", path(out), std::filesystem::copy_options::recursive);
   }
   void write_sequence(const std::string& name, const std::string& steps) {
     write(name, "format = 1\nname = of_test\nrate_degps = 10\nacceleration_degps2 = 20\n" + steps);
