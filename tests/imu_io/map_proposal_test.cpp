@@ -401,7 +401,7 @@ TEST(Increments, LossesAreCountedOrInDoubt) {
 TEST(Increments, PausesLastAsLongAsTheStampsSay) {
   for (const double rate_hz : {200.0, 800.0, 833.0, 238.0})
     for (const double step_s : {1e-7, 1e-3})
-      for (const double pause_s : {0.0, 3.0037, 3600.002}) {
+      for (const double pause_s : {0.0, 3.0037, 95.3017, 3600.002}) {
         SCOPED_TRACE(fmt::format("{} Hz, {} s, pause of {} s", rate_hz, step_s, pause_s));
         std::vector<double> times;
         for (int row = 0; row < 4000; ++row)
