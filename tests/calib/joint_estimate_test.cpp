@@ -136,9 +136,7 @@ Bench bench(double instability) {
   RigConfig config = noise_free(default_rig_config());
   config.seed = 5;
   config.temperature.rise_c = 6.0;
-  Sequence sequence = must_read_sequence("short_demo.seq");
-  sequence.steps.resize(4);
-  Bench b{record_on_rig(sequence, config), {}, {}, {}};
+  Bench b{record_on_rig(must_read_sequence("short_demo.seq"), config), {}, {}, {}};
   b.columns = catalogue_columns(b.made.recording.info);
   b.effects = make_effect_model(b.columns, {b.made.recording.info.latitude_deg}, b.made.recording.mean_temperature_c);
   b.setup.noise.accel_pulse_mps = config.accel_pulse_mps;
