@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "calib/evidence/evidence.h"
@@ -423,20 +424,12 @@ class Diagnosing {
 }  // namespace
 
 const char* to_string(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::clean: return "clean";
-    case Verdict::extended: return "extended";
-    case Verdict::unexplained: return "unexplained";
-    case Verdict::noise_model: return "noise_model";
-    case Verdict::not_tested: return "not_tested";
-  }
-  return "?";
+  constexpr std::array words = {"clean", "extended", "unexplained", "noise_model", "not_tested"};
+  return words[std::size_t(verdict)];
 }
 
 std::string words_of(const Doubt& doubt) {
-  std::string words = doubt.name;
-  for (const std::string& other : doubt.others) words += " or " + other;
-  return words;
+  return fmt::format("{} or {}", doubt.name, fmt::join(doubt.others, " or "));
 }
 
 std::optional<Doubt> doubt_of(const Diagnosis& d) {

@@ -12,36 +12,24 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// Sums of what a cell's blocks have, over their lengths; divided at its end.
+// What a cell has the mean of, over its blocks.
+constexpr std::array mean_vectors = {&BlockState::f_b, &BlockState::w_b, &BlockState::w_dot_b, &BlockState::table_rad};
+constexpr std::array mean_numbers = {&BlockState::time_s, &BlockState::since_rotation_s, &BlockState::temperature_c};
+
+// Sums over their lengths; divided at its end.
 void add(const BlockState& s, ErrorCell& cell) {
-  const double t = s.duration_s;
-  BlockState& sum = cell.at;
-  if (sum.duration_s == 0.0) {
-    sum = s;
-    sum.f_b *= t;
-    sum.w_b *= t;
-    sum.w_dot_b *= t;
-    sum.table_rad *= t;
-    sum.time_s *= t;
-    sum.since_rotation_s *= t;
-    sum.temperature_c *= t;
-    return;
-  }
-  sum.f_b += t * s.f_b;
-  sum.w_b += t * s.w_b;
-  sum.w_dot_b += t * s.w_dot_b;
-  sum.table_rad += t * s.table_rad;
-  sum.time_s += t * s.time_s;
-  sum.since_rotation_s += t * s.since_rotation_s;
-  sum.temperature_c += t * s.temperature_c;
-  sum.duration_s += t;
+  const bool first = cell.at.duration_s == 0.0;
+  if (first) cell.at = s;
+  for (const auto m : mean_vectors)
+    cell.at.*m = (first ? Vector3d::Zero() : Vector3d(cell.at.*m)) + s.duration_s * s.*m;
+  for (const auto m : mean_numbers) cell.at.*m = (first ? 0.0 : cell.at.*m) + s.duration_s * s.*m;
+  if (!first) cell.at.duration_s += s.duration_s;
 }
 
 void divide(ErrorCell& cell) {
-  BlockState& s = cell.at;
-  const double t = s.duration_s > 0.0 ? s.duration_s : 1.0;
-  for (Vector3d* v : {&s.f_b, &s.w_b, &s.w_dot_b, &s.table_rad}) *v /= t;
-  for (double* v : {&s.time_s, &s.since_rotation_s, &s.temperature_c}) *v /= t;
+  const double t = cell.at.duration_s > 0.0 ? cell.at.duration_s : 1.0;
+  for (const auto m : mean_vectors) cell.at.*m /= t;
+  for (const auto m : mean_numbers) cell.at.*m /= t;
 }
 
 // The table's angles half way through a block of a turn, as if it went evenly from rest to rest.
@@ -61,6 +49,7 @@ BlockState with_table_angle(const CompressedRecording& recording, const Block& b
 
 void append(const Pieces& more, int recording, Pieces& all) {
   const std::size_t before = all.cells.size();
+  const int turns = all.pieces.empty() ? 0 : all.pieces.back().turn + 1;
   for (ErrorCell cell : more.cells) {
     cell.epoch += all.epochs;
     cell.at.recording = recording;
@@ -69,6 +58,7 @@ void append(const Pieces& more, int recording, Pieces& all) {
   for (Piece piece : more.pieces) {
     piece.first_cell += before;
     piece.rest_cell += before;
+    piece.turn += turns;
     all.pieces.push_back(piece);
   }
   all.epochs += more.epochs;

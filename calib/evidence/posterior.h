@@ -10,8 +10,7 @@
 // No shape is exact, and where a term is strong what it leaves would pass for further things. So what it does in each piece may be off by a
 // part of itself, independently: beside x = B L z (its mean) stand the columns C = [c_1 0 ..; 0 c_2 ..], c_k the unit of its quantity times
 // the rms of what x is there and over all pieces, with coefficients ~ N(0, inexactness^2 1), of which a grid has equal odds. An effect that is
-// off by 0.3 of itself and more is not its formula, and what is off by all of itself does not go with its driver: how likely that is goes into
-// what is said.
+// off by 0.3 of itself and more is not its formula, and what is off by all of itself has no driver: so probable is what is said of both.
 #pragma once
 
 #include <array>

@@ -228,12 +228,10 @@ std::string hangs_on_single_rests(RestKind kind, double left_out, double fitted)
       to_string(kind), std::lround(left_out / fitted));
 }
 
-// Of a node; 0: not listed.
-double probability_of(const Statements& statements, const Statement& node) {
-  for (const Statement& s : statements.nodes)
-    if (s.sensor == node.sensor && s.quantity == node.quantity && s.driver == node.driver && s.formula == node.formula)
-      return s.probability;
-  return 0.0;
+bool said_driver(const Statements& all, const Statement& node) {
+  return std::ranges::any_of(all.nodes, [&](const Statement& s) {
+    return s.probability >= said_from && !s.driver.empty() && s.formula.empty() && is_below(s, node);
+  });
 }
 
 double root_mean_square(const VectorXd& residual, const VectorXd& weights) {
@@ -304,9 +302,7 @@ class DiagnosingRests {
     std::vector<EffectColumn> named = named_columns(e);
     for (const int column : e.named.columns)
       for (const Term& term : e.at_each_noise.front().table->terms)
-        if (term.columns == std::vector<int>{column} &&
-            probability_of(e.statements, {term.what.sensor, term.what.quantity, term.what.driver, ""}) < said_from)
-          return {};
+        if (term.columns == std::vector<int>{column} && !said_driver(e.statements, term.what)) return {};
     return named;
   }
   Evidence weigh(const RestFit& fit, const std::vector<EstimatedEffect>& effects) const {

@@ -95,9 +95,8 @@ constexpr int fewest_epochs = 4;
 
 struct Epochs {
   VectorXd time_s, temperature_c;
-  Eigen::VectorXi recording, turn;  // turn: after how many, those of recordings before it included
-  Eigen::Index fitted = 0;          // those behind them are held out
-  Eigen::Index turns() const { return turn.size() > 0 ? turn[turn.size() - 1] + 1 : 0; }
+  Eigen::VectorXi number, recording, turn;  // turn: after how many, those of recordings before it included
+  Eigen::Index fitted = 0;                  // those behind them are held out
   // What goes with time is of each recording by itself.
   MatrixXd in_each(MatrixXd K) const {
     for (Eigen::Index i = 0; i < K.rows(); ++i)
@@ -107,41 +106,31 @@ struct Epochs {
   }
 };
 Epochs epochs_of(const Pieces& pieces) {
-  Epochs e = {VectorXd::Zero(pieces.epochs), VectorXd::Zero(pieces.epochs), Eigen::VectorXi::Zero(pieces.epochs),
-              Eigen::VectorXi::Zero(pieces.epochs)};
-  VectorXd weight = VectorXd::Zero(pieces.epochs);
+  const VectorXd zero = VectorXd::Zero(pieces.epochs);
+  const Eigen::VectorXi none = Eigen::VectorXi::Zero(pieces.epochs);
+  Epochs e = {zero, zero, Eigen::VectorXi::LinSpaced(pieces.epochs, 0, pieces.epochs - 1), none, none};
+  VectorXd weight = zero;
   for (const ErrorCell& cell : pieces.cells) {
     e.time_s[cell.epoch] += cell.at.duration_s * cell.at.time_s;
     e.temperature_c[cell.epoch] += cell.at.duration_s * cell.at.temperature_c;
     weight[cell.epoch] += cell.at.duration_s;
     e.recording[cell.epoch] = cell.at.recording;
   }
-  int turn = 0;
-  for (std::size_t k = 0; k < pieces.pieces.size(); ++k) {
-    if (k > 0 && pieces.pieces[k].turn != pieces.pieces[k - 1].turn) ++turn;
-    e.turn[pieces.cells[pieces.pieces[k].rest_cell].epoch] = turn;
-  }
+  for (const Piece& piece : pieces.pieces) e.turn[pieces.cells[piece.rest_cell].epoch] = piece.turn;
   if (pieces.fitted_cells > 0) e.fitted = pieces.cells[pieces.fitted_cells - 1].epoch + 1;
   e.time_s = e.time_s.cwiseQuotient(weight.cwiseMax(1e-9));
   e.temperature_c = e.temperature_c.cwiseQuotient(weight.cwiseMax(1e-9));
   return e;
 }
 
-// One of each epoch, 1 in its cells.
-Functions of_epochs(Eigen::Index epochs, std::vector<Kernel> kernels = {}) {
-  return {1, epochs, [](const ErrorCell& c) { return c.epoch; }, nullptr, std::move(kernels)};
+// One of each number that epochs have, 1 in their cells.
+Functions of_each(const Eigen::VectorXi& number, std::vector<Kernel> kernels = {}) {
+  return {1, number.size() > 0 ? number.maxCoeff() + 1 : 0, [number](const ErrorCell& c) { return number[c.epoch]; },
+          nullptr, std::move(kernels)};
 }
 
 Kernel all_of(Driver driver, Eigen::Index count, double size = 1.0) {
   return {driver, size * MatrixXd::Identity(count, count), 1.0, size};
-}
-// One of each turn and the rest after it.
-Functions of_turns(const Epochs& e, Driver driver) {
-  return {1,
-          e.turns(),
-          [turn = e.turn](const ErrorCell& c) { return turn[c.epoch]; },
-          nullptr,
-          {all_of(driver, e.turns())}};
 }
 // All of a series, whose functions are pairs, or, as likely, one pair.
 std::vector<Kernel> series(Driver driver, Eigen::Index count) {
@@ -201,11 +190,12 @@ std::vector<Functions> all_functions(const Pieces& pieces, const Epochs& epochs)
                  },
                  {all_of(Driver::turns, decays, 1.0 / std::sqrt(0.5 * double(decays)))}});
   // What a turn leaves behind may go with what turned, with the pose, with anything.
-  all.push_back(of_turns(epochs, Driver::turns));
+  all.push_back(of_each(epochs.turn));
+  all.back().kernels = {all_of(Driver::turns, all.back().blocks)};
   all.back().write = [decay](const ErrorCell& c, Eigen::Ref<VectorXd> v) { v[0] = decay(c, decays_s[1]); };
   if (!pieces.responses.empty()) return all;
   // So may what is there while it turns; of hand-turned data that is their floor.
-  all.push_back(of_turns(epochs, Driver::rate));
+  all.push_back(of_each(epochs.turn, {all_of(Driver::rate, all.back().blocks)}));
   all.back().write = [](const ErrorCell& c, Eigen::Ref<VectorXd> v) { v[0] = c.turns ? 1.0 : 0.0; };
   return all;
 }
@@ -318,19 +308,17 @@ VectorXd numbers_of(const Epochs& e, const Eigen::VectorXi& of) {  // from 1 on 
 // Constant over an epoch: another value each, a walk, a step before one of them; constant from turn to turn: another value after each, a walk.
 Functions steps_of(const Epochs& e) {
   const Eigen::Index n = e.time_s.size();
-  Functions f = of_epochs(
-      n, {all_of(Driver::unknown, n),
-          {Driver::time, factor(e.in_each(walk(numbers_of(e, Eigen::VectorXi::LinSpaced(n, 0, int(n) - 1)))), 1e-3)}});
+  const auto walk_of = [&](const Eigen::VectorXi& of) { return factor(e.in_each(walk(numbers_of(e, of))), 1e-3); };
+  Functions f = of_each(e.number, {all_of(Driver::unknown, n), {Driver::time, walk_of(e.number)}});
   for (Eigen::Index j = 1; j < e.fitted; ++j) {
     MatrixXd step = MatrixXd::Zero(n, 1);
     for (Eigen::Index i = j; i < e.fitted && e.recording[i] == e.recording[j]; ++i) step(i, 0) = 1.0;
     f.kernels.push_back({Driver::time, step, 1.0 / double(e.fitted)});
   }
-  if (e.turns() == n) return f;
-  MatrixXd turns = MatrixXd::Zero(n, e.turns());
-  for (Eigen::Index i = 0; i < n; ++i) turns(i, e.turn[i]) = 1.0;
-  f.kernels.push_back({Driver::turns, turns});
-  f.kernels.push_back({Driver::turns, factor(e.in_each(walk(numbers_of(e, e.turn))), 1e-3)});
+  if (e.turn == e.number) return f;
+  const auto after_each = e.turn.rowwise().replicate(n).array() == e.turn.transpose().colwise().replicate(n).array();
+  f.kernels.push_back({Driver::turns, factor(after_each.cast<double>(), 1e-3)});
+  f.kernels.push_back({Driver::turns, walk_of(e.turn)});
   return f;
 }
 
@@ -550,7 +538,7 @@ class Table {
     std::vector<Channel> channels;
     for (const Channel& c : all_channels(grades_))
       if (c.sensor == sensor && c.quantity == Quantity::bias) channels.push_back(c);
-    Functions each = of_epochs(pieces_.epochs);
+    Functions each = of_each(epochs_.number);
     evaluate(each);
     const std::size_t basis = add_basis(channels, each);
     const auto wide = Eigen::Index(channels.size());

@@ -194,12 +194,8 @@ constexpr std::size_t least_of_shape = fleet_limits.least_of_shape;
 double at(const FleetScores& scores, const Hypothesis& h, std::size_t i) {
   if (h.factor >= 0 && scores.level_of(h.factor)[i] != h.level) return 0.0;
   const double since = scores.member(i).day - h.begin_day;
-  switch (h.shape) {
-    case FleetShape::constant: return 1.0;
-    case FleetShape::step: return since >= 0.0 ? 1.0 : 0.0;
-    case FleetShape::ramp: return since > 0.0 ? since : 0.0;
-  }
-  return 0.0;
+  if (h.shape == FleetShape::constant) return 1.0;
+  return h.shape == FleetShape::step ? double(since >= 0.0) : std::max(0.0, since);
 }
 
 // Of those of the columns that have data.

@@ -383,7 +383,8 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
     readings.push_back(
         fit(some, {.period = step * std::max(1.0, std::round(best.period / step)), .scatter = near_scatter, .gaps = {}},
             fine, gap, share_of(best, some), best.cost + steps_cost));
-    if (readings.back().cost -= steps_cost; readings.back().cost < best.cost) best = readings.back(), step = 0.0, cell = fine;
+    if (readings.back().cost -= steps_cost; readings.back().cost < best.cost)
+      best = readings.back(), step = 0.0, cell = fine;
   }
   bool doubtful = std::ranges::any_of(readings, [&](const StampModel& other) {
     return std::abs(other.period / best.period - 1.0) > std::max(3.0 / rows, is_known) &&
