@@ -1,10 +1,13 @@
 #include "imu_io/base/clock.h"
 
+#include <fmt/format.h>
 #include <poll.h>
 #include <sys/select.h>
 
 #include <cerrno>
 #include <ctime>
+
+#include "imu_io/base/text.h"
 
 namespace turncal {
 
@@ -38,6 +41,15 @@ std::optional<double> parse_utc(const std::string& text) {
   if (!end || *end != '\0') return std::nullopt;
   const auto utc_s = double(timegm(&parts));
   return format_utc(utc_s) == text ? std::optional(utc_s) : std::nullopt;
+}
+
+std::optional<double> parse_time_stamp(std::string_view text) {
+  constexpr std::size_t day = 10, second = 19;
+  if (text.size() < second || (text[day] != ' ' && text[day] != 'T')) return {};
+  if (text.ends_with('Z')) text.remove_suffix(1);
+  const auto whole_s = parse_utc(fmt::format("{}T{}Z", text.substr(0, day), text.substr(day + 1, second - day - 1)));
+  const auto part_s = parse_number(fmt::format("0{}", text.substr(second)));
+  return whole_s && part_s && *part_s < 1.0 ? std::optional(*whole_s + *part_s) : std::nullopt;
 }
 
 }  // namespace turncal

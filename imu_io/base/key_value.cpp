@@ -130,15 +130,8 @@ KeyValueFile::Entry* KeyValueFile::use(std::string_view key) {
 
 KeyValueFile::Entry* KeyValueFile::require(std::string_view key, std::string_view expected) {
   Entry* entry = use(key);
-  if (entry == nullptr) {
-    if (!first_defect_) missing_ = key;
-    remember(error_at(key, expected));
-  }
+  if (entry == nullptr) reject(key, expected);
   return entry;
-}
-
-void KeyValueFile::remember(Error error) {
-  if (!first_defect_) first_defect_ = std::move(error);
 }
 
 std::vector<std::string> KeyValueFile::keys_with_prefix(std::string_view prefix) const {
@@ -169,7 +162,11 @@ Error KeyValueFile::error_at(std::string_view key, std::string_view expected) co
                      turncal::quoted(entry->value), expected);
 }
 
-void KeyValueFile::reject(std::string_view key, std::string_view expected) { remember(error_at(key, expected)); }
+void KeyValueFile::reject(std::string_view key, std::string_view expected) {
+  if (first_defect_) return;
+  if (!has(key)) missing_ = key;
+  first_defect_ = error_at(key, expected);
+}
 
 Status KeyValueFile::status() const { return first_defect_ ? Status(*first_defect_) : Status(); }
 

@@ -115,7 +115,6 @@ class KeyValueFile {
   const Entry* find(std::string_view key) const;
   Entry* use(std::string_view key);                                 // marks as used; nullptr when missing
   Entry* require(std::string_view key, std::string_view expected);  // the same; missing is a defect
-  void remember(Error error);
 
   std::string file_name_, scope_;
   std::vector<Entry> entries_;

@@ -508,7 +508,6 @@ Result<FrameDescription> frame_from(KeyValueFile& file) {
   frame.name = file.text_or("name", frame.file);
   frame.sync = read_bytes(file, "sync");
   if (frame.sync.empty()) file.reject("sync", "at least one byte");
-  if (!file.has("sync")) file.text("sync");
   frame.sync_mask = read_bytes(file, "sync.mask");
   if (!file.has("sync.mask")) frame.sync_mask.assign(frame.sync.size(), std::byte{0xFF});
   if (frame.sync_mask.size() != frame.sync.size()) file.reject("sync.mask", "as many bytes as sync");

@@ -11,6 +11,7 @@
 #include "calib/model/parameters.h"
 #include "calib/statistics/numerics.h"
 #include "calib/statistics/unit_slip.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/text.h"
 #include "imu_io/recordings/stamps.h"
 
@@ -104,8 +105,10 @@ Result<Layout> look_at_text(std::string_view text, const std::string& file_name)
                        std::ranges::count(names, names[k]) == 1;
     const std::string label = std::string(names[k]) + (units_below ? " " + std::string(header(1)[k]) : "");
     // What is empty in the row with the most numbers, a logger names and does not have.
-    layout.columns.push_back(
-        {plain ? std::string(names[k]) : std::to_string(k + 1), row[k].empty() ? "" : lower(label)});
+    layout.columns.push_back({plain ? std::string(names[k]) : std::to_string(k + 1),
+                              row[k].empty()                        ? ""
+                              : parse_time_stamp(row[k]).has_value() ? "time [s]"
+                                                                    : lower(label)});
   }
   return layout;
 }
@@ -303,7 +306,11 @@ class Proposer {
   }
 
   void judge_time() {
-    if (!time_) return doubt("rate_hz: there is no column of times");
+    if (site_.rate_hz > 0.0) {
+      time_.reset();
+      period_s_ = 1.0 / site_.rate_hz;
+    }
+    if (!time_) return period_s_ > 0.0 ? void() : doubt("there is no column of times: expected --rate");
     struct Clock {
       std::string_view name;
       double second;
@@ -391,7 +398,7 @@ class Proposer {
     });
     said = said_of(gyro, gyro_units, rates);
     const bool says_rate = has_any(label(gyro), {"/s", "ps", "s^-1", "s-1", "_s", " s", "/h", "ph"});
-    if (!turns && (said == nullptr || (rates && !says_rate)))
+    if (!turns && period_s_ > 0.0 && (said == nullptr || (rates && !says_rate)))
       doubt("gyro.unit: the header {}, and the unit does not turn enough to tell",
             said == nullptr ? "does not say it" : "says no rate");
     else if (turns && (seen == nullptr || (said != nullptr && said != seen)))
@@ -451,7 +458,8 @@ class Proposer {
       map += fmt::format("{}.columns = {}, {}, {}\n{}.unit = {}\n", name, reference(triad_[role][0]),
                          reference(triad_[role][1]), reference(triad_[role][2]), name, unit_[role]);
     }
-    map += time_ ? fmt::format("time.column = {}\ntime.unit = {}\n", reference(*time_), time_unit_) : "rate_hz = 100\n";
+    map += time_ ? fmt::format("time.column = {}\ntime.unit = {}\n", reference(*time_), time_unit_)
+                 : fmt::format("rate_hz = {}\n", format_number(site_.rate_hz > 0.0 ? site_.rate_hz : 100.0));
     if (temperature_) {
       const std::string& label = layout_.columns[*temperature_].label;
       map += fmt::format("temperature.column = {}\n", reference(*temperature_));

@@ -23,6 +23,7 @@ namespace turncal {
 struct ImportSite {
   double gravity_mps2 = 9.80665;
   double latitude_deg = 0.0;
+  double rate_hz = 0.0;  // in place of a column of times; 0: that tells it
   std::string unit_serial;
 };
 

@@ -15,6 +15,7 @@
 #include <numeric>
 
 #include "imu_io/base/bytes.h"
+#include "imu_io/base/clock.h"
 #include "imu_io/base/file_kind.h"
 #include "imu_io/base/files.h"
 #include "imu_io/base/text.h"
@@ -235,6 +236,7 @@ class CsvTable {
     if (wanted.may_be_blank && (cell.empty() || cell == "nan" || cell == "NaN"))
       return std::numeric_limits<double>::quiet_NaN();
     if (const std::optional<double> value = device_number(cell, format_.decimal_comma)) return *value;
+    if (const std::optional<double> utc_s = parse_time_stamp(cell)) return *utc_s;
     return defect("column " + quoted(wanted.name) + " = " + quoted(cells_[index_[column]]) + ": expected a number");
   }
 

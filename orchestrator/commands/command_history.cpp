@@ -31,7 +31,7 @@ namespace {
 using Calibrations = std::vector<StoredCalibration>;
 
 struct HistoryOptions {
-  std::string database, parameter, csv, report, format;
+  std::string database, parameter, report, format;
   RecordFilter filter;
   std::vector<std::int64_t> compare;
   bool attempts = false, control = false, simulated = false, together = false;
@@ -105,12 +105,6 @@ Result<Document> parameter_document(const Calibrations& all, const std::string& 
   return document;
 }
 
-// The first 40 bytes tell the table, and the page, from every other file.
-Status write_named(const std::string& path, const std::string& text) {
-  TRY(check_replaceable(path, std::string_view(text).substr(0, 40)));
-  return write_file_atomically(path, text);
-}
-
 Status print_history(const HistoryOptions& options, Calibrations all, std::ostream& out) {
   // Simulated and real units are never in one list of numbers.
   if (options.control || !options.parameter.empty() || !options.report.empty()) {
@@ -120,11 +114,6 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
       return input_error("{}: all {} calibrations are of {}", options.database, others,
                          options.simulated ? "real units: expected no --simulated" : "dry runs: expected --simulated");
     TRY(check_one_unit(options, all));
-  }
-  if (!options.csv.empty()) {
-    TRY(write_named(options.csv, calibrations_table(all).csv()));
-    out << all.size() << " calibrations in " << options.csv << '\n';
-    return {};
   }
   const auto print = [&](const Document& document) {
     out << as(options.format, document) << std::flush;
@@ -137,7 +126,8 @@ Status print_history(const HistoryOptions& options, Calibrations all, std::ostre
         all,
         options.database + (options.filter.unit.empty() ? ", all units together" : ", unit " + options.filter.unit));
     if (options.report.empty()) return print(charts);
-    TRY(write_named(options.report, as_page(charts).html));
+    TRY(check_replaceable(options.report, "<!DOCTYPE html>"));
+    TRY(write_file_atomically(options.report, as_page(charts).html));
     out << "control charts of " << all.size() << " calibrations in " << options.report << '\n';
     return {};
   }
@@ -150,11 +140,6 @@ Status show_attempts(const HistoryOptions& options, const ResultsDatabase& datab
   const std::vector<AttemptRecord> all = TRY(database.attempts(options.filter));
   if (!options.format.empty()) {
     out << attempts_table(all).as(options.format) << std::flush;
-    return {};
-  }
-  if (!options.csv.empty()) {
-    TRY(write_named(options.csv, attempts_table(all).csv()));
-    out << all.size() << " attempts in " << options.csv << '\n';
     return {};
   }
   Table table{{number("id"), name("unit"), text("time"), text("outcome"), text("station"), text("temperature, °C"),
@@ -173,8 +158,8 @@ Status show_attempts(const HistoryOptions& options, const ResultsDatabase& datab
 
 Status show_history(const HistoryOptions& options, CommandContext& context) {
   std::ostream& out = context.out;
-  if (!options.format.empty() && (!options.csv.empty() || !options.report.empty()))
-    return input_error("--format: prints the list: expected no --csv or --report, which write a file");
+  if (!options.format.empty() && !options.report.empty())
+    return input_error("--format: prints the list: expected no --report, which writes a file");
   if (options.format == "csv" && (!options.compare.empty() || !options.parameter.empty() || options.control))
     return input_error("--format csv: only for the list: expected no --compare, --parameter or --control");
   if (options.attempts &&
@@ -194,8 +179,8 @@ Status show_history(const HistoryOptions& options, CommandContext& context) {
     ++more;
   }
   // A row that is not what its parameter file says is shown in the list, and used for nothing.
-  const bool listed = options.csv.empty() && options.format.empty() && options.compare.empty() &&
-                      options.report.empty() && options.parameter.empty() && !options.control;
+  const bool listed = options.format.empty() && options.compare.empty() && options.report.empty() &&
+                      options.parameter.empty() && !options.control;
   if (!listed) std::erase_if(all, [](const StoredCalibration& c) { return !c.defect.empty(); });
   TRY(print_history(options, std::move(all), out));
   if (damaged.empty()) return {};
@@ -432,7 +417,6 @@ void add_history_command(CommandLine& line) {
   command.option("--report", options.report, "write a page (HTML) with the control charts of every parameter");
   command.flag("--simulated", options.simulated, "use dry runs for --control, --parameter and --report");
   command.flag("--together", options.together, "chart all units together: the spread between them");
-  command.option("--csv", options.csv, "write the calibrations with all values to this file");
   command.format(options.format,
                  "print the calibrations with all values in this form; json: also with the other options");
 }

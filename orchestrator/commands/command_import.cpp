@@ -41,7 +41,7 @@ struct TextOptions {
   std::string map, map_out, frame, topic;
   std::string accel;  // of the accelerometers, where they have a file of their own
   bool skip_bad_rows = false;
-  std::optional<double> gravity_mps2, latitude_deg;
+  std::optional<double> gravity_mps2, latitude_deg, rate_hz;
   std::string unit;
   bool is_foreign() const {
     return !map.empty() || !map_out.empty() || !topic.empty() || skip_bad_rows || is_table(recognise_file(source));
@@ -150,6 +150,7 @@ ImportSite site_of(const TextOptions& from) {
   ImportSite site;
   site.gravity_mps2 = from.gravity_mps2.value_or(site.gravity_mps2);
   site.latitude_deg = from.latitude_deg.value_or(site.latitude_deg);
+  site.rate_hz = from.rate_hz.value_or(site.rate_hz);
   site.unit_serial = from.unit.empty() ? std::filesystem::path(from.source).stem().string() : from.unit;
   return site;
 }
@@ -199,6 +200,8 @@ Status import_table(const TextOptions& from, CommandContext& context) {
   map.format.skip_bad_rows = from.skip_bad_rows;
   map.gravity_mps2 = from.gravity_mps2.value_or(map.gravity_mps2);
   map.latitude_deg = from.latitude_deg.value_or(map.latitude_deg);
+  map.rate_hz = from.rate_hz.value_or(map.rate_hz);
+  if (from.rate_hz) map.time_column.clear();
   if (!from.unit.empty()) map.unit_serial = from.unit;
   ColumnSource accel;
   if (!from.accel.empty()) accel = TRY(open_columns(from.accel));
@@ -229,8 +232,9 @@ Status finish(RecordingSource& source, OutputFolder& folder, const char* what, C
 
 Status import_text(const TextOptions& options, CommandContext& context) {
   if (!options.frame.empty() &&
-      !(options.map + options.map_out + options.topic + options.accel).empty() + options.skip_bad_rows > 0)
-    return input_error("--frame: raw bytes: expected no --map, --map-out, --topic, --accel or --skip-bad-rows");
+      (!(options.map + options.map_out + options.topic + options.accel).empty() || options.skip_bad_rows ||
+       options.rate_hz))
+    return input_error("--frame: raw bytes: expected no --map, --map-out, --topic, --accel, --rate or --skip-bad-rows");
   if (!options.frame.empty()) return import_frames(options, context);
   if (options.is_foreign()) return import_table(options, context);
   if (!std::filesystem::is_directory(options.source)) {
@@ -260,7 +264,8 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
   TRY(check_not_source(options.out, options.source));
   // A folder has no ending that says "file".
   if (const std::string ending = std::filesystem::path(options.out).extension().string();
-      ending == ".csv" || ending == ".tcr" || ending == ".NPY" || ending == ".MAT")
+      !names_matrix(options.out) &&
+      !did_you_mean(ending, {".npy", ".mat", ".NPY", ".MAT", ".csv", ".tcr"}).empty())
     return input_error(options.out + ": expected a folder (its text form), or a file that ends in .npy or .mat");
   if (names_matrix(options.out)) {
     std::error_code none;
@@ -438,6 +443,7 @@ void add_import_command(CommandLine& line) {
                  "gravity of the site, m/s^2; default: the map's, or 9.80665");
   command.option("--latitude", options.latitude_deg, {is::in(-90.0, 90.0)},
                  "latitude of the site, degrees; default: the map's, or 0");
+  command.option("--rate", options.rate_hz, {is::in(0.1, 1e5)}, "samples a second, in place of a column of times");
   command.option("--unit", options.unit, "serial number; default: the map's, or the name of the file");
 }
 

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <map>
 #include <optional>
 #include <type_traits>
 
@@ -67,24 +68,32 @@ CLI::Validator word_of(const std::vector<std::string>& values) {
       fmt::format("{{{}}}", fmt::join(values, ",")));
 }
 
-constexpr std::pair<std::string_view, double> seconds_of[] = {{"min", 60.0}, {"h", 3600.0}, {"d", 86400.0}, {"s", 1.0}};
+const std::map<std::string_view, double> seconds_of = {{"s", 1.0}, {"min", 60.0}, {"h", 3600.0}, {"d", 86400.0}};
 
-// A time becomes a number of `unit`, one of these.
+// "1h30min": numbers, each with its unit.
+std::optional<double> seconds_in(std::string_view text) {
+  double sum_s = 0.0;
+  do {
+    const std::size_t number = std::min(text.find_first_of("smhd"), text.size());
+    const std::size_t end = std::min(text.find_first_not_of("sminhd", number), text.size());
+    const auto unit = seconds_of.find(text.substr(number, end - number));
+    const std::optional<double> value = parse_number(text.substr(0, number));
+    if (unit == seconds_of.end() || !value || *value < 0.0) return {};
+    sum_s += *value * unit->second;
+    text.remove_prefix(end);
+  } while (!text.empty());
+  return sum_s;
+}
+
+// A time becomes a number of `unit`.
 CLI::Validator time_in(double low, double high, const std::string& unit) {
   return CLI::Validator(
       [=](std::string& text) {
-        std::string_view number = text;
-        double scale = 1.0;
-        for (const auto& [name, seconds] : seconds_of)
-          if (text.ends_with(name)) {
-            number.remove_suffix(name.size());
-            scale = seconds / std::ranges::find(seconds_of, unit, [](const auto& one) { return one.first; })->second;
-          }
-        const std::optional<double> value = parse_number(number);
-        if (!value || !(*value * scale >= low && *value * scale <= high))
-          return fmt::format("'{0}': expected a time from {1:g}{3} to {2:g}{3}, in s, min, h or d", text, low, high,
-                             unit);
-        text = format_number(*value * scale);
+        const double value = seconds_in(text).value_or(NAN) / seconds_of.at(unit);
+        if (!(value >= low && value <= high))
+          return fmt::format("'{}': expected a time from {:g}{} to {:g}{}, with its unit: 90s, 40min, 1h30min, 30d",
+                             text, low, unit, high, unit);
+        text = format_number(value);
         return std::string();
       },
       "");
@@ -174,7 +183,10 @@ void not_negative(CLI::Option& option) {
   option.check(number_that([](double x) { return x >= 0.0; }, "a number of 0 or more", "NONNEGATIVE"));
 }
 void one_word_each(CLI::Option& option) { option.allow_extra_args(false); }
-void default_in_help(CLI::Option& option) { option.capture_default_str(); }
+void default_in_help(CLI::Option& option) {
+  option.capture_default_str();
+  if (option.get_type_name() == "TIME") option.default_str(option.get_default_str() + "s");
+}
 Condition words(int count) {
   return [=](CLI::Option& option) { option.expected(count); };
 }
@@ -190,8 +202,7 @@ Condition one_of(const std::vector<std::string>& values) {
 Condition time(double low, double high, const std::string& unit) {
   return [=](CLI::Option& option) {
     option.type_name("TIME")->transform(time_in(low, high, unit));
-    const std::string bare = unit == "d" ? "days" : unit == "min" ? "minutes" : "seconds";
-    option.description(option.get_description() + " (40min, 2h, 30d; a bare number: " + bare + ")");
+    option.description(option.get_description() + " (90s, 40min, 1h30min, 30d)");
   };
 }
 }  // namespace is

@@ -469,18 +469,17 @@ Status run_check(const CheckOptions& options, CommandContext& context) {
   const bool only_storage = plan.ok() && found.blocks.empty() && !refused.empty();
   found.blocks.insert(found.blocks.begin(), plan.violations.begin(), plan.violations.end());
   for (const Error& error : refused) found.blocks.push_back(error.message);
-  for (const std::string& line : found.blocks) context.fail(input_error(line));
-  for (const std::string& line : found.doubts) context.warn(line);
   if (refused.empty())
     out << (options.out.empty() ? "\nHooks" : "\nOutput folder, disk space, hooks") << " and due dates are in order.\n";
-  // The last lines stand by themselves: the plan above them is longer than a screen.
+  // What is wrong comes last: the plan above is longer than a screen.
   const bool good = found.blocks.empty();
   out << (!good ? "\nThe station cannot run this sequence:\n"
           : keys.empty()
               ? "\nThe station can run this sequence.\n"
-              : "\nThe station can run this sequence with --partial or --capture-only; without, it is refused.\n");
-  for (const std::string& line : found.blocks) out << "  " << line << "\n";
-  for (const std::string& line : found.doubts) out << "  warning: " << line << "\n";
+              : "\nThe station can run this sequence with --partial or --capture-only; without, it is refused.\n")
+      << std::flush;
+  for (const std::string& line : found.blocks) context.fail(input_error(line));
+  for (const std::string& line : found.doubts) context.warn(line);
   if (only_storage) context.exit_code = exit_code(refused.front().kind);
   return {};
 }
@@ -518,6 +517,8 @@ void add_commission_command(CommandLine& line) {
   command.flag("--chamber", options.chamber, "try the chamber alone: 2 C both ways, then off; nothing turns");
   command.option("--tolerance", options.tolerance_deg, {is::positive}, "tolerance of these angles, degrees");
   command.option("--move", options.settings.move_deg, {is::in(0.5, 30.0)}, "travel of each axis, degrees");
+  command.option("--rate", options.settings.rate_degps, {is::in(0.1, 10.0)},
+                 "rate of these moves, deg/s; the way there takes half of it");
   command.option("--pose", options.settings.pose_deg, {is::in(30.0, 90.0)},
                  "largest tilt of pitch and roll to compare gravity, degrees");
   command.option("--gyro-pulse-arcsec", options.settings.gyro_pulse_arcsec, {is::positive},
@@ -528,7 +529,7 @@ void add_monitor_command(CommandLine& line) {
   const auto [command, options] = line.command<MonitorOptions>(
       "monitor", "show a station's table and unit, one line a second; nothing moves", run_monitor);
   command.option("--station", options.station, {is::required}, "station configuration");
-  command.option("--seconds", options.seconds, {is::time(0.001, 1e9)},
+  command.option("--for", options.seconds, {is::time(0.001, 1e9)},
                  "duration in station time; default: until it is interrupted");
 }
 

@@ -36,8 +36,8 @@ bool measures(const VerifyOptions& o) {
 
 Status check_together(const VerifyOptions& o) {
   if (!o.references.empty()) {
-    if (measures(o) || !o.parameters.empty() || !o.recording.empty() || !o.run.station.empty() || o.first_step != 0)
-      return input_error("--references: expected no option but --out and --format: the file holds all readings");
+    if (measures(o) || !o.parameters.empty() || !o.recording.empty() || o.first_step != 0)
+      return input_error("--references: expected only --out, --station and --format: the file holds all readings");
     return {};
   }
   if (o.parameters.empty()) return input_error("--parameters is required: the calibration that is verified");
@@ -53,7 +53,12 @@ Status check_together(const VerifyOptions& o) {
 }
 
 Status verify_by_references(const VerifyOptions& options, CommandContext& context) {
-  const ReferenceReport report = TRY(verify_references(options.references));
+  std::array<double, 3> limit_deg = reference_limits_deg;
+  if (!options.run.station.empty()) {
+    const VerdictLimits limits = TRY(read_station_config(options.run.station)).limits;
+    limit_deg = {limits.heading_deg, limits.level_deg, limits.level_deg};
+  }
+  const ReferenceReport report = TRY(verify_references(options.references, limit_deg));
   if (!options.folder.empty()) {
     OutputFolder folder = TRY(OutputFolder::prepare(options.folder, {}));
     TRY(write_file_atomically(folder.file("references.conf"), format_references(report)));

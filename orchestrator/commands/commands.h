@@ -38,7 +38,7 @@ Condition words(int count);       // of a list: just as many
 Condition in(int low, int high);  // both included
 Condition in(double low, double high);
 Condition one_of(const std::vector<std::string>& values);
-// A time with its unit (90s, 40min, 2h, 30d), from low to high; a bare number is in `unit`, and so are low, high and the value.
+// A time with its unit (90s, 40min, 1h30min, 30d), from low to high; these and the value are in `unit`.
 Condition time(double low, double high, const std::string& unit = "s");
 }  // namespace is
 void needs(CLI::Option* option, CLI::Option* other);  // is given only beside it

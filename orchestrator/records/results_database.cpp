@@ -223,9 +223,11 @@ std::vector<StoredValue> values_in(const ParameterFile& file) {
   std::vector<StoredValue> values;
   for (std::size_t i = 0; i < parameter_keys.size(); ++i) {
     const std::string key = parameter_key(i);
-    const std::optional<JudgedValue> judged = recorded_judgement(file, key);
-    values.push_back({key, file.parameters[Eigen::Index(i)], file.sigma[i], judged ? judged->limit : Limit{},
-                      judged ? std::string(to_string(judged->verdict)) : ""});
+    const std::optional<JudgedValue> value = recorded_judgement(file, key),
+                                     sigma = recorded_judgement(file, "sigma." + key);
+    const auto verdict = [](const auto& judged) { return judged ? std::string(to_string(judged->verdict)) : ""; };
+    values.push_back({key, file.parameters[Eigen::Index(i)], file.sigma[i], value ? value->limit : Limit{},
+                      verdict(value), sigma ? sigma->limit.max : std::nullopt, verdict(sigma)});
   }
   return values;
 }
@@ -368,6 +370,7 @@ Fields fields_of(StoredCalibration& c) {
           {"unit", &c.unit},
           {"time_utc", &c.time_utc},
           {"verdict", &c.verdict},
+          {"reason", &c.reason},
           {"station", &c.station},
           {"operator", &c.operator_name},
           {"simulated", &c.simulated},
@@ -523,14 +526,16 @@ DataTable calibrations_table(const std::vector<StoredCalibration>& all) {
   for (const std::string_view key : parameter_keys)
     for (const char* what : {"", "sigma."}) columns.push_back(what + std::string(key));
   for (const std::string_view key : parameter_keys)
-    for (const char* what : {"min.", "max.", "verdict."}) columns.push_back(what + std::string(key));
+    for (const char* what : {"min.", "max.", "verdict.", "sigma_max.", "verdict.sigma."})
+      columns.push_back(what + std::string(key));
   DataTable table(std::move(columns));
   for (StoredCalibration c : all) {
     add_row(exported(c), table);
     for (StoredValue& v : c.values)
       for (const Field& field : Fields{{"", &v.value}, {"", &v.sigma}}) add_cell(field, table);
     for (StoredValue& v : c.values)
-      for (const Field& field : Fields{{"", &v.limit.min}, {"", &v.limit.max}, {"", &v.verdict}})
+      for (const Field& field : Fields{
+               {"", &v.limit.min}, {"", &v.limit.max}, {"", &v.verdict}, {"", &v.sigma_max}, {"", &v.sigma_verdict}})
         add_cell(field, table);
   }
   return table;

@@ -70,11 +70,13 @@ struct StoredValue {
   std::optional<double> sigma;
   Limit limit;          // empty: not judged
   std::string verdict;  // empty: not judged
+  std::optional<double> sigma_max;
+  std::string sigma_verdict;  // empty: not judged
 };
 // A row of `calibration`, and what the parameter file in it says.
 struct StoredCalibration {
   std::int64_t id = 0;
-  std::string unit, time_utc, station, operator_name, verdict, folder, recording_hash;
+  std::string unit, time_utc, station, operator_name, verdict, reason, folder, recording_hash;
   IncrementKind gyro_increment = IncrementKind::pulses;  // as its parameter file says
   bool simulated = false;
   int sessions = 1;

@@ -23,6 +23,7 @@
 #include "orchestrator/line/shift_report.h"
 #include "orchestrator/line_report/shift_document.h"
 #include "orchestrator/records/journal.h"
+#include "orchestrator/records/parameter_store.h"
 #include "orchestrator/station/number_text.h"
 
 namespace turncal {
@@ -260,6 +261,7 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
 
   StationView view;
   view.name = station.name;
+  view.runs = station.runs;
   show_queue(*queue, *outcomes, view);
   view.waiting = next_units(*queue, *outcomes, queue->size());
   const std::optional<pid_t> batch = lock_holder(station.queue + ".batch.lock");
@@ -331,6 +333,13 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
     view.queue_end_utc_s = this_end_s + *view.unit_s * double(view.waiting.size());
   }
   return view;
+}
+
+std::string last_folder(const std::string& runs, const std::string& unit) {
+  const std::string name = runs + "/" + name_of_unit(unit);
+  std::string folder = path_exists(name) ? name : "";
+  for (int i = 2; path_exists(name + "." + std::to_string(i)); ++i) folder = name + "." + std::to_string(i);
+  return folder;
 }
 
 std::string json_of(const StationView& view) {
@@ -429,7 +438,7 @@ Result<UnitRecord> record_of(const ServiceConfig& config, const std::string& uni
     attempt.outcome = outcome->outcome;
     attempt.reason = outcome->reason;
     attempt.station = station.name;
-    attempt.folder = station.runs + "/" + unit;
+    attempt.folder = last_folder(station.runs, unit);
   }
   return record;
 }

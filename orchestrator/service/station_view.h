@@ -84,6 +84,7 @@ struct StationView {
   std::string headline;
   std::vector<std::string> units;  // of the run, or those to be mounted
   std::string folder;              // of the run
+  std::string runs;                // where those of the station are
   bool simulated = false;
   bool pausing = false;                  // a pause of the run was asked for
   std::optional<pid_t> process;          // that works on the run, or on the queue
@@ -103,6 +104,9 @@ struct StationView {
 
 // now_utc_s: by the clock of this machine.
 StationView look_at(const ServedStation& station, double now_utc_s);
+
+// Of the last run of a unit: NAME, NAME.2, NAME.3 ...; empty: there is none.
+std::string last_folder(const std::string& runs, const std::string& unit);
 
 std::string json_of(const StationView& view);
 

@@ -87,14 +87,14 @@ TEST_F(CommandLine, OldNamesWorkAndSayTheNewOnes) {
   write("runs/readme", "none");
   const ProgramResult old =
       ends({"prune", "runs", "--older-than", "30d", "--list"}, 0, "'turncal prune' is 'turncal records prune' now");
-  EXPECT_EQ(old.out, ends("records prune runs --older-than 30 --list", 0).out);
+  EXPECT_EQ(old.out, ends("records prune runs --older-than 30d --list", 0).out);
   EXPECT_SAYS(run("database check none.db").err, "'turncal database' is 'turncal records' now");
   expect_refused("records chek none.db",
                  "'chek' is not understood; did you mean 'check'? (see turncal records --help)");
   expect_refused("help calibrat", "'calibrat' is not understood; did you mean 'calibrate'? (see turncal --help)");
   expect_refused("help records chek", "did you mean 'check'? (see turncal records --help)");
   expect_refused("hlep run", "'hlep' is not understood; did you mean 'help'? (see turncal --help)");
-  expect_refused("run --settle 2h", "--settle: '2h': expected a time from 0min to 60min, in s, min, h or d");
+  expect_refused("run --settle 2h", "--settle: '2h': expected a time from 0min to 60min, with its unit");
   expect_refused("records prune runs --older-than 2weeks", "'2weeks': expected a time from 1d to 36500d");
   expect_refused("calibrate x --out y --method jiont",
                  "'jiont': expected joint, closed-form; did you mean 'joint'? (see turncal calibrate --help)");

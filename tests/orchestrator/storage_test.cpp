@@ -211,10 +211,10 @@ TEST_F(Storage, OnlyOldRecordingsOfFinishedUnitsAreRemovedAndNeverTheLast) {
   const std::set<std::string> all = {"first", "failed", "last", "other", "held", "again"};
   ASSERT_EQ(recordings(), all);
   expect_refused({"records", "prune", "all"}, "--older-than");
-  expect_refused({"records", "prune", "all", "--older-than", "0"}, "from 1d to 36500d");
-  expect_refused({"records", "prune", "nowhere", "--older-than", "1"}, "nowhere: cannot be read");
+  expect_refused({"records", "prune", "all", "--older-than", "0d"}, "from 1d to 36500d");
+  expect_refused({"records", "prune", "nowhere", "--older-than", "1d"}, "nowhere: cannot be read");
   EXPECT_EQ(prune("36500").out, "0 of 6 recordings removed, 0.0 MB\n");
-  const ProgramResult listed = run({"records", "prune", "all", "--older-than", "1", "--list"});
+  const ProgramResult listed = run({"records", "prune", "all", "--older-than", "1d", "--list"});
   EXPECT_SAYS(listed.out, "\n2 of 6 recordings would be removed, ");
   EXPECT_EQ(recordings(), all);
 

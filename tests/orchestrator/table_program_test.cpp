@@ -134,7 +134,7 @@ TEST_F(TableProgram, AnAxisThatSagsWithItsDriveOffIsSaid) {
 
 TEST_F(TableProgram, MonitorShowsADriveThatIsOnAndSwitchesItOff) {
   switch_on();
-  const ProgramResult result = ends("monitor --station level.station --seconds 1", 0);
+  const ProgramResult result = ends("monitor --station level.station --for 1s", 0);
   EXPECT_SAYS(result.out, "not ready (on, by somebody else");
   EXPECT_SAYS_NOT(result.out, "(off");
   EXPECT_TRUE(drives.all_off());
@@ -143,11 +143,11 @@ TEST_F(TableProgram, MonitorShowsADriveThatIsOnAndSwitchesItOff) {
 TEST_F(TableProgram, MonitorSaysThatADriveStaysOn) {
   switch_on();
   drives.refuses_off = 1'000'000;
-  ends("monitor --station level.station --seconds 1", 50, "THE STOP COULD NOT BE VERIFIED");
+  ends("monitor --station level.station --for 1s", 50, "THE STOP COULD NOT BE VERIFIED");
 }
 
 TEST_F(TableProgram, MonitorSaysThatItCouldNotReadTheTableAtLast) {
-  const pid_t pid = start({"monitor", "--station", "level.station", "--seconds", "2"});
+  const pid_t pid = start({"monitor", "--station", "level.station", "--for", "2s"});
   ::usleep(1'200'000);
   drives.reads_answered = false;
   const ProgramResult result = finish(pid);
@@ -201,7 +201,7 @@ TEST_F(TableProgram, MonitorShowsTheUnitOfASlowTable) {
       static_cast<void>(unit_.write_all(bytes, 0.0).ok());  // nobody may listen
     }
   });
-  const ProgramResult result = run({"monitor", "--station", "level.station", "--seconds", "5"});
+  const ProgramResult result = run({"monitor", "--station", "level.station", "--for", "5s"});
   ended = true;
   unit.join();
   EXPECT_EQ(result.code, 0) << result.err;
@@ -211,7 +211,7 @@ TEST_F(TableProgram, MonitorShowsTheUnitOfASlowTable) {
 
 // A drive that answers with a failure is there.
 TEST_F(TableProgram, MonitorSaysFaultOfADriveThatAnswersWithAnException) {
-  const pid_t pid = start({"monitor", "--station", "level.station", "--seconds", "2"});
+  const pid_t pid = start({"monitor", "--station", "level.station", "--for", "2s"});
   ::usleep(600'000);
   drives.exception = 4;
   const ProgramResult result = finish(pid);

@@ -243,7 +243,7 @@ TEST(ChanceToTell, IsThatOfAGainAbove10) {
 class Settle : public Program {
  protected:
   Arguments begin(const std::string& out) const {
-    return {"run", "--dry-run", "--unit", "SN1", "--out", out, "--rig", "doubt.rig", "--settle", "5"};
+    return {"run", "--dry-run", "--unit", "SN1", "--out", out, "--rig", "doubt.rig", "--settle", "5min"};
   }
   void SetUp() override {
     Program::SetUp();

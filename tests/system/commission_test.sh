@@ -93,7 +93,7 @@ expect_rates() {
   awk "BEGIN { exit !($said > 0.09 && $said < 0.11) }" || fail "slow: $said times, and not 0.1"
 }
 expect_rates map "$(awk "BEGIN { print $counts * 10 }")" "$(awk "BEGIN { print $counts * 0.1 }")"
-expect 0 '0 gaps (0 lost)' monitor --station "$work/twin.station" --seconds 3
+expect 0 '0 gaps (0 lost)' monitor --station "$work/twin.station" --for 3s
 [ "$(grep -c 'deg/s not ready (off).*samples/s, .*|f| ' "$work/said")" -ge 1 ] || fail "no line with the drives off"
 grep -q 'unit: [0-9]* samples, 0 lost, .* 0 bad frames, .*line errors not counted by the port' "$work/said" || fail "no summary of the unit's line"
 
@@ -125,7 +125,7 @@ for frame in "$here"/imu_io/frames/*.frame; do
   "$binary" twin --station "$work/$name.station" --table "tcp:${address##*:}" > "$work/twin.out" 2> "$work/twin.err" &
   twin=$!
   for _ in $(seq 100); do grep -qs ready "$work/twin.out" && break; sleep 0.1; done
-  expect 0 'samples/s, .*|f| \(9\|10\)\.' monitor --station "$work/$name.station" --seconds 20
+  expect 0 'samples/s, .*|f| \(9\|10\)\.' monitor --station "$work/$name.station" --for 20s
   [ "$name" != f32_bddb0a ] || expect 0 'every axis turns the unit as it should' commission --station "$work/$name.station"
   kill -TERM "$twin"; wait "$twin" || true
 done

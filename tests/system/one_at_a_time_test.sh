@@ -85,7 +85,7 @@ second=$!
 children+=("$second")
 for _ in $(seq 200); do grep -qs 'samples/s' second.out && break; sleep 0.1; done
 kill -KILL "$second"; wait "$second" 2> /dev/null || true
-"$binary" monitor --station twin.station --seconds 2 > third.out 2>&1 || fail "after a kill: $(cat third.out)"
+"$binary" monitor --station twin.station --for 2s > third.out 2>&1 || fail "after a kill: $(cat third.out)"
 
 # Whoever goes on with a run holds its folder, as who begins one does.
 "$binary" run --dry-run --unit A --sequence short.seq --capture-only --out held > /dev/null

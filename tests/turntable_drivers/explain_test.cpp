@@ -30,16 +30,16 @@ TEST(Explain, RegistersAndValuesOfAMap) {
   const std::vector<TableRow> rows = explain(*map);
   EXPECT_EQ(without_lines(rows_of(rows, "enable", "pitch")),
             "enable|pitch|unit 2, function 6, register 15 (0x000F)|u16 1 (0x0001)|the same|[manual]\n");
-  // 90 deg at 2500 counts a degree; 10 deg/s are 150 rpm; 66667 ms over 20 deg/s^2.
+  // 90 deg at 4000 counts a degree; 10 deg/s are 240 rpm; 41667 ms over 20 deg/s^2.
   EXPECT_EQ(without_lines(rows_of(rows, "move", "roll")),
             "move|roll|unit 3, function 16, register 25088 (0x6200), 8 registers|u16 1 (0x0001)|unit 3, function 16, "
             "register 25088 (0x6200), 8 registers|[manual]\n"
-            "move|roll|  its register 25089 (0x6201)|s32 225000 (0x0003 0x6EE8), position: 2500 per deg, 0 at 0 "
+            "move|roll|  its register 25089 (0x6201)|s32 360000 (0x0005 0x7E40), position: 4000 per deg, 0 at 0 "
             "deg||[manual]\n"
-            "move|roll|  its register 25091 (0x6203)|u16 150 (0x0096), rate: 15 per deg/s||[manual]\n"
-            "move|roll|  its register 25092 (0x6204)|u16 3333 (0x0D05), acceleration: 66667 / (deg/s^2), a ramp "
+            "move|roll|  its register 25091 (0x6203)|u16 240 (0x00F0), rate: 24 per deg/s||[manual]\n"
+            "move|roll|  its register 25092 (0x6204)|u16 2083 (0x0823), acceleration: 41667 / (deg/s^2), a ramp "
             "time||[manual]\n"
-            "move|roll|  its register 25093 (0x6205)|u16 3333 (0x0D05), acceleration: 66667 / (deg/s^2), a ramp "
+            "move|roll|  its register 25093 (0x6205)|u16 2083 (0x0823), acceleration: 41667 / (deg/s^2), a ramp "
             "time||[manual]\n"
             "move|roll|  its register 25094 (0x6206)|u16 0 (0x0000)||[manual]\n"
             "move|roll|  its register 25095 (0x6207)|u16 16 (0x0010)||[manual]\n");

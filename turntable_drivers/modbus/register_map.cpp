@@ -363,8 +363,9 @@ Result<Words> words_of(const RegisterMap& map, const WriteOperand& operand, int 
   if (encoded && !((of_rate || of_acceleration) &&
                    is_told_coarsely(decode_words(encoded->span(), operand.type, map.layout), value)))
     return *encoded;
-  return input_error("register {} cannot hold {}{}: expected another type than {}, or another axis.{}.{}", at,
-                     format_number(value), encoded ? " to 5 %" : "", to_string(operand.type), to_string(which), key);
+  return input_error("register {} cannot hold {}{}: expected another type than {}, or another axis.{}.{}{}", at,
+                     format_number(value), encoded ? " to 5 %" : "", to_string(operand.type), to_string(which), key,
+                     of_rate ? ", or another rate" : "");
 }
 
 Result<std::vector<std::uint16_t>> words_of(const RegisterMap& map, const WriteStep& step, Axis axis,

@@ -201,7 +201,7 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
   return report;
 }
 
-Result<ReferenceReport> verify_references(const std::string& csv) {
+Result<ReferenceReport> verify_references(const std::string& csv, const std::array<double, 3>& limit_deg) {
   TRY(expect_file(csv, FileKind::csv));
   const std::string content = TRY(read_whole_file(csv));
   std::vector<WantedColumn> wanted;
@@ -223,7 +223,7 @@ Result<ReferenceReport> verify_references(const std::string& csv) {
   ReferenceReport report;
   report.file = csv;
   report.found = compare_references(rows);
-  report.limit_deg = reference_limits_deg;
+  report.limit_deg = limit_deg;
   report.pass = true;
   for (std::size_t a = 0; a < 3; ++a)
     report.pass = report.pass && report.found.worst_deg[a] <= report.limit_deg[a] + of_rounding_deg;

@@ -31,7 +31,7 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request);
 inline constexpr std::array<double, 3> reference_limits_deg = {0.009, 0.06, 0.06};
 
 // A CSV with the columns heading_deg, roll_deg, pitch_deg, reference_heading_deg, reference_roll_deg, reference_pitch_deg.
-Result<ReferenceReport> verify_references(const std::string& csv);
+Result<ReferenceReport> verify_references(const std::string& csv, const std::array<double, 3>& limit_deg);
 
 // Kind unit_failed unless the verdict is one to accept.
 Status verification_status(const std::string& what, UnitVerdict verdict);

@@ -12,7 +12,7 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
   record_rest_and_truth();
   write_truth("rest", "wrong.conf", 1, 0.1);  // N02, the gyro that points up: 0.1 deg/h
   const ProgramResult navigated =
-      ends("navigate rest --parameters true.conf --against wrong.conf --out nav --for 1500 --branches 3", 0);
+      ends("navigate rest --parameters true.conf --against wrong.conf --out nav --for 1500s --branches 3", 0);
   EXPECT_EQ(navigated.err, "");
   KeyValueFile conf = result("nav/navigation.conf");
   EXPECT_EQ(conf.integer("branches"), 3);
@@ -48,7 +48,7 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
   }
   // Again, in the same folder: the same bytes.
   const std::string before = file_text(folder_ / "nav/navigation.conf");
-  EXPECT_EQ(run("navigate rest --parameters true.conf --against wrong.conf --out nav --for 1500 --branches 3").code, 0);
+  EXPECT_EQ(run("navigate rest --parameters true.conf --against wrong.conf --out nav --for 1500s --branches 3").code, 0);
   EXPECT_EQ(file_text(folder_ / "nav/navigation.conf"), before);
   // Without the other file nothing of it is left.
   EXPECT_EQ(run("navigate rest --parameters true.conf --out nav --branches 1").code, 0);
@@ -60,7 +60,7 @@ TEST_F(Navigate, LostSamplesEndABranch) {
   record_rest_and_truth();
   const auto navigate = [&](const std::string& recording) {
     return run(
-        {"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--for", "1500", "--branches", "1"});
+        {"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--for", "1500s", "--branches", "1"});
   };
   const std::int64_t first = segments_of("rest").front().start_sample;
   lose("rest", first + 150000, 1, "one");
@@ -82,7 +82,7 @@ TEST_F(Navigate, LostSamplesEndABranch) {
   // In the alignment: there is no such branch.
   lose("rest", first + 20000, 1000, "early");
   std::filesystem::remove_all(folder_ / "nav");
-  expect_refused("navigate early --parameters true.conf --out nav --for 1500 --branches 1",
+  expect_refused("navigate early --parameters true.conf --out nav --for 1500s --branches 1",
                  "branch from 0 s left out: 1000 samples lost from sample " + std::to_string(first + 20000) + " on");
 }
 
@@ -96,7 +96,7 @@ TEST_F(Navigate, SamplesLostInATurnAreCountedThere) {
   // From the rest before to the rest after it: 100 and 200 samples of them.
   const std::int64_t length = turn->end_sample - turn->start_sample;
   lose("rest", turn->start_sample - 100, length + 300, "turn");
-  const ProgramResult navigated = ends("navigate turn --parameters true.conf --out nav --for 600", 0);
+  const ProgramResult navigated = ends("navigate turn --parameters true.conf --out nav --for 600s", 0);
   KeyValueFile conf = result("nav/navigation.conf");
   EXPECT_EQ(conf.integer("filled_samples"), length + 300);
   EXPECT_EQ(conf.integer("filled_in_motion"), length);
@@ -124,7 +124,7 @@ TEST_F(Navigate, WithoutSegmentsEverythingCountsAsRest) {
   ASSERT_EQ(run("export rest --out text").code, 0);
   const std::string segments = file_text(folder_ / "text/segments.csv");
   write("text/segments.csv", segments.substr(0, segments.find('\n') + 1));
-  const ProgramResult navigated = ends("navigate text --parameters true.conf --out nav --to 900 --align 200", 0);
+  const ProgramResult navigated = ends("navigate text --parameters true.conf --out nav --to 900s --align 200s", 0);
   EXPECT_SAYS(navigated.out, "no segments: everything counts as rest");
   EXPECT_EQ(result("nav/navigation.conf").number("branch.1.free_s"), 700.0);
 }
@@ -137,11 +137,11 @@ TEST_F(Navigate, RefusesWhatItCannotUse) {
   expect_refused("navigate nothing --parameters true.conf --out nav", "nothing");
   expect_refused("navigate rest --parameters true.conf --out rest", "rest");
   expect_refused("navigate rest --parameters true.conf --out true.conf", "true.conf");
-  expect_refused(with({"--align", "5000"}), "s to navigate, expected more than 5000 s");
-  expect_refused(with({"--for", "5000"}), "s to navigate, expected more than 5300 s");
-  expect_refused(with({"--from", "700", "--to", "600"}), "--to 600 s: expected more than --from, 700 s");
+  expect_refused(with({"--align", "5000s"}), "s to navigate, expected more than 5000 s");
+  expect_refused(with({"--for", "5000s"}), "s to navigate, expected more than 5300 s");
+  expect_refused(with({"--from", "700s", "--to", "600s"}), "--to 600 s: expected more than --from, 700 s");
   expect_refused(with({"--from", "1e300"}), "--from");
-  expect_refused(with({"--from", "1900"}), "s to navigate, expected more than 300 s");
+  expect_refused(with({"--from", "1900s"}), "s to navigate, expected more than 300 s");
   expect_refused(with({"--align", "nan"}), "--align");
   expect_refused(with({"--branches", "0"}), "--branches");
   expect_refused(with({"--against", "nothing.conf"}), "nothing.conf");
@@ -232,9 +232,9 @@ TEST_F(Navigate, IsPredictedFromASequence) {
   EXPECT_LT(row(hour.out, "heading after alignment, deg"), 0.0303 * 1.2);
   EXPECT_GT(row(hour.out, "rms, NM/h"), row(hour.out, "from noise alone, NM/h"));
   EXPECT_EQ(run("predict --sequence " + sequence + " --navigate 60min").out, hour.out);
-  EXPECT_EQ(run("predict --sequence " + sequence + " --navigate 3600").out, hour.out);
+  EXPECT_EQ(run("predict --sequence " + sequence + " --navigate 3600s").out, hour.out);
   // An alignment four times as long halves the heading's sigma from noise.
-  const ProgramResult longer = run("predict --sequence " + sequence + " --navigate 1h --align 1200");
+  const ProgramResult longer = run("predict --sequence " + sequence + " --navigate 1h --align 1200s");
   EXPECT_NEAR(row(longer.out, "heading after alignment, deg"), 0.5 * row(hour.out, "heading after alignment, deg"),
               0.004);
   for (const char* bad : {"0", "25h", "2d", "h", "nan", "-1h"})
@@ -304,7 +304,7 @@ TEST_F(Navigate, BranchesBeginWhereTheUnitRestsLongEnough) {
   for (int k = 0; k < 6; ++k) sequence += "  dwell 6000\n  rotate P +90\n  dwell 6000\n  rotate P -90\n";
   record("rest", std::string(without_noise) + "seed = 31\n", sequence);
   write_truth("rest", "true.conf");
-  ends("navigate rest --parameters true.conf --out nav --align 20 --for 20 --branches 100", 0);
+  ends("navigate rest --parameters true.conf --out nav --align 20s --for 20s --branches 100", 0);
   EXPECT_GT(result("nav/navigation.conf").integer("branches"), 20);
 }
 

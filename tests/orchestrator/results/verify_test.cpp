@@ -208,7 +208,7 @@ TEST_F(Verify, SaysThatTheRecordingIsDamaged) {
   EXPECT_SAYS(judged.out, "1 damaged record");
   EXPECT_SAYS(result("judged/verification.conf").text("damage"), "1 damaged record");
   const ProgramResult navigated =
-      run("navigate damaged --parameters true.conf --out nav --align 20 --for 20 --branches 1");
+      run("navigate damaged --parameters true.conf --out nav --align 20s --for 20s --branches 1");
   EXPECT_SAYS(navigated.out, "1 damaged record");
 }
 
