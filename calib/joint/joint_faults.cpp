@@ -13,8 +13,8 @@ namespace turncal {
 namespace {
 
 std::string action_for(const Break& cut) {
-  return cut.nothing_is_known() ? "turn set aside: attitude and velocity found again after it"
-                                : "velocity started again after it";
+  return cut.nothing_is_known() ? "turn set aside: attitude and velocity are estimated anew after it"
+                                : "velocity is estimated anew after it";
 }
 
 std::string glitch_text(const DataEvent& event) {
@@ -151,7 +151,7 @@ std::vector<Fault> faults_from_events(const CompressedRecording& recording, std:
       continue;
     }
     fault.action =
-        event.axis == set_aside_axis ? "set aside: attitude and velocity found again after it" : action_for(cut);
+        event.axis == set_aside_axis ? "set aside: attitude and velocity are estimated anew after it" : action_for(cut);
     if (!faults.empty() && faults.back().block == fault.block && faults.back().what == fault.what) {
       faults.back().last_sample = fault.last_sample;
       continue;

@@ -103,12 +103,12 @@ Result<Layout> look_at_text(std::string_view text, const std::string& file_name)
   for (std::size_t k = 0; k < width; ++k) {
     const bool plain = !units_below && !names[k].empty() && names[k].find_first_of(",#=") == names[k].npos &&
                        std::ranges::count(names, names[k]) == 1;
-    const std::string label = std::string(names[k]) + (units_below ? " " + std::string(header(1)[k]) : "");
+    const std::string label = parse_time_stamp(row[k])
+                                  ? "time [s]"
+                                  : std::string(names[k]) + (units_below ? " " + std::string(header(1)[k]) : "");
     // What is empty in the row with the most numbers, a logger names and does not have.
-    layout.columns.push_back({plain ? std::string(names[k]) : std::to_string(k + 1),
-                              row[k].empty()                        ? ""
-                              : parse_time_stamp(row[k]).has_value() ? "time [s]"
-                                                                    : lower(label)});
+    layout.columns.push_back(
+        {plain ? std::string(names[k]) : std::to_string(k + 1), row[k].empty() ? "" : lower(label)});
   }
   return layout;
 }
@@ -154,6 +154,11 @@ const std::vector<Unit> accel_units = {{"cm/s^2", 1e-2, true, {"cm/s^2", "cm/s2"
                                        {"m/s", 1.0, false, {"m/s", "mps"}},
                                        {"mg", 9.80665e-3, true, {"_mg", "[mg", "(mg"}},
                                        {"g", 9.80665, true, {"_g", "[g", "(g"}}};
+
+const std::vector<Unit> time_units = {{"ns", 1e-9, false, {"ns$", "nsec", "nano"}},
+                                      {"us", 1e-6, false, {"us$", "usec", "micro"}},
+                                      {"ms", 1e-3, false, {"ms$", "msec", "milli"}},
+                                      {"s", 1.0, false, {"_s$", "[s$", "(s$", " s$", "sec"}}};
 
 template <class Is>
 const Unit* find_unit(const std::vector<Unit>& units, Is is) {
@@ -306,39 +311,28 @@ class Proposer {
   }
 
   void judge_time() {
-    if (site_.rate_hz > 0.0) {
-      time_.reset();
-      period_s_ = 1.0 / site_.rate_hz;
-    }
-    if (!time_) return period_s_ > 0.0 ? void() : doubt("there is no column of times: expected --rate");
-    struct Clock {
-      std::string_view name;
-      double second;
-      std::vector<std::string_view> words;
-    };
-    static const Clock clocks[] = {{"ns", 1e-9, {"ns$", "nsec", "nano"}},
-                                   {"us", 1e-6, {"us$", "usec", "micro"}},
-                                   {"ms", 1e-3, {"ms$", "msec", "milli"}},
-                                   {"s", 1.0, {"_s$", "[s$", "(s$", " s$", "sec"}}};
+    if (site_.rate_hz > 0.0) time_.reset(), period_s_ = 1.0 / site_.rate_hz;
+    if (!time_)
+      return period_s_ > 0.0 ? void() : doubt("there is no column of times (--rate gives the samples a second)");
     const std::span<const double> times(values_[*time_]);
     const StampModel stamps = fit_stamps(times.first(std::min<std::size_t>(times.size(), 1 << 15)));
     const double interval = stamps.period;
     jitter_ = stamps.scatter > even_scatter ? stamps.scatter * interval : 0.0;
-    const Clock *said = nullptr, *seen = nullptr;
-    for (const Clock& clock : clocks) {
+    const Unit *said = nullptr, *seen = nullptr;
+    for (const Unit& clock : time_units) {
       if (said == nullptr && has_any(layout_.columns[*time_].label, clock.words)) said = &clock;
-      if (interval * clock.second > 1.9e-4 && interval * clock.second < 0.17) seen = &clock;
+      if (interval * clock.si > 1.9e-4 && interval * clock.si < 0.17) seen = &clock;
     }
     if (said == nullptr && seen == nullptr)
       doubt("time.column {}: {:.4g} from row to row is no rate of 6 to 5000 Hz in s, ms, us or ns",
             quoted(reference(*time_)), interval);
     else if (said != nullptr && seen != nullptr && said != seen)
       doubt("time.unit: the header says {}, which is {:.4g} Hz; in {} it is {:.4g} Hz", said->name,
-            1.0 / (interval * said->second), seen->name, 1.0 / (interval * seen->second));
-    const Clock& clock = said != nullptr ? *said : seen != nullptr ? *seen : clocks[3];
+            1.0 / (interval * said->si), seen->name, 1.0 / (interval * seen->si));
+    const Unit& clock = said != nullptr ? *said : seen != nullptr ? *seen : time_units.back();
     time_unit_ = clock.name;
     time_guessed_ = said == nullptr && seen != nullptr;
-    period_s_ = interval * clock.second;
+    period_s_ = interval * clock.si;
   }
 
   // The units in which the numbers are mostly gravity.

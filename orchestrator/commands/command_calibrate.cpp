@@ -17,7 +17,6 @@
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/dry_run_devices.h"
-#include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/fleet/fleet_members.h"
 #include "orchestrator/fleet/recalibration.h"
 #include "orchestrator/jobs/allan_job.h"
@@ -295,14 +294,9 @@ Status write_result(const std::string& out, const AllanReport& report, const Doc
                     CommandContext& context) {
   OutputFolder folder = TRY(OutputFolder::prepare(out, {}));
   const HtmlPage page = as_page(document);
-  std::vector<NamedText> files = {{folder.file("allan.html"), page.html},
-                                  {folder.file("allan.csv"), format_allan_points(report.result)},
-                                  {folder.file("imu.yaml"), format_imu_yaml(report.result, report.sample_s)}};
-  Figure figure = allan_figure(report.result, report.other ? &*report.other : nullptr);
-  for (Panel& panel : figure.panels) panel.legend = true;
-  const Result<std::string> drawn = standalone_svg(figure);
-  if (drawn) files.push_back({folder.file("allan.svg"), *drawn});
-  TRY(write_files_atomically(files));
+  TRY(write_files_atomically({{folder.file("allan.html"), page.html},
+                              {folder.file("allan.csv"), format_allan_points(report.result)},
+                              {folder.file("imu.yaml"), format_imu_yaml(report.result, report.sample_s)}}));
   folder.keep();
   if (!page.plot_problem.empty()) context.warn("report without plots: " + page.plot_problem);
   return {};
@@ -410,9 +404,9 @@ void add_diagnose_command(CommandLine& line) {
   command.option("--arw", options.arw_deg_per_rt_h, {is::positive},
                  "angle random walk, deg/sqrt(h); fixes the noise instead of measuring it");
   command.option("--vrw", options.vrw_ug_per_rt_hz, {is::positive}, "velocity random walk, ug/sqrt(Hz)");
-  command.option("--gyro-bias-instability", options.gyro_bias_instability_degph, {is::not_negative},
+  command.option("--gyro-bias-instability", options.gyro_bias_instability_degph, {is::in(0.0, 1e6)},
                  "bias instability of the gyros, deg/h; with --arw and --vrw");
-  command.option("--accel-bias-instability", options.accel_bias_instability_ug, {is::not_negative},
+  command.option("--accel-bias-instability", options.accel_bias_instability_ug, {is::in(0.0, 1e6)},
                  "bias instability of the accelerometers, ug; with --arw and --vrw");
 }
 
@@ -456,7 +450,7 @@ void add_allan_command(CommandLine& line) {
                  "recording: a folder or a .tcr file; with --map a CSV, .npy or .mat file");
   command.option("--map", options.from.map, "file that describes the columns (docs/import.md)");
   command.option("--against", options.from.against, "second source, or a parameter file (.conf), to compare with");
-  command.option("--out", options.out, "folder for allan.html, allan.svg, allan.csv, imu.yaml");
+  command.option("--out", options.out, "folder for allan.html, allan.csv, imu.yaml");
   command.format(options.format, "print the result, or as csv its points, in this form instead of text");
 }
 

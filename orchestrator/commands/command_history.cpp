@@ -160,10 +160,10 @@ Status show_history(const HistoryOptions& options, CommandContext& context) {
   std::ostream& out = context.out;
   if (!options.format.empty() && !options.report.empty())
     return input_error("--format: prints the list: expected no --report, which writes a file");
-  if (options.format == "csv" && (!options.compare.empty() || !options.parameter.empty() || options.control))
+  const bool charts = !options.compare.empty() || !options.parameter.empty() || options.control;
+  if (options.format == "csv" && charts)
     return input_error("--format csv: only for the list: expected no --compare, --parameter or --control");
-  if (options.attempts &&
-      (!options.compare.empty() || !options.report.empty() || !options.parameter.empty() || options.control))
+  if (options.attempts && (charts || !options.report.empty()))
     return input_error(
         "--attempts: expected no --compare, --report, --parameter or --control, which list calibrations");
   TRY(check(options.filter));
@@ -179,8 +179,7 @@ Status show_history(const HistoryOptions& options, CommandContext& context) {
     ++more;
   }
   // A row that is not what its parameter file says is shown in the list, and used for nothing.
-  const bool listed = options.format.empty() && options.compare.empty() && options.report.empty() &&
-                      options.parameter.empty() && !options.control;
+  const bool listed = options.format.empty() && !charts && options.report.empty();
   if (!listed) std::erase_if(all, [](const StoredCalibration& c) { return !c.defect.empty(); });
   TRY(print_history(options, std::move(all), out));
   if (damaged.empty()) return {};

@@ -232,8 +232,7 @@ Status finish(RecordingSource& source, OutputFolder& folder, const char* what, C
 
 Status import_text(const TextOptions& options, CommandContext& context) {
   if (!options.frame.empty() &&
-      (!(options.map + options.map_out + options.topic + options.accel).empty() || options.skip_bad_rows ||
-       options.rate_hz))
+      (!(options.map + options.map_out + options.topic).empty() || options.skip_bad_rows || options.rate_hz))
     return input_error("--frame: raw bytes: expected no --map, --map-out, --topic, --accel, --rate or --skip-bad-rows");
   if (!options.frame.empty()) return import_frames(options, context);
   if (options.is_foreign()) return import_table(options, context);
@@ -264,8 +263,7 @@ Status export_recording(const TextOptions& options, CommandContext& context) {
   TRY(check_not_source(options.out, options.source));
   // A folder has no ending that says "file".
   if (const std::string ending = std::filesystem::path(options.out).extension().string();
-      !names_matrix(options.out) &&
-      !did_you_mean(ending, {".npy", ".mat", ".NPY", ".MAT", ".csv", ".tcr"}).empty())
+      !names_matrix(options.out) && !did_you_mean(ending, {".npy", ".mat", ".NPY", ".MAT", ".csv", ".tcr"}).empty())
     return input_error(options.out + ": expected a folder (its text form), or a file that ends in .npy or .mat");
   if (names_matrix(options.out)) {
     std::error_code none;

@@ -179,9 +179,6 @@ void required(CLI::Option& option) { option.required(); }
 void positive(CLI::Option& option) {
   option.check(number_that([](double x) { return x > 0.0; }, "a number above 0", "POSITIVE"));
 }
-void not_negative(CLI::Option& option) {
-  option.check(number_that([](double x) { return x >= 0.0; }, "a number of 0 or more", "NONNEGATIVE"));
-}
 void one_word_each(CLI::Option& option) { option.allow_extra_args(false); }
 void default_in_help(CLI::Option& option) {
   option.capture_default_str();

@@ -31,7 +31,6 @@ using Condition = std::function<void(CLI::Option&)>;
 namespace is {
 void required(CLI::Option& option);
 void positive(CLI::Option& option);
-void not_negative(CLI::Option& option);
 void one_word_each(CLI::Option& option);  // of a list: the option stands before every word of it
 void default_in_help(CLI::Option& option);
 Condition words(int count);       // of a list: just as many

@@ -142,10 +142,8 @@ Figure allan_figure(const AllanResult& allan, const AllanResult* other) {
   figure.panel_width = 480;
   figure.panel_height = 330;
   for (const bool gyro : {true, false}) {
-    double largest = 0.0;
-    for (std::size_t k = gyro ? 0 : 3; k < (gyro ? 3u : 6u); ++k)
-      for (const AllanPoint& p : allan.axes[k].points) largest = std::max(largest, p.deviation);
-    const DisplayUnit unit = gyro ? rate_unit(largest) : acceleration_unit(largest);
+    const DisplayUnit unit =
+        gyro ? DisplayUnit{1.0 / radps_per_degph, "°/h"} : DisplayUnit{1e6 / standard_gravity_mps2, "µg"};
     Panel panel;
     panel.title = gyro ? "gyros" : "accelerometers";
     panel.x_label = "averaging time τ, s";

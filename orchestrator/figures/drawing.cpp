@@ -11,8 +11,6 @@
 
 namespace turncal {
 
-extern const std::string_view figure_css;  // figure.css
-
 namespace {
 
 Error failure(const std::string& what) { return {ErrorKind::internal, "no plots: " + what}; }
@@ -298,15 +296,13 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
     const Series& series = panel.series[s];
     const std::string name = fmt::format("${}s{}", id, s);
     append_data(name, series, script);
-    plot += fmt::format("{}{} using 1:2 with {} lc rgb '{}'{}", plot.empty() ? "plot " : ", ", name,
-                        style_of(series).gnuplot, html_colour(series.colour),
-                        panel.legend && !series.label.empty() ? " title " + gnuplot_text(series.label) : " notitle");
+    plot += fmt::format("{}{} using 1:2 with {} lc rgb '{}' notitle", plot.empty() ? "plot " : ", ", name,
+                        style_of(series).gnuplot, html_colour(series.colour));
   }
   plot = plot.empty() ? "plot NaN notitle" : plot + append_tips(panel, id, script);
-  script += panel.legend ? "set key outside above right horizontal samplen 2\n" : "unset key\n";
+  script += "unset key\n";
   script += panel.title.empty() ? "unset title\n"
-                                : "set title " + gnuplot_text(shorten(panel.title, title_width)) +
-                                      (panel.legend ? " offset graph -0.36, character -0.6\n" : " offset 0,-0.6\n");
+                                : "set title " + gnuplot_text(shorten(panel.title, title_width)) + " offset 0,-0.6\n";
   script += panel.x_label.empty() ? "unset xlabel\n" : "set xlabel " + gnuplot_text(panel.x_label) + " offset 0,0.4\n";
   script += "set ylabel " + gnuplot_text(panel.y_label) + " offset 0.5,0\n";
   if (panel.logarithmic) {
@@ -352,10 +348,10 @@ Figure small_panels(std::string id, std::string label, std::string caption) {
   return figure;
 }
 
-Drawing draw(const Figure& figure, bool whole) {
+Drawing draw(const Figure& figure) {
   const int columns = std::min<int>(figure.columns, std::max<int>(1, int(figure.panels.size())));
   const int rows = (int(figure.panels.size()) + columns - 1) / std::max(columns, 1);
-  const bool stacked = figure.stacked, apart = columns > 1 && !whole;
+  const bool stacked = figure.stacked, apart = columns > 1;
   const int width = figure.panel_width * (apart ? 1 : columns);
   Drawing drawing{figure.id, figure.label, {}, width, {}, legend_of(figure), figure.caption};
   std::string& script = drawing.script;
@@ -397,15 +393,6 @@ Result<std::vector<std::string>> render(const std::vector<Drawing>& drawings, co
       text += embeddable_svg(svgs[at++], drawing.id + "p" + std::to_string(k), drawing.parts[k], width);
   }
   return whole;
-}
-
-Result<std::string> standalone_svg(const Figure& figure, const GnuplotOptions& options) {
-  std::string svg = TRY(render({draw(figure, true)}, options)).front();
-  const std::size_t style = svg.find("style=\"") + 7;
-  svg.replace(style, svg.find('"', style) - style, "font-family:sans-serif;max-height:100vh");
-  svg.insert(svg.find('>') + 1,
-             "\n<title>" + html_escape(figure.label) + "</title>\n<style>" + std::string(figure_css) + "</style>\n");
-  return "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n" + svg + "\n";
 }
 
 }  // namespace turncal

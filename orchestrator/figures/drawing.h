@@ -48,7 +48,6 @@ struct Panel {
   std::string x_label, y_label;  // with unit
   std::vector<Series> series;
   bool logarithmic = false;  // both axes
-  bool legend = false;       // the names of its series stand in it, for a drawing without a page around it
   bool angle = false;        // x in degrees: ticks at 30, 45, 90, ...
   double y_limit = 0.0;      // above 0: the frame ends at +- this
   bool whole_frame = false;  // and is as large as that whatever is in it: panels that are compared
@@ -88,12 +87,10 @@ struct Drawing {
   std::vector<Key> legend = {};
   std::string caption = {};
 };
-// Panels beside one another are drawings of their own, so that a narrow page can put them below one another; whole: they stay one.
-Drawing draw(const Figure& figure, bool whole = false);
+// Panels beside one another are drawings of their own, so that a narrow page can put them below one another.
+Drawing draw(const Figure& figure);
 
 // All of them by one gnuplot, embeddable, in order.
 Result<std::vector<std::string>> render(const std::vector<Drawing>& drawings, const GnuplotOptions& options);
-// A file of its own; dark where whoever looks is.
-Result<std::string> standalone_svg(const Figure& figure, const GnuplotOptions& options = {});
 
 }  // namespace turncal

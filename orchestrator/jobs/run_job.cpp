@@ -142,13 +142,13 @@ Status read_sealed_recordings(Run& run, const JournalContents& contents) {
   return {};
 }
 
-std::string and_more(std::size_t found, const char* where = "") {
-  return found > 1 ? fmt::format(" (and {} more{})", found - 1, where) : "";
+std::string and_more(std::size_t found) {
+  return found > 1 ? fmt::format(" (and {} more; see turncal check)", found - 1) : "";
 }
 
 Status check_plan(const Plan& plan) {
   if (plan.ok()) return {};
-  return input_error(plan.violations.front() + and_more(plan.violations.size(), "; see turncal check"));
+  return input_error(plan.violations.front() + and_more(plan.violations.size()));
 }
 
 Status look_ahead(const RunPlan& run, const std::string& folder, double utc_s) {

@@ -44,7 +44,7 @@ std::string yield_text(const LineYield& yield, double target, bool reached) {
                                  yield.attempts, yield.hours);
   if (yield.hours_lost > 0.0) text += fmt::format(", {:.1f} h of them without a good unit", yield.hours_lost);
   if (yield.running > 0) text += fmt::format("; {} still running or never ended", yield.running);
-  if (target > 0.0) text += fmt::format("; target {}: {}", percent(target), reached ? "reached" : "missed");
+  if (target > 0.0) text += fmt::format("; the target of {} is {}", percent(target), reached ? "reached" : "missed");
   return text + ".";
 }
 

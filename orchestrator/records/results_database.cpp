@@ -534,8 +534,8 @@ DataTable calibrations_table(const std::vector<StoredCalibration>& all) {
     for (StoredValue& v : c.values)
       for (const Field& field : Fields{{"", &v.value}, {"", &v.sigma}}) add_cell(field, table);
     for (StoredValue& v : c.values)
-      for (const Field& field : Fields{
-               {"", &v.limit.min}, {"", &v.limit.max}, {"", &v.verdict}, {"", &v.sigma_max}, {"", &v.sigma_verdict}})
+      for (const Field& field :
+           Fields{{"", &v.limit.min}, {"", &v.limit.max}, {"", &v.verdict}, {"", &v.sigma_max}, {"", &v.sigma_verdict}})
         add_cell(field, table);
   }
   return table;

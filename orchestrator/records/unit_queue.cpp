@@ -8,6 +8,10 @@
 
 namespace turncal {
 
+bool holds(const std::vector<std::string>& list, const std::string& unit) {
+  return std::ranges::find(list, unit) != list.end();
+}
+
 namespace {
 
 constexpr const char* again_outcome = "again";
@@ -28,10 +32,6 @@ Status write_outcomes(const std::string& path, const std::vector<UnitOutcome>& o
   for (const UnitOutcome& o : outcomes)
     text += o.outcome + " " + o.time_utc + " " + o.unit + (o.reason.empty() ? "" : " # " + o.reason) + "\n";
   return write_file_atomically(state_path(path), text);
-}
-
-bool holds(const std::vector<std::string>& list, const std::string& unit) {
-  return std::ranges::find(list, unit) != list.end();
 }
 
 }  // namespace

@@ -25,6 +25,8 @@ struct UnitOutcome {
 
 Fields fields_of(UnitOutcome& outcome);
 
+bool holds(const std::vector<std::string>& list, const std::string& unit);
+
 Result<std::vector<std::string>> read_queue(const std::string& path);
 Result<std::vector<UnitOutcome>> read_outcomes(const std::string& path);  // of QUEUE.state; none when it is not there
 const UnitOutcome* find_outcome(const std::vector<UnitOutcome>& outcomes, const std::string& unit);  // null: none yet

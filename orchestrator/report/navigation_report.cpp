@@ -186,7 +186,8 @@ Document navigation_document(const NavigationReport& report) {
   if (report.info.simulated) document.add(Paragraph{"Simulated data: no real unit navigated.", "loud"}, Scope::page);
   const NavigatedFile& judged = report.files.front();
   const std::string expected = judged.expected ? "; expected: " + drift_words(*judged.expected) : "";
-  document.add(Paragraph{"Drift: " + drift_words(judged.drift) + expected + ".",
+  document.add(Paragraph{"Drift: " + drift_words(judged.drift) + expected +
+                             (judged.trusted ? "." : "; the parameters are not trusted."),
                          judged.trusted ? "verdict" : "verdict unexplained"},
                Scope::page);
   document.figure(navigation_figure(report));

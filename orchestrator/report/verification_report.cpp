@@ -101,7 +101,8 @@ std::string nearness_words(const VerificationReport& report) {
   return words("heading", report.heading_limit_deg, found.deviation[0], found.mean_heading) + ", " +
          words("level", report.level_limit_deg, found.deviation[1], found.deviation[2]) +
          (report.latitude == UnitVerdict::fail ? ", latitude fails" : "") +
-         (report.gravity == UnitVerdict::fail ? ", gravity fails" : "");
+         (report.gravity == UnitVerdict::fail ? ", gravity fails" : "") +
+         (report.trusted ? "" : ", parameters not trusted");
 }
 
 std::string figure_words(const NorthFigure& figure) { return value_with_sigma(figure.value_deg, figure.sigma_deg); }

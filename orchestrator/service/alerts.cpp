@@ -39,7 +39,8 @@ std::vector<Event> events_in(const std::vector<StationView>& stations, const std
   for (const StationView& v : stations) {
     for (const UnitOutcome& o : v.outcomes)
       if (standing_of(&o) == Standing::not_passed)
-        events.push_back({{"unit", o.unit, last_folder(v.runs, o.unit), o.reason, o.outcome, v.simulated}, v.name, o.time_utc});
+        events.push_back(
+            {{"unit", o.unit, last_folder(v.runs, o.unit), o.reason, o.outcome, v.simulated}, v.name, o.time_utc});
     const auto stands = [&](const char* event, const std::string& message) {
       events.push_back({{event, "", v.folder, message, "", v.simulated}, v.name, ""});
     };

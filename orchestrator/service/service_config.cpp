@@ -10,25 +10,16 @@
 #include "imu_io/base/files.h"
 #include "imu_io/base/key_value.h"
 #include "imu_io/base/text.h"
+#include "imu_io/recordings/recording_check.h"
 #include "orchestrator/station/station_config.h"
 
 namespace turncal {
 
 namespace {
 
-constexpr std::size_t most_bytes = 1 << 16;
+constexpr std::size_t most_bytes = 1 << 16, longest_name = 64;
 // Nobody's: a name that is not in the file costs the same time as one that is.
 constexpr const char* nobody = "$6$turncalturncal00$";
-
-bool is_name(std::string_view text) {
-  if (text.empty() || text.size() > 64) return false;
-  for (std::string_view remaining = text; !remaining.empty();) {
-    const std::size_t size = printable_character(remaining);
-    if (size == 0) return false;
-    remaining.remove_prefix(size);
-  }
-  return text.find(':') == std::string_view::npos;
-}
 
 Result<std::map<std::string, std::string>> read_operators(const std::string& path) {
   struct stat facts {};
@@ -41,8 +32,9 @@ Result<std::map<std::string, std::string>> read_operators(const std::string& pat
     const std::string_view line = trimmed(next_line(remaining));
     if (line.empty() || line.front() == '#') continue;
     const std::size_t colon = line.find(':');
-    const std::string_view name = line.substr(0, colon);
-    if (colon == std::string_view::npos || !is_name(name) || !line.substr(colon + 1).starts_with("$"))
+    const std::string name(line.substr(0, colon));
+    if (colon == std::string_view::npos || !is_plain_text(name) || name.size() > longest_name ||
+        !line.substr(colon + 1).starts_with("$"))
       return input_error(path + ":" + std::to_string(number) +
                          ": expected NAME:HASH with a hash of crypt(5), as $6$...");
     if (!hashes.emplace(name, line.substr(colon + 1)).second)
@@ -103,9 +95,7 @@ Result<std::string> authorised_operator(const std::string& path, std::string_vie
 
 Result<ServiceConfig> read_service_config(const std::string& path) {
   KeyValueFile file = TRY(KeyValueFile::read(path));
-  const auto beside = [&path](const std::string& name) {
-    return name.empty() || name.front() == '/' ? name : folder_of(path) + "/" + name;
-  };
+  const auto beside = [&file](const std::string& name) { return name.empty() ? name : file.beside(name); };
   ServiceConfig config;
   for (int number = 1; number == 1 || file.has("station." + std::to_string(number)); ++number) {
     const std::string key = "station." + std::to_string(number);

@@ -79,17 +79,15 @@ ResultsView look_at_results(const std::string& database, double now_utc_s) {
 
 std::string json_of(const ResultsView& view) {
   std::vector<std::string> stations;
-  for (StationResults station : view.stations) {
-    const Fields fields = {{"station", &station.station},
-                           {"simulated", &station.simulated},
-                           {"attempts", &station.attempts},
-                           {"judged", &station.judged},
-                           {"passed", &station.passed},
-                           {"last_unit", &station.last_unit},
-                           {"last_outcome", &station.last_outcome},
-                           {"last_time_utc", &station.last_time_utc}};
-    stations.push_back(json_of(fields));
-  }
+  for (StationResults s : view.stations)
+    stations.push_back(json_of(Fields{{"station", &s.station},
+                                      {"simulated", &s.simulated},
+                                      {"attempts", &s.attempts},
+                                      {"judged", &s.judged},
+                                      {"passed", &s.passed},
+                                      {"last_unit", &s.last_unit},
+                                      {"last_outcome", &s.last_outcome},
+                                      {"last_time_utc", &s.last_time_utc}}));
   JsonObject o;
   o.text("defect", view.defect);
   o.text("until_utc", view.until_utc);
@@ -129,10 +127,6 @@ std::optional<Folder> newest_run(const std::string& runs) {
     newest_time = time;
   }
   return newest;
-}
-
-bool among(const std::vector<std::string>& units, const std::string& unit) {
-  return std::ranges::find(units, unit) != units.end();
 }
 
 // The median of the intervals between the last outcomes: what a unit takes, mounting and all.
@@ -273,7 +267,7 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
     if (read) journal = std::move(*read);
   }
   // A unit that was taken out of the queue is left for good.
-  const auto waits = [&view](const std::string& unit) { return among(view.waiting, unit); };
+  const auto waits = [&view](const std::string& unit) { return holds(view.waiting, unit); };
   const std::vector<std::string> begun = journal ? journal->units() : std::vector<std::string>();
   const bool left = journal && !run->process && !is_over(*journal) && std::ranges::any_of(begun, waits);
   view.process = run && run->process ? run->process : batch;
@@ -319,7 +313,7 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
     case StationState::unreadable: break;
   }
   // What comes after the units on the table.
-  std::erase_if(view.waiting, [&view](const std::string& unit) { return among(view.units, unit); });
+  std::erase_if(view.waiting, [&view](const std::string& unit) { return holds(view.units, unit); });
   if (view.process && is_suspended(*view.process))
     view.urgent("process " + std::to_string(*view.process) +
                 " is suspended (SIGSTOP): it neither runs nor receives a stop");
@@ -353,7 +347,6 @@ std::string json_of(const StationView& view) {
   o.text("folder", view.folder);
   o.flag("simulated", view.simulated);
   o.flag("pausing", view.pausing);
-  o.text("phase", view.phase);
   o.text("began_utc", view.began_utc);
   o.text("last_word_utc", view.last_word_utc);
   o.number("fraction", view.fraction);
@@ -500,7 +493,7 @@ Status check(const ServedStation& station, const StationAction& wanted, const St
   if (!is("mounted")) return {};
   if (station.mounted.empty())
     return input_error("station '" + station.name + "': the page has no station.N.mounted, and cannot tell the batch");
-  if (view.state != StationState::mounting || !among(view.units, wanted.unit))
+  if (view.state != StationState::mounting || !holds(view.units, wanted.unit))
     return input_error("station '" + station.name + "' does not wait for unit " + wanted.unit + " to be mounted");
   return {};
 }

@@ -157,7 +157,6 @@ std::string LiveStatus::json() const {
   o.text("eta_utc", s.end_utc_s > 0.0 && !run_.by_hand ? format_utc(s.end_utc_s) : "");
   o.number("moves_left", double(s.moves_left));
   o.text("time_utc", s.utc_s > 0.0 ? format_utc(s.utc_s) : "");
-  o.number("repeats", s.repeats);
   o.number("lost_samples", double(s.lost_samples));
   std::vector<std::string> units, known;
   for (const UnitSnapshot& unit : s.units) {

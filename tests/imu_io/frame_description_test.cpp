@@ -55,6 +55,7 @@ TEST(FrameDescription, OneLineForEachMistake) {
       {"sync = EB 90", "sync = EB 9",
        "key 'sync' = 'EB 9': expected at most 16 bytes of two hexadecimal digits, with blanks between"},
       {"sync = EB 90", "sync =", "key 'sync' = '': expected at least one byte"},
+      {"sync = EB 90", "aync = EB 90", "key 'aync' is unknown; did you mean 'sync'?"},
       {"sync = EB 90", "sync = EB 90\nsync.mask = FF", "key 'sync.mask' = 'FF': expected as many bytes as sync"},
       {"length = 36", "length = 35",
        "key 'check.offset' = '34': expected a place inside the frame, after what the check covers and before the tail"},

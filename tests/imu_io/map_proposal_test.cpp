@@ -58,9 +58,9 @@ TEST(ShippedMaps, EachReadsItsSample) {
   }
 }
 
-Result<MapProposal> propose(const std::string& path) {
+Result<MapProposal> propose(const std::string& path, double rate_hz = 0.0) {
   const Result<ColumnSource> source = open_columns(path);
-  return source ? propose_map(*source, {9.81, 30.0, "u"}) : Result<MapProposal>(source.error());
+  return source ? propose_map(*source, {9.81, 30.0, rate_hz, "u"}) : Result<MapProposal>(source.error());
 }
 
 TEST(MapProposal, ReadsTheSamplesWithoutAMap) {
@@ -132,7 +132,7 @@ TEST(MapProposal, UnitsAreSeenOrInDoubt) {
        "gyro.unit = deg/s\n", ""},
       {"time,gyr_x_degps,gyr_y_degps,gyr_z_degps,ax,ay,az", 1, 1, 1, true, 1, "",
        "which is rad/s; the header says deg/s"},
-      {"a,gx,gy,gz,ax,ay,az", 1, 1, 1, true, 1, "", "rate_hz: there is no column of times"}};
+      {"a,gx,gy,gz,ax,ay,az", 1, 1, 1, true, 1, "", "there is no column of times (--rate"}};
   for (const auto& c : cases) {
     const std::string path = folder / "log.csv";
     std::ofstream(path) << table(c.header, c.gyro, c.accel, c.time, c.turns, c.sign);
@@ -143,9 +143,20 @@ TEST(MapProposal, UnitsAreSeenOrInDoubt) {
     EXPECT_SAYS(proposal->text, c.says);
     EXPECT_OK(parse_csv_map(proposal->text, "proposed"));
   }
-  std::ofstream(folder / "dead.csv") << std::regex_replace(table(bare, 1, 1, 1, true),
-                                                           std::regex("\n((?:[^,\n]*,){3})[^,\n]+"), "\n$010");
+  EXPECT_EQ(expect_value(propose(folder / "log.csv", 125.0)).doubts, std::vector<std::string>());
+  EXPECT_SAYS(expect_value(propose(folder / "log.csv", 125.0)).text, "rate_hz = 125\n");
+  const std::string rows = table(bare, 1, 1, 1, true);
+  std::ofstream(folder / "dead.csv") << std::regex_replace(rows, std::regex("\n((?:[^,\n]*,){3})[^,\n]+"), "\n$010");
+  std::string stamped = "when";
+  int row = 0;
+  for (std::string_view left = rows; !left.empty();) {
+    const std::string_view line = next_line(left);
+    stamped += fmt::format("{}\n2026-01-01 00:00:{:05.2f}", line.substr(line.find(',')), 0.01 * row++);
+  }
   EXPECT_SAYS(propose(folder / "dead.csv")->text, "# In doubt: gyro.columns: 'gz' is 0 throughout");
+  std::ofstream(folder / "stamped.csv") << stamped;
+  const CsvMap times = expect_value(parse_csv_map(propose(folder / "stamped.csv")->text, "proposed"));
+  EXPECT_NEAR(expect_value(import_csv(times, folder / "stamped.csv")).info.sample_period_s, 0.01, 1e-6);
   std::ofstream(folder / "x.csv") << table("t,mx,my,mz,qx,qy,qz", 1, 1, 1, true);
   EXPECT_TRUE(fails(
       propose(folder / "x.csv"),

@@ -103,7 +103,7 @@ StoredCalibration calibration(const std::string& unit, const std::string& statio
   c.unit = unit;
   c.station = station;
   c.time_utc = format_utc(86400.0 * day);
-  c.values = {{"N01", n01, sigma, {}, ""}};
+  c.values = {{"N01", n01, sigma, {}, "", {}, ""}};
   return c;
 }
 

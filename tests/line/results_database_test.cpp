@@ -217,7 +217,7 @@ TEST(ResultsForAMes, KeysAreDocumented) {
     std::string_view heads = csv;
     for (std::string_view key : split(next_line(heads), ',')) {
       // One parameter stands for the others.
-      const std::string_view parameter = key.substr(key.find('.') + 1);
+      const std::string_view parameter = key.substr(key.rfind('.') + 1);
       if (std::ranges::find(parameter_keys, parameter) == parameter_keys.end())
         keys.emplace(key);
       else if (parameter == "a33")

@@ -186,7 +186,7 @@ TEST_F(Production, AnOverdueTableIsRefusedUnlessOverridden) {
 
 // What it prints is in tests/golden: history, control, compare and the files.
 TEST_F(Production, HistoryIsOfTheUnitsThatAreAskedFor) {
-  ASSERT_EQ(dry_run("one", "limit.N01.min = -1\nlimit.N01.max = 1\n").code, 0);
+  ASSERT_EQ(dry_run("one", "limit.N01.min = -1\nlimit.N01.max = 1\nlimit.N01.sigma_max = 0.5\n").code, 0);
   ASSERT_EQ(
       run(Program::dry_run("two", {"--station", "mock.station", "--rig", write("two.rig", "seed = 3\n")}, "SN2")).code,
       0);
@@ -196,6 +196,7 @@ TEST_F(Production, HistoryIsOfTheUnitsThatAreAskedFor) {
   EXPECT_SAYS_NOT(run("history results.db --control").out, "\nN01 ") << "simulated units among the real ones";
   EXPECT_SAYS(run("history results.db --parameter N01 --simulated --together").out, "-1    1");
   EXPECT_EQ(run("history results.db --parameter N99").code, 1);
+  EXPECT_SAYS(run("history results.db --format json").out, "\"sigma_max.N01\":0.5,\"verdict.sigma.N01\":\"pass\"");
   expect_refused("history results.db --format csv --control", "--format csv: only for the list");
   expect_refused("history nowhere.db", "there is no such results database");
   expect_refused({"history", write("garbage.db", std::string(4096, 'x'))}, "not a database");

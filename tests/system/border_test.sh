@@ -73,7 +73,7 @@ expect 1 'printable characters' "${run[@]}" --unit $'SN\xFF' --out no
 # Numbers that are none, and a recording without a rest.
 expect 1 'a number above 0' "${run[@]}" --unit A --pace nan --out no
 expect 1 'a number above 0' diagnose no --arw nan --vrw 8 --out no
-expect 1 'a number of 0 or more' diagnose no --arw 1 --vrw 8 --gyro-bias-instability nan --out no
+expect 1 'a number from 0 to 1000000' diagnose no --arw 1 --vrw 8 --gyro-bias-instability nan --out no
 
 # An option with a range, one that a script left empty, a folder for a file.
 expect 1 "'nan': expected a number from 0.01 to 1000" twin --station station --speed-up nan

@@ -403,15 +403,15 @@ void ManualTurntable::turn_rehearsed(const std::string& axis_and_angle) {
   rehearsed_->turn(*axis, *angle_deg, queue_.front().rate_degps, queue_.front().acceleration_degps2);
 }
 
-constexpr double whole_dial_deg = 360.0;
+constexpr double farthest_deg = 720.0;  // where somebody says that an axis stands: two turns of a cable
 
 void ManualTurntable::handle_angle(const std::string& text, bool turned) {
   const Wanted now = queue_.front();
   const std::optional<double> typed_deg = typed_number(text);
-  if (!typed_deg || (now.homing && !(std::abs(*typed_deg) <= whole_dial_deg)))
+  if (!typed_deg || (now.homing && !(std::abs(*typed_deg) <= farthest_deg)))
     return note(texts_.say("wrong.number", {{"text", quoted(text)}}), true);
   if (answered_) return note(texts_.say("wrong.early"), true);
-  const double angle_deg = now.homing ? *typed_deg : unwrapped_deg(*typed_deg, now.target_deg, whole_dial_deg);
+  const double angle_deg = now.homing ? *typed_deg : unwrapped_deg(*typed_deg, now.target_deg, 360.0);
   const double away_deg = std::abs(angle_deg - now.target_deg);
   if (!now.homing && !(away_deg <= settings_.tolerance_deg + 1e-9)) {
     return note(texts_.say("wrong.away", {{"text", text},

@@ -178,7 +178,6 @@ Result<AxisStatus> RigTable::status(Axis axis) {
   report.remote = true;
   report.time_s = rig_.time_s();
   if (state.fault) report.text = "drive fault";
-  if (report.emergency_stop) report.text = "emergency stop";
   const std::array<bool, 8> bits = {report.enabled, report.homed, report.moving,         report.in_position,
                                     report.limit,   report.fault, report.emergency_stop, homing_[i]};
   for (std::size_t bit = 0; bit < bits.size(); ++bit) report.raw |= bits[bit] ? 1u << bit : 0u;

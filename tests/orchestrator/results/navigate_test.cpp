@@ -48,7 +48,8 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
   }
   // Again, in the same folder: the same bytes.
   const std::string before = file_text(folder_ / "nav/navigation.conf");
-  EXPECT_EQ(run("navigate rest --parameters true.conf --against wrong.conf --out nav --for 1500s --branches 3").code, 0);
+  EXPECT_EQ(run("navigate rest --parameters true.conf --against wrong.conf --out nav --for 1500s --branches 3").code,
+            0);
   EXPECT_EQ(file_text(folder_ / "nav/navigation.conf"), before);
   // Without the other file nothing of it is left.
   EXPECT_EQ(run("navigate rest --parameters true.conf --out nav --branches 1").code, 0);
@@ -59,8 +60,8 @@ TEST_F(Navigate, TrueParametersStayWhereTheyAreAndWrongOnesDoNot) {
 TEST_F(Navigate, LostSamplesEndABranch) {
   record_rest_and_truth();
   const auto navigate = [&](const std::string& recording) {
-    return run(
-        {"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--for", "1500s", "--branches", "1"});
+    return run({"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--for", "1500s",
+                "--branches", "1"});
   };
   const std::int64_t first = segments_of("rest").front().start_sample;
   lose("rest", first + 150000, 1, "one");
@@ -232,12 +233,12 @@ TEST_F(Navigate, IsPredictedFromASequence) {
   EXPECT_LT(row(hour.out, "heading after alignment, deg"), 0.0303 * 1.2);
   EXPECT_GT(row(hour.out, "rms, NM/h"), row(hour.out, "from noise alone, NM/h"));
   EXPECT_EQ(run("predict --sequence " + sequence + " --navigate 60min").out, hour.out);
-  EXPECT_EQ(run("predict --sequence " + sequence + " --navigate 3600s").out, hour.out);
+  EXPECT_EQ(run("predict --sequence " + sequence + " --navigate 0h30min1800s").out, hour.out);
   // An alignment four times as long halves the heading's sigma from noise.
   const ProgramResult longer = run("predict --sequence " + sequence + " --navigate 1h --align 1200s");
   EXPECT_NEAR(row(longer.out, "heading after alignment, deg"), 0.5 * row(hour.out, "heading after alignment, deg"),
               0.004);
-  for (const char* bad : {"0", "25h", "2d", "h", "nan", "-1h"})
+  for (const char* bad : {"3600", "25h", "2d", "h", "nan", "-1h", "2h-1h", ""})
     expect_refused("predict --sequence " + sequence + " --navigate " + bad, "--navigate");
 }
 

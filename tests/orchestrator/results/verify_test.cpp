@@ -95,7 +95,7 @@ TEST_F(Verify, RefusesWhatItCannotUse) {
                  "--recording: expected only --parameters, --out, --station and --from-step");
   expect_refused(with({"--recording", "one"}), "alignment: 1 s at rest, expected at least 20 s");
   expect_refused("verify --references none.csv", "none.csv");
-  expect_refused("verify --references none.csv --dry-run", "--references: expected no option but --out");
+  expect_refused("verify --references none.csv --dry-run", "--references: expected only --out, --station and --format");
   // A unit that lies on its side.
   const std::string side = "step 1\n  initial H 0 P 0 R 90\n  align 6000\n  dwell 6000\n  dwell 6000\n";
   record("side", good_rig, side);
@@ -338,6 +338,8 @@ TEST_F(Verify, ReadingsOfReferences) {
   write("off.csv", std::string(reference_head) + "20,0,0,20,0,0\n359.995,0,0,0.005,0,0\n");
   const ProgramResult failed = ends("verify --references off.csv", 20);
   EXPECT_SAYS(failed.out, "-0.010000");
+  write("paper.station", station_head);  // 0.012 deg
+  ends("verify --references off.csv --station paper.station", 0);
   write("edge.csv", std::string(reference_head) + "20,0,0,20,0,0\n100.3,0.06,0,100.291,0,0.06\n");
   EXPECT_EQ(run("verify --references edge.csv").code, 0);
   for (const auto& [rows, words] : {std::pair{"30,0,0,30,0,0.0", "bad.csv:3: the last line has no end"},

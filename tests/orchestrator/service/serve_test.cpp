@@ -328,12 +328,15 @@ TEST_F(Serve, TellsOfAnEventOnceAtMost) {
     return heard;
   };
   EXPECT_EQ(looked(), "");  // what stood when the record was begun
+  view.runs = path("runs");
+  for (const char* run : {"/SN%223", "/SN%223.2"}) std::filesystem::create_directories(view.runs + run);
   view.outcomes.insert(view.outcomes.begin(), {"SN\"3", "hold", "2026-01-01T02:00:00Z", "unexplained"});
   EXPECT_EQ(
       looked(),
       "unit "
       "{\"event\":\"unit\",\"station\":\"east\",\"unit\":\"SN\\\"3\",\"outcome\":\"hold\",\"message\":\"unexplained\","
-      "\"time_utc\":\"2026-01-01T02:00:00Z\",\"folder\":\"\",\"simulated\":false}\n");
+      "\"time_utc\":\"2026-01-01T02:00:00Z\",\"folder\":\"" +
+          view.runs + "/SN%223.2\",\"simulated\":false}\n");
   EXPECT_EQ(looked(), "");
 
   // A condition: when it has stood, and again when it was over.

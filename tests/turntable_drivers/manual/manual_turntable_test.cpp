@@ -173,6 +173,7 @@ TEST_F(ManualTable, TheGyrosMustHaveFeltTheTurn) {
     desk.settle();
     return desk.said();
   };
+  EXPECT_SAYS(answer("999"), "expected an angle of at most 720 degrees");
   for (int i = 0; i < 3; ++i) answer("0");
   const auto moving = [&](Axis axis) { return desk.manual.status(axis)->moving; };
   // Pitch turns about z, heading about -y; the scale is not known yet: 0.5 of a degree is believed, nothing is not.
