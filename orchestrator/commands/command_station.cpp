@@ -472,8 +472,7 @@ Status run_check(const CheckOptions& options, CommandContext& context) {
   if (refused.empty())
     out << (options.out.empty() ? "\nHooks" : "\nOutput folder, disk space, hooks") << " and due dates are in order.\n";
   // What is wrong comes last: the plan above is longer than a screen.
-  const bool good = found.blocks.empty();
-  out << (!good ? "\nThe station cannot run this sequence:\n"
+  out << (!found.blocks.empty() ? "\nThe station cannot run this sequence:\n"
           : keys.empty()
               ? "\nThe station can run this sequence.\n"
               : "\nThe station can run this sequence with --partial or --capture-only; without, it is refused.\n")

@@ -95,7 +95,6 @@ TEST_F(CommandLine, OldNamesWorkAndSayTheNewOnes) {
   expect_refused("help records chek", "did you mean 'check'? (see turncal records --help)");
   expect_refused("hlep run", "'hlep' is not understood; did you mean 'help'? (see turncal --help)");
   expect_refused("run --settle 2h", "--settle: '2h': expected a time from 0min to 60min, with its unit");
-  expect_refused("records prune runs --older-than 2weeks", "'2weeks': expected a time from 1d to 36500d");
   expect_refused("calibrate x --out y --method jiont",
                  "'jiont': expected joint, closed-form; did you mean 'joint'? (see turncal calibrate --help)");
 }

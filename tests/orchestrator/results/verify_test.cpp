@@ -338,8 +338,7 @@ TEST_F(Verify, ReadingsOfReferences) {
   write("off.csv", std::string(reference_head) + "20,0,0,20,0,0\n359.995,0,0,0.005,0,0\n");
   const ProgramResult failed = ends("verify --references off.csv", 20);
   EXPECT_SAYS(failed.out, "-0.010000");
-  write("paper.station", station_head);  // 0.012 deg
-  ends("verify --references off.csv --station paper.station", 0);
+  ends("verify --references off.csv --station " + write("paper.station", station_head), 0);  // 0.012 deg
   write("edge.csv", std::string(reference_head) + "20,0,0,20,0,0\n100.3,0.06,0,100.291,0,0.06\n");
   EXPECT_EQ(run("verify --references edge.csv").code, 0);
   for (const auto& [rows, words] : {std::pair{"30,0,0,30,0,0.0", "bad.csv:3: the last line has no end"},

@@ -328,8 +328,7 @@ TEST_F(Serve, TellsOfAnEventOnceAtMost) {
     return heard;
   };
   EXPECT_EQ(looked(), "");  // what stood when the record was begun
-  view.runs = path("runs");
-  for (const char* run : {"/SN%223", "/SN%223.2"}) std::filesystem::create_directories(view.runs + run);
+  std::filesystem::create_directories((view.runs = path("runs")) + "/SN%223.2");
   view.outcomes.insert(view.outcomes.begin(), {"SN\"3", "hold", "2026-01-01T02:00:00Z", "unexplained"});
   EXPECT_EQ(
       looked(),
