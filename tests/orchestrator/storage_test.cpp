@@ -207,7 +207,7 @@ TEST_F(Storage, OnlyOldRecordingsOfFinishedUnitsAreRemovedAndNeverTheLast) {
       if (name.ends_with(".tcr")) there.insert(name.substr(4, name.rfind('/') - 4));
     return there;
   };
-  const auto prune = [this](const std::string& days) { return run({"records", "prune", "all", "--older-than", days}); };
+  const auto prune = [this](std::string age) { return run({"records", "prune", "all", "--older-than", age + "d"}); };
   const std::set<std::string> all = {"first", "failed", "last", "other", "held", "again"};
   ASSERT_EQ(recordings(), all);
   expect_refused({"records", "prune", "all"}, "--older-than");
