@@ -339,11 +339,9 @@ std::vector<double> beats(std::span<const double> times, double step) {
 // Of rows that all keep within half a period along one straight line, so that none is missing; else 0.
 double even_period(std::span<const double> times) {
   const double period = slope_of(times);
-  double least = 0.0, most = 0.0;
-  for (std::size_t k = 0; k < times.size(); ++k) {
-    const double ahead = times[k] - times[0] - double(k) * period;
-    least = std::min(least, ahead), most = std::max(most, ahead);
-  }
+  std::vector<double> ahead;
+  for (std::size_t k = 0; k < times.size(); ++k) ahead.push_back(times[k] - times[0] - double(k) * period);
+  const auto [least, most] = std::ranges::minmax(ahead);
   return most - least < 0.5 * period ? period : 0.0;
 }
 
@@ -380,11 +378,11 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
   if (step > 0.5 * slope && step < 1.3 * slope && !best.gaps.empty())
     for (const double period : beats(some, step)) consider(period, near_scatter);
   if (cell > fine) {  // one that keeps to them needs none
-    readings.push_back(
-        fit(some, {.period = step * std::max(1.0, std::round(best.period / step)), .scatter = near_scatter, .gaps = {}},
-            fine, gap, share_of(best, some), best.cost + steps_cost));
-    if (readings.back().cost -= steps_cost; readings.back().cost < best.cost)
-      best = readings.back(), step = 0.0, cell = fine;
+    const double period = step * std::max(1.0, std::round(best.period / step));
+    readings.push_back(fit(some, {.period = period, .scatter = near_scatter, .gaps = {}}, fine, gap,
+                           share_of(best, some), best.cost + steps_cost));
+    readings.back().cost -= steps_cost;
+    if (readings.back().cost < best.cost) best = readings.back(), step = 0.0, cell = fine;
   }
   bool doubtful = std::ranges::any_of(readings, [&](const StampModel& other) {
     return std::abs(other.period / best.period - 1.0) > std::max(3.0 / rows, is_known) &&

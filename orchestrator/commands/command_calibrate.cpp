@@ -17,6 +17,7 @@
 #include "imu_io/recordings/statistics_file.h"
 #include "orchestrator/commands/commands.h"
 #include "orchestrator/devices/dry_run_devices.h"
+#include "orchestrator/figures/diagnosis_figures.h"
 #include "orchestrator/fleet/fleet_members.h"
 #include "orchestrator/fleet/recalibration.h"
 #include "orchestrator/jobs/allan_job.h"
@@ -294,9 +295,12 @@ Status write_result(const std::string& out, const AllanReport& report, const Doc
                     CommandContext& context) {
   OutputFolder folder = TRY(OutputFolder::prepare(out, {}));
   const HtmlPage page = as_page(document);
-  TRY(write_files_atomically({{folder.file("allan.html"), page.html},
-                              {folder.file("allan.csv"), format_allan_points(report.result)},
-                              {folder.file("imu.yaml"), format_imu_yaml(report.result, report.sample_s)}}));
+  std::vector<NamedText> files = {{folder.file("allan.html"), page.html},
+                                  {folder.file("allan.csv"), format_allan_points(report.result)},
+                                  {folder.file("imu.yaml"), format_imu_yaml(report.result, report.sample_s)}};
+  const Figure figure = allan_figure(report.result, report.other ? &*report.other : nullptr);
+  if (const Result<std::string> drawn = standalone_svg(figure)) files.push_back({folder.file("allan.svg"), *drawn});
+  TRY(write_files_atomically(files));
   folder.keep();
   if (!page.plot_problem.empty()) context.warn("report without plots: " + page.plot_problem);
   return {};
@@ -450,7 +454,7 @@ void add_allan_command(CommandLine& line) {
                  "recording: a folder or a .tcr file; with --map a CSV, .npy or .mat file");
   command.option("--map", options.from.map, "file that describes the columns (docs/import.md)");
   command.option("--against", options.from.against, "second source, or a parameter file (.conf), to compare with");
-  command.option("--out", options.out, "folder for allan.html, allan.csv, imu.yaml");
+  command.option("--out", options.out, "folder for allan.html, allan.svg, allan.csv, imu.yaml");
   command.format(options.format, "print the result, or as csv its points, in this form instead of text");
 }
 

@@ -11,6 +11,8 @@
 
 namespace turncal {
 
+extern const std::string_view figure_css;  // figure.css
+
 namespace {
 
 Error failure(const std::string& what) { return {ErrorKind::internal, "no plots: " + what}; }
@@ -288,7 +290,7 @@ void append_marks(const Panel& panel, int width, std::string& script) {
   }
 }
 
-void append_panel(const Panel& panel, const std::string& id, int width, std::string& script) {
+void append_panel(const Panel& panel, const std::string& id, int width, bool legend, std::string& script) {
   const auto title_width = std::size_t(width) / 7;  // characters: none is cut by the frame
   std::string plot;
   for (std::size_t s = 0; s < panel.series.size(); ++s) {
@@ -296,13 +298,15 @@ void append_panel(const Panel& panel, const std::string& id, int width, std::str
     const Series& series = panel.series[s];
     const std::string name = fmt::format("${}s{}", id, s);
     append_data(name, series, script);
-    plot += fmt::format("{}{} using 1:2 with {} lc rgb '{}' notitle", plot.empty() ? "plot " : ", ", name,
-                        style_of(series).gnuplot, html_colour(series.colour));
+    plot += fmt::format("{}{} using 1:2 with {} lc rgb '{}'{}", plot.empty() ? "plot " : ", ", name,
+                        style_of(series).gnuplot, html_colour(series.colour),
+                        legend && !series.label.empty() ? " title " + gnuplot_text(series.label) : " notitle");
   }
   plot = plot.empty() ? "plot NaN notitle" : plot + append_tips(panel, id, script);
-  script += "unset key\n";
+  script += legend ? "set key outside above right horizontal samplen 2\n" : "unset key\n";
   script += panel.title.empty() ? "unset title\n"
-                                : "set title " + gnuplot_text(shorten(panel.title, title_width)) + " offset 0,-0.6\n";
+                                : "set title " + gnuplot_text(shorten(panel.title, title_width)) +
+                                      (legend ? " offset graph -0.36, character -0.6\n" : " offset 0,-0.6\n");
   script += panel.x_label.empty() ? "unset xlabel\n" : "set xlabel " + gnuplot_text(panel.x_label) + " offset 0,0.4\n";
   script += "set ylabel " + gnuplot_text(panel.y_label) + " offset 0.5,0\n";
   if (panel.logarithmic) {
@@ -348,10 +352,10 @@ Figure small_panels(std::string id, std::string label, std::string caption) {
   return figure;
 }
 
-Drawing draw(const Figure& figure) {
+Drawing draw(const Figure& figure, bool whole) {
   const int columns = std::min<int>(figure.columns, std::max<int>(1, int(figure.panels.size())));
   const int rows = (int(figure.panels.size()) + columns - 1) / std::max(columns, 1);
-  const bool stacked = figure.stacked, apart = columns > 1;
+  const bool stacked = figure.stacked, apart = columns > 1 && !whole;
   const int width = figure.panel_width * (apart ? 1 : columns);
   Drawing drawing{figure.id, figure.label, {}, width, {}, legend_of(figure), figure.caption};
   std::string& script = drawing.script;
@@ -369,7 +373,7 @@ Drawing draw(const Figure& figure) {
     if (apart || k == 0) script += margins;
     if (stacked) script += figure.panels[k].x_label.empty() ? "set bmargin 1.6\n" : "set bmargin 3.2\n";
     script += figure.panels[k].title.empty() ? "set tmargin 0.7\n" : "set tmargin 1.8\n";
-    append_panel(figure.panels[k], figure.id + "p" + std::to_string(k), figure.panel_width, script);
+    append_panel(figure.panels[k], figure.id + "p" + std::to_string(k), figure.panel_width, whole, script);
   }
   if (!apart) script += "unset multiplot\n";
   return drawing;
@@ -393,6 +397,15 @@ Result<std::vector<std::string>> render(const std::vector<Drawing>& drawings, co
       text += embeddable_svg(svgs[at++], drawing.id + "p" + std::to_string(k), drawing.parts[k], width);
   }
   return whole;
+}
+
+Result<std::string> standalone_svg(const Figure& figure, const GnuplotOptions& options) {
+  std::string svg = TRY(render({draw(figure, true)}, options)).front();
+  const std::size_t style = svg.find("style=\"") + 7;
+  svg.replace(style, svg.find('"', style) - style, "font-family:sans-serif;max-height:100vh");
+  svg.insert(svg.find('>') + 1,
+             "\n<title>" + html_escape(figure.label) + "</title>\n<style>" + std::string(figure_css) + "</style>\n");
+  return "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n" + svg + "\n";
 }
 
 }  // namespace turncal

@@ -87,10 +87,12 @@ struct Drawing {
   std::vector<Key> legend = {};
   std::string caption = {};
 };
-// Panels beside one another are drawings of their own, so that a narrow page can put them below one another.
-Drawing draw(const Figure& figure);
+// Panels beside one another are drawings of their own, so that a narrow page can put them below one another; whole: they stay one.
+Drawing draw(const Figure& figure, bool whole = false);
 
 // All of them by one gnuplot, embeddable, in order.
 Result<std::vector<std::string>> render(const std::vector<Drawing>& drawings, const GnuplotOptions& options);
+// A file of its own; dark where whoever looks is.
+Result<std::string> standalone_svg(const Figure& figure, const GnuplotOptions& options = {});
 
 }  // namespace turncal

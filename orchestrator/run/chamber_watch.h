@@ -35,7 +35,6 @@ class ChamberWatch {
   bool as_told(const ChamberStatus& now) const;  // on, and at the set point
   bool settled() const { return settled_; }
   double left_s(double now_s) const;  // until it may have settled
-  double target_c() const { return target_c_; }
 
  private:
   ChamberConfig config_;

@@ -16,7 +16,7 @@ TEST_F(AllanCommand, SaysWhatTheRigLaid) {
   const ProgramResult said = ends("allan rest --out noise --against rest", 0);
   EXPECT_SAYS(said.out, "N random walk");
   EXPECT_SAYS(said.out, "gyroscope_noise_density");
-  for (const char* file : {"allan.html", "allan.csv", "imu.yaml"})
+  for (const char* file : {"allan.html", "allan.svg", "allan.csv", "imu.yaml"})
     EXPECT_TRUE(std::filesystem::exists(folder_ / "noise" / file)) << file;
   const std::string yaml = file_text(folder_ / "noise/imu.yaml");
   const auto value_of = [&](const std::string& key) { return std::stod(yaml.substr(yaml.find(key) + key.size() + 1)); };
