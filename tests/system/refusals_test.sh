@@ -70,7 +70,7 @@ refused "'..., 300 bytes: expected a serial number of 1 to 200 bytes" run --dry-
 printf 'A\n%s\n' "$long" > queue
 refused "queue:2: 'AAAA" queue queue --add B
 good run --dry-run --no-diagnosis --unit A --sequence "$demo" --out a
-refused "'1e300': expected a time from 0.1s to 3600s" segment a --out s --min-rest 1e300s
+refused "'1e300s': expected a time from 0.1s to 3600s" segment a --out s --min-rest 1e300s
 refused "'1e-9': expected a number from 1 to 1000000000000" segment a --out s --threshold 1e-9
 refused 'no stretch of 100 s stays below the threshold 2' segment a --out s --threshold 2 --min-rest 100s
 refused "--unit 'B': expected 'A', whose run this is" resume a --unit B
