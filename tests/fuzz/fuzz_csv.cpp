@@ -32,7 +32,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   CsvMap map = maps[which % 2];
   if (which == 2) {
     const ColumnSource source = columns_of_text(std::string(input.text()), "fuzz");
-    const auto proposal = propose_map(source, {9.8, 30.0, "F"});
+    const auto proposal = propose_map(source, {.gravity_mps2 = 9.8, .latitude_deg = 30.0, .unit_serial = "F"});
     if (!fuzz::taken(proposal)) return 0;
     auto proposed = parse_csv_map(proposal->text, "proposal");
     if (!fuzz::taken(proposed)) return 0;
