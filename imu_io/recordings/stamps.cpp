@@ -423,7 +423,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
 
 IncrementsChoice choose_increments(std::span<const double> times_s, const StampModel& model) {
   constexpr std::size_t fewest = 40, parts = 16;
-  const std::size_t n = times_s.size();
+  const std::size_t n = times_s.size(), each = n / parts;
   if (n < fewest) return {false, "too few rows to tell whether the stamps jitter"};
   if (!(model.period > 0.0)) return {false, "the times do not grow"};
   std::vector<double> ahead(n, 0.0);
@@ -448,10 +448,10 @@ IncrementsChoice choose_increments(std::span<const double> times_s, const StampM
   const double resolution = resolution_of(times_s, model.period);
   const double growth = jitter > 1e-9 * model.period ? scatter(far) / std::max(scatter(1), resolution) : 0.0;
   // Of the rate from a sixteenth to the next, by the means of both.
-  const auto rows = double(n / parts);
+  const auto rows = double(each);
   std::vector<double> means, rates;
   for (std::size_t part = 0; part < parts; ++part) {
-    const std::span<const double> rows_of = std::span(ahead).subspan(part * (n / parts), n / parts);
+    const std::span<const double> rows_of = std::span(ahead).subspan(part * each, each);
     means.push_back(std::accumulate(rows_of.begin(), rows_of.end(), 0.0) / rows);
     if (part > 0) rates.push_back((means[part] - means[part - 1]) / (rows * model.period));
   }
