@@ -17,6 +17,7 @@ set(begun_first until_sigma resume diagnosis_faults fleet_diagnosis rest_diagnos
 function(turncal_add_tests target)
   string(REPLACE "test_" "" folder ${target})
   set(known "")
+  set(all "")
   foreach(file ${ARGN})
     get_filename_component(name ${file} NAME_WE)
     string(REGEX REPLACE "_test$" "" name ${name})

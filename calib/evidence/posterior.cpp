@@ -347,7 +347,7 @@ std::size_t averaged_models(const Posterior& posterior) {
 
 namespace {
 
-// Is a term that is off by so much of itself in every piece still its formula, and still driven by its driver?
+// Is a term more likely than not exact enough to be its formula?
 bool is_formula(const Term& term, const ModelTerm& t) { return term.kind == TermKind::effect && t.formula >= 0.5; }
 
 }  // namespace

@@ -316,8 +316,8 @@ Functions steps_of(const Epochs& e) {
     f.kernels.push_back({Driver::time, step, 1.0 / double(e.fitted)});
   }
   if (e.turn == e.number) return f;
-  const auto after_each = e.turn.rowwise().replicate(n).array() == e.turn.transpose().colwise().replicate(n).array();
-  f.kernels.push_back({Driver::turns, factor(after_each.cast<double>(), 1e-3)});
+  const MatrixXd after_each = (differences(e.turn.cast<double>()).array() == 0.0).cast<double>();
+  f.kernels.push_back({Driver::turns, factor(after_each, 1e-3)});
   f.kernels.push_back({Driver::turns, walk_of(e.turn)});
   return f;
 }

@@ -432,8 +432,8 @@ class Importer {
     result_.jitter_s = std::sqrt(std::max(0.0, squares / count - period * period));
     if (!measured()) {
       period = stamps().period;
-      const double passed = times_.back() - times_.front(), counted = double(periods) * period;
-      if (std::abs(counted - passed) > (16.0 + 4.0 * stamps().scatter) * period + steady_rate * passed)
+      const double passed = times_.back() - times_.front(), counted = double(periods) * period, late_periods = 16.0;
+      if (std::abs(counted - passed) > (late_periods + 4.0 * stamps().scatter) * period + steady_rate * passed)
         return input_error(
             "{}: {:.6g} s by the stamps, and {:.6g} s by rows and gaps: expected "
             "time.increments = intervals, or rate_hz in place of time.column",

@@ -87,7 +87,7 @@ struct Drawing {
   std::vector<Key> legend = {};
   std::string caption = {};
 };
-// Panels beside one another are drawings of their own, so that a narrow page can put them below one another; whole: they stay one.
+// Panels beside one another are drawings of their own, so that a narrow page can put them below one another; whole: one, with a legend.
 Drawing draw(const Figure& figure, bool whole = false);
 
 // All of them by one gnuplot, embeddable, in order.
