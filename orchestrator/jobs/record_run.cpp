@@ -288,7 +288,6 @@ RunEnd record_run(Run& run, RunDevices& devices, CommandContext& context) {
   const double began_s = monotonic_s();
   RunView view(run, devices.prompts, context);
   TRY(view.open_page(run.request.session.listen));
-  const StopSignals signals{FirstInterrupt::pauses};
   std::deque<RecordingSink> recordings;
   std::deque<FirstStepCheck> checks;
   std::vector<StationUnit> units;

@@ -255,7 +255,6 @@ RunEnd conclude(RunEnd end, Run& run, CommandContext& context) {
 
 // Everything is recorded: no device is needed any more.
 RunEnd finish_sealed(Run& run, const JournalContents& contents, CommandContext& context) {
-  const StopSignals signals(FirstInterrupt::pauses);  // as in a run that has recorded all: it finishes
   const double began_s = monotonic_s();
   for (RunUnit& unit : run.units) unit.ended_utc_s = contents.seal_utc_s.value_or(0.0);
   TRY(read_sealed_recordings(run, contents));
@@ -465,6 +464,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
   const double utc_s = devices->devices().clock.utc_s();
   if (Status status = look_ahead(plan, folder_path, utc_s); !status) return refused(plan, status.error(), context);
 
+  const StopSignals signals(FirstInterrupt::pauses);  // from here on others see the run, and can pause it
   auto limit = limit_storage(folder_path, "run", context);
   Result<OutputFolder> folder = OutputFolder::prepare(
       folder_path,
@@ -497,6 +497,7 @@ RunEnd begin_run(const RunRequest& request, const std::string& folder_path, Comm
 RunEnd resume_run(const std::string& folder, const RunRequest& now, CommandContext& context) {
   const std::string path = folder + "/" + journal_name;
   if (!path_exists(path)) return input_error(folder + ": holds no " + journal_name + ": expected the folder of a run");
+  const StopSignals signals(FirstInterrupt::pauses);     // from here on others see the run, and can pause it
   JournalFile journal = TRY(JournalFile::reopen(path));  // its lock: nobody else goes on with this run
   const LockFile held = TRY(hold_folder(folder));
   const JournalContents contents = TRY(read_journal(path));

@@ -407,6 +407,15 @@ TEST_F(Serve, AnAlertThatFailsHoldsNobodyUpAndIsShown) {
   EXPECT_EQ(std::ranges::count(file_text(path("heard")), '\n'), 1);
 }
 
+TEST_F(Serve, WhoSeesARunCanEndIt) {
+  write("queue", "SN1\n");
+  const pid_t batch = start_batch("30");
+  for (const double began_s = monotonic_s(); look().state != StationState::running && monotonic_s() - began_s < 30.0;) {
+  }
+  ::kill(batch, SIGTERM);
+  EXPECT_EQ(finish_batch(batch).code, 75);
+}
+
 TEST_F(Serve, SaysARunThatWritesNothing) {
   write("queue", "SN1\n");
   const pid_t batch = start_batch("30");
