@@ -463,7 +463,7 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
   }
   // Side by side, products of many columns cost little more than those of one. Transposed: a row a column.
   MatrixXd later = MatrixXd::Zero(all, states_), next(all, states_);
-  VectorXd from_later;
+  VectorXd beside(all);
   for (std::size_t a = links_.size(); a-- > 0;) {
     const Link& link = links_[a];
     const Eigen::Index row = piece_dims * Eigen::Index(a);
@@ -472,18 +472,18 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
     for (std::size_t k = 0; k < weights.size(); at += columns(k), ++k) {
       const Eigen::Index n = columns(k), m = weights[k].mine;
       if (n == 0) continue;
+      const auto of = weights[k].of();
       const std::size_t begin = weights[k].begin[a], end = weights[k].begin[a + 1];
       for (std::size_t i = begin; i < end; ++i) {
         const Eigen::Index d = weights[k].rows[i] - row, first = weights[k].first[i];
-        const auto w = weights[k].of().col(Eigen::Index(i));
-        auto mine = result[k].Q.middleCols(first, m);
+        const auto w = of.col(Eigen::Index(i));
+        auto with = beside.head(n);
+        with.noalias() = later.middleRows(at, n).lazyProduct(link.E.col(d));
         for (std::size_t j = begin; j <= i; ++j)
-          mine.middleRows(weights[k].first[j], m).noalias() +=
-              ((j < i ? 1.0 : 0.5) * link.I(weights[k].rows[j] - row, d) * weights[k].of().col(Eigen::Index(j))) *
-              w.transpose();
-        from_later.noalias() = later.middleRows(at, n) * link.E.col(d);
-        mine.noalias() += from_later * w.transpose();
-        next.middleRows(at + first, m).noalias() += w * link.G.col(d).transpose();
+          with.segment(weights[k].first[j], m) +=
+              ((j < i ? 1.0 : 0.5) * link.I(weights[k].rows[j] - row, d)) * of.col(Eigen::Index(j));
+        for (Eigen::Index c = 0; c < m; ++c) result[k].Q.col(first + c) += w[c] * with;
+        next.middleRows(at + first, m).noalias() += w.lazyProduct(link.G.col(d).transpose());
       }
     }
     later.swap(next);

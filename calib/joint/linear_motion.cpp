@@ -178,16 +178,15 @@ BlockMotion LinearMotion::block_motion(std::size_t index) {
 void LinearMotion::move_columns(const Block& block, const BlockMotion& motion, const Matrix3d& turn_n,
                                 LinearInterval& interval) {
   const double t = block.duration_s;
-  parameter_columns(block, motion, model_, unit_, base_);
+  differentiate(block, motion, model_, unit_, interval.still, base_);
   const Matrix3d to_n = linear_C_nb_.transpose();
   const Matrix3d rotate = (linear_C_nb_ * left_jacobian(motion.rotation)).transpose();
   interval.B_v.col(0) -= t * gravity_ * interval.B_psi.col(2);  // F psi = g (psi_E, 0, -psi_N)
   interval.B_v.col(2) += t * gravity_ * interval.B_psi.col(0);
   before_.swap(interval.B_psi);
   set_product(before_, turn_n.transpose(), interval.B_psi);
-  const ParameterRows turned = base_.rotation.transpose(), pushed = base_.velocity.transpose();
-  add_product(turned, rotate, interval.B_psi.topRows<parameter_count>());
-  add_product(pushed, to_n, interval.B_v.topRows<parameter_count>());
+  add_product(base_.rotation, rotate, interval.B_psi.topRows<BlockDerivatives::turning>());
+  add_product(base_.velocity, to_n, interval.B_v.topRows<parameter_count>());
   const int n = effects_.columns;
   if (n == 0) return;
   const Matrix3d psi_turned = -t * rotate;
@@ -200,9 +199,8 @@ void LinearMotion::move_columns(const Block& block, const BlockMotion& motion, c
 
 // And to the mean velocity over a block at rest, which move_columns() has seen.
 void LinearMotion::mean_columns(const BlockMotion& motion, const Matrix3d& to_n, double t, LinearInterval& interval) {
-  const ParameterRows mean = base_.mean_velocity.transpose();
   interval.D.resize(p_, 3);
-  set_product(mean, to_n, interval.D.topRows<parameter_count>());
+  set_product(base_.mean_velocity, to_n, interval.D.topRows<parameter_count>());
   const int n = effects_.columns;
   if (n == 0) return;
   const Matrix3d by_turned = t / -6.0 * skew(motion.velocity) * to_n;

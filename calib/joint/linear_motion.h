@@ -213,8 +213,7 @@ class LinearMotion {
   Eigen::Matrix3d turn_n_ = Eigen::Matrix3d::Identity();  // over so long
   Columns before_;                                        // B_psi before the block
   Columns turned_, pushed_;  // what one unit of each effect turns and pushes a second in the block, body frame
-  using ParameterRows = Eigen::Matrix<double, parameter_count, 3>;
-  BlockColumns base_;
+  BlockDerivatives base_;
   EffectRegressors regressors_;
   double last_rotation_end_s_ = -1e9;
 };

@@ -211,7 +211,7 @@ class Builder {
   Matrix3d navigate(const RestLeg& leg, const RestState& from, Matrix3Xd& turns) {
     Matrix3d C = Matrix3d::Identity();
     turns.setZero(3, p_);
-    BlockColumns base;
+    BlockDerivatives base;
     const auto& indices = free_parameters();
     const std::vector<Block>& blocks = recording_.blocks;
     const auto rate = [&](std::size_t k) -> Vector3d {
@@ -232,10 +232,10 @@ class Builder {
         motion.rotation -= regressors_.gyro * effects_.values * t;
       }
       if (p_ > 0) {
-        parameter_columns(block, motion, model_, unit_, base);
+        differentiate(block, motion, model_, unit_, false, base);
         const Matrix3d turn = C * left_jacobian(motion.rotation);
         Eigen::Matrix<double, 3, rest_parameter_count> free;
-        for (int c = 0; c < rest_parameter_count; ++c) free.col(c) = base.rotation.col(indices[c]);
+        for (int c = 0; c < rest_parameter_count; ++c) free.col(c) = base.rotation.row(indices[c]).transpose();
         turns.leftCols<rest_parameter_count>().noalias() += turn * free;
         if (effects_.columns > 0) turns.rightCols(effects_.columns).noalias() -= (t * turn) * regressors_.gyro;
       }

@@ -52,72 +52,52 @@ BlockMotion evaluate(const Block& block, const SensorModel& m, double period_s) 
   return motion;
 }
 
-void parameter_columns(const Block& block, const BlockMotion& motion, const SensorModel& m, const ParameterVector& unit,
-                       BlockColumns& columns) {
+void differentiate(const Block& block, const BlockMotion& motion, const SensorModel& m, const ParameterVector& unit,
+                   bool mean_velocity, BlockDerivatives& by_parameters) {
+  using Eigen::Matrix3d, Eigen::Vector3d;
   const double t = block.duration_s;
-  const Eigen::Vector3d& r = motion.rotation;
-  const Eigen::Vector3d dv = m.accel_scale * block.accel - m.accel_bias_mps2 * t;
-  const Eigen::Vector3d r_cross_dv = r.cross(dv);
-  const Eigen::Matrix3d r_skew = skew(r);
-  const Eigen::Matrix3d accel_sum = m.accel_scale * block.sculling.transpose();  // A S'
-  const Eigen::Matrix3d gyro_sum = m.gyro_scale * block.sculling;                // G S
+  const Vector3d& r = motion.rotation;
+  const Vector3d dv = m.accel_scale * block.accel - m.accel_bias_mps2 * t;
+  const Matrix3d accel_sum = m.accel_scale * block.sculling.transpose();  // A S'
+  const Matrix3d gyro_sum = m.gyro_scale * block.sculling;                // G S
   // First moments, through which a bias meets the increments of the other triad (see evaluate).
-  const Eigen::Vector3d& b = m.gyro_bias_radps;
-  const Eigen::Vector3d& f0 = m.accel_bias_mps2;
-  const Eigen::Vector3d gyro_middle = block.gyro * t - block.gyro_time;
-  const Eigen::Vector3d middle = m.gyro_scale * gyro_middle;
-  const Eigen::Vector3d speed_time = m.accel_scale * block.accel_time - 0.5 * t * t * f0;
-  const Eigen::Vector3d lag = m.gyro_scale * (2.0 * block.gyro_time - t * block.gyro);  // before - prefix of evaluate
-  columns.rotation.setZero();
-  columns.velocity.setZero();
-  columns.mean_velocity.setZero();
+  const Vector3d& b = m.gyro_bias_radps;
+  const Vector3d& f0 = m.accel_bias_mps2;
+  const Vector3d gyro_middle = block.gyro * t - block.gyro_time;
+  const Vector3d middle = m.gyro_scale * gyro_middle;
+  const Vector3d speed_time = m.accel_scale * block.accel_time - 0.5 * t * t * f0;
+  const Vector3d lag = m.gyro_scale * (2.0 * block.gyro_time - t * block.gyro);  // before - prefix of evaluate
 
-  // Of (m/2 - r/12) x (r x dv): by a change of m, of r, of dv.
-  const Eigen::Vector3d u = third_order_angle(middle / t - 0.5 * t * b, r);
-  const Eigen::Matrix3d third_order_mean = -0.5 * skew(r_cross_dv);
-  const Eigen::Matrix3d third_order = skew(r_cross_dv) / 12.0 - skew(u) * skew(dv);
-  const Eigen::Matrix3d third_order_push = skew(u) * r_skew;
-  const Eigen::Matrix3d turned_mean = skew(dv) / -6.0;  // dr x dv / 6
-  for (int axis = 0; axis < 3; ++axis) {
-    const Eigen::Vector3d e = Eigen::Vector3d::Unit(axis);
-    // gyro bias: turns by -t about the axis, evenly over the block
-    const Eigen::Vector3d turn = -t * e;
-    columns.rotation.col(axis) = unit[axis] * (turn + 0.5 * lag.cross(e));
-    columns.velocity.col(axis) =
-        unit[axis] * (third_order * turn + third_order_mean * (0.5 * turn) - e.cross(speed_time));
-    columns.mean_velocity.col(axis) = unit[axis] * (turned_mean * turn);
-    // accelerometer bias
-    const Eigen::Vector3d push = -t * e;
-    columns.velocity.col(3 + axis) =
-        unit[3 + axis] * (push + (0.5 * t * t * b - middle).cross(e) + third_order_push * push);
-    columns.mean_velocity.col(3 + axis) = unit[3 + axis] * (0.5 * push + r.cross(push) / 6.0);
-  }
-  for (int i = 0; i < 3; ++i) {
-    const Eigen::Vector3d e_i = Eigen::Vector3d::Unit(i);
-    const int k = (i + 1) % 3;
-    const int l = (i + 2) % 3;
-    for (int j = 0; j < 3; ++j) {
-      const double mean_turn = gyro_middle[j] / t;  // about axis i
-      const Eigen::Vector3d e_j = Eigen::Vector3d::Unit(j);
-      // gyro scale and misalignment
-      const int g = 6 + 3 * i + j;
-      Eigen::Vector3d turn = e_i * block.gyro[j];
-      const Eigen::Vector3d row_l = m.gyro_scale.row(l);
-      const Eigen::Vector3d row_k = m.gyro_scale.row(k);
-      turn[k] += 0.5 * row_l.cross(e_j).dot(block.coning);
-      turn[l] += 0.5 * e_j.cross(row_k).dot(block.coning);
-      columns.rotation.col(g) = unit[g] * turn;
-      columns.velocity.col(g) = unit[g] * (e_i.cross(accel_sum.col(j) - gyro_middle[j] * f0) + third_order * turn +
-                                           third_order_mean.col(i) * mean_turn);
-      columns.mean_velocity.col(g) = unit[g] * (turned_mean * turn);
-      // accelerometer scale and misalignment
-      const int a = 15 + 3 * i + j;
-      const Eigen::Vector3d push = e_i * block.accel[j];
-      columns.velocity.col(a) =
-          unit[a] * (push + (gyro_sum.col(j) - block.accel_time[j] * b).cross(e_i) + third_order_push * push);
-      const Eigen::Vector3d mean_push = e_i * (block.accel[j] - block.accel_time[j] / t);
-      columns.mean_velocity.col(a) = unit[a] * (mean_push + r.cross(mean_push) / 3.0);
+  // What a turn, a change of the mean angle and a push do to the velocity, and to its mean: of (m/2 - r/12) x (r x dv) by a change of r, m, dv.
+  const Vector3d u = third_order_angle(middle / t - 0.5 * t * b, r);
+  const Matrix3d by_turn = skew(r.cross(dv)) / 12.0 - skew(u) * skew(dv), by_mean_angle = -0.5 * skew(r.cross(dv)),
+                 by_push = Matrix3d::Identity() + skew(u) * skew(r), mean_by_turn = skew(dv) / -6.0;
+  // Of a parameter of each axis, `every` rows from `first` on.
+  const auto set = [&](ParameterRows& of, int first, int every, const Matrix3d& by_axis) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const int row = first + every * axis;
+      of.row(row) = unit[row] * by_axis.col(axis).transpose();
     }
+  };
+  auto& [rotation, velocity, mean] = by_parameters;
+  // A bias of a gyro turns by -t about its axis, evenly over the block.
+  set(rotation, 0, 1, -t * Matrix3d::Identity() + 0.5 * skew(lag));
+  set(velocity, 0, 1, -t * (by_turn + 0.5 * by_mean_angle) + skew(speed_time));
+  set(velocity, 3, 1, -t * by_push + skew(0.5 * t * t * b - middle));
+  if (mean_velocity) {
+    set(mean, 0, 1, -t * mean_by_turn);
+    set(mean, 3, 1, -0.5 * t * Matrix3d::Identity() - t / 6.0 * skew(r));
+  }
+  for (int j = 0; j < 3; ++j) {
+    const Matrix3d turn =
+        block.gyro[j] * Matrix3d::Identity() + skew(m.gyro_scale * (0.5 * Vector3d::Unit(j).cross(block.coning)));
+    set(rotation, 6 + j, 3, turn);
+    set(velocity, 6 + j, 3,
+        by_turn * turn + gyro_middle[j] / t * by_mean_angle - skew(accel_sum.col(j) - gyro_middle[j] * f0));
+    set(velocity, 15 + j, 3, block.accel[j] * by_push + skew(gyro_sum.col(j) - block.accel_time[j] * b));
+    if (!mean_velocity) continue;
+    set(mean, 6 + j, 3, mean_by_turn * turn);
+    set(mean, 15 + j, 3, (block.accel[j] - block.accel_time[j] / t) * (Matrix3d::Identity() + skew(r) / 3.0));
   }
 }
 

@@ -29,17 +29,16 @@ struct BlockMotion {
 };
 BlockMotion evaluate(const Block& block, const SensorModel& model, double period_s);
 
-// Derivatives with respect to the 24 parameters (columns in Table 1 order, per file unit), at the same model:
+// Derivatives with respect to the 24 parameters (rows in Table 1 order, per file unit), at the same model:
 //   d rotation / dG_ij = e_i gyro_j + 1/2 dcof(G)/dG_ij coning,    d rotation / db = -T I,
 //   d velocity / dG_ij = e_i x (A S' e_j) + d third-order,         d velocity / dA_kl = e_k accel_l + (G S e_l) x e_k
-// and the bias terms of evaluate() likewise. mean_velocity is good at rest only.
-using Columns3 = Eigen::Matrix<double, 3, parameter_count>;
-struct BlockColumns {
-  Columns3 rotation;
-  Columns3 velocity;
-  Columns3 mean_velocity;
+// and the bias terms of evaluate() likewise. mean_velocity is good at rest only, and made only where it is asked for.
+using ParameterRows = Eigen::Matrix<double, parameter_count, 3>;
+struct BlockDerivatives {
+  static constexpr int turning = 15;  // rotation: of those that come first; the accelerometers' do nothing to it
+  ParameterRows rotation = ParameterRows::Zero(), velocity, mean_velocity;
 };
-void parameter_columns(const Block& block, const BlockMotion& motion, const SensorModel& model,
-                       const ParameterVector& si_per_unit, BlockColumns& columns);
+void differentiate(const Block& block, const BlockMotion& motion, const SensorModel& model,
+                   const ParameterVector& si_per_unit, bool mean_velocity, BlockDerivatives& by_parameters);
 
 }  // namespace turncal

@@ -101,20 +101,28 @@ void add_temperature_rates(CompressedRecording& recording) {
   constexpr double half_s = 60.0;
   std::vector<Block>& blocks = recording.blocks;
   if (blocks.size() < 3 || std::isnan(blocks.front().temperature_c)) return;
-  std::vector<double> middle_s;
-  for (const Block& block : blocks) middle_s.push_back(recording.middle_s(block));
+  const auto middle_s = [&](std::size_t k) { return recording.middle_s(blocks[k]); };
+  const double last_s = middle_s(blocks.size() - 1) - half_s;
+  // Over [first, end) and about the middle of block k: durations times powers of u, and those times the temperature.
+  double m[5] = {};
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
   std::size_t first = 0, end = 0;
   for (std::size_t k = 0; k < blocks.size(); ++k) {
-    const double about_s = std::max(std::min(middle_s[k], middle_s.back() - half_s), half_s);
-    while (end < blocks.size() && middle_s[end] <= about_s + half_s) ++end;
-    while (first + 3 < end && middle_s[first] < about_s - half_s) ++first;
-    double m[5] = {};  // moments: durations times powers of u
-    Eigen::Vector3d right = Eigen::Vector3d::Zero();
-    for (std::size_t i = first; i < std::max(end, std::min(first + 3, blocks.size())); ++i) {
-      const double u = (middle_s[i] - middle_s[k]) / half_s, u2 = u * u, t = blocks[i].duration_s;
+    const double at_s = middle_s(k), about_s = std::max(std::min(at_s, last_s), half_s);
+    const auto take = [&](std::size_t i, double sign) {
+      const double u = (middle_s(i) - at_s) / half_s, u2 = u * u, t = sign * blocks[i].duration_s;
       m[0] += t, m[1] += t * u, m[2] += t * u2, m[3] += t * u2 * u, m[4] += t * u2 * u2;
-      right += t * (blocks[i].temperature_c - blocks[k].temperature_c) * Eigen::Vector3d(1.0, u, u2);
+      right += t * (blocks[i].temperature_c - blocks.front().temperature_c) * Eigen::Vector3d(1.0, u, u2);
+    };
+    if (k > 0) {  // moved on
+      const double d = (middle_s(k - 1) - at_s) / half_s;
+      for (int times = 1; times <= 4; ++times)
+        for (int p = 4; p >= times; --p) m[p] += d * m[p - 1];
+      for (int times = 1; times <= 2; ++times)
+        for (int p = 2; p >= times; --p) right[p] += d * right[p - 1];
     }
+    while (end < blocks.size() && (end < 3 || middle_s(end) <= about_s + half_s)) take(end++, 1.0);
+    while (first + 3 < end && middle_s(first) < about_s - half_s) take(first++, -1.0);
     const Eigen::Matrix3d normal{{m[0], m[1], m[2]}, {m[1], m[2], m[3]}, {m[2], m[3], m[4]}};
     blocks[k].temperature_rate_c_per_h = float(normal.ldlt().solve(right)[1] / half_s * 3600.0);
   }

@@ -1,6 +1,7 @@
 #include "imu_io/recordings/csv_map_import.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <span>
@@ -102,6 +103,39 @@ void mark_clipped(ImuSample& sample, int axis) { sample.flags |= gyro_clipped_fl
 Eigen::Vector3d three_of(const NumberTable& table, std::size_t row, std::size_t first, std::size_t step) {
   return {table.columns[first][row], table.columns[first + step][row], table.columns[first + 2 * step][row]};
 }
+
+// Samples of an even clock, out of increments over intervals of any length: of each period their integral, even within an interval.
+class EvenGrid {
+ public:
+  // From begin_s to end_s; of each period that is whole by then `emit(sample)`. Of one of which a part is not known there is none.
+  template <class Emit>
+  Status add(const ImuSample& row, double begin_s, double end_s, double period_s, Emit emit) {
+    const double within = 1e-6;  // of a period
+    if (begin_s > known_s_ + within * period_s) {
+      at_ = std::int64_t(std::ceil(begin_s / period_s - within));
+      known_s_ = double(at_) * period_s;
+      sum_ = {};
+    }
+    for (;; ++at_, sum_ = {}) {
+      const double whole_s = double(at_ + 1) * period_s,
+                   to_s = std::clamp(whole_s, known_s_, std::max(known_s_, end_s));
+      const double part = (to_s - known_s_) / (end_s - begin_s);
+      for (std::size_t channel = 0; channel < 6; ++channel)
+        channel_of(sum_, channel) += part * channel_of(row, channel);
+      if (part > within) sum_.flags |= row.flags;
+      known_s_ = to_s;
+      if (end_s < whole_s - within * period_s) return {};
+      sum_.counter = at_ + 1;
+      sum_.temperature_c = row.temperature_c;
+      TRY(emit(sum_));
+    }
+  }
+
+ private:
+  std::int64_t at_ = 0;
+  double known_s_ = -std::numeric_limits<double>::infinity();
+  ImuSample sum_;
+};
 
 // Twice through the rows: for the stamps, and for the samples; once more for rows that were written twice, where stamps repeat.
 class Importer {
@@ -400,10 +434,20 @@ class Importer {
     }
     std::vector<StampGap> found;
     if (measured() && (result_.chosen.empty() || !stamps().adds_up)) {
+      constexpr std::size_t near = 8;  // rows: the rate may have changed
       std::vector<double> intervals = intervals_of(times_, times_.size());
       const double usual = median(intervals);
-      for (std::size_t k = 1; k < rows_; ++k)
-        if (times_[k] - times_[k - 1] > map_.gap * usual) found.push_back({k, 2});
+      const auto usual_from = [&](std::size_t first) {
+        std::array<double, near> some{};
+        for (std::size_t i = 0; i < near; ++i) some[i] = times_[first + i + 1] - times_[first + i];
+        return median(some);
+      };
+      for (std::size_t k = 1; k < rows_; ++k) {
+        const double shortest = (times_[k] - times_[k - 1]) / map_.gap;  // that is no gap
+        if (shortest > usual && !(k > near && shortest <= usual_from(k - 1 - near)) &&
+            !(k + near < rows_ && shortest <= usual_from(k)))
+          found.push_back({k, 2});
+      }
     } else {
       if (!measured() && !stamps().sure)
         return input_error(
@@ -447,7 +491,7 @@ class Importer {
     return {};
   }
 
-  // Of a row: the sample that it becomes, unless it is dropped.
+  // Of a row: the sample that it becomes, or its part of those of an even clock, unless it is dropped.
   Status add_sample(const Row& row, const Eigen::Vector3d& accel, std::int64_t counter, double dt) {
     const auto saturated = [](const CsvTriad& triad, double x) {
       return x <= triad.range_low || x >= triad.range_high;
@@ -458,7 +502,8 @@ class Importer {
              (triad.is_rate ? dt : 1.0);
     };
     ImuSample sample;
-    sample.counter = std::int64_t(written_ + samples_.size());
+    const auto number = std::int64_t(written_ + samples_.size());
+    sample.counter = measured() ? std::ssize(sample_of_) : number;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const int from = map_.gyro.axes.from[axis];
       sample.gyro[axis] = row.gyro[from] - map_.gyro.offset[std::size_t(from)];
@@ -469,6 +514,7 @@ class Importer {
       if (saturated(map_.gyro, row.gyro[map_.gyro.axes.from[axis]])) mark_clipped(sample, int(axis));
     if (sample.flags != 0 || dropped) ++result_.saturated;
     if (dropped) return {};
+    if (measured()) sample_of_.push_back(number);
     sample.counter = counter;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       sample.gyro[axis] = increment(map_.gyro, row.gyro, axis);
@@ -476,9 +522,14 @@ class Importer {
     }
     sample.temperature_c = float(row.temperature);
     result_.info.has_temperature = result_.info.has_temperature || !std::isnan(row.temperature);
-    samples_.push_back(sample);
-    constexpr std::size_t enough = 4096;
-    return samples_.size() < enough ? Status() : hand_over();
+    const auto keep = [this](const ImuSample& whole) {
+      constexpr std::size_t enough = 4096;
+      samples_.push_back(whole);
+      return samples_.size() < enough ? Status() : hand_over();
+    };
+    if (!measured()) return keep(sample);
+    const double end_s = row.time + went_on_s_;
+    return grid_.add(sample, end_s - dt, end_s, result_.info.sample_period_s, keep);
   }
 
   Status hand_over() {
@@ -495,14 +546,24 @@ class Importer {
     double before_s = 0.0;
     TRY(each_row([&](std::size_t k, const Row& row) -> Status {
       const bool is_gap = at < gaps_.size() && gaps_[at].row == k;
-      counter += k == 0 ? 0 : is_gap ? gaps_[at++].periods : 1;
-      const bool is_measured = timed() && measured() && k > 0 && !is_gap;
-      const double dt = is_measured ? row.time - before_s : period;
+      const std::int64_t periods = k == 0 ? 0 : is_gap ? gaps_[at++].periods : 1;
+      counter += periods;
+      if (is_gap)
+        went_on_s_ +=
+            double(periods - std::max<std::int64_t>(1, std::llround((row.time - before_s) / period))) * period;
+      const double dt = measured() && k > 0 && !is_gap ? row.time - before_s : period;
       before_s = row.time;
       return add_sample(row, accel_.empty() ? row.accel : accel_[k], counter, dt);
     }));
-    result_.clipped_runs = clipping_.finish();
     TRY(hand_over());
+    result_.clipped_runs = clipping_.finish();
+    if (measured())
+      for (DataEvent& run : result_.clipped_runs) {  // rows, so far
+        const std::int64_t after = run.sample + run.count;
+        run.sample = sample_of_[std::size_t(run.sample)];
+        run.count =
+            (after < std::ssize(sample_of_) ? sample_of_[std::size_t(after)] : std::int64_t(written_)) - run.sample;
+      }
     return written_ > 0
                ? Status()
                : input_error(source_.file_name + ": every row is saturated; look at gyro.range and accel.range");
@@ -523,8 +584,11 @@ class Importer {
   std::vector<bool> out_;               // of each row that was read, whether it is left out
   std::vector<Eigen::Vector3d> accel_;  // of a file of their own
   std::optional<StampModel> stamps_;
-  std::vector<StampGap> gaps_;  // periods before a row, where they are more than one
-  ClippingFinder clipping_;     // on the numbers of the file, which repeat themselves whatever the intervals are
+  std::vector<StampGap> gaps_;           // periods before a row, where they are more than one
+  EvenGrid grid_;                        // of measured()
+  double went_on_s_ = 0.0;               // the sampling, while the stamps did not
+  std::vector<std::int64_t> sample_of_;  // the one that a row begins in
+  ClippingFinder clipping_;  // on the numbers of the file, which repeat themselves whatever the intervals are
   CsvImport result_;
 };
 

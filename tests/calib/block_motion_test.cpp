@@ -1,4 +1,4 @@
-// evaluate() against integration of the motion in steps of 50 us, and parameter_columns() against central differences
+// evaluate() against integration of the motion in steps of 50 us, and differentiate() against central differences
 // of evaluate(). The integration and the checker of derivatives share nothing with the code they check.
 #include "calib/statistics/block_motion.h"
 
@@ -219,19 +219,20 @@ struct Worst {
 };
 
 // Columns against central differences of evaluate(), each column in its own unit.
-Worst check_columns(const Block& block, const Parameters& parameters, const BlockColumns& columns, bool with_mean) {
+Worst check_columns(const Block& block, const Parameters& parameters, const BlockDerivatives& columns, bool with_mean) {
   const RecordingInfo info = pulses_info();
   const ParameterVector base = to_vector(parameters);
   Worst worst;
-  const auto compare = [&](const Columns3& analytic, const Columns3& numeric, int first, int last, const char* what) {
-    const double size = numeric.middleCols(first, last - first).colwise().norm().maxCoeff();
+  const auto compare = [&](const ParameterRows& analytic, const ParameterRows& numeric, int first, int last,
+                           const char* what) {
+    const double size = numeric.middleRows(first, last - first).rowwise().norm().maxCoeff();
     if (size == 0.0) return;
     for (int k = first; k < last; ++k) {
-      const double difference = (analytic.col(k) - numeric.col(k)).norm() / size;
+      const double difference = (analytic.row(k) - numeric.row(k)).norm() / size;
       if (difference > worst.difference) worst = {difference, k, what};
     }
   };
-  Columns3 rotation, velocity, mean;
+  ParameterRows rotation, velocity, mean;
   for (int k = 0; k < parameter_count; ++k) {
     const double h = k < 3 ? 100.0 : 1e-3;  // deg/h; g, arcsec a pulse, m/s a pulse: evaluate() is nearly linear in all
     ParameterVector above = base, below = base;
@@ -239,9 +240,9 @@ Worst check_columns(const Block& block, const Parameters& parameters, const Bloc
     below[k] -= h;
     const BlockMotion high = evaluate(block, sensor_model(from_vector(above), info), dt);
     const BlockMotion low = evaluate(block, sensor_model(from_vector(below), info), dt);
-    rotation.col(k) = (high.rotation - low.rotation) / (2.0 * h);
-    velocity.col(k) = (high.velocity - low.velocity) / (2.0 * h);
-    mean.col(k) = (high.mean_velocity - low.mean_velocity) / (2.0 * h);
+    rotation.row(k) = (high.rotation - low.rotation).transpose() / (2.0 * h);
+    velocity.row(k) = (high.velocity - low.velocity).transpose() / (2.0 * h);
+    mean.row(k) = (high.mean_velocity - low.mean_velocity).transpose() / (2.0 * h);
   }
   // N0, A0, n, a apart: their units have nothing to do with one another
   for (const auto& [first, last] : {std::pair{0, 3}, {3, 6}, {6, 15}, {15, 24}}) {
@@ -252,10 +253,10 @@ Worst check_columns(const Block& block, const Parameters& parameters, const Bloc
   return worst;
 }
 
-BlockColumns columns_of(const Block& block, const Parameters& parameters) {
+BlockDerivatives columns_of(const Block& block, const Parameters& parameters) {
   const SensorModel model = sensor_model(parameters, pulses_info());
-  BlockColumns columns;
-  parameter_columns(block, evaluate(block, model, dt), model, si_per_unit(pulses_info()), columns);
+  BlockDerivatives columns;
+  differentiate(block, evaluate(block, model, dt), model, si_per_unit(pulses_info()), true, columns);
   return columns;
 }
 
@@ -278,22 +279,22 @@ TEST(ParameterColumns, AgreeWithCentralDifferences) {
 TEST(ParameterColumns, AWrongColumnIsCaught) {
   const MotionCase turn = cases()[1];
   const Block block = one_block(counts(turn.w, turn.f, turn.samples, sensor_model(wrong_unit(), pulses_info())));
-  const BlockColumns good = columns_of(block, wrong_unit());
+  const BlockDerivatives good = columns_of(block, wrong_unit());
   for (int k = 0; k < parameter_count; ++k) {
-    BlockColumns bad = good;
-    bad.velocity.col(k) *= -1.0;
+    BlockDerivatives bad = good;
+    bad.velocity.row(k) *= -1.0;
     const Worst flipped = check_columns(block, wrong_unit(), bad, false);
     EXPECT_GT(flipped.difference, 1e-3) << "sign of velocity column " << parameter_keys[k];
     EXPECT_EQ(flipped.column, k);
   }
   for (int k = 6; k < 15; ++k) {
-    BlockColumns bad = good;
-    bad.rotation.col(k) *= 1.01;
+    BlockDerivatives bad = good;
+    bad.rotation.row(k) *= 1.01;
     EXPECT_GT(check_columns(block, wrong_unit(), bad, false).difference, 1e-3)
         << "size of rotation column " << parameter_keys[k];
   }
-  BlockColumns transposed = good;  // n12 for n21
-  transposed.rotation.col(7).swap(transposed.rotation.col(9));
+  BlockDerivatives transposed = good;  // n12 for n21
+  transposed.rotation.row(7).swap(transposed.rotation.row(9));
   EXPECT_GT(check_columns(block, wrong_unit(), transposed, false).difference, 0.1);
 }
 

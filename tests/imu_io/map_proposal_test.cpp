@@ -315,13 +315,25 @@ TEST(Increments, WhatTheyAreWorth) {
   };
   EXPECT_SAYS(even.chosen, "time.increments = period");
   EXPECT_LT(noise(even), 1e-4);        // what the mean period is off by
-  EXPECT_GT(noise(as_stamped), 0.01);  // 9.8 m/s^2 times 1.4 ms
+  EXPECT_LT(noise(as_stamped), 1e-4);  // a force that stays is the same in every sample
   EXPECT_EQ(even.gaps, 1);
   const CsvImport real = import(Stamps::walking, "", angle),
                   evened = import(Stamps::walking, "time.increments = period\n", angle);
   EXPECT_SAYS(real.chosen, "time.increments = intervals");
   EXPECT_LT(std::abs(turn(real) - angle), 6.0 * 0.01 * 5.0);  // what was turned in the gap, at most 5 rad/s, is nowhere
   EXPECT_GT(std::abs(turn(evened) - turn(real)), 1e-3);
+}
+
+// A recording has one period: what is read at 100 Hz, and then at 50 Hz, becomes samples of an even clock.
+TEST(Increments, ARateThatChanges) {
+  std::string csv;
+  for (int k = 0; k < 1500; ++k) csv += fmt::format("{:.2f},0.5,0,0,0,0,9.8\n", k < 1000 ? 0.01 * k : 0.02 * k - 10.0);
+  const CsvImport content = expect_value(import_text(numbered_map(""), csv));
+  EXPECT_SAYS(content.chosen, "time.increments = intervals");
+  EXPECT_LE(content.gaps, 1);  // where it changes
+  const double period_s = content.info.sample_period_s;
+  for (const ImuSample& sample : content.samples) ASSERT_NEAR(sample.accel[2], 9.8 * period_s, 1e-9);
+  EXPECT_NEAR(double(content.samples.back().counter) * period_s, 19.98, period_s);
 }
 
 // What a logger does to the stamps of an even 200 Hz sensor; three gaps of 3 periods are true.
