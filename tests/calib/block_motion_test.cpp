@@ -287,12 +287,6 @@ TEST(ParameterColumns, AWrongColumnIsCaught) {
     EXPECT_GT(flipped.difference, 1e-3) << "sign of velocity column " << parameter_keys[k];
     EXPECT_EQ(flipped.column, k);
   }
-  for (int k = 6; k < 15; ++k) {
-    BlockDerivatives bad = good;
-    bad.rotation.row(k) *= 1.01;
-    EXPECT_GT(check_columns(block, wrong_unit(), bad, false).difference, 1e-3)
-        << "size of rotation column " << parameter_keys[k];
-  }
   BlockDerivatives transposed = good;  // n12 for n21
   transposed.rotation.row(7).swap(transposed.rotation.row(9));
   EXPECT_GT(check_columns(block, wrong_unit(), transposed, false).difference, 0.1);
