@@ -5,6 +5,7 @@
 #include <limits>
 #include <tuple>
 
+#include "calib/joint/linear_motion.h"
 #include "calib/joint/several_recordings.h"
 #include "calib/model/limits.h"
 #include "calib/statistics/clipping.h"
@@ -411,6 +412,28 @@ class JointRun {
 };
 
 }  // namespace
+
+Eigen::MatrixXd response_to_temperature(const CompressedRecording& recording, const JointResult& fit) {
+  FilterSetup setup = fit.setup;
+  setup.with_columns = true;
+  const CompressedRecording coarse = coarser(recording, coarseness_of_scores, setup);
+  const EffectModel no_effects = make_effect_model({}, {}, 0.0);
+  LinearMotion motion(coarse, fit.parameters, no_effects, setup, {true, {walk_noise(setup.noise)}});
+  std::vector<LinearInterval> intervals;
+  for (LinearInterval interval; motion.next(interval);) {  // behind each parameter's column the same times T - mean
+    const double off = double(coarse.blocks[interval.block].temperature_c) - recording.mean_temperature_c;
+    LinearInterval& both = intervals.emplace_back(interval);
+    for (Columns* const of : {&both.B_psi, &both.B_v, &both.D})
+      *of = (Columns(2 * of->rows(), 3) << *of, (std::isnan(off) ? 0.0 : off) * *of).finished();
+  }
+  std::vector<int> keys = fit.free;
+  std::erase_if(keys, [&](int key) { return key >= parameter_count || !fit.determined[key]; });
+  const Eigen::MatrixXd A = run_filter(intervals, setup, {1.0}).information;
+  Eigen::MatrixXd response = Eigen::MatrixXd::Zero(parameter_count, parameter_count);
+  if (!keys.empty())
+    response(keys, keys) = balanced_inverse(A(keys, keys)) * A.rightCols<parameter_count>()(keys, keys);
+  return response;
+}
 
 JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options) {
   return JointRun(recording, options).run();

@@ -120,6 +120,10 @@ struct JointResult {
 
 JointResult joint_estimate(const CompressedRecording& recording, const JointOptions& options = {});
 
+// What the estimate makes of parameters that go with temperature, to first order: 24 x 24, C. Column k is what each is off from its value at
+// the mean temperature where k has a slope of one of its units per C. Zero without a thermometer, and of parameters that are open.
+Eigen::MatrixXd response_to_temperature(const CompressedRecording& recording, const JointResult& fit);
+
 // Linearises every chain about the heading that `pass` found for it, with the step of `columns` that was taken since. Returns the largest
 // correction in its sigma; 0 where the start does not see the heading.
 double correct_headings(const FilterResult& pass, const Eigen::VectorXd& step, const std::vector<int>& columns,

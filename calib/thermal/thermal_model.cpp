@@ -86,10 +86,9 @@ struct Setting {
 
 // The legs of one fit, as information: W_i = C_i^-1 over the keys of the setting.
 struct LegData {
-  Columns columns;
-  int switch_on = 0;
-  double temperature_c = 0.0;
-  MatrixXd W;  // keys x keys, zero where the leg determines nothing
+  double temperature_c = 0.0, rate = 0.0;  // in rate_unit
+  int direction = 0, switch_on = 0;
+  MatrixXd W, within;  // keys x keys, zero where the leg determines nothing
   VectorXd y;
 };
 
@@ -106,11 +105,8 @@ int count_temperatures(const std::vector<Leg>& legs) {
   std::vector<double> all;
   for (const Leg& leg : legs) all.push_back(leg.temperature_c);
   std::ranges::sort(all);
-  int count = 0;
-  double begin = -std::numeric_limits<double>::infinity();
-  for (const double t : all)
-    if (t - begin > thermal_priors.same_temperature_c) ++count, begin = t;
-  return count;
+  const auto is_same = [](double a, double b) { return b - a <= thermal_priors.same_temperature_c; };
+  return int(std::unique(all.begin(), all.end(), is_same) - all.begin());
 }
 
 Allowed allowed_by(const std::vector<LegData>& legs, std::size_t keys) {
@@ -118,14 +114,12 @@ Allowed allowed_by(const std::vector<LegData>& legs, std::size_t keys) {
   a.temperatures = count_temperatures(legs);
   a.order = std::min(3, a.temperatures - 1);
   a.smooth = a.temperatures >= 5;  // more than a cubic has coefficients
-  a.rate = std::ranges::any_of(
-      legs, [&](const LegData& leg) { return leg.columns[thermal_rate] != legs.front().columns[thermal_rate]; });
-  const auto from = [&](double side) {
-    return std::ranges::any_of(legs, [&](const LegData& leg) { return leg.columns[thermal_hysteresis] == side; });
-  };
-  a.hysteresis = from(1.0) && from(-1.0);
-  std::set<int> switch_ons;
-  for (const LegData& leg : legs) switch_ons.insert(leg.switch_on);
+  std::set<double> rates;
+  std::set<int> directions, switch_ons;
+  for (const LegData& leg : legs)
+    rates.insert(leg.rate), directions.insert(leg.direction), switch_ons.insert(leg.switch_on);
+  a.rate = rates.size() > 1;
+  a.hysteresis = directions.contains(1) && directions.contains(-1);
   a.switch_ons = int(switch_ons.size());
   const double p = thermal_priors.per_effect / double(3 * keys);
   a.log_odds = std::log(p / (1.0 - p));
@@ -191,6 +185,15 @@ struct Average {
   double smooth = 0.0, rate = 0.0, hysteresis = 0.0;
 };
 
+// Prior variances of what is known to `own`.
+std::vector<double> sizes(double own, double largest) {
+  std::vector<double> grid;
+  double size = thermal_priors.smallest * own;
+  for (int k = 0; k < thermal_priors.sizes && (k == 0 || size <= largest); ++k, size *= thermal_priors.factor)
+    grid.push_back(size * size);
+  return grid;
+}
+
 class Search {
  public:
   Search(const Cavity& cavity, const Allowed& allowed, bool bias) : cavity_(cavity), allowed_(allowed) {
@@ -228,13 +231,6 @@ void Search::at_switch_on(int index) {
   all.P -= column * column.transpose() / column[0];
   all.q -= column * (all.q[0] / column[0]);
   const double spread = cavity_.spread, most = thermal_priors.most_of_spread * spread;
-  const auto sizes = [&](double own, double largest) {
-    std::vector<double> grid;
-    double size = thermal_priors.smallest * own;
-    for (int k = 0; k < thermal_priors.sizes && (k == 0 || size <= largest); ++k, size *= thermal_priors.factor)
-      grid.push_back(size * size);
-    return grid;
-  };
   for (Index c = 0; c < terms; ++c) {
     const double own = all.P(c + 1, c + 1);
     const bool told = c < 3 ? c < allowed_.order : c == 3 ? allowed_.rate : allowed_.hysteresis;
@@ -278,10 +274,10 @@ void Search::explore(const System& system, int next, Leaf leaf, const double log
   for (int c = next; c < terms; ++c)
     if (!variances_[c].empty()) most_gain += take_in(rest, c, floor);
   for (int c = next; c < terms; ++c) {
-    const auto& sizes = variances_[c];
-    if (sizes.empty() || (c < 3 && c != leaf.order)) continue;
-    const double prior = -std::log(double(sizes.size()));
-    for (const double variance : sizes) {
+    const auto& variances = variances_[c];
+    if (variances.empty() || (c < 3 && c != leaf.order)) continue;
+    const double prior = -std::log(double(variances.size()));
+    for (const double variance : variances) {
       const double price = prior - 0.5 * std::log1p(variance * system.Q(c, c));
       Leaf longer = leaf;
       if (c >= 3) ++longer.effects;
@@ -334,45 +330,61 @@ Average Search::average() {
 
 struct Fit {
   std::vector<Average> averages;
-  VectorXd mean;        // thermal_columns of each
-  MatrixXd covariance;  // of all
+  double lag_prior = 0.0, lag_variance = 0.0, lag_probability = 0.0;  // mean prior variance; in C at rate_unit
+  VectorXd mean;                                                      // thermal_columns of each, then the lag
+  MatrixXd covariance;                                                // of all
 };
 
-// Of each of the keys: where its columns, and behind all of them its switch-ons, stand in the joint system.
+// What a leg is in the coefficients and then the lag, about these: keys x (thermal_columns of each and 1).
+MatrixXd rows_of(const LegData& leg, const Setting& setting, const VectorXd& about) {
+  constexpr double step_c = 0.01;
+  const Index count = setting.keys.size(), lag = count * thermal_columns;
+  const auto at = [&](double c) {
+    return setting.functions.at(leg.temperature_c - about[lag] * leg.rate + c, leg.rate, leg.direction);
+  };
+  const Columns row = at(0.0), slope = (at(step_c) - at(-step_c)) / (2.0 * step_c);
+  MatrixXd F = MatrixXd::Zero(count, lag + 1);
+  for (Index j = 0; j < count; ++j) {
+    const Index first = j * thermal_columns;
+    F.middleCols<thermal_columns>(first) = leg.within.col(j) * slope;
+    F.block<1, thermal_columns>(j, first) += row;
+    F(j, lag) = -leg.rate * slope.dot(about.segment<thermal_columns>(first));
+  }
+  return F;
+}
+
+// Of each of the keys: where its columns, and behind all of them and the lag its switch-ons, stand in the joint system.
 struct Joint {
   MatrixXd H;
   VectorXd b;
   std::vector<std::vector<Index>> rows;  // of each parameter
 };
 
-Joint joint_system(const std::vector<LegData>& legs, const std::vector<int>& keys) {
+Joint joint_system(const std::vector<LegData>& legs, const Setting& setting, const VectorXd& about) {
   std::vector<int> ons;
   for (const LegData& leg : legs)
     if (std::ranges::find(ons, leg.switch_on) == ons.end()) ons.push_back(leg.switch_on);
-  const Index biases = std::ranges::count_if(keys, is_bias);
-  const Index count = keys.size(), of_ons = ons.size();
-  const Index size = count * thermal_columns + biases * of_ons;
+  const Index biases = std::ranges::count_if(setting.keys, is_bias);
+  const Index count = setting.keys.size(), of_ons = ons.size(), lag = count * thermal_columns;
+  const Index size = lag + 1 + biases * of_ons;
   Joint joint{MatrixXd::Zero(size, size), VectorXd::Zero(size), {}};
-  Index next = count * thermal_columns;
+  Index next = lag + 1;
   for (Index j = 0; j < count; ++j) {
     std::vector<Index> rows(thermal_columns);
     std::iota(rows.begin(), rows.end(), j * thermal_columns);
-    if (is_bias(keys[j]))
+    if (is_bias(setting.keys[j]))
       for (Index k = 0; k < of_ons; ++k) rows.push_back(next++);
     joint.rows.push_back(rows);
   }
   for (const LegData& leg : legs) {
-    // Rows of the leg's values in the coefficients: thermal_columns of its own, and one switch-on.
     MatrixXd F = MatrixXd::Zero(count, size);
+    F.leftCols(lag + 1) = rows_of(leg, setting, about);
     const auto on = std::ranges::find(ons, leg.switch_on) - ons.begin();
-    for (Index j = 0; j < count; ++j) {
-      F.block(j, j * thermal_columns, 1, thermal_columns) = leg.columns;
-      const auto& rows = joint.rows[j];
-      if (rows.size() > thermal_columns) F(j, rows[thermal_columns + on]) = 1.0;
-    }
+    for (Index j = 0; j < count; ++j)
+      if (const auto& rows = joint.rows[j]; rows.size() > thermal_columns) F(j, rows[thermal_columns + on]) = 1.0;
     const MatrixXd WF = leg.W * F;
     joint.H.noalias() += F.transpose() * WF;
-    joint.b.noalias() += WF.transpose() * leg.y;
+    joint.b.noalias() += WF.transpose() * (leg.y + F.col(lag) * about[lag]);
   }
   return joint;
 }
@@ -385,14 +397,30 @@ double spread_of(const std::vector<LegData>& legs, Index j) {
 }
 
 // Precision from the averages' priors; the constants have none.
-VectorXd prior_precision(const Joint& joint, const std::vector<Average>& averages) {
+VectorXd prior_precision(const Joint& joint, const Fit& fit) {
   VectorXd precision = VectorXd::Zero(joint.b.size());
-  for (std::size_t j = 0; j < averages.size(); ++j)
+  for (std::size_t j = 0; j < fit.averages.size(); ++j)
     for (std::size_t k = 1; k < joint.rows[j].size(); ++k) {
-      const double variance = k < thermal_columns ? averages[j].prior[k] : averages[j].switch_on;
+      const double variance = k < thermal_columns ? fit.averages[j].prior[k] : fit.averages[j].switch_on;
       precision[joint.rows[j][k]] = 1.0 / std::max(variance, least_variance);
     }
+  precision[fit.averages.size() * thermal_columns] = 1.0 / std::max(fit.lag_prior, least_variance);
   return precision;
+}
+
+// No lag, or one of each size: what all parameters say together.
+void weigh_lag(double precision, double q, double longest, Fit& fit) {
+  const auto grid = sizes(std::min(1.0 / std::sqrt(precision), longest / thermal_priors.smallest), longest);
+  const double largest = 0.5 * q * q / (1.0 / grid.back() + precision);  // gain of a size
+  const double none = (1.0 - thermal_priors.lag) * std::exp(-largest);
+  double sum = none, mean = 0.0, second = 0.0, prior = 0.0;
+  for (const double v : grid) {
+    const double C = 1.0 / (1.0 / v + precision), gain = std::exp(0.5 * C * q * q - largest),
+                 weight = thermal_priors.lag / double(grid.size()) * std::sqrt(C / v) * gain;
+    sum += weight, prior += weight * v, mean += weight * C * q, second += weight * (C + C * q * C * q);
+  }
+  fit.lag_probability = 1.0 - none / sum, fit.lag_prior = prior / sum;
+  fit.mean[fit.mean.size() - 1] = mean / sum, fit.lag_variance = second / sum - mean * mean / (sum * sum);
 }
 
 // L of L L', positive definite but for rounding.
@@ -401,29 +429,45 @@ MatrixXd lower_root(MatrixXd A) {
   return A.llt().matrixL();
 }
 
-// `before`: averages to begin with; none: everything may be large.
-Fit fit(const std::vector<LegData>& legs, const Setting& setting, const std::vector<Average>* before) {
-  const std::size_t count = setting.keys.size();
-  const Allowed allowed = allowed_by(legs, count);
-  const Joint joint = joint_system(legs, setting.keys);
+// Unknowns from `first` on become T times themselves.
+void transform(MatrixXd& C, Index first, const MatrixXd& T) {
+  C.middleRows(first, T.rows()) = (T * C.middleRows(first, T.rows())).eval();
+  C.middleCols(first, T.rows()) = (C.middleCols(first, T.rows()) * T.transpose()).eval();
+}
+
+// `before`: a fit to begin with; none: everything may be large.
+Fit fit(const std::vector<LegData>& legs, const Setting& setting, const Fit* before) {
+  const Index count = setting.keys.size(), lag = count * thermal_columns;
+  const double longest = thermal_priors.longest_lag_h * setting.rate_unit;
+  const Allowed allowed = allowed_by(legs, setting.keys.size());
   Fit result;
+  Joint joint;
+  MatrixXd M;
+  VectorXd precision, m;
+  const auto solve = [&] {
+    joint = joint_system(legs, setting, result.mean);
+    precision = prior_precision(joint, result);
+    M = balanced_inverse(joint.H + MatrixXd(precision.asDiagonal()));
+    m = M * joint.b;
+  };
   if (before) {
-    result.averages = *before;
+    result = *before;
   } else {
     result.averages.resize(count);
-    for (std::size_t j = 0; j < count; ++j) {
-      const double spread = spread_of(legs, j);
-      result.averages[j].prior.segment<3>(1).setConstant(spread * spread);
+    for (Index j = 0; j < count; ++j) {
+      result.averages[j].prior.segment<3>(1).setConstant(std::pow(spread_of(legs, j), 2));
       result.averages[j].prior.segment<3>(4).setOnes();
       result.averages[j].switch_on = is_bias(setting.keys[j]) ? 1.0 : 0.0;
     }
+    if (allowed.rate) result.lag_prior = longest * longest;
+    result.mean = VectorXd::Zero(lag + 1);
+    solve();
+    result.mean.head(lag) = m.head(lag);
   }
   constexpr int rounds = 3;
   for (int round = before ? rounds - 1 : 0; round < rounds; ++round) {
-    const VectorXd precision = prior_precision(joint, result.averages);
-    const MatrixXd M = balanced_inverse(joint.H + MatrixXd(precision.asDiagonal()));
-    const VectorXd m = M * joint.b;
-    for (std::size_t j = 0; j < count; ++j) {
+    solve();
+    for (Index j = 0; j < count; ++j) {
       const std::vector<Index>& rows = joint.rows[j];
       Cavity cavity;
       cavity.P = balanced_inverse(M(rows, rows));
@@ -432,21 +476,19 @@ Fit fit(const std::vector<LegData>& legs, const Setting& setting, const std::vec
       cavity.P = 0.5 * (cavity.P + cavity.P.transpose()).eval();
       cavity.spread = spread_of(legs, j);
       result.averages[j] = Search(cavity, allowed, is_bias(setting.keys[j])).average();
+      result.mean.segment<thermal_columns>(j * thermal_columns) = result.averages[j].mean;
     }
+    if (allowed.rate)
+      weigh_lag(std::max(0.0, 1.0 / M(lag, lag) - precision[lag]), m[lag] / M(lag, lag), longest, result);
   }
-  const MatrixXd M = balanced_inverse(joint.H + MatrixXd(prior_precision(joint, result.averages).asDiagonal()));
-  const Index of_columns = count * thermal_columns;
-  result.covariance = M.topLeftCorner(of_columns, of_columns);
-  result.mean.resize(of_columns);
-  for (std::size_t j = 0; j < count; ++j) {
-    const Index first = j * thermal_columns;
-    const MatrixXd joint_root = lower_root(M.block(first, first, thermal_columns, thermal_columns));
-    const MatrixXd T = lower_root(result.averages[j].covariance) * inverse(joint_root);
-    MatrixXd& C = result.covariance;
-    C.middleRows(first, thermal_columns) = (T * C.middleRows(first, thermal_columns)).eval();
-    C.middleCols(first, thermal_columns) = (C.middleCols(first, thermal_columns) * T.transpose()).eval();
-    result.mean.segment(first, thermal_columns) = result.averages[j].mean;
-  }
+  solve();
+  result.covariance = M.topLeftCorner(lag + 1, lag + 1);
+  const auto replace = [&](Index first, const MatrixXd& own) {
+    const MatrixXd joint_root = lower_root(M.block(first, first, own.rows(), own.rows()));
+    transform(result.covariance, first, lower_root(own) * inverse(joint_root));
+  };
+  for (Index j = 0; j < count; ++j) replace(j * thermal_columns, result.averages[j].covariance);
+  replace(lag, MatrixXd::Constant(1, 1, result.lag_variance));
   return result;
 }
 
@@ -479,22 +521,29 @@ Status check(const ThermalLeg& leg) {
 
 LegData data_of(const ThermalLeg& leg, const Setting& setting) {
   LegData data;
-  data.columns = setting.functions.at(leg.temperature_c, leg.rate_c_per_h / setting.rate_unit, leg.direction);
-  data.switch_on = leg.switch_on;
-  data.temperature_c = leg.temperature_c;
+  data.temperature_c = leg.temperature_c, data.rate = leg.rate_c_per_h / setting.rate_unit;
+  data.direction = leg.direction, data.switch_on = leg.switch_on;
   const Index count = setting.keys.size();
-  data.W = MatrixXd::Zero(count, count);
+  data.W = data.within = MatrixXd::Zero(count, count);
   data.y = VectorXd::Zero(count);
   std::vector<Index> at;
-  VectorXd scale(leg.free.size());
-  for (std::size_t k = 0; k < leg.free.size(); ++k) {
-    const int key = leg.free[k];
-    at.push_back(std::ranges::find(setting.keys, key) - setting.keys.begin());
-    scale[k] = setting.scale[key];
-    data.y[at.back()] = (leg.value[key] - setting.centre[key]) / setting.scale[key];
-  }
+  for (const int key : leg.free) at.push_back(std::ranges::find(setting.keys, key) - setting.keys.begin());
+  const VectorXd scale = setting.scale(leg.free);
+  data.y(at) = (leg.value - setting.centre)(leg.free).cwiseQuotient(scale);
   data.W(at, at) = scale.asDiagonal() * balanced_inverse(leg.covariance) * scale.asDiagonal();
+  if (leg.within.size() > 0) data.within(at, at) = scale.cwiseInverse().asDiagonal() * leg.within * scale.asDiagonal();
   return data;
+}
+
+ThermalPoint point_at_leg(const LegData& leg, const Setting& setting, const Fit& fit) {
+  const MatrixXd F = rows_of(leg, setting, fit.mean);
+  const Index lag = F.cols() - 1;
+  const VectorXd scale = setting.scale(setting.keys);
+  ThermalPoint point;
+  point.value(setting.keys) = setting.centre(setting.keys) + scale.cwiseProduct(F.leftCols(lag) * fit.mean.head(lag));
+  point.covariance(setting.keys, setting.keys) =
+      scale.asDiagonal() * (F * fit.covariance * F.transpose()) * scale.asDiagonal();
+  return point;
 }
 
 // Coefficients in file units per power of T - reference.
@@ -503,110 +552,73 @@ void hand_out(const Fit& fit, const Setting& setting, ThermalModel& model) {
   B(thermal_rate, thermal_rate) = 1.0 / setting.rate_unit;
   model.coefficients = fit.mean;
   model.covariance = fit.covariance;
+  model.lag = fit.lag_probability;
+  const Index lag = model.coefficients.size() - 1;
+  model.coefficients[lag] /= setting.rate_unit;
+  transform(model.covariance, lag, MatrixXd::Constant(1, 1, 1.0 / setting.rate_unit));
   for (std::size_t j = 0; j < setting.keys.size(); ++j) {
     const MatrixXd out = B * setting.scale[setting.keys[j]];
     const Index first = j * thermal_columns;
     auto of_j = model.coefficients.segment(first, thermal_columns);
     of_j = (out * of_j).eval();
     of_j[0] += setting.centre[setting.keys[j]];
-    auto rows = model.covariance.middleRows(first, thermal_columns);
-    rows = (out * rows).eval();
-    auto columns = model.covariance.middleCols(first, thermal_columns);
-    columns = (columns * out.transpose()).eval();
+    transform(model.covariance, first, out);
     const Average& a = fit.averages[j];
-    ThermalParameter p;
-    p.key = setting.keys[j];
-    p.order = a.order;
-    p.smooth = a.smooth, p.rate = a.rate, p.hysteresis = a.hysteresis;
+    ThermalParameter p{setting.keys[j], a.order, a.smooth, a.rate, a.hysteresis};
     if (is_bias(p.key)) p.switch_on = std::sqrt(a.switch_on) * setting.scale[p.key];
     model.parameters.push_back(p);
   }
 }
 
-// Coefficients as powers, but rate, hysteresis and s as they are.
-Columns powers_at(const ThermalModel& model, const Functions& functions, double temperature_c, double rate,
-                  int direction) {
-  Columns row = functions.at(temperature_c, rate, direction);
-  const double x = temperature_c - model.reference_c;
-  row.head<4>() << 1.0, x, x * x, x * x * x;
-  return row;
-}
-
-ThermalPoint point_at(const ThermalModel& model, const Columns& row) {
-  ThermalPoint point;
-  const Index count = model.parameters.size();
-  for (Index j = 0; j < count; ++j) {
-    const int key = model.parameters[j].key;
-    point.value[key] = row * model.coefficients.segment(j * thermal_columns, thermal_columns);
-    for (Index k = 0; k <= j; ++k) {
-      const int other = model.parameters[k].key;
-      point.covariance(key, other) = point.covariance(other, key) =
-          row * model.covariance.block(j * thermal_columns, k * thermal_columns, thermal_columns, thermal_columns) *
-          row.transpose();
-    }
-  }
-  return point;
-}
-
 // Cross-validation: each temperature is left out once.
 void hold_out(const std::vector<ThermalLeg>& legs, const std::vector<LegData>& data, const Setting& setting,
               const Fit& whole, ThermalModel& model) {
+  ThermalHoldout& held_out = model.holdout;
+  Eigen::Matrix<double, parameter_count, 5> sums = Eigen::Matrix<double, parameter_count, 5>::Zero();
   std::vector<std::size_t> order(legs.size());
   std::iota(order.begin(), order.end(), 0U);
   std::ranges::sort(order, {}, [&](std::size_t k) { return legs[k].temperature_c; });
-  ParameterVector before = ParameterVector::Zero(), after = before, expected = before, noise = before, counts = before;
-  for (std::size_t first = 0; first < order.size();) {
-    std::size_t end = first + 1;
-    while (end < order.size() &&
-           legs[order[end]].temperature_c - legs[order[first]].temperature_c <= thermal_priors.same_temperature_c)
-      ++end;
-    std::vector<LegData> others;
-    ParameterVector sum = ParameterVector::Zero(), number = sum;
-    for (std::size_t k = 0; k < order.size(); ++k) {
-      if (k >= first && k < end) continue;
-      others.push_back(data[order[k]]);
-      for (const int key : legs[order[k]].free) sum[key] += legs[order[k]].value[key], number[key] += 1.0;
-    }
-    const bool known = std::ranges::all_of(setting.keys, [&](int key) { return number[key] > 0.0; });
-    if (known) {
-      ThermalModel left_out = model;
-      left_out.parameters.clear();
-      hand_out(fit(others, setting, &whole.averages), setting, left_out);
-      for (std::size_t k = first; k < end; ++k) {
-        const ThermalLeg& leg = legs[order[k]];
-        const ThermalPoint point = point_at(
-            left_out, powers_at(left_out, setting.functions, leg.temperature_c, leg.rate_c_per_h, leg.direction));
-        ParameterVector off_before = ParameterVector::Zero(), off_after = off_before;
-        MatrixXd own = MatrixXd::Zero(parameter_count, parameter_count);
-        own(leg.free, leg.free) = leg.covariance;
-        for (const int key : leg.free) {
-          if (const ThermalParameter* p = left_out.find(key)) own(key, key) += p->switch_on * p->switch_on;
-          off_before[key] = sum[key] / number[key] - leg.value[key];
-          off_after[key] = point.value[key] - leg.value[key];
-          before[key] += off_before[key] * off_before[key];
-          after[key] += off_after[key] * off_after[key];
-          noise[key] += own(key, key);
-          const double variance = own(key, key) + point.covariance(key, key);
-          expected[key] += variance;
-          counts[key] += 1.0;
-          if (const double z = std::abs(off_after[key]) / std::sqrt(variance); z > model.holdout.worst_z)
-            model.holdout.worst_z = z, model.holdout.worst_leg = leg.name, model.holdout.worst_key = key;
-        }
-        model.holdout.leg.push_back(leg.name);
-        model.holdout.before.push_back(off_before);
-        model.holdout.after.push_back(off_after);
-        model.holdout.noise += own;
+  double last = -std::numeric_limits<double>::infinity();
+  Fit others;
+  ParameterVector sum, number;
+  for (const std::size_t left_out : order) {
+    const ThermalLeg& leg = legs[left_out];
+    const auto is_apart = [&](double c) { return std::abs(c - last) > thermal_priors.same_temperature_c; };
+    if (is_apart(leg.temperature_c)) {
+      last = leg.temperature_c;
+      std::vector<LegData> used;
+      sum = number = ParameterVector::Zero();
+      for (std::size_t k = 0; k < legs.size(); ++k) {
+        if (legs[k].temperature_c >= last && !is_apart(legs[k].temperature_c)) continue;
+        used.push_back(data[k]);
+        for (const int key : legs[k].free) sum[key] += legs[k].value[key], number[key] += 1.0;
       }
+      if (number(setting.keys).minCoeff() > 0.0) others = fit(used, setting, &whole);
     }
-    first = end;
+    if (number(setting.keys).minCoeff() == 0.0) continue;
+    const ThermalPoint point = point_at_leg(data[left_out], setting, others);
+    ParameterVector before = ParameterVector::Zero(), after = before;
+    ParameterCovariance own = ParameterCovariance::Zero();
+    own(leg.free, leg.free) = leg.covariance;
+    for (const int key : leg.free) {
+      const auto j = std::ranges::find(setting.keys, key) - setting.keys.begin();
+      own(key, key) += others.averages[std::size_t(j)].switch_on * setting.scale[key] * setting.scale[key];
+      before[key] = sum[key] / number[key] - leg.value[key];
+      after[key] = point.value[key] - leg.value[key];
+      const double variance = own(key, key) + point.covariance(key, key),
+                   z = std::abs(after[key]) / std::sqrt(variance);
+      sums.row(key) +=
+          Eigen::Matrix<double, 1, 5>(before[key] * before[key], after[key] * after[key], variance, own(key, key), 1.0);
+      if (z > held_out.worst_z) held_out.worst_z = z, held_out.worst_leg = leg.name, held_out.worst_key = key;
+    }
+    ++held_out.legs;
+    held_out.before += before * before.transpose(), held_out.after += after * after.transpose(), held_out.noise += own;
   }
-  if (!model.holdout.leg.empty()) model.holdout.noise /= double(model.holdout.leg.size());
-  for (ThermalParameter& p : model.parameters) {
-    if (counts[p.key] == 0.0) continue;
-    const auto rms = [&](const ParameterVector& of) { return std::sqrt(of[p.key] / counts[p.key]); };
-    p.error_before = rms(before), p.error_after = rms(after);
-    p.error_expected = rms(expected), p.error_noise = rms(noise);
-  }
+  for (ParameterCovariance* const of : {&held_out.before, &held_out.after, &held_out.noise})
+    *of /= std::max(1, held_out.legs);
+  for (ThermalParameter& p : model.parameters)
+    for (int k = 0; k < 4 && sums(p.key, 4) > 0.0; ++k)
+      p.left_out[std::size_t(k)] = std::sqrt(sums(p.key, k) / sums(p.key, 4));
 }
 
 }  // namespace
@@ -672,29 +684,35 @@ Result<ThermalModel> fit_thermal_model(const std::vector<ThermalLeg>& legs, cons
   for (const ThermalLeg& leg : legs) data.push_back(data_of(leg, setting));
   const Allowed allowed = allowed_by(data, setting.keys.size());
   model.temperatures = allowed.temperatures, model.most_order = allowed.order;
-  if (allowed.order < 3)
-    model.notes.push_back(
-        fmt::format("{} temperatures determine no order above {}", allowed.temperatures, allowed.order));
-  if (!allowed.smooth)
-    model.notes.push_back(
-        fmt::format("{} temperatures: only polynomials are tried, other functions need 5", allowed.temperatures));
-  if (!allowed.rate)
-    model.notes.emplace_back("all legs have the same rate of temperature: its effects are not determined");
-  if (!allowed.hysteresis)
-    model.notes.emplace_back("no temperature was approached from both sides: hysteresis is not determined");
-  if (allowed.switch_ons < 2)
-    model.notes.emplace_back("one switch-on: the turn-on repeatability of the biases is not determined");
+  const auto note_if = [&](bool missing, const std::string& what) {
+    if (missing) model.notes.push_back(what);
+  };
+  const std::string temperatures = fmt::format("{} temperatures", allowed.temperatures);
+  note_if(allowed.order < 3, fmt::format("{} determine no order above {}", temperatures, allowed.order));
+  note_if(!allowed.smooth, temperatures + ": only polynomials are tried, other functions need 5");
+  note_if(!allowed.rate, "all legs have the same rate of temperature: its effects are not determined");
+  note_if(!allowed.hysteresis, "no temperature was approached from both sides: hysteresis is not determined");
+  note_if(allowed.switch_ons < 2, "one switch-on: the turn-on repeatability of the biases is not determined");
   const Fit whole = fit(data, setting, nullptr);
   hand_out(whole, setting, model);
+  for (const LegData& leg : data) model.at_legs.push_back(point_at_leg(leg, setting, whole).value);
   if (options.hold_out) hold_out(legs, data, setting, whole, model);
   return model;
 }
 
-ThermalPoint evaluate(const ThermalModel& model, double temperature_c, double rate_c_per_h, int direction) {
-  const double at = std::clamp(temperature_c, model.low_c, model.high_c);
-  const Functions functions(model.low_c, model.high_c);
-  ThermalPoint point = point_at(model, powers_at(model, functions, at, rate_c_per_h, direction));
-  point.clamped = at != temperature_c;
+ThermalPoint evaluate(const ThermalModel& model, double temperature_c) {
+  const double at = std::clamp(temperature_c, model.low_c, model.high_c), x = at - model.reference_c;
+  Columns row = Functions(model.low_c, model.high_c).at(at);
+  row.head<4>() << 1.0, x, x * x, x * x * x;
+  ThermalPoint point;
+  for (std::size_t j = 0; j < model.parameters.size(); ++j) {
+    const Index first = j * thermal_columns;
+    const VectorXd with = model.covariance.middleCols<thermal_columns>(first) * row.transpose();
+    point.value[model.parameters[j].key] = row * model.coefficients.segment<thermal_columns>(first);
+    for (std::size_t k = 0; k < model.parameters.size(); ++k)
+      point.covariance(model.parameters[k].key, model.parameters[j].key) =
+          row * with.segment<thermal_columns>(k * thermal_columns);
+  }
   return point;
 }
 

@@ -43,9 +43,9 @@ struct LegFile {
   std::optional<int> direction;
 };
 
-// Mean, and slope of the straight line through all samples.
-Status follow_thermometer(RecordingSource& source, ThermalLeg& leg) {
-  double n = 0.0, t = 0.0, T = 0.0, tt = 0.0, tT = 0.0;
+// Mean, and slope of the straight line through all samples. Has it moved?
+Result<bool> follow_thermometer(RecordingSource& source, ThermalLeg& leg) {
+  double n = 0.0, t = 0.0, T = 0.0, tt = 0.0, tT = 0.0, TT = 0.0;
   std::optional<std::int64_t> first;
   TRY(source.read([&](std::span<const ImuSample> samples) {
     for (const ImuSample& sample : samples) {
@@ -53,15 +53,15 @@ Status follow_thermometer(RecordingSource& source, ThermalLeg& leg) {
       if (!first) first = sample.counter;
       const double h = double(sample.counter - *first) * source.info().sample_period_s / 3600.0,
                    c = double(sample.temperature_c);
-      n += 1.0, t += h, T += c, tt += h * h, tT += h * c;
+      n += 1.0, t += h, T += c, tt += h * h, tT += h * c, TT += c * c;
     }
     return Status{};
   }));
-  if (n == 0.0) return {};
+  if (n == 0.0) return false;
   leg.temperature_c = T / n;
   const double spread = tt - t * t / n;
   leg.rate_c_per_h = spread > 0.0 ? (tT - t * T / n) / spread : 0.0;
-  return {};
+  return TT / n - T * T / (n * n) > 0.01;  // a standard deviation of 0.1 C
 }
 
 Status read_leg_conf(const std::string& path, LegFile& leg) {
@@ -114,19 +114,23 @@ Result<LegFile> read_leg(const std::string& path, int number, const ThermalReque
   }
   if (has_recording || (leg.leg.free.empty() && why.empty())) {
     const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(path));
-    if (leg.leg.free.empty()) {
+    const bool moved = TRY(follow_thermometer(*source, leg.leg));
+    if (leg.leg.free.empty() || moved) {
       request.phase("calibrating " + path);
       const LoadedRecording loaded = TRY(load_recording(*source));
       const CalibrationOutput output =
           TRY(calibrate_recording(loaded, {.time_utc = request.time_utc, .partial = true}));
-      leg.path = path, leg.file = output.file;
-      add_measured_utc(loaded.data.info, leg.file);
-      const StoredCovariance stored = TRY(stored_covariance(leg.file, path));
-      if (stored.source != std::string_view("covariance"))
-        return input_error(path + ": its calibration gives no covariance: expected a recording with table angles");
-      TRY(take_covariance(stored, leg));
+      if (leg.leg.free.empty()) {
+        leg.path = path, leg.file = output.file;
+        add_measured_utc(loaded.data.info, leg.file);
+        const StoredCovariance stored = TRY(stored_covariance(leg.file, path));
+        if (stored.source != std::string_view("covariance"))
+          return input_error(path + ": its calibration gives no covariance: expected a recording with table angles");
+        TRY(take_covariance(stored, leg));
+      }
+      if (moved && output.fit)
+        leg.leg.within = response_to_temperature(loaded.data, *output.fit)(leg.leg.free, leg.leg.free);
     }
-    TRY(follow_thermometer(*source, leg.leg));
   }
   if (!std::isfinite(leg.leg.temperature_c))
     leg.leg.temperature_c = leg.file.reference_temperature_c.value_or(not_known);
@@ -197,12 +201,6 @@ double miles(const ParameterFile& file, const ParameterCovariance& off) {
   setup.align_s = plan.align_s;
   const ExpectedDrift::Point end = expected_drift(setup, plan.heading_rad, plan.free_s, plan.free_s).points.back();
   return expected_nm_per_h(end.covariance_m2 - end.noise_m2, end.time_s);
-}
-
-ParameterCovariance mean_square(const std::vector<ParameterVector>& all) {
-  ParameterCovariance sum = ParameterCovariance::Zero();
-  for (const ParameterVector& one : all) sum += one * one.transpose() / double(all.size());
-  return sum;
 }
 
 ParameterFile file_of(const std::vector<LegFile>& legs, const ThermalModel& model, const std::string& time_utc) {
@@ -372,8 +370,8 @@ Result<ThermalOutput> thermal_calibration(const ThermalRequest& request) {
     for (auto& [key, value] : output.file.further)
       if (key == "quality.trusted") value = "false";
   }
-  report.before_nm_per_h = miles(output.file, mean_square(held_out.before));
-  report.after_nm_per_h = miles(output.file, mean_square(held_out.after));
+  report.before_nm_per_h = miles(output.file, held_out.before);
+  report.after_nm_per_h = miles(output.file, held_out.after);
   report.noise_nm_per_h = miles(output.file, held_out.noise);
   return output;
 }

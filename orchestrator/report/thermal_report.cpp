@@ -49,9 +49,6 @@ std::string what_is_said(const ThermalParameter& p) {
   return text;
 }
 
-// Of a parameter, or of a kind in quadrature over its parameters: before, after, as expected, of legs by themselves.
-using Errors = std::array<double, 4>;
-
 Table error_table(const ThermalReport& report) {
   Table table{{text("left-out temperatures, rms"), text("unit"), number("constant"), number("with temperature"),
                number("as expected"), number("the leg's own sigma")}};
@@ -64,14 +61,13 @@ Table error_table(const ThermalReport& report) {
                                                 "gyro scale factor", "accelerometer scale factor",
                                                 "gyro misalignment", "accelerometer misalignment"};
   for (int kind = 0; kind < 6; ++kind) {
-    Errors sum{};
+    std::array<double, 4> sum{};  // in quadrature over its parameters
     double count = 0.0;
     std::string unit;
     for (const ThermalParameter& p : report.model.parameters) {
       if (kind_of(p.key) != kind) continue;
       const DisplayUnit of = error_unit_of(report, p.key);
-      const Errors e = {p.error_before, p.error_after, p.error_expected, p.error_noise};
-      for (std::size_t k = 0; k < 4; ++k) sum[k] += std::pow(of.factor * e[k], 2);
+      for (std::size_t k = 0; k < 4; ++k) sum[k] += std::pow(of.factor * p.left_out[k], 2);
       count += 1.0, unit = of.unit;
     }
     for (double& s : sum) s = std::sqrt(s / count);
@@ -106,15 +102,16 @@ Figure figure_of(const ThermalReport& report, std::size_t j) {
                  two = 2.0 * unit.factor * std::sqrt(std::max(0.0, at.covariance(p.key, p.key)));
     middle.points.emplace_back(t, value), low.points.emplace_back(t, value - two),
         high.points.emplace_back(t, value + two);
-    const double band = 2.0 * unit.factor * p.error_noise;
+    const double band = 2.0 * unit.factor * p.left_out[3];
     if (band > 0.0) least.points.emplace_back(t, -band), most.points.emplace_back(t, band);
   }
-  for (const ThermalLeg& leg : report.legs) {
+  for (std::size_t k = 0; k < report.legs.size(); ++k) {
+    const ThermalLeg& leg = report.legs[k];
     if (std::ranges::find(leg.free, p.key) == leg.free.end()) continue;
-    const double model_value = evaluate(model, leg.temperature_c, leg.rate_c_per_h, leg.direction).value[p.key];
     const bool below = leg.direction >= 0;
     (below ? up : down).points.emplace_back(leg.temperature_c, unit.factor * (leg.value[p.key] - reference));
-    (below ? off_up : off_down).points.emplace_back(leg.temperature_c, unit.factor * (leg.value[p.key] - model_value));
+    (below ? off_up : off_down)
+        .points.emplace_back(leg.temperature_c, unit.factor * (leg.value[p.key] - model.at_legs[k][p.key]));
   }
   const std::string key = parameter_key(p.key);
   Figure figure{"thermal" + key, key + " against temperature, and what the model leaves of each leg", ""};
@@ -174,11 +171,13 @@ std::string format_thermal(const ThermalReport& report) {
       lines.text("curve." + parameter_key(p.key), list_of(values));
     }
     if (p.key < 6) lines.number("switch_on." + parameter_key(p.key), p.switch_on);
-    lines.number("left_out." + begin + "constant", p.error_before);
-    lines.number("left_out." + begin + "with_temperature", p.error_after);
-    lines.number("left_out." + begin + "expected", p.error_expected);
-    lines.number("left_out." + begin + "leg", p.error_noise);
+    for (std::size_t k = 0; k < 4; ++k)
+      lines.number("left_out." + begin + std::array{"constant", "with_temperature", "expected", "leg"}[k],
+                   p.left_out[k]);
   }
+  lines.number("lag_h", model.lag_h());
+  lines.number("sigma.lag_h", model.lag_sigma_h());
+  lines.number("probability.lag", model.lag);
   lines.number("navigation.constant_nm_per_h", report.before_nm_per_h);
   lines.number("navigation.with_temperature_nm_per_h", report.after_nm_per_h);
   lines.number("navigation.leg_nm_per_h", report.noise_nm_per_h);
@@ -198,14 +197,9 @@ Document thermal_document(const ThermalReport& report) {
                             report.legs.size(), model.temperatures, model.low_c, model.high_c, model.reference_c));
   for (const std::string& note : report.notes) document.add(Paragraph{note, "note"});
   for (const std::string& note : model.notes) document.add(Paragraph{note, "note"});
-  std::string lags;
-  for (std::size_t j = 0; j < model.parameters.size(); ++j)
-    if (const ThermalParameter& p = model.parameters[j]; p.rate >= said_from && p.said_order() > 0)
-      lags += fmt::format("{} {} {:.2g} h", lags.empty() ? "" : ",", parameter_key(p.key),
-                          -model.coefficient(j, thermal_rate) / model.coefficient(j, 1));
-  if (!lags.empty())
-    document.add(
-        Paragraph{"what goes with the rate may be a lag, of the thermometer or within the leg:" + lags, "note"});
+  if (model.lag >= listed_from)
+    document.text(fmt::format("Lag of the sensors behind the thermometer: {:.3f} ± {:.3f} h ({}).", model.lag_h(),
+                              model.lag_sigma_h(), words_of_probability(model.lag)));
   document.section("errors", "Error of the model");
   document.add(error_table(report));
   document.section("parameters", "Parameters");
@@ -215,7 +209,7 @@ Document thermal_document(const ThermalReport& report) {
     const DisplayUnit unit = error_unit_of(report, p.key);
     const std::string key = parameter_key(p.key);
     table.row({name(key), text(quantity_name(key)), p.key < 6 ? number(unit.factor * p.switch_on) : number("-"),
-               number(unit.factor * p.error_before), number(unit.factor * p.error_after), text(unit.unit),
+               number(unit.factor * p.left_out[0]), number(unit.factor * p.left_out[1]), text(unit.unit),
                wide(what_is_said(p))});
   }
   document.add(std::move(table));

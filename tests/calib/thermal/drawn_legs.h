@@ -39,6 +39,7 @@ struct DrawnThermal {
   double effect_size = 20.0;
   bool loop = false;        // the hysteresis closes at the ends
   double lag_h = 0.0;       // the sensors are that far behind the thermometer
+  double ramp = 4.0;        // C/h, of every third leg
   double switch_on = 0.0;   // of biases
   double wave = 0.0;        // no polynomial: sin of this many radians over half of the range
   double wave_share = 0.3;  // of the parameters
@@ -52,8 +53,7 @@ struct DrawnUnit {
       std::vector<std::array<double, 4>>(parameter_count);  // of powers of t, -1 to 1
   std::vector<int> order = std::vector<int>(parameter_count, 0);
   ParameterVector rate = ParameterVector::Zero(), hysteresis = rate, wave = rate;  // a C/h; half the difference
-  double wave_radians = 0.0;
-  double lag_h = 0.0;
+  double wave_radians = 0.0, lag_h = 0.0;
   bool loop = false;
   ParameterVector at(double temperature_c, double r = 0.0, int direction = 0) const {
     const double t = 2.0 * (temperature_c - r * lag_h - low_c) / (high_c - low_c) - 1.0;
@@ -80,8 +80,7 @@ inline DrawnCampaign drawn_campaign(std::uint64_t seed, const DrawnThermal& d) {
   const LegNoise& noise = leg_noise();
   DrawnCampaign made;
   DrawnUnit& unit = made.unit;
-  unit.lag_h = d.lag_h, unit.loop = d.loop;
-  unit.wave_radians = d.wave;
+  unit.lag_h = d.lag_h, unit.loop = d.loop, unit.wave_radians = d.wave;
   const auto sized = [&](double size) {
     return size * std::pow(10.0, 2.0 * uniform(random) - 1.0) * (uniform(random) < 0.5 ? -1.0 : 1.0);
   };
@@ -108,11 +107,11 @@ inline DrawnCampaign drawn_campaign(std::uint64_t seed, const DrawnThermal& d) {
   const double step = (unit.high_c - unit.low_c) / (d.temperatures - 1);
   int number = 0;
   for (int n = 0; n < d.temperatures; ++n) {
-    const double r = n % 3 == 1 ? 4.0 : 0.3 * normal(random);  // every third on a ramp
+    const double r = n % 3 == 1 ? d.ramp : 0.3 * normal(random);  // every third on a ramp
     made.legs.push_back(leg_at(unit.low_c + n * step, r, n == 0 ? 0 : 1, ++number));
   }
   for (int n = d.temperatures - 2; d.down && n >= 0; --n) {
-    const double r = n % 3 == 0 ? -4.0 : 0.3 * normal(random);
+    const double r = n % 3 == 0 ? -d.ramp : 0.3 * normal(random);
     made.legs.push_back(leg_at(unit.low_c + n * step, r, -1, ++number));
   }
   for (int n = 0; n < 8; ++n)
@@ -130,8 +129,11 @@ struct ThermalScore {
   int said[3] = {}, wrong[3] = {}, there[3] = {};  // orders, rate, hysteresis
   double held_out = 0.0, noise = 0.0;              // squares in sigmas of the leg and switch-on
   double switch_on = 0.0;                          // estimated over true sigma, mean of squares
+  double lag_said = 0.0, lag = 0.0;                // campaigns; error over sigma, sum of squares
   void add(const DrawnCampaign& made, const ThermalModel& model, const DrawnThermal& d) {
     ++campaigns;
+    lag_said += model.lag >= said_from ? 1.0 : 0.0;
+    if (model.lag > 0.0) lag += std::pow((model.lag_h() - d.lag_h) / model.lag_sigma_h(), 2);
     const auto square = [](double x) { return x * x; };
     double of_nees = 0.0;
     for (const ThermalLeg& leg : made.held_out) {
@@ -153,16 +155,15 @@ struct ThermalScore {
       const ThermalParameter& p = model.parameters[j];
       const auto k = std::size_t(p.key);
       const bool has_wave = made.unit.wave[p.key] != 0.0;
-      const bool lags = made.unit.lag_h != 0.0 && made.unit.order[k] > 0;
       const int order = made.unit.order[k];
       there[0] += order, said[0] += p.said_order();
       if (!has_wave) wrong[0] += std::max(0, p.said_order() - order);
       const bool rate = p.rate >= said_from, hysteresis = p.hysteresis >= said_from;
       there[1] += made.unit.rate[p.key] != 0.0, said[1] += rate,
-          wrong[1] += rate && made.unit.rate[p.key] == 0.0 && !lags && !has_wave;
+          wrong[1] += rate && made.unit.rate[p.key] == 0.0 && !has_wave;
       there[2] += made.unit.hysteresis[p.key] != 0.0, said[2] += hysteresis;
       wrong[2] += hysteresis && made.unit.hysteresis[p.key] == 0.0;
-      if (has_wave || lags) continue;
+      if (has_wave) continue;
       for (int n = 1; n <= std::min(p.said_order(), order); ++n) {
         // About the middle of the range, where the powers of t are those of T - T_ref.
         const double truth = made.unit.c[k][std::size_t(n)] / std::pow(half, n);
