@@ -67,8 +67,8 @@ TEST(Thermal, ARampMovesEachParameterAsItsResponseSays) {
   const ParameterVector expected =
                             response_to_temperature(ramp, after) * (slope.cwiseProduct(to_vector(before.parameters))),
                         moved = to_vector(after.parameters) - to_vector(before.parameters);
-  for (const int k : after.free) EXPECT_NEAR(moved[k], expected[k], 2.0 * after.sigma[k]) << parameter_key(k);
-  for (const int k : {6, 10, 14}) EXPECT_GT(std::abs(moved[k]), 6.0 * after.sigma[k]) << parameter_key(k);
+  for (const int k : after.free) EXPECT_NEAR(moved[k], expected[k], 2.0 * before.sigma[k]) << parameter_key(k);
+  for (const int k : {6, 10, 14}) EXPECT_GT(std::abs(moved[k]), 6.0 * before.sigma[k]) << parameter_key(k);
 }
 
 // Legs that settled have one rate: what is left of it is no cause. One that disagrees with the others is named.
