@@ -62,7 +62,7 @@ struct ThermalPriors {
   double same_rate_c_per_h = 1.0;   // the same of a rate
   double disagrees_z = 6.0;         // a leg, with the others
   double lag = 0.5;                 // that there is one, of `sizes` as of a coefficient
-  double longest_lag_h = 1.0;
+  double longest_lag_h = 0.25;      // its sigma; a unit follows its own thermometer within the hour
 };
 inline constexpr ThermalPriors thermal_priors;
 
