@@ -220,7 +220,7 @@ class Search {
 
 void Search::at_switch_on(int index) {
   const double variance = switch_on_[index] * switch_on_[index];
-  Weighed all = cavity_;
+  Weighed all = static_cast<const Weighed&>(cavity_);
   if (variance > 0.0) all = without_last(all, all.P.rows() - thermal_columns, variance);
   coefficients_.push_back({all.P.topLeftCorner<thermal_columns, thermal_columns>(), all.q.head<thermal_columns>(),
                            all.log_weight - std::log(double(switch_on_.size()))});
