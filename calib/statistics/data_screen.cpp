@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include <fmt/format.h>
 
@@ -89,6 +90,23 @@ GlitchFinder::GlitchFinder(const RecordingInfo& info, const GlitchLimits& limits
 }
 
 void GlitchFinder::forget_neighbours(const ImuSample& next) { last_ = before_last_ = channels_of(next); }
+
+void GlitchFinder::begin_rest(std::span<const ImuSample> first) {
+  constexpr std::size_t fewest = 20, neighbours = 6;
+  if (first.size() < fewest) return forget_neighbours(first.front());
+  before_last_ = channels_of(first[neighbours - 1]), last_ = channels_of(first[neighbours]);
+  for (std::size_t channel = 0; channel < 6; ++channel) {
+    std::vector<double> squares;
+    for (std::size_t k = 2; k < first.size(); ++k)
+      squares.push_back(std::pow(
+          channel_of(first[k - 1], channel) - 0.5 * (channel_of(first[k], channel) + channel_of(first[k - 2], channel)),
+          2));
+    std::ranges::sort(squares);
+    squares.resize(squares.size() - squares.size() / 10);  // glitches are rare
+    mean_square_[Eigen::Index(channel)] = std::accumulate(squares.begin(), squares.end(), 0.0) / double(squares.size());
+  }
+  seen_ = std::max(seen_, settled + 1);
+}
 
 void GlitchFinder::add(const ImuSample& sample, std::vector<DataEvent>& events) {
   const Channels now = channels_of(sample);

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -81,6 +82,8 @@ class GlitchFinder {
   void add(const ImuSample& sample, std::vector<DataEvent>& events);
   // The next sample's neighbours are not known: a turn went on while samples were lost.
   void forget_neighbours(const ImuSample& next);
+  // The same at the beginning of a rest, whose first samples say what is usual, too.
+  void begin_rest(std::span<const ImuSample> first);
   // Mean square of d over the last 100 samples or so, increments squared.
   const Channels& mean_square() const { return mean_square_; }
 

@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <map>
 #include <span>
 
 #include <Eigen/Core>
@@ -230,7 +232,7 @@ class Importer {
     TRY(source_.read(all ? wanted_ : std::vector{wanted_[stamp]}, format, [&](const NumberTable& block) {
       count_bad(block);
       for (std::size_t k = 0; k < block.rows(); ++k, ++rows_) {
-        if (rows_ > 0 && block.position[k] > position + 1)
+        if (!timed() && rows_ > 0 && block.position[k] > position + 1)
           missing_.push_back({rows_, block.position[k] - position - 1});
         position = block.position[k];
         if (!timed()) continue;
@@ -256,9 +258,9 @@ class Importer {
     return {};
   }
 
-  // `leaves`: (row, rows kept before) -> Result<bool>; `numbered`: the unit had a sample there, and its number is left out.
-  template <class Leaves>
-  Status sieve(bool numbered, Leaves leaves) {
+  // `leaves`: (row, rows kept before) -> Result<bool>; `numbered(row)`: the unit had a sample there, whose number is left out.
+  template <class Numbered, class Leaves>
+  Status sieve(Numbered numbered, Leaves leaves) {
     std::vector<StampGap> missing;
     std::size_t kept = 0;
     std::int64_t skipped = 0;
@@ -266,7 +268,7 @@ class Importer {
       if (out_[row]) continue;
       if (at < missing_.size() && missing_[at].row == k) skipped += missing_[at++].periods;
       if (out_[row] = TRY(leaves(k, kept)); out_[row]) {
-        skipped += numbered ? 1 : 0;
+        skipped += numbered(k) ? 1 : 0;
       } else {
         if (skipped > 0 && kept > 0) missing.push_back({kept, skipped});
         skipped = 0;
@@ -309,7 +311,8 @@ class Importer {
         "{}:{}: repeats the row before, time and numbers, as {} of {} rows do: expected each row once; --skip-bad-rows "
         "leaves them out",
         source_.file_name, first, doubles.size(), rows_);
-    return sieve(false, [&, at = std::size_t{0}](std::size_t k, std::size_t) mutable -> Result<bool> {
+    const auto no = [](std::size_t) { return false; };
+    return sieve(no, [&, at = std::size_t{0}](std::size_t k, std::size_t) mutable -> Result<bool> {
       if (at == doubles.size() || doubles[at] != k) return false;
       ++at;
       TRY(leave_out(error));
@@ -330,23 +333,42 @@ class Importer {
     result_.chosen = fmt::format("time.increments = {}: {}", measured() ? "intervals" : "period", choice.reason);
   }
 
-  // Times must increase; with `period` they may jitter back by a few rows.
+  // Times must increase; with `period` they may jitter back by what they scatter by. A row with the time of another one and other numbers was
+  // sampled while the clock was behind; one with the same numbers was written twice, and one with a time of its own is out of its place.
   Status order_rows() {
-    if (!timed() || rows_ < 2) return {};
+    if (!timed() || rows_ < 2 ||
+        (measured() ? std::ranges::is_sorted(times_, std::less_equal()) : std::ranges::is_sorted(times_)))
+      return {};
+    constexpr double widest = 12.0, most = 5.0;
     std::vector<double> steps = intervals_of(times_);
     for (double& step : steps) step = std::abs(step);
-    const double back = measured() ? 0.0 : 5.0 * median(steps);
-    return sieve(true, [&](std::size_t k, std::size_t kept) -> Result<bool> {
-      if (kept == 0) return false;
-      const double least = times_[kept - 1] - back;
-      if (measured() ? times_[k] > least : times_[k] >= least) return false;
-      Error error = input_error("");
-      if (!map_.format.skip_bad_rows || result_.bad_rows == 0)
-        TRY(each_row([&](std::size_t row, const Row& found) {
-          if (row == k) error = goes_back(source_, found.line, map_.time_column, found.time);
-          return Status();
-        }));
-      TRY(leave_out(error));
+    const double usual = median(steps),
+                 back = measured() ? 0.0 : std::clamp(widest * stamps().scatter - 1.0, 0.0, most) * usual;
+    std::vector<std::size_t> kept{0};
+    std::map<std::size_t, std::size_t> behind;  // and the kept row with its time, or itself
+    std::map<std::size_t, Row> rows;
+    for (std::size_t k = 1; k < rows_; ++k) {
+      const double least = times_[kept.back()] - back;
+      if (measured() ? times_[k] > least : times_[k] >= least) {
+        kept.push_back(k);
+        continue;
+      }
+      const auto from =
+          std::ranges::lower_bound(kept, times_[k] - 0.5 * usual, {}, [&](std::size_t row) { return times_[row]; });
+      behind[k] = from != kept.end() && times_[*from] < times_[k] + 0.5 * usual ? *from : k;
+      rows[k], rows[behind[k]];
+    }
+    TRY(each_row([&](std::size_t k, const Row& row) {
+      if (const auto at = rows.find(k); at != rows.end()) at->second = row;
+      return Status();
+    }));
+    const auto numbered = [&](std::size_t k) {
+      const Row &row = rows[k], &same = rows[behind[k]];
+      return row.gyro != same.gyro || row.accel != same.accel;
+    };
+    return sieve(numbered, [&](std::size_t k, std::size_t) -> Result<bool> {
+      if (!behind.contains(k)) return false;
+      TRY(leave_out(goes_back(source_, rows[k].line, map_.time_column, rows[k].time)));
       return true;
     });
   }
@@ -401,11 +423,12 @@ class Importer {
     const double period = stamps().period;
     const auto interval_of = [&](auto first_row) { return std::min(std::size_t(first_row - time.begin()), n - 1); };
     const std::size_t all = rows_;
-    TRY(sieve(true, [&](std::size_t k, std::size_t) -> Result<bool> {
-      const double t = times_[k];
-      return t < time.front() || t > time.back() || lost[interval_of(std::ranges::lower_bound(time, t))] ||
-             lost[interval_of(std::ranges::upper_bound(time, t - period))];
-    }));
+    TRY(sieve([](std::size_t) { return true; },
+              [&](std::size_t k, std::size_t) -> Result<bool> {
+                const double t = times_[k];
+                return t < time.front() || t > time.back() || lost[interval_of(std::ranges::lower_bound(time, t))] ||
+                       lost[interval_of(std::ranges::upper_bound(time, t - period))];
+              }));
     result_.without_accel = std::int64_t(all - rows_);
     // The integral, from one of the gyros' stamps to the next, behind a gap over a period; a number says the mean over the interval that it ends.
     const bool rate = map_.accel.is_rate;

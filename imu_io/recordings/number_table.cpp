@@ -124,8 +124,9 @@ class CsvTable {
       split_cells(row, format_.delimiter, cells_);
       header.assign(cells_.begin(), cells_.end());
     }
-    header_cells_ = header.size();
+    while (!format_.whole_rows && !header.empty() && header.back().empty()) header.pop_back();
     TRY(find_columns(header));
+    if (named_ || format_.whole_rows) width_ = header.size();
     row_.resize(wanted_.size());
     TRY(end_block());
     find_cells();
@@ -186,7 +187,7 @@ class CsvTable {
       if (at != header.end() && std::find(at + 1, header.end(), column.name) != header.end())
         return defect("column " + quoted(column.name) + " twice: expected one of that name");
       if (at != header.end()) {
-        counted_ = !format_.only_wanted;
+        named_ = true;
         index_.push_back(std::size_t(at - header.begin()));
       } else if (const auto index = parse_integer<std::int64_t>(column.name); index && *index >= 1 && *index <= 10000) {
         index_.push_back(std::size_t(*index - 1));
@@ -204,12 +205,13 @@ class CsvTable {
   // Which wanted column each cell is, for rows of plain numbers.
   void find_cells() {
     if (format_.delimiter == ' ' || format_.decimal_comma || format_.whole_rows) return;
+    if (!format_.only_wanted && width_ == 0) return;  // the first row says it
     for (std::size_t k = 0; k < index_.size(); ++k) {
       if (index_[k] == missing) continue;
       cells_wanted_.resize(std::max(cells_wanted_.size(), index_[k] + 1), missing);
       if (std::exchange(cells_wanted_[index_[k]], k) != missing) return cells_wanted_.clear();
     }
-    if (counted_) cells_wanted_.resize(header_cells_, missing);
+    if (!format_.only_wanted) cells_wanted_.resize(std::max(cells_wanted_.size(), width_), missing);
   }
 
   // A row whose wanted cells are numbers and nothing else, as most are; false: read_row() has to look.
@@ -222,7 +224,7 @@ class CsvTable {
       else
         at = std::find(at, end, format_.delimiter);
     }
-    return !cells_wanted_.empty() && (at == end || (!counted_ && *at == format_.delimiter)) &&
+    return !cells_wanted_.empty() && (at == end || (format_.only_wanted && *at == format_.delimiter)) &&
            std::ranges::all_of(row_, [](double value) { return std::isfinite(value); });
   }
 
@@ -242,13 +244,14 @@ class CsvTable {
 
   Status read_row(std::string_view text) {
     split_cells(text, format_.delimiter, cells_);
-    if (format_.whole_rows && cells_.size() != header_cells_)
-      return defect(fmt::format("the row has {} columns: expected {}", cells_.size(), header_cells_));
-    // A cell more, and the names are others' than they say.
-    while (counted_ && cells_.size() > header_cells_ && cells_.back().empty()) cells_.pop_back();
-    if (counted_ && cells_.size() > header_cells_)
-      return defect(
-          fmt::format("the row has {} columns: expected {}, as the header has names", cells_.size(), header_cells_));
+    if (!format_.only_wanted) {
+      if (width_ == 0) width_ = cells_.size(), find_cells();
+      while (!format_.whole_rows && cells_.size() > width_ && cells_.back().empty()) cells_.pop_back();
+      // A cell more or less, and the others are not what they seem.
+      if (cells_.size() != width_)
+        return defect(fmt::format("the row has {} columns: expected {}, as {}", cells_.size(), width_,
+                                  named_ || format_.whole_rows ? "the header has names" : "the first row has"));
+    }
     for (std::size_t k = 0; k < wanted_.size(); ++k) {
       if (index_[k] == missing) continue;
       row_[k] = TRY(number(k));
@@ -264,8 +267,8 @@ class CsvTable {
   BlockHandler& sink_;
   std::int64_t line_ = 0;
   std::vector<std::string_view> cells_;
-  std::size_t header_cells_ = 0;
-  bool counted_ = false;  // a row has no more cells than the header has names
+  std::size_t width_ = 0;  // cells of a row, as the header has names, or else the first row cells; 0: not known yet
+  bool named_ = false;     // a column is
   static constexpr std::size_t missing = std::size_t(-1);
   std::vector<std::size_t> index_, cells_wanted_;  // the cell of each wanted column, and the reverse
   std::vector<double> row_;

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <complex>
 #include <limits>
+#include <map>
 #include <numbers>
 #include <numeric>
 #include <utility>
@@ -88,7 +89,7 @@ class Track {
       mean = off * sigma / all, less = variance / all;
     } else {
       const double z = std::abs(off), low = (z - noise.half) / sigma, high = (z + noise.half) / sigma;
-      if (low < -3.0) return 0.0;  // as good as sure
+      if (low < -4.0) return 0.0;  // as good as sure
       if (low > 8.0) return noise.most;
       const double share = 0.5 * (std::erfc(low * std::numbers::sqrt2 / 2) - std::erfc(high * std::numbers::sqrt2 / 2));
       const double at_low = std::exp(-0.5 * low * low) / 2.5066 / share,
@@ -143,6 +144,35 @@ double slope_along(std::span<const double> times, const StampModel& model, const
   }
   close();
   return model.period + (squares > 0.0 ? both / squares : 0.0);
+}
+
+double share_of(const StampModel& model, std::span<const double> times) {
+  return (double(model.gaps.size()) + 0.5) / (double(times.size()) + 1.0);
+}
+
+// What is gained where rows are lost by turns: distance and length of a gap are then as likely as they are frequent, not each for itself, and what
+// they are is told once. Of every second row it is a longer period.
+double gain_by_turns(const StampModel& model, std::span<const double> times) {
+  constexpr std::size_t closest = 3;
+  const auto whole = [](auto n) { return std::log(double(n)) + std::log(double(n) + 1.0); };  // 1 / n(n + 1)
+  const double share = share_of(model, times);
+  std::map<std::pair<std::int64_t, std::size_t>, double> kinds;
+  double gain = 0.0, count = 0.0;
+  for (std::size_t at = 1; at < model.gaps.size(); ++at) {
+    const StampGap& gap = model.gaps[at];
+    const std::size_t distance = gap.row - model.gaps[at - 1].row;
+    if (distance < closest || gap.periods < 2) continue;
+    gain += whole(gap.periods - 1) - std::log(share) - double(distance - 1) * std::log1p(-share);
+    kinds[{gap.periods, distance}] += 1.0, count += 1.0;
+  }
+  std::pair<std::int64_t, std::size_t> before{0, 0};
+  for (const auto& [kind, times_found] : kinds) {
+    gain -= whole(kind.second - (kind.first == before.first ? before.second : 0)) +
+            times_found * std::log(count / times_found);
+    if (kind.first != before.first) gain -= whole(kind.first - 1);
+    before = kind;
+  }
+  return std::max(0.0, gain);
 }
 
 // The likeliest reading with that scatter: rows follow a clock, and each may come some periods later than it would. `share`: of the rows that do. The
@@ -226,13 +256,9 @@ StampModel reading(std::span<const double> times, StampModel model, double cell,
   for (std::size_t at = tracks.front().last_gap; at > 0; at = forks[at - 1].second)
     model.gaps.push_back(forks[at - 1].first);
   std::ranges::reverse(model.gaps);
-  model.cost = tracks.front().cost;
+  model.cost = tracks.front().cost - gain_by_turns(model, times);
   model.period = slope_along(times, model, noise);
   return model;
-}
-
-double share_of(const StampModel& model, std::span<const double> times) {
-  return (double(model.gaps.size()) + 0.5) / (double(times.size()) + 1.0);
 }
 
 // The scatter is the likeliest one, by halves. A smaller one gains a row no more than its logarithm: whoever cannot come below `limit` is left.
@@ -339,9 +365,11 @@ std::vector<double> beats(std::span<const double> times, double step) {
 // Of rows that all keep within half a period along one straight line, so that none is missing; else 0.
 double even_period(std::span<const double> times) {
   const double period = slope_of(times);
-  std::vector<double> ahead;
-  for (std::size_t k = 0; k < times.size(); ++k) ahead.push_back(times[k] - times[0] - double(k) * period);
-  const auto [least, most] = std::ranges::minmax(ahead);
+  double least = 0.0, most = 0.0;
+  for (std::size_t k = 0; k < times.size(); ++k) {
+    const double ahead = times[k] - times[0] - double(k) * period;
+    least = std::min(least, ahead), most = std::max(most, ahead);
+  }
   return most - least < 0.5 * period ? period : 0.0;
 }
 
@@ -378,10 +406,11 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
   if (step > 0.5 * slope && step < 1.3 * slope && !best.gaps.empty())
     for (const double period : beats(some, step)) consider(period, near_scatter);
   if (cell > fine) {  // one that keeps to them needs none
-    const double period = step * std::max(1.0, std::round(best.period / step));
-    readings.push_back(fit(some, {.period = period, .scatter = near_scatter, .gaps = {}}, fine, gap,
-                           share_of(best, some), best.cost + steps_cost));
-    readings.back().cost -= steps_cost;
+    const double period = step * std::max(1.0, std::floor(best.period / step + 0.1));
+    StampModel keeps =
+        fit(some, {.period = period, .scatter = near_scatter, .gaps = {}}, fine, gap, share_of(best, some), any);
+    keeps.cost -= std::max(0.0, steps_cost - gain_by_turns(keeps, some));
+    readings.push_back(std::move(keeps));
     if (readings.back().cost < best.cost) best = readings.back(), step = 0.0, cell = fine;
   }
   bool doubtful = std::ranges::any_of(readings, [&](const StampModel& other) {

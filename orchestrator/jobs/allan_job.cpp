@@ -46,21 +46,16 @@ class RestReader {
   Status add(std::span<const ImuSample> samples) {
     for (const ImuSample& sample : samples) {
       if (!TRY(at_rest(sample.counter))) continue;
-      const Channels increments = channels_of(sample);
-      if (sample.flags != 0 || !increments.allFinite() || spikes_.spike_in(sample)) {
+      if (sample.flags != 0 || !channels_of(sample).allFinite() || spikes_.spike_in(sample))
         ++left_out_;
-        continue;
-      }
-      if (waiting_.empty()) glitches_.forget_neighbours(sample);
-      glitches_.add(sample, found_);
-      waiting_.emplace_back(sample.counter, increments);
-      TRY(keep_all_but(known_after));
+      else if (begin_.push_back(sample); begun_ || begin_.size() == known_from)
+        TRY(screen());
     }
     return {};
   }
 
   Result<ReadRests> take() {
-    TRY(keep_all_but(0));
+    TRY(end_rest());
     ReadRests found{maker_.take(si_), {}};
     if (found.cells.ends.size() == 1)
       found.force_mps2 = total_.cwiseProduct(si_).tail<3>() / (taken_ * info_.sample_period_s);
@@ -83,11 +78,36 @@ class RestReader {
   }
 
  private:
-  static constexpr std::size_t known_after = 6;  // samples, whether one was a glitch
+  static constexpr std::size_t known_after = 6;   // samples, whether one was a glitch
+  static constexpr std::size_t known_from = 128;  // samples, what is usual
+
+  Status screen() {
+    if (!std::exchange(begun_, true) && !begin_.empty()) glitches_.begin_rest(begin_);
+    for (const ImuSample& sample : begin_) {
+      glitches_.add(sample, found_);
+      waiting_.push_back(sample);
+      TRY(keep_all_but(known_after));
+    }
+    begin_.clear();
+    return {};
+  }
+
+  // Behind the last sample others of the rest stand for its neighbours.
+  Status end_rest() {
+    TRY(screen());
+    for (std::size_t k = 0; k < 3 && waiting_.size() == known_after; ++k) {
+      ImuSample neighbour = waiting_[k];
+      neighbour.counter = waiting_.back().counter + 1 + std::int64_t(k);
+      glitches_.add(neighbour, found_);
+    }
+    begun_ = false;
+    return keep_all_but(0);
+  }
 
   Status keep_all_but(std::size_t last) {
     for (; waiting_.size() > last; waiting_.pop_front()) {
-      const auto& [counter, increments] = waiting_.front();
+      const std::int64_t counter = waiting_.front().counter;
+      const Channels increments = channels_of(waiting_.front());
       auto glitch = found_.rbegin();
       while (glitch != found_.rend() && glitch->sample > counter) ++glitch;
       if (glitch != found_.rend() && glitch->sample == counter) {
@@ -110,7 +130,7 @@ class RestReader {
                         past.end_sample == next.start_sample && past.heading_deg == next.heading_deg &&
                         past.pitch_deg == next.pitch_deg && past.roll_deg == next.roll_deg;
       if (same) continue;
-      TRY(keep_all_but(0));
+      TRY(end_rest());
       maker_.begin_rest();
     }
     return index_ < segments_.size() && counter >= segments_[index_].start_sample &&
@@ -140,7 +160,9 @@ class RestReader {
   SpikeFinder spikes_;
   GlitchFinder glitches_;
   std::vector<DataEvent> found_;
-  std::deque<std::pair<std::int64_t, Channels>> waiting_;
+  std::vector<ImuSample> begin_;   // not screened yet
+  bool begun_ = false;             // the rest
+  std::deque<ImuSample> waiting_;  // screened
   Channels si_ = Channels::Zero(), total_ = si_;
   double taken_ = 0.0;  // samples in it
   std::int64_t a_second_ = 1, left_out_ = 0;

@@ -191,12 +191,23 @@ TEST(ImportForms, ARowsNumberIsLeftOutWhereTheClockWasSetBack) {
   for (const char* how : {"intervals", "period"}) {
     SCOPED_TRACE(how);
     std::string csv = "t,gx,gy,gz,ax,ay,az\n";
-    for (int k = 0; k < 300; ++k) csv += std::to_string(0.01 * (k < 100 ? k : k - 50)) + ",102,100,96,0.5,0,1\n";
+    const auto row = [](int k, int time) {
+      return std::to_string(0.01 * time) + "," + std::to_string(k) + ",100,96,0.5,0,1\n";
+    };
+    for (int k = 0; k < 300; ++k) csv += row(k, k < 100 ? k : k - 50);
     CsvMap map = map_of("time.column = t\ntime.increments = " + std::string(how) + "\n");
     map.format.skip_bad_rows = true;
     const Result<CsvImport> c = good(import_text(map, csv));
     EXPECT_NEAR(double(c->bad_rows), 50.0, 6.0);
     EXPECT_EQ(c->samples.back().counter, 299);
+    // Two rows exchanged, ten written twice, one split by a line feed: the stamps say how much time passed.
+    csv = "t,gx,gy,gz,ax,ay,az\n";
+    for (int k = 0; k < 300; ++k) csv += row(k == 50 ? 51 : k == 51 ? 50 : k, k == 50 ? 51 : k == 51 ? 50 : k);
+    for (int k = 290; k < 300; ++k) csv += row(k, k);
+    for (int k = 300; k < 310; ++k) csv += k == 305 ? "3.0\n5,0,1\n" : row(k, k);
+    const Result<CsvImport> out_of_place = good(import_text(map, csv));
+    EXPECT_EQ(out_of_place->bad_rows, 13);
+    EXPECT_EQ(out_of_place->samples.back().counter, 309);
   }
 }
 

@@ -193,15 +193,17 @@ TEST(NumberTable, ALastLineWithoutAnEndIsLeftOut) {
   EXPECT_TRUE(fails(read_number_table(text, "d.csv", {{"a"}}, {.whole_rows = true}), "d.csv:3: the last line"));
 }
 
-// A name is of the cell that stands below it: not where a row has more cells than there are names.
-TEST(NumberTable, RowsWiderThanTheirHeader) {
+// A name is of the cell that stands below it, a number of the cell that stands there in the other rows.
+TEST(NumberTable, RowsWithACellMoreOrLess) {
   const auto read = [](const std::string& rows, const char* column) {
     return read_number_table("a,b,c\n" + rows, "d.csv", {{column}}, {});
   };
   EXPECT_TRUE(
       fails(read("1,2,3\n1,5,2,3\n", "b"), "d.csv:3: the row has 4 columns: expected 3, as the header has names"));
   EXPECT_OK(read("1,2,3,\n4,5,6,,\n", "b"));
-  EXPECT_OK(read("1,2,3\n1,5,2,3\n", "2"));
+  EXPECT_TRUE(fails(read("1,2,3\n1,5\n", "b"), "d.csv:3: the row has 2 columns: expected 3, as the header has names"));
+  EXPECT_TRUE(fails(read("1,2\n1,5,3\n", "2"), "d.csv:3: the row has 3 columns: expected 2, as the first row has"));
+  EXPECT_OK(read("1,2,3,4\n4,5,6,7,\n", "2"));
 }
 
 TEST(NumberTable, RowsThatAreNotFiniteAreSkippedWhereThatIsWanted) {
