@@ -89,7 +89,7 @@ class Track {
       mean = off * sigma / all, less = variance / all;
     } else {
       const double z = std::abs(off), low = (z - noise.half) / sigma, high = (z + noise.half) / sigma;
-      if (low < -4.0) return 0.0;  // as good as sure
+      if (low < -3.0) return 0.0;  // as good as sure
       if (low > 8.0) return noise.most;
       const double share = 0.5 * (std::erfc(low * std::numbers::sqrt2 / 2) - std::erfc(high * std::numbers::sqrt2 / 2));
       const double at_low = std::exp(-0.5 * low * low) / 2.5066 / share,
@@ -166,10 +166,10 @@ double gain_by_turns(const StampModel& model, std::span<const double> times) {
     kinds[{gap.periods, distance}] += 1.0, count += 1.0;
   }
   std::pair<std::int64_t, std::size_t> before{0, 0};
-  for (const auto& [kind, times_found] : kinds) {
-    gain -= whole(kind.second - (kind.first == before.first ? before.second : 0)) +
-            times_found * std::log(count / times_found);
-    if (kind.first != before.first) gain -= whole(kind.first - 1);
+  for (const auto& [kind, often] : kinds) {
+    const bool longer = kind.first != before.first;
+    gain -= whole(kind.second - (longer ? 0 : before.second)) + (longer ? whole(kind.first - 1) : 0.0) +
+            often * std::log(count / often);
     before = kind;
   }
   return std::max(0.0, gain);
@@ -392,7 +392,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
   const double slope = low_slope(times);
   if (!std::isfinite(most - least) || !(slope > 0.0)) return best;
   std::span<const double> some = times.first(std::min(times.size(), enough));
-  const double rows = double(some.size()), fine = 10.0 * even_scatter * slope, steps_cost = 20.0 + std::log(rows);
+  const double rows = double(some.size()), fine = 10.0 * even_scatter * slope, steps_cost = 20.0;
   double step = resolution_of(times, slope), cell = std::max(step, fine);
   std::vector<StampModel> readings;
   const auto consider = [&](double period, double scatter) {
@@ -409,7 +409,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
     const double period = step * std::max(1.0, std::floor(best.period / step + 0.1));
     StampModel keeps =
         fit(some, {.period = period, .scatter = near_scatter, .gaps = {}}, fine, gap, share_of(best, some), any);
-    keeps.cost -= std::max(0.0, steps_cost - gain_by_turns(keeps, some));
+    keeps.cost -= std::log(rows) + std::max(0.0, steps_cost - gain_by_turns(keeps, some));  // its rate is known
     readings.push_back(std::move(keeps));
     if (readings.back().cost < best.cost) best = readings.back(), step = 0.0, cell = fine;
   }

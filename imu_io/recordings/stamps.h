@@ -3,10 +3,11 @@
 // Row k comes at t0 + P (k + missing) + e, written in steps: P the period, missing a whole number that only grows, e of each row by itself, normal
 // with a few outliers. A clock that begins anew has another t0; time that passed meanwhile passed, so that the periods of all rows last as long as
 // the stamps say. Of all ways to read the stamps so the most likely is taken (Viterbi, 1967; eight are kept), where a gap is as rare as the last
-// reading found it, of n rows with 1 / n(n + 1), and a new t0 rarer. Along each a Kalman filter follows phase and rate of the clock; what it is told
-// is that the stamp's step holds the time, so that a stamp in coarse steps that no row contradicts costs nothing. The scatter of e is the most likely
-// one, P the slope of least squares along the gaps. The search begins at the steepest part without gaps (rows that come in bursts), at the periods in
-// which all phases agree (rows that are lost), and at those whose beat with the step of the stamps shows in the steps without a row.
+// reading found it, of n rows with 1 / n(n + 1), or all as likely as such distances and lengths are frequent; a new t0 is rarer. Along each a Kalman
+// filter follows phase and rate of the clock; what it is told is that the stamp's step holds the time, so that a stamp in coarse steps that no row
+// contradicts costs nothing. The scatter of e is the most likely one, P the slope of least squares along the gaps. The search begins at the steepest
+// part without gaps (rows that come in bursts), at the periods in which all phases agree (rows that are lost), and at those whose beat with the step
+// of the stamps shows in the steps without a row.
 //
 // P is sure where no other one is nearly as likely, at most 60 % of the rows come behind a gap, and either the step is shorter and the phases of e
 // agree (exp(-2 (pi e)^2) above 0.13), or the n rows between two gaps tell it: to scatter sqrt(12 / n^3), below 0.1 %. Where there are gaps another
