@@ -426,7 +426,7 @@ void add_shift_command(CommandLine& line) {
   command.option("database", options.database, {is::required}, "the station's record.database");
   add_filter_options(command, options.filter);
   command.flag("--simulated", options.simulated, "report dry runs, which are never mixed with real units");
-  command.option("--target", options.target_percent, {is::in(0.0, 100.0)},
+  command.option("--target", options.target_percent, {is::in(1.0, 100.0)},
                  "first-pass yield that is wanted, in per cent: a line in the chart of the yield over time");
   command.option("--out", options.out, "folder for the report: shift.html and its tables as CSV");
   command.option("--format", options.format, {is::one_of({"json"})}, "print the report in this form instead of text");

@@ -11,6 +11,7 @@
 #include <map>
 #include <optional>
 #include <type_traits>
+#include <utility>
 
 #include <CLI/CLI.hpp>
 
@@ -130,18 +131,26 @@ std::string examples_of(const std::string& command) {
   return text;
 }
 
-// The words of the command line, the last one first, as CLI11 takes them. What was a command in the version before is an action now.
+// Names of the version before.
+constexpr std::pair<const char*, const char*> renamed[] = {
+    {"database", "records"}, {"restore", "records restore"}, {"prune", "records prune"}, {"fleet report", "shift"}};
+
+// The words of the command line, the last one first, as CLI11 takes them.
 std::vector<std::string> words_of(int argc, const char* const* argv, std::ostream& err) {
   std::vector<std::string> words(argv + 1, argv + argc);
   const std::string first = words.empty() ? "" : words.front();
   if (first == "help") {
     std::erase(words, first);
     words.emplace_back("--help");
-  } else if (first == "database" || first == "restore" || first == "prune") {
-    first == "database" ? void(words.front() = "records") : void(words.insert(words.begin(), "records"));
-    err << fmt::format(
-        "{0}'turncal {1}' is 'turncal records{2}' now; the old name will be removed in the next version\n",
-        error_prefix, first, first == "database" ? "" : " " + first);
+  }
+  for (const auto& [old_name, name] : renamed) {
+    const std::vector<std::string_view> before = split(old_name, ' '), now = split(name, ' ');
+    if (words.size() < before.size() || !std::equal(before.begin(), before.end(), words.begin())) continue;
+    words.erase(words.begin(), words.begin() + std::ssize(before));
+    words.insert(words.begin(), now.begin(), now.end());
+    err << fmt::format("{}'turncal {}' is 'turncal {}' now; the old name will be removed in the next version\n",
+                       error_prefix, old_name, name);
+    break;
   }
   std::ranges::reverse(words);
   return words;

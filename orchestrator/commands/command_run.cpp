@@ -181,12 +181,11 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
       stops = Error{unit.status.error().kind, "unit " + unit.serial + ": " + unit.status.error().message};
       continue;
     }
-    std::string reason = unit.status ? "" : unit.status.error().message;
-    const std::string shown = in_words(unit.outcome), head = "unit " + unit.serial + ": " + shown + ": ";
-    if (reason.starts_with(head)) reason.erase(0, head.size());
+    const std::string reason = unit.status ? "" : reason_alone(unit.status.error().message, unit.serial, unit.outcome);
     TRY(record_outcome(options.queue, {unit.serial, unit.outcome, format_utc(wall_utc_s()), reason}));
-    context.out << tag << "unit " << unit.serial << ": " << shown << (reason.empty() ? "" : ": " + reason)
-                << (path_exists(unit.folder) ? "; " + unit.folder : "") << std::endl;
+    context.out << tag << "unit " << unit.serial << ": " << in_words(unit.outcome)
+                << (reason.empty() ? "" : ": " + reason) << (path_exists(unit.folder) ? "; " + unit.folder : "")
+                << std::endl;
   }
   return stops;
 }

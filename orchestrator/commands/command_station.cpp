@@ -125,7 +125,9 @@ struct Against {
 Against against(const StationConfig& station) {
   Against found;
   const TableConfig& table = station.table;
-  found.blocks = unset_lines(station);
+  // A station of mock devices alone is made for --dry-run.
+  if (station.table.driver != TableDriver::mock || station.imu_driver != ImuDriver::rig)
+    found.blocks = no_real_devices(station);
   if (station.chamber && !station.chamber->described.commissioned)
     found.blocks.push_back(
         "the chamber is not commissioned: turncal commission --chamber comes before the first run with it");
@@ -442,9 +444,6 @@ Status run_check(const CheckOptions& options, CommandContext& context) {
        {station ? nullptr : &station.error(), info ? nullptr : &info.error(), sequence ? nullptr : &sequence.error()})
     if (error != nullptr) context.fail({ErrorKind::input, error->message});
   if (!station || !sequence || !info) return {};
-  // A station whose unit is the rig's is rehearsed with --dry-run; a real unit does not feel what a mock table does.
-  if (station->table.driver == TableDriver::mock && station->imu_driver != ImuDriver::rig)
-    return check_real_devices(*station);
   Against found = against(*station);
   const PlanLimits limits = plan_limits(*station, info->sample_period_s);
   Plan plan = make_plan(*sequence, limits);

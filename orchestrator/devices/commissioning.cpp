@@ -16,6 +16,7 @@
 #include "orchestrator/devices/first_step_check.h"
 #include "orchestrator/run/motion_watch.h"
 #include "turntable_drivers/table/table_state.h"
+#include "turntable_drivers/table/table_stop.h"
 
 namespace turncal {
 
@@ -59,8 +60,39 @@ class Trial {
     if (sums_.lost) return device_error(fmt::format("samples of the unit were lost while {} turned", to_string(axis)));
     const double to_deg = TRY(position(axis));
     const Turn turned{to_deg - from_deg, sums_.gyro - at_rest * sums_.samples};
+    TRY(stop_on_way(axis, 0.0, settings_.rate_degps / 2.0));
     TRY(move(axis, 0.0, settings_.rate_degps));
     return turned;
+  }
+  // Sends the axis off and stops it, as a run does that is told to end: it has to stand short of its target.
+  Status stop_on_way(Axis axis, double to_deg, double rate_degps) {
+    constexpr double share = 0.3;  // of the way, before the stop
+    const Sent sent = TRY(send(axis, to_deg, rate_degps));
+    const double way_deg = std::abs(to_deg - sent.from.position_deg);
+    const auto turned_deg = [&](const AxisStatus& a) { return std::abs(a.position_deg - sent.from.position_deg); };
+    TRY(wait_until(sent.seconds, std::string(to_string(axis)) + " does not turn back",
+                   [&](const TableStatus& axes) { return turned_deg(axes[index(axis)]) >= share * way_deg; }));
+    if (const Status stopped = devices_.table.stop_all(); !stopped)
+      return input_error("{}: the stop was refused: {}", to_string(axis), stopped.error().message);
+    const double brake_deg = 2.0 * rate_degps * rate_degps / sent.move.acceleration_degps2;
+    const double left_deg = way_deg - turned_deg(TRY(devices_.table.status(axis))) - brake_deg;
+    held_deg_.reset();  // a stop may switch drives off
+    sent_.reset();
+    std::optional<AxisStatus> stands;
+    TRY(wait_until(sent.seconds, std::string(to_string(axis)) + " was told to stop and does not come to rest",
+                   [&](const TableStatus& axes) {
+                     const AxisStatus& a = axes[index(axis)];
+                     if (a.moving || !stands || !is_at(a, stands->position_deg)) stands = a;
+                     return a.time_s - stands->time_s >= TableStop::stand_s;
+                   }));
+    if (left_deg > station_.motion.position_tolerance_deg && is_at(*stands, to_deg))
+      return input_error(
+          "{} was told to stop on its way and went on to its target: expected the stop of the table's manual",
+          to_string(axis));
+    TRY(devices_.table.enable());
+    return wait_until(homing_deadline_s, "the drives did not come on after a stop", [](const TableStatus& axes) {
+      return std::ranges::all_of(axes, [](const AxisStatus& a) { return a.enabled && a.homed && !a.moving; });
+    });
   }
   // The accelerometers' mean of a sample at rest, with one axis turned to an angle (none: where it stands). The axis then goes back.
   Result<Eigen::Vector3d> force_at(std::optional<Axis> axis, double to_deg) {
@@ -171,10 +203,17 @@ class Trial {
         factor);
   }
   Result<double> position(Axis axis) { return TRY(devices_.table.status(axis)).position_deg; }
-  // There, and a rest.
-  Status move(Axis axis, double to_deg, double rate_degps) {
+  bool is_at(const AxisStatus& axis, double deg) const {
+    return std::abs(axis.position_deg - deg) <= station_.motion.position_tolerance_deg;
+  }
+  struct Sent {
+    Move move;
+    AxisStatus from;
+    double seconds;  // to arrive in
+  };
+  Result<Sent> send(Axis axis, double to_deg, double rate_degps) {
     const TableStatus before = TRY(read_table());
-    const double from_deg = before[index(axis)].position_deg;
+    const AxisStatus& from = before[index(axis)];
     const double acceleration_degps2 =
         std::min(std::max(settings_.acceleration_degps2, 2.0 * rate_degps), limits_of(axis).max_acceleration_degps2);
     const Move sent{axis, to_deg, rate_degps, acceleration_degps2};
@@ -183,24 +222,42 @@ class Trial {
     const double began_s = devices_.clock.now_s();
     speed_.restart(before, began_s, began_s);
     TRY(devices_.table.move_absolute(axis, to_deg, rate_degps, acceleration_degps2));
-    const double seconds = std::abs(to_deg - from_deg) / rate_degps + 2.0 * rate_degps / acceleration_degps2 +
-                           station_.motion.deadline_margin_s;
-    RateCheck rate(before[index(axis)]);
-    const Status arrived =
-        wait_until(seconds, std::string(to_string(axis)) + " did not arrive in time", [&](const TableStatus& axes) {
-          const AxisStatus& a = axes[index(axis)];
-          rate.add(a);
-          return !a.moving && a.in_position &&
-                 std::abs(a.position_deg - to_deg) <= station_.motion.position_tolerance_deg;
-        });
-    const double took_s = devices_.clock.now_s() - began_s;
+    return Sent{sent, from,
+                std::abs(to_deg - from.position_deg) / rate_degps + 2.0 * rate_degps / acceleration_degps2 +
+                    station_.motion.deadline_margin_s};
+  }
+  // There, and a rest.
+  Status move(Axis axis, double to_deg, double rate_degps) {
+    const double began_s = devices_.clock.now_s();
+    const Sent sent = TRY(send(axis, to_deg, rate_degps));
+    RateCheck rate(sent.from);
+    AxisStatus last = sent.from;
+    double turned_until_s = began_s;
+    const std::string late_text = std::string(to_string(axis)) + " did not arrive in time";
+    const Status arrived = wait_until(sent.seconds, late_text, [&](const TableStatus& axes) {
+      const AxisStatus& a = axes[index(axis)];
+      rate.add(a);
+      if (!is_at(a, last.position_deg)) turned_until_s = devices_.clock.now_s();
+      if (!is_at(a, last.position_deg) || is_at(a, to_deg)) last = a;
+      return !a.moving && a.in_position && is_at(a, to_deg);
+    });
+    const double waited_s = devices_.clock.now_s() - began_s;
     if (arrived) TRY(rest());  // what the unit felt on the way may still be on its way
-    const bool late = !arrived && took_s > seconds;
+    const bool late = !arrived && waited_s > sent.seconds;
     const Result<double> at_deg = arrived || late ? position(axis) : Result<double>(arrived.error());
     if (!at_deg) return arrived ? at_deg.error() : arrived.error();
-    if (const Status fits = judge_rate(sent, from_deg, *at_deg, took_s); !fits)
+    if (late && is_at(last, to_deg))
+      return input_error(
+          "{}: it has stood at its target for {:.3g} s, and {}: expected {} as the table's manual has it", late_text,
+          devices_.clock.now_s() - turned_until_s,
+          last.moving ? "still says that it moves" : "in_position was never set",
+          bit_text(last.moving ? "moving" : "in_position"));
+    if (const Status fits = judge_rate(sent.move, sent.from.position_deg, *at_deg, turned_until_s - began_s); !fits)
       return late ? Error{fits.error().kind, arrived.error().message + ": " + fits.error().message} : fits.error();
     return arrived ? rate.judge(axis, settings_.rate_tolerance) : arrived;
+  }
+  std::string bit_text(const std::string& name) const {
+    return station_.table.map ? "bit." + name + " of the map" : "status.bit." + name + " of the dialect";
   }
 
   const StationDevices& devices_;

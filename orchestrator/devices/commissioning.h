@@ -4,7 +4,7 @@
 //   heading: -d about y    pitch: +d about z    roll: +d about x
 // The gyros' sum over the move, less what they show at rest before it, must point there within direction_deg; its size must be the angle
 // that the encoder tells, to scale_tolerance, where the size is known (increments in rad, or a nominal pulse weight). The axis then goes
-// back.
+// back, and is stopped on the way: it has to stand there before it goes on.
 //
 // Then gravity in three poses, level, pitch up and roll over by pose_deg (less where the axis may not turn that far): the specific force
 // must point up within direction_deg and be the site's gravity within force_tolerance, so that each accelerometer has shown its axis,

@@ -201,14 +201,19 @@ std::string lock_path_of(const std::string& device) {
   return lock_folder() + "/turncal-" + name + ".lock";
 }
 
-Result<std::vector<LockFile>> lock_devices(const StationConfig& station) {
-  std::vector<std::string> devices;
-  if (const TableLinkSettings* const link = station.table.link()) devices.push_back(link->address);
-  if (station.chamber) devices.push_back(station.chamber->described.link().address);
+std::vector<std::pair<std::string, std::string>> device_lines(const StationConfig& station) {
+  std::vector<std::pair<std::string, std::string>> lines;
+  if (const TableLinkSettings* const link = station.table.link()) lines.emplace_back("table.address", link->address);
+  if (station.chamber) lines.emplace_back("chamber.address", station.chamber->described.link().address);
   for (std::size_t place = 0; place < station.imu_places(); ++place)
-    devices.push_back(station.imu_settings(place).device);
+    lines.emplace_back(place == 0 ? "imu.device" : fmt::format("imu.{}.device", place + 1),
+                       station.imu_settings(place).device);
+  return lines;
+}
+
+Result<std::vector<LockFile>> lock_devices(const StationConfig& station) {
   std::vector<LockFile> locks;
-  for (const std::string& device : devices) {
+  for (const auto& [key, device] : device_lines(station)) {
     Result<LockFile> taken = LockFile::acquire(lock_path_of(device));
     if (!taken) return device_error(device + ": " + taken.error().message);
     locks.push_back(std::move(*taken));

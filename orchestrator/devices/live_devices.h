@@ -119,6 +119,8 @@ class GravityWatch : public FrontImu {
 // that of its address; all addresses by which this machine reaches itself are one.
 // Error: kind device, names the device and who holds it.
 Result<std::vector<LockFile>> lock_devices(const StationConfig& station);
+// The key of each device's line, and the line.
+std::vector<std::pair<std::string, std::string>> device_lines(const StationConfig& station);
 
 // The lock file of a device: a path or HOST:PORT.
 std::string lock_path_of(const std::string& device);

@@ -21,6 +21,14 @@ namespace {
 // A second's mean away from the first one: no noise of a unit that lies still.
 constexpr double moves_radps = 0.02, moves_mps2 = 0.5;
 
+// Counting is noise of this model (Q) only over times in which the noise moves the count: over shorter ones a quiet unit that counts in
+// pulses has lines, whose frequencies follow from what it reads, and those that fall low look like N.
+constexpr double least_cell_of_pulses_s = 1.0;
+std::size_t samples_a_cell(const RecordingInfo& info) {
+  const bool pulses = info.gyro_increment == IncrementKind::pulses || info.accel_increment == IncrementKind::pulses;
+  return pulses ? std::size_t(std::max(1L, std::lround(least_cell_of_pulses_s / info.sample_period_s))) : 1;
+}
+
 struct ReadRests {
   RestCells cells;
   std::vector<std::string> notes;
@@ -34,7 +42,7 @@ class RestReader {
       : info_(info),
         segments_(std::move(segments)),
         path_(std::move(path)),
-        maker_(info.sample_period_s),
+        maker_(info.sample_period_s, samples_a_cell(info)),
         spikes_(info),
         glitches_(info, GlitchLimits::at_rest(info)) {
     const SensorModel model = sensor_model(start_parameters(info), info);

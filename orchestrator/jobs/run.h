@@ -162,5 +162,8 @@ Status stored(Status status);
 std::string reason_of(const RunPlan& run, const VerdictReport& verdict);
 // An error of kind unit_failed, with verdict and reason, when the verdict is not one to accept.
 Status verdict_status(const std::string& unit, const VerdictReport& report);
+std::string verdict_head(const std::string& unit, std::string_view outcome);  // "unit SN1: fail: "
+// A message without that: the unit and the outcome stand beside it.
+std::string reason_alone(std::string message, const std::string& unit, std::string_view outcome);
 
 }  // namespace turncal

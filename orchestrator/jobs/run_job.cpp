@@ -176,7 +176,7 @@ Status note_attempt(const Run& run, const RunUnit& unit, const std::string& outc
   attempt.outcome = outcome;
   attempt.time_utc = format_utc(utc_s);
   if (attempt.began_utc.empty()) attempt.began_utc = attempt.time_utc;
-  if (!why) attempt.reason = why.error().message;
+  if (!why) attempt.reason = reason_alone(why.error().message, unit.serial, outcome);
   return stored(database.note(attempt));
 }
 
@@ -245,7 +245,7 @@ RunEnd conclude(RunEnd end, Run& run, CommandContext& context) {
     call.outcome = outcome_of(run, unit);
     if (unit.status && call.outcome == to_string(UnitVerdict::not_judged)) {  // nobody has said that it is good
       call.event = "needs_operator";
-      call.message = "unit " + call.unit + ": " + in_words(call.outcome) + ": " + reason_of(run, unit.verdict);
+      call.message = verdict_head(call.unit, call.outcome) + reason_of(run, unit.verdict);
     }
     call.dry_run = run.request.dry_run;
     if (Status status = run_hook(run.station.hooks, call); !status) run.say(status.error().message);

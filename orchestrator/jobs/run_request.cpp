@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <tuple>
 #include <utility>
 
@@ -17,6 +18,7 @@
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "orchestrator/devices/dry_run_devices.h"
+#include "orchestrator/devices/live_devices.h"
 #include "orchestrator/records/results_database.h"
 #include "orchestrator/station/version.h"
 
@@ -234,32 +236,37 @@ RecordingInfo planned_info(const RunPlan& run) {
   return planned_info(run.station, run.request.dry_run ? &run.rig : nullptr);
 }
 
-std::vector<std::string> unset_lines(const StationConfig& station) {
-  std::vector<std::string> unset;
-  const auto look = [&unset](const char* key, const std::string& value) {
-    if (value.find("SET-ME") != std::string::npos)
-      unset.push_back(fmt::format("{} = {}: expected the name of this station's line", key, turncal::quoted(value)));
-  };
-  if (station.table.link()) look("table.address", station.table.link()->address);
-  if (station.imu) look("imu.device", station.imu->settings.device);
-  if (station.chamber) look("chamber.address", station.chamber->described.link().address);
-  return unset;
+std::vector<std::string> no_real_devices(const StationConfig& station) {
+  std::vector<std::string> why;
+  std::map<std::string, std::string> taken;  // key by lock
+  for (const auto& [key, line] : device_lines(station)) {
+    if (line.find("SET-ME") != std::string::npos) {
+      why.push_back(fmt::format("{} = {}: expected the name of this station's line", key, turncal::quoted(line)));
+      continue;
+    }
+    const auto [at, is_first] = taken.emplace(lock_path_of(line), key);
+    if (!is_first)
+      why.push_back(fmt::format("{} = {}: is the line of {}, too: expected one of its own", key, turncal::quoted(line),
+                                at->second));
+  }
+  if (station.chamber && station.chamber->described.language == ChamberDescription::Language::rig)
+    why.push_back(station.chamber->described.file +
+                  ": link.kind = rig: expected a chamber on a line, or --dry-run to rehearse");
+  const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
+  if (mock && rig)
+    why.emplace_back(
+        "only mock devices (table.driver = mock, imu.driver = rig): nothing real would move; turncal run --dry-run "
+        "rehearses");
+  else if (mock || rig)
+    why.push_back(fmt::format("a mock {}: expected table and unit both real, or --dry-run to rehearse",
+                              mock ? "table (table.driver = mock)" : "unit (imu.driver = rig)"));
+  return why;
 }
 
 Status check_real_devices(const StationConfig& station) {
-  if (const std::vector<std::string> unset = unset_lines(station); !unset.empty())
-    return input_error(station.file + ": " + unset.front());
-  if (station.chamber && station.chamber->described.language == ChamberDescription::Language::rig)
-    return input_error(station.chamber->described.file +
-                       ": link.kind = rig: expected a chamber on a line, or --dry-run to rehearse");
-  const bool mock = station.table.driver == TableDriver::mock, rig = station.imu_driver == ImuDriver::rig;
-  if (!mock && !rig) return {};
-  return input_error(
-      "station '{}' has {}", station.name,
-      mock && rig ? "only mock devices (table.driver = mock, imu.driver = rig): nothing real would move; turncal run "
-                    "--dry-run rehearses"
-      : mock      ? "a mock table (table.driver = mock): expected table and unit both real, or --dry-run to rehearse"
-                  : "a mock unit (imu.driver = rig): expected table and unit both real, or --dry-run to rehearse");
+  const std::vector<std::string> why = no_real_devices(station);
+  if (why.empty()) return {};
+  return input_error("{}: {}", station.file.empty() ? "station '" + station.name + "'" : station.file, why.front());
 }
 
 Result<int> append_north_seeking(const StationConfig& station, Sequence& sequence) {

@@ -106,9 +106,9 @@ std::size_t places(const RunPlan& run);
 RecordingInfo planned_info(const StationConfig& station, const RigConfig* rig);
 RecordingInfo planned_info(const RunPlan& run);
 
-// An error unless table and unit are both ones that a live command can open.
-Status check_real_devices(const StationConfig& station);
-std::vector<std::string> unset_lines(const StationConfig& station);  // that a shipped file leaves as SET-ME
+// Why no live command can open the station's devices; empty: it can.
+std::vector<std::string> no_real_devices(const StationConfig& station);
+Status check_real_devices(const StationConfig& station);  // the first of these as an error
 
 // verify.seq after a calibration, and the number of its first step. An error where the latitude lets no gyro tell north.
 Result<int> append_north_seeking(const StationConfig& station, Sequence& sequence);

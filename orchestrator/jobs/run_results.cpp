@@ -358,8 +358,16 @@ std::string reason_of(const RunPlan& run, const VerdictReport& verdict) {
 
 Status verdict_status(const std::string& unit, const VerdictReport& report) {
   if (is_accepted(report.verdict)) return {};
-  return Error{ErrorKind::unit_failed,
-               "unit " + unit + ": " + in_words(to_string(report.verdict)) + ": " + report.reason};
+  return Error{ErrorKind::unit_failed, verdict_head(unit, to_string(report.verdict)) + report.reason};
+}
+
+std::string verdict_head(const std::string& unit, std::string_view outcome) {
+  return "unit " + unit + ": " + in_words(outcome) + ": ";
+}
+
+std::string reason_alone(std::string message, const std::string& unit, std::string_view outcome) {
+  const std::string head = verdict_head(unit, outcome);
+  return message.starts_with(head) ? message.substr(head.size()) : message;
 }
 
 void print_results(Run& run, double wall_s, std::ostream& out) {

@@ -287,10 +287,7 @@ std::string certificate_page(const Certificate& c) {
   if (c.verification) body += north_section(*c.verification);
   const VerdictReport& conformity = c.conformity;
   const std::string verdict = in_words(to_string(conformity.verdict));
-  const std::string beside = judged_beside(c), twice = "verification " + verdict + ": ";
-  std::string reason = conformity.reason;
-  if (const std::size_t at = reason.find(twice); at != std::string::npos)
-    reason.replace(at, twice.size(), "verification: ");
+  const std::string beside = judged_beside(c), &reason = conformity.reason;
   body += fact_section(
       "Conformity",
       {{"verdict", verdict + (reason.empty() ? "" : ": " + reason)},

@@ -93,11 +93,14 @@ class TextLines {
     }
     std::vector<std::size_t> widths(table.head.size(), 0);
     std::size_t all = 0;
+    // The last column is never cut: nothing stands behind it.
+    const std::size_t last = widths.size() - (widths.empty() ? 0 : 1);
     for (std::size_t c = 0; c < widths.size(); ++c) {
       for (const auto& row : rows) widths[c] = std::max(widths[c], columns_of(row[c]));
-      if (widths[c] > 0) all += widths[c] + apart;
+      const bool is_long = c == last && table.head[c].kind == Cell::Kind::wide;
+      if (widths[c] > 0) all += (is_long ? std::min(widths[c], least) : widths[c]) + apart;
     }
-    for (std::size_t c = 0; c < widths.size(); ++c) {
+    for (std::size_t c = 0; c < last; ++c) {
       if (table.head[c].kind != Cell::Kind::wide || all <= terminal_columns + apart) continue;
       const std::size_t cut = std::min(all - terminal_columns - apart, widths[c] - std::min(widths[c], least));
       widths[c] -= cut;
@@ -338,14 +341,10 @@ std::string as_text(const Document& document, std::size_t most) {
 }
 
 std::string as_brief_text(const Document& document) {
-  std::string text;
-  for (const Document::Block& block : document.blocks) {
-    const auto* facts = block.scope == Scope::brief ? std::get_if<Facts>(&block.content) : nullptr;
-    for (std::size_t k = 0; facts != nullptr && k < facts->rows.size(); ++k)
-      text += padded(plain(facts->rows[k].first), label_width, false) +
-              shorten(plain(facts->rows[k].second), terminal_columns - label_width) + "\n";
-  }
-  return text;
+  TextLines text;
+  for (const Document::Block& block : document.blocks)
+    if (block.scope == Scope::brief) std::visit(text, block.content);
+  return text.lines.empty() ? "" : join(text.lines, "\n") + "\n";
 }
 
 std::string as_text(const Content& content) {

@@ -403,8 +403,9 @@ StationRun::MaybeEvent StationRun::stop_table() {
   for (UnitLane& lane : lanes_) lane.leave_segment();
   const double now_s = devices_.clock.now_s();
   stop_.begin(now_s, brake_s());
-  // Whether it was taken is judged by what the axes do until the deadline.
-  static_cast<void>(stop_.stop(now_s).ok());
+  // Whether it was taken is judged by what the axes do until the deadline; a refusal is told with how that ends.
+  if (const Status stopped = stop_.stop(now_s); !stopped)
+    detail_ = "the braking stop was refused: " + stopped.error().message;
   phase_deadline_s_ = now_s + brake_s() + job_.station.motion.deadline_margin_s;
   if (!chamber_rests()) {
     devices_.chamber->switch_off();

@@ -203,6 +203,12 @@ std::string words_of(const JournalFields& transition) {
   return words + state_words(state) + (detail.empty() ? "" : ": " + detail);
 }
 
+bool is_unverified_stop(const JournalFields& transition) {
+  const std::string &from = value_of(transition, "from"), &to = value_of(transition, "to");
+  return to == to_string(RunState::failed) && value_of(transition, "event") == to_string(RunEvent::deadline) &&
+         (from == to_string(RunState::stopping) || from == to_string(RunState::parking));
+}
+
 void show_run(const JournalContents& journal, double now_utc_s, StationView& view) {
   view.units = journal.units();
   view.began_utc = journal.begin_value("began_utc");
@@ -305,6 +311,10 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
                       : left                       ? of_units + " was left unfinished: " + view.phase
                              : fmt::format("no batch is running; units in the queue: {}", view.waiting.size());
       view.urgent(left ? "start the batch again: it continues with " + of_units : "start the batch");
+      if (left && is_unverified_stop(journal->transition))
+        view.urgent(
+            "go to the table before anything else: it may still move and its drives may be on; press its emergency "
+            "stop, find out why it could not be stopped (run.log), and only then start the batch");
       break;
     case StationState::idle:
       view.headline = "the queue is done";
@@ -432,6 +442,11 @@ Result<UnitRecord> record_of(const ServiceConfig& config, const std::string& uni
     attempt.reason = outcome->reason;
     attempt.station = station.name;
     attempt.folder = last_folder(station.runs, unit);
+    const Result<JournalContents> journal = read_journal(attempt.folder + "/" + journal_name);
+    if (!journal) continue;
+    attempt.simulated = journal->begin_value("simulated") == "true";
+    attempt.began_utc = journal->begin_value("began_utc");
+    if (journal->seal_utc_s) attempt.time_utc = format_utc(*journal->seal_utc_s);  // a dry run has a clock of its own
   }
   return record;
 }

@@ -177,9 +177,7 @@ void judge_trust(const std::string& distrust, VerdictReport& report) {
 void judge_verification(UnitVerdict found, const std::string& figures, VerdictReport& report) {
   report.verification = std::string(to_string(found)) + ": " + figures;
   report.verdict = std::max(report.verdict, found);
-  if (found != UnitVerdict::pass)
-    report.reason +=
-        (report.reason.empty() ? "" : "; ") + ("verification " + in_words(to_string(found)) + ": " + figures);
+  if (found != UnitVerdict::pass) report.reason += (report.reason.empty() ? "" : "; ") + ("verification: " + figures);
 }
 
 void add_verdict(const VerdictReport& report, ParameterFile& file) {

@@ -93,6 +93,13 @@ expect_rates() {
   awk "BEGIN { exit !($said > 0.09 && $said < 0.11) }" || fail "slow: $said times, and not 0.1"
 }
 expect_rates map "$(awk "BEGIN { print $counts * 10 }")" "$(awk "BEGIN { print $counts * 0.1 }")"
+# A bit that is not the one of in_position; a stop that the table takes for something else.
+for line in 'bit.in_position.mask = 0x4000' 'write.stop = 0x34 u16 1'; do
+  sed "s/^${line%% =*} = .*/$line/" "$work/twin.map" > "$work/wrong.map"
+  sed -e 's/twin\.map/wrong.map/' -e 's/^motion.deadline_margin_s = .*/motion.deadline_margin_s = 40/' "$work/twin.station" > "$work/wrong.station"
+  expect 1 'has stood at its target for .* in_position was never set: expected bit.in_position\|heading was told to stop on its way and went on' \
+    commission --accept-guess --station "$work/wrong.station"
+done
 expect 0 '0 gaps (0 lost)' monitor --station "$work/twin.station" --for 3s
 [ "$(grep -c 'deg/s not ready (off).*samples/s, .*|f| ' "$work/said")" -ge 1 ] || fail "no line with the drives off"
 grep -q 'unit: [0-9]* samples, 0 lost, .* 0 bad frames, .*line errors not counted by the port' "$work/said" || fail "no summary of the unit's line"

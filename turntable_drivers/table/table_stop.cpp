@@ -30,7 +30,8 @@ void TableStop::begin(double now_s, double brake_s) {
 Status TableStop::stop(double now_s) {
   brakes_until_s_ = now_s + brake_s_;
   const Status stopped = table_.stop_all();
-  return stopped ? stopped : abort(now_s);
+  if (!stopped) static_cast<void>(abort(now_s).ok());
+  return stopped;
 }
 
 Status TableStop::abort(double now_s) {

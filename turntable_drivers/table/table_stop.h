@@ -29,8 +29,8 @@ class TableStop {
 
   // Of another stop: what was sent before does not count. brake_s: so long may a stop that was taken last.
   void begin(double now_s, double brake_s);
-  Status stop(double now_s);   // an error: some axis did not take it
-  Status abort(double now_s);  // likewise
+  Status stop(double now_s);   // an error: some axis did not take it; then abort() went out
+  Status abort(double now_s);  // an error: some axis did not take it
   // What was read just now; null: some axis could not be. True: verified.
   bool look(const TableStatus* axes, double now_s);
   enum class Motion { not_seen, moves, stands };

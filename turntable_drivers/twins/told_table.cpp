@@ -36,8 +36,14 @@ void Told::take(MoveQuantity quantity, double units, const AxisScale& scale) {
 }
 
 Status ToldTable::power_on(bool enabled) {
+  comes_up_enabled_ = enabled;
   TRY(table_.connect());
   return enabled ? table_.enable() : Status();
+}
+
+Result<AxisStatus> ToldTable::status(Axis axis) {
+  Result<AxisStatus> now = table_.status(axis);
+  return now || !power_on(comes_up_enabled_) ? now : table_.status(axis);
 }
 
 Status ToldTable::carry_out(TableOperation operation, Axis axis, bool of_table) {

@@ -29,13 +29,15 @@ class ToldTable {
   explicit ToldTable(Turntable& table) : table_(table) {}  // the table must outlive this
 
   Status power_on(bool enabled);  // connects to it; drives without a word for it come up enabled
-  Result<AxisStatus> status(Axis axis) { return table_.status(axis); }
+  // A link to it that was lost is opened anew as soon as it can be.
+  Result<AxisStatus> status(Axis axis);
   Status carry_out(TableOperation operation, Axis axis, bool of_table);
   // of_all: the others are told too. One that is there, or on its way, is then left alone, to so many degrees.
   Status move(Axis axis, const AxisScale& scale, const Told& told, bool of_all, double same_deg);
 
  private:
   Turntable& table_;
+  bool comes_up_enabled_ = false;
   std::array<std::optional<double>, 3> target_deg_;  // of a table that is told of all three axes at once
   std::array<bool, 3> homed_round_{};
 };

@@ -282,7 +282,7 @@ TEST_F(Verify, BehindTheCalibration) {
   write("paper.station", station_head);
   const ProgramResult batch = ends("batch queue --dry-run --verify --station paper.station --out batch", 20);
   EXPECT_SAYS(file_text(folder_ / "batch/SN7/parameters.conf"), "verdict.result = hold\n");
-  EXPECT_SAYS(batch.out, "unit SN7: hold: verification hold: heading 0.0");
+  EXPECT_SAYS(batch.out, "unit SN7: hold: verification: heading 0.0");
   KeyValueFile undecided = result("batch/SN7/verification.conf");
   EXPECT_EQ(undecided.text("verdict.heading"), "hold");
   // Deviations of four: 0.03 deg of noise where 0.012 are allowed, 1 of 20 turned down: 16 times the time and more.
