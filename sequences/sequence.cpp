@@ -359,7 +359,11 @@ std::vector<SequenceItem> approach(const AxisTriple& from_deg, const AxisTriple&
 Result<Sequence> read_sequence(const std::string& path) {
   TRY(expect_file(path, FileKind::sequence));
   const Result<std::string> text = read_whole_file(path, largest_file_bytes);
-  return text ? parse_sequence(*text, path) : text.error();
+  if (text) return parse_sequence(*text, path);
+  return path_exists(path) ? text.error()
+                           : input_error(path +
+                                         ": there is no such file: expected a sequence; those of turncal are in "
+                                         "/usr/share/turncal/sequences, or sequences of the source tree");
 }
 
 void append_steps(const Sequence& more, Sequence& sequence) {

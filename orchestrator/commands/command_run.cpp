@@ -173,7 +173,8 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
       return Error{end.status.error().kind, name + ": " + end.status.error().message};
     }
     end.units.clear();
-    for (const std::string& unit : turn.units) end.units.push_back({unit, turn.folder, "refused", end.status});
+    for (const std::string& unit : turn.units)
+      end.units.push_back({unit, turn.folder, "refused", end.status, end.status.error().message});
   }
   Status stops;
   for (const RunEnd::Unit& unit : end.units) {
@@ -181,11 +182,10 @@ Status run_turn(const BatchOptions& options, const RunPlan& asked, const Turn& t
       stops = Error{unit.status.error().kind, "unit " + unit.serial + ": " + unit.status.error().message};
       continue;
     }
-    const std::string reason = unit.status ? "" : reason_alone(unit.status.error().message, unit.serial, unit.outcome);
-    TRY(record_outcome(options.queue, {unit.serial, unit.outcome, format_utc(wall_utc_s()), reason}));
+    TRY(record_outcome(options.queue, {unit.serial, unit.outcome, format_utc(wall_utc_s()), unit.reason}));
     context.out << tag << "unit " << unit.serial << ": " << in_words(unit.outcome)
-                << (reason.empty() ? "" : ": " + reason) << (path_exists(unit.folder) ? "; " + unit.folder : "")
-                << std::endl;
+                << (unit.reason.empty() ? "" : ": " + unit.reason)
+                << (path_exists(unit.folder) ? "; " + unit.folder : "") << std::endl;
   }
   return stops;
 }

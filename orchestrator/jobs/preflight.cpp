@@ -125,9 +125,9 @@ Status check_due(const StationConfig& station, double utc_s, const std::string& 
   // Days as 2026-12-31 sort as they follow each other.
   if (due.empty() || today <= due || !overdue_reason.empty()) return {};
   return input_error(
-      "the calibration of table '{}' was due on {}, today is {}: expected a calibrated table, or "
-      "--override-due REASON, which goes on record",
-      station.table_id, due, today);
+      "the calibration of {} was due on {}, today is {}: expected a calibrated table, or --override-due REASON, which "
+      "goes on record",
+      station.table_id.empty() ? "the table" : "table " + turncal::quoted(station.table_id), due, today);
 }
 
 constexpr std::size_t most_predicted = 20000;  // items: some 10 s of a core

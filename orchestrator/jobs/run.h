@@ -101,6 +101,7 @@ struct RunEnd {
     std::string serial, folder;
     std::string outcome;  // in one word (outcome_of)
     Status status;
+    std::string reason;  // of the outcome; empty: a plain pass
   };
   std::vector<Unit> units;  // none: refused before anything was made
   bool moved = false;       // the table was homed or sent somewhere: there is something to tell
@@ -163,7 +164,8 @@ std::string reason_of(const RunPlan& run, const VerdictReport& verdict);
 // An error of kind unit_failed, with verdict and reason, when the verdict is not one to accept.
 Status verdict_status(const std::string& unit, const VerdictReport& report);
 std::string verdict_head(const std::string& unit, std::string_view outcome);  // "unit SN1: fail: "
-// A message without that: the unit and the outcome stand beside it.
-std::string reason_alone(std::string message, const std::string& unit, std::string_view outcome);
+// The reason of an outcome beside which unit and outcome stand.
+std::string reason_alone(const Status& status, const std::string& unit, std::string_view outcome,
+                         const VerdictReport& verdict);
 
 }  // namespace turncal

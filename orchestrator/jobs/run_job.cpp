@@ -143,7 +143,7 @@ Status read_sealed_recordings(Run& run, const JournalContents& contents) {
 }
 
 std::string and_more(std::size_t found) {
-  return found > 1 ? fmt::format(" (and {} more; see turncal check)", found - 1) : "";
+  return found > 1 ? fmt::format("; turncal check shows {} more", found - 1) : "";
 }
 
 Status check_plan(const Plan& plan) {
@@ -176,7 +176,7 @@ Status note_attempt(const Run& run, const RunUnit& unit, const std::string& outc
   attempt.outcome = outcome;
   attempt.time_utc = format_utc(utc_s);
   if (attempt.began_utc.empty()) attempt.began_utc = attempt.time_utc;
-  if (!why) attempt.reason = reason_alone(why.error().message, unit.serial, outcome);
+  attempt.reason = reason_alone(why, unit.serial, outcome, unit.verdict);
   return stored(database.note(attempt));
 }
 
@@ -220,8 +220,11 @@ Status note_outcomes(const Run& run) {
 }
 
 RunEnd with_units(RunEnd end, const Run& run) {
-  for (const RunUnit& unit : run.units)
-    end.units.push_back({unit.serial, unit.folder, outcome_of(run, unit), unit.status});
+  for (const RunUnit& unit : run.units) {
+    const std::string outcome = outcome_of(run, unit);
+    end.units.push_back({unit.serial, unit.folder, outcome, unit.status,
+                         reason_alone(unit.status, unit.serial, outcome, unit.verdict)});
+  }
   return end;
 }
 

@@ -365,8 +365,10 @@ std::string verdict_head(const std::string& unit, std::string_view outcome) {
   return "unit " + unit + ": " + in_words(outcome) + ": ";
 }
 
-std::string reason_alone(std::string message, const std::string& unit, std::string_view outcome) {
-  const std::string head = verdict_head(unit, outcome);
+std::string reason_alone(const Status& status, const std::string& unit, std::string_view outcome,
+                         const VerdictReport& verdict) {
+  if (status) return verdict.reason;
+  const std::string head = verdict_head(unit, outcome), &message = status.error().message;
   return message.starts_with(head) ? message.substr(head.size()) : message;
 }
 
