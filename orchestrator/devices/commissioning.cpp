@@ -23,6 +23,9 @@ namespace turncal {
 namespace {
 
 constexpr double homing_deadline_s = 300.0;
+bool stand_homed(const TableStatus& axes) {
+  return std::ranges::all_of(axes, [](const AxisStatus& axis) { return axis.homed && !axis.moving; });
+}
 constexpr double least_pose_deg = 30.0;  // a smaller one tells little of an accelerometer's sign
 
 class Trial {
@@ -40,9 +43,7 @@ class Trial {
   Status home() {
     TRY(devices_.table.enable());
     TRY(devices_.table.home());
-    return wait_until(homing_deadline_s, "the axes did not find their zero", [](const TableStatus& axes) {
-      return std::ranges::all_of(axes, [](const AxisStatus& a) { return a.homed && !a.moving; });
-    });
+    return wait_until(homing_deadline_s, "the axes did not find their zero", stand_homed);
   }
   struct Turn {
     double turned_deg = 0.0;  // by the encoder
@@ -90,8 +91,8 @@ class Trial {
           "{} was told to stop on its way and went on to its target: expected the stop of the table's manual",
           to_string(axis));
     TRY(devices_.table.enable());
-    return wait_until(homing_deadline_s, "the drives did not come on after a stop", [](const TableStatus& axes) {
-      return std::ranges::all_of(axes, [](const AxisStatus& a) { return a.enabled && a.homed && !a.moving; });
+    return wait_until(homing_deadline_s, "the axes were not ready again after a stop", [](const TableStatus& axes) {
+      return stand_homed(axes) && std::ranges::all_of(axes, &AxisStatus::enabled);
     });
   }
   // The accelerometers' mean of a sample at rest, with one axis turned to an angle (none: where it stands). The axis then goes back.
