@@ -501,9 +501,7 @@ const AllanPoint* AllanAxis::lowest() const {
   return at == points.end() ? nullptr : &*at;
 }
 
-RestCellMaker::RestCellMaker(double sample_period_s, std::size_t a_cell) : a_cell_(a_cell) {
-  cells_.sample_s = sample_period_s;
-}
+RestCellMaker::RestCellMaker(double sample_period_s) { cells_.sample_s = sample_period_s; }
 
 void RestCellMaker::begin_rest() {
   if (!first_) return;

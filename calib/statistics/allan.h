@@ -105,8 +105,7 @@ double equivalent_degrees(const AllanFit& fit, double tau_s, double step_s, cons
 // Cells of samples that come one after the other, in memory that does not grow.
 class RestCellMaker {
  public:
-  // a_cell: samples.
-  explicit RestCellMaker(double sample_period_s, std::size_t a_cell = 1);
+  explicit RestCellMaker(double sample_period_s);
   void begin_rest();
   void add(std::int64_t counter, const Channels& increments);
   // `si`: rad or m/s of an increment of each channel.
@@ -118,7 +117,7 @@ class RestCellMaker {
   void halve();
 
   RestCells cells_;
-  std::size_t a_cell_;  // samples
+  std::size_t a_cell_ = 1;  // samples
   std::optional<std::int64_t> first_, last_;
   std::int64_t cell_ = 0;  // of this rest, open
   Channels sum_ = Channels::Zero();

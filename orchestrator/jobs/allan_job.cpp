@@ -21,16 +21,44 @@ namespace {
 // A second's mean away from the first one: no noise of a unit that lies still.
 constexpr double moves_radps = 0.02, moves_mps2 = 0.5;
 
-// Counting is noise of this model (Q) only over times in which the noise moves the count: over shorter ones a quiet unit that counts in
-// pulses has lines, whose frequencies follow from what it reads, and those that fall low look like N.
-constexpr double least_cell_of_pulses_s = 1.0;
-std::size_t samples_a_cell(const RecordingInfo& info) {
-  const bool pulses = info.gyro_increment == IncrementKind::pulses || info.accel_increment == IncrementKind::pulses;
-  return pulses ? std::size_t(std::max(1L, std::lround(least_cell_of_pulses_s / info.sample_period_s))) : 1;
+// Two cells of each rest as one.
+RestCells paired(const RestCells& cells) {
+  RestCells pairs;
+  pairs.cell_s = 2.0 * cells.cell_s;
+  pairs.sample_s = cells.sample_s;
+  for (std::size_t r = 0, from = 0; r < cells.ends.size(); from = cells.ends[r++]) {
+    for (std::size_t k = from; k + 1 < cells.ends[r]; k += 2)
+      for (std::size_t axis = 0; axis < 6; ++axis)
+        pairs.mean[axis].push_back(0.5 * (cells.mean[axis][k] + cells.mean[axis][k + 1]));
+    pairs.ends.push_back(pairs.mean[0].size());
+  }
+  return pairs;
+}
+
+// What is added by counting is Q of this model where the noise moves the count from cell to cell by this share of a pulse and more (phase of
+// the count 2.4 rad). In shorter cells it has lines, whose frequencies follow from what the unit reads, and those that fall low look like N.
+constexpr double least_share_of_pulse = 0.39;
+// pulse: rad or m/s; 0: it does not count.
+void fit_beyond_lines(RestCells cells, const Channels& pulse, AllanResult& result) {
+  constexpr std::size_t fewest_cells = 100;
+  const auto has_lines = [&](std::size_t axis) {
+    const AllanFit& fit = result.axes[axis].fit;
+    return fit.made &&
+           fit.random_walk().value * std::sqrt(cells.cell_s) < least_share_of_pulse * pulse[Eigen::Index(axis)];
+  };
+  constexpr std::array<std::size_t, 6> axes = {0, 1, 2, 3, 4, 5};
+  while (std::ranges::any_of(axes, has_lines) && cells.mean[0].size() >= 2 * fewest_cells) {
+    RestCells pairs = paired(cells);
+    const AllanResult longer = allan_deviation(pairs);
+    for (const std::size_t axis : axes)
+      if (has_lines(axis)) result.axes[axis].fit = longer.axes[axis].fit;
+    cells = std::move(pairs);
+  }
 }
 
 struct ReadRests {
   RestCells cells;
+  Channels pulse = Channels::Zero();
   std::vector<std::string> notes;
   Eigen::Vector3d force_mps2 = Eigen::Vector3d::Zero();  // of a single rest
 };
@@ -42,7 +70,7 @@ class RestReader {
       : info_(info),
         segments_(std::move(segments)),
         path_(std::move(path)),
-        maker_(info.sample_period_s, samples_a_cell(info)),
+        maker_(info.sample_period_s),
         spikes_(info),
         glitches_(info, GlitchLimits::at_rest(info)) {
     const SensorModel model = sensor_model(start_parameters(info), info);
@@ -64,7 +92,10 @@ class RestReader {
 
   Result<ReadRests> take() {
     TRY(end_rest());
-    ReadRests found{maker_.take(si_), {}};
+    ReadRests found;
+    found.cells = maker_.take(si_);
+    if (info_.gyro_increment == IncrementKind::pulses) found.pulse.head<3>() = si_.head<3>();
+    if (info_.accel_increment == IncrementKind::pulses) found.pulse.tail<3>() = si_.tail<3>();
     if (found.cells.ends.size() == 1)
       found.force_mps2 = total_.cwiseProduct(si_).tail<3>() / (taken_ * info_.sample_period_s);
     std::vector<double> norms;
@@ -207,19 +238,20 @@ Result<ReadRests> read_rests(const std::string& path, const std::string& map_fil
   return found;
 }
 
-Result<AllanResult> deviation_of(const RestCells& cells, const std::string& path) {
-  AllanResult result = allan_deviation(cells);
+Result<AllanResult> deviation_of(const ReadRests& rests, const std::string& path) {
+  AllanResult result = allan_deviation(rests.cells);
   for (std::size_t axis = 0; axis < 6; ++axis)
     if (result.axes[axis].points.empty())
       return input_error("{}: {} reads {:g} throughout: expected a channel that is connected and shows noise", path,
-                         channel_names[axis], cells.mean[axis].front());
+                         channel_names[axis], rests.cells.mean[axis].front());
+  fit_beyond_lines(rests.cells, rests.pulse, result);
   return result;
 }
 
 Result<AllanReport> report_of(const ReadRests& rests, const std::string& source) {
   return AllanReport{.source = source,
                      .against = {},
-                     .result = TRY(deviation_of(rests.cells, source)),
+                     .result = TRY(deviation_of(rests, source)),
                      .sample_s = rests.cells.sample_s,
                      .rests = rests.cells.ends.size(),
                      .mean_force_mps2 = rests.force_mps2,
@@ -243,7 +275,7 @@ Result<AllanReport> allan_report(const AllanRequest& request) {
     report.file = TRY(stored_noise(file, request.against));
   } else if (!request.against.empty()) {
     const ReadRests other = TRY(read_rests(request.against, request.map));
-    report.other = TRY(deviation_of(other.cells, request.against));
+    report.other = TRY(deviation_of(other, request.against));
   }
   return report;
 }
