@@ -7,6 +7,7 @@ namespace {
 
 const std::string tree = TURNCAL_SOURCE_DIR;
 const std::string check_station = station_head + "station.name = test\nmotion.settle_s = 0.5\n";
+const std::string real_unit = "imu.driver = serial\nimu.frame = laser_gyro\nimu.device = none";
 const std::string sequence_text =
     "format = 1\nname = test\nrate_degps = 10\nacceleration_degps2 = 20\nstep 1 \"one turn\"\n  determines n11\n"
     "  initial H 0 P 0 R 0\n  align 12000\n  rotate R +360\n  dwell 20000\n"
@@ -65,6 +66,7 @@ TEST_F(Check, WhatCannotRunYetIsNotCalledRunnable) {
   std::string text = check_station;
   text.replace(text.find("table.driver = mock"), 19,
                "table.driver = modbus\ntable.address = SET-ME:502\ntable.map = " + file);
+  text.replace(text.find("imu.driver = rig"), 16, real_unit);
   const Outcome outcome = check(write("my.station", text), write("my.seq", sequence_text));
   EXPECT_EQ(outcome.code, 1);
   EXPECT_TRUE(outcome.out.ends_with("The station cannot run this sequence:\n")) << outcome.out;
@@ -78,6 +80,14 @@ TEST_F(Check, WhatCannotRunYetIsNotCalledRunnable) {
   EXPECT_EQ(ready.code, 0);
   EXPECT_SAYS(ready.out, "\nThe station can run this sequence");
   EXPECT_SAYS(ready.problems.front() + ready.problems.back(), "write.stop is a guess");
+  // What keeps a run from its devices keeps check from calling the station ready.
+  std::string one_line = text;
+  one_line.replace(one_line.find("ttyUSB0:502"), 11, "none:1")
+      .replace(one_line.find("device = none"), 13, "device = none:1");
+  EXPECT_SAYS(check(write("one.station", one_line), write("my.seq", sequence_text)).problems.at(0),
+              "imu.device = 'none:1': is the line of table.address, too");
+  text.replace(text.find(real_unit), real_unit.size(), "imu.driver = rig");
+  EXPECT_SAYS(check(write("mixed.station", text), write("my.seq", sequence_text)).problems.at(0), "a mock unit (imu");
 }
 
 // As a run does; what needs --partial is not verified behind it.
@@ -107,6 +117,7 @@ TEST_F(Check, ExplainsTheTableAndListsItsGuesses) {
   const std::string table = write("my.map", text);
   std::string described = check_station;
   described.replace(described.find("table.driver = mock"), 19, "table.driver = modbus\ntable.map = " + table);
+  described.replace(described.find("imu.driver = rig"), 16, real_unit);
   const std::string station = write("my.station", described);
   const Outcome explained = check({.station = station, .sequence = "", .explain = true});
   EXPECT_EQ(explained.code, 0);
