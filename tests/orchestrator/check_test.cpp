@@ -82,10 +82,13 @@ TEST_F(Check, WhatCannotRunYetIsNotCalledRunnable) {
   EXPECT_SAYS(ready.problems.front() + ready.problems.back(), "write.stop is a guess");
   // What keeps a run from its devices keeps check from calling the station ready.
   std::string one_line = text;
-  one_line.replace(one_line.find("ttyUSB0:502"), 11, "none:1")
-      .replace(one_line.find("device = none"), 13, "device = none:1");
+  one_line.replace(one_line.find("ttyUSB0:502"), 11, "/dev/ttyX")
+      .replace(one_line.find("device = none"), 13, "device = /dev/ttyX");
+  map.replace(map.find("link.kind = tcp"), 15, "link.kind = rtu\nlink.baud = 115200");
+  write("my.map", map);
   EXPECT_SAYS(check(write("one.station", one_line), write("my.seq", sequence_text)).problems.at(0),
-              "imu.device = 'none:1': is the line of table.address, too");
+              "imu.device = '/dev/ttyX': is the line of table.address, too");
+  text.replace(text.find("ttyUSB0:502"), 11, "/dev/ttyX");
   text.replace(text.find(real_unit), real_unit.size(), "imu.driver = rig");
   EXPECT_SAYS(check(write("mixed.station", text), write("my.seq", sequence_text)).problems.at(0), "a mock unit (imu");
 }
