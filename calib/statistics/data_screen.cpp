@@ -97,6 +97,10 @@ void GlitchFinder::begin_rest(std::span<const ImuSample> first) {
   before_last_ = channels_of(first[neighbours - 1]), last_ = channels_of(first[neighbours]);
   for (std::size_t channel = 0; channel < 6; ++channel) {
     std::vector<double> squares;
+    for (std::size_t k = 1; k < first.size(); ++k)
+      if (const double change = std::abs(channel_of(first[k], channel) - channel_of(first[k - 1], channel));
+          change > 0.0)
+        step_[Eigen::Index(channel)] = std::min(step_[Eigen::Index(channel)], change);
     for (std::size_t k = 2; k < first.size(); ++k)
       squares.push_back(std::pow(
           channel_of(first[k - 1], channel) - 0.5 * (channel_of(first[k], channel) + channel_of(first[k - 2], channel)),

@@ -342,14 +342,20 @@ class Importer {
     constexpr double widest = 12.0, most = 5.0;
     std::vector<double> steps = intervals_of(times_);
     for (double& step : steps) step = std::abs(step);
-    const double usual = median(steps),
-                 back = measured() ? 0.0 : std::clamp(widest * stamps().scatter - 1.0, 0.0, most) * usual;
+    const double usual = median(steps);
+    double back = 0.0;
+    if (!measured()) {  // a row that a host delayed leaves its place empty; one that is out of its place does not
+      std::vector<double> sorted = times_;
+      std::ranges::sort(sorted);
+      const bool likelier = fit_stamps(sorted, map_.gap).cost < stamps().cost;
+      back = likelier ? std::clamp(widest * stamps().scatter - 1.0, 0.0, most) * usual : most * usual;
+    }
     std::vector<std::size_t> kept{0};
     std::map<std::size_t, std::size_t> behind;  // and the kept row with its time, or itself
     std::map<std::size_t, Row> rows;
     for (std::size_t k = 1; k < rows_; ++k) {
       const double least = times_[kept.back()] - back;
-      if (measured() ? times_[k] > least : times_[k] >= least) {
+      if (times_[k] > least || (times_[k] == least && !measured() && !behind.contains(k - 1))) {
         kept.push_back(k);
         continue;
       }
