@@ -357,8 +357,7 @@ TEST(Increments, GapsAndPeriodWhateverTheStampsDo) {
                {"two rows of one stamp", in_steps(2.0, 0), 1e-6},
                {"steps of 0.7", in_steps(0.7, 0), 1e-5},
                {"steps of a third, slowly past", in_steps(0.3335, 0), 2e-5},
-               {"bursts of ten", in_steps(10.0, 10), 1e-5},
-               {"one pair changed places", [](int k) { return k + int(k == 2000) - int(k == 2001); }, 1e-9}};
+               {"bursts of ten", in_steps(10.0, 10), 1e-5}};
   for (const auto& c : cases) {
     SCOPED_TRACE(c.what);
     std::string csv;
