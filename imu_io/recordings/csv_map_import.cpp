@@ -347,8 +347,15 @@ class Importer {
     if (!measured()) {  // a row that a host delayed leaves its place empty; one that is out of its place does not
       std::vector<double> sorted = times_;
       std::ranges::sort(sorted);
-      const bool likelier = fit_stamps(sorted, map_.gap).cost < stamps().cost;
-      back = likelier ? std::clamp(widest * stamps().scatter - 1.0, 0.0, most) * usual : most * usual;
+      sorted.erase(std::unique(sorted.begin(), sorted.end()), sorted.end());
+      const auto uneven = [usual](std::span<const double> times) {
+        std::ptrdiff_t count = 0;
+        for (std::size_t k = 1; k < times.size(); ++k)
+          count += std::abs(times[k] - times[k - 1] - usual) > 0.25 * usual ? 1 : 0;
+        return count;
+      };
+      back = uneven(sorted) < uneven(times_) ? std::clamp(widest * stamps().scatter - 1.0, 0.0, most) * usual
+                                             : most * usual;
     }
     std::vector<std::size_t> kept{0};
     std::map<std::size_t, std::size_t> behind;  // and the kept row with its time, or itself

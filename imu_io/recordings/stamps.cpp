@@ -153,7 +153,7 @@ double share_of(const StampModel& model, std::span<const double> times) {
 // What is gained where rows are lost by turns: distance and length of a gap are then as likely as they are frequent, not each for itself, and what
 // they are is told once. Of every second row it is a longer period.
 double gain_by_turns(const StampModel& model, std::span<const double> times) {
-  constexpr std::size_t closest = 3;
+  constexpr std::size_t closest = 10;  // rows: nearer, the stamps are in steps near to the period
   const auto whole = [](auto n) { return std::log(double(n)) + std::log(double(n) + 1.0); };  // 1 / n(n + 1)
   const double share = share_of(model, times);
   std::map<std::pair<std::int64_t, std::size_t>, double> kinds;

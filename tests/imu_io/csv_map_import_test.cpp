@@ -141,7 +141,7 @@ TEST(CsvMapImport, DefectsNameFileLineAndColumn) {
   csv.replace(csv.find("0.5", 60), 3, "abc");
   EXPECT_SAYS(refusal(map, csv), "d.csv:");
   EXPECT_SAYS(refusal(map, csv), "column 'ax' = 'abc': expected a number");
-  EXPECT_SAYS(refusal(map, rows(12) + "7,1,2\n"), "d.csv:14: column 'ax' is missing");
+  EXPECT_SAYS(refusal(map, rows(12) + "7,1,2\n"), "d.csv:14: the row has 3 columns: expected 8");
   EXPECT_SAYS(refusal(map, "t,gx\n1,2\n"), "d.csv:1: no column 'ax'");
   EXPECT_SAYS(refusal(map, rows(3)), "at least 10 rows");
   const std::string timed = base_map + "time.column = t\n";
