@@ -89,7 +89,7 @@ TEST(Document, OnTheTerminalHasColumnsThatFit) {
                                             "unit   value, ug       z  why\n"
                                             "SN<1>      20.25       -  because\n"
                                             "SN\"2\"  -1.50e-07  1 of 3  " +
-                                            std::string(71, 'w') + "...\nand 1 more in the report\n");
+                                            std::string(150, 'w') + "\nand 1 more in the report\n");
   EXPECT_EQ(as_text(sample_document(), 3), "First: 50 % of it.\n\n... more in the report\n");
 }
 
