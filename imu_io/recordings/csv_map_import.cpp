@@ -1,7 +1,6 @@
 #include "imu_io/recordings/csv_map_import.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -311,8 +310,8 @@ class Importer {
         "{}:{}: repeats the row before, time and numbers, as {} of {} rows do: expected each row once; --skip-bad-rows "
         "leaves them out",
         source_.file_name, first, doubles.size(), rows_);
-    const auto no = [](std::size_t) { return false; };
-    return sieve(no, [&, at = std::size_t{0}](std::size_t k, std::size_t) mutable -> Result<bool> {
+    const auto none = [](std::size_t) { return false; };
+    return sieve(none, [&, at = std::size_t{0}](std::size_t k, std::size_t) mutable -> Result<bool> {
       if (at == doubles.size() || doubles[at] != k) return false;
       ++at;
       TRY(leave_out(error));
@@ -349,10 +348,8 @@ class Importer {
       std::ranges::sort(sorted);
       sorted.erase(std::unique(sorted.begin(), sorted.end()), sorted.end());
       const auto uneven = [usual](std::span<const double> times) {
-        std::ptrdiff_t count = 0;
-        for (std::size_t k = 1; k < times.size(); ++k)
-          count += std::abs(times[k] - times[k - 1] - usual) > 0.25 * usual ? 1 : 0;
-        return count;
+        const auto is_uneven = [usual](double interval) { return std::abs(interval - usual) > 0.25 * usual; };
+        return std::ranges::count_if(intervals_of(times, times.size()), is_uneven);
       };
       back = uneven(sorted) < uneven(times_) ? std::clamp(widest * stamps().scatter - 1.0, 0.0, most) * usual
                                              : most * usual;
@@ -474,8 +471,7 @@ class Importer {
       std::vector<double> intervals = intervals_of(times_, times_.size());
       const double usual = median(intervals);
       const auto usual_from = [&](std::size_t first) {
-        std::array<double, near> some{};
-        for (std::size_t i = 0; i < near; ++i) some[i] = times_[first + i + 1] - times_[first + i];
+        std::vector<double> some = intervals_of(std::span(times_).subspan(first, near + 1));
         return median(some);
       };
       for (std::size_t k = 1; k < rows_; ++k) {

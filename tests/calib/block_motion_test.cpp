@@ -281,11 +281,15 @@ TEST(ParameterColumns, AWrongColumnIsCaught) {
   const Block block = one_block(counts(turn.w, turn.f, turn.samples, sensor_model(wrong_unit(), pulses_info())));
   const BlockDerivatives good = columns_of(block, wrong_unit());
   for (int k = 0; k < parameter_count; ++k) {
-    BlockDerivatives bad = good;
+    BlockDerivatives bad = good, large = good;
     bad.velocity.row(k) *= -1.0;
     const Worst flipped = check_columns(block, wrong_unit(), bad, false);
     EXPECT_GT(flipped.difference, 1e-3) << "sign of velocity column " << parameter_keys[k];
     EXPECT_EQ(flipped.column, k);
+    if (k < 6 || k >= 15) continue;
+    large.rotation.row(k) *= 1.01;
+    EXPECT_GT(check_columns(block, wrong_unit(), large, false).difference, 1e-3)
+        << "size of rotation column " << parameter_keys[k];
   }
   BlockDerivatives transposed = good;  // n12 for n21
   transposed.rotation.row(7).swap(transposed.rotation.row(9));

@@ -85,22 +85,24 @@ TEST(CsvMapImport, MeasuredIntervalsOrTheMeanOne) {
   std::string csv = "t,gx,gy,gz,ax,ay,az\n";
   double t = 0.0;
   for (int k = 0; k < 20; ++k) {
-    csv += std::to_string(t) + ",102,100,100,0,0,1\n";
+    csv += std::to_string(t) + (k == 2 ? ",104" : ",102") + ",100,100,0,0,1\n";  // 2 deg/s, else 1
     t += k % 2 == 0 ? 9.0 : 11.0;  // ms; sums to the mean of 10 over an even number of intervals
     if (k == 9) t += 500.0;        // a gap, after which the samples are where they were before
   }
   const std::string timed = base_map + "time.column = t\ntime.unit = ms\n";
   const CsvImport measured = must(timed + "time.increments = intervals\n", csv);
-  EXPECT_NEAR(measured.info.sample_period_s, (9.0 * 10 + 11.0 * 8) / 18.0 * 1e-3, 1e-12);
-  double sum = 0.0;
-  for (const ImuSample& sample : measured.samples) {
-    EXPECT_NEAR(sample.gyro[0], rad_per_deg * measured.info.sample_period_s, 1e-15);
-    sum += sample.gyro[0];
-  }
+  const double period_s = (9.0 * 10 + 11.0 * 8) / 18.0 * 1e-3;
+  EXPECT_NEAR(measured.info.sample_period_s, period_s, 1e-12);
+  // The row of 2 deg/s lasts from 9 to 20 ms.
+  EXPECT_NEAR(measured.samples[1].gyro[0], rad_per_deg * (0.009 + 2.0 * (period_s - 0.009)), 1e-15);
+  EXPECT_NEAR(measured.samples[2].gyro[0], rad_per_deg * 2.0 * period_s, 1e-15);
+  EXPECT_NEAR(measured.samples[3].gyro[0], rad_per_deg * (0.02 - period_s), 1e-15);
+  for (std::size_t k = 4; k < measured.samples.size(); ++k)
+    EXPECT_NEAR(measured.samples[k].gyro[0], rad_per_deg * period_s, 1e-15);
   EXPECT_NEAR(measured.jitter_s, 1e-3, 1e-5);
   const CsvImport mean = must(timed + "time.increments = period\n", csv);
   EXPECT_NEAR(mean.samples[1].gyro[0], rad_per_deg * mean.info.sample_period_s, 1e-15);
-  EXPECT_NEAR(mean.samples[2].gyro[0], rad_per_deg * mean.info.sample_period_s, 1e-15);
+  EXPECT_NEAR(mean.samples[2].gyro[0], rad_per_deg * 2.0 * mean.info.sample_period_s, 1e-15);
 }
 
 TEST(CsvMapImport, GapsAndSaturatedRowsShowInTheCounter) {
