@@ -1,4 +1,4 @@
-"""The cases: what is drawn for each from its seed, its answer as text, its seal, its recording (docs/recording-format.md).
+"""The cases: what is drawn for each from its seed, its answer as text, its seal, its recording (docs/files.md).
 
 An answer is drawn with Python's random.random() alone, which gives the same numbers in every version, and rounded to ten digits before it is
 hashed and before it is used: the seal holds on any machine. Noise is numpy's, and no two machines need have the same.
@@ -38,7 +38,7 @@ def on(axis, values):
 
 
 # name of an effect: smallest and largest size, components, what a size adds to w (rad/s) or f (m/s^2) of a motion, in the units of
-# docs/effect-components.md. The component and the sign are drawn.
+# docs/diagnosis.md. The component and the sign are drawn.
 OFF = ["xy", "xz", "yx", "yz", "zx", "zy"]
 PAIRS = [f"{i}_{p}" for i in "xyz" for p in ("xy", "xz", "yz")]
 EFFECTS = {

@@ -79,7 +79,7 @@ install "./turncal_${version}_"*.deb "./turncal-doc_${version}_"*.deb
 [ "$(dpkg-query -W -f '${Version}' turncal)" = "$version" ] || fail "not upgraded"
 [ "$before" = "$(find /var/lib/turncal -type f -exec sha256sum {} + | sort)" ] || fail "the upgrade changed data"
 grep -q 'changed by hand' /etc/turncal/prune.conf || fail "the upgrade took an edited file of /etc/turncal"
-[ -e /usr/share/doc/turncal/docs/first-station.md ] || fail "turncal-doc has no first-station.md"
+[ -e /usr/share/doc/turncal/docs/getting-started.md ] || fail "turncal-doc has no getting-started.md"
 as_turncal turncal resume /var/lib/turncal/dry | grep -q 'nothing to resume' || fail "the new version does not know the run of the old one"
 
 part "the library, in C++ and in Python"

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Run by packaging/boot_systemd.sh in a bare Debian 12 that has the package and whose process 1 is systemd: the units themselves, and what
-# docs/package.md says that systemd does with them.
+# docs/getting-started.md says that systemd does with them.
 set -euo pipefail
 export LC_ALL=C.UTF-8
 data=/usr/share/turncal
@@ -55,7 +55,7 @@ start_twin
 install -d -o turncal -g turncal -m 2775 "$folder"
 setpriv --reuid=turncal --regid=turncal --init-groups turncal queue "$folder/queue" --add TWIN > /dev/null
 
-# Enabled, as docs/package.md says: else systemd forgets what became of it, its starts included.
+# Enabled, as docs/getting-started.md says: else systemd forgets what became of it, its starts included.
 systemctl --quiet enable turncal@line
 part "stopped four times in an hour, and started again by hand"
 for _ in 1 2 3 4; do

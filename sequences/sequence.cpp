@@ -1,4 +1,4 @@
-// The parser of docs/sequence-format.md, and sequences one after another. One pass over the lines; the commanded angles are carried
+// The parser of docs/sequences.md, and sequences one after another. One pass over the lines; the commanded angles are carried
 // along, so that rotations, which are relative in the file, become absolute targets here.
 #include "sequences/sequence.h"
 

@@ -56,7 +56,7 @@ struct Sequence {
   std::string text;  // the file's bytes, for the hash that goes into records
 };
 
-// Grammar, worked example and every refusal: docs/sequence-format.md. An error is one line
+// Grammar, worked example and every refusal: docs/sequences.md. An error is one line
 // "file:line:column: found 'token', expected ...". The file name is used in messages only; nothing is read.
 Result<Sequence> parse_sequence(const std::string& text, const std::string& file_name);
 Result<Sequence> read_sequence(const std::string& path);

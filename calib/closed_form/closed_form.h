@@ -1,4 +1,4 @@
-// Closed-form calibration: the fourteen steps of Wang (2020), with the formulas of docs/closed-form.md.
+// Closed-form calibration: the fourteen steps of Wang (2020), with the formulas of docs/estimator.md.
 //
 // Each step looks at one or two legs with the parameters that the steps before it have
 // corrected, turns the velocity gained in the dwell into the parameter that made it, and corrects that parameter. The
@@ -55,7 +55,7 @@ struct LegMotion {
   double turned_rad = 0.0;          // about axis_b, signed, on the way (0 when axis_b is zero)
 };
 
-// What a step measures, and the formula that turns it into parameters, from the error equations of a unit at rest (docs/closed-form.md;
+// What a step measures, and the formula that turns it into parameters, from the error equations of a unit at rest (docs/estimator.md;
 // n = north, up, east; phi the attitude error, C_computed = (I - [phi x]) C; dw_b what the calibrated gyro reads too much):
 //   phi' = -w_ie x phi - C_nb dw_b,     dV_N' = +g phi_E,     dV_E' = -g phi_N
 // The document's formulas are for dwells of one length T; the code takes each leg's own, V/T instead of V.

@@ -1,7 +1,7 @@
 // The catalogue of effects beyond the 24 parameters, an entry an effect (effect_catalogue.cpp).
 //
 // An entry says what one unit of each component adds to the calibrated reading, in the units of
-// docs/effect-components.md. Names follow IEEE 1293 (accelerometer model), 647 (ring laser gyros) and 952.
+// docs/diagnosis.md. Names follow IEEE 1293 (accelerometer model), 647 (ring laser gyros) and 952.
 // Effects with a time constant that is not known beforehand appear once a value of tau from a short list ("variants": the
 // score decides between them, and they count as one effect).
 // A component with value p adds p * rate_b (rad/s) to the gyros and p * force_b (m/s^2) to the accelerometers; the model takes it off

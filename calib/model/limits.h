@@ -12,7 +12,7 @@ struct LackOfFitLimits {
   // A direction of which the model imitates all but this is not tested: rounding and linearisation are larger than what is left.
   double rank_floor = 1e-3;
   // chi2 of the innovations' correlation is divided by this: pulses of an accelerometer that counts close to a whole number a sample
-  // beat. Not calibrated by itself: 0.7 % false alarms of all tests in 300 clean runs (docs/diagnosis-study.md) are with it.
+  // beat. Not calibrated by itself: 0.7 % false alarms of all tests in 300 clean runs (docs/diagnosis.md) are with it.
   double innovations_inflation = 2.0;
   // Lags nearer than this (s) are judged by the size of their correlation (NoiseLimits): pulses make some of 0.1 in a quiet unit. A lag
   // with fewer pairs than `fewest_pairs` has a correlation that scatters by a tenth and more.
@@ -41,7 +41,7 @@ struct SelectionLimits {
 struct GateLimits {
   // A second recording contradicts an effect whose gain there is this many standard errors below its promise: one real one in 160.
   double contradiction = 2.5;
-  // Normalised error of held-out data beyond which no model is trusted: clean recordings come to 0.95 +- 0.02 (docs/diagnosis-study.md).
+  // Normalised error of held-out data beyond which no model is trusted: clean recordings come to 0.95 +- 0.02 (docs/diagnosis.md).
   double highest_error = 1.2;
 };
 
@@ -76,7 +76,7 @@ struct SegmentationLimits {
   double slow_turn_sigmas = 8.0;
   // Variance over half the mean square of differences, of quiet windows: 1 for white noise, 10 behind a filter of a tenth of the bandwidth.
   double smooth_motion = 30.0;
-  // Variance over that of a quiet rest to which one may tremble: held by hand 500 (docs/measured.md), a turn of 1 deg/s 10^4 and more.
+  // Variance over that of a quiet rest to which one may tremble: held by hand 500 (docs/accuracy.md), a turn of 1 deg/s 10^4 and more.
   double most_tremor = 1000.0;
 };
 inline constexpr SegmentationLimits segmentation_limits;

@@ -1,6 +1,6 @@
 // How the error of a free inertial navigation grows: from sensor noise, and from what the calibration left in the parameters.
 //
-// Error state (phi: C_computed = (I - [phi x]) C_true, as in docs/joint-estimator.md; north, up, east):
+// Error state (phi: C_computed = (I - [phi x]) C_true, as in docs/estimator.md; north, up, east):
 //   x = [phi (3, rad), dv_N, dv_E (m/s), dr_N, dr_E (m), bias instability of gyros (3, rad/s) and accelerometers (3, m/s^2)]
 //   phi'  = -w_ie x phi + dw_in - C dw_b      dw_in = (dv_E / R, dv_E tan L / R, -dv_N / R) + dw_ie/dL dr_N / R
 //   dv_N' = g phi_E + (C df_b)_N,  dv_E' = -g phi_N + (C df_b)_E,  dr' = dv

@@ -8,7 +8,7 @@
 // and any positive definite M with gradient G
 //   Psi(walk) <= Psi(M) + ln <G, M(walk)>,   <G, M(walk)> <= T max_i <G, m_i> / t_i + H
 // over all candidates i that take t_i; H is what the heading that was left free can tell. M is improved by multiplicative
-// steps (Titterington 1976) until the bound is hardly better. docs/design.md derives it.
+// steps (Titterington 1976) until the bound is hardly better. docs/sequences.md derives it.
 //
 // Not in it: what depends on the Earth's rate times a scale error (1e-5 of the information), quantisation, bias instability, the cable:
 // all of them make the best walk worse, or do not matter.

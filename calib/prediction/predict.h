@@ -6,7 +6,7 @@
 // (score_algebra.h) give, for each component added alone, sigma = Q_kk^-1/2; the smallest magnitude that would be caught is
 // 5 sigma, as in a diagnosis.
 //
-// Units: sigmas in file units (parameters.h), effects in those of docs/effect-components.md.
+// Units: sigmas in file units (parameters.h), effects in those of docs/diagnosis.md.
 // Not predicted: what table errors, temperature gradients and effects outside the model do to the error; faults.
 #pragma once
 

@@ -9,7 +9,7 @@
 // in the mean, with a scatter of twice its root. A name leaves the class when what it explains is less by 10 (name_aliases), and 30 are above
 // that in 97 of 100 recordings. v_i: what the recording says i comes to in the place of the one chosen, less a sigma: it is the largest by chance.
 //
-// Units: values in those of docs/effect-components.md. The plan's temperature is the recording's last.
+// Units: values in those of docs/diagnosis.md. The plan's temperature is the recording's last.
 #pragma once
 
 #include <string>

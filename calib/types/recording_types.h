@@ -1,7 +1,7 @@
 // The plain data of a recording: samples, segments and what is known about unit and site. No model code.
 //
 // A recording is a contiguous stream of increments (what came in since the previous sample) and a contiguous list of
-// segments over the unit's own sample counter. Field meanings are those of the recording's text form (docs/recording-format.md).
+// segments over the unit's own sample counter. Field meanings are those of the recording's text form (docs/files.md).
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
 // The binary form of a recording: the payloads of its records, the scan that reader and writer begin with, and the reader. Internal to
-// imu_io (RecordingSource::open() opens recordings); the grammar is in docs/recording-format.md.
+// imu_io (RecordingSource::open() opens recordings); the grammar is in docs/files.md.
 #pragma once
 
 #include <cstddef>

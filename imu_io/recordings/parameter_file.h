@@ -1,5 +1,5 @@
 // The result of a calibration as a file: the 24 parameters, their standard deviations, added effects, and what is
-// needed to know what they belong to. Format: docs/recording-format.md.
+// needed to know what they belong to. Format: docs/files.md.
 //
 // Writing what was read gives the same bytes: numbers are written in their shortest round-trip form, in fixed order;
 // the last line is a checksum (crc.h).
@@ -20,7 +20,7 @@
 
 namespace turncal {
 
-// One component of an effect; names and units: docs/effect-components.md.
+// One component of an effect; names and units: docs/diagnosis.md.
 struct EffectValue {
   std::string name;       // accel_size_effect
   std::string component;  // x_rx
@@ -102,7 +102,7 @@ inline bool same_sample_period(double a_s, double b_s) { return std::abs(a_s - b
 Status check_applicable(const ParameterFile& file, const std::string& file_name, const RecordingInfo& info);
 
 // In other forms, for whoever loads it into a navigation computer: a C header, a binary block with a checksum, YAML. Formats:
-// docs/parameter-forms.md. All numbers are those of the file, in its units; C and YAML have them in the shortest form that reads back as
+// docs/files.md. All numbers are those of the file, in its units; C and YAML have them in the shortest form that reads back as
 // the same double. Simulated and untrusted files say so in every form.
 std::string format_parameter_block(const ParameterFile& file);
 std::string format_parameter_header(const ParameterFile& file);

@@ -1,5 +1,5 @@
 // A recording to read, whatever its form: a folder with recording.tcr, a .tcr file, or a folder in text form
-// (recording.conf, imu.csv, segments.csv). Formats: docs/recording-format.md.
+// (recording.conf, imu.csv, segments.csv). Formats: docs/files.md.
 //
 // What is known before streaming: info and the final list of segments. read() hands the samples over in blocks, in
 // counter order, from the start, as often as wanted, in memory that does not grow with the recording. A sample's fields

@@ -1,5 +1,5 @@
 // The text form of a recording (a folder with recording.conf, imu.csv, segments.csv), and conversion between the forms.
-// docs/recording-format.md has the grammar. Every defect is one line naming file, line and column or key.
+// docs/files.md has the grammar. Every defect is one line naming file, line and column or key.
 #pragma once
 
 #include <memory>

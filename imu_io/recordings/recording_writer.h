@@ -1,4 +1,4 @@
-// Writes the binary recording of docs/recording-format.md: append-only records, each with a checksum, so that a capture
+// Writes the binary recording of docs/files.md: append-only records, each with a checksum, so that a capture
 // survives kill -9 and power loss up to the last sync().
 //
 //   begin_segment(s1) add(...) add(...) end_segment(...) sync()   begin_segment(s2) ...   finish()

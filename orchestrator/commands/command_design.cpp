@@ -1,4 +1,4 @@
-// `turncal predict` (calib/prediction/predict.h), also of a sequence that the station cannot run; `turncal design` (docs/design.md,
+// `turncal predict` (calib/prediction/predict.h), also of a sequence that the station cannot run; `turncal design` (docs/sequences.md,
 // orchestrator/jobs/design/sequence_design.h).
 #include <fmt/format.h>
 
@@ -40,7 +40,7 @@ constexpr double longest_extra_legs_s = 600.0;
 constexpr double usual_acceleration_degps2 = 20.0;                     // where the table may
 constexpr std::string_view first_words = "# Found by turncal design";  // of the file
 
-// What units of a kind have beside the 24 parameters (docs/effect-components.md names the sources), and the rise of temperature that shows it.
+// What units of a kind have beside the 24 parameters (docs/diagnosis.md names the sources), and the rise of temperature that shows it.
 struct Grade {
   std::string_view name, effects;
   double rise_c;
@@ -97,7 +97,7 @@ Status choose(const DesignOptions& options, DesignTask& task) {
       return input_error("--effects " + name + ": expected " +
                          (find_effect(name)
                               ? "--temperature-rise beside it, which shows it"
-                              : "an effect of the catalogue (docs/effect-components.md)" + did_you_mean(name, known)));
+                              : "an effect of the catalogue (docs/diagnosis.md)" + did_you_mean(name, known)));
   return {};
 }
 
@@ -280,7 +280,7 @@ class Designer {
     WalkHeader header;
     header.name = name_of(options_.out);
     header.comments = {std::string(first_words).substr(2) + " for " + format_number(std::round(time_s)) +
-                       " s: see docs/design.md."};
+                       " s: see docs/sequences.md."};
     if (!bound.empty()) header.comments.push_back(bound + ".");
     header.rate_degps = task_.rates_degps.front();
     header.acceleration_degps2 = task_.acceleration_degps2;
@@ -391,7 +391,7 @@ void add_design_command(CommandLine& line) {
                  "minimise the mean of all sigmas, or the worst");
   command.option("--effects", options.task.effects, "effects of the catalogue that the sequence should show");
   command.option("--grade", options.grade, {is::one_of({"fog", "hrg"})},
-                 "show what fibre-optic or hemispherical resonator gyros have (docs/effect-components.md)");
+                 "show what fibre-optic or hemispherical resonator gyros have (docs/diagnosis.md)");
   command.option("--temperature-rise", options.temperature_rise_c,
                  "temperature rise over the run, C, for --effects; default: 0, with --grade fog 8");
   command.option("--axes", options.axes, "axes that may turn: heading, pitch, roll; default: all");

@@ -475,7 +475,7 @@ void add_convert_command(CommandLine& line) {
   for (const ForeignForm& form : foreign_forms) names.emplace_back(form.name);
   CLI::Option* const out = command.option("--out", options.out, "file to write in the form that --form names");
   CLI::Option* const form =
-      command.option("--form", options.form, {is::one_of(names)}, "form of another program (docs/parameter-forms.md)");
+      command.option("--form", options.form, {is::one_of(names)}, "form of another program (docs/files.md)");
   needs(form, out);
   needs(out, form);
 }
@@ -488,7 +488,7 @@ void add_navigate_command(CommandLine& line) {
   command.option("--parameters", request.parameters, "parameter file; omit it for the output of `turncal apply`");
   command.option("--against", request.against, "second parameter file to compare with");
   command.option("--reference", request.reference,
-                 "true track: a table of time_s, latitude_deg, longitude_deg (docs/navigation.md)");
+                 "true track: a table of time_s, latitude_deg, longitude_deg (docs/verification.md)");
   command.option("--out", options.out, {is::required}, "folder for navigation.html, navigation.conf, track.csv");
   command.option("--align", request.align_s, {is::time(20.0, 86400.0), is::default_in_help}, "length of the alignment");
   command.option("--from", request.from_s, {is::time(0.0, longest_recording_s), is::default_in_help},

@@ -309,14 +309,14 @@ void add_run_options(const Command& command, RunRequest& request) {
   command.option("--sequence", request.sequence, "sequence file; default: the fourteen steps");
   command.option("--station", request.station, "station configuration; default: the built-in rig station");
   command.option("--temperature", request.temperature_c,
-                 "bring the station's chamber to this temperature first, degrees C (docs/chamber.md); default: "
+                 "bring the station's chamber to this temperature first, degrees C (docs/thermal.md); default: "
                  "chamber.temperature_c of the station");
   command.flag("--verify", request.verify, "seek north with the new parameters after the calibration");
   command.flag("--until-sigma", request.until_sigma,
-               "end as soon as the station's stop.sigma.* and limit.* are met with certainty (docs/design.md)");
+               "end as soon as the station's stop.sigma.* and limit.* are met with certainty (docs/sequences.md)");
   command.option(
       "--settle", request.settle_minutes, {is::time(0.0, 60.0, "min")},
-      "time that the run may add to tell confounded effects apart (docs/design.md); default: settle.minutes of "
+      "time that the run may add to tell confounded effects apart (docs/sequences.md); default: settle.minutes of "
       "the station");
   add_record_options(command, request);
   add_watch_options(command, request);
@@ -331,7 +331,7 @@ void add_run_command(CommandLine& line) {
                  "serial number of the unit; repeat it for several units, in the order of the station's places");
   command.option("--out", options.folder, "folder for the results; must not contain a run yet");
   command.option("--continue", request.continues,
-                 "folder of a run: record more of its unit and diagnose both together (docs/design.md); default of "
+                 "folder of a run: record more of its unit and diagnose both together (docs/sequences.md); default of "
                  "--out: DIR/continued");
   command.flag("--capture-only", request.capture_only, "record the sequence, do not calibrate");
   command.flag("--partial", request.partial,

@@ -1,4 +1,4 @@
-// `turncal check`; `commission`, `monitor` and `twin` (docs/twin.md); `serve`: a page of several stations, by a process of its own.
+// `turncal check`; `commission`, `monitor` and `twin` (docs/tables.md); `serve`: a page of several stations, by a process of its own.
 #include <fmt/format.h>
 
 #include <algorithm>

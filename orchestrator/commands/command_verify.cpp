@@ -1,5 +1,5 @@
 // `turncal verify`: north seeking on the table with a calibration (Wang (2020), 4.2), recorded as a run with verify.seq in place of the
-// fourteen steps, and `--references`: readings of references beside those of the unit (4.3). `turncal certificate` (docs/certificate.md).
+// fourteen steps, and `--references`: readings of references beside those of the unit (4.3). `turncal certificate` (docs/report.md).
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -39,7 +39,7 @@ Result<RigConfig> rig_of(const StationConfig& station, const std::string& file) 
 
 std::string format_truth(const Rig& rig, std::optional<double> reference_c) {
   std::string text =
-      "# [dry run] What the rig was given. Units as in the parameter file; effects: docs/effect-components.md.\n";
+      "# [dry run] What the rig was given. Units as in the parameter file; effects: docs/diagnosis.md.\n";
   const auto line = [&text](std::string_view key, double value) {
     text += std::string(key) + " = " + format_number(value) + "\n";
   };

@@ -1,6 +1,6 @@
 // The devices of a live run: the station's table and units, the machine's clocks, and waiting that really waits.
 //
-// Nothing is opened here; the run does that. clock.speed_up other than 1 is for twins (docs/twin.md): all of the station's times then
+// Nothing is opened here; the run does that. clock.speed_up other than 1 is for twins (docs/tables.md): all of the station's times then
 // run so many times faster. A table turned by hand is given the reason of each move, and what the first unit
 // senses of gravity. The thread that makes them goes before others until they go, or the table need not be watched any more.
 #pragma once

@@ -1,5 +1,5 @@
 // The rig, served outside the program: its table behind the station's register map or dialect (TCP or pseudo-terminal), a unit for each
-// place of the station as frames on a pseudo-terminal. What `turncal twin` runs; docs/twin.md.
+// place of the station as frames on a pseudo-terminal. What `turncal twin` runs; docs/tables.md.
 //
 // Rig time stands still until somebody opens a unit's line, so that the data are those of a dry run that begins then; from there on it
 // runs speed_up times as fast as the wall clock. One thread serves the table, run() the units; the server's mutex guards the rigs.

@@ -1,4 +1,4 @@
-// One policy: a run goes on while what a minute more is expected to tell is worth it (docs/design.md). With --until-sigma the units are calibrated
+// One policy: a run goes on while what a minute more is expected to tell is worth it (docs/sequences.md). With --until-sigma the units are calibrated
 // after every completed dwell, by the same function and from the same samples as at the end; the rest of the plan is left out (but for its north seeking)
 // when every unit is known well enough, its fit passes its tests, and half an hour is recorded where the whole plan would get a diagnosis.
 //

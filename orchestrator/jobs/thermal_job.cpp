@@ -470,7 +470,7 @@ Result<ThermalOutput> run_campaign(const Campaign& campaign, const RunRequest& a
 Result<Document> plan_campaign(const Campaign& campaign) {
   const PlannedUnit unit = TRY(planned_unit(campaign.site));
   if (!unit.station.chamber)
-    return input_error(campaign.site.station + ": has no chamber: expected chamber.file (docs/chamber.md)");
+    return input_error(campaign.site.station + ": has no chamber: expected chamber.file (docs/thermal.md)");
   PredictOptions options;
   options.noise = noise_model(campaign.site);
   options.unit = unit.parameters;

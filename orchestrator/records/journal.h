@@ -1,5 +1,5 @@
 // The journal of a run on disk, `journal.tcj`: append-only numbered records with checksums (imu_io/base/record_log.h), each synced
-// before append returns. A record's payload is `key = value` text; docs/journal.md lists the types and keys.
+// before append returns. A record's payload is `key = value` text; docs/architecture.md lists the types and keys.
 //
 // The file appears whole with its first record or not at all. A torn last record, as a power loss leaves it, is cut off when
 // the journal is opened again; a hole in the middle is damage, and the run it belongs to is not taken up. One process at a

@@ -1,4 +1,4 @@
-// The calibration certificate: what ISO/IEC 17025:2017, 7.8 asks for, as one HTML document that prints on A4 (docs/certificate.md).
+// The calibration certificate: what ISO/IEC 17025:2017, 7.8 asks for, as one HTML document that prints on A4 (docs/report.md).
 #pragma once
 
 #include <array>

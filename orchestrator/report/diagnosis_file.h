@@ -1,7 +1,7 @@
 // What a diagnosis leaves on disk: diagnosis.conf, parameters.conf and report.html, each written whole or not at all.
 //
 // diagnosis.conf (docs/report.md): every key stands in every file; a list that is empty and a number that is not known are empty values.
-// Numbers: shortest round trip, units of docs/effect-components.md.
+// Numbers: shortest round trip, units of docs/diagnosis.md.
 #pragma once
 
 #include <optional>
@@ -66,7 +66,7 @@ std::string error_text(const RestErrors& errors);
 void describe_rest_fit(const RestFit& fit, const JointResult& joint, const RestData& data, ParameterFile& file);
 
 // What a diagnosis of hand-turned data leaves on disk: the document of report.h, with the errors that rests and rotations by hand can show
-// (docs/hand-data.md), and the other two files of it.
+// (docs/import.md), and the other two files of it.
 DiagnosisFiles rest_diagnosis_files(const RestDiagnosis& result, const RestData& data, const DiagnosisContext& context);
 
 }  // namespace turncal

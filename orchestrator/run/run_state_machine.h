@@ -4,7 +4,7 @@
 //
 // The table is constant data and knows no step of any sequence: which move or dwell comes next is found outside and
 // comes in as an event (move_next, dwell_next, step_complete, ...). Nothing here waits, logs, moves or reads a clock;
-// StationRun does, and carries the actions out. docs/state-machine.md draws the same table and a test compares them.
+// StationRun does, and carries the actions out. docs/architecture.md draws the same table and a test compares them.
 //
 // Every pair of state and event has an outcome: a row of `transition_table`, a row of `ignored_events` (with the reason
 // why it may be ignored), or else it is unexpected: our own mistake, on which the table is stopped as on any error.

@@ -44,7 +44,7 @@ class ServicePage {
   std::unique_ptr<State> state_;
 };
 
-// Alerts (docs/serve.md): a command is run with the event as JSON on its standard input, by a thread of its own that nobody waits for. `unit` is
+// Alerts (docs/production.md): a command is run with the event as JSON on its standard input, by a thread of its own that nobody waits for. `unit` is
 // an outcome. The others, `stopped`, `unreadable`, `silent` and `yield`, are conditions: events once they have stood for stands_s, and again when
 // they have been over. An event is run once at most: its line in the record is on disk before the command is started, and the record is
 // read when serve begins. What is there when a record is begun is known, and no event.

@@ -1,5 +1,5 @@
 // What a station does, as its files say it: queue, outcomes, the journal of the run, and who holds their locks. Nothing is locked, written or
-// asked of the run, so that looking on never holds it up. The states are those of docs/serve.md; the headline of an unreadable station
+// asked of the run, so that looking on never holds it up. The states are those of docs/production.md; the headline of an unreadable station
 // names the file. Times are by the clock of whoever looks; those of a run by its own, as its journal has them.
 //
 // Beside it: the configuration of `turncal serve`, what the stations of a results database did in the last 24 hours, and what an operator may do.
@@ -27,7 +27,7 @@ Status check_operators(const std::string& path);
 // The name in "Basic ..." (RFC 7617) when its password is right; an error when not, which does not say what was wrong.
 Result<std::string> authorised_operator(const std::string& path, std::string_view authorization);
 
-// The keys of docs/serve.md. Relative names are those beside the file.
+// The keys of docs/production.md. Relative names are those beside the file.
 struct ServedStation {
   std::string name, queue, runs;
   std::string mounted;  // empty: a mounted unit is not announced by the page
@@ -110,7 +110,7 @@ std::string last_folder(const std::string& runs, const std::string& unit);
 
 std::string json_of(const StationView& view);
 
-// The figures of stations and results in the text format 0.0.4 of Prometheus (docs/serve.md).
+// The figures of stations and results in the text format 0.0.4 of Prometheus (docs/production.md).
 std::string metrics_of(const std::vector<StationView>& stations, const ResultsView& results, double now_utc_s);
 
 // All there is of a unit: what the database has or, without one, the queues. Links lead to what report_file() finds.
@@ -118,7 +118,7 @@ Document unit_document(const ServiceConfig& config, const std::string& unit);
 // Where the page of a run lies that is served as "/report/STATION/FOLDER/FILE", stations counted from 1; nothing: there is none.
 std::optional<std::string> report_file(const ServiceConfig& config, std::string_view path);
 
-// What an operator may do to a station by the page (docs/serve.md). Each is written down, with the name, before it is done: a line of
+// What an operator may do to a station by the page (docs/production.md). Each is written down, with the name, before it is done: a line of
 // QUEUE.actions, on disk: "2026-01-31T12:00:00Z NAME pause SN1"; what then fails has a second line, "NAME not done: remove SN1". A signal goes
 // to the process that holds the run's lock at that moment, which the system names; no run, no signal.
 struct StationAction {

@@ -67,7 +67,7 @@ struct DwellConfig {
   double max_accel_peak_mps2 = 0.02;
 };
 
-// Minutes that a run may add to tell confounded effects apart (docs/design.md).
+// Minutes that a run may add to tell confounded effects apart (docs/sequences.md).
 inline constexpr NumberRange settling_minutes = zero_or(1.0, 60.0);
 
 // How the station reaches its table; orchestrator/devices/live_devices.h makes it. table.simulated says that a twin answers: recordings are
@@ -88,7 +88,7 @@ struct TableConfig {
   }
 };
 
-// A temperature chamber about the unit: docs/chamber.md.
+// A temperature chamber about the unit: docs/thermal.md.
 struct ChamberConfig {
   ChamberDescription described;         // chamber.file, reached at chamber.address where that is given
   std::optional<double> temperature_c;  // of a run; empty: it leaves the chamber alone
@@ -98,7 +98,7 @@ struct ChamberConfig {
   double settle_limit_s = 14400.0;      // not settled after so long: a fault
 };
 
-// Who calibrates, for whom, and how well the site is known: for the certificate alone (docs/certificate.md). Empty: not given.
+// Who calibrates, for whom, and how well the site is known: for the certificate alone (docs/report.md). Empty: not given.
 struct Parties {
   std::string laboratory_name, laboratory_address, laboratory_accreditation, laboratory_signatory;
   std::string customer_name, customer_address, customer_order;

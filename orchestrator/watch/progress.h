@@ -97,7 +97,7 @@ std::string in_tone(std::ostream& out, Tone tone, std::string_view text);  // as
 
 // For a run under systemd, or whoever set NOTIFY_SOCKET (sd_notify(3)); without that variable nothing is done. It says where the run is, and
 // while the table may move the run's loop says every second that it goes on: one that is stuck for watch_s is ended by systemd
-// (docs/package.md). Nothing is watched while the table rests with its drives off: an estimate may take minutes.
+// (docs/getting-started.md). Nothing is watched while the table rests with its drives off: an estimate may take minutes.
 class ServiceWatch : public RunObserver {
  public:
   static constexpr int watch_s = 30;

@@ -112,7 +112,7 @@ TEST(ClosedForm, DivergenceIsSaid) {
 // ---- a recording with noise, from another simulator
 
 // Root-mean-square errors of the closed form over 200 runs of the rig with the noise of that recording
-// (docs/closed-form.md).
+// (docs/estimator.md).
 constexpr std::array<double, 24> expected_rms = {
     5.5e-3, 4.8e-3, 6.2e-3, 2.0e-6, 2.9e-6, 1.7e-6,                           // N0, A0
     5.2e-7, 4.5e-6, 2.9e-6, 4.4e-6, 5.5e-7, 2.9e-6, 5.7e-6, 3.7e-6, 5.7e-7,   // n

@@ -1,5 +1,5 @@
 // The diagnosis on rig recordings whose effect it is not told, and on the recordings of another simulator. The whole
-// acceptance table is a study (scripts/study-undeclared, docs/diagnosis-study.md); these are the fast cases.
+// acceptance table is a study (scripts/study-undeclared, docs/diagnosis.md); these are the fast cases.
 #include "calib/evidence/posterior.h"
 #include "tests/calib/diagnosed_unit.h"
 

@@ -1,5 +1,5 @@
 // Every printed formula of Wang (2020) beside the derived one, on noise-free data: does it find the truth? The table that
-// this test prints is the one of docs/closed-form.md.
+// this test prints is the one of docs/estimator.md.
 
 #include "calib/closed_form/closed_form.h"
 #include "tests/calib/closed_form_fixture.h"

@@ -214,7 +214,7 @@ TEST(PieceSystem, OfObservationsIsALeastSquaresProblem) {
 // ---- rest measured ----
 
 // The hand-turned data sets of ../shared/data/measured, from CSV to diagnosis. The bounds are those the project asks
-// for; docs/hand-data.md has the numbers reached.
+// for; docs/import.md has the numbers reached.
 
 const std::string source = TURNCAL_SOURCE_DIR;
 const std::string measured = source + "/../shared/data/measured/";
@@ -323,7 +323,7 @@ TEST(Measured, TheControlShowsNoGSensitivity) {
     const CsvImport content = import(map_named("mpu9150_mikoff"), name + ".csv");
     const Segmentation found = find_rests(content.info, content.samples);
     const Segments list = supplied(name + "_static.csv", std::int64_t(content.samples.size()));
-    // On the list's rests a pattern is said of unit 0 (docs/hand-data.md), and no name.
+    // On the list's rests a pattern is said of unit 0 (docs/import.md), and no name.
     EXPECT_TRUE(names(diagnose_with(content, list)).empty()) << imu;
     const RestDiagnosis r = diagnose_with(content, found.segments);
     EXPECT_TRUE(names(r).empty()) << imu;

@@ -1,4 +1,4 @@
-// The worked numbers of docs/worked-numbers.md, one for each step: the rig with a single parameter that is wrong,
+// The worked numbers of docs/estimator.md, one for each step: the rig with a single parameter that is wrong,
 // navigated with nominal parameters, must show the velocity that was computed by hand there, with its sign. The numbers
 // are literals from the document: neither the rig nor the estimator had a part in them.
 #include "calib/closed_form/closed_form.h"

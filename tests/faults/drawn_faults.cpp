@@ -1,5 +1,5 @@
 // Runs of the whole program over real lines against a table and a unit that misbehave, and a PC that fails, as drawn from a seed; what
-// came of each is judged by what the rig knows to be true (docs/fault-tests.md, Drawn faults).
+// came of each is judged by what the rig knows to be true (docs/safety.md, Drawn faults).
 //
 //   drawn_faults --runs N --seed S --jobs J [--only CLASS] [--keep] [--verbose]
 // The runs have the seeds S, S + 1 ...: one is drawn again with --runs 1 --seed ITS (and the same --only). Exit code 1: a violation.

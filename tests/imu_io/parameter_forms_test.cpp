@@ -17,7 +17,7 @@ ParameterFile forms_file() {
   return file;
 }
 
-// Read as docs/parameter-forms.md has it.
+// Read as docs/files.md has it.
 TEST(ParameterForms, TheBlockIsAsDocumented) {
   const ParameterFile file = forms_file();
   const std::string block = format_parameter_block(file);

@@ -73,7 +73,7 @@ TEST(RunRules, FalseAlarmsAreAsOftenAsStated) {
     EXPECT_NEAR(count[i], expected, 5.0 * error + 0.005 * expected) << "rule " << i + 1;  // stated to three digits
   }
   const auto all = double(std::ranges::count(any, 1)) / points;
-  EXPECT_NEAR(all, 0.0256, 0.0005) << "of any rule, as docs/line.md says";
+  EXPECT_NEAR(all, 0.0256, 0.0005) << "of any rule, as docs/fleet.md says";
 }
 
 // The intervals of Cpk and Ppk hold the true index in 95 % of the samples, or near it: Bissell's is an approximation.

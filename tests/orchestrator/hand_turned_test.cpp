@@ -1,5 +1,5 @@
 // `turncal import --map`, `segment`, `calibrate` and `diagnose` on units turned by hand, as black boxes: a synthetic unit, and
-// the measured data of ../shared with the figures of docs/measured.md.
+// the measured data of ../shared with the figures of docs/accuracy.md.
 #include <fmt/format.h>
 
 #include "imu_io/base/text.h"
@@ -191,7 +191,7 @@ TEST_F(HandTurned, WrongUnitsAreSaidAndNothingIsWritten) {
   EXPECT_FALSE(std::filesystem::exists(path("scaled")));
 }
 
-// docs/measured.md, story 1.
+// docs/accuracy.md, story 1.
 TEST_F(HandTurned, MeasuredXsens) {
   SKIP_WITHOUT_DATA();
   segmented(map_of("xsens_mti_imutk"), "xsens_mti_imutk/xsens_first_half.csv", "xsens");

@@ -36,7 +36,7 @@ def write_rates(path, dt, gyro, accel):
     np.savetxt(path, np.column_stack([t, gyro, accel]), delimiter=",", fmt="%.12g", header="t,wx,wy,wz,fx,fy,fz", comments="")
 
 def attitude(heading, pitch, roll):
-    """C_nb = Ry(-H) Rz(P) Rx(R); n north, up, east (docs/closed-form.md). Degrees."""
+    """C_nb = Ry(-H) Rz(P) Rx(R); n north, up, east (docs/estimator.md). Degrees."""
     def turn(axis, deg):
         a, k, r = np.radians(deg), np.roll(np.arange(3), -axis), np.eye(3)
         r[np.ix_(k[1:], k[1:])] = [[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]

@@ -91,9 +91,9 @@ TEST(Plan, FourteenStepsTakeExactly6342Seconds) {
   EXPECT_EQ(plan.travel_max_deg, (AxisTriple{{0.0, 360.0, 360.0}}));
 }
 
-// The example of docs/sequence-format.md with the times of its table.
+// The example of docs/sequences.md with the times of its table.
 TEST(Plan, WorkedExampleOfTheDocument) {
-  const std::string text = file_text(TURNCAL_SOURCE_DIR "/docs/sequence-format.md");
+  const std::string text = file_text(TURNCAL_SOURCE_DIR "/docs/sequences.md");
   const std::size_t begin = text.find("format = 1\nname = example");
   ASSERT_NE(begin, std::string::npos);
   const Result<Sequence> sequence =

@@ -21,7 +21,7 @@ namespace turncal {
 
 struct HandUnitPlan {
   double angle_random_walk_deg_per_rt_h = 0.3;
-  double tremor = 1.0;  // 0: as a table holds it; 1: as the control of docs/hand-data.md stands still
+  double tremor = 1.0;  // 0: as a table holds it; 1: as the control of docs/import.md stands still
   unsigned seed = 1;
 };
 

@@ -1,4 +1,4 @@
-// One engine or two (docs/hand-data.md): recordings turned by hand, fitted by the rest model and by the joint estimate.
+// One engine or two (docs/import.md): recordings turned by hand, fitted by the rest model and by the joint estimate.
 //
 //   study_hand SEED_FIRST SEED_COUNT ARW TREMOR      units drawn at random (hand_unit.h), ARW in deg/sqrt(h)
 //   study_hand --measured EFFECT[,EFFECT]|- RECORDING...    as `turncal segment` leaves them, with these effects

@@ -1,4 +1,4 @@
-// Whether free navigation drifts as predicted (docs/navigation.md): each run calibrates a unit of its own on the rig, records it anew at
+// Whether free navigation drifts as predicted (docs/verification.md): each run calibrates a unit of its own on the rig, records it anew at
 // rest, and navigates that with the calibration.
 //
 //   study_navigation SEED_FIRST SEED_COUNT [--free SECONDS]

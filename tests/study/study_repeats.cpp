@@ -1,4 +1,4 @@
-// Which effects of a unit repeat from one recording to the next, and which another effect imitates (docs/measured.md): every recording turned
+// Which effects of a unit repeat from one recording to the next, and which another effect imitates (docs/accuracy.md): every recording turned
 // by hand is fitted twice, with the effect alone and with slow changes of the gyros beside it.
 //
 //   study_repeats EFFECT RECORDING...      recordings as `turncal segment` leaves them; units by their serial

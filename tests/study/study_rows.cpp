@@ -1,4 +1,4 @@
-// The faults by which the diagnosis was once caught out (docs/diagnosis-study.md), each drawn anew: axis, sign, size, time constant, unit.
+// The faults by which the diagnosis was once caught out (docs/diagnosis.md), each drawn anew: axis, sign, size, time constant, unit.
 //
 //   study_rows SEED_FIRST SEED_COUNT [ROW]
 // One line a run: seed row size verdict trusted names(aliases) worst_parameter_sigmas parameter settled_sigmas parameter. `size` in ppm, ug

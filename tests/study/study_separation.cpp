@@ -1,11 +1,11 @@
-// Confounded effects told apart by extra legs (docs/design.md): seeded rig recordings of the fourteen steps with one effect, the estimator
+// Confounded effects told apart by extra legs (docs/sequences.md): seeded rig recordings of the fourteen steps with one effect, the estimator
 // is never told; where the diagnosis has confounded effects, legs are designed, run on the same unit, and both recordings diagnosed.
 //
 //   study_separation EFFECT.COMPONENT VALUE SEED
 // One line: effect seed, names and class before, time of the legs, verdict, names and class after, decided or not.
 //
 //   study_separation --settle SEED CASES
-// Units drawn from a seed until so many are in doubt after the fourteen steps; each is settled as a station does it (docs/design.md), within
+// Units drawn from a seed until so many are in doubt after the fourteen steps; each is settled as a station does it (docs/sequences.md), within
 // ten minutes, in rounds and in the same recording. A line a unit, and the sums.
 #include <chrono>
 #include <cstdio>

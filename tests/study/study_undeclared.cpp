@@ -1,4 +1,4 @@
-// Effects drawn at random, that nobody declared: what does the diagnosis say of them, beside what could be said? (docs/diagnosis-study.md)
+// Effects drawn at random, that nobody declared: what does the diagnosis say of them, beside what could be said? (docs/diagnosis.md)
 //
 //   study_undeclared drawn|catalogue|clean SEED_FIRST SEED_COUNT [--draws N] [--least-z Z] [--most-z Z] [--only WORD] [--grade NAME]
 //                    [--sequence NAME]

@@ -12,7 +12,8 @@ awk -v doc="${1##*/}" -v least="${3:-450}" '
     if (/^(All\/)?((Station|Modbus|Dialect|Line|Imu|Data)[A-Za-z]*Faults|ModbusExceptions|[A-Za-z]*StopStates|StationStop)[.]/) owed[any_line($0)] = 1
     next
   }
-  !/^\|/ { next }
+  /^## Every fault/ { inside = 1 }
+  !inside || !/^\|/ { next }
   {
     cell = $0; sub(/ *\|$/, "", cell); sub(/.*\| /, "", cell)
     if (cell ~ /^(test|see .*)$/ || cell ~ /^[|-]*$/) next

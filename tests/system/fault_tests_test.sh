@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# docs/fault-tests.md names the tests of this build, and a table with one thing wrong each is refused.
+# docs/safety.md names the tests of this build, and a table with one thing wrong each is refused.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 check=$here/fault_tests.sh
-doc=$here/../../docs/fault-tests.md
+doc=$here/../../docs/safety.md
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 build=${TURNCAL_BUILD:-$here/../../build/release}

@@ -1,6 +1,6 @@
 // A stop goes out within 100 ms of the request, whatever driver and line are doing at that moment: each state is brought about, the stop
 // is asked for in the middle of it, and the time is taken at the twin, when the stop of the last axis has come in. Where nothing can
-// come in any more, the driver must give up as fast. docs/fault-tests.md lists the states.
+// come in any more, the driver must give up as fast. docs/safety.md lists the states.
 
 #include "tests/imu_io/loopback.h"
 #include "tests/turntable_drivers/served_twin.h"

@@ -1,4 +1,4 @@
-// A chamber that a .chamber file describes, over registers (Modbus TCP, RTU) or sentences (serial, TCP), and its driver. docs/chamber.md lists
+// A chamber that a .chamber file describes, over registers (Modbus TCP, RTU) or sentences (serial, TCP), and its driver. docs/thermal.md lists
 // the keys; turntable_drivers/chamber/chambers/ has two. Link, framing, draining and retries are those of tables (table_line.h, register_codec.h,
 // sentence_codec.h), and so is where each line comes from (LineSource).
 //

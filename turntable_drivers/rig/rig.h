@@ -92,7 +92,7 @@ class Rig {
   // The same for effects referred to another temperature: N0, A0 and the rows of n and a take up the difference
   // (exact).
   std::array<double, 24> truth_at_reference(double reference_c) const;
-  // Catalogue effects that are switched on: "accel_second_order.x" and value, units of docs/effect-components.md.
+  // Catalogue effects that are switched on: "accel_second_order.x" and value, units of docs/diagnosis.md.
   std::vector<std::pair<std::string, double>> truth_effects() const;
   // True attitude now, row by row: v_n = C_nb v_b.
   std::array<double, 9> attitude_nb() const;

@@ -155,7 +155,7 @@ struct RigFault {
   bool in_force(double now_s) const { return now_s >= time_s && (duration_s == 0.0 || now_s < time_s + duration_s); }
 };
 
-// A lot of units: the unit on the rig follows from its serial number, and some are faulty. For rehearsing a line (docs/line.md).
+// A lot of units: the unit on the rig follows from its serial number, and some are faulty. For rehearsing a line (docs/fleet.md).
 //
 // The same serial number is the same unit: its truth is drawn from the lot's seed and the serial. Another beginning is another turn-on:
 // noise, and a step of the biases from there. Between turn-ons the biases walk: a step a day.

@@ -1,4 +1,4 @@
-// What the rig's sensors can be made to do beyond the 24 parameters: the catalogue of docs/effect-components.md, and
+// What the rig's sensors can be made to do beyond the 24 parameters: the catalogue of docs/diagnosis.md, and
 // effects outside it that no entry of the catalogue describes.
 //
 // Convention for every entry. The sensor's counts satisfy

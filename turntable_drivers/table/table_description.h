@@ -93,7 +93,7 @@ inline double unwrapped_deg(double angle_deg, double near_deg, double turn_deg) 
 struct DeviceDescription {
   std::string file, name;
   bool verified_on_hardware = false;
-  bool commissioned = false;      // tried as docs/tables.md and docs/chamber.md have it; else nothing is switched on
+  bool commissioned = false;      // tried as docs/tables.md and docs/thermal.md have it; else nothing is switched on
   std::vector<LineSource> lines;  // of the file: where each comes from
 };
 

@@ -92,7 +92,7 @@ struct ExtraLegs {
 Result<ExtraLegs> find_extra_legs(const Separation* separation, DesignTask task,
                                   const std::function<void(double time_s)>& looking);
 
-// What a run adds to its plan where a minute more is worth it (docs/design.md): its diagnosis cannot tell effects apart, or a parameter is not yet
+// What a run adds to its plan where a minute more is worth it (docs/sequences.md): its diagnosis cannot tell effects apart, or a parameter is not yet
 // known as well as it has to be. Beside the pairs the cost has the sum of max(0, ln(sigma expected / needed)). The legs keep to the poses that
 // the plan leaves to the cable, and are worth it when the worst pair is told with a chance of worth_a_try, or every sigma is expected to be enough.
 // The same samples give the same legs. Not modelled: how long the search takes (10 to 60 s, the table at rest and under watch meanwhile).

@@ -339,7 +339,7 @@ Result<ForeignCalibration> foreign_calibration(const ParameterFile& file, const 
 
 Result<std::string> write_foreign_form(const ParameterFile& file, const std::string& path, const std::string& form) {
   const auto found = std::ranges::find_if(foreign_forms, [&](const ForeignForm& f) { return f.name == form; });
-  if (found == foreign_forms.end()) return input_error("'" + form + "' is no form of docs/parameter-forms.md");
+  if (found == foreign_forms.end()) return input_error("'" + form + "' is no form of docs/files.md");
   if (found->needs_noise && !has_noise(file))
     return input_error(path + ": has no noise. keys: expected a calibration that measured the noise, for " + form);
   return found->write(TRY(foreign_calibration(file, path)));

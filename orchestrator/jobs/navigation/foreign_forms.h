@@ -1,4 +1,4 @@
-// A calibration in the forms of other programs (docs/parameter-forms.md): one table, one function a form.
+// A calibration in the forms of other programs (docs/files.md): one table, one function a form.
 //
 // The raw readings of a form are counts times their nominal weight over the sample period, in rad/s and m/s^2:
 //   w = S_g raw_w - N0,   f = S_a raw_f - A0,   S = n or a over the nominal scale

@@ -1,4 +1,4 @@
-// The parameters of a unit, as a parameter file has them (docs/recording-format.md), and applied to a recording.
+// The parameters of a unit, as a parameter file has them (docs/files.md), and applied to a recording.
 //
 //   rate = n * gyro counts / period - N0        force = a * accelerometer counts / period - A0
 #pragma once
@@ -30,7 +30,7 @@ class TURNCAL_API Parameters {
   std::array<double, 24> values() const;
   std::array<double, 24> sigmas() const;  // NaN: not estimated
   bool trusted() const;                   // false: its sigmas cannot be believed
-  // Every key of the file in its order, checksum left out: effects, too, as effect.NAME.COMPONENT (docs/effect-components.md).
+  // Every key of the file in its order, checksum left out: effects, too, as effect.NAME.COMPONENT (docs/diagnosis.md).
   std::vector<std::pair<std::string, std::string>> items() const;
 
   struct Content;

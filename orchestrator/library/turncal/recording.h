@@ -1,4 +1,4 @@
-// A recording: what a unit gave, sample by sample, and when it was at rest. Files: docs/recording-format.md.
+// A recording: what a unit gave, sample by sample, and when it was at rest. Files: docs/files.md.
 //
 // Held in memory, 64 bytes a sample: 92 MB for two hours at 200 Hz.
 #pragma once

@@ -43,7 +43,7 @@ Scanned scanned(const std::string& content) {
   return result;
 }
 
-// The worked example of docs/recording-format.md, byte for byte.
+// The worked example of docs/files.md, byte for byte.
 TEST(RecordLog, WorkedExample) {
   std::vector<std::byte> bytes;
   const std::size_t begun = begin_record(bytes, 0x52435489, 5, 1351);
