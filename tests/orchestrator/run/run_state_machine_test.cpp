@@ -147,7 +147,7 @@ std::string names_of(EnumSet<Enum> set, const std::vector<Enum>& all) {
     if (set.contains(one)) text += (text.empty() ? "" : ", ") + std::string(to_string(one));
   return text;
 }
-std::string names_of(StateSet set) { return names_of(set, all_states); }
+std::string names_of(StateSet set) { return set.bits == live_states.bits ? "live" : names_of(set, all_states); }
 std::string names_of(EventSet set) {
   const std::string names = names_of(set, all_events);
   return std::ranges::count(names, ',') + 1 == std::ssize(all_events) ? "every event" : names;
