@@ -187,7 +187,8 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
   };
   Evidence result;
   std::vector<LogWeights> models;
-  for (const double part : {1.0, 1.0 / 3.0, 0.0}) {
+  double most_probable = -1e300;
+  for (const double part : {1.0, 0.0}) {
     if (part < 1.0 && !fit.noise.has_bias_instability()) break;
     result.views.push_back(view_in_pieces(recording, fit, less_unstable(fit.noise, part)));
     PiecewiseView& view = result.views.back();
@@ -205,7 +206,8 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
     put_back(taken_off, all.taken_off, table, all.system);
     put_back(taken_off, all.taken_off, table, *view.system);
     if (!taken_off.empty()) score_again(together);
-    models.push_back(weigh_models(together));
+    models.push_back(weigh_models(together, most_probable));
+    for (const auto& [terms, log_weight] : models.back()) most_probable = std::max(most_probable, log_weight);
     together.system = view.system.get();
     result.at_each_noise.push_back(std::move(together));
   }

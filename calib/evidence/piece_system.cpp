@@ -474,15 +474,16 @@ std::vector<PieceSystem::Block> PieceSystem::blocks(const std::vector<Weights>& 
       if (n == 0) continue;
       const auto of = weights[k].of();
       const std::size_t begin = weights[k].begin[a], end = weights[k].begin[a + 1];
+      const Eigen::Index lowest = begin < end ? weights[k].first[begin] : 0;  // those before it begin in earlier pieces
       for (std::size_t i = begin; i < end; ++i) {
         const Eigen::Index d = weights[k].rows[i] - row, first = weights[k].first[i];
         const auto w = of.col(Eigen::Index(i));
-        auto with = beside.head(n);
-        with.noalias() = later.middleRows(at, n).lazyProduct(link.E.col(d));
+        auto with = beside.head(n - lowest);
+        with.noalias() = later.middleRows(at + lowest, n - lowest).lazyProduct(link.E.col(d));
         for (std::size_t j = begin; j <= i; ++j)
-          with.segment(weights[k].first[j], m) +=
+          with.segment(weights[k].first[j] - lowest, m) +=
               ((j < i ? 1.0 : 0.5) * link.I(weights[k].rows[j] - row, d)) * of.col(Eigen::Index(j));
-        for (Eigen::Index c = 0; c < m; ++c) result[k].Q.col(first + c) += w[c] * with;
+        for (Eigen::Index c = 0; c < m; ++c) result[k].Q.col(first + c).tail(n - lowest) += w[c] * with;
         next.middleRows(at + first, m).noalias() += w.lazyProduct(link.G.col(d).transpose());
       }
     }

@@ -259,8 +259,9 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
 
 }  // namespace
 
-// What is missing may look like noise of which there is less: each noise is searched by itself.
-LogWeights weigh_models(const UnderNoise& under) {
+// What is missing may look like noise of which there is less: each noise is searched by itself, and as long as it does not come near
+// `elsewhere`, the most probable model at another noise, along terms that are more likely than not.
+LogWeights weigh_models(const UnderNoise& under, double elsewhere) {
   const TermTable& table = *under.table;
   auto root = std::make_shared<State>();
   root->log_weight = -0.5 * under.system->misfit();
@@ -272,7 +273,7 @@ LogWeights weigh_models(const UnderNoise& under) {
   double best = root->log_weight;
   LogWeights seen = {{{}, root->log_weight}};
   std::vector<std::shared_ptr<const State>> level = {root};
-  for (int depth = 0; depth < deepest; ++depth) {
+  for (int depth = 0; depth < deepest && !level.empty(); ++depth) {
     std::vector<Next> next;
     for (const std::shared_ptr<const State>& state : level) {
       std::vector<Next> of_state;
@@ -300,12 +301,13 @@ LogWeights weigh_models(const UnderNoise& under) {
       next.insert(next.end(), of_state.begin(), of_state.end());
       std::ranges::sort(next, heavier);
     }
-    if (next.empty() || depth + 1 == deepest || next.front().log_weight < best - ends_below) break;
-    best = std::max(best, next.front().log_weight);
+    if (depth + 1 == deepest) break;
     std::vector<std::shared_ptr<const State>> deeper;
     std::set<std::vector<int>> done;
     for (const Next& one : next) {
+      best = std::max(best, one.log_weight);
       if (deeper.size() == beam || one.log_weight < best - ends_below) break;
+      if (one.log_weight < std::min(elsewhere - ends_below, one.parent->log_weight)) continue;
       std::vector<int> of;
       for (const ModelTerm& m : one.terms) of.push_back(m.term);
       if (!done.insert(of).second) continue;

@@ -47,9 +47,9 @@ struct Posterior {
   std::vector<WeighedModel> models;  // the most probable first
   double log_evidence = 0.0;         // of all of them together, but for a constant
 };
-// All models worth counting at one noise, by their terms.
+// All models worth counting at one noise, by their terms. `elsewhere`: the log weight of the most probable model at another noise.
 using LogWeights = std::map<std::vector<ModelTerm>, double>;
-LogWeights weigh_models(const UnderNoise& under);
+LogWeights weigh_models(const UnderNoise& under, double elsewhere = -1e300);
 Posterior posterior_of(const std::vector<LogWeights>& at_each_noise);
 // So many of the most probable ones are averaged over.
 std::size_t averaged_models(const Posterior& posterior);
