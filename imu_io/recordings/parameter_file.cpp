@@ -19,6 +19,7 @@
 namespace turncal {
 namespace {
 
+constexpr std::string_view trusted_key = "quality.trusted", reason_key = "quality.reason";
 constexpr std::string_view title = "# turncal parameter file: w = n * counts - N0 (deg/h), f = a * counts - A0 (g)\n";
 
 bool is_name(std::string_view name) {
@@ -301,9 +302,22 @@ Result<std::string> calibration_hash(ParameterFile file) {
   return hash_of_text(TRY(without_checksum(text, "parameter file")));
 }
 
+void describe_trust(const std::string& why_not, ParameterFile& file) {
+  const std::string* const open = find_further(file, undetermined_key);
+  const std::string reason = why_not.empty() && open != nullptr ? "not determined: " + *open : why_not;
+  std::erase_if(file.further, [](const auto& key) { return key.first == trusted_key || key.first == reason_key; });
+  file.add_further(std::string(trusted_key), std::string(reason.empty() ? "true" : "false"));
+  if (!reason.empty()) file.add_further(std::string(reason_key), reason);
+}
+
 bool is_trusted(const ParameterFile& file) {
-  const std::string* const value = find_further(file, "quality.trusted");
+  const std::string* const value = find_further(file, trusted_key);
   return value == nullptr || *value == "true";
+}
+
+std::string why_not_trusted(const ParameterFile& file) {
+  const std::string* const reason = find_further(file, reason_key);
+  return reason == nullptr ? "" : *reason;
 }
 
 Status check_applicable(const ParameterFile& file, const std::string& file_name, const RecordingInfo& info) {
@@ -370,7 +384,7 @@ std::string format_parameter_header(const ParameterFile& file) {
         "     p + c[0] x + c[1] x^2 + c[2] x^3,  x = t - turncal_temperature_reference_c\n"
         "   with c of turncal_temperature_N0_degph, _A0_g, _n and _a: a row a number, n and a by rows. */\n";
   if (file.simulated) text += "/* SIMULATED: not of a real unit. */\n";
-  if (!is_trusted(file)) text += "/* NOT TRUSTED: the model does not fit the data that it was made from. */\n";
+  if (!is_trusted(file)) text += "/* NOT TRUSTED: turncal_reason says why. */\n";
   text += "#ifndef TURNCAL_PARAMETERS_H\n#define TURNCAL_PARAMETERS_H\n\n";
   const auto constant = [&text](const std::string& type, const std::string& name, const std::string& value) {
     text += fmt::format("static const {} turncal_{} = {};\n", type, name, value);
@@ -380,6 +394,7 @@ std::string format_parameter_header(const ParameterFile& file) {
   constant("char", "recording_hash[]", in_c_quotes(file.recording_hash));
   constant("int", "simulated", file.simulated ? "1" : "0");
   constant("int", "trusted", is_trusted(file) ? "1" : "0");
+  constant("char", "reason[]", in_c_quotes(why_not_trusted(file)));
   constant("double", "sample_period_s", literal(file.sample_period_s));
   constant("double", "accel_pulse_mps", literal(file.accel_pulse_mps));
   constant("double", "N0_degph[3]", vector_of(file, 0));
@@ -419,6 +434,7 @@ std::string format_parameter_yaml(const ParameterFile& file) {
   for (const auto& [key, value] : texts) line(key, in_yaml_quotes(value));
   line("simulated", file.simulated ? "true" : "false");
   line("trusted", is_trusted(file) ? "true" : "false");
+  if (!is_trusted(file)) line("reason", in_yaml_quotes(why_not_trusted(file)));
   line("latitude_deg", literal(file.latitude_deg));
   line("gravity_mps2", literal(file.gravity_mps2));
   line("sample_period_s", literal(file.sample_period_s));

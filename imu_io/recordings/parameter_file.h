@@ -88,8 +88,11 @@ Result<ParameterFile> read_parameter_file(const std::string& path);
 // What was judged, whatever the verdict then said: the hash (hash_of_text) of the file without its lines `verdict.` and `checksum`.
 Result<std::string> calibration_hash(ParameterFile file);
 
-// False where the file says of itself that its sigmas cannot be believed.
-bool is_trusted(const ParameterFile& file);
+// Whether the sigmas can be believed, and why not where they cannot: quality.trusted, quality.reason. An empty `why_not` of a file in which a
+// parameter is not determined is not trusted either. What the file said of it before is replaced.
+void describe_trust(const std::string& why_not, ParameterFile& file);
+bool is_trusted(const ParameterFile& file);              // true where the file does not say
+std::string why_not_trusted(const ParameterFile& file);  // empty: it is, or the file does not say why
 
 // Whether two recordings, or one and parameters, are of one sample rate. Each period is measured by a clock of its own, a crystal that is off by
 // up to 50 ppm, and by stamps: a millisecond of jitter over ten seconds is another 100 ppm. What a difference of 200 ppm does: the same share of

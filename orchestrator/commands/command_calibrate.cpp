@@ -84,8 +84,7 @@ Status calibrate(const CalibrateOptions& options, CommandContext& context) {
   const std::string file = folder.file(parameters_name);
   TRY(write_parameter_file(output.file, file));
   if (statistics) TRY(write_statistics(*statistics, folder.file(statistics_name)));
-  const Document report =
-      calibration_document(output.file, output.notes, output.distrust, truth_beside(options.recordings.front()));
+  const Document report = calibration_document(output.file, output.notes, truth_beside(options.recordings.front()));
   TRY(write_file_atomically(folder.file(report_name), as_page(report).html));
   folder.keep();
   if (!printed_as(options.format, TRY(format_parameter_file(output.file)), context.out)) {

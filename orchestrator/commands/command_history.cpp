@@ -73,14 +73,17 @@ Result<Document> comparison(const Calibrations& all, const std::vector<std::int6
   Document document{"", "Comparison of unit " + a->unit};
   document.text(fmt::format("unit {}: {} ({}) and {} ({})", a->unit, a->time_utc, in_words(a->verdict), b->time_utc,
                             in_words(b->verdict)));
-  Table table{{name("parameter"), number("first"), number("second"), number("difference"), number("/ sigma")}};
+  Table table{{name("parameter"), text("meaning"), text("unit"), number("first"), number("second"),
+               number("difference"), number("/ sigma")}};
   for (const StoredValue& value : a->values) {
     const auto other = std::ranges::find_if(b->values, [&](const auto& v) { return v.key == value.key; });
     if (other == b->values.end()) continue;
     const double difference = other->value - value.value;
     const double sigma = std::hypot(value.sigma.value_or(0.0), other->sigma.value_or(0.0));
-    table.row({name(value.key), with_sigma(value.value, sigma), with_sigma(other->value, sigma),
-               with_sigma(difference, sigma), sigma > 0.0 ? fixed(difference / sigma, 2) : number("-")});
+    table.row({name(value.key), text(quantity_name(value.key)),
+               text(unit_text(parameter_unit(value.key, a->gyro_increment))), with_sigma(value.value, sigma),
+               with_sigma(other->value, sigma), with_sigma(difference, sigma),
+               sigma > 0.0 ? fixed(difference / sigma, 2) : number("-")});
   }
   document.add(std::move(table));
   return document;

@@ -117,7 +117,7 @@ struct CertificateOptions {
 // Why the result is for nobody's use; empty: it may be certified.
 std::string objection(const ParameterFile& file) {
   if (file.simulated) return "its data are simulated";
-  if (!is_trusted(file)) return "its sigmas are not trusted";
+  if (!is_trusted(file)) return "its sigmas are not trusted: " + why_not_trusted(file);
   for (std::size_t i = 0; i < parameter_keys.size(); ++i)
     if (parameter_is_free[i] && !file.sigma[i]) return "it has no standard deviation of " + parameter_key(i);
   return "";

@@ -175,8 +175,7 @@ Result<std::vector<NamedText>> files_of(const ArchiveEntry& entry, const LoadedR
     diagnosis.base = output.fit ? &*output.fit : nullptr;
     const DiagnosisOutput found = TRY(diagnose_recordings({&recording, 1}, diagnosis));
     files.push_back({diagnosis_name, found.files.conf});
-    for (auto& [key, value] : output.file.further)
-      if (key == "quality.trusted" && !found.diagnosis.trusted) value = "false";
+    if (!found.diagnosis.trusted) describe_trust(found.diagnosis.reason, output.file);
   }
   const std::string parameters = TRY(format_parameter_file(output.file));
   files.push_back({parameters_name, parameters});

@@ -158,6 +158,8 @@ std::string clipped_gyros(const CompressedRecording& recording) {
   return all;
 }
 
+constexpr std::string_view too_little_data = "too little data to test the fit";
+
 // What speaks against its sigmas; empty: nothing does, be it that there is too little to judge by.
 std::string distrust_of(const CompressedRecording& recording, const JointResult& result, bool test_fit) {
   if (result.whiteness.level == 0.0) return "";  // too few seconds at rest
@@ -195,7 +197,7 @@ Status joint(const CompressedRecording& recording, const CalibrationRequest& req
     return not_determined("this recording does not determine " + open + ": " + why_open(recording, result));
   describe_estimate(result, recording, false, output.file);
   output.distrust = distrust_of(recording, result, request.test_fit);
-  describe_trust(result.whiteness.level > 0.0 && output.distrust.empty(), output.file);
+  describe_trust(result.whiteness.level > 0.0 ? output.distrust : std::string(too_little_data), output.file);
   note_joint(result, recording.info.sample_period_s, output.notes);
 
   output.fit = std::move(result);
@@ -228,7 +230,7 @@ Status rests_by_hand(const CompressedRecording& recording, const CalibrationRequ
   else if (request.test_fit && judged.diagnosis.verdict != Verdict::clean)
     output.distrust = "the model does not fit: " + judged.diagnosis.reason;
 
-  describe_trust(output.distrust.empty(), output.file);
+  describe_trust(output.distrust, output.file);
   output.notes.push_back(fmt::format("{}: {} rests and {} rotations by hand, settled after {} iterations",
                                      no_table_angles, data.rests.size(), data.legs.size(), fit.iterations));
   output.notes.push_back("errors: " + plain(error_text(fit.errors)));
@@ -518,7 +520,7 @@ Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording
   file.sigma = {};
   describe_estimate(several.unit, recordings.front().data, false, file);
   if (!several.agree) output.distrust = "the recordings contradict each other";
-  describe_trust(judged && output.distrust.empty(), file);
+  describe_trust(judged ? output.distrust : std::string(too_little_data), file);
   describe_turn_ons(several.turn_ons, switched_on, file);
   file.add_further("quality.recordings_agree", std::string(several.agree ? "true" : "false"));
   file.add_further("quality.recordings_p_value", several.p_value);

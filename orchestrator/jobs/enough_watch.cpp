@@ -226,7 +226,7 @@ KnownSoFar EnoughWatch::estimate(const RunUnit& unit, std::size_t done_items) {
     known.why_not =
         "residual " + significant(output->fit->normalised_rms, 3) + ", limit.residual_max " + significant(*most, 3);
   else if (!is_trusted(output->file))
-    known.why_not = output->distrust.empty() ? "too little data to test the fit" : output->distrust;
+    known.why_not = why_not_trusted(output->file);
   else if (const double s = so_far.loaded->recorded_s;
            s < least_diagnosed_s && !run_.request.no_diagnosis && length_s(0, end_item_) >= least_diagnosed_s)
     known.why_not = "too short for a diagnosis, " + format_duration(s) + " of " + format_duration(least_diagnosed_s);

@@ -141,8 +141,8 @@ void choose_file(Making& m) {
   else if (m.diagnosis == to_string(Verdict::clean))
     widen_by_alias(m.unit.diagnosis->diagnosis, file);
   else if (m.diagnosis != "not_made")  // the base model alone is not the whole truth
-    for (auto& [key, value] : file.further)
-      if (key == "quality.trusted") value = "false";
+    describe_trust((m.diagnosis == to_string(Verdict::extended) ? "without effects that there are: " : "") + m.finding,
+                   file);
   for (const auto& [key, value] : facts_of(m.run, m.unit)) file.add_further("record." + key, value);
   for (const auto& [key, value] : m.settled) file.add_further("record." + key, value);
 }

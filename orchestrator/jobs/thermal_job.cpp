@@ -207,13 +207,12 @@ ParameterFile file_of(const std::vector<LegFile>& legs, const ThermalModel& mode
   ParameterFile file = legs.front().file;
   std::erase_if(file.further, [](const auto& key) { return !key.first.starts_with("noise."); });
   describe_thermal(model, file);
-  std::string hashes;
-  bool trusted = find_further(file, undetermined_key) == nullptr;
+  std::string hashes, why_not;
   for (const LegFile& leg : legs) {
     hashes += leg.file.recording_hash + "\n";
-    trusted = trusted && is_trusted(leg.file);
+    if (why_not.empty() && !is_trusted(leg.file)) why_not = leg.leg.name + ": " + why_not_trusted(leg.file);
   }
-  file.add_further("quality.trusted", std::string(trusted ? "true" : "false"));
+  describe_trust(why_not, file);
   for (std::size_t k = 0; k < legs.size(); ++k) {
     file.add_further(fmt::format("record.leg.{}.hash", k + 1), legs[k].file.recording_hash);
     file.add_further(fmt::format("record.leg.{}.temperature_c", k + 1), legs[k].leg.temperature_c);
@@ -363,12 +362,10 @@ Result<ThermalOutput> thermal_calibration(const ThermalRequest& request) {
   report.simulated = output.file.simulated;
   const ThermalHoldout& held_out = report.model.holdout;
   if (held_out.worst_z > thermal_priors.disagrees_z) {
-    report.notes.push_back(
-        fmt::format("{}: {} is {:.1f} sigma from what the other temperatures expect: the sigmas are "
-                    "not trusted, unless this leg is wrong and left out",
-                    held_out.worst_leg, parameter_key(held_out.worst_key), held_out.worst_z));
-    for (auto& [key, value] : output.file.further)
-      if (key == "quality.trusted") value = "false";
+    const std::string off = fmt::format("{}: {} is {:.1f} sigma from what the other temperatures expect",
+                                        held_out.worst_leg, parameter_key(held_out.worst_key), held_out.worst_z);
+    report.notes.push_back(off + ": the sigmas are not trusted, unless this leg is wrong and left out");
+    describe_trust(off, output.file);
   }
   report.before_nm_per_h = miles(output.file, held_out.before);
   report.after_nm_per_h = miles(output.file, held_out.after);

@@ -228,7 +228,7 @@ Calibration calibrate(std::span<const Recording> recordings, const CalibrateOpti
   CalibrationOutput output = value(calibrate_recordings(
       loaded, {.method = options.method, .time_utc = time_or_now(options.time_utc), .partial = options.partial}));
   add_measured_utc(loaded.front().data.info, output.file);
-  Document report = calibration_document(output.file, output.notes, output.distrust, {});
+  Document report = calibration_document(output.file, output.notes, {});
   return {parameters_of(std::move(output.file)), std::move(output.notes), std::move(output.distrust),
           report_of(std::move(report))};
 }

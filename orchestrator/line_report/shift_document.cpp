@@ -159,7 +159,7 @@ Table difference_table(const std::vector<StationDifference>& all) {
   return table;
 }
 
-// With the unit of each quantity beside its key, and on a page its name: `of` has them.
+// With the name and the unit of each quantity beside its key: `of` has them.
 void add_with_units(Table table, std::size_t key, const std::vector<ChartedQuantity>& of, Document& document) {
   const auto insert = [&table, key](const char* head, const auto& words_of) {
     const auto at = [key](std::vector<Cell>& cells) { return cells.begin() + std::ptrdiff_t(key + 1); };
@@ -170,9 +170,8 @@ void add_with_units(Table table, std::size_t key, const std::vector<ChartedQuant
     const auto at = std::ranges::find(of, quantity, &ChartedQuantity::key);
     return at == of.end() ? "" : unit_text(at->unit);
   });
-  document.add(table, Scope::terminal);
   insert("meaning", quantity_name);
-  document.add(std::move(table), Scope::page);
+  document.add(std::move(table));
 }
 
 // Leads to the report of its run, where there is one on this machine.

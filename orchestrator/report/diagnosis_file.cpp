@@ -140,11 +140,6 @@ void describe_model(const JointResult& result, const CompressedRecording& record
     file.add_further(std::string(undetermined_key), keys);
 }
 
-void describe_trust(bool trusted, ParameterFile& file) {
-  const bool whole = find_further(file, undetermined_key) == nullptr;
-  file.add_further("quality.trusted", std::string(trusted && whole ? "true" : "false"));
-}
-
 std::string undetermined_parameters(const JointResult& result) {
   std::vector<std::string> keys;
   for (std::size_t k = 0; k < parameter_keys.size(); ++k)
@@ -241,7 +236,7 @@ void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& con
   file.method = context.method;
   file.software_version = software_version();
   file.time_utc = context.time_utc;
-  describe_trust(diagnosis.trusted, file);
+  describe_trust(diagnosis.trusted ? "" : diagnosis.reason, file);
   file.add_further("verdict.diagnosis", std::string(to_string(diagnosis.verdict)));
 }
 

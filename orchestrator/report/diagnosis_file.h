@@ -28,8 +28,6 @@ void describe_estimate(const JointResult& result, const CompressedRecording& rec
 // Its parts: what is not about noise or quality, and the white noise.
 void describe_random_walk(const NoiseModel& noise, ParameterFile& file);
 void describe_model(const JointResult& result, const CompressedRecording& recording, ParameterFile& file);
-// After the model: no file is trusted whose parameters are not all determined.
-void describe_trust(bool trusted, ParameterFile& file);
 // Of several recordings of one unit: which, the biases of each, and how well they repeat from one switch-on to the next.
 void describe_turn_ons(const TurnOns& turn_ons, const std::vector<SwitchOn>& switched_on, ParameterFile& file);
 std::vector<std::string> turn_on_words(const TurnOns& turn_ons);  // the last of it, a line a bias

@@ -104,17 +104,14 @@ Table result_table(const ParameterFile& file, const std::optional<ParameterVecto
 }
 
 Document calibration_document(const ParameterFile& file, const std::vector<std::string>& notes,
-                              const std::string& distrust, const std::optional<ParameterVector>& truth) {
+                              const std::optional<ParameterVector>& truth) {
   Document document{"turncal calibration, unit " + file.unit_serial, "Calibration, unit " + file.unit_serial};
   document.soft(fmt::format("Recording with content {}; method {}; latitude {}°, gravity {} m/s².", file.recording_hash,
                             file.method, file.latitude_deg, file.gravity_mps2));
   if (file.simulated)
     document.add(Paragraph{"Simulated data: these are not the parameters of a real unit.", "loud"}, Scope::page);
-  const std::string* const open = find_further(file, undetermined_key);
-  const std::string reason = !distrust.empty()  ? distrust + " (turncal diagnose says more)"
-                             : open != nullptr  ? "not determined: " + *open
-                             : is_trusted(file) ? "nothing contradicts the fit; turncal diagnose tests it further"
-                                                : "too little data to judge the fit";
+  const std::string reason = is_trusted(file) ? "nothing contradicts the fit; turncal diagnose tests it further"
+                                              : why_not_trusted(file) + " (turncal diagnose says more)";
   document.add(verdict_facts("Calibrated", is_trusted(file), reason), Scope::brief);
   for (const std::string& note : notes) document.add(Paragraph{note, "note"});
   document.section("parameters", "The 24 parameters");

@@ -19,9 +19,9 @@ namespace turncal {
 
 // Digits follow the sigma.
 Table result_table(const ParameterFile& file, const std::optional<ParameterVector>& truth);
-// Of a calibration without a diagnosis: its verdict, what the data lacked, the table above. distrust: what speaks against its sigmas.
+// Of a calibration without a diagnosis: its verdict, what the data lacked, the table above.
 Document calibration_document(const ParameterFile& file, const std::vector<std::string>& notes,
-                              const std::string& distrust, const std::optional<ParameterVector>& truth);
+                              const std::optional<ParameterVector>& truth);
 
 // What `turncal predict --navigate` prints: the free navigation that each sequence would allow, side by side.
 // REQUIRES at least one column; each has at least one point.
