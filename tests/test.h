@@ -97,6 +97,17 @@ inline std::string replaced(std::string text, const std::string& what, const std
   return at == std::string::npos ? text : text.replace(at, what.size(), with);
 }
 
+// A text of keys with these lines, in place of those with the same key.
+inline std::string with_keys(std::string text, const std::string& more) {
+  std::istringstream lines(more);
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t old = text.find("\n" + line.substr(0, line.find('=') + 1));
+    if (old != std::string::npos) text.erase(old, text.find('\n', old + 1) - old);
+    text += line + "\n";
+  }
+  return text;
+}
+
 // A folder of its own for a test, removed at the end. In memory where there is such a file system: tests sync thousands of times.
 class TemporaryFolder {
  public:

@@ -3,25 +3,9 @@
 //
 //   drawn_faults --runs N --seed S --jobs J [--only CLASS] [--keep] [--verbose]
 // The runs have the seeds S, S + 1 ...: one is drawn again with --runs 1 --seed ITS (and the same --only). Exit code 1: a violation.
-#include <fcntl.h>
-#include <signal.h>
 #include <sys/prctl.h>
-#include <sys/resource.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
-#include <algorithm>
-#include <atomic>
-#include <cstdlib>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <iostream>
-#include <iterator>
-#include <map>
-#include <memory>
-#include <mutex>
-#include <sstream>
 #include <thread>
 
 #include "imu_io/base/clock.h"
@@ -32,6 +16,7 @@
 #include "imu_io/recordings/parameter_file.h"
 #include "imu_io/recordings/recording_source.h"
 #include "tests/faults/misbehaving_table.h"
+#include "tests/test.h"
 #include "turntable_drivers/twins/dialect_twin.h"
 #include "turntable_drivers/twins/modbus_twin.h"
 
@@ -44,14 +29,6 @@ const std::string source = TURNCAL_SOURCE_DIR;
 // Of the wall clock: what a busy machine may take for a poll, and what a run may take beyond its undisturbed length.
 constexpr double slack_s = 0.3, patience_s = 60.0, answer_s = 0.5;
 constexpr double speed_up = 50.0, period_s = 0.005;
-
-std::string text_of(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::stringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-void write_text(const fs::path& path, const std::string& text) { std::ofstream(path, std::ios::binary) << text; }
 
 // --- What is run: one of two sequences over one of five tables.
 
@@ -83,7 +60,7 @@ Setting draw_setting(std::uint64_t seed, int only) {
 // The four steps that determine everything; or two long turns, slow enough that minutes of a wrong rate are seconds of the wall.
 std::string sequence_text(const Setting& setting) {
   if (setting.calibrates) {
-    std::istringstream demo(text_of(source + "/sequences/short_demo.seq"));
+    std::istringstream demo(file_text(source + "/sequences/short_demo.seq"));
     std::string text, line;
     while (std::getline(demo, line) && !line.starts_with("step 5")) {
       if (line.starts_with("rate_degps")) line = "rate_degps = 10";
@@ -99,7 +76,7 @@ std::string sequence_text(const Setting& setting) {
 }
 
 std::string without_keys(const std::string& path, const std::vector<std::string>& keys) {
-  std::istringstream file(text_of(path));
+  std::istringstream file(file_text(path));
   std::string text, line;
   while (std::getline(file, line)) {
     if (std::ranges::none_of(keys, [&](const std::string& key) { return line.starts_with(key); })) text += line + '\n';
@@ -167,8 +144,8 @@ class DrawnStation {
  public:
   DrawnStation(const Setting& setting, const fs::path& folder)
       : setting_(setting), folder_(folder), group_(rig_config(setting), 1), imu_line_((folder / "imu").string()) {
-    write_text(folder / "run.seq", sequence_text(setting));
-    write_text(folder / (setting.modbus() ? "table.map" : "table.dialect"), table_text(setting));
+    write_file(folder / "run.seq", sequence_text(setting));
+    write_file(folder / (setting.modbus() ? "table.map" : "table.dialect"), table_text(setting));
     write_station(setting.tcp() ? "127.0.0.1:1" : (folder / "table").string());
     Result<StationConfig> read = read_station_config((folder / "run.station").string());
     if (!read) fail(read.error().message);
@@ -274,7 +251,7 @@ class DrawnStation {
     return config;
   }
   void write_station(const std::string& address) {
-    write_text(folder_ / "run.station", station_text(setting_, folder_, address));
+    write_file(folder_ / "run.station", station_text(setting_, folder_, address));
   }
 
   void serve() {
@@ -477,7 +454,7 @@ Outcome await(DrawnStation& station, pid_t pid, const fs::path& folder, const st
   }
   outcome.wall_s = monotonic_s() - began_s;
   outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
-  outcome.err = text_of(folder / (name + ".err"));
+  outcome.err = file_text(folder / (name + ".err"));
   return outcome;
 }
 
@@ -667,16 +644,11 @@ void run_one(const Setting& setting, const fs::path& folder, std::ostream& repor
   fs::create_directories(folder);
   DrawnStation station(setting, folder);
   const Fault* const pc = pc_fault(setting.faults);
-  std::vector<std::string> arguments = {"run",
-                                        "--station",
-                                        (folder / "run.station").string(),
-                                        "--unit",
-                                        "DRAWN",
-                                        "--out",
-                                        (folder / "out").string(),
-                                        "--sequence",
-                                        (folder / "run.seq").string(),
-                                        "--no-diagnosis"};
+  const std::string folder_name = folder.string();
+  std::vector<std::string> arguments = {"run", "--unit", "DRAWN", "--no-diagnosis"};
+  for (const auto& [option, name] :
+       {std::pair("--station", "/run.station"), {"--out", "/out"}, {"--sequence", "/run.seq"}})
+    arguments.insert(arguments.end(), {option, folder_name + name});
   if (!setting.calibrates) arguments.push_back("--capture-only");
   const pid_t pid = start_program(folder, "run", arguments, pc);
   station.start();
@@ -753,7 +725,7 @@ int run_all(const Options& options) {
     const std::uint64_t seed = running.at(pid);
     running.erase(pid);
     const fs::path folder = base / std::to_string(seed);
-    const std::string told = text_of(folder / "report");
+    const std::string told = file_text(folder / "report");
     const std::string ended = told.substr(0, told.find('\n'));
     const bool whole = WIFEXITED(status) && WEXITSTATUS(status) == 0;
     const bool violated = ended == "violated" || !whole;
@@ -788,7 +760,7 @@ int run_all(const Options& options) {
       const fs::path folder = base / std::to_string(seed);
       std::ostringstream report;
       run_one(setting, folder, report);
-      write_text(folder / "report", report.str());
+      write_file(folder / "report", report.str());
       ::_exit(0);
     }
     running[pid] = seed;

@@ -2,17 +2,11 @@
 // table's server held.
 #pragma once
 
-#include <algorithm>
-#include <array>
-#include <cmath>
 #include <deque>
-#include <functional>
-#include <optional>
-#include <utility>
-#include <vector>
 
 #include "orchestrator/station/station_config.h"
 #include "tests/faults/drawn_fault.h"
+#include "tests/test.h"
 #include "turntable_drivers/rig/rig_group.h"
 
 namespace turncal {

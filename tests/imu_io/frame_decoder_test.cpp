@@ -4,7 +4,6 @@
 #include <rapidcheck.h>
 #include "tests/test.h"
 
-#include "frame_streams.h"
 #include "tests/imu_io/frame_streams.h"
 
 namespace turncal {
@@ -12,82 +11,52 @@ namespace {
 
 using namespace test;  // NOLINT
 
-TEST(FrameDecoder, ReadsARealFrameOfStim300) {
-  const FrameDescription frame = frame_named("stim300");
-  Line line(frame);
-  line.feed(from_hex("93FFFBDB00007CFFFCC4000005CE0001F6040E540000539DFFB2B7402D99004101FB6073E3DE0D0A"));
-  ASSERT_EQ(line.samples.size(), 1U);
-  const ImuSample& sample = line.samples[0];
-  const double gyro = std::ldexp(M_PI / 180.0, -14) * 0.002;  // rad a sample for one raw
-  const double accel = std::ldexp(9.80665, -19) * 0.002;
-  EXPECT_DOUBLE_EQ(sample.gyro[0], -1061 * gyro);
-  EXPECT_DOUBLE_EQ(sample.gyro[1], 124 * gyro);
-  EXPECT_DOUBLE_EQ(sample.gyro[2], -828 * gyro);
-  EXPECT_DOUBLE_EQ(sample.accel[0], 1486 * accel);
-  EXPECT_DOUBLE_EQ(sample.accel[1], 502 * accel);
-  EXPECT_DOUBLE_EQ(sample.accel[2], 265812 * accel);
-  EXPECT_EQ(sample.counter, 16);  // 65 / 4
-  // Status 0x40 and 0x00 at the inclinometer's place are not judged.
+constexpr const char* rawimusx =
+    "AA441328B6059C0678B9E21C000B9C060B9755A832941D4103158000EBD09102A687F3FF38EAFCFF66B7FCFF1C5FFFFF59D9FFFF475FAFBA";
+
+// Numbers of a frame in its own unit, to as many digits as are given.
+struct Raw {
+  std::array<double, 3> numbers;
+  double unit, digits;
+};
+const ImuSample& expect_vector(Line& line, const char* hex, const Raw& gyro, const Raw& accel) {
+  line.feed(from_hex(hex));
+  EXPECT_EQ(line.samples.size(), 1U);
+  static const ImuSample none;
+  const ImuSample& sample = line.samples.empty() ? none : line.samples[0];
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_NEAR(sample.gyro[i] / gyro.unit, gyro.numbers[i], gyro.digits) << i;
+    EXPECT_NEAR(sample.accel[i] / accel.unit, accel.numbers[i], accel.digits) << i;
+  }
   EXPECT_EQ(sample.flags, 0U);
-  EXPECT_TRUE(std::isnan(sample.temperature_c));
+  return sample;
 }
 
-TEST(FrameDecoder, ReadsTheVectorOfKvh1750) {
-  const FrameDescription frame = frame_named("kvh1750");
-  Line line(frame);
-  line.feed(from_hex("FE81FF5537A96A6E38586C1FB75BF862BF803E78BB650D283B0A37AC773D00284BFA34D8"));
-  ASSERT_EQ(line.samples.size(), 1U);
-  const ImuSample& sample = line.samples[0];
-  EXPECT_NEAR(sample.gyro[0], 2.01959e-5, 5e-11);  // as many digits as are published
-  EXPECT_NEAR(sample.gyro[1], 5.15991e-5, 5e-11);
-  EXPECT_NEAR(sample.gyro[2], -1.31112e-5, 5e-11);
-  EXPECT_NEAR(sample.accel[0] / (9.80665 * 0.001), -1.00190639, 5e-9);
-  EXPECT_NEAR(sample.accel[1] / (9.80665 * 0.001), -0.00349505, 5e-9);
-  EXPECT_NEAR(sample.accel[2] / (9.80665 * 0.001), 0.00210903, 5e-9);
-  EXPECT_EQ(sample.counter, 61);
-  EXPECT_EQ(sample.temperature_c, 40.0F);
-  EXPECT_EQ(sample.flags, 0U);
-}
-
-TEST(FrameDecoder, ReadsTheVectorOfNovatelRawimusx) {
-  const FrameDescription frame = frame_named("novatel_rawimusx");
-  Line line(frame);
-  line.feed(
-      from_hex("AA441328B6059C0678B9E21C000B9C060B9755A832941D4103158000EBD09102A687F3FF38EAFCFF66B7FCFF1C5FFFFF59D9FFF"
-               "F475FAFBA"));
-  ASSERT_EQ(line.samples.size(), 1U);
-  const ImuSample& sample = line.samples[0];
-  const double gyro = std::ldexp(1.0, -33);
-  const double accel = std::ldexp(0.3048, -27);
-  // In the frame: az 43110635, -ay -817242, ax -202184; gz -215194, -gy -41188, gx -9895.
-  EXPECT_DOUBLE_EQ(sample.accel[0], -202184 * accel);
-  EXPECT_DOUBLE_EQ(sample.accel[1], 817242 * accel);
-  EXPECT_DOUBLE_EQ(sample.accel[2], 43110635 * accel);
-  EXPECT_DOUBLE_EQ(sample.gyro[0], -9895 * gyro);
-  EXPECT_DOUBLE_EQ(sample.gyro[1], 41188 * gyro);
-  EXPECT_DOUBLE_EQ(sample.gyro[2], -215194 * gyro);
-  // 43110635 x 2^-27 ft/s x 100 Hz is 9.79 m/s^2.
-  EXPECT_NEAR(sample.accel[2] * 100.0, 9.79, 0.005);
-  EXPECT_EQ(sample.flags, 0U);
+// Published with the units.
+TEST(FrameDecoder, ReadsTheVectorsOfRealUnits) {
+  const double g = 9.80665;
+  Line stim(frame_named("stim300")), kvh(frame_named("kvh1750")), novatel(frame_named("novatel_rawimusx"));
+  const ImuSample& tactical =
+      expect_vector(stim, "93FFFBDB00007CFFFCC4000005CE0001F6040E540000539DFFB2B7402D99004101FB6073E3DE0D0A",
+                    {{-1061, 124, -828}, std::ldexp(M_PI / 180.0, -14) * 0.002, 1e-6},
+                    {{1486, 502, 265812}, std::ldexp(g, -19) * 0.002, 1e-6});
+  EXPECT_EQ(tactical.counter, 16);  // 65 / 4; status 0x40 and 0x00 at the inclinometer's place are not judged
+  EXPECT_TRUE(std::isnan(tactical.temperature_c));
+  const ImuSample& fibre = expect_vector(
+      kvh, "FE81FF5537A96A6E38586C1FB75BF862BF803E78BB650D283B0A37AC773D00284BFA34D8",
+      {{2.01959e-5, 5.15991e-5, -1.31112e-5}, 1.0, 5e-11}, {{-1.00190639, -0.00349505, 0.00210903}, 0.001 * g, 5e-9});
+  EXPECT_EQ(fibre.counter, 61);
+  EXPECT_EQ(fibre.temperature_c, 40.0F);
+  // In the frame: az 43110635, -ay -817242, ax -202184; gz -215194, -gy -41188, gx -9895. 9.79 m/s^2 at 100 Hz.
+  expect_vector(novatel, rawimusx, {{-9895, 41188, -215194}, std::ldexp(1.0, -33), 1e-6},
+                {{-202184, 817242, 43110635}, std::ldexp(0.3048, -27), 1e-6});
 }
 
 // A laser-gyro frame put together here by hand from the description's table, so that encoder and decoder cannot agree on a mistake.
 TEST(FrameDecoder, ReadsALaserGyroFrameMadeByHand) {
-  std::string hex =
-      "EB90"
-      "2A000000";  // counter 42
-  hex +=
-      "01000000"
-      "FFFFFFFF"
-      "00000080";  // gyro 1, -1, -2147483648: beyond what a recording holds
-  hex +=
-      "E8030000"
-      "18FCFFFF"
-      "FFFFFF7F";  // accel 1000, -1000, 2147483647
-  hex +=
-      "2E09"
-      "0200";  // 23.50 C, a status bit that is not judged
-  hex += "0000";
+  // Counter 42; gyro 1, -1, -2147483648, which is beyond what a recording holds; accel 1000, -1000, 2147483647; 23.50 C; a status bit that
+  // is not judged.
+  const std::string hex = "EB902A00000001000000FFFFFFFF00000080E803000018FCFFFFFFFFFF7F2E0902000000";
   Bytes frame = from_hex(hex);
   const auto seal = [](Bytes& bytes) {
     unsigned crc = 0;  // CRC-16/XMODEM, bit by bit
@@ -215,13 +184,20 @@ TEST(FrameDecoder, GivesBackWhatWasEncodedInAnyLayout) {
     RC_ASSERT(expect_only_sent(line.samples, sent) <= first + held);
     RC_ASSERT(line.decoder.counters().bad_frames == 0U);
 
-    if (frame.stuffing.kind != StuffingKind::none || frame.check.weak()) return;
-    Bytes stream = encode_all(frame, sent);
-    stream[std::size_t(30 * 120 + below(120))] ^= static_cast<std::byte>(1 + below(255));
+    if (frame.check.weak()) return;
+    Bytes stream = on_the_line(frame, sent);
+    const auto at = std::ptrdiff_t(stream.size()) / 2 + below(120);
+    const bool stuffed = frame.stuffing.kind != StuffingKind::none;
     Line hit(frame);
-    hit.feed_paced(stream, 120);
+    if (stuffed) {  // what is lost there may be a mark
+      stream.erase(stream.begin() + at);
+      hit.feed_pieces(stream, std::size_t(1 + below(300)));
+    } else {
+      stream[std::size_t(at)] ^= static_cast<std::byte>(1 + below(255));
+      hit.feed_paced(stream, 120);
+    }
     // Of a cumulative field the row after a gap would hold two periods.
-    RC_ASSERT(expect_only_sent(hit.samples, sent) <= 2 * first + 1);
+    RC_ASSERT(expect_only_sent(hit.samples, sent) <= 2 * first + (stuffed ? 2U + held : 1U));
   }));
 }
 
@@ -289,9 +265,7 @@ TEST(FrameDecoder, AnIdChoosesTheVariantAndOtherFramesArePassedOver) {
 
   // NovAtel: another log between two of ours.
   const FrameDescription novatel = frame_named("novatel_rawimusx");
-  const Bytes vector = from_hex(
-      "AA441328B6059C0678B9E21C000B9C060B9755A832941D4103158000EBD09102A687F3FF38EAFCFF66B7FCFF1C5FFFFF59D9FFFF475FAFB"
-      "A");
+  const Bytes vector = from_hex(rawimusx);
   Bytes other = vector;
   other.resize(12 + 8 + 4);
   other[3] = std::byte{8};
@@ -316,12 +290,8 @@ TEST(FrameEncoder, RefusesWhatDoesNotFit) {
 
 // ---- frame log ----
 
-using namespace test;
-
 std::string log_of(const FrameDescription& frame, const std::vector<ImuSample>& samples) {
-  FrameEncoder encoder(frame);
-  std::vector<std::byte> bytes;
-  for (const ImuSample& sample : samples) EXPECT_OK(encoder.append(sample, bytes));
+  const Bytes bytes = on_the_line(frame, samples);
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
 

@@ -59,49 +59,24 @@ DamageResult damaged(const FrameDescription& frame, Damage damage, unsigned seed
   return result;
 }
 
+// What an 8-bit sum alone lets pass is 0.4 %; 10 x 390 accidents of each kind and none passes, by its counter and the next sync. Two changed bytes
+// that cancel out in the sum nothing can tell.
 TEST(ImuFaults, DroppedInsertedAndFlippedBytesCostTheFramesTheyHit) {
-  for (const Damage damage : {Damage::drop, Damage::insert, Damage::flip_bit, Damage::flip_burst}) {
-    for (unsigned seed = 1; seed <= 10; ++seed) {
-      const DamageResult result = damaged(gyro_frame(), damage, seed, 10);
-      EXPECT_GT(result.accidents, 300U);
-      // An insertion between two frames costs none, a burst over a border two.
-      EXPECT_LE(result.missing, result.accidents + result.accidents / 10) << int(damage);
-      EXPECT_GE(result.counters.bad_frames, result.accidents * 9 / 10);
-      EXPECT_GE(result.counters.resyncs, result.accidents * 9 / 10);
+  for (const char* name : {"laser_gyro", "pulses_9966"}) {
+    const FrameDescription frame = frame_named(name);
+    const bool weak = frame.check.weak();
+    for (const Damage damage : {Damage::drop, Damage::insert, Damage::flip_bit, Damage::flip_burst}) {
+      for (unsigned seed = 1; seed <= 10 && !(weak && damage == Damage::flip_burst); ++seed) {
+        const DamageResult result = damaged(frame, damage, seed, 10);
+        EXPECT_GT(result.accidents, 300U);
+        // An insertion between two frames costs none, a burst over a border two. With a weak check the frame before an accident is not believed
+        // either when the sync after it was hit, nor one alone between two gaps.
+        EXPECT_LE(result.missing, result.accidents + result.accidents / (weak ? 1 : 10)) << name << int(damage);
+        EXPECT_GE(result.counters.bad_frames, weak ? 0 : result.accidents * 9 / 10);
+        EXPECT_GE(result.counters.resyncs, weak ? 0 : result.accidents * 9 / 10);
+      }
     }
   }
-}
-
-TEST(ImuFaults, AnEightBitSumIsHelpedByCounterAndNextSync) {
-  // What an 8-bit sum alone lets pass is 0.4 %; 10 x 390 accidents of each kind and none passes. Flips are of one bit: two
-  // changed bytes that cancel out in the sum nothing can tell.
-  const FrameDescription frame = frame_named("pulses_9966");
-  for (const Damage damage : {Damage::drop, Damage::insert, Damage::flip_bit}) {
-    for (unsigned seed = 1; seed <= 10; ++seed) {
-      const DamageResult result = damaged(frame, damage, seed, 10);
-      // The frame before an accident is not believed either when the sync after it was hit, nor one alone between two gaps.
-      EXPECT_LE(result.missing, 2 * result.accidents) << int(damage);
-    }
-  }
-}
-
-TEST(ImuFaults, BytesLostEverywhereLoseOneFrameEach) {
-  // As measured on a line: 168 dropped bytes lose 168 frames, when the search goes on at the second byte.
-  const std::vector<ImuSample> sent = pulse_samples(2000);
-  const Bytes clean = encode_all(gyro_frame(), sent);
-  Bytes stream;
-  std::size_t dropped = 0;
-  for (std::size_t i = 0; i < clean.size(); ++i) {
-    if (i % 428 == 17 && dropped < 168) {
-      ++dropped;
-      continue;
-    }
-    stream.push_back(clean[i]);
-  }
-  ASSERT_EQ(dropped, 168U);
-  Line line(gyro_frame());
-  line.feed_paced(stream, size);
-  EXPECT_EQ(expect_only_sent(line.samples, sent), 168U);
 }
 
 TEST(ImuFaults, SyncInsideAPayload) {
@@ -236,21 +211,6 @@ TEST(ImuFaults, GapBeyondWhatTheCounterCanTell) {
   }
 }
 
-TEST(ImuFaults, AnInvalidStatusIsKeptAndFlagged) {
-  for (const char* name : {"laser_gyro", "stim300", "kvh1750", "novatel_rawimusx"}) {
-    const FrameDescription frame = frame_named(name);
-    std::vector<ImuSample> sent = numbered(0, 3);
-    sent[1].flags = sample_flag_invalid;
-    Line line(frame);
-    line.feed_frames(frame, sent);
-    ASSERT_EQ(line.samples.size(), 3U) << name;
-    EXPECT_EQ(line.samples[0].flags, 0U) << name;
-    EXPECT_EQ(line.samples[1].flags, sample_flag_invalid) << name;
-    EXPECT_EQ(line.samples[2].flags, 0U) << name;
-    EXPECT_EQ(line.decoder.invalid(), 1U) << name;
-  }
-}
-
 TEST(ImuFaults, NotANumberIsNoSample) {
   const FrameDescription frame = frame_named("kvh1750");
   const std::vector<ImuSample> sent = numbered(0, 5, 40.0F);
@@ -270,16 +230,24 @@ TEST(ImuFaults, NotANumberIsNoSample) {
   }
 }
 
-TEST(ImuFaults, AnImpossibleNumberIsFlagged) {
-  const FrameDescription frame = frame_with("laser_gyro", {"gyro.range = -1000, 1000"});
-  std::vector<ImuSample> sent = numbered(0, 2);
-  sent[0].gyro = {1000.0, -1000.0, 0.0};
-  sent[1].gyro = {0.0, 0.0, 1001.0};
-  Line line(frame);
-  line.feed_frames(frame, sent);
-  ASSERT_EQ(line.samples.size(), 2U);
-  EXPECT_EQ(line.samples[0].flags, 0U);
-  EXPECT_EQ(line.samples[1].flags, sample_flag_invalid);
+TEST(ImuFaults, AnInvalidStatusOrAnImpossibleNumberIsKeptAndFlagged) {
+  for (const std::string name : {"laser_gyro", "stim300", "kvh1750", "novatel_rawimusx", "ranged"}) {
+    const bool ranged = name == "ranged";
+    const FrameDescription frame = ranged ? frame_with("laser_gyro", {"gyro.range = -1000, 1000"}) : frame_named(name);
+    std::vector<ImuSample> sent = numbered(0, 3);
+    if (ranged) {
+      sent[0].gyro = {1000.0, -1000.0, 0.0};
+      sent[1].gyro = {0.0, 0.0, 1001.0};
+    } else {
+      sent[1].flags = sample_flag_invalid;
+    }
+    Line line(frame);
+    line.feed_frames(frame, sent);
+    ASSERT_EQ(line.samples.size(), 3U) << name;
+    for (std::size_t i = 0; i < 3; ++i)
+      EXPECT_EQ(line.samples[i].flags, i == 1 ? sample_flag_invalid : 0U) << name << " " << i;
+    EXPECT_TRUE(ranged || line.decoder.invalid() == 1U) << name;
+  }
 }
 
 TEST(ImuFaults, BatchesAndClockStepsDoNotTouchTheCount) {

@@ -273,7 +273,7 @@ IncrementsChoice choice_of(const std::vector<double>& times) { return choose_inc
 
 TEST(Increments, ByTheStamps) {
   int wrong = 0, all = 0;
-  for (const auto& [rows, seeds] : {std::pair(120, 20u), {1000, 8u}, {20000, 2u}})
+  for (const auto& [rows, seeds] : {std::pair(120, 10u), {1000, 4u}, {4000, 1u}})
     for (unsigned seed = 1; seed <= seeds; ++seed)
       for (const double jitter_s : {1e-6, 1e-4, 1e-3})
         for (const auto& [kind, expected] :
@@ -380,7 +380,7 @@ TEST(Increments, LossesAreCountedOrInDoubt) {
   std::normal_distribution<double> noise;
   std::uniform_real_distribution<double> part;
   int in_doubt = 0;
-  for (int run = 0; run < 60; ++run) {
+  for (int run = 0; run < 30; ++run) {
     const bool of_five = run % 10 == 0;  // two gaps within six rows
     const double lost = of_five ? 0.0 : 0.6 * part(random) * part(random), jitter = 0.7 * part(random) * part(random);
     const int rows = int(500.0 * std::pow(12.0, part(random)));
@@ -413,15 +413,17 @@ TEST(Increments, LossesAreCountedOrInDoubt) {
     EXPECT_EQ(number, numbers.back());
     EXPECT_LE(wrong, rows / (jitter > 0.15 ? 100 : 500));
   }
-  EXPECT_LE(in_doubt, 9);
+  EXPECT_LE(in_doubt, 4);
 }
 
 // A logger that stops and starts again, at any phase, with stamps in steps that are no part of the period: the periods of all rows last as long as the
 // stamps say.
 TEST(Increments, PausesLastAsLongAsTheStampsSay) {
+  int of_two = 0;
   for (const double rate_hz : {200.0, 800.0, 833.0, 238.0})
     for (const double step_s : {1e-7, 1e-3})
       for (const double pause_s : {0.0, 3.0037, 95.3017, 3600.002}) {
+        if (++of_two % 2 != (rate_hz == 200.0 || rate_hz == 833.0)) continue;  // every pair of two is there
         SCOPED_TRACE(fmt::format("{} Hz, {} s, pause of {} s", rate_hz, step_s, pause_s));
         std::vector<double> times;
         for (int row = 0; row < 4000; ++row)
@@ -441,7 +443,7 @@ TEST(Increments, NoAxisIsInvented) {
   std::mt19937 random(11);
   std::uniform_real_distribution<double> part;
   int in_doubt = 0;
-  for (int run = 0; run < 24; ++run) {
+  for (int run = 0; run < 16; ++run) {
     const double step = 0.8 + 0.19 * part(random), rate = run == 0 ? 1.04 : 0.5 * std::pow(6.0, part(random));
     std::vector<double> times, turns{0.0}, walks{0.0};
     std::string csv;
@@ -453,7 +455,7 @@ TEST(Increments, NoAxisIsInvented) {
       walks.push_back(walks.back() + 0.01 * (0.6 + 0.8 * part(random)));
     }
     const StampModel model = fit_stamps(times);
-    EXPECT_TRUE((!model.sure && ++in_doubt <= 8) || std::abs(model.period - 0.01) < 2e-5) << step;
+    EXPECT_TRUE((!model.sure && ++in_doubt <= 5) || std::abs(model.period - 0.01) < 2e-5) << step;
     EXPECT_FALSE(choice_of(turns).even || choice_of(walks).even) << rate;
     EXPECT_NEAR(turn(expect_value(import_text(numbered_map(), csv))) / turns[599], 1.0, 0.005) << rate;
   }

@@ -2,7 +2,7 @@
 
 #include "imu_io/base/crc.h"
 #include "recording_samples.h"
-#include "tests/test.h"
+#include "tests/said.h"
 
 namespace turncal {
 namespace {
@@ -100,61 +100,41 @@ TEST(ParameterFile, EveryFlippedBitAndEveryCutIsRefused) {
   }
 }
 
-TEST(ParameterFile, Refusals) {
+TEST(ParameterFile, OneLineForEachDefect) {
   const std::string text = formatted(make_file());
-  const auto parse = [](const std::string& t) { return parse_parameter_file(t, "p.conf"); };
-  const std::string wrong = "p.conf: wrong checksum: the file was damaged or edited after it was written";
-  EXPECT_ERROR(parse(replaced(text, "n12 = 0", "n12 = 1")), wrong);
-  EXPECT_ERROR(parse(text.substr(0, text.size() - 1)), wrong);  // the last line end is gone
-  EXPECT_ERROR(parse(replaced(text, "N01 = 0\n", "N01 = 0\r\n")), wrong);
-  EXPECT_ERROR(parse(text + "n12 = 1\n"), "p.conf: text after the checksum: expected it to be the last line");
-  EXPECT_ERROR(parse(text.substr(0, text.rfind("checksum"))),
-               "p.conf: no checksum: expected 'checksum = ' and 8 hex digits in the last line");
-  EXPECT_ERROR(parse(""), "p.conf: no checksum: expected 'checksum = ' and 8 hex digits in the last line");
-  EXPECT_ERROR(parse(resealed(replaced(text, "n23 = 0\n", ""))), "p.conf: key 'n23' is missing: expected a number");
-  EXPECT_ERROR(parse(resealed(replaced(text, "unit_serial = LG-7\n", ""))),
-               "p.conf: key 'unit_serial' is missing: expected a text");
-  // What the writer would refuse the reader refuses too.
-  EXPECT_ERROR(parse(resealed(replaced(text, "unit_serial = LG-7\n", "unit_serial = LG\t7\n"))),
-               "p.conf:51: key 'unit_serial' = 'LG?7': expected printable text");
-  EXPECT_ERROR(parse(resealed(replaced(text, "n23 = 0\n", "n23 = 0\nn23 = 0\n"))),
-               "p.conf:14: key 'n23' again: it is already in line 13");
-  EXPECT_ERROR(parse(resealed(replaced(text, "n23 = 0\n", "n23 = 0\nn24 = 0\n"))), "p.conf:14: key 'n24' is unknown");
-  EXPECT_ERROR(parse(resealed(replaced(text, "sigma.N01", "sigma.N09"))),
-               "p.conf:26: key 'sigma.N09' is unknown; did you mean 'sigma.N01'?");
-  EXPECT_ERROR(parse(resealed(replaced(text, "n23 = 0\n", "n23 = nan\n"))),
-               "p.conf:13: key 'n23' = 'nan': expected a number");
-  EXPECT_ERROR(parse(resealed(replaced(text, "sigma.N01 = 1e-07", "sigma.N01 = -1"))),
-               "p.conf:26: key 'sigma.N01' = '-1': expected a number >= 0");
-  EXPECT_ERROR(parse(resealed(replaced(text, "effect.gyro_warm_up.tau_s", "effect.gyro_warm_up"))),
-               "p.conf:50: key 'effect.gyro_warm_up' = '600': expected a key effect.<name>.<component>");
-  EXPECT_ERROR(
-      parse(resealed(replaced(text, "sigma.effect.accel_size_effect.x_rx", "sigma.effect.accel_size_effect.x_ry"))),
-      "p.conf:49: key 'sigma.effect.accel_size_effect.x_ry' is unknown; did you mean "
-      "'sigma.effect.accel_size_effect.x_rx'?");
+  expect_said("imu_io/parameters.said", [&](const std::string& name, const std::string& what, const std::string& with) {
+    const std::string changed = replaced(text, what, with);
+    return said_of(parse_parameter_file(name == "resealed" ? resealed(changed) : changed, "p.conf"));
+  });
+  const auto said = [](const std::string& cut) { return said_of(parse_parameter_file(cut, "p.conf")); };
+  const std::string none = "p.conf: no checksum: expected 'checksum = ' and 8 hex digits in the last line";
+  EXPECT_EQ(said(text.substr(0, text.size() - 1)),
+            "p.conf: wrong checksum: the file was damaged or edited after it was written");
+  EXPECT_EQ(said(text.substr(0, text.rfind("checksum"))), none);
+  EXPECT_EQ(said(""), none);
 }
 
 TEST(ParameterFile, WhatCannotBeWrittenIsRefusedBeforeTheFileIsTouched) {
+  using Change = void (*)(ParameterFile&);
+  const std::string printable = "expected printable text without '#', not empty",
+                    begins = "expected one that begins with noise., quality., record. or verdict.";
+  const std::pair<Change, std::string> cases[] = {
+      {[](ParameterFile& f) { f.parameters[6] = std::nan(""); }, "'n11' is not finite"},
+      {[](ParameterFile& f) { f.sigma[0] = -1.0; }, "'sigma.N01' expected a number >= 0"},
+      {[](ParameterFile& f) { f.unit_serial = "a\nb"; }, "'unit_serial' = 'a\nb': " + printable},
+      {[](ParameterFile& f) { f.method.clear(); }, "'method' = '': " + printable},
+      {[](ParameterFile& f) { f.effects.push_back(f.effects[0]); }, "'effect.accel_size_effect.x_rx' occurs twice"},
+      {[](ParameterFile& f) { f.effects[0].component = "x.y"; },
+       "'effect.accel_size_effect.x.y' expected effect.<name>.<component>"},
+      {[](ParameterFile& f) { f.add_further("colour", "red"); }, "'colour' " + begins},
+      {[](ParameterFile& f) { f.add_further("noise..x", "1"); }, "'noise..x' " + begins}};
   TemporaryFolder folder;
-  const auto refused = [&](auto change, const std::string& message) {
+  for (const auto& [change, message] : cases) {
     ParameterFile file = make_file();
     change(file);
-    const Status status = write_parameter_file(file, folder / "p.conf");
-    EXPECT_ERROR(status, "parameter file: key " + message);
+    EXPECT_ERROR(write_parameter_file(file, folder / "p.conf"), "parameter file: key " + message);
     EXPECT_TRUE(folder.names().empty());
-  };
-  refused([](ParameterFile& f) { f.parameters[6] = std::nan(""); }, "'n11' is not finite");
-  refused([](ParameterFile& f) { f.sigma[0] = -1.0; }, "'sigma.N01' expected a number >= 0");
-  refused([](ParameterFile& f) { f.unit_serial = "a\nb"; },
-          "'unit_serial' = 'a\nb': expected printable text without '#', not empty");
-  refused([](ParameterFile& f) { f.method.clear(); }, "'method' = '': expected printable text without '#', not empty");
-  refused([](ParameterFile& f) { f.effects.push_back(f.effects[0]); }, "'effect.accel_size_effect.x_rx' occurs twice");
-  refused([](ParameterFile& f) { f.effects[0].component = "x.y"; },
-          "'effect.accel_size_effect.x.y' expected effect.<name>.<component>");
-  refused([](ParameterFile& f) { f.add_further("colour", "red"); },
-          "'colour' expected one that begins with noise., quality., record. or verdict.");
-  refused([](ParameterFile& f) { f.add_further("noise..x", "1"); },
-          "'noise..x' expected one that begins with noise., quality., record. or verdict.");
+  }
 }
 
 // What a calibration left open is read for the record, not for use.
@@ -173,22 +153,24 @@ TEST(ParameterFile, UndeterminedParametersAreNotForUse) {
 TEST(ParameterFile, AppliesOnlyToItsUnit) {
   const ParameterFile file = make_file();
   ASSERT_OK(check_applicable(file, "p.conf", make_info()));
-  const auto refused = [&](auto change, const std::string& message) {
+  using Change = void (*)(RecordingInfo&);
+  const std::pair<Change, std::string> cases[] = {
+      {[](RecordingInfo& i) { i.unit_serial = "LG-8"; }, "'unit_serial' = 'LG-7': expected 'LG-8'"},
+      {[](RecordingInfo& i) { i.gyro_increment = IncrementKind::physical; },
+       "'gyro_increment' = 'pulses': expected rad"},
+      {[](RecordingInfo& i) { i.accel_increment = IncrementKind::physical; },
+       "'accel_increment' = 'pulses': expected mps"},
+      {[](RecordingInfo& i) { i.sample_period_s = 0.0025; }, "'sample_period_s' = '0.005': expected 0.0025"},
+      {[](RecordingInfo& i) { i.sample_period_s = 0.0050015; }, "'sample_period_s' = '0.005': expected 0.0050015"},
+      {[](RecordingInfo& i) { i.sample_period_s = 0.0050005; }, ""},  // another clock
+      {[](RecordingInfo& i) { i.accel_pulse_mps = 0.001; }, "'accel_pulse_mps' = '0.0005': expected 0.001"}};
+  for (const auto& [change, message] : cases) {
     RecordingInfo other = make_info();
     change(other);
-    EXPECT_ERROR(check_applicable(file, "p.conf", other), "p.conf: key " + message + ", as in the recording");
-  };
-  refused([](RecordingInfo& i) { i.unit_serial = "LG-8"; }, "'unit_serial' = 'LG-7': expected 'LG-8'");
-  refused([](RecordingInfo& i) { i.gyro_increment = IncrementKind::physical; },
-          "'gyro_increment' = 'pulses': expected rad");
-  refused([](RecordingInfo& i) { i.accel_increment = IncrementKind::physical; },
-          "'accel_increment' = 'pulses': expected mps");
-  refused([](RecordingInfo& i) { i.sample_period_s = 0.0025; }, "'sample_period_s' = '0.005': expected 0.0025");
-  refused([](RecordingInfo& i) { i.sample_period_s = 0.0050015; }, "'sample_period_s' = '0.005': expected 0.0050015");
-  RecordingInfo another_clock = make_info();
-  another_clock.sample_period_s = 0.0050005;
-  ASSERT_OK(check_applicable(file, "p.conf", another_clock));
-  refused([](RecordingInfo& i) { i.accel_pulse_mps = 0.001; }, "'accel_pulse_mps' = '0.0005': expected 0.001");
+    const Status said = check_applicable(file, "p.conf", other);
+    EXPECT_EQ(said.ok() ? "" : said.error().message,
+              message.empty() ? "" : "p.conf: key " + message + ", as in the recording");
+  }
   ParameterFile simulated = file;
   simulated.simulated = true;
   EXPECT_ERROR(check_applicable(simulated, "p.conf", make_info()),

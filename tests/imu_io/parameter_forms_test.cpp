@@ -73,19 +73,5 @@ TEST(ParameterForms, TextsAreNotAltered) {
   EXPECT_SAYS(format_parameter_header(file), "= \"it's \\0427\\1348\\042\\077\\077/\";");
 }
 
-TEST(ParameterForms, YamlHasEveryParameter) {
-  const ParameterFile file = forms_file();
-  const std::string yaml = format_parameter_yaml(file);
-  for (std::size_t k = 0; k < parameter_keys.size(); ++k) {
-    const std::string key = "\n  " + std::string(parameter_keys[k]) + ": ";
-    const std::size_t at = yaml.find(key);
-    ASSERT_NE(at, std::string::npos);
-    EXPECT_EQ(std::stod(yaml.substr(at + key.size())), file.parameters[Eigen::Index(k)]);
-  }
-  EXPECT_SAYS(yaml, "\n  a21: null\n");
-  EXPECT_SAYS(yaml, "\ntrusted: false\n");
-  EXPECT_SAYS(yaml, "\n  N01: 1.0e-07\n");  // sigma: with a point, or it would be a word
-}
-
 }  // namespace
 }  // namespace turncal

@@ -215,34 +215,6 @@ TEST(SerialImuClock, AClockBeyondItsLimitIsADeviceError) {
   }
 }
 
-TEST_F(SerialImuTest, StreamedFramesComeAtTheUnitsPace) {
-  CountingSource source(frame);
-  FrameStreamer streamer(source, frame, pty, 20.0);  // 4000 frames a second
-  settings.speedup = 20.0;
-  SerialImu imu(frame, settings);
-  ASSERT_OK(imu.open());
-  const double began_s = monotonic_s();
-  ASSERT_OK(streamer.start(began_s));
-  std::atomic<bool> stop = false;
-  Status sent;
-  std::thread unit([&] { sent = run(streamer, 0.5, stop); });
-  std::array<ImuSample, 64> block;
-  const Deadline deadline(0.7);
-  while (!deadline.passed()) {
-    const auto n = good(imu.read(block, 0.05));
-    samples.insert(samples.end(), block.begin(), block.begin() + std::ptrdiff_t(*n));
-  }
-  unit.join();
-  ASSERT_OK(sent);
-  EXPECT_EQ(streamer.batches_dropped(), 0U);
-  ASSERT_EQ(samples.size(), streamer.frames_sent());
-  EXPECT_GT(samples.size(), 1500U);
-  EXPECT_LE(double(samples.size()), (monotonic_s() - began_s) * 4000.0);
-  EXPECT_EQ(imu.counters().lost_samples, 0U);
-  EXPECT_EQ(imu.counters().bad_frames, 0U);
-  expect_true_samples();
-}
-
 TEST_F(SerialImuTest, AStreamerRefusesASourceThatDoesNotFit) {
   CountingSource source(frame);
   FrameStreamer wrong(source, frame_named("stim300"), pty, 1.0);

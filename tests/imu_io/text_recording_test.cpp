@@ -3,7 +3,7 @@
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
 #include "recording_samples.h"
-#include "tests/test.h"
+#include "tests/said.h"
 
 namespace turncal {
 namespace {
@@ -31,11 +31,6 @@ constexpr const char* segments_csv =
     "1,rotate,2,4,-90,12.5,0\n"
     "2,static,4,6,-90,12.5,360\n";
 
-// What is put in place of what, and the line that comes of it, after the file's name.
-struct Defect {
-  std::string what, with, message;
-};
-
 struct TextTest : testing::Test {
   TemporaryFolder folder;
   std::string csv_path = folder / "imu.csv";
@@ -52,18 +47,6 @@ struct TextTest : testing::Test {
     if (!source) return source.error().message;
     const Status status = (*source)->read([](std::span<const ImuSample>) { return Status(); });
     return status ? "" : status.error().message;
-  }
-  std::string conf_defect(const std::string& what, const std::string& with) const {
-    write_file(conf_path, replaced(conf, what, with));
-    return defect();
-  }
-  std::string csv_defect(const std::string& what, const std::string& with) const {
-    write_file(csv_path, replaced(csv, what, with));
-    return defect();
-  }
-  std::string segments_defect(const std::string& what, const std::string& with) const {
-    write_file(segments_path, replaced(segments_csv, what, with));
-    return defect();
   }
 };
 
@@ -102,102 +85,24 @@ TEST_F(TextTest, LineEndsBlanksAndOtherWaysToWriteTheSameNumbersMakeNoDifference
   EXPECT_EQ(*other->content_hash(), *plain->content_hash());
 }
 
-TEST_F(TextTest, ExportOfAnImportGivesTheSameBytes) {
-  auto text = RecordingSource::open(folder.path());
-  ASSERT_OK(import_binary(**text, folder / "a.tcr"));
-  const auto binary = opened(folder / "a.tcr");
-  ASSERT_OK(export_text(*binary, folder / "out/deep"));
-  EXPECT_EQ(file_text(folder / "out/deep/imu.csv"), csv);
-  EXPECT_EQ(file_text(folder / "out/deep/segments.csv"), segments_csv);
-  EXPECT_EQ(file_text(folder / "out/deep/recording.conf"), conf);
-  EXPECT_FALSE(path_exists(folder / "out/deep/flags.csv"));
-}
-
-// ---- defects of recording.conf ----
-
-TEST_F(TextTest, ConfDefects) {
-  const Defect cases[] = {
-      {"format = 1", "format = 2", ":1: key 'format' = '2': expected 1"},
-      {"0.005", "0", ":2: key 'sample_period_s' = '0': expected a number between 1e-05 and 10"},
-      {"0.005", "-0.005", ":2: key 'sample_period_s' = '-0.005': expected a number between 1e-05 and 10"},
-      {"29.53", "129", ":3: key 'latitude_deg' = '129': expected a number between -90 and 90"},
-      {"9.7914", "0", ":4: key 'gravity_mps2' = '0': expected a number between 9 and 11"},
-      {"9.7914", "nan", ":4: key 'gravity_mps2' = 'nan': expected a number between 9 and 11"},
-      {"LG-7", "", ":5: key 'unit_serial' = '': expected a text"},
-      {"gyro_increment = pulses", "gyro_increment = mps", ":6: key 'gyro_increment' = 'mps': expected pulses or rad"},
-      {"accel_increment = pulses", "accel_increment = rad",
-       ":7: key 'accel_increment' = 'rad': expected pulses or mps"},
-      {"accel_pulse_mps = 0.0005", "", ": key 'accel_pulse_mps' is missing: expected a number between 1e-09 and 10"},
-      {"gravity_mps2 = 9.7914\n", "", ": key 'gravity_mps2' is missing: expected a number between 9 and 11"},
-      {"accel_pulse_mps", "accel_puls_mps", ":8: key 'accel_puls_mps' is unknown; did you mean 'accel_pulse_mps'?"},
-      {"format", "colour = red\nformat", ":1: key 'colour' is unknown"},
-      {"format", "simulated = maybe\nformat", ":1: key 'simulated' = 'maybe': expected true or false"},
-      {"format", "started_utc = yesterday\nformat",
-       ":1: key 'started_utc' = 'yesterday': expected a time as 2026-01-31T12:00:00Z"},
-      {"format", "started_utc = 1912-01-31T12:00:00Z\nformat",
-       ": started_utc = '-1827748800 s': expected a time from 1970 to 9999"}};
-  for (const auto& [what, with, message] : cases) EXPECT_EQ(conf_defect(what, with), conf_path + message);
-  write_file(conf_path, "");
-  EXPECT_EQ(defect(), conf_path + ": empty file: expected key = value lines");
-}
-
-// ---- defects of imu.csv ----
-
-TEST_F(TextTest, CsvHeaderDefects) {
-  const std::string expected =
-      ": expected sample,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z and optionally ,temperature_c";
-  EXPECT_EQ(csv_defect("gyro_y,gyro_z", "gyro_z,gyro_y"),
-            csv_path + ":1: header 'sample,gyro_x,gyro_z,gyro_y,accel_x,accel_y,accel_z,temperat...'" + expected);
-  EXPECT_EQ(csv_defect("sample,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z,temperature_c\n", ""),
-            csv_path + ":1: header '0,0,1,-2,3,96,0,24.000'" + expected);
-  write_file(csv_path, "");
-  EXPECT_EQ(defect(), csv_path + ": empty file: expected the header " + expected.substr(11));
-  write_file(csv_path, "sample,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z\n");
-  EXPECT_EQ(defect(), csv_path + ": no samples in it");
-  write_file(csv_path, "sample,gyro_x,gyro_y,gyro_z,accel_x,accel_y,accel_z");
-  EXPECT_EQ(defect(), csv_path + ": no samples in it");
-  std::filesystem::remove(csv_path);
-  EXPECT_EQ(defect(), csv_path + ": cannot open: No such file or directory");
-}
-
-TEST_F(TextTest, CsvValueDefects) {
-  const std::string pulses = "expected a whole number of pulses within 32 bits";
-  const Defect cases[] = {
-      {"1,0,1,-2,3,96,0,24.001", "1,0,1.5,-2,3,96,0,24.001", ":3: column gyro_y = '1.5': " + pulses},
-      {"1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,nan,0,24.001", ":3: column accel_y = 'nan': " + pulses},
-      {"2147483647", "2147483648", ":4: column gyro_x = '2147483648': " + pulses},
-      {"2147483647", "99999999999999999999999", ":4: column gyro_x = '99999999999999999999999': " + pulses},
-      {"1,0,1,-2,3,96,0,24.001", "1,,1,-2,3,96,0,24.001", ":3: column gyro_x = '': " + pulses},
-      {"1,0,1,-2,3,96,0,24.001", "x,0,1,-2,3,96,0,24.001",
-       ":3: column sample = 'x': expected a whole number of at most 2^62 either way, the unit's counter"},
-      {"24.001", "warm",
-       ":3: column temperature_c = 'warm': expected a number in degrees Celsius, or nothing when it was not measured"},
-      {"24.001", "NaN",
-       ":3: column temperature_c = 'NaN': expected a number in degrees Celsius, or nothing when it was not measured"},
-      {"1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,96,0", ":3: 7 columns: expected 8"},
-      {"1,0,1,-2,3,96,0,24.001", "1,0,1,-2,3,96,0,24.001,9", ":3: 9 columns: expected 8"},
-      {"1,0,1,-2,3,96,0,24.001", "", ":3: 1 columns: expected 8"},
-      {"0,0,1,-2,3,96,0,24.000", "0,0,1,-2,3,96,0", ":2: 7 columns: expected 8"}};
-  for (const auto& [what, with, message] : cases) EXPECT_EQ(csv_defect(what, with), csv_path + message);
-  EXPECT_EQ(csv_defect("5,0,0,0,0,96,0,-24.5004", "5,0,0,0,0,96"), csv_path + ":5: 6 columns: expected 8");
-}
-
-TEST_F(TextTest, PhysicalIncrementsMustBeFinite) {
-  write_file(conf_path, replaced(replaced(conf, "gyro_increment = pulses", "gyro_increment = rad"),
-                                 "accel_increment = pulses", "accel_increment = mps"));
-  EXPECT_EQ(csv_defect("1,0,1,-2", "1,inf,1,-2"), csv_path + ":3: column gyro_x = 'inf': expected a number, rad");
-  EXPECT_EQ(csv_defect("1,0,1,-2,3,96", "1,0,1,-2,3,nan"),
-            csv_path + ":3: column accel_y = 'nan': expected a number, m/s");
-  EXPECT_EQ(csv_defect("1,0,1,-2", "1,0.5e-3,1e400,-2"),
-            csv_path + ":3: column gyro_y = '1e400': expected a number, rad");
-  EXPECT_EQ(csv_defect("1,0,1,-2", "1,0.5e-3,1.25,-2"), "");
-}
-
-TEST_F(TextTest, CounterMustIncrease) {
-  EXPECT_EQ(csv_defect("\n1,0,", "\n0,0,"),
-            csv_path + ":3: column sample = '0': expected more than 0 in the line before");
-  EXPECT_EQ(csv_defect("\n4,", "\n-4,"),
-            csv_path + ":4: column sample = '-4': expected more than 1 in the line before");
+// What is changed in one of the three files, and the whole line that comes of it. imu.csv in rad and m/s: [physical imu.csv].
+TEST_F(TextTest, OneLineForEachDefect) {
+  const std::map<std::string, std::string> texts = {
+      {"recording.conf", conf}, {"imu.csv", csv}, {"segments.csv", segments_csv}, {"flags.csv", "sample,flags\n"}};
+  expect_said("imu_io/text_recordings.said", [&](std::string name, const std::string& what, const std::string& with) {
+    for (const auto& [file, text] : texts) write_file(folder / file, text);
+    if (name.starts_with("physical ")) {
+      write_file(conf_path, replaced(replaced(conf, "gyro_increment = pulses", "gyro_increment = rad"),
+                                     "accel_increment = pulses", "accel_increment = mps"));
+      name = name.substr(9);
+    }
+    if (what == "missing")
+      std::filesystem::remove(folder / name);
+    else
+      write_file(folder / name, what == "all of it" ? with : replaced(texts.at(name), what, with));
+    const std::string said = defect();
+    return said.empty() ? "accepted" : replaced(said, folder.path() + "/", "");
+  });
 }
 
 TEST_F(TextTest, LastLineCutOffAtAnyByte) {
@@ -216,36 +121,6 @@ TEST_F(TextTest, LineWithoutEndIsNotReadIntoMemory) {
   EXPECT_EQ(defect(), csv_path + ":3: line longer than 4096 bytes");
 }
 
-// ---- defects of segments.csv ----
-
-TEST_F(TextTest, SegmentDefects) {
-  const Defect cases[] = {
-      {"start_sample,end_sample", "end_sample,start_sample",
-       ":1: header 'step,kind,end_sample,start_sample,heading_deg,pitch_deg,roll...': expected "
-       "step,kind,start_sample,end_sample,heading_deg,pitch_deg,roll_deg"},
-      {"rotate", "moving", ":3: column kind = 'moving': expected align, static or rotate"},
-      {"1,align", "x,align", ":2: column step = 'x': expected a whole number >= 0"},
-      {"1,align", "-1,align", ":2: column step = '-1': expected a whole number >= 0"},
-      {"0,2,-90", "0.5,2,-90", ":2: column start_sample = '0.5': expected a whole number of at most 2^62 either way"},
-      {"12.5,0", "nan,0", ":3: column pitch_deg = 'nan': expected a number, degrees"},
-      {"rotate,2,4", "rotate,1,4", ":3: start_sample = '1': expected 2, where the segment before ends"},
-      {"rotate,2,4", "rotate,3,4", ":3: start_sample = '3': expected 2, where the segment before ends"},
-      {"align,0,2", "align,0,0", ":2: end_sample = '0': expected more than start_sample, 0"},
-      {"align,0,2", "align,-1,2", ":2: start_sample = '-1': expected at least the first sample, 0"},
-      {"static,4,6", "static,4,7", ":4: end_sample = '7': expected at most one more than the last sample, 5"},
-      {"static,4,6", "static,4,9223372036854775807",
-       ":4: column end_sample = '9223372036854775807': expected a whole number of at most 2^62 either way"},
-      {"12.5,360\n", "12.5,360", ":4: the last line is cut off: expected a line end"},
-      {"1,align,0,2,-90,0,0", "1,align,0,2,-90,0", ":2: 6 columns: expected 7"}};
-  for (const auto& [what, with, message] : cases) EXPECT_EQ(segments_defect(what, with), segments_path + message);
-  write_file(segments_path, "");
-  EXPECT_EQ(defect(), segments_path +
-                          ": empty file: expected the header step,kind,start_sample,end_sample,heading_deg,"
-                          "pitch_deg,roll_deg");
-  std::filesystem::remove(segments_path);
-  EXPECT_EQ(defect(), segments_path + ": cannot open: No such file or directory");
-}
-
 TEST_F(TextTest, NoSegmentYetIsAccepted) {
   write_file(segments_path, std::string(segments_csv_header) + "\n");
   const auto source = opened(folder.path());
@@ -254,20 +129,9 @@ TEST_F(TextTest, NoSegmentYetIsAccepted) {
   EXPECT_TRUE((*RecordingSource::open(folder / "a.tcr"))->segments().empty());
 }
 
-TEST_F(TextTest, FlagDefects) {
-  const std::string path = folder / "flags.csv";
-  write_file(path, "sample,flags\n4,1\n");
-  const auto source = opened(folder.path());
-  EXPECT_EQ(read_all(*source)[2].flags, 1U);
-  const std::string expected = ": expected sample,flags with increasing sample and flags > 0";
-  write_file(path, "sample,flags\n4,0\n");
-  EXPECT_EQ(defect(), path + ":2: '4,0'" + expected);
-  write_file(path, "sample,flags\n4,1\n1,1\n");
-  EXPECT_EQ(defect(), path + ":3: '1,1'" + expected);
-  for (const char* counter : {"-3", "2", "9"}) {
-    write_file(path, std::string("sample,flags\n") + counter + ",1\n");
-    EXPECT_EQ(defect(), path + ": sample " + counter + " is not in imu.csv");
-  }
+TEST_F(TextTest, FlagsAreThoseOfTheirSamples) {
+  write_file(folder / "flags.csv", "sample,flags\n4,1\n");
+  EXPECT_EQ(read_all(*opened(folder.path()))[2].flags, 1U);
 }
 
 // ---- import and export ----

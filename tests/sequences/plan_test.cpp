@@ -21,12 +21,6 @@ Plan planned(const std::string& steps, const PlanLimits& limits = rig_limits()) 
   return sequence.ok() ? make_plan(*sequence, limits) : Plan();
 }
 
-Plan fourteen_step_plan() {
-  const Result<Sequence> sequence = read_sequence(std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq");
-  EXPECT_OK(sequence);
-  return sequence.ok() ? make_plan(*sequence, rig_limits()) : Plan();
-}
-
 // 10 deg/s is reached after 0.5 s and 2.5 deg; both ends together cost 0.5 s beyond angle/rate.
 TEST(MoveDuration, TrapezoidAndTriangle) {
   EXPECT_DOUBLE_EQ(move_duration_s(90.0, 10.0, 20.0), 9.5);
@@ -78,19 +72,6 @@ TEST(Plan, RoundsUpToWholeSamples) {
   EXPECT_EQ(plan.items[2].samples, 407);
 }
 
-TEST(Plan, FourteenStepsTakeExactly6342Seconds) {
-  const Plan plan = fourteen_step_plan();
-  EXPECT_TRUE(plan.ok());
-  EXPECT_EQ(plan.samples, 1268400);
-  EXPECT_DOUBLE_EQ(plan.station_s, 6342.0);
-  EXPECT_DOUBLE_EQ(plan.moving_s, 802.0);
-  EXPECT_EQ(plan.moves, 55);
-  EXPECT_EQ(plan.align_dwells, 14);
-  EXPECT_EQ(plan.still_dwells, 37);
-  EXPECT_EQ(plan.travel_min_deg, (AxisTriple{{-180.0, -180.0, -180.0}}));
-  EXPECT_EQ(plan.travel_max_deg, (AxisTriple{{0.0, 360.0, 360.0}}));
-}
-
 // The example of docs/sequences.md with the times of its table.
 TEST(Plan, WorkedExampleOfTheDocument) {
   const std::string text = file_text(TURNCAL_SOURCE_DIR "/docs/sequences.md");
@@ -108,63 +89,61 @@ TEST(Plan, WorkedExampleOfTheDocument) {
 
 const std::string turning = "step 1\ninitial H 0 P 0 R 0\nalign 200\nrotate R +360\ndwell 200\nrotate R -540 rate 20\n";
 
-TEST(Violations, SoftTravelNamesTheLineOfTheMove) {
-  PlanLimits limits = rig_limits();
-  limits.axis[2].soft_min_deg = -170.0;
-  limits.axis[2].soft_max_deg = 350.0;
-  const Plan plan = planned(turning, limits);
-  EXPECT_FALSE(plan.ok());
-  EXPECT_EQ(plan.violations,
-            (std::vector<std::string>{"test.seq:8: step 1: roll goes to 360 deg, soft travel is -170 to 350 deg",
-                                      "test.seq:10: step 1: roll goes to -180 deg, soft travel is -170 to 350 deg"}));
-  limits.axis[2].soft_min_deg = -180.0;  // the limit itself may be reached
-  limits.axis[2].soft_max_deg = 360.0;
-  EXPECT_TRUE(planned(turning, limits).ok());
-}
-
-TEST(Violations, TheStartPositionIsChecked) {
-  const Plan plan = planned("step 1\ninitial H 600 P 0 R 0\nalign 200\ndwell 200\n");
-  EXPECT_EQ(plan.violations,
-            (std::vector<std::string>{"test.seq:5: step 1: heading goes to 600 deg, soft travel is -540 to 540 deg"}));
-}
-
-TEST(Violations, RateAndAcceleration) {
-  PlanLimits limits = rig_limits();
-  limits.axis[2].max_rate_degps = 15.0;
-  limits.axis[2].max_acceleration_degps2 = 19.0;
-  EXPECT_EQ(planned(turning, limits).violations,
-            (std::vector<std::string>{
-                "test.seq:8: step 1: roll accelerates with 20 deg/s^2, the most allowed is 19 deg/s^2 (and 1 more)",
-                "test.seq:10: step 1: roll turns at 20 deg/s, the most allowed is 15 deg/s"}));
-  limits.axis[2].max_rate_degps = 20.0;
-  limits.axis[2].max_acceleration_degps2 = 20.0;
-  EXPECT_TRUE(planned(turning, limits).ok());
-}
-
-TEST(Violations, CableWrapIsTheRangeOfTheRun) {
-  PlanLimits limits = rig_limits();
-  limits.axis[2].wrap_deg = 500.0;
-  EXPECT_EQ(planned(turning, limits).violations,
-            (std::vector<std::string>{
-                "test.seq:10: step 1: roll has wound its cable by 540 deg, the most allowed is 500 deg"}));
-  limits.axis[2].wrap_deg = 540.0;
-  EXPECT_TRUE(planned(turning, limits).ok());
-  limits.axis[2].wrap_deg = 0.0;  // slip rings
-  EXPECT_TRUE(planned(turning, limits).ok());
-}
-
-TEST(Violations, OfOneAxisDoNotConcernAnother) {
-  PlanLimits limits = rig_limits();
-  limits.axis[0] = limits.axis[1] = {-1.0, 1.0, 1.0, 1.0, 1.0};
-  EXPECT_TRUE(planned(turning, limits).ok());
-}
-
-TEST(Violations, ADwellMustLastASecondAtTheUnitsRate) {
-  PlanLimits limits = rig_limits();
-  limits.sample_period_s = 0.0025;
-  EXPECT_EQ(planned("step 1\ninitial H 0 P 0 R 0\nalign 400\ndwell 399\n", limits).violations,
-            (std::vector<std::string>{
-                "test.seq:8: step 1: a dwell of 399 samples takes 0.9975 s, the shortest that counts is 1 s"}));
+TEST(Plan, EveryLimitNamesTheLineThatBreaksIt) {
+  using Change = std::function<void(AxisLimits & roll, PlanLimits & all)>;
+  const std::string far = "step 1\ninitial H 600 P 0 R 0\nalign 200\ndwell 200\n",
+                    brief = "step 1\ninitial H 0 P 0 R 0\nalign 400\ndwell 399\n";
+  const struct {
+    const char* what;
+    Change change;
+    std::string steps;
+    std::vector<std::string> expected;  // behind "test.seq:"
+  } cases[] = {{"soft travel",
+                [](AxisLimits& roll, PlanLimits&) { roll.soft_min_deg = -170.0, roll.soft_max_deg = 350.0; },
+                turning,
+                {"8: step 1: roll goes to 360 deg, soft travel is -170 to 350 deg",
+                 "10: step 1: roll goes to -180 deg, soft travel is -170 to 350 deg"}},
+               {"all of it",
+                [](AxisLimits& roll, PlanLimits&) { roll.soft_min_deg = -180.0, roll.soft_max_deg = 360.0; },
+                turning,
+                {}},
+               {"where it starts",
+                [](auto&, auto&) {},
+                far,
+                {"5: step 1: heading goes to 600 deg, soft travel is -540 to 540 deg"}},
+               {"rate and acceleration",
+                [](AxisLimits& roll, PlanLimits&) { roll.max_rate_degps = 15.0, roll.max_acceleration_degps2 = 19.0; },
+                turning,
+                {"8: step 1: roll accelerates with 20 deg/s^2, the most allowed is 19 deg/s^2 (and 1 more)",
+                 "10: step 1: roll turns at 20 deg/s, the most allowed is 15 deg/s"}},
+               {"the most of both",
+                [](AxisLimits& roll, PlanLimits&) { roll.max_rate_degps = roll.max_acceleration_degps2 = 20.0; },
+                turning,
+                {}},
+               {"cable",
+                [](AxisLimits& roll, PlanLimits&) { roll.wrap_deg = 500.0; },
+                turning,
+                {"10: step 1: roll has wound its cable by 540 deg, the most allowed is 500 deg"}},
+               {"all of the cable", [](AxisLimits& roll, PlanLimits&) { roll.wrap_deg = 540.0; }, turning, {}},
+               {"slip rings", [](AxisLimits& roll, PlanLimits&) { roll.wrap_deg = 0.0; }, turning, {}},
+               {"of other axes",
+                [](AxisLimits&, PlanLimits& all) {
+                  all.axis[0] = all.axis[1] = {-1.0, 1.0, 1.0, 1.0, 1.0};
+                },
+                turning,
+                {}},
+               {"a dwell of less than a second",
+                [](AxisLimits&, PlanLimits& all) { all.sample_period_s = 0.0025; },
+                brief,
+                {"8: step 1: a dwell of 399 samples takes 0.9975 s, the shortest that counts is 1 s"}}};
+  for (const auto& c : cases) {
+    PlanLimits limits = rig_limits();
+    c.change(limits.axis[2], limits);
+    std::vector<std::string> said;
+    for (const std::string& violation : planned(c.steps, limits).violations)
+      said.push_back(replaced(violation, "test.seq:", ""));
+    EXPECT_EQ(said, c.expected) << c.what;
+  }
 }
 
 // ---- walk ----

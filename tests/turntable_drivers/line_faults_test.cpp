@@ -66,6 +66,16 @@ std::vector<LineFault> line_faults() {
       {"twice_a_little_later", twice(0.005)},
       {"split", cut_at(5, 0.015)},
       {"slow_bytes", byte_by_byte},
+      {"another_protocol", [](AnswerPlan& plan, Line) { bytes_of(plan)[3] = 7; }, tcp},
+      {"another_unit", as_text([](std::string said) {
+         said[0] = char(1 + said[0] % 3);
+         return framed(said.substr(0, said.size() - 2), {});
+       }),
+       rtu},
+      // The adapter sends the request back.
+      {"echo",
+       as_text([](const std::string& said) { return framed(read_body(said[0], 3, 0x100, said[2] / 2), {}) + said; }),
+       rtu},
       {"stalling_bytes", cut_at(7, 0.06), registers},  // longer than the byte time-out
       {"digit_changed", as_text([](std::string said) {
          said[said.find_first_of("0123456789", said.size() / 3)] = 'x';

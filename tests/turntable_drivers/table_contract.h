@@ -157,8 +157,9 @@ TYPED_TEST_P(TableContract, StopEndsEveryMotionShortOfTheTarget) {
   ASSERT_TRUE(this->on_the_way(Axis::roll));
   ASSERT_TRUE(this->table().stop_all().ok());
   ASSERT_TRUE(this->wait_for([&] { return this->all_stand(); }, 5.0));
+  AxisTriple stopped;
   for (Axis axis : all_axes) {
-    const double stopped_deg = this->position(axis);
+    const double stopped_deg = stopped[axis] = this->position(axis);
     if (!silent_on_the_way<TypeParam>) {
       EXPECT_GT(stopped_deg, 20.0 - 5.0);
     }
@@ -167,9 +168,11 @@ TYPED_TEST_P(TableContract, StopEndsEveryMotionShortOfTheTarget) {
     this->hold(3.0);
     EXPECT_NEAR(this->position(axis), stopped_deg, TypeParam::tolerance_deg) << "it holds";
   }
-  // And goes on when told so.
+  // And goes on when told so, with no other that would go on to the target that was given up.
   ASSERT_TRUE(this->table().move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
   EXPECT_TRUE(this->wait_for([&] { return this->stands_at(Axis::roll, 90.0); }, 20.0));
+  for (Axis other : {Axis::heading, Axis::pitch})
+    EXPECT_NEAR(this->position(other), stopped[other], TypeParam::tolerance_deg) << to_string(other);
 }
 
 TYPED_TEST_P(TableContract, AbortEndsEveryMotionAndNeedsEnable) {

@@ -91,30 +91,18 @@ TEST(LinePrefix, StandsInFrontOfEveryLineWhileItLives) {
         << "wo" << std::endl
         << "three";
     out << ", and on\n";
-  }
-  out << "after\n";
-  EXPECT_EQ(out.str(), "before\n[t] one\n[t]\n[t] two\n[t] three, and on\nafter\n");
-}
-
-TEST(LinePrefix, ALineDrawnAgainHasItAgain) {
-  std::ostringstream out;
-  const LinePrefix marked(out, "[t] ");
-  out << "\r10 %"
-      << "\r11 %"
-      << "\x1b[2K\r"
-      << "done\n";
-  EXPECT_EQ(out.str(), "\r[t] 10 %\r[t] 11 %\x1b[2K\r[t] done\n");
-}
-
-TEST(LinePrefix, OneWithinAnotherStandsSecond) {
-  std::ostringstream out;
-  const LinePrefix outer(out, "[a] ");
-  {
     const LinePrefix inner(out, "[b] ");
     out << "x\n";
   }
-  out << "y\n";
-  EXPECT_EQ(out.str(), "[a] [b] x\n[a] y\n");
+  out << "after\n";
+  EXPECT_EQ(out.str(), "before\n[t] one\n[t]\n[t] two\n[t] three, and on\n[t] [b] x\nafter\n");
+  std::ostringstream drawn;
+  const LinePrefix marked(drawn, "[t] ");
+  drawn << "\r10 %"
+        << "\r11 %"
+        << "\x1b[2K\r"
+        << "done\n";
+  EXPECT_EQ(drawn.str(), "\r[t] 10 %\r[t] 11 %\x1b[2K\r[t] done\n") << "a line drawn again has it again";
 }
 
 TEST(LinePrefix, NoneChangesNothingAndAFailureStays) {

@@ -33,6 +33,9 @@ TEST(KeyValue, ReadsEveryType) {
   EXPECT_TRUE(file.list("none").empty());
   ASSERT_OK(file.check_all_used());
   EXPECT_EQ(file.line_of("manual"), 6);
+  file = parsed("effect.b.x = 1\nother = 2\neffect.a.y = 3\n");
+  EXPECT_EQ(file.keys_with_prefix("effect."), (std::vector<std::string>{"effect.b.x", "effect.a.y"}));
+  EXPECT_EQ(file.keys().size(), 3U);
 }
 
 TEST(KeyValue, OptionalKeysTakeTheirDefault) {
@@ -49,58 +52,42 @@ TEST(KeyValue, OptionalKeysTakeTheirDefault) {
   ASSERT_OK(file.check_all_used());
 }
 
-TEST(KeyValue, PrefixListsKeysInFileOrder) {
-  auto file = parsed("effect.b.x = 1\nother = 2\neffect.a.y = 3\n");
-  EXPECT_EQ(file.keys_with_prefix("effect."), (std::vector<std::string>{"effect.b.x", "effect.a.y"}));
-  EXPECT_EQ(file.keys().size(), 3U);
+// What a value of the wrong kind is answered with: file, line, key, value, and what was expected.
+TEST(KeyValue, ABadValueIsOneLine) {
+  using File = KeyValueFile;
+  const struct {
+    const char* value;
+    void (*get)(File&);
+    const char* expected;
+  } cases[] = {
+      {"x1", [](File& f) { EXPECT_TRUE(std::isnan(f.number("k"))); }, "a number"},
+      {"nan", [](File& f) { f.number("k"); }, "a number"},
+      {"0", [](File& f) { f.number("k", positive); }, "a number > 0"},
+      {"-1", [](File& f) { f.number_or("k", 3, not_negative); }, "a number >= 0"},
+      {"91", [](File& f) { f.number_if("k", between(-90, 90)); }, "a number between -90 and 90"},
+      {"1.5", [](File& f) { f.integer("k"); }, "a whole number"},
+      {"0", [](File& f) { f.integer("k", 1, 9); }, "a whole number between 1 and 9"},
+      {"0", [](File& f) { f.integer("k", 1); }, "a whole number >= 1"},
+      {"yes", [](File& f) { f.boolean_or("k", true); }, "true or false"},
+      {"tcp",
+       [](File& f) {
+         f.one_of("k", {"a", "b", "c"});
+       },
+       "a, b or c"},
+      {"1, 2", [](File& f) { EXPECT_EQ(f.numbers("k", 3).size(), 3U); },
+       "3 numbers separated by commas, each a number"},
+      {"1, -2", [](File& f) { f.numbers("k", 0, positive); }, "numbers separated by commas, each a number > 0"},
+      {"a,,b", [](File& f) { f.list("k"); }, "names separated by commas, none empty"},
+      {"", [](File& f) { f.text("k"); }, "a text"},
+      {"q", [](File& f) { f.text("k"), f.reject("k", "a port"); }, "a port"}};
+  for (const auto& [value, get, expected] : cases) {
+    auto file = parsed(std::string("# top\nk = ") + value + "\n");
+    get(file);
+    const std::string message = std::string("a.conf:2: key 'k' = '") + value + "': expected " + expected;
+    EXPECT_ERROR(file.check_all_used(), message);
+    EXPECT_ERROR(file.status(), message);
+  }
 }
-
-// What a value of the wrong kind is answered with.
-struct BadValue {
-  const char* value;
-  void (*get)(KeyValueFile&);
-  const char* message;
-};
-class KeyValueBadValue : public testing::TestWithParam<BadValue> {};
-TEST_P(KeyValueBadValue, IsOneLineWithFileLineKeyAndExpectation) {
-  auto file = parsed(std::string("# top\nk = ") + GetParam().value + "\n");
-  GetParam().get(file);
-  EXPECT_ERROR(file.check_all_used(), GetParam().message);
-  EXPECT_ERROR(file.status(), GetParam().message);
-}
-INSTANTIATE_TEST_SUITE_P(
-    All, KeyValueBadValue,
-    testing::Values(
-        BadValue{"x1", [](KeyValueFile& f) { EXPECT_TRUE(std::isnan(f.number("k"))); },
-                 "a.conf:2: key 'k' = 'x1': expected a number"},
-        BadValue{"nan", [](KeyValueFile& f) { f.number("k"); }, "a.conf:2: key 'k' = 'nan': expected a number"},
-        BadValue{"0", [](KeyValueFile& f) { f.number("k", positive); },
-                 "a.conf:2: key 'k' = '0': expected a number > 0"},
-        BadValue{"-1", [](KeyValueFile& f) { f.number_or("k", 3, not_negative); },
-                 "a.conf:2: key 'k' = '-1': expected a number >= 0"},
-        BadValue{"91", [](KeyValueFile& f) { f.number_if("k", between(-90, 90)); },
-                 "a.conf:2: key 'k' = '91': expected a number between -90 and 90"},
-        BadValue{"1.5", [](KeyValueFile& f) { f.integer("k"); }, "a.conf:2: key 'k' = '1.5': expected a whole number"},
-        BadValue{"0", [](KeyValueFile& f) { f.integer("k", 1, 9); },
-                 "a.conf:2: key 'k' = '0': expected a whole number between 1 and 9"},
-        BadValue{"0", [](KeyValueFile& f) { f.integer("k", 1); },
-                 "a.conf:2: key 'k' = '0': expected a whole number >= 1"},
-        BadValue{"yes", [](KeyValueFile& f) { f.boolean_or("k", true); },
-                 "a.conf:2: key 'k' = 'yes': expected true or false"},
-        BadValue{"tcp",
-                 [](KeyValueFile& f) {
-                   f.one_of("k", {"a", "b", "c"});
-                 },
-                 "a.conf:2: key 'k' = 'tcp': expected a, b or c"},
-        BadValue{"1, 2", [](KeyValueFile& f) { EXPECT_EQ(f.numbers("k", 3).size(), 3U); },
-                 "a.conf:2: key 'k' = '1, 2': expected 3 numbers separated by commas, each a number"},
-        BadValue{"1, -2", [](KeyValueFile& f) { f.numbers("k", 0, positive); },
-                 "a.conf:2: key 'k' = '1, -2': expected numbers separated by commas, each a number > 0"},
-        BadValue{"a,,b", [](KeyValueFile& f) { f.list("k"); },
-                 "a.conf:2: key 'k' = 'a,,b': expected names separated by commas, none empty"},
-        BadValue{"", [](KeyValueFile& f) { f.text("k"); }, "a.conf:2: key 'k' = '': expected a text"},
-        BadValue{"q", [](KeyValueFile& f) { f.text("k"), f.reject("k", "a port"); },
-                 "a.conf:2: key 'k' = 'q': expected a port"}));
 
 TEST(KeyValue, MissingRequiredKeySaysWhatWasExpected) {
   auto file = parsed("a = 1\n");
@@ -139,16 +126,18 @@ TEST(KeyValue, AMisspeltKeyIsNamedWithTheOneThatWasMeant) {
 }
 
 TEST(KeyValue, DefectsOfTheTextItself) {
-  const auto parse = [](const std::string& text) { return KeyValueFile::parse(text, "a.conf"); };
-  EXPECT_ERROR(parse("a = 1\n\na = 2\n"), "a.conf:3: key 'a' again: it is already in line 1");
-  EXPECT_ERROR(parse("a = 1\nnonsense\n"), "a.conf:2: 'nonsense': expected key = value");
-  EXPECT_ERROR(parse("= 1\n"), "a.conf:1: key '': expected letters, digits, '_' and '-', parts joined by '.'");
-  EXPECT_ERROR(parse("a b = 1\n"), "a.conf:1: key 'a b': expected letters, digits, '_' and '-', parts joined by '.'");
-  EXPECT_ERROR(parse("a..b = 1\n"), "a.conf:1: key 'a..b': expected letters, digits, '_' and '-', parts joined by '.'");
-  EXPECT_ERROR(parse("a. = 1\n"), "a.conf:1: key 'a.': expected letters, digits, '_' and '-', parts joined by '.'");
-  EXPECT_ERROR(parse(std::string("a = \0\n", 6)), "a.conf:1: a control character: expected a text file");
-  EXPECT_ERROR(parse(""), "a.conf: empty file: expected key = value lines");
-  EXPECT_ERROR(parse("# only this\n"), "a.conf: empty file: expected key = value lines");
+  const std::string key = "expected letters, digits, '_' and '-', parts joined by '.'";
+  const std::pair<std::string, std::string> cases[] = {
+      {"a = 1\n\na = 2\n", ":3: key 'a' again: it is already in line 1"},
+      {"a = 1\nnonsense\n", ":2: 'nonsense': expected key = value"},
+      {"= 1\n", ":1: key '': " + key},
+      {"a b = 1\n", ":1: key 'a b': " + key},
+      {"a..b = 1\n", ":1: key 'a..b': " + key},
+      {"a. = 1\n", ":1: key 'a.': " + key},
+      {std::string("a = \0\n", 6), ":1: a control character: expected a text file"},
+      {"", ": empty file: expected key = value lines"},
+      {"# only this\n", ": empty file: expected key = value lines"}};
+  for (const auto& [text, message] : cases) EXPECT_ERROR(KeyValueFile::parse(text, "a.conf"), "a.conf" + message);
 }
 
 TEST(KeyValue, AcceptsByteOrderMarkAndMissingLastLineEnd) {

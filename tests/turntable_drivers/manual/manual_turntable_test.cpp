@@ -81,6 +81,26 @@ struct ManualTable : testing::Test {
     for (const Axis axis : all_axes) ASSERT_TRUE(desk.manual.status(axis)->homed);
     desk.said();
   }
+  // Ready, and asked for a turn.
+  void turning(Desk& desk, Axis axis = Axis::roll, double to_deg = 90.0) {
+    ready(desk);
+    ask(desk, axis, to_deg);
+  }
+  void ask(Desk& desk, Axis axis, double to_deg) { ASSERT_OK(desk.manual.move_absolute(axis, to_deg, 10.0, 10.0)); }
+  // What is typed, whether roll is then still to be turned, and what is said, at least.
+  struct Line {
+    std::string typed;
+    bool moving;
+    const char* says = "";
+  };
+  void talk(Desk& desk, const std::vector<Line>& lines) {
+    for (const Line& line : lines) {
+      desk.said();
+      desk.type(line.typed);
+      EXPECT_EQ(desk.manual.status(Axis::roll)->moving, line.moving) << line.typed;
+      EXPECT_SAYS(desk.said(), line.says) << line.typed;
+    }
+  }
   // An error of every call until the stop; then the stop can be verified, and nothing more is asked for.
   void expect_end(Desk& desk, ErrorKind kind, const std::string& text) {
     for (int i = 0; i < 2; ++i) {
@@ -118,45 +138,30 @@ TEST_F(ManualTable, SaysAxisAngleWayAndReason) {
 
 TEST_F(ManualTable, RefusesBeyondToleranceAndNonsense) {
   Desk desk;
-  ready(desk);
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  turning(desk);
   for (const char* const bad : {"turn roll 90", "say 90", "89.89", "90.11", "-90", "0", "nan", "ninety", "90 deg",
                                 "9 0", "1e999", "90.0.0", "9e1", "\u00b0", "9\u00b00"}) {
-    desk.said();
+    talk(desk, {{bad, true}});
     desk.type(bad);
-    EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << bad;
+    static_cast<void>(desk.manual.status(Axis::roll));
     EXPECT_FALSE(desk.said().empty()) << bad;
   }
-  desk.type("");
-  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << "an empty line is no answer";
-  desk.type("90.1");
-  EXPECT_FALSE(desk.manual.status(Axis::roll)->moving);
-  // A decimal comma, and the signs of another keyboard.
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, -0.5, 10.0, 10.0).ok());
-  for (const char* const bad : {"0,5", "1,2,3", "0.5,", ","}) {
-    desk.type(bad);
-    EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << bad;
-  }
-  desk.type("\u22120\uff0c5");
+  talk(desk, {{"", true}, {"90.1", false}});
+  // A decimal comma, and the signs of another keyboard; the degree that the screen shows; the wide digits of a Chinese keyboard; a dial knows
+  // only a circle.
+  ask(desk, Axis::roll, -0.5);
+  talk(desk, {{"0,5", true}, {"1,2,3", true}, {"0.5,", true}, {",", true}, {"\u22120\uff0c5", false}});
   EXPECT_EQ(desk.manual.status(Axis::roll)->position_deg, -0.5);
-  EXPECT_FALSE(desk.manual.status(Axis::roll)->moving);
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 0.5, 10.0, 10.0).ok());
-  desk.type("0,5");
-  EXPECT_EQ(desk.manual.status(Axis::roll)->position_deg, 0.5);
-  // The degree that the screen shows, and the wide digits of a Chinese keyboard.
-  for (const auto& [typed, meant] : {std::pair{"12.5\u00b0", 12.5},
-                                     {"34 \u00b0", 34.0},
-                                     {"\uff0d\uff11\uff10\uff12\uff0e\uff19\u5ea6", -102.9},
-                                     {"\uff13\uff14\uff15\uff16\uff17\uff18", 345678.0}}) {
-    ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, meant, 10.0, 10.0).ok());
-    desk.type(typed);
-    EXPECT_FALSE(desk.manual.status(Axis::roll)->moving) << typed;
-    EXPECT_EQ(desk.manual.status(Axis::roll)->position_deg, meant);
+  for (const auto& [typed, asked, meant] : {std::tuple{"0,5", 0.5, 0.5},
+                                            {"12.5\u00b0", 12.5, 12.5},
+                                            {"34 \u00b0", 34.0, 34.0},
+                                            {"\uff0d\uff11\uff10\uff12\uff0e\uff19\u5ea6", -102.9, -102.9},
+                                            {"\uff13\uff14\uff15\uff16\uff17\uff18", 345678.0, 345678.0},
+                                            {"89.9", 450.0, 449.9}}) {
+    ask(desk, Axis::roll, asked);
+    talk(desk, {{typed, false}});
+    EXPECT_NEAR(desk.manual.status(Axis::roll)->position_deg, meant, 1e-9);
   }
-  // A dial knows only a circle.
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 450.0, 10.0, 10.0).ok());
-  desk.type("89.9");
-  EXPECT_NEAR(desk.manual.status(Axis::roll)->position_deg, 449.9, 1e-9);
 }
 
 // By the gyros: 360 deg that were not made, made the other way round, and what their scale may be.
@@ -200,34 +205,20 @@ TEST_F(ManualTable, TheGyrosMustHaveFeltTheTurn) {
 
 TEST_F(ManualTable, TimeOutPausesAndAssumesNothing) {
   Desk desk;
-  ready(desk);
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  turning(desk);
   desk.clock.time_s += 601.0;
   EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
   EXPECT_TRUE(desk.manual.paused());
   EXPECT_SAYS(desk.said(), "paused");
-  desk.type("90");
-  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << "continue comes first";
-  desk.type("continue");
-  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  EXPECT_SAYS(desk.said(), "Turn roll from 0 to 90 deg");
-  desk.type("90");
-  EXPECT_FALSE(desk.manual.status(Axis::roll)->moving);
+  talk(desk, {{"90", true}, {"continue", true, "Turn roll from 0 to 90 deg"}, {"90", false}});
 }
 
 TEST_F(ManualTable, RepeatPauseSkipAbort) {
   Desk desk;
-  ready(desk);
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
-  desk.said();
-  desk.type("repeat");
-  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  EXPECT_SAYS(desk.said(), "Turn roll from 0 to 90 deg");
-  desk.type("p");
+  turning(desk);
+  talk(desk, {{"repeat", true, "Turn roll from 0 to 90 deg"}, {"p", true}});
   EXPECT_EQ(desk.manual.status(Axis::roll)->text, "paused");
-  desk.type("c");
-  desk.type("skip");
-  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving) << "not without a reason";
+  talk(desk, {{"c", true}, {"skip", true}});  // not without a reason
   desk.type("skip the roll axis is jammed");
   expect_end(desk, ErrorKind::interrupted, "skipped by the operator: the roll axis is jammed");
   Desk other;
@@ -258,19 +249,11 @@ TEST_F(ManualTable, OneLetterGivesNothingUp) {
 
 TEST_F(ManualTable, GermanLettersAndDecimalComma) {
   Desk desk({.language = "de"});
-  ready(desk);
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 22.5, 10.0, 10.0).ok());
+  turning(desk, Axis::roll, 22.5);
   EXPECT_SAYS(desk.said(), "Rollachse von 0 auf 22,5 Grad drehen, 22,5 Grad vorwärts");
-  desk.type("22");
-  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  EXPECT_SAYS(desk.said(), "22 liegt 0,5 Grad neben 22,5; erlaubt sind höchstens 0,1.");
-  desk.type("p");
+  talk(desk, {{"22", true, "22 liegt 0,5 Grad neben 22,5; erlaubt sind höchstens 0,1."}, {"p", true}});
   EXPECT_EQ(desk.manual.status(Axis::roll)->text, "paused");
-  desk.type("w");
-  EXPECT_EQ(desk.manual.status(Axis::roll)->text, "");
-  desk.type("Überspringen");
-  EXPECT_TRUE(desk.manual.status(Axis::roll).ok()) << "not without a reason";
-  EXPECT_SAYS(desk.said(), "Warum? Bitte „überspringen“");
+  talk(desk, {{"w", true}, {"Überspringen", true, "Warum? Bitte „überspringen“"}});
   desk.type("Ü Klemme sitzt fest");
   expect_end(desk, ErrorKind::interrupted, "skipped by the operator: Klemme sitzt fest");
 }
@@ -286,8 +269,7 @@ TEST_F(ManualTable, WhoLeavesIsMissedWhenTheNextTurnIsDue) {
     EXPECT_EQ(desk.manual.home().error().kind, ErrorKind::interrupted);
   }
   Desk desk;
-  ready(desk);
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  turning(desk);
   desk.type("l");
   expect_end(desk, ErrorKind::interrupted, "the operator left");
 }
@@ -300,16 +282,10 @@ TEST_F(ManualTable, PauseHoldsTheNextQuestionBackAndEndsWhenTooLong) {
   desk.clock.time_s += 10'000.0;
   EXPECT_TRUE(desk.manual.status(Axis::roll).ok()) << "nobody is missed yet";
   desk.said();
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  ask(desk, Axis::roll, 90.0);
   EXPECT_EQ(desk.said(), "");
   desk.clock.time_s += 3599.0;
-  desk.type("90");
-  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  desk.type("continue");
-  EXPECT_TRUE(desk.manual.status(Axis::roll)->moving);
-  EXPECT_SAYS(desk.said(), "Turn roll");
-  desk.type("pause");
-  EXPECT_TRUE(desk.manual.status(Axis::roll).ok());
+  talk(desk, {{"90", true}, {"continue", true, "Turn roll"}, {"pause", true}});
   desk.clock.time_s += 3601.0;
   expect_end(desk, ErrorKind::interrupted, "paused for longer than 3600 s");
 }
@@ -375,8 +351,7 @@ TEST_F(ManualTable, RehearsalTurnsTheRigToTheTypedAngle) {
 
 TEST_F(ManualTable, EndOfInputStops) {
   Desk desk;
-  ready(desk);
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  turning(desk);
   desk.type("89");                                // refused
   EXPECT_EQ(::write(desk.pipe_[1], "90", 2), 2);  // without a line end: no answer
   desk.hang_up();
@@ -385,8 +360,7 @@ TEST_F(ManualTable, EndOfInputStops) {
 
 TEST_F(ManualTable, StopInMidTurnMeansNotInPosition) {
   Desk desk;
-  ready(desk);
-  ASSERT_TRUE(desk.manual.move_absolute(Axis::roll, 90.0, 10.0, 10.0).ok());
+  turning(desk);
   ASSERT_TRUE(desk.manual.stop_all().ok());
   EXPECT_FALSE(desk.manual.status(Axis::roll)->in_position);
   EXPECT_TRUE(desk.manual.status(Axis::pitch)->in_position);

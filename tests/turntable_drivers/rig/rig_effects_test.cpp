@@ -167,32 +167,35 @@ Reading turning(const char* key, double value, bool forward, std::size_t sample)
   });
 }
 
-TEST(RigEffects, DelayIsTauTimesRateCrossForce) {
-  // tau (w x f) = 1e-3 * 0.1745329 z x (1 g) y = -1e-3 * 0.1745329 g x = -174.5329 ug. In the mean over the sample P is
-  // 0.025 deg and f_x = 4.3633e-4 g: w_z f_x = 0.07615 ug on y; the earth's rate gives w_x f_y = 6.34485e-5 * 1e-3 g on
-  // z.
-  expect_near(turning("accel_delay.tau", 1.0, true, 200), {}, {-174.5329, 0.0761544, 0.0634485}, 1e-5);
-  expect_near(turning("accel_delay.tau", 1.0, false, 200), {}, {174.5329, 0.0761544, 0.0634485}, 1e-5);
-}
-
-TEST(RigEffects, SizeEffectPullsInwardsAndForwards) {
-  // On the circle: -w^2 r = -0.0304617 * 0.1 m = -3.046174e-3 m/s^2 = -310.6234 ug; earth rate adds 2 w_z W_z = 0 at H
-  // = 0.
-  expect_near(turning("accel_size_effect.x_rx", 100.0, true, 200), {}, {-310.6234, 0, 0}, 1e-5);
-  // y accelerometer 0.1 m ahead: w' x r = 0.1745329 z x 0.1 x = +0.01745329 m/s^2 y = 1779.7406 ug; and the cross
-  // products of w_z with the earth rate, 2e-5 of it.
-  expect_near(turning("accel_size_effect.y_rx", 100.0, true, 50), {}, {0, 1779.7406, 0}, 1e-4);
-  // The unit's own acceleration has the sign of the motion.
-  expect_near(turning("accel_size_effect.y_rx", 100.0, false, 50), {}, {0, -1779.7406, 0}, 1e-4);
-}
-
-TEST(RigEffects, GyroScaleErrorsKnowTheSense) {
-  // 5e-6 * 0.1745329 rad/s = 8.726646e-7 rad/s = 0.18 deg/h both ways
-  expect_near(turning("gyro_scale_asymmetry.z", 5.0, true, 200), {0, 0, 0.18}, {}, 1e-6);
-  expect_near(turning("gyro_scale_asymmetry.z", 5.0, false, 200), {0, 0, 0.18}, {}, 1e-6);
-  // 50e-6 * 0.1745329 rad/s at 10 deg/s = 8.726646e-6 rad/s = 1.8 deg/h with the sign of the rate
-  expect_near(turning("gyro_rate_nonlinearity.z", 50.0, true, 200), {0, 0, 1.8}, {}, 1e-6);
-  expect_near(turning("gyro_rate_nonlinearity.z", 50.0, false, 200), {0, 0, -1.8}, {}, 1e-6);
+TEST(RigEffects, InMotionTheyHaveTheirSizeAndSign) {
+  const struct {
+    const char* key;
+    double value;
+    bool forward;
+    std::size_t sample;
+    Triple gyro_degph, accel_ug;
+    double relative;
+  } cases[] = {
+      // tau (w x f) = 1e-3 * 0.1745329 z x (1 g) y = -1e-3 * 0.1745329 g x = -174.5329 ug. In the mean over the sample P is 0.025 deg and
+      // f_x = 4.3633e-4 g: w_z f_x = 0.07615 ug on y; the earth's rate gives w_x f_y = 6.34485e-5 * 1e-3 g on z.
+      {"accel_delay.tau", 1.0, true, 200, {}, {-174.5329, 0.0761544, 0.0634485}, 1e-5},
+      {"accel_delay.tau", 1.0, false, 200, {}, {174.5329, 0.0761544, 0.0634485}, 1e-5},
+      // On the circle: -w^2 r = -0.0304617 * 0.1 m = -3.046174e-3 m/s^2 = -310.6234 ug; earth rate adds 2 w_z W_z = 0 at H = 0.
+      {"accel_size_effect.x_rx", 100.0, true, 200, {}, {-310.6234, 0, 0}, 1e-5},
+      // y accelerometer 0.1 m ahead: w' x r = 0.1745329 z x 0.1 x = +0.01745329 m/s^2 y = 1779.7406 ug, with the sign of the motion; and the
+      // cross products of w_z with the earth rate, 2e-5 of it.
+      {"accel_size_effect.y_rx", 100.0, true, 50, {}, {0, 1779.7406, 0}, 1e-4},
+      {"accel_size_effect.y_rx", 100.0, false, 50, {}, {0, -1779.7406, 0}, 1e-4},
+      // 5e-6 * 0.1745329 rad/s = 8.726646e-7 rad/s = 0.18 deg/h both ways
+      {"gyro_scale_asymmetry.z", 5.0, true, 200, {0, 0, 0.18}, {}, 1e-6},
+      {"gyro_scale_asymmetry.z", 5.0, false, 200, {0, 0, 0.18}, {}, 1e-6},
+      // 50e-6 * 0.1745329 rad/s at 10 deg/s = 8.726646e-6 rad/s = 1.8 deg/h with the sign of the rate
+      {"gyro_rate_nonlinearity.z", 50.0, true, 200, {0, 0, 1.8}, {}, 1e-6},
+      {"gyro_rate_nonlinearity.z", 50.0, false, 200, {0, 0, -1.8}, {}, 1e-6}};
+  for (const auto& c : cases) {
+    SCOPED_TRACE(c.key);
+    expect_near(turning(c.key, c.value, c.forward, c.sample), c.gyro_degph, c.accel_ug, c.relative);
+  }
 }
 
 // 10 ug/g on y with f_y = 1 g: nothing before the first motion and during it, then 10 exp(-t/5). The move of 10 deg

@@ -10,45 +10,28 @@ namespace {
 
 using Eigen::Vector3d;
 
-// 90 deg at 10 deg/s and 10 deg/s^2: 1 s up (5 deg), 8 s cruise, 1 s down.
-TEST(RigMotion, Trapezoid) {
-  const AxisProfile profile = AxisProfile::move(0.0, 0.0, 90.0, 10.0, 10.0);
-  EXPECT_DOUBLE_EQ(profile.duration_s(), 10.0);
-  EXPECT_DOUBLE_EQ(profile.at(0.5).position_deg, 1.25);
-  EXPECT_DOUBLE_EQ(profile.at(0.5).rate_degps, 5.0);
-  EXPECT_DOUBLE_EQ(profile.at(1.0).position_deg, 5.0);
-  EXPECT_DOUBLE_EQ(profile.at(5.0).position_deg, 45.0);
-  EXPECT_DOUBLE_EQ(profile.at(5.0).rate_degps, 10.0);
-  EXPECT_DOUBLE_EQ(profile.at(9.5).position_deg, 88.75);
-  EXPECT_DOUBLE_EQ(profile.at(9.5).acceleration_degps2, -10.0);
-  EXPECT_EQ(profile.at(10.0).position_deg, 90.0);
-  EXPECT_EQ(profile.at(1e6).rate_degps, 0.0);
-}
-
-// 2.5 deg at 10 deg/s^2 never reaches 10 deg/s: peak sqrt(2.5 * 10) = 5 deg/s after 0.5 s.
-TEST(RigMotion, TriangleWhenTheWayIsShort) {
-  const AxisProfile profile = AxisProfile::move(1.0, 0.0, -1.5, 10.0, 10.0);
-  EXPECT_DOUBLE_EQ(profile.duration_s(), 1.0);
-  EXPECT_DOUBLE_EQ(profile.at(0.5).rate_degps, -5.0);
-  EXPECT_DOUBLE_EQ(profile.at(0.5).position_deg, -0.25);
-  EXPECT_EQ(profile.at(1.0).position_deg, -1.5);
-  EXPECT_EQ(profile.last_direction(), -1.0);
-}
-
-// From 10 deg/s: brakes in 1 s (5 deg past the start), then goes back 15 deg.
-TEST(RigMotion, MoveFromMotionBrakesFirst) {
-  const AxisProfile profile = AxisProfile::move(0.0, 10.0, -10.0, 10.0, 10.0);
-  EXPECT_DOUBLE_EQ(profile.at(0.0).rate_degps, 10.0);
-  EXPECT_DOUBLE_EQ(profile.at(1.0).position_deg, 5.0);
-  EXPECT_NEAR(profile.at(1.0).rate_degps, 0.0, 1e-12);
-  EXPECT_DOUBLE_EQ(profile.duration_s(), 1.0 + 1.0 + 0.5 + 1.0);
-  EXPECT_EQ(profile.at(4.0).position_deg, -10.0);
-}
-
-TEST(RigMotion, BrakeEndsWhereTheRateIsUsedUp) {
-  const AxisProfile profile = AxisProfile::brake(20.0, -8.0, 16.0);
-  EXPECT_DOUBLE_EQ(profile.duration_s(), 0.5);
-  EXPECT_DOUBLE_EQ(profile.at(0.5).position_deg, 18.0);
+// 90 deg at 10 deg/s and 10 deg/s^2: 1 s up (5 deg), 8 s cruise, 1 s down. 2.5 deg never reach 10 deg/s: the peak is sqrt(2.5 * 10) = 5 deg/s
+// after 0.5 s. From 10 deg/s the other way: brakes in 1 s (5 deg past the start), then goes back 15 deg.
+TEST(RigMotion, MovesAreTrapezoids) {
+  const AxisProfile far = AxisProfile::move(0.0, 0.0, 90.0, 10.0, 10.0),
+                    near = AxisProfile::move(1.0, 0.0, -1.5, 10.0, 10.0),
+                    back = AxisProfile::move(0.0, 10.0, -10.0, 10.0, 10.0),
+                    brake = AxisProfile::brake(20.0, -8.0, 16.0);
+  const struct {
+    const AxisProfile& profile;
+    double time_s, position_deg, rate_degps;
+  } cases[] = {{far, 0.5, 1.25, 5.0},  {far, 1.0, 5.0, 10.0}, {far, 5.0, 45.0, 10.0},   {far, 9.5, 88.75, 5.0},
+               {far, 10.0, 90.0, 0.0}, {far, 1e6, 90.0, 0.0}, {near, 0.5, -0.25, -5.0}, {near, 1.0, -1.5, 0.0},
+               {back, 0.0, 0.0, 10.0}, {back, 1.0, 5.0, 0.0}, {back, 4.0, -10.0, 0.0},  {brake, 0.5, 18.0, 0.0}};
+  for (const auto& c : cases) {
+    EXPECT_NEAR(c.profile.at(c.time_s).position_deg, c.position_deg, 1e-12) << c.time_s;
+    EXPECT_NEAR(c.profile.at(c.time_s).rate_degps, c.rate_degps, 1e-12) << c.time_s;
+  }
+  EXPECT_DOUBLE_EQ(far.at(9.5).acceleration_degps2, -10.0);
+  for (const auto& [profile, duration_s] :
+       {std::pair(&far, 10.0), {&near, 1.0}, {&back, 1.0 + 1.0 + 0.5 + 1.0}, {&brake, 0.5}})
+    EXPECT_DOUBLE_EQ(profile->duration_s(), duration_s);
+  EXPECT_EQ(near.last_direction(), -1.0);
 }
 
 // The definitions of docs/rig.md, one angle at a time, at H = P = R = 0 where C_nb is the small rotation itself.
