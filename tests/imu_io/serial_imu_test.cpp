@@ -185,14 +185,10 @@ TEST_F(SerialImuTest, AWrongRateIsFoundOut) {
   SerialImu imu(fast, settings);
   ASSERT_OK(imu.open());
   Status status;
+  std::array<ImuSample, 8> block;
   for (std::int64_t i = 0; i < 60 && status.ok(); ++i) {
     send(i, 1);
-    status = [&]() -> Status {
-      std::array<ImuSample, 8> block;
-      const auto n = imu.read(block, 0.05);
-      if (!n) return n.error();
-      return {};
-    }();
+    if (const auto n = imu.read(block, 0.05); !n) status = n.error();
   }
   ASSERT_TRUE(fails(status, ErrorKind::device, "the frame description says every 0.5 s"));
 }

@@ -80,7 +80,6 @@ INSTANTIATE_TEST_SUITE_P(All, ChamberContract, testing::ValuesIn(kinds), name_of
 struct ChamberLineFault {
   const char* name;
   std::function<void(AnswerPlan&)> how;
-  bool in_text = true, in_registers = true;
 };
 void PrintTo(const ChamberLineFault& fault, std::ostream* out) { *out << fault.name; }
 
@@ -95,20 +94,17 @@ const ChamberLineFault chamber_line_faults[] = {
        answer_of(plan).insert(answer_of(plan).end(), {0xAA, 0x55, 0x00});
      }},
     {"twice", [](AnswerPlan& plan) { plan.pieces.push_back(plan.pieces[0]); }},
-    {"split",
-     [](AnswerPlan& plan) {
+    {"split", [](AnswerPlan& plan) {
        const Frame tail(answer_of(plan).begin() + 3, answer_of(plan).end());
        answer_of(plan).resize(3);
        plan.pieces.push_back({tail, 0.015});
-     }},
-    {"digit_changed", [](AnswerPlan& plan) { answer_of(plan)[3] ^= 0x40; }, true, false}};
+     }}};
 
 class ChamberLineFaults : public testing::TestWithParam<std::tuple<ChamberKind, ChamberLineFault>> {};
 
 TEST_P(ChamberLineFaults, NoWrongReadingIsBelieved) {
   const ChamberKind& kind = std::get<0>(GetParam());
   const ChamberLineFault& fault = std::get<1>(GetParam());
-  if (!kind.text || !(std::string(kind.name).starts_with("text") ? fault.in_text : fault.in_registers)) GTEST_SKIP();
   ServedChamber s(kind.text());
   ASSERT_OK(s.driver->connect());
   ASSERT_OK(s.driver->set(30.0, 2.0));
@@ -132,7 +128,8 @@ TEST_P(ChamberLineFaults, NoWrongReadingIsBelieved) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, ChamberLineFaults,
-                         testing::Combine(testing::ValuesIn(kinds), testing::ValuesIn(chamber_line_faults)),
+                         testing::Combine(testing::ValuesIn(std::begin(kinds) + 1, std::end(kinds)),
+                                          testing::ValuesIn(chamber_line_faults)),
                          [](const auto& which) {
                            return std::string(std::get<0>(which.param).name) + "_" + std::get<1>(which.param).name;
                          });
