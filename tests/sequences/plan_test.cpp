@@ -97,7 +97,7 @@ TEST(Plan, EveryLimitNamesTheLineThatBreaksIt) {
     const char* what;
     Change change;
     std::string steps;
-    std::vector<std::string> expected;  // behind "test.seq:"
+    std::vector<std::string> expected;  // behind the name of the file
   } cases[] = {{"soft travel",
                 [](AxisLimits& roll, PlanLimits&) { roll.soft_min_deg = -170.0, roll.soft_max_deg = 350.0; },
                 turning,
