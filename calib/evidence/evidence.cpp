@@ -261,9 +261,7 @@ bool stands_out(const PiecewiseView& view, Eigen::Index first, bool turns_only) 
 }  // namespace
 
 bool last_rest_disagrees(const CompressedRecording& recording, const JointResult& fit) {
-  NoiseModel noise = fit.noise;
-  noise.gyro_bias_instability_radps = noise.accel_bias_instability_mps2 = 0.0;
-  const PiecewiseView view = view_in_pieces(recording, fit, noise);
+  const PiecewiseView view = view_in_pieces(recording, fit, less_unstable(fit.noise, 0.0));
   if (!view.system || view.pieces.pieces.back().turn < last_rest_limits.fewest) return false;
   return stands_out(view, 0, false) || stands_out(view, 6, true);
 }

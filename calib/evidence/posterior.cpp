@@ -259,8 +259,8 @@ State with_term(const PieceSystem& system, const TermTable& table, const Next& n
 
 }  // namespace
 
-// What is missing may look like noise of which there is less: each noise is searched by itself, and as long as it does not come near
-// `elsewhere`, the most probable model at another noise, along terms that are more likely than not.
+// What is missing may look like noise of which there is less: each noise is searched by itself. What is far below `elsewhere`, the most
+// probable model at another noise, is gone on with along terms that are more likely than not.
 LogWeights weigh_models(const UnderNoise& under, double elsewhere) {
   const TermTable& table = *under.table;
   auto root = std::make_shared<State>();
@@ -279,8 +279,7 @@ LogWeights weigh_models(const UnderNoise& under, double elsewhere) {
       std::vector<Next> of_state;
       for (std::size_t t = 0; t < table.terms.size(); ++t) {
         const Term& term = table.terms[t];
-        const auto same = [&](const ModelTerm& m) { return std::size_t(m.term) == t; };
-        if (std::ranges::any_of(state->terms, same)) continue;
+        if (std::ranges::count(state->terms, int(t), &ModelTerm::term) > 0) continue;
         const Sizes sizes = sizes_of(term, *state, best - negligible - state->log_weight);
         const VectorXd gain = sizes.explained + sizes.log_prior;
         Eigen::Index top = 0;

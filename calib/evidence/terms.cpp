@@ -343,9 +343,7 @@ Functions smooth_of(Driver driver, double from, double to, double part, int reco
 
 MatrixXd side_by_side(const MatrixXd& L, Eigen::Index wide) {
   MatrixXd all = MatrixXd::Zero(L.rows() * wide, L.cols() * wide);
-  for (Eigen::Index i = 0; i < L.rows(); ++i)
-    for (Eigen::Index j = 0; j < L.cols(); ++j)
-      for (Eigen::Index c = 0; c < wide; ++c) all(i * wide + c, j * wide + c) = L(i, j);
+  for (Eigen::Index c = 0; c < wide; ++c) all(Eigen::seqN(c, L.rows(), wide), Eigen::seqN(c, L.cols(), wide)) = L;
   return all;
 }
 

@@ -6,6 +6,9 @@
 // sample (north 0.0701411, up 0.0397324) and g is 9.7914 * 0.005 / 0.0005 = 97.914 pulses a sample.
 #include <Eigen/Core>
 #include <Eigen/LU>
+#include "imu_io/base/files.h"
+#include "imu_io/base/key_value.h"
+#include "imu_io/recordings/recording_source.h"
 #include "tests/test.h"
 #include "tests/turntable_drivers/rig/perfect_rig.h"
 #include "turntable_drivers/rig/rig.h"
@@ -290,6 +293,65 @@ TEST(RigQuadrature, TenTimesFinerChangesNothing) {
   for (std::size_t k = 0; k < 3; ++k) {
     EXPECT_NEAR(coarse_sums[k], fine_sums[k], 1e-10) << k;
     EXPECT_NEAR(coarse_sums[3 + k], fine_sums[3 + k], 1e-9) << k;
+  }
+}
+
+// ---- against a recording of a simulator that shares nothing with the rig ----
+
+TEST(RigAgainstAnotherSimulator, SameUnitSameMotionSamePulses) {
+  const std::string folder = TURNCAL_SOURCE_DIR "/../shared/data/recordings/clean";
+  if (!path_exists(folder)) GTEST_SKIP() << "no recordings beside the repository";
+  RigConfig config = perfect_rig_config();
+  Result<KeyValueFile> truth = good(KeyValueFile::read(folder + "/truth.conf"));
+  for (std::size_t i = 0; i < 24; ++i)
+    if (const std::string key(rig_truth_keys[i]); truth->has(key)) config.truth[i] = truth->number(key);
+  const Result<std::unique_ptr<RecordingSource>> recording = good(RecordingSource::open(folder));
+  std::vector<std::array<double, 6>> theirs(1);  // sums of the six columns, one more than samples
+  ASSERT_OK((*recording)->read([&](std::span<const ImuSample> samples) {
+    for (const ImuSample& sample : samples) {
+      std::array<double, 6> next = theirs.back();
+      for (std::size_t k = 0; k < 6; ++k) next[k] += k < 3 ? sample.gyro[k] : sample.accel[k - 3];
+      theirs.push_back(next);
+    }
+    return Status();
+  }));
+  const Segments& segments = (*recording)->segments();
+  ASSERT_EQ(segments.size(), 106u);
+  ASSERT_EQ(theirs.size(), std::size_t(segments.back().end_sample) + 1);
+
+  Rig rig(config);
+  std::array<double, 3> before_deg{};
+  std::vector<ImuSample> samples;
+  for (const Segment& segment : segments) {
+    const std::array<double, 3> angles_deg = {segment.heading_deg, segment.pitch_deg, segment.roll_deg};
+    for (Axis axis : all_axes) {
+      const std::size_t i = index(axis);
+      if (angles_deg[i] != before_deg[i]) rig.command_move(axis, angles_deg[i], 10.0, 10.0);
+    }
+    before_deg = angles_deg;
+    samples.resize(std::size_t(segment.end_sample - segment.start_sample));
+    rig.advance(samples);
+    for (Axis axis : all_axes) EXPECT_FALSE(rig.axis(axis).moving);
+    std::array<double, 6> ours{};
+    for (const ImuSample& sample : samples) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        ours[k] += sample.gyro[k];
+        ours[3 + k] += sample.accel[k];
+      }
+    }
+    const double seconds = 0.005 * double(samples.size());
+    for (std::size_t k = 0; k < 6; ++k) {
+      const double difference =
+          theirs[std::size_t(segment.end_sample)][k] - theirs[std::size_t(segment.start_sample)][k] - ours[k];
+      const std::string where = "samples " + std::to_string(segment.start_sample) + " on, column " + std::to_string(k);
+      if (k >= 3) {
+        EXPECT_NEAR(difference * 0.0005 / seconds, 0.0, 0.03) << where;  // m/s^2: 10 arc minutes of g
+      } else if (segment.kind == SegmentKind::rotate) {
+        EXPECT_NEAR(difference * 0.932920 / 3600.0, 0.0, 0.45) << where;  // deg in up to 360
+      } else {
+        EXPECT_NEAR(difference * 0.932920 / seconds, 0.0, 0.09) << where;  // deg/h: tilt 0.04, noise 0.012
+      }
+    }
   }
 }
 
