@@ -57,60 +57,69 @@ FirstStepStop found_with(
           rig.watcher.saw(RunEvent::unit_wrong) && !rig.watcher.saw(RunEvent::storage_failed)};
 }
 
-TEST(FirstStep, AGoodUnitPasses) {
-  const FirstStepStop found = found_with([](ImuSample&) {});
-  EXPECT_EQ(found.state, RunState::done) << found.why;
+// What is wrong with a unit, what is said of it, and how soon; nothing of one that is good.
+struct WrongUnit {
+  const char* what;
+  std::function<void(ImuSample&)> change;
+  const char* says = "";
+  double within_s = 1e9;
+  std::function<void(RecordingInfo&)> told = [](RecordingInfo&) {};
+};
+// A unit whose frame is said to be in rad and m/s; what it sends is so many times that.
+WrongUnit in_units(const char* what, double gyros, double accelerometers, const char* says = "",
+                   double within_s = 1e9) {
+  constexpr double rad = 0.932920 * rad_per_arcsec, mps = 0.0005;
+  const auto change = [=](ImuSample& s) {
+    for (double& x : s.gyro) x *= gyros * rad;
+    for (double& x : s.accel) x *= accelerometers * mps;
+  };
+  return {what, change, says, within_s,
+          [](RecordingInfo& info) { info.gyro_increment = info.accel_increment = IncrementKind::physical; }};
 }
 
-TEST(FirstStep, WrongMountingStopsAfterTheFirstRest) {
-  // Turned by 90 deg about x: y and z change places.
-  const FirstStepStop found = found_with([](ImuSample& s) {
-    for (auto* v : {&s.gyro, &s.accel}) *v = {(*v)[0], (*v)[2], -(*v)[1]};
-  });
-  EXPECT_EQ(found.state, RunState::failed);
-  EXPECT_SAYS(found.why, "the unit's -z is up instead of its +y");
-  EXPECT_LT(found.time_s, 20.0);
-  EXPECT_TRUE(found.is_of_the_unit) << "nothing was wrong with storing";
-}
-
-TEST(FirstStep, EverySignOfAnAccelerometer) {
-  const char* up_instead[] = {"the unit's -x is up instead of its +x", "the unit's -y is up instead of its +y",
-                              "the unit's +z is up instead of its -z"};
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const FirstStepStop found = found_with([axis](ImuSample& s) { s.accel[axis] = -s.accel[axis]; });
-    EXPECT_EQ(found.state, RunState::failed);
-    EXPECT_SAYS(found.why, up_instead[axis]);
+TEST(FirstStep, WhatIsWrongIsSaidInItsTime) {
+  constexpr double first_rest_s = 20.0, first_turn_s = 30.0;
+  int k = 0;
+  for (const WrongUnit& unit :
+       {WrongUnit{"good", [](ImuSample&) {}},
+        {"turned by 90 deg about x",
+         [](ImuSample& s) {
+           for (auto* v : {&s.gyro, &s.accel}) *v = {(*v)[0], (*v)[2], -(*v)[1]};
+         },
+         "the unit's -z is up instead of its +y", first_rest_s},
+        {"-x", [](ImuSample& s) { s.accel[0] *= -1.0; }, "the unit's -x is up instead of its +x"},
+        {"-y", [](ImuSample& s) { s.accel[1] *= -1.0; }, "the unit's -y is up instead of its +y"},
+        {"-z", [](ImuSample& s) { s.accel[2] *= -1.0; }, "the unit's +z is up instead of its -z"},
+        {"gyro -z", [](ImuSample& s) { s.gyro[2] *= -1.0; }, "the turn of pitch by 90 deg was sensed about -z"},
+        {"gyro -x", [](ImuSample& s) { s.gyro[0] *= -1.0; }, "the turn of roll by 90 deg was sensed about -x"},
+        {"gyros x, z", [](ImuSample& s) { std::swap(s.gyro[0], s.gyro[2]); }, "sensed about +x"},
+        {"beside the table",
+         [](ImuSample& s) {
+           if (std::abs(s.gyro[2]) > 20.0) s.gyro[2] = double(s.counter % 50 == 0);
+         },
+         "the turn of pitch by 90 deg was hardly sensed"},
+        // These the earth's rate shows first.
+        {"gyros y, z", [](ImuSample& s) { std::swap(s.gyro[1], s.gyro[2]); }, "axes and signs of the gyros",
+         first_rest_s},
+        {"gyro -y", [](ImuSample& s) { s.gyro[1] *= -1.0; }, "axes and signs of the gyros", first_rest_s},
+        {"the other hemisphere", [](ImuSample&) {}, "site.latitude_deg is -29.53", first_rest_s,
+         [](RecordingInfo& info) { info.latitude_deg *= -1.0; }},
+        in_units("rad and m/s", 1.0, 1.0),
+        in_units("deg", 1.0 / rad_per_deg, 1.0, "they look as if they were in deg/s, not rad/s", first_rest_s),
+        in_units("radians squared", rad_per_deg, 1.0, "as if they were in rad/s, not deg/s", first_turn_s),
+        in_units("g", 1.0, 1.0 / standard_gravity_mps2, "as if they were in g, not m/s^2"),
+        {"3000 C", [](ImuSample& s) { s.temperature_c = 3000.0F; }, "temperature reads 3000 C", first_rest_s},
+        {"a sample now and then that cannot be", [&k](ImuSample& s) {
+           if (++k % 1500 == 0) s.gyro[0] = s.accel[1] = 2e9;
+         }}}) {
+    SCOPED_TRACE(unit.what);
+    const FirstStepStop found = found_with(unit.change, unit.told);
+    const bool good = *unit.says == '\0';
+    EXPECT_EQ(found.state, good ? RunState::done : RunState::failed) << found.why;
+    EXPECT_SAYS(found.why, unit.says);
+    EXPECT_LT(found.time_s, unit.within_s);
+    EXPECT_EQ(found.is_of_the_unit, !good) << "nothing was wrong with storing";
   }
-}
-
-TEST(FirstStep, SignsAndAxesOfTheGyros) {
-  using Change = std::function<void(ImuSample&)>;
-  for (const auto& [change, says] : {
-           std::pair<Change, const char*>{[](ImuSample& s) { s.gyro[2] = -s.gyro[2]; },
-                                          "the turn of pitch by 90 deg was sensed about -z"},
-           {[](ImuSample& s) { s.gyro[0] = -s.gyro[0]; }, "the turn of roll by 90 deg was sensed about -x"},
-           {[](ImuSample& s) { std::swap(s.gyro[0], s.gyro[2]); }, "sensed about +x"},
-           {[](ImuSample& s) {  // a unit that lies beside the table
-              if (std::abs(s.gyro[2]) > 20.0) s.gyro[2] = double(s.counter % 50 == 0);
-            },
-            "the turn of pitch by 90 deg was hardly sensed"},
-       })
-    EXPECT_SAYS(found_with(change).why, says);
-  // These the earth's rate shows first, in the first rest.
-  for (const Change& change : {Change([](ImuSample& s) { std::swap(s.gyro[1], s.gyro[2]); }),
-                               Change([](ImuSample& s) { s.gyro[1] = -s.gyro[1]; })}) {
-    const FirstStepStop found = found_with(change);
-    EXPECT_SAYS(found.why, "axes and signs of the gyros");
-    EXPECT_LT(found.time_s, 20.0);
-  }
-}
-
-TEST(FirstStep, TheOtherHemisphere) {
-  const FirstStepStop found = found_with([](ImuSample&) {}, [](RecordingInfo& info) { info.latitude_deg *= -1.0; });
-  EXPECT_EQ(found.state, RunState::failed);
-  EXPECT_SAYS(found.why, "site.latitude_deg is -29.53");
-  EXPECT_LT(found.time_s, 20.0) << "in the first rest";
-  EXPECT_TRUE(found.is_of_the_unit);
 }
 
 // Other units at other sites. What is told is off by 8 deg and more; what is not told is off by nothing.
@@ -176,29 +185,6 @@ TEST(FirstStep, UpThatLeansAndNumbersThatAreNothing) {
   EXPECT_SAYS(turned.error().message, "expected +9.79, +0, +0;");
 }
 
-// A unit whose frame is said to be in rad and m/s; what it sends is so many times that.
-FirstStepStop found_in_units(double gyros, double accelerometers) {
-  constexpr double rad = 0.932920 * rad_per_arcsec, mps = 0.0005;
-  return found_with(
-      [=](ImuSample& s) {
-        for (double& x : s.gyro) x *= gyros * rad;
-        for (double& x : s.accel) x *= accelerometers * mps;
-      },
-      [](RecordingInfo& info) { info.gyro_increment = info.accel_increment = IncrementKind::physical; });
-}
-
-TEST(FirstStep, UnitsThatAreWrongAreNamedAfterTheFirstRest) {
-  EXPECT_EQ(found_in_units(1.0, 1.0).state, RunState::done);
-  const FirstStepStop degrees = found_in_units(1.0 / rad_per_deg, 1.0);
-  EXPECT_SAYS(degrees.why, "they look as if they were in deg/s, not rad/s");
-  EXPECT_LT(degrees.time_s, 20.0);
-  const FirstStepStop radians = found_in_units(rad_per_deg, 1.0);
-  EXPECT_SAYS(radians.why, "as if they were in rad/s, not deg/s");
-  EXPECT_LT(radians.time_s, 30.0) << "seen in the first turn";
-  const FirstStepStop g = found_in_units(1.0, 1.0 / standard_gravity_mps2);
-  EXPECT_SAYS(g.why, "as if they were in g, not m/s^2");
-}
-
 TEST(FirstStep, PulsesOfAWeightThatNoCalibrationFindsAreNamed) {
   const auto weighing = [](double arcsec) {
     RigConfig config = default_rig_config();
@@ -213,20 +199,6 @@ TEST(FirstStep, PulsesOfAWeightThatNoCalibrationFindsAreNamed) {
     EXPECT_TRUE(found.is_of_the_unit);
     EXPECT_LT(found.time_s, 35.0) << "seen in the first turn";
   }
-}
-
-TEST(FirstStep, AnImpossibleTemperature) {
-  const FirstStepStop found = found_with([](ImuSample& s) { s.temperature_c = 3000.0F; });
-  EXPECT_SAYS(found.why, "temperature reads 3000 C");
-  EXPECT_LT(found.time_s, 20.0);
-}
-
-TEST(FirstStep, AnImpossibleSampleIsNotCounted) {
-  int k = 0;
-  const FirstStepStop found = found_with([&k](ImuSample& s) {
-    if (++k % 1500 == 0) s.gyro[0] = s.accel[1] = 2e9;
-  });
-  EXPECT_EQ(found.state, RunState::done) << found.why;
 }
 
 TEST(FirstStep, DeadSensors) {

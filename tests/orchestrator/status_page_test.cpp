@@ -1,6 +1,4 @@
-// The status page: what it serves, that nothing can be written, and what a browser shows while the run goes on and when it dies.
-#include <poll.h>
-
+// The status page: what it serves, and that nothing can be written. In a browser: tests/system/live_page_test.py.
 #include <new>
 #include <thread>
 
@@ -15,103 +13,6 @@
 
 namespace turncal {
 namespace {
-
-// Chromium without a window, spoken to over its debugging pipe (file descriptors 3 and 4, messages end with a zero byte).
-class Browser {
- public:
-  static bool available() { return ::access("/usr/bin/chromium", X_OK) == 0; }
-
-  explicit Browser(const std::string& profile) {
-    int to[2], from[2];
-    if (::pipe(to) != 0 || ::pipe(from) != 0) return;
-    pid_ = ::fork();
-    if (pid_ == 0) {
-      ::setpgid(0, 0);
-      const int in = ::fcntl(to[0], F_DUPFD, 10), out = ::fcntl(from[1], F_DUPFD, 10);
-      ::dup2(in, 3);
-      ::dup2(out, 4);
-      const int quiet = ::open("/dev/null", O_RDWR);
-      ::dup2(quiet, 1);
-      ::dup2(quiet, 2);
-      const std::string folder = "--user-data-dir=" + profile;
-      ::execl("/usr/bin/chromium", "chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
-              "--remote-debugging-pipe", folder.c_str(), "about:blank", nullptr);
-      ::_exit(98);
-    }
-    ::close(to[0]);
-    ::close(from[1]);
-    to_ = to[1];
-    from_ = from[0];
-  }
-  ~Browser() {
-    ::close(to_);
-    ::close(from_);
-    ::kill(-pid_, SIGKILL);
-    ::waitpid(pid_, nullptr, 0);
-  }
-
-  bool open(const std::string& url) {
-    const std::string target = field(call("Target.createTarget", "{\"url\":\"" + url + "\"}", ""), "targetId");
-    session_ =
-        field(call("Target.attachToTarget", "{\"targetId\":\"" + target + "\",\"flatten\":true}", ""), "sessionId");
-    return !session_.empty();
-  }
-  // What the page's visible text is, and what is in an element.
-  std::string text() { return evaluate("document.body.innerText"); }
-  std::string evaluate(const std::string& expression) {
-    return call("Runtime.evaluate", "{\"expression\":\"" + expression + "\",\"returnByValue\":true}", session_);
-  }
-  bool shows(const std::string& text_wanted, double within_s) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(within_s);
-    while (std::chrono::steady_clock::now() < end) {
-      seen_ = text();
-      if (seen_.find(text_wanted) != std::string::npos) return true;
-      std::this_thread::sleep_for(std::chrono::milliseconds(200));
-    }
-    return false;
-  }
-  const std::string& seen() const { return seen_; }
-
- private:
-  static std::string field(const std::string& json, const std::string& key) {
-    const std::string mark = "\"" + key + "\":\"";
-    const std::size_t at = json.find(mark);
-    return at == std::string::npos ? ""
-                                   : json.substr(at + mark.size(), json.find('"', at + mark.size()) - at - mark.size());
-  }
-  std::string call(const std::string& method, const std::string& parameters, const std::string& session) {
-    const std::string id = std::to_string(++id_);
-    std::string message = "{\"id\":" + id + ",\"method\":\"" + method + "\",\"params\":" + parameters;
-    if (!session.empty()) message += ",\"sessionId\":\"" + session + "\"";
-    message += "}";
-    message.push_back('\0');
-    if (::write(to_, message.data(), message.size()) != static_cast<ssize_t>(message.size())) return "";
-    for (;;) {
-      const std::string answer = next_message();
-      if (answer.empty() || answer.find("\"id\":" + id + ",") != std::string::npos) return answer;
-    }
-  }
-  std::string next_message() {
-    for (;;) {
-      const std::size_t end = received_.find('\0');
-      if (end != std::string::npos) {
-        const std::string message = received_.substr(0, end);
-        received_.erase(0, end + 1);
-        return message;
-      }
-      pollfd ready{from_, POLLIN, 0};
-      if (::poll(&ready, 1, 30'000) <= 0) return "";
-      char buffer[65536];
-      const ssize_t n = ::read(from_, buffer, sizeof buffer);
-      if (n <= 0) return "";
-      received_.append(buffer, std::size_t(n));
-    }
-  }
-
-  pid_t pid_ = -1;
-  int to_ = -1, from_ = -1, id_ = 0;
-  std::string received_, session_, seen_;
-};
 
 class Page : public Program {
  protected:
@@ -208,48 +109,6 @@ TEST_F(Page, OfACampaignSaysTheLegAndWhenTheLastOneEnds) {
   ASSERT_TRUE(end_s);
   EXPECT_NEAR(*end_s - begin_s, 3600.0 * hours, 60.0) << "what it takes to begin";
   ::kill(pid, SIGTERM);
-  EXPECT_EQ(finish(pid).code, 75);
-}
-
-TEST_F(Page, ABrowserShowsTheRunAndThatItDied) {
-  if (!Browser::available()) GTEST_SKIP() << "no /usr/bin/chromium here";
-  pid_t pid = -1;
-  const std::string url = start_run("out", "10", pid);
-  ASSERT_FALSE(url.empty());
-  Browser browser(path("profile"));
-  ASSERT_TRUE(browser.open(url)) << "no answer from chromium";
-  EXPECT_TRUE(browser.shows("Running: step", 20.0)) << browser.seen();
-  EXPECT_TRUE(browser.shows("turncal: unit SN-7 (simulated: no real unit)", 5.0)) << browser.seen();
-  // It lives: the station time moves on, and the running dwell is drawn.
-  const std::string first = browser.text();
-  ::usleep(2'500'000);
-  EXPECT_NE(browser.text(), first);
-  bool drawn = false;
-  for (int i = 0; i < 50 && !drawn; ++i) {
-    const std::string points = browser.evaluate(
-        "document.querySelectorAll('#gyro polyline').length + ' ' + (document.querySelector('#gyro "
-        "polyline')||{getAttribute(){return ''}}).getAttribute('points')");
-    drawn = points.find("\"value\":\"3 52.0,") != std::string::npos;
-    ::usleep(100'000);
-  }
-  EXPECT_TRUE(drawn);
-  ::kill(pid, SIGKILL);
-  finish(pid);
-  EXPECT_TRUE(browser.shows("No answer from the program since", 15.0)) << browser.seen();
-  EXPECT_TRUE(browser.shows("how it ended is in out/run.log", 1.0)) << browser.seen();
-}
-
-TEST_F(Page, ABrowserShowsHowItEnded) {
-  if (!Browser::available()) GTEST_SKIP() << "no /usr/bin/chromium here";
-  pid_t pid = -1;
-  const std::string url = start_run("out", "40", pid);
-  ASSERT_FALSE(url.empty());
-  Browser browser(path("profile"));
-  ASSERT_TRUE(browser.open(url));
-  EXPECT_TRUE(browser.shows("Running: step", 20.0)) << browser.seen();
-  ::kill(pid, SIGTERM);
-  EXPECT_TRUE(browser.shows("Paused: step", 15.0)) << browser.seen();
-  EXPECT_TRUE(browser.shows("told to end", 1.0)) << browser.seen();
   EXPECT_EQ(finish(pid).code, 75);
 }
 

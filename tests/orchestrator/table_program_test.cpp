@@ -32,10 +32,6 @@ class TableProgram : public Program {
     const std::string time = "link.response_timeout_s = 0.1";
     write("level.map", map.replace(map.find(time), time.size(), "link.response_timeout_s = 5"));
   }
-  void switch_on() {
-    const std::lock_guard lock(drives.mutex);
-    for (auto& [unit, drive] : drives.drives) drive.control = 1;
-  }
   // What is done once `commission` has homed the table, and rests.
   ProgramResult commission(const std::function<void(pid_t)>& then) {
     for (const int unit : {1, 2, 3}) {
@@ -54,56 +50,76 @@ class TableProgram : public Program {
   Pty unit_;  // silent
 };
 
-class TableProgramToldToEnd : public TableProgram, public testing::WithParamInterface<int> {};
-TEST_P(TableProgramToldToEnd, CommissionSaysSoAndThatTheTableRests) {
-  const bool by_operator = GetParam() == SIGINT;
-  const ProgramResult result = commission([](pid_t pid) { ::kill(pid, GetParam()); });
-  EXPECT_EQ(result.code, by_operator ? 30 : 75);
-  EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_SAYS(result.err, by_operator ? "stopped by the operator" : "told to end");
-  EXPECT_SAYS(result.err, "the table rests, its drives are off");
-  EXPECT_TRUE(drives.all_off());
-}
-INSTANTIATE_TEST_SUITE_P(By, TableProgramToldToEnd, testing::Values(SIGTERM, SIGINT),
-                         [](const auto& which) { return std::string("SIG") + sigabbrev_np(which.param); });
-
-// A process that is stopped cannot watch a table that turns.
-TEST_F(TableProgram, NoTerminalStopsItWhileTheDrivesAreOn) {
-  const ProgramResult result = commission([](pid_t pid) {
-    for (const int signal : {SIGTSTP, SIGTTIN, SIGTTOU}) ::kill(pid, signal);
-    ::usleep(200'000);
-    int status = 0;
-    EXPECT_EQ(::waitpid(pid, &status, WNOHANG | WUNTRACED), 0) << "it stands";
-    ::kill(pid, SIGTERM);
-  });
-  EXPECT_EQ(result.code, 75) << result.err;
-  EXPECT_TRUE(drives.all_off());
-}
-
-TEST_F(TableProgram, CommissionStopsWhenAnotherAxisTurns) {
-  const ProgramResult result = commission([this](pid_t) {
-    const std::lock_guard lock(drives.mutex);
-    LevelDrive& roll = drives.drives[3];
-    roll.pass();
-    roll.target = 45'000.0;
-    roll.rate = 10'000.0;
-  });
-  EXPECT_EQ(result.code, 50);
-  EXPECT_SAYS(result.err, "roll moves although nothing sent it");
-  EXPECT_TRUE(drives.all_off());
-  EXPECT_LT(drives.drive(3).position, 10'000.0) << "10 deg at 10 deg/s, where a poll takes 0.1 s";
-}
-
-TEST_F(TableProgram, CommissionStopsWhenADriveGoesOff) {
-  double began_s = 0.0;
-  const ProgramResult result = commission([&](pid_t) {
-    began_s = monotonic_s();
-    const std::lock_guard lock(drives.mutex);
-    drives.drives[2].write_control(0);
-  });
-  EXPECT_LT(monotonic_s() - began_s, 10.0) << "not only when a move takes too long, with the look for a sag";
-  EXPECT_EQ(result.code, 50);
-  EXPECT_SAYS(result.err, "drive of axis pitch is off; the table rests, its drives are off");
+// Whatever ends it, the drives are off, and the error says how the table was left; where that cannot be verified, in the time that
+// docs/tables.md gives a program that leaves a table.
+TEST_F(TableProgram, CommissionEndsSafelyWhateverEndsIt) {
+  const char* const left = "the table rests, its drives are off";
+  struct Row {
+    const char* what;
+    std::function<void(pid_t)> happens;
+    int code;
+    std::vector<const char*> says;
+    double within_s = 10.0;  // where a move that takes too long is no earlier
+  };
+  for (const Row& row : {Row{"SIGTERM", [](pid_t pid) { ::kill(pid, SIGTERM); }, 75, {"told to end", left}},
+                         Row{"SIGINT", [](pid_t pid) { ::kill(pid, SIGINT); }, 30, {"stopped by the operator", left}},
+                         Row{"signals of a terminal, which would leave a table that turns unwatched",
+                             [](pid_t pid) {
+                               for (const int signal : {SIGTSTP, SIGTTIN, SIGTTOU}) ::kill(pid, signal);
+                               ::usleep(200'000);
+                               int status = 0;
+                               EXPECT_EQ(::waitpid(pid, &status, WNOHANG | WUNTRACED), 0) << "it stands";
+                               ::kill(pid, SIGTERM);
+                             },
+                             75,
+                             {"told to end"}},
+                         Row{"another axis turns",
+                             [this](pid_t) {
+                               const std::lock_guard lock(drives.mutex);
+                               LevelDrive& roll = drives.drives[3];
+                               roll.pass();
+                               roll.target = 45'000.0;
+                               roll.rate = 10'000.0;
+                             },
+                             50,
+                             {"roll moves although nothing sent it"}},
+                         Row{"a drive goes off",
+                             [this](pid_t) {
+                               const std::lock_guard lock(drives.mutex);
+                               drives.drives[2].write_control(0);
+                             },
+                             50,
+                             {"drive of axis pitch is off", left}},
+                         Row{"a failure",
+                             [this](pid_t) {
+                               drives.exception = 4;
+                               ::usleep(300'000);
+                               drives.exception = 0;
+                             },
+                             50,
+                             {"exception 4", left}},
+                         Row{"drives that stay on",
+                             [this](pid_t pid) {
+                               drives.refuses_off = 1'000'000;
+                               ::kill(pid, SIGTERM);
+                             },
+                             50,
+                             {"told to end", "THE STOP COULD NOT BE VERIFIED"},
+                             15.0}}) {
+    SCOPED_TRACE(row.what);
+    double began_s = 0.0;
+    const ProgramResult result = commission([&](pid_t pid) {
+      began_s = monotonic_s();
+      row.happens(pid);
+    });
+    EXPECT_LT(monotonic_s() - began_s, row.within_s);
+    EXPECT_EQ(result.code, row.code) << result.err;
+    EXPECT_EQ(result.err_lines(), 1) << result.err;
+    EXPECT_TRUE(result.err.starts_with("turncal: ")) << result.err;
+    for (const char* words : row.says) EXPECT_SAYS(result.err, words);
+    EXPECT_EQ(drives.all_off(), drives.refuses_off == 0);
+    EXPECT_LT(drives.drive(3).position, 10'000.0) << "10 deg at 10 deg/s, where a poll takes 0.1 s";
+  }
 }
 
 // 0.005 deg/s, of which neither the status nor the rate tells.
@@ -132,29 +148,38 @@ TEST_F(TableProgram, AnAxisThatSagsWithItsDriveOffIsSaid) {
   EXPECT_TRUE(said.starts_with("pitch turns with its drive off: from ")) << said;
 }
 
-TEST_F(TableProgram, MonitorShowsADriveThatIsOnAndSwitchesItOff) {
-  switch_on();
-  const ProgramResult result = ends("monitor --station level.station --for 1s", 0);
-  EXPECT_SAYS(result.out, "not ready (on, by somebody else");
-  EXPECT_SAYS_NOT(result.out, "(off");
-  EXPECT_TRUE(drives.all_off());
-}
-
-TEST_F(TableProgram, MonitorSaysThatADriveStaysOn) {
-  switch_on();
-  drives.refuses_off = 1'000'000;
-  ends("monitor --station level.station --for 1s", 50, "THE STOP COULD NOT BE VERIFIED");
-}
-
-TEST_F(TableProgram, MonitorSaysThatItCouldNotReadTheTableAtLast) {
-  const pid_t pid = start({"monitor", "--station", "level.station", "--for", "2s"});
-  ::usleep(1'200'000);
-  drives.reads_answered = false;
-  const ProgramResult result = finish(pid);
-  drives.reads_answered = true;
-  EXPECT_EQ(result.code, 50);
-  EXPECT_EQ(result.err_lines(), 1) << result.err;
-  EXPECT_SAYS(result.err, "THE STOP COULD NOT BE VERIFIED");
+// Drives that somebody else left on, or that fail while it looks: a drive that answers with a failure is there.
+TEST_F(TableProgram, MonitorSaysHowItLeavesTheDrives) {
+  struct Row {
+    const char* what;
+    std::function<void()> happens;  // after 1.2 s of 2
+    int code;
+    std::vector<const char*> says;
+  };
+  for (const Row& row :
+       {Row{"they go off", [] {}, 0, {"not ready (on, by somebody else"}},
+        Row{"an exception",
+            [this] { drives.exception = 4; },
+            50,
+            {"heading FAULT; pitch FAULT; roll FAULT; ", "exception 4"}},
+        Row{"nothing can be read", [this] { drives.reads_answered = false; }, 50, {"THE STOP COULD NOT BE VERIFIED"}},
+        Row{"they stay on", [this] { drives.refuses_off = 1'000'000; }, 50, {"THE STOP COULD NOT BE VERIFIED"}}}) {
+    SCOPED_TRACE(row.what);
+    {
+      const std::lock_guard lock(drives.mutex);
+      for (auto& [unit, drive] : drives.drives) drive.control = 1;
+    }
+    const pid_t pid = start("monitor --station level.station --for 2s");
+    ::usleep(1'200'000);
+    row.happens();
+    const ProgramResult result = finish(pid);
+    drives.exception = 0;
+    drives.reads_answered = true;
+    EXPECT_EQ(result.code, row.code) << result.err;
+    EXPECT_EQ(result.err_lines(), row.code == 0 ? 0 : 1) << result.err;
+    for (const char* words : row.says) EXPECT_SAYS(result.out + result.err, words);
+    EXPECT_TRUE(row.code != 0 || drives.all_off());
+  }
 }
 
 // A signal cuts the reading of the moment short: that is no fault of the line, and nothing is said of it.
@@ -209,19 +234,6 @@ TEST_F(TableProgram, MonitorShowsTheUnitOfASlowTable) {
   EXPECT_SAYS_NOT(result.out, "no samples");
 }
 
-// A drive that answers with a failure is there.
-TEST_F(TableProgram, MonitorSaysFaultOfADriveThatAnswersWithAnException) {
-  const pid_t pid = start({"monitor", "--station", "level.station", "--for", "2s"});
-  ::usleep(600'000);
-  drives.exception = 4;
-  const ProgramResult result = finish(pid);
-  drives.exception = 0;
-  EXPECT_SAYS(result.out, "heading FAULT; pitch FAULT; roll FAULT; ");
-  EXPECT_SAYS_NOT(result.out, "link lost");
-  EXPECT_EQ(result.code, 50);
-  EXPECT_SAYS(result.err, "exception 4");
-}
-
 // No position is plausible in the wrong word order, so that connecting fails: what would fit is said all the same.
 TEST_F(TableProgram, CommissionSaysWhichWordOrderFitsWhereNoPositionIsPlausible) {
   {
@@ -238,20 +250,6 @@ TEST_F(TableProgram, CommissionSaysWhichWordOrderFitsWhereNoPositionIsPlausible)
   EXPECT_EQ(drives.words(), 0u) << "nothing was written";
 }
 
-// Whatever ended it, the error says how the table was left; and of a twin that it was one.
-TEST_F(TableProgram, CommissionThatFailsSaysHowTheTableWasLeft) {
-  const ProgramResult rests = commission([this](pid_t) {
-    drives.exception = 4;
-    ::usleep(300'000);
-    drives.exception = 0;
-  });
-  EXPECT_EQ(rests.code, 50);
-  EXPECT_SAYS(rests.err, "exception 4");
-  EXPECT_SAYS(rests.err, "the table rests, its drives are off");
-  EXPECT_TRUE(rests.err.starts_with("turncal: ")) << rests.err;
-  EXPECT_TRUE(drives.all_off());
-}
-
 // Said once, when the run's own time for a stop is over: nothing is tried a second time by whoever leaves the table.
 TEST_F(TableProgram, RunThatCannotVerifyItsStopSaysSoInItsTime) {
   const std::string station = file_text(path("level.station"));
@@ -263,17 +261,6 @@ TEST_F(TableProgram, RunThatCannotVerifyItsStopSaysSoInItsTime) {
   EXPECT_SAYS(result.err, "THE STOP COULD NOT BE VERIFIED");
   EXPECT_SAYS(result.out, "stopping -> failed  deadline: THE STOP COULD NOT BE VERIFIED");
   EXPECT_LT(monotonic_s() - began_s, 9.0) << "1 s of silence, 1 + 2 s of stop, and the ramps";
-}
-
-// Bounded by what docs/tables.md says of a program that leaves a table.
-TEST_F(TableProgram, CommissionThatCannotVerifyItsStopEndsAfterTenSeconds) {
-  drives.refuses_off = 1'000'000;
-  const double began_s = monotonic_s();
-  const ProgramResult result = commission([](pid_t pid) { ::kill(pid, SIGTERM); });
-  EXPECT_EQ(result.code, 50);
-  EXPECT_SAYS(result.err, "told to end");
-  EXPECT_SAYS(result.err, "THE STOP COULD NOT BE VERIFIED");
-  EXPECT_LT(monotonic_s() - began_s, 15.0);
 }
 
 }  // namespace

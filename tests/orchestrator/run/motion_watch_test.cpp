@@ -442,72 +442,71 @@ TableStatus with_pitch(double position_deg, double rate_degps, bool moving, bool
 const TableStatus at_target = with_pitch(90.0, 0.0, false, true);
 const TableStatus under_way = with_pitch(40.0, 10.0, true, false);
 
-struct Started : ArrivalMonitor {
-  Started() : ArrivalMonitor(arrival_config()) {
-    start_move(to_90, 0.0, 0.0);
-    EXPECT_EQ(update(under_way, 4.0), std::nullopt);
-  }
+struct Poll {
+  TableStatus status;
+  double time_s;
+  std::optional<RunEvent> event = {};
+};
+struct Story {
+  const char* what;
+  std::optional<Move> move;  // without one: to rest only
+  std::vector<Poll> polls;
 };
 
-TEST(ArrivalMonitor, ArrivesThenSettlesAfterTheSettleTime) {
-  Started monitor;
-  EXPECT_EQ(monitor.update(at_target, 9.5), RunEvent::arrived);
-  EXPECT_EQ(monitor.update(at_target, 10.4), std::nullopt);
-  EXPECT_EQ(monitor.update(at_target, 10.5), RunEvent::settled);
+TEST(ArrivalMonitor, SaysWhatBecomesOfAMoveAndWhen) {
+  using enum RunEvent;
+  const TableStatus flickers = with_pitch(90.0, 0.0, false, false), away = with_pitch(-1.0, -10.0, true, false),
+                    there = with_pitch(0.0, 0.0, false, true), turns = with_pitch(12.5, 1.0, true, false),
+                    rests = with_pitch(13.0, 0.0, false, false);
+  const Poll begun{under_way, 4.0};
+  for (const Story& story :
+       {Story{"the settle time",
+              to_90,
+              {begun, {at_target, 9.5, arrived}, {at_target, 10.4}, {at_target, 10.5, settled}}},
+        {"within tolerance from the start, so that motion is never seen: three polls",
+         Move{Axis::pitch, 0.005, 10.0, 20.0},
+         {{there, 0.1}, {there, 0.2}, {there, 0.3, arrived}}},
+        {"a flicker begins the settle time anew",
+         to_90,
+         {begun,
+          {at_target, 9.5, arrived},
+          {flickers, 10.0, unsettled},
+          {at_target, 10.1, arrived},
+          {at_target, 10.6},
+          {at_target, 11.1, settled}}},
+        {"two seconds without coming nearer", to_90, {begun, {under_way, 5.9}, {under_way, 6.0, stall}}},
+        {"away is no progress", to_90, {{away, 1.0}, {with_pitch(-9.0, -10.0, true, false), 2.0, stall}}},
+        {"90/10 + 2 * 10/20 + 10 = 20 s", to_90, {begun, {flickers, 19.9}, {flickers, 20.1, deadline}}},
+        {"rest alone",
+         {},
+         {{with_pitch(12.0, 0.0, false, false), 0.5}, {turns, 0.9}, {rests, 1.5}, {rests, 1.9, settled}}},
+        {"no rest", {}, {{turns, 11.1, deadline}}}}) {
+    ArrivalMonitor monitor(arrival_config());
+    if (story.move)
+      monitor.start_move(*story.move, 0.0, 0.0);
+    else
+      monitor.settle_only(0.0);
+    for (const Poll& poll : story.polls)
+      EXPECT_EQ(monitor.update(poll.status, poll.time_s), poll.event) << story.what << " at " << poll.time_s;
+  }
 }
 
 TEST(ArrivalMonitor, EveryClauseIsNeeded) {
-  const TableStatus nearly[] = {
-      with_pitch(90.0, 0.0, false, false),    // not in position
-      with_pitch(90.0, 0.0, true, true),      // still says moving
-      with_pitch(90.011, 0.0, false, true),   // outside 0.01 deg
-      with_pitch(89.989, 0.0, false, true),   //
-      with_pitch(450.0, 0.0, false, true),    // a turn too far is not here: positions are cumulative
-      with_pitch(90.0, 0.011, false, true),   // still turning
-      with_pitch(90.0, -0.011, false, true),  //
-      with_pitch(std::numeric_limits<double>::quiet_NaN(), 0.0, false, true),  // unknown is not arrived
-      with_pitch(90.0, std::numeric_limits<double>::quiet_NaN(), false, true),
-  };
-  for (const TableStatus& status : nearly) {
-    Started monitor;
+  constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+  TableStatus another = at_target;
+  another[0].moving = true;
+  for (const TableStatus& status :
+       {with_pitch(90.0, 0.0, false, false),                                         // not in position
+        with_pitch(90.0, 0.0, true, true),                                           // still says moving
+        with_pitch(90.011, 0.0, false, true), with_pitch(89.989, 0.0, false, true),  // outside 0.01 deg
+        with_pitch(450.0, 0.0, false, true),  // a turn too far is not here: positions are cumulative
+        with_pitch(90.0, 0.011, false, true), with_pitch(90.0, -0.011, false, true),  // still turning
+        with_pitch(unknown, 0.0, false, true), with_pitch(90.0, unknown, false, true), another}) {
+    ArrivalMonitor monitor(arrival_config());
+    monitor.start_move(to_90, 0.0, 0.0);
+    EXPECT_EQ(monitor.update(under_way, 4.0), std::nullopt);
     EXPECT_EQ(monitor.update(status, 5.0), std::nullopt) << status[1].position_deg << ' ' << status[1].rate_degps;
   }
-  // Another axis moves.
-  Started monitor;
-  TableStatus other = at_target;
-  other[0].moving = true;
-  EXPECT_EQ(monitor.update(other, 5.0), std::nullopt);
-}
-
-TEST(ArrivalMonitor, StaleDoneBeforeTheMotionIsNotBelieved) {
-  // A move of 0.005 deg: within tolerance from the start, so motion can never be seen; the three-poll guard decides.
-  ArrivalMonitor monitor(arrival_config());
-  monitor.start_move({Axis::pitch, 0.005, 10.0, 20.0}, 0.0, 0.0);
-  const TableStatus still = with_pitch(0.0, 0.0, false, true);
-  EXPECT_EQ(monitor.update(still, 0.1), std::nullopt);
-  EXPECT_EQ(monitor.update(still, 0.2), std::nullopt);
-  EXPECT_EQ(monitor.update(still, 0.3), RunEvent::arrived);
-}
-
-TEST(ArrivalMonitor, FlickerBeginsTheSettleTimeAnew) {
-  Started monitor;
-  EXPECT_EQ(monitor.update(at_target, 9.5), RunEvent::arrived);
-  EXPECT_EQ(monitor.update(with_pitch(90.0, 0.0, false, false), 10.0), RunEvent::unsettled);
-  EXPECT_EQ(monitor.update(at_target, 10.1), RunEvent::arrived);
-  EXPECT_EQ(monitor.update(at_target, 10.6), std::nullopt);
-  EXPECT_EQ(monitor.update(at_target, 11.1), RunEvent::settled);
-}
-
-TEST(ArrivalMonitor, StallIsTwoSecondsWithoutComingNearer) {
-  ArrivalMonitor monitor(arrival_config());
-  monitor.start_move(to_90, 0.0, 0.0);
-  EXPECT_EQ(monitor.update(with_pitch(40.0, 10.0, true, false), 4.0), std::nullopt);
-  EXPECT_EQ(monitor.update(with_pitch(40.0, 10.0, true, false), 5.9), std::nullopt);
-  EXPECT_EQ(monitor.update(with_pitch(40.0, 10.0, true, false), 6.0), RunEvent::stall);
-  // Moving away is no progress either.
-  monitor.start_move(to_90, 0.0, 0.0);
-  EXPECT_EQ(monitor.update(with_pitch(-1.0, -10.0, true, false), 1.0), std::nullopt);
-  EXPECT_EQ(monitor.update(with_pitch(-9.0, -10.0, true, false), 2.0), RunEvent::stall);
 }
 
 TEST(ArrivalMonitor, SlowMoveIsNoStall) {
@@ -517,33 +516,14 @@ TEST(ArrivalMonitor, SlowMoveIsNoStall) {
     ASSERT_EQ(monitor.update(with_pitch(0.001 * i, 0.01, true, false), 0.1 * i), std::nullopt) << i;
 }
 
-TEST(ArrivalMonitor, DeadlineIsThatOfTheDesign) {
-  // 90/10 + 2 * 10/20 + 10 = 20 s
-  Started monitor;
-  EXPECT_NEAR(monitor.allowed_s(), 20.0, 1e-12);
-  const TableStatus never = with_pitch(90.0, 0.0, false, false);
-  EXPECT_EQ(monitor.update(never, 19.9), std::nullopt);
-  EXPECT_EQ(monitor.update(never, 20.1), RunEvent::deadline);
-}
-
 TEST(ArrivalMonitor, PollsAreWorthMostAtTheEndOfTheMotion) {
   ArrivalMonitor monitor(arrival_config());
   monitor.start_move(to_90, 0.0, 100.0);
+  EXPECT_NEAR(monitor.allowed_s(), 20.0, 1e-12);
   EXPECT_NEAR(monitor.moment_of_interest_s(100.0), 109.5, 1e-12);
   EXPECT_EQ(monitor.update(under_way, 104.0), std::nullopt);
   EXPECT_EQ(monitor.update(at_target, 109.5), RunEvent::arrived);
   EXPECT_NEAR(monitor.moment_of_interest_s(109.5), 110.5, 1e-12);
-}
-
-TEST(ArrivalMonitor, SettlingWithoutAMoveWantsRestOnly) {
-  ArrivalMonitor monitor(arrival_config());
-  monitor.settle_only(0.0);
-  EXPECT_EQ(monitor.update(with_pitch(12.0, 0.0, false, false), 0.5), std::nullopt);
-  EXPECT_EQ(monitor.update(with_pitch(12.5, 1.0, true, false), 0.9), std::nullopt);
-  EXPECT_EQ(monitor.update(with_pitch(13.0, 0.0, false, false), 1.5), std::nullopt);
-  EXPECT_EQ(monitor.update(with_pitch(13.0, 0.0, false, false), 1.9), RunEvent::settled);
-  monitor.settle_only(0.0);
-  EXPECT_EQ(monitor.update(with_pitch(12.5, 1.0, true, false), 11.1), RunEvent::deadline);
 }
 
 }  // namespace

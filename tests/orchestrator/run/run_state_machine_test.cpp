@@ -109,36 +109,6 @@ TEST(RunStateMachine, EveryErrorStopsTheTable) {
   }
 }
 
-// A pause never cuts an item short, and what it ends in is a stop that has to be verified.
-TEST(RunStateMachine, PauseWaitsForASafePoint) {
-  for (RunState state : all_states) {
-    const Transition transition = next(state, RunEvent::pause_wanted, usual_guards);
-    if (StateSet{RunState::resting, RunState::selecting, RunState::step_done}.contains(state)) {
-      EXPECT_EQ(transition.to, RunState::stopping) << to_string(state);
-      EXPECT_EQ(transition.action, RunAction::stop_table) << to_string(state);
-    } else if (live_states.contains(state)) {
-      EXPECT_EQ(transition.to, state);
-      EXPECT_EQ(transition.action, RunAction::none) << to_string(state);
-    }
-  }
-  EXPECT_EQ(next(RunState::calibrating, RunEvent::pause_wanted, usual_guards).outcome, Transition::Outcome::ignored);
-  const GuardSet interrupted = guards_of(false, true, RunGuard::by_interruption);
-  EXPECT_EQ(next(RunState::stopping, RunEvent::stopped_verified, interrupted).to, RunState::interrupted);
-  EXPECT_EQ(next(RunState::stopping, RunEvent::deadline, interrupted).to, RunState::failed);
-}
-
-// Every state can be reached from idle, and a final one from every state.
-TEST(RunStateMachine, EveryStateIsReachable) {
-  std::set<RunState> reached = {RunState::idle};
-  for (int round = 0; round < int(all_states.size()); ++round) {
-    for (const TransitionRow& row : transition_table) {
-      for (RunState state : all_states)
-        if (row.from.contains(state) && reached.count(state)) reached.insert(row.to);
-    }
-  }
-  EXPECT_EQ(reached.size(), all_states.size());
-}
-
 // What docs/architecture.md has to say, in the order of the table.
 template <class Enum>
 std::string names_of(EnumSet<Enum> set, const std::vector<Enum>& all) {

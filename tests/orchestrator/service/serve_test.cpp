@@ -289,17 +289,24 @@ TEST_F(Serve, WhoGuessesKeepsNobodyFromStopping) {
   EXPECT_EQ(s.post_of_ana("secret", "stop"), 409) << "let in: nothing runs that could be stopped";
 }
 
-TEST_F(Serve, ASuspendedProcessIsSaid) {
+// One that writes nothing, one that is suspended; and who looks without a pause keeps nobody from ending it.
+TEST_F(Serve, ARunThatStandsIsSaid) {
   write("queue", "SN1\n");
   const pid_t batch = start_batch("30");
-  wait_for(StationState::running);
+  for (const double began_s = monotonic_s(); look().state != StationState::running && monotonic_s() - began_s < 30.0;) {
+  }
+  EXPECT_FALSE(look_at(station_, wall_utc_s()).silent_s);
+  const StationView silent = look_at(station_, wall_utc_s() + 700.0);
+  EXPECT_TRUE(silent.silent_s && *silent.silent_s < 701.0);
+  EXPECT_SAYS(silent.for_a_person.front(), "the run has written nothing for");
   ::kill(batch, SIGSTOP);
   const StationView view = look_until([](const StationView& now) { return !now.for_a_person.empty(); });
   EXPECT_EQ(view.tone, Tone::attention);
   ASSERT_FALSE(view.for_a_person.empty());
   EXPECT_SAYS(view.for_a_person.front(), "is suspended");
-  ::kill(batch, SIGKILL);
-  finish(batch);
+  ::kill(batch, SIGCONT);
+  ::kill(batch, SIGTERM);
+  EXPECT_EQ(finish_batch(batch).code, 75);
 }
 
 // A command that appends what it is given to `heard`, and then does `and_then`.
@@ -405,49 +412,6 @@ TEST_F(Serve, AnAlertThatFailsHoldsNobodyUpAndIsShown) {
   page->reset();
   EXPECT_TRUE(open("true"));
   EXPECT_EQ(std::ranges::count(file_text(path("heard")), '\n'), 1);
-}
-
-TEST_F(Serve, WhoSeesARunCanEndIt) {
-  write("queue", "SN1\n");
-  const pid_t batch = start_batch("30");
-  for (const double began_s = monotonic_s(); look().state != StationState::running && monotonic_s() - began_s < 30.0;) {
-  }
-  ::kill(batch, SIGTERM);
-  EXPECT_EQ(finish_batch(batch).code, 75);
-}
-
-TEST_F(Serve, SaysARunThatWritesNothing) {
-  write("queue", "SN1\n");
-  const pid_t batch = start_batch("30");
-  wait_for(StationState::running);
-  EXPECT_FALSE(look_at(station_, wall_utc_s()).silent_s);
-  const StationView view = look_at(station_, wall_utc_s() + 700.0);
-  EXPECT_TRUE(view.silent_s && *view.silent_s < 701.0);
-  EXPECT_SAYS(view.for_a_person.front(), "the run has written nothing for");
-  ::kill(batch, SIGTERM);
-  EXPECT_EQ(finish_batch(batch).code, 75);
-}
-
-TEST_F(Serve, RefusesWhatItCannotServe) {
-  write("queue", "SN1\n");
-  expect_refused({"serve", path("none")}, "none: cannot open");
-  expect_refused({"serve", write("a", "station.1 = east\nstation.1.queue = queue\n")}, "station.1.runs");
-  const std::string station = "station.1 = east\nstation.1.queue = queue\nstation.1.runs = runs\n";
-  expect_refused({"serve", write("b", station + "station.2 = east\nstation.2.queue = q\nstation.2.runs = r\n")},
-                 "b:4: key 'station.2' = 'east': expected a name of its own");
-  expect_refused({"serve", write("c", station + "serve.password = x\n")}, "serve.password");
-  const std::string stations = write("d", station + "serve.password_file = operators\n");
-  expect_refused({"serve", stations}, "operators: cannot open");
-  expect_refused({"serve", write("e", station + "serve.database = postgresql://ana:x@host/line\n")}, "password");
-  expect_refused({"serve", write("f", station + "alert.command = true\n")}, "alert.record");
-  expect_refused({"serve", write("g", station + "alert.command = true\nalert.record = none/alerts\n")},
-                 "none/alerts.lock");
-  write_operators("ana:secret\n");
-  expect_refused({"serve", stations}, "operators:1: expected NAME:HASH");
-  write_operators(std::string("ana:") + hash_of_secret + "\n");
-  expect_refused({"serve", stations, "--listen", "0.0.0.0:0"}, "a loopback address is expected");
-  std::filesystem::permissions(path("operators"), std::filesystem::perms(0644));
-  expect_refused({"serve", stations}, "others can read");
 }
 
 }  // namespace
