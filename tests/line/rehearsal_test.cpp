@@ -132,21 +132,17 @@ TEST_F(Rehearsal, TheReportSaysWhatWasLaidOn) {
   EXPECT_SAYS(run({"shift", "results.db"}).out, "0 attempts") << "no simulated unit among real ones";
   write("report/shift.csv", "Dear customer,\n");
   expect_refused({"shift", "results.db", "--simulated", "--out", "report"}, "report/shift.csv");
-  expect_refused({"shift", "results.db", "--pdf"}, "--pdf: expected --out DIR");
-
-  expect_refused("run --dry-run --station line.station --unit A --unit B --out two",
-                 "lot.seed: expected one unit at a time");
 }
 
 // Interrupted and taken up again, the unit is the one that it was, at the time that it was.
 TEST_F(Rehearsal, ARunThatGoesOnIsOfTheSameTurnOn) {
   const std::string stations = std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/";
   for (const char* name : {"line.station", "line.rig"}) fs::copy_file(stations + name, path(name));
-  const auto of_lot = [](const std::string& unit, const std::string& out) {
-    return Program::dry_run(out, {"--station", "line.station", "--no-diagnosis"}, unit);
+  const auto of_lot = [this](const std::string& unit, const std::string& out) {
+    return quick_run(out, {"--station", "line.station", "--no-diagnosis"}, unit);
   };
   ends(of_lot("SN1", "whole"), 20);  // too short for its limits
-  const pid_t pid = start(of_lot("SN2", "cut") + "--pace 200");
+  const pid_t pid = start(of_lot("SN2", "cut") + "--pace 60");
   for (int i = 0; i < 400 && !fs::exists(folder_ / "cut/recording.partial.tcr"); ++i) ::usleep(20'000);
   ::usleep(900'000);
   ::kill(pid, SIGTERM);

@@ -195,40 +195,5 @@ TEST(ChamberRun, WhateverIsDrawnTheHeaterIsOffAtTheEnd) {
   EXPECT_GT(heated, 40) << "most of them were switched on";
 }
 
-// ---- the program ----
-
-class ChamberProgram : public Program {};
-
-TEST_F(ChamberProgram, ARunAtATemperature) {
-  write("own.chamber",
-        "format = 1\nname = own\nlink.kind = rig\nlimits.low_c = -40\nlimits.high_c = 85\nlimits.ramp_c_per_min = 3\n");
-  const std::string keys = "chamber.file = own.chamber\nchamber.limit_unit_c = 60\nchamber.settle_s = 60\n";
-  const std::string station = write("own.station", station_head + keys);
-  const Arguments base =
-      "run --dry-run --unit SN1 --capture-only --sequence " + Arguments{short_demo, "--station", station};
-  const auto cold = run(base + "--out cold");
-  EXPECT_EQ(cold.code, 0) << cold.err;
-  const auto warm = run(base + "--out warm --temperature 30 --verbose");
-  EXPECT_EQ(warm.code, 0) << warm.err;
-  EXPECT_SAYS(warm.out, "homing -> resting");
-  EXPECT_SAYS(warm.out, "settled");
-  EXPECT_SAYS(run("journal warm --format csv").out, "30");
-  expect_refused(base + "--out hot --temperature 61",
-                 "--temperature: 61 C: expected at most chamber.limit_unit_c (60)");
-  expect_refused(Arguments("run --dry-run --unit SN1 --out hot --temperature 30"), "has no chamber");
-  const auto check = run(Arguments("check --explain --station") + Arguments{station});
-  EXPECT_SAYS(check.out, "(own), -40 to 85 C, 3 C/min at most, the unit to 60 C");
-  // A fault is code 50, and what was recorded is kept.
-  write("door.rig", "fault.1.kind = chamber_door_open\nfault.1.time_s = 800\n");
-  const auto door = run(base + "--out door --temperature 30 --rig door.rig");
-  EXPECT_EQ(door.code, 50);
-  EXPECT_SAYS(door.err, "its door is open");
-  EXPECT_SAYS(door.out, "turncal resume");
-  // The door is shut again.
-  const auto shut = run("resume door");
-  EXPECT_EQ(shut.code, 0) << shut.err;
-  EXPECT_SAYS(run("journal door --format csv").out, "chamber_fault");
-}
-
 }  // namespace
 }  // namespace turncal

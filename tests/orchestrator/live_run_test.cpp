@@ -148,18 +148,5 @@ TEST(LiveRun, TimeRunsFasterForTwinsOnly) {
   EXPECT_TRUE(fails(station_with(twins + "clock.speed_up = 50\nimu.speedup = 20\n"), "imu.speedup"));
 }
 
-class LiveProgram : public Program {};
-
-TEST_F(LiveProgram, DevicesThatAreNotThereLeaveNothingBehind) {
-  const std::string folder = std::string(TURNCAL_SOURCE_DIR) + "/orchestrator/stations/";
-  write("no.station", live_station("table.address = 127.0.0.1:1\n"));
-  expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r", "--pace", "2"}, "--pace");
-  expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r", "--rig", "x"}, "--rig");
-  expect_refused({"run", "--station", "no.station", "--unit", "U", "--out", "r"}, "127.0.0.1:1", 50);
-  expect_refused({"run", "--station", folder + "modbus.station", "--unit", "U", "--out", "r"}, "SET-ME");
-  expect_refused({"twin", "--station", folder + "mock.station"}, "table.driver = modbus or serial");
-  expect_refused({"twin", "--station", folder + "twin.station", "--table", "tcp:x"}, "tcp:PORT");
-}
-
 }  // namespace
 }  // namespace turncal

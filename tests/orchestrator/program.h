@@ -143,10 +143,27 @@ class Program : public testing::Test {
   static Arguments dry_run(const std::string& out, const Arguments& more = {}, const std::string& unit = "SN1") {
     return Arguments{"run", "--dry-run", "--unit", unit, "--out", out, "--sequence", short_demo} + more;
   }
+  // What this run leaves in the folder `out`: made once for all tests, and copied. It names its files by their names in the test's folder.
+  void made(const std::string& out, const Arguments& run_of, int code = 0) const {
+    static std::map<std::string, TemporaryFolder> all;
+    std::string key = run_of.line();
+    for (const std::string& word : run_of)
+      if (std::filesystem::is_regular_file(folder_ / word)) key += '\n' + file_text(folder_ / word);
+    const auto [kept, first] = all.try_emplace(key);
+    if (first) ends(run_of, code);
+    const std::filesystem::path here = folder_ / out, there = kept->second / "made";
+    std::filesystem::create_directories(here.parent_path());
+    std::filesystem::copy(first ? here : there, first ? there : here, std::filesystem::copy_options::recursive);
+  }
   // Of the short sequence the steps before `step`. Those before 5 determine everything, with every kind of write that fourteen have.
   std::string first_steps(const std::string& step) const {
     const std::string whole = file_text(short_demo);
-    return write("first_steps.seq", whole.substr(0, whole.find("step " + step)));
+    write("first_steps.seq", whole.substr(0, whole.find("step " + step)));
+    return "first_steps.seq";
+  }
+  // A dry run of these, three minutes long.
+  Arguments quick_run(const std::string& out, const Arguments& more = {}, const std::string& unit = "SN1") const {
+    return Arguments{"run", "--dry-run", "--unit", unit, "--out", out, "--sequence", first_steps("5")} + more;
   }
   // With the library in front that strikes at call `point` (0: counts them into FOLDER.count); mode: kill, power or full.
   ProgramResult run_struck(const Arguments& arguments, long point, const char* mode) const {
@@ -179,32 +196,49 @@ class Program : public testing::Test {
     std::filesystem::rename(copy, folder_ / folder);
     return true;
   }
-  // Killed at each of these points and taken up: the exit code, parameters and recording of the run in `whole`. `out`: where it records.
-  void expect_same_after_kills(const Arguments& begin, const std::string& out, const std::vector<long>& points,
-                               const std::string& whole, int code = 0) const {
+  // Every file of a folder, by its name and its bytes: where two copies are the same, so is what is made of them.
+  std::size_t state_of(const std::string& folder) const {
+    std::map<std::string, std::string> files;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_ / folder))
+      if (entry.is_regular_file() && entry.path().filename() != "said") files[entry.path()] = file_text(entry.path());
+    std::string all;
+    for (const auto& [name, text] : files) all += name + '\n' + std::to_string(text.size()) + '\n' + text;
+    return std::hash<std::string>()(all);
+  }
+  // The run, killed at these of its calls (below 1: a share of all; below 0: before the last) and taken up: its exit code, parameters and
+  // recording each time. `out`: where it records; `step`: copies are made so many calls apart.
+  ProgramResult expect_same_after_kills(const Arguments& begin, const std::string& out,
+                                        const std::vector<double>& calls, int code = 0, long step = 4) const {
     const std::string folder = out.substr(0, out.find('/'));
     std::map<long, char> kills;
-    for (const long point : points) kills[point] = 'k';
-    ASSERT_EQ(run_copied(begin, folder, kills).code, code);
-    for (const long point : points) {
+    for (long call = step; call < 10'000; call += step) kills[call] = 'k';
+    ProgramResult whole = run_copied(begin, folder, kills);
+    EXPECT_EQ(whole.code, code) << whole.err;
+    std::map<std::string, std::string> made;
+    for (const char* name : {"parameters.conf", "recording.tcr"}) made[name] = file_text(folder_ / out / name);
+    const long all = points_struck();
+    const std::filesystem::path here = folder_ / folder, aside = path(folder + ".whole");
+    std::filesystem::rename(here, aside);
+    std::set<std::size_t> states;
+    for (const double call : calls) {
+      const double wanted = call < 0.0 ? double(all) + call : call < 1.0 ? call * double(all) : call;
+      const long point = std::lround(wanted) / step * step;
       SCOPED_TRACE(point);
-      ASSERT_TRUE(take_copy(folder, point));
+      EXPECT_TRUE(take_copy(folder, point));
+      if (!states.insert(state_of(folder)).second) continue;
       EXPECT_EQ(run({"resume", out}).code, code);
-      for (const char* name : {"parameters.conf", "recording.tcr"})
-        EXPECT_EQ(file_text(folder_ / out / name), file_text(folder_ / whole / name)) << name;
+      for (const auto& [name, bytes] : made) EXPECT_EQ(file_text(folder_ / out / name), bytes) << name;
     }
+    std::filesystem::remove_all(here);
+    std::filesystem::rename(aside, here);
+    return whole;
   }
 
-  // And how many calls run_struck can strike at.
-  ProgramResult run_counted(const Arguments& arguments, long& points) const {
-    const ProgramResult result = run_struck(arguments, 0, "");
-    points = std::stol(file_text(folder_.string() + ".count"));
-    return result;
-  }
+  // How many calls there were to strike at.
+  long points_struck() const { return std::stol(file_text(folder_.string() + ".count")); }
   long count_points(const Arguments& arguments, int code = 0) const {
-    long points = 0;
-    EXPECT_EQ(run_counted(arguments, points).code, code);
-    return points;
+    EXPECT_EQ(run_struck(arguments, 0, "").code, code);
+    return points_struck();
   }
 
   // Exit code, exactly one line on stderr that holds `text`, and not a file more than before.

@@ -19,7 +19,7 @@ class BatchProgram : public Program {
  protected:
   // Of the file `queue`, with the short sequence, into the folder `units`.
   Arguments batch(const Arguments& more = {}) const {
-    return Arguments{"batch", "queue", "--dry-run", "--out", "units", "--sequence", short_demo} + more;
+    return Arguments{"batch", "queue", "--dry-run", "--out", "units", "--sequence", first_steps("5")} + more;
   }
   std::string outcomes() const { return outcomes_text(path("queue")); }
   // Killed after first_us, later by step_us, and so on, until a batch ends.

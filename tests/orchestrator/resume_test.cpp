@@ -18,10 +18,8 @@ const std::string station_text = station_head +
 
 class Resume : public Program {
  protected:
-  void SetUp() override {
-    Program::SetUp();
+  void make_reference() {
     const std::string station = write("reference/mock.station", station_text);
-    sequence_ = first_steps("5");
     ASSERT_EQ(run_struck(begin("reference/out", station), 0, "").code, 0);
     long unsynced = -1;
     std::istringstream(file_text(folder_.string() + ".count")) >> points_ >> unsynced;
@@ -36,7 +34,7 @@ class Resume : public Program {
   }
 
   Arguments begin(const std::string& out, const std::string& station) const {
-    return {"run", "--dry-run", "--unit", "SN1", "--out", out, "--sequence", sequence_, "--station", station};
+    return {"run", "--dry-run", "--unit", "SN1", "--out", out, "--sequence", first_steps("5"), "--station", station};
   }
   // Items of the plan whose dwell is in the journal, in order.
   static std::vector<int> dwells(const fs::path& folder) {
@@ -77,31 +75,32 @@ class Resume : public Program {
   }
 
   int copies_ = 0;
-  std::string sequence_;
   long points_ = 0;
   std::map<std::string, std::string> reference_;
   std::vector<int> reference_dwells_;
 };
 
-// At every call, as a kill and as a power cut in turn; copies of a twelfth of them at a time.
+// At every call, as a kill and as a power cut in turn; a folder that was seen before ends as it did.
 TEST_F(Resume, AfterAKillOrAPowerCutAtAnyWriteOrSync) {
+  make_reference();
   const std::string station = write("struck/mock.station", station_text);
-  for (long first = 1; first <= 12; ++first) {
-    std::map<long, char> points;
-    for (long point = first; point <= points_; point += 12) points[point] = "kp"[point / 12 % 2];
-    ASSERT_EQ(run_copied(begin("struck/out", station), "struck", points).code, 0);
-    for (const auto& [point, how] : points) {
-      SCOPED_TRACE(std::to_string(point) + how);
-      ASSERT_TRUE(take_copy("struck", point));
-      expect_same_end("struck", station, file_text(folder_ / "struck/said"));
-      if (HasFatalFailure()) return;
-    }
-    fs::remove_all(folder_ / "struck");
-    write("struck/mock.station", station_text);
+  std::map<long, char> points;
+  for (long point = 1; point <= points_; ++point) points[point] = "kp"[point / 2 % 2];
+  ASSERT_EQ(run_copied(begin("struck/out", station), "struck", points).code, 0);
+  std::set<std::pair<std::size_t, bool>> states;  // of the folder, and whether PASS was said
+  for (const auto& [point, how] : points) {
+    SCOPED_TRACE(std::to_string(point) + how);
+    ASSERT_TRUE(take_copy("struck", point));
+    const std::string said = file_text(folder_ / "struck/said");
+    const bool passed = said.find("verdict     pass") != std::string::npos;
+    if (states.insert({state_of("struck"), passed}).second) expect_same_end("struck", station, said);
+    if (HasFatalFailure()) return;
   }
+  EXPECT_GT(states.size(), 100u);
 }
 
 TEST_F(Resume, DiskFullAtAnyWriteStopsTheRunAndItGoesOn) {
+  make_reference();
   for (long point = 1; point <= points_ && !HasFatalFailure(); point += 13) {
     SCOPED_TRACE("full from call " + std::to_string(point));
     const std::string station = write("full/mock.station", station_text);
@@ -118,48 +117,6 @@ TEST_F(Resume, DiskFullAtAnyWriteStopsTheRunAndItGoesOn) {
     expect_same_end("full", station, first.out);
     fs::remove_all(folder_ / "full");
   }
-}
-
-TEST_F(Resume, RefusesWhatIsNotTheSameRun) {
-  const std::string station = write("part/mock.station", station_text);
-  ASSERT_EQ(run_struck(begin("part/out", station), points_ / 2, "kill").code, -1000 - SIGKILL);
-  const std::vector<std::string> resume = {"resume", "part/out"};
-  const auto with = [&](const char* option, const std::string& value) {
-    return std::vector<std::string>{"resume", "part/out", option, value};
-  };
-  expect_refused(with("--unit", "SN2"), "expected 'SN1'");
-  expect_refused(with("--station", write("other.station", station_text + "# another\n")), "is not the station");
-  expect_refused(with("--sequence", write("other.seq", file_text(short_demo) + "# another\n")), "is not the sequence");
-  expect_refused(with("--rig", write("other.rig", "seed = 2\n")), "is not the rig");
-  expect_refused({"resume", "nowhere"}, "holds no journal.tcj");
-  write("part/mock.station", station_text + "# changed in place\n");
-  expect_refused(resume, "is not the station");
-  // The same bytes at another place are the same configuration.
-  ASSERT_EQ(run(with("--station", write("moved.station", station_text))).code, 0);
-  EXPECT_EQ(file_text(folder_ / "part/out/parameters.conf"), reference_.at("parameters.conf"));
-  // Once complete there is nothing to do, and it says so.
-  ends({"resume", "part/out"}, 0);
-}
-
-TEST_F(Resume, RefusesADamagedJournalAndARunThatGoesOn) {
-  const std::string station = write("part/mock.station", station_text);
-  ASSERT_EQ(run_struck(begin("part/out", station), points_ / 2, "kill").code, -1000 - SIGKILL);
-  const fs::path path = folder_ / "part/out" / journal_name;
-  const std::string whole = file_text(path);
-  {
-    // The lock of a run that goes on.
-    Result<JournalFile> held = good(JournalFile::reopen(path.string()));
-    expect_refused({"resume", "part/out"}, "in use by another process", 50);
-  }
-  std::string bad = whole;
-  bad[bad.size() / 2] ^= 0x40;
-  write("part/out/journal.tcj", bad);
-  expect_refused({"resume", "part/out"}, "damaged");
-  write("part/out/journal.tcj", "");
-  expect_refused({"resume", "part/out"}, "expected a journal");
-  write("part/out/journal.tcj", whole);
-  EXPECT_EQ(run({"resume", "part/out"}).code, 0);
-  EXPECT_SAYS(ends({"resume", "part/out"}, 0).out, "complete, verdict pass");
 }
 
 // Devices of another kind than those the recording was made with.
@@ -194,28 +151,6 @@ TEST_F(Resume, SimulatedAndRealDataAreNeverOneRecording) {
   EXPECT_SAYS(resumed(real, 1, *written), "simulated and real data cannot be one recording");
   EXPECT_SAYS(resumed(other, 1, *written), "another unit");
   EXPECT_SAYS(resumed(info, 2, *written), "does not hold what this run had recorded by sample 2");
-}
-
-// A journal that says complete is believed with the recording that it sealed, or with the line of its pruning.
-TEST_F(Resume, AJournalOfAnotherRunIsNoEnd) {
-  const auto copy = [&](const char* name, const std::string& to) {
-    fs::create_directories(folder_ / to);
-    fs::copy_file(folder_ / "reference/out" / name, folder_ / to / name, fs::copy_options::overwrite_existing);
-  };
-  copy(journal_name, "foreign");
-  expect_refused({"resume", "foreign"}, "parameters.conf: cannot open");
-  std::string changed = reference_.at("parameters.conf");
-  changed[changed.find("N01 = ") + 7] ^= 1;
-  write("foreign/parameters.conf", changed);
-  expect_refused({"resume", "foreign"}, "parameters.conf: is not the file that this run made", 50);
-  copy("parameters.conf", "foreign");
-  expect_refused({"resume", "foreign"}, "recording.tcr: is missing");
-  write("foreign/recording.tcr", "something else");
-  EXPECT_NE(run({"resume", "foreign"}).code, 0);
-  copy("recording.tcr", "foreign");
-  EXPECT_EQ(run({"resume", "foreign"}).code, run({"resume", "reference/out"}).code);
-  write(std::string("foreign/") + partial_recording_name, "of a run that goes on");
-  expect_refused({"resume", "foreign"}, "one of the two belongs to another run");
 }
 
 }  // namespace

@@ -134,26 +134,5 @@ TEST_F(DesignCommand, FindsTheShortestRunForSigmas) {
   EXPECT_LE(prediction.sigma[6], 1e-6);
 }
 
-TEST_F(DesignCommand, SaysWhatTheTableCannotDetermine) {
-  const auto result = ends({"design", "--time", "20min", "--axes", "heading", "--tries", "3", "--out", "flat.seq"}, 20);
-  EXPECT_SAYS(result.err, "flat.seq: does not determine");
-}
-
-TEST_F(DesignCommand, RefusesWhatCannotBe) {
-  write("want.conf", "N01 = 0.0003\n");
-  write("other.txt", "mine\n");
-  write("unknown.conf", "N99 = 1\n");
-  expect_refused({"design", "--sigma", "want.conf", "--out", "x.seq"}, "N01 = 0.0003 needs 44.4 h with this noise");
-  expect_refused({"design", "--sigma", "unknown.conf", "--out", "x.seq"}, "unknown.conf:1: key 'N99' is unknown");
-  write("hours.conf", "N01 = 0.0005\n");
-  expect_refused({"design", "--sigma", "hours.conf", "--out", "x.seq"}, "N01 = 0.0005 needs 16 h with this noise");
-  expect_refused({"design", "--out", "x.seq"}, "expected --time or --sigma");
-  expect_refused({"design", "--time", "1h", "--sigma", "want.conf", "--out", "x.seq"}, "expected --time or --sigma");
-  expect_refused({"design", "--time", "1h", "--out", "other.txt"}, "is a file of another kind");
-  expect_refused({"design", "--time", "1h", "--axes", "yaw", "--out", "x.seq"}, "expected heading, pitch or roll");
-  expect_refused({"design", "--time", "1h", "--rate", "500", "--out", "x.seq"}, "expected at most 100");
-  expect_refused({"design", "--time", "1h", "--out", "missing/x.seq"}, "missing/x.seq: ");
-}
-
 }  // namespace
 }  // namespace turncal

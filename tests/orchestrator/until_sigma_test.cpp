@@ -108,17 +108,6 @@ TEST_F(UntilSigma, EndsAfterTheDwellAtWhichAllIsKnownAndNoSooner) {
   ASSERT_NE(find_further(*file, "record.ended_after_s"), nullptr);
 }
 
-TEST_F(UntilSigma, GoesToThePlannedEndWhereItIsNeverEnough) {
-  const std::string station = write("mock.station", until_sigma_station + "stop.sigma.N01 = 1e-6\n");
-  Arguments go = begin("whole", station);
-  std::ranges::replace(go, short_demo, first_steps("5"));
-  const ProgramResult whole = ends(go, 0);
-  EXPECT_SAYS_NOT(whole.out, "enough is known");
-  EXPECT_SAYS(whole.out, "where 1.00e-06 is enough; the run goes to its planned end");
-  EXPECT_SAYS(whole.out, "unit SN1: not enough at the planned end: N01, ");
-  EXPECT_EQ(records("whole", "dwell").size(), 15u);
-}
-
 // A gyro that drifts in one dwell, the 18th, and only then.
 TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill) {
   std::string rig = "seed = 5\n";
@@ -131,8 +120,8 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
   asked.replace(asked.find("3e-6"), 4, "4.5e-7");
   write("drift.rig", rig);
   const std::string station = write("mock.station", asked);
-  long points = 0;
-  const ProgramResult drifted = run_counted(begin("drifted", station), points);
+  // Killed where it was decided, and where the dwell was made: the same bytes.
+  const ProgramResult drifted = expect_same_after_kills(begin("drifted", station), "drifted", {0.38, 0.40, 0.42});
   EXPECT_SAYS(drifted.out,
               "after item 41 of 106: this dwell, or the turn before it, disagrees with the others: it is repeated");
   std::vector<std::string> again;
@@ -154,58 +143,12 @@ TEST_F(UntilSigma, SetsADwellThatDisagreesAsideWhenItsRepeatAgreesAlsoAfterAKill
   const Result<LoadedRecording> as_text = good(load_recording(path("text")));
   EXPECT_EQ(as_text->hash, recorded->hash);
   EXPECT_SAYS(again.front(), "enough = false");
-
-  // Killed where it was decided, and where the dwell was made: the same bytes.
-  expect_same_after_kills(begin("killed", station), "killed", {38 * points / 100, 40 * points / 100, 42 * points / 100},
-                          "drifted", drifted.code);
-}
-
-TEST_F(UntilSigma, DoesNotEndBeforeThereIsADiagnosisWhereTheWholeRunHasOne) {
-  std::string asked = until_sigma_station;  // of both: enough at once
-  asked.replace(asked.find("3e-6"), 4, "1");
-  asked.replace(asked.find("3e-6"), 4, "1");
-  Arguments go = begin("out", write("mock.station", asked));
-  std::ranges::replace(go, short_demo, std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq");
-  const ProgramResult result = ends(go, 0);
-  EXPECT_SAYS(result.out, "too short for a diagnosis, 0:2");
-  const Result<ParameterFile> file = good(read_parameter_file(path("out/parameters.conf")));
-  const std::string* const ended = find_further(*file, "record.ended_after_s");
-  ASSERT_NE(ended, nullptr);
-  EXPECT_GE(std::stod(*ended), 1800.0);
-  EXPECT_LT(std::stod(*ended), 2100.0);
-  EXPECT_EQ(*find_further(*file, "verdict.diagnosis"), "clean");
-}
-
-TEST_F(UntilSigma, TwoUnitsEndWhenBothAreKnown) {
-  const ProgramResult result = ends(begin("both", write("mock.station", until_sigma_station)) + "--unit SN2", 0);
-  ASSERT_SAYS(result.out, "enough is known");
-  for (const char* unit : {"SN1", "SN2"}) {
-    const Result<ParameterFile> file =
-        good(read_parameter_file(path(std::string("both/") + unit + "/parameters.conf")));
-    EXPECT_LE(*file->sigma[6], 3e-6);
-    EXPECT_LE(*file->sigma[10], 3e-6);
-  }
-}
-
-TEST_F(UntilSigma, IsRefusedWhereNothingSaysWhatIsEnough) {
-  const std::string silent = write("silent.station", station_head + "limit.residual_max = 2\n");
-  expect_refused(begin("out", silent), "does not say what is enough: expected stop.sigma.<key> or limit.<key>.*");
-  const std::string station = write("mock.station", until_sigma_station);
-  expect_refused(begin("out", station) + "--capture-only",
-                 "--until-sigma: expected neither --capture-only nor --partial");
-  expect_refused(begin("out", write("bad.station", until_sigma_station + "stop.sigma.a21 = 1\n")),
-                 "'stop.sigma.a21' is unknown");
-  expect_refused(begin("out", write("worse.station", until_sigma_station + "stop.sigma.n33 = 0\n")), "stop.sigma.n33");
 }
 
 TEST_F(UntilSigma, EndsTheSameAfterAKillAtAnyTime) {
-  // Each with a store of its own: what is there already changes the number of calls.
-  const auto fresh = [&](std::string a) { return begin(a + "/o", write(a + "/s.station", until_sigma_station)); };
-  const long points = count_points(fresh("whole"));
-  ASSERT_GT(points, 100);
-  std::vector<long> struck = {40, 40 + points / 3, 40 + 2 * points / 3};  // and when no more is to come
-  for (long point = points - 40; point <= points; point += 8) struck.push_back(point);
-  expect_same_after_kills(fresh("killed"), "killed/o", struck, "whole/o");
+  const std::string station = write("killed/s.station", until_sigma_station);
+  const std::vector<double> calls = {40, 0.4, 0.7, -40, -32, -24, -16, -8, -0.1};
+  expect_same_after_kills(begin("killed/o", station), "killed/o", calls);
 }
 
 // Legs that are added to tell apart what the diagnosis cannot.
@@ -252,8 +195,8 @@ class Settle : public Program {
 };
 
 TEST_F(Settle, AddsTheLegsOnceSaysWhatIsKnownAndIsTheSameAfterAKill) {
-  long points = 0;
-  const ProgramResult whole = run_counted(begin("whole"), points);
+  // While the legs are walked, and when everything is recorded.
+  const ProgramResult whole = expect_same_after_kills(begin("whole"), "whole", {-64, -4}, 20, 32);
   EXPECT_SAYS(whole.out, "in doubt: ");
   EXPECT_SAYS(whole.out, "In doubt was ");
   EXPECT_SAYS(whole.out, " of legs were added; it is ");
@@ -261,8 +204,6 @@ TEST_F(Settle, AddsTheLegsOnceSaysWhatIsKnownAndIsTheSameAfterAKill) {
   EXPECT_EQ(std::ranges::count_if(lines_of(run({"journal", "whole"}).out),
                                   [](const std::string& line) { return line.find(" settle ") != std::string::npos; }),
             1);
-  // While the legs are walked, and when everything is recorded.
-  expect_same_after_kills(begin("killed"), "killed", {points - 60, points - 4}, "whole", whole.code);
 }
 
 TEST(FindSettling, LegsBringASigmaThatIsNotYetEnough) {
@@ -275,11 +216,6 @@ TEST(FindSettling, LegsBringASigmaThatIsNotYetEnough) {
   ASSERT_TRUE(found);
   append_steps(must(parse_sequence(found->sequence, "settling")), sequence);
   EXPECT_LE(joint_estimate(record_on_rig(sequence, default_rig_config()).recording).sigma[10], n22.needed);
-}
-
-TEST_F(Settle, IsRefusedWhereNoDiagnosisIsMade) {
-  for (const char* option : {"--capture-only", "--partial", "--no-diagnosis"})
-    expect_refused(begin("out") + option, "--settle: expected a table that turns by itself");
 }
 
 }  // namespace

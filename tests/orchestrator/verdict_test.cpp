@@ -100,15 +100,6 @@ TEST(ControlChart, LimitsFromTheMovingRange) {
   EXPECT_EQ(control_chart({}, {}).count, 0u);
 }
 
-class Production : public Program {
- protected:
-  ProgramResult dry_run(const std::string& out, const std::string& station, const Arguments& more = {}) {
-    const std::string text =
-        station_head + "motion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\n";
-    return run(Program::dry_run(out, {"--station", write("mock.station", text + station)}) + more);
-  }
-};
-
 // imu.clock_max_ppm = 200, the guard band 2 sigma; the file says what was judged.
 TEST(Verdict, TheClockIsJudgedWithTheValues) {
   ParameterFile file;
@@ -130,102 +121,6 @@ TEST(Verdict, TheClockIsJudgedWithTheValues) {
   EXPECT_NE(std::ranges::find(file.further, std::pair<std::string, std::string>(
                                                 "verdict.clock_ppm", "pass, limits -200 .. 200, guard band 4")),
             file.further.end());
-}
-
-TEST_F(Production, VerdictIsExitCodeAndRecord) {
-  const ProgramResult good =
-      dry_run("good", "limit.residual_max = 1.5\nlimit.N01.min = -1\nlimit.N01.max = 1\n",
-              {"--operator", "A. Turner", "--part", "RLG-7", "--revision", "C", "--ambient", "21.5 C"});
-  ASSERT_EQ(good.code, 0) << good.err;
-  EXPECT_SAYS(good.out, "verdict     pass  (ILAC-G8:09/2019");
-  const std::string file = file_text(folder_ / "good/parameters.conf");
-  for (const char* line :
-       {"verdict.result = pass", "verdict.rule = ILAC-G8:09/2019", "verdict.N01 = pass, limits -1 .. 1",
-        "verdict.residual = pass", "record.operator = A. Turner", "record.part = RLG-7", "record.revision = C",
-        "record.ambient = 21.5 C",
-        "record.configuration_hash = ", "record.sequence_hash = ", "record.repeated_dwells = 0", "simulated = true"}) {
-    EXPECT_SAYS(file, line);
-  }
-  const ProgramResult bad = dry_run("bad", "limit.sigma.max = 1\n");
-  EXPECT_EQ(bad.code, 1) << "a misspelt limit must not pass for one";
-  const ProgramResult fail = dry_run("fail", "limit.residual_max = 0.5\nlimit.N01.max = -100\n");
-  EXPECT_EQ(fail.code, 20) << fail.out;
-  EXPECT_EQ(fail.err_lines(), 1);
-  EXPECT_SAYS(fail.err, "unit SN1: fail: gyro x bias (N01) ");
-  EXPECT_SAYS(fail.err, "(and 1 more)");
-  // It is on record, and its parameters are not in use.
-  EXPECT_SAYS(file_text(folder_ / "fail/parameters.conf"), "verdict.result = fail");
-  EXPECT_EQ(run({"resume", "fail"}).code, 20);
-  EXPECT_EQ(file_text(folder_ / "store/simulated/SN1/parameters.conf"), file);
-}
-
-TEST_F(Production, AnOverdueTableIsRefusedUnlessOverridden) {
-  const std::string due = "table.id = TT-1\ntable.calibration_due = 2025-12-31\n";  // the rig's day is 2026-01-01
-  const ProgramResult refused = dry_run("out", due);
-  EXPECT_EQ(refused.code, 1);
-  EXPECT_SAYS(refused.err, "table 'TT-1' was due on 2025-12-31, today is 2026-01-01");
-  EXPECT_FALSE(fs::exists(folder_ / "out"));
-  ASSERT_EQ(dry_run("out", due, {"--override-due", "recalibration is booked for Monday"}).code, 0);
-  const std::string file = file_text(folder_ / "out/parameters.conf");
-  EXPECT_SAYS(file, "record.overdue_reason = recalibration is booked for Monday");
-  EXPECT_SAYS(file, "record.table_calibration_due = 2025-12-31");
-  ASSERT_EQ(dry_run("today", "table.calibration_due = 2026-01-01\n").code, 0) << "the last good day";
-  // It runs out at midnight, in the middle of a run that is stopped then: begun in time, it needs a reason to go on.
-  const std::string midnight = "fault.1.kind = emergency_stop\nfault.1.time_s = 400\n";
-  const std::string rig = write("late.rig", "start_utc_s = 1767311700\n" + midnight);  // 2026-01-01T23:55
-  ASSERT_EQ(dry_run("late", "table.calibration_due = 2026-01-01\n", {"--rig", rig}).code, 50);
-  expect_refused({"resume", "late"}, "was due on 2026-01-01, today is 2026-01-02");
-  EXPECT_EQ(run({"resume", "late", "--override-due", "half a run is no use"}).code, 0) << "the fault is repaired";
-  const std::string journal = run({"journal", "late"}).out;
-  EXPECT_SAYS(journal, "overdue_reason = half a run is no use");
-  EXPECT_EQ(journal.find("[dry run] "), 0u);
-  EXPECT_EQ(std::ranges::count(journal, '\n'), std::ranges::count(journal, '[')) << journal;
-  EXPECT_EQ(run({"resume", "late"}).code, 0) << "it is complete";
-  EXPECT_EQ(dry_run("bad", "table.calibration_due = 31.12.2026\n").code, 1);
-}
-
-// What it prints is in tests/golden: history, control, compare and the files.
-TEST_F(Production, HistoryIsOfTheUnitsThatAreAskedFor) {
-  ASSERT_EQ(dry_run("one", "limit.N01.min = -1\nlimit.N01.max = 1\nlimit.N01.sigma_max = 0.5\n").code, 0);
-  ASSERT_EQ(
-      run(Program::dry_run("two", {"--station", "mock.station", "--rig", write("two.rig", "seed = 3\n")}, "SN2")).code,
-      0);
-  EXPECT_SAYS_NOT(run("history results.db --unit SN1").out, "SN2");
-  EXPECT_EQ(run("history results.db --compare 1 2").code, 1) << "two units";
-  EXPECT_EQ(run("history results.db --compare 1 9").code, 1);
-  EXPECT_SAYS_NOT(run("history results.db --control").out, "\nN01 ") << "simulated units among the real ones";
-  EXPECT_SAYS(run("history results.db --parameter N01 --simulated --together").out, "-1    1");
-  EXPECT_EQ(run("history results.db --parameter N99").code, 1);
-  EXPECT_SAYS(run("history results.db --format json").out, "\"verdict.sigma.N01\":\"pass\"");
-  expect_refused("history results.db --format csv --control", "--format csv: only for the list");
-  expect_refused("history nowhere.db", "there is no such results database");
-  expect_refused({"history", write("garbage.db", std::string(4096, 'x'))}, "not a database");
-}
-
-TEST_F(Production, VersionsAreKeptAndOneIsBroughtBack) {
-  ASSERT_EQ(dry_run("one", "").code, 0);
-  ASSERT_EQ(dry_run("two", "", {"--rig", write("two.rig", "noise.seed = 2\n")}).code, 0);
-  const fs::path store = folder_ / "store/simulated/SN1";
-  EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "two/parameters.conf"));
-  expect_refused("records restore store --unit SN1", "no such version of unit 'SN1', but simulated ones: --simulated");
-  expect_refused({"records", "restore", "store", "--unit", "SN1", "--version", "1"}, "but simulated ones: --simulated");
-  expect_refused({"records", "restore", "store", "--unit", "SN7"}, "no such version of unit 'SN7'");
-  const ProgramResult list = ends({"records", "restore", "store", "--unit", "SN1", "--simulated"}, 0);
-  EXPECT_EQ(std::ranges::count(list.out, '\n'), 2);
-  const ProgramResult back = ends({"records", "restore", "store", "--unit", "SN1", "--simulated", "--version", "1"}, 0);
-  EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "one/parameters.conf"));
-  EXPECT_EQ(file_text(store / "versions/0002.conf"), file_text(folder_ / "two/parameters.conf"));
-  expect_refused({"records", "restore", "store", "--unit", "SN1", "--simulated", "--version", "3"}, "0003.conf");
-  // A version that was tampered with is not brought back.
-  std::string bytes = file_text(store / "versions/0002.conf");
-  bytes[bytes.find("N01 = ") + 6] ^= 1;
-  write("store/simulated/SN1/versions/0002.conf", bytes);
-  EXPECT_EQ(run({"records", "restore", "store", "--unit", "SN1", "--simulated", "--version", "2"}).code, 1);
-  const ProgramResult rest = ends({"records", "restore", "store", "--unit", "SN1", "--simulated"}, 1);
-  EXPECT_SAYS(rest.err, "0002.conf");
-  EXPECT_SAYS(rest.out, "   2  damaged\n");
-  EXPECT_SAYS(rest.out, "  in use\n") << "the others are listed:";
-  EXPECT_EQ(file_text(store / "parameters.conf"), file_text(folder_ / "one/parameters.conf"));
 }
 
 // One outcome a unit: what the diagnosis finds enters verdict, journal, database, store, queue, hook and exit code.
@@ -251,55 +146,6 @@ TEST(Outcome, ADiagnosisHoldsAUnitBackAndNeverMakesItBetter) {
   EXPECT_EQ(judged(UnitVerdict::pass, "unexplained", {UnitVerdict::pass, true}).verdict, UnitVerdict::hold)
       << "what nothing explains is never passed on";
   EXPECT_FALSE(is_accepted(UnitVerdict::hold));
-}
-
-class Found : public Program {
- protected:
-  std::string station(const std::string& more) const {
-    return write(
-        "found.station",
-        station_head +
-            "motion.settle_s = 0.5\nrecord.database = results.db\nrecord.store = store\n"
-            "hook.done = echo done $TURNCAL_OUTCOME >> told\nhook.fail = echo fail $TURNCAL_OUTCOME >> told\n" +
-            more);
-  }
-  std::string rig() const { return write("delay.rig", "seed = 7\neffect.accel_delay.tau = 0.3\n"); }
-  static long lines_with(const std::string& text, const std::string& start) {
-    long count = 0;
-    for (const std::string& line : lines_of(text)) count += line.starts_with(start);
-    return count;
-  }
-};
-
-TEST_F(Found, AUnitWithAMissingEffectIsHeldEverywhere) {
-  write("queue", "SN1\n");
-  const ProgramResult result =
-      ends({"batch", "queue", "--dry-run", "--out", "units", "--rig", rig(), "--station", station("")}, 20);
-  EXPECT_EQ(lines_with(result.out, "[dry run] [batch] unit SN1: hold: diagnosis extended: accel_delay ("), 1);
-  EXPECT_SAYS(result.out, "0 passed, 1 not passed");
-  EXPECT_EQ(outcomes_text(path("queue")), "SN1=hold ");
-  EXPECT_EQ(file_text(folder_ / "told"), "fail hold\n");
-  EXPECT_FALSE(fs::exists(folder_ / "store")) << "a file of a unit that is held is not put in use";
-  const std::string parameters = file_text(folder_ / "units/SN1/parameters.conf");
-  for (const char* line : {"model = extended", "effect.accel_delay.tau = ", "verdict.result = hold",
-                           "verdict.reason = diagnosis extended: accel_delay (", "verdict.diagnosis = extended"})
-    EXPECT_SAYS(parameters, line);
-  const Result<JournalContents> journal = good(read_journal(path("units/SN1/journal.tcj")));
-  EXPECT_EQ(journal->verdicts.at(0).at(0).second, "hold");
-  const Result<ResultsDatabase> database = good(ResultsDatabase::open_to_read(path("results.db")));
-  EXPECT_EQ(database->list({.unit = "SN1"}, "N01")->at(0).verdict, "hold");
-  // It is said again, not made anew.
-  ends({"resume", "units/SN1"}, 20, "hold: diagnosis extended: accel_delay");
-}
-
-TEST_F(Found, TheStationMayPassItAndLoadTheBaseFile) {
-  ends({"run", "--unit", "SN1", "--dry-run", "--out", "r", "--rig", rig(), "--station",
-        station("diagnosis.extended = pass\ndiagnosis.parameters = base\nlimit.N01.sigma_max = 1\n")},
-       0);
-  EXPECT_EQ(file_text(folder_ / "told"), "done pass\n");
-  EXPECT_SAYS(file_text(folder_ / "r/parameters.conf"), "\nmodel = base\n");
-  EXPECT_EQ(file_text(folder_ / "store/simulated/SN1/parameters.conf"), file_text(folder_ / "r/parameters.conf"));
-  EXPECT_SAYS(file_text(folder_ / "r/diagnosis/parameters.conf"), "\nmodel = extended\n");
 }
 
 }  // namespace

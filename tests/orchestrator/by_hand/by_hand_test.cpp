@@ -22,14 +22,6 @@ class ByHand : public OperatedProgram {
   static Arguments short_run() {
     return "run --manual --dry-run --unit SN1 --out r --station hand.station --sequence short.seq --capture-only";
   }
-  // With answers from a file; its code, and all that it said.
-  std::pair<int, std::string> answered_by(const std::string& answers) const {
-    write("answers", answers);
-    std::string command = "cd " + folder_.string() + " && " + TURNCAL_BINARY;
-    for (const std::string& argument : short_run()) command += " " + argument;
-    const int code = std::system((command + " < answers > log 2>&1").c_str());
-    return {WEXITSTATUS(code), file_text(folder_ / "log")};
-  }
   static std::string text(double angle_deg) {
     char shown[40];
     std::snprintf(shown, sizeof shown, "%.3f", angle_deg);
@@ -82,20 +74,6 @@ TEST_F(ByHand, FourteenStepsGiveTheUnitsParametersWhateverTheAnglesAre) {
   expect_tagged(session.out);
 }
 
-TEST_F(ByHand, QuestionSaysWhatWhereHowFarAndWhy) {
-  Careful careful;
-  const Session session = operate(short_run(), std::ref(careful));
-  ASSERT_EQ(session.code, 0) << session.err;
-  EXPECT_EQ(careful.asked, 3 + 3) << session.out << "homing, two moves, back from one";
-  const std::size_t reason = session.out.rfind("[dry run] Step 2 of 2, "), turn = session.out.find("Turn roll from ");
-  ASSERT_NE(reason, std::string::npos) << session.out;
-  EXPECT_LT(reason, turn);
-  const std::string asked = session.out.substr(reason, 400);
-  for (const char* words :
-       {" % done. Turns left: 1.", " to -90 deg, ", " deg backward (its angle decreases); then type"})
-    EXPECT_SAYS(asked, words);
-}
-
 TEST_F(ByHand, WrongAnswersAreAskedAgain) {
   Careful careful;
   int turns = 0, refused = 0, objections = 0;
@@ -139,32 +117,35 @@ TEST_F(ByHand, AWholeTurnThatWasNotMadeIsAskedForAgain) {
   }
 }
 
-// All that is said is in the operator's language; what is kept for engineers is English.
-TEST_F(ByHand, SpeaksTheOperatorsLanguage) {
-  station("operator.language = de\n");
-  const auto [code, said] = answered_by("0\n0\n0\n90,01\n0\nhilfe\nüberspringen Klemme sitzt fest\n");
-  EXPECT_EQ(code, 75);
-  for (const char* words : {"Wo steht die Rollachse?", "Nickachse von 0 auf 90 Grad drehen, 90 Grad vorwärts",
-                            "Hände weg: 0:05.", "Übersprungen: Klemme sitzt fest", "gehen: der Lauf endet hier"})
-    EXPECT_SAYS(said, words);
-  EXPECT_SAYS_NOT(said, "Turn ");
-  EXPECT_SAYS_NOT(said, "->") << "transitions are for the log";
-  EXPECT_SAYS(file_text(folder_ / "r/run.log"), "skipped by the operator: Klemme sitzt fest");
-  station("operator.language = fr\n");
-  expect_refused(short_run(), "operator.language");
-}
-
-TEST_F(ByHand, EndOfInputAtEveryQuestionIsResumedToTheEnd) {
-  for (int at = 0; at < 6; ++at) {
+// However the operator ends it, at whichever question: the run says how, and is resumed to its end. Nothing turns by itself, so a pause does
+// not wait for the turn.
+TEST_F(ByHand, WhatEndsAtAQuestionIsResumedToTheEnd) {
+  const std::string interrupt = "\x03";
+  struct Row {
+    int at;
+    std::string reply;
+    int code;
+    const char* says;
+  };
+  std::vector<Row> rows = {{1, interrupt, 75, "paused"},
+                           {4, interrupt, 75, "paused"},
+                           {4, "skip the clamp is jammed", 75, "the clamp is jammed"},
+                           {4, "abort", 30, "stopped by the operator"}};
+  for (int at = 1; at <= 6; ++at) rows.push_back({at, hang_up, 75, "end of input"});
+  for (const Row& row : rows) {
+    SCOPED_TRACE(row.says + std::string(" at ") + std::to_string(row.at));
     Careful careful;
-    const Session session = operate(short_run(), [&](const std::string& line) {
-      auto reply = careful(line);
-      return reply && careful.asked == at + 1 ? hang_up : reply;
+    const Session session = operate(short_run(), [&](const std::string& line) -> std::optional<std::string> {
+      const auto reply = careful(line);
+      if (careful.asked != row.at || !reply) return reply;
+      if (row.reply != interrupt) return row.reply;
+      ::kill(pid_, SIGINT);
+      return {};
     });
-    EXPECT_EQ(session.code, 75) << at << session.err << session.out;
-    EXPECT_SAYS(session.err, "end of input");
+    EXPECT_EQ(session.code, row.code) << session.err << session.out;
+    EXPECT_SAYS(session.err, row.says);
+    EXPECT_SAYS(session.out + session.err, "resume with: turncal resume r");
     expect_tagged(session.out + session.err);
-    EXPECT_SAYS(session.err, "resume with: turncal resume r");
     expect_resumed_to_the_end();
     fs::remove_all(folder_ / "r");
   }
@@ -197,36 +178,6 @@ TEST_F(ByHand, PauseAndLeaveAndGoOnAnotherDay) {
   expect_tagged(resumed.out);
 }
 
-// Nothing turns by itself, so a pause does not wait for the turn.
-TEST_F(ByHand, InterruptAtAQuestionEndsItThere) {
-  for (const int at : {1, 4}) {
-    Careful careful;
-    const Session session = operate(short_run(), [&](const std::string& line) -> std::optional<std::string> {
-      auto reply = careful(line);
-      if (careful.asked != at || !reply) return reply;
-      ::kill(pid_, SIGINT);
-      return {};
-    });
-    EXPECT_EQ(session.code, 75) << session.out;
-    expect_resumed_to_the_end();
-    fs::remove_all(folder_ / "r");
-  }
-}
-
-TEST_F(ByHand, SkipEndsWithItsReasonAndAbortAborts) {
-  for (const bool aborts : {false, true}) {
-    Careful careful;
-    const Session session = operate(short_run(), [&](const std::string& line) -> std::optional<std::string> {
-      auto reply = careful(line);
-      return careful.asked == 4 && reply ? (aborts ? "abort" : "skip the clamp is jammed") : reply;
-    });
-    EXPECT_EQ(session.code, aborts ? 30 : 75) << session.out;
-    EXPECT_EQ(session.err.find("the clamp is jammed") != std::string::npos, !aborts) << session.err;
-    expect_resumed_to_the_end();
-    fs::remove_all(folder_ / "r");
-  }
-}
-
 TEST_F(ByHand, NoAnswerPausesWaitsWithoutSpinningAndLeaves) {
   station("table.answer_timeout_s = 1\ntable.pause_limit_s = 2\n");
   Careful careful;
@@ -247,24 +198,6 @@ TEST_F(ByHand, NoAnswerPausesWaitsWithoutSpinningAndLeaves) {
   ASSERT_NE(unit, std::string::npos) << log;
   EXPECT_LT(std::strtod(log.substr(unit - 11, 11).c_str(), nullptr), 100.0);
   expect_resumed_to_the_end();
-}
-
-// A turn of six minutes, and an answer file instead of a person.
-TEST_F(ByHand, SlowTurnAndAnswersFromAFile) {
-  write("short.seq",
-        "format = 1\nname = slow\nrate_degps = 0.25\nacceleration_degps2 = 1\nstep 1 \"slow\"\n  initial H 0 P 0 R 0\n"
-        "  align 1000\n  rotate P +90\n  dwell 1000\n");
-  const auto [code, said] = answered_by("0\n0\n0\n90.01\n");
-  EXPECT_EQ(code, 0) << said;
-  EXPECT_SAYS(said, "Dry run complete");
-  expect_tagged(said);
-}
-
-TEST_F(ByHand, LimitsOfTheStationHold) {
-  station("axis.pitch.soft_max_deg = 80\n");
-  expect_refused(short_run(), "pitch");
-  station("axis.pitch.soft_min_deg = 10\n");
-  expect_refused(short_run(), "pitch");
 }
 
 }  // namespace

@@ -38,27 +38,6 @@ TEST_F(AllanCommand, SaysWhatTheRigLaid) {
   EXPECT_SAYS(run("allan text").out, "units: gravity reads");
 }
 
-TEST_F(AllanCommand, RefusesWhatMovesAndWhatIsShort) {
-  std::string csv = "t,gx,gy,gz,ax,ay,az\n";
-  const auto rows = [&](int count, double rate) {
-    for (int k = 0; k < count; ++k)
-      csv += std::to_string(0.1 * k) + "," + std::to_string((k > 300 ? rate : 0.0) + 1e-3 * (k % 7)) +
-             ",0.001,0.002,0.01,9.8,0.02\n";
-  };
-  write("map.conf",
-        "gyro.columns = gx, gy, gz\ngyro.unit = rad/s\naccel.columns = ax, ay, az\naccel.unit = m/s^2\n"
-        "time.column = t\ngravity_mps2 = 9.8\nunit_serial = A\n");
-  rows(600, 0.5);
-  write("turn.csv", csv);
-  expect_refused("allan turn.csv --map map.conf", "gyro x moves at 3");
-  csv.resize(csv.find('\n') + 1);
-  rows(50, 0.0);
-  write("short.csv", csv);
-  expect_refused("allan short.csv --map map.conf", "expected at least 10 s");
-  write("flip.csv", replaced(csv, "\n1.5", "\n1.5,7e300,0,0,0,0,0\n1.5"));
-  EXPECT_SAYS(ends("import flip.csv --map map.conf --skip-bad-rows --out flip", 0).out, "gyro x gave");
-}
-
 // Whatever its size, down to 28 sigma of a sample. A limit is no number to read as one.
 TEST_F(AllanCommand, OneWildSampleIsLeftOut) {
   write("map.conf",

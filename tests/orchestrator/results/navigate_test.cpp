@@ -120,38 +120,6 @@ TEST_F(Navigate, EffectsOfTheFileAreTakenOff) {
   EXPECT_GT(conf.number("against.drift.rms_nm_per_h"), 0.1);
 }
 
-TEST_F(Navigate, WithoutSegmentsEverythingCountsAsRest) {
-  record_rest_and_truth();
-  ASSERT_EQ(run("export rest --out text").code, 0);
-  const std::string segments = file_text(folder_ / "text/segments.csv");
-  write("text/segments.csv", segments.substr(0, segments.find('\n') + 1));
-  const ProgramResult navigated = ends("navigate text --parameters true.conf --out nav --to 900s --align 200s", 0);
-  EXPECT_SAYS(navigated.out, "no segments: everything counts as rest");
-  EXPECT_EQ(result("nav/navigation.conf").number("branch.1.free_s"), 700.0);
-}
-
-TEST_F(Navigate, RefusesWhatItCannotUse) {
-  record_rest_and_truth();
-  const auto with = [](const Arguments& more) { return "navigate rest --parameters true.conf --out nav" + more; };
-  expect_refused("navigate rest --out nav", "--parameters");
-  expect_refused("navigate rest --parameters nothing.conf --out nav", "nothing.conf");
-  expect_refused("navigate nothing --parameters true.conf --out nav", "nothing");
-  expect_refused("navigate rest --parameters true.conf --out rest", "rest");
-  expect_refused("navigate rest --parameters true.conf --out true.conf", "true.conf");
-  expect_refused(with({"--align", "5000s"}), "s to navigate, expected more than 5000 s");
-  expect_refused(with({"--for", "5000s"}), "s to navigate, expected more than 5300 s");
-  expect_refused(with({"--from", "700s", "--to", "600s"}), "--to 600 s: expected more than --from, 700 s");
-  expect_refused(with({"--from", "1e300"}), "--from");
-  expect_refused(with({"--from", "1900s"}), "s to navigate, expected more than 300 s");
-  expect_refused(with({"--align", "nan"}), "--align");
-  expect_refused(with({"--branches", "0"}), "--branches");
-  expect_refused(with({"--against", "nothing.conf"}), "nothing.conf");
-  std::string other = file_text(folder_ / "true.conf");
-  other.replace(other.find("n11"), 3, "n99");
-  write("damaged.conf", other);
-  expect_refused("navigate rest --parameters damaged.conf --out nav", "damaged.conf");
-}
-
 // The unit's nose down: heading is not defined, and what is said of it says so.
 TEST_F(Navigate, NoseDownHasNoHeading) {
   record("down", without_noise, "step 1\n  initial H 0 P -90 R 0\n  align 60000\n  dwell 20000\n");
@@ -161,28 +129,6 @@ TEST_F(Navigate, NoseDownHasNoHeading) {
   EXPECT_NEAR(conf.number("branch.1.pitch_deg"), -90.0, 0.1);
   EXPECT_GT(conf.number("branch.1.sigma.heading_deg"), 3.0);
   EXPECT_LE(conf.number("branch.1.sigma.heading_deg"), 104.0);
-}
-
-TEST_F(Navigate, SaysWhatSpeaksAgainstTheFile) {
-  record_rest("rest");
-  ParameterFile file = truth_of("rest");
-  file.add_further("quality.trusted", std::string("false"));
-  keep(file, "doubtful.conf");
-  const ProgramResult navigated = ends("navigate rest --parameters doubtful.conf --out nav", 0);
-  EXPECT_SAYS(navigated.out, "NOT TRUSTED");
-  EXPECT_NEAR(result("nav/navigation.conf").number("felt_latitude_deg"), 29.53, 0.01);
-  EXPECT_EQ(result("nav/navigation.conf").text("trusted"), "false");
-  // The recording says another latitude than the one that the unit turns with.
-  ASSERT_EQ(run("export rest --out text").code, 0);
-  std::string conf = file_text(folder_ / "text/recording.conf");
-  conf.replace(conf.find("29.53"), 5, "39.53");
-  write("text/recording.conf", conf);
-  const ProgramResult elsewhere = ends("navigate text --parameters doubtful.conf --out away", 0);
-  EXPECT_SAYS(elsewhere.out, "LATITUDE        29.5");
-  // Parameters are of increments over a period.
-  file.sample_period_s = 0.0025;
-  keep(file, "faster.conf");
-  expect_refused("navigate rest --parameters faster.conf --out fast", "'sample_period_s' = '0.0025': expected 0.005");
 }
 
 // A bias and its drift are estimated together: the sigma of the bias alone promises miles that nobody drifts.
@@ -238,65 +184,20 @@ TEST_F(Navigate, IsPredictedFromASequence) {
   const ProgramResult longer = run("predict --sequence " + sequence + " --navigate 1h --align 1200s");
   EXPECT_NEAR(row(longer.out, "heading after alignment, deg"), 0.5 * row(hour.out, "heading after alignment, deg"),
               0.004);
-  for (const char* bad : {"3600", "25h", "2d", "h", "nan", "-1h", "2h-1h", ""})
-    expect_refused("predict --sequence " + sequence + " --navigate " + bad, "--navigate");
 }
 
-// ---- navigate data ----
-
-// `turncal navigate` on data that no unit gives, or that are not what they are called.
-
-// A garbled word is no motion: without it the unit goes where it goes without the fault, and the output says what was set aside.
-TEST_F(Navigate, SamplesThatCannotBeAreSetAside) {
-  record_rest_and_truth();
-  const auto miles = [this](const std::string& recording, std::size_t faults, const std::string& words) {
-    const ProgramResult navigated =
-        ends({"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--branches", "1"}, 0);
-    KeyValueFile conf = result("nav/navigation.conf");
-    EXPECT_EQ(conf.integer("filled_samples"), std::int64_t(faults)) << recording;
-    EXPECT_EQ(conf.keys_with_prefix("fault.").size(), faults) << recording;
-    EXPECT_SAYS(navigated.out, words);
-    return conf.number("drift.rms_nm_per_h");
-  };
-  const double clean = miles("rest", 0, "drift");
-  for (const char* value : {"20000", "-2147483647"}) {  // 5 deg in a sample, and what no table turns
-    retell("rest", "hit", [&](std::int64_t counter, std::vector<std::string>& cells) {
-      if (counter == 90000) cells[1] = value;
-    });
-    const std::string words = std::string("glitch: gyro x gave ") + value + " in sample 90000 (450.000 s): set aside";
-    EXPECT_NEAR(miles("hit", 1, words), clean, 0.02) << value;
-  }
-  retell("rest", "hit", [](std::int64_t counter, std::vector<std::string>& cells) {
-    if (counter == 90000) cells[5] = "2000";  // 1 m/s
-  });
-  EXPECT_NEAR(miles("hit", 1, "glitch: accelerometer y gave 2000 in sample 90000"), clean, 0.02);
-}
+// ---- navigate data: on data that no unit gives, tests/golden/navigated.sh ----
 
 // A table that stands at zero throughout is no hand.
 TEST_F(Navigate, SamplesThatCannotBeAreSetAsideWhereTheTableStandsAtZero) {
   record("rest", std::string(without_noise) + "seed = 31\n",
          "step 1\n  initial H 0 P 0 R 0\n  align 60000\n  dwell 140000\n");
   write_truth("rest", "true.conf");
-  retell("rest", "hit", [&](std::int64_t counter, std::vector<std::string>& cells) {
-    if (counter == 90000) cells[1] = "20000";
-  });
+  change("rest", "hit", 90000, 1, "20000");
   for (const char* recording : {"rest", "hit"}) {
-    ends({"navigate", recording, "--parameters", path("true.conf"), "--out", "nav", "--branches", "1"}, 0);
+    ends("navigate --parameters true.conf --out nav --branches 1" + Arguments(recording), 0);
     EXPECT_LT(result("nav/navigation.conf").number("drift.rms_nm_per_h"), 0.05) << recording;
   }
-}
-
-// A counter that jumps is no time to be navigated through, and what turns is no rest, whatever it is called.
-TEST_F(Navigate, NoRestAndNoDayIsMadeUp) {
-  record_rest_and_truth();
-  retell("rest", "jump", [](std::int64_t counter, std::vector<std::string>& cells) {
-    if (counter > 90000) cells[0] = std::to_string(counter + 200'000'000);
-  });
-  expect_refused("navigate jump --parameters true.conf --out nav",
-                 "200000000 samples lost from sample 90001 on: expected a recording that lost less than a day");
-  retell("rest", "turning", [](std::int64_t, std::vector<std::string>& cells) { cells[3] = "96"; });  // 5 deg/s about z
-  expect_refused("navigate turning --parameters true.conf --out nav",
-                 "nowhere does the unit rest for 20 s of 300 s of alignment");
 }
 
 // A branch begins where an alignment can be made, so that one near a turn does not spoil the others.
@@ -307,59 +208,6 @@ TEST_F(Navigate, BranchesBeginWhereTheUnitRestsLongEnough) {
   write_truth("rest", "true.conf");
   ends("navigate rest --parameters true.conf --out nav --align 20s --for 20s --branches 100", 0);
   EXPECT_GT(result("nav/navigation.conf").integer("branches"), 20);
-}
-
-TEST_F(Navigate, WhatNoUnitGivesIsRefused) {
-  record_rest_and_truth();
-  const auto navigate = [this](const std::string& recording) {
-    return std::vector<std::string>{"navigate", recording, "--parameters", path("true.conf"), "--out", "nav"};
-  };
-  for (const auto& [first, name] : {std::pair<std::size_t, const char*>{1, "gyros"}, {4, "accelerometers"}}) {
-    retell("rest", "dead", [first = first](std::int64_t, std::vector<std::string>& cells) {
-      for (std::size_t k = first; k < first + 3; ++k) cells[k] = "0";
-    });
-    expect_refused(navigate("dead"), std::string("the ") + name + " gave only zeros");
-  }
-  retell("rest", "far", [](std::int64_t counter, std::vector<std::string>& cells) {
-    if (counter >= 90000 && counter < 90100) cells[4] = "2147483647";
-  });
-  expect_refused(navigate("far"), "beyond the range of any unit");
-  expect_refused("navigate rest --out nav", "rest: it holds pulses: expected --parameters");
-}
-
-TEST_F(Navigate, AGravityThatIsNotFeltIsSaid) {
-  record_rest_and_truth();
-  const auto navigated = [this](const std::string& gravity) {
-    std::string conf = file_text(folder_ / "text/recording.conf");
-    const std::size_t at = conf.find("gravity_mps2");
-    write("text/recording.conf", conf.replace(at, conf.find('\n', at) - at, "gravity_mps2 = " + gravity));
-    const ProgramResult result = ends("navigate text --parameters true.conf --out nav", 0);
-    return result.out;
-  };
-  ASSERT_EQ(run("export rest --out text").code, 0);
-  EXPECT_SAYS_NOT(navigated("9.7914"), "GRAVITY");
-  EXPECT_SAYS_NOT(navigated("9.7834"), "GRAVITY");
-  EXPECT_SAYS(navigated("9.78"), "GRAVITY         9.7914");
-  EXPECT_NEAR(result("nav/navigation.conf").number("felt_gravity_mps2"), 9.7914, 1e-4);
-  EXPECT_SAYS(navigated("9.78"), "noise           assumed, the parameter file has no noise keys");
-}
-
-// What `apply` left is navigated as it is.
-TEST_F(Navigate, CalibratedIncrementsNeedNoParameters) {
-  record_rest_and_truth();
-  ASSERT_EQ(run("apply rest --parameters true.conf --out applied.tcr").code, 0);
-  ASSERT_EQ(run("navigate rest --parameters true.conf --out nav").code, 0);
-  ends("navigate applied.tcr --out as_it_is", 0);
-  KeyValueFile one = result("nav/navigation.conf"), other = result("as_it_is/navigation.conf");
-  // Nothing says any more that the increments were counted, so the alignment is weighed otherwise: a tenth of the heading's sigma, and
-  // what that heading costs, g W cos L t^3 / 6 of 0.003 deg.
-  EXPECT_NEAR(other.number("branch.1.heading_deg"), one.number("branch.1.heading_deg"),
-              0.1 * one.number("branch.1.sigma.heading_deg"));
-  EXPECT_NEAR(other.number("branch.1.north_m"), one.number("branch.1.north_m"), 30.0);
-  expect_refused("apply rest --parameters true.conf --out rest.xyz",
-                 "rest.xyz: expected a name that ends in one of .csv, .npy, .mat, .mcap, .tcr");
-  expect_refused("export rest --out rest.csv", "rest.csv: expected a folder");
-  expect_refused("navigate rest --parameters true.conf --out x --branches 1e3", "--branches = 1e3: expected a number");
 }
 
 // ---- navigate reference ----
@@ -459,26 +307,6 @@ TEST_F(NavigateReference, ErrorsAreThoseBesideIt) {
   conf = result("nav/navigation.conf");
   EXPECT_GT(conf.number("drift.rms_nm_per_h"), 0.02);
   EXPECT_LT(conf.number("drift.rms_nm_per_h"), 5.0);
-}
-
-TEST_F(NavigateReference, RefusesOneThatCannotBe) {
-  record_drive();
-  expect_refused(beside("nothing.csv"), "nothing.csv");
-  const std::string head = "time_s,latitude_deg,longitude_deg\n";
-  for (const auto& [text, words] : std::vector<std::pair<std::string, const char*>>{
-           {head + "0,29.53,10\n", "bad.csv: 1 rows: expected at least two"},
-           {head + "0,29.53,10\n5,29.53,10\n4,29.53,10\n",
-            "bad.csv:4: time_s = '4': expected more than in the row before"},
-           {head + "0,29.53,10\n5,89,10\n", "bad.csv:3: latitude_deg = '89': expected -85 to 85"},
-           {"time_s,latitude_deg\n0,29.53\n5,29.53\n", "'longitude_deg'"},
-           {"time_s,latitude_deg,longitude_deg,velocity_east_mps\n0,29.53,10,1\n5,29.53,10,1\n",
-            "expected both or neither"},
-           {head + "0,40,10\n2000,40,10\n", "begins at latitude 40 deg: expected the recording's, 29.53 deg"},
-           {head + "0,29.53,10\n200,29.53,10\n", "200 s to navigate, expected more than 300 s"},
-           {head + "0,29.53,10\n2000,29.53,10.5\n", "the reference is nowhere at rest for 300 s"}}) {
-    write("bad.csv", text);
-    expect_refused(beside("bad.csv"), words);
-  }
 }
 
 // ---- a model without one of its effects

@@ -18,13 +18,7 @@ class RigUnit : public Program {
   void record(const std::string& out, const std::string& rig, const std::string& steps) {
     write(out + ".rig", rig);
     write_sequence(out + ".seq", steps);
-    static std::map<std::string, TemporaryFolder> recorded;
-    const auto [made, first] = recorded.try_emplace(rig + steps);
-    if (first)
-      ends("run --dry-run --capture-only --unit SN7 --rig " + out + ".rig --sequence " + out + ".seq --out " +
-               (made->second / "run"),
-           0);
-    std::filesystem::copy(made->second / "run", path(out), std::filesystem::copy_options::recursive);
+    made(out, "run --dry-run --capture-only --unit SN7 --rig " + out + ".rig --sequence " + out + ".seq --out " + out);
   }
   void write_sequence(const std::string& name, const std::string& steps) {
     write(name, "format = 1\nname = of_test\nrate_degps = 10\nacceleration_degps2 = 20\n" + steps);
@@ -70,6 +64,13 @@ class RigUnit : public Program {
   void lose(const std::string& recording, std::int64_t first, std::int64_t count, const std::string& out) {
     retell(recording, out, [=](std::int64_t counter, std::vector<std::string>& cells) {
       if (counter >= first && counter < first + count) cells.clear();
+    });
+  }
+  // With this in one cell of one sample.
+  void change(const std::string& recording, const std::string& out, std::int64_t at, std::size_t cell,
+              const std::string& to) {
+    retell(recording, out, [&](std::int64_t counter, std::vector<std::string>& cells) {
+      if (counter == at) cells[cell] = to;
     });
   }
   Segments segments_of(const std::string& recording) { return (*RecordingSource::open(path(recording)))->segments(); }

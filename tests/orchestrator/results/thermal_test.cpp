@@ -54,16 +54,8 @@ TEST_F(ThermalCommand, FromLegsToAFileThatFollowsTheTemperature) {
   const ParameterFile truth = truth_of("rec");
   expect_refused("thermal" + Arguments(legs) + "--out warm",
                  "leg4: has no thermometer: expected --temperature leg4=VALUE");
-  expect_refused("thermal" + Arguments(legs) + "--out warm --temperature leg4=hot", "expected a number of C");
-  expect_refused("thermal" + Arguments(legs) + "--out warm --temperature leg9=60", "LEG one of the legs");
-  expect_refused("thermal leg0 leg0 --out warm",
-                 "leg0/parameters.conf: is the recording of leg0/parameters.conf again");
-  expect_refused("thermal leg0 --out warm", "1 leg at -20.00 C: expected legs at two temperatures");
   ParameterFile other = leg("other", 5.0, 20);
-  other.unit_serial = "SN8";
-  keep(other, "other/parameters.conf");
-  expect_refused("thermal leg0 other --out warm", "other/parameters.conf: is of unit 'SN8': expected 'SN7'");
-  other.unit_serial = "SN7", other.effects = {{"accel_second_order", "x", 20.0, 1.0}};
+  other.effects = {{"accel_second_order", "x", 20.0, 1.0}};
   keep(other, "other/parameters.conf");
   expect_refused("thermal leg0 other --out warm", "has effects beside its parameters");
   write("leg4/leg.conf", "temperature_c = 60\ndirection = sideways\n");
@@ -124,37 +116,7 @@ class CampaignProgram : public Program {
     write("own.station",
           station_head + "chamber.file = own.chamber\nchamber.limit_unit_c = 60\nchamber.settle_s = 60\n");
   }
-  std::string campaign(const std::string& more) const {
-    return write("own.campaign",
-                 "format = 1\nunit = SN1\nstation = own.station\nsequence = " + short_demo + "\n" + more);
-  }
 };
-
-TEST_F(CampaignProgram, LegsAreMadeOnceAndTakenTogether) {
-  write("own.rig", "temperature.rise_c = 0\neffect.gyro_bias_temperature.x = 0.01\n");
-  const std::string legs = "temperatures_c = 10, 40, 25\nrig = own.rig\nleg.3.switch_on = true\n";
-  campaign(legs);
-  const std::string command = "campaign own.campaign --out all --dry-run --no-diagnosis";
-  const ProgramResult first = run(command);
-  ASSERT_EQ(first.code, 0) << first.err << first.out;
-  EXPECT_SAYS(first.out, "[dry run] [campaign] leg 1 of 3, 10 C, in all/leg-01; about 0.8 h left");
-  EXPECT_EQ(file_text(path("all/leg-02/leg.conf")), "switch_on = 1\n");
-  EXPECT_EQ(file_text(path("all/leg-03/leg.conf")), "switch_on = 2\n");
-  const auto fitted = entries(file_text(path("all/parameters.conf")));
-  EXPECT_NEAR(std::stod(fitted.at("temperature.N01.1")), 0.01, 5 * std::stod(fitted.at("sigma.temperature.N01.1")));
-  EXPECT_GT(std::stod(fitted.at("temperature.N01.1")), 0.005);
-  campaign("temperatures_c = 10, 30, 25\nrig = own.rig\n");
-  expect_refused(command, "all/leg-02: is a run of another campaign, by unit or temperature: expected another --out");
-  campaign(legs);
-  // Again: nothing is measured, the same comes out. What is not there is made, and that alone.
-  EXPECT_EQ(run(command).out.find("[campaign]"), std::string::npos);
-  std::filesystem::remove_all(path("all/leg-02"));
-  const ProgramResult again = run(command);
-  EXPECT_EQ(again.code, 0) << again.err;
-  EXPECT_SAYS(again.out, "leg 2 of 3");
-  EXPECT_EQ(again.out.find("leg 1 of 3"), std::string::npos);
-  EXPECT_EQ(entries(file_text(path("all/parameters.conf"))).at("temperature.N01.1"), fitted.at("temperature.N01.1"));
-}
 
 // Legs with a station of their own, that measure while the chamber goes its slow way: they find the rate term, and bound that of the others.
 TEST_F(CampaignProgram, LegsOnARampFindWhatGoesWithTheRate) {
@@ -169,7 +131,7 @@ TEST_F(CampaignProgram, LegsOnARampFindWhatGoesWithTheRate) {
                             "chamber.band_c = 20\n");
   std::string legs = "temperatures_c = 10, 18, 26, 34, 26, 18, 43, 5, 42, 6\nrig = own.rig\n";
   for (const char* const leg : {"7", "8", "9", "10"}) legs += std::string("leg.") + leg + ".station = ramp.station\n";
-  campaign(legs);
+  write("own.campaign", "format = 1\nunit = SN1\nstation = own.station\nsequence = " + short_demo + "\n" + legs);
   const ProgramResult made = run("campaign own.campaign --out all --dry-run --no-diagnosis");
   ASSERT_EQ(made.code, 0) << made.err << made.out;
   const auto conf = entries(file_text(path("all/thermal.conf")));
@@ -181,52 +143,6 @@ TEST_F(CampaignProgram, LegsOnARampFindWhatGoesWithTheRate) {
   EXPECT_LT(number("sigma.N01.rate"), 0.004);
   EXPECT_NEAR(number("coefficient.N01.rate"), 0.02, 4.0 * number("sigma.N01.rate"));
   EXPECT_NEAR(number("coefficient.N01.1"), 0.01, 5.0 * number("sigma.N01.1"));
-}
-
-// With --until-sigma the legs that are left when everything can be told, and well enough, are not made; and the same when it is asked again.
-TEST_F(CampaignProgram, LegsThatNobodyNeedsAreLeftOut) {
-  const auto asked = [&](double degph) {
-    write("own.station", station_head +
-                             "chamber.file = own.chamber\nchamber.limit_unit_c = 60\nchamber.settle_s = 60\n" +
-                             fmt::format("stop.sigma.N01 = {}\n", degph));
-    campaign("temperatures_c = 10, 40, 25, 10, 25\nleg.4.switch_on = true\n");
-  };
-  asked(1.0);
-  const Arguments command = "campaign own.campaign --out all --dry-run --no-diagnosis --until-sigma --format json";
-  const ProgramResult first = run(command);
-  ASSERT_EQ(first.code, 0) << first.err << first.out;
-  EXPECT_TRUE(std::filesystem::exists(path("all/leg-04"))) << "the first after another switch-on";
-  EXPECT_FALSE(std::filesystem::exists(path("all/leg-05")));
-  EXPECT_SAYS(file_text(path("all/thermal.html")), "after leg 4 of 5: enough is known at every temperature;");
-  const std::string fitted = file_text(path("all/thermal.conf"));
-  EXPECT_EQ(run(command).code, 0);
-  EXPECT_EQ(file_text(path("all/thermal.conf")), fitted);
-  asked(1e-5);
-  const ProgramResult more = run(command);
-  EXPECT_EQ(more.code, 0) << more.err;
-  EXPECT_SAYS(more.out, "after leg 4 of 5: not yet enough: N01, ");
-  EXPECT_TRUE(std::filesystem::exists(path("all/leg-05")));
-}
-
-TEST_F(CampaignProgram, APlanSaysTimesAndSigmasAndMovesNothing) {
-  campaign("temperatures_c = -20, 0, 20, 40, 10\n");
-  const std::set<std::string> before = everything();
-  const ProgramResult plan = run("campaign own.campaign --plan");
-  EXPECT_EQ(plan.code, 0) << plan.err;
-  EXPECT_SAYS(plan.out, "per C^3");
-  EXPECT_EQ(everything(), before);
-  expect_refused("campaign own.campaign", "--out is required");
-  campaign("temperatures_c = 20\n");
-  expect_refused("campaign own.campaign --plan",
-                 "key 'temperatures_c' = '20': expected the temperatures of two legs or more");
-  campaign("temperatures_c = 20, 70\n");
-  expect_refused("campaign own.campaign --out all --dry-run", "70 C: expected at most chamber.limit_unit_c (60)");
-  campaign("temperatures_c = 20, 30\nleg.3.switch_on = true\n");
-  expect_refused("campaign own.campaign --plan", "leg.3.switch_on");
-  write("own.rig", "noise.seed = 1\n"), campaign("temperatures_c = 20, 30\nrig = own.rig\n");
-  expect_refused("campaign own.campaign --out all --dry-run", "each leg of a campaign has its own");
-  write("own.station", station_head), campaign("temperatures_c = 20, 30\n");
-  expect_refused("campaign own.campaign --plan", "has no chamber");
 }
 
 }  // namespace

@@ -15,8 +15,6 @@ constexpr const char* short_seeking =
     "step 1\n  initial H 0 P 0 R 0\n  align 6000\n  align 6000\nstep 2\n  initial H 90 P 0 R 0\n  dwell 6000\n"
     "  dwell 6000\n";
 
-const std::string fourteen_steps = std::string(TURNCAL_SOURCE_DIR) + "/sequences/fourteen_step.seq";
-
 class Verify : public RigUnit {
  protected:
   void SetUp() override {
@@ -83,50 +81,8 @@ TEST_F(Verify, SeeksNorthInFourHeadings) {
   EXPECT_EQ(run("verify --recording v --parameters wrong.conf --out wide --station wide.station").code, 0);
 }
 
-TEST_F(Verify, RefusesWhatItCannotUse) {
+TEST_F(Verify, WaitsForNobodyInItsFolder) {
   write_parameters("true.conf");
-  const auto with = [](const Arguments& more) { return "verify --parameters true.conf --out v" + more; };
-  expect_refused("verify", "--parameters is required");
-  expect_refused("verify --parameters true.conf", "--out is required");
-  expect_refused(with({}), "--unit is required");
-  expect_refused(with({"--dry-run", "--unit", "SN8"}), "SN8");
-  expect_refused(with({"--dry-run", "--unit", "SN7", "--sequence", "nothing.seq"}), "nothing.seq");
-  expect_refused(with({"--recording", "one", "--dry-run"}),
-                 "--recording: expected only --parameters, --out, --station and --from-step");
-  expect_refused(with({"--recording", "one"}), "alignment: 1 s at rest, expected at least 20 s");
-  expect_refused("verify --references none.csv", "none.csv");
-  expect_refused("verify --references none.csv --dry-run", "--references: expected only --out, --station and --format");
-  // A unit that lies on its side.
-  const std::string side = "step 1\n  initial H 0 P 0 R 90\n  align 6000\n  dwell 6000\n  dwell 6000\n";
-  record("side", good_rig, side);
-  expect_refused(with({"--recording", "side"}), "expected the table at pitch 0 and roll 0");
-  // Sequences that cannot be judged are refused before anything moves.
-  for (const auto& [steps, message] :
-       {std::pair<std::string, const char*>{side, "expected the table at pitch 0 and roll 0"},
-        {"step 1\n  initial H 0 P 0 R 0\n  align 6000\n  dwell 6000\n",
-         "one alignment at heading 0, expected at least two"},
-        {"step 1\n  initial H 0 P 0 R 0\n  align 6000\n  dwell 6000\n  dwell 6000\n  rotate H +90\n  dwell 6000\n"
-         "  rotate H +90\n  dwell 6000\n  dwell 6000\n",
-         "one alignment at heading 90, expected at least two"},
-        {"step 1\n  initial H 0 P 0 R 0\n  align 6000\n  dwell 2000\n  dwell 2000\n", "alignment: 10 s at rest"}}) {
-    write_sequence("bad.seq", steps);
-    expect_refused(with({"--dry-run", "--unit", "SN7", "--rig", path("good.rig"), "--sequence", path("bad.seq")}),
-                   message);
-  }
-  // Where no gyro tells north; the built-in station stands where the rig does.
-  const std::string north = "expected at most 85 deg north or south";
-  write("north.station",
-        "format = 1\nsite.latitude_deg = -88\nsite.gravity_mps2 = 9.83\ntable.driver = mock\n"
-        "imu.driver = rig\nverify.run = true\n");
-  write("north.rig", "site.latitude_deg = 88\n");
-  write("queue", "SN7\n");
-  expect_refused(with({"--dry-run", "--unit", "SN7", "--station", path("north.station")}),
-                 path("north.station") + ": site.latitude_deg = -88: " + north);
-  expect_refused("run --dry-run --unit SN7 --station north.station --out v", north);
-  expect_refused("run --dry-run --unit SN7 --rig north.rig --verify --out v", north);
-  expect_refused("batch queue --dry-run --station north.station --out v", north);
-  expect_refused("check --station north.station --sequence " + fourteen_steps, north);
-  // Somebody else works in the folder.
   std::filesystem::create_directory(folder_ / "busy");
   const Result<LockFile> lock = good(LockFile::acquire(path("busy/.lock")));
   expect_refused("verify --recording one --parameters true.conf --out busy", "in use by", 50);
@@ -178,9 +134,7 @@ TEST_F(Verify, LeavesOutWhatLostSamples) {
   EXPECT_EQ(result("judged/verification.conf").integer("filled_samples"), 1);
   EXPECT_TRUE(result("judged/verification.conf").has("position.1.3.heading_deg"));
   // So is one that cannot be, and what it gave is said.
-  retell("v", "hit", [&](std::int64_t counter, std::vector<std::string>& cells) {
-    if (counter == middle[3]) cells[2] = "200000";  // 52 deg
-  });
+  change("v", "hit", middle[3], 2, "200000");  // 52 deg
   const ProgramResult hit = judge("hit");
   EXPECT_SAYS(hit.out, "glitch: gyro y gave 200000 in sample " + std::to_string(middle[3]));
   EXPECT_LT(result("judged/verification.conf").number("deviation.heading_deg"), 0.1);
@@ -231,78 +185,6 @@ TEST_F(Verify, GoesOnWithItsOutcome) {
   ends("resume changed", 1, "wrong.conf: is not the parameter file that");
 }
 
-// Behind the calibration, in the same walk of the table: what is calibrated is not changed by it, and its outcome is the unit's.
-TEST_F(Verify, BehindTheCalibration) {
-  const std::string station = station_head + "limit.heading_deg = 0.2\n";
-  write("plain.station", station);
-  write("verifying.station", station + "verify.run = true\nrecord.database = r.db\n");
-  ASSERT_EQ(run("run --dry-run --unit SN7 --station plain.station --out plain").code, 0);
-  const auto into = [](const std::string& out) {
-    return Arguments("run --dry-run --unit SN7 --station verifying.station --out " + out);
-  };
-  const long points = count_points(into("v"));
-  const ParameterFile plain = *read_parameter_file(path("plain/parameters.conf"));
-  const ParameterFile file = *read_parameter_file(path("v/parameters.conf"));
-  EXPECT_EQ(file.parameters, plain.parameters);
-  EXPECT_EQ(file.sigma, plain.sigma);
-  KeyValueFile conf = result("v/verification.conf");
-  EXPECT_EQ(conf.number("position.4.table_deg"), 270.0);
-  EXPECT_EQ(conf.text("verdict.result"), "pass");
-  EXPECT_EQ(conf.text("recording_hash"), file.recording_hash);
-  const std::string text = file_text(folder_ / "v/parameters.conf");
-  EXPECT_SAYS(text, "verdict.verification = pass: heading 0.0");
-  EXPECT_SAYS(run("journal v").out, "verification = pass: heading 0.0");
-  EXPECT_SAYS(file_text(folder_ / "r.db"), "pass: heading 0.0");
-  // The certificate takes the verification of this result, and of no other.
-  const Arguments certify = "certificate v --station plain.station --specimen --out c.html";
-  EXPECT_EQ(run(certify).code, 0);
-  EXPECT_SAYS(file_text(folder_ / "c.html"), "Verification: north seeking");
-  std::filesystem::remove(folder_ / "c.html");
-  ParameterFile other = file;
-  other.parameters[0] += 0.5;
-  keep(other, "other.conf");
-  const std::string judged = file_text(folder_ / "v/verification.conf");
-  for (const auto& [parameters, what] :
-       {std::pair{"other.conf", "calibration"}, std::pair{"v/parameters.conf", "result"}}) {
-    run("verify --recording v --from-step 15 --out v --parameters" + Arguments(parameters));
-    expect_refused(certify, std::string("v/verification.conf: ") + what);
-  }
-  write("v/verification.conf", judged);
-  // Interrupted in the north seeking: the same file.
-  run_struck(into("killed"), points - points / 20, "kill");
-  EXPECT_EQ(run("resume killed").code, 0);
-  EXPECT_EQ(file_text(folder_ / "killed/parameters.conf"), text);
-  EXPECT_EQ(file_text(folder_ / "killed/verification.conf"), file_text(folder_ / "v/verification.conf"));
-  // The built-in station has the limit of its gyros: its units pass, and how near is said.
-  const ProgramResult shown = ends("run --dry-run --verify --unit SN7 --no-diagnosis --out shown", 0);
-  EXPECT_SAYS(shown.out, "[dry run] verdict         pass: heading ");
-  EXPECT_SAYS(shown.out, " % of its limit (");
-  // Gyros that cannot keep the limit in this time: nothing is decided, and the unit waits. Also in a batch.
-  write("queue", "SN7\n");
-  write("paper.station", station_head);
-  const ProgramResult batch = ends("batch queue --dry-run --verify --station paper.station --out batch", 20);
-  EXPECT_SAYS(file_text(folder_ / "batch/SN7/parameters.conf"), "verdict.result = hold\n");
-  EXPECT_SAYS(batch.out, "unit SN7: hold: verification: heading 0.0");
-  KeyValueFile undecided = result("batch/SN7/verification.conf");
-  EXPECT_EQ(undecided.text("verdict.heading"), "hold");
-  // Deviations of four: 0.03 deg of noise where 0.012 are allowed, 1 of 20 turned down: 16 times the time and more.
-  EXPECT_GT(undecided.number("would_do.align_s"), 300.0 * 16);
-  EXPECT_LT(undecided.number("would_do.align_s"), 300.0 * 50);
-  EXPECT_SAYS(batch.out, "undecided: within the noise; these gyros cannot keep 0.012 deg with alignments of 300 s");
-  // A level limit below the unit's noise: undecided, though all its parameters are within theirs, and its file is not put in use.
-  write("strict.station", station + "limit.level_deg = 0.000001\nlimit.A01.max = 1\nrecord.store = store\n");
-  const ProgramResult failed = ends(
-      {"run", "--dry-run", "--verify", "--unit", "SN7", "--station", path("strict.station"), "--out", "strict"}, 20);
-  const ParameterFile held = *read_parameter_file(path("strict/parameters.conf"));
-  EXPECT_TRUE(find_further(held, "verdict.A01")->starts_with("pass")) << *find_further(held, "verdict.A01");
-  EXPECT_EQ(*find_further(held, "verdict.result"), "hold");
-  EXPECT_SAYS(failed.out, "level undecided: the noise of this unit is as large as the limit");
-  EXPECT_SAYS(file_text(folder_ / "strict/diagnosis/report.html"), "Verification (north seeking):</b> ");
-  EXPECT_FALSE(std::filesystem::exists(folder_ / "store"));
-  expect_refused("run --dry-run --unit SN7 --out x --verify --capture-only",
-                 "--verify: expected neither --capture-only nor --partial");
-}
-
 // The table is turned by hand: the operator types the angles that he is asked for.
 class VerifyByHand : public OperatedProgram {};
 TEST_F(VerifyByHand, AsOnATable) {
@@ -320,35 +202,6 @@ TEST_F(VerifyByHand, AsOnATable) {
   EXPECT_TRUE(session.code == 0 || session.code == 20) << session.err << session.out;
   EXPECT_SAYS(session.out, "heading         largest deviation");
   EXPECT_TRUE(std::filesystem::exists(folder_ / "v/verification.conf"));
-}
-
-constexpr const char* reference_head =
-    "heading_deg,roll_deg,pitch_deg,reference_heading_deg,reference_roll_deg,reference_pitch_deg\n";
-
-TEST_F(Verify, ReadingsOfReferences) {
-  write("table3.csv", std::string(reference_head) +
-                          "20.186751,0.009256,-0.017475,20.186751,0.009256,-0.017475\n"
-                          "74.261759,0.017019,0.052811,74.262023,0.017211,0.052833\n"
-                          "20.017897,0.012601,-0.013012,20.017913,0.012871,-0.014151\n");
-  ends("verify --references table3.csv --out refs", 0);
-  KeyValueFile conf = result("refs/references.conf");
-  EXPECT_NEAR(conf.number("error.2.heading_deg"), -0.000264, 1e-10);
-  EXPECT_NEAR(conf.number("worst.pitch_deg"), 0.001139, 1e-10);
-  EXPECT_EQ(conf.text("verdict.result"), "pass");
-  write("off.csv", std::string(reference_head) + "20,0,0,20,0,0\n359.995,0,0,0.005,0,0\n");
-  const ProgramResult failed = ends("verify --references off.csv", 20);
-  EXPECT_SAYS(failed.out, "-0.010000");
-  ends("verify --references off.csv --station " + write("paper.station", station_head), 0);  // 0.012 deg
-  write("edge.csv", std::string(reference_head) + "20,0,0,20,0,0\n100.3,0.06,0,100.291,0,0.06\n");
-  EXPECT_EQ(run("verify --references edge.csv").code, 0);
-  for (const auto& [rows, words] : {std::pair{"30,0,0,30,0,0.0", "bad.csv:3: the last line has no end"},
-                                    {"", "1 rows, expected at least two"},
-                                    {"20,zero,0,20,0,0\n", "bad.csv"},
-                                    {"20,0,0,20,0,0,7\n", "bad.csv:3: the row has 7 columns: expected 6"},
-                                    {"2000,0,0,20,0,0\n", "bad.csv:3: expected angles from -360 to 360 deg"}}) {
-    write("bad.csv", std::string(reference_head) + "20,0,0,20,0,0\n" + rows);
-    expect_refused("verify --references bad.csv", words);
-  }
 }
 
 }  // namespace
