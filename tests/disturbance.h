@@ -5,7 +5,10 @@
 // its sums change by gyro_time = t/2 gyro and sculling = gyro accel' / 2, and its coning not at all.
 #pragma once
 
+#include <cmath>
+#include <cstdint>
 #include <functional>
+#include <random>
 #include <vector>
 
 #include <Eigen/LU>
@@ -43,6 +46,54 @@ inline AddedReading to_accel(int axis, double mps2) {
   return added;
 }
 using Disturbance = std::function<AddedReading(const DisturbedMoment&)>;
+
+// Of one reading alone, in its unit; `value` of a moment.
+template <class Value>
+Disturbance on_gyro(int axis, Value value) {
+  return [=](const DisturbedMoment& m) mutable { return to_gyro(axis, value(m)); };
+}
+template <class Value>
+Disturbance on_accel(int axis, Value value) {
+  return [=](const DisturbedMoment& m) mutable { return to_accel(axis, value(m)); };
+}
+
+// `size` times what the force (g) or the rate (rad/s) along an axis is beyond itself lagged by tau.
+class Creep {
+ public:
+  Creep(Eigen::Vector3d DisturbedMoment::*of, int axis, double size, double tau_s)
+      : of_(of), axis_(axis), size_(size), tau_s_(tau_s) {}
+  double operator()(const DisturbedMoment& m) {
+    const double now = (m.*of_)[axis_];
+    if (m.time_s < time_s_) left_ = 0.0, last_ = now, time_s_ = m.time_s;
+    left_ = left_ * std::exp(-(m.time_s - time_s_) / tau_s_) + (now - last_);
+    last_ = now;
+    time_s_ = m.time_s;
+    return size_ * left_;
+  }
+
+ private:
+  Eigen::Vector3d DisturbedMoment::*of_;
+  int axis_;
+  double size_, tau_s_, last_ = 0.0, left_ = 0.0, time_s_ = 1e9;
+};
+inline Disturbance accel_creep(int axis, double micro_g, double tau_s) {
+  return on_accel(axis, Creep(&DisturbedMoment::force_g, axis, ug * micro_g, tau_s));
+}
+
+// Of the scale factor of one gyro, another number in each turn.
+inline Disturbance scattered_scale(int axis, double size, std::uint64_t seed) {
+  return on_gyro(axis, [=](const DisturbedMoment& m) {
+    std::mt19937_64 own(seed + std::uint64_t(m.turn));
+    own.discard(3);
+    return size * std::normal_distribution<double>()(own) * m.rate_radps[axis];
+  });
+}
+
+// Of a gyro's rate what lock-in takes: `part` of it far below `rate_degph`, next to nothing above.
+inline double locked_in(double rate_radps, double part, double rate_degph) {
+  const double square = std::pow(rate_degph * degph, 2);
+  return part * rate_radps * square / (square + rate_radps * rate_radps);
+}
 
 // Calls `visit(block, moment)` for every block. `truth`: of the unit.
 template <class Visit>

@@ -74,14 +74,6 @@ std::vector<ImuSample> counts(const VectorFunction& w, const VectorFunction& f, 
   return out;
 }
 
-CompressedRecording compress_as(SegmentKind kind, const std::vector<ImuSample>& samples,
-                                const CompressionOptions& options = {}) {
-  Segment segment;
-  segment.kind = kind;
-  segment.end_sample = std::int64_t(samples.size());
-  return compress(pulses_info(), {segment}, samples, options);
-}
-
 // One block over all samples.
 Block one_block(const std::vector<ImuSample>& samples) {
   CompressionOptions options;

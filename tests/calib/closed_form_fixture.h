@@ -32,6 +32,14 @@ inline RigConfig paper_unit() {
   return config;
 }
 
+// The same unit on a table that is level and points north.
+inline RigConfig unit_on_a_perfect_table() {
+  RigConfig config = paper_unit();
+  config.table_errors = {};
+  config.table_errors.random_arcmin = 0.0;
+  return config;
+}
+
 // The fourteen steps at four times the rate with dwells of 15 s (some of 20 s: V1 and V2 over different lengths), 60 s
 // in 13 and 14: for what does not depend on lengths.
 inline Sequence short_steps() {

@@ -26,4 +26,10 @@ inline CompressedRecording compress(const RecordingInfo& info, const Segments& s
   return compressor.take();
 }
 
+// As one segment.
+inline CompressedRecording compress_as(SegmentKind kind, std::span<const ImuSample> samples,
+                                       const CompressionOptions& options = {}) {
+  return compress(pulses_info(), {{.kind = kind, .end_sample = samples.back().counter + 1}}, samples, options);
+}
+
 }  // namespace turncal

@@ -20,9 +20,8 @@ struct Made {
 };
 
 inline Made make(RigConfig config, const std::function<void(RigConfig&)>& before_holdout = {}) {
-  static const Sequence sequence = must_read_sequence("fourteen_step.seq");
   static const Sequence second = must_read_sequence("holdout.seq");
-  RigRecording first = record_on_rig(sequence, config);
+  RigRecording first = record_on_rig(fourteen_steps(), config);
   config.noise_seed = config.noise_seed.value_or(config.seed) + 1000000;
   for (std::size_t k = 0; k < 24; ++k) config.truth[k] = to_vector(first.truth)[int(k)];
   if (before_holdout) before_holdout(config);

@@ -12,8 +12,12 @@
 #include <vector>
 
 #include "calib/model/parameters.h"
+#include "calib/rests/rest_data.h"
+#include "calib/statistics/clipping.h"
 #include "calib/statistics/segmentation.h"
 #include "calib/types/recording_types.h"
+#include "tests/calib/compress.h"
+#include "tests/disturbance.h"
 
 namespace turncal {
 
@@ -42,9 +46,7 @@ struct HandPlan {
   double scale_accel = 1.0;                              // of what is written: another unit
   Eigen::Vector3d fixed_axis = Eigen::Vector3d::Zero();  // not zero: every turn is about it
   std::optional<double> latitude_deg = {};               // none: an earth that stands still
-  // Added to the true rate (rad/s) and specific force (m/s^2), of true w, f and time.
-  std::function<void(const Eigen::Vector3d&, const Eigen::Vector3d&, double, Eigen::Vector3d&, Eigen::Vector3d&)>
-      effect = nullptr;
+  Disturbance effect = nullptr;                          // of time, true rate and force
 };
 
 inline HandData make_hand_data(const HandPlan& plan) {
@@ -83,13 +85,13 @@ inline HandData make_hand_data(const HandPlan& plan) {
   const auto emit = [&](const Eigen::Vector3d& turn, const Eigen::Vector3d& f) {
     const Eigen::Vector3d w = turn + C_nb.transpose() * earth;
     const double t = (double(data.samples.size()) + 0.5) * period_s;
-    Eigen::Vector3d extra_w = Eigen::Vector3d::Zero();
-    Eigen::Vector3d extra_f = Eigen::Vector3d::Zero();
-    if (plan.effect) plan.effect(w, f, t, extra_w, extra_f);
+    DisturbedMoment moment;
+    moment.time_s = t, moment.rate_radps = w, moment.force_g = f / standard_gravity_mps2;
+    const AddedReading extra = plan.effect ? plan.effect(moment) : AddedReading{};
     const Eigen::Vector3d noise_w(normal(random), normal(random), normal(random));
     const Eigen::Vector3d noise_f(normal(random), normal(random), normal(random));
-    const Eigen::Vector3d gyro = n_inverse * (w + extra_w + gyro_bias) + noise_w * plan.gyro_noise_radps;
-    const Eigen::Vector3d accel = a_inverse * (f + extra_f + accel_bias) + noise_f * plan.accel_noise_mps2;
+    const Eigen::Vector3d gyro = n_inverse * (w + extra.gyro_radps + gyro_bias) + noise_w * plan.gyro_noise_radps;
+    const Eigen::Vector3d accel = a_inverse * (f + extra.accel_mps2 + accel_bias) + noise_f * plan.accel_noise_mps2;
     ImuSample sample;
     sample.counter = std::int64_t(data.samples.size());
     for (std::size_t k = 0; k < 3; ++k) {
@@ -126,6 +128,58 @@ inline HandData make_hand_data(const HandPlan& plan) {
     segment(SegmentKind::rotate, from);
   }
   return data;
+}
+
+// How far two lists of segments agree on what is at rest.
+struct Agreement {
+  int rests_a = 0, rests_b = 0, matched = 0;              // matched: rests of a that overlap one of b
+  double common_s = 0.0, only_a_s = 0.0, only_b_s = 0.0;  // at rest in both, in one
+};
+
+inline Agreement compare_rests(const Segments& a, const Segments& b, double sample_period_s) {
+  const auto is_rest = [](const Segment& s) { return s.kind != SegmentKind::rotate; };
+  const auto seconds = [&](std::int64_t from, std::int64_t to) {
+    return double(std::max<std::int64_t>(0, to - from)) * sample_period_s;
+  };
+  Agreement result;
+  for (const Segment& y : b) {
+    if (!is_rest(y)) continue;
+    ++result.rests_b;
+    result.only_b_s += seconds(y.start_sample, y.end_sample);
+  }
+  for (const Segment& x : a) {
+    if (!is_rest(x)) continue;
+    double common = 0.0;
+    for (const Segment& y : b)
+      if (is_rest(y)) common += seconds(std::max(x.start_sample, y.start_sample), std::min(x.end_sample, y.end_sample));
+    ++result.rests_a;
+    result.matched += common > 0.0 ? 1 : 0;
+    result.common_s += common;
+    result.only_a_s += seconds(x.start_sample, x.end_sample) - common;
+    result.only_b_s -= common;
+  }
+  return result;
+}
+
+// What was compressed, and what was found at rest in it; it stays where it is, for the data point to the recording.
+struct HandRecording {
+  HandData hand;
+  CompressedRecording recording;
+  RestData data;
+  explicit HandRecording(HandData made) : hand(std::move(made)) {
+    recording = compress(hand.info, hand.segments, hand.samples, rest_compression_options());
+    ClippingFinder clipping;
+    for (const ImuSample& sample : hand.samples) clipping.add(sample);
+    clipping.note(recording.events);
+    data = make_rest_data(recording);
+  }
+  explicit HandRecording(const HandPlan& plan) : HandRecording(make_hand_data(plan)) {}
+  HandRecording(const HandRecording&) = delete;
+};
+
+inline void scale(HandData& hand, double gyro, double accel) {
+  for (ImuSample& sample : hand.samples)
+    for (std::size_t k = 0; k < 3; ++k) sample.gyro[k] *= gyro, sample.accel[k] *= accel;
 }
 
 // Gyros that end at `limit` (increments); how many samples of an axis did.

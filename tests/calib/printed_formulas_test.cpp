@@ -110,10 +110,7 @@ Outcome outcome(const RigRecording& made, Parameters parameters, const std::func
 }
 
 TEST(PrintedFormulas, EachOneAgainstTheTruth) {
-  RigConfig good_table = paper_unit();
-  good_table.table_errors = {};
-  good_table.table_errors.random_arcmin = 0.0;
-  const RigRecording level = record_on_rig(fourteen_steps(), good_table);
+  const RigRecording level = record_on_rig(fourteen_steps(), unit_on_a_perfect_table());
   const RigRecording tilted = record_on_rig(fourteen_steps(), paper_unit());
   const Parameters start = start_parameters(level.recording.info);
 

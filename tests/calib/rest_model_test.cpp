@@ -2,7 +2,6 @@
 
 #include "calib/model/effects.h"
 #include "calib/rests/rest_units.h"
-#include "tests/calib/compress.h"
 #include "tests/calib/hand_rotations.h"
 #include "tests/test.h"
 
@@ -16,29 +15,15 @@ EffectModel model_of(const char* name) {
   return make_effect_model(columns, Site{}, 0.0);
 }
 
-struct Prepared {
-  HandData hand;
-  CompressedRecording recording;
-  RestData data;
-};
-std::unique_ptr<Prepared> prepare(HandData hand) {
-  auto p = std::make_unique<Prepared>();
-  p->hand = std::move(hand);
-  p->recording = compress(p->hand.info, p->hand.segments, p->hand.samples, rest_compression_options());
-  p->data = make_rest_data(p->recording);
-  return p;
-}
-std::unique_ptr<Prepared> prepare(const HandPlan& plan) { return prepare(make_hand_data(plan)); }
-
-RestFit fitted(const Prepared& p) { return *good(fit_rests(p.data, EffectModel{})); }
+RestFit fitted(const HandRecording& p) { return *good(fit_rests(p.data, EffectModel{})); }
 
 TEST(RestSystem, JacobianAgreesWithDifferences) {
-  const auto p = prepare({.rests = 6, .rest_s = 3.0});
-  p->recording.info.latitude_deg = 90.0;  // no horizontal earth rate: what is held fixed for it is in no column
+  HandRecording p(HandPlan{.rests = 6, .rest_s = 3.0});
+  p.recording.info.latitude_deg = 90.0;  // no horizontal earth rate: what is held fixed for it is in no column
   EffectModel effects = model_of("gyro_g_sensitivity");
   for (int k = 0; k < effects.columns; ++k) effects.values[k] = 40.0 * (k - 4);
-  const Parameters at = p->hand.truth;
-  const RestSystem system = make_rest_system(p->data, at, effects, true);
+  const Parameters at = p.hand.truth;
+  const RestSystem system = make_rest_system(p.data, at, effects, true);
   for (int c = 0; c < rest_parameter_count + effects.columns; ++c) {
     const bool parameter = c < rest_parameter_count;
     ParameterVector low = to_vector(at), high = low;
@@ -52,8 +37,8 @@ TEST(RestSystem, JacobianAgreesWithDifferences) {
       effects_low.values[c - rest_parameter_count] -= h;
       effects_high.values[c - rest_parameter_count] += h;
     }
-    const Eigen::VectorXd difference = (make_rest_system(p->data, from_vector(high), effects_high, false).residual -
-                                        make_rest_system(p->data, from_vector(low), effects_low, false).residual) /
+    const Eigen::VectorXd difference = (make_rest_system(p.data, from_vector(high), effects_high, false).residual -
+                                        make_rest_system(p.data, from_vector(low), effects_low, false).residual) /
                                        (2.0 * h);
     // The residuals are white noise here: the terms held fixed (basis across gravity, creep) are worth a part in 10^3
     // of the column, and a g-sensitivity moves with the scale of the accelerometer it multiplies.
@@ -65,27 +50,26 @@ TEST(RestSystem, JacobianAgreesWithDifferences) {
 struct ErrorsInSigmas {
   double sum = 0.0;
   int count = 0;
-  void add(const RestFit& fit, const Parameters& truth) {
+  const RestFit& add(const RestFit& fit, const Parameters& truth) {
+    EXPECT_TRUE(fit.converged) << fit.message;
     const ParameterVector error = to_vector(fit.parameters) - to_vector(truth);
     for (const int k : free_parameters()) {
       EXPECT_LT(std::abs(error[k]), 5.0 * fit.sigma[k]) << parameter_keys[k];
       sum += std::pow(error[k] / fit.sigma[k], 2);
       ++count;
     }
+    return fit;
   }
   double mean_square() const { return sum / count; }
 };
 
+// 210 squares with mean 1: sigma of the mean sqrt(2/210) = 0.1; the floors of ten small samples widen it to 0.15.
 TEST(RestModel, FindsTheTruthWithinItsSigmas) {
   ErrorsInSigmas errors;
   for (unsigned seed = 1; seed <= 10; ++seed) {
-    const auto p = prepare({.seed = seed});
-    const RestFit fit = fitted(*p);
-    ASSERT_TRUE(fit.converged) << fit.message;
-    EXPECT_TRUE(fit.undetermined.empty());
-    errors.add(fit, p->hand.truth);
+    const HandRecording p(HandPlan{.seed = seed});
+    EXPECT_TRUE(errors.add(fitted(p), p.hand.truth).undetermined.empty());
   }
-  // 210 squares with mean 1: sigma of the mean sqrt(2/210) = 0.1; the floors of ten small samples widen it to 0.15.
   EXPECT_NEAR(errors.mean_square(), 1.0, 0.45);
 }
 
@@ -93,13 +77,11 @@ TEST(RestModel, FindsTheTruthWithinItsSigmas) {
 TEST(RestModel, TakesTheHorizontalEarthRateOff) {
   ErrorsInSigmas errors;
   for (unsigned seed = 1; seed <= 10; ++seed) {
-    const auto p =
-        prepare({.gyro_noise_radps = 5e-5, .accel_noise_mps2 = 0.002, .seed = seed, .latitude_deg = 45.0 - 9.0 * seed});
-    const RestFit fit = fitted(*p);
-    ASSERT_TRUE(fit.converged) << fit.message;
+    const HandRecording p(
+        HandPlan{.gyro_noise_radps = 5e-5, .accel_noise_mps2 = 0.002, .seed = seed, .latitude_deg = 45.0 - 9.0 * seed});
+    const RestFit fit = errors.add(fitted(p), p.hand.truth);
     for (const RestKind kind : {RestKind::gyro, RestKind::direction})
       EXPECT_LT(fit.white_ratio[std::size_t(kind)], 1.4) << seed;
-    errors.add(fit, p->hand.truth);
   }
   EXPECT_NEAR(errors.mean_square(), 1.0, 0.45);
 }
@@ -107,12 +89,8 @@ TEST(RestModel, TakesTheHorizontalEarthRateOff) {
 TEST(RestModel, StartsFarFromTheTruth) {
   // 30 % off in the gyros' scale, 15 % in the accelerometers': as if the counts had been taken for another unit.
   HandData hand = make_hand_data({});
-  for (ImuSample& s : hand.samples)
-    for (std::size_t k = 0; k < 3; ++k) {
-      s.gyro[k] *= 1.3;
-      s.accel[k] /= 1.15;
-    }
-  const RestFit fit = fitted(*prepare(hand));
+  scale(hand, 1.3, 1.0 / 1.15);
+  const RestFit fit = fitted(HandRecording(hand));
   ASSERT_TRUE(fit.converged) << fit.message;
   EXPECT_NEAR(fit.parameters.n(0, 0) * 1.3, hand.truth.n(0, 0), 2e-3);
   EXPECT_NEAR(fit.parameters.a(2, 2) / 1.15, hand.truth.a(2, 2), 1e-3);
@@ -120,9 +98,9 @@ TEST(RestModel, StartsFarFromTheTruth) {
 }
 
 TEST(RestModel, LeftOutErrorIsThatOfARefitWithoutTheRows) {
-  const auto p = prepare({.rests = 12});
-  const RestFit fit = fitted(*p);
-  const RestSystem system = make_rest_system(p->data, fit.parameters, EffectModel{}, true);
+  const HandRecording p(HandPlan{.rests = 12});
+  const RestFit fit = fitted(p);
+  const RestSystem system = make_rest_system(p.data, fit.parameters, EffectModel{}, true);
   const Eigen::VectorXd weights = rest_weights(system, fit.floors);
   const Eigen::VectorXd predicted = left_out_residual(system, weights);
   // Leave leg 4 out by hand: one Gauss-Newton step without its two rows.
@@ -143,8 +121,8 @@ TEST(RestModel, LeftOutErrorIsThatOfARefitWithoutTheRows) {
 TEST(RestModel, NamesWhatIsNotDetermined) {
   // Turned about x alone, gravity stays in the y-z plane: the x accelerometer's scale and bias are not seen, nor what
   // the other two gyros, which do not turn, put into x. The x gyro's own scale is.
-  const auto p = prepare({.fixed_axis = Eigen::Vector3d::UnitX()});
-  const Result<RestFit> fit = good(fit_rests(p->data, EffectModel{}));
+  const HandRecording p(HandPlan{.fixed_axis = Eigen::Vector3d::UnitX()});
+  const Result<RestFit> fit = good(fit_rests(p.data, EffectModel{}));
   const auto named = [&](const char* key) {
     return std::ranges::find(fit->undetermined, key) != fit->undetermined.end();
   };
@@ -152,10 +130,8 @@ TEST(RestModel, NamesWhatIsNotDetermined) {
   for (const char* key : {"n11", "a23", "A02", "N02"}) EXPECT_FALSE(named(key)) << key;
   for (const int k : free_parameters())
     EXPECT_EQ(std::isnan(fit->sigma[k]), named(std::string(parameter_keys[k]).c_str()));
-  const auto few = prepare({.rests = 3});
-  const Result<RestFit> none = fit_rests(few->data, EffectModel{});
-  ASSERT_FALSE(none.ok());
-  EXPECT_NE(none.error().message.find("needs 4 rests"), std::string::npos);
+  const HandRecording few(HandPlan{.rests = 3});
+  EXPECT_TRUE(fails(fit_rests(few.data, EffectModel{}), "needs 4 rests"));
 }
 
 TEST(RestModel, LegWithLostSamplesIsSetAside) {
@@ -164,10 +140,10 @@ TEST(RestModel, LegWithLostSamplesIsSetAside) {
   ASSERT_EQ(leg.kind, SegmentKind::rotate);
   const auto lost = hand.samples.begin() + (leg.start_sample + leg.end_sample) / 2;
   hand.samples.erase(lost, lost + 7);
-  const auto p = prepare(hand);
-  EXPECT_NE(p->data.legs[2].fault.find("gap of 7 samples"), std::string::npos) << p->data.legs[2].fault;
-  EXPECT_TRUE(p->data.legs[1].fault.empty());
-  ErrorsInSigmas().add(fitted(*p), hand.truth);
+  const HandRecording p(hand);
+  EXPECT_SAYS(p.data.legs[2].fault, "gap of 7 samples");
+  EXPECT_TRUE(p.data.legs[1].fault.empty());
+  ErrorsInSigmas().add(fitted(p), hand.truth);
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 #include "calib/statistics/segmentation.h"
 
 #include "tests/calib/hand_rotations.h"
-#include "tests/calib/rest_agreement.h"
 #include "tests/test.h"
 
 namespace turncal {
@@ -48,6 +47,40 @@ TEST(Segmentation, AnEvenSlowTurnIsNoRest) {
   const Segmentation found = find_rests(hand.info, hand.samples);
   EXPECT_EQ(found.slow_turns, 1);
   EXPECT_EQ(compare_rests(found.segments, hand.segments, hand.info.sample_period_s).rests_a, 19);
+}
+
+TEST(Segmentation, AUnitThatSwingsNeverRests) {
+  HandData hand = make_hand_data({.rests = 2});
+  hand.samples.resize(6000);
+  for (std::size_t k = 0; k < hand.samples.size(); ++k) {
+    const double t = double(k) * 0.01;
+    hand.samples[k].counter = std::int64_t(k);
+    const double noise = 1e-5 * std::sin(1e4 * t * t);
+    hand.samples[k].gyro = {0.01 * std::sin(3.0 * t) + noise, 0.008 * std::cos(2.1 * t) - noise, 0.005 * std::sin(t)};
+    hand.samples[k].accel = {0.0981 * std::sin(std::cos(3.0 * t)), 0.0981 * std::cos(std::cos(3.0 * t)), noise};
+  }
+  const Segmentation found = find_rests(hand.info, hand.samples);
+  EXPECT_TRUE(found.segments.empty());
+  EXPECT_SAYS(found.reason, "never rests");
+}
+
+// Small motions at all levels: the longest stretch of thresholds lies at 10^4 times the noise, where rests hold motion.
+TEST(Segmentation, ThresholdsStayNearTheNoise) {
+  HandData hand = make_hand_data({.gyro_noise_radps = 0.0002, .accel_noise_mps2 = 0.002, .seed = 6});
+  // Every rest is interrupted by a wobble, each of another size up to 100 times the noise.
+  int rest = 0;
+  for (const Segment& s : hand.segments) {
+    if (s.kind == SegmentKind::rotate) continue;
+    const double size = 0.0002 * std::pow(100.0, (rest++ % 20) / 19.0) * 3.0;
+    for (std::int64_t k = s.start_sample + 250; k < s.start_sample + 350; ++k)
+      hand.samples[k].gyro[0] += size * std::sin(0.0628 * double(k - s.start_sample - 250)) * 0.01;
+  }
+  const Segmentation found = find_rests(hand.info, hand.samples);
+  EXPECT_LT(found.threshold, 3.2 * segmentation_limits.most_tremor);
+  SegmentationOptions given;
+  given.threshold = 50.0;
+  EXPECT_EQ(find_rests(hand.info, hand.samples, given).threshold, 50.0);
+  EXPECT_EQ(find_rests(hand.info, hand.samples, given).reason, "given");
 }
 
 TEST(Segmentation, TooShortOrNothingAtRest) {

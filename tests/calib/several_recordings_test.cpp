@@ -1,11 +1,8 @@
 // One unit switched on several times: rig recordings with the same scale factors and misalignments and other biases.
 #include "calib/joint/several_recordings.h"
 
-#include "calib/evidence/diagnosis.h"
 #include "tests/calib/diagnosed_unit.h"
 #include "tests/disturbance.h"
-#include "tests/rig_recorder.h"
-#include "tests/test.h"
 
 namespace turncal {
 namespace {
@@ -17,37 +14,41 @@ RigConfig quiet() {
   return config;
 }
 
-RigRecording switched_on(const RigConfig& config, std::uint64_t noise_seed, const char* sequence) {
-  RigConfig c = config;
-  c.noise_seed = noise_seed;
-  return record_on_rig(must_read_sequence(sequence), c);
+RigRecording switched_on(RigConfig config, std::uint64_t noise_seed, const Sequence& sequence = fourteen_steps()) {
+  config.noise_seed = noise_seed;
+  return record_on_rig(sequence, config);
 }
 
-// An estimate as if the unit had had other biases: exact, since what the estimate says of them is linear.
-JointResult with_biases(JointResult estimate, double sign) {
-  estimate.parameters.N0_degph.array() += sign * gyro_turn_on_degph;
-  estimate.parameters.A0_g.array() += sign * accel_turn_on_g;
-  return estimate;
+struct Estimated {
+  RigRecording made;
+  JointResult estimate;
+};
+const Estimated& quiet_run(std::size_t k) {
+  static std::map<std::size_t, Estimated> runs;
+  if (const auto known = runs.find(k); known != runs.end()) return known->second;
+  RigRecording made = switched_on(quiet(), 501 + k);
+  JointResult estimate = joint_estimate(made.recording);
+  return runs.emplace(k, Estimated{std::move(made), std::move(estimate)}).first->second;
 }
 
 TEST(SeveralRecordings, CommonParametersGainAndBiasesAreOfEach) {
+  // Estimates as if the unit had had other biases: exact, since what an estimate says of them is linear.
   std::vector<JointResult> estimates;
-  Parameters truth;
   for (const double sign : {1.0, -1.0, 0.0}) {
-    const RigRecording made = switched_on(quiet(), 501 + estimates.size(), "fourteen_step.seq");
-    truth = made.truth;
-    estimates.push_back(with_biases(joint_estimate(made.recording), sign));
+    estimates.push_back(quiet_run(estimates.size()).estimate);
+    estimates.back().parameters.N0_degph.array() += sign * gyro_turn_on_degph;
+    estimates.back().parameters.A0_g.array() += sign * accel_turn_on_g;
   }
   const SeveralRecordings r = combine_recordings(estimates);
   EXPECT_EQ(r.degrees, 30);
   EXPECT_TRUE(r.agree) << r.disagreement;
   EXPECT_GT(r.p_value, 0.001);
-  EXPECT_LT(nees(r.unit, truth), chi_square_21_one_in_1000);
-  for (int k = 6; k < parameter_count; ++k) {
-    if (!parameter_is_free[k]) continue;
-    EXPECT_NEAR(r.unit.sigma[k] / estimates[0].sigma[k], 1.0 / std::sqrt(3.0), 0.06) << k;
-  }
-  for (int k = 0; k < 6; ++k) {
+  EXPECT_LT(nees(r.unit, quiet_run(0).made.truth), chi_square_21_one_in_1000);
+  for (const int k : free_parameters()) {
+    if (k >= 6) {
+      EXPECT_NEAR(r.unit.sigma[k] / estimates[0].sigma[k], 1.0 / std::sqrt(3.0), 0.06) << k;
+      continue;
+    }
     const double step = k < 3 ? gyro_turn_on_degph : accel_turn_on_g;
     EXPECT_NEAR((r.turn_ons.biases[0][k] - r.turn_ons.biases[1][k]) / (2.0 * step), 1.0, 0.1) << k;
     EXPECT_NEAR(r.turn_ons.repeatability[k] / step, 1.0, 0.1) << k;  // of +1, -1 and 0
@@ -57,24 +58,21 @@ TEST(SeveralRecordings, CommonParametersGainAndBiasesAreOfEach) {
 
 // A short recording that determines little leans on one that does.
 TEST(SeveralRecordings, WhatOneDoesNotDetermineTheOtherMay) {
-  const RigRecording whole = switched_on(quiet(), 511, "fourteen_step.seq");
-  JointResult little = joint_estimate(switched_on(quiet(), 512, "short_demo.seq").recording);
-  const JointResult alone = joint_estimate(whole.recording);
+  const JointResult& alone = quiet_run(0).estimate;
+  const JointResult little = joint_estimate(switched_on(quiet(), 512, must_read_sequence("short_demo.seq")).recording);
   const SeveralRecordings r = combine_recordings({alone, little});
   for (const int k : r.unit.free) {
-    EXPECT_TRUE(r.unit.determined[k]) << k;
-    if (k < 6) continue;
-    EXPECT_LT(r.unit.sigma[k], 1.001 * alone.sigma[k]) << k;
+    EXPECT_TRUE(r.unit.determined[std::size_t(k)]) << k;
+    EXPECT_TRUE(k < 6 || r.unit.sigma[k] < 1.001 * alone.sigma[k]) << k;
   }
   EXPECT_TRUE(r.agree) << r.disagreement << " of " << r.degrees;
 }
 
 // At four headings of a level table nothing tells a scale factor from its bias: where its own fit ends along that is no contradiction.
 TEST(SeveralRecordings, ALevelTableContradictsNothing) {
-  const RigRecording whole = switched_on(quiet(), 531, "fourteen_step.seq");
-  const JointResult alone = joint_estimate(whole.recording);
-  for (const std::uint64_t seed : {532u, 533u, 534u, 535u, 536u, 537u}) {
-    const RigRecording turned = switched_on(quiet(), seed, "verify.seq");
+  const auto& [whole, alone] = quiet_run(0);
+  for (const std::uint64_t seed : {532u, 533u, 534u}) {
+    const RigRecording turned = switched_on(quiet(), seed, must_read_sequence("verify.seq"));
     const JointResult level = estimate_beside(turned.recording, alone.parameters);
     ASSERT_TRUE(level.converged) << level.message;
     EXPECT_FALSE(level.undetermined.empty());
@@ -85,8 +83,8 @@ TEST(SeveralRecordings, ALevelTableContradictsNothing) {
 }
 
 TEST(SeveralRecordings, AScaleFactorThatChangedIsSaid) {
-  const JointResult first = joint_estimate(switched_on(quiet(), 521, "fourteen_step.seq").recording);
-  JointResult second = joint_estimate(switched_on(quiet(), 522, "fourteen_step.seq").recording);
+  const JointResult& first = quiet_run(0).estimate;
+  JointResult second = quiet_run(1).estimate;
   second.parameters.n(0, 0) += 12.0 * second.sigma[6];
   const SeveralRecordings r = combine_recordings({first, second});
   EXPECT_FALSE(r.agree);
@@ -94,99 +92,106 @@ TEST(SeveralRecordings, AScaleFactorThatChangedIsSaid) {
   EXPECT_GT(r.unit.sigma[6], 1.2 * first.sigma[6]);
 }
 
-// ---- joined recordings ----
-
-// Several recordings of one unit, fitted and diagnosed as one: rig recordings of one unit, each with a turn-on of its own laid on it.
-
-AddedReading turn_on(double of) {
-  AddedReading added;
-  added.gyro_radps.setConstant(of * gyro_turn_on_degph * radps_per_degph);
-  added.accel_mps2.setConstant(of * accel_turn_on_g * standard_gravity_mps2);
-  return added;
-}
+// ---- several recordings of one unit, fitted and diagnosed as one ----
 
 // A unit in two recordings, the second switched on with other biases, and one more for a holdout.
 struct JoinedUnit {
   CompressedRecording first, second, holdout;
   Parameters truth;
+
+  Diagnosis diagnose_both(bool with_holdout = false) const {
+    DiagnosisOptions options;
+    if (with_holdout) options.holdouts = {&holdout};
+    return diagnose(join_recordings({&first, &second}), options);
+  }
+  // `combine_recordings` at this noise.
+  SeveralRecordings combined(const NoiseModel& noise) const {
+    JointOptions at;
+    at.noise = noise;
+    return combine_recordings({joint_estimate(first, at), joint_estimate(second, at)});
+  }
 };
 
-const JoinedUnit& joined_unit(std::uint64_t seed) {
-  static std::map<std::uint64_t, JoinedUnit> units;
-  if (const auto known = units.find(seed); known != units.end()) return known->second;
-  RigConfig config = default_rig_config();
-  config.seed = seed;
-  config.noise_seed = 700 + seed;
-  RigRecording first = record_on_rig(must_read_sequence("fourteen_step.seq"), config);
-  config.noise_seed = 800 + seed;
-  RigRecording second = record_on_rig(must_read_sequence("fourteen_step.seq"), config);
-  config.noise_seed = 900 + seed;
-  RigRecording holdout = record_on_rig(must_read_sequence("holdout.seq"), config);
-  disturb(second.recording, second.truth, [](const DisturbedMoment&) { return turn_on(1.0); });
-  disturb(holdout.recording, second.truth, [](const DisturbedMoment&) { return turn_on(-1.0); });
-  return units[seed] = {std::move(first.recording), std::move(second.recording), std::move(holdout.recording),
-                        first.truth};
+Disturbance turn_on(double of) {
+  return [of](const DisturbedMoment&) {
+    AddedReading added;
+    added.gyro_radps.setConstant(of * gyro_turn_on_degph * radps_per_degph);
+    added.accel_mps2.setConstant(of * accel_turn_on_g * standard_gravity_mps2);
+    return added;
+  };
 }
 
-Diagnosis diagnose_both(const JoinedUnit& made, const std::vector<const CompressedRecording*>& holdouts = {}) {
-  DiagnosisOptions options;
-  options.holdouts = holdouts;
-  return diagnose(join_recordings({&made.first, &made.second}), options);
+JoinedUnit made_unit(std::uint64_t seed) {
+  RigConfig config = default_rig_config();
+  config.seed = seed;
+  RigRecording first = switched_on(config, 700 + seed), second = switched_on(config, 800 + seed);
+  RigRecording holdout = switched_on(config, 900 + seed, must_read_sequence("holdout.seq"));
+  disturb(second.recording, second.truth, turn_on(1.0));
+  disturb(holdout.recording, second.truth, turn_on(-1.0));
+  return {std::move(first.recording), std::move(second.recording), std::move(holdout.recording), first.truth};
+}
+const JoinedUnit& joined_unit() {
+  static const JoinedUnit unit = made_unit(62);
+  return unit;
+}
+const Diagnosis& clean_diagnosis() {
+  static const Diagnosis diagnosis = joined_unit().diagnose_both(true);
+  return diagnosis;
 }
 
 // Of another turn-on nothing is made but another bias; what is common is known as from twice the data.
 TEST(JoinedRecordings, OneUnitAreCleanWhateverTheirTurnOns) {
-  const JoinedUnit made = joined_unit(62);
-  const JointResult alone = joint_estimate(made.first);
-  const Diagnosis d = diagnose_both(made, {&made.holdout});
+  const Diagnosis& d = clean_diagnosis();
+  const JointResult alone = joint_estimate(joined_unit().first);
   EXPECT_EQ(d.verdict, Verdict::clean) << told(d);
   EXPECT_EQ(d.holdout_source, "second recording");
   EXPECT_TRUE(d.extended.effects.empty());
   ASSERT_EQ(d.each.turn_ons.biases.size(), 2u);
   const TurnOns& turn_ons = d.each.turn_ons;
-  const ParameterVector truth = to_vector(made.truth);
+  const ParameterVector truth = to_vector(joined_unit().truth), found = to_vector(d.extended.parameters);
   for (int k = 0; k < 6; ++k) {
     const double step = k < 3 ? gyro_turn_on_degph : accel_turn_on_g;
     EXPECT_LT(std::abs(turn_ons.biases[0][k] - truth[k]), 4.5 * turn_ons.sigma[0][k]) << k;
     EXPECT_LT(std::abs(turn_ons.biases[1][k] - truth[k] - step), 4.5 * turn_ons.sigma[1][k]) << k;
     EXPECT_NEAR(turn_ons.repeatability[k] / step, std::sqrt(0.5), 0.15) << k;
-    EXPECT_NEAR(to_vector(d.extended.parameters)[k], truth[k] + 0.5 * step, 4.5 * turn_ons.sigma[0][k]) << k;
+    EXPECT_NEAR(found[k], truth[k] + 0.5 * step, 4.5 * turn_ons.sigma[0][k]) << k;
     EXPECT_GT(d.extended.sigma[k], 0.4 * step) << k;
   }
-  for (int k = 6; k < parameter_count; ++k) {
-    if (!parameter_is_free[k]) continue;
+  for (const int k : free_parameters()) {
+    if (k < 6) continue;
     const auto at = std::ranges::find(d.extended.free, k) - d.extended.free.begin();
     EXPECT_LT(std::sqrt(d.fitted_covariance(at, at)), 0.85 * alone.sigma[k]) << k;
-    EXPECT_LT(std::abs(to_vector(d.extended.parameters)[k] - truth[k]), 4.5 * d.extended.sigma[k]) << k;
+    EXPECT_LT(std::abs(found[k] - truth[k]), 4.5 * d.extended.sigma[k]) << k;
+  }
+}
+
+// The effect, or one that these recordings do not tell from it.
+void expect_effect(const Diagnosis& d, const EstimatedEffect& found, const std::string& key, double value) {
+  const std::string name = key.substr(0, key.find('.'));
+  EXPECT_TRUE(in_class(d, name)) << told(d);
+  if (found.column.key() == key) {
+    EXPECT_NEAR(found.value, value, 4.0 * found.sigma);
   }
 }
 
 // Too little of it for one recording (five sigma there), enough for both.
 TEST(JoinedRecordings, OneUnitHaveItsEffectInCommon) {
-  JoinedUnit made = joined_unit(62);
-  const double K2 = 5e-6 / standard_gravity_mps2;
-  const Disturbance second_order = [K2](const DisturbedMoment& m) {
-    return to_accel(1, K2 * std::pow(standard_gravity_mps2 * m.force_g.y(), 2));
-  };
+  JoinedUnit made = joined_unit();
+  const Disturbance second_order =
+      on_accel(1, [](const DisturbedMoment& m) { return 5.0 * ug * m.force_g.y() * m.force_g.y(); });
   for (CompressedRecording* one : {&made.first, &made.second, &made.holdout}) disturb(*one, made.truth, second_order);
-  const Diagnosis d = diagnose_both(made, {&made.holdout});
+  const Diagnosis d = made.diagnose_both(true);
   EXPECT_EQ(d.verdict, Verdict::extended) << told(d);
   ASSERT_EQ(d.extended.effects.size(), 1u) << told(d);
-  const EstimatedEffect& found = d.extended.effects.front();
-  const auto& aliases = d.aliases.at(std::string(found.column.entry->name));
-  EXPECT_TRUE(found.column.key() == "accel_second_order.y" || std::ranges::count(aliases, "accel_second_order") == 1)
-      << told(d);
-  if (found.column.key() == "accel_second_order.y") {
-    EXPECT_NEAR(found.value, 5.0, 4.0 * found.sigma);
-  }
+  expect_effect(d, d.extended.effects.front(), "accel_second_order.y", 5.0);
 }
 
 // It is in one recording only, large: the other does not confirm it, and no name is given.
 TEST(JoinedRecordings, OneUnitMustAgreeOnAnEffect) {
-  JoinedUnit made = joined_unit(62);
+  JoinedUnit made = joined_unit();
   disturb(made.first, made.truth,
-          [](const DisturbedMoment& m) { return to_accel(1, 25.0 * ug * m.force_g.y() * m.force_g.y()); });
-  const Diagnosis d = diagnose_both(made);
+          on_accel(1, [](const DisturbedMoment& m) { return 25.0 * ug * m.force_g.y() * m.force_g.y(); }));
+  const Diagnosis d = made.diagnose_both();
   EXPECT_EQ(d.holdout_source, "cross-validation over recordings");
   EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
   EXPECT_TRUE(d.effect_names.empty()) << told(d);
@@ -195,38 +200,33 @@ TEST(JoinedRecordings, OneUnitMustAgreeOnAnEffect) {
 
 // A drift belongs to one run: it is that recording's, and the unit's parameters are as without.
 TEST(JoinedRecordings, OneUnitMayDriftInOneOfThem) {
-  JoinedUnit made = joined_unit(62);
-  disturb(made.second, made.truth, [](const DisturbedMoment& m) { return to_accel(0, 20.0 * ug * m.time_s / 3600.0); });
-  const Diagnosis d = diagnose_both(made, {&made.holdout});
+  JoinedUnit made = joined_unit();
+  disturb(made.second, made.truth, on_accel(0, [](const DisturbedMoment& m) { return 20.0 * ug * m.time_s / 3600.0; }));
+  const Diagnosis d = made.diagnose_both(true);
   EXPECT_EQ(d.verdict, Verdict::extended) << told(d);
   EXPECT_TRUE(d.extended.effects.empty());
   ASSERT_EQ(d.each.effects.size(), 1u) << told(d);
   EXPECT_EQ(d.each.effects.front().column.recording, 1);
-  const std::string name(d.each.effects.front().column.entry->name);
-  const std::vector<std::string>& aliases = d.aliases.at(name);
-  EXPECT_TRUE(name == "accel_bias_drift" || std::ranges::count(aliases, "accel_bias_drift") == 1) << told(d);
-  if (name == "accel_bias_drift") {
-    EXPECT_NEAR(d.each.effects.front().value, 20.0, 4.0 * d.each.effects.front().sigma);
-  }
+  expect_effect(d, d.each.effects.front(), "accel_bias_drift.x", 20.0);
   const ParameterVector error = to_vector(d.extended.parameters) - to_vector(made.truth);
   for (int k = 6; k < parameter_count; ++k) EXPECT_LE(std::abs(error[k]), 4.5 * d.extended.sigma[k]) << k;
 }
 
 // At one noise the estimates of two recordings, added up, are what one fit of both finds; each at its own they weigh the recordings better.
 TEST(JoinedRecordings, OneUnitAreWhatTheirEstimatesAddUpTo) {
-  const JoinedUnit made = joined_unit(62);
+  const JoinedUnit& made = joined_unit();
   JointOptions options;
-  options.noise = joint_estimate(made.first).noise;
-  const JointResult added =
-      combine_recordings({joint_estimate(made.first, options), joint_estimate(made.second, options)}).unit;
+  options.noise = clean_diagnosis().base.noise;
+  const SeveralRecordings several = made.combined(*options.noise);
+  EXPECT_TRUE(several.agree);
+  const JointResult& added = several.unit;
   const JoinedRecordings joined = join_recordings({&made.first, &made.second});
   options.effects = joined.turn_ons;
   options.begins = joined.begins;
   JointResult fit = joint_estimate(joined.data, options);
-  const std::vector<int> free = added.free;
   leave_what_is_common(fit, 2);
   const ParameterVector apart = to_vector(added.parameters) - to_vector(fit.parameters);
-  for (const int k : free) {
+  for (const int k : added.free) {
     EXPECT_LT(std::abs(apart[k]), 0.02 * fit.sigma[k]) << parameter_keys[k];
     EXPECT_NEAR(added.sigma[k] / fit.sigma[k], 1.0, 0.01) << parameter_keys[k];
   }
@@ -234,27 +234,23 @@ TEST(JoinedRecordings, OneUnitAreWhatTheirEstimatesAddUpTo) {
 
 // An accelerometer that was bent between them, which is no scale factor: they contradict each other, as `combine_recordings` says.
 TEST(JoinedRecordings, OneUnitAreTestedAgainstEachOther) {
-  JoinedUnit made = joined_unit(62);
-  const auto of_estimates = [&](const NoiseModel& noise) {
-    JointOptions at;
-    at.noise = noise;
-    return combine_recordings({joint_estimate(made.first, at), joint_estimate(made.second, at)});
-  };
-  EXPECT_TRUE(of_estimates(diagnose_both(made).base.noise).agree);
-  disturb(made.second, made.truth, [](const DisturbedMoment& m) { return to_accel(1, 20.0 * ug * m.force_g.z()); });
-  const Diagnosis d = diagnose_both(made);
+  JoinedUnit made = joined_unit();
+  disturb(made.second, made.truth, on_accel(1, [](const DisturbedMoment& m) { return 20.0 * ug * m.force_g.z(); }));
+  const Diagnosis d = made.diagnose_both();
   EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
   EXPECT_FALSE(d.trusted);
-  EXPECT_FALSE(of_estimates(d.base.noise).agree);
+  EXPECT_FALSE(made.combined(d.base.noise).agree);
 }
 
 // Nothing is looked for in recordings of two units, and what is handed out is what `combine_recordings` finds.
 TEST(JoinedRecordings, OfTwoUnitsContradictEachOther) {
-  JoinedUnit made = joined_unit(65);
-  made.second = joined_unit(66).second;
-  const Diagnosis d = diagnose_both(made);
+  JoinedUnit made = joined_unit();
+  RigConfig other = default_rig_config();
+  other.seed = 66;
+  made.second = switched_on(other, 866).recording;
+  const Diagnosis d = made.diagnose_both();
   EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
-  EXPECT_NE(d.reason.find("contradict each other"), std::string::npos) << told(d);
+  EXPECT_SAYS(d.reason, "contradict each other");
   EXPECT_FALSE(d.trusted);
   const SeveralRecordings apart = combine_recordings({joint_estimate(made.first), joint_estimate(made.second)});
   EXPECT_EQ(to_vector(d.extended.parameters), to_vector(apart.unit.parameters));
@@ -263,11 +259,10 @@ TEST(JoinedRecordings, OfTwoUnitsContradictEachOther) {
 
 // One recording joined with nothing is that recording.
 TEST(JoinedRecordings, OfOneAreIt) {
-  const JoinedUnit made = joined_unit(64);
-  const JoinedRecordings one = join_recordings({&made.first});
+  const JoinedUnit& made = joined_unit();
+  const JoinedRecordings one = join_recordings({&made.first}), both = join_recordings({&made.first, &made.second});
   EXPECT_TRUE(one.begins.empty() && one.turn_ons.empty());
   EXPECT_EQ(one.data.blocks.size(), made.first.blocks.size());
-  const JoinedRecordings both = join_recordings({&made.first, &made.second});
   ASSERT_EQ(both.begins, std::vector{made.first.blocks.size()});
   EXPECT_EQ(both.turn_ons.size(), 6u);
   EXPECT_EQ(both.data.samples, made.first.samples + made.second.samples);
@@ -275,20 +270,16 @@ TEST(JoinedRecordings, OfOneAreIt) {
 
 // Biases that are a hundred degrees an hour apart: one linear step from the first's would be none.
 TEST(JoinedRecordings, OfSwitchOnsFarApartAreOneUnit) {
-  for (const double apart_degph : {60.0, -100.0}) {
-    RigConfig config = default_rig_config();
-    config.seed = 61;
-    config.noise_seed = 761;
-    for (std::size_t k = 0; k < 3; ++k) config.truth[k] = 40.0;
-    const RigRecording first = record_on_rig(must_read_sequence("fourteen_step.seq"), config);
-    config.noise_seed = 861;
-    *config.truth[1] += apart_degph;
-    const RigRecording second = record_on_rig(must_read_sequence("fourteen_step.seq"), config);
-    const Diagnosis d = diagnose(join_recordings({&first.recording, &second.recording}), {});
-    EXPECT_EQ(d.verdict, Verdict::clean) << apart_degph << " " << told(d);
-    ASSERT_EQ(d.each.turn_ons.biases.size(), 2u);
-    EXPECT_NEAR(d.each.turn_ons.biases[1][1], 40.0 + apart_degph, 0.1);
-  }
+  RigConfig config = default_rig_config();
+  config.seed = 61;
+  for (std::size_t k = 0; k < 3; ++k) config.truth[k] = 40.0;
+  const RigRecording first = switched_on(config, 761);
+  *config.truth[1] -= 100.0;
+  const RigRecording second = switched_on(config, 861);
+  const Diagnosis d = diagnose(join_recordings({&first.recording, &second.recording}), {});
+  EXPECT_EQ(d.verdict, Verdict::clean) << told(d);
+  ASSERT_EQ(d.each.turn_ons.biases.size(), 2u);
+  EXPECT_NEAR(d.each.turn_ons.biases[1][1], -60.0, 0.1);
 }
 
 }  // namespace

@@ -46,9 +46,9 @@ class HandTurned : public Program {
   static HandPlan with_g_sensitivity(unsigned seed) {
     HandPlan plan;
     plan.seed = seed;
-    plan.effect = [](const Eigen::Vector3d&, const Eigen::Vector3d& f, double, Eigen::Vector3d& w, Eigen::Vector3d&) {
-      w.x() += 600.0 * radps_per_degph * f.y() / standard_gravity_mps2;
-      w.z() -= 500.0 * radps_per_degph * f.x() / standard_gravity_mps2;
+    plan.effect = [](const DisturbedMoment& m) {
+      const double x = 600.0 * degph * m.force_g.y(), z = -500.0 * degph * m.force_g.x();
+      return AddedReading{.gyro_radps = {x, 0.0, z}};
     };
     return plan;
   }

@@ -38,20 +38,14 @@ void run(std::uint64_t seed, RigConfig config, const Sequence& sequence, JointOp
     options.start_noise->bias_correlation_s = correlation_s;
   }
   const JointResult r = joint_estimate(made.recording, options);
-  Eigen::VectorXd error(Eigen::Index(r.free.size()));
-  const ParameterVector difference = to_vector(r.parameters) - to_vector(made.truth);
-  for (std::size_t i = 0; i < r.free.size(); ++i) error[Eigen::Index(i)] = difference[r.free[i]];
-  const Eigen::VectorXd scale = r.covariance.diagonal().cwiseSqrt();
-  const Eigen::MatrixXd correlation =
-      scale.cwiseInverse().asDiagonal() * r.covariance * scale.cwiseInverse().asDiagonal();
-  const Eigen::VectorXd normalised = error.cwiseQuotient(scale);
-  const double nees = normalised.dot(correlation.ldlt().solve(normalised));
-  std::printf("%llu %.3f %.4f %.6f %.4f %.6f %.4f %d %zu", static_cast<unsigned long long>(seed), nees,
+  const Eigen::VectorXd error = (to_vector(r.parameters) - to_vector(made.truth))(r.free);
+  std::printf("%llu %.3f %.4f %.6f %.4f %.6f %.4f %d %zu", static_cast<unsigned long long>(seed), nees(r, made.truth),
               r.whiteness.level, r.noise.angle_random_walk.mean() / radprs_per_degprh,
               r.noise.velocity_random_walk.mean() / mpsprs_per_ugprHz,
               r.noise.gyro_bias_instability_radps / radps_per_degph,
               r.noise.accel_bias_instability_mps2 / mpsprs_per_ugprHz, r.iterations, r.faults.size());
-  for (Eigen::Index i = 0; i < normalised.size(); ++i) std::printf(" %.3f", normalised[i]);
+  for (const double in_sigmas : error.cwiseQuotient(r.covariance.diagonal().cwiseSqrt()))
+    std::printf(" %.3f", in_sigmas);
   std::printf("%s\n", r.converged ? "" : " NOT CONVERGED");
   std::fflush(stdout);
 }

@@ -17,9 +17,7 @@
 namespace turncal {
 namespace {
 
-using Eigen::Vector3d;
 using Random = std::mt19937_64;
-constexpr double ug = 9.80665e-6, centi_degph = 0.01 * pi / 180.0 / 3600.0;
 
 double uniform(Random& r, double low, double high) { return std::uniform_real_distribution<double>(low, high)(r); }
 
@@ -30,83 +28,50 @@ struct Row {
   Disturbance (*draw)(int axis, double size, double tau_s, Random& r);
 };
 
-AddedReading gyro(int axis, double radps) {
-  AddedReading a;
-  a.gyro_radps[axis] = radps;
-  return a;
-}
-AddedReading accel(int axis, double micro_g) {
-  AddedReading a;
-  a.accel_mps2[axis] = ug * micro_g;
-  return a;
-}
-
-// What a reading lags behind the force or the rate along its axis: c times (now - lagged by tau).
-Disturbance creep(Vector3d DisturbedMoment::*of, Vector3d AddedReading::*reads, int axis, double size, double tau_s) {
-  return [=, last = 0.0, left = 0.0, time = 1e9](const DisturbedMoment& m) mutable {
-    const double now = (m.*of)[axis];
-    if (m.time_s < time) left = 0.0, last = now, time = m.time_s;
-    left = left * std::exp(-(m.time_s - time) / tau_s) + (now - last);
-    last = now;
-    time = m.time_s;
-    AddedReading added;
-    (added.*reads)[axis] = size * left;
-    return added;
-  };
-}
 double creep_tau_s(Random& r) { return std::exp(uniform(r, std::log(60.0), std::log(900.0))); }
 
 const Row rows[] = {
     {"none", 0.0, 0.0, nullptr},
     {"second_order_and_turn_on", 10.0, 25.0, nullptr},  // in the rig: the holdout has other biases
     {"drift_into_the_holdout", 8.0, 20.0,
-     [](int axis, double size, double, Random&) -> Disturbance {
-       return [=](const DisturbedMoment& m) { return accel(axis, size * m.time_s / 3600.0); };
+     [](int axis, double size, double, Random&) {
+       return on_accel(axis, [=](const DisturbedMoment& m) { return ug * size * m.time_s / 3600.0; });
      }},
     {"gyro_scale_warm_up", 15.0, 30.0,
-     [](int axis, double size, double tau_s, Random&) -> Disturbance {
-       return [=](const DisturbedMoment& m) {
-         return gyro(axis, 1e-6 * size * m.rate_radps[axis] * std::exp(-m.time_s / (2.0 * tau_s)));
-       };
+     [](int axis, double size, double tau_s, Random&) {
+       return on_gyro(axis, [=](const DisturbedMoment& m) {
+         return 1e-6 * size * m.rate_radps[axis] * std::exp(-m.time_s / (2.0 * tau_s));
+       });
      }},
     {"accel_scale_warm_up", 15.0, 30.0,
-     [](int axis, double size, double tau_s, Random&) -> Disturbance {
-       return [=](const DisturbedMoment& m) {
-         return accel(axis, size * m.force_g[axis] * std::exp(-m.time_s / (2.0 * tau_s)));
-       };
+     [](int axis, double size, double tau_s, Random&) {
+       return on_accel(axis, [=](const DisturbedMoment& m) {
+         return ug * size * m.force_g[axis] * std::exp(-m.time_s / (2.0 * tau_s));
+       });
      }},
     {"scatter", 4.0, 8.0,
-     [](int axis, double size, double, Random& r) -> Disturbance {
-       return [=, seed = r()](const DisturbedMoment& m) {
-         Random own(seed + std::uint64_t(m.turn));
-         own.discard(3);
-         return gyro(axis, 1e-6 * size * std::normal_distribution<double>()(own) * m.rate_radps[axis]);
-       };
-     }},
+     [](int axis, double size, double, Random& r) { return scattered_scale(axis, 1e-6 * size, r()); }},
     {"creep", 5.0, 30.0,
-     [](int axis, double size, double, Random& r) {
-       return creep(&DisturbedMoment::force_g, &AddedReading::accel_mps2, axis, ug * size, creep_tau_s(r));
-     }},
+     [](int axis, double size, double, Random& r) { return accel_creep(axis, size, creep_tau_s(r)); }},
     {"gyro_creep", 5.0, 30.0,
      [](int axis, double size, double, Random& r) {
-       return creep(&DisturbedMoment::rate_radps, &AddedReading::gyro_radps, axis, 1e-6 * size, creep_tau_s(r));
+       return on_gyro(axis, Creep(&DisturbedMoment::rate_radps, axis, 1e-6 * size, creep_tau_s(r)));
      }},
     {"lock_in", 2.0, 4.0,  // per cent
-     [](int axis, double size, double, Random&) -> Disturbance {
-       return [=](const DisturbedMoment& m) {
-         const double w = m.rate_radps[axis], w0 = 300.0 * centi_degph;
-         return gyro(axis, -0.01 * size * w * w0 * w0 / (w0 * w0 + w * w));
-       };
+     [](int axis, double size, double, Random&) {
+       return on_gyro(axis, [=](const DisturbedMoment& m) { return locked_in(m.rate_radps[axis], -0.01 * size, 3.0); });
      }},
     {"accel_with_pitch", 5.0, 25.0,
-     [](int axis, double size, double, Random& r) -> Disturbance {
-       return [=, phase = uniform(r, 0.0, 2.0 * pi), order = 2.0 + double(r() % 3)](const DisturbedMoment& m) {
-         return accel(axis, size * std::sin(order * m.table_rad[1] + phase));
-       };
+     [](int axis, double size, double, Random& r) {
+       return on_accel(axis,
+                       [=, phase = uniform(r, 0.0, 2.0 * pi), order = 2.0 + double(r() % 3)](const DisturbedMoment& m) {
+                         return ug * size * std::sin(order * m.table_rad[1] + phase);
+                       });
      }},
     {"odd_quadratic", 40.0, 80.0,
-     [](int axis, double size, double, Random&) -> Disturbance {
-       return [=](const DisturbedMoment& m) { return accel(axis, size * m.force_g[axis] * std::abs(m.force_g[axis])); };
+     [](int axis, double size, double, Random&) {
+       return on_accel(
+           axis, [=](const DisturbedMoment& m) { return ug * size * m.force_g[axis] * std::abs(m.force_g[axis]); });
      }},
 };
 

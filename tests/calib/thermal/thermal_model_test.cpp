@@ -164,30 +164,31 @@ TEST(Thermal, ParametersThatSomeLegsDoNotDetermine) {
 }
 
 TEST(Thermal, FaultyLegsAreRefusedByName) {
-  const std::vector<ThermalLeg> good = drawn_campaign(1, {.size = 20.0}).legs;
-  const auto changed = [&](const std::function<void(std::vector<ThermalLeg>&)>& change) {
-    std::vector<ThermalLeg> legs = good;
-    change(legs);
-    return fit_thermal_model(legs);
-  };
   using Legs = std::vector<ThermalLeg>;
-  EXPECT_TRUE(fails(changed([](Legs& l) { l.clear(); }), "two temperatures"));
-  EXPECT_TRUE(fails(changed([](Legs& l) { l.resize(1); }), "1 leg at -40.00 C: expected legs at two temperatures"));
-  EXPECT_TRUE(fails(changed([](Legs& l) {
-                      for (ThermalLeg& leg : l) leg.temperature_c = 20.0;
-                    }),
-                    "17 legs at 20.00 C"));
-  EXPECT_TRUE(fails(changed([](Legs& l) { l[2].temperature_c = std::nan(""); }), "leg 3: has no temperature"));
-  EXPECT_TRUE(fails(changed([](Legs& l) { l[2].value[0] = std::nan(""); }), "leg 3: N01 is not finite"));
-  EXPECT_TRUE(fails(changed([](Legs& l) { l[2].covariance(4, 4) = 0.0; }), "leg 3: the variance of A02"));
-  EXPECT_TRUE(fails(changed([](Legs& l) {
-                      l[1].covariance.col(8) = l[1].covariance.col(7), l[1].covariance.row(8) = l[1].covariance.row(7);
-                    }),
-                    "leg 2: its covariance is singular, at n1"));
+  const Legs good = drawn_campaign(1, {.size = 20.0}).legs;
+  const struct {
+    void (*change)(Legs&);
+    const char* said;
+  } faults[] = {{[](Legs& l) { l.clear(); }, "two temperatures"},
+                {[](Legs& l) { l.resize(1); }, "1 leg at -40.00 C: expected legs at two temperatures"},
+                {[](Legs& l) { std::ranges::for_each(l, [](ThermalLeg& leg) { leg.temperature_c = 20.0; }); },
+                 "17 legs at 20.00"},
+                {[](Legs& l) { l[2].temperature_c = std::nan(""); }, "leg 3: has no temperature"},
+                {[](Legs& l) { l[2].value[0] = std::nan(""); }, "leg 3: N01 is not finite"},
+                {[](Legs& l) { l[2].covariance(4, 4) = 0.0; }, "leg 3: the variance of A02"},
+                {[](Legs& l) {
+                   l[1].covariance.col(8) = l[1].covariance.col(7), l[1].covariance.row(8) = l[1].covariance.row(7);
+                 },
+                 "leg 2: its covariance is singular, at n1"}};
+  for (const auto& [change, said] : faults) {
+    Legs legs = good;
+    change(legs);
+    EXPECT_TRUE(fails(fit_thermal_model(legs), said));
+  }
   EXPECT_TRUE(fails(fit_thermal_model(good, {.reference_c = 80.0}), "reference temperature 80 C"));
-  const Result<ThermalModel> two = changed([](Legs& l) {
-    l = {l[0], l[8], l[9]}, l[2].temperature_c = l[0].temperature_c;
-  });
+  Legs few = {good[0], good[8], good[9]};
+  few[2].temperature_c = few[0].temperature_c;
+  const Result<ThermalModel> two = fit_thermal_model(few);
   ASSERT_OK(two);
   EXPECT_EQ(two->most_order, 1);
   EXPECT_SAYS(two->notes.front(), "2 temperatures determine no order above 1");
