@@ -57,27 +57,16 @@ Disturbance on_accel(int axis, Value value) {
   return [=](const DisturbedMoment& m) mutable { return to_accel(axis, value(m)); };
 }
 
-// `size` times what the force (g) or the rate (rad/s) along an axis is beyond itself lagged by tau.
-class Creep {
- public:
-  Creep(Eigen::Vector3d DisturbedMoment::*of, int axis, double size, double tau_s)
-      : of_(of), axis_(axis), size_(size), tau_s_(tau_s) {}
-  double operator()(const DisturbedMoment& m) {
-    const double now = (m.*of_)[axis_];
-    if (m.time_s < time_s_) left_ = 0.0, last_ = now, time_s_ = m.time_s;
-    left_ = left_ * std::exp(-(m.time_s - time_s_) / tau_s_) + (now - last_);
-    last_ = now;
-    time_s_ = m.time_s;
-    return size_ * left_;
-  }
-
- private:
-  Eigen::Vector3d DisturbedMoment::*of_;
-  int axis_;
-  double size_, tau_s_, last_ = 0.0, left_ = 0.0, time_s_ = 1e9;
-};
+// What the force along an axis is beyond itself lagged by tau.
 inline Disturbance accel_creep(int axis, double micro_g, double tau_s) {
-  return on_accel(axis, Creep(&DisturbedMoment::force_g, axis, ug * micro_g, tau_s));
+  return on_accel(axis, [=, last = 0.0, left = 0.0, time = 1e9](const DisturbedMoment& m) mutable {
+    const double now = m.force_g[axis];
+    if (m.time_s < time) left = 0.0, last = now, time = m.time_s;
+    left = left * std::exp(-(m.time_s - time) / tau_s) + (now - last);
+    last = now;
+    time = m.time_s;
+    return micro_g * ug * left;
+  });
 }
 
 // Of the scale factor of one gyro, another number in each turn.

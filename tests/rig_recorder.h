@@ -1,8 +1,8 @@
 // For tests: the rig walked through a sequence by a perfect station, straight into a CompressedRecording.
 //
 // No state machine: the table stands at the sequence's start position at the first sample, every move is its trapezoid
-// and settle_s of rest, every dwell counts at once. The samples stream through the Compressor (and a RecordingWriter,
-// if given); none are kept. The segments are those of planned_segments(): what an undisturbed run records.
+// and half a second of rest, every dwell counts at once. The samples stream through the Compressor; none are kept. The segments are those
+// of planned_segments(): what an undisturbed run records.
 //
 //   const Sequence sequence = must_read_sequence("fourteen_step.seq");  // a file of sequences/
 //   const RigRecording made = record_on_rig(sequence, rig_config);      // 1.27 million samples: 0.5 to 0.9 s
@@ -25,7 +25,6 @@
 #include "calib/model/parameters.h"
 #include "calib/statistics/compression.h"
 #include "imu_io/recordings/recording_source.h"
-#include "imu_io/recordings/recording_writer.h"
 #include "sequences/plan.h"
 #include "sequences/sequence.h"
 #include "turntable_drivers/rig/rig.h"
@@ -35,14 +34,10 @@ namespace turncal {
 
 struct RigRecording {
   CompressedRecording recording;
-  Parameters truth;                                           // of Rig::truth()
-  std::vector<std::pair<std::string, double>> truth_effects;  // of Rig::truth_effects()
+  Parameters truth;
 };
 
 struct RigRecorderOptions {
-  double settle_s = 0.5;
-  CompressionOptions compression;
-  RecordingWriter* writer = nullptr;  // an ordinary recording beside it; finish() is left to the caller
   // This dwell (0: the first of the sequence, alignments count) is recorded, found bad and repeated, as a station does
   // it: closed as rotate, settled, and recorded again.
   int repeated_dwell = -1;
@@ -59,12 +54,6 @@ inline RigConfig noise_free(RigConfig config) {
   config.noise.gyro_rate_random_walk_degph_per_rt_h = 0.0;
   config.noise.accel_acceleration_random_walk_ug_per_rt_h = 0.0;
   config.quantisation = RigQuantisation::off;
-  return config;
-}
-
-// No random table errors; those that are set stay.
-inline RigConfig perfect_table(RigConfig config) {
-  config.table_errors.random_arcmin = 0.0;
   return config;
 }
 
@@ -115,18 +104,17 @@ inline RigRecording record_on_rig(const Sequence& sequence, RigConfig config, co
   const RecordingInfo info = rig_recording_info(rig);
 
   PlanLimits limits;
-  limits.settle_s = options.settle_s;
+  limits.settle_s = 0.5;
   limits.sample_period_s = info.sample_period_s;
   const Plan plan = make_plan(sequence, limits);  // soft limits do not matter here
 
-  Compressor compressor(info, options.compression);
+  Compressor compressor(info);
   std::vector<ImuSample> chunk(2048);
   std::int64_t counter = config.first_counter;
   const auto record = [&](Segment segment, std::int64_t samples, SegmentKind final_kind) {
     segment.start_sample = counter;
     segment.end_sample = counter += samples;
     compressor.begin_segment(segment);
-    if (options.writer != nullptr) must(options.writer->begin_segment(segment));
     while (samples > 0) {
       const std::int64_t now = std::min<std::int64_t>(samples, 1024);  // twice as many may come back: duplicates
       const std::size_t count = rig.advance_time(now, chunk);
@@ -135,12 +123,9 @@ inline RigRecording record_on_rig(const Sequence& sequence, RigConfig config, co
       if (options.lost)
         got = got.first(std::size_t(std::remove_if(got.begin(), got.end(), options.lost) - got.begin()));
       compressor.add(got);
-      if (options.writer != nullptr) must(options.writer->add(got));
       samples -= now;
     }
     compressor.end_segment(final_kind, segment.end_sample);
-    const AxisTriple angles = {{segment.heading_deg, segment.pitch_deg, segment.roll_deg}};
-    if (options.writer != nullptr) must(options.writer->end_segment(final_kind, segment.end_sample, angles));
   };
   int dwell = 0;
   for (const PlannedItem& item : plan.items) {
@@ -160,15 +145,14 @@ inline RigRecording record_on_rig(const Sequence& sequence, RigConfig config, co
     }
     record(segment, item.samples, segment.kind);
   }
-  return {compressor.take(), rig_truth(rig), rig.truth_effects()};
+  return {compressor.take(), rig_truth(rig)};
 }
 
-// A recording in a folder, compressed; `segments`: other ones than its own.
-inline CompressedRecording compress_folder(const std::string& folder, const std::optional<Segments>& segments = {}) {
+// A recording in a folder, compressed.
+inline CompressedRecording compress_folder(const std::string& folder) {
   const auto source = must(RecordingSource::open(folder));
-  const Segments used = segments.value_or(source->segments());
   Compressor compressor(source->info());
-  SegmentedFeed feed(compressor, used);
+  SegmentedFeed feed(compressor, source->segments());
   must(source->read([&](std::span<const ImuSample> samples) {
     feed.add(samples);
     return Status{};

@@ -100,7 +100,6 @@ TEST(EarthRate, PointsNorthAndUp) {
 
 // The dense algebra of scores against textbook numbers and against plain least squares.
 
-// Chi-square tables (Abramowitz and Stegun, table 26.8).
 // Whatever the processor's are: with them Eigen's products would round elsewhere on another machine.
 TEST(Products, AreCutByCachesOfFixedSizes) {
   EXPECT_EQ(Eigen::l1CacheSize(), 32 * 1024);
@@ -108,12 +107,16 @@ TEST(Products, AreCutByCachesOfFixedSizes) {
   EXPECT_EQ(Eigen::l3CacheSize(), 2 * 1024 * 1024);
 }
 
-TEST(ChiSquare, TailMatchesPublishedTable) {
+// Chi-square: Abramowitz and Stegun, table 26.8. F(1, 10) at 0.05 is 4.9646, F(3, 20) at 0.01 is 4.9382.
+TEST(Tails, MatchPublishedTables) {
   EXPECT_NEAR(chi_square_tail(3.841459, 1), 0.05, 1e-7);
   EXPECT_NEAR(chi_square_tail(6.634897, 1), 0.01, 1e-8);
   EXPECT_NEAR(chi_square_tail(16.918978, 9), 0.05, 1e-7);
   EXPECT_NEAR(chi_square_tail(2.167349, 7), 0.95, 1e-6);
   EXPECT_NEAR(chi_square_tail(32.670573, 21), 0.05, 1e-7);
+  EXPECT_NEAR(f_tail(4.9646, 1.0, 10.0), 0.05, 1e-5);
+  EXPECT_NEAR(f_tail(4.9382, 3.0, 20.0), 0.01, 1e-5);
+  EXPECT_EQ(f_tail(0.0, 3.0, 20.0), 1.0);
   EXPECT_NEAR(chi_square_1_limit(0.05), 3.841459, 1e-5);
   EXPECT_NEAR(chi_square_1_limit(1e-6), 23.928127, 1e-5);
 }
@@ -152,20 +155,15 @@ TEST(Scores, OneCandidateAloneIsItsLeastSquaresValue) {
   }
 }
 
-TEST(Scores, TwinsImitateEachOther) {
+TEST(Scores, WhatTheBaseAndATwinImitate) {
   Regression r = regression_of(3);
+  r.X.col(3) = r.X.col(0) - 3.0 * r.X.col(2);
   r.X.col(6) = r.X.col(5);
   const Scores s = eliminate(r.information(), r.gradient(), {0, 1, 2}, {3, 4, 5, 6});
-  EXPECT_NEAR(multiple_correlation(s, 2, {3}), 1.0, 1e-9);
-  EXPECT_LT(multiple_correlation(s, 0, {2, 3}), 0.3);
-}
-
-TEST(Scores, CandidateInsideTheBaseKeepsNothing) {
-  Regression r = regression_of(4);
-  r.X.col(3) = r.X.col(0) - 3.0 * r.X.col(2);
-  const Scores s = eliminate(r.information(), r.gradient(), {0, 1, 2}, {3, 4});
   EXPECT_LT(s.kept[0], 1e-9);
   EXPECT_GT(s.kept[1], 0.1);
+  EXPECT_NEAR(multiple_correlation(s, 2, {3}), 1.0, 1e-9);
+  EXPECT_LT(multiple_correlation(s, 1, {2, 3}), 0.3);
 }
 
 }  // namespace

@@ -116,17 +116,20 @@ TEST(Predict, AgreesWithTheEstimateOnARecordingOfAnotherSimulator) {
 // What the estimate of a run on the rig says of itself, which JointConditions holds to the errors that it makes.
 TEST(Predict, IsTheCovarianceOfARunOnTheRig) {
   const Sequence sequence = shortened_method();
-  const Prediction p = predict_rig(sequence);
+  const RigRecording made = record_on_rig(sequence, rig_with_walks_only(1000));
+  PredictOptions of_unit;
+  of_unit.unit = made.truth;
+  const Prediction p = predict_rig(sequence, of_unit);
   JointOptions options;
   options.noise = noise_of_rig();
-  const JointResult r = joint_estimate(record_on_rig(sequence, rig_with_walks_only(1000)).recording, options);
+  const JointResult r = joint_estimate(made.recording, options);
   ASSERT_TRUE(r.converged) << r.message;
   ASSERT_EQ(p.free, r.free);
   const auto correlation = [](const Eigen::MatrixXd& covariance) {
     const Eigen::VectorXd inverse_sigma = covariance.diagonal().cwiseSqrt().cwiseInverse();
     return Eigen::MatrixXd(inverse_sigma.asDiagonal() * covariance * inverse_sigma.asDiagonal());
   };
-  for (const int k : p.free) EXPECT_NEAR(p.sigma[k] / r.sigma[k], 1.0, 0.03) << parameter_keys[k];
+  for (const int k : p.free) EXPECT_NEAR(p.sigma[k] / r.sigma[k], 1.0, 0.02) << parameter_keys[k];
   EXPECT_LT((correlation(p.covariance) - correlation(r.covariance)).cwiseAbs().maxCoeff(), 0.05);
 }
 

@@ -190,7 +190,7 @@ TEST(JoinedRecordings, OneUnitHaveItsEffectInCommon) {
 TEST(JoinedRecordings, OneUnitMustAgreeOnAnEffect) {
   JoinedUnit made = joined_unit();
   disturb(made.first, made.truth,
-          on_accel(1, [](const DisturbedMoment& m) { return 25.0 * ug * m.force_g.y() * m.force_g.y(); }));
+          on_accel(1, [](const DisturbedMoment& m) { return 15.0 * ug * m.force_g.y() * m.force_g.y(); }));
   const Diagnosis d = made.diagnose_both();
   EXPECT_EQ(d.holdout_source, "cross-validation over recordings");
   EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);

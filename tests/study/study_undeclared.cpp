@@ -197,22 +197,8 @@ std::string sensor_of(const EffectColumn& column) {
 }
 
 // Quantity and driver of an entry of the catalogue.
-template <class Entry>
-std::pair<std::string, std::string> branch_of(const Entry& entry) {
-  if constexpr (requires { entry.driver; }) {
-    return {std::string(to_string(entry.quantity)), std::string(to_string(entry.driver))};
-  } else {
-    const std::string name(entry.name);
-    const auto has = [&name](const char* word) { return name.find(word) != std::string::npos; };
-    const bool of_rate = has("rate_nonl") || has("lock_in") || name == "gyro_scale_asymmetry";
-    const bool scale = of_rate || (has("_scale_") && name != "accel_scale_asymmetry");
-    const std::string quantity = has("flexure") ? "direction" : scale ? "scale factor" : "bias";
-    if (has("temperature")) return {quantity, "temperature"};
-    if (has("drift") || has("warm_up")) return {quantity, "time"};
-    if (has("creep") || has("relaxation")) return {quantity, "turns"};
-    if (of_rate || has("size_effect") || has("delay") || has("rectif")) return {quantity, "rate"};
-    return {quantity, has("magnetic") || has("earth_rate") || has("period") ? "field" : "force"};
-  }
+std::pair<std::string, std::string> branch_of(const EffectEntry& entry) {
+  return {std::string(to_string(entry.quantity)), std::string(to_string(entry.driver))};
 }
 
 Effect draw_of_catalogue(Random& r, const RigEffects& rig, const CompressedRecording& recording,

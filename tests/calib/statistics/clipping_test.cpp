@@ -94,18 +94,15 @@ TEST(Temperature, BlanksAreInterpolatedAndNotZero) {
 // Samples that are lost: what they are taken for, and that the variance given is that of the error.
 
 RecordingInfo info_with(IncrementKind kind) {
-  RecordingInfo info;
-  info.sample_period_s = 0.005;
+  RecordingInfo info = pulses_info();
   info.gyro_increment = info.accel_increment = kind;
-  info.accel_pulse_mps = 0.0005;
   return info;
 }
 
-ImuSample sample_of(std::int64_t counter, double gyro, double accel) {
+ImuSample sample_of(std::int64_t counter, double gyro) {
   ImuSample sample;
   sample.counter = counter;
   sample.gyro = {gyro, gyro, gyro};
-  sample.accel = {accel, accel, accel};
   return sample;
 }
 
@@ -120,13 +117,13 @@ double error_over_variance(IncrementKind kind, bool at_rest, int lost, Reading r
   std::int64_t counter = 0;
   for (int gap = 0; gap < 4000; ++gap) {
     for (int k = 0; k < 60; ++k, ++counter) {
-      const ImuSample sample = sample_of(counter, reading(), 0.0);
+      const ImuSample sample = sample_of(counter, reading());
       glitches.add(sample, events);
       filler.add(channels_of(sample));
     }
     double truth = 0.0;
     for (int k = 0; k < lost; ++k, ++counter) truth += reading();
-    const ImuSample next = sample_of(counter, reading(), 0.0);
+    const ImuSample next = sample_of(counter, reading());
     const GapFill fill = filler.fill(next, lost, at_rest, glitches.mean_square());
     const double sum = lost * (fill.first[0] + 0.5 * (lost - 1) * fill.step[0]);
     error += std::pow(sum - truth, 2) - white;
@@ -186,13 +183,13 @@ TEST(GapFill, AtRestItIsNeverTooSmall) {
 // A table that takes up its rate: on the ramp nothing is wrong, in its corner the gap says how far it may be.
 TEST(GapFill, ACornerOfTheMotionIsInTheVariance) {
   GapFiller filler(info_with(IncrementKind::physical));
-  for (int k = 0; k < 40; ++k) filler.add(channels_of(sample_of(k, 2.0 * k, 0.0)));
+  for (int k = 0; k < 40; ++k) filler.add(channels_of(sample_of(k, 2.0 * k)));
   const Channels quiet = Channels::Constant(1e-6);
-  const GapFill even = filler.fill(sample_of(42, 2.0 * 42, 0.0), 2, false, quiet);
+  const GapFill even = filler.fill(sample_of(42, 2.0 * 42), 2, false, quiet);
   EXPECT_DOUBLE_EQ(even.first[0], 80.0);
   EXPECT_DOUBLE_EQ(even.step[0], 2.0);
   EXPECT_LT(even.variance[0], 1e-5);
-  const GapFill corner = filler.fill(sample_of(42, 80.0, 0.0), 2, false, quiet);  // the rate stays at 80
+  const GapFill corner = filler.fill(sample_of(42, 80.0), 2, false, quiet);  // the rate stays at 80
   const double truth = 160.0;
   const double sum = 2.0 * corner.first[0] + corner.step[0];
   EXPECT_GT(std::abs(sum - truth), 0.5);
