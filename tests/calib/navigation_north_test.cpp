@@ -7,52 +7,39 @@
 namespace turncal {
 namespace {
 
-struct PrintedPosition {
-  double table_deg;
-  std::array<std::array<double, 3>, 4> readings;  // head, roll, pitch
-  std::array<double, 3> mean, deviation;
-  std::array<double, 3> rounding;  // half of the last digit that is printed, of the mean
-};
-constexpr PrintedPosition table_2[] = {
-    {0.0,
-     {{{0.010329, 0.002115, -0.001641},
-       {-0.010653, 0.002893, -0.001273},
-       {-0.005672, 0.003542, -0.002101},
-       {0.002389, 0.003679, -0.001978}}},
-     {-0.000902, 0.003057, -0.00175},
-     {0.0092159, 0.000716, 0.000372},
-     {5e-7, 5e-7, 5e-6}},
-    {90.0,
-     {{{90.009189, 0.002678, 0.000563},
-       {90.007654, 0.002018, 0.000781},
-       {89.999781, 0.002671, 0.000603},
-       {90.0032167, 0.0030189, 0.000451}}},
-     {90.00496, 0.002596, 0.0006},
-     {0.004282, 0.000418, 0.000137},
-     {5e-6, 6e-7, 5e-5}},
-    {180.0,
-     {{{180.000315, 0.001952, 0.002138},
-       {180.000363, 0.001631, 0.003159},
-       {180.000403, 0.002152, 0.001876},
-       {180.000158, 0.0019871, 0.002819}}},
-     {180.0003, 0.001931, 0.002498},
-     {0.000107, 0.000218, 0.000593},
-     {5e-5, 6e-7, 5e-7}},
-    {270.0,
-     {{{270.005671, 0.003548, 0.002896},
-       {270.005751, 0.003179, 0.002765},
-       {270.006012, 0.003019, 0.002514},
-       {270.005138, 0.003998, 0.003065}}},
-     {270.0056, 0.003436, 0.00281},
-     {0.000367, 0.000435, 0.000232},
-     {5e-5, 5e-7, 5e-6}},
-};
+// Head, roll, pitch at table angles of 0, 90, 180 and 270 deg.
+using Angles = std::array<double, 3>;
+constexpr Angles table_2[4][4] = {{{0.010329, 0.002115, -0.001641},
+                                   {-0.010653, 0.002893, -0.001273},
+                                   {-0.005672, 0.003542, -0.002101},
+                                   {0.002389, 0.003679, -0.001978}},
+                                  {{90.009189, 0.002678, 0.000563},
+                                   {90.007654, 0.002018, 0.000781},
+                                   {89.999781, 0.002671, 0.000603},
+                                   {90.0032167, 0.0030189, 0.000451}},
+                                  {{180.000315, 0.001952, 0.002138},
+                                   {180.000363, 0.001631, 0.003159},
+                                   {180.000403, 0.002152, 0.001876},
+                                   {180.000158, 0.0019871, 0.002819}},
+                                  {{270.005671, 0.003548, 0.002896},
+                                   {270.005751, 0.003179, 0.002765},
+                                   {270.006012, 0.003019, 0.002514},
+                                   {270.005138, 0.003998, 0.003065}}};
+constexpr Angles printed_mean[4] = {{-0.000902, 0.003057, -0.00175},
+                                    {90.00496, 0.002596, 0.0006},
+                                    {180.0003, 0.001931, 0.002498},
+                                    {270.0056, 0.003436, 0.00281}};
+constexpr Angles half_a_digit[4] = {
+    {5e-7, 5e-7, 5e-6}, {5e-6, 6e-7, 5e-5}, {5e-5, 6e-7, 5e-7}, {5e-5, 5e-7, 5e-6}};  // of the mean
+constexpr Angles printed_deviation[4] = {{0.0092159, 0.000716, 0.000372},
+                                         {0.004282, 0.000418, 0.000137},
+                                         {0.000107, 0.000218, 0.000593},
+                                         {0.000367, 0.000435, 0.000232}};
 
 std::vector<NorthReading> printed_readings() {
   std::vector<NorthReading> readings;
-  for (const PrintedPosition& position : table_2)
-    for (const std::array<double, 3>& angles : position.readings)
-      readings.push_back({.table_deg = position.table_deg, .angle_deg = angles});
+  for (std::size_t p = 0; p < 4; ++p)
+    for (const Angles& angles : table_2[p]) readings.push_back({.table_deg = 90.0 * double(p), .angle_deg = angles});
   return readings;
 }
 
@@ -63,8 +50,8 @@ TEST(NavigationNorth, TableTwoOfThePaper) {
   for (std::size_t p = 0; p < 4; ++p) {
     ASSERT_EQ(found.positions[p].readings.size(), 4u);
     for (std::size_t a = 0; a < 3; ++a) {
-      EXPECT_NEAR(found.positions[p].mean_deg[a], table_2[p].mean[a], table_2[p].rounding[a]) << p << a;
-      EXPECT_NEAR(found.positions[p].deviation_deg[a], table_2[p].deviation[a], 6e-7) << p << a;
+      EXPECT_NEAR(found.positions[p].mean_deg[a], printed_mean[p][a], half_a_digit[p][a]) << p << a;
+      EXPECT_NEAR(found.positions[p].deviation_deg[a], printed_deviation[p][a], 6e-7) << p << a;
     }
   }
   EXPECT_NEAR(found.worst_heading_error_deg, -0.010653, 1e-12);
