@@ -16,36 +16,40 @@ namespace turncal {
 namespace {
 
 // What carries gravity from rest to rest, where the gyros as given do not: any factor, and any of the 48 ways to connect them. Short turns suggest
-// one; where they cannot, the factors between two units, or none. A reversed accelerometer makes the body's frame left-handed, and two gyros turn the
-// other way in it.
+// one; where they cannot, the factors between two units, or none. Without turns between rests they decide. A reversed accelerometer makes the body's
+// frame left-handed, and two gyros turn the other way in it.
 std::string wrong_gyros(const RestData& data) {
-  if (std::ranges::count_if(data.legs, [](const RestLeg& leg) { return leg.fault.empty(); }) < 3) return {};
-  const double as_given = rest_misfit_rad(data, Eigen::Matrix3d::Identity());
-  if (!(as_given > rest_limits.least_misfit_rad)) return {};
-  std::vector<Eigen::Matrix3d> maps = signed_axes();
-  for (const UnitSlip& slip : gyro_slips()) maps.emplace_back(Eigen::Matrix3d::Identity() / slip.factor);
   const RecordingInfo& info = data.recording->info;
   const SensorModel model = sensor_model(start_parameters(info), info);
   const std::vector<Block>& blocks = data.recording->blocks;
   const auto row = [&](std::size_t k) {
     return MotionSums{blocks[k].duration_s, model.gyro_scale * blocks[k].gyro, model.accel_scale * blocks[k].accel};
   };
-  if (const std::optional<GyroMap> found = gyro_map(blocks.size(), row)) maps.emplace_back(found->factor * found->axes);
-  const auto misfit = [&](const Eigen::Matrix3d& map) { return rest_misfit_rad(data, map); };
-  Eigen::Matrix3d best = *std::ranges::min_element(maps, {}, misfit);
-  best *= best_rest_factor(data, best);
-  const double best_misfit = misfit(best);
-  if (best_misfit > std::min(rest_limits.least_misfit_rad, rest_limits.of_misfit * as_given)) return {};
+  const auto usable = std::ranges::count_if(data.legs, [](const RestLeg& leg) { return leg.fault.empty(); });
+  const double as_given = usable < 3 ? 0.0 : rest_misfit_rad(data, Eigen::Matrix3d::Identity());
+  if (usable >= 3 && !(as_given > rest_limits.least_misfit_rad)) return {};
+  const std::optional<GyroMap> seen = gyro_map(blocks.size(), row);
+  Eigen::Matrix3d best = seen ? Eigen::Matrix3d(seen->factor * seen->axes) : Eigen::Matrix3d::Identity();
+  std::string evidence = "gravity's direction follows the gyros only";
+  if (usable >= 3) {
+    std::vector<Eigen::Matrix3d> maps = signed_axes();
+    for (const UnitSlip& slip : gyro_slips()) maps.emplace_back(Eigen::Matrix3d::Identity() / slip.factor);
+    maps.push_back(best);
+    const auto misfit = [&](const Eigen::Matrix3d& map) { return rest_misfit_rad(data, map); };
+    best = *std::ranges::min_element(maps, {}, misfit);
+    best *= best_rest_factor(data, best);
+    const double best_misfit = misfit(best);
+    if (best_misfit > std::min(rest_limits.least_misfit_rad, rest_limits.of_misfit * as_given)) return {};
+    evidence = fmt::format("gravity's direction after a turn is off by {:.2g} rad as given and by {:.2g} rad",
+                           as_given, best_misfit);
+  }
   const double factor = std::cbrt(std::abs(best.determinant()));
   std::string wrong = wrong_axes(best / factor);
   if (!wrong.empty() && best.determinant() > 0.0) wrong += "; or one accelerometer is reversed, or two are exchanged";
-  if (std::abs(std::log(factor)) < std::log1p(roughest_scale)) return wrong;
+  if (std::abs(std::log(factor)) < std::log1p(usable < 3 ? roughest_motion : roughest_scale)) return wrong;
   const UnitSlip* const slip = slip_near(gyro_slips(), 1.0 / factor);
-  return wrong + fmt::format(
-                     "{}gravity's direction after a turn is off by {:.2g} rad as given and by {:.2g} rad with the "
-                     "rates divided by {:.3g}: the gyros look {}",
-                     wrong.empty() ? "" : "; ", as_given, best_misfit, 1.0 / factor,
-                     slip != nullptr ? slip->words : "to be of another unit or scale");
+  return wrong + fmt::format("{}{} with the rates divided by {:.3g}: the gyros look {}", wrong.empty() ? "" : "; ",
+                             evidence, 1.0 / factor, slip != nullptr ? slip->words : "to be of another unit or scale");
 }
 
 }  // namespace

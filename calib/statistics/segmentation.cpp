@@ -31,7 +31,8 @@ void RestFinder::add(std::span<const ImuSample> samples) {
       origin_ = x;
       last_gyro_ = x.head<3>();
     }
-    const bool gap = (have_origin_ && sample.counter != next_) || (sample.flags & sample_flag_invalid) != 0;
+    const std::int64_t lost = have_origin_ ? sample.counter - next_ : 0;
+    const bool gap = lost < 0 || lost > cell_samples_ || (sample.flags & sample_flag_invalid) != 0;
     have_origin_ = true;
     next_ = sample.counter + 1;
     if (cells_.empty() || cells_.back().samples == cell_samples_ || gap) {

@@ -13,7 +13,7 @@
 // noise: variance over half the mean square difference of neighbouring samples is 1 for white noise, more for a smooth motion, and above
 // smooth_motion the unit swings and never rests.
 //
-// Pure function of the samples; memory: 100 bytes a cell. Not modelled: gaps (a cell with one is in motion).
+// Pure function of the samples; memory: 100 bytes a cell. Not modelled: gaps longer than a cell (it is in motion then).
 #pragma once
 
 #include <cmath>

@@ -1,5 +1,6 @@
 #include "calib/statistics/unit_slip.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -161,8 +162,9 @@ std::optional<GyroMap> gyro_map(std::size_t rows, const std::function<MotionSums
 std::string wrong_accelerometers(const CompressedRecording& recording) {
   const SensorModel model = sensor_model(start_parameters(recording.info), recording.info);
   std::vector<double> ratios;
+  const bool rests = std::ranges::any_of(recording.blocks, &Block::whole_second);
   for (const Block& block : recording.blocks)
-    if (block.whole_second)
+    if (block.whole_second || !rests)
       ratios.push_back((model.accel_scale * block.accel).norm() / (block.duration_s * recording.info.gravity_mps2));
   return ratios.empty() ? std::string() : wrong_gravity(median(ratios), recording.info);
 }

@@ -35,12 +35,13 @@ std::span<const UnitSlip> accel_slips();
 std::span<const UnitSlip> gyro_slips();
 inline constexpr double slip_nearness = 0.12;   // of the factor: raw sensors are off by less
 inline constexpr double roughest_scale = 0.28;  // a rough sensor's scale factor is off by a quarter, no more
+inline constexpr double roughest_motion = 0.5;  // of the factor of gyro_map()
 // Empty: none is near.
 const UnitSlip* slip_near(std::span<const UnitSlip> slips, double ratio);
 
 // Of gravity at rest over that of the site, by the nominal scale. Empty: it may be the scale factor's error.
 std::string wrong_gravity(double ratio, const RecordingInfo& info);
-// The same by the median second at rest.
+// The same by the median second at rest; of a unit that never rests by the median block.
 std::string wrong_accelerometers(const CompressedRecording& recording);
 
 // Of a recording with table angles: gravity at rest, by the median second, and, in physical units, what the gyros

@@ -96,11 +96,11 @@ std::string_view next_line(std::string_view& text, bool* had_end) {
 std::optional<double> device_number(std::string_view text, bool decimal_comma) {
   text = trimmed(text);
   if (text.starts_with('+') && text.size() > 1 && text[1] != '-') text.remove_prefix(1);
-  const std::optional<double> number = parse_number(text);
-  if (number || !decimal_comma || text.find('.') != text.npos) return number;
-  std::string pointed(text);
-  std::ranges::replace(pointed, ',', '.');
-  return parse_number(pointed);
+  if (const std::optional<double> number = parse_number(text)) return number;
+  std::string plain(text);
+  if (decimal_comma && text.find('.') == text.npos) std::ranges::replace(plain, ',', '.');
+  std::ranges::replace(plain, 'D', 'E');
+  return parse_number(plain);
 }
 
 std::size_t edit_distance(std::string_view a, std::string_view b) {

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <map>
 #include <span>
 
 #include <Eigen/Core>
@@ -46,6 +45,24 @@ CsvTriad read_triad(KeyValueFile& file, const std::string& name, const std::vect
   return triad;
 }
 
+void read_clocks(KeyValueFile& file, CsvMap& map) {
+  const std::vector<std::string> columns = file.list_or("time.column", {}), units = file.list_or("time.unit", {"s"});
+  map.accel_time_columns = file.list_or("accel.time.column", columns);
+  if (map.accel_time_columns.size() != columns.size()) file.reject("accel.time.column", "as many as in time.column");
+  if (!columns.empty() && units.size() != columns.size())
+    return file.reject("time.unit", "a unit for each column of time.column");
+  for (const std::string& column : columns) {
+    const std::string& unit = units[map.clocks.size()];
+    const double unit_s = unit == "s"    ? 1.0
+                          : unit == "ms" ? 1e-3
+                          : unit == "us" ? 1e-6
+                          : unit == "ns" ? 1e-9
+                                         : parse_number(unit).value_or(0.0);
+    if (!(unit_s > 0.0)) file.reject("time.unit", "s, ms, us, ns or a number of seconds");
+    map.clocks.push_back({column, unit_s});
+  }
+}
+
 Result<CsvMap> read_map(KeyValueFile& file) {
   CsvMap map;
   map.gyro = read_triad(file, "gyro", {"rad/s", "deg/s", "deg/h", "mrad/s", "mdeg/s", "rad", "deg", "arcsec"});
@@ -56,24 +73,17 @@ Result<CsvMap> read_map(KeyValueFile& file) {
   if (map.format.decimal_comma && map.format.delimiter == ',')
     file.reject("csv.decimal", "point where csv.delimiter is comma");
   map.format.header_lines = int(file.integer_or("csv.header_lines", 1, 0, 1000));
-  map.time_column = file.text_or("time.column", "");
-  map.accel_time_column = file.text_or("accel.time.column", map.time_column);
-  if (const auto step_s = parse_number(file.text_or("time.unit", "s")); step_s && *step_s > 0.0) {
-    map.time_unit_s = *step_s;
-  } else {
-    const std::string unit = file.one_of_or("time.unit", "s", {"s", "ms", "us", "ns"});
-    map.time_unit_s = unit == "ms" ? 1e-3 : unit == "us" ? 1e-6 : unit == "ns" ? 1e-9 : 1.0;
-  }
+  read_clocks(file, map);
   if (file.has("time.increments"))
     map.increments = file.one_of("time.increments", {"intervals", "period"}) == "period"
                          ? CsvMap::Increments::period
                          : CsvMap::Increments::intervals;
   map.gap = file.number_or("time.gap", 1.5, at_least(1.1));
-  if (map.time_column.empty())
+  if (map.clocks.empty())
     map.rate_hz = file.number("rate_hz", between(0.1, 1e5));
   else if (file.has("rate_hz"))
     file.reject("rate_hz", "no rate beside time.column: the rate comes from the times");
-  if (map.time_column.empty())
+  if (map.clocks.empty())
     for (const char* key : {"time.unit", "time.increments", "time.gap"})
       if (file.has(key)) file.reject(key, "time.column too");
   map.temperature_column = file.text_or("temperature.column", "");
@@ -154,9 +164,11 @@ class Importer {
     info.started_utc_s = map_.started_utc_s ? map_.started_utc_s : source_.started_utc_s;
     TRY(want_columns());
     TRY(scan());
+    TRY(mark_rows());
     TRY(leave_out_doubles());
     choose();
     TRY(order_rows());
+    std::vector<Mark>().swap(marks_);
     if (accel_source_ != nullptr) TRY(read_accel());
     if (rows_ < 10) {
       TRY(each_row([](std::size_t, const Row&) { return Status(); }));  // it says which column is missing
@@ -172,7 +184,7 @@ class Importer {
   }
 
  private:
-  bool timed() const { return !map_.time_column.empty(); }
+  bool timed() const { return !map_.clocks.empty(); }
   bool measured() const { return map_.increments == CsvMap::Increments::intervals; }
 
   Status want_columns() {
@@ -181,7 +193,7 @@ class Importer {
       if (accel_source_ == nullptr) wanted_.push_back({map_.accel.columns[axis]});
     }
     time_ = wanted_.size();
-    if (timed()) wanted_.push_back({map_.time_column});
+    for (const CsvClock& clock : map_.clocks) wanted_.push_back({clock.column});
     temperature_ = wanted_.size();
     if (!map_.temperature_column.empty()) wanted_.push_back({map_.temperature_column, true});
     return check_once_each(source_, wanted_);
@@ -195,8 +207,16 @@ class Importer {
     return {};
   }
 
-  // In seconds since the first.
-  double time_of(double stamp) const { return (stamp - *first_stamp_) * map_.time_unit_s; }
+  // In seconds since the first: stamps are numbers of 1.7e15 us, seconds of them would be rounded. `first`: the place of the clocks' columns.
+  double time_of(const NumberTable& block, std::size_t first, std::size_t row) {
+    double time_s = 0.0;
+    for (std::size_t k = 0; k < map_.clocks.size(); ++k) {
+      const double stamp = block.columns[first + k][row];
+      if (k == first_stamp_.size()) first_stamp_.push_back(stamp);
+      time_s += (stamp - first_stamp_[k]) * map_.clocks[k].unit_s;
+    }
+    return time_s;
+  }
 
   // `visit`: of every row that is not left out; its number among them, from 0, and the row.
   template <class Visit>
@@ -209,7 +229,7 @@ class Importer {
         if (out_[number++]) continue;
         row.gyro = three_of(block, k, 0, step);
         if (step == 2) row.accel = three_of(block, k, 1, step);
-        if (timed()) row.time = time_of(block.columns[time_][k]);
+        row.time = time_of(block, time_, k);
         if (temperature_ < wanted_.size())
           row.temperature = (block.columns[temperature_][k] - map_.temperature_offset) * map_.temperature_scale;
         row.line = block.line[k];
@@ -223,22 +243,20 @@ class Importer {
   Status scan() {
     constexpr std::uint64_t most_reserved = std::uint64_t{1} << 26;
     if (timed()) times_.reserve(std::min(source_.likely_rows, most_reserved));
-    const std::size_t stamp = timed() ? time_ : 0;
+    // Of a table without times the first column tells how many rows there are.
+    const auto first = wanted_.begin() + std::ptrdiff_t(timed() ? time_ : 0);
     const bool all = map_.format.skip_bad_rows;
     TableFormat format = map_.format;
     format.only_wanted = !all;
+    const std::vector<WantedColumn> stamps(first, first + std::max<std::ptrdiff_t>(1, std::ssize(map_.clocks)));
     std::int64_t position = -1;
-    TRY(source_.read(all ? wanted_ : std::vector{wanted_[stamp]}, format, [&](const NumberTable& block) {
+    TRY(source_.read(all ? wanted_ : stamps, format, [&](const NumberTable& block) {
       count_bad(block);
       for (std::size_t k = 0; k < block.rows(); ++k, ++rows_) {
         if (!timed() && rows_ > 0 && block.position[k] > position + 1)
           missing_.push_back({rows_, block.position[k] - position - 1});
         position = block.position[k];
-        if (!timed()) continue;
-        // Stamps are numbers of 1.7e15 us: seconds of them would be rounded.
-        const double time = block.columns[all ? stamp : 0][k];
-        if (!first_stamp_) first_stamp_ = time;
-        times_.push_back(time_of(time));
+        if (timed()) times_.push_back(time_of(block, all ? time_ : 0, k));
       }
       return Status();
     }));
@@ -251,27 +269,32 @@ class Importer {
     result_.bad_rows += table.bad_rows;
   }
 
-  Status leave_out(const Error& error) {
-    if (!map_.format.skip_bad_rows) return error;
-    if (result_.bad_rows++ == 0) result_.first_bad = error.message;
+  // `rows` of them with a defect; `first`: of the first.
+  Status leave_out(std::int64_t rows, const Error& first) {
+    if (!map_.format.skip_bad_rows) return first;
+    if (result_.bad_rows == 0) result_.first_bad = first.message;
+    result_.bad_rows += rows;
     return {};
   }
 
-  // `leaves`: (row, rows kept before) -> Result<bool>; `numbered(row)`: the unit had a sample there, whose number is left out.
-  template <class Numbered, class Leaves>
-  Status sieve(Numbered numbered, Leaves leaves) {
+  // What becomes of a row. Lost: the unit had a sample there, whose number is left out.
+  enum class Fate : char { kept, left_out, lost };
+
+  void sieve(const std::vector<Fate>& fates) {
     std::vector<StampGap> missing;
     std::size_t kept = 0;
     std::int64_t skipped = 0;
     for (std::size_t row = 0, k = 0, at = 0; row < out_.size(); ++row) {
       if (out_[row]) continue;
       if (at < missing_.size() && missing_[at].row == k) skipped += missing_[at++].periods;
-      if (out_[row] = TRY(leaves(k, kept)); out_[row]) {
-        skipped += numbered(k) ? 1 : 0;
+      out_[row] = fates[k] != Fate::kept;
+      if (out_[row]) {
+        skipped += fates[k] == Fate::lost ? 1 : 0;
       } else {
         if (skipped > 0 && kept > 0) missing.push_back({kept, skipped});
         skipped = 0;
         if (timed()) times_[kept] = times_[k];
+        if (!marks_.empty()) marks_[kept] = marks_[k];
         ++kept;
       }
       ++k;
@@ -280,43 +303,42 @@ class Importer {
     if (kept < rows_) stamps_.reset();
     rows_ = kept;
     if (timed()) times_.resize(kept);
-    return {};
+  }
+
+  // What tells rows apart whose times do not.
+  Status mark_rows() {
+    if (std::ranges::adjacent_find(times_, std::greater_equal()) == times_.end()) return {};
+    marks_.reserve(rows_);
+    return each_row([&](std::size_t, const Row& row) {
+      const auto bytes = [](const Eigen::Vector3d& v) {
+        return std::hash<std::string_view>()({reinterpret_cast<const char*>(v.data()), 3 * sizeof(double)});
+      };
+      marks_.push_back({bytes(row.gyro) ^ (bytes(row.accel) << 1), row.line});
+      return Status();
+    });
   }
 
   // Rows that were written twice: the stamp and the numbers of the row before. A coarse sensor at rest, whose stamps are coarse too, has such
   // rows of its own; it repeats its numbers at other stamps as often.
   Status leave_out_doubles() {
-    constexpr std::size_t few = 10;  // are read at any rate: what is wrong with them is said before that they are few
-    if (rows_ >= few && std::ranges::adjacent_find(times_) == times_.end()) return {};
-    std::vector<std::size_t> doubles;
-    double same_stamps = 0.0, repeats = 0.0;  // rows with the stamp of the one before, and with its numbers at another
-    std::int64_t first = 0;                   // line
-    Row before;
-    TRY(each_row([&](std::size_t k, const Row& row) {
-      const bool same_time = timed() && k > 0 && row.time == before.time;
-      const bool same_numbers = k > 0 && row.gyro == before.gyro && row.accel == before.accel;
+    std::vector<Fate> fates(rows_);
+    double doubles = 0.0, same_stamps = 0.0, repeats = 0.0;  // with the stamp of the row before, with its numbers at another
+    std::int64_t first = 0;                                  // line
+    for (std::size_t k = 1; k < marks_.size(); ++k) {
+      const bool same_time = times_[k] == times_[k - 1], same_numbers = marks_[k].numbers == marks_[k - 1].numbers;
       same_stamps += same_time ? 1.0 : 0.0;
       repeats += same_numbers && !same_time ? 1.0 : 0.0;
-      if (same_numbers && same_time) {
-        if (doubles.empty()) first = row.line;
-        doubles.push_back(k);
-      }
-      before = row;
-      return Status();
-    }));
-    const auto count = double(doubles.size()), all = double(rows_);
-    if (count * (all - 1.0 - same_stamps) <= 2.0 * repeats * same_stamps) return {};
-    const Error error = input_error(
-        "{}:{}: repeats the row before, time and numbers, as {} of {} rows do: expected each row once; --skip-bad-rows "
-        "leaves them out",
-        source_.file_name, first, doubles.size(), rows_);
-    const auto none = [](std::size_t) { return false; };
-    return sieve(none, [&, at = std::size_t{0}](std::size_t k, std::size_t) mutable -> Result<bool> {
-      if (at == doubles.size() || doubles[at] != k) return false;
-      ++at;
-      TRY(leave_out(error));
-      return true;
-    });
+      if (!same_numbers || !same_time) continue;
+      if (doubles++ == 0.0) first = marks_[k].line;
+      fates[k] = Fate::left_out;
+    }
+    if (doubles * (double(rows_) - 1.0 - same_stamps) <= 2.0 * repeats * same_stamps) return {};
+    TRY(leave_out(std::int64_t(doubles),
+                  input_error("{}:{}: repeats the row before, time and numbers, as {} of {} rows do: expected each row "
+                              "once; --skip-bad-rows leaves them out",
+                              source_.file_name, first, doubles, rows_)));
+    sieve(fates);
+    return {};
   }
 
   // Of the rows that are kept by now.
@@ -355,46 +377,40 @@ class Importer {
                                              : most * usual;
     }
     std::vector<std::size_t> kept{0};
-    std::map<std::size_t, std::size_t> behind;  // and the kept row with its time, or itself
-    std::map<std::size_t, Row> rows;
+    std::vector<Fate> fates(rows_);
+    std::int64_t out = 0;
+    std::size_t first = 0;
     for (std::size_t k = 1; k < rows_; ++k) {
       const double least = times_[kept.back()] - back;
-      if (times_[k] > least || (times_[k] == least && !measured() && !behind.contains(k - 1))) {
+      if (times_[k] > least || (times_[k] == least && !measured() && fates[k - 1] == Fate::kept)) {
         kept.push_back(k);
         continue;
       }
-      const auto from =
+      const auto same =
           std::ranges::lower_bound(kept, times_[k] - 0.5 * usual, {}, [&](std::size_t row) { return times_[row]; });
-      behind[k] = from != kept.end() && times_[*from] < times_[k] + 0.5 * usual ? *from : k;
-      rows[k], rows[behind[k]];
+      const bool is_other = same != kept.end() && times_[*same] < times_[k] + 0.5 * usual &&
+                            marks_[*same].numbers != marks_[k].numbers;
+      fates[k] = is_other ? Fate::lost : Fate::left_out;
+      if (out++ == 0) first = k;
     }
-    TRY(each_row([&](std::size_t k, const Row& row) {
-      if (const auto at = rows.find(k); at != rows.end()) at->second = row;
-      return Status();
-    }));
-    const auto numbered = [&](std::size_t k) {
-      const Row &row = rows[k], &same = rows[behind[k]];
-      return row.gyro != same.gyro || row.accel != same.accel;
-    };
-    return sieve(numbered, [&](std::size_t k, std::size_t) -> Result<bool> {
-      if (!behind.contains(k)) return false;
-      TRY(leave_out(goes_back(source_, rows[k].line, map_.time_column, rows[k].time)));
-      return true;
-    });
+    if (out > 0) TRY(leave_out(out, goes_back(source_, marks_[first].line, map_.clocks[0].column, times_[first])));
+    sieve(fates);
+    return {};
   }
 
+  // In the unit of the first clock.
   Error goes_back(const ColumnSource& source, std::int64_t line, const std::string& column, double time_s) const {
-    return input_error("{}:{}: column {} = '{}': expected a time after that of the row before", source.file_name, line,
-                       quoted(column), in_file(time_s));
+    for (std::size_t k = 1; k < map_.clocks.size(); ++k) time_s += first_stamp_[k] * map_.clocks[k].unit_s;
+    return input_error(
+        "{}:{}: column {} = '{}': expected a time after that of the row before; where a counter begins anew, continue it",
+        source.file_name, line, quoted(column), format_number(first_stamp_[0] + time_s / map_.clocks[0].unit_s));
   }
-
-  std::string in_file(double time_s) const { return format_number(*first_stamp_ + time_s / map_.time_unit_s); }
 
   Status read_accel() {
     const ColumnSource& source = *accel_source_;
     std::vector<WantedColumn> wanted;
     for (const std::string& name : map_.accel.columns) wanted.push_back({name});
-    if (timed()) wanted.push_back({map_.accel_time_column});
+    for (const std::string& name : map_.accel_time_columns) wanted.push_back({name});
     TRY(check_once_each(source, wanted));
     NumberTable table;
     TRY(source.read(wanted, map_.format, [&](const NumberTable& block) {
@@ -407,7 +423,7 @@ class Importer {
     std::vector<double> time;
     std::vector<StampGap> missing;
     for (std::size_t k = 0; k < n; ++k) {
-      if (timed()) time.push_back((table.columns[3][k] - first_stamp_.value_or(0.0)) * map_.time_unit_s);
+      if (timed()) time.push_back(time_of(table, 3, k));
       if (k > 0 && table.position[k] > table.position[k - 1] + 1)
         missing.push_back({k, table.position[k] - table.position[k - 1] - 1});
     }
@@ -419,7 +435,7 @@ class Importer {
       return input_error("{}: {} rows: expected {}, as in {}, or time.column", source.file_name, n, rows_,
                          source_.file_name);
     for (std::size_t k = 1; k < n; ++k)
-      if (!(time[k] > time[k - 1])) return goes_back(source, table.line[k], map_.accel_time_column, time[k]);
+      if (!(time[k] > time[k - 1])) return goes_back(source, table.line[k], map_.accel_time_columns[0], time[k]);
     const auto common =
         std::ranges::count_if(time, [&](double t) { return rows_ > 0 && t >= times_.front() && t <= times_.back(); });
     if (common < 10)
@@ -432,14 +448,15 @@ class Importer {
     for (const StampGap& gap : fit_stamps(time, map_.gap).gaps) lost[gap.row] = true;
     const double period = stamps().period;
     const auto interval_of = [&](auto first_row) { return std::min(std::size_t(first_row - time.begin()), n - 1); };
-    const std::size_t all = rows_;
-    TRY(sieve([](std::size_t) { return true; },
-              [&](std::size_t k, std::size_t) -> Result<bool> {
-                const double t = times_[k];
-                return t < time.front() || t > time.back() || lost[interval_of(std::ranges::lower_bound(time, t))] ||
-                       lost[interval_of(std::ranges::upper_bound(time, t - period))];
-              }));
-    result_.without_accel = std::int64_t(all - rows_);
+    std::vector<Fate> fates(rows_);
+    for (std::size_t k = 0; k < rows_; ++k) {
+      const double t = times_[k];
+      if (t < time.front() || t > time.back() || lost[interval_of(std::ranges::lower_bound(time, t))] ||
+          lost[interval_of(std::ranges::upper_bound(time, t - period))])
+        fates[k] = Fate::lost;
+    }
+    result_.without_accel = std::ssize(fates) - std::ranges::count(fates, Fate::kept);
+    sieve(fates);
     // The integral, from one of the gyros' stamps to the next, behind a gap over a period; a number says the mean over the interval that it ends.
     const bool rate = map_.accel.is_rate;
     for (std::size_t k = 0; k < rows_; ++k) {
@@ -465,29 +482,13 @@ class Importer {
       for (const StampGap& gap : missing_) gaps_.push_back({gap.row, gap.periods + 1});
       return {};
     }
-    std::vector<StampGap> found;
-    if (measured() && (result_.chosen.empty() || !stamps().adds_up)) {
-      constexpr std::size_t near = 8;  // rows: the rate may have changed
-      std::vector<double> intervals = intervals_of(times_, times_.size());
-      const double usual = median(intervals);
-      const auto usual_from = [&](std::size_t first) {
-        std::vector<double> some = intervals_of(std::span(times_).subspan(first, near + 1));
-        return median(some);
-      };
-      for (std::size_t k = 1; k < rows_; ++k) {
-        const double shortest = (times_[k] - times_[k - 1]) / map_.gap;  // that is no gap
-        if (shortest > usual && !(k > near && shortest <= usual_from(k - 1 - near)) &&
-            !(k + near < rows_ && shortest <= usual_from(k)))
-          found.push_back({k, 2});
-      }
-    } else {
-      if (!measured() && !stamps().sure)
-        return input_error(
-            "{}: the stamps scatter by {:.2g} of a period of {:.4g} s, and {} of {} rows come behind a gap: another "
-            "period explains them as well: expected time.increments = intervals, or rate_hz in place of time.column",
-            source_.file_name, stamps().scatter, stamps().period, stamps().gaps.size(), rows_);
-      found = std::move(stamps().gaps);
-    }
+    if (!measured() && !stamps().sure)
+      return input_error(
+          "{}: the stamps scatter by {:.2g} of a period of {:.4g} s, and {} of {} rows come behind a gap: another period "
+          "explains them as well, or the intervals are real: expected time.increments = intervals, or rate_hz in place "
+          "of time.column",
+          source_.file_name, stamps().scatter, stamps().period, stamps().gaps.size(), rows_);
+    const std::vector<StampGap> found = measured() ? long_intervals(times_, map_.gap) : std::move(stamps().gaps);
     double sum = 0.0, squares = 0.0, count = 0.0;
     std::int64_t periods = 0;
     for (std::size_t k = 1, f = 0, m = 0; k < rows_; ++k) {
@@ -606,12 +607,17 @@ class Importer {
   const ColumnSource* accel_source_;
   std::vector<WantedColumn> wanted_;
   std::size_t time_ = 0, temperature_ = 0;  // places in it
-  std::optional<double> first_stamp_;       // in the unit of the map
+  std::vector<double> first_stamp_;         // of each clock
   RecordingSource::Sink sink_;
   std::vector<ImuSample> samples_;  // not handed over yet
   std::size_t written_ = 0;
   std::size_t rows_ = 0;  // that are kept
   std::vector<double> times_;
+  struct Mark {
+    std::size_t numbers = 0;  // hash
+    std::int64_t line = 0;
+  };
+  std::vector<Mark> marks_;             // of the rows, where their times are not enough
   std::vector<StampGap> missing_;       // samples before a row that the file has not, or not whole
   std::vector<bool> out_;               // of each row that was read, whether it is left out
   std::vector<Eigen::Vector3d> accel_;  // of a file of their own
@@ -636,18 +642,27 @@ ColumnSource columns_of_bag(const std::string& path, BagImu bag) {
   source.likely_rows = bag.message.size();
   source.read = [bag = std::make_shared<const BagImu>(std::move(bag)), name = source.file_name, names = source.names](
                     const std::vector<WantedColumn>& wanted, const TableFormat&, const TableSink& sink) -> Status {
-    NumberTable table;
+    std::vector<const double*> columns;
     for (const WantedColumn& column : wanted) {
       const auto at = std::ranges::find(bag->columns, column.name, &NumberColumn::name);
       if (at == bag->columns.end())
         return input_error("{}: no column {}: it has {}", name, quoted(column.name), fmt::join(names, ", "));
-      table.columns.push_back(at->values);
+      columns.push_back(at->values.data());
     }
-    table.position = table.line = bag->message;
-    for (std::int64_t& line : table.line) ++line;
-    table.bad_rows = bag->bad;
-    table.first_bad = bag->first_bad;
-    return sink(table);
+    constexpr std::size_t most = std::size_t{1} << 14;
+    NumberTable block;
+    block.columns.resize(columns.size());
+    block.bad_rows = bag->bad;
+    block.first_bad = bag->first_bad;
+    for (std::size_t row = 0; row < bag->message.size(); row += most, block.bad_rows = 0) {
+      const std::size_t end = std::min(row + most, bag->message.size());
+      for (std::size_t k = 0; k < columns.size(); ++k) block.columns[k].assign(columns[k] + row, columns[k] + end);
+      block.position.assign(bag->message.begin() + std::ptrdiff_t(row), bag->message.begin() + std::ptrdiff_t(end));
+      block.line = block.position;
+      for (std::int64_t& line : block.line) ++line;
+      TRY(sink(block));
+    }
+    return {};
   };
   return source;
 }

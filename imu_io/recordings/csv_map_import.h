@@ -47,13 +47,18 @@ struct CsvTriad {
   double range_high = 1e300;
 };
 
+// A column that is a part of a row's time, as seconds and nanoseconds are.
+struct CsvClock {
+  std::string column;
+  double unit_s = 1.0;
+};
+
 struct CsvMap {
   TableFormat format;
   CsvTriad gyro;
   CsvTriad accel;
-  std::string time_column;        // empty: rate_hz
-  std::string accel_time_column;  // in a file of their own
-  double time_unit_s = 1.0;
+  std::vector<CsvClock> clocks;                 // a row's time is their sum; none: rate_hz
+  std::vector<std::string> accel_time_columns;  // the same in a file of their own
   enum class Increments { chosen, intervals, period } increments = Increments::chosen;
   double gap = 1.5;
   double rate_hz = 0.0;

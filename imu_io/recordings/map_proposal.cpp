@@ -13,6 +13,7 @@
 #include "calib/statistics/unit_slip.h"
 #include "imu_io/base/clock.h"
 #include "imu_io/base/text.h"
+#include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/stamps.h"
 
 namespace turncal {
@@ -101,14 +102,15 @@ Result<Layout> look_at_text(std::string_view text, const std::string& file_name)
   const bool units_below = header(1)[0].starts_with('(');
   const std::vector<std::string_view> names = header(units_below ? 2 : 1);
   for (std::size_t k = 0; k < width; ++k) {
-    const bool plain = !units_below && !names[k].empty() && names[k].find_first_of(",#=") == names[k].npos &&
-                       std::ranges::count(names, names[k]) == 1;
+    const std::string name(names[k]);
+    const bool plain = !units_below && is_plain_text(name) && name.find_first_of(",=") == name.npos &&
+                       std::ranges::count(names, name) == 1;
     const std::string label = parse_time_stamp(row[k])
                                   ? "time [s]"
-                                  : std::string(names[k]) + (units_below ? " " + std::string(header(1)[k]) : "");
+                                  : name + (units_below ? " " + std::string(header(1)[k]) : "");
     // What is empty in the row with the most numbers, a logger names and does not have.
     layout.columns.push_back(
-        {plain ? std::string(names[k]) : std::to_string(k + 1), row[k].empty() ? "" : lower(label)});
+        {plain ? name : std::to_string(k + 1), row[k].empty() ? "" : lower(label)});
   }
   return layout;
 }
@@ -257,6 +259,7 @@ class Proposer {
                   {"time", "stamp", "tow", "epoch", "clock", "elapsed", "^t(", "second", "^sec", "^t_", "^t ", "^t["}))
         time_ = k;
     }
+    find_nanoseconds();
     // A matrix of nothing else.
     const std::string& front = layout_.columns.empty() ? std::string() : reference(0);
     const std::string matrix = front.substr(0, front.find(':') + 1);
@@ -265,6 +268,18 @@ class Proposer {
         std::ranges::all_of(layout_.columns, [&](const Candidate& c) {
           return c.reference.starts_with(matrix) && parse_integer(std::string_view(c.reference).substr(matrix.size()));
         });
+  }
+
+  // As of a std_msgs/Header: seconds, and the nanoseconds in them.
+  void find_nanoseconds() {
+    for (const std::string_view word : {"nanosec", "nsec"})
+      for (std::size_t k = 0; k < layout_.columns.size(); ++k) {
+        std::string label = layout_.columns[k].label;
+        if (const std::size_t at = label.rfind(word); at != label.npos) label.replace(at, word.size(), "sec");
+        const auto whole = std::ranges::find(layout_.columns, label, &Candidate::label) - layout_.columns.begin();
+        if (label != layout_.columns[k].label && whole < std::ssize(layout_.columns))
+          time_ = std::size_t(whole), nanoseconds_ = k;
+      }
   }
 
   Error columns_missing() const {
@@ -281,7 +296,8 @@ class Proposer {
   Status read() {
     std::vector<std::size_t> columns(triad_[gyro]);
     columns.insert(columns.end(), triad_[accel].begin(), triad_[accel].end());
-    if (time_) columns.push_back(*time_);
+    for (const auto& column : {time_, nanoseconds_})
+      if (column) columns.push_back(*column);
     for (std::size_t k = 0; by_place_ && k < layout_.columns.size(); ++k) columns.push_back(k);
     std::vector<WantedColumn> wanted;
     for (const std::size_t column : columns) wanted.push_back({reference(column)});
@@ -296,6 +312,8 @@ class Proposer {
                          source_.file_name, table.rows(), table.bad_rows > 0 ? "; " : "", table.first_bad);
     values_.resize(layout_.columns.size());
     for (std::size_t k = 0; k < columns.size(); ++k) values_[columns[k]] = std::move(table.columns[k]);
+    for (std::size_t k = rows(); nanoseconds_ && k-- > 0;)
+      values_[*time_][k] += 1e-9 * values_[*nanoseconds_][k] - values_[*time_][0];
     return {};
   }
 
@@ -388,7 +406,7 @@ class Proposer {
             time_unit_, 1.0 / period_s_);
     seen = find_unit(gyro_units, [&](const Unit& unit) {
       return turns && unit.is_rate == rates &&
-             std::abs(std::log(turns->factor * (rates ? 1.0 : period_s_) / unit.si)) < std::log(1.5);
+             std::abs(std::log(turns->factor * (rates ? 1.0 : period_s_) / unit.si)) < std::log1p(roughest_motion);
     });
     said = said_of(gyro, gyro_units, rates);
     const bool says_rate = has_any(label(gyro), {"/s", "ps", "s^-1", "s-1", "_s", " s", "/h", "ph"});
@@ -452,7 +470,9 @@ class Proposer {
       map += fmt::format("{}.columns = {}, {}, {}\n{}.unit = {}\n", name, reference(triad_[role][0]),
                          reference(triad_[role][1]), reference(triad_[role][2]), name, unit_[role]);
     }
-    map += time_ ? fmt::format("time.column = {}\ntime.unit = {}\n", reference(*time_), time_unit_)
+    map += nanoseconds_ ? fmt::format("time.column = {}, {}\ntime.unit = s, ns\n", reference(*time_),
+                                      reference(*nanoseconds_))
+           : time_      ? fmt::format("time.column = {}\ntime.unit = {}\n", reference(*time_), time_unit_)
                  : fmt::format("rate_hz = {}\n", format_number(site_.rate_hz > 0.0 ? site_.rate_hz : 100.0));
     if (temperature_) {
       const std::string& label = layout_.columns[*temperature_].label;
@@ -478,7 +498,7 @@ class Proposer {
   Layout layout_;
   std::vector<Numbers> values_;  // of each column that is looked at
   std::array<std::vector<std::size_t>, 2> triad_;
-  std::optional<std::size_t> time_, temperature_;
+  std::optional<std::size_t> time_, nanoseconds_, temperature_;
   bool by_place_ = false, time_guessed_ = false;
   double jitter_ = 0.0, period_s_ = 0.0;  // of the stamps, in the unit of the file
   std::string_view time_unit_ = "s";

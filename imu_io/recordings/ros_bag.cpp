@@ -1,5 +1,6 @@
 #include "imu_io/recordings/ros_bag.h"
 
+#include <bzlib.h>
 #include <fmt/format.h>
 #include <lz4frame.h>
 #include <sqlite3.h>
@@ -294,7 +295,8 @@ class Decompressor {
     if (size > room_ || !buffer_) buffer_ = std::make_unique_for_overwrite<std::byte[]>(room_ = size);
     const bool good = compression == "zstd"
                           ? ZSTD_decompressDCtx(zstd_.get(), buffer_.get(), size, data.data(), data.size()) == size
-                          : lz4(data, size);
+                      : compression == "lz4" ? lz4(data, size)
+                                             : bz2(data, size);
     return good ? std::optional(ByteSpan(buffer_.get(), size)) : std::nullopt;
   }
 
@@ -310,6 +312,13 @@ class Decompressor {
       data = data.subspan(in);
     }
     return made == size;
+  }
+  bool bz2(ByteSpan data, std::uint64_t size) {
+    auto made = unsigned(size);
+    char* const packed = const_cast<char*>(text_of(data).data());
+    return BZ2_bzBuffToBuffDecompress(reinterpret_cast<char*>(buffer_.get()), &made, packed, unsigned(data.size()), 0,
+                                      0) == BZ_OK &&
+           made == size;
   }
   static LZ4F_dctx* new_lz4() {
     LZ4F_dctx* context = nullptr;
@@ -331,10 +340,12 @@ class RecordReader {
  protected:
   Status damaged(const std::string& what) { return collector_.damaged_at(begun_, what); }
   Result<std::optional<ByteSpan>> unpack(std::string_view compression, ByteSpan packed, std::uint64_t size) {
-    const bool known = compression.empty() || compression == "none" || compression == "zstd" || compression == "lz4";
-    if (!known) TRY(damaged(fmt::format("compression {}: expected zstd, lz4 or none", quoted(compression))));
-    const std::optional<ByteSpan> records = known ? decompress_(compression, packed, size) : std::nullopt;
-    if (known && !records)
+    const auto known = {"", "none", "zstd", "lz4", "bz2"};
+    if (std::ranges::find(known, compression) == known.end())
+      return input_error("{}: byte {}: compression {}: expected zstd, lz4, bz2 or none", file_.path(), begun_,
+                         quoted(compression));
+    const std::optional<ByteSpan> records = decompress_(compression, packed, size);
+    if (!records)
       TRY(damaged(fmt::format("the chunk does not decompress to the {} bytes that it promises", size)));
     return records;
   }

@@ -11,7 +11,7 @@
 //
 // Errors: one line with the file and the byte or message. With `skip_bad` what is damaged is left out and counted: a message that is cut off
 // or not finite, a chunk with a wrong checksum, the missing end of a bag that was cut off.
-// Not read: bz2 chunks of rosbag1, encodings other than CDR and ROS 1's own.
+// Not read: encodings other than CDR and ROS 1's own.
 #pragma once
 
 #include <cstdint>

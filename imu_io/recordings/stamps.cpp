@@ -44,13 +44,10 @@ double resolution_of(std::span<const double> times, double period) {
 
 // How stamps follow their clock. In periods.
 struct Noise {
-  Noise(double s, double cell, bool real) : scatter(s), half(0.5 * cell), walks(real) {}
+  Noise(double s, double cell) : scatter(s), half(0.5 * cell) {}
   double scatter, half;  // normal; half of the cell that a stamp tells
-  bool walks;            // the intervals scatter, not the stamps
-  double white = walks ? even_scatter : scatter;
-  double walk =
-      std::pow(walks ? scatter : scatter / std::max(32.0, 64.0 * scatter * scatter), 2);  // of the phase, a row
-  double wander = walks ? 0.03 * scatter : 1e-6;                                          // of the rate, a row
+  double walk = std::pow(scatter / std::max(32.0, 64.0 * scatter * scatter), 2);  // of the phase, a row
+  double wander = 1e-6;                                                           // of the rate, a row
   double start = scatter * scatter + half * half / 3.0;                                   // variance of a stamp
   double normal = std::log(std::sqrt(start) * std::sqrt(2.0 * std::numbers::pi) / (2.0 * half));
   double anywhere = -std::log(std::min(1.0, 2.0 * half));  // -log of a stamp that may be anywhere within some periods
@@ -68,7 +65,7 @@ class Track {
 
   void begin_at(double ahead, const Noise& noise) {
     level_ = ahead - double(missing);
-    v_ = noise.start, cross_ = 0.0, w_ += noise.walks ? 1.0 : 0.0;
+    v_ = noise.start, cross_ = 0.0;
   }
   double level() const { return level_; }
   double spread() const { return std::sqrt(v_); }
@@ -81,7 +78,7 @@ class Track {
   double off(double ahead) const { return ahead - double(missing) - level_; }
   // -log of how likely the stamp is, and what it says of the clock.
   double follow(double off, const Noise& noise) {
-    const double variance = v_ + noise.white * noise.white, sigma = std::sqrt(variance);
+    const double variance = v_ + noise.scatter * noise.scatter, sigma = std::sqrt(variance);
     double mean = 0.0, less = 0.0, price = 0.0;  // of the standard normal within the cell: its mean, 1 - its variance
     if (noise.half < 0.5 * sigma) {
       const double all = variance + noise.half * noise.half / 3.0;
@@ -150,29 +147,63 @@ double share_of(const StampModel& model, std::span<const double> times) {
   return (double(model.gaps.size()) + 0.5) / (double(times.size()) + 1.0);
 }
 
-// What is gained where rows are lost by turns: distance and length of a gap are then as likely as they are frequent, not each for itself, and what
-// they are is told once. Of every second row it is a longer period.
+double whole(std::int64_t n) { return std::log(double(n)) + std::log(double(n) + 1.0); }  // -log of 1 / n(n + 1)
+
+// What it takes to tell kinds of things one after the other, and how often each comes: each is named once, and then as likely as it is frequent.
+using Kinds = std::map<std::pair<std::int64_t, std::int64_t>, double>;
+double told_by_kinds(const Kinds& kinds) {
+  double count = 0.0, cost = 0.0;
+  for (const auto& [kind, often] : kinds) count += often;
+  std::pair<std::int64_t, std::int64_t> before{0, 0};
+  for (const auto& [kind, often] : kinds) {
+    const bool other = kind.first != before.first;
+    cost += whole(kind.second - (other ? 0 : before.second)) + (other ? whole(kind.first - before.first) : 0.0) +
+            often * std::log(count / often);
+    before = kind;
+  }
+  return cost;
+}
+
+// What is gained where rows are lost by turns: distance and length of a gap are then as likely as they are frequent, not each for itself. Of every
+// second row it is a longer period.
 double gain_by_turns(const StampModel& model, std::span<const double> times) {
   constexpr std::size_t closest = 10;  // rows: nearer, the stamps are in steps near to the period
-  const auto whole = [](auto n) { return std::log(double(n)) + std::log(double(n) + 1.0); };  // 1 / n(n + 1)
   const double share = share_of(model, times);
-  std::map<std::pair<std::int64_t, std::size_t>, double> kinds;
-  double gain = 0.0, count = 0.0;
+  Kinds kinds;
+  double gain = 0.0;
   for (std::size_t at = 1; at < model.gaps.size(); ++at) {
     const StampGap& gap = model.gaps[at];
     const std::size_t distance = gap.row - model.gaps[at - 1].row;
     if (distance < closest || gap.periods < 2) continue;
     gain += whole(gap.periods - 1) - std::log(share) - double(distance - 1) * std::log1p(-share);
-    kinds[{gap.periods, distance}] += 1.0, count += 1.0;
+    kinds[{gap.periods - 1, std::int64_t(distance)}] += 1.0;
   }
-  std::pair<std::int64_t, std::size_t> before{0, 0};
-  for (const auto& [kind, often] : kinds) {
-    const bool longer = kind.first != before.first;
-    gain -= whole(kind.second - (longer ? 0 : before.second)) + (longer ? whole(kind.first - 1) : 0.0) +
-            often * std::log(count / often);
-    before = kind;
+  return std::max(0.0, gain - told_by_kinds(kinds));
+}
+
+// What it takes to tell intervals that no clock makes: by kinds, in the best of some widths, and where in one, in cells.
+double told_by_intervals(std::span<const double> times, double cell) {
+  constexpr int widths = 8;
+  double least = std::numeric_limits<double>::infinity();
+  for (int octave = 0; octave < widths; ++octave) {
+    Kinds kinds;
+    for (std::size_t k = 1; k < times.size(); ++k) {
+      const auto width = std::llround(std::ldexp((times[k] - times[k - 1]) / cell, -octave));
+      kinds[{width < 0 ? 2 : 1, std::abs(width) + 1}] += 1.0;
+    }
+    least = std::min(least, told_by_kinds(kinds) + double(times.size()) * octave * std::numbers::ln2);
   }
-  return std::max(0.0, gain);
+  return least;
+}
+
+// Most gaps come as many rows, two or more, after the one before: a driver may have written the stamps of a burst by a rate that is not the sensor's.
+bool by_turns(const StampModel& model) {
+  std::map<std::size_t, std::size_t> distances;
+  std::size_t most = 0;
+  for (std::size_t at = 1; at < model.gaps.size(); ++at)
+    if (const std::size_t distance = model.gaps[at].row - model.gaps[at - 1].row; distance > 1)
+      most = std::max(most, ++distances[distance]);
+  return 2 * most > model.gaps.size();
 }
 
 // The likeliest reading with that scatter: rows follow a clock, and each may come some periods later than it would. `share`: of the rows that do. The
@@ -181,7 +212,7 @@ StampModel reading(std::span<const double> times, StampModel model, double cell,
                    double limit) {
   constexpr std::size_t most_tracks = 8;
   constexpr double rarer = 5.0, rarest = 40.0, hopeless = 60.0, far = 32.0, longest = 1e15;
-  const Noise noise(model.scatter, cell / model.period, model.adds_up);
+  const Noise noise(model.scatter, cell / model.period);
   share = std::clamp(share, 1e-5, 0.9);
   const double stay = -std::log1p(-share), rare = -std::log(share), rate = 1.0 / model.period;
   const double late_from = (gap - 3.0 * noise.scatter - 2.0 * noise.half) * model.period;
@@ -382,8 +413,26 @@ std::vector<double> intervals_of(std::span<const double> times, std::size_t most
   return intervals;
 }
 
+std::vector<StampGap> long_intervals(std::span<const double> times, double gap) {
+  constexpr std::size_t around = 32;  // rows, either way
+  std::vector<double> some = intervals_of(times);
+  const double usual = median(some);
+  std::vector<StampGap> gaps;
+  for (std::size_t k = 1; k < times.size(); ++k) {
+    const double shortest = (times[k] - times[k - 1]) / gap;  // that is none
+    if (!(shortest > usual)) continue;
+    const std::size_t from = k > around ? k - around : 1, to = std::min(k + around, times.size() - 1);
+    std::vector<double> near = intervals_of(times.subspan(from - 1, to - from + 2), times.size());
+    const double periods = (times[k] - times[k - 1]) / median(near);
+    const bool whole = periods > 1.5 && std::abs(periods - std::round(periods)) < 0.15;
+    const std::size_t as_long = whole ? near.size() / 4 : 2;
+    if (shortest > value_at_rank(near, near.size() - 1 - std::min(as_long, near.size() - 1))) gaps.push_back({k, 2});
+  }
+  return gaps;
+}
+
 StampModel fit_stamps(std::span<const double> times, double gap) {
-  constexpr std::size_t enough = std::size_t{1} << 12;
+  constexpr std::size_t enough = std::size_t{1} << 12, often = 64;
   constexpr double usual_scatter = 0.1, near_scatter = 0.02, phases_agree = 0.13, is_known = 1e-3, margin = 10.0;
   constexpr double any = std::numeric_limits<double>::infinity();
   StampModel best{.cost = any, .gaps = {}};
@@ -431,17 +480,13 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
   if (!best.gaps.empty()) {
     // Around the middle one, is it the intervals that scatter?
     some = times.subspan(std::min(best.gaps[best.gaps.size() / 2].row, times.size() - some.size()), some.size());
-    std::vector<double> intervals = intervals_of(some, enough);
+    const std::vector<double> intervals = intervals_of(some, enough);
     const double share = share_of(best, times), decisive = margin + 0.05 * rows;
     const StampModel clock = reading(some, best, cell, gap, share, any);
-    if (clock.cost > decisive) {
-      StampModel none{.period = median(intervals), .scatter = usual_scatter, .adds_up = true, .gaps = {}};
-      none = fit(some, none, cell, gap, share, clock.cost - margin);
-      const bool likelier = none.cost < clock.cost - margin && none.gaps.size() < clock.gaps.size();
-      if (likelier && none.cost < clock.cost - decisive && std::ranges::min(intervals) > 0.0)
-        return reading(times, none, cell, gap, share_of(none, some), any);
-      doubtful = doubtful || likelier;
-    }
+    const double less = often * clock.gaps.size() > some.size() ? clock.cost - told_by_intervals(some, cell) : 0.0;
+    if (less > decisive && !by_turns(clock) && std::ranges::min(intervals) > 0.0)
+      return {.period = best.period, .adds_up = true, .gaps = long_intervals(times, gap)};
+    doubtful = doubtful || less > margin;
   }
   const double behind = double(best.gaps.size()) / double(times.size());
   const double off = std::hypot(best.scatter * std::sqrt(12.0), step / best.period) * std::pow(behind, 1.5);

@@ -20,6 +20,7 @@
 #include "imu_io/recordings/map_proposal.h"
 #include "imu_io/recordings/number_table.h"
 #include "imu_io/recordings/parameter_file.h"
+#include "imu_io/recordings/recording_check.h"
 #include "imu_io/recordings/recording_source.h"
 #include "imu_io/recordings/recording_text.h"
 #include "imu_io/recordings/recording_writer.h"
@@ -77,7 +78,7 @@ void print_segmentation(const Segmentation& found, const RecordingInfo& info, st
   }
 }
 
-// What is plainly wrong with the units, where there are rests to tell it by; empty: nothing.
+// What is plainly wrong with the units, by rests or by the motion; empty: nothing.
 std::string wrong_units_of(RecordingSource& source, const Segments& segments) {
   Compressor compressor(source.info(), rest_compression_options());
   SegmentedFeed feed(compressor, segments);
@@ -125,6 +126,18 @@ Status say_of_samples(RecordingSource& source, CommandContext& context) {
   return {};
 }
 
+// What was imported, as it is in memory.
+class ImportedSource final : public RecordingSource {
+ public:
+  ImportedSource(const CsvImport& content, std::string path) : RecordingSource(std::move(path)), content_(content) {
+    info_ = content.info;
+  }
+
+ private:
+  Status stream(const Sink& sink) override { return content_.samples.empty() ? Status() : sink(content_.samples); }
+  const CsvImport& content_;
+};
+
 // `where`: what says the units.
 Status write_imported(const CsvImport& content, const std::string& out, const std::string& line, const char* where,
                       CommandContext& context) {
@@ -132,15 +145,18 @@ Status write_imported(const CsvImport& content, const std::string& out, const st
   RecordingWriter writer = TRY(RecordingWriter::create(folder.file(binary_recording_name), content.info));
   TRY(writer.add(content.samples));
   TRY(writer.finish());
-  const std::unique_ptr<RecordingSource> source = TRY(RecordingSource::open(folder.file(binary_recording_name)));
-  if (const Result<Segmentation> found = find_rests(*source))
-    if (const std::string wrong = wrong_units_of(*source, found->segments); !wrong.empty())
-      return input_error("units: {}: expected others, another scale or other axes in {}", wrong, where);
+  ImportedSource source(content, folder.file(binary_recording_name));
+  const Result<Segmentation> found = find_rests(source);
+  const Segment all{.kind = SegmentKind::still,
+                    .start_sample = content.samples.front().counter,
+                    .end_sample = content.samples.back().counter + 1};
+  if (const std::string wrong = wrong_units_of(source, found ? found->segments : Segments{all}); !wrong.empty())
+    return input_error("units: {}: expected others, another scale or other axes in {}", wrong, where);
   folder.keep();
   context.out << "imported into " << folder.path() << ": " << line << std::endl;
   if (content.clipped > 0)
     context.out << content.clipped << " samples clipped: a gyro repeats its extreme value" << std::endl;
-  TRY(say_of_samples(*source, context));
+  TRY(say_of_samples(source, context));
   if (content.bad_rows > 0)
     context.out << content.bad_rows << " bad rows skipped, the first: " << content.first_bad << std::endl;
   return {};
@@ -181,6 +197,7 @@ Status import_frames(const TextOptions& from, CommandContext& context) {
 // The map that is given, or the one proposed; where that is in doubt, an error after it was printed and written.
 Result<CsvMap> map_for(const TextOptions& from, const ColumnSource& source, CommandContext& context) {
   if (!from.map.empty()) return read_csv_map(from.map);
+  TRY(check_serial(site_of(from).unit_serial, "--unit"));
   const MapProposal proposal = TRY(propose_map(source, site_of(from)));
   context.out << proposal.text << std::flush;
   if (!from.map_out.empty()) {
@@ -201,7 +218,7 @@ Status import_table(const TextOptions& from, CommandContext& context) {
   map.gravity_mps2 = from.gravity_mps2.value_or(map.gravity_mps2);
   map.latitude_deg = from.latitude_deg.value_or(map.latitude_deg);
   map.rate_hz = from.rate_hz.value_or(map.rate_hz);
-  if (from.rate_hz) map.time_column.clear();
+  if (from.rate_hz) map.clocks.clear();
   if (!from.unit.empty()) map.unit_serial = from.unit;
   ColumnSource accel;
   if (!from.accel.empty()) accel = TRY(open_columns(from.accel));

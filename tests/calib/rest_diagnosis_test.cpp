@@ -7,6 +7,7 @@
 #include "calib/model/limits.h"
 #include "calib/rests/rest_units.h"
 #include "calib/rests/single_pose.h"
+#include "calib/statistics/unit_slip.h"
 #include "imu_io/base/files.h"
 #include "imu_io/base/text.h"
 #include "imu_io/recordings/csv_map_import.h"
@@ -176,6 +177,12 @@ TEST(PieceSystem, OfObservationsIsALeastSquaresProblem) {
 
 // ---- what went wrong with hand-turned data once is said, or set aside, and does not become a result ----
 
+// As if it never rested.
+std::string wrong_units_of_motion(HandData hand) {
+  hand.segments = {{.kind = SegmentKind::still, .end_sample = hand.segments.back().end_sample}};
+  return wrong_units(HandRecording(std::move(hand)).data);
+}
+
 TEST(WrongUnits, AreSaidInPlainWordsAndNotFitted) {
   struct Case {
     double gyro, accel;
@@ -204,6 +211,8 @@ TEST(WrongUnits, AreSaidInPlainWordsAndNotFitted) {
     EXPECT_EQ(d.diagnosis.verdict, Verdict::not_tested) << c.words;
     EXPECT_FALSE(d.base.converged) << c.words;
     EXPECT_SAYS(d.not_tested, c.words);
+    const bool far = c.accel != 1.0 || std::abs(std::log(c.gyro)) > std::log1p(roughest_motion);
+    EXPECT_SAYS(wrong_units_of_motion(hand), far ? c.words : "");
   }
 }
 
@@ -222,7 +231,7 @@ TEST(WrongUnits, ARoughSensorHasNone) {
     for (const double factor : {1.0, 0.8, 1.25}) {
       HandData hand = make_hand_data({.seed = seed});
       scale(hand, factor, factor);
-      EXPECT_EQ(wrong_units(HandRecording(hand).data), "") << seed << " " << factor;
+      EXPECT_EQ(wrong_units(HandRecording(hand).data) + wrong_units_of_motion(hand), "") << seed << " " << factor;
     }
 }
 

@@ -1,6 +1,7 @@
 // Writes ROS bags for tests, from the specifications and not from the reader: CDR and ROS 1 messages, MCAP, rosbag2's SQLite file, rosbag1.
 #pragma once
 
+#include <bzlib.h>
 #include <lz4frame.h>
 #include <sqlite3.h>
 #include <zlib.h>
@@ -63,6 +64,9 @@ inline std::string packed(const std::string& data, const std::string& compressio
     out.resize(ZSTD_compress(out.data(), out.size(), data.data(), data.size(), 1));
   else if (compression == "lz4")
     out.resize(LZ4F_compressFrame(out.data(), out.size(), data.data(), data.size(), nullptr));
+  else if (auto size = unsigned(out.size()); compression == "bz2")
+    BZ2_bzBuffToBuffCompress(out.data(), &size, const_cast<char*>(data.data()), unsigned(data.size()), 9, 0, 0),
+        out.resize(size);
   else
     return data;
   return out;

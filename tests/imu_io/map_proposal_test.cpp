@@ -146,15 +146,20 @@ TEST(MapProposal, UnitsAreSeenOrInDoubt) {
   EXPECT_SAYS(propose(folder / "log.csv", 125.0)->text, "400 rows at 125 Hz.\ngyro.columns") << "without a doubt";
   const std::string rows = table(bare, 1, 1, 1, true);
   std::ofstream(folder / "dead.csv") << std::regex_replace(rows, std::regex("\n((?:[^,\n]*,){3})[^,\n]+"), "\n$010");
-  std::string stamped;
+  std::string stamped, split;
   for (std::string_view left = rows; !left.empty();) {
     const std::string_view line = next_line(left);
+    split += split.empty() ? "stamp.nsecs,stamp.secs" : fmt::format("{}000000,170000000{}", line.substr(2, 3), line[0]);
+    split += std::string(line.substr(line.find(','))) + "\n";
     stamped += (stamped.empty() ? "when" : "2026-01-01 00:00:0") + std::string(line.substr(stamped.empty())) + "\n";
   }
   EXPECT_SAYS(propose(folder / "dead.csv")->text, "# In doubt: gyro.columns: 'gz' is 0 throughout");
   std::ofstream(folder / "stamped.csv") << stamped;
-  const CsvMap times = expect_value(parse_csv_map(propose(folder / "stamped.csv")->text, "proposed"));
-  EXPECT_NEAR(expect_value(import_csv(times, folder / "stamped.csv")).info.sample_period_s, 0.01, 1e-6);
+  std::ofstream(folder / "split.csv") << split;
+  for (const char* file : {"stamped.csv", "split.csv"}) {
+    const CsvMap times = expect_value(parse_csv_map(propose(folder / file)->text, "proposed"));
+    EXPECT_NEAR(expect_value(import_csv(times, folder / file)).info.sample_period_s, 0.01, 1e-6);
+  }
   std::ofstream(folder / "x.csv") << table("t,mx,my,mz,qx,qy,qz", 1, 1, 1, true);
   EXPECT_TRUE(fails(
       propose(folder / "x.csv"),
@@ -445,7 +450,7 @@ TEST(Increments, NoAxisIsInvented) {
   int in_doubt = 0;
   for (int run = 0; run < 16; ++run) {
     const double step = 0.8 + 0.19 * part(random), rate = run == 0 ? 1.04 : 0.5 * std::pow(6.0, part(random));
-    std::vector<double> times, turns{0.0}, walks{0.0};
+    std::vector<double> times, turns{0.0}, walks{0.0}, loop{0.0}, burst;
     std::string csv;
     for (int row = 0, k = 0; row < 600; ++row, ++k) {
       while (run % 2 == 0 && part(random) < 0.2) ++k;
@@ -453,10 +458,14 @@ TEST(Increments, NoAxisIsInvented) {
       csv += fmt::format("{:.9f},1,0,0,0,0,9.8\n", turns.back());
       turns.push_back(turns.back() + 0.01 * (row < 250 ? 1.0 : rate));
       walks.push_back(walks.back() + 0.01 * (0.6 + 0.8 * part(random)));
+      loop.push_back(loop.back() + (part(random) < 0.3 ? 0.017 : 0.01));
+      burst.push_back(0.1 * (row / 10) + 0.009 * (row % 10));
     }
     const StampModel model = fit_stamps(times);
     EXPECT_TRUE((!model.sure && ++in_doubt <= 5) || std::abs(model.period - 0.01) < 2e-5) << step;
-    EXPECT_FALSE(choice_of(turns).even || choice_of(walks).even) << rate;
+    EXPECT_FALSE(choice_of(turns).even || choice_of(walks).even || choice_of(loop).even) << rate;
+    EXPECT_EQ(real_intervals(loop, 1.5).gaps.size(), 0u);
+    EXPECT_FALSE(fit_stamps(burst).sure);  // of ten rows, by a driver whose rate is off by a tenth
     EXPECT_NEAR(turn(expect_value(import_text(numbered_map(), csv))) / turns[599], 1.0, 0.005) << rate;
   }
 }

@@ -254,7 +254,7 @@ TEST(NumberTable, SaysWhatIsNoTable) {
   const auto said = [](std::string_view content, std::string_view what) {
     return fails(read_number_table(content, "f", {{"1"}}, {.header_lines = 0}), what);
   };
-  EXPECT_TRUE(said(std::string_view("\xFF\xFE,\0,\0", 6), "f: a text in UTF-16: expected UTF-8"));
+  EXPECT_TRUE(said(std::string_view("\xFF\xFE,\0,\0", 6), "f: a text in UTF-16 or UTF-32: expected UTF-8"));
   EXPECT_TRUE(said("1,2\r3,4\r", "f: lines end in a carriage return alone: expected line feeds"));
   EXPECT_TRUE(
       said(std::string_view("\0\0\0\0\7\0\0\0\1\0\0\0\0\0\0\0\2\0\0\0t\0", 22), "f: a MATLAB file of version 4"));

@@ -42,7 +42,7 @@ grep -rnE --include='*.h' --include='*.cpp' --include='*.in' '^[[:space:]]*(/\*.
       reaches_rig = sees_rig "orchestrator/fleet orchestrator/service orchestrator/library orchestrator/. "
       library["CLI/"] = "orchestrator/commands"; library["libpq-fe.h"] = "orchestrator/records"; library["sqlite3.h"] = "orchestrator/records imu_io/recordings"
       library["modbus/"] = library["modbus.h"] = "turntable_drivers/modbus"; library["crypt.h"] = "orchestrator/service"
-      library["matio.h"] = library["xxhash.h"] = library["hdf5.h"] = library["zstd.h"] = library["lz4frame.h"] = library["zlib.h"] = "imu_io/recordings"
+      library["matio.h"] = library["xxhash.h"] = library["hdf5.h"] = library["zstd.h"] = library["lz4frame.h"] = library["bzlib.h"] = library["zlib.h"] = "imu_io/recordings"
     }
     # Rooms of a folder, lowest first; those between two semicolons do not see each other. "." is the folder itself.
     function ranks(folder, text,    level, levels, i, j, names, n) {
