@@ -40,8 +40,8 @@ std::string wrong_gyros(const RestData& data) {
     best *= best_rest_factor(data, best);
     const double best_misfit = misfit(best);
     if (best_misfit > std::min(rest_limits.least_misfit_rad, rest_limits.of_misfit * as_given)) return {};
-    evidence = fmt::format("gravity's direction after a turn is off by {:.2g} rad as given and by {:.2g} rad",
-                           as_given, best_misfit);
+    evidence = fmt::format("gravity's direction after a turn is off by {:.2g} rad as given and by {:.2g} rad", as_given,
+                           best_misfit);
   }
   const double factor = std::cbrt(std::abs(best.determinant()));
   std::string wrong = wrong_axes(best / factor);

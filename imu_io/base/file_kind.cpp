@@ -56,7 +56,9 @@ constexpr KindRow kind_rows[] = {
      "SQLite format 3\0"sv},
     {FileKind::json, "JSON", by_nothing},
     {FileKind::page, "a page to read", by_nothing, "%PDF"},
-    {FileKind::compressed, "a compressed file", "decompress it first (save a table of an .xlsx file as CSV, an array of an .npz file as .npy)", "\x28\xB5\x2F\xFD"},
+    {FileKind::compressed, "a compressed file",
+     "decompress it first (save a table of an .xlsx file as CSV, an array of an .npz file as .npy)",
+     "\x28\xB5\x2F\xFD"},
 };
 constexpr std::string_view also_compressed[] = {"\x1f\x8b", "\x04\x22\x4D\x18", "BZh", "PK\x03\x04", "\xFD\x37zXZ"};
 

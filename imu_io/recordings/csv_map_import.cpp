@@ -322,8 +322,9 @@ class Importer {
   // rows of its own; it repeats its numbers at other stamps as often.
   Status leave_out_doubles() {
     std::vector<Fate> fates(rows_);
-    double doubles = 0.0, same_stamps = 0.0, repeats = 0.0;  // with the stamp of the row before, with its numbers at another
-    std::int64_t first = 0;                                  // line
+    double doubles = 0.0, same_stamps = 0.0,
+           repeats = 0.0;    // with the stamp of the row before, with its numbers at another
+    std::int64_t first = 0;  // line
     for (std::size_t k = 1; k < marks_.size(); ++k) {
       const bool same_time = times_[k] == times_[k - 1], same_numbers = marks_[k].numbers == marks_[k - 1].numbers;
       same_stamps += same_time ? 1.0 : 0.0;
@@ -388,8 +389,8 @@ class Importer {
       }
       const auto same =
           std::ranges::lower_bound(kept, times_[k] - 0.5 * usual, {}, [&](std::size_t row) { return times_[row]; });
-      const bool is_other = same != kept.end() && times_[*same] < times_[k] + 0.5 * usual &&
-                            marks_[*same].numbers != marks_[k].numbers;
+      const bool is_other =
+          same != kept.end() && times_[*same] < times_[k] + 0.5 * usual && marks_[*same].numbers != marks_[k].numbers;
       fates[k] = is_other ? Fate::lost : Fate::left_out;
       if (out++ == 0) first = k;
     }
@@ -402,7 +403,8 @@ class Importer {
   Error goes_back(const ColumnSource& source, std::int64_t line, const std::string& column, double time_s) const {
     for (std::size_t k = 1; k < map_.clocks.size(); ++k) time_s += first_stamp_[k] * map_.clocks[k].unit_s;
     return input_error(
-        "{}:{}: column {} = '{}': expected a time after that of the row before; where a counter begins anew, continue it",
+        "{}:{}: column {} = '{}': expected a time after that of the row before; where a counter begins anew, continue "
+        "it",
         source.file_name, line, quoted(column), format_number(first_stamp_[0] + time_s / map_.clocks[0].unit_s));
   }
 
@@ -484,7 +486,8 @@ class Importer {
     }
     if (!measured() && !stamps().sure)
       return input_error(
-          "{}: the stamps scatter by {:.2g} of a period of {:.4g} s, and {} of {} rows come behind a gap: another period "
+          "{}: the stamps scatter by {:.2g} of a period of {:.4g} s, and {} of {} rows come behind a gap: another "
+          "period "
           "explains them as well, or the intervals are real: expected time.increments = intervals, or rate_hz in place "
           "of time.column",
           source_.file_name, stamps().scatter, stamps().period, stamps().gaps.size(), rows_);

@@ -105,12 +105,10 @@ Result<Layout> look_at_text(std::string_view text, const std::string& file_name)
     const std::string name(names[k]);
     const bool plain = !units_below && is_plain_text(name) && name.find_first_of(",=") == name.npos &&
                        std::ranges::count(names, name) == 1;
-    const std::string label = parse_time_stamp(row[k])
-                                  ? "time [s]"
-                                  : name + (units_below ? " " + std::string(header(1)[k]) : "");
+    const std::string label =
+        parse_time_stamp(row[k]) ? "time [s]" : name + (units_below ? " " + std::string(header(1)[k]) : "");
     // What is empty in the row with the most numbers, a logger names and does not have.
-    layout.columns.push_back(
-        {plain ? name : std::to_string(k + 1), row[k].empty() ? "" : lower(label)});
+    layout.columns.push_back({plain ? name : std::to_string(k + 1), row[k].empty() ? "" : lower(label)});
   }
   return layout;
 }
@@ -470,10 +468,10 @@ class Proposer {
       map += fmt::format("{}.columns = {}, {}, {}\n{}.unit = {}\n", name, reference(triad_[role][0]),
                          reference(triad_[role][1]), reference(triad_[role][2]), name, unit_[role]);
     }
-    map += nanoseconds_ ? fmt::format("time.column = {}, {}\ntime.unit = s, ns\n", reference(*time_),
-                                      reference(*nanoseconds_))
-           : time_      ? fmt::format("time.column = {}\ntime.unit = {}\n", reference(*time_), time_unit_)
-                 : fmt::format("rate_hz = {}\n", format_number(site_.rate_hz > 0.0 ? site_.rate_hz : 100.0));
+    map += nanoseconds_
+               ? fmt::format("time.column = {}, {}\ntime.unit = s, ns\n", reference(*time_), reference(*nanoseconds_))
+           : time_ ? fmt::format("time.column = {}\ntime.unit = {}\n", reference(*time_), time_unit_)
+                   : fmt::format("rate_hz = {}\n", format_number(site_.rate_hz > 0.0 ? site_.rate_hz : 100.0));
     if (temperature_) {
       const std::string& label = layout_.columns[*temperature_].label;
       map += fmt::format("temperature.column = {}\n", reference(*temperature_));

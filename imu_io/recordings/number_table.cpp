@@ -101,7 +101,8 @@ const char* read_number(const char* at, const char* end, double& value) {
       eight <<= 64 - 8 * count;
       eight = 10 * eight + (eight >> 8);
       eight = ((eight & 0x000000FF000000FF) * 0x000F424000000064 +
-               (eight >> 16 & 0x000000FF000000FF) * 0x0000271000000001) >> 32;
+               (eight >> 16 & 0x000000FF000000FF) * 0x0000271000000001) >>
+              32;
       digits = digits * powers_of_ten[count] + eight;
     }
     for (; p != end && *p >= '0' && *p <= '9'; ++p) digits = 10 * digits + std::uint64_t(*p - '0');
@@ -256,8 +257,9 @@ class CsvTable {
       return std::numeric_limits<double>::quiet_NaN();
     if (const std::optional<double> value = device_number(cell, format_.decimal_comma)) return *value;
     if (const std::optional<double> utc_s = parse_time_stamp(cell)) return *utc_s;
-    return defect("column " + quoted(wanted.name) + " = " + quoted(cell) +
-                  (cell.find(':') == cell.npos ? ": expected a number" : ": expected a time as 2026-01-31 12:00:00.04"));
+    return defect(
+        "column " + quoted(wanted.name) + " = " + quoted(cell) +
+        (cell.find(':') == cell.npos ? ": expected a number" : ": expected a time as 2026-01-31 12:00:00.04"));
   }
 
   Status read_row(std::string_view text) {

@@ -345,8 +345,7 @@ class RecordReader {
       return input_error("{}: byte {}: compression {}: expected zstd, lz4, bz2 or none", file_.path(), begun_,
                          quoted(compression));
     const std::optional<ByteSpan> records = decompress_(compression, packed, size);
-    if (!records)
-      TRY(damaged(fmt::format("the chunk does not decompress to the {} bytes that it promises", size)));
+    if (!records) TRY(damaged(fmt::format("the chunk does not decompress to the {} bytes that it promises", size)));
     return records;
   }
 

@@ -48,7 +48,7 @@ struct Noise {
   double scatter, half;  // normal; half of the cell that a stamp tells
   double walk = std::pow(scatter / std::max(32.0, 64.0 * scatter * scatter), 2);  // of the phase, a row
   double wander = 1e-6;                                                           // of the rate, a row
-  double start = scatter * scatter + half * half / 3.0;                                   // variance of a stamp
+  double start = scatter * scatter + half * half / 3.0;                           // variance of a stamp
   double normal = std::log(std::sqrt(start) * std::sqrt(2.0 * std::numbers::pi) / (2.0 * half));
   double anywhere = -std::log(std::min(1.0, 2.0 * half));  // -log of a stamp that may be anywhere within some periods
   double most = 16.0 + anywhere;
