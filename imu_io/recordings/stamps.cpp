@@ -164,10 +164,11 @@ double told_by_kinds(const Kinds& kinds) {
   return cost;
 }
 
+constexpr std::size_t beyond_steps = 10;  // rows from gap to gap: nearer, the stamps are in steps near to the period
+
 // What is gained where rows are lost by turns: distance and length of a gap are then as likely as they are frequent, not each for itself. Of every
 // second row it is a longer period.
-double gain_by_turns(const StampModel& model, std::span<const double> times) {
-  constexpr std::size_t closest = 10;  // rows: nearer, the stamps are in steps near to the period
+double gain_by_turns(const StampModel& model, std::span<const double> times, std::size_t closest) {
   const double share = share_of(model, times);
   Kinds kinds;
   double gain = 0.0;
@@ -287,7 +288,7 @@ StampModel reading(std::span<const double> times, StampModel model, double cell,
   for (std::size_t at = tracks.front().last_gap; at > 0; at = forks[at - 1].second)
     model.gaps.push_back(forks[at - 1].first);
   std::ranges::reverse(model.gaps);
-  model.cost = tracks.front().cost - gain_by_turns(model, times);
+  model.cost = tracks.front().cost - gain_by_turns(model, times, beyond_steps);
   model.period = slope_along(times, model, noise);
   return model;
 }
@@ -458,7 +459,8 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
     const double period = step * std::max(1.0, std::floor(best.period / step + 0.1));
     StampModel keeps =
         fit(some, {.period = period, .scatter = near_scatter, .gaps = {}}, fine, gap, share_of(best, some), any);
-    keeps.cost -= std::log(rows) + std::max(0.0, steps_cost - gain_by_turns(keeps, some));  // its rate is known
+    keeps.cost -=
+        std::log(rows) + std::max(0.0, steps_cost - gain_by_turns(keeps, some, beyond_steps));  // its rate is known
     readings.push_back(std::move(keeps));
     if (readings.back().cost < best.cost) best = readings.back(), step = 0.0, cell = fine;
   }
@@ -483,8 +485,11 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
     const std::vector<double> intervals = intervals_of(some, enough);
     const double share = share_of(best, times), decisive = margin + 0.05 * rows;
     const StampModel clock = reading(some, best, cell, gap, share, any);
-    const double less = often * clock.gaps.size() > some.size() ? clock.cost - told_by_intervals(some, cell) : 0.0;
-    if (less > decisive && !by_turns(clock) && std::ranges::min(intervals) > 0.0)
+    const bool regular = by_turns(clock);
+    const double gain = regular ? gain_by_turns(clock, some, 2) - gain_by_turns(clock, some, beyond_steps) : 0.0;
+    const double less =
+        often * clock.gaps.size() > some.size() ? clock.cost - gain - told_by_intervals(some, cell) : 0.0;
+    if (less > decisive && !regular && std::ranges::min(intervals) > 0.0)
       return {.period = best.period, .adds_up = true, .gaps = long_intervals(times, gap)};
     doubtful = doubtful || less > margin;
   }
