@@ -251,7 +251,7 @@ class Importer {
     const std::vector<WantedColumn> stamps(first, first + std::max<std::ptrdiff_t>(1, std::ssize(map_.clocks)));
     std::int64_t position = -1;
     TRY(source_.read(all ? wanted_ : stamps, format, [&](const NumberTable& block) {
-      count_bad(block);
+      count_bad(block.bad_rows, block.first_bad);
       for (std::size_t k = 0; k < block.rows(); ++k, ++rows_) {
         if (!timed() && rows_ > 0 && block.position[k] > position + 1)
           missing_.push_back({rows_, block.position[k] - position - 1});
@@ -264,16 +264,15 @@ class Importer {
     return {};
   }
 
-  void count_bad(const NumberTable& table) {
-    if (result_.bad_rows == 0) result_.first_bad = table.first_bad;
-    result_.bad_rows += table.bad_rows;
+  void count_bad(std::int64_t rows, const std::string& first) {
+    if (result_.bad_rows == 0) result_.first_bad = first;
+    result_.bad_rows += rows;
   }
 
   // `rows` of them with a defect; `first`: of the first.
   Status leave_out(std::int64_t rows, const Error& first) {
     if (!map_.format.skip_bad_rows) return first;
-    if (result_.bad_rows == 0) result_.first_bad = first.message;
-    result_.bad_rows += rows;
+    count_bad(rows, first.message);
     return {};
   }
 
@@ -416,7 +415,7 @@ class Importer {
     TRY(check_once_each(source, wanted));
     NumberTable table;
     TRY(source.read(wanted, map_.format, [&](const NumberTable& block) {
-      count_bad(block);
+      count_bad(block.bad_rows, block.first_bad);
       append_rows(table, block);
       return Status();
     }));

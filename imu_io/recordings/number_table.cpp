@@ -7,9 +7,7 @@
 #include <zlib.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <cstring>
 #include <future>
 #include <iterator>
 #include <limits>
@@ -85,26 +83,10 @@ const char* read_number(const char* at, const char* end, double& value) {
   static constexpr double sign[] = {1.0, -1.0};
   static constexpr double powers[] = {1e0, 1e1, 1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
                                       1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15};
-  static constexpr std::uint64_t powers_of_ten[] = {1, 10, 100, 1000, 10000, 100000, 1000000, 10000000, 100000000};
   const bool negative = at != end && *at == '-';
   const char *p = at + negative, *const first = p;
   std::uint64_t digits = 0;
   const auto read_digits = [&] {
-    // Up to eight at once (Lemire, 2021): the first of them lies in the lowest byte, what is none sets the highest bit of its own.
-    for (std::size_t count = 8; count == 8 && end - p >= 8; p += count) {
-      std::uint64_t eight;
-      std::memcpy(&eight, p, sizeof eight);
-      eight ^= 0x3030303030303030;
-      const std::uint64_t others = ((eight + 0x7676767676767676) | eight) & 0x8080808080808080;
-      count = std::size_t(std::countr_zero(others)) / 8;
-      if (count == 0) return;
-      eight <<= 64 - 8 * count;
-      eight = 10 * eight + (eight >> 8);
-      eight = ((eight & 0x000000FF000000FF) * 0x000F424000000064 +
-               (eight >> 16 & 0x000000FF000000FF) * 0x0000271000000001) >>
-              32;
-      digits = digits * powers_of_ten[count] + eight;
-    }
     for (; p != end && *p >= '0' && *p <= '9'; ++p) digits = 10 * digits + std::uint64_t(*p - '0');
   };
   read_digits();
