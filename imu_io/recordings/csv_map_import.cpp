@@ -486,11 +486,10 @@ class Importer {
     if (!measured() && !stamps().sure)
       return input_error(
           "{}: the stamps scatter by {:.2g} of a period of {:.4g} s, and {} of {} rows come behind a gap: another "
-          "period "
-          "explains them as well, or the intervals are real: expected time.increments = intervals, or rate_hz in place "
-          "of time.column",
+          "period explains them as well, or the intervals are real: expected time.increments = intervals, or rate_hz "
+          "in place of time.column",
           source_.file_name, stamps().scatter, stamps().period, stamps().gaps.size(), rows_);
-    const std::vector<StampGap> found = measured() ? long_intervals(times_, map_.gap) : std::move(stamps().gaps);
+    const std::vector<StampGap> found = measured() ? real_intervals(times_, map_.gap).gaps : std::move(stamps().gaps);
     double sum = 0.0, squares = 0.0, count = 0.0;
     std::int64_t periods = 0;
     for (std::size_t k = 1, f = 0, m = 0; k < rows_; ++k) {
@@ -518,10 +517,6 @@ class Importer {
             "time.increments = intervals, or rate_hz in place of time.column",
             source_.file_name, passed, counted);
     }
-    if (measured())
-      for (StampGap& gap : gaps_)
-        gap.periods =
-            std::max<std::int64_t>(gap.periods, std::llround((times_[gap.row] - times_[gap.row - 1]) / period));
     result_.gaps = std::int64_t(gaps_.size());
     return {};
   }

@@ -414,22 +414,28 @@ std::vector<double> intervals_of(std::span<const double> times, std::size_t most
   return intervals;
 }
 
-std::vector<StampGap> long_intervals(std::span<const double> times, double gap) {
+StampModel real_intervals(std::span<const double> times, double gap) {
   constexpr std::size_t around = 32;  // rows, either way
   std::vector<double> some = intervals_of(times);
   const double usual = median(some);
-  std::vector<StampGap> gaps;
+  StampModel model{.period = usual, .adds_up = true, .gaps = {}};
+  double passed = times.back() - times.front(), rows = double(times.size() - 1);
   for (std::size_t k = 1; k < times.size(); ++k) {
-    const double shortest = (times[k] - times[k - 1]) / gap;  // that is none
+    const double interval = times[k] - times[k - 1], shortest = interval / gap;  // that is none
     if (!(shortest > usual)) continue;
     const std::size_t from = k > around ? k - around : 1, to = std::min(k + around, times.size() - 1);
     std::vector<double> near = intervals_of(times.subspan(from - 1, to - from + 2), times.size());
-    const double periods = (times[k] - times[k - 1]) / median(near);
+    const double periods = interval / median(near);
     const bool whole = periods > 1.5 && std::abs(periods - std::round(periods)) < 0.15;
-    const std::size_t as_long = whole ? near.size() / 4 : 2;
-    if (shortest > value_at_rank(near, near.size() - 1 - std::min(as_long, near.size() - 1))) gaps.push_back({k, 2});
+    const std::size_t as_long = std::min(whole ? near.size() / 4 : 2, near.size() - 1);
+    if (!(shortest > value_at_rank(near, near.size() - 1 - as_long))) continue;
+    model.gaps.push_back({k, 2});
+    passed -= interval, rows -= 1.0;
   }
-  return gaps;
+  if (rows > 0.0) model.period = passed / rows;
+  for (StampGap& g : model.gaps)
+    g.periods = std::max<std::int64_t>(2, std::llround((times[g.row] - times[g.row - 1]) / model.period));
+  return model;
 }
 
 StampModel fit_stamps(std::span<const double> times, double gap) {
@@ -489,8 +495,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
     const double gain = regular ? gain_by_turns(clock, some, 2) - gain_by_turns(clock, some, beyond_steps) : 0.0;
     const double less =
         often * clock.gaps.size() > some.size() ? clock.cost - gain - told_by_intervals(some, cell) : 0.0;
-    if (less > decisive && !regular && std::ranges::min(intervals) > 0.0)
-      return {.period = best.period, .adds_up = true, .gaps = long_intervals(times, gap)};
+    if (less > decisive && !regular && std::ranges::min(intervals) > 0.0) return real_intervals(times, gap);
     doubtful = doubtful || less > margin;
   }
   const double behind = double(best.gaps.size()) / double(times.size());

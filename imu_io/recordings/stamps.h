@@ -48,9 +48,9 @@ inline constexpr double steady_rate = 2e-4;  // change of a rate that is a clock
 // `gap`: an interval of fewer periods, less what stamps scatter by, is none.
 StampModel fit_stamps(std::span<const double> times, double gap = 1.5);
 
-// Where the intervals are real: those longer than `gap` times the median, and than all but two of the 64 around; a quarter of these, where it is a whole
-// number of what is usual there, as of rows that were lost.
-std::vector<StampGap> long_intervals(std::span<const double> times, double gap);
+// Where the intervals are real: the mean one. A gap is longer than `gap` times the median, and than all but two of the 64 around; than all but a quarter
+// of these, where it is a whole number of what is usual there, as of rows that were lost.
+StampModel real_intervals(std::span<const double> times, double gap);
 
 // From each row's stamp to the next one's; of long records of some of them.
 std::vector<double> intervals_of(std::span<const double> times, std::size_t most = std::size_t{1} << 17);
