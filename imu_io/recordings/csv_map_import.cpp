@@ -336,7 +336,7 @@ class Importer {
     TRY(leave_out(std::int64_t(doubles),
                   input_error("{}:{}: repeats the row before, time and numbers, as {} of {} rows do: expected each row "
                               "once; --skip-bad-rows leaves them out",
-                              source_.file_name, first, doubles, rows_)));
+                              source_.file_name, first, std::int64_t(doubles), rows_)));
     sieve(fates);
     return {};
   }
