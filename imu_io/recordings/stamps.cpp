@@ -497,6 +497,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
         often * clock.gaps.size() > some.size() ? clock.cost - gain - told_by_intervals(some, cell) : 0.0;
     if (less > decisive && !regular && std::ranges::min(intervals) > 0.0) return real_intervals(times, gap);
     doubtful = doubtful || less > margin;
+    best.bursts = regular && less > margin && by_turns(real_intervals(times, gap));
   }
   const double behind = double(best.gaps.size()) / double(times.size());
   const double off = std::hypot(best.scatter * std::sqrt(12.0), step / best.period) * std::pow(behind, 1.5);
@@ -547,6 +548,7 @@ IncrementsChoice choose_increments(std::span<const double> times_s, const StampM
   const std::string said =
       fmt::format("over {} rows the scatter of the stamps is {:.2g} times that over one", far, growth);
   if (model.adds_up) return {false, "intervals that vary each by itself explain the stamps better than an even clock"};
+  if (model.bursts) return {true, "rows may come in bursts: the period is in doubt"};
   if (growth > std::pow(double(far), 0.25)) return {false, said + ": it adds up, the intervals are real"};
   if (!model.sure) return {true, "the period is in doubt"};
   if (change > std::max(steady_rate, explained))

@@ -42,6 +42,7 @@ struct StampModel {
   double cost = 0.0;           // -log of the likelihood
   bool sure = true;            // of the period
   bool adds_up = false;        // no even clock: the intervals are real
+  bool bursts = false;         // its gaps may be a driver's
   std::vector<StampGap> gaps;  // in order
 };
 inline constexpr double steady_rate = 2e-4;  // change of a rate that is a clock's, not the sampling's
