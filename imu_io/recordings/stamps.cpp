@@ -197,7 +197,7 @@ double told_by_intervals(std::span<const double> times, double cell) {
   return least;
 }
 
-// Most gaps come as many rows, two or more, after the one before: a driver may have written the stamps of a burst by a rate that is not the sensor's.
+// Most of them come as many rows, two or more, after the one before: a driver may have written the stamps of a burst by a rate that is not the sensor's.
 bool by_turns(const StampModel& model) {
   std::map<std::size_t, std::size_t> distances;
   std::size_t most = 0;
@@ -489,9 +489,14 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
     // Around the middle one, is it the intervals that scatter?
     some = times.subspan(std::min(best.gaps[best.gaps.size() / 2].row, times.size() - some.size()), some.size());
     const std::vector<double> intervals = intervals_of(some, enough);
+    std::vector<double> sorted = intervals;
+    const double usual = median(sorted);
+    StampModel jumps{.gaps = {}};
+    for (std::size_t k = 0; k < intervals.size(); ++k)
+      if (intervals[k] > gap * usual) jumps.gaps.push_back({k, 2});
     const double share = share_of(best, times), decisive = margin + 0.05 * rows;
     const StampModel clock = reading(some, best, cell, gap, share, any);
-    const bool regular = by_turns(clock);
+    const bool regular = by_turns(jumps);
     const double gain = regular ? gain_by_turns(clock, some, 2) - gain_by_turns(clock, some, beyond_steps) : 0.0;
     const double less =
         often * clock.gaps.size() > some.size() ? clock.cost - gain - told_by_intervals(some, cell) : 0.0;
