@@ -17,7 +17,7 @@ bash "$check" "$doc" "$work/tests"
 failures=0
 # expect WORDS DOC TESTS [LEAST]: this table must be refused in these words.
 expect() {
-  if bash "$check" "$2" "$3" "${4:-450}" > "$work/said" || ! grep -qF "$1" "$work/said"; then
+  if bash "$check" "$2" "$3" "${4:-430}" > "$work/said" || ! grep -qF "$1" "$work/said"; then
     echo "expected '$1', got: $(cat "$work/said")"
     failures=$((failures + 1))
   fi
