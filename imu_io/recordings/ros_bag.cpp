@@ -704,7 +704,7 @@ class McapWriter {
     append_topics();
     Bytes counts;
     std::uint64_t all = 0;
-    for (std::uint16_t topic = 0; topic < counts_.size(); ++topic) {
+    for (std::uint16_t topic = 0; topic < std::uint16_t(counts_.size()); ++topic) {
       all += counts_[topic];
       append_bytes(counts, topic);
       append_bytes(counts, counts_[topic]);
@@ -722,7 +722,7 @@ class McapWriter {
   static std::uint32_t length_of(const Bytes& list) { return std::uint32_t(list.size()); }
 
   void append_topics() {
-    for (std::uint16_t topic = 0; topic < counts_.size(); ++topic) {
+    for (std::uint16_t topic = 0; topic < std::uint16_t(counts_.size()); ++topic) {
       const WrittenTopic& row = written_topics[topic];
       const auto schema = std::uint16_t(topic + 1);  // 0 says that there is none
       append_record(out_, mcap::schema, schema, row.type, std::string_view("ros2msg"),
@@ -740,7 +740,7 @@ class McapWriter {
                   std::uint64_t{packed.size()}, packed);
     const std::uint64_t end = written_ + out_.size();
     Bytes offsets;
-    for (std::uint16_t topic = 0; topic < index_.size(); ++topic) {
+    for (std::uint16_t topic = 0; topic < std::uint16_t(index_.size()); ++topic) {
       append_bytes(offsets, topic);
       append_bytes(offsets, std::uint64_t{written_ + out_.size()});
       append_record(out_, mcap::message_index, topic, length_of(index_[topic]), index_[topic]);
