@@ -115,7 +115,7 @@ for bad in hand low french; do dry SN1 --manual --out out --station $bad.station
 live live 'table.address = 127.0.0.1:1\nimu.2.device = none2\n'
 try run --station live.station --unit U --out r --pace 2
 try run --station live.station --unit U --out r --rig x
-try run --station live.station --unit U --out r
+try run --station live.station --unit U --out r | sed 's/ [0-9.]* s  step/ # s  step/'  # of the wall's clock
 try run --station live.station --unit A --unit B --unit C --out r
 try twin --station "$source/orchestrator/stations/mock.station"
 try twin --station "$source/orchestrator/stations/twin.station" --table tcp:x
