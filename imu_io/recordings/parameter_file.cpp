@@ -317,7 +317,7 @@ bool is_trusted(const ParameterFile& file) {
 
 std::string why_not_trusted(const ParameterFile& file) {
   const std::string* const reason = find_further(file, reason_key);
-  return reason == nullptr ? "" : *reason;
+  return reason != nullptr ? *reason : is_trusted(file) ? "" : "its file does not say why";
 }
 
 Status check_applicable(const ParameterFile& file, const std::string& file_name, const RecordingInfo& info) {

@@ -92,7 +92,7 @@ Result<std::string> calibration_hash(ParameterFile file);
 // parameter is not determined is not trusted either. What the file said of it before is replaced.
 void describe_trust(const std::string& why_not, ParameterFile& file);
 bool is_trusted(const ParameterFile& file);              // true where the file does not say
-std::string why_not_trusted(const ParameterFile& file);  // empty: it is, or the file does not say why
+std::string why_not_trusted(const ParameterFile& file);  // empty: it is
 
 // Whether two recordings, or one and parameters, are of one sample rate. Each period is measured by a clock of its own, a crystal that is off by
 // up to 50 ppm, and by stamps: a millisecond of jitter over ten seconds is another 100 ppm. What a difference of 200 ppm does: the same share of

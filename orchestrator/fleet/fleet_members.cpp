@@ -203,15 +203,15 @@ Status add_prior(const PriorSource& source, const LoadedRecording& recording, co
   if (!output.fit->undetermined.empty()) {  // its own fit has ended anywhere along what it leaves open
     CalibrationRequest beside = request;
     beside.known = from_vector(prior->mean);
-    CalibrationOutput again = TRY(calibrate_recording(recording, beside));
-    output = std::move(again);
+    output = TRY(calibrate_recording(recording, beside));
   }
   const std::optional<NoiseOfClass> noise = use_noise(*prior, recording, output);
   const PriorEffect effect = use_prior(*prior, *output.fit);
   ParameterFile& file = output.file;
-  std::erase_if(file.further, [](const auto& key) {
-    return key.first.starts_with("noise.") || (key.first.starts_with("quality.") && key.first != "quality.trusted");
-  });
+  const std::string why_not = why_not_trusted(file);
+  std::erase_if(file.further,
+                [](const auto& key) { return key.first.starts_with("noise.") || key.first.starts_with("quality."); });
+  describe_trust(why_not, file);
   describe_estimate(*output.fit, recording.data, false, file);
   file.add_further(source_key, double(prior->units));
   file.add_further("quality.prior.calibrations_of_unit", double(prior->own));
