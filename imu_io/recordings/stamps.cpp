@@ -198,13 +198,13 @@ double told_by_intervals(std::span<const double> times, double cell) {
 }
 
 // Most of them come as many rows, two or more, after the one before: a driver may have written the stamps of a burst by a rate that is not the sensor's.
-bool by_turns(const StampModel& model) {
+bool by_turns(const std::vector<StampGap>& gaps) {
   std::map<std::size_t, std::size_t> distances;
   std::size_t most = 0;
-  for (std::size_t at = 1; at < model.gaps.size(); ++at)
-    if (const std::size_t distance = model.gaps[at].row - model.gaps[at - 1].row; distance > 1)
+  for (std::size_t at = 1; at < gaps.size(); ++at)
+    if (const std::size_t distance = gaps[at].row - gaps[at - 1].row; distance > 1)
       most = std::max(most, ++distances[distance]);
-  return 2 * most > model.gaps.size();
+  return 2 * most > gaps.size();
 }
 
 // The likeliest reading with that scatter: rows follow a clock, and each may come some periods later than it would. `share`: of the rows that do. The
@@ -491,9 +491,9 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
     const std::vector<double> intervals = intervals_of(some, enough);
     std::vector<double> sorted = intervals;
     const double usual = median(sorted);
-    StampModel jumps{.gaps = {}};
+    std::vector<StampGap> jumps;
     for (std::size_t k = 0; k < intervals.size(); ++k)
-      if (intervals[k] > gap * usual) jumps.gaps.push_back({k, 2});
+      if (intervals[k] > gap * usual) jumps.push_back({k, 2});
     const double share = share_of(best, times), decisive = margin + 0.05 * rows;
     const StampModel clock = reading(some, best, cell, gap, share, any);
     const bool regular = by_turns(jumps);
@@ -502,7 +502,7 @@ StampModel fit_stamps(std::span<const double> times, double gap) {
         often * clock.gaps.size() > some.size() ? clock.cost - gain - told_by_intervals(some, cell) : 0.0;
     if (less > decisive && !regular && std::ranges::min(intervals) > 0.0) return real_intervals(times, gap);
     doubtful = doubtful || less > margin;
-    best.bursts = regular && less > margin && by_turns(real_intervals(times, gap));
+    best.bursts = regular && less > margin && by_turns(real_intervals(times, gap).gaps);
   }
   const double behind = double(best.gaps.size()) / double(times.size());
   const double off = std::hypot(best.scatter * std::sqrt(12.0), step / best.period) * std::pow(behind, 1.5);

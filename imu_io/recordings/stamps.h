@@ -13,10 +13,10 @@
 // agree (exp(-2 (pi e)^2) above 0.13), or the n rows between two gaps tell it: to scatter sqrt(12 / n^3), below 0.1 %. Where every
 // 64th row and more comes behind a gap, the intervals are told without a clock too: each kind is named once, and then as likely as it is frequent. If
 // that takes less the intervals are real, or P is in doubt, as where the gaps come by turns: a driver may have written the stamps of a burst by a rate
-// that is not the sensor's. Where it does not: let p be what the stamps are ahead of an even clock. If every stamp is off by itself (late, rounded), the scatter of p[k + 2m] - 2
-// p[k + m] + p[k] is the same for every m; if every interval is what it says, it grows with the root of m. Up to the geometric mean of both over 32
-// rows the sampling is even. Beyond it, or where the rate changes by more than 200 ppm from one sixteenth of the record to the next, the intervals
-// are real. Not looked for: an even sensor behind a host's clock that is itself in steps. Not told apart: where within a burst rows are missing.
+// that is not the sensor's. Where it does not: let p be what the stamps are ahead of an even clock. If every stamp is off by itself (late,
+// rounded), the scatter of p[k + 2m] - 2 p[k + m] + p[k] is the same for every m; if every interval is what it says, it grows with the root of m. Up
+// to the geometric mean of both over 32 rows the sampling is even. Beyond it, or where the rate changes by more than 200 ppm from one sixteenth of
+// the record to the next, the intervals are real. Not seen: an even sensor behind a host's clock in steps; where in a burst rows are missing.
 #pragma once
 
 #include <cstddef>
