@@ -132,10 +132,10 @@ Result<std::string> TableLine::await(const TableRequest& request, const LineCode
 Judgement TableLine::exchange(const TableRequest& request, LineCodec& codec, AxisReading* reading) {
   if (!is_open()) return failure("not open");
   if (stop_.pending()) return given_up();
-  TRY(receive(0.0));
+  if (!stop_.pause(last_activity_s_ + settings_.gap_s - monotonic_s())) return given_up();
+  TRY(receive(0.0));  // after the pause: a reply that comes twice could answer this request
   if (codec.has_unexpected(heard_)) stale_ = true;
   if (stale_) TRY(drain());
-  if (!stop_.pause(last_activity_s_ + settings_.gap_s - monotonic_s())) return given_up();
   TRY(send(request.bytes));
   const std::string reply = TRY(await(request, codec, Deadline(settings_.reply_timeout_s), false));
   TRY(receive(0.0));
