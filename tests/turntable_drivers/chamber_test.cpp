@@ -93,8 +93,7 @@ const ChamberLineFault chamber_line_faults[] = {
      [](AnswerPlan& plan) {
        answer_of(plan).insert(answer_of(plan).end(), {0xAA, 0x55, 0x00});
      }},
-    {"twice", [](AnswerPlan& plan) { plan.pieces.push_back(plan.pieces[0]); }},
-    {"twice_a_little_later", [](AnswerPlan& plan) { plan.pieces.push_back({answer_of(plan), 0.02}); }},
+    {"twice", [](AnswerPlan& plan) { plan.pieces.resize(2, plan.pieces[0]), plan.pieces[1].delay_s = 0.02; }},
     {"split", [](AnswerPlan& plan) {
        const Frame tail(answer_of(plan).begin() + 3, answer_of(plan).end());
        answer_of(plan).resize(3);
