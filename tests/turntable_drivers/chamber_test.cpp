@@ -83,22 +83,19 @@ struct ChamberLineFault {
 };
 void PrintTo(const ChamberLineFault& fault, std::ostream* out) { *out << fault.name; }
 
-Frame& answer_of(AnswerPlan& plan) { return plan.pieces[0].bytes; }
 const ChamberLineFault chamber_line_faults[] = {
     {"silence", [](AnswerPlan& plan) { plan.pieces.clear(); }},
     {"late", [](AnswerPlan& plan) { plan.pieces[0].delay_s = 0.2; }},
-    {"cut_short", [](AnswerPlan& plan) { answer_of(plan).resize(answer_of(plan).size() - 3); }},
-    {"flipped_bit", [](AnswerPlan& plan) { answer_of(plan)[1] ^= 0x10; }},
+    {"cut_short", [](AnswerPlan& plan) { bytes_of(plan).resize(bytes_of(plan).size() - 3); }},
+    {"flipped_bit", [](AnswerPlan& plan) { bytes_of(plan)[1] ^= 0x10; }},
     {"trailing_junk",
      [](AnswerPlan& plan) {
-       answer_of(plan).insert(answer_of(plan).end(), {0xAA, 0x55, 0x00});
+       bytes_of(plan).insert(bytes_of(plan).end(), {0xAA, 0x55, 0x00});
      }},
-    {"twice", [](AnswerPlan& plan) { plan.pieces.resize(2, plan.pieces[0]), plan.pieces[1].delay_s = 0.02; }},
-    {"split", [](AnswerPlan& plan) {
-       const Frame tail(answer_of(plan).begin() + 3, answer_of(plan).end());
-       answer_of(plan).resize(3);
-       plan.pieces.push_back({tail, 0.015});
-     }}};
+    {"twice", [](AnswerPlan& plan) { plan.pieces.push_back(plan.pieces[0]); }},
+    {"twice_later", [](AnswerPlan& plan) { plan.pieces.resize(2, plan.pieces[0]), plan.pieces[1].delay_s = 0.02; }},
+    {"split", [](AnswerPlan& plan) { cut(plan, 3, 0.015); }},
+};
 
 class ChamberLineFaults : public testing::TestWithParam<std::tuple<ChamberKind, ChamberLineFault>> {};
 

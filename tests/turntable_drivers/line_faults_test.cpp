@@ -14,13 +14,8 @@ struct LineFault {
   Line on = every;
 };
 
-// The reply in two pieces, the second later.
 std::function<void(AnswerPlan&, Line)> cut_at(std::ptrdiff_t at, double delay_s) {
-  return [=](AnswerPlan& plan, Line) {
-    const Frame tail(bytes_of(plan).begin() + at, bytes_of(plan).end());
-    bytes_of(plan).resize(std::size_t(at));
-    plan.pieces.push_back({tail, delay_s});
-  };
+  return [=](AnswerPlan& plan, Line) { cut(plan, at, delay_s); };
 }
 
 std::function<void(AnswerPlan&, Line)> as_text(const std::function<std::string(std::string)>& how) {

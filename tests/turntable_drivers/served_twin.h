@@ -190,7 +190,6 @@ struct TextTable : FaultTable<DialectStation> {
   }
 };
 
-inline Frame& bytes_of(AnswerPlan& plan) { return plan.pieces[0].bytes; }
 inline bool is_read(const ModbusRequest& request) { return request.function == 3; }
 inline bool is_read(const std::string& body) { return body == "MNSTS,1"; }  // of own_dollar
 

@@ -5,9 +5,18 @@
 #include <functional>
 #include <thread>
 
+#include "turntable_drivers/modbus/modbus_frame.h"
 #include "turntable_drivers/twins/line_server.h"
 
 namespace turncal {
+
+inline Frame& bytes_of(AnswerPlan& plan) { return plan.pieces[0].bytes; }
+// The reply in two pieces, the second later.
+inline void cut(AnswerPlan& plan, std::ptrdiff_t at, double delay_s) {
+  const Frame tail(bytes_of(plan).begin() + at, bytes_of(plan).end());
+  bytes_of(plan).resize(std::size_t(at));
+  plan.pieces.push_back({tail, delay_s});
+}
 
 class Serving {
  public:
