@@ -29,12 +29,12 @@ void hold(double seconds) { static_cast<void>(StopSignal().pause(seconds)); }
 
 }  // namespace
 
-DescribedTurntable::DescribedTurntable(TableDescription description, const TableLinkSettings& link,
+DescribedTurntable::DescribedTurntable(const TableDescription& description, const TableLinkSettings& link,
                                        std::unique_ptr<TableCodec> codec, const Clock& clock,
                                        const std::atomic<int>* stop_requests)
     : clock_(clock),
       stop_(stop_requests),
-      table_(std::move(description)),
+      table_(description),
       link_(link),
       codec_(std::move(codec)),
       line_(link, stop_) {}

@@ -130,8 +130,8 @@ class DescribedTurntable : public Turntable {
   Status commission(const AxisTriple& known_deg, double tolerance_deg);
 
  private:
-  DescribedTurntable(TableDescription description, const TableLinkSettings& link, std::unique_ptr<TableCodec> codec,
-                     const Clock& clock, const std::atomic<int>* stop_requests);
+  DescribedTurntable(const TableDescription& description, const TableLinkSettings& link,
+                     std::unique_ptr<TableCodec> codec, const Clock& clock, const std::atomic<int>* stop_requests);
   bool lost() const { return lost_ || !line_.is_open(); }
   Error table_error(const std::string& what) const;
   Error axis_error(Axis axis, const std::string& what) const;
