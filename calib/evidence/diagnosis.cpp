@@ -121,12 +121,18 @@ std::vector<EffectColumn> named_columns(const Evidence& e) {
   return columns;
 }
 
+void distrust(const std::string& why, Diagnosis& d) {
+  if (!why.empty()) d.why_not_trusted += (d.trusted() ? "" : "; ") + why;
+}
+
+std::string why_base_not_trusted(const Diagnosis& d) {
+  return d.trusted() && d.verdict == Verdict::extended ? d.reason : d.why_not_trusted;
+}
+
 void withdraw(const std::string& reason, Diagnosis& d) {
   d.verdict = Verdict::unexplained;
-  d.trusted = false;
-  d.hangs_on_name.clear();
   d.unexplained_pattern = words_of(d.statements);
-  d.reason = reason;
+  d.why_not_trusted = d.reason = reason;
   d.extended = d.base;
   d.holdout_after = d.holdout_before;
 }
@@ -238,6 +244,7 @@ class Diagnosing {
       d_.reason = "the holdout: " + wrong;
     else
       return false;
+    d_.why_not_trusted = d_.reason;
     d_.verdict = Verdict::not_tested;
     return true;
   }
@@ -293,7 +300,7 @@ class Diagnosing {
     // What is missing and is not in the fit makes a fitted noise too large, and correlated: then it is said.
     if (!misfit.empty() && (options_.estimate.noise || e.statements.anything < said_from)) {
       d_.verdict = Verdict::noise_model;
-      d_.reason =
+      d_.why_not_trusted = d_.reason =
           misfit + (options_.estimate.noise ? " (the noise was given, not measured)" : "") + ": no claim on effects";
       d_.statements.nodes.clear();
       return;
@@ -303,6 +310,7 @@ class Diagnosing {
                                                    : Verdict::unexplained;
     d_.extended = by_name ? fit : d_.base;
     d_.fitted_covariance = d_.extended.covariance;
+    d_.why_not_trusted.clear();
     hand_out(e, by_name, fit);
     d_.reason = reason_of(e.statements) + (misfit.empty() ? "" : "; " + misfit);
     if (noise_is_of_pulses(d_.omnibus)) d_.reason += "; the accelerometers' pulses hide whether their noise is white";
@@ -316,12 +324,13 @@ class Diagnosing {
     } else if (d_.verdict == Verdict::unexplained) {
       d_.unexplained_pattern = words_of(e.statements);
     }
-    if (d_.verdict == Verdict::clean && !whole(d_.extended)) {
-      d_.verdict = Verdict::not_tested;
-      d_.reason = "the recording does not determine all of the parameters";
-    }
-    d_.trusted = (d_.verdict == Verdict::clean || d_.verdict == Verdict::extended) && whole(d_.extended) &&
-                 d_.hangs_on_name.empty();
+    if (d_.verdict == Verdict::unexplained) distrust(d_.reason, d_);
+    if (whole(d_.extended)) return;
+    constexpr const char* open = "the recording does not determine all of the parameters";
+    distrust(open, d_);
+    if (d_.verdict != Verdict::clean) return;
+    d_.verdict = Verdict::not_tested;
+    d_.reason = open;
   }
 
   // The averages, about `fit`, in the place of the extended model's own. What is not determined stays as it is.
@@ -350,7 +359,7 @@ class Diagnosing {
       place.push_back(p + (of - e.named.columns.begin()));
     }
     r.covariance = Eigen::MatrixXd(average.covariance(place, place)) + r.unseen_instability;
-    d_.hangs_on_name = hangs_on_a_name(average, e.columns);
+    distrust(hangs_on_a_name(average, e.columns), d_);
     for (std::size_t i = 0; i < r.free.size(); ++i) {
       const int column = r.free[i];
       const auto k = Eigen::Index(i);
@@ -402,17 +411,18 @@ class Diagnosing {
     const auto too_large = [&](const CompressedRecording* holdout) {
       return error_beyond_sigmas(*holdout, d_.extended, noise) > GateLimits{}.highest_error;
     };
-    if (!d_.trusted || std::ranges::none_of(options_.holdouts, too_large)) return;
+    if (!d_.trusted() || std::ranges::none_of(options_.holdouts, too_large)) return;
     withdraw("the error on held-out data is larger than noise and the sigmas explain", d_);
   }
 
   // A latitude that is far off goes into the noise, and the gyros' biases stay open; or it is a rate of the earth that is another.
   void look_at_latitude() {
-    const bool of_latitude = (!d_.trusted && !d_.base.undetermined.empty()) ||
+    const bool of_latitude = (!d_.trusted() && !d_.base.undetermined.empty()) ||
                              std::ranges::find(d_.effect_names, "earth_rate") != d_.effect_names.end();
     if (!of_latitude || recordings_.parts.size() != 1) return;
-    if (d_.latitude = wrong_latitude(recording_, d_.base); !d_.latitude.empty())
-      d_.reason = d_.latitude + "; " + d_.reason;
+    if (d_.latitude = wrong_latitude(recording_, d_.base); d_.latitude.empty()) return;
+    d_.reason = d_.latitude + "; " + d_.reason;
+    if (!d_.trusted()) d_.why_not_trusted = d_.latitude + "; " + d_.why_not_trusted;
   }
 
   const JoinedRecordings& recordings_;

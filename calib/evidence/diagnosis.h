@@ -81,8 +81,7 @@ struct Diagnosis {
   std::vector<CandidateScore> candidates;                   // at the base model, best variant of each
   std::vector<std::string> undetectable;
   std::vector<std::string> gated_out;            // found, and held-out data speak against it
-  bool trusted = false;                          // what is missing is known, and nothing speaks against the model
-  std::string hangs_on_name;                     // why it is not, where a parameter does (posterior.h)
+  std::string why_not_trusted = "not run";       // empty: what is missing is known, nothing speaks against the model
   Statements statements;                         // what is missing, with probabilities
   Omnibus omnibus;                               // of the final model
   std::string latitude;                          // that the gyros feel, where it is another (felt_latitude.h)
@@ -94,12 +93,17 @@ struct Diagnosis {
   double holdout_own_noise = 1.0;
   OfEachRecording each;  // of several recordings: what base and extended hold is common to them
   std::vector<ResidualPoint> residuals;
+
+  bool trusted() const { return why_not_trusted.empty(); }
 };
 
 // For both kinds of recordings (rest_diagnosis.h).
 // Those that carry what is missing, with their time constants; empty: none do.
 std::vector<EffectColumn> named_columns(const Evidence& evidence);
 std::string reason_of(const Statements& statements);
+void distrust(const std::string& why, Diagnosis& d);  // beside what is said already; empty: nothing
+// Of the base model, which has none of the effects that were found; empty: it is.
+std::string why_base_not_trusted(const Diagnosis& d);
 // What was found: it is unexplained, and the base model is handed out.
 void withdraw(const std::string& reason, Diagnosis& d);
 // The scores of all effects beside the base model, by which d.candidates and d.undetectable are filled.

@@ -318,30 +318,34 @@ class DiagnosingRests {
     d_.reason = reason_of(e.statements);
     if (by_name) r_.final = fit;
     std::vector<EstimatedEffect> effects = by_name ? effects_of(fit, named) : std::vector<EstimatedEffect>{};
+    d_.why_not_trusted = d_.verdict == Verdict::unexplained ? d_.reason : "";
     hand_out(e, fit, effects);
     d_.extended = as_joint(r_.final, effects, data_);
     if (d_.verdict == Verdict::unexplained) d_.unexplained_pattern = words_of(d_.statements);
     const auto worst = std::ranges::max_element(r_.final.white_ratio);
-    const bool to_white = *worst <= rest_limits.most_over_white;
-    if (!to_white && d_.verdict == Verdict::clean) {
-      d_.verdict = Verdict::unexplained;
-      d_.unexplained_pattern = to_string(static_cast<RestKind>(worst - r_.final.white_ratio.begin()));
-      d_.reason =
-          fmt::format("{} is {:.1f} times as large as the white noise; {}", d_.unexplained_pattern, *worst, d_.reason);
+    if (*worst > rest_limits.most_over_white) {
+      const std::string kind = to_string(static_cast<RestKind>(worst - r_.final.white_ratio.begin()));
+      const std::string why = fmt::format("{} is {:.1f} times as large as the white noise", kind, *worst);
+      distrust(why, d_);
+      if (d_.verdict == Verdict::clean) {
+        d_.verdict = Verdict::unexplained;
+        d_.unexplained_pattern = kind;
+        d_.reason = why + "; " + d_.reason;
+      }
     }
     if (!r_.accel_not_tested.empty()) {
-      d_.reason = "no effect of the accelerometers was looked for: " + r_.accel_not_tested + "; " + d_.reason;
+      const std::string why = "no effect of the accelerometers was looked for: " + r_.accel_not_tested;
+      distrust(why, d_);
+      d_.reason = why + "; " + d_.reason;
       if (d_.verdict == Verdict::clean) d_.verdict = Verdict::not_tested;
     }
-    d_.trusted = to_white && r_.accel_not_tested.empty() && d_.hangs_on_name.empty() &&
-                 (d_.verdict == Verdict::clean || d_.verdict == Verdict::extended);
   }
 
   // The averages, about `fit`, in the place of the final model's own.
   void hand_out(const Evidence& e, const RestFit& fit, std::vector<EstimatedEffect>& effects) {
     const AveragedEstimate average =
         average_over_models(e.at_each_noise, e.posterior, effects.empty() ? std::vector<int>{} : e.named.columns);
-    d_.hangs_on_name = hangs_on_a_name(average, e.columns);
+    distrust(hangs_on_a_name(average, e.columns), d_);
     ParameterVector values = to_vector(fit.parameters);
     Eigen::Index k = 0;
     for (const int column : e.columns) {
@@ -457,13 +461,13 @@ Result<RestDiagnosis> diagnose_rests(const RestData& data, const RestData* holdo
   RestDiagnosis r;
   Diagnosis& d = r.diagnosis;
   d.verdict = Verdict::not_tested;
-  if (d.reason = r.not_tested = wrong_units(data); !r.not_tested.empty()) {
+  if (d.why_not_trusted = d.reason = r.not_tested = wrong_units(data); !r.not_tested.empty()) {
     r.base.message = r.not_tested;
     return r;
   }
   r.base = r.final = TRY(fit_rests(data, EffectModel{}));
   d.base = d.extended = as_joint(r.base, {}, data);
-  d.reason = r.not_tested = why_not_tested(data, r.base);
+  d.why_not_trusted = d.reason = r.not_tested = why_not_tested(data, r.base);
   DiagnosingRests diagnosing(data, holdout, r);
   if (r.not_tested.empty()) diagnosing.run();
   if (r.base.converged) diagnosing.add_errors();

@@ -227,8 +227,8 @@ Status rests_by_hand(const CompressedRecording& recording, const CalibrationRequ
   describe_rest_fit(fit, as_joint(fit, {}, data), data, output.file);
   if (!unjudged.empty())
     output.distrust = "not tested: " + unjudged;
-  else if (request.test_fit && judged.diagnosis.verdict != Verdict::clean)
-    output.distrust = "the model does not fit: " + judged.diagnosis.reason;
+  else if (request.test_fit)
+    output.distrust = why_base_not_trusted(judged.diagnosis);
 
   describe_trust(output.distrust, output.file);
   output.notes.push_back(fmt::format("{}: {} rests and {} rotations by hand, settled after {} iterations",
@@ -336,14 +336,14 @@ Result<DiagnosisOutput> of_single_pose(const LoadedRecording& recording, const D
   if (!pose) return input_error(recording.path + ": " + pose.error().message);
   DiagnosisOutput output;
   output.diagnosis.verdict = Verdict::not_tested;
-  output.diagnosis.reason =
+  output.diagnosis.why_not_trusted = output.diagnosis.reason =
       fmt::format("one pose of {} s determines no scale factor and no bias; it gives noise and slow changes",
                   significant(pose->duration_s, 4));
   Document& report = output.files.report =
       begin_document(output.diagnosis, context, verdict_sentence(output.diagnosis));
   report.add(pose_facts(*pose));
   report.figure(allan_figure(pose->noise));
-  output.files.conf = format_pose(*pose);
+  output.files.conf = format_pose(*pose, output.diagnosis.why_not_trusted);
   return output;
 }
 

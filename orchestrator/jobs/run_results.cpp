@@ -30,12 +30,12 @@ struct Making {
   std::string time_utc;
   std::vector<LoadedRecording> recordings;  // of the unit: this one is the last of them
   std::string diagnosis = "not_made", finding = {};
-  KeyTexts settled = {};  // record.settle.1 and so on
+  std::string distrust = {};  // what the diagnosis has against the parameters without effects
+  KeyTexts settled = {};      // record.settle.1 and so on
 };
 
-// "accel_second_order (31 sigma), gyro_bias_drift (7 sigma)"; what is wrong where no effect was added.
+// "accel_second_order (31 sigma), gyro_bias_drift (7 sigma)".
 std::string finding_of(const Diagnosis& d) {
-  if (d.verdict != Verdict::extended) return d.reason;
   std::vector<std::string> parts;
   for (const std::string& name : d.effect_names) {
     double strongest = 0.0;
@@ -100,6 +100,7 @@ void diagnose_unit(Making& m) {
                                          .of_run = true});
   m.diagnosis = output ? to_string(output->diagnosis.verdict) : "failed";
   m.finding = output ? finding_of(output->diagnosis) : output.error().message;
+  m.distrust = output ? why_base_not_trusted(output->diagnosis) : m.finding;
   if (output) m.unit.diagnosis = std::move(*output);
   describe_settling(m);
 }
@@ -138,11 +139,10 @@ void choose_file(Making& m) {
   ParameterFile& file = m.unit.output->file;
   if (m.diagnosis == to_string(Verdict::extended) && m.run.station.diagnosis.load_extended)
     file = *m.unit.diagnosis->files.parameters;
-  else if (m.diagnosis == to_string(Verdict::clean))
+  else if (!m.distrust.empty())
+    describe_trust(m.distrust, file);
+  else if (m.unit.diagnosis)
     widen_by_alias(m.unit.diagnosis->diagnosis, file);
-  else if (m.diagnosis != "not_made")  // the base model alone is not the whole truth
-    describe_trust((m.diagnosis == to_string(Verdict::extended) ? "without effects that there are: " : "") + m.finding,
-                   file);
   for (const auto& [key, value] : facts_of(m.run, m.unit)) file.add_further("record." + key, value);
   for (const auto& [key, value] : m.settled) file.add_further("record." + key, value);
 }
@@ -160,7 +160,7 @@ Status judge(Making& m) {
     unit.verdict =
         turncal::judge(output.file, {output.min_temperature_c, output.max_temperature_c}, m.run.station.limits, clock);
   judge_diagnosis(m.diagnosis, m.finding, m.run.station.diagnosis, unit.verdict);
-  if (m.diagnosis == "not_made" && !partial) judge_trust(output.distrust, unit.verdict);
+  if (!partial) judge_trust(unit.diagnosis ? unit.diagnosis->diagnosis.why_not_trusted : output.distrust, unit.verdict);
   TRY(verify_unit(m));
   add_verdict(unit.verdict, unit.output->file);
   return {};

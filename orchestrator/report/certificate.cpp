@@ -54,7 +54,8 @@ std::string effects_found(const ParameterFile& file) {
     words = "those found are not in the model";
   else if (diagnosis == "clean")
     words = "none was found";
-  if (diagnosis != "unexplained" && !is_trusted(file)) words += ", and the standard deviations are not trusted";
+  if (diagnosis != "unexplained" && !is_trusted(file))
+    words += ", and the standard deviations are not trusted: " + why_not_trusted(file);
   return words + ".";
 }
 

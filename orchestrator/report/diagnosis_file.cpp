@@ -50,7 +50,8 @@ std::string format_diagnosis(const Diagnosis& d, const std::optional<NavigationW
   KeyValues lines;
   lines.comment("turncal diagnosis: which effect the 24 parameters lack, and the error before and after it was added");
   lines.text("verdict", to_string(d.verdict));
-  lines.flag("quality.trusted", d.trusted);
+  lines.flag("quality.trusted", d.trusted());
+  lines.text("quality.reason", plain(d.why_not_trusted));
   lines.text("reason", plain(brief_reason(d)));
   lines.text("statement", d.reason);
   lines.text("effects", join(d.effect_names));
@@ -209,7 +210,7 @@ std::vector<std::string> turn_on_words(const TurnOns& turn_ons) {
 }
 
 void describe_alias(const Diagnosis& d, ParameterFile& file) {
-  if (!d.trusted || d.fitted_covariance.rows() != d.extended.covariance.rows()) return;
+  if (!d.trusted() || d.fitted_covariance.rows() != d.extended.covariance.rows()) return;
   for (std::size_t i = 0; i < d.extended.free.size(); ++i) {
     const int key = d.extended.free[i];
     const auto at = Eigen::Index(i);
@@ -236,7 +237,7 @@ void complete_parameters(const Diagnosis& diagnosis, const DiagnosisContext& con
   file.method = context.method;
   file.software_version = software_version();
   file.time_utc = context.time_utc;
-  describe_trust(diagnosis.trusted ? "" : diagnosis.reason, file);
+  describe_trust(diagnosis.why_not_trusted, file);
   file.add_further("verdict.diagnosis", std::string(to_string(diagnosis.verdict)));
 }
 

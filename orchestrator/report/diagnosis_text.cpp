@@ -135,13 +135,13 @@ std::string verdict_title(Verdict verdict) {
   return title;
 }
 
-Facts verdict_facts(const std::string& verdict, bool trusted, const std::string& reason) {
-  return {{{"verdict", verdict + "; parameters " + (trusted ? "" : "not ") + "trusted"}, {"reason", reason}}};
+Facts verdict_facts(const std::string& verdict, const std::string& why_not_trusted, const std::string& reason) {
+  const std::string trust = why_not_trusted.empty() ? "trusted" : "not trusted: " + why_not_trusted;
+  return {{{"verdict", verdict + "; parameters " + trust}, {"reason", reason}}};
 }
 
 std::string brief_reason(const Diagnosis& d) {
-  const std::string distrust = d.hangs_on_name.empty() ? "" : "; " + d.hangs_on_name,
-                    latitude = d.latitude.empty() ? "" : d.latitude + "; ";
+  const std::string latitude = d.latitude.empty() ? "" : d.latitude + "; ";
   if (d.verdict == Verdict::extended) {
     std::vector<std::string> effects;
     for (const std::string& name : d.effect_names) {
@@ -151,15 +151,14 @@ std::string brief_reason(const Diagnosis& d) {
       effects.push_back(describe_effect(d, name, 1, false));
       if (probability > 0.0) effects.back() += ", probability " + words_of_probability(probability);
     }
-    return latitude + "added: " + join(effects, "; ") + distrust;
+    return latitude + "added: " + join(effects, "; ");
   }
   if (d.verdict == Verdict::noise_model) return latitude + "the assumed noise does not fit the data";
   if (d.verdict == Verdict::unexplained)
-    return latitude + (d.unexplained_pattern.empty() ? "" : clause(d.unexplained_pattern) + ": ") +
-           "effects of the catalogue do not explain all of the residual";
-  if (d.verdict == Verdict::not_tested) return clause(d.reason);
+    return latitude + "effects of the catalogue do not explain all of the residual";
+  if (d.verdict == Verdict::not_tested) return "the data determine nothing to be judged";
   const std::string missing = "; probability that something is missing: " + words_of_probability(d.statements.anything);
-  return latitude + "the parameters explain the data" + (d.statements.tested ? missing : "") + distrust;
+  return latitude + "the parameters explain the data" + (d.statements.tested ? missing : "");
 }
 
 std::string verdict_sentence(const Diagnosis& d) {

@@ -53,7 +53,7 @@ inline constexpr std::size_t diagnosis_lines = 30;  // at most, on the terminal
 
 std::string verdict_title(Verdict verdict);
 // The same two lines on terminal, page and in JSON: verdict with trust, and the reason in a few words.
-Facts verdict_facts(const std::string& verdict, bool trusted, const std::string& reason);
+Facts verdict_facts(const std::string& verdict, const std::string& why_not_trusted, const std::string& reason);
 std::string brief_reason(const Diagnosis& diagnosis);
 // One sentence with numbers.
 std::string verdict_sentence(const Diagnosis& diagnosis);

@@ -110,9 +110,9 @@ Document calibration_document(const ParameterFile& file, const std::vector<std::
                             file.method, file.latitude_deg, file.gravity_mps2));
   if (file.simulated)
     document.add(Paragraph{"Simulated data: these are not the parameters of a real unit.", "loud"}, Scope::page);
-  const std::string reason = is_trusted(file) ? "nothing contradicts the fit; turncal diagnose tests it further"
-                                              : why_not_trusted(file) + " (turncal diagnose says more)";
-  document.add(verdict_facts("Calibrated", is_trusted(file), reason), Scope::brief);
+  const std::string reason =
+      std::string(is_trusted(file) ? "nothing contradicts the fit; " : "") + "turncal diagnose tests it further";
+  document.add(verdict_facts("Calibrated", why_not_trusted(file), reason), Scope::brief);
   for (const std::string& note : notes) document.add(Paragraph{note, "note"});
   document.section("parameters", "The 24 parameters");
   document.add(result_table(file, truth));
@@ -159,13 +159,14 @@ Facts pose_facts(const SinglePose& pose) {
   return facts;
 }
 
-std::string format_pose(const SinglePose& pose) {
+std::string format_pose(const SinglePose& pose, const std::string& why_not_trusted) {
   KeyValues lines;
   lines.comment(
       fmt::format("turncal diagnosis: one pose, {} s; noise and slow changes only", format_number(pose.duration_s)));
   lines.text("verdict", to_string(Verdict::not_tested));
   lines.text("effects", "");
   lines.flag("quality.trusted", false);
+  lines.text("quality.reason", why_not_trusted);
   for (const auto& [key, value] : noise_values(pose)) lines.number("noise." + key, value);
   for (const PoseCoefficient& c : pose.coefficients) {
     lines.number("coefficient." + c.key, c.value);

@@ -31,7 +31,7 @@ void add_predicted_drift(const std::vector<std::pair<std::string, ExpectedDrift>
 // What a recording of one pose tells (calib/rests/single_pose.h), for the terminal and for diagnosis.conf.
 Facts pose_facts(const SinglePose& pose);
 // diagnosis.conf: verdict = not_tested, `noise.*` and `coefficient.<effect>.<axis>` with their sigmas.
-std::string format_pose(const SinglePose& pose);
+std::string format_pose(const SinglePose& pose, const std::string& why_not_trusted);
 
 // The residuals of a diagnosis as columns of numbers, a row a second at rest (docs/report.md).
 std::vector<NumberColumn> residual_columns(const Diagnosis& diagnosis);

@@ -26,7 +26,7 @@ Diagnosis diagnose_with(const Disturbance& disturbance) {
 }
 
 void expect_trust_is_deserved(const Diagnosis& d) {
-  EXPECT_TRUE(!d.trusted || worst_sigmas(d, clean().truth) < 4.5) << told(d);
+  EXPECT_TRUE(!d.trusted() || worst_sigmas(d, clean().truth) < 4.5) << told(d);
 }
 
 void expect_named(const Diagnosis& d, const std::string& effect) {
@@ -93,7 +93,7 @@ TEST(DiagnosisFaults, WhatIsLaidOnIsNamedOrHasNoName) {
     expect_trust_is_deserved(d);
     if (laid.said == Said::a_name) expect_named(d, laid.name);
     if (laid.said == Said::trusted) {
-      EXPECT_TRUE(d.trusted) << told(d);
+      EXPECT_TRUE(d.trusted()) << told(d);
     }
     if (laid.said == Said::no_name || laid.said == Said::unexplained) {
       EXPECT_TRUE(d.effect_names.empty()) << told(d);
@@ -102,7 +102,7 @@ TEST(DiagnosisFaults, WhatIsLaidOnIsNamedOrHasNoName) {
       EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
     }
     if (laid.said == Said::unexplained) {
-      EXPECT_FALSE(d.trusted) << told(d);
+      EXPECT_FALSE(d.trusted()) << told(d);
     }
   }
 }
@@ -129,7 +129,7 @@ TEST(DiagnosisFaults, ScatterOfTwoTurnsIsNotTrustedFarFromTheTruth) {
   const Parameters undisturbed = diagnose_with_holdout(clean()).extended.parameters;
   for (std::uint64_t seed = 1; seed <= 3; ++seed) {
     const Diagnosis d = diagnose_with(beside_parameters(scattered_scale(1, 4e-6, 1000 * seed)));
-    EXPECT_TRUE(!d.trusted || worst_sigmas(d, undisturbed) < 4.5) << seed << ": " << told(d);
+    EXPECT_TRUE(!d.trusted() || worst_sigmas(d, undisturbed) < 4.5) << seed << ": " << told(d);
   }
 }
 
@@ -142,7 +142,7 @@ TEST(DiagnosisFaults, OneComponentIsNotTakenTwice) {
   for (const EstimatedEffect& effect : d.extended.effects)
     EXPECT_TRUE(accepted.insert(effect.column.key()).second) << effect.column.key() << " twice; " << told(d);
   const ParameterVector errors = errors_in_sigmas(d.extended, clean().recording, clean().truth);
-  EXPECT_TRUE(!d.trusted || errors.cwiseAbs().maxCoeff() < 4.5) << told(d);
+  EXPECT_TRUE(!d.trusted() || errors.cwiseAbs().maxCoeff() < 4.5) << told(d);
 }
 
 // Between the time constants of the list, and beyond its ends: the one of the data is found, and what it leaves open is in the sigmas.
@@ -158,7 +158,7 @@ TEST(DiagnosisFaults, TimeConstantIsFoundAndInTheSigmas) {
              : axis == 1 ? to_gyro(axis, 0.5 * degph * faded)
                          : to_accel(axis, 150.0 * ug * faded);
     });
-    named += d.trusted && !d.effect_names.empty();
+    named += d.trusted() && !d.effect_names.empty();
     expect_trust_is_deserved(d);
   }
   EXPECT_GE(named, 2);
@@ -234,7 +234,7 @@ TEST(DiagnosisFaults, WhatIsNotDeterminedIsNotTested) {
   const Diagnosis d = diagnose(record_on_rig(one, unit(37)).recording);
   EXPECT_FALSE(d.base.undetermined.empty());
   EXPECT_EQ(d.verdict, Verdict::not_tested) << told(d);
-  EXPECT_FALSE(d.trusted);
+  EXPECT_FALSE(d.trusted());
 }
 
 // A latitude so far off that it hides in the noise is in the reason.
@@ -242,7 +242,7 @@ TEST(DiagnosisFaults, ALatitudeOfTheOtherHemisphereIsSaid) {
   CompressedRecording recording = clean().recording;
   recording.info.latitude_deg = -recording.info.latitude_deg;
   const Diagnosis d = diagnose(recording, {});
-  EXPECT_FALSE(d.trusted) << told(d);
+  EXPECT_FALSE(d.trusted()) << told(d);
   EXPECT_SAYS(d.reason, "of a latitude of");
   EXPECT_EQ(d.effect_names, std::vector<std::string>{"earth_rate"}) << told(d);
 }

@@ -9,7 +9,7 @@ namespace {
 TEST(Diagnosis, NothingIsFoundWhereNothingIs) {
   const Diagnosis d = diagnose_with_holdout(make(unit(11)));
   EXPECT_EQ(d.verdict, Verdict::clean);
-  EXPECT_TRUE(d.trusted && d.omnibus.passed() && d.effect_names.empty());
+  EXPECT_TRUE(d.trusted() && d.omnibus.passed() && d.effect_names.empty());
   EXPECT_EQ(d.omnibus.tests.size(), 3u);
   EXPECT_LT(d.statements.anything, said_from);
   EXPECT_EQ(d.error_before, d.error_after);
@@ -70,7 +70,7 @@ TEST(Diagnosis, ErrorThatTheSigmasExplainLeavesTheTrust) {
   config.effects.gyro_rate_nonlinearity = {400.0, 0.0, 0.0};
   const Diagnosis d = diagnose_with_holdout(make(config));
   EXPECT_EQ(d.verdict, Verdict::extended) << d.reason;
-  EXPECT_TRUE(d.trusted);
+  EXPECT_TRUE(d.trusted());
   EXPECT_GT(d.holdout_after.normalised_rms, GateLimits{}.highest_error);
 }
 

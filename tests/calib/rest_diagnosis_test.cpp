@@ -101,7 +101,7 @@ TEST(RestDiagnosis, FewRestsGiveNoNames) {
   EXPECT_TRUE(d.diagnosis.extended.effects.empty());
   EXPECT_FALSE(d.diagnosis.statements.tested);
   EXPECT_EQ(d.diagnosis.verdict, Verdict::not_tested);
-  EXPECT_FALSE(d.diagnosis.trusted);
+  EXPECT_FALSE(d.diagnosis.trusted());
   EXPECT_SAYS(d.not_tested, "6 rests");
 }
 
@@ -262,7 +262,7 @@ TEST(NotTested, AccelerometersAreJudgedApart) {
   EXPECT_EQ(d.diagnosis.verdict, Verdict::extended);
   ASSERT_FALSE(d.diagnosis.extended.effects.empty());
   for (const EstimatedEffect& e : d.diagnosis.extended.effects) EXPECT_EQ(e.column.entry->name, "gyro_g_sensitivity");
-  EXPECT_FALSE(d.diagnosis.trusted);
+  EXPECT_FALSE(d.diagnosis.trusted());
 }
 
 // Rests supplied too long, with the beginning of the next turn in them, give what good ones give.

@@ -195,7 +195,7 @@ TEST(JoinedRecordings, OneUnitMustAgreeOnAnEffect) {
   EXPECT_EQ(d.holdout_source, "cross-validation over recordings");
   EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
   EXPECT_TRUE(d.effect_names.empty()) << told(d);
-  EXPECT_FALSE(d.trusted);
+  EXPECT_FALSE(d.trusted());
 }
 
 // A drift belongs to one run: it is that recording's, and the unit's parameters are as without.
@@ -238,7 +238,7 @@ TEST(JoinedRecordings, OneUnitAreTestedAgainstEachOther) {
   disturb(made.second, made.truth, on_accel(1, [](const DisturbedMoment& m) { return 20.0 * ug * m.force_g.z(); }));
   const Diagnosis d = made.diagnose_both();
   EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
-  EXPECT_FALSE(d.trusted);
+  EXPECT_FALSE(d.trusted());
   EXPECT_FALSE(made.combined(d.base.noise).agree);
 }
 
@@ -251,7 +251,7 @@ TEST(JoinedRecordings, OfTwoUnitsContradictEachOther) {
   const Diagnosis d = made.diagnose_both();
   EXPECT_EQ(d.verdict, Verdict::unexplained) << told(d);
   EXPECT_SAYS(d.reason, "contradict each other");
-  EXPECT_FALSE(d.trusted);
+  EXPECT_FALSE(d.trusted());
   const SeveralRecordings apart = combine_recordings({joint_estimate(made.first), joint_estimate(made.second)});
   EXPECT_EQ(to_vector(d.extended.parameters), to_vector(apart.unit.parameters));
   EXPECT_EQ(d.extended.sigma, apart.unit.sigma);

@@ -171,7 +171,7 @@ TEST_F(HandTurned, WrongUnitsAreSaidAndNothingIsWritten) {
   plan.scale_accel = 1.0 / standard_gravity_mps2;
   synthetic("in_g", plan);
   ends({"diagnose", "in_g", "--out", "out"}, 20);
-  EXPECT_SAYS(conf("out").at("reason"), "look as if they were in g");
+  EXPECT_SAYS(conf("out").at("quality.reason"), "look as if they were in g");
   EXPECT_EQ(conf("out").at("verdict"), "not_tested");
   EXPECT_FALSE(std::filesystem::exists(path("out/parameters.conf")));
   expect_refused({"calibrate", "in_g", "--out", "calibrated"}, "look as if they were in g", 20);
@@ -204,6 +204,7 @@ TEST_F(HandTurned, MeasuredXsens) {
   EXPECT_NEAR(left_out.before, 9.55, 0.1);
   EXPECT_NEAR(left_out.after, 2.58, 0.1);
   EXPECT_NEAR(figure("out", "fitted: gravity norm at rest rms").before, 0.926, 0.01);
+  EXPECT_SAYS(conf("out").at("quality.reason"), "gravity norm at rest is 4.2 times");
   // Not trusted without the g-sensitivity.
   EXPECT_EQ(run({"calibrate", "xsens", "--out", "parameters"}).code, 20);
   // As it was imported, without segments: the same rests are found.
@@ -220,6 +221,26 @@ TEST_F(HandTurned, MeasuredFew) {
   EXPECT_EQ(conf("few").at("quality.trusted"), "false");
   EXPECT_EQ(conf("few").at("effects"), "");
   EXPECT_SAYS(few.out, "the fit depends on individual rests");
+}
+
+// Whatever the verdict is, what is not trusted has a reason, the same on the terminal, in diagnosis.conf and in parameters.conf.
+TEST_F(HandTurned, WhatIsNotTrustedHasItsReason) {
+  SKIP_WITHOUT_DATA();
+  std::vector<std::string> recordings = {
+      segmented(map_of("xsens_mti_imutk"), "xsens_mti_imutk/xsens_first_half.csv", "xsens"),
+      segmented(map_of("imucal_ferraris"), "imucal_ferraris/example_ferraris_session.csv", "ferraris")};
+  for (const char* name : {"clean", "gap", "turn-on", "undeclared-1", "undeclared-2", "undeclared-3", "undeclared-4"})
+    recordings.push_back(measured + "../recordings/" + name);
+  for (const std::string& recording : recordings) {
+    SCOPED_TRACE(recording);
+    const std::string said = run({"diagnose", recording, "--out", "out"}).out;
+    const auto of_diagnosis = conf("out"), of_file = entries(file_text(path("out/parameters.conf")));
+    const std::string reason = of_diagnosis.at("quality.reason");
+    EXPECT_EQ(of_diagnosis.at("quality.trusted"), reason.empty() ? "true" : "false");
+    EXPECT_EQ(of_file.at("quality.trusted"), of_diagnosis.at("quality.trusted"));
+    EXPECT_EQ(of_file.contains("quality.reason") ? of_file.at("quality.reason") : "", reason);
+    EXPECT_SAYS(said, reason.empty() ? "; parameters trusted\n" : "; parameters not trusted: " + reason.substr(0, 30));
+  }
 }
 
 }  // namespace

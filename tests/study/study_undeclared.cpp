@@ -646,7 +646,7 @@ void run(const std::string& kind, std::uint64_t seed, const std::map<std::string
     std::string line = fmt::format(
         "{}|{}|{}|{}|{}|{:d}|{:.2f}|{:.2f}|{:.4f}|{}|{:d}|{}|{:.2f}|{}|{}|{}|{}", kind, seed, k++, e.what,
         unit.grade.name, unit.unsteady, e.z, std::abs(size) * ideal.z_of_one, said.anything, to_string(d.verdict),
-        d.trusted, text_of(said.nodes), seconds, text_of(errors.error(free).cwiseQuotient(sigma)),
+        d.trusted(), text_of(said.nodes), seconds, text_of(errors.error(free).cwiseQuotient(sigma)),
         text_of(sigma.cwiseQuotient(ideal.sigma)), text_of(ideal.error.cwiseQuotient(ideal.sigma)), text_of(touched));
     std::ranges::replace(line, ' ', '_');
     std::ranges::replace(line, '|', ' ');

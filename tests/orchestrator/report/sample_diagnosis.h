@@ -134,6 +134,7 @@ inline Sample make_sample(SampleErrorOf before, SampleErrorOf after, int rests =
   d.extended = base;
   d.verdict = Verdict::clean;
   d.reason = "the base model explains the data";
+  d.why_not_trusted.clear();
   d.statements = {.tested = true, .anything = 0.04, .nodes = {}};
   d.error_before = d.error_after = 1.004;
   d.holdout_before = d.holdout_after = {0.998, 0.0015, 99.6, 100};
@@ -183,7 +184,7 @@ inline Sample unexplained_sample() {
   Sample sample = make_sample(gyro_of_force, gyro_of_force);
   Diagnosis& d = sample.diagnosis;
   d.verdict = Verdict::unexplained;
-  d.reason = "a residual beyond noise that no catalogue effect explains";
+  d.why_not_trusted = d.reason = "a residual beyond noise that no catalogue effect explains";
   d.unexplained_pattern = "the bias of gyro x changes with time (0.99): gyro_bias_drift 0.40";
   d.statements.anything = 0.99;
   d.statements.nodes = {{"gyro x", "bias", "time", "", 0.99}, {"gyro x", "bias", "time", "gyro_bias_drift", 0.4}};
@@ -195,7 +196,7 @@ inline Sample noise_model_sample() {
   Sample sample = make_sample(gyro_of_force, gyro_of_force);
   Diagnosis& d = sample.diagnosis;
   d.verdict = Verdict::noise_model;
-  d.reason = "innovations are correlated in time: no claim on effects";
+  d.why_not_trusted = d.reason = "innovations are correlated in time: no claim on effects";
   d.base.whiteness.white = false;
   d.base.whiteness.level = 3.1;
   d.base.whiteness.autocorrelation << 0.3, 0.2, 0.1, 0.05, 0.0;
