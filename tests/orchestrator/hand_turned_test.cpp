@@ -233,8 +233,9 @@ TEST_F(HandTurned, WhatIsNotTrustedHasItsReason) {
     recordings.push_back(measured + "../recordings/" + name);
   for (const std::string& recording : recordings) {
     SCOPED_TRACE(recording);
-    const std::string said = run({"diagnose", recording, "--out", "out"}).out;
-    const auto of_diagnosis = conf("out"), of_file = entries(file_text(path("out/parameters.conf")));
+    const std::string out = "of_" + recording.substr(recording.rfind('/') + 1);
+    const std::string said = run({"diagnose", recording, "--out", out}).out;
+    const auto of_diagnosis = conf(out), of_file = entries(file_text(path(out + "/parameters.conf")));
     const std::string reason = of_diagnosis.at("quality.reason");
     EXPECT_EQ(of_diagnosis.at("quality.trusted"), reason.empty() ? "true" : "false");
     EXPECT_EQ(of_file.at("quality.trusted"), of_diagnosis.at("quality.trusted"));
