@@ -121,14 +121,6 @@ std::vector<EffectColumn> named_columns(const Evidence& e) {
   return columns;
 }
 
-void distrust(const std::string& why, Diagnosis& d) {
-  if (!why.empty()) d.why_not_trusted += (d.trusted() ? "" : "; ") + why;
-}
-
-std::string why_base_not_trusted(const Diagnosis& d) {
-  return d.trusted() && d.verdict == Verdict::extended ? d.reason : d.why_not_trusted;
-}
-
 void withdraw(const std::string& reason, Diagnosis& d) {
   d.verdict = Verdict::unexplained;
   d.unexplained_pattern = words_of(d.statements);
@@ -137,11 +129,16 @@ void withdraw(const std::string& reason, Diagnosis& d) {
   d.holdout_after = d.holdout_before;
 }
 
-std::string reason_of(const Statements& s) {
+void judge_by(const Statements& s, bool by_name, Diagnosis& d) {
+  d.statements = s;
   const std::string probability = words_of_probability(s.anything), words = words_of(s);
-  if (s.anything < said_from)
-    return fmt::format("the probability that something is missing is {}, and a claim needs {}", probability, said_from);
-  return "something is missing with a probability of " + probability + (words.empty() ? "" : ": " + words);
+  d.verdict = Verdict::clean;
+  d.reason =
+      fmt::format("the probability that something is missing is {}, and a claim needs {}", probability, said_from);
+  if (s.anything < said_from) return;
+  d.verdict = by_name ? Verdict::extended : Verdict::unexplained;
+  d.reason = "something is missing with a probability of " + probability + (words.empty() ? "" : ": " + words);
+  if (!by_name) d.unexplained_pattern = words;
 }
 
 void list_candidates(const Evidence& e, double duration_s, Diagnosis& d) {
@@ -305,32 +302,26 @@ class Diagnosing {
       d_.statements.nodes.clear();
       return;
     }
-    d_.verdict = e.statements.anything < said_from ? Verdict::clean
-                 : by_name && misfit.empty()       ? Verdict::extended
-                                                   : Verdict::unexplained;
-    d_.extended = by_name ? fit : d_.base;
-    d_.fitted_covariance = d_.extended.covariance;
-    d_.why_not_trusted.clear();
-    hand_out(e, by_name, fit);
-    d_.reason = reason_of(e.statements) + (misfit.empty() ? "" : "; " + misfit);
+    judge_by(e.statements, by_name && misfit.empty(), d_);
+    if (!misfit.empty()) d_.reason += "; " + misfit;
     if (noise_is_of_pulses(d_.omnibus)) d_.reason += "; the accelerometers' pulses hide whether their noise is white";
-    const OmnibusTest* worst = d_.omnibus.worst();
     if (!d_.omnibus.passed()) {
+      const OmnibusTest& worst = *d_.omnibus.worst();
       d_.verdict = Verdict::unexplained;
       d_.reason = fmt::format("{}: chi-square {:.1f} of {:.0f} ({}), expected by chance once in 10^{:.0f} recordings",
-                              worst->what, worst->chi_square, worst->degrees, worst->family, -worst->log10_p);
-      d_.unexplained_pattern = worst->what;
+                              worst.what, worst.chi_square, worst.degrees, worst.family, -worst.log10_p);
+      d_.unexplained_pattern = worst.what;
       d_.statements.nodes.clear();  // probabilities are of the terms that there are, and there is something else
-    } else if (d_.verdict == Verdict::unexplained) {
-      d_.unexplained_pattern = words_of(e.statements);
     }
-    if (d_.verdict == Verdict::unexplained) distrust(d_.reason, d_);
+    d_.why_not_trusted = d_.verdict == Verdict::unexplained ? d_.reason : "";
+    d_.extended = by_name ? fit : d_.base;
+    d_.fitted_covariance = d_.extended.covariance;
+    hand_out(e, by_name, fit);
     if (whole(d_.extended)) return;
-    constexpr const char* open = "the recording does not determine all of the parameters";
-    distrust(open, d_);
+    d_.distrust("the recording does not determine all of the parameters");
     if (d_.verdict != Verdict::clean) return;
     d_.verdict = Verdict::not_tested;
-    d_.reason = open;
+    d_.reason = d_.why_not_trusted;
   }
 
   // The averages, about `fit`, in the place of the extended model's own. What is not determined stays as it is.
@@ -342,8 +333,7 @@ class Diagnosing {
     JointResult& r = d_.extended;
     const ParameterVector about = to_vector(fit.parameters);
     ParameterVector values = to_vector(r.parameters);
-    const bool all = r.free.size() == std::size_t(average.shift.size()) && r.undetermined.empty();
-    if (!all) return;
+    if (r.free.size() != std::size_t(average.shift.size()) || !r.undetermined.empty()) return;
     std::vector<Eigen::Index> place;  // of r.free in the average
     const auto p = Eigen::Index(e.columns.size());
     for (const int column : r.free) {
@@ -359,7 +349,7 @@ class Diagnosing {
       place.push_back(p + (of - e.named.columns.begin()));
     }
     r.covariance = Eigen::MatrixXd(average.covariance(place, place)) + r.unseen_instability;
-    distrust(hangs_on_a_name(average, e.columns), d_);
+    d_.distrust(hangs_on_a_name(average, e.columns));
     for (std::size_t i = 0; i < r.free.size(); ++i) {
       const int column = r.free[i];
       const auto k = Eigen::Index(i);

@@ -95,15 +95,20 @@ struct Diagnosis {
   std::vector<ResidualPoint> residuals;
 
   bool trusted() const { return why_not_trusted.empty(); }
+  // The base model has none of the effects that were found.
+  std::string why_base_not_trusted() const {
+    return verdict == Verdict::extended && trusted() ? reason : why_not_trusted;
+  }
+  void distrust(const std::string& why) {  // beside what is said already; empty: nothing
+    if (!why.empty()) why_not_trusted += (trusted() ? "" : "; ") + why;
+  }
 };
 
 // For both kinds of recordings (rest_diagnosis.h).
 // Those that carry what is missing, with their time constants; empty: none do.
 std::vector<EffectColumn> named_columns(const Evidence& evidence);
-std::string reason_of(const Statements& statements);
-void distrust(const std::string& why, Diagnosis& d);  // beside what is said already; empty: nothing
-// Of the base model, which has none of the effects that were found; empty: it is.
-std::string why_base_not_trusted(const Diagnosis& d);
+// Verdict, reason and pattern by what is said; `by_name`: names carry it.
+void judge_by(const Statements& statements, bool by_name, Diagnosis& d);
 // What was found: it is unexplained, and the base model is handed out.
 void withdraw(const std::string& reason, Diagnosis& d);
 // The scores of all effects beside the base model, by which d.candidates and d.undetectable are filled.

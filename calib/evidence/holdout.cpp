@@ -151,16 +151,14 @@ double error_beyond_sigmas(const CompressedRecording& holdout, const JointResult
 }
 
 HoldoutGate HoldoutGate::holdouts(const std::vector<const CompressedRecording*>& recordings) {
-  HoldoutGate gate;
-  gate.source_ = recordings.size() == 1 ? "second recording" : std::to_string(recordings.size()) + " other recordings";
+  HoldoutGate gate(recordings.size() == 1 ? "second recording"
+                                          : std::to_string(recordings.size()) + " other recordings");
   for (const CompressedRecording* recording : recordings) gate.parts_.push_back({recording, {}});
   return gate;
 }
 
 HoldoutGate HoldoutGate::recordings_in_turn(const JoinedRecordings& recordings, Refit refit) {
-  HoldoutGate gate;
-  gate.source_ = "cross-validation over recordings";
-  gate.refit_ = std::move(refit);
+  HoldoutGate gate("cross-validation over recordings", std::move(refit));
   std::vector<std::size_t> borders = recordings.begins;
   borders.insert(borders.begin(), 0);
   borders.push_back(recordings.data.blocks.size());
@@ -173,9 +171,7 @@ HoldoutGate HoldoutGate::recordings_in_turn(const JoinedRecordings& recordings, 
 }
 
 HoldoutGate HoldoutGate::dwells_in_turn(const CompressedRecording& recording, Refit refit) {
-  HoldoutGate gate;
-  gate.source_ = "cross-validation over dwells";
-  gate.refit_ = std::move(refit);
+  HoldoutGate gate("cross-validation over dwells", std::move(refit));
   gate.parts_.assign(fold_count, {&recording, std::vector<char>(recording.blocks.size(), 0)});
   for (std::size_t b = 0; b < recording.blocks.size(); ++b) {
     const int segment = recording.blocks[b].segment;

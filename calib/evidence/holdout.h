@@ -68,6 +68,8 @@ class HoldoutGate {
     std::vector<char> left_out;  // marks of blocks left out of the fit; empty: it has no part in it
     int number = -1;             // of a recording left out of several
   };
+  HoldoutGate(std::string source, Refit refit = {}) : source_(std::move(source)), refit_(std::move(refit)) {}
+
   std::string source_;
   std::vector<Part> parts_;
   Refit refit_;

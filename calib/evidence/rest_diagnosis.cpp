@@ -310,23 +310,17 @@ class DiagnosingRests {
   }
 
   void judge(const Evidence& e, const RestFit& fit, const std::vector<EffectColumn>& named) {
-    d_.statements = e.statements;
-    const bool by_name = !named.empty();
-    d_.verdict = e.statements.anything < said_from ? Verdict::clean
-                 : by_name                         ? Verdict::extended
-                                                   : Verdict::unexplained;
-    d_.reason = reason_of(e.statements);
-    if (by_name) r_.final = fit;
-    std::vector<EstimatedEffect> effects = by_name ? effects_of(fit, named) : std::vector<EstimatedEffect>{};
+    judge_by(e.statements, !named.empty(), d_);
+    if (!named.empty()) r_.final = fit;
+    std::vector<EstimatedEffect> effects = effects_of(fit, named);
     d_.why_not_trusted = d_.verdict == Verdict::unexplained ? d_.reason : "";
     hand_out(e, fit, effects);
     d_.extended = as_joint(r_.final, effects, data_);
-    if (d_.verdict == Verdict::unexplained) d_.unexplained_pattern = words_of(d_.statements);
     const auto worst = std::ranges::max_element(r_.final.white_ratio);
     if (*worst > rest_limits.most_over_white) {
       const std::string kind = to_string(static_cast<RestKind>(worst - r_.final.white_ratio.begin()));
       const std::string why = fmt::format("{} is {:.1f} times as large as the white noise", kind, *worst);
-      distrust(why, d_);
+      d_.distrust(why);
       if (d_.verdict == Verdict::clean) {
         d_.verdict = Verdict::unexplained;
         d_.unexplained_pattern = kind;
@@ -335,7 +329,7 @@ class DiagnosingRests {
     }
     if (!r_.accel_not_tested.empty()) {
       const std::string why = "no effect of the accelerometers was looked for: " + r_.accel_not_tested;
-      distrust(why, d_);
+      d_.distrust(why);
       d_.reason = why + "; " + d_.reason;
       if (d_.verdict == Verdict::clean) d_.verdict = Verdict::not_tested;
     }
@@ -345,7 +339,7 @@ class DiagnosingRests {
   void hand_out(const Evidence& e, const RestFit& fit, std::vector<EstimatedEffect>& effects) {
     const AveragedEstimate average =
         average_over_models(e.at_each_noise, e.posterior, effects.empty() ? std::vector<int>{} : e.named.columns);
-    distrust(hangs_on_a_name(average, e.columns), d_);
+    d_.distrust(hangs_on_a_name(average, e.columns));
     ParameterVector values = to_vector(fit.parameters);
     Eigen::Index k = 0;
     for (const int column : e.columns) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include <fmt/format.h>
 
@@ -95,21 +94,18 @@ void GlitchFinder::begin_rest(std::span<const ImuSample> first) {
   constexpr std::size_t fewest = 20, neighbours = 6;
   if (first.size() < fewest) return forget_neighbours(first.front());
   before_last_ = channels_of(first[neighbours - 1]), last_ = channels_of(first[neighbours]);
-  for (std::size_t channel = 0; channel < 6; ++channel) {
-    std::vector<double> squares;
-    for (std::size_t k = 1; k < first.size(); ++k)
-      if (const double change = std::abs(channel_of(first[k], channel) - channel_of(first[k - 1], channel));
-          change > 0.0)
-        step_[Eigen::Index(channel)] = std::min(step_[Eigen::Index(channel)], change);
-    for (std::size_t k = 2; k < first.size(); ++k)
-      squares.push_back(std::pow(
-          channel_of(first[k - 1], channel) - 0.5 * (channel_of(first[k], channel) + channel_of(first[k - 2], channel)),
-          2));
-    std::ranges::sort(squares);
-    squares.resize(squares.size() - squares.size() / 10);  // glitches are rare
-    mean_square_[Eigen::Index(channel)] = std::accumulate(squares.begin(), squares.end(), 0.0) / double(squares.size());
-  }
+  Eigen::Matrix<double, 6, Eigen::Dynamic> squares(6, std::ssize(first) - 2);
+  for (std::size_t k = 1; k < first.size(); ++k) learn_step(channels_of(first[k]) - channels_of(first[k - 1]));
+  for (std::size_t k = 2; k < first.size(); ++k)
+    squares.col(Eigen::Index(k) - 2) =
+        (channels_of(first[k - 1]) - 0.5 * (channels_of(first[k]) + channels_of(first[k - 2]))).cwiseAbs2();
+  for (auto of_channel : squares.rowwise()) std::sort(of_channel.begin(), of_channel.end());
+  mean_square_ = squares.leftCols(squares.cols() - squares.cols() / 10).rowwise().mean();  // glitches are rare
   seen_ = std::max(seen_, settled + 1);
+}
+
+void GlitchFinder::learn_step(const Channels& change) {
+  step_ = (change.array() != 0.0).select(step_.cwiseMin(change.cwiseAbs()), step_);
 }
 
 void GlitchFinder::add(const ImuSample& sample, std::vector<DataEvent>& events) {
@@ -120,8 +116,7 @@ void GlitchFinder::add(const ImuSample& sample, std::vector<DataEvent>& events) 
     const Channels square = difference.cwiseAbs2();
     Channels limit = (square_ratio_ * mean_square_).cwiseMax(least_square_);
     if (steps_min_ > 0.0) {
-      const Channels change = (now - last_).cwiseAbs();
-      step_ = (change.array() > 0.0).select(step_.cwiseMin(change), step_);
+      learn_step(now - last_);
       limit = limit.cwiseMax((steps_min_ * step_).cwiseAbs2());
     }
     if (seen_ > settled && (square.array() > limit.array()).any())

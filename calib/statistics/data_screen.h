@@ -95,14 +95,14 @@ class GlitchFinder {
   };
   void suspect(const ImuSample& sample, const Channels& difference, const Channels& square, const Channels& limit,
                std::vector<DataEvent>& events);
+  void learn_step(const Channels& change);
   void drop_corners(std::vector<DataEvent>& events) const;
 
   double square_ratio_;
   double steps_min_;
-  Channels least_square_;  // below this nothing is a glitch
-  Channels step_ =
-      Channels::Constant(std::numeric_limits<double>::infinity());  // the least change from one sample to the next
-  Channels mean_square_ = Channels::Zero();                         // of d
+  Channels least_square_;                      // below this nothing is a glitch
+  Channels step_ = Channels::Constant(1e300);  // the least change from one sample to the next
+  Channels mean_square_ = Channels::Zero();    // of d
   Channels last_ = Channels::Zero(), before_last_ = Channels::Zero();
   std::array<Difference, kept> differences_;  // of sample n at n mod kept
   std::uint64_t seen_ = 0;

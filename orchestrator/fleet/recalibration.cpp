@@ -175,7 +175,7 @@ Result<std::vector<NamedText>> files_of(const ArchiveEntry& entry, const LoadedR
     diagnosis.base = output.fit ? &*output.fit : nullptr;
     const DiagnosisOutput found = TRY(diagnose_recordings({&recording, 1}, diagnosis));
     files.push_back({diagnosis_name, found.files.conf});
-    if (const std::string why = why_base_not_trusted(found.diagnosis); !why.empty()) describe_trust(why, output.file);
+    if (const std::string why = found.diagnosis.why_base_not_trusted(); !why.empty()) describe_trust(why, output.file);
   }
   const std::string parameters = TRY(format_parameter_file(output.file));
   files.push_back({parameters_name, parameters});

@@ -228,7 +228,7 @@ Status rests_by_hand(const CompressedRecording& recording, const CalibrationRequ
   if (!unjudged.empty())
     output.distrust = "not tested: " + unjudged;
   else if (request.test_fit)
-    output.distrust = why_base_not_trusted(judged.diagnosis);
+    output.distrust = judged.diagnosis.why_base_not_trusted();
 
   describe_trust(output.distrust, output.file);
   output.notes.push_back(fmt::format("{}: {} rests and {} rotations by hand, settled after {} iterations",

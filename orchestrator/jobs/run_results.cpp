@@ -100,7 +100,7 @@ void diagnose_unit(Making& m) {
                                          .of_run = true});
   m.diagnosis = output ? to_string(output->diagnosis.verdict) : "failed";
   m.finding = output ? finding_of(output->diagnosis) : output.error().message;
-  m.distrust = output ? why_base_not_trusted(output->diagnosis) : m.finding;
+  m.distrust = output ? output->diagnosis.why_base_not_trusted() : m.finding;
   if (output) m.unit.diagnosis = std::move(*output);
   describe_settling(m);
 }
@@ -159,8 +159,8 @@ Status judge(Making& m) {
   if (!partial)
     unit.verdict =
         turncal::judge(output.file, {output.min_temperature_c, output.max_temperature_c}, m.run.station.limits, clock);
-  judge_diagnosis(m.diagnosis, m.finding, m.run.station.diagnosis, unit.verdict);
-  if (!partial) judge_trust(unit.diagnosis ? unit.diagnosis->diagnosis.why_not_trusted : output.distrust, unit.verdict);
+  const std::string distrust = unit.diagnosis ? unit.diagnosis->diagnosis.why_not_trusted : output.distrust;
+  judge_diagnosis(m.diagnosis, m.finding, partial ? "" : distrust, m.run.station.diagnosis, unit.verdict);
   TRY(verify_unit(m));
   add_verdict(unit.verdict, unit.output->file);
   return {};

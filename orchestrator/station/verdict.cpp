@@ -65,6 +65,11 @@ double clear_of(const Limit& limit, double guard_factor, double value) {
   return guard_factor > 0.0 ? margin / (2.0 * guard_factor) : infinite;
 }
 
+void take_in(UnitVerdict found, const std::string& why, VerdictReport& report) {
+  report.reason += (report.reason.empty() ? "" : "; ") + why;
+  if (found != UnitVerdict::pass) report.verdict = std::max(report.verdict, found);
+}
+
 }  // namespace
 
 std::optional<double> residual_of(const ParameterFile& file) {
@@ -158,26 +163,19 @@ DiagnosisPolicy read_diagnosis_policy(KeyValueFile& file) {
   return policy;
 }
 
-void judge_diagnosis(const std::string& diagnosis, const std::string& finding, const DiagnosisPolicy& policy,
-                     VerdictReport& report) {
+void judge_diagnosis(const std::string& diagnosis, const std::string& finding, const std::string& distrust,
+                     const DiagnosisPolicy& policy, VerdictReport& report) {
   report.diagnosis = diagnosis;
-  if (diagnosis == "clean" || diagnosis == "not_made") return;
-  const UnitVerdict found = diagnosis == "extended" ? policy.extended : UnitVerdict::hold;
-  const std::string why = "diagnosis " + in_words(diagnosis) + (finding.empty() ? "" : ": " + finding);
-  report.reason += (report.reason.empty() ? "" : "; ") + why;
-  if (found != UnitVerdict::pass) report.verdict = std::max(report.verdict, found);
-}
-
-void judge_trust(const std::string& distrust, VerdictReport& report) {
-  if (distrust.empty()) return;
-  report.reason += (report.reason.empty() ? "" : "; ") + ("not trusted: " + distrust);
-  report.verdict = std::max(report.verdict, UnitVerdict::hold);
+  if (diagnosis != "clean" && diagnosis != "not_made")
+    take_in(diagnosis == "extended" ? policy.extended : UnitVerdict::hold,
+            "diagnosis " + in_words(diagnosis) + (finding.empty() ? "" : ": " + finding), report);
+  if (!distrust.empty()) take_in(UnitVerdict::hold, "not trusted: " + distrust, report);
 }
 
 void judge_verification(UnitVerdict found, const std::string& figures, VerdictReport& report) {
   report.verification = std::string(to_string(found)) + ": " + figures;
   report.verdict = std::max(report.verdict, found);
-  if (found != UnitVerdict::pass) report.reason += (report.reason.empty() ? "" : "; ") + ("verification: " + figures);
+  if (found != UnitVerdict::pass) take_in(found, "verification: " + figures, report);
 }
 
 void add_verdict(const VerdictReport& report, ParameterFile& file) {

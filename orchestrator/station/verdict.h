@@ -97,10 +97,9 @@ struct ClockLimit {
 VerdictReport judge(const ParameterFile& file, const Limit& temperature_range_c, const VerdictLimits& limits,
                     const std::optional<ClockLimit>& clock = {});
 // Takes the diagnosis into the verdict. clean and not_made change nothing; `finding`: what was found, in a few words.
-void judge_diagnosis(const std::string& diagnosis, const std::string& finding, const DiagnosisPolicy& policy,
-                     VerdictReport& report);
 // A file whose sigmas cannot be believed is held, whatever they say; `distrust` is why, empty where they can be.
-void judge_trust(const std::string& distrust, VerdictReport& report);
+void judge_diagnosis(const std::string& diagnosis, const std::string& finding, const std::string& distrust,
+                     const DiagnosisPolicy& policy, VerdictReport& report);
 // Takes a north seeking into the verdict; `figures`: what was found and the limits, in a few words.
 void judge_verification(UnitVerdict found, const std::string& figures, VerdictReport& report);
 void add_verdict(const VerdictReport& report, ParameterFile& file);

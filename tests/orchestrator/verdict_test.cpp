@@ -124,26 +124,29 @@ TEST(Verdict, TheClockIsJudgedWithTheValues) {
 }
 
 // One outcome a unit: what the diagnosis finds enters verdict, journal, database, store, queue, hook and exit code.
-VerdictReport judged(UnitVerdict by_limits, const std::string& diagnosis, const DiagnosisPolicy& policy = {}) {
+VerdictReport judged(UnitVerdict by_limits, const std::string& diagnosis, const DiagnosisPolicy& policy = {},
+                     const std::string& distrust = "") {
   VerdictReport report;
   report.verdict = by_limits;
-  judge_diagnosis(diagnosis, "what was found", policy, report);
+  judge_diagnosis(diagnosis, "what was found", distrust, policy, report);
   return report;
 }
 
 TEST(Outcome, ADiagnosisHoldsAUnitBackAndNeverMakesItBetter) {
-  EXPECT_EQ(judged(UnitVerdict::pass, "clean").verdict, UnitVerdict::pass);
-  EXPECT_EQ(judged(UnitVerdict::pass, "not_made").verdict, UnitVerdict::pass);
   EXPECT_EQ(judged(UnitVerdict::not_judged, "clean").verdict, UnitVerdict::not_judged);
+  const DiagnosisPolicy passes = {UnitVerdict::pass, true};
+  for (const char* word : {"clean", "extended", "not_made"}) {
+    EXPECT_EQ(judged(UnitVerdict::pass, word, passes).verdict, UnitVerdict::pass) << word;
+    EXPECT_EQ(judged(UnitVerdict::pass, word, passes, "a33 may be off").verdict, UnitVerdict::hold) << word;
+  }
   for (const char* word : {"extended", "unexplained", "noise_model", "not_tested", "failed"}) {
     const VerdictReport report = judged(UnitVerdict::pass, word);
     EXPECT_EQ(report.verdict, UnitVerdict::hold) << word;
     EXPECT_EQ(report.reason, "diagnosis " + in_words(word) + ": what was found");
     EXPECT_EQ(judged(UnitVerdict::fail, word).verdict, UnitVerdict::fail) << word;
   }
-  EXPECT_EQ(judged(UnitVerdict::pass, "extended", {UnitVerdict::pass, true}).verdict, UnitVerdict::pass);
   EXPECT_EQ(judged(UnitVerdict::pass, "extended", {UnitVerdict::fail, true}).verdict, UnitVerdict::fail);
-  EXPECT_EQ(judged(UnitVerdict::pass, "unexplained", {UnitVerdict::pass, true}).verdict, UnitVerdict::hold)
+  EXPECT_EQ(judged(UnitVerdict::pass, "unexplained", passes).verdict, UnitVerdict::hold)
       << "what nothing explains is never passed on";
   EXPECT_FALSE(is_accepted(UnitVerdict::hold));
 }
