@@ -165,15 +165,11 @@ constexpr Abscissa by_temperature = {"temperature, °C", false,
 constexpr Abscissa by_time = {"time, min", false,
                               [](const DwellResidual& d, const ComponentAxes&) { return d.time_s / 60.0; }};
 constexpr Abscissa since_rotation = {"time since rotation, s", false, nullptr};  // seconds, not dwells
-double turned_about(const DwellResidual& d, int axis) {
-  return std::abs(d.turned_rad[axis]) < real_turn_rad ? no_point : d.turned_rad[axis] / rad_per_deg;
-}
-constexpr Abscissa by_turn = {"turned about {0}, °", true,
-                              [](const DwellResidual& d, const ComponentAxes& a) { return turned_about(d, a.sensor); }};
 constexpr Abscissa by_any_turn = {"turned before the dwell, °", true, [](const DwellResidual& d, const ComponentAxes&) {
                                     int axis = 0;
                                     d.turned_rad.cwiseAbs().maxCoeff(&axis);
-                                    return turned_about(d, axis);
+                                    const double turned_rad = d.turned_rad[axis];
+                                    return std::abs(turned_rad) < real_turn_rad ? no_point : turned_rad / rad_per_deg;
                                   }};
 double rate_before(const DwellResidual& d, const ComponentAxes& a) {
   return std::abs(d.turned_rad[a.sensor]) < real_turn_rad ? no_point : d.fastest_radps[a.sensor] / rad_per_deg;
@@ -218,44 +214,25 @@ constexpr Ordinate as_velocity = {"velocity {2}, {1}", &DwellResidual::Side::vel
                                   [](const DwellResidual&, int) { return 1.0; },
                                   "One point a dwell: the velocity that the rotation before it left behind."};
 
+// What the eye needs to see an effect: by what it acts on, and what drives it.
 struct PlotAxes {
-  std::string_view effect;
   const Abscissa& x;
   const Ordinate& y;
   bool all_axes = false;  // whatever the component: it acts across the axes
 };
-
-// What the eye needs to see each effect. One that is not here is shown against time.
-constexpr PlotAxes plot_axes[] = {
-    {"accel_second_order", by_force, as_accel},
-    {"accel_scale_asymmetry", by_force, as_accel},
-    {"accel_odd_quadratic", by_force, as_accel},
-    {"accel_third_order", by_force, as_accel},
-    {"accel_cross_coupling", by_product, as_accel},
-    {"accel_size_effect", by_any_turn, as_velocity, true},
-    {"accel_delay", by_any_turn, as_velocity, true},
-    {"accel_bias_temperature", by_temperature, as_accel},
-    {"accel_scale_temperature", by_temperature, as_accel_per_g},
-    {"accel_bias_drift", by_time, as_accel},
-    {"accel_warm_up", by_time, as_accel},
-    {"gyro_g_sensitivity", by_force, as_gyro},
-    {"gyro_scale_asymmetry", by_turn, as_tilt},
-    {"gyro_rate_nonlinearity", by_rate, as_tilt_per_turn},
-    {"gyro_bias_temperature", by_temperature, as_gyro},
-    {"gyro_scale_temperature", by_temperature, as_tilt_per_turn},
-    {"gyro_bias_drift", by_time, as_gyro},
-    {"gyro_warm_up", by_time, as_gyro},
-    {"gyro_magnetic", by_heading, as_gyro},
-    {"earth_rate", by_heading, as_gyro, true},
-    {"sample_period", by_heading, as_gyro, true},
-    {"post_rotation_relaxation", since_rotation, as_velocity},
-    {"gyro_accel_flexure", by_any_turn, as_tilt, true},
-};
-
-PlotAxes plot_axes_of(const std::string& effect) {
-  for (const PlotAxes& plot : plot_axes)
-    if (plot.effect == effect) return plot;
-  return {effect, by_time, effect.starts_with("gyro") ? as_gyro : as_accel};
+PlotAxes plot_axes_of(const EffectEntry& e) {
+  const bool accel = e.sensor == Sensor::accelerometer, product = e.components.front().size() > 3;  // x_yz
+  if (e.driver == Driver::turns) return {since_rotation, as_velocity};
+  if (e.quantity == Quantity::direction) return {by_any_turn, as_tilt, true};
+  if (e.driver == Driver::rate && accel) return {by_any_turn, as_velocity, true};
+  const Abscissa& x = e.driver == Driver::force         ? (product ? by_product : by_force)
+                      : e.driver == Driver::temperature ? by_temperature
+                      : e.driver == Driver::rate        ? by_rate
+                      : e.driver == Driver::field       ? by_heading
+                                                        : by_time;
+  const bool scale = e.quantity == Quantity::scale_factor;
+  const Ordinate& y = scale ? (accel ? as_accel_per_g : as_tilt_per_turn) : (accel ? as_accel : as_gyro);
+  return {x, y, e.sensor == Sensor::earth_rate};
 }
 
 DisplayUnit unit_of(const Ordinate& y, const std::vector<DwellResidual>& dwells) {
@@ -344,7 +321,8 @@ void arrange(Figure& figure) {
 Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual>& dwells, const std::string& effect,
                      std::size_t number) {
   constexpr std::size_t most_panels = 3;
-  const PlotAxes plot = plot_axes_of(effect);
+  const std::vector<const EstimatedEffect*> components = strongest_of(diagnosis.extended, effect);
+  const PlotAxes plot = plot_axes_of(*components.front()->column.entry);
   Figure figure{"effect" + std::to_string(number), "Residual against what " + effect + " depends on", ""};
   if (&plot.x == &since_rotation) {
     figure.panels = since_rotation_panels(diagnosis);
@@ -356,7 +334,7 @@ Figure effect_figure(const Diagnosis& diagnosis, const std::vector<DwellResidual
     for (int axis = 0; axis < 3; ++axis)
       figure.panels.push_back(dwell_panel(dwells, plot, {axis, axis, -1}, has_after(diagnosis)));
   } else {
-    for (const EstimatedEffect* e : strongest_of(diagnosis.extended, effect)) {
+    for (const EstimatedEffect* e : components) {
       const std::string component = component_name(e->column);
       const ComponentAxes axes = axes_of(component);
       if (axes.sensor < 0) continue;

@@ -415,7 +415,7 @@ Result<ThermalOutput> run_campaign(const Campaign& campaign, const RunRequest& a
     const std::string what = fmt::format(
         "after leg {} of {}: {}", legs, plans.size(),
         enough ? fmt::format("enough is known at every temperature; {:.1f} h are left out", left_s / 3600.0)
-               : "not yet enough: " + (least && least->ratio() > 1.0 ? words_of(*least) : "a leg is not trusted"));
+               : "not yet enough: " + (least && least->ratio() > 1.0 ? words_of(*least) : why_not_trusted(known.file)));
     context.out << tag_of(plans.front()) << "[campaign] " << what << '\n' << std::flush;
     known.report.notes.push_back(what);
     return enough;

@@ -95,6 +95,7 @@ std::string format_navigation(const NavigationReport& report) {
     lines.text(file.prefix + "parameters", file.path);
     lines.text(file.prefix + "model", file.model);
     lines.flag(file.prefix + "trusted", file.trusted);
+    lines.text(file.prefix + "trusted.reason", file.why_not_trusted);
     lines.number(file.prefix + "felt_latitude_deg", file.felt.latitude_rad / rad_per_deg);
     lines.number(file.prefix + "felt_latitude_sigma_deg", file.felt.sigma_rad / rad_per_deg);
     lines.number(file.prefix + "felt_gravity_mps2", file.felt.gravity_mps2);
@@ -186,10 +187,11 @@ Document navigation_document(const NavigationReport& report) {
   if (report.info.simulated) document.add(Paragraph{"Simulated data: no real unit navigated.", "loud"}, Scope::page);
   const NavigatedFile& judged = report.files.front();
   const std::string expected = judged.expected ? "; expected: " + drift_words(*judged.expected) : "";
-  document.add(Paragraph{"Drift: " + drift_words(judged.drift) + expected +
-                             (judged.trusted ? "." : "; the parameters are not trusted."),
-                         judged.trusted ? "verdict" : "verdict unexplained"},
-               Scope::page);
+  document.add(
+      Paragraph{"Drift: " + drift_words(judged.drift) + expected +
+                    (judged.trusted ? "." : "; the parameters are not trusted: " + judged.why_not_trusted + "."),
+                judged.trusted ? "verdict" : "verdict unexplained"},
+      Scope::page);
   document.figure(navigation_figure(report));
   if (report.without_segments && report.request.reference.empty())
     document.text("no segments: everything counts as rest");
@@ -236,8 +238,8 @@ Document navigation_document(const NavigationReport& report) {
     if (file.felt.speaks_against(report.info.latitude_deg * rad_per_deg))
       facts.add("LATITUDE",
                 latitude_words(file.felt, report.info.latitude_deg) + ": one of the two, or the calibration, is wrong");
+    if (!file.trusted) facts.add("not trusted", file.why_not_trusted);
     document.add(std::move(facts));
-    if (!file.trusted) document.text(not_trusted_words);
   }
   return document;
 }

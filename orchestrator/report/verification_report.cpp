@@ -33,6 +33,7 @@ Fields fields_of(VerificationReport& report) {
                    {"parameters", &report.parameters},
                    {"calibration_hash", &report.calibration_hash},
                    {"trusted", &report.trusted},
+                   {"trusted.reason", &report.why_not_trusted, {}, true},
                    {"align_s", &report.align_s, positive},
                    {"damage", &report.damage, {}, true},
                    {"filled_samples", &report.filled_samples, not_negative}};
@@ -102,7 +103,7 @@ std::string nearness_words(const VerificationReport& report) {
          words("level", report.level_limit_deg, found.deviation[1], found.deviation[2]) +
          (report.latitude == UnitVerdict::fail ? ", latitude fails" : "") +
          (report.gravity == UnitVerdict::fail ? ", gravity fails" : "") +
-         (report.trusted ? "" : ", parameters not trusted");
+         (report.trusted ? "" : ", parameters not trusted: " + report.why_not_trusted);
 }
 
 std::string figure_words(const NorthFigure& figure) { return value_with_sigma(figure.value_deg, figure.sigma_deg); }
@@ -206,7 +207,7 @@ std::string verification_words(const VerificationReport& report) {
     words += "; latitude " + plain(latitude_words(report.felt, report.info.latitude_deg));
   if (report.gravity == UnitVerdict::fail)
     words += "; gravity " + plain(gravity_words(report.felt, report.info.gravity_mps2));
-  if (!report.trusted) words += "; parameters not trusted";
+  if (!report.trusted) words += "; parameters not trusted: " + report.why_not_trusted;
   return words;
 }
 
@@ -242,7 +243,7 @@ Document verification_document(const VerificationReport& report) {
   facts.add("", fmt::format("noise alone would exceed a limit in {} of 100 verifications",
                             report.false_fail < 1e-3 ? "less than 0.1" : with_decimals(100.0 * report.false_fail, 1)));
   if (const std::string undecided = undecided_words(report); !undecided.empty()) facts.add("", undecided);
-  if (!report.trusted) facts.add("", not_trusted_words);
+  if (!report.trusted) facts.add("not trusted", report.why_not_trusted);
   document.add(facts, Scope::page);
   document.figure(angle_figure(report));
   document.add(Heading{2, "readings", "Readings"}, Scope::page);

@@ -18,6 +18,7 @@ struct VerificationReport {
   std::string parameters;             // file
   std::string calibration_hash;       // of its contents (parameter_file.h)
   bool trusted = true;                // as the file says of itself
+  std::string why_not_trusted;        // too
   double align_s = 0.0;               // of the shortest alignment
   std::int64_t filled_samples = 0;    // lost or bad, as their neighbours
   std::vector<std::string> faults;    // impossible samples, left out
@@ -50,7 +51,6 @@ std::string gravity_words(const FeltSite& felt, double of_recording_mps2);
 void add_faults(const std::vector<std::string>& faults, Document& document);
 // Reason of a verification that lost too much data to be judged; it leaves no verification.conf.
 inline constexpr const char* not_judged_words = "verification: not judged: ";
-inline constexpr const char* not_trusted_words = "NOT TRUSTED: the parameter file says that its sigmas are not trusted";
 inline constexpr const char* assumed_noise_words =
     "assumed, the parameter file has no noise keys: 0.002 deg/sqrt(h) and 8 ug/sqrt(Hz)";
 Document verification_document(const VerificationReport& report);

@@ -194,6 +194,7 @@ Result<VerificationReport> verify_recording(const VerificationRequest& request) 
   report.parameters = request.parameters;
   report.calibration_hash = TRY(calibration_hash(request.file));
   report.trusted = is_trusted(request.file);
+  report.why_not_trusted = why_not_trusted(request.file);
   report.align_s = shortest_s;
   report.found = seek_north(searches, readings);
   report.felt = felt_site(rests, noise, covariance.covariance);

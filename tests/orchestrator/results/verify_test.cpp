@@ -91,10 +91,10 @@ TEST_F(Verify, WaitsForNobodyInItsFolder) {
 
 TEST_F(Verify, SaysWhatSpeaksAgainstTheFile) {
   ParameterFile file = good_file();
-  file.add_further("quality.trusted", std::string("false"));
+  describe_trust("n11 may be off", file);
   keep(file, "doubtful.conf");
-  const ProgramResult held = ends(seeking("doubtful.conf", "v"), 20, "parameters not trusted");
-  EXPECT_SAYS(held.out, "NOT TRUSTED");
+  const ProgramResult held = ends(seeking("doubtful.conf", "v"), 20, "parameters not trusted: n11 may be off");
+  EXPECT_EQ(result("v/verification.conf").text("trusted.reason"), "n11 may be off");
   EXPECT_EQ(result("v/verification.conf").text("trusted"), "false");
   // A recording of another latitude than the unit feels.
   write_parameters("true.conf");
