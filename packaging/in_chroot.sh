@@ -38,7 +38,7 @@ printf '# changed by hand\n' >> /etc/turncal/prune.conf
 sed -e "s|^table.map = .*|table.map = $data/orchestrator/stations/twin.map|" -e 's|^clock.speed_up = .*|clock.speed_up = 20|' -e 's|/tmp/turncal-twin-imu|/run/turncal-imu|' \
   "$data/orchestrator/stations/twin.station" > /etc/turncal/main.station
 printf 'hook.mount = true\nresume.rest_s = 0\n' >> /etc/turncal/main.station
-echo "TURNCAL_OPTIONS=--sequence $data/sequences/short_demo.seq" > /etc/turncal/main.env
+echo "TURNCAL_OPTIONS=--sequence short_demo.seq" > /etc/turncal/main.env
 as_turncal mkdir -m 2775 /var/lib/turncal/main
 as_turncal turncal queue /var/lib/turncal/main/queue --add TWIN > said
 turncal twin --station /etc/turncal/main.station --table tcp:0 > twin.log 2>&1 &

@@ -8,6 +8,7 @@
 #include <array>
 #include <cctype>
 #include <cmath>
+#include <filesystem>
 #include <optional>
 
 #include "calib/model/parameters.h"
@@ -349,21 +350,22 @@ std::vector<SequenceItem> approach(const AxisTriple& from_deg, const AxisTriple&
                                    double acceleration_degps2, int line) {
   std::vector<SequenceItem> moves;
   for (const Axis axis : approach_order) {
-    if (from_deg[axis] == to_deg[axis]) continue;
-    const Move move{axis, to_deg[axis], rate_degps, acceleration_degps2};
-    moves.push_back({SequenceItem::Kind::move, move, {}, line, true});
+    if (from_deg[axis] != to_deg[axis])
+      moves.push_back(
+          {SequenceItem::Kind::move, {axis, to_deg[axis], rate_degps, acceleration_degps2}, {}, line, true});
   }
   return moves;
 }
 
 Result<Sequence> read_sequence(const std::string& path) {
-  TRY(expect_file(path, FileKind::sequence));
-  const Result<std::string> text = read_whole_file(path, largest_file_bytes);
-  if (text) return parse_sequence(*text, path);
-  return path_exists(path) ? text.error()
-                           : input_error(path +
-                                         ": there is no such file: expected a sequence; those of turncal are in "
-                                         "/usr/share/turncal/sequences, or sequences of the source tree");
+  std::error_code none;
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", none);
+  const std::string installed = program.parent_path() / "../share/turncal/sequences" / path;
+  const std::string& file = path_exists(path) ? path : installed;
+  if (!path_exists(file))
+    return input_error(path + ": there is no such file, and no sequence of turncal has this name: expected a sequence");
+  TRY(expect_file(file, FileKind::sequence));
+  return parse_sequence(TRY(read_whole_file(file, largest_file_bytes)), path);
 }
 
 void append_steps(const Sequence& more, Sequence& sequence) {
@@ -387,11 +389,9 @@ void append_steps(const Sequence& more, Sequence& sequence) {
 }
 
 Result<Sequence> parse_sequence(const std::string& text, const std::string& file_name) {
-  Result<Sequence> sequence = Parser(text, file_name).run();
-  if (sequence) {
-    sequence->file = file_name;
-    sequence->text = text;
-  }
+  Sequence sequence = TRY(Parser(text, file_name).run());
+  sequence.file = file_name;
+  sequence.text = text;
   return sequence;
 }
 

@@ -57,7 +57,7 @@ struct Sequence {
 };
 
 // Grammar, worked example and every refusal: docs/sequences.md. An error is one line
-// "file:line:column: found 'token', expected ...". The file name is used in messages only; nothing is read.
+// "file:line:column: found 'token', expected ...". The file name is used in messages only; nothing is read. `path`: a file, or the name of a shipped one.
 Result<Sequence> parse_sequence(const std::string& text, const std::string& file_name);
 Result<Sequence> read_sequence(const std::string& path);
 

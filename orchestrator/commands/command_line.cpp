@@ -92,8 +92,8 @@ CLI::Validator time_in(double low, double high, const std::string& unit) {
       [=](std::string& text) {
         const double value = seconds_in(text).value_or(NAN) / seconds_of.at(unit);
         if (!(value >= low && value <= high))
-          return fmt::format("'{}': expected a time from {:g}{} to {:g}{}, with its unit: 90s, 40min, 1h30min, 30d",
-                             text, low, unit, high, unit);
+          return fmt::format("'{}': expected a time from {}{} to {}{}, with its unit: 90s, 40min, 1h30min, 30d", text,
+                             low, unit, high, unit);
         text = format_number(value);
         return std::string();
       },
@@ -173,11 +173,12 @@ Error misunderstood(const CLI::App& app, const std::string& why) {
   const std::string typed = unknown.front().substr(0, unknown.front().find('='));
   std::vector<std::string> known;
   if (command == &app) known.emplace_back("help");
-  if (typed.starts_with("-"))
-    for (const CLI::Option* option : command->get_options()) known.push_back(option->get_name());
-  else
-    for (const CLI::App* other : command->get_subcommands([](const CLI::App*) { return true; }))
-      known.push_back(other->get_name());
+  for (const CLI::App* other : command->get_subcommands([](const CLI::App*) { return true; }))
+    known.push_back(other->get_name());
+  for (const CLI::Option* option : command->get_options()) {
+    for (const std::string& word : option->get_lnames()) known.push_back("--" + word);
+    for (const std::string& word : option->get_snames()) known.push_back("-" + word);
+  }
   return input_error("'" + unknown.front() + "' is not understood" + did_you_mean(typed, known) + help);
 }
 
