@@ -1,6 +1,8 @@
 #include "imu_io/base/text.h"
 
 #include <algorithm>
+#include <cctype>
+#include <tuple>
 
 namespace turncal {
 
@@ -112,7 +114,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
     std::rotate(rows.begin(), rows.end() - 1, rows.end());
     rows[0][0] = i;
     for (std::size_t j = 1; j <= b.size(); ++j) {
-      const bool same = a[i - 1] == b[j - 1];
+      const bool same = std::tolower(std::uint8_t(a[i - 1])) == std::tolower(std::uint8_t(b[j - 1]));
       rows[0][j] = std::min({rows[1][j] + 1, rows[0][j - 1] + 1, rows[1][j - 1] + (same ? 0 : 1)});
       if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
         rows[0][j] = std::min(rows[0][j], rows[2][j - 2] + 1);
@@ -130,9 +132,7 @@ std::string did_you_mean(std::string_view typed, const std::vector<std::string>&
   for (const std::string& word : known) {
     if (word.empty() || word.size() > longest) continue;
     const std::pair<std::size_t, bool> distance(edit_distance(typed, word), typed.front() != word.front());
-    if (distance >= closest) continue;
-    closest = distance;
-    meant = word;
+    if (distance < closest) std::tie(closest, meant) = std::tuple(distance, word);
   }
   return meant.empty() ? "" : "; did you mean " + turncal::quoted(meant) + "?";
 }

@@ -98,7 +98,7 @@ std::optional<double> device_number(std::string_view text, bool decimal_comma = 
 // "Did you mean ...?": the known word that somebody probably meant to type.
 //
 // Distance: the smallest number of letters inserted, left out, replaced or swapped with their neighbour, no stretch edited twice
-// (optimal string alignment). Close is up to one error for every three letters of what was typed, three at most.
+// (optimal string alignment), in either case. Close is up to one error for every three letters of what was typed, three at most.
 std::size_t edit_distance(std::string_view a, std::string_view b);
 
 // "; did you mean 'run'?", to put behind a message; nothing when no word is close. Of equally close ones: one with the same first

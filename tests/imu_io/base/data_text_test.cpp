@@ -58,7 +58,7 @@ TEST(ClosestWord, DistanceCountsEveryKindOfSlip) {
                                             {"", "run", 3U},
                                             {"rn", "run", 1U},
                                             {"rrun", "run", 1U},
-                                            {"rum", "run", 1U},
+                                            {"RUM", "run", 1U},
                                             {"rnu", "run", 1U},
                                             {"kitten", "sitting", 3U},
                                             {"ca", "abc", 3U}})  // no stretch is edited twice
