@@ -131,14 +131,9 @@ void withdraw(const std::string& reason, Diagnosis& d) {
 
 void judge_by(const Statements& s, bool by_name, Diagnosis& d) {
   d.statements = s;
-  const std::string probability = words_of_probability(s.anything), words = words_of(s);
-  d.verdict = Verdict::clean;
-  d.reason =
-      fmt::format("the probability that something is missing is {}, and a claim needs {}", probability, said_from);
-  if (s.anything < said_from) return;
-  d.verdict = by_name ? Verdict::extended : Verdict::unexplained;
-  d.reason = "something is missing with a probability of " + probability + (words.empty() ? "" : ": " + words);
-  if (!by_name) d.unexplained_pattern = words;
+  d.reason = reason_of(s);
+  d.verdict = s.anything < said_from ? Verdict::clean : by_name ? Verdict::extended : Verdict::unexplained;
+  if (d.verdict == Verdict::unexplained) d.unexplained_pattern = words_of(s);
 }
 
 void list_candidates(const Evidence& e, double duration_s, Diagnosis& d) {
@@ -306,11 +301,9 @@ class Diagnosing {
     if (!misfit.empty()) d_.reason += "; " + misfit;
     if (noise_is_of_pulses(d_.omnibus)) d_.reason += "; the accelerometers' pulses hide whether their noise is white";
     if (!d_.omnibus.passed()) {
-      const OmnibusTest& worst = *d_.omnibus.worst();
       d_.verdict = Verdict::unexplained;
-      d_.reason = fmt::format("{}: chi-square {:.1f} of {:.0f} ({}), expected by chance once in 10^{:.0f} recordings",
-                              worst.what, worst.chi_square, worst.degrees, worst.family, -worst.log10_p);
-      d_.unexplained_pattern = worst.what;
+      d_.reason = reason_of(d_.omnibus);
+      d_.unexplained_pattern = d_.omnibus.worst()->what;
       d_.statements.nodes.clear();  // probabilities are of the terms that there are, and there is something else
     }
     d_.why_not_trusted = d_.verdict == Verdict::unexplained ? d_.reason : "";

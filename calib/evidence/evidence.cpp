@@ -1,7 +1,5 @@
 #include "calib/evidence/evidence.h"
 
-#include <fmt/format.h>
-
 #include <cmath>
 #include <span>
 
@@ -223,15 +221,13 @@ std::string what_speaks_against(const CompressedRecording& recording, const Join
   JointResult fit = estimate;  // a parameter that it does not tell is held where it is: it may be known from elsewhere
   std::erase_if(fit.free, [&](int c) { return c < parameter_count && !estimate.determined[c]; });
   Evidence evidence = weigh_evidence(recording, fit);
-  if (evidence.statements.anything >= said_from) return words_of(evidence.statements);
+  if (evidence.statements.anything >= said_from) return reason_of(evidence.statements);
   if (!evidence.at_each_noise.empty()) {
     const AveragedEstimate average = average_over_models(evidence.at_each_noise, evidence.posterior, {});
     if (std::string off = hangs_on_a_name(average, evidence.columns); !off.empty()) return off;
   }
   test_innovations(recording, fit, evidence.omnibus);
-  if (evidence.omnibus.passed()) return {};
-  const OmnibusTest& worst = *evidence.omnibus.worst();
-  return fmt::format("{}, chi-square {:.1f} of {:.0f}", worst.what, worst.chi_square, worst.degrees);
+  return evidence.omnibus.passed() ? "" : reason_of(evidence.omnibus);
 }
 
 namespace {

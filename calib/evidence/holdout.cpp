@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "calib/joint/joint_estimate.h"
@@ -24,16 +23,12 @@ struct Sums {
 // `says_nothing`: the model is open there, and its innovations are not counted.
 void add(const CompressedRecording& recording, const std::vector<Innovation>& innovations, bool says_nothing,
          Sums& sums) {
-  std::size_t second = 0;
-  std::size_t previous = 0;
-  if (says_nothing) {
-    const double none = std::numeric_limits<double>::quiet_NaN();
-    sums.error.normalised.insert(sums.error.normalised.end(), innovations.size(), Eigen::Vector3d::Constant(none));
-    return;
-  }
+  std::vector<Eigen::Vector3d>& normalised = sums.error.normalised;
+  if (says_nothing) return normalised.resize(normalised.size() + innovations.size(), Eigen::Vector3d::Constant(NAN));
+  std::size_t second = 0, previous = 0;
   for (const Innovation& i : innovations) {
     sums.error.chi_square += i.normalised.squaredNorm();
-    sums.error.normalised.push_back(i.normalised);
+    normalised.push_back(i.normalised);
     sums.error.observations += 3;
     second = i.block > 0 && previous + 1 == i.block && recording.blocks[i.block - 1].whole_second ? second + 1 : 0;
     previous = i.block;
@@ -195,8 +190,7 @@ HoldoutError HoldoutGate::error(const JointResult& result, const NoiseModel& noi
     const bool says_nothing = part.number >= 0 && model_of.undetermined.size() > open_without(part.number, result);
     const JointResult model = in_the_fit ? model_of : model_on_holdout(recording, model_of, noise);
     FilterSetup setup = in_the_fit ? result.setup : model.setup;
-    if (in_the_fit) setup.noise = noise;
-    if (in_the_fit) setup.unobserved = part.left_out;
+    if (in_the_fit) setup.noise = noise, setup.unobserved = part.left_out;
     setup.with_columns = false;
     setup.keep_innovations = true;
     const FilterResult pass =

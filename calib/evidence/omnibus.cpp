@@ -44,6 +44,12 @@ double Omnibus::log10_limit() const {
   return std::log10(limits.family_wise / double(std::max<std::size_t>(1, tests.size())));
 }
 
+std::string reason_of(const Omnibus& omnibus) {
+  const OmnibusTest& worst = *omnibus.worst();
+  return fmt::format("{}: chi-square {:.1f} of {:.0f} ({}), expected by chance once in 10^{:.0f} recordings",
+                     worst.what, worst.chi_square, worst.degrees, worst.family, -worst.log10_p);
+}
+
 void add_test(OmnibusTest test, Omnibus& result) {
   if (!(test.degrees > 0.0)) return;
   test.log10_p = std::log10(std::max(chi_square_tail(test.chi_square, test.degrees), 1e-300)) + std::log10(test.tries);

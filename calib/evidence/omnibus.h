@@ -36,6 +36,8 @@ struct Omnibus {
   bool passed() const { return worst() == nullptr || worst()->log10_p > log10_limit(); }
 };
 
+// Of one that has not passed: its worst test.
+std::string reason_of(const Omnibus& omnibus);
 void add_test(OmnibusTest test, Omnibus& result);
 void test_pieces(const CompressedRecording& recording, const Pieces& pieces, const UnderNoise& system,
                  const WeighedModel& model, Omnibus& result);

@@ -65,4 +65,11 @@ std::string words_of(const Statements& statements) {
   return words;
 }
 
+std::string reason_of(const Statements& s) {
+  const std::string probability = words_of_probability(s.anything), words = words_of(s);
+  if (s.anything < said_from)
+    return fmt::format("the probability that something is missing is {}, and a claim needs {}", probability, said_from);
+  return "something is missing with a probability of " + probability + (words.empty() ? "" : ": " + words);
+}
+
 }  // namespace turncal

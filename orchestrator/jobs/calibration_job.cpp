@@ -167,8 +167,7 @@ std::string distrust_of(const CompressedRecording& recording, const JointResult&
   if (!result.whiteness.white && result.whiteness.level > 1.0) return result.whiteness.message;
   if (!test_fit) return "";
   if (std::string latitude = wrong_latitude(recording, result); !latitude.empty()) return latitude;
-  const std::string wrong = what_speaks_against(recording, result);
-  return wrong.empty() ? "" : "the model does not fit: " + wrong;
+  return what_speaks_against(recording, result);
 }
 
 // Why a recording leaves parameters open, as "expected slower turns, ...": data that no model fits take the noise so high that it hides the

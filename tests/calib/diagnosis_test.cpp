@@ -162,5 +162,11 @@ TEST(Diagnosis, OfRecordingsOfAnotherSimulator) {
   }
 }
 
+// What no branch carries is a reason, too: calibrate and diagnose distrust by the same text.
+TEST(Statements, HaveAReasonWhereNoBranchIsSaid) {
+  EXPECT_EQ(reason_of(Statements{.tested = true, .anything = 0.99, .nodes = {}}),
+            "something is missing with a probability of 0.99");
+}
+
 }  // namespace
 }  // namespace turncal
