@@ -21,7 +21,7 @@ double least(const std::function<double(double)>& f, double smallest, double lar
   double best = 0.0, best_value = f(0.0);
   for (int k = 0; k < points; ++k) {
     const double at = smallest * std::exp(k * step), value = f(at);
-    if (value < best_value) best = at, best_value = value;
+    if (value < best_value - 1e-6) best = at, best_value = value;  // less is rounding: the data say nothing of it
   }
   if (best == 0.0) return 0.0;
   const double golden = 0.5 * (std::sqrt(5.0) - 1.0);
@@ -82,22 +82,22 @@ double criterion(const ComponentData& data, double variance, const Eigen::Matrix
 }  // namespace
 
 UnitWeights::UnitWeights(const ComponentData& data, double unit_variance) : w_(data.v.cwiseInverse()) {
-  const Eigen::Index count = data.unit.size();
-  for (Eigen::Index i = 0; i < count;) {
+  double product = 1.0;  // of the factors of the determinant: one logarithm of many
+  for (Eigen::Index i = 0; i < w_.size();) {
     Unit unit{i, 0, 0.0};
     double sum = 0.0;
-    for (; i < count && data.unit[i] == data.unit[unit.first]; ++i) {
-      sum += w_[i];
-      if (w_[i] > 0.0) log_determinant_ -= std::log(w_[i]);
-    }
+    for (; i < w_.size() && data.unit[i] == data.unit[unit.first]; ++i) sum += w_[i];
     unit.count = i - unit.first;
-    unit.shrink = unit_variance / (1.0 + unit_variance * sum);
-    log_determinant_ += std::log1p(unit_variance * sum);
+    const double factor = 1.0 + unit_variance * sum;
+    unit.shrink = unit_variance / factor;
+    product *= factor;
+    if (product > 1e100) log_determinant_ += std::log(product), product = 1.0;
     if (unit.count > 1)
       units_.push_back(unit);
     else
       w_[unit.first] -= unit.shrink * sum * sum;
   }
+  log_determinant_ += std::log(product);
 }
 
 Eigen::MatrixXd UnitWeights::product(const Eigen::MatrixXd& X, const Eigen::MatrixXd& Y) const {

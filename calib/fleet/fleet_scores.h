@@ -36,7 +36,7 @@ struct UnitWeights {
   Eigen::MatrixXd product(const Eigen::MatrixXd& X, const Eigen::MatrixXd& Y) const;
   // Of X' V^-1 X.
   Eigen::VectorXd diagonal(const Eigen::MatrixXd& X) const;
-  double log_determinant() const { return log_determinant_; }
+  double log_determinant() const { return log_determinant_; }  // of V, less that of diag(v)
 
  private:
   struct Unit {  // of several recordings
