@@ -168,7 +168,7 @@ EnoughWatch::Look EnoughWatch::look(const RunUnit& unit, const Segments& without
   if (look.loaded && look.loaded->by_hand)  // its first rests: all angles are 0 so far
     look.output = Error{ErrorKind::unit_failed, "the table has not turned yet"};
   else
-    look.output = look.loaded ? calibrate_recording(*look.loaded, {}) : look.loaded.error();
+    look.output = look.loaded ? calibrate_recording(*look.loaded, {.test_fit = false}) : look.loaded.error();
   return look;
 }
 
@@ -225,11 +225,11 @@ KnownSoFar EnoughWatch::estimate(const RunUnit& unit, std::size_t done_items) {
   else if (const auto most = run_.station.limits.residual_max; most && output->fit->normalised_rms > *most)
     known.why_not =
         "residual " + significant(output->fit->normalised_rms, 3) + ", limit.residual_max " + significant(*most, 3);
-  else if (!is_trusted(output->file))
-    known.why_not = why_not_trusted(output->file);
   else if (const double s = so_far.loaded->recorded_s;
            s < least_diagnosed_s && !run_.request.no_diagnosis && length_s(0, end_item_) >= least_diagnosed_s)
     known.why_not = "too short for a diagnosis, " + format_duration(s) + " of " + format_duration(least_diagnosed_s);
+  else if (known.why_not = why_not_trusted(output->file); known.why_not.empty())
+    known.why_not = why_not_trusted(calibrate_recording(*so_far.loaded, {})->file);  // tested: as dear as the estimate
   if (worst && worst->needed > 0.0 && worst->ratio() > 1.0) {
     known.end = expected_end(known.sigmas, done_items, *output->fit, false);
     known.soonest = expected_end(known.sigmas, done_items, *output->fit, true);
