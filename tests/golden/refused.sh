@@ -4,6 +4,7 @@
 name=refused
 . ./begin.sh
 ln -s ../work/* .
+ln -sfn ../work/notes clean  # as clean, and short
 dry() { try run --dry-run --sequence "$demo" --unit "$@"; }
 mkdir empty
 printf 'letter' > letter.txt
