@@ -28,6 +28,15 @@
 
 namespace turncal {
 
+std::string distrust_of(const CompressedRecording& recording, const JointResult& result, bool test_fit) {
+  if (result.whiteness.level == 0.0) return "";  // too few seconds at rest
+  // Quieter than the noise model, correlated or not: its sigmas are too large, if anything.
+  if (!result.whiteness.white && result.whiteness.level > 1.0) return result.whiteness.message;
+  if (!test_fit) return "";
+  if (std::string latitude = wrong_latitude(recording, result); !latitude.empty()) return latitude;
+  return what_speaks_against(recording, result);
+}
+
 namespace {
 
 // Tells ChannelLife what the table turned, segment by segment.
@@ -160,16 +169,6 @@ std::string clipped_gyros(const CompressedRecording& recording) {
 
 constexpr std::string_view too_little_data = "too little data to test the fit";
 
-// What speaks against its sigmas; empty: nothing does, be it that there is too little to judge by.
-std::string distrust_of(const CompressedRecording& recording, const JointResult& result, bool test_fit) {
-  if (result.whiteness.level == 0.0) return "";  // too few seconds at rest
-  // Quieter than the noise model, correlated or not: its sigmas are too large, if anything.
-  if (!result.whiteness.white && result.whiteness.level > 1.0) return result.whiteness.message;
-  if (!test_fit) return "";
-  if (std::string latitude = wrong_latitude(recording, result); !latitude.empty()) return latitude;
-  return what_speaks_against(recording, result);
-}
-
 // Why a recording leaves parameters open, as "expected slower turns, ...": data that no model fits take the noise so high that it hides the
 // rest.
 std::string why_open(const CompressedRecording& recording, const JointResult& result) {
@@ -177,7 +176,7 @@ std::string why_open(const CompressedRecording& recording, const JointResult& re
     return "expected slower turns, " + clipped;
   if (const std::string wrong = wrong_latitude(recording, result); !wrong.empty())
     return "expected the site's latitude, " + wrong;
-  const std::string misfit = distrust_of(recording, result, true);
+  const std::string misfit = distrust_of(recording, result);
   return misfit.empty() ? "expected the steps that do" : misfit;
 }
 

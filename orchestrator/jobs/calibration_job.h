@@ -75,8 +75,7 @@ struct CalibrationOutput {
   std::optional<double> min_temperature_c, max_temperature_c;  // of the blocks of a few samples up to a second
   std::vector<std::string> notes;  // for the operator: what the data lacked, how the solution went
   std::optional<JointResult> fit;  // of the joint estimate: what a diagnosis begins with
-  std::string
-      distrust;  // what speaks against its sigmas; quality.trusted is false without it where there is too little to judge
+  std::string distrust;  // distrust_of(); the file is not trusted without it where there is too little to judge
 };
 
 // record.measured_utc, where the recording says it and the file does not.
@@ -92,6 +91,9 @@ Result<CalibrationOutput> calibrate_recording(const LoadedRecording& recording, 
 // One unit in several recordings (calib/joint/several_recordings.h): table data of one unit and one kind of increment, method joint.
 Result<CalibrationOutput> calibrate_recordings(const std::vector<LoadedRecording>& recordings,
                                                const CalibrationRequest& request);
+
+// What speaks against the sigmas of a joint estimate; empty: nothing, or too little to judge by. The lack-of-fit tests take as long as the estimate.
+std::string distrust_of(const CompressedRecording& recording, const JointResult& result, bool test_fit = true);
 
 // What they leave for the fleet: all recordings of `output`, the joint estimate of them. Nothing without such an estimate.
 std::optional<UnitStatistics> statistics_of(const std::vector<LoadedRecording>& recordings,

@@ -12,6 +12,7 @@
 #include "imu_io/base/text.h"
 #include "orchestrator/jobs/design/sequence_design.h"
 #include "orchestrator/jobs/preflight.h"
+#include "orchestrator/report/diagnosis_file.h"
 #include "orchestrator/station/number_text.h"
 #include "orchestrator/watch/progress.h"
 
@@ -138,7 +139,9 @@ double EnoughWatch::settling_left_s() const {
 KnownSoFar EnoughWatch::settle(const RunUnit& unit) {
   KnownSoFar known{.unit = unit.serial};
   const Look so_far = look(unit, {});
-  if (!so_far.output || !so_far.output->fit || so_far.loaded->recorded_s < least_diagnosed_s) return known;
+  if (!so_far.output || !undetermined_parameters(*so_far.output->fit).empty() ||
+      so_far.loaded->recorded_s < least_diagnosed_s)
+    return known;
   std::vector<NeededSigma> needed;
   if (run_.request.until_sigma)
     needed = needed_sigmas(so_far.output->file, run_.station.stop_sigma, run_.station.limits);
@@ -164,19 +167,16 @@ EnoughWatch::Look EnoughWatch::look(const RunUnit& unit, const Segments& without
   const Result<std::unique_ptr<RecordingSource>> source = RecordingSource::open(unit.file(partial_recording_name));
   if (!source) return {source.error(), source.error()};
   for (const Segment& take : without) (*source)->set_aside(take);
-  Look look{load_recording(**source, {}, {}, run_.verify_from), Error{}};
-  if (look.loaded && look.loaded->by_hand)  // its first rests: all angles are 0 so far
-    look.output = Error{ErrorKind::unit_failed, "the table has not turned yet"};
-  else
-    look.output = look.loaded ? calibrate_recording(*look.loaded, {.test_fit = false}) : look.loaded.error();
-  return look;
+  Result<LoadedRecording> loaded = load_recording(**source, {}, {}, run_.verify_from);
+  if (!loaded) return {loaded.error(), loaded.error()};
+  Result<CalibrationOutput> output = Error{ErrorKind::unit_failed, "the table has not turned yet"};
+  if (!loaded->by_hand)  // which it seems to be while all angles are 0
+    output = calibrate_recording(*loaded, {.partial = true, .test_fit = false});
+  return {std::move(loaded), std::move(output)};
 }
 
 bool EnoughWatch::disagrees(const Look& look) {
-  if (!look.loaded || look.loaded->by_hand) return false;
-  const CalibrationRequest in_part{.time_utc = "", .partial = true, .test_fit = false};  // it may leave some open
-  const Result<CalibrationOutput> partly = look.output ? look.output : calibrate_recording(*look.loaded, in_part);
-  return partly.ok() && last_rest_disagrees(look.loaded->data, *partly->fit);
+  return look.output.ok() && last_rest_disagrees(look.loaded->data, *look.output->fit);
 }
 
 // Of a dwell that was made more than once: the takes that disagree, if the last one does not when they are left out.
@@ -201,24 +201,24 @@ KnownSoFar EnoughWatch::estimate(const RunUnit& unit, std::size_t done_items) {
   while (dwells < done_items && run_.plan.items[done_items - 1 - dwells].kind == SequenceItem::Kind::dwell) ++dwells;
   const Segments takes = takes_of_last(so_far.loaded->data.segments, dwells);
   known.set_aside = to_set_aside(unit, takes);
-  if (!known.set_aside.empty()) {
+  if (!known.set_aside.empty())
     so_far = look(unit, known.set_aside);
-  } else if (std::ssize(takes) <= run_.station.dwell.max_repeats) {
-    known.again = disagrees(so_far);
-    if (known.again) known.why_not = "this dwell, or the turn before it, disagrees with the others";
-  }
+  else if (known.again = std::ssize(takes) <= run_.station.dwell.max_repeats && disagrees(so_far); known.again)
+    known.why_not = "this dwell, or the turn before it, disagrees with the others";
   const Result<CalibrationOutput>& output = so_far.output;
   if (!output) {
-    if (known.again) return known;
     known.why_not = output.error().message;
     const std::string& path = so_far.loaded->path;
     if (known.why_not.starts_with(path + ": ")) known.why_not.erase(0, path.size() + 2);
     return known;
   }
-  known.sigmas = needed_sigmas(output->file, run_.station.stop_sigma, run_.station.limits);
+  const std::string open = undetermined_parameters(*output->fit);
+  if (open.empty()) known.sigmas = needed_sigmas(output->file, run_.station.stop_sigma, run_.station.limits);
   const NeededSigma* const worst = known.worst();
   if (known.again) return known;
-  if (worst && worst->needed == 0.0)
+  if (!open.empty())
+    known.why_not = "this recording does not determine " + open;
+  else if (worst && worst->needed == 0.0)
     known.why_not = parameter_key(worst->parameter) + " is beyond its limit";
   else if (worst && worst->ratio() > 1.0)
     known.why_not = words_of(*worst);
@@ -229,7 +229,7 @@ KnownSoFar EnoughWatch::estimate(const RunUnit& unit, std::size_t done_items) {
            s < least_diagnosed_s && !run_.request.no_diagnosis && length_s(0, end_item_) >= least_diagnosed_s)
     known.why_not = "too short for a diagnosis, " + format_duration(s) + " of " + format_duration(least_diagnosed_s);
   else if (known.why_not = why_not_trusted(output->file); known.why_not.empty())
-    known.why_not = why_not_trusted(calibrate_recording(*so_far.loaded, {})->file);  // tested: as dear as the estimate
+    known.why_not = distrust_of(so_far.loaded->data, *output->fit);
   if (worst && worst->needed > 0.0 && worst->ratio() > 1.0) {
     known.end = expected_end(known.sigmas, done_items, *output->fit, false);
     known.soonest = expected_end(known.sigmas, done_items, *output->fit, true);

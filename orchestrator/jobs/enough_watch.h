@@ -67,7 +67,7 @@ class EnoughWatch {
   double settling_left_s() const;          // 0: nothing more is added
   struct Look {
     Result<LoadedRecording> loaded;
-    Result<CalibrationOutput> output;
+    Result<CalibrationOutput> output;  // it may leave parameters open, and its fit is not tested
   };
   Look look(const RunUnit& unit, const Segments& without) const;
   static bool disagrees(const Look& look);  // its last dwell, with the others

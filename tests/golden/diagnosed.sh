@@ -22,6 +22,7 @@ record() {
 }
 for k in 1 2; do record one$k "noise.seed = $k\n" forty_minutes.seq; done
 for k in 3 4; do record held$k "noise.seed = $k\n" holdout.seq; done
+for k in 1 2; do record short$k "noise.seed = $k\n" short_demo.seq; done
 record north 'site.latitude_deg = 60\n' short_demo.seq
 try diagnose one1 one2 --holdout held3 --holdout held4 --out together --verbose
 cat together/diagnosis.conf together/parameters.conf
@@ -29,10 +30,10 @@ try diagnose one1 one1 --out out
 try diagnose one1 one2 --holdout one2 --out out
 try diagnose one1 north --out out
 # A unit is not recorded twice at a time.
-for k in 1 2; do turncal export one$k --out text$k > said; done
+for k in 1 2; do turncal export short$k --out text$k > said; done
 began() { sed -i '/^started_utc/,$d' text"$1"/recording.conf; [ -z "$2" ] || echo "started_utc = $2" >> text"$1"/recording.conf; }
 began 1 2026-01-31T12:00:00Z
-began 2 2026-01-31T12:20:00Z
+began 2 2026-01-31T12:05:00Z
 try calibrate text1 text2 --out out
 try calibrate text2 text1 --out out
 began 2 2026-01-31T13:00:00Z

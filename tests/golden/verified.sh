@@ -5,8 +5,8 @@ name=verified
 { cat head.station; printf 'limit.heading_deg = 0.2\n'; } > plain.station
 station verifying 'verify.run = true\nrecord.database = rows.db\n'
 seek() { try run --dry-run --unit SN7 --no-diagnosis --station "$1.station" --out "$2" $3; }
-seek plain plain
-seek verifying v
+seek plain plain "--sequence $demo"
+seek verifying v "--sequence $demo"
 numbers() { grep -E '^(sigma\.)?[NAna][0-9]+ = ' "$1"; }
 numbers plain/parameters.conf > plain.numbers
 numbers v/parameters.conf | cmp - plain.numbers && echo "calibrated as without"
@@ -24,7 +24,7 @@ for parameters in closed/parameters.conf v/parameters.conf; do
 done
 cp whole v/verification.conf
 # Interrupted in the north seeking.
-TURNCAL_FAULT_POINT=1400 TURNCAL_FAULT_MODE=kill turncal run --dry-run --unit SN7 --no-diagnosis --station verifying.station --out killed
+TURNCAL_FAULT_POINT=2600 TURNCAL_FAULT_MODE=kill turncal run --dry-run --unit SN7 --no-diagnosis --sequence "$demo" --station verifying.station --out killed
 tail -n 3 killed/run.log
 try resume killed
 for file in parameters.conf verification.conf; do cmp killed/$file v/$file && echo "killed: the same $file"; done
@@ -32,5 +32,5 @@ for file in parameters.conf verification.conf; do cmp killed/$file v/$file && ec
 cp head.station paper.station
 seek paper paper --verify
 station strict 'limit.level_deg = 0.000001\nlimit.A01.max = 1\nrecord.store = kept\n'
-try run --dry-run --unit SN7 --station strict.station --out strict --verify
+try run --dry-run --unit SN7 --sequence "$demo" --station strict.station --out strict --verify
 made v killed paper strict
