@@ -155,15 +155,22 @@ class Program : public testing::Test {
     std::filesystem::create_directories(here.parent_path());
     std::filesystem::copy(first ? here : there, first ? there : here, std::filesystem::copy_options::recursive);
   }
-  // Of the short sequence the steps before `step`. Those before 5 determine everything, with every kind of write that fourteen have.
+  // Of the short sequence the steps before `step`. Those before 5 determine everything.
   std::string first_steps(const std::string& step) const {
     const std::string whole = file_text(short_demo);
     write("first_steps.seq", whole.substr(0, whole.find("step " + step)));
     return "first_steps.seq";
   }
-  // A dry run of these, three minutes long.
+  // A dry run of two steps, which determine everything, with every kind of write that fourteen have.
   Arguments quick_run(const std::string& out, const Arguments& more = {}, const std::string& unit = "SN1") const {
-    return Arguments{"run", "--dry-run", "--unit", unit, "--out", out, "--sequence", first_steps("5")} + more;
+    write(
+        "quick.seq",
+        "format = 1\nname = quick\nrate_degps = 30\nacceleration_degps2 = 60\n"
+        "step 1\n  initial H -90 P 0 R 0\n  align 1000\n  rotate P +180\n  dwell 1000\n  rotate P -180\n  dwell 1000\n"
+        "  rotate P -180\n  dwell 1000\n  rotate P +180\n"
+        "step 2\n  initial H -90 P 0 R -90\n  align 1000\n  rotate P +90\n  dwell 1000\n  rotate P -90\n  dwell 1000\n"
+        "  rotate P -90\n  dwell 1000\n  rotate P +90\n");
+    return Arguments{"run", "--dry-run", "--unit", unit, "--out", out, "--sequence", "quick.seq"} + more;
   }
   // With the library in front that strikes at call `point` (0: counts them into FOLDER.count); mode: kill, power or full.
   ProgramResult run_struck(const Arguments& arguments, long point, const char* mode) const {

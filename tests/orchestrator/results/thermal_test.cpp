@@ -1,9 +1,5 @@
 // `turncal thermal` on parameter files as calibrations leave them, and `apply` with what it writes.
-#include <gtest/gtest.h>
-
 #include <fmt/format.h>
-#include <cmath>
-#include <random>
 
 #include "calib/model/parameters.h"
 #include "tests/orchestrator/program.h"
@@ -110,9 +106,11 @@ class CampaignProgram : public Program {
  protected:
   void SetUp() override {
     Program::SetUp();
-    write(
-        "own.chamber",
-        "format = 1\nname = own\nlink.kind = rig\nlimits.low_c = -40\nlimits.high_c = 85\nlimits.ramp_c_per_min = 3\n");
+    for (const std::string name : {"own", "slow"})
+      write(name + ".chamber", "format = 1\nname = " + name +
+                                   "\nlink.kind = rig\nlimits.low_c = -40\nlimits.high_c = 85\n"
+                                   "limits.ramp_c_per_min = " +
+                                   (name == "own" ? "3\n" : "1.6\n"));
     write("own.station",
           station_head + "chamber.file = own.chamber\nchamber.limit_unit_c = 60\nchamber.settle_s = 60\n");
   }
@@ -123,15 +121,12 @@ TEST_F(CampaignProgram, LegsOnARampFindWhatGoesWithTheRate) {
   write("own.rig",
         "temperature.rise_c = 0\neffect.gyro_bias_temperature.x = 0.01\n"
         "effect.gyro_bias_temperature_rate.x = 0.02\n");
-  write(
-      "slow.chamber",
-      "format = 1\nname = slow\nlink.kind = rig\nlimits.low_c = -40\nlimits.high_c = 85\nlimits.ramp_c_per_min = 1\n");
   write("ramp.station", station_head +
                             "chamber.file = slow.chamber\nchamber.limit_unit_c = 60\nchamber.settle_s = 1\n" +
                             "chamber.band_c = 20\n");
   std::string legs = "temperatures_c = 10, 18, 26, 34, 26, 18, 43, 5, 42, 6\nrig = own.rig\n";
   for (const char* const leg : {"7", "8", "9", "10"}) legs += std::string("leg.") + leg + ".station = ramp.station\n";
-  write("own.campaign", "format = 1\nunit = SN1\nstation = own.station\nsequence = " + short_demo + "\n" + legs);
+  write("own.campaign", "format = 1\nunit = SN1\nstation = own.station\nsequence = " + first_steps("8") + "\n" + legs);
   const ProgramResult made = run("campaign own.campaign --out all --dry-run --no-diagnosis");
   ASSERT_EQ(made.code, 0) << made.err << made.out;
   const auto conf = entries(file_text(path("all/thermal.conf")));
