@@ -138,15 +138,13 @@ double EnoughWatch::settling_left_s() const {
 
 KnownSoFar EnoughWatch::settle(const RunUnit& unit) {
   KnownSoFar known{.unit = unit.serial};
-  const Look so_far = look(unit, {});
-  if (!so_far.output || !undetermined_parameters(*so_far.output->fit).empty() ||
-      so_far.loaded->recorded_s < least_diagnosed_s)
+  const Look now = look(unit, {});
+  if (!now.output || !undetermined_parameters(*now.output->fit).empty() || now.loaded->recorded_s < least_diagnosed_s)
     return known;
   std::vector<NeededSigma> needed;
-  if (run_.request.until_sigma)
-    needed = needed_sigmas(so_far.output->file, run_.station.stop_sigma, run_.station.limits);
-  known.settling = find_settling({.recording = so_far.loaded->data,
-                                  .base = *so_far.output->fit,
+  if (run_.request.until_sigma) needed = needed_sigmas(now.output->file, run_.station.stop_sigma, run_.station.limits);
+  known.settling = find_settling({.recording = now.loaded->data,
+                                  .base = *now.output->fit,
                                   .sequence = run_.sequence,
                                   .plan = run_.plan,
                                   .limits = plan_limits(run_.station, run_.sample_period_s()),
