@@ -103,7 +103,7 @@ class Module(unittest.TestCase):
 
     def test_errors_are_the_lines_of_the_program(self):
         pathlib.Path("level.seq").write_text("format = 1\nname = level\nrate_degps = 10\nacceleration_degps2 = 20\n"
-                                             "step 1\n  initial H 30 P 0 R 0\n  align 6000\n  dwell 6000\n")
+                                             "step 1\n  initial H 0 P 0 R 0\n  align 6000\n  rotate H +90\n  dwell 6000\n")
         program("run", "--dry-run", "--quiet", "--capture-only", "--unit", "SHORT", "--sequence", "level.seq", "--out", "short")
         short = turncal.load("short")
         for kind, arguments, call in [
