@@ -32,17 +32,19 @@ void divide(ErrorCell& cell) {
   for (const auto m : mean_numbers) cell.at.*m /= t;
 }
 
-// The table's angles half way through a block of a turn, as if it went evenly from rest to rest.
-BlockState with_table_angle(const CompressedRecording& recording, const Block& block, BlockState state) {
-  const Segment& to = recording.segments[block.segment];
-  const Segment& from = recording.segments[block.segment > 0 ? block.segment - 1 : 0];
-  const double length = double(std::max<std::int64_t>(1, to.end_sample - to.start_sample));
-  const double part =
-      std::clamp((double(block.start_sample - to.start_sample) + 0.5 * block.samples) / length, 0.0, 1.0);
-  const Vector3d before(from.heading_deg, from.pitch_deg, from.roll_deg),
-      after(to.heading_deg, to.pitch_deg, to.roll_deg);
-  state.table_rad = rad_per_deg * (before + part * (after - before));
-  return state;
+// In a turn the table's angles have come as far as the unit has turned half way through the block.
+void set_table_angles(const CompressedRecording& recording, const std::vector<FilterStep>& steps,
+                      std::vector<BlockState>& states) {
+  std::vector<double> whole(recording.segments.size(), 1e-9);
+  for (const FilterStep& step : steps) whole[recording.blocks[step.block].segment] += step.rotation.norm();
+  std::vector<double> left = whole;
+  for (const FilterStep& step : steps) {
+    const auto to = std::size_t(recording.blocks[step.block].segment);
+    const Vector3d from(angles_of(recording.segments[std::max<std::size_t>(to, 1) - 1]).value.data());
+    Vector3d& angle = states[step.block].table_rad;
+    angle += (left[to] - 0.5 * step.rotation.norm()) / whole[to] * (rad_per_deg * from - angle);
+    left[to] -= step.rotation.norm();
+  }
 }
 
 }  // namespace
@@ -72,13 +74,14 @@ void average_cells(const std::vector<BlockState>& states, Pieces& pieces) {
 }
 
 Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<FilterStep>& steps,
-                       const std::vector<BlockState>& states) {
+                       std::vector<BlockState> states) {
   Pieces result;
   result.cell_of_block.assign(recording.blocks.size(), -1);
   const double period = recording.info.sample_period_s;
   std::vector<ErrorCell> turn;                                   // parts since the last rest
   std::vector<std::pair<std::size_t, std::size_t>> turn_blocks;  // block, part
   std::vector<double> turned;
+  set_table_angles(recording, steps, states);
   bool at_rest = false;
   double rest_began_s = 0.0, epoch_began_s = 0.0, since_at_begin = 0.0;
   int epoch = 0;
@@ -102,7 +105,7 @@ Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<F
         part.fallen -= Ft * (part.pushed + 0.5 * now);
         part.pushed += now;
       }
-      add(with_table_angle(recording, block, state), turn.back());
+      add(state, turn.back());
       turned.back() += steps[k].rotation.norm();
       turn_blocks.emplace_back(index, turn.size() - 1);
       continue;

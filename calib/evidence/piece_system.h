@@ -69,7 +69,7 @@ void average_cells(const std::vector<BlockState>& states, Pieces& pieces);
 
 // `steps`, `states`: of the blocks, as one filter pass saw them (states.size() == recording.blocks.size() or fewer at the front).
 Pieces cut_into_pieces(const CompressedRecording& recording, const std::vector<FilterStep>& steps,
-                       const std::vector<BlockState>& states);
+                       std::vector<BlockState> states);
 
 // ---- their equations ----
 

@@ -144,11 +144,7 @@ void LinearMotion::effects_on(std::size_t index, BlockMotion& motion) {
   if (rotating) last_rotation_end_s_ = s.time_s + 0.5 * t;
   s.since_rotation_s = rotating ? 1e9 : s.time_s - last_rotation_end_s_;
   take_temperature(block, effects_.reference_temperature_c, s);
-  const Segment& segment = recording_.segments[block.segment];
-  const Segment& from = recording_.segments[rotating && block.segment > 0 ? block.segment - 1 : block.segment];
-  s.table_rad = 0.5 * rad_per_deg *
-                Vector3d(segment.heading_deg + from.heading_deg, segment.pitch_deg + from.pitch_deg,
-                         segment.roll_deg + from.roll_deg);
+  s.table_rad = rad_per_deg * Vector3d(angles_of(recording_.segments[block.segment]).value.data());
   effects_.regressors(s, regressors_);
   if (p_ > 0) {
     turned_ = regressors_.gyro.transpose();

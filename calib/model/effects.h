@@ -33,7 +33,7 @@ struct BlockState {
   double since_rotation_s = 0.0;                        // from the end of the last rotation; large before the first
   double temperature_c = 0.0;                           // minus the reference; 0 when not measured
   double temperature_rate_c_per_h = 0.0;                // dT/dt; 0 when not measured
-  Eigen::Vector3d table_rad = Eigen::Vector3d::Zero();  // commanded heading, pitch, roll (half way in a rotation)
+  Eigen::Vector3d table_rad = Eigen::Vector3d::Zero();  // commanded heading, pitch, roll at the end of its segment
   // Filled by make_effect_model(), from the blocks before: what followed f_b and temperature with the effect's time constant,
   // both taken as settled at the first sample, and the integral of w_b since then.
   Eigen::Vector3d turned_rad = Eigen::Vector3d::Zero();
