@@ -35,16 +35,8 @@ struct AddedReading {
   Eigen::Vector3d gyro_radps = Eigen::Vector3d::Zero();
   Eigen::Vector3d accel_mps2 = Eigen::Vector3d::Zero();
 };
-inline AddedReading to_gyro(int axis, double radps) {
-  AddedReading added;
-  added.gyro_radps[axis] = radps;
-  return added;
-}
-inline AddedReading to_accel(int axis, double mps2) {
-  AddedReading added;
-  added.accel_mps2[axis] = mps2;
-  return added;
-}
+inline AddedReading to_gyro(int axis, double radps) { return {.gyro_radps = radps * Eigen::Vector3d::Unit(axis)}; }
+inline AddedReading to_accel(int axis, double mps2) { return {.accel_mps2 = mps2 * Eigen::Vector3d::Unit(axis)}; }
 using Disturbance = std::function<AddedReading(const DisturbedMoment&)>;
 
 // Of one reading alone, in its unit; `value` of a moment.

@@ -109,16 +109,11 @@ void say_contradiction(const SeveralRecordings& apart, Diagnosis& d) {
 }  // namespace
 
 std::vector<EffectColumn> named_columns(const Evidence& e) {
-  std::vector<EffectColumn> columns;
   // A formula that is said is fitted though something else seems to be missing: the noise of a fit without it is not that of one with it.
   const bool said = std::ranges::any_of(
       e.statements.nodes, [](const auto& node) { return !node.formula.empty() && node.probability >= said_from; });
-  if (e.statements.anything < said_from || !(said || e.named.probability >= carried_by_names)) return columns;
-  for (std::size_t k = 0; k < e.named.columns.size(); ++k) {
-    columns.push_back(e.at_each_noise.front().table->effects[std::size_t(e.named.columns[k])]);
-    if (e.named.tau_s[k] > 0.0) columns.back().tau_s = e.named.tau_s[k];
-  }
-  return columns;
+  if (e.statements.anything < said_from || !(said || e.named.probability >= carried_by_names)) return {};
+  return e.named.columns;
 }
 
 void withdraw(const std::string& reason, Diagnosis& d) {
@@ -321,8 +316,7 @@ class Diagnosing {
   void hand_out(const Evidence& e, bool by_name, const JointResult& fit) {
     if (e.at_each_noise.empty()) return;
     const AveragedEstimate average =
-        average_over_models(e.at_each_noise, e.posterior, by_name ? e.named.columns : std::vector<int>{});
-    const TermTable& table = *e.at_each_noise.front().table;
+        average_over_models(e.at_each_noise, e.posterior, by_name ? e.named.columns : std::vector<EffectColumn>{});
     JointResult& r = d_.extended;
     const ParameterVector about = to_vector(fit.parameters);
     ParameterVector values = to_vector(r.parameters);
@@ -330,16 +324,11 @@ class Diagnosing {
     std::vector<Eigen::Index> place;  // of r.free in the average
     const auto p = Eigen::Index(e.columns.size());
     for (const int column : r.free) {
-      const auto at = std::ranges::find(e.columns, column);
-      if (at != e.columns.end()) {
-        place.push_back(at - e.columns.begin());
-        continue;
-      }
+      place.push_back(std::ranges::find(e.columns, column) - e.columns.begin());
+      if (place.back() < p) continue;
       const std::string key = r.effects[std::size_t(column - parameter_count)].column.key();
-      const auto of =
-          std::ranges::find_if(e.named.columns, [&](int c) { return table.effects[std::size_t(c)].key() == key; });
-      if (of == e.named.columns.end()) return;
-      place.push_back(p + (of - e.named.columns.begin()));
+      place.back() += std::ranges::find(e.named.columns, key, &EffectColumn::key) - e.named.columns.begin();
+      if (place.back() == average.shift.size()) return;
     }
     r.covariance = Eigen::MatrixXd(average.covariance(place, place)) + r.unseen_instability;
     d_.distrust(hangs_on_a_name(average, e.columns));
@@ -355,6 +344,7 @@ class Diagnosing {
       EstimatedEffect& effect = r.effects[std::size_t(column - parameter_count)];
       effect.value = place[i] < p ? effect.value + shift : shift;
       effect.sigma = sigma;
+      if (place[i] >= p) effect.column.tau_s = e.named.columns[std::size_t(place[i] - p)].tau_s;
     }
     r.parameters = from_vector(values);
     if (!by_name || recordings_.parts.size() > 1) return;

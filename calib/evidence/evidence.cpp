@@ -37,17 +37,29 @@ std::vector<Readings> readings_of(const EffectModel& effects, const Pieces& piec
   return readings;
 }
 
-std::vector<EffectColumn> columns_beside(const std::vector<EstimatedEffect>& effects,
-                                         std::vector<EffectColumn> columns) {
-  constexpr double finest = 0.005, coarsest = 0.3;
-  for (const EstimatedEffect& effect : effects) {
-    if (!(effect.column.tau_s > 0.0)) continue;
-    const double step = std::clamp(effect.sigma / std::abs(effect.value), finest, coarsest);
-    for (const double steps : {0.0, -4.0, -2.0, -1.0, 1.0, 2.0, 4.0}) {
-      columns.push_back(effect.column);
-      columns.back().tau_s *= std::exp(steps * step);
-    }
+std::vector<EffectColumn> columns_beside(const std::vector<EstimatedEffect>& effects, std::vector<EffectColumn> columns,
+                                         bool finer) {
+  constexpr double half_way = 0.5, quarter = 0.25, finest = 0.005, farthest = 0.3;
+  const auto acts_on = [](const EffectColumn& c) {
+    return std::tuple(c.entry->sensor, c.entry->quantity, c.entry->components[std::size_t(c.component)].front());
+  };
+  std::vector<EffectColumn> more;
+  for (EffectColumn c : columns) {
+    const auto next = std::ranges::upper_bound(c.entry->taus_s, c.tau_s);
+    if (next == c.entry->taus_s.end() || !finer) continue;
+    const bool beside = std::ranges::any_of(effects, [&](const auto& e) { return acts_on(e.column) == acts_on(c); });
+    const double step = std::pow(*next / c.tau_s, beside ? quarter : half_way);
+    while ((c.tau_s *= step) < 0.99 * *next) more.push_back(c);
   }
+  for (const auto& [fitted, value, sigma] : effects) {
+    if (!(fitted.tau_s > 0.0)) continue;
+    more.push_back(fitted);
+    for (double step = std::max(finest, sigma / std::abs(value)); step < farthest; step *= 2.0)
+      for (const double tau_s : {fitted.tau_s * std::exp(-step), fitted.tau_s * std::exp(step)})
+        more.push_back({fitted.entry, fitted.component, tau_s, fitted.recording});
+  }
+  std::ranges::stable_sort(more, {}, [](const EffectColumn& c) { return std::tuple(c.entry, c.recording, c.tau_s); });
+  columns.insert(columns.end(), more.begin(), more.end());
   return columns;
 }
 
@@ -156,9 +168,10 @@ void of_the_fit_alone(Evidence& e) {
 }  // namespace
 
 Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings,
-                        const std::vector<const CompressedRecording*>& held_out) {
+                        const std::vector<const CompressedRecording*>& held_out, bool something) {
   const Values taken_off = without_turn_ons(fit.effects);  // those of turn-on stay in the model
-  const std::vector<EffectColumn> effects = columns_beside(taken_off, catalogue_columns(recording.info, recordings));
+  const bool finer = something || !taken_off.empty();
+  const auto effects = columns_beside(taken_off, catalogue_columns(recording.info, recordings), finer);
   const auto readings = [&](const PiecewiseView& view) {
     return readings_of(make_effect_model(effects, {recording.info.latitude_deg}, fit.reference_temperature_c),
                        view.pieces, view.states);
@@ -210,6 +223,8 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
     result.at_each_noise.push_back(std::move(together));
   }
   conclude(posterior_of(models), taken_off, result);
+  if (!finer && result.statements.anything >= said_from)  // one at a time in memory
+    return result = {}, weigh_evidence(recording, fit, recordings, held_out, true);
   if (!held_out.empty()) of_the_fit_alone(result);
   const WeighedModel& best = result.posterior.models.front();
   const PiecewiseView& view = result.views[best.noise];

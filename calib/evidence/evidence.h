@@ -37,17 +37,17 @@ struct Evidence {
 // everything is linearised. What is missing may hide in a fitted bias instability, and an instability may look like something missing: models
 // are weighed with all of it and with none of it, where a wander is a term (terms.h).
 // `held_out`: recordings that the parameters were not fitted to. They have a say in the odds, and none in the values: terms and parameters are
-// common, but for the six biases and what goes with the time of one run.
+// common, but for the six biases and what goes with the time of one run. `something`: is missing, so time constants are taken finer.
 Evidence weigh_evidence(const CompressedRecording& recording, const JointResult& fit, int recordings = 1,
-                        const std::vector<const CompressedRecording*>& held_out = {});
+                        const std::vector<const CompressedRecording*>& held_out = {}, bool something = false);
 
 // For both kinds of recordings (rest_diagnosis.h). `effects`: of the fit, but for those of turn-on.
 // What one unit of each column adds to the readings of every cell: the mean over its blocks.
 std::vector<Readings> readings_of(const EffectModel& effects, const Pieces& pieces,
                                   const std::vector<BlockState>& states);
-// `columns`, and those of effects with time constants about those that are fitted, as far as a fit tells them.
-std::vector<EffectColumn> columns_beside(const std::vector<EstimatedEffect>& effects,
-                                         std::vector<EffectColumn> columns);
+// `columns`; `finer`: and time constants between theirs, more for what acts on the quantity of a fitted effect, dense about its own.
+std::vector<EffectColumn> columns_beside(const std::vector<EstimatedEffect>& effects, std::vector<EffectColumn> columns,
+                                         bool finer);
 // The effects were taken off in `system`: from here on they are in the data. Of each recording that is held out, the same with its own values.
 using Values = std::vector<EstimatedEffect>;
 void put_back(const Values& effects, const std::vector<Values>& held_out, const TermTable& table, PieceSystem& system);

@@ -403,7 +403,7 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   const auto branch = [&](const Term& t) { return Branch{t.what.sensor, t.what.quantity}; };
   std::map<Branch, double> any, by_name;
   std::vector<std::pair<std::set<std::string>, double>> held;  // keys of each model, and its probability
-  std::map<std::string, int> column_of;
+  std::map<std::string, EffectColumn> column_of;
   std::map<std::string, Branch> branch_of;
   std::map<std::string, std::pair<double, double>> log_tau;
   const auto term_of = [&](const WeighedModel& m, const ModelTerm& t) -> const Term& {
@@ -439,9 +439,8 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
         const EffectColumn& column = table.effects[std::size_t(c)];
         const std::string key = column.key();
         stands = keys.insert(key).second && stands;  // two time constants of one are no name
-        column_of[key] = c;
+        column_of[key] = column;
         branch_of[key] = branch(term);
-        if (!(column.tau_s > 0.0)) continue;
         log_tau[key].first += m.probability * std::log(column.tau_s);
         log_tau[key].second += m.probability;
       }
@@ -478,8 +477,8 @@ NamedEffects named_effects(const std::vector<UnderNoise>& under, const Posterior
   }
   for (const std::string& key : names) {
     result.columns.push_back(column_of[key]);
-    result.tau_s.push_back(log_tau.count(key) ? std::exp(log_tau[key].first / log_tau[key].second) : 0.0);
-    result.instead[std::string(table.effects[std::size_t(column_of[key])].entry->name)];
+    result.columns.back().tau_s = std::exp(log_tau[key].first / log_tau[key].second);  // none: exp(-inf)
+    result.instead[std::string(column_of[key].entry->name)];
   }
   for (const WeighedModel& m : posterior.models) {
     std::set<std::string> formulas;
@@ -525,18 +524,18 @@ double quantile(const std::vector<OfModel>& models, Eigen::Index i, double p) {
   return 0.5 * (low + high);
 }
 
-// Terms of the models that are averaged, side by side: Q and s of their coefficients, and what those do to [parameters, named values].
+// Q and s of the terms of averaged models, and what they do to [parameters over the recording, where named effects are zero, named values].
 class Coefficients {
  public:
-  Coefficients(const UnderNoise& under, const std::vector<int>& named)
+  Coefficients(const UnderNoise& under, const std::vector<EffectColumn>& named)
       : system_(*under.system), table_(*under.table), blocks_(under.blocks) {
-    for (const int c : named) named_.push_back(table_.effects[std::size_t(c)].key());
+    for (const EffectColumn& c : named) named_.push_back(c.key());
   }
   OfModel evaluate(const WeighedModel& model) {
-    const Eigen::Index p = system_.covariance().rows(), n = p + Eigen::Index(named_.size());
+    const Eigen::Index p = system_.covariance().rows(), n = 2 * p + Eigen::Index(named_.size());
     OfModel result = {model.probability, VectorXd::Zero(n), MatrixXd::Zero(n, n)};
-    result.mean.head(p) = system_.fit_shift();
-    result.covariance.topLeftCorner(p, p) = system_.covariance();
+    result.mean.head(2 * p) = system_.fit_shift().replicate(2, 1);
+    result.covariance.topLeftCorner(2 * p, 2 * p) = system_.covariance().replicate(2, 2);
     if (model.terms.empty()) return result;
     const Solution of = solve(model);
     const MatrixXd effect = beside(of.columns, &Part::effect, n), half = of.llt.matrixL().solve(effect.transpose());
@@ -623,8 +622,8 @@ class Coefficients {
     part.s = C.products(system_.scores().transpose()).transpose();
     part.information = system_.blocks({C}).front().Q;
     const MatrixXd shift = system_.shift(x);
-    part.effect = MatrixXd::Zero(shift.rows() + Eigen::Index(named_.size()), shift.cols());
-    part.effect.topRows(shift.rows()) = shift;
+    part.effect = MatrixXd::Zero(2 * shift.rows() + Eigen::Index(named_.size()), shift.cols());
+    part.effect.topRows(2 * shift.rows()) = shift.replicate(2, 1);
     parts_.push_back(std::move(part));
   }
   std::size_t place_of(int number) {
@@ -635,17 +634,19 @@ class Coefficients {
     part.x = table_.bases[term.basis].times(term.L, system_.coordinates()).sparseView();
     part.s = term.L.transpose() * blocks_[term.basis].s;
     part.information = term.L.transpose() * blocks_[term.basis].Q * term.L;
-    MatrixXd shift = blocks_[term.basis].shift;
-    if (term.about_mean) shift += table_.taken_up[term.basis];
+    const MatrixXd& shift = blocks_[term.basis].shift;
+    MatrixXd taken_up = double(term.about_mean) * table_.taken_up[term.basis];
     const Eigen::Index p = shift.rows();
-    part.effect = MatrixXd::Zero(p + Eigen::Index(named_.size()), term.L.cols());
-    part.effect.topRows(p) = shift * term.L;
+    part.effect = MatrixXd::Zero(2 * p + Eigen::Index(named_.size()), term.L.cols());
+    part.effect.topRows(p) = (shift + taken_up) * term.L;
     for (const int c : term.columns) {
-      const EffectColumn& column = table_.effects[std::size_t(c)];
-      const auto at = std::ranges::find(named_, column.key());
-      if (at != named_.end())
-        part.effect.row(p + (at - named_.begin())) = term.L.row(table_.column_of_effect[std::size_t(c)]);
+      const int at = table_.column_of_effect[std::size_t(c)];
+      const auto name = std::ranges::find(named_, table_.effects[std::size_t(c)].key());
+      if (name == named_.end()) continue;
+      taken_up.col(at).setZero();
+      part.effect.row(2 * p + (name - named_.begin())) = term.L.row(at);
     }
+    part.effect.middleRows(p, p) = (shift + taken_up) * term.L;
     parts_.push_back(std::move(part));
     return parts_.size() - 1;
   }
@@ -701,25 +702,14 @@ Explained explained_by(const UnderNoise& under, const WeighedModel& model) {
 }
 
 AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const Posterior& posterior,
-                                     const std::vector<int>& named) {
-  const TermTable& table = *under.front().table;
+                                     const std::vector<EffectColumn>& named) {
   const Eigen::Index p = under.front().system->covariance().rows(), n = p + Eigen::Index(named.size());
-  // In a model a parameter is what it is over the whole recording; where the named effects are zero it is less by what it has of them there,
-  // which is nothing in a model without them.
-  MatrixXd beside = MatrixXd::Identity(n, n);
-  for (std::size_t k = 0; k < named.size(); ++k) {
-    const auto column = std::size_t(named[k]);
-    beside.col(p + Eigen::Index(k)).head(p) =
-        -table.taken_up[table.basis_of_effect[column]].col(table.column_of_effect[column]);
-  }
   std::vector<Coefficients> coefficients;
   for (const UnderNoise& one : under) coefficients.emplace_back(one, named);
-  std::vector<OfModel> whole, all, with_names;
+  std::vector<OfModel> all, with_names;
   for (std::size_t k = 0; k < averaged_models(posterior); ++k) {
     const WeighedModel& m = posterior.models[k];
-    whole.push_back(coefficients[m.noise].evaluate(m));
-    const OfModel& of = whole.back();
-    all.push_back({of.probability, beside * of.mean, beside * of.covariance * beside.transpose()});
+    all.push_back(coefficients[m.noise].evaluate(m));
     if (coefficients[m.noise].holds_names(m)) with_names.push_back(all.back());
   }
   if (with_names.empty()) with_names = all;
@@ -727,26 +717,26 @@ AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const
   double weight = 0.0;
   VectorXd mean = VectorXd::Zero(n);
   for (const OfModel& m : with_names) {
-    mean += m.probability * m.mean;
+    mean += m.probability * m.mean.tail(n);
     weight += m.probability;
   }
   mean /= weight;
   MatrixXd covariance = MatrixXd::Zero(n, n);
-  for (const OfModel& m : with_names)
-    covariance += m.probability / weight * (m.covariance + (m.mean - mean) * (m.mean - mean).transpose());
+  for (const OfModel& m : with_names) {
+    const VectorXd off = m.mean.tail(n) - mean;
+    covariance += m.probability / weight * (m.covariance.bottomRightCorner(n, n) + off * off.transpose());
+  }
   constexpr double one_sigma = 0.15865525393145707;
-  estimate.shift.resize(n);
-  estimate.sigma.resize(n);
-  estimate.taken_up.resize(p);
-  estimate.far_off.resize(p);
+  estimate.shift = estimate.sigma = VectorXd(n);
+  estimate.taken_up = estimate.far_off = VectorXd(p);
   for (Eigen::Index i = 0; i < n; ++i) {
     const std::vector<OfModel>& of = i < p ? all : with_names;
-    estimate.shift[i] = quantile(of, i, 0.5);
-    estimate.sigma[i] = 0.5 * (quantile(of, i, 1.0 - one_sigma) - quantile(of, i, one_sigma));
+    estimate.shift[i] = quantile(of, p + i, 0.5);
+    estimate.sigma[i] = 0.5 * (quantile(of, p + i, 1.0 - one_sigma) - quantile(of, p + i, one_sigma));
     if (i >= p) continue;
-    estimate.taken_up[i] = quantile(whole, i, 0.5) - estimate.shift[i];
+    estimate.taken_up[i] = quantile(all, i, 0.5) - estimate.shift[i];
     const double far = far_sigmas * estimate.sigma[i];
-    estimate.far_off[i] = 1.0 - below(all, i, estimate.shift[i] + far) + below(all, i, estimate.shift[i] - far);
+    estimate.far_off[i] = 1.0 - below(all, p + i, estimate.shift[i] + far) + below(all, p + i, estimate.shift[i] - far);
   }
   const VectorXd scale = estimate.sigma.cwiseQuotient(covariance.diagonal().cwiseMax(1e-300).cwiseSqrt());
   estimate.covariance = scale.asDiagonal() * covariance * scale.asDiagonal();

@@ -65,11 +65,10 @@ Explained explained_by(const UnderNoise& under, const WeighedModel& model);
 // Names carry what is missing where it is more likely than not that nothing else is.
 inline constexpr double carried_by_names = 0.5;
 
-// Columns of effects (TermTable::effects) that stand for all that is missing, and what the recording cannot tell from them.
+// Effects that stand for all that is missing, and what the recording cannot tell from them.
 struct NamedEffects {
-  std::vector<int> columns;
-  std::vector<double> tau_s;  // of each: the mean over its variants, by their probability
-  double probability = 0.0;   // that nothing else is missing but for what is said by other names of the same branch
+  std::vector<EffectColumn> columns;  // their time constants are means over the variants, by their probability
+  double probability = 0.0;  // that nothing else is missing but for what is said by other names of the same branch
   // Of the name of each effect: other formulas that models without it hold, with the probability of those.
   std::map<std::string, std::map<std::string, double>> instead;
 };
@@ -77,7 +76,7 @@ struct NamedEffects {
 NamedEffects named_effects(const std::vector<UnderNoise>& all, const Posterior& posterior,
                            const std::vector<std::string>& fitted = {});
 
-// Of the parameters where the named effects are zero, from the fit, and after them the values of `named` columns. Of the mixture over the models
+// Of the parameters where the named effects are zero, from the fit, and after them the values of the `named` effects. Of the mixture over the models
 // the median and half of the central 68 % are taken, and the correlations. In a model without a named effect the parameter is what it is over the
 // whole recording: with a name that is in doubt it hangs on the name, and its sigma says so. Values are those of models with all names.
 struct AveragedEstimate {
@@ -90,6 +89,6 @@ inline constexpr double far_sigmas = 4.5;
 // "a33 is off by more than 4.5 sigma with a probability of 0.06"; empty: no parameter is, with 95 % and more. `columns`: of the averages.
 std::string hangs_on_a_name(const AveragedEstimate& estimate, const std::vector<int>& columns);
 AveragedEstimate average_over_models(const std::vector<UnderNoise>& under, const Posterior& posterior,
-                                     const std::vector<int>& named);
+                                     const std::vector<EffectColumn>& named);
 
 }  // namespace turncal

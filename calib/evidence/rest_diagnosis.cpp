@@ -155,7 +155,7 @@ Evidence weigh_rests(const RestData& data, const RestFit& fit, const std::vector
   // The heading is open: of what goes with directions of the Earth its rate about the vertical alone is felt.
   std::erase_if(catalogue, [](const EffectColumn& c) { return c.entry->driver == Driver::field; });
   catalogue.push_back(vertical_earth_rate());
-  catalogue = columns_beside(effects, std::move(catalogue));
+  catalogue = columns_beside(effects, std::move(catalogue), !effects.empty());
   const EffectModel of_fit = rest_effects(data, effects);
   PiecewiseView first;
   first.columns.assign(free_parameters().begin(), free_parameters().end());
@@ -299,11 +299,13 @@ class DiagnosingRests {
   }
   // Poses that are taken in a regular order change with time, so a name stands where what drives it is said.
   static std::vector<EffectColumn> names_of(const Evidence& e) {
-    std::vector<EffectColumn> named = named_columns(e);
-    for (const int column : e.named.columns)
-      for (const Term& term : e.at_each_noise.front().table->terms)
-        if (term.columns == std::vector<int>{column} && !said_driver(e.statements, term.what)) return {};
-    return named;
+    const TermTable& table = *e.at_each_noise.front().table;
+    const auto is_named = [&](int c) {
+      return std::ranges::count(e.named.columns, table.effects[std::size_t(c)].key(), &EffectColumn::key) > 0;
+    };
+    for (const Term& term : table.terms)
+      if (std::ranges::any_of(term.columns, is_named) && !said_driver(e.statements, term.what)) return {};
+    return named_columns(e);
   }
   Evidence weigh(const RestFit& fit, const std::vector<EstimatedEffect>& effects) const {
     return weigh_rests(data_, fit, effects, r_.base.floors, r_.accel_not_tested.empty());
@@ -337,8 +339,8 @@ class DiagnosingRests {
 
   // The averages, about `fit`, in the place of the final model's own.
   void hand_out(const Evidence& e, const RestFit& fit, std::vector<EstimatedEffect>& effects) {
-    const AveragedEstimate average =
-        average_over_models(e.at_each_noise, e.posterior, effects.empty() ? std::vector<int>{} : e.named.columns);
+    const AveragedEstimate average = average_over_models(
+        e.at_each_noise, e.posterior, effects.empty() ? std::vector<EffectColumn>{} : e.named.columns);
     d_.distrust(hangs_on_a_name(average, e.columns));
     ParameterVector values = to_vector(fit.parameters);
     Eigen::Index k = 0;
@@ -350,6 +352,7 @@ class DiagnosingRests {
     for (EstimatedEffect& effect : effects) {
       effect.value = average.shift[k];
       effect.sigma = average.sigma[k++];
+      effect.column.tau_s = e.named.columns[std::size_t(&effect - effects.data())].tau_s;
       r_.final.effect_values[&effect - effects.data()] = effect.value;
     }
   }

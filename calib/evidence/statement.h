@@ -34,7 +34,6 @@ bool is_below(const Statement& node, const Statement& other);  // `other` below 
 std::string words_of_probability(double probability);
 // "the bias of accelerometer y depends on the specific force (0.98), perhaps by accel_second_order (0.91)": what is said, and by which formulas.
 std::string words_of(const Statements& statements);
-// How probable it is that something is missing, and those words.
 std::string reason_of(const Statements& statements);
 
 }  // namespace turncal

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <functional>
 #include <map>
+#include <set>
 
 #include "calib/model/attitude.h"
 #include "calib/statistics/numerics.h"
@@ -568,10 +569,9 @@ class Table {
     double all = 0.0;
     std::map<std::pair<std::size_t, int>, std::vector<int>> rows;  // of a basis, by sensor
     for (std::size_t k = 0; k < table.effects.size(); ++k) {
-      const EffectEntry& entry = *table.effects[k].entry;
-      const double variants = double(std::max<std::size_t>(1, entry.taus_s.size()));
+      const EffectColumn& effect = table.effects[k];
       if (!is_seen(under, k)) continue;
-      groups.push_back({{int(k)}, entry.share / variants});
+      groups.push_back({{int(k)}, effect.entry->share * part_of_tau(table.effects, effect)});
       rows[{table.basis_of_effect[k], axis_of(table.effects[k])}].push_back(int(k));
     }
     for (const auto& [of, columns] : rows)
@@ -601,19 +601,27 @@ class Table {
         widest = std::max(widest, sigma);
       }
       const double cap = largest_size * usual_of(*first.entry) / widest;
-      const auto n = Eigen::Index(effect_sizes.size());
-      term.variance.resize(n);
-      for (Eigen::Index k = 0; k < n; ++k) term.variance[k] = std::pow(std::min(effect_sizes[std::size_t(k)], cap), 2);
-      term.log_prior.setConstant(n, std::log(prior_effects * g.share / all / double(n)));
+      const Eigen::Map<const VectorXd> sizes(effect_sizes.data(), std::ssize(effect_sizes));
+      term.variance = sizes.cwiseMin(cap).cwiseAbs2();
+      term.log_prior.setConstant(sizes.size(), std::log(prior_effects * g.share / all / double(sizes.size())));
       table.terms.push_back(std::move(term));
     }
   }
 
+  // Of its effect's prior, which is log-uniform over the time constants, one has half of the way to its neighbours.
+  static double part_of_tau(const std::vector<EffectColumn>& effects, const EffectColumn& of) {
+    std::multiset<double> taus;
+    for (const EffectColumn& c : effects)
+      if (c.entry == of.entry && c.component == of.component && c.recording == of.recording) taus.insert(c.tau_s);
+    if (taus.size() == 1) return 1.0;
+    const auto [first, behind] = taus.equal_range(of.tau_s);
+    const double below = *(first == taus.begin() ? first : std::prev(first)), longest = *taus.rbegin();
+    const double above = behind == taus.end() ? longest : *behind;
+    return 0.5 * std::log(above / below) / std::log(longest / *taus.begin()) / double(std::distance(first, behind));
+  }
   static int axis_of(const EffectColumn& c) {
-    const std::string_view component = c.entry->components[std::size_t(c.component)];
-    const std::size_t axis = std::string_view("xyz").find(component.front());
-    return c.entry->sensor == Sensor::earth_rate || axis == std::string_view::npos || component == "period" ? -1
-                                                                                                            : int(axis);
+    const std::size_t axis = std::string_view("xyz").find(c.entry->components[std::size_t(c.component)].front());
+    return axis == std::string_view::npos ? -1 : int(axis);
   }
   // In the unit of the effect; of a drift in a short run what adds up to it there.
   double usual_of(const EffectEntry& entry) const {

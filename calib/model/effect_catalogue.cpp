@@ -48,10 +48,9 @@ Vector3d relaxation(State s, double tau) {
 }
 Vector3d rate_size(State s, double) { return s.w_b.cwiseAbs(); }
 Vector3d rate_nonlinearity(State s, double) { return s.w_b.cwiseAbs().cwiseProduct(s.w_b) / (10.0 * rad_per_deg); }
+Vector3d rate_cube(State s, double) { return s.w_b.array().cube() / std::pow(10.0 * rad_per_deg, 2); }
 
-void diagonal(Out out, const Vector3d& value) {
-  for (int k = 0; k < 3; ++k) out(k, k) = value[k];
-}
+void diagonal(Out out, const Vector3d& value) { out.leftCols<3>().diagonal() = value; }
 template <PerAxis value>
 void of_gyros(State s, const Site&, double tau, Out g, Out) {
   diagonal(g, value(s, tau));
@@ -63,8 +62,7 @@ void of_accels(State s, const Site&, double tau, Out, Out a) {
 
 // Full matrix: component 3 i + j puts value_j on axis i.
 void full(Out out, const Vector3d& value) {
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) out(i, 3 * i + j) = value[j];
+  for (int i = 0; i < 3; ++i) out.block<1, 3>(i, 3 * i) = value.transpose();
 }
 void cross_coupling(State s, const Site&, double, Out, Out a) {
   const Vector3d f = in_g(s);
@@ -84,10 +82,7 @@ void magnetic(State s, const Site& site, double, Out g, Out) {
 // E_ij f_j turns the gyro triad about axis i: e_i x w f_j
 void flexure(State s, const Site&, double, Out g, Out) {
   const Vector3d f = in_g(s);
-  for (int i = 0; i < 3; ++i) {
-    const Vector3d turn = Vector3d::Unit(i).cross(s.w_b);
-    for (int j = 0; j < 3; ++j) g.col(3 * i + j) = turn * f[j];
-  }
+  for (int i = 0; i < 3; ++i) g.middleCols<3>(3 * i) = Vector3d::Unit(i).cross(s.w_b) * f.transpose();
 }
 void g_squared(State s, const Site&, double, Out g, Out) {
   const Vector3d f = in_g(s);
@@ -122,7 +117,6 @@ using Taus = std::vector<double>;
 
 std::vector<EffectEntry> make_catalogue() {
   constexpr Sensor gyro = Sensor::gyro, accel = Sensor::accelerometer;
-  constexpr double few_units = 0.02;  // a kind of sensor that few units on such a table have
   const Names xyz = {"x", "y", "z"};
   const Names nine = {"xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz"};
   const Names products = {"x_xy", "x_xz", "x_yz", "y_xy", "y_xz", "y_yz", "z_xy", "z_xz", "z_yz"};
@@ -130,12 +124,12 @@ std::vector<EffectEntry> make_catalogue() {
                          "y_xy", "y_xz", "y_yz", "z_xx", "z_yy", "z_zz", "z_xy", "z_xz", "z_yz"};
   const Names waves = {"x_cos", "x_sin", "y_cos", "y_sin", "z_cos", "z_sin"};
   const Names earth_axes = {"north", "up"}, period = {"period"}, tau = {"tau"};
-  const Names and_all = {"x", "y", "z",
-                         "all"};  // all: three gyros of a kind, which else an error of the earth rate imitates
+  const Names and_all = {"x", "y", "z", "all"};  // all: gyros of a kind, which else an error of the earth rate imitates
   const Names arms = {"x_rx", "x_ry", "x_rz", "y_rx", "y_ry", "y_rz", "z_rx", "z_ry", "z_rz"};
-  const Taus warm_up_taus_s = {60.0, 120.0, 240.0, 480.0, 960.0, 1920.0}, scale_warm_up_taus_s = {240.0, 960.0, 1920.0};
+  const Taus warm_up_taus_s = {60.0, 120.0, 240.0, 480.0, 960.0, 1920.0, 3840.0, 7680.0, 30720.0};
+  const Taus scale_warm_up_taus_s = {240.0, 960.0, 1920.0, 7680.0};  // to where an exponential is a drift
   const Taus creep_taus_s = {60.0, 150.0, 400.0, 1000.0}, relaxation_taus_s = {2.0, 5.0, 12.0};
-  const Taus lag_taus_s = {300.0, 1200.0}, lock_in_rates_degph = {2.0, 5.0, 12.0};
+  const Taus lag_taus_s = {150.0, 300.0, 1200.0, 4800.0}, lock_in_rates_degph = {2.0, 5.0, 12.0};
   std::vector<EffectEntry> rows = {
       {"accel_second_order", accel, Quantity::bias, Driver::force, "second-order nonlinearity K2 (IEEE 1293)",
        "K2 f_i^2", "ug/g^2", xyz, micro_g,
@@ -190,6 +184,9 @@ std::vector<EffectEntry> make_catalogue() {
       {"gyro_rate_nonlinearity", gyro, Quantity::scale_factor, Driver::rate, "scale factor nonlinearity (IEEE 647)",
        "c abs(w_i) w_i / (10 deg/s)", "ppm", xyz, 1e-6,
        "different rates (2, 10, 40 deg/s); a single rate aliases the scale factor", of_gyros<rate_nonlinearity>},
+      {"gyro_rate_third_order", gyro, Quantity::scale_factor, Driver::rate,
+       "third-order nonlinearity of scale factor (IEEE 647)", "c w_i^3 / (10 deg/s)^2", "ppm", xyz, 1e-6,
+       "three rates and more (2, 10, 40 deg/s)", of_gyros<rate_cube>},
       {"gyro_bias_temperature", gyro, Quantity::bias, Driver::temperature,
        "temperature coefficient of bias (IEEE 647, 952)", "c (T - T_ref)", "deg/h/C", xyz, radps_per_degph,
        "recorded temperature that changes", of_gyros<bias<temperature>>},
@@ -239,7 +236,7 @@ std::vector<EffectEntry> make_catalogue() {
   for (EffectEntry& row : rows) {
     row.of_one_run = row.driver == Driver::time || row.driver == Driver::angle;
     row.needs_temperature = row.driver == Driver::temperature;
-    if (row.driver == Driver::angle) row.share = few_units;
+    if (row.driver == Driver::angle) row.share = 0.02;  // a kind of sensor that few units on such a table have
   }
   return rows;
 }

@@ -2,8 +2,8 @@
 //
 // An entry says what one unit of each component adds to the calibrated reading, in the units of
 // docs/diagnosis.md. Names follow IEEE 1293 (accelerometer model), 647 (ring laser gyros) and 952.
-// Effects with a time constant that is not known beforehand appear once a value of tau from a short list ("variants": the
-// score decides between them, and they count as one effect).
+// Effects with a time constant that is not known beforehand appear once a value of tau from a list ("variants": the
+// evidence decides between them, and they count as one effect).
 // A component with value p adds p * rate_b (rad/s) to the gyros and p * force_b (m/s^2) to the accelerometers; the model takes it off
 // again: corrected = calibrated - p * regressor.
 #pragma once

@@ -67,6 +67,8 @@ TEST(EffectCatalogue, EachRowFindsWhatAnotherFormulaAdded) {
        on_accel(0, [=](const DisturbedMoment& m) { return ug * m.force_g[0] * faded(m); })},
       {"accel_scale_drift", 1, 0.0, 8.0,
        on_accel(1, [](const DisturbedMoment& m) { return ug * m.force_g[1] * m.time_s / 3600.0; })},
+      {"gyro_rate_third_order", 2, 0.0, 400.0,
+       on_gyro(2, [](const DisturbedMoment& m) { return 32.828e-6 * std::pow(m.rate_radps[2], 3.0); })},
       {"gyro_wave_angle", 5, 0.0, 0.05, wave(2)},
       {"accel_creep", 1, 150.0, 20.0, accel_creep(1, 1.0, 150.0)},
       {"accel_rectification", 2, 0.0, 150.0,

@@ -52,14 +52,14 @@ TEST(JointFilter, JacobianAgreesWithDifferences) {
   int looked_at = 0;
   for (Eigen::Index k = 0; k < n; ++k) {
     if (!excited(k)) continue;
-    const double h = sigma[k];
+    const double h = 0.5 * sigma[k];
     const Eigen::VectorXd step = h * Eigen::VectorXd::Unit(n, k);
     const double plus = filtered(place + step, false).chi_square, minus = filtered(place - step, false).chi_square;
     const std::string name(k < parameter_count ? std::string(parameter_keys[std::size_t(k)])
                                                : columns[std::size_t(k - parameter_count)].key());
     // In units in which the information of each column is 1.
-    EXPECT_NEAR((plus - minus) / 4.0, here.gradient[k] * h, 2e-3 * std::sqrt(here.chi_square)) << name;
-    EXPECT_NEAR((plus - 2.0 * centre + minus) / 2.0, here.information(k, k) * h * h, 0.02) << name;
+    EXPECT_NEAR((plus - minus) / 2.0, here.gradient[k] * sigma[k], 2e-3 * std::sqrt(here.chi_square)) << name;
+    EXPECT_NEAR((plus - 2.0 * centre + minus) / 0.5, here.information(k, k) * sigma[k] * sigma[k], 0.02) << name;
     ++looked_at;
   }
   EXPECT_GT(looked_at, 24 + 60);
