@@ -365,7 +365,7 @@ Result<Sequence> read_sequence(const std::string& path) {
   if (!path_exists(file))
     return input_error(path + ": there is no such file, and no sequence of turncal has this name: expected a sequence");
   TRY(expect_file(file, FileKind::sequence));
-  return parse_sequence(TRY(read_whole_file(file, largest_file_bytes)), path);
+  return parse_sequence(TRY(read_whole_file(file, largest_file_bytes)), file);
 }
 
 void append_steps(const Sequence& more, Sequence& sequence) {

@@ -38,8 +38,7 @@ Status check_space(const RunPlan& run, const std::string& path) {
 }
 
 Status check_names(const std::string& path) {
-  std::error_code error;
-  const std::filesystem::path whole = std::filesystem::absolute(path, error);
+  const std::filesystem::path whole = std::filesystem::absolute(path);
   for (const std::filesystem::path& part : whole)
     if (part.string().size() > NAME_MAX)
       return input_error("'{}': {} bytes: expected a name of at most {}", part.string(), part.string().size(),

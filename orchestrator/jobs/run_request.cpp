@@ -29,9 +29,7 @@ namespace {
 // The text of a file, or of what is built in: then only the version says what it was.
 Result<std::string> text_of(std::string& path, const std::string& built_in) {
   if (path.empty()) return built_in;
-  std::error_code error;
-  const std::filesystem::path absolute = std::filesystem::absolute(path, error);
-  if (!error) path = absolute.lexically_normal().string();
+  path = std::filesystem::absolute(path).lexically_normal().string();
   return read_whole_file(path);
 }
 
@@ -302,6 +300,8 @@ Result<RunPlan> plan_run(const RunRequest& request) {
         "--unit: {} units: expected at most {}{}", wanted.units.size(), places(run),
         wanted.dry_run ? " in a dry run" : ", as station '" + run.station.name + "' has places (imu.2.device ...)");
 
+  if (!wanted.sequence.empty() && wanted.sequence != builtin_verify_name)
+    wanted.sequence = TRY(read_sequence(wanted.sequence)).file;
   const std::string sequence_text =
       TRY(wanted.sequence == builtin_verify_name ? Result<std::string>(std::string(builtin_verify_text))
                                                  : text_of(wanted.sequence, std::string(builtin_sequence_text)));

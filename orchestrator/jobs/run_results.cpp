@@ -37,11 +37,8 @@ struct Making {
 // "accel_second_order (31 sigma), gyro_bias_drift (7 sigma)".
 std::string finding_of(const Diagnosis& d) {
   std::vector<std::string> parts;
-  for (const std::string& name : d.effect_names) {
-    double strongest = 0.0;
-    for (const EstimatedEffect* e : components_of(d.extended, name)) strongest = std::max(strongest, z_of(*e));
-    parts.push_back(name + " (" + significant(strongest, 2) + " sigma)");
-  }
+  for (const std::string& name : d.effect_names)
+    parts.push_back(name + " (" + significant(z_of(*strongest_of(d.extended, name).front()), 2) + " sigma)");
   return join(parts);
 }
 
@@ -353,7 +350,8 @@ Status make_results(Run& run, double utc_s, CommandContext& context) {
 
 std::string reason_of(const RunPlan& run, const VerdictReport& verdict) {
   if (run.request.partial) return "estimated in part";
-  return verdict.verdict == UnitVerdict::not_judged ? "the station has no limits" : verdict.reason;
+  return verdict.reason.empty() && verdict.verdict == UnitVerdict::not_judged ? "the station has no limits"
+                                                                              : verdict.reason;
 }
 
 Status verdict_status(const std::string& unit, const VerdictReport& report) {

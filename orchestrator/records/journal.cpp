@@ -315,12 +315,20 @@ Result<JournalContents> read_journal(const std::string& path) {
       case JournalType::dropout: read_record(fields, fields_of(contents.dropped.emplace_back())); break;
       case JournalType::settle: read_record(fields, fields_of(contents.settled.emplace_back())); break;
       case JournalType::estimate: contents.estimate = fields_of(fields); break;  // found again from the samples
-      case JournalType::transition:
+      case JournalType::transition: {
         contents.transition = fields_of(fields);
-        contents.pause_asked |= value_of(contents.transition, "event") == to_string(RunEvent::pause_wanted);
-        if (value_of(contents.transition, "to") == to_string(RunState::failed))
+        const std::string &from = value_of(contents.transition, "from"),
+                          &event = value_of(contents.transition, "event");
+        const bool stops = from == to_string(RunState::stopping) || from == to_string(RunState::parking);
+        contents.pause_asked |= event == to_string(RunEvent::pause_wanted);
+        if (value_of(contents.transition, "to") == to_string(RunState::failed)) {
           contents.failed.push_back({fields.number("utc_s"), contents.last_dwell ? contents.last_dwell->utc_s : 0.0});
+          contents.stop_unverified |= stops && event == to_string(RunEvent::deadline);
+        } else if (from == to_string(RunState::connecting)) {
+          contents.stop_unverified = false;
+        }
         break;
+      }
       case JournalType::results: contents.results.push_back(fields_of(fields)); break;
       case JournalType::clock: break;
     }

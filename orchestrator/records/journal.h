@@ -101,8 +101,9 @@ struct JournalContents {
   struct Failed {
     double utc_s, last_dwell_utc_s;  // 0: none was complete
   };
-  std::vector<Failed> failed;  // each time it ended with a fault
-  bool pause_asked = false;    // since it was begun or taken up again
+  std::vector<Failed> failed;    // each time it ended with a fault
+  bool pause_asked = false;      // since it was begun or taken up again
+  bool stop_unverified = false;  // and the table was not reached since
   struct DroppedUnit : Dropout {
     bool after_last_dwell = true;  // taken back with all that came after it, unless the recordings are sealed
   };

@@ -136,8 +136,9 @@ std::string verdict_title(Verdict verdict) {
 }
 
 Facts verdict_facts(const std::string& verdict, const std::string& why_not_trusted, const std::string& reason) {
-  const std::string trust = why_not_trusted.empty() ? "trusted" : "not trusted: " + why_not_trusted;
-  return {{{"verdict", verdict + "; parameters " + trust}, {"reason", reason}}};
+  if (why_not_trusted.empty()) return {{{"verdict", verdict + "; parameters trusted"}, {"reason", reason}}};
+  const std::string both = reason + (reason.empty() ? "" : "; ") + why_not_trusted;
+  return {{{"verdict", verdict + "; parameters not trusted"}, {"reason", both}}};
 }
 
 std::string brief_reason(const Diagnosis& d) {

@@ -187,11 +187,10 @@ Document navigation_document(const NavigationReport& report) {
   if (report.info.simulated) document.add(Paragraph{"Simulated data: no real unit navigated.", "loud"}, Scope::page);
   const NavigatedFile& judged = report.files.front();
   const std::string expected = judged.expected ? "; expected: " + drift_words(*judged.expected) : "";
-  document.add(
-      Paragraph{"Drift: " + drift_words(judged.drift) + expected +
-                    (judged.trusted ? "." : "; the parameters are not trusted: " + judged.why_not_trusted + "."),
-                judged.trusted ? "verdict" : "verdict unexplained"},
-      Scope::page);
+  const std::string trust = judged.trusted ? "" : "; the parameters are not trusted: " + judged.why_not_trusted;
+  document.add(Paragraph{"Drift: " + drift_words(judged.drift) + expected + trust + ".",
+                         judged.trusted ? "verdict" : "verdict unexplained"},
+               Scope::page);
   document.figure(navigation_figure(report));
   if (report.without_segments && report.request.reference.empty())
     document.text("no segments: everything counts as rest");

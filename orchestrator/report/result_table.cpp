@@ -110,8 +110,7 @@ Document calibration_document(const ParameterFile& file, const std::vector<std::
                             file.method, file.latitude_deg, file.gravity_mps2));
   if (file.simulated)
     document.add(Paragraph{"Simulated data: these are not the parameters of a real unit.", "loud"}, Scope::page);
-  const std::string reason =
-      std::string(is_trusted(file) ? "nothing contradicts the fit; " : "") + "turncal diagnose tests it further";
+  const std::string reason = is_trusted(file) ? "nothing contradicts the fit; turncal diagnose tests it further" : "";
   document.add(verdict_facts("Calibrated", why_not_trusted(file), reason), Scope::brief);
   for (const std::string& note : notes) document.add(Paragraph{note, "note"});
   document.section("parameters", "The 24 parameters");

@@ -203,12 +203,6 @@ std::string words_of(const JournalFields& transition) {
   return words + state_words(state) + (detail.empty() ? "" : ": " + detail);
 }
 
-bool is_unverified_stop(const JournalFields& transition) {
-  const std::string &from = value_of(transition, "from"), &to = value_of(transition, "to");
-  return to == to_string(RunState::failed) && value_of(transition, "event") == to_string(RunEvent::deadline) &&
-         (from == to_string(RunState::stopping) || from == to_string(RunState::parking));
-}
-
 void show_run(const JournalContents& journal, double now_utc_s, StationView& view) {
   view.units = journal.units();
   view.began_utc = journal.begin_value("began_utc");
@@ -311,7 +305,7 @@ StationView look_at(const ServedStation& station, double now_utc_s) {
                       : left                       ? of_units + " was left unfinished: " + view.phase
                              : fmt::format("no batch is running; units in the queue: {}", view.waiting.size());
       view.urgent(left ? "start the batch again: it continues with " + of_units : "start the batch");
-      if (left && is_unverified_stop(journal->transition))
+      if (left && journal->stop_unverified)
         view.urgent(
             "go to the table before anything else: it may still move and its drives may be on; press its emergency "
             "stop, find out why it could not be stopped (run.log), and only then start the batch");

@@ -31,6 +31,7 @@ struct Hook {
     while (hangs) pause_ms(0.5);
     if (throws) throw std::bad_alloc();
   }
+  Status write() const { return pass(), Status(); }
 };
 
 // Axes that turn at their rate at once, by the wall clock; deaf: a braking stop makes them run on.
@@ -169,43 +170,35 @@ class SteppedClock : public Clock {
 class HangingSink : public RunSink {
  public:
   explicit HangingSink(const Hook& disk) : disk_(disk) {}
-  Status start(const RecordingInfo&) override { return write(); }
-  Status resume(const RecordingInfo&, std::int64_t, std::optional<std::uint32_t>) override { return write(); }
-  Status begin_segment(const Segment&) override { return write(); }
+  Status start(const RecordingInfo&) override { return disk_.write(); }
+  Status resume(const RecordingInfo&, std::int64_t, std::optional<std::uint32_t>) override { return disk_.write(); }
+  Status begin_segment(const Segment&) override { return disk_.write(); }
   Status add(std::span<const ImuSample> samples) override {
     for (const ImuSample& sample : samples)
       missing += std::size_t(sample.counter - std::exchange(next, sample.counter + 1));
-    return write();
+    return disk_.write();
   }
-  Status end_segment(SegmentKind, std::int64_t, const AxisTriple&) override { return write(); }
-  Status sync() override { return write(); }
-  Status finish() override { return write(); }
+  Status end_segment(SegmentKind, std::int64_t, const AxisTriple&) override { return disk_.write(); }
+  Status sync() override { return disk_.write(); }
+  Status finish() override { return disk_.write(); }
 
   std::int64_t next = 0;
   std::size_t missing = 0;
 
  private:
-  Status write() const {
-    disk_.pass();
-    return {};
-  }
   const Hook& disk_;
 };
 
 class HangingJournal : public RunJournal {
  public:
   explicit HangingJournal(const Hook& disk) : disk_(disk) {}
-  Status transition(const TransitionRecord&) override { return write(); }
-  Status command(const TableCommand&) override { return write(); }
-  Status dwell(const CompletedDwell&) override { return write(); }
-  Status dropout(const Dropout&) override { return write(); }
-  Status seal(double, const std::vector<std::string>&) override { return write(); }
+  Status transition(const TransitionRecord&) override { return disk_.write(); }
+  Status command(const TableCommand&) override { return disk_.write(); }
+  Status dwell(const CompletedDwell&) override { return disk_.write(); }
+  Status dropout(const Dropout&) override { return disk_.write(); }
+  Status seal(double, const std::vector<std::string>&) override { return disk_.write(); }
 
  private:
-  Status write() const {
-    disk_.pass();
-    return {};
-  }
   const Hook& disk_;
 };
 

@@ -61,6 +61,18 @@ TEST_F(Journal, IsReadBackAsWritten) {
   EXPECT_EQ(std::count(text->begin(), text->end(), '\n'), 9);
 }
 
+// Whoever takes the run up again without reaching the table does not take the warning back.
+TEST_F(Journal, AnUnverifiedStopStaysUntilTheTableIsReached) {
+  write_some();
+  using enum RunState;
+  for (const auto& [from, event, to] : {std::tuple(stopping, RunEvent::deadline, failed),
+                                        {connecting, RunEvent::connect_failed, failed},
+                                        {connecting, RunEvent::connected, homing}}) {
+    EXPECT_TRUE(good(JournalFile::reopen(path()))->transition({{}, from, event, to, RunAction::none, false, ""}));
+    EXPECT_EQ(good(read_journal(path()))->stop_unverified, to == failed);
+  }
+}
+
 TEST_F(Journal, CutAnywhereItIsAPrefixOrNothing) {
   write_some();
   const std::string whole = file_text(path());

@@ -150,7 +150,7 @@ TEST_F(UntilSigma, GoesOnWhereTheFitIsNotBelieved) {
       ends("run --dry-run --unit SN1 --out o --station s.station --until-sigma --no-diagnosis --sequence " +
                first_steps("8"),
            20);
-  EXPECT_SAYS(made.out, "not yet enough: the model does not fit: the bias of accelerometer y");
+  EXPECT_SAYS(made.out, "something is missing with a probability of more than 0.99: the bias of accelerometer y");
   EXPECT_SAYS_NOT(made.out, "enough is known");
 }
 

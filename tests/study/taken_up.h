@@ -115,10 +115,5 @@ inline ErrorsOverRecording errors_over_recording(const JointResult& r, const Com
     if (r.sigma[k] > 0.0) result.sigma[k] = std::sqrt(covariance(k, k));
   return result;
 }
-inline ParameterVector errors_in_sigmas(const JointResult& r, const CompressedRecording& recording,
-                                        const Parameters& truth) {
-  const ErrorsOverRecording e = errors_over_recording(r, recording, truth);
-  return (e.sigma.array() > 0.0).select(e.error.cwiseQuotient(e.sigma.cwiseMax(1e-300)), 0.0);
-}
 
 }  // namespace turncal

@@ -49,8 +49,9 @@ std::string not_held(const ForeignCalibration& of, const char* mark, const std::
   for (const EffectValue& effect : of.file.effects)
     if (std::ranges::find(held, effect.name) == held.end() && (missing.empty() || missing.back() != effect.name))
       missing.push_back(effect.name);
-  std::string text = fmt::format("{} turncal, unit {}{}{}\n", mark, of.file.unit_serial,
-                                 of.file.simulated ? ", simulated" : "", is_trusted(of.file) ? "" : ", not trusted");
+  std::string text =
+      fmt::format("{} turncal, unit {}{}{}\n", mark, of.file.unit_serial, of.file.simulated ? ", simulated" : "",
+                  is_trusted(of.file) ? "" : ", not trusted: " + why_not_trusted(of.file));
   return text + mark + " not held: " + (missing.empty() ? "nothing" : join(missing)) + "\n";
 }
 
