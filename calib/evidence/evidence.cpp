@@ -223,8 +223,8 @@ Evidence weigh_evidence(const CompressedRecording& recording, const JointResult&
     result.at_each_noise.push_back(std::move(together));
   }
   conclude(posterior_of(models), taken_off, result);
-  if (!finer && result.statements.anything >= said_from)  // one at a time in memory
-    return result = {}, weigh_evidence(recording, fit, recordings, held_out, true);
+  if (!finer && result.statements.anything >= said_from && result.named.probability < carried_by_names)
+    return result = {}, weigh_evidence(recording, fit, recordings, held_out, true);  // one at a time in memory
   if (!held_out.empty()) of_the_fit_alone(result);
   const WeighedModel& best = result.posterior.models.front();
   const PiecewiseView& view = result.views[best.noise];
