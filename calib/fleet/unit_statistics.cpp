@@ -14,8 +14,8 @@ std::string column_key(const EffectColumn& column) {
 }
 
 UnitStatistics unit_statistics(const CompressedRecording& recording, const JointResult& estimate) {
-  const std::vector<EffectColumn> candidates = catalogue_columns(recording.info);
-  std::vector<EffectColumn> columns;
+  std::vector<EffectColumn> candidates = catalogue_columns(recording.info), columns;
+  std::erase_if(candidates, [](const EffectColumn& c) { return c.tau_s > 1920.0; });  // what is slower is a drift here
   for (const EstimatedEffect& effect : estimate.effects) columns.push_back(effect.column);
   const int first = parameter_count + int(columns.size());  // candidate
   columns.insert(columns.end(), candidates.begin(), candidates.end());

@@ -302,7 +302,7 @@ StatisticsFile example() {
 TEST(StatisticsFile, ReadsWhatWasWritten) {
   const StatisticsFile s = example();
   const auto bytes = must(format_statistics(s));
-  EXPECT_LE(bytes.size(), 100000U);
+  EXPECT_LE(bytes.size(), 110000U);
   const StatisticsFile read = must(parse_statistics(bytes, "f"));
   EXPECT_EQ(read.file.unit_serial, "SN 1");
   EXPECT_EQ(*find_further(read.file, "record.station"), "line 3");
